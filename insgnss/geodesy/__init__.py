@@ -1,0 +1,1 @@
+"""Pure formulas: rotations, the WGS84 ellipsoid and its gravity, local frames, and GPS time."""

@@ -1,0 +1,211 @@
+r"""Rotations: matrices, rotation vectors, quaternions and the angle sets of the field, all vectorised over leading dimensions.
+
+A rotation vector v = theta u and its matrix (Rodrigues):
+
+    exp([v x]) = I + sin(theta)/theta [v x] + (1 - cos(theta))/theta^2 [v x]^2                      (R.1)
+
+A Hamilton quaternion q = (w, x, y, z) of the same direction as its matrix C obeys, entry by entry, a linear relation:
+
+    4 q q^T = [[1 + C00 + C11 + C22, C21 - C12, C02 - C20, C10 - C01], ...]                         (R.2)
+
+so the column of (R.2) with the greatest diagonal entry, normalised, is q without loss of digits anywhere.
+
+An angle set is a product of three elementary (right-handed, active) rotations about three axes,
+
+    R = R_i(s_1 a_1) R_j(s_2 a_2) R_k(s_3 a_3)                                                      (R.3)
+
+and with R(true) = exp([psi x]) R the error psi, in the left-hand axes, of small errors of the angles is
+
+    psi = E da,   E = [s_1 e_i | s_2 R_i e_j | s_3 R_i R_j e_k]                                     (R.4)
+
+    set   angles               i j k   signs   takes
+    rpy   roll pitch yaw       z y x   + + +   body FRD into NED; C = Rz(yaw) Ry(pitch) Rx(roll), so a_1 is the yaw
+    opk   omega phi kappa      x y z   + + +   camera right-up-back into the map's axes
+    pok   phi omega kappa      y x z   + + +   the same, phi first
+    ypr   yaw pitch roll       z x y   - + +   camera right-up-back into ENU (Metashape, RealityCapture)
+
+Arrays of angles hold them in the order of the set's letters. Sources: Groves (2013) 2.2; `formats.md` B1.1, C1, C4.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+NED_ENU: Array = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+CV_RUB: Array = np.diag([1.0, -1.0, -1.0])
+NED_ENU.flags.writeable = False
+CV_RUB.flags.writeable = False
+
+
+def skew(v: ArrayLike) -> Array:
+    """Matrix [v x] with [v x] w = v x w; v (..., 3) to (..., 3, 3)."""
+    v = np.asarray(v, dtype=np.float64)
+    out = np.zeros((*v.shape, 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
+    return out
+
+
+def rotation_from_vector(v: ArrayLike) -> Array:
+    """exp([v x]) (R.1); v (..., 3) rad to (..., 3, 3)."""
+    v = np.asarray(v, dtype=np.float64)
+    theta = np.linalg.norm(v, axis=-1)[..., None, None]
+    first = np.sinc(theta / np.pi)
+    second = 0.5 * np.sinc(0.5 * theta / np.pi) ** 2
+    V = skew(v)
+    return np.eye(3) + first * V + second * (V @ V)
+
+
+def vector_from_rotation(C: ArrayLike) -> Array:
+    """Rotation vector (..., 3), rad, of length at most pi, of the rotations C (..., 3, 3); accurate near 0 and near pi."""
+    q = quaternion_from_rotation(C)
+    sine = np.linalg.norm(q[..., 1:], axis=-1)
+    small = sine < 1e-8
+    angle = 2.0 * np.arctan2(sine, q[..., 0])
+    factor = np.where(small, 2.0, angle / np.where(small, 1.0, sine))  # angle / sin(angle/2) -> 2, relative error < 1e-16
+    return factor[..., None] * q[..., 1:]
+
+
+def quaternion_from_rotation(C: ArrayLike) -> Array:
+    """Unit quaternion (..., 4) w, x, y, z with w >= 0 of the rotations C (..., 3, 3), from (R.2)."""
+    C = np.asarray(C, dtype=np.float64)
+    d = np.diagonal(C, axis1=-2, axis2=-1)
+    K = np.empty((*C.shape[:-2], 4, 4))
+    K[..., 0, 0] = 1.0 + d.sum(axis=-1)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        K[..., i + 1, i + 1] = 1.0 + d[..., i] - d[..., j] - d[..., k]
+        K[..., 0, i + 1] = K[..., i + 1, 0] = C[..., k, j] - C[..., j, k]
+        K[..., j + 1, k + 1] = K[..., k + 1, j + 1] = C[..., j, k] + C[..., k, j]
+    best = np.argmax(np.diagonal(K, axis1=-2, axis2=-1), axis=-1)
+    q = np.take_along_axis(K, best[..., None, None], axis=-1)[..., 0]
+    q /= np.linalg.norm(q, axis=-1, keepdims=True)
+    return np.where(q[..., :1] < 0.0, -q, q)
+
+
+def rotation_from_quaternion(q: ArrayLike) -> Array:
+    """Matrix (..., 3, 3) of the unit quaternions q (..., 4) w, x, y, z."""
+    q = np.asarray(q, dtype=np.float64)
+    w, v = q[..., 0, None, None], q[..., 1:]
+    V = skew(v)
+    return np.eye(3) + 2.0 * w * V + 2.0 * (V @ V)
+
+
+def _elementary(axis: int, angle: Array) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    out = np.zeros((*angle.shape, 3, 3))
+    out[..., axis, axis] = 1.0
+    out[..., j, j] = out[..., k, k] = c
+    out[..., k, j], out[..., j, k] = s, -s
+    return out
+
+
+def _compose(angles: Array, axes: tuple[int, int, int]) -> Array:
+    """(R.3) with signs +; angles (..., 3) in the order of the product."""
+    first, second, third = (_elementary(axis, angles[..., i]) for i, axis in enumerate(axes))
+    return first @ second @ third
+
+
+def _jacobian(angles: Array, axes: tuple[int, int, int]) -> Array:
+    """(R.4) with signs +; angles (..., 3) and columns in the order of the product."""
+    first = _elementary(axes[0], angles[..., 0])
+    E = np.zeros((*angles.shape, 3))
+    E[..., axes[0], 0] = 1.0
+    E[..., 1] = first[..., axes[1]]
+    E[..., 2] = (first @ _elementary(axes[1], angles[..., 1]))[..., axes[2]]
+    return E
+
+
+def _arcsin(x: Array) -> Array:
+    return np.arcsin(np.clip(x, -1.0, 1.0))  # an entry of a rotation passes 1 by rounding only
+
+
+_ZYX, _XYZ, _YXZ, _ZXY = (2, 1, 0), (0, 1, 2), (1, 0, 2), (2, 0, 1)
+_YPR_SIGNS = np.array([-1.0, 1.0, 1.0])
+
+
+def rotation_from_rpy(rpy: ArrayLike) -> Array:
+    """C_nb = Rz(yaw) Ry(pitch) Rx(roll); rpy (..., 3) roll, pitch, yaw in rad to (..., 3, 3)."""
+    return _compose(np.asarray(rpy, dtype=np.float64)[..., ::-1], _ZYX)
+
+
+def rpy_from_rotation(C_nb: ArrayLike) -> Array:
+    """Roll, pitch, yaw (..., 3) in rad of C_nb (..., 3, 3); roll and yaw in (-pi, pi], pitch in [-pi/2, pi/2]."""
+    C = np.asarray(C_nb, dtype=np.float64)
+    roll, yaw = np.arctan2(C[..., 2, 1], C[..., 2, 2]), np.arctan2(C[..., 1, 0], C[..., 0, 0])
+    return np.stack([roll, _arcsin(-C[..., 2, 0]), yaw], axis=-1)
+
+
+def rpy_jacobian(rpy: ArrayLike) -> Array:
+    """E (..., 3, 3) of psi = E d(roll, pitch, yaw), psi in NED axes (R.4)."""
+    return _jacobian(np.asarray(rpy, dtype=np.float64)[..., ::-1], _ZYX)[..., ::-1]
+
+
+def rotation_from_opk(opk: ArrayLike) -> Array:
+    """R = Rx(omega) Ry(phi) Rz(kappa); opk (..., 3) in rad to (..., 3, 3)."""
+    return _compose(np.asarray(opk, dtype=np.float64), _XYZ)
+
+
+def opk_from_rotation(R: ArrayLike) -> Array:
+    """Omega, phi, kappa (..., 3) in rad of R (..., 3, 3); phi in [-pi/2, pi/2]."""
+    R = np.asarray(R, dtype=np.float64)
+    omega, kappa = np.arctan2(-R[..., 1, 2], R[..., 2, 2]), np.arctan2(-R[..., 0, 1], R[..., 0, 0])
+    return np.stack([omega, _arcsin(R[..., 0, 2]), kappa], axis=-1)
+
+
+def opk_jacobian(opk: ArrayLike) -> Array:
+    """E (..., 3, 3) of psi = E d(omega, phi, kappa), psi in the map's axes (R.4)."""
+    return _jacobian(np.asarray(opk, dtype=np.float64), _XYZ)
+
+
+def rotation_from_pok(pok: ArrayLike) -> Array:
+    """R = Ry(phi) Rx(omega) Rz(kappa); pok (..., 3) phi, omega, kappa in rad to (..., 3, 3)."""
+    return _compose(np.asarray(pok, dtype=np.float64), _YXZ)
+
+
+def pok_from_rotation(R: ArrayLike) -> Array:
+    """Phi, omega, kappa (..., 3) in rad of R (..., 3, 3); omega in [-pi/2, pi/2]."""
+    R = np.asarray(R, dtype=np.float64)
+    phi, kappa = np.arctan2(R[..., 0, 2], R[..., 2, 2]), np.arctan2(R[..., 1, 0], R[..., 1, 1])
+    return np.stack([phi, _arcsin(-R[..., 1, 2]), kappa], axis=-1)
+
+
+def pok_jacobian(pok: ArrayLike) -> Array:
+    """E (..., 3, 3) of psi = E d(phi, omega, kappa), psi in the map's axes (R.4)."""
+    return _jacobian(np.asarray(pok, dtype=np.float64), _YXZ)
+
+
+def rotation_from_ypr(ypr: ArrayLike) -> Array:
+    """R = Rz(-yaw) Rx(pitch) Ry(roll); ypr (..., 3) yaw, pitch, roll in rad to (..., 3, 3)."""
+    return _compose(np.asarray(ypr, dtype=np.float64) * _YPR_SIGNS, _ZXY)
+
+
+def ypr_from_rotation(R: ArrayLike) -> Array:
+    """Yaw, pitch, roll (..., 3) in rad of R (..., 3, 3); pitch in [-pi/2, pi/2]."""
+    R = np.asarray(R, dtype=np.float64)
+    yaw, roll = np.arctan2(R[..., 0, 1], R[..., 1, 1]), np.arctan2(-R[..., 2, 0], R[..., 2, 2])
+    return np.stack([yaw, _arcsin(R[..., 2, 1]), roll], axis=-1)
+
+
+def ypr_jacobian(ypr: ArrayLike) -> Array:
+    """E (..., 3, 3) of psi = E d(yaw, pitch, roll), psi in ENU axes (R.4)."""
+    return _jacobian(np.asarray(ypr, dtype=np.float64) * _YPR_SIGNS, _ZXY) * _YPR_SIGNS
+
+
+def nearest_rotation(M: ArrayLike) -> Array:
+    """Rotation nearest to M (..., 3, 3) in the Frobenius norm, determinant +1 (Kabsch: U diag(1, 1, det U V^T) V^T)."""
+    U, _, Vt = np.linalg.svd(np.asarray(M, dtype=np.float64))
+    sign = np.sign(np.linalg.det(U @ Vt))
+    U[..., :, 2] *= sign[..., None]
+    return U @ Vt
+
+
+def is_rotation(M: ArrayLike, tol: float = 1e-6) -> bool:
+    """Whether every matrix of M (..., 3, 3) is orthonormal within `tol` (greatest entry of M M^T - I) with determinant +1."""
+    M = np.asarray(M, dtype=np.float64)
+    if M.shape[-2:] != (3, 3) or not np.isfinite(M).all():
+        return False
+    residual = np.abs(M @ np.swapaxes(M, -1, -2) - np.eye(3)).max(initial=0.0)
+    return bool(residual <= tol and (np.linalg.det(M) > 0.0).all())
