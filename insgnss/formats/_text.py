@@ -1,0 +1,200 @@
+"""Text tables in and whole files out: what every text format here stands on; the rules are those of `_layout`."""
+
+import math
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError, UsageError
+from ._layout import NUMBER, Layout, decode, is_comment, sniff, split_fields
+
+Array = NDArray[np.float64]
+Source = str | os.PathLike[str]
+
+
+class InsgnssWarning(UserWarning):
+    """Suspicious input that was counted and left out or taken with a remark; never repaired."""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Numbers of a text table: values (n, m), and the line (n,) each row stands in, counted from 1."""
+
+    path: str
+    layout: Layout
+    values: Array
+    lines: NDArray[np.int64]
+
+    def at(self, row: int, what: str) -> InputError:
+        """The error `what` at the line of `row`."""
+        return InputError.at(self.path, int(self.lines[row]), what)
+
+
+@dataclass(frozen=True, eq=False)
+class TextTable:
+    """Fields of a text table as they stand; numbers are taken from single columns."""
+
+    path: str
+    layout: Layout
+    rows: list[list[str]]
+    lines: list[int]
+
+    def at(self, row: int, what: str) -> InputError:
+        """The error `what` at the line of `row`."""
+        return InputError.at(self.path, self.lines[row], what)
+
+    def strings(self, column: int) -> tuple[str, ...]:
+        """Column as text, without quotation marks."""
+        return tuple(row[column].strip("\"'") for row in self.rows)
+
+    def floats(self, column: int) -> Array:
+        """Column as numbers (n,); InputError with the line for what is none."""
+        out = np.empty(len(self.rows))
+        for i, row in enumerate(self.rows):
+            out[i] = number(row[column].strip("\"'"), self.path, self.lines[i], self.layout.decimal)
+        return out
+
+
+def number(field: str, path: object, line: int, decimal: str = ".") -> float:
+    """Finite float of `field`, or InputError that names file, line and what stood there."""
+    text = field.strip()
+    if decimal == ",":
+        text = text.replace(",", ".")
+    if NUMBER.fullmatch(text) and math.isfinite(x := float(text)):
+        return x
+    raise InputError.at(path, line, f"{field!r} where a finite number must stand; correct the line or choose another column")
+
+
+def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
+    """Bytes of a text file with a newline behind them, a byte order mark turned to blanks, and whether its last line was complete."""
+    buf = load_bytes(path, 1)
+    if bytes(buf[:2]) in (b"\xff\xfe", b"\xfe\xff"):
+        raise InputError.at(path, 1, "is UTF-16 text; save it as UTF-8")
+    if bytes(buf[:3]) == b"\xef\xbb\xbf":
+        buf[:3] = ord(" ")
+    buf[-1] = ord("\n")
+    return buf, bool(buf[-2] == ord("\n"))
+
+
+def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
+    """Bytes of a file, not empty, with `room` more behind them."""
+    path = Path(path)
+    try:
+        with path.open("rb") as stream:
+            size = os.fstat(stream.fileno()).st_size
+            buf = np.empty(size + room, dtype=np.uint8)
+            stream.readinto(buf.data[:size])
+    except FileNotFoundError:
+        raise InputError.at(path, None, "no such file; check the path in the flight file") from None
+    except OSError as error:
+        raise InputError.at(path, None, f"cannot be read: {error.strerror or error}") from None
+    if size == 0:
+        raise InputError.at(path, None, "is empty; copy it again from its source")
+    return buf
+
+
+def read_table(path: Source) -> Table:
+    """Read a table of numbers; InputError with the first bad line."""
+    buf, complete = load(path)
+    return parse(path, buf, complete, sniff(path, buf))
+
+
+def parse(path: Source, buf: NDArray[np.uint8], complete: bool, layout: Layout) -> Table:
+    """Parse the numbers of `buf`, which ends in a newline, from the layout's first data line on."""
+    from . import _kernels
+
+    n = _kernels.count_newlines(buf)
+    values = np.empty((n, layout.n_fields))
+    lines = np.empty(n, dtype=np.int64)
+    delimiter = _kernels.WHITESPACE if layout.delimiter is None else ord(layout.delimiter)
+    with np.errstate(over="ignore"):  # without the compiler: a mantissa of more than 18 digits wraps and is taken again
+        rows, status, place, line = _kernels.parse_rows(
+            buf, layout.skip_to, layout.first_line, delimiter, ord(layout.decimal), values, lines
+        )
+    if status != _kernels.OK:
+        raise _refusal(path, buf, complete, layout, status, place, line)
+    if not complete:
+        tail = decode(bytes(buf[-8192:])).splitlines()
+        _refuse_short_end(path, tail[buf.size > 8192 :], layout, line - 1)
+    return Table(str(path), layout, values[:rows], lines[:rows])
+
+
+def _refusal(path: Source, buf: NDArray[np.uint8], complete: bool, layout: Layout, status: int, place: int, line: int) -> InputError:
+    """What is wrong with the line around `place`."""
+    from . import _kernels
+
+    near = max(0, place - 4096)
+    before = bytes(buf[near:place]).rpartition(b"\n")[2]
+    after = bytes(buf[place : place + 4096])
+    rest = after.partition(b"\n")[0]
+    text = decode(before + rest).strip("\r\n")
+    fields = split_fields(text, layout.delimiter)
+    shown = repr(text if len(text) <= 80 else text[:77] + "...")
+    last = place + len(rest) + 1 >= buf.size and not complete
+    if last and len(fields) <= layout.n_fields and status != _kernels.TOO_MANY:
+        return InputError.at(path, line, f"truncated: the file ends within this line, {shown}; copy it again or delete the line")
+    if status != _kernels.BAD_NUMBER or len(fields) != layout.n_fields:
+        return InputError.at(path, line, f"{len(fields)} fields, expected {layout.n_fields}: {shown}; correct or delete the line")
+    prefix = decode(before)
+    column = len(prefix.split()) if layout.delimiter is None else prefix.count(layout.delimiter)
+    what = f"{fields[column]!r} in field {column + 1}" if fields[column] else f"nothing in field {column + 1}"
+    return InputError.at(path, line, f"{what} where a finite number must stand: {shown}; correct or delete the line")
+
+
+def _refuse_short_end(path: Source, tail: list[str], layout: Layout, line: int) -> None:
+    """Refuse a last line without newline whose last number has fewer decimals than in all of the ten lines before."""
+    *earlier, last = [split_fields(text, layout.delimiter)[-1] for text in tail if text.strip() and not is_comment(text)] or [""]
+    decimals = {len(field.partition(layout.decimal)[2]) for field in earlier[-10:]}
+    if len(decimals) == 1 and len(earlier) >= 2 and len(last.partition(layout.decimal)[2]) < decimals.pop():
+        what = f"truncated: the file ends within a number, {last!r} after {earlier[-1]!r}; copy it again or delete the line"
+        raise InputError.at(path, line, what)
+
+
+def read_text_table(path: Source) -> TextTable:
+    """Read a table some of whose columns are text, such as image names; for files of some thousand lines."""
+    buf, complete = load(path)
+    layout = sniff(path, buf)
+    rows, lines = [], []
+    raw = decode(bytes(buf[layout.skip_to : -1])).split("\n")
+    for line, text in enumerate(raw, start=layout.first_line):
+        if not text.strip() or is_comment(text):
+            continue
+        fields = split_fields(text, layout.delimiter)
+        if len(fields) != layout.n_fields:
+            cut = not complete and line == layout.first_line + len(raw) - 1 and len(fields) < layout.n_fields
+            what = "truncated: the file ends within this line," if cut else f"{len(fields)} fields, expected {layout.n_fields}:"
+            raise InputError.at(path, line, f"{what} {text.strip()[:80]!r}; correct or delete the line")
+        rows.append(fields)
+        lines.append(line)
+    if not complete:
+        _refuse_short_end(path, raw, layout, lines[-1])
+    return TextTable(str(path), layout, rows, lines)
+
+
+def format_rows(form: str, table: Array, chunk: int = 20000) -> Iterable[str]:
+    """Rows of `table` (n, m) by the % format of one row (with its newline), in chunks."""
+    for first in range(0, len(table), chunk):
+        part = table[first : first + chunk]
+        yield form * len(part) % tuple(part.ravel().tolist())
+
+
+def atomic_write(path: Source, content: str | bytes | Iterable[str | bytes]) -> None:
+    """Write a file whole or not at all: into a temporary one beside it, which then takes its place."""
+    path = Path(path)
+    parts = [content] if isinstance(content, str | bytes) else content
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("wb") as stream:
+            for part in parts:
+                stream.write(part.encode("utf-8") if isinstance(part, str) else part)
+        os.replace(temporary, path)
+    except FileNotFoundError:
+        raise UsageError(f"{path}: the directory does not exist; create it first") from None
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        temporary.unlink(missing_ok=True)

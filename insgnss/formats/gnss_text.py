@@ -1,0 +1,199 @@
+"""Antenna positions as a text table: `tow lat lon h [sd_n sd_e sd_u [Q]]`, data_specs/gnss_text.md.
+
+Latitude and longitude in degrees unless the header's brackets or the caller say rad, heights above the ellipsoid, standard
+deviations in m along north, east and up. Correlations have no place in this format; RTKLIB's .pos has one for them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError
+from ..records import GnssFixes
+from ._columns import (
+    ANGLE_UNITS,
+    LENGTH_UNITS,
+    TIME,
+    TIME_UNITS,
+    VELOCITY_UNITS,
+    Aliases,
+    Columns,
+    Lines,
+    check_units,
+    columns_of,
+    gps_time,
+    scale_of,
+    sigma_aliases,
+)
+from ._eo import check_names
+from ._text import Source, atomic_write, format_rows, read_table, read_text_table
+
+Array = NDArray[np.float64]
+
+REQUIRED = ("tow", "lat", "lon", "h")
+SIGMA, VELOCITY_SIGMA = ("sd_n", "sd_e", "sd_u"), ("sd_vn", "sd_ve", "sd_vd")
+DEFAULTS = (REQUIRED, (*REQUIRED, *SIGMA), (*REQUIRED, *SIGMA, "q"))
+ALIASES: Aliases = {
+    **TIME,
+    "lat": ("lat", "latitude", "lat_deg", "phi_deg", "b"),
+    "lon": ("lon", "long", "lng", "longitude", "lon_deg", "lambda", "l"),
+    "h": (
+        "h",
+        "height",
+        "ellheight",
+        "ell_height",
+        "ellipsoid_height",
+        "ellipsoidal_height",
+        "alt",
+        "altitude",
+        "hgt",
+        "h_ell",
+        "h_m",
+        "up_ell",
+    ),
+    "sd_n": sigma_aliases("n", "north", "lat", "latitude", "n_m"),
+    "sd_e": sigma_aliases("e", "east", "lon", "longitude", "e_m"),
+    "sd_u": sigma_aliases("u", "up", "d", "down", "h", "height", "alt", "u_m"),
+    "q": ("q", "quality", "fix_quality"),
+    "vn": ("vn", "v_n", "vel_n", "v_north", "north_velocity", "velocity_north", "vnorth"),
+    "ve": ("ve", "v_e", "vel_e", "v_east", "east_velocity", "velocity_east", "veast"),
+    "vd": ("vd", "v_d", "vel_d", "v_down", "down_velocity", "velocity_down", "vdown"),
+    "vu": ("vu", "v_u", "vel_u", "v_up", "up_velocity", "velocity_up", "vup"),
+    "sd_vn": sigma_aliases("vn", "v_n", "vel_n"),
+    "sd_ve": sigma_aliases("ve", "v_e", "vel_e"),
+    "sd_vd": sigma_aliases("vd", "v_d", "vel_d", "vu", "v_u", "vel_u"),
+}
+IMAGE_ALIASES: Aliases = {
+    "image": ("image", "img", "photo", "name", "label", "filename", "file", "event", "id"),
+    **{name: ALIASES[name] for name in ("lat", "lon", "h")},
+    "e": ("e", "east", "easting", "x"),
+    "n": ("n", "north", "northing", "y"),
+    "u": ("u", "up", "z", "height"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class ImagePositions:
+    """Antenna positions at exposures: (n, 3) latitude rad, longitude rad, height m, or east, north, up m of a tangent plane."""
+
+    images: tuple[str, ...]
+    position: Array
+    frame: str  # "geodetic" | "tangent_plane"
+
+
+def read_gnss_text(
+    path: Source,
+    columns: Columns = None,
+    sigma_m: ArrayLike | None = None,
+    gps_week: int | None = None,
+    sigma_velocity: ArrayLike | None = None,
+    units: Mapping[str, str] | None = None,
+    undulation_m: float = 0.0,
+) -> GnssFixes:
+    """Read antenna positions, and velocities where there are.
+
+    columns : name of each column out of the keys of `ALIASES`; any other name leaves a column out; or a table of them to the header's.
+    sigma_m, sigma_velocity : standard deviations north, east, down where the file carries none, m and m/s.
+    units : of "angle" (deg, rad).
+    undulation_m : geoid above the ellipsoid, m, added to heights that are above the geoid.
+    Raises InputError with file and line for a bad value, and where no standard deviation is to be had.
+    """
+    units = check_units(units, ("angle",))
+    table = read_table(path)
+    index = columns_of(table, ALIASES, REQUIRED, DEFAULTS, columns)
+    factor = scale_of(table, index, ("lat", "lon"), ANGLE_UNITS, units.get("angle"))
+    scale_of(table, index, ("tow",), TIME_UNITS, None)
+    scale_of(table, index, ("h", *SIGMA), LENGTH_UNITS, None)
+    scale_of(table, index, ("vn", "ve", "vd", "vu", *VELOCITY_SIGMA), VELOCITY_UNITS, None)
+    cols = {name: np.ascontiguousarray(table.values[:, i]) for name, i in index.items()}
+    cols["lat"], cols["lon"] = cols["lat"] * factor, cols["lon"] * factor
+    cols["h"] = cols["h"] + undulation_m
+    cols["tow"], gps_week = gps_time(table, cols["tow"], cols.get("week"), gps_week)
+    return fixes_from_columns(cols, table, str(path), gps_week, sigma_m, sigma_velocity)
+
+
+def fixes_from_columns(
+    cols: Mapping[str, Array], lines: Lines, source: str, gps_week: int | None, sigma_m: ArrayLike | None, sigma_velocity: ArrayLike | None
+) -> GnssFixes:
+    """Fixes of columns by canonical name in rad, m, m/s and increasing seconds; checks ranges and standard deviations."""
+    for name, limit in (("lat", 0.5 * np.pi), ("lon", 2.0 * np.pi)):
+        beyond = np.abs(cols[name]) > limit + 1e-12
+        if beyond.any():
+            row = int(np.argmax(beyond))
+            what = f"{name} {np.degrees(cols[name][row]):.6f} deg exceeds {np.degrees(limit):.0f}; check the columns and their unit"
+            raise lines.at(row, what)
+    cov = _covariance(cols, SIGMA, lines, source, sigma_m, "sigma_m")
+    velocity = velocity_cov = None
+    up = "vu" if "vu" in cols else "vd"
+    if {"vn", "ve", up} & cols.keys():
+        if missing := [name for name in ("vn", "ve", up) if name not in cols]:
+            raise InputError(f"{source}: velocity without {' '.join(missing)}; name all three columns, or '-' for each to leave it out")
+        velocity = np.column_stack([cols["vn"], cols["ve"], cols["vd"] if up == "vd" else -cols["vu"]])
+        velocity_cov = _covariance(cols, VELOCITY_SIGMA, lines, source, sigma_velocity, "sigma_velocity")
+    quality = cols["q"].astype(np.int64) if "q" in cols else None
+    return GnssFixes(cols["tow"], cols["lat"], cols["lon"], cols["h"], cov, velocity, velocity_cov, quality, gps_week, source)
+
+
+def _covariance(
+    cols: Mapping[str, Array], names: tuple[str, ...], lines: Lines, source: str, given: ArrayLike | None, option: str
+) -> Array:
+    """Diagonal covariances (n, 3, 3) of the file's standard deviations, else of the `given` three."""
+    n = cols["tow"].size
+    present = [name for name in names if name in cols]
+    if len(present) == 3:
+        sigma = np.column_stack([cols[name] for name in names])
+    elif present or given is None:
+        missing = " ".join(name for name in names if name not in cols)
+        raise InputError(f"{source}: no standard deviations {missing}; name their columns, or set {option} = [north, east, down]")
+    else:
+        sigma = np.broadcast_to(np.asarray(given, dtype=np.float64), (n, 3))
+        if not (np.isfinite(sigma) & (sigma > 0.0)).all():
+            raise InputError(f"{option}: {np.asarray(given).tolist()} must be positive")
+    bad = sigma <= 0.0
+    if bad.any():
+        row, k = (int(i) for i in np.argwhere(bad)[0])
+        raise lines.at(row, f"standard deviation {names[k]} is {sigma[row, k]:g}; it must be positive; leave the fix out or correct it")
+    return np.asarray((sigma**2)[:, :, None] * np.eye(3))
+
+
+def write_gnss_text(fixes: GnssFixes, path: Source) -> None:
+    """Write antenna positions (AntennaPos_WGS84.txt): degrees with 10 decimals, m with 4; correlations are left out."""
+    sigma = np.sqrt(np.diagonal(fixes.cov_ned, axis1=1, axis2=2))
+    head = ["tow[s]", "lat[deg]", "lon[deg]", "h[m]", *(f"{name}[m]" for name in SIGMA)]
+    form = "%.6f %.10f %.10f %.4f" + " %.5f" * 3
+    parts = [fixes.time, np.degrees(fixes.lat), np.degrees(fixes.lon), fixes.height, sigma]
+    if fixes.quality is not None:
+        head, form = [*head, "Q"], form + " %d"
+        parts.append(fixes.quality)
+    if fixes.velocity_ned is not None and fixes.velocity_cov_ned is not None:
+        head += [f"{name}[m/s]" for name in ("vn", "ve", "vd", *VELOCITY_SIGMA)]
+        form += " %.5f" * 6
+        parts += [fixes.velocity_ned, np.sqrt(np.diagonal(fixes.velocity_cov_ned, axis1=1, axis2=2))]
+    atomic_write(path, ["# " + " ".join(head) + "\n", *format_rows(form + "\n", np.column_stack(parts))])
+
+
+def write_image_positions(positions: ImagePositions, path: Source) -> None:
+    """Write antenna positions at exposures: AntennaPos_Img_WGS84.txt or AntennaPos_Img_WGS84_tangentplane.txt by their frame."""
+    check_names(positions.images, None)
+    geodetic = positions.frame == "geodetic"
+    head = "# image lat[deg] lon[deg] h[m]\n" if geodetic else "# image e[m] n[m] u[m]\n"
+    form = "%s %.10f %.10f %.4f\n" if geodetic else "%s %.4f %.4f %.4f\n"
+    values = positions.position * ([180.0 / np.pi, 180.0 / np.pi, 1.0] if geodetic else [1.0, 1.0, 1.0])
+    atomic_write(path, [head, *(form % (name, *row) for name, row in zip(positions.images, values.tolist(), strict=True))])
+
+
+def read_image_positions(path: Source, columns: Columns = None) -> ImagePositions:
+    """Read antenna positions at exposures; a header or `columns` must say whether lat lon h or e n u."""
+    table = read_text_table(path)
+    index = columns_of(table, IMAGE_ALIASES, ("image",), (), columns)
+    frame, names = ("geodetic", ("lat", "lon", "h")) if "lat" in index else ("tangent_plane", ("e", "n", "u"))
+    if missing := [name for name in names if name not in index]:
+        raise InputError.at(
+            table.path, table.layout.header_line, f"no column {' '.join(missing)}; set columns = [...] of {', '.join(IMAGE_ALIASES)}"
+        )
+    position = np.column_stack([table.floats(index[name]) for name in names])
+    if frame == "geodetic":
+        position[:, :2] = np.radians(position[:, :2])
+    return ImagePositions(table.strings(index["image"]), position, frame)

@@ -1,0 +1,117 @@
+"""SBET trajectory and its accuracies (smrmsg), little-endian doubles, data_specs/sbet.md.
+
+SBET, 17 a record: time (GPST seconds of week), latitude, longitude rad, height m, x y z velocity m/s, roll, pitch, platform
+heading, wander angle rad, x y z body acceleration m/s^2, x y z body rate rad/s. Velocities are along the wander frame (y to
+the left of x, z up), and heading = platform heading - wander:
+
+    v_N = x cos w - y sin w,   v_E = -x sin w - y cos w,   v_U = z                                      (B.1)
+
+Written with w = 0: x = v_N, y = -v_E, z = -v_D. smrmsg, 10 a record: time, RMS of north east down m, of their velocities
+m/s, of roll pitch heading in minutes of arc.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..geodesy.rotation import rotation_from_rpy, rpy_from_rotation, rpy_jacobian
+from ..records import Trajectory
+from ._eo import angle_sigma
+from ._text import Source, atomic_write, load_bytes
+
+Array = NDArray[np.float64]
+
+SBET_FIELDS, SMRMSG_FIELDS = 17, 10
+ARC_MINUTE = np.pi / 180.0 / 60.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sbet:
+    """The content of an SBET: (n,) time s, latitude, longitude rad, height m; (n, 3) velocity north east down m/s,
+    roll pitch (true) heading rad, body acceleration m/s^2, body rate rad/s."""
+
+    time: Array
+    lat: Array
+    lon: Array
+    height: Array
+    velocity_ned: Array
+    rpy: Array
+    acceleration_b: Array
+    rate_b: Array
+
+    @property
+    def C_nb(self) -> Array:
+        """(n, 3, 3), body FRD to NED."""
+        return rotation_from_rpy(self.rpy)
+
+
+@dataclass(frozen=True, eq=False)
+class Smrmsg:
+    """The content of an smrmsg: (n,) time s; (n, 3) standard deviations of position m, velocity m/s (NED), roll pitch heading rad."""
+
+    time: Array
+    sigma_position_m: Array
+    sigma_velocity: Array
+    sigma_rpy: Array
+
+
+def write_sbet(trajectory: Trajectory, path: Source) -> None:
+    """Write the SBET of a trajectory; accelerations and rates that it does not hold are zeros."""
+    n = trajectory.time.size
+    table = np.zeros((n, SBET_FIELDS), dtype="<f8")
+    table[:, 0], table[:, 1], table[:, 2], table[:, 3] = trajectory.time, trajectory.lat, trajectory.lon, trajectory.height
+    table[:, 4:7] = trajectory.velocity_ned * [1.0, -1.0, -1.0]  # (B.1) with w = 0
+    table[:, 7:10] = rpy_from_rotation(trajectory.C_nb)
+    if trajectory.acceleration_b is not None:
+        table[:, 11:14] = trajectory.acceleration_b
+    if trajectory.rate_b is not None:
+        table[:, 14:17] = trajectory.rate_b
+    atomic_write(path, table.tobytes())
+
+
+def write_smrmsg(trajectory: Trajectory, path: Source) -> None:
+    """Write the standard deviations of a trajectory, one record an epoch."""
+    table = np.empty((trajectory.time.size, SMRMSG_FIELDS), dtype="<f8")
+    table[:, 0] = trajectory.time
+    table[:, 1:7] = np.sqrt(np.diagonal(trajectory.cov, axis1=1, axis2=2)[:, :6])
+    table[:, 7:10] = rpy_sigma(trajectory) / ARC_MINUTE
+    atomic_write(path, table.tobytes())
+
+
+def rpy_sigma(trajectory: Trajectory) -> Array:
+    """Standard deviations (n, 3), rad, of roll, pitch, heading."""
+    rpy = rpy_from_rotation(trajectory.C_nb)
+    return angle_sigma(
+        rpy, rpy_jacobian, 1, trajectory.cov[:, 6:, 6:], lambda row: f"epoch {trajectory.time[row]:.3f} s", "roll pitch heading"
+    )
+
+
+def read_sbet(path: Source) -> Sbet:
+    """Read an SBET with any wander angle."""
+    table = _records(path, SBET_FIELDS)
+    x, y, wander = table[:, 4], table[:, 5], table[:, 10]
+    c, s = np.cos(wander), np.sin(wander)
+    velocity = np.column_stack([x * c - y * s, -x * s - y * c, -table[:, 6]])  # (B.1)
+    rpy = np.column_stack([table[:, 7:9], np.remainder(table[:, 9] - wander + np.pi, 2.0 * np.pi) - np.pi])
+    return Sbet(table[:, 0], table[:, 1], table[:, 2], table[:, 3], velocity, rpy, table[:, 11:14], table[:, 14:17])
+
+
+def read_smrmsg(path: Source) -> Smrmsg:
+    """Read an smrmsg."""
+    table = _records(path, SMRMSG_FIELDS)
+    return Smrmsg(table[:, 0], table[:, 1:4], table[:, 4:7], table[:, 7:10] * ARC_MINUTE)
+
+
+def _records(path: Source, fields: int) -> Array:
+    buf = load_bytes(path)
+    size = 8 * fields
+    if buf.size % size:
+        what = f"{buf.size} bytes are no whole number of records of {size} bytes; it is cut off, or of another format"
+        raise InputError.at(path, None, what)
+    table = np.ascontiguousarray(buf.view("<f8").reshape(-1, fields), dtype=np.float64)
+    if (bad := ~np.isfinite(table)).any():
+        row, k = (int(i) for i in np.argwhere(bad)[0])
+        raise InputError.at(path, None, f"record {row + 1}, value {k + 1} is not finite; is it another format?")
+    return table

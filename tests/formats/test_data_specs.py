@@ -1,0 +1,92 @@
+"""Every example of data_specs goes through the reader of its name."""
+
+import re
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from insgnss.errors import InputError
+from insgnss.formats import read_events, read_gnss, read_imu
+from insgnss.formats.eo_json import read_eo_json
+from insgnss.formats.eo_local_plane import read_eo_local_plane
+from insgnss.formats.metashape import read_metashape
+from insgnss.formats.sbet import read_sbet
+from insgnss.formats.trajectory_csv import read_trajectory_csv
+
+SPECS = Path(__file__).parents[2] / "data_specs"
+READERS: dict[str, Callable[[Path], Any]] = {
+    "imu_csv": read_imu,
+    "gnss_text": read_gnss,
+    "rtklib_pos": read_gnss,
+    "nmea": read_gnss,
+    "aimu": read_imu,
+    "events": read_events,
+    "eo_local_plane": read_eo_local_plane,
+    "metashape": read_metashape,
+    "trajectory_csv": read_trajectory_csv,
+}
+
+
+def block(name: str, kind: str) -> str:
+    found = re.search(rf"```{kind}\n(.*?)```", (SPECS / f"{name}.md").read_text(), re.DOTALL)
+    assert found is not None, f"{name}.md has no {kind} example"
+    return found[1]
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_true_lines_are_read_and_the_bad_one_is_refused_as_printed(name: str, tmp_path: Path) -> None:
+    """Oracle: the page of the format."""
+    path = tmp_path / name
+    path.write_text(block(name, "true"))
+    READERS[name](path)
+    path.write_text(block(name, "true") + block(name, "bad"))
+    with pytest.raises(InputError) as refusal:
+        READERS[name](path)
+    assert block(name, "message").strip() in str(refusal.value)
+
+
+def test_sbet_page(tmp_path: Path) -> None:
+    """Oracle: the numbers that the page gives in words."""
+    path = tmp_path / "x.sbet"
+    path.write_bytes(bytes.fromhex(block("sbet", "true")))
+    got = read_sbet(path)
+    assert got.time[0] == 200000.0
+    assert got.height[0] == 630.0
+    assert got.velocity_ned[0].tolist() == [10.0, 0.0, 0.0]
+    assert got.lat[0] * 57.29577951308232 == pytest.approx(46.57, abs=1e-12)
+    path.write_bytes(bytes.fromhex(block("sbet", "true") + block("sbet", "bad")))
+    with pytest.raises(InputError, match=block("sbet", "message").strip()):
+        read_sbet(path)
+
+
+def test_eo_json_page(tmp_path: Path) -> None:
+    """Oracle: the page of the format."""
+    path = tmp_path / "eo.json"
+    path.write_text(block("eo_json", "bad"))
+    with pytest.raises(InputError, match=block("eo_json", "message").strip()):
+        read_eo_json(path)
+
+
+def test_matlab_page(tmp_path: Path) -> None:
+    """Oracle: the page's call on a struct of the fields in its message."""
+    from scipy.io import savemat
+
+    savemat(tmp_path / "flight.mat", {"flight_data": {"time": [0.0, 1.0], "p": [0.0, 0.0], "q": [0.0, 0.0]}})
+    with pytest.raises(InputError, match=block("matlab", "message").strip()):
+        read_imu(tmp_path / "flight.mat", variable="flight_data", columns={"tow": "zeit"})
+
+
+@pytest.mark.parametrize("name", ["noise_model", "flight_file"])
+def test_pages_of_settings_are_toml(name: str) -> None:
+    """Oracle: tomllib."""
+    assert tomllib.loads(block(name, "true"))
+    assert tomllib.loads(block(name, "bad"))
+
+
+def test_every_page_is_tested() -> None:
+    """Oracle: the directory's listing."""
+    tested = {*READERS, "sbet", "eo_json", "matlab", "noise_model", "flight_file", "README"}
+    assert {path.stem for path in SPECS.glob("*.md")} == tested
