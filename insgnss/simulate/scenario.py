@@ -1,0 +1,140 @@
+"""A whole simulated flight in memory: what the sensors recorded, and the truth about it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UsageError
+from ..geodesy.frames import TangentPlane
+from ..records import CameraEvents, ExteriorOrientation, GnssFixes, ImuSamples, Trajectory
+from .flights import START_TOW, Flight, fly
+from .layout import PLANS, FlightPlan
+from .motion import Motion
+from .sensors import GnssOptions, ImuOptions, Rig, SimulatedImu, simulate_events, simulate_gnss, simulate_imu
+
+Array = NDArray[np.float64]
+
+TANGENT_ORIGIN = TangentPlane(float(np.radians(46.57)), float(np.radians(6.54)), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """The truth of a flight.
+
+    eo : exterior orientation of every exposure, those without an event too; covariances zero.
+    trajectory : of the IMU's navigation centre, covariances zero.
+    gyro_bias, accel_bias : (n, 3) rad/s, m/s^2, body axes, at the trajectory's times: all errors but white and quantization noise.
+    outlier : (m,) which GNSS fixes are outliers.
+    """
+
+    eo: ExteriorOrientation
+    trajectory: Trajectory
+    gyro_bias: Array
+    accel_bias: Array
+    outlier: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedFlight:
+    """Observations of a flight, in SI units (IMU in its own axes), with the options that made them, and the truth."""
+
+    flight: Flight
+    imu: ImuSamples
+    gnss: GnssFixes
+    events: CameraEvents
+    rig: Rig
+    imu_options: ImuOptions
+    gnss_options: GnssOptions
+    tangent_plane: TangentPlane
+    truth: Truth
+
+
+def simulate_flight(
+    flight: str | FlightPlan = "ign8",
+    minutes: float | None = None,
+    *,
+    seed: int = 0,
+    imu: ImuOptions | None = None,
+    gnss: GnssOptions | None = None,
+    rig: Rig | None = None,
+    missing_events: float = 0.0,
+    truth_hz: float = 10.0,
+    start_tow: float = START_TOW,
+    **changes: Any,
+) -> SimulatedFlight:
+    """Simulate a flight; the same arguments give the same numbers.
+
+    Parameters
+    ----------
+    flight : "ign8", "ign6x1" or a plan.   minutes : of the record; None for the plan's own.
+    seed : of everything random: gusts, trigger delays, errors of each sensor (independent streams).
+    imu, gnss, rig : options of the sensors and their mounting.   missing_events : share of exposures without event.
+    truth_hz : rate of the true trajectory.   start_tow : s, of the first instant, GPS week 2008.
+    changes : fields of `FlightPlan`, such as start_in_air, wind_ms, turbulence, ground_s or line_length_m.
+
+    Raises
+    ------
+    UsageError : unknown flight or field, or a plan that cannot be flown.
+    """
+    imu, gnss, rig = imu or ImuOptions(), gnss or GnssOptions(), rig or Rig()
+    if isinstance(flight, str) and flight not in PLANS:
+        raise UsageError(f"flight {flight!r} is unknown; use one of {', '.join(PLANS)}")
+    if seed < 0:
+        raise UsageError(f"seed {seed}; it must not be negative")
+    plan = PLANS[flight] if isinstance(flight, str) else flight
+    path_seed, sensor_seed = np.random.SeedSequence(seed).spawn(2)
+    inertial, receiver, camera = np.random.default_rng(sensor_seed).spawn(3)
+    if minutes is not None:
+        changes["minutes"] = minutes
+    flown = fly(plan.changed(**changes), path_seed, start_tow=start_tow)
+    recorded = simulate_imu(flown, imu, inertial)
+    fixes, outlier = simulate_gnss(flown, rig, gnss, receiver)
+    events = simulate_events(flown, missing_events, camera)
+    trajectory = true_trajectory(flown.motion, _times(flown.motion, truth_hz), flown.gps_week)
+    truth = Truth(true_eo(flown, rig, TANGENT_ORIGIN), trajectory, *_biases(recorded, trajectory.time), outlier)
+    return SimulatedFlight(flown, recorded.samples, fixes, events, rig, imu, gnss, TANGENT_ORIGIN, truth)
+
+
+def true_eo(flight: Flight, rig: Rig, plane: TangentPlane) -> ExteriorOrientation:
+    """Exterior orientation of every exposure of a flight, without error and with zero covariance."""
+    motion, n = flight.motion, flight.time.size
+    C_ml = plane.C_em.T @ motion.frame.C_el
+    C_mb = C_ml @ motion.C_lb(flight.time)
+    origin = C_ml @ motion.frame.position_from_geodetic(plane.lat, plane.lon, plane.height)  # of m from l, in m
+    position = motion.position(flight.time) @ C_ml.T - origin + C_mb @ rig.camera_lever_b
+    return ExteriorOrientation(
+        flight.images,
+        flight.time,
+        flight.gps_week,
+        np.array([plane.lat, plane.lon, plane.height]),
+        position,
+        C_mb @ rig.C_cb.T,
+        np.zeros((n, 6, 6)),
+        np.zeros((max(n - 1, 0), 6, 6)),
+        np.array(rig.boresight),
+        np.array(rig.camera_from_body),
+        ("truth of a simulation",),
+    )
+
+
+def true_trajectory(motion: Motion, time: Array, gps_week: int) -> Trajectory:
+    """State of the IMU's navigation centre at `time` (n,), without error and with zero covariance."""
+    lat, lon, height = motion.geodetic(time)
+    C_nl = motion.C_nl(time)
+    velocity = np.einsum("nij,nj->ni", C_nl, motion.velocity(time))
+    return Trajectory(time, lat, lon, height, velocity, C_nl @ motion.C_lb(time), np.zeros((time.size, 9, 9)), gps_week)
+
+
+def _times(motion: Motion, rate_hz: float) -> Array:
+    if not rate_hz > 0.0:
+        raise UsageError(f"true trajectory at {rate_hz} Hz; the rate must be positive")
+    n = int(np.floor((motion.end - motion.start) * rate_hz + 1e-6))
+    return motion.start + np.arange(n + 1) / rate_hz
+
+
+def _biases(imu: SimulatedImu, time: Array) -> tuple[Array, Array]:
+    """Slow errors of the samples that cover `time`."""
+    k = np.clip(np.searchsorted(imu.samples.time, time - 1e-7), 0, imu.samples.time.size - 1)
+    return imu.gyro_bias[k], imu.accel_bias[k]

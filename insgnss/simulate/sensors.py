@@ -1,0 +1,230 @@
+"""Sensors on an exact motion: IMU, GNSS antenna and camera, with their errors and their mounting.
+
+Body axes b are the IMU's, turned to forward-right-down; T and B of paper 000 (equation 1) take them to the camera's,
+
+    C_cb = T B,   r_ba_b = C_cb^T (a_c - b_c),   r_bc_b = -C_cb^T b_c                                        (S.1)
+
+with a_c, b_c from the camera to antenna and IMU in camera axes (Table 1). The motion's position is that of the IMU. With
+r = r_ba_b the antenna is at, and moves with,
+
+    p_a = p + C_lb r,   v_a = v + C_lb (omega_lb_b x r)                                                      (S.2)
+
+An IMU reads, in body axes and then in its own, the truth plus the errors of its noise model,
+
+    reading = (I + M) truth + slow errors + white and quantization noise                                    (S.3)
+
+where M, drawn once, holds scale factors on its diagonal and misalignments off it. The slow errors are the truth for the
+biases that a filter estimates.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import UsageError
+from ..geodesy.frames import LocalFrame
+from ..geodesy.rotation import nearest_rotation
+from ..records import CameraEvents, GnssFixes, ImuSamples, Quantity
+from ..stochastic.model import AxisNoise, GaussMarkov, NoiseModel, load_noise_model
+from ..stochastic.processes import simulate_noise
+from .flights import Flight
+from .motion import Motion
+
+Array = NDArray[np.float64]
+
+_PAPER_T = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
+_PAPER_B = ((0.999909, 0.008952, 0.010018), (-0.009067, 0.999893, 0.011465), (-0.009914, -0.011555, 0.999884))
+_DIRECTIONS = {
+    word: (line, sense)
+    for line, pair in enumerate((("forward", "backward"), ("right", "left"), ("down", "up")))
+    for word, sense in zip(pair, (1.0, -1.0), strict=True)
+}
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Mounting of IMU, antenna and camera; the paper's by default (Tables 1 and 2, B re-orthonormalised).
+
+    antenna_m, imu_m : (3) m, from the camera in camera axes.   camera_from_body, boresight : 3 x 3, T and B.
+    """
+
+    antenna_m: tuple[float, ...] = (0.462, -0.001, -0.065)
+    imu_m: tuple[float, ...] = (0.113, 0.020, 0.000)
+    camera_from_body: tuple[tuple[float, ...], ...] = _PAPER_T
+    boresight: tuple[tuple[float, ...], ...] = tuple(tuple(row) for row in nearest_rotation(_PAPER_B).tolist())
+
+    @property
+    def C_cb(self) -> Array:
+        """(3, 3), body into camera (S.1)."""
+        return np.array(self.camera_from_body) @ np.array(self.boresight)
+
+    @property
+    def antenna_lever_b(self) -> Array:
+        """(3,) m, IMU to antenna in body axes (S.1)."""
+        return self.C_cb.T @ (np.array(self.antenna_m) - np.array(self.imu_m))
+
+    @property
+    def camera_lever_b(self) -> Array:
+        """(3,) m, IMU to projection centre in body axes (S.1)."""
+        return -self.C_cb.T @ np.array(self.imu_m)
+
+
+@dataclass(frozen=True)
+class ImuOptions:
+    """How the IMU samples and errs.
+
+    noise : shipped model, path, `NoiseModel`, or None for an ideal sensor; its x, y, z act on the body's forward, right, down.
+    axes : body directions of the sensor's x, y, z.   phase_s : of the stamps against the record's start.
+    """
+
+    rate_hz: float = 500.0
+    noise: str | NoiseModel | None = "navchip"
+    axes: str = "forward right down"
+    quantity: Quantity = "mean_rate"
+    phase_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class GnssOptions:
+    """How the receiver measures and errs; directions are north, east, down.
+
+    sigma_m : white errors.   correlated_sigma_m, correlation_time_s : a Gauss-Markov error on top; the fixes claim the sum of both.
+    outlier_fraction, outlier_m : share of fixes displaced in a random direction, by a distance in this range, beyond their claim.
+    outages : (start, duration), s after the record's start, without fixes.   velocity_sigma_ms : None for no velocity.
+    phase_s : of the epochs against full multiples of the interval in GPS time.
+    """
+
+    rate_hz: float = 10.0
+    sigma_m: tuple[float, float, float] = (0.02, 0.02, 0.03)
+    correlated_sigma_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    correlation_time_s: float = 60.0
+    outlier_fraction: float = 0.0
+    outlier_m: tuple[float, float] = (0.5, 5.0)
+    outages: tuple[tuple[float, float], ...] = ()
+    velocity_sigma_ms: tuple[float, float, float] | None = None
+    phase_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.rate_hz > 0.0 or not 0.0 <= self.outlier_fraction < 1.0:
+            raise UsageError(
+                f"GNSS at {self.rate_hz} Hz with a share of {self.outlier_fraction} outliers; use a positive rate and a share below 1"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedImu:
+    """Samples in the sensor's own axes, and the slow errors (n, 3) over each sample in body axes, rad/s and m/s^2."""
+
+    samples: ImuSamples
+    gyro_bias: Array
+    accel_bias: Array
+
+
+def axes_matrix(words: str) -> Array:
+    """C_bs (3, 3), sensor into body, of the body directions of the sensor's x, y, z. Raises UsageError unless they are right-handed."""
+    C = np.zeros((3, 3))
+    given = words.split()
+    if len(given) == 3 and all(word in _DIRECTIONS for word in given):
+        for k, word in enumerate(given):
+            line, sense = _DIRECTIONS[word]
+            C[line, k] = sense
+    if abs(np.linalg.det(C) - 1.0) > 1e-9:
+        raise UsageError(f"IMU axes {words!r} are no right-handed three of {', '.join(_DIRECTIONS)}; e.g. 'right backward down'")
+    return C
+
+
+def simulate_imu(flight: Flight, options: ImuOptions, rng: np.random.Generator) -> SimulatedImu:
+    """Samples of an IMU over a whole flight (S.3)."""
+    C_bs = axes_matrix(options.axes)
+    ideal = flight.motion.imu(options.rate_hz, options.quantity, phase_s=options.phase_s)
+    model = load_noise_model(options.noise) if isinstance(options.noise, str) else options.noise
+    dt = 1.0 / options.rate_hz
+    readings, slow = [], []
+    for truth, axes, stream in zip((ideal.gyro, ideal.accel), (model.gyro, model.accel) if model else ((), ()), rng.spawn(2), strict=True):
+        reading, bias = _erroneous(truth, axes, dt, options.quantity, stream)
+        readings.append(reading @ C_bs)
+        slow.append(bias)
+    samples = replace(ideal, gyro=readings[0], accel=readings[1], gps_week=flight.gps_week, source="simulated IMU")
+    return SimulatedImu(samples, slow[0], slow[1])
+
+
+def _erroneous(truth: Array, axes: tuple[AxisNoise, ...], dt: float, quantity: Quantity, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Reading in the quantity's unit, and slow error as a rate, both (n, 3), of three axes (S.3)."""
+    if not axes:
+        return truth, np.zeros_like(truth)
+    unit = dt if quantity == "increments" else 1.0
+    bias = np.empty_like(truth)
+    reading = np.empty_like(truth)
+    M = np.array(
+        [rng.standard_normal(3) * [axis.scale_factor if j == i else axis.misalignment for j in range(3)] for i, axis in enumerate(axes)]
+    )
+    for i, axis in enumerate(axes):
+        fast = AxisNoise(white_noise=axis.white_noise, quantization=axis.quantization)
+        bias[:, i] = simulate_noise(replace(axis, white_noise=0.0, quantization=0.0), len(truth), dt, rng)
+        reading[:, i] = truth[:, i] + truth @ M[i] + unit * (bias[:, i] + simulate_noise(fast, len(truth), dt, rng))
+    return reading, bias
+
+
+def antenna_states(motion: Motion, lever_b: ArrayLike, time: Array) -> tuple[Array, Array]:
+    """Position (n, 3) m and velocity (n, 3) m/s in l of a point at `lever_b` (3,) m in body axes (S.2)."""
+    C_lb, lever = motion.C_lb(time), np.asarray(lever_b, dtype=np.float64)
+    turn = np.cross(motion.omega_lb_b(time), lever)
+    return motion.position(time) + C_lb @ lever, motion.velocity(time) + np.einsum("nij,nj->ni", C_lb, turn)
+
+
+def simulate_gnss(flight: Flight, rig: Rig, options: GnssOptions, rng: np.random.Generator) -> tuple[GnssFixes, NDArray[np.bool_]]:
+    """Fixes of the antenna, and which of them are outliers, (n,). Raises UsageError when outages leave none."""
+    motion = flight.motion
+    white, coloured, gross = rng.spawn(3)
+    time = _epochs(motion, options)
+    position, velocity = antenna_states(motion, rig.antenna_lever_b, time)
+    C_ln = motion.frame.C_ln_at(position)
+    error = white.standard_normal((time.size, 3)) * options.sigma_m
+    for i, sigma in enumerate(options.correlated_sigma_m):
+        process = AxisNoise(gauss_markov=(GaussMarkov.from_sigma(options.correlation_time_s, sigma),))
+        error[:, i] += simulate_noise(process, time.size, 1.0 / options.rate_hz, coloured)
+    outlier = gross.random(time.size) < options.outlier_fraction
+    direction = gross.standard_normal((time.size, 3))
+    direction *= (gross.uniform(*options.outlier_m, time.size) / np.linalg.norm(direction, axis=1))[:, None]
+    error += outlier[:, None] * direction
+    keep = np.ones(time.size, dtype=bool)
+    for start, duration in options.outages:
+        keep &= (time < motion.start + start) | (time >= motion.start + start + duration)
+    if not keep.any():
+        raise UsageError(f"GNSS outages {options.outages} leave no fix; shorten them")
+    velocity_ned, velocity_cov = _measured_velocity(np.einsum("nji,nj->ni", C_ln, velocity)[keep], options, white)
+    lat, lon, height = _moved(motion.frame, position, C_ln, error)
+    claim = np.square(options.sigma_m) + np.square(options.correlated_sigma_m)
+    cov = np.broadcast_to(np.diag(claim), (int(keep.sum()), 3, 3))
+    fixes = GnssFixes(
+        time[keep], lat[keep], lon[keep], height[keep], cov, velocity_ned, velocity_cov, gps_week=flight.gps_week, source="simulated GNSS"
+    )
+    return fixes, outlier[keep]
+
+
+def _epochs(motion: Motion, options: GnssOptions) -> Array:
+    """Epochs on the receiver's grid within the motion."""
+    first = np.ceil((motion.start - options.phase_s) * options.rate_hz - 1e-6)
+    last = np.floor((motion.end - options.phase_s) * options.rate_hz + 1e-6)
+    return np.clip(np.arange(first, last + 1.0) / options.rate_hz + options.phase_s, motion.start, motion.end)
+
+
+def _moved(frame: LocalFrame, position: Array, C_ln: Array, error_ned: Array) -> tuple[Array, Array, Array]:
+    return frame.geodetic_from_position(position + np.einsum("nij,nj->ni", C_ln, error_ned))
+
+
+def _measured_velocity(truth: Array, options: GnssOptions, rng: np.random.Generator) -> tuple[Array | None, Array | None]:
+    if options.velocity_sigma_ms is None:
+        return None, None
+    cov = np.broadcast_to(np.diag(np.square(options.velocity_sigma_ms)), (len(truth), 3, 3))
+    return truth + rng.standard_normal(truth.shape) * options.velocity_sigma_ms, cov
+
+
+def simulate_events(flight: Flight, missing_fraction: float, rng: np.random.Generator) -> CameraEvents:
+    """Mid-exposure events of a flight; a share of them, drawn at random, is missing. Raises UsageError when the share is not in [0, 1)."""
+    if not 0.0 <= missing_fraction < 1.0:
+        raise UsageError(f"a share of {missing_fraction} missing events; it lies between 0 and 1")
+    keep = rng.random(flight.time.size) >= missing_fraction
+    names = tuple(name for name, kept in zip(flight.images, keep, strict=True) if kept)
+    return CameraEvents(names, flight.time[keep], flight.gps_week, "simulated camera")
