@@ -1,0 +1,290 @@
+"""The command line: verbs, exit codes and what a person sees of a run.
+
+Standard output carries the result (with ``--json`` one JSON document), standard error warnings and errors, one line each, and
+on a terminal the step that is running. Where standard error is no terminal the steps are plain lines among the results
+instead, so that an error stays the one line it is. Exit codes: 0 done, 1 a defect of insgnss, 2 wrong use, 3 bad input,
+4 the data do not support the answer, 130 interrupted. Nothing heavy is imported before a verb needs it.
+"""
+
+import argparse
+import difflib
+import json
+import math
+import os
+import sys
+import time
+import traceback
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn, TextIO
+
+from . import __version__
+from .errors import InputError, InsgnssError, UsageError
+
+CONTRADICTION = InputError.exit_code
+INTERRUPTED = 130
+
+
+class Progress:
+    """Says which step runs: one line that renews itself on a terminal, else a line a step; silent where `lines` is None.
+
+    terminal : standard error.   lines : where plain lines go when it is no terminal.
+    """
+
+    def __init__(self, terminal: TextIO, lines: TextIO | None, quiet: bool = False) -> None:
+        self._terminal = terminal if terminal.isatty() and not quiet else None
+        self._lines = None if quiet or self._terminal else lines
+        self._start = time.monotonic()
+
+    def __call__(self, step: str) -> None:
+        """Announce `step`, with the seconds since the start."""
+        elapsed = time.monotonic() - self._start
+        if self._terminal:
+            self._terminal.write(f"\r\x1b[K[{elapsed:6.1f} s] {step}")
+            self._terminal.flush()
+        elif self._lines:
+            print(f"[{elapsed:6.1f} s] {step}", file=self._lines, flush=True)
+
+    def clear(self) -> None:
+        """Take the renewing line away."""
+        if self._terminal:
+            self._terminal.write("\r\x1b[K")
+            self._terminal.flush()
+
+
+class Parser(argparse.ArgumentParser):
+    """Parser whose complaints are `UsageError` and whose epilog may be a function, called only where help is asked for."""
+
+    def __init__(self, *, more_help: Callable[[], str] | None = None, **kwargs: Any) -> None:
+        super().__init__(allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
+        self.more_help = more_help
+
+    def format_help(self) -> str:
+        return super().format_help() + ("\n" + self.more_help() if self.more_help else "")
+
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message}; see {self.prog} --help")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code; `argv` without the program's name, of the process by default."""
+    argv = list(sys.argv[1:] if argv is None else argv)
+    as_json, debug = "--json" in argv, "--debug" in argv
+    progress = Progress(sys.stderr, None if as_json else sys.stdout, quiet="--quiet" in argv or "-q" in argv)
+    with warnings.catch_warnings():
+        warnings.showwarning = _warn_in_one_line(progress)
+        try:
+            options = build_parser().parse_args(argv)
+            code: int = options.run(options, progress)
+            sys.stdout.flush()
+        except SystemExit as request:  # --help and --version
+            code = int(request.code or 0)
+        except BrokenPipeError:  # the reader of our output has seen enough
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            code = 0
+        except (Exception, KeyboardInterrupt) as error:
+            code, line = _verdict(error)
+            progress.clear()
+            if debug:
+                traceback.print_exc()
+            _report_error(line, code, as_json)
+    return code
+
+
+def _verdict(error: BaseException) -> tuple[int, str]:
+    """Exit code and one line for what ended the run."""
+    if isinstance(error, InsgnssError):
+        return error.exit_code, f"error: {error}"
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        return InputError.exit_code, f"error: {where}{error.strerror or error}; check path, permission and free space"
+    if isinstance(error, KeyboardInterrupt):
+        return INTERRUPTED, "error: interrupted"
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if Path(__file__).parent in Path(frame.filename).parents] or frames
+    place = f"{own[-1].filename}:{own[-1].lineno}"
+    return (
+        InsgnssError.exit_code,
+        f"internal error: {type(error).__name__}: {error} (at {place}); this is a defect, --debug shows the traceback",
+    )
+
+
+def _report_error(line: str, code: int, as_json: bool) -> None:
+    line = " ".join(line.split())
+    print(f"insgnss: {line}", file=sys.stderr)
+    if as_json:
+        _print_json({"error": line.partition("error: ")[2], "exit_code": code})
+
+
+def _warn_in_one_line(progress: Progress) -> Callable[..., None]:
+    def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        progress.clear()
+        print(f"insgnss: warning: {' '.join(str(message).split())}", file=sys.stderr)
+
+    return show
+
+
+def _print_json(document: Any) -> None:
+    print(json.dumps(_json_ready(document), indent=2, allow_nan=False))
+
+
+def _json_ready(value: Any) -> Any:
+    """`value` with arrays as lists, paths as text and numbers that are not finite as null."""
+    if isinstance(value, dict):
+        return {str(key): _json_ready(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_json_ready(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, str | int | None):
+        return value
+    return _json_ready(value.tolist()) if hasattr(value, "tolist") else str(value)
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is not greater than zero")
+    return value
+
+
+def build_parser() -> Parser:
+    """Parser of all verbs."""
+    parser = Parser(
+        prog="insgnss",
+        description="From a mapping drone's raw IMU and GNSS data to the exterior orientation of every image.",
+        epilog="exit codes: 0 done, 2 wrong use, 3 bad input, 4 the data do not support the answer\nfirst steps: insgnss demo",
+    )
+    parser.add_argument("--version", action="version", version=f"insgnss {__version__}")
+    verbs = parser.add_subparsers(metavar="VERB", required=True, dest="verb", parser_class=Parser)
+    _add_demo(verbs)
+    _add_simulate(verbs)
+    _add_inspect(verbs)
+    _add_process(verbs)
+    _add_export(verbs)
+    return parser
+
+
+def _add_verb(verbs: Any, name: str, run: Callable[[argparse.Namespace, Progress], int], what: str, example: str, **more: Any) -> Parser:
+    parser: Parser = verbs.add_parser(name, help=what, description=f"{what[0].upper()}{what[1:]}.", epilog=f"example:\n{example}", **more)
+    parser.add_argument("--json", action="store_true", help="a machine's view of the result on standard output")
+    parser.add_argument("-q", "--quiet", action="store_true", help="no steps while it runs")
+    parser.add_argument("--debug", action="store_true", help="the traceback of an error")
+    parser.set_defaults(run=run)
+    return parser
+
+
+def _add_demo(verbs: Any) -> None:
+    what = "simulate a short flight, process it, print the errors against truth, leave the report"
+    parser = _add_verb(verbs, "demo", _demo, what, "  insgnss demo\n  insgnss demo my_demo --minutes 10 --seed 7")
+    parser.add_argument("directory", nargs="?", type=Path, metavar="DIR", help="where the data set goes (default: insgnss_demo)")
+    parser.add_argument("--minutes", type=_positive, default=5.0, metavar="M", help="length of the flight (default: 5)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)")
+
+
+def _add_simulate(verbs: Any) -> None:
+    what = "write a simulated data set in the published tree, with the truth beside it"
+    parser = _add_verb(verbs, "simulate", _simulate, what, "  insgnss simulate block --flight ign8 --minutes 15 --seed 3")
+    parser.add_argument("directory", type=Path, metavar="DIR", help="the data set's root")
+    parser.add_argument("--flight", choices=("ign8", "ign6x1"), default="ign8", help="block (ign8) or corridor (ign6x1) (default: ign8)")
+    parser.add_argument("--minutes", type=_positive, metavar="M", help="length of the flight (default: that of the flight's plan)")
+    parser.add_argument("--imu-rate", type=_positive, default=500.0, metavar="HZ", help="IMU samples a second (default: 500)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)")
+
+
+def _add_inspect(verbs: Any) -> None:
+    what = "say what is there: rates, gaps, clocks, axes, plausibility"
+    parser = _add_verb(verbs, "inspect", _inspect, what, "  insgnss inspect ign8/flight.toml")
+    parser.add_argument("flight", type=Path, metavar="FLIGHT", help="the flight file, or the directory that holds flight.toml")
+
+
+def _add_process(verbs: Any) -> None:
+    what = "raw data in, exterior orientation, trajectory and report out"
+    parser = _add_verb(verbs, "process", _process, what, "  insgnss process ign8/flight.toml --out results")
+    parser.add_argument("flight", type=Path, metavar="FLIGHT", help="the flight file, or the directory that holds flight.toml")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="where the products go (default: output.directory of the flight file)")
+
+
+def _add_export(verbs: Any) -> None:
+    what = "write the master exterior orientation in the format of a bundle adjustment"
+    example = "  insgnss export 02_Processed/GPS-INS/eo.json metashape --out metashape.csv"
+    parser = _add_verb(verbs, "export", _export, what, example, more_help=_list_formats)
+    parser.add_argument("eo", type=Path, metavar="EO", help="the eo.json of a processed flight")
+    parser.add_argument("format", metavar="FORMAT", help="one of the formats below")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="what to write (default: the format's usual name beside EO)")
+
+
+def _list_formats() -> str:
+    from .formats import EXPORTS
+
+    width = max(map(len, EXPORTS))
+    return "formats:\n" + "".join(f"  {name:{width}}  {what}\n" for name, (_, _, what) in EXPORTS.items())
+
+
+def _demo(options: argparse.Namespace, progress: Progress) -> int:
+    from . import pipeline
+
+    result = pipeline.demo(options.directory, options.minutes, options.seed, progress)
+    return _show(options, progress, result.summary, result.as_dict)
+
+
+def _simulate(options: argparse.Namespace, progress: Progress) -> int:
+    from .simulate.dataset import write_dataset
+
+    progress(f"simulating {options.flight}")
+    write_dataset(options.directory, flight=options.flight, minutes=options.minutes, imu_rate=options.imu_rate, seed=options.seed)
+    flight_file = options.directory / "flight.toml"
+    what = f"{flight_file}\nnext: insgnss process {flight_file}"
+    return _show(options, progress, lambda: what, lambda: {"flight": flight_file})
+
+
+def _inspect(options: argparse.Namespace, progress: Progress) -> int:
+    from .flight import load_flight
+
+    flight = load_flight(options.flight)
+    from . import pipeline
+
+    result = pipeline.inspect(flight, progress)
+    if not result.contradictions:
+        return _show(options, progress, result.summary, result.as_dict)
+    error = f"{options.flight}: {'; '.join(result.contradictions)}"
+    verdict = {"error": error, "exit_code": CONTRADICTION}
+    _show(options, progress, result.summary, lambda: result.as_dict() | verdict)
+    _report_error(f"error: {error}", CONTRADICTION, as_json=False)
+    return CONTRADICTION
+
+
+def _process(options: argparse.Namespace, progress: Progress) -> int:
+    from .flight import load_flight
+
+    flight = load_flight(options.flight)
+    from . import pipeline
+
+    result = pipeline.process(flight, options.out, progress)
+    return _show(options, progress, result.summary, lambda: result.report)
+
+
+def _export(options: argparse.Namespace, progress: Progress) -> int:
+    from .formats import EXPORTS
+
+    if options.format not in EXPORTS:
+        near = difflib.get_close_matches(options.format.lower(), EXPORTS, n=1)
+        advice = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(EXPORTS)}"
+        raise UsageError(f"export: format {options.format!r} is unknown; {advice}")
+    write, usual_name, _ = EXPORTS[options.format]
+    from .formats.eo_json import read_eo_json
+
+    out = options.out or options.eo.parent / usual_name
+    write(read_eo_json(options.eo), out)
+    return _show(options, progress, lambda: str(out), lambda: {"format": options.format, "file": out})
+
+
+def _show(options: argparse.Namespace, progress: Progress, summary: Callable[[], str], document: Callable[[], dict[str, Any]]) -> int:
+    """Print the result as text or JSON; 0."""
+    progress.clear()
+    if options.json:
+        _print_json(document())
+    else:
+        print(summary())
+    return 0

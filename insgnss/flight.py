@@ -1,0 +1,558 @@
+"""The flight file: one TOML per data set, at its root, that says what the files are and how the sensors are mounted.
+
+Paths are relative to the file. An unknown key, a value of the wrong type, unit or range, and a file that is missing or empty
+are errors that name file, line, key and the way out. Only `imu.file` and `gnss.file` have no default.
+
+    key                         default                 meaning
+    name                        the directory's name    of the data set, in titles and reports
+    gps_week                    none                    where files carry only the time of week
+    start_tow, end_tow          none                    s; data outside are cut away
+    imu.file                    -                       samples
+    imu.columns                 by header or order      list of names, or table { canonical = "name in the file" }
+    imu.units                   by header, else SI      { gyro = rad/s, deg/s, deg/h; accel = m/s^2, g, mg }; rad, deg; m/s for increments
+    imu.quantity                "mean_rate"             or "increments" (both over the interval ending at the stamp), "instant_rate"
+    imu.axes                    "forward right down"    body directions of the IMU's x, y, z
+    imu.noise                   "navchip"               a shipped model or the path of a noise-model file
+    imu.time_offset_s           0.0                     added to the stamps of this sensor
+    imu.variable                none                    struct or table inside a MATLAB file
+    gnss.file                   -                       antenna positions
+    gnss.columns                by header or order      as above
+    gnss.units                  by header, else deg     { angle = deg, rad }, of latitude and longitude
+    gnss.undulation_m           none                    geoid above the ellipsoid; where the file carries heights above the geoid
+    gnss.sigma_m                none                    north, east, down; where the file carries no standard deviations
+    gnss.sigma_velocity_mps     none                    north, east, down; likewise, of velocities
+    gnss.time_offset_s          0.0                     added to the stamps of this sensor
+    gnss.variable               none                    struct or table inside a MATLAB file
+    gnss.new_when               none                    column whose change marks a new fix, where the file repeats the last one
+    gnss.gate_sigma             5.0                     innovations beyond this many standard deviations are rejected and counted
+    camera.events               no camera               mid-exposure instants; without them the product is the trajectory alone
+    camera.columns              by header or order      as above
+    mounting.antenna_m, .imu_m  [0, 0, 0]               m, from the camera, in camera axes
+    mounting.camera_from_body   diag(-1, -1, 1)         T_b'^c
+    mounting.boresight          identity                B_b^b'; or
+    mounting.boresight_deg      none                    { opk = [..] }, { rpy = [..] } or { metashape_ypr = [..] } (`orient.mounting`)
+    tangent_plane.origin        by the first fix        latitude deg, longitude deg, ellipsoidal height m
+    output.directory            "02_Processed/GPS-INS"
+    output.formats              eo_local_plane, metashape
+    output.trajectory_hz        10                      of trajectory.csv and the SBET; "imu" for every sample
+    initial.roll_deg, .pitch_deg, .heading_deg          an initial attitude, where one is known; all three
+    initial.sigma_deg           [2, 2, 5]               of roll, pitch, heading
+    filter.scale_factor         false                   scale-factor states of gyros and accelerometers
+    filter.misalignment         false                   misalignment states
+    filter.second_pass          "auto"                  relinearise about the smoothed flight: "auto", "on", "off"
+"""
+
+import difflib
+import math
+import re
+import reprlib
+import sys
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from .errors import InputError
+from .orient.mounting import ANGLE_SETS, PAPER_CAMERA_FROM_BODY, Mounting, boresight_from_angles
+from .prepare.axes import parse_axes
+from .records import QUANTITIES, Array, Quantity
+
+Columns = tuple[str, ...] | Mapping[str, str] | None
+
+SHIPPED_MODELS = Path(__file__).parent / "stochastic" / "models"
+MAX_LEVER_M = 100.0
+RATE_UNITS = {"gyro": ("rad/s", "deg/s", "deg/h"), "accel": ("m/s^2", "g", "mg")}
+INCREMENT_UNITS = {"gyro": ("rad", "deg"), "accel": ("m/s",)}
+
+
+@dataclass(frozen=True)
+class ImuInput:
+    """Table [imu]. `noise` is the name of a shipped model or the path of a file.
+
+    `units` has the keys gyro and accel as far as they are given, None without any; the file's header, else SI, decides on the others.
+    """
+
+    file: Path
+    columns: Columns
+    units: Mapping[str, str] | None
+    quantity: Quantity
+    axes: str
+    noise: str | Path
+    time_offset_s: float
+    variable: str | None
+
+    @property
+    def C_b_imu(self) -> Array:
+        """(3, 3), IMU axes to body forward-right-down."""
+        return parse_axes(self.axes)
+
+
+@dataclass(frozen=True)
+class GnssInput:
+    """Table [gnss]. Standard deviations are north, east, down, m and m/s; `units` has the key angle, or is None."""
+
+    file: Path
+    columns: Columns
+    units: Mapping[str, str] | None
+    undulation_m: float | None
+    sigma_m: tuple[float, ...] | None
+    sigma_velocity_mps: tuple[float, ...] | None
+    time_offset_s: float
+    variable: str | None
+    new_when: str | None
+    gate_sigma: float
+
+
+@dataclass(frozen=True)
+class CameraInput:
+    """Table [camera]."""
+
+    events: Path
+    columns: Columns
+
+
+@dataclass(frozen=True)
+class TangentPlane:
+    """Table [tangent_plane]."""
+
+    lat_deg: float
+    lon_deg: float
+    height_m: float
+
+    @property
+    def origin(self) -> Array:
+        """(3,) latitude rad, longitude rad, ellipsoidal height m."""
+        return np.array([math.radians(self.lat_deg), math.radians(self.lon_deg), self.height_m])
+
+
+@dataclass(frozen=True)
+class Output:
+    """Table [output]; `trajectory_hz` is None where every IMU sample is asked for."""
+
+    directory: Path
+    formats: tuple[str, ...]
+    trajectory_hz: float | None
+
+
+@dataclass(frozen=True)
+class InitialAttitude:
+    """Table [initial]; `sigma_deg` of roll, pitch, heading."""
+
+    roll_deg: float
+    pitch_deg: float
+    heading_deg: float
+    sigma_deg: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class FilterOptions:
+    """Table [filter]."""
+
+    scale_factor: bool = False
+    misalignment: bool = False
+    second_pass: Literal["auto", "on", "off"] = "auto"
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """A flight file, read, checked and complete; `path` is the file itself."""
+
+    path: Path
+    name: str
+    gps_week: int | None
+    start_tow: float | None
+    end_tow: float | None
+    imu: ImuInput
+    gnss: GnssInput
+    camera: CameraInput | None
+    mounting: Mounting
+    tangent_plane: TangentPlane | None
+    output: Output
+    initial: InitialAttitude | None
+    filter: FilterOptions = field(default_factory=FilterOptions)
+
+    def resolved(self) -> dict[str, Any]:
+        """Every value with its default filled in, as plain JSON types; paths are relative to the flight file where they lie below it."""
+        return {f.name: _plain(getattr(self, f.name), self.path.parent) for f in fields(self)}
+
+
+def load_flight(path: str | Path) -> Flight:
+    """Read and check a flight file.
+
+    Parameters
+    ----------
+    path : the file, or the directory that holds its `flight.toml`.
+
+    Raises
+    ------
+    InputError : the file is missing or no TOML, or a key, a value or a file it names is wrong.
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / "flight.toml"
+    root = _read_toml(path)
+    root.check_keys()
+    camera, plane, initial = (root.table(name) if name in root.data else None for name in ("camera", "tangent_plane", "initial"))
+    start, end = root.number("start_tow", None, 0.0), root.number("end_tow", None, 0.0)
+    if start is not None and end is not None and end <= start:
+        raise root.error("end_tow", f"{end} s is not after start_tow = {start} s")
+    return Flight(
+        path=path,
+        name=root.text("name", path.absolute().parent.name),
+        gps_week=_gps_week(root),
+        start_tow=start,
+        end_tow=end,
+        imu=_imu(root.table("imu")),
+        gnss=_gnss(root.table("gnss")),
+        camera=CameraInput(camera.file("events"), camera.columns()) if camera else None,
+        mounting=_mounting(root.table("mounting")),
+        tangent_plane=_tangent_plane(plane) if plane else None,
+        output=_output(root.table("output")),
+        initial=_initial(initial) if initial else None,
+        filter=_filter(root.table("filter")),
+    )
+
+
+_KEYS: dict[str, tuple[str, ...]] = {
+    "": ("name", "gps_week", "start_tow", "end_tow", "imu", "gnss", "camera", "mounting", "tangent_plane", "output", "initial", "filter"),
+    "imu": tuple(f.name for f in fields(ImuInput)),
+    "imu.units": ("gyro", "accel"),
+    "gnss": (*(f.name for f in fields(GnssInput)), "rover", "base", "navigation"),
+    "gnss.units": ("angle",),
+    "camera": tuple(f.name for f in fields(CameraInput)),
+    "mounting": (*(f.name for f in fields(Mounting)), "boresight_deg"),
+    "mounting.boresight_deg": ANGLE_SETS,
+    "tangent_plane": ("origin",),
+    "output": tuple(f.name for f in fields(Output)),
+    "initial": tuple(f.name for f in fields(InitialAttitude)),
+    "filter": tuple(f.name for f in fields(FilterOptions)),
+}
+
+
+def _gps_week(root: "_Table") -> int | None:
+    week = root.number("gps_week", None, 0, 9999)
+    if week is not None and week != int(week):
+        raise root.error("gps_week", f"{week} is no whole number")
+    return None if week is None else int(week)
+
+
+def _imu(table: "_Table") -> ImuInput:
+    quantity: Quantity = table.choice("quantity", QUANTITIES, "mean_rate")
+    axes = table.text("axes", "forward right down")
+    try:
+        parse_axes(axes)
+    except InputError as refusal:
+        raise table.error("axes", str(refusal).partition(": ")[2]) from None
+    return ImuInput(
+        file=table.file("file"),
+        columns=table.columns(),
+        units=_imu_units(table.table("units"), quantity),
+        quantity=quantity,
+        axes=axes,
+        noise=_noise(table),
+        time_offset_s=table.number("time_offset_s", 0.0),
+        variable=table.text("variable", None),
+    )
+
+
+def _imu_units(table: "_Table", quantity: str) -> dict[str, str] | None:
+    """Units of gyro and accel as far as they are given, of the dimension that the quantity has."""
+    right, other = (INCREMENT_UNITS, RATE_UNITS) if quantity == "increments" else (RATE_UNITS, INCREMENT_UNITS)
+    for sensor in table.data:
+        unit, known = table.text(sensor), right[sensor]
+        if unit not in known:
+            advice = _near(unit, known)
+            if unit in other[sensor]:
+                advice = f'it does not belong to quantity = "{quantity}"; use {", ".join(known)}'
+            elif any(unit in units for family in (right, other) for units in family.values()):
+                advice = f"it belongs to the other sensor; use {', '.join(known)}"
+            raise table.error(sensor, f"{unit!r} is no unit for it: {advice}")
+    return dict(table.data) or None
+
+
+def _noise(table: "_Table") -> str | Path:
+    """Name of a shipped noise model, or the path of an existing file."""
+    noise = table.text("noise", "navchip")
+    shipped = sorted(p.stem for p in SHIPPED_MODELS.glob("*.toml"))
+    if noise in shipped:
+        return noise
+    if not table.resolve(noise).is_file():
+        raise table.error(
+            "noise", f"{noise!r} is neither a shipped model ({', '.join(shipped)}) nor a file; paths are relative to flight.toml"
+        )
+    return table.file("noise")
+
+
+def _gnss(table: "_Table") -> GnssInput:
+    raw = [key for key in ("rover", "base", "navigation") if key in table.data]
+    if raw and "file" not in table.data:
+        raise table.error(raw[0], "raw observations are not processed yet; give the antenna positions of another engine as gnss.file = ...")
+    if raw:
+        raise table.error(raw[0], "gnss.file is given as well; keep one of them")
+    units = table.table("units")
+    return GnssInput(
+        file=table.file("file"),
+        columns=table.columns(),
+        units={"angle": units.choice("angle", ("deg", "rad"), "deg")} if units.data else None,
+        undulation_m=table.number("undulation_m", None, -200.0, 200.0),
+        sigma_m=table.sigmas("sigma_m", None),
+        sigma_velocity_mps=table.sigmas("sigma_velocity_mps", None),
+        time_offset_s=table.number("time_offset_s", 0.0),
+        variable=table.text("variable", None),
+        new_when=table.text("new_when", None),
+        gate_sigma=table.number("gate_sigma", 5.0, 0.1),
+    )
+
+
+def _mounting(table: "_Table") -> Mounting:
+    given: dict[str, Any] = {}
+    for key in ("antenna_m", "imu_m"):
+        given[key] = table.numbers(key, 3, (0.0, 0.0, 0.0))
+        if math.hypot(*given[key]) >= MAX_LEVER_M:
+            raise table.error(key, f"{list(given[key])} is {math.hypot(*given[key]):.0f} m long (limit {MAX_LEVER_M:.0f} m); the unit is m")
+    for key in ("camera_from_body", "boresight"):
+        if key in table.data:
+            given[key] = table.matrix(key)
+    angles = _boresight_angles(table)
+    try:
+        if angles:
+            given["boresight"] = boresight_from_angles(*angles, given.get("camera_from_body", PAPER_CAMERA_FROM_BODY))
+        return Mounting(**given)
+    except InputError as refusal:
+        key, _, what = str(refusal).partition(": ")
+        raise table.error(key, what) from None
+
+
+def _boresight_angles(table: "_Table") -> tuple[str, tuple[float, ...]] | None:
+    """Angle set and angles of ``boresight_deg = { angle_set = [..] }``."""
+    if "boresight_deg" not in table.data:
+        return None
+    if "boresight" in table.data:
+        raise table.error("boresight_deg", "mounting.boresight is given as well; keep one of them")
+    if not isinstance(table.data["boresight_deg"], dict) or len(table.data["boresight_deg"]) != 1:
+        raise table.error("boresight_deg", f"name one angle set, such as {{ opk = [..] }}; known are {', '.join(ANGLE_SETS)}")
+    named = table.table("boresight_deg")
+    return next((angle_set, named.numbers(angle_set, 3)) for angle_set in named.data)
+
+
+def _tangent_plane(table: "_Table") -> TangentPlane:
+    lat, lon, height = table.numbers("origin", 3)
+    if not (abs(lat) <= 90 and abs(lon) <= 180 and -1000 <= height <= 10000):
+        hint = "are latitude and longitude swapped?" if abs(lat) > 90 >= abs(lon) else "order and units are deg, deg, m"
+        raise table.error("origin", f"{[lat, lon, height]} is no latitude, longitude, ellipsoidal height; {hint}")
+    return TangentPlane(lat, lon, height)
+
+
+def _output(table: "_Table") -> Output:
+    from .formats import EXPORTS
+
+    directory = table.resolve(table.text("directory", "02_Processed/GPS-INS"))
+    if directory.exists() and not directory.is_dir():
+        raise table.error("directory", f"{directory} is a file, a directory is expected")
+    formats = table.texts("formats", ("eo_local_plane", "metashape"))
+    for name in formats:
+        if name not in EXPORTS:
+            raise table.error("formats", f"{name!r} is unknown; {_near(name, tuple(EXPORTS))}")
+        if formats.count(name) > 1:
+            raise table.error("formats", f"{name!r} occurs twice")
+    rate = table.data.get("trajectory_hz")
+    if isinstance(rate, str) and rate != "imu":
+        raise table.error("trajectory_hz", f'{rate!r} is neither a number of Hz nor "imu"')
+    return Output(directory, formats, None if rate == "imu" else table.number("trajectory_hz", 10.0, 1e-3, 1e4))
+
+
+def _initial(table: "_Table") -> InitialAttitude:
+    return InitialAttitude(
+        roll_deg=table.number("roll_deg", ..., -180, 180),
+        pitch_deg=table.number("pitch_deg", ..., -90, 90),
+        heading_deg=table.number("heading_deg", ..., -180, 360),
+        sigma_deg=table.sigmas("sigma_deg", (2.0, 2.0, 5.0)),
+    )
+
+
+def _filter(table: "_Table") -> FilterOptions:
+    return FilterOptions(
+        scale_factor=table.flag("scale_factor", False),
+        misalignment=table.flag("misalignment", False),
+        second_pass=table.choice("second_pass", ("auto", "on", "off"), "auto"),
+    )
+
+
+_TYPE_NAMES = {bool: "true/false", int: "a number", float: "a number", str: "a text", list: "a list", dict: "a table"}
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A table of the file: its checked values by key, and errors that know the line. Default ``...`` means required."""
+
+    path: Path
+    lines: Mapping[str, int]
+    name: str
+    data: Mapping[str, Any]
+
+    def error(self, key: str, what: str) -> InputError:
+        """Error at the line of `key`, of its table where the key is absent."""
+        full = ".".join(filter(None, (self.name, key)))
+        line, place = None, full
+        while place and line is None:
+            line, place = self.lines.get(place), place.rpartition(".")[0]
+        return InputError.at(self.path, line, f"{full}: {what}")
+
+    def check_keys(self) -> None:
+        known = _KEYS[self.name]
+        for key in self.data:
+            if key not in known:
+                homes = [table for table, keys in _KEYS.items() if key in keys and "." not in table]
+                advice = _near(key, known)
+                if len(homes) == 1:
+                    advice = f"it belongs into [{homes[0]}]" if homes[0] else "it belongs to the top, before the first [table]"
+                raise self.error(key, f"unknown {'key' if self.name else 'table or key'}; {advice}")
+
+    def table(self, key: str) -> "_Table":
+        """Sub-table, empty where it is absent, its keys checked."""
+        value = self.value(key, dict, {})
+        sub = _Table(self.path, self.lines, ".".join(filter(None, (self.name, key))), value)
+        sub.check_keys()
+        return sub
+
+    def value(self, key: str, kind: type, default: Any) -> Any:
+        """Value of `key` if it is of TOML type `kind`; where it is absent, `default`."""
+        if key not in self.data:
+            if default is ...:
+                raise self.error(key, "is missing; it has no default")
+            return default
+        value = self.data[key]
+        if isinstance(value, bool) is not (kind is bool) or not isinstance(value, (int, float) if kind is float else kind):
+            got = _TYPE_NAMES.get(type(value), "a date or time")
+            raise self.error(key, f"{reprlib.repr(value)} is {got}, expected {_TYPE_NAMES[kind]}")
+        return value
+
+    def flag(self, key: str, default: bool) -> bool:
+        return bool(self.value(key, bool, default))
+
+    def text(self, key: str, default: Any = ...) -> Any:
+        value = self.value(key, str, default)
+        if value == "":
+            raise self.error(key, "is an empty text")
+        return value
+
+    def choice(self, key: str, known: Sequence[str], default: str) -> Any:
+        value = self.text(key, default)
+        if value not in known:
+            raise self.error(key, f"{value!r} is unknown; {_near(value, known)}")
+        return value
+
+    def number(self, key: str, default: Any = ..., low: float = -math.inf, high: float = math.inf) -> Any:
+        value = self.value(key, float, default)
+        if value is None:
+            return None
+        if not (_is_number(value) and low <= value <= high):
+            raise self.error(key, f"{value} is outside {low:g} to {high:g}")
+        return float(value)
+
+    def numbers(self, key: str, count: int, default: Any = ...) -> Any:
+        values = self.value(key, list, default)
+        if values is default:
+            return values
+        if len(values) != count or not all(_is_number(v) for v in values):
+            raise self.error(key, f"{reprlib.repr(values)}, expected {count} finite numbers")
+        return tuple(float(v) for v in values)
+
+    def sigmas(self, key: str, default: Any) -> Any:
+        values = self.numbers(key, 3, default)
+        if values is not None and min(values) <= 0:
+            raise self.error(key, f"{list(values)}: a standard deviation must be greater than zero")
+        return values
+
+    def matrix(self, key: str) -> Array:
+        rows = self.value(key, list, ...)
+        if len(rows) != 3 or not all(isinstance(row, list) and len(row) == 3 and all(_is_number(v) for v in row) for row in rows):
+            raise self.error(key, f"{reprlib.repr(rows)}, expected 3 rows of 3 finite numbers")
+        return np.array(rows, dtype=np.float64)
+
+    def texts(self, key: str, default: Any) -> Any:
+        values = self.value(key, list, list(default))
+        if not all(isinstance(v, str) and v for v in values):
+            raise self.error(key, f"{reprlib.repr(values)}, expected a list of texts")
+        return tuple(values)
+
+    def columns(self) -> Columns:
+        """`columns`, a list of names or a table { canonical = "name in the file" }; None where absent."""
+        value = self.data.get("columns")
+        if isinstance(value, dict):
+            if not value or not all(isinstance(v, str) and v for v in value.values()):
+                raise self.error("columns", f"{reprlib.repr(value)}, expected {{ canonical = 'name in the file' }}")
+            return dict(value)
+        if value == []:
+            raise self.error("columns", "is an empty list")
+        return None if value is None else self.texts("columns", ())
+
+    def resolve(self, name: str) -> Path:
+        return self.path.parent / name
+
+    def file(self, key: str) -> Path:
+        """Path of a file that is there and not empty."""
+        name = self.text(key)
+        path = self.resolve(name)
+        if path.is_dir():
+            raise self.error(key, f"{name} is a directory, a file is expected")
+        if not path.is_file():
+            raise self.error(key, f"{name} does not exist; the path is relative to {self.path.name}")
+        if path.stat().st_size == 0:
+            raise self.error(key, f"{name} is empty; copy the recording again")
+        return path
+
+
+def _is_number(value: object) -> bool:
+    """Whether `value` is a finite number that fits into a float; true and false are none."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+
+
+def _near(word: str, known: Sequence[str]) -> str:
+    """Advice: the known name nearest to `word`, or all of them."""
+    near = difflib.get_close_matches(word.lower(), known, n=1)
+    return f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+
+
+def _read_toml(path: Path) -> _Table:
+    """The whole file as a table, with the lines of its keys."""
+    if not path.is_file():
+        raise InputError.at(path, None, "does not exist; give the flight file, or the directory that holds flight.toml")
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+        data = tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        raise InputError.at(path, None, f"not UTF-8 at byte {error.start}; save it as UTF-8") from None
+    except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
+        at = re.search(r"at line (\d+)", str(error))
+        raise InputError.at(path, int(at[1]) if at else None, f"not TOML: {error}") from None
+    return _Table(path, _key_lines(text), "", data)
+
+
+def _key_lines(text: str) -> dict[str, int]:
+    """Line, counted from 1, of every table header and of every key that begins a line, by its dotted name."""
+    lines: dict[str, int] = {}
+    table = ""
+    for number, line in enumerate(text.splitlines(), 1):
+        if header := re.match(r"\s*\[([\w.\- ]+)\]\s*(#.*)?$", line):
+            table = header[1].replace(" ", "")
+            lines.setdefault(table, number)
+        elif key := re.match(r"""\s*["']?([\w.\-]+)["']?\s*=""", line):
+            lines.setdefault(".".join(filter(None, (table, key[1]))), number)
+    return lines
+
+
+def _plain(value: Any, base: Path) -> Any:
+    """`value` in JSON types."""
+    if is_dataclass(value):
+        return {f.name: _plain(getattr(value, f.name), base) for f in fields(value)}
+    if isinstance(value, Path):
+        return (value.relative_to(base) if value.is_relative_to(base) else value).as_posix()
+    if isinstance(value, Mapping):
+        return {key: _plain(item, base) for key, item in value.items()}
+    if isinstance(value, tuple):
+        return [_plain(item, base) for item in value]
+    return value.tolist() if isinstance(value, np.ndarray) else value

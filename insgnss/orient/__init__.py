@@ -1,0 +1,1 @@
+"""Trajectory and covariance to every exposure, through lever arms, bore-sight and camera mount."""

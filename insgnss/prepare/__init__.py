@@ -1,0 +1,1 @@
+"""One clock, one axis convention, every gap and outlier named."""

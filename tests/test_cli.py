@@ -1,0 +1,327 @@
+"""The command line: dispatch, exit codes and streams, with made-up results behind the verbs."""
+
+import io
+import json
+import os
+import subprocess
+import sys
+import types
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import insgnss
+from insgnss import formats
+from insgnss.cli import Progress, main
+from insgnss.errors import DataError, InputError
+
+HEAVY = ("numpy", "numba", "scipy", "matplotlib", "pandas", "pyproj", "georinex", "filterpy")
+
+
+@pytest.fixture
+def flight(tmp_path):
+    """A flight file whose inputs exist."""
+    for name in ("imu.csv", "gnss.txt"):
+        (tmp_path / name).write_text("1\n")
+    (tmp_path / "flight.toml").write_text('name = "f"\n[imu]\nfile = "imu.csv"\n[gnss]\nfile = "gnss.txt"\n')
+    return tmp_path / "flight.toml"
+
+
+@pytest.fixture
+def pipeline(monkeypatch):
+    """A module in the place of insgnss.pipeline; tests put functions into it."""
+    module = types.ModuleType("insgnss.pipeline")
+    monkeypatch.setitem(sys.modules, "insgnss.pipeline", module)
+    monkeypatch.setattr(insgnss, "pipeline", module, raising=False)
+    return module
+
+
+def _raising(error):
+    def process(flight, out, progress):
+        raise error
+
+    return process
+
+
+def test_process_hands_over_flight_directory_and_progress_and_prints_the_summary(pipeline, flight, tmp_path, capsys):
+    """Oracle: the arguments of the command and the summary of the made-up result."""
+    seen = {}
+
+    def process(loaded, out, progress):
+        progress("smoothing")
+        seen.update(name=loaded.name, out=out)
+        return types.SimpleNamespace(report={}, files=[], summary=lambda: "12 images")
+
+    pipeline.process = process
+    assert main(["process", str(flight), "--out", str(tmp_path / "here")]) == 0
+    assert seen == {"name": "f", "out": tmp_path / "here"}
+    streams = capsys.readouterr()
+    step, summary = streams.out.splitlines()
+    assert step.endswith("s] smoothing")
+    assert summary == "12 images"
+    assert streams.err == ""
+
+
+def test_quiet_leaves_the_summary_alone(pipeline, flight, capsys):
+    """Oracle: the summary of the made-up result."""
+
+    def process(loaded, out, progress):
+        progress("smoothing")
+        assert out is None
+        return types.SimpleNamespace(report={}, summary=lambda: "12 images")
+
+    pipeline.process = process
+    assert main(["process", "--quiet", str(flight)]) == 0
+    assert capsys.readouterr().out == "12 images\n"
+
+
+def test_json_of_process_is_its_report_in_plain_types(pipeline, flight, capsys):
+    """Oracle: json; values that are not finite have no JSON and become null."""
+    report = {"sigma": np.array([0.5, np.nan]), "n": np.int64(3), "file": Path("a/b"), "tuple": (1, None, True), "inf": np.inf, 4: "key"}
+
+    def process(loaded, out, progress):
+        progress("smoothing")
+        return types.SimpleNamespace(report=report, summary=lambda: "not shown")
+
+    pipeline.process = process
+    assert main(["process", str(flight), "--json"]) == 0
+    expected = {"sigma": [0.5, None], "n": 3, "file": "a/b", "tuple": [1, None, True], "inf": None, "4": "key"}
+    assert json.loads(capsys.readouterr().out) == expected
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (InputError("imu.csv:7: bad"), 3, "insgnss: error: imu.csv:7: bad\n"),
+        (DataError("no motion;\nfly"), 4, "insgnss: error: no motion; fly\n"),
+        (PermissionError(13, "Permission denied", "out/eo.json"), 3, "insgnss: error: out/eo.json: Permission denied; check path,"),
+        (OSError(28, "No space left on device"), 3, "insgnss: error: No space left on device; check path,"),
+        (KeyboardInterrupt(), 130, "insgnss: error: interrupted\n"),
+        (ZeroDivisionError("by zero"), 1, "insgnss: internal error: ZeroDivisionError: by zero (at "),
+    ],
+)
+@pytest.mark.parametrize("as_json", [False, True])
+def test_every_error_is_one_line_and_its_exit_code(pipeline, flight, capsys, error, code, line, as_json):
+    """Oracle: the exit codes of the contract."""
+    pipeline.process = _raising(error)
+    assert main(["process", str(flight), *(["--json"] if as_json else [])]) == code
+    streams = capsys.readouterr()
+    assert streams.err.startswith(line)
+    assert streams.err.count("\n") == 1
+    assert "Traceback" not in streams.err
+    if as_json:
+        verdict = json.loads(streams.out)
+        assert verdict["exit_code"] == code
+        assert verdict["error"] in streams.err
+    else:
+        assert streams.out == ""
+
+
+def test_debug_shows_the_traceback(pipeline, flight, capsys):
+    """Oracle: the interpreter's word for it."""
+    pipeline.process = _raising(ZeroDivisionError("by zero"))
+    assert main(["process", str(flight), "--debug"]) == 1
+    assert "Traceback (most recent call last)" in capsys.readouterr().err
+
+
+def test_a_wrong_flight_file_is_bad_input_before_anything_runs(pipeline, tmp_path, capsys):
+    """Oracle: the exit code of the contract; the made-up pipeline has no `process` to run."""
+    assert main(["process", str(tmp_path / "none.toml")]) == 3
+    assert "none.toml: does not exist" in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("default")
+def test_warnings_are_one_line_each(pipeline, flight, capsys):
+    """Oracle: the text of the warning."""
+
+    def process(loaded, out, progress):
+        warnings.warn("3 fixes\nleft out", UserWarning, stacklevel=1)
+        return types.SimpleNamespace(report={}, summary=lambda: "done")
+
+    pipeline.process = process
+    assert main(["process", str(flight)]) == 0
+    assert capsys.readouterr().err == "insgnss: warning: 3 fixes left out\n"
+
+
+def _inspection(*contradictions):
+    return types.SimpleNamespace(summary=lambda: "the table", as_dict=lambda: {"rate_hz": 500.0}, contradictions=list(contradictions))
+
+
+def test_inspect_prints_the_table(pipeline, flight, capsys):
+    """Oracle: the made-up result."""
+    pipeline.inspect = lambda loaded, progress: _inspection()
+    assert main(["inspect", str(flight)]) == 0
+    assert capsys.readouterr().out == "the table\n"
+    assert main(["inspect", str(flight), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"rate_hz": 500.0}
+
+
+def test_inspect_prints_the_table_and_then_the_contradictions(pipeline, flight, capsys):
+    """Oracle: the made-up contradictions; exit code 3 of the contract, one error line, one JSON document."""
+    pipeline.inspect = lambda loaded, progress: _inspection("gyro looks like deg/s", "clock is off")
+    error = f"{flight}: gyro looks like deg/s; clock is off"
+    for more in ([], ["--json"]):
+        assert main(["inspect", str(flight), *more]) == 3
+        streams = capsys.readouterr()
+        assert streams.err == f"insgnss: error: {error}\n"
+        assert streams.out == "the table\n" if not more else json.loads(streams.out) == {"rate_hz": 500.0, "error": error, "exit_code": 3}
+
+
+def test_demo_hands_over_its_options(pipeline, capsys):
+    """Oracle: the arguments of the command, and the defaults that --help states."""
+    seen = []
+
+    def demo(directory, minutes, seed, progress):
+        seen.append((directory, minutes, seed))
+        return types.SimpleNamespace(summary=lambda: "errors", as_dict=lambda: {"seed": seed})
+
+    pipeline.demo = demo
+    assert main(["demo"]) == 0
+    assert main(["demo", "there", "--minutes", "2.5", "--seed", "7", "--json"]) == 0
+    assert seen == [(None, 5.0, 0), (Path("there"), 2.5, 7)]
+    text, document = capsys.readouterr().out.split("\n", 1)
+    assert text == "errors"
+    assert json.loads(document) == {"seed": 7}
+
+
+def test_simulate_hands_over_its_options_and_names_the_next_step(monkeypatch, capsys):
+    """Oracle: the arguments of the command, and the defaults that --help states."""
+    seen = []
+    module = types.ModuleType("insgnss.simulate.dataset")
+    module.write_dataset = lambda directory, **options: seen.append((directory, options))
+    monkeypatch.setitem(sys.modules, "insgnss.simulate.dataset", module)
+    assert main(["simulate", "-q", "d"]) == 0
+    assert main(["simulate", "-q", "d", "--flight", "ign6x1", "--minutes", "3", "--imu-rate", "250", "--seed", "9"]) == 0
+    assert seen[0] == (Path("d"), {"flight": "ign8", "minutes": None, "imu_rate": 500.0, "seed": 0})
+    assert seen[1] == (Path("d"), {"flight": "ign6x1", "minutes": 3.0, "imu_rate": 250.0, "seed": 9})
+    assert f"next: insgnss process {Path('d') / 'flight.toml'}" in capsys.readouterr().out
+
+
+@pytest.fixture
+def exports(monkeypatch):
+    """Two made-up formats and a made-up master; returns what was written."""
+    written = []
+    reader = types.ModuleType("insgnss.formats.eo_json")
+    reader.read_eo_json = lambda path: f"eo of {path.name}"
+    monkeypatch.setitem(sys.modules, "insgnss.formats.eo_json", reader)
+    monkeypatch.setattr(formats, "eo_json", reader, raising=False)
+    table = {name: (lambda eo, path: written.append((eo, path)), f"{name}.txt", f"for {name}") for name in ("metashape", "colmap")}
+    monkeypatch.setattr(formats, "EXPORTS", table, raising=False)
+    return written
+
+
+def test_export_writes_beside_the_master_or_where_asked(exports, tmp_path, capsys):
+    """Oracle: the usual name of the made-up format."""
+    eo = tmp_path / "eo.json"
+    assert main(["export", str(eo), "colmap"]) == 0
+    assert main(["export", str(eo), "metashape", "--out", "m.csv", "--json"]) == 0
+    assert exports == [("eo of eo.json", tmp_path / "colmap.txt"), ("eo of eo.json", Path("m.csv"))]
+    text, document = capsys.readouterr().out.split("\n", 1)
+    assert text == str(tmp_path / "colmap.txt")
+    assert json.loads(document) == {"format": "metashape", "file": "m.csv"}
+
+
+def test_export_of_an_unknown_format_is_wrong_use(exports, capsys):
+    """Oracle: the exit code of the contract and the nearest made-up name."""
+    assert main(["export", "eo.json", "metashap"]) == 2
+    assert capsys.readouterr().err == "insgnss: error: export: format 'metashap' is unknown; did you mean 'metashape'?\n"
+    assert exports == []
+
+
+def test_export_help_lists_the_formats(exports, capsys):
+    """Oracle: the made-up formats."""
+    assert main(["export", "--help"]) == 0
+    assert "  colmap     for colmap\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("argv", "says"),
+    [
+        ([], "required: VERB"),
+        (["proces", "f"], "invalid choice: 'proces'"),
+        (["process"], "required: FLIGHT"),
+        (["process", "f", "--outt", "d"], "unrecognized arguments: --outt"),
+        (["demo", "--minutes", "0"], "'0' is not greater than zero"),
+        (["demo", "--minutes", "nan"], "'nan' is not greater than zero"),
+        (["demo", "--minutes", "two"], "--minutes"),
+        (["demo", "--seed", "1.5"], "--seed"),
+        (["simulate", "d", "--flight", "ign9"], "invalid choice: 'ign9'"),
+    ],
+)
+def test_wrong_use_is_one_line_and_exit_code_2(argv, says, capsys):
+    """Oracle: the exit code of the contract."""
+    assert main(argv) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.startswith("insgnss: error: ")
+    assert error.count("\n") == 1
+    assert "--help" in error
+
+
+def test_wrong_use_with_json_says_so_on_standard_output(capsys):
+    """Oracle: the exit code of the contract."""
+    assert main(["process", "--json"]) == 2
+    assert json.loads(capsys.readouterr().out)["exit_code"] == 2
+
+
+@pytest.mark.parametrize("verb", ["demo", "simulate", "inspect", "process"])
+def test_help_of_a_verb_has_an_example_that_parses(verb, capsys):
+    """Oracle: the parser itself, fed with the printed example; --help after it stops before the verb runs."""
+    assert main([verb, "--help"]) == 0
+    example = capsys.readouterr().out.partition("example:\n")[2].strip().splitlines()[-1].split()
+    assert example[:2] == ["insgnss", verb]
+    assert main([*example[1:], "--help"]) == 0
+
+
+def test_version(capsys):
+    """Oracle: the package's version."""
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"insgnss {insgnss.__version__}\n"
+
+
+def test_progress_renews_one_line_on_a_terminal():
+    """Oracle: the control sequences of a terminal, return and erase to the end of the line."""
+
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    terminal, lines = Terminal(), io.StringIO()
+    progress = Progress(terminal, lines)
+    progress("reading")
+    progress("smoothing")
+    progress.clear()
+    assert "\n" not in terminal.getvalue()
+    parts = terminal.getvalue().split("\r\x1b[K")
+    assert [part.partition("] ")[2] for part in parts] == ["", "reading", "smoothing", ""]
+    assert lines.getvalue() == ""
+
+
+def _python(*args, **options):
+    return subprocess.run([sys.executable, *args], capture_output=True, text=True, timeout=60, check=False, **options)
+
+
+def test_help_imports_nothing_heavy():
+    """Oracle: sys.modules of a fresh interpreter."""
+    code = f"import sys; from insgnss.cli import main; main(['--help']); print([m for m in {HEAVY} if m in sys.modules])"
+    run = _python("-c", code)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.splitlines()[-1] == "[]"
+
+
+def test_the_module_runs_and_returns_the_exit_code():
+    """Oracle: the exit code of the contract, seen by the operating system."""
+    run = _python("-m", "insgnss", "nonsense")
+    assert (run.returncode, run.stderr.count("\n")) == (2, 1)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX pipes")
+def test_a_reader_that_leaves_early_is_no_error():
+    """Oracle: a pipe whose reading end is closed before the program writes."""
+    read, write = os.pipe()
+    os.close(read)
+    run = subprocess.run([sys.executable, "-m", "insgnss", "--help"], stdout=write, stderr=subprocess.PIPE, timeout=60, check=False)
+    os.close(write)
+    assert (run.returncode, run.stderr) == (0, b"")
