@@ -1,0 +1,150 @@
+"""Coarse attitude from GNSS motion against integrated inertial motion over one window.
+
+A drone crabs in wind, so its course is not its heading. But the specific force integrated in the axes b0 of the body at the
+window's start, where the gyros alone tell how the body turned since, and the accelerations seen by GNSS are the same vectors in
+two frames. With s(t) the double integral of the specific force in b0, tau the time since the window's start, l_b the lever arm
+and g gravity:
+
+    p_a(t) - g tau^2 / 2 = p_0 + v_0 tau + C [ s(t) + C_b0b(t) l_b ]                                    (A.1)
+
+and, where the receiver gives velocities, the derivative of it. p_0 and v_0 enter linearly: projecting both sides on the complement
+of what they can explain leaves pairs (z_i, a_i) with z_i = C a_i, Wahba's problem, solved by one singular value decomposition
+with no first guess. Its information matrix, with the residuals' own size, is the attitude's
+
+    I = sum w (|C a|^2 - C a a' C')                                                                      (A.2)
+
+to which the unknown gyro bias over the window and the accelerometer bias against the manoeuvre's acceleration are added.
+
+Wahba (1965); Markley (1988) for the solution; Wu and Pan (2013) "Velocity/position integration formula" for the idea.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import DataError
+from ..geodesy.earth import normal_gravity
+from ..navigation.filter import Problem
+from ..records import Array
+from ._kernels import relative_motion
+
+WINDOWS_S = (20.0, 60.0)
+CANDIDATES = 6
+GOOD_ENOUGH_RAD = np.radians(2.0)
+HOPELESS_RAD = np.radians(20.0)
+
+
+@dataclass(frozen=True)
+class CoarseAttitude:
+    """Attitude over one window. first, last: its epochs. C_lb (3, 3) and velocity (3,) m/s in l at the last; cov (3, 3) of psi, rad^2.
+
+    misfit : root mean square of the residuals over their sigmas.
+    """
+
+    first: int
+    last: int
+    C_lb: Array
+    velocity: Array
+    cov: Array
+    misfit: float
+
+    @property
+    def heading_sigma(self) -> float:
+        """Standard deviation of the rotation about the vertical, rad."""
+        return float(np.sqrt(self.cov[2, 2]))
+
+
+def coarse_attitude(problem: Problem) -> CoarseAttitude:
+    """The earliest window whose heading is good to two degrees, else the best one.
+
+    Raises DataError where no stretch of the flight turns or accelerates enough to tell the heading.
+    """
+    tried = [solve_window(problem, at) for at in _candidates(problem)]
+    if not tried:
+        raise DataError("fewer than 5 GNSS fixes within any minute: too few to align; check the GNSS file or give [initial] attitude")
+    good = [c for c in tried if c.heading_sigma < GOOD_ENOUGH_RAD]
+    chosen = min(good, key=lambda c: c.first) if good else min(tried, key=lambda c: c.heading_sigma)
+    if not chosen.heading_sigma < HOPELESS_RAD:
+        raise DataError(
+            f"heading not observable: the best stretch of the recording gives it to {np.degrees(chosen.heading_sigma):.0f} deg only (limit "
+            f"{np.degrees(HOPELESS_RAD):.0f}), there is no turn or change of speed in it; include a manoeuvre or give [initial] attitude"
+        )
+    return chosen
+
+
+def _candidates(problem: Problem) -> list[np.ndarray]:
+    """Windows (indices of the epochs with a position) in which GNSS alone shows the largest changes of velocity."""
+    ep = problem.epochs
+    at = np.flatnonzero(ep.has_position)
+    found: list[tuple[float, np.ndarray]] = []
+    for length in WINDOWS_S:
+        begin = ep.time[at[0]] if at.size else 0.0
+        scored = []
+        while at.size and begin < ep.time[at[-1]]:
+            lo, hi = np.searchsorted(ep.time[at], [begin, begin + length + 1e-6])
+            if hi - lo >= 5:
+                scored.append((_unsteadiness(ep.time[at[lo:hi]], ep.position[at[lo:hi]]), at[lo:hi]))
+            begin += 0.5 * length
+        found += sorted(scored, key=lambda s: -s[0])[:CANDIDATES]
+        found += scored[:2]
+    return [window for _, window in found]
+
+
+def _unsteadiness(time: Array, position: Array) -> float:
+    """Root mean square, m, of the horizontal position about uniform motion."""
+    A = np.column_stack([np.ones(time.size), time - time.mean()])
+    horizontal = position[:, :2]
+    rest = horizontal - A @ np.linalg.lstsq(A, horizontal, rcond=None)[0]
+    return float(np.sqrt(np.mean(rest**2)))
+
+
+def solve_window(problem: Problem, at: np.ndarray) -> CoarseAttitude:
+    """Wahba's problem of the window with epochs `at` (A.1, A.2)."""
+    ep, inc = problem.epochs, problem.inc
+    thin = at[:: max(1, at.size // 200)]
+    moved = np.empty((thin.size, 15))
+    relative_motion(inc.dt, inc.dtheta, inc.dvel, ep.stop[thin], moved)
+    tau = ep.time[thin] - ep.time[thin[0]]
+    C_b0b = moved[:, 6:].reshape(-1, 3, 3)
+    g = _gravity(problem, ep.position[thin[thin.size // 2]])
+    weight = 1.0 / np.sqrt(np.trace(ep.position_cov[thin], axis1=1, axis2=2) / 3.0)
+    rows = [np.column_stack([np.ones(tau.size), tau]) * weight[:, None]]
+    left = [(ep.position[thin] - 0.5 * tau[:, None] ** 2 * g) * weight[:, None]]
+    right = [(moved[:, 3:6] + C_b0b @ problem.antenna_lever_b) * weight[:, None]]
+    if ep.has_velocity[thin].all():
+        weight = 1.0 / np.sqrt(np.trace(ep.velocity_cov[thin], axis1=1, axis2=2) / 3.0)
+        rows.append(np.column_stack([np.zeros(tau.size), np.ones(tau.size)]) * weight[:, None])
+        left.append((ep.velocity[thin] - tau[:, None] * g) * weight[:, None])
+        turn = np.cross(ep.rate[thin], problem.antenna_lever_b)
+        right.append((moved[:, :3] + np.einsum("nij,nj->ni", C_b0b, turn)) * weight[:, None])
+    design, z, a = np.vstack(rows), np.vstack(left), np.vstack(right)
+    basis = np.linalg.qr(design)[0]
+    z_rest, a_rest = z - basis @ (basis.T @ z), a - basis @ (basis.T @ a)
+    U, _, Vt = np.linalg.svd(z_rest.T @ a_rest)
+    C = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    seen = a_rest @ C.T
+    misfit = float(np.sqrt(np.mean((z_rest - seen) ** 2)))
+    v0 = np.linalg.lstsq(design, z - a @ C.T, rcond=None)[0][1]
+    velocity = v0 + g * tau[-1] + C @ moved[-1, :3]
+    cov = _attitude_cov(problem, seen, misfit, tau[-1], weight)
+    return CoarseAttitude(int(at[0]), int(thin[-1]), C @ C_b0b[-1], velocity, cov, misfit)
+
+
+def _attitude_cov(problem: Problem, seen: Array, misfit: float, length: float, weight: Array) -> Array:
+    """Covariance of psi at the window's end: noise (A.2), gyro bias over the window, accelerometer bias against the manoeuvre."""
+    information = np.sum(seen**2) * np.eye(3) - seen.T @ seen
+    noise = np.linalg.pinv(information, rcond=1e-12) * max(misfit, 1.0) ** 2
+    M = np.abs(problem.layout.channel_sum())
+    bias = np.sqrt(M @ problem.layout.sigma0**2)
+    gyro, accel = bias[:3].max(), bias[3:].max()
+    tilt = (accel / 9.8) ** 2 + (gyro * length / 2.0) ** 2
+    horizontal = np.sqrt(np.mean(seen[:, :2] ** 2)) / np.median(weight)
+    acceleration = horizontal * 12.0 / length**2
+    heading = (accel / max(acceleration, 1e-9)) ** 2 + (gyro * length / 2.0) ** 2
+    return noise + np.diag([tilt, tilt, heading])
+
+
+def _gravity(problem: Problem, position: Array) -> Array:
+    """Gravity in l at a point, (3,) m/s^2."""
+    lat, _, height = problem.frame.geodetic_from_position(position)
+    return problem.frame.C_ln_at(position) @ np.array([0.0, 0.0, float(normal_gravity(lat, height))])

@@ -1,0 +1,179 @@
+"""Error-state extended Kalman filter over a whole flight.
+
+Measurement of the antenna position and velocity in l with the lever arm l_b from the IMU to the antenna phase centre:
+
+    p_a = p + C_lb l_b                  dp_a = dp - [C_lb l_b x] psi                                     (K.1)
+    v_a = v + C_lb (omega_lb x l_b)     dv_a = dv - [C_lb (omega_lb x l_b) x] psi + C_lb [l_b x] db_g     (K.2)
+
+with omega_lb = gyro - bias - C_bl Omega. Value and derivative leave one kernel together. A fix with covariance R = L L' is
+whitened, z <- L^-1 z, H <- L^-1 H, and its three components are taken one after the other:
+
+    S = h P h' + 1,  k = P h' / S,  m <- m + k (nu - h m),  P <- P - k S k'                              (K.4)
+
+The update is taken as P - g g' with g = k sqrt(S), which keeps P symmetric to the bit; a scalar of unit variance takes away
+h P h' / S < 1 of any direction's variance, and with a-priori to measurement variance ratios below 1e8 double precision keeps it positive. Before the update the whole triple is tested: its normalised innovation squared (NIS)
+must not exceed the quantile of chi-square with three degrees of freedom that belongs to `gate_sigma`; if it does the fix is
+left out, counted and reported. After the update the estimate moves into the nominal (K.5) and m returns to zero.
+
+As long as a component of psi is known to worse than one degree nothing is fed back: the estimate wanders within its wide covariance
+(a heading on the ground, by degrees), and a nominal that followed it would be linearised about the excursion. The nominal stays the
+inertial solution from the aligned start, m carries the estimate, and both are linear enough for each other.
+
+Run about a given nominal (`closed` false) nothing is fed back; m follows m <- Phi m + (f(nominal before) - nominal), which makes
+filter and smoother one Gauss-Newton step of the batch problem (K.6).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import DataError
+from ..geodesy.frames import LocalFrame
+from ..records import Array, GnssFixes, Increments
+from ._kernels import Epochs, Store, run_forward
+from .layout import StateLayout
+from .strapdown import kernel_earth, kernel_segments
+
+BLOCK_S = 0.05  # s, see error_model
+HOLD_RAD = np.radians(1.0)  # psi must be known this well before anything is fed back
+NOTHING, USED, REJECTED = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Everything that one flight's estimation stands on.
+
+    antenna_lever_b (3,) m, IMU to antenna phase centre in body axes.   gate : limit of the NIS of a triple.
+    backward : the increments and fixes run against time (`align.initial`), so the Earth turns the other way.
+    """
+
+    inc: Increments
+    epochs: Epochs
+    frame: LocalFrame
+    layout: StateLayout
+    antenna_lever_b: Array
+    gate: float
+    aiding_interval_s: float
+    backward: bool = False
+
+
+@dataclass(frozen=True)
+class Start:
+    """State at the first epoch: nominal nav (10,) in l and x (ns,); a-priori mean (n,) about it and covariance P (n, n)."""
+
+    nav: Array
+    x: Array
+    mean: Array
+    P: Array
+
+
+def gate_from_sigma(gate_sigma: float) -> float:
+    """NIS limit for a triple whose exceedance is as rare as `gate_sigma` for one normal variable."""
+    from scipy.stats import chi2, norm
+
+    return float(chi2.isf(2.0 * norm.sf(gate_sigma), 3))
+
+
+def make_epochs(inc: Increments, fix_place: np.ndarray, fixes: GnssFixes, event_place: np.ndarray, frame: LocalFrame) -> Epochs:
+    """Epochs at the marks of `inc`; fix_place, event_place: index of the mark of each fix and event."""
+    m = inc.marks.size
+    C_ln = frame.C_ln(fixes.lat, fixes.lon)
+    has = np.zeros(m, dtype=np.bool_)
+    has[fix_place] = True
+    position, cov = np.zeros((m, 3)), np.zeros((m, 3, 3))
+    position[fix_place] = frame.position_from_geodetic(fixes.lat, fixes.lon, fixes.height)
+    cov[fix_place] = C_ln @ fixes.cov_ned @ np.swapaxes(C_ln, -1, -2)
+    has_velocity, velocity, velocity_cov = np.zeros(m, dtype=np.bool_), np.zeros((m, 3)), np.zeros((m, 3, 3))
+    if fixes.velocity_ned is not None and fixes.velocity_cov_ned is not None:
+        has_velocity[fix_place] = True
+        velocity[fix_place] = np.einsum("nij,nj->ni", C_ln, fixes.velocity_ned)
+        velocity_cov[fix_place] = C_ln @ fixes.velocity_cov_ned @ np.swapaxes(C_ln, -1, -2)
+    event = np.full(m, -1, dtype=np.int64)
+    event[event_place] = np.arange(event_place.size)
+    return Epochs(inc.stop, inc.marks - inc.marks[0], has, position, cov, has_velocity, velocity, velocity_cov, inc.rate, event)
+
+
+def make_store(epochs: Epochs, layout: StateLayout) -> Store:
+    """Room for the results of a forward pass; used again by every further pass.
+
+    What the pass fills in any case is left unset: large unset arrays come in huge pages, which costs a tenth of touching zeroed ones.
+    """
+    m, n = epochs.stop.size, layout.size
+    ns = n - 9
+    nz = 6 if epochs.has_velocity.any() else 3
+    events = int(epochs.event.max()) + 1 if m else 0
+    return Store(
+        nav=np.empty((m, 10)),
+        x=np.empty((m, ns)),
+        m=np.empty((m, n)),
+        P=np.empty((m, n, n)),
+        sigma=np.empty((m, n)),
+        F=np.empty((m, 9, n)),
+        D=np.empty((m, ns)),
+        H=np.empty((m, nz, n)),
+        K=np.empty((m, nz, n)),
+        S=np.zeros((m, nz)),
+        y=np.zeros((m, nz)),
+        innovation=np.full((m, nz), np.nan),
+        innovation_sigma=np.full((m, nz), np.nan),
+        nis=np.full((m, 2), np.nan),
+        verdict=np.zeros((m, 2), dtype=np.int64),
+        cross=np.empty((events, 9, n)),
+    )
+
+
+def run_filter(problem: Problem, start: Start, store: Store, closed: bool = True) -> None:
+    """Forward pass into `store`. With `closed` false the nominal that `store` holds stays and is linearised about.
+
+    Raises DataError where the fixes are rejected for so long that the solution no longer follows them.
+    """
+    imu = problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s)
+    nav0, x0, m0 = start.nav.copy(), start.x.copy(), start.mean.copy()
+    if not closed:
+        m0 = _difference(start, store)
+    run_forward(
+        kernel_segments(problem.inc),
+        problem.epochs,
+        imu,
+        kernel_earth(problem.frame, problem.backward),
+        np.ascontiguousarray(problem.antenna_lever_b, dtype=np.float64),
+        nav0,
+        x0,
+        m0,
+        np.ascontiguousarray(start.P),
+        closed,
+        problem.gate,
+        HOLD_RAD,
+        store,
+    )
+    _refuse_divergence(problem, store)
+
+
+def _difference(start: Start, store: Store) -> Array:
+    """A-priori mean about the nominal of the first epoch."""
+    from ._kernels import state_difference
+
+    out = np.zeros(store.m.shape[1])
+    state_difference(start.nav, start.x, store.nav[0], store.x[0], out)
+    return out + start.mean
+
+
+def _refuse_divergence(problem: Problem, store: Store) -> None:
+    """Refuse a run in which the fixes of ten seconds in a row, and at least ten of them, were rejected, or numbers broke."""
+    t0 = problem.inc.marks[0]
+    if not np.isfinite(store.sigma[-1]).all() or not np.isfinite(store.nav[-1]).all():
+        bad = int(np.argmax(~(np.isfinite(store.sigma).all(axis=1) & np.isfinite(store.nav).all(axis=1))))
+        raise DataError(
+            f"the filter diverged at {t0 + problem.epochs.time[bad]:.3f} s; check axes, units and lever arm with `insgnss inspect`"
+        )
+    at = np.flatnonzero(store.verdict[:, 0] != NOTHING)
+    rejected = store.verdict[at, 0] == REJECTED
+    run = 0
+    for k, bad in zip(at, rejected, strict=True):
+        run = run + 1 if bad else 0
+        first = problem.epochs.time[k] - (run - 1) * problem.aiding_interval_s
+        if run >= 10 and problem.epochs.time[k] - first >= 10.0:
+            raise DataError(
+                f"{run} GNSS fixes in a row rejected from {t0 + first:.1f} s on (NIS {store.nis[k, 0]:.0f}, limit {problem.gate:.0f}): inertial and GNSS "
+                "data contradict each other; check axes, units, time scales, sigmas and the noise model with `insgnss inspect`"
+            )

@@ -1,0 +1,66 @@
+"""One clock for all sensors: seconds of one GPS week, and the span in which IMU and GNSS both are there."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import InputError
+from ..records import CameraEvents, GnssFixes, ImuSamples
+
+WEEK_S = 604800.0
+
+
+def common_clock(imu: ImuSamples, gnss: GnssFixes, events: CameraEvents | None, gps_week: int | None) -> tuple[ImuSamples, GnssFixes, CameraEvents | None, int]:
+    """The records with their times in seconds of one week, and that week.
+
+    The week is `gps_week`, else the first one that a record knows; a record without a week is taken to be of it.
+    Raises InputError where no record knows the week and none is given.
+    """
+    known = [r.gps_week for r in (imu, gnss, events) if r is not None and r.gps_week is not None]
+    week = gps_week if gps_week is not None else (known[0] if known else None)
+    if week is None:
+        raise InputError(f"{imu.source}: no file says the GPS week; give gps_week in the flight file")
+    return _in_week(imu, week), _in_week(gnss, week), None if events is None else _in_week(events, week), week
+
+
+def _in_week(record, week: int):  # type: ignore[no-untyped-def]
+    if record.gps_week in (None, week):
+        return replace(record, gps_week=week)
+    return replace(record, time=record.time + (record.gps_week - week) * WEEK_S, gps_week=week)
+
+
+def common_span(imu: ImuSamples, gnss: GnssFixes, start: float | None, end: float | None) -> tuple[float, float]:
+    """First fix within the IMU recording, and the end of the recording, both cut to [start, end].
+
+    Raises InputError where IMU and GNSS do not overlap by ten seconds.
+    """
+    lo = max(imu.time[0], -np.inf if start is None else start)
+    hi = min(imu.time[-1], np.inf if end is None else end)
+    inside = gnss.time[(gnss.time >= lo) & (gnss.time <= hi)]
+    if inside.size < 2 or inside[-1] - inside[0] < 10.0:
+        raise InputError(
+            f"{gnss.source}: fixes from {gnss.time[0]:.1f} to {gnss.time[-1]:.1f} s, {imu.source}: samples from {imu.time[0]:.1f} to "
+            f"{imu.time[-1]:.1f} s of week {imu.gps_week}: less than 10 s in common; check gps_week, the day, start_tow and end_tow, UTC against GPS time, and seconds against milliseconds"
+        )
+    return float(inside[0]), float(hi)
+
+
+def cut_fixes(gnss: GnssFixes, lo: float, hi: float) -> GnssFixes:
+    """The fixes within [lo, hi]."""
+    keep = (gnss.time >= lo) & (gnss.time <= hi)
+    optional = {
+        name: None if getattr(gnss, name) is None else getattr(gnss, name)[keep] for name in ("velocity_ned", "velocity_cov_ned", "quality")
+    }
+    cut = {name: getattr(gnss, name)[keep] for name in ("time", "lat", "lon", "height", "cov_ned")}
+    return replace(gnss, **cut, **optional)
+
+
+def refuse_outside(events: CameraEvents, lo: float, hi: float) -> None:
+    """Raise InputError where an exposure lies outside [lo, hi]."""
+    outside = np.flatnonzero((events.time < lo) | (events.time > hi))
+    if outside.size:
+        k = int(outside[0])
+        raise InputError(
+            f"{events.source}: image {events.images[k]} at {events.time[k]:.3f} s is outside the flight, {lo:.3f} to {hi:.3f} s where IMU and GNSS "
+            f"overlap ({outside.size} of {len(events.images)} images); check the time scale of the events or remove these lines"
+        )

@@ -1,0 +1,249 @@
+"""What the data themselves say about units, axes and clocks, against what the flight file says.
+
+All checks run on means over tenths of a second. The course rate of GNSS is compared with the rate of turn about the vertical that
+the gyros see, omega . d with d = -f/|f| smoothed over two seconds: in a coordinated turn with bank phi that is the course rate times
+cos(phi), whatever the axes. Their regression gives the gyro unit, their sign tells a mirrored frame (z up, latitude and longitude
+exchanged), the lag of their largest correlation a clock error.
+"""
+
+import numpy as np
+
+from ..geodesy.earth import curvature_radii
+from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
+from .increments import find_gaps, nominal_interval
+
+STEP_S = 0.1
+SMOOTH_S = 2.0
+MAX_LAG_S = 30.0
+STILL_S = 5.0
+FAR_M = 50e3
+FAST_MS = 8.0
+
+
+def check_recording(imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes, events: CameraEvents | None, origin: Array | None) -> list[Check]:
+    """All checks that need no navigation solution. origin : (3,) rad, rad, m of the tangent plane, or None."""
+    dt = nominal_interval(imu.time)
+    checks = [_imu_rate(imu, dt), *_silent(imu, dt)]
+    time, rate, force = _thinned(imu, C_b_imu, dt)
+    checks += [_force_norm(force, imu, dt), _down_axis(force)]
+    checks += [_gnss_rate(gnss), _gnss_speed(gnss)]
+    if origin is not None:
+        checks.append(_origin_distance(gnss, origin))
+    checks += _turn_rate(time, rate, force, gnss)
+    if events is not None:
+        checks.append(_events(events))
+    return checks
+
+
+def check_heading(heading: Array, velocity_ned: Array) -> Check:
+    """Smoothed heading against the course over ground while fast: (n,) rad and (n, 3) m/s."""
+    name, expected = "heading against course", "median within 60 deg (a drone crabs in wind)"
+    speed = np.hypot(velocity_ned[:, 0], velocity_ned[:, 1])
+    fast = speed > FAST_MS
+    if fast.sum() < 50:
+        return Check(name, f"never faster than {FAST_MS:.0f} m/s", expected)
+    off = heading[fast] - np.arctan2(velocity_ned[fast, 1], velocity_ned[fast, 0])
+    off = np.degrees(np.arctan2(np.sin(off), np.cos(off)))
+    median = float(np.degrees(np.angle(np.mean(np.exp(1j * np.radians(off))))))
+    scatter = float(np.median(np.abs((off - median + 180.0) % 360.0 - 180.0)))
+    found = f"median {median:.1f} deg, half of it within {scatter:.1f} deg"
+    if abs(median) > 60.0 and scatter < 30.0:
+        quarter = round(median / 90.0) * 90
+        return Check(name, found, expected, "contradiction", f"imu.axes looks turned by about {quarter} deg about the vertical")
+    return Check(name, found, expected, "note" if abs(median) > 30.0 else "ok")
+
+
+def _imu_rate(imu: ImuSamples, dt: float) -> Check:
+    gaps = find_gaps(imu.time, dt)
+    longest = max((g[1] for g in gaps), default=0.0)
+    found = f"{1.0 / dt:.2f} Hz, {imu.time[-1] - imu.time[0]:.1f} s, {imu.time.size} samples, {len(gaps)} gaps"
+    if gaps:
+        found += f", longest {longest:.3f} s"
+    return Check("IMU rate", found, "no interval over 1.5 nominal ones", "note" if gaps else "ok")
+
+
+def _silent(imu: ImuSamples, dt: float) -> list[Check]:
+    """Channels that repeat one value for longer than `STILL_S`."""
+    names = [f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"]
+    limit = max(int(STILL_S / dt), 10)
+    worst = []
+    for name, column in zip(names, [*imu.gyro.T, *imu.accel.T], strict=True):
+        change = np.flatnonzero(np.diff(column) != 0.0)
+        edges = np.concatenate([[-1], change, [column.size - 1]])
+        run = np.diff(edges)
+        k = int(np.argmax(run))
+        if run[k] > limit:
+            worst.append(f"{name} stays at {column[edges[k] + 1]:.6g} for {run[k] * dt:.1f} s from {imu.time[edges[k] + 1]:.2f} s on")
+    expected = f"no channel constant for over {STILL_S:.0f} s"
+    if worst:
+        return [Check("silent sensor", "; ".join(worst), expected, "contradiction", "a sensor is dead or a column is wrong; check imu.columns")]
+    return [Check("silent sensor", "every channel alive", expected)]
+
+
+def _thinned(imu: ImuSamples, C_b_imu: Array, dt: float) -> tuple[Array, Array, Array]:
+    """Time (k,), mean rate (k, 3) and mean specific force (k, 3) in body axes over `STEP_S`."""
+    k = max(1, round(STEP_S / dt))
+    n = imu.time.size // k
+    scale = 1.0 / dt if imu.quantity == "increments" else 1.0
+    gyro = imu.gyro[: n * k].reshape(n, k, 3).mean(axis=1) * scale
+    accel = imu.accel[: n * k].reshape(n, k, 3).mean(axis=1) * scale
+    return imu.time[: n * k].reshape(n, k).mean(axis=1), gyro @ C_b_imu.T, accel @ C_b_imu.T
+
+
+def _force_norm(force: Array, imu: ImuSamples, dt: float) -> Check:
+    name, expected = "specific force", "median norm 8.8 to 11.0 m/s^2"
+    norm = float(np.median(np.linalg.norm(force, axis=1)))
+    found = f"median norm {norm:.4g} m/s^2"
+    if 8.8 <= norm <= 11.0:
+        return Check(name, found, expected)
+    ratio = norm / 9.81
+    guesses = [
+        (1.0 / 9.81, 'imu.units accel = "g"'),
+        (9.81, 'imu.units accel = "m/s^2" (the values are not in g)'),
+        (9.81e-3, 'imu.units accel = "m/s^2" (the values are not in mg)'),
+        (1000.0 / 9.81, 'imu.units accel = "mg"'),
+        (dt, 'imu.quantity = "increments"'),
+        (1.0 / dt, 'imu.quantity = "mean_rate"'),
+    ]
+    close = [advice for factor, advice in guesses if 0.85 < ratio / factor < 1.15]
+    advice = f"the values look like {close[0]}" if close else "check imu.columns, imu.units and imu.quantity"
+    return Check(name, found, expected, "contradiction", advice)
+
+
+def _down_axis(force: Array) -> Check:
+    name, expected = "axes, vertical", "specific force points up, along body -z, within 60 deg in the median"
+    up = np.median(force, axis=0)
+    norm = np.linalg.norm(up)
+    if norm == 0.0:
+        return Check(name, "no specific force", expected, "contradiction", "check imu.columns")
+    angle = float(np.degrees(np.arccos(np.clip(-up[2] / norm, -1.0, 1.0))))
+    direction = ("forward", "right", "down")[int(np.argmax(np.abs(up)))]
+    sign = "-" if up[int(np.argmax(np.abs(up)))] < 0 else "+"
+    found = f"median ({up[0]:.2f}, {up[1]:.2f}, {up[2]:.2f}) m/s^2 in body axes, {angle:.0f} deg off -z"
+    if angle > 60.0:
+        return Check(name, found, expected, "contradiction", f"imu.axes calls {sign}{direction} what the accelerometers say is up; correct imu.axes")
+    return Check(name, found, expected, "note" if angle > 30.0 else "ok")
+
+
+def _gnss_rate(gnss: GnssFixes) -> Check:
+    step = np.diff(gnss.time)
+    nominal = float(np.median(step)) if step.size else np.nan
+    gaps = step > 1.5 * nominal
+    found = f"{1.0 / nominal:.2f} Hz, {gnss.time.size} fixes, {int(gaps.sum())} gaps"
+    if gaps.any():
+        found += f", longest {step.max():.1f} s"
+    return Check("GNSS rate", found, "no interval over 1.5 nominal ones", "note" if gaps.any() else "ok")
+
+
+def _north_east(gnss: GnssFixes) -> Array:
+    M, N = curvature_radii(gnss.lat[0])
+    return np.column_stack([(gnss.lat - gnss.lat[0]) * M, (gnss.lon - gnss.lon[0]) * N * np.cos(gnss.lat[0])])
+
+
+def _gnss_speed(gnss: GnssFixes) -> Check:
+    name, expected = "GNSS speed", "below 100 m/s"
+    step = np.maximum(np.diff(gnss.time), 1e-3)
+    noise = np.sqrt(np.trace(gnss.cov_ned, axis1=1, axis2=2))
+    distance = np.linalg.norm(np.diff(_north_east(gnss), axis=0), axis=1)
+    speed = np.maximum(distance - 5.0 * (noise[1:] + noise[:-1]), 0.0) / step
+    typical = float(np.median(speed)) if speed.size else 0.0
+    fast = int((speed > 100.0).sum())
+    found = f"median {np.median(distance / step):.1f} m/s, {fast} steps over 100 m/s"
+    if typical > 100.0:
+        return Check(name, found, expected, "contradiction", "check the columns, angle units and time unit of the GNSS file")
+    return Check(name, found, expected, "note" if fast else "ok")
+
+
+def _origin_distance(gnss: GnssFixes, origin: Array) -> Check:
+    name, expected = "tangent plane origin", f"within {FAR_M / 1e3:.0f} km of the flight"
+    M, N = curvature_radii(origin[0])
+    north, east = (gnss.lat[0] - origin[0]) * M, (gnss.lon[0] - origin[1]) * N * np.cos(origin[0])
+    distance = float(np.hypot(north, east))
+    found = f"first fix at {np.degrees(gnss.lat[0]):.5f}, {np.degrees(gnss.lon[0]):.5f} deg, {distance / 1e3:.1f} km from the origin"
+    if distance > FAR_M:
+        swapped = np.hypot((gnss.lon[0] - origin[0]) * M, (gnss.lat[0] - origin[1]) * N * np.cos(origin[0])) < FAR_M
+        advice = "latitude and longitude look exchanged; correct gnss.columns" if swapped else "correct tangent_plane.origin or the GNSS columns"
+        return Check(name, found, expected, "contradiction", advice)
+    return Check(name, found, expected)
+
+
+def _events(events: CameraEvents) -> Check:
+    step = np.diff(events.time)
+    found = f"{len(events.images)} images from {events.time[0]:.2f} to {events.time[-1]:.2f} s"
+    if step.size:
+        found += f", shortest interval {step.min():.2f} s"
+    return Check("camera events", found, "in the order of time, within the flight")
+
+
+def _smooth(x: Array, width: int) -> Array:
+    kernel = np.ones(max(width, 1)) / max(width, 1)
+    return np.convolve(x, kernel, mode="same")
+
+
+def _turn_rate(time: Array, rate: Array, force: Array, gnss: GnssFixes) -> list[Check]:
+    """Gyro unit, handedness and clock from the turns."""
+    name, expected = "turn rate, gyro against GNSS course", "ratio 0.5 to 1.5 at no lag"
+    grid = np.arange(max(time[0], gnss.time[0]), min(time[-1], gnss.time[-1]), STEP_S)
+    if grid.size < 200:
+        return [Check(name, "too short to tell", expected, "note")]
+    width = round(max(SMOOTH_S, 4.0 * float(np.median(np.diff(gnss.time)))) / STEP_S)
+    course_rate, moving = _course_rate(gnss, grid, width)
+    down = -np.column_stack([_smooth(force[:, c], width) for c in range(3)])
+    down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
+    gyro = np.interp(grid, time, _smooth(np.sum(rate * down, axis=1), width))
+    if moving.sum() < 100 or np.std(course_rate[moving]) < 0.02:
+        return [Check(name, "no turns at speed to compare", expected, "note")]
+    lag, best, here = _best_lag(gyro, course_rate, moving)
+    ratio = float(np.sum(gyro[moving] * course_rate[moving]) / np.sum(course_rate[moving] ** 2))
+    found = f"ratio {ratio:.3g}, correlation {here:.2f} at no lag, {best:.2f} at {lag:+.1f} s"
+    if abs(best) > 0.6 and abs(lag) > 1.0 and abs(best) > abs(here) + 0.15:
+        hint = "GPS against UTC (18 s)" if 16.0 <= abs(lag) <= 20.0 else "a wrong clock"
+        return [Check(name, found, expected, "contradiction", f"IMU time is {lag:+.1f} s off GNSS time: {hint}; correct imu.time_offset_s or gnss.time_offset_s")]
+    if abs(best) < 0.3:
+        return [Check(name, found, expected, "contradiction", "IMU and GNSS show no common turn: are they of one flight, one day, one clock?")]
+    if here < -0.6:
+        return [
+            Check(name, found, expected, "contradiction", "the gyros turn the other way: imu.axes or gyro sign is wrong, or latitude and longitude are exchanged")
+        ]
+    if here > 0.6 and not 0.4 < ratio < 1.8:
+        return [Check(name, found, expected, "contradiction", _gyro_unit_advice(ratio))]
+    return [Check(name, found, expected, "ok" if here > 0.6 else "note")]
+
+
+def _gyro_unit_advice(ratio: float) -> str:
+    if 25.0 < ratio < 100.0:
+        return 'the gyro values look like imu.units gyro = "deg/s"'
+    if 0.01 < ratio < 0.04:
+        return 'the gyro values look like imu.units gyro = "rad/s"'
+    return "check imu.units gyro and imu.quantity"
+
+
+def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.ndarray]:
+    """Rate of the course on the grid, rad/s, and where the speed allows it."""
+    ne = _north_east(gnss)
+    position = np.column_stack([_smooth(np.interp(grid, gnss.time, ne[:, c]), width) for c in range(2)])
+    velocity = np.gradient(position, grid, axis=0)
+    acceleration = np.gradient(velocity, grid, axis=0)
+    speed2 = np.sum(velocity**2, axis=1)
+    rate = (velocity[:, 0] * acceleration[:, 1] - velocity[:, 1] * acceleration[:, 0]) / np.maximum(speed2, 1e-3)
+    rate = _smooth(rate, width)
+    noise = float(np.median(np.sqrt(gnss.cov_ned[:, 0, 0])))
+    slow = max(1.0, 3.0 * noise / (width * STEP_S))
+    moving = _smooth((speed2 > slow**2).astype(float), 2 * width + 1) > 0.999
+    moving[: 2 * width] = moving[-2 * width :] = False
+    return rate, moving & (np.abs(rate) < 1.5)
+
+
+def _best_lag(gyro: Array, course_rate: Array, moving: np.ndarray) -> tuple[float, float, float]:
+    """Lag (s, positive: gyro late), correlation there and at no lag. Sign: as the correlation of largest size."""
+    most = int(min(MAX_LAG_S / STEP_S, gyro.size // 4))
+    lags = np.arange(-most, most + 1)
+    value = np.zeros(lags.size)
+    for i, k in enumerate(lags):
+        a = gyro[max(k, 0) : gyro.size + min(k, 0)]
+        b = course_rate[max(-k, 0) : gyro.size + min(-k, 0)]
+        use = moving[max(-k, 0) : gyro.size + min(-k, 0)]
+        if use.sum() > 50 and np.std(a[use]) > 0.0:
+            value[i] = np.corrcoef(a[use], b[use])[0, 1]
+    k = int(np.argmax(np.abs(value)))
+    return float(lags[k] * STEP_S), float(value[k]), float(value[most])
