@@ -7,6 +7,7 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     name                        the directory's name    of the data set, in titles and reports
     gps_week                    none                    where files carry only the time of week
     start_tow, end_tow          none                    s; data outside are cut away
+    accept                      []                      names of plausibility checks (`insgnss inspect`) whose contradiction does not stop `process`
     imu.file                    -                       samples
     imu.columns                 by header or order      list of names, or table { canonical = "name in the file" }
     imu.units                   by header, else SI      { gyro = rad/s, deg/s, deg/h; accel = m/s^2, g, mg }; rad, deg; m/s for increments
@@ -173,6 +174,7 @@ class Flight:
     output: Output
     initial: InitialAttitude | None
     filter: FilterOptions = field(default_factory=FilterOptions)
+    accept: tuple[str, ...] = ()
 
     def resolved(self) -> dict[str, Any]:
         """Every value with its default filled in, as plain JSON types; paths are relative to the flight file where they lie below it."""
@@ -213,11 +215,12 @@ def load_flight(path: str | Path) -> Flight:
         output=_output(root.table("output")),
         initial=_initial(initial) if initial else None,
         filter=_filter(root.table("filter")),
+        accept=_accept(root),
     )
 
 
 _KEYS: dict[str, tuple[str, ...]] = {
-    "": ("name", "gps_week", "start_tow", "end_tow", "imu", "gnss", "camera", "mounting", "tangent_plane", "output", "initial", "filter"),
+    "": ("name", "gps_week", "start_tow", "end_tow", "imu", "gnss", "camera", "mounting", "tangent_plane", "output", "initial", "filter", "accept"),
     "imu": tuple(f.name for f in fields(ImuInput)),
     "imu.units": ("gyro", "accel"),
     "gnss": (*(f.name for f in fields(GnssInput)), "rover", "base", "navigation"),
@@ -230,6 +233,13 @@ _KEYS: dict[str, tuple[str, ...]] = {
     "initial": tuple(f.name for f in fields(InitialAttitude)),
     "filter": tuple(f.name for f in fields(FilterOptions)),
 }
+
+
+def _accept(root: "_Table") -> tuple[str, ...]:
+    names = root.data.get("accept", [])
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise root.error("accept", "is no list of check names such as [\"specific force\"]; `insgnss inspect` lists them")
+    return tuple(names)
 
 
 def _gps_week(root: "_Table") -> int | None:

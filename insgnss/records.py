@@ -247,6 +247,7 @@ class Diagnostics:
     nis_limit; used (k,) bool; the same of velocities or None.
     separation_time (s,); separation, separation_sigma (s, 9): backward minus forward, NaN where not determined.
     gaps : (time, length) of bridged IMU gaps.   passes : filter passes.
+    reopened : times at which the filter opened its covariance after a second of rejected fixes.
     """
 
     time: Array
@@ -269,6 +270,7 @@ class Diagnostics:
     separation_sigma: Array
     gaps: tuple[tuple[float, float], ...] = ()
     passes: int = 1
+    reopened: Array | None = None
     velocity_nis: Array | None = None
     velocity_used: NDArray[np.bool_] | None = None
     checks: tuple[Check, ...] = ()

@@ -15,6 +15,9 @@ with no first guess. Its information matrix, with the residuals' own size, is th
 
 to which the unknown gyro bias over the window and the accelerometer bias against the manoeuvre's acceleration are added.
 
+The gyro bias turns b0 away from what the gyros say: the window must be short enough for it. What is left is an attitude good to
+some degrees, from which `initial` estimates the window properly, biases and all.
+
 Wahba (1965); Markley (1988) for the solution; Wu and Pan (2013) "Velocity/position integration formula" for the idea.
 """
 
@@ -22,23 +25,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import DataError
 from ..geodesy.earth import normal_gravity
 from ..navigation.filter import Problem
 from ..records import Array
 from ._kernels import relative_motion
 
-WINDOWS_S = (20.0, 60.0)
-CANDIDATES = 6
-GOOD_ENOUGH_RAD = np.radians(2.0)
-HOPELESS_RAD = np.radians(20.0)
+WINDOWS_S = (10.0, 20.0, 60.0)
+CANDIDATES = 4
 
 
 @dataclass(frozen=True)
 class CoarseAttitude:
-    """Attitude over one window. first, last: its epochs. C_lb (3, 3) and velocity (3,) m/s in l at the last; cov (3, 3) of psi, rad^2.
+    """Attitude at the start of one window. first, last: its epochs. C_lb (3, 3) and velocity (3,) m/s in l at the first.
 
-    misfit : root mean square of the residuals over their sigmas.
+    cov : (3, 3) of psi, rad^2.   misfit : root mean square of the residuals over their sigmas.
     """
 
     first: int
@@ -54,29 +54,17 @@ class CoarseAttitude:
         return float(np.sqrt(self.cov[2, 2]))
 
 
-def coarse_attitude(problem: Problem) -> CoarseAttitude:
-    """The earliest window whose heading is good to two degrees, else the best one.
-
-    Raises DataError where no stretch of the flight turns or accelerates enough to tell the heading.
-    """
+def coarse_attitudes(problem: Problem) -> list[CoarseAttitude]:
+    """Solutions of the most unsteady windows of each length, the most certain first."""
     tried = [solve_window(problem, at) for at in _candidates(problem)]
-    if not tried:
-        raise DataError("fewer than 5 GNSS fixes within any minute: too few to align; check the GNSS file or give [initial] attitude")
-    good = [c for c in tried if c.heading_sigma < GOOD_ENOUGH_RAD]
-    chosen = min(good, key=lambda c: c.first) if good else min(tried, key=lambda c: c.heading_sigma)
-    if not chosen.heading_sigma < HOPELESS_RAD:
-        raise DataError(
-            f"heading not observable: the best stretch of the recording gives it to {np.degrees(chosen.heading_sigma):.0f} deg only (limit "
-            f"{np.degrees(HOPELESS_RAD):.0f}), there is no turn or change of speed in it; include a manoeuvre or give [initial] attitude"
-        )
-    return chosen
+    return sorted(tried, key=lambda c: c.heading_sigma)
 
 
 def _candidates(problem: Problem) -> list[np.ndarray]:
     """Windows (indices of the epochs with a position) in which GNSS alone shows the largest changes of velocity."""
     ep = problem.epochs
     at = np.flatnonzero(ep.has_position)
-    found: list[tuple[float, np.ndarray]] = []
+    found: list[np.ndarray] = []
     for length in WINDOWS_S:
         begin = ep.time[at[0]] if at.size else 0.0
         scored = []
@@ -85,9 +73,10 @@ def _candidates(problem: Problem) -> list[np.ndarray]:
             if hi - lo >= 5:
                 scored.append((_unsteadiness(ep.time[at[lo:hi]], ep.position[at[lo:hi]]), at[lo:hi]))
             begin += 0.5 * length
-        found += sorted(scored, key=lambda s: -s[0])[:CANDIDATES]
-        found += scored[:2]
-    return [window for _, window in found]
+        median = np.median([score for score, _ in scored]) if scored else 0.0
+        early = [window for score, window in scored if score > median][:1]
+        found += [window for _, window in sorted(scored, key=lambda s: -s[0])[:CANDIDATES]] + early
+    return found
 
 
 def _unsteadiness(time: Array, position: Array) -> float:
@@ -125,13 +114,12 @@ def solve_window(problem: Problem, at: np.ndarray) -> CoarseAttitude:
     seen = a_rest @ C.T
     misfit = float(np.sqrt(np.mean((z_rest - seen) ** 2)))
     v0 = np.linalg.lstsq(design, z - a @ C.T, rcond=None)[0][1]
-    velocity = v0 + g * tau[-1] + C @ moved[-1, :3]
     cov = _attitude_cov(problem, seen, misfit, tau[-1], weight)
-    return CoarseAttitude(int(at[0]), int(thin[-1]), C @ C_b0b[-1], velocity, cov, misfit)
+    return CoarseAttitude(int(at[0]), int(at[-1]), C, v0, cov, misfit)
 
 
 def _attitude_cov(problem: Problem, seen: Array, misfit: float, length: float, weight: Array) -> Array:
-    """Covariance of psi at the window's end: noise (A.2), gyro bias over the window, accelerometer bias against the manoeuvre."""
+    """Covariance of psi: noise (A.2), gyro bias over the window, accelerometer bias against the manoeuvre."""
     information = np.sum(seen**2) * np.eye(3) - seen.T @ seen
     noise = np.linalg.pinv(information, rcond=1e-12) * max(misfit, 1.0) ** 2
     M = np.abs(problem.layout.channel_sum())

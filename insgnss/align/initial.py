@@ -1,56 +1,110 @@
 """The state at the first epoch, from which the flight is filtered.
 
-The coarse attitude of a manoeuvre (`coarse`) starts the filter at the end of its window, backwards in time, to the first epoch. There
-it stands with everything that the data up to the manoeuvre say, on the ground too: levelled by the accelerometers, its heading
-carried back from the first turn.
+1. A coarse attitude of a manoeuvre (`coarse`), good to some degrees.
+2. The minute around it is estimated as a small flight of its own by filter and smoother, linearised again until it stands (a batch
+   least-squares solution with all IMU states). Of the candidates the earliest that knows its heading to two degrees is taken.
+3. From the start of that window the filter runs backwards in time to the first epoch, where it stands with everything that the
+   data up to the manoeuvre say: levelled by the accelerometers on the ground, its heading carried back from the first turn.
 
 The motion read backwards in time obeys the same equations with the velocity, the Earth's rotation, the gyro rates and their errors
 of the other sign and the specific force as it is (substitute t -> -t in S.1), and the IMU error processes are reversible, so the
 very same kernels do it.
 
-The result serves only as the point to linearise about. Its covariance is widened (`WIDEN` times in sigma), since the forward
-filter sees the same data again: what remains of the double use is one part in WIDEN^2 of the information.
+The result serves as the point to linearise about. Its attitude covariance is widened (`WIDEN` times in sigma), position and velocity
+start unknown and the IMU states with their a-priori mean and covariance, since the forward filter sees the same data again: what
+remains of the double use is one part in WIDEN^2 of the information on the starting attitude.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..errors import DataError
 from ..geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion, rotation_from_rpy, rotation_from_vector
 from ..navigation.filter import Problem, Start, make_store, run_filter
 from ..navigation.layout import BIAS, DRIFT, PSI, VEL
+from ..navigation.solution import Solution, solve
 from ..records import Array, Increments
-from .coarse import CoarseAttitude, coarse_attitude
+from .coarse import CoarseAttitude, coarse_attitudes
 
 WIDEN = 10.0
 FLOOR_RAD = np.radians([0.5, 0.5, 1.0])  # of the starting tilt and heading
 CEILING_RAD = np.radians([10.0, 10.0, 60.0])
-BACKWARD_FIX_S = 0.5  # spacing of the fixes that the backward run uses
+WINDOW_S = 60.0
+TRIES = 5
+GOOD_RAD = np.radians(2.0)
+HOPELESS_RAD = np.radians(20.0)
+MISFIT_NIS = 30.0  # mean of a triple, expected 3: beyond it the window did not converge to the data
 
 
-def initial_state(problem: Problem) -> tuple[Start, CoarseAttitude]:
-    """Start of the forward filter at the first epoch, and the manoeuvre that gave its attitude.
+@dataclass(frozen=True)
+class Alignment:
+    """Start of the forward filter; time (2,) s, GPST, of the manoeuvre that gave the heading, and its sigma there, rad."""
 
-    Raises DataError where the data do not give a heading.
-    """
-    coarse = coarse_attitude(problem)
-    nav, x, P = _run_back(problem, coarse)
-    att = WIDEN**2 * P[6:9, 6:9] + np.diag(FLOOR_RAD**2)
+    start: Start
+    window: tuple[float, float]
+    heading_sigma: float
+
+
+def initial_state(problem: Problem) -> Alignment:
+    """Align at the first epoch. Raises DataError where the data do not give a heading."""
+    first, solution = _aligned_window(problem)
+    heading_sigma = float(np.sqrt(solution.P[0, 8, 8]))
+    nav, x, P = solution.nav[0], solution.x[0], solution.P[0]
+    if first > 0:
+        nav, x, P = _run_back(problem, first, nav, x, P)
+    att = WIDEN**2 * P[PSI, PSI] + np.diag(FLOOR_RAD**2)
     shrink = np.minimum(1.0, CEILING_RAD / np.sqrt(np.diag(att)))
-    return _start(problem, nav, att * np.outer(shrink, shrink), x), coarse
+    return Alignment(_start(problem, nav, att * np.outer(shrink, shrink), x), (solution.time[0], solution.time[-1]), heading_sigma)
 
 
 def given_attitude(problem: Problem, rpy: Array, sigma: Array) -> Start:
     """Start from roll, pitch, heading (3,) rad at the first epoch with standard deviations (3,) rad."""
-    nav = np.zeros(10)
-    C_ln = problem.frame.C_ln_at(problem.epochs.position[0])
-    C_lb = C_ln @ rotation_from_rpy(rpy)
-    nav[:3] = problem.epochs.position[0] - C_lb @ problem.antenna_lever_b
-    nav[3:6] = _first_velocity(problem)
-    nav[6:] = quaternion_from_rotation(C_lb)
+    C_lb = problem.frame.C_ln_at(problem.epochs.position[0]) @ rotation_from_rpy(rpy)
     # roll and pitch sigmas are about body axes turned by the heading; the larger one serves both
     tilt = float(np.max(np.asarray(sigma)[:2]))
+    nav = _nav(problem, 0, C_lb, _first_velocity(problem))
     return _start(problem, nav, np.diag([tilt**2, tilt**2, float(sigma[2]) ** 2]))
+
+
+def _aligned_window(problem: Problem) -> tuple[int, Solution]:
+    """First epoch and smoothed solution of the earliest window whose heading is known well enough."""
+    found: list[tuple[int, Solution]] = []
+    for coarse in coarse_attitudes(problem)[:TRIES]:
+        last = int(np.searchsorted(problem.epochs.time, problem.epochs.time[coarse.first] + WINDOW_S))
+        window = _window(problem, coarse.first, max(coarse.last, min(last, problem.epochs.time.size - 1)))
+        try:
+            solution = solve(window, _coarse_start(window, coarse), "on")
+        except DataError:
+            continue
+        if np.nanmean(solution.nis[:, 0]) < MISFIT_NIS and np.isfinite(solution.P).all():
+            found.append((coarse.first, solution))
+    if not found:
+        raise DataError(
+            "no initial attitude: in no stretch of the recording do GNSS and inertial motion agree, or it has too few fixes; check axes, units, "
+            "time scales and sigmas with `insgnss inspect`, or give [initial] attitude"
+        )
+    good = [f for f in found if f[1].P[0, 8, 8] < GOOD_RAD**2]
+    chosen = min(good, key=lambda f: f[0]) if good else min(found, key=lambda f: f[1].P[0, 8, 8])
+    sigma = float(np.sqrt(chosen[1].P[0, 8, 8]))
+    if not sigma < HOPELESS_RAD:
+        raise DataError(
+            f"heading not observable: the best stretch of the recording gives it to {np.degrees(sigma):.0f} deg only (limit "
+            f"{np.degrees(HOPELESS_RAD):.0f}), it holds no turn or change of speed; include a manoeuvre or give [initial] attitude"
+        )
+    return chosen
+
+
+def _coarse_start(window: Problem, coarse: CoarseAttitude) -> Start:
+    att = coarse.cov + np.diag(FLOOR_RAD**2)
+    shrink = np.minimum(1.0, np.radians(30.0) / np.sqrt(np.diag(att)))
+    return _start(window, _nav(window, 0, coarse.C_lb, coarse.velocity), att * np.outer(shrink, shrink))
+
+
+def _nav(problem: Problem, epoch: int, C_lb: Array, velocity: Array) -> Array:
+    """State (10,) at an epoch with a fix: the IMU where the antenna's fix puts it."""
+    position = problem.epochs.position[epoch] - C_lb @ problem.antenna_lever_b
+    return np.concatenate([position, velocity, quaternion_from_rotation(C_lb)])
 
 
 def _start(problem: Problem, nav: Array, att: Array, x: Array | None = None) -> Start:
@@ -79,60 +133,58 @@ def _first_velocity(problem: Problem) -> Array:
     return np.linalg.lstsq(A, ep.position[at], rcond=None)[0][1]
 
 
-def _run_back(problem: Problem, coarse: CoarseAttitude) -> tuple[Array, Array, Array]:
-    """Filter from the coarse attitude back to the first epoch: nav (10,), x (ns,) and covariance there, in forward signs."""
-    back = _reversed(problem, coarse.last)
-    nav = np.zeros(10)
-    nav[:3] = problem.epochs.position[coarse.last] - coarse.C_lb @ problem.antenna_lever_b
-    nav[3:6] = -coarse.velocity
-    nav[6:] = quaternion_from_rotation(coarse.C_lb)
-    start = _start(problem, nav, 4.0 * coarse.cov)
-    store = make_store(back.epochs, back.layout)
-    run_filter(back, start, store)
-    end, x, P = store.nav[-1].copy(), store.x[-1].copy(), store.P[-1]
-    if store.m[-1].any():  # still held back
-        x += store.m[-1, 9:]
-        end[:6] += store.m[-1, :6]
-        end[6:] = quaternion_from_rotation(rotation_from_vector(store.m[-1, PSI]) @ rotation_from_quaternion(end[6:]))
-    end[VEL] *= -1.0
-    layout = problem.layout
-    x[(layout.channel < 3) & (layout.factor == BIAS)] *= -1.0
-    x[layout.factor == DRIFT] = 0.0
-    return end, x, P
+def _window(problem: Problem, first: int, last: int) -> Problem:
+    """The epochs first..last of a problem as a problem of their own, without camera events."""
+    at = np.arange(first, last + 1)
+    inc, s0, s1 = problem.inc, problem.epochs.stop[first], problem.epochs.stop[last]
+    part = Increments(
+        inc.dt[s0:s1], inc.dtheta[s0:s1], inc.dvel[s0:s1], inc.marks[at], problem.epochs.stop[at] - s0, inc.rate[at], inc.nominal_s
+    )
+    return _with_epochs(problem, at, part)
 
 
 def _reversed(problem: Problem, last: int) -> Problem:
-    """The problem from epoch `last` back to the first, with time running the other way and the fixes thinned."""
-    ep, inc = problem.epochs, problem.inc
-    wanted = [last]
-    for e in range(last - 1, -1, -1):
-        if ep.has_position[e] and ep.time[wanted[-1]] - ep.time[e] >= BACKWARD_FIX_S:
-            wanted.append(e)
-    if wanted[-1] != 0:
-        wanted.append(0)
-    at = np.array(wanted)
-    total = int(ep.stop[last])
-    segments = Increments(
-        np.ascontiguousarray(inc.dt[:total][::-1]),
-        np.ascontiguousarray(-inc.dtheta[:total][::-1]),
-        np.ascontiguousarray(inc.dvel[:total][::-1]),
+    """The epochs last..0 of a problem, read against time."""
+    at = np.arange(last, -1, -1)
+    inc, end = problem.inc, problem.epochs.stop[last]
+    part = Increments(
+        inc.dt[:end][::-1],
+        -inc.dtheta[:end][::-1],
+        inc.dvel[:end][::-1],
         -inc.marks[at],
-        total - ep.stop[at],
+        end - problem.epochs.stop[at],
         -inc.rate[at],
         inc.nominal_s,
-        inc.gaps,
     )
-    epochs = ep._replace(
-        stop=segments.stop,
-        time=ep.time[last] - ep.time[at],
-        has_position=ep.has_position[at],
-        position=ep.position[at],
-        position_cov=ep.position_cov[at],
-        has_velocity=ep.has_velocity[at],
-        velocity=-ep.velocity[at],
-        velocity_cov=ep.velocity_cov[at],
-        rate=segments.rate,
-        event=np.full(at.size, -1, dtype=np.int64),
-    )
-    return replace(problem, inc=segments, epochs=epochs, backward=True, aiding_interval_s=BACKWARD_FIX_S)
+    back = _with_epochs(problem, at, part)
+    return replace(back, backward=True, epochs=back.epochs._replace(velocity=-back.epochs.velocity))
 
+
+def _with_epochs(problem: Problem, at: np.ndarray, inc: Increments) -> Problem:
+    ep = problem.epochs
+    taken = {name: getattr(ep, name)[at] for name in ep._fields if name not in ("stop", "time", "rate", "event")}
+    event = np.full(at.size, -1, dtype=np.int64)
+    epochs = ep._replace(stop=inc.stop, time=inc.marks - inc.marks[0], rate=inc.rate, event=event, **taken)
+    return replace(problem, inc=inc, epochs=epochs)
+
+
+def _run_back(problem: Problem, first: int, nav: Array, x: Array, P: Array) -> tuple[Array, Array, Array]:
+    """Filter from epoch `first` with state and covariance there back to epoch 0: the same there, in forward signs."""
+    layout = problem.layout
+    sign = np.ones(layout.size)
+    sign[VEL] = -1.0
+    sign[9:][(layout.channel < 3) & (layout.factor == BIAS)] = -1.0
+    back = _reversed(problem, first)
+    nav = nav.copy()
+    nav[VEL] *= -1.0
+    start = Start(nav, x * sign[9:], np.zeros(layout.size), P * np.outer(sign, sign))
+    store = make_store(back.epochs, layout)
+    run_filter(back, start, store)
+    m = store.m[-1]  # not zero where the filter still held the feedback back
+    nav = store.nav[-1].copy()
+    nav[:6] += m[:6]
+    nav[6:] = quaternion_from_rotation(rotation_from_vector(m[PSI]) @ rotation_from_quaternion(nav[6:]))
+    nav[VEL] *= -1.0
+    x = (store.x[-1] + m[9:]) * sign[9:]
+    x[layout.factor == DRIFT] = 0.0
+    return nav, x, store.P[-1] * np.outer(sign, sign)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from ..geodesy.earth import gravity_ecef
+from ..geodesy._kernels import gravity_ecef, quat_to_matrix
 
 
 class Segments(NamedTuple):
@@ -71,19 +71,6 @@ def make_work(ns):
         np.zeros((9, 9)),
         np.zeros(9),
     )
-
-
-@njit(cache=True)
-def quat_to_matrix(w, x, y, z, C):
-    C[0, 0] = 1.0 - 2.0 * (y * y + z * z)
-    C[0, 1] = 2.0 * (x * y - w * z)
-    C[0, 2] = 2.0 * (x * z + w * y)
-    C[1, 0] = 2.0 * (x * y + w * z)
-    C[1, 1] = 1.0 - 2.0 * (x * x + z * z)
-    C[1, 2] = 2.0 * (y * z - w * x)
-    C[2, 0] = 2.0 * (x * z - w * y)
-    C[2, 1] = 2.0 * (y * z + w * x)
-    C[2, 2] = 1.0 - 2.0 * (x * x + y * y)
 
 
 @njit(cache=True)
@@ -552,7 +539,7 @@ def forward_solve3(L, A):
 @njit(cache=True)
 def position_rows(nav, lever, z, C, H, nu):
     """(K.1): innovation of the antenna position and its derivative. H (3, n), nu (3, 1)."""
-    quat_to_matrix(nav[6], nav[7], nav[8], nav[9], C)
+    quat_to_matrix(nav[6:], C)
     H[:] = 0.0
     a0 = C[0, 0] * lever[0] + C[0, 1] * lever[1] + C[0, 2] * lever[2]
     a1 = C[1, 0] * lever[0] + C[1, 1] * lever[1] + C[1, 2] * lever[2]
@@ -574,7 +561,7 @@ def minus_skew(H, column, a0, a1, a2):
 @njit(cache=True)
 def velocity_rows(nav, x, elapsed, lever, rate, z, imu, earth, C, H, nu):
     """(K.2): innovation of the antenna velocity; `rate` (3,) is the measured gyro rate at the instant."""
-    quat_to_matrix(nav[6], nav[7], nav[8], nav[9], C)
+    quat_to_matrix(nav[6:], C)
     H[:] = 0.0
     o = earth.rate_l
     w0 = rate[0] - (C[0, 0] * o[0] + C[1, 0] * o[1] + C[2, 0] * o[2])
@@ -646,6 +633,19 @@ def innovation_test(P, H, nu, m, R, used, S, L, out):
         out[1, r] = np.sqrt(S[r, r])
     t = y0 * y0 + y1 * y1 + y2 * y2
     return t
+
+
+@njit(cache=True)
+def reopen(P, out, lost_s):
+    """(K.7): add the size of the innovation out[0] to position, what it makes over the lost time to velocity and tilt."""
+    for i in range(3):
+        d = out[0, i]
+        P[i, i] += d * d
+        P[3 + i, 3 + i] += (d / lost_s) ** 2
+    d = (out[0, 0] ** 2 + out[0, 1] ** 2) / (4.9 * lost_s * lost_s) ** 2
+    d = min(d, 3e-4)
+    for i in range(6, 9):
+        P[i, i] += d
 
 
 @njit(cache=True)
@@ -747,16 +747,17 @@ class Store(NamedTuple):
     innovation: np.ndarray  # (m, nz) of the triples as measured (position, velocity), before the update
     innovation_sigma: np.ndarray  # (m, nz)
     nis: np.ndarray  # (m, 2) normalised innovation squared of position and velocity, NaN where there was none
-    verdict: np.ndarray  # (m, 2) 0 nothing measured, 1 used, 2 rejected
+    verdict: np.ndarray  # (m, 2) 0 nothing measured, 1 used, 2 rejected, 3 used after a reopening (K.7)
     cross: np.ndarray  # (events, 9, n) of the previous event's navigation error with this event's full error, post
 
 
 @njit(cache=True)
-def run_forward(seg, ep, imu, earth, lever, nav0, x0, m0, P0, closed, gate, hold, store):
+def run_forward(seg, ep, imu, earth, lever, nav0, x0, m0, P0, closed, gate, hold, reset, store):
     """Extended Kalman filter over the whole flight (K.1-K.6).
 
     closed: the error estimate is fed back after every update once psi is known better than `hold` (rad), and the nominal is what
     the strapdown makes of it.
+    reset: seconds of rejected fixes after which position, velocity and psi are opened again (K.7).
     Otherwise the nominal at every epoch is the one already in `store` (re-linearisation about an earlier result).
     """
     count = ep.stop.size
@@ -773,6 +774,7 @@ def run_forward(seg, ep, imu, earth, lever, nav0, x0, m0, P0, closed, gate, hold
     cross = np.zeros((9, n))
     follow = False
     fed = False
+    lost = -1
     nav = nav0.copy()
     x = x0.copy()
     C = np.zeros((3, 3))
@@ -841,8 +843,18 @@ def run_forward(seg, ep, imu, earth, lever, nav0, x0, m0, P0, closed, gate, hold
                 store.innovation_sigma[e, b + i] = out[1, i]
             if nis > gate:
                 store.verdict[e, kind] = 2
-                continue
-            store.verdict[e, kind] = 1
+                if kind == 1:
+                    continue
+                if lost < 0:
+                    lost = e
+                if ep.time[e] - ep.time[lost] < reset or nis == np.inf:
+                    continue
+                reopen(P, out, reset)
+                store.verdict[e, kind] = 3
+            else:
+                store.verdict[e, kind] = 1
+            if kind == 0:
+                lost = -1
             cholesky3(R, L)
             forward_solve3(L, H)
             forward_solve3(L, nu)
@@ -989,3 +1001,22 @@ def run_strapdown(seg, stops, nav0, bias, earth, out):
             strapdown_block(seg, a, b, B, nav, earth, b2, scale, False, sums)
             a = b
         out[k] = nav
+
+
+@njit(cache=True)
+def run_between(seg, stop, nav, bias, earth, out):
+    """From every epoch's state (m, 10) with its channel bias (m, 6) segment by segment to the next; out (stop[-1] - stop[0], 10).
+
+    The last row of each interval is the state carried to the next epoch, not that epoch's own.
+    """
+    state = np.zeros(10)
+    sums = np.zeros((5, 3))
+    b2 = np.zeros((2, 6))
+    scale = np.zeros((6, 6))
+    for e in range(stop.size - 1):
+        state[:] = nav[e]
+        b2[0] = bias[e]
+        b2[1] = bias[e]
+        for i in range(stop[e], stop[e + 1]):
+            strapdown_block(seg, i, i + 1, seg.dt[i], state, earth, b2, scale, False, sums)
+            out[i - stop[0]] = state

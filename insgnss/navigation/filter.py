@@ -19,6 +19,11 @@ As long as a component of psi is known to worse than one degree nothing is fed b
 (a heading on the ground, by degrees), and a nominal that followed it would be linearised about the excursion. The nominal stays the
 inertial solution from the aligned start, m carries the estimate, and both are linear enough for each other.
 
+When every fix of a second has been rejected, the filter rather than the fixes may be wrong (a wrong ambiguity that lasted for seconds and
+let go again). The covariance is opened by the size of the innovation, d^2 for position, (d / 1 s)^2 for velocity, the tilt that makes
+d in that time (at most a degree) for psi, and the fix is used (K.7). For the smoother this is process noise like any other. It is
+counted and reported, and more than three such reopenings and one a minute are taken as contradiction of the data.
+
 Run about a given nominal (`closed` false) nothing is fed back; m follows m <- Phi m + (f(nominal before) - nominal), which makes
 filter and smoother one Gauss-Newton step of the batch problem (K.6).
 """
@@ -36,7 +41,8 @@ from .strapdown import kernel_earth, kernel_segments
 
 BLOCK_S = 0.05  # s, see error_model
 HOLD_RAD = np.radians(1.0)  # psi must be known this well before anything is fed back
-NOTHING, USED, REJECTED = 0, 1, 2
+RESET_S = 1.0  # of rejected fixes in a row, after which they are believed again
+NOTHING, USED, REJECTED, REOPENED = 0, 1, 2, 3
 
 
 @dataclass(frozen=True)
@@ -125,7 +131,7 @@ def make_store(epochs: Epochs, layout: StateLayout) -> Store:
 def run_filter(problem: Problem, start: Start, store: Store, closed: bool = True) -> None:
     """Forward pass into `store`. With `closed` false the nominal that `store` holds stays and is linearised about.
 
-    Raises DataError where the fixes are rejected for so long that the solution no longer follows them.
+    Raises DataError where the solution does not follow the fixes.
     """
     imu = problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s)
     nav0, x0, m0 = start.nav.copy(), start.x.copy(), start.mean.copy()
@@ -144,6 +150,7 @@ def run_filter(problem: Problem, start: Start, store: Store, closed: bool = True
         closed,
         problem.gate,
         HOLD_RAD,
+        RESET_S,
         store,
     )
     _refuse_divergence(problem, store)
@@ -159,21 +166,21 @@ def _difference(start: Start, store: Store) -> Array:
 
 
 def _refuse_divergence(problem: Problem, store: Store) -> None:
-    """Refuse a run in which the fixes of ten seconds in a row, and at least ten of them, were rejected, or numbers broke."""
+    """Refuse a run in which most fixes were rejected or the filter had to be reopened again and again, or numbers broke."""
     t0 = problem.inc.marks[0]
     if not np.isfinite(store.sigma[-1]).all() or not np.isfinite(store.nav[-1]).all():
         bad = int(np.argmax(~(np.isfinite(store.sigma).all(axis=1) & np.isfinite(store.nav).all(axis=1))))
         raise DataError(
             f"the filter diverged at {t0 + problem.epochs.time[bad]:.3f} s; check axes, units and lever arm with `insgnss inspect`"
         )
-    at = np.flatnonzero(store.verdict[:, 0] != NOTHING)
-    rejected = store.verdict[at, 0] == REJECTED
-    run = 0
-    for k, bad in zip(at, rejected, strict=True):
-        run = run + 1 if bad else 0
-        first = problem.epochs.time[k] - (run - 1) * problem.aiding_interval_s
-        if run >= 10 and problem.epochs.time[k] - first >= 10.0:
-            raise DataError(
-                f"{run} GNSS fixes in a row rejected from {t0 + first:.1f} s on (NIS {store.nis[k, 0]:.0f}, limit {problem.gate:.0f}): inertial and GNSS "
-                "data contradict each other; check axes, units, time scales, sigmas and the noise model with `insgnss inspect`"
-            )
+    fixes = np.count_nonzero(store.verdict[:, 0] != NOTHING)
+    rejected = np.count_nonzero(store.verdict[:, 0] == REJECTED)
+    reopened = np.flatnonzero(store.verdict[:, 0] == REOPENED)
+    minutes = problem.epochs.time[-1] / 60.0
+    if reopened.size > 3 + minutes or rejected > 0.5 * fixes:
+        at = reopened[0] if reopened.size else int(np.argmax(store.verdict[:, 0] == REJECTED))
+        raise DataError(
+            f"{rejected} of {fixes} GNSS fixes rejected, from {t0 + problem.epochs.time[at]:.1f} s on (NIS {store.nis[at, 0]:.0f}, limit {problem.gate:.0f}), "
+            f"filter reopened {reopened.size} times: inertial and GNSS data contradict each other; check axes, units, time scales, sigmas, lever arm and noise model "
+            "with `insgnss inspect`"
+        )

@@ -60,11 +60,11 @@ class Solution:
         at = np.flatnonzero(self.problem.epochs.event >= 0)
         return at[np.argsort(self.problem.epochs.event[at])]
 
-    def channel_bias(self) -> tuple[Array, Array]:
-        """Smoothed bias of the six channels, (m, 6) rad/s and m/s^2 in body axes, and its standard deviation."""
+    def channel_bias(self, at: np.ndarray) -> tuple[Array, Array]:
+        """Smoothed bias of the six channels at epochs `at` (k,), (k, 6) rad/s and m/s^2 in body axes, and its standard deviation."""
         M = self.problem.layout.channel_sum()
-        spread = np.einsum("cs,mst,ct->mc", M, self.P[:, 9:, 9:], M, optimize=True)
-        return self.x @ M.T, np.sqrt(np.maximum(spread, 0.0))
+        spread = np.einsum("cs,mst,ct->mc", M, self.P[:, 9:, 9:][at], M, optimize=True)
+        return self.x[at] @ M.T, np.sqrt(np.maximum(spread, 0.0))
 
 
 def solve(problem: Problem, start: Start, second_pass: Literal["auto", "on", "off"] = "auto", progress: Callable[[str], None] = lambda _: None) -> Solution:
@@ -144,7 +144,7 @@ def trajectory(solution: Solution, at: np.ndarray, gps_week: int, events: bool =
     lat, lon, height = frame.geodetic_from_position(nav[:, POS])
     C_nl = np.swapaxes(frame.C_ln(lat, lon), -1, -2)
     C_lb = rotation_from_quaternion(nav[:, 6:])
-    cov = rotate_blocks(C_nl, solution.P[at][:, NAV, NAV], C_nl)
+    cov = rotate_blocks(C_nl, solution.P[:, NAV, NAV][at], C_nl)
     cross = rotate_blocks(C_nl[:-1], solution.event_cross[1:], C_nl[1:]) if events else None
     velocity = np.einsum("nij,nj->ni", C_nl, nav[:, VEL])
     rate = _body_rate(solution, at, C_lb)

@@ -1,0 +1,452 @@
+"""The one place that knows the order: read -> prepare -> align -> filter -> smooth -> orient -> export.
+
+`process` runs it for a flight file, `inspect` only the first two steps, `demo` on a flight that it simulates.
+"""
+
+import hashlib
+import os
+import platform
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import __version__
+from .errors import InputError
+from .flight import Flight, load_flight
+from .records import Array, CameraEvents, Check, Diagnostics, ExteriorOrientation, GnssFixes, ImuSamples, Trajectory
+
+Progress = Callable[[str], None]
+
+EPOCH_HZ = 10.0  # outputs at a higher rate are recovered between the epochs
+REPORT_ROWS = 4000
+
+
+def _quiet(_: str) -> None:
+    return None
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What the files of a flight hold, on one clock (seconds of `gps_week`), and what the checks say of it."""
+
+    imu: ImuSamples
+    gnss: GnssFixes
+    events: CameraEvents | None
+    gps_week: int
+    checks: tuple[Check, ...]
+
+
+@dataclass(frozen=True)
+class ProcessResult:
+    """Products of a run. report: what report.json holds. eo: None without camera events."""
+
+    report: dict[str, Any]
+    files: tuple[Path, ...]
+    eo: ExteriorOrientation | None
+    trajectory: Trajectory
+    diagnostics: Diagnostics
+
+    def summary(self) -> str:
+        """A few lines for the terminal."""
+        return "\n".join([*self.report["verdict"], *(f"wrote {file}" for file in self.files)])
+
+
+@dataclass(frozen=True)
+class InspectResult:
+    """Checks of a recording."""
+
+    name: str
+    checks: tuple[Check, ...]
+
+    @property
+    def contradictions(self) -> list[str]:
+        """One sentence for each check that the data contradict."""
+        return [_sentence(c) for c in self.checks if c.verdict == "contradiction"]
+
+    def summary(self) -> str:
+        """A table that a person reads."""
+        width = max(len(c.name) for c in self.checks)
+        mark = {"ok": "ok  ", "note": "note", "contradiction": "BAD "}
+        lines = [self.name]
+        for c in self.checks:
+            lines.append(f"{mark[c.verdict]}  {c.name:<{width}}  {c.found}")
+            if c.verdict != "ok":
+                lines.append(f"      {'':<{width}}  expected: {c.expected}" + (f"; {c.advice}" if c.advice else ""))
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON-able."""
+        return {"name": self.name, "checks": [asdict(c) for c in self.checks]}
+
+
+def _sentence(check: Check) -> str:
+    return f"{check.name}: {check.found}; expected {check.expected}; {check.advice}"
+
+
+@dataclass
+class _Clock:
+    """CPU seconds of each step."""
+
+    progress: Progress
+    seconds: dict[str, float] = field(default_factory=dict)
+    _step: str = ""
+    _since: float = 0.0
+
+    def step(self, name: str) -> None:
+        now = time.process_time()
+        if self._step:
+            self.seconds[self._step] = self.seconds.get(self._step, 0.0) + now - self._since
+        self._step, self._since = name, now
+        if name:
+            self.progress(name)
+
+
+def read_recording(flight: Flight) -> Recording:
+    """Read the files of a flight, bring them to one clock and check them."""
+    from .formats import read_events, read_gnss, read_imu
+    from .prepare.clock import common_clock
+    from .prepare.plausibility import check_recording
+
+    i, g = flight.imu, flight.gnss
+    imu = read_imu(i.file, columns=i.columns, units=i.units or None, quantity=i.quantity, gps_week=flight.gps_week, variable=i.variable)
+    gnss = read_gnss(
+        g.file,
+        columns=g.columns,
+        sigma_m=g.sigma_m,
+        sigma_velocity=g.sigma_velocity_mps,
+        units=g.units or None,
+        undulation_m=g.undulation_m,
+        variable=g.variable,
+        new_when=g.new_when,
+        gps_week=flight.gps_week,
+    )
+    events = None if flight.camera is None else read_events(flight.camera.events, columns=flight.camera.columns, gps_week=flight.gps_week)
+    if i.time_offset_s:
+        imu = replace(imu, time=imu.time + i.time_offset_s)
+    if g.time_offset_s:
+        gnss = replace(gnss, time=gnss.time + g.time_offset_s)
+    imu, gnss, events, week = common_clock(imu, gnss, events, flight.gps_week)
+    origin = None if flight.tangent_plane is None else np.asarray(flight.tangent_plane.origin)
+    checks = check_recording(imu, i.C_b_imu, gnss, events, origin)
+    return Recording(imu, gnss, events, week, tuple(checks))
+
+
+def inspect(flight: Flight, progress: Progress = _quiet) -> InspectResult:
+    """Read and check a flight without processing it."""
+    progress("reading")
+    return InspectResult(flight.name, read_recording(flight).checks)
+
+
+def process(flight: Flight, out: Path | None = None, progress: Progress = _quiet) -> ProcessResult:
+    """The main job: from a flight file to the exterior orientation of every image and its report.
+
+    out : directory of the products instead of the flight file's.
+    Raises InputError where the input is wrong or contradicts itself, DataError where it does not support the answer.
+    """
+    clock = _Clock(progress)
+    clock.step("read")
+    recording = read_recording(flight)
+    _refuse(flight, recording.checks)
+    clock.step("prepare")
+    problem, inside, events, grid = _prepare(flight, recording)
+    clock.step("align")
+    start, how = _align(flight, problem)
+    from .navigation.solution import solve, trajectory
+
+    solution = solve(problem, start, flight.filter.second_pass, clock.step)
+    clock.step("orient")
+    path = _trajectory(flight, solution, grid, recording.gps_week)
+    rows = _report_rows(solution)
+    sampled = trajectory(solution, rows, recording.gps_week)
+    heading = _check_heading(flight, sampled)
+    history = _history(flight, recording, inside, solution, how)
+    eo = None
+    if events is not None:
+        from .geodesy.frames import TangentPlane
+        from .orient.exterior import exterior_orientation
+
+        plane = TangentPlane(*_origin(flight, inside))
+        at_exposure = trajectory(solution, solution.event_epochs, recording.gps_week, events=True)
+        eo = exterior_orientation(at_exposure, events, flight.mounting, plane, history)
+    clock.step("report")
+    diagnostics = _diagnostics(solution, rows, sampled, (*recording.checks, heading))
+    report = _summary(flight, diagnostics, eo, history, clock)
+    clock.step("write")
+    files = _deliver(flight, out or flight.output.directory, eo, path, report, diagnostics)
+    clock.step("")
+    return ProcessResult(report, files, eo, path, diagnostics)
+
+
+def _refuse(flight: Flight, checks: tuple[Check, ...]) -> None:
+    bad = [c for c in checks if c.verdict == "contradiction" and c.name not in flight.accept]
+    if bad:
+        raise InputError(f"{flight.path}: {'; '.join(_sentence(c) for c in bad)} (accept = [\"{bad[0].name}\"] in the flight file overrules)")
+
+
+def _prepare(flight: Flight, recording: Recording):  # type: ignore[no-untyped-def]
+    """The estimation problem, the fixes within the span, the events, and the epochs of the output grid."""
+    from .geodesy.frames import LocalFrame
+    from .navigation.filter import Problem, gate_from_sigma, make_epochs
+    from .navigation.layout import state_layout
+    from .prepare.clock import common_span, cut_fixes, refuse_outside
+    from .prepare.increments import body_increments, merge_marks
+    from .stochastic.model import load_noise_model
+
+    lo, hi = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
+    fixes = cut_fixes(recording.gnss, lo, hi)
+    events = recording.events
+    exposure = np.zeros(0)
+    if events is not None:
+        refuse_outside(events, lo, hi)
+        exposure = events.time
+    rate = min(flight.output.trajectory_hz or EPOCH_HZ, EPOCH_HZ)
+    grid_time = lo + np.arange(int((hi - lo) * rate + 1e-6) + 1) / rate
+    marks, (at_fix, at_event, at_grid) = merge_marks(fixes.time, exposure, grid_time)
+    inc = body_increments(recording.imu, flight.imu.C_b_imu, marks)
+    frame = LocalFrame(float(fixes.lat[0]), float(fixes.lon[0]), float(fixes.height[0]))
+    layout = state_layout(load_noise_model(flight.imu.noise), flight.filter.scale_factor, flight.filter.misalignment)
+    epochs = make_epochs(inc, at_fix, fixes, at_event, frame)
+    interval = float(np.median(np.diff(fixes.time)))
+    gate = gate_from_sigma(flight.gnss.gate_sigma)
+    return Problem(inc, epochs, frame, layout, flight.mounting.antenna_lever_b, gate, interval), fixes, events, at_grid
+
+
+def _align(flight: Flight, problem):  # type: ignore[no-untyped-def]
+    from .align.initial import given_attitude, initial_state
+
+    if flight.initial is not None:
+        given = flight.initial
+        rpy = np.radians([given.roll_deg, given.pitch_deg, given.heading_deg])
+        return given_attitude(problem, rpy, np.radians(given.sigma_deg)), "initial attitude from the flight file"
+    alignment = initial_state(problem)
+    first, last = alignment.window
+    return alignment.start, (
+        f"initial attitude from the motion between {first:.1f} and {last:.1f} s (heading to {np.degrees(alignment.heading_sigma):.2f} deg there), "
+        "filtered back to the first fix"
+    )
+
+
+def _origin(flight: Flight, fixes: GnssFixes) -> tuple[float, float, float]:
+    """Latitude, longitude (rad) and height (m) of the tangent plane's origin; by default the first fix to 0.01 deg, on the ellipsoid."""
+    if flight.tangent_plane is not None:
+        lat, lon, height = flight.tangent_plane.origin
+        return float(lat), float(lon), float(height)
+    lat_deg, lon_deg = np.round(np.degrees([fixes.lat[0], fixes.lon[0]]), 2)
+    return float(np.radians(lat_deg)), float(np.radians(lon_deg)), 0.0
+
+
+def _trajectory(flight: Flight, solution, grid: np.ndarray, week: int) -> Trajectory:  # type: ignore[no-untyped-def]
+    from .navigation.dense import dense_trajectory
+    from .navigation.solution import trajectory
+
+    hz = flight.output.trajectory_hz
+    if hz is not None and hz <= EPOCH_HZ:
+        return trajectory(solution, grid, week)
+    dense = dense_trajectory(solution, week)
+    if hz is None:
+        return dense
+    wanted = dense.time[0] + np.arange(int((dense.time[-1] - dense.time[0]) * hz) + 1) / hz
+    at = np.unique(np.clip(np.searchsorted(dense.time, wanted - 1e-6), 0, dense.time.size - 1))
+    return Trajectory(
+        dense.time[at], dense.lat[at], dense.lon[at], dense.height[at], dense.velocity_ned[at], dense.C_nb[at], dense.cov[at], week
+    )
+
+
+def _report_rows(solution) -> np.ndarray:  # type: ignore[no-untyped-def]
+    stride = max(1, solution.time.size // REPORT_ROWS)
+    return np.unique(np.concatenate([np.arange(0, solution.time.size, stride), solution.event_epochs]))
+
+
+def _check_heading(flight: Flight, sampled: Trajectory) -> Check:
+    from .geodesy.rotation import rpy_from_rotation
+    from .prepare.plausibility import check_heading
+
+    check = check_heading(rpy_from_rotation(sampled.C_nb)[:, 2], sampled.velocity_ned)
+    _refuse(flight, (check,))
+    return check
+
+
+def _history(flight: Flight, recording: Recording, fixes: GnssFixes, solution, how: str) -> tuple[str, ...]:  # type: ignore[no-untyped-def]
+    lever = flight.mounting.antenna_lever_b
+    used = int(np.isin(solution.verdict[:, 0], (1, 3)).sum())
+    reopened = int((solution.verdict[:, 0] == 3).sum())
+    problem = solution.problem
+    return (
+        f"insgnss {__version__}; smoothed, {problem.layout.size} states, {solution.passes} filter pass{'es' if solution.passes > 1 else ''}; GPST week {recording.gps_week}",
+        f"GNSS: {used} of {fixes.time.size} fixes used, innovation gate {flight.gnss.gate_sigma:g} sigma, filter reopened {reopened} times",
+        f"lever arm IMU to antenna applied, forward right down m: {lever[0]:.4f} {lever[1]:.4f} {lever[2]:.4f}",
+        f"noise model {flight.imu.noise}; IMU axes {flight.imu.axes}; {how}",
+        f"{len(problem.inc.gaps)} IMU gaps bridged; heights ellipsoidal (WGS84)",
+        "lever arm IMU to camera and bore-sight applied",
+        *(f"contradiction overruled by the flight file: {name}" for name in flight.accept),
+    )
+
+
+def _diagnostics(solution, rows: np.ndarray, sampled: Trajectory, checks: tuple[Check, ...]) -> Diagnostics:  # type: ignore[no-untyped-def]
+    from .geodesy.rotation import rpy_from_rotation
+
+    bias, bias_sigma = solution.channel_bias(rows)
+    fix = np.flatnonzero(solution.verdict[:, 0] != 0)
+    speed = np.flatnonzero(solution.verdict[:, 1] != 0)
+    smoothed = np.sqrt(np.diagonal(solution.P[:, :9, :9][rows], axis1=1, axis2=2))
+    return Diagnostics(
+        time=solution.time[rows],
+        position=solution.nav[rows, :3],
+        velocity=solution.nav[rows, 3:6],
+        rpy=rpy_from_rotation(sampled.C_nb),
+        event=np.searchsorted(rows, solution.event_epochs),
+        filter_sigma=solution.filter_sigma[rows, :9],
+        smoothed_sigma=smoothed,
+        bias=bias,
+        bias_sigma=bias_sigma,
+        fix_time=solution.time[fix],
+        innovation=solution.innovation[fix, :3],
+        innovation_sigma=solution.innovation_sigma[fix, :3],
+        nis=solution.nis[fix, 0],
+        nis_limit=solution.problem.gate,
+        used=solution.verdict[fix, 0] != 2,
+        reopened=solution.time[solution.verdict[:, 0] == 3],
+        separation_time=solution.time[solution.separation_epoch],
+        separation=solution.separation,
+        separation_sigma=solution.separation_sigma,
+        gaps=solution.problem.inc.gaps,
+        passes=solution.passes,
+        velocity_nis=solution.nis[speed, 1] if speed.size else None,
+        velocity_used=solution.verdict[speed, 1] == 1 if speed.size else None,
+        checks=checks,
+    )
+
+
+def _summary(flight: Flight, diagnostics: Diagnostics, eo: ExteriorOrientation | None, history: tuple[str, ...], clock: _Clock) -> dict[str, Any]:
+    from .report.summary import run_summary
+
+    files = [flight.path, flight.imu.file, flight.gnss.file]
+    if flight.camera is not None:
+        files.append(flight.camera.events)
+    if isinstance(flight.imu.noise, Path):
+        files.append(flight.imu.noise)
+    inputs = {os.path.relpath(file, flight.path.parent): _sha256(file) for file in files}
+    versions = {"insgnss": __version__, "python": platform.python_version(), "numpy": np.__version__}
+    return run_summary(diagnostics, eo, flight.resolved(), inputs, versions, dict(clock.seconds), history)
+
+
+def _sha256(file: Path) -> str:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _deliver(
+    flight: Flight, out: Path, eo: ExteriorOrientation | None, path: Trajectory, report: dict[str, Any], diagnostics: Diagnostics
+) -> tuple[Path, ...]:
+    """Write every product into a directory beside the target and move them in together: all of them, or none."""
+    from .formats import EXPORTS
+    from .formats.sbet import write_sbet, write_smrmsg
+    from .formats.trajectory_csv import write_trajectory_csv
+    from .report.page import write_report, write_report_json
+
+    out = Path(out)
+    made = [d for d in (out, *out.parents) if not d.exists()]
+    out.mkdir(parents=True, exist_ok=True)
+    staging = Path(tempfile.mkdtemp(prefix=".insgnss-", dir=out))
+    try:
+        if eo is not None:
+            for name in dict.fromkeys([*flight.output.formats, "eo_json"]):
+                write, file, _ = EXPORTS[name]
+                write(eo, staging / file)
+        write_sbet(path, staging / "trajectory.sbet")
+        write_smrmsg(path, staging / "trajectory.smrmsg")
+        write_trajectory_csv(path, staging / "trajectory.csv")
+        write_report(staging / "report.html", report, diagnostics, eo)
+        write_report_json(report, staging / "report.json")
+        files = sorted(staging.iterdir())
+        for file in files:
+            os.replace(file, out / file.name)
+    except BaseException:
+        shutil.rmtree(staging, ignore_errors=True)
+        for directory in made:
+            _remove_if_empty(directory)
+        raise
+    staging.rmdir()
+    return tuple(out / file.name for file in files)
+
+
+def _remove_if_empty(directory: Path) -> None:
+    if directory.exists() and not any(directory.iterdir()):
+        directory.rmdir()
+
+
+@dataclass(frozen=True)
+class DemoResult:
+    """Errors of a processed simulated flight against its truth, root mean square over the images."""
+
+    process: ProcessResult
+    images: int
+    position_rms_m: Array
+    attitude_rms_rad: Array
+    position_nse: Array
+    attitude_nse: Array
+    directory: Path
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON-able."""
+        return {
+            "images": self.images,
+            "position_rms_mm": (1e3 * self.position_rms_m).round(3).tolist(),
+            "attitude_rms_deg": np.degrees(self.attitude_rms_rad).round(6).tolist(),
+            "position_normalised_error_squared": self.position_nse.round(3).tolist(),
+            "attitude_normalised_error_squared": self.attitude_nse.round(3).tolist(),
+            "directory": str(self.directory),
+            "files": [str(file) for file in self.process.files],
+        }
+
+    def summary(self) -> str:
+        """The errors in a small table."""
+        mm, deg = 1e3 * self.position_rms_m, np.degrees(self.attitude_rms_rad)
+        return "\n".join(
+            [
+                f"{self.images} images against the simulated truth (axes east, north, up):",
+                f"  position rms            {mm[0]:8.2f} {mm[1]:8.2f} {mm[2]:8.2f}  mm",
+                f"  attitude rms            {deg[0]:8.4f} {deg[1]:8.4f} {deg[2]:8.4f}  deg",
+                "  error squared over its variance, mean (1 is honest, 0.5 to 2 usual for one flight):",
+                f"    position              {self.position_nse[0]:8.2f} {self.position_nse[1]:8.2f} {self.position_nse[2]:8.2f}",
+                f"    attitude              {self.attitude_nse[0]:8.2f} {self.attitude_nse[1]:8.2f} {self.attitude_nse[2]:8.2f}",
+                f"flight and products: {self.directory}",
+                f"report: {next(f for f in self.process.files if f.name == 'report.html')}",
+            ]
+        )
+
+
+def demo(directory: Path | None = None, minutes: float = 7.0, seed: int = 0, progress: Progress = _quiet) -> DemoResult:
+    """Simulate a block flight with a NavChip, process it from its files and compare with the truth."""
+    from .simulate.dataset import write_dataset
+
+    directory = Path("insgnss_demo") if directory is None else Path(directory)
+    progress("simulate")
+    dataset = write_dataset(directory, "ign8", minutes, imu_rate=500.0, seed=seed)
+    result = process(load_flight(dataset.flight_file), None, progress)
+    assert result.eo is not None
+    return compare_with_truth(result, dataset.simulated.truth.eo, directory)
+
+
+def compare_with_truth(result: ProcessResult, truth: ExteriorOrientation, directory: Path) -> DemoResult:
+    """Errors of `result` at the images that truth has too, truth in the same tangent plane."""
+    from .geodesy.rotation import vector_from_rotation
+
+    eo = result.eo
+    assert eo is not None
+    at = {image: k for k, image in enumerate(truth.images)}
+    k = np.array([at[image] for image in eo.images])
+    error = np.concatenate(
+        [truth.position_m[k] - eo.position_m, vector_from_rotation(truth.C_mc[k] @ np.swapaxes(eo.C_mc, -1, -2))], axis=1
+    )
+    nse = np.mean(error**2 / np.diagonal(eo.cov, axis1=1, axis2=2), axis=0)
+    rms = np.sqrt(np.mean(error**2, axis=0))
+    return DemoResult(result, len(eo.images), rms[:3], rms[3:], nse[:3], nse[3:], directory)
+
+
