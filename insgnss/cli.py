@@ -69,6 +69,7 @@ class Parser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code; `argv` without the program's name, of the process by default."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are 30 x 30: more threads only spin
     argv = list(sys.argv[1:] if argv is None else argv)
     as_json, debug = "--json" in argv, "--debug" in argv
     progress = Progress(sys.stderr, None if as_json else sys.stdout, quiet="--quiet" in argv or "-q" in argv)

@@ -154,28 +154,30 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = _quiet
     recording = read_recording(flight)
     _refuse(flight, recording.checks)
     clock.step("prepare")
-    problem, inside, events, grid = _prepare(flight, recording)
+    problem, inside, grid = _prepare(flight, recording)
+    events, week, checks = recording.events, recording.gps_week, recording.checks
+    del recording  # the samples are in the increments now
     clock.step("align")
     start, how = _align(flight, problem)
     from .navigation.solution import solve, trajectory
 
     solution = solve(problem, start, flight.filter.second_pass, clock.step)
     clock.step("orient")
-    path = _trajectory(flight, solution, grid, recording.gps_week)
+    path = _trajectory(flight, solution, grid, week)
     rows = _report_rows(solution)
-    sampled = trajectory(solution, rows, recording.gps_week)
+    sampled = trajectory(solution, rows, week)
     heading = _check_heading(flight, sampled)
-    history = _history(flight, recording, inside, solution, how)
+    history = _history(flight, week, inside, solution, how)
     eo = None
     if events is not None:
         from .geodesy.frames import TangentPlane
         from .orient.exterior import exterior_orientation
 
         plane = TangentPlane(*_origin(flight, inside))
-        at_exposure = trajectory(solution, solution.event_epochs, recording.gps_week, events=True)
+        at_exposure = trajectory(solution, solution.event_epochs, week, events=True)
         eo = exterior_orientation(at_exposure, events, flight.mounting, plane, history)
     clock.step("report")
-    diagnostics = _diagnostics(solution, rows, sampled, (*recording.checks, heading))
+    diagnostics = _diagnostics(solution, rows, sampled, (*checks, heading))
     report = _summary(flight, diagnostics, eo, history, clock)
     clock.step("write")
     files = _deliver(flight, out or flight.output.directory, eo, path, report, diagnostics)
@@ -190,7 +192,7 @@ def _refuse(flight: Flight, checks: tuple[Check, ...]) -> None:
 
 
 def _prepare(flight: Flight, recording: Recording):  # type: ignore[no-untyped-def]
-    """The estimation problem, the fixes within the span, the events, and the epochs of the output grid."""
+    """The estimation problem, the fixes within the span, and the epochs of the output grid."""
     from .geodesy.frames import LocalFrame
     from .navigation.filter import Problem, gate_from_sigma, make_epochs
     from .navigation.layout import state_layout
@@ -214,7 +216,7 @@ def _prepare(flight: Flight, recording: Recording):  # type: ignore[no-untyped-d
     epochs = make_epochs(inc, at_fix, fixes, at_event, frame)
     interval = float(np.median(np.diff(fixes.time)))
     gate = gate_from_sigma(flight.gnss.gate_sigma)
-    return Problem(inc, epochs, frame, layout, flight.mounting.antenna_lever_b, gate, interval), fixes, events, at_grid
+    return Problem(inc, epochs, frame, layout, flight.mounting.antenna_lever_b, gate, interval), fixes, at_grid
 
 
 def _align(flight: Flight, problem):  # type: ignore[no-untyped-def]
@@ -272,13 +274,13 @@ def _check_heading(flight: Flight, sampled: Trajectory) -> Check:
     return check
 
 
-def _history(flight: Flight, recording: Recording, fixes: GnssFixes, solution, how: str) -> tuple[str, ...]:  # type: ignore[no-untyped-def]
+def _history(flight: Flight, week: int, fixes: GnssFixes, solution, how: str) -> tuple[str, ...]:  # type: ignore[no-untyped-def]
     lever = flight.mounting.antenna_lever_b
     used = int(np.isin(solution.verdict[:, 0], (1, 3)).sum())
     reopened = int((solution.verdict[:, 0] == 3).sum())
     problem = solution.problem
     return (
-        f"insgnss {__version__}; smoothed, {problem.layout.size} states, {solution.passes} filter pass{'es' if solution.passes > 1 else ''}; GPST week {recording.gps_week}",
+        f"insgnss {__version__}; smoothed, {problem.layout.size} states, {solution.passes} filter pass{'es' if solution.passes > 1 else ''}; GPST week {week}",
         f"GNSS: {used} of {fixes.time.size} fixes used, innovation gate {flight.gnss.gate_sigma:g} sigma, filter reopened {reopened} times",
         f"lever arm IMU to antenna applied, forward right down m: {lever[0]:.4f} {lever[1]:.4f} {lever[2]:.4f}",
         f"noise model {flight.imu.noise}; IMU axes {flight.imu.axes}; {how}",

@@ -1,6 +1,7 @@
 """Text tables in and whole files out: what every text format here stands on; the rules are those of `_layout`."""
 
 import math
+import mmap
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from ._layout import NUMBER, Layout, decode, is_comment, sniff, split_fields
 
 Array = NDArray[np.float64]
 Source = str | os.PathLike[str]
+MAP_FROM = 1 << 22  # bytes; smaller files are simply read
 
 
 class InsgnssWarning(UserWarning):
@@ -71,6 +73,9 @@ def number(field: str, path: object, line: int, decimal: str = ".") -> float:
 
 def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
     """Bytes of a text file with a newline behind them, a byte order mark turned to blanks, and whether its last line was complete."""
+    mapped = _mapped(path)
+    if mapped is not None:
+        return mapped, True
     buf = load_bytes(path, 1)
     if bytes(buf[:2]) in (b"\xff\xfe", b"\xfe\xff"):
         raise InputError.at(path, 1, "is UTF-16 text; save it as UTF-8")
@@ -78,6 +83,19 @@ def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
         buf[:3] = ord(" ")
     buf[-1] = ord("\n")
     return buf, bool(buf[-2] == ord("\n"))
+
+
+def _mapped(path: Source) -> NDArray[np.uint8] | None:
+    """A large file that starts without byte order mark and ends in a newline, mapped privately: no copy of it is made."""
+    try:
+        with Path(path).open("rb") as stream:
+            if os.fstat(stream.fileno()).st_size < MAP_FROM:
+                return None
+            buf = np.frombuffer(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_COPY), dtype=np.uint8)
+    except (OSError, ValueError):
+        return None
+    plain = buf[-1] == ord("\n") and bytes(buf[:2]) not in (b"\xff\xfe", b"\xfe\xff", b"\xef\xbb")
+    return buf if plain else None
 
 
 def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:

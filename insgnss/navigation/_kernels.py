@@ -740,7 +740,7 @@ class Store(NamedTuple):
     sigma: np.ndarray  # (m, n) of the filter, post
     F: np.ndarray  # (m, 9, n) from the previous epoch to this one
     D: np.ndarray  # (m, ns)
-    H: np.ndarray  # (m, nz, n) whitened rows
+    H: np.ndarray  # (m, nz, n) whitened rows; (m, nz, 9) where positions alone are measured
     K: np.ndarray  # (m, nz, n) gains of the scalar updates
     S: np.ndarray  # (m, nz) innovation variances of the scalar updates, 0 where there was none
     y: np.ndarray  # (m, nz) scalar innovations
@@ -763,6 +763,7 @@ def run_forward(seg, ep, imu, earth, lever, nav0, x0, m0, P0, closed, gate, hold
     count = ep.stop.size
     ns = imu.channel.size
     n = 9 + ns
+    wide = store.H.shape[2]
     work = make_work(ns)
     sums = np.zeros((5, 3))
     X = np.zeros((9, n))
@@ -859,7 +860,7 @@ def run_forward(seg, ep, imu, earth, lever, nav0, x0, m0, P0, closed, gate, hold
             forward_solve3(L, H)
             forward_solve3(L, nu)
             for i in range(3):
-                store.H[e, b + i] = H[i]
+                store.H[e, b + i] = H[i, :wide]
                 S, y = scalar_update(P, m, H[i], nu[i, 0], used, store.K[e, b + i], cross, follow)
                 store.S[e, b + i] = S
                 store.y[e, b + i] = y
@@ -886,7 +887,7 @@ def run_backward(ep, store, full, delta, event_cross, keep, keep_information, ke
     keep (m,): slot of keep_information (slots, n, n) and keep_adjoint (slots, n) that takes Lambda and lambda at the epoch, or -1.
     """
     count = ep.stop.size
-    nz, n = store.H.shape[1], store.H.shape[2]
+    nz, n = store.H.shape[1], store.m.shape[1]
     ns = n - 9
     lam = np.zeros(n)
     new = np.zeros(n)

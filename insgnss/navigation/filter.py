@@ -75,9 +75,9 @@ class Start:
 
 def gate_from_sigma(gate_sigma: float) -> float:
     """NIS limit for a triple whose exceedance is as rare as `gate_sigma` for one normal variable."""
-    from scipy.stats import chi2, norm
+    from scipy.special import chdtri, ndtr
 
-    return float(chi2.isf(2.0 * norm.sf(gate_sigma), 3))
+    return float(chdtri(3, 2.0 * ndtr(-gate_sigma)))
 
 
 def make_epochs(inc: Increments, fix_place: np.ndarray, fixes: GnssFixes, event_place: np.ndarray, frame: LocalFrame) -> Epochs:
@@ -116,7 +116,7 @@ def make_store(epochs: Epochs, layout: StateLayout) -> Store:
         sigma=np.empty((m, n)),
         F=np.empty((m, 9, n)),
         D=np.empty((m, ns)),
-        H=np.empty((m, nz, n)),
+        H=np.empty((m, nz, n if nz > 3 else 9)),
         K=np.empty((m, nz, n)),
         S=np.zeros((m, nz)),
         y=np.zeros((m, nz)),
