@@ -1,0 +1,100 @@
+"""What a consistent filter promises of its innovations, and tests of it.
+
+The innovation nu of a fix has covariance S if the models hold, and then nu^T S^-1 nu (NIS) is chi-square distributed with as many
+degrees of freedom as nu has components, independent from fix to fix. The mean over K fixes of d components thus lies within
+
+    chi2(alpha / 2; K d) / (K d)  <=  mean NIS / d  <=  chi2(1 - alpha / 2; K d) / (K d)                     (T.1)
+
+with probability 1 - alpha, and the lag-1 autocorrelation of each normalised component within +-z(1 - alpha / 2) / sqrt(K)    (T.2).
+Bar-Shalom, Li, Kirubarajan (2001) 5.4.2. Errors of GNSS that last for longer than the interval of the fixes break (T.2) first.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Selection = NDArray[np.bool_]
+
+CONFIDENCE = 0.99
+Z_CONFIDENCE = 2.5758293035489  # standard normal quantile of 1 - (1 - CONFIDENCE) / 2
+NIS_95 = 7.814727903251179  # 95 % point of chi-square with 3 degrees of freedom
+
+
+def mean_bounds(dof: int) -> tuple[float, float]:
+    """Two-sided 99 % bounds (T.1) of a chi-square variable of `dof` degrees of freedom divided by `dof`."""
+    from scipy.special import chdtri
+
+    tail = (1.0 - CONFIDENCE) / 2.0
+    return float(chdtri(dof, 1.0 - tail)) / dof, float(chdtri(dof, tail)) / dof
+
+
+def consistency(nis: Array, used: Selection) -> dict[str, Any]:
+    """Verdict (T.1) on the NIS (k,) of three components each, over the `used` (k,) ones.
+
+    "overconfident": innovations are larger than the sigmas promised; "conservative": smaller; "unknown": none was used.
+    `size` is the ratio sqrt(mean NIS / dof) of true to promised innovations.
+    """
+    kept = nis[used & np.isfinite(nis)]
+    if not kept.size:
+        return {
+            "verdict": "unknown",
+            "mean_per_dof": None,
+            "bounds_99": None,
+            "size": None,
+            "share_beyond_95": None,
+            "expected_beyond_95": 0.05,
+        }
+    ratio = float(kept.mean()) / 3.0
+    low, high = mean_bounds(3 * kept.size)
+    return {
+        "verdict": "overconfident" if ratio > high else "conservative" if ratio < low else "consistent",
+        "mean_per_dof": ratio,
+        "bounds_99": [low, high],
+        "size": math.sqrt(ratio),
+        "share_beyond_95": float((kept > NIS_95).mean()),
+        "expected_beyond_95": 0.05,
+    }
+
+
+def lag_one(x: Array) -> Array:
+    """Autocorrelation at lag one, about the mean, of each column of `x` (k, c); NaN where a column has none (k < 3 or constant)."""
+    if len(x) < 3:
+        return np.full(x.shape[1], np.nan)
+    x = x - x.mean(axis=0)
+    power = (x * x).sum(axis=0)
+    return np.divide((x[1:] * x[:-1]).sum(axis=0), power, out=np.full(x.shape[1], np.nan), where=power > 0.0)
+
+
+def innovation_figures(innovation: Array, sigma: Array, used: Selection) -> dict[str, Any]:
+    """Mean, rms and median sigma (mm) of the used innovations (k, 3) north, east, down, and the whiteness (T.2) of innovation / sigma."""
+    kept = used & np.isfinite(innovation).all(axis=1)
+    if not kept.any():
+        return {"axes": ["N", "E", "D"], "mean_mm": None, "rms_mm": None, "median_sigma_mm": None, "lag1": None, "lag1_bound_99": None}
+    nu, s = innovation[kept], sigma[kept]
+    return {
+        "axes": ["N", "E", "D"],
+        "mean_mm": 1e3 * nu.mean(axis=0),
+        "rms_mm": 1e3 * np.sqrt((nu**2).mean(axis=0)),
+        "median_sigma_mm": 1e3 * np.median(s, axis=0),
+        "lag1": lag_one(nu / s),
+        "lag1_bound_99": Z_CONFIDENCE / math.sqrt(len(nu)),
+    }
+
+
+def normalised_rms(x: Array, sigma: Array) -> Array:
+    """Root mean square of x / sigma by column over what is determined (finite x, sigma > 0); NaN where nothing is."""
+    known = np.isfinite(x) & np.isfinite(sigma) & (sigma > 0.0)
+    squares = np.square(np.divide(x, sigma, out=np.zeros_like(x), where=known)).sum(axis=0)
+    count = known.sum(axis=0)
+    return np.sqrt(np.divide(squares, count, out=np.full(x.shape[1], np.nan), where=count > 0))
+
+
+def longest_outage(start: float, end: float, fix_time: Array, used: Selection) -> tuple[float, float]:
+    """Begin and length, s, of the longest time between `start` and `end` without a used fix."""
+    inside = fix_time[used & (fix_time > start) & (fix_time < end)]
+    edges = np.concatenate([[start], inside, [end]])
+    k = int(np.argmax(np.diff(edges)))
+    return float(edges[k]), float(edges[k + 1] - edges[k])

@@ -1,0 +1,194 @@
+"""The figures of merit of a run, as the dict that report.json holds.
+
+Everything is in the unit that its name says; what is not determined is None, never NaN. Lists of three are in the order of the
+`axes` beside them. The limits in words come from `verdict`.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import Diagnostics, ExteriorOrientation
+from .statistics import consistency, innovation_figures, longest_outage, normalised_rms
+from .verdict import headline, limits
+
+Array = NDArray[np.float64]
+
+STANDARD_GRAVITY = 9.80665  # m/s^2
+DEG_H_PER_RAD_S = math.degrees(1.0) * 3600.0
+MG_PER_M_S2 = 1e3 / STANDARD_GRAVITY
+MOST_LISTED = 200
+ENU = ["E", "N", "U"]
+NED = ["N", "E", "D"]
+
+
+def run_summary(
+    diagnostics: Diagnostics,
+    eo: ExteriorOrientation | None,
+    flight: Mapping[str, Any],
+    inputs: Mapping[str, str],
+    versions: Mapping[str, str],
+    timings: Mapping[str, float],
+    history: tuple[str, ...],
+    *,
+    imu_samples: int | None = None,
+    epochs: int | None = None,
+) -> dict[str, Any]:
+    """All figures of merit of a run, ready for JSON.
+
+    Parameters
+    ----------
+    eo : of the images, None without a camera.
+    flight : the resolved flight file.   inputs : SHA-256 by path.   versions : by package.   timings : s by step.
+    history : what was done, sentence by sentence.   imu_samples, epochs : numbers of them, where known.
+    """
+    figures = {"name": str(flight.get("name", ""))} | _judged(diagnostics, eo)
+    figures["counts"] = {"imu_samples": imu_samples, "epochs": epochs} | figures["counts"]
+    figures |= {"timings_s": timings, "history": history, "flight": flight, "versions": versions, "inputs_sha256": inputs}
+    figures = plain(figures)
+    return {"headline": headline(figures), "verdict": limits(figures)} | figures
+
+
+def plain(value: Any) -> Any:
+    """`value` in JSON types: arrays as lists, numbers that are not finite as None, paths and the like as text."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if isinstance(value, str | int | None) else str(value)
+
+
+def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
+    """All that follows from the diagnostics and the images."""
+    start, end = float(d.time[0]), float(d.time[-1])
+    week = None if eo is None else eo.gps_week
+    return {
+        "span": {"gps_week": week, "start_tow_s": start, "end_tow_s": end, "duration_s": end - start},
+        "counts": _counts(d, eo),
+        "exposures": None if eo is None or not eo.images else _exposures(d, eo),
+        "trajectory": _trajectory(d),
+        "innovations": innovation_figures(d.innovation, d.innovation_sigma, d.used),
+        "consistency": {"position": consistency(d.nis, d.used), "velocity": _velocity_consistency(d)},
+        "separation": _separation(d),
+        "biases": _biases(d),
+        "rejected": _rejected(d),
+        "reopened_s": [] if d.reopened is None else d.reopened,
+        "longest_outage": _outage(d),
+        "imu_gaps": [{"time_s": time, "length_s": length} for time, length in d.gaps],
+        "checks": [asdict(check) for check in d.checks],
+    }
+
+
+def _counts(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, int]:
+    counts = {
+        "images": 0 if eo is None else len(eo.images),
+        "passes": d.passes,
+        "imu_gaps": len(d.gaps),
+        "fixes": d.fix_time.size,
+        "fixes_used": int(d.used.sum()),
+        "fixes_rejected": int((~d.used).sum()),
+        "reopened": 0 if d.reopened is None else d.reopened.size,
+    }
+    if d.velocity_nis is not None and d.velocity_used is not None:
+        offered = np.isfinite(d.velocity_nis)
+        counts["velocities"] = int(offered.sum())
+        counts["velocities_used"] = int((offered & d.velocity_used).sum())
+        counts["velocities_rejected"] = int((offered & ~d.velocity_used).sum())
+    return counts
+
+
+def image_sigmas(eo: ExteriorOrientation) -> tuple[Array, Array]:
+    """Standard deviations of the images in tangent-plane axes east, north, up: position (n, 3) m, and psi (n, 3) rad."""
+    sigma = np.sqrt(np.maximum(np.diagonal(eo.cov, axis1=1, axis2=2), 0.0))
+    return sigma[:, :3], sigma[:, 3:]
+
+
+def _spread(x: Array) -> dict[str, Array]:
+    return {"min": x.min(axis=0), "median": np.median(x, axis=0), "max": x.max(axis=0)}
+
+
+def _exposures(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
+    """Sigmas over the images: smallest, median, largest, first; the worst image of position and of attitude."""
+    position, psi = image_sigmas(eo)
+    out: dict[str, Any] = {"axes": ENU, "count": len(eo.images)}
+    for name, x in (("position_mm", 1e3 * position), ("attitude_deg", np.degrees(psi))):
+        worst = int(np.argmax((x**2).sum(axis=1)))
+        at_worst = {"image": eo.images[worst], "time_s": eo.time[worst], "sigma": x[worst]}
+        out[name] = _spread(x) | {"first": x[0], "worst": at_worst}
+    out["first_image"] = eo.images[0]
+    out["first_time_s"] = eo.time[0]
+    before = np.unwrap(d.rpy[d.time <= eo.time[0], 2])
+    out["heading_range_before_first_deg"] = math.degrees(np.ptp(before)) if before.size else 0.0
+    return out
+
+
+def _trajectory(d: Diagnostics) -> dict[str, Any]:
+    """Smoothed sigmas over the epochs of the diagnostics, and how much they gain on the filter's."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gain = np.median(d.filter_sigma, axis=0) / np.median(d.smoothed_sigma, axis=0)
+    return {
+        "axes": NED,
+        "position_mm": _spread(1e3 * d.smoothed_sigma[:, 0:3]),
+        "velocity_mm_s": _spread(1e3 * d.smoothed_sigma[:, 3:6]),
+        "attitude_deg": _spread(np.degrees(d.smoothed_sigma[:, 6:9])),
+        "filter_over_smoothed": {"position": gain[0:3], "velocity": gain[3:6], "attitude": gain[6:9]},
+    }
+
+
+def _velocity_consistency(d: Diagnostics) -> dict[str, Any] | None:
+    if d.velocity_nis is None or d.velocity_used is None:
+        return None
+    return consistency(d.velocity_nis, d.velocity_used)
+
+
+def _separation(d: Diagnostics) -> dict[str, Any]:
+    """Backward minus forward: root mean square, and the same over its sigma (1 where both filters are honest)."""
+    x, one = d.separation, np.ones_like(d.separation)
+    rms, ratio = normalised_rms(x, one), normalised_rms(x, d.separation_sigma)
+    return {
+        "axes": NED,
+        "epochs": int(np.isfinite(x).any(axis=1).sum()),
+        "rms": {"position_mm": 1e3 * rms[0:3], "velocity_mm_s": 1e3 * rms[3:6], "attitude_deg": np.degrees(rms[6:9])},
+        "normalised_rms": {"position": ratio[0:3], "velocity": ratio[3:6], "attitude": ratio[6:9]},
+    }
+
+
+def _biases(d: Diagnostics) -> dict[str, Any]:
+    """Biases and their sigmas at the end of the flight, body axes."""
+    bias, sigma = d.bias[-1], d.bias_sigma[-1]
+    return {
+        "axes": ["forward", "right", "down"],
+        "gyro_deg_h": DEG_H_PER_RAD_S * bias[:3],
+        "gyro_sigma_deg_h": DEG_H_PER_RAD_S * sigma[:3],
+        "accel_mg": MG_PER_M_S2 * bias[3:],
+        "accel_sigma_mg": MG_PER_M_S2 * sigma[3:],
+    }
+
+
+def _rejected(d: Diagnostics) -> dict[str, Any]:
+    rows = np.flatnonzero(~d.used)
+    listed = [{"time_s": float(d.fix_time[i]), "nis": float(d.nis[i])} for i in rows[:MOST_LISTED]]
+    return {"count": rows.size, "nis_limit": float(d.nis_limit), "listed": listed}
+
+
+def _outage(d: Diagnostics) -> dict[str, float | None]:
+    """The longest time without a used fix, and the largest smoothed horizontal and vertical sigma within it."""
+    begin, length = longest_outage(float(d.time[0]), float(d.time[-1]), d.fix_time, d.used)
+    first, last = np.searchsorted(d.time, (begin, begin + length), side="right")
+    within = d.smoothed_sigma[max(first - 1, 0) : last + 1]
+    horizontal = np.hypot(within[:, 0], within[:, 1])
+    return {
+        "time_s": begin,
+        "length_s": length,
+        "median_interval_s": float(np.median(np.diff(d.fix_time))) if d.fix_time.size > 1 else None,
+        "horizontal_mm": 1e3 * float(horizontal.max()),
+        "down_mm": 1e3 * float(within[:, 2].max()),
+    }

@@ -1,0 +1,131 @@
+"""The page: valid, self-contained, escaped, whole or not there."""
+
+import base64
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+import insgnss.report.page as page_module
+from insgnss.errors import UsageError
+from insgnss.report.figures import Picture
+from insgnss.report.page import page, write_report, write_report_json
+
+VOID = {"meta", "img", "br", "hr", "link", "input"}
+PICTURE = Picture("map", "Where <it> went", "Dots & lines.", b"\x89PNG not really")
+
+
+class Reader(HTMLParser):
+    """Checks that every tag is closed in order, and collects tags, attributes and text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[str] = []
+        self.attributes: list[tuple[str, str | None]] = []
+        self.text = ""
+        self.feed(text)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += attrs
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_page_is_whole_and_self_contained(tmp_path: Path, diagnostics, eo, summary) -> None:
+    """Oracle: html.parser; tags balance, nothing is loaded from elsewhere, every picture is inside."""
+    path = write_report(tmp_path, summary(diagnostics(), eo()), diagnostics(), eo())
+    assert path == tmp_path / "report.html"
+    text = path.read_text(encoding="utf-8")
+    reader = Reader(text)
+    assert text.startswith("<!DOCTYPE html>")
+    assert {"script", "link", "iframe"}.isdisjoint(reader.tags)
+    sources = [value or "" for name, value in reader.attributes if name in ("src", "href")]
+    assert len(sources) == reader.tags.count("img") == 6
+    for source in sources:
+        head, _, body = source.partition(",")
+        assert head == "data:image/png;base64"
+        assert base64.b64decode(body, validate=True).startswith(b"\x89PNG\r\n")
+    assert "http" not in re.sub(r'src="[^"]*"', "", text)
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_every_run_has_a_page(odd_cases, summary) -> None:
+    """Oracle: html.parser; tags balance whatever is missing, and no number is shown as nan or None."""
+    for name, (d, images) in odd_cases.items():
+        reader = Reader("".join(page(summary(d, images), [PICTURE])))
+        assert not re.search(r"\b(nan|None|inf)\b", reader.text), name
+    assert "none (no camera)" in Reader("".join(page(summary(*odd_cases["no camera"]), []))).text
+
+
+def test_text_of_others_is_escaped(odd_cases, summary) -> None:
+    """Oracle: html.parser; a script in a name is text, no tag."""
+    evil = "<script>alert('x')</script>"
+    reader = Reader("".join(page(summary(*odd_cases["gaps, checks, reopened"], name=evil), [PICTURE])))
+    assert "script" not in reader.tags
+    assert "b" not in reader.tags
+    assert evil in reader.text
+    assert "1.1 s <b>" in reader.text
+    assert ("alt", "Where <it> went") in reader.attributes
+
+
+def test_page_says_what_a_surveyor_asks(diagnostics, eo, summary) -> None:
+    """Oracle: by hand; sigmas, first image, flight file, hash and version stand on the page."""
+    text = Reader("".join(page(summary(diagnostics(), eo()), []))).text
+    for words in (
+        "2.0 / 3.0 / 4.0",
+        "First image, 8001.tif",
+        "imu.units.gyro",
+        "ab" * 32,
+        "0.1.0",
+        "36.0 ± 9.0",
+        "1200, 1200 used, 0 rejected",
+    ):
+        assert words in text
+
+
+@pytest.mark.parametrize(("scale", "mood"), [(1.0, "good"), (2.0, "bad"), (0.5, "doubtful")])
+def test_mood_follows_the_innovations(diagnostics, eo, summary, scale: float, mood: str) -> None:
+    """Oracle: by hand."""
+    reader = Reader("".join(page(summary(diagnostics(scale), eo()), [])))
+    assert ("class", f"headline {mood}") in reader.attributes
+
+
+def test_nothing_is_left_of_a_page_that_failed(tmp_path: Path, monkeypatch, diagnostics, eo, summary) -> None:
+    """Oracle: the directory; a failure in the middle of writing leaves the former page as it was."""
+    (tmp_path / "report.html").write_text("former")
+
+    def broken(*_: object) -> str:
+        raise RuntimeError("in the middle")
+
+    monkeypatch.setattr(page_module, "_made_from", broken)
+    monkeypatch.setattr(page_module, "pictures", lambda *_: [PICTURE])
+    with pytest.raises(RuntimeError):
+        write_report(tmp_path / "report.html", summary(diagnostics(), eo()), diagnostics(), eo())
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("report.html", "former")]
+
+
+def test_json_is_the_summary(tmp_path: Path, diagnostics, eo, summary) -> None:
+    """Oracle: json."""
+    s = summary(diagnostics(), eo(), name="Évionnaz")
+    write_report_json(s, tmp_path / "report.json")
+    text = (tmp_path / "report.json").read_text(encoding="utf-8")
+    assert json.loads(text) == s
+    assert "Évionnaz" in text
+
+
+def test_missing_directory_is_told(tmp_path: Path, diagnostics, eo, summary) -> None:
+    """Oracle: the exit code of a wrong use."""
+    with pytest.raises(UsageError, match="does not exist"):
+        write_report_json(summary(diagnostics(), eo()), tmp_path / "none" / "report.json")
