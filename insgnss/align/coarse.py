@@ -129,7 +129,8 @@ def _attitude_cov(problem: Problem, seen: Array, misfit: float, length: float, w
     horizontal = np.sqrt(np.mean(seen[:, :2] ** 2)) / np.median(weight)
     acceleration = horizontal * 12.0 / length**2
     heading = (accel / max(acceleration, 1e-9)) ** 2 + (gyro * length / 2.0) ** 2
-    return noise + np.diag([tilt, tilt, heading])
+    cov: Array = noise + np.diag([tilt, tilt, heading])
+    return cov
 
 
 def _gravity(problem: Problem, position: Array) -> Array:

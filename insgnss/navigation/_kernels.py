@@ -650,7 +650,10 @@ def reopen(P, out, lost_s):
 
 @njit(cache=True)
 def scalar_update(P, m, h, nu, used, K, cross, follow):
-    """(K.4) update with one unit-variance scalar; gain into K, innovation variance returned. K[r] K[c] is the same product either way round: P stays symmetric."""
+    """(K.4) with one scalar of unit variance: gain into K; its innovation variance and innovation are returned.
+
+    K[r] K[c] is the same product either way round, so that P stays symmetric.
+    """
     n = P.shape[0]
     S = 1.0
     for r in range(n):

@@ -43,7 +43,9 @@ class Interval:
     Q: Array
 
 
-def linearise_interval(seg: Segments, first: int, last: int, nav: Array, x: Array, imu: ImuModel, earth: Earth, elapsed: float = 0.0) -> Interval:
+def linearise_interval(
+    seg: Segments, first: int, last: int, nav: Array, x: Array, imu: ImuModel, earth: Earth, elapsed: float = 0.0
+) -> Interval:
     """Carry the nominal over segments first..last-1; transition and noise of the errors as full matrices.
 
     The filter runs the same kernel without forming the full matrices.

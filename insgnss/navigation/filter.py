@@ -11,9 +11,10 @@ whitened, z <- L^-1 z, H <- L^-1 H, and its three components are taken one after
     S = h P h' + 1,  k = P h' / S,  m <- m + k (nu - h m),  P <- P - k S k'                              (K.4)
 
 The update is taken as P - g g' with g = k sqrt(S), which keeps P symmetric to the bit; a scalar of unit variance takes away
-h P h' / S < 1 of any direction's variance, and with a-priori to measurement variance ratios below 1e8 double precision keeps it positive. Before the update the whole triple is tested: its normalised innovation squared (NIS)
-must not exceed the quantile of chi-square with three degrees of freedom that belongs to `gate_sigma`; if it does the fix is
-left out, counted and reported. After the update the estimate moves into the nominal (K.5) and m returns to zero.
+h P h' / S < 1 of any direction's variance, and with a-priori to measurement variance ratios below 1e8 double precision keeps it
+positive. Before the update the whole triple is tested: its normalised innovation squared (NIS) must not exceed the quantile of
+chi-square with three degrees of freedom that belongs to `gate_sigma`; if it does the fix is left out, counted and reported. After the
+update the estimate moves into the nominal (K.5) and m returns to zero.
 
 As long as a component of psi is known to worse than one degree nothing is fed back: the estimate wanders within its wide covariance
 (a heading on the ground, by degrees), and a nominal that followed it would be linearised about the excursion. The nominal stays the
@@ -180,7 +181,7 @@ def _refuse_divergence(problem: Problem, store: Store) -> None:
     if reopened.size > 3 + minutes or rejected > 0.5 * fixes:
         at = reopened[0] if reopened.size else int(np.argmax(store.verdict[:, 0] == REJECTED))
         raise DataError(
-            f"{rejected} of {fixes} GNSS fixes rejected, from {t0 + problem.epochs.time[at]:.1f} s on (NIS {store.nis[at, 0]:.0f}, limit {problem.gate:.0f}), "
-            f"filter reopened {reopened.size} times: inertial and GNSS data contradict each other; check axes, units, time scales, sigmas, lever arm and noise model "
-            "with `insgnss inspect`"
+            f"{rejected} of {fixes} GNSS fixes rejected, from {t0 + problem.epochs.time[at]:.1f} s on (NIS {store.nis[at, 0]:.0f}, limit "
+            f"{problem.gate:.0f}), filter reopened {reopened.size} times: inertial and GNSS data contradict each other; check axes, units, "
+            "time scales, sigmas, lever arm and noise model with `insgnss inspect`"
         )

@@ -24,6 +24,7 @@ from ._kernels import ImuModel
 POS, VEL, PSI = slice(0, 3), slice(3, 6), slice(6, 9)
 NAV = slice(0, 9)
 BIAS, DRIFT = -1, -2
+DEFAULT_SCALE = 1e-3  # scale factor, and misalignment in rad, of an uncalibrated MEMS sensor
 CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 
 
@@ -64,18 +65,20 @@ class StateLayout:
 
 
 def state_layout(model: NoiseModel, scale_factor: bool = False, misalignment: bool = False) -> StateLayout:
-    """The states that `model` asks for; scale-factor and misalignment states where asked and given a sigma in the model."""
+    """The states that `model` asks for, and scale-factor and misalignment states where asked.
+
+    Their a-priori sigma is the model's, where it has none 1000 ppm and 1 mrad.
+    """
     rows: list[tuple[str, int, int, float, float, float]] = []
     axes = [*model.gyro, *model.accel]
     for c, axis in enumerate(axes):
         rows += _axis_states(c, axis)
     for c, axis in enumerate(axes):
         if scale_factor:
-            rows.append((f"{CHANNELS[c]} scale factor", c, c, 0.0, 0.0, axis.scale_factor or 1e-3))
+            rows.append((f"{CHANNELS[c]} scale factor", c, c, 0.0, 0.0, axis.scale_factor or DEFAULT_SCALE))
         if misalignment:
-            first = 3 * (c // 3)
-            others = [j for j in range(first, first + 3) if j != c and (c >= 3 or j > c or axis.misalignment)]
-            rows += [(f"{CHANNELS[c]} from {CHANNELS[j][-1]}", c, j, 0.0, 0.0, axis.misalignment or 1e-3) for j in others]
+            triad = range(3 * (c // 3), 3 * (c // 3) + 3)
+            rows += [(f"{CHANNELS[c]} from {CHANNELS[j][-1]}", c, j, 0.0, 0.0, axis.misalignment or DEFAULT_SCALE) for j in triad if j != c]
     names, channel, factor, beta, drive, sigma0 = zip(*rows, strict=True) if rows else ((), (), (), (), (), ())
     return StateLayout(
         tuple(names),

@@ -50,7 +50,11 @@ def run_smoother(epochs: Epochs, store: Store, full: bool = True, separations: i
     delta = np.empty((m, n))
     event_cross = np.zeros((store.cross.shape[0], 9, 9))
     keep = np.full(m, -1, dtype=np.int64)
-    at = np.unique(np.linspace(1, max(m - 2, 1), min(separations, m)).astype(np.int64)) if full and separations else np.zeros(0, dtype=np.int64)
+    at = (
+        np.unique(np.linspace(1, max(m - 2, 1), min(separations, m)).astype(np.int64))
+        if full and separations
+        else np.zeros(0, dtype=np.int64)
+    )
     keep[at] = np.arange(at.size)
     information, adjoint = np.zeros((at.size, n, n)), np.zeros((at.size, n))
     run_backward(epochs, store, full, delta, event_cross, keep, information, adjoint)
@@ -59,19 +63,13 @@ def run_smoother(epochs: Epochs, store: Store, full: bool = True, separations: i
 
 
 def _separation(information: Array, adjoint: Array) -> tuple[Array, Array]:
-    """Backward minus forward of the nine navigation states with its sigma; NaN where the later data do not determine it."""
-    k, n = adjoint.shape
-    value, sigma = np.full((k, 9), np.nan), np.full((k, 9), np.nan)
-    for i in range(k):
-        scale = np.sqrt(np.maximum(np.diag(information[i]), 1e-300))
-        scaled = information[i] / np.outer(scale, scale)
-        w, V = np.linalg.eigh(scaled)
-        good = w > 1e-10
-        if good[0] or good.sum() >= 9:
-            inverse = (V[:, good] / w[good]) @ V[:, good].T
-            determined = 1.0 - np.sum(V[:, ~good] ** 2, axis=1) > 1.0 - 1e-6
-            d = inverse @ (adjoint[i] / scale) / scale
-            s = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / scale
-            value[i] = np.where(determined[:9], d[:9], np.nan)
-            sigma[i] = np.where(determined[:9], s[:9], np.nan)
-    return value, sigma
+    """Backward minus forward of the nine navigation states (s, 9) with its sigma; NaN where the later data do not determine it."""
+    scale = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 1e-300))
+    w, V = np.linalg.eigh(information / (scale[:, :, None] * scale[:, None, :]))
+    known = w > 1e-10
+    inverse_w = np.where(known, 1.0 / np.where(known, w, 1.0), 0.0)
+    inverse = (V * inverse_w[:, None, :]) @ np.swapaxes(V, -1, -2)
+    value = np.einsum("sij,sj->si", inverse, adjoint / scale) / scale
+    sigma = np.sqrt(np.maximum(np.diagonal(inverse, axis1=1, axis2=2), 0.0)) / scale
+    determined = np.sum(np.where(known[:, None, :], 0.0, V**2), axis=2) < 1e-6
+    return np.where(determined, value, np.nan)[:, :9], np.where(determined, sigma, np.nan)[:, :9]

@@ -67,7 +67,9 @@ class Solution:
         return self.x[at] @ M.T, np.sqrt(np.maximum(spread, 0.0))
 
 
-def solve(problem: Problem, start: Start, second_pass: Literal["auto", "on", "off"] = "auto", progress: Callable[[str], None] = lambda _: None) -> Solution:
+def solve(
+    problem: Problem, start: Start, second_pass: Literal["auto", "on", "off"] = "auto", progress: Callable[[str], None] = lambda _: None
+) -> Solution:
     """Filter and smooth a flight.
 
     second_pass : "auto" linearises again while it changes the result, "on" at least once, "off" never.
@@ -138,6 +140,7 @@ def trajectory(solution: Solution, at: np.ndarray, gps_week: int, events: bool =
     """The smoothed trajectory at epochs `at`, in latitude, longitude, height and axes north, east, down at the point.
 
     events : `at` are the epochs of all camera events; the cross-covariances of neighbours come along.
+    Accelerations are differences of the velocities at `at`, rates those of the gyros at the instant.
     """
     frame = solution.problem.frame
     nav = solution.nav[at]
@@ -147,8 +150,10 @@ def trajectory(solution: Solution, at: np.ndarray, gps_week: int, events: bool =
     cov = rotate_blocks(C_nl, solution.P[:, NAV, NAV][at], C_nl)
     cross = rotate_blocks(C_nl[:-1], solution.event_cross[1:], C_nl[1:]) if events else None
     velocity = np.einsum("nij,nj->ni", C_nl, nav[:, VEL])
-    rate = _body_rate(solution, at, C_lb)
-    return Trajectory(solution.time[at], lat, lon, height, velocity, C_nl @ C_lb, 0.5 * (cov + np.swapaxes(cov, -1, -2)), gps_week, None, rate, cross)
+    time, C_nb = solution.time[at], C_nl @ C_lb
+    acceleration = np.einsum("nji,nj->ni", C_nb, np.gradient(velocity, time, axis=0)) if at.size > 1 else None
+    cov = 0.5 * (cov + np.swapaxes(cov, -1, -2))
+    return Trajectory(time, lat, lon, height, velocity, C_nb, cov, gps_week, acceleration, _body_rate(solution, at, C_lb), cross)
 
 
 def _body_rate(solution: Solution, at: np.ndarray, C_lb: Array) -> Array:

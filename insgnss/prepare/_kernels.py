@@ -47,10 +47,10 @@ def even_spacing(time, i):
     if i < 2 or i + 3 >= time.size:
         return False
     h = time[i + 1] - time[i]
+    even = True
     for k in range(i - 2, i + 3):
-        if abs(time[k + 1] - time[k] - h) > 0.01 * h:
-            return False
-    return True
+        even &= abs(time[k + 1] - time[k] - h) <= 0.01 * h
+    return even
 
 
 @njit(cache=True)

@@ -71,16 +71,15 @@ def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array, max_gap_s: fl
     for t, length in gaps:
         if length > max(max_gap_s, 3.0 * nominal):
             raise DataError(
-                f"{imu.source or 'IMU'}: gap of {length:.3f} s (limit {max_gap_s} s) at {t:.3f} s; cut the flight there with start_tow or end_tow"
+                f"{imu.source or 'IMU'}: gap of {length:.3f} s (limit {max_gap_s} s) at {t:.3f} s; "
+                "cut the flight there with start_tow or end_tow"
             )
     room = imu.time.size + marks.size
     dt, dtheta, dvel = np.empty(room), np.empty((room, 3)), np.empty((room, 3))
     stop, rate = np.empty(marks.size, dtype=np.int64), np.empty((marks.size, 3))
     snapped = _snap_to_samples(marks, imu.time)
-    quantity = QUANTITIES.index(imu.quantity)
-    n = build_segments(
-        imu.time, imu.gyro, imu.accel, quantity, np.ascontiguousarray(C_b_imu), nominal, 1.5 * nominal, snapped, dt, dtheta, dvel, stop, rate
-    )
+    samples = (imu.time, imu.gyro, imu.accel, QUANTITIES.index(imu.quantity))
+    n = build_segments(*samples, np.ascontiguousarray(C_b_imu), nominal, 1.5 * nominal, snapped, dt, dtheta, dvel, stop, rate)
     return Increments(dt[:n], dtheta[:n], dvel[:n], snapped, stop, rate, nominal, tuple(gaps))
 
 
