@@ -8,6 +8,7 @@ instead, so that an error stays the one line it is. Exit codes: 0 done, 1 a defe
 
 import argparse
 import difflib
+import gc
 import json
 import math
 import os
@@ -67,9 +68,15 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{message}; see {self.prog} --help")
 
 
+def run() -> NoReturn:
+    """The program `insgnss`: one command in a process of its own."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are 30 x 30: more threads only spin
+    gc.disable()  # a run makes few cycles and ends soon; looking for them takes a tenth of its time
+    sys.exit(main())
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code; `argv` without the program's name, of the process by default."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are 30 x 30: more threads only spin
     argv = list(sys.argv[1:] if argv is None else argv)
     as_json, debug = "--json" in argv, "--debug" in argv
     progress = Progress(sys.stderr, None if as_json else sys.stdout, quiet="--quiet" in argv or "-q" in argv)
@@ -180,7 +187,7 @@ def _add_demo(verbs: Any) -> None:
     what = "simulate a short flight, process it, print the errors against truth, leave the report"
     parser = _add_verb(verbs, "demo", _demo, what, "  insgnss demo\n  insgnss demo my_demo --minutes 10 --seed 7")
     parser.add_argument("directory", nargs="?", type=Path, metavar="DIR", help="where the data set goes (default: insgnss_demo)")
-    parser.add_argument("--minutes", type=_positive, default=5.0, metavar="M", help="length of the flight (default: 5)")
+    parser.add_argument("--minutes", type=_positive, default=8.0, metavar="M", help="length of the flight (default: 8)")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)")
 
 

@@ -7,7 +7,7 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     name                        the directory's name    of the data set, in titles and reports
     gps_week                    none                    where files carry only the time of week
     start_tow, end_tow          none                    s; data outside are cut away
-    accept                      []                      names of plausibility checks (`insgnss inspect`) whose contradiction does not stop `process`
+    accept                      []                      checks of `insgnss inspect` whose contradiction does not stop `process`
     imu.file                    -                       samples
     imu.columns                 by header or order      list of names, or table { canonical = "name in the file" }
     imu.units                   by header, else SI      { gyro = rad/s, deg/s, deg/h; accel = m/s^2, g, mg }; rad, deg; m/s for increments
@@ -25,7 +25,7 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     gnss.time_offset_s          0.0                     added to the stamps of this sensor
     gnss.variable               none                    struct or table inside a MATLAB file
     gnss.new_when               none                    column whose change marks a new fix, where the file repeats the last one
-    gnss.gate_sigma             5.0                     innovations beyond this many standard deviations are rejected and counted
+    gnss.gate_sigma             5.0                     innovations beyond this many standard deviations (2 to 30) are rejected and counted
     camera.events               no camera               mid-exposure instants; without them the product is the trajectory alone
     camera.columns              by header or order      as above
     mounting.antenna_m, .imu_m  [0, 0, 0]               m, from the camera, in camera axes
@@ -220,7 +220,21 @@ def load_flight(path: str | Path) -> Flight:
 
 
 _KEYS: dict[str, tuple[str, ...]] = {
-    "": ("name", "gps_week", "start_tow", "end_tow", "imu", "gnss", "camera", "mounting", "tangent_plane", "output", "initial", "filter", "accept"),
+    "": (
+        "name",
+        "gps_week",
+        "start_tow",
+        "end_tow",
+        "imu",
+        "gnss",
+        "camera",
+        "mounting",
+        "tangent_plane",
+        "output",
+        "initial",
+        "filter",
+        "accept",
+    ),
     "imu": tuple(f.name for f in fields(ImuInput)),
     "imu.units": ("gyro", "accel"),
     "gnss": (*(f.name for f in fields(GnssInput)), "rover", "base", "navigation"),
@@ -236,10 +250,14 @@ _KEYS: dict[str, tuple[str, ...]] = {
 
 
 def _accept(root: "_Table") -> tuple[str, ...]:
-    names = root.data.get("accept", [])
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise root.error("accept", "is no list of check names such as [\"specific force\"]; `insgnss inspect` lists them")
-    return tuple(names)
+    names = root.texts("accept", ())
+    if names:
+        from .prepare.plausibility import NAMES
+
+        for name in names:
+            if name not in NAMES:
+                raise root.error("accept", f"{name!r} is no check; {_near(name, NAMES)}")
+    return names
 
 
 def _gps_week(root: "_Table") -> int | None:
@@ -313,7 +331,7 @@ def _gnss(table: "_Table") -> GnssInput:
         time_offset_s=table.number("time_offset_s", 0.0),
         variable=table.text("variable", None),
         new_when=table.text("new_when", None),
-        gate_sigma=table.number("gate_sigma", 5.0, 0.1),
+        gate_sigma=table.number("gate_sigma", 5.0, 2.0, 30.0),
     )
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from . import __version__
-from .errors import InputError
+from .errors import DataError, InputError, UsageError
 from .flight import Flight, load_flight
 from .records import Array, CameraEvents, Check, Diagnostics, ExteriorOrientation, GnssFixes, ImuSamples, Trajectory
 
@@ -25,6 +25,8 @@ Progress = Callable[[str], None]
 
 EPOCH_HZ = 10.0  # outputs at a higher rate are recovered between the epochs
 REPORT_ROWS = 4000
+HOPELESS_RAD = np.radians(20.0)  # of attitude: beyond it neither the linearisation nor a user can do anything with the result
+PRODUCTS = ("trajectory.sbet", "trajectory.smrmsg", "trajectory.csv", "report.html", "report.json")  # besides those of the images
 
 
 def _quiet(_: str) -> None:
@@ -54,7 +56,7 @@ class ProcessResult:
 
     def summary(self) -> str:
         """A few lines for the terminal."""
-        return "\n".join([*self.report["verdict"], *(f"wrote {file}" for file in self.files)])
+        return "\n".join([self.report["headline"], *self.report["verdict"], *(f"wrote {file}" for file in self.files)])
 
 
 @dataclass(frozen=True)
@@ -109,9 +111,31 @@ class _Clock:
 
 def read_recording(flight: Flight) -> Recording:
     """Read the files of a flight, bring them to one clock and check them."""
-    from .formats import read_events, read_gnss, read_imu
-    from .prepare.clock import common_clock
+    from .prepare.clock import common_clock, cut_events
     from .prepare.plausibility import check_recording
+
+    try:
+        imu, gnss, events = _read_files(flight)
+    except UsageError as error:  # an option of the flight file that its file's format does not have
+        raise InputError(f"{flight.path}: {error}") from None
+    if flight.imu.time_offset_s:
+        imu = replace(imu, time=imu.time + flight.imu.time_offset_s)
+    if flight.gnss.time_offset_s:
+        gnss = replace(gnss, time=gnss.time + flight.gnss.time_offset_s)
+    imu, gnss, events, week = common_clock(imu, gnss, events, flight.gps_week)
+    origin = None if flight.tangent_plane is None else np.asarray(flight.tangent_plane.origin)
+    checks = check_recording(imu, flight.imu.C_b_imu, gnss, events, origin)
+    if events is not None:
+        every = len(events.images)
+        events = cut_events(events, flight.start_tow, flight.end_tow)
+        if len(events.images) < every:
+            found = f"{every - len(events.images)} of {every} images left out"
+            checks.append(Check("start_tow, end_tow", found, "all images within", "note"))
+    return Recording(imu, gnss, events, week, tuple(checks))
+
+
+def _read_files(flight: Flight) -> tuple[ImuSamples, GnssFixes, CameraEvents | None]:
+    from .formats import read_events, read_gnss, read_imu
 
     i, g = flight.imu, flight.gnss
     imu = read_imu(i.file, columns=i.columns, units=i.units or None, quantity=i.quantity, gps_week=flight.gps_week, variable=i.variable)
@@ -127,14 +151,7 @@ def read_recording(flight: Flight) -> Recording:
         gps_week=flight.gps_week,
     )
     events = None if flight.camera is None else read_events(flight.camera.events, columns=flight.camera.columns, gps_week=flight.gps_week)
-    if i.time_offset_s:
-        imu = replace(imu, time=imu.time + i.time_offset_s)
-    if g.time_offset_s:
-        gnss = replace(gnss, time=gnss.time + g.time_offset_s)
-    imu, gnss, events, week = common_clock(imu, gnss, events, flight.gps_week)
-    origin = None if flight.tangent_plane is None else np.asarray(flight.tangent_plane.origin)
-    checks = check_recording(imu, i.C_b_imu, gnss, events, origin)
-    return Recording(imu, gnss, events, week, tuple(checks))
+    return imu, gnss, events
 
 
 def inspect(flight: Flight, progress: Progress = _quiet) -> InspectResult:
@@ -149,6 +166,7 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = _quiet
     out : directory of the products instead of the flight file's.
     Raises InputError where the input is wrong or contradicts itself, DataError where it does not support the answer.
     """
+    directory = _target(flight, out)
     clock = _Clock(progress)
     clock.step("read")
     recording = read_recording(flight)
@@ -167,7 +185,8 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = _quiet
     rows = _report_rows(solution)
     sampled = trajectory(solution, rows, week)
     heading = _check_heading(flight, sampled)
-    history = _history(flight, week, inside, solution, how)
+    _refuse_hopeless(flight, trajectory(solution, solution.event_epochs, week) if events is not None else sampled)
+    history = _history(flight, week, inside, solution, how, (*checks, heading))
     eo = None
     if events is not None:
         from .geodesy.frames import TangentPlane
@@ -178,17 +197,57 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = _quiet
         eo = exterior_orientation(at_exposure, events, flight.mounting, plane, history)
     clock.step("report")
     diagnostics = _diagnostics(solution, rows, sampled, (*checks, heading))
-    report = _summary(flight, diagnostics, eo, history, clock)
+    report = _summary(flight, diagnostics, eo, history, clock, solution.problem.inc.dt.size, solution.time.size)
     clock.step("write")
-    files = _deliver(flight, out or flight.output.directory, eo, path, report, diagnostics)
+    files = _deliver(flight, directory, eo, path, report, diagnostics)
     clock.step("")
     return ProcessResult(report, files, eo, path, diagnostics)
+
+
+def _target(flight: Flight, out: Path | None) -> Path:
+    """Directory of the products, once it is clear that they can be written there and take no input's place.
+
+    Raises UsageError where it was named by the command, InputError where it was by the flight file.
+    """
+    from .formats import EXPORTS
+
+    directory = flight.output.directory if out is None else Path(out)
+    refusal, where = (InputError, f"{flight.path}: output.directory") if out is None else (UsageError, "--out")
+    above = next(d for d in (directory, *directory.parents) if d.exists())
+    if not above.is_dir():
+        raise refusal(f"{where}: {above} is a file, a directory is expected; give another one")
+    try:
+        os.rmdir(tempfile.mkdtemp(prefix=".insgnss-", dir=above))
+    except OSError as error:
+        raise refusal(
+            f"{where}: cannot write in {above}: {error.strerror or error}; check its permissions or give another directory"
+        ) from None
+    inputs = [file.resolve() for file in _inputs(flight)]
+    for name in (*PRODUCTS, *(EXPORTS[form][1] for form in (*flight.output.formats, "eo_json"))):
+        if (directory / name).resolve() in inputs:
+            raise refusal(f"{where}: the product {name} would overwrite the input {directory / name}; give another directory")
+        if (directory / name).is_dir():
+            raise refusal(f"{where}: {directory / name} is a directory and in the way of a product; give another directory")
+    return directory
 
 
 def _refuse(flight: Flight, checks: tuple[Check, ...]) -> None:
     bad = [c for c in checks if c.verdict == "contradiction" and c.name not in flight.accept]
     if bad:
-        raise InputError(f"{flight.path}: {'; '.join(_sentence(c) for c in bad)} (accept = [\"{bad[0].name}\"] in the flight file overrules)")
+        more = "contradiction" if len(bad) == 2 else "contradictions"
+        also = f"; {len(bad) - 1} more {more}, see `insgnss inspect`" if bad[1:] else ""
+        names = ", ".join(f'"{c.name}"' for c in bad)
+        raise InputError(f"{flight.path}: {_sentence(bad[0])}{also}; accept = [{names}] in the flight file overrules")
+
+
+def _refuse_hopeless(flight: Flight, path: Trajectory) -> None:
+    """Refuse attitudes that are not determined at half of the rows."""
+    sigma = np.median(np.sqrt(np.diagonal(path.cov, axis1=1, axis2=2)[:, 6:]), axis=0)
+    if not sigma.max() < HOPELESS_RAD:
+        raise DataError(
+            f"{flight.path}: attitude not observable: its standard deviation is {np.degrees(sigma.max()):.0f} deg in the median (limit "
+            f"{np.degrees(HOPELESS_RAD):.0f}); check the noise model {flight.imu.noise} and the sigmas of the fixes, or include manoeuvres"
+        )
 
 
 def _prepare(flight: Flight, recording: Recording):  # type: ignore[no-untyped-def]
@@ -228,8 +287,9 @@ def _align(flight: Flight, problem):  # type: ignore[no-untyped-def]
         return given_attitude(problem, rpy, np.radians(given.sigma_deg)), "initial attitude from the flight file"
     alignment = initial_state(problem)
     first, last = alignment.window
+    sigma = np.degrees(alignment.heading_sigma)
     return alignment.start, (
-        f"initial attitude from the motion between {first:.1f} and {last:.1f} s (heading to {np.degrees(alignment.heading_sigma):.2f} deg there), "
+        f"initial attitude from the motion between {first:.1f} and {last:.1f} s (heading to {sigma:.2f} deg there), "
         "filtered back to the first fix"
     )
 
@@ -269,24 +329,25 @@ def _check_heading(flight: Flight, sampled: Trajectory) -> Check:
     from .geodesy.rotation import rpy_from_rotation
     from .prepare.plausibility import check_heading
 
-    check = check_heading(rpy_from_rotation(sampled.C_nb)[:, 2], sampled.velocity_ned)
+    check = check_heading(rpy_from_rotation(sampled.C_nb)[:, 2], sampled.velocity_ned, flight.imu.C_b_imu)
     _refuse(flight, (check,))
     return check
 
 
-def _history(flight: Flight, week: int, fixes: GnssFixes, solution, how: str) -> tuple[str, ...]:  # type: ignore[no-untyped-def]
+def _history(flight: Flight, week: int, fixes: GnssFixes, solution, how: str, checks: tuple[Check, ...]) -> tuple[str, ...]:  # type: ignore[no-untyped-def]
     lever = flight.mounting.antenna_lever_b
     used = int(np.isin(solution.verdict[:, 0], (1, 3)).sum())
     reopened = int((solution.verdict[:, 0] == 3).sum())
     problem = solution.problem
+    passes = f"{solution.passes} filter pass{'es' if solution.passes > 1 else ''}"
     return (
-        f"insgnss {__version__}; smoothed, {problem.layout.size} states, {solution.passes} filter pass{'es' if solution.passes > 1 else ''}; GPST week {week}",
+        f"insgnss {__version__}; smoothed, {problem.layout.size} states, {passes}; GPST week {week}",
         f"GNSS: {used} of {fixes.time.size} fixes used, innovation gate {flight.gnss.gate_sigma:g} sigma, filter reopened {reopened} times",
         f"lever arm IMU to antenna applied, forward right down m: {lever[0]:.4f} {lever[1]:.4f} {lever[2]:.4f}",
         f"noise model {flight.imu.noise}; IMU axes {flight.imu.axes}; {how}",
         f"{len(problem.inc.gaps)} IMU gaps bridged; heights ellipsoidal (WGS84)",
         "lever arm IMU to camera and bore-sight applied",
-        *(f"contradiction overruled by the flight file: {name}" for name in flight.accept),
+        *(f"contradiction overruled by the flight file: {c.name}: {c.found}" for c in checks if c.verdict == "contradiction"),
     )
 
 
@@ -325,17 +386,31 @@ def _diagnostics(solution, rows: np.ndarray, sampled: Trajectory, checks: tuple[
     )
 
 
-def _summary(flight: Flight, diagnostics: Diagnostics, eo: ExteriorOrientation | None, history: tuple[str, ...], clock: _Clock) -> dict[str, Any]:
+def _summary(
+    flight: Flight,
+    diagnostics: Diagnostics,
+    eo: ExteriorOrientation | None,
+    history: tuple[str, ...],
+    clock: _Clock,
+    samples: int,
+    epochs: int,
+) -> dict[str, Any]:
     from .report.summary import run_summary
 
+    inputs = {os.path.relpath(file, flight.path.parent): _sha256(file) for file in _inputs(flight)}
+    versions = {"insgnss": __version__, "python": platform.python_version(), "numpy": np.__version__}
+    return run_summary(
+        diagnostics, eo, flight.resolved(), inputs, versions, dict(clock.seconds), history, imu_samples=samples, epochs=epochs
+    )
+
+
+def _inputs(flight: Flight) -> list[Path]:
     files = [flight.path, flight.imu.file, flight.gnss.file]
     if flight.camera is not None:
         files.append(flight.camera.events)
     if isinstance(flight.imu.noise, Path):
         files.append(flight.imu.noise)
-    inputs = {os.path.relpath(file, flight.path.parent): _sha256(file) for file in files}
-    versions = {"insgnss": __version__, "python": platform.python_version(), "numpy": np.__version__}
-    return run_summary(diagnostics, eo, flight.resolved(), inputs, versions, dict(clock.seconds), history)
+    return files
 
 
 def _sha256(file: Path) -> str:
@@ -359,8 +434,8 @@ def _deliver(
     try:
         if eo is not None:
             for name in dict.fromkeys([*flight.output.formats, "eo_json"]):
-                write, file, _ = EXPORTS[name]
-                write(eo, staging / file)
+                write, product, _ = EXPORTS[name]
+                write(eo, staging / product)
         write_sbet(path, staging / "trajectory.sbet")
         write_smrmsg(path, staging / "trajectory.smrmsg")
         write_trajectory_csv(path, staging / "trajectory.csv")
@@ -424,7 +499,7 @@ class DemoResult:
         )
 
 
-def demo(directory: Path | None = None, minutes: float = 7.0, seed: int = 0, progress: Progress = _quiet) -> DemoResult:
+def demo(directory: Path | None = None, minutes: float = 8.0, seed: int = 0, progress: Progress = _quiet) -> DemoResult:
     """Simulate a block flight with a NavChip, process it from its files and compare with the truth."""
     from .simulate.dataset import write_dataset
 
@@ -450,5 +525,3 @@ def compare_with_truth(result: ProcessResult, truth: ExteriorOrientation, direct
     nse = np.mean(error**2 / np.diagonal(eo.cov, axis1=1, axis2=2), axis=0)
     rms = np.sqrt(np.mean(error**2, axis=0))
     return DemoResult(result, len(eo.images), rms[:3], rms[3:], nse[:3], nse[3:], directory)
-
-

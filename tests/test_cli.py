@@ -180,7 +180,7 @@ def test_demo_hands_over_its_options(pipeline, capsys):
     pipeline.demo = demo
     assert main(["demo"]) == 0
     assert main(["demo", "there", "--minutes", "2.5", "--seed", "7", "--json"]) == 0
-    assert seen == [(None, 5.0, 0), (Path("there"), 2.5, 7)]
+    assert seen == [(None, 8.0, 0), (Path("there"), 2.5, 7)]
     text, document = capsys.readouterr().out.split("\n", 1)
     assert text == "errors"
     assert json.loads(document) == {"seed": 7}

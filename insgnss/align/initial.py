@@ -82,7 +82,7 @@ def _aligned_window(problem: Problem) -> tuple[int, Solution]:
     if not found:
         raise DataError(
             "no initial attitude: in no stretch of the recording do GNSS and inertial motion agree, or it has too few fixes; check axes, "
-            "units, time scales and sigmas with `insgnss inspect`, or give [initial] attitude"
+            "units, time scales, sigmas, lever arm and noise model with `insgnss inspect`, or give [initial] attitude"
         )
     good = [f for f in found if f[1].P[0, 8, 8] < GOOD_RAD**2]
     chosen = min(good, key=lambda f: f[0]) if good else min(found, key=lambda f: f[1].P[0, 8, 8])

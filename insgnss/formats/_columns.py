@@ -113,6 +113,8 @@ def columns_of(
 def _from_header(path: str, layout: Layout, aliases: Aliases) -> list[str | None]:
     if layout.header_fields is None:
         what = f"the header {layout.header!r} does not have the {layout.n_fields} fields of the data; set columns = [...]"
+        if layout.delimiter == "," and layout.n_fields == 2 * len(str(layout.header).split(",")):
+            what += ", or, where these are decimal commas between commas, write the numbers with points"
         raise InputError.at(path, layout.header_line, what)
     canonical = {alias: name for name, names in aliases.items() for alias in names}
     return [canonical.get(normalised(field)[0]) for field in layout.header_fields]

@@ -22,6 +22,8 @@ from ..errors import InputError
 
 COMMENTS = ("#", "%", "!", ";", "//")
 SAMPLE_LINES = 20
+BINARY = "the file is binary, packed or damaged; copy it again or convert it to text"
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
 NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
 _NAME = re.compile(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?")
@@ -61,6 +63,11 @@ def split_fields(text: str, delimiter: str | None) -> list[str]:
 def is_comment(text: str) -> bool:
     """Whether a line is a comment."""
     return text.lstrip().startswith(COMMENTS)
+
+
+def is_binary(text: str) -> bool:
+    """Whether a line holds a character that no text has."""
+    return _CONTROL.search(text) is not None
 
 
 def _has_number(text: str) -> bool:
@@ -114,6 +121,8 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8]) -> Layout:
     """Layout of the table in `buf` by the rules above; InputError where there is no data line."""
     data, comments = _sample(buf)
     head = data.pop(0) if data and not _has_number(data[0][2]) else None
+    if head is not None and is_binary(head[2]):
+        raise InputError.at(path, head[0], f"is no text; {BINARY}")
     if not data:
         raise InputError.at(path, None, "holds no data line; check that the recording was copied whole")
     texts = [text for _, _, text in data[:SAMPLE_LINES]]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, UsageError
-from ._layout import NUMBER, Layout, decode, is_comment, sniff, split_fields
+from ._layout import BINARY, NUMBER, Layout, decode, is_binary, is_comment, sniff, split_fields
 
 Array = NDArray[np.float64]
 Source = str | os.PathLike[str]
@@ -151,16 +151,18 @@ def _refusal(path: Source, buf: NDArray[np.uint8], complete: bool, layout: Layou
     rest = after.partition(b"\n")[0]
     text = decode(before + rest).strip("\r\n")
     fields = split_fields(text, layout.delimiter)
-    shown = repr(text if len(text) <= 80 else text[:77] + "...")
+    shown, advice = repr(text if len(text) <= 80 else text[:77] + "..."), "correct or delete the line"
+    if is_binary(text):
+        shown, advice = ascii(text[:10]) + "...", BINARY
     last = place + len(rest) + 1 >= buf.size and not complete
-    if last and len(fields) <= layout.n_fields and status != _kernels.TOO_MANY:
+    if last and not is_binary(text) and len(fields) <= layout.n_fields and status != _kernels.TOO_MANY:
         return InputError.at(path, line, f"truncated: the file ends within this line, {shown}; copy it again or delete the line")
     if status != _kernels.BAD_NUMBER or len(fields) != layout.n_fields:
-        return InputError.at(path, line, f"{len(fields)} fields, expected {layout.n_fields}: {shown}; correct or delete the line")
+        return InputError.at(path, line, f"{len(fields)} fields, expected {layout.n_fields}: {shown}; {advice}")
     prefix = decode(before)
     column = len(prefix.split()) if layout.delimiter is None else prefix.count(layout.delimiter)
     what = f"{fields[column]!r} in field {column + 1}" if fields[column] else f"nothing in field {column + 1}"
-    return InputError.at(path, line, f"{what} where a finite number must stand: {shown}; correct or delete the line")
+    return InputError.at(path, line, f"{what} where a finite number must stand: {shown}; {advice}")
 
 
 def _refuse_short_end(path: Source, tail: list[str], layout: Layout, line: int) -> None:
@@ -185,7 +187,10 @@ def read_text_table(path: Source) -> TextTable:
         if len(fields) != layout.n_fields:
             cut = not complete and line == layout.first_line + len(raw) - 1 and len(fields) < layout.n_fields
             what = "truncated: the file ends within this line," if cut else f"{len(fields)} fields, expected {layout.n_fields}:"
-            raise InputError.at(path, line, f"{what} {text.strip()[:80]!r}; correct or delete the line")
+            shown, advice = (
+                (ascii(text[:10]) + "...", BINARY) if is_binary(text) else (repr(text.strip()[:80]), "correct or delete the line")
+            )
+            raise InputError.at(path, line, f"{what} {shown}; {advice}")
         rows.append(fields)
         lines.append(line)
     if not complete:

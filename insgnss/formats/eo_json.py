@@ -56,9 +56,11 @@ def write_eo_json(eo: ExteriorOrientation, path: Source) -> None:
             "camera_from_body": eo.camera_from_body.tolist(),
         },
         "history": list(eo.history),
-        "images": _images(eo),
     }
-    atomic_write(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    # the head is for people; one line an image, since only json's plain encoder is compiled
+    head = json.dumps(content, indent=1, allow_nan=False).removesuffix("\n}")
+    images = ",\n  ".join(json.dumps(image, allow_nan=False) for image in _images(eo))
+    atomic_write(path, f'{head},\n "images": [\n  {images}\n ]\n}}\n')
 
 
 def _image_up(camera_from_body: Array) -> str:

@@ -143,7 +143,7 @@ def run_filter(problem: Problem, start: Start, store: Store, closed: bool = True
         problem.epochs,
         imu,
         kernel_earth(problem.frame, problem.backward),
-        np.ascontiguousarray(problem.antenna_lever_b, dtype=np.float64),
+        np.array(problem.antenna_lever_b, dtype=np.float64),
         nav0,
         x0,
         m0,
@@ -168,11 +168,11 @@ def _difference(start: Start, store: Store) -> Array:
 
 def _refuse_divergence(problem: Problem, store: Store) -> None:
     """Refuse a run in which most fixes were rejected or the filter had to be reopened again and again, or numbers broke."""
-    t0 = problem.inc.marks[0]
+    time = np.abs(problem.inc.marks)  # negative where the problem runs against time
     if not np.isfinite(store.sigma[-1]).all() or not np.isfinite(store.nav[-1]).all():
         bad = int(np.argmax(~(np.isfinite(store.sigma).all(axis=1) & np.isfinite(store.nav).all(axis=1))))
         raise DataError(
-            f"the filter diverged at {t0 + problem.epochs.time[bad]:.3f} s; check axes, units and lever arm with `insgnss inspect`"
+            f"the filter diverged at {time[bad]:.3f} s; check axes, units and lever arm with `insgnss inspect`"
         )
     fixes = np.count_nonzero(store.verdict[:, 0] != NOTHING)
     rejected = np.count_nonzero(store.verdict[:, 0] == REJECTED)
@@ -181,7 +181,7 @@ def _refuse_divergence(problem: Problem, store: Store) -> None:
     if reopened.size > 3 + minutes or rejected > 0.5 * fixes:
         at = reopened[0] if reopened.size else int(np.argmax(store.verdict[:, 0] == REJECTED))
         raise DataError(
-            f"{rejected} of {fixes} GNSS fixes rejected, from {t0 + problem.epochs.time[at]:.1f} s on (NIS {store.nis[at, 0]:.0f}, limit "
+            f"{rejected} of {fixes} GNSS fixes rejected, from {time[at]:.1f} s on (NIS {store.nis[at, 0]:.0f}, limit "
             f"{problem.gate:.0f}), filter reopened {reopened.size} times: inertial and GNSS data contradict each other; check axes, units, "
             "time scales, sigmas, lever arm and noise model with `insgnss inspect`"
         )

@@ -1,16 +1,20 @@
 """One clock for all sensors: seconds of one GPS week, and the span in which IMU and GNSS both are there."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import DataError, InputError
 from ..records import CameraEvents, GnssFixes, ImuSamples
 
 WEEK_S = 604800.0
+SHORTEST_S = 10.0
 
 
-def common_clock(imu: ImuSamples, gnss: GnssFixes, events: CameraEvents | None, gps_week: int | None) -> tuple[ImuSamples, GnssFixes, CameraEvents | None, int]:
+def common_clock(
+    imu: ImuSamples, gnss: GnssFixes, events: CameraEvents | None, gps_week: int | None
+) -> tuple[ImuSamples, GnssFixes, CameraEvents | None, int]:
     """The records with their times in seconds of one week, and that week.
 
     The week is `gps_week`, else the first one that a record knows; a record without a week is taken to be of it.
@@ -32,15 +36,26 @@ def _in_week(record, week: int):  # type: ignore[no-untyped-def]
 def common_span(imu: ImuSamples, gnss: GnssFixes, start: float | None, end: float | None) -> tuple[float, float]:
     """First fix within the IMU recording, and the end of the recording, both cut to [start, end].
 
-    Raises InputError where IMU and GNSS do not overlap by ten seconds.
+    Raises InputError where IMU and GNSS do not overlap, DataError where they do by less than `SHORTEST_S`.
     """
     lo = max(imu.time[0], -np.inf if start is None else start)
     hi = min(imu.time[-1], np.inf if end is None else end)
     inside = gnss.time[(gnss.time >= lo) & (gnss.time <= hi)]
-    if inside.size < 2 or inside[-1] - inside[0] < 10.0:
+    told = (
+        f"{gnss.source}: fixes from {gnss.time[0]:.1f} to {gnss.time[-1]:.1f} s, {imu.source}: samples from {imu.time[0]:.1f} to "
+        f"{imu.time[-1]:.1f} s of week {imu.gps_week}"
+    )
+    for key, value in (("start_tow", start), ("end_tow", end)):
+        told += "" if value is None else f", {key} = {value:.1f} s"
+    if gnss.time[-1] < lo or gnss.time[0] > hi:
         raise InputError(
-            f"{gnss.source}: fixes from {gnss.time[0]:.1f} to {gnss.time[-1]:.1f} s, {imu.source}: samples from {imu.time[0]:.1f} to "
-            f"{imu.time[-1]:.1f} s of week {imu.gps_week}: less than 10 s in common; check gps_week, the day, start_tow and end_tow, UTC against GPS time, and seconds against milliseconds"
+            f"{told}: they do not overlap; check gps_week, the day, start_tow and end_tow, time_offset_s, seconds against milliseconds"
+        )
+    length = inside[-1] - inside[0] if inside.size else 0.0
+    if inside.size < 2 or length < SHORTEST_S:
+        fixes = f"{inside.size} fix{'' if inside.size == 1 else 'es'}"
+        raise DataError(
+            f"{told}: {fixes} over {length:.1f} s in common (limit {SHORTEST_S:.0f} s); give the whole recordings, or check their clocks"
         )
     return float(inside[0]), float(hi)
 
@@ -48,11 +63,21 @@ def common_span(imu: ImuSamples, gnss: GnssFixes, start: float | None, end: floa
 def cut_fixes(gnss: GnssFixes, lo: float, hi: float) -> GnssFixes:
     """The fixes within [lo, hi]."""
     keep = (gnss.time >= lo) & (gnss.time <= hi)
-    optional = {
+    optional: dict[str, Any] = {
         name: None if getattr(gnss, name) is None else getattr(gnss, name)[keep] for name in ("velocity_ned", "velocity_cov_ned", "quality")
     }
-    cut = {name: getattr(gnss, name)[keep] for name in ("time", "lat", "lon", "height", "cov_ned")}
+    cut: dict[str, Any] = {name: getattr(gnss, name)[keep] for name in ("time", "lat", "lon", "height", "cov_ned")}
     return replace(gnss, **cut, **optional)
+
+
+def cut_events(events: CameraEvents, start: float | None, end: float | None) -> CameraEvents:
+    """The events within [start, end], as the flight file cuts the flight. Raises InputError where none is left."""
+    keep = (events.time >= (-np.inf if start is None else start)) & (events.time <= (np.inf if end is None else end))
+    if keep.all():
+        return events
+    if not keep.any():
+        raise InputError(f"{events.source}: no image between start_tow and end_tow; correct them, or leave out [camera]")
+    return replace(events, images=tuple(np.array(events.images, dtype=object)[keep]), time=events.time[keep])
 
 
 def refuse_outside(events: CameraEvents, lo: float, hi: float) -> None:
@@ -61,6 +86,7 @@ def refuse_outside(events: CameraEvents, lo: float, hi: float) -> None:
     if outside.size:
         k = int(outside[0])
         raise InputError(
-            f"{events.source}: image {events.images[k]} at {events.time[k]:.3f} s is outside the flight, {lo:.3f} to {hi:.3f} s where IMU and GNSS "
-            f"overlap ({outside.size} of {len(events.images)} images); check the time scale of the events or remove these lines"
+            f"{events.source}: image {events.images[k]} at {events.time[k]:.3f} s is outside the flight, {lo:.3f} to {hi:.3f} s of IMU and "
+            f"GNSS ({outside.size} of {len(events.images)} images); check the time scale of the events (UTC is 18 s behind GPS time) or "
+            "remove these lines"
         )

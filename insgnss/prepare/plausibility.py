@@ -1,15 +1,18 @@
 """What the data themselves say about units, axes and clocks, against what the flight file says.
 
-All checks run on means over tenths of a second. The course rate of GNSS is compared with the rate of turn about the vertical that
-the gyros see, omega . d with d = -f/|f| smoothed over two seconds: in a coordinated turn with bank phi that is the course rate times
-cos(phi), whatever the axes. Their regression gives the gyro unit, their sign tells a mirrored frame (z up, latitude and longitude
-exchanged), the lag of their largest correlation a clock error.
+A contradiction says what to change. Checks stand in the order in which they are to be believed: a dead sensor or a single impossible
+reading upsets what is computed from it further down.
+
+The course rate of GNSS is compared with the rate of turn about the vertical that the gyros see, omega . d with d = -f/|f|, all smoothed
+over two seconds: in a coordinated turn with bank phi that is the course rate times cos(phi), whatever the axes. Their regression gives
+the gyro unit, their sign tells a mirrored frame (z up, latitude and longitude exchanged), the lag of their largest correlation a clock
+error.
 """
 
 import numpy as np
 
 from ..geodesy.earth import curvature_radii
-from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
+from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples, Verdict
 from .increments import find_gaps, nominal_interval
 
 STEP_S = 0.1
@@ -18,25 +21,47 @@ MAX_LAG_S = 30.0
 STILL_S = 5.0
 FAR_M = 50e3
 FAST_MS = 8.0
+GYRO_LIMIT, ACCEL_LIMIT = 100.0, 1000.0  # rad/s, m/s^2: 5700 deg/s and 100 g, beyond every sensor that a drone carries
+LATE_S, LATE_CORRELATION = 0.5, 0.9  # a lag that is told, where the correlation is clear enough to tell it
+USUAL_COSINE = 0.92  # of the bank in a turn
+LOWEST_M, HIGHEST_M = -1000.0, 10000.0
+_WORDS = (("forward", "backward"), ("right", "left"), ("down", "up"))
+
+NAMES = (
+    "IMU rate",
+    "silent sensor",
+    "specific force",
+    "axes, vertical",
+    "IMU readings",
+    "GNSS rate",
+    "GNSS speed",
+    "GNSS position",
+    "tangent plane origin",
+    "turn rate, gyro against GNSS course",
+    "camera events",
+    "heading against course",
+)
+"""Of all checks; the flight file's `accept` takes them."""
 
 
 def check_recording(imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes, events: CameraEvents | None, origin: Array | None) -> list[Check]:
     """All checks that need no navigation solution. origin : (3,) rad, rad, m of the tangent plane, or None."""
     dt = nominal_interval(imu.time)
-    checks = [_imu_rate(imu, dt), *_silent(imu, dt)]
-    time, rate, force = _thinned(imu, C_b_imu, dt)
-    checks += [_force_norm(force, imu, dt), _down_axis(force)]
-    checks += [_gnss_rate(gnss), _gnss_speed(gnss)]
+    checks = [_imu_rate(imu, dt), _silent(imu, dt), _readings(imu, dt)]
+    checks += [_gnss_rate(gnss), _gnss_speed(gnss), _gnss_position(gnss)]
+    if imu.time.size * dt > 2.0 * STEP_S:
+        time, rate, force = _thinned(imu, C_b_imu, dt)
+        checks += [_force_norm(rate, force, imu, dt), _down_axis(force, C_b_imu)]
+        checks.append(_check_turns(time, rate, force, gnss, imu, dt))
     if origin is not None:
         checks.append(_origin_distance(gnss, origin))
-    checks += _turn_rate(time, rate, force, gnss)
     if events is not None:
         checks.append(_events(events))
-    return checks
+    return sorted(checks, key=lambda check: NAMES.index(check.name))
 
 
-def check_heading(heading: Array, velocity_ned: Array) -> Check:
-    """Smoothed heading against the course over ground while fast: (n,) rad and (n, 3) m/s."""
+def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
+    """Smoothed heading against the course over ground while fast: (n,) rad and (n, 3) m/s; C_b_imu (3, 3) as the flight file has it."""
     name, expected = "heading against course", "median within 60 deg (a drone crabs in wind)"
     speed = np.hypot(velocity_ned[:, 0], velocity_ned[:, 1])
     fast = speed > FAST_MS
@@ -48,36 +73,69 @@ def check_heading(heading: Array, velocity_ned: Array) -> Check:
     scatter = float(np.median(np.abs((off - median + 180.0) % 360.0 - 180.0)))
     found = f"median {median:.1f} deg, half of it within {scatter:.1f} deg"
     if abs(median) > 60.0 and scatter < 30.0:
-        quarter = round(median / 90.0) * 90
-        return Check(name, found, expected, "contradiction", f"imu.axes looks turned by about {quarter} deg about the vertical")
+        quarter = round(median / 90.0)
+        c, s = (1, 0, -1, 0)[quarter % 4], (0, 1, 0, -1)[quarter % 4]
+        turned = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ C_b_imu
+        advice = (
+            f"imu.axes looks turned by {90 * quarter} deg about the vertical; if the drone flies nose first it is {_axes_words(turned)!r}"
+        )
+        return Check(name, found, expected, "contradiction", advice)
     return Check(name, found, expected, "note" if abs(median) > 30.0 else "ok")
 
 
 def _imu_rate(imu: ImuSamples, dt: float) -> Check:
     gaps = find_gaps(imu.time, dt)
     longest = max((g[1] for g in gaps), default=0.0)
-    found = f"{1.0 / dt:.2f} Hz, {imu.time[-1] - imu.time[0]:.1f} s, {imu.time.size} samples, {len(gaps)} gaps"
+    name, expected = "IMU rate", "no interval over 1.5 nominal ones"
+    span = float(imu.time[-1] - imu.time[0])
+    found = f"{1.0 / dt:.2f} Hz, {span:.1f} s, {imu.time.size} samples, {len(gaps)} gaps"
     if gaps:
         found += f", longest {longest:.3f} s"
-    return Check("IMU rate", found, "no interval over 1.5 nominal ones", "note" if gaps else "ok")
+    if dt < 0.5 * span / (imu.time.size - 1):
+        found += f"; median interval {dt:.3g} s, mean {span / (imu.time.size - 1):.3g} s"
+        advice = "the stamps come in bunches: they are rounded, or those of the logger; use the sensor's own clock"
+        return Check(name, found, expected, "contradiction", advice)
+    return Check(name, found, expected, "note" if gaps else "ok")
 
 
-def _silent(imu: ImuSamples, dt: float) -> list[Check]:
+def _silent(imu: ImuSamples, dt: float) -> Check:
     """Channels that repeat one value for longer than `STILL_S`."""
     names = [f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"]
     limit = max(int(STILL_S / dt), 10)
-    worst = []
+    dead, how = [], ""
     for name, column in zip(names, [*imu.gyro.T, *imu.accel.T], strict=True):
         change = np.flatnonzero(np.diff(column) != 0.0)
         edges = np.concatenate([[-1], change, [column.size - 1]])
         run = np.diff(edges)
         k = int(np.argmax(run))
         if run[k] > limit:
-            worst.append(f"{name} stays at {column[edges[k] + 1]:.6g} for {run[k] * dt:.1f} s from {imu.time[edges[k] + 1]:.2f} s on")
+            dead.append(name)
+            how = how or f"stays at {column[edges[k] + 1]:z.6g} for {run[k] * dt:.1f} s from {imu.time[edges[k] + 1]:.2f} s on"
     expected = f"no channel constant for over {STILL_S:.0f} s"
-    if worst:
-        return [Check("silent sensor", "; ".join(worst), expected, "contradiction", "a sensor is dead or a column is wrong; check imu.columns")]
-    return [Check("silent sensor", "every channel alive", expected)]
+    if dead:
+        found = f"{dead[0]} {how}" + (f", likewise {', '.join(dead[1:])}" if dead[1:] else "")
+        return Check("silent sensor", found, expected, "contradiction", "a sensor is dead or a column is wrong; check imu.columns")
+    return Check("silent sensor", "every channel alive", expected)
+
+
+def _readings(imu: ImuSamples, dt: float) -> Check:
+    """Readings that no sensor can give: a few are spikes of the recording, many are a wrong unit."""
+    scale = 1.0 / dt if imu.quantity == "increments" else 1.0
+    name, expected = "IMU readings", f"within {GYRO_LIMIT:.0f} rad/s and {ACCEL_LIMIT:.0f} m/s^2"
+    found, worst = [], 0
+    for sensor, unit, values, limit in (("gyro", "rad/s", imu.gyro, GYRO_LIMIT), ("accelerometer", "m/s^2", imu.accel, ACCEL_LIMIT)):
+        if max(values.max(), -values.min()) * scale <= limit:
+            continue
+        beyond = np.flatnonzero((np.abs(values) * scale > limit).any(axis=1))
+        first = scale * values[beyond[0]]
+        found.append(f"{sensor} {first[np.argmax(np.abs(first))]:.4g} {unit} at {imu.time[beyond[0]]:.3f} s, {beyond.size} such samples")
+        worst = max(worst, beyond.size)
+    if not found:
+        return Check(name, "all within", expected)
+    advice = "spikes of the recording: correct them at their source, or cut them away with start_tow or end_tow"
+    if worst > 0.01 * imu.time.size:
+        advice = "check imu.units and imu.columns"
+    return Check(name, "; ".join(found), expected, "contradiction", advice)
 
 
 def _thinned(imu: ImuSamples, C_b_imu: Array, dt: float) -> tuple[Array, Array, Array]:
@@ -90,44 +148,53 @@ def _thinned(imu: ImuSamples, C_b_imu: Array, dt: float) -> tuple[Array, Array, 
     return imu.time[: n * k].reshape(n, k).mean(axis=1), gyro @ C_b_imu.T, accel @ C_b_imu.T
 
 
-def _force_norm(force: Array, imu: ImuSamples, dt: float) -> Check:
+def _force_norm(rate: Array, force: Array, imu: ImuSamples, dt: float) -> Check:
     name, expected = "specific force", "median norm 8.8 to 11.0 m/s^2"
     norm = float(np.median(np.linalg.norm(force, axis=1)))
     found = f"median norm {norm:.4g} m/s^2"
     if 8.8 <= norm <= 11.0:
         return Check(name, found, expected)
-    ratio = norm / 9.81
+    if norm < 8.8 <= np.median(np.linalg.norm(rate, axis=1)) <= 11.0:
+        return Check(name, found, expected, "contradiction", "gyro and accelerometer look exchanged; correct imu.columns")
     guesses = [
         (1.0 / 9.81, 'imu.units accel = "g"'),
-        (9.81, 'imu.units accel = "m/s^2" (the values are not in g)'),
-        (9.81e-3, 'imu.units accel = "m/s^2" (the values are not in mg)'),
+        (9.81, 'imu.units accel = "m/s^2" (not in g)'),
+        (9.81e-3, 'imu.units accel = "m/s^2" (not in mg)'),
         (1000.0 / 9.81, 'imu.units accel = "mg"'),
-        (dt, 'imu.quantity = "increments"'),
-        (1.0 / dt, 'imu.quantity = "mean_rate"'),
+        _quantity_guess(imu, dt),
     ]
-    close = [advice for factor, advice in guesses if 0.85 < ratio / factor < 1.15]
-    advice = f"the values look like {close[0]}" if close else "check imu.columns, imu.units and imu.quantity"
+    close = [advice for factor, advice in guesses if 0.85 < norm / 9.81 / factor < 1.15]
+    advice = f"the values look like {' or '.join(close)}" if close else "check imu.columns, imu.units and imu.quantity"
     return Check(name, found, expected, "contradiction", advice)
 
 
-def _down_axis(force: Array) -> Check:
+def _down_axis(force: Array, C_b_imu: Array) -> Check:
     name, expected = "axes, vertical", "specific force points up, along body -z, within 60 deg in the median"
     up = np.median(force, axis=0)
     norm = np.linalg.norm(up)
     if norm == 0.0:
         return Check(name, "no specific force", expected, "contradiction", "check imu.columns")
     angle = float(np.degrees(np.arccos(np.clip(-up[2] / norm, -1.0, 1.0))))
-    direction = ("forward", "right", "down")[int(np.argmax(np.abs(up)))]
-    sign = "-" if up[int(np.argmax(np.abs(up)))] < 0 else "+"
-    found = f"median ({up[0]:.2f}, {up[1]:.2f}, {up[2]:.2f}) m/s^2 in body axes, {angle:.0f} deg off -z"
+    found = f"median ({up[0]:z.2f}, {up[1]:z.2f}, {up[2]:z.2f}) m/s^2 in body axes, {angle:.0f} deg off -z"
     if angle > 60.0:
-        return Check(name, found, expected, "contradiction", f"imu.axes calls {sign}{direction} what the accelerometers say is up; correct imu.axes")
+        in_imu = C_b_imu.T @ up
+        axis = int(np.argmax(np.abs(in_imu)))
+        sense, called = ("down", "up")[int(in_imu[axis] > 0)], _axes_words(C_b_imu).split()[axis]
+        advice = f"the IMU's {'xyz'[axis]} axis points {sense}, imu.axes calls it {called!r}; correct imu.axes"
+        return Check(name, found, expected, "contradiction", advice)
     return Check(name, found, expected, "note" if angle > 30.0 else "ok")
+
+
+def _axes_words(C_b_imu: Array) -> str:
+    """The words of `axes.parse_axes` for a signed permutation."""
+    return " ".join(_WORDS[int(np.argmax(np.abs(column)))][int(column.sum() < 0)] for column in C_b_imu.T)
 
 
 def _gnss_rate(gnss: GnssFixes) -> Check:
     step = np.diff(gnss.time)
-    nominal = float(np.median(step)) if step.size else np.nan
+    if not step.size:
+        return Check("GNSS rate", "a single fix", "no interval over 1.5 nominal ones", "note")
+    nominal = float(np.median(step))
     gaps = step > 1.5 * nominal
     found = f"{1.0 / nominal:.2f} Hz, {gnss.time.size} fixes, {int(gaps.sum())} gaps"
     if gaps.any():
@@ -135,23 +202,41 @@ def _gnss_rate(gnss: GnssFixes) -> Check:
     return Check("GNSS rate", found, "no interval over 1.5 nominal ones", "note" if gaps.any() else "ok")
 
 
-def _north_east(gnss: GnssFixes) -> Array:
-    M, N = curvature_radii(gnss.lat[0])
-    return np.column_stack([(gnss.lat - gnss.lat[0]) * M, (gnss.lon - gnss.lon[0]) * N * np.cos(gnss.lat[0])])
-
-
 def _gnss_speed(gnss: GnssFixes) -> Check:
     name, expected = "GNSS speed", "below 100 m/s"
+    if gnss.time.size < 2:
+        return Check(name, "a single fix", expected, "note")
     step = np.maximum(np.diff(gnss.time), 1e-3)
     noise = np.sqrt(np.trace(gnss.cov_ned, axis1=1, axis2=2))
     distance = np.linalg.norm(np.diff(_north_east(gnss), axis=0), axis=1)
     speed = np.maximum(distance - 5.0 * (noise[1:] + noise[:-1]), 0.0) / step
-    typical = float(np.median(speed)) if speed.size else 0.0
+    typical = float(np.median(speed))
     fast = int((speed > 100.0).sum())
     found = f"median {np.median(distance / step):.1f} m/s, {fast} steps over 100 m/s"
     if typical > 100.0:
         return Check(name, found, expected, "contradiction", "check the columns, angle units and time unit of the GNSS file")
     return Check(name, found, expected, "note" if fast else "ok")
+
+
+def _gnss_position(gnss: GnssFixes) -> Check:
+    """Units and columns of the positions, from where on Earth they lie."""
+    name, expected = "GNSS position", f"away from 0, 0 deg, {LOWEST_M:.0f} to {HIGHEST_M:.0f} m high, changing from fix to fix"
+    lat, lon, height = np.degrees(gnss.lat[0]), np.degrees(gnss.lon[0]), float(gnss.height[0])
+    found = f"first fix at {lat:.5f}, {lon:.5f} deg, {height:.1f} m"
+    if np.abs(np.degrees(gnss.lat)).max() <= 0.5 * np.pi and np.abs(np.degrees(gnss.lon)).max() <= np.pi:
+        advice = 'that is the Gulf of Guinea: the values look like gnss.units = { angle = "rad" }, or are zeros'
+        return Check(name, found, expected, "contradiction", advice)
+    beyond = np.flatnonzero((gnss.height < LOWEST_M) | (gnss.height > HIGHEST_M))
+    if beyond.size:
+        at = f"; height {gnss.height[beyond[0]]:.1f} m at {gnss.time[beyond[0]]:.1f} s, {beyond.size} such fixes"
+        return Check(name, found + at, expected, "contradiction", "check gnss.columns and the unit of the heights, which is m")
+    columns = (("latitude", gnss.lat), ("longitude", gnss.lon), ("height", gnss.height))
+    still = [what for what, column in columns if gnss.time.size > 10 and np.ptp(column) == 0.0]
+    if still:
+        what = " and ".join(still)
+        found += f", {what} the same in all {gnss.time.size} fixes"
+        return Check(name, found, expected, "contradiction", f"{what} must change; check gnss.columns")
+    return Check(name, found, expected)
 
 
 def _origin_distance(gnss: GnssFixes, origin: Array) -> Check:
@@ -162,7 +247,11 @@ def _origin_distance(gnss: GnssFixes, origin: Array) -> Check:
     found = f"first fix at {np.degrees(gnss.lat[0]):.5f}, {np.degrees(gnss.lon[0]):.5f} deg, {distance / 1e3:.1f} km from the origin"
     if distance > FAR_M:
         swapped = np.hypot((gnss.lon[0] - origin[0]) * M, (gnss.lat[0] - origin[1]) * N * np.cos(origin[0])) < FAR_M
-        advice = "latitude and longitude look exchanged; correct gnss.columns" if swapped else "correct tangent_plane.origin or the GNSS columns"
+        advice = (
+            "latitude and longitude look exchanged; correct gnss.columns or tangent_plane.origin"
+            if swapped
+            else "correct tangent_plane.origin or the GNSS columns"
+        )
         return Check(name, found, expected, "contradiction", advice)
     return Check(name, found, expected)
 
@@ -175,47 +264,64 @@ def _events(events: CameraEvents) -> Check:
     return Check("camera events", found, "in the order of time, within the flight")
 
 
-def _smooth(x: Array, width: int) -> Array:
-    kernel = np.ones(max(width, 1)) / max(width, 1)
-    return np.convolve(x, kernel, mode="same")
+def _quantity_guess(imu: ImuSamples, dt: float) -> tuple[float, str]:
+    """Factor by which all readings are off where increments and rates are mixed up, and what to do."""
+    if imu.quantity == "increments":
+        return 1.0 / dt, 'imu.quantity = "mean_rate"'
+    return dt, 'imu.quantity = "increments"'
 
 
-def _turn_rate(time: Array, rate: Array, force: Array, gnss: GnssFixes) -> list[Check]:
-    """Gyro unit, handedness and clock from the turns."""
+def _check_turns(time: Array, rate: Array, force: Array, gnss: GnssFixes, imu: ImuSamples, dt: float) -> Check:
+    """Gyro unit, handedness and clock. time (k,) s, rate (k, 3) rad/s, force (k, 3) m/s^2 in body axes; dt : IMU interval, s."""
     name, expected = "turn rate, gyro against GNSS course", "ratio 0.5 to 1.5 at no lag"
     grid = np.arange(max(time[0], gnss.time[0]), min(time[-1], gnss.time[-1]), STEP_S)
-    if grid.size < 200:
-        return [Check(name, "too short to tell", expected, "note")]
-    width = round(max(SMOOTH_S, 4.0 * float(np.median(np.diff(gnss.time)))) / STEP_S)
+    width = round(max(SMOOTH_S, 4.0 * float(np.median(np.diff(gnss.time)))) / STEP_S) if gnss.time.size > 1 else grid.size
+    if grid.size < max(200, 5 * width):
+        return Check(name, "too short or too few fixes to tell", expected, "note")
     course_rate, moving = _course_rate(gnss, grid, width)
     down = -np.column_stack([_smooth(force[:, c], width) for c in range(3)])
     down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
     gyro = np.interp(grid, time, _smooth(np.sum(rate * down, axis=1), width))
     if moving.sum() < 100 or np.std(course_rate[moving]) < 0.02:
-        return [Check(name, "no turns at speed to compare", expected, "note")]
+        return Check(name, "no turns at speed to compare", expected, "note")
     lag, best, here = _best_lag(gyro, course_rate, moving)
     ratio = float(np.sum(gyro[moving] * course_rate[moving]) / np.sum(course_rate[moving] ** 2))
     found = f"ratio {ratio:.3g}, correlation {here:.2f} at no lag, {best:.2f} at {lag:+.1f} s"
+    verdict, advice = _judge_turns(ratio, lag, best, here, imu, dt)
+    return Check(name, found, expected, verdict, advice)
+
+
+def _judge_turns(ratio: float, lag: float, best: float, here: float, imu: ImuSamples, dt: float) -> tuple[Verdict, str]:
+    late, shift = (
+        f"IMU time is about {lag:+.1f} s off GNSS time",
+        f"add {lag:+.1f} s to gnss.time_offset_s or {-lag:+.1f} s to imu.time_offset_s",
+    )
     if abs(best) > 0.6 and abs(lag) > 1.0 and abs(best) > abs(here) + 0.15:
         hint = "GPS against UTC (18 s)" if 16.0 <= abs(lag) <= 20.0 else "a wrong clock"
-        return [Check(name, found, expected, "contradiction", f"IMU time is {lag:+.1f} s off GNSS time: {hint}; correct imu.time_offset_s or gnss.time_offset_s")]
+        return "contradiction", f"{late}: {hint}; {shift}"
     if abs(best) < 0.3:
-        return [Check(name, found, expected, "contradiction", "IMU and GNSS show no common turn: are they of one flight, one day, one clock?")]
+        return "contradiction", "IMU and GNSS show no common turn: are they of one flight, one day, one clock?"
     if here < -0.6:
-        return [
-            Check(name, found, expected, "contradiction", "the gyros turn the other way: imu.axes or gyro sign is wrong, or latitude and longitude are exchanged")
-        ]
+        return "contradiction", "the gyros turn the other way: imu.axes or gyro sign is wrong, or latitude and longitude are exchanged"
     if here > 0.6 and not 0.4 < ratio < 1.8:
-        return [Check(name, found, expected, "contradiction", _gyro_unit_advice(ratio))]
-    return [Check(name, found, expected, "ok" if here > 0.6 else "note")]
+        return "contradiction", _gyro_unit_advice(ratio, imu, dt)
+    if best > LATE_CORRELATION and abs(lag) >= LATE_S:
+        return "note", f"{late}; {shift}"
+    return ("ok" if here > 0.6 else "note"), ""
 
 
-def _gyro_unit_advice(ratio: float) -> str:
-    if 25.0 < ratio < 100.0:
-        return 'the gyro values look like imu.units gyro = "deg/s"'
-    if 0.01 < ratio < 0.04:
-        return 'the gyro values look like imu.units gyro = "rad/s"'
-    return "check imu.units gyro and imu.quantity"
+def _gyro_unit_advice(ratio: float, imu: ImuSamples, dt: float) -> str:
+    """What the ratio looks like most."""
+    ratio = max(ratio, 1e-12) / USUAL_COSINE
+    guesses = [
+        (np.degrees(1.0), 'imu.units gyro = "deg/s"'),
+        (np.radians(1.0), 'imu.units gyro = "rad/s" (not in deg)'),
+        (np.radians(1.0) / 3600.0, 'imu.units gyro = "rad/s" (not in deg/h)'),
+        (1.0 / 3600.0, 'imu.units gyro = "deg/s" (not in deg/h)'),
+        _quantity_guess(imu, dt),
+    ]
+    factor, advice = min(guesses, key=lambda guess: abs(np.log(ratio / guess[0])))
+    return f"the gyro values look like {advice}" if 0.7 < ratio / factor < 1.4 else "check imu.units gyro and imu.quantity"
 
 
 def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.ndarray]:
@@ -239,11 +345,22 @@ def _best_lag(gyro: Array, course_rate: Array, moving: np.ndarray) -> tuple[floa
     most = int(min(MAX_LAG_S / STEP_S, gyro.size // 4))
     lags = np.arange(-most, most + 1)
     value = np.zeros(lags.size)
-    for i, k in enumerate(lags):
+    for i, k in enumerate(lags.tolist()):
         a = gyro[max(k, 0) : gyro.size + min(k, 0)]
         b = course_rate[max(-k, 0) : gyro.size + min(-k, 0)]
         use = moving[max(-k, 0) : gyro.size + min(-k, 0)]
         if use.sum() > 50 and np.std(a[use]) > 0.0:
             value[i] = np.corrcoef(a[use], b[use])[0, 1]
-    k = int(np.argmax(np.abs(value)))
-    return float(lags[k] * STEP_S), float(value[k]), float(value[most])
+    best = int(np.argmax(np.abs(value)))
+    return float(lags[best] * STEP_S), float(value[best]), float(value[most])
+
+
+def _north_east(gnss: GnssFixes) -> Array:
+    """North and east of the first fix, (n, 2) m."""
+    M, N = curvature_radii(gnss.lat[0])
+    return np.column_stack([(gnss.lat - gnss.lat[0]) * M, (gnss.lon - gnss.lon[0]) * N * np.cos(gnss.lat[0])])
+
+
+def _smooth(x: Array, width: int) -> Array:
+    width = min(max(width, 1), x.size)
+    return np.convolve(x, np.ones(width) / width, mode="same")

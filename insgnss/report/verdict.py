@@ -107,7 +107,7 @@ def _nis(f: Figures) -> Iterator[str]:
         nis = "NIS {:.2f} per degree of freedom, 99 % bounds {:.3f} to {:.3f}".format(c["mean_per_dof"], *c["bounds_99"])
         told = f"{what} innovations are {c['size']:.2f} times what their sigmas say ({nis})"
         if c["verdict"] == "overconfident":
-            yield f"overconfident: {told}; the sigmas of GNSS or IMU, and so those of the images, are too small"
+            yield f"overconfident: {told}; the sigmas of GNSS or IMU, and so those of the images, are too small, or the lever arm or a clock is wrong"
         else:
             yield f"conservative: {told}; the sigmas of GNSS or IMU are too large"
 
@@ -131,7 +131,7 @@ def _separation(f: Figures) -> Iterator[str]:
         if known and max(known)[0] > SEPARATION_MATTERS:
             ratio, axis = max(known)
             told = f"forward and backward disagree by {ratio:.1f} sigma (rms) in {state} {axis}"
-            yield f"{told}: the IMU noise model or the GNSS sigmas are too small"
+            yield f"{told}: the IMU noise model or the GNSS sigmas are too small, or the lever arm or a clock is wrong"
 
 
 def _first_image(f: Figures) -> Iterator[str]:
