@@ -68,24 +68,25 @@ def given_attitude(problem: Problem, rpy: Array, sigma: Array) -> Start:
 
 
 def _aligned_window(problem: Problem) -> tuple[int, Solution]:
-    """First epoch and smoothed solution of the earliest window whose heading is known well enough."""
+    """First epoch and smoothed solution of the earliest window whose heading is known well enough, else of the best."""
     found: list[tuple[int, Solution]] = []
-    for coarse in coarse_attitudes(problem)[:TRIES]:
+    for coarse in sorted(coarse_attitudes(problem)[:TRIES], key=lambda c: c.first):
         last = int(np.searchsorted(problem.epochs.time, problem.epochs.time[coarse.first] + WINDOW_S))
         window = _window(problem, coarse.first, max(coarse.last, min(last, problem.epochs.time.size - 1)))
         try:
-            solution = solve(window, _coarse_start(window, coarse), "on")
+            solution = solve(window, _coarse_start(window, coarse))
         except DataError:
             continue
         if np.nanmean(solution.nis[:, 0]) < MISFIT_NIS and np.isfinite(solution.P).all():
+            if solution.P[0, 8, 8] < GOOD_RAD**2:
+                return coarse.first, solution
             found.append((coarse.first, solution))
     if not found:
         raise DataError(
             "no initial attitude: in no stretch of the recording do GNSS and inertial motion agree, or it has too few fixes; check axes, "
             "units, time scales, sigmas, lever arm and noise model with `insgnss inspect`, or give [initial] attitude"
         )
-    good = [f for f in found if f[1].P[0, 8, 8] < GOOD_RAD**2]
-    chosen = min(good, key=lambda f: f[0]) if good else min(found, key=lambda f: f[1].P[0, 8, 8])
+    chosen = min(found, key=lambda f: f[1].P[0, 8, 8])
     sigma = float(np.sqrt(chosen[1].P[0, 8, 8]))
     if not sigma < HOPELESS_RAD:
         raise DataError(
