@@ -33,7 +33,7 @@ CEILING_RAD = np.radians([10.0, 10.0, 60.0])
 WINDOW_S = 60.0
 TRIES = 5
 GOOD_RAD = np.radians(2.0)
-HOPELESS_RAD = np.radians(20.0)
+HOPELESS_RAD = np.radians(10.0)  # beyond it the problem is too far from linear for its sigma to be believed
 MISFIT_NIS = 30.0  # mean of a triple, expected 3: beyond it the window did not converge to the data
 
 
@@ -74,7 +74,7 @@ def _aligned_window(problem: Problem) -> tuple[int, Solution]:
         last = int(np.searchsorted(problem.epochs.time, problem.epochs.time[coarse.first] + WINDOW_S))
         window = _window(problem, coarse.first, max(coarse.last, min(last, problem.epochs.time.size - 1)))
         try:
-            solution = solve(window, _coarse_start(window, coarse))
+            solution = solve(window, _coarse_start(window, coarse), "on", separations=0)
         except DataError:
             continue
         if np.nanmean(solution.nis[:, 0]) < MISFIT_NIS and np.isfinite(solution.P).all():
@@ -97,9 +97,10 @@ def _aligned_window(problem: Problem) -> tuple[int, Solution]:
 
 
 def _coarse_start(window: Problem, coarse: CoarseAttitude) -> Start:
-    att = coarse.cov + np.diag(FLOOR_RAD**2)
-    shrink = np.minimum(1.0, np.radians(30.0) / np.sqrt(np.diag(att)))
-    return _start(window, _nav(window, 0, coarse.C_lb, coarse.velocity), att * np.outer(shrink, shrink))
+    """Start of the window: the heading unknown, so that what comes out as its sigma is what the data of the window say."""
+    tilt = np.clip(np.sqrt(np.diag(coarse.cov)[:2]) + FLOOR_RAD[:2], None, np.radians(30.0))
+    att = np.diag([*tilt, np.pi]) ** 2
+    return _start(window, _nav(window, 0, coarse.C_lb, coarse.velocity), att)
 
 
 def _nav(problem: Problem, epoch: int, C_lb: Array, velocity: Array) -> Array:

@@ -171,9 +171,7 @@ def _refuse_divergence(problem: Problem, store: Store) -> None:
     time = np.abs(problem.inc.marks)  # negative where the problem runs against time
     if not np.isfinite(store.sigma[-1]).all() or not np.isfinite(store.nav[-1]).all():
         bad = int(np.argmax(~(np.isfinite(store.sigma).all(axis=1) & np.isfinite(store.nav).all(axis=1))))
-        raise DataError(
-            f"the filter diverged at {time[bad]:.3f} s; check axes, units and lever arm with `insgnss inspect`"
-        )
+        raise DataError(f"the filter diverged at {time[bad]:.3f} s; check axes, units and lever arm with `insgnss inspect`")
     fixes = np.count_nonzero(store.verdict[:, 0] != NOTHING)
     rejected = np.count_nonzero(store.verdict[:, 0] == REJECTED)
     reopened = np.flatnonzero(store.verdict[:, 0] == REOPENED)

@@ -44,7 +44,7 @@ class Smoothed:
     separation_sigma: Array
 
 
-def run_smoother(epochs: Epochs, store: Store, full: bool = True, separations: int = 200) -> Smoothed:
+def run_smoother(epochs: Epochs, store: Store, full: bool = True, separations: int = 100) -> Smoothed:
     """Backward pass. With `full` the covariances in store.P are replaced by the smoothed ones."""
     m, n = store.m.shape
     delta = np.empty((m, n))

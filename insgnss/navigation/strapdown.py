@@ -15,8 +15,8 @@ Over a segment of length h with rotation vector phi and velocity increment u (`p
     v    <- v + u_l + h (g(p + v h / 2) - 2 Omega x (v + (u_l + g h) / 2))                                       (S.5)
     p    <- p + h (v_before + v_after) / 2                                                                       (S.6)
 
-Gravity is evaluated exactly at the start of every block (20 ms) and carried on by its gradient: over the few metres of a block
-the second-order term is below 1e-11 m/s^2.
+Gravity is evaluated exactly at the start of every block (20 ms) and carried on by its gradient, without the part of it that comes with
+latitude (8e-9 m/s^2 a metre): 1e-9 m/s^2 over the metre of a block.
 
 Savage (1998); Groves (2013) 5.2, 5.4; the term phi x (phi x u) / 6 keeps the vertical from drifting in turns.
 """

@@ -1,0 +1,196 @@
+"""The house: which room stands on which, what may be imported when, and how long a piece of code may get. Read from the sources."""
+
+import ast
+import re
+import sys
+from collections.abc import Iterator
+from functools import cache
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "insgnss"
+
+BELOW_ALL = {"errors", "geodesy", "records", "files"}
+STANDS_ON = {  # the table of the design, room by room; what is below all is not repeated
+    "errors": set(),
+    "files": {"errors"},
+    "geodesy": {"errors"},
+    "records": {"errors", "geodesy"},
+    "formats": BELOW_ALL,
+    "prepare": BELOW_ALL,
+    "stochastic": BELOW_ALL,
+    "navigation": BELOW_ALL | {"stochastic"},
+    "align": BELOW_ALL | {"navigation"},
+    "orient": BELOW_ALL,
+    "gnss": BELOW_ALL | {"formats"},
+    "calibrate": BELOW_ALL | {"navigation", "orient"},
+    "adjust": BELOW_ALL | {"orient"},
+    "simulate": BELOW_ALL | {"stochastic", "formats"},  # formats: a simulated flight is written as a data set
+    "report": BELOW_ALL,
+}
+ROOMS = set(STANDS_ON)
+STANDS_ON |= {"flight": ROOMS, "pipeline": ROOMS | {"flight"}, "cli": ROOMS | {"flight", "pipeline"}, "__main__": {"cli"}}
+
+ALLOWED_ALL_THE_SAME = {  # (importing module, imported module): reason
+    ("report.page", "formats._text"): "a report appears whole or not at all, by the same atomic_write as every product",
+}
+LOCAL_ONLY = {"matplotlib", "scipy", "pandas", "pyproj", "georinex", "filterpy", "netCDF4", "xarray"}
+
+MODULE_LINES, FUNCTION_LINES, KERNEL_LINES = 400, 60, 200
+LONG_MODULES = {
+    "navigation._kernels": "the kernels inline each other, and numba's cache on disk notices a changed callee only in the same file",
+    "flight": "one table of keys, and each key's check beside it",
+    "pipeline": "the one place that knows the order: splitting it would spread the order",
+}
+LONG_FUNCTIONS: dict[str, str] = {}
+
+
+def name_of(path: Path) -> str:
+    """Dotted name inside the package; of a room's __init__ the room, of the package's own "__init__"."""
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    return ".".join(parts[:-1] if len(parts) > 1 and parts[-1] == "__init__" else parts)
+
+
+MODULES = {name_of(path): path for path in sorted(PACKAGE.rglob("*.py"))}
+
+
+@cache
+def tree(module: str) -> ast.Module:
+    return ast.parse(MODULES[module].read_text(encoding="utf-8"))
+
+
+def at_import(node: ast.AST) -> Iterator[ast.AST]:
+    """Nodes that run when the module is imported: all but the bodies of functions and `if TYPE_CHECKING`."""
+    for child in ast.iter_child_nodes(node):
+        typing_only = isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test)
+        if not isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda) and not typing_only:
+            yield child
+            yield from at_import(child)
+
+
+def imports(module: str, only_at_import: bool = False) -> Iterator[str]:
+    """Full names of what a module imports: `insgnss.room.module`, or the outer package's name."""
+    package = ["insgnss", *module.split(".")]
+    if MODULES[module].name != "__init__.py":
+        package.pop()
+    elif module == "__init__":
+        package = ["insgnss"]
+    for node in at_import(tree(module)) if only_at_import else ast.walk(tree(module)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            stem = ".".join([*base, *([node.module] if node.module else [])])
+            for alias in node.names:
+                inner = f"{stem}.{alias.name}"
+                yield inner if inner.removeprefix("insgnss.") in MODULES else stem
+
+
+def inner_imports(module: str, only_at_import: bool = False) -> set[str]:
+    """Modules of the package that `module` imports."""
+    names = {name.removeprefix("insgnss.") for name in imports(module, only_at_import) if name.startswith("insgnss.")}
+    return names & set(MODULES)
+
+
+def test_every_room_has_its_line_in_the_table() -> None:
+    """Oracle: the directory's listing against the design's table."""
+    assert {module.split(".")[0] for module in MODULES} - {"__init__"} <= set(STANDS_ON)
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_no_arrow_runs_against_the_table(module: str) -> None:
+    """Oracle: the design's table."""
+    room = module.split(".")[0]
+    for other in sorted(inner_imports(module)):
+        below = other.split(".")[0]
+        allowed = below == room or below in STANDS_ON.get(room, set()) or (module, other) in ALLOWED_ALL_THE_SAME
+        assert allowed, f"{module} imports {other}; {room} may stand on {', '.join(sorted(STANDS_ON.get(room, ()))) or 'nothing'}"
+
+
+def test_the_reader_of_imports_sees_all_kinds() -> None:
+    """Oracle: imports of the sources, read by eye."""
+    assert {"errors", "records", "flight", "navigation.filter", "formats", "simulate.dataset"} <= inner_imports("pipeline")
+    assert "pipeline" in inner_imports("cli")
+    assert "pipeline" not in inner_imports("cli", only_at_import=True)
+    assert {"numpy", "numba"} <= set(imports("navigation._kernels"))
+
+
+def test_exceptions_are_still_needed() -> None:
+    """Oracle: the sources; an exception that nothing needs any more must go."""
+    assert all(other in inner_imports(module) for module, other in ALLOWED_ALL_THE_SAME)
+    assert set(LONG_MODULES) == {module for module in MODULES if lines(module) > MODULE_LINES}
+    assert set(LONG_FUNCTIONS) == {where for module in MODULES for where, length, limit in functions(module) if length > limit}
+
+
+def test_no_cycles() -> None:
+    """Oracle: graphlib. Rooms by all their imports; modules by those that run when they are imported."""
+    rooms: dict[str, set[str]] = {}
+    for module in MODULES:
+        room = module.split(".")[0]
+        rooms.setdefault(room, set()).update({other.split(".")[0] for other in inner_imports(module)} - {room})
+    for graph in (rooms, {module: inner_imports(module, only_at_import=True) for module in MODULES}):
+        assert set(graph) <= set(TopologicalSorter(graph).static_order())
+
+
+def test_help_loads_the_standard_library_only() -> None:
+    """Oracle: sys.stdlib_module_names, over all that `insgnss --help` imports."""
+    seen, todo = set(), ["__main__", "__init__"]
+    while todo:
+        module = todo.pop()
+        seen.add(module)
+        todo += inner_imports(module, only_at_import=True) - seen
+        outer = {name.split(".")[0] for name in imports(module, only_at_import=True)} - {"insgnss"}
+        assert outer <= sys.stdlib_module_names, f"{module} imports {outer - sys.stdlib_module_names}"
+    assert {"cli", "errors"} <= seen
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_heavy_libraries_are_imported_where_they_are_used(module: str) -> None:
+    """Oracle: the house rule that importing is cheap."""
+    heavy = {name.split(".")[0] for name in imports(module, only_at_import=True)} & LOCAL_ONLY
+    assert not heavy, f"{module} imports {', '.join(sorted(heavy))} at its top; import it in the function that needs it"
+
+
+def lines(module: str) -> int:
+    return len(MODULES[module].read_text(encoding="utf-8").splitlines())
+
+
+def functions(module: str) -> Iterator[tuple[str, int, int]]:
+    """Name, length and limit of each function."""
+    limit = KERNEL_LINES if module.split(".")[-1] == "_kernels" else FUNCTION_LINES
+    for node in ast.walk(tree(module)):
+        if isinstance(node, ast.FunctionDef):
+            yield f"{module}.{node.name}", (node.end_lineno or node.lineno) - node.lineno + 1, limit
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_size(module: str) -> None:
+    """Oracle: the house's limits; what is longer says why in the lists above."""
+    assert lines(module) <= MODULE_LINES or module in LONG_MODULES, (
+        f"{module} has {lines(module)} lines (limit {MODULE_LINES}); find the noun it misses"
+    )
+    for where, length, limit in functions(module):
+        assert length <= limit or where in LONG_FUNCTIONS, f"{where} has {length} lines (limit {limit}); make two of it"
+
+
+@pytest.mark.parametrize("module", sorted(set(MODULES) - {"cli"}))
+def test_only_the_command_line_prints(module: str) -> None:
+    """Oracle: the house rule."""
+    calls = [node for node in ast.walk(tree(module)) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)]
+    assert [call.lineno for call in calls if isinstance(call.func, ast.Name) and call.func.id == "print"] == []
+
+
+@pytest.mark.parametrize("folder", ["insgnss", "scripts", "benchmarks", "tests"])
+def test_no_notes_to_oneself(folder: str) -> None:
+    """Oracle: the house rule that nothing unfinished is shipped."""
+    note = re.compile(r"\b(" + "|".join(["TO" + "DO", "FIX" + "ME", "X" * 3]) + r")\b")
+    found = [
+        f"{path}:{number}"
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        for number, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if note.search(text)
+    ]
+    assert found == []

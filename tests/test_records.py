@@ -1,0 +1,123 @@
+"""Records refuse what they must not hold. Oracle throughout: one field of a sound record spoilt by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from insgnss.errors import InputError
+from insgnss.records import CameraEvents, ExteriorOrientation, GnssFixes, ImuSamples, Increments, Trajectory
+
+N = 5
+TIME = np.arange(N) + 100.0
+BLOCKS = np.tile(np.eye(3), (N, 1, 1))
+
+
+def imu() -> ImuSamples:
+    return ImuSamples(TIME, np.ones((N, 3)), np.ones((N, 3)))
+
+
+def increments() -> Increments:
+    stop = np.array([0, 2, 4])
+    return Increments(np.ones(4), np.zeros((4, 3)), np.zeros((4, 3)), TIME[[0, 2, 4]], stop, np.zeros((3, 3)), 1.0)
+
+
+def fixes() -> GnssFixes:
+    return GnssFixes(TIME, np.zeros(N), np.zeros(N), np.zeros(N), BLOCKS, np.zeros((N, 3)), BLOCKS)
+
+
+def events() -> CameraEvents:
+    return CameraEvents(tuple("abcde"), TIME)
+
+
+def trajectory() -> Trajectory:
+    cross = np.zeros((N - 1, 9, 9))
+    zero = np.zeros(N)
+    return Trajectory(TIME, zero, zero, zero, np.zeros((N, 3)), BLOCKS, np.zeros((N, 9, 9)), 2008, np.ones((N, 3)), np.ones((N, 3)), cross)
+
+
+def orientation() -> ExteriorOrientation:
+    position, cov, cross = np.zeros((N, 3)), np.zeros((N, 6, 6)), np.zeros((N - 1, 6, 6))
+    return ExteriorOrientation(tuple("abcde"), TIME, 2008, np.zeros(3), position, BLOCKS, cov, cross, np.eye(3), np.eye(3))
+
+
+RECORDS = [imu, increments, fixes, events, trajectory, orientation]
+FIELDS = [
+    (make, name) for make in RECORDS for name, value in vars(make()).items() if isinstance(value, np.ndarray) and value.dtype == np.float64
+]
+
+
+@pytest.mark.parametrize(("make", "name"), FIELDS, ids=lambda x: getattr(x, "__name__", x))
+def test_a_value_that_is_not_finite_is_refused_with_its_row(make, name):
+    """Oracle: NaN, and infinity, in the last row."""
+    for bad in (np.nan, np.inf):
+        spoilt = np.array(getattr(make(), name))
+        spoilt[-1] = bad
+        with pytest.raises(InputError, match=rf"{name}: value in row {len(spoilt) - 1} is not finite"):
+            replace(make(), **{name: spoilt})
+
+
+@pytest.mark.parametrize(("make", "name"), FIELDS, ids=lambda x: getattr(x, "__name__", x))
+def test_a_wrong_shape_is_refused_with_both_shapes(make, name):
+    """Oracle: one dimension too many, which fits no field."""
+    value = getattr(make(), name)
+    with pytest.raises(InputError, match=rf"{name}: shape .* expected"):
+        replace(make(), **{name: value[..., None]})
+
+
+@pytest.mark.parametrize(
+    ("make", "name"), [f for f in FIELDS if f[1] not in ("time", "dt", "marks", "origin", "boresight", "camera_from_body")]
+)
+def test_a_missing_row_is_refused(make, name):
+    """Oracle: one row less than the time has."""
+    with pytest.raises(InputError, match=rf"{name}: shape"):
+        replace(make(), **{name: getattr(make(), name)[1:]})
+
+
+@pytest.mark.parametrize("make", [imu, fixes, events, trajectory])
+@pytest.mark.parametrize("third", [101.0, 100.5])
+def test_time_that_stands_still_or_steps_back_is_refused_with_row_and_values(make, third):
+    """Oracle: row 2 repeats row 1, or lies before it."""
+    time = TIME.copy()
+    time[2] = third
+    with pytest.raises(InputError, match=rf"{third:.6f} s in row 2 follows 101\.000000 s; time must increase"):
+        replace(make(), time=time)
+
+
+def test_marks_must_increase():
+    """Oracle: the same mark twice."""
+    with pytest.raises(InputError, match="must increase"):
+        replace(increments(), marks=TIME[[0, 2, 2]])
+
+
+def test_arrays_are_read_only_float64_and_the_givers_stay_writable():
+    """Oracle: integers in Fortran order go in; what comes out is contiguous float64 that refuses to be written."""
+    given = np.asfortranarray(np.arange(3 * N).reshape(N, 3))
+    mine = TIME.copy()
+    record = ImuSamples(mine, given, np.ones((N, 3)))
+    assert record.gyro.dtype == np.float64
+    assert record.gyro.flags.c_contiguous
+    with pytest.raises(ValueError, match="read-only"):
+        record.gyro[0, 0] = 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        record.time[0] = 1.0
+    assert mine.flags.writeable
+
+
+def test_too_little_unknown_or_twice_the_same_is_refused():
+    """Oracle: one sample, no fix, an unknown quantity, two images of one name."""
+    one = np.ones((1, 3))
+    with pytest.raises(InputError, match=r"one\.csv: 1 samples; at least 2"):
+        ImuSamples(TIME[:1], one, one, source="one.csv")
+    with pytest.raises(InputError, match=r"none\.txt: no fix"):
+        GnssFixes(TIME[:0], TIME[:0], TIME[:0], TIME[:0], BLOCKS[:0], source="none.txt")
+    with pytest.raises(InputError, match="'rates' is none of mean_rate, increments, instant_rate"):
+        replace(imu(), quantity="rates")
+    with pytest.raises(InputError, match="image b occurs twice"):
+        CameraEvents(("a", "b", "b"), TIME[:3])
+
+
+def test_absent_fields_stay_absent():
+    """Oracle: a trajectory without rates, accelerations and cross-covariances."""
+    bare = replace(trajectory(), acceleration_b=None, rate_b=None, cross=None)
+    assert (bare.acceleration_b, bare.rate_b, bare.cross) == (None, None, None)

@@ -1,0 +1,69 @@
+"""The stories of scripts/, run in small as a user runs them; each carries its own assertion."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPTS = Path(__file__).parents[1] / "scripts"
+PRODUCTS = {
+    "EO_local-plane.txt",
+    "metashape.csv",
+    "eo.json",
+    "trajectory.sbet",
+    "trajectory.smrmsg",
+    "trajectory.csv",
+    "report.html",
+    "report.json",
+}
+
+
+def run(script: str, out: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-W", "error", str(SCRIPTS / script), "--quick", "--out", str(out)]
+    return subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=300, check=False)
+
+
+@pytest.fixture(scope="module")
+def story_1(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    out = tmp_path_factory.mktemp("story_1")
+    return out, run("01_produce_eo.py", out)
+
+
+def assert_is_picture(path: Path) -> None:
+    head = path.read_bytes()
+    assert head.startswith(b"\x89PNG\r\n\x1a\n")
+    assert head.endswith(b"IEND\xaeB`\x82")
+
+
+def test_produce_eo(story_1: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+    """Oracle: the simulated truth, in the script's own assertion; design.md 6 for the products."""
+    out, done = story_1
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in out.iterdir()} == PRODUCTS | {"produce_eo.png", "flight_quick"}
+    assert_is_picture(out / "produce_eo.png")
+
+
+def test_produce_eo_refuses_a_truth_that_the_sigmas_do_not_explain(story_1: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+    """Oracle: a truth moved north by 5 cm, ten standard deviations and more."""
+    out, done = story_1
+    assert done.returncode == 0, done.stderr
+    truth = out / "flight_quick" / "truth" / "EO_local-plane.txt"
+    lines = truth.read_text().splitlines()
+    moved = [line if line.startswith("#") else " ".join(_north(line.split(), 0.05)) for line in lines]
+    truth.write_text("\n".join(moved) + "\n")
+    again = run("01_produce_eo.py", out)
+    assert again.returncode == 1
+    assert "AssertionError: normalised errors" in again.stderr
+
+
+def _north(fields: list[str], by: float) -> list[str]:
+    return [*fields[:2], f"{float(fields[2]) + by:.4f}", *fields[3:]]
+
+
+def test_export_metashape(tmp_path: Path) -> None:
+    """Oracle: re-projection by scipy and PROJ, in the script's own assertion."""
+    done = run("02_export_metashape.py", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "agree to" in done.stdout
+    assert_is_picture(tmp_path / "export_metashape.png")
