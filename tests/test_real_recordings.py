@@ -79,7 +79,6 @@ def test_walk_predicts_withheld_fixes_within_its_sigmas(walk):
     assert (rms < 0.06).all(), rms
     # the sigmas of this receiver are too large by 1.4 (NIS 0.5), hence no lower bound; above 2 the prediction would be too sure
     assert (normalised.mean(axis=0) < 2.0).all(), normalised.mean(axis=0)
-    print("WITHHELD", rms, normalised.mean(0))
 
 
 def test_fixed_wing_attitude_agrees_with_the_filter_on_board(tmp_path):

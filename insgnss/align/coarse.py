@@ -129,8 +129,7 @@ def _attitude_cov(problem: Problem, seen: Array, misfit: float, length: float, w
     horizontal = np.sqrt(np.mean(seen[:, :2] ** 2)) / np.median(weight)
     acceleration = horizontal * 12.0 / length**2
     heading = (accel / max(acceleration, 1e-9)) ** 2 + (gyro * length / 2.0) ** 2
-    cov: Array = noise + np.diag([tilt, tilt, heading])
-    return cov
+    return np.asarray(noise + np.diag([tilt, tilt, heading]), dtype=np.float64)
 
 
 def _gravity(problem: Problem, position: Array) -> Array:

@@ -91,7 +91,8 @@ def _aligned_window(problem: Problem) -> tuple[int, Solution]:
     if not sigma < HOPELESS_RAD:
         raise DataError(
             f"heading not observable: the best stretch of the recording gives it to {np.degrees(sigma):.0f} deg only (limit "
-            f"{np.degrees(HOPELESS_RAD):.0f}), it holds no turn or change of speed; include a manoeuvre or give [initial] attitude"
+            f"{np.degrees(HOPELESS_RAD):.0f}), it holds no turn or change of speed, or the noise model is far too wide; include a "
+            "manoeuvre or give [initial] attitude"
         )
     return chosen
 

@@ -6,7 +6,8 @@ far off it was linearised. What linear theory leaves out is, with psi split into
     t (c + t / 2)  of the tilt,      c^2 / 2  of the heading                                             (N.1)
 
 Where that exceeds a fifth of the sigma that the filter had at the same epoch, or the start was two degrees off, another pass is run,
-linearised about the smoothed flight (`filter`, K.6): a Gauss-Newton step of the batch least-squares problem over the whole flight, which converges to its solution.
+linearised about the smoothed flight (`filter`, K.6): a Gauss-Newton step of the batch least-squares problem over the whole flight,
+which converges to its solution.
 """
 
 from collections.abc import Callable

@@ -107,7 +107,8 @@ def _nis(f: Figures) -> Iterator[str]:
         nis = "NIS {:.2f} per degree of freedom, 99 % bounds {:.3f} to {:.3f}".format(c["mean_per_dof"], *c["bounds_99"])
         told = f"{what} innovations are {c['size']:.2f} times what their sigmas say ({nis})"
         if c["verdict"] == "overconfident":
-            yield f"overconfident: {told}; the sigmas of GNSS or IMU, and so those of the images, are too small, or the lever arm or a clock is wrong"
+            why = "the sigmas of GNSS or IMU, and so those of the images, are too small, or the lever arm or a clock is wrong"
+            yield f"overconfident: {told}; {why}"
         else:
             yield f"conservative: {told}; the sigmas of GNSS or IMU are too large"
 
