@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,10 @@ from . import __version__
 from .errors import DataError, InputError, UsageError
 from .flight import Flight, load_flight
 from .records import Array, CameraEvents, Check, Diagnostics, ExteriorOrientation, GnssFixes, ImuSamples, Trajectory
+
+if TYPE_CHECKING:
+    from .navigation.filter import Problem, Start
+    from .navigation.solution import Solution
 
 Progress = Callable[[str], None]
 
@@ -250,7 +254,7 @@ def _refuse_hopeless(flight: Flight, path: Trajectory) -> None:
         )
 
 
-def _prepare(flight: Flight, recording: Recording):  # type: ignore[no-untyped-def]
+def _prepare(flight: Flight, recording: Recording) -> "tuple[Problem, GnssFixes, np.ndarray]":
     """The estimation problem, the fixes within the span, and the epochs of the output grid."""
     from .geodesy.frames import LocalFrame
     from .navigation.filter import Problem, gate_from_sigma, make_epochs
@@ -278,7 +282,7 @@ def _prepare(flight: Flight, recording: Recording):  # type: ignore[no-untyped-d
     return Problem(inc, epochs, frame, layout, flight.mounting.antenna_lever_b, gate, interval), fixes, at_grid
 
 
-def _align(flight: Flight, problem):  # type: ignore[no-untyped-def]
+def _align(flight: Flight, problem: "Problem") -> "tuple[Start, str]":
     from .align.initial import given_attitude, initial_state
 
     if flight.initial is not None:
@@ -303,7 +307,7 @@ def _origin(flight: Flight, fixes: GnssFixes) -> tuple[float, float, float]:
     return float(np.radians(lat_deg)), float(np.radians(lon_deg)), 0.0
 
 
-def _trajectory(flight: Flight, solution, grid: np.ndarray, week: int) -> Trajectory:  # type: ignore[no-untyped-def]
+def _trajectory(flight: Flight, solution: "Solution", grid: np.ndarray, week: int) -> Trajectory:
     from .navigation.dense import dense_trajectory
     from .navigation.solution import trajectory
 
@@ -320,7 +324,7 @@ def _trajectory(flight: Flight, solution, grid: np.ndarray, week: int) -> Trajec
     )
 
 
-def _report_rows(solution) -> np.ndarray:  # type: ignore[no-untyped-def]
+def _report_rows(solution: "Solution") -> np.ndarray:
     stride = max(1, solution.time.size // REPORT_ROWS)
     return np.unique(np.concatenate([np.arange(0, solution.time.size, stride), solution.event_epochs]))
 
@@ -334,7 +338,7 @@ def _check_heading(flight: Flight, sampled: Trajectory) -> Check:
     return check
 
 
-def _history(flight: Flight, week: int, fixes: GnssFixes, solution, how: str, checks: tuple[Check, ...]) -> tuple[str, ...]:  # type: ignore[no-untyped-def]
+def _history(flight: Flight, week: int, fixes: GnssFixes, solution: "Solution", how: str, checks: tuple[Check, ...]) -> tuple[str, ...]:
     lever = flight.mounting.antenna_lever_b
     used = int(np.isin(solution.verdict[:, 0], (1, 3)).sum())
     reopened = int((solution.verdict[:, 0] == 3).sum())
@@ -351,7 +355,7 @@ def _history(flight: Flight, week: int, fixes: GnssFixes, solution, how: str, ch
     )
 
 
-def _diagnostics(solution, rows: np.ndarray, sampled: Trajectory, checks: tuple[Check, ...]) -> Diagnostics:  # type: ignore[no-untyped-def]
+def _diagnostics(solution: "Solution", rows: np.ndarray, sampled: Trajectory, checks: tuple[Check, ...]) -> Diagnostics:
     from .geodesy.rotation import rpy_from_rotation
 
     bias, bias_sigma = solution.channel_bias(rows)

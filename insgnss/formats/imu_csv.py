@@ -4,7 +4,7 @@ The unit of a triad is the caller's, else the one in the header's brackets, else
 the units g and mg mean, wherever the sensor stands.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +85,7 @@ def write_imu_csv(imu: ImuSamples, path: Source) -> None:
     head = ",".join(["tow[s]", *(f"{name}[{units[0]}]" for name in GYRO), *(f"{name}[{units[1]}]" for name in ACCEL)])
     form = "%.7f" + f",%.{gyro}f" * 3 + f",%.{accel}f" * 3 + "\n"
 
-    def parts():  # type: ignore[no-untyped-def]
+    def parts() -> Iterator[str]:
         yield head + "\n"
         yield from format_rows(form, np.column_stack([imu.time, imu.gyro, imu.accel]))
 

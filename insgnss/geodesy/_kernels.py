@@ -1,6 +1,6 @@
-"""Compiled scalar forms for loops over samples: quaternions, cross product, gravity in ECEF.
+"""Compiled scalar forms for loops over samples: the matrix of a quaternion, gravity in ECEF.
 
-Each writes into `out`, which may be one of the inputs, and allocates nothing. Conventions of `rotation` and `earth`.
+Each writes into `out` and allocates nothing. Conventions of `rotation` and `earth`.
 
 Geodetic latitude without trigonometric functions (Bowring 1985): with p^2 = x^2 + y^2, r^2 = p^2 + z^2,
 
@@ -17,41 +17,6 @@ import math
 from numba import njit
 
 from .earth import CENTRIFUGAL_M, E2, EP2, GRAVITY_EQUATOR, SOMIGLIANA_K, A, B, F
-
-_SERIES_BELOW = 2.5e-3  # rad^2 of the rotation vector; the first term left out of the series is then below 4e-18
-
-
-@njit(cache=True)
-def cross(a, b, out):
-    """out = a x b; all (3,)."""
-    x = a[1] * b[2] - a[2] * b[1]
-    y = a[2] * b[0] - a[0] * b[2]
-    z = a[0] * b[1] - a[1] * b[0]
-    out[0], out[1], out[2] = x, y, z
-
-
-@njit(cache=True)
-def quat_multiply(a, b, out):
-    """Hamilton product out = a b; all (4,) w, x, y, z. C(a b) = C(a) C(b)."""
-    w = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
-    x = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
-    y = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
-    z = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
-    out[0], out[1], out[2], out[3] = w, x, y, z
-
-
-@njit(cache=True)
-def quat_from_rotvec(x, y, z, out):
-    """Unit quaternion out (4,) of the rotation vector x, y, z in rad."""
-    n2 = x * x + y * y + z * z
-    if n2 < _SERIES_BELOW:
-        w = 1.0 - n2 / 8.0 * (1.0 - n2 / 48.0 * (1.0 - n2 / 120.0))
-        s = 0.5 * (1.0 - n2 / 24.0 * (1.0 - n2 / 80.0 * (1.0 - n2 / 168.0)))
-    else:
-        n = math.sqrt(n2)
-        w = math.cos(0.5 * n)
-        s = math.sin(0.5 * n) / n
-    out[0], out[1], out[2], out[3] = w, s * x, s * y, s * z
 
 
 @njit(cache=True)

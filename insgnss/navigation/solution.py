@@ -18,6 +18,7 @@ import numpy as np
 
 from ..geodesy.rotation import rotation_from_quaternion
 from ..records import Array, Trajectory
+from ._kernels import Store
 from .filter import Problem, Start, make_store, run_filter
 from .layout import NAV, POS, PSI, VEL
 from .smoother import Smoothed, run_smoother
@@ -99,7 +100,7 @@ def solve(
     return _solution(problem, store, smoothed, passes)
 
 
-def _solution(problem: Problem, store, smoothed: Smoothed, passes: int) -> Solution:  # type: ignore[no-untyped-def]
+def _solution(problem: Problem, store: Store, smoothed: Smoothed, passes: int) -> Solution:
     _move(store.nav, store.x, smoothed.delta)
     return Solution(
         problem,

@@ -1,7 +1,7 @@
 """One clock for all sensors: seconds of one GPS week, and the span in which IMU and GNSS both are there."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from ..errors import DataError, InputError
 from ..records import CameraEvents, GnssFixes, ImuSamples
 
 WEEK_S = 604800.0
+Timed = TypeVar("Timed", ImuSamples, GnssFixes, CameraEvents)
 SHORTEST_S = 10.0
 
 
@@ -27,7 +28,7 @@ def common_clock(
     return _in_week(imu, week), _in_week(gnss, week), None if events is None else _in_week(events, week), week
 
 
-def _in_week(record, week: int):  # type: ignore[no-untyped-def]
+def _in_week(record: Timed, week: int) -> Timed:
     if record.gps_week in (None, week):
         return replace(record, gps_week=week)
     return replace(record, time=record.time + (record.gps_week - week) * WEEK_S, gps_week=week)
