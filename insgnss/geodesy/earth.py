@@ -11,8 +11,6 @@ It acts along the ellipsoidal normal, downwards. Its true direction at height le
 NIMA TR8350.2, 3rd edition, 2000, tables 3.1 to 3.4 and equations 4-1 to 4-3; Groves (2013) 2.134, 2.139.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -44,12 +42,3 @@ def normal_gravity(lat: ArrayLike, h: ArrayLike) -> Array:
     s2 = np.sin(lat) ** 2
     gamma_0 = GRAVITY_EQUATOR * (1.0 + SOMIGLIANA_K * s2) / np.sqrt(1.0 - E2 * s2)
     return gamma_0 * (1.0 - 2.0 / A * (1.0 + F + CENTRIFUGAL_M - 2.0 * F * s2) * h + 3.0 * h**2 / A**2)
-
-
-def __getattr__(name: str) -> Any:
-    """`gravity_ecef`, the compiled vector form of (E.2), loaded on first use so that the constants cost no compiler."""
-    if name == "gravity_ecef":
-        from ._kernels import gravity_ecef
-
-        return gravity_ecef
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
