@@ -75,6 +75,15 @@ def run() -> NoReturn:
     sys.exit(main())
 
 
+def _run_verb(argv: Sequence[str], progress: Progress) -> int:
+    try:
+        options = build_parser().parse_args(argv)
+    except SystemExit as request:  # --help and --version
+        return int(request.code or 0)
+    code: int = options.run(options, progress)
+    return code
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code; `argv` without the program's name, of the process by default."""
     argv = list(sys.argv[1:] if argv is None else argv)
@@ -83,11 +92,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     with warnings.catch_warnings():
         warnings.showwarning = _warn_in_one_line(progress)
         try:
-            options = build_parser().parse_args(argv)
-            code: int = options.run(options, progress)
+            code = _run_verb(argv, progress)
             sys.stdout.flush()
-        except SystemExit as request:  # --help and --version
-            code = int(request.code or 0)
         except BrokenPipeError:  # the reader of our output has seen enough
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             code = 0

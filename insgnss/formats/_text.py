@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, UsageError
+from ..errors import InputError
 from ._layout import BINARY, NUMBER, Layout, decode, is_binary, is_comment, sniff, split_fields
 
 Array = NDArray[np.float64]
@@ -203,21 +203,3 @@ def format_rows(form: str, table: Array, chunk: int = 20000) -> Iterable[str]:
     for first in range(0, len(table), chunk):
         part = table[first : first + chunk]
         yield form * len(part) % tuple(part.ravel().tolist())
-
-
-def atomic_write(path: Source, content: str | bytes | Iterable[str | bytes]) -> None:
-    """Write a file whole or not at all: into a temporary one beside it, which then takes its place."""
-    path = Path(path)
-    parts = [content] if isinstance(content, str | bytes) else content
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as stream:
-            for part in parts:
-                stream.write(part.encode("utf-8") if isinstance(part, str) else part)
-        os.replace(temporary, path)
-    except FileNotFoundError:
-        raise UsageError(f"{path}: the directory does not exist; create it first") from None
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
-    finally:
-        temporary.unlink(missing_ok=True)

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from .. import __version__
 from ..errors import InputError
+from ..files import atomic_write
 from ..geodesy.frames import TangentPlane
 from ..geodesy.rotation import is_rotation, quaternion_from_rotation, rotation_from_quaternion
 from ..records import ExteriorOrientation
-from ._text import Source, atomic_write
+from ._text import Source
 
 Array = NDArray[np.float64]
 

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import __version__
+from ..files import atomic_write
 from ..geodesy.rotation import CV_RUB, opk_from_rotation, opk_jacobian, rotation_from_opk
 from ..records import ExteriorOrientation
 from ._columns import Aliases, Columns, columns_of
 from ._eo import angle_sigma, check_names
-from ._text import Source, atomic_write, read_text_table
+from ._text import Source, read_text_table
 
 Array = NDArray[np.float64]
 

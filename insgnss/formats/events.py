@@ -4,10 +4,11 @@ import warnings
 
 import numpy as np
 
+from ..files import atomic_write
 from ..records import CameraEvents
 from ._columns import TIME, TIME_UNITS, Aliases, Columns, columns_of, gps_time, scale_of
 from ._eo import check_names
-from ._text import InsgnssWarning, Source, atomic_write, read_text_table
+from ._text import InsgnssWarning, Source, read_text_table
 
 DEFAULTS = (("tow",), ("image", "tow"), ("image", "week", "tow"))
 ALIASES: Aliases = {

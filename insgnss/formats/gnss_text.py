@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
+from ..files import atomic_write
 from ..records import GnssFixes
 from ._columns import (
     ANGLE_UNITS,
@@ -28,7 +29,7 @@ from ._columns import (
     sigma_aliases,
 )
 from ._eo import check_names
-from ._text import Source, atomic_write, format_rows, read_table, read_text_table
+from ._text import Source, format_rows, read_table, read_text_table
 
 Array = NDArray[np.float64]
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files import atomic_write
 from ..records import ImuSamples, Quantity
 from ._columns import (
     ACCEL_UNITS,
@@ -25,7 +26,7 @@ from ._columns import (
     gps_time,
     scale_of,
 )
-from ._text import Source, Table, atomic_write, format_rows, read_table
+from ._text import Source, Table, format_rows, read_table
 
 Array = NDArray[np.float64]
 

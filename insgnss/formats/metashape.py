@@ -16,12 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files import atomic_write
 from ..geodesy.frames import TangentPlane
 from ..geodesy.rotation import CV_RUB, NED_ENU, rotation_from_ypr, ypr_from_rotation, ypr_jacobian
 from ..records import ExteriorOrientation
 from ._columns import Aliases, columns_of
 from ._eo import angle_sigma, check_names
-from ._text import Source, atomic_write, read_text_table
+from ._text import Source, read_text_table
 
 Array = NDArray[np.float64]
 

@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..files import atomic_write
 from ..geodesy.frames import ecef_to_geodetic, rotation_en
 from ..geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, gps_from_calendar, leap_seconds
 from ..records import GnssFixes
 from ._columns import check_increasing
 from ._layout import decode, sniff
-from ._text import InsgnssWarning, Source, Table, atomic_write, format_rows, load, parse
+from ._text import InsgnssWarning, Source, Table, format_rows, load, parse
 
 Array = NDArray[np.float64]
 

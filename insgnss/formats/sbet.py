@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..files import atomic_write
 from ..geodesy.rotation import rotation_from_rpy, rpy_from_rotation, rpy_jacobian
 from ..records import Trajectory
 from ._eo import angle_sigma
-from ._text import Source, atomic_write, load_bytes
+from ._text import Source, load_bytes
 
 Array = NDArray[np.float64]
 

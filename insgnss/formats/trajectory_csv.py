@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files import atomic_write
 from ..geodesy.gpstime import WEEK_S
 from ..geodesy.rotation import rotation_from_rpy, rpy_from_rotation
 from ..records import Trajectory
 from ._columns import Aliases, columns_of, gps_time
-from ._text import Source, atomic_write, format_rows, read_table
+from ._text import Source, format_rows, read_table
 from .sbet import rpy_sigma
 
 Array = NDArray[np.float64]

@@ -14,6 +14,7 @@ exact to rounding (1e-9 m) for heights of -1 to 20 km and still below a micromet
 Angles are rad, lengths m; arrays broadcast, points lie along the leading dimensions.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,7 +70,7 @@ def rotation_em(lat: ArrayLike, lon: ArrayLike) -> Array:
 
 
 @dataclass(frozen=True)
-class _PointFrame:
+class _PointFrame(ABC):
     """Cartesian, Earth-fixed frame with its origin at a geodetic point: latitude and longitude, rad, ellipsoidal height, m."""
 
     lat: float
@@ -90,9 +91,9 @@ class _PointFrame:
         """(3,) m, the origin in ECEF."""
         return geodetic_to_ecef(self.lat, self.lon, self.height)
 
+    @abstractmethod
     def _axes(self) -> Array:
         """(3, 3), this frame's axes into ECEF."""
-        raise NotImplementedError
 
     def position_from_geodetic(self, lat: ArrayLike, lon: ArrayLike, h: ArrayLike) -> Array:
         """Coordinates (..., 3), m, in this frame of latitude and longitude, rad, and ellipsoidal height, m."""

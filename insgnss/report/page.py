@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..formats._text import atomic_write
+from ..files import atomic_write
 from ..records import Diagnostics, ExteriorOrientation
 from .figures import Picture, pictures
 from .summary import plain

@@ -9,7 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from insgnss.errors import InputError, UsageError
-from insgnss.formats._text import atomic_write, format_rows, read_table, read_text_table
+from insgnss.files import atomic_write
+from insgnss.formats._text import format_rows, read_table, read_text_table
 
 ANY = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 

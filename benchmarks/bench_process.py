@@ -1,0 +1,82 @@
+"""The whole command: `insgnss process` of a 45-minute 500 Hz flight against a bare pandas.read_csv of its IMU file.
+
+    python benchmarks/bench_process.py [--minutes 45] [--repeats 5] [--directory DIR]
+
+Both are processes of their own, run in turn; CPU and peak memory are those that the system accounts to each (os.wait4). Also the
+wall time of `insgnss --help`, and the very first run, with an empty compiler cache. DIR keeps the flight for another time.
+"""
+
+import argparse
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+COMMAND = [sys.executable, "-m", "insgnss"]
+
+
+class Run(NamedTuple):
+    """One process: seconds of wall and CPU time, peak resident memory in MB."""
+
+    wall: float
+    cpu: float
+    memory: float
+
+
+def run(command: list[str], **environment: str) -> Run:
+    """Run a command to its end, its output thrown away; its failure is ours."""
+    start = time.perf_counter()
+    child = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=os.environ | environment)
+    _, status, used = os.wait4(child.pid, 0)
+    child.returncode = os.waitstatus_to_exitcode(status)
+    if child.returncode:
+        raise SystemExit(f"{' '.join(command)}: exit code {child.returncode}")
+    return Run(time.perf_counter() - start, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
+
+
+def medians(runs: list[Run]) -> Run:
+    """Field by field; of the memory the greatest."""
+    return Run(statistics.median(r.wall for r in runs), statistics.median(r.cpu for r in runs), max(r.memory for r in runs))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--minutes", type=float, default=45.0)
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--directory", type=Path)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        compare(options.directory or Path(scratch) / "flight", options.minutes, options.repeats, Path(scratch))
+
+
+def compare(flight: Path, minutes: float, repeats: int, scratch: Path) -> None:
+    if not flight.exists():
+        run([*COMMAND, "simulate", str(flight), "--minutes", str(minutes), "--seed", "5"])
+    imu = next(flight.glob("01_Observations/IMU/Data/Pre_calibrated/*.csv"))
+    process = [*COMMAND, "process", str(flight), "--out", str(scratch / "out")]
+    pandas = [sys.executable, "-c", f"import pandas; pandas.read_csv({str(imu)!r})"]
+    run(process)  # warms the compiler cache and the file cache
+    ours, theirs, helps = [], [], []
+    for _ in range(repeats):
+        theirs.append(run(pandas))
+        ours.append(run(process))
+        helps.append(run([*COMMAND, "--help"]))
+    a, b = medians(ours), medians(theirs)
+    ratio = statistics.median(x.cpu / y.cpu for x, y in zip(ours, theirs, strict=True))
+    print(f"{minutes:g} minutes, {imu.stat().st_size / 1e6:.0f} MB of IMU file; medians of {repeats}, in turn")
+    print(f"  insgnss process     {a.cpu:6.2f} s CPU {a.wall:6.2f} s wall {a.memory:6.0f} MB peak   (bar: 1000 MB)")
+    print(f"  pandas.read_csv     {b.cpu:6.2f} s CPU {b.wall:6.2f} s wall {b.memory:6.0f} MB peak")
+    print(f"  ratio of CPU        {ratio:6.2f}                                  (bar: 6)")
+    print(f"  insgnss --help      {medians(helps).wall:6.2f} s wall                           (bar: 0.3)")
+    short = scratch / "short"
+    run([*COMMAND, "simulate", str(short), "--minutes", "5", "--seed", "5"])
+    cold = run([*COMMAND, "process", str(short)], NUMBA_CACHE_DIR=str(scratch / "cache"))
+    print(f"  first run ever      {cold.cpu:6.2f} s CPU {cold.wall:6.2f} s wall, 5 minutes of flight (bar: 60)")
+
+
+if __name__ == "__main__":
+    main()
