@@ -68,8 +68,9 @@ _INNOVATIONS = (
 )
 _BIASES = "Estimated biases within three standard deviations, after smoothing; a wide band says that the flight did not determine the bias."
 _SEPARATION = (
-    "The flight filtered backward minus the same forward: where both are honest it stays within the shaded three standard deviations. "
-    "The scale is that of the middle of the flight; at its ends one of the two knows little."
+    "The flight filtered backward minus the same forward: where both are honest it stays within the shaded three standard deviations. The "
+    "backward run knows the errors of the IMU from the later fixes alone, hence the width of its bands, which says nothing of the smoothed "
+    "result. The scale is that of the middle of the flight."
 )
 
 
@@ -249,38 +250,38 @@ def _normal_mixture(x: Array, sigma: Array) -> Array:
 
 
 def _biases(d: Diagnostics) -> Any:
-    """Rows x, y, z of the body; columns gyro and accelerometer."""
-    figure, axes = sheet(3, 2, 5.6, sharex=True)
+    """Gyro above accelerometer, the body's three axes in each."""
+    figure, axes = sheet(2, 1, 5.6, sharex=True)
     minutes, label = _clock(d)
     t = minutes(d.time)
-    for column, (scale, unit, name) in enumerate(((DEG_H_PER_RAD_S, "deg/h", "gyro"), (MG_PER_M_S2, "mg", "accelerometer"))):
+    sensors = ((DEG_H_PER_RAD_S, "gyro, deg/h"), (MG_PER_M_S2, "accelerometer, mg"))
+    for ax, first, (scale, name) in zip(axes[:, 0], (0, 3), sensors, strict=True):
         for row, axis in enumerate(("forward", "right", "down")):
-            ax, k = axes[row, column], 3 * column + row
-            bias, sigma = scale * d.bias[:, k], scale * d.bias_sigma[:, k]
+            bias, sigma = scale * d.bias[:, first + row], scale * d.bias_sigma[:, first + row]
             bounds(ax, t, bias, 3 * sigma, color=AXIS_COLOURS[row])
-            line(ax, t, bias, color=AXIS_COLOURS[row])
-            ax.set_ylabel(f"{axis}, {unit}")
-        axes[0, column].set_title(f"{name} bias, {unit}", fontsize=9, loc="left", pad=3)
-        axes[2, column].set_xlabel(label)
+            line(ax, t, bias, color=AXIS_COLOURS[row], label=axis)
+        ax.set_ylabel(name)
+    legend(axes[0, 0])
+    axes[1, 0].set_xlabel(label)
     return figure
 
 
 def _separation(d: Diagnostics) -> Any:
-    """Rows north, east, down; columns position and attitude."""
-    figure, axes = sheet(3, 2, 5.6, sharex=True)
+    """Position, tilt and heading, one above the other."""
+    figure, axes = sheet(3, 1, 6.0, sharex=True)
     minutes, label = _clock(d)
     t = minutes(d.separation_time)
     factor, unit = length_unit(_typical(d.separation_sigma[:, :3]))
-    for column, (first, scale, u, name) in enumerate(((0, factor, unit, "position"), (6, math.degrees(1.0), "deg", "attitude"))):
-        for row, axis in enumerate(("north", "east", "down")):
-            ax, k = axes[row, column], first + row
-            x, sigma = scale * d.separation[:, k], scale * d.separation_sigma[:, k]
-            bounds(ax, t, np.zeros_like(t), 3 * sigma, color=FAINT)
-            line(ax, t, x, color=AXIS_COLOURS[row], lw=0.9)
-            _look_at_the_middle(ax, x, 3 * sigma)
-            ax.set_ylabel(f"{axis}, {u}")
-        axes[0, column].set_title(f"{name}, backward minus forward, {u}", fontsize=9, loc="left", pad=3)
-        axes[2, column].set_xlabel(label)
+    rows = (((0, 1, 2), factor, f"position, {unit}"), ((6, 7), math.degrees(1.0), "tilt, deg"), ((8,), math.degrees(1.0), "heading, deg"))
+    for ax, (columns, scale, name) in zip(axes[:, 0], rows, strict=True):
+        for k in columns:
+            colour, axis = AXIS_COLOURS[k % 3], ("north", "east", "down")[k % 3]
+            bounds(ax, t, np.zeros_like(t), 3 * scale * d.separation_sigma[:, k], color=colour, alpha=0.13)
+            line(ax, t, scale * d.separation[:, k], color=colour, lw=0.9, label=axis)
+        _look_at_the_middle(ax, scale * d.separation[:, columns], 3 * scale * d.separation_sigma[:, columns])
+        ax.set_ylabel(name)
+    legend(axes[0, 0])
+    axes[2, 0].set_xlabel(label)
     return figure
 
 
