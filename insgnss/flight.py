@@ -43,13 +43,8 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     filter.second_pass          "auto"                  relinearise about the smoothed flight: "auto", "on", "off"
 """
 
-import difflib
 import math
-import re
-import reprlib
-import sys
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -60,8 +55,7 @@ from .errors import InputError
 from .orient.mounting import ANGLE_SETS, PAPER_CAMERA_FROM_BODY, Mounting, boresight_from_angles
 from .prepare.axes import parse_axes
 from .records import QUANTITIES, Array, Quantity
-
-Columns = tuple[str, ...] | Mapping[str, str] | None
+from .tables import Columns, Table, near, read_toml
 
 SHIPPED_MODELS = Path(__file__).parent / "stochastic" / "models"
 MAX_LEVER_M = 100.0
@@ -195,7 +189,7 @@ def load_flight(path: str | Path) -> Flight:
     path = Path(path)
     if path.is_dir():
         path = path / "flight.toml"
-    root = _read_toml(path)
+    root = read_toml(path, KEYS)
     root.check_keys()
     camera, plane, initial = (root.table(name) if name in root.data else None for name in ("camera", "tangent_plane", "initial"))
     start, end = root.number("start_tow", None, 0.0), root.number("end_tow", None, 0.0)
@@ -219,7 +213,7 @@ def load_flight(path: str | Path) -> Flight:
     )
 
 
-_KEYS: dict[str, tuple[str, ...]] = {
+KEYS: dict[str, tuple[str, ...]] = {
     "": (
         "name",
         "gps_week",
@@ -249,25 +243,25 @@ _KEYS: dict[str, tuple[str, ...]] = {
 }
 
 
-def _accept(root: "_Table") -> tuple[str, ...]:
+def _accept(root: Table) -> tuple[str, ...]:
     names = root.texts("accept", ())
     if names:
         from .prepare.plausibility import NAMES
 
         for name in names:
             if name not in NAMES:
-                raise root.error("accept", f"{name!r} is no check; {_near(name, NAMES)}")
+                raise root.error("accept", f"{name!r} is no check; {near(name, NAMES)}")
     return names
 
 
-def _gps_week(root: "_Table") -> int | None:
+def _gps_week(root: Table) -> int | None:
     week = root.number("gps_week", None, 0, 9999)
     if week is not None and week != int(week):
         raise root.error("gps_week", f"{week} is no whole number")
     return None if week is None else int(week)
 
 
-def _imu(table: "_Table") -> ImuInput:
+def _imu(table: Table) -> ImuInput:
     quantity: Quantity = table.choice("quantity", QUANTITIES, "mean_rate")
     axes = table.text("axes", "forward right down")
     try:
@@ -286,13 +280,13 @@ def _imu(table: "_Table") -> ImuInput:
     )
 
 
-def _imu_units(table: "_Table", quantity: str) -> dict[str, str] | None:
+def _imu_units(table: Table, quantity: str) -> dict[str, str] | None:
     """Units of gyro and accel as far as they are given, of the dimension that the quantity has."""
     right, other = (INCREMENT_UNITS, RATE_UNITS) if quantity == "increments" else (RATE_UNITS, INCREMENT_UNITS)
     for sensor in table.data:
         unit, known = table.text(sensor), right[sensor]
         if unit not in known:
-            advice = _near(unit, known)
+            advice = near(unit, known)
             if unit in other[sensor]:
                 advice = f'it does not belong to quantity = "{quantity}"; use {", ".join(known)}'
             elif any(unit in units for family in (right, other) for units in family.values()):
@@ -301,7 +295,7 @@ def _imu_units(table: "_Table", quantity: str) -> dict[str, str] | None:
     return dict(table.data) or None
 
 
-def _noise(table: "_Table") -> str | Path:
+def _noise(table: Table) -> str | Path:
     """Name of a shipped noise model, or the path of an existing file."""
     noise = table.text("noise", "navchip")
     shipped = sorted(p.stem for p in SHIPPED_MODELS.glob("*.toml"))
@@ -314,7 +308,7 @@ def _noise(table: "_Table") -> str | Path:
     return table.file("noise")
 
 
-def _gnss(table: "_Table") -> GnssInput:
+def _gnss(table: Table) -> GnssInput:
     raw = [key for key in ("rover", "base", "navigation") if key in table.data]
     if raw and "file" not in table.data:
         raise table.error(raw[0], "raw observations are not processed yet; give the antenna positions of another engine as gnss.file = ...")
@@ -335,7 +329,7 @@ def _gnss(table: "_Table") -> GnssInput:
     )
 
 
-def _mounting(table: "_Table") -> Mounting:
+def _mounting(table: Table) -> Mounting:
     given: dict[str, Any] = {}
     for key in ("antenna_m", "imu_m"):
         given[key] = table.numbers(key, 3, (0.0, 0.0, 0.0))
@@ -354,7 +348,7 @@ def _mounting(table: "_Table") -> Mounting:
         raise table.error(key, what) from None
 
 
-def _boresight_angles(table: "_Table") -> tuple[str, tuple[float, ...]] | None:
+def _boresight_angles(table: Table) -> tuple[str, tuple[float, ...]] | None:
     """Angle set and angles of ``boresight_deg = { angle_set = [..] }``."""
     if "boresight_deg" not in table.data:
         return None
@@ -366,7 +360,7 @@ def _boresight_angles(table: "_Table") -> tuple[str, tuple[float, ...]] | None:
     return next((angle_set, named.numbers(angle_set, 3)) for angle_set in named.data)
 
 
-def _tangent_plane(table: "_Table") -> TangentPlane:
+def _tangent_plane(table: Table) -> TangentPlane:
     lat, lon, height = table.numbers("origin", 3)
     if not (abs(lat) <= 90 and abs(lon) <= 180 and -1000 <= height <= 10000):
         hint = "are latitude and longitude swapped?" if abs(lat) > 90 >= abs(lon) else "order and units are deg, deg, m"
@@ -374,7 +368,7 @@ def _tangent_plane(table: "_Table") -> TangentPlane:
     return TangentPlane(lat, lon, height)
 
 
-def _output(table: "_Table") -> Output:
+def _output(table: Table) -> Output:
     from .formats import EXPORTS
 
     directory = table.resolve(table.text("directory", "02_Processed/GPS-INS"))
@@ -383,7 +377,7 @@ def _output(table: "_Table") -> Output:
     formats = table.texts("formats", ("eo_local_plane", "metashape"))
     for name in formats:
         if name not in EXPORTS:
-            raise table.error("formats", f"{name!r} is unknown; {_near(name, tuple(EXPORTS))}")
+            raise table.error("formats", f"{name!r} is unknown; {near(name, tuple(EXPORTS))}")
         if formats.count(name) > 1:
             raise table.error("formats", f"{name!r} occurs twice")
     rate = table.data.get("trajectory_hz")
@@ -392,7 +386,7 @@ def _output(table: "_Table") -> Output:
     return Output(directory, formats, None if rate == "imu" else table.number("trajectory_hz", 10.0, 1e-3, 1e4))
 
 
-def _initial(table: "_Table") -> InitialAttitude:
+def _initial(table: Table) -> InitialAttitude:
     return InitialAttitude(
         roll_deg=table.number("roll_deg", ..., -180, 180),
         pitch_deg=table.number("pitch_deg", ..., -90, 90),
@@ -401,176 +395,12 @@ def _initial(table: "_Table") -> InitialAttitude:
     )
 
 
-def _filter(table: "_Table") -> FilterOptions:
+def _filter(table: Table) -> FilterOptions:
     return FilterOptions(
         scale_factor=table.flag("scale_factor", False),
         misalignment=table.flag("misalignment", False),
         second_pass=table.choice("second_pass", ("auto", "on", "off"), "auto"),
     )
-
-
-_TYPE_NAMES = {bool: "true/false", int: "a number", float: "a number", str: "a text", list: "a list", dict: "a table"}
-
-
-@dataclass(frozen=True)
-class _Table:
-    """A table of the file: its checked values by key, and errors that know the line. Default ``...`` means required."""
-
-    path: Path
-    lines: Mapping[str, int]
-    name: str
-    data: Mapping[str, Any]
-
-    def error(self, key: str, what: str) -> InputError:
-        """Error at the line of `key`, of its table where the key is absent."""
-        full = ".".join(filter(None, (self.name, key)))
-        line, place = None, full
-        while place and line is None:
-            line, place = self.lines.get(place), place.rpartition(".")[0]
-        return InputError.at(self.path, line, f"{full}: {what}")
-
-    def check_keys(self) -> None:
-        known = _KEYS[self.name]
-        for key in self.data:
-            if key not in known:
-                homes = [table for table, keys in _KEYS.items() if key in keys and "." not in table]
-                advice = _near(key, known)
-                if len(homes) == 1:
-                    advice = f"it belongs into [{homes[0]}]" if homes[0] else "it belongs to the top, before the first [table]"
-                raise self.error(key, f"unknown {'key' if self.name else 'table or key'}; {advice}")
-
-    def table(self, key: str) -> "_Table":
-        """Sub-table, empty where it is absent, its keys checked."""
-        value = self.value(key, dict, {})
-        sub = _Table(self.path, self.lines, ".".join(filter(None, (self.name, key))), value)
-        sub.check_keys()
-        return sub
-
-    def value(self, key: str, kind: type, default: Any) -> Any:
-        """Value of `key` if it is of TOML type `kind`; where it is absent, `default`."""
-        if key not in self.data:
-            if default is ...:
-                raise self.error(key, "is missing; it has no default")
-            return default
-        value = self.data[key]
-        if isinstance(value, bool) is not (kind is bool) or not isinstance(value, (int, float) if kind is float else kind):
-            got = _TYPE_NAMES.get(type(value), "a date or time")
-            raise self.error(key, f"{reprlib.repr(value)} is {got}, expected {_TYPE_NAMES[kind]}")
-        return value
-
-    def flag(self, key: str, default: bool) -> bool:
-        return bool(self.value(key, bool, default))
-
-    def text(self, key: str, default: Any = ...) -> Any:
-        value = self.value(key, str, default)
-        if value == "":
-            raise self.error(key, "is an empty text")
-        return value
-
-    def choice(self, key: str, known: Sequence[str], default: str) -> Any:
-        value = self.text(key, default)
-        if value not in known:
-            raise self.error(key, f"{value!r} is unknown; {_near(value, known)}")
-        return value
-
-    def number(self, key: str, default: Any = ..., low: float = -math.inf, high: float = math.inf) -> Any:
-        value = self.value(key, float, default)
-        if value is None:
-            return None
-        if not (_is_number(value) and low <= value <= high):
-            raise self.error(key, f"{value} is outside {low:g} to {high:g}")
-        return float(value)
-
-    def numbers(self, key: str, count: int, default: Any = ...) -> Any:
-        values = self.value(key, list, default)
-        if values is default:
-            return values
-        if len(values) != count or not all(_is_number(v) for v in values):
-            raise self.error(key, f"{reprlib.repr(values)}, expected {count} finite numbers")
-        return tuple(float(v) for v in values)
-
-    def sigmas(self, key: str, default: Any) -> Any:
-        values = self.numbers(key, 3, default)
-        if values is not None and min(values) <= 0:
-            raise self.error(key, f"{list(values)}: a standard deviation must be greater than zero")
-        return values
-
-    def matrix(self, key: str) -> Array:
-        rows = self.value(key, list, ...)
-        if len(rows) != 3 or not all(isinstance(row, list) and len(row) == 3 and all(_is_number(v) for v in row) for row in rows):
-            raise self.error(key, f"{reprlib.repr(rows)}, expected 3 rows of 3 finite numbers")
-        return np.array(rows, dtype=np.float64)
-
-    def texts(self, key: str, default: Any) -> Any:
-        values = self.value(key, list, list(default))
-        if not all(isinstance(v, str) and v for v in values):
-            raise self.error(key, f"{reprlib.repr(values)}, expected a list of texts")
-        return tuple(values)
-
-    def columns(self) -> Columns:
-        """`columns`, a list of names or a table { canonical = "name in the file" }; None where absent."""
-        value = self.data.get("columns")
-        if isinstance(value, dict):
-            if not value or not all(isinstance(v, str) and v for v in value.values()):
-                raise self.error("columns", f"{reprlib.repr(value)}, expected {{ canonical = 'name in the file' }}")
-            return dict(value)
-        if value == []:
-            raise self.error("columns", "is an empty list")
-        return None if value is None else self.texts("columns", ())
-
-    def resolve(self, name: str) -> Path:
-        return self.path.parent / name
-
-    def file(self, key: str) -> Path:
-        """Path of a file that is there and not empty."""
-        name = self.text(key)
-        path = self.resolve(name)
-        if path.is_dir():
-            raise self.error(key, f"{name} is a directory, a file is expected")
-        if not path.is_file():
-            raise self.error(key, f"{name} does not exist; the path is relative to {self.path.name}")
-        if path.stat().st_size == 0:
-            raise self.error(key, f"{name} is empty; copy the recording again")
-        return path
-
-
-def _is_number(value: object) -> bool:
-    """Whether `value` is a finite number that fits into a float; true and false are none."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
-
-
-def _near(word: str, known: Sequence[str]) -> str:
-    """Advice: the known name nearest to `word`, or all of them."""
-    near = difflib.get_close_matches(word.lower(), known, n=1)
-    return f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-
-
-def _read_toml(path: Path) -> _Table:
-    """The whole file as a table, with the lines of its keys."""
-    if not path.is_file():
-        raise InputError.at(path, None, "does not exist; give the flight file, or the directory that holds flight.toml")
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-        data = tomllib.loads(text)
-    except UnicodeDecodeError as error:
-        raise InputError.at(path, None, f"not UTF-8 at byte {error.start}; save it as UTF-8") from None
-    except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
-        at = re.search(r"at line (\d+)", str(error))
-        raise InputError.at(path, int(at[1]) if at else None, f"not TOML: {error}") from None
-    return _Table(path, _key_lines(text), "", data)
-
-
-def _key_lines(text: str) -> dict[str, int]:
-    """Line, counted from 1, of every table header and of every key that begins a line, by its dotted name."""
-    lines: dict[str, int] = {}
-    table = ""
-    for number, line in enumerate(text.splitlines(), 1):
-        if header := re.match(r"\s*\[([\w.\- ]+)\]\s*(#.*)?$", line):
-            table = header[1].replace(" ", "")
-            lines.setdefault(table, number)
-        elif key := re.match(r"""\s*["']?([\w.\-]+)["']?\s*=""", line):
-            lines.setdefault(".".join(filter(None, (table, key[1]))), number)
-    return lines
 
 
 def _plain(value: Any, base: Path) -> Any:

@@ -11,7 +11,7 @@ import pytest
 
 import insgnss
 from insgnss.cli import build_parser
-from insgnss.flight import _KEYS
+from insgnss.flight import KEYS
 from insgnss.formats import EXPORTS, GNSS_OPTIONS, IMU_OPTIONS
 
 ROOT = Path(__file__).parents[1]
@@ -97,11 +97,11 @@ def test_every_key_of_the_flight_file_is_documented() -> None:
     rows = re.findall(r"^\| (`.*?`) \|(.*)$", (SPECS / "flight_file.md").read_text(encoding="utf-8"), re.MULTILINE)
     told = {key: text for names, text in rows for key in re.findall(r"`([\w.]+)`", names)}
     known = set()
-    for table, keys in _KEYS.items():
+    for table, keys in KEYS.items():
         for key in keys:
             if "." in table:  # the members of an inline table stand in its row
                 assert re.search(rf"\b{key}\b", told[table]), f"flight_file.md: {table} does not name {key}"
-            elif key not in _KEYS:
+            elif key not in KEYS:
                 known.add(f"{table}.{key}" if table else key)
     assert sorted(known - set(told)) == [], "not in flight_file.md"
     assert sorted(set(told) - known) == [], "unknown to the reader"
