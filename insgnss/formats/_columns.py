@@ -197,8 +197,7 @@ def gps_time(table: Lines, tow: Array, week: Array | None, gps_week: int | None)
     else:
         time = unwrap_week(tow)
     check_increasing(table, time)
-    outside = (tow < 0.0) | (tow > 2.0 * WEEK_S)
-    if outside.any():
-        row = int(np.argmax(outside))
+    if tow.size and (tow.min() < 0.0 or tow.max() > 2.0 * WEEK_S):
+        row = int(np.argmax((tow < 0.0) | (tow > 2.0 * WEEK_S)))
         raise table.at(row, f"time {tow[row]:.3f} s is no GPS time of week (0 to {WEEK_S:.0f} s); check the column or convert the clock")
     return time, gps_week

@@ -82,9 +82,8 @@ def unwrap_week(tow: ArrayLike) -> Array:
     Only a fall of more than half a week is a week's end; a smaller step back is left for the record to refuse.
     """
     tow = np.asarray(tow, dtype=np.float64)
-    weeks = np.zeros(tow.shape)
-    weeks[1:] = np.cumsum(np.diff(tow) < -0.5 * WEEK_S)
-    return tow + WEEK_S * weeks
+    falls = np.diff(tow) < -0.5 * WEEK_S
+    return tow + WEEK_S * np.concatenate([[0.0], np.cumsum(falls)]) if falls.any() else tow.copy()
 
 
 def nearest_time(tow: ArrayLike, reference_s: float) -> Array:
