@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 AXIS_COLOURS = ("#0072B2", "#D55E00", "#009E73")  # north or east, ..., down or up
 LINE, ACCENT, FAINT, WARN = "#0072B2", "#D55E00", "#8A8F98", "#CC3311"
 DPI = 100
-MOST_POINTS = 2000
+MOST_POINTS = 1000
 
 
 def thin(y: Array, limit: int = MOST_POINTS) -> NDArray[np.int64]:
