@@ -28,6 +28,7 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     gnss.gate_sigma             5.0                     innovations beyond this many standard deviations (2 to 30) are rejected and counted
     camera.events               no camera               mid-exposure instants; without them the product is the trajectory alone
     camera.columns              by header or order      as above
+    camera.time_offset_s        0.0                     added to the times of the events
     mounting.antenna_m, .imu_m  [0, 0, 0]               m, from the camera, in camera axes
     mounting.camera_from_body   diag(-1, -1, 1)         T_b'^c
     mounting.boresight          identity                B_b^b'; or
@@ -107,6 +108,7 @@ class CameraInput:
 
     events: Path
     columns: Columns
+    time_offset_s: float
 
 
 @dataclass(frozen=True)
@@ -203,7 +205,7 @@ def load_flight(path: str | Path) -> Flight:
         end_tow=end,
         imu=_imu(root.table("imu")),
         gnss=_gnss(root.table("gnss")),
-        camera=CameraInput(camera.file("events"), camera.columns()) if camera else None,
+        camera=CameraInput(camera.file("events"), camera.columns(), camera.number("time_offset_s", 0.0)) if camera else None,
         mounting=_mounting(root.table("mounting")),
         tangent_plane=_tangent_plane(plane) if plane else None,
         output=_output(root.table("output")),
@@ -361,6 +363,8 @@ def _boresight_angles(table: Table) -> tuple[str, tuple[float, ...]] | None:
 
 
 def _tangent_plane(table: Table) -> TangentPlane:
+    if "origin" not in table.data:
+        raise table.error("origin", "is missing; give it, or leave the table out to have it from the first fix")
     lat, lon, height = table.numbers("origin", 3)
     if not (abs(lat) <= 90 and abs(lon) <= 180 and -1000 <= height <= 10000):
         hint = "are latitude and longitude swapped?" if abs(lat) > 90 >= abs(lon) else "order and units are deg, deg, m"

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import __version__
-from .errors import DataError, InputError, UsageError
+from .errors import DataError, InputError, InsgnssError, UsageError
 from .flight import Flight, load_flight
 from .records import Array, CameraEvents, Check, Diagnostics, ExteriorOrientation, GnssFixes, ImuSamples, Trajectory
 
@@ -29,6 +29,7 @@ Progress = Callable[[str], None]
 
 EPOCH_HZ = 10.0  # outputs at a higher rate are recovered between the epochs
 REPORT_ROWS = 4000
+LONG_LEVER_M, LARGE_BORESIGHT_DEG = 3.0, 10.0
 HOPELESS_RAD = np.radians(20.0)  # of attitude: beyond it neither the linearisation nor a user can do anything with the result
 PRODUCTS = ("trajectory.sbet", "trajectory.smrmsg", "trajectory.csv", "report.html", "report.json")  # besides those of the images
 
@@ -126,9 +127,12 @@ def read_recording(flight: Flight) -> Recording:
         imu = replace(imu, time=imu.time + flight.imu.time_offset_s)
     if flight.gnss.time_offset_s:
         gnss = replace(gnss, time=gnss.time + flight.gnss.time_offset_s)
+    if events is not None and flight.camera is not None and flight.camera.time_offset_s:
+        events = replace(events, time=events.time + flight.camera.time_offset_s)
     imu, gnss, events, week = common_clock(imu, gnss, events, flight.gps_week)
     origin = None if flight.tangent_plane is None else np.asarray(flight.tangent_plane.origin)
     checks = check_recording(imu, flight.imu.C_b_imu, gnss, events, origin)
+    checks.append(_check_mounting(flight))
     if events is not None:
         every = len(events.images)
         events = cut_events(events, flight.start_tow, flight.end_tow)
@@ -158,10 +162,39 @@ def _read_files(flight: Flight) -> tuple[ImuSamples, GnssFixes, CameraEvents | N
     return imu, gnss, events
 
 
+def _check_mounting(flight: Flight) -> Check:
+    """Size of what no data check: lever arms and bore-sight."""
+    m = flight.mounting
+    lever = max(float(np.linalg.norm(v)) for v in (m.antenna_lever_b, m.camera_lever_b))
+    angle = float(np.degrees(np.arccos(np.clip(0.5 * (np.trace(m.boresight) - 1.0), -1.0, 1.0))))
+    found = f"longest lever arm {lever:.3f} m, bore-sight {angle:.2f} deg"
+    odd = lever > LONG_LEVER_M or angle > LARGE_BORESIGHT_DEG
+    return Check(
+        "mounting",
+        found,
+        f"lever arms below {LONG_LEVER_M:g} m, bore-sight below {LARGE_BORESIGHT_DEG:g} deg",
+        "note" if odd else "ok",
+        "the data cannot tell: check units, signs and mounting by hand" if odd else "",
+    )
+
+
 def inspect(flight: Flight, progress: Progress = _quiet) -> InspectResult:
-    """Read and check a flight without processing it."""
+    """Read and check a flight without processing it; what needs the attitude (heading against course) is left to `process`."""
+    from .prepare.clock import common_span, refuse_outside
+    from .stochastic.model import load_noise_model
+
     progress("reading")
-    return InspectResult(flight.name, read_recording(flight).checks)
+    load_noise_model(flight.imu.noise)
+    recording = read_recording(flight)
+    checks = list(recording.checks)
+    try:
+        lo, hi = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
+        if recording.events is not None:
+            refuse_outside(recording.events, lo, hi)
+    except InsgnssError as error:
+        checks.append(Check("span", str(error), "IMU, GNSS and images overlap", "contradiction"))
+    checks.append(Check("heading against course", "not checked here", "needs the attitude: `insgnss process` checks it"))
+    return InspectResult(flight.name, tuple(checks))
 
 
 def process(flight: Flight, out: Path | None = None, progress: Progress = _quiet) -> ProcessResult:
@@ -178,6 +211,7 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = _quiet
     clock.step("prepare")
     problem, inside, grid = _prepare(flight, recording)
     events, week, checks = recording.events, recording.gps_week, recording.checks
+    samples = recording.imu.time.size
     del recording  # the samples are in the increments now
     clock.step("align")
     start, how = _align(flight, problem)
@@ -201,7 +235,7 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = _quiet
         eo = exterior_orientation(at_exposure, events, flight.mounting, plane, history)
     clock.step("report")
     diagnostics = _diagnostics(solution, rows, sampled, (*checks, heading))
-    report = _summary(flight, diagnostics, eo, history, clock, solution.problem.inc.dt.size, solution.time.size)
+    report = _summary(flight, diagnostics, eo, history, clock, samples, solution.time.size)
     clock.step("write")
     files = _deliver(flight, directory, eo, path, report, diagnostics)
     clock.step("")

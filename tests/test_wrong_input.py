@@ -336,7 +336,7 @@ FILES: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     ),
     "events in ms": (_event_times(lambda t: 1e3 * t), INPUT, (f"{EVENTS}:2: time", "no GPS time of week")),
     "events of another day": (_event_times(lambda t: t + 86400.0), INPUT, ("image 8001.tif at", "outside the flight", "25 of 25 images")),
-    "events in UTC": (_event_times(lambda t: t - 18.0), INPUT, ("image 8001.tif", "outside the flight", "UTC is 18 s behind")),
+    "events in UTC": (_event_times(lambda t: t - 18.0), INPUT, ("camera events", "look like UTC", "camera.time_offset_s = 18")),
     "one event too late": (
         _events(lambda x: [*x, "9999.tif 205450.0"]),
         INPUT,

@@ -106,7 +106,8 @@ def columns_of(
     if twice or missing:
         why = f"names {twice} twice" if twice else f"does not name {', '.join(missing)}"
         line = None if columns is not None else layout.header_line
-        raise InputError.at(table.path, line, f"{what} {why}; set columns = [...] of {known}, with '-' for what is to be left out")
+        how = f"set columns = [...] of {known}, with '-' for what is to be left out, or columns = {{ tow = \"its name in the file\", ... }}"
+        raise InputError.at(table.path, line, f"{what} {why}; {how}")
     return index
 
 

@@ -23,7 +23,7 @@ inertial solution from the aligned start, m carries the estimate, and both are l
 When every fix of a second has been rejected, the filter rather than the fixes may be wrong (a wrong ambiguity that lasted for seconds and
 let go again). The covariance is opened by the size of the innovation, d^2 for position, (d / 1 s)^2 for velocity, the tilt that makes
 d in that time (at most a degree) for psi, and the fix is used (K.7). For the smoother this is process noise like any other. It is
-counted and reported, and more than three such reopenings and one a minute are taken as contradiction of the data.
+counted and reported, and more than three such reopenings and one every ten minutes are taken as contradiction of the data.
 
 Run about a given nominal (`closed` false) nothing is fed back; m follows m <- Phi m + (f(nominal before) - nominal), which makes
 filter and smoother one Gauss-Newton step of the batch problem (K.6).
@@ -176,7 +176,7 @@ def _refuse_divergence(problem: Problem, store: Store) -> None:
     rejected = np.count_nonzero(store.verdict[:, 0] == REJECTED)
     reopened = np.flatnonzero(store.verdict[:, 0] == REOPENED)
     minutes = problem.epochs.time[-1] / 60.0
-    if reopened.size > 3 + minutes or rejected > 0.5 * fixes:
+    if reopened.size > 3 + minutes / 10.0 or rejected > 0.5 * fixes:
         at = reopened[0] if reopened.size else int(np.argmax(store.verdict[:, 0] == REJECTED))
         raise DataError(
             f"{rejected} of {fixes} GNSS fixes rejected, from {time[at]:.1f} s on (NIS {store.nis[at, 0]:.0f}, limit "

@@ -2,28 +2,19 @@
 
 A contradiction says what to change. Checks stand in the order in which they are to be believed: a dead sensor or a single impossible
 reading upsets what is computed from it further down.
-
-The course rate of GNSS is compared with the rate of turn about the vertical that the gyros see, omega . d with d = -f/|f|, all smoothed
-over two seconds: in a coordinated turn with bank phi that is the course rate times cos(phi), whatever the axes. Their regression gives
-the gyro unit, their sign tells a mirrored frame (z up, latitude and longitude exchanged), the lag of their largest correlation a clock
-error.
 """
 
 import numpy as np
 
 from ..geodesy.earth import curvature_radii
-from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples, Verdict
+from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
 from .increments import find_gaps, nominal_interval
+from .turns import STEP_S, check_events, check_turns, north_east, quantity_guess
 
-STEP_S = 0.1
-SMOOTH_S = 2.0
-MAX_LAG_S = 30.0
 STILL_S = 5.0
 FAR_M = 50e3
 FAST_MS = 8.0
 GYRO_LIMIT, ACCEL_LIMIT = 100.0, 1000.0  # rad/s, m/s^2: 5700 deg/s and 100 g, beyond every sensor that a drone carries
-LATE_S, LATE_CORRELATION = 0.5, 0.9  # a lag that is told, where the correlation is clear enough to tell it
-USUAL_COSINE = 0.92  # of the bank in a turn
 LOWEST_M, HIGHEST_M = -1000.0, 10000.0
 _WORDS = (("forward", "backward"), ("right", "left"), ("down", "up"))
 
@@ -52,11 +43,11 @@ def check_recording(imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes, events: Ca
     if imu.time.size * dt > 2.0 * STEP_S:
         time, rate, force = _thinned(imu, C_b_imu, dt)
         checks += [_force_norm(rate, force, imu, dt), _down_axis(force, C_b_imu)]
-        checks.append(_check_turns(time, rate, force, gnss, imu, dt))
+        checks.append(check_turns(time, rate, force, gnss, imu, dt))
     if origin is not None:
         checks.append(_origin_distance(gnss, origin))
     if events is not None:
-        checks.append(_events(events))
+        checks.append(check_events(events, gnss))
     return sorted(checks, key=lambda check: NAMES.index(check.name))
 
 
@@ -164,7 +155,7 @@ def _force_norm(rate: Array, force: Array, imu: ImuSamples, dt: float) -> Check:
         (9.81, 'imu.units accel = "m/s^2" (not in g)'),
         (9.81e-3, 'imu.units accel = "m/s^2" (not in mg)'),
         (1000.0 / 9.81, 'imu.units accel = "mg"'),
-        _quantity_guess(imu, dt),
+        quantity_guess(imu, dt),
     ]
     close = [advice for factor, advice in guesses if 0.85 < norm / 9.81 / factor < 1.15]
     advice = f"the values look like {' or '.join(close)}" if close else "check imu.columns, imu.units and imu.quantity"
@@ -211,7 +202,7 @@ def _gnss_speed(gnss: GnssFixes) -> Check:
         return Check(name, "a single fix", expected, "note")
     step = np.maximum(np.diff(gnss.time), 1e-3)
     noise = np.sqrt(np.trace(gnss.cov_ned, axis1=1, axis2=2))
-    distance = np.linalg.norm(np.diff(_north_east(gnss), axis=0), axis=1)
+    distance = np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1)
     speed = np.maximum(distance - 5.0 * (noise[1:] + noise[:-1]), 0.0) / step
     typical = float(np.median(speed))
     fast = int((speed > 100.0).sum())
@@ -257,113 +248,3 @@ def _origin_distance(gnss: GnssFixes, origin: Array) -> Check:
         )
         return Check(name, found, expected, "contradiction", advice)
     return Check(name, found, expected)
-
-
-def _events(events: CameraEvents) -> Check:
-    step = np.diff(events.time)
-    found = f"{len(events.images)} images from {events.time[0]:.2f} to {events.time[-1]:.2f} s"
-    if step.size:
-        found += f", shortest interval {step.min():.2f} s"
-    return Check("camera events", found, "in the order of time, within the flight")
-
-
-def _quantity_guess(imu: ImuSamples, dt: float) -> tuple[float, str]:
-    """Factor by which all readings are off where increments and rates are mixed up, and what to do."""
-    if imu.quantity == "increments":
-        return 1.0 / dt, 'imu.quantity = "mean_rate"'
-    return dt, 'imu.quantity = "increments"'
-
-
-def _check_turns(time: Array, rate: Array, force: Array, gnss: GnssFixes, imu: ImuSamples, dt: float) -> Check:
-    """Gyro unit, handedness and clock. time (k,) s, rate (k, 3) rad/s, force (k, 3) m/s^2 in body axes; dt : IMU interval, s."""
-    name, expected = "turn rate, gyro against GNSS course", "ratio 0.5 to 1.5 at no lag"
-    grid = np.arange(max(time[0], gnss.time[0]), min(time[-1], gnss.time[-1]), STEP_S)
-    width = round(max(SMOOTH_S, 4.0 * float(np.median(np.diff(gnss.time)))) / STEP_S) if gnss.time.size > 1 else grid.size
-    if grid.size < max(200, 5 * width):
-        return Check(name, "too short or too few fixes to tell", expected, "note")
-    course_rate, moving = _course_rate(gnss, grid, width)
-    down = -np.column_stack([_smooth(force[:, c], width) for c in range(3)])
-    down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
-    gyro = np.interp(grid, time, _smooth(np.sum(rate * down, axis=1), width))
-    if moving.sum() < 100 or np.std(course_rate[moving]) < 0.02:
-        return Check(name, "no turns at speed to compare", expected, "note")
-    lag, best, here = _best_lag(gyro, course_rate, moving)
-    ratio = float(np.sum(gyro[moving] * course_rate[moving]) / np.sum(course_rate[moving] ** 2))
-    found = f"ratio {ratio:.3g}, correlation {here:.2f} at no lag, {best:.2f} at {lag:+.1f} s"
-    verdict, advice = _judge_turns(ratio, lag, best, here, imu, dt)
-    return Check(name, found, expected, verdict, advice)
-
-
-def _judge_turns(ratio: float, lag: float, best: float, here: float, imu: ImuSamples, dt: float) -> tuple[Verdict, str]:
-    late, shift = (
-        f"IMU time is about {lag:+.1f} s off GNSS time",
-        f"add {lag:+.1f} s to gnss.time_offset_s or {-lag:+.1f} s to imu.time_offset_s",
-    )
-    if abs(best) > 0.6 and abs(lag) > 1.0 and abs(best) > abs(here) + 0.15:
-        hint = "GPS against UTC (18 s)" if 16.0 <= abs(lag) <= 20.0 else "a wrong clock"
-        return "contradiction", f"{late}: {hint}; {shift}"
-    if abs(best) < 0.3:
-        return "contradiction", "IMU and GNSS show no common turn: are they of one flight, one day, one clock?"
-    if here < -0.6:
-        return "contradiction", "the gyros turn the other way: imu.axes or gyro sign is wrong, or latitude and longitude are exchanged"
-    if here > 0.6 and not 0.4 < ratio < 1.8:
-        return "contradiction", _gyro_unit_advice(ratio, imu, dt)
-    if best > LATE_CORRELATION and abs(lag) >= LATE_S:
-        return "note", f"{late}; {shift}"
-    return ("ok" if here > 0.6 else "note"), ""
-
-
-def _gyro_unit_advice(ratio: float, imu: ImuSamples, dt: float) -> str:
-    """What the ratio looks like most."""
-    ratio = max(ratio, 1e-12) / USUAL_COSINE
-    guesses = [
-        (np.degrees(1.0), 'imu.units gyro = "deg/s"'),
-        (np.radians(1.0), 'imu.units gyro = "rad/s" (not in deg)'),
-        (np.radians(1.0) / 3600.0, 'imu.units gyro = "rad/s" (not in deg/h)'),
-        (1.0 / 3600.0, 'imu.units gyro = "deg/s" (not in deg/h)'),
-        _quantity_guess(imu, dt),
-    ]
-    factor, advice = min(guesses, key=lambda guess: abs(np.log(ratio / guess[0])))
-    return f"the gyro values look like {advice}" if 0.7 < ratio / factor < 1.4 else "check imu.units gyro and imu.quantity"
-
-
-def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.ndarray]:
-    """Rate of the course on the grid, rad/s, and where the speed allows it."""
-    ne = _north_east(gnss)
-    position = np.column_stack([_smooth(np.interp(grid, gnss.time, ne[:, c]), width) for c in range(2)])
-    velocity = np.gradient(position, grid, axis=0)
-    acceleration = np.gradient(velocity, grid, axis=0)
-    speed2 = np.sum(velocity**2, axis=1)
-    rate = (velocity[:, 0] * acceleration[:, 1] - velocity[:, 1] * acceleration[:, 0]) / np.maximum(speed2, 1e-3)
-    rate = _smooth(rate, width)
-    noise = float(np.median(np.sqrt(gnss.cov_ned[:, 0, 0])))
-    slow = max(1.0, 3.0 * noise / (width * STEP_S))
-    moving = _smooth((speed2 > slow**2).astype(float), 2 * width + 1) > 0.999
-    moving[: 2 * width] = moving[-2 * width :] = False
-    return rate, moving & (np.abs(rate) < 1.5)
-
-
-def _best_lag(gyro: Array, course_rate: Array, moving: np.ndarray) -> tuple[float, float, float]:
-    """Lag (s, positive: gyro late), correlation there and at no lag. Sign: as the correlation of largest size."""
-    most = int(min(MAX_LAG_S / STEP_S, gyro.size // 4))
-    lags = np.arange(-most, most + 1)
-    value = np.zeros(lags.size)
-    for i, k in enumerate(lags.tolist()):
-        a = gyro[max(k, 0) : gyro.size + min(k, 0)]
-        b = course_rate[max(-k, 0) : gyro.size + min(-k, 0)]
-        use = moving[max(-k, 0) : gyro.size + min(-k, 0)]
-        if use.sum() > 50 and np.std(a[use]) > 0.0:
-            value[i] = np.corrcoef(a[use], b[use])[0, 1]
-    best = int(np.argmax(np.abs(value)))
-    return float(lags[best] * STEP_S), float(value[best]), float(value[most])
-
-
-def _north_east(gnss: GnssFixes) -> Array:
-    """North and east of the first fix, (n, 2) m."""
-    M, N = curvature_radii(gnss.lat[0])
-    return np.column_stack([(gnss.lat - gnss.lat[0]) * M, (gnss.lon - gnss.lon[0]) * N * np.cos(gnss.lat[0])])
-
-
-def _smooth(x: Array, width: int) -> Array:
-    width = min(max(width, 1), x.size)
-    return np.convolve(x, np.ones(width) / width, mode="same")

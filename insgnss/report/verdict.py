@@ -35,6 +35,10 @@ def headline(figures: Figures) -> str:
         "conservative": "the innovations are smaller than they say",
         "unknown": "no fix supports them",
     }[_judged(figures["consistency"]["position"])]
+    if figures["reopened_s"] or any(
+        r > SEPARATION_MATTERS for ratios in figures["separation"]["normalised_rms"].values() for r in ratios if r
+    ):
+        support = "but parts of the flight contradict them"
     return (
         f"{what}: median sigmas {position} mm ({', '.join(claim['axes'])}), tilt {degrees(tilt)}, heading {degrees(heading)}; {support} "
         f"({fixes['fixes_used']} of {fixes['fixes']} fixes used)"
@@ -122,7 +126,9 @@ def _innovations(f: Figures) -> Iterator[str]:
             told = f"innovations {axis} have a mean of {millimetres(mean)} (rms {millimetres(rms)})"
             yield f"{told}: look for an error of lever arm, clock or datum"
         if lag is not None and abs(lag) > max(LAG_ONE_MATTERS, i["lag1_bound_99"]):
-            why = "errors of GNSS last from fix to fix, the position sigmas are too small" if lag > 0 else "the GNSS sigmas are too small"
+            why = (
+                "errors of GNSS last from fix to fix, which the smoothed sigmas do not know" if lag > 0 else "the GNSS sigmas are too small"
+            )
             yield f"innovations {axis} correlate {lag:+.2f} with those of the fix before (99 % bound {i['lag1_bound_99']:.2f}): {why}"
 
 

@@ -1,0 +1,165 @@
+"""Turns seen by the gyros, by GNSS and by the camera: they must be the same turns at the same time.
+
+The course rate of GNSS is compared with the rate of turn about the vertical that the gyros see, omega . d with d = -f/|f| smoothed
+over two seconds: in a coordinated turn with bank phi that is the course rate times cos(phi), whatever the axes. Their regression gives
+the gyro unit, their sign tells a mirrored frame (z up, latitude and longitude exchanged), the lag of their largest correlation a clock
+error of the IMU.
+
+A survey takes its images on lines: the course rate at the exposures is small. Where it is large, but small 18 s earlier or later,
+the events are not in the time scale of the fixes. A camera that takes images everywhere tells nothing, nor do errors of a second.
+"""
+
+import numpy as np
+
+from ..geodesy.earth import curvature_radii
+from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples, Verdict
+
+STEP_S = 0.1
+SMOOTH_S = 2.0
+MAX_LAG_S = 30.0
+LATE_S, LATE_CORRELATION = 0.5, 0.9  # a lag that is told, where the correlation is clear enough to tell it
+USUAL_COSINE = 0.92  # of the bank in a turn
+UTC_S = 18.0
+TURNING, STRAIGHTER = 0.02, 4.0  # rad/s at the exposures, and how many times less it must be at the other time
+ENOUGH_IMAGES = 20
+
+
+def check_events(events: CameraEvents, gnss: GnssFixes) -> Check:
+    """Count and spacing of the exposures, and whether they would lie on straighter lines in another time scale."""
+    name, expected = "camera events", "in the time scale of the fixes: on lines, not in turns"
+    step = np.diff(events.time)
+    found = f"{len(events.images)} images from {events.time[0]:.2f} to {events.time[-1]:.2f} s"
+    if step.size:
+        found += f", shortest interval {step.min():.2f} s"
+    grid = np.arange(gnss.time[0], gnss.time[-1], STEP_S)
+    width = _width(gnss, grid)
+    if len(events.images) < ENOUGH_IMAGES or grid.size < max(200, 5 * width):
+        return Check(name, found, expected)
+    rate, moving = _course_rate(gnss, grid, width)
+    here, shifted = _turning(events.time, grid, rate, moving), {s: _turning(events.time + s, grid, rate, moving) for s in (UTC_S, -UTC_S)}
+    best = min(shifted, key=lambda s: shifted[s])
+    if here > TURNING and here > STRAIGHTER * shifted[best]:
+        found += f"; mean course rate there {np.degrees(here):.1f} deg/s, {best:+.0f} s away {np.degrees(shifted[best]):.1f} deg/s"
+        return Check(
+            name,
+            found,
+            expected,
+            "contradiction",
+            f"the events look like UTC or another clock: camera.time_offset_s = {best:.0f} would put them on lines",
+        )
+    return Check(name, found, expected)
+
+
+def _turning(time: Array, grid: Array, rate: Array, moving: np.ndarray) -> float:
+    """Mean size of the course rate at `time`, rad/s; infinite where less than half of it is known."""
+    inside = (time >= grid[0]) & (time <= grid[-1])
+    at = np.clip(np.rint((time - grid[0]) / STEP_S).astype(np.int64), 0, grid.size - 1)
+    known = inside & moving[at]
+    return float(np.mean(np.abs(rate[at[known]]))) if known.sum() > 0.5 * time.size else np.inf
+
+
+def _width(gnss: GnssFixes, grid: Array) -> int:
+    """Number of steps to smooth over."""
+    return round(max(SMOOTH_S, 4.0 * float(np.median(np.diff(gnss.time)))) / STEP_S) if gnss.time.size > 1 else grid.size
+
+
+def quantity_guess(imu: ImuSamples, dt: float) -> tuple[float, str]:
+    """Factor by which all readings are off where increments and rates are mixed up, and what to do."""
+    if imu.quantity == "increments":
+        return 1.0 / dt, 'imu.quantity = "mean_rate"'
+    return dt, 'imu.quantity = "increments"'
+
+
+def check_turns(time: Array, rate: Array, force: Array, gnss: GnssFixes, imu: ImuSamples, dt: float) -> Check:
+    """Gyro unit, handedness and clock. time (k,) s, rate (k, 3) rad/s, force (k, 3) m/s^2 in body axes; dt : IMU interval, s."""
+    name, expected = "turn rate, gyro against GNSS course", "ratio 0.5 to 1.5 at no lag"
+    grid = np.arange(max(time[0], gnss.time[0]), min(time[-1], gnss.time[-1]), STEP_S)
+    width = _width(gnss, grid)
+    if grid.size < max(200, 5 * width):
+        return Check(name, "too short or too few fixes to tell", expected, "note")
+    course_rate, moving = _course_rate(gnss, grid, width)
+    down = -np.column_stack([_smooth(force[:, c], width) for c in range(3)])
+    down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
+    gyro = np.interp(grid, time, _smooth(np.sum(rate * down, axis=1), width))
+    if moving.sum() < 100 or np.std(course_rate[moving]) < 0.02:
+        return Check(name, "no turns at speed to compare", expected, "note")
+    lag, best, here = _best_lag(gyro, course_rate, moving)
+    ratio = float(np.sum(gyro[moving] * course_rate[moving]) / np.sum(course_rate[moving] ** 2))
+    found = f"ratio {ratio:.3g}, correlation {here:.2f} at no lag, {best:.2f} at {lag:+.1f} s"
+    verdict, advice = _judge_turns(ratio, lag, best, here, imu, dt)
+    return Check(name, found, expected, verdict, advice)
+
+
+def _judge_turns(ratio: float, lag: float, best: float, here: float, imu: ImuSamples, dt: float) -> tuple[Verdict, str]:
+    late, shift = (
+        f"IMU time is about {lag:+.1f} s off GNSS time",
+        f"add {lag:+.1f} s to gnss.time_offset_s or {-lag:+.1f} s to imu.time_offset_s",
+    )
+    if abs(best) > 0.6 and abs(lag) > 1.0 and abs(best) > abs(here) + 0.15:
+        hint = "GPS against UTC (18 s)" if 16.0 <= abs(lag) <= 20.0 else "a wrong clock"
+        return "contradiction", f"{late}: {hint}; {shift}"
+    if abs(best) < 0.3:
+        return "contradiction", "IMU and GNSS show no common turn: are they of one flight, one day, one clock?"
+    if here < -0.6:
+        return "contradiction", "the gyros turn the other way: imu.axes or gyro sign is wrong, or latitude and longitude are exchanged"
+    if here > 0.6 and not 0.4 < ratio < 1.8:
+        return "contradiction", _gyro_unit_advice(ratio, imu, dt)
+    if best > LATE_CORRELATION and abs(lag) >= LATE_S:
+        return "note", f"{late}; {shift}"
+    return ("ok" if here > 0.6 else "note"), ""
+
+
+def _gyro_unit_advice(ratio: float, imu: ImuSamples, dt: float) -> str:
+    """What the ratio looks like most."""
+    ratio = max(ratio, 1e-12) / USUAL_COSINE
+    guesses = [
+        (np.degrees(1.0), 'imu.units gyro = "deg/s"'),
+        (np.radians(1.0), 'imu.units gyro = "rad/s" (not in deg)'),
+        (np.radians(1.0) / 3600.0, 'imu.units gyro = "rad/s" (not in deg/h)'),
+        (1.0 / 3600.0, 'imu.units gyro = "deg/s" (not in deg/h)'),
+        quantity_guess(imu, dt),
+    ]
+    factor, advice = min(guesses, key=lambda guess: abs(np.log(ratio / guess[0])))
+    return f"the gyro values look like {advice}" if 0.7 < ratio / factor < 1.4 else "check imu.units gyro and imu.quantity"
+
+
+def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.ndarray]:
+    """Rate of the course on the grid, rad/s, and where the speed allows it."""
+    ne = north_east(gnss)
+    position = np.column_stack([_smooth(np.interp(grid, gnss.time, ne[:, c]), width) for c in range(2)])
+    velocity = np.gradient(position, grid, axis=0)
+    acceleration = np.gradient(velocity, grid, axis=0)
+    speed2 = np.sum(velocity**2, axis=1)
+    rate = (velocity[:, 0] * acceleration[:, 1] - velocity[:, 1] * acceleration[:, 0]) / np.maximum(speed2, 1e-3)
+    rate = _smooth(rate, width)
+    noise = float(np.median(np.sqrt(gnss.cov_ned[:, 0, 0])))
+    slow = max(1.0, 3.0 * noise / (width * STEP_S))
+    moving = _smooth((speed2 > slow**2).astype(float), 2 * width + 1) > 0.999
+    moving[: 2 * width] = moving[-2 * width :] = False
+    return rate, moving & (np.abs(rate) < 1.5)
+
+
+def _best_lag(gyro: Array, course_rate: Array, moving: np.ndarray) -> tuple[float, float, float]:
+    """Lag (s, positive: gyro late), correlation there and at no lag. Sign: as the correlation of largest size."""
+    most = int(min(MAX_LAG_S / STEP_S, gyro.size // 4))
+    lags = np.arange(-most, most + 1)
+    value = np.zeros(lags.size)
+    for i, k in enumerate(lags.tolist()):
+        a = gyro[max(k, 0) : gyro.size + min(k, 0)]
+        b = course_rate[max(-k, 0) : gyro.size + min(-k, 0)]
+        use = moving[max(-k, 0) : gyro.size + min(-k, 0)]
+        if use.sum() > 50 and np.std(a[use]) > 0.0:
+            value[i] = np.corrcoef(a[use], b[use])[0, 1]
+    best = int(np.argmax(np.abs(value)))
+    return float(lags[best] * STEP_S), float(value[best]), float(value[most])
+
+
+def north_east(gnss: GnssFixes) -> Array:
+    """North and east of the first fix, (n, 2) m."""
+    M, N = curvature_radii(gnss.lat[0])
+    return np.column_stack([(gnss.lat - gnss.lat[0]) * M, (gnss.lon - gnss.lon[0]) * N * np.cos(gnss.lat[0])])
+
+
+def _smooth(x: Array, width: int) -> Array:
+    width = min(max(width, 1), x.size)
+    return np.convolve(x, np.ones(width) / width, mode="same")
