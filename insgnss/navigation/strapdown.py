@@ -18,6 +18,10 @@ Over a segment of length h with rotation vector phi and velocity increment u (`p
 Gravity is evaluated exactly at the start of every block (20 ms) and carried on by its gradient, without the part of it that comes with
 latitude (8e-9 m/s^2 a metre): 1e-9 m/s^2 over the metre of a block.
 
+Unaided, the vertical is unstable: gravity decreases with height, so that an error in height feeds itself and grows as
+cosh(t sqrt(2 g / R)), e-fold in 570 s and 57-fold in 45 minutes. The 0.85 mm that an error-free 45-minute flight at 500 Hz ends with
+are 15 micrometres of integration error so amplified; horizontally (bounded by Schuler's period) the same flight stays within 0.03 mm.
+
 Savage (1998); Groves (2013) 5.2, 5.4; the term phi x (phi x u) / 6 keeps the vertical from drifting in turns.
 """
 
