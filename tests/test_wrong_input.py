@@ -392,7 +392,7 @@ MEANING: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "heights in mm": (_columns(GNSS, 3, lambda x: 1e3 * x), INPUT, ("GNSS position", "unit of the heights, which is m")),
     "GNSS in UTC": (_columns(GNSS, 0, lambda t: t - 18.0), INPUT, (TURNS, "GPS against UTC (18 s)", "add +18.0 s to gnss.time_offset_s")),
     "IMU in UTC": (_columns(IMU, 0, lambda t: t - 18.0), INPUT, (TURNS, "GPS against UTC (18 s)", "s to imu.time_offset_s")),
-    "GNSS a second off": (_columns(GNSS, 0, lambda t: t - 1.0), DATA, ("no initial attitude", "time scales", "insgnss inspect")),
+    "GNSS a second off": (_columns(GNSS, 0, lambda t: t - 1.0), DATA, ("contradict", "time scales", "insgnss inspect")),
     "lever arm wrong by 5 m": (_toml("[0.462, -0.001, -0.065]", "[5.462, -0.001, -0.065]"), DATA, ("GNSS and inertial", "insgnss inspect")),
     "standing still": (_steady(0.0), DATA, ("heading not observable", "manoeuvre", "[initial]")),
     "straight flight": (_steady(15.0), DATA, ("heading not observable", "manoeuvre", "[initial]")),

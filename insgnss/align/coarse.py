@@ -32,6 +32,8 @@ from ._kernels import relative_motion
 
 WINDOWS_S = (10.0, 20.0, 60.0)
 CANDIDATES = 4
+ROUNDS, OUTLYING = 6, 3.0
+MEDIAN_OF_CHI_3 = 1.538  # of the length of three normal variables
 
 
 @dataclass(frozen=True)
@@ -80,11 +82,11 @@ def _candidates(problem: Problem) -> list[np.ndarray]:
 
 
 def _unsteadiness(time: Array, position: Array) -> float:
-    """Root mean square, m, of the horizontal position about uniform motion."""
+    """Median distance, m, of the horizontal position from uniform motion; a few gross fixes do not count."""
     A = np.column_stack([np.ones(time.size), time - time.mean()])
     horizontal = position[:, :2]
     rest = horizontal - A @ np.linalg.lstsq(A, horizontal, rcond=None)[0]
-    return float(np.sqrt(np.mean(rest**2)))
+    return float(np.median(np.abs(rest)))
 
 
 def solve_window(problem: Problem, at: np.ndarray) -> CoarseAttitude:
@@ -107,15 +109,28 @@ def solve_window(problem: Problem, at: np.ndarray) -> CoarseAttitude:
         turn = np.cross(ep.rate[thin], problem.antenna_lever_b)
         right.append((moved[:, :3] + np.einsum("nij,nj->ni", C_b0b, turn)) * weight[:, None])
     design, z, a = np.vstack(rows), np.vstack(left), np.vstack(right)
-    basis = np.linalg.qr(design)[0]
-    z_rest, a_rest = z - basis @ (basis.T @ z), a - basis @ (basis.T @ a)
-    U, _, Vt = np.linalg.svd(z_rest.T @ a_rest)
-    C = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-    seen = a_rest @ C.T
-    misfit = float(np.sqrt(np.mean((z_rest - seen) ** 2)))
-    v0 = np.linalg.lstsq(design, z - a @ C.T, rcond=None)[0][1]
+    C, v0, seen, misfit = _robust_wahba(design, z, a)
     cov = _attitude_cov(problem, seen, misfit, tau[-1], weight)
     return CoarseAttitude(int(at[0]), int(at[-1]), C, v0, cov, misfit)
+
+
+def _robust_wahba(design: Array, z: Array, a: Array) -> tuple[Array, Array, Array, float]:
+    """Attitude C (3, 3), v_0 (3,), the rows C a without what p_0 and v_0 explain, and the typical residual in sigmas.
+
+    Rows whose residual exceeds `OUTLYING` times the median are weighed down and the problem is solved again: a few gross fixes
+    must not turn the attitude.
+    """
+    trust = np.ones((z.shape[0], 1))
+    for _ in range(ROUNDS):
+        basis = np.linalg.qr(trust * design)[0]
+        z_rest, a_rest = (x - basis @ (basis.T @ x) for x in (trust * z, trust * a))
+        U, _, Vt = np.linalg.svd(z_rest.T @ a_rest)
+        C = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+        p0_v0 = np.linalg.lstsq(trust * design, trust * (z - a @ C.T), rcond=None)[0]
+        residual = np.linalg.norm(z - a @ C.T - design @ p0_v0, axis=1, keepdims=True)
+        typical = float(np.median(residual))
+        trust = np.minimum(1.0, OUTLYING * typical / np.maximum(residual, 1e-12))
+    return C, p0_v0[1], a_rest @ C.T, typical / MEDIAN_OF_CHI_3
 
 
 def _attitude_cov(problem: Problem, seen: Array, misfit: float, length: float, weight: Array) -> Array:

@@ -34,7 +34,7 @@ WINDOW_S = 60.0
 TRIES = 5
 GOOD_RAD = np.radians(2.0)
 HOPELESS_RAD = np.radians(10.0)  # beyond it the problem is too far from linear for its sigma to be believed
-MISFIT_NIS = 30.0  # mean of a triple, expected 3: beyond it the window did not converge to the data
+MISFIT_NIS = 25.0  # median of a triple, expected 2.4: beyond it the window did not converge to the data
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def _aligned_window(problem: Problem) -> tuple[int, Solution]:
             solution = solve(window, _coarse_start(window, coarse), "on", separations=0)
         except DataError:
             continue
-        if np.nanmean(solution.nis[:, 0]) < MISFIT_NIS and np.isfinite(solution.P).all():
+        if np.nanmedian(solution.nis[:, 0]) < MISFIT_NIS and np.isfinite(solution.P).all():
             if solution.P[0, 8, 8] < GOOD_RAD**2:
                 return coarse.first, solution
             found.append((coarse.first, solution))

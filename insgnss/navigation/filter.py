@@ -20,10 +20,11 @@ As long as a component of psi is known to worse than one degree nothing is fed b
 (a heading on the ground, by degrees), and a nominal that followed it would be linearised about the excursion. The nominal stays the
 inertial solution from the aligned start, m carries the estimate, and both are linear enough for each other.
 
-When every fix of a second has been rejected, the filter rather than the fixes may be wrong (a wrong ambiguity that lasted for seconds and
-let go again). The covariance is opened by the size of the innovation, d^2 for position, (d / 1 s)^2 for velocity, the tilt that makes
-d in that time (at most a degree) for psi, and the fix is used (K.7). For the smoother this is process noise like any other. It is
-counted and reported, and more than three such reopenings and one every ten minutes are taken as contradiction of the data.
+When every fix of a second, and five of them at least, has been rejected, the filter rather than the fixes may be wrong (a wrong
+ambiguity that lasted for seconds and let go again). The covariance is opened by the size of the innovation, d^2 for position,
+(d / 1 s)^2 for velocity, the tilt that makes d in that time (at most a degree) for psi, and the fix is used (K.7). For the smoother
+this is process noise like any other. It is counted and reported; more than three such reopenings and one every ten minutes are taken
+as contradiction of the data.
 
 Run about a given nominal (`closed` false) nothing is fed back; m follows m <- Phi m + (f(nominal before) - nominal), which makes
 filter and smoother one Gauss-Newton step of the batch problem (K.6).
@@ -42,7 +43,7 @@ from .strapdown import kernel_earth, kernel_segments
 
 BLOCK_S = 0.05  # s, see error_model
 HOLD_RAD = np.radians(1.0)  # psi must be known this well before anything is fed back
-RESET_S = 1.0  # of rejected fixes in a row, after which they are believed again
+RESET_S, RESET_FIXES = 1.0, 4.5  # seconds and intervals of rejected fixes in a row, after which they are believed again
 NOTHING, USED, REJECTED, REOPENED = 0, 1, 2, 3
 
 
@@ -151,7 +152,7 @@ def run_filter(problem: Problem, start: Start, store: Store, closed: bool = True
         closed,
         problem.gate,
         HOLD_RAD,
-        RESET_S,
+        max(RESET_S, RESET_FIXES * problem.aiding_interval_s),
         store,
     )
     _refuse_divergence(problem, store)

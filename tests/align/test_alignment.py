@@ -137,6 +137,19 @@ def test_slight_gusts_give_a_heading_within_its_sigma_or_none():
     assert refused > 0
 
 
+@pytest.mark.parametrize("seed", [3, 8])
+def test_gross_fixes_do_not_turn_the_attitude(seed):
+    """Oracle: exact motion. One fix in twenty is 1 to 50 m off, which no window of a minute is without."""
+    flown = fly(120.0, seed=seed, imu_hz=100.0)
+    rng = np.random.default_rng(seed)
+    position = flown.problem.epochs.position.copy()
+    gross = np.flatnonzero(rng.random(position.shape[0]) < 0.05)
+    position[gross] += rng.uniform(1.0, 50.0, (gross.size, 1)) * np.array([0.6, -0.64, 0.48])
+    alignment = initial_state(replace(flown.problem, epochs=flown.problem.epochs._replace(position=position)))
+    assert abs(start_error(flown, alignment.start)[8]) < 4.0 * alignment.heading_sigma
+    assert np.degrees(alignment.heading_sigma) < 0.5
+
+
 def test_contradicting_motion_gives_no_attitude():
     """Oracle: fixes mirrored north to south belong to no attitude."""
     flown = fly(60.0, seed=7, imu_hz=100.0)
