@@ -223,15 +223,15 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = _quiet
     rows = _report_rows(solution)
     sampled = trajectory(solution, rows, week)
     heading = _check_heading(flight, sampled)
-    _refuse_hopeless(flight, trajectory(solution, solution.event_epochs, week) if events is not None else sampled)
+    at_exposure = None if events is None else trajectory(solution, solution.event_epochs, week, events=True)
+    _refuse_hopeless(flight, sampled if at_exposure is None else at_exposure)
     history = _history(flight, week, inside, solution, how, (*checks, heading))
     eo = None
-    if events is not None:
+    if events is not None and at_exposure is not None:
         from .geodesy.frames import TangentPlane
         from .orient.exterior import exterior_orientation
 
         plane = TangentPlane(*_origin(flight, inside))
-        at_exposure = trajectory(solution, solution.event_epochs, week, events=True)
         eo = exterior_orientation(at_exposure, events, flight.mounting, plane, history)
     clock.step("report")
     diagnostics = _diagnostics(solution, rows, sampled, (*checks, heading))
@@ -373,9 +373,11 @@ def _check_heading(flight: Flight, sampled: Trajectory) -> Check:
 
 
 def _history(flight: Flight, week: int, fixes: GnssFixes, solution: "Solution", how: str, checks: tuple[Check, ...]) -> tuple[str, ...]:
+    from .navigation.filter import REOPENED, USED
+
     lever = flight.mounting.antenna_lever_b
-    used = int(np.isin(solution.verdict[:, 0], (1, 3)).sum())
-    reopened = int((solution.verdict[:, 0] == 3).sum())
+    used = int(np.isin(solution.verdict[:, 0], (USED, REOPENED)).sum())
+    reopened = int((solution.verdict[:, 0] == REOPENED).sum())
     problem = solution.problem
     passes = f"{solution.passes} filter pass{'es' if solution.passes > 1 else ''}"
     return (
@@ -391,10 +393,11 @@ def _history(flight: Flight, week: int, fixes: GnssFixes, solution: "Solution", 
 
 def _diagnostics(solution: "Solution", rows: np.ndarray, sampled: Trajectory, checks: tuple[Check, ...]) -> Diagnostics:
     from .geodesy.rotation import rpy_from_rotation
+    from .navigation.filter import NOTHING, REJECTED, REOPENED, USED
 
     bias, bias_sigma = solution.channel_bias(rows)
-    fix = np.flatnonzero(solution.verdict[:, 0] != 0)
-    speed = np.flatnonzero(solution.verdict[:, 1] != 0)
+    fix = np.flatnonzero(solution.verdict[:, 0] != NOTHING)
+    speed = np.flatnonzero(solution.verdict[:, 1] != NOTHING)
     smoothed = np.sqrt(np.diagonal(solution.P[:, :9, :9][rows], axis1=1, axis2=2))
     return Diagnostics(
         time=solution.time[rows],
@@ -411,15 +414,15 @@ def _diagnostics(solution: "Solution", rows: np.ndarray, sampled: Trajectory, ch
         innovation_sigma=solution.innovation_sigma[fix, :3],
         nis=solution.nis[fix, 0],
         nis_limit=solution.problem.gate,
-        used=solution.verdict[fix, 0] != 2,
-        reopened=solution.time[solution.verdict[:, 0] == 3],
+        used=solution.verdict[fix, 0] != REJECTED,
+        reopened=solution.time[solution.verdict[:, 0] == REOPENED],
         separation_time=solution.time[solution.separation_epoch],
         separation=solution.separation,
         separation_sigma=solution.separation_sigma,
         gaps=solution.problem.inc.gaps,
         passes=solution.passes,
         velocity_nis=solution.nis[speed, 1] if speed.size else None,
-        velocity_used=solution.verdict[speed, 1] == 1 if speed.size else None,
+        velocity_used=solution.verdict[speed, 1] == USED if speed.size else None,
         checks=checks,
     )
 

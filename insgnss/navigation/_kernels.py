@@ -443,7 +443,7 @@ def block_states(seg, i0, i1, B, elapsed, x, imu, work):
 
 
 @njit(cache=True)
-def linearise(seg, i0, i1, elapsed, nav, x, imu, earth, F, D, W, Qbb, sums, work, with_noise):
+def linearise(seg, i0, i1, elapsed, nav, x, imu, earth, F, D, W, Qbb, sums, work):
     """Carry nav and x over segments i0..i1-1 and accumulate transition F (9, n), D (ns,) and noise W (9, n), Qbb (ns,)."""
     ns = imu.channel.size
     o = earth.rate_l
@@ -476,8 +476,7 @@ def linearise(seg, i0, i1, elapsed, nav, x, imu, earth, F, D, W, Qbb, sums, work
             w = work.weight[s] * work.mean[s] * D[s]
             for r in range(9):
                 F[r, 9 + s] += work.column[r, c] * w
-        if with_noise:
-            step_covariance(W, Qbb, sums, B, imu, work, side, o)
+        step_covariance(W, Qbb, sums, B, imu, work, side, o)
         for s in range(ns):
             D[s] *= work.decay[s]
             x[s] *= work.decay[s]
@@ -606,7 +605,6 @@ def velocity_rows(nav, x, elapsed, lever, rate, z, imu, earth, C, H, nu):
 @njit(cache=True)
 def innovation_test(P, H, nu, m, R, used, S, L, out):
     """Normalised innovation squared of a triple; raw innovation and its sigma into out (2, 3)."""
-    n = P.shape[0]
     for r in range(3):
         t = nu[r, 0]
         for k in range(used):
@@ -623,16 +621,14 @@ def innovation_test(P, H, nu, m, R, used, S, L, out):
                     t += H[r, i] * a
             S[r, c] = t
             S[c, r] = t
-    if not cholesky3(S, L) or n == 0:
+    if not cholesky3(S, L):
         return np.inf
-    t = 0.0
     y0 = out[0, 0] / L[0, 0]
     y1 = (out[0, 1] - L[1, 0] * y0) / L[1, 1]
     y2 = (out[0, 2] - L[2, 0] * y0 - L[2, 1] * y1) / L[2, 2]
     for r in range(3):
         out[1, r] = np.sqrt(S[r, r])
-    t = y0 * y0 + y1 * y1 + y2 * y2
-    return t
+    return y0 * y0 + y1 * y1 + y2 * y2
 
 
 @njit(cache=True)
@@ -796,7 +792,7 @@ def run_forward(seg, ep, imu, earth, lever, nav0, x0, m0, P0, closed, gate, hold
                 x[:] = store.x[e - 1]
             F = store.F[e]
             D = store.D[e]
-            linearise(seg, ep.stop[e - 1], ep.stop[e], ep.time[e - 1], nav, x, imu, earth, F, D, W, Qbb, sums, work, True)
+            linearise(seg, ep.stop[e - 1], ep.stop[e], ep.time[e - 1], nav, x, imu, earth, F, D, W, Qbb, sums, work)
             predict_covariance(P, F, D, W, Qbb, X, nine)
             if closed:
                 gap[:] = 0.0

@@ -54,7 +54,7 @@ def linearise_interval(
     n = 9 + ns
     nav, x = nav.copy(), x.copy()
     F, D, W, Qbb = np.zeros((9, n)), np.zeros(ns), np.zeros((9, n)), np.zeros(ns)
-    linearise(seg, first, last, elapsed, nav, x, imu, earth, F, D, W, Qbb, np.zeros((5, 3)), make_work(ns), True)
+    linearise(seg, first, last, elapsed, nav, x, imu, earth, F, D, W, Qbb, np.zeros((5, 3)), make_work(ns))
     Phi, Q = np.zeros((n, n)), np.zeros((n, n))
     Phi[:9] = F
     Phi[9:, 9:] = np.diag(D)
