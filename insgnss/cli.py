@@ -257,9 +257,9 @@ def _inspect(options: argparse.Namespace, progress: Progress) -> int:
     from .flight import load_flight
 
     flight = load_flight(options.flight)
-    from . import pipeline
+    from . import recording
 
-    result = pipeline.inspect(flight, progress)
+    result = recording.inspect(flight, progress)
     if not result.contradictions:
         return _show(options, progress, result.summary, result.as_dict)
     error = f"{options.flight}: {'; '.join(result.contradictions)}"

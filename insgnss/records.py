@@ -42,12 +42,27 @@ def _increasing(record: Any, time: Array) -> None:
         raise InputError(f"{type(record).__name__}.time: {time[row]:.6f} s in row {row} follows {time[row - 1]:.6f} s; time must increase")
 
 
+Verdict = Literal["ok", "note", "contradiction"]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One plausibility check: what was looked at, what was found, what was expected, and what to do about it."""
+
+    name: str
+    found: str
+    expected: str
+    verdict: Verdict = "ok"
+    advice: str = ""
+
+
 @dataclass(frozen=True, eq=False)
 class ImuSamples:
     """IMU recording in the sensor's own axes or in the body's.
 
     time : (n,) s, GPST of `gps_week`; the stamp is the end of the sample's interval (mean rate, increments) or the instant.
     gyro : (n, 3) rad/s, or rad for increments.   accel : (n, 3) m/s^2 specific force, or m/s for increments.
+    notes : what the reader found odd and did about it (rows left out or put in order, with counts).
     """
 
     time: Array
@@ -56,6 +71,7 @@ class ImuSamples:
     quantity: Quantity = "mean_rate"
     gps_week: int | None = None
     source: str = ""
+    notes: tuple[Check, ...] = ()
 
     def __post_init__(self) -> None:
         n = _frozen(self, "time", (None,)).size
@@ -103,6 +119,7 @@ class GnssFixes:
     cov_ned : (n, 3, 3) m^2 in north, east, down at the fix.
     velocity_ned : (n, 3) m/s and velocity_cov_ned : (n, 3, 3) m^2/s^2, or None.
     quality : (n,) of RTKLIB's codes (1 fixed, 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP; 0 unknown), or None.
+    notes : what the reader found odd and did about it.
     """
 
     time: Array
@@ -115,6 +132,7 @@ class GnssFixes:
     quality: NDArray[np.int64] | None = None
     gps_week: int | None = None
     source: str = ""
+    notes: tuple[Check, ...] = ()
 
     def __post_init__(self) -> None:
         n = _frozen(self, "time", (None,)).size
@@ -131,12 +149,13 @@ class GnssFixes:
 
 @dataclass(frozen=True, eq=False)
 class CameraEvents:
-    """Mid-exposure instants. images : n names as the bundle adjustment knows them; time : (n,) s, GPST."""
+    """Mid-exposure instants. images : n names as the bundle adjustment knows them; time : (n,) s, GPST. notes : of the reader."""
 
     images: tuple[str, ...]
     time: Array
     gps_week: int | None = None
     source: str = ""
+    notes: tuple[Check, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "images", tuple(self.images))
@@ -221,20 +240,6 @@ class ExteriorOrientation:
         _frozen(self, "cross", (max(n - 1, 0), 6, 6))
         _frozen(self, "boresight", (3, 3))
         _frozen(self, "camera_from_body", (3, 3))
-
-
-Verdict = Literal["ok", "note", "contradiction"]
-
-
-@dataclass(frozen=True)
-class Check:
-    """One plausibility check: what was looked at, what was found, what was expected, and what to do about it."""
-
-    name: str
-    found: str
-    expected: str
-    verdict: Verdict = "ok"
-    advice: str = ""
 
 
 @dataclass(frozen=True, eq=False)

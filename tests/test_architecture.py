@@ -33,7 +33,13 @@ STANDS_ON = {  # the table of the design, room by room; what is below all is not
     "report": BELOW_ALL,
 }
 ROOMS = set(STANDS_ON)
-STANDS_ON |= {"flight": ROOMS, "pipeline": ROOMS | {"flight"}, "cli": ROOMS | {"flight", "pipeline"}, "__main__": {"cli"}}
+STANDS_ON |= {
+    "flight": ROOMS,
+    "recording": ROOMS | {"flight"},
+    "pipeline": ROOMS | {"flight", "recording"},
+    "cli": ROOMS | {"flight", "recording", "pipeline"},
+    "__main__": {"cli"},
+}
 
 ALLOWED_ALL_THE_SAME: dict[tuple[str, str], str] = {}  # (importing module, imported module): reason
 LOCAL_ONLY = {"matplotlib", "scipy", "pandas", "pyproj", "georinex", "filterpy", "netCDF4", "xarray"}

@@ -38,6 +38,15 @@ def pipeline(monkeypatch):
     return module
 
 
+@pytest.fixture
+def recording(monkeypatch):
+    """A module in the place of insgnss.recording; tests put functions into it."""
+    module = types.ModuleType("insgnss.recording")
+    monkeypatch.setitem(sys.modules, "insgnss.recording", module)
+    monkeypatch.setattr(insgnss, "recording", module, raising=False)
+    return module
+
+
 def _raising(error):
     def process(flight, out, progress):
         raise error
@@ -149,18 +158,18 @@ def _inspection(*contradictions):
     return types.SimpleNamespace(summary=lambda: "the table", as_dict=lambda: {"rate_hz": 500.0}, contradictions=list(contradictions))
 
 
-def test_inspect_prints_the_table(pipeline, flight, capsys):
+def test_inspect_prints_the_table(recording, flight, capsys):
     """Oracle: the made-up result."""
-    pipeline.inspect = lambda loaded, progress: _inspection()
+    recording.inspect = lambda loaded, progress: _inspection()
     assert main(["inspect", str(flight)]) == 0
     assert capsys.readouterr().out == "the table\n"
     assert main(["inspect", str(flight), "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"rate_hz": 500.0}
 
 
-def test_inspect_prints_the_table_and_then_the_contradictions(pipeline, flight, capsys):
+def test_inspect_prints_the_table_and_then_the_contradictions(recording, flight, capsys):
     """Oracle: the made-up contradictions; exit code 3 of the contract, one error line, one JSON document."""
-    pipeline.inspect = lambda loaded, progress: _inspection("gyro looks like deg/s", "clock is off")
+    recording.inspect = lambda loaded, progress: _inspection("gyro looks like deg/s", "clock is off")
     error = f"{flight}: gyro looks like deg/s; clock is off"
     for more in ([], ["--json"]):
         assert main(["inspect", str(flight), *more]) == 3

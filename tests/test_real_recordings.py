@@ -13,6 +13,7 @@ from insgnss import pipeline
 from insgnss.flight import load_flight
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion, rpy_from_rotation, skew
+from insgnss.recording import read_recording
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 pytestmark = pytest.mark.filterwarnings("ignore::insgnss.formats._text.InsgnssWarning")
@@ -34,7 +35,7 @@ def flight_of(name, tmp_path, **changes):
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory):
     flight = flight_of("tilt_rtk_walk", tmp_path_factory.mktemp("walk"))
-    return flight, pipeline.read_recording(flight)
+    return flight, read_recording(flight)
 
 
 def navigate(flight, recording):
