@@ -23,7 +23,6 @@ from typing import Any, NoReturn, TextIO
 from . import __version__
 from .errors import InputError, InsgnssError, UsageError
 
-CONTRADICTION = InputError.exit_code
 INTERRUPTED = 130
 
 
@@ -177,6 +176,7 @@ def build_parser() -> Parser:
     _add_inspect(verbs)
     _add_process(verbs)
     _add_export(verbs)
+    _add_calibrate(verbs)
     return parser
 
 
@@ -208,9 +208,13 @@ def _add_simulate(verbs: Any) -> None:
 
 
 def _add_inspect(verbs: Any) -> None:
-    what = "say what is there: rates, gaps, clocks, axes, plausibility"
-    parser = _add_verb(verbs, "inspect", _inspect, what, "  insgnss inspect ign8/flight.toml")
-    parser.add_argument("flight", type=Path, metavar="FLIGHT", help="the flight file, or the directory that holds flight.toml")
+    what = "say what a recording is: files, units, axes, clocks, noise, plausibility; and draft its flight file"
+    example = "  insgnss inspect ign8/flight.toml\n  insgnss inspect my_recording --write\n  insgnss inspect imu.csv gps.pos --write a.toml"
+    parser = _add_verb(verbs, "inspect", _inspect, what, example)
+    parser.add_argument("source", type=Path, nargs="+", metavar="SOURCE", help="a flight file, a directory, or the files of a recording")
+    where = "write a flight file of what is found, and the noise model and a picture beside it (default: flight.toml)"
+    parser.add_argument("--write", type=Path, nargs="?", const=Path("flight.toml"), metavar="FLIGHT", help=where)
+    parser.add_argument("--force", action="store_true", help="let --write take the place of files that are there")
 
 
 def _add_process(verbs: Any) -> None:
@@ -227,6 +231,21 @@ def _add_export(verbs: Any) -> None:
     parser.add_argument("eo", type=Path, metavar="EO", help="the eo.json of a processed flight")
     parser.add_argument("format", metavar="FORMAT", help="one of the formats below")
     parser.add_argument("--out", type=Path, metavar="FILE", help="what to write (default: the format's usual name beside EO)")
+
+
+def _add_calibrate(verbs: Any) -> None:
+    what = "bias, scale factors and non-orthogonality of an IMU from a recording at rest in nine positions and more"
+    example = "  insgnss calibrate turned_by_hand.csv --latitude 46.57 --height 420 --out navchip1.toml"
+    parser = _add_verb(verbs, "calibrate", _calibrate, what, example)
+    parser.add_argument("imu", type=Path, metavar="IMU_FILE", help="samples of an IMU that rests 5 s and more in each position")
+    parser.add_argument("--flight", type=Path, metavar="FLIGHT", help="a flight file whose [imu] says columns, units and quantity")
+    parser.add_argument("--columns", metavar="NAMES", help="such as tow,gx,gy,gz,ax,ay,az (default: by header)")
+    parser.add_argument("--gyro-unit", metavar="UNIT", help="rad/s, deg/s or deg/h (default: by header, else rad/s)")
+    parser.add_argument("--accel-unit", metavar="UNIT", help="m/s^2, g or mg (default: by header, else m/s^2)")
+    parser.add_argument("--quantity", choices=("mean_rate", "increments", "instant_rate"), help="what a sample is (default: mean_rate)")
+    parser.add_argument("--latitude", type=float, metavar="DEG", help="of the place, for its gravity (default: 9.80665 +- 0.02 m/s^2)")
+    parser.add_argument("--height", type=float, default=0.0, metavar="M", help="of the place above the ellipsoid (default: 0)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="what to write (default: calibration.toml beside IMU_FILE)")
 
 
 def _list_formats() -> str:
@@ -254,19 +273,30 @@ def _simulate(options: argparse.Namespace, progress: Progress) -> int:
 
 
 def _inspect(options: argparse.Namespace, progress: Progress) -> int:
-    from .flight import load_flight
+    from .inspection.described import flight_file, inspect_flight
+    from .inspection.run import inspect_files
 
-    flight = load_flight(options.flight)
-    from . import recording
+    if options.force and options.write is None:
+        raise UsageError("inspect: --force belongs to --write")
+    described = flight_file(options.source, options.write is not None)
+    if described is not None:
+        return _inspected(options, progress, inspect_flight(described, progress))
+    result = inspect_files(options.source, progress)
+    if options.write is not None and not result.missing:
+        progress("writing")
+        result = result.write(options.write, options.force)
+    return _inspected(options, progress, result)
 
-    result = recording.inspect(flight, progress)
-    if not result.contradictions:
+
+def _inspected(options: argparse.Namespace, progress: Progress, result: Any) -> int:
+    """Print an inspection; 0, or the code of what it found wrong or missing, which one line on standard error says."""
+    refusal = result.refusal
+    if refusal is None:
         return _show(options, progress, result.summary, result.as_dict)
-    error = f"{options.flight}: {'; '.join(result.contradictions)}"
-    verdict = {"error": error, "exit_code": CONTRADICTION}
-    _show(options, progress, result.summary, lambda: result.as_dict() | verdict)
-    _report_error(f"error: {error}", CONTRADICTION, as_json=False)
-    return CONTRADICTION
+    error, code = f"{', '.join(map(str, options.source))}: {refusal}", refusal.exit_code
+    _show(options, progress, result.summary, lambda: result.as_dict() | {"error": error, "exit_code": code})
+    _report_error(f"error: {error}", code, as_json=False)
+    return code
 
 
 def _process(options: argparse.Namespace, progress: Progress) -> int:
@@ -292,6 +322,47 @@ def _export(options: argparse.Namespace, progress: Progress) -> int:
     out = options.out or options.eo.parent / usual_name
     write(read_eo_json(options.eo), out)
     return _show(options, progress, lambda: str(out), lambda: {"format": options.format, "file": out})
+
+
+def _calibrate(options: argparse.Namespace, progress: Progress) -> int:
+    if options.latitude is not None and not abs(options.latitude) <= 90.0:
+        raise UsageError(f"calibrate: latitude {options.latitude} deg is beyond 90; give degrees, north positive")
+    from .calibrate.multi_position import calibrate_multi_position
+    from .formats import read_imu
+    from .prepare.calibration import write_calibration
+
+    spec = _imu_spec(options)
+    progress("reading")
+    imu = read_imu(options.imu, **spec)
+    progress("calibrating")
+    result = calibrate_multi_position(imu, None if options.latitude is None else math.radians(options.latitude), options.height)
+    out = options.out or options.imu.parent / "calibration.toml"
+    summary = result.summary()
+    write_calibration(result.calibration, out, tuple(summary.splitlines()))
+    return _show(options, progress, lambda: f"{summary}\n{out}", lambda: result.as_dict() | {"file": out})
+
+
+def _imu_spec(options: argparse.Namespace) -> dict[str, Any]:
+    """How to read the IMU file: of a flight file, of the options beside it."""
+    given = {"gyro": options.gyro_unit, "accel": options.accel_unit}
+    units = {sensor: unit for sensor, unit in given.items() if unit}
+    columns = tuple(name.strip() for name in options.columns.split(",")) if options.columns else None
+    spec = {"columns": columns, "units": units or None, "quantity": options.quantity}
+    if options.flight is None:
+        return spec
+    if any(spec.values()):
+        raise UsageError("calibrate: --flight says columns, units and quantity; leave the other options out")
+    from .flight import load_flight
+
+    flight = load_flight(options.flight)
+    imu = flight.imu
+    return {
+        "columns": imu.columns,
+        "units": imu.units or None,
+        "quantity": imu.quantity,
+        "variable": imu.variable,
+        "gps_week": flight.gps_week,
+    }
 
 
 def _show(options: argparse.Namespace, progress: Progress, summary: Callable[[], str], document: Callable[[], dict[str, Any]]) -> int:

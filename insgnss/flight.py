@@ -16,7 +16,14 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     imu.noise                   "navchip"               a shipped model or the path of a noise-model file
     imu.time_offset_s           0.0                     added to the stamps of this sensor
     imu.variable                none                    struct or table inside a MATLAB file
-    gnss.file                   -                       antenna positions
+    imu.rate_hz                 none                    where the file has no time: samples a second, counted from 0
+    imu.accel_sign              1                       -1 where the accelerometers give the reverse of the specific force
+    imu.calibration             none                    file of bias, scale and non-orthogonality, in the IMU's axes (`insgnss calibrate`)
+    imu.more                    none                    [[imu.more]]: further IMUs on the same body, combined with this one: file, columns,
+                                                        units, quantity, axes, noise, time_offset_s, variable, accel_sign, calibration as
+                                                        above, and lever_m [0, 0, 0], from the first IMU in body axes
+    gnss.file                   -                       antenna positions; or
+    gnss.stationary             none                    [latitude deg, longitude deg, height m] of a sensor that stands
     gnss.columns                by header or order      as above
     gnss.units                  by header, else deg     { angle = deg, rad }, of latitude and longitude
     gnss.undulation_m           none                    geoid above the ellipsoid; where the file carries heights above the geoid
@@ -26,6 +33,13 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     gnss.variable               none                    struct or table inside a MATLAB file
     gnss.new_when               none                    column whose change marks a new fix, where the file repeats the last one
     gnss.gate_sigma             5.0                     innovations beyond this many standard deviations (2 to 30) are rejected and counted
+    gnss.quality_sigma_m        float, dgps and sbas    least standard deviations north, east, down of fixes of a quality, a table of
+                                0.3 0.3 0.6,            float, sbas, dgps, single, ppp; where the file tells the quality and has smaller
+                                single 1 1 2            ones, these hold
+    gnss.correlated             "auto"                  errors that last from fix to fix (Gauss-Markov), in standard deviations of each
+                                                        fix, or "off"; "auto": estimated where the innovations show them
+    gnss.correlation_time_s     60                      of these errors
+    gnss.uncorrelated           1.0                     errors that do not, in standard deviations of each fix
     camera.events               no camera               mid-exposure instants; without them the product is the trajectory alone
     camera.columns              by header or order      as above
     camera.time_offset_s        0.0                     added to the times of the events
@@ -42,6 +56,13 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     filter.scale_factor         false                   scale-factor states of gyros and accelerometers
     filter.misalignment         false                   misalignment states
     filter.second_pass          "auto"                  relinearise about the smoothed flight: "auto", "on", "off"
+    filter.time_offset          false                   estimate what is missing in the stamps of the fixes
+    filter.time_offset_sigma_s  0.1                     its a-priori standard deviation
+    filter.lever_arm            false                   estimate the error of the lever arm from IMU to antenna
+    filter.lever_arm_sigma_m    0.3                     its a-priori standard deviation, each component
+    filter.zero_velocity        "auto"                  use stretches at rest (zero velocity and rotation) where found; "off"
+    filter.wheels               false                   a wheeled vehicle, mounted along its forward axis: no velocity across it
+    filter.robust               false                   take suspicious fixes with a larger covariance instead of all or nothing
 """
 
 import math
@@ -52,7 +73,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .errors import InputError
+from .errors import InputError, UsageError
+from .formats._units import UNITS, unit_factor
 from .orient.mounting import ANGLE_SETS, PAPER_CAMERA_FROM_BODY, Mounting, boresight_from_angles
 from .prepare.axes import parse_axes
 from .records import QUANTITIES, Array, Quantity
@@ -60,8 +82,8 @@ from .tables import Columns, Table, near, read_toml
 
 SHIPPED_MODELS = Path(__file__).parent / "stochastic" / "models"
 MAX_LEVER_M = 100.0
-RATE_UNITS = {"gyro": ("rad/s", "deg/s", "deg/h"), "accel": ("m/s^2", "g", "mg")}
-INCREMENT_UNITS = {"gyro": ("rad", "deg"), "accel": ("m/s",)}
+QUALITIES = {"float": 2, "sbas": 3, "dgps": 4, "single": 5, "ppp": 6}  # RTKLIB's codes (`GnssFixes.quality`)
+QUALITY_SIGMA_M = {"float": (0.3, 0.3, 0.6), "sbas": (0.3, 0.3, 0.6), "dgps": (0.3, 0.3, 0.6), "single": (1.0, 1.0, 2.0)}
 
 
 @dataclass(frozen=True)
@@ -79,6 +101,11 @@ class ImuInput:
     noise: str | Path
     time_offset_s: float
     variable: str | None
+    rate_hz: float | None = None
+    accel_sign: float = 1.0
+    calibration: Path | None = None
+    lever_m: tuple[float, ...] = (0.0, 0.0, 0.0)
+    more: "tuple[ImuInput, ...]" = ()
 
     @property
     def C_b_imu(self) -> Array:
@@ -90,7 +117,7 @@ class ImuInput:
 class GnssInput:
     """Table [gnss]. Standard deviations are north, east, down, m and m/s; `units` has the key angle, or is None."""
 
-    file: Path
+    file: Path | None
     columns: Columns
     units: Mapping[str, str] | None
     undulation_m: float | None
@@ -100,6 +127,11 @@ class GnssInput:
     variable: str | None
     new_when: str | None
     gate_sigma: float
+    stationary: tuple[float, ...] | None = None
+    quality_sigma_m: Mapping[str, tuple[float, ...]] = field(default_factory=lambda: dict(QUALITY_SIGMA_M))
+    correlated: float | Literal["auto", "off"] = "auto"
+    correlation_time_s: float = 60.0
+    uncorrelated: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -151,6 +183,13 @@ class FilterOptions:
     scale_factor: bool = False
     misalignment: bool = False
     second_pass: Literal["auto", "on", "off"] = "auto"
+    time_offset: bool = False
+    time_offset_sigma_s: float = 0.1
+    lever_arm: bool = False
+    lever_arm_sigma_m: float = 0.3
+    zero_velocity: Literal["auto", "off"] = "auto"
+    wheels: bool = False
+    robust: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,10 +270,13 @@ KEYS: dict[str, tuple[str, ...]] = {
         "filter",
         "accept",
     ),
-    "imu": tuple(f.name for f in fields(ImuInput)),
-    "imu.units": ("gyro", "accel"),
+    "imu": tuple(f.name for f in fields(ImuInput) if f.name != "lever_m"),
+    "imu.units": ("gyro", "accel", "time"),
+    "imu.more": tuple(f.name for f in fields(ImuInput) if f.name != "more"),
+    "imu.more.units": ("gyro", "accel", "time"),
     "gnss": (*(f.name for f in fields(GnssInput)), "rover", "base", "navigation"),
-    "gnss.units": ("angle",),
+    "gnss.units": ("angle", "time", "speed", "course", "height", "velocity"),
+    "gnss.quality_sigma_m": tuple(QUALITIES),
     "camera": tuple(f.name for f in fields(CameraInput)),
     "mounting": (*(f.name for f in fields(Mounting)), "boresight_deg"),
     "mounting.boresight_deg": ANGLE_SETS,
@@ -263,13 +305,16 @@ def _gps_week(root: Table) -> int | None:
     return None if week is None else int(week)
 
 
-def _imu(table: Table) -> ImuInput:
+def _imu(table: Table, further: bool = False) -> ImuInput:
     quantity: Quantity = table.choice("quantity", QUANTITIES, "mean_rate")
     axes = table.text("axes", "forward right down")
     try:
         parse_axes(axes)
     except InputError as refusal:
         raise table.error("axes", str(refusal).partition(": ")[2]) from None
+    sign = table.number("accel_sign", 1.0)
+    if abs(sign) != 1.0:
+        raise table.error("accel_sign", f"{sign:g} is neither 1 (specific force) nor -1 (its reverse)")
     return ImuInput(
         file=table.file("file"),
         columns=table.columns(),
@@ -279,22 +324,49 @@ def _imu(table: Table) -> ImuInput:
         noise=_noise(table),
         time_offset_s=table.number("time_offset_s", 0.0),
         variable=table.text("variable", None),
+        rate_hz=table.number("rate_hz", None, 1.0, 1e5),
+        accel_sign=sign,
+        calibration=table.file("calibration") if "calibration" in table.data else None,
+        lever_m=table.numbers("lever_m", 3, (0.0, 0.0, 0.0)) if further else (0.0, 0.0, 0.0),
+        more=() if further else tuple(_imu(more, further=True) for more in table.tables("more")),
     )
 
 
 def _imu_units(table: Table, quantity: str) -> dict[str, str] | None:
-    """Units of gyro and accel as far as they are given, of the dimension that the quantity has."""
-    right, other = (INCREMENT_UNITS, RATE_UNITS) if quantity == "increments" else (RATE_UNITS, INCREMENT_UNITS)
+    """Units of gyro, accel and time as far as they are given, of the dimension that the quantity has."""
+    kinds = {"gyro": "gyro", "accel": "accel"}
+    right = {sensor: f"{kind} increment" for sensor, kind in kinds.items()} if quantity == "increments" else kinds
     for sensor in table.data:
-        unit, known = table.text(sensor), right[sensor]
-        if unit not in known:
-            advice = near(unit, known)
-            if unit in other[sensor]:
-                advice = f'it does not belong to quantity = "{quantity}"; use {", ".join(known)}'
-            elif any(unit in units for family in (right, other) for units in family.values()):
-                advice = f"it belongs to the other sensor; use {', '.join(known)}"
+        unit, kind = table.text(sensor), right.get(sensor, sensor)
+        if not is_unit(unit, kind):
+            known = ", ".join(UNITS[kind])
+            advice = f"{near(unit, tuple(UNITS[kind]))}; a number may stand before it (of one count: 0.05 deg/s)"
+            homes = [name for name in UNITS if is_unit(unit, name)]
+            if kind.partition(" ")[0] in [name.partition(" ")[0] for name in homes]:
+                advice = f'it does not belong to quantity = "{quantity}"; use {known}'
+            elif homes:
+                advice = f"it belongs to the other sensor; use {known}"
             raise table.error(sensor, f"{unit!r} is no unit for it: {advice}")
     return dict(table.data) or None
+
+
+def _gnss_units(table: Table) -> dict[str, str] | None:
+    """Units of angle, time, speed, course, height and velocity as far as they are given."""
+    kinds = {"course": "angle", "speed": "velocity", "height": "length"}
+    for what in table.data:
+        unit, kind = table.text(what), kinds.get(what, what)
+        if not is_unit(unit, kind):
+            raise table.error(what, f"{unit!r} is no unit for it: {near(unit, tuple(UNITS[kind]))}")
+    return dict(table.data) or None
+
+
+def is_unit(text: str, kind: str) -> bool:
+    """Whether `text` is a unit of this kind, with or without a number before it."""
+    try:
+        unit_factor(text, kind)
+    except UsageError:
+        return False
+    return True
 
 
 def _noise(table: Table) -> str | Path:
@@ -316,11 +388,17 @@ def _gnss(table: Table) -> GnssInput:
         raise table.error(raw[0], "raw observations are not processed yet; give the antenna positions of another engine as gnss.file = ...")
     if raw:
         raise table.error(raw[0], "gnss.file is given as well; keep one of them")
-    units = table.table("units")
+    stands = "stationary" in table.data
+    if stands and "file" in table.data:
+        raise table.error("stationary", "gnss.file is given as well; keep one of them")
+    place = table.numbers("stationary", 3, None)
+    if stands and not (abs(place[0]) <= 90 and abs(place[1]) <= 180 and -1000 <= place[2] <= 10000):
+        raise table.error("stationary", f"{list(place)} is no latitude, longitude (deg), ellipsoidal height (m)")
+    quality = table.table("quality_sigma_m")
     return GnssInput(
-        file=table.file("file"),
+        file=None if stands else table.file("file"),
         columns=table.columns(),
-        units={"angle": units.choice("angle", ("deg", "rad"), "deg")} if units.data else None,
+        units=_gnss_units(table.table("units")),
         undulation_m=table.number("undulation_m", None, -200.0, 200.0),
         sigma_m=table.sigmas("sigma_m", None),
         sigma_velocity_mps=table.sigmas("sigma_velocity_mps", None),
@@ -328,7 +406,20 @@ def _gnss(table: Table) -> GnssInput:
         variable=table.text("variable", None),
         new_when=table.text("new_when", None),
         gate_sigma=table.number("gate_sigma", 5.0, 2.0, 30.0),
+        stationary=place,
+        quality_sigma_m=QUALITY_SIGMA_M | {name: quality.sigmas(name, None) for name in quality.data},
+        correlated=_correlated(table),
+        correlation_time_s=table.number("correlation_time_s", 60.0, 0.1, 1e5),
+        uncorrelated=table.number("uncorrelated", 1.0, 1e-2, 100.0),
     )
+
+
+def _correlated(table: Table) -> "float | Literal['auto', 'off']":
+    """A number, or one of two words."""
+    if isinstance(table.data.get("correlated", "auto"), str):
+        word: Literal["auto", "off"] = table.choice("correlated", ("auto", "off"), "auto")
+        return word
+    return float(table.number("correlated", 0.0, 1e-2, 100.0))
 
 
 def _mounting(table: Table) -> Mounting:
@@ -404,6 +495,13 @@ def _filter(table: Table) -> FilterOptions:
         scale_factor=table.flag("scale_factor", False),
         misalignment=table.flag("misalignment", False),
         second_pass=table.choice("second_pass", ("auto", "on", "off"), "auto"),
+        time_offset=table.flag("time_offset", False),
+        time_offset_sigma_s=table.number("time_offset_sigma_s", 0.1, 1e-4, 10.0),
+        lever_arm=table.flag("lever_arm", False),
+        lever_arm_sigma_m=table.number("lever_arm_sigma_m", 0.3, 1e-3, 10.0),
+        zero_velocity=table.choice("zero_velocity", ("auto", "off"), "auto"),
+        wheels=table.flag("wheels", False),
+        robust=table.flag("robust", False),
     )
 
 

@@ -3,32 +3,29 @@
 `process` runs it for a flight file, `inspect` only the first two steps, `demo` on a flight that it simulates.
 """
 
-import hashlib
 import os
 import platform
-import shutil
-import tempfile
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import __version__
-from .errors import DataError, InputError, UsageError
+from .calibrate.fixes import lasting_errors, state_verdicts
+from .delivery import deliver, inputs_of, sha256, target
+from .errors import DataError, InputError, InsgnssError
 from .flight import Flight, load_flight
 from .recording import Progress, Recording, quiet, read_recording, sentence
-from .records import Array, Check, Diagnostics, ExteriorOrientation, GnssFixes, Trajectory
+from .records import Array, Check, Diagnostics, ExteriorOrientation, GnssFixes, StateVerdict, Trajectory
+from .stretch import EPOCH_HZ, Stretch, solve_stretch
 
 if TYPE_CHECKING:
-    from .navigation.filter import Problem, Start
     from .navigation.solution import Solution
 
-EPOCH_HZ = 10.0  # outputs at a higher rate are recovered between the epochs
 REPORT_ROWS = 4000
 HOPELESS_RAD = np.radians(20.0)  # of attitude: beyond it neither the linearisation nor a user can do anything with the result
-PRODUCTS = ("trajectory.sbet", "trajectory.smrmsg", "trajectory.csv", "report.html", "report.json")  # besides those of the images
 
 
 @dataclass(frozen=True)
@@ -70,70 +67,94 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = quiet)
     out : directory of the products instead of the flight file's.
     Raises InputError where the input is wrong or contradicts itself, DataError where it does not support the answer.
     """
-    directory = _target(flight, out)
+    directory = target(flight, out)
     clock = _Clock(progress)
     clock.step("read")
     recording = read_recording(flight)
     _refuse(flight, recording.checks)
-    clock.step("prepare")
-    problem, inside, grid = _prepare(flight, recording)
-    events, week, checks = recording.events, recording.gps_week, recording.checks
-    samples = recording.imu.time.size
-    del recording  # the samples are in the increments now
-    clock.step("align")
-    start, how = _align(flight, problem)
-    from .navigation.solution import solve, trajectory
-
-    solution = solve(problem, start, flight.filter.second_pass, clock.step)
+    week = recording.gps_week
+    parts, more = _solve(flight, recording, clock.step)
+    checks = (*recording.checks, *more)
     clock.step("orient")
-    path = _trajectory(flight, solution, grid, week)
-    rows = _report_rows(solution)
-    sampled = trajectory(solution, rows, week)
-    heading = _check_heading(flight, sampled)
-    at_exposure = None if events is None else trajectory(solution, solution.event_epochs, week, events=True)
-    _refuse_hopeless(flight, sampled if at_exposure is None else at_exposure)
-    history = _history(flight, week, inside, solution, how, (*checks, heading))
-    eo = None
-    if events is not None and at_exposure is not None:
-        from .geodesy.frames import TangentPlane
-        from .orient.exterior import exterior_orientation
+    from .navigation.solution import trajectory
 
-        plane = TangentPlane(*_origin(flight, inside))
-        eo = exterior_orientation(at_exposure, events, flight.mounting, plane, history)
+    path = Trajectory.joined([_trajectory(flight, part.solution, part.grid, week) for part in parts])
+    rows = [_report_rows(part.solution) for part in parts]
+    sampled = [trajectory(part.solution, at, week) for part, at in zip(parts, rows, strict=True)]
+    checks = (*checks, _check_heading(flight, Trajectory.joined(sampled)))
+    history = _history(flight, recording, parts, checks)
+    eo = _exterior(flight, recording, parts, history)
+    if eo is None:
+        _refuse_hopeless(flight, Trajectory.joined(sampled))
     clock.step("report")
-    diagnostics = _diagnostics(solution, rows, sampled, (*checks, heading))
-    report = _summary(flight, diagnostics, eo, history, clock, samples, solution.time.size)
+    every = [_diagnostics(part, at, told, recording.rests.time) for part, at, told in zip(parts, rows, sampled, strict=True)]
+    diagnostics = replace(Diagnostics.joined(every), checks=checks)
+    epochs = sum(part.solution.time.size for part in parts)
+    report = _summary(flight, diagnostics, eo, history, clock, recording.imu.time.size, epochs)
     clock.step("write")
-    files = _deliver(flight, directory, eo, path, report, diagnostics)
+    files = deliver(flight, directory, eo, path, report, diagnostics)
     clock.step("")
     return ProcessResult(report, files, eo, path, diagnostics)
 
 
-def _target(flight: Flight, out: Path | None) -> Path:
-    """Directory of the products, once it is clear that they can be written there and take no input's place.
+def _solve(flight: Flight, recording: Recording, step: Progress) -> tuple[list[Stretch], tuple[Check, ...]]:
+    """The solved stretches of the flight, and checks of what was left out of it and of what the solutions say."""
+    from .geodesy.frames import LocalFrame
+    from .prepare.clock import common_span, refuse_outside
+    from .prepare.gaps import stretches
 
-    Raises UsageError where it was named by the command, InputError where it was by the flight file.
-    """
-    from .formats import EXPORTS
+    lo, hi = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
+    if recording.events is not None:
+        refuse_outside(recording.events, lo, hi)
+    first = int(np.searchsorted(recording.gnss.time, lo))
+    frame = LocalFrame(*(float(x[first]) for x in (recording.gnss.lat, recording.gnss.lon, recording.gnss.height)))
+    spans = stretches(recording.imu.time, lo, hi)
+    solved: list[Stretch] = []
+    failed: list[tuple[tuple[float, float], InsgnssError]] = []
+    for span in spans:
+        try:
+            common_span(recording.imu, recording.gnss, *span)
+            solved.append(solve_stretch(flight, recording, span, frame, step))
+        except DataError as error:
+            failed.append((span, error))
+    if not solved:
+        raise max(failed, key=lambda f: f[0][1] - f[0][0])[1]
+    checks = [check for part in solved for check in part.checks]
+    _refuse(flight, tuple(checks))
+    if len(spans) > 1:
+        checks.append(_check_stretches(solved, failed))
+    return solved, tuple(checks)
 
-    directory = flight.output.directory if out is None else Path(out)
-    refusal, where = (InputError, f"{flight.path}: output.directory") if out is None else (UsageError, "--out")
-    above = next(d for d in (directory, *directory.parents) if d.exists())
-    if not above.is_dir():
-        raise refusal(f"{where}: {above} is a file, a directory is expected; give another one")
-    try:
-        os.rmdir(tempfile.mkdtemp(prefix=".insgnss-", dir=above))
-    except OSError as error:
-        raise refusal(
-            f"{where}: cannot write in {above}: {error.strerror or error}; check its permissions or give another directory"
-        ) from None
-    inputs = [file.resolve() for file in _inputs(flight)]
-    for name in (*PRODUCTS, *(EXPORTS[form][1] for form in (*flight.output.formats, "eo_json"))):
-        if (directory / name).resolve() in inputs:
-            raise refusal(f"{where}: the product {name} would overwrite the input {directory / name}; give another directory")
-        if (directory / name).is_dir():
-            raise refusal(f"{where}: {directory / name} is a directory and in the way of a product; give another directory")
-    return directory
+
+def _check_stretches(solved: list[Stretch], failed: list[tuple[tuple[float, float], InsgnssError]]) -> Check:
+    """What the gaps of the IMU made of the flight."""
+    from .prepare.gaps import BRIDGE_S
+
+    kept = ", ".join(f"{part.solution.time[0]:.1f} to {part.solution.time[-1]:.1f} s" for part in solved)
+    found = f"the flight falls into stretches of their own, {kept}"
+    if failed:
+        found += "; left out: " + ", ".join(f"{lo:.1f} to {hi:.1f} s ({error})" for (lo, hi), error in failed)
+    return Check("IMU gaps", found, f"no gap over {BRIDGE_S:g} s", "note", "images in a gap or in a stretch left out have no orientation")
+
+
+def _exterior(flight: Flight, recording: Recording, parts: list[Stretch], history: tuple[str, ...]) -> ExteriorOrientation | None:
+    """Exterior orientation of the images within the stretches; None without a camera."""
+    if recording.events is None:
+        return None
+    from .geodesy.frames import TangentPlane
+    from .navigation.solution import trajectory
+    from .orient.exterior import exterior_orientation
+    from .prepare.clock import take_events
+
+    at = np.concatenate([part.at_event for part in parts])
+    if not at.size:
+        raise DataError(f"{recording.events.source}: no image lies in a stretch that could be solved; see the gaps of `insgnss inspect`")
+    exposed = Trajectory.joined(
+        [trajectory(part.solution, part.solution.event_epochs, recording.gps_week, events=True) for part in parts if part.at_event.size]
+    )
+    _refuse_hopeless(flight, exposed)
+    plane = TangentPlane(*_origin(flight, parts[0].fixes))
+    return exterior_orientation(exposed, take_events(recording.events, at), flight.mounting, plane, history)
 
 
 def _refuse(flight: Flight, checks: tuple[Check, ...]) -> None:
@@ -153,50 +174,6 @@ def _refuse_hopeless(flight: Flight, path: Trajectory) -> None:
             f"{flight.path}: attitude not observable: its standard deviation is {np.degrees(sigma.max()):.0f} deg in the median (limit "
             f"{np.degrees(HOPELESS_RAD):.0f}); check the noise model {flight.imu.noise} and the sigmas of the fixes, or include manoeuvres"
         )
-
-
-def _prepare(flight: Flight, recording: Recording) -> "tuple[Problem, GnssFixes, np.ndarray]":
-    """The estimation problem, the fixes within the span, and the epochs of the output grid."""
-    from .geodesy.frames import LocalFrame
-    from .navigation.filter import Problem, gate_from_sigma, make_epochs
-    from .navigation.layout import state_layout
-    from .prepare.clock import common_span, cut_fixes, refuse_outside
-    from .prepare.increments import body_increments, merge_marks
-    from .stochastic.model import load_noise_model
-
-    lo, hi = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
-    fixes = cut_fixes(recording.gnss, lo, hi)
-    events = recording.events
-    exposure = np.zeros(0)
-    if events is not None:
-        refuse_outside(events, lo, hi)
-        exposure = events.time
-    rate = min(flight.output.trajectory_hz or EPOCH_HZ, EPOCH_HZ)
-    grid_time = lo + np.arange(int((hi - lo) * rate + 1e-6) + 1) / rate
-    marks, (at_fix, at_event, at_grid) = merge_marks(fixes.time, exposure, grid_time)
-    inc = body_increments(recording.imu, flight.imu.C_b_imu, marks)
-    frame = LocalFrame(float(fixes.lat[0]), float(fixes.lon[0]), float(fixes.height[0]))
-    layout = state_layout(load_noise_model(flight.imu.noise), flight.filter.scale_factor, flight.filter.misalignment)
-    epochs = make_epochs(inc, at_fix, fixes, at_event, frame)
-    interval = float(np.median(np.diff(fixes.time)))
-    gate = gate_from_sigma(flight.gnss.gate_sigma)
-    return Problem(inc, epochs, frame, layout, flight.mounting.antenna_lever_b, gate, interval), fixes, at_grid
-
-
-def _align(flight: Flight, problem: "Problem") -> "tuple[Start, str]":
-    from .align.initial import given_attitude, initial_state
-
-    if flight.initial is not None:
-        given = flight.initial
-        rpy = np.radians([given.roll_deg, given.pitch_deg, given.heading_deg])
-        return given_attitude(problem, rpy, np.radians(given.sigma_deg)), "initial attitude from the flight file"
-    alignment = initial_state(problem)
-    first, last = alignment.window
-    sigma = np.degrees(alignment.heading_sigma)
-    return alignment.start, (
-        f"initial attitude from the motion between {first:.1f} and {last:.1f} s (heading to {sigma:.2f} deg there), "
-        "filtered back to the first fix"
-    )
 
 
 def _origin(flight: Flight, fixes: GnssFixes) -> tuple[float, float, float]:
@@ -239,32 +216,46 @@ def _check_heading(flight: Flight, sampled: Trajectory) -> Check:
     return check
 
 
-def _history(flight: Flight, week: int, fixes: GnssFixes, solution: "Solution", how: str, checks: tuple[Check, ...]) -> tuple[str, ...]:
-    from .navigation.filter import REOPENED, USED
+def _history(flight: Flight, recording: Recording, parts: list[Stretch], checks: tuple[Check, ...]) -> tuple[str, ...]:
+    from .navigation.filter import MOTION, NOTHING, POSITION, REOPENED, USED
 
     lever = flight.mounting.antenna_lever_b
-    used = int(np.isin(solution.verdict[:, 0], (USED, REOPENED)).sum())
-    reopened = int((solution.verdict[:, 0] == REOPENED).sum())
-    problem = solution.problem
-    passes = f"{solution.passes} filter pass{'es' if solution.passes > 1 else ''}"
+    verdict = np.concatenate([part.solution.verdict for part in parts])
+    used, reopened = (int(np.isin(verdict[:, POSITION], kinds).sum()) for kinds in ((USED, REOPENED), (REOPENED,)))
+    count = max(part.solution.passes for part in parts)
+    problem = parts[0].solution.problem
+    fixes = sum(part.fixes.time.size for part in parts)
+    rests = int((verdict[:, MOTION] != NOTHING).sum())
+    longest = max(parts, key=lambda part: part.solution.time.size)
     return (
-        f"insgnss {__version__}; smoothed, {problem.layout.size} states, {passes}; GPST week {week}",
-        f"GNSS: {used} of {fixes.time.size} fixes used, innovation gate {flight.gnss.gate_sigma:g} sigma, filter reopened {reopened} times",
+        f"insgnss {__version__}; smoothed, {problem.layout.size} states, {count} filter pass{'es' if count > 1 else ''}; "
+        f"GPST week {recording.gps_week}",
+        f"GNSS: {used} of {fixes} fixes used, innovation gate {flight.gnss.gate_sigma:g} sigma, filter reopened {reopened} times",
         f"lever arm IMU to antenna applied, forward right down m: {lever[0]:.4f} {lever[1]:.4f} {lever[2]:.4f}",
-        f"noise model {flight.imu.noise}; IMU axes {flight.imu.axes}; {how}",
-        f"{len(problem.inc.gaps)} IMU gaps bridged; heights ellipsoidal (WGS84)",
+        f"noise model {flight.imu.noise}; IMU axes {flight.imu.axes}; {'; '.join(parts[0].history)}",
+        *(f"stretch from {part.solution.time[0]:.1f} s on: {'; '.join(part.history)}" for part in parts[1:]),
+        *([f"the motion itself (rest, wheels) measured {rests} times"] if rests else []),
+        *([recording.turn_on] if recording.turn_on else []),
+        *(f"the stamps of the fixes moved by {part.time_offset_s:+.4f} s" for part in parts if part.time_offset_s),
+        *(_estimated(state) for state in state_verdicts(longest.solution, longest.time_offset_s)),
+        f"{sum(len(part.solution.problem.inc.gaps) for part in parts)} IMU gaps bridged; heights ellipsoidal (WGS84)",
         "lever arm IMU to camera and bore-sight applied",
         *(f"contradiction overruled by the flight file: {c.name}: {c.found}" for c in checks if c.verdict == "contradiction"),
     )
 
 
-def _diagnostics(solution: "Solution", rows: np.ndarray, sampled: Trajectory, checks: tuple[Check, ...]) -> Diagnostics:
-    from .geodesy.rotation import rpy_from_rotation
-    from .navigation.filter import NOTHING, REJECTED, REOPENED, USED
+def _estimated(state: StateVerdict) -> str:
+    return f"estimated: {state.name} {state.value:.4g} +- {state.sigma:.2g}, {'' if state.observed else 'not '}observed by this flight"
 
+
+def _diagnostics(part: Stretch, rows: np.ndarray, sampled: Trajectory, rests: Array) -> Diagnostics:
+    from .geodesy.rotation import rpy_from_rotation
+    from .navigation.filter import NOTHING, POSITION, REJECTED, REOPENED, USED, VELOCITY
+
+    solution = part.solution
     bias, bias_sigma = solution.channel_bias(rows)
-    fix = np.flatnonzero(solution.verdict[:, 0] != NOTHING)
-    speed = np.flatnonzero(solution.verdict[:, 1] != NOTHING)
+    fix = np.flatnonzero(solution.verdict[:, POSITION] != NOTHING)
+    speed = np.flatnonzero(solution.verdict[:, VELOCITY] != NOTHING)
     smoothed = np.sqrt(np.diagonal(solution.P[:, :9, :9][rows], axis1=1, axis2=2))
     return Diagnostics(
         time=solution.time[rows],
@@ -281,16 +272,19 @@ def _diagnostics(solution: "Solution", rows: np.ndarray, sampled: Trajectory, ch
         innovation_sigma=solution.innovation_sigma[fix, :3],
         nis=solution.nis[fix, 0],
         nis_limit=solution.problem.gate,
-        used=solution.verdict[fix, 0] != REJECTED,
-        reopened=solution.time[solution.verdict[:, 0] == REOPENED],
+        used=solution.verdict[fix, POSITION] != REJECTED,
+        reopened=solution.time[solution.verdict[:, POSITION] == REOPENED],
         separation_time=solution.time[solution.separation_epoch],
         separation=solution.separation,
         separation_sigma=solution.separation_sigma,
         gaps=solution.problem.inc.gaps,
         passes=solution.passes,
         velocity_nis=solution.nis[speed, 1] if speed.size else None,
-        velocity_used=solution.verdict[speed, 1] == USED if speed.size else None,
-        checks=checks,
+        velocity_used=solution.verdict[speed, VELOCITY] == USED if speed.size else None,
+        rests=rests[(rests[:, 1] > solution.time[0]) & (rests[:, 0] < solution.time[-1])],
+        states=state_verdicts(solution, part.time_offset_s),
+        stretches=((float(solution.time[0]), float(solution.time[-1])),),
+        lasting=lasting_errors(solution),
     )
 
 
@@ -305,65 +299,11 @@ def _summary(
 ) -> dict[str, Any]:
     from .report.summary import run_summary
 
-    inputs = {os.path.relpath(file, flight.path.parent): _sha256(file) for file in _inputs(flight)}
+    inputs = {os.path.relpath(file, flight.path.parent): sha256(file) for file in inputs_of(flight)}
     versions = {"insgnss": __version__, "python": platform.python_version(), "numpy": np.__version__}
     return run_summary(
         diagnostics, eo, flight.resolved(), inputs, versions, dict(clock.seconds), history, imu_samples=samples, epochs=epochs
     )
-
-
-def _inputs(flight: Flight) -> list[Path]:
-    files = [flight.path, flight.imu.file, flight.gnss.file]
-    if flight.camera is not None:
-        files.append(flight.camera.events)
-    if isinstance(flight.imu.noise, Path):
-        files.append(flight.imu.noise)
-    return files
-
-
-def _sha256(file: Path) -> str:
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def _deliver(
-    flight: Flight, out: Path, eo: ExteriorOrientation | None, path: Trajectory, report: dict[str, Any], diagnostics: Diagnostics
-) -> tuple[Path, ...]:
-    """Write every product into a directory beside the target and move them in together: all of them, or none."""
-    from .formats import EXPORTS
-    from .formats.sbet import write_sbet, write_smrmsg
-    from .formats.trajectory_csv import write_trajectory_csv
-    from .report.page import write_report, write_report_json
-
-    out = Path(out)
-    made = [d for d in (out, *out.parents) if not d.exists()]
-    out.mkdir(parents=True, exist_ok=True)
-    staging = Path(tempfile.mkdtemp(prefix=".insgnss-", dir=out))
-    try:
-        if eo is not None:
-            for name in dict.fromkeys([*flight.output.formats, "eo_json"]):
-                write, product, _ = EXPORTS[name]
-                write(eo, staging / product)
-        write_sbet(path, staging / "trajectory.sbet")
-        write_smrmsg(path, staging / "trajectory.smrmsg")
-        write_trajectory_csv(path, staging / "trajectory.csv")
-        write_report(staging / "report.html", report, diagnostics, eo)
-        write_report_json(report, staging / "report.json")
-        files = sorted(staging.iterdir())
-        for file in files:
-            os.replace(file, out / file.name)
-    except BaseException:
-        shutil.rmtree(staging, ignore_errors=True)
-        for directory in made:
-            _remove_if_empty(directory)
-        raise
-    staging.rmdir()
-    return tuple(out / file.name for file in files)
-
-
-def _remove_if_empty(directory: Path) -> None:
-    if directory.exists() and not any(directory.iterdir()):
-        directory.rmdir()
 
 
 @dataclass(frozen=True)

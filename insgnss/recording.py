@@ -2,17 +2,25 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import InputError, InsgnssError, UsageError
-from .flight import Flight
-from .records import CameraEvents, Check, GnssFixes, ImuSamples
+from .errors import DataError, InputError, InsgnssError, UsageError
+from .flight import QUALITIES, Flight, ImuInput
+from .records import Array, CameraEvents, Check, GnssFixes, ImuSamples
+
+if TYPE_CHECKING:
+    from .prepare.recognise import Recognition
+    from .prepare.still import Stretches
+    from .stochastic.model import NoiseModel
 
 Progress = Callable[[str], None]
 
 LONG_LEVER_M, LARGE_BORESIGHT_DEG = 3.0, 10.0
+RECOGNISED_S, LATEST_S, FASTEST_MS = 600.0, 30.0, 50.0
+UNIT_WORDS = ("rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg", "rad", "deg", "m/s")
+STANDING_S, STANDING_SIGMA_M, STANDING_SHARE = 1.0, (0.1, 0.1, 0.1), 0.8
 
 
 def quiet(_: str) -> None:
@@ -21,13 +29,23 @@ def quiet(_: str) -> None:
 
 @dataclass(frozen=True)
 class Recording:
-    """What the files of a flight hold, on one clock (seconds of `gps_week`), and what the checks say of it."""
+    """What the files of a flight hold, on one clock (seconds of `gps_week`), and what the checks say of it.
+
+    C_b_imu (3, 3): the samples' axes to body.   rests : when the sensor stood still.
+    noise : model of the samples, those of several IMUs combined.   turn_on : the bias that the rests show, in words, or "".
+    recognition : what the data say of themselves, None where a check had to stop before.
+    """
 
     imu: ImuSamples
     gnss: GnssFixes
     events: CameraEvents | None
     gps_week: int
     checks: tuple[Check, ...]
+    C_b_imu: Array
+    rests: "Stretches"
+    noise: "NoiseModel"
+    turn_on: str = ""
+    recognition: "Recognition | None" = None
 
 
 @dataclass(frozen=True)
@@ -67,48 +85,155 @@ def read_recording(flight: Flight) -> Recording:
     """Read the files of a flight, bring them to one clock and check them."""
     from .prepare.clock import common_clock, cut_events
     from .prepare.plausibility import check_recording
+    from .prepare.quality import with_floors
+    from .prepare.still import still_stretches
+    from .stochastic.model import load_noise_model
 
     try:
         imu, gnss, events = _read_files(flight)
     except UsageError as error:  # an option of the flight file that its file's format does not have
         raise InputError(f"{flight.path}: {error}") from None
-    if flight.imu.time_offset_s:
-        imu = replace(imu, time=imu.time + flight.imu.time_offset_s)
     if flight.gnss.time_offset_s:
         gnss = replace(gnss, time=gnss.time + flight.gnss.time_offset_s)
     if events is not None and flight.camera is not None and flight.camera.time_offset_s:
         events = replace(events, time=events.time + flight.camera.time_offset_s)
     imu, gnss, events, week = common_clock(imu, gnss, events, flight.gps_week)
+    gnss = with_floors(gnss, {QUALITIES[name]: sigma for name, sigma in flight.gnss.quality_sigma_m.items()})
     origin = None if flight.tangent_plane is None else np.asarray(flight.tangent_plane.origin)
-    checks = check_recording(imu, flight.imu.C_b_imu, gnss, events, origin)
+    C_b_imu, noise = flight.imu.C_b_imu, load_noise_model(flight.imu.noise)
+    more: list[Check] = []
+    if flight.imu.more:
+        imu, noise, more = _combined(flight, imu, noise)
+        C_b_imu = np.eye(3)
+    checks = check_recording(imu, C_b_imu, gnss, events, origin) + more
     checks.append(_check_mounting(flight))
+    checks += [note for record in (imu, gnss, events) if record is not None for note in record.notes]
     if events is not None:
         every = len(events.images)
         events = cut_events(events, flight.start_tow, flight.end_tow)
         if len(events.images) < every:
             found = f"{every - len(events.images)} of {every} images left out"
             checks.append(Check("start_tow, end_tow", found, "all images within", "note"))
-    return Recording(imu, gnss, events, week, tuple(checks))
+    recognition = None
+    if flight.gnss.stationary is None and not any(check.verdict == "contradiction" for check in checks):
+        recognition, disagreements = _recognised(flight, imu, C_b_imu, gnss)
+        checks += disagreements
+    rests = still_stretches(imu, gnss)
+    rests = rests.where(np.searchsorted(gnss.time, rests.time[:, 1]) > np.searchsorted(gnss.time, rests.time[:, 0]))
+    if flight.gnss.stationary is not None:
+        checks = [check for check in checks if not check.name.startswith("GNSS ")] + [_check_standing(imu, rests.time)]
+    told = _turn_on(rests, C_b_imu, noise, gnss) if len(rests) else ""
+    if flight.filter.zero_velocity == "off":
+        rests = rests.where(np.zeros(len(rests), dtype=np.bool_))
+    return Recording(imu, gnss, events, week, tuple(checks), C_b_imu, rests, noise, told, recognition)
 
 
 def _read_files(flight: Flight) -> tuple[ImuSamples, GnssFixes, CameraEvents | None]:
-    from .formats import read_events, read_gnss, read_imu
+    from .formats import read_events, read_gnss
 
-    i, g = flight.imu, flight.gnss
-    imu = read_imu(i.file, columns=i.columns, units=i.units or None, quantity=i.quantity, gps_week=flight.gps_week, variable=i.variable)
-    gnss = read_gnss(
-        g.file,
-        columns=g.columns,
-        sigma_m=g.sigma_m,
-        sigma_velocity=g.sigma_velocity_mps,
-        units=g.units or None,
-        undulation_m=g.undulation_m,
-        variable=g.variable,
-        new_when=g.new_when,
-        gps_week=flight.gps_week,
-    )
+    g = flight.gnss
+    imu = _read_imu(flight.imu, flight.gps_week)
+    if g.stationary is not None:
+        gnss = standing_fixes(g.stationary, g.sigma_m or STANDING_SIGMA_M, imu)
+    else:
+        assert g.file is not None
+        gnss = read_gnss(
+            g.file,
+            columns=g.columns,
+            sigma_m=g.sigma_m,
+            sigma_velocity=g.sigma_velocity_mps,
+            units=g.units or None,
+            undulation_m=g.undulation_m,
+            variable=g.variable,
+            new_when=g.new_when,
+            gps_week=flight.gps_week,
+        )
     events = None if flight.camera is None else read_events(flight.camera.events, columns=flight.camera.columns, gps_week=flight.gps_week)
     return imu, gnss, events
+
+
+def _read_imu(i: ImuInput, gps_week: int | None) -> ImuSamples:
+    """Samples of one IMU: calibrated, force with the sign of specific force."""
+    from .formats import read_imu
+    from .prepare.calibration import load_calibration
+    from .prepare.hanging import without_hangs
+    from .prepare.plausibility import STILL_S
+
+    imu = read_imu(i.file, columns=i.columns, units=i.units, quantity=i.quantity, gps_week=gps_week, variable=i.variable, rate_hz=i.rate_hz)
+    imu = without_hangs(imu, STILL_S)
+    if i.accel_sign < 0:
+        imu = replace(imu, accel=-imu.accel)
+    if i.time_offset_s:
+        imu = replace(imu, time=imu.time + i.time_offset_s)
+    return imu if i.calibration is None else load_calibration(i.calibration).apply(imu)
+
+
+def _combined(flight: Flight, first: ImuSamples, model: "NoiseModel") -> "tuple[ImuSamples, NoiseModel, list[Check]]":
+    """All IMUs of the flight as one in body axes at the first one's place, its noise, and what they say of each other."""
+    from .prepare.clock import in_week
+    from .prepare.combine import combine
+    from .stochastic.model import load_noise_model, weighted_model
+
+    inputs = flight.imu.more
+    imus = [first, *(in_week(_read_imu(i, first.gps_week), first.gps_week or 0) for i in inputs)]
+    models = [model, *(load_noise_model(i.noise) for i in inputs)]
+    white = [(m.gyro[0].white_noise, m.accel[0].white_noise) for m in models]
+    levers = [(0.0, 0.0, 0.0), *(i.lever_m for i in inputs)]
+    all_in_one = combine(imus, [flight.imu.C_b_imu, *(i.C_b_imu for i in inputs)], levers, white)
+    return all_in_one.samples, weighted_model(models, [tuple(w) for w in all_in_one.weight]), list(all_in_one.checks)
+
+
+def _turn_on(rests: "Stretches", C_b_imu: Array, noise: "NoiseModel", gnss: GnssFixes) -> str:
+    """What the rests say of the bias, for the report; the filter finds it itself from the same rests."""
+    from .calibrate.turn_on import turn_on_bias
+
+    gyro, accel = ([axis.turn_on_bias or 1e-9 for axis in triad] for triad in (noise.gyro, noise.accel))
+    try:
+        return turn_on_bias(rests, C_b_imu, float(gnss.lat[0]), float(gnss.height[0]), gyro, accel).summary()
+    except DataError as error:
+        return f"no turn-on bias from the rests: {error}"
+
+
+def _recognised(flight: Flight, imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes) -> "tuple[Recognition, list[Check]]":
+    """What the liveliest minutes of the recording say of units, axes, sign and clock, against the flight file."""
+    from .prepare.clock import cut_fixes, cut_samples
+    from .prepare.recognise import compare, recognise
+
+    lo, hi = _liveliest(gnss)
+    i = flight.imu
+    found = recognise(cut_samples(imu, lo - LATEST_S, hi + LATEST_S), cut_fixes(gnss, lo, hi))
+    units = i.units or {}
+    claim = {f"{key}_unit": units[key] for key in ("gyro", "accel") if key in units and units[key] in UNIT_WORDS}
+    offset = flight.gnss.time_offset_s - i.time_offset_s
+    return found, compare(found, C_b_imu, quantity=imu.quantity, accel_sign=int(i.accel_sign), time_offset_s=offset, **claim)
+
+
+def _liveliest(gnss: GnssFixes) -> tuple[float, float]:
+    """Begin and end of the `RECOGNISED_S` with the longest path."""
+    from .prepare.fix_path import north_east
+
+    step = np.minimum(np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1), FASTEST_MS * np.diff(gnss.time))
+    path = np.concatenate([[0.0], np.cumsum(step)])
+    end = np.searchsorted(gnss.time, gnss.time + RECOGNISED_S, side="right") - 1
+    first = int(np.argmax(path[end] - path))
+    return float(gnss.time[first]), float(gnss.time[end[first]])
+
+
+def _check_standing(imu: ImuSamples, rests: Array) -> Check:
+    """Whether the IMU that `gnss.stationary` says to stand does so."""
+    share = float(np.sum(rests[:, 1] - rests[:, 0]) / (imu.time[-1] - imu.time[0]))
+    bad = share < STANDING_SHARE
+    advice = "a moving sensor needs fixes: give gnss.file" if bad else ""
+    found = f"at rest for {100 * share:.0f} % of the time"
+    return Check("standing", found, f"for {100 * STANDING_SHARE:.0f} % at least", "contradiction" if bad else "ok", advice)
+
+
+def standing_fixes(place: tuple[float, ...], sigma_m: tuple[float, ...], imu: ImuSamples) -> GnssFixes:
+    """A fix a second at a known place (latitude, longitude deg, height m), for an IMU that stands there throughout."""
+    time = np.arange(imu.time[0], imu.time[-1], STANDING_S)
+    lat, lon, height = (np.full(time.size, x) for x in (*np.radians(place[:2]), place[2]))
+    cov = np.broadcast_to(np.diag(np.square(sigma_m)), (time.size, 3, 3))
+    return GnssFixes(time, lat, lon, height, cov, gps_week=imu.gps_week, source="gnss.stationary")
 
 
 def _check_mounting(flight: Flight) -> Check:
@@ -127,14 +252,15 @@ def _check_mounting(flight: Flight) -> Check:
     )
 
 
-def inspect(flight: Flight, progress: Progress = quiet) -> InspectResult:
-    """Read and check a flight without processing it; what needs the attitude (heading against course) is left to `process`."""
+def inspect(flight: Flight, progress: Progress = quiet, recording: Recording | None = None) -> InspectResult:
+    """Check a flight without processing it; what needs the attitude (heading against course) is left to `process`.
+
+    recording : what `read_recording` made of it, where that is known already.
+    """
     from .prepare.clock import common_span, refuse_outside
-    from .stochastic.model import load_noise_model
 
     progress("reading")
-    load_noise_model(flight.imu.noise)
-    recording = read_recording(flight)
+    recording = recording or read_recording(flight)
     checks = list(recording.checks)
     try:
         lo, hi = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)

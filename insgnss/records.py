@@ -5,7 +5,8 @@ are not finite and time that does not increase, naming the record, the field, th
 refusal into a message with file and line by checking before they build (`formats`).
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
 import numpy as np
@@ -91,6 +92,7 @@ class Increments:
     dt (s,) s; dtheta (s, 3) rad; dvel (s, 3) m/s, body axes (`prepare.increments` says what they contain).
     marks (m,) s, GPST; stop (m,) number of segments before each mark; rate (m, 3) rad/s, gyro rate at each mark.
     nominal_s : sample interval.   gaps : (time, length) of every gap that was bridged.
+    bridged : (m, 6) variance of the increments (rad^2, m^2/s^2) since the mark before where a gap was bridged, else 0; None without gaps.
     """
 
     dt: Array
@@ -101,6 +103,7 @@ class Increments:
     rate: Array
     nominal_s: float
     gaps: tuple[tuple[float, float], ...] = ()
+    bridged: Array | None = None
 
     def __post_init__(self) -> None:
         n = _frozen(self, "dt", (None,)).size
@@ -108,6 +111,8 @@ class Increments:
         _frozen(self, "dvel", (n, 3))
         m = _frozen(self, "marks", (None,)).size
         _frozen(self, "rate", (m, 3))
+        if self.bridged is not None:
+            _frozen(self, "bridged", (m, 6))
         _increasing(self, self.marks)
 
 
@@ -203,6 +208,26 @@ class Trajectory:
                 _frozen(self, name, (n, 3))
         _increasing(self, self.time)
 
+    @classmethod
+    def joined(cls, parts: "Sequence[Trajectory]") -> "Trajectory":
+        """The parts, in the order of time, as one; errors of different parts are independent."""
+        if len(parts) == 1:
+            return parts[0]
+        rows = {
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in ("time", "lat", "lon", "height", "velocity_ned", "C_nb", "cov")
+        }
+        for name in ("acceleration_b", "rate_b"):
+            given = [x for part in parts if part.time.size and (x := getattr(part, name)) is not None]
+            if len(given) == sum(part.time.size > 0 for part in parts):
+                rows[name] = np.concatenate(given)
+        cross = None
+        known = [part.cross for part in parts if part.time.size and part.cross is not None]
+        if len(known) == sum(part.time.size > 0 for part in parts):
+            between = [x for own in known for x in (own, np.zeros((1, 9, 9)))]
+            cross = np.concatenate(between[:-1]) if between else np.zeros((0, 9, 9))
+        return cls(gps_week=parts[0].gps_week, cross=cross, **rows)
+
 
 @dataclass(frozen=True, eq=False)
 class ExteriorOrientation:
@@ -242,6 +267,36 @@ class ExteriorOrientation:
         _frozen(self, "camera_from_body", (3, 3))
 
 
+@dataclass(frozen=True)
+class StateVerdict:
+    """A constant that the flight estimates besides biases: value, sigma and a-priori sigma in SI.
+
+    moves_m : how far its sigma moves the fixes, None for an error of the IMU.   observed : whether the flight determines it.
+    """
+
+    name: str
+    value: float
+    sigma: float
+    prior: float
+    moves_m: float | None
+    observed: bool
+
+
+@dataclass(frozen=True)
+class LastingError:
+    """A correlated error of the fixes that was estimated: (3,) are north, east, down.
+
+    time_s : how long it lasts.   fixes : how many fixes have it.   sigma_m : its sigma at the median fix.
+    share, white : itself and the uncorrelated error of these fixes in standard deviations of the file.
+    """
+
+    time_s: float
+    fixes: int
+    sigma_m: tuple[float, ...]
+    share: tuple[float, ...]
+    white: tuple[float, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Diagnostics:
     """How a run went, for the report. Axes north, east, down of the flight's local frame; states position, velocity, psi.
@@ -253,6 +308,8 @@ class Diagnostics:
     separation_time (s,); separation, separation_sigma (s, 9): backward minus forward, NaN where not determined.
     gaps : (time, length) of bridged IMU gaps.   passes : filter passes.
     reopened : times at which the filter opened its covariance after a second of rejected fixes.
+    rests : (k, 2) s, times in which the vehicle was taken to stand still.   states : constants estimated besides biases.
+    stretches : first and last instant, s, of each part that was solved by itself.   lasting : correlated errors of the fixes.
     """
 
     time: Array
@@ -279,3 +336,27 @@ class Diagnostics:
     velocity_nis: Array | None = None
     velocity_used: NDArray[np.bool_] | None = None
     checks: tuple[Check, ...] = ()
+    rests: Array | None = None
+    states: tuple[StateVerdict, ...] = ()
+    stretches: tuple[tuple[float, float], ...] = ()
+    lasting: tuple[LastingError, ...] = ()
+
+    @classmethod
+    def joined(cls, parts: "Sequence[Diagnostics]") -> "Diagnostics":
+        """The parts, in the order of time, as one; constants are those of the longest part."""
+        if len(parts) == 1:
+            return parts[0]
+        longest = max(parts, key=lambda part: part.time.size)
+        values: dict[str, Any] = {}
+        for f in fields(cls):
+            given = [getattr(part, f.name) for part in parts]
+            if f.name in ("gaps", "checks", "stretches"):
+                values[f.name] = tuple(dict.fromkeys(item for items in given for item in items))
+            elif isinstance(given[0], np.ndarray):
+                values[f.name] = np.concatenate([x for x in given if x is not None])
+            else:
+                values[f.name] = getattr(longest, f.name)
+        offset = np.cumsum([0, *(part.time.size for part in parts[:-1])])
+        values["event"] = np.concatenate([part.event + at for part, at in zip(parts, offset, strict=True)])
+        values["passes"] = max(part.passes for part in parts)
+        return cls(**values)

@@ -57,6 +57,17 @@ class Table:
         sub.check_keys()
         return sub
 
+    def tables(self, key: str) -> "list[Table]":
+        """Array of sub-tables ([[name]]), empty where it is absent, their keys checked."""
+        found = self.value(key, list, [])
+        if not all(isinstance(item, dict) for item in found):
+            raise self.error(key, f"{reprlib.repr(found)}, expected [[{'.'.join(filter(None, (self.name, key)))}]] tables")
+        name = ".".join(filter(None, (self.name, key)))
+        subs = [Table(self.path, self.lines, self.keys, name, item) for item in found]
+        for sub in subs:
+            sub.check_keys()
+        return subs
+
     def value(self, key: str, kind: type, default: Any) -> Any:
         """Value of `key` if it is of TOML type `kind`; where it is absent, `default`."""
         if key not in self.data:
@@ -185,7 +196,7 @@ def _key_lines(text: str) -> dict[str, int]:
     lines: dict[str, int] = {}
     table = ""
     for number, line in enumerate(text.splitlines(), 1):
-        if header := re.match(r"\s*\[([\w.\- ]+)\]\s*(#.*)?$", line):
+        if header := re.match(r"\s*\[\[?([\w.\- ]+)\]\]?\s*(#.*)?$", line):
             table = header[1].replace(" ", "")
             lines.setdefault(table, number)
         elif key := re.match(r"""\s*["']?([\w.\-]+)["']?\s*=""", line):

@@ -40,11 +40,12 @@ def fly(
     velocity: bool = False,
     extra: np.ndarray | None = None,
     gate: float = 0.0,
+    gnss: GnssOptions | None = None,
     **changes: object,
 ) -> Flown:
     """A flight of short lines with turns, started in the air; `extra` : s after the start, further epochs without measurement."""
     options = {"start_in_air": True, "line_length_m": 120.0, **changes}
-    gnss = GnssOptions(velocity_sigma_ms=(0.03, 0.03, 0.05) if velocity else None)
+    gnss = gnss or GnssOptions(velocity_sigma_ms=(0.03, 0.03, 0.05) if velocity else None)
     sim = simulate_flight("ign8", seconds / 60.0, seed=seed, imu=ImuOptions(rate_hz=imu_hz, noise=noise), gnss=gnss, **options)
     imu, events = sim.imu, sim.events
     fixes = cut_fixes(sim.gnss, imu.time[0], imu.time[-1])

@@ -39,11 +39,13 @@ def pipeline(monkeypatch):
 
 
 @pytest.fixture
-def recording(monkeypatch):
-    """A module in the place of insgnss.recording; tests put functions into it."""
-    module = types.ModuleType("insgnss.recording")
-    monkeypatch.setitem(sys.modules, "insgnss.recording", module)
-    monkeypatch.setattr(insgnss, "recording", module, raising=False)
+def inspection(monkeypatch):
+    """Modules in the places of those behind `inspect`; tests put functions into the first."""
+    module, files = types.ModuleType("insgnss.inspection.described"), types.ModuleType("insgnss.inspection.run")
+    module.flight_file = lambda sources, write: sources[0]
+    files.inspect_files = None
+    for made_up in (module, files):
+        monkeypatch.setitem(sys.modules, made_up.__name__, made_up)
     return module
 
 
@@ -155,21 +157,22 @@ def test_warnings_are_one_line_each(pipeline, flight, capsys):
 
 
 def _inspection(*contradictions):
-    return types.SimpleNamespace(summary=lambda: "the table", as_dict=lambda: {"rate_hz": 500.0}, contradictions=list(contradictions))
+    refusal = InputError("; ".join(contradictions)) if contradictions else None
+    return types.SimpleNamespace(summary=lambda: "the table", as_dict=lambda: {"rate_hz": 500.0}, refusal=refusal)
 
 
-def test_inspect_prints_the_table(recording, flight, capsys):
+def test_inspect_prints_the_table(inspection, flight, capsys):
     """Oracle: the made-up result."""
-    recording.inspect = lambda loaded, progress: _inspection()
+    inspection.inspect_flight = lambda path, progress: _inspection()
     assert main(["inspect", str(flight)]) == 0
     assert capsys.readouterr().out == "the table\n"
     assert main(["inspect", str(flight), "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"rate_hz": 500.0}
 
 
-def test_inspect_prints_the_table_and_then_the_contradictions(recording, flight, capsys):
+def test_inspect_prints_the_table_and_then_the_contradictions(inspection, flight, capsys):
     """Oracle: the made-up contradictions; exit code 3 of the contract, one error line, one JSON document."""
-    recording.inspect = lambda loaded, progress: _inspection("gyro looks like deg/s", "clock is off")
+    inspection.inspect_flight = lambda path, progress: _inspection("gyro looks like deg/s", "clock is off")
     error = f"{flight}: gyro looks like deg/s; clock is off"
     for more in ([], ["--json"]):
         assert main(["inspect", str(flight), *more]) == 3

@@ -164,7 +164,18 @@ def test_resolved_flight_is_json_with_every_default(load):
     assert resolved["gnss"]["gate_sigma"] == 5.0
     assert resolved["mounting"]["antenna_m"] == [0.462, -0.001, -0.065]
     assert resolved["output"] == {"directory": "02_Processed/GPS-INS", "formats": ["eo_local_plane", "metashape"], "trajectory_hz": 10.0}
-    assert resolved["filter"] == {"scale_factor": False, "misalignment": False, "second_pass": "auto"}
+    assert resolved["filter"] == {
+        "scale_factor": False,
+        "misalignment": False,
+        "second_pass": "auto",
+        "time_offset": False,
+        "time_offset_sigma_s": 0.1,
+        "lever_arm": False,
+        "lever_arm_sigma_m": 0.3,
+        "zero_velocity": "auto",
+        "wheels": False,
+        "robust": False,
+    }
     assert set(resolved) >= {"name", "gps_week", "camera", "tangent_plane", "initial"}
 
 
@@ -196,7 +207,7 @@ WRONG = {
         3,
         'does not belong to quantity = "increments"; use rad, deg',
     ),
-    "angle": (_in("gnss", 'units = { angle = "gon" }'), 4, "gnss.units.angle: 'gon' is unknown; known are deg, rad"),
+    "angle": (_in("gnss", 'units = { angle = "gon" }'), 4, "gnss.units.angle: 'gon' is no unit for it: known are deg, rad"),
     "undulation": (_in("gnss", "undulation_m = 4750"), 4, "gnss.undulation_m: 4750 is outside -200 to 200"),
     "left-handed axes": (_in("imu", 'axes = "forward left down"'), 2, "imu.axes: left-handed (determinant -1); with x forward and y left"),
     "parallel axes": (_in("imu", 'axes = "up right down"'), 2, "forward or backward is missing"),

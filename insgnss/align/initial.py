@@ -1,6 +1,7 @@
 """The state at the first epoch, from which the flight is filtered.
 
-1. A coarse attitude of a manoeuvre (`coarse`), good to some degrees.
+1. A coarse attitude: of a rest, where the gyros are good enough for gyrocompassing (`standing`), or of a manoeuvre (`coarse`), good to
+   some degrees.
 2. The minute around it is estimated as a small flight of its own by filter and smoother, linearised again until it stands (a batch
    least-squares solution with all IMU states). Of the candidates the earliest that knows its heading to two degrees is taken.
 3. From the start of that window the filter runs backwards in time to the first epoch, where it stands with everything that the
@@ -15,17 +16,19 @@ start unknown and the IMU states with their a-priori mean and covariance, since 
 remains of the double use is one part in WIDEN^2 of the information on the starting attitude.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..errors import DataError
 from ..geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion, rotation_from_rpy, rotation_from_vector
-from ..navigation.filter import Problem, Start, make_store, run_filter
+from ..navigation.filter import Problem, Start, make_store, part, run_filter, with_epochs
 from ..navigation.layout import BIAS, DRIFT, PSI, VEL
 from ..navigation.solution import Solution, solve
 from ..records import Array, Increments
 from .coarse import CoarseAttitude, coarse_attitudes
+from .standing import StandingAttitude, standing_attitude
 
 WIDEN = 10.0
 FLOOR_RAD = np.radians([0.5, 0.5, 1.0])  # of the starting tilt and heading
@@ -70,17 +73,21 @@ def given_attitude(problem: Problem, rpy: Array, sigma: Array) -> Start:
 def _aligned_window(problem: Problem) -> tuple[int, Solution]:
     """First epoch and smoothed solution of the earliest window whose heading is known well enough, else of the best."""
     found: list[tuple[int, Solution]] = []
-    for coarse in sorted(coarse_attitudes(problem)[:TRIES], key=lambda c: c.first):
-        last = int(np.searchsorted(problem.epochs.time, problem.epochs.time[coarse.first] + WINDOW_S))
-        window = _window(problem, coarse.first, max(coarse.last, min(last, problem.epochs.time.size - 1)))
+    standing = standing_attitude(problem)
+    for first, window, start in _candidates(problem, standing):
         try:
-            solution = solve(window, _coarse_start(window, coarse), "on", separations=0)
+            solution = solve(window, start, "on", separations=0)
         except DataError:
             continue
         if np.nanmedian(solution.nis[:, 0]) < MISFIT_NIS and np.isfinite(solution.P).all():
             if solution.P[0, 8, 8] < GOOD_RAD**2:
-                return coarse.first, solution
-            found.append((coarse.first, solution))
+                return first, solution
+            found.append((first, solution))
+    if standing is not None and (not found or min(s.P[0, 8, 8] for _, s in found) > HOPELESS_RAD**2):
+        raise DataError(
+            f"heading not observable: {standing.told()} at best (limit {np.degrees(HOPELESS_RAD):.0f} deg), and no motion gives more; "
+            "include a manoeuvre, use gyros of a degree an hour, or give [initial] attitude"
+        )
     if not found:
         raise DataError(
             "no initial attitude: in no stretch of the recording do GNSS and inertial motion agree, or it has too few fixes; check axes, "
@@ -95,6 +102,18 @@ def _aligned_window(problem: Problem) -> tuple[int, Solution]:
             "manoeuvre or give [initial] attitude"
         )
     return chosen
+
+
+def _candidates(problem: Problem, standing: StandingAttitude | None) -> Iterator[tuple[int, Problem, Start]]:
+    """First epoch, problem and start of the windows to try, a rest that knows its heading first."""
+    if standing is not None and standing.knows_heading:
+        window = part(problem, standing.first, standing.last)
+        sigma = np.array([standing.tilt_sigma, standing.tilt_sigma, standing.heading_sigma]) + 0.1 * FLOOR_RAD
+        yield standing.first, window, _start(window, _nav(window, 0, standing.C_lb, np.zeros(3)), np.diag(sigma**2))
+    for coarse in sorted(coarse_attitudes(problem)[:TRIES], key=lambda c: c.first):
+        last = int(np.searchsorted(problem.epochs.time, problem.epochs.time[coarse.first] + WINDOW_S))
+        window = part(problem, coarse.first, max(coarse.last, min(last, problem.epochs.time.size - 1)))
+        yield coarse.first, window, _coarse_start(window, coarse)
 
 
 def _coarse_start(window: Problem, coarse: CoarseAttitude) -> Start:
@@ -136,16 +155,6 @@ def _first_velocity(problem: Problem) -> Array:
     return np.linalg.lstsq(A, ep.position[at], rcond=None)[0][1]
 
 
-def _window(problem: Problem, first: int, last: int) -> Problem:
-    """The epochs first..last of a problem as a problem of their own, without camera events."""
-    at = np.arange(first, last + 1)
-    inc, s0, s1 = problem.inc, problem.epochs.stop[first], problem.epochs.stop[last]
-    part = Increments(
-        inc.dt[s0:s1], inc.dtheta[s0:s1], inc.dvel[s0:s1], inc.marks[at], problem.epochs.stop[at] - s0, inc.rate[at], inc.nominal_s
-    )
-    return _with_epochs(problem, at, part)
-
-
 def _reversed(problem: Problem, last: int) -> Problem:
     """The epochs last..0 of a problem, read against time."""
     at = np.arange(last, -1, -1)
@@ -159,16 +168,10 @@ def _reversed(problem: Problem, last: int) -> Problem:
         -inc.rate[at],
         inc.nominal_s,
     )
-    back = _with_epochs(problem, at, part)
-    return replace(back, backward=True, epochs=back.epochs._replace(velocity=-back.epochs.velocity))
-
-
-def _with_epochs(problem: Problem, at: np.ndarray, inc: Increments) -> Problem:
-    ep = problem.epochs
-    taken = {name: getattr(ep, name)[at] for name in ep._fields if name not in ("stop", "time", "rate", "event")}
-    event = np.full(at.size, -1, dtype=np.int64)
-    epochs = ep._replace(stop=inc.stop, time=inc.marks - inc.marks[0], rate=inc.rate, event=event, **taken)
-    return replace(problem, inc=inc, epochs=epochs)
+    back = with_epochs(problem, at, part)
+    ep = back.epochs
+    gap = np.concatenate([np.zeros((1, 6)), ep.gap[:-1]])  # of the interval that now ends at the epoch
+    return replace(back, backward=True, epochs=ep._replace(velocity=-ep.velocity, still_rate=-ep.still_rate, gap=gap))
 
 
 def _run_back(problem: Problem, first: int, nav: Array, x: Array, P: Array) -> tuple[Array, Array, Array]:
@@ -177,6 +180,8 @@ def _run_back(problem: Problem, first: int, nav: Array, x: Array, P: Array) -> t
     sign = np.ones(layout.size)
     sign[VEL] = -1.0
     sign[9:][(layout.channel < 3) & (layout.factor == BIAS)] = -1.0
+    if layout.offset >= 0:
+        sign[9 + layout.offset] = -1.0
     back = _reversed(problem, first)
     nav = nav.copy()
     nav[VEL] *= -1.0

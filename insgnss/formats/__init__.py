@@ -1,49 +1,122 @@
 """Files in and files out, one module per format, each the code twin of `data_specs/<format>.md`.
 
 `read_imu`, `read_gnss` and `read_events` find the format by the file's ending and first bytes and hand over to its reader;
-options that a format cannot use are refused, None is no option. `EXPORTS` lists what an exterior orientation is written to.
+options that a format cannot use are refused, None is no option. `describe` says which tables and columns a file holds.
+`EXPORTS` lists what an exterior orientation is written to.
 """
 
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from ..errors import InputError, UsageError
 from ..records import CameraEvents, ExteriorOrientation, GnssFixes, ImuSamples
+from ._content import TableInfo
+from ._units import UNITS, split_unit, unit_factor
+
+__all__ = ["EXPORTS", "UNITS", "TableInfo", "describe", "read_events", "read_gnss", "read_imu", "split_unit", "unit_factor"]
+
+_IMU_MAP = ("columns", "variable", "units", "quantity", "gps_week", "rate_hz")
+_GNSS_MAP = ("columns", "variable", "new_when", "sigma_m", "sigma_velocity", "units", "gps_week", "undulation_m")
 
 IMU_OPTIONS = {
-    "matlab": ("columns", "variable", "units", "quantity", "gps_week"),
+    "matlab": _IMU_MAP,
+    "npy": _IMU_MAP,
     "aimu": ("quantity", "gps_week"),
-    "imu_csv": ("columns", "units", "quantity", "gps_week"),
+    "psins": ("quantity", "gps_week"),
+    "ardupilot": ("variable", "quantity", "gps_week"),
+    "ulog": ("variable", "quantity", "gps_week"),
+    "imu_csv": ("columns", "units", "quantity", "gps_week", "rate_hz"),
 }
 GNSS_OPTIONS = {
-    "matlab": ("columns", "variable", "new_when", "sigma_m", "sigma_velocity", "units", "gps_week", "undulation_m"),
-    "nmea": ("sigma_m", "gps_week"),
-    "rtklib_pos": ("undulation_m", "gps_week"),
+    "matlab": _GNSS_MAP,
+    "npy": _GNSS_MAP,
+    "nmea": ("sigma_m", "sigma_velocity", "gps_week", "undulation_m"),
+    "rtklib_pos": ("sigma_m", "undulation_m", "gps_week"),
+    "sbet": ("sigma_m", "sigma_velocity", "gps_week"),
+    "ardupilot": ("variable", "sigma_m", "sigma_velocity", "gps_week", "undulation_m"),
+    "ulog": ("variable", "sigma_m", "sigma_velocity", "gps_week"),
     "gnss_text": ("columns", "sigma_m", "sigma_velocity", "units", "gps_week", "undulation_m"),
 }
+EVENT_OPTIONS = {
+    "mrk": ("gps_week",),
+    "ardupilot": ("variable", "gps_week"),
+    "ulog": ("variable", "gps_week"),
+    "events": ("columns", "gps_week", "units"),
+}
+_READERS = {
+    "imu": {
+        "matlab": "read_imu_mat",
+        "npy": "read_imu_npy",
+        "aimu": "read_aimu",
+        "psins": "read_psins",
+        "ardupilot": "read_imu_ardupilot",
+        "ulog": "read_imu_ulog",
+        "imu_csv": "read_imu_csv",
+    },
+    "gnss": {
+        "matlab": "read_gnss_mat",
+        "npy": "read_gnss_npy",
+        "nmea": "read_nmea",
+        "rtklib_pos": "read_rtklib_pos",
+        "sbet": "read_gnss_sbet",
+        "ardupilot": "read_gnss_ardupilot",
+        "ulog": "read_gnss_ulog",
+        "gnss_text": "read_gnss_text",
+    },
+    "events": {"mrk": "read_events_mrk", "ardupilot": "read_events_ardupilot", "ulog": "read_events_ulog", "events": "read_events"},
+}
+_BY_ENDING = {".mat": "matlab", ".npy": "npy", ".npz": "npy", ".ulg": "ulog", ".bin": "ardupilot", ".sbet": "sbet"}
 
 
 def sniff_imu(path: str | Path) -> str:
-    """Name of the format of an IMU file: matlab, aimu or imu_csv."""
-    if _is_matlab(path):
-        return "matlab"
-    return "aimu" if _head(path).lstrip().startswith((b"$AIMU", b"$APPS")) else "imu_csv"
+    """Name of the format of an IMU file, a key of `IMU_OPTIONS`."""
+    head = _head(path)
+    form = _by_bytes(path, head)
+    if form in IMU_OPTIONS:
+        return form
+    if head.lstrip().startswith((b"$AIMU", b"$APPS")):
+        return "aimu"
+    return "psins" if b"PSINS" in head[:200] and head.startswith(b"%") else "imu_csv"
 
 
 def sniff_gnss(path: str | Path) -> str:
-    """Name of the format of a GNSS file: matlab, nmea, rtklib_pos or gnss_text."""
-    if _is_matlab(path):
-        return "matlab"
+    """Name of the format of a GNSS file, a key of `GNSS_OPTIONS`."""
     head = _head(path)
+    form = _by_bytes(path, head)
+    if form in GNSS_OPTIONS:
+        return form
     if head.lstrip().startswith(b"$") or b"\n$G" in head:
         return "nmea"
-    header = any(name in head for name in (b"latitude(", b"x-ecef(", b"e-baseline("))
-    return "rtklib_pos" if header and head.lstrip().startswith(b"%") else "gnss_text"
+    from .rtklib_pos import is_rtklib_pos
+
+    return "rtklib_pos" if is_rtklib_pos(head) else "gnss_text"
 
 
-def _is_matlab(path: str | Path) -> bool:
-    return Path(path).suffix.lower() == ".mat"
+def sniff_events(path: str | Path) -> str:
+    """Name of the format of a file of camera events, a key of `EVENT_OPTIONS`."""
+    head = _head(path)
+    form = _by_bytes(path, head)
+    if form in EVENT_OPTIONS:
+        return form
+    from .mrk import is_mrk
+
+    return "mrk" if is_mrk(head) else "events"
+
+
+def _by_bytes(path: str | Path, head: bytes) -> str:
+    """Format by the first bytes or, of binary formats that have no such, by the ending; an empty text for all others."""
+    if head.startswith(b"ULog\x01\x12\x35"):
+        return "ulog"
+    if head.startswith((b"\xa3\x95\x80", b"FMT, ", b"FMT,")):
+        return "ardupilot"
+    if head.startswith(b"\x93NUMPY"):
+        return "npy"
+    if head.startswith(b"MATLAB 5.0 MAT-file"):
+        return "matlab"
+    name = Path(path).name.lower()
+    return "sbet" if name.startswith("sbet") and name.endswith(".out") else _BY_ENDING.get(Path(path).suffix.lower(), "")
 
 
 def _head(path: str | Path) -> bytes:
@@ -63,58 +136,49 @@ def _options(path: str | Path, form: str, known: tuple[str, ...], given: dict[st
         extra.remove(key)
     if extra:
         raise UsageError(f"{path}: is of the format {form}, which takes no {', '.join(extra)}; it takes {', '.join(known)}")
+    if form in ("matlab", "npy") and "columns" not in options:
+        tables = "; ".join(f"{table.name or 'at the top'}: {' '.join(table.columns)}" for table in describe(path))
+        what = (
+            f"needs columns = {{tow = ..., ...}}, and variable where they are fields of a struct or labels of a matrix; there are {tables}"
+        )
+        raise UsageError(f"{path}: a {'MATLAB' if form == 'matlab' else 'numpy'} file {what[:600]}")
     return options
+
+
+def _read(kind: str, form: str, path: str | Path, options: dict[str, Any]) -> Any:
+    return getattr(import_module(f".{form}", __name__), _READERS[kind][form])(path, **options)
 
 
 def read_imu(path: str | Path, **spec: Any) -> ImuSamples:
     """Read an IMU file of any format here; `spec` are the options of `IMU_OPTIONS`."""
     form = sniff_imu(path)
-    options = _options(path, form, IMU_OPTIONS[form], spec)
-    if form == "matlab":
-        from .matlab import read_imu_mat
-
-        return read_imu_mat(path, **_with_columns(path, options))
-    if form == "aimu":
-        from .aimu import read_aimu
-
-        return read_aimu(path, **options)
-    from .imu_csv import read_imu_csv
-
-    return read_imu_csv(path, **options)
+    imu: ImuSamples = _read("imu", form, path, _options(path, form, IMU_OPTIONS[form], spec))
+    return imu
 
 
 def read_gnss(path: str | Path, **spec: Any) -> GnssFixes:
     """Read a GNSS file of any format here; `spec` are the options of `GNSS_OPTIONS`."""
     form = sniff_gnss(path)
-    options = _options(path, form, GNSS_OPTIONS[form], spec)
-    if form == "matlab":
-        from .matlab import read_gnss_mat
-
-        return read_gnss_mat(path, **_with_columns(path, options))
-    if form == "nmea":
-        from .nmea import read_nmea
-
-        return read_nmea(path, **options)
-    if form == "rtklib_pos":
-        from .rtklib_pos import read_rtklib_pos
-
-        return read_rtklib_pos(path, **options)
-    from .gnss_text import read_gnss_text
-
-    return read_gnss_text(path, **options)
-
-
-def _with_columns(path: str | Path, options: dict[str, Any]) -> dict[str, Any]:
-    if "columns" not in options:
-        raise UsageError(f"{path}: a MATLAB file needs columns = {{tow = ..., ...}}, and variable where they are fields of a struct")
-    return options
+    fixes: GnssFixes = _read("gnss", form, path, _options(path, form, GNSS_OPTIONS[form], spec))
+    return fixes
 
 
 def read_events(path: str | Path, **spec: Any) -> CameraEvents:
-    """Read camera events; `spec`: columns, gps_week."""
-    from .events import read_events as read
+    """Read camera events of any format here; `spec` are the options of `EVENT_OPTIONS`."""
+    form = sniff_events(path)
+    events: CameraEvents = _read("events", form, path, _options(path, form, EVENT_OPTIONS[form], spec))
+    return events
 
-    return read(path, **_options(path, "events", ("columns", "gps_week"), spec))
+
+def describe(path: str | Path) -> list[TableInfo]:
+    """The tables that a file holds: what to set `variable` to, the names that `columns` may use, and rows.
+
+    Of a MATLAB or numpy file its matrices, and its vectors of equal length together; of a text table its one, by header or places
+    "[1]"; of a log of sentences or messages one a kind. Raises InputError for a file that cannot be read.
+    """
+    from ._describe import tables_in
+
+    return tables_in(path)
 
 
 def _eo_local_plane(eo: ExteriorOrientation, path: str | Path) -> None:

@@ -7,39 +7,24 @@ A header that does not name what is needed is an error that prints it; names are
 import re
 from collections.abc import Mapping, Sequence
 from itertools import product
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, UsageError
-from ..geodesy.gpstime import WEEK_S, unwrap_week
-from ._layout import Layout
+from ..geodesy.gpstime import WEEK_S, gps_from_unix_utc, unwrap_week
+from ._layout import Layout, shown
+from ._order import Lines
 from ._text import Table, TextTable
+from ._units import UNITS, split_unit, unit_factor
 
 Array = NDArray[np.float64]
 Aliases = Mapping[str, tuple[str, ...]]
 Columns = Sequence[str] | Mapping[str, str] | None
 
-STANDARD_GRAVITY = 9.80665
-
 TIME: Aliases = {
     "tow": ("tow", "gpstow", "gps_tow", "time", "gpstime", "gps_time", "gpst", "sow", "gps_sow", "seconds", "time_of_week", "t"),
     "week": ("week", "gpsweek", "gps_week", "wn"),
-}
-
-GYRO_UNITS = {"rad/s": 1.0, "deg/s": np.pi / 180.0, "deg/h": np.pi / 180.0 / 3600.0}
-ACCEL_UNITS = {"m/s2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY}
-ANGLE_INCREMENT_UNITS = {"rad": 1.0, "deg": np.pi / 180.0}
-VELOCITY_UNITS = {"m/s": 1.0}
-ANGLE_UNITS = {"deg": np.pi / 180.0, "rad": 1.0}
-LENGTH_UNITS = {"m": 1.0}
-TIME_UNITS = {"s": 1.0}
-
-_UNIT_SPELLINGS = {
-    **{"m/s/s": "m/s2", "mps2": "m/s2", "m/sec2": "m/s2", "dps": "deg/s", "°/s": "deg/s", "deg/sec": "deg/s", "rad/sec": "rad/s"},
-    **{"deg/hr": "deg/h", "°/h": "deg/h", "°": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad"},
-    **{"sec": "s", "second": "s", "seconds": "s", "meter": "m", "metre": "m", "meters": "m", "metres": "m", "mps": "m/s"},
 }
 
 
@@ -61,12 +46,6 @@ def normalised(name: str) -> tuple[str, str | None]:
     return re.sub(r"[\s\-./]+", "_", head.lower()).strip("_"), unit.strip() if unit else None
 
 
-def unit_name(unit: str) -> str:
-    """One spelling for each unit: m/s^2, m/s**2 and m/s² are m/s2."""
-    plain = re.sub(r"[\s*^]", "", unit.lower()).replace("²", "2")
-    return _UNIT_SPELLINGS.get(plain, plain)
-
-
 def columns_of(
     table: Table | TextTable,
     aliases: Aliases,
@@ -76,7 +55,8 @@ def columns_of(
 ) -> dict[str, int]:
     """Index of every known column by its canonical name, the keys of `aliases`.
 
-    columns : canonical name of each column, "-" or any other name leaving one out; or canonical name to name in the header.
+    columns : canonical name of each column, "-" or any other name leaving one out; or canonical name to name in the header,
+        or to its place, "[1]" for the first.
     defaults : the documented layouts of a file without header, told apart by their number of columns.
     Raises InputError where a required name is missing, ambiguous, or the number of fields does not fit.
     """
@@ -92,14 +72,14 @@ def columns_of(
         what = f"columns = {list(columns)}"
     elif layout.header is not None:
         found = _from_header(table.path, layout, aliases)
-        what = f"the header {layout.header!r}"
+        what = f"the header {shown(layout.header, 400)}"
     else:
         default = next((names for names in defaults if len(names) == layout.n_fields), None)
         if default is None:
             sizes = "; ".join(" ".join(names) for names in defaults)
             what = f"{layout.n_fields} fields and no header; without one the columns are {sizes}; name them by columns = [...] of {known}"
             raise InputError.at(table.path, layout.first_line, what)
-        found, what = list(default), "the default"
+        found, what = [name if name in aliases else None for name in default], "the default"
     index = {name: i for i, name in enumerate(found) if name is not None}
     twice = next((name for name in index if found.count(name) > 1), None)
     missing = [name for name in required if name not in index]
@@ -113,7 +93,7 @@ def columns_of(
 
 def _from_header(path: str, layout: Layout, aliases: Aliases) -> list[str | None]:
     if layout.header_fields is None:
-        what = f"the header {layout.header!r} does not have the {layout.n_fields} fields of the data; set columns = [...]"
+        what = f"the header {shown(layout.header, 400)} does not have the {layout.n_fields} fields of the data; set columns = [...]"
         if layout.delimiter == "," and layout.n_fields == 2 * len(str(layout.header).split(",")):
             what += ", or, where these are decimal commas between commas, write the numbers with points"
         raise InputError.at(path, layout.header_line, what)
@@ -122,18 +102,30 @@ def _from_header(path: str, layout: Layout, aliases: Aliases) -> list[str | None
 
 
 def _from_mapping(path: str, layout: Layout, aliases: Aliases, columns: Mapping[str, str]) -> list[str | None]:
-    if layout.header_fields is None:
-        what = f"columns names fields of the header, but there is none of {layout.n_fields} fields; give columns as a list instead"
-        raise InputError.at(path, layout.first_line, what)
     found: list[str | None] = [None] * layout.n_fields
-    names = [normalised(field)[0] for field in layout.header_fields]
+    names = [normalised(field)[0] for field in layout.header_fields or ()]
     for canonical, field in columns.items():
         if canonical not in aliases:
             raise UsageError(f"{path}: columns: {canonical!r} is none of {', '.join(aliases)}")
-        if names.count(normalised(field)[0]) != 1:
-            what = f"columns: {field!r} does not stand once in the header {layout.header!r}"
+        if place := re.fullmatch(r"\[(\d+)\]", field):
+            at = int(place[1]) - 1
+            if not 0 <= at < layout.n_fields:
+                raise InputError.at(
+                    path, layout.first_line, f"columns: there is no field {field}; there are {layout.n_fields}, counted from 1"
+                )
+        elif layout.header_fields is None:
+            what = (
+                f"columns names fields of the header, but there is none of {layout.n_fields} fields; give their places, [1] for the first"
+            )
+            raise InputError.at(path, layout.first_line, what)
+        elif names.count(normalised(field)[0]) != 1:
+            what = f"columns: {field!r} does not stand once in the header {shown(layout.header, 400)}"
             raise InputError.at(path, layout.header_line, what)
-        found[names.index(normalised(field)[0])] = canonical
+        else:
+            at = names.index(normalised(field)[0])
+        if found[at] is not None:
+            raise UsageError(f"{path}: columns: {field!r} is both {found[at]} and {canonical}")
+        found[at] = canonical
     return found
 
 
@@ -142,30 +134,37 @@ def header_unit(layout: Layout, column: int) -> str | None:
     return normalised(layout.header_fields[column])[1] if layout.header_fields else None
 
 
-def scale_of(
-    table: Table | TextTable, index: Mapping[str, int], names: Sequence[str], units: Mapping[str, float], given: str | None
-) -> float:
-    """Factor that takes the columns `names` to SI or rad: by the unit `given`, else by the header's, else by the first of `units`."""
+def scale_of(table: Table | TextTable, index: Mapping[str, int], names: Sequence[str], kind: str, given: str | None) -> float:
+    """Factor that takes the columns `names` to SI or rad: by the unit `given`, else by the header's, else by the first of the kind."""
     if given is not None:
-        if unit_name(given) not in units:
-            raise UsageError(f"{table.path}: unit {given!r} for {' '.join(names)} is none of {', '.join(units)}")
-        return units[unit_name(given)]
+        return given_factor(table.path, names, kind, given)
+    unit = unit_of(table, index, names, kind)
+    return next(iter(UNITS[kind].values())) if unit is None else unit_factor(unit, kind)
+
+
+def given_factor(path: object, names: Sequence[str], kind: str, given: str) -> float:
+    """Factor of the caller's unit for the columns `names`; UsageError that names them."""
+    try:
+        return unit_factor(given, kind)
+    except UsageError as refusal:
+        raise UsageError(f"{path}: unit of {' '.join(names)}: {refusal}") from None
+
+
+def unit_of(table: Table | TextTable, index: Mapping[str, int], names: Sequence[str], kind: str) -> str | None:
+    """Unit of the kind that the header gives for the columns `names`, or None; InputError where it is of another kind."""
     said = {unit for name in names if name in index and (unit := header_unit(table.layout, index[name]))}
     if not said:
-        return next(iter(units.values()))
+        return None
     unit = said.pop()
-    if said or unit_name(unit) not in units:
-        what = f"the header gives the unit {unit!r} for {' '.join(names)}, which is none of {', '.join(units)} for them all"
-        raise InputError.at(table.path, table.layout.header_line, what)
-    return units[unit_name(unit)]
-
-
-class Lines(Protocol):
-    """What can say where a row stands."""
-
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at the line of `row`."""
-        ...
+    try:
+        factor = unit_factor(unit, kind)
+        if all(unit_factor(other, kind) == factor for other in said):
+            return unit
+    except UsageError:
+        pass
+    known = ", ".join(UNITS[kind])
+    what = f"the header gives the unit {unit!r} for {' '.join(names)}, which is none of {known} for them all"
+    raise InputError.at(table.path, table.layout.header_line, what)
 
 
 def check_increasing(lines: Lines, time: Array) -> None:
@@ -177,28 +176,50 @@ def check_increasing(lines: Lines, time: Array) -> None:
         raise lines.at(row, what)
 
 
-def check_units(units: Mapping[str, str] | None, keys: tuple[str, ...]) -> Mapping[str, str]:
-    """The caller's units, after a look at their keys."""
-    unknown = next((key for key in units or {} if key not in keys), None)
-    if unknown is not None:
-        raise UsageError(f"units: {unknown!r} is none of {', '.join(keys)}")
-    return units or {}
+def gps_time(lines: Lines, tow: Array, week: Array | None, gps_week: int | None, unit: str = "s") -> tuple[Array, int | None]:
+    """Seconds of the first week, and that week; from times of week and either a column of weeks or the caller's week.
 
-
-def gps_time(table: Lines, tow: Array, week: Array | None, gps_week: int | None) -> tuple[Array, int | None]:
-    """Seconds of the first week, increasing, and that week; from times of week and either a column of weeks or the caller's week.
-
-    Raises InputError with line and both times where time does not increase, and where a week contradicts the caller's.
+    week : of zeros is taken for none.   unit : of `tow`, of UNITS["time"]; of a clock with an epoch (unix, gps) the week follows.
+    Raises InputError with the line for a time that is none, and where a week contradicts the caller's.
     """
-    if week is not None:
+    factor, epoch = unit_factor(unit, "time"), split_unit(unit)[1]
+    seconds = tow if factor == 1.0 else tow * factor
+    if epoch.startswith(("unix", "gps")):
+        return _of_epoch(lines, seconds, epoch, gps_week)
+    if week is not None and week.any():
+        if (odd := (week != np.floor(week)) | (week < 0.0) | (week > 9999.0) | (np.abs(week - week[0]) > 1.0)).any():
+            row = int(np.argmax(odd))
+            raise lines.at(row, f"GPS week {week[row]:g} after {week[0]:g}; check the columns, or split the file")
         first = int(week[0])
-        if gps_week is not None and first != gps_week:
-            raise table.at(0, f"GPS week {first}, but the flight is said to be of week {gps_week}; check gps_week or the file")
-        time, gps_week = tow + WEEK_S * (week - first), first
+        _agree(lines, first, gps_week)
+        time, gps_week = seconds + WEEK_S * (week - first), first
     else:
-        time = unwrap_week(tow)
-    check_increasing(table, time)
-    if tow.size and (tow.min() < 0.0 or tow.max() > 2.0 * WEEK_S):
-        row = int(np.argmax((tow < 0.0) | (tow > 2.0 * WEEK_S)))
-        raise table.at(row, f"time {tow[row]:.3f} s is no GPS time of week (0 to {WEEK_S:.0f} s); check the column or convert the clock")
+        time = unwrap_week(seconds)
+    if seconds.size and (seconds.min() < 0.0 or seconds.max() > 2.0 * WEEK_S):
+        row = int(np.argmax((seconds < 0.0) | (seconds > 2.0 * WEEK_S)))
+        what = f"time {seconds[row]:.3f} s is no GPS time of week (0 to {WEEK_S:.0f} s); check the column and units = {{ time = ... }} "
+        raise lines.at(row, f"{what}({', '.join(UNITS['time'])}), or convert the clock")
     return time, gps_week
+
+
+def _of_epoch(lines: Lines, seconds: Array, epoch: str, gps_week: int | None) -> tuple[Array, int]:
+    """Seconds of the first week, to the microsecond, and that week, of a clock that counts on from its epoch."""
+    if epoch == "gps":
+        if seconds.size == 0 or not seconds.min() >= 0.0:
+            raise lines.at(
+                int(np.argmin(seconds)), f"time {seconds.min():.3f} s lies before the start of GPS time; check units = {{ time = ... }}"
+            )
+        first = int(seconds[0] // WEEK_S)
+        time = seconds - first * WEEK_S
+    else:
+        try:
+            first, time = gps_from_unix_utc(seconds)
+        except InputError as refusal:
+            raise lines.at(int(np.argmin(seconds)), str(refusal)) from None
+    _agree(lines, first, gps_week)
+    return np.round(time, 6), first
+
+
+def _agree(lines: Lines, week: int, gps_week: int | None) -> None:
+    if gps_week is not None and week != gps_week:
+        raise lines.at(0, f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or the file")

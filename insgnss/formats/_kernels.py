@@ -234,3 +234,41 @@ def _hex_digit(c):
     if 97 <= c <= 102:
         return np.int64(c) - 87
     return -1000
+
+
+@njit(cache=True)
+def dataflash_messages(buf, lengths, kinds, places):
+    """Messages of an ArduPilot log: kind and place of each, with the count of bytes between them that belong to none.
+
+    lengths (256,) of the kinds, zero of those not known yet, is filled by the FMT messages (kind 128: kind, length, ...).
+    Returns (count, bytes of no message, place of a message that the file's end cuts or -1, place of an FMT that is none or -1).
+    """
+    n, i, lost, size = 0, 0, 0, buf.size
+    while i + 3 <= size:
+        kind = np.int64(buf[i + 2])
+        length = lengths[kind]
+        if buf[i] != 0xA3 or buf[i + 1] != 0x95 or length == 0:
+            lost += 1
+            i += 1
+            continue
+        if i + length > size:
+            return n, lost, i, -1
+        if kind == 128:
+            if buf[i + 4] < 3:
+                return n, lost, -1, i
+            lengths[np.int64(buf[i + 3])] = np.int64(buf[i + 4])
+        kinds[n], places[n] = kind, i
+        n += 1
+        i += length
+    return n, lost + size - i, -1, -1
+
+
+@njit(cache=True)
+def ulog_end(buf, i):
+    """Place of the first message of a PX4 log, from place i on, that its length does not fit the file; the file's size where all do."""
+    while i + 3 <= buf.size:
+        following = i + 3 + np.int64(buf[i]) + 256 * np.int64(buf[i + 1])
+        if following > buf.size:
+            return i
+        i = following
+    return i

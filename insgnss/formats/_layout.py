@@ -22,6 +22,7 @@ from ..errors import InputError
 
 COMMENTS = ("#", "%", "!", ";", "//")
 SAMPLE_LINES = 20
+LONGEST_HEADER = 1 << 14
 BINARY = "the file is binary, packed or damaged; copy it again or convert it to text"
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
@@ -50,6 +51,17 @@ def decode(data: bytes) -> str:
         return data.decode("utf-8")
     except UnicodeDecodeError:
         return data.decode("latin-1")
+
+
+def shown(text: str | None, limit: int = 80) -> str:
+    """Text of a file as a message shows it, in quotation marks, cut where it is long."""
+    text = text or ""
+    return repr(text if len(text) <= limit else text[: limit - 3] + "...")
+
+
+def printable(name: str) -> str:
+    """Name out of a binary file with a question mark for each character that would break a message's line."""
+    return name if name.isprintable() else "".join(c if c.isprintable() else "?" for c in name)
 
 
 def split_fields(text: str, delimiter: str | None) -> list[str]:
@@ -110,6 +122,8 @@ def _separates(lines: Sequence[str], delimiter: str | None) -> bool:
 
 def _header_fields(text: str, delimiter: str | None, n_fields: int) -> tuple[str, ...] | None:
     text = re.sub(r"^\s*(?:[#%!;]+|//)\s*", "", text)
+    if len(text) > LONGEST_HEADER:
+        return None
     for sign in dict.fromkeys((delimiter, ",", ";", "\t", None)):
         fields = _NAME.findall(text) if sign is None else split_fields(text, sign)
         if len(fields) == n_fields:

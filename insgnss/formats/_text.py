@@ -11,25 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ._layout import BINARY, NUMBER, Layout, decode, is_binary, is_comment, sniff, split_fields
+from ._layout import BINARY, NUMBER, Layout, decode, is_binary, is_comment, shown, sniff, split_fields
 
 Array = NDArray[np.float64]
 Source = str | os.PathLike[str]
 MAP_FROM = 1 << 22  # bytes; smaller files are simply read
 
 
-class InsgnssWarning(UserWarning):
-    """Suspicious input that was counted and left out or taken with a remark; never repaired."""
-
-
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Numbers of a text table: values (n, m), and the line (n,) each row stands in, counted from 1."""
+    """Numbers of a text table: values (n, m), the line (n,) each row stands in, counted from 1, and whether the last one has its end."""
 
     path: str
     layout: Layout
     values: Array
     lines: NDArray[np.int64]
+    complete: bool = True
 
     def at(self, row: int, what: str) -> InputError:
         """The error `what` at the line of `row`."""
@@ -44,6 +41,7 @@ class TextTable:
     layout: Layout
     rows: list[list[str]]
     lines: list[int]
+    complete: bool = True
 
     def at(self, row: int, what: str) -> InputError:
         """The error `what` at the line of `row`."""
@@ -66,9 +64,9 @@ def number(field: str, path: object, line: int, decimal: str = ".") -> float:
     text = field.strip()
     if decimal == ",":
         text = text.replace(",", ".")
-    if NUMBER.fullmatch(text) and math.isfinite(x := float(text)):
+    if NUMBER.fullmatch(text) and "," not in text and math.isfinite(x := float(text)):
         return x
-    raise InputError.at(path, line, f"{field!r} where a finite number must stand; correct the line or choose another column")
+    raise InputError.at(path, line, f"{shown(field)} where a finite number must stand; correct the line or choose another column")
 
 
 def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
@@ -138,7 +136,7 @@ def parse(path: Source, buf: NDArray[np.uint8], complete: bool, layout: Layout) 
     if not complete:
         tail = decode(bytes(buf[-8192:])).splitlines()
         _refuse_short_end(path, tail[buf.size > 8192 :], layout, line - 1)
-    return Table(str(path), layout, values[:rows], lines[:rows])
+    return Table(str(path), layout, values[:rows], lines[:rows], complete)
 
 
 def _refusal(path: Source, buf: NDArray[np.uint8], complete: bool, layout: Layout, status: int, place: int, line: int) -> InputError:
@@ -151,26 +149,27 @@ def _refusal(path: Source, buf: NDArray[np.uint8], complete: bool, layout: Layou
     rest = after.partition(b"\n")[0]
     text = decode(before + rest).strip("\r\n")
     fields = split_fields(text, layout.delimiter)
-    shown, advice = repr(text if len(text) <= 80 else text[:77] + "..."), "correct or delete the line"
+    seen, advice = shown(text), "correct or delete the line"
     if is_binary(text):
-        shown, advice = ascii(text[:10]) + "...", BINARY
+        seen, advice = ascii(text[:10]) + "...", BINARY
     last = place + len(rest) + 1 >= buf.size and not complete
     if last and not is_binary(text) and len(fields) <= layout.n_fields and status != _kernels.TOO_MANY:
-        return InputError.at(path, line, f"truncated: the file ends within this line, {shown}; copy it again or delete the line")
+        return InputError.at(path, line, f"truncated: the file ends within this line, {seen}; copy it again or delete the line")
     if status != _kernels.BAD_NUMBER or len(fields) != layout.n_fields:
-        return InputError.at(path, line, f"{len(fields)} fields, expected {layout.n_fields}: {shown}; {advice}")
+        return InputError.at(path, line, f"{len(fields)} fields, expected {layout.n_fields}: {seen}; {advice}")
     prefix = decode(before)
     column = len(prefix.split()) if layout.delimiter is None else prefix.count(layout.delimiter)
-    what = f"{fields[column]!r} in field {column + 1}" if fields[column] else f"nothing in field {column + 1}"
-    return InputError.at(path, line, f"{what} where a finite number must stand: {shown}; {advice}")
+    what = f"{shown(fields[column])} in field {column + 1}" if fields[column] else f"nothing in field {column + 1}"
+    return InputError.at(path, line, f"{what} where a finite number must stand: {seen}; {advice}")
 
 
 def _refuse_short_end(path: Source, tail: list[str], layout: Layout, line: int) -> None:
     """Refuse a last line without newline whose last number has fewer decimals than in all of the ten lines before."""
-    *earlier, last = [split_fields(text, layout.delimiter)[-1] for text in tail if text.strip() and not is_comment(text)] or [""]
+    fields = [split_fields(text, layout.delimiter)[-1] for text in tail if text.strip() and not is_comment(text)]
+    *earlier, last = [field for field in fields if NUMBER.fullmatch(field)] or [""]
     decimals = {len(field.partition(layout.decimal)[2]) for field in earlier[-10:]}
     if len(decimals) == 1 and len(earlier) >= 2 and len(last.partition(layout.decimal)[2]) < decimals.pop():
-        what = f"truncated: the file ends within a number, {last!r} after {earlier[-1]!r}; copy it again or delete the line"
+        what = f"truncated: the file ends within a number, {shown(last)} after {shown(earlier[-1])}; copy it again or delete the line"
         raise InputError.at(path, line, what)
 
 
@@ -187,15 +186,15 @@ def read_text_table(path: Source) -> TextTable:
         if len(fields) != layout.n_fields:
             cut = not complete and line == layout.first_line + len(raw) - 1 and len(fields) < layout.n_fields
             what = "truncated: the file ends within this line," if cut else f"{len(fields)} fields, expected {layout.n_fields}:"
-            shown, advice = (
-                (ascii(text[:10]) + "...", BINARY) if is_binary(text) else (repr(text.strip()[:80]), "correct or delete the line")
-            )
-            raise InputError.at(path, line, f"{what} {shown}; {advice}")
+            seen, advice = shown(text.strip()), "correct or delete the line"
+            if is_binary(text):
+                seen, advice = ascii(text[:10]) + "...", BINARY
+            raise InputError.at(path, line, f"{what} {seen}; {advice}")
         rows.append(fields)
         lines.append(line)
     if not complete:
         _refuse_short_end(path, raw, layout, lines[-1])
-    return TextTable(str(path), layout, rows, lines)
+    return TextTable(str(path), layout, rows, lines, complete)
 
 
 def format_rows(form: str, table: Array, chunk: int = 20000) -> Iterable[str]:

@@ -3,11 +3,9 @@
     $AIMU,sync,time,boot,yaw,pitch,roll,gx,gy,gz,ax,ay,az,temperature*hh
 
 Gyro deg/s, accelerometer m/s^2, axes forward right down; time is Unix time (UTC). Samples with sync 1 were stamped before
-the clock was locked to the receiver's pulse and are left out by rule; their number is told in a warning. A float64 Unix
+the clock was locked to the receiver's pulse and are left out by rule; their number is told in a note. A float64 Unix
 time holds 0.24 microseconds, so GPST is rounded to whole microseconds.
 """
-
-import warnings
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +13,9 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geodesy.gpstime import gps_from_unix_utc
 from ..records import ImuSamples, Quantity
-from ._columns import check_increasing
+from ._order import note, put_in_order
 from ._sentences import SentenceLines, read_sentences
-from ._text import InsgnssWarning, Source, number
+from ._text import Source, number
 
 Array = NDArray[np.float64]
 
@@ -27,7 +25,7 @@ LOCKED = 2
 
 
 def read_aimu(path: Source, quantity: Quantity = "mean_rate", gps_week: int | None = None) -> ImuSamples:
-    """Read the samples of a locked clock into SI and GPST; InputError with file and line, InsgnssWarning with what was left out."""
+    """Read the samples of a locked clock into SI and GPST; InputError with file and line, notes of what was left out."""
     sentences = read_sentences(path)
     bodies, lines = sentences.bodies(b"$AIMU,")
     table = _numbers(path, bodies, lines)
@@ -37,16 +35,21 @@ def read_aimu(path: Source, quantity: Quantity = "mean_rate", gps_week: int | No
         raise InputError.at(path, None, what)
     table = table[locked]
     kept = SentenceLines(str(path), np.array(lines)[locked].tolist())
-    week, time = gps_from_unix_utc(table[:, TIME])
+    try:
+        week, time = gps_from_unix_utc(table[:, TIME])
+    except InputError as refusal:
+        raise kept.at(int(np.argmin(table[:, TIME])), str(refusal)) from None
     time = np.round(time, 6)
     if gps_week is not None and week != gps_week:
         raise kept.at(0, f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or the file")
-    check_increasing(kept, time)
+    rows, told = put_in_order(kept, time, lambda i, k: bool((table[i] == table[k]).all()), "IMU rows")
+    if rows is not None:
+        table, time = table[rows], time[rows]
     n_free = int(locked.size - locked.sum())
     if n_free or sentences.n_bad:
-        what = f"{path}: {n_free} samples before the clock was locked and {sentences.n_bad} lines without a right checksum left out"
-        warnings.warn(InsgnssWarning(what), stacklevel=2)
-    return ImuSamples(time, np.radians(table[:, GYRO]), table[:, ACCEL], quantity, week, str(path))
+        found = f"{n_free} samples before the clock was locked and {sentences.n_bad} lines without a right checksum left out"
+        told = (note("IMU rows", found, "a locked clock, whole sentences", "start moving only after the receiver's lock"), *told)
+    return ImuSamples(time, np.radians(table[:, GYRO]), table[:, ACCEL], quantity, week, str(path), told)
 
 
 def _numbers(path: Source, bodies: list[bytes], lines: list[int]) -> Array:

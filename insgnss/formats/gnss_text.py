@@ -13,29 +13,24 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..files import atomic_write
 from ..records import GnssFixes
-from ._columns import (
-    ANGLE_UNITS,
-    LENGTH_UNITS,
-    TIME,
-    TIME_UNITS,
-    VELOCITY_UNITS,
-    Aliases,
-    Columns,
-    Lines,
-    check_units,
-    columns_of,
-    gps_time,
-    scale_of,
-    sigma_aliases,
-)
+from ._columns import TIME, Aliases, Columns, columns_of, scale_of, sigma_aliases, unit_of
 from ._eo import check_names
+from ._fixes import SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
+from ._order import open_end
 from ._text import Source, format_rows, read_table, read_text_table
+from ._units import check_units
 
 Array = NDArray[np.float64]
 
 REQUIRED = ("tow", "lat", "lon", "h")
-SIGMA, VELOCITY_SIGMA = ("sd_n", "sd_e", "sd_u"), ("sd_vn", "sd_ve", "sd_vd")
-DEFAULTS = (REQUIRED, (*REQUIRED, *SIGMA), (*REQUIRED, *SIGMA, "q"))
+UNIT_KEYS = ("angle", "time", "length", "velocity", "course", "quality")
+DEFAULTS = (
+    REQUIRED,
+    (*REQUIRED, *SIGMA),
+    (*REQUIRED, *SIGMA, "q"),
+    (*REQUIRED, *SIGMA, "vn", "ve", "vd", *VELOCITY_SIGMA),  # KF-GINS, positions and velocities
+    ("week", *REQUIRED, "vn", "ve", "vd", "roll", "pitch", "yaw"),  # KF-GINS, navigation result (.nav)
+)
 ALIASES: Aliases = {
     **TIME,
     "lat": ("lat", "latitude", "lat_deg", "phi_deg", "b"),
@@ -65,6 +60,8 @@ ALIASES: Aliases = {
     "sd_vn": sigma_aliases("vn", "v_n", "vel_n"),
     "sd_ve": sigma_aliases("ve", "v_e", "vel_e"),
     "sd_vd": sigma_aliases("vd", "v_d", "vel_d", "vu", "v_u", "vel_u"),
+    "speed": ("speed", "spd", "ground_speed", "gndspd", "gnd_speed", "sog", "hspeed"),
+    "course": ("course", "cog", "gcrs", "track", "course_over_ground", "ground_course"),
 }
 IMAGE_ALIASES: Aliases = {
     "image": ("image", "img", "photo", "name", "label", "filename", "file", "event", "id"),
@@ -97,66 +94,24 @@ def read_gnss_text(
 
     columns : name of each column out of the keys of `ALIASES`; any other name leaves a column out; or a table of them to the header's.
     sigma_m, sigma_velocity : standard deviations north, east, down where the file carries none, m and m/s.
-    units : of "angle" (deg, rad).
+    units : of "angle" (latitude and longitude: deg, rad), "time", "length", "velocity", "course" (deg, rad) and "quality" (rtklib, nmea).
     undulation_m : geoid above the ellipsoid, m, added to heights that are above the geoid.
     Raises InputError with file and line for a bad value, and where no standard deviation is to be had.
     """
-    units = check_units(units, ("angle",))
+    units = check_units(units, UNIT_KEYS)
     table = read_table(path)
     index = columns_of(table, ALIASES, REQUIRED, DEFAULTS, columns)
-    factor = scale_of(table, index, ("lat", "lon"), ANGLE_UNITS, units.get("angle"))
-    scale_of(table, index, ("tow",), TIME_UNITS, None)
-    scale_of(table, index, ("h", *SIGMA), LENGTH_UNITS, None)
-    scale_of(table, index, ("vn", "ve", "vd", "vu", *VELOCITY_SIGMA), VELOCITY_UNITS, None)
+    scales = FixScales(
+        angle=scale_of(table, index, ("lat", "lon"), "angle", units.get("angle")),
+        length=scale_of(table, index, ("h", *SIGMA), "length", units.get("length")),
+        velocity=scale_of(table, index, (*VELOCITY, *VELOCITY_SIGMA, "speed"), "velocity", units.get("velocity")),
+        course=scale_of(table, index, ("course",), "angle", units.get("course")),
+        quality=units.get("quality", "rtklib"),
+        time=units.get("time") or unit_of(table, index, ("tow",), "time") or "s",
+    )
     cols = {name: np.ascontiguousarray(table.values[:, i]) for name, i in index.items()}
-    cols["lat"], cols["lon"] = cols["lat"] * factor, cols["lon"] * factor
-    cols["h"] = cols["h"] + undulation_m
-    cols["tow"], gps_week = gps_time(table, cols["tow"], cols.get("week"), gps_week)
-    return fixes_from_columns(cols, table, str(path), gps_week, sigma_m, sigma_velocity)
-
-
-def fixes_from_columns(
-    cols: Mapping[str, Array], lines: Lines, source: str, gps_week: int | None, sigma_m: ArrayLike | None, sigma_velocity: ArrayLike | None
-) -> GnssFixes:
-    """Fixes of columns by canonical name in rad, m, m/s and increasing seconds; checks ranges and standard deviations."""
-    for name, limit in (("lat", 0.5 * np.pi), ("lon", 2.0 * np.pi)):
-        beyond = np.abs(cols[name]) > limit + 1e-12
-        if beyond.any():
-            row = int(np.argmax(beyond))
-            what = f"{name} {np.degrees(cols[name][row]):.6f} deg exceeds {np.degrees(limit):.0f}; check the columns and their unit"
-            raise lines.at(row, what)
-    cov = _covariance(cols, SIGMA, lines, source, sigma_m, "sigma_m")
-    velocity = velocity_cov = None
-    up = "vu" if "vu" in cols else "vd"
-    if {"vn", "ve", up} & cols.keys():
-        if missing := [name for name in ("vn", "ve", up) if name not in cols]:
-            raise InputError(f"{source}: velocity without {' '.join(missing)}; name all three columns, or '-' for each to leave it out")
-        velocity = np.column_stack([cols["vn"], cols["ve"], cols["vd"] if up == "vd" else -cols["vu"]])
-        velocity_cov = _covariance(cols, VELOCITY_SIGMA, lines, source, sigma_velocity, "sigma_velocity")
-    quality = cols["q"].astype(np.int64) if "q" in cols else None
-    return GnssFixes(cols["tow"], cols["lat"], cols["lon"], cols["h"], cov, velocity, velocity_cov, quality, gps_week, source)
-
-
-def _covariance(
-    cols: Mapping[str, Array], names: tuple[str, ...], lines: Lines, source: str, given: ArrayLike | None, option: str
-) -> Array:
-    """Diagonal covariances (n, 3, 3) of the file's standard deviations, else of the `given` three."""
-    n = cols["tow"].size
-    present = [name for name in names if name in cols]
-    if len(present) == 3:
-        sigma = np.column_stack([cols[name] for name in names])
-    elif present or given is None:
-        missing = " ".join(name for name in names if name not in cols)
-        raise InputError(f"{source}: no standard deviations {missing}; name their columns, or set {option} = [north, east, down]")
-    else:
-        sigma = np.broadcast_to(np.asarray(given, dtype=np.float64), (n, 3))
-        if not (np.isfinite(sigma) & (sigma > 0.0)).all():
-            raise InputError(f"{option}: {np.asarray(given).tolist()} must be positive")
-    bad = sigma <= 0.0
-    if bad.any():
-        row, k = (int(i) for i in np.argwhere(bad)[0])
-        raise lines.at(row, f"standard deviation {names[k]} is {sigma[row, k]:g}; it must be positive; leave the fix out or correct it")
-    return np.asarray((sigma**2)[:, :, None] * np.eye(3))
+    notes = open_end("GNSS rows", table.complete)
+    return fixes_from_columns(cols, table, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m, notes)
 
 
 def write_gnss_text(fixes: GnssFixes, path: Source) -> None:

@@ -1,32 +1,22 @@
 """IMU samples as a text table: `tow gx gy gz ax ay az`, data_specs/imu_csv.md.
 
-The unit of a triad is the caller's, else the one in the header's brackets, else SI. Standard gravity 9.80665 m/s^2 is what
-the units g and mg mean, wherever the sensor stands.
+The unit of a triad is the caller's, else the one in the header's brackets, else SI; a file without a column of time has the
+caller's rate, and its time starts at zero.
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import InputError, UsageError
 from ..files import atomic_write
-from ..records import ImuSamples, Quantity
-from ._columns import (
-    ACCEL_UNITS,
-    ANGLE_INCREMENT_UNITS,
-    GYRO_UNITS,
-    TIME,
-    TIME_UNITS,
-    VELOCITY_UNITS,
-    Aliases,
-    Columns,
-    axis_aliases,
-    check_units,
-    columns_of,
-    gps_time,
-    scale_of,
-)
-from ._text import Source, Table, format_rows, read_table
+from ..records import Check, ImuSamples, Quantity
+from ._columns import TIME, Aliases, Columns, axis_aliases, columns_of, gps_time, scale_of, unit_of
+from ._order import Lines, open_end, put_in_order
+from ._text import Source, format_rows, read_table
+from ._units import check_units, imu_kinds
 
 Array = NDArray[np.float64]
 
@@ -37,13 +27,18 @@ ALIASES: Aliases = {
     **{f"g{c}": axis_aliases(c, "g", "gyro", "gyr", "w", "omega", "rate", "angular_rate", "dtheta") for c in "xyz"},
     **{f"a{c}": axis_aliases(c, "a", "acc", "accel", "accelerometer", "f", "acceleration", "dv", "dvel") for c in "xyz"},
 }
+UNIT_KEYS = ("gyro", "accel", "time")
+MAX_RATE_HZ = 1e5
 
 
-def unit_tables(quantity: str) -> tuple[dict[str, float], dict[str, float]]:
-    """Units of the gyro and the accelerometer columns of a quantity, with their factors to SI."""
-    if quantity == "increments":
-        return ANGLE_INCREMENT_UNITS, VELOCITY_UNITS
-    return GYRO_UNITS, ACCEL_UNITS
+@dataclass(frozen=True)
+class Scales:
+    """Factors of the gyro and the accelerometer columns to SI, the unit of time, and the rate where there is no column of time."""
+
+    gyro: float
+    accel: float
+    time: str = "s"
+    rate_hz: float | None = None
 
 
 def read_imu_csv(
@@ -52,30 +47,67 @@ def read_imu_csv(
     units: Mapping[str, str] | None = None,
     quantity: Quantity = "mean_rate",
     gps_week: int | None = None,
+    rate_hz: float | None = None,
 ) -> ImuSamples:
     """Read IMU samples into SI.
 
-    columns : name of each column out of tow week gx gy gz ax ay az; any other name leaves a column out; or a table of them to the header's.
-    units : of "gyro" (rad/s, deg/s, deg/h; rad, deg for increments) and "accel" (m/s^2, g, mg; m/s for increments).
+    columns : name of each column out of tow week gx gy gz ax ay az; any other name leaves a column out; or a table of them to the
+        header's names or to places, "[1]" for the first.
+    units : of "gyro" (rad/s, deg/s, deg/h; rad, deg, arcsec for increments), "accel" (m/s^2, g, mg, ug; m/s, g*s for increments),
+        each with the value of one count before it where need be, and "time".
     quantity : "mean_rate", "increments" or "instant_rate".
+    rate_hz : samples a second, where the file has no column of time; time then starts at zero.
     Raises InputError with file and line, UsageError for a unit that does not exist.
     """
-    units = check_units(units, ("gyro", "accel"))
+    units = check_units(units, UNIT_KEYS)
+    required = required_columns(rate_hz)
     table = read_table(path)
-    index = columns_of(table, ALIASES, COLUMNS, (COLUMNS,), columns)
-    scale_of(table, index, ("tow",), TIME_UNITS, None)
-    gyro_units, accel_units = unit_tables(quantity)
-    gyro = _triad(table, index, GYRO, scale_of(table, index, GYRO, gyro_units, units.get("gyro")))
-    accel = _triad(table, index, ACCEL, scale_of(table, index, ACCEL, accel_units, units.get("accel")))
-    week = table.values[:, index["week"]] if "week" in index else None
-    time, gps_week = gps_time(table, np.ascontiguousarray(table.values[:, index["tow"]]), week, gps_week)
-    return ImuSamples(time, gyro, accel, quantity, gps_week, str(path))
+    index = columns_of(table, ALIASES, required, (required,), columns)
+    gyro_kind, accel_kind = imu_kinds(quantity)
+    gyro = scale_of(table, index, GYRO, gyro_kind, units.get("gyro"))
+    accel = scale_of(table, index, ACCEL, accel_kind, units.get("accel"))
+    scales = Scales(gyro, accel, units.get("time") or unit_of(table, index, ("tow",), "time") or "s", rate_hz)
+    cols = {name: table.values[:, i] for name, i in index.items()}
+    return imu_from_columns(cols, table, str(path), scales, quantity, gps_week, open_end("IMU rows", table.complete))
 
 
-def _triad(table: Table, index: Mapping[str, int], names: tuple[str, ...], factor: float) -> Array:
-    out = np.empty((len(table.values), 3))
+def required_columns(rate_hz: float | None) -> tuple[str, ...]:
+    """What a table of samples must hold, with or without a column of time."""
+    if rate_hz is not None and not 0.0 < rate_hz <= MAX_RATE_HZ:
+        raise UsageError(f"rate_hz = {rate_hz:g} is not between 0 and {MAX_RATE_HZ:g}")
+    return COLUMNS if rate_hz is None else (*GYRO, *ACCEL)
+
+
+def imu_from_columns(
+    cols: Mapping[str, Array],
+    lines: Lines,
+    source: str,
+    scales: Scales,
+    quantity: Quantity,
+    gps_week: int | None,
+    notes: tuple[Check, ...] = (),
+) -> ImuSamples:
+    """Samples of columns (n,) by canonical name, each stamp once, in order; `notes` are told before those of the order."""
+    n = cols["gx"].size
+    if scales.rate_hz is not None:
+        if "tow" in cols:
+            raise InputError(
+                f"{source}: rate_hz is given, but there is a column of time; leave rate_hz out, or leave the column out of columns"
+            )
+        time = np.arange(n) / scales.rate_hz
+    else:
+        time, gps_week = gps_time(lines, np.ascontiguousarray(cols["tow"]), cols.get("week"), gps_week, scales.time)
+    rows, told = put_in_order(lines, time, lambda i, k: all(column[i] == column[k] for column in cols.values()), "IMU rows")
+    gyro, accel = _triad(cols, GYRO, scales.gyro), _triad(cols, ACCEL, scales.accel)
+    if rows is not None:
+        time, gyro, accel = time[rows], gyro[rows], accel[rows]
+    return ImuSamples(time, gyro, accel, quantity, gps_week, source, (*notes, *told))
+
+
+def _triad(cols: Mapping[str, Array], names: tuple[str, ...], factor: float) -> Array:
+    out = np.empty((cols[names[0]].size, 3))
     for k, name in enumerate(names):
-        np.multiply(table.values[:, index[name]], factor, out=out[:, k])
+        np.multiply(cols[name], factor, out=out[:, k])
     return out
 
 

@@ -1,104 +1,89 @@
-"""Variables of MATLAB files (up to version 7), data_specs/matlab.md.
+"""Variables of MATLAB files, data_specs/matlab.md: version 4 to 7 by `_matfile`, 7.3 (HDF5) by h5py where it is installed.
 
-There is no default: `columns` says which field or which column of a matrix is what. A file that holds the last fix until
-the next comes is read by `new_when`, the quantity that changes with each new fix: a fix is taken at the row where it
-changes to something that is neither zero nor not-a-number, and it is stamped with that row's time.
+There is no default: `columns` says which field, label or column of a matrix is what; `_content` states how they are named.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, UsageError
+from ..errors import InputError
 from ..records import GnssFixes, ImuSamples, Quantity
-from ._columns import ANGLE_UNITS, check_units, gps_time, unit_name
-from ._text import Source
-from .gnss_text import ALIASES, REQUIRED, fixes_from_columns
-from .imu_csv import ACCEL, COLUMNS, GYRO, unit_tables
+from ._content import Content, Matrix, take_columns
+from ._layout import printable
+from ._mapped import Columns, gnss_of_content, imu_of_content
+from ._matfile import Damaged, read_mat
+from ._text import Source, load_bytes
 
 Array = NDArray[np.float64]
-Columns = Mapping[str, str] | Sequence[str]
 
-REPEATED_LIMIT = 0.5
+LABEL = "_label"
+HDF5 = b"\x89HDF\r\n\x1a\n"
+DEEPEST = 8  # structs within structs
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """Rows of a MATLAB variable, counted from 1, in the place of lines."""
+def load_matlab(path: Source) -> Content:
+    """Variables of a file by name; structs as mappings, matrices with the labels of the variable `<name>_label` beside them."""
+    data = load_bytes(path).tobytes()
+    if HDF5 in data[:1024]:
+        return _labelled(_hdf5(path))
+    try:
+        found = read_mat(data)
+    except Damaged as error:
+        raise InputError.at(path, None, f"is no whole MATLAB file ({error}); copy it again from its source") from None
+    return _labelled({name: _plain(node) for name, node in found.items()})
 
-    path: str
-    rows: NDArray[np.int64]
 
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at a row."""
-        return InputError(f"{self.path}: row {int(self.rows[row]) + 1}: {what}")
+def _plain(node: Any) -> Any:
+    """Arrays of one row or column as vectors, of more as `Matrix`; the others as they stand."""
+    if isinstance(node, dict):
+        return {name: _plain(value) for name, value in node.items()}
+    if not isinstance(node, np.ndarray) or node.ndim != 2:
+        return node
+    return Matrix(node) if min(node.shape) > 1 and node.dtype != object else node.reshape(-1)
+
+
+def _labelled(content: dict[str, Any]) -> dict[str, Any]:
+    """Content with the labels at their matrices."""
+    out = dict(content)
+    for name, node in content.items():
+        if isinstance(node, Matrix) and (labels := content.get(name + LABEL)) is not None:
+            texts = tuple(printable(str(text)) for text in np.asarray(labels, dtype=object).reshape(-1))
+            if len(texts) == node.values.shape[1]:
+                out[name] = Matrix(node.values, texts)
+    return out
+
+
+def _hdf5(path: Source) -> dict[str, Any]:
+    try:
+        import h5py
+    except ImportError:
+        what = "is a MATLAB 7.3 file (HDF5), which needs h5py: pip install h5py; or save it with -v7"
+        raise InputError.at(path, None, what) from None
+
+    def plain(node: Any, depth: int = 0) -> Any:
+        if isinstance(node, h5py.Group):
+            return {printable(name): plain(node[name], depth + 1) for name in node if depth < DEEPEST}
+        if node.attrs.get("MATLAB_class") == b"char":
+            return "".join(map(chr, node[()].reshape(-1)))
+        if node.dtype == h5py.ref_dtype:
+            return np.array([plain(file[ref], depth + 1) for ref in node[()].reshape(-1)], dtype=object)
+        values = node[()].T  # MATLAB stores columns first
+        return Matrix(values) if values.ndim == 2 and min(values.shape) > 1 else np.asarray(values).reshape(-1)
+
+    try:
+        with h5py.File(str(path), "r") as file:
+            return {printable(name): plain(file[name]) for name in file if not name.startswith("#")}
+    except Exception as error:  # as above
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise InputError.at(path, None, f"is no whole MATLAB 7.3 file ({why[:120]}); copy it again from its source") from None
 
 
 def read_matlab_table(path: Source, columns: Columns, variable: str | None = None) -> dict[str, Array]:
-    """Arrays (n,) by canonical name.
-
-    columns : canonical name to field (of the struct `variable`, or a variable of the file; points reach into structs), or for
-        a matrix `variable` the canonical name of each of its columns in order, "-" leaving one out.
-    Raises InputError that lists what is there where something is not.
-    """
-    content = _load(path)
-    if isinstance(columns, Mapping):
-        base = _reach(path, content, variable) if variable else content
-        table = {name: np.asarray(_reach(path, base, field), dtype=np.float64).reshape(-1) for name, field in columns.items()}
-        sizes = {name: column.size for name, column in table.items()}
-        if len(set(sizes.values())) > 1:
-            raise InputError(f"{path}: columns of different length: {sizes}; name fields of one recording")
-        return table
-    if variable is None:
-        raise UsageError(f"{path}: a list of columns needs the name of its matrix; set variable to one of {', '.join(_names(content))}")
-    if twice := [name for name in columns if name != "-" and list(columns).count(name) > 1]:
-        raise UsageError(f"{path}: columns names {twice[0]} twice: {list(columns)}")
-    matrix = np.atleast_2d(np.asarray(_reach(path, content, variable), dtype=np.float64))
-    if matrix.ndim != 2 or matrix.shape[1] != len(columns):
-        raise InputError(f"{path}: {variable} has the shape {matrix.shape}, but columns names {len(columns)}: {list(columns)}")
-    return {name: np.ascontiguousarray(matrix[:, i]) for i, name in enumerate(columns) if name != "-"}
-
-
-def _load(path: Source) -> dict[str, Any]:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    if not Path(path).is_file():
-        raise InputError.at(path, None, "no such file; check the path in the flight file")
-    try:
-        return dict(loadmat(str(path), squeeze_me=True, struct_as_record=False))
-    except NotImplementedError:
-        raise InputError.at(path, None, "is a MATLAB 7.3 file (HDF5); save it with -v7") from None
-    except (MatReadError, ValueError, TypeError, EOFError, OSError) as error:
-        raise InputError.at(path, None, f"is no whole MATLAB file ({error}); copy it again from its source") from None
-
-
-def _names(node: Any) -> list[str]:
-    names = node.keys() if isinstance(node, dict) else getattr(node, "_fieldnames", [])
-    return [name for name in names if not name.startswith("__")]
-
-
-def _reach(path: Source, node: Any, name: str) -> Any:
-    for part in name.split("."):
-        if part not in _names(node):
-            raise InputError(f"{path}: no {name}; there are {', '.join(_names(node)) or 'no fields'}")
-        node = node[part] if isinstance(node, dict) else getattr(node, part)
-    return node
-
-
-def _finite(table: Mapping[str, Array], lines: _Rows) -> None:
-    for name, column in table.items():
-        if (bad := ~np.isfinite(column)).any():
-            raise lines.at(int(np.argmax(bad)), f"{name} is {column[int(np.argmax(bad))]}; it must be finite")
-
-
-def _need(path: Source, table: Mapping[str, Array], required: Sequence[str]) -> None:
-    if missing := [name for name in required if name not in table]:
-        raise InputError(f"{path}: columns does not name {', '.join(missing)}")
+    """Arrays (n,) by canonical name, as `_content.take_columns` tells."""
+    return take_columns(path, load_matlab(path), columns, variable)
 
 
 def read_imu_mat(
@@ -108,21 +93,10 @@ def read_imu_mat(
     units: Mapping[str, str] | None = None,
     quantity: Quantity = "mean_rate",
     gps_week: int | None = None,
+    rate_hz: float | None = None,
 ) -> ImuSamples:
-    """Read IMU samples into SI; columns as in `read_matlab_table`, names, units and quantity as in `imu_csv`."""
-    units = check_units(units, ("gyro", "accel"))
-    table = read_matlab_table(path, columns, variable)
-    _need(path, table, COLUMNS)
-    lines = _Rows(str(path), np.arange(table["tow"].size))
-    _finite(table, lines)
-    time, gps_week = gps_time(lines, table["tow"], table.get("week"), gps_week)
-    triads = []
-    for names, known, key in zip((GYRO, ACCEL), unit_tables(quantity), ("gyro", "accel"), strict=True):
-        unit = unit_name(units.get(key, next(iter(known))))
-        if unit not in known:
-            raise UsageError(f"{path}: unit {units[key]!r} for {key} is none of {', '.join(known)}")
-        triads.append(known[unit] * np.column_stack([table[name] for name in names]))
-    return ImuSamples(time, triads[0], triads[1], quantity, gps_week, str(path))
+    """Read IMU samples into SI; names, units, quantity and rate_hz as in `imu_csv`."""
+    return imu_of_content(path, load_matlab(path), columns, variable, units, quantity, gps_week, rate_hz)
 
 
 def read_gnss_mat(
@@ -136,33 +110,9 @@ def read_gnss_mat(
     gps_week: int | None = None,
     undulation_m: float = 0.0,
 ) -> GnssFixes:
-    """Read fixes; columns as in `read_matlab_table`, names as in `gnss_text`, latitude and longitude in units["angle"] (deg).
+    """Read fixes; names and units as in `gnss_text`, `new_when` as in `_mapped`.
 
-    new_when : field (or, of a matrix, canonical name) that changes with each new fix; None takes every row for a fix, and
-        is refused where more than half of them repeat the one before.
     undulation_m : geoid above the ellipsoid, m, added to heights that are above the geoid.
     """
-    units = check_units(units, ("angle",))
-    unit = unit_name(units.get("angle", "deg"))
-    if unit not in ANGLE_UNITS:
-        raise UsageError(f"{path}: unit {units['angle']!r} for angle is none of {', '.join(ANGLE_UNITS)}")
-    table = read_matlab_table(path, columns, variable)
-    _need(path, table, REQUIRED)
-    rows = np.arange(table["tow"].size)
-    if new_when is not None:
-        mark = table[new_when] if new_when in table else read_matlab_table(path, {"mark": new_when}, variable)["mark"]
-        changed = np.isfinite(mark[1:]) & (mark[1:] != 0.0) & (mark[1:] != mark[:-1])
-        rows = np.flatnonzero(changed) + 1
-        if rows.size == 0:
-            raise InputError(
-                f"{path}: {new_when} never changes to a new value; no fix; set new_when to what changes with each fix, or None"
-            )
-    elif rows.size > 1 and np.mean((np.diff(table["lat"]) == 0.0) & (np.diff(table["lon"]) == 0.0)) > REPEATED_LIMIT:
-        raise InputError(f"{path}: more than half of the positions repeat the one before; set new_when to what changes with each new fix")
-    lines = _Rows(str(path), rows)
-    cols = {name: column[rows] for name, column in table.items() if name in ALIASES}
-    _finite(cols, lines)
-    cols["lat"], cols["lon"] = cols["lat"] * ANGLE_UNITS[unit], cols["lon"] * ANGLE_UNITS[unit]
-    cols["h"] = cols["h"] + undulation_m
-    cols["tow"], gps_week = gps_time(lines, cols["tow"], cols.get("week"), gps_week)
-    return fixes_from_columns(cols, lines, str(path), gps_week, sigma_m, sigma_velocity)
+    content = load_matlab(path)
+    return gnss_of_content(path, content, columns, variable, new_when, sigma_m, sigma_velocity, units, gps_week, undulation_m)

@@ -7,24 +7,35 @@ the left of x, z up), and heading = platform heading - wander:
     v_N = x cos w - y sin w,   v_E = -x sin w - y cos w,   v_U = z                                      (B.1)
 
 Written with w = 0: x = v_N, y = -v_E, z = -v_D. smrmsg, 10 a record: time, RMS of north east down m, of their velocities
-m/s, of roll pitch heading in minutes of arc.
+m/s, of roll pitch heading in minutes of arc. It stands beside the SBET: x.smrmsg of x.sbet, smrmsg_x.out of sbet_x.out; where it is
+sampled more sparsely its values are interpolated. With psi = E d(roll, pitch, heading) the attitude's covariance is E diag(s^2) E^T.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..files import atomic_write
 from ..geodesy.rotation import rotation_from_rpy, rpy_from_rotation, rpy_jacobian
-from ..records import Trajectory
+from ..records import GnssFixes, Trajectory
+from ._columns import check_increasing
 from ._eo import angle_sigma
+from ._fixes import SIGMA, VELOCITY_SIGMA, FixScales, fixes_from_columns
+from ._order import NumberedRows
 from ._text import Source, load_bytes
 
 Array = NDArray[np.float64]
 
 SBET_FIELDS, SMRMSG_FIELDS = 17, 10
+FIELDS = (
+    *("time", "latitude", "longitude", "height", "x_velocity", "y_velocity", "z_velocity", "roll", "pitch", "platform_heading"),
+    *("wander_angle", "x_acceleration", "y_acceleration", "z_acceleration", "x_rate", "y_rate", "z_rate"),
+)
+LARGEST = 1e9  # of any value in a record
+OVERHANG_S = 1.5  # by which an SBET may exceed the span of its smrmsg
 ARC_MINUTE = np.pi / 180.0 / 60.0
 
 
@@ -105,6 +116,68 @@ def read_smrmsg(path: Source) -> Smrmsg:
     return Smrmsg(table[:, 0], table[:, 1:4], table[:, 4:7], table[:, 7:10] * ARC_MINUTE)
 
 
+def read_gnss_sbet(
+    path: Source, sigma_m: ArrayLike | None = None, sigma_velocity: ArrayLike | None = None, gps_week: int | None = None
+) -> GnssFixes:
+    """Positions and velocities of an SBET as fixes; standard deviations of the smrmsg beside it, else sigma_m and sigma_velocity.
+
+    The point is the SBET's own, which is mostly the IMU's navigation centre and not the antenna.
+    """
+    sbet = read_sbet(path)
+    cols = {"tow": sbet.time, "lat": sbet.lat, "lon": sbet.lon, "h": sbet.height}
+    cols |= dict(zip(("vn", "ve", "vd"), sbet.velocity_ned.T, strict=True))
+    if (beside := smrmsg_beside(path)) is not None:
+        sigma = _sigma_at(beside, sbet.time)
+        cols |= dict(zip((*SIGMA, *VELOCITY_SIGMA), sigma[:, [0, 1, 2, 3, 4, 5]].T, strict=True))
+    elif sigma_m is not None and sigma_velocity is None:
+        cols = {name: column for name, column in cols.items() if name not in ("vn", "ve", "vd")}
+    return fixes_from_columns(cols, NumberedRows(str(path), "record"), str(path), FixScales(), gps_week, sigma_m, sigma_velocity)
+
+
+def read_sbet_trajectory(path: Source, gps_week: int, smrmsg: Source | None = None) -> Trajectory:
+    """An SBET with the standard deviations of its smrmsg (beside it where none is named); InputError where there is none."""
+    sbet = read_sbet(path)
+    beside = Path(smrmsg) if smrmsg is not None else smrmsg_beside(path)
+    if beside is None:
+        raise InputError.at(path, None, "has no smrmsg beside it, so its accuracy is not known; name the file")
+    check_increasing(NumberedRows(str(path), "record"), sbet.time)
+    sigma = _sigma_at(beside, sbet.time)
+    cov = np.zeros((sbet.time.size, 9, 9))
+    cov[:, range(6), range(6)] = sigma[:, :6] ** 2
+    E = rpy_jacobian(sbet.rpy)
+    cov[:, 6:, 6:] = np.einsum("nij,nj,nkj->nik", E, sigma[:, 6:] ** 2, E)
+    return Trajectory(
+        sbet.time, sbet.lat, sbet.lon, sbet.height, sbet.velocity_ned, sbet.C_nb, cov, gps_week, sbet.acceleration_b, sbet.rate_b
+    )
+
+
+def smrmsg_beside(path: Source) -> Path | None:
+    """The accuracies that stand beside an SBET, by their name; None where there are none."""
+    path = Path(path)
+    names = [
+        path.with_suffix(".smrmsg"),
+        path.with_name(path.name.replace("sbet", "smrmsg", 1)),
+        path.with_name(path.name.replace("SBET", "SMRMSG", 1)),
+    ]
+    return next((name for name in names if name != path and name.is_file()), None)
+
+
+def _sigma_at(path: Path, time: Array) -> Array:
+    """Standard deviations (n, 9) of an smrmsg at times (n,), s; positive, within its span."""
+    smrmsg = read_smrmsg(path)
+    lines = NumberedRows(str(path), "record")
+    check_increasing(lines, smrmsg.time)
+    sigma = np.column_stack([smrmsg.sigma_position_m, smrmsg.sigma_velocity, smrmsg.sigma_rpy])
+    if (bad := (sigma <= 0.0).any(axis=1)).any():
+        raise lines.at(int(np.argmax(bad)), "a standard deviation is not positive; is it another format?")
+    beyond = max(smrmsg.time[0] - time.min(), time.max() - smrmsg.time[-1])
+    if beyond > OVERHANG_S:
+        span = f"{smrmsg.time[0]:.3f} to {smrmsg.time[-1]:.3f} s"
+        what = f"accuracies from {span}, but the SBET's times exceed them by {beyond:.3f} s (limit {OVERHANG_S} s); is it of another run?"
+        raise InputError.at(path, None, what)
+    return np.column_stack([np.interp(time, smrmsg.time, column) for column in sigma.T])
+
+
 def _records(path: Source, fields: int) -> Array:
     buf = load_bytes(path)
     size = 8 * fields
@@ -115,4 +188,7 @@ def _records(path: Source, fields: int) -> Array:
     if (bad := ~np.isfinite(table)).any():
         row, k = (int(i) for i in np.argwhere(bad)[0])
         raise InputError.at(path, None, f"record {row + 1}, value {k + 1} is not finite; is it another format?")
+    if np.abs(table).max() > LARGEST:
+        row, k = (int(i) for i in np.argwhere(np.abs(table) > LARGEST)[0])
+        raise InputError.at(path, None, f"record {row + 1}, value {k + 1} is {table[row, k]:g}; is it another format?")
     return table

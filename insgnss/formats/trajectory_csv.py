@@ -13,7 +13,7 @@ from ..files import atomic_write
 from ..geodesy.gpstime import WEEK_S
 from ..geodesy.rotation import rotation_from_rpy, rpy_from_rotation
 from ..records import Trajectory
-from ._columns import Aliases, columns_of, gps_time
+from ._columns import Aliases, check_increasing, columns_of, gps_time
 from ._text import Source, format_rows, read_table
 from .sbet import rpy_sigma
 
@@ -65,6 +65,7 @@ def read_trajectory_csv(path: Source) -> TrajectoryTable:
     values = table.values[:, [index[name] for name in COLUMNS]]
     time, week = gps_time(table, values[:, 1], values[:, 0], None)
     assert week is not None
+    check_increasing(table, time)
     sigma = values[:, 11:] * ([1.0] * 6 + [np.pi / 180.0] * 3)
     lat, lon = np.radians(values[:, 2]), np.radians(values[:, 3])
     return TrajectoryTable(time, lat, lon, values[:, 4], values[:, 5:8], np.radians(values[:, 8:11]), sigma, week)

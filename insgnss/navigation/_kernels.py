@@ -32,11 +32,15 @@ class ImuModel(NamedTuple):
     """IMU error states as arrays, see `layout`."""
 
     channel: np.ndarray  # (ns,) 0..2 gyro x y z, 3..5 accelerometer x y z
-    factor: np.ndarray  # (ns,) -1: constant one, -2: seconds since the start, 0..5: the measured channel of that number
+    factor: np.ndarray  # (ns,) -1: constant one, -2: seconds since the start, -3: nothing, 0..5: the measured channel of that number
     beta: np.ndarray  # (ns,) 1/s, inverse correlation time, 0 for none
     drive: np.ndarray  # (ns,) PSD of the driving noise
     white: np.ndarray  # (6,) PSD of the white noise of each channel
     block: float  # s, length over which the transition is built as one step
+    lever: int  # first of the three states of the antenna's lever arm, or -1
+    offset: int  # the state of the fixes' time offset, or -1
+    coloured: np.ndarray  # (2,) first of the three states of the correlated error of all fixes and of those of group 1, or -1
+    scale: np.ndarray  # (2, 3) of the standard deviations of the uncorrelated error of each group
 
 
 class Work(NamedTuple):
@@ -430,6 +434,8 @@ def block_states(seg, i0, i1, B, elapsed, x, imu, work):
             work.weight[s] = elapsed + 0.5 * B
             work.bias[0, c] += x[s] * elapsed
             work.bias[1, c] += x[s] * (elapsed + B)
+        elif f == -3:
+            work.weight[s] = 0.0
         else:
             if not has_scale:
                 work.scale[:] = 0.0
@@ -536,18 +542,53 @@ def forward_solve3(L, A):
 
 
 @njit(cache=True)
-def position_rows(nav, lever, z, C, H, nu):
-    """(K.1): innovation of the antenna position and its derivative. H (3, n), nu (3, 1)."""
+def antenna(nav, x, lever, imu, total, C):
+    """C_lb, and the lever arm with its states added into total (3,)."""
     quat_to_matrix(nav[6:], C)
+    for i in range(3):
+        total[i] = lever[i]
+        if imu.lever >= 0:
+            total[i] += x[imu.lever + i]
+
+
+@njit(cache=True)
+def position_rows(nav, x, lever, imu, accel, omega, z, sigma, group, C, H, nu):
+    """(K.1): innovation of the antenna position and its derivative. H (3, n), nu (3, 1).
+
+    accel, omega (3,): acceleration of the IMU in l and rate of the body, for the velocity at the fix's own time.
+    sigma (3,): what the correlated errors of the fix are counted in.
+    """
+    total = nu[:, 1]
+    antenna(nav, x, lever, imu, total, C)
     H[:] = 0.0
-    a0 = C[0, 0] * lever[0] + C[0, 1] * lever[1] + C[0, 2] * lever[2]
-    a1 = C[1, 0] * lever[0] + C[1, 1] * lever[1] + C[1, 2] * lever[2]
-    a2 = C[2, 0] * lever[0] + C[2, 1] * lever[1] + C[2, 2] * lever[2]
+    a0 = C[0, 0] * total[0] + C[0, 1] * total[1] + C[0, 2] * total[2]
+    a1 = C[1, 0] * total[0] + C[1, 1] * total[1] + C[1, 2] * total[2]
+    a2 = C[2, 0] * total[0] + C[2, 1] * total[1] + C[2, 2] * total[2]
     nu[0, 0] = z[0] - nav[0] - a0
     nu[1, 0] = z[1] - nav[1] - a1
     nu[2, 0] = z[2] - nav[2] - a2
     H[0, 0] = H[1, 1] = H[2, 2] = 1.0
     minus_skew(H, 6, a0, a1, a2)
+    if imu.lever >= 0:
+        for r in range(3):
+            for c in range(3):
+                H[r, 9 + imu.lever + c] = C[r, c]
+    if imu.offset >= 0:
+        d = x[imu.offset]
+        l0 = omega[1] * total[2] - omega[2] * total[1]
+        l1 = omega[2] * total[0] - omega[0] * total[2]
+        l2 = omega[0] * total[1] - omega[1] * total[0]
+        for r in range(3):
+            v = nav[3 + r] + C[r, 0] * l0 + C[r, 1] * l1 + C[r, 2] * l2
+            nu[r, 0] -= v * d + 0.5 * accel[r] * d * d
+            H[r, 3 + r] = d
+            H[r, 9 + imu.offset] = v + accel[r] * d
+    for kind in range(group + 1):
+        first = imu.coloured[kind]
+        if first >= 0:
+            for r in range(3):
+                nu[r, 0] -= sigma[r] * x[first + r]
+                H[r, 9 + first + r] = sigma[r]
 
 
 @njit(cache=True)
@@ -558,40 +599,50 @@ def minus_skew(H, column, a0, a1, a2):
 
 
 @njit(cache=True)
-def velocity_rows(nav, x, elapsed, lever, rate, z, imu, earth, C, H, nu):
-    """(K.2): innovation of the antenna velocity; `rate` (3,) is the measured gyro rate at the instant."""
+def body_rate(nav, x, elapsed, rate, imu, earth, C, omega, gain):
+    """Rate of the body against the Earth, omega (3,), from the measured one, and gain (ns,): minus its derivative, on its own axis."""
     quat_to_matrix(nav[6:], C)
-    H[:] = 0.0
     o = earth.rate_l
-    w0 = rate[0] - (C[0, 0] * o[0] + C[1, 0] * o[1] + C[2, 0] * o[2])
-    w1 = rate[1] - (C[0, 1] * o[0] + C[1, 1] * o[1] + C[2, 1] * o[2])
-    w2 = rate[2] - (C[0, 2] * o[0] + C[1, 2] * o[1] + C[2, 2] * o[2])
+    for i in range(3):
+        omega[i] = rate[i] - (C[0, i] * o[0] + C[1, i] * o[1] + C[2, i] * o[2])
     for s in range(imu.channel.size):
         c = imu.channel[s]
-        if c < 3:
-            f = imu.factor[s]
-            if f == -1:
-                u = 1.0
-            elif f == -2:
-                u = elapsed
-            elif f < 3:
-                u = rate[f]
-            else:
-                u = 0.0
-            if c == 0:
-                w0 -= x[s] * u
-                e0, e1, e2 = 0.0, -lever[2], lever[1]
-            elif c == 1:
-                w1 -= x[s] * u
-                e0, e1, e2 = lever[2], 0.0, -lever[0]
-            else:
-                w2 -= x[s] * u
-                e0, e1, e2 = -lever[1], lever[0], 0.0
-            for r in range(3):
-                H[r, 9 + s] = -u * (C[r, 0] * e0 + C[r, 1] * e1 + C[r, 2] * e2)
-    l0 = w1 * lever[2] - w2 * lever[1]
-    l1 = w2 * lever[0] - w0 * lever[2]
-    l2 = w0 * lever[1] - w1 * lever[0]
+        f = imu.factor[s]
+        if c > 2 or f == -3:
+            u = 0.0
+        elif f == -1:
+            u = 1.0
+        elif f == -2:
+            u = elapsed
+        else:
+            u = rate[f]
+        gain[s] = u
+        if u != 0.0:
+            omega[c] -= x[s] * u
+
+
+@njit(cache=True)
+def velocity_rows(nav, x, lever, imu, accel, omega, gain, z, C, H, nu):
+    """(K.2): innovation of the antenna velocity; omega, gain as `body_rate` leaves them."""
+    total = nu[:, 1]
+    antenna(nav, x, lever, imu, total, C)
+    H[:] = 0.0
+    for s in range(imu.channel.size):
+        u = gain[s]
+        if u == 0.0:
+            continue
+        c = imu.channel[s]
+        if c == 0:
+            e0, e1, e2 = 0.0, -total[2], total[1]
+        elif c == 1:
+            e0, e1, e2 = total[2], 0.0, -total[0]
+        else:
+            e0, e1, e2 = -total[1], total[0], 0.0
+        for r in range(3):
+            H[r, 9 + s] = -u * (C[r, 0] * e0 + C[r, 1] * e1 + C[r, 2] * e2)
+    l0 = omega[1] * total[2] - omega[2] * total[1]
+    l1 = omega[2] * total[0] - omega[0] * total[2]
+    l2 = omega[0] * total[1] - omega[1] * total[0]
     a0 = C[0, 0] * l0 + C[0, 1] * l1 + C[0, 2] * l2
     a1 = C[1, 0] * l0 + C[1, 1] * l1 + C[1, 2] * l2
     a2 = C[2, 0] * l0 + C[2, 1] * l1 + C[2, 2] * l2
@@ -600,6 +651,66 @@ def velocity_rows(nav, x, elapsed, lever, rate, z, imu, earth, C, H, nu):
     nu[2, 0] = z[2] - nav[5] - a2
     H[0, 3] = H[1, 4] = H[2, 5] = 1.0
     minus_skew(H, 6, a0, a1, a2)
+    if imu.lever >= 0:
+        for r in range(3):
+            H[r, 9 + imu.lever] = C[r, 1] * omega[2] - C[r, 2] * omega[1]
+            H[r, 10 + imu.lever] = C[r, 2] * omega[0] - C[r, 0] * omega[2]
+            H[r, 11 + imu.lever] = C[r, 0] * omega[1] - C[r, 1] * omega[0]
+    if imu.offset >= 0:
+        for r in range(3):
+            nu[r, 0] -= accel[r] * x[imu.offset]
+            H[r, 9 + imu.offset] = accel[r]
+
+
+@njit(cache=True)
+def still_rows(nav, H, nu):
+    """(K.8): the velocity is zero."""
+    H[:] = 0.0
+    for r in range(3):
+        nu[r, 0] = -nav[3 + r]
+        H[r, 3 + r] = 1.0
+
+
+@njit(cache=True)
+def wheel_rows(nav, C, H, nu):
+    """(K.9): no velocity across the body's forward axis. The first row is empty."""
+    quat_to_matrix(nav[6:], C)
+    H[:] = 0.0
+    nu[0, 0] = 0.0
+    v0, v1, v2 = nav[3], nav[4], nav[5]
+    for r in range(1, 3):
+        c0, c1, c2 = C[0, r], C[1, r], C[2, r]
+        nu[r, 0] = -(c0 * v0 + c1 * v1 + c2 * v2)
+        H[r, 3], H[r, 4], H[r, 5] = c0, c1, c2
+        H[r, 6] = c1 * v2 - c2 * v1
+        H[r, 7] = c2 * v0 - c0 * v2
+        H[r, 8] = c0 * v1 - c1 * v0
+
+
+@njit(cache=True)
+def turn_rows(imu, earth, C, omega, gain, H, nu):
+    """(K.10): the body does not turn; omega, gain of the mean rate over the stillness as `body_rate` leaves them."""
+    H[:] = 0.0
+    o = earth.rate_l
+    for r in range(3):
+        nu[r, 0] = omega[r]
+        c0, c1, c2 = C[0, r], C[1, r], C[2, r]
+        H[r, 6] = c1 * o[2] - c2 * o[1]
+        H[r, 7] = c2 * o[0] - c0 * o[2]
+        H[r, 8] = c0 * o[1] - c1 * o[0]
+    for s in range(imu.channel.size):
+        if gain[s] != 0.0:
+            H[imu.channel[s], 9 + s] = gain[s]
+
+
+@njit(cache=True)
+def open_gap(W, column, B, variance):
+    """(E.8): the increments over an interval of length B were not measured; `variance` (6,) is that of what stands in for them."""
+    for c in range(6):
+        q = variance[c] / (B * B)
+        for r in range(9):
+            for k in range(9):
+                W[r, k] += q * column[r, c] * column[k, c]
 
 
 @njit(cache=True)
@@ -727,6 +838,13 @@ class Epochs(NamedTuple):
     velocity_cov: np.ndarray  # (m, 3, 3)
     rate: np.ndarray  # (m, 3) measured gyro rate at the epoch
     event: np.ndarray  # (m,) number of the camera event at the epoch, or -1
+    sigma: np.ndarray  # (m, 3) m, of the fix in steps of two: what its correlated errors are counted in
+    group: np.ndarray  # (m,) of the fix: 0 usual, 1 with errors that stay (float, code)
+    gap: np.ndarray  # (m, 6) variance of the increments since the epoch before where they were bridged (rad^2, m^2/s^2), else 0
+    motion: np.ndarray  # (m,) what is known of the motion: 0 nothing, 1 still, 2 no side-slip
+    motion_cov: np.ndarray  # (m, 3, 3) of (K.8) in l, of (K.9) in body axes, m^2/s^2
+    still_rate: np.ndarray  # (m, 3) mean gyro rate of a stillness that ends here
+    still_var: np.ndarray  # (m,) its variance in each axis, 0 where there is none
 
 
 class Store(NamedTuple):
@@ -745,17 +863,62 @@ class Store(NamedTuple):
     y: np.ndarray  # (m, nz) scalar innovations
     innovation: np.ndarray  # (m, nz) of the triples as measured (position, velocity), before the update
     innovation_sigma: np.ndarray  # (m, nz)
-    nis: np.ndarray  # (m, 2) normalised innovation squared of position and velocity, NaN where there was none
-    verdict: np.ndarray  # (m, 2) 0 nothing measured, 1 used, 2 rejected, 3 used after a reopening (K.7)
+    nis: np.ndarray  # (m, 4) normalised innovation squared of each kind of triple, NaN where there was none
+    verdict: np.ndarray  # (m, 4) 0 nothing measured, 1 used, 2 rejected, 3 used after a reopening (K.7)
+    slot: np.ndarray  # (4,) first row of each kind of triple (position, velocity, motion, turn) in the arrays of nz rows, or -1
+    used: np.ndarray  # (nz,) number of leading columns of H that may differ from zero
     cross: np.ndarray  # (events, 9, n) of the previous event's navigation error with this event's full error, post
 
 
 @njit(cache=True)
-def run_forward(seg, ep, imu, earth, lever, nav0, x0, m0, P0, closed, gate, hold, reset, store):
+def measured_triple(kind, e, ep, nav, x, lever, accel, imu, earth, C, omega, gain, H, nu, R):
+    """Innovation nu[:, 0], derivative H (3, n) and covariance R of what epoch e measures of one kind; False where it does not.
+
+    kind: 0 position, 1 velocity, 2 motion, 3 turn.   accel (3,): of the IMU in l.   C, omega, gain: scratch.
+    """
+    if kind == 0:
+        if not ep.has_position[e]:
+            return False
+        if imu.offset >= 0:
+            body_rate(nav, x, ep.time[e], ep.rate[e], imu, earth, C, omega, gain)
+        R[:] = ep.position_cov[e]
+        group = ep.group[e]
+        position_rows(nav, x, lever, imu, accel, omega, ep.position[e], ep.sigma[e], group, C, H, nu)
+        for i in range(3):
+            for j in range(3):
+                R[i, j] *= imu.scale[group, i] * imu.scale[group, j]
+    elif kind == 1:
+        if not ep.has_velocity[e]:
+            return False
+        body_rate(nav, x, ep.time[e], ep.rate[e], imu, earth, C, omega, gain)
+        velocity_rows(nav, x, lever, imu, accel, omega, gain, ep.velocity[e], C, H, nu)
+        R[:] = ep.velocity_cov[e]
+    elif kind == 2:
+        if ep.motion[e] == 0:
+            return False
+        if ep.motion[e] == 1:
+            still_rows(nav, H, nu)
+        else:
+            wheel_rows(nav, C, H, nu)
+        R[:] = ep.motion_cov[e]
+    else:
+        if ep.still_var[e] == 0.0:
+            return False
+        body_rate(nav, x, ep.time[e], ep.still_rate[e], imu, earth, C, omega, gain)
+        turn_rows(imu, earth, C, omega, gain, H, nu)
+        R[:] = 0.0
+        for i in range(3):
+            R[i, i] = ep.still_var[e]
+    return True
+
+
+@njit(cache=True)
+def run_forward(seg, ep, imu, earth, lever, nav0, x0, m0, P0, closed, gate, doubt, hold, reset, store):
     """Extended Kalman filter over the whole flight (K.1-K.6).
 
     closed: the error estimate is fed back after every update once psi is known better than `hold` (rad), and the nominal is what
     the strapdown makes of it.
+    doubt: NIS from which on a measurement is taken with a larger covariance (K.11).
     reset: seconds of rejected fixes after which position, velocity and psi are opened again (K.7).
     Otherwise the nominal at every epoch is the one already in `store` (re-linearisation about an earlier result).
     """
@@ -782,7 +945,10 @@ def run_forward(seg, ep, imu, earth, lever, nav0, x0, m0, P0, closed, gate, hold
     L = np.zeros((3, 3))
     S3 = np.zeros((3, 3))
     H = np.zeros((3, n))
-    nu = np.zeros((3, 1))
+    nu = np.zeros((3, 2))
+    accel = np.zeros(3)
+    omega = np.zeros(3)
+    gain = np.zeros(ns)
     gap = np.zeros(n)
     nine = np.zeros((9, 9))
     for e in range(count):
@@ -792,7 +958,14 @@ def run_forward(seg, ep, imu, earth, lever, nav0, x0, m0, P0, closed, gate, hold
                 x[:] = store.x[e - 1]
             F = store.F[e]
             D = store.D[e]
+            length = ep.time[e] - ep.time[e - 1]
+            for i in range(3):
+                accel[i] = nav[3 + i]
             linearise(seg, ep.stop[e - 1], ep.stop[e], ep.time[e - 1], nav, x, imu, earth, F, D, W, Qbb, sums, work)
+            for i in range(3):
+                accel[i] = (nav[3 + i] - accel[i]) / length
+            if ep.gap[e, 0] > 0.0:
+                open_gap(W, work.column, work.last_block[0], ep.gap[e])
             predict_covariance(P, F, D, W, Qbb, X, nine)
             if closed:
                 gap[:] = 0.0
@@ -817,21 +990,14 @@ def run_forward(seg, ep, imu, earth, lever, nav0, x0, m0, P0, closed, gate, hold
         if not closed:
             nav[:] = store.nav[e]
             x[:] = store.x[e]
-        for kind in range(2):
+        for kind in range(4):
             store.verdict[e, kind] = 0
-            if kind == 0:
-                if not ep.has_position[e]:
-                    continue
-                position_rows(nav, lever, ep.position[e], C, H, nu)
-                R[:] = ep.position_cov[e]
-                used = 9
-            else:
-                if not ep.has_velocity[e]:
-                    continue
-                velocity_rows(nav, x, ep.time[e], lever, ep.rate[e], ep.velocity[e], imu, earth, C, H, nu)
-                R[:] = ep.velocity_cov[e]
-                used = n
-            b = 3 * kind
+            b = store.slot[kind]
+            if b < 0:
+                continue
+            if not measured_triple(kind, e, ep, nav, x, lever, accel, imu, earth, C, omega, gain, H, nu, R):
+                continue
+            used = store.used[b]
             for i in range(3):
                 store.S[e, b + i] = 0.0
             # velocity comes after position: its nominal is still the one before feedback, m carries the rest
@@ -843,7 +1009,7 @@ def run_forward(seg, ep, imu, earth, lever, nav0, x0, m0, P0, closed, gate, hold
                 store.innovation_sigma[e, b + i] = out[1, i]
             if nis > gate:
                 store.verdict[e, kind] = 2
-                if kind == 1:
+                if kind > 0:
                     continue
                 if lost < 0:
                     lost = e
@@ -853,6 +1019,8 @@ def run_forward(seg, ep, imu, earth, lever, nav0, x0, m0, P0, closed, gate, hold
                 store.verdict[e, kind] = 3
             else:
                 store.verdict[e, kind] = 1
+                if nis > doubt:
+                    R *= nis / doubt
             if kind == 0:
                 lost = -1
             cholesky3(R, L)
@@ -924,7 +1092,7 @@ def run_backward(ep, store, full, delta, event_cross, keep, keep_information, ke
                 continue
             h = store.H[e, i]
             k = store.K[e, i]
-            used = 9 if i < 3 else n
+            used = store.used[i]
             t = store.y[e, i] / S
             for r in range(n):
                 t -= k[r] * lam[r]

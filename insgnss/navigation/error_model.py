@@ -23,6 +23,10 @@ errors with the IMU states driven since the last epoch, W = [Q_nn Q_nb] and the 
     W <- Phi W Phi' + block noise,   Q_bb <- d^2 Q_bb + drive (1 - d^2) / (2 beta),   d = exp(-beta B)   (E.6)
     block noise: white noise integrated once (psi, v), twice (p of accelerometers, v of gyros), three times (p of gyros);
     driving noise q of a state with column c: c c' q B/3 on Q_nn, c q B/2 on Q_nb                       (E.7)
+
+An interval of length B that the IMU did not see, bridged by increments of variance q in channel i with column c_i of (E.5), adds
+
+    c_i c_i' q / B^2  on Q_nn                                                                            (E.8)
 """
 
 from dataclasses import dataclass

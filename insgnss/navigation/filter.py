@@ -5,7 +5,11 @@ Measurement of the antenna position and velocity in l with the lever arm l_b fro
     p_a = p + C_lb l_b                  dp_a = dp - [C_lb l_b x] psi                                     (K.1)
     v_a = v + C_lb (omega_lb x l_b)     dv_a = dv - [C_lb (omega_lb x l_b) x] psi + C_lb [l_b x] db_g     (K.2)
 
-with omega_lb = gyro - bias - C_bl Omega. Value and derivative leave one kernel together. A fix with covariance R = L L' is
+with omega_lb = gyro - bias - C_bl Omega. Where they are states (`layout.FixErrors`), the error of the lever arm, dl_b, adds C_lb dl_b to
+dp_a and C_lb (omega_lb x dl_b) to dv_a; the time offset d of the fixes (a fix stamped t was taken at t + d) makes them
+p_a + v_a d + a d^2 / 2 and v_a + a d, with derivatives v_a + a d and a; the correlated error of the fixes, counted in standard
+deviations of each (in steps of two), adds itself times these to the position.
+Value and derivative leave one kernel together. A fix with covariance R = L L' is
 whitened, z <- L^-1 z, H <- L^-1 H, and its three components are taken one after the other:
 
     S = h P h' + 1,  k = P h' / S,  m <- m + k (nu - h m),  P <- P - k S k'                              (K.4)
@@ -26,11 +30,18 @@ ambiguity that lasted for seconds and let go again). The covariance is opened by
 this is process noise like any other. It is counted and reported; more than three such reopenings and one every ten minutes are taken
 as contradiction of the data.
 
+Where the recording itself shows what the vehicle does (`prepare.still`), its velocity is measured as zero (K.8), that of a wheeled
+vehicle across its forward axis (K.9), dv_b = C_bl (dv + v x psi), and the mean gyro rate of a stillness as bias plus Earth rate (K.10),
+d(C_bl Omega) = C_bl (Omega x psi). These are tested like fixes, and left out where they fail. With `doubt` a triple whose NIS exceeds it
+is taken with its covariance enlarged by NIS / doubt (K.11, Huber's weight), so that what is suspicious, yet below the gate, pulls less.
+
+An interval that the IMU did not see (`Increments.bridged`) adds the covariance of what stands in for its increments (E.8).
+
 Run about a given nominal (`closed` false) nothing is fed back; m follows m <- Phi m + (f(nominal before) - nominal), which makes
 filter and smoother one Gauss-Newton step of the batch problem (K.6).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,6 +56,12 @@ BLOCK_S = 0.05  # s, see error_model
 HOLD_RAD = np.radians(1.0)  # psi must be known this well before anything is fed back
 RESET_S, RESET_FIXES = 1.0, 4.5  # seconds and intervals of rejected fixes in a row, after which they are believed again
 NOTHING, USED, REJECTED, REOPENED = 0, 1, 2, 3
+POSITION, VELOCITY, MOTION, TURN = range(4)  # kinds of measured triples
+KINDS = 4
+STILL, WHEELS = 1, 2  # of Epochs.motion
+CODE_M, FLOAT_S, CODE_S = 0.5, 60.0, 600.0  # horizontal sigma that only code solutions have; how long errors of float and code stay
+REST_S, REST_MS, REST_RAD_S = 1.0, 0.03, 5e-5  # interval of the measurements at rest; what a standing vehicle sways and turns
+WHEELS_S, WHEELS_MS = 1.0, 0.3  # likewise across the wheels: tyres slip, and mountings are a degree off
 
 
 @dataclass(frozen=True)
@@ -52,6 +69,7 @@ class Problem:
     """Everything that one flight's estimation stands on.
 
     antenna_lever_b (3,) m, IMU to antenna phase centre in body axes.   gate : limit of the NIS of a triple.
+    doubt : NIS beyond which a measurement is taken with a larger covariance (K.11).
     backward : the increments and fixes run against time (`align.initial`), so the Earth turns the other way.
     """
 
@@ -63,6 +81,7 @@ class Problem:
     gate: float
     aiding_interval_s: float
     backward: bool = False
+    doubt: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -73,6 +92,59 @@ class Start:
     x: Array
     mean: Array
     P: Array
+
+
+def part(problem: Problem, first: int, last: int) -> Problem:
+    """The epochs first..last of a problem as a problem of their own, without camera events."""
+    at = np.arange(first, last + 1)
+    inc, s0, s1 = problem.inc, problem.epochs.stop[first], problem.epochs.stop[last]
+    cut = Increments(
+        inc.dt[s0:s1], inc.dtheta[s0:s1], inc.dvel[s0:s1], inc.marks[at], problem.epochs.stop[at] - s0, inc.rate[at], inc.nominal_s
+    )
+    return with_epochs(problem, at, cut)
+
+
+def with_epochs(problem: Problem, at: np.ndarray, inc: Increments) -> Problem:
+    """The problem with the epochs `at` of its own, which are the marks of `inc`, without camera events."""
+    ep = problem.epochs
+    taken = {name: getattr(ep, name)[at] for name in ep._fields if name not in ("stop", "time", "rate", "event")}
+    event = np.full(at.size, -1, dtype=np.int64)
+    epochs = ep._replace(stop=inc.stop, time=inc.marks - inc.marks[0], rate=inc.rate, event=event, **taken)
+    return replace(problem, inc=inc, epochs=epochs)
+
+
+def at_rest(epochs: Epochs, inc: Increments, stretches: Array, layout: StateLayout) -> Epochs:
+    """The epochs with zero velocity (K.8) and zero rotation (K.10) measured once a second while the vehicle rests.
+
+    stretches : (k, 2) s, GPST, first and last instant of each rest.
+    """
+    motion, cov = epochs.motion.copy(), epochs.motion_cov.copy()
+    rate, var = epochs.still_rate.copy(), epochs.still_var.copy()
+    turned = np.concatenate([np.zeros((1, 3)), np.cumsum(inc.dtheta, axis=0)])
+    white = float(layout.white[:3].max())
+    for begin, end in stretches:
+        inside = np.flatnonzero((inc.marks >= begin) & (inc.marks <= end))
+        before = -1
+        for e in inside.tolist():
+            if before >= 0 and inc.marks[e] - inc.marks[before] < REST_S - 1e-6:
+                continue
+            motion[e], cov[e] = STILL, np.eye(3) * REST_MS**2
+            if before >= 0:
+                length = inc.marks[e] - inc.marks[before]
+                rate[e] = (turned[inc.stop[e]] - turned[inc.stop[before]]) / length
+                var[e] = white / length + REST_RAD_S**2
+            before = e
+    return epochs._replace(motion=motion, motion_cov=cov, still_rate=rate, still_var=var)
+
+
+def on_wheels(epochs: Epochs) -> Epochs:
+    """The epochs with no velocity across the forward axis (K.9), where nothing else is known of the motion."""
+    step = max(1, round(WHEELS_S / float(np.median(np.diff(epochs.time)))))
+    at = np.zeros(epochs.motion.size, dtype=np.bool_)
+    at[::step] = True
+    motion = np.where(at & (epochs.motion == NOTHING), WHEELS, epochs.motion)
+    cov = np.where((motion == WHEELS)[:, None, None], np.diag([1.0, WHEELS_MS**2, WHEELS_MS**2]), epochs.motion_cov)
+    return epochs._replace(motion=motion, motion_cov=cov)
 
 
 def gate_from_sigma(gate_sigma: float) -> float:
@@ -96,9 +168,54 @@ def make_epochs(inc: Increments, fix_place: np.ndarray, fixes: GnssFixes, event_
         has_velocity[fix_place] = True
         velocity[fix_place] = np.einsum("nij,nj->ni", C_ln, fixes.velocity_ned)
         velocity_cov[fix_place] = C_ln @ fixes.velocity_cov_ned @ np.swapaxes(C_ln, -1, -2)
+    group = np.zeros(m, dtype=np.int64)
+    group[fix_place] = lasting_errors(fixes)[0]
     event = np.full(m, -1, dtype=np.int64)
     event[event_place] = np.arange(event_place.size)
-    return Epochs(inc.stop, inc.marks - inc.marks[0], has, position, cov, has_velocity, velocity, velocity_cov, inc.rate, event)
+    return Epochs(
+        stop=inc.stop,
+        time=inc.marks - inc.marks[0],
+        has_position=has,
+        position=position,
+        position_cov=cov,
+        has_velocity=has_velocity,
+        velocity=velocity,
+        velocity_cov=velocity_cov,
+        rate=inc.rate,
+        event=event,
+        sigma=_in_octaves(cov),
+        group=group,
+        gap=np.zeros((m, 6)) if inc.bridged is None else inc.bridged,
+        motion=np.zeros(m, dtype=np.int64),
+        motion_cov=np.zeros((m, 3, 3)),
+        still_rate=np.zeros((m, 3)),
+        still_var=np.zeros(m),
+    )
+
+
+def _in_octaves(cov: Array) -> Array:
+    """(m, 3) standard deviations as the median times powers of two, zero where there is none.
+
+    An error that lasts, times a sigma that goes up and down by a tenth, would be told from the position by that alone.
+    """
+    sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
+    known = sigma[:, 0] > 0.0
+    out = np.zeros_like(sigma)
+    if known.any():
+        middle = np.median(sigma[known], axis=0)
+        out[known] = middle * 2.0 ** np.rint(np.log2(sigma[known] / middle))
+    return out
+
+
+def lasting_errors(fixes: GnssFixes) -> tuple[np.ndarray, float]:
+    """(n,) bool, fixes whose errors stay: float and code among fixed ones, or code throughout; and for how long they do, s.
+
+    Wrong ambiguities stay until the geometry changes, a minute; the ionosphere of a code solution for ten and more.
+    """
+    if fixes.quality is not None and np.mean(fixes.quality == 1) >= 0.1:
+        return np.isin(fixes.quality, (2, 3, 4, 5)), FLOAT_S
+    sigma = np.sqrt(0.5 * (fixes.cov_ned[:, 0, 0] + fixes.cov_ned[:, 1, 1]))
+    return np.full(fixes.time.size, np.median(sigma) > CODE_M), CODE_S
 
 
 def make_store(epochs: Epochs, layout: StateLayout) -> Store:
@@ -108,7 +225,8 @@ def make_store(epochs: Epochs, layout: StateLayout) -> Store:
     """
     m, n = epochs.stop.size, layout.size
     ns = n - 9
-    nz = 6 if epochs.has_velocity.any() else 3
+    slot, used = _slots(epochs, layout)
+    nz = used.size
     events = int(epochs.event.max()) + 1 if m else 0
     return Store(
         nav=np.empty((m, 10)),
@@ -118,16 +236,26 @@ def make_store(epochs: Epochs, layout: StateLayout) -> Store:
         sigma=np.empty((m, n)),
         F=np.empty((m, 9, n)),
         D=np.empty((m, ns)),
-        H=np.empty((m, nz, n if nz > 3 else 9)),
+        H=np.empty((m, nz, int(used.max()))),
         K=np.empty((m, nz, n)),
         S=np.zeros((m, nz)),
         y=np.zeros((m, nz)),
         innovation=np.full((m, nz), np.nan),
         innovation_sigma=np.full((m, nz), np.nan),
-        nis=np.full((m, 2), np.nan),
-        verdict=np.zeros((m, 2), dtype=np.int64),
+        nis=np.full((m, KINDS), np.nan),
+        verdict=np.zeros((m, KINDS), dtype=np.int64),
+        slot=slot,
+        used=used,
         cross=np.empty((events, 9, n)),
     )
+
+
+def _slots(epochs: Epochs, layout: StateLayout) -> tuple[np.ndarray, np.ndarray]:
+    """First row of each kind of triple that the epochs hold, and the columns that each row uses."""
+    there = (True, epochs.has_velocity.any(), (epochs.motion > 0).any(), (epochs.still_var > 0.0).any())
+    wide = (layout.size if layout.of_fixes else 9, layout.size, 9, layout.size)
+    slot = np.array([3 * sum(there[:kind]) if there[kind] else -1 for kind in range(KINDS)], dtype=np.int64)
+    return slot, np.repeat([columns for kind, columns in enumerate(wide) if there[kind]], 3).astype(np.int64)
 
 
 def run_filter(problem: Problem, start: Start, store: Store, closed: bool = True) -> None:
@@ -151,6 +279,7 @@ def run_filter(problem: Problem, start: Start, store: Store, closed: bool = True
         np.ascontiguousarray(start.P),
         closed,
         problem.gate,
+        problem.doubt,
         HOLD_RAD,
         max(RESET_S, RESET_FIXES * problem.aiding_interval_s),
         store,

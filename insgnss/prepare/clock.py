@@ -25,10 +25,11 @@ def common_clock(
     week = gps_week if gps_week is not None else (known[0] if known else None)
     if week is None:
         raise InputError(f"{imu.source}: no file says the GPS week; give gps_week in the flight file")
-    return _in_week(imu, week), _in_week(gnss, week), None if events is None else _in_week(events, week), week
+    return in_week(imu, week), in_week(gnss, week), None if events is None else in_week(events, week), week
 
 
-def _in_week(record: Timed, week: int) -> Timed:
+def in_week(record: Timed, week: int) -> Timed:
+    """The record with its times in seconds of `week`; without a week of its own it is taken to be of it."""
     if record.gps_week in (None, week):
         return replace(record, gps_week=week)
     return replace(record, time=record.time + (record.gps_week - week) * WEEK_S, gps_week=week)
@@ -71,6 +72,14 @@ def cut_fixes(gnss: GnssFixes, lo: float, hi: float) -> GnssFixes:
     return replace(gnss, **cut, **optional)
 
 
+def cut_samples(imu: ImuSamples, lo: float, hi: float) -> ImuSamples:
+    """The samples within [lo, hi]; all of them where fewer than two are."""
+    first, last = np.searchsorted(imu.time, [lo, hi])
+    if last - first < 2:
+        return imu
+    return replace(imu, time=imu.time[first:last], gyro=imu.gyro[first:last], accel=imu.accel[first:last])
+
+
 def cut_events(events: CameraEvents, start: float | None, end: float | None) -> CameraEvents:
     """The events within [start, end], as the flight file cuts the flight. Raises InputError where none is left."""
     keep = (events.time >= (-np.inf if start is None else start)) & (events.time <= (np.inf if end is None else end))
@@ -78,7 +87,12 @@ def cut_events(events: CameraEvents, start: float | None, end: float | None) -> 
         return events
     if not keep.any():
         raise InputError(f"{events.source}: no image between start_tow and end_tow; correct them, or leave out [camera]")
-    return replace(events, images=tuple(np.array(events.images, dtype=object)[keep]), time=events.time[keep])
+    return take_events(events, np.flatnonzero(keep))
+
+
+def take_events(events: CameraEvents, at: np.ndarray) -> CameraEvents:
+    """The events of the indices `at`."""
+    return replace(events, images=tuple(np.array(events.images, dtype=object)[at]), time=events.time[at])
 
 
 def refuse_outside(events: CameraEvents, lo: float, hi: float) -> None:

@@ -23,29 +23,16 @@ pieces the rotation of the whole.
 
 Blanes, Casas, Oteo, Ros (2009) "The Magnus expansion and some of its applications"; Savage (1998) for the one-sided forms.
 
-Gaps: an interval longer than 1.5 nominal ones lacks samples. Up to `max_gap_s` it is bridged by the mean of the rates at its two
-ends and counted; beyond that the data do not support a solution across it.
+Gaps are bridged by the mean of the rates at their two ends (`gaps`).
 """
 
 import numpy as np
 
 from ..errors import DataError
 from ..records import QUANTITIES, Array, ImuSamples, Increments
+from .gaps import bridged_variance, find_gaps, limit, nominal_interval
 
-MAX_GAP_S = 0.05  # a drone at 1 rad/s^2 turns 1.3 mrad less or more in it than the bridge assumes
 SNAP_S = 1e-7  # a mark this close to another, or to a sample, is the same instant: 15 m/s make 1.5 micrometres of it
-
-
-def nominal_interval(time: Array) -> float:
-    """Median sample interval, s."""
-    step = np.diff(time[: min(time.size, 200_001)])
-    return float(np.median(step))
-
-
-def find_gaps(time: Array, nominal: float) -> list[tuple[float, float]]:
-    """(time of the last sample before, length) of every interval longer than 1.5 nominal ones."""
-    step = np.diff(time)
-    return [(float(time[i]), float(step[i])) for i in np.flatnonzero(step > 1.5 * nominal)]
 
 
 def merge_marks(*times: Array) -> tuple[Array, list[np.ndarray]]:
@@ -57,21 +44,21 @@ def merge_marks(*times: Array) -> tuple[Array, list[np.ndarray]]:
     return union, place
 
 
-def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array, max_gap_s: float = MAX_GAP_S) -> Increments:
+def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array) -> Increments:
     """Body increments from the first to the last mark, split at every mark.
 
     imu : samples in the sensor's axes.   C_b_imu : (3, 3), sensor axes to body.
     marks : (m,) s, increasing, within the recording.
-    Raises DataError where a gap between the first and the last mark is longer than max_gap_s.
+    Raises DataError where a gap between the first and the last mark is too long to be bridged.
     """
     from ._kernels import build_segments
 
     nominal = nominal_interval(imu.time)
     gaps = [g for g in find_gaps(imu.time, nominal) if g[0] + g[1] > marks[0] and g[0] < marks[-1]]
     for t, length in gaps:
-        if length > max(max_gap_s, 3.0 * nominal):
+        if length > limit(nominal):
             raise DataError(
-                f"{imu.source or 'IMU'}: gap of {length:.3f} s (limit {max_gap_s} s) at {t:.3f} s; "
+                f"{imu.source or 'IMU'}: gap of {length:.3f} s (limit {limit(nominal):.3g} s) at {t:.3f} s; "
                 "cut the flight there with start_tow or end_tow"
             )
     room = imu.time.size + marks.size
@@ -80,7 +67,8 @@ def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array, max_gap_s: fl
     snapped = _snap_to_samples(marks, imu.time)
     samples = (imu.time, imu.gyro, imu.accel, QUANTITIES.index(imu.quantity))
     n = build_segments(*samples, np.ascontiguousarray(C_b_imu), nominal, 1.5 * nominal, snapped, dt, dtheta, dvel, stop, rate)
-    return Increments(dt[:n], dtheta[:n], dvel[:n], snapped, stop, rate, nominal, tuple(gaps))
+    bridged = bridged_variance(imu, C_b_imu, gaps, snapped) if gaps else None
+    return Increments(dt[:n], dtheta[:n], dvel[:n], snapped, stop, rate, nominal, tuple(gaps), bridged)
 
 
 def _snap_to_samples(marks: Array, time: Array) -> Array:

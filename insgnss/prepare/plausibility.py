@@ -8,8 +8,10 @@ import numpy as np
 
 from ..geodesy.earth import curvature_radii
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
-from .increments import find_gaps, nominal_interval
-from .turns import STEP_S, check_events, check_turns, north_east, quantity_guess
+from .fix_path import north_east
+from .gaps import find_gaps, nominal_interval
+from .hanging import constant_runs, dead_band
+from .turns import STEP_S, check_events, check_turns, quantity_guess
 
 STILL_S = 5.0
 FAR_M = 50e3
@@ -31,6 +33,22 @@ NAMES = (
     "turn rate, gyro against GNSS course",
     "camera events",
     "heading against course",
+    "recognised units",
+    "recognised axes",
+    "recognised sign",
+    "recognised clock",
+    "IMU rows",
+    "GNSS rows",
+    "event rows",
+    "standing",
+    "IMU parity",
+    "IMU clocks",
+    "IMU overlap",
+    "IMU calibration",
+    "IMU gaps",
+    "GNSS quality",
+    "antenna lever arm",
+    "GNSS time offset",
 )
 """Of all checks; the flight file's `accept` takes them."""
 
@@ -93,22 +111,25 @@ def _silent(imu: ImuSamples, dt: float) -> Check:
     """Channels that repeat one value for longer than `STILL_S`."""
     names = [f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"]
     limit = max(int(STILL_S / dt), 10)
-    dead, how = [], ""
-    for name, column in zip(names, [*imu.gyro.T, *imu.accel.T], strict=True):
-        probe = column[:: limit // 2]  # a run longer than the limit holds two neighbours of these
-        if (probe[1:] != probe[:-1]).all():
+    dead, band, how = [], [], ""
+    for c, (name, column) in enumerate(zip(names, [*imu.gyro.T, *imu.accel.T], strict=True)):
+        runs = constant_runs(column, limit + 1)
+        if not runs:
             continue
-        change = np.flatnonzero(np.diff(column) != 0.0)
-        edges = np.concatenate([[-1], change, [column.size - 1]])
-        run = np.diff(edges)
-        k = int(np.argmax(run))
-        if run[k] > limit:
-            dead.append(name)
-            how = how or f"stays at {column[edges[k] + 1]:z.6g} for {run[k] * dt:.1f} s from {imu.time[edges[k] + 1]:.2f} s on"
+        first, last = max(runs, key=lambda run: run[1] - run[0])
+        if c < 3 and all(dead_band(imu, c, *run) for run in runs):
+            band.append(name)
+            continue
+        dead.append(name)
+        how = how or f"stays at {column[first]:z.6g} for {(last - first + 1) * dt:.1f} s from {imu.time[first]:.2f} s on"
     expected = f"no channel constant for over {STILL_S:.0f} s"
     if dead:
         found = f"{dead[0]} {how}" + (f", likewise {', '.join(dead[1:])}" if dead[1:] else "")
         return Check("silent sensor", found, expected, "contradiction", "a sensor is dead or a column is wrong; check imu.columns")
+    if band:
+        return Check(
+            "silent sensor", f"{', '.join(band)} read exactly 0 for a while", expected, "note", "a dead band hides slow turns and the bias"
+        )
     return Check("silent sensor", "every channel alive", expected)
 
 

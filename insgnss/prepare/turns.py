@@ -11,8 +11,8 @@ the events are not in the time scale of the fixes. A camera that takes images ev
 
 import numpy as np
 
-from ..geodesy.earth import curvature_radii
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples, Verdict
+from .fix_path import north_east, sound_fixes
 
 STEP_S = 0.1
 SMOOTH_S = 2.0
@@ -38,7 +38,7 @@ def check_events(events: CameraEvents, gnss: GnssFixes) -> Check:
     rate, moving = _course_rate(gnss, grid, width)
     here, shifted = _turning(events.time, grid, rate, moving), {s: _turning(events.time + s, grid, rate, moving) for s in (UTC_S, -UTC_S)}
     best = min(shifted, key=lambda s: shifted[s])
-    if here > TURNING and here > STRAIGHTER * shifted[best]:
+    if np.isfinite(here) and here > TURNING and here > STRAIGHTER * shifted[best]:
         found += f"; mean course rate there {np.degrees(here):.1f} deg/s, {best:+.0f} s away {np.degrees(shifted[best]):.1f} deg/s"
         return Check(
             name,
@@ -125,8 +125,9 @@ def _gyro_unit_advice(ratio: float, imu: ImuSamples, dt: float) -> str:
 
 def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.ndarray]:
     """Rate of the course on the grid, rad/s, and where the speed allows it."""
-    ne = north_east(gnss)
-    position = np.column_stack([_smooth(np.interp(grid, gnss.time, ne[:, c]), width) for c in range(2)])
+    sound = sound_fixes(gnss)
+    time, ne = gnss.time[sound], north_east(gnss)[sound]
+    position = np.column_stack([_smooth(np.interp(grid, time, ne[:, c]), width) for c in range(2)])
     velocity = np.gradient(position, grid, axis=0)
     acceleration = np.gradient(velocity, grid, axis=0)
     speed2 = np.sum(velocity**2, axis=1)
@@ -152,12 +153,6 @@ def _best_lag(gyro: Array, course_rate: Array, moving: np.ndarray) -> tuple[floa
             value[i] = np.corrcoef(a[use], b[use])[0, 1]
     best = int(np.argmax(np.abs(value)))
     return float(lags[best] * STEP_S), float(value[best]), float(value[most])
-
-
-def north_east(gnss: GnssFixes) -> Array:
-    """North and east of the first fix, (n, 2) m."""
-    M, N = curvature_radii(gnss.lat[0])
-    return np.column_stack([(gnss.lat - gnss.lat[0]) * M, (gnss.lon - gnss.lon[0]) * N * np.cos(gnss.lat[0])])
 
 
 def _smooth(x: Array, width: int) -> Array:

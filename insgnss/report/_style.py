@@ -5,6 +5,7 @@ Colours are those of Okabe and Ito (2008), which the colour-blind tell apart.
 
 import io
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ AXIS_COLOURS = ("#0072B2", "#D55E00", "#009E73")  # north or east, ..., down or 
 LINE, ACCENT, FAINT, WARN = "#0072B2", "#D55E00", "#8A8F98", "#CC3311"
 DPI = 100
 MOST_POINTS = 1000
+WHOLE = (slice(None),)
 
 
 def thin(y: Array, limit: int = MOST_POINTS) -> NDArray[np.int64]:
@@ -34,16 +36,19 @@ def thin(y: Array, limit: int = MOST_POINTS) -> NDArray[np.int64]:
     return np.unique(np.clip(np.concatenate([[0, y.size - 1], low, high]), 0, y.size - 1))
 
 
-def line(ax: Any, t: Array, y: Array, **style: Any) -> None:
-    """Draw y over t, thinned."""
-    keep = thin(y)
-    ax.plot(t[keep], y[keep], **({"lw": 1.0} | style))
+def line(ax: Any, t: Array, y: Array, parts: Sequence[slice] = WHOLE, label: str | None = None, **style: Any) -> None:
+    """Draw y over t, thinned, each of the `parts` by itself."""
+    for number, part in enumerate(parts):
+        keep = thin(y[part])
+        ax.plot(t[part][keep], y[part][keep], **({"lw": 1.0, "label": None if number else label} | style))
 
 
-def bounds(ax: Any, t: Array, centre: Array, half_width: Array, **style: Any) -> None:
-    """Shade centre +- half_width over t, thinned."""
-    keep = np.union1d(thin(centre), thin(half_width))
-    ax.fill_between(t[keep], (centre - half_width)[keep], (centre + half_width)[keep], **({"alpha": 0.22, "lw": 0} | style))
+def bounds(ax: Any, t: Array, centre: Array, half_width: Array, parts: Sequence[slice] = WHOLE, **style: Any) -> None:
+    """Shade centre +- half_width over t, thinned, each of the `parts` by itself."""
+    for part in parts:
+        c, w = centre[part], half_width[part]
+        keep = np.union1d(thin(c), thin(w))
+        ax.fill_between(t[part][keep], (c - w)[keep], (c + w)[keep], **({"alpha": 0.22, "lw": 0} | style))
 
 
 def length_unit(typical: float) -> tuple[float, str]:

@@ -69,15 +69,24 @@ def lag_one(x: Array) -> Array:
 
 
 def innovation_figures(innovation: Array, sigma: Array, used: Selection) -> dict[str, Any]:
-    """Mean, rms and median sigma (mm) of the used innovations (k, 3) north, east, down, and the whiteness (T.2) of innovation / sigma."""
+    """Mean, rms, what 68 % are within, and median sigma (mm) of the used innovations (k, 3) north, east, down; their whiteness (T.2)."""
     kept = used & np.isfinite(innovation).all(axis=1)
     if not kept.any():
-        return {"axes": ["N", "E", "D"], "mean_mm": None, "rms_mm": None, "median_sigma_mm": None, "lag1": None, "lag1_bound_99": None}
+        return {
+            "axes": ["N", "E", "D"],
+            "mean_mm": None,
+            "rms_mm": None,
+            "within_68_mm": None,
+            "median_sigma_mm": None,
+            "lag1": None,
+            "lag1_bound_99": None,
+        }
     nu, s = innovation[kept], sigma[kept]
     return {
         "axes": ["N", "E", "D"],
         "mean_mm": 1e3 * nu.mean(axis=0),
         "rms_mm": 1e3 * np.sqrt((nu**2).mean(axis=0)),
+        "within_68_mm": 1e3 * np.quantile(np.abs(nu), 0.6827, axis=0),
         "median_sigma_mm": 1e3 * np.median(s, axis=0),
         "lag1": lag_one(nu / s),
         "lag1_bound_99": Z_CONFIDENCE / math.sqrt(len(nu)),
@@ -92,9 +101,11 @@ def normalised_rms(x: Array, sigma: Array) -> Array:
     return np.sqrt(np.divide(squares, count, out=np.full(x.shape[1], np.nan), where=count > 0))
 
 
-def longest_outage(start: float, end: float, fix_time: Array, used: Selection) -> tuple[float, float]:
-    """Begin and length, s, of the longest time between `start` and `end` without a used fix."""
-    inside = fix_time[used & (fix_time > start) & (fix_time < end)]
-    edges = np.concatenate([[start], inside, [end]])
-    k = int(np.argmax(np.diff(edges)))
-    return float(edges[k]), float(edges[k + 1] - edges[k])
+def without_fix(spans: Array, fix_time: Array, used: Selection) -> Array:
+    """Begin and length, s, (n, 2), of the times between the used fixes, and between them and the ends of each of `spans` (k, 2)."""
+    times = fix_time[used]
+    found = []
+    for start, end in spans:
+        edges = np.concatenate([[start], times[(times > start) & (times < end)], [end]])
+        found.append(np.stack([edges[:-1], np.diff(edges)], axis=1))
+    return np.concatenate(found)

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Diagnostics, ExteriorOrientation
-from .statistics import consistency, innovation_figures, longest_outage, normalised_rms
-from .verdict import headline, limits
+from ..records import Diagnostics, ExteriorOrientation, StateVerdict
+from .coverage import longest_outage, outage_figures, rests, stretches
+from .flightlines import line_figures
+from .statistics import consistency, innovation_figures, normalised_rms
+from .verdict import headline, limits, verdict
+from .wording import DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
 
 Array = NDArray[np.float64]
 
-STANDARD_GRAVITY = 9.80665  # m/s^2
-DEG_H_PER_RAD_S = math.degrees(1.0) * 3600.0
-MG_PER_M_S2 = 1e3 / STANDARD_GRAVITY
 MOST_LISTED = 200
 ENU = ["E", "N", "U"]
 NED = ["N", "E", "D"]
@@ -49,8 +49,12 @@ def run_summary(
     figures = {"name": str(flight.get("name", ""))} | _judged(diagnostics, eo)
     figures["counts"] = {"imu_samples": imu_samples, "epochs": epochs} | figures["counts"]
     figures |= {"timings_s": timings, "history": history, "flight": flight, "versions": versions, "inputs_sha256": inputs}
+    gnss = flight.get("gnss")
+    figures["standing"] = isinstance(gnss, Mapping) and gnss.get("stationary") is not None
     figures = plain(figures)
-    return {"headline": headline(figures), "verdict": limits(figures)} | figures
+    found = limits(figures)
+    told = [asdict(limit) for limit in found]
+    return {"headline": headline(figures), "verdict": verdict(found), "limits": told} | figures
 
 
 def plain(value: Any) -> Any:
@@ -81,7 +85,14 @@ def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
         "biases": _biases(d),
         "rejected": _rejected(d),
         "reopened_s": [] if d.reopened is None else d.reopened,
-        "longest_outage": _outage(d),
+        "longest_outage": longest_outage(d),
+        "outages": outage_figures(d, eo),
+        "lines": line_figures(d, eo),
+        "neighbours": None if eo is None or len(eo.images) < 2 else _neighbours(eo),
+        "states": [_state(state) for state in d.states],
+        "lasting_errors": [asdict(error) for error in d.lasting],
+        "rests": rests(d),
+        "stretches": stretches(d),
         "imu_gaps": [{"time_s": time, "length_s": length} for time, length in d.gaps],
         "checks": [asdict(check) for check in d.checks],
     }
@@ -179,16 +190,19 @@ def _rejected(d: Diagnostics) -> dict[str, Any]:
     return {"count": rows.size, "nis_limit": float(d.nis_limit), "listed": listed}
 
 
-def _outage(d: Diagnostics) -> dict[str, float | None]:
-    """The longest time without a used fix, and the largest smoothed horizontal and vertical sigma within it."""
-    begin, length = longest_outage(float(d.time[0]), float(d.time[-1]), d.fix_time, d.used)
-    first, last = np.searchsorted(d.time, (begin, begin + length), side="right")
-    within = d.smoothed_sigma[max(first - 1, 0) : last + 1]
-    horizontal = np.hypot(within[:, 0], within[:, 1])
+def _neighbours(eo: ExteriorOrientation) -> dict[str, Any]:
+    """Median sigma of the difference of neighbouring images, whose covariance is P_i + P_j - P_ij - P_ij' (axes of the tangent plane)."""
+    difference = eo.cov[:-1] + eo.cov[1:] - eo.cross - np.swapaxes(eo.cross, -1, -2)
+    sigma = np.median(np.sqrt(np.maximum(np.diagonal(difference, axis1=1, axis2=2), 0.0)), axis=0)
     return {
-        "time_s": begin,
-        "length_s": length,
-        "median_interval_s": float(np.median(np.diff(d.fix_time))) if d.fix_time.size > 1 else None,
-        "horizontal_mm": 1e3 * float(horizontal.max()),
-        "down_mm": 1e3 * float(within[:, 2].max()),
+        "axes": ENU,
+        "interval_s": float(np.median(np.diff(eo.time))),
+        "position_mm": 1e3 * sigma[:3],
+        "attitude_deg": np.degrees(sigma[3:]),
     }
+
+
+def _state(state: StateVerdict) -> dict[str, Any]:
+    """A constant in SI, and the unit in which a person reads it."""
+    factor, unit = state_unit(state.name)
+    return asdict(state) | {"unit": unit, "per_unit": factor}

@@ -13,10 +13,11 @@ from ..geodesy._kernels import gravity_ecef
 
 
 @njit(cache=True)
-def inertial_signals(piece, u, C_el, origin, omega_l, work, out):
-    """out (6,) = omega_ib_b (rad/s), f_b (m/s^2) at `u` seconds into one piece (M.4, M.5).
+def inertial_signals(piece, u, C_el, origin, omega_l, lever, work, out):
+    """out (6,) = omega_ib_b (rad/s), f_b (m/s^2) at `u` seconds into one piece (M.4, M.5), with the centripetal part of (M.6).
 
     piece (6, 6): coefficients [power, channel]; work (4, 3) scratch; C_el, origin (ECEF, m) and omega_l (rad/s) of the frame l.
+    lever (3,): m, of the sensor in body axes.
     """
     p, v, f, g = work[0], work[1], work[2], work[3]
     for i in range(3):
@@ -53,20 +54,24 @@ def inertial_signals(piece, u, C_el, origin, omega_l, work, out):
         out[base] += ct * ahead - st * w[2]
         out[base + 1] += cf * side + sf * below
         out[base + 2] += -sf * side + cf * below
+    along = out[0] * lever[0] + out[1] * lever[1] + out[2] * lever[2]
+    square = out[0] * out[0] + out[1] * out[1] + out[2] * out[2]
+    for i in range(3):
+        out[i + 3] += out[i] * along - lever[i] * square
 
 
 @njit(cache=True)
-def sample_signals(coefficients, spacing, elapsed, C_el, origin, omega_l, out):
+def sample_signals(coefficients, spacing, elapsed, C_el, origin, omega_l, lever, out):
     """out (n, 6): the signals at `elapsed` (n,) s from the motion's start; coefficients (pieces, 6, 6)."""
     work = np.empty((4, 3))
     last = coefficients.shape[0] - 1
     for k in range(elapsed.size):
         i = min(max(int(elapsed[k] / spacing), 0), last)
-        inertial_signals(coefficients[i], elapsed[k] - i * spacing, C_el, origin, omega_l, work, out[k])
+        inertial_signals(coefficients[i], elapsed[k] - i * spacing, C_el, origin, omega_l, lever, work, out[k])
 
 
 @njit(cache=True)
-def integrate_signals(coefficients, spacing, elapsed, nodes, weights, C_el, origin, omega_l, out):
+def integrate_signals(coefficients, spacing, elapsed, nodes, weights, C_el, origin, omega_l, lever, out):
     """out (n, 6): integrals of the signals from elapsed[k] to elapsed[k + 1], elapsed (n + 1,) s from the motion's start.
 
     Gauss-Legendre (nodes, weights on -1 to 1) on every part of an interval that lies within one piece, where the signals are analytic.
@@ -86,7 +91,7 @@ def integrate_signals(coefficients, spacing, elapsed, nodes, weights, C_el, orig
                 stop = min(stop, (i + 1) * spacing)
             half, middle = 0.5 * (stop - start), 0.5 * (stop + start) - i * spacing
             for q in range(nodes.size):
-                inertial_signals(coefficients[i], middle + half * nodes[q], C_el, origin, omega_l, work, signal)
+                inertial_signals(coefficients[i], middle + half * nodes[q], C_el, origin, omega_l, lever, work, signal)
                 for j in range(6):
                     out[k, j] += half * weights[q] * signal[j]
             start = stop

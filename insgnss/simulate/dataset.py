@@ -26,17 +26,16 @@ from ..formats.gnss_text import ImagePositions, write_gnss_text, write_image_pos
 from ..geodesy.rotation import CV_RUB, opk_from_rotation
 from ..records import ImuSamples, Quantity
 from ..stochastic.model import NoiseModel, load_noise_model, shipped_models, write_noise_model
-from ..stochastic.units import parse_quantity
+from .description import EVENTS, FIXES, IMU, PPK, README, Tables, Units, flight_md, flight_toml, imu_file, true_tables
+from .faults import ImuFaults, RowFaults
 from .layout import FlightPlan
+from .receiver import GnssOptions
 from .scenario import SimulatedFlight, simulate_flight
-from .sensors import GnssOptions, ImuOptions, Rig, antenna_states
+from .sensors import ImuOptions, Rig, SecondImu, antenna_states
 
 Array = NDArray[np.float64]
 
-EVENTS = "01_Observations/Camera/Data/Events.txt"
 TARGETS = "01_Observations/Camera/GCPs"
-IMU = "01_Observations/IMU/Data/Pre_calibrated"
-PPK = "02_Processed/GPS-PPK"
 _TARGETS = 40
 _RELIEF_M = 2.0
 _CHUNK = 20000  # lines of the IMU file formatted at once
@@ -63,9 +62,14 @@ def write_dataset(
     gyro_unit: str | None = None,
     accel_unit: str | None = None,
     quantity: Quantity = "mean_rate",
+    imu_faults: ImuFaults | None = None,
     gnss: GnssOptions | None = None,
     rig: Rig | None = None,
+    second_imu: SecondImu | None = None,
     missing_events: float = 0.0,
+    imu_rows: RowFaults | None = None,
+    gnss_rows: RowFaults | None = None,
+    flight_file: Tables | None = None,
     **changes: Any,
 ) -> Dataset:
     """Simulate a flight and write it as a data set that `flight.toml` describes; whole or not at all.
@@ -73,27 +77,54 @@ def write_dataset(
     Parameters
     ----------
     directory : is created; it may exist if it is empty.
-    flight, minutes, seed, gnss, rig, missing_events, changes : as in `simulate_flight`.
-    imu_rate : Hz.   noise : as in `ImuOptions`; the flight file names it.
-    imu_axes, gyro_unit, accel_unit, quantity : how the IMU file is written; SI units by default.
+    flight, minutes, seed, gnss, rig, second_imu, missing_events, changes : as in `simulate_flight`.
+    imu_rate : Hz.   noise, imu_faults : as in `ImuOptions`; the flight file names the noise.
+    imu_axes, gyro_unit, accel_unit, quantity, imu_rows, gnss_rows, flight_file : as in `write_simulated`; SI units by default.
 
     Raises
     ------
     UsageError : the directory is not empty or cannot be written, the flight cannot be flown, or it has no exposure.
     InputError : a unit does not exist or is of another dimension.
     """
-    target = Path(directory).resolve()
-    if target.exists() and (not target.is_dir() or any(target.iterdir())):
-        raise UsageError(f"{target}: exists and is not an empty directory; give another one")
-    units = _Units.of(quantity, gyro_unit, accel_unit)
-    imu = ImuOptions(imu_rate, noise, imu_axes, quantity)
-    simulated = simulate_flight(flight, minutes, seed=seed, imu=imu, gnss=gnss, rig=rig, missing_events=missing_events, **changes)
+    target = _target(directory)
+    units = Units.of(quantity, gyro_unit, accel_unit)
+    imu = ImuOptions(imu_rate, noise, imu_axes, quantity, faults=imu_faults or ImuFaults())
+    simulated = simulate_flight(
+        flight, minutes, seed=seed, imu=imu, gnss=gnss, rig=rig, second_imu=second_imu, missing_events=missing_events, **changes
+    )
+    return write_simulated(target, simulated, seed=seed, units=units, imu_rows=imu_rows, gnss_rows=gnss_rows, flight_file=flight_file)
+
+
+def write_simulated(
+    directory: str | os.PathLike[str],
+    simulated: SimulatedFlight,
+    *,
+    seed: int = 0,
+    units: "Units | None" = None,
+    imu_rows: RowFaults | None = None,
+    gnss_rows: RowFaults | None = None,
+    flight_file: Tables | None = None,
+) -> Dataset:
+    """Write what was simulated as a data set; whole or not at all.
+
+    seed : of targets, row faults and the antenna's errors at the images.   units : of the IMU file, SI by default.
+    imu_rows, gnss_rows : disorder of the rows of the IMU and the GNSS file.
+    flight_file : tables of keys that take the place of the true ones, to write a wrong flight file or to ask for more in it.
+
+    Raises UsageError where the directory is not empty or cannot be written, or the flight has no exposure.
+    """
+    target = _target(directory)
     if not simulated.events.images:
         raise UsageError("no exposure in this flight; ask for more minutes, or start in the air")
+    units = units or Units.of(simulated.imu_options.quantity, None, None)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    draws = np.random.default_rng([seed, 1])
     try:
         temporary.mkdir(parents=True)
-        _write_tree(temporary, simulated, units, np.random.default_rng([seed, 1]))
+        _write_tree(temporary, simulated, units, draws, flight_file or {})
+        for rows, file in ((imu_rows, imu_file(simulated)), (gnss_rows, FIXES)):
+            if rows is not None:
+                rows.disturb(temporary / file, draws.spawn(1)[0])
         if target.exists():
             target.rmdir()
         temporary.rename(target)
@@ -104,56 +135,36 @@ def write_dataset(
     return Dataset(target, target / "flight.toml", simulated)
 
 
-@dataclass(frozen=True)
-class _Units:
-    """Units of the IMU file and their factors to SI."""
-
-    gyro: str
-    accel: str
-    gyro_si: float
-    accel_si: float
-    more_digits: int
-
-    @classmethod
-    def of(cls, quantity: Quantity, gyro: str | None, accel: str | None) -> "_Units":
-        increments = quantity == "increments"
-        gyro_si, accel_si = ("rad", "m/s") if increments else ("rad/s", "m/s^2")
-        gyro, accel = gyro or gyro_si, accel or accel_si
-        factors = parse_quantity(f"1 {gyro}", gyro_si), parse_quantity(f"1 {accel}", accel_si)
-        return cls(gyro, accel, *factors, 3 if increments else 0)
-
-    def row(self) -> str:
-        """Format of one line: a step of 1e-9 rad/s and 1e-8 m/s^2 or less (1e-12 rad and 1e-11 m/s of increments)."""
-        gyro = max(0, int(np.ceil(9 + self.more_digits + np.log10(self.gyro_si))))
-        accel = max(0, int(np.ceil(8 + self.more_digits + np.log10(self.accel_si))))
-        return "%.7f" + f",%.{gyro}f" * 3 + f",%.{accel}f" * 3 + "\n"
+def _target(directory: str | os.PathLike[str]) -> Path:
+    target = Path(directory).resolve()
+    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+        raise UsageError(f"{target}: exists and is not an empty directory; give another one")
+    return target
 
 
-def _write_tree(root: Path, simulated: SimulatedFlight, units: _Units, rng: np.random.Generator) -> None:
+def _write_tree(root: Path, simulated: SimulatedFlight, units: Units, rng: np.random.Generator, flight_file: Tables) -> None:
     for folder in (Path(EVENTS).parent, TARGETS, IMU, PPK, "truth"):
         (root / folder).mkdir(parents=True, exist_ok=True)
     write_events(simulated.events, root / EVENTS)
-    with (root / _imu_file(simulated)).open("w", encoding="utf-8", newline="\n") as stream:
-        stream.writelines(_imu_lines(simulated.imu, units))
-    write_gnss_text(simulated.gnss, root / PPK / "AntennaPos_WGS84.txt")
+    _write_imu(root / imu_file(simulated), simulated.imu, units)
+    write_gnss_text(simulated.gnss, root / FIXES)
     _write_antenna_at_images(root / PPK, simulated, rng)
     _write_targets(root / TARGETS, simulated, rng)
     _write_truth(root / "truth", simulated)
-    noise = _noise_name(root, simulated.imu_options.noise)
-    for name, text in (
-        ("flight.toml", _flight_toml(simulated, units, noise)),
-        ("README.md", _README),
-        ("FLIGHT.md", _flight_md(simulated)),
-    ):
+    tables = true_tables(simulated, units, _noise_name(root, simulated.imu_options.noise))
+    if simulated.second_imu is not None:
+        recorded, other = simulated.second_imu
+        _write_imu(root / imu_file(simulated, 2), recorded.samples, Units.of(other.options.quantity, None, None))
+    for name, text in (("flight.toml", flight_toml(tables, flight_file)), ("README.md", README), ("FLIGHT.md", flight_md(simulated))):
         (root / name).write_text(text, encoding="utf-8", newline="\n")
 
 
-def _imu_file(simulated: SimulatedFlight) -> str:
-    """The paper's name: f, number of the flight, 1 for NC1, sob for the deterministic calibration applied."""
-    return f"{IMU}/f{simulated.flight.plan.first_image // 1000}_1_sob.csv"
+def _write_imu(path: Path, samples: ImuSamples, units: Units) -> None:
+    with path.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.writelines(_imu_lines(samples, units))
 
 
-def _imu_lines(imu: ImuSamples, units: _Units) -> Iterator[str]:
+def _imu_lines(imu: ImuSamples, units: Units) -> Iterator[str]:
     columns = [f"g{c}[{units.gyro}]" for c in "xyz"] + [f"a{c}[{units.accel}]" for c in "xyz"]
     yield ",".join(["tow[s]", *columns]) + "\n"
     row = units.row()
@@ -231,67 +242,3 @@ def _noise_name(root: Path, noise: str | NoiseModel | None) -> str:
         return noise
     write_noise_model(load_noise_model(noise) if isinstance(noise, str) else noise, root / "noise.toml")
     return "noise.toml"
-
-
-def _flight_toml(simulated: SimulatedFlight, units: _Units, noise: str) -> str:
-    options, rig, plane = simulated.imu_options, simulated.rig, simulated.tangent_plane
-    return f"""\
-name = "{simulated.flight.plan.name}"
-gps_week = {simulated.flight.gps_week}
-
-[imu]
-file = "{_imu_file(simulated)}"
-units = {{ gyro = "{units.gyro}", accel = "{units.accel}" }}
-quantity = "{options.quantity}"
-axes = "{options.axes}"
-noise = "{noise}"
-
-[gnss]
-file = "{PPK}/AntennaPos_WGS84.txt"
-
-[camera]
-events = "{EVENTS}"
-
-[mounting]
-antenna_m = {list(rig.antenna_m)}
-imu_m = {list(rig.imu_m)}
-camera_from_body = {[list(row) for row in rig.camera_from_body]}
-boresight = {[list(row) for row in rig.boresight]}
-
-[tangent_plane]
-origin = [{np.degrees(plane.lat):.12g}, {np.degrees(plane.lon):.12g}, {plane.height}]
-
-[output]
-directory = "02_Processed/GPS-INS"
-formats = ["eo_local_plane", "metashape"]
-"""
-
-
-_README = """\
-# Simulated flight
-
-No sensor recorded these data: they are a simulation in the tree of the open data of J. Skaloud, D. A. Cucci and K. J. Paul,
-"Fixed-wing micro UAV open data with digicam and raw INS/GNSS". Images, RINEX and raw IMU files are not part of it.
-
-- `flight.toml`: what is where, for `insgnss process flight.toml`.
-- `01_Observations/Camera/Data/Events.txt`: mid-exposure times, GPS time of week.
-- `01_Observations/Camera/GCPs`: ground targets, WGS84 (degrees, ellipsoidal height) and tangent plane (east, north, up).
-- `01_Observations/IMU/Data/Pre_calibrated`: IMU samples; units are in the header, axes and kind of sample in `flight.toml`.
-- `02_Processed/GPS-PPK`: antenna phase centre, all epochs and at the events.
-- `truth`: exterior orientation, trajectory of the IMU (radians, NED) and biases in body axes, all without error.
-"""
-
-
-def _flight_md(simulated: SimulatedFlight) -> str:
-    flight, plan = simulated.flight, simulated.flight.plan
-    levels = ", ".join(f"{level.height_m:g} m ({level.lines} lines)" for level in plan.levels)
-    return f"""\
-# {plan.name} (simulated)
-
-- Date: 3 July 2018, GPS week {flight.gps_week}, time of week {flight.motion.start:.1f} to {flight.motion.end:.1f} s
-- Levels above ground in the full plan: {levels}; ground at {flight.motion.frame.height:g} m above the ellipsoid
-- Lines with exposures: {np.unique(flight.line).size}; exposures: {flight.time.size}; events: {len(simulated.events.images)}
-- Overlap: {100 * plan.forward_overlap:g} % forward, {100 * plan.side_overlap:g} % sideways
-- Airspeed {plan.airspeed_ms:g} m/s, wind {plan.wind_ms:g} m/s from {plan.wind_from_deg:g} deg
-- IMU {simulated.imu_options.rate_hz:g} Hz, GNSS {simulated.gnss_options.rate_hz:g} Hz ({simulated.gnss.time.size} fixes)
-"""

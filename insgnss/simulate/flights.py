@@ -44,13 +44,14 @@ _ROLL, _PITCH, _YAW = ((1.8, 0.6), (0.3, 0.12)), ((1.0, 0.6), (0.2, 0.12)), ((0.
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """A flown plan: its exact motion (of the IMU's navigation centre) and its exposures.
+    """An exact motion (of the IMU's navigation centre) and the exposures along it; `plan` is None where it was not a survey.
 
     images : names; time : (n,) s, mid-exposure; line : (n,) number of the flight line, counted from 1; spacing_m : (n,) m between
     exposures on that line as planned.   wind_l : (3,) m/s.
     """
 
-    plan: FlightPlan
+    name: str
+    plan: FlightPlan | None
     motion: Motion
     images: tuple[str, ...]
     time: Array
@@ -93,7 +94,7 @@ def fly(plan: FlightPlan, seed: int | np.random.SeedSequence = 0, *, frame: Loca
     motion = Motion(frame, start_tow, KNOT_S, control[reach : reach + pieces + 5])
     time, line, spacing = _exposures(layout.path, layout.s, layout.time - layout.clock_offset_s, plan, motion.end - motion.start, trigger)
     names = tuple(f"{plan.first_image + i}.tif" for i in range(time.size))
-    return Flight(plan, motion, names, start_tow + time, line, spacing, plan.wind_l)
+    return Flight(plan.name, plan, motion, names, start_tow + time, line, spacing, plan.wind_l)
 
 
 def _control_points(path: Path, s: Array, plan: FlightPlan, rng: np.random.Generator) -> Array:

@@ -16,8 +16,12 @@ points (the rows of M but the first sum to zero), so a body at rest is at rest e
     omega_ib_b = omega_lb_b + C_bl omega_ie_l                                                                 (M.4)
     f_b = C_bl (p'' + 2 omega_ie_l x p' - g_l(p))                                                             (M.5)
 
+    f_s = f_b + omega_ib_b' x r + omega_ib_b x (omega_ib_b x r)                                               (M.6)
+
+(M.6) is the force felt at r = r_bs_b from the body's point (but for the gradient of gravity, 3e-6 m/s^2 for each m).
 g is the package's normal gravity, which holds the centrifugal part. A mean rate or an increment is the integral of (M.4, M.5)
-over the interval, by Gauss-Legendre within each polynomial piece: no approximation remains but rounding.
+over the interval, by Gauss-Legendre within each polynomial piece: no approximation remains but rounding. The integral of
+omega' in (M.6) is the difference of the rates at the ends.
 
 Groves (2013) 2.3, 5.4; de Boor, A Practical Guide to Splines, chapter X.
 """
@@ -126,11 +130,30 @@ class Motion:
         sf, cf, st, ct = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
         return np.stack([d_roll - d_yaw * st, d_pitch * cf + d_yaw * ct * sf, -d_pitch * sf + d_yaw * ct * cf], axis=-1)
 
+    def acceleration_ib_b(self, time: ArrayLike) -> Array:
+        """(n, 3) rad/s^2, derivative of omega_ib_b in body axes (M.3, M.4)."""
+        roll, pitch, _ = self.angles(time).T
+        d_roll, d_pitch, d_yaw = self.angles(time, 1).T
+        dd_roll, dd_pitch, dd_yaw = self.angles(time, 2).T
+        sf, cf, st, ct = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
+        level, d_level = d_yaw * ct, dd_yaw * ct - d_yaw * d_pitch * st
+        right, below = d_pitch * cf + level * sf, -d_pitch * sf + level * cf
+        turned = np.stack(
+            [
+                dd_roll - dd_yaw * st - level * d_pitch,
+                dd_pitch * cf + d_level * sf + d_roll * below,
+                -dd_pitch * sf + d_level * cf - d_roll * right,
+            ],
+            axis=-1,
+        )
+        earth_b = np.einsum("nji,j->ni", self.C_lb(time), self.frame.earth_rate_l)
+        return turned - np.cross(self.omega_lb_b(time), earth_b)
+
     def inertial(self, time: ArrayLike) -> tuple[Array, Array]:
         """omega_ib_b (n, 3) rad/s and specific force f_b (n, 3) m/s^2 at `time` (M.4, M.5)."""
         elapsed = self._elapsed(time)
         out = np.empty((elapsed.size, 6))
-        sample_signals(self._coefficients, self.spacing, elapsed, *self._earth, out)
+        sample_signals(self._coefficients, self.spacing, elapsed, *self._earth, np.zeros(3), out)
         return out[:, :3], out[:, 3:]
 
     @cached_property
@@ -145,8 +168,16 @@ class Motion:
         """(n, 3, 3), l into north, east, down at the body's place."""
         return np.swapaxes(self.frame.C_ln_at(self.position(time)), -1, -2)
 
-    def imu(self, rate_hz: float, quantity: Quantity = "mean_rate", *, phase_s: float = 0.0, nodes: int = 4) -> ImuSamples:
-        """What an ideal inertial sensor in body axes reports from start to end.
+    def imu(
+        self,
+        rate_hz: float,
+        quantity: Quantity = "mean_rate",
+        *,
+        phase_s: float = 0.0,
+        lever_b: ArrayLike = (0.0, 0.0, 0.0),
+        nodes: int = 4,
+    ) -> ImuSamples:
+        """What an ideal inertial sensor in body axes, `lever_b` (3,) m from the body's point, reports from start to end.
 
         The stamps are start + phase_s + k / rate_hz, k = 1, 2, ...; a mean rate or an increment covers the time since the
         stamp before (the first: since start + phase_s), between the very float64 numbers that the record holds.
@@ -158,12 +189,15 @@ class Motion:
             raise UsageError(f"IMU rate {rate_hz} Hz, phase {phase_s} s; the phase lies between zero and one sample interval")
         n = int(np.floor((self.end - self.start - phase_s) * rate_hz + 1e-6))
         stamps = self.start + (phase_s + np.arange(n + 1) / rate_hz)
-        out = np.empty((n, 6))
+        out, lever = np.empty((n, 6)), np.array(lever_b, dtype=np.float64)
         if quantity == "instant_rate":
-            sample_signals(self._coefficients, self.spacing, stamps[1:] - self.start, *self._earth, out)
+            sample_signals(self._coefficients, self.spacing, stamps[1:] - self.start, *self._earth, lever, out)
+            turned = self.acceleration_ib_b(stamps[1:]) if lever.any() else np.zeros((n, 3))
         else:
             x, w = np.polynomial.legendre.leggauss(nodes)
-            integrate_signals(self._coefficients, self.spacing, stamps - self.start, x, w, *self._earth, out)
+            integrate_signals(self._coefficients, self.spacing, stamps - self.start, x, w, *self._earth, lever, out)
+            turned = np.diff(self.inertial(stamps)[0], axis=0) if lever.any() else np.zeros((n, 3))
+        out[:, 3:] += np.cross(turned, lever)  # (M.6)
         if quantity == "mean_rate":
             out /= np.diff(stamps)[:, None]
         return ImuSamples(stamps[1:], out[:, :3], out[:, 3:], quantity, source="simulated motion")

@@ -12,11 +12,10 @@ from ..records import CameraEvents, ExteriorOrientation, GnssFixes, ImuSamples, 
 from .flights import START_TOW, Flight, fly
 from .layout import PLANS, FlightPlan
 from .motion import Motion
-from .sensors import GnssOptions, ImuOptions, Rig, SimulatedImu, simulate_events, simulate_gnss, simulate_imu
+from .receiver import GnssOptions, simulate_gnss
+from .sensors import ImuOptions, Rig, SecondImu, SimulatedImu, simulate_events, simulate_imu
 
 Array = NDArray[np.float64]
-
-TANGENT_ORIGIN = TangentPlane(float(np.radians(46.57)), float(np.radians(6.54)), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +37,10 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedFlight:
-    """Observations of a flight, in SI units (IMU in its own axes), with the options that made them, and the truth."""
+    """Observations of a flight, in SI units (IMUs in their own axes), with the options that made them, and the truth.
+
+    second_imu : samples of a second IMU and its options, or None.
+    """
 
     flight: Flight
     imu: ImuSamples
@@ -49,6 +51,7 @@ class SimulatedFlight:
     gnss_options: GnssOptions
     tangent_plane: TangentPlane
     truth: Truth
+    second_imu: tuple[SimulatedImu, SecondImu] | None = None
 
 
 def simulate_flight(
@@ -59,6 +62,7 @@ def simulate_flight(
     imu: ImuOptions | None = None,
     gnss: GnssOptions | None = None,
     rig: Rig | None = None,
+    second_imu: SecondImu | None = None,
     missing_events: float = 0.0,
     truth_hz: float = 10.0,
     start_tow: float = START_TOW,
@@ -70,31 +74,61 @@ def simulate_flight(
     ----------
     flight : "ign8", "ign6x1" or a plan.   minutes : of the record; None for the plan's own.
     seed : of everything random: gusts, trigger delays, errors of each sensor (independent streams).
-    imu, gnss, rig : options of the sensors and their mounting.   missing_events : share of exposures without event.
-    truth_hz : rate of the true trajectory.   start_tow : s, of the first instant, GPS week 2008.
+    imu, gnss, rig, second_imu, missing_events, truth_hz : as in `observe`.   start_tow : s, of the first instant, GPS week 2008.
     changes : fields of `FlightPlan`, such as start_in_air, wind_ms, turbulence, ground_s or line_length_m.
 
     Raises
     ------
     UsageError : unknown flight or field, or a plan that cannot be flown.
     """
-    imu, gnss, rig = imu or ImuOptions(), gnss or GnssOptions(), rig or Rig()
     if isinstance(flight, str) and flight not in PLANS:
         raise UsageError(f"flight {flight!r} is unknown; use one of {', '.join(PLANS)}")
-    if seed < 0:
-        raise UsageError(f"seed {seed}; it must not be negative")
     plan = PLANS[flight] if isinstance(flight, str) else flight
-    path_seed, sensor_seed = np.random.SeedSequence(seed).spawn(2)
-    inertial, receiver, camera = np.random.default_rng(sensor_seed).spawn(3)
+    path_seed, sensor_seed = _seeds(seed)
     if minutes is not None:
         changes["minutes"] = minutes
     flown = fly(plan.changed(**changes), path_seed, start_tow=start_tow)
+    return observe(flown, sensor_seed, imu=imu, gnss=gnss, rig=rig, second_imu=second_imu, missing_events=missing_events, truth_hz=truth_hz)
+
+
+def observe(
+    flown: Flight,
+    seed: int | np.random.SeedSequence = 0,
+    *,
+    imu: ImuOptions | None = None,
+    gnss: GnssOptions | None = None,
+    rig: Rig | None = None,
+    second_imu: SecondImu | None = None,
+    missing_events: float = 0.0,
+    truth_hz: float = 10.0,
+) -> SimulatedFlight:
+    """What the sensors record of a flight, however its motion came about, and the truth.
+
+    seed : of the errors of each sensor (independent streams).
+    imu, gnss, rig : options of the sensors and their mounting.   second_imu : another IMU with errors of its own.
+    missing_events : share of exposures without event.   truth_hz : rate of the true trajectory.
+    """
+    imu, gnss, rig = imu or ImuOptions(), gnss or GnssOptions(), rig or Rig()
+    sensor_seed = _seeds(seed)[1] if isinstance(seed, int) else seed
+    inertial, receiver, camera, other = np.random.default_rng(sensor_seed).spawn(4)
     recorded = simulate_imu(flown, imu, inertial)
     fixes, outlier = simulate_gnss(flown, rig, gnss, receiver)
     events = simulate_events(flown, missing_events, camera)
+    second = None
+    if second_imu is not None:
+        lever_b = rig.C_cb.T @ (np.array(second_imu.imu_m) - np.array(rig.imu_m))
+        second = simulate_imu(flown, second_imu.options, other, lever_b), second_imu
     trajectory = true_trajectory(flown.motion, _times(flown.motion, truth_hz), flown.gps_week)
-    truth = Truth(true_eo(flown, rig, TANGENT_ORIGIN), trajectory, *_biases(recorded, trajectory.time), outlier)
-    return SimulatedFlight(flown, recorded.samples, fixes, events, rig, imu, gnss, TANGENT_ORIGIN, truth)
+    plane = TangentPlane(flown.motion.frame.lat, flown.motion.frame.lon, 0.0)
+    truth = Truth(true_eo(flown, rig, plane), trajectory, *_biases(recorded, trajectory.time), outlier)
+    return SimulatedFlight(flown, recorded.samples, fixes, events, rig, imu, gnss, plane, truth, second)
+
+
+def _seeds(seed: int) -> list[np.random.SeedSequence]:
+    """Of the path, and of the sensors."""
+    if seed < 0:
+        raise UsageError(f"seed {seed}; it must not be negative")
+    return np.random.SeedSequence(seed).spawn(2)
 
 
 def true_eo(flight: Flight, rig: Rig, plane: TangentPlane) -> ExteriorOrientation:
@@ -136,5 +170,5 @@ def _times(motion: Motion, rate_hz: float) -> Array:
 
 def _biases(imu: SimulatedImu, time: Array) -> tuple[Array, Array]:
     """Slow errors of the samples that cover `time`."""
-    k = np.clip(np.searchsorted(imu.samples.time, time - 1e-7), 0, imu.samples.time.size - 1)
+    k = np.clip(np.searchsorted(imu.time, time - 1e-7), 0, imu.time.size - 1)
     return imu.gyro_bias[k], imu.accel_bias[k]

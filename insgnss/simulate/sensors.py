@@ -1,4 +1,4 @@
-"""Sensors on an exact motion: IMU, GNSS antenna and camera, with their errors and their mounting.
+"""Sensors on an exact motion: IMU and camera, with their errors and their mounting, and the antenna's place (`receiver` measures it).
 
 Body axes b are the IMU's, turned to forward-right-down; T and B of paper 000 (equation 1) take them to the camera's,
 
@@ -17,17 +17,17 @@ where M, drawn once, holds scale factors on its diagonal and misalignments off i
 biases that a filter estimates.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import UsageError
-from ..geodesy.frames import LocalFrame
 from ..geodesy.rotation import nearest_rotation
-from ..records import CameraEvents, GnssFixes, ImuSamples, Quantity
-from ..stochastic.model import AxisNoise, GaussMarkov, NoiseModel, load_noise_model
+from ..records import CameraEvents, ImuSamples, Quantity
+from ..stochastic.model import AxisNoise, NoiseModel, load_noise_model
 from ..stochastic.processes import simulate_noise
+from .faults import ImuFaults
 from .flights import Flight
 from .motion import Motion
 
@@ -76,6 +76,7 @@ class ImuOptions:
 
     noise : shipped model, path, `NoiseModel`, or None for an ideal sensor; its x, y, z act on the body's forward, right, down.
     axes : body directions of the sensor's x, y, z.   phase_s : of the stamps against the record's start.
+    faults : of the recording.
     """
 
     rate_hz: float = 500.0
@@ -83,40 +84,26 @@ class ImuOptions:
     axes: str = "forward right down"
     quantity: Quantity = "mean_rate"
     phase_s: float = 0.0
+    faults: ImuFaults = field(default_factory=ImuFaults)
 
 
 @dataclass(frozen=True)
-class GnssOptions:
-    """How the receiver measures and errs; directions are north, east, down.
+class SecondImu:
+    """Another IMU on the same body; imu_m : (3) m, from the camera in camera axes, as in `Rig`. `options.axes` turn it to the body."""
 
-    sigma_m : white errors.   correlated_sigma_m, correlation_time_s : a Gauss-Markov error on top; the fixes claim the sum of both.
-    outlier_fraction, outlier_m : share of fixes displaced in a random direction, by a distance in this range, beyond their claim.
-    outages : (start, duration), s after the record's start, without fixes.   velocity_sigma_ms : None for no velocity.
-    phase_s : of the epochs against full multiples of the interval in GPS time.
-    """
-
-    rate_hz: float = 10.0
-    sigma_m: tuple[float, float, float] = (0.02, 0.02, 0.03)
-    correlated_sigma_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    correlation_time_s: float = 60.0
-    outlier_fraction: float = 0.0
-    outlier_m: tuple[float, float] = (0.5, 5.0)
-    outages: tuple[tuple[float, float], ...] = ()
-    velocity_sigma_ms: tuple[float, float, float] | None = None
-    phase_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not self.rate_hz > 0.0 or not 0.0 <= self.outlier_fraction < 1.0:
-            raise UsageError(
-                f"GNSS at {self.rate_hz} Hz with a share of {self.outlier_fraction} outliers; use a positive rate and a share below 1"
-            )
+    options: ImuOptions = field(default_factory=ImuOptions)
+    imu_m: tuple[float, ...] = (0.113, 0.060, 0.000)
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatedImu:
-    """Samples in the sensor's own axes, and the slow errors (n, 3) over each sample in body axes, rad/s and m/s^2."""
+    """Samples in the sensor's own axes as recorded, and the slow errors (n, 3) in body axes, rad/s and m/s^2.
+
+    time : (n,) s GPST, ends of the intervals that the slow errors are of; faults of the recording do not touch them.
+    """
 
     samples: ImuSamples
+    time: Array
     gyro_bias: Array
     accel_bias: Array
 
@@ -134,19 +121,20 @@ def axes_matrix(words: str) -> Array:
     return C
 
 
-def simulate_imu(flight: Flight, options: ImuOptions, rng: np.random.Generator) -> SimulatedImu:
-    """Samples of an IMU over a whole flight (S.3)."""
+def simulate_imu(flight: Flight, options: ImuOptions, rng: np.random.Generator, lever_b: ArrayLike = (0.0, 0.0, 0.0)) -> SimulatedImu:
+    """Samples of an IMU over a whole flight (S.3), at `lever_b` (3,) m in body axes from the motion's point."""
     C_bs = axes_matrix(options.axes)
-    ideal = flight.motion.imu(options.rate_hz, options.quantity, phase_s=options.phase_s)
+    ideal = flight.motion.imu(options.rate_hz, options.quantity, phase_s=options.phase_s, lever_b=lever_b)
     model = load_noise_model(options.noise) if isinstance(options.noise, str) else options.noise
     dt = 1.0 / options.rate_hz
     readings, slow = [], []
-    for truth, axes, stream in zip((ideal.gyro, ideal.accel), (model.gyro, model.accel) if model else ((), ()), rng.spawn(2), strict=True):
+    *streams, faults = rng.spawn(3)
+    for truth, axes, stream in zip((ideal.gyro, ideal.accel), (model.gyro, model.accel) if model else ((), ()), streams, strict=True):
         reading, bias = _erroneous(truth, axes, dt, options.quantity, stream)
         readings.append(reading @ C_bs)
         slow.append(bias)
     samples = replace(ideal, gyro=readings[0], accel=readings[1], gps_week=flight.gps_week, source="simulated IMU")
-    return SimulatedImu(samples, slow[0], slow[1])
+    return SimulatedImu(options.faults.apply(samples, faults), ideal.time, slow[0], slow[1])
 
 
 def _erroneous(truth: Array, axes: tuple[AxisNoise, ...], dt: float, quantity: Quantity, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -171,54 +159,6 @@ def antenna_states(motion: Motion, lever_b: ArrayLike, time: Array) -> tuple[Arr
     C_lb, lever = motion.C_lb(time), np.asarray(lever_b, dtype=np.float64)
     turn = np.cross(motion.omega_lb_b(time), lever)
     return motion.position(time) + C_lb @ lever, motion.velocity(time) + np.einsum("nij,nj->ni", C_lb, turn)
-
-
-def simulate_gnss(flight: Flight, rig: Rig, options: GnssOptions, rng: np.random.Generator) -> tuple[GnssFixes, NDArray[np.bool_]]:
-    """Fixes of the antenna, and which of them are outliers, (n,). Raises UsageError when outages leave none."""
-    motion = flight.motion
-    white, coloured, gross = rng.spawn(3)
-    time = _epochs(motion, options)
-    position, velocity = antenna_states(motion, rig.antenna_lever_b, time)
-    C_ln = motion.frame.C_ln_at(position)
-    error = white.standard_normal((time.size, 3)) * options.sigma_m
-    for i, sigma in enumerate(options.correlated_sigma_m):
-        process = AxisNoise(gauss_markov=(GaussMarkov.from_sigma(options.correlation_time_s, sigma),))
-        error[:, i] += simulate_noise(process, time.size, 1.0 / options.rate_hz, coloured)
-    outlier = gross.random(time.size) < options.outlier_fraction
-    direction = gross.standard_normal((time.size, 3))
-    direction *= (gross.uniform(*options.outlier_m, time.size) / np.linalg.norm(direction, axis=1))[:, None]
-    error += outlier[:, None] * direction
-    keep = np.ones(time.size, dtype=bool)
-    for start, duration in options.outages:
-        keep &= (time < motion.start + start) | (time >= motion.start + start + duration)
-    if not keep.any():
-        raise UsageError(f"GNSS outages {options.outages} leave no fix; shorten them")
-    velocity_ned, velocity_cov = _measured_velocity(np.einsum("nji,nj->ni", C_ln, velocity)[keep], options, white)
-    lat, lon, height = _moved(motion.frame, position, C_ln, error)
-    claim = np.square(options.sigma_m) + np.square(options.correlated_sigma_m)
-    cov = np.broadcast_to(np.diag(claim), (int(keep.sum()), 3, 3))
-    fixes = GnssFixes(
-        time[keep], lat[keep], lon[keep], height[keep], cov, velocity_ned, velocity_cov, gps_week=flight.gps_week, source="simulated GNSS"
-    )
-    return fixes, outlier[keep]
-
-
-def _epochs(motion: Motion, options: GnssOptions) -> Array:
-    """Epochs on the receiver's grid within the motion."""
-    first = np.ceil((motion.start - options.phase_s) * options.rate_hz - 1e-6)
-    last = np.floor((motion.end - options.phase_s) * options.rate_hz + 1e-6)
-    return np.clip(np.arange(first, last + 1.0) / options.rate_hz + options.phase_s, motion.start, motion.end)
-
-
-def _moved(frame: LocalFrame, position: Array, C_ln: Array, error_ned: Array) -> tuple[Array, Array, Array]:
-    return frame.geodetic_from_position(position + np.einsum("nij,nj->ni", C_ln, error_ned))
-
-
-def _measured_velocity(truth: Array, options: GnssOptions, rng: np.random.Generator) -> tuple[Array | None, Array | None]:
-    if options.velocity_sigma_ms is None:
-        return None, None
-    cov = np.broadcast_to(np.diag(np.square(options.velocity_sigma_ms)), (len(truth), 3, 3))
-    return truth + rng.standard_normal(truth.shape) * options.velocity_sigma_ms, cov
 
 
 def simulate_events(flight: Flight, missing_fraction: float, rng: np.random.Generator) -> CameraEvents:

@@ -21,13 +21,13 @@ import math
 import os
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from ..errors import InputError, UsageError
-from .units import format_quantity, parse_quantity
+from ..units import format_quantity, parse_quantity
 
 MODELS = Path(__file__).parent / "models"
 _AXES = ("x", "y", "z")
@@ -127,6 +127,36 @@ class NoiseModel:
 def shipped_models() -> tuple[str, ...]:
     """Names of the noise models that the package brings along."""
     return tuple(sorted(path.stem for path in MODELS.glob("*.toml")))
+
+
+def weighted_model(models: Sequence[NoiseModel], weights: Sequence[tuple[float, float]]) -> NoiseModel:
+    """Noise of the weighted mean of several IMUs, whose errors are independent.
+
+    weights : share of each in gyro and accelerometer. Every density and sigma q_j becomes sqrt(sum (weight q_j)^2); Gauss-Markov processes
+    are added up where all models have the same correlation times, and stand side by side where not.
+    """
+
+    def triad(sensor: str, k: int) -> tuple[AxisNoise, AxisNoise, AxisNoise]:
+        share = [weight[k] for weight in weights]
+        x, y, z = (_weighted_axis([getattr(model, sensor)[c] for model in models], share) for c in range(3))
+        return x, y, z
+
+    name, source = (" + ".join(dict.fromkeys(getattr(model, f) for model in models)) for f in ("name", "source"))
+    return NoiseModel(name, source, triad("gyro", 0), triad("accel", 1))
+
+
+def _weighted_axis(axes: list[AxisNoise], w: list[float]) -> AxisNoise:
+    plain = {name: math.hypot(*(w_j * getattr(axis, name) for axis, w_j in zip(axes, w, strict=True))) for name in _QUANTITIES}
+    times = [tuple(gm.correlation_time_s for gm in axis.gauss_markov) for axis in axes]
+    scaled = [
+        [GaussMarkov(gm.correlation_time_s, abs(w_j) * gm.driving_noise) for gm in axis.gauss_markov]
+        for axis, w_j in zip(axes, w, strict=True)
+    ]
+    if len(set(times)) == 1:
+        processes = tuple(GaussMarkov(T, math.hypot(*(own[i].driving_noise for own in scaled))) for i, T in enumerate(times[0]))
+    else:
+        processes = tuple(gm for own in scaled for gm in own if gm.driving_noise > 0.0)
+    return AxisNoise(gauss_markov=processes, **plain)
 
 
 def load_noise_model(name_or_path: str | os.PathLike[str]) -> NoiseModel:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from insgnss.errors import InputError
@@ -13,6 +14,7 @@ from insgnss.formats import read_events, read_gnss, read_imu
 from insgnss.formats.eo_json import read_eo_json
 from insgnss.formats.eo_local_plane import read_eo_local_plane
 from insgnss.formats.metashape import read_metashape
+from insgnss.formats.odyn import read_odyn_poses
 from insgnss.formats.sbet import read_sbet
 from insgnss.formats.trajectory_csv import read_trajectory_csv
 
@@ -24,6 +26,10 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "nmea": read_gnss,
     "aimu": read_imu,
     "events": read_events,
+    "mrk": read_events,
+    "psins": read_imu,
+    "ardupilot": read_imu,
+    "odyn": read_odyn_poses,
     "eo_local_plane": read_eo_local_plane,
     "metashape": read_metashape,
     "trajectory_csv": read_trajectory_csv,
@@ -79,7 +85,26 @@ def test_matlab_page(tmp_path: Path) -> None:
         read_imu(tmp_path / "flight.mat", variable="flight_data", columns={"tow": "zeit"})
 
 
-@pytest.mark.parametrize("name", ["noise_model", "flight_file"])
+def test_npy_page(tmp_path: Path) -> None:
+    """Oracle: the page's words, with numpy.save."""
+    np.save(tmp_path / "x.npy", np.ones((4, 6)))
+    whole = (tmp_path / "x.npy").read_bytes()
+    spec = {"columns": ["gx", "gy", "gz", "ax", "ay", "az"], "rate_hz": 100.0}
+    assert read_imu(tmp_path / "x.npy", **spec).time.tolist() == [0.0, 0.01, 0.02, 0.03]
+    (tmp_path / "x.npy").write_bytes(whole[:-5])
+    with pytest.raises(InputError, match=re.escape(block("npy", "message").strip())):
+        read_imu(tmp_path / "x.npy", **spec)
+
+
+def test_ulog_page(tmp_path: Path) -> None:
+    """Oracle: the ULog header (magic, version, start) as its documentation states it, and nothing behind it."""
+    pytest.importorskip("pyulog")
+    (tmp_path / "x.ulg").write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8))
+    with pytest.raises(InputError, match=block("ulog", "message").strip()):
+        read_imu(tmp_path / "x.ulg")
+
+
+@pytest.mark.parametrize("name", ["noise_model", "flight_file", "imu_calibration"])
 def test_pages_of_settings_are_toml(name: str) -> None:
     """Oracle: tomllib."""
     assert tomllib.loads(block(name, "true"))
@@ -88,5 +113,5 @@ def test_pages_of_settings_are_toml(name: str) -> None:
 
 def test_every_page_is_tested() -> None:
     """Oracle: the directory's listing."""
-    tested = {*READERS, "sbet", "eo_json", "matlab", "noise_model", "flight_file", "README"}
+    tested = {*READERS, "sbet", "eo_json", "matlab", "npy", "ulog", "imu_calibration", "noise_model", "flight_file", "README"}
     assert {path.stem for path in SPECS.glob("*.md")} == tested

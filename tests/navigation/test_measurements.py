@@ -7,18 +7,21 @@ from numpy.testing import assert_allclose
 
 from insgnss.geodesy.earth import EARTH_RATE
 from insgnss.geodesy.rotation import rotation_from_quaternion
-from insgnss.navigation._kernels import position_rows, velocity_rows
-from insgnss.navigation.filter import BLOCK_S
-from insgnss.navigation.layout import PSI, state_layout
+from insgnss.navigation._kernels import measured_triple
+from insgnss.navigation.filter import BLOCK_S, MOTION, POSITION, STILL, TURN, VELOCITY, WHEELS
+from insgnss.navigation.layout import NAV, PSI, FixErrors, state_layout
 from insgnss.navigation.strapdown import kernel_earth
 from insgnss.simulate.sensors import antenna_states
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel
 
 LEVER = np.array([-0.4, 0.15, -0.3])
 AXIS = AxisNoise(1e-4, 0.0, 1e-3, 0.0, 1e-5, (GaussMarkov(10.0, 1e-4),), 1e-2, 1e-2)
-LAYOUT = state_layout(NoiseModel("all", "made up", (AXIS,) * 3, (AXIS,) * 3), scale_factor=True, misalignment=True)
+FIXES = FixErrors(lever_arm_m=0.3, time_offset_s=0.1, correlated=(0.5, 0.6, 0.7))
+LAYOUT = state_layout(NoiseModel("all", "made up", (AXIS,) * 3, (AXIS,) * 3), scale_factor=True, misalignment=True, fixes=FIXES)
 RATE = np.array([0.4, -0.3, 0.6])
+ACCEL = np.array([1.5, -2.0, 0.5])
 Z = np.array([3.0, -2.0, 1.0])
+OF_FIXES = np.array([9 + s for s, name in enumerate(LAYOUT.names) if "GNSS" in name or "lever" in name])
 
 
 @pytest.fixture(scope="module")
@@ -26,40 +29,84 @@ def flown():
     return without_noise(fly(15.0, seed=2, layout=LAYOUT, velocity=True))
 
 
-def rows(flown, nav, x, kind: str, elapsed: float = 7.0, rate=RATE, lever=LEVER):
-    """Innovation (3,) against the measurement Z and its Jacobian (3, n)."""
-    H, nu, C = np.zeros((3, LAYOUT.size)), np.zeros((3, 1)), np.zeros((3, 3))
-    if kind == "position":
-        position_rows(nav, lever, Z, C, H, nu)
-    else:
-        imu = LAYOUT.kernel_model(BLOCK_S, 0.1)
-        velocity_rows(nav, x, elapsed, lever, rate, Z, imu, kernel_earth(flown.problem.frame), C, H, nu)
+def rows(flown, nav, x, kind: int, elapsed: float = 7.0, rate=RATE, lever=LEVER, motion: int = STILL, accel=ACCEL):
+    """Innovation (3,) against the measurement Z (of the antenna; zero of the motion) and its Jacobian (3, n)."""
+    one = np.ones(1, dtype=np.int64)
+    ep = flown.problem.epochs._replace(
+        time=np.array([elapsed]), rate=rate[None], has_position=one > 0, position=Z[None], has_velocity=one > 0, velocity=Z[None]
+    )
+    ep = ep._replace(group=0 * one, sigma=FIX_SIGMA[None], position_cov=np.diag(FIX_SIGMA**2)[None], velocity_cov=np.eye(3)[None])
+    ep = ep._replace(motion=motion * one, motion_cov=np.ones((1, 3, 3)), still_rate=rate[None], still_var=np.ones(1))
+    H, nu, R, C = np.zeros((3, LAYOUT.size)), np.zeros((3, 2)), np.zeros((3, 3)), np.zeros((3, 3))
+    imu, earth = LAYOUT.kernel_model(BLOCK_S, 0.1), kernel_earth(flown.problem.frame)
+    assert measured_triple(kind, 0, ep, nav, x, lever, accel, imu, earth, C, np.zeros(3), np.zeros(LAYOUT.size - 9), H, nu, R)
     return nu[:, 0].copy(), H.copy()
 
 
-@pytest.mark.parametrize("kind", ["position", "velocity"])
-def test_jacobian_is_the_derivative_of_its_own_value(flown, kind):
+FIX_SIGMA = np.array([0.02, 0.03, 0.05])
+
+
+@pytest.mark.parametrize(("kind", "motion"), [(POSITION, 0), (VELOCITY, 0), (MOTION, STILL), (MOTION, WHEELS), (TURN, 0)])
+def test_jacobian_is_the_derivative_of_its_own_value(flown, kind, motion):
     """Oracle: central differences; steps of 1e-4 leave 1e-9 of third order.
 
-    (K.2) takes omega_lb as independent of psi; that leaves out Earth rate times lever arm, 4e-5 m/s a radian.
+    (K.2) takes omega_lb as independent of psi, which leaves out Earth rate times lever arm, 4e-5 m/s a radian. Through the time offset
+    the position depends on psi and the gyros by omega x l d, less than a millimetre for the milliseconds that are left of d.
     """
     nav = flown.true_nav([100])
     x = 0.5 * LAYOUT.sigma0
-    _, H = rows(flown, nav[0], x, kind)
+    x[LAYOUT.offset] = 0.005
+    _, H = rows(flown, nav[0], x, kind, motion=motion)
     step = 1e-4
     numeric = np.zeros_like(H)
     for s in range(LAYOUT.size):
         for sign in (1.0, -1.0):
             error = np.zeros(LAYOUT.size)
             error[s] = sign * step
-            nu, _ = rows(flown, moved(nav, error[None, :9])[0], x + error[9:], kind)
+            nu, _ = rows(flown, moved(nav, error[None, :9])[0], x + error[9:], kind, motion=motion)
             numeric[:, s] -= sign * nu / (2.0 * step)
-    attitude = np.zeros(LAYOUT.size, dtype=bool)
-    attitude[PSI] = kind == "velocity"
-    assert_allclose(H[:, ~attitude], numeric[:, ~attitude], atol=1e-8)
-    assert_allclose(H[:, attitude], numeric[:, attitude], atol=EARTH_RATE * np.linalg.norm(LEVER))
-    assert np.abs(H[:, 6:9]).max() > 0.1
-    assert (np.abs(H[:, 9:]).max() > 0.1) == (kind == "velocity")
+    tight = np.ones(LAYOUT.size, dtype=bool)
+    tight[PSI] = kind in (MOTION, TURN)
+    if kind == POSITION:
+        tight[9:] = False
+        tight[OF_FIXES[3:]] = True
+    assert_allclose(H[:, tight], numeric[:, tight], atol=1e-8)
+    loose = EARTH_RATE * np.linalg.norm(LEVER) if kind == VELOCITY else 0.005 * 7.0 * 0.5  # a drift after 7 s, half a metre
+    assert_allclose(H[:, ~tight], numeric[:, ~tight], atol=loose)
+    assert np.abs(H[:, NAV]).max() > 0.1 or kind == TURN
+    assert (np.abs(H[:, 9:]).max() > 0.1) == (kind != MOTION)
+
+
+def test_fix_errors_enter_as_the_simulators_own(flown):
+    """Oracle: exact motion of an antenna that is mounted 0.2 m further out and whose fixes are 40 ms old, plus errors in sigmas.
+
+    1 mm is the lever arm's own acceleration, omega^2 l d^2 / 2, and the jerk's d^3 / 6.
+    """
+    motion, lever = flown.sim.flight.motion, flown.problem.antenna_lever_b
+    more, late, wrong = np.array([0.1, -0.2, 0.05]), -0.04, np.array([2.0, -1.0, 0.5])
+    x = np.zeros(LAYOUT.size - 9)
+    x[LAYOUT.lever : LAYOUT.lever + 3], x[LAYOUT.offset], x[LAYOUT.coloured : LAYOUT.coloured + 3] = more, late, wrong
+    for k in (30, 77, 120):
+        t = flown.problem.inc.marks[k : k + 1]
+        accel = (motion.velocity(t + 0.01) - motion.velocity(t - 0.01))[0] / 0.02
+        given = {"rate": flown.problem.inc.rate[k], "lever": lever, "accel": accel}
+        nu, _ = rows(flown, flown.true_nav([k])[0], x, POSITION, **given)
+        assert_allclose(Z - nu, antenna_states(motion, lever + more, t + late)[0][0] + wrong * FIX_SIGMA, rtol=0.0, atol=1e-3)
+        nu, _ = rows(flown, flown.true_nav([k])[0], x, VELOCITY, **given)
+        assert_allclose(Z - nu, antenna_states(motion, lever + more, t)[1][0] + accel * late, rtol=0.0, atol=1e-4)
+
+
+def test_a_standing_vehicle_measures_its_gyro_bias_and_the_earth(flown):
+    """Oracle: hand calculation, mean rate = bias + C_bl Omega, and velocity of a wheeled vehicle across its forward axis."""
+    nav = flown.true_nav([60])[0]
+    C = rotation_from_quaternion(nav[6:])
+    x = np.zeros(LAYOUT.size - 9)
+    x[LAYOUT.names.index("gyro y bias")] = 0.02
+    nu, _ = rows(flown, nav, x, TURN)
+    assert_allclose(nu, RATE - [0.0, 0.02, 0.0] - C.T @ flown.problem.frame.earth_rate_l, atol=1e-15)
+    assert_allclose(rows(flown, nav, x, MOTION)[0], -nav[3:6], atol=0.0)
+    across = rows(flown, nav, x, MOTION, motion=WHEELS)[0]
+    assert_allclose(across, [0.0, *-(C.T @ nav[3:6])[1:]], atol=1e-12)
 
 
 def test_values_are_the_antennas(flown):
@@ -70,9 +117,9 @@ def test_values_are_the_antennas(flown):
     truth, rate = flown.true_nav(slice(20, 130, 5)), flown.problem.inc.rate[20:130:5]
     zero = np.zeros(LAYOUT.size - 9)
     for k in range(marks.size):
-        nu, _ = rows(flown, truth[k], zero, "position", lever=lever)
+        nu, _ = rows(flown, truth[k], zero, POSITION, lever=lever)
         assert_allclose(Z - nu, position[k], rtol=0.0, atol=1e-9)
-        nu, _ = rows(flown, truth[k], zero, "velocity", rate=rate[k], lever=lever)
+        nu, _ = rows(flown, truth[k], zero, VELOCITY, rate=rate[k], lever=lever)
         assert_allclose(Z - nu, velocity[k], rtol=0.0, atol=1e-4)
 
 
@@ -92,18 +139,20 @@ def test_every_gyro_error_takes_its_share_of_the_rate(flown):
     nav = flown.true_nav([60])[0]
     C = rotation_from_quaternion(nav[6:])
     omega = RATE - [0.01 + 0.05 * RATE[0], 0.002 * 7.0, -0.03 + 0.02 * RATE[0]] - C.T @ flown.problem.frame.earth_rate_l
-    nu, _ = rows(flown, nav, x, "velocity")
+    nu, _ = rows(flown, nav, x, VELOCITY)
     assert_allclose(Z - nu, nav[3:6] + C @ np.cross(omega, LEVER), rtol=0.0, atol=1e-12)
 
 
 def test_without_lever_arm_only_the_state_itself_is_seen(flown):
     """Oracle: identity."""
     nav = flown.true_nav([60])[0]
-    for kind, column in (("position", 0), ("velocity", 3)):
-        nu, H = rows(flown, nav, 0.5 * LAYOUT.sigma0, kind, lever=np.zeros(3))
+    for kind, column in ((POSITION, 0), (VELOCITY, 3)):
+        x = 0.5 * LAYOUT.sigma0
+        x[OF_FIXES - 9] = 0.0
+        nu, H = rows(flown, nav, x, kind, lever=np.zeros(3))
         expected = np.zeros_like(H)
         expected[:, column : column + 3] = np.eye(3)
-        assert_allclose(H, expected, atol=0.0)
+        assert_allclose(np.delete(H, OF_FIXES, axis=1), np.delete(expected, OF_FIXES, axis=1), atol=0.0)
         assert_allclose(nu, Z - nav[column : column + 3], rtol=1e-15)
 
 

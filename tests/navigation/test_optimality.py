@@ -12,12 +12,14 @@ import pytest
 from filterpy.kalman import KalmanFilter
 from flown import NO_GATE, fly, start_near
 
-from insgnss.navigation._kernels import position_rows, state_difference, velocity_rows
+from insgnss.navigation._kernels import measured_triple, state_difference
 from insgnss.navigation.error_model import linearise_interval
-from insgnss.navigation.filter import BLOCK_S, Problem, Start, make_store, run_filter
+from insgnss.navigation.filter import BLOCK_S, KINDS, STILL, WHEELS, Problem, Start, make_store, run_filter
+from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.smoother import Smoothed, run_smoother
 from insgnss.navigation.solution import solve
 from insgnss.navigation.strapdown import kernel_earth, kernel_segments
+from insgnss.stochastic.model import load_noise_model
 
 RELATIVE = 1e-8  # of the standard deviations; measured 1e-10
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
@@ -49,26 +51,30 @@ class Case:
 
 
 def events_at(problem: Problem, at: np.ndarray) -> Problem:
-    """The problem with camera events at epochs `at`, and every third velocity left out."""
+    """The problem with camera events at epochs `at`, every third velocity left out, and some motion and stillness made up."""
     event = np.full(problem.inc.marks.size, -1, dtype=np.int64)
     event[at] = np.arange(at.size)
     has_velocity = problem.epochs.has_velocity.copy()
     has_velocity[::3] = False
-    return replace(problem, epochs=problem.epochs._replace(event=event, has_velocity=has_velocity))
+    epochs, m = problem.epochs._replace(event=event, has_velocity=has_velocity), event.size
+    motion, still = np.zeros(m, dtype=np.int64), np.zeros(m)
+    motion[10::17], motion[15::23], still[20::19] = STILL, WHEELS, 1e-4
+    cov = np.broadcast_to(np.diag([25.0, 9.0, 4.0]), (m, 3, 3)).copy()
+    group = (np.arange(m) // 40) % 2
+    return replace(
+        problem, epochs=epochs._replace(motion=motion, motion_cov=cov, still_var=still, still_rate=problem.inc.rate, group=group)
+    )
 
 
-def measurements(problem: Problem, nav, x, k: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    ep, lever, n = problem.epochs, problem.antenna_lever_b, problem.layout.size
+def measurements(problem: Problem, nav, x, k: int, accel) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    ep, n = problem.epochs, problem.layout.size
     imu, earth = problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s), kernel_earth(problem.frame)
-    out, C = [], np.zeros((3, 3))
-    if ep.has_position[k]:
-        H, nu = np.zeros((3, n)), np.zeros((3, 1))
-        position_rows(nav, lever, ep.position[k], C, H, nu)
-        out.append((H, nu[:, 0], ep.position_cov[k]))
-    if ep.has_velocity[k]:
-        H, nu = np.zeros((3, n)), np.zeros((3, 1))
-        velocity_rows(nav, x, ep.time[k], lever, ep.rate[k], ep.velocity[k], imu, earth, C, H, nu)
-        out.append((H, nu[:, 0], ep.velocity_cov[k]))
+    out = []
+    for kind in range(KINDS):
+        H, nu, R, C = np.zeros((3, n)), np.zeros((3, 2)), np.zeros((3, 3)), np.zeros((3, 3))
+        scratch = C, np.zeros(3), np.zeros(n - 9)
+        if measured_triple(kind, k, ep, nav, x, problem.antenna_lever_b, accel, imu, earth, *scratch, H, nu, R):
+            out.append((H, nu[:, 0], R))
     return out
 
 
@@ -77,20 +83,26 @@ def in_matrices(problem: Problem, start: Start, nav, x) -> LinearProblem:
     m, n = nav.shape[0], problem.layout.size
     seg, earth = kernel_segments(problem.inc), kernel_earth(problem.frame)
     imu, ep = problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s), problem.epochs
-    Phi, Q, c, gap = np.zeros((m, n, n)), np.zeros((m, n, n)), np.zeros((m, n)), np.zeros(n)
+    Phi, Q, c, gap, accel = np.zeros((m, n, n)), np.zeros((m, n, n)), np.zeros((m, n)), np.zeros(n), np.zeros((m, 3))
     for k in range(1, m):
         step = linearise_interval(seg, ep.stop[k - 1], ep.stop[k], nav[k - 1], x[k - 1], imu, earth, ep.time[k - 1])
         state_difference(step.nav, step.x, nav[k], x[k], gap)
+        accel[k] = (step.nav[3:6] - nav[k - 1, 3:6]) / (ep.time[k] - ep.time[k - 1])
         Phi[k], Q[k] = step.Phi, 0.5 * (step.Q + step.Q.T)
         c[k] = Phi[k] @ c[k - 1] + gap
     state_difference(start.nav, start.x, nav[0], x[0], gap)
-    return LinearProblem(Phi, Q, c, gap + start.mean, start.P, [measurements(problem, nav[k], x[k], k) for k in range(m)])
+    return LinearProblem(Phi, Q, c, gap + start.mean, start.P, [measurements(problem, nav[k], x[k], k, accel[k]) for k in range(m)])
 
 
 @pytest.fixture(scope="module")
 def case() -> Case:
-    """9 s at 10 Hz with velocities, a turn, and six events, two of them on epochs with a fix and two 17 ms apart."""
-    flown = fly(9.0, seed=5, velocity=True, gate=NO_GATE, extra=np.array([2.0333, 4.4, 6.0777, 6.0947, 6.1]))
+    """9 s at 10 Hz with velocities, errors of the fixes as states, motion constraints, a turn, and six events.
+
+    Two of the events are on epochs with a fix, and two 17 ms apart.
+    """
+    fixes = FixErrors(0.3, 0.05, (0.8, 0.7, 0.6), 5.0, (0.6, 0.6, 0.7), 1.0, 30.0, 0.4)
+    layout = state_layout(load_noise_model("navchip"), fixes=fixes)
+    flown = fly(9.0, seed=5, layout=layout, velocity=True, gate=NO_GATE, extra=np.array([2.0333, 4.4, 6.0777, 6.0947, 6.1]))
     events = np.union1d(flown.event_epochs, flown.extra_epochs)
     problem = events_at(flown.problem, events)
     start = start_near(flown, SIGMA, OFFSET)
@@ -131,7 +143,7 @@ def agree(mean, P, expected, expected_P) -> None:
 def test_the_problem_is_a_fair_one(case):
     """Oracle: what the comparison needs: gaps that are not zero, velocities at some epochs only, noise that differs by epoch."""
     assert np.abs(case.linear.c[-1, :3]).max() > 1e-3
-    assert {len(rows) for rows in case.linear.measured} == {0, 1, 2}
+    assert {len(rows) for rows in case.linear.measured} == {0, 1, 2, 3}
     assert case.events.size == 6
     assert np.linalg.matrix_rank(case.linear.Q[5]) < case.problem.layout.size
     first, last = np.diag(case.filtered_P[0]), np.diag(case.filtered_P[-1])

@@ -9,7 +9,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from insgnss.errors import DataError
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
 from insgnss.prepare.axes import parse_axes
-from insgnss.prepare.increments import body_increments, find_gaps, merge_marks, nominal_interval
+from insgnss.prepare.gaps import find_gaps, nominal_interval
+from insgnss.prepare.increments import body_increments, merge_marks
 from insgnss.records import ImuSamples, Increments
 from insgnss.simulate.flights import block_flight
 from insgnss.simulate.motion import Motion
@@ -162,19 +163,20 @@ def test_a_short_gap_is_bridged_and_counted(motion, quantity):
 
 
 def test_a_long_gap_is_refused_with_time_and_limit(motion):
-    """Oracle: the limit of 0.05 s, and 0.1 s where the caller allows it."""
+    """Oracle: the limit of a second that `gaps` states."""
     imu = motion.imu(RATE_HZ)
-    holed = thinned(imu, 3000, 11)
-    with pytest.raises(DataError, match=rf"gap of 0\.060 s \(limit 0\.05 s\) at {imu.time[2999]:.3f} s; cut the flight"):
+    missing = int(RATE_HZ * 1.1)
+    holed = thinned(imu, 3000, missing)
+    with pytest.raises(DataError, match=rf"gap of 1\.105 s \(limit 1 s\) at {imu.time[2999]:.3f} s; cut the flight"):
         body_increments(holed, BODY, imu.time[[0, -1]])
-    assert len(body_increments(holed, BODY, imu.time[[0, -1]], max_gap_s=0.1).gaps) == 1
+    assert len(body_increments(thinned(imu, 3000, missing - 30), BODY, imu.time[[0, -1]]).gaps) == 1
 
 
 def test_gaps_outside_the_marks_do_not_count(motion):
     """Oracle: a gap that ends before the first mark, or begins after the last, is none of the flight."""
     imu = motion.imu(RATE_HZ)
-    holed = thinned(thinned(imu, 4000, 50), 100, 50)
-    assert body_increments(holed, BODY, imu.time[[200, 3900]]).gaps == ()
+    holed = thinned(thinned(imu, 4000, 250), 100, 250)
+    assert body_increments(holed, BODY, imu.time[[400, 3900]]).gaps == ()
     with pytest.raises(DataError, match="gap"):
         body_increments(holed, BODY, imu.time[[50, 3900]])
 

@@ -117,3 +117,26 @@ def odd_cases() -> dict[str, tuple[Diagnostics, ExteriorOrientation | None]]:
 def _first_only(eo: ExteriorOrientation) -> dict[str, Any]:
     first = {name: getattr(eo, name)[:1] for name in ("images", "time", "position_m", "C_mc", "cov")}
     return first | {"cross": np.zeros((0, 6, 6))}
+
+
+LEG_S, TURN_S, LEG_SPEED = 20.0, 10.0, 10.0  # of the block: four lines north and south, half-circles between them
+
+
+def make_block(**changes: Any) -> Diagnostics:
+    """Four lines of `LEG_S` at `LEG_SPEED` that a half-circle of `TURN_S` joins, 110 s, then on without turn; heading is the course."""
+    time = 0.1 * np.arange(EPOCHS)
+    in_period = np.mod(time, LEG_S + TURN_S)
+    turns = np.floor(time / (LEG_S + TURN_S)) + np.clip((in_period - LEG_S) / TURN_S, 0.0, 1.0)
+    course = np.pi * np.minimum(turns, 3.0)
+    velocity = LEG_SPEED * np.stack([np.cos(course), np.sin(course), np.zeros(EPOCHS)], axis=1)
+    fields = {
+        "velocity": velocity,
+        "position": np.cumsum(0.1 * velocity, axis=0),
+        "rpy": np.stack([0 * course, 0 * course, course], axis=1),
+    }
+    return make_diagnostics(**(fields | changes))
+
+
+@pytest.fixture
+def block() -> Callable[..., Diagnostics]:
+    return make_block

@@ -8,8 +8,11 @@ import pytest
 from PIL import Image
 
 from insgnss.report._style import MOST_POINTS, thin
-from insgnss.report.figures import _normal_mixture, pictures
+from insgnss.report.figures import pictures
+from insgnss.report.figures_support import _normal_mixture
+from insgnss.report.marks import OUTAGE_SHADE, REST_SHADE, marks_of
 
+START = 205200.0
 ALL = ["map", "motion", "sigmas", "innovations", "biases", "separation"]
 
 
@@ -63,3 +66,34 @@ def test_every_run_has_its_pictures(odd_cases) -> None:
     for name in ("no camera", "everything rejected", *missing):
         d, images = odd_cases[name]
         assert [picture.name for picture in pictures(d, images)] == [p for p in ALL if p != missing.get(name)], name
+
+
+def test_marks_are_where_they_belong(block) -> None:
+    """Oracle: by hand; minutes from the start of lines, of a rest that began before, of fixes lacking from 30 to 50 s, of two parts."""
+    d = block()
+    used = (d.fix_time <= START + 30) | (d.fix_time >= START + 50)
+    parts = ((START, START + 60.0), (START + 90.0, START + 119.9))
+    marks = marks_of(block(used=used, rests=np.array([[START - 9, START + 6]]), stretches=parts), None)
+    assert 60 * marks.rests == pytest.approx(np.array([[0.0, 6.0]]), abs=1e-6)
+    assert 60 * marks.outages == pytest.approx(np.array([[30.0, 50.0]]), abs=1e-6)
+    assert 60 * marks.nothing == pytest.approx(np.array([[60.0, 90.0]]), abs=1e-6)
+    assert len(marks.lines) == 4
+    assert [(part.start, part.stop) for part in marks.parts] == [(0, 750), (750, 1200)]
+    assert [part.stop for part in marks.parts_of(np.array([0.1, 0.9, 1.6]))] == [2, 3]
+
+
+def test_rests_and_outages_are_shaded_in_every_figure_over_time(diagnostics) -> None:
+    """Oracle: Pillow; pixels of the two shades are there where they were asked for, and only then."""
+    d = diagnostics()
+    used = (d.fix_time <= START + 60) | (d.fix_time >= START + 110)
+    marked = pictures(diagnostics(used=used, rests=np.array([[START, START + 30]])), None)
+    for plain, shaded in zip(pictures(d, None), marked, strict=True):
+        for shade in (REST_SHADE, OUTAGE_SHADE):
+            assert _pixels(plain.png, shade) == 0, plain.name
+            assert plain.name == "map" or _pixels(shaded.png, shade) > 2000, plain.name
+
+
+def _pixels(png: bytes, colour: str) -> int:
+    """Number of pixels of exactly that colour."""
+    image = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
+    return int((image == [int(colour[i : i + 2], 16) for i in (1, 3, 5)]).all(axis=2).sum())

@@ -6,12 +6,15 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import insgnss.report.page as page_module
 from insgnss.errors import UsageError
+from insgnss.records import Check, LastingError, StateVerdict
 from insgnss.report.figures import Picture
 from insgnss.report.page import page, write_report, write_report_json
+from insgnss.report.summary import run_summary
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 PICTURE = Picture("map", "Where <it> went", "Dots & lines.", b"\x89PNG not really")
@@ -93,6 +96,53 @@ def test_page_says_what_a_surveyor_asks(diagnostics, eo, summary) -> None:
         "1200, 1200 used, 0 rejected",
     ):
         assert words in text
+
+
+def test_limits_stand_first_with_what_would_help(diagnostics, eo, summary) -> None:
+    """Oracle: by hand; the section comes before all others, in the order of the ranks, remarks behind the line that opens them."""
+    checks = tuple(Check(f"rate {k}", "one <i>", "two", "note", "look there") for k in range(4))
+    s = summary(diagnostics(2.0, checks=checks), eo(0.31))
+    whole = "".join(page(s, []))
+    text = Reader(whole).text
+    assert whole.index("What limits this flight") < whole.index("<h2>", whole.index("What limits this flight"))
+    assert whole.count("<h2>", 0, whole.index("What limits this flight")) == 1
+    places = [text.index(limit["text"][1:]) for limit in s["limits"]]
+    assert places == sorted(places)
+    assert text.index("of less weight") < text.index("one <i>")
+    assert "Fly a turn or a figure of eight before the first line." in text
+
+
+def test_lines_and_constants_have_their_tables(block, summary) -> None:
+    """Oracle: by hand; four lines, the worst heading in bold; a time offset in ms, observed, a lever arm in m, not observed."""
+    sigma = block().smoothed_sigma.copy()
+    sigma[300:500, 8] = np.radians(0.123)
+    states = (
+        StateVerdict("GNSS time offset", 0.0125, 0.0009, 0.1, 0.014, True),
+        StateVerdict("antenna lever arm down", -0.05, 0.28, 0.3, 0.28, False),
+    )
+    lasting = (LastingError(15.0, 1200, (0.018, 0.018, 0.027), (0.9, 0.9, 0.9), (0.4, 0.4, 0.4)),)
+    rests = np.array([[205200.0, 205204.0]])
+    parts = ((205200.0, 205240.0), (205270.0, 205319.9))
+    s = summary(block(smoothed_sigma=sigma, states=states, lasting=lasting, rests=rests, stretches=parts), None)
+    whole = "".join(page(s, []))
+    text = Reader(whole).text
+    assert whole.count("<b>0.123</b>") == 1
+    for words in ("Line by line", "12.50 ms", "0.90 ms", "± 100 ms", "14.0 mm", "-0.0500 m", "280 mm", "yes", "no", "last for 15.0 s"):
+        assert words in text
+    assert "Solved by themselves, TOW: 205200.0 to 205240.0 s, 205270.0 to 205319.9 s." in text
+    assert "1 rest, 4 s in all" in text
+
+
+def test_page_of_a_standing_sensor_has_no_innovations(diagnostics, tmp_path: Path) -> None:
+    """Oracle: by hand; where the fixes were made up neither words nor pictures speak of them."""
+    d = diagnostics()
+    s = run_summary(d, None, {"name": "s", "gnss": {"stationary": [46.0, 7.0, 400.0]}}, {}, {}, {}, ())
+    text = write_report(tmp_path, s, d, None).read_text(encoding="utf-8")
+    assert 'id="innovations"' not in text
+    assert 'id="map"' not in text
+    assert 'id="sigmas"' in text
+    assert not re.search(r"NIS|Rejected|Innovations", Reader(re.sub(r'src="[^"]*"', "", text)).text)
+    assert "none: the sensor stands at a given place" in text
 
 
 @pytest.mark.parametrize(("scale", "mood"), [(1.0, "good"), (2.0, "bad"), (0.5, "doubtful")])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from insgnss.report.statistics import NIS_95, Z_CONFIDENCE, consistency, lag_one, longest_outage, mean_bounds, normalised_rms
+from insgnss.report.statistics import NIS_95, Z_CONFIDENCE, consistency, lag_one, mean_bounds, normalised_rms, without_fix
 
 K = 3000
 
@@ -65,11 +65,12 @@ def test_normalised_rms_skips_what_is_undetermined() -> None:
     assert np.isnan(ratio[1])
 
 
-def test_longest_outage_counts_both_ends_and_rejections() -> None:
-    """Oracle: by hand."""
+def test_time_without_fix_counts_both_ends_and_rejections() -> None:
+    """Oracle: by hand; one span with all fixes, with three rejected, with none, and two spans with a fix between them."""
     time = np.array([1.0, 2.0, 3.0, 4.0, 9.0])
     every = np.ones(5, dtype=bool)
-    assert longest_outage(0.0, 10.0, time, every) == (4.0, 5.0)
-    assert longest_outage(0.0, 20.0, time, every) == (9.0, 11.0)
-    assert longest_outage(0.0, 10.0, time, np.array([True, False, False, False, True])) == (1.0, 8.0)
-    assert longest_outage(0.0, 10.0, time, ~every) == (0.0, 10.0)
+    one = np.array([[0.0, 10.0]])
+    assert without_fix(one, time, every).tolist() == [[0, 1], [1, 1], [2, 1], [3, 1], [4, 5], [9, 1]]
+    assert without_fix(one, time, np.array([True, False, False, False, True])).tolist() == [[0, 1], [1, 8], [9, 1]]
+    assert without_fix(one, time, ~every).tolist() == [[0, 10]]
+    assert without_fix(np.array([[0.0, 2.5], [3.5, 8.0]]), time, every).tolist() == [[0, 1], [1, 1], [2, 0.5], [3.5, 0.5], [4, 4]]

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -9,7 +10,8 @@ import numpy as np
 import pytest
 
 from insgnss.report.summary import MOST_LISTED, plain
-from insgnss.report.verdict import NOTHING_STANDS_OUT, degrees, millimetres
+from insgnss.report.verdict import NOTHING_STANDS_OUT
+from insgnss.report.wording import degrees, lengths, millimetres
 
 START = 205200.0
 
@@ -70,10 +72,14 @@ def test_poor_heading_of_the_first_image_is_said_with_its_reason(diagnostics, eo
     """Oracle: by hand; a quarter of the circle, 90 deg, is flown before the first image, nothing where heading stands still."""
     turned = summary(diagnostics(), eo(0.31))["verdict"]
     assert turned == [
-        "heading sigma 0.31 deg at the first image, 0.02 deg in the median: although the heading turned over 90 deg before it"
+        "heading sigma 0.31 deg at the first image, 0.02 deg in the median: although the heading turned over 90 deg before it; "
+        "fly a turn or a figure of eight before the first line"
     ]
     straight = summary(diagnostics(rpy=np.zeros((1200, 3))), eo(0.31))["verdict"]
-    assert straight == ["heading sigma 0.31 deg at the first image, 0.02 deg in the median: no turn before it"]
+    assert straight == [
+        "heading sigma 0.31 deg at the first image, 0.02 deg in the median: no turn before it; "
+        "fly a turn or a figure of eight before the first line"
+    ]
 
 
 def test_lasting_and_biased_innovations_are_said(diagnostics, eo, summary) -> None:
@@ -83,7 +89,7 @@ def test_lasting_and_biased_innovations_are_said(diagnostics, eo, summary) -> No
     innovation[:, 0] += 0.03 * np.sin(np.arange(1200) / 50)
     innovation[:, 2] += 0.04
     said = summary(diagnostics(innovation=innovation), eo())["verdict"]
-    assert [text.split(" with")[0][:27] for text in said] == ["innovations north correlate", "innovations down have a mea"]
+    assert [text.split(" with")[0][:27] for text in said] == ["innovations down have a mea", "innovations north correlate"]
 
 
 def test_rejections_outages_and_disagreement_are_said(diagnostics, eo, summary) -> None:
@@ -94,7 +100,11 @@ def test_rejections_outages_and_disagreement_are_said(diagnostics, eo, summary) 
     said = " | ".join(summary(diagnostics(used=used, separation=3 * d.separation), eo())["verdict"])
     assert "60 of 1200 fixes (5.0 %)" in said
     assert "no used fix for 6.1 s from TOW 205259.9 s on" in said
-    assert said.count("forward and backward disagree by 3.") + said.count("forward and backward disagree by 2.9") == 3
+    told = re.search(r"forward and backward disagree by, in sigmas \(rms\), (.*?):", said)
+    assert told is not None
+    ratios = {state: float(ratio) for ratio, state in re.findall(r"([\d.]+) in (\w+)", told[1])}
+    assert sorted(ratios) == ["attitude", "position", "velocity"]
+    assert all(2.8 < ratio < 3.5 for ratio in ratios.values())
 
 
 def test_list_of_rejected_fixes_is_cut_but_counted(diagnostics, eo, summary) -> None:
@@ -124,4 +134,5 @@ def test_plain_keeps_numbers_and_drops_what_is_none() -> None:
 def test_numbers_in_sentences() -> None:
     """Oracle: by hand."""
     assert [millimetres(x) for x in (2.34, -0.01, 123.4, 12345.0)] == ["2.3 mm", "0.0 mm", "123 mm", "12.3 m"]
+    assert [lengths(x) for x in ((2.0, 3.04, 140.0), (2361.0, 900.0, 4476.0))] == ["2.0 / 3.0 / 140 mm", "2.36 / 0.90 / 4.48 m"]
     assert [degrees(x) for x in (0.0212, 0.31, 33.3)] == ["0.021 deg", "0.31 deg", "33 deg"]

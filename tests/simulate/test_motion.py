@@ -174,6 +174,36 @@ def test_instantaneous_rates_are_the_limit_of_mean_rates(motion):
     assert_allclose(now.gyro[:-1], 0.5 * (fast.gyro[k] + fast.gyro[k + 1]), atol=1e-6)
 
 
+@pytest.mark.parametrize("quantity", ["mean_rate", "increments", "instant_rate"])
+def test_a_sensor_off_the_point_feels_the_turning(motion, quantity):
+    """Oracle: the motion of the point at the lever: Newton on its own position, second difference over 2 ms (1e-5 m/s^2 of rounding).
+
+    At an instant directly; over an interval by Simpson's rule on instants, whose error is h^4/2880 of the fourth derivative. What is
+    left is the gradient of gravity, 3e-6 m/s^2 for each m.
+    """
+    lever, h = np.array([0.4, -0.2, 0.3]), 0.01
+    here, there = motion.imu(100.0, quantity), motion.imu(100.0, quantity, lever_b=lever)
+    assert np.array_equal(here.gyro, there.gyro)
+    k = np.arange(50, 1500, 97)
+    unit = h if quantity == "increments" else 1.0
+
+    def more(t):
+        """Difference of the accelerations of point and body, inertial axes that stand still at t, in body axes."""
+        d, spin = 1e-3, motion.frame.earth_rate_l
+        arm = np.stack([np.einsum("nij,j->ni", motion.C_lb(t + e), lever) for e in (-d, 0.0, d)])
+        second, first = (arm[2] - 2.0 * arm[1] + arm[0]) / d**2, (arm[2] - arm[0]) / (2.0 * d)
+        inertial = second + 2.0 * np.cross(spin, first) + np.cross(spin, np.cross(spin, arm[1]))
+        return np.einsum("nji,nj->ni", motion.C_lb(t), inertial)
+
+    stamps = here.time[k]
+    if quantity == "instant_rate":
+        expected = more(stamps)
+    else:
+        expected = unit * (more(stamps - h) + 4.0 * more(stamps - 0.5 * h) + more(stamps)) / 6.0
+    assert_allclose((there.accel - here.accel)[k], expected, atol=5e-4 * unit)
+    assert np.abs(expected).max() > 0.05 * unit
+
+
 def test_geodetic_state_is_that_of_pyproj(motion):
     """Oracle: pyproj's cart, a micrometre."""
     t = np.linspace(START, motion.end, 10)

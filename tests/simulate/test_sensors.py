@@ -11,8 +11,9 @@ from scipy.stats import chi2
 
 from insgnss.errors import UsageError
 from insgnss.simulate.flights import block_flight
-from insgnss.simulate.scenario import TANGENT_ORIGIN, SimulatedFlight, simulate_flight, true_eo
-from insgnss.simulate.sensors import GnssOptions, ImuOptions, Rig, antenna_states, axes_matrix, simulate_gnss, simulate_imu
+from insgnss.simulate.receiver import GnssOptions
+from insgnss.simulate.scenario import SimulatedFlight, simulate_flight, true_eo
+from insgnss.simulate.sensors import ImuOptions, Rig, antenna_states, axes_matrix, simulate_imu
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel
 
 S = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -82,72 +83,6 @@ def test_antenna_velocity_is_the_derivative_of_its_position(flight):
     t, d, lever = np.linspace(flight.motion.start + 1, flight.motion.end - 1, 100), 1e-3, np.array([3.0, -2.0, 1.0])
     ahead, behind = (antenna_states(flight.motion, lever, t + e)[0] for e in (d, -d))
     assert_allclose(antenna_states(flight.motion, lever, t)[1], (ahead - behind) / (2 * d), atol=1e-5)
-
-
-def residuals(flight, options, seed=0):
-    """Errors north, east, down (n, 3), by pyproj in the tangent plane (its north is that of the site to 2e-4), and the fixes."""
-    rig = Rig()
-    fixes, outlier = simulate_gnss(flight, rig, options, np.random.default_rng(seed))
-    truth, _ = antenna_states(flight.motion, rig.antenna_lever_b, fixes.time)
-    error = enu(fixes.lat, fixes.lon, fixes.height) - enu(*flight.motion.frame.geodetic_from_position(truth))
-    return error @ S, fixes, outlier
-
-
-def test_fixes_scatter_as_they_claim(flight):
-    """Oracle: chi-square bounds of the sample variance, white by its first autocorrelation."""
-    error, fixes, outlier = residuals(flight, GnssOptions(sigma_m=(0.02, 0.025, 0.05)))
-    assert fixes.time.size == 6001
-    assert_allclose(np.diff(fixes.time), 0.1, atol=1e-9)
-    for k, sigma in enumerate((0.02, 0.025, 0.05)):
-        assert same((error[:, k] ** 2).mean(), sigma**2, 6001)
-        assert_allclose(fixes.cov_ned[:, k, k], sigma**2)
-        assert abs(np.corrcoef(error[1:, k], error[:-1, k])[0, 1]) < 4 / np.sqrt(6000)
-    assert not outlier.any()
-
-
-def test_correlated_errors_have_their_correlation_time(flight):
-    """Oracle: autocorrelation exp(-lag/T) of a Gauss-Markov process, variance sum of both; 600 s hold 300 times T, hence 25 %."""
-    error, fixes, _ = residuals(flight, GnssOptions(sigma_m=(1e-4,) * 3, correlated_sigma_m=(0.03, 0.0, 0.05), correlation_time_s=2.0))
-    for k, sigma in ((0, 0.03), (2, 0.05)):
-        assert error[:, k].std() == pytest.approx(sigma, rel=0.2)
-        assert np.corrcoef(error[20:, k], error[:-20, k])[0, 1] == pytest.approx(np.exp(-1.0), abs=0.2)
-        assert fixes.cov_ned[0, k, k] == pytest.approx(sigma**2 + 1e-8)
-    assert error[:, 1].std() == pytest.approx(1e-4, rel=0.05)
-
-
-def test_outliers_are_as_many_and_as_large_as_asked(flight):
-    """Oracle: binomial share (3.5 sigma) and the range of sizes."""
-    error, _, outlier = residuals(flight, GnssOptions(sigma_m=(1e-3,) * 3, outlier_fraction=0.05, outlier_m=(1.0, 4.0)))
-    assert outlier.mean() == pytest.approx(0.05, abs=0.01)
-    size = np.linalg.norm(error, axis=1)
-    assert size[~outlier].max() < 0.01
-    assert 0.99 < size[outlier].min() < 1.1
-    assert 3.8 < size[outlier].max() < 4.01
-
-
-def test_outages_take_fixes_and_nothing_else(flight):
-    """Oracle: the clock; the fixes that stay are those of the run without outages."""
-    options = GnssOptions(outages=((100.0, 20.0), (300.0, 5.0)))
-    _, whole, _ = residuals(flight, GnssOptions())
-    _, fixes, outlier = residuals(flight, options)
-    assert fixes.time.size == outlier.size == 6001 - 250
-    gaps = np.diff(fixes.time)
-    assert_allclose(gaps[gaps > 0.15], [20.1, 5.1], atol=1e-6)
-    assert np.isin(fixes.lat, whole.lat).all()
-    with pytest.raises(UsageError, match="no fix"):
-        residuals(flight, GnssOptions(outages=((0.0, 1e4),)))
-
-
-def test_velocities_scatter_as_they_claim(flight):
-    """Oracle: chi-square bounds about the derivative of the true antenna position."""
-    _, fixes, _ = residuals(flight, GnssOptions(velocity_sigma_ms=(0.03, 0.04, 0.05), phase_s=0.03))
-    inner = fixes.time[1:-1]
-    assert_allclose(fixes.time * 10 % 1.0, 0.3, atol=1e-5)
-    ahead, behind = (antenna_states(flight.motion, Rig().antenna_lever_b, inner + e)[0] for e in (1e-3, -1e-3))
-    error = fixes.velocity_ned[1:-1] - (ahead - behind) / 2e-3
-    for k, sigma in enumerate((0.03, 0.04, 0.05)):
-        assert same((error[:, k] ** 2).mean(), sigma**2, inner.size)
-        assert_allclose(fixes.velocity_cov_ned[:, k, k], sigma**2)
 
 
 def quiet(**processes) -> NoiseModel:
@@ -226,7 +161,7 @@ def test_missing_events_stay_in_the_truth():
     assert 0.6 * len(exposed) < len(s.events.images) < 0.95 * len(exposed)
     assert all(exposed[name] == t for name, t in zip(s.events.images, s.events.time, strict=True))
     assert np.abs(s.events.time * 500 % 1.0 - 0.5).std() > 0.1
-    assert_allclose(true_eo(s.flight, s.rig, TANGENT_ORIGIN).position_m, s.truth.eo.position_m)
+    assert_allclose(true_eo(s.flight, s.rig, s.tangent_plane).position_m, s.truth.eo.position_m)
 
 
 def test_true_trajectory_carries_state_and_biases(simulated):

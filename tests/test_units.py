@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from insgnss.errors import InputError
-from insgnss.stochastic.units import UNITS, format_quantity, parse_quantity, parse_unit
+from insgnss.units import UNITS, format_quantity, parse_quantity, parse_unit
 
 DEG = math.pi / 180.0
 G = 9.80665

@@ -14,7 +14,7 @@ import re
 from dataclasses import dataclass
 from fractions import Fraction
 
-from ..errors import InputError
+from .errors import InputError
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, CGPM 1901
 

@@ -1,0 +1,1 @@
+"""What a recording says about its sensors: deterministic calibration of an IMU, and the bias at turn-on."""

@@ -1,0 +1,287 @@
+"""Deterministic calibration of an IMU from a recording in which it rests in many positions.
+
+Accelerometers. At rest in any position the specific force has the magnitude of gravity. With raw = E f + b (the convention of
+`prepare.calibration`, E = I + diag(s) + N, N lower triangular) every stretch i of mean reading a_i gives one equation,
+
+    | E^-1 (a_i - b) | = g                                                                                   (P.1)
+
+in nine unknowns b, s, N: at least nine positions, well spread (Syed, Aggarwal, Goodall, Niu, El-Sheimy 2007). With u the direction
+of the calibrated f and M = E^-1, d|f|/db = -u^T M and d|f|/dE_jk = -(u^T M)_j f_k. An error of g is an error of all of E: it
+enters the covariance as dE = E dg / g.
+
+Gyroscopes. At rest they feel their bias and the Earth's rate w (a constant of the level frame, of unknown heading, a nuisance with its
+prior), and between two positions they must carry the vertical u from the one to the next (Tedaldi, Pretto, Menegatti 2014):
+
+    gyro_i = b + E C_i^T w                                                                                   (P.2)
+    u_(i+1) = R_i^T (u_i + T_i (C_i^T w) x u_i),   R_i = prod exp([E^-1 (raw - b) dt] x)                     (P.3)
+
+C_i takes the sensor's axes into the level frame of the first stretch; T_i is the duration of the turn. Turns about the vertical leave
+u where it is and tell nothing.
+
+With v = R_i^T u, a change dp of the calibration moves it by
+
+    dv = v x (J dp),   J dp = sum over samples, in the axes at the turn's end, of -M dE (E^-1 (raw - b) dt) - M db dt      (P.4)
+
+The residuals of (P.3) share verticals, turn by turn, and all share the accelerometers' calibration: their covariance is a full one.
+
+Each group of residuals is weighted by the noise that the stretches show. Where its variance factor (residuals' weighted square sum over
+the degrees of freedom) passes the 99 % bound of chi-square, the group's sigmas are multiplied by its root: biases that wander from
+one position to the next cost that much. Weak priors, as wide as a
+calibration may be, keep unobserved parameters in place.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DataError, InputError
+from ..geodesy.earth import EARTH_RATE, normal_gravity
+from ..geodesy.rotation import rotation_from_vector, skew
+from ..prepare.calibration import LOWER
+from ..prepare.increments import nominal_interval
+from ..prepare.still import Stretches, still_stretches
+from ..records import Array, ImuSamples
+from .groups import Group, solve_groups
+from .result import POSSIBLE, STANDARD_GRAVITY, MultiPosition, TriadEstimate, blind_directions, places, sizes
+
+POSITIONS = 9
+ASTRAY = 0.02  # rad, rms: no noise of a hand-held turn makes as much
+LEAST_TURN = 1e-6  # rad, of a turn's interpolation between samples
+DISTINCT = np.radians(15.0)  # positions whose vertical differs by less are one
+GRAVITY_SIGMA, ANYWHERE_SIGMA = 5e-4, 0.02  # m/s^2: normal gravity misses 50 mGal of terrain; 9.80665 misses latitude and height
+LONGEST_TURN_S = 60.0
+LEAST_SIGMA = {"gyro": 1e-7, "accel": 2e-5}  # rad/s, m/s^2, of a stretch's mean: sensors that round to a constant
+AXES = "xyz"
+ACCEL_NAMES = (*(f"bias {c}" for c in AXES), *(f"scale_factor {c}" for c in AXES), *(f"misalignment {AXES[r]}{AXES[c]}" for r, c in LOWER))
+GYRO_NAMES = (
+    *(f"bias {c}" for c in AXES),
+    *(f"scale_factor {r}" if r == c else f"misalignment {r}{c}" for r in AXES for c in AXES),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """The way from stretch `first` to the next: delta (n, 3) rad raw increments, dt (n,) s; sigma rad, of the white noise over it."""
+
+    first: int
+    delta: Array
+    dt: Array
+    sigma: float
+
+
+def calibrate_multi_position(imu: ImuSamples, latitude: float | None = None, height: float = 0.0, needed: int = POSITIONS) -> MultiPosition:
+    """Calibrate both triads from a recording at rest in many positions.
+
+    latitude : rad, and height : m above the ellipsoid, of the place; without, gravity is 9.80665 m/s^2 with 0.02 m/s^2.
+    needed : least number of positions.
+    Raises DataError where fewer were found, or where the outcome is beyond what a calibration may be.
+    """
+    stretches = still_stretches(imu)
+    positions = distinct_positions(stretches)
+    if positions < needed:
+        raise DataError(
+            f"{imu.source or 'IMU'}: {positions} positions at rest found in {len(stretches)} stretches, {needed} needed; "
+            "rest the sensor for 5 s and more in each, faces and edges up and down"
+        )
+    gravity, sigma = local_gravity(latitude, height)
+    accel = calibrate_accelerometers(stretches, gravity, sigma)
+    turns = find_turns(imu, stretches)
+    try:
+        gyro = calibrate_gyroscopes(stretches, turns, accel, latitude)
+    except DataError as error:
+        raise DataError(f"{imu.source or 'IMU'}: {error}") from None
+    result = MultiPosition(accel, gyro, stretches, positions, len(turns), gravity, sigma, imu.source or "IMU")
+    try:
+        _ = result.calibration
+    except InputError as error:
+        raise DataError(f"{result.source}: the result is no calibration ({error}); check units and axes of the recording") from None
+    return result
+
+
+def distinct_positions(stretches: Stretches) -> int:
+    """Number of positions whose verticals differ by `DISTINCT` and more."""
+    seen: list[Array] = []
+    for u in _unit(stretches.accel_mean):
+        if all(u @ other < np.cos(DISTINCT) for other in seen):
+            seen.append(u)
+    return len(seen)
+
+
+def local_gravity(latitude: float | None, height: float) -> tuple[float, float]:
+    """Gravity and its standard deviation, m/s^2, at latitude, rad, and height, m; anywhere for None."""
+    if latitude is None:
+        return STANDARD_GRAVITY, ANYWHERE_SIGMA
+    return float(normal_gravity(latitude, height)), GRAVITY_SIGMA
+
+
+def calibrate_accelerometers(stretches: Stretches, gravity: float, gravity_sigma: float) -> TriadEstimate:
+    """Nine parameters of the accelerometers (P.1). gravity, gravity_sigma : m/s^2."""
+    mean, at = stretches.accel_mean, places(ACCEL_NAMES)
+    sigma = _mean_sigma(stretches.accel_std, stretches.samples, "accel")
+
+    def gravity_norm(p: Array) -> tuple[Array, Array]:
+        M = np.linalg.inv(_response(p[3:], at))
+        f = (mean - p[:3]) @ M.T
+        norm = np.linalg.norm(f, axis=1)
+        row = (f / norm[:, None]) @ M
+        return norm - gravity, np.column_stack([-row, *(-row[:, j] * f[:, k] for j, k in at)])
+
+    fit = solve_groups({"gravity": Group(gravity_norm, sigma**2, 9)}, np.zeros(9), sizes(POSSIBLE, "accel", ACCEL_NAMES))
+    scale = np.concatenate([np.zeros(3), [_response(fit.values[3:], at)[place] for place in at]]) / gravity
+    covariance = fit.covariance + gravity_sigma**2 * np.outer(scale, scale)
+    blind = blind_directions("accel", ACCEL_NAMES, covariance)
+    return TriadEstimate("accel", ACCEL_NAMES, fit.values, covariance, fit.residual, fit.factor, blind)
+
+
+def calibrate_gyroscopes(stretches: Stretches, turns: list[Turn], accel: TriadEstimate, latitude: float | None) -> TriadEstimate:
+    """Twelve parameters of the gyroscopes (P.2, P.3), the Earth's rate a nuisance. accel : of the accelerometers, on the same stretches.
+
+    Raises DataError where the gyros do not carry the vertical from one position to the next.
+    """
+    from ._kernels import carry
+
+    up, at = _unit(accel.triad().correct(stretches.accel_mean)), places(GYRO_NAMES)
+    C, linked = _attitudes(stretches, turns, up)
+    sigma = _mean_sigma(stretches.gyro_std, stretches.samples, "gyro")
+    sigma = np.hypot(sigma, np.where(linked, 0.0, EARTH_RATE))  # where the heading is lost, so is the Earth's rate
+    basis = np.linalg.svd(up[:, None, :])[2][:, 1:]  # (k, 2, 3), across the vertical
+
+    def rest(p: Array) -> tuple[Array, Array]:
+        E, rate = _response(p[3:12], at), np.einsum("kji,j->ki", C, p[12:])
+        jacobian = np.zeros((len(up), 3, 15))
+        jacobian[:, :, :3] = -np.eye(3)
+        for a in range(3):
+            jacobian[:, a, 3 + 3 * a : 6 + 3 * a] = -rate
+        jacobian[:, :, 12:] = -E @ np.swapaxes(C, 1, 2)
+        return (stretches.gyro_mean - p[:3] - rate @ E.T).ravel(), jacobian.reshape(-1, 15)
+
+    def turned(p: Array) -> tuple[Array, Array]:
+        M = np.linalg.inv(_response(p[3:12], at))
+        residual, jacobian = np.empty((len(turns), 2)), np.zeros((len(turns), 2, 15))
+        Rt, J = np.empty((3, 3)), np.empty((3, 12))
+        for row, turn in enumerate(turns):
+            i, length = turn.first, float(turn.dt.sum())
+            carry(turn.delta, turn.dt, M, p[:3], Rt, J)
+            v = Rt @ (up[i] + length * np.cross(C[i].T @ p[12:], up[i]))
+            residual[row] = basis[i + 1] @ v
+            jacobian[row, :, :12] = basis[i + 1] @ skew(v) @ J  # (P.4)
+            jacobian[row, :, 12:] = -length * basis[i + 1] @ Rt @ skew(up[i]) @ C[i].T
+        return residual.ravel(), jacobian.reshape(-1, 15)
+
+    groups = {"rest": Group(rest, np.repeat(sigma**2, 3), 3)}
+    if turns:
+        groups["turns"] = Group(turned, _turn_covariance(stretches, turns, accel, up, basis), 9)
+    rate, rate_sigma = _earth_prior(latitude)
+    fit = solve_groups(groups, np.concatenate([np.zeros(12), rate]), np.concatenate([sizes(POSSIBLE, "gyro", GYRO_NAMES), rate_sigma]))
+    astray = float(np.sqrt(np.mean(turned(fit.values)[0] ** 2))) if turns else 0.0
+    if astray > ASTRAY:
+        raise DataError(
+            f"the gyros miss the vertical by {np.degrees(astray):.1f} deg (limit {np.degrees(ASTRAY):.1f} deg) after {len(turns)} turns; "
+            "axes or units of gyros and accelerometers contradict each other"
+        )
+    covariance = fit.covariance[:12, :12]
+    blind = blind_directions("gyro", GYRO_NAMES, covariance)
+    return TriadEstimate("gyro", GYRO_NAMES, fit.values[:12], covariance, fit.residual, fit.factor, blind)
+
+
+def find_turns(imu: ImuSamples, stretches: Stretches) -> list[Turn]:
+    """Ways from each stretch to the next that were recorded without a gap."""
+    nominal = nominal_interval(imu.time)
+    step = np.diff(imu.time)
+    delta = imu.gyro[1:] if imu.quantity == "increments" else imu.gyro[1:] * step[:, None]
+    if imu.quantity == "instant_rate":
+        delta = 0.5 * (imu.gyro[1:] + imu.gyro[:-1]) * step[:, None]
+    turns = []
+    for i in range(len(stretches) - 1):
+        a, b = np.searchsorted(imu.time, [stretches.time[i, 1], stretches.time[i + 1, 0]])
+        length = imu.time[b] - imu.time[a]
+        if b > a and step[a:b].max() < 1.5 * nominal and length < LONGEST_TURN_S:
+            sigma = float(np.sqrt(np.mean(stretches.gyro_std[i : i + 2] ** 2) * nominal * length))
+            turns.append(Turn(i, _coned(delta[a:b]), step[a:b].copy(), sigma))
+    return turns
+
+
+def _coned(delta: Array) -> Array:
+    """(n, 3) rotation vectors of increments: each with the part that turns across its neighbours make (I.2 of `prepare.increments`)."""
+    out = delta.copy()
+    across = np.cross(delta[:-1], delta[1:]) / 24.0
+    out[:-1] += across
+    out[1:] += across
+    return out
+
+
+def _turn_covariance(stretches: Stretches, turns: list[Turn], accel: TriadEstimate, up: Array, basis: Array) -> Array:
+    """(2 t, 2 t) of the residuals of (P.3): white noise of the gyros, and verticals that two turns share, of one calibration."""
+    from ._kernels import carry
+
+    bias = np.average(stretches.gyro_mean, axis=0, weights=stretches.samples)
+    noise = _mean_sigma(stretches.accel_std, stretches.samples, "accel") * np.sqrt(max(1.0, accel.variance_factor["gravity"]))
+    by_stretch, by_parameter = np.zeros((len(turns), 2, len(up), 3)), np.zeros((len(turns), 2, len(accel.names)))
+    effect = np.zeros((len(up), 3, len(accel.names)))  # of the parameters on u, to first order
+    effect[:, :, :3] = -np.eye(3) / STANDARD_GRAVITY
+    for column, (j, k) in enumerate(places(accel.names), 3):
+        effect[:, j, column] = -up[:, k]
+    Rt, J = np.empty((3, 3)), np.empty((3, 12))
+    for row, turn in enumerate(turns):
+        i = turn.first
+        carry(turn.delta, turn.dt, np.eye(3), bias, Rt, J)
+        ends = {i: basis[i + 1] @ Rt, i + 1: -basis[i + 1]}
+        for stretch, matrix in ends.items():
+            by_stretch[row, :, stretch] = matrix * noise[stretch] / STANDARD_GRAVITY
+            by_parameter[row] += matrix @ effect[stretch]
+    A, D = by_stretch.reshape(2 * len(turns), -1), by_parameter.reshape(2 * len(turns), -1)
+    white = np.repeat([turn.sigma**2 + LEAST_TURN**2 for turn in turns], 2)
+    return np.asarray(np.diag(white) + A @ A.T + D @ accel.covariance @ D.T, dtype=np.float64)
+
+
+def _attitudes(stretches: Stretches, turns: list[Turn], up: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """(k, 3, 3) C_i, levelled by the accelerometers, their headings carried by the gyros as they are; (k,) whether they are known."""
+    from ._kernels import carry
+
+    bias = np.average(stretches.gyro_mean, axis=0, weights=stretches.samples)
+    C, linked = np.empty((len(up), 3, 3)), np.zeros(len(up), dtype=bool)
+    ways = {turn.first + 1: turn for turn in turns}
+    Rt, J = np.empty((3, 3)), np.empty((3, 12))
+    for i, u in enumerate(up):
+        rough, linked[i] = np.eye(3), i == 0
+        if i in ways:
+            carry(ways[i].delta, ways[i].dt, np.eye(3), bias, Rt, J)
+            rough, linked[i] = C[i - 1] @ Rt.T, linked[i - 1]
+        C[i] = _to_up(rough @ u) @ rough
+    return C, linked
+
+
+def _to_up(v: Array) -> Array:
+    """(3, 3), the shortest rotation of the unit vector v onto (0, 0, -1), up in north-east-down."""
+    up = np.array([0.0, 0.0, -1.0])
+    axis, cosine = np.cross(v, up), float(v @ up)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-12:
+        return np.eye(3) if cosine > 0.0 else np.diag([1.0, -1.0, -1.0])
+    return rotation_from_vector(axis / sine * np.arctan2(sine, cosine))
+
+
+def _earth_prior(latitude: float | None) -> tuple[Array, Array]:
+    """Mean and standard deviation (3,) rad/s of the Earth's rate in a level frame of unknown heading; latitude in rad."""
+    if latitude is None:
+        return np.zeros(3), np.full(3, EARTH_RATE / np.sqrt(3.0))
+    across = EARTH_RATE * abs(np.cos(latitude)) / np.sqrt(2.0)
+    return np.array([0.0, 0.0, -EARTH_RATE * np.sin(latitude)]), np.array([across, across, 1e-3 * EARTH_RATE]) + 1e-12
+
+
+def _response(values: Array, at: list[tuple[int, int]]) -> Array:
+    """(3, 3) E of the parameters after the bias."""
+    E = np.eye(3)
+    for place, value in zip(at, values, strict=True):
+        E[place] += value
+    return E
+
+
+def _unit(v: Array) -> Array:
+    return np.asarray(v / np.linalg.norm(v, axis=1, keepdims=True), dtype=np.float64)
+
+
+def _mean_sigma(std: Array, samples: NDArray[np.int64], sensor: str) -> Array:
+    """(k,) standard deviation of the mean of white noise, of any axis."""
+    return np.asarray(np.maximum(np.sqrt(np.mean(std**2, axis=1) / samples), LEAST_SIGMA[sensor]), dtype=np.float64)

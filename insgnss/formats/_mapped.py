@@ -1,0 +1,113 @@
+"""IMU samples and fixes from content by a column map: what MATLAB and numpy files have in common.
+
+A file that holds the last fix until the next comes is read by `new_when`, the quantity that changes with each new fix: a fix is
+taken at the row where it changes to something that is neither zero nor not-a-number, and it is stamped with that row's time.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError, UsageError
+from ..records import GnssFixes, ImuSamples, Quantity
+from ._columns import given_factor
+from ._content import Content, take_columns
+from ._fixes import SIGMA, FixScales, fixes_from_columns
+from ._order import Lines, NumberedRows, Picked
+from ._units import check_units, imu_kinds
+from .gnss_text import ALIASES, REQUIRED
+from .gnss_text import UNIT_KEYS as GNSS_UNIT_KEYS
+from .imu_csv import ACCEL, GYRO, UNIT_KEYS, Scales, imu_from_columns, required_columns
+from .imu_csv import ALIASES as IMU_ALIASES
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, str] | Sequence[str]
+
+REPEATED_LIMIT = 0.5
+
+
+def _taken(
+    path: object, content: Content, columns: Columns, variable: str | None, required: Sequence[str], known: Sequence[str]
+) -> dict[str, Array]:
+    names = list(columns)
+    if isinstance(columns, Mapping) and (odd := [name for name in names if name not in known]):
+        raise UsageError(f"{path}: columns: {odd[0]!r} is none of {', '.join(known)}")
+    cols = {name: column for name, column in take_columns(path, content, columns, variable).items() if name in known}
+    if missing := [name for name in required if name not in cols]:
+        raise InputError(f"{path}: columns does not name {', '.join(missing)}; give it a name or a place in the file")
+    return cols
+
+
+def _finite(table: Mapping[str, Array], lines: Lines) -> None:
+    for name, column in table.items():
+        if (bad := ~np.isfinite(column)).any():
+            raise lines.at(int(np.argmax(bad)), f"{name} is {column[int(np.argmax(bad))]}; it must be finite")
+
+
+def imu_of_content(
+    path: object,
+    content: Content,
+    columns: Columns,
+    variable: str | None,
+    units: Mapping[str, str] | None,
+    quantity: Quantity,
+    gps_week: int | None,
+    rate_hz: float | None,
+) -> ImuSamples:
+    """Samples in SI; units and quantity as in `imu_csv`."""
+    units = check_units(units, UNIT_KEYS)
+    cols = _taken(path, content, columns, variable, required_columns(rate_hz), tuple(IMU_ALIASES))
+    lines = NumberedRows(str(path))
+    _finite(cols, lines)
+    gyro_kind, accel_kind = imu_kinds(quantity)
+    first = {"gyro": "rad" if quantity == "increments" else "rad/s", "accel": "m/s" if quantity == "increments" else "m/s^2"}
+    gyro = given_factor(path, GYRO, gyro_kind, units.get("gyro", first["gyro"]))
+    accel = given_factor(path, ACCEL, accel_kind, units.get("accel", first["accel"]))
+    return imu_from_columns(cols, lines, str(path), Scales(gyro, accel, units.get("time", "s"), rate_hz), quantity, gps_week)
+
+
+def gnss_of_content(
+    path: object,
+    content: Content,
+    columns: Columns,
+    variable: str | None,
+    new_when: str | None,
+    sigma_m: ArrayLike | None,
+    sigma_velocity: ArrayLike | None,
+    units: Mapping[str, str] | None,
+    gps_week: int | None,
+    undulation_m: float,
+) -> GnssFixes:
+    """Fixes; names and units as in `gnss_text`.
+
+    new_when : path (or canonical name) of what changes with each new fix; None takes every row for a fix, and is refused where more
+        than half of them repeat the one before.
+    """
+    units = check_units(units, GNSS_UNIT_KEYS)
+    scales = FixScales(
+        angle=given_factor(path, ("lat", "lon"), "angle", units.get("angle", "deg")),
+        length=given_factor(path, ("h", *SIGMA), "length", units.get("length", "m")),
+        velocity=given_factor(path, ("vn", "ve", "vd", "speed"), "velocity", units.get("velocity", "m/s")),
+        course=given_factor(path, ("course",), "angle", units.get("course", "deg")),
+        time=units.get("time", "s"),
+        quality=units.get("quality", "rtklib"),
+    )
+    table = _taken(path, content, columns, variable, REQUIRED, tuple(ALIASES))
+    lines: Lines = NumberedRows(str(path))
+    if new_when is not None:
+        mark = table[new_when] if new_when in table else take_columns(path, content, {"mark": new_when}, variable)["mark"]
+        if mark.size != table["tow"].size:
+            raise InputError(
+                f"{path}: {new_when} has {mark.size} rows, the columns have {table['tow'].size}; name a field of the same recording"
+            )
+        rows = np.flatnonzero(np.isfinite(mark[1:]) & (mark[1:] != 0.0) & (mark[1:] != mark[:-1])) + 1
+        if rows.size == 0:
+            raise InputError(
+                f"{path}: {new_when} never changes to a new value; no fix; set new_when to what changes with each fix, or None"
+            )
+        table, lines = {name: column[rows] for name, column in table.items()}, Picked(lines, rows)
+    elif table["tow"].size > 1 and np.mean((np.diff(table["lat"]) == 0.0) & (np.diff(table["lon"]) == 0.0)) > REPEATED_LIMIT:
+        raise InputError(f"{path}: more than half of the positions repeat the one before; set new_when to what changes with each new fix")
+    _finite(table, lines)
+    return fixes_from_columns(table, lines, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m)

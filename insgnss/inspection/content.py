@@ -1,0 +1,271 @@
+"""What the flight file of an inspected recording says, key by key, and why.
+
+Recognised values are written where their confidence exceeds `SURE`, else as comments with the reason. Numbers that a file's own header
+gives a unit for are not given another one unless the data contradict it.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..prepare.increments import nominal_interval
+from ..records import Check, GnssFixes, ImuSamples
+from .alone import Alone
+from .draft import NOISE_FILE, Draft
+from .sensing import DEG_S, MG, Sensing, fitting_model, noise_model
+from .sources import Source
+
+if TYPE_CHECKING:
+    from ..prepare.recognise import Recognition
+
+SURE = 0.9
+KNOWN_S = 0.005  # a latency known to this needs no state
+LEVER_SIGMA_M = 0.3
+SAME = 0.02  # of a factor
+UPRIGHT = 0.85  # of |f|, along the axis that is vertical
+SENSORS = {"gyro": "gyro unit", "accel": "accelerometer unit"}
+REMARKS = (
+    "Drafted by insgnss inspect from the recording itself; above each key stands its evidence.",
+    "Keys that are commented out are not settled by the data: check these by hand.",
+)
+NEEDS_FIXES = "no fixes of a receiver: give its file as well, the samples alone have no position"
+NEEDS_POSITION = (
+    "a static recording needs a position to become a flight: set gnss.stationary = [latitude, longitude, height] in a flight file; "
+    "`insgnss tune` makes a noise model of it as it is"
+)
+
+
+@dataclass(frozen=True)
+class Axes:
+    """Axes in words with the evidence; `sure` where at least the vertical is, so that they are better than the default."""
+
+    words: str
+    why: str
+    sure: bool
+
+
+def in_si(imu: ImuSamples, found: "Recognition") -> ImuSamples:
+    """Samples as rates in rad/s and m/s^2 of specific force, by what was recognised."""
+    rate = 1.0 / nominal_interval(imu.time) if found.quantity == "increments" else 1.0
+    gyro, accel = found.gyro_factor * rate, found.accel_factor * found.accel_sign * rate
+    return replace(imu, gyro=imu.gyro * gyro, accel=imu.accel * accel, quantity="mean_rate")
+
+
+def draft_flight(
+    name: str,
+    sources: tuple[Source, ...],
+    raw: ImuSamples,
+    gnss: GnssFixes | None,
+    sensing: Sensing,
+    found: "Recognition | None",
+    axes: Axes,
+    week: tuple[int, str] | None,
+    alone: Alone,
+) -> tuple[Draft | None, str]:
+    """The draft, or None and what is missing for one. alone : what was found without a receiver."""
+    by_role = {source.role: source for source in sources}
+    site = by_role["imu"].site
+    if gnss is None and site is None:
+        return None, _missing(by_role["imu"], sensing, alone)
+    draft = Draft(remarks=REMARKS)
+    draft.add("", "name", name)
+    if week is not None:
+        draft.add("", "gps_week", week[0], week[1])
+    _imu(draft, by_role["imu"], raw, sensing, found, axes, alone.units)
+    if gnss is None:
+        assert site is not None
+        draft.add(
+            "gnss", "stationary", list(site), "latitude deg, longitude deg, height m of the site in the file's header; the sensor stands"
+        )
+    else:
+        _gnss(draft, by_role["gnss"], gnss, found)
+    if "events" in by_role:
+        draft.add("camera", "events", by_role["events"].path, f"{by_role['events'].what}")
+    _mounting(draft, "events" in by_role)
+    if gnss is not None:
+        _filter(draft, found)
+    draft.add("output", "directory", "results")
+    return draft, ""
+
+
+def _missing(source: Source, sensing: Sensing, alone: Alone) -> str:
+    """What samples without a position lack to become a flight."""
+    open_questions = [f"no clock ({source.keys['rate_hz']:g} Hz assumed)"] if "rate_hz" in source.keys else []
+    open_questions += ["no unit of the gyros"] if alone.gyro_counts is not None else []
+    more = f"; the file has {' and '.join(open_questions)}" if open_questions else ""
+    return (NEEDS_POSITION if sensing.is_static else NEEDS_FIXES) + more
+
+
+def _imu(
+    draft: Draft, source: Source, raw: ImuSamples, sensing: Sensing, found: "Recognition | None", axes: Axes, units: dict[str, str]
+) -> None:
+    rate = f"{sensing.rate_hz:.4g} Hz, {raw.time.size} samples, {sensing.length_s:.0f} s"
+    draft.add("imu", "file", source.path, f"{source.what}: {rate}")
+    for key in ("variable", "rate_hz"):
+        if key in source.keys:
+            draft.add("imu", key, source.keys[key], source.why.get(key, ""))
+    if "columns" in source.keys:
+        draft.add("imu", "columns", source.keys["columns"], source.why["columns"])
+    _units(draft, source, raw, found, units)
+    draft.add("imu", "axes", axes.words, axes.why, axes.sure)
+    _noise(draft, sensing)
+
+
+def _units(draft: Draft, source: Source, raw: ImuSamples, found: "Recognition | None", alone: dict[str, str]) -> None:
+    """Quantity, units and sign of the force."""
+    units = dict(source.keys.get("units", {}))
+    why = [source.why["units"]] if "units" in source.why else []
+    if found is None:
+        if raw.quantity != "mean_rate":
+            draft.add("imu", "quantity", raw.quantity, source.why.get("quantity", ""))
+        if units | alone:
+            draft.add("imu", "units", units | alone, "; ".join([*why, *(["gravity and noise at rest"] if alone else [])]))
+        return
+    for key, name in SENSORS.items():
+        why.append(_evidence(found.finding(name)))
+        unit = _unit_of_numbers(source, found, key)
+        if unit is not None:
+            units[key] = unit
+    finding = found.finding("quantity")
+    draft.add("imu", "quantity", found.quantity, _evidence(finding), finding.confidence > SURE or found.quantity == "mean_rate")
+    if units:
+        draft.add("imu", "units", units, "; ".join(why))
+    sign = found.finding("force sign")
+    if found.accel_sign < 0:
+        mirrored = "exchanged latitude and longitude would look the same: check their order"
+        draft.add("imu", "accel_sign", -1, f"{_evidence(sign)}; {mirrored}", sign.confidence > SURE)
+
+
+def _unit_of_numbers(source: Source, found: "Recognition", key: str) -> str | None:
+    """Unit of a sensor's numbers in the file, where the data tell it and the file does not, or says another one."""
+    from ..formats import UNITS, unit_factor
+
+    factor = found.gyro_factor if key == "gyro" else found.accel_factor
+    if source.units_said is None or not found.finding(SENSORS[key]).confidence > SURE:
+        return None
+    said = source.units_said.get(key)
+    kind = f"{key} increment" if found.quantity == "increments" else key
+    if said is not None:
+        if abs(factor - 1.0) < SAME:
+            return None
+        factor *= unit_factor(said, kind)
+    unit, base = next(((name, f) for name, f in UNITS[kind].items() if abs(factor / f - 1.0) < SAME), (None, 1.0))
+    return unit if unit is not None else f"{factor / base:.8g} {next(iter(UNITS[kind]))}"
+
+
+def said_units(source: Source, found: "Recognition") -> list[Check]:
+    """Where the data contradict the units that the file gives: a note where the draft can follow the data, else a contradiction."""
+    checks = []
+    for key, name in SENSORS.items():
+        finding = found.finding(name)
+        factor = found.gyro_factor if key == "gyro" else found.accel_factor
+        if source.units_said == {} or key not in (source.units_said or SENSORS) or finding.confidence <= SURE or abs(factor - 1.0) < SAME:
+            continue
+        said = "its format" if source.units_said is None else f"{source.units_said[key]}, as its header says"
+        told, expected = f"{factor:.4g} times what the file says: {finding.evidence}", f"the {key} values in the unit of {said}"
+        if source.units_said is None:
+            checks.append(Check(f"unit of {key}", told, expected, "contradiction", "the file is not what its format says; convert it"))
+        else:
+            checks.append(Check(f"unit of {key}", told, expected, "note", "the draft follows the data"))
+    return checks
+
+
+def likely_axes(source: Source, imu: ImuSamples, found: "Recognition | None") -> Axes:
+    """Axes as recognised, else as the format has them, else the vertical as gravity shows it with forward chosen freely.
+
+    imu : in m/s^2 of specific force.
+    """
+    if found is not None and found.axes is not None:
+        finding, vertical = found.finding("axes"), found.finding("vertical axis")
+        unsure = "" if finding.confidence > SURE else "; the likeliest, but NOT SURE: check which way it was mounted"
+        return Axes(found.axes, _evidence(finding) + unsure, vertical.confidence > SURE)
+    if source.axes:
+        return Axes(source.axes, "by the convention of the format", True)
+    up = np.median(imu.accel, axis=0)
+    words, axis = vertical_axes(up)
+    steady = abs(float(up["xyz".index(axis)])) > UPRIGHT * float(np.median(np.linalg.norm(imu.accel, axis=1)))
+    why = f"gravity lies along the IMU's {axis} axis; which of the others points forward is NOT KNOWN: the data do not tell"
+    return Axes(words, why, steady)
+
+
+def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:
+    """Axes in words, the vertical by the specific force at rest (3,), forward chosen freely; and the axis that is vertical."""
+    from ..prepare.axes import DIRECTIONS
+
+    axis = int(np.argmax(np.abs(mean_force)))
+    words = ["", "", ""]
+    words[axis] = "up" if mean_force[axis] > 0.0 else "down"
+    first, second = [k for k in range(3) if k != axis]
+    words[first], words[second] = "forward", "right"
+    right_handed = np.linalg.det(np.column_stack([np.eye(3)[DIRECTIONS[word][0]] * DIRECTIONS[word][1] for word in words])) > 0.0
+    if not right_handed:
+        words[second] = "left"
+    return " ".join(words), "xyz"[axis]
+
+
+def _noise(draft: Draft, sensing: Sensing) -> None:
+    quiet = f"{sensing.rest_gyro.max() / DEG_S:.2g} deg/s/sqrt(Hz) and {sensing.rest_accel.max() / MG:.2g} mg/sqrt(Hz)"
+    moving = f"{sensing.moving_gyro.max() / DEG_S:.2g} and {sensing.moving_accel.max() / MG:.2g}"
+    at = "at rest" if sensing.rest_s > 0.0 else "where it is quietest"
+    measured = f"white noise measured: {quiet} {at}"
+    if not sensing.is_static:
+        measured += f", {moving} in motion, where vibration counts"
+    name = fitting_model(sensing)
+    if name is not None:
+        draft.add("imu", "noise", name, f"the shipped model fits: {measured}")
+        return
+    draft.add("imu", "noise", NOISE_FILE, f"no shipped model fits: {measured}; class by this: {sensing.grade}")
+    draft.noise = noise_model(sensing, draft.tables[""][0].value)
+    bias = "the mean rate at rest sets the turn-on bias of the gyros" if sensing.rest_s > 0.0 else "no rest: turn-on biases are a-priori"
+    draft.noise_why = (
+        f"Drafted by insgnss inspect. {measured[0].upper()}{measured[1:]}; the largest is taken.",
+        f"{bias[0].upper()}{bias[1:]}; Gauss-Markov processes a-priori of a {sensing.grade} sensor. `insgnss tune` makes a better one.",
+    )
+
+
+def _gnss(draft: Draft, source: Source, gnss: GnssFixes, found: "Recognition | None") -> None:
+    step = float(np.median(np.diff(gnss.time))) if gnss.time.size > 1 else np.nan
+    draft.add("gnss", "file", source.path, f"{source.what}: {gnss.time.size} fixes, {1.0 / step:.3g} Hz")
+    for key in ("variable", "columns", "units", "new_when", "sigma_m", "sigma_velocity_mps"):
+        if key in source.keys:
+            draft.add("gnss", key, source.keys[key], source.why.get(key, ""))
+    if source.free_height:
+        why = "heights may be above the geoid; the geoid's height above the ellipsoid would then go here"
+        draft.add("gnss", "undulation_m", 0.0, why, sure=False)
+    if found is None or not np.isfinite(found.time_offset_sigma_s):
+        why = "the data do not tell the latency" if found is None else _evidence(found.finding("time offset"))
+        draft.add("gnss", "time_offset_s", 0.0, why, sure=False)
+        return
+    scale = found.finding("time scale")
+    why = _evidence(found.finding("time offset")) + (f"; time scale {scale.value}: {scale.evidence}" if found.time_scale != "same" else "")
+    told = abs(found.time_offset_s) > 2.0 * found.time_offset_sigma_s
+    draft.add("gnss", "time_offset_s", round(found.time_offset_s, 4), why if told else f"{why}; that is none within its sigma", told)
+
+
+def _mounting(draft: Draft, camera: bool) -> None:
+    draft.add(
+        "mounting", "antenna_m", [0.0, 0.0, 0.0], "lever arms are not in the files: measure them, in m from the camera in camera axes"
+    )
+    if camera:
+        draft.add("mounting", "imu_m", [0.0, 0.0, 0.0])
+        draft.add(
+            "mounting",
+            "camera_from_body",
+            [[-1, 0, 0], [0, -1, 0], [0, 0, 1]],
+            "as in the published data sets; check it for this drone",
+            False,
+        )
+
+
+def _filter(draft: Draft, found: "Recognition | None") -> None:
+    sigma = np.inf if found is None else found.time_offset_sigma_s
+    if not sigma < KNOWN_S:
+        known = f"the latency is known to {1e3 * sigma:.0f} ms only" if np.isfinite(sigma) else "the latency is not known"
+        draft.add("filter", "time_offset", True, f"{known}; the filter estimates what remains")
+    draft.add("filter", "lever_arm", True, "the lever arm is not known; the filter estimates it where the flight lets it")
+    draft.add("filter", "lever_arm_sigma_m", LEVER_SIGMA_M)
+
+
+def _evidence(finding: Any) -> str:
+    return f"{finding.name}: {finding.value} (confidence {finding.confidence:.3f}): {finding.evidence}"

@@ -1,0 +1,122 @@
+"""A ready flight file out of what an inspection found: every key with its evidence above it, unsure ones commented out.
+
+Nothing is overwritten unless asked; the noise model and the picture go beside the flight file, which is written last, so that it never
+names a file that is not there.
+"""
+
+import os
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..errors import UsageError
+from ..files import atomic_write
+from ..stochastic.model import NoiseModel, write_noise_model
+
+NOISE_FILE, PICTURE_FILE = "imu_noise.toml", "recognition.png"
+WIDTH = 118
+WRAPPED = 100  # a list longer than this takes a line an item
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One key of a flight file with the evidence for its value; one that is not sure is written as a comment."""
+
+    key: str
+    value: Any
+    why: str = ""
+    sure: bool = True
+
+
+@dataclass
+class Draft:
+    """Tables of a flight file in order, the top one under an empty name; the noise model and picture (PNG) that go beside it."""
+
+    tables: dict[str, list[Entry]] = field(default_factory=dict)
+    noise: NoiseModel | None = None
+    noise_why: tuple[str, ...] = ()
+    picture: bytes | None = None
+    remarks: tuple[str, ...] = ()
+
+    def add(self, table: str, key: str, value: Any, why: str = "", sure: bool = True) -> None:
+        """Append an entry."""
+        self.tables.setdefault(table, []).append(Entry(key, value, why, sure))
+
+    def text(self, folder: Path) -> str:
+        """The flight file for a place in `folder`: paths below it are written relative to it, others in full."""
+        lines: list[str] = []
+        for remark in self.remarks:
+            lines += _comment(remark)
+        for table, entries in self.tables.items():
+            lines += [""] if lines else []
+            lines += [f"[{table}]"] if table else []
+            for entry in entries:
+                lines += _entry_lines(entry, folder)
+        return "\n".join(lines) + "\n"
+
+
+def write_draft(draft: Draft, path: Path, force: bool = False) -> list[Path]:
+    """Write flight file, noise model and picture; the files written.
+
+    path : of the flight file, or the directory that shall hold flight.toml.
+    Raises UsageError where one of them is there already and `force` is not given, and where they cannot be written.
+    """
+    path = path / "flight.toml" if path.is_dir() else path
+    parts: dict[Path, Any] = {}
+    if draft.noise is not None:
+        parts[path.with_name(NOISE_FILE)] = draft.noise
+    if draft.picture is not None:
+        parts[path.with_name(PICTURE_FILE)] = draft.picture
+    parts[path] = draft.text(path.absolute().parent)
+    there = [str(file) for file in parts if file.exists()]
+    if there and not force:
+        verb = "is" if len(there) == 1 else "are"
+        raise UsageError(f"{', '.join(there)} {verb} there already; nothing written; give another place with --write FLIGHT, or --force")
+    for file, content in parts.items():
+        if isinstance(content, NoiseModel):
+            write_noise_model(content, file)
+            atomic_write(
+                file, "\n".join(line for why in draft.noise_why for line in _comment(why)) + "\n" + file.read_text(encoding="utf-8")
+            )
+        else:
+            atomic_write(file, content)
+    return list(parts)
+
+
+def _entry_lines(entry: Entry, folder: Path) -> Iterator[str]:
+    yield from _comment(entry.why)
+    value = entry.value
+    if isinstance(value, Path):
+        value = _relative(value, folder)
+    text = f"{entry.key} = {toml(value)}"
+    yield text if entry.sure else f"# {text}"
+
+
+def _comment(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent="# ", subsequent_indent="#   ", break_long_words=False, break_on_hyphens=False)
+
+
+def _relative(path: Path, folder: Path) -> str:
+    """As seen from `folder` where the file lies below it, or below its parent; in full otherwise."""
+    full = Path(os.path.abspath(path))
+    if full.is_relative_to(folder):
+        return full.relative_to(folder).as_posix()
+    near = os.path.relpath(full, folder)
+    return Path(near).as_posix() if near.count("..") == 1 else full.as_posix()
+
+
+def toml(value: Any) -> str:
+    """A value as TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {toml(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, Sequence):
+        line = "[" + ", ".join(toml(item) for item in value) + "]"
+        return line if len(line) <= WRAPPED else "[\n" + "".join(f"  {toml(item)},\n" for item in value) + "]"
+    return repr(float(value)) if isinstance(value, float) else str(value)

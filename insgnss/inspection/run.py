@@ -1,0 +1,279 @@
+"""Find the files, read them, recognise them, say what they are, and draft the flight file.
+
+    discovery   which files are samples, fixes, exposures; which columns they have (roles)
+    recognise   units, axes, sign of force and clock, from the motion that both sensors saw
+    sensing     rest, white noise, gravity, Earth rate: the class of the sensor and its noise model
+    content     the flight file with the evidence beside each key (draft writes it)
+
+Where there is no receiver the inspection still says what the samples are, and drafts what they allow.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import DataError, InputError, InsgnssError
+from ..recording import Progress, quiet, sentence
+from ..records import CameraEvents, Check, GnssFixes, ImuSamples
+from .discovery import Discovery, discover
+from .sources import Role, Source, on_one_clock, overlap
+
+if TYPE_CHECKING:
+    from ..prepare.recognise import Recognition
+    from ..prepare.recognise_findings import Finding
+    from .draft import Draft
+    from .sensing import Sensing
+
+DATA_KEYS = ("columns", "variable", "units", "quantity", "rate_hz", "new_when", "sigma_m", "undulation_m")
+MOST_LISTED = 6
+NO_WEEK = 0
+LARGEST, SPARSEST = 1e12, 20.0  # a reading, in any unit; times that the stamps span what the samples fill
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """What was found. recognition is None where there is no receiver, or where `unrecognised` says why.
+
+    imu : in rad/s and m/s^2, as recognised, in the sensor's axes.   gnss : on the IMU's clock.   missing : what a flight file lacks.
+    """
+
+    name: str
+    sources: tuple[Source, ...]
+    left_out: tuple[tuple[Path, str], ...]
+    imu: ImuSamples
+    gnss: GnssFixes | None
+    events: CameraEvents | None
+    sensing: "Sensing"
+    gyro_counts: float | None
+    recognition: "Recognition | None"
+    unrecognised: str
+    findings: "tuple[Finding, ...]"
+    checks: tuple[Check, ...]
+    draft: "Draft | None"
+    missing: str = ""
+    written: tuple[Path, ...] = ()
+
+    @property
+    def contradictions(self) -> list[str]:
+        """One sentence for each check that the data contradict."""
+        return [sentence(c) for c in self.checks if c.verdict == "contradiction"]
+
+    @property
+    def refusal(self) -> InsgnssError | None:
+        """What keeps the recording from being a flight: something missing, or a contradiction."""
+        if self.missing:
+            return DataError(self.missing)
+        return InputError("; ".join(self.contradictions)) if self.contradictions else None
+
+    def write(self, path: Path, force: bool = False) -> "Inspection":
+        """Write the draft and what belongs beside it; the same inspection with the files written."""
+        from .draft import write_draft
+
+        assert self.draft is not None
+        return replace(self, written=tuple(write_draft(replace(self.draft, picture=self.picture()), path, force)))
+
+    def picture(self) -> bytes | None:
+        """PNG that shows what was recognised; None without a receiver."""
+        from ..prepare.recognise_axes import axes_words
+        from ..report.recognition import recognition_picture
+
+        found = self.recognition
+        if found is None:
+            return None
+        words = [axes_words(C) for C in found.curves["orientation"]] if "orientation" in found.curves else []
+        return recognition_picture(found.curves, found.findings, words, self.name)
+
+    def summary(self) -> str:
+        """What a person reads."""
+        from .text import summary
+
+        return summary(self)
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON-able."""
+        from .text import document
+
+        return document(self)
+
+
+def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspection:
+    """Inspect files and directories that no flight file describes.
+
+    Raises InputError where nothing, or not one recording, is found, and where a file cannot be read; DataError where the samples
+    cannot become a flight for want of a position.
+    """
+    progress("looking")
+    found = discover(paths)
+    imu_source, gnss_source, events_source = _choose(found, paths)
+    if gnss_source is not None:
+        imu_source, gnss_source = on_one_clock(imu_source, gnss_source)
+    progress("reading")
+    imu, gnss, events = _read(imu_source, gnss_source, events_source)
+    imu, gnss, events, known_week = _one_week(imu_source, imu, gnss, events)
+    sources = tuple(source for source in (imu_source, gnss_source, events_source) if source is not None)
+    progress("recognising")
+    recognition, unrecognised = recognised(imu, gnss)
+    progress("measuring noise")
+    return _inspection(_name(paths), sources, found, imu, gnss, events, recognition, unrecognised, known_week)
+
+
+def _choose(found: Discovery, paths: Sequence[Path]) -> tuple[Source, Source | None, Source | None]:
+    """The one source of samples, and the one of fixes and exposures that belong to it."""
+    where = ", ".join(map(str, paths))
+    samples = found.of("imu")
+    if not samples:
+        there = _listed(found) or "no files that could be a recording"
+        raise InputError(f"{where}: no samples of an IMU found; there are {there}; name its file, or say its columns in a flight file")
+    if len(samples) > 1:
+        names = ", ".join(source.title for source in samples[:MOST_LISTED])
+        more = f" and {len(samples) - MOST_LISTED} more" if len(samples) > MOST_LISTED else ""
+        raise InputError(
+            f"{where}: {len(samples)} recordings of an IMU: {names}{more}; name the files of one of them ([[imu.more]] joins others)"
+        )
+    imu = samples[0]
+    return imu, _belonging(found, "gnss", imu, where), _belonging(found, "events", imu, where)
+
+
+def _listed(found: Discovery) -> str:
+    """What there is: the files that could not be read first, with the reason."""
+    damaged = [f"{path.name} ({why.removeprefix(str(path)).strip(': ')[:100]})" for path, why in found.left_out if str(path) in why]
+    others = [path.name for path, why in found.left_out if str(path) not in why]
+    names = [*damaged, *(f"{source.path.name} ({source.what})" for source in found.sources), *others]
+    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    return "; ".join(names[:MOST_LISTED]) + more
+
+
+def _belonging(found: Discovery, role: Role, imu: Source, where: str) -> Source | None:
+    """The one source of a role; of several the one in the IMU's file."""
+    candidates = found.of(role)
+    if role == "events":  # any column that increases could be one of exposures, but for its times
+        candidates = tuple(source for source in candidates if overlap(source.span, imu.span) >= 0.0)
+    if len(candidates) > 1:
+        inside = tuple(source for source in candidates if source.path == imu.path)
+        candidates = inside or candidates
+    if len(candidates) > 1:
+        what = {"gnss": "files of fixes", "events": "files of exposures"}.get(role, role)
+        names = ", ".join(source.title for source in candidates[:MOST_LISTED])
+        raise InputError(f"{where}: {len(candidates)} {what}: {names}; name the files of one flight")
+    return candidates[0] if candidates else None
+
+
+def _spec(source: Source) -> dict[str, Any]:
+    """Options of the reader."""
+    spec = {key: value for key, value in source.keys.items() if key in DATA_KEYS}
+    if "sigma_velocity_mps" in source.keys:
+        spec["sigma_velocity"] = source.keys["sigma_velocity_mps"]
+    return spec
+
+
+def _read(imu: Source, gnss: Source | None, events: Source | None) -> tuple[ImuSamples, GnssFixes | None, CameraEvents | None]:
+    from ..formats import read_events, read_gnss, read_imu
+
+    samples = read_imu(imu.path, **_spec(imu))
+    fixes = None if gnss is None else read_gnss(gnss.path, **_spec(gnss))
+    return samples, fixes, None if events is None else read_events(events.path, **_spec(events))
+
+
+def _one_week(
+    source: Source, imu: ImuSamples, gnss: GnssFixes | None, events: CameraEvents | None
+) -> tuple[ImuSamples, GnssFixes | None, CameraEvents | None, tuple[int, str] | None]:
+    """The records in seconds of one week; and the week with its origin where no file gives it."""
+    from ..prepare.clock import common_clock
+
+    weeks = [r.gps_week for r in (imu, gnss, events) if r is not None and r.gps_week is not None]
+    guess = None if weeks else _week_by_date(source.path)
+    week = weeks[0] if guess is None else guess[0]
+    if gnss is None:
+        return (imu if imu.gps_week is not None else replace(imu, gps_week=week)), None, events, guess
+    imu, gnss, events, _ = common_clock(imu, gnss, events, week)
+    return imu, gnss, events, guess
+
+
+def _week_by_date(path: Path) -> tuple[int, str]:
+    """GPS week by a date that the file tells, else 0; and the evidence."""
+    from .grids import date_in
+
+    date = date_in(path)
+    if date is None:
+        return NO_WEEK, "nothing in the files tells the week; 0 stands in for it, and the times in the products are those of the logger"
+    days = (date - np.datetime64("1980-01-06")).astype("timedelta64[D]").astype(int)
+    return int(days // 7), f"of {date}, the date in {path.name}"
+
+
+def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> "tuple[Recognition | None, str]":
+    """What the samples are, or None and why that cannot be told."""
+    from ..prepare.increments import nominal_interval
+    from ..prepare.recognise import recognise
+
+    if gnss is None:
+        return None, "no fixes of a receiver"
+    absurd = max(float(np.abs(imu.gyro).max()), float(np.abs(imu.accel).max()))
+    if absurd > LARGEST:
+        return None, f"a reading of {absurd:.3g}, which is none of a sensor"
+    span, kept = float(imu.time[-1] - imu.time[0]), imu.time.size * nominal_interval(imu.time)
+    if span > SPARSEST * kept:
+        return None, f"the stamps span {span:.0f} s, the samples fill {kept:.0f} s of them: the clock jumps"
+    if imu.gps_week == NO_WEEK:  # a stand-in that must not tell the leap seconds
+        imu, gnss = replace(imu, gps_week=None), replace(gnss, gps_week=None)
+    return recognise(imu, gnss), ""
+
+
+def _name(paths: Sequence[Path]) -> str:
+    """Of the directory or the one file given; of several files that of the directory which holds the first."""
+    first = paths[0].absolute()
+    return first.name if first.is_dir() else first.stem if len(paths) == 1 else first.parent.name
+
+
+def _inspection(
+    name: str,
+    sources: tuple[Source, ...],
+    found: Discovery,
+    imu: ImuSamples,
+    gnss: GnssFixes | None,
+    events: CameraEvents | None,
+    recognition: "Recognition | None",
+    unrecognised: str,
+    week: tuple[int, str] | None,
+) -> Inspection:
+    from ..prepare.axes import parse_axes
+    from ..prepare.plausibility import check_recording
+    from .alone import Alone, by_gravity, rest_findings
+    from .content import draft_flight, in_si, likely_axes, said_units
+    from .sensing import sense
+
+    raw, alone = imu, Alone(imu, {}, ())
+    if recognition is None:
+        alone = by_gravity(imu, sources[0].units_said == {})
+    imu = alone.imu if recognition is None else in_si(raw, recognition)
+    late = 0.0 if recognition is None else recognition.time_offset_s
+    stamped = None if gnss is None else replace(gnss, time=gnss.time + late)
+    sensing = sense(imu, stamped)
+    axes, counts = likely_axes(sources[0], imu, recognition), alone.gyro_counts
+    findings = (*alone.findings, *rest_findings(sensing, counts is not None)) if recognition is None else recognition.findings
+    checks = list(raw.notes)
+    if stamped is not None:
+        checks += [*stamped.notes, *check_recording(imu, parse_axes(axes.words), stamped, events, None)]
+    if recognition is not None:
+        checks += said_units(sources[0], recognition)
+    draft, missing = draft_flight(name, sources, raw, gnss, sensing, recognition, axes, week, alone)
+    if missing and (damaged := [why for path, why in found.left_out if str(path) in why]):
+        missing += f"; not taken: {damaged[0]}"
+    return Inspection(
+        name,
+        sources,
+        found.left_out,
+        imu,
+        stamped,
+        events,
+        sensing,
+        counts,
+        recognition,
+        unrecognised,
+        findings,
+        tuple(checks),
+        draft,
+        missing,
+    )

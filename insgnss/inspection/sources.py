@@ -1,0 +1,56 @@
+"""One input of a flight as its flight file will name it, and which inputs run on one clock."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+Role = Literal["imu", "gnss", "events"]
+
+SINGLE_POINT = {"sigma_m": [2.5, 2.5, 5.0], "sigma_velocity_mps": [0.3, 0.3, 0.3]}
+NO_SIGMA = "no standard deviations in the file: those of a single-point receiver; of RTK they are 0.02, 0.02, 0.04"
+OVERLAP = 0.3  # of the shorter recording, for two clocks to be the same
+
+
+@dataclass(frozen=True)
+class Source:
+    """One input as the flight file will name it: keys of its table, each with the reason.
+
+    span : first and last stamp, s, on the file's own clock, where a table gives them.   what : in a few words.
+    other_clocks : the same source stamped by another of its clocks.   units_said : of gyro and accel, as far as the file gives them;
+    None where the format fixes them.   free_height : nothing says what the heights are above.   axes : of the format's convention.
+    site : (latitude deg, longitude deg, height m) that the file gives for a sensor that stands.
+    """
+
+    role: Role
+    path: Path
+    what: str
+    keys: dict[str, Any] = field(default_factory=dict)
+    why: dict[str, str] = field(default_factory=dict)
+    span: tuple[float, float] | None = None
+    other_clocks: tuple["Source", ...] = ()
+    units_said: dict[str, str] | None = None
+    free_height: bool = False
+    axes: str = ""
+    site: tuple[float, float, float] | None = None
+
+    @property
+    def title(self) -> str:
+        """Path, and the variable inside it."""
+        return f"{self.path} ({self.keys['variable']})" if "variable" in self.keys else str(self.path)
+
+
+def on_one_clock(imu: Source, gnss: Source) -> tuple[Source, Source]:
+    """Samples and fixes by those of their clocks that run together; by their first ones where none do, or where it is not known."""
+    pairs = [(i, g) for g in (gnss, *gnss.other_clocks) for i in (imu, *imu.other_clocks)]
+    best = max(pairs, key=lambda pair: overlap(pair[0].span, pair[1].span))
+    if best == (imu, gnss) or overlap(best[0].span, best[1].span) < OVERLAP:
+        return imu, gnss
+    why = {"columns": f"{best[1].why.get('columns', '')}; of the clocks those that run together"}
+    return best[0], replace(best[1], why=best[1].why | why)
+
+
+def overlap(a: tuple[float, float] | None, b: tuple[float, float] | None) -> float:
+    """Common time over the length of the shorter one, at most 1, negative without any; 0 where one is not known."""
+    if a is None or b is None:
+        return 0.0
+    return min((min(a[1], b[1]) - max(a[0], b[0])) / max(min(a[1] - a[0], b[1] - b[0]), 1.0), 1.0)

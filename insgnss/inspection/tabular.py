@@ -1,0 +1,222 @@
+"""From the table inside a file to the inputs it holds: which columns, which clock, which units, as the flight file will say them.
+
+A table whose columns the reader knows by itself gets no `columns`; any other gets them spelled out.
+"""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, UsageError
+from .grids import FEWEST_ROWS, Table
+from .roles import ACCEL, GYRO, TIME_FACTORS, Grid, Roles, gnss_roles, imu_roles, squashed
+from .sources import NO_SIGMA, SINGLE_POINT, Role, Source
+
+ASSUMED_HZ = 100.0
+ATTITUDE = re.compile(r"(roll|pitch|yaw|heading|phi|theta|psi)(deg|rad)?|(att|attitude|rpy|ypr|euler)[xyz1-3]?")
+EPOCH_UNITS = {"s": "unix", "ms": "unix_ms", "us": "unix_us", "ns": "unix_ns"}
+VARIABLES = {".mat", ".npy", ".npz"}  # files whose columns must be named
+CLOCKLESS = {".npy", ".npz", ".imu"}
+GPS_EPOCH_UNIX, WEEK_S = 315964782.0, 604800.0  # with the leap seconds since 2017
+UNIX_FROM = 5e8  # s: a clock beyond this counts from 1970
+
+
+def sources_of_table(path: Path, table: Table) -> list[Source]:
+    """IMU, fixes or exposures in one table."""
+    grid = table.grid
+    sources: list[Source] = []
+    named = any(name is not None for name in grid.names)
+    finite = np.isfinite(grid.values).all(axis=0)
+    if not finite.all() and not named:
+        return _events(path, table)
+    fixes = gnss_roles(grid) if len(grid.values) >= FEWEST_ROWS else None
+    samples = imu_roles(grid) if len(grid.values) >= FEWEST_ROWS and (named or fixes is None) else None
+    solution = samples is None and any(ATTITUDE.fullmatch(name) for name in grid.named)
+    if samples is not None and (samples.clocks or path.suffix.lower() in CLOCKLESS or len(grid.names) in (6, 7)):
+        sources.append(_imu(path, table, samples))
+    if fixes is not None and fixes.clocks and not solution:
+        sources.append(_gnss(path, table, fixes))
+    events = sources or _events(path, table)
+    if not events and fixes is not None and not fixes.clocks and not solution and table.variable is None:
+        names = " ".join(name or f"[{k + 1}]" for k, name in enumerate(grid.names))
+        raise InputError.at(path, None, f"positions without a column of time; there are {names}; call one time or tow")
+    return events
+
+
+def _imu(path: Path, table: Table, roles: Roles) -> Source:
+    """Samples by their first clock; by the others in `other_clocks`."""
+    found = []
+    for clock, unit in roles.clocks.items() or [(None, "s")]:
+        keys: dict[str, Any] = _named(table)
+        why: dict[str, str] = {}
+        columns, span = dict(roles.columns), None
+        if clock is None:
+            keys["rate_hz"] = ASSUMED_HZ
+            why["rate_hz"] = f"the file has no clock; {ASSUMED_HZ:g} Hz is ASSUMED, and all rates and densities with it"
+        else:
+            columns |= {"tow": clock} | ({} if roles.week is None else {"week": roles.week})
+            span = _span(table.grid, clock, unit)
+            _time_unit(keys, why, table.grid, clock, unit)
+        _spell_out(path, table, columns, "imu", keys, why, roles.how)
+        said = _header_units(table.grid, columns, keys, why)
+        found.append(Source("imu", path, f"samples, {len(table.grid.values)} rows", keys, why, span, units_said=said))
+    return replace(found[0], other_clocks=tuple(found[1:]))
+
+
+def _header_units(grid: Grid, columns: dict[str, int], keys: dict[str, Any], why: dict[str, str]) -> dict[str, str]:
+    """Units of gyro and accel that the header gives; one that no reader knows is none, the numbers are then read as SI and that is told."""
+    from ..formats import UNITS, unit_factor
+
+    said = {key: grid.units[columns[name]] if grid.units else None for key, name in (("gyro", "gx"), ("accel", "ax"))}
+    known: dict[str, str] = {}
+    for key, unit in said.items():
+        if unit is None:
+            continue
+        for kind in (key, f"{key} increment"):
+            try:
+                unit_factor(unit, kind)
+            except UsageError:
+                continue
+            if kind != key:
+                keys["quantity"], why["quantity"] = "increments", f"the header gives {unit}"
+            known[key] = unit
+            break
+        else:
+            _unit(keys, why, key, next(iter(UNITS[key])), f"the header's unit {unit!r} is not known")
+    return known
+
+
+def _gnss(path: Path, table: Table, roles: Roles) -> Source:
+    """Fixes by their first clock; by the others in `other_clocks`."""
+    from ..formats import GNSS_OPTIONS
+
+    if roles.new_when is not None and path.suffix.lower() not in VARIABLES and "new_when" not in GNSS_OPTIONS["gnss_text"]:
+        what = f"holds each fix until the next ({table.fields[roles.new_when]} changes with it), which text tables are not read by"
+        raise InputError.at(path, None, f"{what}; write one row a fix into a file of its own, or the whole as .npy or .mat")
+    found = []
+    for clock, unit in roles.clocks.items():
+        keys = _named(table)
+        why: dict[str, str] = {}
+        columns = roles.columns | {"tow": clock} | ({} if roles.week is None else {"week": roles.week})
+        _time_unit(keys, why, table.grid, clock, unit)
+        for key, value in roles.units.items():
+            said = table.grid.units[roles.columns["lat" if key == "angle" else "course"]] if table.grid.units else None
+            if value != "deg" and said != value:
+                _unit(
+                    keys,
+                    why,
+                    key,
+                    value,
+                    f"no value exceeds what {'a course' if key == 'course' else 'latitude and longitude'} in rad can be",
+                )
+        if roles.new_when is not None:
+            keys["new_when"] = table.fields[roles.new_when]
+            why["new_when"] = "the rows between hold the last fix; this changes with each new one"
+        if not {"sd_n", "sd_e", "sd_u"} <= columns.keys():
+            keys["sigma_m"] = SINGLE_POINT["sigma_m"]
+            why["sigma_m"] = NO_SIGMA
+        if {"vn", "ve", "speed"} & columns.keys() and "sd_vn" not in columns:
+            keys["sigma_velocity_mps"] = SINGLE_POINT["sigma_velocity_mps"]
+            why["sigma_velocity_mps"] = "no standard deviations of the velocity in the file: those of a usual receiver"
+        _spell_out(path, table, columns, "gnss", keys, why, roles.how)
+        rows = slice(None) if roles.new_when is None else np.flatnonzero(np.diff(table.grid.values[:, roles.new_when]) != 0.0) + 1
+        what = f"fixes, {len(table.grid.values[rows])} of them"
+        found.append(Source("gnss", path, what, keys, why, _span(table.grid, clock, unit, rows), free_height=True))
+    return replace(found[0], other_clocks=tuple(found[1:]))
+
+
+def _events(path: Path, table: Table) -> list[Source]:
+    """Exposures: a column of names or numbers beside a clock, or a clock alone."""
+    names = table.grid.named
+    if path.suffix.lower() in VARIABLES or not 1 <= len(table.grid.names) <= 4:
+        return []
+    if any(name is not None for name in table.grid.names):
+        from ..formats.events import ALIASES
+
+        clock = any(squashed(alias) in names for alias in ALIASES["tow"])
+        image = any(squashed(alias) in names for alias in ALIASES["image"])
+        return [Source("events", path, f"exposures, {len(table.grid.values)} of them")] if clock and image else []
+    last = table.grid.values[:, -1]
+    increasing = np.isfinite(last).all() and last.size > 1 and bool((np.diff(last) > 0.0).all())
+    if len(table.grid.names) > 2 or not increasing:
+        return []
+    return [Source("events", path, f"exposures, {len(table.grid.values)} of them", span=(float(last[0]), float(last[-1])))]
+
+
+def _named(table: Table) -> dict[str, Any]:
+    return {} if table.variable is None else {"variable": table.variable}
+
+
+def _time_unit(keys: dict[str, Any], why: dict[str, str], grid: Grid, clock: int, unit: str) -> None:
+    """Unit of the clock, where it is not the reader's default."""
+    factor = TIME_FACTORS[unit]
+    step = float(np.median(np.diff(grid.values[:, clock])[np.diff(grid.values[:, clock]) > 0.0]))
+    if float(grid.values[0, clock]) * factor > UNIX_FROM:
+        unit = EPOCH_UNITS[unit]
+    said = grid.units[clock] if grid.units else None
+    if (said is None and unit == "s") or (said is not None and unit in TIME_FACTORS and _is_unit(said, unit)):
+        return
+    _unit(keys, why, "time", unit, f"the clock's usual step is {step:g}")
+
+
+def _unit(keys: dict[str, Any], why: dict[str, str], of: str, unit: str, reason: str) -> None:
+    """Set a unit and add its reason to those of the others."""
+    keys.setdefault("units", {})[of] = unit
+    why["units"] = "; ".join(filter(None, [why.get("units", ""), reason]))
+
+
+def _is_unit(said: str, unit: str) -> bool:
+    """Whether the header's unit of time is this one."""
+    from ..formats import unit_factor
+
+    try:
+        return unit_factor(said, "time") == TIME_FACTORS[unit]
+    except UsageError:
+        return False
+
+
+def _span(grid: Grid, clock: int, unit: str, rows: Any = slice(None)) -> tuple[float, float]:
+    """First and last stamp, s; of a clock that counts from 1970 about the time of week."""
+    column = grid.values[rows, clock] * TIME_FACTORS[unit]
+    first, last = float(column[0]), float(column[-1])
+    shift = 0.0 if first < UNIX_FROM else first - (first - GPS_EPOCH_UNIX) % WEEK_S
+    return first - shift, last - shift
+
+
+def _spell_out(path: Path, table: Table, columns: dict[str, int], role: Role, keys: dict[str, Any], why: dict[str, str], how: str) -> None:
+    """Set `columns`, unless the reader finds the same ones itself."""
+    names = table.grid.names
+    in_text = path.suffix.lower() not in VARIABLES
+    if all(name is None for name in names):
+        place = {k: name for name, k in columns.items()}
+        listed = [place.get(k, "-") for k in range(len(names))]
+        if in_text and _is_default(role, listed):
+            return
+        keys["columns"] = listed
+    else:
+        if in_text and _reader_finds(role, table, columns):
+            return
+        keys["columns"] = {name: table.fields[k] for name, k in columns.items()}
+    why["columns"] = how
+
+
+def _reader_finds(role: Role, table: Table, columns: dict[str, int]) -> bool:
+    """Whether the reader of text tables takes just these columns by the header."""
+    from ..formats import gnss_text, imu_csv
+    from ..formats._columns import normalised
+
+    aliases = imu_csv.ALIASES if role == "imu" else gnss_text.ALIASES
+    canonical = {alias: name for name, known in aliases.items() for alias in known}
+    taken = [(canonical.get(normalised(field)[0]), k) for k, field in enumerate(table.fields)]
+    by_itself = {name: k for name, k in taken if name is not None}
+    return len(by_itself) == sum(name is not None for name, _ in taken) and by_itself == columns
+
+
+def _is_default(role: Role, columns: list[str]) -> bool:
+    """Whether the reader of text tables takes a file without header for these columns."""
+    from ..formats import gnss_text
+
+    return tuple(columns) in ((("tow", *GYRO, *ACCEL),) if role == "imu" else gnss_text.DEFAULTS)

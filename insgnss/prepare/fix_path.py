@@ -1,0 +1,43 @@
+"""The path that the fixes draw: in metres, and which of them lie on it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geodesy.earth import curvature_radii
+from ..records import Array, GnssFixes
+
+OUTLYING, LEAST_M = 8.0, 0.05  # a fix off its neighbours' cubic by so many typical distances, and by at least this
+
+
+def north_east(gnss: GnssFixes) -> Array:
+    """North and east of the first fix, (n, 2) m."""
+    M, N = curvature_radii(gnss.lat[0])
+    return np.column_stack([(gnss.lat - gnss.lat[0]) * M, (gnss.lon - gnss.lon[0]) * N * np.cos(gnss.lat[0])])
+
+
+def sound_fixes(gnss: GnssFixes) -> NDArray[np.bool_]:
+    """Fixes that lie on a smooth path with their two neighbours on either side; single gross ones do not."""
+    p = np.column_stack([north_east(gnss), -gnss.height])
+    sound = np.ones(gnss.time.size, dtype=bool)
+    for _ in range(4):
+        at = np.flatnonzero(sound)
+        if at.size < 10:
+            break
+        q = p[at]
+        off = np.zeros(at.size)
+        off[2:-2] = np.linalg.norm(q[2:-2] - (4.0 * (q[1:-3] + q[3:-1]) - q[:-4] - q[4:]) / 6.0, axis=1)
+        even = np.zeros(at.size, dtype=bool)
+        step = np.diff(gnss.time[at])
+        around = np.column_stack([step[:-3], step[1:-2], step[2:-1], step[3:]])
+        even[2:-2] = around.max(axis=1) < 1.5 * np.median(step)
+        off[~even] = 0.0
+        limit = max(OUTLYING * float(np.median(off)), LEAST_M)
+        peak = off.copy()
+        for shift in (1, 2):
+            peak[shift:] = np.maximum(peak[shift:], off[:-shift])
+            peak[:-shift] = np.maximum(peak[:-shift], off[shift:])
+        bad = (off > limit) & (off == peak)
+        if not bad.any():
+            break
+        sound[at[bad]] = False
+    return sound

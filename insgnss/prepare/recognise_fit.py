@@ -1,0 +1,249 @@
+"""The fit of carried specific force to what GNSS saw: over all lags by Wahba's problem, then to the millisecond by least squares.
+
+Mathematics: `recognise`, (R.4) to (R.7).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geodesy.rotation import rotation_from_vector, skew
+from ..records import Array
+from .recognise_kernels import scan
+from .recognise_signal import LEAST_ROWS, Accelerations, Carried
+
+CAUTION = 0.1  # of the logarithms of likelihood ratios: residuals are neither white nor normal
+USUAL_S, UNUSUAL = 1.0, -4.0  # a survey repeats itself line by line: a lag beyond the first is that much less likely beforehand
+LEAP_S, LEAP_WITHIN_S, LEAP = 17.0, 1.6, -1.0  # one of the leap seconds since 2012 less so
+RUN_SPANS = 2.0  # of the differences, that the lag may move from where the scan found it
+ROUNDS, FREEDOM = 8, 4.0  # of the least squares, and of Student's distribution that stands for the residuals
+LEVER, SCALE, BIAS = slice(1, 4), slice(4, 5), slice(5, 8)  # the lag comes first
+PRIOR = np.array([2.0, 0.4, 0.4, 0.4, 0.3, 0.01, 0.01, 0.01])  # s, m, 1, rad/s
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Fit at each of lags (n,) s: score (n,), explained share of the GNSS accelerations, -inf where too few overlap.
+
+    up, down (n,) : that share if the force is specific force, or its reverse (R.5).   samples (n,) : independent values behind it.
+    any_clock : no lag is more usual than another.
+    """
+
+    acc: Accelerations
+    lags: Array
+    score: Array
+    up: Array
+    down: Array
+    samples: Array
+    any_clock: bool = False
+
+    @cached_property
+    def posterior(self) -> Array:
+        """(n,) logarithm of the likelihood of each lag, taken with `CAUTION`, and of how usual it is (R.5)."""
+        unusual = np.zeros(self.lags.size)
+        if not self.any_clock:
+            unusual[np.abs(self.lags) > USUAL_S] = UNUSUAL
+            unusual[np.abs(np.abs(self.lags) - LEAP_S) < LEAP_WITHIN_S] = LEAP
+        left = np.maximum(1.0 - np.where(np.isfinite(self.score), self.score, 0.0), 1e-6)
+        return np.where(np.isfinite(self.score), unusual - 0.5 * CAUTION * self.samples * np.log(left), -np.inf)
+
+    @cached_property
+    def best(self) -> int:
+        """Index of the best lag."""
+        return int(np.argmax(self.posterior))
+
+    def margin(self, apart: float) -> float:
+        """How much better it is than all lags further than `apart`, s, from it, as a logarithm."""
+        far = np.abs(self.lags - self.lags[self.best]) > apart
+        return float(self.posterior[self.best] - self.posterior[far].max(initial=0.0))
+
+    def gain(self) -> float:
+        """Logarithm of the likelihood of the best lag against no relation at all."""
+        return self.against(0.0)
+
+    def against(self, other: float) -> float:
+        """Logarithm of the likelihood of the best lag against a fit of score `other`."""
+        at = self.best
+        if not self.score[at] > max(other, 0.0):
+            return 0.0
+        return float(0.5 * self.samples[at] * np.log((1.0 - max(other, -1.0)) / max(1.0 - self.score[at], 1e-6)))
+
+
+def scan_lags(carried: Carried, acc: Accelerations, lags: Array, any_clock: bool = False) -> Scan:
+    """Wahba's problem in every window at every lag (R.4)."""
+    grid = carried.grid
+    X, dX = (carried.S, carried.V) if acc.kind == "position" else (carried.V, carried.force)
+    out = np.zeros((lags.size, acc.window.max(initial=0) + 1, 16))
+    scan(acc.nodes, acc.coef, acc.z, acc.weight, acc.window, lags, X, dX, grid.broken, grid.start, grid.step, out)
+    M, zz, aa, z, weight, count = out[..., :9], out[..., 9], out[..., 10], out[..., 11:14], out[..., 14], out[..., 15]
+    M = M.reshape(*M.shape[:2], 3, 3)
+    d = np.linalg.svd(M, compute_uv=False)
+    use = count >= LEAST_ROWS
+    turned = d[..., 2] * np.sign(np.linalg.det(M))
+    sums = (d.sum(axis=2), d[..., 0] + d[..., 1] + turned, d[..., 0] + d[..., 1] - turned)
+    left = [np.where(use, zz - s**2 / np.maximum(aa, 1e-300), 0.0).sum(axis=1) for s in sums]
+    whole = np.where(use, zz - np.sum(z**2, axis=2) / np.maximum(weight, 1e-300), 0.0).sum(axis=1)
+    covered = np.where(use, weight, 0.0).sum(axis=1)
+    spacing = float(np.median(np.diff(acc.time))) if acc.time.size > 1 else 1.0
+    samples = np.maximum(3.0 * covered * min(spacing / acc.span_s, 1.0) - 4.0 * use.sum(axis=1), 0.0)
+    score, up, down = (np.where(covered > 0.5 * acc.weight.sum(), 1.0 - x / np.maximum(whole, 1e-300), -np.inf) for x in left)
+    return Scan(acc, lags, score, up, down, samples, any_clock)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Least squares at the end. theta, cov : of lag s, lever arm m (IMU axes), relative gyro scale error, gyro bias rad/s (R.6).
+
+    C (w, 3, 3) : axes 0 into north, east, down, of each window; yaw_sigma (w,) rad.   used (m,) : rows inside the recording.
+    seen, felt (m, 3) : z, and what the IMU makes of it, m/s^2, north east down.   middle (m,) : row of the carried grid.
+    turned (m, 3) : rotation vector by which the gyro errors turn each row.   sigma (3,) : typical residuals, m/s^2.   sign : of force.
+    """
+
+    theta: Array
+    cov: Array
+    C: Array
+    yaw_sigma: Array
+    used: NDArray[np.bool_]
+    seen: Array
+    felt: Array
+    middle: NDArray[np.int64]
+    turned: Array
+    sigma: Array
+    sign: int
+
+    @property
+    def lag_sigma(self) -> float:
+        """Standard deviation of the lag, s."""
+        return float(np.sqrt(self.cov[0, 0]))
+
+
+class _Model:
+    """Rows of the least squares (R.6) and their derivatives."""
+
+    def __init__(self, carried: Carried, acc: Accelerations, sign: int) -> None:
+        self.carried, self.acc, self.sign = carried, acc, sign
+        if acc.kind == "position":
+            self.X, self.dX, self.E = carried.S, carried.V, carried.C
+        else:
+            self.X, self.dX, self.E = carried.V, carried.force, carried.C_rate
+
+    def inside(self, lag: float) -> NDArray[np.bool_]:
+        grid = self.carried.grid
+        first, last = self.acc.nodes[:, 0] + lag - grid.start, self.acc.nodes[:, 2] + lag - grid.start
+        inside = (first >= 0.0) & (last <= grid.step * (grid.broken.size - 1))
+        i, j = (np.clip((x / grid.step).astype(np.int64), 0, grid.broken.size - 2) for x in (first, last))
+        return inside & (grid.broken[j + 1] == grid.broken[i])
+
+    def rows(self, theta: Array, use: NDArray[np.bool_]) -> tuple[Array, Array, NDArray[np.int64], Array]:
+        """u (k, 3) of (R.6), its derivative (k, 3, 8) by theta, the grid row (k,) of each middle, what gyro errors turn it by (k, 3)."""
+        grid, lag = self.carried.grid, theta[0]
+        nodes, coef, window = self.acc.nodes[use], self.acc.coef[use], self.acc.window[use]
+        a, da, D = np.zeros((len(nodes), 3)), np.zeros((len(nodes), 3)), np.zeros((len(nodes), 3, 3))
+        for n in range(3):
+            at = (nodes[:, n] + lag - grid.start) / grid.step
+            i = np.clip(at.astype(np.int64), 0, grid.broken.size - 2)
+            p = (at - i)[:, None]
+            c = coef[:, n, None]
+            q = 1.0 - p
+            h = grid.step
+            a += c * (
+                q * q * (1 + 2 * p) * self.X[i] + p * p * (3 - 2 * p) * self.X[i + 1] + h * p * q * (q * self.dX[i] - p * self.dX[i + 1])
+            )
+            da += c * (q * self.dX[i] + p * self.dX[i + 1])
+            D += c[:, :, None] * (q[:, :, None] * self.E[i] + p[:, :, None] * self.E[i + 1])
+        middle = np.rint((0.5 * (nodes[:, 0] + nodes[:, 2]) + lag - grid.start) / grid.step).astype(np.int64)
+        turn = _about_window_mean(self.carried.turned[middle], window)
+        drift = _about_window_mean(self.carried.drifted[middle].reshape(-1, 9), window).reshape(-1, 3, 3)
+        a, da = self.sign * a, self.sign * da
+        turned = turn * theta[SCALE] + drift @ theta[BIAS]
+        R = rotation_from_vector(turned)
+        a, da = np.einsum("nij,nj->ni", R, a), np.einsum("nij,nj->ni", R, da)
+        cross = -skew(a)
+        J = np.concatenate([da[:, :, None], D, (cross @ turn[:, :, None]), cross @ drift], axis=2)
+        return a + D @ theta[LEVER], J, middle, turned
+
+
+def _about_window_mean(x: Array, window: NDArray[np.int64]) -> Array:
+    n = np.bincount(window)
+    mean = np.column_stack([np.bincount(window, x[:, c]) for c in range(x.shape[1])]) / np.maximum(n, 1)[:, None]
+    return x - mean[window]
+
+
+def _wahba(z: Array, a: Array, weight: Array, window: NDArray[np.int64], windows: int) -> Array:
+    """Proper rotation (w, 3, 3) of each window that takes a to z."""
+    M = np.zeros((windows, 3, 3))
+    np.add.at(M, window, weight[:, None, None] * z[:, :, None] * a[:, None, :])
+    U, _, Vt = np.linalg.svd(M)
+    U[:, :, 2] *= np.where(np.linalg.det(U @ Vt) < 0.0, -1.0, 1.0)[:, None]
+    return U @ Vt
+
+
+def fit(carried: Carried, acc: Accelerations, lag: float, sign: int) -> Fit | None:
+    """Least squares (R.6) from a lag of the scan on; None where it runs away from it, or out of the recording."""
+    model = _Model(carried, acc, sign)
+    theta = np.zeros(8)
+    theta[0] = lag
+    windows = int(acc.window.max()) + 1
+    C = np.empty((0, 3, 3))
+    for _ in range(ROUNDS):
+        use = model.inside(theta[0])
+        if use.sum() < LEAST_ROWS or abs(theta[0] - lag) > RUN_SPANS * acc.span_s:
+            return None
+        u, J, middle, turned = model.rows(theta, use)
+        window, z = acc.window[use], acc.z[use]
+        if not len(C):
+            C = _wahba(z, u, acc.weight[use], window, windows)
+        felt = np.einsum("nij,nj->ni", C[window], u)
+        r = z - felt
+        robust = acc.weight[use]
+        sigma = 1.4826 * np.sqrt(np.array([_weighted_median(r[:, c] ** 2, robust) for c in range(3)]))
+        sigma = np.maximum(np.array([*(2 * [np.sqrt(0.5 * (sigma[0] ** 2 + sigma[1] ** 2))]), sigma[2]]), 1e-3)
+        robust = robust * (FREEDOM + 3.0) / (FREEDOM + np.sum((r / sigma) ** 2, axis=1) * robust)
+        step, psi, H, g, yaw = _solve(J, C, felt, r, robust, sigma, window, theta)
+        theta = theta + step
+        C = rotation_from_vector(psi) @ C
+        if abs(step[0]) < 2e-4 and np.abs(psi).max() < 1e-3:
+            break
+    overlap = max(acc.span_s / max(float(np.median(np.diff(acc.time))), 1e-3), 1.0)
+    prior = np.diag(1.0 / PRIOR**2)
+    H0 = np.linalg.inv(H + prior)
+    cluster = H0 @ (g.T @ g + prior) @ H0
+    simple = np.linalg.inv(H / overlap + prior)
+    cov = np.maximum(1.0, np.sqrt(np.diag(cluster) / np.diag(simple)))
+    cov = cov[:, None] * simple * cov
+    return Fit(theta, cov, C, np.sqrt(overlap) * yaw, use, z, felt, middle, turned, sigma, sign)
+
+
+def _solve(
+    J: Array, C: Array, felt: Array, r: Array, robust: Array, sigma: Array, window: NDArray[np.int64], theta: Array
+) -> tuple[Array, Array, Array, Array, Array]:
+    """One step: of theta (8,) and psi (w, 3), normal matrix (8, 8), gradients (w, 8) of the windows, sigma of psi's down (w,)."""
+    n = C.shape[0]
+    scale = np.sqrt(robust)[:, None] / sigma
+    G = np.concatenate([-skew(felt), C[window] @ J], axis=2) * scale[:, :, None]
+    y = r * scale
+    H, b = np.diag(1.0 / PRIOR**2), -theta / PRIOR**2
+    b = b * np.r_[0.0, np.ones(7)]
+    H = H * np.r_[1e-6, np.ones(7)]
+    N, v = np.zeros((n, 11, 11)), np.zeros((n, 11))
+    edges = np.searchsorted(window, np.arange(n + 1))
+    for k in range(n):
+        A = G[edges[k] : edges[k + 1]].reshape(-1, 11)
+        N[k], v[k] = A.T @ A, A.T @ y[edges[k] : edges[k + 1]].reshape(-1)
+    N[:, range(3), range(3)] += 1.0
+    P = np.linalg.inv(N[:, :3, :3])
+    K = N[:, 3:, :3] @ P
+    reduced = N[:, 3:, 3:] - K @ N[:, :3, 3:]
+    g = v[:, 3:] - np.einsum("nij,nj->ni", K, v[:, :3])
+    total = reduced.sum(axis=0)
+    step = np.linalg.solve(H + total, b + g.sum(axis=0))
+    psi = np.einsum("nij,nj->ni", P, v[:, :3] - N[:, :3, 3:] @ step)
+    return step, psi, total, g, np.sqrt(P[:, 2, 2])
+
+
+def _weighted_median(x: Array, weight: Array) -> float:
+    order = np.argsort(x)
+    c = np.cumsum(weight[order])
+    return float(x[order][np.searchsorted(c, 0.5 * c[-1])])

@@ -1,0 +1,100 @@
+"""Numba kernels of the recogniser: specific force carried by the gyros, and its products with GNSS accelerations over many lags.
+
+Mathematics: `recognise`. They stand apart from `_kernels` because nothing here is used by the filter's way of the data.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@njit(cache=True)
+def carry(dtheta: Array, dvel: Array, step: float, C: Array, V: Array, S: Array) -> None:
+    """Attitude C (n + 1, 3, 3) against the first instant and integrals V, S (n + 1, 3) of the force in its axes (R.1).
+
+    dtheta, dvel (n, 3) rad and m/s over intervals of `step` s, in the sensor's axes.
+    """
+    for r in range(3):
+        for c in range(3):
+            C[0, r, c] = 1.0 if r == c else 0.0
+        V[0, r] = S[0, r] = 0.0
+    for i in range(dtheta.shape[0]):
+        x, y, z = dtheta[i, 0], dtheta[i, 1], dtheta[i, 2]
+        u, v, w = dvel[i, 0], dvel[i, 1], dvel[i, 2]
+        u, v, w = u + 0.5 * (y * w - z * v), v + 0.5 * (z * u - x * w), w + 0.5 * (x * v - y * u)
+        angle2 = x * x + y * y + z * z
+        if angle2 < 1e-6:
+            s, k = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
+        else:
+            angle = math.sqrt(angle2)
+            s, k = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle2
+        r00, r11, r22 = 1.0 - k * (y * y + z * z), 1.0 - k * (x * x + z * z), 1.0 - k * (x * x + y * y)
+        r01, r10 = k * x * y - s * z, k * x * y + s * z
+        r02, r20 = k * x * z + s * y, k * x * z - s * y
+        r12, r21 = k * y * z - s * x, k * y * z + s * x
+        for r in range(3):
+            a, b, c2 = C[i, r, 0], C[i, r, 1], C[i, r, 2]
+            d = a * u + b * v + c2 * w
+            V[i + 1, r] = V[i, r] + d
+            S[i + 1, r] = S[i, r] + step * (V[i, r] + 0.5 * d)
+            C[i + 1, r, 0] = a * r00 + b * r10 + c2 * r20
+            C[i + 1, r, 1] = a * r01 + b * r11 + c2 * r21
+            C[i + 1, r, 2] = a * r02 + b * r12 + c2 * r22
+
+
+@njit(cache=True)
+def interpolate(at: float, X: Array, dX: Array, step: float, out: Array) -> None:
+    """Cubic Hermite interpolation out (3,) of X (n, 3) with derivative dX at `at` s after the first row, which lies inside."""
+    i = min(max(int(at / step), 0), X.shape[0] - 2)
+    p = at / step - i
+    q = 1.0 - p
+    h0, h1 = q * q * (1.0 + 2.0 * p), p * p * (3.0 - 2.0 * p)
+    g0, g1 = p * q * q * step, -p * p * q * step
+    for c in range(3):
+        out[c] = h0 * X[i, c] + h1 * X[i + 1, c] + g0 * dX[i, c] + g1 * dX[i + 1, c]
+
+
+@njit(cache=True)
+def scan(
+    nodes: Array,
+    coef: Array,
+    z: Array,
+    weight: Array,
+    window: NDArray[np.int64],
+    lags: Array,
+    X: Array,
+    dX: Array,
+    broken: Array,
+    start: float,
+    step: float,
+    out: Array,
+) -> None:
+    """Sums over each window at each lag: out (lags, windows, 16) of weighted z a' (9), z z, a a, z (3), 1, and a count (R.4)."""
+    end = step * (X.shape[0] - 1)
+    x, a = np.empty(3), np.empty(3)
+    for j in range(lags.size):
+        for i in range(nodes.shape[0]):
+            first, last = nodes[i, 0] + lags[j] - start, nodes[i, 2] + lags[j] - start
+            if first < 0.0 or last > end:
+                continue
+            if broken[min(int(last / step) + 1, broken.size - 1)] - broken[int(first / step)] > 0.0:
+                continue
+            a[0] = a[1] = a[2] = 0.0
+            for n in range(3):
+                if coef[i, n] != 0.0:
+                    interpolate(nodes[i, n] + lags[j] - start, X, dX, step, x)
+                    for c in range(3):
+                        a[c] += coef[i, n] * x[c]
+            row = out[j, window[i]]
+            for r in range(3):
+                for c in range(3):
+                    row[3 * r + c] += weight[i] * z[i, r] * a[c]
+                row[9] += weight[i] * z[i, r] * z[i, r]
+                row[10] += weight[i] * a[r] * a[r]
+                row[11 + r] += weight[i] * z[i, r]
+            row[14] += weight[i]
+            row[15] += 1.0

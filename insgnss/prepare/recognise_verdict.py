@@ -1,0 +1,129 @@
+"""From the relation of IMU and GNSS to answers, each with a confidence and the numbers behind it.
+
+Mathematics: `recognise`, (R.10).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geodesy.gpstime import leap_seconds
+from ..records import Array
+from .recognise_axes import Direction, Forward
+from .recognise_findings import MOST, Finding
+from .recognise_fit import CAUTION
+from .recognise_relation import Relation
+from .recognise_units import ForceUnit, gyro_unit
+
+TELLING = 2.2  # odds of 9 to 1, as a logarithm: less is no answer
+LEAST_SCORE = 0.3  # less is explained by motions that have nothing in common but their kind
+SCALE_OFF, SCALE_SIGMA = 0.25, 0.1  # relative error of a gyro factor that no gyro has; sigma above which the turns do not tell it
+SLOW_MS, SLOW, NOSE_FIRST = 3.0, 0.95, 0.995  # who moves slower may carry the IMU as he likes; who flies, mostly flies nose first
+NEAR_S, WHOLE_S = 1.0, 0.5  # lags that count as the same, s; and tolerance of whole seconds
+DEFAULT_LEAP_S = 18.0
+WEEK_S, GPS_EPOCH_UNIX_S = 604800.0, 315964800.0
+
+
+def odds(x: float) -> float:
+    """Probability for the logarithm x of a likelihood ratio; 0 where it does not tell."""
+    return min(MOST, 1.0 / (1.0 + math.exp(-min(x, 50.0)))) if x > TELLING else 0.0
+
+
+def nothing(names: tuple[str, ...], why: str) -> list[Finding]:
+    """Abstentions."""
+    return [Finding(name, "unknown", 0.0, why) for name in names]
+
+
+def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Finding, Finding]:
+    """Unit, and arrangement against the accelerometers."""
+    scan, fit = relation.scan, relation.fit
+    size = relation.factors[relation.best]
+    others = [float(s.score.max()) for s in relation.scans if s is not scan]
+    unit = gyro_unit(size, force.quantity, interval)
+    value = unit or f"{size:.4g} rad/s"
+    sure = odds(CAUTION * scan.against(max(others, default=0.0))) if scan.score[scan.best] > LEAST_SCORE else 0.0
+    told = f"as {value} the gyros carry the force so that it explains {_percent(scan.score[scan.best])} of the accelerations of GNSS"
+    if others:
+        told += f", as the next best unit {_percent(max(others))}"
+    if fit is not None:
+        scale, sigma = 1.0 + float(fit.theta[4]), float(np.sqrt(fit.cov[4, 4]))
+        told += f"; scale fitted {scale:.3f} with sigma {sigma:.3f}"
+        sure = 0.0 if abs(scale - 1.0) > SCALE_OFF or sigma > SCALE_SIGMA else sure
+    of_unit = Finding("gyro unit", value if sure else "unknown", sure, told)
+    triads = min(odds(CAUTION * scan.against(relation.rival)), sure)
+    told = f"explained {_percent(scan.score[scan.best])}, with the gyros' sense reversed {_percent(relation.rival)}"
+    return of_unit, Finding("gyro triad", triads_words(relation.triads) if triads else "unknown", triads, told)
+
+
+def triads_words(triads: Array) -> str:
+    """ "aligned", or which gyro readings, signs and all, turn about the accelerometers' x, y and z."""
+    if np.array_equal(triads, np.eye(3)):
+        return "aligned"
+    return "gyro " + " ".join(("+" if row[k] > 0.0 else "-") + "xyz"[k] for row in triads for k in [int(np.argmax(np.abs(row)))])
+
+
+def of_sign(relation: Relation, also: float) -> tuple[int, Finding]:
+    """Sign of the force. also : confidence of what it rests on."""
+    scan, at = relation.scan, relation.scan.best
+    up, down = float(scan.up[at]), float(scan.down[at])
+    sign = 1 if up >= down else -1
+    this, other = max(up, down), min(up, down)
+    ratio = 0.5 * scan.samples[at] * math.log((1.0 - max(other, -1.0)) / max(1.0 - this, 1e-6)) if this > 0.0 else 0.0
+    sure = min(odds(CAUTION * float(ratio)), also) if relation.fit is None or relation.fit.sign == sign else 0.0
+    value = ("specific force" if sign > 0 else "reversed") if sure else "unknown"
+    return sign, Finding("force sign", value, sure, f"explained {_percent(up)} as specific force, {_percent(down)} as its reverse")
+
+
+def of_vertical(vertical: Direction, also: float) -> Finding:
+    """Which axis points down."""
+    sure = min(MOST, vertical.confidence) * also
+    told = f"down is on average {np.degrees(vertical.off):.0f} deg from {vertical.word}"
+    return Finding("vertical axis", f"{vertical.word} down" if sure > 0.5 else "unknown", sure if sure > 0.5 else 0.0, told)
+
+
+def of_forward(ahead: Forward, also: float) -> Finding:
+    """Which axis points forward."""
+    sure = ahead.direction.confidence * (SLOW if ahead.speed < SLOW_MS else NOSE_FIRST) * also
+    told = f"moves at {ahead.speed:.1f} m/s (sigma {ahead.speed_sigma:.1f}) "
+    told += f"{np.degrees(ahead.direction.off):.0f} deg from {ahead.direction.word}"
+    told += f", in wind or drift of {np.hypot(*ahead.wind):.1f} m/s"
+    if ahead.speed < SLOW_MS:
+        told += "; so slow that forward is a matter of how it was carried"
+    return Finding("forward axis", f"{ahead.direction.word} forward" if sure > 0.5 else "unknown", sure if sure > 0.5 else 0.0, told)
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """Offset, its sigma, s, the time scale, and the findings about them."""
+
+    offset_s: float
+    sigma_s: float
+    scale: str
+    of_offset: Finding
+    of_scale: Finding
+
+
+def of_clock(relation: Relation, week: int | None, also: float, shift: float) -> Clock:
+    """Time offset and time scale. week : GPS week of the recording, if known.   shift : s, added to the GNSS stamps beforehand."""
+    scan, fit = relation.scan, relation.fit
+    lag = float(scan.lags[scan.best])
+    far = scan.score[np.abs(scan.lags - lag) > max(NEAR_S, 2.0 * scan.acc.span_s)]
+    sure = min(odds(scan.margin(max(NEAR_S, 2.0 * scan.acc.span_s))), also)
+    if fit is None or not sure or abs(fit.theta[0] - lag) > max(NEAR_S, scan.acc.span_s) or scan.best in (0, scan.lags.size - 1):
+        why = f"explained {_percent(scan.score[scan.best])} at {lag:+.2f} s, {_percent(far.max(initial=0.0))} far from it"
+        return Clock(0.0, np.inf, "same", *nothing(("time offset", "time scale"), why))
+    offset, sigma = shift + float(fit.theta[0]), relation.lag_sigma
+    leap = DEFAULT_LEAP_S if week is None else float(leap_seconds(GPS_EPOCH_UNIX_S + week * WEEK_S))
+    known = {"same": 0.0, "GNSS in UTC": leap, "IMU in UTC": -leap}
+    scale = next((name for name, at in known.items() if abs(offset - at) < WHOLE_S), "other")
+    told = f"add {offset:+.3f} s (sigma {sigma:.3f} s) to the GNSS stamps; explained {_percent(scan.score[scan.best])} there, "
+    told += f"{_percent(far.max(initial=0.0))} at best over {max(NEAR_S, 2.0 * scan.acc.span_s):.1f} s away"
+    whole = f"offset {offset:+.3f} s; leap seconds {leap:.0f}"
+    if scale in ("GNSS in UTC", "IMU in UTC"):
+        whole += f", {offset - known[scale]:+.3f} s besides"
+    return Clock(offset, sigma, scale, Finding("time offset", f"{offset:+.3f} s", sure, told), Finding("time scale", scale, sure, whole))
+
+
+def _percent(score: float | Array) -> str:
+    return f"{100.0 * max(float(score), 0.0):.1f} %"

@@ -1,0 +1,80 @@
+"""What was without fixes, where the vehicle stood, which parts were solved by themselves, and which images this concerns."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import Diagnostics, ExteriorOrientation
+from .statistics import without_fix
+
+Array = NDArray[np.float64]
+
+OUTAGE_MATTERS = 5.0  # times the median interval of the fixes
+SHORT_OUTAGE_S = 0.2  # an interval below which the same number of missing fixes does not matter
+MOST_LISTED = 100
+
+
+def stretches(d: Diagnostics) -> Array:
+    """(k, 2) s, first and last instant of each part that was solved by itself; without any said, all is one."""
+    return np.array(d.stretches or [(d.time[0], d.time[-1])], dtype=np.float64)
+
+
+def rests(d: Diagnostics) -> Array:
+    """(k, 2) s, where the vehicle stood, within the flight."""
+    if d.rests is None:
+        return np.zeros((0, 2))
+    within = d.rests[(d.rests[:, 1] > d.time[0]) & (d.rests[:, 0] < d.time[-1])]
+    return np.clip(within, d.time[0], d.time[-1])
+
+
+def median_interval(d: Diagnostics) -> float | None:
+    """Usual interval of the fixes, s."""
+    return float(np.median(np.diff(d.fix_time))) if d.fix_time.size > 1 else None
+
+
+def outages(d: Diagnostics) -> Array:
+    """(k, 2) s, begin and length of every time without a used fix that is long against the interval of the fixes, in order."""
+    interval = median_interval(d)
+    if interval is None or not d.used.any():
+        return np.zeros((0, 2))
+    found = without_fix(stretches(d), d.fix_time, d.used)
+    return found[found[:, 1] > OUTAGE_MATTERS * max(interval, SHORT_OUTAGE_S)]
+
+
+def longest_outage(d: Diagnostics) -> dict[str, Any]:
+    """The longest time without a used fix, and the largest smoothed horizontal and vertical sigma within it."""
+    found = without_fix(stretches(d), d.fix_time, d.used)
+    begin, length = found[int(np.argmax(found[:, 1]))]
+    return _within(d, float(begin), float(length)) | {"median_interval_s": median_interval(d)}
+
+
+def outage_figures(d: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[str, Any]]:
+    """Of the longest outages, in the order of time: sigmas in them, fixes that were rejected in them, and their images."""
+    found = outages(d)
+    found = found[np.sort(np.argsort(-found[:, 1], kind="stable")[:MOST_LISTED])]
+    return [_within(d, float(begin), float(length)) | _contents(d, eo, float(begin), float(begin + length)) for begin, length in found]
+
+
+def _within(d: Diagnostics, begin: float, length: float) -> dict[str, Any]:
+    first, last = np.searchsorted(d.time, (begin, begin + length), side="right")
+    sigma = d.smoothed_sigma[max(first - 1, 0) : last + 1]
+    horizontal = np.hypot(sigma[:, 0], sigma[:, 1])
+    return {
+        "time_s": begin,
+        "length_s": length,
+        "horizontal_mm": 1e3 * float(horizontal.max()),
+        "down_mm": 1e3 * float(sigma[:, 2].max()),
+    }
+
+
+def _contents(d: Diagnostics, eo: ExteriorOrientation | None, begin: float, end: float) -> dict[str, Any]:
+    inside = (d.fix_time > begin) & (d.fix_time < end)
+    first, after = (0, 0) if eo is None else np.searchsorted(eo.time, (begin, end))
+    named = eo is not None and after > first
+    return {
+        "rejected": int((inside & ~d.used).sum()),
+        "images": int(after - first),
+        "first_image": eo.images[first] if eo is not None and named else None,
+        "last_image": eo.images[after - 1] if eo is not None and named else None,
+    }

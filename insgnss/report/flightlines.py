@@ -1,0 +1,110 @@
+"""The straight lines of a flight, numbered, with what is known on each: a surveyor plans, and repeats, by the line.
+
+A row belongs to a line where the chords over the `HALF_S` before and after it differ by less than `STRAIGHT_DEG` at more than a
+part `SLOWEST` of the flight's speed. Rows on end make a line if they last, and if the course at their ends does not differ by more
+than `BEND_DEG`, which leaves wide circles out. Where there are images, the lines are those with images on them.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import Diagnostics, ExteriorOrientation
+
+Array = NDArray[np.float64]
+
+HALF_S, STRAIGHT_DEG, BEND_DEG = 2.0, 12.0, 30.0
+SLOWEST, SLOWEST_MS = 0.3, 0.5  # of the 90 % quantile of the speed; m/s
+SHORTEST_S = 8.0
+BROKEN_S = 2.0  # a step of time beyond it ends a line
+
+
+@dataclass(frozen=True)
+class FlightLine:
+    """Rows `first` to `last` of the diagnostics; images `image` to `next_image` - 1 of the exterior orientation."""
+
+    first: int
+    last: int
+    image: int = 0
+    next_image: int = 0
+
+
+def flight_lines(d: Diagnostics, eo: ExteriorOrientation | None) -> tuple[FlightLine, ...]:
+    """Straight lines in the order of time."""
+    if d.time.size < 3 or d.time[-1] - d.time[0] < SHORTEST_S:
+        return ()
+    course, straight = _course(d)
+    starts = np.concatenate([[True], (~straight[1:]) | (~straight[:-1]) | (np.diff(d.time) > BROKEN_S)])
+    edges = np.append(np.flatnonzero(starts), d.time.size)
+    found = []
+    for first, last in zip(edges[:-1], edges[1:] - 1, strict=True):
+        if d.time[last] - d.time[first] < SHORTEST_S:
+            continue
+        third = (last - first) // 3
+        begin, end = _mean_course(course[first : first + third]), _mean_course(course[last - third : last])
+        if abs(_wrapped(end - begin)) > math.radians(BEND_DEG):
+            continue
+        image, after = (0, 0) if eo is None else np.searchsorted(eo.time, (d.time[first] - HALF_S, d.time[last] + HALF_S))
+        found.append(FlightLine(int(first), int(last), int(image), int(after)))
+    with_images = [x for x in found if x.next_image > x.image]
+    return tuple(with_images or found)
+
+
+def _course(d: Diagnostics) -> tuple[Array, NDArray[np.bool_]]:
+    """Course over each row's neighbourhood, rad, and whether it is straight there."""
+    east, north = d.position[:, 1], d.position[:, 0]
+    at = [np.clip(d.time + shift, d.time[0], d.time[-1]) for shift in (-HALF_S, HALF_S)]
+    before, after = (np.stack([np.interp(t, d.time, x) for x in (north, east)], axis=1) for t in at)
+    here = np.stack([north, east], axis=1)
+    a, b = here - before, after - here
+    speed = np.hypot(d.velocity[:, 0], d.velocity[:, 1])
+    least = max(SLOWEST_MS, SLOWEST * float(np.quantile(speed, 0.9)))
+    turn = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], np.sum(a * b, axis=1))
+    turn[(d.time - d.time[0] < HALF_S) | (d.time[-1] - d.time < HALF_S)] = 0.0
+    whole = after - before
+    return np.arctan2(whole[:, 1], whole[:, 0]), (np.abs(turn) < math.radians(STRAIGHT_DEG)) & (speed > least)
+
+
+def _mean_course(course: Array) -> float:
+    return math.atan2(float(np.sin(course).sum()), float(np.cos(course).sum()))
+
+
+def _wrapped(angle: float) -> float:
+    return math.remainder(angle, 2.0 * math.pi)
+
+
+def line_figures(d: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[str, Any]]:
+    """One row a line: time, course, length, images, and the median over them (without: over the line) of the sigmas."""
+    turned = np.unwrap(d.rpy[:, 2])
+    exposed = np.zeros(d.time.size, dtype=bool)
+    exposed[d.event] = eo is not None
+    rows = []
+    for number, line in enumerate(flight_lines(d, eo), 1):
+        of_line = np.arange(line.first, line.last + 1)
+        at = of_line[exposed[of_line]] if exposed[of_line].any() else of_line
+        sigma = d.smoothed_sigma[at]
+        tilt = np.max(sigma[:, 6:8], axis=1)
+        step = d.position[line.last] - d.position[line.first]
+        count = line.next_image - line.image
+        rows.append(
+            {
+                "line": number,
+                "start_s": d.time[line.first],
+                "end_s": d.time[line.last],
+                "course_deg": math.degrees(math.atan2(step[1], step[0])) % 360.0,
+                "length_m": math.hypot(step[0], step[1]),
+                "images": count,
+                "first_image": eo.images[line.image] if eo is not None and count else None,
+                "last_image": eo.images[line.next_image - 1] if eo is not None and count else None,
+                "horizontal_mm": 1e3 * float(np.median(np.hypot(sigma[:, 0], sigma[:, 1]))),
+                "down_mm": 1e3 * float(np.median(sigma[:, 2])),
+                "tilt_deg": math.degrees(float(np.median(tilt))),
+                "heading_deg": math.degrees(float(np.median(sigma[:, 8]))),
+                "turned_before_deg": math.degrees(float(np.ptp(turned[: line.first + 1]))),
+                "turned_after_deg": math.degrees(float(np.ptp(turned[line.last :]))),
+            }
+        )
+    return rows

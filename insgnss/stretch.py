@@ -1,0 +1,234 @@
+"""One stretch of a flight, between gaps that are not bridged: prepare -> align -> filter -> smooth, and what the result says of it.
+
+A flight is one stretch unless its IMU has gaps longer than `prepare.gaps` bridges; then each part is a flight of its own.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .errors import DataError, InputError
+from .flight import Flight
+from .recording import Progress, Recording, sentence
+from .records import Check, GnssFixes
+
+if TYPE_CHECKING:
+    from .calibrate.fixes import LayoutWith
+    from .geodesy.frames import LocalFrame
+    from .navigation.filter import Problem, Start
+    from .navigation.layout import FixErrors
+    from .navigation.solution import Solution
+
+EPOCH_HZ = 10.0  # outputs at a higher rate are recovered between the epochs
+SHIFT_S = 0.005  # a time offset beyond it is taken into the stamps and estimated again: what is left of a d^2 / 2 is below 0.1 mm
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A solved stretch. grid : epochs of the output grid.   at_event : which of the recording's exposures it holds.
+
+    history : what was done, sentence by sentence.   checks : what the solution says of the flight file.
+    time_offset_s : by how much the stamps of the fixes were moved before the solution.
+    """
+
+    solution: "Solution"
+    fixes: GnssFixes
+    grid: np.ndarray
+    at_event: np.ndarray
+    history: tuple[str, ...]
+    checks: tuple[Check, ...] = ()
+    time_offset_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Prepared:
+    problem: "Problem"
+    fixes: GnssFixes
+    grid: np.ndarray
+    at_event: np.ndarray
+
+
+def solve_stretch(flight: Flight, recording: Recording, span: tuple[float, float], frame: "LocalFrame", step: Progress) -> Stretch:
+    """Everything from the recording to the smoothed states within `span` (first and last instant, s).
+
+    Raises InputError and DataError where the data contradict themselves or do not support the answer.
+    """
+    shift, solved = 0.0, _solve(flight, recording, span, frame, step, 0.0)
+    offset = solved.solution.problem.layout.offset
+    while offset >= 0 and abs(late := float(solved.solution.x[-1, offset])) > SHIFT_S and abs(shift) < 2.0:
+        shift += late
+        step(f"the fixes moved by {shift:+.4f} s")
+        moved = replace(recording, gnss=replace(recording.gnss, time=recording.gnss.time + shift))
+        solved = replace(_solve(flight, moved, span, frame, step, -shift), time_offset_s=shift)
+        offset = solved.solution.problem.layout.offset
+    return solved
+
+
+def _solve(
+    flight: Flight, recording: Recording, span: tuple[float, float], frame: "LocalFrame", step: Progress, expected_offset: float
+) -> Stretch:
+    from .navigation.solution import solve
+
+    step("prepare")
+    prepared = _prepare(flight, recording, span, frame)
+    step("align")
+    make = layout_with(flight, recording)
+    try:
+        start, how = _align(flight, prepared.problem)
+        layout = prepared.problem.layout
+        if layout.offset >= 0:  # the prior belongs to the offset of the file's stamps, before they were moved
+            mean = start.mean.copy()
+            mean[9 + layout.offset] += expected_offset
+            start = replace(start, mean=mean)
+        solution = solve(prepared.problem, start, flight.filter.second_pass, step)
+    except DataError as error:
+        step("what would explain it")
+        _explain(flight, prepared, make, error)
+        raise
+    solution, checks, said = _examined(flight, prepared.fixes, make, start, solution, step)
+    return Stretch(solution, prepared.fixes, prepared.grid, prepared.at_event, (how, *said), checks)
+
+
+def _prepare(flight: Flight, recording: Recording, span: tuple[float, float], frame: "LocalFrame") -> _Prepared:
+    """The estimation problem of a span, the fixes and exposures in it, and the epochs of the output grid."""
+    from .navigation.filter import Problem, at_rest, gate_from_sigma, make_epochs, on_wheels
+    from .prepare.clock import cut_fixes
+    from .prepare.gaps import edges
+    from .prepare.increments import body_increments, merge_marks
+
+    lo, hi = span
+    fixes = cut_fixes(recording.gnss, lo, hi)
+    lo = float(fixes.time[0])
+    exposure = np.zeros(0) if recording.events is None else recording.events.time
+    at_event = np.flatnonzero((exposure >= lo) & (exposure <= hi))
+    rate = min(flight.output.trajectory_hz or EPOCH_HZ, EPOCH_HZ)
+    grid_time = lo + np.arange(int((hi - lo) * rate + 1e-6) + 1) / rate
+    marks, (at_fix, exposed, at_grid, _) = merge_marks(fixes.time, exposure[at_event], grid_time, edges(recording.imu.time, lo, hi))
+    inc = body_increments(recording.imu, recording.C_b_imu, marks)
+    layout = layout_with(flight, recording)(_fix_errors(flight, fixes))
+    epochs = make_epochs(inc, at_fix, fixes, exposed, frame)
+    if len(recording.rests):
+        epochs = at_rest(epochs, inc, recording.rests.time, layout)
+    if flight.filter.wheels:
+        epochs = on_wheels(epochs)
+    interval = float(np.median(np.diff(fixes.time)))
+    gate = gate_from_sigma(flight.gnss.gate_sigma)
+    doubt = gate_from_sigma(DOUBT_SIGMA) if flight.filter.robust else np.inf
+    problem = Problem(inc, epochs, frame, layout, flight.mounting.antenna_lever_b, gate, interval, doubt=doubt)
+    return _Prepared(problem, fixes, at_grid, at_event)
+
+
+DOUBT_SIGMA = 2.0
+LASTING_WHITE = 0.3  # of the sigma of a fix whose error stays: what changes from fix to fix
+
+
+def layout_with(flight: Flight, recording: Recording) -> "LayoutWith":
+    """The error states of a flight as a function of those of its fixes."""
+    from .navigation.layout import state_layout
+
+    options = flight.filter
+    return lambda fixes: state_layout(recording.noise, options.scale_factor, options.misalignment, fixes)
+
+
+def _fix_errors(flight: Flight, fixes: GnssFixes) -> "FixErrors":
+    """Errors of the fixes that the flight file asks for, and those of float fixes among fixed ones."""
+    from .navigation.filter import lasting_errors
+    from .navigation.layout import FixErrors
+
+    f, g = flight.filter, flight.gnss
+    staying, time_s = lasting_errors(fixes)
+    return FixErrors(
+        f.lever_arm_sigma_m if f.lever_arm else None,
+        f.time_offset_sigma_s if f.time_offset else None,
+        None if isinstance(g.correlated, str) else (g.correlated,) * 3,
+        g.correlation_time_s,
+        (g.uncorrelated,) * 3,
+        1.0 if g.correlated != "off" and staying.any() else None,
+        time_s,
+        LASTING_WHITE if g.correlated != "off" else g.uncorrelated,
+    )
+
+
+def _align(flight: Flight, problem: "Problem") -> "tuple[Start, str]":
+    from .align.initial import given_attitude, initial_state
+
+    if flight.initial is not None:
+        given = flight.initial
+        rpy = np.radians([given.roll_deg, given.pitch_deg, given.heading_deg])
+        return given_attitude(problem, rpy, np.radians(given.sigma_deg)), "initial attitude from the flight file"
+    alignment = initial_state(problem)
+    first, last = alignment.window
+    sigma = np.degrees(alignment.heading_sigma)
+    return alignment.start, (
+        f"initial attitude from the motion between {first:.1f} and {last:.1f} s (heading to {sigma:.2f} deg there), "
+        "filtered back to the first fix"
+    )
+
+
+def _examined(
+    flight: Flight, fixes: GnssFixes, make: "LayoutWith", start: "Start", solution: "Solution", step: Progress
+) -> "tuple[Solution, tuple[Check, ...], tuple[str, ...]]":
+    """The solution, solved again with correlated errors of the fixes where the innovations show them and nothing forbids it.
+
+    Where they show more, lever arm and time offset are estimated beside the flight file's and compared with them.
+    """
+    from .calibrate.fixes import SUSPECT_M, SUSPECT_S, contradictions, correlated_error, misfit, suspicious, with_layout
+    from .navigation.solution import solve
+
+    asked = _fix_errors(flight, fixes)
+    if flight.gnss.stationary is not None or not suspicious(solution, make, asked):
+        return solution, (), ()
+    searched = replace(asked, lever_arm_m=asked.lever_arm_m or SUSPECT_M, time_offset_s=asked.time_offset_s or SUSPECT_S)
+    problem, found = solution.problem, None
+    if flight.gnss.correlated == "auto":
+        step("the innovations are not white: errors of the fixes")
+        found = correlated_error(solution, make, searched)
+    if found is not None:
+        searched = found
+        asked = replace(found, lever_arm_m=asked.lever_arm_m, time_offset_s=asked.time_offset_s)
+    checks: list[Check] = []
+    if searched != asked:
+        step("lever arm and clock of the fixes")
+        try:
+            tried = solve(*with_layout(problem, start, make(searched)), "off", separations=0)
+            checks = contradictions(tried, asked.lever_arm_m is None, asked.time_offset_s is None)
+        except DataError:
+            pass  # the search is not the result
+    if found is None:
+        return solution, tuple(checks), ()
+    step("filter, with correlated errors of the fixes")
+    try:
+        again = solve(*with_layout(problem, start, make(asked)), flight.filter.second_pass, step)
+    except DataError:
+        return solution, tuple(checks), (f"{_told(asked)}; given up, the filter lost the fixes with them",)
+    if misfit(again) > misfit(solution):
+        return solution, tuple(checks), (f"{_told(asked)}; given up, they explain the whole flight no better",)
+    return again, tuple(checks), (_told(asked),)
+
+
+def _explain(flight: Flight, prepared: _Prepared, make: "LayoutWith", error: DataError) -> None:
+    """Raise InputError with the lever arm or time offset that explains `error`, where the flight shows one."""
+    from .calibrate.fixes import SUSPECT_M, SUSPECT_S, contradictions
+    from .navigation.solution import solve
+
+    asked = _fix_errors(flight, prepared.fixes)
+    searched = replace(asked, lever_arm_m=asked.lever_arm_m or SUSPECT_M, time_offset_s=asked.time_offset_s or SUSPECT_S)
+    if searched == asked:
+        return
+    problem = replace(prepared.problem, layout=make(searched))
+    try:
+        tried = solve(problem, _align(flight, problem)[0], "off", separations=0)
+    except DataError:
+        return
+    found = contradictions(tried, asked.lever_arm_m is None, asked.time_offset_s is None)
+    if found:
+        raise InputError(f"{flight.path}: {sentence(found[0])}; as the flight file is, {error}") from None
+
+
+def _told(found: "FixErrors") -> str:
+    lasting, white = (" / ".join(f"{x:.2f}" for x in values) for values in (found.correlated or (), found.scale))
+    return (
+        f"correlated innovations: errors of the fixes estimated, in standard deviations of the file (N / E / D), as {lasting} that "
+        f"last for {found.correlation_time_s:.1f} s and {white} that do not"
+    )

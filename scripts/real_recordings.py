@@ -1,0 +1,157 @@
+"""Every recording of a directory of real ones through `insgnss inspect --write` and `insgnss process`, nothing tuned by hand.
+
+    python scripts/real_recordings.py ../shared/data              to the screen
+    python scripts/real_recordings.py ../shared/data --write      the table in benchmarks/real_recordings.md
+
+The recordings are not part of the project; the table says what came out of each: what the inspection recognised, innovations, their
+normalised square (1 is honest), the solution's own standard deviations, the difference to the attitude that the recording
+itself carries where it does, and what limits it in the words of the report. Recordings that are not there are left out.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+PAGE = Path(__file__).parents[1] / "benchmarks" / "real_recordings.md"
+Attitude = Callable[[Path], tuple[np.ndarray, np.ndarray]]  # time (n,) s on the IMU's clock, roll pitch heading (n, 3) deg
+
+
+def _on_board_umn(file: Path) -> tuple[np.ndarray, np.ndarray]:
+    from scipy.io import loadmat
+
+    d = loadmat(file, squeeze_me=True)["flight_data"][()]
+    air = d["alt"] > 260.0
+    return d["time"][air], np.degrees(np.column_stack([d["phi"], d["theta"], d["psi"]]))[air]
+
+
+def _on_board_apm(file: Path) -> tuple[np.ndarray, np.ndarray]:
+    from scipy.io import loadmat
+
+    att = loadmat(file)["ATT"]
+    return att[:, 1] / 1e3, att[:, 2:5]
+
+
+def _on_board_car(file: Path) -> tuple[np.ndarray, np.ndarray]:
+    from scipy.io import loadmat
+
+    span = loadmat(file, squeeze_me=True)["span"][()]
+    pitch, roll, azimuth = np.atleast_2d(span["att"]).T
+    return np.asarray(span["time"], dtype=float), np.column_stack([roll, pitch, azimuth])
+
+
+RECORDINGS: dict[str, tuple[tuple[str, ...], Attitude | None, str]] = {
+    "tilt_rtk_walk": (("imu.aimu", "gnss.nmea"), None, "hand-carried walk, MEMS 100 Hz, RTK 10 Hz"),
+    "umn_thor75": (("thor_flight75_2012_10_10.mat",), _on_board_umn, "fixed wing, MEMS 50 Hz, GPS 1 Hz"),
+    "apm_skywalker_x8 TestLog2": (("TestLog2.mat",), _on_board_apm, "flying wing, aerobatics, MEMS 50 Hz, GPS 5 Hz"),
+    "apm_skywalker_x8 SwissLog1": (("SwissLog1.mat",), None, "fixed wing, MEMS 137 Hz irregular, GPS 5 Hz"),
+    "hipnuc_car": (("data20220320_11.mat",), _on_board_car, "car, MEMS 100 Hz, single-point GNSS 10 Hz"),
+    "psins_lasergyro": (("lasergyro.imu",), None, "standing, ring-laser gyros 100 Hz, no GNSS"),
+    "adis16405_static": (("adis_16405_imu1.npy",), None, "standing, MEMS 100 Hz, raw counts, no place"),
+}
+
+
+def run(*words: str) -> subprocess.CompletedProcess[str]:
+    """One command of the package."""
+    return subprocess.run([sys.executable, "-m", "insgnss", *words], capture_output=True, text=True, check=False)
+
+
+def one(name: str, files: list[Path], attitude: Attitude | None, work: Path) -> dict[str, str]:
+    """What inspection and processing of one recording give, in words."""
+    flight = work / name.replace(" ", "_") / "flight.toml"
+    flight.parent.mkdir(parents=True)
+    seen = run("inspect", *map(str, files), "--write", str(flight), "--json", "-q")
+    said = json.loads(seen.stdout) if seen.stdout else {}
+    row = {"recognised": _recognised(said), "out": "", "against": "", "limits": ""}
+    if not flight.is_file():
+        return row | {"out": f"exit {seen.returncode}: {_line(seen.stderr)}"}
+    done = run("process", str(flight), "--json", "-q")
+    if done.returncode:
+        return row | {"out": f"exit {done.returncode}: {_line(done.stderr)}"}
+    report = json.loads(done.stdout)
+    row["out"], row["limits"] = _figures(report), "; ".join(report["verdict"][:3])
+    if attitude is not None:
+        row["against"] = _difference(flight.parent, attitude(files[0]))
+    return row
+
+
+def _line(text: str) -> str:
+    return text.strip().splitlines()[-1].removeprefix("insgnss: error: ").split(": ", 1)[-1] if text.strip() else ""
+
+
+def _recognised(said: dict[str, Any]) -> str:
+    wanted = ("gyro unit", "accelerometer unit", "axes", "vertical axis", "time offset")
+    found = {f["name"]: f for f in said.get("findings", [])}
+    told = [f"{found[n]['value']}" for n in wanted if n in found and found[n]["confidence"] > 0.5]
+    return ", ".join(dict.fromkeys(told))
+
+
+def _figures(report: dict[str, Any]) -> str:
+    nis = report["consistency"]
+    sigma, attitude = report["trajectory"]["position_mm"]["median"], report["trajectory"]["attitude_deg"]["median"]
+    told = [f"sigmas {_metres(sigma)}, tilt {max(attitude[:2]):.2g}, heading {attitude[2]:.2g} deg"]
+    if report["flight"]["gnss"].get("stationary") is None:
+        within = _metres(report["innovations"]["within_68_mm"])
+        told.insert(0, f"68 % of the innovations within {within}, normalised {nis['position']['mean_per_dof']:.2f}")
+        if nis["velocity"]:
+            told[0] += f" (velocity {nis['velocity']['mean_per_dof']:.2f})"
+        told.append(f"{report['counts']['fixes_used']} of {report['counts']['fixes']} fixes used")
+    told += [line.removeprefix("estimated: ").split(",")[0] for line in report["history"] if "GNSS time offset" in line]
+    told += [line for line in report["history"] if line.startswith("the stamps")]
+    return "; ".join(told)
+
+
+def _metres(mm: list[float]) -> str:
+    unit, scale = ("m", 1e-3) if max(mm) >= 1000.0 else ("mm", 1.0)
+    return " / ".join(f"{scale * x:.{2 if unit == 'm' else 0}f}" for x in mm) + f" {unit}"
+
+
+def _difference(directory: Path, other: tuple[np.ndarray, np.ndarray]) -> str:
+    """Root mean square of the difference of attitude to another solution at its instants."""
+    rows = np.genfromtxt(next(directory.rglob("trajectory.csv")), delimiter=",", names=True)
+    time, rpy = other
+    place = np.clip(np.searchsorted(rows["tow"], time), 1, rows.size - 1)
+    near = rows["tow"][place] - rows["tow"][place - 1] < 0.5  # not across a gap of the solution
+    inside = near & (time > rows["tow"][0]) & (time < rows["tow"][-1])
+    told = []
+    for k, column in enumerate(("roll_deg", "pitch_deg", "heading_deg")):
+        mine = np.interp(time[inside], rows["tow"], np.degrees(np.unwrap(np.radians(rows[column]))))
+        off = (mine - rpy[inside, k] + 180.0) % 360.0 - 180.0
+        told.append(np.sqrt(np.mean(off**2)))
+    return "on-board solution of the same sensors: " + " / ".join(f"{x:.1f}" for x in told) + " deg rms (roll, pitch, heading)"
+
+
+def main() -> None:
+    """Run what is there and print or write the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("data", type=Path, help="directory of the recordings")
+    parser.add_argument("--write", action="store_true", help=f"write {PAGE.name}")
+    options = parser.parse_args()
+    lines = ["| recording | recognised | what came out | held against | what limits it |", "|---|---|---|---|---|"]
+    failed = []
+    with tempfile.TemporaryDirectory() as work:
+        for name, (files, attitude, what) in RECORDINGS.items():
+            paths = [options.data / name.split()[0] / file for file in files]
+            if not all(path.is_file() for path in paths):
+                print(f"{name}: not here", file=sys.stderr)
+                continue
+            row = one(name, paths, attitude, Path(work))
+            print(f"{name}: {row['out']}", file=sys.stderr)
+            lines.append(f"| `{name}`: {what} | " + " | ".join(row[key].replace("|", "/") for key in row) + " |")
+            failed += [name] if "internal error" in row["out"] else []
+    text = "\n".join(lines) + "\n"
+    if options.write:
+        head = (__doc__ or "").split("\n\n")
+        PAGE.write_text(f"# Real recordings\n\nWritten by `scripts/real_recordings.py`. {head[2].strip()}\n\n{text}", encoding="utf-8")
+    print(text)
+    assert not failed, f"defects: {failed}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,113 @@
+"""Errors of the fixes: found where a flight has them, and where it has not, not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flown import Flown, error_of, fly, start_near
+from numpy.testing import assert_array_equal
+
+from insgnss.calibrate.fixes import contradictions, correlated_error, state_verdicts, suspicious, with_layout
+from insgnss.navigation.layout import FixErrors, state_layout
+from insgnss.navigation.solution import Solution, solve
+from insgnss.simulate.receiver import GnssOptions
+from insgnss.stochastic.model import load_noise_model
+
+SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
+NAVCHIP = load_noise_model("navchip")
+NONE = FixErrors()
+EVERYTHING = FixErrors(lever_arm_m=0.3, time_offset_s=0.2)
+
+
+def layout_with(fixes: FixErrors):
+    return state_layout(NAVCHIP, fixes=fixes)
+
+
+def solved(flown: Flown, fixes: FixErrors = NONE, lever=(0.0, 0.0, 0.0)) -> Solution:
+    """The flight with the antenna where it is not, by `lever`, and the states of `fixes`."""
+    problem = replace(flown.problem, layout=layout_with(fixes), antenna_lever_b=flown.problem.antenna_lever_b - np.array(lever))
+    return solve(problem, start_near(replace(flown, problem=problem), SIGMA), separations=0)
+
+
+@pytest.fixture(scope="module")
+def clean() -> Flown:
+    return fly(100.0, seed=21)
+
+
+@pytest.fixture(scope="module")
+def late() -> Flown:
+    return fly(100.0, seed=22, gnss=GnssOptions(latency_s=0.02))
+
+
+def test_a_flight_without_such_errors_is_not_suspected(clean):
+    """Oracle: white fixes, the right lever arm and clock of the simulator."""
+    solution = solved(clean)
+    assert not suspicious(solution, layout_with, FixErrors())
+    assert contradictions(solved(clean, EVERYTHING), True, True) == []
+
+
+def test_a_latency_is_found_within_its_sigma(late):
+    """Oracle: the simulated 20 ms; the filter without the state takes them in without a rejection, so only the likelihood tells."""
+    solution = solved(late)
+    assert (solution.verdict[:, 0] != 2).all()
+    assert suspicious(solution, layout_with, FixErrors())
+    told = solved(late, EVERYTHING)
+    offset = told.problem.layout.offset
+    sigma = np.sqrt(told.P[-1, 9 + offset, 9 + offset])
+    assert sigma < 0.004
+    assert abs(told.x[-1, offset] + 0.02) < 3.0 * sigma
+    (check,) = contradictions(told, True, True)
+    assert (check.name, check.verdict) == ("GNSS time offset", "contradiction")
+    assert contradictions(told, True, False) == []
+
+
+def test_a_lever_arm_is_found_within_its_sigma(clean):
+    """Oracle: the simulator's lever arm, of which the problem lacks 0.2 m forward and 0.15 m down."""
+    lever = np.array([0.2, 0.0, 0.15])
+    assert suspicious(solved(clean, lever=lever), layout_with, FixErrors())
+    told = solved(clean, EVERYTHING, lever)
+    first = told.problem.layout.lever
+    sigma = np.sqrt(np.diag(told.P[-1])[9 + first : 12 + first])
+    assert (np.abs(told.x[-1, first : first + 3] - lever) < 3.5 * sigma).all()
+    (check,) = contradictions(told, True, True)
+    assert check.name == "antenna lever arm"
+    verdicts = {v.name: v for v in state_verdicts(told)}
+    assert verdicts["antenna lever arm forward"].observed == bool(sigma[0] < 0.1)
+    assert verdicts["antenna lever arm forward"].moves_m == pytest.approx(sigma[0])
+
+
+def test_correlated_errors_are_found_and_make_the_sigmas_honest():
+    """Oracle: exact motion; a Gauss-Markov error of 3 cm and 15 s, which white fixes of that size turn into errors of many sigma.
+
+    Over 100 s there are seven correlation times: mean squares over the nine states within 0.3 and 3.
+    """
+    options = GnssOptions(sigma_m=(0.01, 0.01, 0.01), correlated_sigma_m=(0.03, 0.03, 0.03), correlation_time_s=15.0)
+    flown = fly(100.0, seed=23, gnss=options)
+    plain = solved(flown)
+    assert suspicious(plain, layout_with, FixErrors())
+    found = correlated_error(plain, layout_with, FixErrors())
+    assert found is not None
+    assert found.correlated is not None
+    claimed = np.sqrt(0.01**2 + 0.03**2)
+    assert 0.015 < found.correlated[0] * claimed < 0.06
+    assert 0.005 < found.scale[0] * claimed < 0.015
+    assert 4.0 < found.correlation_time_s < 60.0
+    again = solved(flown, found)
+    squares = [np.mean(error_of(s.nav, flown.true_nav())[:, :3] ** 2 / np.diagonal(s.P, axis1=1, axis2=2)[:, :3]) for s in (plain, again)]
+    assert squares[0] > 5.0
+    assert 0.3 < squares[1] < 3.0
+
+
+def test_states_keep_their_place_and_value_in_another_layout(clean):
+    """Oracle: the names."""
+    problem, start = clean.problem, start_near(clean, SIGMA)
+    start = replace(start, x=np.arange(start.x.size, dtype=float))
+    wide, wide_start = with_layout(problem, start, layout_with(FixErrors(lever_arm_m=0.2, correlated=(1.0, 1.0, 1.0))))
+    for s, name in enumerate(wide.layout.names):
+        if name in problem.layout.names:
+            k = problem.layout.names.index(name)
+            assert wide_start.x[s] == start.x[k]
+            assert wide_start.P[9 + s, 9 + s] == start.P[9 + k, 9 + k]
+        else:
+            assert wide_start.P[9 + s, 9 + s] == wide.layout.sigma0[s] ** 2
+    assert_array_equal(wide_start.P[:9, :9], start.P[:9, :9])

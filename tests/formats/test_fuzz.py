@@ -1,0 +1,60 @@
+"""A small run of scripts/fuzz_readers.py, and proof that it finds what it looks for."""
+
+import importlib.util
+import sys
+import warnings
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from insgnss.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def fuzzer() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("fuzz_readers", Path(__file__).parents[2] / "scripts/fuzz_readers.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["fuzz_readers"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_mutated_file_is_a_record_or_one_line(fuzzer: ModuleType) -> None:
+    """Oracle: the rule itself: no traceback, no hang, no warning, no cut file in silence."""
+    counts, finds = fuzzer.fuzz(2600, 20181121)
+    assert finds == []
+    total = sum(counts.values(), start=fuzzer.Counter())
+    assert total["refused"] > 1000
+    assert total["record"] + total["noted"] > 200
+
+
+@pytest.mark.parametrize(
+    ("read", "cut", "verdict", "why"),
+    [
+        (lambda path: path, False, "record", ""),
+        (lambda path: path, True, "find", "nothing said"),
+        (lambda path: 1 / 0, False, "find", "ZeroDivisionError"),
+        (lambda path: warnings.warn("odd", stacklevel=1), False, "find", "UserWarning"),
+        (lambda path: print("odd"), False, "find", "printed"),  # noqa: T201
+        (lambda path: (_ for _ in ()).throw(InputError("two\nlines")), False, "find", "2 lines"),
+        (lambda path: (_ for _ in ()).throw(InputError("one line")), True, "refused", "one line"),
+    ],
+)
+def test_the_judge_sees_each_kind_of_find(fuzzer: ModuleType, read: object, cut: bool, verdict: str, why: str) -> None:
+    """Oracle: readers that do what a reader must not."""
+    case = fuzzer.Case("x", "x", b"1\n", (lambda path: next(read(path)) if hasattr(read(path), "send") else read(path)))  # type: ignore[operator]
+    got = fuzzer.judge(case, Path("x"), cut)
+    assert got[0] == verdict
+    assert why in got[1]
+
+
+def test_inputs_depend_on_seed_and_number_alone(fuzzer: ModuleType) -> None:
+    """Oracle: the same call again."""
+    case = fuzzer.text_cases()[0]
+    once, again, other = (fuzzer.mutate(np.random.default_rng(seed), case) for seed in ([1, 7], [1, 7], [1, 8]))
+    assert once == again
+    assert once != other
