@@ -10,7 +10,8 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     accept                      []                      checks of `insgnss inspect` whose contradiction does not stop `process`
     imu.file                    -                       samples
     imu.columns                 by header or order      list of names, or table { canonical = "name in the file" }
-    imu.units                   by header, else SI      { gyro = rad/s, deg/s, deg/h; accel = m/s^2, g, mg }; rad, deg; m/s for increments
+    imu.units                   by header, else SI      { gyro = rad/s, deg/s, deg/h; accel = m/s^2, g, mg, ug; time = s, ms, us, ns,
+                                                        unix, gps }; rad, deg, arcsec; m/s, g*s for increments; a number may stand before
     imu.quantity                "mean_rate"             or "increments" (both over the interval ending at the stamp), "instant_rate"
     imu.axes                    "forward right down"    body directions of the IMU's x, y, z
     imu.noise                   "navchip"               a shipped model or the path of a noise-model file
@@ -20,12 +21,13 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     imu.accel_sign              1                       -1 where the accelerometers give the reverse of the specific force
     imu.calibration             none                    file of bias, scale and non-orthogonality, in the IMU's axes (`insgnss calibrate`)
     imu.more                    none                    [[imu.more]]: further IMUs on the same body, combined with this one: file, columns,
-                                                        units, quantity, axes, noise, time_offset_s, variable, accel_sign, calibration as
-                                                        above, and lever_m [0, 0, 0], from the first IMU in body axes
+                                                        units, quantity, axes, noise, time_offset_s, variable, rate_hz, accel_sign,
+                                                        calibration as above, and lever_m [0, 0, 0], from the first IMU in body axes
     gnss.file                   -                       antenna positions; or
     gnss.stationary             none                    [latitude deg, longitude deg, height m] of a sensor that stands
     gnss.columns                by header or order      as above
-    gnss.units                  by header, else deg     { angle = deg, rad }, of latitude and longitude
+    gnss.units                  by header, else deg     { angle (of latitude and longitude), course = deg, rad; length = m, cm, mm;
+                                                        velocity = m/s, cm/s, mm/s, km/h, kn; time; quality = rtklib, nmea }
     gnss.undulation_m           none                    geoid above the ellipsoid; where the file carries heights above the geoid
     gnss.sigma_m                none                    north, east, down; where the file carries no standard deviations
     gnss.sigma_velocity_mps     none                    north, east, down; likewise, of velocities
@@ -56,7 +58,7 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     filter.scale_factor         false                   scale-factor states of gyros and accelerometers
     filter.misalignment         false                   misalignment states
     filter.second_pass          "auto"                  relinearise about the smoothed flight: "auto", "on", "off"
-    filter.time_offset          false                   estimate what is missing in the stamps of the fixes
+    filter.time_offset          false                   estimate what is missing in the stamps of the fixes, and its rate
     filter.time_offset_sigma_s  0.1                     its a-priori standard deviation
     filter.lever_arm            false                   estimate the error of the lever arm from IMU to antenna
     filter.lever_arm_sigma_m    0.3                     its a-priori standard deviation, each component
@@ -74,7 +76,10 @@ from typing import Any, Literal
 import numpy as np
 
 from .errors import InputError, UsageError
-from .formats._units import UNITS, unit_factor
+from .formats._fixes import QUALITY_CODES
+from .formats._units import UNITS, imu_kinds, unit_factor
+from .formats.gnss_text import UNIT_KEYS as GNSS_UNIT_KEYS
+from .formats.imu_csv import UNIT_KEYS as IMU_UNIT_KEYS
 from .orient.mounting import ANGLE_SETS, PAPER_CAMERA_FROM_BODY, Mounting, boresight_from_angles
 from .prepare.axes import parse_axes
 from .records import QUANTITIES, Array, Quantity
@@ -90,7 +95,7 @@ QUALITY_SIGMA_M = {"float": (0.3, 0.3, 0.6), "sbas": (0.3, 0.3, 0.6), "dgps": (0
 class ImuInput:
     """Table [imu]. `noise` is the name of a shipped model or the path of a file.
 
-    `units` has the keys gyro and accel as far as they are given, None without any; the file's header, else SI, decides on the others.
+    `units` has the keys gyro, accel and time as far as they are given, None without any; the file's header, else SI, decides on the others.
     """
 
     file: Path
@@ -115,7 +120,7 @@ class ImuInput:
 
 @dataclass(frozen=True)
 class GnssInput:
-    """Table [gnss]. Standard deviations are north, east, down, m and m/s; `units` has the key angle, or is None."""
+    """Table [gnss]. Standard deviations are north, east, down, m and m/s; `units` has keys of `gnss_text`, or is None."""
 
     file: Path | None
     columns: Columns
@@ -271,11 +276,11 @@ KEYS: dict[str, tuple[str, ...]] = {
         "accept",
     ),
     "imu": tuple(f.name for f in fields(ImuInput) if f.name != "lever_m"),
-    "imu.units": ("gyro", "accel", "time"),
+    "imu.units": IMU_UNIT_KEYS,
     "imu.more": tuple(f.name for f in fields(ImuInput) if f.name != "more"),
-    "imu.more.units": ("gyro", "accel", "time"),
+    "imu.more.units": IMU_UNIT_KEYS,
     "gnss": (*(f.name for f in fields(GnssInput)), "rover", "base", "navigation"),
-    "gnss.units": ("angle", "time", "speed", "course", "height", "velocity"),
+    "gnss.units": GNSS_UNIT_KEYS,
     "gnss.quality_sigma_m": tuple(QUALITIES),
     "camera": tuple(f.name for f in fields(CameraInput)),
     "mounting": (*(f.name for f in fields(Mounting)), "boresight_deg"),
@@ -334,8 +339,7 @@ def _imu(table: Table, further: bool = False) -> ImuInput:
 
 def _imu_units(table: Table, quantity: str) -> dict[str, str] | None:
     """Units of gyro, accel and time as far as they are given, of the dimension that the quantity has."""
-    kinds = {"gyro": "gyro", "accel": "accel"}
-    right = {sensor: f"{kind} increment" for sensor, kind in kinds.items()} if quantity == "increments" else kinds
+    right = dict(zip(("gyro", "accel"), imu_kinds(quantity), strict=True))
     for sensor in table.data:
         unit, kind = table.text(sensor), right.get(sensor, sensor)
         if not is_unit(unit, kind):
@@ -351,10 +355,12 @@ def _imu_units(table: Table, quantity: str) -> dict[str, str] | None:
 
 
 def _gnss_units(table: Table) -> dict[str, str] | None:
-    """Units of angle, time, speed, course, height and velocity as far as they are given."""
-    kinds = {"course": "angle", "speed": "velocity", "height": "length"}
+    """Units of the keys of `gnss_text` as far as they are given; of quality, whose codes they are."""
     for what in table.data:
-        unit, kind = table.text(what), kinds.get(what, what)
+        if what == "quality":
+            table.choice(what, QUALITY_CODES, QUALITY_CODES[0])
+            continue
+        unit, kind = table.text(what), "angle" if what == "course" else what
         if not is_unit(unit, kind):
             raise table.error(what, f"{unit!r} is no unit for it: {near(unit, tuple(UNITS[kind]))}")
     return dict(table.data) or None

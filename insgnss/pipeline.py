@@ -19,7 +19,7 @@ from .errors import DataError, InputError, InsgnssError
 from .flight import Flight, load_flight
 from .recording import Progress, Recording, quiet, read_recording, sentence
 from .records import Array, Check, Diagnostics, ExteriorOrientation, GnssFixes, StateVerdict, Trajectory
-from .stretch import EPOCH_HZ, Stretch, solve_stretch
+from .stretch import EPOCH_HZ, Stretch, check_images, check_motion, check_stretches, refuse_short, solve_stretch
 
 if TYPE_CHECKING:
     from .navigation.solution import Solution
@@ -112,29 +112,20 @@ def _solve(flight: Flight, recording: Recording, step: Progress) -> tuple[list[S
     solved: list[Stretch] = []
     failed: list[tuple[tuple[float, float], InsgnssError]] = []
     for span in spans:
+        own = flight if span == spans[0] else replace(flight, initial=None)  # a given attitude is that of the flight's first fix
         try:
-            common_span(recording.imu, recording.gnss, *span)
-            solved.append(solve_stretch(flight, recording, span, frame, step))
+            refuse_short(recording, span)
+            solved.append(solve_stretch(own, recording, span, frame, step))
         except DataError as error:
             failed.append((span, error))
     if not solved:
         raise max(failed, key=lambda f: f[0][1] - f[0][0])[1]
-    checks = [check for part in solved for check in part.checks]
+    checks = [check for part in solved for check in part.checks] + check_motion(flight, solved)
     _refuse(flight, tuple(checks))
     if len(spans) > 1:
-        checks.append(_check_stretches(solved, failed))
+        checks.append(check_stretches(solved, failed))
+    checks += check_images(recording, solved)
     return solved, tuple(checks)
-
-
-def _check_stretches(solved: list[Stretch], failed: list[tuple[tuple[float, float], InsgnssError]]) -> Check:
-    """What the gaps of the IMU made of the flight."""
-    from .prepare.gaps import BRIDGE_S
-
-    kept = ", ".join(f"{part.solution.time[0]:.1f} to {part.solution.time[-1]:.1f} s" for part in solved)
-    found = f"the flight falls into stretches of their own, {kept}"
-    if failed:
-        found += "; left out: " + ", ".join(f"{lo:.1f} to {hi:.1f} s ({error})" for (lo, hi), error in failed)
-    return Check("IMU gaps", found, f"no gap over {BRIDGE_S:g} s", "note", "images in a gap or in a stretch left out have no orientation")
 
 
 def _exterior(flight: Flight, recording: Recording, parts: list[Stretch], history: tuple[str, ...]) -> ExteriorOrientation | None:
@@ -225,7 +216,8 @@ def _history(flight: Flight, recording: Recording, parts: list[Stretch], checks:
     count = max(part.solution.passes for part in parts)
     problem = parts[0].solution.problem
     fixes = sum(part.fixes.time.size for part in parts)
-    rests = int((verdict[:, MOTION] != NOTHING).sum())
+    motion = verdict[:, MOTION]
+    offered, taken = int((motion != NOTHING).sum()), int((motion == USED).sum())
     longest = max(parts, key=lambda part: part.solution.time.size)
     return (
         f"insgnss {__version__}; smoothed, {problem.layout.size} states, {count} filter pass{'es' if count > 1 else ''}; "
@@ -234,7 +226,7 @@ def _history(flight: Flight, recording: Recording, parts: list[Stretch], checks:
         f"lever arm IMU to antenna applied, forward right down m: {lever[0]:.4f} {lever[1]:.4f} {lever[2]:.4f}",
         f"noise model {flight.imu.noise}; IMU axes {flight.imu.axes}; {'; '.join(parts[0].history)}",
         *(f"stretch from {part.solution.time[0]:.1f} s on: {'; '.join(part.history)}" for part in parts[1:]),
-        *([f"the motion itself (rest, wheels) measured {rests} times"] if rests else []),
+        *([f"the motion itself (rest, wheels) measured {offered} times, {taken} used"] if offered else []),
         *([recording.turn_on] if recording.turn_on else []),
         *(f"the stamps of the fixes moved by {part.time_offset_s:+.4f} s" for part in parts if part.time_offset_s),
         *(_estimated(state) for state in state_verdicts(longest.solution, longest.time_offset_s)),

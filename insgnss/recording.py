@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Progress = Callable[[str], None]
 
 LONG_LEVER_M, LARGE_BORESIGHT_DEG = 3.0, 10.0
-RECOGNISED_S, LATEST_S, FASTEST_MS = 600.0, 30.0, 50.0
+RECOGNISED_S, LATEST_S, FASTEST_MS = 300.0, 30.0, 50.0
 UNIT_WORDS = ("rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg", "rad", "deg", "m/s")
 STANDING_S, STANDING_SIGMA_M, STANDING_SHARE = 1.0, (0.1, 0.1, 0.1), 0.8
 
@@ -176,6 +176,9 @@ def _combined(flight: Flight, first: ImuSamples, model: "NoiseModel") -> "tuple[
 
     inputs = flight.imu.more
     imus = [first, *(in_week(_read_imu(i, first.gps_week), first.gps_week or 0) for i in inputs)]
+    for k, imu in enumerate(imus[1:], start=2):
+        if np.array_equal(imu.gyro, first.gyro):
+            raise InputError(f"{flight.path}: imu.more: IMU {k} ({imu.source}) is the first IMU again; give its own file or columns")
     models = [model, *(load_noise_model(i.noise) for i in inputs)]
     white = [(m.gyro[0].white_noise, m.accel[0].white_noise) for m in models]
     levers = [(0.0, 0.0, 0.0), *(i.lever_m for i in inputs)]
@@ -242,6 +245,14 @@ def _check_mounting(flight: Flight) -> Check:
     lever = max(float(np.linalg.norm(v)) for v in (m.antenna_lever_b, m.camera_lever_b))
     angle = float(np.degrees(np.arccos(np.clip(0.5 * (np.trace(m.boresight) - 1.0), -1.0, 1.0))))
     found = f"longest lever arm {lever:.3f} m, bore-sight {angle:.2f} deg"
+    if flight.camera is not None and lever == 0.0 and angle == 0.0:
+        return Check(
+            "mounting",
+            "no lever arm and no bore-sight given: the images get the place and the attitude of the IMU",
+            "[mounting] of the camera",
+            "note",
+            "measure the lever arms from the camera to antenna and IMU, calibrate the bore-sight, and give them in [mounting]",
+        )
     odd = lever > LONG_LEVER_M or angle > LARGE_BORESIGHT_DEG
     return Check(
         "mounting",

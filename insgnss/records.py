@@ -352,7 +352,7 @@ class Diagnostics:
             given = [getattr(part, f.name) for part in parts]
             if f.name in ("gaps", "checks", "stretches"):
                 values[f.name] = tuple(dict.fromkeys(item for items in given for item in items))
-            elif isinstance(given[0], np.ndarray):
+            elif any(isinstance(x, np.ndarray) for x in given):
                 values[f.name] = np.concatenate([x for x in given if x is not None])
             else:
                 values[f.name] = getattr(longest, f.name)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .errors import DataError, InputError
+from .errors import DataError, InputError, InsgnssError
 from .flight import Flight
 from .recording import Progress, Recording, sentence
 from .records import Check, GnssFixes
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .navigation.solution import Solution
 
 EPOCH_HZ = 10.0  # outputs at a higher rate are recovered between the epochs
+SHIFTS, SHIFT_SIGMAS = 4, 2.0
 SHIFT_S = 0.005  # a time offset beyond it is taken into the stamps and estimated again: what is left of a d^2 / 2 is below 0.1 mm
 
 
@@ -55,14 +56,24 @@ def solve_stretch(flight: Flight, recording: Recording, span: tuple[float, float
     Raises InputError and DataError where the data contradict themselves or do not support the answer.
     """
     shift, solved = 0.0, _solve(flight, recording, span, frame, step, 0.0)
-    offset = solved.solution.problem.layout.offset
-    while offset >= 0 and abs(late := float(solved.solution.x[-1, offset])) > SHIFT_S and abs(shift) < 2.0:
+    for _ in range(SHIFTS):
+        late = _late(solved.solution)
+        if late == 0.0:
+            break
         shift += late
         step(f"the fixes moved by {shift:+.4f} s")
         moved = replace(recording, gnss=replace(recording.gnss, time=recording.gnss.time + shift))
         solved = replace(_solve(flight, moved, span, frame, step, -shift), time_offset_s=shift)
-        offset = solved.solution.problem.layout.offset
     return solved
+
+
+def _late(solution: "Solution") -> float:
+    """Estimated time offset of the fixes where it is told and too large to be left to the state, else 0."""
+    offset = solution.problem.layout.offset
+    if offset < 0:
+        return 0.0
+    late, sigma = float(solution.x[-1, offset]), float(np.sqrt(solution.P[-1, 9 + offset, 9 + offset]))
+    return late if abs(late) > max(SHIFT_S, SHIFT_SIGMAS * sigma) else 0.0
 
 
 def _solve(
@@ -120,6 +131,7 @@ def _prepare(flight: Flight, recording: Recording, span: tuple[float, float], fr
 
 
 DOUBT_SIGMA = 2.0
+TRIES = 6  # of correlated errors, each less sure of the fixes than the one before
 LASTING_WHITE = 0.3  # of the sigma of a fix whose error stays: what changes from fix to fix
 
 
@@ -133,6 +145,7 @@ def layout_with(flight: Flight, recording: Recording) -> "LayoutWith":
 
 def _fix_errors(flight: Flight, fixes: GnssFixes) -> "FixErrors":
     """Errors of the fixes that the flight file asks for, and those of float fixes among fixed ones."""
+    from .calibrate.fixes import CLOCK_RATE
     from .navigation.filter import lasting_errors
     from .navigation.layout import FixErrors
 
@@ -141,6 +154,7 @@ def _fix_errors(flight: Flight, fixes: GnssFixes) -> "FixErrors":
     return FixErrors(
         f.lever_arm_sigma_m if f.lever_arm else None,
         f.time_offset_sigma_s if f.time_offset else None,
+        CLOCK_RATE if f.time_offset else None,
         None if isinstance(g.correlated, str) else (g.correlated,) * 3,
         g.correlation_time_s,
         (g.uncorrelated,) * 3,
@@ -173,47 +187,62 @@ def _examined(
 
     Where they show more, lever arm and time offset are estimated beside the flight file's and compared with them.
     """
-    from .calibrate.fixes import SUSPECT_M, SUSPECT_S, contradictions, correlated_error, misfit, suspicious, with_layout
+    from .calibrate.fixes import (
+        contradictions,
+        correlated_error,
+        less_sure,
+        loses_fixes,
+        misfit,
+        suspects,
+        suspicious,
+        with_layout,
+    )
     from .navigation.solution import solve
 
     asked = _fix_errors(flight, fixes)
     if flight.gnss.stationary is not None or not suspicious(solution, make, asked):
         return solution, (), ()
-    searched = replace(asked, lever_arm_m=asked.lever_arm_m or SUSPECT_M, time_offset_s=asked.time_offset_s or SUSPECT_S)
+    searched = suspects(asked)
     problem, found = solution.problem, None
     if flight.gnss.correlated == "auto":
         step("the innovations are not white: errors of the fixes")
         found = correlated_error(solution, make, searched)
     if found is not None:
         searched = found
-        asked = replace(found, lever_arm_m=asked.lever_arm_m, time_offset_s=asked.time_offset_s)
+        asked = replace(found, lever_arm_m=asked.lever_arm_m, time_offset_s=asked.time_offset_s, clock_rate=asked.clock_rate)
     checks: list[Check] = []
     if searched != asked:
         step("lever arm and clock of the fixes")
         try:
             tried = solve(*with_layout(problem, start, make(searched)), "off", separations=0)
-            checks = contradictions(tried, asked.lever_arm_m is None, asked.time_offset_s is None)
+            checks = contradictions(tried, flight.mounting, asked.lever_arm_m is None, asked.time_offset_s is None)
         except DataError:
             pass  # the search is not the result
     if found is None:
         return solution, tuple(checks), ()
-    step("filter, with correlated errors of the fixes")
-    try:
-        again = solve(*with_layout(problem, start, make(asked)), flight.filter.second_pass, step)
-    except DataError:
-        return solution, tuple(checks), (f"{_told(asked)}; given up, the filter lost the fixes with them",)
-    if misfit(again) > misfit(solution):
-        return solution, tuple(checks), (f"{_told(asked)}; given up, they explain the whole flight no better",)
-    return again, tuple(checks), (_told(asked),)
+    for _ in range(TRIES):
+        step("filter, with correlated errors of the fixes")
+        try:
+            again = solve(*with_layout(problem, start, make(asked)), flight.filter.second_pass, step)
+        except DataError:
+            asked = less_sure(asked)
+            continue
+        if loses_fixes(again, solution):
+            asked = less_sure(asked)
+        elif misfit(again) > misfit(solution):
+            return solution, tuple(checks), (f"{_told(asked)}; given up, they explain the whole flight no better",)
+        else:
+            return again, tuple(checks), (_told(asked),)
+    return solution, tuple(checks), (f"{_told(asked)}; given up, the filter loses fixes with them",)
 
 
 def _explain(flight: Flight, prepared: _Prepared, make: "LayoutWith", error: DataError) -> None:
     """Raise InputError with the lever arm or time offset that explains `error`, where the flight shows one."""
-    from .calibrate.fixes import SUSPECT_M, SUSPECT_S, contradictions
+    from .calibrate.fixes import contradictions, suspects
     from .navigation.solution import solve
 
     asked = _fix_errors(flight, prepared.fixes)
-    searched = replace(asked, lever_arm_m=asked.lever_arm_m or SUSPECT_M, time_offset_s=asked.time_offset_s or SUSPECT_S)
+    searched = suspects(asked)
     if searched == asked:
         return
     problem = replace(prepared.problem, layout=make(searched))
@@ -221,7 +250,7 @@ def _explain(flight: Flight, prepared: _Prepared, make: "LayoutWith", error: Dat
         tried = solve(problem, _align(flight, problem)[0], "off", separations=0)
     except DataError:
         return
-    found = contradictions(tried, asked.lever_arm_m is None, asked.time_offset_s is None)
+    found = contradictions(tried, flight.mounting, asked.lever_arm_m is None, asked.time_offset_s is None)
     if found:
         raise InputError(f"{flight.path}: {sentence(found[0])}; as the flight file is, {error}") from None
 
@@ -232,3 +261,55 @@ def _told(found: "FixErrors") -> str:
         f"correlated innovations: errors of the fixes estimated, in standard deviations of the file (N / E / D), as {lasting} that "
         f"last for {found.correlation_time_s:.1f} s and {white} that do not"
     )
+
+
+def refuse_short(recording: Recording, span: tuple[float, float]) -> None:
+    """Raise DataError where a stretch holds too few fixes."""
+    from .prepare.clock import SHORTEST_S
+
+    at = recording.gnss.time[(recording.gnss.time >= span[0]) & (recording.gnss.time <= span[1])]
+    length = float(at[-1] - at[0]) if at.size else 0.0
+    if at.size < 2 or length < SHORTEST_S:
+        raise DataError(f"{at.size} fixes over {length:.1f} s, limit {SHORTEST_S:.0f} s")
+
+
+def check_images(recording: Recording, solved: list[Stretch]) -> list[Check]:
+    """Which exposures have no orientation."""
+    if recording.events is None:
+        return []
+    images = recording.events.images
+    lost = np.setdiff1d(np.arange(len(images)), np.concatenate([part.at_event for part in solved]))
+    if not lost.size:
+        return []
+    names = ", ".join(images[k] for k in lost[:5]) + (", ..." if lost.size > 5 else "")
+    found = f"{lost.size} of {len(images)} have no orientation: {names}"
+    return [
+        Check(
+            "images", found, "all images within the stretches", "note", "they lie in a gap, before the first fix or in a stretch left out"
+        )
+    ]
+
+
+def check_motion(flight: Flight, solved: list[Stretch]) -> list[Check]:
+    """Whether the vehicle moves as it is said to: most of what is measured of the motion itself must pass its test."""
+    from .navigation.filter import MOTION, NOTHING, REJECTED
+
+    verdict = np.concatenate([part.solution.verdict[:, MOTION] for part in solved])
+    offered, rejected = int((verdict != NOTHING).sum()), int((verdict == REJECTED).sum())
+    if offered == 0:
+        return []
+    found = f"{rejected} of {offered} measurements of rest or of wheels rejected"
+    key = "filter.wheels = false" if flight.filter.wheels else 'filter.zero_velocity = "off"'
+    bad = rejected > 0.5 * offered
+    return [Check("motion", found, "most of them used", "contradiction" if bad else "ok", f"it does not move so: {key}" if bad else "")]
+
+
+def check_stretches(solved: list[Stretch], failed: list[tuple[tuple[float, float], InsgnssError]]) -> Check:
+    """What the gaps of the IMU made of the flight."""
+    from .prepare.gaps import BRIDGE_S
+
+    kept = ", ".join(f"{part.solution.time[0]:.1f} to {part.solution.time[-1]:.1f} s" for part in solved)
+    found = f"the flight falls into stretches of their own, {kept}"
+    if failed:
+        found += "; left out: " + ", ".join(f"{lo:.1f} to {hi:.1f} s ({error})" for (lo, hi), error in failed)
+    return Check("IMU gaps", found, f"no gap over {BRIDGE_S:g} s", "note", "images in a gap or in a stretch left out have no orientation")

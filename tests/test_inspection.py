@@ -10,17 +10,19 @@ from scipy.io import savemat
 from insgnss.cli import main
 from insgnss.errors import InputError
 from insgnss.flight import load_flight
+from insgnss.geodesy.earth import EARTH_RATE
 from insgnss.inspection.alone import by_gravity
 from insgnss.inspection.content import vertical_axes
 from insgnss.inspection.discovery import discover
 from insgnss.inspection.draft import Draft, toml, write_draft
 from insgnss.inspection.roles import Grid, gnss_roles, imu_roles
 from insgnss.inspection.run import inspect_files
-from insgnss.inspection.sensing import EARTH_RATE, STANDARD_GRAVITY, fitting_model, sense
+from insgnss.inspection.sensing import fitting_model, sense
 from insgnss.prepare.axes import parse_axes
 from insgnss.recording import read_recording
 from insgnss.records import ImuSamples
 from insgnss.simulate.dataset import write_dataset
+from insgnss.units import STANDARD_GRAVITY
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 IMU, GNSS = "01_Observations/IMU/Data/Pre_calibrated/f8_1_sob.csv", "02_Processed/GPS-PPK/AntennaPos_WGS84.txt"
@@ -67,7 +69,7 @@ def test_draft_of_a_simulated_flight_is_processed_as_it_stands(drafted, capsys):
 
 def test_picture_stands_beside_the_draft(drafted):
     """Oracle: the signature of a PNG, and its size."""
-    png = (drafted.parent / "recognition.png").read_bytes()
+    png = next(drafted.parent.glob("*recognition.png")).read_bytes()
     assert png.startswith(b"\x89PNG")
     assert len(png) > 20_000
 
@@ -90,7 +92,7 @@ def test_paths_below_the_flight_file_are_relative(flown):
         assert tree["imu"]["file"] == IMU
         assert tree["gnss"]["file"] == GNSS
     finally:
-        for name in ("drafted.toml", "recognition.png"):
+        for name in ("drafted.toml", "drafted_recognition.png"):
             (flown / name).unlink(missing_ok=True)
 
 

@@ -34,7 +34,7 @@ def flight_of(name, tmp_path, changes=()):
 
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory):
-    estimated = {"[mounting]": "[filter]\ntime_offset = true\nlever_arm = true\n[mounting]"}
+    estimated = {"[mounting]": "[filter]\ntime_offset = true\nlever_arm = true\nrobust = true\n[mounting]"}
     flight = flight_of("tilt_rtk_walk", tmp_path_factory.mktemp("walk"), estimated)
     return flight, read_recording(flight)
 

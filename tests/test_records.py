@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from insgnss.errors import InputError
-from insgnss.records import CameraEvents, ExteriorOrientation, GnssFixes, ImuSamples, Increments, Trajectory
+from insgnss.records import CameraEvents, Diagnostics, ExteriorOrientation, GnssFixes, ImuSamples, Increments, Trajectory
 
 N = 5
 TIME = np.arange(N) + 100.0
@@ -121,3 +121,42 @@ def test_absent_fields_stay_absent():
     """Oracle: a trajectory without rates, accelerations and cross-covariances."""
     bare = replace(trajectory(), acceleration_b=None, rate_b=None, cross=None)
     assert (bare.acceleration_b, bare.rate_b, bare.cross) == (None, None, None)
+
+
+def _rows(path: Trajectory, at: slice) -> Trajectory:
+    row = {name: getattr(path, name)[at] for name in ("time", "lat", "lon", "height", "velocity_ned", "C_nb", "cov", "acceleration_b")}
+    return Trajectory(**row, gps_week=path.gps_week, cross=None if path.cross is None else path.cross[at][: len(row["time"]) - 1])
+
+
+def test_a_trajectory_cut_and_joined_is_itself_but_for_what_ties_its_parts():
+    """Oracle: the trajectory before the cut; errors of the parts are independent."""
+    whole = replace(trajectory(), cross=np.arange(4.0 * 81).reshape(4, 9, 9))
+    again = Trajectory.joined([_rows(whole, slice(0, 2)), _rows(whole, slice(2, 3)), _rows(whole, slice(3, 5))])
+    np.testing.assert_array_equal(again.time, whole.time)
+    np.testing.assert_array_equal(again.acceleration_b, whole.acceleration_b)
+    assert again.cross is not None
+    assert whole.cross is not None
+    np.testing.assert_array_equal(again.cross[[0, 3]], whole.cross[[0, 3]])
+    np.testing.assert_array_equal(again.cross[[1, 2]], 0.0)
+    assert Trajectory.joined([_rows(replace(whole, cross=None), slice(0, 2)), _rows(whole, slice(2, 5))]).cross is None
+
+
+def _diagnostics(rows: int, velocity: bool, passes: int) -> Diagnostics:
+    t, three, nine, yes = np.arange(rows) + 10.0 * rows, np.zeros((rows, 3)), np.zeros((rows, 9)), np.ones(rows, dtype=np.bool_)
+    six, fixes = np.zeros((rows, 6)), (t, three, three, np.ones(rows), 16.0, yes)
+    first = (t, three, three, three, np.array([1]), nine, nine, six, six)
+    speed = {"velocity_nis": np.full(rows, 2.0), "velocity_used": yes} if velocity else {}
+    return Diagnostics(*first, *fixes, t, nine, nine, passes=passes, stretches=((t[0], t[-1]),), **speed)
+
+
+@pytest.mark.parametrize("velocity", [(False, True), (True, False), (True, True), (False, False)])
+def test_diagnostics_are_joined_row_by_row(velocity):
+    """Oracle: the parts: rows one behind the other, exposures counted on, velocities where there are any."""
+    parts = [_diagnostics(4, velocity[0], 2), _diagnostics(6, velocity[1], 1)]
+    joined = Diagnostics.joined(parts)
+    np.testing.assert_array_equal(joined.time, np.concatenate([part.time for part in parts]))
+    np.testing.assert_array_equal(joined.time[joined.event], [parts[0].time[1], parts[1].time[1]])
+    assert joined.stretches == (*parts[0].stretches, *parts[1].stretches)
+    assert joined.passes == 2
+    count = sum(n for n, there in zip((4, 6), velocity, strict=True) if there)
+    assert (0 if joined.velocity_nis is None else joined.velocity_nis.size) == count

@@ -412,12 +412,12 @@ MEANING: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "lever arm wrong by 1 m": (
         _toml("[0.462, -0.001, -0.065]", "[1.462, -0.001, -0.065]"),
         INPUT,
-        ("antenna lever arm: off by forward, right, down +0.9", "lever_arm = true"),
+        ("antenna lever arm: from the IMU off by forward, right, down +0.9", "mounting.antenna_m = [0.4"),
     ),
     "lever arm wrong by 5 m": (
         _toml("[0.462, -0.001, -0.065]", "[5.462, -0.001, -0.065]"),
         INPUT,
-        ("antenna lever arm", "it would be -0.3"),
+        ("antenna lever arm", "mounting.antenna_m = [0."),
     ),
     "standing still": (_steady(0.0), DATA, ("heading not observable", "manoeuvre", "[initial]")),
     "straight flight": (_steady(15.0), DATA, ("heading not observable", "manoeuvre", "[initial]")),

@@ -2,6 +2,7 @@
 
 1. A coarse attitude: of a rest, where the gyros are good enough for gyrocompassing (`standing`), or of a manoeuvre (`coarse`), good to
    some degrees.
+   Where a window rejects its fixes it is solved again with doubtful ones weighed down.
 2. The minute around it is estimated as a small flight of its own by filter and smoother, linearised again until it stands (a batch
    least-squares solution with all IMU states). Of the candidates the earliest that knows its heading to two degrees is taken.
 3. From the start of that window the filter runs backwards in time to the first epoch, where it stands with everything that the
@@ -37,6 +38,7 @@ WINDOW_S = 60.0
 TRIES = 5
 GOOD_RAD = np.radians(2.0)
 HOPELESS_RAD = np.radians(10.0)  # beyond it the problem is too far from linear for its sigma to be believed
+DOUBT_NIS = 16.0  # of a triple: beyond it a fix is weighed down, from a metre at a sigma of centimetres by ten and more
 MISFIT_NIS = 25.0  # median of a triple, expected 2.4: beyond it the window did not converge to the data
 
 
@@ -75,9 +77,8 @@ def _aligned_window(problem: Problem) -> tuple[int, Solution]:
     found: list[tuple[int, Solution]] = []
     standing = standing_attitude(problem)
     for first, window, start in _candidates(problem, standing):
-        try:
-            solution = solve(window, start, "on", separations=0)
-        except DataError:
+        solution = _estimated(window, start)
+        if solution is None:
             continue
         if np.nanmedian(solution.nis[:, 0]) < MISFIT_NIS and np.isfinite(solution.P).all():
             if solution.P[0, 8, 8] < GOOD_RAD**2:
@@ -102,6 +103,19 @@ def _aligned_window(problem: Problem) -> tuple[int, Solution]:
             "manoeuvre or give [initial] attitude"
         )
     return chosen
+
+
+def _estimated(window: Problem, start: Start) -> Solution | None:
+    """The window's solution; where its fixes are rejected, that in which they are weighed down instead (K.11).
+
+    A start tens of degrees off rejects good fixes, reopens (K.7) and never converges; taken all, the fixes turn it round.
+    """
+    for tried in (window, replace(window, gate=np.inf, doubt=DOUBT_NIS)):
+        try:
+            return solve(tried, start, "on", separations=0)
+        except DataError:
+            continue
+    return None
 
 
 def _candidates(problem: Problem, standing: StandingAttitude | None) -> Iterator[tuple[int, Problem, Start]]:
@@ -159,7 +173,7 @@ def _reversed(problem: Problem, last: int) -> Problem:
     """The epochs last..0 of a problem, read against time."""
     at = np.arange(last, -1, -1)
     inc, end = problem.inc, problem.epochs.stop[last]
-    part = Increments(
+    against = Increments(
         inc.dt[:end][::-1],
         -inc.dtheta[:end][::-1],
         inc.dvel[:end][::-1],
@@ -168,7 +182,7 @@ def _reversed(problem: Problem, last: int) -> Problem:
         -inc.rate[at],
         inc.nominal_s,
     )
-    back = with_epochs(problem, at, part)
+    back = with_epochs(problem, at, against)
     ep = back.epochs
     gap = np.concatenate([np.zeros((1, 6)), ep.gap[:-1]])  # of the interval that now ends at the epoch
     return replace(back, backward=True, epochs=ep._replace(velocity=-ep.velocity, still_rate=-ep.still_rate, gap=gap))
@@ -179,7 +193,8 @@ def _run_back(problem: Problem, first: int, nav: Array, x: Array, P: Array) -> t
     layout = problem.layout
     sign = np.ones(layout.size)
     sign[VEL] = -1.0
-    sign[9:][(layout.channel < 3) & (layout.factor == BIAS)] = -1.0
+    gyro = layout.channel < 3
+    sign[9:][(gyro & (layout.factor == BIAS)) | (~gyro & (layout.factor == DRIFT))] = -1.0  # a drift counts time, which turns too
     if layout.offset >= 0:
         sign[9 + layout.offset] = -1.0
     back = _reversed(problem, first)
@@ -195,4 +210,6 @@ def _run_back(problem: Problem, first: int, nav: Array, x: Array, P: Array) -> t
     nav[VEL] *= -1.0
     x = (store.x[-1] + m[9:]) * sign[9:]
     x[layout.factor == DRIFT] = 0.0
+    if layout.rate >= 0:  # the offset there, not at the window
+        x[layout.offset] -= x[layout.rate] * problem.epochs.time[first]
     return nav, x, store.P[-1] * np.outer(sign, sign)

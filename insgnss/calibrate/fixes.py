@@ -13,7 +13,7 @@ whitened units,
 
 over a stretch of at most `FIXES` fixes. A correlated error is believed where it gains more than `GAIN` in -2 log L. Over such a stretch
 the fixes tell how fast the error moves, c^2 / T, better than how far: along that ridge c and T grow until the total k^2 + c^2 is what
-the file claims, or the likelihood says no. What lasts longer
+the file claims and the likelihood falls by half, or it says no before. What lasts longer
 than the stretch (a wrong base coordinate, the ionosphere of a single-point solution) leaves no trace in innovations.
 
 A state is observed where the flight reduces its standard deviation to less than a third of the a-priori one. A lever arm or time
@@ -27,17 +27,23 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import DataError
-from ..navigation.filter import NOTHING, POSITION, REJECTED, Problem, Start, make_store, part, run_filter
+from ..navigation.filter import NOTHING, POSITION, REJECTED, REOPENED, Problem, Start, make_store, part, run_filter
 from ..navigation.layout import FixErrors, StateLayout
 from ..navigation.solution import Solution
+from ..orient.mounting import Mounting
 from ..records import Array, Check, LastingError, StateVerdict
 
 FIXES = 900
 GAIN = 20.0
 FEW = 60
-RIDGE, DOUBTFUL = np.log(1.3), 4.0  # step of T along c^2 / T; rise of -2 log L that two sigma make
+GUESSES = ((0.6, 1.0, 20.0), (1.0, 1.0, 20.0), (1.0, 3.0, 20.0), (0.3, 0.5, 3.0))  # k, c, T (s) to start from
+CODE_GUESSES = ((0.1, 0.2, 10.0),)
+MORE_LOST, LESS_SURE = 0.01, 1.6
+RIDGE, DOUBTFUL, INDIFFERENT = np.log(1.3), 4.0, 1.0  # step of T along c^2 / T; rise of -2 log L that two sigma make, and one
+BEYOND = np.log(1.5)  # growth of c beyond what the file claims
 LONGEST_S, LEAST_WHITE, LEAST_CODE = 600.0, 0.2, 0.03  # bounds of T and k: a fix is not believed to less than a fifth of its sigma
 SUSPECT_M, SUSPECT_S = 1.0, 0.3  # a-priori sigmas of lever arm and time offset in the search
+CLOCK_RATE = 1e-4  # of a quartz that nothing disciplines
 SIGNIFICANT, MATTERS = 5.0, 1.0  # sigmas of the estimate, and of the fixes
 OBSERVED = 1.0 / 3.0
 
@@ -52,11 +58,17 @@ def suspicious(solution: Solution, layout_with: LayoutWith, known: FixErrors) ->
     if np.count_nonzero(solution.verdict[:, POSITION] != NOTHING) < FEW:
         return False
     problem, start = _window(solution)
-    tried = [replace(known, lever_arm_m=known.lever_arm_m or SUSPECT_M, time_offset_s=known.time_offset_s or SUSPECT_S)]
+    tried = [suspects(known)]
     if known.correlated is None:
-        tried.append(_errors(known, 0.1, 0.2, 10.0) if _code(problem) else _errors(known, 0.6, 1.0, 20.0))
+        tried += [_errors(known, *guess) for guess in (CODE_GUESSES if _code(problem) else GUESSES)]
     cost = [_minus_two_log_likelihood(*with_layout(problem, start, layout_with(errors))) for errors in (known, *tried)]
     return cost[0] - min(cost[1:]) > GAIN
+
+
+def suspects(known: FixErrors) -> FixErrors:
+    """`known` with lever arm, time offset and its rate as states."""
+    lever, offset = known.lever_arm_m or SUSPECT_M, known.time_offset_s or SUSPECT_S
+    return replace(known, lever_arm_m=lever, time_offset_s=offset, clock_rate=known.clock_rate or CLOCK_RATE)
 
 
 def with_layout(problem: Problem, start: Start, layout: StateLayout) -> tuple[Problem, Start]:
@@ -94,15 +106,17 @@ def correlated_error(solution: Solution, layout_with: LayoutWith, known: FixErro
         return _minus_two_log_likelihood(*with_layout(problem, start, layout_with(errors(p))))
 
     without = _minus_two_log_likelihood(*with_layout(problem, start, layout_with(known)))
-    first = np.log([0.1, 0.2, 10.0, 1.0] if code else [0.7, 0.7, max(5.0, 5.0 * interval), 1.0])
+    guesses = [np.log([*guess, 1.0]) for guess in (CODE_GUESSES if code else GUESSES)]
+    first = min(guesses, key=cost)
     simplex = first + np.array([[0.0, 0, 0, 0], [-1.5, 0, 0, 0], [0, -1.0, 0.7, 0], [-0.7, 0.5, -1.5, 0], [-0.5, 0, 0, -0.7]])
     best = minimize(cost, first, method="Nelder-Mead", options={"initial_simplex": simplex, "maxfev": 80, "xatol": 0.05, "fatol": 1.0})
     if without - best.fun < GAIN:
         return None
     p = best.x
-    while not code and np.exp(2.0 * p[0]) + np.exp(2.0 * p[1]) < 1.0 and p[2] < np.log(LONGEST_S):
+    while not code and p[2] < np.log(LONGEST_S):
         longer = p + [0.0, 0.5 * RIDGE, RIDGE, 0.0]
-        if cost(longer) > best.fun + DOUBTFUL:
+        claimed = np.exp(2.0 * p[0]) + np.exp(2.0 * p[1]) < 1.0
+        if (not claimed and longer[1] > best.x[1] + BEYOND) or cost(longer) > best.fun + (DOUBTFUL if claimed else INDIFFERENT):
             break
         p = longer
     return errors(p)
@@ -131,8 +145,25 @@ def _window(solution: Solution) -> tuple[Problem, Start]:
     first, last = at[k], at[k + count]
     P = 9.0 * solution.P[first]
     P[:6, :6] += np.eye(6)
-    nav, x = solution.nav[first], solution.x[first]
-    return part(solution.problem, int(first), int(last)), Start(nav, x, np.zeros(P.shape[0]), P)
+    nav, x = solution.nav[first], solution.x[first].copy()
+    layout = solution.problem.layout
+    if layout.rate >= 0:  # time begins anew in the window
+        x[layout.offset] += x[layout.rate] * solution.problem.epochs.time[first]
+    window = replace(part(solution.problem, int(first), int(last)), doubt=np.inf)  # (C.1) knows no weights
+    return window, Start(nav, x, np.zeros(P.shape[0]), P)
+
+
+def loses_fixes(solution: Solution, before: Solution) -> bool:
+    """Whether it rejects a hundredth of the fixes more than `before`, or was opened (K.7) more often."""
+    count = [[np.count_nonzero(s.verdict[:, POSITION] == kind) for kind in (REJECTED, REOPENED)] for s in (solution, before)]
+    (rejected, reopened), (few, seldom) = count
+    offered = np.count_nonzero(before.verdict[:, POSITION] != NOTHING)
+    return bool(rejected > few + MORE_LOST * offered or reopened > seldom)
+
+
+def less_sure(errors: FixErrors) -> FixErrors:
+    """The same with more of the fixes' error uncorrelated: heavy tails want it."""
+    return replace(errors, scale=tuple(LESS_SURE * k for k in errors.scale), lasting_scale=LESS_SURE * errors.lasting_scale)
 
 
 def misfit(solution: Solution) -> float:
@@ -180,8 +211,11 @@ def state_verdicts(solution: Solution, moved_s: float = 0.0) -> tuple[StateVerdi
     return tuple(out)
 
 
-def contradictions(solution: Solution, lever_known: bool, offset_known: bool) -> list[Check]:
-    """Checks "antenna lever arm" and "GNSS time offset" where `solution` estimates what the flight file takes as known."""
+def contradictions(solution: Solution, mounting: Mounting, lever_known: bool, offset_known: bool) -> list[Check]:
+    """Checks "antenna lever arm" and "GNSS time offset" where `solution` estimates what the flight file takes as known.
+
+    mounting : of the flight file, in whose axes the advice is.
+    """
     layout, ep = solution.problem.layout, solution.problem.epochs
     fix = np.sqrt(np.median(np.diagonal(ep.position_cov[ep.has_position], axis1=1, axis2=2), axis=0)).max()
     found = []
@@ -189,16 +223,17 @@ def contradictions(solution: Solution, lever_known: bool, offset_known: bool) ->
         at = slice(layout.lever, layout.lever + 3)
         value, sigma = solution.x[-1, at], np.sqrt(np.diag(solution.P[-1, 9:, 9:])[at])
         if (np.abs(value) > np.maximum(SIGNIFICANT * sigma, MATTERS * fix)).any():
-            lever = solution.problem.antenna_lever_b + value
+            antenna = mounting.antenna_m + mounting.C_cb @ value
             told = ", ".join(f"{v:+.3f} +- {s:.3f}" for v, s in zip(value, sigma, strict=True))
-            what = f"off by forward, right, down {told} m, it would be {', '.join(f'{v:.3f}' for v in lever)} m"
+            what = f"from the IMU off by forward, right, down {told} m"
             found.append(
                 Check(
                     "antenna lever arm",
                     what,
                     f"within {SIGNIFICANT:g} sigma or {MATTERS * fix:.3f} m of the flight file's",
                     "contradiction",
-                    "correct mounting.antenna_m and imu_m, or set filter.lever_arm = true to have it estimated",
+                    f"mounting.antenna_m = [{', '.join(f'{v:.3f}' for v in antenna)}] would be it (if imu_m is right), or set "
+                    "filter.lever_arm = true to have it estimated",
                 )
             )
     if offset_known and layout.offset >= 0:

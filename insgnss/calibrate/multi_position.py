@@ -39,11 +39,12 @@ from ..errors import DataError, InputError
 from ..geodesy.earth import EARTH_RATE, normal_gravity
 from ..geodesy.rotation import rotation_from_vector, skew
 from ..prepare.calibration import LOWER
-from ..prepare.increments import nominal_interval
+from ..prepare.gaps import nominal_interval
 from ..prepare.still import Stretches, still_stretches
 from ..records import Array, ImuSamples
+from ..units import STANDARD_GRAVITY
 from .groups import Group, solve_groups
-from .result import POSSIBLE, STANDARD_GRAVITY, MultiPosition, TriadEstimate, blind_directions, places, sizes
+from .result import POSSIBLE, MultiPosition, TriadEstimate, blind_directions, places, sizes
 
 POSITIONS = 9
 ASTRAY = 0.02  # rad, rms: no noise of a hand-held turn makes as much

@@ -24,6 +24,7 @@ from ..geodesy.earth import EARTH_RATE, normal_gravity
 from ..geodesy.rotation import rotation_from_rpy, skew
 from ..prepare.still import Stretches
 from ..records import Array
+from ..units import STANDARD_GRAVITY
 
 LEAST_SIGMA = {"gyro": 1e-7, "accel": 2e-5}  # rad/s, m/s^2
 GRAVITY_SIGMA = 5e-4  # m/s^2, normal gravity against the true one
@@ -55,11 +56,11 @@ class TurnOnBias:
 
     def summary(self) -> str:
         """One sentence."""
-        gyro, accel = np.degrees(3600.0 * self.sigma[:3]), 1e3 * self.sigma[3:] / 9.80665
+        gyro, accel = np.degrees(3600.0 * self.sigma[:3]), 1e3 * self.sigma[3:] / STANDARD_GRAVITY
         return (
             f"{self.seconds:.0f} s at rest: gyro bias {_three(np.degrees(3600.0 * self.gyro))} +- {_three(gyro)} deg/h"
             f"{'' if self.heading_known else ' (heading unknown)'}, "
-            f"accelerometer bias {_three(1e3 * self.accel / 9.80665)} +- {_three(accel)} mg"
+            f"accelerometer bias {_three(1e3 * self.accel / STANDARD_GRAVITY)} +- {_three(accel)} mg"
         )
 
 

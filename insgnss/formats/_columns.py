@@ -26,6 +26,7 @@ TIME: Aliases = {
     "tow": ("tow", "gpstow", "gps_tow", "time", "gpstime", "gps_time", "gpst", "sow", "gps_sow", "seconds", "time_of_week", "t"),
     "week": ("week", "gpsweek", "gps_week", "wn"),
 }
+FINE: Aliases = {"nsec": ()}  # nanoseconds beside the seconds of `tow`, where a clock stands in two columns; only `columns` can name it
 
 
 def sigma_aliases(*axes: str) -> tuple[str, ...]:
@@ -40,7 +41,8 @@ def axis_aliases(letter: str, *stems: str) -> tuple[str, ...]:
 
 
 def normalised(name: str) -> tuple[str, str | None]:
-    """Header name in lower case with underscores, and the unit in its brackets."""
+    """Header name in lower case with underscores, and the unit in its brackets; a number in brackets is an index, part of the name."""
+    name = re.sub(r"[(\[](\d+)[)\]]", r"_\1", name)
     match = re.fullmatch(r"\s*[\"']?\s*([^(\[]*?)\s*(?:[(\[]([^)\]]*)[)\]])?\s*[\"']?\s*", name)
     head, unit = match.groups() if match else (name, None)
     return re.sub(r"[\s\-./]+", "_", head.lower()).strip("_"), unit.strip() if unit else None
@@ -88,6 +90,8 @@ def columns_of(
         line = None if columns is not None else layout.header_line
         how = f"set columns = [...] of {known}, with '-' for what is to be left out, or columns = {{ tow = \"its name in the file\", ... }}"
         raise InputError.at(table.path, line, f"{what} {why}; {how}")
+    if isinstance(table, Table):
+        table.refuse_text(index.values())
     return index
 
 
@@ -118,6 +122,8 @@ def _from_mapping(path: str, layout: Layout, aliases: Aliases, columns: Mapping[
                 f"columns names fields of the header, but there is none of {layout.n_fields} fields; give their places, [1] for the first"
             )
             raise InputError.at(path, layout.first_line, what)
+        elif layout.header_fields.count(field) == 1:
+            at = layout.header_fields.index(field)
         elif names.count(normalised(field)[0]) != 1:
             what = f"columns: {field!r} does not stand once in the header {shown(layout.header, 400)}"
             raise InputError.at(path, layout.header_line, what)
@@ -127,6 +133,12 @@ def _from_mapping(path: str, layout: Layout, aliases: Aliases, columns: Mapping[
             raise UsageError(f"{path}: columns: {field!r} is both {found[at]} and {canonical}")
         found[at] = canonical
     return found
+
+
+def reversed_names(layout: Layout, index: Mapping[str, int]) -> list[str]:
+    """Of the columns `index` those that the header calls by the reverse of their axis, such as -YAccel."""
+    fields = layout.header_fields or ()
+    return [name for name, k in index.items() if fields and re.match(r"[\"'\s]*-\s*[A-Za-z]", fields[k])]
 
 
 def header_unit(layout: Layout, column: int) -> str | None:
@@ -174,6 +186,12 @@ def check_increasing(lines: Lines, time: Array) -> None:
         row = int(np.argmax(step <= 0.0)) + 1
         what = f"time {time[row]:.6f} s follows {time[row - 1]:.6f} s; time must increase; sort the file or take out the double line"
         raise lines.at(row, what)
+
+
+def clock_of(cols: Mapping[str, Array]) -> Array:
+    """Readings of the column of time, with the nanoseconds of `nsec` where there is such a column."""
+    tow = np.ascontiguousarray(cols["tow"])
+    return tow + 1e-9 * cols["nsec"] if "nsec" in cols else tow
 
 
 def gps_time(lines: Lines, tow: Array, week: Array | None, gps_week: int | None, unit: str = "s") -> tuple[Array, int | None]:

@@ -12,12 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, UsageError
 from ..records import Check, GnssFixes
-from ._columns import gps_time
+from ._columns import clock_of, gps_time
 from ._order import Lines, Picked, put_in_order
 
 Array = NDArray[np.float64]
 
 SIGMA, VELOCITY, VELOCITY_SIGMA = ("sd_n", "sd_e", "sd_u"), ("vn", "ve", "vd", "vu"), ("sd_vn", "sd_ve", "sd_vd")
+QUALITY_CODES = ("rtklib", "nmea")
+VARIANCE = {"var_n", "var_e", "var_u"}
 UNKNOWN_MPS = 1000.0
 MOST_QUALITY = 7  # of RTKLIB
 NMEA_QUALITY = {0: 0, 1: 5, 2: 4, 3: 5, 4: 1, 5: 2, 6: 0, 7: 0, 8: 0, 9: 3}  # GGA: single, DGPS, PPS, fixed, float; else unknown
@@ -52,7 +54,7 @@ def fixes_from_columns(
     sigma_m, sigma_velocity : standard deviations north, east, down where no columns hold them, m and m/s.
     Raises InputError at the first row with a value that cannot be, and where no standard deviation is to be had.
     """
-    time, gps_week = gps_time(lines, cols["tow"], cols.get("week"), gps_week, scales.time)
+    time, gps_week = gps_time(lines, clock_of(cols), cols.get("week"), gps_week, scales.time)
     rows, told = put_in_order(lines, time, lambda i, k: all(column[i] == column[k] for column in cols.values()), "GNSS rows")
     if rows is not None:
         time, lines = time[rows], Picked(lines, rows)
@@ -79,8 +81,8 @@ def _within(lines: Lines, name: str, value: Array, unit: str) -> None:
 
 def _quality(cols: Mapping[str, Array], lines: Lines, codes: str) -> NDArray[np.int64]:
     """RTKLIB's codes of the column q in `codes`."""
-    if codes not in ("rtklib", "nmea"):
-        raise UsageError(f"units: quality = {codes!r} is none of rtklib, nmea")
+    if codes not in QUALITY_CODES:
+        raise UsageError(f"units: quality = {codes!r} is none of {', '.join(QUALITY_CODES)}")
     q = cols["q"]
     known = NMEA_QUALITY if codes == "nmea" else range(MOST_QUALITY + 1)
     if (odd := ~np.isin(q, list(known))).any():
@@ -124,6 +126,10 @@ def _covariance(
     present = [name for name in names if name in cols]
     if len(present) == 3:
         sigma = factor * np.column_stack([cols[name] for name in names])
+    elif names == SIGMA and {"sd_ne", "sd_u"} <= cols.keys():
+        sigma = factor * np.column_stack([cols["sd_ne"], cols["sd_ne"], cols["sd_u"]])
+    elif names == SIGMA and cols.keys() >= VARIANCE:
+        sigma = factor * np.sqrt(np.maximum(np.column_stack([cols["var_n"], cols["var_e"], cols["var_u"]]), 0.0))
     elif present or given is None:
         missing = " ".join(name for name in names if name not in cols)
         raise InputError(f"{source}: no standard deviations {missing}; name their columns, or set {option} = [north, east, down]")

@@ -1,4 +1,4 @@
-"""Byte kernels: tables of decimal numbers, and checksummed NMEA sentences.
+"""Byte kernels: tables of decimal numbers, checksummed NMEA sentences, and the messages of ArduPilot logs.
 
 A decimal is an integer mantissa m and a power of ten, x = m 10^e. With m < 2^53 and |e| <= 22 both are exact doubles and
 one multiplication or division rounds correctly. Otherwise m = h + l and 10^e = H + L are taken as unevaluated sums of two
@@ -145,9 +145,24 @@ def count_newlines(buf):
 
 
 @njit(cache=True)
-def parse_rows(buf, i, line, delimiter, decimal, values, lines):
+def _field_end(buf, i, delimiter):
+    """Place of the delimiter or newline behind the field at i; of blanks the last place before the next field."""
+    if delimiter == WHITESPACE:
+        while buf[i] > _BLANK:
+            i += 1
+        while buf[i] in _BLANKS:
+            i += 1
+        return i
+    while buf[i] != delimiter and buf[i] != _NEWLINE:
+        i += 1
+    return i
+
+
+@njit(cache=True)
+def parse_rows(buf, i, line, delimiter, decimal, values, lines, bad):
     """Parse data lines of `buf`, which ends in a newline, from place i in line `line` on, into `values` and their `lines`.
 
+    bad (m, 2), -1 before : place and line of the first field of each column that is no number; not-a-number stands for such a field.
     Returns (rows, status, place, line): a status other than OK with the place and the line of what was found wrong.
     """
     end, n_fields, row = buf.size, values.shape[1], 0
@@ -171,12 +186,16 @@ def parse_rows(buf, i, line, delimiter, decimal, values, lines):
             start = i
             x, i, fine = _number(buf, i, decimal)
             c = buf[i]
-            if not fine or not (c == delimiter or c <= _BLANK):
-                return row, BAD_NUMBER, start, line
-            values[row, col] = x
             while c in _BLANKS and c != delimiter:
                 i += 1
                 c = buf[i]
+            apart = delimiter == WHITESPACE and i > start and buf[i - 1] <= _BLANK
+            if not fine or not (c in (delimiter, _NEWLINE) or apart):
+                if bad[col, 0] < 0:
+                    bad[col, 0], bad[col, 1] = start, line
+                x, i = np.nan, _field_end(buf, start, delimiter)
+                c = buf[i]
+            values[row, col] = x
             if col + 1 < n_fields:
                 if c == _NEWLINE:
                     return row, TOO_FEW, start, line
@@ -186,8 +205,6 @@ def parse_rows(buf, i, line, delimiter, decimal, values, lines):
                         i += 1
                     if buf[i] == _NEWLINE:
                         return row, TOO_FEW, start, line
-                elif delimiter != WHITESPACE:
-                    return row, BAD_NUMBER, start, line
         if c == delimiter:  # one delimiter may close a line
             i += 1
             while buf[i] in _BLANKS:

@@ -3,8 +3,8 @@
 import math
 import mmap
 import os
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -20,13 +20,25 @@ MAP_FROM = 1 << 22  # bytes; smaller files are simply read
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Numbers of a text table: values (n, m), the line (n,) each row stands in, counted from 1, and whether the last one has its end."""
+    """Numbers of a text table: values (n, m), the line (n,) each row stands in, counted from 1, and whether the last one has its end.
+
+    bad : for each column with a field that is no number, its place in the row from 0, what is to be said of the first such field, in
+    the order of the file; the values of these fields are not-a-number.
+    """
 
     path: str
     layout: Layout
     values: Array
     lines: NDArray[np.int64]
     complete: bool = True
+    bad: Mapping[int, InputError] = field(default_factory=dict)
+
+    def refuse_text(self, columns: Iterable[int]) -> None:
+        """Raise InputError at the first field in these columns that is no number."""
+        taken = set(columns)
+        for column, refusal in self.bad.items():
+            if column in taken:
+                raise refusal
 
     def at(self, row: int, what: str) -> InputError:
         """The error `what` at the line of `row`."""
@@ -113,30 +125,37 @@ def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
     return buf
 
 
-def read_table(path: Source) -> Table:
-    """Read a table of numbers; InputError with the first bad line."""
+def read_table(path: Source, whole: bool = True) -> Table:
+    """Read a table of numbers; InputError with the first bad line.
+
+    whole : every field must be a number; else only rows of another length are refused, and `Table.bad` tells what is no number.
+    """
     buf, complete = load(path)
-    return parse(path, buf, complete, sniff(path, buf))
+    return parse(path, buf, complete, sniff(path, buf), whole)
 
 
-def parse(path: Source, buf: NDArray[np.uint8], complete: bool, layout: Layout) -> Table:
+def parse(path: Source, buf: NDArray[np.uint8], complete: bool, layout: Layout, whole: bool = True) -> Table:
     """Parse the numbers of `buf`, which ends in a newline, from the layout's first data line on."""
     from . import _kernels
 
     n = _kernels.count_newlines(buf)
     values = np.empty((n, layout.n_fields))
-    lines = np.empty(n, dtype=np.int64)
+    lines, bad = np.empty(n, dtype=np.int64), np.full((layout.n_fields, 2), -1, dtype=np.int64)
     delimiter = _kernels.WHITESPACE if layout.delimiter is None else ord(layout.delimiter)
     with np.errstate(over="ignore"):  # without the compiler: a mantissa of more than 18 digits wraps and is taken again
         rows, status, place, line = _kernels.parse_rows(
-            buf, layout.skip_to, layout.first_line, delimiter, ord(layout.decimal), values, lines
+            buf, layout.skip_to, layout.first_line, delimiter, ord(layout.decimal), values, lines, bad
         )
+    at_fault = sorted((int(bad[k, 0]), int(k)) for k in np.flatnonzero(bad[:, 0] >= 0))
+    refused = {k: _refusal(path, buf, complete, layout, _kernels.BAD_NUMBER, at, int(bad[k, 1])) for at, k in at_fault}
+    if refused and whole:
+        raise next(iter(refused.values()))
     if status != _kernels.OK:
         raise _refusal(path, buf, complete, layout, status, place, line)
     if not complete:
         tail = decode(bytes(buf[-8192:])).splitlines()
         _refuse_short_end(path, tail[buf.size > 8192 :], layout, line - 1)
-    return Table(str(path), layout, values[:rows], lines[:rows], complete)
+    return Table(str(path), layout, values[:rows], lines[:rows], complete, refused)
 
 
 def _refusal(path: Source, buf: NDArray[np.uint8], complete: bool, layout: Layout, status: int, place: int, line: int) -> InputError:

@@ -9,8 +9,8 @@ import re
 from collections.abc import Mapping
 
 from ..errors import UsageError
+from ..units import STANDARD_GRAVITY
 
-STANDARD_GRAVITY = 9.80665
 DEG = math.pi / 180.0
 
 UNITS: dict[str, dict[str, float]] = {

@@ -60,7 +60,10 @@ def _numbers(path: Source, bodies: list[bytes], lines: list[int]) -> Array:
         raise InputError.at(path, None, "holds no $AIMU sentence; is it the IMU's log?")
     buf = np.frombuffer(b"\n".join(bodies) + b"\n", dtype=np.uint8).copy()
     table, counted = np.empty((len(bodies), N_FIELDS)), np.empty(len(bodies), dtype=np.int64)
-    row, status, _, _ = _kernels.parse_rows(buf, 0, 1, ord(","), ord("."), table, counted)
+    bad = np.full((N_FIELDS, 2), -1, dtype=np.int64)
+    row, status, _, _ = _kernels.parse_rows(buf, 0, 1, ord(","), ord("."), table, counted, bad)
+    if (bad >= 0).any():
+        row, status = int(bad[bad[:, 0] >= 0, 1].min()) - 1, _kernels.BAD_NUMBER
     if status != _kernels.OK:
         fields = bodies[row].decode("ascii", "replace").split(",")
         if len(fields) != N_FIELDS:

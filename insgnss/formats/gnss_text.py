@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..files import atomic_write
 from ..records import GnssFixes
-from ._columns import TIME, Aliases, Columns, columns_of, scale_of, sigma_aliases, unit_of
+from ._columns import FINE, TIME, Aliases, Columns, columns_of, scale_of, sigma_aliases, unit_of
 from ._eo import check_names
 from ._fixes import SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
 from ._order import open_end
@@ -52,6 +52,8 @@ ALIASES: Aliases = {
     "sd_n": sigma_aliases("n", "north", "lat", "latitude", "n_m"),
     "sd_e": sigma_aliases("e", "east", "lon", "longitude", "e_m"),
     "sd_u": sigma_aliases("u", "up", "d", "down", "h", "height", "alt", "u_m"),
+    **dict.fromkeys(("sd_ne", "var_n", "var_e", "var_u"), ()),  # only `columns` can name these
+    **FINE,
     "q": ("q", "quality", "fix_quality"),
     "vn": ("vn", "v_n", "vel_n", "v_north", "north_velocity", "velocity_north", "vnorth"),
     "ve": ("ve", "v_e", "vel_e", "v_east", "east_velocity", "velocity_east", "veast"),
@@ -95,11 +97,12 @@ def read_gnss_text(
     columns : name of each column out of the keys of `ALIASES`; any other name leaves a column out; or a table of them to the header's.
     sigma_m, sigma_velocity : standard deviations north, east, down where the file carries none, m and m/s.
     units : of "angle" (latitude and longitude: deg, rad), "time", "length", "velocity", "course" (deg, rad) and "quality" (rtklib, nmea).
+    In `columns`, sd_ne with sd_u stands for sd_n and sd_e alike, and var_n var_e var_u for the squares of sd_n sd_e sd_u.
     undulation_m : geoid above the ellipsoid, m, added to heights that are above the geoid.
     Raises InputError with file and line for a bad value, and where no standard deviation is to be had.
     """
     units = check_units(units, UNIT_KEYS)
-    table = read_table(path)
+    table = read_table(path, whole=False)
     index = columns_of(table, ALIASES, REQUIRED, DEFAULTS, columns)
     scales = FixScales(
         angle=scale_of(table, index, ("lat", "lon"), "angle", units.get("angle")),

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ..errors import InputError, UsageError
 from ..files import atomic_write
 from ..records import Check, ImuSamples, Quantity
-from ._columns import TIME, Aliases, Columns, axis_aliases, columns_of, gps_time, scale_of, unit_of
-from ._order import Lines, open_end, put_in_order
+from ._columns import FINE, TIME, Aliases, Columns, axis_aliases, clock_of, columns_of, gps_time, reversed_names, scale_of, unit_of
+from ._order import Lines, note, open_end, put_in_order
 from ._text import Source, format_rows, read_table
 from ._units import check_units, imu_kinds
 
@@ -26,6 +26,7 @@ ALIASES: Aliases = {
     **TIME,
     **{f"g{c}": axis_aliases(c, "g", "gyro", "gyr", "w", "omega", "rate", "angular_rate", "dtheta") for c in "xyz"},
     **{f"a{c}": axis_aliases(c, "a", "acc", "accel", "accelerometer", "f", "acceleration", "dv", "dvel") for c in "xyz"},
+    **FINE,
 }
 UNIT_KEYS = ("gyro", "accel", "time")
 MAX_RATE_HZ = 1e5
@@ -53,6 +54,7 @@ def read_imu_csv(
 
     columns : name of each column out of tow week gx gy gz ax ay az; any other name leaves a column out; or a table of them to the
         header's names or to places, "[1]" for the first.
+    A column whose name begins with a minus (-YAccel) holds the reverse of its axis: it is turned round, and a note says so.
     units : of "gyro" (rad/s, deg/s, deg/h; rad, deg, arcsec for increments), "accel" (m/s^2, g, mg, ug; m/s, g*s for increments),
         each with the value of one count before it where need be, and "time".
     quantity : "mean_rate", "increments" or "instant_rate".
@@ -61,14 +63,20 @@ def read_imu_csv(
     """
     units = check_units(units, UNIT_KEYS)
     required = required_columns(rate_hz)
-    table = read_table(path)
+    table = read_table(path, whole=False)
     index = columns_of(table, ALIASES, required, (required,), columns)
     gyro_kind, accel_kind = imu_kinds(quantity)
     gyro = scale_of(table, index, GYRO, gyro_kind, units.get("gyro"))
     accel = scale_of(table, index, ACCEL, accel_kind, units.get("accel"))
     scales = Scales(gyro, accel, units.get("time") or unit_of(table, index, ("tow",), "time") or "s", rate_hz)
     cols = {name: table.values[:, i] for name, i in index.items()}
-    return imu_from_columns(cols, table, str(path), scales, quantity, gps_week, open_end("IMU rows", table.complete))
+    notes = open_end("IMU rows", table.complete)
+    if backward := [name for name in reversed_names(table.layout, index) if name in (*GYRO, *ACCEL)]:
+        cols |= {name: -cols[name] for name in backward}
+        fields = ", ".join(str((table.layout.header_fields or ())[index[name]]) for name in backward)
+        advice = f"rename {'it' if len(backward) == 1 else 'them'} in the header if the values are not reversed"
+        notes = (*notes, note("IMU columns", f"{fields} taken with the sign reversed", "names without a sign", advice))
+    return imu_from_columns(cols, table, str(path), scales, quantity, gps_week, notes)
 
 
 def required_columns(rate_hz: float | None) -> tuple[str, ...]:
@@ -96,7 +104,7 @@ def imu_from_columns(
             )
         time = np.arange(n) / scales.rate_hz
     else:
-        time, gps_week = gps_time(lines, np.ascontiguousarray(cols["tow"]), cols.get("week"), gps_week, scales.time)
+        time, gps_week = gps_time(lines, clock_of(cols), cols.get("week"), gps_week, scales.time)
     rows, told = put_in_order(lines, time, lambda i, k: all(column[i] == column[k] for column in cols.values()), "IMU rows")
     gyro, accel = _triad(cols, GYRO, scales.gyro), _triad(cols, ACCEL, scales.accel)
     if rows is not None:

@@ -10,10 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..prepare.increments import nominal_interval
+from ..geodesy.earth import EARTH_RATE
+from ..prepare.gaps import nominal_interval
 from ..prepare.recognise_findings import MOST, Finding
 from ..records import Array, ImuSamples
-from .sensing import DEG_S, EARTH_RATE, STANDARD_GRAVITY, Sensing
+from ..units import STANDARD_GRAVITY
+from .sensing import DEG_S, Sensing
 
 ACCEL_UNITS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY}
 NEAR = 0.1  # of |f| to gravity, for a unit to be told

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..prepare.increments import nominal_interval
+from ..prepare.gaps import nominal_interval
 from ..records import Check, GnssFixes, ImuSamples
 from .alone import Alone
 from .draft import NOISE_FILE, Draft
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 SURE = 0.9
 KNOWN_S = 0.005  # a latency known to this needs no state
-LEVER_SIGMA_M = 0.3
+LEVER_SIGMA_M = 1.0  # an antenna on the roof of a car
 SAME = 0.02  # of a factor
 UPRIGHT = 0.85  # of |f|, along the axis that is vertical
 SENSORS = {"gyro": "gyro unit", "accel": "accelerometer unit"}
@@ -32,7 +32,7 @@ REMARKS = (
 NEEDS_FIXES = "no fixes of a receiver: give its file as well, the samples alone have no position"
 NEEDS_POSITION = (
     "a static recording needs a position to become a flight: set gnss.stationary = [latitude, longitude, height] in a flight file; "
-    "`insgnss tune` makes a noise model of it as it is"
+    "as it is, it can serve a noise model (data_specs/noise_model.md)"
 )
 
 
@@ -104,7 +104,7 @@ def _imu(
     draft.add("imu", "file", source.path, f"{source.what}: {rate}")
     for key in ("variable", "rate_hz"):
         if key in source.keys:
-            draft.add("imu", key, source.keys[key], source.why.get(key, ""))
+            draft.add("imu", key, source.keys[key], source.why.get(key, ""), key != "rate_hz")
     if "columns" in source.keys:
         draft.add("imu", "columns", source.keys["columns"], source.why["columns"])
     _units(draft, source, raw, found, units)
@@ -171,6 +171,65 @@ def said_units(source: Source, found: "Recognition") -> list[Check]:
     return checks
 
 
+def counts(source: Source, found: "Recognition") -> list[Check]:
+    """A contradiction for a sensor whose numbers are in no unit that is known: the flight file must say what one count is worth."""
+    checks = []
+    for key, name in SENSORS.items():
+        finding = found.finding(name)
+        told = (key == "accel" and abs(found.accel_factor - 1.0) > SAME) or "may be counts" in finding.evidence
+        if finding.confidence == 0.0 and told:
+            worth = f" (gravity makes it about {found.accel_factor:.4g})" if key == "accel" else ""
+            advice = (
+                f"say what one count is in imu.units {key}{worth}, as the maker of the sensor gives it, and whether they are increments"
+            )
+            checks.append(
+                Check(f"unit of {key}", finding.evidence, "a unit that is known, or the value of a count", "contradiction", advice)
+            )
+    return checks
+
+
+def assumed_rate(source: Source) -> list[Check]:
+    """A contradiction where samples without a clock would be held against fixes at a rate that nothing tells."""
+    if "rate_hz" not in source.keys:
+        return []
+    advice = "set imu.rate_hz to the true rate of the sensor, to 1e-5 of it, or name the column of time in imu.columns"
+    found = f"no column of time; {source.keys['rate_hz']:g} Hz assumed"
+    return [Check("IMU rate", found, "a clock, or the rate of the sensor", "contradiction", advice)]
+
+
+def strangers(found: "Recognition") -> list[Check]:
+    """Whether samples and fixes are of one recording, and latitude and longitude in their order."""
+    from ..prepare.recognise import EXCHANGED_ADVICE
+
+    if found.exchanged:
+        return [
+            Check(
+                "GNSS position",
+                found.finding("force sign").evidence,
+                "latitude and longitude in their order",
+                "contradiction",
+                EXCHANGED_ADVICE,
+            )
+        ]
+    clock = found.finding("time offset")
+    if clock.confidence or not found.finding("gyro unit").evidence.startswith("as "):
+        return []
+    advice = "if it moved, check that samples and fixes are of one recording; no time offset is better than all others"
+    return [Check("common motion", clock.evidence, "one time offset that explains the motion", "note", advice)]
+
+
+def in_units_of_file(source: Source, found: "Recognition") -> "Recognition":
+    """The same with the units of the findings as the file's header gives them, where the data agree with it."""
+    findings = {finding.name: finding for finding in found.findings}
+    for key, name in SENSORS.items():
+        factor = found.gyro_factor if key == "gyro" else found.accel_factor
+        said, finding = (source.units_said or {}).get(key), findings[name]
+        if said is not None and finding.confidence > 0.0 and abs(factor - 1.0) < SAME and said != finding.value:
+            evidence = f"converted from {said}, as the header says, {finding.evidence}"
+            findings[name] = replace(finding, value=said, evidence=evidence)
+    return replace(found, findings=tuple(findings.values()))
+
+
 def likely_axes(source: Source, imu: ImuSamples, found: "Recognition | None") -> Axes:
     """Axes as recognised, else as the format has them, else the vertical as gravity shows it with forward chosen freely.
 
@@ -220,7 +279,7 @@ def _noise(draft: Draft, sensing: Sensing) -> None:
     bias = "the mean rate at rest sets the turn-on bias of the gyros" if sensing.rest_s > 0.0 else "no rest: turn-on biases are a-priori"
     draft.noise_why = (
         f"Drafted by insgnss inspect. {measured[0].upper()}{measured[1:]}; the largest is taken.",
-        f"{bias[0].upper()}{bias[1:]}; Gauss-Markov processes a-priori of a {sensing.grade} sensor. `insgnss tune` makes a better one.",
+        f"{bias[0].upper()}{bias[1:]}; Gauss-Markov processes a-priori of a {sensing.grade} sensor. Static recordings tell it better.",
     )
 
 
@@ -265,6 +324,7 @@ def _filter(draft: Draft, found: "Recognition | None") -> None:
         draft.add("filter", "time_offset", True, f"{known}; the filter estimates what remains")
     draft.add("filter", "lever_arm", True, "the lever arm is not known; the filter estimates it where the flight lets it")
     draft.add("filter", "lever_arm_sigma_m", LEVER_SIGMA_M)
+    draft.add("filter", "robust", True, "fixes of unknown quality: the doubtful are weighed down")
 
 
 def _evidence(finding: Any) -> str:

@@ -58,18 +58,19 @@ class Draft:
 
 
 def write_draft(draft: Draft, path: Path, force: bool = False) -> list[Path]:
-    """Write flight file, noise model and picture; the files written.
+    """Write flight file, noise model and picture; the files written. Beside another name than flight.toml the other two bear it as well.
 
     path : of the flight file, or the directory that shall hold flight.toml.
     Raises UsageError where one of them is there already and `force` is not given, and where they cannot be written.
     """
     path = path / "flight.toml" if path.is_dir() else path
     parts: dict[Path, Any] = {}
+    own = "" if path.stem == "flight" else f"{path.stem}_"
     if draft.noise is not None:
-        parts[path.with_name(NOISE_FILE)] = draft.noise
+        parts[path.with_name(own + NOISE_FILE)] = draft.noise
     if draft.picture is not None:
-        parts[path.with_name(PICTURE_FILE)] = draft.picture
-    parts[path] = draft.text(path.absolute().parent)
+        parts[path.with_name(own + PICTURE_FILE)] = draft.picture
+    parts[path] = draft.text(path.absolute().parent).replace(f"noise = {toml(NOISE_FILE)}", f"noise = {toml(own + NOISE_FILE)}")
     there = [str(file) for file in parts if file.exists()]
     if there and not force:
         verb = "is" if len(there) == 1 else "are"

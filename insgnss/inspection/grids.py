@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
 from ..records import Array
-from .roles import Grid
+from .clocks import seconds_and_nanoseconds
+from .names import Grid
 
 FEWEST_ROWS = 20
 DAY_FIRST, YEAR_FIRST = re.compile(r"\b\d{1,2}-[A-Z][a-z]{2}-\d{4}\b"), re.compile(r"\b\d{4}-\d{2}-\d{2}\b")
@@ -54,14 +54,9 @@ def _content_tables(path: Path, content: Any) -> Iterator[Table]:
 
 
 def _text_tables(path: Path) -> Iterator[Table]:
-    from ..formats._text import read_table, read_text_table
+    from ..formats._text import read_table
 
-    try:
-        table = read_table(path)
-    except InputError:
-        text = read_text_table(path)  # names among the numbers; where it is no table at all this says why
-        yield _text_table(text.layout, _numbers(text))
-        return
+    table = read_table(path, whole=False)
     yield _text_table(table.layout, table.values)
 
 
@@ -70,18 +65,15 @@ def _text_table(layout: Any, values: Array) -> Table:
 
     names = layout.header_fields or (None,) * layout.n_fields
     units = tuple(None if name is None else normalised(name)[1] for name in names)
-    return Table(Grid(values, tuple(names), units), tuple(name or "" for name in names))
-
-
-def _numbers(text: Any) -> Array:
-    """Columns of a table of text; one that is no number is not-a-number."""
-    columns = []
-    for k in range(text.layout.n_fields):
-        try:
-            columns.append(text.floats(k))
-        except InputError:
-            columns.append(np.full(len(text.rows), np.nan))
-    return np.column_stack(columns)
+    nanos = {}
+    for whole, fine in seconds_and_nanoseconds(names).items():
+        if values[:, fine].min() >= 0.0 and values[:, fine].max() < 1e9 and np.ptp(values[:, fine]) > 0.0:
+            nanos[whole] = fine
+    if nanos:
+        values = values.copy()
+        for whole, fine in nanos.items():
+            values[:, whole] += 1e-9 * values[:, fine]
+    return Table(Grid(values, tuple(names), units, nanos), tuple(name or "" for name in names))
 
 
 def date_in(path: Path) -> np.datetime64 | None:

@@ -1,7 +1,7 @@
 """Which column of an unknown table is what: by its name where it has one, else by what its values do.
 
-A name decides where there is one (`IMU_NAMES`, `GNSS_NAMES`, compared without case, blanks and signs). Values decide only for
-`insgnss inspect`, which says what it found and why; the readers never guess. By values
+A name decides where there is one that is known (`names`). Values decide only for `insgnss inspect`, which says what it found and why;
+the readers never guess. By values
 
     a clock      increases from row to row in nearly equal steps
     a GPS week   is a whole number of 500 to 4000, the same in all rows or one more after a while
@@ -13,122 +13,26 @@ A name decides where there is one (`IMU_NAMES`, `GNSS_NAMES`, compared without c
     sigmas       are triads of small positive numbers behind position and velocity, in the order of that velocity
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import product
 
 import numpy as np
 
 from ..geodesy.earth import curvature_radii
 from ..records import Array
+from .clocks import clocks, clocks_by_values, tick, week_column, weeks
+from .names import ACCEL_NAMES, GNSS_NAMES, GYRO_NAMES, Grid
 
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
-ANGLES = {"deg": float(np.pi / 180.0), "rad": 1.0}
-TIME_FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+TENTH_MICRODEGREES, LARGEST_DEGREES = "1e-7 deg", 1e4
+ANGLES = {"deg": float(np.pi / 180.0), "rad": 1.0, TENTH_MICRODEGREES: 1e-7 * float(np.pi / 180.0)}
+VELOCITY_SIGMAS = {"sd_vn", "sd_ve", "sd_vd"}
+POSITION_SIGMAS = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"}
 MOST_QUALITY = 7  # of RTKLIB's codes
 FASTEST_MS, LARGEST_SIGMA = 150.0, 100.0
 FOLLOWS, SLOPE = 0.8, (0.75, 1.3)  # correlation and slope of a velocity against the differences of the positions
-EVEN_SHARE = 0.6  # of the steps of an unnamed clock near the usual one: receivers leave fixes out
+PLACE_BY_VALUES = "by their values: a place on Earth that moves as its velocity says"
 APART = 4.0  # times that the ratio of the accelerometer exceeds that of the gyro
-
-
-def squashed(name: str) -> str:
-    """Name without case, blanks and signs; brackets with a unit are left out."""
-    return re.sub(r"[^a-z0-9]", "", re.sub(r"[(\[]\D[^)\]]*[)\]]", "", name.lower()))
-
-
-def _triad_names(*stems: str) -> list[tuple[str, ...]]:
-    """Names of the x, y and z component of a triad with these stems, in each of the usual spellings."""
-    places = [("x", "y", "z"), ("1", "2", "3"), ("0", "1", "2")]
-    return [tuple(f"{stem}{letter}" for letter in letters) for stem, letters in product(stems, places)] + [
-        tuple(f"{letter}{stem}" for letter in "xyz") for stem in stems if len(stem) > 2
-    ]
-
-
-GYRO_NAMES = [
-    ("p", "q", "r"),
-    ("rollrate", "pitchrate", "yawrate"),
-    *_triad_names("g", "gyr", "gyro", "gyroscope", "w", "wb", "wrss", "omega", "rate", "angrate", "angularrate", "angularvelocity"),
-    *_triad_names("gyrorad", "rotationrate", "dtheta", "dang", "deltaangle", "delang", "imugyro", "imug"),
-]
-ACCEL_NAMES = _triad_names(
-    *("a", "arss", "acc", "accel", "accelerometer", "acceleration", "linearacceleration", "linacc", "accelerometerms2", "f", "fb"),
-    *("specificforce", "dv", "dvel", "deltavelocity", "delvel", "imuaccel", "imuacc", "imua"),
-)
-UNIT_TAIL = re.compile(r"(.*[xyz1-3])(rads|radps|rps|rad|degs|degps|deg|dps|degh|degph|ms2|mss|mps2|mg|g)")
-_TAILS = ("", "s", "sec", "secs", "seconds", "ms", "msec", "us", "usec", "ns", "nsec", "stamp", "stampms", "stampus", "stamps", "stampsec")
-_HEADS = ("", "imu", "gyro", "sensor", "sample", "gps", "gnss", "l", "unix", "utc", "system")
-CLOCK_NAMES = {f"{head}time{tail}" for head in _HEADS for tail in _TAILS} | {
-    *("tow", "gpstow", "gpstows", "sow", "gpssow", "gpst", "seconds", "secs", "sec", "tows", "towms", "itow", "timeofweek", "epoch"),
-    *("secofweek", "secondsofweek", "gpsseconds", "gpssec", "stamp", "headerstamp", "elapsed", "secondselapsed"),
-    *("t", "ts", "tms", "tus", "tns", "ms", "us", "millis", "micros"),
-}
-WEEK_NAMES = {"week", "gpsweek", "wn", "gwk", "wk"}
-GNSS_NAMES: dict[str, tuple[str, ...]] = {
-    "lat": ("lat", "latitude", "latdeg", "latituded", "latitudedeg", "phideg", "latrad", "gpslat"),
-    "lon": ("lon", "lng", "long", "longitude", "londeg", "lngdeg", "longitudedeg", "lonrad", "gpslon", "gpslng"),
-    "h": (
-        "hell",
-        "ellheight",
-        "altellipsoid",
-        "ellipsoidheight",
-        "ellipsoidalheight",
-        "heightellipsoid",
-        "alt",
-        "altitude",
-        "altm",
-        "altitudem",
-        "gpsalt",
-        "hgt",
-        "height",
-        "heightm",
-        "hm",
-        "altmsl",
-        "heightmsl",
-        "elevation",
-        "ele",
-        "h",
-    ),
-    "vn": ("vn", "veln", "vnorth", "velnorth", "northvelocity", "velocitynorth", "vnms"),
-    "ve": ("ve", "vele", "veast", "veleast", "eastvelocity", "velocityeast", "vems"),
-    "vd": ("vd", "veld", "vdown", "veldown", "downvelocity", "velocitydown", "vdms", "vz"),
-    "vu": ("vu", "velu", "vup", "velup", "upvelocity", "velocityup"),
-    "speed": ("spd", "speed", "gndspd", "groundspeed", "gspd", "hspeed"),
-    "q": ("q", "quality", "fixquality"),
-    "course": ("gcrs", "course", "coursedeg", "cog", "groundcourse", "gcourse", "track"),
-}
-GNSS_NAMES |= {
-    f"sd_{axis}": tuple(f"{head}{name}" for head, name in product(("sd", "std", "sigma", "acc", "rms"), names))
-    for axis, names in (
-        ("n", ("n", "north", "lat")),
-        ("e", ("e", "east", "lon")),
-        ("u", ("u", "up", "d", "h", "alt", "height")),
-        *((axis, (axis,)) for axis in ("vn", "ve")),
-        ("vd", ("vd", "vu")),
-    )
-}
-
-
-@dataclass(frozen=True, eq=False)
-class Grid:
-    """An unknown table: values (n, m), the name of each column or None, and the unit its header gives, or None."""
-
-    values: Array
-    names: tuple[str | None, ...]
-    units: tuple[str | None, ...] = ()
-
-    @property
-    def named(self) -> dict[str, int]:
-        """Index by squashed name; the first of equal names."""
-        found: dict[str, int] = {}
-        for k, name in enumerate(self.names):
-            if name is not None:
-                found.setdefault(squashed(name), k)
-        for name, k in list(found.items()):  # a unit written behind the name without brackets
-            if tail := UNIT_TAIL.fullmatch(name):
-                found.setdefault(tail[1], k)
-        return found
 
 
 @dataclass(frozen=True)
@@ -152,16 +56,26 @@ def imu_roles(grid: Grid) -> Roles | None:
         if triad is not None:
             found |= {c: names[name] for c, name in zip(canonical, triad, strict=True)}
     if len(found) == 6:
-        return Roles(found, clocks(grid, 0.5), _week(grid))
+        ticks, how = clocks(grid, 0.5), Roles.how
+        if not ticks:
+            ticks, how = clocks_by_values(grid, 0.5, set(found.values())), f"{Roles.how}, the clock by its values"
+        return Roles(found, ticks, week_column(grid), how=how if ticks else Roles.how)
     if any(name is not None for name in grid.names):
         return None
     ticks = clocks(grid, 0.5)
-    pair = _two_triads(grid.values, {*ticks, *_weeks(grid)})
+    pair = _two_triads(grid.values, {*ticks, *weeks(grid)})
     if pair is None:
         return None
     gyro, accel = pair
     columns = {c: first + k for first, triad in ((gyro, GYRO), (accel, ACCEL)) for k, c in enumerate(triad)}
-    return Roles(columns, ticks, _week(grid), how="by their values: gravity is in one triad, not in the other")
+    return Roles(columns, ticks, week_column(grid), how="by their values: gravity is in one triad, not in the other")
+
+
+def triads_named(grid: Grid) -> list[str]:
+    """Which of gyros and accelerometers the names of the columns tell."""
+    names = grid.named
+    known = (("gyros", GYRO_NAMES), ("accelerometers", ACCEL_NAMES))
+    return [sensor for sensor, triads in known if any(all(name in names for name in triad) for triad in triads)]
 
 
 def _two_triads(values: Array, taken: set[int]) -> tuple[int, int] | None:
@@ -185,58 +99,13 @@ def _steadiness(triad: Array) -> float:
     return float(np.linalg.norm(np.mean(triad, axis=0)) / max(np.sqrt(np.sum(np.var(triad, axis=0))), 1e-30))
 
 
-def clocks(grid: Grid, longest_step: float) -> dict[int, str]:
-    """Columns that are clocks and their units; a name tells the candidates where there are names, the step the unit.
-
-    longest_step : s, of the sensor; 0.5 for an IMU, 30 for GNSS.
-    """
-    named = any(name is not None for name in grid.names)
-    found: dict[int, str] = {}
-    for k, name in enumerate(grid.names):
-        if named and (name is None or squashed(name) not in CLOCK_NAMES):
-            continue
-        unit = _clock_unit(grid.values[:, k], longest_step, strict=not named)
-        if unit is not None:
-            found[k] = unit
-    return dict(sorted(found.items(), key=lambda item: item[1] != "s"))  # seconds before parts of seconds
-
-
-def _clock_unit(column: Array, longest_step: float, strict: bool) -> str | None:
-    step = np.diff(column)
-    forward = step[step > 0.0]
-    if forward.size < (0.5 if longest_step < 1.0 else 0.001) * step.size or forward.size < 5 or (step < 0.0).mean() > 0.01:
-        return None
-    typical = float(np.median(forward))
-    if strict and (forward.size < 0.99 * step.size or np.mean(np.abs(forward - typical) < 0.5 * typical) < EVEN_SHARE):
-        return None
-    span = float(column[-1] - column[0])
-    if strict and span < 0.5 * typical * step.size:
-        return None
-    return next((unit for unit, factor in TIME_FACTORS.items() if typical * factor <= longest_step), None)
-
-
-def _weeks(grid: Grid) -> list[int]:
-    out = []
-    for k, name in enumerate(grid.names):
-        column = grid.values[:, k]
-        if name is not None and squashed(name) not in WEEK_NAMES:
-            continue
-        if column.min() >= 500 and column.max() <= 4000 and np.ptp(column) <= 2 and (column == np.round(column)).all():
-            out.append(k)
-    return out
-
-
-def _week(grid: Grid) -> int | None:
-    return next(iter(_weeks(grid)), None)
-
-
 def gnss_roles(grid: Grid) -> Roles | None:
     """Positions and what else a receiver says, or None where the table has no positions."""
     names = grid.named
     found = {role: names[name] for role, known in GNSS_NAMES.items() for name in reversed(known) if name in names}
     if {"lat", "lon", "h"} <= found.keys():
         return _completed(grid, found)
-    return None if any(name is not None for name in grid.names) else _gnss_by_values(grid)
+    return None if any(name is not None for name in grid.names) else gnss_by_values(grid)
 
 
 def _completed(grid: Grid, found: dict[str, int]) -> Roles:
@@ -248,10 +117,13 @@ def _completed(grid: Grid, found: dict[str, int]) -> Roles:
         unused = {"vn", "ve", "sd_vn", "sd_ve", "sd_vd"}
     else:
         unused = {"vn", "ve", "vd", "vu", "speed", "course", "sd_vn", "sd_ve", "sd_vd"}
-    found = {role: k for role, k in found.items() if role not in unused}
+    found = {role: k for role, k in found.items() if role not in unused | _no_sigmas(grid, found)}
     if "q" in found and not np.isin(grid.values[:, found["q"]], range(MOST_QUALITY + 1)).all():
         del found["q"]
     units = {"angle": _angle_unit(grid, found["lat"], found["lon"])}
+    height = grid.values[:, found["h"]]
+    if units["angle"] == TENTH_MICRODEGREES and (height == np.round(height)).all():
+        units["length"] = "mm"  # receivers that count so write whole millimetres
     if "course" in found:
         units["course"] = "rad" if np.abs(grid.values[:, found["course"]]).max() <= 6.3 else "deg"
     lat, lon = grid.values[:, found["lat"]], grid.values[:, found["lon"]]
@@ -263,7 +135,7 @@ def _completed(grid: Grid, found: dict[str, int]) -> Roles:
         marks = [k for k in ticks if np.mean((np.diff(grid.values[:, k]) != 0.0) == changes) > 0.95]
         new_when = marks[0] if marks else found["lat"]
         ticks = {k: unit for k, unit in ticks.items() if k != new_when}
-    return Roles(found, ticks, _week(grid), units, new_when)
+    return Roles(found, ticks, week_column(grid), units, new_when)
 
 
 def _angle_unit(grid: Grid, lat: int, lon: int) -> str:
@@ -271,30 +143,46 @@ def _angle_unit(grid: Grid, lat: int, lon: int) -> str:
     said = grid.units[lat] if grid.units else None
     if said in ANGLES:
         return str(said)
-    small = np.abs(grid.values[:, lat]).max() <= 0.5 * np.pi and np.abs(grid.values[:, lon]).max() <= np.pi
-    return "rad" if small else "deg"
+    largest = (np.abs(grid.values[:, lat]).max(), np.abs(grid.values[:, lon]).max())
+    if max(largest) > LARGEST_DEGREES and largest[0] <= 90e7 and largest[1] <= 360e7:
+        return TENTH_MICRODEGREES
+    return "rad" if largest[0] <= 0.5 * np.pi and largest[1] <= np.pi else "deg"
 
 
-def _gnss_by_values(grid: Grid) -> Roles | None:
-    ticks = clocks(grid, 30.0)
-    taken = {*ticks, *_weeks(grid)}
-    if not ticks:
-        return None
-    clock, unit = next(iter(ticks.items()))
-    time = grid.values[:, clock] * TIME_FACTORS[unit]
-    orders = [(k, k + 1, k + 2) for k in range(grid.values.shape[1] - 2)] + [(k + 1, k, k + 2) for k in range(grid.values.shape[1] - 2)]
-    for lat, lon, height in orders:  # latitude first, unless that is no latitude
+def _no_sigmas(grid: Grid, found: dict[str, int]) -> set[str]:
+    """Roles of standard deviations that are of no use: not positive, or double where those of north, east and up are there."""
+    bad = {role for role, k in found.items() if role.startswith(("sd_", "var_")) and not grid.values[:, k].min() > 0.0}
+    if not found.keys() - bad >= VELOCITY_SIGMAS:
+        bad |= VELOCITY_SIGMAS
+    for complete in ({"sd_n", "sd_e", "sd_u"}, {"sd_ne", "sd_u"}, {"var_n", "var_e", "var_u"}):
+        if complete <= found.keys() - bad:
+            return {role for role in found if role in POSITION_SIGMAS} - complete | bad
+    return bad | {role for role in found if role in POSITION_SIGMAS}
+
+
+def gnss_by_values(grid: Grid) -> Roles | None:
+    """Positions and what else a receiver says by the values alone, or None."""
+    ticks = clocks(grid, 30.0) or clocks_by_values(grid, 30.0, set())
+    for clock, unit in ticks.items():  # a latitude along which one flies evenly runs like a clock
+        found = _place_by_values(grid, clock, tick(unit))
+        if found is not None:
+            others = {k: unit for k, unit in ticks.items() if k != clock and k not in found.values()}
+            angle = _angle_unit(grid, found["lat"], found["lon"])
+            return Roles(found, {clock: unit} | others, week_column(grid), {"angle": angle}, how=PLACE_BY_VALUES)
+    return None
+
+
+def _place_by_values(grid: Grid, clock: int, factor: float) -> dict[str, int] | None:
+    """Columns of a place that moves, its velocity and sigmas, by one clock with its factor to seconds; None without such a place."""
+    taken, time = {clock, *weeks(grid)}, grid.values[:, clock] * factor
+    firsts = range(grid.values.shape[1] - 2)
+    for lat, lon, height in [*((k, k + 1, k + 2) for k in firsts), *((k + 1, k, k + 2) for k in firsts)]:
         if taken & {lat, lon, height}:
             continue
         place = {"lat": lat, "lon": lon, "h": height}
-        angle = _angle_unit(grid, lat, lon)
-        metres = _metres(grid, place, ANGLES[angle])
-        if metres is None or not _travels(time, metres):
-            continue
-        more = _velocity_and_sigmas(grid.values, time, metres, height + 1)
-        return Roles(
-            place | more, ticks, _week(grid), {"angle": angle}, how="by their values: a place on Earth that moves as its velocity says"
-        )
+        metres = _metres(grid, place, ANGLES[_angle_unit(grid, lat, lon)])
+        if metres is not None and _travels(time, metres):  # latitude first, unless that is no latitude
+            return place | _velocity_and_sigmas(grid.values, time, metres, height + 1)
     return None
 
 

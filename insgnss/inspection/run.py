@@ -19,7 +19,7 @@ from ..errors import DataError, InputError, InsgnssError
 from ..recording import Progress, quiet, sentence
 from ..records import CameraEvents, Check, GnssFixes, ImuSamples
 from .discovery import Discovery, discover
-from .sources import Role, Source, on_one_clock, overlap
+from .sources import Role, Source, as_long_as, on_one_clock, overlap
 
 if TYPE_CHECKING:
     from ..prepare.recognise import Recognition
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from .sensing import Sensing
 
 DATA_KEYS = ("columns", "variable", "units", "quantity", "rate_hz", "new_when", "sigma_m", "undulation_m")
-MOST_LISTED = 6
+MOST_LISTED, MOST_SAID = 6, 300  # files in a message, and characters of the reason of each
 NO_WEEK = 0
 LARGEST, SPARSEST = 1e12, 20.0  # a reading, in any unit; times that the stamps span what the samples fill
 
@@ -105,6 +105,8 @@ def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspecti
     Raises InputError where nothing, or not one recording, is found, and where a file cannot be read; DataError where the samples
     cannot become a flight for want of a position.
     """
+    from .content import in_units_of_file
+
     progress("looking")
     found = discover(paths)
     imu_source, gnss_source, events_source = _choose(found, paths)
@@ -112,10 +114,15 @@ def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspecti
         imu_source, gnss_source = on_one_clock(imu_source, gnss_source)
     progress("reading")
     imu, gnss, events = _read(imu_source, gnss_source, events_source)
+    if gnss is not None and (ticks := as_long_as(imu_source, imu, gnss)) != imu_source:
+        imu_source = ticks
+        imu, gnss, events = _read(imu_source, gnss_source, events_source)
     imu, gnss, events, known_week = _one_week(imu_source, imu, gnss, events)
     sources = tuple(source for source in (imu_source, gnss_source, events_source) if source is not None)
     progress("recognising")
     recognition, unrecognised = recognised(imu, gnss)
+    if recognition is not None:
+        recognition = in_units_of_file(imu_source, recognition)
     progress("measuring noise")
     return _inspection(_name(paths), sources, found, imu, gnss, events, recognition, unrecognised, known_week)
 
@@ -139,7 +146,7 @@ def _choose(found: Discovery, paths: Sequence[Path]) -> tuple[Source, Source | N
 
 def _listed(found: Discovery) -> str:
     """What there is: the files that could not be read first, with the reason."""
-    damaged = [f"{path.name} ({why.removeprefix(str(path)).strip(': ')[:100]})" for path, why in found.left_out if str(path) in why]
+    damaged = [f"{path.name} ({why.removeprefix(str(path)).strip(': ')[:MOST_SAID]})" for path, why in found.left_out if str(path) in why]
     others = [path.name for path, why in found.left_out if str(path) not in why]
     names = [*damaged, *(f"{source.path.name} ({source.what})" for source in found.sources), *others]
     more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
@@ -205,7 +212,7 @@ def _week_by_date(path: Path) -> tuple[int, str]:
 
 def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> "tuple[Recognition | None, str]":
     """What the samples are, or None and why that cannot be told."""
-    from ..prepare.increments import nominal_interval
+    from ..prepare.gaps import nominal_interval
     from ..prepare.recognise import recognise
 
     if gnss is None:
@@ -241,7 +248,8 @@ def _inspection(
     from ..prepare.axes import parse_axes
     from ..prepare.plausibility import check_recording
     from .alone import Alone, by_gravity, rest_findings
-    from .content import draft_flight, in_si, likely_axes, said_units
+    from .content import assumed_rate, draft_flight, in_si, likely_axes, said_units, strangers
+    from .content import counts as in_counts
     from .sensing import sense
 
     raw, alone = imu, Alone(imu, {}, ())
@@ -256,8 +264,9 @@ def _inspection(
     checks = list(raw.notes)
     if stamped is not None:
         checks += [*stamped.notes, *check_recording(imu, parse_axes(axes.words), stamped, events, None)]
+        checks += assumed_rate(sources[0])
     if recognition is not None:
-        checks += said_units(sources[0], recognition)
+        checks += [*said_units(sources[0], recognition), *in_counts(sources[0], recognition), *strangers(recognition)]
     draft, missing = draft_flight(name, sources, raw, gnss, sensing, recognition, axes, week, alone)
     if missing and (damaged := [why for path, why in found.left_out if str(path) in why]):
         missing += f"; not taken: {damaged[0]}"

@@ -18,14 +18,13 @@ from typing import Literal
 
 import numpy as np
 
-from ..prepare.increments import nominal_interval
+from ..geodesy.earth import EARTH_RATE
+from ..prepare.gaps import nominal_interval
 from ..prepare.still import Stretches, still_stretches
 from ..records import Array, GnssFixes, ImuSamples
 from ..stochastic.model import AxisNoise, GaussMarkov, NoiseModel, load_noise_model, shipped_models
-from ..units import parse_quantity, parse_unit
+from ..units import STANDARD_GRAVITY, parse_quantity, parse_unit
 
-EARTH_RATE = 7.292115e-5
-STANDARD_GRAVITY = 9.80665
 REST_TAU_S, LEAST_PIECES = 0.5, 100
 QUIETEST_S = 10.0
 KEPT, VARIANCE_KEPT = 0.95, 0.7588  # share of the differences, and of the variance of normal ones that it holds

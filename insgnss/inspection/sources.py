@@ -4,10 +4,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
+from ..records import GnssFixes, ImuSamples
+
 Role = Literal["imu", "gnss", "events"]
 
 SINGLE_POINT = {"sigma_m": [2.5, 2.5, 5.0], "sigma_velocity_mps": [0.3, 0.3, 0.3]}
 NO_SIGMA = "no standard deviations in the file: those of a single-point receiver; of RTK they are 0.02, 0.02, 0.04"
+STEP_TOLD = "the clock's usual step is"
+SAME_LENGTH = 0.1
 OVERLAP = 0.3  # of the shorter recording, for two clocks to be the same
 
 
@@ -47,6 +53,21 @@ def on_one_clock(imu: Source, gnss: Source) -> tuple[Source, Source]:
         return imu, gnss
     why = {"columns": f"{best[1].why.get('columns', '')}; of the clocks those that run together"}
     return best[0], replace(best[1], why=best[1].why | why)
+
+
+def as_long_as(imu: Source, samples: ImuSamples, fixes: GnssFixes) -> Source:
+    """The samples' source with its clock in tens, hundreds ... or tenths of the unit that its steps suggest, where only so it runs as
+    long as the fixes: within `SAME_LENGTH` of the logarithm to base ten. A unit that the header gives is kept."""
+    unit = imu.keys.get("units", {}).get("time", "s")
+    if STEP_TOLD not in imu.why.get("units", "") or unit not in ("s", "ms", "us", "ns"):
+        return imu
+    ratio = np.log10((samples.time[-1] - samples.time[0]) / max(fixes.time[-1] - fixes.time[0], 1e-3))
+    decade = round(float(ratio))
+    if decade == 0 or abs(ratio - decade) > SAME_LENGTH:
+        return imu
+    told = f"in {unit} the samples would last {10.0**ratio:.3g} times as long as the fixes"
+    units = {**imu.keys["units"], "time": f"{10.0**-decade:g} {unit}"}
+    return replace(imu, keys=imu.keys | {"units": units}, why=imu.why | {"units": f"{imu.why['units']}; {told}"})
 
 
 def overlap(a: tuple[float, float] | None, b: tuple[float, float] | None) -> float:

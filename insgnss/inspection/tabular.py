@@ -11,17 +11,20 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, UsageError
+from .clocks import TIME_FACTORS, UNIX_FROM, tick
 from .grids import FEWEST_ROWS, Table
-from .roles import ACCEL, GYRO, TIME_FACTORS, Grid, Roles, gnss_roles, imu_roles, squashed
-from .sources import NO_SIGMA, SINGLE_POINT, Role, Source
+from .names import Grid, squashed
+from .roles import ACCEL, GYRO, POSITION_SIGMAS, Roles, gnss_by_values, gnss_roles, imu_roles, triads_named
+from .sources import NO_SIGMA, SINGLE_POINT, STEP_TOLD, Role, Source
 
 ASSUMED_HZ = 100.0
 ATTITUDE = re.compile(r"(roll|pitch|yaw|heading|phi|theta|psi)(deg|rad)?|(att|attitude|rpy|ypr|euler)[xyz1-3]?")
+UNIT_COLUMNS = {"angle": "lat", "course": "course", "length": "h"}
+UNIT_REASONS = {"1e-7 deg": "values far beyond 360", "mm": "heights are whole numbers beside latitudes in 1e-7 deg"}
 EPOCH_UNITS = {"s": "unix", "ms": "unix_ms", "us": "unix_us", "ns": "unix_ns"}
 VARIABLES = {".mat", ".npy", ".npz"}  # files whose columns must be named
 CLOCKLESS = {".npy", ".npz", ".imu"}
 GPS_EPOCH_UNIX, WEEK_S = 315964782.0, 604800.0  # with the leap seconds since 2017
-UNIX_FROM = 5e8  # s: a clock beyond this counts from 1970
 
 
 def sources_of_table(path: Path, table: Table) -> list[Source]:
@@ -34,16 +37,31 @@ def sources_of_table(path: Path, table: Table) -> list[Source]:
         return _events(path, table)
     fixes = gnss_roles(grid) if len(grid.values) >= FEWEST_ROWS else None
     samples = imu_roles(grid) if len(grid.values) >= FEWEST_ROWS and (named or fixes is None) else None
+    if named and fixes is None and samples is None and finite.all() and len(grid.values) >= FEWEST_ROWS:
+        fixes = gnss_by_values(grid)
     solution = samples is None and any(ATTITUDE.fullmatch(name) for name in grid.named)
     if samples is not None and (samples.clocks or path.suffix.lower() in CLOCKLESS or len(grid.names) in (6, 7)):
         sources.append(_imu(path, table, samples))
     if fixes is not None and fixes.clocks and not solution:
         sources.append(_gnss(path, table, fixes))
     events = sources or _events(path, table)
-    if not events and fixes is not None and not fixes.clocks and not solution and table.variable is None:
-        names = " ".join(name or f"[{k + 1}]" for k, name in enumerate(grid.names))
-        raise InputError.at(path, None, f"positions without a column of time; there are {names}; call one time or tow")
+    if not events and not solution and table.variable is None and (why := _incomplete(table, fixes, samples)):
+        raise InputError.at(path, None, why)
     return events
+
+
+def _incomplete(table: Table, fixes: Roles | None, samples: Roles | None) -> str:
+    """What a table that holds something of a sensor lacks to be of use; empty where it holds nothing of one, or lacks nothing."""
+    names = " ".join(name or f"[{k + 1}]" for k, name in enumerate(table.grid.names))
+    if samples is not None and not samples.clocks:
+        return f"gyros and accelerometers without a column of time among {names}; call one time or tow, or set imu.columns and imu.rate_hz"
+    if fixes is not None and not fixes.clocks:
+        return f"positions without a column of time; there are {names}; call one time or tow"
+    there = triads_named(table.grid) if len(table.grid.values) >= FEWEST_ROWS else []
+    if len(there) == 1 and fixes is None:
+        other = "accelerometers" if there == ["gyros"] else "gyros"
+        return f"{there[0]} without {other} among {names}; put both into one table, or call them gx gy gz and ax ay az"
+    return ""
 
 
 def _imu(path: Path, table: Table, roles: Roles) -> Source:
@@ -57,7 +75,7 @@ def _imu(path: Path, table: Table, roles: Roles) -> Source:
             keys["rate_hz"] = ASSUMED_HZ
             why["rate_hz"] = f"the file has no clock; {ASSUMED_HZ:g} Hz is ASSUMED, and all rates and densities with it"
         else:
-            columns |= {"tow": clock} | ({} if roles.week is None else {"week": roles.week})
+            columns |= _clock_columns(table.grid, clock, roles.week)
             span = _span(table.grid, clock, unit)
             _time_unit(keys, why, table.grid, clock, unit)
         _spell_out(path, table, columns, "imu", keys, why, roles.how)
@@ -100,22 +118,23 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
     for clock, unit in roles.clocks.items():
         keys = _named(table)
         why: dict[str, str] = {}
-        columns = roles.columns | {"tow": clock} | ({} if roles.week is None else {"week": roles.week})
+        columns = roles.columns | _clock_columns(table.grid, clock, roles.week)
         _time_unit(keys, why, table.grid, clock, unit)
         for key, value in roles.units.items():
-            said = table.grid.units[roles.columns["lat" if key == "angle" else "course"]] if table.grid.units else None
-            if value != "deg" and said != value:
+            said = table.grid.units[roles.columns[UNIT_COLUMNS[key]]] if table.grid.units else None
+            if value not in ("deg", said):
                 _unit(
                     keys,
                     why,
                     key,
                     value,
-                    f"no value exceeds what {'a course' if key == 'course' else 'latitude and longitude'} in rad can be",
+                    UNIT_REASONS.get(value)
+                    or f"no value exceeds what {'a course' if key == 'course' else 'latitude and longitude'} in rad can be",
                 )
         if roles.new_when is not None:
             keys["new_when"] = table.fields[roles.new_when]
             why["new_when"] = "the rows between hold the last fix; this changes with each new one"
-        if not {"sd_n", "sd_e", "sd_u"} <= columns.keys():
+        if not POSITION_SIGMAS & columns.keys():
             keys["sigma_m"] = SINGLE_POINT["sigma_m"]
             why["sigma_m"] = NO_SIGMA
         if {"vn", "ve", "speed"} & columns.keys() and "sd_vn" not in columns:
@@ -146,20 +165,26 @@ def _events(path: Path, table: Table) -> list[Source]:
     return [Source("events", path, f"exposures, {len(table.grid.values)} of them", span=(float(last[0]), float(last[-1])))]
 
 
+def _clock_columns(grid: Grid, clock: int, week: int | None) -> dict[str, int]:
+    """Columns of the time: those of the seconds, of their nanoseconds and of the week, as far as there are any."""
+    columns = {"tow": clock, "nsec": grid.nanos.get(clock), "week": week}
+    return {name: k for name, k in columns.items() if k is not None}
+
+
 def _named(table: Table) -> dict[str, Any]:
     return {} if table.variable is None else {"variable": table.variable}
 
 
 def _time_unit(keys: dict[str, Any], why: dict[str, str], grid: Grid, clock: int, unit: str) -> None:
     """Unit of the clock, where it is not the reader's default."""
-    factor = TIME_FACTORS[unit]
+    factor = tick(unit)
     step = float(np.median(np.diff(grid.values[:, clock])[np.diff(grid.values[:, clock]) > 0.0]))
-    if float(grid.values[0, clock]) * factor > UNIX_FROM:
+    if unit in EPOCH_UNITS and float(grid.values[0, clock]) * factor > UNIX_FROM:
         unit = EPOCH_UNITS[unit]
     said = grid.units[clock] if grid.units else None
-    if (said is None and unit == "s") or (said is not None and unit in TIME_FACTORS and _is_unit(said, unit)):
+    if (said is None and unit == "s") or (said is not None and _is_unit(said, unit)):
         return
-    _unit(keys, why, "time", unit, f"the clock's usual step is {step:g}")
+    _unit(keys, why, "time", unit, f"{STEP_TOLD} {step:g}")
 
 
 def _unit(keys: dict[str, Any], why: dict[str, str], of: str, unit: str, reason: str) -> None:
@@ -173,14 +198,14 @@ def _is_unit(said: str, unit: str) -> bool:
     from ..formats import unit_factor
 
     try:
-        return unit_factor(said, "time") == TIME_FACTORS[unit]
+        return unit in TIME_FACTORS and unit_factor(said, "time") == TIME_FACTORS[unit]
     except UsageError:
         return False
 
 
 def _span(grid: Grid, clock: int, unit: str, rows: Any = slice(None)) -> tuple[float, float]:
     """First and last stamp, s; of a clock that counts from 1970 about the time of week."""
-    column = grid.values[rows, clock] * TIME_FACTORS[unit]
+    column = grid.values[rows, clock] * tick(unit)
     first, last = float(column[0]), float(column[-1])
     shift = 0.0 if first < UNIX_FROM else first - (first - GPS_EPOCH_UNIX) % WEEK_S
     return first - shift, last - shift

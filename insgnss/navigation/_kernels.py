@@ -39,6 +39,7 @@ class ImuModel(NamedTuple):
     block: float  # s, length over which the transition is built as one step
     lever: int  # first of the three states of the antenna's lever arm, or -1
     offset: int  # the state of the fixes' time offset, or -1
+    rate: int  # the state of its rate, or -1
     coloured: np.ndarray  # (2,) first of the three states of the correlated error of all fixes and of those of group 1, or -1
     scale: np.ndarray  # (2, 3) of the standard deviations of the uncorrelated error of each group
 
@@ -552,7 +553,16 @@ def antenna(nav, x, lever, imu, total, C):
 
 
 @njit(cache=True)
-def position_rows(nav, x, lever, imu, accel, omega, z, sigma, group, C, H, nu):
+def fix_delay(x, elapsed, imu):
+    """By how much a fix was taken later than it is stamped."""
+    d = x[imu.offset]
+    if imu.rate >= 0:
+        d += elapsed * x[imu.rate]
+    return d
+
+
+@njit(cache=True)
+def position_rows(nav, x, elapsed, lever, imu, accel, omega, z, sigma, group, C, H, nu):
     """(K.1): innovation of the antenna position and its derivative. H (3, n), nu (3, 1).
 
     accel, omega (3,): acceleration of the IMU in l and rate of the body, for the velocity at the fix's own time.
@@ -574,7 +584,7 @@ def position_rows(nav, x, lever, imu, accel, omega, z, sigma, group, C, H, nu):
             for c in range(3):
                 H[r, 9 + imu.lever + c] = C[r, c]
     if imu.offset >= 0:
-        d = x[imu.offset]
+        d = fix_delay(x, elapsed, imu)
         l0 = omega[1] * total[2] - omega[2] * total[1]
         l1 = omega[2] * total[0] - omega[0] * total[2]
         l2 = omega[0] * total[1] - omega[1] * total[0]
@@ -583,6 +593,8 @@ def position_rows(nav, x, lever, imu, accel, omega, z, sigma, group, C, H, nu):
             nu[r, 0] -= v * d + 0.5 * accel[r] * d * d
             H[r, 3 + r] = d
             H[r, 9 + imu.offset] = v + accel[r] * d
+            if imu.rate >= 0:
+                H[r, 9 + imu.rate] = elapsed * H[r, 9 + imu.offset]
     for kind in range(group + 1):
         first = imu.coloured[kind]
         if first >= 0:
@@ -622,7 +634,7 @@ def body_rate(nav, x, elapsed, rate, imu, earth, C, omega, gain):
 
 
 @njit(cache=True)
-def velocity_rows(nav, x, lever, imu, accel, omega, gain, z, C, H, nu):
+def velocity_rows(nav, x, elapsed, lever, imu, accel, omega, gain, z, C, H, nu):
     """(K.2): innovation of the antenna velocity; omega, gain as `body_rate` leaves them."""
     total = nu[:, 1]
     antenna(nav, x, lever, imu, total, C)
@@ -658,8 +670,10 @@ def velocity_rows(nav, x, lever, imu, accel, omega, gain, z, C, H, nu):
             H[r, 11 + imu.lever] = C[r, 0] * omega[1] - C[r, 1] * omega[0]
     if imu.offset >= 0:
         for r in range(3):
-            nu[r, 0] -= accel[r] * x[imu.offset]
+            nu[r, 0] -= accel[r] * fix_delay(x, elapsed, imu)
             H[r, 9 + imu.offset] = accel[r]
+            if imu.rate >= 0:
+                H[r, 9 + imu.rate] = elapsed * accel[r]
 
 
 @njit(cache=True)
@@ -857,11 +871,11 @@ class Store(NamedTuple):
     sigma: np.ndarray  # (m, n) of the filter, post
     F: np.ndarray  # (m, 9, n) from the previous epoch to this one
     D: np.ndarray  # (m, ns)
-    H: np.ndarray  # (m, nz, n) whitened rows; (m, nz, 9) where positions alone are measured
+    H: np.ndarray  # (m, nz, most columns used) whitened rows
     K: np.ndarray  # (m, nz, n) gains of the scalar updates
     S: np.ndarray  # (m, nz) innovation variances of the scalar updates, 0 where there was none
     y: np.ndarray  # (m, nz) scalar innovations
-    innovation: np.ndarray  # (m, nz) of the triples as measured (position, velocity), before the update
+    innovation: np.ndarray  # (m, nz) of the triples as measured, before the update
     innovation_sigma: np.ndarray  # (m, nz)
     nis: np.ndarray  # (m, 4) normalised innovation squared of each kind of triple, NaN where there was none
     verdict: np.ndarray  # (m, 4) 0 nothing measured, 1 used, 2 rejected, 3 used after a reopening (K.7)
@@ -883,7 +897,7 @@ def measured_triple(kind, e, ep, nav, x, lever, accel, imu, earth, C, omega, gai
             body_rate(nav, x, ep.time[e], ep.rate[e], imu, earth, C, omega, gain)
         R[:] = ep.position_cov[e]
         group = ep.group[e]
-        position_rows(nav, x, lever, imu, accel, omega, ep.position[e], ep.sigma[e], group, C, H, nu)
+        position_rows(nav, x, ep.time[e], lever, imu, accel, omega, ep.position[e], ep.sigma[e], group, C, H, nu)
         for i in range(3):
             for j in range(3):
                 R[i, j] *= imu.scale[group, i] * imu.scale[group, j]
@@ -891,7 +905,7 @@ def measured_triple(kind, e, ep, nav, x, lever, accel, imu, earth, C, omega, gai
         if not ep.has_velocity[e]:
             return False
         body_rate(nav, x, ep.time[e], ep.rate[e], imu, earth, C, omega, gain)
-        velocity_rows(nav, x, lever, imu, accel, omega, gain, ep.velocity[e], C, H, nu)
+        velocity_rows(nav, x, ep.time[e], lever, imu, accel, omega, gain, ep.velocity[e], C, H, nu)
         R[:] = ep.velocity_cov[e]
     elif kind == 2:
         if ep.motion[e] == 0:

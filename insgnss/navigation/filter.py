@@ -6,7 +6,8 @@ Measurement of the antenna position and velocity in l with the lever arm l_b fro
     v_a = v + C_lb (omega_lb x l_b)     dv_a = dv - [C_lb (omega_lb x l_b) x] psi + C_lb [l_b x] db_g     (K.2)
 
 with omega_lb = gyro - bias - C_bl Omega. Where they are states (`layout.FixErrors`), the error of the lever arm, dl_b, adds C_lb dl_b to
-dp_a and C_lb (omega_lb x dl_b) to dv_a; the time offset d of the fixes (a fix stamped t was taken at t + d) makes them
+dp_a and C_lb (omega_lb x dl_b) to dv_a; the time offset d of the fixes (a fix stamped t was taken at t + d,
+d a constant or with a rate) makes them
 p_a + v_a d + a d^2 / 2 and v_a + a d, with derivatives v_a + a d and a; the correlated error of the fixes, counted in standard
 deviations of each (in steps of two), adds itself times these to the position.
 Value and derivative leave one kernel together. A fix with covariance R = L L' is
@@ -208,11 +209,11 @@ def _in_octaves(cov: Array) -> Array:
 
 
 def lasting_errors(fixes: GnssFixes) -> tuple[np.ndarray, float]:
-    """(n,) bool, fixes whose errors stay: float and code among fixed ones, or code throughout; and for how long they do, s.
+    """(n,) bool, fixes whose errors stay: float and code by their quality, or by their sigma; and for how long they do, s.
 
     Wrong ambiguities stay until the geometry changes, a minute; the ionosphere of a code solution for ten and more.
     """
-    if fixes.quality is not None and np.mean(fixes.quality == 1) >= 0.1:
+    if fixes.quality is not None and np.isin(fixes.quality, (1, 2)).mean() >= 0.1:
         return np.isin(fixes.quality, (2, 3, 4, 5)), FLOAT_S
     sigma = np.sqrt(0.5 * (fixes.cov_ned[:, 0, 0] + fixes.cov_ned[:, 1, 1]))
     return np.full(fixes.time.size, np.median(sigma) > CODE_M), CODE_S

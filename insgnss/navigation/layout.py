@@ -36,7 +36,8 @@ CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 class FixErrors:
     """What is estimated of the fixes' errors; None: taken as known, and errors as white.
 
-    lever_arm_m : a-priori sigma of each component of the antenna's lever arm.   time_offset_s : of what is missing in the stamps.
+    lever_arm_m : a-priori sigma of each component of the antenna's lever arm.   time_offset_s : of what is missing in the stamps;
+    clock_rate : of what the one clock gains on the other, s a second, besides.
     correlated : (3,) stationary sigma of the correlated error, north, east, down, in standard deviations of each fix, and
     correlation_time_s, its correlation time.   scale : (3,) the uncorrelated error in the same unit.
     lasting : the same, one for all axes, of fixes whose errors stay for minutes (`filter.lasting_errors`), besides; lasting_time_s, its
@@ -45,6 +46,7 @@ class FixErrors:
 
     lever_arm_m: float | None = None
     time_offset_s: float | None = None
+    clock_rate: float | None = None
     correlated: tuple[float, ...] | None = None
     correlation_time_s: float = 60.0
     scale: tuple[float, ...] = (1.0, 1.0, 1.0)
@@ -59,7 +61,7 @@ class StateLayout:
 
     sigma0 : a-priori standard deviation.   white : (6,) PSD, (rad/s)^2/Hz and (m/s^2)^2/Hz.
     quantization : (6,) rad and m/s of one increment.
-    lever, offset, coloured, lasting : first state of the lever arm, of the time offset and of the correlated errors, -1 without.
+    lever, offset, rate, coloured, lasting : first state of the lever arm, of the time offset, its rate, the correlated errors; -1 without.
     scale, lasting_scale : uncorrelated error of the fixes in their standard deviations, north, east, down.
     """
 
@@ -73,6 +75,7 @@ class StateLayout:
     quantization: Array
     lever: int = -1
     offset: int = -1
+    rate: int = -1
     coloured: int = -1
     lasting: int = -1
     scale: tuple[float, ...] = (1.0, 1.0, 1.0)
@@ -87,7 +90,7 @@ class StateLayout:
         """The arrays as the kernels take them. Quantization enters as white noise of the same variance over one aiding interval."""
         white = self.white + 2.0 * self.quantization**2 / aiding_interval_s
         groups = np.array([self.coloured, self.lasting]), np.array([self.scale, (self.lasting_scale,) * 3])
-        of_fixes = self.lever, self.offset, *groups
+        of_fixes = self.lever, self.offset, self.rate, *groups
         return ImuModel(self.channel, self.factor, self.beta, self.drive, white, block_s, *of_fixes)
 
     @property
@@ -145,6 +148,8 @@ def _fix_states(fixes: FixErrors) -> Iterator[tuple[str, list[tuple[str, int, in
         yield "lever", [(f"antenna lever arm {axis}", 0, OF_FIX, 0.0, 0.0, fixes.lever_arm_m) for axis in ("forward", "right", "down")]
     if fixes.time_offset_s is not None:
         yield "offset", [("GNSS time offset", 0, OF_FIX, 0.0, 0.0, fixes.time_offset_s)]
+        if fixes.clock_rate is not None:
+            yield "rate", [("GNSS clock rate", 0, OF_FIX, 0.0, 0.0, fixes.clock_rate)]
     if fixes.correlated is not None:
         yield "coloured", _lasting("GNSS", fixes.correlated, fixes.correlation_time_s)
     if fixes.lasting is not None:

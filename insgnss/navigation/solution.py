@@ -33,7 +33,8 @@ class Solution:
     """Smoothed flight at the epochs of `problem`. Arrays start with the epoch; n states as in `problem.layout`.
 
     nav (m, 10), x (m, ns), P (m, n, n): smoothed.   filter_sigma (m, n): of the forward filter.
-    innovation, innovation_sigma (m, 3 or 6) in l; nis, verdict (m, 2) of position and velocity.
+    innovation, innovation_sigma (m, nz) of the triples that were measured, position first, in l, motion of wheels and turn in body axes;
+    nis, verdict (m, 4) of each kind (`filter.POSITION` and so on).
     event_cross (events, 9, 9): navigation errors of the event before with those of this one.   passes: forward passes run.
     """
 

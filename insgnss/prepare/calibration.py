@@ -26,7 +26,7 @@ from ..files import atomic_write
 from ..records import Array, Check, ImuSamples
 from ..tables import Table, read_toml
 from ..units import format_quantity, parse_quantity
-from .increments import nominal_interval
+from .gaps import nominal_interval
 
 FAR = 0.1  # of the matrix from identity: no calibration, but other units or axes
 LOWER = ((1, 0), (2, 0), (2, 1))

@@ -30,11 +30,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..records import Array, Check, ImuSamples, Quantity
+from ..records import Array, Check, ImuSamples, Quantity, Verdict
 from .combine_kernels import interpolate, running_sum
-from .increments import nominal_interval
+from .gaps import nominal_interval
 from .parity import Parity, parity_of
 
+MOST_LACKING = 0.1  # share of the samples
 SLOPE_S, SMOOTH_S = 0.02, 0.1
 LARGEST_OFFSET_S, COARSE_S = 2.0, 0.02
 LEAST_OFFSET_S = 2e-5  # 1 rad/s^2 makes 20 urad/s of it
@@ -96,7 +97,9 @@ def combine(
         stack[j], there[j] = tracks[j].over(base, offset[j])
         if not there[j].all():
             found = f"{names[j]} lacks {np.mean(~there[j]):.1%} of the samples; the others stand alone there"
-            checks.append(Check("IMU overlap", found, "all IMUs over the whole recording", "note"))
+            verdict: Verdict = "note" if np.mean(~there[j]) < MOST_LACKING else "contradiction"
+            advice = "its biases come and go with it: leave it out, or cut the flight with start_tow and end_tow"
+            checks.append(Check("IMU overlap", found, "all IMUs over the whole recording", verdict, advice))
     used = np.array([j not in leave_out for j in range(len(imus))])
     weight = used[:, None] / np.square(np.array(sigma, dtype=np.float64))
     for reading, lever in zip(stack, lever_b, strict=True):

@@ -13,6 +13,7 @@ aligned, filtered and smoothed each on its own.
 
 import numpy as np
 
+from ..errors import DataError
 from ..records import Array, ImuSamples
 
 BRIDGE_S = 1.0  # beyond it a turning drone's attitude would be known to tens of degrees, where linear theory ends
@@ -53,7 +54,10 @@ def edges(time: Array, lo: float, hi: float) -> Array:
 
 
 def bridged_variance(imu: ImuSamples, C_b_imu: Array, gaps: list[tuple[float, float]], marks: Array) -> Array:
-    """(m, 6) variance of the increments since the mark before, rad^2 and m^2/s^2 in body axes; 0 where no gap is bridged."""
+    """(m, 6) variance of the increments since the mark before, rad^2 and m^2/s^2 in body axes; 0 where no gap is bridged.
+
+    Raises DataError where the gaps come so often that nowhere the samples of a stretch as long as they are there.
+    """
     out = np.zeros((marks.size, 6))
     if not gaps:
         return out
@@ -77,7 +81,7 @@ class _Seen:
         self._known: dict[tuple[int, int], Array] = {}
 
     def variance(self, t: float, length: float) -> Array:
-        """(6,) mean square of (G.1) around `t`, once for each length and half minute."""
+        """(6,) mean square of (G.1) around `t`, once for each length and half minute; DataError where there is nothing to compare."""
         k = max(round(length / self.nominal), 2)
         key = (k, int((t - self.time[0]) / AROUND_S))
         if key not in self._known:
@@ -85,6 +89,11 @@ class _Seen:
             near = self._misses(k, int(first), int(last))
             if near.shape[0] < FEW:
                 near = self._misses(k, 0, self.time.size)
+            if not near.shape[0]:
+                raise DataError(
+                    f"gap of {length:.3f} s at {t:.3f} s: nowhere are the samples of a stretch that long without a gap, which would tell "
+                    "how well it is bridged; record without gaps"
+                )
             self._known[key] = np.mean(near**2, axis=0)
         return self._known[key]
 

@@ -23,7 +23,7 @@ pieces the rotation of the whole.
 
 Blanes, Casas, Oteo, Ros (2009) "The Magnus expansion and some of its applications"; Savage (1998) for the one-sided forms.
 
-Gaps are bridged by the mean of the rates at their two ends (`gaps`).
+Gaps of up to a second are bridged by the mean of the rates at their two ends, with the variance that `gaps` finds for it.
 """
 
 import numpy as np
@@ -49,7 +49,7 @@ def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array) -> Increments
 
     imu : samples in the sensor's axes.   C_b_imu : (3, 3), sensor axes to body.
     marks : (m,) s, increasing, within the recording.
-    Raises DataError where a gap between the first and the last mark is too long to be bridged.
+    Raises DataError where a gap between the first and the last mark is too long to be bridged, or nothing tells how well it is.
     """
     from ._kernels import build_segments
 

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Array, Check, ImuSamples
-from .increments import nominal_interval
+from .gaps import nominal_interval
 
 BLOCK_S, WINDOW_BLOCKS = 0.1, 10
 SLOW_S = 60.0

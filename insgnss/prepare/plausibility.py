@@ -16,6 +16,7 @@ from .turns import STEP_S, check_events, check_turns, quantity_guess
 STILL_S = 5.0
 FAR_M = 50e3
 FAST_MS = 8.0
+ONE_COURSE = 0.95  # resultant of the courses: nearly all within 20 deg; a multirotor may fly so with its nose anywhere
 GYRO_LIMIT, ACCEL_LIMIT = 100.0, 1000.0  # rad/s, m/s^2: 5700 deg/s and 100 g, beyond every sensor that a drone carries
 LOWEST_M, HIGHEST_M = -1000.0, 10000.0
 _WORDS = (("forward", "backward"), ("right", "left"), ("down", "up"))
@@ -46,6 +47,8 @@ NAMES = (
     "IMU overlap",
     "IMU calibration",
     "IMU gaps",
+    "images",
+    "motion",
     "GNSS quality",
     "antenna lever arm",
     "GNSS time offset",
@@ -76,11 +79,14 @@ def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
     fast = speed > FAST_MS
     if fast.sum() < 50:
         return Check(name, f"never faster than {FAST_MS:.0f} m/s", expected)
-    off = heading[fast] - np.arctan2(velocity_ned[fast, 1], velocity_ned[fast, 0])
+    course = np.arctan2(velocity_ned[fast, 1], velocity_ned[fast, 0])
+    off = heading[fast] - course
     off = np.degrees(np.arctan2(np.sin(off), np.cos(off)))
     median = float(np.degrees(np.angle(np.mean(np.exp(1j * np.radians(off))))))
     scatter = float(np.median(np.abs((off - median + 180.0) % 360.0 - 180.0)))
     found = f"median {median:.1f} deg, half of it within {scatter:.1f} deg"
+    if abs(np.mean(np.exp(1j * course))) > ONE_COURSE:
+        return Check(name, f"{found}, all on one course: that tells nothing of the axes", expected, "note" if abs(median) > 30.0 else "ok")
     if abs(median) > 60.0 and scatter < 30.0:
         quarter = round(median / 90.0)
         c, s = (1, 0, -1, 0)[quarter % 4], (0, 1, 0, -1)[quarter % 4]

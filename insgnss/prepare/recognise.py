@@ -3,16 +3,18 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..records import Array, Check, GnssFixes, ImuSamples, Quantity, Verdict
 from .fix_path import sound_fixes
 from .recognise_axes import Direction, Forward, Pose, axes_words, down, forward, poses, scores
 from .recognise_findings import MOST, NAMES, Finding
 from .recognise_relation import MAX_LAG_S, Relation, orientations, relate
-from .recognise_signal import dead_channel, imu_grid
+from .recognise_signal import ImuGrid, dead_channel, imu_grid
 from .recognise_units import ACCEL_UNITS, GYRO_UNITS, ForceUnit, force_unit, gyro_unit, unknown_force
-from .recognise_verdict import nothing, of_clock, of_forward, of_gyro, of_sign, of_vertical
+from .recognise_verdict import TELLING, exchange_odds, nothing, of_clock, of_forward, of_gyro, of_sign, of_vertical
 
+EXCHANGED_ADVICE = "latitude and longitude are exchanged: exchange their names in gnss.columns or in the file"
 SURE = 0.99  # a confidence above which a claim is contradicted
 INCREMENT_UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "m/s": 1.0}
 SENSOR_UNITS = {"gyro": (*GYRO_UNITS, "rad", "deg"), "accel": (*ACCEL_UNITS, "m/s")}
@@ -37,6 +39,7 @@ class Recognition:
         within half a second, "other" where it is larger than half a second otherwise.
     findings : one for each of `recognise_findings.NAMES`, in that order.
     curves : arrays for a picture (`recognise` lists them).
+    exchanged : latitude and longitude are; the sign of the force and the axes are then abstained from.
     """
 
     quantity: Quantity
@@ -51,6 +54,7 @@ class Recognition:
     time_scale: str
     findings: tuple[Finding, ...]
     curves: dict[str, Array]
+    exchanged: bool = False
 
     def finding(self, name: str) -> Finding:
         """The finding of that name."""
@@ -94,7 +98,17 @@ def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
     if relation.fit is None:
         why = "at no time offset and in no unit does the IMU explain the motion that GNSS saw"
         return _abstained(force, per_sample, why, _scores(relation))
-    return _recognised(relation, force, grid.interval, imu.gps_week or gnss.gps_week, poses(relation, gnss, sound), shift)
+    mirrored = _mirrored(relation, grid, gnss, sound, force, reach)
+    return _recognised(relation, force, grid.interval, imu.gps_week or gnss.gps_week, poses(relation, gnss, sound), shift, mirrored)
+
+
+def _mirrored(relation: Relation, grid: ImuGrid, gnss: GnssFixes, sound: NDArray[np.bool_], force: ForceUnit, reach: float) -> float:
+    """What specific force explains with latitude and longitude exchanged; -inf where that need not, or cannot, be looked at."""
+    scan = relation.scan
+    if scan.up[scan.best] >= scan.down[scan.best] or gnss.velocity_ned is not None or np.abs(gnss.lon).max() >= 0.5 * np.pi:
+        return -np.inf
+    other = relate(grid, replace(gnss, lat=gnss.lon, lon=gnss.lat), sound, force, reach)
+    return -np.inf if other is None else float(other.scan.up[other.scan.best])
 
 
 def _clocks(imu: ImuSamples, gnss: GnssFixes) -> tuple[float, float]:
@@ -107,12 +121,14 @@ def _clocks(imu: ImuSamples, gnss: GnssFixes) -> tuple[float, float]:
     return float(imu.time[0] - gnss.time[0]), float(np.clip(longest, 2.0 * MAX_LAG_S, WIDE_S))
 
 
-def _recognised(relation: Relation, force: ForceUnit, interval: float, week: int | None, pose: Pose, shift: float) -> Recognition:
+def _recognised(
+    relation: Relation, force: ForceUnit, interval: float, week: int | None, pose: Pose, shift: float, mirrored: float
+) -> Recognition:
     """All answers, each at most as sure as what it rests on."""
     of_unit, triads = of_gyro(relation, force, interval)
     trusted = min(force.of_unit.confidence or MOST, of_unit.confidence, triads.confidence)
     clock = of_clock(relation, week, trusted, shift)
-    sign, of_force = of_sign(relation, min(trusted, clock.of_offset.confidence))
+    sign, of_force = of_sign(relation, min(trusted, clock.of_offset.confidence), mirrored)
     vertical = down(pose)
     of_down = of_vertical(vertical, of_force.confidence)
     ahead = forward(pose, vertical)
@@ -135,6 +151,7 @@ def _recognised(relation: Relation, force: ForceUnit, interval: float, week: int
         clock.scale,
         (force.of_quantity, force.of_unit, of_unit, triads, of_force, of_down, of_ahead, of_axes, clock.of_offset, clock.of_scale),
         _scores(relation) | _motion(relation, pose, C_b_imu if axes else np.eye(3)) | _orientations(vertical, ahead),
+        clock.of_offset.confidence > 0.0 and bool(np.isfinite(mirrored)) and exchange_odds(relation, mirrored) > TELLING,
     )
 
 
@@ -270,6 +287,8 @@ def _compare_sign(found: Recognition, accel_sign: int) -> Check:
     name, finding = "recognised sign", found.finding("force sign")
     expected = "specific force (up at rest)" + (", with the sign of the claim" if accel_sign < 0 else "")
     told = f"{finding.value}: {finding.evidence}"
+    if found.exchanged:
+        return Check(name, told, expected, "contradiction", EXCHANGED_ADVICE)
     if not finding.confidence:
         return Check(name, told, expected, "note", "the data do not tell the sign of the force")
     if found.accel_sign > 0:

@@ -133,7 +133,7 @@ def forward(pose: Pose, vertical: Direction) -> Forward:
     share = min(1.0, spacing / INDEPENDENT_S)
     moving = np.abs(v) > MOVING * np.quantile(np.abs(v), 0.9)
     known = moving & (pose.yaw_sigma < 0.5)
-    rest, scale = np.zeros(v.size), max(float(np.median(np.abs(v[moving]))), GUST_MS)
+    rest, scale = np.zeros(v.size), max(float(np.median(np.abs(v[moving]))) if moving.any() else 0.0, GUST_MS)
     for _ in range(ROUNDS):
         variance = scale**2 + (np.abs(v) * pose.yaw_sigma) ** 2
         weight = share * moving * level / variance / (1.0 + rest**2 / variance)
@@ -142,6 +142,6 @@ def forward(pose: Pose, vertical: Direction) -> Forward:
         rest = np.abs(v - c * h - wind)
         scale = max(1.2 * float(np.median(rest[known])) if known.any() else scale, GUST_MS)
     sigma = float(np.sqrt(np.linalg.inv(N)[0, 0].real))
-    along = (c.real * e + c.imag * np.cross(d, e)) / max(abs(c), 1e-9)
+    along = (c.real * e + c.imag * np.cross(d, e)) / abs(c) if abs(c) > 1e-9 else e
     angle = math.hypot(sigma / max(abs(c), 1e-9), CRAB_RAD)
     return Forward(_direction(along, angle), float(abs(c)), sigma, np.array([wind.real, wind.imag]))

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from ..geodesy.earth import normal_gravity
 from ..records import Array, GnssFixes, ImuSamples
 from .fix_path import north_east
-from .increments import nominal_interval
+from .gaps import nominal_interval
 from .recognise_kernels import carry
 
 GRID_S = 0.02  # a drone turns some degrees in it at most; finer than any lag that is looked for
 BROKEN_S = 0.1  # an IMU interval longer than this, and than 5 nominal ones, holds a motion that nobody saw
 WINDOW_S = 20.0  # in which the gyros carry the attitude: a bias of 0.3 deg/s turns it by 3 deg from its middle to its end
+UNSEEN_MS2 = 0.1  # of the specific force that fixes do not see: vibration, lever arm
 LEAST_ROWS, MOST_ROWS = 5, 1500
 SPIKE = 10.0  # times the distance from the neighbours' mean that a tenth of the readings exceed
 DEAD_S, DEAD_SHARE, ALIVE = 20.0, 0.3, 10  # s and share of the recording without a change, and changes of a neighbour meanwhile
@@ -158,6 +159,7 @@ def accelerations(
 ) -> Accelerations:
     """Differences over `half_s` (velocity) or over twice that (position) between fixes that are `sound`.
 
+    Weights are those of the fixes' errors together with `UNSEEN_MS2`, which no accuracy of the fixes takes away.
     One begins `half_s` after the other, or as densely as `MOST_ROWS` allows.
     """
     t = gnss.time[sound]
@@ -185,7 +187,8 @@ def accelerations(
         z = c1[:, None] * (p[begin] - p[middle]) + c3[:, None] * (p[end] - p[middle]) - gravity
     variance = cov[:, 0, 0] + cov[:, 1, 1]
     worst = np.maximum(np.maximum(variance[begin], variance[middle]), variance[end])
-    weight = np.minimum(1.0, np.median(variance) / worst)
+    floor = 2.0 * (UNSEEN_MS2 * (half_s if kind == "velocity" else half_s**2)) ** 2 / (2.0 if kind == "velocity" else 6.0)
+    weight = np.minimum(1.0, (np.median(variance) + floor) / (worst + floor))
     nodes = np.column_stack([t1, t2, t3])
     window = ((t1 - t[0]) / WINDOW_S).astype(np.int64)
     thin = round(half_s / float(np.median(np.diff(t))))

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..records import Quantity
+from ..units import STANDARD_GRAVITY
 from .recognise_findings import MOST, Finding
 from .recognise_signal import ImuGrid
 
-DEG, G = np.pi / 180.0, 9.80665
+DEG, G = np.pi / 180.0, STANDARD_GRAVITY
 GYRO_UNITS = {"rad/s": 1.0, "deg/s": DEG, "deg/h": DEG / 3600.0}
 ACCEL_UNITS = {"m/s^2": 1.0, "g": G, "mg": 1e-3 * G}
 GYRO_BY_CLAIM = (1.0 / DEG, 3600.0, 3600.0 / DEG)  # what a wrong claim makes of GYRO_UNITS
@@ -49,11 +50,11 @@ def force_unit(grid: ImuGrid) -> ForceUnit:
         return unknown_force(G / size, evidence)
     value = unit or f"{factor:.4g} m/s^2"
     evidence = f"median size {size:.4g} over {SIZE_S} s, where gravity is {G / factor:.4g} {unit}".rstrip()
+    kind = "rates, mean or instantaneous: the data cannot tell which"
     if quantity == "increments":
-        evidence += f" in {grid.interval:.4g} s"
-    of_quantity, of_unit = (
-        Finding(name, answer, sure, evidence) for name, answer in (("quantity", quantity), ("accelerometer unit", value))
-    )
+        evidence, kind = f"{evidence} in {grid.interval:.4g} s", "increments"
+    of_quantity = Finding("quantity", "rates" if quantity == "mean_rate" else quantity, sure, f"{kind}; {evidence}")
+    of_unit = Finding("accelerometer unit", value, sure, evidence)
     return ForceUnit(factor, unit or "m/s^2", quantity, of_quantity, of_unit)
 
 

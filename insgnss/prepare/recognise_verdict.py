@@ -19,6 +19,9 @@ from .recognise_units import ForceUnit, gyro_unit
 TELLING = 2.2  # odds of 9 to 1, as a logarithm: less is no answer
 LEAST_SCORE = 0.3  # less is explained by motions that have nothing in common but their kind
 SCALE_OFF, SCALE_SIGMA = 0.25, 0.1  # relative error of a gyro factor that no gyro has; sigma above which the turns do not tell it
+DISTINCT = 1.3  # times that the right time offset leaves less unexplained than any far from it; less have motions of two flights
+HINT = 0.7  # odds of 2 to 1, as a logarithm: more makes another answer doubtful
+COUNT_OFF, COUNT_SIGMAS = 0.12, 8.0  # relative error of a gyro, and its ratio to its sigma, beyond which the unit is none of the known
 SLOW_MS, SLOW, NOSE_FIRST = 3.0, 0.95, 0.995  # who moves slower may carry the IMU as he likes; who flies, mostly flies nose first
 NEAR_S, WHOLE_S = 1.0, 0.5  # lags that count as the same, s; and tolerance of whole seconds
 DEFAULT_LEAP_S = 18.0
@@ -49,6 +52,10 @@ def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Find
     if fit is not None:
         scale, sigma = 1.0 + float(fit.theta[4]), float(np.sqrt(fit.cov[4, 4]))
         told += f"; scale fitted {scale:.3f} with sigma {sigma:.3f}"
+        if abs(scale - 1.0) > max(COUNT_OFF, COUNT_SIGMAS * sigma):
+            count = size * scale * (interval if force.quantity == "increments" else 1.0)
+            told += f"; no gyro is that far off, so these may be counts of about {count:.4g} {gyro_unit(1.0, force.quantity, 1.0)}"
+            sure = 0.0
         sure = 0.0 if abs(scale - 1.0) > SCALE_OFF or sigma > SCALE_SIGMA else sure
     of_unit = Finding("gyro unit", value if sure else "unknown", sure, told)
     triads = min(odds(CAUTION * scan.against(relation.rival)), sure)
@@ -63,16 +70,31 @@ def triads_words(triads: Array) -> str:
     return "gyro " + " ".join(("+" if row[k] > 0.0 else "-") + "xyz"[k] for row in triads for k in [int(np.argmax(np.abs(row)))])
 
 
-def of_sign(relation: Relation, also: float) -> tuple[int, Finding]:
-    """Sign of the force. also : confidence of what it rests on."""
+def of_sign(relation: Relation, also: float, mirrored: float) -> tuple[int, Finding]:
+    """Sign of the force. also : confidence of what it rests on.
+
+    mirrored : what specific force would explain if latitude and longitude were exchanged, which turns its sign round; -inf if not tried.
+    """
     scan, at = relation.scan, relation.scan.best
     up, down = float(scan.up[at]), float(scan.down[at])
     sign = 1 if up >= down else -1
     this, other = max(up, down), min(up, down)
     ratio = 0.5 * scan.samples[at] * math.log((1.0 - max(other, -1.0)) / max(1.0 - this, 1e-6)) if this > 0.0 else 0.0
     sure = min(odds(CAUTION * float(ratio)), also) if relation.fit is None or relation.fit.sign == sign else 0.0
+    told = f"explained {_percent(up)} as specific force, {_percent(down)} as its reverse"
+    if np.isfinite(mirrored):
+        told += f", {_percent(mirrored)} as specific force with latitude and longitude exchanged"
+        x = exchange_odds(relation, mirrored)
+        sure = 0.0 if x > TELLING else min(sure, 0.5) if x > HINT else sure
     value = ("specific force" if sign > 0 else "reversed") if sure else "unknown"
-    return sign, Finding("force sign", value, sure, f"explained {_percent(up)} as specific force, {_percent(down)} as its reverse")
+    return sign, Finding("force sign", value, sure, told)
+
+
+def exchange_odds(relation: Relation, mirrored: float) -> float:
+    """Logarithm of the odds that latitude and longitude are exchanged, against a reversed force; above `TELLING` they are."""
+    scan = relation.scan
+    left = (1.0 - float(scan.score[scan.best])) / max(1.0 - mirrored, 1e-6)
+    return 0.5 * CAUTION * float(scan.samples[scan.best]) * math.log(left)
 
 
 def of_vertical(vertical: Direction, also: float) -> Finding:
@@ -110,6 +132,8 @@ def of_clock(relation: Relation, week: int | None, also: float, shift: float) ->
     lag = float(scan.lags[scan.best])
     far = scan.score[np.abs(scan.lags - lag) > max(NEAR_S, 2.0 * scan.acc.span_s)]
     sure = min(odds(scan.margin(max(NEAR_S, 2.0 * scan.acc.span_s))), also)
+    if 1.0 - far.max(initial=0.0) < DISTINCT * (1.0 - scan.score[scan.best]):
+        sure = 0.0
     if fit is None or not sure or abs(fit.theta[0] - lag) > max(NEAR_S, scan.acc.span_s) or scan.best in (0, scan.lags.size - 1):
         why = f"explained {_percent(scan.score[scan.best])} at {lag:+.2f} s, {_percent(far.max(initial=0.0))} far from it"
         return Clock(0.0, np.inf, "same", *nothing(("time offset", "time scale"), why))

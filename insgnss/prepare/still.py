@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Array, GnssFixes, ImuSamples
-from .increments import nominal_interval
+from .gaps import nominal_interval
 
 BLOCK_S, WINDOW_BLOCKS = 0.1, 10
 EDGE_BLOCKS = 2  # cut off at both ends: motion may have begun in the window's last blocks

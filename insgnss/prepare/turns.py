@@ -18,6 +18,10 @@ STEP_S = 0.1
 SMOOTH_S = 2.0
 MAX_LAG_S = 30.0
 LATE_S, LATE_CORRELATION = 0.5, 0.9  # a lag that is told, where the correlation is clear enough to tell it
+LATE_GAIN = 0.5  # of what the turns leave unexplained at no lag, the most that a lag which is told leaves
+CLEAR_CORRELATION = 0.8  # of turns at another time, to take it for the right one
+STRANGERS = "IMU and GNSS show no common turn: are they of one flight, one day, one clock (or more than 30 s apart)?"
+SURE, AT_ONCE_S, LOOKED_AT_S, EDGE_S = 0.99, 0.5, 300.0, 30.0
 USUAL_COSINE = 0.92  # of the bank in a turn
 UTC_S = 18.0
 TURNING, STRAIGHTER = 0.02, 4.0  # rad/s at the exposures, and how many times less it must be at the other time
@@ -86,25 +90,57 @@ def check_turns(time: Array, rate: Array, force: Array, gnss: GnssFixes, imu: Im
     lag, best, here = _best_lag(gyro, course_rate, moving)
     ratio = float(np.sum(gyro[moving] * course_rate[moving]) / np.sum(course_rate[moving] ** 2))
     found = f"ratio {ratio:.3g}, correlation {here:.2f} at no lag, {best:.2f} at {lag:+.1f} s"
-    verdict, advice = _judge_turns(ratio, lag, best, here, imu, dt)
+    spacing = float(np.median(np.diff(gnss.time)))
+    verdict, advice = _judge_turns(ratio, lag, best, here, imu, dt, max(LATE_S, spacing))
+    if verdict == "contradiction" and (agreed := _forces_agree(imu, gnss)):
+        return Check(name, f"{found}; {agreed}", expected, "note", "its nose does not follow its course, so the turns tell nothing")
     return Check(name, found, expected, verdict, advice)
 
 
-def _judge_turns(ratio: float, lag: float, best: float, here: float, imu: ImuSamples, dt: float) -> tuple[Verdict, str]:
+def _forces_agree(imu: ImuSamples, gnss: GnssFixes) -> str:
+    """What the forces say where they, other than the turns, show that units, senses and clock are right; else nothing.
+
+    A multirotor's course is not its heading. What it feels when it changes its velocity shows all the same whether the records fit.
+    """
+    from .clock import cut_fixes, cut_samples
+    from .recognise import recognise
+
+    begin = _liveliest(gnss)
+    end = begin + LOOKED_AT_S
+    found = recognise(cut_samples(imu, begin - EDGE_S, end + EDGE_S), cut_fixes(gnss, begin, end))
+    clock, sure = found.finding("time offset"), min(found.finding(n).confidence for n in ("gyro unit", "gyro triad", "time offset"))
+    right = found.finding("gyro triad").value == "aligned" and abs(np.log(found.gyro_factor)) < 1e-6 and found.accel_sign > 0
+    if sure < SURE or not right or abs(found.time_offset_s) > AT_ONCE_S:
+        return ""
+    return f"but the forces agree at {clock.value}"
+
+
+def _liveliest(gnss: GnssFixes) -> float:
+    """Begin of the `LOOKED_AT_S` with the longest path, s."""
+    path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1))])
+    last = np.minimum(np.searchsorted(gnss.time, gnss.time + LOOKED_AT_S), gnss.time.size - 1)
+    return float(gnss.time[np.argmax(path[last] - path)])
+
+
+def _judge_turns(ratio: float, lag: float, best: float, here: float, imu: ImuSamples, dt: float, least_lag: float) -> tuple[Verdict, str]:
+    """Verdict and advice. least_lag : s, the shortest lag that fixes so far apart can tell; 1 - r^2 is what a correlation r leaves."""
     late, shift = (
         f"IMU time is about {lag:+.1f} s off GNSS time",
         f"add {lag:+.1f} s to gnss.time_offset_s or {-lag:+.1f} s to imu.time_offset_s",
     )
-    if abs(best) > 0.6 and abs(lag) > 1.0 and abs(best) > abs(here) + 0.15:
+    if abs(best) > 0.6 and abs(lag) > max(1.0, least_lag) and abs(best) > abs(here) + 0.15:
+        if abs(lag) > MAX_LAG_S - 2.0 * STEP_S or abs(best) < CLEAR_CORRELATION:
+            return "contradiction", STRANGERS
         hint = "GPS against UTC (18 s)" if 16.0 <= abs(lag) <= 20.0 else "a wrong clock"
         return "contradiction", f"{late}: {hint}; {shift}"
     if abs(best) < 0.3:
-        return "contradiction", "IMU and GNSS show no common turn: are they of one flight, one day, one clock?"
+        return "contradiction", STRANGERS
     if here < -0.6:
         return "contradiction", "the gyros turn the other way: imu.axes or gyro sign is wrong, or latitude and longitude are exchanged"
     if here > 0.6 and not 0.4 < ratio < 1.8:
         return "contradiction", _gyro_unit_advice(ratio, imu, dt)
-    if best > LATE_CORRELATION and abs(lag) >= LATE_S:
+    tells = 1.0 - best**2 < LATE_GAIN * (1.0 - here**2)
+    if best > LATE_CORRELATION and abs(lag) > least_lag + 0.5 * STEP_S and tells:
         return "note", f"{late}; {shift}"
     return ("ok" if here > 0.6 else "note"), ""
 

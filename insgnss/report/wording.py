@@ -5,9 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ..units import STANDARD_GRAVITY
+
 Figures = Mapping[str, Any]
 
-STANDARD_GRAVITY = 9.80665  # m/s^2
 DEG_H_PER_RAD_S = math.degrees(1.0) * 3600.0
 MG_PER_M_S2 = 1e3 / STANDARD_GRAVITY
 

@@ -10,6 +10,7 @@ from numpy.testing import assert_array_equal
 from insgnss.calibrate.fixes import contradictions, correlated_error, state_verdicts, suspicious, with_layout
 from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.solution import Solution, solve
+from insgnss.orient.mounting import Mounting
 from insgnss.simulate.receiver import GnssOptions
 from insgnss.stochastic.model import load_noise_model
 
@@ -43,7 +44,7 @@ def test_a_flight_without_such_errors_is_not_suspected(clean):
     """Oracle: white fixes, the right lever arm and clock of the simulator."""
     solution = solved(clean)
     assert not suspicious(solution, layout_with, FixErrors())
-    assert contradictions(solved(clean, EVERYTHING), True, True) == []
+    assert contradictions(solved(clean, EVERYTHING), Mounting(), True, True) == []
 
 
 def test_a_latency_is_found_within_its_sigma(late):
@@ -56,9 +57,9 @@ def test_a_latency_is_found_within_its_sigma(late):
     sigma = np.sqrt(told.P[-1, 9 + offset, 9 + offset])
     assert sigma < 0.004
     assert abs(told.x[-1, offset] + 0.02) < 3.0 * sigma
-    (check,) = contradictions(told, True, True)
+    (check,) = contradictions(told, Mounting(), True, True)
     assert (check.name, check.verdict) == ("GNSS time offset", "contradiction")
-    assert contradictions(told, True, False) == []
+    assert contradictions(told, Mounting(), True, False) == []
 
 
 def test_a_lever_arm_is_found_within_its_sigma(clean):
@@ -69,7 +70,7 @@ def test_a_lever_arm_is_found_within_its_sigma(clean):
     first = told.problem.layout.lever
     sigma = np.sqrt(np.diag(told.P[-1])[9 + first : 12 + first])
     assert (np.abs(told.x[-1, first : first + 3] - lever) < 3.5 * sigma).all()
-    (check,) = contradictions(told, True, True)
+    (check,) = contradictions(told, Mounting(), True, True)
     assert check.name == "antenna lever arm"
     verdicts = {v.name: v for v in state_verdicts(told)}
     assert verdicts["antenna lever arm forward"].observed == bool(sigma[0] < 0.1)

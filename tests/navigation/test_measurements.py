@@ -16,7 +16,7 @@ from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel
 
 LEVER = np.array([-0.4, 0.15, -0.3])
 AXIS = AxisNoise(1e-4, 0.0, 1e-3, 0.0, 1e-5, (GaussMarkov(10.0, 1e-4),), 1e-2, 1e-2)
-FIXES = FixErrors(lever_arm_m=0.3, time_offset_s=0.1, correlated=(0.5, 0.6, 0.7))
+FIXES = FixErrors(lever_arm_m=0.3, time_offset_s=0.1, clock_rate=1e-4, correlated=(0.5, 0.6, 0.7))
 LAYOUT = state_layout(NoiseModel("all", "made up", (AXIS,) * 3, (AXIS,) * 3), scale_factor=True, misalignment=True, fixes=FIXES)
 RATE = np.array([0.4, -0.3, 0.6])
 ACCEL = np.array([1.5, -2.0, 0.5])

@@ -100,7 +100,7 @@ def case() -> Case:
 
     Two of the events are on epochs with a fix, and two 17 ms apart.
     """
-    fixes = FixErrors(0.3, 0.05, (0.8, 0.7, 0.6), 5.0, (0.6, 0.6, 0.7), 1.0, 30.0, 0.4)
+    fixes = FixErrors(0.3, 0.05, 1e-3, (0.8, 0.7, 0.6), 5.0, (0.6, 0.6, 0.7), 1.0, 30.0, 0.4)
     layout = state_layout(load_noise_model("navchip"), fixes=fixes)
     flown = fly(9.0, seed=5, layout=layout, velocity=True, gate=NO_GATE, extra=np.array([2.0333, 4.4, 6.0777, 6.0947, 6.1]))
     events = np.union1d(flown.event_epochs, flown.extra_epochs)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from insgnss.errors import DataError
 from insgnss.geodesy.rotation import vector_from_rotation
 from insgnss.prepare.gaps import bridged_variance, edges, find_gaps, nominal_interval, stretches
 from insgnss.prepare.increments import body_increments
@@ -63,3 +64,12 @@ def test_long_gaps_divide_the_flight(flight):
     assert_allclose(parts, [(t[0], t[3999]), (t[4150], t[8999]), (t[9300], t[-1])])
     assert stretches(imu.time, t[4200], t[8000]) == [(t[4200], t[8000])]
     assert stretches(holed(flight.imu, 4000, 60).time, t[0], t[-1]) == [(t[0], t[-1])]
+
+
+def test_gaps_that_nothing_can_be_compared_with_are_refused(flight):
+    """Oracle: the construction: 0.2 s of samples, 0.3 s of none, and so on, so that no 0.3 s are whole."""
+    imu = flight.imu
+    keep = (imu.time - imu.time[0]) % 0.5 < 0.2
+    burst = replace(imu, time=imu.time[keep], gyro=imu.gyro[keep], accel=imu.accel[keep])
+    with pytest.raises(DataError, match=r"gap of 0\.3\d* s at .*; record without gaps"):
+        body_increments(burst, BODY, burst.time[[0, 50, -1]])

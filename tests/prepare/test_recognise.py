@@ -321,3 +321,49 @@ class TestCompare:
         if late:
             assert float(check.advice.split("gnss.time_offset_s = ")[1].split()[0]) == pytest.approx(5.0 + late, abs=0.03)
         assert ("UTC" in check.advice) == (late == 18.0)
+
+
+def test_exchanged_latitude_and_longitude_are_not_taken_for_a_reversed_force(block):
+    """Oracle: the exchange made here; the same flight with a force that is reversed is told as such."""
+    imu, gnss = block
+    gnss = without_velocity(gnss)
+    found = recognise(imu, replace(gnss, lat=gnss.lon, lon=gnss.lat))
+    assert found.exchanged
+    assert found.axes is None
+    assert found.finding("force sign").confidence == 0.0
+    check = next(c for c in compare(found, np.eye(3)) if c.name == "recognised sign")
+    assert check.verdict == "contradiction"
+    assert "exchanged" in check.advice
+    found = recognise(replace(imu, accel=-imu.accel), gnss)
+    assert not found.exchanged
+    assert found.accel_sign == -1
+
+
+def test_counts_are_not_taken_for_the_nearest_unit(block):
+    """Oracle: a count of 2^-24 rad at 100 Hz, 5.96e-6 rad/s, is 1.23 deg/h, which no gyro is off by."""
+    imu, gnss = block
+    count = 100.0 * 2.0**-24
+    found = recognise(replace(imu, gyro=imu.gyro / count), gnss)
+    finding = found.finding("gyro unit")
+    assert finding.confidence == 0.0
+    said = float(finding.evidence.split("counts of about ")[1].split()[0])
+    assert abs(said / count - 1.0) < 0.02
+
+
+def test_rates_are_not_called_mean(block):
+    """Oracle: the evidence must say what gravity cannot tell."""
+    finding = recognise(*block).finding("quantity")
+    assert finding.value == "rates"
+    assert "instantaneous" in finding.evidence
+
+
+def test_turns_flown_without_fixed_ambiguities_still_tell(block):
+    """Oracle: the flight itself, whose fixes are float (0.2 m said, an error that stays) wherever it turns, and fixed on the lines."""
+    imu, gnss = block
+    course = np.unwrap(np.arctan2(gnss.velocity_ned[:, 1], gnss.velocity_ned[:, 0]))
+    rate = np.convolve(np.abs(np.gradient(course, gnss.time)), np.ones(25) / 25.0, mode="same")
+    gnss, floating = without_velocity(gnss), rate > np.quantile(rate, 0.5)
+    cov = np.where(floating[:, None, None], np.diag([0.04, 0.04, 0.16]), np.diag([1.4e-4, 1.4e-4, 6e-4]))
+    found = recognise(imu, replace(gnss, lat=gnss.lat + 0.2 / 6.4e6 * floating, cov_ned=cov))
+    assert (found.finding("gyro unit").value, found.finding("force sign").value) == ("rad/s", "specific force")
+    assert abs(found.time_offset_s) < 0.05

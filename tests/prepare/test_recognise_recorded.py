@@ -109,7 +109,7 @@ def test_no_piece_of_a_recording_is_taken_for_something_else(recording):
     axes = RECORDINGS[recording][0]
     nose, below = axes.split().index("forward"), "-z down" if axes.endswith("up") else "+z down"
     truth = {
-        "quantity": "mean_rate",
+        "quantity": "rates",
         "accelerometer unit": "m/s^2",
         "gyro unit": "rad/s",
         "gyro triad": "aligned",

@@ -1,0 +1,143 @@
+"""Which columns `insgnss inspect` takes of tables as other tools name them, and what it says of those it cannot take."""
+
+import numpy as np
+import pytest
+
+from insgnss.errors import InputError
+from insgnss.inspection.clocks import seconds_and_nanoseconds
+from insgnss.inspection.grids import Table, tables_of_file
+from insgnss.inspection.names import Grid
+from insgnss.inspection.roles import gnss_roles, imu_roles
+from insgnss.inspection.sources import as_long_as
+from insgnss.inspection.tabular import sources_of_table
+from insgnss.records import GnssFixes, ImuSamples
+
+ROS = "field.angular_velocity. field.linear_acceleration."
+N = 400
+
+
+def table(**columns):
+    """A table of text with these columns; the six channels of an IMU where they are named."""
+    names = tuple(columns)
+    values = np.column_stack([np.broadcast_to(column, N) for column in columns.values()]).astype(float)
+    return Table(Grid(values, names, (None,) * len(names)), names)
+
+
+def channels(*names):
+    rng = np.random.default_rng(1)
+    return {name: rng.normal(size=N) + (9.8 if k == 5 else 0.0) for k, name in enumerate(names)}
+
+
+GYRO, ACC = ("gyro_x", "gyro_y", "gyro_z"), ("acc_x", "acc_y", "acc_z")
+SIX = channels(*GYRO, *ACC)
+
+
+def test_prefixes_of_messages_are_dropped():
+    """Oracle: the header that rostopic echo -p writes."""
+    names = [f"{head}{c}" for head in ROS.split() for c in "xyz"]
+    grid = table(time=1.53e18 + 5e6 * np.arange(N), **{"field.header.seq": np.arange(N), **channels(*names)}).grid
+    roles = imu_roles(grid)
+    assert [grid.names[roles.columns[c]] for c in ("gx", "gy", "gz", "ax", "ay", "az")] == names
+    assert roles.clocks == {0: "ns"}
+
+
+def test_ticks_of_xsens_and_no_counter_for_a_clock():
+    """Oracle: the manual of the MTi: SampleTimeFine counts 100 us."""
+    grid = table(PacketCounter=np.arange(N), SampleTimeFine=5e5 + 100.0 * np.arange(N), **SIX).grid
+    assert imu_roles(grid).clocks == {1: "100 us"}
+    assert imu_roles(table(PacketCounter=np.arange(N), **SIX).grid).clocks == {}
+
+
+def test_a_clock_of_unknown_name_is_told_by_its_values():
+    """Oracle: the only column that increases evenly."""
+    grid = table(Uhrwerk=81234.0e9 + 9980040.0 * np.arange(N), **SIX).grid
+    assert imu_roles(grid).clocks == {0: "ns"}
+
+
+def test_a_clock_since_1970_comes_before_one_since_the_start():
+    """Oracle: the header of a phone's Sensor Logger; the absolute clock alone puts the fixes on GPS time."""
+    grid = table(seconds_elapsed=0.01 * np.arange(N), time=1.53e18 + 1e7 * np.arange(N), **SIX).grid
+    assert next(iter(imu_roles(grid).clocks)) == 1
+
+
+def test_seconds_and_nanoseconds_are_one_clock(tmp_path):
+    """Oracle: the sum of both columns, which rises by 0.01 s."""
+    names = ("header.stamp.secs", "header.stamp.nsecs")
+    assert seconds_and_nanoseconds((*names, "seq")) == {0: 1}
+    rows = [",".join(map(str, [1530608382 + k // 100, k % 100 * 10000000, *(column[k] for column in SIX.values())])) for k in range(N)]
+    (tmp_path / "imu.csv").write_text("\n".join([",".join([*names, *SIX]), *rows]) + "\n")
+    (found,) = tables_of_file(tmp_path / "imu.csv")
+    (source,) = sources_of_table(tmp_path / "imu.csv", found)
+    assert source.keys["columns"]["nsec"] == names[1]
+    assert source.keys["units"]["time"] == "unix"
+    assert np.ptp(source.span) == pytest.approx(0.01 * (N - 1), abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ({"frame": 1.0 + np.arange(N) % 2, **SIX, "temp": 20.0}, "gyros and accelerometers without a column of time among frame gyro_x"),
+        (
+            {"time": 0.01 * np.arange(N), **{k: SIX[k] for k in GYRO}, "temp": 20.0},
+            "gyros without accelerometers among time gyro_x",
+        ),
+        (
+            {"time": 0.01 * np.arange(N), **{k: SIX[k] for k in ACC}, "temp": 20.0},
+            "accelerometers without gyros among time acc_x",
+        ),
+    ],
+)
+def test_what_a_table_lacks_is_said(tmp_path, columns, message):
+    """Oracle: the columns that were left out."""
+    with pytest.raises(InputError, match=message):
+        sources_of_table(tmp_path / "x.csv", table(**columns))
+
+
+def fixes(**more):
+    t = 0.2 * np.arange(N)
+    place = {"lat": 46.5 + 1e-5 * np.sin(0.1 * t), "lon": 6.5 + 1e-5 * np.cos(0.1 * t), "alt": 510.0 + 0.0 * t}
+    return {"time": 2e5 + t, **(place | more)}
+
+
+def test_integers_of_a_receiver():
+    """Oracle: u-blox and PX4 write 1e-7 deg and mm; degrees stay degrees."""
+    whole = {"lat": np.round(1e7 * fixes()["lat"]), "lon": np.round(1e7 * fixes()["lon"]), "alt": 510123.0}
+    assert gnss_roles(table(**fixes(**whole)).grid).units == {"angle": "1e-7 deg", "length": "mm"}
+    assert gnss_roles(table(**fixes()).grid).units == {"angle": "deg"}
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "roles"),
+    [
+        ({"eph": 0.03, "epv": 0.05}, {"sd_ne", "sd_u"}),
+        ({"hacc": 0.03, "vacc": 0.05}, {"sd_ne", "sd_u"}),
+        ({f"field.position_covariance{k}": 4e-4 for k in (0, 4, 8)}, {"var_e", "var_n", "var_u"}),
+        ({"eph": 0.0, "epv": 0.05}, set()),
+        ({"sd_n": 0.1, "sd_e": 0.1, "sd_u": 0.1, "hacc": 0.1}, {"sd_n", "sd_e", "sd_u"}),
+    ],
+)
+def test_accuracies_by_other_names_are_taken(sigmas, roles):
+    """Oracle: what PX4, phones and ROS call their accuracies; one that is not positive is none."""
+    assert {name for name in gnss_roles(table(**fixes(**sigmas)).grid).columns if name.startswith(("sd", "var"))} == roles
+
+
+def test_fixes_of_unknown_names_are_told_by_their_values(tmp_path):
+    """Oracle: names that no list holds, on a track that moves like a vehicle."""
+    t = np.arange(N)
+    columns = dict(zip(("uhr", "fi", "la", "ho"), (2e5 + 0.2 * t, 46.5 + 2e-6 * t, 6.5 + 1e-6 * t, 510.0 + 0.1 * np.sin(t)), strict=True))
+    (source,) = sources_of_table(tmp_path / "g.csv", table(**columns))
+    assert source.role == "gnss"
+    assert source.keys["columns"] == {"tow": "uhr", "lat": "fi", "lon": "la", "h": "ho"}
+
+
+def test_ticks_that_last_ten_times_too_long_are_tenths(tmp_path):
+    """Oracle: fixes of 100 s, and a clock whose 100 us would be taken for ms by its step alone."""
+    (source,) = sources_of_table(tmp_path / "x.csv", table(Time=100.0 * np.arange(N), **SIX))
+    assert source.keys["units"]["time"] == "ms"
+    t, zero = np.linspace(0.0, 1000.0, N), np.zeros((N, 3))
+    imu = ImuSamples(t, zero, zero, "mean_rate", None, "x.csv")
+    cov = np.broadcast_to(np.eye(3), (N, 3, 3))
+    gnss = GnssFixes(0.1 * t, t, t, t, cov, None, None, None, None, "g")
+    assert as_long_as(source, imu, gnss).keys["units"]["time"] == "0.1 ms"
+    longer = GnssFixes(0.7 * t, t, t, t, cov, None, None, None, None, "g")
+    assert as_long_as(source, imu, longer) == source
