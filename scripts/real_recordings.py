@@ -123,8 +123,9 @@ def _difference(directory: Path, other: tuple[np.ndarray, np.ndarray]) -> str:
     for k, column in enumerate(("roll_deg", "pitch_deg", "heading_deg")):
         mine = np.interp(time[inside], rows["tow"], np.degrees(np.unwrap(np.radians(rows[column]))))
         off = (mine - rpy[inside, k] + 180.0) % 360.0 - 180.0
-        told.append(np.sqrt(np.mean(off**2)))
-    return "on-board solution of the same sensors: " + " / ".join(f"{x:.1f}" for x in told) + " deg rms (roll, pitch, heading)"
+        told.append((np.sqrt(np.mean(off**2)), np.quantile(np.abs(off), 0.6827)))
+    rms, within = (" / ".join(f"{x[k]:.1f}" for x in told) for k in (0, 1))
+    return f"on-board solution of the same sensors: {rms} deg rms (roll, pitch, heading), 68 % within {within}"
 
 
 def main() -> None:

@@ -12,8 +12,8 @@ whitened units,
     -2 log L = sum over used fixes [ sum (log S_i + y_i^2 / S_i) + log det k^2 R ] + (gate + log det k^2 R) for each rejected      (C.1)
 
 over a stretch of at most `FIXES` fixes. A correlated error is believed where it gains more than `GAIN` in -2 log L. Over such a stretch
-the fixes tell how fast the error moves, c^2 / T, better than how far: along that ridge c and T grow until the total k^2 + c^2 is what
-the file claims and the likelihood falls by half, or it says no before. What lasts longer
+the fixes tell how fast the error moves, c^2 / T, better than how far: along that ridge c and T go towards what the file claims,
+k^2 + c^2 = 1, as long as the likelihood allows it and k alone does not exhaust the claim. What lasts longer
 than the stretch (a wrong base coordinate, the ionosphere of a single-point solution) leaves no trace in innovations.
 
 A state is observed where the flight reduces its standard deviation to less than a third of the a-priori one. A lever arm or time
@@ -23,6 +23,7 @@ the flight file.
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -36,11 +37,12 @@ from ..records import Array, Check, LastingError, StateVerdict
 FIXES = 900
 GAIN = 20.0
 FEW = 60
-GUESSES = ((0.6, 1.0, 20.0), (1.0, 1.0, 20.0), (1.0, 3.0, 20.0), (0.3, 0.5, 3.0))  # k, c, T (s) to start from
+GUESSES = ((0.6, 1.0, 20.0), (1.0, 1.0, 20.0), (1.0, 3.0, 20.0), (0.3, 0.7, 20.0), (0.4, 0.8, 3.0))  # k, c, T (s) to start from
 CODE_GUESSES = ((0.1, 0.2, 10.0),)
 MORE_LOST, LESS_SURE = 0.01, 1.6
-RIDGE, DOUBTFUL, INDIFFERENT = np.log(1.3), 4.0, 1.0  # step of T along c^2 / T; rise of -2 log L that two sigma make, and one
-BEYOND = np.log(1.5)  # growth of c beyond what the file claims
+WHITE_CLAIM = 0.5  # k^2 beyond which the file's claim is of the uncorrelated error alone
+FAR = np.log(6.0)  # of T, where the search begins again
+RIDGE, DOUBTFUL = np.log(1.3), 1.0  # step of T along c^2 / T; rise of -2 log L that one sigma makes
 LONGEST_S, LEAST_WHITE, LEAST_CODE = 600.0, 0.2, 0.03  # bounds of T and k: a fix is not believed to less than a fifth of its sigma
 SUSPECT_M, SUSPECT_S = 1.0, 0.3  # a-priori sigmas of lever arm and time offset in the search
 CLOCK_RATE = 1e-4  # of a quartz that nothing disciplines
@@ -90,8 +92,6 @@ def correlated_error(solution: Solution, layout_with: LayoutWith, known: FixErro
 
     known : the errors of the fixes that are estimated in any case.
     """
-    from scipy.optimize import minimize
-
     problem, start = _window(solution)
     interval, code = problem.aiding_interval_s, _code(problem)
     least = LEAST_CODE if code else LEAST_WHITE
@@ -108,18 +108,34 @@ def correlated_error(solution: Solution, layout_with: LayoutWith, known: FixErro
     without = _minus_two_log_likelihood(*with_layout(problem, start, layout_with(known)))
     guesses = [np.log([*guess, 1.0]) for guess in (CODE_GUESSES if code else GUESSES)]
     first = min(guesses, key=cost)
-    simplex = first + np.array([[0.0, 0, 0, 0], [-1.5, 0, 0, 0], [0, -1.0, 0.7, 0], [-0.7, 0.5, -1.5, 0], [-0.5, 0, 0, -0.7]])
-    best = minimize(cost, first, method="Nelder-Mead", options={"initial_simplex": simplex, "maxfev": 80, "xatol": 0.05, "fatol": 1.0})
+    best = _descend(cost, first)
+    again = _descend(cost, best.x + [0.0, 0.5 * FAR, FAR, 0.0])  # along the ridge: the first may have ended in a hollow
+    best = min(best, again, key=lambda found: float(found.fun))
     if without - best.fun < GAIN:
         return None
     p = best.x
-    while not code and p[2] < np.log(LONGEST_S):
-        longer = p + [0.0, 0.5 * RIDGE, RIDGE, 0.0]
-        claimed = np.exp(2.0 * p[0]) + np.exp(2.0 * p[1]) < 1.0
-        if (not claimed and longer[1] > best.x[1] + BEYOND) or cost(longer) > best.fun + (DOUBTFUL if claimed else INDIFFERENT):
+    while not code:  # towards what the fixes claim
+        claim = np.exp(2.0 * p[0]) + np.exp(2.0 * p[1])
+        step = np.sign(1.0 - claim) * np.array([0.0, 0.5 * RIDGE, RIDGE, 0.0])
+        after = np.exp(2.0 * p[0]) + np.exp(2.0 * (p[1] + step[1]))
+        passes = abs(np.log(after)) > abs(np.log(claim))
+        if (
+            (claim > 1.0 and np.exp(2.0 * p[0]) > WHITE_CLAIM)
+            or passes
+            or (p + step)[2] > np.log(LONGEST_S)
+            or cost(p + step) > best.fun + DOUBTFUL
+        ):
             break
-        p = longer
+        p = p + step
     return errors(p)
+
+
+def _descend(cost: Callable[[Array], float], first: Array) -> Any:
+    """Nelder and Mead's minimum of `cost` of log k, c, T and the ratio of heights."""
+    from scipy.optimize import minimize
+
+    simplex = first + np.array([[0.0, 0, 0, 0], [-1.0, 0, 0, 0], [0, -1.0, 0.7, 0], [-0.5, 0.5, -1.5, 0], [-0.3, 0, 0, -0.7]])
+    return minimize(cost, first, method="Nelder-Mead", options={"initial_simplex": simplex, "maxfev": 60, "xatol": 0.05, "fatol": 1.0})
 
 
 def _errors(known: FixErrors, k: float, c: float, time_s: float, ratio: float = 1.0) -> FixErrors:
