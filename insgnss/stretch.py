@@ -44,7 +44,11 @@ class Stretch:
 
 @dataclass(frozen=True)
 class _Prepared:
+    """A span ready to be solved. asked : errors of the fixes that are states.   make : the layout of states for such errors."""
+
     problem: "Problem"
+    asked: "FixErrors"
+    make: "LayoutWith"
     fixes: GnssFixes
     grid: np.ndarray
     at_event: np.ndarray
@@ -84,7 +88,6 @@ def _solve(
     step("prepare")
     prepared = _prepare(flight, recording, span, frame)
     step("align")
-    make = layout_with(flight, recording)
     try:
         start, how = _align(flight, prepared.problem)
         layout = prepared.problem.layout
@@ -95,9 +98,9 @@ def _solve(
         solution = solve(prepared.problem, start, flight.filter.second_pass, step)
     except DataError as error:
         step("what would explain it")
-        _explain(flight, prepared, make, error)
+        _explain(flight, prepared, error)
         raise
-    solution, checks, said = _examined(flight, prepared.fixes, make, start, solution, step)
+    solution, checks, said = _examined(flight, prepared, start, solution, step)
     return Stretch(solution, prepared.fixes, prepared.grid, prepared.at_event, (how, *said), checks)
 
 
@@ -117,7 +120,8 @@ def _prepare(flight: Flight, recording: Recording, span: tuple[float, float], fr
     grid_time = lo + np.arange(int((hi - lo) * rate + 1e-6) + 1) / rate
     marks, (at_fix, exposed, at_grid, _) = merge_marks(fixes.time, exposure[at_event], grid_time, edges(recording.imu.time, lo, hi))
     inc = body_increments(recording.imu, recording.C_b_imu, marks)
-    layout = layout_with(flight, recording)(_fix_errors(flight, fixes))
+    asked, make = _fix_errors(flight, fixes), layout_with(flight, recording)
+    layout = make(asked)
     epochs = make_epochs(inc, at_fix, fixes, exposed, frame)
     if len(recording.rests):
         epochs = at_rest(epochs, inc, recording.rests.time, layout)
@@ -127,7 +131,7 @@ def _prepare(flight: Flight, recording: Recording, span: tuple[float, float], fr
     gate = gate_from_sigma(flight.gnss.gate_sigma)
     doubt = gate_from_sigma(DOUBT_SIGMA) if flight.filter.robust else np.inf
     problem = Problem(inc, epochs, frame, layout, flight.mounting.antenna_lever_b, gate, interval, doubt=doubt)
-    return _Prepared(problem, fixes, at_grid, at_event)
+    return _Prepared(problem, asked, make, fixes, at_grid, at_event)
 
 
 DOUBT_SIGMA = 2.0
@@ -181,7 +185,7 @@ def _align(flight: Flight, problem: "Problem") -> "tuple[Start, str]":
 
 
 def _examined(
-    flight: Flight, fixes: GnssFixes, make: "LayoutWith", start: "Start", solution: "Solution", step: Progress
+    flight: Flight, prepared: _Prepared, start: "Start", solution: "Solution", step: Progress
 ) -> "tuple[Solution, tuple[Check, ...], tuple[str, ...]]":
     """The solution, solved again with correlated errors of the fixes where the innovations show them and nothing forbids it.
 
@@ -199,7 +203,7 @@ def _examined(
     )
     from .navigation.solution import solve
 
-    asked = _fix_errors(flight, fixes)
+    asked, make = prepared.asked, prepared.make
     if flight.gnss.stationary is not None or not suspicious(solution, make, asked):
         return solution, (), ()
     searched = suspects(asked)
@@ -236,16 +240,16 @@ def _examined(
     return solution, tuple(checks), (f"{_told(asked)}; given up, the filter loses fixes with them",)
 
 
-def _explain(flight: Flight, prepared: _Prepared, make: "LayoutWith", error: DataError) -> None:
+def _explain(flight: Flight, prepared: _Prepared, error: DataError) -> None:
     """Raise InputError with the lever arm or time offset that explains `error`, where the flight shows one."""
     from .calibrate.fixes import contradictions, suspects
     from .navigation.solution import solve
 
-    asked = _fix_errors(flight, prepared.fixes)
+    asked = prepared.asked
     searched = suspects(asked)
     if searched == asked:
         return
-    problem = replace(prepared.problem, layout=make(searched))
+    problem = replace(prepared.problem, layout=prepared.make(searched))
     try:
         tried = solve(problem, _align(flight, problem)[0], "off", separations=0)
     except DataError:

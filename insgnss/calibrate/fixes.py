@@ -29,7 +29,7 @@ import numpy as np
 
 from ..errors import DataError
 from ..navigation.filter import NOTHING, POSITION, REJECTED, REOPENED, Problem, Start, make_store, part, run_filter
-from ..navigation.layout import FixErrors, StateLayout
+from ..navigation.layout import BIAS, DRIFT, VEL, FixErrors, StateLayout
 from ..navigation.solution import Solution
 from ..orient.mounting import Mounting
 from ..records import Array, Check, LastingError, StateVerdict
@@ -212,10 +212,10 @@ def state_verdicts(solution: Solution, moved_s: float = 0.0) -> tuple[StateVerdi
     moved_s : by how much the stamps of the fixes were moved before, a part of the time offset.
     """
     layout = solution.problem.layout
-    speed = float(np.sqrt(np.mean(np.sum(solution.nav[:, 3:6] ** 2, axis=1))))
+    speed = _speed(solution)
     out = []
     for s, name in enumerate(layout.names):
-        if layout.beta[s] > 0.0 or layout.drive[s] > 0.0 or layout.factor[s] in (-1, -2):
+        if layout.beta[s] > 0.0 or layout.drive[s] > 0.0 or layout.factor[s] in (BIAS, DRIFT):
             continue
         value, sigma, prior = float(solution.x[-1, s]), float(np.sqrt(max(solution.P[-1, 9 + s, 9 + s], 0.0))), float(layout.sigma0[s])
         moves = None
@@ -233,7 +233,7 @@ def contradictions(solution: Solution, mounting: Mounting, lever_known: bool, of
     mounting : of the flight file, in whose axes the advice is.
     """
     layout, ep = solution.problem.layout, solution.problem.epochs
-    fix = np.sqrt(np.median(np.diagonal(ep.position_cov[ep.has_position], axis1=1, axis2=2), axis=0)).max()
+    fix = _fix_sigma(ep.position_cov[ep.has_position]).max()
     found = []
     if lever_known and layout.lever >= 0:
         at = slice(layout.lever, layout.lever + 3)
@@ -254,7 +254,7 @@ def contradictions(solution: Solution, mounting: Mounting, lever_known: bool, of
             )
     if offset_known and layout.offset >= 0:
         late, spread = float(solution.x[-1, layout.offset]), float(np.sqrt(solution.P[-1, 9 + layout.offset, 9 + layout.offset]))
-        speed = float(np.sqrt(np.mean(np.sum(solution.nav[:, 3:6] ** 2, axis=1))))
+        speed = _speed(solution)
         if abs(late) > SIGNIFICANT * spread and abs(late) * speed > MATTERS * fix:
             found.append(
                 Check(
@@ -266,6 +266,16 @@ def contradictions(solution: Solution, mounting: Mounting, lever_known: bool, of
                 )
             )
     return found
+
+
+def _speed(solution: Solution) -> float:
+    """Root mean square speed, m/s."""
+    return float(np.sqrt(np.mean(np.sum(solution.nav[:, VEL] ** 2, axis=1))))
+
+
+def _fix_sigma(cov: Array) -> Array:
+    """Usual standard deviations (3,) m of fixes with covariances (n, 3, 3)."""
+    return np.sqrt(np.median(np.diagonal(cov, axis1=1, axis2=2), axis=0))
 
 
 def _scales(problem: Problem) -> Array:
@@ -283,7 +293,7 @@ def lasting_errors(solution: Solution) -> tuple[LastingError, ...]:
         if first < 0 or not at.any():
             continue
         share = layout.sigma0[first : first + 3]
-        fix = np.sqrt(np.median(np.diagonal(ep.position_cov[at], axis1=1, axis2=2), axis=0))
+        fix = _fix_sigma(ep.position_cov[at])
         told = (tuple(float(x) for x in values) for values in (share * fix, share, white))
         out.append(LastingError(float(1.0 / layout.beta[first]), int(at.sum()), *told))
     return tuple(out)
