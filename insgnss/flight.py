@@ -295,7 +295,7 @@ KEYS: dict[str, tuple[str, ...]] = {
 def _accept(root: Table) -> tuple[str, ...]:
     names = root.texts("accept", ())
     if names:
-        from .prepare.plausibility import NAMES
+        from .recognise.plausibility import NAMES
 
         for name in names:
             if name not in NAMES:

@@ -200,7 +200,7 @@ def _report_rows(solution: "Solution") -> np.ndarray:
 
 def _check_heading(flight: Flight, sampled: Trajectory) -> Check:
     from .geodesy.rotation import rpy_from_rotation
-    from .prepare.plausibility import check_heading
+    from .recognise.plausibility import check_heading
 
     check = check_heading(rpy_from_rotation(sampled.C_nb)[:, 2], sampled.velocity_ned, flight.imu.C_b_imu)
     _refuse(flight, (check,))

@@ -11,8 +11,8 @@ from .flight import QUALITIES, Flight, ImuInput
 from .records import Array, CameraEvents, Check, GnssFixes, ImuSamples
 
 if TYPE_CHECKING:
-    from .prepare.recognise import Recognition
     from .prepare.still import Stretches
+    from .recognise.recognition import Recognition
     from .stochastic.model import NoiseModel
 
 Progress = Callable[[str], None]
@@ -84,9 +84,9 @@ def sentence(check: Check) -> str:
 def read_recording(flight: Flight) -> Recording:
     """Read the files of a flight, bring them to one clock and check them."""
     from .prepare.clock import common_clock, cut_events
-    from .prepare.plausibility import check_recording
     from .prepare.quality import with_floors
     from .prepare.still import still_stretches
+    from .recognise.plausibility import check_recording
     from .stochastic.model import load_noise_model
 
     try:
@@ -157,7 +157,7 @@ def _read_imu(i: ImuInput, gps_week: int | None) -> ImuSamples:
     from .formats import read_imu
     from .prepare.calibration import load_calibration
     from .prepare.hanging import without_hangs
-    from .prepare.plausibility import STILL_S
+    from .recognise.plausibility import STILL_S
 
     imu = read_imu(i.file, columns=i.columns, units=i.units, quantity=i.quantity, gps_week=gps_week, variable=i.variable, rate_hz=i.rate_hz)
     imu = without_hangs(imu, STILL_S)
@@ -200,7 +200,7 @@ def _turn_on(rests: "Stretches", C_b_imu: Array, noise: "NoiseModel", gnss: Gnss
 def _recognised(flight: Flight, imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes) -> "tuple[Recognition, list[Check]]":
     """What the liveliest minutes of the recording say of units, axes, sign and clock, against the flight file."""
     from .prepare.clock import cut_fixes, cut_samples
-    from .prepare.recognise import compare, recognise
+    from .recognise.recognition import compare, recognise
 
     lo, hi = _liveliest(gnss)
     i = flight.imu

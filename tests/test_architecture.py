@@ -23,6 +23,7 @@ STANDS_ON = {  # the table of the design, room by room; what is below all is not
     "records": {"errors", "geodesy"},
     "formats": BELOW_ALL,
     "prepare": BELOW_ALL,
+    "recognise": BELOW_ALL | {"prepare"},  # what a recording says of itself, held against the flight file
     "stochastic": BELOW_ALL,
     "navigation": BELOW_ALL | {"stochastic"},
     "align": BELOW_ALL | {"navigation"},

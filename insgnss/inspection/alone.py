@@ -12,7 +12,7 @@ import numpy as np
 
 from ..geodesy.earth import EARTH_RATE
 from ..prepare.gaps import nominal_interval
-from ..prepare.recognise_findings import MOST, Finding
+from ..recognise.findings import MOST, Finding
 from ..records import Array, ImuSamples
 from ..units import STANDARD_GRAVITY
 from .sensing import DEG_S, Sensing

@@ -17,7 +17,7 @@ from .sensing import DEG_S, MG, Sensing, fitting_model, noise_model
 from .sources import Source
 
 if TYPE_CHECKING:
-    from ..prepare.recognise import Recognition
+    from ..recognise.recognition import Recognition
 
 SURE = 0.9
 KNOWN_S = 0.005  # a latency known to this needs no state
@@ -199,7 +199,7 @@ def assumed_rate(source: Source) -> list[Check]:
 
 def strangers(found: "Recognition") -> list[Check]:
     """Whether samples and fixes are of one recording, and latitude and longitude in their order."""
-    from ..prepare.recognise import EXCHANGED_ADVICE
+    from ..recognise.recognition import EXCHANGED_ADVICE
 
     if found.exchanged:
         return [

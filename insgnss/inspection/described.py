@@ -9,7 +9,7 @@ from ..errors import InputError, InsgnssError, UsageError
 from ..recording import InspectResult, Progress, quiet
 
 if TYPE_CHECKING:
-    from ..prepare.recognise_findings import Finding
+    from ..recognise.findings import Finding
 
 
 @dataclass(frozen=True, eq=False)

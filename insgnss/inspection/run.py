@@ -22,8 +22,8 @@ from .discovery import Discovery, discover
 from .sources import Role, Source, as_long_as, on_one_clock, overlap
 
 if TYPE_CHECKING:
-    from ..prepare.recognise import Recognition
-    from ..prepare.recognise_findings import Finding
+    from ..recognise.findings import Finding
+    from ..recognise.recognition import Recognition
     from .draft import Draft
     from .sensing import Sensing
 
@@ -77,7 +77,7 @@ class Inspection:
 
     def picture(self) -> bytes | None:
         """PNG that shows what was recognised; None without a receiver."""
-        from ..prepare.recognise_axes import axes_words
+        from ..recognise.axes import axes_words
         from ..report.recognition import recognition_picture
 
         found = self.recognition
@@ -213,7 +213,7 @@ def _week_by_date(path: Path) -> tuple[int, str]:
 def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> "tuple[Recognition | None, str]":
     """What the samples are, or None and why that cannot be told."""
     from ..prepare.gaps import nominal_interval
-    from ..prepare.recognise import recognise
+    from ..recognise.recognition import recognise
 
     if gnss is None:
         return None, "no fixes of a receiver"
@@ -246,7 +246,7 @@ def _inspection(
     week: tuple[int, str] | None,
 ) -> Inspection:
     from ..prepare.axes import parse_axes
-    from ..prepare.plausibility import check_recording
+    from ..recognise.plausibility import check_recording
     from .alone import Alone, by_gravity, rest_findings
     from .content import assumed_rate, draft_flight, in_si, likely_axes, said_units, strangers
     from .content import counts as in_counts

@@ -37,7 +37,7 @@ class Finding(Protocol):
 
 
 def recognition_picture(curves: Mapping[str, Array], findings: Sequence[Finding], orientations: Sequence[str], title: str) -> bytes:
-    """PNG of the curves that `prepare.recognise` lists; what is absent is said to be so.
+    """PNG of the curves that `recognise.recognition` lists; what is absent is said to be so.
 
     orientations : words of the 24 orientations of curves["orientation"].
     """

@@ -9,12 +9,12 @@ from numpy.testing import assert_allclose
 from insgnss.geodesy.rotation import rotation_from_vector
 from insgnss.prepare.axes import parse_axes
 from insgnss.prepare.fix_path import sound_fixes
-from insgnss.prepare.recognise_axes import Pose, axes_words, down, forward, scores
-from insgnss.prepare.recognise_kernels import interpolate
-from insgnss.prepare.recognise_relation import orientations
-from insgnss.prepare.recognise_signal import accelerations, carried, dead_channel, imu_grid
-from insgnss.prepare.recognise_units import force_unit, gyro_factors, gyro_unit
-from insgnss.prepare.recognise_verdict import of_clock
+from insgnss.recognise._kernels import interpolate
+from insgnss.recognise.axes import Pose, axes_words, down, forward, scores
+from insgnss.recognise.relation import orientations
+from insgnss.recognise.signal import accelerations, carried, dead_channel, imu_grid
+from insgnss.recognise.units import force_unit, gyro_factors, gyro_unit
+from insgnss.recognise.verdict import of_clock
 from insgnss.records import GnssFixes, ImuSamples
 
 MICRO = 1e-6

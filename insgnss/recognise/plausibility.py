@@ -7,10 +7,10 @@ reading upsets what is computed from it further down.
 import numpy as np
 
 from ..geodesy.earth import curvature_radii
+from ..prepare.fix_path import north_east
+from ..prepare.gaps import find_gaps, nominal_interval
+from ..prepare.hanging import constant_runs, dead_band
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
-from .fix_path import north_east
-from .gaps import find_gaps, nominal_interval
-from .hanging import constant_runs, dead_band
 from .turns import STEP_S, check_events, check_turns, quantity_guess
 
 STILL_S = 5.0

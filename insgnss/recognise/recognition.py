@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..prepare.fix_path import sound_fixes
 from ..records import Array, Check, GnssFixes, ImuSamples, Quantity, Verdict
-from .fix_path import sound_fixes
-from .recognise_axes import Direction, Forward, Pose, axes_words, down, forward, poses, scores
-from .recognise_findings import MOST, NAMES, Finding
-from .recognise_relation import MAX_LAG_S, Relation, orientations, relate
-from .recognise_signal import ImuGrid, dead_channel, imu_grid
-from .recognise_units import ACCEL_UNITS, GYRO_UNITS, ForceUnit, force_unit, gyro_unit, unknown_force
-from .recognise_verdict import TELLING, exchange_odds, nothing, of_clock, of_forward, of_gyro, of_sign, of_vertical
+from .axes import Direction, Forward, Pose, axes_words, down, forward, poses, scores
+from .findings import MOST, NAMES, Finding
+from .relation import MAX_LAG_S, Relation, orientations, relate
+from .signal import ImuGrid, dead_channel, imu_grid
+from .units import ACCEL_UNITS, GYRO_UNITS, ForceUnit, force_unit, gyro_unit, unknown_force
+from .verdict import TELLING, exchange_odds, nothing, of_clock, of_forward, of_gyro, of_sign, of_vertical
 
 EXCHANGED_ADVICE = "latitude and longitude are exchanged: exchange their names in gnss.columns or in the file"
 SURE = 0.99  # a confidence above which a claim is contradicted
@@ -37,7 +37,7 @@ class Recognition:
         (0, inf) where the data do not tell.
     time_scale : "same", "GNSS in UTC" or "IMU in UTC" where the offset is the leap seconds of the date (18 s without a week)
         within half a second, "other" where it is larger than half a second otherwise.
-    findings : one for each of `recognise_findings.NAMES`, in that order.
+    findings : one for each of `findings.NAMES`, in that order.
     curves : arrays for a picture (`recognise` lists them).
     exchanged : latitude and longitude are; the sign of the force and the axes are then abstained from.
     """
@@ -82,7 +82,7 @@ def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
     turn_gnss, turn_gyro (m,) rad/s : rate of turn about the vertical, NaN where GNSS is too slow to have a course.
     lag_s, lag_score (n,) : s, and the share of the GNSS accelerations that the IMU explains at that time offset (1 all, 0 none,
         negative worse than nothing).   gyro_factor, gyro_factor_score (h,) : the same for the gyro units tried.
-    orientation (24, 3, 3), orientation_score (24,) : C_b_imu of all orientations (words by `recognise_axes.axes_words`), -1 to 1.
+    orientation (24, 3, 3), orientation_score (24,) : C_b_imu of all orientations (words by `axes.axes_words`), -1 to 1.
     """
     grid, sound = imu_grid(imu), sound_fixes(gnss)
     if dead := dead_channel(imu):

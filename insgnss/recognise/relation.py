@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Array, GnssFixes
-from .recognise_fit import Fit, Scan, fit, scan_lags
-from .recognise_signal import Accelerations, Carried, ImuGrid, accelerations, carried
-from .recognise_units import ForceUnit, gyro_factors
+from .fit import Fit, Scan, fit, scan_lags
+from .signal import Accelerations, Carried, ImuGrid, accelerations, carried
+from .units import ForceUnit, gyro_factors
 
 MAX_LAG_S, LAG_STEP_S = 30.0, 0.25
 HALVES_S = (0.5, 2.0)  # of the differences that are tried over all lags

@@ -8,10 +8,10 @@ import pytest
 
 from insgnss.geodesy.rotation import vector_from_rotation
 from insgnss.prepare.axes import parse_axes
-from insgnss.prepare.recognise import compare, recognise
-from insgnss.prepare.recognise_axes import axes_words
-from insgnss.prepare.recognise_findings import MOST, NAMES
-from insgnss.prepare.recognise_relation import orientations
+from insgnss.recognise.axes import axes_words
+from insgnss.recognise.findings import MOST, NAMES
+from insgnss.recognise.recognition import compare, recognise
+from insgnss.recognise.relation import orientations
 from insgnss.records import GnssFixes, ImuSamples
 from insgnss.simulate.scenario import GnssOptions, ImuOptions, simulate_flight
 

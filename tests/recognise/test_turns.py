@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from insgnss.prepare.plausibility import check_heading
-from insgnss.prepare.turns import _forces_agree, _judge_turns, check_events
+from insgnss.recognise.plausibility import check_heading
+from insgnss.recognise.turns import _forces_agree, _judge_turns, check_events
 from insgnss.simulate.scenario import ImuOptions, simulate_flight
 
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from ..geodesy.gpstime import leap_seconds
 from ..records import Array
-from .recognise_axes import Direction, Forward
-from .recognise_findings import MOST, Finding
-from .recognise_fit import CAUTION
-from .recognise_relation import Relation
-from .recognise_units import ForceUnit, gyro_unit
+from .axes import Direction, Forward
+from .findings import MOST, Finding
+from .fit import CAUTION
+from .relation import Relation
+from .units import ForceUnit, gyro_unit
 
 TELLING = 2.2  # odds of 9 to 1, as a logarithm: less is no answer
 LEAST_SCORE = 0.3  # less is explained by motions that have nothing in common but their kind

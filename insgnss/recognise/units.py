@@ -9,8 +9,8 @@ import numpy as np
 
 from ..records import Quantity
 from ..units import STANDARD_GRAVITY
-from .recognise_findings import MOST, Finding
-from .recognise_signal import ImuGrid
+from .findings import MOST, Finding
+from .signal import ImuGrid
 
 DEG, G = np.pi / 180.0, STANDARD_GRAVITY
 GYRO_UNITS = {"rad/s": 1.0, "deg/s": DEG, "deg/h": DEG / 3600.0}

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from insgnss.prepare.recognise import recognise
+from insgnss.recognise.recognition import recognise
 from insgnss.records import GnssFixes, ImuSamples
 
 DATA = Path(__file__).parents[3] / "shared" / "data"

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geodesy.earth import normal_gravity
+from ..prepare.fix_path import north_east
+from ..prepare.gaps import nominal_interval
 from ..records import Array, GnssFixes, ImuSamples
-from .fix_path import north_east
-from .gaps import nominal_interval
-from .recognise_kernels import carry
+from ._kernels import carry
 
 GRID_S = 0.02  # a drone turns some degrees in it at most; finer than any lag that is looked for
 BROKEN_S = 0.1  # an IMU interval longer than this, and than 5 nominal ones, holds a motion that nobody saw

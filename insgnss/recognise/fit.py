@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ..geodesy.rotation import rotation_from_vector, skew
 from ..records import Array
-from .recognise_kernels import scan
-from .recognise_signal import LEAST_ROWS, Accelerations, Carried
+from ._kernels import scan
+from .signal import LEAST_ROWS, Accelerations, Carried
 
 CAUTION = 0.1  # of the logarithms of likelihood ratios: residuals are neither white nor normal
 USUAL_S, UNUSUAL = 1.0, -4.0  # a survey repeats itself line by line: a lag beyond the first is that much less likely beforehand

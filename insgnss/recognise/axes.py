@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geodesy.rotation import rotation_from_vector
+from ..prepare.fix_path import north_east
 from ..records import Array, GnssFixes
-from .fix_path import north_east
-from .recognise_relation import Relation, orientations
+from .relation import Relation, orientations
 
 WIND_MS, SPEED_MS, GUST_MS = 5.0, 30.0, 1.0  # prior standard deviations of wind and airspeed, and least scatter of a speed
 SLOWEST_MS = 2.0  # from here up GNSS has a course

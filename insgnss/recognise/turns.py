@@ -11,8 +11,8 @@ the events are not in the time scale of the fixes. A camera that takes images ev
 
 import numpy as np
 
+from ..prepare.fix_path import north_east, sound_fixes
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples, Verdict
-from .fix_path import north_east, sound_fixes
 
 STEP_S = 0.1
 SMOOTH_S = 2.0
@@ -102,8 +102,8 @@ def _forces_agree(imu: ImuSamples, gnss: GnssFixes) -> str:
 
     A multirotor's course is not its heading. What it feels when it changes its velocity shows all the same whether the records fit.
     """
-    from .clock import cut_fixes, cut_samples
-    from .recognise import recognise
+    from ..prepare.clock import cut_fixes, cut_samples
+    from .recognition import recognise
 
     begin = _liveliest(gnss)
     end = begin + LOOKED_AT_S
