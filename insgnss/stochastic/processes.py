@@ -22,9 +22,11 @@ var w = q^2 dt,  y = dt (e(0) + e(dt))/2 + v,  var v = q^2 dt^3/12.
 """
 
 import math
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from ..errors import UsageError
@@ -33,6 +35,7 @@ from .model import AxisNoise, GaussMarkov
 Array = NDArray[np.float64]
 
 _FRACTION_BELOW = 2.0  # of u; there ten levels of the continued fraction are exact to rounding, and beyond, the difference is
+_BLOCK = 1 << 14  # samples drawn at a time; they stay in the cache
 
 
 def gauss_markov_step(T: float, q: float, dt: float) -> tuple[float, float]:
@@ -74,53 +77,82 @@ def gauss_markov_bridge(T: float, q: float, dt: float) -> tuple[float, float]:
     return T * math.tanh(0.5 * u), q * q * T**3 * difference
 
 
-def simulate_noise(axis: AxisNoise, n: int, dt: float, rng: np.random.Generator, quantity: Literal["mean", "increment"] = "mean") -> Array:
+def simulate_noise(
+    axis: AxisNoise, n: int, dt: float, rng: np.random.Generator, quantity: Literal["mean", "increment", "point"] = "mean"
+) -> Array:
     """One realisation (n,) of an axis' errors over n consecutive sample intervals of `dt`, s.
 
-    quantity : "mean" gives the mean rate error over each interval, X; "increment" its integral, X s.
+    quantity : "mean" gives the mean rate error over each interval, X; "increment" its integral, X s; "point" the value at the end of
+    each interval, X, white noise then being of variance q^2/dt and the rounding error divided by dt, as in `theory`.
 
     The turn-on bias and the slope of the drift are drawn once, Gauss-Markov processes start stationary and the random walk
-    starts at zero; all enter by their exact integral over each interval. Quantization adds a uniform rounding error
-    to the cumulated increment. Scale factor and misalignment need the motion and are not in here.
+    starts at zero; all enter by their exact integral over each interval, or by their value at its end. Quantization adds a uniform
+    rounding error to the cumulated increment. Scale factor and misalignment need the motion and are not in here. One generator state
+    gives the same paths of all processes whatever the quantity.
     """
-    if quantity not in ("mean", "increment"):
-        raise UsageError(f"quantity {quantity!r} is neither 'mean' nor 'increment'")
+    if quantity not in ("mean", "increment", "point"):
+        raise UsageError(f"quantity {quantity!r} is none of 'mean', 'increment' and 'point'")
     if n < 1 or not (0.0 < dt < math.inf):
         raise UsageError(f"{n} samples of {dt} s; give at least one sample and a positive interval")
-    out = np.full(n, axis.turn_on_bias * rng.standard_normal() * dt)
-    variance = axis.white_noise**2 * dt + axis.random_walk**2 * dt**3 / 12.0
+    point = quantity == "point"
+    unit = 1.0 if point else dt
+    out = np.full(n, axis.turn_on_bias * rng.standard_normal() * unit)
+    variance = axis.white_noise**2 / dt if point else axis.white_noise**2 * dt + axis.random_walk**2 * dt**3 / 12.0
     for process in axis.gauss_markov:
         factor, rest = gauss_markov_bridge(process.correlation_time_s, process.driving_noise, dt)
-        e = _gauss_markov_path(process, n, dt, rng)
-        e *= factor
-        out += e[:-1]
-        out += e[1:]
-        variance += rest
+        _add_gauss_markov(out, process, dt, rng, *((0.0, 1.0) if point else (factor, factor)))
+        variance += 0.0 if point else rest
     if axis.random_walk:
-        e = _random_walk_path(axis.random_walk, n, dt, rng)
-        out += 0.5 * dt * (e[:-1] + e[1:])
+        _add_random_walk(out, math.sqrt(random_walk_step(axis.random_walk, dt)[1]), rng, *((0.0, 1.0) if point else (1.0, 0.5 * dt)))
     if axis.drift:
-        out += axis.drift * rng.standard_normal() * dt * dt * (np.arange(n) + 0.5)
-    out += math.sqrt(variance) * rng.standard_normal(n)
+        out += axis.drift * rng.standard_normal() * unit * dt * (np.arange(n) + (1.0 if point else 0.5))
+    for block, w in _normals(out, rng):
+        w *= math.sqrt(variance)
+        block += w
     if axis.quantization:
-        out += axis.quantization * math.sqrt(12.0) * np.diff(rng.random(n + 1))
-    return out if quantity == "increment" else out / dt
+        out += axis.quantization * math.sqrt(12.0) * np.diff(rng.random(n + 1)) / (dt if point else 1.0)
+    if quantity == "mean":
+        out /= dt
+    return out
 
 
-def _gauss_markov_path(process: GaussMarkov, n: int, dt: float, rng: np.random.Generator) -> Array:
-    """(n + 1,) X at the ends of n intervals, from the stationary distribution on (P.1)."""
-    from scipy.signal import lfilter
+def _normals(out: Array, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:
+    """Consecutive views of `out`, each with a buffer of as many standard normal numbers, in the order of one long draw."""
+    buffer = np.empty(min(_BLOCK, out.size))
+    for first in range(0, out.size, _BLOCK):
+        block = out[first : first + _BLOCK]
+        yield block, rng.standard_normal(out=buffer[: block.size])
 
+
+def _add_gauss_markov(out: Array, process: GaussMarkov, dt: float, rng: np.random.Generator, before: float, after: float) -> None:
+    """Add before e(start) + after e(end) of each interval, from the stationary distribution on (P.1)."""
     phi, variance = gauss_markov_step(process.correlation_time_s, process.driving_noise, dt)
-    w = rng.standard_normal(n + 1)
-    w[0] *= process.sigma
-    w[1:] *= math.sqrt(variance)
-    return np.asarray(lfilter([1.0], [1.0, -phi], w))
+    e = process.sigma * rng.standard_normal()
+    for block, w in _normals(out, rng):
+        e = _gauss_markov_block(block, w, e, phi, math.sqrt(variance), before, after)
 
 
-def _random_walk_path(q: float, n: int, dt: float, rng: np.random.Generator) -> Array:
-    """(n + 1,) X at the ends of n intervals, from zero."""
-    _, variance = random_walk_step(q, dt)
-    w = math.sqrt(variance) * rng.standard_normal(n + 1)
-    w[0] = 0.0
-    return np.cumsum(w)
+def _add_random_walk(out: Array, sigma: float, rng: np.random.Generator, before: float, factor: float) -> None:
+    """Add factor (before e(start) + e(end)) of each interval, from zero, with innovations of `sigma`, X."""
+    rng.standard_normal()  # the draw that would be the start
+    e = 0.0
+    for block, w in _normals(out, rng):
+        e = _random_walk_block(block, w, e, sigma, before, factor)
+
+
+@njit(cache=True, nogil=True)
+def _gauss_markov_block(out: Array, w: Array, e: float, phi: float, sigma: float, before: float, after: float) -> float:
+    for i in range(out.size):
+        value = out[i] + before * e
+        e = sigma * w[i] + phi * e
+        out[i] = value + after * e
+    return e
+
+
+@njit(cache=True, nogil=True)
+def _random_walk_block(out: Array, w: Array, e: float, sigma: float, before: float, factor: float) -> float:
+    for i in range(out.size):
+        start = e
+        e += sigma * w[i]
+        out[i] += factor * (before * start + e)
+    return e

@@ -17,6 +17,7 @@ from insgnss.formats.metashape import read_metashape
 from insgnss.formats.odyn import read_odyn_poses
 from insgnss.formats.sbet import read_sbet
 from insgnss.formats.trajectory_csv import read_trajectory_csv
+from insgnss.formats.variances import read_variances
 
 SPECS = Path(__file__).parents[2] / "data_specs"
 READERS: dict[str, Callable[[Path], Any]] = {
@@ -33,6 +34,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "eo_local_plane": read_eo_local_plane,
     "metashape": read_metashape,
     "trajectory_csv": read_trajectory_csv,
+    "variances": read_variances,
 }
 
 

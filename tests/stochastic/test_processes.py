@@ -7,6 +7,7 @@ import pytest
 from filterpy.common import van_loan_discretization
 from numpy.testing import assert_allclose
 from scipy import stats
+from scipy.signal import lfilter
 
 from insgnss.errors import UsageError
 from insgnss.stochastic.model import AxisNoise, GaussMarkov
@@ -132,6 +133,50 @@ def test_increments_are_means_times_the_interval():
     assert_allclose(increment, 0.25 * mean, rtol=1e-14)
     rounding = np.cumsum(simulate_noise(AxisNoise(quantization=1.0), 1000, 0.01, np.random.default_rng(2), quantity="increment"))
     assert np.abs(rounding).max() <= math.sqrt(12.0)
+
+
+def point_covariance(axis: AxisNoise, n: int, dt: float) -> np.ndarray:
+    """Covariance (n, n) of the values at the ends of n intervals; white noise q^2/dt, rounding errors over dt."""
+    i, j = np.indices((n, n))
+    lag = np.abs(i - j)
+    C = axis.turn_on_bias**2 + (axis.drift * dt) ** 2 * (i + 1.0) * (j + 1.0)
+    C += np.where(lag == 0, axis.white_noise**2 / dt, 0.0)
+    C += (axis.quantization / dt) ** 2 * np.select([lag == 0, lag == 1], [2.0, -1.0], 0.0)
+    C += axis.random_walk**2 * dt * (np.minimum(i, j) + 1.0)
+    return C + sum(p.sigma**2 * np.exp(-lag * dt / p.correlation_time_s) for p in axis.gauss_markov)
+
+
+@pytest.mark.parametrize("name", AXES)
+def test_values_at_the_ends_have_the_autocovariance_of_the_process(name):
+    """Oracle: autocovariances; each element within 5 sigma (Wishart), the whitened sum inside its 99.9 % chi-square bounds."""
+    axis, n, dt, draws = AXES[name], 4, 0.25, 3000
+    rng = np.random.default_rng(20180704)
+    x = np.array([simulate_noise(axis, n, dt, rng, "point") for _ in range(draws)])
+    C = point_covariance(axis, n, dt)
+    S = x.T @ x / draws
+    bound = 5.0 * np.sqrt((C**2 + np.outer(np.diag(C), np.diag(C))) / draws)
+    assert (np.abs(S - C) < bound).all()
+    whitened = np.linalg.solve(np.linalg.cholesky(C), x.T)
+    low, high = stats.chi2.interval(0.999, n * draws)
+    assert low < (whitened**2).sum() < high
+
+
+def test_blocks_continue_one_long_recursion():
+    """Oracle: scipy lfilter and cumsum over one long draw of the same generator; 40000 samples are more than two blocks."""
+    n, dt, process = 40_000, 0.01, GaussMarkov(3.0, 0.4)
+    phi, variance = gauss_markov_step(3.0, 0.4, dt)
+    for quantity in ("point", "mean"):
+        rng = np.random.default_rng(17)
+        x = simulate_noise(AxisNoise(gauss_markov=(process,), random_walk=0.2), n, dt, rng, quantity)
+        rng = np.random.default_rng(17)
+        rng.standard_normal()
+        w = rng.standard_normal(n + 1) * np.r_[process.sigma, np.full(n, math.sqrt(variance))]
+        e = lfilter([1.0], [1.0, -phi], w)
+        walk = np.r_[0.0, np.cumsum(0.2 * math.sqrt(dt) * rng.standard_normal(n + 1)[1:])]
+        factor, rest = gauss_markov_bridge(3.0, 0.4, dt)
+        rest = math.sqrt(rest + 0.2**2 * dt**3 / 12.0) * rng.standard_normal(n)
+        mean = (factor * (e[:-1] + e[1:]) + 0.5 * dt * (walk[:-1] + walk[1:]) + rest) / dt
+        assert_allclose(x, mean if quantity == "mean" else e[1:] + walk[1:], rtol=1e-11, atol=1e-13)
 
 
 def test_a_silent_axis_is_silent():

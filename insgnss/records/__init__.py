@@ -1,0 +1,34 @@
+"""The frozen tables that rooms hand to each other, checked once, at birth.
+
+A record holds contiguous float64 arrays that nobody writes to again. Its construction refuses wrong shapes, values that
+are not finite and time that does not increase, naming the record, the field, the row and the time. Readers turn such a
+refusal into a message with file and line by checking before they build (`formats`).
+"""
+
+from ._checked import Array
+from .framed import FramedOrientation, MapFrame
+from .observations import QUANTITIES, CameraEvents, GnssFixes, ImuSamples, Increments, Quantity
+from .solutions import Diagnostics, ExteriorOrientation, Trajectory
+from .variances import WaveletVariance, chi_square_interval
+from .verdicts import Check, LastingError, StateVerdict, Verdict
+
+__all__ = [
+    "QUANTITIES",
+    "Array",
+    "CameraEvents",
+    "Check",
+    "Diagnostics",
+    "ExteriorOrientation",
+    "FramedOrientation",
+    "GnssFixes",
+    "ImuSamples",
+    "Increments",
+    "LastingError",
+    "MapFrame",
+    "Quantity",
+    "StateVerdict",
+    "Trajectory",
+    "Verdict",
+    "WaveletVariance",
+    "chi_square_interval",
+]

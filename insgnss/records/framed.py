@@ -1,0 +1,67 @@
+"""The exterior orientation in the frame in which somebody wants it."""
+
+from dataclasses import dataclass, field
+
+from ._checked import Array, frozen
+
+
+@dataclass(frozen=True)
+class MapFrame:
+    """In which coordinates and axes an exterior orientation stands.
+
+    kind : "tangent plane", "geocentric", "geographic" or "projected".   name : for people, with code.
+    heights : what the third coordinate is; empty where it is none.   crs : authority code, "EPSG:2056", empty where there is none.
+    wkt : WKT2 of a projected CRS, vertical part included.   origin : latitude rad, longitude rad, height m of a tangent plane.
+    northing_first : whether the CRS itself names latitude or northing first; coordinates here never do.
+    scaled_from_m : height of the ground if heights were scaled from there.
+    """
+
+    kind: str
+    name: str
+    heights: str
+    crs: str = ""
+    wkt: str = ""
+    origin: tuple[float, ...] = ()
+    northing_first: bool = False
+    scaled_from_m: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FramedOrientation:
+    """Projection centre and attitude of n images in `frame`: what the writers of formats get.
+
+    coordinates : (n, 3) E N U m | X Y Z m | longitude rad, latitude rad, height m | easting, northing, height m.
+    C_fc : (n, 3, 3), camera (x image right, y image down, z viewing direction) to the frame's axes at the image.
+    C_fE : (n, 3, 3), east, north, up at the image to the frame's axes at the image.
+    cov : (n, 6, 6) of position error (m) and psi (rad), both in the frame's axes at the image; R(true) = exp([psi x]) R.
+    cross : (max(n - 1, 0), 6, 6), covariance of the errors of image k with those of image k + 1.
+    geodetic : (n, 3) latitude rad, longitude rad, height m above the ellipsoid of WGS84.
+    The rest as in `ExteriorOrientation`.
+    """
+
+    images: tuple[str, ...]
+    time: Array
+    gps_week: int
+    frame: MapFrame
+    coordinates: Array
+    C_fc: Array
+    C_fE: Array
+    cov: Array
+    cross: Array
+    geodetic: Array
+    boresight: Array
+    camera_from_body: Array
+    history: tuple[str, ...] = field(default_factory=tuple)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "images", tuple(self.images))
+        n = len(self.images)
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("coordinates", "geodetic"), (n, 3)) | dict.fromkeys(("C_fc", "C_fE"), (n, 3, 3))
+        shapes |= {"time": (n,), "cov": (n, 6, 6), "cross": (max(n - 1, 0), 6, 6), "boresight": (3, 3), "camera_from_body": (3, 3)}
+        for name, shape in shapes.items():
+            frozen(self, name, shape)
+
+    @property
+    def C_Ec(self) -> Array:
+        """(n, 3, 3), camera to east, north, up at the image: true north, whatever the frame."""
+        return self.C_fE.swapaxes(1, 2) @ self.C_fc

@@ -1,0 +1,55 @@
+"""The wavelet variance of one axis of an IMU."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ._checked import Array, frozen
+
+
+def chi_square_interval(variance: Array, freedom: Array) -> tuple[Array, Array]:
+    """95 % interval of variances whose estimates have these (equivalent) degrees of freedom."""
+    from scipy.special import chdtri
+
+    return freedom * variance / chdtri(freedom, 0.025), freedom * variance / chdtri(freedom, 0.975)
+
+
+@dataclass(frozen=True, eq=False)
+class WaveletVariance:
+    """Haar wavelet variance of one axis in X^2 (X = rad/s or m/s^2), its 95 % interval and count of coefficients at J levels; all (J,).
+    Level j has a filter of 2^j samples. samples : of the series. decomposition : "modwt" or "dwt".
+    """
+
+    level: NDArray[np.int64]
+    variance: Array
+    low: Array
+    high: Array
+    count: NDArray[np.int64]
+    rate_hz: float
+    samples: int
+    robust: bool = False
+    decomposition: str = "modwt"
+
+    def __post_init__(self) -> None:
+        for name in ("level", "variance", "low", "high", "count"):
+            a = frozen(self, name, (np.size(self.level),))
+            if (a <= 0).any():
+                raise InputError(f"WaveletVariance.{name}: {a.min():g}; all values must be greater than zero")
+            object.__setattr__(self, name, a.astype(np.int64) if name in ("level", "count") else a)
+
+    @property
+    def scale_s(self) -> Array:
+        """(J,) s, length of the filter."""
+        return np.asarray(2.0**self.level / self.rate_hz)
+
+    @property
+    def averaging_time_s(self) -> Array:
+        """(J,) s, length of each of the two means that the filter compares: tau of the Allan variance 2 nu."""
+        return 0.5 * self.scale_s
+
+    def selected(self, levels: Sequence[int]) -> "WaveletVariance":
+        """The given levels only, in the order of the record."""
+        return replace(self, **{k: getattr(self, k)[np.isin(self.level, levels)] for k in ("level", "variance", "low", "high", "count")})

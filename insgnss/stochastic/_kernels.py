@@ -1,0 +1,161 @@
+"""Loops over a whole recording: cumulated samples, powers of their differences, and the biweight's moments.
+
+Compiled without fastmath a running sum cannot be vectorised, an addition of arrays can; hence sums over a block go into a
+row of partial sums first. All release the interpreter's lock, so that axes run in threads.
+"""
+
+import numpy as np
+from numba import njit
+
+BLOCK = 4096  # samples whose differences are formed for all averaging factors before the next are touched
+LANES = 128  # partial sums
+
+
+@njit(cache=True, nogil=True)
+def copy_sum(x, out):
+    """Copy x (n,) to out[1:], out[0] = 0; its sum, and whether all values are the same."""
+    n = x.size
+    first = x[0]
+    same = True
+    whole = 0.0
+    out[0] = 0.0
+    for start in range(0, n, BLOCK):
+        part = 0.0
+        for i in range(start, min(start + BLOCK, n)):
+            v = x[i]
+            out[i + 1] = v
+            part += v
+            same &= v == first
+        whole += part
+    return whole, same
+
+
+@njit(cache=True, nogil=True)
+def cumulate(s, mean):
+    """Replace s[1:] by the cumulated sum of s[1:] - mean, in place."""
+    total = 0.0
+    for i in range(1, s.size):
+        total += s[i] - mean
+        s[i] = total
+
+
+@njit(cache=True, nogil=True)
+def second_difference_power(s, m, stride, power):
+    """Sum over t = 0, stride[k], ... of (s[t + 2 m] - 2 s[t + m] + s[t])^2 for every averaging factor m[k], into power[k].
+
+    s (n + 1,).   m, stride, power (K,).   Blocks of t are finished for all m in turn: for octaves of m the end of one
+    filter is the middle of the next and still in the cache, so that a block is loaded K + 2 and not 3 K times.
+    """
+    lanes = np.empty(LANES)
+    last = s.size - 2 * m
+    power[:] = 0.0
+    for start in range(0, s.size, BLOCK):
+        for k in range(m.size):
+            stop = min(start + BLOCK, last[k])
+            if stop <= start:
+                continue
+            step = stride[k]
+            if step == 1:
+                power[k] += _second(s[start:stop], s[start + m[k] : stop + m[k]], s[start + 2 * m[k] : stop + 2 * m[k]], lanes)
+            else:
+                part = 0.0
+                for t in range(-(-start // step) * step, stop, step):
+                    d = s[t + 2 * m[k]] - 2.0 * s[t + m[k]] + s[t]
+                    part += d * d
+                power[k] += part
+
+
+@njit(cache=True, nogil=True)
+def _second(a, b, c, lanes):
+    """Sum of (a - 2 b + c)^2."""
+    lanes[:] = 0.0
+    full = a.size // LANES * LANES
+    for i in range(0, full, LANES):
+        for j in range(LANES):
+            d = (c[i + j] - b[i + j]) - (b[i + j] - a[i + j])
+            lanes[j] += d * d
+    part = 0.0
+    for i in range(full, a.size):
+        d = (c[i] - b[i]) - (b[i] - a[i])
+        part += d * d
+    return part + lanes.sum()
+
+
+@njit(cache=True, nogil=True)
+def haar_squares(s, m, stride, out):
+    """Square of the Haar coefficients of averaging factor m at t = 0, stride, ..., from s of `cumulate`, into out."""
+    scale = 0.5 / m
+    for i in range(out.size):
+        t = i * stride
+        d = scale * ((s[t + 2 * m] - s[t + m]) - (s[t + m] - s[t]))
+        out[i] = d * d
+
+
+@njit(cache=True, nogil=True)
+def biweight_mean(q, k):
+    """Mean over q (n,) of y (1 - y)^4 where y = k q < 1, else 0, and its derivative with respect to log k."""
+    lanes = np.zeros((2, LANES))
+    value, slope = lanes[0], lanes[1]
+    full = q.size // LANES * LANES
+    for i in range(0, full, LANES):
+        for j in range(LANES):
+            y = k * q[i + j]
+            z = max(1.0 - y, 0.0)
+            z3 = z * z * z * y
+            value[j] += z3 * z
+            slope[j] += z3 * (z - 4.0 * y)
+    for i in range(full, q.size):
+        y = k * q[i]
+        z = max(1.0 - y, 0.0)
+        z3 = z * z * z * y
+        value[0] += z3 * z
+        slope[0] += z3 * (z - 4.0 * y)
+    return value.sum() / q.size, slope.sum() / q.size
+
+
+@njit(cache=True, nogil=True)
+def third_difference_power(s, m, power):
+    """Sum over t of (s[t + 3 m] - 3 s[t + 2 m] + 3 s[t + m] - s[t])^2 for every m[k], into power[k]; blocks as above."""
+    lanes = np.empty(LANES)
+    power[:] = 0.0
+    for start in range(0, s.size, BLOCK):
+        for k in range(m.size):
+            stop = min(start + BLOCK, s.size - 3 * m[k])
+            if stop > start:
+                one, two, three = m[k], 2 * m[k], 3 * m[k]
+                power[k] += _third(
+                    s[start:stop], s[start + one : stop + one], s[start + two : stop + two], s[start + three : stop + three], lanes
+                )
+
+
+@njit(cache=True, nogil=True)
+def _third(a, b, c, d, lanes):
+    """Sum of (d - 3 c + 3 b - a)^2."""
+    lanes[:] = 0.0
+    full = a.size // LANES * LANES
+    for i in range(0, full, LANES):
+        for j in range(LANES):
+            e = (d[i + j] - a[i + j]) - 3.0 * (c[i + j] - b[i + j])
+            lanes[j] += e * e
+    part = 0.0
+    for i in range(full, a.size):
+        e = (d[i] - a[i]) - 3.0 * (c[i] - b[i])
+        part += e * e
+    return part + lanes.sum()
+
+
+@njit(cache=True, nogil=True)
+def modified_power(s, m):
+    """Sum over t of the square of the sum of m consecutive second differences of span m, for one averaging factor."""
+    v = 0.0
+    for t in range(m):
+        v += (s[t + 2 * m] - s[t + m]) - (s[t + m] - s[t])
+    whole = v * v
+    terms = s.size - 3 * m
+    for start in range(0, terms, BLOCK):
+        part = 0.0
+        for t in range(start, min(start + BLOCK, terms)):
+            v += (s[t + 3 * m] - s[t]) - 3.0 * (s[t + 2 * m] - s[t + m])
+            part += v * v
+        whole += part
+    return whole

@@ -1,0 +1,250 @@
+r"""Haar wavelet variance of a series, with its interval, and the same robustly.
+
+At level j, with m = 2^(j - 1), the coefficients of the maximal-overlap Haar transform without those that reach over the ends are
+
+    W_j(t) = (mean of x(t + m .. t + 2m) - mean of x(t .. t + m)) / 2,      t = 0 .. n - 2m             (W.1)
+
+so that with the cumulated series S, S(0) = 0, W_j(t) = (S(t + 2m) - 2 S(t + m) + S(t)) / (2m). All levels come from the one S,
+blocks of t at a time; taking the mean off x first keeps S small and leaves (W.1) as it is. The discrete transform
+("dwt") keeps t = 0, 2m, 4m ... only. The estimate over the M_j coefficients and its relation to the Allan variance over m samples are
+
+    nu_j = mean of W_j^2,      avar(m / rate) = 2 nu_j                                                   (W.2)
+
+There are J = floor(log2 n) - 1 levels where no other number is asked for, as R package wv has it: the last has n/2 coefficients or more.
+The interval takes eta nu_hat / nu as chi-square with eta degrees of freedom (Percival 1995, his eta_3; also in R package wv):
+
+    eta = max(M_j / 2^j, 1)                                                                              (W.3)
+
+which is cautious: it counts stretches that do not overlap. Coefficients of the discrete transform do not overlap, there eta = M_j.
+The numbers of R package wv for "dwt" are of orthonormal coefficients, 2^j times these.
+
+Robust: the biweight M-estimate of scale of Mondal and Percival (2012) and Guerrier and Molinari (2016). nu solves
+
+    mean of psi(W / sqrt(nu)) = a(c),      psi(r) = r^2 (1 - r^2/c^2)^4 for |r| < c, else 0              (W.4)
+
+a(c) is the mean of psi for normal W. With y = W^2/(c^2 nu) it reads: mean of y (1 - y)^4 over y < 1 = a(c) / c^2. The logarithm of nu
+has in independent normal coefficients the variance 4 Q/(n M^2), Q = var psi and M = E[(r^2 - 1) psi], against 2/n for the plain mean: c
+follows from the wanted efficiency M^2/(2 Q), 4.40 for 0.6. With moments mu_2k = E[r^2k; |r| < c] = (2k - 1)!! P(k + 1/2, c^2/2), P the
+regularised incomplete gamma function, expanding the powers of (1 - r^2/c^2) gives
+
+    E psi = sum_i C(4, i) (-c^-2)^i mu_(2 + 2i),      E psi^2 = sum_i C(8, i) (-c^-2)^i mu_(4 + 2i)       (W.5)
+
+The robust interval widens that of the plain estimate, relative to the estimate, by 1/sqrt(efficiency) on either side. At
+the last two or three levels only a handful of coefficients is independent, the majority that (W.4) follows is a matter of chance, and the
+estimate may be many times smaller than the plain one: levels above floor(log2 n) - 3 are better left out of a robust fit.
+"""
+
+import math
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import DataError, InputError, InsgnssError, UsageError
+from ..records import WaveletVariance, chi_square_interval
+from ._kernels import biweight_mean, copy_sum, cumulate, haar_squares, second_difference_power
+
+__all__ = ["WaveletVariance", "cumulated", "default_levels", "wavelet_variance", "wavelet_variances"]
+
+Array = NDArray[np.float64]
+Decomposition = Literal["modwt", "dwt"]
+
+_THREADS = 2
+_EFFICIENCIES = (0.2, 0.99)
+_SAMPLE = 10_000  # coefficients that the search for the robust solution starts with
+
+
+def default_levels(samples: int) -> int:
+    """Number of levels J = floor(log2 n) - 1, exact powers of two included: at least half of the series' length in coefficients."""
+    return int(samples).bit_length() - 2
+
+
+def wavelet_variance(
+    x: ArrayLike,
+    rate_hz: float,
+    *,
+    levels: int | None = None,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    decomposition: Decomposition = "modwt",
+) -> WaveletVariance:
+    """Haar wavelet variance of one axis at levels 1 to J with 95 % intervals (W.1 to W.5).
+
+    x : (n,) rate samples, X, without gaps.   levels : J, by default floor(log2 n) - 1, at most floor(log2 n).
+    efficiency : of the robust estimate against the plain one in normal noise, 0.2 to 0.99.
+
+    Raises InputError for a value that is not finite, DataError for fewer than 4 samples, a constant series or a robust estimate of
+    coefficients that are mostly zero, UsageError for options that make no sense.
+    """
+    if decomposition not in ("modwt", "dwt"):
+        raise UsageError(f"decomposition {decomposition!r} is neither 'modwt' nor 'dwt'")
+    s = cumulated(x, rate_hz)
+    n = s.size - 1
+    most = n.bit_length() - 1
+    if levels is not None and not 1 <= levels <= most:
+        raise UsageError(f"{levels} levels of {n} samples; give 1 to {most}")
+    level = np.arange(1, (default_levels(n) if levels is None else levels) + 1)
+    m = 2 ** (level - 1)
+    overlap = decomposition == "modwt"
+    stride = np.ones_like(m) if overlap else 2 * m
+    count = n - 2 * m + 1 if overlap else n // (2 * m)
+    power = np.empty(level.size)
+    second_difference_power(s, m, stride, power)
+    variance = power / (4.0 * m * m * count)
+    if variance.min() <= 0.0:
+        raise DataError(f"no variance at level {level[np.argmin(variance)]}; the series is periodic or constant but for its ends")
+    low, high = chi_square_interval(variance, np.maximum(count / 2.0**level, 1.0) if overlap else count.astype(np.float64))
+    if robust:
+        estimate = _robust(s, m, stride, count, efficiency)
+        low, high = _robust_interval(estimate, low / variance, high / variance, efficiency)
+        variance = estimate
+    return WaveletVariance(level, variance, low, high, count, float(rate_hz), n, robust, decomposition)
+
+
+def wavelet_variances(
+    x: ArrayLike,
+    rate_hz: float,
+    *,
+    levels: int | None = None,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    decomposition: Decomposition = "modwt",
+) -> tuple[WaveletVariance, ...]:
+    """`wavelet_variance` of every column of x (n, k), two columns at a time. Errors name the column, counted from 1."""
+    columns = np.asarray(x)
+    if columns.ndim != 2:
+        raise UsageError(f"samples of shape {columns.shape}; columns (n, k) are expected")
+    options: dict[str, Any] = {"levels": levels, "robust": robust, "efficiency": efficiency, "decomposition": decomposition}
+
+    def one(k: int) -> WaveletVariance:
+        try:
+            return wavelet_variance(columns[:, k], rate_hz, **options)
+        except InsgnssError as error:
+            raise type(error)(f"column {k + 1}: {error}") from None
+
+    return in_threads(one, columns.shape[1])
+
+
+def in_threads(work: Callable[[int], Any], count: int) -> tuple[Any, ...]:
+    """work(0), ..., work(count - 1), as many at a time as there are processors, at most two."""
+    if count < 2:
+        return tuple(work(k) for k in range(count))
+    with ThreadPoolExecutor(min(_THREADS, os.cpu_count() or 1)) as pool:
+        return tuple(pool.map(work, range(count)))
+
+
+def cumulated(x: ArrayLike, rate_hz: float) -> Array:
+    """(n + 1,) cumulated sum of x (n,) less its mean, from 0; refuses what no variance can be taken of (see `wavelet_variance`)."""
+    series = np.asarray(x, dtype=np.float64)
+    if not (0.0 < rate_hz < math.inf):
+        raise UsageError(f"rate {rate_hz} Hz; it must be greater than zero")
+    if series.ndim != 1:
+        raise UsageError(f"a series of shape {series.shape}; one axis (n,) is expected")
+    if series.size < 4:
+        raise DataError(f"{series.size} samples; at least 4 are needed, and hours of them for slow processes")
+    s = np.empty(series.size + 1)
+    total, same = copy_sum(series, s)
+    if not math.isfinite(total):
+        bad = ~np.isfinite(series)
+        if not bad.any():
+            raise InputError(f"samples of up to {np.abs(series).max():g} overflow; check the unit")
+        raise InputError(f"sample {int(np.argmax(bad)) + 1} of {series.size} is {series[np.argmax(bad)]}; fill or cut such gaps first")
+    if same:
+        raise DataError(f"all {series.size} samples are {series[0]:g}, a dead channel; choose the columns that hold the sensor")
+    cumulate(s, total / series.size)
+    return s
+
+
+def _robust_interval(estimate: Array, low: Array, high: Array, efficiency: float) -> tuple[Array, Array]:
+    """The plain interval, given relative to its estimate, widened about the robust one.
+
+    Where that would reach below zero, as at levels with one or two degrees of freedom, the lower end is half of the estimate, or
+    the smallest lower end of the levels before if that is less: so in R package wv, whose figures these are to compare with.
+    """
+    wider = math.sqrt(1.0 / efficiency)
+    bottom = estimate * (1.0 - (1.0 - low) * wider)
+    for k in np.flatnonzero(bottom <= 0.0):
+        bottom[k] = min(0.5 * estimate[k], bottom[:k].min(initial=math.inf))
+    return bottom, estimate * (1.0 + (high - 1.0) * wider)
+
+
+def _robust(s: Array, m: NDArray[np.int64], stride: NDArray[np.int64], count: NDArray[np.int64], efficiency: float) -> Array:
+    """(J,) the solutions of (W.4)."""
+    c, a = biweight_constants(efficiency)
+    squares = np.empty(count[0])
+    out = np.empty(m.size)
+    for j in range(m.size):
+        q = squares[: count[j]]
+        haar_squares(s, m[j], stride[j], q)
+        out[j] = _biweight_scale(q, a / c**2, j + 1) / c**2
+    return out
+
+
+def _biweight_scale(q: Array, wanted: float, level: int) -> float:
+    """1/k for the smallest k that makes the mean of y (1 - y)^4, y = k q, equal to `wanted`.
+
+    The mean rises with k from zero, may rise and fall for outliers, rises when the bulk of the coefficients comes near y = 1/5, where
+    its top is, and falls. A scan of some coefficients from the left, where the mean is surely smaller, finds the place, and Newton's method
+    in log k on all of them the solution. Few independent coefficients, at the longest scales, may leave none: then the nearest k.
+    """
+    some = q[:: -(-q.size // _SAMPLE)].copy()
+    if (middle := float(np.median(some))) == 0.0:
+        raise DataError(f"level {level}: most coefficients are zero, of a coarsely quantized channel; leave out robust, it has no answer")
+    k = np.geomspace(low := wanted / float(some.mean()), max(2.0 * low, 1.0 / middle), 100)
+    value = np.array([biweight_mean(some, each)[0] for each in k])
+    first = int(np.argmax(value >= wanted)) or int(np.argmax(value))
+    solution = _newton(q, k[first], wanted)
+    return 1.0 / (_bracketed(q, k[max(first - 1, 0)], k[min(first + 1, 99)], wanted) if solution is None else solution)
+
+
+def _newton(q: Array, k: float, wanted: float) -> float | None:
+    """The k near the given one at which the mean of `biweight_mean` rises through `wanted`; None where it does not."""
+    for _ in range(30):
+        value, slope = biweight_mean(q, k)
+        if slope <= 0.0:
+            return None
+        step = min(max((wanted - value) / slope, -0.3), 0.3)
+        k *= math.exp(step)
+        if abs(step) < 1e-12:
+            return k
+    return None
+
+
+def _bracketed(q: Array, low: float, high: float, wanted: float) -> float:
+    """The same between `low` and `high`; where the mean stays below `wanted`, the k of its top."""
+    from scipy.optimize import brentq, fminbound
+
+    top = float(fminbound(lambda k: -biweight_mean(q, k)[0], low, high, xtol=1e-6 * low))
+    if biweight_mean(q, low)[0] < wanted <= biweight_mean(q, top)[0]:
+        return float(brentq(lambda k: biweight_mean(q, k)[0] - wanted, low, top, xtol=1e-12 * low))
+    return top
+
+
+def biweight_constants(efficiency: float) -> tuple[float, float]:
+    """c, and the mean a(c) of psi for normal coefficients, of a wanted efficiency, 0.2 to 0.99 (W.4, W.5)."""
+    from scipy.optimize import brentq
+
+    if not _EFFICIENCIES[0] <= efficiency <= _EFFICIENCIES[1]:
+        raise UsageError(f"efficiency {efficiency} of the robust estimate; give {_EFFICIENCIES[0]} to {_EFFICIENCIES[1]}")
+
+    def excess(c: float) -> float:
+        mean, square, score = _biweight_moments(c)
+        return 0.5 * score**2 / (square - mean**2) - efficiency
+
+    c = float(brentq(excess, 3.0, 20.0, xtol=1e-14, rtol=1e-14))
+    return c, _biweight_moments(c)[0]
+
+
+def _biweight_moments(c: float) -> tuple[float, float, float]:
+    """E psi, E psi^2 and E[(r^2 - 1) psi] of a standard normal r (W.5)."""
+    from scipy.special import binom, gammainc
+
+    k = np.arange(1, 11)
+    moment = np.cumprod(2.0 * k - 1.0) * gammainc(k + 0.5, 0.5 * c * c)  # mu_2, mu_4, ..., mu_20
+    power = (-1.0 / c**2) ** np.arange(9)
+    four, eight = binom(4, np.arange(5)) * power[:5], binom(8, np.arange(9)) * power
+    mean = float(four @ moment[:5])
+    return mean, float(eight @ moment[1:10]), float(four @ moment[1:6]) - mean
