@@ -7,7 +7,6 @@ instead, so that an error stays the one line it is. Exit codes: 0 done, 1 a defe
 """
 
 import argparse
-import difflib
 import gc
 import json
 import math
@@ -177,6 +176,7 @@ def build_parser() -> Parser:
     _add_process(verbs)
     _add_export(verbs)
     _add_calibrate(verbs)
+    _add_tune(verbs)
     return parser
 
 
@@ -204,6 +204,8 @@ def _add_simulate(verbs: Any) -> None:
     parser.add_argument("--flight", choices=("ign8", "ign6x1"), default="ign8", help="block (ign8) or corridor (ign6x1) (default: ign8)")
     parser.add_argument("--minutes", type=_positive, metavar="M", help="length of the flight (default: that of the flight's plan)")
     parser.add_argument("--imu-rate", type=_positive, default=500.0, metavar="HZ", help="IMU samples a second (default: 500)")
+    shakes = "factor of the IMU's white noise in motion against the noise model of the flight file (default: 1)"
+    parser.add_argument("--vibration", type=_positive, default=1.0, metavar="X", help=shakes)
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)")
 
 
@@ -225,12 +227,10 @@ def _add_process(verbs: Any) -> None:
 
 
 def _add_export(verbs: Any) -> None:
+    from .exporting.verb import EXAMPLE, add_arguments
+
     what = "write the master exterior orientation in the format of a bundle adjustment"
-    example = "  insgnss export 02_Processed/GPS-INS/eo.json metashape --out metashape.csv"
-    parser = _add_verb(verbs, "export", _export, what, example, more_help=_list_formats)
-    parser.add_argument("eo", type=Path, metavar="EO", help="the eo.json of a processed flight")
-    parser.add_argument("format", metavar="FORMAT", help="one of the formats below")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="what to write (default: the format's usual name beside EO)")
+    add_arguments(_add_verb(verbs, "export", _export, what, EXAMPLE, more_help=_list_formats))
 
 
 def _add_calibrate(verbs: Any) -> None:
@@ -248,11 +248,19 @@ def _add_calibrate(verbs: Any) -> None:
     parser.add_argument("--out", type=Path, metavar="FILE", help="what to write (default: calibration.toml beside IMU_FILE)")
 
 
+def _add_tune(verbs: Any) -> None:
+    from .tuning.options import EXAMPLE, add_arguments
+
+    what = "a noise model, with its uncertainty, from static recordings of an IMU or from the innovations of a flight"
+    add_arguments(_add_verb(verbs, "tune", _tune, what, EXAMPLE), _positive)
+
+
 def _list_formats() -> str:
     from .formats import EXPORTS
 
     width = max(map(len, EXPORTS))
-    return "formats:\n" + "".join(f"  {name:{width}}  {what}\n" for name, (_, _, what) in EXPORTS.items())
+    lines = (f"  {name:{width}}  {'experimental: ' if form.experimental else ''}{form.what}\n" for name, form in EXPORTS.items())
+    return "formats:\n" + "".join(lines)
 
 
 def _demo(options: argparse.Namespace, progress: Progress) -> int:
@@ -266,7 +274,8 @@ def _simulate(options: argparse.Namespace, progress: Progress) -> int:
     from .simulate.dataset import write_dataset
 
     progress(f"simulating {options.flight}")
-    write_dataset(options.directory, flight=options.flight, minutes=options.minutes, imu_rate=options.imu_rate, seed=options.seed)
+    flown = {"flight": options.flight, "minutes": options.minutes, "vibration": options.vibration, "seed": options.seed}
+    write_dataset(options.directory, imu_rate=options.imu_rate, **flown)
     flight_file = options.directory / "flight.toml"
     what = f"{flight_file}\nnext: insgnss process {flight_file}"
     return _show(options, progress, lambda: what, lambda: {"flight": flight_file})
@@ -310,18 +319,12 @@ def _process(options: argparse.Namespace, progress: Progress) -> int:
 
 
 def _export(options: argparse.Namespace, progress: Progress) -> int:
-    from .formats import EXPORTS
-
-    if options.format not in EXPORTS:
-        near = difflib.get_close_matches(options.format.lower(), EXPORTS, n=1)
-        advice = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(EXPORTS)}"
-        raise UsageError(f"export: format {options.format!r} is unknown; {advice}")
-    write, usual_name, _ = EXPORTS[options.format]
-    from .formats.eo_json import read_eo_json
-
-    out = options.out or options.eo.parent / usual_name
-    write(read_eo_json(options.eo), out)
-    return _show(options, progress, lambda: str(out), lambda: {"format": options.format, "file": out})
+    if options.proof:
+        from .proof import proof_verb as verb
+    else:
+        from .exporting.verb import export_verb as verb
+    result = verb(options, progress)
+    return _show(options, progress, result.summary, result.as_dict)
 
 
 def _calibrate(options: argparse.Namespace, progress: Progress) -> int:
@@ -363,6 +366,13 @@ def _imu_spec(options: argparse.Namespace) -> dict[str, Any]:
         "variable": imu.variable,
         "gps_week": flight.gps_week,
     }
+
+
+def _tune(options: argparse.Namespace, progress: Progress) -> int:
+    from .tuning.verb import tune
+
+    result = tune(options, progress)
+    return _show(options, progress, result.summary, result.as_dict)
 
 
 def _show(options: argparse.Namespace, progress: Progress, summary: Callable[[], str], document: Callable[[], dict[str, Any]]) -> int:

@@ -10,6 +10,7 @@ from typing import Any
 from .errors import InputError, UsageError
 from .flight import Flight
 from .records import Diagnostics, ExteriorOrientation, Trajectory
+from .records.framed import PROJECTED
 
 PRODUCTS = ("trajectory.sbet", "trajectory.smrmsg", "trajectory.csv", "report.html", "report.json")  # besides those of the images
 
@@ -33,7 +34,7 @@ def target(flight: Flight, out: Path | None) -> Path:
             f"{where}: cannot write in {above}: {error.strerror or error}; check its permissions or give another directory"
         ) from None
     inputs = [file.resolve() for file in inputs_of(flight)]
-    for name in (*PRODUCTS, *(EXPORTS[form][1] for form in (*flight.output.formats, "eo_json"))):
+    for name in (*PRODUCTS, *(EXPORTS[form].product for form in (*flight.output.formats, "eo_json"))):
         if (directory / name).resolve() in inputs:
             raise refusal(f"{where}: the product {name} would overwrite the input {directory / name}; give another directory")
         if (directory / name).is_dir():
@@ -63,7 +64,6 @@ def deliver(
     flight: Flight, out: Path, eo: ExteriorOrientation | None, path: Trajectory, report: dict[str, Any], diagnostics: Diagnostics
 ) -> tuple[Path, ...]:
     """Write every product into a directory beside the target and move them in together: all of them, or none."""
-    from .formats import EXPORTS
     from .formats.sbet import write_sbet, write_smrmsg
     from .formats.trajectory_csv import write_trajectory_csv
     from .report.page import write_report, write_report_json
@@ -74,15 +74,16 @@ def deliver(
     staging = Path(tempfile.mkdtemp(prefix=".insgnss-", dir=out))
     try:
         if eo is not None:
-            for name in dict.fromkeys([*flight.output.formats, "eo_json"]):
-                write, product, _ = EXPORTS[name]
-                write(eo, staging / product)
+            report["exports"] = [_export(flight, eo, name, staging) for name in dict.fromkeys([*flight.output.formats, "eo_json"])]
         write_sbet(path, staging / "trajectory.sbet")
         write_smrmsg(path, staging / "trajectory.smrmsg")
         write_trajectory_csv(path, staging / "trajectory.csv")
         write_report(staging / "report.html", report, diagnostics, eo)
         write_report_json(report, staging / "report.json")
         files = sorted(staging.iterdir())
+        taken = {file.resolve() for file in inputs_of(flight)}
+        if inputs := [file.name for file in files if (out / file.name).resolve() in taken]:
+            raise InputError(f"{flight.path}: output.directory: the product {inputs[0]} would overwrite an input; give another directory")
         for file in files:
             os.replace(file, out / file.name)
     except BaseException:
@@ -92,6 +93,23 @@ def deliver(
         raise
     staging.rmdir()
     return tuple(out / file.name for file in files)
+
+
+def _export(flight: Flight, eo: ExteriorOrientation, name: str, staging: Path) -> dict[str, Any]:
+    """Write one format in the frame of [output], or in its own where it cannot carry a projected one; what the report says of it."""
+    from .exporting.export import Target, export
+    from .formats import EXPORTS
+
+    form, output = EXPORTS[name], flight.output
+    projected = output.crs is not None and PROJECTED in form.frames
+    sea_level = form.heights == "sea level"
+    geoid = output.geoid if projected or sea_level else None
+    target = Target(output.crs, geoid, None, output.ground_m) if projected else Target(geoid=geoid)
+    try:
+        done = export(eo, name, staging / form.product, target)
+    except UsageError as error:  # the flight file asked for it
+        raise InputError(f"{flight.path}: output: {error}") from None
+    return {"format": name, "file": form.product, "frame": done.frame, "notes": list(done.notes)}
 
 
 def _remove_if_empty(directory: Path) -> None:

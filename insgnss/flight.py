@@ -53,6 +53,9 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     output.directory            "02_Processed/GPS-INS"
     output.formats              eo_local_plane, metashape
     output.trajectory_hz        10                      of trajectory.csv and the SBET; "imu" for every sample
+    output.crs                                          projected CRS of the formats that carry one: "EPSG:2056", ...
+    output.geoid                                        grid of geoid heights, for heights above sea level
+    output.ground_m                                     height of the ground: heights above it scaled like the plan
     initial.roll_deg, .pitch_deg, .heading_deg          an initial attitude, where one is known; all three
     initial.sigma_deg           [2, 2, 5]               of roll, pitch, heading
     filter.scale_factor         false                   scale-factor states of gyros and accelerometers
@@ -164,11 +167,14 @@ class TangentPlane:
 
 @dataclass(frozen=True)
 class Output:
-    """Table [output]; `trajectory_hz` is None where every IMU sample is asked for."""
+    """Table [output]; `trajectory_hz` is None where every IMU sample is asked for; `crs` and what follows are of formats that carry one."""
 
     directory: Path
     formats: tuple[str, ...]
     trajectory_hz: float | None
+    crs: str | None = None
+    geoid: Path | None = None
+    ground_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -481,10 +487,32 @@ def _output(table: Table) -> Output:
             raise table.error("formats", f"{name!r} is unknown; {near(name, tuple(EXPORTS))}")
         if formats.count(name) > 1:
             raise table.error("formats", f"{name!r} occurs twice")
+        if EXPORTS[name].several or EXPORTS[name].needs:
+            why = "writes a directory" if EXPORTS[name].several else f"needs {', '.join(EXPORTS[name].needs)}"
+            raise table.error("formats", f"{name!r} {why}; leave it to insgnss export")
     rate = table.data.get("trajectory_hz")
     if isinstance(rate, str) and rate != "imu":
         raise table.error("trajectory_hz", f'{rate!r} is neither a number of Hz nor "imu"')
-    return Output(directory, formats, None if rate == "imu" else table.number("trajectory_hz", 10.0, 1e-3, 1e4))
+    crs, geoid, ground = _output_frame(table)
+    return Output(directory, formats, None if rate == "imu" else table.number("trajectory_hz", 10.0, 1e-3, 1e4), crs, geoid, ground)
+
+
+def _output_frame(table: Table) -> tuple[str | None, Path | None, float | None]:
+    """crs, geoid and ground_m, checked as far as that goes without a flight."""
+    crs = table.text("crs", None)
+    geoid = table.file("geoid") if "geoid" in table.data else None
+    ground = table.number("ground_m", None, -500, 9000)
+    if crs is None:
+        if ground is not None:
+            raise table.error("ground_m", "scales heights in a projected CRS only; give output.crs as well, or leave it out")
+        return None, geoid, None
+    from .geodesy.projection import MapProjection
+
+    try:
+        MapProjection(crs, geoid)
+    except UsageError as error:
+        raise table.error("crs", str(error)) from None
+    return crs, geoid, ground
 
 
 def _initial(table: Table) -> InitialAttitude:

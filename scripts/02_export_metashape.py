@@ -28,8 +28,8 @@ from matplotlib.figure import Figure
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
+from insgnss.exporting.export import export
 from insgnss.flight import load_flight
-from insgnss.formats import EXPORTS
 from insgnss.formats.eo_json import read_eo_json
 from insgnss.pipeline import process
 from insgnss.simulate.dataset import write_dataset
@@ -48,8 +48,8 @@ def main() -> None:
     master = read_eo_json(options.out / "eo.json")
 
     # 2. The export.
-    write, name, _ = EXPORTS["metashape"]
-    write(master, options.out / name)
+    name = "metashape.csv"
+    export(master, "metashape", options.out / name)
     print(f"wrote {options.out / name}")
 
     # 3. Ground targets through both files.

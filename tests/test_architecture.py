@@ -38,11 +38,15 @@ ROOMS = set(STANDS_ON)
 STANDS_ON |= {
     "flight": ROOMS,
     "recording": ROOMS | {"flight"},
-    "delivery": ROOMS | {"flight"},
+    "exporting": ROOMS,
+    "comparison": ROOMS,
+    "proof": ROOMS | {"exporting"},
+    "delivery": ROOMS | {"flight", "exporting"},
     "stretch": ROOMS | {"flight", "recording"},
     "pipeline": ROOMS | {"flight", "recording", "stretch", "delivery"},
     "inspection": ROOMS | {"flight", "recording"},
-    "cli": ROOMS | {"flight", "recording", "pipeline", "inspection"},
+    "tuning": ROOMS | {"flight", "recording", "delivery", "stretch", "pipeline"},
+    "cli": ROOMS | {"flight", "recording", "pipeline", "inspection", "tuning", "exporting", "comparison", "proof"},
     "__main__": {"cli"},
 }
 

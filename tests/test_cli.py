@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import insgnss
-from insgnss import formats
 from insgnss.cli import Progress, main
 from insgnss.errors import DataError, InputError
 
@@ -205,47 +204,83 @@ def test_simulate_hands_over_its_options_and_names_the_next_step(monkeypatch, ca
     module.write_dataset = lambda directory, **options: seen.append((directory, options))
     monkeypatch.setitem(sys.modules, "insgnss.simulate.dataset", module)
     assert main(["simulate", "-q", "d"]) == 0
-    assert main(["simulate", "-q", "d", "--flight", "ign6x1", "--minutes", "3", "--imu-rate", "250", "--seed", "9"]) == 0
-    assert seen[0] == (Path("d"), {"flight": "ign8", "minutes": None, "imu_rate": 500.0, "seed": 0})
-    assert seen[1] == (Path("d"), {"flight": "ign6x1", "minutes": 3.0, "imu_rate": 250.0, "seed": 9})
+    given = "--flight ign6x1 --minutes 3 --imu-rate 250 --vibration 3 --seed 9"
+    assert main(["simulate", "-q", "d", *given.split()]) == 0
+    assert seen[0] == (Path("d"), {"flight": "ign8", "minutes": None, "imu_rate": 500.0, "vibration": 1.0, "seed": 0})
+    assert seen[1] == (Path("d"), {"flight": "ign6x1", "minutes": 3.0, "imu_rate": 250.0, "vibration": 3.0, "seed": 9})
     assert f"next: insgnss process {Path('d') / 'flight.toml'}" in capsys.readouterr().out
 
 
 @pytest.fixture
-def exports(monkeypatch):
-    """Two made-up formats and a made-up master; returns what was written."""
-    written = []
-    reader = types.ModuleType("insgnss.formats.eo_json")
-    reader.read_eo_json = lambda path: f"eo of {path.name}"
-    monkeypatch.setitem(sys.modules, "insgnss.formats.eo_json", reader)
-    monkeypatch.setattr(formats, "eo_json", reader, raising=False)
-    table = {name: (lambda eo, path: written.append((eo, path)), f"{name}.txt", f"for {name}") for name in ("metashape", "colmap")}
-    monkeypatch.setattr(formats, "EXPORTS", table, raising=False)
-    return written
+def master(tmp_path):
+    """The eo.json of one image, seen from above at the origin."""
+    import numpy as np
+
+    from insgnss.formats.eo_json import write_eo_json
+    from insgnss.records import ExteriorOrientation
+
+    one, eye = np.ones(1), np.eye(3)
+    down = np.diag([1.0, -1.0, -1.0])[None]
+    origin, position = np.array([np.radians(46.57), np.radians(6.54), 0.0]), np.array([[1.0, 2.0, 630.0]])
+    eo = ExteriorOrientation(("8001.tif",), one, 2008, origin, position, down, 1e-4 * np.eye(6)[None], np.zeros((0, 6, 6)), eye, eye)
+    write_eo_json(eo, tmp_path / "eo.json")
+    return tmp_path / "eo.json"
 
 
-def test_export_writes_beside_the_master_or_where_asked(exports, tmp_path, capsys):
-    """Oracle: the usual name of the made-up format."""
-    eo = tmp_path / "eo.json"
-    assert main(["export", str(eo), "colmap"]) == 0
-    assert main(["export", str(eo), "metashape", "--out", "m.csv", "--json"]) == 0
-    assert exports == [("eo of eo.json", tmp_path / "colmap.txt"), ("eo of eo.json", Path("m.csv"))]
+def test_export_writes_beside_the_master_or_where_asked(master, tmp_path, capsys):
+    """Oracle: the usual names of design.md 6; the place of the image in its tangent plane and by pyproj in LV95."""
+    from pyproj import Transformer
+
+    assert main(["export", str(master), "eo_local_plane", "-q"]) == 0
+    out = tmp_path / "table.txt"
+    table = ["generic_ascii", "--crs", "EPSG:2056", "--set", "columns=image,x,y,z", "--set", "decimals_m=3"]
+    assert main(["export", str(master), *table, "--out", str(out), "--json"]) == 0
     text, document = capsys.readouterr().out.split("\n", 1)
-    assert text == str(tmp_path / "colmap.txt")
-    assert json.loads(document) == {"format": "metashape", "file": "m.csv"}
+    assert text == str(tmp_path / "EO_local-plane.txt")
+    assert (tmp_path / "EO_local-plane.txt").read_text().splitlines()[-1].startswith("8001.tif 1.0000 2.0000 630.0000 ")
+    result = json.loads(document)
+    assert (result["format"], result["file"]) == ("generic_ascii", str(out))
+    assert any("not above sea level" in note for note in result["notes"])
+    image, E, N, h = out.read_text().splitlines()[-1].split()
+    lon, lat, _ = Transformer.from_crs("EPSG:2056", "EPSG:4326", always_xy=True).transform(float(E), float(N), float(h))
+    assert (image, h) == ("8001.tif", "630.000")
+    assert (lat - 46.57) * 111e3 == pytest.approx(2.0, abs=0.1)
+    assert (lon - 6.54) * 76.6e3 == pytest.approx(1.0, abs=0.1)
 
 
-def test_export_of_an_unknown_format_is_wrong_use(exports, capsys):
-    """Oracle: the exit code of the contract and the nearest made-up name."""
-    assert main(["export", "eo.json", "metashap"]) == 2
-    assert capsys.readouterr().err == "insgnss: error: export: format 'metashap' is unknown; did you mean 'metashape'?\n"
-    assert exports == []
+@pytest.mark.parametrize(
+    ("argv", "says"),
+    [
+        (["metashap"], "export: format 'metashap' is unknown; did you mean 'metashape'?"),
+        (["eo_local_plane", "--crs", "EPSG:2056"], "eo_local_plane cannot carry a frame of kind projected; it carries tangent plane"),
+        (["inpho_ascii"], "inpho_ascii needs a projected CRS; name it, such as EPSG:2056"),
+        (["metashape", "--crs", "EPSG:1"], "CRS 'EPSG:1' is unknown"),
+        (["metashape", "--set", "unit=gon"], "metashape has no option 'unit'; it takes none"),
+        (["metashape", "--set", "unit"], "--set 'unit' is not KEY=VALUE"),
+        (["eo_json", "--out", "{master}"], "is the master itself; give --out"),
+        (["metashape", "--geoid", "nowhere.gtx"], "takes heights above the ellipsoid; leave the geoid out or name a CRS"),
+        (["metashape", "--crs", "EPSG:2056", "--geoid", "nowhere.gtx"], "geoid nowhere.gtx: does not exist"),
+        (["metashape", "--ground", "500"], "only heights in a projected CRS are scaled"),
+    ],
+)
+def test_wrong_exports_are_one_line_and_leave_nothing(argv, says, master, tmp_path, capsys):
+    """Oracle: the exit code of the contract, and the directory's listing."""
+    argv = [word.format(master=master) for word in argv]
+    assert main(["export", str(master), *argv, "-q"]) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["eo.json"]
 
 
-def test_export_help_lists_the_formats(exports, capsys):
-    """Oracle: the made-up formats."""
+def test_export_help_lists_the_formats(capsys):
+    """Oracle: the registry."""
+    from insgnss.formats import EXPORTS
+
     assert main(["export", "--help"]) == 0
-    assert "  colmap     for colmap\n" in capsys.readouterr().out
+    listed = capsys.readouterr().out.partition("formats:\n")[2].splitlines()
+    assert {line.split()[0] for line in listed if line.strip()} == set(EXPORTS)
+    assert all("experimental: " in line for line in listed if line.strip() and EXPORTS[line.split()[0]].experimental)
 
 
 @pytest.mark.parametrize(

@@ -163,7 +163,14 @@ def test_resolved_flight_is_json_with_every_default(load):
     assert resolved["imu"]["file"] == FILES[0]
     assert resolved["gnss"]["gate_sigma"] == 5.0
     assert resolved["mounting"]["antenna_m"] == [0.462, -0.001, -0.065]
-    assert resolved["output"] == {"directory": "02_Processed/GPS-INS", "formats": ["eo_local_plane", "metashape"], "trajectory_hz": 10.0}
+    assert resolved["output"] == {
+        "directory": "02_Processed/GPS-INS",
+        "formats": ["eo_local_plane", "metashape"],
+        "trajectory_hz": 10.0,
+        "crs": None,
+        "geoid": None,
+        "ground_m": None,
+    }
     assert resolved["filter"] == {
         "scale_factor": False,
         "misalignment": False,

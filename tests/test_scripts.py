@@ -67,3 +67,19 @@ def test_export_metashape(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "agree to" in done.stdout
     assert_is_picture(tmp_path / "export_metashape.png")
+
+
+def test_tune_from_static_recordings(tmp_path: Path) -> None:
+    """Oracle: the simulated noise, in the script's own assertion."""
+    done = run("03_tune_from_static_recordings.py", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert {"navchip.toml", "navchip.json", "navchip_gyro.png", "navchip_accel.png"} <= {path.name for path in tmp_path.iterdir()}
+    assert_is_picture(tmp_path / "tune_from_static.png")
+
+
+def test_compare_noise_models(tmp_path: Path) -> None:
+    """Oracle: the simulated model and a recording that no model has seen, in the script's own assertion."""
+    done = run("04_compare_noise_models.py", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "WN+2GM" in done.stdout
+    assert_is_picture(tmp_path / "compare_models.png")

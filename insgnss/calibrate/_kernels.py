@@ -1,7 +1,24 @@
-"""Numba kernel that carries a vector through a turn with its sensitivity to the gyro calibration. Mathematics: `multi_position`."""
+"""Numba kernels: a vector carried through a turn with its sensitivity to the gyro calibration (P, `multi_position`), and the likelihood
+of a stretch's innovations with its slopes in the noise (L, `likelihood`)."""
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+
+from ..navigation._kernels import (
+    ImuModel,
+    cholesky3,
+    forward_solve3,
+    innovation_test,
+    linearise,
+    make_work,
+    measured_triple,
+    open_gap,
+    predict_covariance,
+    reopen,
+    state_difference,
+)
 
 
 @njit(cache=True)
@@ -51,3 +68,224 @@ def carry(delta, dt, M, bias, Rt, J):
                 for b in range(3):
                     J[i, 3 + 3 * a + b] -= g * d[b]
         multiply(C, A, Rt)
+
+
+class Linear(NamedTuple):
+    """A stretch linearised at its m epochs; q parts of noise, the first the fixed one, d of them with driven states (L.1-L.3)."""
+
+    time: np.ndarray  # (m,) s
+    F: np.ndarray  # (m, 9, n) from the epoch before
+    D: np.ndarray  # (m, ns)
+    gap: np.ndarray  # (m, n) nominal carried from the epoch before, less the nominal here
+    Q: np.ndarray  # (m, q, 9, 9) process noise of the navigation states
+    Q_cross: np.ndarray  # (m, d, 9, ns) with the driven states
+    Q_states: np.ndarray  # (m, d, ns) of the driven states
+    kind: np.ndarray  # (k,) kinds of triples that occur
+    there: np.ndarray  # (m, k) bool
+    H: np.ndarray  # (m, k, 3, n)
+    nu: np.ndarray  # (m, k, 3, 2) innovation of the nominal in the first column
+    R: np.ndarray  # (m, k, 3, 3)
+    used: np.ndarray  # (k,) leading columns of H that may differ from zero
+
+
+@njit(cache=True)
+def linearise_stretch(seg, ep, imu, white, drive, earth, lever, nav, x, out):
+    """Fill `out` about the nominal nav (m, 10), x (m, ns).   white (q, 6), drive (q, ns): PSDs of each part of the noise."""
+    n = out.F.shape[2]
+    ns = n - 9
+    driven = out.Q_states.shape[1]
+    work = make_work(ns)
+    sums = np.zeros((5, 3))
+    W, Qbb = np.zeros((9, n)), np.zeros(ns)
+    nav_e, x_e = np.zeros(10), np.zeros(ns)
+    C, R, omega, gain, accel = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3), np.zeros(ns), np.zeros(3)
+    H, nu = np.zeros((3, n)), np.zeros((3, 2))
+    for e in range(ep.stop.size):
+        if e > 0:
+            first, last, begin = ep.stop[e - 1], ep.stop[e], ep.time[e - 1]
+            for part in range(len(white)):
+                nav_e[:] = nav[e - 1]
+                x_e[:] = x[e - 1]
+                own = ImuModel(
+                    imu.channel,
+                    imu.factor,
+                    imu.beta,
+                    drive[part],
+                    white[part],
+                    imu.block,
+                    imu.lever,
+                    imu.offset,
+                    imu.rate,
+                    imu.coloured,
+                    imu.scale,
+                )
+                linearise(seg, first, last, begin, nav_e, x_e, own, earth, out.F[e], out.D[e], W, Qbb, sums, work)
+                if part == 0 and ep.gap[e, 0] > 0.0:
+                    open_gap(W, work.column, work.last_block[0], ep.gap[e])
+                out.Q[e, part] = W[:, :9]
+                if part < driven:
+                    out.Q_cross[e, part] = W[:, 9:]
+                    out.Q_states[e, part] = Qbb
+            state_difference(nav_e, x_e, nav[e], x[e], out.gap[e])
+            for i in range(3):
+                accel[i] = (nav_e[3 + i] - nav[e - 1, 3 + i]) / (ep.time[e] - ep.time[e - 1])
+        for j in range(out.kind.size):
+            out.there[e, j] = measured_triple(out.kind[j], e, ep, nav[e], x[e], lever, accel, imu, earth, C, omega, gain, H, nu, R)
+            out.H[e, j] = H
+            out.nu[e, j] = nu
+            out.R[e, j] = R
+
+
+@njit(cache=True)
+def carry_mean(F, D, m, gap, new):
+    """m <- Phi m + gap; new (n,): scratch."""
+    for r in range(9):
+        t = gap[r]
+        for c in range(m.size):
+            t += F[r, c] * m[c]
+        new[r] = t
+    for s in range(D.size):
+        new[9 + s] = gap[9 + s] + D[s] * m[9 + s]
+    m[:] = new
+
+
+@njit(cache=True)
+def mixed_noise(lin, e, share, W, Qbb):
+    """The sum of the parts of the process noise at epoch e, part by part times `share`."""
+    W[:] = 0.0
+    Qbb[:] = 0.0
+    for part in range(share.size):
+        v = share[part]
+        if v == 0.0:
+            continue
+        for r in range(9):
+            for c in range(9):
+                W[r, c] += v * lin.Q[e, part, r, c]
+        if part < lin.Q_states.shape[1]:
+            for s in range(Qbb.size):
+                Qbb[s] += v * lin.Q_states[e, part, s]
+                for r in range(9):
+                    W[r, 9 + s] += v * lin.Q_cross[e, part, r, s]
+
+
+@njit(cache=True)
+def update_with_slopes(P, m, dP, dm, h, z, r, dr, used, gain, column, slope, total):
+    """(K.4) with a scalar of variance r, and (L.5) for each parameter; slope (2, p) takes dS and dy. S and y are returned.
+
+    dr (p,): derivative of r.   gain, column (n,): scratch.   total (p + 1, p): cost, gradient and information are added here.
+    """
+    n = P.shape[0]
+    S, y = r, z
+    for a in range(n):
+        t = 0.0
+        for c in range(used):
+            t += P[a, c] * h[c]
+        gain[a] = t
+    for c in range(used):
+        S += h[c] * gain[c]
+        y -= h[c] * m[c]
+    for a in range(n):
+        row = P[a]
+        t = gain[a] / S
+        for c in range(n):
+            row[c] -= t * gain[c]
+    for a in range(n):
+        gain[a] /= S
+    for i in range(dr.size):
+        slope[0, i], slope[1, i] = dr[i], 0.0
+        for a in range(n):
+            t = 0.0
+            for c in range(used):
+                t += dP[i, a, c] * h[c]
+            column[a] = t
+        for c in range(used):
+            slope[0, i] += h[c] * column[c]
+            slope[1, i] -= h[c] * dm[i, c]
+        dS, dy = slope[0, i], slope[1, i]
+        for a in range(n):
+            dm[i, a] += (column[a] - gain[a] * dS) * (y / S) + gain[a] * dy
+            row = dP[i, a]
+            s, t = gain[a] * dS - column[a], gain[a]
+            for c in range(n):
+                row[c] += s * gain[c] - t * column[c]
+    for a in range(n):
+        m[a] += gain[a] * y
+    for i in range(dr.size):
+        total[0, i] += slope[0, i] / S * (1.0 - y * y / S) + 2.0 * y * slope[1, i] / S
+        for j in range(dr.size):
+            total[1 + i, j] += slope[0, i] * slope[0, j] / (S * S) + 2.0 * slope[1, i] * slope[1, j] / S
+    return S, y
+
+
+@njit(cache=True)
+def run_linear(lin, P0, m0, share, of_part, scale, of_kind, gate, reset, total, white, nis, verdict):
+    """Kalman filter over a linearised stretch: (L.4) is returned, its gradient and information (L.5) go into total (p + 1, p).
+
+    P0 (d, n, n): a-priori covariance, part by part.   share (q,), scale (k,): factors of the parts' variance and of R of each kind.
+    of_part (q,), of_kind (k,): the parameter that is half the logarithm of the factor, or -1.
+    white (m, k, 3), nis (m, k), verdict (m, k): whitened innovations, NaN where there is none, and so on.
+    """
+    n = lin.F.shape[2]
+    ns, p = n - 9, total.shape[1]
+    P, m, new, none = np.zeros((n, n)), m0.copy(), np.zeros(n), np.zeros(n)
+    dP, dm = np.zeros((p, n, n)), np.zeros((p, n))
+    W, Qbb, X, nine = np.zeros((9, n)), np.zeros(ns), np.zeros((9, n)), np.zeros((9, 9))
+    R, L, S3, H, nu = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, n)), np.zeros((3, 2))
+    gain, column, slope, dr = np.zeros(n), np.zeros(n), np.zeros((2, p)), np.zeros(p)
+    only = np.zeros(share.size)
+    for part in range(len(P0)):
+        P += share[part] * P0[part]
+        if of_part[part] >= 0:
+            dP[of_part[part]] += 2.0 * share[part] * P0[part]
+    cost, lost = 0.0, -1
+    for e in range(lin.time.size):
+        if e > 0:
+            F, D = lin.F[e], lin.D[e]
+            mixed_noise(lin, e, share, W, Qbb)
+            predict_covariance(P, F, D, W, Qbb, X, nine)
+            for i in range(p):
+                for part in range(share.size):
+                    only[part] = 2.0 * share[part] if of_part[part] == i else 0.0
+                mixed_noise(lin, e, only, W, Qbb)
+                predict_covariance(dP[i], F, D, W, Qbb, X, nine)
+                carry_mean(F, D, dm[i], none, new)
+            carry_mean(F, D, m, lin.gap[e], new)
+        for j in range(lin.kind.size):
+            verdict[e, j] = 0
+            white[e, j] = np.nan
+            nis[e, j] = np.nan
+            if not lin.there[e, j]:
+                continue
+            H[:], nu[:] = lin.H[e, j], lin.nu[e, j]
+            for a in range(3):
+                for c in range(3):
+                    R[a, c] = lin.R[e, j, a, c] * scale[j]
+            out = X[:2, :3]
+            nis[e, j] = innovation_test(P, H, nu, m, R, lin.used[j], S3, L, out)
+            cholesky3(lin.R[e, j], L)
+            log_R = 2.0 * np.log(L[0, 0] * L[1, 1] * L[2, 2])
+            verdict[e, j] = 1
+            if nis[e, j] > gate:
+                if lin.kind[j] == 0 and lost < 0:
+                    lost = e
+                if lin.kind[j] > 0 or lin.time[e] - lin.time[lost] < reset or nis[e, j] == np.inf:
+                    verdict[e, j] = 2
+                    cost += gate + log_R + 3.0 * np.log(scale[j])
+                    if of_kind[j] >= 0:
+                        total[0, of_kind[j]] += 6.0
+                    continue
+                reopen(P, out, reset)
+                verdict[e, j] = 3
+            if lin.kind[j] == 0:
+                lost = -1
+            cost += log_R
+            forward_solve3(L, H)
+            forward_solve3(L, nu)
+            dr[:] = 0.0
+            if of_kind[j] >= 0:
+                dr[of_kind[j]] = 2.0 * scale[j]
+            for i in range(3):
+                S, y = update_with_slopes(P, m, dP, dm, H[i], nu[i, 0], scale[j], dr, lin.used[j], gain, column, slope, total)
+                white[e, j, i] = y / np.sqrt(S)
+                cost += np.log(S) + y * y / S
+    return cost

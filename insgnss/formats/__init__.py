@@ -5,14 +5,14 @@ options that a format cannot use are refused, None is no option. `describe` says
 `EXPORTS` lists what an exterior orientation is written to.
 """
 
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from ..errors import InputError, UsageError
-from ..records import CameraEvents, ExteriorOrientation, GnssFixes, ImuSamples
+from ..records import CameraEvents, GnssFixes, ImuSamples
 from ._content import TableInfo
+from ._exports import EXPORTS
 from ._units import UNITS, split_unit, unit_factor
 
 __all__ = ["EXPORTS", "UNITS", "TableInfo", "describe", "read_events", "read_gnss", "read_imu", "split_unit", "unit_factor"]
@@ -179,30 +179,3 @@ def describe(path: str | Path) -> list[TableInfo]:
     from ._describe import tables_in
 
     return tables_in(path)
-
-
-def _eo_local_plane(eo: ExteriorOrientation, path: str | Path) -> None:
-    from .eo_local_plane import write_eo_local_plane
-
-    write_eo_local_plane(eo, path)
-
-
-def _metashape(eo: ExteriorOrientation, path: str | Path) -> None:
-    from .metashape import write_metashape
-
-    write_metashape(eo, path)
-
-
-def _eo_json(eo: ExteriorOrientation, path: str | Path) -> None:
-    from .eo_json import write_eo_json
-
-    write_eo_json(eo, path)
-
-
-Export = tuple[Callable[[ExteriorOrientation, str | Path], None], str, str]
-
-EXPORTS: dict[str, Export] = {
-    "eo_local_plane": (_eo_local_plane, "EO_local-plane.txt", "tangent plane, omega phi kappa, standard deviations; blank separated text"),
-    "metashape": (_metashape, "metashape.csv", "Metashape camera reference: longitude latitude height, yaw pitch roll, accuracies"),
-    "eo_json": (_eo_json, "eo.json", "master: full covariances, cross-covariances of neighbours, ECEF and tangent plane"),
-}

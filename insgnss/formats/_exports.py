@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Literal
 
-TANGENT, GEOCENTRIC, GEOGRAPHIC, PROJECTED = "tangent plane", "geocentric", "geographic", "projected"
-CARTESIAN = (TANGENT, PROJECTED, GEOCENTRIC)
+from ..records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
+
 Heights = Literal["", "ellipsoid", "sea level"]
 
 
@@ -19,10 +19,11 @@ class Export:
     """One format.
 
     product : its usual file name.   what : one line for people.   writer : module and function in `formats`.
-    frames : kinds of frame that it can carry, the first by default.   heights : to what its consumer takes heights: any, which the
-    frame says (""), or always above the ellipsoid of WGS84 or sea level.   options : what the writer takes besides.
-    reader : module and function that read it back; empty where the format cannot be.
+    frames : kinds of frame that it can carry, the first by default; none for the master.
+    heights : to what its consumer takes heights: what the frame says (""), or always above the ellipsoid of WGS84, or above sea level.
+    options : what the writer takes besides.   reader : module and function that read it back; empty where the format cannot be.
     experimental : why not all of the convention could be checked; empty where it could.   several : a directory of files.
+    needs : those of the options that have no default.
     """
 
     product: str
@@ -34,6 +35,7 @@ class Export:
     reader: str = ""
     experimental: str = ""
     several: bool = False
+    needs: tuple[str, ...] = ()
 
     @property
     def write(self) -> Callable[..., Any]:
@@ -50,3 +52,120 @@ def _function(place: str) -> Callable[..., Any]:
     module, _, name = place.partition(":")
     function: Callable[..., Any] = getattr(import_module(f".{module}", __package__), name)
     return function
+
+
+_REFERENCE = "Metashape camera reference: "
+_UNVERIFIED = "no file of the program was at hand; the layout is that of its handbook as others tell it"
+EXPORTS: dict[str, Export] = {
+    "eo_local_plane": Export(
+        "EO_local-plane.txt",
+        "tangent plane, omega phi kappa, standard deviations; blank separated text",
+        "eo_local_plane:write_eo_local_plane",
+        (TANGENT,),
+        reader="eo_local_plane:read_eo_local_plane",
+    ),
+    "metashape": Export(
+        "metashape.csv",
+        _REFERENCE + "longitude latitude height, yaw pitch roll (true north), accuracies",
+        "metashape:write_metashape",
+        (GEOGRAPHIC, PROJECTED, TANGENT),
+        reader="metashape:read_metashape",
+    ),
+    "metashape_opk": Export(
+        "metashape_opk.csv", _REFERENCE + "omega phi kappa of the grid", "metashape:write_metashape_opk", (PROJECTED, GEOGRAPHIC, TANGENT)
+    ),
+    "metashape_offset": Export(
+        "metashape_offset.csv",
+        _REFERENCE + "bore-sight as GPS/INS offset beside, not in the angles",
+        "metashape:write_metashape_offset",
+        (GEOGRAPHIC, PROJECTED, TANGENT),
+    ),
+    "pix4d_matic": Export("pix4d_matic.csv", "PIX4Dmatic geolocation and orientation", "pix4d:write_pix4d_matic", (GEOGRAPHIC, PROJECTED)),
+    "pix4d_mapper": Export("pix4d_mapper.csv", "PIX4Dmapper: X Y Z omega phi kappa", "pix4d:write_pix4d_mapper", (PROJECTED, TANGENT)),
+    "pix4d_mapper_accuracy": Export(
+        "pix4d_mapper_experimental.csv",
+        "PIX4Dmapper with accuracies",
+        "pix4d:write_pix4d_mapper_accuracy",
+        (PROJECTED, TANGENT, GEOGRAPHIC),
+        experimental="place of the accuracies and meaning of angles with latitude, longitude",
+    ),
+    "odm": Export("geo.txt", "OpenDroneMap: positions and accuracies", "odm:write_odm_geo", (GEOGRAPHIC, PROJECTED)),
+    "opensfm": Export(
+        "exif_overrides.json",
+        "OpenSfM: positions and omega phi kappa, reference_lla.json beside",
+        "opensfm:write_opensfm",
+        (TANGENT,),
+        heights="ellipsoid",
+    ),
+    "micmac": Export("micmac.txt", "MicMac OriConvert text", "micmac:write_micmac", (TANGENT, GEOCENTRIC)),
+    "micmac_xml": Export(
+        "Ori-Nav",
+        "MicMac Orientation-*.xml, one an image",
+        "micmac:write_micmac_xml",
+        (TANGENT, GEOCENTRIC),
+        options=("calibration",),
+        several=True,
+    ),
+    "realitycapture": Export(
+        "realitycapture.csv",
+        "RealityCapture/RealityScan flight log, yaw pitch roll",
+        "realitycapture:write_realitycapture",
+        (GEOGRAPHIC, TANGENT),
+    ),
+    "realitycapture_accuracy": Export(
+        "realitycapture_experimental.csv",
+        "the same with accuracies",
+        "realitycapture:write_realitycapture_accuracy",
+        (GEOGRAPHIC, TANGENT, PROJECTED),
+        experimental="names of accuracies; north of yaw in a projected CRS",
+    ),
+    "bentley": Export(
+        "blocks.xml",
+        "BlocksExchange XML of ContextCapture",
+        "bentley:write_bentley",
+        (PROJECTED, TANGENT, GEOGRAPHIC),
+        options=("width_px", "height_px", "focal_px"),
+    ),
+    "inpho_prj": Export(
+        "inpho.prj",
+        "Inpho photo blocks",
+        "inpho:write_inpho_prj",
+        (PROJECTED, TANGENT),
+        options=("focal_mm", "ground_m", "camera"),
+        needs=("focal_mm", "ground_m"),
+    ),
+    "inpho_ascii": Export("inpho.txt", "Inpho GNSS/INS table", "inpho:write_inpho_ascii", (PROJECTED, TANGENT)),
+    "patb": Export(
+        "patb_experimental.ori", "PATB orientations", "patb:write_patb", (PROJECTED, TANGENT), experimental="direction of the matrix"
+    ),
+    "generic_ascii": Export(
+        "eo_table.txt",
+        "a table by template: columns, angle set, units, delimiter",
+        "generic_ascii:write_generic_ascii",
+        (TANGENT, PROJECTED, GEOGRAPHIC, GEOCENTRIC),
+        options=("columns", "delimiter", "header", "unit", "camera_axes", "attitude", "north", "decimals_m", "decimals_angle"),
+        reader="generic_ascii:read_generic_ascii",
+    ),
+    **{
+        name: Export(
+            f"{name}_experimental.txt",
+            f"table for {tool}",
+            f"_ascii_presets:write_{name}",
+            (PROJECTED, TANGENT),
+            reader="generic_ascii:read_generic_ascii",
+            experimental=_UNVERIFIED,
+        )
+        for name, tool in (("bingo", "BINGO"), ("bluh", "BLUH"), ("orima", "ORIMA"), ("xpro", "XPro"), ("simactive", "SimActive"))
+    },
+    "dji_terra": Export(
+        "dji_terra_experimental.csv",
+        "table for DJI Terra",
+        "_ascii_presets:write_dji_terra",
+        (GEOGRAPHIC,),
+        reader="generic_ascii:read_generic_ascii",
+        experimental=_UNVERIFIED,
+    ),
+    "eo_json": Export(
+        "eo.json", "master: full covariances, cross-covariances of neighbours, ECEF and tangent plane", "eo_json:write_eo_json", ()
+    ),
+}

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from .. import __version__
 from ..files import atomic_write
-from ..geodesy.rotation import CV_RUB, opk_from_rotation, opk_jacobian, rotation_from_opk
-from ..records import ExteriorOrientation
+from ..geodesy.rotation import CV_RUB, rotation_from_opk
+from ..records import FramedOrientation
 from ._columns import Aliases, Columns, columns_of
-from ._eo import angle_sigma, check_names
+from ._eo import OPK, TANGENT, angles_of, check_frame, check_names, frame_attitude, position_sigma, table_text
 from ._text import Source, read_text_table
 
 Array = NDArray[np.float64]
@@ -45,25 +45,26 @@ class LocalPlaneEo:
         return np.asarray(rotation_from_opk(self.opk) @ CV_RUB)
 
 
-def write_eo_local_plane(eo: ExteriorOrientation, path: Source) -> None:
-    """Write metres with 4 decimals (standard deviations 5), degrees with 6; DataError where phi is +-90 deg."""
+def write_eo_local_plane(eo: FramedOrientation, path: Source) -> None:
+    """Write metres with 4 decimals (standard deviations 5), degrees with 6; the frame is a tangent plane.
+
+    Raises UsageError for another frame, InputError for names with blanks, DataError where phi is +-90 deg.
+    """
+    check_frame(eo, "eo_local_plane", TANGENT)
     check_names(eo.images, None)
-    opk = opk_from_rotation(eo.C_mc @ CV_RUB)
-    sigma_position = np.sqrt(np.diagonal(eo.cov, axis1=1, axis2=2)[:, :3])
-    sigma_opk = angle_sigma(opk, opk_jacobian, 1, eo.cov[:, 3:, 3:], eo.images, "omega phi kappa")
-    table = np.hstack([eo.position_m, np.degrees(opk), sigma_position, np.degrees(sigma_opk)])
+    opk, sigma_opk = angles_of(eo, *frame_attitude(eo), OPK)
+    table = np.hstack([eo.coordinates, np.degrees(opk), position_sigma(eo), np.degrees(sigma_opk)])
     form = "%s" + " %.4f" * 3 + " %.6f" * 3 + " %.5f" * 3 + " %.6f" * 3 + "\n"
-    rows = "".join(form % (name, *row) for name, row in zip(eo.images, table.tolist(), strict=True))
-    atomic_write(path, header(eo) + rows)
+    atomic_write(path, table_text(header(eo), eo.images, form, table))
 
 
-def header(eo: ExteriorOrientation) -> str:
+def header(eo: FramedOrientation) -> str:
     """The comment lines: frame, origin, angle set, what was applied, column names."""
-    lat, lon = np.degrees(eo.origin[:2])
+    lat, lon = np.degrees(eo.frame.origin[:2])
     said = [
         f"insgnss {__version__}: exterior orientation of {len(eo.images)} images, GPS week {eo.gps_week}",
         "frame: tangent plane, east north up, WGS84",
-        f"origin: latitude {lat:.10f} deg, longitude {lon:.10f} deg, ellipsoidal height {eo.origin[2]:.4f} m",
+        f"origin: latitude {lat:.10f} deg, longitude {lon:.10f} deg, ellipsoidal height {eo.frame.origin[2]:.4f} m",
         "position: projection centre, m; lever arm and bore-sight applied",
         "angles: omega phi kappa, deg; R = Rx(omega) Ry(phi) Rz(kappa) takes the camera (x right, y up, z back) to east north up",
         "sigmas: one standard deviation, m and deg",

@@ -1,27 +1,53 @@
-"""Metashape's reference csv for cameras: geographic position and yaw, pitch, roll, data_specs/metashape.md.
+r"""Metashape's reference csv for cameras in its three variants, data_specs/metashape.md.
 
-Import with columns "nxyzabcXYZABC", delimiter ",", skip_rows 1, a geographic CRS with ellipsoidal heights (EPSG:4979) and
-rotation angles yaw, pitch, roll; a GPS/INS offset must stay off, since lever arm and bore-sight are applied.
+Import with columns "nxyzabcXYZABC", delimiter ",", skip_rows 1 and the CRS that the header names. x is easting or longitude.
 
-x is longitude, y latitude. The angles belong to the camera with axes right, up, back in east, north, up *at the camera*
-(true north), so the attitude in the tangent plane m moves there with C_mn, NED at the camera into m:
+`write_metashape` gives yaw, pitch, roll of the camera with axes right, up, back in east, north, up *at the camera*: true north,
+also in a projected CRS; in a tangent plane (LOCAL_CS) the axes of the plane (formats.md B1.1):
 
-    R = NED_ENU C_mn^T C_mc CV_RUB = Rz(-yaw) Rx(pitch) Ry(roll)                                        (M.1)
+    R = C_Ec CV_RUB = Rz(-yaw) Rx(pitch) Ry(roll)                                                       (M.1)
 
-and covariances move with A = NED_ENU C_mn^T, A P A^T. The format takes no correlations.
+`write_metashape_opk` gives omega, phi, kappa in the axes of the CRS, C_fc CV_RUB = Rx(omega) Ry(phi) Rz(kappa). Both have lever arm and
+bore-sight applied, so that a GPS/INS offset must stay off.
+
+`write_metashape_offset` leaves the bore-sight B to Metashape, which multiplies a GPS/INS offset rotation to the camera's. With T the
+nominal mounting (`camera_from_body`) and G = CV_RUB T, body to camera right-up-back, the angles are those of the nominal camera and
+
+    C_Ec(nominal) = C_Ec T B T^T,        ypr2mat(offset) = G B G^T                                      (M.2)
+
+(formats.md B1.3, B1.4); the offset stands in a text beside the csv. The format takes no correlations.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..files import atomic_write
-from ..geodesy.frames import TangentPlane
-from ..geodesy.rotation import CV_RUB, NED_ENU, rotation_from_ypr, ypr_from_rotation, ypr_jacobian
-from ..records import ExteriorOrientation
+from ..geodesy.rotation import CV_RUB, rotation_from_ypr, ypr_from_rotation
+from ..records import FramedOrientation
 from ._columns import Aliases, columns_of
-from ._eo import angle_sigma, check_names
+from ._eo import (
+    GEOGRAPHIC,
+    OPK,
+    PROJECTED,
+    TANGENT,
+    YPR,
+    AngleSet,
+    angles_of,
+    check_frame,
+    check_names,
+    frame_attitude,
+    frame_words,
+    north_attitude,
+    one_line,
+    place_form,
+    places,
+    position_sigma,
+    said,
+    table_text,
+)
 from ._text import Source, read_text_table
 
 Array = NDArray[np.float64]
@@ -50,25 +76,63 @@ class MetashapeReference:
         return np.asarray(rotation_from_ypr(self.ypr) @ CV_RUB)
 
 
-def write_metashape(eo: ExteriorOrientation, path: Source) -> None:
-    """Write degrees with 10 decimals (position) and 6 (angles), metres with 4, accuracies 5 and 6."""
+def write_metashape(eo: FramedOrientation, path: Source) -> None:
+    """Write yaw, pitch, roll (M.1) in a geographic, projected or tangent-plane frame.
+
+    Degrees with 10 decimals (position) and 6 (angles), metres with 4, accuracies 5 and 6. Raises UsageError for another frame,
+    InputError for names with commas, DataError where pitch is +-90 deg.
+    """
+    _write(eo, path, north_attitude(eo), YPR, ("Yaw", "Pitch", "Roll"))
+
+
+def write_metashape_opk(eo: FramedOrientation, path: Source) -> None:
+    """Write omega, phi, kappa in the axes of the CRS; digits and refusals as `write_metashape`."""
+    _write(eo, path, frame_attitude(eo), OPK, ("Omega", "Phi", "Kappa"))
+
+
+def write_metashape_offset(eo: FramedOrientation, path: Source) -> None:
+    """Write yaw, pitch, roll of the nominal camera, and the GPS/INS offset into <name>_gps_ins_offset.txt beside it (M.2)."""
+    R, P = north_attitude(eo)
+    T = eo.camera_from_body
+    nominal = R @ CV_RUB @ T @ eo.boresight @ T.T @ CV_RUB
+    _write(eo, path, (nominal, P), YPR, ("Nominal_yaw", "Nominal_pitch", "Nominal_roll"))
+    path = Path(path)
+    atomic_write(path.with_name(f"{path.stem}_gps_ins_offset.txt"), _offset_text(eo))
+
+
+def offset_rotation(boresight: Array, camera_from_body: Array) -> Array:
+    """Yaw, pitch, roll (3,), rad, of Metashape's GPS/INS offset that stands for B and T (M.2)."""
+    G = CV_RUB @ camera_from_body
+    return ypr_from_rotation(G @ boresight @ G.T)
+
+
+def _offset_text(eo: FramedOrientation) -> str:
+    yaw, pitch, roll = np.degrees(offset_rotation(eo.boresight, eo.camera_from_body))
+    lines = (
+        "GPS/INS offset of Metashape: Tools, Camera Calibration, GPS/INS Offset; fix or adjust it there",
+        "the csv beside holds the angles of the nominal camera; without this offset the bore-sight is missing, with the angles of another "
+        "export it would count twice",
+        "the positions are those of the projection centre: the location stays 0",
+    )
+    head = said(eo, *lines, applied="lever arm applied, bore-sight not applied in the angles of the csv")
+    return f"{head}X, Y, Z (m): 0, 0, 0\nYaw, Pitch, Roll (deg): {yaw:.6f}, {pitch:.6f}, {roll:.6f}\n"
+
+
+def _write(eo: FramedOrientation, path: Source, attitude: tuple[Array, Array], angle_set: AngleSet, names: tuple[str, ...]) -> None:
+    check_frame(eo, "metashape", GEOGRAPHIC, PROJECTED, TANGENT)
     check_names(eo.images, ",")
-    plane = TangentPlane(*eo.origin)
-    lat, lon, height = plane.geodetic_from_position(eo.position_m)
-    A = NED_ENU @ np.swapaxes(plane.C_mn(lat, lon), 1, 2)
-    ypr = ypr_from_rotation(A @ eo.C_mc @ CV_RUB)  # (M.1)
-    P_position, P_psi = (A @ P @ np.swapaxes(A, 1, 2) for P in (eo.cov[:, :3, :3], eo.cov[:, 3:, 3:]))
-    sigma_position = np.sqrt(np.diagonal(P_position, axis1=1, axis2=2))
-    sigma_ypr = angle_sigma(ypr, ypr_jacobian, 1, P_psi, eo.images, "yaw pitch roll")
-    place = np.column_stack([np.degrees(lon), np.degrees(lat), height])
-    table = np.hstack([place, np.degrees(ypr), sigma_position, np.degrees(sigma_ypr)])
-    form = "%s,%.10f,%.10f,%.4f" + ",%.6f" * 3 + ",%.5f" * 3 + ",%.6f" * 3 + "\n"
-    rows = "".join(form % (name, *row) for name, row in zip(eo.images, table.tolist(), strict=True))
-    atomic_write(path, "#" + ",".join(COLUMNS) + "\n" + rows)
+    angles, sigma = angles_of(eo, *attitude, angle_set)
+    table = np.hstack([places(eo), np.degrees(angles), position_sigma(eo), np.degrees(sigma)])
+    form = f"%s,{place_form(eo, ',')}" + ",%.6f" * 3 + ",%.5f" * 3 + ",%.6f" * 3 + "\n"
+    position = ("X", "Y", "Z")
+    if eo.frame.kind != GEOGRAPHIC:
+        position = (f"Easting ({one_line(frame_words(eo))})", "Northing", "Height")
+    columns = ("#Label", *position, *names, *ACCURACY[:3], *(f"{name}_acc" for name in names))
+    atomic_write(path, table_text(",".join(columns) + "\n", eo.images, form, table))
 
 
 def read_metashape(path: Source) -> MetashapeReference:
-    """Read the file back; InputError with file and line."""
+    """Read the geographic file back; InputError with file and line, also for the other variants, whose columns have other names."""
     table = read_text_table(path)
     index = columns_of(table, ALIASES, COLUMNS, (COLUMNS,))
     lon, lat, height = (table.floats(index[name]) for name in "XYZ")

@@ -32,7 +32,7 @@ REMARKS = (
 NEEDS_FIXES = "no fixes of a receiver: give its file as well, the samples alone have no position"
 NEEDS_POSITION = (
     "a static recording needs a position to become a flight: set gnss.stationary = [latitude, longitude, height] in a flight file; "
-    "as it is, it can serve a noise model (data_specs/noise_model.md)"
+    "as it is, insgnss tune makes a noise model of it"
 )
 
 
@@ -279,7 +279,8 @@ def _noise(draft: Draft, sensing: Sensing) -> None:
     bias = "the mean rate at rest sets the turn-on bias of the gyros" if sensing.rest_s > 0.0 else "no rest: turn-on biases are a-priori"
     draft.noise_why = (
         f"Drafted by insgnss inspect. {measured[0].upper()}{measured[1:]}; the largest is taken.",
-        f"{bias[0].upper()}{bias[1:]}; Gauss-Markov processes a-priori of a {sensing.grade} sensor. Static recordings tell it better.",
+        f"{bias[0].upper()}{bias[1:]}; Gauss-Markov processes a-priori of a {sensing.grade} sensor. "
+        "Static recordings tell it better: insgnss tune.",
     )
 
 

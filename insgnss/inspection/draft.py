@@ -77,10 +77,7 @@ def write_draft(draft: Draft, path: Path, force: bool = False) -> list[Path]:
         raise UsageError(f"{', '.join(there)} {verb} there already; nothing written; give another place with --write FLIGHT, or --force")
     for file, content in parts.items():
         if isinstance(content, NoiseModel):
-            write_noise_model(content, file)
-            atomic_write(
-                file, "\n".join(line for why in draft.noise_why for line in _comment(why)) + "\n" + file.read_text(encoding="utf-8")
-            )
+            write_noise_model(content, file, draft.noise_why)
         else:
             atomic_write(file, content)
     return list(parts)

@@ -24,8 +24,7 @@ from ..geodesy.frames import TangentPlane
 from ..geodesy.projection import MapProjection
 from ..geodesy.rotation import NED_ENU
 from ..records import Array, ExteriorOrientation, FramedOrientation, MapFrame
-
-KINDS = ("tangent plane", "geocentric", "geographic", "projected")
+from ..records.framed import GEOCENTRIC, KINDS, PROJECTED, TANGENT
 
 
 def in_frame(
@@ -38,7 +37,7 @@ def in_frame(
     """
     if kind not in KINDS:
         raise UsageError(f"frame {kind!r} is unknown; it is one of {', '.join(KINDS)}")
-    if (projection is not None) != (kind == "projected"):
+    if (projection is not None) != (kind == PROJECTED):
         raise UsageError(f"frame {kind!r}: a CRS belongs to a projected frame, and to no other")
     if ground_m is not None and projection is None:
         raise UsageError(f"frame {kind!r}: only heights in a projected CRS are scaled; leave the ground's height out")
@@ -76,12 +75,12 @@ def _axes(
     """C_fm (n, 3, 3), coordinates (n, 3) and the frame (W.1)."""
     lat, lon, h = place
     n = len(eo.images)
-    if kind == "tangent plane":
+    if kind == TANGENT:
         lat_d, lon_d = np.degrees(eo.origin[:2])
         words = f"tangent plane of WGS84 at latitude {lat_d:.10f} deg, longitude {lon_d:.10f} deg, {plane.height:.4f} m"
         frame = MapFrame(kind, words, "along the vertical of the origin", origin=tuple(eo.origin.tolist()))
         return np.broadcast_to(np.eye(3), (n, 3, 3)), eo.position_m.copy(), frame
-    if kind == "geocentric":
+    if kind == GEOCENTRIC:
         C_em = plane.C_em
         x = plane.origin_ecef + eo.position_m @ C_em.T
         return np.broadcast_to(C_em, (n, 3, 3)), x, MapFrame(kind, "EPSG:4978 WGS 84 (geocentric)", "", crs="EPSG:4978")

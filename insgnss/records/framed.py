@@ -4,12 +4,14 @@ from dataclasses import dataclass, field
 
 from ._checked import Array, frozen
 
+KINDS = TANGENT, GEOCENTRIC, GEOGRAPHIC, PROJECTED = "tangent plane", "geocentric", "geographic", "projected"
+
 
 @dataclass(frozen=True)
 class MapFrame:
     """In which coordinates and axes an exterior orientation stands.
 
-    kind : "tangent plane", "geocentric", "geographic" or "projected".   name : for people, with code.
+    kind : one of `KINDS`.   name : for people, with code.
     heights : what the third coordinate is; empty where it is none.   crs : authority code, "EPSG:2056", empty where there is none.
     wkt : WKT2 of a projected CRS, vertical part included.   origin : latitude rad, longitude rad, height m of a tangent plane.
     northing_first : whether the CRS itself names latitude or northing first; coordinates here never do.

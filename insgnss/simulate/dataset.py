@@ -63,6 +63,7 @@ def write_dataset(
     accel_unit: str | None = None,
     quantity: Quantity = "mean_rate",
     imu_faults: ImuFaults | None = None,
+    vibration: float = 1.0,
     gnss: GnssOptions | None = None,
     rig: Rig | None = None,
     second_imu: SecondImu | None = None,
@@ -78,7 +79,7 @@ def write_dataset(
     ----------
     directory : is created; it may exist if it is empty.
     flight, minutes, seed, gnss, rig, second_imu, missing_events, changes : as in `simulate_flight`.
-    imu_rate : Hz.   noise, imu_faults : as in `ImuOptions`; the flight file names the noise.
+    imu_rate : Hz.   noise, imu_faults, vibration : as in `ImuOptions`; the flight file names the noise.
     imu_axes, gyro_unit, accel_unit, quantity, imu_rows, gnss_rows, flight_file : as in `write_simulated`; SI units by default.
 
     Raises
@@ -88,7 +89,7 @@ def write_dataset(
     """
     target = _target(directory)
     units = Units.of(quantity, gyro_unit, accel_unit)
-    imu = ImuOptions(imu_rate, noise, imu_axes, quantity, faults=imu_faults or ImuFaults())
+    imu = ImuOptions(imu_rate, noise, imu_axes, quantity, faults=imu_faults or ImuFaults(), vibration=vibration)
     simulated = simulate_flight(
         flight, minutes, seed=seed, imu=imu, gnss=gnss, rig=rig, second_imu=second_imu, missing_events=missing_events, **changes
     )

@@ -14,7 +14,8 @@ An IMU reads, in body axes and then in its own, the truth plus the errors of its
     reading = (I + M) truth + slow errors + white and quantization noise                                    (S.3)
 
 where M, drawn once, holds scale factors on its diagonal and misalignments off it. The slow errors are the truth for the
-biases that a filter estimates.
+biases that a filter estimates. An airframe that shakes the sensor adds broad-band noise as soon as it moves: white noise then is
+`vibration` times the model's (lines of an engine are `faults.Vibration`).
 """
 
 from dataclasses import dataclass, field, replace
@@ -33,6 +34,7 @@ from .motion import Motion
 
 Array = NDArray[np.float64]
 
+MOVES_MS = 1.0
 _PAPER_T = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
 _PAPER_B = ((0.999909, 0.008952, 0.010018), (-0.009067, 0.999893, 0.011465), (-0.009914, -0.011555, 0.999884))
 _DIRECTIONS = {
@@ -76,6 +78,7 @@ class ImuOptions:
 
     noise : shipped model, path, `NoiseModel`, or None for an ideal sensor; its x, y, z act on the body's forward, right, down.
     axes : body directions of the sensor's x, y, z.   phase_s : of the stamps against the record's start.
+    vibration : factor of the white noise while the vehicle moves, against the model's, which knows nothing of it.
     faults : of the recording.
     """
 
@@ -85,6 +88,11 @@ class ImuOptions:
     quantity: Quantity = "mean_rate"
     phase_s: float = 0.0
     faults: ImuFaults = field(default_factory=ImuFaults)
+    vibration: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 1.0 <= self.vibration < np.inf:
+            raise UsageError(f"vibration {self.vibration:g}; it is a factor of the white noise, one or more")
 
 
 @dataclass(frozen=True)
@@ -129,12 +137,25 @@ def simulate_imu(flight: Flight, options: ImuOptions, rng: np.random.Generator, 
     dt = 1.0 / options.rate_hz
     readings, slow = [], []
     *streams, faults = rng.spawn(3)
-    for truth, axes, stream in zip((ideal.gyro, ideal.accel), (model.gyro, model.accel) if model else ((), ()), streams, strict=True):
+    shaken = _shaken(flight.motion, ideal.time, options.vibration)
+    shakes = rng.spawn(2)
+    triads = (model.gyro, model.accel) if model else ((), ())
+    for truth, axes, stream, shake in zip((ideal.gyro, ideal.accel), triads, streams, shakes, strict=True):
         reading, bias = _erroneous(truth, axes, dt, options.quantity, stream)
+        if options.vibration > 1.0:
+            white = np.array([axis.white_noise for axis in axes] or [0.0] * 3)
+            unit = np.sqrt(dt) if options.quantity == "increments" else 1.0 / np.sqrt(dt)
+            reading = reading + unit * shaken[:, None] * white * shake.standard_normal(reading.shape)
         readings.append(reading @ C_bs)
         slow.append(bias)
     samples = replace(ideal, gyro=readings[0], accel=readings[1], gps_week=flight.gps_week, source="simulated IMU")
     return SimulatedImu(options.faults.apply(samples, faults), ideal.time, slow[0], slow[1])
+
+
+def _shaken(motion: Motion, time: Array, vibration: float) -> Array:
+    """(n,) what vibration adds to white noise, in units of the model's: independent, so that the sum is `vibration` times as large."""
+    moving = np.linalg.norm(motion.velocity(np.clip(time, motion.start, motion.end)), axis=1) > MOVES_MS
+    return np.sqrt(vibration**2 - 1.0) * moving
 
 
 def _erroneous(truth: Array, axes: tuple[AxisNoise, ...], dt: float, quantity: Quantity, rng: np.random.Generator) -> tuple[Array, Array]:

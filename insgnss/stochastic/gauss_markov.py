@@ -161,7 +161,7 @@ def _flat(T_samples: ArrayLike, m: ArrayLike) -> tuple[tuple[int, ...], Array, A
     T, factor = np.broadcast_arrays(np.asarray(T_samples, float), np.asarray(m, float))
     if not ((T > 0.0) & np.isfinite(T)).all():
         raise UsageError(f"correlation time of {T[~((T > 0.0) & np.isfinite(T))][0]:g} samples; give one that is positive and finite")
-    return T.shape, 1.0 / T.ravel(), np.ascontiguousarray(factor.ravel())
+    return T.shape, np.array(1.0 / T).ravel(), np.array(factor).ravel()
 
 
 def gauss_markov_coefficients(T_samples: float, sampling: str = "point") -> tuple[float, float, float]:

@@ -12,29 +12,25 @@ Each axis is a sum of named processes, for a gyroscope in X = rad/s and for an a
     misalignment    rad            the same
 
 White noise of root density q integrates to a variance of q^2 dt over dt (footnote 7 of paper 000).
-The file is TOML as in `data_specs` (noise model); [gyro.x] overrides single quantities of [gyro] for that axis.
+The file is TOML as in `data_specs` (noise model); [gyro.x] overrides single quantities of [gyro] for that axis. A model that was
+estimated says of which recordings, and how well each quantity is known.
 """
 
 import contextlib
-import difflib
 import math
 import os
-import re
-import tomllib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..errors import InputError, UsageError
-from ..units import format_quantity, parse_quantity
 
 MODELS = Path(__file__).parent / "models"
-_AXES = ("x", "y", "z")
-_GM = "gauss_markov"
+GAUSS_MARKOV = "gauss_markov"
 
 # unit of each quantity: the dimension that a file's value must have, and the unit in which one is written
-_UNITS: dict[str, dict[str, str]] = {
+NOISE_UNITS: dict[str, dict[str, str]] = {
     "gyro": {
         "turn_on_bias": "deg/h",
         "white_noise": "deg/h/sqrt(Hz)",
@@ -58,8 +54,8 @@ _UNITS: dict[str, dict[str, str]] = {
         "sigma": "ug",
     },
 }
-_QUANTITIES = ("turn_on_bias", "white_noise", "quantization", "random_walk", "drift", "scale_factor", "misalignment")
-_GM_KEYS = ("correlation_time", "driving_noise", "sigma")
+QUANTITIES = ("turn_on_bias", "white_noise", "quantization", "random_walk", "drift", "scale_factor", "misalignment")
+GM_KEYS = ("correlation_time", "driving_noise")
 
 
 @dataclass(frozen=True)
@@ -88,7 +84,11 @@ class GaussMarkov:
 
 @dataclass(frozen=True)
 class AxisNoise:
-    """Processes of one axis in SI, X = rad/s or m/s^2; zero means absent."""
+    """Processes of one axis in SI, X = rad/s or m/s^2; zero means absent.
+
+    standard_error : (name, standard deviation in SI) of what is estimated and how well; names are those of the quantities, and
+        correlation_time_1, driving_noise_1, ... of the Gauss-Markov processes in order. A mapping will do at construction.
+    """
 
     white_noise: float = 0.0
     quantization: float = 0.0
@@ -98,25 +98,43 @@ class AxisNoise:
     gauss_markov: tuple[GaussMarkov, ...] = ()
     scale_factor: float = 0.0
     misalignment: float = 0.0
+    standard_error: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, _GM, tuple(self.gauss_markov))
-        for name in _QUANTITIES:
+        object.__setattr__(self, GAUSS_MARKOV, tuple(self.gauss_markov))
+        object.__setattr__(self, "standard_error", tuple(sorted((name, float(value)) for name, value in dict(self.standard_error).items())))
+        for name in QUANTITIES:
             value = getattr(self, name)
             if not (0.0 <= value < math.inf):
                 raise InputError(f"{name} {value:g} must be finite and not negative")
+        known = {*QUANTITIES, *(f"{key}_{k}" for key in GM_KEYS for k in range(1, len(self.gauss_markov) + 1))}
+        for name, value in self.standard_error:
+            if name not in known or not (0.0 <= value < math.inf):
+                raise InputError(f"standard_error {name} {value:g} must be of a quantity of this axis, finite and not negative")
+
+
+@dataclass(frozen=True)
+class RecordingSource:
+    """A recording that a noise model was estimated from: its file's name, the sha256 of its bytes, samples used, and their rate."""
+
+    file: str
+    sha256: str
+    samples: int
+    sampling_rate_hz: float
 
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Noise of three gyroscopes and three accelerometers, in the order of the sensor's x, y, z."""
+    """Noise of three gyroscopes and three accelerometers, in the order of the sensor's x, y, z, and what it was estimated from."""
 
     name: str
     source: str
     gyro: tuple[AxisNoise, AxisNoise, AxisNoise]
     accel: tuple[AxisNoise, AxisNoise, AxisNoise]
+    recordings: tuple[RecordingSource, ...] = ()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "recordings", tuple(self.recordings))
         for sensor in ("gyro", "accel"):
             axes = tuple(getattr(self, sensor))
             if len(axes) != 3:
@@ -142,11 +160,14 @@ def weighted_model(models: Sequence[NoiseModel], weights: Sequence[tuple[float, 
         return x, y, z
 
     name, source = (" + ".join(dict.fromkeys(getattr(model, f) for model in models)) for f in ("name", "source"))
-    return NoiseModel(name, source, triad("gyro", 0), triad("accel", 1))
+    recordings = dict.fromkeys(recording for model in models for recording in model.recordings)
+    return NoiseModel(name, source, triad("gyro", 0), triad("accel", 1), tuple(recordings))
 
 
 def _weighted_axis(axes: list[AxisNoise], w: list[float]) -> AxisNoise:
-    plain = {name: math.hypot(*(w_j * getattr(axis, name) for axis, w_j in zip(axes, w, strict=True))) for name in _QUANTITIES}
+    plain: dict[str, Any] = {
+        name: math.hypot(*(w_j * getattr(axis, name) for axis, w_j in zip(axes, w, strict=True))) for name in QUANTITIES
+    }
     times = [tuple(gm.correlation_time_s for gm in axis.gauss_markov) for axis in axes]
     scaled = [
         [GaussMarkov(gm.correlation_time_s, abs(w_j) * gm.driving_noise) for gm in axis.gauss_markov]
@@ -173,160 +194,25 @@ def load_noise_model(name_or_path: str | os.PathLike[str]) -> NoiseModel:
     except (OSError, UnicodeDecodeError) as error:
         why = "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else (error.strerror or str(error)).lower()
         raise InputError(f"{name}: {why}; give a noise-model file or one of the shipped {', '.join(shipped)}") from None
-    try:
-        tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError.at(path, None, f"not TOML: {error}") from None
-    return _Reader(path, text).model(tree)
+    from .noise_file import model_of_text
+
+    return model_of_text(path, text)
 
 
-@dataclass
-class _Reader:
-    """The tree of one file to a model; knows where in the file it stands."""
-
-    path: Path
-    text: str
-    lines: dict[str, int] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.lines = dict(_key_lines(self.text))
-
-    def error(self, where: str, what: str) -> InputError:
-        """Error at the line of `where`, or of the table around it where the file does not name it."""
-        place = where
-        while place and place not in self.lines:
-            place = place.rpartition(".")[0]
-        return InputError.at(self.path, self.lines.get(place), f"{where}: {what}")
-
-    def known(self, table: Any, where: str, keys: tuple[str, ...]) -> dict[str, Any]:
-        """`table` when it is one and has no key but `keys`."""
-        if not isinstance(table, dict):
-            raise self.error(where, f"{table!r} stands where a table [{where}] is expected")
-        for key in table:
-            if key not in keys:
-                near = difflib.get_close_matches(key, keys, n=1, cutoff=0.0)
-                raise self.error(f"{where}.{key}" if where else key, f"unknown key; the nearest known is {near[0]!r}")
-        return table
-
-    def model(self, tree: dict[str, Any]) -> NoiseModel:
-        self.known(tree, "", ("name", "source", "gyro", "accel"))
-        for key in ("name", "source"):
-            if not isinstance(tree.get(key, ""), str):
-                raise self.error(key, f"{tree[key]!r} is not text; put it in quotes")
-        gyro, accel = (self.sensor(tree, sensor) for sensor in ("gyro", "accel"))
-        return NoiseModel(tree.get("name", self.path.stem), tree.get("source", str(self.path)), gyro, accel)
-
-    def sensor(self, tree: dict[str, Any], sensor: str) -> tuple[AxisNoise, AxisNoise, AxisNoise]:
-        if sensor not in tree:
-            raise InputError.at(self.path, None, f"table [{sensor}] is missing; it needs at least white_noise")
-        table = self.known(tree[sensor], sensor, (*_QUANTITIES, _GM, *_AXES))
-        common = self.quantities({key: value for key, value in table.items() if key not in _AXES}, sensor, sensor)
-        x, y, z = (self.axis(table.get(axis, {}), common, sensor, axis) for axis in _AXES)
-        return x, y, z
-
-    def axis(self, table: Any, common: dict[str, Any], sensor: str, axis: str) -> AxisNoise:
-        where = f"{sensor}.{axis}"
-        own = self.quantities(self.known(table, where, (*_QUANTITIES, _GM)), sensor, where)
-        merged = {**common, **own}
-        if "white_noise" not in merged:
-            raise self.error(where, f"white_noise is missing; give it in [{sensor}], as in '1 {_UNITS[sensor]['white_noise']}'")
-        return AxisNoise(**merged)
-
-    def quantities(self, table: dict[str, Any], sensor: str, where: str) -> dict[str, Any]:
-        """The keyword arguments of `AxisNoise` that `table` holds."""
-        out: dict[str, Any] = {key: self.value(table[key], sensor, key, f"{where}.{key}") for key in table if key != _GM}
-        if _GM in table:
-            entries = table[_GM]
-            if not isinstance(entries, list):
-                raise self.error(f"{where}.{_GM}", f"write [[{where}.{_GM}]], with two brackets, once a process")
-            out[_GM] = tuple(self.gauss_markov(entry, sensor, f"{where}.{_GM}.{i}") for i, entry in enumerate(entries))
-        return out
-
-    def gauss_markov(self, entry: Any, sensor: str, where: str) -> GaussMarkov:
-        self.known(entry, where, _GM_KEYS)
-        if "correlation_time" not in entry or ("driving_noise" in entry) == ("sigma" in entry):
-            raise self.error(where, "a Gauss-Markov process takes correlation_time and either driving_noise or sigma")
-        time = self.value(entry["correlation_time"], sensor, "correlation_time", f"{where}.correlation_time")
-        if time == 0.0:
-            raise self.error(f"{where}.correlation_time", f"{entry['correlation_time']!r} must be positive")
-        if "sigma" in entry:
-            return GaussMarkov.from_sigma(time, self.value(entry["sigma"], sensor, "sigma", f"{where}.sigma"))
-        return GaussMarkov(time, self.value(entry["driving_noise"], sensor, "driving_noise", f"{where}.driving_noise"))
-
-    def value(self, text: Any, sensor: str, key: str, where: str) -> float:
-        try:
-            value = parse_quantity(text, "s" if key == "correlation_time" else _UNITS[sensor][key])
-        except InputError as error:
-            raise self.error(where, str(error)) from None
-        if value < 0.0:
-            raise self.error(where, f"{text!r} is negative; a standard deviation or root density is expected")
-        return value
-
-
-_HEADER = re.compile(r"\s*(\[\[?)\s*([\w.\s]+?)\s*\]")
-_KEY = re.compile(r"\s*([\w-]+)\s*=")
-
-
-def _key_lines(text: str) -> Iterator[tuple[str, int]]:
-    """Dotted name and line, from 1, of every table and key; entries of an array of tables are numbered from 0."""
-    table = ""
-    count: dict[str, int] = {}
-    for number, line in enumerate(text.splitlines(), start=1):
-        if header := _HEADER.match(line):
-            table = header[2].replace(" ", "")
-            if header[1] == "[[":
-                count[table] = count.get(table, -1) + 1
-                table = f"{table}.{count[table]}"
-            yield table, number
-        elif key := _KEY.match(line):
-            yield (f"{table}.{key[1]}" if table else key[1]), number
-
-
-def write_noise_model(model: NoiseModel, path: str | os.PathLike[str]) -> None:
+def write_noise_model(model: NoiseModel, path: str | os.PathLike[str], remarks: Sequence[str] = ()) -> None:
     """Write `model` as a noise-model file that `load_noise_model` turns back into the same model; whole or not at all.
 
-    Raises UsageError where the path cannot be written.
+    remarks : sentences that stand above it as comments.   Raises UsageError where the path cannot be written.
     """
-    lines = [f"name = {_toml_text(model.name)}", f"source = {_toml_text(model.source)}"]
-    for sensor in ("gyro", "accel"):
-        lines += _sensor_lines(sensor, getattr(model, sensor))
+    from .noise_file import text_of_model
+
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+        temporary.write_text(text_of_model(model, remarks), encoding="utf-8", newline="\n")
         os.replace(temporary, path)
     except OSError as error:
         raise UsageError(f"{path}: cannot be written, {(error.strerror or str(error)).lower()}; give another path") from None
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
-
-
-def _sensor_lines(sensor: str, axes: tuple[AxisNoise, ...]) -> list[str]:
-    """[sensor] with what the three axes share, then [sensor.x] ... with what they do not."""
-    names = [f.name for f in fields(AxisNoise)]
-    shared = {name for name in names if len({getattr(axis, name) for axis in axes}) == 1}
-    lines = _table_lines(sensor, sensor, axes[0], [name for name in names if name in shared])
-    for letter, axis in zip(_AXES, axes, strict=True):
-        if own := [name for name in names if name not in shared]:
-            lines += _table_lines(sensor, f"{sensor}.{letter}", axis, own)
-    return lines
-
-
-def _table_lines(sensor: str, table: str, axis: AxisNoise, names: list[str]) -> list[str]:
-    units = _UNITS[sensor]
-    lines = ["", f"[{table}]"]
-    for name in names:
-        value = getattr(axis, name)
-        if name != _GM and (value or name == "white_noise"):
-            lines.append(f'{name} = "{format_quantity(value, units[name])}"')
-    for process in axis.gauss_markov if _GM in names else ():
-        lines += [f"[[{table}.{_GM}]]", f'correlation_time = "{format_quantity(process.correlation_time_s, "s")}"']
-        lines += [f'driving_noise = "{format_quantity(process.driving_noise, units["driving_noise"])}"']
-    return lines
-
-
-def _toml_text(text: str) -> str:
-    """TOML basic string: backslash, quote and control characters escaped."""
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + re.sub(r"[\x00-\x1f\x7f]", lambda match: f"\\u{ord(match[0]):04x}", escaped) + '"'

@@ -16,6 +16,8 @@ from insgnss.formats.eo_local_plane import read_eo_local_plane, write_eo_local_p
 from insgnss.formats.metashape import read_metashape, write_metashape
 from insgnss.formats.sbet import read_sbet, read_smrmsg, write_sbet, write_smrmsg
 from insgnss.formats.trajectory_csv import read_trajectory_csv, write_trajectory_csv
+from insgnss.geodesy.projection import MapProjection
+from insgnss.orient.frame import in_frame
 from insgnss.records import ExteriorOrientation, Trajectory
 
 Array = np.ndarray
@@ -67,7 +69,7 @@ def near_nadir(n: int, seed: int = 5) -> Array:
 
 def test_worked_example_omega_phi_kappa(tmp_path: Path) -> None:
     """Oracle: formats.md 0.2, printed to 6 decimals of a degree."""
-    write_eo_local_plane(exterior(worked_example()[None]), tmp_path / "eo.txt")
+    write_eo_local_plane(in_frame(exterior(worked_example()[None]), "tangent plane"), tmp_path / "eo.txt")
     row = (tmp_path / "eo.txt").read_text().splitlines()[-1].split()
     assert row[0] == "8001.tif"
     assert_allclose([float(x) for x in row[4:7]], [0.931051, 4.374505, -137.600874], atol=2e-6)
@@ -75,7 +77,8 @@ def test_worked_example_omega_phi_kappa(tmp_path: Path) -> None:
 
 def test_worked_example_metashape(tmp_path: Path) -> None:
     """Oracle: formats.md 0.2; on the vertical of the origin, where both frames have the same axes."""
-    write_metashape(exterior(worked_example()[None], np.array([[0.0, 0.0, 630.0]])), tmp_path / "ms.csv")
+    eo = exterior(worked_example()[None], np.array([[0.0, 0.0, 630.0]]))
+    write_metashape(in_frame(eo, "geographic"), tmp_path / "ms.csv")
     head, row = (tmp_path / "ms.csv").read_text().splitlines()
     assert head == "#Label,X,Y,Z,Yaw,Pitch,Roll,X_acc,Y_acc,Z_acc,Yaw_acc,Pitch_acc,Roll_acc"
     values = [float(x) for x in row.split(",")[1:]]
@@ -86,7 +89,7 @@ def test_worked_example_metashape(tmp_path: Path) -> None:
 def test_local_plane_round_trip_and_sigmas(tmp_path: Path) -> None:
     """Oracle: scipy's XYZ angles; Monte Carlo of exp(psi) R through them (20000 draws: 2 % on a standard deviation)."""
     eo = exterior(near_nadir(6), np.random.default_rng(2).uniform(-500, 500, (6, 3)))
-    write_eo_local_plane(eo, tmp_path / "eo.txt")
+    write_eo_local_plane(in_frame(eo, "tangent plane"), tmp_path / "eo.txt")
     back = read_eo_local_plane(tmp_path / "eo.txt")
     assert back.images == eo.images
     assert_allclose(back.position_m, eo.position_m, atol=0.51e-4, rtol=0)
@@ -101,7 +104,7 @@ def test_local_plane_round_trip_and_sigmas(tmp_path: Path) -> None:
 
 def test_local_plane_header_tells_the_frame(tmp_path: Path) -> None:
     """Oracle: design.md 6: comment lines, then thirteen blank-separated columns."""
-    write_eo_local_plane(exterior(near_nadir(2)), tmp_path / "eo.txt")
+    write_eo_local_plane(in_frame(exterior(near_nadir(2)), "tangent plane"), tmp_path / "eo.txt")
     lines = (tmp_path / "eo.txt").read_text().splitlines()
     comments = [line for line in lines if line.startswith("#")]
     assert "latitude 46.5700000000 deg, longitude 6.5400000000 deg" in "\n".join(comments)
@@ -123,7 +126,7 @@ def test_metashape_is_referred_to_true_north_at_the_camera(tmp_path: Path) -> No
 
     position = np.array([[10000.0, -5000.0, 700.0], [-3000.0, 8000.0, 500.0]])
     eo = exterior(near_nadir(2), position)
-    write_metashape(eo, tmp_path / "ms.csv")
+    write_metashape(in_frame(eo, "geographic"), tmp_path / "ms.csv")
     back = read_metashape(tmp_path / "ms.csv")
     pipeline = "+proj=pipeline +step +inv +proj=topocentric +lat_0=46.57 +lon_0=6.54 +h_0=0 +ellps=WGS84 +step +inv +proj=cart +ellps=WGS84"
     lon, lat, h = Transformer.from_pipeline(pipeline).transform(*position.T)
@@ -144,12 +147,12 @@ def test_names_and_attitudes_that_a_format_cannot_hold(tmp_path: Path) -> None:
     """Oracle: the formats' separators; phi = 90 deg for a camera that looks along the horizon to the west."""
     eo = exterior(near_nadir(1))
     object.__setattr__(eo, "images", ("a b,c",))
-    for write in (write_eo_local_plane, write_metashape):
+    for write, kind in ((write_eo_local_plane, "tangent plane"), (write_metashape, "geographic")):
         with pytest.raises(InputError, match="'a b,c'"):
-            write(eo, tmp_path / "x")
+            write(in_frame(eo, kind), tmp_path / "x")
     west = np.column_stack([[0.0, 1, 0], [0, 0, -1], [-1, 0, 0]])
     with pytest.raises(DataError, match=r"image 8001.tif: the middle angle of omega phi kappa is 90\.0000 deg"):
-        write_eo_local_plane(exterior(west[None]), tmp_path / "x")
+        write_eo_local_plane(in_frame(exterior(west[None]), "tangent plane"), tmp_path / "x")
     assert not list(tmp_path.iterdir())
 
 
@@ -310,15 +313,30 @@ def test_trajectory_csv_round_trip(tmp_path: Path) -> None:
     assert_allclose(frame["sd_d_m"], np.sqrt(given.cov[:, 2, 2]), atol=0.51e-5)
 
 
-def test_every_export_writes_its_file(tmp_path: Path) -> None:
+def test_the_exports_of_the_contract() -> None:
     """Oracle: design.md 6 names the files."""
-    assert {name: EXPORTS[name][1] for name in EXPORTS} == {
-        "eo_local_plane": "EO_local-plane.txt",
-        "metashape": "metashape.csv",
-        "eo_json": "eo.json",
-    }
+    contract = {"eo_local_plane": "EO_local-plane.txt", "metashape": "metashape.csv", "eo_json": "eo.json"}
+    assert {name: EXPORTS[name].product for name in contract} == contract
+    assert len({form.product for form in EXPORTS.values()}) == len(EXPORTS)
+
+
+def test_what_is_experimental_says_so_in_its_file_name() -> None:
+    """Oracle: the registry."""
+    for name, form in EXPORTS.items():
+        assert ("experimental" in form.product) == bool(form.experimental), name
+        assert form.what
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+def test_every_export_writes_in_every_frame_that_it_claims(name: str, tmp_path: Path) -> None:
+    """Oracle: the registry; the file names the images, and a frame that is not claimed is refused."""
+    form = EXPORTS[name]
+    if form.heights == "sea level" or form.several:
+        pytest.skip("needs a geoid, or writes a directory: has a test of its own")
     eo = exterior(near_nadir(2))
-    for function, name, what in EXPORTS.values():
-        function(eo, tmp_path / name)
-        assert (tmp_path / name).read_text().count("8002.tif") == 1
-        assert what
+    options = {key: value for key, value in {"focal_mm": 35.0, "ground_m": 500.0}.items() if key in form.needs}
+    for kind in form.frames or ("tangent plane",):
+        framed = in_frame(eo, kind, MapProjection("EPSG:2056") if kind == "projected" else None)
+        form.write(framed if form.frames else eo, tmp_path / form.product, **options)
+        content = (tmp_path / form.product).read_bytes()
+        assert b"8002" in content or name in ("patb", "tum"), name

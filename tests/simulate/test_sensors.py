@@ -109,6 +109,24 @@ def test_white_noise_has_its_density(flight, quantity):
     assert not imu.gyro_bias.any()
 
 
+@pytest.mark.parametrize("quantity", ["mean_rate", "increments"])
+def test_vibration_multiplies_white_noise_in_motion_only(quantity):
+    """Oracle: variance q^2/dt (q^2 dt of an increment) at rest and nine times that in flight, the slow errors the same to the bit."""
+    q, dt = 1e-3, 0.02
+    whole = block_flight(4.0, seed=2)  # stands for a minute
+    options = ImuOptions(50.0, quiet(white_noise=q, turn_on_bias=0.01), quantity=quantity)
+    calm, shaken = (simulate_imu(whole, replace(options, vibration=v), np.random.default_rng(3)) for v in (1.0, 3.0))
+    ideal = whole.motion.imu(50.0, quantity)
+    bias = shaken.accel_bias * (dt if quantity == "increments" else 1.0)
+    error = shaken.samples.accel - ideal.accel - bias
+    speed = np.linalg.norm(whole.motion.velocity(ideal.time), axis=1)
+    one = q * q * dt if quantity == "increments" else q * q / dt
+    assert same((error[speed < 1.0] ** 2).mean(), one, 3 * (speed < 1.0).sum())
+    assert same((error[speed > 1.0] ** 2).mean(), 9.0 * one, 3 * (speed > 1.0).sum())
+    assert_allclose(shaken.accel_bias, calm.accel_bias, atol=0)
+    assert_allclose(shaken.samples.gyro[speed < 1.0], calm.samples.gyro[speed < 1.0], atol=0)
+
+
 def test_slow_errors_are_the_bias_and_belong_to_the_body(flight):
     """Oracle: constants; reading minus motion, turned into the body, is the bias that the truth states, one unit in all quantities."""
     model = quiet(turn_on_bias=0.1, gauss_markov=(GaussMarkov.from_sigma(100.0, 0.01),))
@@ -191,6 +209,12 @@ def test_wrong_use_is_refused(arguments, words):
     """Oracle: the contract; UsageError that names the value."""
     with pytest.raises(UsageError, match=words):
         simulate_flight(**{"flight": "ign8", "minutes": 0.2, "imu": ImuOptions(rate_hz=10.0), "start_in_air": True, **arguments})
+
+
+def test_vibration_that_takes_noise_away_is_refused():
+    """Oracle: the contract; the error names the value."""
+    with pytest.raises(UsageError, match=r"0\.5"):
+        ImuOptions(vibration=0.5)
 
 
 def test_a_short_flight_simulates_at_once():

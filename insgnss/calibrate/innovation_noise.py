@@ -1,0 +1,322 @@
+"""Noise of the IMU in flight by maximum likelihood over the innovations of the filter, and whether to believe it.
+
+What is asked for (`IMU` parameters, a factor on a static model's root density, one a triad) is estimated together with what else
+shapes the innovations: the scale of the fixes' own sigmas, and of their correlated error where it is a state. Fixes that claim too
+little would otherwise be taken for a noisy IMU. With theta the logarithms of all factors, and g, A gradient and expected second
+derivative of -2 log L (`likelihood`), the maximum is searched by scoring with damping d,
+
+    theta <- theta - (A + d diag A)^-1 g,     within the factors of `RANGE`,     cov theta = 2 A^-1 at the maximum     (N.1)
+
+from several starts. The static model is the maximum with the IMU's factors held at one and everything else free; the gain between the
+two is chi-square of as many degrees of freedom as factors where the static model holds. A factor known to worse than
+`KNOWN` that may as well be one, and a factor at the edge of the search, are not told by this flight: they are held at one and the others
+are estimated again. Whiteness goes by the autocorrelations r_l of the whitened innovations: at lag one, and
+by Ljung and Box's sum over `LAGS` lags of n (n + 2) r_l^2 / (n - l), chi-square of `LAGS` degrees of freedom, one for each direction.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import DataError
+from ..navigation.filter import part
+from ..navigation.layout import StateLayout
+from ..navigation.solution import Solution
+from ..records import Array
+from .likelihood import CORRELATED, DRIVEN, OF_FIXES, WHITE, Evaluated, LinearStretch, available, evaluate, linear_stretch
+
+IMU = (*WHITE, *DRIVEN)
+DEFAULT = ("gyro.white_noise", "accel.white_noise")
+RANGE, RANGE_OF_FIXES = (1.0 / 30.0, 30.0), (0.2, 30.0)  # a fix is not believed to less than a fifth of its sigma
+KNOWN, ONE_SIGMAS = 0.3, 2.0
+SIGNIFICANT = 1e-3  # chance that the innovations of a true static model ask for another
+STEPS, DONE, LONGEST_STEP = 40, 1e-4, 1.0
+STARTS = (0.0, 1.0, -1.0)  # of the logarithms of the IMU's factors
+LAGS = 20
+SHORTEST_S, FEWEST = 20.0, 60  # of a stretch in motion, and its fixes
+OFF_CLAIM, OFF_SIGMAS = 0.1, 3.0  # of the fixes' scale from one, beyond which it is told
+WHITE_ENOUGH = 0.1  # of the autocorrelation at lag one
+EXPLAINED = 20.0  # gain in -2 log L that a correlated error of the fixes must bring beside free noise of the IMU
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """Of the whitened innovations north, east, down: lag_one (3,) and its 99 % bound, portmanteau (3,) and p_value (3,)."""
+
+    lag_one: Array
+    bound: float
+    portmanteau: Array
+    p_value: Array
+    lags: int
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """What a noise makes of the innovations of the positions. nis : mean normalised square a degree of freedom, of the used ones.
+
+    lost : fixes rejected, of `fixes`.   cost : -2 log L.
+    """
+
+    nis: float
+    fixes: int
+    lost: int
+    cost: float
+    whiteness: Whiteness
+
+
+@dataclass(frozen=True)
+class InFlightNoise:
+    """Factors of the noise by a flight's innovations.
+
+    names, factor (p,), log_sigma (p,), correlation (p, p): of what was estimated, the IMU's first; log_sigma is the standard deviation of
+    the logarithm, 0 where the factor is held.   held : IMU parameters that the flight does not tell, with the reason.
+    gain : of -2 log L against the static model, chi-square of `free` degrees of freedom under it; chance : its probability.
+    before, after : innovations with the static model and with the estimated IMU, the fixes as they claim; at_best : with everything
+    as estimated, static_at_best : with the static IMU and everything else as estimated with it.
+    duration_s : of the motion used.
+    """
+
+    names: tuple[str, ...]
+    factor: Array
+    log_sigma: Array
+    correlation: Array
+    held: tuple[tuple[str, str], ...]
+    gain: float
+    free: int
+    chance: float
+    before: Innovations
+    after: Innovations
+    at_best: Innovations
+    static_at_best: Innovations
+    duration_s: float
+
+    def sigma(self, name: str) -> float:
+        """Standard deviation of a factor."""
+        k = self.names.index(name)
+        return float(self.factor[k] * self.log_sigma[k])
+
+    def imu_factors(self) -> dict[str, float]:
+        """Factor of each IMU parameter; one where it is held."""
+        return {name: float(f) for name, f in zip(self.names, self.factor, strict=True) if name in IMU}
+
+    @property
+    def significant(self) -> bool:
+        """Whether the static model makes such innovations with a chance below `SIGNIFICANT`."""
+        return self.chance < SIGNIFICANT
+
+    @property
+    def white(self) -> bool:
+        """Whether what was estimated leaves the innovations white: a model of the noise that holds, not one that stands in for another."""
+        return bool(np.abs(self.at_best.whiteness.lag_one).max() < max(WHITE_ENOUGH, self.at_best.whiteness.bound))
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the fixes' errors are significantly larger or smaller than claimed."""
+        return bool(self._far.any())
+
+    @property
+    def off_claim(self) -> tuple[str, ...]:
+        """Scales of the fixes' errors that are not one, by so much that it matters."""
+        far = self._far & (np.abs(self.factor - 1.0) > OFF_CLAIM)
+        return tuple(name for name, off in zip(self.names, far, strict=True) if off)
+
+    @property
+    def _far(self) -> np.ndarray:
+        of_fixes = np.array([name not in IMU for name in self.names])
+        return np.asarray(of_fixes & (np.abs(np.log(self.factor)) > OFF_SIGMAS * self.log_sigma))
+
+    @property
+    def compared(self) -> tuple[Innovations, Innovations]:
+        """Before and after as they tell of the IMU: the fixes as they claim, or, where their errors are of another size, as estimated."""
+        return (self.static_at_best, self.at_best) if self.scaled else (self.before, self.after)
+
+
+def moving_parts(solution: Solution, rests: Array) -> list[Solution]:
+    """What of a solution lies between the rests (k, 2) s, GPST, `SHORTEST_S` and `FEWEST` fixes and more: engines stand still there."""
+    time, fix = solution.time, solution.problem.epochs.has_position
+    resting = np.zeros(time.size, dtype=np.bool_)
+    for begin, end in rests:
+        resting |= (time >= begin) & (time <= end)
+    edge = np.flatnonzero(np.diff(np.concatenate([[1], resting.astype(np.int64), [1]])))
+    parts = []
+    for first, stop in edge.reshape(-1, 2):
+        at = first + np.flatnonzero(fix[first:stop])
+        if at.size >= FEWEST and time[at[-1]] - time[at[0]] >= SHORTEST_S:
+            parts.append(_part(solution, int(at[0]), int(at[-1])))
+    return parts
+
+
+def _part(solution: Solution, first: int, last: int) -> Solution:
+    """The epochs first..last as a solution of their own, its constants as they are there."""
+    at = slice(first, last + 1)
+    problem = part(solution.problem, first, last)
+    x = solution.x[at].copy()
+    layout = problem.layout
+    if layout.rate >= 0:  # time begins anew
+        x[:, layout.offset] += x[:, layout.rate] * solution.problem.epochs.time[first]
+    arrays = {k: getattr(solution, k)[at] for k in ("nav", "P", "filter_sigma", "innovation", "innovation_sigma", "nis", "verdict")}
+    return replace(solution, problem=problem, x=x, **arrays)
+
+
+def without_correlated(solution: Solution) -> Solution:
+    """The solution less the states of the fixes' correlated error, their sigmas taken as white."""
+    layout = solution.problem.layout
+    gone = np.arange(layout.coloured, layout.coloured + 3)
+    states: dict[str, Any] = {k: np.delete(getattr(layout, k), gone) for k in ("channel", "factor", "beta", "drive", "sigma0")}
+    first: dict[str, Any] = {
+        k: getattr(layout, k) - 3 * (getattr(layout, k) > layout.coloured) for k in ("lever", "offset", "rate", "lasting")
+    }
+    names = tuple(name for s, name in enumerate(layout.names) if s not in gone)
+    bare: StateLayout = replace(layout, names=names, coloured=-1, scale=(1.0, 1.0, 1.0), **first, **states)
+    P = np.delete(np.delete(solution.P, 9 + gone, axis=1), 9 + gone, axis=2)
+    return replace(solution, problem=replace(solution.problem, layout=bare), x=np.delete(solution.x, gone, axis=1), P=P)
+
+
+def in_flight_noise(
+    solutions: Sequence[Solution], parameters: Sequence[str] = DEFAULT, progress: Callable[[str], None] = lambda _: None
+) -> InFlightNoise:
+    """Estimate factors of the IMU's noise from solved stretches in motion.
+
+    parameters : of `IMU`.   Raises UsageError for a parameter that the layout of states does not have, DataError for too short a flight.
+    """
+    duration = sum(float(s.time[-1] - s.time[0]) for s in solutions)
+    if not solutions:
+        raise DataError(
+            f"no stretch in motion of {SHORTEST_S:g} s and {FEWEST} fixes; the innovations of a standing or very short recording say "
+            "nothing of the noise in flight: use a flight, or `insgnss tune` on static recordings"
+        )
+    progress("linearise")
+    known = available(solutions[0].problem.layout, all(s.problem.epochs.has_velocity.any() for s in solutions))
+    names = (*parameters, *(name for name in (*OF_FIXES, CORRELATED) if name in known))
+    stretches = [linear_stretch(s, names) for s in solutions]
+    search = _Search(stretches, names, progress)
+    imu = np.array([name in IMU for name in names])
+    static = search.maximum(~imu)
+    held: dict[str, str] = {}
+    while True:
+        free = np.array([name not in held for name in names])
+        best = search.maximum(free) if (free & imu).any() else static
+        sigma, correlation = best.spread(free)
+        unknown = {
+            name: reason
+            for i, name in enumerate(names)
+            if imu[i] and free[i] and (reason := _untold(float(best.theta[i]), float(sigma[i])))
+        }
+        if not unknown:
+            break
+        worst = max(unknown, key=lambda name: sigma[names.index(name)])
+        held[worst] = unknown[worst]
+    count = int(np.count_nonzero(free & imu))
+    gain = max(static.at.cost - best.at.cost, 0.0)
+    only_imu = np.where(imu, best.theta, 0.0)
+    return InFlightNoise(
+        names,
+        np.exp(best.theta),
+        sigma,
+        correlation,
+        tuple(held.items()),
+        gain,
+        count,
+        _chance(gain, count),
+        innovations(evaluate(stretches, np.zeros(len(names)))),
+        innovations(evaluate(stretches, only_imu)),
+        innovations(best.at),
+        innovations(static.at),
+        duration,
+    )
+
+
+@dataclass(frozen=True)
+class _Maximum:
+    theta: Array
+    at: Evaluated
+
+    def spread(self, free: np.ndarray) -> tuple[Array, Array]:
+        """Standard deviations (p,) of theta, infinite where nothing tells it and 0 where it is held, and correlations (p, p)."""
+        A = self.at.information[np.ix_(free, free)]
+        told = np.diag(A) > 1e-6
+        at = np.flatnonzero(free)[told]
+        cov = 2.0 * np.linalg.inv(A[np.ix_(told, told)] + 1e-9 * np.eye(at.size))
+        sigma, correlation = np.where(free, np.inf, 0.0), np.eye(free.size)
+        sigma[at] = np.sqrt(np.diag(cov))
+        correlation[np.ix_(at, at)] = cov / np.outer(sigma[at], sigma[at])
+        return sigma, correlation
+
+
+@dataclass
+class _Search:
+    """Maxima of the likelihood of `stretches` over some of the parameters `names`."""
+
+    stretches: Sequence[LinearStretch]
+    names: tuple[str, ...]
+    progress: Callable[[str], None]
+
+    def maximum(self, free: np.ndarray) -> _Maximum:
+        """Over the parameters `free` (p,) bool, the others at one; the best that `STARTS` lead to."""
+        moved = np.array([name in IMU for name in self.names]) & free
+        starts = [np.where(moved, s, 0.0) for s in (STARTS if moved.any() else STARTS[:1])]
+        first = [_Maximum(theta, evaluate(self.stretches, theta)) for theta in starts]
+        return self._climb(min(first, key=lambda m: m.at.cost), free)
+
+    def _climb(self, here: _Maximum, free: np.ndarray) -> _Maximum:
+        """(N.1)."""
+        low, high = np.log([RANGE if name in IMU else RANGE_OF_FIXES for name in self.names]).T
+        damping = 0.0
+        for k in range(STEPS):
+            self.progress(f"likelihood of the innovations, step {k + 1}")
+            theta, g = here.theta, here.at.gradient
+            active = free & ~((theta <= low) & (g > 0.0)) & ~((theta >= high) & (g < 0.0))
+            if not active.any():
+                break
+            A = here.at.information[np.ix_(active, active)]
+            step = -np.linalg.solve(A + np.diag(damping * np.diag(A) + 1e-6), g[active])
+            moved = theta.copy()
+            moved[active] += np.clip(step, -LONGEST_STEP, LONGEST_STEP)
+            moved = np.clip(moved, low, high)
+            there = _Maximum(moved, evaluate(self.stretches, moved))
+            if there.at.cost <= here.at.cost:
+                small = here.at.cost - there.at.cost < DONE or np.abs(moved - theta).max() < DONE
+                here, damping = there, 0.1 * damping if damping > 1e-3 else 0.0
+                if small:
+                    break
+            elif np.abs(moved - theta).max() < DONE or damping > 1e6:
+                break
+            else:
+                damping = max(10.0 * damping, 1e-2)
+        return here
+
+
+def _untold(theta: float, sigma: float) -> str:
+    """Why a factor is not told by the flight, or ""."""
+    if not abs(theta) < np.log(RANGE[1]) - 1e-6:
+        return f"no maximum of the likelihood between 1/{RANGE[1]:g} and {RANGE[1]:g} times the static model"
+    if sigma > KNOWN and abs(theta) < ONE_SIGMAS * sigma:
+        known = np.exp(min(sigma, 9.0))
+        return f"{np.exp(theta):.2f} by the likelihood, but known to a factor of {known:.2f} only (limit {np.exp(KNOWN):.2f})"
+    return ""
+
+
+def _chance(gain: float, free: int) -> float:
+    from scipy.special import chdtrc
+
+    return float(chdtrc(free, gain)) if free else 1.0
+
+
+def innovations(at: Evaluated) -> Innovations:
+    """Figures of the positions' innovations."""
+    return Innovations(float(np.mean(at.white**2)), at.offered, at.rejected, at.cost, whiteness(at.white))
+
+
+def whiteness(white: Array) -> Whiteness:
+    """Of whitened innovations (k, 3) in the order of time, columns one by one."""
+    from scipy.special import chdtrc, ndtri
+
+    n = len(white)
+    lags = min(LAGS, n // 4)
+    e = white - white.mean(axis=0)
+    power = np.sum(e**2, axis=0)
+    r = np.array([np.sum(e[lag:] * e[:-lag], axis=0) / power for lag in range(1, lags + 1)])
+    sum_ = n * (n + 2.0) * np.sum(r**2 / (n - np.arange(1, lags + 1))[:, None], axis=0)
+    return Whiteness(r[0], float(ndtri(0.995) / np.sqrt(n)), sum_, np.asarray(chdtrc(lags, sum_)), lags)

@@ -1,0 +1,198 @@
+r"""Likelihood of a stretch's innovations as a function of its noise, with exact slopes, cheap to evaluate many times.
+
+The stretch is linearised once about its smoothed solution (`navigation.filter`, K.6). Transitions, measured rows and the innovations of
+the nominal then do not depend on the noise, and process noise, a-priori covariance and measurement noise are linear in variances v:
+
+    Q_k = Q_k0 + sum_i v_i Q_ki,     P_0 = P_00 + sum_i v_i P_0i,     R_k = v_i R_k0                             (L.1)
+
+    white noise of a triad      a share of Q among the navigation states, by (E.7) with that white noise alone
+    driving noise of a triad    (E.6) with those states' driving noise alone; Gauss-Markov processes start stationary, so P_0 as well
+    errors of the fixes         R of positions, of velocities; of a correlated error, Q and P_0 of its states            (L.2)
+
+Parameters are theta_i = log f_i, with f_i the factor of a root density or sigma, v_i = f_i^2.                      (L.3)
+With S and y the variance and the innovation of each scalar of a triple whitened by R_k0 (Schweppe 1965), as in (C.1),
+
+    -2 log L = sum over used triples [ log det R_k0 + sum (log S + y^2 / S) ] + (gate + log det R_k) for each rejected     (L.4)
+
+Slopes go along with the filter (Gupta and Mehra 1974). A scalar update with row h, variance r, gain k = P h' / S and b = P' h', primes
+on P, m, r, S, y being derivatives with respect to one theta:
+
+    S' = h b + r',    y' = -h m',    P' <- P' - k b' - b k' + k S' k',    m' <- m' + (b - k S') y / S + k y'
+    d(-2 log L) = S'/S (1 - y^2/S) + 2 y y'/S,      expected second derivative  S_i' S_j' / S^2 + 2 y_i' y_j' / S      (L.5)
+
+Twice the inverse of the latter is the covariance of the maximum's theta. Which triples are rejected, and how far the covariance is
+opened (K.7), is decided at each evaluation as the filter does; (L.5) holds the decisions.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import UsageError
+from ..navigation.filter import BLOCK_S, NOTHING, POSITION, RESET_FIXES, RESET_S, VELOCITY
+from ..navigation.layout import BIAS, StateLayout
+from ..navigation.solution import Solution
+from ..navigation.strapdown import kernel_earth, kernel_segments
+from ..records import Array
+from ._kernels import Linear, linearise_stretch, run_linear
+
+WHITE = {"gyro.white_noise": slice(0, 3), "accel.white_noise": slice(3, 6), "white_noise": slice(0, 6)}  # the last: one factor for both
+DRIVEN = {"gyro.driving_noise": (0, 1, 2), "accel.driving_noise": (3, 4, 5)}
+CORRELATED = "fixes.correlated"
+OF_FIXES = {"fixes.position": POSITION, "fixes.velocity": VELOCITY}
+PARAMETERS = (*WHITE, *DRIVEN, *OF_FIXES, CORRELATED)
+WIDEN, FLOOR_RAD, WIDE_M, WIDE_MS = 10.0, np.radians([0.5, 0.5, 1.0]), 10.0, 5.0  # of the start, as `align.initial` has it
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """(L.4) at theta, its gradient (p,), and its expected second derivative (p, p).
+
+    white : (k, 3) whitened innovations of the used positions, first components first, of all stretches in turn.
+    nis : (k,) of all positions.   rejected, offered : numbers of positions.
+    """
+
+    cost: float
+    gradient: Array
+    information: Array
+    white: Array
+    nis: Array
+    rejected: int
+    offered: int
+
+
+@dataclass(frozen=True)
+class LinearStretch:
+    """A stretch linearised about its solution, ready for `evaluate`.
+
+    names : parameters, in the order of theta.   of_part, of_kind : the parameter of each part of the noise and kind of triple, or -1.
+    P0 : (d, n, n) a-priori covariance, part by part.   mean0 : (n,) a-priori mean about the nominal.
+    """
+
+    names: tuple[str, ...]
+    linear: Linear
+    P0: Array
+    mean0: Array
+    of_part: np.ndarray
+    of_kind: np.ndarray
+    gate: float
+    reset_s: float
+
+
+def one_factor_each(names: Sequence[str]) -> None:
+    """Raise UsageError where two of `names` are factors of one density."""
+    if "white_noise" in names and {"gyro.white_noise", "accel.white_noise"} & set(names):
+        raise UsageError("noise parameter 'white_noise' is one factor for gyros and accelerometers; ask for it or for theirs, not for both")
+
+
+def available(layout: StateLayout, velocity: bool) -> tuple[str, ...]:
+    """The parameters that a layout of states has, `velocity` telling whether velocities are measured."""
+    driven = {name: _driven(layout, name).any() for name in (*DRIVEN, CORRELATED)}
+    white = {name: bool(layout.white[at].any()) for name, at in WHITE.items()}
+    return tuple(name for name in PARAMETERS if {**white, **driven, "fixes.position": True, "fixes.velocity": velocity}[name])
+
+
+def _driven(layout: StateLayout, name: str) -> np.ndarray:
+    """(ns,) the states whose driving noise parameter `name` scales."""
+    if name == CORRELATED:
+        at = np.zeros(len(layout.names), dtype=np.bool_)
+        if layout.coloured >= 0:
+            at[layout.coloured : layout.coloured + 3] = True
+        return at
+    return (layout.drive > 0.0) & (layout.factor == BIAS) & np.isin(layout.channel, DRIVEN[name])
+
+
+def linear_stretch(solution: Solution, names: Sequence[str]) -> LinearStretch:
+    """Linearise a solved stretch about its smoothed states, the noise parted by `names` (L.1-L.2).
+
+    Raises UsageError for a name that is not among `available`.
+    """
+    problem = solution.problem
+    ep, layout = problem.epochs, problem.layout
+    known = available(layout, bool(ep.has_velocity.any()))
+    one_factor_each(names)
+    for name in names:
+        if name not in known:
+            raise UsageError(f"noise parameter {name!r} is none that this flight's filter has; use {', '.join(known)}")
+    driven = [name for name in names if name in DRIVEN or name == CORRELATED]
+    parts = [*driven, *(name for name in names if name in WHITE)]
+    imu = layout.kernel_model(BLOCK_S, problem.aiding_interval_s)
+    white, drive = np.tile(imu.white, (1 + len(parts), 1)), np.tile(imu.drive, (1 + len(parts), 1))
+    white[1:], drive[1:] = 0.0, 0.0
+    P0 = np.zeros((1 + len(driven), layout.size, layout.size))
+    P0[0] = _start(solution)
+    for k, name in enumerate(parts, start=1):
+        if name in WHITE:
+            white[k, WHITE[name]] = layout.white[WHITE[name]]
+            white[0, WHITE[name]] -= layout.white[WHITE[name]]
+            continue
+        at = _driven(layout, name)
+        drive[k, at], drive[0, at] = drive[0, at], 0.0
+        stationary = 9 + np.flatnonzero(at & (layout.beta > 0.0))
+        P0[k, stationary, stationary] = P0[0, stationary, stationary]
+        P0[0, stationary, stationary] = 0.0
+    linear = _linear(solution, len(parts) + 1, len(driven) + 1)
+    lever = np.array(problem.antenna_lever_b, dtype=np.float64)
+    earth = kernel_earth(problem.frame, problem.backward)
+    linearise_stretch(kernel_segments(problem.inc), ep, imu, white, drive, earth, lever, solution.nav, solution.x, linear)
+    place = {name: i for i, name in enumerate(names)}
+    of_part = np.array([-1, *(place[name] for name in parts)], dtype=np.int64)
+    kinds = {kind: place.get(name, -1) for name, kind in OF_FIXES.items()}
+    of_kind = np.array([kinds.get(int(kind), -1) for kind in linear.kind], dtype=np.int64)
+    mean0 = np.concatenate([np.zeros(9), -solution.x[0]])
+    reset_s = max(RESET_S, RESET_FIXES * problem.aiding_interval_s)
+    return LinearStretch(tuple(names), linear, P0, mean0, of_part, of_kind, problem.gate, reset_s)
+
+
+def _start(solution: Solution) -> Array:
+    """(n, n) a-priori covariance: attitude as the solution has it, widened; position and velocity unknown; IMU as the model has it."""
+    layout = solution.problem.layout
+    P = np.diag(np.concatenate([np.zeros(9), layout.sigma0]) ** 2)
+    spread = np.sqrt(np.trace(solution.problem.epochs.position_cov[0]))
+    P[:3, :3] = np.eye(3) * max(WIDE_M, 10.0 * spread) ** 2
+    P[3:6, 3:6] = np.eye(3) * max(WIDE_MS, 2.0 * spread) ** 2
+    P[6:9, 6:9] = WIDEN**2 * solution.P[0, 6:9, 6:9] + np.diag(FLOOR_RAD**2)
+    return P
+
+
+def _linear(solution: Solution, parts: int, driven: int) -> Linear:
+    """Room for the linearised stretch."""
+    ep, layout = solution.problem.epochs, solution.problem.layout
+    there = [True, ep.has_velocity.any(), (ep.motion > NOTHING).any(), (ep.still_var > 0.0).any()]
+    kind = np.flatnonzero(np.array(there))
+    wide = (layout.size if layout.of_fixes else 9, layout.size, 9, layout.size)
+    m, n, k = ep.stop.size, layout.size, kind.size
+    return Linear(
+        time=ep.time,
+        F=np.zeros((m, 9, n)),
+        D=np.zeros((m, n - 9)),
+        gap=np.zeros((m, n)),
+        Q=np.zeros((m, parts, 9, 9)),
+        Q_cross=np.zeros((m, driven, 9, n - 9)),
+        Q_states=np.zeros((m, driven, n - 9)),
+        kind=kind,
+        there=np.zeros((m, k), dtype=np.bool_),
+        H=np.zeros((m, k, 3, n)),
+        nu=np.zeros((m, k, 3, 2)),
+        R=np.zeros((m, k, 3, 3)),
+        used=np.array([wide[j] for j in kind], dtype=np.int64),
+    )
+
+
+def evaluate(stretches: Sequence[LinearStretch], theta: Array) -> Evaluated:
+    """(L.4) and (L.5) of all stretches together at theta (p,) (L.3)."""
+    p = theta.size
+    total, cost = np.zeros((1 + p, p)), 0.0
+    variance = np.exp(2.0 * np.append(theta, 0.0))  # the last, of index -1, is that of what stays as it is
+    every: list[tuple[Array, Array, np.ndarray]] = []
+    for s in stretches:
+        m, k = s.linear.there.shape
+        white, nis, verdict = np.empty((m, k, 3)), np.empty((m, k)), np.zeros((m, k), dtype=np.int64)
+        share, scale = variance[s.of_part], variance[s.of_kind]
+        cost += run_linear(s.linear, s.P0, s.mean0, share, s.of_part, scale, s.of_kind, s.gate, s.reset_s, total, white, nis, verdict)
+        at = verdict[:, 0] != NOTHING
+        every.append((white[at, 0], nis[at, 0], verdict[at, 0]))
+    white, nis, verdict = (np.concatenate([part[i] for part in every]) for i in range(3))
+    rejected = int(np.count_nonzero(verdict == 2))
+    return Evaluated(cost, total[0], total[1:], white[verdict == 1], nis, rejected, nis.size)

@@ -1,0 +1,125 @@
+"""One export: into the frame that the format carries, then to its writer.
+
+`process` and `insgnss export` both come here, so that a format, a frame and a refusal are the same in either.
+"""
+
+import difflib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, UsageError
+from ..formats._exports import EXPORTS, Export
+from ..geodesy.projection import MapProjection
+from ..orient.frame import in_frame
+from ..records import ExteriorOrientation
+from ..records.framed import GEOGRAPHIC, KINDS, PROJECTED
+
+ACCURATE_M = 0.1  # of a datum transformation, beyond which an export says so
+
+
+@dataclass(frozen=True)
+class Target:
+    """The frame that is asked for.
+
+    crs : projected CRS as `MapProjection` takes it.   geoid : grid of geoid heights.
+    frame : one of `records.framed.KINDS` where no CRS is named; None for the format's own.
+    ground_m : height of the ground, from which heights in a projected CRS are scaled.
+    """
+
+    crs: str | None = None
+    geoid: Path | None = None
+    frame: str | None = None
+    ground_m: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.crs is not None and self.frame not in (None, PROJECTED):
+            raise UsageError(f"frame {self.frame!r} has no CRS to choose; leave one of them out")
+        if self.crs is None and self.geoid is not None and self.frame == PROJECTED:
+            raise UsageError("a projected frame needs its CRS, such as EPSG:2056")
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written, and what its reader must know: one sentence each."""
+
+    file: Path
+    frame: str
+    notes: tuple[str, ...]
+
+
+def known_format(name: str) -> Export:
+    """The registered format of that name; UsageError that names the nearest."""
+    if name not in EXPORTS:
+        near = difflib.get_close_matches(name.lower(), EXPORTS, n=1)
+        advice = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(EXPORTS)}"
+        raise UsageError(f"export: format {name!r} is unknown; {advice}")
+    return EXPORTS[name]
+
+
+def export(eo: ExteriorOrientation, name: str, path: Path, target: Target | None = None, **options: Any) -> Exported:
+    """Write `eo` as format `name` to `path`, a directory where the format has several files.
+
+    options : of the format. Raises UsageError for an unknown format, an option that it does not take, a frame that it cannot carry
+    and heights that it needs and does not get; InputError where a CRS does not reach the flight.
+    """
+    form, target = known_format(name), target or Target()
+    if not eo.images:
+        raise InputError(f"export: {name}: there are no images; process a flight with camera events")
+    if unknown := [key for key in options if key not in form.options]:
+        takes = f"it takes {', '.join(form.options)}" if form.options else "it takes none"
+        raise UsageError(f"export: {name} has no option {unknown[0]!r}; {takes}")
+    if form.frames == ():
+        if target != Target():
+            raise UsageError(f"export: {name} is the master in its own frame; leave CRS, geoid, frame and ground out")
+        form.write(eo, path, **options)
+        return Exported(path, "tangent plane", ())
+    kind = _kind(name, form, target)
+    projection = MapProjection(str(target.crs), target.geoid) if kind == PROJECTED else None
+    if form.heights == "sea level":
+        options = options | {"undulation_m": _undulation(eo, name, target)}
+    elif projection is None and target.geoid is not None:
+        raise UsageError(f"export: {name} in a frame of kind {kind} takes heights above the ellipsoid; leave the geoid out or name a CRS")
+    framed = in_frame(eo, kind, projection, target.ground_m)
+    form.write(framed, path, **options)
+    return Exported(path, framed.frame.name, _notes(form, projection, framed.frame.scaled_from_m is not None))
+
+
+def _kind(name: str, form: Export, target: Target) -> str:
+    kind = PROJECTED if target.crs is not None else target.frame or form.frames[0]
+    if kind not in KINDS:
+        raise UsageError(f"export: frame {kind!r} is unknown; it is one of {', '.join(KINDS)}")
+    if kind not in form.frames:
+        raise UsageError(f"export: {name} cannot carry a frame of kind {kind}; it carries {', '.join(form.frames)}")
+    if kind == PROJECTED and target.crs is None:
+        raise UsageError(f"export: {name} needs a projected CRS; name it, such as EPSG:2056")
+    return kind
+
+
+def _undulation(eo: ExteriorOrientation, name: str, target: Target) -> Any:
+    """Height (n,) m of the geoid above the ellipsoid at the images."""
+    if target.geoid is None:
+        raise UsageError(f"export: {name} has heights above sea level; name a grid of geoid heights")
+    place = in_frame(eo, GEOGRAPHIC).geodetic
+    zone = int(np.degrees(place[0, 1]) // 6.0) % 60 + 1  # any CRS will do, only its geoid is asked
+    projection = MapProjection(f"EPSG:{32600 + zone}", target.geoid)
+    return place[:, 2] - projection.forward(*place.T)[:, 2]
+
+
+def _notes(form: Export, projection: MapProjection | None, scaled: bool) -> tuple[str, ...]:
+    notes = [f"experimental: {form.experimental}"] if form.experimental else []
+    if projection is None:
+        return tuple(notes)
+    operation, accuracy = projection.operation()
+    if accuracy < 0.0 or accuracy > ACCURATE_M:
+        how = "unknown accuracy" if accuracy < 0.0 else f"an accuracy of {accuracy:g} m"
+        notes.append(f"{projection.name}: its datum was reached by {operation}, of {how}; control points in that CRS may be off by as much")
+    if projection.northing_first:
+        notes.append(f"{projection.name} counts northing before easting; the file has easting first: check the order when importing")
+    if not projection.crs.is_compound and projection.geoid is None:
+        notes.append(f"heights are {projection.heights}, not above sea level")
+    if not scaled:
+        notes.append("heights are not scaled by that of the projection, as tools with control points expect it; --ground scales them")
+    return tuple(notes)

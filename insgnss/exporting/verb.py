@@ -1,0 +1,89 @@
+"""The verb `export`: its options and what it does with them."""
+
+import argparse
+import ast
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import UsageError
+
+EXAMPLE = """  insgnss export 02_Processed/GPS-INS/eo.json metashape --out metashape.csv
+  insgnss export eo.json pix4d_matic --crs EPSG:2056 --geoid ch_chgeo2004.gtx
+  insgnss export eo.json generic_ascii --set columns=image,x,y,z,omega,phi,kappa --set unit=gon
+  insgnss export --proof metashape proof_scene"""
+
+
+@dataclass(frozen=True)
+class ExportResult:
+    """What was written, and what its reader must know."""
+
+    format: str
+    files: tuple[Path, ...]
+    notes: tuple[str, ...] = ()
+
+    def summary(self) -> str:
+        """For the terminal."""
+        return "\n".join([*map(str, self.files), *(f"note: {note}" for note in self.notes)])
+
+    def as_dict(self) -> dict[str, Any]:
+        """For machines; `file` is the export itself."""
+        return {"format": self.format, "file": self.files[0], "files": list(self.files), "notes": list(self.notes)}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the verb."""
+    parser.add_argument("eo", type=Path, metavar="EO", help="the eo.json of a processed flight (with --proof: a format below)")
+    parser.add_argument("format", metavar="FORMAT", help="one of the formats below (with --proof: the directory of the scene)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="what to write (default: the format's usual name beside EO)")
+    parser.add_argument("--crs", metavar="CRS", help="projected CRS: EPSG:2056, EPSG:25832+7837 (with heights), WKT or a file of it")
+    parser.add_argument("--geoid", type=Path, metavar="GRID", help="grid of geoid heights, for heights above sea level")
+    kinds = "tangent, geocentric or geographic axes (default: what the format takes first)"
+    parser.add_argument("--frame", choices=("tangent", "geocentric", "geographic"), help=kinds)
+    ground = "height of the ground: heights above it are scaled like the projection scales the plan"
+    parser.add_argument("--ground", type=float, metavar="M", help=ground)
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="settings", help="an option of the format; repeat it"
+    )
+    parser.add_argument("--proof", action="store_true", help="write a synthetic scene in FORMAT, to load in the real tool, into DIR")
+
+
+def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
+    """Do what the parsed command line asks for."""
+    from .export import Target, export, known_format
+
+    form = known_format(given.format)
+    options = _settings(given.settings)
+    kind = "tangent plane" if given.frame == "tangent" else given.frame
+    target = Target(given.crs, given.geoid, kind, given.ground)
+    from ..formats.eo_json import read_eo_json
+
+    out = given.out or given.eo.parent / form.product
+    if out.resolve() == given.eo.resolve():
+        raise UsageError(f"export: {out} is the master itself; give --out")
+    eo = read_eo_json(given.eo)
+    progress(f"writing {out}")
+    done = export(eo, given.format, out, target, **options)
+    return ExportResult(given.format, (done.file,), done.notes)
+
+
+def _settings(texts: list[str]) -> dict[str, Any]:
+    """Options of the format: numbers and true or false as such, lists with commas, all else as text."""
+    settings: dict[str, Any] = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if not equals or not key.strip():
+            raise UsageError(f"export: --set {text!r} is not KEY=VALUE, such as unit=gon")
+        settings[key.strip()] = _value(value.strip())
+    return settings
+
+
+def _value(text: str) -> Any:
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    try:
+        number = ast.literal_eval(text)
+    except (ValueError, SyntaxError):
+        return text
+    return number if isinstance(number, int | float) else text

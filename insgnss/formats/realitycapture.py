@@ -1,0 +1,65 @@
+"""Flight log of RealityCapture, trajectory of RealityScan, data_specs/realitycapture.md.
+
+    name, latitude, longitude, altitude, yaw, pitch, roll          (in a tangent plane x, y for latitude, longitude)
+
+R = Rz(-yaw) Rx(pitch) Ry(roll) takes the camera (right, up, back) to east, north, up at the image, as Metashape's. Lines that begin with
+`#` are skipped by the program. Its own omega, phi, kappa are another set of angles than everybody's (formats.md B7), so they are not
+written. What the columns of accuracies are called in an import format, and from which north yaw counts in a projected CRS, could not
+be checked: the variant with both is experimental. The standard deviations are those of the axes, correlations have no place.
+"""
+
+import numpy as np
+
+from ..files import atomic_write
+from ..records import FramedOrientation
+from ._eo import (
+    GEOGRAPHIC,
+    PROJECTED,
+    TANGENT,
+    YPR,
+    angles_of,
+    check_frame,
+    check_names,
+    north_attitude,
+    place_form,
+    places,
+    position_sigma,
+    said,
+    table_text,
+)
+from ._text import Source
+
+ANGLES = (
+    "angles: yaw pitch roll, deg; R = Rz(-yaw) Rx(pitch) Ry(roll) takes the camera (x right, y up, z back) to east north up, true north"
+)
+UNVERIFIED = "experimental: the accuracies' names in an import format, and the north of yaw in a projected CRS, are unverified"
+
+
+def write_realitycapture(eo: FramedOrientation, path: Source) -> None:
+    """Write a geographic or tangent-plane frame: degrees with 10 decimals (position) and 6 (angles), metres with 4.
+
+    Raises UsageError for another frame, InputError for names with commas, DataError where pitch is +-90 deg.
+    """
+    check_frame(eo, "realitycapture", GEOGRAPHIC, TANGENT)
+    _write(eo, path, False)
+
+
+def write_realitycapture_accuracy(eo: FramedOrientation, path: Source) -> None:
+    """Experimental: with accuracies along x (east), y (north), altitude in m and of yaw, pitch, roll in deg; also projected frames."""
+    check_frame(eo, "realitycapture_accuracy", GEOGRAPHIC, TANGENT, PROJECTED)
+    _write(eo, path, True)
+
+
+def _write(eo: FramedOrientation, path: Source, accuracy: bool) -> None:
+    check_names(eo.images, ",")
+    ypr, sigma = angles_of(eo, *north_attitude(eo), YPR)
+    geographic = eo.frame.kind == GEOGRAPHIC
+    table = np.hstack([places(eo)[:, [1, 0, 2] if geographic else [0, 1, 2]], np.degrees(ypr)])
+    form = f"%s,{place_form(eo, ',')}" + ",%.6f" * 3
+    columns = f"#name,{'latitude,longitude' if geographic else 'x,y'},altitude,yaw,pitch,roll"
+    if accuracy:
+        table = np.hstack([table, position_sigma(eo), np.degrees(sigma)])
+        form += ",%.5f" * 3 + ",%.6f" * 3
+        columns += ",accX,accY,accZ,accYaw,accPitch,accRoll"
+    head = said(eo, *([UNVERIFIED] if accuracy else []), ANGLES) + columns + "\n"
+    atomic_write(path, table_text(head, eo.images, form + "\n", table))

@@ -1,0 +1,160 @@
+r"""The global minimum of the wavelet moments over correlation times.
+
+Three stages, each of which leaves less to the next:
+
+1. Beam. The best places of one process are found on a grid of times; beside each of the best few, the best places of one more,
+   and so on. Every tuple settles to its minimum between the grid's times before it is compared: a grid alone would imitate one
+   time between two candidates by both of them, and prefer that to a second process that is there.
+2. Exchange. One process after the other is taken out and sought again, until nothing improves.
+3. Descent. Newton's method on the exact columns, until the gradient vanishes to rounding.
+
+A minimum may need fewer processes than it is allowed: least squares with non-negative coefficients over a continuum of columns
+ends with finitely many (Caratheodory), so that there is a number beyond which no process is of use. Those are taken out.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..records import Array
+from ._moments import Moments, Solution
+from ._search import profile, settle
+
+_PER_DECADE = 12  # candidate times
+_BEAM = 4  # minima with k processes to which one more is added
+_PEAKS = 4  # places tried for one more
+_DESCENTS = 2  # minima that Newton's method starts from
+_BETTER = 1e-6  # of Q, what an exchange must gain; what is between the interpolated and the exact columns is left to Newton's method
+_LARGEST_STEP = 1.5  # of log T
+_CLOSE = 1e-13  # of Q, the gain of a step that Q cannot tell from rounding, though its gradient can
+_FLOOR = 1e-30  # of |y|^2, rounding of Q where the fit is exact
+_EQUAL = 1e-12  # of Q, within which two solutions are equal
+
+
+def minimum(moments: Moments) -> Solution:
+    """The minimum over times and variances, of as few processes as it takes."""
+    if moments.K == 0:
+        return moments.at(np.empty(0))
+    return without_idle(moments, min((descend(moments, times) for times in search(moments)), key=lambda s: s.value))
+
+
+def search(moments: Moments) -> list[Array]:
+    """Starting times (K,), s, for the descent, best first: stages 1 and 2."""
+    grid, K = Grid(moments), moments.K
+    beam = [np.empty(0)]
+    for _ in range(K):
+        beam = grid.settled([np.append(at, place) for at in beam for place in grid.places(at)])[:_BEAM]
+    best, k, unchanged = beam[0], 0, 0
+    while unchanged < K:
+        others = np.delete(best, k)
+        new = grid.settled([np.append(others, place) for place in grid.places(others)])[0]
+        if grid.value(new) < grid.value(best) * (1.0 - _BETTER):
+            best, unchanged = new, 0
+        else:
+            unchanged += 1
+        k = (k + 1) % K
+    return [grid.times(at) for at in [best, *beam[1:_DESCENTS]]]
+
+
+def descend(moments: Moments, times: Array) -> Solution:
+    """Newton's method from `times` (K,) to the minimum in its basin, between the bounds."""
+    now, reach, last = moments.at(times), _LARGEST_STEP, 5
+    g, G = moments.curvature(now)
+    for _ in range(200):
+        step = newton_step(np.log(now.times), g, G, np.log(moments.bounds))
+        if not step.any():
+            break
+        close = -g @ step <= _CLOSE * now.value + _FLOOR
+        step *= min(1.0, reach / np.abs(step).max())
+        trial = moments.at(np.clip(now.times * np.exp(step), *moments.bounds))
+        if close:
+            slope, curvature = moments.curvature(trial)
+            last -= 1
+            if last < 0 or np.abs(slope).max() >= np.abs(g).max() or trial.value > now.value * (1.0 + _CLOSE) + _FLOOR:
+                break
+            now, g, G = trial, slope, curvature
+        elif trial.value < now.value:
+            now, reach = trial, min(2.0 * reach, _LARGEST_STEP)
+            g, G = moments.curvature(now)
+        else:
+            reach = 0.25 * np.abs(step).max()
+            if reach < 1e-9:
+                break
+    return now
+
+
+def newton_step(t: Array, g: Array, G: Array, bounds: Array) -> Array:
+    """Step (K,) of log T downhill, zero for times that the gradient holds on a bound and for processes without variance."""
+    low, high = bounds
+    free = ~(((t <= low) & (g > 0.0)) | ((t >= high) & (g < 0.0)) | (g == 0.0))
+    step = np.zeros(t.size)
+    if free.any():
+        size, V = np.linalg.eigh(G[np.ix_(free, free)])
+        size = np.maximum(np.abs(size), 1e-14 * np.abs(size).max() + 1e-300)
+        step[free] = -V @ ((V.T @ g[free]) / size)
+    return step
+
+
+def without_idle(moments: Moments, solution: Solution) -> Solution:
+    """The same minimum with as few processes as it takes.
+
+    Processes that change nothing get variance zero and the longest time; a time that may as well lie on a bound is put there.
+    """
+    limit = solution.value * (1.0 + _EQUAL) + _FLOOR
+    L = len(moments.linear)
+    times = solution.times[solution.x[L:] > 0.0]
+    for k in reversed(range(times.size)):
+        others = np.delete(times, k)
+        if L + others.size and moments.at(others).value <= limit:
+            times = others
+    for bound in moments.bounds:
+        for k in range(times.size):
+            moved = np.sort(np.append(np.delete(times, k), bound))
+            if moments.at(moved).value <= limit:
+                times = moved
+    active = moments.at(times)
+    used = active.x[L:] > 0.0
+    idle = moments.K - int(used.sum())
+    x = np.concatenate([active.x[:L], active.x[L:][used], np.zeros(idle)])
+    return Solution(np.append(times[used], np.full(idle, moments.bounds[1])), x, active.value)
+
+
+class Grid:
+    """Columns of the candidate times, evenly spaced in log T, and the search among and between them; a place is an index with fraction."""
+
+    def __init__(self, moments: Moments) -> None:
+        low, high = moments.bounds
+        count = int(np.ceil(np.log10(high / low) * _PER_DECADE)) + 1
+        self.y, self.linear = moments.y, moments.linear
+        self.T = np.geomspace(low, high, count)
+        self.D, slope, _ = moments.columns(self.T)
+        slope -= self.D * np.einsum("tm,tm->t", self.D, slope)[:, None]
+        self.slope = slope * (np.log(high / low) / (count - 1))
+        self.values: dict[bytes, float] = {}
+
+    def times(self, at: Array) -> Array:
+        """Correlation times (K,), s, of places."""
+        return np.exp(np.interp(at, np.arange(self.T.size), np.log(self.T)))
+
+    def value(self, at: Array) -> float:
+        """Q over |y|^2 at places that have settled."""
+        return self.values[at.tobytes()]
+
+    def places(self, at: Array) -> list[float]:
+        """The best places (a few) of one more process beside those at `at`: the peaks of its profile."""
+        gain = np.empty(self.T.size)
+        profile(at, self.linear, self.D, self.slope, self.y, gain)
+        inner = np.concatenate([[-np.inf], gain, [-np.inf]])
+        peaks = np.flatnonzero((gain >= inner[:-2]) & (gain > inner[2:]))
+        return [float(i) for i in peaks[np.argsort(-gain[peaks])][:_PEAKS]]
+
+    def settled(self, starts: Sequence[Array]) -> list[Array]:
+        """Minima reached from `starts`, each once, best first."""
+        found: dict[tuple[int, ...], Array] = {}
+        for start in starts:
+            at = np.array(start)
+            value = settle(at, self.linear, self.D, self.slope, self.y)
+            at.sort()
+            self.values[at.tobytes()] = value
+            found.setdefault(tuple(np.round(4.0 * at).astype(int)), at)
+        return sorted(found.values(), key=self.value)

@@ -1,0 +1,133 @@
+r"""Estimates of a fit: values with standard errors and 95 % intervals, by the sandwich, by the profile, or by re-fits.
+
+With D = d nu/d x of all curves below each other, Omega their weights and V the covariance of nu_hat, both block diagonal over the
+recordings, which are independent (Guerrier et al. 2013, theorem 2):
+
+    x_hat - x = B (nu_hat - nu),   B = (D' Omega D)^-1 D' Omega,      cov x_hat = B V B'                  (E.1)
+
+x are the coordinates of `_profile`: logarithms where a parameter is determined. All parameters are positive, so standard errors are
+those of logarithms and the intervals of the sandwich are exp(log value -+ 1.96 error). Where a parameter is at its edge the interval starts
+there and has the length 1.96 errors of its coordinate. For Omega = V^-1 the covariance is (D' V^-1 D)^-1, the least that
+these moments allow, and Q behaves as minus twice a log-likelihood: then its profile gives intervals that are right where (E.1) is not,
+for the long correlation times of which a recording shows few.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import Array
+from ._profile import Local
+from .bootstrap import Bootstrap
+from .gmwm import Fit
+
+_Z_95, _Z_99 = 1.959964, 2.575829  # 97.5 and 99.5 % of the normal distribution
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter: value in SI, standard error of its logarithm, 95 % interval, and upper limit of the 99 % interval.
+
+    log_error : NaN where the value is zero or at the edge of what is admissible (`at_bound`).   low may be 0, high infinite.
+    """
+
+    name: str
+    value: float
+    log_error: float
+    low: float
+    high: float
+    high_99: float
+    at_bound: bool
+
+    @property
+    def standard_error(self) -> float:
+        """Of the value itself, SI: value times `log_error`."""
+        return self.value * self.log_error
+
+
+class Linearised:
+    """The fit linearised (E.1): everything stacked over the curves, in the coordinates of `Local`."""
+
+    def __init__(self, fitted: Fit, V: Sequence[Array]) -> None:
+        self.local = Local(fitted)
+        self.x = self.local.coordinates(fitted.parameters)
+        names = fitted.composition.parameters
+        idle = np.array([name.startswith("correlation_time") and fitted.parameters[i + 1] == 0.0 for i, name in enumerate(names)])
+        self.free = np.flatnonzero(~idle)
+        self.D = self.local.derivative(self.x)[:, self.free]
+        self.V, self.Omega = _stacked(V), _stacked(fitted.weights)
+        A = self.D.T @ self.Omega @ self.D
+        size = np.sqrt(np.diag(A))
+        self.B = np.linalg.pinv(A / np.outer(size, size), rcond=1e-12) / np.outer(size, size) @ self.D.T @ self.Omega
+
+    def covariance(self) -> Array:
+        """(p, p) of x; NaN for the time of a process without driving noise."""
+        out = np.full((self.x.size, self.x.size), np.nan)
+        out[np.ix_(self.free, self.free)] = self.B @ self.V @ self.B.T
+        return out
+
+    def parameter(self, i: int, step: float) -> float:
+        """Parameter i, SI, at `step` of its coordinate from the fit, and not beyond its edges."""
+        x = self.x.copy()
+        x[i] = np.clip(x[i] + step, self.local.low[i], self.local.high[i])
+        return float(self.local.parameters(x)[i])
+
+    def scatter(self, inside: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """(M,) standard deviation of the distance of nu_hat from the fit, and eigenvalues lambda (M,) of P' Omega P V.
+
+        inside : which of the free parameters take part in the fit, those that are not at an edge.
+        """
+        A = np.linalg.cholesky(self.Omega).T
+        U = np.linalg.qr(A @ self.D[:, inside])[0]
+        residual = A - U @ (U.T @ A)  # of A P, with P = 1 - D B
+        weight = np.linalg.eigvalsh(residual @ self.V @ residual.T)
+        P = np.linalg.solve(A, residual)
+        variance = np.einsum("ij,jk,ik->i", P, self.V, P)
+        return np.sqrt(np.maximum(variance, 1e-12 * np.diag(self.V))), np.maximum(weight, 0.0)
+
+
+def estimates(fitted: Fit, linear: Linearised, kind: str, resampled: Bootstrap | None = None) -> tuple[tuple[Estimate, ...], Array]:
+    """All parameters with intervals of a kind, and the covariance (p, p) of their logarithms.
+
+    kind : "sandwich", "profile", for efficient weights, or "bootstrap", for which the re-fits `resampled` are needed.
+    """
+    C = linear.covariance()
+    factor = np.where(np.isin(fitted.composition.parameters, fitted.at_bound), np.nan, linear.local.logarithmic(linear.x))
+    log_covariance = C * np.outer(factor, factor)
+    log_error = np.sqrt(np.diag(log_covariance))
+    if kind == "bootstrap" and resampled is not None:
+        ends = np.array([*resampled.interval("basic"), resampled.interval("basic", 0.99)[1]]).T
+    elif kind == "profile":
+        ends = np.array([linear.local.profile(fitted.parameters, i) for i in range(len(C))])
+    else:
+        ends = np.array([_sandwich(linear, C, log_error, i) for i in range(len(C))])
+    rows = zip(fitted.composition.parameters, fitted.parameters.tolist(), log_error.tolist(), ends.tolist(), strict=True)
+    found = [Estimate(name, value, error, low, high, far, name in fitted.at_bound) for name, value, error, (low, high, far) in rows]
+    return tuple(found), log_covariance
+
+
+def _sandwich(linear: Linearised, C: Array, log_error: Array, i: int) -> tuple[float, float, float]:
+    """95 % interval of parameter i and upper limit of the 99 % one, from its standard error."""
+    value = float(linear.local.parameters(linear.x)[i])
+    if np.isfinite(log_error[i]):
+        reach, farther = (math.exp(min(z * log_error[i], 700.0)) for z in (_Z_95, _Z_99))
+        return value / reach, value * reach, value * farther
+    if not np.isfinite(C[i, i]):
+        return 0.0, math.inf, math.inf
+    if linear.local.time[i] and linear.x[i] >= linear.local.high[i]:
+        return linear.parameter(i, -_Z_95 * math.sqrt(C[i, i])), math.inf, math.inf
+    return 0.0, linear.parameter(i, _Z_95 * math.sqrt(C[i, i])), linear.parameter(i, _Z_99 * math.sqrt(C[i, i]))
+
+
+def _stacked(blocks: Sequence[Array]) -> Array:
+    """Block diagonal matrix."""
+    size = [len(block) for block in blocks]
+    out = np.zeros((sum(size), sum(size)))
+    at = 0
+    for block, n in zip(blocks, size, strict=True):
+        out[at : at + n, at : at + n] = block
+        at += n
+    return out

@@ -1,0 +1,91 @@
+r"""Does the model fit, and where not: the J test and the scales that misfit.
+
+With P = 1 - D B of `estimates` the distance d = nu_hat - nu(theta_hat) has the covariance P V P', so that Q = d' Omega d is a sum of
+squares of unit normals times the eigenvalues lambda of P' Omega P V. With the mean and the variance of that sum,
+
+    J = Q / c ~ chi-square(f),   c = sum lambda^2 / sum lambda,   f = (sum lambda)^2 / sum lambda^2        (J.1)
+
+At the efficient fit all lambda are 1 or 0, J is Q and f the number of moments less that of parameters: the J test (Hansen 1982). At the
+longest scales nu_hat is far from normal; the bootstrapped p-value compares Q with that of re-fits to recordings of the
+fitted processes. d over its standard deviation says which scales misfit.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..records import Array
+from .bootstrap import Bootstrap
+from .estimates import Linearised
+from .gmwm import Fit
+
+_ODD = 3.0  # standard deviations of a scale that misfits
+
+
+@dataclass(frozen=True, eq=False)
+class GoodnessOfFit:
+    """The J test (J.1), and which scales misfit.
+
+    statistic, degrees : J and f of (J.1).   p_value : asymptotic.   bootstrapped : p-value over `draws` re-fits, with its Monte Carlo
+    standard deviation `bootstrapped_error`; NaN for no draws.   residuals : (J_i,) of each curve, standardised.
+    misfits : (curve from 0, level) of those beyond 3, worst first.   sentence : the verdict.
+    """
+
+    statistic: float
+    degrees: float
+    p_value: float
+    bootstrapped: float
+    bootstrapped_error: float
+    draws: int
+    residuals: tuple[Array, ...]
+    misfits: tuple[tuple[int, int], ...]
+    sentence: str
+
+
+def goodness_of_fit(fitted: Fit, linear: Linearised, resampled: Bootstrap | None = None) -> GoodnessOfFit:
+    """The J test of a fit, bootstrapped where there are re-fits."""
+    from scipy.special import chdtrc
+
+    d = np.concatenate(fitted.residuals)
+    inside = ~np.isin(np.asarray(fitted.composition.parameters)[linear.free], fitted.at_bound)
+    scatter, weight = linear.scatter(inside)
+    size, squares = float(weight.sum()), float((weight**2).sum())
+    statistic, degrees = fitted.objective * size / squares, size**2 / squares  # (J.1)
+    p_value = float(chdtrc(degrees, statistic))
+    p, error, draws = math.nan, math.nan, 0
+    if resampled is not None:
+        draws = resampled.objective.size
+        p = (1.0 + float((resampled.objective >= fitted.objective).sum())) / (draws + 1.0)
+        error = math.sqrt(p * (1.0 - p) / draws)
+    ends = np.cumsum([c.level.size for c in fitted.curves])[:-1]
+    residuals = tuple(np.split(d / scatter, ends))
+    odd = [
+        (abs(z), i, int(j))
+        for i, (c, r) in enumerate(zip(fitted.curves, residuals, strict=True))
+        for j, z in zip(c.level, r, strict=True)
+        if abs(z) > _ODD
+    ]
+    misfits = tuple((i, j) for _, i, j in sorted(odd, reverse=True))
+    sentence = _misfit_sentence(fitted, statistic, degrees, p if resampled is not None else p_value, residuals, misfits)
+    return GoodnessOfFit(statistic, degrees, p_value, p, error, draws, residuals, misfits, sentence)
+
+
+def _misfit_sentence(
+    fitted: Fit, J: float, degrees: float, p: float, residuals: tuple[Array, ...], misfits: tuple[tuple[int, int], ...]
+) -> str:
+    """Whether the model fits, and where not."""
+    tested = f"J {J:.1f} for {degrees:.4g} degrees of freedom, p = {p:.2g}"
+    if p >= 0.05:
+        return f"{fitted.composition} fits: {tested}"
+    worst = []
+    for i, j in misfits[:4]:
+        k = int(np.flatnonzero(fitted.curves[i].level == j)[0])
+        where = f"scale {fitted.curves[i].scale_s[k]:.3g} s"
+        if len(fitted.curves) > 1:
+            where += f" of curve {i + 1}"
+        worst.append(f"{where} ({residuals[i][k]:+.1f} sigma)")
+    more = f" and {len(misfits) - 4} more" if len(misfits) > 4 else ""
+    where = f"worst at {', '.join(worst)}{more}" if worst else "no scale stands out, the misfit is spread"
+    advice = "take another model or leave these scales out" if worst else "take another model"
+    return f"{fitted.composition} does not fit: {tested}; {where}; standard errors hold where a model fits, {advice}"

@@ -1,0 +1,185 @@
+r"""How well a fit's parameters are determined, and whether the model fits: the efficient second step, and all that is said of a fit.
+
+V, the covariance of nu_hat at the fitted processes, is exact for Gaussian noise (`haar_covariance`), times 1/efficiency for robust
+curves, or of a parametric bootstrap; recordings are independent of each other.
+
+Efficient weights are V^-1 at the fit itself, fit and weights in turn repeated until they agree: the estimate solves
+D' V^-1(theta) (nu_hat - nu(theta)) = 0, whose mean at the true theta is zero. In one of twenty recordings with slow processes that has
+two solutions, and the global minimum jumps between them; then that of the larger normal likelihood of nu_hat, the smaller
+
+    log det V(theta) + (nu_hat - nu(theta))' V^-1(theta) (nu_hat - nu(theta)),                           (I.1)
+
+is taken and followed. Weights from nu_hat itself, as those of the intervals,
+favour scales that came out small by chance and pull the long-scale variances down: over simulated 4-hour recordings of the NavChip 95 %
+sandwich intervals of such fits held the second gyro process in 71 to 76 % of cases, profiles of the efficient fit in 93 to 95 %.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import UsageError
+from ..records import Array
+from ._profile import polished
+from .bootstrap import bootstrap, draw_variances, robust_efficiency
+from .estimates import Estimate, Linearised, estimates
+from .gmwm import Fit, fit
+from .goodness import GoodnessOfFit, goodness_of_fit
+from .haar_covariance import haar_covariance
+from .identifiability import ProcessVerdict, verdicts
+
+INTERVALS = ("auto", "sandwich", "profile", "bootstrap")
+_LARGEST_CONDITION = 1e10  # of the correlation matrix of nu_hat
+_SETTLED = 0.03  # standard errors by which repeated weights may still move the fit
+
+
+@dataclass(frozen=True, eq=False)
+class Inference:
+    """What a fit is worth.
+
+    covariance (p, p) : of the logarithms of the parameters; NaN for those at an edge.   intervals : "sandwich", "profile" or "bootstrap".
+    """
+
+    fit: Fit
+    estimates: tuple[Estimate, ...]
+    covariance: Array
+    goodness: GoodnessOfFit
+    verdicts: tuple[ProcessVerdict, ...]
+    intervals: str
+
+    def __getitem__(self, name: str) -> Estimate:
+        """The estimate of a parameter by its name."""
+        return next(e for e in self.estimates if e.name == name)
+
+
+def covariances(fitted: Fit, *, method: str = "exact", draws: int = 200, seed: int = 0) -> tuple[Array, ...]:
+    """V (J_i, J_i), X^4, of the wavelet variances of each curve at the fitted processes.
+
+    method : "exact", or "bootstrap" from `draws` simulated recordings, which serves "dwt" curves too.
+
+    Raises UsageError for another method, "exact" for a "dwt" curve, and fewer draws than twice the levels.
+    """
+    if method == "bootstrap":
+        if draws < 2 * max(c.level.size for c in fitted.curves):
+            raise UsageError(
+                f"{draws} draws for a covariance of {max(c.level.size for c in fitted.curves)} scales; give twice as many at least"
+            )
+        return tuple(np.cov(rows.T) for rows in draw_variances(fitted, draws, seed=seed))
+    if method != "exact":
+        raise UsageError(f"covariance {method!r} is neither 'exact' nor 'bootstrap'")
+    known: dict[tuple[object, ...], Array] = {}  # recordings of the same length and rate share it
+    out = []
+    for curve in fitted.curves:
+        if curve.decomposition != "modwt":
+            raise UsageError(f"the exact covariance is that of 'modwt' wavelet variances, not of {curve.decomposition!r}; take 'bootstrap'")
+        key = (curve.samples, curve.rate_hz, *curve.level.tolist())
+        if key not in known:
+            known[key] = haar_covariance(fitted.axis, curve.level, curve.samples, curve.rate_hz, fitted.sampling)
+        out.append(known[key] / robust_efficiency(curve))
+    return tuple(out)
+
+
+def inverse(V: Array) -> Array:
+    """V^-1 of a covariance matrix (J, J) of any magnitude; an all-NaN matrix where its correlations are singular to ten digits."""
+    size = np.sqrt(np.diag(V))
+    if not (np.isfinite(V).all() and size.min() > 0.0):
+        return np.full(V.shape, np.nan)
+    R = V / np.outer(size, size)
+    if not 0.0 < np.linalg.cond(R) < _LARGEST_CONDITION or np.linalg.eigvalsh(R)[0] <= 0.0:
+        return np.full(V.shape, np.nan)
+    W = np.linalg.inv(R) / np.outer(size, size)
+    return np.asarray(0.5 * (W + W.T))
+
+
+def second_step(first: Fit, *, covariance: str = "exact", iterations: int = 6, draws: int = 200, seed: int = 0) -> tuple[Fit, str]:
+    """Fit with the weights V^-1 of the fit before, repeated until it moves by less than 0.03 standard errors.
+
+    covariance, draws, seed : as in `covariances`.   iterations : at most so many; then the best by (I.1) goes on in its basin.
+
+    Returns the fit and how it went; where V cannot be inverted, the last fit that could be made, and why.
+    """
+    fitted = first
+    seen: list[tuple[float, Fit]] = []
+    for step in range(1, 2 * iterations + 1):
+        if step == iterations + 1:
+            fitted = min(seen, key=lambda scored: scored[0])[1]
+        V = covariances(fitted, method=covariance, draws=draws, seed=seed)
+        weights = [inverse(block) for block in V]
+        singular = [i for i, W in enumerate(weights, start=1) if not np.isfinite(W).all()]
+        if singular:
+            return (
+                fitted,
+                f"the covariance of the wavelet variance of curve {singular[0]} is singular at step {step}; weights of the step before",
+            )
+        seen += [(_pseudo_likelihood(fitted, V, weights), fitted)] if step > 1 else []
+        if step <= iterations:
+            after = fit(first.curves, first.composition, weights=weights, sampling=first.sampling, times_s=first.times_s)
+        else:
+            after = polished(fitted, weights)
+        moved, fitted = _distance(fitted, after), after
+        if moved < _SETTLED:
+            return fitted, f"efficient weights, settled after {step} steps"
+    return fitted, f"efficient weights, not settled after {2 * iterations} steps"
+
+
+def _pseudo_likelihood(fitted: Fit, V: Sequence[Array], weights: Sequence[Array]) -> float:
+    """(I.1) of a fit with V and V^-1 at the fit itself."""
+    rows = zip(fitted.residuals, V, weights, strict=True)
+    return sum(float(np.linalg.slogdet(block)[1] + d @ W @ d) for d, block, W in rows)
+
+
+def efficient(first: Fit, *, covariance: str = "exact", iterations: int = 8) -> Fit:
+    """The fit of `second_step`: weights are the inverse covariance of the wavelet variance at the fit; `first` where that is singular."""
+    return second_step(first, covariance=covariance, iterations=iterations)[0]
+
+
+def _distance(before: Fit, after: Fit) -> float:
+    """Distance of the modelled wavelet variances in standard deviations of all moments together."""
+    pairs = zip(before.modelled, after.modelled, after.weights, strict=True)
+    return math.sqrt(max(sum(float((a - b) @ W @ (a - b)) for a, b, W in pairs), 0.0))
+
+
+def infer(
+    fitted: Fit,
+    *,
+    intervals: str = "auto",
+    covariance: str = "exact",
+    draws: int = 0,
+    seed: int = 0,
+) -> Inference:
+    """Standard errors, 95 % intervals, J test and a verdict on each process.
+
+    intervals : "sandwich" (E.1); "profile" of Q, for efficient weights; "bootstrap", basic, of `draws` re-fits; "auto" is profile for
+        efficient weights and sandwich for others.
+    covariance : V, "exact" or "bootstrap".   draws : of the bootstrapped J test, 0 for none.   seed : of all draws.
+
+    Raises UsageError for other words, "profile" without efficient weights, and "bootstrap" without draws; as `covariances`.
+    """
+    if intervals not in INTERVALS:
+        raise UsageError(f"intervals {intervals!r} are none of {', '.join(INTERVALS)}")
+    if intervals == "bootstrap" and draws < 20:
+        raise UsageError(f"{draws} draws for bootstrapped intervals; give 100 or more")
+    V = covariances(fitted, method=covariance, draws=max(draws, 200), seed=seed)
+    sharp = is_efficient(fitted, V)
+    if intervals == "profile" and not sharp:
+        raise UsageError("intervals of a profile need a fit with efficient weights; take efficient(fit) first")
+    kind = ("profile" if sharp else "sandwich") if intervals == "auto" else intervals
+    linear = Linearised(fitted, V)
+    resampled = bootstrap(fitted, draws, seed=seed) if draws else None
+    found, log_covariance = estimates(fitted, linear, kind, resampled)
+    weights = fitted.weights if sharp else tuple(inverse(block) for block in V)
+    goodness = goodness_of_fit(fitted, linear, resampled)
+    return Inference(fitted, found, log_covariance, goodness, verdicts(fitted, found, weights), kind)
+
+
+def is_efficient(fitted: Fit, V: Sequence[Array]) -> bool:
+    """Whether the weights are the inverse of V to a factor of two in every direction."""
+    for omega, block in zip(fitted.weights, V, strict=True):
+        size = np.sqrt(np.diag(block))
+        root = np.linalg.cholesky(omega * np.outer(size, size))
+        ratio = np.linalg.eigvalsh(root.T @ (block / np.outer(size, size)) @ root)
+        if not (ratio[0] > 0.5 and ratio[-1] < 2.0):
+            return False
+    return True

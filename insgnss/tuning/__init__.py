@@ -1,0 +1,1 @@
+"""From recordings to a noise model: read, check, wavelet variances, fit, inference, verdict, files. Stands above the rooms."""

@@ -1,0 +1,263 @@
+"""Noise of the IMU from a flight itself: from its flight file to a verdict and a noise model that `process` takes.
+
+The flight is solved as `process` would, with the static model of its flight file. The innovations between the rests then tell how much
+larger the noise is in flight (`calibrate.innovation_noise`). A correlated error of the fixes that the solution adopted on its own is
+doubted: noise of the IMU that is larger than the model says makes innovations correlated, too. Both explanations are tried, and the
+correlated error stays where it gains more than `EXPLAINED` beside free noise of the IMU.
+
+The static model gives way where the gain in likelihood is significant, what was estimated leaves the innovations white, their normalised
+square (NIS) comes no further from one, and no more fixes are lost, which solving the flight again with the model found tells as `process`
+will find it. The spectrum of the IMU in straight flight stands beside it as evidence of another kind.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from ..errors import DataError, InputError, InsgnssError, UsageError
+from ..flight import Flight
+from ..recording import Recording, quiet, read_recording, sentence
+from ..stochastic.model import NoiseModel
+from .in_flight_files import finite, model_in_flight, planned, write
+from .in_flight_words import NAMES, summary
+
+if TYPE_CHECKING:
+    from ..calibrate.innovation_noise import InFlightNoise
+    from ..calibrate.straight_flight import StraightFlight
+    from ..navigation.solution import Solution
+    from ..stretch import Stretch
+
+Progress = Callable[[str], None]
+
+EPOCH_HZ = 2.0  # of the output grid, which nobody looks at
+NEARER = 2.0  # standard deviations of the mean NIS by which it may be further from one
+
+
+@dataclass(frozen=True)
+class FlightTuning:
+    """What a flight says of its noise. accepted : whether the static model gives way.   reasons : of that, sentence by sentence.
+
+    noise : the estimate.   static, model : the model of the flight file, and the same with the factors found.   files : what was written.
+    lost_before, lost_after : fixes that the solutions with the static model and with the new one reject.
+    straight : spectrum of the IMU in straight flight, None without.   dropped_correlated : whether noise of the IMU explains what the
+    solution took for a correlated error of the fixes.
+    """
+
+    name: str
+    accepted: bool
+    reasons: tuple[str, ...]
+    noise: "InFlightNoise"
+    static: NoiseModel
+    model: NoiseModel
+    lost_before: int
+    lost_after: int
+    straight: "StraightFlight | None"
+    dropped_correlated: bool
+    files: tuple[Path, ...] = ()
+
+    @property
+    def headline(self) -> str:
+        """The verdict without its reasons."""
+        return "accept the noise found in flight" if self.accepted else f"keep the static model {self.static.name}"
+
+    @property
+    def verdict(self) -> str:
+        """In one sentence."""
+        return f"{self.headline}: {'; '.join(self.reasons)}"
+
+    @property
+    def file(self) -> Path | None:
+        """The noise model that was written, or None."""
+        return self.files[0] if self.accepted and self.files else None
+
+    def summary(self) -> str:
+        """What a person reads."""
+        return summary(self)
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON-able."""
+        n, s = self.noise, self.straight
+        factors = {
+            name: {"factor": float(f), "standard_error": float(f * e) if e else None, "held": name in dict(n.held)}
+            for name, f, e in zip(n.names, n.factor, n.log_sigma, strict=True)
+        }
+        told = {key: asdict(getattr(n, key)) for key in ("before", "after", "at_best", "static_at_best")}
+        told_all = {
+            "name": self.name,
+            "verdict": "accept" if self.accepted else "keep",
+            "reasons": list(self.reasons),
+            "files": [str(file) for file in self.files],
+            "factors": factors,
+            "held": dict(n.held),
+            "correlation": np.round(n.correlation, 4),
+            "likelihood_gain": n.gain,
+            "chance": n.chance,
+            "duration_s": n.duration_s,
+            "innovations": told,
+            "fixes_lost": {"static": self.lost_before, "in_flight": self.lost_after},
+            "straight_flight": None if s is None else _spectrum(s),
+        }
+        return cast(dict[str, Any], finite(told_all))
+
+
+def tune_flight(
+    flight: Flight,
+    out: Path | None = None,
+    parameters: Sequence[str] | None = None,
+    progress: Progress = quiet,
+    force: bool = False,
+) -> FlightTuning:
+    """Estimate noise of a flight's IMU from the innovations of its filter, judge it, and write it where it is accepted.
+
+    out : the noise-model file, by default in_flight_noise.toml beside the flight file; a table (.json) and the spectrum (.png) stand beside
+    it, and are written in any case. `force` lets them take the place of files that are there.
+    parameters : of gyro.white_noise, accel.white_noise (these by default), white_noise (one factor for both), gyro.driving_noise and
+    accel.driving_noise.
+    Raises InputError for wrong input, UsageError for an unknown parameter or a file in the way, DataError where nothing can be told.
+    """
+    from ..calibrate.innovation_noise import DEFAULT, IMU
+    from ..calibrate.likelihood import one_factor_each
+    from ..calibrate.straight_flight import straight_flight, straight_segments
+
+    chosen = tuple(dict.fromkeys(parameters or DEFAULT))
+    for name in chosen:
+        if name not in IMU:
+            raise UsageError(f"noise parameter {name!r} is unknown; use some of {', '.join(IMU)}")
+    one_factor_each(chosen)
+    target = planned(flight, out, force)
+    if flight.imu.more:
+        raise InputError(
+            f"{flight.path}: imu.more: the noise of several IMUs in one cannot be told apart; tune a flight file of each alone"
+        )
+    progress("read")
+    recording = _read(flight)
+    light = replace(flight, output=replace(flight.output, trajectory_hz=EPOCH_HZ))
+    solved = _solved(light, recording, progress)
+    parts = [part for stretch in solved for part in _moving(stretch, recording)]
+    noise, dropped = _estimated(flight, parts, chosen, progress)
+    model = model_in_flight(flight, recording, noise)
+    offered, before = _lost(solved)
+    after = before
+    if noise.significant and noise.white:
+        progress("solve again")
+        after = _lost_again(light, replace(recording, noise=model), offered, progress)
+    progress("spectrum")
+    segments = np.concatenate([straight_segments(stretch.solution) for stretch in solved])
+    spectrum = straight_flight(recording.imu, recording.C_b_imu, segments)
+    accepted, reasons = _judged(noise, before, after)
+    progress("write")
+    return write(FlightTuning(flight.name, accepted, reasons, noise, recording.noise, model, before, after, spectrum, dropped), target)
+
+
+def _read(flight: Flight) -> Recording:
+    """The recording without its exposures. Raises InputError where its checks contradict the flight file."""
+    if flight.gnss.stationary is not None:
+        raise InputError(
+            f"{flight.path}: gnss.stationary: a standing IMU has no flight; `insgnss tune` takes its recording as a static one"
+        )
+    recording = read_recording(flight)
+    bad = [check for check in recording.checks if check.verdict == "contradiction" and check.name not in flight.accept]
+    if bad:
+        raise InputError(f'{flight.path}: {sentence(bad[0])}; accept = ["{bad[0].name}"] in the flight file overrules')
+    return replace(recording, events=None)
+
+
+def _solved(flight: Flight, recording: Recording, progress: Progress) -> "list[Stretch]":
+    """The stretches of the flight that can be solved."""
+    from ..geodesy.frames import LocalFrame
+    from ..prepare.clock import common_span
+    from ..prepare.gaps import stretches
+    from ..stretch import refuse_short, solve_stretch
+
+    lo, hi = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
+    first = int(np.searchsorted(recording.gnss.time, lo))
+    frame = LocalFrame(*(float(x[first]) for x in (recording.gnss.lat, recording.gnss.lon, recording.gnss.height)))
+    solved, failed = [], []
+    spans = stretches(recording.imu.time, lo, hi)
+    for span in spans:
+        own = flight if span == spans[0] else replace(flight, initial=None)
+        try:
+            refuse_short(recording, span)
+            solved.append(solve_stretch(own, recording, span, frame, progress))
+        except DataError as error:
+            failed.append((span, error))
+    if not solved:
+        raise max(failed, key=lambda f: f[0][1] - f[0][0])[1]
+    return solved
+
+
+def _moving(stretch: "Stretch", recording: Recording) -> "list[Solution]":
+    from ..calibrate.innovation_noise import moving_parts
+
+    return moving_parts(stretch.solution, recording.rests.time)
+
+
+def _estimated(flight: Flight, parts: "list[Solution]", chosen: Sequence[str], progress: Progress) -> "tuple[InFlightNoise, bool]":
+    """The estimate, and whether it goes without the correlated error of the fixes that the solution adopted on its own."""
+    from ..calibrate.innovation_noise import EXPLAINED, in_flight_noise, without_correlated
+
+    adopted = [part.problem.layout.coloured >= 0 for part in parts]
+    if not any(adopted) or flight.gnss.correlated != "auto":
+        return in_flight_noise(parts, chosen, progress), False
+    bare = [without_correlated(part) if has else part for part, has in zip(parts, adopted, strict=True)]
+    white = in_flight_noise(bare, chosen, progress)
+    if not all(adopted):
+        return white, True
+    coloured = in_flight_noise(parts, chosen, progress)
+    if white.at_best.cost - coloured.at_best.cost < EXPLAINED:
+        return white, True
+    return coloured, False
+
+
+def _lost(solved: "list[Stretch]") -> tuple[int, int]:
+    """Fixes offered, and those rejected or believed only after a reopening."""
+    from ..navigation.filter import NOTHING, POSITION, REJECTED, REOPENED
+
+    verdict = np.concatenate([stretch.solution.verdict[:, POSITION] for stretch in solved])
+    return int(np.count_nonzero(verdict != NOTHING)), int(np.isin(verdict, (REJECTED, REOPENED)).sum())
+
+
+def _lost_again(flight: Flight, recording: Recording, offered: int, progress: Progress) -> int:
+    """Fixes of `offered` that are lost with another noise, all those of a stretch that cannot be solved with it."""
+    try:
+        again, lost = _lost(_solved(flight, recording, progress))
+    except InsgnssError:
+        return offered
+    return lost + max(offered - again, 0)
+
+
+def _judged(noise: "InFlightNoise", lost_before: int, lost_after: int) -> tuple[bool, tuple[str, ...]]:
+    """Whether the static model gives way, and why, sentence by sentence."""
+    from ..calibrate.fixes import MORE_LOST
+    from ..calibrate.innovation_noise import SIGNIFICANT, WHITE_ENOUGH
+
+    if not noise.free:
+        return False, tuple(f"{NAMES[name]} not told by this flight: {why}" for name, why in noise.held)
+    gain = f"-2 log L falls by {noise.gain:.1f} with {noise.free} factor{'s' if noise.free > 1 else ''}, chance {noise.chance:.1g}"
+    reasons = [f"{gain} (limit {SIGNIFICANT:g})"]
+    if not noise.significant:
+        return False, tuple(reasons)
+    if not noise.white:
+        lag = np.abs(noise.at_best.whiteness.lag_one).max()
+        return False, (
+            *reasons,
+            f"but the innovations stay correlated, {lag:.2f} from fix to fix (limit {WHITE_ENOUGH:g}): something else than white errors "
+            "and IMU noise shapes them, such as fixes that the receiver has filtered, and the factors would stand in for it",
+        )
+    before, after = noise.compared
+    slack = NEARER * math.sqrt(2.0 / (3.0 * max(before.fixes, 1)))
+    nearer = abs(after.nis - 1.0) <= abs(before.nis - 1.0) + slack
+    reasons.append(f"NIS {before.nis:.3f} before, {after.nis:.3f} after" + (", the fixes scaled as estimated" if noise.scaled else ""))
+    kept = lost_after <= lost_before + MORE_LOST * before.fixes
+    reasons.append(f"{lost_before} of {before.fixes} fixes lost before, {lost_after} after")
+    return nearer and kept, tuple(reasons)
+
+
+def _spectrum(straight: "StraightFlight") -> dict[str, Any]:
+    """All but the curves."""
+    keys = ("rate_hz", "duration_s", "windows", "mean_with_lines", "mean_without_lines", "upper_limit", "level", "level_from_hz")
+    return {key: getattr(straight, key) for key in keys} | {"lines": [asdict(line) for line in straight.lines]}

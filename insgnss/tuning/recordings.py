@@ -1,0 +1,172 @@
+"""Static recordings to wavelet variances: read, identified by their digest, checked, and condensed to what the fit needs.
+
+A recording is let go once its wavelet variances and block means are taken, so that memory holds one at a time. Where nothing in a file
+says its units, they must be given: noise numbers are worth nothing without.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..delivery import sha256
+from ..errors import DataError, InputError, UsageError
+from ..formats import TableInfo, describe, read_imu, sniff_imu, unit_factor
+from ..formats.variances import read_variances
+from ..prepare.static import Disturbance, StaticSpan, static_span
+from ..records import Array, Check, WaveletVariance
+from ..stochastic.model import RecordingSource
+from ..stochastic.wavelet import wavelet_variances
+from .options import TuneOptions
+
+Progress = Callable[[str], None]
+
+SENSORS, AXES = ("gyro", "accel"), ("x", "y", "z")
+PLAIN = ("tow", "gx", "gy", "gz", "ax", "ay", "az")
+BLOCKS = 128
+HEAD = 1 << 13
+SAY_THEIR_UNITS = ("aimu", "psins", "ardupilot", "ulog")
+
+
+@dataclass(frozen=True, eq=False)
+class StaticRecording:
+    """What is kept of one recording.
+
+    curves : wavelet variance (X^2) by sensor and axis, 0 to 2.   blocks : by sensor, (BLOCKS, 3) means of equal parts in time, None where
+    only variances are known.   begin_s, length_s : of the part that was used.
+    """
+
+    source: RecordingSource
+    curves: Mapping[tuple[str, int], WaveletVariance]
+    blocks: Mapping[str, Array] | None
+    begin_s: float
+    length_s: float
+    checks: tuple[Check, ...] = ()
+    disturbances: tuple[Disturbance, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Its file's name."""
+        return self.source.file
+
+
+def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticRecording:
+    """Read, check and condense one recording.
+
+    Raises InputError for a wrong file, UsageError where units or columns are missing, and DataError, in one sentence, for a recording
+    that does not show the noise of a sensor at rest; `options.accept` overrules a check.
+    """
+    progress(f"reading {path.name}")
+    if holds_variances(path):
+        return _published(path, options)
+    imu = read_imu(path, **_how(path, options))
+    progress(f"checking {path.name}")
+    span = static_span(imu, options.skip_s, options.keep_s, options.bridge_s)
+    _refuse(path, span, options.accept)
+    progress(f"wavelet variances of {path.name}")
+    triads = {"gyro": span.gyro, "accel": span.accel}
+    curves: dict[tuple[str, int], WaveletVariance] = {}
+    for sensor, values in triads.items():
+        curves |= {(sensor, k): c for k, c in enumerate(wavelet_variances(values, span.rate_hz, robust=options.robust))}
+    blocks = {sensor: _block_means(values) for sensor, values in triads.items()}
+    source = RecordingSource(path.name, sha256(path), len(span.gyro), round(span.rate_hz, 6))
+    return StaticRecording(source, curves, blocks, span.begin_s, span.length_s, span.checks, span.disturbances)
+
+
+def holds_variances(path: Path) -> bool:
+    """Whether a file holds variances, JSON or a table over scales, in the place of samples."""
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(HEAD)
+    except OSError as error:
+        raise InputError.at(path, None, f"cannot be read: {error.strerror or error}; check the path") from None
+    start = head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
+    return start in (b"{", b"[") or (start != b"\x93" and re.search(rb"(?<![a-z])(scale_s|tau_s|averaging_time)", head) is not None)
+
+
+def _published(path: Path, options: TuneOptions) -> StaticRecording:
+    """Curves of a file of published variances."""
+    units = {sensor: unit for sensor, unit in (("gyro", options.gyro_unit), ("accel", options.accel_unit)) if unit}
+    found = read_variances(path, member=options.variable, units=units or None, rate_hz=options.rate_hz)
+    said = re.search(rb"(?m)^\W*((gyro|accel)_)?unit\s*[=:]", path.read_bytes()[:HEAD])
+    curves = {}
+    for name, curve in found.curves.items():
+        sensor, _, letter = name.partition("_")
+        if sensor not in units and not said:
+            example = "rad/s" if sensor == "gyro" else "m/s^2"
+            raise UsageError(f"{path}: nothing says the unit that the {sensor} variances are of; give --{sensor}-unit, such as {example}")
+        curves[sensor, AXES.index(letter)] = curve
+    longest = max(curves.values(), key=lambda curve: curve.samples / curve.rate_hz)
+    source = RecordingSource(path.name, sha256(path), longest.samples, longest.rate_hz)
+    told = f"{len(curves)} axes of {found.sensor or 'a sensor'}"
+    checks = (Check("variances", told, "samples", "note", "rest, gaps and disturbances of the recording behind them are not checked"),)
+    return StaticRecording(source, curves, None, 0.0, longest.samples / longest.rate_hz, checks)
+
+
+def _refuse(path: Path, span: StaticSpan, accept: tuple[str, ...]) -> None:
+    """DataError with the first check that says the recording is unfit."""
+    known = [check.name for check in span.checks]
+    for check in span.checks:
+        if check.verdict == "contradiction" and check.name not in accept:
+            advice = (
+                f"{check.advice}; --accept {check.name.split()[0] if ' ' not in check.name else repr(check.name)} takes it all the same"
+            )
+            raise DataError(f"{path}: {check.name}: {check.found}; expected {check.expected}; {advice}")
+    if unknown := [name for name in accept if name not in known and name != "warm-up"]:
+        raise UsageError(f"--accept {unknown[0]!r}: no such check; there are {', '.join(known)}")
+
+
+def _block_means(values: Array) -> Array:
+    """(BLOCKS, 3) means of equal parts."""
+    size = len(values) // BLOCKS
+    return np.asarray(values[: size * BLOCKS].reshape(BLOCKS, size, 3).mean(axis=1))
+
+
+def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
+    """What `read_imu` is told."""
+    form = sniff_imu(path)
+    given = {"gyro": options.gyro_unit, "accel": options.accel_unit}
+    columns: Any = options.columns
+    nameless = columns is None and form == "npy"
+    if nameless or (form not in SAY_THEIR_UNITS and not all(given.values())):
+        tables = describe(path)
+        columns = _plain_columns(tables, options) if nameless else columns
+        _ask_for_units(path, tables, options)
+    units = {sensor: unit for sensor, unit in given.items() if unit}
+    return {
+        "columns": columns,
+        "units": units or None,
+        "quantity": options.quantity,
+        "rate_hz": options.rate_hz,
+        "variable": options.variable,
+    }
+
+
+def _plain_columns(tables: list[TableInfo], options: TuneOptions) -> tuple[str, ...] | None:
+    """Columns of a matrix of samples, with or without time; None for what is not that simple."""
+    width = len(tables[0].columns) if len(tables) == 1 and tables[0].name == "" else 0
+    if width == 6 and options.rate_hz is None:
+        raise UsageError("six columns and no time: give the sensor's rate in samples a second, --rate HZ")
+    return {6: PLAIN[1:], 7: PLAIN}.get(width)
+
+
+def _ask_for_units(path: Path, tables: list[TableInfo], options: TuneOptions) -> None:
+    """UsageError where neither the file nor an option says a unit."""
+    said = {unit for table in tables for unit in table.units if unit}
+    increments = " increment" if options.quantity == "increments" else ""
+    for sensor, unit, example in (("gyro", options.gyro_unit, "deg/s"), ("accel", options.accel_unit, "m/s^2")):
+        if unit is None and not any(_is_of(text, f"{sensor}{increments}") for text in said):
+            raise UsageError(
+                f"{path}: nothing says the unit of the {sensor} columns; give --{sensor}-unit, such as {example} or that of one count"
+            )
+
+
+def _is_of(text: str, kind: str) -> bool:
+    try:
+        unit_factor(text, kind)
+    except UsageError:
+        return False
+    return True

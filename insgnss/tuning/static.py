@@ -1,0 +1,85 @@
+"""From static recordings to a noise model: the order of the steps.
+
+read, check, wavelet variances   each recording (`recordings`)
+choose, fit, infer               each sensor, axis by axis or the three jointly, over all recordings (`fitting`)
+trends at the start              against the fitted noise (`trend`)
+noise model                      its turn-on bias from the means (`turn_on`), what cannot be told written as what it acts like
+files                            noise model, table as JSON, a figure a sensor (`delivered`)
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import DataError, UsageError
+from ..stochastic.composition import Composition
+from .fitting import compositions, tune_axes
+from .options import TuneOptions
+from .recordings import SENSORS, StaticRecording, read_static
+from .result import Tuned, TuneResult
+from .trend import warm_up
+from .turn_on import turn_on_bias
+from .written import noise_model, planned, write
+
+Progress = Callable[[str], None]
+
+
+def tune_static(
+    paths: Sequence[Path], options: TuneOptions, out: Path | None = None, force: bool = False, progress: Progress = lambda step: None
+) -> TuneResult:
+    """Tune a noise model from static recordings of one IMU, or files of published variances, and write it with its table and figures.
+
+    out : of the noise model; the other files stand beside it.   force : take the place of files that are there.
+
+    Raises UsageError, InputError and DataError as `recordings.read_static` and `fitting` do, and UsageError for files that are there.
+    """
+    family = compositions(options)
+    target = planned(out, force)
+    if len(set(paths)) < len(paths):
+        raise UsageError(f"{next(p for p in paths if list(paths).count(p) > 1)}: given twice; one recording counts once")
+    recordings = tuple(read_static(path, options, progress) for path in paths)
+    _same(recordings)
+    tuned = _tuned(recordings, family, options, progress)
+    values, told = turn_on_bias(recordings)
+    model = noise_model(target.stem, recordings, tuned, values)
+    result = TuneResult(recordings, tuned, model, told, options)
+    progress("writing")
+    return write(result, target)
+
+
+def _same(recordings: Sequence[StaticRecording]) -> None:
+    """Refuse a recording twice under two names, and recordings of different axes."""
+    seen: dict[str, str] = {}
+    for r in recordings:
+        if r.source.sha256 in seen:
+            raise UsageError(f"{r.name}: the same bytes as {seen[r.source.sha256]}; a copy is no second recording")
+        seen[r.source.sha256] = r.name
+        if set(r.curves) != set(recordings[0].curves):
+            raise DataError(f"{r.name}: has other axes than {recordings[0].name}; tune them one by one")
+
+
+def _tuned(
+    recordings: tuple[StaticRecording, ...], family: Mapping[str, tuple[Composition, ...]], options: TuneOptions, progress: Progress
+) -> tuple[Tuned, ...]:
+    """All fits, with the trends that they do not explain."""
+    rng = np.random.default_rng(options.seed)
+    out = []
+    for sensor in SENSORS:
+        there = [k for k in range(3) if (sensor, k) in recordings[0].curves]
+        groups = [tuple(there)] if options.axes == "joint" else [(k,) for k in there]
+        for axes in groups:
+            if axes:
+                out.append(_with_trends(tune_axes(sensor, axes, recordings, family[sensor], options, progress), recordings, rng))
+    return tuple(out)
+
+
+def _with_trends(t: Tuned, recordings: Sequence[StaticRecording], rng: np.random.Generator) -> Tuned:
+    trends = tuple(
+        (r.name, k, warm_up(r.blocks[t.sensor][:, k], r.length_s, t.kept.axis, rng))
+        for r in recordings
+        if r.blocks is not None
+        for k in t.axes
+    )
+    return replace(t, trends=trends)

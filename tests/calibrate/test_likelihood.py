@@ -1,0 +1,179 @@
+"""Likelihood of the innovations and its slopes against the density of all measurements at once, the filter itself and differences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flown import NO_GATE, Flown, fly, start_near
+from numpy.testing import assert_allclose
+
+from insgnss.calibrate.likelihood import PARAMETERS, LinearStretch, available, evaluate, linear_stretch
+from insgnss.errors import UsageError
+from insgnss.navigation.error_model import linearise_interval
+from insgnss.navigation.filter import BLOCK_S, Start, gate_from_sigma, make_store, run_filter
+from insgnss.navigation.layout import FixErrors, state_layout
+from insgnss.navigation.solution import Solution, solve
+from insgnss.navigation.strapdown import kernel_earth, kernel_segments
+from insgnss.simulate.receiver import GnssOptions
+from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel, load_noise_model
+
+SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
+CORRELATED = FixErrors(lever_arm_m=0.1, correlated=(1.0, 1.0, 1.5), correlation_time_s=5.0)
+NAMES = tuple(name for name in PARAMETERS if name != "white_noise")
+THETA = np.log([1.5, 0.7, 1.3, 0.8, 1.2, 0.9, 1.4])  # in the order of NAMES
+
+
+def scaled(factors: np.ndarray) -> NoiseModel:
+    """A noise model of every kind of driven state, with the factors of NAMES on its four densities."""
+    gyro = AxisNoise(5e-5 * factors[0], 0.0, 5e-4, 1e-6 * factors[2], 0.0, (GaussMarkov(2.5, 8e-5 * factors[2]),))
+    accel = AxisNoise(5e-4 * factors[1], 0.0, 2e-2, 0.0, 0.0, (GaussMarkov(40.0, 6e-4 * factors[3]),))
+    return NoiseModel("every kind", "made up", (gyro,) * 3, (accel,) * 3)
+
+
+def solution_of(flown: Flown) -> Solution:
+    return solve(flown.problem, start_near(flown, SIGMA), separations=0)
+
+
+@pytest.fixture(scope="module")
+def short() -> Solution:
+    """Three seconds with positions, velocities and a correlated error of the fixes."""
+    layout = state_layout(scaled(np.ones(7)), fixes=CORRELATED)
+    return solution_of(fly(3.0, seed=3, imu_hz=100.0, velocity=True, layout=layout, gate=NO_GATE))
+
+
+@pytest.fixture(scope="module")
+def disturbed() -> Solution:
+    """Twenty seconds whose fixes are outliers now and then."""
+    gnss = GnssOptions(outlier_fraction=0.05, outlier_m=(1.0, 3.0))
+    return solution_of(fly(20.0, seed=4, imu_hz=100.0, gate=gate_from_sigma(5.0), gnss=gnss))
+
+
+def density_of_all(solution: Solution, stretch: LinearStretch, theta: np.ndarray) -> float:
+    """-2 log of the normal density of all measurements of a stretch at once, without its constant."""
+    factors = np.exp(theta)
+    correlated = tuple(c * factors[6] for c in CORRELATED.correlated or ())
+    problem, n = solution.problem, solution.problem.layout.size
+    layout = state_layout(scaled(factors), fixes=replace(CORRELATED, correlated=correlated))
+    imu, lin = layout.kernel_model(BLOCK_S, problem.aiding_interval_s), stretch.linear
+    seg, earth, stop = kernel_segments(problem.inc), kernel_earth(problem.frame), problem.inc.stop
+    mean, P = stretch.mean0.copy(), stretch.P0.sum(axis=0)
+    P[9:, 9:] = np.diag(layout.sigma0**2)
+    cross, rows, means, noise = np.zeros((0, n)), np.zeros((0, 0)), [], []
+    z = []
+    for e in range(stop.size):
+        if e > 0:
+            step = linearise_interval(
+                seg, stop[e - 1], stop[e], solution.nav[e - 1], solution.x[e - 1], imu, earth, problem.epochs.time[e - 1]
+            )
+            mean, P, cross = step.Phi @ mean + lin.gap[e], step.Phi @ P @ step.Phi.T + step.Q, cross @ step.Phi.T
+        for j in np.flatnonzero(lin.there[e]):
+            H = lin.H[e, j]
+            rows = np.block([[rows, cross @ H.T], [H @ cross.T, H @ P @ H.T]])
+            cross = np.vstack([cross, H @ P])
+            means.append(H @ mean)
+            z.append(lin.nu[e, j, :, 0])
+            noise.append(lin.R[e, j] * factors[4 + j] ** 2)
+    for k, R in enumerate(noise):
+        rows[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] += R
+    off = np.concatenate(z) - np.concatenate(means)
+    return float(np.linalg.slogdet(rows)[1] + off @ np.linalg.solve(rows, off))
+
+
+@pytest.mark.parametrize("theta", [np.zeros(7), THETA], ids=["static", "scaled"])
+def test_cost_is_the_density_of_all_measurements_at_once(short, theta):
+    """Oracle: one normal density of 62 triples, its covariance from transitions and noise of a model that has the factors itself."""
+    stretch = linear_stretch(short, NAMES)
+    assert np.count_nonzero(stretch.linear.there) > 55
+    assert evaluate([stretch], theta).cost == pytest.approx(density_of_all(short, stretch, theta), abs=1e-5)
+
+
+def test_two_stretches_count_twice(short):
+    """Oracle: independent data multiply their densities."""
+    stretch = linear_stretch(short, NAMES)
+    one, two = evaluate([stretch], THETA), evaluate([stretch, stretch], THETA)
+    assert two.cost == pytest.approx(2.0 * one.cost)
+    assert_allclose(two.gradient, 2.0 * one.gradient)
+    assert len(two.white) == 2 * len(one.white)
+
+
+def test_gradient_is_the_derivative_of_the_cost(short):
+    """Oracle: central difference; its own error is of the third derivative, 1e-6 of the second one or so."""
+    stretch, h = linear_stretch(short, NAMES), 1e-4
+    at = evaluate([stretch], THETA)
+    numeric = [(evaluate([stretch], THETA + h * d).cost - evaluate([stretch], THETA - h * d).cost) / (2.0 * h) for d in np.eye(7)]
+    assert_allclose(at.gradient, numeric, rtol=1e-5, atol=1e-5)
+
+
+def test_information_is_what_the_gradients_of_simulated_measurements_spread(short):
+    """Oracle: the variance of the gradient of -2 log L over draws from the model is twice its expected second derivative.
+
+    Draws of the whole stretch: from the a-priori state through process noise to the measurements; 250 of them know a variance to 9 %
+    and a correlation to 6 %, and 4 sigma are let pass.
+    """
+    stretch = linear_stretch(short, NAMES)
+    draws = [evaluate([redrawn(short, stretch, np.random.default_rng(seed))], np.zeros(7)) for seed in range(250)]
+    gradient = np.array([d.gradient for d in draws])
+    expected = 2.0 * np.mean([d.information for d in draws], axis=0)
+    scale = np.sqrt(np.diag(expected))
+    assert_allclose(np.cov(gradient.T) / np.outer(scale, scale), expected / np.outer(scale, scale), atol=0.36)
+    assert (np.abs(gradient.mean(axis=0)) < 4.0 * scale / np.sqrt(250.0)).all()
+
+
+def redrawn(solution: Solution, stretch: LinearStretch, rng: np.random.Generator) -> LinearStretch:
+    """The stretch with errors and measurements drawn from its model at theta = 0."""
+    lin = stretch.linear
+    nu = lin.nu.copy()
+    state = rng.multivariate_normal(stretch.mean0, stretch.P0.sum(axis=0), method="eigh")
+    n = state.size
+    for e in range(lin.time.size):
+        if e > 0:
+            Phi, Q = np.zeros((n, n)), np.zeros((n, n))
+            Phi[:9], Phi[9:, 9:] = lin.F[e], np.diag(lin.D[e])
+            Q[:9, :9], Q[:9, 9:] = lin.Q[e].sum(axis=0), lin.Q_cross[e].sum(axis=0)
+            Q[9:, :9], Q[9:, 9:] = Q[:9, 9:].T, np.diag(lin.Q_states[e].sum(axis=0))
+            scale = np.sqrt(np.where(np.diag(Q) > 0.0, np.diag(Q), 1.0))
+            state = Phi @ state + lin.gap[e] + scale * rng.multivariate_normal(np.zeros(n), Q / np.outer(scale, scale), method="eigh")
+        for j in np.flatnonzero(lin.there[e]):
+            nu[e, j, :, 0] = lin.H[e, j] @ state + rng.multivariate_normal(np.zeros(3), lin.R[e, j])
+    return replace(stretch, linear=lin._replace(nu=nu))
+
+
+def test_innovations_are_those_of_the_filter(disturbed):
+    """Oracle: the filter's own pass about the same nominal, outliers rejected as it does."""
+    stretch = linear_stretch(disturbed, ("gyro.white_noise", "fixes.position"))
+    at = evaluate([stretch], np.zeros(2))
+    problem = disturbed.problem
+    store = make_store(problem.epochs, problem.layout)
+    store.nav[:], store.x[:] = disturbed.nav, disturbed.x
+    run_filter(problem, Start(disturbed.nav[0], disturbed.x[0], stretch.mean0, stretch.P0.sum(axis=0)), store, closed=False)
+    used = store.verdict[:, 0] == 1
+    assert at.rejected == np.count_nonzero(store.verdict[:, 0] == 2) > 3
+    assert_allclose(at.white, store.y[used, :3] / np.sqrt(store.S[used, :3]), atol=1e-9)
+    assert_allclose(at.nis, store.nis[store.verdict[:, 0] > 0, 0], rtol=1e-9)
+
+
+def test_rejected_fixes_cost_their_gate(disturbed):
+    """Oracle: (C.1) on the filter's own store."""
+    stretch = linear_stretch(disturbed, ("fixes.position",))
+    problem, theta = disturbed.problem, np.log([1.3])
+    wide = replace(problem, layout=replace(problem.layout, scale=(1.3, 1.3, 1.3)))
+    store = make_store(wide.epochs, wide.layout)
+    store.nav[:], store.x[:] = disturbed.nav, disturbed.x
+    run_filter(wide, Start(disturbed.nav[0], disturbed.x[0], stretch.mean0, stretch.P0.sum(axis=0)), store, closed=False)
+    used, lost = store.verdict[:, 0] == 1, store.verdict[:, 0] == 2
+    log_R = np.linalg.slogdet(1.3**2 * problem.epochs.position_cov[used | lost])[1]
+    S, y = store.S[used, :3], store.y[used, :3]
+    told = np.sum(log_R) + np.sum(np.log(S) + y**2 / S) + lost.sum() * problem.gate
+    assert evaluate([stretch], theta).cost == pytest.approx(told, rel=1e-10)
+
+
+def test_parameters_are_those_that_the_flight_has(short, disturbed):
+    """Oracle: the states and measurements of the two flights, and the rule of one factor for one density."""
+    assert set(available(short.problem.layout, velocity=True)) == set(PARAMETERS)
+    plain = available(state_layout(load_noise_model("consumer")), velocity=False)
+    assert "fixes.velocity" not in plain
+    assert "fixes.correlated" not in plain
+    with pytest.raises(UsageError, match=r"fixes\.velocity"):
+        linear_stretch(disturbed, ("fixes.velocity",))
+    with pytest.raises(UsageError, match="both"):
+        linear_stretch(disturbed, ("white_noise", "gyro.white_noise"))

@@ -1,0 +1,16 @@
+"""Examples on the pages of data_specs, for the tests of formats that are written only."""
+
+import re
+from pathlib import Path
+
+SPECS = Path(__file__).parents[2] / "data_specs"
+
+
+def on_page(name: str, kind: str = "true") -> str:
+    found = re.search(rf"```{kind}\n(.*?)```", (SPECS / f"{name}.md").read_text(), re.DOTALL)
+    assert found is not None, f"{name}.md has no {kind} example"
+    return found[1]
+
+
+def without_version(text: str) -> str:
+    return re.sub(r"insgnss \d[\w.]*", "insgnss", text).strip()
