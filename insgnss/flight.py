@@ -490,6 +490,8 @@ def _output(table: Table) -> Output:
         if EXPORTS[name].several or EXPORTS[name].needs:
             why = "writes a directory" if EXPORTS[name].several else f"needs {', '.join(EXPORTS[name].needs)}"
             raise table.error("formats", f"{name!r} {why}; leave it to insgnss export")
+        if EXPORTS[name].heights == "sea level" and "geoid" not in table.data:
+            raise table.error("formats", f"{name!r} has heights above sea level; give output.geoid, a grid of geoid heights")
     rate = table.data.get("trajectory_hz")
     if isinstance(rate, str) and rate != "imu":
         raise table.error("trajectory_hz", f'{rate!r} is neither a number of Hz nor "imu"')

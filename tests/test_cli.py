@@ -253,7 +253,7 @@ def test_export_writes_beside_the_master_or_where_asked(master, tmp_path, capsys
     [
         (["metashap"], "export: format 'metashap' is unknown; did you mean 'metashape'?"),
         (["eo_local_plane", "--crs", "EPSG:2056"], "eo_local_plane cannot carry a frame of kind projected; it carries tangent plane"),
-        (["inpho_ascii"], "inpho_ascii needs a projected CRS; name it, such as EPSG:2056"),
+        (["opf"], "opf needs a projected CRS; name it, such as EPSG:2056"),
         (["metashape", "--crs", "EPSG:1"], "CRS 'EPSG:1' is unknown"),
         (["metashape", "--set", "unit=gon"], "metashape has no option 'unit'; it takes none"),
         (["metashape", "--set", "unit"], "--set 'unit' is not KEY=VALUE"),

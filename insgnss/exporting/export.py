@@ -78,7 +78,7 @@ def export(eo: ExteriorOrientation, name: str, path: Path, target: Target | None
         return Exported(path, "tangent plane", ())
     kind = _kind(name, form, target)
     projection = MapProjection(str(target.crs), target.geoid) if kind == PROJECTED else None
-    if form.heights == "sea level":
+    if "sea level" in (form.heights, options.get("heights")):
         options = options | {"undulation_m": _undulation(eo, name, target)}
     elif projection is None and target.geoid is not None:
         raise UsageError(f"export: {name} in a frame of kind {kind} takes heights above the ellipsoid; leave the geoid out or name a CRS")
@@ -88,7 +88,8 @@ def export(eo: ExteriorOrientation, name: str, path: Path, target: Target | None
 
 
 def _kind(name: str, form: Export, target: Target) -> str:
-    kind = PROJECTED if target.crs is not None else target.frame or form.frames[0]
+    own = next((kind for kind in form.frames if kind != PROJECTED), PROJECTED)
+    kind = PROJECTED if target.crs is not None else target.frame or own
     if kind not in KINDS:
         raise UsageError(f"export: frame {kind!r} is unknown; it is one of {', '.join(KINDS)}")
     if kind not in form.frames:

@@ -19,7 +19,7 @@ class Export:
     """One format.
 
     product : its usual file name.   what : one line for people.   writer : module and function in `formats`.
-    frames : kinds of frame that it can carry, the first by default; none for the master.
+    frames : kinds of frame that it can carry, by default the first that needs no CRS; none for the master.
     heights : to what its consumer takes heights: what the frame says (""), or always above the ellipsoid of WGS84, or above sea level.
     options : what the writer takes besides.   reader : module and function that read it back; empty where the format cannot be.
     experimental : why not all of the convention could be checked; empty where it could.   several : a directory of files.
@@ -164,6 +164,75 @@ EXPORTS: dict[str, Export] = {
         (GEOGRAPHIC,),
         reader="generic_ascii:read_generic_ascii",
         experimental=_UNVERIFIED,
+    ),
+    "colmap": Export(
+        "colmap",
+        "COLMAP text model with known poses",
+        "colmap:write_colmap",
+        (TANGENT, PROJECTED, GEOCENTRIC),
+        options=("camera", "shift"),
+        several=True,
+        needs=("camera",),
+    ),
+    "colmap_priors": Export(
+        "database.db",
+        "COLMAP database with pose priors: full position covariance, gravity (pycolmap)",
+        "colmap:write_colmap_priors",
+        (TANGENT, PROJECTED, GEOCENTRIC, GEOGRAPHIC),
+        options=("camera", "database", "shift"),
+        needs=("camera",),
+    ),
+    "opf": Export(
+        "opf",
+        "OPF project of Pix4D: omega phi kappa, full covariance",
+        "opf:write_opf",
+        (PROJECTED,),
+        options=("camera", "pixel_size_um", "pixel_type", "bands", "images"),
+        several=True,
+        needs=("camera", "pixel_size_um"),
+    ),
+    "tum": Export("eo.tum", "TUM trajectory, for evo", "tum:write_tum", (TANGENT, PROJECTED, GEOCENTRIC), options=("time",)),
+    "g2o": Export(
+        "eo.g2o",
+        "pose graph: neighbours with full 6x6 information",
+        "g2o:write_g2o",
+        (TANGENT, PROJECTED, GEOCENTRIC),
+        options=("max_gap_s", "rotation"),
+    ),
+    "geojson": Export(
+        "eo.geojson",
+        "GeoJSON, or orthority's dialect",
+        "geojson:write_geojson",
+        (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
+        heights="ellipsoid",
+        options=("dialect", "camera"),
+    ),
+    "kml": Export(
+        "eo.kml",
+        "KML: track and photographs above sea level",
+        "kml:write_kml",
+        (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
+        heights="sea level",
+    ),
+    "geopackage": Export("eo.gpkg", "GeoPackage: images and track", "geopackage:write_geopackage", (GEOGRAPHIC, PROJECTED, TANGENT)),
+    "image_tags": Export(
+        "tagged_images",
+        "copies of the images with Exif GPS and XMP",
+        "image_tags:write_image_tags",
+        (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
+        options=("images", "missing", "heights", "gimbal", "rtk_flag"),
+        several=True,
+        needs=("images",),
+    ),
+    "rtklib_pos": Export(
+        "antenna.pos",
+        "RTKLIB .pos of the antenna at the exposures",
+        "rtklib_pos_write:write_antenna_pos",
+        (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
+        heights="ellipsoid",
+        options=("lever_m", "quality"),
+        reader="rtklib_pos:read_rtklib_pos",
+        needs=("lever_m",),
     ),
     "eo_json": Export(
         "eo.json", "master: full covariances, cross-covariances of neighbours, ECEF and tangent plane", "eo_json:write_eo_json", ()

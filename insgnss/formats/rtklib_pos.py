@@ -249,7 +249,7 @@ def _drop_odd_correlations(table: Table, P: Array, names: tuple[str, ...], notes
     notes.append(note("GNSS rows", found, "covariances that are positive definite", "write more decimals"))
 
 
-def _roots(P: Array) -> Array:
+def signed_roots(P: Array) -> Array:
     """Signed roots (n, 6) of covariances (n, 3, 3) in north, east, down, in RTKLIB's order over north, east, up."""
     U = NED @ P @ NED
     c = np.stack([U[:, 0, 0], U[:, 1, 1], U[:, 2, 2], U[:, 0, 1], U[:, 1, 2], U[:, 2, 0]], axis=1)
@@ -264,12 +264,12 @@ def write_rtklib_pos(fixes: GnssFixes, path: Source) -> None:
     quality = np.zeros(n) if fixes.quality is None else fixes.quality
     beyond = np.floor(fixes.time / WEEK_S)
     parts = [fixes.gps_week + beyond, fixes.time - WEEK_S * beyond, np.degrees(fixes.lat), np.degrees(fixes.lon), fixes.height]
-    table = [*parts, quality, _roots(fixes.cov_ned)]
+    table = [*parts, quality, signed_roots(fixes.cov_ned)]
     head = "%  GPST  latitude(deg) longitude(deg) height(m) Q sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m)"
     form = "%4d %10.6f %14.10f %15.10f %10.4f %3d" + " %10.6f" * 6
     if fixes.velocity_ned is not None and fixes.velocity_cov_ned is not None:
         head += " vn(m/s) ve(m/s) vu(m/s) sdvn sdve sdvu sdvne sdveu sdvun"
         form += " %10.5f" * 3 + " %9.6f" * 6
-        table += [fixes.velocity_ned @ NED, _roots(fixes.velocity_cov_ned)]
+        table += [fixes.velocity_ned @ NED, signed_roots(fixes.velocity_cov_ned)]
     legend = "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp)\n"
     atomic_write(path, [legend, head + "\n", *format_rows(form + "\n", np.column_stack(table))])
