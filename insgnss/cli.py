@@ -21,6 +21,7 @@ from typing import Any, NoReturn, TextIO
 
 from . import __version__
 from .errors import InputError, InsgnssError, UsageError
+from .files import json_ready
 
 INTERRUPTED = 130
 
@@ -138,20 +139,7 @@ def _warn_in_one_line(progress: Progress) -> Callable[..., None]:
 
 
 def _print_json(document: Any) -> None:
-    print(json.dumps(_json_ready(document), indent=2, allow_nan=False))
-
-
-def _json_ready(value: Any) -> Any:
-    """`value` with arrays as lists, paths as text and numbers that are not finite as null."""
-    if isinstance(value, dict):
-        return {str(key): _json_ready(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_json_ready(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, str | int | None):
-        return value
-    return _json_ready(value.tolist()) if hasattr(value, "tolist") else str(value)
+    print(json.dumps(json_ready(document), indent=2, allow_nan=False))
 
 
 def _positive(text: str) -> float:
@@ -177,6 +165,7 @@ def build_parser() -> Parser:
     _add_export(verbs)
     _add_calibrate(verbs)
     _add_tune(verbs)
+    _add_compare(verbs)
     return parser
 
 
@@ -255,6 +244,13 @@ def _add_tune(verbs: Any) -> None:
     add_arguments(_add_verb(verbs, "tune", _tune, what, EXAMPLE), _positive)
 
 
+def _add_compare(verbs: Any) -> None:
+    from .comparison.verb import EXAMPLE, add_arguments
+
+    what = "differences of two exterior orientations or trajectories, and which mistaken convention explains them"
+    add_arguments(_add_verb(verbs, "compare", _compare, what, EXAMPLE))
+
+
 def _list_formats() -> str:
     from .formats import EXPORTS
 
@@ -320,7 +316,7 @@ def _process(options: argparse.Namespace, progress: Progress) -> int:
 
 def _export(options: argparse.Namespace, progress: Progress) -> int:
     if options.proof:
-        from .proof import proof_verb as verb
+        from .proof.verb import proof_verb as verb
     else:
         from .exporting.verb import export_verb as verb
     result = verb(options, progress)
@@ -372,6 +368,13 @@ def _tune(options: argparse.Namespace, progress: Progress) -> int:
     from .tuning.verb import tune
 
     result = tune(options, progress)
+    return _show(options, progress, result.summary, result.as_dict)
+
+
+def _compare(options: argparse.Namespace, progress: Progress) -> int:
+    from .comparison.verb import compare
+
+    result = compare(options, progress)
     return _show(options, progress, result.summary, result.as_dict)
 
 

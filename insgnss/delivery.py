@@ -11,6 +11,7 @@ from .errors import InputError, UsageError
 from .flight import Flight
 from .records import Diagnostics, ExteriorOrientation, Trajectory
 from .records.framed import PROJECTED
+from .stochastic.model import NoiseModel
 
 PRODUCTS = ("trajectory.sbet", "trajectory.smrmsg", "trajectory.csv", "report.html", "report.json")  # besides those of the images
 
@@ -61,7 +62,13 @@ def sha256(file: Path) -> str:
 
 
 def deliver(
-    flight: Flight, out: Path, eo: ExteriorOrientation | None, path: Trajectory, report: dict[str, Any], diagnostics: Diagnostics
+    flight: Flight,
+    out: Path,
+    eo: ExteriorOrientation | None,
+    path: Trajectory,
+    report: dict[str, Any],
+    diagnostics: Diagnostics,
+    noise: NoiseModel,
 ) -> tuple[Path, ...]:
     """Write every product into a directory beside the target and move them in together: all of them, or none."""
     from .formats.sbet import write_sbet, write_smrmsg
@@ -74,7 +81,7 @@ def deliver(
     staging = Path(tempfile.mkdtemp(prefix=".insgnss-", dir=out))
     try:
         if eo is not None:
-            report["exports"] = [_export(flight, eo, name, staging) for name in dict.fromkeys([*flight.output.formats, "eo_json"])]
+            report["exports"] = [_export(flight, eo, name, staging, noise) for name in dict.fromkeys([*flight.output.formats, "eo_json"])]
         write_sbet(path, staging / "trajectory.sbet")
         write_smrmsg(path, staging / "trajectory.smrmsg")
         write_trajectory_csv(path, staging / "trajectory.csv")
@@ -95,8 +102,11 @@ def deliver(
     return tuple(out / file.name for file in files)
 
 
-def _export(flight: Flight, eo: ExteriorOrientation, name: str, staging: Path) -> dict[str, Any]:
-    """Write one format in the frame of [output], or in its own where it cannot carry a projected one; what the report says of it."""
+def _export(flight: Flight, eo: ExteriorOrientation, name: str, staging: Path, noise: NoiseModel) -> dict[str, Any]:
+    """Write one format in the frame of [output], or in its own where it cannot carry a projected one; what the report says of it.
+
+    noise : by whose gyroscopes relative control weighs.
+    """
     from .exporting.export import Target, export
     from .formats import EXPORTS
 
@@ -105,8 +115,9 @@ def _export(flight: Flight, eo: ExteriorOrientation, name: str, staging: Path) -
     sea_level = form.heights == "sea level"
     geoid = output.geoid if projected or sea_level else None
     target = Target(output.crs, geoid, None, output.ground_m) if projected else Target(geoid=geoid)
+    options = {"noise": noise} if "noise" in form.options else {}
     try:
-        done = export(eo, name, staging / form.product, target)
+        done = export(eo, name, staging / form.product, target, **options)
     except UsageError as error:  # the flight file asked for it
         raise InputError(f"{flight.path}: output: {error}") from None
     return {"format": name, "file": form.product, "frame": done.frame, "notes": list(done.notes)}

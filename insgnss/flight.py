@@ -487,8 +487,9 @@ def _output(table: Table) -> Output:
             raise table.error("formats", f"{name!r} is unknown; {near(name, tuple(EXPORTS))}")
         if formats.count(name) > 1:
             raise table.error("formats", f"{name!r} occurs twice")
-        if EXPORTS[name].several or EXPORTS[name].needs:
-            why = "writes a directory" if EXPORTS[name].several else f"needs {', '.join(EXPORTS[name].needs)}"
+        needs = [key for key in EXPORTS[name].needs if key != "noise"]  # which the flight file has
+        if EXPORTS[name].several or needs:
+            why = "writes a directory" if EXPORTS[name].several else f"needs {', '.join(needs)}"
             raise table.error("formats", f"{name!r} {why}; leave it to insgnss export")
         if EXPORTS[name].heights == "sea level" and "geoid" not in table.data:
             raise table.error("formats", f"{name!r} has heights above sea level; give output.geoid, a grid of geoid heights")

@@ -143,11 +143,11 @@ def page(studies: list[Study], diagonal: list[Study], replicates: int, command: 
     lines = [
         "# Stochastic tuning: Monte Carlo",
         "",
-        f"Written by `{command}`, which says how it is done. {replicates} replicates of simulated static",
-        f"recordings of {hours:.3g} hours at {s.rate_hz:g} Hz, the NavChip of Table 5 of paper 000; efficient weights, intervals of the",
-        "profile. Theory and spread: relative standard error by the exact covariance, and seen. Inside: 95 % intervals that hold the truth.",
-        "Median bias: of the logarithm, in reported standard errors; mean bias: of the value, in standard deviations of the estimates.",
-        "Declared: by the verdict, as determined.",
+        f"Written by `{command}`, which says how it is done.",
+        f"{replicates} replicates of simulated static recordings of {hours:.3g} hours at {s.rate_hz:g} Hz, the NavChip of Table 5 of",
+        "paper 000; efficient weights, intervals of the profile. Theory and spread: relative standard error by the exact covariance,",
+        "and seen. Inside: 95 % intervals that hold the truth. Median bias: of the logarithm, in reported standard errors; mean",
+        "bias: of the value, in standard deviations of the estimates. Declared: by the verdict, as determined.",
         "",
         "![coverage and spread](tuning.png)",
     ]
@@ -180,8 +180,9 @@ def tightening(studies: list[Study]) -> list[str]:
 
 def without_second_step(diagonal: list[Study]) -> list[str]:
     out = [
-        "The first step alone, weights of the widths of the intervals and intervals of the sandwich, one recording. Weights from the wavelet",
-        "variances themselves favour scales that came out small: truth inside the interval, %, and mean bias in standard deviations:",
+        "The first step alone, weights of the widths of the intervals and intervals of the sandwich, one recording. Weights from",
+        "the wavelet variances themselves favour scales that came out small. Truth inside the interval, %, and mean bias in",
+        "standard deviations:",
         "",
     ]
     for s in diagonal:
@@ -213,7 +214,7 @@ def draw(studies: list[Study], path: Path) -> None:
         bottom.set(ylim=(80.0, 100.5), xticks=at)
         bottom.set_xticklabels([name.replace("_", " ") for name in s.names], rotation=60, ha="right")
     axes[0, 0].set_ylabel("estimate over truth")
-    axes[1, 0].set_ylabel("truth inside the 95 % interval, % (grey: not identifiable)")
+    axes[1, 0].set_ylabel("truth inside, % (grey: not identifiable)")
     axes[0, 0].legend(loc="lower left")
     axes[1, 0].legend(loc="lower left")
     figure.savefig(path, dpi=110)

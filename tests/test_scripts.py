@@ -83,3 +83,22 @@ def test_compare_noise_models(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "WN+2GM" in done.stdout
     assert_is_picture(tmp_path / "compare_models.png")
+
+
+def test_relative_control_in_pycolmap(tmp_path: Path) -> None:
+    """Oracle: the simulated poses, in the script's own assertion."""
+    pytest.importorskip("pyceres", reason="pip install pyceres")
+    done = run("06_relative_control_in_pycolmap.py", tmp_path)
+    assert done.returncode == 0, done.stderr
+    pictures = list(tmp_path.glob("*.png"))
+    assert pictures
+    assert_is_picture(pictures[0])
+
+
+def test_tune_on_a_flight(tmp_path: Path) -> None:
+    """Oracle: the simulated vibration, in the script's own assertion."""
+    done = run("05_tune_on_a_flight.py", tmp_path)
+    assert done.returncode == 0, done.stderr
+    pictures = list(tmp_path.glob("*.png"))
+    assert pictures
+    assert_is_picture(pictures[0])

@@ -14,8 +14,11 @@ from ..errors import InputError, UsageError
 from ..formats._exports import EXPORTS, Export
 from ..geodesy.projection import MapProjection
 from ..orient.frame import in_frame
-from ..records import ExteriorOrientation
-from ..records.framed import GEOGRAPHIC, KINDS, PROJECTED
+from ..orient.relative import gyro_figures, relative_control
+from ..records import ExteriorOrientation, FramedOrientation
+from ..records.framed import GEOGRAPHIC, KINDS, PROJECTED, TANGENT
+from ..records.relative import RelativeControl
+from ..stochastic.model import NoiseModel, load_noise_model
 
 ACCURATE_M = 0.1  # of a datum transformation, beyond which an export says so
 
@@ -74,7 +77,8 @@ def export(eo: ExteriorOrientation, name: str, path: Path, target: Target | None
     if form.frames == ():
         if target != Target():
             raise UsageError(f"export: {name} is the master in its own frame; leave CRS, geoid, frame and ground out")
-        form.write(eo, path, **options)
+        control = _relative(name, in_frame(eo, TANGENT), eo, options) if options else None
+        form.write(eo, path, relative=control)
         return Exported(path, "tangent plane", ())
     kind = _kind(name, form, target)
     projection = MapProjection(str(target.crs), target.geoid) if kind == PROJECTED else None
@@ -83,8 +87,26 @@ def export(eo: ExteriorOrientation, name: str, path: Path, target: Target | None
     elif projection is None and target.geoid is not None:
         raise UsageError(f"export: {name} in a frame of kind {kind} takes heights above the ellipsoid; leave the geoid out or name a CRS")
     framed = in_frame(eo, kind, projection, target.ground_m)
-    form.write(framed, path, **options)
+    if form.relative:
+        form.write(_relative(name, framed, eo, options), path)
+    else:
+        form.write(framed, path, **options)
     return Exported(path, framed.frame.name, _notes(form, projection, framed.frame.scaled_from_m is not None))
+
+
+def _relative(name: str, framed: FramedOrientation, eo: ExteriorOrientation, options: dict[str, Any]) -> RelativeControl:
+    """Relative control by the options noise (a noise model's name, path, or itself), form and gap_s."""
+    noise = options.pop("noise", None)
+    if noise is None:
+        raise UsageError(f"export: {name} weighs by the gyroscopes too; name their noise model, such as --set noise=navchip")
+    model = noise if isinstance(noise, NoiseModel) else load_noise_model(noise)
+    length = float(eo.time[-1] - eo.time[0])
+    wandering = [[gm.sigma for gm in axis.gauss_markov if gm.correlation_time_s < length] for axis in model.gyro]
+    most = max(map(len, wandering))
+    figures = gyro_figures(
+        np.array([axis.white_noise for axis in model.gyro]), np.array([own + [0.0] * (most - len(own)) for own in wandering])
+    )
+    return relative_control(framed, figures, **options)
 
 
 def _kind(name: str, form: Export, target: Target) -> str:

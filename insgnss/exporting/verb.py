@@ -55,8 +55,7 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
 
     form = known_format(given.format)
     options = _settings(given.settings)
-    kind = "tangent plane" if given.frame == "tangent" else given.frame
-    target = Target(given.crs, given.geoid, kind, given.ground)
+    target = Target(given.crs, given.geoid, frame_kind(given.frame), given.ground)
     from ..formats.eo_json import read_eo_json
 
     out = given.out or given.eo.parent / form.product
@@ -66,6 +65,11 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
     progress(f"writing {out}")
     done = export(eo, given.format, out, target, **options)
     return ExportResult(given.format, (done.file,), done.notes)
+
+
+def frame_kind(word: str | None) -> str | None:
+    """The kind of frame that the option --frame names."""
+    return "tangent plane" if word == "tangent" else word
 
 
 def _settings(texts: list[str]) -> dict[str, Any]:

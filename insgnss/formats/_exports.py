@@ -24,6 +24,7 @@ class Export:
     options : what the writer takes besides.   reader : module and function that read it back; empty where the format cannot be.
     experimental : why not all of the convention could be checked; empty where it could.   several : a directory of files.
     needs : those of the options that have no default.
+    relative : whether the writer takes relative control (`orient.relative`) in place of the orientation.
     """
 
     product: str
@@ -36,6 +37,7 @@ class Export:
     experimental: str = ""
     several: bool = False
     needs: tuple[str, ...] = ()
+    relative: bool = False
 
     @property
     def write(self) -> Callable[..., Any]:
@@ -199,6 +201,16 @@ EXPORTS: dict[str, Export] = {
         (TANGENT, PROJECTED, GEOCENTRIC),
         options=("max_gap_s", "rotation"),
     ),
+    "relative": Export(
+        "relative.csv",
+        "relative position and attitude of neighbouring images, three weightings side by side",
+        "relative_csv:write_relative_csv",
+        (TANGENT, PROJECTED, GEOCENTRIC),
+        options=("noise", "form", "gap_s"),
+        reader="relative_csv:read_relative_csv",
+        needs=("noise",),
+        relative=True,
+    ),
     "geojson": Export(
         "eo.geojson",
         "GeoJSON, or orthority's dialect",
@@ -235,6 +247,10 @@ EXPORTS: dict[str, Export] = {
         needs=("lever_m",),
     ),
     "eo_json": Export(
-        "eo.json", "master: full covariances, cross-covariances of neighbours, ECEF and tangent plane", "eo_json:write_eo_json", ()
+        "eo.json",
+        "master: full covariances, cross-covariances of neighbours, ECEF and tangent plane",
+        "eo_json:write_eo_json",
+        (),
+        options=("noise", "form", "gap_s"),
     ),
 }

@@ -17,7 +17,9 @@ from ..files import atomic_write
 from ..geodesy.frames import TangentPlane
 from ..geodesy.rotation import is_rotation, quaternion_from_rotation, rotation_from_quaternion
 from ..records import ExteriorOrientation
+from ..records.relative import RelativeControl
 from ._text import Source
+from .relative_csv import relative_member
 
 Array = NDArray[np.float64]
 
@@ -36,8 +38,8 @@ CONVENTIONS = {
 }
 
 
-def write_eo_json(eo: ExteriorOrientation, path: Source) -> None:
-    """Write the master file."""
+def write_eo_json(eo: ExteriorOrientation, path: Source, relative: RelativeControl | None = None) -> None:
+    """Write the master file. relative : relative control of neighbours in the tangent plane, for its member of that name."""
     content = {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
@@ -50,6 +52,7 @@ def write_eo_json(eo: ExteriorOrientation, path: Source) -> None:
             "origin_deg": np.degrees(eo.origin[:2]).tolist(),
         },
         "conventions": CONVENTIONS,
+        "height_system": "above the ellipsoid of WGS84",
         "image_up": _image_up(eo.camera_from_body),
         "applied": {
             "lever_arm": "applied: positions are those of the projection centre",
@@ -58,6 +61,8 @@ def write_eo_json(eo: ExteriorOrientation, path: Source) -> None:
         },
         "history": list(eo.history),
     }
+    if relative is not None:
+        content["relative"] = relative_member(relative)
     # the head is for people; one line an image, since only json's plain encoder is compiled
     head = json.dumps(content, indent=1, allow_nan=False).removesuffix("\n}")
     images = ",\n  ".join(json.dumps(image, allow_nan=False) for image in _images(eo))

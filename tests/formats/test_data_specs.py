@@ -15,6 +15,7 @@ from insgnss.formats.eo_json import read_eo_json
 from insgnss.formats.eo_local_plane import read_eo_local_plane
 from insgnss.formats.metashape import read_metashape
 from insgnss.formats.odyn import read_odyn_poses
+from insgnss.formats.relative_csv import read_relative_csv
 from insgnss.formats.sbet import read_sbet
 from insgnss.formats.trajectory_csv import read_trajectory_csv
 from insgnss.formats.variances import read_variances
@@ -35,6 +36,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "metashape": read_metashape,
     "trajectory_csv": read_trajectory_csv,
     "variances": read_variances,
+    "relative_csv": read_relative_csv,
 }
 
 

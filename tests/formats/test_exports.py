@@ -19,6 +19,7 @@ from insgnss.formats.sbet import read_sbet, read_smrmsg, write_sbet, write_smrms
 from insgnss.formats.trajectory_csv import read_trajectory_csv, write_trajectory_csv
 from insgnss.geodesy.projection import MapProjection
 from insgnss.orient.frame import in_frame
+from insgnss.orient.relative import GyroFigures, relative_control
 from insgnss.records import ExteriorOrientation, Trajectory
 
 Array = np.ndarray
@@ -341,6 +342,7 @@ def test_every_export_writes_in_every_frame_that_it_claims(name: str, tmp_path: 
     options = {key: value for key, value in known.items() if key in form.needs}
     for kind in form.frames or ("tangent plane",):
         framed = in_frame(eo, kind, MapProjection("EPSG:2056") if kind == "projected" else None)
-        form.write(framed if form.frames else eo, tmp_path / form.product, **options)
+        source = relative_control(framed, GyroFigures(1e-4, 1e-4)) if form.relative else framed if form.frames else eo
+        form.write(source, tmp_path / form.product, **{key: value for key, value in options.items() if key != "noise"})
         content = (tmp_path / form.product).read_bytes()
-        assert b"8002" in content or name in ("patb", "tum", "g2o", "rtklib_pos"), name
+        assert b"8002" in content or name in ("patb", "tum", "g2o", "rtklib_pos", "relative"), name

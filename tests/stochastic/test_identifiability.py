@@ -110,21 +110,21 @@ def test_a_process_below_the_sampling_interval_is_white():
 
 @pytest.fixture(scope="module")
 def campaign() -> list[Inference]:
-    """25 four-hour recordings of Table 5's accelerometer, sampled as means over 1.024 s: the same processes, fewer short scales."""
+    """16 four-hour recordings of Table 5's accelerometer, sampled as means over 1.024 s: the same processes, fewer short scales."""
     samples = round(HOURS_4 / 1.024)
-    curves = in_threads(lambda k: simulated(ACCEL, 1000 + k, samples, 1.0 / 1.024), 25)
+    curves = in_threads(lambda k: simulated(ACCEL, 1000 + k, samples, 1.0 / 1.024), 16)
     return [infer(efficient(fit(w, "WN+2GM", sampling="mean"))) for w in curves]
 
 
 def test_intervals_of_table_5_hold_the_truth(campaign):
-    """Oracle: simulation; binomial bounds at 0.1 % of 95 % intervals, the median bias below a third of the error and what 25 scatter."""
+    """Oracle: simulation; binomial bounds at 0.1 % of 95 % intervals, the median bias below a third of the error and what 16 scatter."""
     truth = composition_of(ACCEL).values(ACCEL)
     inside = np.array([[e.low <= t <= e.high for e, t in zip(found.estimates, truth, strict=True)] for found in campaign])
-    assert inside.sum(axis=0).min() >= stats.binom.ppf(0.001, 25, 0.95)
+    assert inside.sum(axis=0).min() >= stats.binom.ppf(0.001, 16, 0.95)
     value = np.array([[e.value for e in found.estimates] for found in campaign])
     error = np.array([[e.log_error for e in found.estimates] for found in campaign])
     bias = np.median(np.log(value / truth), axis=0) / np.nanmedian(error, axis=0)
-    assert np.abs(np.delete(bias, 3)).max() < 1.0 / 3.0 + 2.0 * 1.25 / np.sqrt(25)  # but for the time that is not identifiable
+    assert np.abs(np.delete(bias, 3)).max() < 1.0 / 3.0 + 2.0 * 1.25 / np.sqrt(16)  # but for the time that is not identifiable
 
 
 def test_verdicts_on_table_5(campaign):

@@ -12,6 +12,8 @@ from scipy.signal import lfilter
 
 from insgnss.errors import UsageError
 from insgnss.records import WaveletVariance
+from insgnss.stochastic._profile import Local
+from insgnss.stochastic.bootstrap import simulate_axis
 from insgnss.stochastic.gmwm import fit, objective
 from insgnss.stochastic.haar_covariance import haar_covariance
 from insgnss.stochastic.inference import covariances, efficient, infer, second_step
@@ -49,8 +51,8 @@ def recordings(count: int, n: int = N, seed: int = 1) -> list[WaveletVariance]:
 
 @pytest.fixture(scope="module")
 def inferred() -> list:
-    """Efficient fits of WN+GM to 100 simulated recordings, and what is said of them."""
-    return [infer(efficient(fit(w, "WN+GM"))) for w in recordings(100)]
+    """Efficient fits of WN+GM to 60 simulated recordings, and what is said of them."""
+    return [infer(efficient(fit(w, "WN+GM"))) for w in recordings(60)]
 
 
 def test_linear_model_is_generalised_least_squares():
@@ -125,12 +127,12 @@ def test_profile_limits_are_those_of_a_general_minimiser(inferred):
 
 
 def test_intervals_hold_the_truth_and_errors_are_those_seen(inferred):
-    """Oracle: simulation of 100 recordings; binomial and chi-square bounds at 0.1 %."""
+    """Oracle: simulation of 60 recordings; binomial and chi-square bounds at 0.1 %."""
     truth = np.array([1.0, 20.0, 0.4])
     inside = np.array([[e.low <= t <= e.high for e, t in zip(found.estimates, truth, strict=True)] for found in inferred])
-    assert inside.sum(axis=0).min() >= stats.binom.ppf(0.001, 100, 0.95)
+    assert inside.sum(axis=0).min() >= stats.binom.ppf(0.001, 60, 0.95)
     scaled = np.array([[math.log(e.value / t) / e.log_error for e, t in zip(found.estimates, truth, strict=True)] for found in inferred])
-    low, high = np.sqrt(stats.chi2.ppf([0.0005, 0.9995], 99) / 99)
+    low, high = np.sqrt(stats.chi2.ppf([0.0005, 0.9995], 59) / 59)
     assert (scaled.std(axis=0, ddof=1) > low).all()
     assert (scaled.std(axis=0, ddof=1) < high * 1.1).all()  # logarithms of a time known to 20 % are a little wider than linear
     assert (np.abs(scaled.mean(axis=0)) < 1.0 / 3.0).all()
@@ -139,7 +141,7 @@ def test_intervals_hold_the_truth_and_errors_are_those_seen(inferred):
 def test_j_test_rejects_as_often_as_it_says(inferred):
     """Oracle: simulation; p-values of the true model are below 0.2 in a fifth of recordings, within binomial bounds at 0.1 %."""
     p = np.array([found.goodness.p_value for found in inferred])
-    low, high = stats.binom.ppf([0.001, 0.999], 100, 0.2)
+    low, high = stats.binom.ppf([0.001, 0.999], 60, 0.2)
     assert low <= (p < 0.2).sum() <= high
     assert_allclose(inferred[0].goodness.degrees, inferred[0].fit.curves[0].level.size - 3, rtol=1e-2)
 
@@ -201,6 +203,35 @@ def test_robust_curves_have_a_larger_covariance():
     plain, robust = (fit(wavelet_variance(x, RATE, robust=r, efficiency=0.7), "WN") for r in (False, True))
     ratio = covariances(replace(robust, axis=plain.axis))[0] / covariances(plain)[0]
     assert_allclose(ratio, 1.0 / 0.7, rtol=1e-6)
+
+
+def test_curves_of_different_rate_and_length_share_their_parameters():
+    """Oracle: numerical derivatives of the modelled curves, and the objective itself, whose changes the pooled problem must have."""
+    slow = wavelet_variance(simulate_axis(SLOW, 5000, 2.0, np.random.default_rng(1)), 2.0)
+    fitted = efficient(fit([*recordings(2, 2**13), slow], "WN+GM"))
+    local = Local(fitted)
+    x = local.coordinates(fitted.parameters)
+    assert len(local.curves) == 2
+    for i, step in enumerate(1e-5 * np.eye(3)):
+        ends = [replace(fitted, axis=fitted.composition.axis(local.parameters(x + s))) for s in (step, -step)]
+        numerical = (np.concatenate(ends[0].modelled) - np.concatenate(ends[1].modelled)) / 2e-5
+        assert_allclose(local.derivative(x)[:, i], numerical, rtol=1e-5, atol=1e-9)
+    away = local.parameters(x + 0.1)
+    rise = objective(fitted.composition.axis(away), fitted.curves, fitted.weights) - fitted.objective
+    pooled = [float(r @ r) for r, _ in (local.residual(x + 0.1), local.residual(x))]
+    assert_allclose(pooled[0] - pooled[1], rise, rtol=1e-8)
+
+
+def test_limits_of_the_caller_end_the_interval():
+    """Oracle: the contract of `times_s`."""
+    w = recordings(1, seed=3)[0]
+    fitted = efficient(fit(w, "WN+GM", times_s=(0.5, 15.0)))
+    assert fitted.times_s == (0.5, 15.0)
+    assert fitted.parameters[1] == pytest.approx(15.0)
+    time = infer(fitted)["correlation_time_1"]
+    assert time.at_bound
+    assert time.high == 15.0
+    assert 0.5 <= time.low < 15.0
 
 
 def test_bootstrapped_covariance_is_the_exact_one():

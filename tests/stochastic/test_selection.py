@@ -84,8 +84,8 @@ def test_drawn_penalty_agrees_with_the_closed_one():
 @pytest.mark.parametrize(("axis", "truth"), [(SLOW, "WN+GM"), (WALK, "WN+RW"), (AxisNoise(white_noise=1.0), "WN")])
 def test_the_true_model_is_chosen(axis, truth):
     """Oracle: simulation. The criterion takes one parameter too many in a sixth of cases, as Akaike's; never one too few here."""
-    chosen = [str(rank([recording(axis, seed)], ["WN", "GM", "WN+GM", "WN+RW", "QN+WN", "WN+2GM"]).chosen.composition) for seed in range(5)]
-    assert chosen.count(truth) >= 3
+    chosen = [str(rank([recording(axis, seed)], ["WN", "GM", "WN+GM", "WN+RW", "QN+WN", "WN+2GM"]).chosen.composition) for seed in range(3)]
+    assert chosen.count(truth) >= 2
     ranking = rank([recording(axis, 1 if truth == "WN+RW" else 2)], "QN+WN+2GM+RW")
     assert str(ranking.chosen.composition) == truth
     assert ranking.criterion == "WIC"
@@ -99,7 +99,7 @@ def test_the_true_model_is_chosen(axis, truth):
     assert any("misfit" in remark for remark in worst.remarks)
     table = ranking.table().splitlines()
     assert len(table) == 24
-    assert [line for line in table if line.startswith("* ")][0].split()[1] == truth
+    assert next(line for line in table if line.startswith("* ")).split()[1] == truth
 
 
 def test_cross_validation_leaves_out_one_recording_after_the_other():

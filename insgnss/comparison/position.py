@@ -1,0 +1,207 @@
+r"""What may lie between positions: hypotheses on the horizontal and on the height, each taken off b.
+
+With d = b - a (n, 3), east, north, up at a's points:
+
+    shift         mean of d                                   datum, base station; of heights: height system
+    lever arm     C_Ex l, l by least squares                  antenna, IMU or camera for each other
+    time          v dt, dt by least squares along the way     a trigger delay, where images were matched by name
+    turn, scale   about the block's centre, least squares     grid for true north, distances in the grid for those on the ground
+    exchange      b made anew of other coordinates            east for north, reversed signs, latitude for longitude, feet
+
+A lever arm is fitted to the horizontal differences and taken off them alone: what it does to heights is that of a shift.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geodesy.frames import ecef_to_geodetic
+from .hypotheses import Trial, explain
+from .poses import Place, Poses
+from .result import Finding, quantity
+
+Array = NDArray[np.float64]
+
+LEAST_M = 0.005  # rms below which nobody asks why
+FOOT = 0.3048
+GEOID_M = (5.0, 110.0)  # geoid heights that are told as such; they run from -107 to +86 m
+GEOID_SPREAD = 0.02  # of them, by which they may vary over a flight
+LEVER_M = 10.0  # no vehicle is longer
+WEAK = 0.2  # singular values below this part of the largest: a lever arm along the vertical does not show in the horizontal
+CAMERA_AXES, BODY_AXES = ("right", "down", "view"), ("forward", "right", "down")
+
+
+def difference(a: Poses, b: Poses) -> Array:
+    """(n, 3) m, b minus a, in the axes east, north, up at a."""
+    return np.einsum("nji,nj->ni", a.C_eE, b.ecef - a.ecef)
+
+
+def without(a: Poses, b: Poses, by: Array) -> Poses:
+    """b with (n, 3) m, in the axes east, north, up at a, taken off."""
+    return b.moved(*ecef_to_geodetic(b.ecef - np.einsum("nij,nj->ni", a.C_eE, by)))
+
+
+def horizontal(a: Poses, b: Poses, of_time: bool) -> tuple[Finding, Poses] | None:
+    """What explains the horizontal differences, and b with it taken off. of_time : whether time is to be tried."""
+    trials = _horizontal_and_time if of_time else _horizontal
+    return explain("horizontal", a, b, lambda x, y: difference(x, y)[:, :2], trials, LEAST_M)
+
+
+def vertical(a: Poses, b: Poses) -> tuple[Finding, Poses] | None:
+    """What explains the differences in height, and b with it taken off."""
+    return explain("height", a, b, lambda x, y: (y.height - x.height)[:, None], _vertical, LEAST_M)
+
+
+def _horizontal(a: Poses, b: Poses) -> Iterator[Trial]:
+    d = difference(a, b)[:, :2]
+    yield from _exchanges(b)
+    yield _shift(d)
+    yield from _lever_arm(a, b, d)
+    yield from _of_block(a, d)
+
+
+def _horizontal_and_time(a: Poses, b: Poses) -> Iterator[Trial]:
+    yield from _horizontal(a, b)
+    yield from _along_the_way(a, b, difference(a, b)[:, :2])
+
+
+def _shift(d: Array) -> Trial:
+    east, north = (float(x) for x in d.mean(axis=0))
+    by = np.array([east, north, 0.0])
+    words = f"a constant shift of {quantity(abs(east), 'm')} {'east' if east > 0 else 'west'} and {quantity(abs(north), 'm')} "
+    words += f"{'north' if north > 0 else 'south'} (another datum, realisation or base station)"
+    return Trial("shift", words, lambda x, y: without(x, y, np.tile(by, (x.n, 1))), 2, {"east_m": east, "north_m": north})
+
+
+def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
+    """In the axes of a's camera or body, or of b's where a has no attitude."""
+    if (axes := _axes_of(a, b)) is None:
+        return
+    lever = np.linalg.lstsq(axes[:, :2].reshape(-1, 3), d.ravel(), rcond=WEAK)[0]
+    if np.linalg.norm(lever) > LEVER_M:
+        return
+    x = a.x if a.C_Ex is not None else b.x
+    names = CAMERA_AXES if x == "camera" else BODY_AXES
+    said = " ".join(f"{name} {value:+.3f}" for name, value in zip(names, lever, strict=True))
+    words = f"a lever arm of {said} m in the axes of the {x} (b is of another point than a: antenna, IMU or camera)"
+
+    def taken_off(p: Poses, q: Poses) -> Poses:
+        turned = _axes_of(p, q)
+        assert turned is not None
+        return without(p, q, (turned @ lever) * [1.0, 1.0, 0.0])
+
+    yield Trial("lever arm", words, taken_off, 3, {f"{name}_m": float(value) for name, value in zip(names, lever, strict=True)})
+
+
+def _axes_of(a: Poses, b: Poses) -> Array | None:
+    return a.C_Ex if a.C_Ex is not None else b.C_Ex
+
+
+def _of_block(a: Poses, d: Array) -> Iterator[Trial]:
+    """Turn and scale about the block's centre, beside its shift."""
+    centre, C_Ee = a.ecef.mean(axis=0), a.C_eE.mean(axis=0).T
+    mean = d.mean(axis=0)
+
+    def place(p: Poses) -> Array:
+        return np.asarray(((p.ecef - centre) @ C_Ee.T)[:, :2])
+
+    def across(p: Poses) -> Array:
+        return place(p)[:, ::-1] * [-1.0, 1.0]
+
+    size = float(np.sum(place(a) ** 2))
+    if size < 1.0:
+        return
+    angle, scale = (float(np.sum(x * (d - mean)) / size) for x in (across(a), place(a)))
+
+    def taken_off(field: Callable[[Poses], Array], value: float) -> Callable[[Poses, Poses], Poses]:
+        return lambda p, q: without(p, q, np.column_stack([mean + value * field(p), np.zeros(p.n)]))
+
+    words = f"a turn of the block by {np.degrees(angle):+.4f} deg about up (grid for true north)"
+    yield Trial("turn of the block", words, taken_off(across, angle), 3, {"up_rad": angle})
+    words = f"a scale of {1e6 * scale:+.1f} ppm (distances in a grid for distances on the ground)"
+    yield Trial("scale", words, taken_off(place, scale), 3, {"scale": scale})
+
+
+def _along_the_way(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
+    """An offset of time between images that were matched by name."""
+    v = velocity_of(a, b)
+    if v is None or not (speed := float(np.sum(v[:, :2] ** 2))) > 0.0:
+        return
+    dt = float(np.sum(v[:, :2] * d) / speed)
+    words = f"positions of b taken {1e3 * abs(dt):.1f} ms {'later' if dt > 0 else 'earlier'} along the way (trigger delay, clock)"
+
+    def taken_off(p: Poses, q: Poses) -> Poses:
+        way = velocity_of(p, q)
+        assert way is not None
+        return without(p, q, dt * way)
+
+    yield Trial("time along the way", words, taken_off, 1, {"seconds": dt})
+
+
+def velocity_of(a: Poses, b: Poses) -> Array | None:
+    """(n, 3) m/s, east, north, up: a's own, else b's, else from a's positions over time; None without time."""
+    for poses in (a, b):
+        if poses.velocity is not None:
+            return poses.velocity
+    if a.time is None or a.n < 3:
+        return None
+    return np.asarray(np.einsum("nji,nj->ni", a.C_eE, np.gradient(a.ecef, a.time, axis=0)))
+
+
+def _exchanges(b: Poses) -> Iterator[Trial]:
+    """Coordinates of b in another order or with other signs."""
+    if np.abs(b.lon).max() <= 0.5 * np.pi:
+        words = "b has latitude and longitude exchanged"
+        yield Trial("latitude for longitude", words, lambda _, q: q.moved(q.lon, q.lat, q.height))
+    if b.local is None or b.plane is None:
+        return
+    for name, words, order, signs in (
+        ("east for north", "b has east and north exchanged", [1, 0, 2], [1.0, 1.0, 1.0]),
+        ("east reversed", "b counts east westwards", [0, 1, 2], [-1.0, 1.0, 1.0]),
+        ("north reversed", "b counts north southwards", [0, 1, 2], [1.0, -1.0, 1.0]),
+        ("both reversed", "b has east and north reversed", [0, 1, 2], [-1.0, -1.0, 1.0]),
+    ):
+        yield Trial(name, words, _reordered(order, np.array(signs)))
+
+
+def _reordered(order: list[int], signs: Array) -> Callable[[Poses, Poses], Poses]:
+    """Other local coordinates; attitudes stay what they were in the axes of the tangent plane."""
+
+    def taken_off(_: Poses, q: Poses) -> Poses:
+        assert q.local is not None
+        local = q.local[:, order] * signs
+        lat, lon, h, C_fE = Place("tangent plane", q.plane).resolved(local, q.source)
+        C_Ex = q.C_Ex
+        if C_Ex is not None and q.C_fE is not None:
+            C_Ex = np.swapaxes(C_fE, 1, 2) @ q.C_fE @ C_Ex
+        return replace(q.moved(lat, lon, h), local=local, C_Ex=C_Ex, C_fE=C_fE)
+
+    return taken_off
+
+
+def _vertical(a: Poses, b: Poses) -> Iterator[Trial]:
+    d = b.height - a.height
+    mean = float(d.mean())
+    name, words = _in_words(mean, d)
+    yield Trial(name, words, lambda _, q: q.moved(q.lat, q.lon, q.height - mean), 1, {"up_m": mean})
+    for name, words, factor in (
+        ("feet", "heights of b are in feet where a has metres", FOOT),
+        ("metres for feet", "heights of a are in feet where b has metres", 1.0 / FOOT),
+        ("height reversed", "b counts heights downwards", -1.0),
+    ):
+        yield Trial(name, words, _stretched(factor))
+
+
+def _stretched(factor: float) -> Callable[[Poses, Poses], Poses]:
+    return lambda _, q: q.moved(q.lat, q.lon, factor * q.height)
+
+
+def _in_words(mean: float, d: Array) -> tuple[str, str]:
+    """Name and statement of a constant difference in height."""
+    words = f"heights of b lie {abs(mean):.3f} m {'above' if mean > 0 else 'below'} those of a, everywhere alike"
+    if not (GEOID_M[0] <= abs(mean) <= GEOID_M[1] and float(d.std()) < GEOID_SPREAD * abs(mean)):
+        return "height shift", words
+    sea, other = ("a", "b") if mean > 0 else ("b", "a")
+    return "geoid-sized height", f"{words}: the size of a geoid height ({sea} above sea level, {other} above the ellipsoid?)"

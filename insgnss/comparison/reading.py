@@ -1,0 +1,324 @@
+"""From a file of any readable format to `Poses`; the format is found by the file's ending and first bytes, or given by name."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError, UsageError
+from ..geodesy.frames import TangentPlane
+from ..geodesy.projection import MapProjection
+from ..geodesy.rotation import (
+    CV_RUB,
+    NED_ENU,
+    opk_jacobian,
+    rotation_from_opk,
+    rotation_from_rpy,
+    rotation_from_ypr,
+    rpy_jacobian,
+    ypr_jacobian,
+)
+from .poses import Place, Poses
+
+Array = NDArray[np.float64]
+Origin = tuple[float, float, float]
+
+HEAD = 16384
+UNKNOWN_MPS = 900.0  # m/s; readers give 1000 to a velocity that was not measured
+UNKNOWN_M = (0.98765, 0.98765, 0.98765)  # stands in for fixes without standard deviations, and is left out again
+
+
+@dataclass(frozen=True)
+class Hints:
+    """What a caller knows beyond the file: origin of a tangent plane, deg, deg, m; CRS of projected coordinates; GPS week; geoid grid."""
+
+    origin: Origin | None = None
+    crs: str | None = None
+    gps_week: int | None = None
+    geoid: Path | None = None
+
+    @property
+    def plane(self) -> TangentPlane | None:
+        """The tangent plane, if an origin is given."""
+        return None if self.origin is None else TangentPlane(np.radians(self.origin[0]), np.radians(self.origin[1]), self.origin[2])
+
+    @property
+    def projection(self) -> MapProjection | None:
+        """The projection, if a CRS is given."""
+        return None if self.crs is None else MapProjection(self.crs, self.geoid)
+
+
+def read_poses(path: str | Path, form: str | None = None, hints: Hints | None = None) -> Poses:
+    """Poses of a file.
+
+    form : one of `FORMS` where the file does not show its format.   hints : what the file does not say.
+    Raises InputError with file and line, UsageError for an unknown format.
+    """
+    if form is not None and form not in FORMS:
+        raise UsageError(f"format {form!r} cannot be compared; it is one of {', '.join(FORMS)}")
+    return FORMS[form or sniff_poses(path)](Path(path), hints or Hints())
+
+
+def sniff_poses(path: str | Path) -> str:
+    """Name of a file's format, a key of `FORMS`; fixes of GNSS where it shows nothing else."""
+    try:
+        with Path(path).open("rb") as stream:
+            head = stream.read(HEAD)
+    except OSError as error:
+        raise InputError.at(path, None, f"cannot be read: {error.strerror or error}; check the path") from None
+    text = head.decode("latin-1").lower()
+    if text.lstrip().startswith("{") and "exterior orientation" in text:
+        return "eo_json"
+    name = Path(path).name.lower()
+    if name.endswith(".sbet") or (name.startswith("sbet") and name.endswith(".out")):
+        return "sbet"
+    first = next((line for line in text.splitlines() if line.strip()), "")
+    if "# frame kind:" in text and "# camera axes:" in text:
+        return "generic_ascii"
+    if re.match(r"#?\s*label[,;\t]", first):
+        return "metashape"
+    if first.startswith("gps_week,tow,lat_deg"):
+        return "trajectory_csv"
+    if re.search(r"^#.*\bomega\b.*\bphi\b.*\bkappa\b", text, re.MULTILINE):
+        return "eo_local_plane"
+    return "gnss"
+
+
+def _diagonal(sigma: Array | None, E: Array | None = None) -> Array | None:
+    """(n, 3, 3) of standard deviations (n, 3); of angles, whose psi is E d(angles); None where there are none, or where all are zero."""
+    if sigma is None or not (sigma > 0.0).all():
+        return None
+    P = np.zeros((len(sigma), 3, 3))
+    P[:, range(3), range(3)] = sigma**2
+    return P if E is None else np.asarray(E @ P @ np.swapaxes(E, 1, 2))
+
+
+def _turned(C: Array, P: Array | None) -> Array | None:
+    """C P C^T."""
+    return None if P is None else np.asarray(C @ P @ np.swapaxes(C, -1, -2))
+
+
+def _eo_json(path: Path, hints: Hints) -> Poses:
+    from ..formats.eo_json import read_eo_json
+
+    eo = read_eo_json(path)
+    plane = TangentPlane(*eo.origin)
+    lat, lon, h, C_fE = Place("tangent plane", plane).resolved(eo.position_m, path)
+    C_Ef = np.swapaxes(C_fE, 1, 2)
+    return Poses(
+        str(path),
+        "eo_json",
+        "projection centre",
+        lat,
+        lon,
+        h,
+        images=eo.images,
+        time=eo.time,
+        gps_week=eo.gps_week,
+        C_Ex=C_Ef @ eo.C_mc,
+        camera_from_body=eo.camera_from_body @ eo.boresight,
+        cov_position=_given(_turned(C_Ef, eo.cov[:, :3, :3])),
+        cov_attitude=_given(_turned(C_Ef, eo.cov[:, 3:, 3:])),
+        C_fE=C_fE,
+        local=eo.position_m,
+        plane=plane,
+    )
+
+
+def _given(P: Array | None) -> Array | None:
+    """Covariances, None where they are zero."""
+    return P if P is not None and (np.diagonal(P, axis1=1, axis2=2) > 0.0).all() else None
+
+
+def _eo_local_plane(path: Path, hints: Hints) -> Poses:
+    from ..formats.eo_local_plane import read_eo_local_plane
+
+    eo = read_eo_local_plane(path)
+    plane = hints.plane or _origin_in(path)
+    lat, lon, h, C_fE = Place("tangent plane", plane).resolved(eo.position_m, path)
+    C_Ef = np.swapaxes(C_fE, 1, 2)
+    sigma_opk = _diagonal(eo.sigma_opk, opk_jacobian(eo.opk))
+    return Poses(
+        str(path),
+        "eo_local_plane",
+        "projection centre",
+        lat,
+        lon,
+        h,
+        images=eo.images,
+        C_Ex=C_Ef @ rotation_from_opk(eo.opk) @ CV_RUB,
+        cov_position=_turned(C_Ef, _diagonal(eo.sigma_position_m)),
+        cov_attitude=_turned(C_Ef, sigma_opk),
+        angle_set="opk",
+        angles=eo.opk,
+        C_fE=C_fE,
+        local=eo.position_m,
+        plane=plane,
+    )
+
+
+def _origin_in(path: Path) -> TangentPlane | None:
+    """The origin that a header names: `latitude 46.57.. deg, longitude 6.54.. deg, ... height 0 m`, or two angles in deg and a height."""
+    with path.open(encoding="utf-8", errors="replace") as stream:
+        head = "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
+    number = r"(-?\d+(?:\.\d+)?)"
+    said = re.search(rf"latitude {number}(?: deg)?,? longitude {number} deg,(?: [a-z]+ height)? {number} m", head)
+    said = said or re.search(rf"origin {number} {number} deg {number} m", head)
+    if said is None:
+        return None
+    lat, lon, height = (float(number) for number in said.groups())
+    return TangentPlane(np.radians(lat), np.radians(lon), height)
+
+
+def _metashape(path: Path, hints: Hints) -> Poses:
+    from ..formats.metashape import read_metashape
+
+    eo = read_metashape(path)
+    return Poses(
+        str(path),
+        "metashape",
+        "projection centre",
+        eo.lat,
+        eo.lon,
+        eo.height,
+        images=eo.images,
+        C_Ex=rotation_from_ypr(eo.ypr) @ CV_RUB,
+        cov_position=_diagonal(eo.accuracy_m),
+        cov_attitude=_diagonal(eo.accuracy_ypr, ypr_jacobian(eo.ypr)),
+        angle_set="ypr",
+        angles=eo.ypr,
+    )
+
+
+def _generic_ascii(path: Path, hints: Hints) -> Poses:
+    from ..formats.generic_ascii import read_generic_ascii
+
+    eo = read_generic_ascii(path)
+    columns, n = eo.columns, len(eo.images)
+    if all(name in columns for name in ("lat", "lon", "h")):
+        place, x = Place("geographic"), np.column_stack([columns[name] for name in ("lon", "lat", "h")])
+    elif all(name in columns for name in "xyz"):
+        place = Place(eo.frame_kind, hints.plane or _origin_in(path), hints.projection or _crs_in(path, eo.frame_kind, hints))
+        x = np.column_stack([columns[name] for name in "xyz"])
+    else:
+        raise InputError.at(path, None, "has no position; the columns x y z or lat lon h are needed")
+    lat, lon, h, C_fE = place.resolved(x, path)
+    if place.kind != eo.frame_kind:
+        C_fE = np.broadcast_to(np.eye(3), (n, 3, 3))
+    C_Ef, C = np.swapaxes(C_fE, 1, 2), eo.C_Ec
+    if eo.C_fc is not None:
+        C = C_Ef @ eo.C_fc
+    sigma = eo.block("s_xyz")
+    time = columns.get("tow")
+    return Poses(
+        str(path),
+        "generic_ascii",
+        "projection centre",
+        lat,
+        lon,
+        h,
+        images=eo.images,
+        time=time,
+        gps_week=hints.gps_week if "week" not in columns or not n else int(columns["week"][0]),
+        C_Ex=C,
+        cov_position=_turned(C_Ef, _diagonal(sigma)),
+        C_fE=C_fE,
+        local=x if place.kind == "tangent plane" else None,
+        plane=place.plane,
+    )
+
+
+def _crs_in(path: Path, kind: str, hints: Hints) -> MapProjection | None:
+    """The CRS that the header of a projected frame names by its code."""
+    if kind != "projected":
+        return None
+    with path.open(encoding="utf-8", errors="replace") as stream:
+        said = next((re.search(r"EPSG:\d+(?:\+\d+)?", line) for line in stream if line.startswith("# frame:")), None)
+    return None if said is None else MapProjection(said[0], hints.geoid)
+
+
+def _trajectory_csv(path: Path, hints: Hints) -> Poses:
+    from ..formats.trajectory_csv import read_trajectory_csv
+
+    t = read_trajectory_csv(path)
+    return replace(
+        _of_body(path, "trajectory_csv", t.lat, t.lon, t.height, t.velocity_ned, t.rpy, t.sigma), time=t.time, gps_week=t.gps_week
+    )
+
+
+def _sbet(path: Path, hints: Hints) -> Poses:
+    from ..formats.sbet import read_sbet, read_smrmsg, smrmsg_beside
+
+    t = read_sbet(path)
+    sigma = None
+    if (beside := smrmsg_beside(path)) is not None:
+        s = read_smrmsg(beside)
+        table = np.column_stack([s.sigma_position_m, s.sigma_velocity, s.sigma_rpy])
+        sigma = np.column_stack([np.interp(t.time, s.time, column) for column in table.T])
+    return replace(_of_body(path, "sbet", t.lat, t.lon, t.height, t.velocity_ned, t.rpy, sigma), time=t.time, gps_week=hints.gps_week)
+
+
+def _of_body(path: Path, form: str, lat: Array, lon: Array, h: Array, v_ned: Array, rpy: Array, sigma: Array | None) -> Poses:
+    """A trajectory of the IMU; sigma (n, 9) of position, velocity, roll pitch heading."""
+    position, attitude = (None, None) if sigma is None else (_diagonal(sigma[:, :3]), _diagonal(sigma[:, 6:], rpy_jacobian(rpy)))
+    return Poses(
+        str(path),
+        form,
+        "IMU",
+        lat,
+        lon,
+        h,
+        C_Ex=NED_ENU @ rotation_from_rpy(rpy),
+        x="body",
+        velocity=v_ned @ NED_ENU,
+        cov_position=_turned(NED_ENU, position),
+        cov_attitude=_turned(NED_ENU, attitude),
+        angle_set="rpy",
+        angles=rpy,
+    )
+
+
+def _gnss(path: Path, hints: Hints) -> Poses:
+    from ..formats import read_gnss
+
+    fixes = read_gnss(path, gps_week=hints.gps_week, sigma_m=UNKNOWN_M)
+    known = not (np.diagonal(fixes.cov_ned, axis1=1, axis2=2) == np.square(UNKNOWN_M)).all(axis=1).any()
+    notes = tuple(f"{check.name}: {check.found}" for check in fixes.notes)
+    velocity = None
+    if fixes.velocity_ned is not None and fixes.velocity_cov_ned is not None and fixes.velocity_cov_ned.max() < UNKNOWN_MPS**2:
+        velocity = fixes.velocity_ned @ NED_ENU
+    return Poses(
+        str(path),
+        "gnss",
+        "antenna",
+        fixes.lat,
+        fixes.lon,
+        fixes.height,
+        time=fixes.time,
+        gps_week=fixes.gps_week,
+        velocity=velocity,
+        cov_position=_turned(NED_ENU, fixes.cov_ned) if known else None,
+        notes=notes,
+    )
+
+
+def _odyn(path: Path, hints: Hints) -> Poses:
+    from ..formats.odyn import read_odyn_poses
+
+    t = read_odyn_poses(path)
+    return Poses(str(path), "odyn", "IMU", t.lat, t.lon, t.height, time=t.time, gps_week=hints.gps_week, C_Ex=NED_ENU @ t.C_nb, x="body")
+
+
+FORMS: dict[str, Callable[[Path, Hints], Poses]] = {
+    "eo_json": _eo_json,
+    "eo_local_plane": _eo_local_plane,
+    "metashape": _metashape,
+    "generic_ascii": _generic_ascii,
+    "trajectory_csv": _trajectory_csv,
+    "sbet": _sbet,
+    "gnss": _gnss,
+    "odyn": _odyn,
+}

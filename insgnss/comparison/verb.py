@@ -1,0 +1,62 @@
+"""The verb `compare`: its options and what it does with them."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .result import Comparison
+
+EXAMPLE = """  insgnss compare eo.json truth/EO_local-plane.txt --figure differences.png
+  insgnss compare trajectory.sbet reference.pos --week 2008"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the verb."""
+    parser.add_argument("a", type=Path, metavar="A", help="exterior orientation or trajectory")
+    parser.add_argument("b", type=Path, metavar="B", help="the one to compare with it; differences are B minus A")
+    for side in "ab":
+        parser.add_argument(
+            f"--format-{side}", metavar="FORMAT", help=f"of {side.upper()}, where it does not show it"
+        )
+    parser.add_argument("--origin", metavar="LAT,LON,H", help="deg, deg, m: of a tangent plane whose file does not say it")
+    parser.add_argument("--crs", metavar="CRS", help="of projected coordinates, such as EPSG:2056")
+    parser.add_argument("--geoid", type=Path, metavar="GRID", help="grid of geoid heights, for projected heights above sea level")
+    parser.add_argument("--week", type=int, metavar="N", help="GPS week, of files with the time of week only")
+    parser.add_argument("--shift", type=float, default=0.0, metavar="S", help="seconds to be added to the times of B (default: 0)")
+    parser.add_argument("--figure", type=Path, metavar="FILE", help="write the differences as a picture, PNG")
+
+
+def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comparison":
+    """Do what the parsed command line asks for. Raises UsageError for an origin that is none."""
+    from ..files import atomic_write
+    from .compare import compare_files
+
+    progress("reading and matching")
+    result = compare_files(
+        given.a,
+        given.b,
+        form_a=given.format_a,
+        form_b=given.format_b,
+        origin=_origin(given.origin),
+        crs=given.crs,
+        gps_week=given.week,
+        geoid=given.geoid,
+        time_shift_s=given.shift,
+    )
+    if given.figure is not None:
+        atomic_write(given.figure, result.figure())
+    return result
+
+
+def _origin(text: str | None) -> tuple[float, float, float] | None:
+    from ..errors import UsageError
+
+    if text is None:
+        return None
+    try:
+        lat, lon, height = (float(word) for word in text.split(","))
+    except ValueError:
+        raise UsageError(f"compare: --origin {text!r} is not latitude, longitude, height with commas, such as 46.57,6.54,0") from None
+    return lat, lon, height

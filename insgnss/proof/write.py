@@ -1,0 +1,143 @@
+"""`insgnss export --proof FORMAT DIR`: the scene in a format, with all that a tool needs to show its residuals.
+
+The export goes the way of every other export. Beside it stand the images, the points as ground control in the frame of the export, their
+pixels, the camera, and a README that says what to see.
+"""
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import UsageError
+from ..exporting.export import Target, export, known_format
+from ..files import atomic_write
+from ..formats._exports import Export
+from ..geodesy.projection import MapProjection
+from ..records import Array
+from ..records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
+from .pictures import write_pictures
+from .readme import readme
+from .scene import CENTRE_PX, FOCAL_PX, GROUND_M, HEIGHT_PX, PIXEL_UM, SITE, WIDTH_PX, Scene, make_scene
+
+NOISE = "navchip"
+LEVER_C = (0.462, -0.001, -0.065)
+AXES = {
+    TANGENT: ("E_m", "N_m", "U_m"),
+    GEOCENTRIC: ("X_m", "Y_m", "Z_m"),
+    GEOGRAPHIC: ("longitude_deg", "latitude_deg", "height_m"),
+    PROJECTED: ("easting_m", "northing_m", "height_m"),
+}
+CAMERA = f"PINHOLE {WIDTH_PX} {HEIGHT_PX} {FOCAL_PX:g} {FOCAL_PX:g} {CENTRE_PX[0]:g} {CENTRE_PX[1]:g}"
+
+
+def write_proof(
+    name: str, directory: Path, crs: str | None = None, geoid: Path | None = None, frame: str | None = None, ground_m: float | None = None
+) -> tuple[Path, ...]:
+    """Write the scene as format `name` into `directory`, which is made: all of it, or nothing; the files, README.txt and export first.
+
+    crs, geoid, frame, ground_m : as of `Target`; a format that needs a CRS and gets none has that of the UTM zone.
+    Raises UsageError for an unknown format, a directory with content and what `export` refuses; InputError where a CRS does not reach.
+    """
+    form, directory = known_format(name), Path(directory)
+    if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
+        raise UsageError(f"{directory}: is not an empty directory; give a new one for the proof")
+    own = next((kind for kind in form.frames if kind != PROJECTED), PROJECTED if form.frames else TANGENT)
+    if crs is None and (frame or own) == PROJECTED:
+        crs = f"EPSG:{32601 + int((SITE[1] + 180.0) // 6.0)}"
+    target = Target(crs, geoid, frame, ground_m)
+    projection = None if crs is None else MapProjection(crs, geoid)
+    kind = PROJECTED if projection is not None else frame or own
+    scene = make_scene(projection)
+    with _staged(directory) as work:
+        images = work / "images"
+        images.mkdir()
+        write_pictures(scene, images)
+        done = export(scene.eo, name, work / form.product, target, **_options(name, form, images))
+        heights = {PROJECTED: projection.heights if projection is not None else "", GEOGRAPHIC: "above the ellipsoid of WGS84"}.get(kind)
+        words = f"{done.frame}, heights {heights}" if heights else done.frame
+        side = {"README.txt": readme(scene, name, form, done, words, projection, ground_m), **_beside(scene, kind, projection, words)}
+        for file, text in side.items():
+            atomic_write(work / file, text)
+    first = [directory / file for file in ("README.txt", form.product)]
+    return (*first, *(file for file in sorted(directory.rglob("*")) if file.is_file() and file not in first))
+
+
+@contextmanager
+def _staged(directory: Path) -> Iterator[Path]:
+    """A directory beside `directory`, which it becomes when all went well."""
+    try:
+        directory.parent.mkdir(parents=True, exist_ok=True)
+        work = Path(tempfile.mkdtemp(prefix=f".{directory.name}.", dir=directory.parent))
+    except OSError as error:
+        raise UsageError(f"{directory}: cannot be written: {error.strerror or error}; give another directory") from None
+    try:
+        yield work
+        if directory.exists():
+            directory.rmdir()
+        work.chmod(0o755)
+        work.rename(directory)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
+def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
+    """What the format asks for, of this scene."""
+    known: dict[str, Any] = {
+        "focal_mm": 1e-3 * PIXEL_UM * FOCAL_PX,
+        "ground_m": GROUND_M,
+        "width_px": WIDTH_PX,
+        "height_px": HEIGHT_PX,
+        "focal_px": FOCAL_PX,
+        "pixel_size_um": PIXEL_UM,
+        "images": "images" if name == "opf" else images,
+        "lever_m": LEVER_C,
+    }
+    if "camera" in form.needs:
+        known["camera"] = CAMERA
+    if "noise" in form.needs:
+        known["noise"] = NOISE
+    return {key: known[key] for key in form.options if key in known}
+
+
+def _beside(scene: Scene, kind: str, projection: MapProjection | None, words: str) -> dict[str, str]:
+    """Points in the frame of the export and on the globe, their pixels, the camera: texts by file name."""
+    lat, lon, h = scene.geodetic.T
+    globe = np.column_stack([np.degrees(lon), np.degrees(lat), h])
+    if projection is not None:
+        x = projection.forward(lat, lon, h)
+    elif kind == GEOGRAPHIC:
+        x = globe
+    else:
+        x = scene.points if kind == TANGENT else scene.plane.origin_ecef + scene.points @ scene.plane.C_em.T
+    pixels = "".join(
+        f"{image},{point},{x:.4f},{y:.4f}\n"
+        for image, row, seen in zip(scene.eo.images, scene.pixels, scene.seen, strict=True)
+        for point, (x, y), there in zip(scene.names, row, seen, strict=True)
+        if there
+    )
+    calibration = [
+        f"width_px {WIDTH_PX}",
+        f"height_px {HEIGHT_PX}",
+        f"focal_px {FOCAL_PX:.4f}",
+        f"principal_point_px {CENTRE_PX[0]:.4f} {CENTRE_PX[1]:.4f}",
+        "distortion none",
+        f"pixel_size_um {PIXEL_UM:g}",
+        f"colmap {CAMERA}",
+    ]
+    return {
+        "points.csv": _points(scene, x, AXES[kind], words),
+        "points_geographic.csv": _points(scene, globe, AXES[GEOGRAPHIC], "WGS84, heights above the ellipsoid"),
+        "pixels.csv": "# pixels from the outer corner of the first one, x right, y down\n#image,point,x,y\n" + pixels,
+        "camera.txt": "# pixels from the outer corner of the first one, x right, y down\n" + "".join(f"{line}\n" for line in calibration),
+    }
+
+
+def _points(scene: Scene, x: Array, axes: tuple[str, ...], words: str) -> str:
+    forms = ["%.10f" if axis.endswith("_deg") else "%.4f" for axis in axes]
+    rows = "".join(f"{name},{','.join(forms) % tuple(row)}\n" for name, row in zip(scene.names, x.tolist(), strict=True))
+    return f"# {words}\n#point,{','.join(axes)}\n{rows}"

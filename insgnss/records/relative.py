@@ -1,0 +1,64 @@
+"""Relative control: how far neighbouring images of a flight line are apart, in position and attitude, and how well that is known."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._checked import Array, frozen
+
+Form = Literal["mapping", "camera"]
+FORMS: tuple[Form, ...] = ("mapping", "camera")
+
+
+@dataclass(frozen=True, eq=False)
+class RelativeControl:
+    """Relative pose of k pairs of neighbouring images i, j of the same flight line, with three weightings side by side.
+
+    images : names of all images of the orientation.   time : (n,) s, of all of them.   i, j : (k,) rows of the images of each pair.
+    line : (k,) number of the flight line, from 1.   frame : for people, of the coordinates.   gyro_noise, gyro_drift : rad/sqrt(s), rad/s.
+    form : "mapping"  offset X_j - X_i (m) and rotation C_fc(j) C_fc(i)^T, both in the frame's axes; free of the bore-sight;
+           "camera"   offset C_fc(i)^T (X_j - X_i) and rotation C_fc(i)^T C_fc(j): the pose of camera j in that of camera i.
+    offset (k, 3) m, rotation (k, 3, 3).   Covariances (k, 6, 6) of (offset, psi), m and rad, in the axes of the form, with
+    rotation(true) = exp([psi x]) rotation:
+    smoothed : with the cross-covariance of both images;   independent : as if both were independent (paper 003, equation 5);
+    gyro : position as `independent` and attitude by the gyroscopes' noise (paper 003, equation 6).
+    """
+
+    form: Form
+    images: tuple[str, ...]
+    time: Array
+    gps_week: int
+    i: NDArray[np.int64]
+    j: NDArray[np.int64]
+    line: NDArray[np.int64]
+    offset: Array
+    rotation: Array
+    smoothed: Array
+    independent: Array
+    gyro: Array
+    gyro_noise: float
+    gyro_drift: float
+    frame: str
+    boresight: Array
+    history: tuple[str, ...] = field(default_factory=tuple)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "images", tuple(self.images))
+        frozen(self, "time", (len(self.images),))
+        k = self.i.size
+        shapes: dict[str, tuple[int, ...]] = {"offset": (k, 3), "rotation": (k, 3, 3), "boresight": (3, 3)}
+        shapes |= dict.fromkeys(("smoothed", "independent", "gyro"), (k, 6, 6))
+        for name, shape in shapes.items():
+            frozen(self, name, shape)
+
+    @property
+    def dt(self) -> Array:
+        """(k,) s between the exposures of each pair."""
+        return self.time[self.j] - self.time[self.i]
+
+    @property
+    def names(self) -> list[tuple[str, str]]:
+        """Names of the images of each pair."""
+        return [(self.images[a], self.images[b]) for a, b in zip(self.i, self.j, strict=True)]
