@@ -38,7 +38,7 @@ CAMERA = f"PINHOLE {WIDTH_PX} {HEIGHT_PX} {FOCAL_PX:g} {FOCAL_PX:g} {CENTRE_PX[0
 def write_proof(
     name: str, directory: Path, crs: str | None = None, geoid: Path | None = None, frame: str | None = None, ground_m: float | None = None
 ) -> tuple[Path, ...]:
-    """Write the scene as format `name` into `directory`, which is made: all of it, or nothing; the files, README.txt and export first.
+    """Write the scene as format `name` into `directory`, which is made: all of it, or nothing; the files, export and README.txt first.
 
     crs, geoid, frame, ground_m : as of `Target`; a format that needs a CRS and gets none has that of the UTM zone.
     Raises UsageError for an unknown format, a directory with content and what `export` refuses; InputError where a CRS does not reach.
@@ -63,7 +63,7 @@ def write_proof(
         side = {"README.txt": readme(scene, name, form, done, words, projection, ground_m), **_beside(scene, kind, projection, words)}
         for file, text in side.items():
             atomic_write(work / file, text)
-    first = [directory / file for file in ("README.txt", form.product)]
+    first = [directory / file for file in (form.product, "README.txt")]
     return (*first, *(file for file in sorted(directory.rglob("*")) if file.is_file() and file not in first))
 
 
