@@ -15,11 +15,11 @@ import numpy as np
 from . import __version__
 from .calibrate.fixes import lasting_errors, state_verdicts
 from .delivery import deliver, inputs_of, sha256, target
-from .errors import DataError, InputError, InsgnssError
+from .errors import DataError, InputError
 from .flight import Flight, load_flight
 from .recording import Progress, Recording, quiet, read_recording, sentence
 from .records import Array, Check, Diagnostics, ExteriorOrientation, GnssFixes, StateVerdict, Trajectory
-from .stretch import EPOCH_HZ, Stretch, check_images, check_motion, check_stretches, refuse_short, solve_stretch
+from .stretch import EPOCH_HZ, Stretch, check_images, check_motion, solve_stretches
 
 if TYPE_CHECKING:
     from .navigation.solution import Solution
@@ -40,7 +40,9 @@ class ProcessResult:
 
     def summary(self) -> str:
         """A few lines for the terminal."""
-        return "\n".join([self.report["headline"], *self.report["verdict"], *(f"wrote {file}" for file in self.files)])
+        notes = dict.fromkeys(note for export in self.report.get("exports", ()) for note in export["notes"])
+        told = (*self.report["verdict"], *(f"note: {note}" for note in notes), *(f"wrote {file}" for file in self.files))
+        return "\n".join([self.report["headline"], *told])
 
 
 @dataclass
@@ -99,32 +101,14 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = quiet)
 
 def _solve(flight: Flight, recording: Recording, step: Progress) -> tuple[list[Stretch], tuple[Check, ...]]:
     """The solved stretches of the flight, and checks of what was left out of it and of what the solutions say."""
-    from .geodesy.frames import LocalFrame
     from .prepare.clock import common_span, refuse_outside
-    from .prepare.gaps import stretches
 
-    lo, hi = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
     if recording.events is not None:
-        refuse_outside(recording.events, lo, hi)
-    first = int(np.searchsorted(recording.gnss.time, lo))
-    frame = LocalFrame(*(float(x[first]) for x in (recording.gnss.lat, recording.gnss.lon, recording.gnss.height)))
-    spans = stretches(recording.imu.time, lo, hi)
-    solved: list[Stretch] = []
-    failed: list[tuple[tuple[float, float], InsgnssError]] = []
-    for span in spans:
-        own = flight if span == spans[0] else replace(flight, initial=None)  # a given attitude is that of the flight's first fix
-        try:
-            refuse_short(recording, span)
-            solved.append(solve_stretch(own, recording, span, frame, step))
-        except DataError as error:
-            failed.append((span, error))
-    if not solved:
-        raise max(failed, key=lambda f: f[0][1] - f[0][0])[1]
+        refuse_outside(recording.events, *common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow))
+    solved, gaps = solve_stretches(flight, recording, step)
     checks = [check for part in solved for check in part.checks] + check_motion(flight, solved)
     _refuse(flight, tuple(checks))
-    if len(spans) > 1:
-        checks.append(check_stretches(solved, failed))
-    checks += check_images(recording, solved)
+    checks += [*gaps, *check_images(recording, solved)]
     return solved, tuple(checks)
 
 

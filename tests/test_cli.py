@@ -261,6 +261,9 @@ def test_export_writes_beside_the_master_or_where_asked(master, tmp_path, capsys
         (["metashape", "--geoid", "nowhere.gtx"], "takes heights above the ellipsoid; leave the geoid out or name a CRS"),
         (["metashape", "--crs", "EPSG:2056", "--geoid", "nowhere.gtx"], "geoid nowhere.gtx: does not exist"),
         (["metashape", "--ground", "500"], "only heights in a projected CRS are scaled"),
+        (["metashape", "--crs", "EPSG:2056", "--ground", "5000"], "is not below the cameras, the lowest of which is at 630.0 m"),
+        (["metashape", "--crs", "EPSG:2056", "--ground", "nan"], "ground nan m is no height"),
+        (["kml"], "has heights above sea level; name a grid of geoid heights (--geoid GRID, output.geoid)"),
     ],
 )
 def test_wrong_exports_are_one_line_and_leave_nothing(argv, says, master, tmp_path, capsys):
@@ -271,6 +274,64 @@ def test_wrong_exports_are_one_line_and_leave_nothing(argv, says, master, tmp_pa
     assert says in error
     assert error.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["eo.json"]
+
+
+def _geoid(path):
+    """A grid of 49.5 m everywhere around the master's image."""
+    import numpy as np
+
+    head = np.array([46.0, 6.0, 0.5, 0.5]).astype(">f8").tobytes() + np.array([4, 4]).astype(">i4").tobytes()
+    path.write_bytes(head + np.full(16, 49.5).astype(">f4").tobytes())
+
+
+def test_a_geoid_is_found_beside_where_one_stands(master, tmp_path, capsys, monkeypatch):
+    """Oracle: 630.0 m less the grid's 49.5."""
+    monkeypatch.chdir(tmp_path)
+    _geoid(tmp_path / "my.gtx")
+    table = ["generic_ascii", "--set", "columns=image,z", "--out", "t.txt", "-q"]
+    assert main(["export", str(master), *table, "--crs", "EPSG:32632", "--geoid", "my.gtx"]) == 0
+    assert float((tmp_path / "t.txt").read_text().split()[-1]) == pytest.approx(580.5, abs=1e-3)
+    (tmp_path / "no.gtx").write_text("no grid")
+    assert main(["export", str(master), *table, "--crs", "EPSG:32632", "--geoid", "no.gtx"]) == 3
+    assert "no.gtx: is no grid of geoid heights" in capsys.readouterr().err
+
+
+def test_a_crs_of_another_place_is_told(master, capsys):
+    """Oracle: the area of use of EPSG:32732 in the registry, which is south of the equator."""
+    assert main(["export", str(master), "metashape", "--crs", "EPSG:32732", "-q"]) == 0
+    assert "1 of 1 images lie outside: is it the right CRS?" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('"cov6": [[0.0001, 0.0', '"cov6": [[-0.0001, 0.0', "image 8001.tif: cov6 is no covariance"),
+        ('"cov6": [[0.0001, 0.0', '"cov6": [[0.0001, 0.00005', "image 8001.tif: cov6 is no covariance"),
+    ],
+)
+def test_a_damaged_master_is_bad_input(old, new, says, master, capsys):
+    """Oracle: the exit code of the contract."""
+    text = master.read_text()
+    assert old in text
+    master.write_text(text.replace(old, new, 1))
+    assert main(["export", str(master), "metashape", "-q"]) == 3
+    assert says in capsys.readouterr().err
+
+
+def test_two_images_of_one_name_are_bad_input(tmp_path, capsys):
+    """Oracle: the exit code of the contract."""
+    import numpy as np
+
+    from insgnss.formats.eo_json import write_eo_json
+    from insgnss.records import ExteriorOrientation
+
+    eye, down = np.eye(3), np.broadcast_to(np.diag([1.0, -1.0, -1.0]), (2, 3, 3))
+    cov = np.broadcast_to(1e-4 * np.eye(6), (2, 6, 6))
+    place, origin = np.array([[1.0, 2.0, 630.0], [9.0, 2.0, 630.0]]), np.array([0.8, 0.1, 0.0])
+    eo = ExteriorOrientation(("a.tif", "a.tif"), np.array([1.0, 2.0]), 2008, origin, place, down, cov, np.zeros((1, 6, 6)), eye, eye)
+    write_eo_json(eo, tmp_path / "eo.json")
+    assert main(["export", str(tmp_path / "eo.json"), "opensfm", "-q"]) == 3
+    assert "image 'a.tif' stands 2 times" in capsys.readouterr().err
 
 
 def test_export_help_lists_the_formats(capsys):

@@ -4,6 +4,7 @@
 """
 
 import difflib
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -71,6 +72,10 @@ def export(eo: ExteriorOrientation, name: str, path: Path, target: Target | None
     form, target = known_format(name), target or Target()
     if not eo.images:
         raise InputError(f"export: {name}: there are no images; process a flight with camera events")
+    if doubles := [image for image, n in Counter(eo.images).items() if n > 1]:
+        raise InputError(
+            f"export: {name}: image {doubles[0]!r} stands {eo.images.count(doubles[0])} times; give every image a name of its own"
+        )
     if unknown := [key for key in options if key not in form.options]:
         takes = f"it takes {', '.join(form.options)}" if form.options else "it takes none"
         raise UsageError(f"export: {name} has no option {unknown[0]!r}; {takes}")
@@ -91,7 +96,13 @@ def export(eo: ExteriorOrientation, name: str, path: Path, target: Target | None
         form.write(_relative(name, framed, eo, options), path)
     else:
         form.write(framed, path, **options)
-    return Exported(path, framed.frame.name, _notes(form, projection, framed.frame.scaled_from_m is not None))
+    notes = _notes(form, projection, framed.frame.scaled_from_m is not None)
+    if projection is None and form.frames[0] == PROJECTED and target.frame is None:
+        notes = (f"coordinates are those of the {framed.frame.name}, since no CRS is named (--crs)", *notes)
+    if projection is not None and (outside := projection.outside(*framed.geodetic[:, :2].T)):
+        area = projection.horizontal.area_of_use.name
+        notes = (f"{projection.name} is made for: {area}; {outside} of {len(eo.images)} images lie outside: is it the right CRS?", *notes)
+    return Exported(path, framed.frame.name, notes)
 
 
 def _relative(name: str, framed: FramedOrientation, eo: ExteriorOrientation, options: dict[str, Any]) -> RelativeControl:
@@ -124,7 +135,7 @@ def _kind(name: str, form: Export, target: Target) -> str:
 def _undulation(eo: ExteriorOrientation, name: str, target: Target) -> Any:
     """Height (n,) m of the geoid above the ellipsoid at the images."""
     if target.geoid is None:
-        raise UsageError(f"export: {name} has heights above sea level; name a grid of geoid heights")
+        raise UsageError(f"export: {name} has heights above sea level; name a grid of geoid heights (--geoid GRID, output.geoid)")
     place = in_frame(eo, GEOGRAPHIC).geodetic
     zone = int(np.degrees(place[0, 1]) // 6.0) % 60 + 1  # any CRS will do, only its geoid is asked
     projection = MapProjection(f"EPSG:{32600 + zone}", target.geoid)
@@ -139,7 +150,7 @@ def _notes(form: Export, projection: MapProjection | None, scaled: bool) -> tupl
     if accuracy < 0.0 or accuracy > ACCURATE_M:
         how = "unknown accuracy" if accuracy < 0.0 else f"an accuracy of {accuracy:g} m"
         notes.append(f"{projection.name}: its datum was reached by {operation}, of {how}; control points in that CRS may be off by as much")
-    if projection.northing_first:
+    if projection.northing_first and not form.crs_order:
         notes.append(f"{projection.name} counts northing before easting; the file has easting first: check the order when importing")
     if not projection.crs.is_compound and projection.geoid is None:
         notes.append(f"heights are {projection.heights}, not above sea level")

@@ -24,6 +24,7 @@ class Export:
     options : what the writer takes besides.   reader : module and function that read it back; empty where the format cannot be.
     experimental : why not all of the convention could be checked; empty where it could.   several : a directory of files.
     needs : those of the options that have no default.
+    crs_order : whether coordinates stand in the order that the CRS itself has; in all others easting comes first.
     relative : whether the writer takes relative control (`orient.relative`) in place of the orientation.
     """
 
@@ -37,6 +38,7 @@ class Export:
     experimental: str = ""
     several: bool = False
     needs: tuple[str, ...] = ()
+    crs_order: bool = False
     relative: bool = False
 
     @property
@@ -82,7 +84,13 @@ EXPORTS: dict[str, Export] = {
         "metashape:write_metashape_offset",
         (GEOGRAPHIC, PROJECTED, TANGENT),
     ),
-    "pix4d_matic": Export("pix4d_matic.csv", "PIX4Dmatic geolocation and orientation", "pix4d:write_pix4d_matic", (GEOGRAPHIC, PROJECTED)),
+    "pix4d_matic": Export(
+        "pix4d_matic.csv",
+        "PIX4Dmatic geolocation and orientation",
+        "pix4d:write_pix4d_matic",
+        (GEOGRAPHIC, PROJECTED),
+        crs_order=True,
+    ),
     "pix4d_mapper": Export("pix4d_mapper.csv", "PIX4Dmapper: X Y Z omega phi kappa", "pix4d:write_pix4d_mapper", (PROJECTED, TANGENT)),
     "pix4d_mapper_accuracy": Export(
         "pix4d_mapper_experimental.csv",
@@ -192,6 +200,7 @@ EXPORTS: dict[str, Export] = {
         options=("camera", "pixel_size_um", "pixel_type", "bands", "images"),
         several=True,
         needs=("camera", "pixel_size_um"),
+        crs_order=True,
     ),
     "tum": Export("eo.tum", "TUM trajectory, for evo", "tum:write_tum", (TANGENT, PROJECTED, GEOCENTRIC), options=("time",)),
     "g2o": Export(

@@ -120,6 +120,8 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
         raise InputError.at(path, None, f"no {error.args[0]}; export the file again") from None
     except (TypeError, ValueError) as error:
         raise InputError.at(path, None, f"a value is not what the format asks for ({error}); export the file again") from None
+    if unsound := _unsound(eo):
+        raise InputError.at(path, None, f"{unsound}; the file was edited; export it again")
     off = np.abs(rotation_from_quaternion(quaternion) - eo.C_mc).max(axis=(1, 2), initial=0.0) > AGREEMENT
     if off.any() or not is_rotation(eo.C_mc):
         name = eo.images[int(np.argmax(off))]
@@ -127,6 +129,21 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
             path, None, f"image {name}: C_mc and quaternion disagree, or C_mc is no rotation; the file was edited; export it again"
         )
     return eo
+
+
+def _unsound(eo: ExteriorOrientation) -> str:
+    """What is wrong with times or covariances; an empty text where nothing is."""
+    if (np.diff(eo.time) <= 0.0).any():
+        return f"image {eo.images[int(np.argmax(np.diff(eo.time) <= 0.0)) + 1]}: its time does not follow that of the image before"
+    variances = np.diagonal(eo.cov, axis1=1, axis2=2)
+    scale = np.sqrt(np.maximum(variances[:, :, None] * variances[:, None, :], 0.0))
+    bad = (variances <= 0.0).any(axis=1)
+    bad |= (np.abs(eo.cov - np.swapaxes(eo.cov, 1, 2)) > AGREEMENT * scale).any(axis=(1, 2)) | (np.abs(eo.cov) > (1.0 + 1e-6) * scale).any(
+        axis=(1, 2)
+    )
+    if bad.any():
+        return f"image {eo.images[int(np.argmax(bad))]}: cov6 is no covariance, it has a variance that is not positive or is not symmetric"
+    return ""
 
 
 def _array(images: list[dict[str, Any]], key: str, shape: tuple[int, ...]) -> Array:

@@ -55,7 +55,7 @@ class MapProjection:
             raise UsageError(f"CRS {definition!r} has heights of its own; leave the geoid out")
         if geoid is not None and not Path(geoid).is_file():
             raise UsageError(f"geoid {geoid}: does not exist; give a grid of geoid heights such as egm96_15.gtx")
-        self.geoid = geoid
+        self.geoid = None if geoid is None else Path(geoid).resolve()  # a bare name would be looked for among PROJ's own grids
 
     @property
     def name(self) -> str:
@@ -89,11 +89,13 @@ class MapProjection:
         if self.crs.is_compound:
             return _transformer("EPSG:4979", self.crs)
         from pyproj import Transformer
+        from pyproj.exceptions import ProjError
 
-        grid = (
-            f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +inv +proj=vgridshift +grids={self.geoid} +multiplier=1"
-        )
-        return Transformer.from_pipeline(grid)
+        shift = f'+step +inv +proj=vgridshift +grids="{self.geoid}" +multiplier=1'
+        try:
+            return Transformer.from_pipeline(f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad {shift}")
+        except ProjError:
+            raise InputError(f"{self.geoid}: is no grid of geoid heights that PROJ reads; give a GeoTIFF or .gtx") from None
 
     def forward(self, lat: Array, lon: Array, h: Array) -> Array:
         """Coordinates (n, 3), m, of latitude, longitude (n,) rad and height (n,) m above WGS84's ellipsoid.
@@ -157,6 +159,14 @@ class MapProjection:
             for up, right in ((0, 1), (0, -1), (1, 0), (-1, 0))
         )
         return np.stack([(east - west) / (STEP_RAD * (N + h))[:, None], (north - south) / (STEP_RAD * (M + h))[:, None]], axis=-1)
+
+    def outside(self, lat: Array, lon: Array) -> int:
+        """How many of the points, rad, lie outside the area for which the CRS is made; 0 where the registry names none."""
+        area = self.horizontal.area_of_use
+        if area is None:
+            return 0
+        east = (np.degrees(lon) - area.west) % 360.0 > (area.east - area.west) % 360.0
+        return int(np.count_nonzero(east | (np.degrees(lat) < area.south) | (np.degrees(lat) > area.north)))
 
     def operation(self) -> tuple[str, float]:
         """Name of the datum transformation that was last used, and its accuracy, m; negative where unknown."""

@@ -41,11 +41,17 @@ def in_frame(
         raise UsageError(f"frame {kind!r}: a CRS belongs to a projected frame, and to no other")
     if ground_m is not None and projection is None:
         raise UsageError(f"frame {kind!r}: only heights in a projected CRS are scaled; leave the ground's height out")
+    if ground_m is not None and not np.isfinite(ground_m):
+        raise UsageError(f"ground {ground_m:g} m is no height")
     plane = TangentPlane(*eo.origin)
     lat, lon, h = plane.geodetic_from_position(eo.position_m)
     C_fm, x, frame = _axes(eo, plane, (lat, lon, h), kind, projection)
     history = eo.history
     if projection is not None and ground_m is not None:
+        if (x[:, 2] <= ground_m).any():
+            raise UsageError(
+                f"ground at {ground_m:g} m is not below the cameras, the lowest of which is at {x[:, 2].min():.1f} m; give its height"
+            )
         x[:, 2] = ground_m + (x[:, 2] - ground_m) * projection.ground_scale(lat, lon, np.full(h.shape, ground_m))
         frame = replace(frame, scaled_from_m=ground_m)
         history = (*history, f"heights above the ground at {ground_m:.2f} m scaled by that of the projection")
