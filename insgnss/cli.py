@@ -12,59 +12,18 @@ import json
 import math
 import os
 import sys
-import time
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, TextIO
+from typing import Any, NoReturn
 
 from . import __version__
+from .console import Parser, Progress
 from .errors import InputError, InsgnssError, UsageError
 from .files import json_ready
 
 INTERRUPTED = 130
-
-
-class Progress:
-    """Says which step runs: one line that renews itself on a terminal, else a line a step; silent where `lines` is None.
-
-    terminal : standard error.   lines : where plain lines go when it is no terminal.
-    """
-
-    def __init__(self, terminal: TextIO, lines: TextIO | None, quiet: bool = False) -> None:
-        self._terminal = terminal if terminal.isatty() and not quiet else None
-        self._lines = None if quiet or self._terminal else lines
-        self._start = time.monotonic()
-
-    def __call__(self, step: str) -> None:
-        """Announce `step`, with the seconds since the start."""
-        elapsed = time.monotonic() - self._start
-        if self._terminal:
-            self._terminal.write(f"\r\x1b[K[{elapsed:6.1f} s] {step}")
-            self._terminal.flush()
-        elif self._lines:
-            print(f"[{elapsed:6.1f} s] {step}", file=self._lines, flush=True)
-
-    def clear(self) -> None:
-        """Take the renewing line away."""
-        if self._terminal:
-            self._terminal.write("\r\x1b[K")
-            self._terminal.flush()
-
-
-class Parser(argparse.ArgumentParser):
-    """Parser whose complaints are `UsageError` and whose epilog may be a function, called only where help is asked for."""
-
-    def __init__(self, *, more_help: Callable[[], str] | None = None, **kwargs: Any) -> None:
-        super().__init__(allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
-        self.more_help = more_help
-
-    def format_help(self) -> str:
-        return super().format_help() + ("\n" + self.more_help() if self.more_help else "")
-
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(f"{message}; see {self.prog} --help")
 
 
 def run() -> NoReturn:
@@ -166,6 +125,7 @@ def build_parser() -> Parser:
     _add_calibrate(verbs)
     _add_tune(verbs)
     _add_compare(verbs)
+    _add_ppk(verbs)
     return parser
 
 
@@ -251,11 +211,21 @@ def _add_compare(verbs: Any) -> None:
     add_arguments(_add_verb(verbs, "compare", _compare, what, EXAMPLE))
 
 
+def _add_ppk(verbs: Any) -> None:
+    from .gnss.verb import EXAMPLE, add_arguments
+
+    what = "antenna positions with honest covariances from RINEX of rover and base, by RTKLIB"
+    add_arguments(_add_verb(verbs, "ppk", _ppk, what, EXAMPLE))
+
+
 def _list_formats() -> str:
     from .formats import EXPORTS
 
     width = max(map(len, EXPORTS))
-    lines = (f"  {name:{width}}  {'experimental: ' if form.experimental else ''}{form.what}\n" for name, form in EXPORTS.items())
+    lines = []
+    for name, form in EXPORTS.items():
+        takes = f" (--set {', '.join(form.options)})" if form.options else ""
+        lines.append(f"  {name:{width}}  {'experimental: ' if form.experimental else ''}{form.what}{takes}\n")
     return "formats:\n" + "".join(lines)
 
 
@@ -375,6 +345,14 @@ def _compare(options: argparse.Namespace, progress: Progress) -> int:
     from .comparison.verb import compare
 
     result = compare(options, progress)
+    return _show(options, progress, result.summary, result.as_dict)
+
+
+def _ppk(options: argparse.Namespace, progress: Progress) -> int:
+    from .gnss.verb import ppk
+    from .report.gnss import draw_quality
+
+    result = ppk(options, progress, draw_quality)
     return _show(options, progress, result.summary, result.as_dict)
 
 

@@ -49,7 +49,9 @@ def inputs_of(flight: Flight) -> list[Path]:
     files = [flight.path, *(imu.file for imu in imus), *(imu.calibration for imu in imus if imu.calibration is not None)]
     if flight.gnss.file is not None:
         files.append(flight.gnss.file)
-    if flight.camera is not None:
+    if flight.gnss.raw is not None:
+        files += [flight.gnss.raw.rover, flight.gnss.raw.base, *flight.gnss.raw.navigation]
+    if flight.camera is not None and flight.camera.events is not None:
         files.append(flight.camera.events)
     files += [imu.noise for imu in imus if isinstance(imu.noise, Path)]
     return list(dict.fromkeys(files))

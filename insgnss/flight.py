@@ -24,6 +24,12 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
                                                         units, quantity, axes, noise, time_offset_s, variable, rate_hz, accel_sign,
                                                         calibration as above, and lever_m [0, 0, 0], from the first IMU in body axes
     gnss.file                   -                       antenna positions; or
+    gnss.rover, base, navigation                        RINEX (plain, .gz, .Z, Hatanaka; navigation is a list), solved by PPK; or
+    gnss.base_position                                  [latitude deg, longitude deg, height m], by default the base file's, with a warning
+    gnss.base_point                                     what stands there: "apc" (phase centre), "arp" or "marker"
+    gnss.antex                                          file of phase centres, for "arp" and "marker"
+    gnss.systems                "GREJC"                 GPS G, GLONASS R, Galileo E, QZSS J, BeiDou C
+    gnss.elevation_mask_deg     15.0
     gnss.stationary             none                    [latitude deg, longitude deg, height m] of a sensor that stands
     gnss.columns                by header or order      as above
     gnss.units                  by header, else deg     { angle (of latitude and longitude), course = deg, rad; length = m, cm, mm;
@@ -44,6 +50,7 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     gnss.uncorrelated           1.0                     errors that do not, in standard deviations of each fix
     camera.events               no camera               mid-exposure instants; without them the product is the trajectory alone
     camera.columns              by header or order      as above
+    camera.images                                       directory or list of the images, for events in the rover's RINEX
     camera.time_offset_s        0.0                     added to the times of the events
     mounting.antenna_m, .imu_m  [0, 0, 0]               m, from the camera, in camera axes
     mounting.camera_from_body   diag(-1, -1, 1)         T_b'^c
@@ -122,6 +129,20 @@ class ImuInput:
 
 
 @dataclass(frozen=True)
+class RawGnss:
+    """rover, base and navigation of [gnss], and how they are solved; base_position: latitude, longitude (deg), ellipsoidal height (m)."""
+
+    rover: Path
+    base: Path
+    navigation: tuple[Path, ...]
+    base_position: tuple[float, ...] | None = None
+    base_point: Literal["apc", "arp", "marker"] | None = None
+    antex: Path | None = None
+    systems: str = "GREJC"
+    elevation_mask_deg: float = 15.0
+
+
+@dataclass(frozen=True)
 class GnssInput:
     """Table [gnss]. Standard deviations are north, east, down, m and m/s; `units` has keys of `gnss_text`, or is None."""
 
@@ -140,15 +161,17 @@ class GnssInput:
     correlated: float | Literal["auto", "off"] = "auto"
     correlation_time_s: float = 60.0
     uncorrelated: float = 1.0
+    raw: RawGnss | None = None
 
 
 @dataclass(frozen=True)
 class CameraInput:
-    """Table [camera]."""
+    """Table [camera]; `events` is None where the rover's file holds them, `images` names these."""
 
-    events: Path
+    events: Path | None
     columns: Columns
     time_offset_s: float
+    images: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -254,8 +277,8 @@ def load_flight(path: str | Path) -> Flight:
         start_tow=start,
         end_tow=end,
         imu=_imu(root.table("imu")),
-        gnss=_gnss(root.table("gnss")),
-        camera=CameraInput(camera.file("events"), camera.columns(), camera.number("time_offset_s", 0.0)) if camera else None,
+        gnss=(gnss := _gnss(root.table("gnss"))),
+        camera=_camera(camera, gnss.raw is not None) if camera else None,
         mounting=_mounting(root.table("mounting")),
         tangent_plane=_tangent_plane(plane) if plane else None,
         output=_output(root.table("output")),
@@ -285,7 +308,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     "imu.units": IMU_UNIT_KEYS,
     "imu.more": tuple(f.name for f in fields(ImuInput) if f.name != "more"),
     "imu.more.units": IMU_UNIT_KEYS,
-    "gnss": (*(f.name for f in fields(GnssInput)), "rover", "base", "navigation"),
+    "gnss": tuple(f.name for kind in (GnssInput, RawGnss) for f in fields(kind) if f.name != "raw"),
     "gnss.units": GNSS_UNIT_KEYS,
     "gnss.quality_sigma_m": tuple(QUALITIES),
     "camera": tuple(f.name for f in fields(CameraInput)),
@@ -394,12 +417,51 @@ def _noise(table: Table) -> str | Path:
     return table.file("noise")
 
 
+def _camera(table: Table, raw: bool) -> CameraInput:
+    """raw : whether the rover's RINEX may hold the events."""
+    images = table.resolve(table.text("images")) if "images" in table.data else None
+    if images is not None and not images.exists():
+        raise table.error("images", f"{images} does not exist; give the directory of the images or a list of their names in order")
+    if "events" in table.data and images is not None:
+        raise table.error("images", "names the events of the rover's RINEX; camera.events is given as well, keep one of them")
+    events = None if raw and "events" not in table.data else table.file("events")
+    return CameraInput(events, table.columns(), table.number("time_offset_s", 0.0), images)
+
+
+def _raw_gnss(table: Table) -> RawGnss | None:
+    """The raw observations, where they are given."""
+    needed = ("rover", "base", "navigation")
+    given = [f.name for f in fields(RawGnss) if f.name in table.data]
+    if not given:
+        return None
+    for other in ("file", "stationary"):
+        if other in table.data:
+            raise table.error(given[0], f"gnss.{other} is given as well; keep one of them")
+    if missing := [key for key in needed if key not in table.data]:
+        raise table.error(given[0], f"gnss.{missing[0]} is missing; RINEX of {', '.join(needed)} belong together")
+    navigation = tuple(table.resolve(name) for name in table.texts("navigation", ()))
+    if lost := [file for file in navigation if not file.is_file()]:
+        raise table.error("navigation", f"{lost[0]} does not exist; paths are relative to flight.toml")
+    place = table.numbers("base_position", 3, None)
+    if place is not None and not (abs(place[0]) <= 90 and abs(place[1]) <= 180 and -1000 <= place[2] <= 10000):
+        raise table.error("base_position", f"{list(place)} is no latitude, longitude (deg), ellipsoidal height (m)")
+    point = table.choice("base_point", ("apc", "arp", "marker"), "apc") if "base_point" in table.data else None
+    if place is not None and point is None:
+        raise table.error("base_position", 'say what stands there: base_point = "apc" (phase centre), "arp" or "marker"')
+    return RawGnss(
+        rover=table.file("rover"),
+        base=table.file("base"),
+        navigation=navigation,
+        base_position=place,
+        base_point=point,
+        antex=table.file("antex") if "antex" in table.data else None,
+        systems=table.text("systems", "GREJC"),
+        elevation_mask_deg=table.number("elevation_mask_deg", 15.0, 0.0, 60.0),
+    )
+
+
 def _gnss(table: Table) -> GnssInput:
-    raw = [key for key in ("rover", "base", "navigation") if key in table.data]
-    if raw and "file" not in table.data:
-        raise table.error(raw[0], "raw observations are not processed yet; give the antenna positions of another engine as gnss.file = ...")
-    if raw:
-        raise table.error(raw[0], "gnss.file is given as well; keep one of them")
+    raw = _raw_gnss(table)
     stands = "stationary" in table.data
     if stands and "file" in table.data:
         raise table.error("stationary", "gnss.file is given as well; keep one of them")
@@ -408,7 +470,7 @@ def _gnss(table: Table) -> GnssInput:
         raise table.error("stationary", f"{list(place)} is no latitude, longitude (deg), ellipsoidal height (m)")
     quality = table.table("quality_sigma_m")
     return GnssInput(
-        file=None if stands else table.file("file"),
+        file=None if stands or raw else table.file("file"),
         columns=table.columns(),
         units=_gnss_units(table.table("units")),
         undulation_m=table.number("undulation_m", None, -200.0, 200.0),
@@ -423,6 +485,7 @@ def _gnss(table: Table) -> GnssInput:
         correlated=_correlated(table),
         correlation_time_s=table.number("correlation_time_s", 60.0, 0.1, 1e5),
         uncorrelated=table.number("uncorrelated", 1.0, 1e-2, 100.0),
+        raw=raw,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from .errors import DataError, InputError, InsgnssError, UsageError
 from .flight import QUALITIES, Flight, ImuInput
 from .records import Array, CameraEvents, Check, GnssFixes, ImuSamples
+from .units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from .prepare.still import Stretches
@@ -21,6 +22,8 @@ LONG_LEVER_M, LARGE_BORESIGHT_DEG = 3.0, 10.0
 RECOGNISED_S, LATEST_S, FASTEST_MS = 300.0, 30.0, 50.0
 UNIT_WORDS = ("rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg", "rad", "deg", "m/s")
 STANDING_S, STANDING_SIGMA_M, STANDING_SHARE = 1.0, (0.1, 0.1, 0.1), 0.8
+TURN_ON = {"gyro": np.radians(100.0) / 3600.0, "accel": 2e-3 * STANDARD_GRAVITY}  # of a calibrated MEMS IMU
+TURN_ON_ADVICE = "set turn_on_bias in the noise model: 100 deg/h and 2 mg suit a calibrated MEMS IMU, or as its recordings at rest tell"
 
 
 def quiet(_: str) -> None:
@@ -90,7 +93,7 @@ def read_recording(flight: Flight) -> Recording:
     from .stochastic.model import load_noise_model
 
     try:
-        imu, gnss, events = _read_files(flight)
+        imu, gnss, events, told_by_engine = _read_files(flight)
     except UsageError as error:  # an option of the flight file that its file's format does not have
         raise InputError(f"{flight.path}: {error}") from None
     if flight.gnss.time_offset_s:
@@ -105,8 +108,10 @@ def read_recording(flight: Flight) -> Recording:
     if flight.imu.more:
         imu, noise, more = _combined(flight, imu, noise)
         C_b_imu = np.eye(3)
-    checks = check_recording(imu, C_b_imu, gnss, events, origin) + more
+    checks = [*check_recording(imu, C_b_imu, gnss, events, origin), *more, *told_by_engine]
     checks.append(_check_mounting(flight))
+    if without_turn_on(noise):
+        checks.append(check_turn_on(noise))
     checks += [note for record in (imu, gnss, events) if record is not None for note in record.notes]
     if events is not None:
         every = len(events.images)
@@ -128,11 +133,19 @@ def read_recording(flight: Flight) -> Recording:
     return Recording(imu, gnss, events, week, tuple(checks), C_b_imu, rests, noise, told, recognition)
 
 
-def _read_files(flight: Flight) -> tuple[ImuSamples, GnssFixes, CameraEvents | None]:
+def _read_files(flight: Flight) -> tuple[ImuSamples, GnssFixes, CameraEvents | None, tuple[Check, ...]]:
+    """Samples, fixes, exposures, and what the PPK engine says where it gave the fixes."""
     from .formats import read_events, read_gnss
 
-    g = flight.gnss
+    g, camera = flight.gnss, flight.camera
     imu = _read_imu(flight.imu, flight.gps_week)
+    events = None
+    if camera is not None and camera.events is not None:
+        events = read_events(camera.events, columns=camera.columns, gps_week=flight.gps_week)
+    if g.raw is not None:
+        from .gnss.flown import solve_flown
+
+        return imu, *solve_flown(g.raw, None if camera is None else camera.images, events)
     if g.stationary is not None:
         gnss = standing_fixes(g.stationary, g.sigma_m or STANDING_SIGMA_M, imu)
     else:
@@ -148,8 +161,7 @@ def _read_files(flight: Flight) -> tuple[ImuSamples, GnssFixes, CameraEvents | N
             new_when=g.new_when,
             gps_week=flight.gps_week,
         )
-    events = None if flight.camera is None else read_events(flight.camera.events, columns=flight.camera.columns, gps_week=flight.gps_week)
-    return imu, gnss, events
+    return imu, gnss, events, ()
 
 
 def _read_imu(i: ImuInput, gps_week: int | None) -> ImuSamples:
@@ -220,6 +232,25 @@ def _liveliest(gnss: GnssFixes) -> tuple[float, float]:
     end = np.searchsorted(gnss.time, gnss.time + RECOGNISED_S, side="right") - 1
     first = int(np.argmax(path[end] - path))
     return float(gnss.time[first]), float(gnss.time[end[first]])
+
+
+def without_turn_on(noise: "NoiseModel") -> tuple[str, ...]:
+    """Sensors with noise of which an axis has no turn_on_bias."""
+    return tuple(s for s in TURN_ON if any(a.white_noise > 0.0 and a.turn_on_bias == 0.0 for a in getattr(noise, s)))
+
+
+def with_turn_on(noise: "NoiseModel") -> "NoiseModel":
+    """The model with `TURN_ON` where an axis has no turn_on_bias."""
+    gx, gy, gz = (replace(axis, turn_on_bias=axis.turn_on_bias or TURN_ON["gyro"]) for axis in noise.gyro)
+    ax, ay, az = (replace(axis, turn_on_bias=axis.turn_on_bias or TURN_ON["accel"]) for axis in noise.accel)
+    return replace(noise, gyro=(gx, gy, gz), accel=(ax, ay, az))
+
+
+def check_turn_on(noise: "NoiseModel") -> Check:
+    """What a noise model `without_turn_on` does, as one that variances tell is."""
+    missing = " and ".join(without_turn_on(noise))
+    found = f"noise model {noise.name} without turn_on_bias of {missing}: constant biases are taken for zero"
+    return Check("turn-on bias", found, "turn_on_bias of gyro and accel", "note", TURN_ON_ADVICE)
 
 
 def _check_standing(imu: ImuSamples, rests: Array) -> Check:

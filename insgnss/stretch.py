@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .errors import DataError, InputError, InsgnssError
+from .errors import DataError, InputError
 from .flight import Flight
-from .recording import Progress, Recording, sentence
+from .recording import Progress, Recording, check_turn_on, sentence, with_turn_on, without_turn_on
 from .records import Check, GnssFixes
 
 if TYPE_CHECKING:
@@ -52,6 +52,33 @@ class _Prepared:
     fixes: GnssFixes
     grid: np.ndarray
     at_event: np.ndarray
+
+
+def solve_stretches(flight: Flight, recording: Recording, step: Progress) -> tuple[list[Stretch], list[Check]]:
+    """The stretches of a flight that can be solved, and, where the IMU has gaps, the check that says what became of the others.
+
+    Raises InputError and DataError as `solve_stretch` does; where no stretch can be solved, that of the longest.
+    """
+    from .geodesy.frames import LocalFrame
+    from .prepare.clock import common_span
+    from .prepare.gaps import stretches
+
+    lo, hi = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
+    first = int(np.searchsorted(recording.gnss.time, lo))
+    frame = LocalFrame(*(float(x[first]) for x in (recording.gnss.lat, recording.gnss.lon, recording.gnss.height)))
+    spans = stretches(recording.imu.time, lo, hi)
+    solved: list[Stretch] = []
+    failed: list[tuple[tuple[float, float], DataError]] = []
+    for span in spans:
+        own = flight if span == spans[0] else replace(flight, initial=None)  # a given attitude is that of the flight's first fix
+        try:
+            _refuse_short(recording, span)
+            solved.append(solve_stretch(own, recording, span, frame, step))
+        except DataError as error:
+            failed.append((span, error))
+    if not solved:
+        raise max(failed, key=lambda f: f[0][1] - f[0][0])[1]
+    return solved, [_check_stretches(solved, failed)] if len(spans) > 1 else []
 
 
 def solve_stretch(flight: Flight, recording: Recording, span: tuple[float, float], frame: "LocalFrame", step: Progress) -> Stretch:
@@ -98,8 +125,10 @@ def _solve(
         solution = solve(prepared.problem, start, flight.filter.second_pass, step)
     except DataError as error:
         step("what would explain it")
+        _refuse_biased(flight, recording, prepared, None, step)
         _explain(flight, prepared, error)
         raise
+    _refuse_biased(flight, recording, prepared, solution, step)
     solution, checks, said = _examined(flight, prepared, start, solution, step)
     return Stretch(solution, prepared.fixes, prepared.grid, prepared.at_event, (how, *said), checks)
 
@@ -240,6 +269,31 @@ def _examined(
     return solution, tuple(checks), (f"{_told(asked)}; given up, the filter loses fixes with them",)
 
 
+def _refuse_biased(flight: Flight, recording: Recording, prepared: _Prepared, solution: "Solution | None", step: Progress) -> None:
+    """Raise InputError where the noise model has no turn-on bias and the innovations show one, beyond `GAIN` in (C.1).
+
+    solution : without turn-on biases, None where there is none.
+    """
+    from .calibrate.fixes import GAIN, misfit
+    from .navigation.solution import solve
+
+    if not without_turn_on(recording.noise):
+        return
+    step("turn-on biases, which the noise model lacks")
+    biased = layout_with(flight, replace(recording, noise=with_turn_on(recording.noise)))(prepared.asked)
+    problem = replace(prepared.problem, layout=biased)
+    try:
+        tried = solve(problem, _align(flight, problem)[0], flight.filter.second_pass, separations=0)
+    except DataError:
+        return
+    gain = np.inf if solution is None else misfit(solution) - misfit(tried)
+    if gain > GAIN:
+        told = "no solution without them" if solution is None else f"-2 log L falls by {gain:.0f} with them, limit {GAIN:g}"
+        check = check_turn_on(recording.noise)
+        found = f"{check.found}, and the innovations show them ({told})"
+        raise InputError(f"{flight.path}: {sentence(replace(check, found=found))}")
+
+
 def _explain(flight: Flight, prepared: _Prepared, error: DataError) -> None:
     """Raise InputError with the lever arm or time offset that explains `error`, where the flight shows one."""
     from .calibrate.fixes import contradictions, suspects
@@ -267,7 +321,7 @@ def _told(found: "FixErrors") -> str:
     )
 
 
-def refuse_short(recording: Recording, span: tuple[float, float]) -> None:
+def _refuse_short(recording: Recording, span: tuple[float, float]) -> None:
     """Raise DataError where a stretch holds too few fixes."""
     from .prepare.clock import SHORTEST_S
 
@@ -308,7 +362,7 @@ def check_motion(flight: Flight, solved: list[Stretch]) -> list[Check]:
     return [Check("motion", found, "most of them used", "contradiction" if bad else "ok", f"it does not move so: {key}" if bad else "")]
 
 
-def check_stretches(solved: list[Stretch], failed: list[tuple[tuple[float, float], InsgnssError]]) -> Check:
+def _check_stretches(solved: list[Stretch], failed: list[tuple[tuple[float, float], DataError]]) -> Check:
     """What the gaps of the IMU made of the flight."""
     from .prepare.gaps import BRIDGE_S
 

@@ -164,6 +164,11 @@ def parse_quantity(text: object, dimension: str) -> float:
     return value * unit.scale
 
 
+def rounded(value: float, unit: str, digits: int) -> float:
+    """`value` (SI) with so many digits in `unit`, in SI: what `parse_quantity` makes of the text."""
+    return parse_quantity(f"{value / parse_unit(unit).scale:.{digits}g} {unit}", unit)
+
+
 def format_quantity(value: float, unit: str) -> str:
     """Shortest text in `unit` that `parse_quantity` turns back into exactly `value` (SI), in SI digits where no text in `unit` does."""
     scale = parse_unit(unit).scale

@@ -186,6 +186,9 @@ def test_resolved_flight_is_json_with_every_default(load):
     assert set(resolved) >= {"name", "gps_week", "camera", "tangent_plane", "initial"}
 
 
+RAW = '[imu]\nfile = "imu.csv"\n[gnss]\nrover = "imu.csv"\nbase = "imu.csv"\nnavigation = ["imu.csv"]\n'
+
+
 def _in(table, line):
     """The minimal file with one more line in a table."""
     if f"[{table}]\n" in MINIMAL:
@@ -226,7 +229,20 @@ WRONG = {
     "no file": ('[imu]\n[gnss]\nfile = "gnss.txt"\n', 1, "imu.file: is missing"),
     "no table": ('[imu]\nfile = "imu.csv"\n', None, "gnss.file: is missing"),
     "output is a file": (_in("output", 'directory = "imu.csv"'), 6, "is a file, a directory is expected"),
-    "raw observations": ('[imu]\nfile = "imu.csv"\n[gnss]\nrover = "a.18o"\n', 4, "gnss.rover: raw observations are not processed yet"),
+    "rover alone": (
+        '[imu]\nfile = "imu.csv"\n[gnss]\nrover = "a.18o"\n',
+        4,
+        "gnss.base is missing; RINEX of rover, base, navigation belong",
+    ),
+    "mask alone": ('[imu]\nfile = "imu.csv"\n[gnss]\nelevation_mask_deg = 10\n', 4, "gnss.rover is missing"),
+    "base position of what": (RAW + "base_position = [46.5, 6.5, 500.0]\n", 7, "say what stands there: base_point"),
+    "base position swapped": (RAW + 'base_point = "apc"\nbase_position = [506.5, 46.5, 0.0]\n', 8, "is no latitude, longitude (deg)"),
+    "navigation that is not there": (RAW.replace('["imu.csv"]', '["b.18n"]'), 6, "b.18n does not exist"),
+    "images of another's events": (
+        '[imu]\nfile = "imu.csv"\n[gnss]\nfile = "imu.csv"\n[camera]\nevents = "imu.csv"\nimages = "."\n',
+        7,
+        "camera.events is given as well, keep one of them",
+    ),
     "raw and ready": (_in("gnss", 'base = "a.18o"'), 4, "gnss.base: gnss.file is given as well"),
     # types
     "text for number": (_in("imu", 'time_offset_s = "0.1"'), 2, "imu.time_offset_s: '0.1' is a text, expected a number"),

@@ -18,7 +18,7 @@ than the stretch (a wrong base coordinate, the ionosphere of a single-point solu
 
 A state is observed where the flight reduces its standard deviation to less than a third of the a-priori one. A lever arm or time
 offset that is taken as known, and comes out different by more than five sigma and by more than the fixes' own sigma, contradicts
-the flight file.
+the flight file; a lever arm that the flight determines to no better than `DETERMINED_M` does not, and is told only.
 """
 
 from collections.abc import Callable
@@ -47,6 +47,7 @@ LONGEST_S, LEAST_WHITE, LEAST_CODE = 600.0, 0.2, 0.03  # bounds of T and k: a fi
 SUSPECT_M, SUSPECT_S = 1.0, 0.3  # a-priori sigmas of lever arm and time offset in the search
 CLOCK_RATE = 1e-4  # of a quartz that nothing disciplines
 SIGNIFICANT, MATTERS = 5.0, 1.0  # sigmas of the estimate, and of the fixes
+DETERMINED_M = 0.05  # sigma of a lever arm beyond which slow errors of the fixes that nobody claims can make it up
 OBSERVED = 1.0 / 3.0
 
 LayoutWith = Callable[[FixErrors], StateLayout]
@@ -238,7 +239,9 @@ def contradictions(solution: Solution, mounting: Mounting, lever_known: bool, of
     if lever_known and layout.lever >= 0:
         at = slice(layout.lever, layout.lever + 3)
         value, sigma = solution.x[-1, at], np.sqrt(np.diag(solution.P[-1, 9:, 9:])[at])
-        if (np.abs(value) > np.maximum(SIGNIFICANT * sigma, MATTERS * fix)).any():
+        off = np.abs(value) > np.maximum(SIGNIFICANT * sigma, MATTERS * fix)
+        if off.any():
+            determined = bool((off & (sigma < DETERMINED_M)).any())
             antenna = mounting.antenna_m + mounting.C_cb @ value
             told = ", ".join(f"{v:+.3f} +- {s:.3f}" for v, s in zip(value, sigma, strict=True))
             what = f"from the IMU off by forward, right, down {told} m"
@@ -247,7 +250,7 @@ def contradictions(solution: Solution, mounting: Mounting, lever_known: bool, of
                     "antenna lever arm",
                     what,
                     f"within {SIGNIFICANT:g} sigma or {MATTERS * fix:.3f} m of the flight file's",
-                    "contradiction",
+                    "contradiction" if determined else "note",
                     f"mounting.antenna_m = [{', '.join(f'{v:.3f}' for v in antenna)}] would be it (if imu_m is right), or set "
                     "filter.lever_arm = true to have it estimated",
                 )

@@ -7,11 +7,13 @@ derivative of -2 log L (`likelihood`), the maximum is searched by scoring with d
 
     theta <- theta - (A + d diag A)^-1 g,     within the factors of `RANGE`,     cov theta = 2 A^-1 at the maximum     (N.1)
 
-from several starts. The static model is the maximum with the IMU's factors held at one and everything else free; the gain between the
-two is chi-square of as many degrees of freedom as factors where the static model holds. A factor known to worse than
+from the best of a few starts. The static model is the maximum with the IMU's factors held at one and everything else free; the
+gain between the two is chi-square of as many degrees of freedom as factors where the static model holds. A factor known to worse than
 `KNOWN` that may as well be one, and a factor at the edge of the search, are not told by this flight: they are held at one and the others
-are estimated again. Whiteness goes by the autocorrelations r_l of the whitened innovations: at lag one, and
-by Ljung and Box's sum over `LAGS` lags of n (n + 2) r_l^2 / (n - l), chi-square of `LAGS` degrees of freedom, one for each direction.
+are estimated again. What -2 log L loses by that is chi-square, too: a significant loss says that the innovations ask for a noise that
+these factors do not have. Whiteness goes by the autocorrelations r_l of the whitened innovations: at lag one, and
+by Ljung and Box's sum Q over L = `LAGS` lags of n (n + 2) r_l^2 / (n - l), chi-square of L degrees of freedom, one for each direction.
+With many fixes the least correlation is significant; how large it is, all lags together, tells sqrt((Q - L) / n).                  (N.2)
 """
 
 from collections.abc import Callable, Sequence
@@ -29,27 +31,34 @@ from .likelihood import CORRELATED, DRIVEN, OF_FIXES, WHITE, Evaluated, LinearSt
 
 IMU = (*WHITE, *DRIVEN)
 DEFAULT = ("gyro.white_noise", "accel.white_noise")
-RANGE, RANGE_OF_FIXES = (1.0 / 30.0, 30.0), (0.2, 30.0)  # a fix is not believed to less than a fifth of its sigma
+RANGE, RANGE_OF_FIXES = (1.0 / 300.0, 300.0), (0.2, 30.0)  # a fix is not believed to less than a fifth of its sigma
 KNOWN, ONE_SIGMAS = 0.3, 2.0
 SIGNIFICANT = 1e-3  # chance that the innovations of a true static model ask for another
 STEPS, DONE, LONGEST_STEP = 40, 1e-4, 1.0
+NOTHING_TOLD, RIDGE = 1e-6, 1e-9  # of the information: standard deviations of a logarithm of 1400 and 45 000
 STARTS = (0.0, 1.0, -1.0)  # of the logarithms of the IMU's factors
 LAGS = 20
 SHORTEST_S, FEWEST = 20.0, 60  # of a stretch in motion, and its fixes
+LONGEST_MIN = 600.0  # of a flight that is asked for
 OFF_CLAIM, OFF_SIGMAS = 0.1, 3.0  # of the fixes' scale from one, beyond which it is told
-WHITE_ENOUGH = 0.1  # of the autocorrelation at lag one
+WHITE_ENOUGH = 0.1  # of the autocorrelation at lag one, and of those of all lags together
+COLOURED = 1e-3  # chance of white innovations below which those together count
 EXPLAINED = 20.0  # gain in -2 log L that a correlated error of the fixes must bring beside free noise of the IMU
 
 
 @dataclass(frozen=True)
 class Whiteness:
-    """Of the whitened innovations north, east, down: lag_one (3,) and its 99 % bound, portmanteau (3,) and p_value (3,)."""
+    """Of the whitened innovations north, east, down: lag_one (3,) and its 99 % bound, portmanteau (3,) and p_value (3,).
+
+    together : (3,) size of the correlation of all lags (N.2).
+    """
 
     lag_one: Array
     bound: float
     portmanteau: Array
     p_value: Array
     lags: int
+    together: Array
 
 
 @dataclass(frozen=True)
@@ -73,6 +82,7 @@ class InFlightNoise:
     names, factor (p,), log_sigma (p,), correlation (p, p): of what was estimated, the IMU's first; log_sigma is the standard deviation of
     the logarithm, 0 where the factor is held.   held : IMU parameters that the flight does not tell, with the reason.
     gain : of -2 log L against the static model, chi-square of `free` degrees of freedom under it; chance : its probability.
+    loss : of -2 log L by what is held.
     before, after : innovations with the static model and with the estimated IMU, the fixes as they claim; at_best : with everything
     as estimated, static_at_best : with the static IMU and everything else as estimated with it.
     duration_s : of the motion used.
@@ -91,9 +101,10 @@ class InFlightNoise:
     at_best: Innovations
     static_at_best: Innovations
     duration_s: float
+    loss: float = 0.0
 
     def sigma(self, name: str) -> float:
-        """Standard deviation of a factor."""
+        """Standard deviation of a factor, 0 where it is held."""
         k = self.names.index(name)
         return float(self.factor[k] * self.log_sigma[k])
 
@@ -109,7 +120,14 @@ class InFlightNoise:
     @property
     def white(self) -> bool:
         """Whether what was estimated leaves the innovations white: a model of the noise that holds, not one that stands in for another."""
-        return bool(np.abs(self.at_best.whiteness.lag_one).max() < max(WHITE_ENOUGH, self.at_best.whiteness.bound))
+        w = self.at_best.whiteness
+        near = np.abs(w.lag_one).max() < max(WHITE_ENOUGH, w.bound)
+        return bool(near and ((w.p_value > COLOURED) | (w.together < WHITE_ENOUGH)).all())
+
+    @property
+    def asks_for_more(self) -> bool:
+        """Whether the innovations rule out what is held."""
+        return _chance(self.loss, len(self.held)) < SIGNIFICANT
 
     @property
     def scaled(self) -> bool:
@@ -195,14 +213,16 @@ def in_flight_noise(
     imu = np.array([name in IMU for name in names])
     static = search.maximum(~imu)
     held: dict[str, str] = {}
+    minutes, every = _minutes(static, duration / 60.0), np.inf
     while True:
         free = np.array([name not in held for name in names])
         best = search.maximum(free) if (free & imu).any() else static
+        every = min(every, best.at.cost)
         sigma, correlation = best.spread(free)
         unknown = {
             name: reason
             for i, name in enumerate(names)
-            if imu[i] and free[i] and (reason := _untold(float(best.theta[i]), float(sigma[i])))
+            if imu[i] and free[i] and (reason := _untold(float(best.theta[i]), float(sigma[i]), float(minutes[i])))
         }
         if not unknown:
             break
@@ -225,6 +245,7 @@ def in_flight_noise(
         innovations(best.at),
         innovations(static.at),
         duration,
+        best.at.cost - every,
     )
 
 
@@ -236,9 +257,9 @@ class _Maximum:
     def spread(self, free: np.ndarray) -> tuple[Array, Array]:
         """Standard deviations (p,) of theta, infinite where nothing tells it and 0 where it is held, and correlations (p, p)."""
         A = self.at.information[np.ix_(free, free)]
-        told = np.diag(A) > 1e-6
+        told = np.diag(A) > NOTHING_TOLD
         at = np.flatnonzero(free)[told]
-        cov = 2.0 * np.linalg.inv(A[np.ix_(told, told)] + 1e-9 * np.eye(at.size))
+        cov = 2.0 * np.linalg.inv(A[np.ix_(told, told)] + RIDGE * np.eye(at.size))
         sigma, correlation = np.where(free, np.inf, 0.0), np.eye(free.size)
         sigma[at] = np.sqrt(np.diag(cov))
         correlation[np.ix_(at, at)] = cov / np.outer(sigma[at], sigma[at])
@@ -254,7 +275,7 @@ class _Search:
     progress: Callable[[str], None]
 
     def maximum(self, free: np.ndarray) -> _Maximum:
-        """Over the parameters `free` (p,) bool, the others at one; the best that `STARTS` lead to."""
+        """Over the parameters `free` (p,) bool, the others at one, from the best of `STARTS`."""
         moved = np.array([name in IMU for name in self.names]) & free
         starts = [np.where(moved, s, 0.0) for s in (STARTS if moved.any() else STARTS[:1])]
         first = [_Maximum(theta, evaluate(self.stretches, theta)) for theta in starts]
@@ -288,13 +309,21 @@ class _Search:
         return here
 
 
-def _untold(theta: float, sigma: float) -> str:
-    """Why a factor is not told by the flight, or ""."""
+def _minutes(static: _Maximum, minutes: float) -> Array:
+    """How long (p,) a flight like this one of `minutes` knows factors near one to `KNOWN`, infinite where that is no question of length."""
+    sigma = static.spread(np.ones(static.theta.size, dtype=np.bool_))[0]
+    longer = minutes * (sigma / KNOWN) ** 2
+    return np.where((longer > minutes) & (longer < LONGEST_MIN), longer, np.inf)
+
+
+def _untold(theta: float, sigma: float, minutes: float) -> str:
+    """Why a factor is not told by the flight, and how long a flight would tell it, or ""."""
+    longer = f"; a factor near one would be told by {np.ceil(minutes):.0f} min of such a flight" if np.isfinite(minutes) else ""
     if not abs(theta) < np.log(RANGE[1]) - 1e-6:
-        return f"no maximum of the likelihood between 1/{RANGE[1]:g} and {RANGE[1]:g} times the static model"
+        return f"no maximum of the likelihood between 1/{RANGE[1]:g} and {RANGE[1]:g} times the static model{longer}"
     if sigma > KNOWN and abs(theta) < ONE_SIGMAS * sigma:
         known = np.exp(min(sigma, 9.0))
-        return f"{np.exp(theta):.2f} by the likelihood, but known to a factor of {known:.2f} only (limit {np.exp(KNOWN):.2f})"
+        return f"{np.exp(theta):.2f} by the likelihood, but known to a factor of {known:.2f} only (limit {np.exp(KNOWN):.2f}){longer}"
     return ""
 
 
@@ -319,4 +348,5 @@ def whiteness(white: Array) -> Whiteness:
     power = np.sum(e**2, axis=0)
     r = np.array([np.sum(e[lag:] * e[:-lag], axis=0) / power for lag in range(1, lags + 1)])
     sum_ = n * (n + 2.0) * np.sum(r**2 / (n - np.arange(1, lags + 1))[:, None], axis=0)
-    return Whiteness(r[0], float(ndtri(0.995) / np.sqrt(n)), sum_, np.asarray(chdtrc(lags, sum_)), lags)
+    together = np.sqrt(np.maximum(sum_ - lags, 0.0) / n)
+    return Whiteness(r[0], float(ndtri(0.995) / np.sqrt(n)), sum_, np.asarray(chdtrc(lags, sum_)), lags, together)

@@ -26,16 +26,17 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..navigation.layout import CHANNELS
 from ..navigation.solution import Solution
+from ..prepare.gaps import nominal_interval
 from ..records import Array, ImuSamples
 
 WINDOW_S, SHORTEST_S = 4.0, 8.0
-SMOOTH_S = 2.0
+GRID_S, SMOOTH_S = 0.5, 2.0  # of the course and speed that tell straight flight
 STRAIGHT_RAD_S, LEVEL, STEADY, MOVING_MS = np.radians(5.0), 0.2, 0.1, 1.0  # turn; climb and change of speed a second over speed; speed
 LOWEST_HZ, HIGHEST = 2.0, 0.25  # above the vehicle's motion; of the rate, below what filters of sensors cut
 LINE_CHANCE, LEAST_RATIO = 1e-6, 3.0  # that a bin of a level floor is taken for a line; of power, to a floor that is not level
 PEAK, EVEN = 2.0, 0.2  # of a line's power, to that beside it; of the power of octaves that are level
-CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 
 
 @dataclass(frozen=True)
@@ -83,16 +84,16 @@ def straight_segments(solution: Solution) -> Array:
     time, v = solution.time, solution.nav[:, 3:6]
     if time[-1] - time[0] < SHORTEST_S:
         return np.zeros((0, 2))
-    grid = np.arange(time[0], time[-1], 0.5)
-    width = max(1, round(SMOOTH_S / 0.5))
+    grid = np.arange(time[0], time[-1], GRID_S)
+    width = round(SMOOTH_S / GRID_S)
     kernel = np.ones(width) / width
     mean = np.column_stack([np.convolve(np.interp(grid, time, c), kernel, mode="same") for c in v.T])
     speed = np.linalg.norm(mean, axis=1)
     course = np.unwrap(np.arctan2(mean[:, 1], mean[:, 0]))
     good = speed > MOVING_MS
     safe = np.maximum(speed, MOVING_MS)
-    good &= np.abs(np.gradient(course, 0.5)) < STRAIGHT_RAD_S
-    good &= (np.abs(mean[:, 2]) < LEVEL * safe) & (np.abs(np.gradient(speed, 0.5)) < STEADY * safe)
+    good &= np.abs(np.gradient(course, GRID_S)) < STRAIGHT_RAD_S
+    good &= (np.abs(mean[:, 2]) < LEVEL * safe) & (np.abs(np.gradient(speed, GRID_S)) < STEADY * safe)
     good[:width] = good[-width:] = False
     edge = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int64), [0]]))).reshape(-1, 2)
     segments = np.column_stack([grid[edge[:, 0]], grid[edge[:, 1] - 1]]) if edge.size else np.zeros((0, 2))
@@ -106,7 +107,7 @@ def straight_flight(imu: ImuSamples, C_b_imu: Array, segments: Array) -> Straigh
     """
     from scipy.signal import get_window
 
-    dt = float(np.median(np.diff(imu.time)))
+    dt = nominal_interval(imu.time)
     n = round(WINDOW_S / dt)
     window = get_window("hann", n)
     power, windows, used = np.zeros((6, n // 2 + 1)), 0, []
@@ -126,8 +127,9 @@ def straight_flight(imu: ImuSamples, C_b_imu: Array, segments: Array) -> Straigh
         return None
     frequency = np.asarray(np.fft.rfftfreq(n, dt)[1:-1], dtype=np.float64)
     S = power[:, 1:-1] / windows
-    floor = _floor(frequency, S)
-    above = floor * _line_ratio(windows) < S
+    freedom = _freedom(windows)
+    floor = _floor(frequency, S, freedom)
+    above = floor * _line_ratio(freedom) < S
     lines = [line for c in range(6) for line in _lines(CHANNELS[c], frequency, S[c], floor[c], above[c])]
     without = np.where(_spread(above), np.minimum(S, floor), S)
     band = frequency >= LOWEST_HZ
@@ -155,17 +157,24 @@ def _periodogram(x: Array, window: Array, dt: float) -> Array:
     return 2.0 * dt / np.sum(window**2) * np.abs(np.fft.rfft(x * window[:, None], axis=0).T) ** 2
 
 
-def _floor(frequency: Array, S: Array) -> Array:
+def _freedom(windows: int) -> float:
+    """Degrees of freedom of a mean of `windows` periodograms: half-overlapping Hann windows share (1/6)^2 of their power (Welch 1967)."""
+    return 2.0 * windows / (1.0 + (1.0 - 1.0 / windows) / 18.0)
+
+
+def _floor(frequency: Array, S: Array, freedom: float) -> Array:
     """(6, n) median over half an octave on both sides, as a mean: that of chi-square is above its median."""
-    low, high = np.searchsorted(frequency, frequency / np.sqrt(2.0)), np.searchsorted(frequency, frequency * np.sqrt(2.0), side="right")
-    return np.array([[np.median(row[a:b]) for a, b in zip(low, high, strict=True)] for row in S])
-
-
-def _line_ratio(windows: int) -> float:
-    """Ratio to the floor that a bin of `windows` half-overlapping periodograms exceeds with the chance `LINE_CHANCE`."""
     from scipy.special import chdtri
 
-    freedom = 2.0 * max(1.0, 0.75 * windows)  # neighbours share half of their samples, under small weights
+    mean = freedom / float(chdtri(freedom, 0.5))
+    low, high = np.searchsorted(frequency, frequency / np.sqrt(2.0)), np.searchsorted(frequency, frequency * np.sqrt(2.0), side="right")
+    return mean * np.array([[np.median(row[a:b]) for a, b in zip(low, high, strict=True)] for row in S])
+
+
+def _line_ratio(freedom: float) -> float:
+    """Ratio to the floor that a bin of a level spectrum exceeds with the chance `LINE_CHANCE`."""
+    from scipy.special import chdtri
+
     return max(LEAST_RATIO, float(chdtri(freedom, LINE_CHANCE)) / freedom)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import InputError, UsageError
 from ..formats._exports import EXPORTS, Export
+from ..formats.bentley import on_ellipsoid
 from ..geodesy.projection import MapProjection
 from ..orient.frame import in_frame
 from ..orient.relative import gyro_figures, relative_control
@@ -92,6 +93,8 @@ def export(eo: ExteriorOrientation, name: str, path: Path, target: Target | None
     elif projection is None and target.geoid is not None:
         raise UsageError(f"export: {name} in a frame of kind {kind} takes heights above the ellipsoid; leave the geoid out or name a CRS")
     framed = in_frame(eo, kind, projection, target.ground_m)
+    if name == "bentley":
+        framed = on_ellipsoid(framed)
     if form.relative:
         form.write(_relative(name, framed, eo, options), path)
     else:

@@ -1,7 +1,6 @@
 """The verb `export`: its options and what it does with them."""
 
 import argparse
-import ast
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,7 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the verb."""
     parser.add_argument("eo", type=Path, metavar="EO", help="the eo.json of a processed flight (with --proof: a format below)")
     parser.add_argument("format", metavar="FORMAT", help="one of the formats below (with --proof: the directory of the scene)")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="what to write (default: the format's usual name beside EO)")
+    out = "what to write (default: the format's usual name beside EO); a new directory where the format has several files"
+    parser.add_argument("--out", type=Path, metavar="FILE", help=out)
     parser.add_argument("--crs", metavar="CRS", help="projected CRS: EPSG:2056, EPSG:25832+7837 (with heights), WKT or a file of it")
     parser.add_argument("--geoid", type=Path, metavar="GRID", help="grid of geoid heights, for heights above sea level")
     kinds = "tangent, geocentric or geographic axes (default: what the format takes first)"
@@ -52,9 +52,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
     """Do what the parsed command line asks for."""
     from .export import Target, export, known_format
+    from .options import typed_options
 
     form = known_format(given.format)
-    options = _settings(given.settings)
+    options = typed_options(given.format, form, _settings(given.settings))
     target = Target(given.crs, given.geoid, frame_kind(given.frame), given.ground)
     from ..formats.eo_json import read_eo_json
 
@@ -72,22 +73,12 @@ def frame_kind(word: str | None) -> str | None:
     return "tangent plane" if word == "tangent" else word
 
 
-def _settings(texts: list[str]) -> dict[str, Any]:
-    """Options of the format: numbers and true or false as such, lists with commas, all else as text."""
-    settings: dict[str, Any] = {}
+def _settings(texts: list[str]) -> dict[str, str]:
+    """Options of the format as texts."""
+    settings: dict[str, str] = {}
     for text in texts:
         key, equals, value = text.partition("=")
         if not equals or not key.strip():
             raise UsageError(f"export: --set {text!r} is not KEY=VALUE, such as unit=gon")
-        settings[key.strip()] = _value(value.strip())
+        settings[key.strip()] = value.strip()
     return settings
-
-
-def _value(text: str) -> Any:
-    if text.lower() in ("true", "false"):
-        return text.lower() == "true"
-    try:
-        number = ast.literal_eval(text)
-    except (ValueError, SyntaxError):
-        return text
-    return number if isinstance(number, int | float) else text

@@ -6,8 +6,10 @@ Angles that count from the frame's axes (omega phi kappa) come from C_fc and the
 pitch roll) come from C_Ec and C_fE^T P C_fE; in a tangent plane, whose axes have no true north but at its origin, from those of the plane.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+import os
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +36,7 @@ from ..records.framed import TANGENT as TANGENT
 Array = NDArray[np.float64]
 
 LEAST_COSINE = 1e-6
+COMMENTS = ("#", "%", "!", ";", "//", '"', "'")
 CHUNK = 20_000  # rows formatted at once
 
 
@@ -55,12 +58,33 @@ RPY = AngleSet("roll pitch yaw", rpy_from_rotation, rpy_jacobian)
 def check_names(images: Sequence[str], separator: str | None) -> None:
     """Refuse image names that a table with this separator (None: blanks), or a comment sign, would not give back."""
     for name in images:
-        broken = any(c.isspace() for c in name) if separator is None else separator in name or name != name.strip() or "\n" in name
-        if not name or broken or name.startswith(("#", "%", "!", ";", "//", '"', "'")):
-            what = "blanks" if separator is None else repr(separator)
-            raise InputError(
-                f"image name {name!r} is empty, has {what} or begins like a comment, which this format cannot hold; rename the image"
-            )
+        wrong = _unfit(name, separator)
+        if wrong:
+            raise InputError(f"image name {name!r} {wrong}, which this format cannot hold; rename the image")
+
+
+def _unfit(name: str, separator: str | None) -> str:
+    """Why a name does not fit, or nothing."""
+    if not name:
+        return "is empty"
+    if sign := next((sign for sign in COMMENTS if name.startswith(sign)), ""):
+        return f"begins with {sign}"
+    if separator is None:
+        return "has a blank" if any(c.isspace() for c in name) else ""
+    if "\n" in name:
+        return "has a line end"
+    if separator in name:
+        return f"has {separator!r}"
+    return "begins or ends with a blank" if name != name.strip() else ""
+
+
+def check_only(directory: Path, own: Collection[str], alike: Callable[[str], bool], what: str) -> None:
+    """Refuse a file, and a directory with files like those to be written that are not among `own`: they would pass for this export's."""
+    if directory.exists() and not directory.is_dir():
+        raise UsageError(f"{directory}: is a file, a directory is written; give another name")
+    other = sorted(file for file in os.listdir(directory) if alike(file) and file not in own) if directory.is_dir() else []
+    if other:
+        raise UsageError(f"{directory}: holds {what} of another export ({other[0]}); give a new directory")
 
 
 def check_frame(eo: FramedOrientation, form: str, *kinds: str) -> None:
@@ -81,7 +105,8 @@ def angle_sigma(
         row = int(np.argmax(flat))
         name = who(row) if callable(who) else f"image {who[row]}"
         degrees = np.degrees(angles[row, middle])
-        raise DataError(f"{name}: the middle angle of {set_name} is {degrees:.4f} deg, where the set is singular; export eo_json instead")
+        what = f"the middle angle of {set_name} is {degrees:.4f} deg, where the set is singular"
+        raise DataError(f"{name}: {what}; export a format without angles: bentley, colmap, g2o or eo_json")
     F = np.linalg.inv(jacobian(angles))
     return np.sqrt(np.einsum("nij,njk,nik->ni", F, P, F))
 
@@ -145,6 +170,8 @@ def one_line(text: str) -> str:
 def frame_words(eo: FramedOrientation) -> str:
     """Frame and heights in words."""
     heights = f", heights {eo.frame.heights}" if eo.frame.heights else ""
+    if eo.frame.scaled_from_m is not None:
+        heights += f", scaled from the ground at {eo.frame.scaled_from_m:.2f} m"
     return " ".join(f"{eo.frame.name}{heights}".split())
 
 

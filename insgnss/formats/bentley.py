@@ -11,6 +11,7 @@ The program takes no standard deviations, only whether a pose is accurate: posit
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -53,20 +54,32 @@ def write_bentley(
     camera = FROM_EXIF
     given = [x for x in (width_px, height_px, focal_px) if x is not None]
     if given:
-        if len(given) < 3 or min(given) <= 0:
-            raise UsageError("bentley: width_px, height_px and focal_px belong together and are positive; give all three, or none")
+        if len(given) < 3 or not all(0 < x < np.inf for x in given):
+            how = "give all three, such as --set width_px=5120 --set height_px=3840 --set focal_px=5607, or none"
+            raise UsageError(f"bentley: width_px, height_px and focal_px belong together and are positive; {how}")
         camera = CAMERA.format(width=width_px, height=height_px, focal=focal_px)
+    eo = on_ellipsoid(eo)
     definition, place = _reference(eo)
     words = said(eo, "rotation: matrix of world to camera, x right, y down, z viewing direction").replace("--", "- -")
     head = HEAD.format(said=words, name=escape(frame_words(eo)), definition=escape(definition), camera=camera)
     atomic_write(path, _text(eo, head, np.hstack([eo.C_fc.swapaxes(1, 2).reshape(-1, 9), place])))
 
 
+def on_ellipsoid(eo: FramedOrientation) -> FramedOrientation:
+    """A tangent plane whose origin is at the height 0, where that of ENU:latitude,longitude is; any other frame as it is."""
+    if eo.frame.kind != TANGENT:
+        return eo
+    lat, lon, h = eo.frame.origin
+    at = f"latitude {np.degrees(lat):.10f} deg, longitude {np.degrees(lon):.10f} deg, 0.0000 m (on the ellipsoid)"
+    frame = replace(eo.frame, name=f"tangent plane of WGS84 at {at}", origin=(lat, lon, 0.0))
+    return replace(eo, frame=frame, coordinates=eo.coordinates + [0.0, 0.0, h])
+
+
 def _reference(eo: FramedOrientation) -> tuple[str, NDArray[np.float64]]:
     """Definition of the system of reference, and coordinates in it (n, 3), deg and m."""
     if eo.frame.kind == TANGENT:
         lat, lon = np.degrees(eo.frame.origin[:2])
-        return f"ENU:{lat:.10f},{lon:.10f}", eo.coordinates + [0.0, 0.0, eo.frame.origin[2]]
+        return f"ENU:{lat:.10f},{lon:.10f}", eo.coordinates
     if eo.frame.kind == GEOGRAPHIC:
         return "EPSG:4326", places(eo)
     if not eo.frame.crs:

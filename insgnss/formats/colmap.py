@@ -9,7 +9,7 @@ position and attitude. Coordinates beyond `FAR_M` lose digits in single precisio
 
 import shutil
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -19,13 +19,15 @@ from ..files import atomic_write
 from ..geodesy.rotation import quaternion_from_rotation
 from ..records import Array, FramedOrientation
 from ._camera import Camera, camera_of
-from ._eo import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT, check_frame, check_names, said
+from ._eo import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT, check_frame, check_names, check_only, said
 from ._poses import staged, vector
 from ._text import Source
 
 FAR_M, NEAR_M = 1e5, 1e4
 ROUND_M = 1e3
 CARTESIAN = (TANGENT, PROJECTED, GEOCENTRIC)
+MODEL = ("cameras.txt", "images.txt", "points3D.txt")
+PARTS = ("cameras", "images", "points3D", "frames", "rigs")  # COLMAP takes a binary model before a text
 
 
 def write_colmap(eo: FramedOrientation, path: Source, camera: str | None = None, shift: str | Sequence[float] | None = None) -> None:
@@ -33,7 +35,8 @@ def write_colmap(eo: FramedOrientation, path: Source, camera: str | None = None,
 
     camera : "MODEL WIDTH HEIGHT PARAMETERS", COLMAP's words.   shift : (3,) m, or text with commas, subtracted from the positions;
     by default whole kilometres where these exceed 100 km, else none.
-    Raises UsageError for a frame that is not Cartesian and a missing camera, InputError for names with blanks.
+    Raises UsageError for a frame that is not Cartesian, a missing camera and a `path` with another model (binary, or with rigs), InputError
+    for names with blanks.
     """
     check_frame(eo, "colmap", *CARTESIAN)
     check_names(eo.images, None)
@@ -46,6 +49,7 @@ def write_colmap(eo: FramedOrientation, path: Source, camera: str | None = None,
     form = "%s" + " %.12f" * 4 + " %.6f" * 3 + " 1 %s\n\n"
     rows = [(form % (i, *row, name)) for i, row, name in zip(number.tolist(), table.tolist(), eo.images, strict=True)]
     directory = Path(path)
+    check_only(directory, MODEL, lambda file: PurePath(file).stem in PARTS and file.endswith((".txt", ".bin")), "a model")
     directory.mkdir(parents=True, exist_ok=True)
     subtracted = f"shift: {offset[0]:.4f} {offset[1]:.4f} {offset[2]:.4f} m was subtracted from the positions"
     head = said(eo, subtracted, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then a line of its points")

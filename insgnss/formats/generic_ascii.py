@@ -34,6 +34,7 @@ ANGLE_UNITS = {"deg": np.degrees(1.0), "gon": 200.0 / np.pi, "rad": 1.0}
 DELIMITERS = {"blank": " ", "comma": ",", "semicolon": ";", "tab": "\t"}
 HEADERS = ("full", "names", "none")
 DEFAULT = "image xyz opk s_xyz s_opk"
+MOST_DECIMALS = 12
 FIXED = {"degree": 10, "matrix": 12, "second": 6, "whole": 0}
 
 
@@ -57,13 +58,18 @@ def write_generic_ascii(
     header : full, names (one line of names without `#`) or none.   unit : of angles, deg, gon, rad.   camera_axes : RUB or CV.
     attitude : "camera to frame" or "frame to camera", of omega phi kappa, matrix and quaternion.
     north : "true" or "frame", of yaw; by default true but in a tangent plane.
-    decimals_m, decimals_angle : standard deviations of lengths have one more; angles 6, of radians 9, by default.
+    decimals_m, decimals_angle : 0 to 12; standard deviations of lengths have one more; angles 6, of radians 9, by default.
     note : a further line of the full header.
     Raises UsageError for a template that makes no table, InputError for names that break it, DataError where a set is singular.
     """
     how = Conventions(camera_axes, attitude, north or ("frame" if eo.frame.kind == TANGENT else "true"), unit)
     names = _names(columns)
     _check(eo, names, how, delimiter, header)
+    for what, value in (("decimals_m", decimals_m), ("decimals_angle", decimals_angle)):
+        if value is not None and not (isinstance(value, int) and 0 <= value <= MOST_DECIMALS):
+            raise UsageError(
+                f"generic_ascii: {what} {value!r} is no whole number from 0 to {MOST_DECIMALS}; leave it out for the usual ones"
+            )
     separator = DELIMITERS[delimiter]
     check_names(eo.images, None if delimiter == "blank" else separator)
     decimals = FIXED | {"metre": decimals_m, "sigma": decimals_m + 1}

@@ -73,7 +73,7 @@ def write_geopackage(eo: FramedOrientation, path: Source) -> None:
     """
     check_frame(eo, "geopackage", PROJECTED, GEOGRAPHIC, TANGENT)
     if not str(path).lower().endswith(".gpkg"):
-        raise UsageError(f"{path}: a GeoPackage must be named .gpkg")
+        raise UsageError(f"{path}: a GeoPackage must be named .gpkg, such as --out eo.gpkg")
     place = places(eo)
     srs = _srs(eo)
     with staged(path) as work:

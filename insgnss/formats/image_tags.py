@@ -35,7 +35,7 @@ from ..files import atomic_write
 from ..geodesy.gpstime import calendar_from_gps
 from ..geodesy.rotation import NED_ENU, rpy_from_rotation
 from ..records import Array, FramedOrientation
-from ._eo import frame_words
+from ._eo import check_only, frame_words
 from ._jpeg import with_tags
 from ._poses import local_sigma, sea_level, true_north_ypr
 from ._text import Source
@@ -97,8 +97,8 @@ def write_image_tags(
 
     missing : what to do about images without orientation and orientations without image.   heights : of Exif and drone-dji.
     undulation_m : geoid heights (n,) or one, m, for sea level.   gimbal : see above.   rtk_flag : RtkFlag of drone-dji, 0, 16, 34, 50.
-    Raises UsageError for wrong options and for a `path` that is `images`, InputError for images that do not match or are none,
-    DataError for a camera that looks more than 45 deg off the nadir with gimbal "nadir".
+    Raises UsageError for wrong options and for a `path` that is `images` or holds other images, InputError for images that do not match
+    or are none, DataError for a camera that looks more than 45 deg off the nadir with gimbal "nadir".
     """
     source, directory = _directories(images, path)
     for name, value, known in (("missing", missing, ("refuse", "skip")), ("gimbal", gimbal, ("nadir", "exact", "none"))):
@@ -108,6 +108,7 @@ def write_image_tags(
         raise UsageError(f"rtk_flag {rtk_flag!r} is none of {', '.join(f'{k} ({v})' for k, v in RTK.items())}")
     pairs = _pairs(eo, source, missing == "skip")
     tags = _tags(eo, _heights(eo, heights, undulation_m), heights == "sea level", gimbal, rtk_flag)
+    check_only(directory, {file.name for _, file in pairs}, lambda file: file.lower().endswith(SUFFIXES), "images")
     directory.mkdir(parents=True, exist_ok=True)
     for k, file in pairs:
         _write(file, directory / file.name, tags(k))
@@ -115,7 +116,7 @@ def write_image_tags(
 
 def _directories(images: Source | None, path: Source) -> tuple[Path, Path]:
     if images is None:
-        raise UsageError("image_tags writes into copies of images; give the directory where they are (images)")
+        raise UsageError("image_tags writes into copies of images; give the directory where they are: --set images=DIR")
     source, directory = Path(str(images)), Path(path)
     if not source.is_dir():
         raise UsageError(f"{source}: is no directory; give the one that holds the images")
@@ -147,7 +148,7 @@ def _pairs(eo: FramedOrientation, source: Path, skip: bool) -> list[tuple[int, P
         pairs += [(k, file) for file in found]
         lost += [] if found else [name]
     spare = sorted(set(files.values()) - {file for _, file in pairs})
-    hint = "correct the names, or skip what does not match (missing = 'skip')"
+    hint = "correct the names, or skip what does not match: --set missing=skip"
     if lost and not skip:
         raise InputError(f"{source}: has no image {lost[0]!r} ({len(lost)} of {len(eo.images)} orientations lack theirs); {hint}")
     if spare and not skip:

@@ -45,8 +45,9 @@ def write_inpho_prj(
     Raises UsageError for another frame or where one of the two is missing; InputError for file names that agree but for their ending.
     """
     check_frame(eo, "inpho_prj", PROJECTED, TANGENT)
-    if focal_mm is None or ground_m is None or not focal_mm > 0.0:
-        raise UsageError(f"inpho_prj: needs focal_mm (got {focal_mm}), positive, and ground_m (got {ground_m}), the height of the terrain")
+    if focal_mm is None or ground_m is None or not 0.0 < focal_mm < np.inf or not abs(ground_m) < np.inf:
+        got = f"needs focal_mm (got {focal_mm}), positive, and ground_m (got {ground_m}), the height of the terrain"
+        raise UsageError(f"inpho_prj: {got}; give them, such as --set focal_mm=35 --set ground_m=500")
     form = PHOTO.format(camera=camera.replace("%", "%%"), ground=ground_m, focal=focal_mm)
     R, _ = frame_attitude(eo)
     table = np.hstack([eo.coordinates, R.swapaxes(1, 2).reshape(-1, 9)])

@@ -19,7 +19,7 @@ import numpy as np
 from ..errors import InputError, UsageError
 from ..files import atomic_write
 from ..records import FramedOrientation
-from ._eo import GEOCENTRIC, OPK, TANGENT, angles_of, check_frame, check_names, frame_attitude, position_sigma, said, table_text
+from ._eo import GEOCENTRIC, OPK, TANGENT, angles_of, check_frame, check_names, check_only, frame_attitude, position_sigma, said, table_text
 from ._text import Source
 
 XML = """<?xml version="1.0" ?>
@@ -70,7 +70,8 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
     """Write Orientation-<image>.xml of every image into the directory `path`, which is made where it is missing.
 
     calibration : the camera's calibration file as MicMac is to find it; left out where empty. Metres with 4 decimals, matrices with 12.
-    Raises UsageError for a frame that is not Euclidean or a `path` that is a file, InputError for names that make no file name.
+    Raises UsageError for a frame that is not Euclidean, a `path` that is a file or holds orientations of other images; InputError for names
+    that make no file name.
     """
     check_frame(eo, "micmac_xml", TANGENT, GEOCENTRIC)
     check_names(eo.images, "/")
@@ -78,8 +79,8 @@ def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "")
     if unfit is not None:
         raise InputError(f"image name {unfit!r} makes no file name Orientation-<image>.xml; rename the image")
     directory = Path(path)
-    if directory.exists() and not directory.is_dir():
-        raise UsageError(f"{directory}: is a file, a directory is written; give another name")
+    own = {f"Orientation-{name}.xml" for name in eo.images}
+    check_only(directory, own, lambda file: file.startswith("Orientation-") and file.endswith(".xml"), "orientations")
     interior = f"          <FileInterne>{escape(calibration)}</FileInterne>\n" if calibration else ""
     form = XML.replace("{interior}", interior.replace("%", "%%"))
     table = np.hstack([eo.coordinates, position_sigma(eo), eo.C_fc.reshape(-1, 9)])

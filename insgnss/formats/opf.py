@@ -30,7 +30,7 @@ from ..errors import UsageError
 from ..files import atomic_write
 from ..records import Array, FramedOrientation, MapFrame
 from ._camera import Camera, camera_of
-from ._eo import OPK, PROJECTED, angles_of, check_frame, frame_attitude, position_sigma
+from ._eo import OPK, PROJECTED, angles_of, check_frame, check_only, frame_attitude, position_sigma
 from ._poses import local_sigma, positive, sentences, utc
 from ._text import Source
 
@@ -41,6 +41,7 @@ FILES = {
     "input_cameras": "input_cameras.json",
     "projected_input_cameras": "projected_input_cameras.json",
 }
+OPF_FILES = (".opf", "_cameras.json", *FILES.values())
 SOURCES = {"input_cameras": ("camera_list",), "projected_input_cameras": ("input_cameras", "scene_reference_frame")}
 PIXELS = {"uint8": 255, "uint12": 4095, "uint16": 65535}
 BANDS = {"rgb": (("Red", 0.2126), ("Green", 0.7152), ("Blue", 0.0722)), "gray": (("Gray", 1.0),)}
@@ -61,7 +62,8 @@ def write_opf(
 
     camera : in COLMAP's words, PINHOLE or OPENCV with one focal length.   pixel_size_um : of the sensor, micrometres.
     pixel_type : "uint8", "uint12", "uint16".   bands : "rgb" or "gray".   images : folder of the images, as seen from `path`.
-    Raises UsageError for a frame that is not projected, or whose CRS names northing first or not the heights' zero; a missing camera.
+    Raises UsageError for a frame that is not projected, or whose CRS names northing first or not the heights' zero; a missing camera; a
+    `path` with items of another project.
     """
     check_frame(eo, "opf", PROJECTED)
     definition, horizontal = crs_definition(eo.frame)
@@ -72,6 +74,8 @@ def write_opf(
     uris = [f"{images.rstrip('/')}/{name}" if images else name for name in eo.images]
     cameras = (f'{{"id":{pair[1]},"uri":{json.dumps(quote(uri))}}}' for pair, uri in zip(ids, uris, strict=True))
     directory = Path(path)
+    made = set(FILES.values()) if definition is not None else {FILES["camera_list"], FILES["input_cameras"]}
+    check_only(directory, {"project.opf", *made}, lambda file: file.endswith(OPF_FILES), "an OPF project")
     directory.mkdir(parents=True, exist_ok=True)
 
     def item(name: str, head: dict[str, Any], lists: dict[str, Iterator[str]]) -> None:
@@ -122,6 +126,11 @@ def _sensor(camera: Camera, pixel_size_um: float | None, pixel_type: str, bands:
     fx, fy = camera.focal
     if camera.model not in ("SIMPLE_PINHOLE", "PINHOLE", "OPENCV") or fx != fy:
         raise UsageError(f"opf: camera {camera.model} with focal lengths {fx:g} and {fy:g}; give PINHOLE or OPENCV with one focal length")
+    if pixel_size_um is None:
+        raise UsageError(
+            "opf: needs pixel_size_um, the size of the sensor's pixels; give it in micrometres, such as --set pixel_size_um=3.76"
+        )
+    pixel = positive(pixel_size_um, "opf: pixel_size_um, the size of the sensor's pixels", "micrometres")
     k1, k2, p1, p2 = camera.parameters[4:] if camera.model == "OPENCV" else (0.0,) * 4
     return {
         "id": SENSOR,
@@ -135,7 +144,7 @@ def _sensor(camera: Camera, pixel_size_um: float | None, pixel_type: str, bands:
             "radial_distortion": [k1, k2, 0.0],
             "tangential_distortion": [p1, p2],
         },
-        "pixel_size_um": positive(pixel_size_um, "opf: pixel_size_um, the size of the sensor's pixels", "micrometres"),
+        "pixel_size_um": pixel,
         "shutter_type": "global",
     }
 

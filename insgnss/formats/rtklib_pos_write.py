@@ -57,9 +57,8 @@ def write_antenna_pos(
     Raises UsageError without a lever arm or for another quality.
     """
     if lever_m is None:
-        raise UsageError(
-            "rtklib_pos holds the antenna's positions; give the lever arm to it from the camera, or of a trajectory from the IMU (lever_m)"
-        )
+        whence = "from the camera, or of a trajectory from the IMU, such as --set lever_m=0.462,-0.001,-0.065"
+        raise UsageError(f"rtklib_pos holds the antenna's positions; give the lever arm to it {whence}")
     if quality not in CODES:
         raise UsageError(f"quality {quality!r} is none of RTKLIB's (1 fix, 2 float, 3 sbas, 4 dgps, 5 single, 6 ppp)")
     fixes = antenna_fixes(source, lever_m)

@@ -23,7 +23,7 @@ from ..prepare.gaps import nominal_interval
 from ..prepare.still import Stretches, still_stretches
 from ..records import Array, GnssFixes, ImuSamples
 from ..stochastic.model import AxisNoise, GaussMarkov, NoiseModel, load_noise_model, shipped_models
-from ..units import STANDARD_GRAVITY, parse_quantity, parse_unit
+from ..units import STANDARD_GRAVITY, rounded
 
 REST_TAU_S, LEAST_PIECES = 0.5, 100
 QUIETEST_S = 10.0
@@ -177,11 +177,6 @@ def noise_model(sensing: Sensing, name: str) -> NoiseModel:
 def _axes(white: Array, turn_on: float, sigma: float, tau: float, units: tuple[str, str, str]) -> tuple[AxisNoise, AxisNoise, AxisNoise]:
     """The three axes alike, with the largest white noise of them; two digits in the units of white noise, bias and driving noise."""
     values = (float(white.max()), turn_on, GaussMarkov.from_sigma(tau, sigma).driving_noise)
-    density, bias, driving = (_rounded(value, unit) for value, unit in zip(values, units, strict=True))
+    density, bias, driving = (rounded(value, unit, 2) for value, unit in zip(values, units, strict=True))
     axis = AxisNoise(density, turn_on_bias=bias, gauss_markov=(GaussMarkov(tau, driving),))
     return axis, axis, axis
-
-
-def _rounded(x: float, unit: str) -> float:
-    """Two digits in `unit`, in SI."""
-    return parse_quantity(f"{x / parse_unit(unit).scale:.2g} {unit}", unit)

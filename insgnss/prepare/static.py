@@ -85,7 +85,7 @@ def static_span(imu: ImuSamples, skip_s: float = 0.0, keep_s: float = np.inf, br
     time = imu.time - imu.time[0]
     lo, hi = (int(k) for k in np.searchsorted(time, [skip_s - 1e-9, skip_s + keep_s - 1e-9]))
     if hi - lo < 2:
-        raise DataError(f"{imu.source}: nothing from {skip_s:g} s on; the recording is {time[-1]:.1f} s long")
+        raise DataError(f"{imu.source}: nothing from {skip_s:g} s on; the recording is {time[-1]:.1f} s long; skip less")
     first, last, whole = _unbroken(time, lo, hi, nominal, bridge_s)
     place = _places(time[first:last], nominal)
     filled = int(place[-1]) + 1 - place.size
@@ -236,7 +236,11 @@ def _at_rest(gyro: Array, accel: Array, begin: float, rate: float) -> tuple[tupl
     share = float(np.sum(still.time[:, 1] - still.time[:, 0]) / length)
     name, expected = "motion", f"at rest for {REST_SHARE:.0%} of the time and more"
     if share < REST_SHARE:
-        advice = "a moving sensor shows its motion, not its noise: give a recording at rest, or cut one out with --skip and --keep"
+        scatter = ", ".join(f"{x.std(axis=0).max():.2g} {unit}" for x, unit in ((gyro, "rad/s"), (accel, "m/s^2")))
+        advice = (
+            "a moving sensor shows its motion, not its noise: give a recording at rest, or cut one out with --skip and --keep; "
+            f"if it was at rest, check the units: it scatters by {scatter}"
+        )
         return (), Check(name, f"at rest for {share:.0%} of the time{_longest(still, begin)}", expected, "contradiction", advice)
     found = _disturbances(np.column_stack([gyro, accel]), begin, rate)
     if not found:

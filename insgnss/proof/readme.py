@@ -24,7 +24,8 @@ LOOK = {
     "realitycapture": "RealityCapture, RealityScan: the control point report has residuals in pixels.",
     "bentley": "ContextCapture, iTwin Capture: the survey report has residuals in pixels.",
     "inpho": "Inpho: the stereo view over a point, or Match-AT with orientations held, has residuals in pixels.",
-    "colmap": "COLMAP: import the model, or triangulate with the poses held (point_triangulator), and project the points.",
+    "colmap": "COLMAP: import the model, or triangulate with the poses held (point_triangulator), and project the points, less the "
+    "shift that images.txt names.",
 }
 SEE = {
     "tum": "evo_traj tum with --plot shows the poses, with the axes of the camera: x image right, y image down, z viewing direction.",

@@ -17,7 +17,9 @@ from ..errors import UsageError
 from ..exporting.export import Target, export, known_format
 from ..files import atomic_write
 from ..formats._exports import Export
+from ..formats.bentley import on_ellipsoid
 from ..geodesy.projection import MapProjection
+from ..orient.frame import in_frame
 from ..records import Array
 from ..records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 from .pictures import write_pictures
@@ -59,8 +61,9 @@ def write_proof(
         write_pictures(scene, images)
         done = export(scene.eo, name, work / form.product, target, **_options(name, form, images))
         heights = {PROJECTED: projection.heights if projection is not None else "", GEOGRAPHIC: "above the ellipsoid of WGS84"}.get(kind)
-        words = f"{done.frame}, heights {heights}" if heights else done.frame
-        side = {"README.txt": readme(scene, name, form, done, words, projection, ground_m), **_beside(scene, kind, projection, words)}
+        words, up = _tangent(scene, name) if kind == TANGENT else (done.frame, 0.0)
+        words = f"{words}, heights {heights}" if heights else words
+        side = {"README.txt": readme(scene, name, form, done, words, projection, ground_m), **_beside(scene, kind, projection, words, up)}
         for file, text in side.items():
             atomic_write(work / file, text)
     first = [directory / file for file in (form.product, "README.txt")]
@@ -104,8 +107,15 @@ def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
     return {key: known[key] for key in form.options if key in known}
 
 
-def _beside(scene: Scene, kind: str, projection: MapProjection | None, words: str) -> dict[str, str]:
-    """Points in the frame of the export and on the globe, their pixels, the camera: texts by file name."""
+def _tangent(scene: Scene, name: str) -> tuple[str, float]:
+    """The tangent plane of a format in words, and how far, m, its origin lies below that of the scene."""
+    eo = in_frame(scene.eo, TANGENT)
+    own = on_ellipsoid(eo) if name == "bentley" else eo
+    return own.frame.name, eo.frame.origin[2] - own.frame.origin[2]
+
+
+def _beside(scene: Scene, kind: str, projection: MapProjection | None, words: str, up: float) -> dict[str, str]:
+    """Points in the frame of the export (a tangent plane `up` m lower) and on the globe, their pixels, the camera: texts by file name."""
     lat, lon, h = scene.geodetic.T
     globe = np.column_stack([np.degrees(lon), np.degrees(lat), h])
     if projection is not None:
@@ -113,7 +123,7 @@ def _beside(scene: Scene, kind: str, projection: MapProjection | None, words: st
     elif kind == GEOGRAPHIC:
         x = globe
     else:
-        x = scene.points if kind == TANGENT else scene.plane.origin_ecef + scene.points @ scene.plane.C_em.T
+        x = scene.points + [0.0, 0.0, up] if kind == TANGENT else scene.plane.origin_ecef + scene.points @ scene.plane.C_em.T
     pixels = "".join(
         f"{image},{point},{x:.4f},{y:.4f}\n"
         for image, row, seen in zip(scene.eo.images, scene.pixels, scene.seen, strict=True)

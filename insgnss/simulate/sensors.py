@@ -93,6 +93,8 @@ class ImuOptions:
     def __post_init__(self) -> None:
         if not 1.0 <= self.vibration < np.inf:
             raise UsageError(f"vibration {self.vibration:g}; it is a factor of the white noise, one or more")
+        if self.vibration > 1.0 and self.noise is None:
+            raise UsageError(f"vibration {self.vibration:g} of an ideal sensor, which has no white noise to multiply; name a noise model")
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,7 @@ def simulate_imu(flight: Flight, options: ImuOptions, rng: np.random.Generator, 
     for truth, axes, stream, shake in zip((ideal.gyro, ideal.accel), triads, streams, shakes, strict=True):
         reading, bias = _erroneous(truth, axes, dt, options.quantity, stream)
         if options.vibration > 1.0:
-            white = np.array([axis.white_noise for axis in axes] or [0.0] * 3)
+            white = np.array([axis.white_noise for axis in axes])
             unit = np.sqrt(dt) if options.quantity == "increments" else 1.0 / np.sqrt(dt)
             reading = reading + unit * shaken[:, None] * white * shake.standard_normal(reading.shape)
         readings.append(reading @ C_bs)

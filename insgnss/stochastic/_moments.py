@@ -23,7 +23,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..records import Array
+from ..errors import UsageError
+from ..records import Array, WaveletVariance
 from ._search import nonnegative
 from .composition import Composition
 from .theory import Sampling, gauss_markov_haar, haar_variance
@@ -50,6 +51,25 @@ class Solution:
     times: Array
     x: Array
     value: float
+
+
+def pooled(curves: Sequence[WaveletVariance], weights: Sequence[Array]) -> list[Group]:
+    """Curves of the same levels and rate as one, exactly (M.1). Raises UsageError for weights that are not positive definite."""
+    together: dict[tuple[float, tuple[int, ...]], list[int]] = {}
+    for i, curve in enumerate(curves):
+        together.setdefault((curve.rate_hz, tuple(curve.level.tolist())), []).append(i)
+    groups = []
+    for (rate_hz, _), members in together.items():
+        W = sum((weights[i] for i in members), np.zeros_like(weights[members[0]]))
+        size = np.sqrt(np.diag(W))
+        try:
+            L = np.linalg.cholesky(W / np.outer(size, size))
+        except np.linalg.LinAlgError:
+            raise UsageError(f"weights of curve {members[0] + 1}: not positive definite; take the interval weights") from None
+        scaled = sum((weights[i] @ curves[i].variance for i in members), np.zeros(size.size)) / size
+        mean = np.linalg.solve(L.T, np.linalg.solve(L, scaled)) / size
+        groups.append(Group(curves[members[0]].level, rate_hz, L.T * size, mean))
+    return groups
 
 
 class Moments:

@@ -11,9 +11,7 @@ at these edges:
 s, the standard error that v would have if it were the only unknown, is the size at which v is lost among the scatter. u has a finite end
 for the random walk that T = infinity is, and there nu has a finite derivative with respect to it.
 
-Curves of the same rate and levels enter by their sum of weights, W = L L' = sum Omega_i, and their weighted mean alone: but for a constant
-
-    Q = |y - L' nu|^2,    y = L^-1 sum Omega_i nu_hat_i                                                   (L.3)
+Curves of the same rate and levels are pooled as in (M.1) of `_moments`: but for a constant Q = |y - L' nu|^2 over the groups.
 
 The profile of a parameter is Q minimised over all others. For weights that are the inverse covariance of nu_hat its rise above
 the minimum is chi-square with one degree of freedom, so that the values with a rise below 3.84 are a 95 % interval. In contrast to
@@ -28,13 +26,14 @@ from typing import Any
 
 import numpy as np
 
-from ..records import Array, WaveletVariance
-from ._moments import LONGEST, SHORTEST
+from ..records import Array
+from ._moments import LONGEST, SHORTEST, Group, pooled
 from .gmwm import Fit, objective
 from .model import AxisNoise
 from .theory import gauss_markov_haar, haar_variance
 
 RISE_95, RISE_99 = 3.841459, 6.634897  # 95 and 99 % of chi-square of one degree of freedom
+_NO_END = 100.0  # w of (L.1) beyond which a density has no end: 1e43 times the scatter
 _BEYOND = 3.0  # lengths of the longest recording where (L.2) turns from logarithm to linear
 _ENOUGH = 1e-3  # of Q, by which a profile's value may be too large
 _HIT = 0.04  # of the rise, about 1 % of its limit
@@ -45,44 +44,39 @@ class Local:
 
     def __init__(self, fitted: Fit) -> None:
         self.sampling, self.composition = fitted.sampling, fitted.composition
-        geometry = [(c.rate_hz, *c.level.tolist()) for c in fitted.curves]
-        kinds = list(dict.fromkeys(geometry))
-        self.kind = [kinds.index(g) for g in geometry]  # of each curve
-        self.curves = [fitted.curves[self.kind.index(k)] for k in range(len(kinds))]
-        omegas = [sum((w for w, at in zip(fitted.weights, self.kind, strict=True) if at == k), np.zeros(())) for k in range(len(kinds))]
-        self.roots = [np.linalg.cholesky(omega).T for omega in omegas]
-        pulls = [np.zeros(c.level.size) for c in self.curves]
-        for curve, omega, k in zip(fitted.curves, fitted.weights, self.kind, strict=True):
-            pulls[k] += omega @ curve.variance
-        self.y = np.concatenate([np.linalg.solve(root.T, pull) for root, pull in zip(self.roots, pulls, strict=True)])  # (L.3)
+        self.groups = pooled(fitted.curves, fitted.weights)
+        kinds = [(g.rate_hz, *g.level.tolist()) for g in self.groups]
+        self.kind = [kinds.index((c.rate_hz, *c.level.tolist())) for c in fitted.curves]
+        self.roots = [g.root for g in self.groups]
+        self.y = np.concatenate([g.root @ g.mean for g in self.groups])
         names = self.composition.parameters
         self.time = np.array([name.startswith("correlation_time") for name in names], dtype=bool)
-        self.linear = {i: [self._unit(name, c) for c in self.curves] for i, name in enumerate(names) if name in self.composition.linear}
+        self.linear = {i: [self._unit(name, c) for c in self.groups] for i, name in enumerate(names) if name in self.composition.linear}
         length = max(c.samples / c.rate_hz for c in fitted.curves)
         self.b = 1.0 / (_BEYOND * length)
-        shortest, longest = SHORTEST / max(c.rate_hz for c in self.curves), LONGEST * length
+        shortest, longest = SHORTEST / max(c.rate_hz for c in self.groups), LONGEST * length
         self.ends = (0.0, math.inf)  # what the edges of a correlation time mean
         if fitted.times_s is not None:
             shortest, longest = self.ends = fitted.times_s[0], min(longest, fitted.times_s[1])
         self.low = np.where(self.time, -math.log(1.0 / shortest + self.b), 0.0)
-        self.high = np.where(self.time, -math.log(1.0 / longest + self.b), np.inf)
+        self.high = np.where(self.time, -math.log(1.0 / longest + self.b), _NO_END)
         self.s = np.ones(len(names))
 
-    def _unit(self, name: str, curve: WaveletVariance) -> Array:
+    def _unit(self, name: str, curve: Group) -> Array:
         """Wavelet variance of a process of density one."""
         density: dict[str, Any] = {name: 1.0}
         return haar_variance(AxisNoise(**density), curve.level, curve.rate_hz, self.sampling)
 
     def units(self, times: Array) -> tuple[list[Array], list[Array]]:
         """U (p, J) and T dU/dT (p, J) of each kind of curve; rows of times are zero, those of their densities hold both."""
-        value = [np.zeros((self.time.size, c.level.size)) for c in self.curves]
-        slope = [np.zeros((self.time.size, c.level.size)) for c in self.curves]
+        value = [np.zeros((self.time.size, c.level.size)) for c in self.groups]
+        slope = [np.zeros((self.time.size, c.level.size)) for c in self.groups]
         for i, rows in self.linear.items():
             for k, row in enumerate(rows):
                 value[k][i] = row
         where = np.flatnonzero(self.time)
         if where.size:
-            for k, c in enumerate(self.curves):
+            for k, c in enumerate(self.groups):
                 g, dg = gauss_markov_haar(times[:, None] * c.rate_hz, c.level, self.sampling)
                 value[k][where + 1] = 0.5 * times[:, None] * g
                 slope[k][where + 1] = 0.5 * times[:, None] * (g + dg)
@@ -170,7 +164,8 @@ class Local:
     def limit(self, x: Array, Q: float, i: int, step: float, rise: float, height: float = 0.0) -> Array:
         """The minimum (p,) given coordinate i where its profile has risen by `rise` above Q, from x along `step`, or at the edge.
 
-        height : square root of the rise at x.
+        height : square root of the rise at x.   Where Gauss-Markov processes would change places, the limit is there: they go by the
+        order of their times.
         """
         edge = self.high[i] if step > 0.0 else self.low[i]
         inside, outside, best = (x[i], height), None, x  # coordinate and square root of the rise
@@ -181,7 +176,8 @@ class Local:
             trial = best.copy()
             trial[i] = np.clip(inside[0] + step if outside is None else _between(inside, outside, goal), self.low[i], self.high[i])
             trial, value = self.minimise(trial, i)
-            height = math.sqrt(max(value - Q, 0.0))
+            swapped = bool((np.diff(trial[self.time]) < 0.0).any())
+            height = 2.0 * goal if swapped else math.sqrt(max(value - Q, 0.0))
             if abs(height**2 - rise) < _HIT or (outside is not None and abs(trial[i] - inside[0]) < 1e-4):
                 return trial
             if height < goal:
@@ -214,7 +210,9 @@ class Local:
         """Parameter i at x, SI; at an edge zero or infinite, or the limit that the fit was given."""
         if x[i] == self.low[i]:
             return self.ends[0] if self.time[i] else 0.0
-        return self.ends[1] if x[i] == self.high[i] else float(self.parameters(x)[i])
+        if x[i] == self.high[i]:
+            return self.ends[1] if self.time[i] else math.inf
+        return float(self.parameters(x)[i])
 
 
 def polished(fitted: Fit, weights: Sequence[Array]) -> Fit:

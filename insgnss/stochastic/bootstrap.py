@@ -21,14 +21,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from ..errors import UsageError
 from ..records import Array, WaveletVariance
 from .gmwm import Fit, fit, interval_weights
 from .haar_covariance import haar_covariance
 from .model import AxisNoise
-from .processes import gauss_markov_step, simulate_noise
+from .processes import simulate_noise
 from .theory import Sampling, haar_variance
 from .wavelet import in_threads, wavelet_variance
 
@@ -70,33 +69,15 @@ class Bootstrap:
 def simulate_axis(axis: AxisNoise, n: int, rate_hz: float, rng: np.random.Generator, sampling: Sampling = "point") -> Array:
     """One series (n,), X, of which `theory.haar_variance` with the same `sampling` is the wavelet variance.
 
-    The drift is a slope of known size, and the turn-on bias, which no wavelet variance shows, is left out.
+    All of it is normal, rounding errors too, as `haar_covariance` has it. The drift is a slope of known size, and the turn-on bias,
+    which no wavelet variance shows, is left out.
     """
-    if sampling == "mean":
-        out = simulate_noise(replace(axis, drift=0.0, turn_on_bias=0.0), n, 1.0 / rate_hz, rng)
-    else:
-        out = rng.standard_normal(n)
-        out *= axis.white_noise * np.sqrt(rate_hz)
-        for process in axis.gauss_markov:
-            phi, variance = gauss_markov_step(process.correlation_time_s, process.driving_noise, 1.0 / rate_hz)
-            _add_recursion(out, rng.standard_normal(n), phi, float(np.sqrt(variance)), process.sigma)
-        if axis.random_walk:
-            _add_recursion(out, rng.standard_normal(n), 1.0, axis.random_walk / float(np.sqrt(rate_hz)), 0.0)
-        if axis.quantization:
-            out += axis.quantization * rate_hz * np.diff(rng.standard_normal(n + 1))
+    out = simulate_noise(replace(axis, quantization=0.0, drift=0.0, turn_on_bias=0.0), n, 1.0 / rate_hz, rng, sampling)
+    if axis.quantization:
+        out += axis.quantization * rate_hz * np.diff(rng.standard_normal(n + 1))
     if axis.drift:
         out += axis.drift / rate_hz * np.arange(n)
     return out
-
-
-@njit(cache=True, nogil=True)
-def _add_recursion(out: Array, w: Array, phi: float, sigma: float, start: float) -> None:
-    """Add e_0 = start w_0, e_t = phi e_(t-1) + sigma w_t."""
-    e = start * w[0]
-    out[0] += e
-    for t in range(1, out.size):
-        e = phi * e + sigma * w[t]
-        out[t] += e
 
 
 def draw_variances(fitted: Fit, draws: int, *, method: str = "auto", seed: int = 0) -> tuple[Array, ...]:

@@ -7,9 +7,9 @@ recordings, which are independent (Guerrier et al. 2013, theorem 2):
 
 x are the coordinates of `_profile`: logarithms where a parameter is determined. All parameters are positive, so standard errors are
 those of logarithms and the intervals of the sandwich are exp(log value -+ 1.96 error). Where a parameter is at its edge the interval starts
-there and has the length 1.96 errors of its coordinate. For Omega = V^-1 the covariance is (D' V^-1 D)^-1, the least that
-these moments allow, and Q behaves as minus twice a log-likelihood: then its profile gives intervals that are right where (E.1) is not,
-for the long correlation times of which a recording shows few.
+there and has the length 1.96 errors of its coordinate, of a density 1.96 errors of its square. For Omega = V^-1 the covariance is
+(D' V^-1 D)^-1, the least that these moments allow, and Q behaves as minus twice a log-likelihood: then its profile gives intervals
+that are right where (E.1) is not, for the long correlation times of which a recording shows few.
 """
 
 import math
@@ -25,6 +25,7 @@ from .bootstrap import Bootstrap
 from .gmwm import Fit
 
 _Z_95, _Z_99 = 1.959964, 2.575829  # 97.5 and 99.5 % of the normal distribution
+_UNBOUNDED = 1e3  # times the value: an interval that reaches so far has no end
 
 
 @dataclass(frozen=True)
@@ -104,6 +105,7 @@ def estimates(fitted: Fit, linear: Linearised, kind: str, resampled: Bootstrap |
         ends = np.array([linear.local.profile(fitted.parameters, i) for i in range(len(C))])
     else:
         ends = np.array([_sandwich(linear, C, log_error, i) for i in range(len(C))])
+    ends = np.array([_bounded(linear, i, (row[0], row[1], row[2]), kind == "sandwich") for i, row in enumerate(ends.tolist())])
     rows = zip(fitted.composition.parameters, fitted.parameters.tolist(), log_error.tolist(), ends.tolist(), strict=True)
     found = [Estimate(name, value, error, low, high, far, name in fitted.at_bound) for name, value, error, (low, high, far) in rows]
     return tuple(found), log_covariance
@@ -119,7 +121,27 @@ def _sandwich(linear: Linearised, C: Array, log_error: Array, i: int) -> tuple[f
         return 0.0, math.inf, math.inf
     if linear.local.time[i] and linear.x[i] >= linear.local.high[i]:
         return linear.parameter(i, -_Z_95 * math.sqrt(C[i, i])), math.inf, math.inf
-    return 0.0, linear.parameter(i, _Z_95 * math.sqrt(C[i, i])), linear.parameter(i, _Z_99 * math.sqrt(C[i, i]))
+    if linear.local.time[i]:
+        return 0.0, linear.parameter(i, _Z_95 * math.sqrt(C[i, i])), linear.parameter(i, _Z_99 * math.sqrt(C[i, i]))
+    variance_error = 2.0 * linear.local.s[i] * math.sqrt(C[i, i])  # of v in (L.1), which is linear at zero
+    return 0.0, math.sqrt(_Z_95 * variance_error), math.sqrt(_Z_99 * variance_error)
+
+
+def _bounded(linear: Linearised, i: int, ends: tuple[float, float, float], by_error: bool) -> tuple[float, float, float]:
+    """An interval and the limit beyond, with ends that mean nothing put at zero and infinity.
+
+    A limit `_UNBOUNDED` times the value and more is none, nor is that of a density whose part alone would be so much of the variance at
+    every scale. by_error : the interval is symmetric in the logarithm, so that its low end means as little then.
+    """
+    low, high, far = ends
+    value = float(linear.local.parameters(linear.x)[i])
+    most = _UNBOUNDED * value if value > 0.0 else math.inf
+    if i in linear.local.linear:
+        alone = [g.mean / unit for g, unit in zip(linear.local.groups, linear.local.linear[i], strict=True)]
+        most = min(most, _UNBOUNDED * math.sqrt(max(float(np.abs(part).max()) for part in alone)))
+    if not high > most:
+        return low, high, far if far <= most else math.inf
+    return (0.0 if by_error else low), math.inf, math.inf
 
 
 def _stacked(blocks: Sequence[Array]) -> Array:

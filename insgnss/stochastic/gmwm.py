@@ -20,7 +20,7 @@ import numpy as np
 from ..errors import DataError, UsageError
 from ..records import Array, WaveletVariance
 from ._minimum import minimum
-from ._moments import LONGEST, SHORTEST, Group, Moments, Solution
+from ._moments import LONGEST, SHORTEST, Moments, Solution, pooled
 from .composition import Composition
 from .model import AxisNoise
 from .theory import Sampling, haar_variance
@@ -107,7 +107,7 @@ def fit(
     if len(different) < composition.size:
         parameters = f"the {composition.size} parameters of {composition}"
         raise DataError(f"{len(different)} scales for {parameters}; name fewer processes or record longer")
-    moments = Moments(_pooled(chosen, omegas), composition, sampling, _admissible(times_s, chosen))
+    moments = Moments(pooled(chosen, omegas), composition, sampling, _admissible(times_s, chosen))
     values = _parameters(moments, composition, minimum(moments))
     values.flags.writeable = False
     axis = composition.axis(values)
@@ -154,25 +154,6 @@ def _checked(weights: Sequence[Array], curves: tuple[WaveletVariance, ...]) -> t
             raise UsageError(f"weights of curve {i}: not a symmetric matrix of finite numbers with a positive diagonal")
         checked.append(0.5 * (a + a.T))
     return tuple(checked)
-
-
-def _pooled(curves: tuple[WaveletVariance, ...], weights: tuple[Array, ...]) -> list[Group]:
-    """Curves of the same levels and rate as one, exactly (M.1)."""
-    together: dict[tuple[float, tuple[int, ...]], list[int]] = {}
-    for i, curve in enumerate(curves):
-        together.setdefault((curve.rate_hz, tuple(curve.level.tolist())), []).append(i)
-    groups = []
-    for (rate_hz, _), members in together.items():
-        W = sum((weights[i] for i in members), np.zeros_like(weights[members[0]]))
-        size = np.sqrt(np.diag(W))
-        try:
-            L = np.linalg.cholesky(W / np.outer(size, size))
-        except np.linalg.LinAlgError:
-            raise UsageError(f"weights of curve {members[0] + 1}: not positive definite; take the interval weights") from None
-        scaled = sum((weights[i] @ curves[i].variance for i in members), np.zeros(size.size)) / size
-        mean = np.linalg.solve(L.T, np.linalg.solve(L, scaled)) / size
-        groups.append(Group(curves[members[0]].level, rate_hz, L.T * size, mean))
-    return groups
 
 
 def _parameters(moments: Moments, composition: Composition, solution: Solution) -> Array:

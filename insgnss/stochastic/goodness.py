@@ -43,6 +43,11 @@ class GoodnessOfFit:
     sentence: str
 
 
+def p_text(p: float) -> str:
+    """A p-value in words."""
+    return "p < 1e-99" if p < 1e-99 else f"p = {p:.2g}"
+
+
 def goodness_of_fit(fitted: Fit, linear: Linearised, resampled: Bootstrap | None = None) -> GoodnessOfFit:
     """The J test of a fit, bootstrapped where there are re-fits."""
     from scipy.special import chdtrc
@@ -75,7 +80,7 @@ def _misfit_sentence(
     fitted: Fit, J: float, degrees: float, p: float, residuals: tuple[Array, ...], misfits: tuple[tuple[int, int], ...]
 ) -> str:
     """Whether the model fits, and where not."""
-    tested = f"J {J:.1f} for {degrees:.4g} degrees of freedom, p = {p:.2g}"
+    tested = f"J {J:.1f} for {degrees:.4g} degrees of freedom, {p_text(p)}"
     if p >= 0.05:
         return f"{fitted.composition} fits: {tested}"
     worst = []

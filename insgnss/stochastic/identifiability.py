@@ -66,8 +66,7 @@ def verdicts(fitted: Fit, found: Sequence[Estimate], inverses: Sequence[Array]) 
     inner = verdicts(smaller, estimates(smaller, linear, "profile")[0], inverses)
     names = {f"gauss_markov_{j + 1}": j + int(j >= out) for j in range(len(clear) - 1)}
     renamed = {_renamed(v, names).process: _renamed(v, names, f"in {smaller.composition}: ") for v in inner}
-    strength = next(e for e in found if e.name == f"driving_noise_{out + 1}")
-    renamed[f"gauss_markov_{out + 1}"] = _superfluous(fitted, smaller, out, strength)
+    renamed[f"gauss_markov_{out + 1}"] = _superfluous(fitted, smaller, out)
     return tuple(renamed[name] for name in _processes(fitted.composition))
 
 
@@ -98,13 +97,13 @@ def _renamed(verdict: ProcessVerdict, names: dict[str, int], where: str = "") ->
     return replace(verdict, process=f"gauss_markov_{new}", sentence=where + sentence, parameters=parameters)
 
 
-def _superfluous(fitted: Fit, smaller: Fit, k: int, strength: Estimate) -> ProcessVerdict:
+def _superfluous(fitted: Fit, smaller: Fit, k: int) -> ProcessVerdict:
     times = ", ".join(f"{gm.correlation_time_s:.3g}" for gm in smaller.axis.gauss_markov)
     there = f" with {times} s" if times else ""
     about = _time_words(fitted, fitted.axis.gauss_markov[k].correlation_time_s)
     sentence = (
         f"Gauss-Markov {k + 1} is not identifiable: {smaller.composition}{there} fits as well, so its {about} and its driving noise "
-        f"of {strength.value:.3g} mean nothing by themselves; take {smaller.composition}, record longer or add replicates"
+        f"mean nothing by themselves; take {smaller.composition}, record longer or add replicates"
     )
     return ProcessVerdict(f"gauss_markov_{k + 1}", False, "superfluous", sentence, ())
 
@@ -159,11 +158,11 @@ def _too_weak(fitted: Fit, process: str, strength: Estimate, inverses: Sequence[
     """Why the strength of a process cannot be told from zero, or nothing."""
     kind = "driving noise" if strength.name.startswith("driving_noise") else "density"
     if strength.value == 0.0:
-        return f"the best fit has none of it (upper limit of its {kind} {strength.high:.3g})"
+        return "the best fit has none of it" + ("" if math.isfinite(strength.high) else f", and its {kind} is not bounded")
     if (clear := _clearness(fitted, process, inverses)) < _SEEN:
         return f"its part of the wavelet variance is {clear:.2g} standard deviations over all scales, less than {_SEEN}"
     if strength.low == 0.0:
-        return f"the interval of its {kind}, {strength.value:.3g}, reaches from 0 to {strength.high:.3g}"
+        return f"the interval of its {kind} reaches zero"
     return ""
 
 

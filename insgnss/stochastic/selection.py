@@ -22,7 +22,8 @@ objective on those left out is the cross-validated criterion CVWVIC of R package
 
 By WIC, models within 2 of the least are equivalent to it, the usual measure for Akaike's criterion. By CVWVIC those are that Wilcoxon's
 signed-rank test over the recordings does not tell from the best (5 %), as in mgmwm; six recordings are few for that test, and WIC uses
-them all at once. The smallest of the equivalent models is chosen.
+them all at once. Of the equivalent models those go first whose parameters are all determined, none at an edge and each to a factor of e,
+and of these the smallest is chosen.
 
 Near-stationarity (Bakalli et al. 2018): do all recordings have the same parameters? With efficient weights the joint fit is worse than
 the single ones by
@@ -45,7 +46,7 @@ from .bootstrap import draw_variances, redrawn
 from .composition import Composition, families
 from .estimates import Linearised
 from .gmwm import Fit, fit, interval_weights, objective
-from .goodness import goodness_of_fit
+from .goodness import goodness_of_fit, p_text
 from .inference import covariances, efficient, inverse
 from .theory import Sampling
 
@@ -53,6 +54,7 @@ _STEP = 1e-4  # of the coordinates, for second derivatives
 _LEAST_CURVATURE = 0.5
 _WITHIN = 2.0  # of WIC
 _TOLD_APART = 0.05  # p-value
+_FACTOR_E = 1.0  # standard error of a logarithm
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +62,7 @@ class Candidate:
     """One model of a family. wic = objective + optimism; difference : to the least.   p_value : of the J test, asymptotic.
 
     held_out (R,) : objective on each recording when it is left out, or None.   equivalent : not told from the best by its criterion.
-    remarks : what is odd about the fit.
+    determined : whether no parameter is at an edge and each is known to a factor of e.   remarks : what is odd about the fit.
     """
 
     fit: Fit
@@ -70,6 +72,7 @@ class Candidate:
     p_value: float
     held_out: Array | None
     equivalent: bool
+    determined: bool
     remarks: tuple[str, ...]
 
     @property
@@ -85,7 +88,10 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Candidates by `criterion` ("WIC" or "CVWVIC"), best first.   chosen : the smallest that is equivalent to the best."""
+    """Candidates by `criterion` ("WIC" or "CVWVIC"), best first.
+
+    chosen : of those equivalent to the best, the smallest that is determined, else the smallest.
+    """
 
     candidates: tuple[Candidate, ...]
     criterion: str
@@ -202,7 +208,9 @@ def _candidate(
         i, level = test.misfits[0]
         scale_s = 2.0**level / curves[i].rate_hz
         remarks.append(f"misfit, worst at scale {scale_s:.3g} s" + (f" of curve {i + 1}" if len(curves) > 1 else ""))
-    return Candidate(fitted, fitted.objective + optimism, optimism, math.nan, test.p_value, held_out, False, tuple(remarks))
+    errors = np.sqrt(np.diag(linear.covariance())) * linear.local.logarithmic(linear.x)
+    determined = not fitted.at_bound and bool((errors < _FACTOR_E).all())
+    return Candidate(fitted, fitted.objective + optimism, optimism, math.nan, test.p_value, held_out, False, determined, tuple(remarks))
 
 
 def closed_optimism(fitted: Fit, linear: Linearised) -> float:
@@ -255,7 +263,7 @@ def _ranked(candidates: list[Candidate], criterion: str) -> Ranking:
     least, best = min(c.wic for c in candidates), min(candidates, key=key)
     equivalent = _not_told_apart if criterion == "CVWVIC" else _within
     marked = [replace(c, difference=c.wic - least, equivalent=c is best or equivalent(c, best)) for c in sorted(candidates, key=key)]
-    chosen = min((c for c in marked if c.equivalent), key=lambda c: (c.composition.size, key(c)))
+    chosen = min((c for c in marked if c.equivalent), key=lambda c: (not c.determined, c.composition.size, key(c)))
     return Ranking(tuple(marked), criterion, chosen)
 
 
@@ -334,11 +342,13 @@ def _spread(joint: Fit, single: tuple[Fit, ...], groups: np.ndarray) -> tuple[tu
 def _stationarity_sentence(statistic: float, p: float, shares: Array) -> str:
     R = shares.size
     if p >= 0.05:
-        return f"one parameter set serves all {R} recordings: they fit together {statistic:.1f} worse than singly, p = {p:.2g}"
+        return f"one parameter set serves all {R} recordings: they fit together {statistic:.1f} worse than singly, {p_text(p)}"
+    if R == 2:
+        return f"one parameter set does not serve both recordings: they differ, {p_text(p)}; tune them singly and compare"
     worst = int(np.argmax(shares))
     share = 100.0 * shares[worst] / statistic
     return (
-        f"one parameter set does not serve all {R} recordings: p = {p:.2g}; recording {worst + 1} has {share:.0f} % of the difference; "
+        f"one parameter set does not serve all {R} recordings: {p_text(p)}; recording {worst + 1} has {share:.0f} % of the difference; "
         "look at it, or leave it out"
     )
 

@@ -6,16 +6,18 @@ deserves, and the first fit is kept.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import DataError, UsageError
 from ..records import WaveletVariance
-from ..stochastic.composition import Composition
+from ..stochastic.composition import MOST_GAUSS_MARKOV, Composition
+from ..stochastic.estimates import Linearised
 from ..stochastic.gmwm import Fit, fit
-from ..stochastic.goodness import GoodnessOfFit
-from ..stochastic.inference import infer, second_step
+from ..stochastic.goodness import GoodnessOfFit, goodness_of_fit
+from ..stochastic.inference import covariances, infer, second_step
 from .options import FAMILY, TuneOptions, chosen_levels
 from .recordings import AXES, StaticRecording
 from .result import Tuned
@@ -36,9 +38,13 @@ LAST_START = 12  # level up to which fine scales may be left out on advice
 
 def compositions(options: TuneOptions) -> dict[str, tuple[Composition, ...]]:
     """The models that compete, by sensor. Raises UsageError for a typo."""
-    chosen = {"gyro": options.gyro_model or options.model, "accel": options.accel_model or options.model}
+    own = {"gyro": options.gyro_model, "accel": options.accel_model}
+    chosen = {sensor: options.model if names is None else names for sensor, names in own.items()}
+    for names in (options.model, options.gyro_model, options.accel_model):
+        if names is not None and not names.strip():
+            raise UsageError("a model without a name; give a sum such as WN+2GM, or leave the option out to choose from all")
     return {
-        sensor: tuple(dict.fromkeys(Composition.parse(name.strip()) for name in (names.split(",") if names else FAMILY)))
+        sensor: tuple(dict.fromkeys(Composition.parse(name.strip()) for name in (FAMILY if names is None else names.split(","))))
         for sensor, names in chosen.items()
     }
 
@@ -58,10 +64,11 @@ def tune_axes(
     name = f"{sensor} {''.join(AXES[k] for k in axes)}"
     curves = _curves(sensor, axes, recordings, options)
     groups = [i for _ in axes for i in range(len(recordings))]
-    ranking = None
+    ranking: Ranking | None = None
+    told: tuple[str, ...] = ()
     if len(family) > 1:
         progress(f"{name}: {len(family)} models")
-        ranking = _ranking(curves, _few_enough(family, curves), groups, options)
+        ranking, told = _ranking(curves, family, groups, options)
         chosen = ranking.chosen.composition
     else:
         chosen = family[0]
@@ -74,7 +81,8 @@ def tune_axes(
     inference = infer(kept, intervals=intervals, draws=options.bootstrap, seed=options.seed)
     goodness = goodness or inference.goodness
     noise, remarks = usable_axis(inference)
-    remarks += _finer_scales(first, goodness, options)
+    asked = f" --{sensor}-model {chosen}" if len(family) > 1 else ""
+    remarks = (*told, *remarks, *_finer_scales(first, goodness, inference.goodness.misfits, asked, options))
     stationarity = None
     if len(recordings) > 1:
         from ..stochastic.selection import near_stationarity
@@ -107,14 +115,20 @@ def _few_enough(family: Sequence[Composition], curves: Sequence[WaveletVariance]
     return left
 
 
-def _ranking(curves: list[WaveletVariance], family: list[Composition], groups: list[int], options: TuneOptions) -> "Ranking":
-    """The models by their criterion; with the weights of the intervals where the efficient ones cannot be had."""
+def _ranking(
+    curves: list[WaveletVariance], family: Sequence[Composition], groups: list[int], options: TuneOptions
+) -> "tuple[Ranking, tuple[str, ...]]":
+    """The models by their criterion, and what is to be said of how; the weights are those of the intervals where V is singular."""
     from ..stochastic.selection import rank
 
+    tried = [c for c in _few_enough(family, curves) if c.size > c.drift] or list(family)
+    out = [str(composition) for composition in family if composition not in tried]
+    told = (f"not tried, for more parameters than the scales tell or no noise at all: {', '.join(out)}",) if out else ()
     try:
-        return rank(curves, family, recordings=groups, sampling=options.sampling)
-    except UsageError:  # a singular covariance, of scales that hardly differ
-        return rank(curves, family, weights="interval", recordings=groups, sampling=options.sampling)
+        return rank(curves, tried, recordings=groups, sampling=options.sampling), told
+    except UsageError as error:  # a singular covariance, of scales that hardly differ
+        ranking = rank(curves, tried, weights="interval", recordings=groups, sampling=options.sampling)
+        return ranking, (*told, f"the models compete with the weights of the intervals: {str(error).partition(';')[0]}")
 
 
 def _kept(first: Fit, options: TuneOptions) -> tuple[Fit, str, GoodnessOfFit | None]:
@@ -126,30 +140,63 @@ def _kept(first: Fit, options: TuneOptions) -> tuple[Fit, str, GoodnessOfFit | N
         return second, said, None
     if "not settled" in said:
         return first, "weights of the intervals kept: efficient ones do not settle, as happens where the model does not fit", None
-    goodness = infer(second).goodness
+    goodness = _j_test(second)
     if _tested(goodness) and goodness.p_value < MISFIT:
         return first, "weights of the intervals kept: efficient ones would trust a model that does not fit", goodness
     return second, said, None
 
 
-def _finer_scales(first: Fit, goodness: GoodnessOfFit, options: TuneOptions) -> tuple[str, ...]:
-    """From which level on the model fits, by the test and within `CLOSE`, where it does not fit them all."""
+def _finer_scales(
+    first: Fit, goodness: GoodnessOfFit, misfits: Sequence[tuple[int, int]], asked: str, options: TuneOptions
+) -> tuple[str, ...]:
+    """From which level on the model fits, by the test and within `CLOSE`, where it does not fit them all for the sake of fine scales.
+
+    misfits : curve and level of the scales that stand out; to start above none of them would be no remedy.
+    asked : option that names the model, where it was chosen of several: another might be chosen with other levels.
+    """
     if not _tested(goodness) or goodness.p_value >= FITS or options.levels is not None:
         return ()
     name, close = str(first.composition), ""
+    if long := _slow_misfit(first, misfits):
+        return (long,)
     for start in range(2, LAST_START + 1):
         levels = [j for j in first.curves[0].level.tolist() if j >= start]
         if len(levels) <= first.composition.size:
             break
+        if misfits and start <= min(j for _, j in misfits):
+            continue
         part = fit(first.curves, first.composition, sampling=first.sampling, levels=levels)
         scale = f"{float(part.curves[0].scale_s[0]):.3g} s"
+        option = f"--levels {start}-{asked}"
         if not close and _farthest(part) < CLOSE:
-            close = f"from scale {scale} on {name} is within {CLOSE:.0%} of the deviation: --levels {start}- leaves the finer scales out"
-        test = infer(second_step(part)[0] if options.weights != "diagonal" else part).goodness
-        if _tested(test) and test.p_value >= FITS:
-            fits = f"from scale {scale} on {name} fits (p = {test.p_value:.2g}): --levels {start}-"
-            return (close, fits) if close and f"--levels {start}-" not in close else (f"{fits} leaves the finer scales out",)
+            close = f"from scale {scale} on {name} is within {CLOSE:.0%} of the deviation: {option} leaves the finer scales out"
+        if (p := _tested_p(part, options)) >= FITS:
+            fits = f"from scale {scale} on {name} fits (p = {p:.2g}): {option}"
+            return (close, fits) if close and option not in close else (f"{fits} leaves the finer scales out",)
     return (close or f"leaving out fine scales does not make {name} fit",)
+
+
+def _slow_misfit(fitted: Fit, misfits: Sequence[tuple[int, int]]) -> str:
+    """What to try where all scales that stand out are long ones, in the upper half of the levels; nothing elsewhere."""
+    middle = float(np.mean([curve.level[[0, -1]].mean() for curve in fitted.curves]))
+    if not misfits or min(j for _, j in misfits) <= middle:
+        return ""
+    scales = sorted(2.0**j / fitted.curves[i].rate_hz for i, j in misfits)
+    composition = fitted.composition
+    more = [replace(composition, gauss_markov=composition.gauss_markov + 1)] if composition.gauss_markov < MOST_GAUSS_MARKOV else []
+    more += [] if composition.random_walk else [replace(composition, random_walk=True)]
+    advice = f"add a slow process: --model {' or '.join(map(str, more))}" if more else "look for a drift or a disturbance"
+    span = f"{scales[0]:.3g} s" if scales[0] == scales[-1] else f"{scales[0]:.3g} to {scales[-1]:.3g} s"
+    return f"the misfit is at long scales, {span}, and leaving out fine ones does not cure it; {advice}"
+
+
+def _tested_p(part: Fit, options: TuneOptions) -> float:
+    """p-value that tuning on these levels would tell; NaN without a test, and that of the weights of the intervals where it is small."""
+    test = _j_test(part)
+    if _tested(test) and test.p_value >= MISFIT:  # the efficient test is the better and the dearer one
+        kept, _, goodness = _kept(part, options)
+        test = goodness or _j_test(kept)
+    return test.p_value if _tested(test) else float("nan")
 
 
 def _farthest(fitted: Fit) -> float:
@@ -159,6 +206,11 @@ def _farthest(fitted: Fit) -> float:
         many = curve.count > MANY * 2.0**curve.level
         off += np.abs(np.sqrt(modelled[many] / curve.variance[many]) - 1.0).tolist()
     return max(off)
+
+
+def _j_test(fitted: Fit) -> GoodnessOfFit:
+    """The J test alone of what `infer` says."""
+    return goodness_of_fit(fitted, Linearised(fitted, covariances(fitted)))
 
 
 def _tested(goodness: GoodnessOfFit) -> bool:

@@ -5,25 +5,27 @@ larger the noise is in flight (`calibrate.innovation_noise`). A correlated error
 doubted: noise of the IMU that is larger than the model says makes innovations correlated, too. Both explanations are tried, and the
 correlated error stays where it gains more than `EXPLAINED` beside free noise of the IMU.
 
-The static model gives way where the gain in likelihood is significant, what was estimated leaves the innovations white, their normalised
-square (NIS) comes no further from one, and no more fixes are lost, which solving the flight again with the model found tells as `process`
-will find it. The spectrum of the IMU in straight flight stands beside it as evidence of another kind.
+The static model gives way where the gain in likelihood is significant, nothing that is held is ruled out, what was estimated leaves the
+innovations white, their normalised square (NIS) comes no further from one, and no more fixes are lost, which solving the flight again
+with the model found tells as `process` will find it. The spectrum of the IMU in straight flight is evidence of another kind: white noise
+above its quietest octave stands in for errors that wander more slowly, which the static model lacks, and is not accepted.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import DataError, InputError, InsgnssError, UsageError
+from ..errors import InputError, InsgnssError, UsageError
+from ..files import json_ready
 from ..flight import Flight
 from ..recording import Recording, quiet, read_recording, sentence
 from ..stochastic.model import NoiseModel
-from .in_flight_files import finite, model_in_flight, planned, write
-from .in_flight_words import NAMES, summary
+from .in_flight_files import model_in_flight, planned, write
+from .in_flight_words import NAMES, Beyond, beyond_spectrum, chance_of, longer_flight, summary
 
 if TYPE_CHECKING:
     from ..calibrate.innovation_noise import InFlightNoise
@@ -44,7 +46,7 @@ class FlightTuning:
     noise : the estimate.   static, model : the model of the flight file, and the same with the factors found.   files : what was written.
     lost_before, lost_after : fixes that the solutions with the static model and with the new one reject.
     straight : spectrum of the IMU in straight flight, None without.   dropped_correlated : whether noise of the IMU explains what the
-    solution took for a correlated error of the fixes.
+    solution took for a correlated error of the fixes.   notes : what became of stretches between gaps of the IMU.
     """
 
     name: str
@@ -57,6 +59,7 @@ class FlightTuning:
     lost_after: int
     straight: "StraightFlight | None"
     dropped_correlated: bool
+    notes: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
 
     @property
@@ -100,8 +103,9 @@ class FlightTuning:
             "innovations": told,
             "fixes_lost": {"static": self.lost_before, "in_flight": self.lost_after},
             "straight_flight": None if s is None else _spectrum(s),
+            "notes": self.notes,
         }
-        return cast(dict[str, Any], finite(told_all))
+        return dict(json_ready(told_all))
 
 
 def tune_flight(
@@ -122,6 +126,7 @@ def tune_flight(
     from ..calibrate.innovation_noise import DEFAULT, IMU
     from ..calibrate.likelihood import one_factor_each
     from ..calibrate.straight_flight import straight_flight, straight_segments
+    from ..stretch import solve_stretches
 
     chosen = tuple(dict.fromkeys(parameters or DEFAULT))
     for name in chosen:
@@ -136,7 +141,7 @@ def tune_flight(
     progress("read")
     recording = _read(flight)
     light = replace(flight, output=replace(flight.output, trajectory_hz=EPOCH_HZ))
-    solved = _solved(light, recording, progress)
+    solved, gaps = solve_stretches(light, recording, progress)
     parts = [part for stretch in solved for part in _moving(stretch, recording)]
     noise, dropped = _estimated(flight, parts, chosen, progress)
     model = model_in_flight(flight, recording, noise)
@@ -148,9 +153,11 @@ def tune_flight(
     progress("spectrum")
     segments = np.concatenate([straight_segments(stretch.solution) for stretch in solved])
     spectrum = straight_flight(recording.imu, recording.C_b_imu, segments)
-    accepted, reasons = _judged(noise, before, after)
+    accepted, reasons = _judged(noise, before, after, beyond_spectrum(spectrum, model, noise))
     progress("write")
-    return write(FlightTuning(flight.name, accepted, reasons, noise, recording.noise, model, before, after, spectrum, dropped), target)
+    notes = tuple(check.found for check in gaps)
+    result = FlightTuning(flight.name, accepted, reasons, noise, recording.noise, model, before, after, spectrum, dropped, notes)
+    return write(result, target)
 
 
 def _read(flight: Flight) -> Recording:
@@ -164,30 +171,6 @@ def _read(flight: Flight) -> Recording:
     if bad:
         raise InputError(f'{flight.path}: {sentence(bad[0])}; accept = ["{bad[0].name}"] in the flight file overrules')
     return replace(recording, events=None)
-
-
-def _solved(flight: Flight, recording: Recording, progress: Progress) -> "list[Stretch]":
-    """The stretches of the flight that can be solved."""
-    from ..geodesy.frames import LocalFrame
-    from ..prepare.clock import common_span
-    from ..prepare.gaps import stretches
-    from ..stretch import refuse_short, solve_stretch
-
-    lo, hi = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
-    first = int(np.searchsorted(recording.gnss.time, lo))
-    frame = LocalFrame(*(float(x[first]) for x in (recording.gnss.lat, recording.gnss.lon, recording.gnss.height)))
-    solved, failed = [], []
-    spans = stretches(recording.imu.time, lo, hi)
-    for span in spans:
-        own = flight if span == spans[0] else replace(flight, initial=None)
-        try:
-            refuse_short(recording, span)
-            solved.append(solve_stretch(own, recording, span, frame, progress))
-        except DataError as error:
-            failed.append((span, error))
-    if not solved:
-        raise max(failed, key=lambda f: f[0][1] - f[0][0])[1]
-    return solved
 
 
 def _moving(stretch: "Stretch", recording: Recording) -> "list[Solution]":
@@ -223,31 +206,29 @@ def _lost(solved: "list[Stretch]") -> tuple[int, int]:
 
 def _lost_again(flight: Flight, recording: Recording, offered: int, progress: Progress) -> int:
     """Fixes of `offered` that are lost with another noise, all those of a stretch that cannot be solved with it."""
+    from ..stretch import solve_stretches
+
     try:
-        again, lost = _lost(_solved(flight, recording, progress))
+        again, lost = _lost(solve_stretches(flight, recording, progress)[0])
     except InsgnssError:
         return offered
     return lost + max(offered - again, 0)
 
 
-def _judged(noise: "InFlightNoise", lost_before: int, lost_after: int) -> tuple[bool, tuple[str, ...]]:
-    """Whether the static model gives way, and why, sentence by sentence."""
+def _judged(noise: "InFlightNoise", lost_before: int, lost_after: int, beyond: Sequence[Beyond] = ()) -> tuple[bool, tuple[str, ...]]:
+    """Whether the static model gives way, and why, sentence by sentence.   beyond : white noise that the spectrum rules out."""
     from ..calibrate.fixes import MORE_LOST
-    from ..calibrate.innovation_noise import SIGNIFICANT, WHITE_ENOUGH
+    from ..calibrate.innovation_noise import SIGNIFICANT
 
     if not noise.free:
-        return False, tuple(f"{NAMES[name]} not told by this flight: {why}" for name, why in noise.held)
-    gain = f"-2 log L falls by {noise.gain:.1f} with {noise.free} factor{'s' if noise.free > 1 else ''}, chance {noise.chance:.1g}"
+        held = tuple(f"{NAMES[name]} not told by this flight: {why}" for name, why in noise.held)
+        return False, (*held, *(_doubts(noise, ()) if noise.asks_for_more else ()))
+    gain = f"-2 log L falls by {noise.gain:.1f} with {noise.free} factor{'s' if noise.free > 1 else ''}, chance {chance_of(noise.chance)}"
     reasons = [f"{gain} (limit {SIGNIFICANT:g})"]
     if not noise.significant:
-        return False, tuple(reasons)
-    if not noise.white:
-        lag = np.abs(noise.at_best.whiteness.lag_one).max()
-        return False, (
-            *reasons,
-            f"but the innovations stay correlated, {lag:.2f} from fix to fix (limit {WHITE_ENOUGH:g}): something else than white errors "
-            "and IMU noise shapes them, such as fixes that the receiver has filtered, and the factors would stand in for it",
-        )
+        return False, (*reasons, *longer_flight(noise))
+    if doubts := _doubts(noise, beyond):
+        return False, (*reasons, *doubts)
     before, after = noise.compared
     slack = NEARER * math.sqrt(2.0 / (3.0 * max(before.fixes, 1)))
     nearer = abs(after.nis - 1.0) <= abs(before.nis - 1.0) + slack
@@ -255,6 +236,31 @@ def _judged(noise: "InFlightNoise", lost_before: int, lost_after: int) -> tuple[
     kept = lost_after <= lost_before + MORE_LOST * before.fixes
     reasons.append(f"{lost_before} of {before.fixes} fixes lost before, {lost_after} after")
     return nearer and kept, tuple(reasons)
+
+
+def _doubts(noise: "InFlightNoise", beyond: Sequence[Beyond]) -> list[str]:
+    """What makes the factors stand in for something else."""
+    from ..calibrate.innovation_noise import WHITE_ENOUGH
+
+    doubts = []
+    if noise.asks_for_more:
+        held = " and ".join(NAMES[name] for name, _ in noise.held)
+        doubts.append(f"but the innovations rule out {held} as the static model has it, by {noise.loss:.1f} in -2 log L, and tell no other")
+    for name, ratio in beyond:
+        doubts.append(f"but {NAMES[name]} would be {ratio:.1f} times the quietest octave of straight flight, which white noise cannot be")
+    if doubts:
+        doubts.append(
+            "the drifts of the static model are not those of this IMU: name the noise model of a sensor of its kind in imu.noise, or tune "
+            "its recordings at rest, and come back"
+        )
+    if not noise.white:
+        w = noise.at_best.whiteness
+        doubts.append(
+            f"but the innovations stay correlated, {np.abs(w.lag_one).max():.2f} from fix to fix and {w.together.max():.2f} over {w.lags} "
+            f"fixes (limit {WHITE_ENOUGH:g}): something else than white errors and this IMU noise shapes them, such as fixes that the "
+            "receiver has filtered, and the factors would stand in for it"
+        )
+    return doubts
 
 
 def _spectrum(straight: "StraightFlight") -> dict[str, Any]:

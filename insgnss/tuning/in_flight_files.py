@@ -1,10 +1,9 @@
 """What tuning on a flight leaves behind: the noise model where it is accepted, and the evidence, a table for machines and a spectrum."""
 
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +11,11 @@ from ..delivery import inputs_of, sha256
 from ..errors import UsageError
 from ..files import atomic_write
 from ..flight import Flight
+from ..prepare.gaps import nominal_interval
 from ..recording import Recording
 from ..stochastic.model import NOISE_UNITS, AxisNoise, NoiseModel, RecordingSource, write_noise_model
-from ..units import parse_quantity, parse_unit
+from ..units import rounded
+from .targets import check_target, refuse_present
 
 if TYPE_CHECKING:
     from ..calibrate.innovation_noise import InFlightNoise
@@ -26,20 +27,14 @@ LINES_SHOWN = 4
 
 def planned(flight: Flight, out: Path | None, force: bool) -> Path:
     """Where the noise model goes; raises UsageError where it cannot, would take an input's place, or a file is there already."""
-    target = flight.path.parent / DEFAULT if out is None else Path(out)
-    if target.suffix != ".toml":
-        raise UsageError(f"{target}: a noise model is a TOML file; end its name with .toml")
-    if not target.parent.is_dir():
-        raise UsageError(f"{target}: the directory does not exist; create it first")
+    target = check_target(flight.path.parent / DEFAULT if out is None else Path(out))
     inputs = {file.resolve() for file in (flight.path, *inputs_of(flight))}
     files = (target, *beside(target))
     taken = [str(file) for file in files if file.resolve() in inputs]
     if taken:
         raise UsageError(f"{taken[0]}: is an input of this flight and stays as it is; give another --out FILE")
-    there = [str(file) for file in files if file.exists()]
-    if there and not force:
-        verb = "is" if len(there) == 1 else "are"
-        raise UsageError(f"{', '.join(there)} {verb} there already; nothing done; give another --out FILE, or --force")
+    if not force:
+        refuse_present(files)
     return target
 
 
@@ -89,7 +84,7 @@ def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise"
     f, static = noise.imu_factors(), recording.noise
     told = ", ".join(f"{NAMES[name]} x {f[name]:.3f} +- {noise.sigma(name):.3f}" for name in f if noise.sigma(name) > 0.0)
     source = f"{static.source}; by the innovations of flight {flight.name} {told or 'nothing else'}"
-    rate = round(float(1.0 / np.median(np.diff(recording.imu.time))), 3)
+    rate = round(1.0 / nominal_interval(recording.imu.time), 3)
     imu = RecordingSource(Path(flight.imu.file).name, sha256(flight.imu.file), recording.imu.time.size, rate)
     gx, gy, gz = (_scaled(axis, "gyro", noise) for axis in static.gyro)
     ax, ay, az = (_scaled(axis, "accel", noise) for axis in static.accel)
@@ -103,8 +98,8 @@ def _scaled(axis: AxisNoise, sensor: str, noise: "InFlightNoise") -> AxisNoise:
     def times(value: float, name: str, quantity: str, number: str = "") -> float:
         unit = NOISE_UNITS[sensor][quantity]
         if value and noise.sigma(name) > 0.0:
-            error[quantity + number] = _digits(value * noise.sigma(name), unit, 2)
-        return _digits(value * factors[name], unit, 6) if factors[name] != 1.0 else value
+            error[quantity + number] = rounded(value * noise.sigma(name), unit, 2)
+        return rounded(value * factors[name], unit, 6) if factors[name] != 1.0 else value
 
     for name in factors.keys() & {f"{sensor}.white_noise", "white_noise"}:
         axis = replace(axis, white_noise=times(axis.white_noise, name, "white_noise"))
@@ -115,19 +110,3 @@ def _scaled(axis: AxisNoise, sensor: str, noise: "InFlightNoise") -> AxisNoise:
         )
         axis = replace(axis, random_walk=times(axis.random_walk, name, "random_walk"), gauss_markov=processes)
     return replace(axis, standard_error=tuple(error.items()))
-
-
-def _digits(value: float, unit: str, count: int) -> float:
-    """The value with `count` digits in its unit."""
-    return parse_quantity(f"{value / parse_unit(unit).scale:.{count}g} {unit}", unit)
-
-
-def finite(value: Any) -> Any:
-    """JSON-able: arrays as lists, what is not finite as None."""
-    if isinstance(value, dict):
-        return {str(key): finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if isinstance(value, str | int | None) else finite(value.tolist())

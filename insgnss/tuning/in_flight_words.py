@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..stochastic.model import NOISE_UNITS, AxisNoise
-from ..units import parse_quantity
+from ..stochastic.model import NOISE_UNITS, AxisNoise, NoiseModel
+from ..units import parse_unit
 
 if TYPE_CHECKING:
     from ..calibrate.innovation_noise import InFlightNoise, Innovations
@@ -22,9 +22,11 @@ NAMES = {
     "fixes.velocity": "sigma of the velocities",
     "fixes.correlated": "correlated error of the positions",
 }
+DOUBTFUL = 0.1  # chance below which a longer flight is proposed
 WANTED = 0.05  # standard error of a factor that a longer flight is asked for
 MANY_LINES = 6
-TOO_MUCH = 1.25  # white noise over its limit by the spectrum
+TOO_MUCH, SURE = 1.2, 2.0  # white noise over its limit by the spectrum, less so many standard errors
+Beyond = tuple[str, float]  # parameter, and white noise over its limit
 CORRELATES = 0.5  # between two estimates, beyond which it is told
 
 
@@ -36,7 +38,7 @@ def summary(tuning: "FlightTuning") -> str:
         "",
         f"from the innovations of {n.duration_s / 60.0:.1f} min in motion, against {tuning.static.name}:",
     ]
-    lines += _factors(tuning)
+    lines += [f"  {note}" for note in tuning.notes] + _factors(tuning)
     lines += [f"  {NAMES[name]} held at the static model's: {why}" for name, why in n.held]
     lines += _correlations(n) + _length(n)
     lines += ["", "innovations of the positions           before     after"]
@@ -67,7 +69,7 @@ def _factors(tuning: "FlightTuning") -> list[str]:
 
 def _usual(axes: tuple[AxisNoise, ...], sensor: str) -> str:
     """White noise of a triad in its usual unit, x y z where they differ."""
-    unit = parse_quantity(f"1 {NOISE_UNITS[sensor]['white_noise']}", NOISE_UNITS[sensor]["white_noise"])
+    unit = parse_unit(NOISE_UNITS[sensor]["white_noise"]).scale
     return " ".join(dict.fromkeys(f"{axis.white_noise / unit:.4g}" for axis in axes))
 
 
@@ -143,18 +145,47 @@ def _limits(straight: "StraightFlight", tuning: "FlightTuning") -> list[str]:
     out = []
     for k, sensor in enumerate(("gyro", "accel")):
         at = slice(3 * k, 3 * k + 3)
-        static, found = (np.array([axis.white_noise for axis in getattr(model, sensor)]) for model in (tuning.static, tuning.model))
+        static = np.array([axis.white_noise for axis in getattr(tuning.static, sensor)])
         if static.all() and np.isfinite(straight.level[at]).all():
             level, begin = _mean(straight.level[at] / static), straight.level_from_hz[at].max()
             out.append(f"  {sensor}: level from {begin:.1f} Hz on, as white noise {level:.2f} times the static model's is")
-        for white, what in (
-            (static, "the static model has it"),
-            *([(found, "the innovations ask for")] if (found != static).any() else []),
-        ):
-            ratio = _mean(white / straight.upper_limit[at])
-            if ratio > TOO_MUCH:
-                out.append(f"  {sensor}: white noise cannot be {ratio:.1f} times the quietest octave, as {what}")
+        if (ratio := _mean(static / straight.upper_limit[at])) > TOO_MUCH:
+            out.append(f"  {sensor}: white noise cannot be {ratio:.1f} times the quietest octave, as the static model has it")
+    for name, ratio in beyond_spectrum(straight, tuning.model, tuning.noise):
+        out.append(f"  {NAMES[name]} cannot be {ratio:.1f} times the quietest octave, as the innovations ask for")
     return out
+
+
+def beyond_spectrum(straight: "StraightFlight | None", model: NoiseModel, noise: "InFlightNoise") -> list[Beyond]:
+    """White noise by the innovations that is significantly above the quietest octave of straight flight, and by how much."""
+    out: list[Beyond] = []
+    if straight is None:
+        return out
+    for k, sensor in enumerate(("gyro", "accel")):
+        white = np.array([axis.white_noise for axis in getattr(model, sensor)])
+        ratio = _mean(white / straight.upper_limit[3 * k : 3 * k + 3])
+        for name in {f"{sensor}.white_noise", "white_noise"} & set(noise.names):
+            log_sigma = float(noise.log_sigma[noise.names.index(name)])
+            if log_sigma > 0.0 and ratio * np.exp(-SURE * log_sigma) > TOO_MUCH:
+                out.append((name, ratio))
+    return out
+
+
+def longer_flight(noise: "InFlightNoise") -> list[str]:
+    """Where a gain falls short of significance by little: the length at which it would not, since it grows with time."""
+    from scipy.special import chdtri
+
+    from ..calibrate.innovation_noise import SIGNIFICANT
+
+    if noise.chance > DOUBTFUL:
+        return []
+    minutes = np.ceil(noise.duration_s / 60.0 * float(chdtri(noise.free, SIGNIFICANT)) / noise.gain)
+    return [f"if the factors are as estimated, {minutes:.0f} min of such a flight show it"]
+
+
+def chance_of(p: float) -> str:
+    """A probability; below what numbers hold it is not zero."""
+    return f"{p:.1g}" if p > 0.0 else "below 1e-300"
 
 
 def _mean(ratio: np.ndarray) -> float:

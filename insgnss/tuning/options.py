@@ -29,7 +29,7 @@ EXAMPLE = """\
 class TuneOptions:
     """How to read static recordings, and how to fit.
 
-    columns, gyro_unit, accel_unit, quantity, rate_hz, variable : of `formats.read_imu`; None: what the file says.
+    columns, gyro_unit, accel_unit, time_unit, quantity, rate_hz, variable : of `formats.read_imu`; None: what the file says.
     model : one composition, several with commas between them to choose from, or None for `FAMILY`; gyro_model, accel_model go before it.
     axes : one model an axis, or one for the three axes of a sensor.   levels : scales to fit, None for all.
     weights : the efficient second step always (full), never (diagonal), or where the model fits (auto).
@@ -40,6 +40,7 @@ class TuneOptions:
     columns: tuple[str, ...] | Mapping[str, str] | None = None
     gyro_unit: str | None = None
     accel_unit: str | None = None
+    time_unit: str | None = None
     quantity: str | None = None
     rate_hz: float | None = None
     variable: str | None = None
@@ -78,6 +79,7 @@ def chosen_levels(text: str | None, highest: int) -> tuple[int, ...] | None:
 
 def add_arguments(parser: argparse.ArgumentParser, positive: Any) -> None:
     """The options of the verb; `positive` turns a text into a number above zero."""
+    _files_anywhere(parser)
     parser.add_argument(
         "static", nargs="*", type=Path, metavar="STATIC", help="static recordings of one IMU, or a file of published variances"
     )
@@ -115,18 +117,53 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Any) -> None:
     read.add_argument("--rate", type=positive, metavar="HZ", help="samples a second, where there is no column of time")
     read.add_argument("--gyro-unit", metavar="UNIT", help="rad/s, deg/s, deg/h or that of one count, '0.05 deg/s' (default: by header)")
     read.add_argument("--accel-unit", metavar="UNIT", help="m/s^2, g, mg or that of one count, '3.33 mg' (default: by header)")
+    read.add_argument("--time-unit", metavar="UNIT", help="s, ms, us, ns, unix, unix_ms, ... of the column of time (default: by header)")
     read.add_argument("--quantity", choices=("mean_rate", "increments", "instant_rate"), help="what a sample is (default: mean_rate)")
     read.add_argument("--variable", metavar="NAME", help="the table inside a file that holds several")
-    read.add_argument("--skip", type=positive, default=0.0, metavar="MINUTES", help="left out at the beginning, where the sensor warms up")
+    read.add_argument(
+        "--skip", type=_from_zero, default=0.0, metavar="MINUTES", help="left out at the beginning, where the sensor warms up"
+    )
     read.add_argument("--keep", type=positive, metavar="MINUTES", help="used from there on (default: all)")
-    read.add_argument("--bridge", type=positive, default=0.0, metavar="SECONDS", help="fill gaps up to this length by straight lines")
+    read.add_argument("--bridge", type=_from_zero, default=0.0, metavar="SECONDS", help="fill gaps up to this length by straight lines")
     read.add_argument("--accept", action="append", default=[], metavar="CHECK", help="the name of a check that shall not stop")
+
+
+def _from_zero(text: str) -> float:
+    """A number of zero and more."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r} is no number from 0")
+    return value
+
+
+def _files_anywhere(parser: argparse.ArgumentParser) -> None:
+    """Let recordings stand behind options, too, and a list of columns begin with the "-" that leaves one out."""
+    plain = parser.parse_known_args
+
+    def parse(args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        joined: list[str] = []
+        for text in args or ():
+            if joined and joined[-1] == "--columns" and re.match(r"-,", text):
+                joined[-1] = f"--columns={text}"
+            else:
+                joined.append(text)
+        found, left = plain(joined, namespace)
+        if left and not any(text.startswith("-") for text in left):
+            found.static, left = [*found.static, *map(Path, left)], []
+        return found, left
+
+    setattr(parser, "parse_known_args", parse)  # noqa: B010
 
 
 def _columns(text: str | None) -> tuple[str, ...] | dict[str, str] | None:
     """Names in the order of the columns, or a mapping where each is given as name=column."""
-    if not text:
+    if text is None:
         return None
+    if not text.strip():
+        raise UsageError("--columns '': give names in the order of the columns, or leave the option out")
     parts = [part.strip() for part in text.split(",")]
     if not any("=" in part for part in parts):
         return tuple(parts)
@@ -141,9 +178,12 @@ def options_of(given: argparse.Namespace) -> TuneOptions:
     keep = float("inf") if given.keep is None else 60.0 * given.keep
     if given.bootstrap < 0 or given.bootstrap == 1:
         raise UsageError(f"--bootstrap {given.bootstrap}: give 2 replicates at least, some hundreds for intervals, or 0 for none")
+    if given.seed < 0:
+        raise UsageError(f"--seed {given.seed}: give a whole number from 0")
     same = (
         "gyro_unit",
         "accel_unit",
+        "time_unit",
         "quantity",
         "variable",
         "model",

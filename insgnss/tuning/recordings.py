@@ -1,34 +1,30 @@
 """Static recordings to wavelet variances: read, identified by their digest, checked, and condensed to what the fit needs.
 
-A recording is let go once its wavelet variances and block means are taken, so that memory holds one at a time. Where nothing in a file
-says its units, they must be given: noise numbers are worth nothing without.
+A recording is let go once its wavelet variances and block means are taken, so that memory holds one at a time.
 """
 
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..delivery import sha256
 from ..errors import DataError, InputError, UsageError
-from ..formats import TableInfo, describe, read_imu, sniff_imu, unit_factor
 from ..formats.variances import read_variances
 from ..prepare.static import Disturbance, StaticSpan, static_span
 from ..records import Array, Check, WaveletVariance
 from ..stochastic.model import RecordingSource
 from ..stochastic.wavelet import wavelet_variances
 from .options import TuneOptions
+from .reading import HEAD, own_words, read_samples
 
 Progress = Callable[[str], None]
 
 SENSORS, AXES = ("gyro", "accel"), ("x", "y", "z")
-PLAIN = ("tow", "gx", "gy", "gz", "ax", "ay", "az")
 BLOCKS = 128
-HEAD = 1 << 13
-SAY_THEIR_UNITS = ("aimu", "psins", "ardupilot", "ulog")
+POOLING = "pooling"  # name of the check that recordings are alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +56,10 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
     that does not show the noise of a sensor at rest; `options.accept` overrules a check.
     """
     progress(f"reading {path.name}")
-    if holds_variances(path):
-        return _published(path, options)
-    imu = read_imu(path, **_how(path, options))
+    with own_words():
+        if holds_variances(path):
+            return _published(path, options)
+    imu, said = read_samples(path, options)
     progress(f"checking {path.name}")
     span = static_span(imu, options.skip_s, options.keep_s, options.bridge_s)
     _refuse(path, span, options.accept)
@@ -73,7 +70,7 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
         curves |= {(sensor, k): c for k, c in enumerate(wavelet_variances(values, span.rate_hz, robust=options.robust))}
     blocks = {sensor: _block_means(values) for sensor, values in triads.items()}
     source = RecordingSource(path.name, sha256(path), len(span.gyro), round(span.rate_hz, 6))
-    return StaticRecording(source, curves, blocks, span.begin_s, span.length_s, span.checks, span.disturbances)
+    return StaticRecording(source, curves, blocks, span.begin_s, span.length_s, (*said, *span.checks), span.disturbances)
 
 
 def holds_variances(path: Path) -> bool:
@@ -89,9 +86,14 @@ def holds_variances(path: Path) -> bool:
 
 def _published(path: Path, options: TuneOptions) -> StaticRecording:
     """Curves of a file of published variances."""
+    head = path.read_bytes()[:HEAD]
+    if re.match(rb'\s*\{\s*"recordings":', head):
+        raise InputError(f"{path}: is the table that insgnss tune wrote beside a noise model; give the recordings themselves")
+    if options.rate_hz is not None and (head.lstrip()[:1] in (b"{", b"[") or re.search(rb"(?m)^\W*rate_hz\s*[=:]", head)):
+        raise UsageError(f"{path}: the variances carry their rate; leave --rate out")
     units = {sensor: unit for sensor, unit in (("gyro", options.gyro_unit), ("accel", options.accel_unit)) if unit}
     found = read_variances(path, member=options.variable, units=units or None, rate_hz=options.rate_hz)
-    said = re.search(rb"(?m)^\W*((gyro|accel)_)?unit\s*[=:]", path.read_bytes()[:HEAD])
+    said = re.search(rb"(?m)^\W*((gyro|accel)_)?unit\s*[=:]", head)
     curves = {}
     for name, curve in found.curves.items():
         sensor, _, letter = name.partition("_")
@@ -115,58 +117,11 @@ def _refuse(path: Path, span: StaticSpan, accept: tuple[str, ...]) -> None:
                 f"{check.advice}; --accept {check.name.split()[0] if ' ' not in check.name else repr(check.name)} takes it all the same"
             )
             raise DataError(f"{path}: {check.name}: {check.found}; expected {check.expected}; {advice}")
-    if unknown := [name for name in accept if name not in known and name != "warm-up"]:
-        raise UsageError(f"--accept {unknown[0]!r}: no such check; there are {', '.join(known)}")
+    if unknown := [name for name in accept if name not in (*known, "warm-up", POOLING)]:
+        raise UsageError(f"--accept {unknown[0]!r}: no such check; there are {', '.join((*known, POOLING))}")
 
 
 def _block_means(values: Array) -> Array:
     """(BLOCKS, 3) means of equal parts."""
     size = len(values) // BLOCKS
     return np.asarray(values[: size * BLOCKS].reshape(BLOCKS, size, 3).mean(axis=1))
-
-
-def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
-    """What `read_imu` is told."""
-    form = sniff_imu(path)
-    given = {"gyro": options.gyro_unit, "accel": options.accel_unit}
-    columns: Any = options.columns
-    nameless = columns is None and form == "npy"
-    if nameless or (form not in SAY_THEIR_UNITS and not all(given.values())):
-        tables = describe(path)
-        columns = _plain_columns(tables, options) if nameless else columns
-        _ask_for_units(path, tables, options)
-    units = {sensor: unit for sensor, unit in given.items() if unit}
-    return {
-        "columns": columns,
-        "units": units or None,
-        "quantity": options.quantity,
-        "rate_hz": options.rate_hz,
-        "variable": options.variable,
-    }
-
-
-def _plain_columns(tables: list[TableInfo], options: TuneOptions) -> tuple[str, ...] | None:
-    """Columns of a matrix of samples, with or without time; None for what is not that simple."""
-    width = len(tables[0].columns) if len(tables) == 1 and tables[0].name == "" else 0
-    if width == 6 and options.rate_hz is None:
-        raise UsageError("six columns and no time: give the sensor's rate in samples a second, --rate HZ")
-    return {6: PLAIN[1:], 7: PLAIN}.get(width)
-
-
-def _ask_for_units(path: Path, tables: list[TableInfo], options: TuneOptions) -> None:
-    """UsageError where neither the file nor an option says a unit."""
-    said = {unit for table in tables for unit in table.units if unit}
-    increments = " increment" if options.quantity == "increments" else ""
-    for sensor, unit, example in (("gyro", options.gyro_unit, "deg/s"), ("accel", options.accel_unit, "m/s^2")):
-        if unit is None and not any(_is_of(text, f"{sensor}{increments}") for text in said):
-            raise UsageError(
-                f"{path}: nothing says the unit of the {sensor} columns; give --{sensor}-unit, such as {example} or that of one count"
-            )
-
-
-def _is_of(text: str, kind: str) -> bool:
-    try:
-        unit_factor(text, kind)
-    except UsageError:
-        return False
-    return True

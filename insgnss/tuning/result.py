@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..files import json_ready
 from ..stochastic.estimates import Estimate
 from ..stochastic.gmwm import Fit
 from ..stochastic.goodness import GoodnessOfFit
@@ -73,14 +74,15 @@ class TuneResult:
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able."""
-        return {
+        told = {
             "recordings": [_recording(r) for r in self.recordings],
             "options": asdict(self.options),
             "fits": [_fit(t, self.recordings) for t in self.tuned],
             "turn_on_bias": list(self.turn_on),
             "notes": list(self.notes),
-            "files": [str(path) for path in self.files],
+            "files": self.files,
         }
+        return dict(json_ready(told))
 
 
 def _recording(r: StaticRecording) -> dict[str, Any]:

@@ -4,7 +4,7 @@ read, check, wavelet variances   each recording (`recordings`)
 choose, fit, infer               each sensor, axis by axis or the three jointly, over all recordings (`fitting`)
 trends at the start              against the fitted noise (`trend`)
 noise model                      its turn-on bias from the means (`turn_on`), what cannot be told written as what it acts like
-files                            noise model, table as JSON, a figure a sensor (`delivered`)
+files                            noise model, table as JSON, a figure a sensor (`written`)
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,14 +16,16 @@ import numpy as np
 from ..errors import DataError, UsageError
 from ..stochastic.composition import Composition
 from .fitting import compositions, tune_axes
-from .options import TuneOptions
-from .recordings import SENSORS, StaticRecording, read_static
+from .options import TuneOptions, chosen_levels
+from .recordings import AXES, POOLING, SENSORS, StaticRecording, read_static
 from .result import Tuned, TuneResult
 from .trend import warm_up
 from .turn_on import turn_on_bias
 from .written import noise_model, planned, write
 
 Progress = Callable[[str], None]
+
+APART, FINEST = 3.0, 3  # of the noise of recordings that cannot be of one IMU, over so many scales
 
 
 def tune_static(
@@ -41,6 +43,7 @@ def tune_static(
         raise UsageError(f"{next(p for p in paths if list(paths).count(p) > 1)}: given twice; one recording counts once")
     recordings = tuple(read_static(path, options, progress) for path in paths)
     _same(recordings)
+    _alike(recordings, options)
     tuned = _tuned(recordings, family, options, progress)
     values, told = turn_on_bias(recordings)
     model = noise_model(target.stem, recordings, tuned, values)
@@ -58,6 +61,32 @@ def _same(recordings: Sequence[StaticRecording]) -> None:
         seen[r.source.sha256] = r.name
         if set(r.curves) != set(recordings[0].curves):
             raise DataError(f"{r.name}: has other axes than {recordings[0].name}; tune them one by one")
+
+
+def _alike(recordings: Sequence[StaticRecording], options: TuneOptions) -> None:
+    """DataError where the noise of a recording at its finest scales is `APART` times that of the others, or a part of it as small.
+
+    Compared is the root of wavelet variance times scale, which is the density where noise is white, whatever the rate.
+    """
+    if len(recordings) < 2 or POOLING in options.accept:
+        return
+    for sensor, k in recordings[0].curves:
+        curves = [r.curves[sensor, k] for r in recordings]
+        levels = chosen_levels(options.levels, max(int(curve.level[-1]) for curve in curves))
+        fine = [np.isin(c.level, levels or c.level).nonzero()[0][:FINEST] for c in curves]
+        if not all(at.size for at in fine):
+            continue
+        size = np.array([np.log(c.variance[at] * c.scale_s[at]).mean() / 2.0 for c, at in zip(curves, fine, strict=True)])
+        apart = size - [np.median(np.delete(size, i)) for i in range(size.size)]
+        i = int(np.argmax(apart)) if size.size == 2 else int(np.argmax(np.abs(apart)))
+        if abs(apart[i]) > np.log(APART):
+            factor, others = float(np.exp(apart[i])), "the others" if size.size > 2 else recordings[1 - i].name
+            scales = curves[i].scale_s[fine[i]]
+            raise DataError(
+                f"{recordings[i].name}: {sensor} {AXES[k]} has {factor:.3g} times the noise of {others} at {scales[0]:.3g} to "
+                f"{scales[-1]:.3g} s; no one model serves them: another IMU or unit? tune them one by one; "
+                f"--accept {POOLING} takes it all the same"
+            )
 
 
 def _tuned(

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ..stochastic.estimates import Estimate
+from ..stochastic.goodness import p_text
 from ..units import parse_unit
 from .recordings import StaticRecording
-from .words import FITS, goodness_p, p_text, said, trends
+from .words import FITS, goodness_p, said, trends
 
 if TYPE_CHECKING:
     from .result import Tuned, TuneResult
@@ -141,7 +142,9 @@ def plus_minus(value: float, error: float) -> str:
 
 def _interval(sensor: str, e: Estimate) -> str:
     low, high = (printed(sensor, e.name, x) for x in (e.low, e.high))
-    return f"{low:.4g} to {high:.4g}" if math.isfinite(high) else f"from {low:.4g}"
+    if math.isfinite(high):
+        return f"{low:.4g} to {high:.4g}"
+    return f"from {low:.4g}, not bounded" if low > 0.0 else "not bounded"
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:

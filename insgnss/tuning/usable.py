@@ -11,11 +11,13 @@ A process without strength is left out.
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from ..stochastic.inference import Inference
 from ..stochastic.model import AxisNoise, GaussMarkov
+from ..units import rounded
 
 Errors = dict[str, float]
 WHITE_BELOW = 0.1  # of the shortest averaging time that was fitted: there the wavelet variance is within 10 % of that of white noise
@@ -56,9 +58,24 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
             processes.append(process)
             at = len(processes)
             errors |= {f"{e.name.rpartition('_')[0]}_{at}": e.standard_error for e in (time, strength) if _told(e.standard_error)}
+    remarks += _undetermined(inference)
     errors = {name: value for name, value in errors.items() if _told(value)}
-    axis = AxisNoise(white, fit.axis.quantization, 0.0, walk, fit.axis.drift, tuple(processes), standard_error=tuple(errors.items()))
+    axis = replace(fit.axis, white_noise=white, random_walk=walk, gauss_markov=tuple(processes), standard_error=tuple(errors.items()))
     return axis, tuple(remarks)
+
+
+def _undetermined(inference: Inference) -> list[str]:
+    """A sentence for each process that counts as identifiable and of which a number is hardly known all the same."""
+    found = []
+    for v in inference.verdicts:
+        number = v.process.rpartition("_")[2]
+        pair = f"correlation_time_{number}", f"driving_noise_{number}"
+        names = pair if v.process.startswith("gauss_markov") else (v.process,)
+        poor = [e.name for e in (inference[name] for name in names) if not np.isfinite(e.high) or e.log_error > 1.0]
+        if v.identifiable and poor:
+            what = " and ".join(name.replace("_", " ") for name in poor)
+            found.append(f"{what}: known to worse than a factor of e, so that the number in the model means little; take fewer processes")
+    return found
 
 
 def _told(error: float) -> bool:
@@ -73,13 +90,11 @@ def _white_density(process: GaussMarkov, dt: float, sampling: str) -> float:
     return process.sigma * math.sqrt(dt / math.tanh(0.5 * u))
 
 
-def rounded(axis: AxisNoise, units: Mapping[str, str]) -> AxisNoise:
+def rounded_axis(axis: AxisNoise, units: Mapping[str, str]) -> AxisNoise:
     """The axis with six digits, and two of the standard errors, in the units of the noise-model file."""
-    from ..units import parse_quantity, parse_unit
 
     def digits(value: float, name: str, count: int) -> float:
-        unit = "s" if name.startswith("correlation_time") else units[name.rstrip("_0123456789")]
-        return parse_quantity(f"{value / parse_unit(unit).scale:.{count}g} {unit}", unit)
+        return rounded(value, "s" if name.startswith("correlation_time") else units[name.rstrip("_0123456789")], count)
 
     processes = tuple(
         GaussMarkov(digits(p.correlation_time_s, "correlation_time", 6), digits(p.driving_noise, "driving_noise", 6))

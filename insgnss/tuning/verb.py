@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 def tune(given: argparse.Namespace, progress: Callable[[str], None]) -> "TuneResult | FlightTuning":
     """Do what the parsed command line asks for. Raises UsageError for what does not go together."""
-    if (given.flight is None) == (not given.static):
+    if given.flight is not None and given.static:
+        raise UsageError(f"tune: both static recordings ({given.static[0]}) and --flight are given; choose one of them")
+    if given.flight is None and not given.static:
         raise UsageError("tune: give static recordings, or --flight FLIGHT; see insgnss tune --help")
     options = options_of(given)
     if given.flight is None:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..report.noise import UNIT
+from ..stochastic.goodness import p_text
 from ..units import parse_unit
 from .recordings import AXES, StaticRecording
 
@@ -20,16 +22,15 @@ MOST_RANKED = 5
 WARM = 3.0  # time constants until a sensor is warm
 SETTLES = 1.0 / 6.0  # of the recording's length: a decay that is slower is called a drift
 SAME = 1e-6  # relative, of objectives
-SIGMA = {"gyro": "deg/h", "accel": "ug"}
 
 
 def said(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
     """Everything on one model, the most important first."""
     yield from ranked(t)
     yield from verdict(t, recordings)
-    sigmas = [f"{process.sigma / parse_unit(SIGMA[t.sensor]).scale:.4g}" for process in t.noise.gauss_markov]
+    sigmas = [f"{process.sigma / parse_unit(UNIT[t.sensor]).scale:.4g}" for process in t.noise.gauss_markov]
     if sigmas:
-        yield f"stationary sigma of the Gauss-Markov processes: {', '.join(sigmas)} {SIGMA[t.sensor]}"
+        yield f"stationary sigma of the Gauss-Markov processes: {', '.join(sigmas)} {UNIT[t.sensor]}"
 
 
 def verdict(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
@@ -38,9 +39,9 @@ def verdict(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
     if t.stationarity is not None:
         yield with_names(t.stationarity.sentence, t, recordings)
     yield from superfluous(t)
-    short = {v.process for v in t.inference.verdicts if v.reason == "short"}
+    stood_in = t.noise.white_noise > t.kept.axis.white_noise  # a process that is too short stands in the model as white noise
     for v in t.inference.verdicts:  # but for what `superfluous` and `remarks` say
-        if not v.identifiable and v.reason not in ("superfluous", "short") and not (short and v.process == "white_noise"):
+        if not v.identifiable and v.reason not in ("superfluous", "short") and not (stood_in and v.process == "white_noise"):
             yield with_names(_last_model(v.sentence), t, recordings)
     yield from t.remarks
 
@@ -106,8 +107,12 @@ def curve_name(t: "Tuned", recordings: Sequence[StaticRecording], i: int) -> str
 
 def with_names(text: str, t: "Tuned", recordings: Sequence[StaticRecording]) -> str:
     """`text` with names of recordings in the place of their numbers."""
-    text = re.sub(r"\bcurve (\d+)", lambda match: curve_name(t, recordings, int(match[1]) - 1), text)
-    return re.sub(r"\brecording (\d+)", lambda match: recordings[int(match[1]) - 1].name, text)
+
+    def name(match: re.Match[str]) -> str:
+        number = int(match[2]) - 1
+        return curve_name(t, recordings, number) if match[1] == "curve" else recordings[number].name
+
+    return re.sub(r"\b(curve|recording) (\d+)", name, text)
 
 
 def ranked(t: "Tuned") -> Iterator[str]:
@@ -124,7 +129,8 @@ def ranked(t: "Tuned") -> Iterator[str]:
             f"{c.composition}" + (f" {behind:+.3g}" if c is not best else "") + (" (as good)" if c.equivalent and c is not best else "")
         )
     criterion = f"{t.ranking.criterion}, over recordings left out" if crossed else t.ranking.criterion
-    yield f"{t.ranking.chosen.composition} chosen of {len(t.ranking.candidates)} models by {criterion}: {', '.join(words)}"
+    rule = "; of those as good the smallest with all parameters determined goes first" if t.ranking.chosen is not best else ""
+    yield f"{t.ranking.chosen.composition} chosen of {len(t.ranking.candidates)} models by {criterion}: {', '.join(words)}{rule}"
 
 
 def _repeats(candidate: "Candidate", others: Sequence["Candidate"]) -> bool:
@@ -133,21 +139,16 @@ def _repeats(candidate: "Candidate", others: Sequence["Candidate"]) -> bool:
     return bool(candidate.fit.at_bound) and any(o.composition.size < size and o.fit.objective <= Q * (1.0 + SAME) for o in others)
 
 
-def p_text(p: float) -> str:
-    """A p-value in words."""
-    return "p < 1e-99" if p < 1e-99 else f"p = {p:.2g}"
-
-
 def trends(sensor: str, tuned: Sequence["Tuned"], recordings: Sequence[StaticRecording]) -> Iterator[str]:
     """Trends at the start that the fitted noise does not explain, of all axes of a sensor together."""
     length = {r.name: r.length_s for r in recordings}
     there = [(name, k, trend) for t in tuned for name, k, trend in t.trends if trend.is_there]
     settling = [(name, k, trend) for name, k, trend in there if trend.time_s < SETTLES * length[name]]
-    scale = parse_unit(SIGMA[sensor]).scale
+    scale = parse_unit(UNIT[sensor]).scale
     if settling:
         name, k, trend = max(settling, key=lambda item: abs(item[2].amplitude))
         minutes = math.ceil(WARM * float(np.median([item[2].time_s for item in settling])) / 60.0)
-        size = f"{abs(trend.amplitude) / scale:.3g} +- {trend.sigma / scale:.2g} {SIGMA[sensor]}"
+        size = f"{abs(trend.amplitude) / scale:.3g} +- {trend.sigma / scale:.2g} {UNIT[sensor]}"
         yield (
             f"warm-up: {_where(settling, recordings)} settle after the start by more than the noise found explains; most {name} {AXES[k]}, "
             f"{size} in {trend.time_s / 60.0:.2g} min (time constant); --skip {minutes} leaves that out"

@@ -1,18 +1,16 @@
 """The files of a tuning: noise model, table for machines, a figure a sensor. Each appears whole or not at all, the noise model last."""
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from ..errors import UsageError
 from ..files import atomic_write
 from ..stochastic.model import NOISE_UNITS, AxisNoise, NoiseModel, write_noise_model
 from .recordings import SENSORS, StaticRecording
 from .result import Tuned, TuneResult
-from .usable import rounded
+from .targets import check_target, refuse_present
+from .usable import rounded_axis
 from .words import verdict
 
 DEFAULT = Path("imu_noise.toml")
@@ -20,15 +18,9 @@ DEFAULT = Path("imu_noise.toml")
 
 def planned(out: Path | None, force: bool) -> Path:
     """Where the noise model goes. Raises UsageError where it cannot, or where one of the files is there already."""
-    target = out or DEFAULT
-    if target.suffix != ".toml":
-        raise UsageError(f"{target}: a noise model is a TOML file; end its name with .toml")
-    if not target.parent.is_dir():
-        raise UsageError(f"{target}: the directory does not exist; create it first")
-    there = [str(path) for path in (target, *_beside(target)) if path.exists()]
-    if there and not force:
-        verb = "is" if len(there) == 1 else "are"
-        raise UsageError(f"{', '.join(there)} {verb} there already; nothing done; give another --out FILE, or --force")
+    target = check_target(out or DEFAULT)
+    if not force:
+        refuse_present((target, *_beside(target)))
     return target
 
 
@@ -42,7 +34,7 @@ def noise_model(
     """Noise of all six axes; None where one was not tuned."""
     axes: dict[tuple[str, int], AxisNoise] = {}
     for t in tuned:
-        noise = rounded(replace(t.noise, turn_on_bias=turn_on.get(t.sensor, 0.0)), NOISE_UNITS[t.sensor])
+        noise = rounded_axis(replace(t.noise, turn_on_bias=turn_on.get(t.sensor, 0.0)), NOISE_UNITS[t.sensor])
         axes |= {(t.sensor, k): noise for k in t.axes}
     if len(axes) < 6:
         return None
@@ -65,7 +57,7 @@ def write(result: TuneResult, target: Path) -> TuneResult:
     result = replace(result, files=files, notes=notes)
     for path, png in drawn.items():
         atomic_write(path, png)
-    atomic_write(table, json.dumps(_plain(result.as_dict()), indent=1, allow_nan=False) + "\n")
+    atomic_write(table, json.dumps(result.as_dict(), indent=1, allow_nan=False) + "\n")
     if result.model is not None:
         write_noise_model(result.model, target, _remarks(result))
     return result
@@ -74,14 +66,3 @@ def write(result: TuneResult, target: Path) -> TuneResult:
 def _remarks(result: TuneResult) -> tuple[str, ...]:
     """What a person who opens the noise model should know."""
     return (*result.turn_on, *(f"{t.name}: {text}" for t in result.tuned for text in verdict(t, result.recordings)))
-
-
-def _plain(value: Any) -> Any:
-    """With arrays as lists and what is not finite as null."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if isinstance(value, str | int | None) else _plain(value.tolist())

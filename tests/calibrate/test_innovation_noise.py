@@ -120,6 +120,24 @@ def test_what_a_short_flight_does_not_tell_is_held():
     assert n.imu_factors() == {"gyro.white_noise": 1.0, "accel.white_noise": 1.0}
 
 
+def test_a_factor_far_from_one_is_found():
+    """Oracle: the simulator's factors of 120 for the gyroscopes and 3 for the accelerometers: within three standard errors."""
+    quiet_gyros = state_layout(louder(1.0 / 40.0, 1.0))
+    n = estimate(solved(fly(240.0, 15, imu_hz=100.0, noise=louder(3.0, 3.0), layout=quiet_gyros, gnss=GOOD)))
+    assert not n.held
+    assert n.white
+    assert (np.abs(np.log(n.factor[:2] / [120.0, 3.0])) < 3.0 * n.log_sigma[:2]).all()
+
+
+def test_what_is_held_but_ruled_out_is_told():
+    """Oracle: an IMU whose accelerometers are a thousandth as loud as the model says: out of the search, and not as the model has it."""
+    loud = state_layout(louder(1.0, 1000.0))
+    n = estimate(solved(fly(120.0, 16, imu_hz=100.0, noise=NAVCHIP, layout=loud, gnss=GOOD)))
+    assert "accel.white_noise" in dict(n.held)
+    assert n.loss > 100.0
+    assert n.asks_for_more
+
+
 def test_rests_are_left_out(quiet):
     """Oracle: times of the epochs; parts of less than 20 s go."""
     t0 = quiet.time[0]
@@ -164,3 +182,5 @@ def test_whiteness_tells_white_from_coloured():
     assert (w.p_value[:2] > 1e-3).all()
     assert w.p_value[2] < 1e-12
     assert w.lag_one[2] == pytest.approx(0.5, abs=0.05)
+    assert (w.together[:2] < 0.1).all()
+    assert w.together[2] == pytest.approx(np.sqrt(1.0 / 3.0), abs=0.05)  # of 0.25^l, l = 1, 2, ...

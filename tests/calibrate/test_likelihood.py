@@ -1,5 +1,6 @@
 """Likelihood of the innovations and its slopes against the density of all measurements at once, the filter itself and differences."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -111,7 +112,8 @@ def test_information_is_what_the_gradients_of_simulated_measurements_spread(shor
     and a correlation to 6 %, and 4 sigma are let pass.
     """
     stretch = linear_stretch(short, NAMES)
-    draws = [evaluate([redrawn(short, stretch, np.random.default_rng(seed))], np.zeros(7)) for seed in range(250)]
+    draw = drawing(stretch)
+    draws = [evaluate([draw(np.random.default_rng(seed))], np.zeros(7)) for seed in range(250)]
     gradient = np.array([d.gradient for d in draws])
     expected = 2.0 * np.mean([d.information for d in draws], axis=0)
     scale = np.sqrt(np.diag(expected))
@@ -119,23 +121,36 @@ def test_information_is_what_the_gradients_of_simulated_measurements_spread(shor
     assert (np.abs(gradient.mean(axis=0)) < 4.0 * scale / np.sqrt(250.0)).all()
 
 
-def redrawn(solution: Solution, stretch: LinearStretch, rng: np.random.Generator) -> LinearStretch:
-    """The stretch with errors and measurements drawn from its model at theta = 0."""
-    lin = stretch.linear
-    nu = lin.nu.copy()
-    state = rng.multivariate_normal(stretch.mean0, stretch.P0.sum(axis=0), method="eigh")
-    n = state.size
+def drawing(stretch: LinearStretch) -> Callable[[np.random.Generator], LinearStretch]:
+    """What gives the stretch with errors and measurements drawn from its model at theta = 0."""
+    lin, n = stretch.linear, stretch.mean0.size
+    start = root(stretch.P0.sum(axis=0))
+    step, R = [], [[root(lin.R[e, j]) for j in range(lin.kind.size)] for e in range(lin.time.size)]
     for e in range(lin.time.size):
-        if e > 0:
-            Phi, Q = np.zeros((n, n)), np.zeros((n, n))
-            Phi[:9], Phi[9:, 9:] = lin.F[e], np.diag(lin.D[e])
-            Q[:9, :9], Q[:9, 9:] = lin.Q[e].sum(axis=0), lin.Q_cross[e].sum(axis=0)
-            Q[9:, :9], Q[9:, 9:] = Q[:9, 9:].T, np.diag(lin.Q_states[e].sum(axis=0))
-            scale = np.sqrt(np.where(np.diag(Q) > 0.0, np.diag(Q), 1.0))
-            state = Phi @ state + lin.gap[e] + scale * rng.multivariate_normal(np.zeros(n), Q / np.outer(scale, scale), method="eigh")
-        for j in np.flatnonzero(lin.there[e]):
-            nu[e, j, :, 0] = lin.H[e, j] @ state + rng.multivariate_normal(np.zeros(3), lin.R[e, j])
-    return replace(stretch, linear=lin._replace(nu=nu))
+        Phi, Q = np.zeros((n, n)), np.zeros((n, n))
+        Phi[:9], Phi[9:, 9:] = lin.F[e], np.diag(lin.D[e])
+        Q[:9, :9], Q[:9, 9:] = lin.Q[e].sum(axis=0), lin.Q_cross[e].sum(axis=0)
+        Q[9:, :9], Q[9:, 9:] = Q[:9, 9:].T, np.diag(lin.Q_states[e].sum(axis=0))
+        step.append((Phi, root(Q)))
+
+    def draw(rng: np.random.Generator) -> LinearStretch:
+        nu = lin.nu.copy()
+        state = stretch.mean0 + start @ rng.standard_normal(n)
+        for e, (Phi, Q) in enumerate(step):
+            if e > 0:
+                state = Phi @ state + lin.gap[e] + Q @ rng.standard_normal(n)
+            for j in np.flatnonzero(lin.there[e]):
+                nu[e, j, :, 0] = lin.H[e, j] @ state + R[e][j] @ rng.standard_normal(3)
+        return replace(stretch, linear=lin._replace(nu=nu))
+
+    return draw
+
+
+def root(cov: np.ndarray) -> np.ndarray:
+    """A with A A' = cov, of which some variances may be zero."""
+    scale = np.sqrt(np.where(np.diag(cov) > 0.0, np.diag(cov), 1.0))
+    size, V = np.linalg.eigh(cov / np.outer(scale, scale))
+    return scale[:, None] * V * np.sqrt(np.maximum(size, 0.0))
 
 
 def test_innovations_are_those_of_the_filter(disturbed):

@@ -398,7 +398,7 @@ def test_events_round_trip(tmp_path: Path) -> None:
     back = read_events(tmp_path / "Events.txt", gps_week=2008)
     assert back.images == events.images
     assert_allclose(back.time, events.time, atol=0.51e-7, rtol=0)
-    with pytest.raises(InputError, match="'a b' is empty, has blanks"):
+    with pytest.raises(InputError, match="'a b' has a blank"):
         write_events(CameraEvents(("a b",), np.array([1.0])), tmp_path / "x.txt")
 
 

@@ -50,7 +50,9 @@ def geoid(tmp_path: Path) -> Path:
 def points_of(directory: Path, crs: str | None) -> tuple[list[str], Array, Frame]:
     """Names, places in ECEF and the frame of points.csv, whose heights in a projected CRS may be above the geoid."""
     *words, columns = comments(directory / "points.csv")
-    frames = {"E_m": PLANE, "X_m": Geocentric(), "longitude_deg": Frame(), "easting_m": Projected(crs or "EPSG:32632")}
+    origin = re.search(r"(\S+) deg, longitude (\S+) deg, (\S+) m", words[0])
+    plane = Tangent(float(origin[2]), float(origin[1]), float(origin[3])) if origin else PLANE
+    frames = {"E_m": plane, "X_m": Geocentric(), "longitude_deg": Frame(), "easting_m": Projected(crs or "EPSG:32632")}
     lines = rows(directory / "points.csv", ",")
     frame = frames[columns.split(",")[1]]
     x = np.array([line[1:] for line in lines], dtype=float)
@@ -106,6 +108,21 @@ def test_every_format_has_a_proof(name: str, crs: str | None, tmp_path: Path, ge
     off = residuals(directory, crs, poses)
     assert off.size > (10 if name == "relative" else 27)
     assert off.max() < LIMIT_PX + (0.01 if name == "relative" and crs else 0.0)  # a difference of grid coordinates is no offset in space
+
+
+@pytest.mark.usefixtures("sketched")
+def test_the_points_of_bentley_are_in_its_own_frame(tmp_path: Path) -> None:
+    """Oracle: the SRS of the file, whose origin lies on the ellipsoid, for both; points.csv taken by its columns alone."""
+    write_proof("bentley", tmp_path / "proof")
+    poses = bentley.poses(bentley.read(tmp_path / "proof" / "blocks.xml"), Frame())
+    names, _, _ = points_of(tmp_path / "proof", None)
+    x = np.array([line[1:] for line in rows(tmp_path / "proof" / "points.csv", ",")], dtype=float)
+    globe = Frame().ecef(np.array([line[1:] for line in rows(tmp_path / "proof" / "points_geographic.csv", ",")], dtype=float))
+    assert len(names) == 9
+    assert np.abs(Tangent(6.54, 46.57, 0.0).ecef(x) - globe).max() < 1e-3
+    assert residuals(tmp_path / "proof", None, poses).max() < LIMIT_PX
+    to_do = (tmp_path / "proof" / "README.txt").read_text().partition("Note:")[0]
+    assert "518" not in to_do + (tmp_path / "proof" / "blocks.xml").read_text().partition("-->")[0]
 
 
 @pytest.mark.parametrize("form", ["mapping", "camera"])

@@ -211,10 +211,12 @@ def test_wrong_use_is_refused(arguments, words):
         simulate_flight(**{"flight": "ign8", "minutes": 0.2, "imu": ImuOptions(rate_hz=10.0), "start_in_air": True, **arguments})
 
 
-def test_vibration_that_takes_noise_away_is_refused():
+def test_vibration_that_takes_noise_away_or_has_none_is_refused():
     """Oracle: the contract; the error names the value."""
     with pytest.raises(UsageError, match=r"0\.5"):
         ImuOptions(vibration=0.5)
+    with pytest.raises(UsageError, match="vibration 3 of an ideal sensor"):
+        ImuOptions(noise=None, vibration=3.0)
 
 
 def test_a_short_flight_simulates_at_once():

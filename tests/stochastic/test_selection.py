@@ -86,8 +86,9 @@ def test_the_true_model_is_chosen(axis, truth):
     """Oracle: simulation. The criterion takes one parameter too many in a sixth of cases, as Akaike's; never one too few here."""
     chosen = [str(rank([recording(axis, seed)], ["WN", "GM", "WN+GM", "WN+RW", "QN+WN", "WN+2GM"]).chosen.composition) for seed in range(3)]
     assert chosen.count(truth) >= 2
-    ranking = rank([recording(axis, 1 if truth == "WN+RW" else 2)], "QN+WN+2GM+RW")
-    assert str(ranking.chosen.composition) == truth
+    rankings = [rank([recording(axis, seed)], "QN+WN+2GM+RW") for seed in range(3)]
+    assert [str(ranking.chosen.composition) for ranking in rankings].count(truth) >= 2
+    ranking = rankings[0]
     assert ranking.criterion == "WIC"
     assert len(ranking.candidates) == 23
     wics = [c.wic for c in ranking.candidates]

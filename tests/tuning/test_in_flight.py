@@ -4,12 +4,17 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from flown import error_of, fly, start_near
 from scipy.stats import chi2
 
+from insgnss import cli
+from insgnss.calibrate.innovation_noise import KNOWN, _Maximum, _minutes, _untold
+from insgnss.calibrate.likelihood import Evaluated
+from insgnss.calibrate.straight_flight import SpectralLine
 from insgnss.errors import InputError, UsageError
 from insgnss.flight import Flight, load_flight
 from insgnss.navigation.layout import state_layout
@@ -18,7 +23,8 @@ from insgnss.pipeline import process
 from insgnss.simulate.dataset import write_dataset
 from insgnss.simulate.receiver import GnssOptions
 from insgnss.stochastic.model import NoiseModel, load_noise_model
-from insgnss.tuning.in_flight import FlightTuning, _judged, tune_flight
+from insgnss.tuning.in_flight import FlightTuning, _estimated, _judged, _read, tune_flight
+from insgnss.tuning.in_flight_files import model_in_flight
 
 GOOD = GnssOptions(sigma_m=(0.005, 0.005, 0.008))
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
@@ -51,8 +57,13 @@ def tuned(shaken: Flight) -> FlightTuning:
 
 
 @pytest.fixture(scope="module")
-def calm(tmp_path_factory: pytest.TempPathFactory) -> FlightTuning:
-    return tune_flight(data_set(tmp_path_factory.mktemp("flights") / "calm", 1.0, 3.0, 2))
+def unshaken(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    return data_set(tmp_path_factory.mktemp("flights") / "calm", 1.0, 3.0, 2)
+
+
+@pytest.fixture(scope="module")
+def calm(unshaken: Flight) -> FlightTuning:
+    return tune_flight(unshaken)
 
 
 def test_vibration_that_triples_white_noise_is_accepted_and_recovered(tuned):
@@ -107,6 +118,49 @@ def test_the_spectrum_agrees(tuned):
     assert tuned.straight.upper_limit / static == pytest.approx(np.full(6, TRIPLED), rel=0.1)
 
 
+@pytest.fixture(scope="module")
+def foreign(shaken: Flight) -> FlightTuning:
+    """The shaken flight against the model of another class of sensors, whose drifts are not those of its IMU."""
+    flight = replace(shaken, imu=replace(shaken.imu, noise="tactical"), gnss=replace(shaken.gnss, correlated="off"))
+    return tune_flight(flight, shaken.path.parent / "tactical_in_flight.toml")
+
+
+def test_a_far_factor_is_found_but_not_accepted_where_it_stands_in_for_drifts(foreign):
+    """Oracle: the simulator's white noise, 27 times that of the tactical model; white noise above the density of the samples themselves
+    cannot be, and what the innovations ask for besides are the NavChip's Gauss-Markov processes."""
+    tuned = foreign
+    truth = TRIPLED * NAVCHIP.gyro[0].white_noise
+    assert truth / tuned.static.gyro[0].white_noise == pytest.approx(27.06, rel=1e-3)
+    assert tuned.noise.imu_factors()["gyro.white_noise"] > 27.0
+    assert not tuned.noise.held
+    assert not tuned.accepted
+    assert "gyro white noise would be" in tuned.verdict
+    assert "name the noise model of a sensor of its kind" in tuned.verdict
+    assert "gyro white noise cannot be" in tuned.summary()
+    assert (tuned.file, [file.suffix for file in tuned.files]) == (None, [".json", ".png"])
+    assert not (tuned.files[0].parent / "tactical_in_flight.toml").exists()
+
+
+def test_no_accepted_factor_contradicts_the_truth(foreign, tuned):
+    """Oracle: the simulator's white noise: an accepted factor is within three standard errors of it, whatever the static model."""
+    for told in (foreign, tuned):
+        for sensor in ("gyro", "accel") if told.accepted else ():
+            name = f"{sensor}.white_noise"
+            truth = TRIPLED * getattr(NAVCHIP, sensor)[0].white_noise / getattr(told.static, sensor)[0].white_noise
+            assert abs(told.noise.imu_factors()[name] - truth) < 3.0 * told.noise.sigma(name)
+    assert tuned.accepted
+
+
+def test_a_short_flight_says_what_length_would_do():
+    """Oracle: the rule that standard errors fall with the root of time; half the length asks for as long a flight."""
+    sigma = 2.0 * KNOWN
+    at = Evaluated(0.0, np.zeros(1), np.array([[2.0 / sigma**2]]), np.zeros((0, 3)), np.zeros(0), 0, 0)
+    told = _minutes(_Maximum(np.zeros(1), at), 5.0)
+    assert told == pytest.approx([20.0])
+    assert "20 min of such a flight" in _untold(0.1, sigma, float(told[0]))
+    assert np.isinf(_minutes(_Maximum(np.zeros(1), replace(at, information=100.0 * at.information)), 5.0)).all()
+
+
 def test_a_true_model_is_kept_and_only_evidence_written(calm):
     """Oracle: a simulated IMU that is as its model says; the directory's listing."""
     assert not calm.accepted
@@ -116,6 +170,71 @@ def test_a_true_model_is_kept_and_only_evidence_written(calm):
     assert not list(calm.files[0].parent.glob("*noise.toml"))
     assert "keep the static model" in calm.summary()
     assert calm.as_dict()["verdict"] == "keep"
+
+
+def test_the_verb_takes_the_parameters_that_it_is_given(unshaken, tmp_path, capsys):
+    """Oracle: the flight file's model, of which only the driving noise was asked for; it is held or scaled, and the rest is as it was."""
+    target = tmp_path / "noise.toml"
+    argv = ["tune", "--flight", unshaken.path, "--parameters", "gyro.driving_noise, accel.driving_noise", "--out", target, "-q", "--json"]
+    assert cli.main([str(word) for word in argv]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert set(told["factors"]) == {"gyro.driving_noise", "accel.driving_noise", "fixes.position"}
+    assert told["files"][0] == str(target.with_suffix(".json"))
+    assert told["notes"] == []
+
+
+def test_a_factor_of_driving_noise_is_that_of_every_slow_process(tuned, shaken):
+    """Oracle: the product, of Gauss-Markov processes and random walk; standard errors to two digits."""
+    names = ("gyro.driving_noise", "accel.driving_noise")
+    noise = replace(tuned.noise, names=names, factor=np.array([2.0, 1.0]), log_sigma=np.array([0.1, 0.0]))
+    walking = replace(NAVCHIP, gyro=tuple(replace(axis, random_walk=1e-7) for axis in NAVCHIP.gyro))
+    model = model_in_flight(shaken, replace(_read(shaken), noise=walking), noise)
+    for axis, static in zip(model.gyro, walking.gyro, strict=True):
+        assert axis.white_noise == static.white_noise
+        assert axis.random_walk == pytest.approx(2e-7, rel=1e-5)
+        assert [g.driving_noise for g in axis.gauss_markov] == pytest.approx([2.0 * g.driving_noise for g in static.gauss_markov], rel=1e-5)
+        assert dict(axis.standard_error)["random_walk"] == pytest.approx(0.2e-7, rel=0.05)
+    assert model.accel == NAVCHIP.accel
+
+
+@pytest.mark.parametrize(
+    ("adopted", "gain", "asked", "white"),
+    [
+        ((True, True), 19.0, "auto", True),  # noise of the IMU explains as much
+        ((True, True), 21.0, "auto", False),
+        ((True, False), 21.0, "auto", True),  # the stretches do not agree
+        ((True, True), 0.0, "on", False),  # the flight file's own
+        ((False, False), 0.0, "auto", False),
+    ],
+)
+def test_a_correlated_error_that_was_adopted_is_doubted(monkeypatch, adopted, gain, asked, white):
+    """Oracle: the rule; the correlated error stays where the likelihood gains more than 20 beside free noise of the IMU."""
+
+    def part(coloured: int, cost: float) -> SimpleNamespace:
+        return SimpleNamespace(problem=SimpleNamespace(layout=SimpleNamespace(coloured=coloured)), at_best=SimpleNamespace(cost=cost))
+
+    room = "insgnss.calibrate.innovation_noise."
+    monkeypatch.setattr(room + "without_correlated", lambda _: part(-1, gain))
+    monkeypatch.setattr(room + "in_flight_noise", lambda parts, *_: parts[0])
+    flight = SimpleNamespace(gnss=SimpleNamespace(correlated=asked))
+    found, dropped = _estimated(flight, [part(3 if has else -1, 0.0) for has in adopted], (), lambda _: None)
+    assert (found.problem.layout.coloured < 0) == (white or not any(adopted))
+    assert dropped == white
+
+
+def test_what_is_odd_is_told(tuned):
+    """Oracle: the numbers put in: a line of 83 Hz, fixes twice as bad as they claim, no straight flight, a lost stretch."""
+    assert tuned.straight is not None
+    line = SpectralLine("accel z", 83.0, 0.7, 0.7 / (2.0 * np.pi * 83.0), 40.0)
+    noise = replace(tuned.noise, factor=np.where([name == "fixes.position" for name in tuned.noise.names], 2.0, tuned.noise.factor))
+    words = replace(
+        tuned, noise=noise, straight=replace(tuned.straight, lines=(line,)), dropped_correlated=True, notes=("left out: 3 s",)
+    ).summary()
+    for said in ("line accel z 83.00 Hz (or folded from +-100 Hz): rms 0.7 m/s^2; swings by 0.0013 m/s", "sigma of the positions: 2.00 +-"):
+        assert said in words
+    assert "noise of the IMU explains what the solution took for a correlated error" in words
+    assert "  left out: 3 s" in words
+    assert "no straight, level flight" in replace(tuned, straight=None).summary()
 
 
 def test_errors_fit_their_covariance_again(tuned):
@@ -145,11 +264,17 @@ def test_each_doubt_keeps_the_static_model(tuned):
     noise = tuned.noise
     best, after = noise.at_best, noise.after
     coloured = replace(best, whiteness=replace(best.whiteness, lag_one=np.array([0.02, 0.4, 0.01])))
+    slow = {"p_value": np.array([1e-303, 0.5, 0.5]), "together": np.array([0.42, 0.0, 0.0]), "lag_one": np.full(3, 0.02)}
+    lasting = replace(best, whiteness=replace(best.whiteness, **slow))
     doubts = (
         ((replace(noise, chance=0.01), 0, 0), "chance"),
+        ((replace(noise, chance=0.01, gain=0.5 * chi2.isf(1e-3, 2), duration_s=300.0), 0, 0), "10 min of such a flight show it"),
         ((replace(noise, at_best=coloured), 0, 0), "stay correlated, 0.40"),
         ((replace(noise, after=replace(after, nis=1.3), at_best=replace(best, nis=1.3)), 0, 0), "1.300 after"),
         ((noise, 2, 2 + after.fixes // 50), f"2 of {after.fixes} fixes lost before"),
+        ((replace(noise, at_best=lasting), 0, 0), "0.02 from fix to fix and 0.42 over 20 fixes"),
+        ((noise, 0, 0, [("gyro.white_noise", 1.9)]), "gyro white noise would be 1.9 times the quietest octave"),
+        ((replace(noise, loss=500.0, held=(("accel.white_noise", ""),)), 0, 0), "rule out accelerometer white noise"),
         ((replace(noise, free=0, held=(("gyro.white_noise", "too short"),)), 0, 0), "gyro white noise not told by this flight: too short"),
     )
     assert _judged(noise, 0, 0)[0]

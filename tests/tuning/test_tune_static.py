@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from numpy.testing import assert_allclose
 from static_files import ACCEL, BIAS, DEG_H, GRAVITY, GYRO, RATE, samples, save
 
 from insgnss import cli
-from insgnss.stochastic.model import load_noise_model
+from insgnss.stochastic.model import AxisNoise, GaussMarkov, load_noise_model
+from insgnss.stochastic.processes import simulate_noise
 from insgnss.stochastic.wavelet import wavelet_variance
 from insgnss.tuning.options import TuneOptions, chosen_levels
 from insgnss.tuning.static import tune_static
@@ -130,12 +132,19 @@ def refusal(capsys, *argv):
     return code, lines[0]
 
 
-def test_wrong_use_is_refused_before_anything_is_read(folder, tmp_path, capsys):
+def test_wrong_use_is_refused_before_anything_is_read(tuned, folder, tmp_path, capsys):
     """Oracle: design.md 5, exit code 2 and a line that says what to do."""
     rest, out = folder / "rest1.npy", ["--out", tmp_path / "x.toml"]
+    rows = "".join(f"gyro_x,{2.0**j / RATE},{1e-9 / 2**j}\n" for j in range(1, 9))
+    (folder / "nameless.csv").write_text(f"# rate_hz = {RATE}\n# samples = 36000\naxis,scale_s,wavelet_variance\n{rows}")
     for argv, said in (
         ([], "give static recordings, or --flight FLIGHT"),
-        ([rest, "--flight", "flight.toml"], "give static recordings, or --flight FLIGHT"),
+        ([rest, "--flight", "flight.toml"], "both static recordings"),
+        ([rest, *UNITS, "--model", "", *out], "a model without a name"),
+        ([rest, *UNITS, "--gyro-model", "WN,", *out], "a process is missing"),
+        ([rest, *UNITS, "--columns", "", *out], "--columns ''"),
+        ([rest, *UNITS, "--skip", "-1", *out], "'-1' is no number from 0"),
+        ([rest, *UNITS, "--out", "/proc/x.toml"], "/proc/x.toml: cannot be written"),
         ([rest, *UNITS, "--parameters", "gyro.white_noise"], "--parameters belongs to --flight"),
         (["--flight", "flight.toml", "--model", "WN"], "with --flight only --parameters, --out and --force have a meaning"),
         ([rest, *UNITS, "--model", "WN+2GN", *out], "unknown process 'GN', did you mean 'GM'?"),
@@ -148,7 +157,11 @@ def test_wrong_use_is_refused_before_anything_is_read(folder, tmp_path, capsys):
         ([rest, *UNITS, "--out", tmp_path / "nowhere" / "x.toml"], "the directory does not exist"),
         ([rest, *UNITS, "--out", tmp_path / "x.txt"], "end its name with .toml"),
         ([rest, *UNITS, "--out", folder / "imu.toml"], "are there already"),
+        ([rest, *UNITS, "--columns", "gx=1,gy", *out], "give names in the order of the columns, or every one as in"),
+        ([rest, *UNITS, "--columns", "gx,gy,gz,ax,ay,ax", *out], "names ax twice"),
+        ([folder / "nameless.csv", *out], "nothing says the unit that the gyro variances are of; give --gyro-unit, such as rad/s"),
         ([rest, *UNITS, "--bootstrap", "1", *out], "give 2 replicates at least"),
+        ([rest, *UNITS, "--seed", "-1", *out], "give a whole number from 0"),
         ([rest, *UNITS, "--accept", "colour", "--model", "WN", *out], "no such check"),
     ):
         code, line = refusal(capsys, *argv)
@@ -164,7 +177,7 @@ def test_recordings_that_do_not_support_an_answer_are_refused(tmp_path, capsys):
     faults = {
         "short": (rest[:2_500], "length: 50.0 s without interruption; expected 60 s and more"),
         "constant": (rest * [1, 0, 1, 1, 1, 1], "constant channel: gyro y is 0 throughout"),
-        "moving": (rest + np.sin(2.0 * t) * [0.2, 0, 0, 3, 0, 0], "motion: at rest for 0% of the time"),
+        "moving": (rest + np.sin(2.0 * t) * [0.2, 0, 0, 3, 0, 0], "if it was at rest, check the units: it scatters by 0.14 rad/s, 2.1"),
         "in_g": (rest / [1, 1, 1, 9.8, 9.8, 9.8], "the values look like g: give --accel-unit g; gravity must be in them; --accept units"),
     }
     for name, (values, said) in faults.items():
@@ -172,6 +185,10 @@ def test_recordings_that_do_not_support_an_answer_are_refused(tmp_path, capsys):
         code, line = refusal(capsys, path, *UNITS, "--out", tmp_path / "x.toml")
         assert code == 4
         assert f"{name}.npy: " in line
+        assert said in line
+    for more, said in ((["--model", "DR"], "a drift without noise"), (["--skip", "3"], "nothing from 180 s on")):
+        code, line = refusal(capsys, save(tmp_path / "rest.npy", rest), *UNITS, *more, "--out", tmp_path / "x.toml")
+        assert code == 4
         assert said in line
     assert {path.suffix for path in tmp_path.iterdir()} == {".npy"}
 
@@ -249,9 +266,33 @@ def test_a_filtered_sensor_is_told_from_which_scale_on_the_model_fits(folder, tm
     text = result.summary()
     assert "does not fit (J" in text
     assert "weights of the intervals kept" in text
+    advised = {t.name: re.search(r"fits \(p = (\S+)\): --levels (\d+-)", t.remarks[-1]) for t in result.tuned}
+    (levels,) = {match[2] for match in advised.values()}
+    followed = tune_static([tmp_path / "filtered.npy"], TuneOptions(**{**OPTIONS.__dict__, "levels": levels}), tmp_path / "followed.toml")
+    for t in followed.tuned:  # what is promised is what comes, to the two digits said
+        assert_allclose(t.goodness.p_value, float(advised[t.name][1]), rtol=0.05)
+        assert t.goodness.p_value >= 0.05
     again = tune_static([tmp_path / "filtered.npy"], TuneOptions(**{**OPTIONS.__dict__, "levels": "7-"}), tmp_path / "fits.toml")
     held = [e.low < truth(t.sensor)[e.name] < e.high for t in again.tuned for e in t.inference.estimates]
     assert sum(held) >= 14
+
+
+def test_a_slow_misfit_is_not_blamed_on_fine_scales(tmp_path, no_pictures):
+    """Oracle: a slow Gauss-Markov process put in beside the one of the model; the advice is that process, not fewer fine scales."""
+    rng = np.random.default_rng(6)
+    n = int(40 * 60 * RATE)
+    slow = GaussMarkov.from_sigma(150.0, 60.0 * DEG_H)
+    gyro = AxisNoise(white_noise=GYRO.white_noise, gauss_markov=(*GYRO.gauss_markov, slow))
+    noise = [simulate_noise(axis, n, 1.0 / RATE, rng) for axis in (gyro,) * 3 + (ACCEL,) * 3]
+    save(tmp_path / "slow.npy", np.column_stack(noise) + np.concatenate([BIAS, GRAVITY]))
+    result = tune_static([tmp_path / "slow.npy"], OPTIONS, tmp_path / "x.toml")
+    long = [r for t in result.tuned[:3] for r in t.remarks if "the misfit is at long scales" in r]
+    assert long
+    assert all("--model WN+2GM or WN+GM+RW" in r and "--levels" not in r for r in long)
+    for t in result.tuned[:3]:
+        lowest = min((j for _, j in t.inference.goodness.misfits), default=0)
+        starts = [int(m[1]) for r in t.remarks for m in re.finditer(r"--levels (\d+)-", r)]
+        assert all(start > lowest for start in starts)
 
 
 def test_models_compete_where_none_is_named(folder, tmp_path, no_pictures, capsys):
@@ -277,7 +318,7 @@ def test_models_compete_where_none_is_named(folder, tmp_path, no_pictures, capsy
 
 
 def test_recordings_of_different_sensors_are_told_apart(folder, tmp_path, no_pictures):
-    """Oracle: a recording whose noise is half as large again; near-stationarity is refused, and its recording named."""
+    """Oracle: a recording whose noise is half as large again; near-stationarity is refused, and of two neither is blamed."""
     values = np.load(folder / "rest2.npy")
     mean = values.mean(axis=0)
     save(tmp_path / "other.npy", mean + 1.5 * (values - mean))
@@ -287,8 +328,7 @@ def test_recordings_of_different_sensors_are_told_apart(folder, tmp_path, no_pic
         assert t.stationarity is not None
         assert t.stationarity.p_value < 1e-6
     text = result.summary()
-    assert "one parameter set does not serve all 2 recordings" in text
-    assert "rest1.npy has" in text or "other.npy has" in text
+    assert "one parameter set does not serve both recordings: they differ" in text
     assert "curve 1" not in text
     same = tune_static([folder / "rest1.npy", folder / "rest2.npy"], joint, tmp_path / "same.toml")
     assert all(t.stationarity is not None and t.stationarity.p_value > 1e-3 for t in same.tuned)

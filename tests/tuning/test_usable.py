@@ -1,20 +1,24 @@
 """What a recording cannot tell, written as what it acts like; and the turn-on bias of the means."""
 
+import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from insgnss.records import WaveletVariance
+from insgnss.stochastic.estimates import Estimate
 from insgnss.stochastic.gmwm import fit
 from insgnss.stochastic.inference import infer
 from insgnss.stochastic.model import NOISE_UNITS, AxisNoise, GaussMarkov, RecordingSource
 from insgnss.stochastic.theory import haar_variance
 from insgnss.tuning.recordings import StaticRecording
-from insgnss.tuning.table import plus_minus, printed, unit_text
+from insgnss.tuning.table import _interval, plus_minus, printed, unit_text
 from insgnss.tuning.turn_on import turn_on_bias
-from insgnss.tuning.usable import rounded, usable_axis
+from insgnss.tuning.usable import rounded_axis, usable_axis
+from insgnss.tuning.words import with_names
 
 RATE, SAMPLES = 100.0, 400_000
 DEG_H = np.pi / 180.0 / 3600.0
@@ -63,10 +67,28 @@ def test_what_is_told_is_kept():
     assert set(dict(noise.standard_error)) == {"white_noise", "correlation_time_1", "driving_noise_1"}
 
 
+def test_a_number_that_is_hardly_known_is_told():
+    """Oracle: a process far below the scatter of the curve; said of its two parameters unless a verdict says so already."""
+    weak = AxisNoise(white_noise=1e-4, gauss_markov=(GaussMarkov.from_sigma(2.0, 8e-6),))
+    inference = infer(fit(curve_of(weak), "WN+GM"), intervals="sandwich")
+    trusted = replace(inference, verdicts=tuple(replace(v, identifiable=True, reason="") for v in inference.verdicts))
+    (remark,) = usable_axis(trusted)[1]
+    assert remark.startswith("correlation time 1 and driving noise 1: known to worse than a factor of e")
+    doubted = replace(inference, verdicts=tuple(replace(v, identifiable=False, reason="strength") for v in inference.verdicts))
+    assert usable_axis(doubted)[1] == ()
+
+
+def test_numbers_of_recordings_become_names_once():
+    """Oracle: names that look like numbers themselves."""
+    recordings = [SimpleNamespace(name="recording 12.npy"), SimpleNamespace(name="curve 9.npy")]
+    said = with_names("curve 1 and recording 2 of 3 recordings", SimpleNamespace(axes=(0,)), recordings)
+    assert said == "recording 12.npy and curve 9.npy of 3 recordings"
+
+
 def test_digits_of_the_file():
     """Oracle: the decimal digits in the units of the file, six and two."""
     axis = AxisNoise(1.23456789e-4, gauss_markov=(GaussMarkov(7.123456789, 1e-5),), standard_error={"white_noise": 1.2345e-6})
-    short = rounded(axis, NOISE_UNITS["gyro"])
+    short = rounded_axis(axis, NOISE_UNITS["gyro"])
     assert f"{short.white_noise / DEG_H:.10g}" == f"{1.23456789e-4 / DEG_H:.6g}"
     assert short.gauss_markov[0].correlation_time_s == 7.12346
     assert f"{dict(short.standard_error)['white_noise'] / DEG_H:.6g}" == f"{1.2345e-6 / DEG_H:.2g}"
@@ -107,6 +129,12 @@ def test_turn_on_bias_of_the_means():
 def test_values_with_their_errors(value, error, text):
     """Oracle: by definition, two digits of the error."""
     assert plus_minus(value, error) == text
+
+
+def test_intervals_without_an_end_are_said_to_have_none():
+    """Oracle: by hand, 1 s to 2 s, and the words for infinity."""
+    for low, high, text in ((1.0, 2.0, "1 to 2"), (1.0, math.inf, "from 1, not bounded"), (0.0, math.inf, "not bounded")):
+        assert _interval("gyro", Estimate("correlation_time_1", 1.5, 0.1, low, high, high, False)) == text
 
 
 def test_printed_units_are_those_of_table_5():

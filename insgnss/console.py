@@ -1,0 +1,49 @@
+"""What a person sees of a run while it runs, and a parser that complains as the rest of the program does."""
+
+import argparse
+import time
+from collections.abc import Callable
+from typing import Any, NoReturn, TextIO
+
+from .errors import UsageError
+
+
+class Progress:
+    """Says which step runs: one line that renews itself on a terminal, else a line a step; silent where `lines` is None.
+
+    terminal : standard error.   lines : where plain lines go when it is no terminal.
+    """
+
+    def __init__(self, terminal: TextIO, lines: TextIO | None, quiet: bool = False) -> None:
+        self._terminal = terminal if terminal.isatty() and not quiet else None
+        self._lines = None if quiet or self._terminal else lines
+        self._start = time.monotonic()
+
+    def __call__(self, step: str) -> None:
+        """Announce `step`, with the seconds since the start."""
+        elapsed = time.monotonic() - self._start
+        if self._terminal:
+            self._terminal.write(f"\r\x1b[K[{elapsed:6.1f} s] {step}")
+            self._terminal.flush()
+        elif self._lines:
+            print(f"[{elapsed:6.1f} s] {step}", file=self._lines, flush=True)
+
+    def clear(self) -> None:
+        """Take the renewing line away."""
+        if self._terminal:
+            self._terminal.write("\r\x1b[K")
+            self._terminal.flush()
+
+
+class Parser(argparse.ArgumentParser):
+    """Parser whose complaints are `UsageError` and whose epilog may be a function, called only where help is asked for."""
+
+    def __init__(self, *, more_help: Callable[[], str] | None = None, **kwargs: Any) -> None:
+        super().__init__(allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
+        self.more_help = more_help
+
+    def format_help(self) -> str:
+        return super().format_help() + ("\n" + self.more_help() if self.more_help else "")
+
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message}; see {self.prog} --help")

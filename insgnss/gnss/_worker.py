@@ -1,0 +1,50 @@
+"""One run of RTKLIB, in a process of its own: `python -m insgnss.gnss._worker OPTIONS OUTPUT INTERVAL FILE...`.
+
+RTKLIB keeps its observations in global variables and ends a process that it cannot go on with, so that no run shares one with another.
+INTERVAL in s thins the epochs, 0 takes all. What goes wrong is told on standard error, with exit code 1, or 2 for an option that this
+RTKLIB does not have. That an output was written, and has epochs, is for the caller to see: postpos() returns 0 without them.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+
+def main(arguments: list[str]) -> int:
+    """Run postpos() on the arguments; its exit code."""
+    import pyrtklib5 as rtklib
+
+    option_file, output, interval, *files = arguments
+    table = rtklib.sysopts
+    unknown = _asked(option_file) - _known(table)
+    if unknown:
+        return _failed(f"this version of RTKLIB has no option {' '.join(sorted(unknown))}", 2)
+    rtklib.resetsysopts()
+    if not rtklib.loadopts(option_file, table.ptr):
+        return _failed(f"{option_file}: the options cannot be read")
+    processing, solution, paths = rtklib.prcopt_t(), rtklib.solopt_t(), rtklib.filopt_t()
+    rtklib.getsysopts(processing, solution, paths)
+    start, end = rtklib.gtime_t(), rtklib.gtime_t()
+    status = rtklib.postpos(start, end, float(interval), 0.0, processing, solution, paths, files, len(files), output, "", "")
+    return _failed(f"postpos() returned {status}") if status else 0
+
+
+def _asked(option_file: str) -> set[str]:
+    return {line.split("=")[0] for line in Path(option_file).read_text(encoding="utf-8").splitlines()}
+
+
+def _known(table: Any) -> set[str]:
+    """Names in RTKLIB's table of options, which ends with an empty one."""
+    names: set[str] = set()
+    while name := table[len(names)].name.ptr:
+        names.add(name)
+    return names
+
+
+def _failed(what: str, code: int = 1) -> int:
+    sys.stderr.write(what + "\n")
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,57 @@
+"""The raw observations of a flight file: solved, as the fixes and exposures that a reader of ready positions would give."""
+
+from math import radians
+from pathlib import Path
+from typing import Protocol
+
+from ..geodesy.frames import geodetic_to_ecef
+from ..records import CameraEvents, Check, GnssFixes
+from .options import EngineOptions, Point
+from .ppk import PpkInput, solve_ppk
+
+
+class RawObservations(Protocol):
+    """Table [gnss] of a flight file with rover, base and navigation; base_position: latitude, longitude (deg), height (m)."""
+
+    @property
+    def rover(self) -> Path: ...
+    @property
+    def base(self) -> Path: ...
+    @property
+    def navigation(self) -> tuple[Path, ...]: ...
+    @property
+    def base_position(self) -> tuple[float, ...] | None: ...
+    @property
+    def base_point(self) -> Point | None: ...
+    @property
+    def antex(self) -> Path | None: ...
+    @property
+    def systems(self) -> str: ...
+    @property
+    def elevation_mask_deg(self) -> float: ...
+
+
+def solve_flown(
+    raw: RawObservations, images: Path | None, events: CameraEvents | None
+) -> tuple[GnssFixes, CameraEvents | None, tuple[Check, ...]]:
+    """Fixes, exposures and the checks of all steps.
+
+    images : names of the rover's events, see `events.image_names`.   events : of another file; those of the rover's are then left alone.
+    Raises what `ppk.solve_ppk` raises.
+    """
+    options = EngineOptions(
+        base_position_m=None if raw.base_position is None else _ecef(raw.base_position),
+        base_point=raw.base_point,
+        antex=raw.antex,
+        systems=raw.systems,
+        elevation_mask_deg=raw.elevation_mask_deg,
+    )
+    result = solve_ppk(PpkInput(raw.rover, raw.base, raw.navigation, options, images=images, events=events is None))
+    told = () if result.events is None else result.events.notes  # a record tells its notes itself
+    checks = tuple(check for check in result.checks if check not in told)
+    return result.fixes, result.events if events is None else events, checks
+
+
+def _ecef(place: tuple[float, ...]) -> tuple[float, float, float]:
+    x, y, z = geodetic_to_ecef(radians(place[0]), radians(place[1]), place[2]).tolist()
+    return x, y, z

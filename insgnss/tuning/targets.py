@@ -1,0 +1,29 @@
+"""Where the files of a tuning go: refused before any work where they cannot be written."""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..errors import UsageError
+
+
+def check_target(target: Path) -> Path:
+    """`target`. Raises UsageError unless it names a TOML file in a directory that takes files."""
+    if target.suffix != ".toml":
+        raise UsageError(f"{target}: a noise model is a TOML file; end its name with .toml")
+    if not target.parent.is_dir():
+        raise UsageError(f"{target}: the directory does not exist; create it first")
+    try:
+        with tempfile.TemporaryFile(dir=target.parent):
+            pass
+    except OSError as error:
+        raise UsageError(f"{target}: cannot be written: {error.strerror or error}; give another --out FILE") from None
+    return target
+
+
+def refuse_present(files: Sequence[Path]) -> None:
+    """Raise UsageError where one of `files` is there."""
+    there = [str(path) for path in files if path.exists()]
+    if there:
+        verb = "is" if len(there) == 1 else "are"
+        raise UsageError(f"{', '.join(there)} {verb} there already; nothing done; give another --out FILE, or --force")

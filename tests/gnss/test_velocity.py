@@ -1,0 +1,289 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from broadcast import TOW, WEEK, constellation
+
+from insgnss.errors import DataError
+from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
+from insgnss.gnss.navigation_message import read_navigation
+from insgnss.gnss.orbits import EARTH_RATE, LIGHT, ranges, satellite_states, sky
+from insgnss.gnss.phase_pairs import HERTZ
+from insgnss.gnss.rinex import Observations, read_observations
+from insgnss.gnss.rinex_header import RinexHeader
+from insgnss.gnss.troposphere import standard_slant_delay
+from insgnss.gnss.velocity import VelocityOptions, at_stamps, time_differenced_velocity
+from insgnss.records import GnssFixes
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+LAT, LON, HEIGHT = 0.82, 0.11, 450.0
+SIGNALS = ("C1C", "L1C", "L2W", "L5Q")
+BANDS = {"G": {"L1C": "1", "L2W": "2"}, "E": {"L1C": "1", "L5Q": "5"}}
+
+
+@pytest.fixture(scope="module")
+def navigation(tmp_path_factory):
+    path = tmp_path_factory.mktemp("sky") / "brdc.nav"
+    path.write_text(constellation())
+    return read_navigation(path)
+
+
+def turning(time, speed=12.0, radius=15.0):
+    """Antenna (n, 3), ECEF, on circles, with a slow climb."""
+    angle = speed / radius * (time - time[0])
+    ned = np.column_stack([radius * np.sin(angle), radius * (1.0 - np.cos(angle)), -0.5 * (time - time[0])])
+    return geodetic_to_ecef(LAT, LON, HEIGHT) + ned @ rotation_en(LAT, LON).T
+
+
+def observe(navigation, time, path, clock=0.0, rng=None, noise=0.0, ionosphere=0.0):
+    """Observations of the made-up sky: light time iterated in axes that do not turn, phases with an arbitrary start.
+
+    clock : (n,) s of the receiver.   noise : m, times sqrt(1 + 1 / sin^2 E).   ionosphere : m/s, growth of its delay on L1 in zenith.
+    """
+    codes = np.unique(navigation.satellite)
+    epoch, which = np.repeat(np.arange(time.size), codes.size), np.tile(np.arange(codes.size), time.size)
+    at, receiver = time[epoch], path[epoch]
+    flight = np.full(epoch.size, 0.08)
+    message = np.array([int(np.flatnonzero(navigation.satellite == code)[0]) for code in codes])[which]
+    for _ in range(6):
+        states = satellite_states(navigation, codes[which], at - flight, message)
+        turn = EARTH_RATE * flight
+        x, y, z = states.position.T
+        there = np.column_stack([np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x, z])
+        flight = np.linalg.norm(there - receiver, axis=1) / LIGHT
+    _, elevation = sky(ranges(states.position, receiver)[1], receiver)
+    high = elevation > np.radians(8.0)
+    clock = np.broadcast_to(clock, time.shape)
+    delay = standard_slant_delay(ecef_to_geodetic(receiver)[2], np.maximum(elevation, 0.1))
+    length = LIGHT * (flight + clock[epoch] - states.clock_s) + delay
+    values = np.full((epoch.size, len(SIGNALS)), np.nan)
+    values[:, 0] = length
+    for system, bands in BANDS.items():
+        rows = np.array([code[0] == system for code in codes])[which]
+        for signal, band in bands.items():
+            kappa = (HERTZ["G"]["1"] / HERTZ[system][band]) ** 2
+            phase = length - kappa * ionosphere * (at - time[0]) / np.sin(np.maximum(elevation, 0.1))
+            if rng is not None:
+                phase = phase + noise * np.sqrt(1.0 + 1.0 / np.sin(elevation) ** 2) * rng.standard_normal(phase.size)
+            values[rows, SIGNALS.index(signal)] = (phase * HERTZ[system][band] / LIGHT + 1000.0 * which)[rows]
+    header = RinexHeader("made-up.obs", 3.04, "M", "GPS", "", "", "", None, np.zeros(3), None, None, {})
+    stamp = time + clock
+    n, shape = time.size, values[high].shape
+    zeros = np.zeros(shape, dtype=np.int8)
+    flags = np.zeros(n, dtype=np.int8)
+    nothing = np.full(n, np.nan)
+    return Observations(
+        header, WEEK, stamp, flags, nothing, epoch[high], codes[which[high]], SIGNALS, values[high], zeros, zeros.copy(), np.empty(0)
+    )
+
+
+def fixes_of(time, path, sd=0.02, week=WEEK):
+    lat, lon, height = ecef_to_geodetic(path)
+    return GnssFixes(time, lat, lon, height, np.tile(sd**2 * np.eye(3), (time.size, 1, 1)), gps_week=week)
+
+
+def mean_velocity(path, time, ends):
+    """Mean velocity (n, 3), north, east, down, over the intervals that end at the epochs `ends`."""
+    lat, lon, _ = ecef_to_geodetic(path[ends])
+    moved = (path[ends] - path[ends - 1]) / (time[ends] - time[ends - 1])[:, None]
+    return np.einsum("nij,ni->nj", rotation_en(lat, lon), moved)
+
+
+def nees(error, cov):
+    return np.einsum("ni,nij,nj->n", error, np.linalg.inv(cov), error)
+
+
+def test_mean_velocity_of_turns_is_exact(navigation):
+    """Oracle: the flown path, without noise; positions 3 m off, a drifting clock, an ionosphere that grows by 3 mm/s."""
+    time = TOW + 1000.0 + 0.1 * np.arange(300)
+    path = turning(time)
+    clock = 4e-4 + 3e-7 * (time - time[0])
+    observations = observe(navigation, time, path, clock, ionosphere=3e-3)
+    found = time_differenced_velocity(observations, navigation, fixes_of(time, path + [1.0, -2.0, 2.0], 2.0))
+    assert found.time.size == 299
+    error = found.velocity_ned - mean_velocity(path, time, found.epoch)
+    assert np.abs(error).max() < 1.5e-3  # 3 m times 1.6e-4 rad/s, and the bent ionosphere
+    assert np.sqrt(np.mean(error**2)) < 6e-4
+    np.testing.assert_allclose(found.time, 0.5 * (time[1:] + time[:-1]), rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(found.clock_rate, 3e-7, rtol=0.0, atol=1e-11)
+    assert found.rejected == 0.0
+
+
+def test_covariance_tells_the_error(navigation):
+    """Oracle: chi-square of 3 x n, two-sided 99.9 %, over 25 short flights; neighbours correlate by -1/2."""
+    rng = np.random.default_rng(5)
+    time = TOW + 1000.0 + 0.2 * np.arange(60)
+    path = turning(time)
+    values, normalised, products = [], [], []
+    for _ in range(25):
+        found = time_differenced_velocity(observe(navigation, time, path, rng=rng, noise=0.003), navigation, fixes_of(time, path))
+        error = found.velocity_ned - mean_velocity(path, time, found.epoch)
+        assert found.noise_m["G1"] == pytest.approx(0.003 * np.sqrt(2.0), rel=0.15)
+        values.append(nees(error, found.cov_ned))
+        normalised.append(error[:, 2] / np.sqrt(found.cov_ned[:, 2, 2]))
+        products.append(np.mean(normalised[-1][1:] * normalised[-1][:-1]))
+    assert np.mean(values) / 3.0 == pytest.approx(1.0, abs=0.08)
+    assert np.mean(products) == pytest.approx(-0.5, abs=0.05)
+
+
+def test_slips_are_left_out(navigation):
+    """Oracle: the same flight without them. Three satellites slip at once without a flag, one with a flag and by thousands of cycles."""
+    rng = np.random.default_rng(8)
+    time = TOW + 1000.0 + 0.1 * np.arange(100)
+    path = turning(time)
+    clean = observe(navigation, time, path, rng=rng, noise=0.002)
+    values, flags = clean.values.copy(), clean.loss_of_lock.copy()
+    codes = np.unique(clean.satellite[clean.epoch == 50])
+    for code, cycles in zip(codes[:3], (1.0, -1.0, 7.0), strict=True):
+        values[(clean.satellite == code) & (clean.epoch >= 50), 1] += cycles
+    flagged = clean.satellite == codes[3]
+    values[flagged & (clean.epoch >= 50), 1:] += 4321.0
+    flags[flagged & (clean.epoch == 50), 1:] = 1
+    positions = fixes_of(time, path)
+    with_slips = time_differenced_velocity(replace(clean, values=values, loss_of_lock=flags), navigation, positions)
+    without = time_differenced_velocity(clean, navigation, positions)
+    assert with_slips.time.size == 99
+    assert np.abs(with_slips.velocity_ned - without.velocity_ned).max() < 0.03
+    k = int(np.flatnonzero(with_slips.epoch == 50)[0])
+    error = with_slips.velocity_ned[k] - mean_velocity(path, time, np.array([50]))[0]
+    assert nees(error[None], with_slips.cov_ned[k : k + 1])[0] < 16.0
+    assert with_slips.used[k] < without.used[k]
+    assert 0.0 < with_slips.rejected - without.rejected < 0.01
+
+
+def test_flags_gate_single_pairs_of_phases(navigation):
+    """Oracle: the flags; a half-cycle ambiguity that comes or goes takes a satellite out of two intervals, loss of lock out of one."""
+    time = TOW + 1000.0 + 0.1 * np.arange(40)
+    path = turning(time)
+    clean = observe(navigation, time, path)
+    codes = np.unique(clean.satellite)
+    flags = clean.loss_of_lock.copy()
+    flags[(clean.satellite == codes[0]) & (clean.epoch >= 10) & (clean.epoch < 20), 1:] = 2
+    flags[(clean.satellite == codes[1]) & (clean.epoch == 30), 1:] = 1
+    positions = fixes_of(time, path)
+    without = time_differenced_velocity(clean, navigation, positions)
+    fewer = without.used - time_differenced_velocity(replace(clean, loss_of_lock=flags), navigation, positions).used
+    assert without.epoch[fewer > 0].tolist() == [10, 20, 30]
+
+
+def test_steps_of_the_clock_leave_no_trace(navigation):
+    """Oracle: the same flight with a steady clock; stamps and code ranges step by a millisecond, phases do not."""
+    time = TOW + 1000.0 + 0.1 * np.arange(60)
+    path = turning(time)
+    steady = observe(navigation, time, path)
+    step = np.where(np.arange(60) >= 30, 1e-3, 0.0)
+    values = steady.values.copy()
+    values[:, 0] += LIGHT * step[steady.epoch]
+    stepped = replace(steady, time=steady.time + step, values=values)
+    positions = fixes_of(time, path)
+    one, other = (time_differenced_velocity(o, navigation, positions) for o in (steady, stepped))
+    np.testing.assert_allclose(other.velocity_ned, one.velocity_ned, rtol=0.0, atol=2e-5)
+    np.testing.assert_allclose(other.time, one.time, rtol=0.0, atol=1e-7)
+
+
+def test_gaps_and_power_failures_are_not_bridged(navigation):
+    """Oracle: the epochs that are taken away."""
+    time = TOW + 1000.0 + 0.5 * np.arange(40)
+    path = turning(time)
+    observations = observe(navigation, time, path)
+    flag = observations.flag.copy()
+    flag[30] = 1
+    keep = np.abs(np.arange(40) - 20) > 3  # epochs 17 to 23 are missing
+    epoch = np.cumsum(keep) - 1
+    rows = keep[observations.epoch]
+    less = replace(
+        observations,
+        time=observations.time[keep],
+        flag=flag[keep],
+        clock_offset_s=observations.clock_offset_s[keep],
+        epoch=epoch[observations.epoch[rows]],
+        satellite=observations.satellite[rows],
+        values=observations.values[rows],
+        loss_of_lock=observations.loss_of_lock[rows],
+    )
+    found = time_differenced_velocity(less, navigation, fixes_of(time, path))
+    missing = set(range(1, 33)) - set(found.epoch.tolist())
+    assert missing == {17, 23}  # the first behind the gap, and the one of flag 1
+    stamped = at_stamps(found, time)
+    none = np.flatnonzero(np.isnan(stamped.velocity_ned[:, 0]))
+    assert none.tolist() == [0, 16, *range(17, 25), 29, 30, 39]
+
+
+def test_velocity_at_the_epochs_is_the_central_difference(navigation):
+    """Oracle: positions before and after; the noise is that of the two outer phases, the bend of the turn is in the covariance."""
+    rng = np.random.default_rng(11)
+    time = TOW + 1000.0 + 0.5 * np.arange(400)
+    path = turning(time, speed=8.0, radius=20.0)
+    found = time_differenced_velocity(observe(navigation, time, path, rng=rng, noise=0.003), navigation, fixes_of(time, path))
+    stamped = at_stamps(found, time[1:-1])
+    central = np.einsum("ij,ni->nj", rotation_en(LAT, LON), (path[2:] - path[:-2]) / (time[2:] - time[:-2])[:, None])
+    assert np.sqrt(np.mean((stamped.velocity_ned - central)[:, :2] ** 2)) < 0.01
+    angle = 0.4 * (time[1:-1] - time[0])
+    true = np.column_stack([8.0 * np.cos(angle), 8.0 * np.sin(angle), np.full(angle.size, -0.5)])
+    off = stamped.velocity_ned - true
+    assert np.sqrt(np.mean(off[:, :2] ** 2)) > 0.03  # the third derivative times T^2 / 6: 0.053 m/s
+    assert 0.2 < np.mean(nees(off, stamped.cov_ned)[5:-5]) / 3.0 < 2.0
+    straight = turning(time, speed=8.0, radius=1e7)
+    found = time_differenced_velocity(observe(navigation, time, straight, rng=rng, noise=0.003), navigation, fixes_of(time, straight))
+    stamped = at_stamps(found, time[1:-1])
+    mean = np.einsum("ij,ni->nj", rotation_en(LAT, LON), (straight[2:] - straight[:-2]) / (time[2:] - time[:-2])[:, None])
+    assert np.mean(nees(stamped.velocity_ned - mean, stamped.cov_ned)) / 3.0 == pytest.approx(1.0, abs=0.25)
+
+
+def test_what_gives_no_velocity_is_refused(navigation):
+    """Oracle: inputs without a common time, and more satellites asked for than there are."""
+    time = TOW + 1000.0 + 0.1 * np.arange(20)
+    path = turning(time)
+    observations = observe(navigation, time, path)
+    with pytest.raises(DataError, match=r"made-up\.obs: no phase .* positions and navigation are of this flight"):
+        time_differenced_velocity(observations, navigation, fixes_of(time + 500.0, path))
+    with pytest.raises(DataError, match="no phase"):
+        time_differenced_velocity(observations, navigation, fixes_of(time, path, week=WEEK + 1))
+    with pytest.raises(DataError, match="none of 19 intervals has 40 satellites"):
+        time_differenced_velocity(observations, navigation, fixes_of(time, path), VelocityOptions(fewest=40))
+
+
+def recorded(rover, navigation_files):
+    files = [DATA / name for name in (rover, *navigation_files)]
+    if not all(file.is_file() for file in files):
+        pytest.skip(f"the recording {rover} is not here")
+    return read_observations(files[0]), read_navigation(files[1:])
+
+
+def test_simulated_flight():
+    """Oracle: truth of a flight simulated by others, real orbits, 10 Hz: unbiased to 0.5 mm/s, errors as the covariance says."""
+    observations, navigation = recorded("rinex_sim_6min/rover.18o", ["rinex_sim_6min/brdc.18n", "rinex_sim_6min/brdc.18g"])
+    truth = np.load(DATA / "rinex_sim_6min" / "truth.npz")
+    found = time_differenced_velocity(observations, navigation, fixes_of(truth["tow"], truth["xyz"], week=observations.gps_week))
+    assert found.time.size == found.intervals == 3600
+    error = found.velocity_ned - mean_velocity(truth["xyz"], truth["tow"], found.epoch)
+    assert (np.sqrt(np.mean(error**2, axis=0)) < [0.016, 0.015, 0.030]).all()
+    assert np.abs(error.mean(axis=0)).max() < 5e-4
+    assert np.mean(nees(error, found.cov_ned)) / 3.0 == pytest.approx(1.0, abs=0.1)
+    assert np.mean(nees(error, found.cov_ned) > 16.3) < 3e-3  # 0.1 % of chi-square with 3
+    lat, lon, _ = ecef_to_geodetic(truth["xyz"])
+    stamped = at_stamps(found, truth["tow"])
+    off = (stamped.velocity_ned - np.einsum("nij,ni->nj", rotation_en(lat, lon), truth["vel"]))[1:-1]
+    assert np.mean(nees(off, stamped.cov_ned[1:-1])) / 3.0 == pytest.approx(1.0, abs=0.15)
+    assert (np.sqrt(np.mean(off**2, axis=0)) < [0.008, 0.008, 0.016]).all()
+
+
+@pytest.mark.parametrize(
+    ("rover", "files", "place"),
+    [
+        ("cssrlib_rtk/SEPT078M.21O", ["cssrlib_rtk/SEPT078M.21P"], (-3962108.673, 3381309.574, 3668678.638)),
+        ("matrtklib/static/rover.obs", ["matrtklib/static/base.nav"], None),
+    ],
+)
+def test_standing_receiver_does_not_move(rover, files, place):
+    """Oracle: zero velocity of real antennas at 1 Hz, within 1 mm/s horizontally and 2 mm/s vertically (rms), as the covariance says."""
+    observations, navigation = recorded(rover, files)
+    if place is None:
+        lat, lon, height = np.loadtxt(DATA / "matrtklib" / "static" / "rover_position.txt")
+        place = geodetic_to_ecef(np.radians(lat), np.radians(lon), height)
+    standing = fixes_of(observations.time, np.tile(place, (observations.time.size, 1)), week=observations.gps_week)
+    found = time_differenced_velocity(observations, navigation, standing)
+    assert found.time.size > 0.99 * found.intervals
+    assert (np.sqrt(np.mean(found.velocity_ned**2, axis=0)) < [1e-3, 1e-3, 2e-3]).all()
+    assert 0.6 < np.mean(nees(found.velocity_ned, found.cov_ned)) / 3.0 < 1.5
