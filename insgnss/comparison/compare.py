@@ -10,6 +10,7 @@ from ..errors import DataError
 from .attitude import attitude, turn_between
 from .clock import by_motion, by_names
 from .matching import Matched, match
+from .names import by_order
 from .poses import NoOriginError, Poses
 from .position import difference, horizontal, vertical
 from .reading import Hints, Origin, read_poses
@@ -123,10 +124,13 @@ def _of_one_body(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
 
 
 def _clock(a: Poses, b: Poses, matched: Matched, shift_s: float) -> tuple[Matched, list[Finding]]:
-    """What the clocks explain; of files matched by time the match with it taken off."""
+    """What names and clocks explain, and the match with it taken off; of files matched by name the clocks stay."""
     if matched.how == "image":
+        reordered = by_order(matched)
+        findings = [] if reordered is None else [reordered[0]]
+        matched = matched if reordered is None else reordered[1]
         told = by_names(matched)
-        return matched, [told] if told is not None else []
+        return matched, [*findings, told] if told is not None else findings
     shifted = b if shift_s == 0.0 or b.time is None else replace(b, time=b.time + shift_s)
     found = by_motion(a, shifted)
     return (matched, []) if found is None else (found[1], [found[0]])

@@ -2,7 +2,7 @@
 
 Hypotheses are tried on at most `MOST` poses spread over all of them, and the one that is chosen is taken off all. Of those that explain
 `ENOUGH` of the squares the one that leaves least is stated, where each parameter that was fitted must pay for itself by a quarter of what
-is left; others that leave hardly more with no more parameters are told beside it.
+is left and of what the digits of files leave; others that leave hardly more with no more parameters are told beside it.
 """
 
 from collections.abc import Callable, Iterable
@@ -23,6 +23,7 @@ SIMPLER = 1.25  # by which a hypothesis must leave less for each parameter more
 MOST = 2000
 LEAST_POSES = 5
 NOTHING = 1e-9  # m or rad; below it all is left alike
+DIGITS = {"m": 1e-4, "rad": 2e-8}  # rms that the printed digits of two files leave; less of it is no reason for another parameter
 
 
 @dataclass(frozen=True)
@@ -57,11 +58,10 @@ def explain(
     good = [(left, trial) for left, trial in tried if left**2 <= (1.0 - ENOUGH) * before**2]
     if not good:
         return None
-    left, best = min(good, key=lambda pair: (pair[0] + NOTHING) * SIMPLER ** pair[1].parameters)
+    unit = "rad" if part == "attitude" else "m"
+    left, best = min(good, key=lambda pair: ((pair[0] + DIGITS[unit]) * SIMPLER ** pair[1].parameters, pair[0]))
     rivals = [t for other, t in good if t is not best and other <= AS_GOOD * left + NOTHING and t.parameters <= best.parameters]
     moved = best.taken_off(a, b)
     before, left = rms(measure(a, b)), rms(measure(a, moved))
-    beside = tuple(dict.fromkeys(t.statement for t in rivals))
-    return Finding(
-        best.name, best.statement, part, before, left, 1.0 - (left / before) ** 2, best.values, beside, "rad" if part == "attitude" else "m"
-    ), moved
+    beside = tuple(dict.fromkeys(t.statement for t in rivals if t.statement != best.statement))
+    return Finding(best.name, best.statement, part, before, left, 1.0 - (left / before) ** 2, best.values, beside, unit), moved

@@ -2,13 +2,19 @@ r"""What may lie between positions: hypotheses on the horizontal and on the heig
 
 With d = b - a (n, 3), east, north, up at a's points:
 
-    shift         mean of d                                   datum, base station; of heights: height system
-    lever arm     C_Ex l, l by least squares                  antenna, IMU or camera for each other
+    shift         mean of d, in these axes or in ECEF         datum, base station; of heights: height system
+    lever arm     C_Ex l, l by least squares of all three     antenna, IMU or camera for each other
     time          v dt, dt by least squares along the way     a trigger delay, where images were matched by name
     turn, scale   about the block's centre, least squares     grid for true north, distances in the grid for those on the ground
     exchange      b made anew of other coordinates            east for north, reversed signs, latitude for longitude, feet
 
-A lever arm is fitted to the horizontal differences and taken off them alone: what it does to heights is that of a shift.
+A lever arm stands alone where a shift h of the heights beside it leaves hardly less: of two explanations the one. Else both are
+estimated, d = C_Ex l + (0, 0, h), where the attitude varies enough to tell them apart: with c the vertical in the axes of the camera
+or body, what they leave is small over sqrt(1 - |mean c|^2). Where it does not, or the heights err in another way, l is that of the
+horizontal differences, and is taken off them alone.
+
+A shift of the heights is told with that of the horizontal, unless it is as large as a geoid's. A turn or scale is told only if it moves
+the block by what anyone asks about, and by more than a constant shift varies over the axes of its points.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geodesy.frames import ecef_to_geodetic
-from .hypotheses import Trial, explain
+from .hypotheses import DIGITS, ENOUGH, SIMPLER, Trial, explain, rms
 from .poses import Place, Poses
-from .result import Finding, quantity
+from .result import Finding
 
 Array = NDArray[np.float64]
 
@@ -29,6 +35,9 @@ FOOT = 0.3048
 GEOID_M = (5.0, 110.0)  # geoid heights that are told as such; they run from -107 to +86 m
 GEOID_SPREAD = 0.02  # of them, by which they may vary over a flight
 LEVER_M = 10.0  # no vehicle is longer
+SEPARATE_M = 0.02  # what a lever arm's vertical part may be in doubt by, where it is told from a height shift
+SMALLEST = 1e-6  # of a turn, rad, or scale; below it there is none
+OF_SHIFT = 1e-3  # what a turn or scale must do, of the shift beside it: so much a constant vector turns over 6 km
 WEAK = 0.2  # singular values below this part of the largest: a lever arm along the vertical does not show in the horizontal
 CAMERA_AXES, BODY_AXES = ("right", "down", "view"), ("forward", "right", "down")
 
@@ -55,11 +64,11 @@ def vertical(a: Poses, b: Poses) -> tuple[Finding, Poses] | None:
 
 
 def _horizontal(a: Poses, b: Poses) -> Iterator[Trial]:
-    d = difference(a, b)[:, :2]
+    d = difference(a, b)
     yield from _exchanges(b)
-    yield _shift(d)
+    yield from _shift(a, b, d)
     yield from _lever_arm(a, b, d)
-    yield from _of_block(a, d)
+    yield from _of_block(a, d[:, :2])
 
 
 def _horizontal_and_time(a: Poses, b: Poses) -> Iterator[Trial]:
@@ -67,32 +76,68 @@ def _horizontal_and_time(a: Poses, b: Poses) -> Iterator[Trial]:
     yield from _along_the_way(a, b, difference(a, b)[:, :2])
 
 
-def _shift(d: Array) -> Trial:
-    east, north = (float(x) for x in d.mean(axis=0))
-    by = np.array([east, north, 0.0])
-    words = f"a constant shift of {quantity(abs(east), 'm')} {'east' if east > 0 else 'west'} and {quantity(abs(north), 'm')} "
-    words += f"{'north' if north > 0 else 'south'} (another datum, realisation or base station)"
-    return Trial("shift", words, lambda x, y: without(x, y, np.tile(by, (x.n, 1))), 2, {"east_m": east, "north_m": north})
+def _shift(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
+    """The same in the axes of each point, and the same in ECEF; with the heights where those are shifted too."""
+    mean, up = d.mean(axis=0), d[:, 2]
+    also_up = abs(mean[2]) < GEOID_M[0] and float(up.std()) <= max(LEAST_M, np.sqrt(1.0 - ENOUGH) * rms(up[:, None]))
+    kept = 0.0 if also_up else float(mean[2])
+    by, vector = mean - [0.0, 0.0, kept], (b.ecef - a.ecef).mean(axis=0)
+    named = list(zip("ENU" if also_up else "EN", ("east", "north", "up"), by.tolist(), strict=False))
+    said = " ".join(f"{axis} {value:+.3f}" for axis, _, value in named)
+    words = f"a constant shift of {said} m (another datum, realisation or base station)"
+    values = {f"{name}_m": value for _, name, value in named}
+
+    def off_ecef(_: Poses, q: Poses) -> Poses:
+        lat, lon, height = ecef_to_geodetic(q.ecef - vector)
+        return q.moved(lat, lon, height + kept)
+
+    yield Trial("shift", words, lambda x, y: without(x, y, np.tile(by, (x.n, 1))), 2, values)
+    yield Trial("shift", words, off_ecef, 2, values)
 
 
 def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
     """In the axes of a's camera or body, or of b's where a has no attitude."""
     if (axes := _axes_of(a, b)) is None:
         return
-    lever = np.linalg.lstsq(axes[:, :2].reshape(-1, 3), d.ravel(), rcond=WEAK)[0]
+    lever, whole, doubtful = _lever(axes, d)
     if np.linalg.norm(lever) > LEVER_M:
         return
     x = a.x if a.C_Ex is not None else b.x
     names = CAMERA_AXES if x == "camera" else BODY_AXES
     said = " ".join(f"{name} {value:+.3f}" for name, value in zip(names, lever, strict=True))
-    words = f"a lever arm of {said} m in the axes of the {x} (b is of another point than a: antenna, IMU or camera)"
+    words = f"a lever arm of {said} m in the axes of the {x} (b is of another point than a: antenna, IMU or camera"
+    words += "; its vertical part cannot be told from a height shift)" if doubtful else ")"
 
     def taken_off(p: Poses, q: Poses) -> Poses:
         turned = _axes_of(p, q)
         assert turned is not None
-        return without(p, q, (turned @ lever) * [1.0, 1.0, 0.0])
+        return without(p, q, (turned @ lever) * [1.0, 1.0, 1.0 if whole else 0.0])
 
     yield Trial("lever arm", words, taken_off, 3, {f"{name}_m": float(value) for name, value in zip(names, lever, strict=True)})
+
+
+def _lever(axes: Array, d: Array) -> tuple[Array, bool, bool]:
+    """Lever arm (3,) m of axes (n, 3, 3); whether it is of all three components; whether its vertical part might be a height shift."""
+
+    def left(lever: Array, rows: slice = slice(3), up: float = 0.0) -> float:
+        return rms((d - axes @ lever - [0.0, 0.0, up])[:, rows]) + DIGITS["m"]
+
+    tall, plan = axes.reshape(-1, 3), slice(2)
+    beside = np.column_stack([tall, np.tile([0.0, 0.0, 1.0], len(d))])
+    alone, joint = (_least_squares(A, d.ravel()) for A in (tall, beside))
+    across, weak = (_least_squares(axes[:, :2].reshape(-1, 3), d[:, :2].ravel(), rcond) for rcond in (None, WEAK))
+    reach = SEPARATE_M * np.sqrt(max(0.0, 1.0 - float(np.sum(axes[:, 2].mean(axis=0) ** 2))))
+    least = SIMPLER * left(across, plan)
+    told = left(joint[:3], up=joint[3]) <= reach
+    if np.linalg.norm(alone) <= LEVER_M and left(alone) <= SIMPLER * left(joint[:3], up=joint[3]) and left(alone, plan) <= least:
+        return alone, True, not told
+    if told and left(joint[:3], plan) <= least:
+        return joint[:3], True, False
+    return (across, False, False) if left(across, plan) <= reach else (weak, False, True)
+
+
+def _least_squares(A: Array, y: Array, rcond: float | None = None) -> Array:
+    return np.asarray(np.linalg.lstsq(A, y, rcond=rcond)[0])
 
 
 def _axes_of(a: Poses, b: Poses) -> Array | None:
@@ -118,10 +163,13 @@ def _of_block(a: Poses, d: Array) -> Iterator[Trial]:
     def taken_off(field: Callable[[Poses], Array], value: float) -> Callable[[Poses, Poses], Poses]:
         return lambda p, q: without(p, q, np.column_stack([mean + value * field(p), np.zeros(p.n)]))
 
-    words = f"a turn of the block by {np.degrees(angle):+.4f} deg about up (grid for true north)"
-    yield Trial("turn of the block", words, taken_off(across, angle), 3, {"up_rad": angle})
-    words = f"a scale of {1e6 * scale:+.1f} ppm (distances in a grid for distances on the ground)"
-    yield Trial("scale", words, taken_off(place, scale), 3, {"scale": scale})
+    least = max(LEAST_M, OF_SHIFT * float(np.linalg.norm(mean))) / np.sqrt(size / a.n)
+    if abs(angle) >= max(SMALLEST, least):
+        words = f"a turn of the block by {np.degrees(angle):+.4f} deg about up (grid for true north)"
+        yield Trial("turn of the block", words, taken_off(across, angle), 3, {"up_rad": angle})
+    if abs(scale) >= max(SMALLEST, least):
+        words = f"a scale of {1e6 * scale:+.1f} ppm (distances in a grid for distances on the ground)"
+        yield Trial("scale", words, taken_off(place, scale), 3, {"scale": scale})
 
 
 def _along_the_way(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:

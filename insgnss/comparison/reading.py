@@ -17,17 +17,22 @@ from ..geodesy.rotation import (
     opk_jacobian,
     rotation_from_opk,
     rotation_from_rpy,
-    rotation_from_ypr,
     rpy_jacobian,
-    ypr_jacobian,
 )
-from .poses import Place, Poses
+from .poses import NoOriginError, Place, Poses
 
 Array = NDArray[np.float64]
 Origin = tuple[float, float, float]
 
 HEAD = 16384
+TABLES = ("metashape", "metashape_opk", "pix4d_matic", "pix4d_mapper", "realitycapture", "inpho_ascii", "tum")
 UNKNOWN_MPS = 900.0  # m/s; readers give 1000 to a velocity that was not measured
+HEADERS = {  # of files that other programs take, in lower case
+    "pix4d_matic": r"^#?\s*imagename,.*,yaw,pitch,roll",
+    "realitycapture": r"^#?\s*name,.*,yaw,pitch,roll",
+    "inpho_ascii": r"^#\s*id e n h omega phi kappa",
+    "tum": r"^#\s*time tx ty tz qx qy qz qw",
+}
 UNKNOWN_M = (0.98765, 0.98765, 0.98765)  # stands in for fixes without standard deviations, and is left out again
 
 
@@ -59,7 +64,15 @@ def read_poses(path: str | Path, form: str | None = None, hints: Hints | None = 
     """
     if form is not None and form not in FORMS:
         raise UsageError(f"format {form!r} cannot be compared; it is one of {', '.join(FORMS)}")
-    return FORMS[form or sniff_poses(path)](Path(path), hints or Hints())
+    try:
+        return FORMS[form or sniff_poses(path)](Path(path), hints or Hints())
+    except NoOriginError:
+        raise
+    except InputError as error:
+        what, advice, _ = str(error).partition("columns = ")
+        if not advice:
+            raise
+        raise InputError(f"{what.rpartition(';')[0]}; give its format, --format-a or --format-b: {', '.join(FORMS)}") from None
 
 
 def sniff_poses(path: str | Path) -> str:
@@ -78,8 +91,11 @@ def sniff_poses(path: str | Path) -> str:
     first = next((line for line in text.splitlines() if line.strip()), "")
     if "# frame kind:" in text and "# camera axes:" in text:
         return "generic_ascii"
-    if re.match(r"#?\s*label[,;\t]", first):
-        return "metashape"
+    if (label := re.search(r"^#?\s*label[,;\t].*", text, re.MULTILINE)) is not None:
+        return "metashape_opk" if "omega" in label[0] else "metashape"
+    for form, columns in HEADERS.items():
+        if re.search(columns, text, re.MULTILINE):
+            return form
     if first.startswith("gps_week,tow,lat_deg"):
         return "trajectory_csv"
     if re.search(r"^#.*\bomega\b.*\bphi\b.*\bkappa\b", text, re.MULTILINE):
@@ -87,7 +103,7 @@ def sniff_poses(path: str | Path) -> str:
     return "gnss"
 
 
-def _diagonal(sigma: Array | None, E: Array | None = None) -> Array | None:
+def diagonal(sigma: Array | None, E: Array | None = None) -> Array | None:
     """(n, 3, 3) of standard deviations (n, 3); of angles, whose psi is E d(angles); None where there are none, or where all are zero."""
     if sigma is None or not (sigma > 0.0).all():
         return None
@@ -96,7 +112,7 @@ def _diagonal(sigma: Array | None, E: Array | None = None) -> Array | None:
     return P if E is None else np.asarray(E @ P @ np.swapaxes(E, 1, 2))
 
 
-def _turned(C: Array, P: Array | None) -> Array | None:
+def turned(C: Array, P: Array | None) -> Array | None:
     """C P C^T."""
     return None if P is None else np.asarray(C @ P @ np.swapaxes(C, -1, -2))
 
@@ -120,8 +136,8 @@ def _eo_json(path: Path, hints: Hints) -> Poses:
         gps_week=eo.gps_week,
         C_Ex=C_Ef @ eo.C_mc,
         camera_from_body=eo.camera_from_body @ eo.boresight,
-        cov_position=_given(_turned(C_Ef, eo.cov[:, :3, :3])),
-        cov_attitude=_given(_turned(C_Ef, eo.cov[:, 3:, 3:])),
+        cov_position=_given(turned(C_Ef, eo.cov[:, :3, :3])),
+        cov_attitude=_given(turned(C_Ef, eo.cov[:, 3:, 3:])),
         C_fE=C_fE,
         local=eo.position_m,
         plane=plane,
@@ -137,10 +153,10 @@ def _eo_local_plane(path: Path, hints: Hints) -> Poses:
     from ..formats.eo_local_plane import read_eo_local_plane
 
     eo = read_eo_local_plane(path)
-    plane = hints.plane or _origin_in(path)
+    plane = hints.plane or origin_in(path)
     lat, lon, h, C_fE = Place("tangent plane", plane).resolved(eo.position_m, path)
     C_Ef = np.swapaxes(C_fE, 1, 2)
-    sigma_opk = _diagonal(eo.sigma_opk, opk_jacobian(eo.opk))
+    sigma_opk = diagonal(eo.sigma_opk, opk_jacobian(eo.opk))
     return Poses(
         str(path),
         "eo_local_plane",
@@ -150,8 +166,8 @@ def _eo_local_plane(path: Path, hints: Hints) -> Poses:
         h,
         images=eo.images,
         C_Ex=C_Ef @ rotation_from_opk(eo.opk) @ CV_RUB,
-        cov_position=_turned(C_Ef, _diagonal(eo.sigma_position_m)),
-        cov_attitude=_turned(C_Ef, sigma_opk),
+        cov_position=turned(C_Ef, diagonal(eo.sigma_position_m)),
+        cov_attitude=turned(C_Ef, sigma_opk),
         angle_set="opk",
         angles=eo.opk,
         C_fE=C_fE,
@@ -160,12 +176,12 @@ def _eo_local_plane(path: Path, hints: Hints) -> Poses:
     )
 
 
-def _origin_in(path: Path) -> TangentPlane | None:
+def origin_in(path: Path) -> TangentPlane | None:
     """The origin that a header names: `latitude 46.57.. deg, longitude 6.54.. deg, ... height 0 m`, or two angles in deg and a height."""
     with path.open(encoding="utf-8", errors="replace") as stream:
         head = "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
     number = r"(-?\d+(?:\.\d+)?)"
-    said = re.search(rf"latitude {number}(?: deg)?,? longitude {number} deg,(?: [a-z]+ height)? {number} m", head)
+    said = re.search(rf"latitude {number}(?: deg)?,? longitude {number} deg,?(?: [a-z]+ height)? {number} m", head)
     said = said or re.search(rf"origin {number} {number} deg {number} m", head)
     if said is None:
         return None
@@ -173,24 +189,15 @@ def _origin_in(path: Path) -> TangentPlane | None:
     return TangentPlane(np.radians(lat), np.radians(lon), height)
 
 
-def _metashape(path: Path, hints: Hints) -> Poses:
-    from ..formats.metashape import read_metashape
+def _table(form: str) -> Callable[[Path, Hints], Poses]:
+    """Reader of a format of `tables.LAYOUTS`."""
 
-    eo = read_metashape(path)
-    return Poses(
-        str(path),
-        "metashape",
-        "projection centre",
-        eo.lat,
-        eo.lon,
-        eo.height,
-        images=eo.images,
-        C_Ex=rotation_from_ypr(eo.ypr) @ CV_RUB,
-        cov_position=_diagonal(eo.accuracy_m),
-        cov_attitude=_diagonal(eo.accuracy_ypr, ypr_jacobian(eo.ypr)),
-        angle_set="ypr",
-        angles=eo.ypr,
-    )
+    def read(path: Path, hints: Hints) -> Poses:
+        from .tables import read_table_poses
+
+        return read_table_poses(form, path, hints)
+
+    return read
 
 
 def _generic_ascii(path: Path, hints: Hints) -> Poses:
@@ -201,7 +208,7 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
     if all(name in columns for name in ("lat", "lon", "h")):
         place, x = Place("geographic"), np.column_stack([columns[name] for name in ("lon", "lat", "h")])
     elif all(name in columns for name in "xyz"):
-        place = Place(eo.frame_kind, hints.plane or _origin_in(path), hints.projection or _crs_in(path, eo.frame_kind, hints))
+        place = Place(eo.frame_kind, hints.plane or origin_in(path), hints.projection or _crs_in(path, eo.frame_kind, hints))
         x = np.column_stack([columns[name] for name in "xyz"])
     else:
         raise InputError.at(path, None, "has no position; the columns x y z or lat lon h are needed")
@@ -224,7 +231,7 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
         time=time,
         gps_week=hints.gps_week if "week" not in columns or not n else int(columns["week"][0]),
         C_Ex=C,
-        cov_position=_turned(C_Ef, _diagonal(sigma)),
+        cov_position=turned(C_Ef, diagonal(sigma)),
         C_fE=C_fE,
         local=x if place.kind == "tangent plane" else None,
         plane=place.plane,
@@ -263,7 +270,7 @@ def _sbet(path: Path, hints: Hints) -> Poses:
 
 def _of_body(path: Path, form: str, lat: Array, lon: Array, h: Array, v_ned: Array, rpy: Array, sigma: Array | None) -> Poses:
     """A trajectory of the IMU; sigma (n, 9) of position, velocity, roll pitch heading."""
-    position, attitude = (None, None) if sigma is None else (_diagonal(sigma[:, :3]), _diagonal(sigma[:, 6:], rpy_jacobian(rpy)))
+    position, attitude = (None, None) if sigma is None else (diagonal(sigma[:, :3]), diagonal(sigma[:, 6:], rpy_jacobian(rpy)))
     return Poses(
         str(path),
         form,
@@ -274,8 +281,8 @@ def _of_body(path: Path, form: str, lat: Array, lon: Array, h: Array, v_ned: Arr
         C_Ex=NED_ENU @ rotation_from_rpy(rpy),
         x="body",
         velocity=v_ned @ NED_ENU,
-        cov_position=_turned(NED_ENU, position),
-        cov_attitude=_turned(NED_ENU, attitude),
+        cov_position=turned(NED_ENU, position),
+        cov_attitude=turned(NED_ENU, attitude),
         angle_set="rpy",
         angles=rpy,
     )
@@ -300,7 +307,7 @@ def _gnss(path: Path, hints: Hints) -> Poses:
         time=fixes.time,
         gps_week=fixes.gps_week,
         velocity=velocity,
-        cov_position=_turned(NED_ENU, fixes.cov_ned) if known else None,
+        cov_position=turned(NED_ENU, fixes.cov_ned) if known else None,
         notes=notes,
     )
 
@@ -315,7 +322,7 @@ def _odyn(path: Path, hints: Hints) -> Poses:
 FORMS: dict[str, Callable[[Path, Hints], Poses]] = {
     "eo_json": _eo_json,
     "eo_local_plane": _eo_local_plane,
-    "metashape": _metashape,
+    **{form: _table(form) for form in TABLES},
     "generic_ascii": _generic_ascii,
     "trajectory_csv": _trajectory_csv,
     "sbet": _sbet,

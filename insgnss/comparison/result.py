@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Part = Literal["time", "horizontal", "height", "attitude"]
+Part = Literal["position", "time", "horizontal", "height", "attitude"]
 
 SCREEN = {"m": (1e3, "mm"), "rad": (float(np.degrees(1.0)), "deg"), "m/s": (1e3, "mm/s")}
 DIGITS = {"mm": 2, "m": 3, "deg": 4, "mm/s": 2, "m/s": 3}
@@ -20,7 +20,7 @@ class Finding:
 
     name : short.   statement : a sentence.   part : of the differences.   before, after : their root mean square without and with it taken
     off, in `unit`; of time it is that of the stamps of the same images, s, or of the horizontal
-    differences less a shift and a lever arm, m.
+    differences less a shift and a lever arm, m; of position it is about their mean.
     explained : share of the sum of squares that it takes off.   values : what was estimated, SI, by name.
     alternatives : statements of other hypotheses that explain as much.
     """
@@ -38,7 +38,7 @@ class Finding:
     def sentence(self) -> str:
         """Statement and evidence."""
         before, after = quantity(self.before, self.unit), quantity(self.after, self.unit)
-        of = f"{self.part} differences"
+        of = "differences of position beside their mean" if self.part == "position" else f"{self.part} differences"
         if self.part == "time":
             of = "differences of time" if self.unit == "s" else "horizontal differences that no shift or lever arm explains"
         text = f"{self.statement}: explains {percent(self.explained)} of the {of} (rms {before} -> {after})"
@@ -134,7 +134,7 @@ class Comparison:
             lines += ["", "recognised:", *(f"  {number}. {f.sentence()}" for number, f in enumerate(self.findings, 1))]
             lines += ["", "what remains after that", *table(self.remaining)]
         else:
-            lines += ["", "no mismatch of axes, angles, time, height or lever arm recognised"]
+            lines += ["", "no mismatch of names, axes, angles, time, height or lever arm recognised"]
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
 
     def as_dict(self) -> dict[str, Any]:

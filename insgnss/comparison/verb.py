@@ -8,17 +8,33 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .result import Comparison
 
+FORMS = (
+    "eo_json",
+    "eo_local_plane",
+    "metashape",
+    "metashape_opk",
+    "pix4d_matic",
+    "pix4d_mapper",
+    "realitycapture",
+    "inpho_ascii",
+    "tum",
+    "generic_ascii",
+    "trajectory_csv",
+    "sbet",
+    "gnss",
+    "odyn",
+)  # those of `reading.FORMS`, named here so that help needs no numpy
 EXAMPLE = """  insgnss compare eo.json truth/EO_local-plane.txt --figure differences.png
   insgnss compare trajectory.sbet reference.pos --week 2008"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the verb."""
-    parser.add_argument("a", type=Path, metavar="A", help="exterior orientation or trajectory")
+    parser.add_argument("a", type=Path, metavar="A", help=f"exterior orientation or trajectory: {', '.join(FORMS)}")
     parser.add_argument("b", type=Path, metavar="B", help="the one to compare with it; differences are B minus A")
     for side in "ab":
         parser.add_argument(
-            f"--format-{side}", metavar="FORMAT", help=f"of {side.upper()}, where it does not show it"
+            f"--format-{side}", metavar="FORMAT", help=f"of {side.upper()}, where it does not show it; one of the formats above"
         )
     parser.add_argument("--origin", metavar="LAT,LON,H", help="deg, deg, m: of a tangent plane whose file does not say it")
     parser.add_argument("--crs", metavar="CRS", help="of projected coordinates, such as EPSG:2056")
