@@ -30,6 +30,7 @@ from ..files import atomic_write
 from ..formats.rtklib_pos import read_rtklib_pos
 from ..geodesy.frames import geodetic_to_ecef
 from ..records import Array, Check
+from .events import without_events
 from .navigation_message import read_navigation
 from .options import ANTENNAS, DIRECTIONS, EngineOptions, option_file, single_point_file
 from .preflight import absolute, check_base_place, check_navigation, check_observations
@@ -98,7 +99,7 @@ def solve(
     target = _made(Path(directory))
     with tempfile.TemporaryDirectory(dir=target, prefix=".engine-") as scratch:
         runs = _Runs(command, Path(scratch), options)
-        names = runs.stage(rover, base, files)
+        names = runs.stage(moving, standing, files)
         points = runs.single_points("base.obs", names[2:], standing)
         checks += check_base_place(points, options, standing.header, moving.header)
         cpu = runs.three(texts, names, say)
@@ -141,12 +142,15 @@ class _Runs:
     scratch: Path
     options: EngineOptions
 
-    def stage(self, rover: Source, base: Source, navigation: Sequence[Source]) -> list[str]:
-        """Put the inputs into the directory, unpacked; their names there, rover, base and navigation."""
-        names = ["rover.obs", "base.obs", *(f"navigation{k}.nav" for k in range(1, len(navigation) + 1))]
-        for source, name in zip([rover, base, *navigation], names, strict=True):
+    def stage(self, rover: Observations, base: Observations, navigation: Sequence[Source]) -> list[str]:
+        """Put the inputs into the directory, unpacked and without camera events; their names there, rover, base and navigation."""
+        observed, broadcast = ["rover.obs", "base.obs"], [f"navigation{k}.nav" for k in range(1, len(navigation) + 1)]
+        for observations, name in zip((rover, base), observed, strict=True):
+            (self.scratch / name).write_bytes(without_events(observations))
+        for source, name in zip(navigation, broadcast, strict=True):
             buf, _, _ = load_rinex(source)
             (self.scratch / name).write_bytes(bytes(buf))
+        names = [*observed, *broadcast]
         if self.options.antex is not None:
             shutil.copyfile(self.options.antex, self.scratch / ANTENNAS)
         return names

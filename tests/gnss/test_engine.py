@@ -261,6 +261,15 @@ def test_packed_files_are_unpacked(fake):
     assert fake.told()["combined"]["files"][0] == text
 
 
+def test_the_engine_gets_no_camera_events(fake):
+    """Oracle: the file as it was before an event of 5 October 2018 was written behind its last epoch."""
+    text = fake.rover.read_text()
+    event = " 18 10  5 13  5  9.3000000  5  0\n"
+    fake.rover.write_text(text + event)
+    fake.solve()
+    assert fake.told()["combined"]["files"][0] == text
+
+
 def test_an_old_version_is_told(fake):
     """Oracle: the version in the output of Debian's rnx2rtkp."""
     fake.does(combined={"pos": pos([(392700.0, 53.29, -9.05, 75.0)], "2.4.3 b34")})
