@@ -53,7 +53,7 @@ STANDS_ON |= {
 
 ALLOWED_ALL_THE_SAME: dict[tuple[str, str], str] = {}  # (importing module, imported module): reason
 LOCAL_ONLY = {"matplotlib", "scipy", "pandas", "pyproj", "georinex", "filterpy", "netCDF4", "xarray", "pymavlink", "pyulog", "h5py"}
-LOCAL_ONLY |= {"pycolmap", "pyceres", "pyrtklib5", "hatanaka"}
+LOCAL_ONLY |= {"orjson", "pycolmap", "pyceres", "pyrtklib5", "hatanaka"}
 
 MODULE_LINES, FUNCTION_LINES, KERNEL_LINES = 400, 60, 200
 LONG_MODULES = {

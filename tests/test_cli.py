@@ -305,8 +305,8 @@ def test_a_crs_of_another_place_is_told(master, capsys):
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ('"cov6": [[0.0001, 0.0', '"cov6": [[-0.0001, 0.0', "image 8001.tif: cov6 is no covariance"),
-        ('"cov6": [[0.0001, 0.0', '"cov6": [[0.0001, 0.00005', "image 8001.tif: cov6 is no covariance"),
+        ('"cov6":[[0.0001,0.0', '"cov6":[[-0.0001,0.0', "image 8001.tif: cov6 is no covariance"),
+        ('"cov6":[[0.0001,0.0', '"cov6":[[0.0001,0.00005', "image 8001.tif: cov6 is no covariance"),
     ],
 )
 def test_a_damaged_master_is_bad_input(old, new, says, master, capsys):
