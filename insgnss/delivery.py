@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from .errors import InputError, UsageError
+from .files import json_ready
 from .flight import Flight
+from .recording import Recording
 from .records import Diagnostics, ExteriorOrientation, Trajectory
 from .records.framed import PROJECTED
 from .stochastic.model import NoiseModel
@@ -70,7 +72,7 @@ def deliver(
     path: Trajectory,
     report: dict[str, Any],
     diagnostics: Diagnostics,
-    noise: NoiseModel,
+    recording: Recording,
 ) -> tuple[Path, ...]:
     """Write every product into a directory beside the target and move them in together: all of them, or none."""
     from .formats.sbet import write_sbet, write_smrmsg
@@ -83,11 +85,15 @@ def deliver(
     staging = Path(tempfile.mkdtemp(prefix=".insgnss-", dir=out))
     try:
         if eo is not None:
-            report["exports"] = [_export(flight, eo, name, staging, noise) for name in dict.fromkeys([*flight.output.formats, "eo_json"])]
+            report["exports"] = [
+                _export(flight, eo, name, staging, recording.noise) for name in dict.fromkeys([*flight.output.formats, "eo_json"])
+            ]
         write_sbet(path, staging / "trajectory.sbet")
         write_smrmsg(path, staging / "trajectory.smrmsg")
         write_trajectory_csv(path, staging / "trajectory.csv")
-        write_report(staging / "report.html", report, diagnostics, eo)
+        if recording.ppk is not None:
+            report["ppk"] = {"engine": recording.ppk.engine, "verdict": recording.ppk.verdict, "quality": json_ready(recording.ppk.quality)}
+        write_report(staging / "report.html", report, diagnostics, eo, None if recording.ppk is None else recording.ppk.series)
         write_report_json(report, staging / "report.json")
         files = sorted(staging.iterdir())
         taken = {file.resolve() for file in inputs_of(flight)}

@@ -29,7 +29,9 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     gnss.base_point                                     what stands there: "apc" (phase centre), "arp" or "marker"
     gnss.antex                                          file of phase centres, for "arp" and "marker"
     gnss.systems                "GREJC"                 GPS G, GLONASS R, Galileo E, QZSS J, BeiDou C
+    gnss.frequencies            2                       1: L1; 2: and L2 or E5b; 3: and L5
     gnss.elevation_mask_deg     15.0
+    gnss.ratio                  3.0                     of the ambiguity test
     gnss.stationary             none                    [latitude deg, longitude deg, height m] of a sensor that stands
     gnss.columns                by header or order      as above
     gnss.units                  by header, else deg     { angle (of latitude and longitude), course = deg, rad; length = m, cm, mm;
@@ -139,7 +141,9 @@ class RawGnss:
     base_point: Literal["apc", "arp", "marker"] | None = None
     antex: Path | None = None
     systems: str = "GREJC"
+    frequencies: int = 2
     elevation_mask_deg: float = 15.0
+    ratio: float = 3.0
 
 
 @dataclass(frozen=True)
@@ -456,7 +460,9 @@ def _raw_gnss(table: Table) -> RawGnss | None:
         base_point=point,
         antex=table.file("antex") if "antex" in table.data else None,
         systems=table.text("systems", "GREJC"),
+        frequencies=int(table.number("frequencies", 2, 1, 3)),
         elevation_mask_deg=table.number("elevation_mask_deg", 15.0, 0.0, 60.0),
+        ratio=table.number("ratio", 3.0, 1.0, 100.0),
     )
 
 

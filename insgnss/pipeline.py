@@ -94,7 +94,7 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = quiet)
     epochs = sum(part.solution.time.size for part in parts)
     report = _summary(flight, diagnostics, eo, history, clock, recording.imu.time.size, epochs)
     clock.step("write")
-    files = deliver(flight, directory, eo, path, report, diagnostics, recording.noise)
+    files = deliver(flight, directory, eo, path, report, diagnostics, recording)
     clock.step("")
     return ProcessResult(report, files, eo, path, diagnostics)
 

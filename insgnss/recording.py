@@ -12,6 +12,7 @@ from .records import Array, CameraEvents, Check, GnssFixes, ImuSamples
 from .units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
+    from .gnss.ppk import PpkResult
     from .prepare.still import Stretches
     from .recognise.recognition import Recognition
     from .stochastic.model import NoiseModel
@@ -36,7 +37,7 @@ class Recording:
 
     C_b_imu (3, 3): the samples' axes to body.   rests : when the sensor stood still.
     noise : model of the samples, those of several IMUs combined.   turn_on : the bias that the rests show, in words, or "".
-    recognition : what the data say of themselves, None where a check had to stop before.
+    recognition : what the data say of themselves, None where a check had to stop before.   ppk : of raw observations.
     """
 
     imu: ImuSamples
@@ -49,6 +50,7 @@ class Recording:
     noise: "NoiseModel"
     turn_on: str = ""
     recognition: "Recognition | None" = None
+    ppk: "PpkResult | None" = None
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ def read_recording(flight: Flight) -> Recording:
     from .stochastic.model import load_noise_model
 
     try:
-        imu, gnss, events, told_by_engine = _read_files(flight)
+        imu, gnss, events, ppk = _read_files(flight)
     except UsageError as error:  # an option of the flight file that its file's format does not have
         raise InputError(f"{flight.path}: {error}") from None
     if flight.gnss.time_offset_s:
@@ -108,7 +110,7 @@ def read_recording(flight: Flight) -> Recording:
     if flight.imu.more:
         imu, noise, more = _combined(flight, imu, noise)
         C_b_imu = np.eye(3)
-    checks = [*check_recording(imu, C_b_imu, gnss, events, origin), *more, *told_by_engine]
+    checks = [*check_recording(imu, C_b_imu, gnss, events, origin), *more, *(ppk.checks if ppk else ())]
     checks.append(_check_mounting(flight))
     if without_turn_on(noise):
         checks.append(check_turn_on(noise))
@@ -130,11 +132,11 @@ def read_recording(flight: Flight) -> Recording:
     told = _turn_on(rests, C_b_imu, noise, gnss) if len(rests) else ""
     if flight.filter.zero_velocity == "off":
         rests = rests.where(np.zeros(len(rests), dtype=np.bool_))
-    return Recording(imu, gnss, events, week, tuple(checks), C_b_imu, rests, noise, told, recognition)
+    return Recording(imu, gnss, events, week, tuple(checks), C_b_imu, rests, noise, told, recognition, ppk)
 
 
-def _read_files(flight: Flight) -> tuple[ImuSamples, GnssFixes, CameraEvents | None, tuple[Check, ...]]:
-    """Samples, fixes, exposures, and what the PPK engine says where it gave the fixes."""
+def _read_files(flight: Flight) -> "tuple[ImuSamples, GnssFixes, CameraEvents | None, PpkResult | None]":
+    """Samples, fixes, exposures, and the PPK solution where it gave the fixes."""
     from .formats import read_events, read_gnss
 
     g, camera = flight.gnss, flight.camera
@@ -145,7 +147,8 @@ def _read_files(flight: Flight) -> tuple[ImuSamples, GnssFixes, CameraEvents | N
     if g.raw is not None:
         from .gnss.flown import solve_flown
 
-        return imu, *solve_flown(g.raw, None if camera is None else camera.images, events)
+        ppk = solve_flown(g.raw, None if camera is None else camera.images, events)
+        return imu, ppk.fixes, ppk.events, ppk
     if g.stationary is not None:
         gnss = standing_fixes(g.stationary, g.sigma_m or STANDING_SIGMA_M, imu)
     else:
@@ -161,7 +164,7 @@ def _read_files(flight: Flight) -> tuple[ImuSamples, GnssFixes, CameraEvents | N
             new_when=g.new_when,
             gps_week=flight.gps_week,
         )
-    return imu, gnss, events, ()
+    return imu, gnss, events, None
 
 
 def _read_imu(i: ImuInput, gps_week: int | None) -> ImuSamples:

@@ -41,7 +41,7 @@ STANDS_ON |= {
     "exporting": ROOMS,
     "comparison": ROOMS,
     "proof": ROOMS | {"exporting"},
-    "delivery": ROOMS | {"flight", "exporting"},
+    "delivery": ROOMS | {"flight", "recording", "exporting"},
     "stretch": ROOMS | {"flight", "recording"},
     "pipeline": ROOMS | {"flight", "recording", "stretch", "delivery"},
     "inspection": ROOMS | {"flight", "recording"},

@@ -1,13 +1,14 @@
 """The raw observations of a flight file: solved, as the fixes and exposures that a reader of ready positions would give."""
 
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 from typing import Protocol
 
 from ..geodesy.frames import geodetic_to_ecef
-from ..records import CameraEvents, Check, GnssFixes
+from ..records import CameraEvents
 from .options import EngineOptions, Point
-from .ppk import PpkInput, solve_ppk
+from .ppk import PpkInput, PpkResult, solve_ppk
 
 
 class RawObservations(Protocol):
@@ -28,13 +29,15 @@ class RawObservations(Protocol):
     @property
     def systems(self) -> str: ...
     @property
+    def frequencies(self) -> int: ...
+    @property
     def elevation_mask_deg(self) -> float: ...
+    @property
+    def ratio(self) -> float: ...
 
 
-def solve_flown(
-    raw: RawObservations, images: Path | None, events: CameraEvents | None
-) -> tuple[GnssFixes, CameraEvents | None, tuple[Check, ...]]:
-    """Fixes, exposures and the checks of all steps.
+def solve_flown(raw: RawObservations, images: Path | None, events: CameraEvents | None) -> PpkResult:
+    """The result, with the exposures of the flight, and of the checks those that no record tells by itself.
 
     images : names of the rover's events, see `events.image_names`.   events : of another file; those of the rover's are then left alone.
     Raises what `ppk.solve_ppk` raises.
@@ -44,12 +47,14 @@ def solve_flown(
         base_point=raw.base_point,
         antex=raw.antex,
         systems=raw.systems,
+        frequencies=raw.frequencies,
         elevation_mask_deg=raw.elevation_mask_deg,
+        ratio=raw.ratio,
     )
     result = solve_ppk(PpkInput(raw.rover, raw.base, raw.navigation, options, images=images, events=events is None))
-    told = () if result.events is None else result.events.notes  # a record tells its notes itself
+    told = () if result.events is None else result.events.notes
     checks = tuple(check for check in result.checks if check not in told)
-    return result.fixes, result.events if events is None else events, checks
+    return replace(result, events=result.events if events is None else events, checks=checks)
 
 
 def _ecef(place: tuple[float, ...]) -> tuple[float, float, float]:

@@ -7,11 +7,13 @@ it was made. Every text is escaped; the pictures are PNG inside the page.
 import base64
 import json
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from ..files import atomic_write
 from ..records import Diagnostics, ExteriorOrientation
+from . import gnss
 from .figures import Picture, pictures
 from .markup import escape, folded, table
 from .sections import constants, flight_lines, key_numbers, limits, parts_and_rests
@@ -39,15 +41,23 @@ summary { cursor: pointer; } li { margin: .35rem 0; } .help { color: var(--ok); 
 """.strip()
 
 
-def write_report(path: str | Path, summary: Mapping[str, Any], diagnostics: Diagnostics, eo: ExteriorOrientation | None) -> Path:
+def write_report(
+    path: str | Path,
+    summary: Mapping[str, Any],
+    diagnostics: Diagnostics,
+    eo: ExteriorOrientation | None,
+    receiver: Mapping[str, Any] | None = None,
+) -> Path:
     """Draw and write the page, whole or not at all; returns where it is.
 
     path : the file, or a directory that gets report.html.   summary : of `summary.run_summary`.   eo : None without a camera.
+    receiver : series of a PPK solution, as `gnss.pictures` takes them.
     """
     path = Path(path)
     if path.is_dir():
         path = path / "report.html"
-    atomic_write(path, page(summary, pictures(diagnostics, eo, summary["standing"])))
+    drawn = chain(pictures(diagnostics, eo, summary["standing"]), () if receiver is None else gnss.pictures(receiver))
+    atomic_write(path, page(summary, drawn))
     return path
 
 
