@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from .errors import InputError, UsageError
-from .files import json_ready
 from .flight import Flight
 from .recording import Recording
 from .records import Diagnostics, ExteriorOrientation, Trajectory
@@ -91,8 +90,6 @@ def deliver(
         write_sbet(path, staging / "trajectory.sbet")
         write_smrmsg(path, staging / "trajectory.smrmsg")
         write_trajectory_csv(path, staging / "trajectory.csv")
-        if recording.ppk is not None:
-            report["ppk"] = {"engine": recording.ppk.engine, "verdict": recording.ppk.verdict, "quality": json_ready(recording.ppk.quality)}
         write_report(staging / "report.html", report, diagnostics, eo, None if recording.ppk is None else recording.ppk.series)
         write_report_json(report, staging / "report.json")
         files = sorted(staging.iterdir())

@@ -16,6 +16,7 @@ from . import __version__
 from .calibrate.fixes import lasting_errors, state_verdicts
 from .delivery import deliver, inputs_of, sha256, target
 from .errors import DataError, InputError
+from .files import json_ready
 from .flight import Flight, load_flight
 from .recording import Progress, Recording, quiet, read_recording, sentence
 from .records import Array, Check, Diagnostics, ExteriorOrientation, GnssFixes, StateVerdict, Trajectory
@@ -93,6 +94,8 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = quiet)
     diagnostics = replace(Diagnostics.joined(every), checks=checks)
     epochs = sum(part.solution.time.size for part in parts)
     report = _summary(flight, diagnostics, eo, history, clock, recording.imu.time.size, epochs)
+    if recording.ppk is not None:
+        report["ppk"] = {"engine": recording.ppk.engine, "verdict": recording.ppk.verdict, "quality": json_ready(recording.ppk.quality)}
     clock.step("write")
     files = deliver(flight, directory, eo, path, report, diagnostics, recording)
     clock.step("")

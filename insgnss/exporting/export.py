@@ -13,8 +13,7 @@ import numpy as np
 
 from ..errors import InputError, UsageError
 from ..formats._exports import EXPORTS, Export
-from ..formats.bentley import on_ellipsoid
-from ..geodesy.projection import MapProjection
+from ..geodesy.projection import MapProjection, undulation
 from ..orient.frame import in_frame
 from ..orient.relative import gyro_figures, relative_control
 from ..records import ExteriorOrientation, FramedOrientation
@@ -92,9 +91,7 @@ def export(eo: ExteriorOrientation, name: str, path: Path, target: Target | None
         options = options | {"undulation_m": _undulation(eo, name, target)}
     elif projection is None and target.geoid is not None:
         raise UsageError(f"export: {name} in a frame of kind {kind} takes heights above the ellipsoid; leave the geoid out or name a CRS")
-    framed = in_frame(eo, kind, projection, target.ground_m)
-    if name == "bentley":
-        framed = on_ellipsoid(framed)
+    framed = form.in_own_frame(in_frame(eo, kind, projection, target.ground_m))
     if form.relative:
         form.write(_relative(name, framed, eo, options), path)
     else:
@@ -139,10 +136,7 @@ def _undulation(eo: ExteriorOrientation, name: str, target: Target) -> Any:
     """Height (n,) m of the geoid above the ellipsoid at the images."""
     if target.geoid is None:
         raise UsageError(f"export: {name} has heights above sea level; name a grid of geoid heights (--geoid GRID, output.geoid)")
-    place = in_frame(eo, GEOGRAPHIC).geodetic
-    zone = int(np.degrees(place[0, 1]) // 6.0) % 60 + 1  # any CRS will do, only its geoid is asked
-    projection = MapProjection(f"EPSG:{32600 + zone}", target.geoid)
-    return place[:, 2] - projection.forward(*place.T)[:, 2]
+    return undulation(target.geoid, *in_frame(eo, GEOGRAPHIC).geodetic[:, :2].T)
 
 
 def _notes(form: Export, projection: MapProjection | None, scaled: bool) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ options that a format cannot use are refused, None is no option. `describe` says
 `EXPORTS` lists what an exterior orientation is written to.
 """
 
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -47,8 +48,6 @@ EVENT_OPTIONS = {
 }
 _READERS = {
     "imu": {
-        "matlab": "read_imu_mat",
-        "npy": "read_imu_npy",
         "aimu": "read_aimu",
         "psins": "read_psins",
         "ardupilot": "read_imu_ardupilot",
@@ -56,8 +55,6 @@ _READERS = {
         "imu_csv": "read_imu_csv",
     },
     "gnss": {
-        "matlab": "read_gnss_mat",
-        "npy": "read_gnss_npy",
         "nmea": "read_nmea",
         "rtklib_pos": "read_rtklib_pos",
         "sbet": "read_gnss_sbet",
@@ -67,6 +64,7 @@ _READERS = {
     },
     "events": {"mrk": "read_events_mrk", "ardupilot": "read_events_ardupilot", "ulog": "read_events_ulog", "events": "read_events"},
 }
+_LOADERS = {"matlab": "load_matlab", "npy": "load_numpy"}  # of named arrays, read by a column map
 _BY_ENDING = {".mat": "matlab", ".npy": "npy", ".npz": "npy", ".ulg": "ulog", ".bin": "ardupilot", ".sbet": "sbet"}
 
 
@@ -146,6 +144,11 @@ def _options(path: str | Path, form: str, known: tuple[str, ...], given: dict[st
 
 
 def _read(kind: str, form: str, path: str | Path, options: dict[str, Any]) -> Any:
+    if form in _LOADERS:
+        from . import _mapped
+
+        of_content: dict[str, Callable[..., Any]] = {"imu": _mapped.imu_of_content, "gnss": _mapped.gnss_of_content}
+        return of_content[kind](path, load_content(form, path), **options)
     return getattr(import_module(f".{form}", __name__), _READERS[kind][form])(path, **options)
 
 
@@ -168,6 +171,11 @@ def read_events(path: str | Path, **spec: Any) -> CameraEvents:
     form = sniff_events(path)
     events: CameraEvents = _read("events", form, path, _options(path, form, EVENT_OPTIONS[form], spec))
     return events
+
+
+def load_content(form: str, path: str | Path) -> Any:
+    """The named arrays of a file of the formats that are read by a column map."""
+    return getattr(import_module(f".{form}", __name__), _LOADERS[form])(path)
 
 
 def describe(path: str | Path) -> list[TableInfo]:

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from ..geodesy.gpstime import WEEK_S
 from ..geodesy.rotation import CV_RUB, NED_ENU, quaternion_from_rotation
 from ..records import FramedOrientation
-from ._eo import GEOCENTRIC, GEOGRAPHIC, OPK, POK, RPY, YPR, AngleSet, angles_of, places, plan_and_height_sigma, position_sigma
+from ..records.framed import GEOCENTRIC, GEOGRAPHIC
+from ._eo import OPK, POK, RPY, YPR, AngleSet, angles_of, places, plan_and_height_sigma, position_sigma
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,8 @@ of one's own is given to `write_generic_ascii`.
 from typing import Any
 
 from ..records import FramedOrientation
-from ._eo import GEOGRAPHIC, PROJECTED, TANGENT, check_frame
+from ..records.framed import GEOGRAPHIC, PROJECTED, TANGENT
+from ._eo import check_frame
 from ._text import Source
 from .generic_ascii import write_generic_ascii
 

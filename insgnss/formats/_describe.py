@@ -4,7 +4,7 @@ from collections import Counter
 from pathlib import Path
 
 from ..errors import InputError
-from . import _by_bytes, _head
+from . import _by_bytes, _head, load_content
 from ._columns import header_unit
 from ._content import TableInfo, tables_of
 from ._sentences import read_sentences
@@ -15,14 +15,8 @@ def tables_in(path: str | Path) -> list[TableInfo]:
     """As `formats.describe` tells."""
     head = _head(path)
     form = _by_bytes(path, head)
-    if form == "matlab":
-        from .matlab import load_matlab
-
-        return list(tables_of(load_matlab(path)))
-    if form == "npy":
-        from .npy import load_numpy
-
-        return list(tables_of(load_numpy(path)))
+    if form in ("matlab", "npy"):
+        return list(tables_of(load_content(form, path)))
     if form == "ardupilot":
         from .ardupilot import load_ardupilot
 

@@ -28,10 +28,7 @@ from ..geodesy.rotation import (
     ypr_jacobian,
 )
 from ..records import FramedOrientation
-from ..records.framed import GEOCENTRIC as GEOCENTRIC
-from ..records.framed import GEOGRAPHIC as GEOGRAPHIC
-from ..records.framed import PROJECTED as PROJECTED
-from ..records.framed import TANGENT as TANGENT
+from ..records.framed import GEOGRAPHIC, TANGENT
 
 Array = NDArray[np.float64]
 

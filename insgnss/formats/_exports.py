@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Literal
 
+from ..records import FramedOrientation
 from ..records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 
 Heights = Literal["", "ellipsoid", "sea level"]
@@ -25,6 +26,7 @@ class Export:
     experimental : why not all of the convention could be checked; empty where it could.   several : a directory of files.
     needs : those of the options that have no default.
     crs_order : whether coordinates stand in the order that the CRS itself has; in all others easting comes first.
+    frame : module and function that turn a frame into the one that the file is really in; empty where it stays.
     relative : whether the writer takes relative control (`orient.relative`) in place of the orientation.
     """
 
@@ -40,11 +42,16 @@ class Export:
     needs: tuple[str, ...] = ()
     crs_order: bool = False
     relative: bool = False
+    frame: str = ""
 
     @property
     def write(self) -> Callable[..., Any]:
         """The writer."""
         return _function(self.writer)
+
+    def in_own_frame(self, eo: FramedOrientation) -> FramedOrientation:
+        """`eo` in the frame that the file is really in."""
+        return _function(self.frame)(eo) if self.frame else eo
 
     @property
     def read(self) -> Callable[..., Any] | None:
@@ -135,6 +142,7 @@ EXPORTS: dict[str, Export] = {
         "bentley:write_bentley",
         (PROJECTED, TANGENT, GEOGRAPHIC),
         options=("width_px", "height_px", "focal_px"),
+        frame="bentley:on_ellipsoid",
     ),
     "inpho_prj": Export(
         "inpho.prj",

@@ -49,13 +49,13 @@ def imu_of_content(
     path: object,
     content: Content,
     columns: Columns,
-    variable: str | None,
-    units: Mapping[str, str] | None,
-    quantity: Quantity,
-    gps_week: int | None,
-    rate_hz: float | None,
+    variable: str | None = None,
+    units: Mapping[str, str] | None = None,
+    quantity: Quantity = "mean_rate",
+    gps_week: int | None = None,
+    rate_hz: float | None = None,
 ) -> ImuSamples:
-    """Samples in SI; units and quantity as in `imu_csv`."""
+    """Samples in SI; columns as in `_content`, names, units, quantity and rate_hz as in `imu_csv`."""
     units = check_units(units, UNIT_KEYS)
     cols = _taken(path, content, columns, variable, required_columns(rate_hz), tuple(IMU_ALIASES))
     lines = NumberedRows(str(path))
@@ -71,15 +71,17 @@ def gnss_of_content(
     path: object,
     content: Content,
     columns: Columns,
-    variable: str | None,
-    new_when: str | None,
-    sigma_m: ArrayLike | None,
-    sigma_velocity: ArrayLike | None,
-    units: Mapping[str, str] | None,
-    gps_week: int | None,
-    undulation_m: float,
+    variable: str | None = None,
+    new_when: str | None = None,
+    sigma_m: ArrayLike | None = None,
+    sigma_velocity: ArrayLike | None = None,
+    units: Mapping[str, str] | None = None,
+    gps_week: int | None = None,
+    undulation_m: float = 0.0,
 ) -> GnssFixes:
-    """Fixes; names and units as in `gnss_text`.
+    """Fixes; columns as in `_content`, names and units as in `gnss_text`.
+
+    undulation_m : geoid above the ellipsoid, m, added to heights that are above the geoid.
 
     new_when : path (or canonical name) of what changes with each new fix; None takes every row for a fix, and is refused where more
         than half of them repeat the one before.

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from ..errors import UsageError
 from ..files import atomic_write
 from ..records import FramedOrientation
-from ._eo import CHUNK, GEOGRAPHIC, PROJECTED, TANGENT, check_frame, check_names, frame_words, place_form, places, said
+from ..records.framed import GEOGRAPHIC, PROJECTED, TANGENT
+from ._eo import CHUNK, check_frame, check_names, frame_words, place_form, places, said
 from ._text import Source
 
 HEAD = """<?xml version="1.0" encoding="utf-8"?>

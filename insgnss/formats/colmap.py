@@ -18,8 +18,9 @@ from ..errors import InputError, UsageError
 from ..files import atomic_write
 from ..geodesy.rotation import quaternion_from_rotation
 from ..records import Array, FramedOrientation
+from ..records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 from ._camera import Camera, camera_of
-from ._eo import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT, check_frame, check_names, check_only, said
+from ._eo import check_frame, check_names, check_only, said
 from ._poses import staged, vector
 from ._text import Source
 

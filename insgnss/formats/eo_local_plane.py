@@ -14,8 +14,9 @@ from .. import __version__
 from ..files import atomic_write
 from ..geodesy.rotation import CV_RUB, rotation_from_opk
 from ..records import FramedOrientation
+from ..records.framed import TANGENT
 from ._columns import Aliases, Columns, columns_of
-from ._eo import OPK, TANGENT, angles_of, check_frame, check_names, frame_attitude, position_sigma, table_text
+from ._eo import OPK, angles_of, check_frame, check_names, frame_attitude, position_sigma, table_text
 from ._text import Source, read_text_table
 
 Array = NDArray[np.float64]

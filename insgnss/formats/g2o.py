@@ -27,7 +27,8 @@ from ..errors import UsageError
 from ..files import atomic_write
 from ..geodesy.rotation import skew
 from ..records import Array, FramedOrientation
-from ._eo import GEOCENTRIC, PROJECTED, TANGENT, check_frame, check_names, said
+from ..records.framed import GEOCENTRIC, PROJECTED, TANGENT
+from ._eo import check_frame, check_names, said
 from ._poses import inverse_covariance, positive
 from ._text import Source, format_rows
 from .tum import wxyz_last

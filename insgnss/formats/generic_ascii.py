@@ -24,8 +24,9 @@ from ..geodesy.rotation import (
     rotation_from_ypr,
 )
 from ..records import FramedOrientation
+from ..records.framed import GEOCENTRIC, TANGENT
 from ._ascii_columns import CAMERA_AXES, DIRECTIONS, GIMBAL_CV, GROUP_OF, GROUPS, NORTHS, OF_NORTH, Conventions, has_plan, kind_of
-from ._eo import GEOCENTRIC, TANGENT, check_names, said, table_text
+from ._eo import check_names, said, table_text
 from ._text import Source, TextTable, read_text_table
 
 Array = NDArray[np.float64]

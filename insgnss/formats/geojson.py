@@ -16,7 +16,8 @@ import numpy as np
 from ..errors import UsageError
 from ..files import atomic_write
 from ..records import Array, FramedOrientation
-from ._eo import OPK, PROJECTED, angles_of, check_frame, frame_attitude
+from ..records.framed import PROJECTED
+from ._eo import OPK, angles_of, check_frame, frame_attitude
 from ._poses import local_covariance, sentences, true_north_ypr, utc
 from ._text import Source
 

@@ -17,7 +17,8 @@ import numpy as np
 from ..errors import UsageError
 from ..geodesy.rotation import quaternion_from_rotation
 from ..records import Array, FramedOrientation
-from ._eo import GEOGRAPHIC, OPK, PROJECTED, TANGENT, angles_of, check_frame, frame_attitude, places, position_sigma
+from ..records.framed import GEOGRAPHIC, PROJECTED, TANGENT
+from ._eo import OPK, angles_of, check_frame, frame_attitude, places, position_sigma
 from ._poses import sentences, staged, true_north_ypr, utc
 from ._text import Source
 

@@ -16,7 +16,8 @@ from ..errors import InputError, UsageError
 from ..files import atomic_write
 from ..geodesy.gpstime import WEEK_S
 from ..records import FramedOrientation
-from ._eo import CHUNK, OPK, PROJECTED, TANGENT, angles_of, check_frame, check_names, frame_attitude, said, table_text
+from ..records.framed import PROJECTED, TANGENT
+from ._eo import CHUNK, OPK, angles_of, check_frame, check_names, frame_attitude, said, table_text
 from ._text import Source
 
 GPS_EPOCH = np.datetime64("1980-01-06T00:00:00", "ms")

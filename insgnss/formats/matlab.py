@@ -3,17 +3,15 @@
 There is no default: `columns` says which field, label or column of a matrix is what; `_content` states how they are named.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..records import GnssFixes, ImuSamples, Quantity
 from ._content import Content, Matrix, take_columns
 from ._layout import printable
-from ._mapped import Columns, gnss_of_content, imu_of_content
+from ._mapped import Columns
 from ._matfile import Damaged, read_mat
 from ._text import Source, load_bytes
 
@@ -84,35 +82,3 @@ def _hdf5(path: Source) -> dict[str, Any]:
 def read_matlab_table(path: Source, columns: Columns, variable: str | None = None) -> dict[str, Array]:
     """Arrays (n,) by canonical name, as `_content.take_columns` tells."""
     return take_columns(path, load_matlab(path), columns, variable)
-
-
-def read_imu_mat(
-    path: Source,
-    columns: Columns,
-    variable: str | None = None,
-    units: Mapping[str, str] | None = None,
-    quantity: Quantity = "mean_rate",
-    gps_week: int | None = None,
-    rate_hz: float | None = None,
-) -> ImuSamples:
-    """Read IMU samples into SI; names, units, quantity and rate_hz as in `imu_csv`."""
-    return imu_of_content(path, load_matlab(path), columns, variable, units, quantity, gps_week, rate_hz)
-
-
-def read_gnss_mat(
-    path: Source,
-    columns: Columns,
-    variable: str | None = None,
-    new_when: str | None = None,
-    sigma_m: ArrayLike | None = None,
-    sigma_velocity: ArrayLike | None = None,
-    units: Mapping[str, str] | None = None,
-    gps_week: int | None = None,
-    undulation_m: float = 0.0,
-) -> GnssFixes:
-    """Read fixes; names and units as in `gnss_text`, `new_when` as in `_mapped`.
-
-    undulation_m : geoid above the ellipsoid, m, added to heights that are above the geoid.
-    """
-    content = load_matlab(path)
-    return gnss_of_content(path, content, columns, variable, new_when, sigma_m, sigma_velocity, units, gps_week, undulation_m)

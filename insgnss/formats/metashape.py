@@ -27,12 +27,10 @@ from numpy.typing import NDArray
 from ..files import atomic_write
 from ..geodesy.rotation import CV_RUB, rotation_from_ypr, ypr_from_rotation
 from ..records import FramedOrientation
+from ..records.framed import GEOGRAPHIC, PROJECTED, TANGENT
 from ._columns import Aliases, columns_of
 from ._eo import (
-    GEOGRAPHIC,
     OPK,
-    PROJECTED,
-    TANGENT,
     YPR,
     AngleSet,
     angles_of,

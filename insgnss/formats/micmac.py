@@ -19,7 +19,8 @@ import numpy as np
 from ..errors import InputError, UsageError
 from ..files import atomic_write
 from ..records import FramedOrientation
-from ._eo import GEOCENTRIC, OPK, TANGENT, angles_of, check_frame, check_names, check_only, frame_attitude, position_sigma, said, table_text
+from ..records.framed import GEOCENTRIC, TANGENT
+from ._eo import OPK, angles_of, check_frame, check_names, check_only, frame_attitude, position_sigma, said, table_text
 from ._text import Source
 
 XML = """<?xml version="1.0" ?>

@@ -4,18 +4,14 @@ A `.npy` is one array (n, m), or a record array whose fields name the columns; a
 """
 
 import warnings
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..records import GnssFixes, ImuSamples, Quantity
 from ._content import Content, Matrix
 from ._layout import printable
-from ._mapped import Columns, gnss_of_content, imu_of_content
 from ._text import Source
 
 
@@ -46,32 +42,3 @@ def _plain(array: Any) -> Any:
     if array.dtype.names:
         return {printable(name): np.asarray(array[name]).reshape(-1) for name in array.dtype.names}
     return Matrix(np.asarray(array)) if array.ndim == 2 else np.asarray(array)
-
-
-def read_imu_npy(
-    path: Source,
-    columns: Columns,
-    variable: str | None = None,
-    units: Mapping[str, str] | None = None,
-    quantity: Quantity = "mean_rate",
-    gps_week: int | None = None,
-    rate_hz: float | None = None,
-) -> ImuSamples:
-    """Read IMU samples into SI; columns as in `_content`, names, units, quantity and rate_hz as in `imu_csv`."""
-    return imu_of_content(path, load_numpy(path), columns, variable, units, quantity, gps_week, rate_hz)
-
-
-def read_gnss_npy(
-    path: Source,
-    columns: Columns,
-    variable: str | None = None,
-    new_when: str | None = None,
-    sigma_m: ArrayLike | None = None,
-    sigma_velocity: ArrayLike | None = None,
-    units: Mapping[str, str] | None = None,
-    gps_week: int | None = None,
-    undulation_m: float = 0.0,
-) -> GnssFixes:
-    """Read fixes; columns as in `_content`, names and units as in `gnss_text`, `new_when` as in `_mapped`."""
-    content = load_numpy(path)
-    return gnss_of_content(path, content, columns, variable, new_when, sigma_m, sigma_velocity, units, gps_week, undulation_m)

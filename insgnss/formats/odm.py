@@ -14,7 +14,8 @@ import numpy as np
 from ..errors import UsageError
 from ..files import atomic_write
 from ..records import FramedOrientation
-from ._eo import GEOGRAPHIC, PROJECTED, check_frame, check_names, place_form, places, plan_and_height_sigma, said, table_text
+from ..records.framed import GEOGRAPHIC, PROJECTED
+from ._eo import check_frame, check_names, place_form, places, plan_and_height_sigma, said, table_text
 from ._text import Source
 
 

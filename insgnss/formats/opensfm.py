@@ -15,7 +15,8 @@ import numpy as np
 from ..errors import UsageError
 from ..files import atomic_write
 from ..records import FramedOrientation
-from ._eo import CHUNK, OPK, TANGENT, angles_of, check_frame, frame_attitude
+from ..records.framed import TANGENT
+from ._eo import CHUNK, OPK, angles_of, check_frame, frame_attitude
 from ._text import Source
 
 REFERENCE = "reference_lla.json"

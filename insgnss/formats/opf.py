@@ -29,8 +29,9 @@ from .. import __version__
 from ..errors import UsageError
 from ..files import atomic_write
 from ..records import Array, FramedOrientation, MapFrame
+from ..records.framed import PROJECTED
 from ._camera import Camera, camera_of
-from ._eo import OPK, PROJECTED, angles_of, check_frame, check_only, frame_attitude, position_sigma
+from ._eo import OPK, angles_of, check_frame, check_only, frame_attitude, position_sigma
 from ._poses import local_sigma, positive, sentences, utc
 from ._text import Source
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from ..files import atomic_write
 from ..records import FramedOrientation
-from ._eo import PROJECTED, TANGENT, check_frame, check_names, frame_attitude, said, table_text
+from ..records.framed import PROJECTED, TANGENT
+from ._eo import check_frame, check_names, frame_attitude, said, table_text
 from ._text import Source
 
 WIDEST = 10**15

@@ -14,11 +14,9 @@ import numpy as np
 
 from ..files import atomic_write
 from ..records import FramedOrientation
+from ..records.framed import GEOGRAPHIC, PROJECTED, TANGENT
 from ._eo import (
-    GEOGRAPHIC,
     OPK,
-    PROJECTED,
-    TANGENT,
     YPR,
     angles_of,
     check_frame,

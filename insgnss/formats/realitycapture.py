@@ -12,21 +12,8 @@ import numpy as np
 
 from ..files import atomic_write
 from ..records import FramedOrientation
-from ._eo import (
-    GEOGRAPHIC,
-    PROJECTED,
-    TANGENT,
-    YPR,
-    angles_of,
-    check_frame,
-    check_names,
-    north_attitude,
-    place_form,
-    places,
-    position_sigma,
-    said,
-    table_text,
-)
+from ..records.framed import GEOGRAPHIC, PROJECTED, TANGENT
+from ._eo import YPR, angles_of, check_frame, check_names, north_attitude, place_form, places, position_sigma, said, table_text
 from ._text import Source
 
 ANGLES = (

@@ -14,7 +14,8 @@ from ..errors import UsageError
 from ..files import atomic_write
 from ..geodesy.rotation import quaternion_from_rotation
 from ..records import Array, FramedOrientation
-from ._eo import GEOCENTRIC, PROJECTED, TANGENT, check_frame, said
+from ..records.framed import GEOCENTRIC, PROJECTED, TANGENT
+from ._eo import check_frame, said
 from ._poses import unix_seconds
 from ._text import Source, format_rows
 

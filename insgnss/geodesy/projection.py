@@ -53,9 +53,7 @@ class MapProjection:
             )
         if geoid is not None and self.crs.is_compound:
             raise UsageError(f"CRS {definition!r} has heights of its own; leave the geoid out")
-        if geoid is not None and not Path(geoid).is_file():
-            raise UsageError(f"geoid {geoid}: does not exist; give a grid of geoid heights such as egm96_15.gtx")
-        self.geoid = None if geoid is None else Path(geoid).resolve()  # a bare name would be looked for among PROJ's own grids
+        self.geoid = None if geoid is None else _geoid_file(geoid)
 
     @property
     def name(self) -> str:
@@ -73,7 +71,7 @@ class MapProjection:
         """What the third coordinate is."""
         if self.crs.is_compound:
             return str(self.crs.sub_crs_list[1].name)
-        return "above the ellipsoid of WGS84" if self.geoid is None else f"above the geoid {self.geoid.name}"
+        return "above the ellipsoid of WGS84" if self.geoid is None else _above(self.geoid)
 
     @property
     def northing_first(self) -> bool:
@@ -88,14 +86,8 @@ class MapProjection:
     def _heights(self) -> Any:
         if self.crs.is_compound:
             return _transformer("EPSG:4979", self.crs)
-        from pyproj import Transformer
-        from pyproj.exceptions import ProjError
-
-        shift = f'+step +inv +proj=vgridshift +grids="{self.geoid}" +multiplier=1'
-        try:
-            return Transformer.from_pipeline(f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad {shift}")
-        except ProjError:
-            raise InputError(f"{self.geoid}: is no grid of geoid heights that PROJ reads; give a GeoTIFF or .gtx") from None
+        assert self.geoid is not None
+        return _geoid_transformer(self.geoid)
 
     def forward(self, lat: Array, lon: Array, h: Array) -> Array:
         """Coordinates (n, 3), m, of latitude, longitude (n,) rad and height (n,) m above WGS84's ellipsoid.
@@ -189,6 +181,37 @@ def _crs(definition: str) -> Any:
         return CRS.from_user_input(int(text) if text.isdigit() else text)
     except (CRSError, UnicodeDecodeError, OSError):
         raise UsageError(f"CRS {str(definition)[:60]!r} is unknown; {HOW}") from None
+
+
+def undulation(geoid: Path, lat: Array, lon: Array) -> Array:
+    """Height (n,) m of the geoid of a grid above WGS84's ellipsoid at latitude, longitude (n,) rad.
+
+    Raises UsageError for a grid that is not there, InputError for one that PROJ does not read or that does not reach.
+    """
+    grid = _geoid_file(geoid)
+    return -_run(_geoid_transformer(grid), _above(grid), np.degrees(lon), np.degrees(lat), np.zeros(lat.size))[2]
+
+
+def _above(geoid: Path) -> str:
+    return f"above the geoid {geoid.name}"
+
+
+def _geoid_file(geoid: Path) -> Path:
+    if not Path(geoid).is_file():
+        raise UsageError(f"geoid {geoid}: does not exist; give a grid of geoid heights such as egm96_15.gtx")
+    return Path(geoid).resolve()  # a bare name would be looked for among PROJ's own grids
+
+
+def _geoid_transformer(geoid: Path) -> Any:
+    """Heights above WGS84's ellipsoid to those above the geoid, at longitude, latitude in degrees."""
+    from pyproj import Transformer
+    from pyproj.exceptions import ProjError
+
+    shift = f'+step +inv +proj=vgridshift +grids="{geoid}" +multiplier=1'
+    try:
+        return Transformer.from_pipeline(f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad {shift}")
+    except ProjError:
+        raise InputError(f"{geoid}: is no grid of geoid heights that PROJ reads; give a GeoTIFF or .gtx") from None
 
 
 def _transformer(source: str, target: Any) -> Any:

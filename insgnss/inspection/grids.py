@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..formats import load_content
 from ..records import Array
 from .clocks import seconds_and_nanoseconds
 from .names import Grid
@@ -29,14 +30,9 @@ class Table:
 def tables_of_file(path: Path) -> Iterator[Table]:
     """Tables of numbers that a file holds; InputError where it cannot be read."""
     suffix = path.suffix.lower()
-    if suffix == ".mat":
-        from ..formats.matlab import load_matlab
-
-        yield from _content_tables(path, load_matlab(path))
-    elif suffix in (".npy", ".npz"):
-        from ..formats.npy import load_numpy
-
-        yield from _content_tables(path, load_numpy(path))
+    form = {".mat": "matlab", ".npy": "npy", ".npz": "npy"}.get(suffix)
+    if form is not None:
+        yield from _content_tables(path, load_content(form, path))
     else:
         yield from _text_tables(path)
 

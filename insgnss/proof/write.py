@@ -17,7 +17,6 @@ from ..errors import UsageError
 from ..exporting.export import Target, export, known_format
 from ..files import atomic_write
 from ..formats._exports import Export
-from ..formats.bentley import on_ellipsoid
 from ..geodesy.projection import MapProjection
 from ..orient.frame import in_frame
 from ..records import Array
@@ -61,7 +60,7 @@ def write_proof(
         write_pictures(scene, images)
         done = export(scene.eo, name, work / form.product, target, **_options(name, form, images))
         heights = {PROJECTED: projection.heights if projection is not None else "", GEOGRAPHIC: "above the ellipsoid of WGS84"}.get(kind)
-        words, up = _tangent(scene, name) if kind == TANGENT else (done.frame, 0.0)
+        words, up = _tangent(scene, form) if kind == TANGENT else (done.frame, 0.0)
         words = f"{words}, heights {heights}" if heights else words
         side = {"README.txt": readme(scene, name, form, done, words, projection, ground_m), **_beside(scene, kind, projection, words, up)}
         for file, text in side.items():
@@ -107,10 +106,10 @@ def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
     return {key: known[key] for key in form.options if key in known}
 
 
-def _tangent(scene: Scene, name: str) -> tuple[str, float]:
+def _tangent(scene: Scene, form: Export) -> tuple[str, float]:
     """The tangent plane of a format in words, and how far, m, its origin lies below that of the scene."""
     eo = in_frame(scene.eo, TANGENT)
-    own = on_ellipsoid(eo) if name == "bentley" else eo
+    own = form.in_own_frame(eo)
     return own.frame.name, eo.frame.origin[2] - own.frame.origin[2]
 
 
