@@ -14,8 +14,8 @@ from collections.abc import Callable
 import numpy as np
 from common import median_cpu, one_thread
 
-from insgnss.stochastic.allan import allan_deviation
-from insgnss.stochastic.wavelet import default_levels, wavelet_variance, wavelet_variances
+from insgnss.stochastic.moments.allan import allan_deviation
+from insgnss.stochastic.moments.wavelet import default_levels, wavelet_variance, wavelet_variances
 
 RATE = 250.0
 

@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 
 from insgnss.stochastic.composition import Composition
 from insgnss.stochastic.model import AxisNoise, load_noise_model
+from insgnss.stochastic.moments.theory import haar_variance, haar_variance_parts
 from insgnss.stochastic.processes import simulate_noise
-from insgnss.stochastic.theory import haar_variance, haar_variance_parts
 from insgnss.tuning.options import TuneOptions
 from insgnss.tuning.result import Tuned, TuneResult
 from insgnss.tuning.static import tune_static

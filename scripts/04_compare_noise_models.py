@@ -19,11 +19,11 @@ from matplotlib.figure import Figure
 
 from insgnss.formats import read_imu
 from insgnss.records import WaveletVariance
+from insgnss.stochastic.estimation.selection import Ranking, rank
 from insgnss.stochastic.model import AxisNoise, GaussMarkov
+from insgnss.stochastic.moments.theory import haar_variance
+from insgnss.stochastic.moments.wavelet import wavelet_variance
 from insgnss.stochastic.processes import simulate_noise
-from insgnss.stochastic.selection import Ranking, rank
-from insgnss.stochastic.theory import haar_variance
-from insgnss.stochastic.wavelet import wavelet_variance
 
 DEG_H = np.pi / 180.0 / 3600.0
 TRUTH = AxisNoise(10.8 * DEG_H, gauss_markov=(GaussMarkov.from_sigma(2.5, 20.0 * DEG_H), GaussMarkov.from_sigma(72.0, 22.0 * DEG_H)))

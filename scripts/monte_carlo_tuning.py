@@ -24,12 +24,12 @@ from scipy.stats import binom
 
 from insgnss.records import WaveletVariance
 from insgnss.stochastic.composition import composition_of
-from insgnss.stochastic.estimates import Linearised
-from insgnss.stochastic.gmwm import Fit, fit
-from insgnss.stochastic.inference import Inference, covariances, infer, inverse, second_step
+from insgnss.stochastic.estimation.estimates import Linearised
+from insgnss.stochastic.estimation.gmwm import Fit, fit
+from insgnss.stochastic.estimation.inference import Inference, covariances, infer, inverse, second_step
 from insgnss.stochastic.model import AxisNoise, load_noise_model
+from insgnss.stochastic.moments.wavelet import in_threads, wavelet_variance
 from insgnss.stochastic.processes import simulate_noise
-from insgnss.stochastic.wavelet import in_threads, wavelet_variance
 
 PAGE = Path(__file__).parents[1] / "benchmarks" / "tuning.md"
 RECORDINGS = 6

@@ -1,1 +1,1 @@
-"""IMU noise as sums of named processes: their parameters in a file, their exact discretisation."""
+"""IMU noise as sums of named processes: their file, their exact discretisation; `moments` and `estimation` of them from records."""

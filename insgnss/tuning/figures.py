@@ -4,8 +4,8 @@ import math
 from typing import TYPE_CHECKING, cast
 
 from ..report.noise import NoisePanel, Sensor, draw_noise, process_label
-from ..stochastic.goodness import p_text
-from ..stochastic.theory import haar_variance, haar_variance_parts
+from ..stochastic.estimation.goodness import p_text
+from ..stochastic.moments.theory import haar_variance, haar_variance_parts
 from .recordings import AXES, StaticRecording
 from .table import duration
 from .words import FITS, goodness_p

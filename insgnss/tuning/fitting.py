@@ -14,10 +14,10 @@ import numpy as np
 from ..errors import DataError, UsageError
 from ..records import WaveletVariance
 from ..stochastic.composition import MOST_GAUSS_MARKOV, Composition
-from ..stochastic.estimates import Linearised
-from ..stochastic.gmwm import Fit, fit
-from ..stochastic.goodness import GoodnessOfFit, goodness_of_fit
-from ..stochastic.inference import covariances, infer, second_step
+from ..stochastic.estimation.estimates import Linearised
+from ..stochastic.estimation.gmwm import Fit, fit
+from ..stochastic.estimation.goodness import GoodnessOfFit, goodness_of_fit
+from ..stochastic.estimation.inference import covariances, infer, second_step
 from .options import FAMILY, TuneOptions, chosen_levels
 from .recordings import AXES, StaticRecording
 from .result import Tuned
@@ -25,7 +25,7 @@ from .usable import usable_axis
 from .words import FITS
 
 if TYPE_CHECKING:
-    from ..stochastic.selection import Ranking
+    from ..stochastic.estimation.selection import Ranking
 
 Progress = Callable[[str], None]
 
@@ -85,7 +85,7 @@ def tune_axes(
     remarks = (*told, *remarks, *_finer_scales(first, goodness, inference.goodness.misfits, asked, options))
     stationarity = None
     if len(recordings) > 1:
-        from ..stochastic.selection import near_stationarity
+        from ..stochastic.estimation.selection import near_stationarity
 
         progress(f"{name}: does one model serve all recordings?")
         stationarity = near_stationarity(kept, recordings=groups, draws=options.bootstrap, seed=options.seed)
@@ -119,7 +119,7 @@ def _ranking(
     curves: list[WaveletVariance], family: Sequence[Composition], groups: list[int], options: TuneOptions
 ) -> "tuple[Ranking, tuple[str, ...]]":
     """The models by their criterion, and what is to be said of how; the weights are those of the intervals where V is singular."""
-    from ..stochastic.selection import rank
+    from ..stochastic.estimation.selection import rank
 
     tried = [c for c in _few_enough(family, curves) if c.size > c.drift] or list(family)
     out = [str(composition) for composition in family if composition not in tried]

@@ -16,7 +16,7 @@ from ..formats.variances import read_variances
 from ..prepare.static import Disturbance, StaticSpan, static_span
 from ..records import Array, Check, WaveletVariance
 from ..stochastic.model import RecordingSource
-from ..stochastic.wavelet import wavelet_variances
+from ..stochastic.moments.wavelet import wavelet_variances
 from .options import TuneOptions
 from .reading import HEAD, own_words, read_samples
 

@@ -6,18 +6,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..files import json_ready
-from ..stochastic.estimates import Estimate
-from ..stochastic.gmwm import Fit
-from ..stochastic.goodness import GoodnessOfFit
-from ..stochastic.inference import Inference
+from ..stochastic.estimation.estimates import Estimate
+from ..stochastic.estimation.gmwm import Fit
+from ..stochastic.estimation.goodness import GoodnessOfFit
+from ..stochastic.estimation.inference import Inference
 from ..stochastic.model import AxisNoise, NoiseModel
-from ..stochastic.theory import haar_variance_parts
+from ..stochastic.moments.theory import haar_variance_parts
 from .options import TuneOptions
 from .recordings import AXES, StaticRecording
 from .trend import Trend
 
 if TYPE_CHECKING:
-    from ..stochastic.selection import NearStationarity, Ranking
+    from ..stochastic.estimation.selection import NearStationarity, Ranking
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,8 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from ..stochastic.estimates import Estimate
-from ..stochastic.goodness import p_text
+from ..stochastic.estimation.estimates import Estimate
+from ..stochastic.estimation.goodness import p_text
 from ..units import parse_unit
 from .recordings import StaticRecording
 from .words import FITS, goodness_p, said, trends

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..stochastic.inference import Inference
+from ..stochastic.estimation.inference import Inference
 from ..stochastic.model import AxisNoise, GaussMarkov
 from ..units import rounded
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..report.noise import UNIT
-from ..stochastic.goodness import p_text
+from ..stochastic.estimation.goodness import p_text
 from ..units import parse_unit
 from .recordings import AXES, StaticRecording
 
 if TYPE_CHECKING:
-    from ..stochastic.selection import Candidate
+    from ..stochastic.estimation.selection import Candidate
     from .result import Tuned
 
 FITS = 0.05  # p-value from which on a model fits

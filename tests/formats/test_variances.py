@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from insgnss.errors import InputError, UsageError
 from insgnss.formats.variances import read_variances
-from insgnss.stochastic.wavelet import wavelet_variance
+from insgnss.stochastic.moments.wavelet import wavelet_variance
 
 SPEC = Path(__file__).parents[2] / "data_specs" / "variances.md"
 PUBLISHED = Path(__file__).parents[3] / "shared" / "data" / "imu_variances" / "variances.json"

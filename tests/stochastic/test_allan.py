@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose
 from scipy import stats
 
 from insgnss.errors import DataError, InputError, UsageError
-from insgnss.stochastic.allan import NOISES, allan_deviation, averaging_factors, identify_noise
-from insgnss.stochastic.edf import ORDER, degrees_of_freedom, lowest_alpha
-from insgnss.stochastic.wavelet import wavelet_variance
+from insgnss.stochastic.moments.allan import NOISES, allan_deviation, averaging_factors, identify_noise
+from insgnss.stochastic.moments.edf import ORDER, degrees_of_freedom, lowest_alpha
+from insgnss.stochastic.moments.wavelet import wavelet_variance
 
 RATE = 100.0
 OTHERS = {"allan": allantools.oadev, "modified": allantools.mdev, "hadamard": allantools.ohdev}

@@ -9,12 +9,20 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.errors import UsageError
 from insgnss.records import WaveletVariance
-from insgnss.stochastic.bootstrap import bootstrap, draw_variances, has_interval_weights, redrawn, refit, robust_efficiency, simulate_axis
-from insgnss.stochastic.gmwm import Fit, fit
-from insgnss.stochastic.inference import efficient, infer
+from insgnss.stochastic.estimation.bootstrap import (
+    bootstrap,
+    draw_variances,
+    has_interval_weights,
+    redrawn,
+    refit,
+    robust_efficiency,
+    simulate_axis,
+)
+from insgnss.stochastic.estimation.gmwm import Fit, fit
+from insgnss.stochastic.estimation.inference import efficient, infer
 from insgnss.stochastic.model import AxisNoise, GaussMarkov
-from insgnss.stochastic.theory import haar_variance
-from insgnss.stochastic.wavelet import wavelet_variance
+from insgnss.stochastic.moments.theory import haar_variance
+from insgnss.stochastic.moments.wavelet import wavelet_variance
 
 RATE = 20.0
 AXES = {

@@ -11,8 +11,8 @@ from scipy.signal import lfilter
 from insgnss.errors import InputError, UsageError
 from insgnss.stochastic.discrete import Ar1, DiscreteNoise, ar1_of, axis_of, discrete_of, gauss_markov_of
 from insgnss.stochastic.model import AxisNoise, GaussMarkov
+from insgnss.stochastic.moments.theory import haar_variance
 from insgnss.stochastic.processes import simulate_noise
-from insgnss.stochastic.theory import haar_variance
 
 AXIS = AxisNoise(0.1, 0.02, 0.0, 0.2, 0.4, (GaussMarkov(0.4, 0.5), GaussMarkov(4737.1, 0.2)))
 NOISE = DiscreteNoise(0.08, 0.0256, 0.005, 0.05, (Ar1.of_phi(0.7, 0.02), Ar1.of_phi(0.96, 0.003)))

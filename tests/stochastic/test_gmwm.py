@@ -13,14 +13,14 @@ from scipy.stats import chi2
 
 from insgnss.errors import DataError, UsageError
 from insgnss.records import WaveletVariance
-from insgnss.stochastic._minimum import minimum
-from insgnss.stochastic._moments import Group, Moments
 from insgnss.stochastic.composition import Composition
-from insgnss.stochastic.gmwm import fit, interval_weights, objective
-from insgnss.stochastic.haar_covariance import haar_covariance
+from insgnss.stochastic.estimation._matching import Group, Moments
+from insgnss.stochastic.estimation._minimum import minimum
+from insgnss.stochastic.estimation.gmwm import fit, interval_weights, objective
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, load_noise_model
+from insgnss.stochastic.moments.haar_covariance import haar_covariance
+from insgnss.stochastic.moments.wavelet import wavelet_variance
 from insgnss.stochastic.processes import simulate_noise
-from insgnss.stochastic.wavelet import wavelet_variance
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 DEG_PER_HOUR = math.pi / 180.0 / 3600.0

@@ -12,12 +12,12 @@ from sampled import AXES, SAMPLINGS, autocorrelation, covariance, haar_filter, h
 from scipy.signal import fftconvolve
 
 from insgnss.errors import UsageError
-from insgnss.stochastic._covariance_kernels import lag_covariance
 from insgnss.stochastic.gauss_markov import gauss_markov_coefficients
-from insgnss.stochastic.haar_covariance import haar_covariance, haar_edf
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, load_noise_model
+from insgnss.stochastic.moments._covariance_kernels import lag_covariance
+from insgnss.stochastic.moments.haar_covariance import haar_covariance, haar_edf
+from insgnss.stochastic.moments.theory import haar_variance
 from insgnss.stochastic.processes import simulate_noise
-from insgnss.stochastic.theory import haar_variance
 
 RATE = 8.0
 

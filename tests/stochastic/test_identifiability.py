@@ -9,12 +9,12 @@ from scipy import stats
 
 from insgnss.records import WaveletVariance
 from insgnss.stochastic.composition import composition_of
-from insgnss.stochastic.gmwm import fit
-from insgnss.stochastic.inference import Inference, efficient, infer
+from insgnss.stochastic.estimation.gmwm import fit
+from insgnss.stochastic.estimation.inference import Inference, efficient, infer
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, load_noise_model
+from insgnss.stochastic.moments.theory import haar_variance
+from insgnss.stochastic.moments.wavelet import in_threads, wavelet_variance
 from insgnss.stochastic.processes import simulate_noise
-from insgnss.stochastic.theory import haar_variance
-from insgnss.stochastic.wavelet import in_threads, wavelet_variance
 
 HOURS_4 = 4 * 3600.0
 GYRO, ACCEL = (replace(axes[0], turn_on_bias=0.0) for axes in (load_noise_model("navchip").gyro, load_noise_model("navchip").accel))

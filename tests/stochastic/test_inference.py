@@ -12,14 +12,14 @@ from scipy.signal import lfilter
 
 from insgnss.errors import UsageError
 from insgnss.records import WaveletVariance
-from insgnss.stochastic._profile import Local
-from insgnss.stochastic.bootstrap import simulate_axis
-from insgnss.stochastic.gmwm import fit, objective
-from insgnss.stochastic.haar_covariance import haar_covariance
-from insgnss.stochastic.inference import covariances, efficient, infer, second_step
+from insgnss.stochastic.estimation._profile import Local
+from insgnss.stochastic.estimation.bootstrap import simulate_axis
+from insgnss.stochastic.estimation.gmwm import fit, objective
+from insgnss.stochastic.estimation.inference import covariances, efficient, infer, second_step
 from insgnss.stochastic.model import AxisNoise, GaussMarkov
-from insgnss.stochastic.theory import haar_variance
-from insgnss.stochastic.wavelet import wavelet_variance
+from insgnss.stochastic.moments.haar_covariance import haar_covariance
+from insgnss.stochastic.moments.theory import haar_variance
+from insgnss.stochastic.moments.wavelet import wavelet_variance
 
 RATE, N = 10.0, 2**15
 WALK = AxisNoise(white_noise=1.0, random_walk=0.05)

@@ -10,15 +10,15 @@ from scipy import stats
 
 from insgnss.errors import UsageError
 from insgnss.records import WaveletVariance
-from insgnss.stochastic.bootstrap import simulate_axis
-from insgnss.stochastic.estimates import Linearised
-from insgnss.stochastic.gmwm import fit, interval_weights, objective
-from insgnss.stochastic.haar_covariance import haar_covariance
-from insgnss.stochastic.inference import covariances, efficient
+from insgnss.stochastic.estimation.bootstrap import simulate_axis
+from insgnss.stochastic.estimation.estimates import Linearised
+from insgnss.stochastic.estimation.gmwm import fit, interval_weights, objective
+from insgnss.stochastic.estimation.inference import covariances, efficient
+from insgnss.stochastic.estimation.selection import closed_optimism, near_stationarity, rank
 from insgnss.stochastic.model import AxisNoise, GaussMarkov
-from insgnss.stochastic.selection import closed_optimism, near_stationarity, rank
-from insgnss.stochastic.theory import haar_variance
-from insgnss.stochastic.wavelet import wavelet_variance
+from insgnss.stochastic.moments.haar_covariance import haar_covariance
+from insgnss.stochastic.moments.theory import haar_variance
+from insgnss.stochastic.moments.wavelet import wavelet_variance
 
 RATE, N = 10.0, 2**14
 SLOW = AxisNoise(white_noise=1.0, gauss_markov=(GaussMarkov(10.0, 0.6),))

@@ -10,8 +10,7 @@ from sampled import AXES, SAMPLINGS, autocorrelation, covariance, haar_filter
 
 from insgnss.errors import UsageError
 from insgnss.stochastic.model import AxisNoise, GaussMarkov
-from insgnss.stochastic.processes import simulate_noise
-from insgnss.stochastic.theory import (
+from insgnss.stochastic.moments.theory import (
     allan_variance,
     gauss_markov_haar,
     haar_variance,
@@ -22,6 +21,7 @@ from insgnss.stochastic.theory import (
     psd_parts,
     variance_parts,
 )
+from insgnss.stochastic.processes import simulate_noise
 from insgnss.units import parse_quantity
 
 RATE = 8.0

@@ -5,12 +5,12 @@ import math
 import numpy as np
 
 from insgnss.records import WaveletVariance, chi_square_interval
-from insgnss.stochastic._profile import Local
-from insgnss.stochastic.gmwm import fit
-from insgnss.stochastic.inference import efficient, infer
+from insgnss.stochastic.estimation._profile import Local
+from insgnss.stochastic.estimation.gmwm import fit
+from insgnss.stochastic.estimation.inference import efficient, infer
+from insgnss.stochastic.estimation.selection import rank
 from insgnss.stochastic.model import AxisNoise, GaussMarkov
-from insgnss.stochastic.selection import rank
-from insgnss.stochastic.theory import haar_variance
+from insgnss.stochastic.moments.theory import haar_variance
 
 RATE, N = 100.0, 200_000
 

@@ -11,9 +11,9 @@ from scipy import integrate, optimize, stats
 
 from insgnss.errors import DataError, InputError, UsageError
 from insgnss.stochastic.model import AxisNoise, GaussMarkov
+from insgnss.stochastic.moments.theory import haar_variance
+from insgnss.stochastic.moments.wavelet import biweight_constants, default_levels, wavelet_variance, wavelet_variances
 from insgnss.stochastic.processes import simulate_noise
-from insgnss.stochastic.theory import haar_variance
-from insgnss.stochastic.wavelet import biweight_constants, default_levels, wavelet_variance, wavelet_variances
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 

@@ -12,8 +12,8 @@ from static_files import ACCEL, BIAS, DEG_H, GRAVITY, GYRO, RATE, samples, save
 
 from insgnss import cli
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, load_noise_model
+from insgnss.stochastic.moments.wavelet import wavelet_variance
 from insgnss.stochastic.processes import simulate_noise
-from insgnss.stochastic.wavelet import wavelet_variance
 from insgnss.tuning.options import TuneOptions, chosen_levels
 from insgnss.tuning.static import tune_static
 

@@ -9,11 +9,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from insgnss.records import WaveletVariance
-from insgnss.stochastic.estimates import Estimate
-from insgnss.stochastic.gmwm import fit
-from insgnss.stochastic.inference import infer
+from insgnss.stochastic.estimation.estimates import Estimate
+from insgnss.stochastic.estimation.gmwm import fit
+from insgnss.stochastic.estimation.inference import infer
 from insgnss.stochastic.model import NOISE_UNITS, AxisNoise, GaussMarkov, RecordingSource
-from insgnss.stochastic.theory import haar_variance
+from insgnss.stochastic.moments.theory import haar_variance
 from insgnss.tuning.recordings import StaticRecording
 from insgnss.tuning.table import _interval, plus_minus, printed, unit_text
 from insgnss.tuning.turn_on import turn_on_bias

@@ -20,14 +20,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import DataError, UsageError
-from ..records import Array
+from ...errors import DataError, UsageError
+from ...records import Array
+from ..moments.haar_covariance import haar_covariance
 from ._profile import polished
 from .bootstrap import bootstrap, draw_variances, robust_efficiency
 from .estimates import Estimate, Linearised, estimates
 from .gmwm import Fit, fit
 from .goodness import GoodnessOfFit, goodness_of_fit
-from .haar_covariance import haar_covariance
 from .identifiability import ProcessVerdict, verdicts
 
 INTERVALS = ("auto", "sandwich", "profile", "bootstrap")

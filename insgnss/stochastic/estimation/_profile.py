@@ -11,7 +11,7 @@ at these edges:
 s, the standard error that v would have if it were the only unknown, is the size at which v is lost among the scatter. u has a finite end
 for the random walk that T = infinity is, and there nu has a finite derivative with respect to it.
 
-Curves of the same rate and levels are pooled as in (M.1) of `_moments`: but for a constant Q = |y - L' nu|^2 over the groups.
+Curves of the same rate and levels are pooled as in (M.1) of `_matching`: but for a constant Q = |y - L' nu|^2 over the groups.
 
 The profile of a parameter is Q minimised over all others. For weights that are the inverse covariance of nu_hat its rise above
 the minimum is chi-square with one degree of freedom, so that the values with a rise below 3.84 are a 95 % interval. In contrast to
@@ -26,11 +26,11 @@ from typing import Any
 
 import numpy as np
 
-from ..records import Array
-from ._moments import LONGEST, SHORTEST, Group, pooled
+from ...records import Array
+from ..model import AxisNoise
+from ..moments.theory import gauss_markov_haar, haar_variance
+from ._matching import LONGEST, SHORTEST, Group, pooled
 from .gmwm import Fit, objective
-from .model import AxisNoise
-from .theory import gauss_markov_haar, haar_variance
 
 RISE_95, RISE_99 = 3.841459, 6.634897  # 95 and 99 % of chi-square of one degree of freedom
 _NO_END = 100.0  # w of (L.1) beyond which a density has no end: 1e43 times the scatter

@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numba import njit
 
-from ..records import Array
+from ...records import Array
 
 _PIVOT = 1e-13  # squared length that columns before it leave of a unit column; below, it is rounding
 _GRADIENT = 1e-14  # of |y|; below, a variance of zero may stay so
@@ -205,7 +205,7 @@ def _evaluate(at: Array, D: Array, slope: Array, y: Array, A: Array, A1: Array, 
 
 @njit(cache=True)
 def _curvature(A: Array, A1: Array, A2: Array, H: Array, x: Array, r: Array, g: Array, G: Array) -> None:
-    """Half the gradient g (K,) and Hessian G (K, K), by the places, of the minimum over the variances (M.2, M.3 of `_moments`)."""
+    """Half the gradient g (K,) and Hessian G (K, K), by the places, of the minimum over the variances (M.2, M.3 of `_matching`)."""
     p, K = A.shape[0], A1.shape[0]
     fixed = p - K
     state, work, z, B = np.empty(p), np.empty((p + 2, p)), np.empty((K, p)), np.empty((K, p))

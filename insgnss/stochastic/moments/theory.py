@@ -33,8 +33,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import UsageError
-from .gauss_markov import (
+from ...errors import UsageError
+from ..gauss_markov import (
     check_rate,
     gauss_markov_allan,
     gauss_markov_coefficients,
@@ -43,7 +43,7 @@ from .gauss_markov import (
     gauss_markov_modified,
     is_point,
 )
-from .model import AxisNoise
+from ..model import AxisNoise
 
 __all__ = [
     "Sampling",

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Array
+from ...records import Array
 from ._profile import Local
 from .bootstrap import Bootstrap
 from .gmwm import Fit

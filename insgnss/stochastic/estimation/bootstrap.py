@@ -22,14 +22,14 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import UsageError
-from ..records import Array, WaveletVariance
+from ...errors import UsageError
+from ...records import Array, WaveletVariance
+from ..model import AxisNoise
+from ..moments.haar_covariance import haar_covariance
+from ..moments.theory import Sampling, haar_variance
+from ..moments.wavelet import in_threads, wavelet_variance
+from ..processes import simulate_noise
 from .gmwm import Fit, fit, interval_weights
-from .haar_covariance import haar_covariance
-from .model import AxisNoise
-from .processes import simulate_noise
-from .theory import Sampling, haar_variance
-from .wavelet import in_threads, wavelet_variance
 
 METHODS = ("auto", "series", "reduced")
 _BLOCKS = 15  # binary logarithm of the least number of blocks of "reduced"

@@ -36,10 +36,10 @@ Percival (1995), "On estimation of the wavelet variance", Biometrika 82, 619, ha
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import UsageError
+from ...errors import UsageError
+from ..gauss_markov import gauss_markov_coefficients, is_point
+from ..model import AxisNoise
 from ._covariance_kernels import all_pairs, pair_covariance
-from .gauss_markov import gauss_markov_coefficients, is_point
-from .model import AxisNoise
 from .theory import Sampling, haar_variance
 
 Array = NDArray[np.float64]

@@ -40,15 +40,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import UsageError
-from ..records import Array, WaveletVariance
+from ...errors import UsageError
+from ...records import Array, WaveletVariance
+from ..composition import Composition, families
+from ..moments.theory import Sampling
 from .bootstrap import draw_variances, redrawn
-from .composition import Composition, families
 from .estimates import Linearised
 from .gmwm import Fit, fit, interval_weights, objective
 from .goodness import goodness_of_fit, p_text
 from .inference import covariances, efficient, inverse
-from .theory import Sampling
 
 _STEP = 1e-4  # of the coordinates, for second derivatives
 _LEAST_CURVATURE = 0.5

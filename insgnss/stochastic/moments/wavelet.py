@@ -43,8 +43,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import DataError, InputError, InsgnssError, UsageError
-from ..records import WaveletVariance, chi_square_interval
+from ...errors import DataError, InputError, InsgnssError, UsageError
+from ...records import WaveletVariance, chi_square_interval
 from ._kernels import biweight_mean, copy_sum, cumulate, haar_squares, second_difference_power
 
 __all__ = ["WaveletVariance", "cumulated", "default_levels", "wavelet_variance", "wavelet_variances"]

@@ -23,11 +23,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import UsageError
-from ..records import Array, WaveletVariance
+from ...errors import UsageError
+from ...records import Array, WaveletVariance
+from ..composition import Composition
+from ..moments.theory import Sampling, gauss_markov_haar, haar_variance
 from ._search import nonnegative
-from .composition import Composition
-from .theory import Sampling, gauss_markov_haar, haar_variance
 
 SHORTEST = 0.02  # samples; exp(-50) is left of the correlation from one sample to the next
 LONGEST = 1e5  # lengths of the longest recording; within it the process is a random walk to a part in a hundred thousand

@@ -25,11 +25,11 @@ from typing import Any
 
 import numpy as np
 
-from ..records import Array
-from .composition import Composition
+from ...records import Array
+from ..composition import Composition
+from ..moments.theory import haar_variance_parts
 from .estimates import Estimate, Linearised, estimates
 from .gmwm import Fit, fit
-from .theory import haar_variance_parts
 
 LONGEST_SHARE = 1.0 / 3.0  # of the recording's length, for a correlation time
 SHORTEST_SHARE = 0.2  # of the sampling interval

@@ -24,8 +24,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import DataError, UsageError
-from ..records import chi_square_interval
+from ...errors import DataError, UsageError
+from ...records import chi_square_interval
 from ._kernels import modified_power, second_difference_power, third_difference_power
 from .edf import Kind, degrees_of_freedom, lowest_alpha
 from .wavelet import cumulated

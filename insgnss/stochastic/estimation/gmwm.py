@@ -6,7 +6,7 @@ by weighted least squares; Bakalli, Radi, Nassar, Guerrier, Zhang and Molinari (
     Q(theta) = sum_i (nu_hat_i - nu_i(theta))' Omega_i (nu_hat_i - nu_i(theta))                              (G.1)
 
 One mechanism serves both. Curves may differ in length, rate and levels, since theta is of continuous time. The weights are
-Omega_i = diag(1 / (high - low)^2) of the 95 % intervals, or given. How the minimum is found: `_moments`, `_minimum`.
+Omega_i = diag(1 / (high - low)^2) of the 95 % intervals, or given. How the minimum is found: `_matching`, `_minimum`.
 
 A minimum may lie on the edge of what is admissible: a density of zero, or a correlation time so short that the process is white
 from sample to sample, or so long that it is a random walk within the recording. `Fit.at_bound` names such parameters.
@@ -17,13 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import DataError, UsageError
-from ..records import Array, WaveletVariance
+from ...errors import DataError, UsageError
+from ...records import Array, WaveletVariance
+from ..composition import Composition
+from ..model import AxisNoise
+from ..moments.theory import Sampling, haar_variance
+from ._matching import LONGEST, SHORTEST, Moments, Solution, pooled
 from ._minimum import minimum
-from ._moments import LONGEST, SHORTEST, Moments, Solution, pooled
-from .composition import Composition
-from .model import AxisNoise
-from .theory import Sampling, haar_variance
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ def fit(
     weights : one symmetric positive definite Omega (J, J), 1/X^4, a curve, for the levels that remain; None: `interval_weights`.
     sampling : "point" or "mean", what a sample is of the continuous process (`theory`).
     levels : those to fit; None: all.
-    times_s : admissible correlation times, shortest and longest, s; None: from white to random walk (`_moments`).
+    times_s : admissible correlation times, shortest and longest, s; None: from white to random walk (`_matching`).
 
     Raises UsageError where curves, levels or weights do not fit together, and DataError where there are fewer levels than parameters.
     """

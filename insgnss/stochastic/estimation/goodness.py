@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..records import Array
+from ...records import Array
 from .bootstrap import Bootstrap
 from .estimates import Linearised
 from .gmwm import Fit

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..records import Array
-from ._moments import Moments, Solution
+from ...records import Array
+from ._matching import Moments, Solution
 from ._search import profile, settle
 
 _PER_DECADE = 12  # candidate times
