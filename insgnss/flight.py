@@ -32,6 +32,15 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     gnss.frequencies            2                       1: L1; 2: and L2 or E5b; 3: and L5
     gnss.elevation_mask_deg     15.0
     gnss.ratio                  3.0                     of the ambiguity test
+    gnss.engine                 "auto"                  "pyrtklib5", or an rnx2rtkp by its path or its name on PATH; "auto": what is there
+    gnss.max_age_s              30.0                    longest time to the base's epoch
+    gnss.acceleration_mps2      [3.0, 1.0]              what the vehicle does, horizontally and vertically: process noise of the engine
+    gnss.more                   {}                      further options of RTKLIB by name: { "pos2-arminfix" = 10 }
+    gnss.wet_delay              true                    correct heights for the wet delay that the engine leaves out, in
+    gnss.atmosphere             standard                air at the base: { pressure_hpa, temperature_c, humidity (0 to 1) }, as far as known
+    gnss.phase_velocity         true                    velocities from the rover's carrier phase; false: fixes without velocity
+    gnss.covariance                                     changes to the numbers that calibrate the engine's covariances: fields of
+                                                        `gnss.covariance.CovarianceModel`, of scale and floor_m a table by class
     gnss.stationary             none                    [latitude deg, longitude deg, height m] of a sensor that stands
     gnss.columns                by header or order      as above
     gnss.units                  by header, else deg     { angle (of latitude and longitude), course = deg, rad; length = m, cm, mm;
@@ -45,15 +54,21 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     gnss.gate_sigma             5.0                     innovations beyond this many standard deviations (2 to 30) are rejected and counted
     gnss.quality_sigma_m        float, dgps and sbas    least standard deviations north, east, down of fixes of a quality, a table of
                                 0.3 0.3 0.6,            float, sbas, dgps, single, ppp; where the file tells the quality and has smaller
-                                single 1 1 2            ones, these hold
+                                single 1 1 2            ones, these hold; none by default with gnss.rover, see gnss.covariance
+    gnss.calibrated             true                    of an RTKLIB .pos that tells quality, satellites and base: believe fixes that others
+                                                        confirm, and take covariances that cover their errors, as of PPK
     gnss.correlated             "auto"                  errors that last from fix to fix (Gauss-Markov), in standard deviations of each
                                                         fix, or "off"; "auto": estimated where the innovations show them
     gnss.correlation_time_s     60                      of these errors
     gnss.uncorrelated           1.0                     errors that do not, in standard deviations of each fix
     camera.events               no camera               mid-exposure instants; without them the product is the trajectory alone
     camera.columns              by header or order      as above
-    camera.images                                       directory or list of the images, for events in the rover's RINEX
-    camera.time_offset_s        0.0                     added to the times of the events
+    camera.images               numbers                 with gnss.rover: directory of the images, or list of their names, in order
+    camera.image_ending                                 of the images to take from a directory of several formats
+    camera.skip_events          []                      numbers, from 1, of events without an image
+    camera.skip_images          []                      names of images without an event
+    camera.events_containing    ""                      of the rover's events only those whose record lines hold this text
+    camera.time_offset_s        0.0                     added to the times of the events: the camera's delay
     mounting.antenna_m, .imu_m  [0, 0, 0]               m, from the camera, in camera axes
     mounting.camera_from_body   diag(-1, -1, 1)         T_b'^c
     mounting.boresight          identity                B_b^b'; or
@@ -92,6 +107,8 @@ from .formats._fixes import QUALITY_CODES
 from .formats._units import UNITS, imu_kinds, unit_factor
 from .formats.gnss_text import UNIT_KEYS as GNSS_UNIT_KEYS
 from .formats.imu_csv import UNIT_KEYS as IMU_UNIT_KEYS
+from .gnss.covariance_table import KEYS as COVARIANCE_KEYS
+from .gnss.flight_table import AIR, ImageMatch, RawGnss, image_match, raw_gnss
 from .orient.mounting import ANGLE_SETS, PAPER_CAMERA_FROM_BODY, Mounting, boresight_from_angles
 from .prepare.axes import parse_axes
 from .records import QUANTITIES, Array, Quantity
@@ -131,22 +148,6 @@ class ImuInput:
 
 
 @dataclass(frozen=True)
-class RawGnss:
-    """rover, base and navigation of [gnss], and how they are solved; base_position: latitude, longitude (deg), ellipsoidal height (m)."""
-
-    rover: Path
-    base: Path
-    navigation: tuple[Path, ...]
-    base_position: tuple[float, ...] | None = None
-    base_point: Literal["apc", "arp", "marker"] | None = None
-    antex: Path | None = None
-    systems: str = "GREJC"
-    frequencies: int = 2
-    elevation_mask_deg: float = 15.0
-    ratio: float = 3.0
-
-
-@dataclass(frozen=True)
 class GnssInput:
     """Table [gnss]. Standard deviations are north, east, down, m and m/s; `units` has keys of `gnss_text`, or is None."""
 
@@ -162,6 +163,7 @@ class GnssInput:
     gate_sigma: float
     stationary: tuple[float, ...] | None = None
     quality_sigma_m: Mapping[str, tuple[float, ...]] = field(default_factory=lambda: dict(QUALITY_SIGMA_M))
+    calibrated: bool = True
     correlated: float | Literal["auto", "off"] = "auto"
     correlation_time_s: float = 60.0
     uncorrelated: float = 1.0
@@ -170,12 +172,12 @@ class GnssInput:
 
 @dataclass(frozen=True)
 class CameraInput:
-    """Table [camera]; `events` is None where the rover's file holds them, `images` names these."""
+    """Table [camera]; `events` is None where the rover's file holds them, `images` is None without a rover's file."""
 
     events: Path | None
     columns: Columns
     time_offset_s: float
-    images: Path | None = None
+    images: ImageMatch | None = None
 
 
 @dataclass(frozen=True)
@@ -315,7 +317,9 @@ KEYS: dict[str, tuple[str, ...]] = {
     "gnss": tuple(f.name for kind in (GnssInput, RawGnss) for f in fields(kind) if f.name != "raw"),
     "gnss.units": GNSS_UNIT_KEYS,
     "gnss.quality_sigma_m": tuple(QUALITIES),
-    "camera": tuple(f.name for f in fields(CameraInput)),
+    "gnss.atmosphere": AIR,
+    **{".".join(filter(None, ("gnss.covariance", name))): keys for name, keys in COVARIANCE_KEYS.items()},
+    "camera": tuple(f.name for kind in (CameraInput, ImageMatch) for f in fields(kind) if kind is ImageMatch or f.name != "images"),
     "mounting": (*(f.name for f in fields(Mounting)), "boresight_deg"),
     "mounting.boresight_deg": ANGLE_SETS,
     "tangent_plane": ("origin",),
@@ -422,52 +426,21 @@ def _noise(table: Table) -> str | Path:
 
 
 def _camera(table: Table, raw: bool) -> CameraInput:
-    """raw : whether the rover's RINEX may hold the events."""
-    images = table.resolve(table.text("images")) if "images" in table.data else None
-    if images is not None and not images.exists():
-        raise table.error("images", f"{images} does not exist; give the directory of the images or a list of their names in order")
-    if "events" in table.data and images is not None:
-        raise table.error("images", "names the events of the rover's RINEX; camera.events is given as well, keep one of them")
+    """raw : whether there is a rover's RINEX, which may hold the events."""
+    given = [f.name for f in fields(ImageMatch) if f.name in table.data]
+    if given and not raw:
+        more = ", and camera.events is given as well, keep one of them" if "events" in table.data else "; give camera.events"
+        raise table.error(given[0], f"is of PPK: it names the events of a flight with gnss.rover{more}")
+    if "events" in table.data and "events_containing" in table.data:
+        raise table.error("events_containing", "looks at the record lines of the rover's RINEX; camera.events is given as well, keep one")
+    if raw and "columns" in table.data and "events" not in table.data:
+        raise table.error("columns", "is of camera.events, which is missing; events of the rover's RINEX have no columns")
     events = None if raw and "events" not in table.data else table.file("events")
-    return CameraInput(events, table.columns(), table.number("time_offset_s", 0.0), images)
-
-
-def _raw_gnss(table: Table) -> RawGnss | None:
-    """The raw observations, where they are given."""
-    needed = ("rover", "base", "navigation")
-    given = [f.name for f in fields(RawGnss) if f.name in table.data]
-    if not given:
-        return None
-    for other in ("file", "stationary"):
-        if other in table.data:
-            raise table.error(given[0], f"gnss.{other} is given as well; keep one of them")
-    if missing := [key for key in needed if key not in table.data]:
-        raise table.error(given[0], f"gnss.{missing[0]} is missing; RINEX of {', '.join(needed)} belong together")
-    navigation = tuple(table.resolve(name) for name in table.texts("navigation", ()))
-    if lost := [file for file in navigation if not file.is_file()]:
-        raise table.error("navigation", f"{lost[0]} does not exist; paths are relative to flight.toml")
-    place = table.numbers("base_position", 3, None)
-    if place is not None and not (abs(place[0]) <= 90 and abs(place[1]) <= 180 and -1000 <= place[2] <= 10000):
-        raise table.error("base_position", f"{list(place)} is no latitude, longitude (deg), ellipsoidal height (m)")
-    point = table.choice("base_point", ("apc", "arp", "marker"), "apc") if "base_point" in table.data else None
-    if place is not None and point is None:
-        raise table.error("base_position", 'say what stands there: base_point = "apc" (phase centre), "arp" or "marker"')
-    return RawGnss(
-        rover=table.file("rover"),
-        base=table.file("base"),
-        navigation=navigation,
-        base_position=place,
-        base_point=point,
-        antex=table.file("antex") if "antex" in table.data else None,
-        systems=table.text("systems", "GREJC"),
-        frequencies=int(table.number("frequencies", 2, 1, 3)),
-        elevation_mask_deg=table.number("elevation_mask_deg", 15.0, 0.0, 60.0),
-        ratio=table.number("ratio", 3.0, 1.0, 100.0),
-    )
+    return CameraInput(events, table.columns(), table.number("time_offset_s", 0.0), image_match(table) if raw else None)
 
 
 def _gnss(table: Table) -> GnssInput:
-    raw = _raw_gnss(table)
+    raw = raw_gnss(table)
     stands = "stationary" in table.data
     if stands and "file" in table.data:
         raise table.error("stationary", "gnss.file is given as well; keep one of them")
@@ -487,7 +460,8 @@ def _gnss(table: Table) -> GnssInput:
         new_when=table.text("new_when", None),
         gate_sigma=table.number("gate_sigma", 5.0, 2.0, 30.0),
         stationary=place,
-        quality_sigma_m=QUALITY_SIGMA_M | {name: quality.sigmas(name, None) for name in quality.data},
+        quality_sigma_m=(QUALITY_SIGMA_M if raw is None else {}) | {name: quality.sigmas(name, None) for name in quality.data},
+        calibrated=table.flag("calibrated", True),
         correlated=_correlated(table),
         correlation_time_s=table.number("correlation_time_s", 60.0, 0.1, 1e5),
         uncorrelated=table.number("uncorrelated", 1.0, 1e-2, 100.0),

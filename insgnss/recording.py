@@ -137,7 +137,7 @@ def read_recording(flight: Flight) -> Recording:
 
 def _read_files(flight: Flight) -> "tuple[ImuSamples, GnssFixes, CameraEvents | None, PpkResult | None]":
     """Samples, fixes, exposures, and the PPK solution where it gave the fixes."""
-    from .formats import read_events, read_gnss
+    from .formats import read_events, read_gnss, sniff_gnss
 
     g, camera = flight.gnss, flight.camera
     imu = _read_imu(flight.imu, flight.gps_week)
@@ -164,6 +164,10 @@ def _read_files(flight: Flight) -> "tuple[ImuSamples, GnssFixes, CameraEvents | 
             new_when=g.new_when,
             gps_week=flight.gps_week,
         )
+        if g.calibrated and sniff_gnss(g.file) == "rtklib_pos":
+            from .gnss.ready import with_calibrated
+
+            gnss = with_calibrated(gnss, g.file)
     return imu, gnss, events, None
 
 

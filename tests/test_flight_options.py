@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from insgnss.flight import load_flight
+from insgnss.formats.rtklib_pos import write_rtklib_pos
 from insgnss.geodesy.earth import EARTH_RATE, normal_gravity
 from insgnss.geodesy.rotation import vector_from_rotation
 from insgnss.pipeline import ProcessResult, process
@@ -172,6 +173,21 @@ def test_quality_has_least_sigmas(air):
         sigma = np.sqrt(np.diagonal(gnss.cov_ned, axis1=1, axis2=2))
         np.testing.assert_allclose(sigma[gnss.quality == 2], np.broadcast_to(floor, (np.sum(gnss.quality == 2), 3)), rtol=1e-6)
         np.testing.assert_allclose(sigma[gnss.quality == 1], np.broadcast_to(SIGMA, (np.sum(gnss.quality == 1), 3)), rtol=1e-6)
+
+
+def test_a_pos_of_an_engine_is_calibrated_unless_it_is_not_to_be(air):
+    """Oracle: (k sigma)^2 + floor^2 + (ppm d)^2 of fixed epochs, k = 1, 1 mm north and 1 ppm of 0; and what the file has."""
+    write_rtklib_pos(air.dataset.simulated.gnss, air.root / "plain.pos")
+    lines = (air.root / "plain.pos").read_text().splitlines()
+    fields = [line.split() for line in lines[2:]]
+    head = [f"% ref pos   : {' '.join(fields[0][2:5])}", lines[0], lines[1].replace(" Q ", " Q ns ")]
+    rows = [" ".join([*row[:5], "1", "14", *row[6:]]) for row in fields]
+    (air.root / "engine.pos").write_text("\n".join([*head, *rows]) + "\n")
+    kept, found = (air.recording(f"pos_{on}", gnss={"file": "engine.pos", "calibrated": on}) for on in (False, True))
+    added = found.gnss.cov_ned[0] - kept.gnss.cov_ned[0]
+    np.testing.assert_allclose(added, np.diag([0.001**2, 0.001**2, 0.002**2]), rtol=0.0, atol=1e-9)
+    assert [check.name for check in found.checks].count("GNSS covariance") == 1
+    assert "GNSS covariance" not in [check.name for check in kept.checks]
 
 
 @pytest.mark.parametrize(("key", "value"), [("length", "cm"), ("quality", "nmea")])

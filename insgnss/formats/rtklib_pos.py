@@ -9,6 +9,7 @@ sdue`) become positions where the header gives the base: r = r_base + C_e,enu b.
 correlations not quite positive definite: such epochs keep their standard deviations, lose their correlations, and are counted in a note.
 """
 
+from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
@@ -24,7 +25,7 @@ from ._order import note, open_end, put_in_order
 from ._pos_header import DATE, POSITION, ROOTS, VELOCITY, VELOCITY_ROOTS, Header, is_rtklib_pos, read_header
 from ._text import Source, Table, format_rows, load, parse
 
-__all__ = ["is_rtklib_pos", "read_rtklib_pos", "write_rtklib_pos"]
+__all__ = ["PosRows", "is_rtklib_pos", "read_pos_rows", "read_rtklib_pos", "write_rtklib_pos"]
 
 Array = NDArray[np.float64]
 
@@ -33,6 +34,47 @@ ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 JST_S = 9 * 3600.0
 BAD_SHARE_LIMIT = 0.01
 LARGEST_ROOT = 1e7
+
+
+@dataclass(frozen=True, eq=False)
+class PosRows:
+    """The rows of a `.pos`, each stamp once and in order, and what was done for that.
+
+    columns : arrays (n,) by RTKLIB's name.   time : (n,) GPST, s of `gps_week`.   complete : whether the last line ends.
+    """
+
+    header: Header
+    table: Table
+    columns: dict[str, Array]
+    time: Array
+    gps_week: int
+    complete: bool
+    told: tuple[Check, ...]
+
+    @property
+    def base_ecef(self) -> Array | None:
+        """ECEF position (3,) m of the base, None where the header has none. It is geocentric in a file of geocentric positions."""
+        if self.header.base is None:
+            return None
+        return np.array(self.header.base) if self.header.kind == "x-ecef" else _base_frame(self.table, self.header)[0]
+
+
+def read_pos_rows(path: Source, gps_week: int | None = None) -> PosRows:
+    """Read the columns of a `.pos` as they stand. Raises InputError with file and line."""
+    buf, complete = load(path)
+    header = read_header(path, buf)
+    if header.dated:
+        buf = _dates_apart(buf)
+    table = parse(path, buf, complete, sniff(path, buf))
+    columns = _columns(table, header)
+    time, week = _time(table, columns, header)
+    if gps_week is not None and week != gps_week:
+        raise table.at(0, f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or the file")
+    rows, told = put_in_order(table, time, lambda i, k: bool((table.values[i] == table.values[k]).all()), "GNSS rows")
+    if rows is not None:
+        table = Table(table.path, table.layout, table.values[rows], table.lines[rows])
+        time, columns = time[rows], {name: column[rows] for name, column in columns.items()}
+    return PosRows(header, table, columns, time, week, complete, tuple(told))
 
 
 def read_rtklib_pos(
@@ -44,29 +86,18 @@ def read_rtklib_pos(
     sigma_m : standard deviations north, east, down of epochs whose six roots are all zero, which RTKLIB writes for unknown.
     Raises InputError with file and line; what could not be taken as it stands is counted in the notes.
     """
-    buf, complete = load(path)
-    header = read_header(path, buf)
-    if header.dated:
-        buf = _dates_apart(buf)
-    table = parse(path, buf, complete, sniff(path, buf))
-    cols = _columns(table, header)
-    notes = [*open_end("GNSS rows", complete)] + (
+    read = read_pos_rows(path, gps_week)
+    header, table, cols = read.header, read.table, read.columns
+    notes = [*open_end("GNSS rows", read.complete)] + (
         []
         if header.given
         else [note("GNSS rows", f"no header; read as {header.scale}, heights above the ellipsoid", "RTKLIB's header", "check both")]
     )
-    time, week = _time(table, cols, header)
-    if gps_week is not None and week != gps_week:
-        raise table.at(0, f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or the file")
-    rows, told = put_in_order(table, time, lambda i, k: bool((table.values[i] == table.values[k]).all()), "GNSS rows")
-    if rows is not None:
-        table = Table(table.path, table.layout, table.values[rows], table.lines[rows])
-        time, cols = time[rows], {name: column[rows] for name, column in cols.items()}
     lat, lon, height, C = _position(table, cols, header, undulation_m)
     cov = _covariance(table, cols, ROOTS[header.kind], C, notes, sigma_m)
     velocity, velocity_cov = _velocity(table, cols, header, C, notes)
     quality = _quality(table, cols["Q"]) if "Q" in cols else None
-    return GnssFixes(time, lat, lon, height, cov, velocity, velocity_cov, quality, week, str(path), (*notes, *told))
+    return GnssFixes(read.time, lat, lon, height, cov, velocity, velocity_cov, quality, read.gps_week, str(path), (*notes, *read.told))
 
 
 def _dates_apart(buf: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -2,12 +2,15 @@
 
 RTKLIB keeps its observations in global variables and ends a process that it cannot go on with, so that no run shares one with another.
 INTERVAL in s thins the epochs, 0 takes all. What goes wrong is told on standard error, with exit code 1, or 2 for an option that this
-RTKLIB does not have. That an output was written, and has epochs, is for the caller to see: postpos() returns 0 without them.
+RTKLIB does not have or whose number it would read as 0. A choice that it does not know RTKLIB itself tells, and goes on without. That an
+output was written, and has epochs, is for the caller to see: postpos() returns 0 without them.
 """
 
 import sys
 from pathlib import Path
 from typing import Any
+
+NUMBERS: dict[int, type] = {0: int, 1: float}  # of options by their format; 2 is text, 3 a choice
 
 
 def main(arguments: list[str]) -> int:
@@ -16,9 +19,13 @@ def main(arguments: list[str]) -> int:
 
     option_file, output, interval, *files = arguments
     table = rtklib.sysopts
-    unknown = _asked(option_file) - _known(table)
+    asked, formats = _asked(option_file), _formats(table)
+    unknown = asked.keys() - formats.keys()
     if unknown:
         return _failed(f"this version of RTKLIB has no option {' '.join(sorted(unknown))}", 2)
+    wrong = [f"{name} = {value}" for name, value in asked.items() if not _is(value, NUMBERS.get(formats[name], str))]
+    if wrong:
+        return _failed(f"{wrong[0]} is no number of the kind that RTKLIB reads there", 2)
     rtklib.resetsysopts()
     if not rtklib.loadopts(option_file, table.ptr):
         return _failed(f"{option_file}: the options cannot be read")
@@ -29,16 +36,25 @@ def main(arguments: list[str]) -> int:
     return _failed(f"postpos() returned {status}") if status else 0
 
 
-def _asked(option_file: str) -> set[str]:
-    return {line.split("=")[0] for line in Path(option_file).read_text(encoding="utf-8").splitlines()}
+def _asked(option_file: str) -> dict[str, str]:
+    lines = Path(option_file).read_text(encoding="utf-8").splitlines()
+    return dict(line.split("=", 1) for line in lines)
 
 
-def _known(table: Any) -> set[str]:
-    """Names in RTKLIB's table of options, which ends with an empty one."""
-    names: set[str] = set()
-    while name := table[len(names)].name.ptr:
-        names.add(name)
-    return names
+def _formats(table: Any) -> dict[str, int]:
+    """Formats of values by name in RTKLIB's table of options, which ends with an empty name."""
+    found: dict[str, int] = {}
+    while name := table[len(found)].name.ptr:
+        found[name] = table[len(found)].format
+    return found
+
+
+def _is(value: str, kind: type) -> bool:
+    try:
+        kind(value)
+    except ValueError:
+        return False
+    return True
 
 
 def _failed(what: str, code: int = 1) -> int:

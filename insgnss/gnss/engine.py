@@ -4,7 +4,11 @@ RTKLIB is global state without threads; two processes run at a time. The engine 
 or, where it is not installed, any rnx2rtkp on PATH with the same option file (`options`). Inputs are put beside each other in a
 directory that exists as long as the runs, under plain names and unpacked, as RTKLIB takes `%` and `*` in paths for its own and unpacks
 by shell.
-What the engine says is not believed: postpos() returns 0 without inputs, so that each output must exist and have epochs.
+What the engine says is not believed: postpos() and rnx2rtkp return 0 without inputs, so that each output must exist and have epochs.
+They return 0, too, where they go on without an option. A choice that a version does not know it writes down before it begins, and it is
+told here; a name that it does not know an rnx2rtkp leaves out without a word, so that names are looked for in the program itself (2.4.3
+b34 lacks pos2-arthresmin and -arthresmax, which are of EX, and refuses gloarmode=fix-and-hold). Choices are given by number, as their
+words differ between versions.
 """
 
 import importlib.util
@@ -21,19 +25,16 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
-
-import numpy as np
+from typing import BinaryIO, NamedTuple
 
 from ..errors import DataError, InputError, UsageError
 from ..files import atomic_write
 from ..formats.rtklib_pos import read_rtklib_pos
-from ..geodesy.frames import geodetic_to_ecef
-from ..records import Array, Check
+from ..records import Check, GnssFixes
 from .events import without_events
 from .navigation_message import read_navigation
-from .options import ANTENNAS, DIRECTIONS, EngineOptions, option_file, single_point_file
-from .preflight import absolute, check_base_place, check_navigation, check_observations
+from .options import ANTENNAS, DIRECTIONS, EngineOptions, check_dynamics, option_file, single_point_file
+from .preflight import Whereabouts, absolute, check_base_place, check_navigation, check_observations, interval
 from .rinex import Observations, read_observations
 from .rinex_header import load_rinex
 
@@ -47,10 +48,12 @@ INSTALL = "no GNSS engine: pip install 'insgnss[ppk]' (pyrtklib5), or put RTKLIB
 HOLDS = (2, 5, 0)
 PROGRAM_LINE = re.compile(r"%\s*program\s*:.*?ver\.\s*(\S.*)")
 EX_VERSION = re.compile(r"EX\s*(\d+)\.(\d+)\.(\d+)")
+REFUSED = re.compile(r"invalid option value (\S+)")
+OF_ALL_VERSIONS = b"pos1-posmode"
 UNKNOWN_OPTION = 2
 POLL_S = 0.02
 THINNED = 60
-TAIL = 200
+HEAD, TAIL = 8192, 200
 
 
 @dataclass(frozen=True)
@@ -94,24 +97,31 @@ def solve(
         raise InputError(f"{rover}: no navigation file; give the broadcast ephemerides (.nav, .n, .g, .p) of that day")
     moving, standing = observations or (read_observations(rover), read_observations(base))
     checks = [] if observations else [*moving.notes, *standing.notes]
-    checks += [*check_observations(moving, standing, options), *check_navigation(read_navigation(files), moving, options)]
-    texts: dict[str, str] = {direction: option_file(options, standing.header, direction) for direction in DIRECTIONS}
+    broadcast, pace = read_navigation(files), interval(moving)
+    checks += [*check_observations(moving, standing, options), *check_navigation(broadcast, moving, options)]
+    checks += check_dynamics(options, pace)
+    texts: dict[str, str] = {direction: option_file(options, standing.header, direction, pace) for direction in DIRECTIONS}
+    checks += check_names(command, texts["combined"], options)
     target = _made(Path(directory))
     with tempfile.TemporaryDirectory(dir=target, prefix=".engine-") as scratch:
         runs = _Runs(command, Path(scratch), options)
         names = runs.stage(moving, standing, files)
-        points = runs.single_points("base.obs", names[2:], standing)
-        checks += check_base_place(points, options, standing.header, moving.header)
-        cpu = runs.three(texts, names, say)
+
+        def whereabouts(observations: Observations) -> Whereabouts:
+            name = "rover" if observations is moving else "base"
+            return Whereabouts.of(runs.single_points(name, names[2:], observations), observations, broadcast)
+
+        checks += check_base_place(moving, standing, options, whereabouts)
+        ends = runs.three(texts, names, say)
+        cpu = {direction: end.cpu_s for direction, end in ends.items()}
         engine = _version(runs.scratch / "combined.pos", command)
         for direction, text in texts.items():
             atomic_write(target / f"{direction}.conf", text)
             atomic_write(target / f"{direction}.pos", _in_order(runs.scratch / f"{direction}.pos"))
     pos = {direction: target / f"{direction}.pos" for direction in DIRECTIONS}
     conf: dict[str, Path] = {direction: target / f"{direction}.conf" for direction in DIRECTIONS}
-    return EngineRun(
-        **pos, engine=engine, cpu_s=sum(cpu.values()), cpu_of=cpu, option_files=conf, checks=(*checks, *_check_version(engine))
-    )
+    checks += [*_check_refused(ends), *_check_version(engine)]
+    return EngineRun(**pos, engine=engine, cpu_s=sum(cpu.values()), cpu_of=cpu, option_files=conf, checks=tuple(checks))
 
 
 def _made(directory: Path) -> Path:
@@ -132,6 +142,52 @@ def engine_command(engine: str = "auto") -> list[str]:
     if program is None:
         raise UsageError(INSTALL if engine == "auto" else f"engine = {engine!r}: no such program; {INSTALL}")
     return [str(Path(program).resolve())]
+
+
+def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tuple[Check, ...]:
+    """Whether an rnx2rtkp knows the options of an option file, which its binary holds as strings.
+
+    UsageError for one of `more` that it does not know; a note for those of ours, or where a wrapper does not show what the program holds.
+    """
+    if command[0] == sys.executable:
+        return ()
+    binary = _binary(Path(command[0]))
+    asked = [line.split("=")[0] for line in text.splitlines()]
+    if OF_ALL_VERSIONS not in binary:
+        found, advice = f"{command[0]} does not show which it knows", "an unknown one is left out without a word; name the program itself"
+        names = " ".join(options.more)
+        return (Check("engine options", f"{found}: {names}", "options that it knows", "note", advice),) if options.more else ()
+    unknown = [name for name in asked if name.encode() + b"\0" not in binary]
+    if wrong := [name for name in unknown if name in options.more]:
+        raise UsageError(f"more: {command[0]} has no option {' '.join(wrong)}")
+    if not unknown:
+        return ()
+    advice = "it goes on with what it does by itself; RTKLIB EX 2.5.0 knows them"
+    return (Check("engine options", f"unknown to {command[0]}: {' '.join(unknown)}", "options that it knows", "note", advice),)
+
+
+def _binary(program: Path) -> bytes:
+    """The program's file, empty where it may be run but not read."""
+    try:
+        return program.read_bytes()
+    except OSError:
+        return b""
+
+
+def _check_refused(ends: Mapping[str, "_End"]) -> tuple[Check, ...]:
+    names = sorted({name for end in ends.values() for name in end.refused})
+    if not names:
+        return ()
+    advice = "it goes on with what it does by itself; RTKLIB EX 2.5.0 takes them"
+    return (Check("engine options", f"values that it refused: {' '.join(names)}", "values that it takes", "note", advice),)
+
+
+class _End(NamedTuple):
+    """How a run ended: CPU seconds (not a number where the system does not tell), what it said last, options whose values it refused."""
+
+    cpu_s: float
+    told: str = ""
+    refused: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -155,51 +211,51 @@ class _Runs:
             shutil.copyfile(self.options.antex, self.scratch / ANTENNAS)
         return names
 
-    def single_points(self, name: str, navigation: Sequence[str], observations: Observations) -> Array:
-        """Positions (n, 3) m ECEF of a receiver by codes alone, at some 60 of its epochs."""
+    def single_points(self, name: str, navigation: Sequence[str], observations: Observations) -> GnssFixes:
+        """Positions of a receiver by codes alone, at some 60 of its epochs; name.obs is its file."""
         stamps = absolute(observations)
-        step = float(np.median(np.diff(stamps))) if stamps.size > 1 else 1.0
-        interval = next((s for s in (1.0, 5.0, 10.0, 30.0) if s * THINNED > stamps[-1] - stamps[0]), 30.0)
-        (self.scratch / "where.conf").write_text(single_point_file(self.options), encoding="utf-8")
-        self.run("where", [name, *navigation], threading.Event(), interval if step < interval else 0.0)
-        if not _has_epochs(self.scratch / "where.pos"):
-            what = "no position from codes; does the navigation cover its satellites, are there codes?"
-            raise DataError(f"{observations.header.path}: {what}")
-        fixes = read_rtklib_pos(self.scratch / "where.pos")
-        return geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
+        thinned = next((s for s in (1.0, 5.0, 10.0, 30.0) if s * THINNED > stamps[-1] - stamps[0]), 30.0)
+        where = self.scratch / f"where_{name}.pos"
+        where.with_suffix(".conf").write_text(single_point_file(self.options), encoding="utf-8")
+        for every in (thinned, 0.0) if interval(observations) < thinned else (0.0,):  # thinned are epochs on full seconds
+            self.run(where.stem, [f"{name}.obs", *navigation], threading.Event(), every)
+            if _has_epochs(where):
+                return read_rtklib_pos(where)
+        what = "no position from codes; does the navigation cover its satellites, are there codes?"
+        raise DataError(f"{observations.header.path}: {what}")
 
-    def three(self, texts: Mapping[str, str], names: Sequence[str], say: Progress) -> dict[str, float]:
-        """CPU seconds of each run; the first error ends the others."""
+    def three(self, texts: Mapping[str, str], names: Sequence[str], say: Progress) -> dict[str, _End]:
+        """The end of each run; the first error ends the others."""
         for direction, text in texts.items():
             (self.scratch / f"{direction}.conf").write_text(text, encoding="utf-8")
         stop = threading.Event()
-        cpu: dict[str, float] = {}
+        ends: dict[str, _End] = {}
         with ThreadPoolExecutor(PROCESSES) as pool:
             jobs = {pool.submit(self.solution, direction, names, stop): direction for direction in texts}
             try:
                 for job in as_completed(jobs):
-                    cpu[jobs[job]] = job.result()
-                    say(f"engine: {jobs[job]} solution, {len(cpu)} of {len(jobs)}")
+                    ends[jobs[job]] = job.result()
+                    say(f"engine: {jobs[job]} solution, {len(ends)} of {len(jobs)}")
             finally:
                 stop.set()
-        return {direction: cpu[direction] for direction in texts}
+        return {direction: ends[direction] for direction in texts}
 
-    def solution(self, direction: str, names: Sequence[str], stop: threading.Event) -> float:
-        """CPU seconds of a run whose output has epochs; DataError where it has none."""
+    def solution(self, direction: str, names: Sequence[str], stop: threading.Event) -> _End:
+        """The end of a run whose output has epochs; DataError where it has none."""
         if stop.is_set():
-            return math.nan
-        cpu, told = self.run(direction, names, stop)
+            return _End(math.nan)
+        end = self.run(direction, names, stop)
         if not stop.is_set() and not _has_epochs(self.scratch / f"{direction}.pos"):
             what = "the engine gave no epochs, though rover, base and navigation share their time"
-            raise DataError(f"{direction} solution: {what}; are their satellites the same? it said: {told or 'nothing'}")
-        return math.nan if cpu is None else cpu
+            raise DataError(f"{direction} solution: {what}; are their satellites the same? it said: {end.told or 'nothing'}")
+        return end
 
-    def run(self, name: str, files: Sequence[str], stop: threading.Event, interval: float = 0.0) -> tuple[float | None, str]:
-        """Run the engine on name.conf to name.pos; CPU seconds, and the end of what it said. DataError for a bad end."""
+    def run(self, name: str, files: Sequence[str], stop: threading.Event, every: float = 0.0) -> _End:
+        """Run the engine on name.conf to name.pos, on epochs `every` s (0: all). DataError for a bad end, UsageError for `more`."""
         if self.command[0] == sys.executable:
-            line = [*self.command, f"{name}.conf", f"{name}.pos", f"{interval:g}", *files]
+            line = [*self.command, f"{name}.conf", f"{name}.pos", f"{every:g}", *files]
         else:
-            line = [*self.command, "-k", f"{name}.conf", *(["-ti", f"{interval:g}"] if interval else []), "-o", f"{name}.pos", *files]
+            line = [*self.command, "-k", f"{name}.conf", *(["-ti", f"{every:g}"] if every else []), "-o", f"{name}.pos", *files]
         with tempfile.TemporaryFile() as said:
             process = subprocess.Popen(line, cwd=self.scratch, env=_environment(), stdin=subprocess.DEVNULL, stdout=said, stderr=said)
             try:
@@ -208,9 +264,11 @@ class _Runs:
                 if process.returncode is None:
                     process.kill()
                     process.wait()
-            told = _tail(said)
+            told, refused = _tail(said), _refused(said)
+        if wrong := [option for option in refused if option in self.options.more]:
+            raise UsageError(f"more: the engine refused {wrong[0]} = {self.options.more[wrong[0]]}")
         if process.returncode == 0 or stop.is_set():
-            return cpu, told
+            return _End(math.nan if cpu is None else cpu, told, refused)
         if process.returncode == UNKNOWN_OPTION and self.command[0] == sys.executable:
             raise UsageError(f"more: {told}")
         raise DataError(f"{name} solution: the engine {self._end(process.returncode, cpu)}; it said: {told or 'nothing'}")
@@ -248,6 +306,12 @@ def _tail(said: BinaryIO) -> str:
     said.seek(max(said.tell() - 10 * TAIL, 0))
     lines = [line.strip() for line in re.split(r"[\r\n]+", said.read().decode("utf-8", errors="replace")) if line.strip()]
     return lines[-1][-TAIL:] if lines else ""
+
+
+def _refused(said: BinaryIO) -> tuple[str, ...]:
+    """Options whose values the engine did not take, which it says before anything else."""
+    said.seek(0)
+    return tuple(REFUSED.findall(said.read(HEAD).decode("utf-8", errors="replace")))
 
 
 def _has_epochs(path: Path) -> bool:

@@ -8,6 +8,14 @@ and simulated sets with RTKLIB EX 2.5.0, moving receivers of 0.1 to 1 s:
     prnaccelh=3, prnaccelv=1      m/s^2, what a drone does; with RTKLIB's own 0.1 and 0.01 the forward and backward solutions of a turning
                                   drone stay centimetres apart, and the combined one calls 22 % of a simulated flight float, not 0 %
 
+Dynamics. With them the rover's position at an epoch is predicted from the one before, T earlier; white noise of `prnaccelh` a, m/s^2 per
+root second, in the acceleration makes the standard deviation of that prediction
+
+    sigma = a T^(5/2) / sqrt(20)                                                                            (O.1)
+
+Beyond the 30 m at which RTKLIB gives a prediction up and starts again from codes, they help nothing, and its covariances of the restarts
+are impossible ones (71 of 120 epochs of a recording every 30 s): dynamics are off from a T of 4.6 s on, unless `more` sets pos1-dynamics.
+
 The antenna of the base. RTKLIB relates phases to the position it is given, plus a vector from there to the antenna reference point (ARP),
 plus the offset of the phase centre (APC) where it knows the antenna:
 
@@ -24,6 +32,7 @@ from pathlib import Path
 from typing import Literal
 
 from ..errors import InputError, UsageError
+from ..records import Check
 from .rinex_header import RinexHeader
 
 Direction = Literal["combined", "forward", "backward"]
@@ -33,6 +42,8 @@ DIRECTIONS: tuple[Direction, ...] = ("combined", "forward", "backward")
 SOLUTION_TYPE = {"forward": 0, "backward": 1, "combined": 2}
 SYSTEM_BITS = {"G": 1, "R": 4, "E": 8, "J": 16, "C": 32}
 MODES = {"kinematic": 2, "static": 3}
+DYNAMICS = "pos1-dynamics"
+RESTART_M = 30.0  # VAR_POS of RTKLIB's rtkpos.c
 ANTENNAS = "antennas.atx"
 OURS = re.compile(r"out-|file-|ant[12]-pos|pos1-(posmode|soltype|frequency|elmask|navsys)$")
 NAME = re.compile(r"[a-z0-9]+-[A-Za-z0-9_]+")
@@ -142,15 +153,31 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
     return lines | {"ant2-anttype": base.antenna, "file-rcvantfile": ANTENNAS}
 
 
-def option_file(options: EngineOptions, base: RinexHeader, direction: Direction) -> str:
-    """Text of the option file of one run."""
+def prediction_sd(options: EngineOptions, interval_s: float) -> float:
+    """Standard deviation, m, of a rover's horizontal position that is predicted over an interval (O.1)."""
+    return float(options.acceleration_mps2[0] * interval_s**2.5 / 20.0**0.5)
+
+
+def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Check, ...]:
+    """A note where the rover's epochs, every interval_s, are too rare for dynamics; none where `more` says whether to have them."""
+    sd = prediction_sd(options, interval_s)
+    if DYNAMICS in options.more or sd <= RESTART_M:
+        return ()
+    longest = (RESTART_M * 20.0**0.5 / options.acceleration_mps2[0]) ** 0.4
+    found = f"off: epochs every {interval_s:g} s, over which {options.acceleration_mps2[0]:g} m/s^2 predict a position to {sd:.0f} m"
+    advice = f"every epoch stands for itself; log faster in flight, or set {DYNAMICS} in more"
+    return (Check("engine dynamics", found, f"on, with epochs every {longest:.1f} s at most", "note", advice),)
+
+
+def option_file(options: EngineOptions, base: RinexHeader, direction: Direction, interval_s: float) -> str:
+    """Text of the option file of one run; interval_s : between epochs of the rover."""
     horizontal, vertical = options.acceleration_mps2
     lines: dict[str, object] = {
         "pos1-posmode": MODES[options.mode],
         "pos1-frequency": options.frequencies,
         "pos1-soltype": SOLUTION_TYPE[direction],
         "pos1-elmask": options.elevation_mask_deg,
-        "pos1-dynamics": 1,
+        DYNAMICS: int(prediction_sd(options, interval_s) <= RESTART_M),
         "pos1-ionoopt": 1,
         "pos1-tropopt": 1,
         "pos1-sateph": 0,

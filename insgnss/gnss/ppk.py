@@ -7,12 +7,10 @@ The combined run gives the positions; the other two run for their difference alo
 does not touch: forward and backward share it. Of the camera events those of the rover's file are taken, with the names of the images
 where a directory or a list of them is given.
 
-A velocity from phase is the mean over the two intervals T around its epoch, and differs from the velocity there by r''' T^2 / 6. What
-the vehicle does within T no receiver sees: `UNKNOWN_JERK` stands for r''', 2 mm/s at 10 Hz and 0.17 m/s at 1 Hz, where a drone's swaying
-is aliased. An epoch without velocity from phase gets that of its neighbours' positions, with their covariance and `UNKNOWN_MPS`.
+An epoch without velocity from phase gets that of its neighbours' positions, with their covariance and `UNKNOWN_MPS`.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,25 +19,27 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
+from ..formats import read_events
 from ..formats.rtklib_pos import write_rtklib_pos
 from ..geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ..geodesy.gpstime import WEEK_S
 from ..records import Array, CameraEvents, Check, GnssFixes
 from .covariance import MODEL, SAME_EPOCH_S, CovarianceModel, Index, Separation, base_distance, calibrate, forward_backward
 from .engine import EngineRun, solve
-from .events import camera_events, image_names
+from .events import camera_events, image_names, name_events
+from .image_times import with_times
 from .navigation_message import Navigation, read_navigation
 from .options import EngineOptions, base_position
 from .quality import Solution, read_solution, solution_numbers, solution_series, verdict
 from .rinex import Observations, read_observations
 from .signals import signal_numbers, signals_of
-from .troposphere import Atmosphere, common_sky, displacement_per_delay, wet_delay_correction
+from .troposphere import Atmosphere, common_sky, displacement_per_delay, standard_atmosphere, wet_delay_correction
 from .velocity import at_stamps, time_differenced_velocity
 
 Progress = Callable[[str], None]
 
 SOLUTION = "ppk.pos"
-UNKNOWN_MPS, UNKNOWN_JERK = 1.0, 1.0  # m/s, m/s^3
+UNKNOWN_MPS = 1.0
 SINGLE_QUALITY = 5
 MOST_VELOCITIES = 0.9
 
@@ -54,7 +54,8 @@ class PpkInput:
 
     rover, base, navigation : RINEX 2 or 3, plain or packed.   options : of the engine, with the base's position.
     covariance : of `gnss.covariance`.   wet_delay, velocity : whether to correct the one and to find the other.   atmosphere : at the
-    base, None for the standard one.   events : whether to take the rover's camera events where it has some.
+    base, whole or arguments of `standard_atmosphere` as far as known; None for the standard one.
+    events : whether to take the rover's camera events, None: where it has some; or another file of them (.MRK, text).
     images : directory or list of their names in order, None: numbers.   image_ending, camera_delay_s, events_containing, skip_events,
     skip_images : of `events.camera_events`.
     """
@@ -65,9 +66,9 @@ class PpkInput:
     options: EngineOptions = field(default_factory=EngineOptions)
     covariance: CovarianceModel = MODEL
     wet_delay: bool = True
-    atmosphere: Atmosphere | None = None
+    atmosphere: Atmosphere | Mapping[str, float] | None = None
     velocity: bool = True
-    events: bool = True
+    events: bool | Path | None = None
     images: Path | None = None
     image_ending: str | None = None
     camera_delay_s: float = 0.0
@@ -150,7 +151,8 @@ class _Solved:
     @classmethod
     def of(cls, run: EngineRun, base_ecef: Array, model: CovarianceModel) -> "_Solved":
         combined, forward, backward = (read_solution(path) for path in (run.combined, run.forward, run.backward))
-        alone = [calibrate(s.fixes, s.satellites, base_distance(s.fixes, base_ecef), None, model)[0] for s in (forward, backward)]
+        plain = replace(model, hampered_share=0.0)  # what hampers both runs does not part them
+        alone = [calibrate(s.fixes, s.satellites, base_distance(s.fixes, base_ecef), None, plain)[0] for s in (forward, backward)]
         separation = forward_backward(combined.fixes.time, *alone)
         distance = base_distance(combined.fixes, base_ecef)
         fixes, kind = calibrate(combined.fixes, combined.satellites, distance, separation, model)
@@ -162,17 +164,22 @@ class _Solved:
 
 
 def _events(given: PpkInput, rover: Observations) -> CameraEvents | None:
-    """Camera events of the rover's file; InputError where images are named and there is none."""
-    if given.images is None and (not given.events or rover.events.size == 0):
+    """Camera events of the rover's file or of one of their own; InputError where they are asked for and there is none."""
+    if given.events is False or (given.events is None and given.images is None and rover.events.size == 0):
         return None
     names = None if given.images is None else image_names(given.images, given.image_ending)
-    return camera_events(
-        rover,
+    events, images, delay = given.skip_events, given.skip_images, given.camera_delay_s
+    if isinstance(given.events, Path):
+        read = read_events(given.events, gps_week=rover.gps_week)
+        return with_times(
+            lambda taken: name_events(read, names, delay, taken_s=taken, skip_events=events, skip_images=images), given.images, names
+        )
+    return with_times(
+        lambda taken: camera_events(
+            rover, names, delay, taken_s=taken, containing=given.events_containing, skip_events=events, skip_images=images
+        ),
+        given.images,
         names,
-        given.camera_delay_s,
-        containing=given.events_containing,
-        skip_events=given.skip_events,
-        skip_images=given.skip_images,
     )
 
 
@@ -184,7 +191,10 @@ def _without_wet_delay(
     sky = common_sky(rover, base, navigation, fixes, given.options.elevation_mask_deg)
     blind = ~np.isfinite(displacement_per_delay(sky, fixes.time.size)[:, 0])
     quality = np.where(blind, SINGLE_QUALITY, 1 if fixes.quality is None else fixes.quality)  # single: not corrected
-    found = wet_delay_correction(replace(fixes, quality=quality), np.array(position), sky, given.atmosphere)
+    air = given.atmosphere
+    if isinstance(air, Mapping):
+        air = standard_atmosphere(float(ecef_to_geodetic(np.array(position))[2]), **air)
+    found = wet_delay_correction(replace(fixes, quality=quality), np.array(position), sky, air)
     place = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
     place += np.einsum("nij,nj->ni", rotation_en(fixes.lat, fixes.lon), found.correction_ned)
     lat, lon, height = ecef_to_geodetic(place)
@@ -193,8 +203,8 @@ def _without_wet_delay(
     if np.isfinite(found.height_per_metre):
         told += f", {1e3 * found.height_per_metre:+.3f} mm per metre above the base"
     told += f"; {blind.sum()} epochs with too few satellites stay as they are" if blind.any() else ""
-    air = "standard atmosphere" if given.atmosphere is None else "given atmosphere"
-    check = Check("GNSS wet delay", told, f"a correction from the {air}; the engine leaves it out")
+    source = "standard atmosphere" if given.atmosphere is None else "given atmosphere"
+    check = Check("GNSS wet delay", told, f"a correction from the {source}; the engine leaves it out")
     return replace(fixes, lat=lat, lon=lon, height=height, cov_ned=fixes.cov_ned + found.cov_ned), check
 
 
@@ -211,8 +221,7 @@ def _with_velocity(fixes: GnssFixes, rover: Observations, navigation: Navigation
     except DataError as error:
         advice = "velocities are those of the positions; look at the loss-of-lock flags and the navigation files"
         return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), Check("GNSS velocity", str(error), "velocities", "note", advice)
-    unseen = UNKNOWN_JERK * float(np.median(found.interval_s)) ** 2 / 6.0
-    velocity[known], cov[known] = phase[known], phase_cov[known] + unseen**2 * np.eye(3)
+    velocity[known], cov[known] = phase[known], phase_cov[known]
     sigma = 1e3 * np.sqrt(np.median(np.diagonal(cov[known], axis1=1, axis2=2), axis=0))
     told = f"{known.sum()} of {known.size} epochs from phase, standard deviations {', '.join(f'{s:.0f}' for s in sigma)} mm/s"
     few = known.mean() < MOST_VELOCITIES

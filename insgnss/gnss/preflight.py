@@ -1,29 +1,38 @@
 """Can this rover, this base and this navigation give a position? Asked before the engine runs for minutes, and answered in one line.
 
 The engine itself says nothing: with a base of another day, without a second frequency or ephemerides it writes a file without epochs, and
-with rover and base swapped one full of them. Swapped files show in that the base moves, or stands elsewhere than its coordinates say;
-two receivers that both stand, within metres of each other, cannot be told apart.
+with rover and base swapped one full of them. Swapped files show in that the base moves, by its phases (5 mm/s of a receiver that stands,
+also from epochs every 30 s) or by its codes; in that it stands elsewhere than its coordinates say, where the rover stands; or in that the
+coordinates are, to a decimetre, those of the rover's header. Codes place a receiver to some metres: of two that both stand within
+`NEAR_M` of each other neither codes nor phases tell which is which, nor whether the coordinates are metres off.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import DataError, InputError
+from ..geodesy.frames import geodetic_to_ecef
 from ..geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
-from ..records import Array, Check
+from ..records import Array, Check, GnssFixes
 from .navigation_message import TOE, Navigation
 from .options import EngineOptions, base_position
 from .rinex import Observations
 from .rinex_header import RinexHeader
+from .velocity import VelocityOptions, time_differenced_velocity
 
 FEWEST_SATELLITES = 4
 FEWEST_SHARE = 0.5
 EPHEMERIS_AGE_S = 4 * 3600.0
-FAR_M = 50.0
+FAR_M, NEAR_M = 50.0, 10.0  # codes are off by metres
 MOVES_M = 15.0
+MOVES_MPS, MOVES_SHARE = 0.2, 0.05
+SIGMAS = 3.0
+SAME_COORDINATES_M, OTHER_COORDINATES_M = 0.1, 1.0
+ROUGHLY_M = 500.0  # of an epoch between those with a position; its phases then tell 0.08 m/s
 # bands whose phases RTKLIB takes as its first, second and third frequency
 BANDS = {"G": ("1", "2", "5"), "R": ("14", "26", "3"), "E": ("1", "7", "5"), "J": ("1", "2", "5"), "C": ("12", "7", "5")}
 SECOND = "L2, of Galileo E5b, of BeiDou B2"
@@ -48,6 +57,11 @@ def check_observations(rover: Observations, base: Observations, options: EngineO
 def absolute(observations: Observations) -> Array:
     """Stamps (n,) s since the beginning of GPS time."""
     return observations.gps_week * WEEK_S + observations.time
+
+
+def interval(observations: Observations) -> float:
+    """Median s between epochs; 1 where there are fewer than two."""
+    return float(np.median(np.diff(observations.time))) if observations.time.size > 1 else 1.0
 
 
 def _near(time: Array, base: Array, age: float) -> NDArray[np.bool_]:
@@ -77,9 +91,11 @@ def _check_frequencies(observations: Observations, options: EngineOptions) -> No
         return
     most = f"{share:.0%} of its epochs have {FEWEST_SATELLITES} satellites with phases of {options.frequencies} frequencies"
     if options.frequencies == 1:
-        raise DataError(f"{path}: only {most} (limit {FEWEST_SHARE:.0%}); are phases logged?")
+        raise DataError(f"{path}: only {most} (systems {options.systems}; limit {FEWEST_SHARE:.0%}); are phases logged?")
     advice = "log both, or set frequencies = 3 for L1 with L5, 1 for L1 alone, which seldom fixes in flight"
-    raise DataError(f"{path}: only {most} (limit {FEWEST_SHARE:.0%}; the second is {SECOND}); single-frequency receiver? {advice}")
+    raise DataError(
+        f"{path}: only {most} (systems {options.systems}; limit {FEWEST_SHARE:.0%}; second: {SECOND}); single-frequency receiver? {advice}"
+    )
 
 
 def satellites_with_phases(observations: Observations, options: EngineOptions) -> NDArray[np.bool_]:
@@ -122,35 +138,110 @@ def check_navigation(navigation: Navigation, rover: Observations, options: Engin
     return (Check("navigation", found, "ephemerides of every system observed", "note", "add their navigation file"),)
 
 
-def check_base_place(points: ArrayLike, options: EngineOptions, base: RinexHeader, rover: RinexHeader) -> tuple[Check, ...]:
+@dataclass(frozen=True, eq=False)
+class Whereabouts:
+    """Where a receiver is, and whether it moves.
+
+    points : (n, 3) m ECEF, by codes alone.   speed : (m,) m/s, by phases between epochs, and sd : (m,) its standard deviation; both empty
+    where no phases are fit for it.
+    """
+
+    points: Array
+    speed: Array
+    sd: Array
+
+    @classmethod
+    def of(cls, fixes: GnssFixes, observations: Observations, navigation: Navigation) -> "Whereabouts":
+        """From positions by codes at some epochs, and the phases."""
+        points = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
+        limits = VelocityOptions(longest_s=max(2.0, 1.5 * interval(observations)), position_sd=ROUGHLY_M)
+        try:
+            velocity = time_differenced_velocity(observations, navigation, fixes, limits)
+        except DataError:  # no phases, or of too few satellites: codes alone
+            return cls(points, np.empty(0), np.empty(0))
+        speed = np.linalg.norm(velocity.velocity_ned, axis=1)
+        return cls(points, speed, np.sqrt(np.trace(velocity.cov_ned, axis1=1, axis2=2)))
+
+    @property
+    def middle(self) -> Array:
+        """Median of the points (3,)."""
+        return np.asarray(np.median(self.points, axis=0))
+
+    def motion(self) -> str:
+        """How it moves, in words; empty where it stands."""
+        moving = self.speed > MOVES_MPS + SIGMAS * self.sd
+        if moving.size and moving.mean() > MOVES_SHARE:
+            fast = np.quantile(self.speed[moving], 0.9)
+            return f"at {fast:.1f} m/s, and in {moving.mean():.0%} of its time (limit {MOVES_SHARE:.0%}) above {MOVES_MPS:g} m/s, by phase"
+        spread = float(np.quantile(np.linalg.norm(self.points - self.middle, axis=1), 0.9))
+        return f"{spread:.0f} m about its median, by codes (limit {MOVES_M:.0f} m)" if spread > MOVES_M else ""
+
+
+def check_base_place(
+    rover: Observations, base: Observations, options: EngineOptions, whereabouts: Callable[[Observations], Whereabouts]
+) -> tuple[Check, ...]:
     """Whether the base stands, and where it is said to stand.
 
-    points : (n, 3) m ECEF, of the base by codes alone.   InputError where it moves by more than 15 m or stands more than 50 m off.
+    whereabouts : of a receiver; the rover is asked for where the base looks wrong.   InputError where the base moves, stands more than
+    50 m off its coordinates, or the rover is where they say; a note where it stands more than 10 m off.
     """
-    place = np.asarray(points, dtype=np.float64)
-    middle = np.median(place, axis=0)
-    moved = float(np.quantile(np.linalg.norm(place - middle, axis=1), 0.9))
-    given = np.array(base_position(options, base)[0])
-    off = float(np.linalg.norm(middle - given))
-    if moved > MOVES_M:
-        what = f"the base moves: {moved:.0f} m about its median (limit {MOVES_M:.0f} m); are rover and base swapped?"
-        raise InputError.at(base.path, None, what)
+    place = whereabouts(base)
+    given = np.array(base_position(options, base.header)[0])
+    off = float(np.linalg.norm(place.middle - given))
+    if motion := place.motion():
+        raise InputError.at(base.header.path, None, f"the base moves: {motion}; {_of_moving(rover, whereabouts)}")
+    if options.base_position_m is not None:
+        if _is_header_of_rover(given, base.header, rover.header):
+            what = f"the base coordinates are those of the header of the rover {rover.header.path}, not of its own; are the two swapped?"
+            raise InputError.at(base.header.path, None, what)
+        if off > NEAR_M and _stands_at(given, off, rover, whereabouts):
+            what = f"stands {off:.0f} m from the base coordinates, and the rover {rover.header.path} stands there: they are swapped"
+            raise InputError.at(base.header.path, None, what)
     if off > FAR_M:
-        approx = rover.approx_position_m
-        swapped = approx is not None and np.linalg.norm(approx - given) < FAR_M
-        advice = f"the rover {rover.path} stands there: they are swapped" if swapped else "check them, or are rover and base swapped?"
-        raise InputError.at(base.path, None, f"stands {off:.0f} m from the base coordinates (limit {FAR_M:.0f} m); {advice}")
-    return _told_coordinates(options, base, off)
+        what = f"stands {off:.0f} m from the base coordinates (limit {FAR_M:.0f} m); check them, or are rover and base swapped?"
+        raise InputError.at(base.header.path, None, what)
+    return _told_coordinates(options, base.header, off)
+
+
+def _of_moving(rover: Observations, whereabouts: Callable[[Observations], Whereabouts]) -> str:
+    """What to try where the base moves."""
+    try:
+        moves = bool(whereabouts(rover).motion())
+    except DataError:
+        return "are rover and base swapped?"
+    if moves:
+        return f"so does the rover {rover.header.path}; a base must stand: cut the file to the time in which it does"
+    return f"the rover {rover.header.path} stands: are rover and base swapped?"
+
+
+def _stands_at(given: Array, off: float, rover: Observations, whereabouts: Callable[[Observations], Whereabouts]) -> bool:
+    """Whether the rover stands where the base is said to, several times closer than the base."""
+    try:
+        place = whereabouts(rover)
+    except DataError:
+        return False
+    return not place.motion() and float(np.linalg.norm(place.middle - given)) < off / 3.0
+
+
+def _is_header_of_rover(given: Array, base: RinexHeader, rover: RinexHeader) -> bool:
+    """Whether the base's coordinates are those of the rover's header, and not near those of its own."""
+    if rover.approx_position_m is None or np.linalg.norm(rover.approx_position_m - given) > SAME_COORDINATES_M:
+        return False
+    return base.approx_position_m is None or bool(np.linalg.norm(base.approx_position_m - given) > OTHER_COORDINATES_M)
 
 
 def _told_coordinates(options: EngineOptions, base: RinexHeader, off: float) -> tuple[Check, ...]:
-    """Notes on coordinates of the header, and on a phase centre that is not applied."""
+    """Notes on coordinates of the header or far from the codes, and on a phase centre that is not applied."""
     checks = []
     _, point = base_position(options, base)
     if options.base_position_m is None:
         found = f"APPROX POSITION XYZ of {base.path}, {off:.1f} m from its position by codes; taken as {point}"
         advice = "give base_position and base_point; every position has the error of these coordinates"
         checks.append(Check("base coordinates", found, "coordinates that are known", "note", advice))
+    elif off > NEAR_M:
+        found = f"{off:.1f} m from the position of {base.path} by codes"
+        advice = "check them, their datum and height (ellipsoidal); every position has their error"
+        checks.append(Check("base coordinates", found, f"within {NEAR_M:.0f} m", "note", advice))
     if point != "apc" and options.antex is None and base.antenna.split()[:1] not in ([], ["NONE"], ["Unknown"]):
         found = f"of the {point}, with no ANTEX file for the antenna {base.antenna}"
         advice = "give antex, or the coordinates of the phase centre; heights are off by its offset, 0.05 to 0.2 m"

@@ -15,13 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..formats._layout import sniff
-from ..formats._pos_header import ROOTS, read_header
-from ..formats._text import Source, load, parse
-from ..formats.rtklib_pos import read_rtklib_pos
-from ..geodesy.gpstime import WEEK_S
+from ..formats._pos_header import ROOTS
+from ..formats._text import Source, load
+from ..formats.rtklib_pos import PosRows, read_pos_rows, read_rtklib_pos
 from ..records import Array, Check, GnssFixes
-from .covariance import CLASSES, FIXED, LONE, SAME_EPOCH_S, UNKNOWN_SIGMA_M, WEAK, Index, Separation
+from .covariance import BELIEVED, CLASSES, HAMPERED, LONE, UNKNOWN_SIGMA_M, WEAK, Index, Separation
 from .signals import Signals
 
 GOOD_RATE, FAIR_RATE = 0.99, 0.90
@@ -31,6 +29,8 @@ MANY_SLIPS = 20.0  # an hour and satellite
 FAR_M, OLD_S, LONG_GAP_S = 15e3, 5.0, 2.0
 APART_SHARE = 0.005
 SINGLE_QUALITY = 5
+BESIDE = ("ns", "age", "ratio")  # columns of a solution
+DATE_FIELDS = 4  # by which year to second exceed date and time of day
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,25 +44,20 @@ class Solution:
 
 
 def read_solution(path: Source) -> Solution:
-    """Read a `.pos` with week and time of week. Raises InputError with file and line as `formats.rtklib_pos` does.
+    """Read a `.pos`. Raises InputError with file and line as `formats.rtklib_pos` does.
 
     Engines that lose their numbers (dynamics at rare epochs) write standard deviations of zero, and roots that belong to no covariance:
     such epochs get `UNKNOWN_SIGMA_M`, are single (quality 5), and counted in a note.
     """
-    buf, complete = load(path)
-    header = read_header(path, buf)
-    if header.dated:
-        raise InputError.at(path, None, "has dates; let the engine write week and time of week (out-timesys, out-timeform = tow)")
-    table = parse(path, buf, complete, sniff(path, buf))
-    names = header.columns
-    odd = _without_covariance(table.values[:, [names.index(name) for name in ROOTS[header.kind]]])
-    fixes = _readable(path, buf, table.lines[odd], names.index(ROOTS[header.kind][0])) if odd.any() else read_rtklib_pos(path)
-    time = (table.values[:, names.index("week")] - (fixes.gps_week or 0)) * WEEK_S + table.values[:, names.index("tow")]
-    order = np.argsort(time, kind="stable")
-    row = order[np.clip(np.searchsorted(time[order], fixes.time - SAME_EPOCH_S), 0, time.size - 1)]
-    if odd.any() and fixes.quality is not None:
-        fixes = replace(fixes, quality=np.where(odd[row], SINGLE_QUALITY, fixes.quality))
-    return Solution(fixes, *(table.values[row, names.index(name)] for name in ("ns", "age", "ratio")))
+    rows = read_pos_rows(path)
+    columns, roots = rows.columns, ROOTS[rows.header.kind]
+    if missing := [name for name in (*roots, *BESIDE) if name not in columns]:
+        raise InputError.at(path, None, f"the header does not name {missing[0]}; is it a solution of an engine?")
+    odd = _without_covariance(np.column_stack([columns[name] for name in roots]))
+    fixes = _readable(path, rows, odd) if odd.any() else read_rtklib_pos(path)
+    if fixes.quality is not None:
+        fixes = replace(fixes, quality=np.where(odd, SINGLE_QUALITY, fixes.quality))
+    return Solution(fixes, *(columns[name] for name in BESIDE))
 
 
 def _without_covariance(roots: Array) -> NDArray[np.bool_]:
@@ -74,10 +69,11 @@ def _without_covariance(roots: Array) -> NDArray[np.bool_]:
     return np.asarray(bad | (np.linalg.eigvalsh(P)[:, 0] <= 0.0))
 
 
-def _readable(path: Source, buf: NDArray[np.uint8], odd: Index, first: int) -> GnssFixes:
-    """The fixes of the file, the six roots from field `first` on of the lines `odd` (counted from 1) zero: unknown."""
-    lines = buf.tobytes().split(b"\n")
-    for line in odd.tolist():
+def _readable(path: Source, rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
+    """The fixes of the file, the six roots of the rows `odd` (n,) zero: unknown."""
+    lines = load(path)[0].tobytes().split(b"\n")
+    first = rows.header.columns.index(ROOTS[rows.header.kind][0]) - (DATE_FIELDS if rows.header.dated else 0)
+    for line in rows.table.lines[odd].tolist():
         fields = lines[line - 1].split()
         fields[first : first + 6] = [b"0.0"] * 6
         lines[line - 1] = b" ".join(fields)
@@ -85,7 +81,7 @@ def _readable(path: Source, buf: NDArray[np.uint8], odd: Index, first: int) -> G
         copy = Path(scratch) / Path(path).name
         copy.write_bytes(b"\n".join(lines))
         fixes = read_rtklib_pos(copy, sigma_m=UNKNOWN_SIGMA_M)
-    found = f"{odd.size} epochs have no covariance: standard deviations of zero, or correlations beyond one"
+    found = f"{int(odd.sum())} epochs have no covariance: standard deviations of zero, or correlations beyond one"
     size = ", ".join(f"{s:g}" for s in UNKNOWN_SIGMA_M)
     advice = f"they get {size} m and count as single; dynamics of an engine need epochs every second or so"
     note = Check("GNSS covariance", found, "a covariance each", "note", advice)
@@ -126,7 +122,7 @@ def solution_numbers(
     fixes = solution.fixes
     quality = np.zeros(kind.size, dtype=np.int64) if fixes.quality is None else fixes.quality
     sigma = np.sqrt(np.diagonal(calibrated.cov_ned, axis1=1, axis2=2))
-    fixed = kind == FIXED
+    fixed = np.isin(kind, BELIEVED)
     numbers: dict[str, Any] = {
         "epochs": kind.size,
         "span_s": [float(fixes.time[0]), float(fixes.time[-1])],
@@ -172,7 +168,7 @@ def longest_without(time: Array, good: NDArray[np.bool_]) -> float:
 
 def verdict(numbers: Mapping[str, Any]) -> tuple[str, tuple[Check, ...]]:
     """One sentence for the whole, and a check for each of its causes. numbers : of `solution_numbers`, `signal_numbers` under "signals"."""
-    checks = [_check_rate(numbers), _check_satellites(numbers), _check_distance(numbers), _check_age(numbers)]
+    checks = [_check_rate(numbers), _check_hampered(numbers), _check_satellites(numbers), _check_distance(numbers), _check_age(numbers)]
     if "separation" in numbers:
         checks.append(_check_separation(numbers["separation"], numbers["epochs"]))
     if "signals" in numbers:
@@ -180,6 +176,8 @@ def verdict(numbers: Mapping[str, Any]) -> tuple[str, tuple[Check, ...]]:
     rate, bad = numbers["fix_rate"], [c for c in checks if c.verdict != "ok"]
     word = "good" if rate >= GOOD_RATE else "usable with care" if rate >= FAIR_RATE else "poor"
     told = f"{word}: {100 * rate:.1f} % of {numbers['epochs']} epochs are fixed and confirmed"
+    if hampered := numbers["classes"][CLASSES[HAMPERED]]:
+        told += f", {hampered} of them hampered"
     if sigma := numbers["sigma_m"]["fixed_median"]:
         told += "" if None in sigma else ", standard deviations north, east, down " + ", ".join(f"{1e3 * s:.0f}" for s in sigma) + " mm"
     others = [c.name for c in bad if c.name != "GNSS fix rate"]
@@ -197,6 +195,13 @@ def _check_rate(n: Mapping[str, Any]) -> Check:
     )
     advice = "check base coordinates, antenna, navigation files and the mask; float epochs carry decimetres, and the IMU must bridge them"
     return _check("GNSS fix rate", found, f"{100 * GOOD_RATE:.0f} % at least", n["fix_rate"] < GOOD_RATE, advice)
+
+
+def _check_hampered(n: Mapping[str, Any]) -> Check:
+    hampered = n["classes"][CLASSES[HAMPERED]]
+    found = f"{hampered} fixed epochs, in minutes of which a good part is not fixed"
+    advice = "what obstructs or reflects there also moves what is fixed, by centimetres: they have standard deviations of such size"
+    return _check("GNSS hampered fixes", found, "none", hampered > 0, advice)
 
 
 def _check_satellites(n: Mapping[str, Any]) -> Check:

@@ -2,12 +2,12 @@
 
 import argparse
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import UsageError
+from ..errors import InputError, UsageError
 from ..files import atomic_write, json_ready
 
 if TYPE_CHECKING:
@@ -41,6 +41,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frequencies", type=int, default=2, choices=(1, 2, 3), help="1: L1, 2: and L2 or E5b, 3: and L5 (default: 2)")
     parser.add_argument("--ratio", type=float, default=3.0, metavar="R", help="of the ambiguity test (default: 3)")
     parser.add_argument("--engine", default="auto", metavar="NAME", help="pyrtklib5, or the path of an rnx2rtkp (default: what is there)")
+    parser.add_argument("--max-age", type=float, default=30.0, metavar="S", help="longest time to the base's epoch (default: 30)")
+    what = "what the vehicle does, horizontally and vertically, m/s^2 (default: 3 1)"
+    parser.add_argument("--acceleration", type=float, nargs=2, default=(3.0, 1.0), metavar="A", help=what)
+    what = "further options of RTKLIB by name, such as pos2-arminfix=10"
+    parser.add_argument("--more", nargs="+", default=(), metavar="NAME=VALUE", help=what)
+    what = "TOML file of changes to the covariance model: its fields, of scale and floor_m tables by class (data_specs/flight_file.md)"
+    parser.add_argument("--covariance", type=Path, metavar="FILE", help=what)
+    parser.add_argument("--events", type=Path, metavar="FILE", help="camera events (.MRK, text) instead of those of the rover's file")
     parser.add_argument("--images", type=Path, metavar="PLACE", help="directory of the images, or a list of their names in order")
     parser.add_argument("--image-ending", metavar="EXT", help="of the images to take from a directory of several formats")
     parser.add_argument("--camera-delay", type=float, default=0.0, metavar="S", help="from event to middle of exposure (default: 0)")
@@ -48,6 +56,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--skip-events", type=int, nargs="+", default=(), metavar="N", help="numbers, from 1, of events without an image")
     parser.add_argument("--skip-images", nargs="+", default=(), metavar="NAME", help="images without an event")
     parser.add_argument("--no-wet-delay", action="store_true", help="leave the wet delay between base and rover in the heights")
+    parser.add_argument("--pressure", type=float, metavar="HPA", help="of the air at the base, for the wet delay (default: standard)")
+    parser.add_argument("--temperature", type=float, metavar="C", help="of the air at the base (default: standard)")
+    parser.add_argument("--humidity", type=float, metavar="SHARE", help="of the air at the base, 0 to 1 (default: 0.7)")
+    parser.add_argument("--no-velocity", action="store_true", help="leave out the velocities from the rover's carrier phase")
     parser.add_argument("--origin", metavar="LAT,LON,H", help="of the tangent plane (default: the first fix, at height 0)")
     parser.add_argument("--out", type=Path, default=Path("ppk"), metavar="DIR", help="where the files go (default: ppk)")
 
@@ -115,6 +127,8 @@ def ppk(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun:
 def input_of(given: argparse.Namespace) -> "PpkInput":
     """The input that a command line describes."""
     from ..geodesy.frames import geodetic_to_ecef
+    from .covariance import MODEL
+    from .covariance_table import read_covariance
     from .options import EngineOptions
     from .ppk import PpkInput
 
@@ -130,13 +144,22 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
         elevation_mask_deg=given.mask,
         ratio=given.ratio,
         engine=given.engine,
+        max_age_s=given.max_age,
+        acceleration_mps2=(given.acceleration[0], given.acceleration[1]),
+        more=_more(given.more),
     )
+    if given.events is not None and given.events_containing:
+        raise UsageError("ppk: --events-containing looks at the record lines of the rover's file; --events is given as well, keep one")
     return PpkInput(
         rover=given.rover,
         base=given.base,
         navigation=tuple(given.navigation),
         options=options,
+        covariance=MODEL if given.covariance is None else read_covariance(given.covariance),
         wet_delay=not given.no_wet_delay,
+        atmosphere=_air(given),
+        velocity=not given.no_velocity,
+        events=given.events,
         images=given.images,
         image_ending=given.image_ending,
         camera_delay_s=given.camera_delay,
@@ -144,6 +167,29 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
         skip_events=tuple(given.skip_events),
         skip_images=tuple(given.skip_images),
     )
+
+
+def _more(words: Iterable[str]) -> dict[str, str]:
+    """Options of RTKLIB by name of words NAME=VALUE; UsageError for a word that is none."""
+    split = {word: word.partition("=") for word in words}
+    if odd := [word for word, (name, sign, _) in split.items() if not (name and sign)]:
+        raise UsageError(f"ppk: --more {odd[0]!r} is no NAME=VALUE, such as pos2-arminfix=10")
+    return {name: value for name, _, value in split.values()}
+
+
+def _air(given: argparse.Namespace) -> dict[str, float] | None:
+    """Air at the base as far as it is given, by the names of `troposphere.standard_atmosphere`; UsageError for what cannot be."""
+    from .troposphere import standard_atmosphere
+
+    named = {"pressure_hpa": given.pressure, "temperature_c": given.temperature, "humidity": given.humidity}
+    air = {name: value for name, value in named.items() if value is not None}
+    if air and given.no_wet_delay:
+        raise UsageError("ppk: --pressure, --temperature and --humidity are of the wet delay; --no-wet-delay is given as well, keep one")
+    try:
+        standard_atmosphere(0.0, **air)
+    except InputError as refusal:
+        raise UsageError(f"ppk: {refusal}") from None
+    return air or None
 
 
 def place(text: str, option: str) -> Any:

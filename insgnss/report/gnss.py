@@ -20,8 +20,9 @@ Array = NDArray[np.float64]
 Series = Mapping[str, Any]
 Panel = Callable[[Any, Array, Series], None]
 
-NAMES = ("fixed", "float", "lone float", "weak float", "SBAS", "DGPS", "single", "PPP")  # as gnss.covariance.CLASSES
-COLOURS = ("#009E73", "#E69F00", "#CC3311", "#000000", "#CC79A7", "#56B4E9", "#7F6A50", "#0072B2")
+NAMES = ("fixed", "fixed, hampered", "float", "lone float", "weak float", "SBAS", "DGPS", "single", "PPP")  # as gnss.covariance.CLASSES
+COLOURS = ("#009E73", "#A6C36F", "#E69F00", "#CC3311", "#000000", "#CC79A7", "#56B4E9", "#7F6A50", "#0072B2")
+BELIEVED = (0, 1)  # of these classes those of a confirmed fix
 RATE_WINDOW_S = 30.0
 MOST_RATIO, LEAST_RATIO, MOST_SATELLITES_NAMED = 1000.0, 0.9, 30
 _ROW = 1.25  # inches
@@ -112,7 +113,7 @@ def _by_class(ax: Any, t: Array, y: Array, kind: NDArray[np.int64]) -> None:
 
 def _rate(ax: Any, t: Array, series: Series) -> None:
     """Share of believed fixes within `RATE_WINDOW_S`."""
-    fixed = np.asarray(series["kind"]) == 0
+    fixed = np.isin(series["kind"], BELIEVED)
     count = np.concatenate([[0.0], np.cumsum(fixed)])
     half = RATE_WINDOW_S / 120.0
     first, after = np.searchsorted(t, t - half), np.searchsorted(t, t + half, side="right")
@@ -164,7 +165,7 @@ def _distance(ax: Any, t: Array, series: Series) -> None:
 def _strength(ax: Any, t: Array, series: Series) -> None:
     start = float(series["time"][0])
     for k, (band, level) in enumerate(series["strength"].items()):
-        line(ax, _minutes(series["strength_time"], start), np.asarray(level), label=band, color=COLOURS[(7, 1, 0, 4, 6)[k % 5]], lw=0.8)
+        line(ax, _minutes(series["strength_time"], start), np.asarray(level), label=band, color=COLOURS[(8, 2, 0, 5, 7)[k % 5]], lw=0.8)
     ax.set_ylabel("strength, dB-Hz")
     legend(ax)
 

@@ -19,6 +19,8 @@ from insgnss.formats.relative_csv import read_relative_csv
 from insgnss.formats.sbet import read_sbet
 from insgnss.formats.trajectory_csv import read_trajectory_csv
 from insgnss.formats.variances import read_variances
+from insgnss.gnss.navigation_message import read_navigation
+from insgnss.gnss.rinex import read_observations
 
 SPECS = Path(__file__).parents[2] / "data_specs"
 READERS: dict[str, Callable[[Path], Any]] = {
@@ -37,6 +39,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "trajectory_csv": read_trajectory_csv,
     "variances": read_variances,
     "relative_csv": read_relative_csv,
+    "rinex": read_observations,
 }
 
 
@@ -70,6 +73,20 @@ def test_sbet_page(tmp_path: Path) -> None:
     path.write_bytes(bytes.fromhex(block("sbet", "true") + block("sbet", "bad")))
     with pytest.raises(InputError, match=block("sbet", "message").strip()):
         read_sbet(path)
+
+
+def test_rinex_page(tmp_path: Path) -> None:
+    """Oracle: the values, stamps, flags and events that can be read off the page by eye."""
+    (tmp_path / "x.18o").write_text(block("rinex", "true"))
+    got = read_observations(tmp_path / "x.18o")
+    assert got.time.tolist() == [392700.0, 392700.1]
+    assert got.events.tolist() == pytest.approx([392700.0421877, 392700.0921877], abs=1e-8)
+    assert got.satellite.tolist() == ["G05", "R11", "G05"]
+    assert got.of("L2W")[0] == 82401917.123
+    assert got.loss_of_lock[0, got.column("L2W")] == 1
+    assert np.isnan(got.of("C2P")[1])
+    (tmp_path / "x.18n").write_text(block("rinex", "nav"))
+    assert read_navigation(tmp_path / "x.18n").satellite.tolist() == ["G05"]
 
 
 def test_eo_json_page(tmp_path: Path) -> None:

@@ -5,10 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from insgnss.errors import InputError
 from insgnss.flight import load_flight
 from insgnss.geodesy.frames import geodetic_to_ecef
 from insgnss.gnss import flown
-from insgnss.gnss.ppk import PpkResult
+from insgnss.gnss.covariance import MODEL
+from insgnss.gnss.image_times import image_times
+from insgnss.gnss.ppk import PpkInput, PpkResult
 from insgnss.recording import _read_files
 from insgnss.records import CameraEvents, Check, GnssFixes
 
@@ -39,7 +42,7 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list:  # type: ign
 
     def solve(inputs):  # type: ignore[no-untyped-def]
         given.append(inputs)
-        events = EVENTS if inputs.events else None
+        events = None if inputs.events is False else EVENTS
         return PpkResult(FIXES, events, (RATE, NUMBERED) if events else (RATE,), "good", {}, {}, {}, "fake", 0.0)
 
     monkeypatch.setattr(flown, "solve_ppk", solve)
@@ -65,12 +68,49 @@ def test_the_engine_is_asked_for_what_the_flight_file_says(asked: list, tmp_path
     assert ppk.checks == (RATE,)  # the note of the events is the record's own
 
 
+def test_nothing_is_asked_for_beyond_the_defaults(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
+    """Oracle: the defaults of `PpkInput` and `EngineOptions`, which a flight file without further keys must not change."""
+    (tmp_path / "flight.toml").write_text(FLIGHT.partition("base_position")[0])
+    _read_files(load_flight(tmp_path / "flight.toml"))
+    (inputs,) = asked
+    assert inputs == PpkInput(inputs.rover, inputs.base, inputs.navigation)
+
+
+def test_the_frame_around_the_engine_is_asked_for(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
+    """Oracle: the flight file's own values."""
+    more = "max_age_s = 5\nacceleration_mps2 = [6, 2]\nmore = { pos2-arminfix = 10 }\natmosphere = { humidity = 0.4 }\n"
+    more += 'engine = "rnx2rtkp"\nphase_velocity = false\ncovariance = { ppm = 2, floor_m = { fixed = 0.01 } }\n'
+    (tmp_path / "flight.toml").write_text(FLIGHT + more)
+    _read_files(load_flight(tmp_path / "flight.toml"))
+    (inputs,) = asked
+    options = inputs.options
+    assert (options.engine, options.max_age_s, options.acceleration_mps2) == ("rnx2rtkp", 5.0, (6.0, 2.0))
+    assert options.more == {"pos2-arminfix": "10"}
+    assert (inputs.wet_delay, inputs.atmosphere, inputs.velocity) == (True, {"humidity": 0.4}, False)
+    assert (inputs.covariance.ppm, inputs.covariance.floor_m["fixed"]) == ((2.0, 2.0, 2.0), (0.01, 0.01, 0.01))
+    assert inputs.covariance.floor_m["float"] == MODEL.floor_m["float"]
+    (tmp_path / "flight.toml").write_text(FLIGHT + "wet_delay = false\n")
+    _read_files(load_flight(tmp_path / "flight.toml"))
+    assert not asked[1].wet_delay
+
+
+def test_a_camera_without_a_file_needs_the_rovers_events(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
+    """Oracle: the flight file; without [camera] the rover's events are taken where there are some."""
+    (tmp_path / "flight.toml").write_text(FLIGHT)
+    _read_files(load_flight(tmp_path / "flight.toml"))
+    (tmp_path / "flight.toml").write_text(FLIGHT + "[camera]\ntime_offset_s = 0.002\n")
+    _, _, events, _ = _read_files(load_flight(tmp_path / "flight.toml"))
+    assert [inputs.events for inputs in asked] == [None, True]
+    assert asked[1].camera_delay_s == 0.0  # camera.time_offset_s is added once, by the recording
+    assert events is EVENTS
+
+
 def test_events_of_another_file_come_first(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
     """Oracle: the file's two lines."""
     (tmp_path / "events.txt").write_text("image tow\na.tif 10.05\nb.tif 10.10\n")
     (tmp_path / "flight.toml").write_text(FLIGHT + '[camera]\nevents = "events.txt"\n')
     _, _, events, _ = _read_files(load_flight(tmp_path / "flight.toml"))
-    assert not asked[0].events
+    assert asked[0].events is False
     assert events is not None
     assert events.images == ("a.tif", "b.tif")
 
@@ -81,3 +121,68 @@ def test_images_name_the_rovers_events(asked: list, tmp_path: Path) -> None:  # 
     (tmp_path / "flight.toml").write_text(FLIGHT + '[camera]\nimages = "names.txt"\n')
     _read_files(load_flight(tmp_path / "flight.toml"))
     assert asked[0].images.name == "names.txt"
+    assert (asked[0].skip_events, asked[0].skip_images, asked[0].events_containing, asked[0].image_ending) == ((), (), "", None)
+    more = 'skip_events = [2]\nskip_images = ["b.tif"]\nevents_containing = "cam"\nimage_ending = ".tif"\n'
+    (tmp_path / "flight.toml").write_text(FLIGHT + '[camera]\nimages = "names.txt"\n' + more)
+    _read_files(load_flight(tmp_path / "flight.toml"))
+    assert (asked[1].skip_events, asked[1].skip_images) == ((2,), ("b.tif",))
+    assert (asked[1].events_containing, asked[1].image_ending) == ("cam", ".tif")
+
+
+def photograph(path: Path, second: float | None) -> None:
+    """A picture of one pixel, taken so many seconds after noon, or without a time."""
+    image = pytest.importorskip("PIL.Image")
+    exif = image.Exif()
+    if second is not None:
+        whole, part = divmod(round(1000 * second), 1000)
+        exif.get_ifd(0x8769).update({0x9003: f"2018:10:04 12:00:{whole:02d}", 0x9291: f"{part:03d}"})
+    if path.suffix == ".dng":
+        path.write_bytes(exif.tobytes().removeprefix(b"Exif\0\0"))  # a TIFF of tags alone
+    else:
+        image.new("L", (1, 1)).save(path, exif=exif)
+
+
+def test_times_of_images_are_those_of_their_exif(tmp_path: Path) -> None:
+    """Oracle: Pillow, which writes the Exif; one image without a time, or a list instead of a directory, tells nothing."""
+    for name, second in {"a.jpg": 3.25, "b.dng": 5.5, "c.jpg": 7.0, "d.jpg": None}.items():
+        photograph(tmp_path / name, second)
+    found = image_times(tmp_path, ("a.jpg", "b.dng", "c.jpg"))
+    assert found is not None
+    assert found.tolist() == [0.0, 2.25, 3.75]
+    assert image_times(tmp_path, ("a.jpg", "d.jpg")) is None
+    (tmp_path / "e.jpg").write_bytes(b"no picture")
+    assert image_times(tmp_path, ("a.jpg", "e.jpg")) is None
+    assert image_times(tmp_path / "a.jpg", ("a.jpg",)) is None
+
+
+def test_the_images_own_times_tell_which_event_has_no_image(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
+    """Oracle: the image that was not taken, the fourth of eight; the numbers of the images have no gap, the camera's clock is another."""
+    shots = np.cumsum([0.0, 2.0, 2.3, 1.9, 2.1, 2.2, 1.8, 2.4])
+    (tmp_path / "events.txt").write_text("image tow\n" + "".join(f"{k} {10 + t:.6f}\n" for k, t in enumerate(shots)))
+    (tmp_path / "photos").mkdir()
+    for k, t in enumerate(np.delete(shots, 3), start=1):
+        photograph(tmp_path / "photos" / f"{k}.jpg", t + 7.0)
+    flight = FLIGHT + '[camera]\nevents = "events.txt"\nimages = "photos"\n'
+    (tmp_path / "flight.toml").write_text(flight)
+    with pytest.raises(InputError, match=r"8 camera events and 7 images.* no image belongs to event 4; .* set skip_events = \[4\]"):
+        _read_files(load_flight(tmp_path / "flight.toml"))
+    (tmp_path / "flight.toml").write_text(flight + "skip_events = [4]\n")
+    _, _, events, _ = _read_files(load_flight(tmp_path / "flight.toml"))
+    assert events is not None
+    assert np.allclose(events.time, 10.0 + np.delete(shots, 3))
+
+
+def test_images_name_the_events_of_another_file(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
+    """Oracle: the lists; a count that does not fit is refused before the engine runs, with the way out, which then works."""
+    (tmp_path / "Timestamp.MRK").write_text("".join(f"{k}\t{10 + 0.05 * k:.6f}\t[2021]\t0,N\t0,E\t0,V\n" for k in (1, 2, 3)))
+    (tmp_path / "names.txt").write_text("a.jpg\nc.jpg\n")
+    flight = FLIGHT + '[camera]\nevents = "Timestamp.MRK"\nimages = "names.txt"\n'
+    (tmp_path / "flight.toml").write_text(flight)
+    with pytest.raises(InputError, match=r"Timestamp\.MRK: 3 camera events and 2 images.*skip_events"):
+        _read_files(load_flight(tmp_path / "flight.toml"))
+    assert asked == []
+    (tmp_path / "flight.toml").write_text(flight + "skip_events = [2]\n")
+    _, _, events, _ = _read_files(load_flight(tmp_path / "flight.toml"))
+    assert events is not None
+    assert events.images == ("a.jpg", "c.jpg")
+    assert np.allclose(events.time, [10.05, 10.15])

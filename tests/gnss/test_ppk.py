@@ -12,8 +12,10 @@ import pytest
 from insgnss.errors import DataError, InputError, UsageError
 from insgnss.formats.gnss_text import read_gnss_text, read_image_positions
 from insgnss.geodesy.frames import LocalFrame, TangentPlane, ecef_to_geodetic, geodetic_to_ecef, rotation_en
-from insgnss.gnss import verb
+from insgnss.gnss import ppk, verb
 from insgnss.gnss.antenna_files import ALL, IMAGES, PLANE, positions_at, write_antenna_files
+from insgnss.gnss.covariance import MODEL
+from insgnss.gnss.engine import EngineRun
 from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.ppk import PpkInput, solve_ppk
 from insgnss.records import CameraEvents, GnssFixes
@@ -141,6 +143,73 @@ def test_one_image_too_few_is_refused_before_the_engine_runs(flown, tmp_path):
     assert steps == ["reading observations"]
 
 
+@pytest.fixture
+def again(flown, monkeypatch):
+    """Solve the simulated flight with other inputs from the engine's three solutions that are there."""
+    result, _, _, given = flown
+    at = {name: result.files[name] for name in ("combined", "forward", "backward")}
+    engine_run = EngineRun(**at, engine=result.engine, cpu_s=0.0, cpu_of={}, option_files={})
+    monkeypatch.setattr(ppk, "solve", lambda *_: engine_run)
+    return lambda **changes: solve_ppk(replace(given, **changes))
+
+
+def test_wet_delay_and_atmosphere_are_as_asked(flown, again):
+    """Oracle: the zenith delay of the layer, 0.2 mm a metre over 100 m; dry air leaves out nothing, moist air twice as much as dry."""
+    result, _, _, _ = flown
+    without = again(wet_delay=False).fixes.height
+    rise = result.fixes.height - result.fixes.height.min()
+    high = rise > 0.8 * rise.max()
+    raised = {share: (again(atmosphere={"humidity": share}).fixes.height - without)[high].mean() for share in (0.0, 0.35, 0.7)}
+    assert 0.012 < (result.fixes.height - without)[high].mean() < 0.030
+    assert raised[0.7] == pytest.approx((result.fixes.height - without)[high].mean(), abs=1e-6)  # the standard's own
+    assert abs(raised[0.0]) < 0.2 * raised[0.7]
+    assert raised[0.35] == pytest.approx(0.5 * (raised[0.0] + raised[0.7]), abs=5e-4)
+    assert "given atmosphere" in next(c.expected for c in again(atmosphere={"humidity": 0.35}).checks if c.name == "GNSS wet delay")
+
+
+def test_velocities_and_covariance_are_as_asked(flown, again):
+    """Oracle: no velocity without it; variances that grow by the square of the floor."""
+    result, _, _, _ = flown
+    given = again(velocity=False, covariance=MODEL.with_changes({"floor_m": {"fixed": (0.1, 0.1, 0.2)}}))
+    assert given.fixes.velocity_ned is None
+    grown = np.diagonal(given.fixes.cov_ned - result.fixes.cov_ned, axis1=1, axis2=2)[result.fixes.quality == 1]
+    np.testing.assert_allclose(grown[10:-10], np.tile([0.01, 0.01, 0.04], (len(grown) - 20, 1)), rtol=2e-3)
+
+
+def test_events_of_a_file_take_the_place_of_the_rovers(flown, again, tmp_path):
+    """Oracle: the truth's times written as .MRK, and as a text without a week; one of another week is refused."""
+    _, truth, _, _ = flown
+    place = {week: tmp_path / f"{week}.MRK" for week in (2021, 2022)}
+    for week, path in place.items():
+        path.write_text("".join(f"{k}\t{t:.6f}\t[{week}]\t0,N\t0,E\t0,V\n" for k, t in enumerate(truth["events"][:5], start=1)))
+    (tmp_path / "events.txt").write_text("image tow\n" + "".join(f"{k}.tif {t:.7f}\n" for k, t in enumerate(truth["events"][:5])))
+    for path in (place[2021], tmp_path / "events.txt"):
+        found = again(events=path, images=None, camera_delay_s=0.01).events
+        np.testing.assert_allclose(found.time, truth["events"][:5] + 0.01, rtol=0.0, atol=1e-6)
+    assert found.images[0] == "0.tif"
+    with pytest.raises(InputError, match=r"2022\.MRK:1: GPS week 2022, but the flight is said to be of week 2021"):
+        again(events=place[2022], images=None)
+    with pytest.raises(InputError, match=r"5 camera events and 73 images"):
+        again(events=place[2021])
+    assert again(events=False).events is None
+    assert again(images=None).events.images[0] == "1"
+
+
+def test_an_image_too_few_is_found_by_the_images_own_times(flown, again, tmp_path):
+    """Oracle: the picture that is missing, of events in the rover's file; Pillow writes the times."""
+    image = pytest.importorskip("PIL.Image")
+    _, truth, _, _ = flown
+    for k, t in enumerate(np.delete(truth["events"], 30), start=1):
+        exif = image.Exif()
+        minute, milli = divmod(round(1000 * (t - truth["events"][0])), 60000)
+        written = {0x9003: f"2018:10:04 12:{minute:02d}:{milli // 1000:02d}", 0x9291: f"{milli % 1000:03d}"}
+        exif.get_ifd(0x8769).update(written)
+        image.new("L", (1, 1)).save(tmp_path / f"{k}.jpg", exif=exif)
+    with pytest.raises(InputError, match=r"73 camera events and 72 images.* no image belongs to event 31; .* skip_events = \[31\]"):
+        again(images=tmp_path)
+    assert len(again(images=tmp_path, skip_events=(31,)).events.images) == 72
+
+
 @pytest.fixture(scope="module")
 def moved(tmp_path_factory):
     """A real moving receiver through the verb."""
@@ -175,6 +244,61 @@ def test_the_verb_writes_positions_figure_and_document(moved):
     assert (out / "gnss_quality.png").read_bytes().startswith(b"\x89PNG")
     assert run.summary().startswith(run.result.verdict)
     assert {path.name for path in run.files} == {path.name for path in out.iterdir()} - {"combined.conf", "forward.conf", "backward.conf"}
+
+
+def asked(*words):
+    parser = argparse.ArgumentParser()
+    verb.add_arguments(parser)
+    return verb.input_of(parser.parse_args(["r.obs", "--base", "b.obs", "--navigation", "n.nav", *map(str, words)]))
+
+
+def test_the_verb_asks_for_no_more_than_the_defaults():
+    """Oracle: the defaults of `PpkInput`."""
+    assert asked() == PpkInput(Path("r.obs"), Path("b.obs"), (Path("n.nav"),))
+
+
+def test_the_verb_has_the_options_of_the_flight_file(tmp_path):
+    """Oracle: the words of the command line."""
+    (tmp_path / "covariance.toml").write_text("ppm = 2\n[scale]\nfixed = [1.5, 1.5, 2]\n")
+    words = ["--max-age", 5, "--acceleration", 6, 2, "--more", "pos2-arminfix=10", "--covariance", tmp_path / "covariance.toml"]
+    given = asked(*words, "--pressure", 955, "--humidity", 0.4, "--no-velocity", "--events", "x.MRK")
+    options = given.options
+    assert (options.max_age_s, options.acceleration_mps2, options.more) == (5.0, (6.0, 2.0), {"pos2-arminfix": "10"})
+    assert given.covariance == MODEL.with_changes({"ppm": 2.0, "scale": {"fixed": (1.5, 1.5, 2.0)}})
+    assert (given.atmosphere, given.velocity) == ({"pressure_hpa": 955.0, "humidity": 0.4}, False)
+    assert given.events == Path("x.MRK")
+    assert not asked("--no-wet-delay").wet_delay
+
+
+@pytest.mark.parametrize(
+    ("words", "what"),
+    [
+        (["--humidity", 40], r"atmosphere\.humidity: 40 is outside 0 to 1"),
+        (["--humidity", 0.4, "--no-wet-delay"], "--no-wet-delay is given as well"),
+        (["--more", "arminfix"], "'arminfix' is no NAME=VALUE"),
+        (["--max-age", -1], r"max_age_s = -1\.0: must be"),
+        (["--acceleration", 0, 1], "must be two positive numbers"),
+        (["--events", "x.MRK", "--events-containing", "cam"], "--events is given as well"),
+    ],
+)
+def test_words_that_contradict_are_refused(words, what):
+    """Oracle: the ranges that the help names."""
+    with pytest.raises(UsageError, match=what):
+        asked(*words)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "what"),
+    [("ppm = -1\n", 1, "from 0 to 1000"), ("[scale]\nflaot = 3\n", 2, "did you mean 'float'"), ("\ngate = 'x'\n", 2, "is a text")],
+)
+def test_a_wrong_covariance_file_is_refused_with_its_line(tmp_path, text, line, what):
+    """Oracle: line and reason written by hand."""
+    path = tmp_path / "c.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=rf"c\.toml:{line}: .*{what}"):
+        asked("--covariance", path)
+    with pytest.raises(InputError, match="does not exist; give a TOML file"):
+        asked("--covariance", tmp_path / "other.toml")
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from insgnss.errors import DataError, InputError
-from insgnss.gnss.covariance import FIXED, FLOAT, calibrate, forward_backward
+from insgnss.gnss.covariance import FLOAT, HAMPERED, calibrate, forward_backward
 from insgnss.gnss.quality import longest_without, read_solution, solution_numbers, solution_series, verdict
 from insgnss.gnss.rinex import Observations
 from insgnss.gnss.rinex_header import RinexHeader
@@ -117,12 +117,24 @@ def test_columns_beside_the_positions_are_read_by_time(tmp_path):
     assert solution.ratio.tolist() == [20.5, 1.4, 0.0]
 
 
-def test_a_pos_with_dates_is_refused(tmp_path):
-    """Oracle: the option that mends it in the message."""
-    text = POS + "2018/05/06 00:16:40.000   46.5 6.5 500.0 1 9 0.005 0.005 0.01 0.0 0.0 0.0 0.1 3.0\n" * 2
+def test_a_pos_with_dates_is_read(tmp_path):
+    """Oracle: the rows written; the second without covariance, which counts as single."""
+    text = POS + "2018/05/06 00:16:40.000   46.5 6.5 500.0 1 9 0.005 0.005 0.01 0.0 0.0 0.0 0.1 3.0\n"
+    text += "2018/05/06 00:16:41.000   46.5 6.5 500.0 1 8 0.0 0.0 0.01 0.0 0.0 0.0 0.2 4.0\n"
     (tmp_path / "a.pos").write_text(text)
-    with pytest.raises(InputError, match="out-timeform"):
-        read_solution(tmp_path / "a.pos")
+    solution = read_solution(tmp_path / "a.pos")
+    assert solution.fixes.time.tolist() == [1000.0, 1001.0]
+    assert solution.fixes.quality.tolist() == [1, 5]
+    assert solution.satellites.tolist() == [9, 8]
+    assert solution.ratio.tolist() == [3.0, 4.0]
+
+
+def test_a_pos_without_what_an_engine_tells_is_refused(tmp_path):
+    """Oracle: the missing column in the message."""
+    path = written(tmp_path / "a.pos", [(1000.0, 1, 14, 0.1, 20.5)])
+    path.write_text(path.read_text().replace("  ns ", " satellites ", 1).replace(" ns ", " satellites "))
+    with pytest.raises(InputError, match="ns"):
+        read_solution(path)
 
 
 @pytest.fixture
@@ -147,7 +159,9 @@ def test_numbers_are_those_of_the_epochs(solved):
     numbers = numbers_of(solved)
     assert numbers["engine_fixed"] == 140
     assert numbers["fix_rate"] == 0.7
-    assert numbers["classes"]["fixed"] == 140
+    assert numbers["classes"]["fixed"] == 0
+    assert numbers["classes"]["hampered"] == 140  # of the epochs around 30 % are not fixed
+    assert numbers["sigma_m"]["fixed_median"] == pytest.approx([0.0321, 0.0321, 0.0566], abs=1e-4)
     assert numbers["classes"]["float"] == 25  # within 5 s of the last fixed epoch
     assert numbers["classes"]["weak"] == 35
     assert numbers["satellites"] == {"median": 15.0, "least": 7}
@@ -159,11 +173,12 @@ def test_numbers_are_those_of_the_epochs(solved):
 def test_the_verdict_says_what_to_look_at(solved):
     """Oracle: a fix rate of 70 %, 7 satellites, and a band of 28 dB-Hz."""
     told, checks = verdict(numbers_of(solved, signals_of(observed())))
-    assert told.startswith("poor: 70.0 % of 200 epochs")
+    assert told.startswith("poor: 70.0 % of 200 epochs are fixed and confirmed, 140 of them hampered")
+    assert "hampered fixes" in told.partition("look at")[2]
     assert "satellites" in told
     assert "signal strength" in told
     state = {check.name: check.verdict for check in checks}
-    assert state["GNSS fix rate"] == state["GNSS satellites"] == state["GNSS signal strength"] == "note"
+    assert state["GNSS fix rate"] == state["GNSS hampered fixes"] == state["GNSS satellites"] == state["GNSS signal strength"] == "note"
     assert state["GNSS forward and backward"] == state["GNSS base distance"] == state["GNSS gaps"] == "ok"
     assert all(check.advice for check in checks if check.verdict != "ok")
 
@@ -175,6 +190,7 @@ def test_a_good_solution_is_called_good(tmp_path):
     fixes, kind = calibrate(solution.fixes, solution.satellites, np.full(200, 2000.0))
     told, checks = verdict(solution_numbers(solution, fixes, kind, np.full(200, 2000.0), np.zeros(200), None, 14.16))
     assert told.startswith("good: 100.0 % of 200 epochs")
+    assert "hampered" not in told
     assert "look at" not in told
     assert {check.verdict for check in checks} == {"ok"}
 
@@ -186,7 +202,7 @@ def test_series_hold_what_the_figures_draw(solved):
     assert {"time", "kind", "satellites", "ratio", "distance_m", "separation_m", "separation_sigma_m", "strength", "slip_time"} <= set(
         series
     )
-    assert (series["kind"][[0, 150]] == [FIXED, FLOAT]).all()
+    assert (series["kind"][[0, 150]] == [HAMPERED, FLOAT]).all()
 
 
 def test_longest_time_without_a_good_epoch_counts_the_ends():

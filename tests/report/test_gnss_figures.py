@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from insgnss.gnss.covariance import CLASSES
+from insgnss.gnss.covariance import BELIEVED, CLASSES
 from insgnss.report import gnss
 from insgnss.report.gnss import draw_quality, pictures
 
@@ -69,6 +69,16 @@ def test_unknown_things_have_no_row(series):
 def test_every_class_has_a_name_and_a_colour():
     """Oracle: the classes of the covariance."""
     assert len(gnss.NAMES) == len(gnss.COLOURS) == len(CLASSES)
+    assert gnss.BELIEVED == BELIEVED
+
+
+def test_hampered_fixes_are_drawn_apart_and_count_as_fixed(series):
+    """Oracle: the first 200 epochs named so; the share of confirmed fixes stays at 100 %."""
+    series["kind"] = np.where(np.arange(600) < 200, CLASSES.index("hampered"), CLASSES.index("fixed"))
+    figure = gnss._draw(series, gnss._solution_panels(series))
+    axes = {ax.get_ylabel(): ax for ax in figure.axes}
+    assert {"fixed", "fixed, hampered"} <= {drawn.get_label() for drawn in axes["satellites"].lines}
+    assert axes["fixed, %"].lines[0].get_ydata().min() == 100.0
 
 
 def test_times_without_epochs_break_nothing(series):

@@ -1,0 +1,90 @@
+"""Ready positions of an engine: which are calibrated, which are left as they are, and what that does for a car in a city."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from insgnss.formats.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
+from insgnss.geodesy.frames import geodetic_to_ecef
+from insgnss.gnss.covariance import base_distance, calibrate
+from insgnss.gnss.ready import ADVICE, with_calibrated
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+LEGEND = "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of satellites)\n"
+BASE = "% ref pos   : 46.500000000    6.480000000   480.0000\n"
+COLUMNS = "%  GPST  latitude(deg) longitude(deg)  height(m) Q  ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio\n"
+ROOTS = "0.0050 0.0050 0.0100 0.0010 -0.0010 0.0010   0.10   20.5"
+
+
+def written(path, base=BASE, columns=COLUMNS, dated=False):
+    """100 s fixed, 20 s float, at 1 Hz, 46.5 N 6.5 E."""
+    ns = " 14" if " ns " in columns else ""
+    rows = []
+    for k in range(120):
+        when = f"2018/05/06 00:{16 + (40 + k) // 60:02d}:{(40 + k) % 60:02d}.000" if dated else f"2000 {1000.0 + k:.3f}"
+        rows.append(f"{when} 46.500000000 6.500000000 500.0000 {1 if k < 100 else 2}{ns} {ROOTS}\n")
+    path.write_text("".join([base, LEGEND, columns, *rows]))
+    return path
+
+
+@pytest.mark.parametrize("dated", [False, True])
+def test_a_file_that_tells_all_is_calibrated_as_a_run_of_our_own(tmp_path, dated):
+    """Oracle: `calibrate` with the numbers that were written into the file."""
+    path = written(tmp_path / "a.pos", dated=dated)
+    fixes = read_rtklib_pos(path)
+    base = geodetic_to_ecef(np.radians(46.5), np.radians(6.48), 480.0)
+    expected, _ = calibrate(fixes, np.full(120, 14), base_distance(fixes, base))
+    got = with_calibrated(fixes, path)
+    assert np.array_equal(got.cov_ned, expected.cov_ned)
+    assert np.array_equal(got.quality, expected.quality)
+    assert np.sqrt(got.cov_ned[-1, 0, 0]) > 0.3
+    assert got.notes[-1].advice.endswith(ADVICE)
+
+
+def test_a_base_in_geocentric_coordinates_is_taken_as_such(tmp_path):
+    """Oracle: 1534 m between two points on a parallel, by the radius of the ellipsoid there."""
+    rover, base = (geodetic_to_ecef(np.radians(46.5), np.radians(lon), 500.0) for lon in (6.5, 6.48))
+    place = "{:14.4f} {:14.4f} {:14.4f}"
+    columns = COLUMNS.replace("latitude(deg) longitude(deg)  height(m)", "x-ecef(m) y-ecef(m) z-ecef(m)")
+    for name in ("ne", "n", "e", "u"):
+        columns = columns.replace(f"sd{name}(m)", {"ne": "sdxy(m)", "n": "sdx(m)", "e": "sdy(m)", "u": "sdz(m)"}[name])
+    columns = columns.replace("sdeu(m)", "sdyz(m)").replace("sdun(m)", "sdzx(m)")
+    rows = "".join(f"2000 {1000.0 + k:.3f} {place.format(*rover)} 1 14 {ROOTS}\n" for k in range(20))
+    (tmp_path / "a.pos").write_text("% ref pos   :" + place.format(*base) + "\n" + LEGEND + columns + rows)
+    read = read_pos_rows(tmp_path / "a.pos")
+    assert np.linalg.norm(read.base_ecef - rover) == pytest.approx(np.radians(0.02) * 6378137.0 * 0.68954, rel=1e-3)
+
+
+@pytest.mark.parametrize(("base", "columns"), [("", COLUMNS), (BASE, COLUMNS.replace(" ns ", " "))])
+def test_a_file_that_lacks_base_or_satellites_stays_as_it_is(tmp_path, base, columns):
+    """Oracle: the record itself."""
+    path = written(tmp_path / "a.pos", base, columns)
+    fixes = read_rtklib_pos(path)
+    assert with_calibrated(fixes, path) is fixes
+
+
+def test_what_was_calibrated_once_is_not_calibrated_again(tmp_path):
+    """Oracle: the file that `ppk` writes, read back."""
+    path = written(tmp_path / "a.pos")
+    once = with_calibrated(read_rtklib_pos(path), path)
+    write_rtklib_pos(once, tmp_path / "ppk.pos")
+    back = read_rtklib_pos(tmp_path / "ppk.pos")
+    assert with_calibrated(back, tmp_path / "ppk.pos") is back
+    sigma = [np.sqrt(np.diagonal(fixes.cov_ned, axis1=1, axis2=2)) for fixes in (back, once)]
+    assert np.allclose(*sigma, rtol=0.0, atol=1e-6)  # the last digit of the file
+
+
+def test_a_ready_solution_of_a_car_in_a_city_is_covered():
+    """Oracle: an Applanix reference; 21 % of the epochs lie beyond three sigma where the fixed ones have those of the file."""
+    place = DATA / "matrtklib" / "kinematic"
+    if not place.is_dir():
+        pytest.skip("the recording matrtklib is not here")
+    fixes = read_rtklib_pos(place / "rover_1Hz_rtk.pos")
+    reference = np.loadtxt(place / "reference.csv", delimiter=",", skiprows=1)
+    row = np.searchsorted(reference[:, 0], fixes.time - 1e-3)
+    apart = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - reference[row, 5:8]
+    there = np.abs(reference[row, 0] - fixes.time) < 2e-3
+    for record, least, most in ((fixes, 0.2, 1.0), (with_calibrated(fixes, place / "rover_1Hz_rtk.pos"), 0.0, 0.02)):
+        sigma = np.sqrt(np.trace(record.cov_ned, axis1=1, axis2=2))
+        assert least <= (np.linalg.norm(apart, axis=1) > 3.0 * sigma)[there].mean() <= most
