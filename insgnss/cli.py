@@ -148,13 +148,16 @@ def _add_demo(verbs: Any) -> None:
 
 def _add_simulate(verbs: Any) -> None:
     what = "write a simulated data set in the published tree, with the truth beside it"
-    parser = _add_verb(verbs, "simulate", _simulate, what, "  insgnss simulate block --flight ign8 --minutes 15 --seed 3")
+    example = "  insgnss simulate block --flight ign8 --minutes 15 --seed 3\n  insgnss simulate from_rinex --minutes 15 --raw-gnss"
+    parser = _add_verb(verbs, "simulate", _simulate, what, example)
     parser.add_argument("directory", type=Path, metavar="DIR", help="the data set's root")
     parser.add_argument("--flight", choices=("ign8", "ign6x1"), default="ign8", help="block (ign8) or corridor (ign6x1) (default: ign8)")
     parser.add_argument("--minutes", type=_positive, metavar="M", help="length of the flight (default: that of the flight's plan)")
     parser.add_argument("--imu-rate", type=_positive, default=500.0, metavar="HZ", help="IMU samples a second (default: 500)")
     shakes = "factor of the IMU's white noise in motion against the noise model of the flight file (default: 1)"
     parser.add_argument("--vibration", type=_positive, default=1.0, metavar="X", help=shakes)
+    raw = "write RINEX 2.11 of rover, base and satellites as well, for `insgnss process` to start from"
+    parser.add_argument("--raw-gnss", action="store_true", help=raw)
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)")
 
 
@@ -241,6 +244,10 @@ def _simulate(options: argparse.Namespace, progress: Progress) -> int:
 
     progress(f"simulating {options.flight}")
     flown = {"flight": options.flight, "minutes": options.minutes, "vibration": options.vibration, "seed": options.seed}
+    if options.raw_gnss:
+        from .simulate.raw_gnss import RawGnssOptions
+
+        flown["raw_gnss"] = RawGnssOptions()
     write_dataset(options.directory, imu_rate=options.imu_rate, **flown)
     flight_file = options.directory / "flight.toml"
     what = f"{flight_file}\nnext: insgnss process {flight_file}"

@@ -97,10 +97,10 @@ def solve(
         raise InputError(f"{rover}: no navigation file; give the broadcast ephemerides (.nav, .n, .g, .p) of that day")
     moving, standing = observations or (read_observations(rover), read_observations(base))
     checks = [] if observations else [*moving.notes, *standing.notes]
-    broadcast, pace = read_navigation(files), interval(moving)
+    broadcast, pace = read_navigation(files), (interval(moving), interval(standing))
     checks += [*check_observations(moving, standing, options), *check_navigation(broadcast, moving, options)]
-    checks += check_dynamics(options, pace)
-    texts: dict[str, str] = {direction: option_file(options, standing.header, direction, pace) for direction in DIRECTIONS}
+    checks += check_dynamics(options, pace[0])
+    texts: dict[str, str] = {direction: option_file(options, standing.header, direction, *pace) for direction in DIRECTIONS}
     checks += check_names(command, texts["combined"], options)
     target = _made(Path(directory))
     with tempfile.TemporaryDirectory(dir=target, prefix=".engine-") as scratch:

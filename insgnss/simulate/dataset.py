@@ -3,11 +3,12 @@
     flight.toml  README.md  FLIGHT.md
     01_Observations/Camera/Data/Events.txt
     01_Observations/Camera/GCPs/WGS84.txt, WGS84_tangentplane.txt
+    01_Observations/GPS/Data/Rover/rov01840.18o, .18n, .18g and Master/tr2b0703a.18o                where raw GNSS is asked for
     01_Observations/IMU/Data/Pre_calibrated/f8_1_sob.csv
     02_Processed/GPS-PPK/AntennaPos_WGS84.txt, AntennaPos_Img_WGS84.txt, AntennaPos_Img_WGS84_tangentplane.txt
-    truth/EO_local-plane.txt, eo.npz, trajectory.npz
+    truth/EO_local-plane.txt, eo.npz, trajectory.npz, raw_gnss.npz
 
-There are no images, no RINEX and no raw IMU files: nothing of theirs is simulated.
+There are no images, no virtual reference station and no raw IMU files: nothing of theirs is simulated.
 """
 
 import os
@@ -26,10 +27,12 @@ from ..formats.gnss_text import ImagePositions, write_gnss_text, write_image_pos
 from ..geodesy.rotation import CV_RUB, opk_from_rotation
 from ..records import ImuSamples, Quantity
 from ..stochastic.model import NoiseModel, load_noise_model, shipped_models, write_noise_model
-from .description import EVENTS, FIXES, IMU, PPK, README, Tables, Units, flight_md, flight_toml, imu_file, true_tables
+from .description import EVENTS, FIXES, IMU, PPK, RinexNames, Tables, Units, flight_md, flight_toml, imu_file, readme, true_tables
 from .faults import ImuFaults, RowFaults
 from .layout import FlightPlan
+from .raw_gnss import SIGNALS, RawGnss, RawGnssOptions, RawObservations
 from .receiver import GnssOptions
+from .rinex_files import ObservationTable, Station, write_navigation, write_observations
 from .scenario import SimulatedFlight, simulate_flight
 from .sensors import ImuOptions, Rig, SecondImu, antenna_states
 
@@ -65,6 +68,7 @@ def write_dataset(
     imu_faults: ImuFaults | None = None,
     vibration: float = 1.0,
     gnss: GnssOptions | None = None,
+    raw_gnss: RawGnssOptions | None = None,
     rig: Rig | None = None,
     second_imu: SecondImu | None = None,
     missing_events: float = 0.0,
@@ -79,6 +83,7 @@ def write_dataset(
     ----------
     directory : is created; it may exist if it is empty.
     flight, minutes, seed, gnss, rig, second_imu, missing_events, changes : as in `simulate_flight`.
+    raw_gnss : RINEX of rover and master, which the flight file then names in place of the positions; None: none.
     imu_rate : Hz.   noise, imu_faults, vibration : as in `ImuOptions`; the flight file names the noise.
     imu_axes, gyro_unit, accel_unit, quantity, imu_rows, gnss_rows, flight_file : as in `write_simulated`; SI units by default.
 
@@ -91,7 +96,15 @@ def write_dataset(
     units = Units.of(quantity, gyro_unit, accel_unit)
     imu = ImuOptions(imu_rate, noise, imu_axes, quantity, faults=imu_faults or ImuFaults(), vibration=vibration)
     simulated = simulate_flight(
-        flight, minutes, seed=seed, imu=imu, gnss=gnss, rig=rig, second_imu=second_imu, missing_events=missing_events, **changes
+        *(flight, minutes),
+        seed=seed,
+        imu=imu,
+        gnss=gnss,
+        raw_gnss=raw_gnss,
+        rig=rig,
+        second_imu=second_imu,
+        missing_events=missing_events,
+        **changes,
     )
     return write_simulated(target, simulated, seed=seed, units=units, imu_rows=imu_rows, gnss_rows=gnss_rows, flight_file=flight_file)
 
@@ -152,11 +165,14 @@ def _write_tree(root: Path, simulated: SimulatedFlight, units: Units, rng: np.ra
     _write_antenna_at_images(root / PPK, simulated, rng)
     _write_targets(root / TARGETS, simulated, rng)
     _write_truth(root / "truth", simulated)
+    if simulated.raw_gnss is not None:
+        _write_raw_gnss(root, RinexNames.of(simulated), simulated.raw_gnss)
     tables = true_tables(simulated, units, _noise_name(root, simulated.imu_options.noise))
     if simulated.second_imu is not None:
         recorded, other = simulated.second_imu
         _write_imu(root / imu_file(simulated, 2), recorded.samples, Units.of(other.options.quantity, None, None))
-    for name, text in (("flight.toml", flight_toml(tables, flight_file)), ("README.md", README), ("FLIGHT.md", flight_md(simulated))):
+    texts = {"flight.toml": flight_toml(tables, flight_file), "README.md": readme(simulated), "FLIGHT.md": flight_md(simulated)}
+    for name, text in texts.items():
         (root / name).write_text(text, encoding="utf-8", newline="\n")
 
 
@@ -173,6 +189,32 @@ def _imu_lines(imu: ImuSamples, units: Units) -> Iterator[str]:
     for first in range(0, len(table), _CHUNK):
         part = table[first : first + _CHUNK]
         yield row * len(part) % tuple(part.ravel().tolist())
+
+
+def _write_raw_gnss(root: Path, names: RinexNames, raw: RawGnss) -> None:
+    """RINEX of both receivers and of the satellites; the receivers' true places, clocks and slips."""
+    for file in (names.rover, names.base):
+        (root / file).parent.mkdir(parents=True, exist_ok=True)
+    approximate = tuple(raw.rover.position[0].round().tolist())
+    rover = Station("rover", approximate, interval_s=1.0 / raw.options.rate_hz)
+    base = Station("master", tuple(raw.base_position_m.tolist()), interval_s=1.0 / raw.options.base_rate_hz)
+    write_observations(root / names.rover, rover, _table(raw.rover, raw.events))
+    write_observations(root / names.base, base, _table(raw.base, np.empty(0)))
+    write_navigation(root / names.gps, root / names.glonass, raw.navigation)
+    moved = {"rover_position": raw.rover.position, "rover_velocity": raw.rover.velocity}
+    truth: dict[str, NDArray[Any]] = {"base_position": raw.base_position_m, "events_by_receiver": raw.events, **moved}
+    for name, receiver, slips in (("rover", raw.rover, raw.rover_slips), ("base", raw.base, raw.base_slips)):
+        truth |= {f"{name}_{key}": getattr(receiver, key) for key in ("time", "stamp", "clock_s")}
+        truth |= {f"{name}_slip_{key}": getattr(slips, key) for key in ("stamp", "satellite", "cycles", "reported")}
+    np.savez(root / "truth/raw_gnss.npz", allow_pickle=False, **truth)
+
+
+def _table(observed: RawObservations, events: Array) -> ObservationTable:
+    """What a receiver observed, as a RINEX file has it: loss of lock beside the phases."""
+    lock = np.zeros(observed.values.shape, dtype=np.int8)
+    lock[:, [SIGNALS.index(name) for name in ("L1", "L2")]] = observed.loss_of_lock
+    rows = (observed.epoch, observed.satellite, SIGNALS, observed.values, lock)
+    return ObservationTable(observed.gps_week, observed.stamp, *rows, events)
 
 
 def _write_antenna_at_images(folder: Path, simulated: SimulatedFlight, rng: np.random.Generator) -> None:

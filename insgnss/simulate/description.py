@@ -2,11 +2,13 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
+from ..geodesy.frames import ecef_to_geodetic
+from ..geodesy.gpstime import calendar_from_gps
 from ..records import Quantity
 from ..units import parse_quantity
 from .scenario import SimulatedFlight
@@ -17,6 +19,7 @@ EVENTS = "01_Observations/Camera/Data/Events.txt"
 IMU = "01_Observations/IMU/Data/Pre_calibrated"
 PPK = "02_Processed/GPS-PPK"
 FIXES = f"{PPK}/AntennaPos_WGS84.txt"
+RINEX = "01_Observations/GPS/Data"
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,39 @@ def imu_file(simulated: SimulatedFlight, number: int = 1) -> str:
     return f"{IMU}/f{plan.first_image // 1000 if plan else 1}_{number}_sob.csv"
 
 
+@dataclass(frozen=True)
+class RinexNames:
+    """Paths of the RINEX files, named as the paper's are: day of the year of the rover's, month and day of the master's."""
+
+    rover: str
+    base: str
+    gps: str
+    glonass: str
+
+    @classmethod
+    def of(cls, simulated: SimulatedFlight) -> "RinexNames":
+        """Of the day on which the record begins."""
+        day = calendar_from_gps(simulated.flight.gps_week, simulated.flight.motion.start, "gpst")
+        rover = f"{RINEX}/Rover/rov0{day:%j}0.{day:%y}"
+        return cls(f"{rover}o", f"{RINEX}/Master/tr2b{day:%m%d}a.{day:%y}o", f"{rover}n", f"{rover}g")
+
+
+def _gnss_table(simulated: SimulatedFlight) -> dict[str, Any]:
+    """Table [gnss]: the RINEX files where there are some, with place and weather of the base, else the positions."""
+    if (raw := simulated.raw_gnss) is None:
+        return {"file": FIXES}
+    names = RinexNames.of(simulated)
+    lat, lon, height = ecef_to_geodetic(raw.base_position_m)
+    return {
+        "rover": names.rover,
+        "base": names.base,
+        "navigation": [names.gps, names.glonass],
+        "base_position": [*np.degrees([lat, lon]).round(10).tolist(), round(float(height), 5)],
+        "base_point": "apc",
+        "atmosphere": asdict(raw.weather),
+    }
+
+
 def true_tables(simulated: SimulatedFlight, units: Units, noise: str) -> dict[str, Any]:
     """The flight file's keys and values, as the simulation has them."""
     options, rig, plane = simulated.imu_options, simulated.rig, simulated.tangent_plane
@@ -64,7 +100,7 @@ def true_tables(simulated: SimulatedFlight, units: Units, noise: str) -> dict[st
             "axes": options.axes,
             "noise": noise,
         },
-        "gnss": {"file": FIXES},
+        "gnss": _gnss_table(simulated),
         "camera": {"events": EVENTS},
         "mounting": {
             "antenna_m": list(rig.antenna_m),
@@ -100,19 +136,32 @@ def _toml(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-README = """\
+_README = """\
 # Simulated flight
 
 No sensor recorded these data: they are a simulation in the tree of the open data of J. Skaloud, D. A. Cucci and K. J. Paul,
-"Fixed-wing micro UAV open data with digicam and raw INS/GNSS". Images, RINEX and raw IMU files are not part of it.
+"Fixed-wing micro UAV open data with digicam and raw INS/GNSS". {absent} are not part of it.
 
 - `flight.toml`: what is where, for `insgnss process flight.toml`.
 - `01_Observations/Camera/Data/Events.txt`: mid-exposure times, GPS time of week.
 - `01_Observations/Camera/GCPs`: ground targets, WGS84 (degrees, ellipsoidal height) and tangent plane (east, north, up).
-- `01_Observations/IMU/Data/Pre_calibrated`: IMU samples; units are in the header, axes and kind of sample in `flight.toml`.
-- `02_Processed/GPS-PPK`: antenna phase centre, all epochs and at the events.
-- `truth`: exterior orientation, trajectory of the IMU (radians, NED) and biases in body axes, all without error.
+{raw}- `01_Observations/IMU/Data/Pre_calibrated`: IMU samples; units are in the header, axes and kind of sample in `flight.toml`.
+- `02_Processed/GPS-PPK`: antenna phase centre, all epochs and at the events{own}.
+- `truth`: exterior orientation, trajectory of the IMU (radians, NED) and biases in body axes, all without error{more}.
 """
+_RAW = """\
+- `01_Observations/GPS/Data`: RINEX 2.11 of rover and master (GPS and GLONASS, two bands), navigation beside the rover; the rover's file
+  holds the exposures as events, in the time of its clock.
+"""
+
+
+def readme(simulated: SimulatedFlight) -> str:
+    """README.md of the data set."""
+    if simulated.raw_gnss is None:
+        return _README.format(absent="Images, RINEX and raw IMU files", raw="", own="", more="")
+    own = ", with errors of their own, not\n  those of the RINEX files, which `flight.toml` names in their place"
+    more = ";\n  antenna (ECEF), clocks and cycle slips of the receivers"
+    return _README.format(absent="Images, a virtual reference station and raw IMU files", raw=_RAW, own=own, more=more)
 
 
 def flight_md(simulated: SimulatedFlight) -> str:
@@ -134,4 +183,8 @@ def flight_md(simulated: SimulatedFlight) -> str:
     lines.append(
         f"- IMU {simulated.imu_options.rate_hz:g} Hz, GNSS {simulated.gnss_options.rate_hz:g} Hz ({simulated.gnss.time.size} fixes)"
     )
+    if (raw := simulated.raw_gnss) is not None:
+        rates = f"rover {raw.options.rate_hz:g} Hz, master {raw.options.base_rate_hz:g} Hz"
+        distance = np.linalg.norm(raw.rover.position - raw.base_position_m, axis=1)
+        lines.append(f"- RINEX: {rates}, {distance.min() / 1e3:.1f} to {distance.max() / 1e3:.1f} km apart")
     return "\n".join(lines) + "\n"

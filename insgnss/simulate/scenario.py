@@ -12,6 +12,7 @@ from ..records import CameraEvents, ExteriorOrientation, GnssFixes, ImuSamples, 
 from .flights import START_TOW, Flight, fly
 from .layout import PLANS, FlightPlan
 from .motion import Motion
+from .raw_gnss import RawGnss, RawGnssOptions, simulate_raw_gnss
 from .receiver import GnssOptions, simulate_gnss
 from .sensors import ImuOptions, Rig, SecondImu, SimulatedImu, simulate_events, simulate_imu
 
@@ -39,7 +40,7 @@ class Truth:
 class SimulatedFlight:
     """Observations of a flight, in SI units (IMUs in their own axes), with the options that made them, and the truth.
 
-    second_imu : samples of a second IMU and its options, or None.
+    second_imu : samples of a second IMU and its options, or None.   raw_gnss : what the receivers of rover and base measured, or None.
     """
 
     flight: Flight
@@ -52,6 +53,7 @@ class SimulatedFlight:
     tangent_plane: TangentPlane
     truth: Truth
     second_imu: tuple[SimulatedImu, SecondImu] | None = None
+    raw_gnss: RawGnss | None = None
 
 
 def simulate_flight(
@@ -61,6 +63,7 @@ def simulate_flight(
     seed: int = 0,
     imu: ImuOptions | None = None,
     gnss: GnssOptions | None = None,
+    raw_gnss: RawGnssOptions | None = None,
     rig: Rig | None = None,
     second_imu: SecondImu | None = None,
     missing_events: float = 0.0,
@@ -74,7 +77,7 @@ def simulate_flight(
     ----------
     flight : "ign8", "ign6x1" or a plan.   minutes : of the record; None for the plan's own.
     seed : of everything random: gusts, trigger delays, errors of each sensor (independent streams).
-    imu, gnss, rig, second_imu, missing_events, truth_hz : as in `observe`.   start_tow : s, of the first instant, GPS week 2008.
+    imu, gnss, raw_gnss, rig, second_imu, missing_events, truth_hz : as in `observe`.   start_tow : s, of the first instant, GPS week 2008.
     changes : fields of `FlightPlan`, such as start_in_air, wind_ms, turbulence, ground_s or line_length_m.
 
     Raises
@@ -88,7 +91,16 @@ def simulate_flight(
     if minutes is not None:
         changes["minutes"] = minutes
     flown = fly(plan.changed(**changes), path_seed, start_tow=start_tow)
-    return observe(flown, sensor_seed, imu=imu, gnss=gnss, rig=rig, second_imu=second_imu, missing_events=missing_events, truth_hz=truth_hz)
+    return observe(
+        *(flown, sensor_seed),
+        imu=imu,
+        gnss=gnss,
+        raw_gnss=raw_gnss,
+        rig=rig,
+        second_imu=second_imu,
+        missing_events=missing_events,
+        truth_hz=truth_hz,
+    )
 
 
 def observe(
@@ -97,6 +109,7 @@ def observe(
     *,
     imu: ImuOptions | None = None,
     gnss: GnssOptions | None = None,
+    raw_gnss: RawGnssOptions | None = None,
     rig: Rig | None = None,
     second_imu: SecondImu | None = None,
     missing_events: float = 0.0,
@@ -106,14 +119,16 @@ def observe(
 
     seed : of the errors of each sensor (independent streams).
     imu, gnss, rig : options of the sensors and their mounting.   second_imu : another IMU with errors of its own.
+    raw_gnss : of rover and base, whose errors have nothing to do with those of the positions that `gnss` describes; None: none.
     missing_events : share of exposures without event.   truth_hz : rate of the true trajectory.
     """
     imu, gnss, rig = imu or ImuOptions(), gnss or GnssOptions(), rig or Rig()
     sensor_seed = _seeds(seed)[1] if isinstance(seed, int) else seed
-    inertial, receiver, camera, other = np.random.default_rng(sensor_seed).spawn(4)
+    inertial, receiver, camera, other, raw = np.random.default_rng(sensor_seed).spawn(5)
     recorded = simulate_imu(flown, imu, inertial)
     fixes, outlier = simulate_gnss(flown, rig, gnss, receiver)
     events = simulate_events(flown, missing_events, camera)
+    observed = None if raw_gnss is None else simulate_raw_gnss(flown, rig, events, raw_gnss, raw)
     second = None
     if second_imu is not None:
         lever_b = rig.C_cb.T @ (np.array(second_imu.imu_m) - np.array(rig.imu_m))
@@ -121,7 +136,7 @@ def observe(
     trajectory = true_trajectory(flown.motion, _times(flown.motion, truth_hz), flown.gps_week)
     plane = TangentPlane(flown.motion.frame.lat, flown.motion.frame.lon, 0.0)
     truth = Truth(true_eo(flown, rig, plane), trajectory, *_biases(recorded, trajectory.time), outlier)
-    return SimulatedFlight(flown, recorded.samples, fixes, events, rig, imu, gnss, plane, truth, second)
+    return SimulatedFlight(flown, recorded.samples, fixes, events, rig, imu, gnss, plane, truth, second, observed)
 
 
 def _seeds(seed: int) -> list[np.random.SeedSequence]:

@@ -30,14 +30,14 @@ def fake(tmp_path):
 def test_options_are_those_that_hold(tmp_path):
     """Oracle: the list of the issue, with RTKLIB's numbers for its choices (options.c of EX 2.5.0)."""
     base = header_of(tmp_path, observations(approx=BASE))
-    lines = dict(line.split("=") for line in option_file(EngineOptions(), base, "combined", 0.2).splitlines())
+    lines = dict(line.split("=") for line in option_file(EngineOptions(), base, "combined", 0.2, 1.0).splitlines())
     expected = {"posmode": 2, "frequency": 2, "soltype": 2, "elmask": 15.0, "dynamics": 1, "navsys": 61}
     assert {name: float(lines[f"pos1-{name}"]) for name in expected} == expected
     expected = {"armode": 1, "gloarmode": 3, "arthres": 3.0, "maxage": 30.0}
     assert {name: float(lines[f"pos2-{name}"]) for name in expected} == expected
     expected = {"timeform": 0, "timendec": 9, "degform": 0, "solformat": 0, "height": 0, "timesys": 0}
     assert {name: float(lines[f"out-{name}"]) for name in expected} == expected
-    assert lines["misc-timeinterp"] == "1"
+    assert lines["misc-timeinterp"] == "0"  # the issue's is on; tests/simulate/test_base_between_epochs.py shows its cost
     assert lines["ant2-postype"] == "1"
     assert_allclose([float(lines[f"ant2-pos{k}"]) for k in (1, 2, 3)], BASE, atol=1e-4)
 
@@ -47,7 +47,7 @@ def test_dynamics_are_off_where_epochs_are_rare(tmp_path, acceleration, limit):
     """Oracle: T of 30 m after (O.1), by hand; and its sigma against 4000 random walks of the acceleration."""
     base, options = header_of(tmp_path, observations(approx=BASE)), EngineOptions(acceleration_mps2=acceleration)
     for interval, on in ((limit - 0.01, True), (limit + 0.01, False)):
-        lines = option_file(options, base, "combined", interval).splitlines()
+        lines = option_file(options, base, "combined", interval, interval).splitlines()
         assert f"pos1-dynamics={int(on)}" in lines
         assert [check.verdict for check in check_dynamics(options, interval)] == ([] if on else ["note"])
     (check,) = check_dynamics(options, 30.0)
@@ -64,7 +64,7 @@ def test_dynamics_that_are_asked_for_win(tmp_path, wish):
     """Oracle: the option as it was given, at 0.1 s and 30 s."""
     base, options = header_of(tmp_path, observations(approx=BASE)), EngineOptions(more={"pos1-dynamics": wish})
     for interval in (0.1, 30.0):
-        assert dict(line.split("=") for line in option_file(options, base, "forward", interval).splitlines())["pos1-dynamics"] == wish
+        assert dict(line.split("=") for line in option_file(options, base, "forward", interval, interval).splitlines())["pos1-dynamics"] == wish
         assert check_dynamics(options, interval) == ()
 
 
@@ -210,7 +210,7 @@ def program_of(directory, names):
 def test_names_that_a_program_does_not_know_are_told(tmp_path):
     """Oracle: the names that were left out of the program; rnx2rtkp says nothing of them."""
     options = EngineOptions(more={"pos2-arminfix": "7"})
-    text = option_file(options, header_of(tmp_path, observations(approx=BASE)), "combined", 0.2)
+    text = option_file(options, header_of(tmp_path, observations(approx=BASE)), "combined", 0.2, 1.0)
     names = [line.split("=")[0] for line in text.splitlines()]
     assert check_names(program_of(tmp_path, names), text, options) == ()
     (check,) = check_names(program_of(tmp_path, [name for name in names if name != "pos2-arthresmin"]), text, options)
@@ -281,3 +281,12 @@ def test_a_program_on_path_is_the_fall_back(monkeypatch, fake):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     monkeypatch.setenv("PATH", str(fake.directory))
     assert engine_command() == [str(fake.program)]
+
+
+@pytest.mark.parametrize(("base_interval", "on"), [(1.0, "0"), (5.0, "0"), (15.0, "1"), (30.0, "1")])
+def test_a_slow_base_is_interpolated(tmp_path, base_interval, on):
+    """Oracle: the limit of `INTERPOLATED_S`; an option given by the user wins."""
+    base = header_of(tmp_path, observations(approx=BASE))
+    for more, expected in (({}, on), ({"misc-timeinterp": "1"}, "1")):
+        lines = option_file(EngineOptions(more=more), base, "combined", 0.1, base_interval).splitlines()
+        assert f"misc-timeinterp={expected}" in lines
