@@ -3,7 +3,8 @@
     python benchmarks/bench_process.py [--minutes 45] [--repeats 5] [--directory DIR]
 
 Both are processes of their own, run in turn; CPU and peak memory are those that the system accounts to each (os.wait4). Also the
-wall time of `insgnss --help`, and the very first run, with an empty compiler cache. DIR keeps the flight for another time.
+wall time of `insgnss --help`, and the very first run, with an empty compiler cache. DIR keeps the flight for another time. Modules are
+compiled to bytecode once, as pip does when it installs them, whatever PYTHONDONTWRITEBYTECODE says here: half a second of every run else.
 """
 
 import argparse
@@ -29,8 +30,9 @@ class Run(NamedTuple):
 
 def run(command: list[str], **environment: str) -> Run:
     """Run a command to its end, its output thrown away; its failure is ours."""
+    surroundings = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     start = time.perf_counter()
-    child = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=os.environ | environment)
+    child = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=surroundings | environment)
     _, status, used = os.wait4(child.pid, 0)
     child.returncode = os.waitstatus_to_exitcode(status)
     if child.returncode:

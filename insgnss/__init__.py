@@ -1,7 +1,8 @@
 """insgnss: raw IMU and GNSS of a mapping drone to the exterior orientation of every image.
 
 The data flow read -> prepare -> align -> filter -> smooth -> orient -> export; each step is a room of this package
-and rooms hand each other the frozen records of :mod:`insgnss.records`. Importing the package does nothing else.
+and rooms hand each other the frozen records of :mod:`insgnss.records`. Importing the package only sees to it that kernels can be
+compiled (:mod:`insgnss.caches`).
 
 Conventions, stated here once
 -----------------------------
@@ -25,5 +26,9 @@ Time
     float64 seconds of one GPS week (GPST), the week beside it. Other scales and week roll-over are dealt with by readers.
     Past the week's end the seconds go on counting (they are not folded back).
 """
+
+from .caches import settle
+
+settle()
 
 __version__ = "0.1.0"

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from . import __version__
+from .caches import settle
 from .console import Parser, Progress
 from .errors import InputError, InsgnssError, UsageError
 from .files import json_ready
@@ -38,6 +39,8 @@ def _run_verb(argv: Sequence[str], progress: Progress) -> int:
         options = build_parser().parse_args(argv)
     except SystemExit as request:  # --help and --version
         return int(request.code or 0)
+    if line := settle():
+        warnings.warn(line, stacklevel=2)
     code: int = options.run(options, progress)
     return code
 
@@ -306,6 +309,7 @@ def _calibrate(options: argparse.Namespace, progress: Progress) -> int:
     from .calibrate.multi_position import calibrate_multi_position
     from .formats import read_imu
     from .prepare.calibration import write_calibration
+    from .recording import sentence
 
     spec = _imu_spec(options)
     progress("reading")
@@ -313,9 +317,10 @@ def _calibrate(options: argparse.Namespace, progress: Progress) -> int:
     progress("calibrating")
     result = calibrate_multi_position(imu, None if options.latitude is None else math.radians(options.latitude), options.height)
     out = options.out or options.imu.parent / "calibration.toml"
-    summary = result.summary()
+    notes = [f"note: {sentence(note)}" for note in imu.notes]
+    summary = "\n".join([*notes, result.summary()])
     write_calibration(result.calibration, out, tuple(summary.splitlines()))
-    return _show(options, progress, lambda: f"{summary}\n{out}", lambda: result.as_dict() | {"file": out})
+    return _show(options, progress, lambda: f"{summary}\n{out}", lambda: result.as_dict() | {"file": out, "notes": notes})
 
 
 def _imu_spec(options: argparse.Namespace) -> dict[str, Any]:

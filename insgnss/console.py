@@ -1,6 +1,7 @@
 """What a person sees of a run while it runs, and a parser that complains as the rest of the program does."""
 
 import argparse
+import re
 import time
 from collections.abc import Callable
 from typing import Any, NoReturn, TextIO
@@ -36,10 +37,14 @@ class Progress:
 
 
 class Parser(argparse.ArgumentParser):
-    """Parser whose complaints are `UsageError` and whose epilog may be a function, called only where help is asked for."""
+    """Parser whose complaints are `UsageError` and whose epilog may be a function, called only where help is asked for.
+
+    A word that begins as a negative number does is a value, as in "--origin -46.5,6.5,0", and never an option.
+    """
 
     def __init__(self, *, more_help: Callable[[], str] | None = None, **kwargs: Any) -> None:
         super().__init__(allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
+        self._negative_number_matcher = re.compile(r"-\.?\d")
         self.more_help = more_help
 
     def format_help(self) -> str:

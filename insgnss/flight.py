@@ -34,13 +34,15 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     gnss.ratio                  3.0                     of the ambiguity test
     gnss.engine                 "auto"                  "pyrtklib5", or an rnx2rtkp by its path or its name on PATH; "auto": what is there
     gnss.max_age_s              30.0                    longest time to the base's epoch
+    gnss.timeout_s              7200.0                  longest time of one of the engine's three runs
     gnss.acceleration_mps2      [3.0, 1.0]              what the vehicle does, horizontally and vertically: process noise of the engine
     gnss.more                   {}                      further options of RTKLIB by name: { "pos2-arminfix" = 10 }
-    gnss.wet_delay              true                    correct heights for the wet delay that the engine leaves out, in
+    gnss.wet_delay              true                    correct heights for the wet delay that the engine leaves out
+    gnss.ionosphere             true                    correct positions for the ionosphere between base and rover, as two bands show it
     gnss.atmosphere             standard                air at the base: { pressure_hpa, temperature_c, humidity (0 to 1) }, as far as known
     gnss.phase_velocity         true                    velocities from the rover's carrier phase; false: fixes without velocity
-    gnss.covariance                                     changes to the numbers that calibrate the engine's covariances: fields of
-                                                        `gnss.covariance.CovarianceModel`, of scale and floor_m a table by class
+    gnss.covariance                                     changes to the numbers that calibrate covariances of PPK, also of a ready .pos:
+                                                        fields of `gnss.covariance.CovarianceModel`, of scale and floor_m a table by class
     gnss.stationary             none                    [latitude deg, longitude deg, height m] of a sensor that stands
     gnss.columns                by header or order      as above
     gnss.units                  by header, else deg     { angle (of latitude and longitude), course = deg, rad; length = m, cm, mm;
@@ -63,11 +65,12 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
     gnss.uncorrelated           1.0                     errors that do not, in standard deviations of each fix
     camera.events               no camera               mid-exposure instants; without them the product is the trajectory alone
     camera.columns              by header or order      as above
-    camera.images               numbers                 with gnss.rover: directory of the images, or list of their names, in order
+    camera.images               numbers                 directory of the images, or list of their names, in order; for events without names
     camera.image_ending                                 of the images to take from a directory of several formats
     camera.skip_events          []                      numbers, from 1, of events without an image
     camera.skip_images          []                      names of images without an event
     camera.events_containing    ""                      of the rover's events only those whose record lines hold this text
+    camera.invalid_events       false                   of the rover's events also those that it marks as not valid
     camera.time_offset_s        0.0                     added to the times of the events: the camera's delay
     mounting.antenna_m, .imu_m  [0, 0, 0]               m, from the camera, in camera axes
     mounting.camera_from_body   diag(-1, -1, 1)         T_b'^c
@@ -103,12 +106,16 @@ from typing import Any, Literal
 import numpy as np
 
 from .errors import InputError, UsageError
+from .exposures.naming import ImageMatch, image_match
 from .formats._fixes import QUALITY_CODES
 from .formats._units import UNITS, imu_kinds, unit_factor
 from .formats.gnss_text import UNIT_KEYS as GNSS_UNIT_KEYS
 from .formats.imu_csv import UNIT_KEYS as IMU_UNIT_KEYS
+from .gnss.covariance import MODEL, CovarianceModel
 from .gnss.covariance_table import KEYS as COVARIANCE_KEYS
-from .gnss.flight_table import AIR, ImageMatch, RawGnss, image_match, raw_gnss
+from .gnss.covariance_table import covariance_of
+from .gnss.events import RoverEvents
+from .gnss.flight_table import AIR, RawGnss, raw_gnss
 from .orient.mounting import ANGLE_SETS, PAPER_CAMERA_FROM_BODY, Mounting, boresight_from_angles
 from .prepare.axes import parse_axes
 from .records import QUANTITIES, Array, Quantity
@@ -117,6 +124,7 @@ from .tables import Columns, Table, near, read_toml
 SHIPPED_MODELS = Path(__file__).parent / "stochastic" / "models"
 MAX_LEVER_M = 100.0
 QUALITIES = {"float": 2, "sbas": 3, "dgps": 4, "single": 5, "ppp": 6}  # RTKLIB's codes (`GnssFixes.quality`)
+CAMERA_PARTS = ("match", "rover_events")  # of `CameraInput`: whose keys stand in [camera] themselves
 QUALITY_SIGMA_M = {"float": (0.3, 0.3, 0.6), "sbas": (0.3, 0.3, 0.6), "dgps": (0.3, 0.3, 0.6), "single": (1.0, 1.0, 2.0)}
 
 
@@ -167,17 +175,19 @@ class GnssInput:
     correlated: float | Literal["auto", "off"] = "auto"
     correlation_time_s: float = 60.0
     uncorrelated: float = 1.0
+    covariance: CovarianceModel = MODEL
     raw: RawGnss | None = None
 
 
 @dataclass(frozen=True)
 class CameraInput:
-    """Table [camera]; `events` is None where the rover's file holds them, `images` is None without a rover's file."""
+    """Table [camera]; `events` is None where the rover's file holds them, those of `rover_events`; `match`: the images' names for them."""
 
     events: Path | None
     columns: Columns
     time_offset_s: float
-    images: ImageMatch | None = None
+    match: ImageMatch = field(default_factory=ImageMatch)
+    rover_events: RoverEvents = field(default_factory=RoverEvents)
 
 
 @dataclass(frozen=True)
@@ -319,7 +329,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     "gnss.quality_sigma_m": tuple(QUALITIES),
     "gnss.atmosphere": AIR,
     **{".".join(filter(None, ("gnss.covariance", name))): keys for name, keys in COVARIANCE_KEYS.items()},
-    "camera": tuple(f.name for kind in (CameraInput, ImageMatch) for f in fields(kind) if kind is ImageMatch or f.name != "images"),
+    "camera": tuple(f.name for kind in (CameraInput, ImageMatch, RoverEvents) for f in fields(kind) if f.name not in CAMERA_PARTS),
     "mounting": (*(f.name for f in fields(Mounting)), "boresight_deg"),
     "mounting.boresight_deg": ANGLE_SETS,
     "tangent_plane": ("origin",),
@@ -427,16 +437,15 @@ def _noise(table: Table) -> str | Path:
 
 def _camera(table: Table, raw: bool) -> CameraInput:
     """raw : whether there is a rover's RINEX, which may hold the events."""
-    given = [f.name for f in fields(ImageMatch) if f.name in table.data]
-    if given and not raw:
-        more = ", and camera.events is given as well, keep one of them" if "events" in table.data else "; give camera.events"
-        raise table.error(given[0], f"is of PPK: it names the events of a flight with gnss.rover{more}")
-    if "events" in table.data and "events_containing" in table.data:
-        raise table.error("events_containing", "looks at the record lines of the rover's RINEX; camera.events is given as well, keep one")
+    of_rover = [f.name for f in fields(RoverEvents) if f.name in table.data]
+    if of_rover and (not raw or "events" in table.data):
+        other = "camera.events is given as well, keep one" if "events" in table.data else "gnss.rover is missing, give camera.events"
+        raise table.error(of_rover[0], f"looks at the record lines of the rover's RINEX; {other}")
     if raw and "columns" in table.data and "events" not in table.data:
         raise table.error("columns", "is of camera.events, which is missing; events of the rover's RINEX have no columns")
     events = None if raw and "events" not in table.data else table.file("events")
-    return CameraInput(events, table.columns(), table.number("time_offset_s", 0.0), image_match(table) if raw else None)
+    taken = RoverEvents(table.text("events_containing", None) or "", table.flag("invalid_events", False))
+    return CameraInput(events, table.columns(), table.number("time_offset_s", 0.0), image_match(table), taken)
 
 
 def _gnss(table: Table) -> GnssInput:
@@ -465,8 +474,19 @@ def _gnss(table: Table) -> GnssInput:
         correlated=_correlated(table),
         correlation_time_s=table.number("correlation_time_s", 60.0, 0.1, 1e5),
         uncorrelated=table.number("uncorrelated", 1.0, 1e-2, 100.0),
+        covariance=_covariance(table),
         raw=raw,
     )
+
+
+def _covariance(table: Table) -> CovarianceModel:
+    """Changes to the numbers that calibrate the covariances of PPK, of our own runs and of ready positions alike."""
+    model = covariance_of(table.table("covariance"))
+    if "covariance" in table.data and "stationary" in table.data:
+        raise table.error("covariance", "is of positions by PPK, but gnss.stationary is given; leave it out, or give gnss.sigma_m")
+    if "covariance" in table.data and not table.flag("calibrated", True):
+        raise table.error("covariance", "is of the calibration that gnss.calibrated = false switches off; keep one of them")
+    return model
 
 
 def _correlated(table: Table) -> "float | Literal['auto', 'off']":

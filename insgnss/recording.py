@@ -137,18 +137,20 @@ def read_recording(flight: Flight) -> Recording:
 
 def _read_files(flight: Flight) -> "tuple[ImuSamples, GnssFixes, CameraEvents | None, PpkResult | None]":
     """Samples, fixes, exposures, and the PPK solution where it gave the fixes."""
-    from .formats import read_events, read_gnss, sniff_gnss
+    from .exposures.naming import named
+    from .formats import read_events, read_gnss
 
     g, camera = flight.gnss, flight.camera
     imu = _read_imu(flight.imu, flight.gps_week)
     events = None
     if camera is not None and camera.events is not None:
-        events = read_events(camera.events, columns=camera.columns, gps_week=flight.gps_week)
+        events = named(read_events(camera.events, columns=camera.columns, gps_week=flight.gps_week), camera.match)
     if g.raw is not None:
         from .gnss.flown import solve_flown
 
-        ppk = solve_flown(g.raw, None if camera is None else camera.images, events)
-        return imu, ppk.fixes, ppk.events, ppk
+        of_rover = None if camera is None else (camera.rover_events, camera.match)
+        ppk = solve_flown(g.raw, g.covariance, of_rover if events is None else False)
+        return imu, ppk.fixes, ppk.events if events is None else events, ppk
     if g.stationary is not None:
         gnss = standing_fixes(g.stationary, g.sigma_m or STANDING_SIGMA_M, imu)
     else:
@@ -164,10 +166,10 @@ def _read_files(flight: Flight) -> "tuple[ImuSamples, GnssFixes, CameraEvents | 
             new_when=g.new_when,
             gps_week=flight.gps_week,
         )
-        if g.calibrated and sniff_gnss(g.file) == "rtklib_pos":
+        if g.calibrated:
             from .gnss.ready import with_calibrated
 
-            gnss = with_calibrated(gnss, g.file)
+            gnss = with_calibrated(gnss, g.file, g.covariance)
     return imu, gnss, events, None
 
 
@@ -224,8 +226,7 @@ def _recognised(flight: Flight, imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes
     lo, hi = _liveliest(gnss)
     i = flight.imu
     found = recognise(cut_samples(imu, lo - LATEST_S, hi + LATEST_S), cut_fixes(gnss, lo, hi))
-    units = i.units or {}
-    claim = {f"{key}_unit": units[key] for key in ("gyro", "accel") if key in units and units[key] in UNIT_WORDS}
+    claim = {f"{key}_unit": unit for key, unit in imu.units.items() if unit in UNIT_WORDS}
     offset = flight.gnss.time_offset_s - i.time_offset_s
     return found, compare(found, C_b_imu, quantity=imu.quantity, accel_sign=int(i.accel_sign), time_offset_s=offset, **claim)
 

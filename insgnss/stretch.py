@@ -125,12 +125,15 @@ def _solve(
         solution = solve(prepared.problem, start, flight.filter.second_pass, step)
     except DataError as error:
         step("what would explain it")
-        _refuse_biased(flight, recording, prepared, None, step)
+        if biased := _biased(flight, recording, prepared, None, step):
+            raise InputError(f"{flight.path}: {sentence(biased[0])}") from None
         _explain(flight, prepared, error)
         raise
-    _refuse_biased(flight, recording, prepared, solution, step)
+    biased = _biased(flight, recording, prepared, solution, step)
+    if biased and biased[0].name not in flight.accept:
+        raise InputError(f'{flight.path}: {sentence(biased[0])}; accept = ["{biased[0].name}"] in the flight file overrules')
     solution, checks, said = _examined(flight, prepared, start, solution, step)
-    return Stretch(solution, prepared.fixes, prepared.grid, prepared.at_event, (how, *said), checks)
+    return Stretch(solution, prepared.fixes, prepared.grid, prepared.at_event, (how, *said), (*biased, *checks))
 
 
 def _prepare(flight: Flight, recording: Recording, span: tuple[float, float], frame: "LocalFrame") -> _Prepared:
@@ -269,8 +272,8 @@ def _examined(
     return solution, tuple(checks), (f"{_told(asked)}; given up, the filter loses fixes with them",)
 
 
-def _refuse_biased(flight: Flight, recording: Recording, prepared: _Prepared, solution: "Solution | None", step: Progress) -> None:
-    """Raise InputError where the noise model has no turn-on bias and the innovations show one, beyond `GAIN` in (C.1).
+def _biased(flight: Flight, recording: Recording, prepared: _Prepared, solution: "Solution | None", step: Progress) -> tuple[Check, ...]:
+    """A contradiction where the noise model has no turn-on bias and the innovations show one, beyond `GAIN` in (C.1), else none.
 
     solution : without turn-on biases, None where there is none.
     """
@@ -278,20 +281,20 @@ def _refuse_biased(flight: Flight, recording: Recording, prepared: _Prepared, so
     from .navigation.solution import solve
 
     if not without_turn_on(recording.noise):
-        return
+        return ()
     step("turn-on biases, which the noise model lacks")
     biased = layout_with(flight, replace(recording, noise=with_turn_on(recording.noise)))(prepared.asked)
     problem = replace(prepared.problem, layout=biased)
     try:
         tried = solve(problem, _align(flight, problem)[0], flight.filter.second_pass, separations=0)
     except DataError:
-        return
+        return ()
     gain = np.inf if solution is None else misfit(solution) - misfit(tried)
-    if gain > GAIN:
-        told = "no solution without them" if solution is None else f"-2 log L falls by {gain:.0f} with them, limit {GAIN:g}"
-        check = check_turn_on(recording.noise)
-        found = f"{check.found}, and the innovations show them ({told})"
-        raise InputError(f"{flight.path}: {sentence(replace(check, found=found))}")
+    if gain <= GAIN:
+        return ()
+    told = "no solution without them" if solution is None else f"-2 log L falls by {gain:.0f} with them, limit {GAIN:g}"
+    check = check_turn_on(recording.noise)
+    return (replace(check, found=f"{check.found}, and the innovations show them ({told})", verdict="contradiction"),)
 
 
 def _explain(flight: Flight, prepared: _Prepared, error: DataError) -> None:

@@ -28,10 +28,12 @@ STANDS_ON = {  # the table of the design, room by room; what is below all is not
     "navigation": BELOW_ALL | {"stochastic"},
     "align": BELOW_ALL | {"navigation"},
     "orient": BELOW_ALL,
-    "gnss": BELOW_ALL | {"formats"},
+    "exposures": BELOW_ALL | {"formats"},  # which event is which image
+    "gnss": BELOW_ALL | {"formats", "exposures"},
     "calibrate": BELOW_ALL | {"navigation", "orient", "prepare"},
     "adjust": BELOW_ALL | {"orient"},
-    "simulate": BELOW_ALL | {"stochastic", "formats"},  # formats: a simulated flight is written as a data set
+    # formats: a simulated flight is written as a data set; gnss: a simulated receiver flies under broadcast orbits
+    "simulate": BELOW_ALL | {"stochastic", "formats", "gnss"},
     "report": BELOW_ALL,
 }
 ROOMS = set(STANDS_ON)
@@ -46,8 +48,10 @@ STANDS_ON |= {
     "pipeline": ROOMS | {"flight", "recording", "stretch", "delivery"},
     "inspection": ROOMS | {"flight", "recording"},
     "tuning": ROOMS | {"flight", "recording", "delivery", "stretch", "pipeline"},
-    "cli": ROOMS | {"flight", "recording", "pipeline", "inspection", "tuning", "exporting", "comparison", "proof", "console"},
+    "cli": ROOMS | {"flight", "recording", "pipeline", "inspection", "tuning", "exporting", "comparison", "proof", "console", "caches"},
     "console": {"errors"},
+    "caches": set(),
+    "__init__": {"caches"},
     "__main__": {"cli"},
 }
 

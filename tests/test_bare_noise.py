@@ -36,6 +36,19 @@ def test_biases_that_the_model_lacks_are_refused_by_name(tmp_path):
     ) as refusal:
         process(flight_of(tmp_path, NAVCHIP), tmp_path / "out")
     assert "\n" not in str(refusal.value)
+    assert str(refusal.value).endswith('accept = ["turn-on bias"] in the flight file overrules')
+
+
+def test_biases_that_the_model_lacks_are_accepted_by_name(tmp_path):
+    """Oracle: the same flight with the name in `accept`, as its refusal says: it is processed with the model as it is, and told as such."""
+    flight = flight_of(tmp_path, NAVCHIP)
+    flight.path.write_text('accept = ["turn-on bias"]\n' + flight.path.read_text())
+    flight = replace(load_flight(flight.path), imu=flight.imu)
+    assert flight.accept == ("turn-on bias",)
+    checks = process(flight, tmp_path / "out").diagnostics.checks
+    (overruled,) = (check for check in checks if check.verdict == "contradiction")
+    assert overruled.name == "turn-on bias"
+    assert "the innovations show them (-2 log L falls by" in overruled.found
 
 
 def test_an_imu_without_biases_leaves_it_at_a_note(tmp_path):

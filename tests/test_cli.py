@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import insgnss
-from insgnss.cli import Progress, main
-from insgnss.errors import DataError, InputError
+from insgnss.cli import Progress, build_parser, main
+from insgnss.errors import DataError, InputError, UsageError
 
 HEAVY = ("numpy", "numba", "scipy", "matplotlib", "pandas", "pyproj", "georinex", "filterpy")
 
@@ -366,6 +366,23 @@ def test_wrong_use_is_one_line_and_exit_code_2(argv, says, capsys):
     assert error.startswith("insgnss: error: ")
     assert error.count("\n") == 1
     assert "--help" in error
+
+
+@pytest.mark.parametrize("value", ["-53.2804,9.0578,70", "-.5,-9,0", "-33,151,0", "-1e1,2,3"])
+@pytest.mark.parametrize(
+    ("argv", "option"),
+    [
+        (["ppk", "r.18o", "--base", "b.18o", "--navigation", "b.18n", "--base-position", "VALUE", "--out", "d"], "base_position"),
+        (["ppk", "r.18o", "--base", "b.18o", "--navigation", "b.18n", "--origin", "VALUE"], "origin"),
+        (["compare", "a", "b", "--origin", "VALUE", "--shift", "-1.5"], "origin"),
+    ],
+)
+def test_coordinates_of_the_southern_hemisphere_are_values(argv, option, value):
+    """Oracle: what stands on the command line; argparse alone takes a minus with commas behind it for an option."""
+    given = build_parser().parse_args([value if word == "VALUE" else word for word in argv])
+    assert getattr(given, option) == value
+    with pytest.raises(UsageError, match="unrecognized arguments: -x"):
+        build_parser().parse_args([*argv, "-x"])
 
 
 def test_wrong_use_with_json_says_so_on_standard_output(capsys):

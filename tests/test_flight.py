@@ -10,9 +10,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.errors import InputError
+from insgnss.exposures.naming import ImageMatch
 from insgnss.flight import load_flight
 from insgnss.gnss.covariance import MODEL
-from insgnss.gnss.flight_table import ImageMatch
+from insgnss.gnss.events import RoverEvents
 
 CONTRACT = """\
 name = "ign8"
@@ -242,12 +243,7 @@ WRONG = {
     "base position of what": (RAW + "base_position = [46.5, 6.5, 500.0]\n", 7, "say what stands there: base_point"),
     "base position swapped": (RAW + 'base_point = "apc"\nbase_position = [506.5, 46.5, 0.0]\n', 8, "is no latitude, longitude (deg)"),
     "navigation that is not there": (RAW.replace('["imu.csv"]', '["b.18n"]'), 6, "b.18n does not exist"),
-    "images of ready positions": (
-        '[imu]\nfile = "imu.csv"\n[gnss]\nfile = "imu.csv"\n[camera]\nevents = "imu.csv"\nimages = "."\n',
-        7,
-        "camera.images: is of PPK: it names the events of a flight with gnss.rover, and camera.events is given as well, keep one",
-    ),
-    "images without events": (_in("camera", 'images = "."'), 6, "flight with gnss.rover; give camera.events"),
+    "images without events": (_in("camera", 'images = "."'), 5, "camera.events: is missing"),
     "images that are not there": (RAW + '[camera]\nimages = "photos"\n', 8, "photos does not exist; give the directory of the images"),
     "ending of no images": (RAW + '[camera]\nimage_ending = ".tif"\n', 8, "camera.image_ending: is of camera.images, which is missing"),
     "event that is no number": (RAW + "[camera]\nskip_events = [0, 3]\n", 8, "expected a list of whole numbers from 1"),
@@ -256,17 +252,25 @@ WRONG = {
         9,
         "looks at the record lines of the rover's RINEX; camera.events is given as well",
     ),
+    "marks of another file": (
+        RAW + '[camera]\nevents = "imu.csv"\ninvalid_events = true\n',
+        9,
+        "camera.invalid_events: looks at the record lines of the rover's RINEX; camera.events is given as well",
+    ),
+    "records of ready positions": (_in("camera", 'events_containing = "cam"'), 6, "RINEX; gnss.rover is missing, give camera.events"),
+    "calibration of raw observations": (RAW + "calibrated = false\n", 7, "gnss.calibrated: is of ready positions (gnss.file)"),
     "sigmas of raw observations": (RAW + "sigma_m = [0.1, 0.1, 0.2]\n", 7, "gnss.sigma_m: is of ready positions (gnss.file)"),
     "columns of no events": (RAW + '[camera]\ncolumns = ["tow"]\n', 8, "camera.columns: is of camera.events, which is missing"),
     "half a frequency": (RAW + "frequencies = 1.5\n", 7, "gnss.frequencies: 1.5 is no whole number"),
     "systems by name": (RAW + 'systems = "GPS"\n', 7, "gnss.systems: 'GPS' is no text of the letters GREJC"),
     "old base": (RAW + "max_age_s = 0\n", 7, "gnss.max_age_s: 0 is outside 0.01 to 3600"),
     "no acceleration": (RAW + "acceleration_mps2 = [3, 0]\n", 7, "[3.0, 0.0]: both must be greater than zero"),
-    "option that is set": (RAW + "more = { pos1-elmask = 10 }\n", 7, "gnss.more: 'pos1-elmask' is not to be set there"),
+    "option that is set": (RAW + "more = { pos1-elmask = 10 }\n", 7, "gnss.more: pos1-elmask is not to be set there: gnss.elev"),
     "option that is a list": (RAW + "more = { pos2-arminfix = [10] }\n", 7, "gnss.more: pos2-arminfix = [10], expected a number or a text"),
     "humidity in per cent": (RAW + "atmosphere = { humidity = 60 }\n", 7, "gnss.atmosphere.humidity: 60 is outside 0 to 1"),
     "unknown air": (RAW + "atmosphere = { temperature_k = 290 }\n", 7, "did you mean 'temperature_c'"),
-    "air of no delay": (RAW + "wet_delay = false\natmosphere = { humidity = 0.6 }\n", 8, "gnss.wet_delay = false leaves out"),
+    "air of nothing": (RAW + "wet_delay = false\nionosphere = false\natmosphere = { humidity = 0.6 }\n", 9, "ionosphere = false leave out"),
+    "no time to solve": (RAW + "timeout_s = 0\n", 7, "gnss.timeout_s: 0 is outside 1 to 1e+06"),
     "class of covariance": (
         RAW + "[gnss.covariance.scale]\nfixd = 2\n",
         8,
@@ -279,7 +283,12 @@ WRONG = {
     ),
     "gate of covariance": (RAW + "[gnss.covariance]\ngate = 0\n", 8, "gnss.covariance.gate: gate = 0.0 is outside 1 to 10000"),
     "broken satellite": (RAW + "[gnss.covariance]\nleast_satellites = 5.5\n", 8, "least_satellites: 5.5 is no whole number"),
-    "covariance of ready positions": (_in("gnss", "covariance = { ppm = 2 }"), 4, "gnss.covariance: gnss.file is given as well"),
+    "covariance of what stays": (_in("gnss", "calibrated = false\ncovariance = { ppm = 2 }"), 5, "gnss.calibrated = false switches off"),
+    "covariance of a place": (
+        '[imu]\nfile = "imu.csv"\n[gnss]\nstationary = [46.5, 6.5, 500.0]\ncovariance = { ppm = 2 }\n',
+        5,
+        "gnss.covariance: is of positions by PPK, but gnss.stationary is given",
+    ),
     "raw and ready": (_in("gnss", 'base = "a.18o"'), 4, "gnss.base: gnss.file is given as well"),
     # types
     "text for number": (_in("imu", 'time_offset_s = "0.1"'), 2, "imu.time_offset_s: '0.1' is a text, expected a number"),
@@ -362,33 +371,41 @@ def test_raw_observations_have_the_documented_defaults(load):
     assert (raw.base_position, raw.base_point, raw.antex) == (None, None, None)
     assert (raw.systems, raw.frequencies, raw.elevation_mask_deg, raw.ratio) == ("GREJC", 2, 15.0, 3.0)
     assert (raw.engine, raw.max_age_s, raw.acceleration_mps2, raw.more) == ("auto", 30.0, (3.0, 1.0), {})
-    assert (raw.wet_delay, raw.atmosphere, raw.phase_velocity, raw.covariance) == (True, None, True, MODEL)
+    assert raw.timeout_s == 7200.0
+    assert (raw.wet_delay, raw.atmosphere, raw.phase_velocity, flight.gnss.covariance) == (True, None, True, MODEL)
     assert flight.gnss.quality_sigma_m == {}  # the covariance model has floors of its own
     floored = load(RAW + "quality_sigma_m = { float = [1, 1, 2] }\n").gnss.quality_sigma_m
     assert floored == {"float": (1.0, 1.0, 2.0)}
-    assert load(RAW + "[camera]\n").camera.images == ImageMatch(None, None, (), (), "")
+    camera = load(RAW + "[camera]\n").camera
+    assert camera.match == ImageMatch(None, None, (), ())
+    assert camera.rover_events == RoverEvents("", False)
 
 
 def test_options_of_raw_observations_are_taken(load, tmp_path):
     """Oracle: the values written in the file, none of which is the default."""
     flight = load(
-        RAW + 'engine = "empty.csv"\nmax_age_s = 5\nacceleration_mps2 = [6, 2]\nmore = { pos2-arminfix = 10, pos1-dynamics = "off" }\n'
+        RAW + 'engine = "empty.csv"\nmax_age_s = 5\ntimeout_s = 90\nacceleration_mps2 = [6, 2]\n'
+        'more = { pos2-arminfix = 10, pos1-dynamics = "off" }\n'
         "atmosphere = { pressure_hpa = 955, humidity = 0.4 }\nphase_velocity = false\n"
         "[gnss.covariance]\nppm = 2\ngate = 20\nleast_satellites = 7\n[gnss.covariance.floor_m]\nfixed = [0.002, 0.003, 0.004]\n"
         '[camera]\nimages = "my_noise.toml"\nimage_ending = ".tif"\nskip_events = [2, 5]\nskip_images = ["a.tif"]\n'
-        'events_containing = "cam"\n'
+        'events_containing = "cam"\ninvalid_events = true\n'
     )
     raw = flight.gnss.raw
     assert (raw.engine, raw.max_age_s, raw.acceleration_mps2) == (str(tmp_path / "empty.csv"), 5.0, (6.0, 2.0))
-    assert raw.more == {"pos2-arminfix": "10", "pos1-dynamics": "off"}
+    assert (raw.timeout_s, raw.more) == (90.0, {"pos2-arminfix": "10", "pos1-dynamics": "off"})
     assert (raw.atmosphere, raw.phase_velocity) == ({"pressure_hpa": 955.0, "humidity": 0.4}, False)
     floor = {**MODEL.floor_m, "fixed": (0.002, 0.003, 0.004)}
-    assert raw.covariance == replace(MODEL, ppm=(2.0, 2.0, 2.0), gate=20.0, least_satellites=7, floor_m=floor)
-    assert flight.camera.images == ImageMatch(tmp_path / "my_noise.toml", ".tif", (2, 5), ("a.tif",), "cam")
+    assert flight.gnss.covariance == replace(MODEL, ppm=(2.0, 2.0, 2.0), gate=20.0, least_satellites=7, floor_m=floor)
+    assert flight.camera.match == ImageMatch(tmp_path / "my_noise.toml", ".tif", (2, 5), ("a.tif",))
+    assert flight.camera.rover_events == RoverEvents("cam", True)
     assert not load(RAW + "wet_delay = false\n").gnss.raw.wet_delay
-    resolved = json.loads(json.dumps(flight.resolved()))["gnss"]["raw"]
-    assert resolved["covariance"]["scale"]["fixed"] == [1.0, 1.0, 1.0]
-    assert resolved["atmosphere"] == {"pressure_hpa": 955.0, "humidity": 0.4}
+    for off in ("wet_delay", "ionosphere"):  # the other one takes the air
+        assert load(RAW + f"{off} = false\natmosphere = {{ humidity = 0.4 }}\n").gnss.raw.atmosphere == {"humidity": 0.4}
+    assert (flight.gnss.raw.ionosphere, load(RAW + "ionosphere = false\n").gnss.raw.ionosphere) == (True, False)
+    resolved = json.loads(json.dumps(flight.resolved()))["gnss"]
+    assert resolved["covariance"]["scale"]["fixed"] == [0.75, 0.75, 0.75]
+    assert resolved["raw"]["atmosphere"] == {"pressure_hpa": 955.0, "humidity": 0.4}
 
 
 def test_the_page_shows_a_flight_from_rinex_that_loads(load, tmp_path):
@@ -398,8 +415,8 @@ def test_the_page_shows_a_flight_from_rinex_that_loads(load, tmp_path):
     for name in ("rov01840.18o", "ref01840.18d.Z", "rov01840.18n", "rov01840.18g", "igs14.atx"):
         (tmp_path / name).write_text("RINEX\n")
     (tmp_path / "photos").mkdir()
-    raw = load(example[1]).gnss.raw
-    assert (raw.base_point, raw.covariance.floor_m["fixed"]) == ("arp", (0.003, 0.003, 0.006))
+    gnss = load(example[1]).gnss
+    assert (gnss.raw.base_point, gnss.covariance.floor_m["fixed"]) == ("arp", (0.003, 0.003, 0.006))
 
 
 def test_a_missing_flight_file_is_named(tmp_path):

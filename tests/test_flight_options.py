@@ -112,7 +112,7 @@ def test_reversed_force_is_turned_back(air):
     rows[:, 4:] *= -1.0
     file = air.write_imu("reversed.csv", rows)
     got = air.recording("accel_sign", imu={"file": file, "accel_sign": -1})
-    np.testing.assert_allclose(got.imu.accel, air.imu[:, 4:], atol=1e-9)
+    np.testing.assert_allclose(got.imu.accel, air.imu[:, 4:], rtol=0, atol=1e-9)
     assert not _contradictions(got)
     assert _contradictions(air.recording("accel_plain", imu={"file": file}))
 
@@ -127,7 +127,7 @@ def test_calibration_is_taken_off(air):
     (air.root / "imu_calibration.toml").write_text(text)
     file = air.write_imu("uncalibrated.csv", rows)
     got = air.recording("calibration", imu={"file": file, "calibration": "imu_calibration.toml"})
-    np.testing.assert_allclose(np.hstack([got.imu.gyro, got.imu.accel]), air.imu[:, 1:], atol=1e-9)
+    np.testing.assert_allclose(np.hstack([got.imu.gyro, got.imu.accel]), air.imu[:, 1:], rtol=0, atol=1e-9)
 
 
 def test_two_imus_have_less_noise_than_one(air):
@@ -159,7 +159,7 @@ def test_samples_without_time_are_counted(air):
     rows = air.imu
     file = air.write_imu("untimed.csv", rows[:, 1:], "gx,gy,gz,ax,ay,az")
     got = air.recording("rate_hz", imu={"file": file, "rate_hz": 100.0, "time_offset_s": float(rows[0, 0])})
-    np.testing.assert_allclose(got.imu.time, rows[:, 0], atol=1e-6)
+    np.testing.assert_allclose(got.imu.time, rows[:, 0], rtol=0, atol=1e-6)
 
 
 def test_quality_has_least_sigmas(air):
@@ -176,16 +176,16 @@ def test_quality_has_least_sigmas(air):
 
 
 def test_a_pos_of_an_engine_is_calibrated_unless_it_is_not_to_be(air):
-    """Oracle: (k sigma)^2 + floor^2 + (ppm d)^2 of fixed epochs, k = 1, 1 mm north and 1 ppm of 0; and what the file has."""
+    """Oracle: (k sigma)^2 + floor^2 + (ppm d)^2 of fixed epochs, k = 0.75, floor 1 mm, 1 ppm of 0; and what the file has."""
     write_rtklib_pos(air.dataset.simulated.gnss, air.root / "plain.pos")
     lines = (air.root / "plain.pos").read_text().splitlines()
     fields = [line.split() for line in lines[2:]]
-    head = [f"% ref pos   : {' '.join(fields[0][2:5])}", lines[0], lines[1].replace(" Q ", " Q ns ")]
-    rows = [" ".join([*row[:5], "1", "14", *row[6:]]) for row in fields]
+    head = [f"% ref pos   : {' '.join(fields[0][2:5])}", lines[0], lines[1]]
+    rows = [" ".join([*row[:5], "1", "14", *row[7:]]) for row in fields]
     (air.root / "engine.pos").write_text("\n".join([*head, *rows]) + "\n")
     kept, found = (air.recording(f"pos_{on}", gnss={"file": "engine.pos", "calibrated": on}) for on in (False, True))
-    added = found.gnss.cov_ned[0] - kept.gnss.cov_ned[0]
-    np.testing.assert_allclose(added, np.diag([0.001**2, 0.001**2, 0.002**2]), rtol=0.0, atol=1e-9)
+    expected = 0.75**2 * kept.gnss.cov_ned[0] + 0.001**2 * np.eye(3)
+    np.testing.assert_allclose(found.gnss.cov_ned[0], expected, rtol=0.0, atol=1e-9)
     assert [check.name for check in found.checks].count("GNSS covariance") == 1
     assert "GNSS covariance" not in [check.name for check in kept.checks]
 

@@ -383,6 +383,23 @@ def _two_clocks_and_half_a_velocity(place, t, w, f, fixes):
     _write(place / "gnss.csv", "tow,lon,lat,ellipsoidal_height,vn", columns, ["%.3f"] + ["%.10f"] * 4)
 
 
+def _units_behind_names(place, t, w, f, fixes):
+    names = "time_s,gyro_x_deg_s,gyro_y_deg_s,gyro_z_deg_s,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2"
+    _write(place / "imu.csv", names, [t, *np.degrees(w).T, *f.T], ["%.4f", *SAMPLE])
+    _write(place / "gnss.txt", "tow lat lon h sd_n sd_e sd_u", fixes.T, ["%.3f"] + ["%.10f"] * 6, " ")
+
+
+def _units_at_the_last_of_a_triad(place, t, w, f, fixes):
+    _write(place / "imu.csv", "tow,gx,gy,gz [deg/s],ax,ay,az [g]", [t, *np.degrees(w).T, *(f / G).T], ["%.4f", *SAMPLE])
+    _write(place / "gnss.txt", "tow lat lon h sd_n sd_e sd_u", fixes.T, ["%.3f"] + ["%.10f"] * 6, " ")
+
+
+def _angles_for_rates(place, t, w, f, fixes):
+    names = "tow,gyro_x_deg,gyro_y_deg,gyro_z_deg,acc_x_mps2,acc_y_mps2,acc_z_mps2"
+    _write(place / "imu.csv", names, [t, *np.degrees(w).T, *f.T], ["%.4f", *SAMPLE])
+    _write(place / "gnss.txt", "tow lat lon h sd_n sd_e sd_u", fixes.T, ["%.3f"] + ["%.10f"] * 6, " ")
+
+
 def _utc_fixes(place, t, w, f, fixes):
     _write(place / "imu.txt", "", [t, *w.T, *f.T], ["%.4f", *SAMPLE], " ")
     _write(place / "gnss.txt", "", [fixes[:, 0] - 18.0, *fixes.T[1:]], ["%.3f"] + ["%.10f"] * 6, " ")
@@ -394,8 +411,11 @@ def _utc_fixes(place, t, w, f, fixes):
         (_euroc, {"units": {"time": "unix_ns", "gyro": "rad/s", "accel": "m/s^2"}}, 0.0),
         (_increments, {"quantity": "increments", "units": {"gyro": "rad", "accel": "m/s"}}, 0.0),
         (_reversed_force, {"units": {"time": "ms", "gyro": "deg/s", "accel": "g"}, "accel_sign": -1}, 0.0),
-        (_lying_header, {"units": {"gyro": "rad/s"}}, 0.0),
+        (_lying_header, {"units": {"gyro": "rad/s", "accel": "m/s^2"}}, 0.0),
         (_two_clocks_and_half_a_velocity, {"units": {"gyro": "deg/s", "accel": "g"}}, 0.0),
+        (_units_behind_names, {"units": {"gyro": "deg/s", "accel": "m/s^2"}}, 0.0),
+        (_units_at_the_last_of_a_triad, {"units": {"gyro": "deg/s", "accel": "g"}}, 0.0),
+        (_angles_for_rates, {"quantity": "mean_rate", "units": {"gyro": "deg/s", "accel": "m/s^2"}}, 0.0),
         (_utc_fixes, {"units": {"gyro": "rad/s", "accel": "m/s^2"}}, 18.0),
     ],
 )
@@ -410,10 +430,25 @@ def test_files_of_other_makes_are_drafted_right_and_read_by_the_draft(numbers, t
     assert tree["gnss"].get("time_offset_s", 0.0) == pytest.approx(offset, abs=0.03)
     assert result.refusal is None
     recording = read_recording(load_flight(tmp_path))
-    scale = float(np.median(np.diff(t))) if "quantity" in imu_keys else 1.0
+    scale = float(np.median(np.diff(t))) if imu_keys.get("quantity") == "increments" else 1.0
     np.testing.assert_allclose(recording.imu.gyro / scale, w, atol=1e-7)
     np.testing.assert_allclose(recording.imu.accel / scale, f, atol=1e-6)
     assert abs((recording.gnss.time[0] - fixes[0, 0]) - (recording.imu.time[0] - t[0])) < 0.03
+
+
+def test_the_header_is_the_claim_of_a_flight_file_without_units(numbers, tmp_path):
+    """Oracle: the units of the header, which holds; one that the flight file contradicts is told with both."""
+    _units_behind_names(tmp_path, *numbers)
+    inspect_files([tmp_path]).write(tmp_path / "flight.toml")
+    text = (tmp_path / "flight.toml").read_text()
+    units = 'units = { gyro = "deg/s", accel = "m/s^2" }\n'
+    assert units in text
+    for written, imu_units in (("", []), (units.replace("deg/s", "deg/h"), ["the header says deg/s, and units gyro = deg/h was taken"])):
+        (tmp_path / "flight.toml").write_text(text.replace(units, written))
+        checks = read_recording(load_flight(tmp_path)).checks
+        assert [check.found for check in checks if check.name == "IMU units"] == imu_units
+        claims = [check.expected for check in checks if check.name == "recognised units"]
+        assert claims == ([] if imu_units else ["gyro in deg/s, accelerometer in m/s^2, mean_rate"])
 
 
 # what the sensor shows

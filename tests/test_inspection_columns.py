@@ -1,9 +1,12 @@
 """Which columns `insgnss inspect` takes of tables as other tools name them, and what it says of those it cannot take."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from insgnss.errors import InputError
+from insgnss.formats import read_gnss, read_imu
 from insgnss.inspection.clocks import seconds_and_nanoseconds
 from insgnss.inspection.grids import Table, tables_of_file
 from insgnss.inspection.names import Grid
@@ -20,7 +23,7 @@ def table(**columns):
     """A table of text with these columns; the six channels of an IMU where they are named."""
     names = tuple(columns)
     values = np.column_stack([np.broadcast_to(column, N) for column in columns.values()]).astype(float)
-    return Table(Grid(values, names, (None,) * len(names)), names)
+    return Table(Grid(values, names), names)
 
 
 def channels(*names):
@@ -141,3 +144,62 @@ def test_ticks_that_last_ten_times_too_long_are_tenths(tmp_path):
     assert as_long_as(source, imu, gnss).keys["units"]["time"] == "0.1 ms"
     longer = GnssFixes(0.7 * t, t, t, t, cov, None, None, None, None, "g")
     assert as_long_as(source, imu, longer) == source
+
+
+@pytest.mark.parametrize(
+    ("gyro", "accel", "clock"),
+    [
+        ("gyro_{}_rps", "acc_{}_ms2", "time"),
+        ("gyro_{}_deg_per_h", "acc_{}_mg", "time_ms"),
+        ("gyro_{}_deg_hr", "accel_{}_m_per_s_2", "TimeUS"),
+        ("Gyro{}Dps", "Acc{}_mpers2", "timestamp_s"),
+        ("omega_{}_degps", "f_{}_g", "gps_time_us"),
+    ],
+)
+def test_inspect_and_the_reader_read_one_table_of_units(tmp_path, gyro, accel, clock):
+    """Oracle: the reader's own units and samples of the same file, read as inspect drafts it."""
+    names = [*(gyro.format(c) for c in "xyz"), *(accel.format(c) for c in "xyz")]
+    tick = {"ms": 1e3, "US": 1e6, "us": 1e6}.get(clock[-2:], 1.0)
+    rows = np.column_stack([tick * (200.0 + 0.01 * np.arange(N)), *SIX.values()])
+    path = tmp_path / "imu.csv"
+    np.savetxt(path, rows, fmt="%.6f", delimiter=",", header=",".join([clock, *names]), comments="")
+    (source,) = [source for table in tables_of_file(path) for source in sources_of_table(path, table)]
+    assert source.role == "imu"
+    drafted = read_imu(path, columns=source.keys.get("columns"), units=source.keys.get("units"))
+    assert drafted.units == source.units_said
+    assert drafted.notes == ()
+    np.testing.assert_allclose(drafted.time, 200.0 + 0.01 * np.arange(N), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npy"])
+@pytest.mark.parametrize(
+    ("lat", "lon", "h"), [("lat_rad", "lon_rad", "alt_mm"), ("LatRad", "LonRad", "Alt_cm"), ("latrad", "lonrad", "h_m")]
+)
+def test_fixes_with_units_behind_names_are_drafted_as_the_reader_takes_them(tmp_path, suffix, lat, lon, h):
+    """Oracle: the place that was written, in rad and m; at 0.01 rad by 0.1 rad the values alone could be degrees as well."""
+    factor = {"mm": 1e3, "cm": 1e2}.get(h[-2:], 1.0)
+    t = np.arange(60.0)
+    rows = np.column_stack([2e5 + t, 0.01 + 1e-6 * t, np.full(60, 0.1), factor * (510.0 + 0.1 * t)])
+    path = tmp_path / f"fixes{suffix}"
+    if suffix == ".csv":
+        np.savetxt(path, rows, fmt="%.9f", delimiter=",", header=f"tow,{lat},{lon},{h}", comments="")
+    else:
+        record = np.zeros(60, dtype=[(name, float) for name in ("tow", lat, lon, h)])
+        for name, column in zip(record.dtype.names, rows.T, strict=True):
+            record[name] = column
+        np.save(path, record)
+    (source,) = [source for table in tables_of_file(path) for source in sources_of_table(path, table)]
+    assert "angle" not in source.keys.get("units", {})
+    fixes = read_gnss(path, columns=source.keys.get("columns"), units=source.keys.get("units"), sigma_m=[1.0, 1.0, 1.0])
+    np.testing.assert_allclose(fixes.lat, rows[:, 1], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(fixes.height, 510.0 + 0.1 * t, rtol=0, atol=1e-6)
+    assert fixes.notes == ()
+
+
+def test_a_course_that_its_name_calls_degrees_is_in_radians_where_its_values_are():
+    """Oracle: a logger of the SwissLog recordings, whose CourseDeg runs from -pi to pi; a course that its header calls rad is in rad."""
+    place = fixes(**{"speed": 3.0, "CourseDeg": np.linspace(-3.1, 3.1, N)})
+    (source,) = sources_of_table(Path("log.csv"), table(**place))
+    assert source.keys["units"] == {"course": "rad"}
+    (source,) = sources_of_table(Path("log.csv"), table(**fixes(**{"speed": 3.0, "course [rad]": np.linspace(-3.1, 3.1, N)})))
+    assert "units" not in source.keys

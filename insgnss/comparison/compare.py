@@ -1,5 +1,6 @@
 """The comparison itself: read, match, take the differences, take off what is recognised, tell what remains."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,6 +28,7 @@ def compare_files(
     *,
     form_a: str | None = None,
     form_b: str | None = None,
+    undulation_m: tuple[float | None, float | None] = (None, None),
     origin: Origin | None = None,
     crs: str | None = None,
     gps_week: int | None = None,
@@ -36,26 +38,24 @@ def compare_files(
     """Compare two exterior orientations or trajectories; b minus a.
 
     a, b : files of any format of `reading.FORMS`.   form_a, form_b : theirs, where a file does not show it.
+    undulation_m : of a, of b, to be added to the heights of positions of GNSS that are above the geoid.
     origin : latitude, longitude, deg, and ellipsoidal height, m, of a tangent plane whose file does not give it; without it that of the
     other file is taken, and told.   crs, geoid : of projected coordinates.   gps_week : of files with the time of week only.
     time_shift_s : to be added to the times of b.
     Raises InputError with file and line, UsageError for an unknown format, DataError where nothing tells which poses belong together.
     """
     hints = Hints(origin, crs, gps_week, geoid)
-    read, notes = _read_both(a, b, form_a, form_b, hints)
+    read, notes = _read_both(((a, form_a), (b, form_b)), tuple(replace(hints, undulation_m=height) for height in undulation_m))
     return compare_poses(*read, time_shift_s=time_shift_s, notes=notes)
 
 
-def _read_both(
-    a: str | Path, b: str | Path, form_a: str | None, form_b: str | None, hints: Hints
-) -> tuple[tuple[Poses, Poses], tuple[str, ...]]:
-    """Both files; a tangent plane without origin gets that of the other one."""
+def _read_both(given: Sequence[tuple[str | Path, str | None]], hints: Sequence[Hints]) -> tuple[tuple[Poses, Poses], tuple[str, ...]]:
+    """Both files, of path, format and hints; a tangent plane without origin gets that of the other one."""
     read: list[Poses | None] = [None, None]
     late: list[tuple[int, NoOriginError]] = []
-    given = ((a, form_a), (b, form_b))
     for k, (path, form) in enumerate(given):
         try:
-            read[k] = read_poses(path, form, hints)
+            read[k] = read_poses(path, form, hints[k])
         except NoOriginError as refusal:
             late.append((k, refusal))
     notes: tuple[str, ...] = ()
@@ -64,7 +64,7 @@ def _read_both(
         if other is None or other.plane is None:
             raise error
         plane = other.plane
-        borrowed = replace(hints, origin=(float(np.degrees(plane.lat)), float(np.degrees(plane.lon)), plane.height))
+        borrowed = replace(hints[k], origin=(float(np.degrees(plane.lat)), float(np.degrees(plane.lon)), plane.height))
         read[k] = read_poses(given[k][0], given[k][1], borrowed)
         notes = (f"{given[k][0]} does not give the origin of its tangent plane; that of {given[1 - k][0]} was taken",)
     first, second = read

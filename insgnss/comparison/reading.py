@@ -38,12 +38,16 @@ UNKNOWN_M = (0.98765, 0.98765, 0.98765)  # stands in for fixes without standard 
 
 @dataclass(frozen=True)
 class Hints:
-    """What a caller knows beyond the file: origin of a tangent plane, deg, deg, m; CRS of projected coordinates; GPS week; geoid grid."""
+    """What a caller knows beyond the file: origin of a tangent plane, deg, deg, m; CRS of projected coordinates; GPS week; geoid grid.
+
+    undulation_m : of the geoid, to be added to heights of positions of GNSS.
+    """
 
     origin: Origin | None = None
     crs: str | None = None
     gps_week: int | None = None
     geoid: Path | None = None
+    undulation_m: float | None = None
 
     @property
     def plane(self) -> TangentPlane | None:
@@ -64,8 +68,11 @@ def read_poses(path: str | Path, form: str | None = None, hints: Hints | None = 
     """
     if form is not None and form not in FORMS:
         raise UsageError(f"format {form!r} cannot be compared; it is one of {', '.join(FORMS)}")
+    form, hints = form or sniff_poses(path), hints or Hints()
+    if hints.undulation_m is not None and form != "gnss":
+        raise UsageError(f"{path}: is of the format {form}, which says what its heights are; leave the height of the geoid out")
     try:
-        return FORMS[form or sniff_poses(path)](Path(path), hints or Hints())
+        return FORMS[form](Path(path), hints)
     except NoOriginError:
         raise
     except InputError as error:
@@ -291,7 +298,7 @@ def _of_body(path: Path, form: str, lat: Array, lon: Array, h: Array, v_ned: Arr
 def _gnss(path: Path, hints: Hints) -> Poses:
     from ..formats import read_gnss
 
-    fixes = read_gnss(path, gps_week=hints.gps_week, sigma_m=UNKNOWN_M)
+    fixes = read_gnss(path, gps_week=hints.gps_week, sigma_m=UNKNOWN_M, undulation_m=hints.undulation_m)
     known = not (np.diagonal(fixes.cov_ned, axis1=1, axis2=2) == np.square(UNKNOWN_M)).all(axis=1).any()
     notes = tuple(f"{check.name}: {check.found}" for check in fixes.notes)
     velocity = None

@@ -36,6 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             f"--format-{side}", metavar="FORMAT", help=f"of {side.upper()}, where it does not show it; one of the formats above"
         )
+    for side in "ab":
+        what = f"geoid above the ellipsoid, to be added to heights of {side.upper()}, positions of GNSS that are above the geoid"
+        parser.add_argument(f"--undulation-{side}", type=float, metavar="M", help=what)
     parser.add_argument("--origin", metavar="LAT,LON,H", help="deg, deg, m: of a tangent plane whose file does not say it")
     parser.add_argument("--crs", metavar="CRS", help="of projected coordinates, such as EPSG:2056")
     parser.add_argument("--geoid", type=Path, metavar="GRID", help="grid of geoid heights, for projected heights above sea level")
@@ -55,6 +58,7 @@ def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comp
         given.b,
         form_a=given.format_a,
         form_b=given.format_b,
+        undulation_m=(given.undulation_a, given.undulation_b),
         origin=_origin(given.origin),
         crs=given.crs,
         gps_week=given.week,

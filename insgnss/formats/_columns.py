@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, UsageError
 from ..geodesy.gpstime import WEEK_S, gps_from_unix_utc, unwrap_week
+from ._heads import Kinds, names_of, normalised
 from ._layout import Layout, shown
 from ._order import Lines
 from ._text import Table, TextTable
@@ -40,26 +41,20 @@ def axis_aliases(letter: str, *stems: str) -> tuple[str, ...]:
     return tuple(f"{stem}{glue}{letter}" for stem, glue in product(stems, ("_", "")))
 
 
-def normalised(name: str) -> tuple[str, str | None]:
-    """Header name in lower case with underscores, and the unit in its brackets; a number in brackets is an index, part of the name."""
-    name = re.sub(r"[(\[](\d+)[)\]]", r"_\1", name)
-    match = re.fullmatch(r"\s*[\"']?\s*([^(\[]*?)\s*(?:[(\[]([^)\]]*)[)\]])?\s*[\"']?\s*", name)
-    head, unit = match.groups() if match else (name, None)
-    return re.sub(r"[\s\-./]+", "_", head.lower()).strip("_"), unit.strip() if unit else None
-
-
 def columns_of(
     table: Table | TextTable,
     aliases: Aliases,
     required: Sequence[str],
     defaults: Sequence[Sequence[str]],
     columns: Columns = None,
+    kinds: Kinds | None = None,
 ) -> dict[str, int]:
     """Index of every known column by its canonical name, the keys of `aliases`.
 
     columns : canonical name of each column, "-" or any other name leaving one out; or canonical name to name in the header,
         or to its place, "[1]" for the first.
     defaults : the documented layouts of a file without header, told apart by their number of columns.
+    kinds : of the units that may stand behind the names of a header, by canonical name.
     Raises InputError where a required name is missing, ambiguous, or the number of fields does not fit.
     """
     layout, known = table.layout, ", ".join(aliases)
@@ -73,7 +68,7 @@ def columns_of(
         found = [name if name in aliases else None for name in columns]
         what = f"columns = {list(columns)}"
     elif layout.header is not None:
-        found = _from_header(table.path, layout, aliases)
+        found = _from_header(table.path, layout, aliases, kinds or {})
         what = f"the header {shown(layout.header, 400)}"
     else:
         default = next((names for names in defaults if len(names) == layout.n_fields), None)
@@ -95,14 +90,14 @@ def columns_of(
     return index
 
 
-def _from_header(path: str, layout: Layout, aliases: Aliases) -> list[str | None]:
+def _from_header(path: str, layout: Layout, aliases: Aliases, kinds: Kinds) -> list[str | None]:
     if layout.header_fields is None:
         what = f"the header {shown(layout.header, 400)} does not have the {layout.n_fields} fields of the data; set columns = [...]"
         if layout.delimiter == "," and layout.n_fields == 2 * len(str(layout.header).split(",")):
             what += ", or, where these are decimal commas between commas, write the numbers with points"
         raise InputError.at(path, layout.header_line, what)
     canonical = {alias: name for name, names in aliases.items() for alias in names}
-    return [canonical.get(normalised(field)[0]) for field in layout.header_fields]
+    return names_of(layout.header_fields, canonical, kinds)
 
 
 def _from_mapping(path: str, layout: Layout, aliases: Aliases, columns: Mapping[str, str]) -> list[str | None]:
@@ -141,42 +136,9 @@ def reversed_names(layout: Layout, index: Mapping[str, int]) -> list[str]:
     return [name for name, k in index.items() if fields and re.match(r"[\"'\s]*-\s*[A-Za-z]", fields[k])]
 
 
-def header_unit(layout: Layout, column: int) -> str | None:
-    """Unit that the header gives for a column."""
-    return normalised(layout.header_fields[column])[1] if layout.header_fields else None
-
-
-def scale_of(table: Table | TextTable, index: Mapping[str, int], names: Sequence[str], kind: str, given: str | None) -> float:
-    """Factor that takes the columns `names` to SI or rad: by the unit `given`, else by the header's, else by the first of the kind."""
-    if given is not None:
-        return given_factor(table.path, names, kind, given)
-    unit = unit_of(table, index, names, kind)
-    return next(iter(UNITS[kind].values())) if unit is None else unit_factor(unit, kind)
-
-
-def given_factor(path: object, names: Sequence[str], kind: str, given: str) -> float:
-    """Factor of the caller's unit for the columns `names`; UsageError that names them."""
-    try:
-        return unit_factor(given, kind)
-    except UsageError as refusal:
-        raise UsageError(f"{path}: unit of {' '.join(names)}: {refusal}") from None
-
-
-def unit_of(table: Table | TextTable, index: Mapping[str, int], names: Sequence[str], kind: str) -> str | None:
-    """Unit of the kind that the header gives for the columns `names`, or None; InputError where it is of another kind."""
-    said = {unit for name in names if name in index and (unit := header_unit(table.layout, index[name]))}
-    if not said:
-        return None
-    unit = said.pop()
-    try:
-        factor = unit_factor(unit, kind)
-        if all(unit_factor(other, kind) == factor for other in said):
-            return unit
-    except UsageError:
-        pass
-    known = ", ".join(UNITS[kind])
-    what = f"the header gives the unit {unit!r} for {' '.join(names)}, which is none of {known} for them all"
-    raise InputError.at(table.path, table.layout.header_line, what)
+def fields_of(layout: Layout, index: Mapping[str, int], names: Sequence[str]) -> list[str]:
+    """Fields of the header for the columns `names`, as far as there are any."""
+    return [layout.header_fields[index[name]] for name in names if name in index] if layout.header_fields else []
 
 
 def check_increasing(lines: Lines, time: Array) -> None:

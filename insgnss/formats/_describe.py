@@ -5,8 +5,8 @@ from pathlib import Path
 
 from ..errors import InputError
 from . import _by_bytes, _head, load_content
-from ._columns import header_unit
 from ._content import TableInfo, tables_of
+from ._heads import kinds_like, unit_in
 from ._sentences import read_sentences
 from ._text import read_table, read_text_table
 
@@ -52,5 +52,5 @@ def _text(path: str | Path) -> TableInfo:
         table = read_text_table(path)
         layout, rows = table.layout, len(table.rows)
     names = layout.header_fields or tuple(f"[{k + 1}]" for k in range(layout.n_fields))
-    units = tuple(header_unit(layout, k) or "" for k in range(layout.n_fields)) if layout.header_fields else ()
+    units = tuple(unit_in(field, (*kinds_like("gyro"), *kinds_like("accel"))) or "" for field in layout.header_fields or ())
     return TableInfo("", names, rows, units)

@@ -1,4 +1,4 @@
-"""The Exif and XMP segments of a JPEG, replaced; everything else stays byte by byte.
+"""The Exif and XMP segments of a JPEG, read or replaced; everything else stays byte by byte.
 
 A JPEG is a chain of segments (marker, length, content) up to the scan, which is not looked into. Exif and XMP are APP1 segments told by
 how they begin. The new ones stand behind the JFIF segment, where there is one, Exif before XMP: before a segment of several pictures
@@ -33,6 +33,12 @@ def with_tags(read: Read, size: int, who: str, exif: Change, xmp: Change) -> tup
         segments.insert(_place(segments, start), (APP1, content))
     parts = [b"\xff" + bytes([marker]) + (len(content) + 2).to_bytes(2, "big") + content for marker, content in segments]
     return b"\xff\xd8" + b"".join(parts), rest
+
+
+def exif_of(read: Read, size: int, who: str) -> bytes:
+    """The TIFF within the first Exif segment, empty without one. Raises InputError where the chain is broken."""
+    segments, _ = _segments(read, size, who)
+    return next((content[len(EXIF) :] for marker, content in segments if marker == APP1 and content.startswith(EXIF)), b"")
 
 
 def _place(segments: list[tuple[int, bytes]], start: bytes) -> int:

@@ -11,15 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, UsageError
 from ..records import GnssFixes, ImuSamples, Quantity
-from ._columns import given_factor
 from ._content import Content, take_columns
-from ._fixes import SIGMA, FixScales, fixes_from_columns
+from ._fixes import fixes_from_columns
 from ._order import Lines, NumberedRows, Picked
-from ._units import check_units, imu_kinds
-from .gnss_text import ALIASES, REQUIRED
+from ._units import check_units
+from .gnss_text import ALIASES, REQUIRED, UNIT_COLUMNS, fix_scales
 from .gnss_text import UNIT_KEYS as GNSS_UNIT_KEYS
-from .imu_csv import ACCEL, GYRO, UNIT_KEYS, Scales, imu_from_columns, required_columns
 from .imu_csv import ALIASES as IMU_ALIASES
+from .imu_csv import TRIADS, UNIT_KEYS, imu_from_columns, required_columns, scales_of
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, str] | Sequence[str]
@@ -55,16 +54,19 @@ def imu_of_content(
     gps_week: int | None = None,
     rate_hz: float | None = None,
 ) -> ImuSamples:
-    """Samples in SI; columns as in `_content`, names, units, quantity and rate_hz as in `imu_csv`."""
+    """Samples in SI; columns as in `_content`, names, units (that fields' names end in as well), quantity and rate_hz as in `imu_csv`."""
     units = check_units(units, UNIT_KEYS)
     cols = _taken(path, content, columns, variable, required_columns(rate_hz), tuple(IMU_ALIASES))
     lines = NumberedRows(str(path))
     _finite(cols, lines)
-    gyro_kind, accel_kind = imu_kinds(quantity)
-    first = {"gyro": "rad" if quantity == "increments" else "rad/s", "accel": "m/s" if quantity == "increments" else "m/s^2"}
-    gyro = given_factor(path, GYRO, gyro_kind, units.get("gyro", first["gyro"]))
-    accel = given_factor(path, ACCEL, accel_kind, units.get("accel", first["accel"]))
-    return imu_from_columns(cols, lines, str(path), Scales(gyro, accel, units.get("time", "s"), rate_hz), quantity, gps_week)
+    fields = {key: _fields(columns, names) for key, names in TRIADS.items()}
+    scales, notes = scales_of(str(path), None, fields, units, quantity, rate_hz)
+    return imu_from_columns(cols, lines, str(path), scales, quantity, gps_week, notes)
+
+
+def _fields(columns: Columns, names: Sequence[str]) -> list[str]:
+    """What the file calls the columns `names`; nothing of a list, which names the columns of a matrix itself."""
+    return [columns[name] for name in names if name in columns] if isinstance(columns, Mapping) else []
 
 
 def gnss_of_content(
@@ -79,7 +81,7 @@ def gnss_of_content(
     gps_week: int | None = None,
     undulation_m: float = 0.0,
 ) -> GnssFixes:
-    """Fixes; columns as in `_content`, names and units as in `gnss_text`.
+    """Fixes; columns as in `_content`, names and units (that fields' names end in as well) as in `gnss_text`.
 
     undulation_m : geoid above the ellipsoid, m, added to heights that are above the geoid.
 
@@ -87,14 +89,8 @@ def gnss_of_content(
         than half of them repeat the one before.
     """
     units = check_units(units, GNSS_UNIT_KEYS)
-    scales = FixScales(
-        angle=given_factor(path, ("lat", "lon"), "angle", units.get("angle", "deg")),
-        length=given_factor(path, ("h", *SIGMA), "length", units.get("length", "m")),
-        velocity=given_factor(path, ("vn", "ve", "vd", "speed"), "velocity", units.get("velocity", "m/s")),
-        course=given_factor(path, ("course",), "angle", units.get("course", "deg")),
-        time=units.get("time", "s"),
-        quality=units.get("quality", "rtklib"),
-    )
+    said = {key: _fields(columns, names) for key, names in UNIT_COLUMNS.items()}
+    scales, notes = fix_scales(str(path), None, said, units)
     table = _taken(path, content, columns, variable, REQUIRED, tuple(ALIASES))
     lines: Lines = NumberedRows(str(path))
     if new_when is not None:
@@ -112,4 +108,4 @@ def gnss_of_content(
     elif table["tow"].size > 1 and np.mean((np.diff(table["lat"]) == 0.0) & (np.diff(table["lon"]) == 0.0)) > REPEATED_LIMIT:
         raise InputError(f"{path}: more than half of the positions repeat the one before; set new_when to what changes with each new fix")
     _finite(table, lines)
-    return fixes_from_columns(table, lines, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m)
+    return fixes_from_columns(table, lines, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m, notes)

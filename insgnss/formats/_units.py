@@ -28,17 +28,31 @@ UNITS: dict[str, dict[str, float]] = {
 }
 _NUMBER = re.compile(r"\s*(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)?\s*[*]?\s*(.*?)\s*", re.DOTALL)
 _SPELLINGS = {
-    **{"m/s/s": "m/s2", "mps2": "m/s2", "m/sec2": "m/s2", "dps": "deg/s", "°/s": "deg/s", "deg/sec": "deg/s", "rad/sec": "rad/s"},
-    **{"deg/hr": "deg/h", "°/h": "deg/h", "°": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad"},
+    **{f"{angle}{per}": f"{angle[:3]}/s" for angle in ("deg", "rad") for per in ("s-1", "ps", "pers", "persec", "/sec", "/second")},
+    **{f"{angle}s/{time}": f"{angle[:3]}/s" for angle in ("degree", "radian") for time in ("s", "sec", "second")},
+    **{"ms-2": "m/s2", "mss": "m/s2", "ms2": "m/s2", "mpers2": "m/s2", "m/second2": "m/s2", "ms-1": "m/s", "secs": "s", "nsecs": "ns"},
+    **dict.fromkeys(("deg/hr", "deg/hour", "degph", "degphr", "degperh", "degperhr", "degh", "°/h"), "deg/h"),
+    **dict.fromkeys(("knot", "knots", "kt", "kts"), "kn"),
+    **{"m/s/s": "m/s2", "mps2": "m/s2", "m/sec2": "m/s2", "dps": "deg/s", "°/s": "deg/s"},
+    **{"°": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad"},
     **{"sec": "s", "second": "s", "seconds": "s", "meter": "m", "metre": "m", "meters": "m", "metres": "m", "mps": "m/s"},
     **{"msec": "ms", "millisecond": "ms", "milliseconds": "ms", "usec": "us", "µs": "us", "microsecond": "us", "microseconds": "us"},
-    **{"nsec": "ns", "nanosecond": "ns", "nanoseconds": "ns", "knot": "kn", "knots": "kn", "kmh": "km/h", "kph": "km/h", "arcs": "arcsec"},
+    **{
+        "nsec": "ns",
+        "nanosecond": "ns",
+        "nanoseconds": "ns",
+        "kmh": "km/h",
+        "kph": "km/h",
+        "arcs": "arcsec",
+    },
 }
+
+_RAISED = str.maketrans("⁻¹²", "-12")
 
 
 def unit_name(unit: str) -> str:
-    """One spelling for each unit: m/s^2, m/s**2 and m/s² are m/s2."""
-    plain = re.sub(r"[\s*^]", "", unit.lower()).replace("²", "2")
+    """One spelling for each unit: m/s^2, m/s**2, m/s² and m s^-2 are m/s2."""
+    plain = re.sub(r"[\s*^·]", "", unit.lower()).translate(_RAISED)
     return _SPELLINGS.get(plain, plain)
 
 
@@ -61,6 +75,12 @@ def unit_factor(text: str, kind: str) -> float:
     if not 0.0 < number * factor < math.inf:
         raise UsageError(f"{text!r}: the number before a unit must be positive")
     return number * factor
+
+
+def usual_unit(text: str, kind: str) -> str:
+    """The unit `text` as `UNITS` spells it; as it stands with a number before it, and where it is none of the kind."""
+    number, unit = split_unit(text)
+    return next((name for name in UNITS[kind] if number == 1.0 and unit_name(name) == unit), text)
 
 
 def imu_kinds(quantity: str) -> tuple[str, str]:

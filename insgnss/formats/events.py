@@ -6,34 +6,39 @@ import numpy as np
 
 from ..files import atomic_write
 from ..records import Array, CameraEvents, Check
-from ._columns import TIME, Aliases, Columns, columns_of, gps_time, unit_of
+from ._columns import TIME, Aliases, Columns, columns_of, fields_of, gps_time
 from ._eo import check_names
+from ._heads import Kinds, settled_units
 from ._order import Lines, Picked, note, open_end, put_in_order
 from ._text import Source, read_text_table
 from ._units import check_units
 
+UNNAMED = "event names"  # name of the note on events that have numbers alone
 DEFAULTS = (("tow",), ("image", "tow"), ("image", "week", "tow"))
 ALIASES: Aliases = {
     **TIME,
     "image": ("image", "images", "img", "photo", "name", "label", "filename", "file", "event", "event_id", "id"),
 }
+KINDS: Kinds = {"tow": ("time",)}
 
 
 def read_events(path: Source, columns: Columns = None, gps_week: int | None = None, units: Mapping[str, str] | None = None) -> CameraEvents:
     """Read exposure instants; without a column of image names they are numbered from 1, with a note.
 
     columns : name of each column out of image, week, tow; any other name leaves a column out; or a table of them to the header's.
-    units : of "time".
+    units : of "time", else the one that the header gives, in brackets or behind the name, else s; a note where both differ.
     Raises InputError with file and line for a bad time, time that does not increase and an image that occurs twice.
     """
     units = check_units(units, ("time",))
     table = read_text_table(path)
-    index = columns_of(table, ALIASES, ("tow",), DEFAULTS, columns)
-    unit = units.get("time") or unit_of(table, index, ("tow",), "time") or "s"
+    index = columns_of(table, ALIASES, ("tow",), DEFAULTS, columns, KINDS)
+    said = {"time": fields_of(table.layout, index, ("tow",))}
+    taken, _, told = settled_units(str(path), table.layout.header_line, {"time": ("tow",)}, {"time": "time"}, said, units, "event")
     week = table.floats(index["week"]) if "week" in index else None
-    time, gps_week = gps_time(table, table.floats(index["tow"]), week, gps_week, unit)
+    time, gps_week = gps_time(table, table.floats(index["tow"]), week, gps_week, taken["time"])
     images = table.strings(index["image"]) if "image" in index else None
-    return events_in_order(images, time, table, str(path), gps_week, open_end("event rows", table.complete))
+    notes = (*open_end("event rows", table.complete), *told)
+    return events_in_order(images, time, table, str(path), gps_week, notes)
 
 
 def events_in_order(
@@ -41,14 +46,10 @@ def events_in_order(
 ) -> CameraEvents:
     """Events of names, or numbers from 1, and times (n,), s, each stamp once, in order."""
     if images is None:
-        found = f"no image names; the {time.size} events are numbered from 1"
-        notes = (
-            *notes,
-            note("event rows", found, "a name for each event", "check that no image is missing before you join them by number"),
-        )
-        images = tuple(str(k + 1) for k in range(time.size))
+        images, told = numbered(time.size)
+        notes = (*notes, told)
     names = images
-    rows, told = put_in_order(lines, time, lambda i, k: names[i] == names[k], "event rows")
+    rows, odd = put_in_order(lines, time, lambda i, k: names[i] == names[k], "event rows")
     if rows is not None:
         time, images, lines = time[rows], tuple(names[k] for k in rows), Picked(lines, rows)
     first: dict[str, int] = {}
@@ -57,7 +58,14 @@ def events_in_order(
             where = str(lines.at(first[name], "")).removeprefix(source).strip(": ")
             what = f"image {name[:80]} occurs twice, first in {where if ' ' in where else 'line ' + where}; is the first column the image?"
             raise lines.at(row, f"{what} else set columns = [...] of image, week, tow")
-    return CameraEvents(images, time, gps_week, source, (*notes, *told))
+    return CameraEvents(images, time, gps_week, source, (*notes, *odd))
+
+
+def numbered(count: int) -> tuple[tuple[str, ...], Check]:
+    """Numbers from 1 in the place of names, and the note that says so."""
+    found = f"no image names; the {count} events are numbered from 1"
+    advice = "give the images (camera.images), or check that none is missing before you join them by number"
+    return tuple(str(k + 1) for k in range(count)), note(UNNAMED, found, "a name for each event", advice)
 
 
 def write_events(events: CameraEvents, path: Source) -> None:

@@ -1,10 +1,11 @@
 """Antenna positions as a text table: `tow lat lon h [sd_n sd_e sd_u [Q]]`, data_specs/gnss_text.md.
 
-Latitude and longitude in degrees unless the header's brackets or the caller say rad, heights above the ellipsoid, standard
-deviations in m along north, east and up. Correlations have no place in this format; RTKLIB's .pos has one for them.
+Latitude and longitude in degrees, heights above the ellipsoid and standard deviations along north, east and up in m, unless the caller
+or the header says another unit, in brackets or behind the name (`_heads`); where both give one and they differ, a note says so.
+Correlations have no place in this format; RTKLIB's .pos has one for them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..files import atomic_write
-from ..records import GnssFixes
-from ._columns import FINE, TIME, Aliases, Columns, columns_of, scale_of, sigma_aliases, unit_of
+from ..records import Check, GnssFixes
+from ._columns import FINE, TIME, Aliases, Columns, columns_of, fields_of, sigma_aliases
 from ._eo import check_names
 from ._fixes import SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
+from ._heads import Kinds, settled_units
 from ._order import open_end
 from ._text import Source, format_rows, read_table, read_text_table
 from ._units import check_units
@@ -23,7 +25,16 @@ from ._units import check_units
 Array = NDArray[np.float64]
 
 REQUIRED = ("tow", "lat", "lon", "h")
-UNIT_KEYS = ("angle", "time", "length", "velocity", "course", "quality")
+UNIT_COLUMNS = {
+    "angle": ("lat", "lon"),
+    "time": ("tow",),
+    "length": ("h", *SIGMA, "sd_ne"),
+    "velocity": (*VELOCITY, *VELOCITY_SIGMA, "speed"),
+    "course": ("course",),
+}
+UNIT_KINDS = {key: "angle" if key == "course" else key for key in UNIT_COLUMNS}
+UNIT_KEYS = (*UNIT_COLUMNS, "quality")
+KINDS: Kinds = {name: (UNIT_KINDS[key],) for key, names in UNIT_COLUMNS.items() for name in names}
 DEFAULTS = (
     REQUIRED,
     (*REQUIRED, *SIGMA),
@@ -72,6 +83,7 @@ IMAGE_ALIASES: Aliases = {
     "n": ("n", "north", "northing", "y"),
     "u": ("u", "up", "z", "height"),
 }
+IMAGE_KINDS: Kinds = {name: ("angle",) if name in ("lat", "lon") else ("length",) for name in IMAGE_ALIASES if name != "image"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,24 +109,39 @@ def read_gnss_text(
     columns : name of each column out of the keys of `ALIASES`; any other name leaves a column out; or a table of them to the header's.
     sigma_m, sigma_velocity : standard deviations north, east, down where the file carries none, m and m/s.
     units : of "angle" (latitude and longitude: deg, rad), "time", "length", "velocity", "course" (deg, rad) and "quality" (rtklib, nmea).
+        A header's own unit that is another is told in a note.
     In `columns`, sd_ne with sd_u stands for sd_n and sd_e alike, and var_n var_e var_u for the squares of sd_n sd_e sd_u.
     undulation_m : geoid above the ellipsoid, m, added to heights that are above the geoid.
     Raises InputError with file and line for a bad value, and where no standard deviation is to be had.
     """
     units = check_units(units, UNIT_KEYS)
     table = read_table(path, whole=False)
-    index = columns_of(table, ALIASES, REQUIRED, DEFAULTS, columns)
-    scales = FixScales(
-        angle=scale_of(table, index, ("lat", "lon"), "angle", units.get("angle")),
-        length=scale_of(table, index, ("h", *SIGMA), "length", units.get("length")),
-        velocity=scale_of(table, index, (*VELOCITY, *VELOCITY_SIGMA, "speed"), "velocity", units.get("velocity")),
-        course=scale_of(table, index, ("course",), "angle", units.get("course")),
-        quality=units.get("quality", "rtklib"),
-        time=units.get("time") or unit_of(table, index, ("tow",), "time") or "s",
-    )
+    index = columns_of(table, ALIASES, REQUIRED, DEFAULTS, columns, KINDS)
+    said = {key: fields_of(table.layout, index, names) for key, names in UNIT_COLUMNS.items()}
+    scales, told = fix_scales(str(path), table.layout.header_line, said, units)
     cols = {name: np.ascontiguousarray(table.values[:, i]) for name, i in index.items()}
-    notes = open_end("GNSS rows", table.complete)
+    notes = (*open_end("GNSS rows", table.complete), *told)
     return fixes_from_columns(cols, table, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m, notes)
+
+
+def fix_scales(
+    path: str, line: int | None, fields: Mapping[str, Sequence[str]], units: Mapping[str, str]
+) -> tuple[FixScales, tuple[Check, ...]]:
+    """Factors of fixes: of the caller's `units`, else of those that the `fields` of their columns give, else of deg, m, m/s and s.
+
+    Returns with them a note for each of the caller's units where the fields give another one. Raises InputError and UsageError with
+    `path` and the `line` of the header.
+    """
+    taken, factors, notes = settled_units(path, line, UNIT_COLUMNS, UNIT_KINDS, fields, units, "GNSS")
+    scales = FixScales(
+        angle=factors["angle"],
+        length=factors["length"],
+        velocity=factors["velocity"],
+        course=factors["course"],
+        time=taken["time"],
+        quality=units.get("quality", "rtklib"),
+    )
+    return scales, notes
 
 
 def write_gnss_text(fixes: GnssFixes, path: Source) -> None:
@@ -144,15 +171,17 @@ def write_image_positions(positions: ImagePositions, path: Source) -> None:
 
 
 def read_image_positions(path: Source, columns: Columns = None) -> ImagePositions:
-    """Read antenna positions at exposures; a header or `columns` must say whether lat lon h or e n u."""
+    """Read antenna positions at exposures; a header or `columns` must say whether lat lon h or e n u; units as in `read_gnss_text`."""
     table = read_text_table(path)
-    index = columns_of(table, IMAGE_ALIASES, ("image",), (), columns)
+    index = columns_of(table, IMAGE_ALIASES, ("image",), (), columns, IMAGE_KINDS)
     frame, names = ("geodetic", ("lat", "lon", "h")) if "lat" in index else ("tangent_plane", ("e", "n", "u"))
     if missing := [name for name in names if name not in index]:
         raise InputError.at(
             table.path, table.layout.header_line, f"no column {' '.join(missing)}; set columns = [...] of {', '.join(IMAGE_ALIASES)}"
         )
-    position = np.column_stack([table.floats(index[name]) for name in names])
-    if frame == "geodetic":
-        position[:, :2] = np.radians(position[:, :2])
+    groups = {"angle": names[:2], "length": names[2:]} if frame == "geodetic" else {"length": names}
+    said = {key: fields_of(table.layout, index, of_key) for key, of_key in groups.items()}
+    _, factors, _ = settled_units(str(path), table.layout.header_line, groups, {key: key for key in groups}, said, {}, "image")
+    scales = [factors[key] for key, of_key in groups.items() for _ in of_key]
+    position = np.column_stack([table.floats(index[name]) for name in names]) * scales
     return ImagePositions(table.strings(index["image"]), position, frame)

@@ -1,11 +1,11 @@
 """IMU samples as a text table: `tow gx gy gz ax ay az`, data_specs/imu_csv.md.
 
-The unit of a triad is the caller's, else the one in the header's brackets, else SI; a file without a column of time has the
-caller's rate, and its time starts at zero.
+The unit of a triad is the caller's, else the one that the header gives, in brackets or behind the name (`_heads`), else SI; where
+both give one and they differ, a note says so. A file without a column of time has the caller's rate, and its time starts at zero.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,33 +13,53 @@ from numpy.typing import NDArray
 from ..errors import InputError, UsageError
 from ..files import atomic_write
 from ..records import Check, ImuSamples, Quantity
-from ._columns import FINE, TIME, Aliases, Columns, axis_aliases, clock_of, columns_of, gps_time, reversed_names, scale_of, unit_of
+from ._columns import (
+    FINE,
+    TIME,
+    Aliases,
+    Columns,
+    axis_aliases,
+    clock_of,
+    columns_of,
+    fields_of,
+    gps_time,
+    reversed_names,
+)
+from ._heads import Kinds, kinds_like, settled_units
 from ._order import Lines, note, open_end, put_in_order
 from ._text import Source, format_rows, read_table
-from ._units import check_units, imu_kinds
+from ._units import check_units, imu_kinds, usual_unit
 
 Array = NDArray[np.float64]
 
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
 COLUMNS = ("tow", *GYRO, *ACCEL)
+GYRO_STEMS = ("g", "gyro", "gyr", "gyroscope", "w", "omega", "rate", "angular_rate", "angular_velocity", "dtheta")
+ACCEL_STEMS = ("a", "acc", "accel", "accelerometer", "f", "acceleration", "linear_acceleration", "dv", "dvel")
 ALIASES: Aliases = {
     **TIME,
-    **{f"g{c}": axis_aliases(c, "g", "gyro", "gyr", "w", "omega", "rate", "angular_rate", "dtheta") for c in "xyz"},
-    **{f"a{c}": axis_aliases(c, "a", "acc", "accel", "accelerometer", "f", "acceleration", "dv", "dvel") for c in "xyz"},
+    **{f"g{c}": axis_aliases(c, *GYRO_STEMS) for c in "xyz"},
+    **{f"a{c}": axis_aliases(c, *ACCEL_STEMS) for c in "xyz"},
     **FINE,
 }
-UNIT_KEYS = ("gyro", "accel", "time")
+TRIADS = {"gyro": GYRO, "accel": ACCEL, "time": ("tow",)}
+UNIT_KEYS = tuple(TRIADS)
+KINDS: Kinds = {name: kinds_like(key) for key, names in TRIADS.items() for name in names}
 MAX_RATE_HZ = 1e5
 
 
 @dataclass(frozen=True)
 class Scales:
-    """Factors of the gyro and the accelerometer columns to SI, the unit of time, and the rate where there is no column of time."""
+    """Factors of the gyro and the accelerometer columns to SI, the unit of time, and the rate where there is no column of time.
+
+    units : of gyro and accel, by name; empty where the format fixes them.
+    """
 
     gyro: float
     accel: float
     time: str = "s"
     rate_hz: float | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def read_imu_csv(
@@ -64,19 +84,31 @@ def read_imu_csv(
     units = check_units(units, UNIT_KEYS)
     required = required_columns(rate_hz)
     table = read_table(path, whole=False)
-    index = columns_of(table, ALIASES, required, (required,), columns)
-    gyro_kind, accel_kind = imu_kinds(quantity)
-    gyro = scale_of(table, index, GYRO, gyro_kind, units.get("gyro"))
-    accel = scale_of(table, index, ACCEL, accel_kind, units.get("accel"))
-    scales = Scales(gyro, accel, units.get("time") or unit_of(table, index, ("tow",), "time") or "s", rate_hz)
+    index = columns_of(table, ALIASES, required, (required,), columns, KINDS)
+    said = {key: fields_of(table.layout, index, names) for key, names in TRIADS.items()}
+    scales, told = scales_of(str(path), table.layout.header_line, said, units, quantity, rate_hz)
     cols = {name: table.values[:, i] for name, i in index.items()}
-    notes = open_end("IMU rows", table.complete)
+    notes = (*open_end("IMU rows", table.complete), *told)
     if backward := [name for name in reversed_names(table.layout, index) if name in (*GYRO, *ACCEL)]:
         cols |= {name: -cols[name] for name in backward}
         fields = ", ".join(str((table.layout.header_fields or ())[index[name]]) for name in backward)
         advice = f"rename {'it' if len(backward) == 1 else 'them'} in the header if the values are not reversed"
         notes = (*notes, note("IMU columns", f"{fields} taken with the sign reversed", "names without a sign", advice))
     return imu_from_columns(cols, table, str(path), scales, quantity, gps_week, notes)
+
+
+def scales_of(
+    path: str, line: int | None, fields: Mapping[str, Sequence[str]], units: Mapping[str, str], quantity: Quantity, rate_hz: float | None
+) -> tuple[Scales, tuple[Check, ...]]:
+    """Units of gyro, accel and time: the caller's `units`, else those that the `fields` of their columns give, else SI.
+
+    Returns with them a note for each of the caller's units where the fields give another one. Raises InputError and UsageError with
+    `path` and the `line` of the header.
+    """
+    kinds = dict(zip(UNIT_KEYS, (*imu_kinds(quantity), "time"), strict=True))
+    taken, factors, notes = settled_units(path, line, TRIADS, kinds, fields, units, "IMU")
+    names = {key: usual_unit(taken[key], kinds[key]) for key in ("gyro", "accel")}
+    return Scales(factors["gyro"], factors["accel"], taken["time"], rate_hz, names), notes
 
 
 def required_columns(rate_hz: float | None) -> tuple[str, ...]:
@@ -109,7 +141,7 @@ def imu_from_columns(
     gyro, accel = _triad(cols, GYRO, scales.gyro), _triad(cols, ACCEL, scales.accel)
     if rows is not None:
         time, gyro, accel = time[rows], gyro[rows], accel[rows]
-    return ImuSamples(time, gyro, accel, quantity, gps_week, source, (*notes, *told))
+    return ImuSamples(time, gyro, accel, quantity, gps_week, source, (*notes, *told), scales.units)
 
 
 def _triad(cols: Mapping[str, Array], names: tuple[str, ...], factor: float) -> Array:

@@ -180,7 +180,8 @@ def _above_ellipsoid(table: Table, header: Header, height: Array, undulation_m: 
     if header.ellipsoidal:
         return height
     if undulation_m is None:
-        what = "heights are above the geoid (geodetic); let RTKLIB write them above the ellipsoid, or give undulation_m"
+        what = "heights are above the geoid (geodetic); let RTKLIB write them above the ellipsoid, or give the geoid's height above it"
+        what += ", gnss.undulation_m (compare: --undulation-a, --undulation-b)"
         raise InputError.at(table.path, None, what)
     return height + undulation_m
 
@@ -287,20 +288,26 @@ def signed_roots(P: Array) -> Array:
     return np.sign(c) * np.sqrt(np.abs(c))
 
 
-def write_rtklib_pos(fixes: GnssFixes, path: Source) -> None:
-    """Write fixes as RTKLIB does: week, time of week, degrees, height above the ellipsoid, signed roots (6 decimals, against 4)."""
+def write_rtklib_pos(
+    fixes: GnssFixes, path: Source, satellites: Array | None = None, age_s: Array | None = None, ratio: Array | None = None
+) -> None:
+    """Write fixes as RTKLIB does: week, time of week, degrees, height above the ellipsoid, signed roots (6 decimals, against 4).
+
+    satellites, age_s, ratio : (n,) by RTKLIB's columns ns, age (of the base's observations) and ratio, which it reads by their place;
+    0 where not known.   Raises InputError without a GPS week.
+    """
     if fixes.gps_week is None:
         raise InputError(f"{fixes.source or 'GnssFixes'}: no GPS week, which .pos carries; set gps_week")
     n = fixes.time.size
-    quality = np.zeros(n) if fixes.quality is None else fixes.quality
+    quality, ns, age, ratios = (np.zeros(n) if column is None else column for column in (fixes.quality, satellites, age_s, ratio))
     beyond = np.floor(fixes.time / WEEK_S)
     parts = [fixes.gps_week + beyond, fixes.time - WEEK_S * beyond, np.degrees(fixes.lat), np.degrees(fixes.lon), fixes.height]
-    table = [*parts, quality, signed_roots(fixes.cov_ned)]
-    head = "%  GPST  latitude(deg) longitude(deg) height(m) Q sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m)"
-    form = "%4d %10.6f %14.10f %15.10f %10.4f %3d" + " %10.6f" * 6
+    table = [*parts, quality, ns, signed_roots(fixes.cov_ned), age, ratios]
+    head = "%  GPST  latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio"
+    form = "%4d %10.6f %14.10f %15.10f %10.4f %3d %3d" + " %10.6f" * 6 + " %6.2f %6.1f"
     if fixes.velocity_ned is not None and fixes.velocity_cov_ned is not None:
         head += " vn(m/s) ve(m/s) vu(m/s) sdvn sdve sdvu sdvne sdveu sdvun"
         form += " %10.5f" * 3 + " %9.6f" * 6
         table += [fixes.velocity_ned @ NED, signed_roots(fixes.velocity_cov_ned)]
-    legend = "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp)\n"
+    legend = "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of satellites)\n"
     atomic_write(path, [legend, head + "\n", *format_rows(form + "\n", np.column_stack(table))])

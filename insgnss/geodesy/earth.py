@@ -6,7 +6,7 @@ Normal gravity on the ellipsoid (Somigliana) and at height h, with the centrifug
     gamma   = gamma_0 [1 - 2/a (1 + f + m - 2 f sin^2 lat) h + 3 h^2 / a^2],   m = omega^2 a^2 b / GM     (E.2)
 
 It acts along the ellipsoidal normal, downwards. Its true direction at height leans north by 8.08e-9 h sin(2 lat) m/s^2
-(Groves 2.140), 0.1 micro-g at 120 m, which is left out. The series (E.2) is good to 1e-6 m/s^2 up to 20 km.
+(Groves 2.140), 0.1 micro-g at 120 m, which is left out. The series (E.2) is good to 1.5e-6 m/s^2 up to 20 km.
 
 NIMA TR8350.2, 3rd edition, 2000, tables 3.1 to 3.4 and equations 4-1 to 4-3; Groves (2013) 2.134, 2.139.
 """

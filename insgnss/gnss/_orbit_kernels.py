@@ -36,12 +36,11 @@ from .navigation_message import (
     TOC,
     TOE,
 )
+from .orbits import LIGHT, PZ90_A, PZ90_J2, PZ90_MU, PZ90_RATE
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-LIGHT = 299792458.0
-GLONASS_MU, GLONASS_A, GLONASS_J2, GLONASS_RATE = 3.986004418e14, 6378136.0, 1.0826257e-3, 7.292115e-5  # PZ-90.11
 GLONASS_STEP_S = 60.0
 GEO_TILT = np.radians(-5.0)
 
@@ -116,13 +115,13 @@ def _glonass_rate(y: Array, p: Array, dy: Array) -> None:
     """Derivative dy (6,) of the GLONASS state y (6,) in rotating PZ-90 axes (O.8)."""
     r2 = y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
     r3 = r2 * np.sqrt(r2)
-    w2 = GLONASS_RATE * GLONASS_RATE
-    a = 1.5 * GLONASS_J2 * GLONASS_MU * GLONASS_A * GLONASS_A / (r2 * r3)
+    w2 = PZ90_RATE * PZ90_RATE
+    a = 1.5 * PZ90_J2 * PZ90_MU * PZ90_A * PZ90_A / (r2 * r3)
     b = 5.0 * y[2] * y[2] / r2
-    c = -GLONASS_MU / r3 - a * (1.0 - b)
+    c = -PZ90_MU / r3 - a * (1.0 - b)
     dy[0], dy[1], dy[2] = y[3], y[4], y[5]
-    dy[3] = (c + w2) * y[0] + 2.0 * GLONASS_RATE * y[4] + p[STATE + 6]
-    dy[4] = (c + w2) * y[1] - 2.0 * GLONASS_RATE * y[3] + p[STATE + 7]
+    dy[3] = (c + w2) * y[0] + 2.0 * PZ90_RATE * y[4] + p[STATE + 6]
+    dy[4] = (c + w2) * y[1] - 2.0 * PZ90_RATE * y[3] + p[STATE + 7]
     dy[5] = (c - 2.0 * a) * y[2] + p[STATE + 8]
 
 

@@ -6,7 +6,9 @@ RTKLIB does not have or whose number it would read as 0. A choice that it does n
 output was written, and has epochs, is for the caller to see: postpos() returns 0 without them.
 """
 
+import difflib
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +22,9 @@ def main(arguments: list[str]) -> int:
     option_file, output, interval, *files = arguments
     table = rtklib.sysopts
     asked, formats = _asked(option_file), _formats(table)
-    unknown = asked.keys() - formats.keys()
+    unknown = sorted(asked.keys() - formats.keys())
     if unknown:
-        return _failed(f"this version of RTKLIB has no option {' '.join(sorted(unknown))}", 2)
+        return _failed(f"this version of RTKLIB has no option {unknown[0]}{nearest(unknown[0], formats)}", 2)
     wrong = [f"{name} = {value}" for name, value in asked.items() if not _is(value, NUMBERS.get(formats[name], str))]
     if wrong:
         return _failed(f"{wrong[0]} is no number of the kind that RTKLIB reads there", 2)
@@ -34,6 +36,13 @@ def main(arguments: list[str]) -> int:
     start, end = rtklib.gtime_t(), rtklib.gtime_t()
     status = rtklib.postpos(start, end, float(interval), 0.0, processing, solution, paths, files, len(files), output, "", "")
     return _failed(f"postpos() returned {status}") if status else 0
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Advice: the known option most like `name`, of the same group of options where there is one; "" where none is like it."""
+    own = [other for other in known if other.partition("-")[0] == name.partition("-")[0]]
+    close = [*difflib.get_close_matches(name, own, n=1), *difflib.get_close_matches(name, list(known), n=1)]
+    return f"; did you mean {close[0]}?" if close else ""
 
 
 def _asked(option_file: str) -> dict[str, str]:

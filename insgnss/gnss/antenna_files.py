@@ -2,7 +2,7 @@
 
 Positions at exposures are interpolated between fixes by the cubic through the two before and the two after, of uneven intervals h, in
 a Cartesian frame: its error is (3/128) h^4 of the fourth derivative, 10 micrometres at 10 Hz in a turn of 10 m/s and 15 m radius, and
-centimetres at 1 Hz. An exposure that has no fix within `longest_s` on either side gets no position here: it is named in a check.
+centimetres at 1 Hz. An exposure that has no fix within `LONGEST_S` on either side gets no position here: it is named in a check.
 All are positions of the antenna's phase centre, not of the camera. Formats: data_specs/gnss_text.md.
 """
 
@@ -16,10 +16,18 @@ from ..formats.gnss_text import ImagePositions, write_gnss_text, write_image_pos
 from ..geodesy.frames import LocalFrame, TangentPlane
 from ..records import Array, CameraEvents, Check, GnssFixes
 
+SOLUTION = "ppk.pos"
 ALL, IMAGES, PLANE = "AntennaPos_WGS84.txt", "AntennaPos_Img_WGS84.txt", "AntennaPos_Img_WGS84_tangentplane.txt"
+ANTENNA_FILES = (ALL, IMAGES, PLANE)
 LONGEST_S = 1.5  # between neighbouring fixes, for an exposure between them
 LONGEST_INTERVALS = 2.5  # the same in intervals of the fixes, where they are rarer
 FEW = 4  # fixes that a cubic needs
+
+
+def positions_of_others(directory: Path) -> str | None:
+    """Name of a file of antenna positions in a directory without a solution of ours (`SOLUTION`): nothing may take its place."""
+    there = next((name for name in (SOLUTION, *ANTENNA_FILES) if (directory / name).exists()), None)
+    return None if (directory / SOLUTION).is_file() else there
 
 
 def write_antenna_files(
@@ -47,12 +55,12 @@ def write_antenna_files(
     return tuple(directory / name for name in (ALL, IMAGES, PLANE)), _without_position(events, known)
 
 
-def positions_at(fixes: GnssFixes, time: Array, longest_s: float = LONGEST_S) -> tuple[Array, NDArray[np.bool_]]:
+def positions_at(fixes: GnssFixes, time: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Antenna positions (m, 3), latitude rad, longitude rad, height m, at `time` (m,) s, NaN where fixes are missing; (m,) where not."""
     out = np.full((time.size, 3), np.nan)
     if fixes.time.size < FEW:
         return out, np.zeros(time.size, dtype=np.bool_)
-    longest = max(longest_s, LONGEST_INTERVALS * float(np.median(np.diff(fixes.time))))
+    longest = max(LONGEST_S, LONGEST_INTERVALS * float(np.median(np.diff(fixes.time))))
     after = np.clip(np.searchsorted(fixes.time, time), 1, fixes.time.size - 1)
     inside = (time >= fixes.time[0]) & (time <= fixes.time[-1])
     known = inside & (fixes.time[after] - fixes.time[after - 1] <= longest)

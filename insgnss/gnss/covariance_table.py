@@ -8,6 +8,7 @@ number for all three.
     fixed = [0.002, 0.002, 0.004]
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -25,6 +26,9 @@ def read_covariance(path: Path) -> CovarianceModel:
     if not path.is_file():
         raise InputError.at(path, None, "does not exist; give a TOML file of the fields of the covariance model")
     root = read_toml(path, KEYS)
+    if headed := next((name for name in root.lines if re.match(r"gnss\b|covariance\b", name)), None):
+        what = f"{headed}: this file is the table gnss.covariance itself; its keys stand at the top, and [scale] and [floor_m] below them"
+        raise InputError.at(path, root.lines[headed], what)
     root.check_keys()
     return covariance_of(root)
 

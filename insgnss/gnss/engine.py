@@ -31,11 +31,11 @@ from ..errors import DataError, InputError, UsageError
 from ..files import atomic_write
 from ..formats.rtklib_pos import read_rtklib_pos
 from ..records import Check, GnssFixes
-from .events import without_events
+from ._worker import nearest
 from .navigation_message import read_navigation
 from .options import ANTENNAS, DIRECTIONS, EngineOptions, check_dynamics, option_file, single_point_file
 from .preflight import Whereabouts, absolute, check_base_place, check_navigation, check_observations, interval
-from .rinex import Observations, read_observations
+from .rinex import Observations, read_observations, without_events
 from .rinex_header import load_rinex
 
 Source = str | Path
@@ -51,6 +51,7 @@ EX_VERSION = re.compile(r"EX\s*(\d+)\.(\d+)\.(\d+)")
 REFUSED = re.compile(r"invalid option value (\S+)")
 OF_ALL_VERSIONS = b"pos1-posmode"
 UNKNOWN_OPTION = 2
+WHERE = "where_"  # runs that find where a receiver stands
 POLL_S = 0.02
 THINNED = 60
 HEAD, TAIL = 8192, 200
@@ -140,7 +141,10 @@ def engine_command(engine: str = "auto") -> list[str]:
         raise UsageError(INSTALL)
     program = shutil.which(PROGRAM if engine == "auto" else engine)
     if program is None:
-        raise UsageError(INSTALL if engine == "auto" else f"engine = {engine!r}: no such program; {INSTALL}")
+        if engine == "auto":
+            raise UsageError(INSTALL)
+        instead = INSTALL if importlib.util.find_spec(MODULE) is None else f"without it {MODULE} is taken, which is installed"
+        raise UsageError(f"engine = {engine!r}: no program that can be run; {instead}")
     return [str(Path(program).resolve())]
 
 
@@ -159,7 +163,8 @@ def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tu
         return (Check("engine options", f"{found}: {names}", "options that it knows", "note", advice),) if options.more else ()
     unknown = [name for name in asked if name.encode() + b"\0" not in binary]
     if wrong := [name for name in unknown if name in options.more]:
-        raise UsageError(f"more: {command[0]} has no option {' '.join(wrong)}")
+        known = [found.decode() for found in re.findall(rb"(?:pos[12]|out|stats|ant[12]|misc|file)-[A-Za-z0-9_]+(?=\0)", binary)]
+        raise UsageError(f"more: {command[0]} has no option {wrong[0]}{nearest(wrong[0], known)}")
     if not unknown:
         return ()
     advice = "it goes on with what it does by itself; RTKLIB EX 2.5.0 knows them"
@@ -199,7 +204,8 @@ class _Runs:
     options: EngineOptions
 
     def stage(self, rover: Observations, base: Observations, navigation: Sequence[Source]) -> list[str]:
-        """Put the inputs into the directory, unpacked and without camera events; their names there, rover, base and navigation."""
+        """Put the inputs into the directory, unpacked and without camera events, behind which RTKLIB EX 2.5 drops the epoch where the
+        interval between epochs is not the one before; their names there, rover, base and navigation."""
         observed, broadcast = ["rover.obs", "base.obs"], [f"navigation{k}.nav" for k in range(1, len(navigation) + 1)]
         for observations, name in zip((rover, base), observed, strict=True):
             (self.scratch / name).write_bytes(without_events(observations))
@@ -215,14 +221,26 @@ class _Runs:
         """Positions of a receiver by codes alone, at some 60 of its epochs; name.obs is its file."""
         stamps = absolute(observations)
         thinned = next((s for s in (1.0, 5.0, 10.0, 30.0) if s * THINNED > stamps[-1] - stamps[0]), 30.0)
-        where = self.scratch / f"where_{name}.pos"
+        where = self.scratch / f"{WHERE}{name}.pos"
         where.with_suffix(".conf").write_text(single_point_file(self.options), encoding="utf-8")
         for every in (thinned, 0.0) if interval(observations) < thinned else (0.0,):  # thinned are epochs on full seconds
-            self.run(where.stem, [f"{name}.obs", *navigation], threading.Event(), every)
+            try:
+                end = self.run(where.stem, [f"{name}.obs", *navigation], threading.Event(), every)
+            except DataError as refusal:
+                self._check_program(str(refusal))
+                raise
             if _has_epochs(where):
                 return read_rtklib_pos(where)
+            self._check_program(f"it said: {end.told or 'nothing'}")
         what = "no position from codes; does the navigation cover its satellites, are there codes?"
         raise DataError(f"{observations.header.path}: {what}")
+
+    def _check_program(self, said: str) -> None:
+        """UsageError where a program has left no output yet and does not hold RTKLIB's options, as a wrapper would not either."""
+        silent = not any(self.scratch.glob("*.pos"))
+        if silent and self.command[0] != sys.executable and OF_ALL_VERSIONS not in _binary(Path(self.command[0])):
+            what = "left no solution and shows none of RTKLIB's options: is it an rnx2rtkp?"
+            raise UsageError(f"engine = {self.command[0]!r}: {what} {said}")
 
     def three(self, texts: Mapping[str, str], names: Sequence[str], say: Progress) -> dict[str, _End]:
         """The end of each run; the first error ends the others."""
@@ -271,11 +289,12 @@ class _Runs:
             return _End(math.nan if cpu is None else cpu, told, refused)
         if process.returncode == UNKNOWN_OPTION and self.command[0] == sys.executable:
             raise UsageError(f"more: {told}")
-        raise DataError(f"{name} solution: the engine {self._end(process.returncode, cpu)}; it said: {told or 'nothing'}")
+        of_what = f"position of the {name.removeprefix(WHERE)} by codes" if name.startswith(WHERE) else f"{name} solution"
+        raise DataError(f"{of_what}: the engine {self._end(process.returncode, cpu)}; it said: {told or 'nothing'}")
 
     def _end(self, code: int, cpu: float | None) -> str:
         if cpu is None:
-            return f"did not finish in {self.options.timeout_s:g} s; raise timeout_s"
+            return f"did not finish in {self.options.timeout_s:g} s; raise gnss.timeout_s (--timeout)"
         return f"was ended by signal {-code}" if code < 0 else f"stopped with exit code {code}"
 
 

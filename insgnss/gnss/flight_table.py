@@ -1,22 +1,20 @@
-"""What PPK reads of a flight file: of [gnss] the raw observations and how they are solved, of [camera] how events get their images.
+"""What PPK reads of a flight file: of [gnss] the raw observations and how they are solved.
 
-The keys and their defaults are documented in `insgnss.flight` and data_specs/flight_file.md. Wrong ones are refused with file and line.
+The keys are documented in `insgnss.flight` and data_specs/flight_file.md; those of the engine have the defaults of `gnss.options`. Wrong
+ones are refused with file and line.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from ..errors import InputError, UsageError
 from ..tables import Table
-from .covariance import MODEL, CovarianceModel
-from .covariance_table import covariance_of
-from .options import RANGES, SYSTEM_BITS, EngineOptions
-from .troposphere import standard_atmosphere
+from .options import RANGES, SYSTEM_BITS, EngineOptions, Point
 
 AIR = ("pressure_hpa", "temperature_c", "humidity")
-OF_POSITIONS = ("columns", "units", "undulation_m", "sigma_m", "sigma_velocity_mps", "variable", "new_when")
+OF_POSITIONS = ("columns", "units", "undulation_m", "sigma_m", "sigma_velocity_mps", "variable", "new_when", "calibrated")
 
 
 @dataclass(frozen=True)
@@ -30,31 +28,26 @@ class RawGnss:
     base: Path
     navigation: tuple[Path, ...]
     base_position: tuple[float, ...] | None = None
-    base_point: Literal["apc", "arp", "marker"] | None = None
+    base_point: Point | None = None
     antex: Path | None = None
-    systems: str = "GREJC"
-    frequencies: int = 2
-    elevation_mask_deg: float = 15.0
-    ratio: float = 3.0
-    engine: str = "auto"
-    max_age_s: float = 30.0
-    acceleration_mps2: tuple[float, ...] = (3.0, 1.0)
+    systems: str = EngineOptions.systems
+    frequencies: int = EngineOptions.frequencies
+    elevation_mask_deg: float = EngineOptions.elevation_mask_deg
+    ratio: float = EngineOptions.ratio
+    engine: str = EngineOptions.engine
+    max_age_s: float = EngineOptions.max_age_s
+    timeout_s: float = EngineOptions.timeout_s
+    acceleration_mps2: tuple[float, float] = EngineOptions.acceleration_mps2
     more: Mapping[str, str] = field(default_factory=dict)
     wet_delay: bool = True
+    ionosphere: bool = True
     atmosphere: Mapping[str, float] | None = None
     phase_velocity: bool = True
-    covariance: CovarianceModel = MODEL
 
-
-@dataclass(frozen=True)
-class ImageMatch:
-    """What of [camera] brings events to images: `images` a directory or a list of names, None for the events' own names."""
-
-    images: Path | None = None
-    image_ending: str | None = None
-    skip_events: tuple[int, ...] = ()
-    skip_images: tuple[str, ...] = ()
-    events_containing: str = ""
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that the solution depends on."""
+        return (self.rover, self.base, *self.navigation, *((self.antex,) if self.antex else ()))
 
 
 def raw_gnss(table: Table) -> RawGnss | None:
@@ -69,7 +62,7 @@ def raw_gnss(table: Table) -> RawGnss | None:
     if missing := [key for key in needed if key not in table.data]:
         raise table.error(given[0], f"gnss.{missing[0]} is missing; RINEX of {', '.join(needed)} belong together")
     if odd := [key for key in OF_POSITIONS if key in table.data]:
-        raise table.error(odd[0], "is of ready positions (gnss.file), but gnss.rover is given; leave it out, RINEX says it itself")
+        raise table.error(odd[0], "is of ready positions (gnss.file), but gnss.rover is given; leave it out")
     navigation = tuple(table.resolve(name) for name in table.texts("navigation", ()))
     if lost := [file for file in navigation if not file.is_file()]:
         raise table.error("navigation", f"{lost[0]} does not exist; paths are relative to flight.toml")
@@ -88,30 +81,29 @@ def raw_gnss(table: Table) -> RawGnss | None:
         antex=table.file("antex") if "antex" in table.data else None,
         **_engine_options(table),
         wet_delay=table.flag("wet_delay", True),
+        ionosphere=table.flag("ionosphere", True),
         atmosphere=_atmosphere(table),
         phase_velocity=table.flag("phase_velocity", True),
-        covariance=covariance_of(table.table("covariance")),
     )
 
 
 def _engine_options(table: Table) -> dict[str, Any]:
     """What the engine is asked for, in the ranges of `gnss.options`."""
-    systems = table.text("systems", "GREJC")
+    systems = table.text("systems", EngineOptions.systems)
     if not set(systems) <= set(SYSTEM_BITS):
         raise table.error("systems", f"{systems!r} is no text of the letters {''.join(SYSTEM_BITS)}")
-    moves = table.numbers("acceleration_mps2", 2, (3.0, 1.0))
+    moves = table.numbers("acceleration_mps2", 2, EngineOptions.acceleration_mps2)
     if min(moves) <= 0.0:
         raise table.error("acceleration_mps2", f"{list(moves)}: both must be greater than zero, horizontal and vertical")
-    engine = table.text("engine", "auto")
+    engine = table.text("engine", EngineOptions.engine)
     program = table.resolve(engine)
-    defaults = {"elevation_mask_deg": 15.0, "ratio": 3.0, "max_age_s": 30.0}
     return {
         "systems": systems,
-        "frequencies": _whole(table, "frequencies", 2, 1, 3),
+        "frequencies": _whole(table, "frequencies", EngineOptions.frequencies, 1, 3),
         "acceleration_mps2": moves,
         "engine": str(program.absolute()) if program.is_file() else engine,
         "more": _more(table),
-        **{key: table.number(key, default, *RANGES[key]) for key, default in defaults.items()},
+        **{key: table.number(key, getattr(EngineOptions, key), *limits) for key, limits in RANGES.items()},
     }
 
 
@@ -137,27 +129,15 @@ def _whole(table: Table, key: str, default: int, low: float, high: float) -> int
 
 def _atmosphere(table: Table) -> dict[str, float] | None:
     """Air at the base, as far as it is given."""
+    from .troposphere import standard_atmosphere
+
     air = table.table("atmosphere")
     found = {key: air.number(key) for key in air.data}
-    if found and not table.flag("wet_delay", True):
-        raise table.error("atmosphere", "is of the wet delay, which gnss.wet_delay = false leaves out; keep one of them")
+    if found and not (table.flag("wet_delay", True) or table.flag("ionosphere", True)):
+        raise table.error("atmosphere", "is of the corrections that gnss.wet_delay and ionosphere = false leave out; keep one of them")
     for key, value in found.items():
         try:
             standard_atmosphere(0.0, **{key: value})
         except InputError as refusal:
             raise air.error(key, str(refusal).partition(": ")[2]) from None
     return found or None
-
-
-def image_match(table: Table) -> ImageMatch:
-    """The match that a table [camera] asks for. Raises InputError with file and line."""
-    images = table.resolve(table.text("images")) if "images" in table.data else None
-    if images is not None and not images.exists():
-        raise table.error("images", f"{images} does not exist; give the directory of the images or a list of their names in order")
-    if images is None and (odd := [key for key in ("image_ending", "skip_images") if key in table.data]):
-        raise table.error(odd[0], "is of camera.images, which is missing; give the directory of the images or a list of their names")
-    skipped = table.value("skip_events", list, [])
-    if not all(isinstance(number, int) and not isinstance(number, bool) and number > 0 for number in skipped):
-        raise table.error("skip_events", f"{skipped}, expected a list of whole numbers from 1, as the events are counted")
-    ending, containing = table.text("image_ending", None), table.text("events_containing", None)
-    return ImageMatch(images, ending, tuple(skipped), table.texts("skip_images", ()), containing or "")

@@ -152,7 +152,7 @@ def _text(path: Source) -> str:
             data = bytes(load_rinex(path)[0])
         return data.decode("latin-1")
     except FileNotFoundError:
-        raise InputError(f"{path}: no such file; check gnss.navigation") from None
+        raise InputError.at(path, None, "no such file; check the path of the navigation file") from None
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{path}: cannot be read: {error}") from None
 

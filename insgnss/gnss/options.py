@@ -45,12 +45,23 @@ Point = Literal["apc", "arp", "marker"]
 DIRECTIONS: tuple[Direction, ...] = ("combined", "forward", "backward")
 SOLUTION_TYPE = {"forward": 0, "backward": 1, "combined": 2}
 SYSTEM_BITS = {"G": 1, "R": 4, "E": 8, "J": 16, "C": 32}
-MODES = {"kinematic": 2, "static": 3}
+KINEMATIC = 2
 DYNAMICS = "pos1-dynamics"
 RESTART_M = 30.0  # VAR_POS of RTKLIB's rtkpos.c
 INTERPOLATED_S = 5.0  # between epochs of the base, beyond which the clocks of satellites wander by millimetres meanwhile
 ANTENNAS = "antennas.atx"
 OURS = re.compile(r"out-|file-|ant[12]-pos|pos1-(posmode|soltype|frequency|elmask|navsys)$")
+SET_BY = {
+    "out-": "the output has the form that is read again",
+    "file-": "files are given by gnss.antex and by themselves",
+    "ant1-pos": "the rover moves",
+    "ant2-pos": "gnss.base_position sets it",
+    "pos1-posmode": "it is always kinematic",
+    "pos1-soltype": "forward, backward and combined are all run",
+    "pos1-frequency": "gnss.frequencies sets it",
+    "pos1-elmask": "gnss.elevation_mask_deg sets it",
+    "pos1-navsys": "gnss.systems sets it",
+}
 NAME = re.compile(r"[a-z0-9]+-[A-Za-z0-9_]+")
 OUTPUT = {
     "out-solformat": 0,
@@ -78,7 +89,7 @@ class EngineOptions:
 
     base_position_m : ECEF, m, None for the header's APPROX POSITION XYZ.   base_point : what stands there, needed with a position:
     the antenna's phase centre, its reference point, or the marker below.   antex : file of phase centres, for `arp` and `marker`.
-    mode : of the rover.   frequencies : 1 (L1), 2 (with L2, Galileo E5b), 3 (with L5).   systems : of G R E J C.
+    frequencies : 1 (L1), 2 (with L2, Galileo E5b), 3 (with L5).   systems : of G R E J C.
     elevation_mask_deg.   ratio : of the ambiguity test.   max_age_s : of the base's epoch.   acceleration_mps2 : process noise of the
     rover's acceleration, horizontal and vertical.   more : further options of RTKLIB by name ("pos2-arminfix": "10").
     engine : "auto" (pyrtklib5, else rnx2rtkp on PATH), "pyrtklib5", or the path of an rnx2rtkp.   timeout_s : of one run.
@@ -87,7 +98,6 @@ class EngineOptions:
     base_position_m: tuple[float, float, float] | None = None
     base_point: Point | None = None
     antex: str | Path | None = None
-    mode: Literal["kinematic", "static"] = "kinematic"
     frequencies: int = 2
     systems: str = "GREJC"
     elevation_mask_deg: float = 15.0
@@ -102,8 +112,8 @@ class EngineOptions:
         for name, (least, most) in RANGES.items():
             if not least <= getattr(self, name) <= most:
                 raise UsageError(f"{name} = {getattr(self, name)}: must be {least:g} to {most:g}")
-        if self.mode not in MODES or self.frequencies not in (1, 2, 3):
-            raise UsageError(f"mode = {self.mode!r}, frequencies = {self.frequencies}: must be kinematic or static, and 1, 2 or 3")
+        if self.frequencies not in (1, 2, 3):
+            raise UsageError(f"frequencies = {self.frequencies}: must be 1, 2 or 3")
         if not self.systems or not set(self.systems) <= set(SYSTEM_BITS):
             raise UsageError(f"systems = {self.systems!r}: must be letters of {''.join(SYSTEM_BITS)}")
         if min(self.acceleration_mps2) <= 0.0:
@@ -124,8 +134,11 @@ class EngineOptions:
 
     def _check_more(self) -> None:
         for name, value in self.more.items():
-            if not NAME.fullmatch(name) or OURS.match(name):
-                raise UsageError(f"more: {name[:60]!r} is not to be set there; it is no option of RTKLIB, or one that is set already")
+            if not NAME.fullmatch(name):
+                raise UsageError(f"more: {name[:60]!r} is no name of an option of RTKLIB, such as pos2-arminfix")
+            if OURS.match(name):
+                why = next(why for begin, why in SET_BY.items() if name.startswith(begin))
+                raise UsageError(f"more: {name[:60]} is not to be set there: {why}")
             if re.search(r"[\r\n#]", str(value)):
                 raise UsageError(f"more: the value of {name} holds a # or the end of a line")
 
@@ -150,7 +163,7 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
     try:
         known = "\n" + Path(options.antex).read_text(encoding="utf-8", errors="replace")
     except OSError as error:
-        raise InputError.at(options.antex, None, f"cannot be read: {error.strerror or error}; check antex") from None
+        raise InputError.at(options.antex, None, f"cannot be read: {error.strerror or error}; check gnss.antex") from None
     kind = base.antenna.split()[0] if base.antenna.split() else ""
     if not kind or f"\n{kind}" not in known:
         what = f"does not know the base's antenna {base.antenna!r} of {base.path}; give another, or base_point = apc"
@@ -170,7 +183,7 @@ def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Check, ..
         return ()
     longest = (RESTART_M * 20.0**0.5 / options.acceleration_mps2[0]) ** 0.4
     found = f"off: epochs every {interval_s:g} s, over which {options.acceleration_mps2[0]:g} m/s^2 predict a position to {sd:.0f} m"
-    advice = f"every epoch stands for itself; log faster in flight, or set {DYNAMICS} in more"
+    advice = f"every epoch stands for itself; log faster in flight, or set {DYNAMICS} in gnss.more"
     return (Check("engine dynamics", found, f"on, with epochs every {longest:.1f} s at most", "note", advice),)
 
 
@@ -178,7 +191,7 @@ def option_file(options: EngineOptions, base: RinexHeader, direction: Direction,
     """Text of the option file of one run; interval_s, base_interval_s : between epochs of rover and base."""
     horizontal, vertical = options.acceleration_mps2
     lines: dict[str, object] = {
-        "pos1-posmode": MODES[options.mode],
+        "pos1-posmode": KINEMATIC,
         "pos1-frequency": options.frequencies,
         "pos1-soltype": SOLUTION_TYPE[direction],
         "pos1-elmask": options.elevation_mask_deg,

@@ -39,6 +39,7 @@ Index = NDArray[np.int64]
 
 LIGHT = 299792458.0  # m/s
 EARTH_RATE = 7.2921151467e-5  # rad/s, of IS-GPS-200
+PZ90_MU, PZ90_A, PZ90_J2, PZ90_RATE = 3.986004418e14, 6378136.0, 1.0826257e-3, 7.292115e-5  # m^3/s^2, m, rad/s
 REACH_S = {"G": 7200.0, "J": 7200.0, "E": 14400.0, "C": 21600.0, "R": 1800.0}  # farthest time from the time of ephemeris
 
 
@@ -64,6 +65,8 @@ def select_messages(navigation: Navigation, satellite: ArrayLike, time: ArrayLik
     """
     satellite, time = np.asarray(satellite, dtype="U3"), np.asarray(time, dtype=np.float64)
     chosen = np.full(time.shape, -1, dtype=np.int64)
+    if satellite.size == 0:  # of which np.split would still make a part
+        return chosen
     codes, inverse = unique_satellites(satellite)
     order = np.argsort(inverse, kind="stable")
     for code, rows in zip(codes, np.split(order, np.cumsum(np.bincount(inverse, minlength=len(codes)))[:-1]), strict=True):

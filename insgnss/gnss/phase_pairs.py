@@ -7,7 +7,6 @@ of its rows over kappa, with the sign turned; its rate is averaged over `SMOOTHI
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +14,11 @@ from numpy.typing import NDArray
 from ..geodesy.frames import ecef_to_geodetic, geodetic_to_ecef
 from ..geodesy.gpstime import WEEK_S
 from ..records import GnssFixes
+from .bands import CHANNEL_HERTZ, HERTZ
 from .navigation_message import Navigation
 from .orbits import LIGHT, SatelliteStates, emission_states, ranges, sky, unique_satellites
+from .rinex import Observations
 from .troposphere import standard_slant_delay
-
-if TYPE_CHECKING:
-    from .rinex import Observations
-    from .velocity import VelocityOptions
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -34,14 +31,27 @@ LEAST_SMOOTHED_S = 5.0
 OUTLIER_SIGMAS = 5.0
 MAD_TO_SIGMA = 1.482602218505602
 FREE_IONOSPHERE = 2e-3  # m/s in zenith, of an ionosphere that is not seen in two bands
-HERTZ = {  # carriers by system and band
-    "G": {"1": 1575.42e6, "2": 1227.60e6, "5": 1176.45e6},
-    "J": {"1": 1575.42e6, "2": 1227.60e6, "5": 1176.45e6, "6": 1278.75e6},
-    "E": {"1": 1575.42e6, "5": 1176.45e6, "6": 1278.75e6, "7": 1207.14e6, "8": 1191.795e6},
-    "C": {"1": 1575.42e6, "2": 1561.098e6, "5": 1176.45e6, "6": 1268.52e6, "7": 1207.14e6, "8": 1191.795e6},
-    "R": {"1": 1602.0e6, "2": 1246.0e6, "3": 1202.025e6, "4": 1600.995e6, "6": 1248.06e6},
-}
-CHANNEL_HERTZ = {"1": 0.5625e6, "2": 0.4375e6}  # GLONASS, per frequency number
+
+
+@dataclass(frozen=True)
+class VelocityOptions:
+    """Limits of what a velocity is made of, of the pairs and of the least squares of `velocity`.
+
+    mask_deg : lowest elevation.   longest_s : longest interval.   fewest : satellites.   limit : of the normalised residual.
+    rate : m/s in zenith, of air and satellite clocks that the model leaves.   largest_sd : m/s, of the three components together.
+    excess : chi-square over redundancy beyond which an interval is given up.   reach_s : of epochs before the first or after the last
+    position.   position_sd : m, largest of a position, with what it may be off between those given (3 m/s^2).
+    """
+
+    mask_deg: float = 10.0
+    longest_s: float = 2.0
+    fewest: int = 5
+    limit: float = 4.0
+    rate: float = 5e-4
+    largest_sd: float = 0.5
+    excess: float = 9.0
+    reach_s: float = 1.0
+    position_sd: float = 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +79,7 @@ class Pairs:
     groups: tuple[str, ...]
 
 
-def code_ranges(observations: "Observations") -> Array:
+def code_ranges(observations: Observations) -> Array:
     """A code range of each row (m,), m, of the first signal that has one; NaN where none has."""
     columns = sorted((name[1], k) for k, name in enumerate(observations.signals) if name[0] == "C")
     code = np.full(observations.satellite.size, np.nan)
@@ -79,7 +89,7 @@ def code_ranges(observations: "Observations") -> Array:
 
 
 def antenna_states(
-    observations: "Observations", navigation: Navigation, positions: GnssFixes, code: Array, options: "VelocityOptions"
+    observations: Observations, navigation: Navigation, positions: GnssFixes, code: Array, options: VelocityOptions
 ) -> tuple[Antenna, SatelliteStates]:
     """The antenna at each epoch, and the satellites of each row at emission."""
     stamp, epoch = observations.time, observations.epoch
@@ -118,7 +128,7 @@ def _medians(values: Array, epoch: Index, n: int) -> Array:
     return out
 
 
-def neighbours(observations: "Observations", antenna: Antenna, options: "VelocityOptions") -> tuple[Index, Index]:
+def neighbours(observations: Observations, antenna: Antenna, options: VelocityOptions) -> tuple[Index, Index]:
     """Rows of one satellite in an epoch and the next, by epoch and satellite."""
     epoch = observations.epoch
     _, satellite = unique_satellites(observations.satellite)
@@ -146,7 +156,7 @@ class Modelled:
 
 
 def modelled_pairs(
-    observations: "Observations",
+    observations: Observations,
     navigation: Navigation,
     antenna: Antenna,
     code: Array,
@@ -173,12 +183,12 @@ def _range(antenna: Antenna, epoch: Index, satellite: Array, clock: Array) -> tu
     receiver = antenna.position[epoch]
     rho, sight = ranges(satellite, receiver)
     _, elevation = sky(sight, receiver)
-    height = ecef_to_geodetic(antenna.position)[2][epoch]
-    delay = standard_slant_delay(height, np.maximum(elevation, LOWEST_RAD))
+    lat, _, height = ecef_to_geodetic(antenna.position)
+    delay = standard_slant_delay(lat[epoch], height[epoch], np.maximum(elevation, LOWEST_RAD))
     return rho - LIGHT * clock + delay, sight, elevation
 
 
-def phase_pairs(observations: "Observations", navigation: Navigation, modelled: Modelled, options: "VelocityOptions") -> Pairs:
+def phase_pairs(observations: Observations, navigation: Navigation, modelled: Modelled, options: VelocityOptions) -> Pairs:
     """Pairs of phases above the mask that no flag forbids: of each satellite the first signal of each band that has one."""
     first, second = modelled.first, modelled.second
     codes, satellite = unique_satellites(observations.satellite[second])

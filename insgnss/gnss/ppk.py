@@ -1,16 +1,17 @@
 """From RINEX of rover and base to antenna positions with honest covariances: the order of the steps.
 
     read -> engine forward, backward, combined -> covariance and belief (`covariance`) -> wet delay (`troposphere`)
-         -> velocity from phase (`velocity`) -> camera events (`events`) -> figures and verdict (`quality`, `signals`)
+         -> ionosphere (`ionosphere`) -> velocity from phase (`velocity`)
+         -> camera events (`events`, `exposures`), in GPST (`receiver_clock`) -> figures and verdict (`quality`, `signals`)
 
-The combined run gives the positions; the other two run for their difference alone. The wet delay is taken off after the belief, which it
-does not touch: forward and backward share it. Of the camera events those of the rover's file are taken, with the names of the images
-where a directory or a list of them is given.
+The combined run gives the positions; the other two run for their difference alone. Wet delay and ionosphere are taken off after the
+belief, which they do not touch: forward and backward share them. Of the camera events those of the rover's file are taken, with the
+names of the images where a directory or a list of them is given.
 
 An epoch without velocity from phase gets that of its neighbours' positions, with their covariance and `UNKNOWN_MPS`.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,33 +20,34 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
+from ..exposures.match import check_delay, delayed
+from ..exposures.naming import ImageMatch, named
 from ..formats import read_events
 from ..formats.rtklib_pos import write_rtklib_pos
 from ..geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ..geodesy.gpstime import WEEK_S
 from ..records import Array, CameraEvents, Check, GnssFixes
-from .covariance import MODEL, SAME_EPOCH_S, CovarianceModel, Index, Separation, base_distance, calibrate, forward_backward
-from .engine import EngineRun, solve
-from .events import camera_events, image_names, name_events
-from .image_times import with_times
+from ..records.qualities import Quality
+from .antenna_files import SOLUTION
+from .covariance import BELIEVED, MODEL, SAME_EPOCH_S, CovarianceModel, Index, Separation, base_distance, calibrate, forward_backward
+from .engine import EngineRun, Progress, solve
+from .event_clocks import check_beside, check_camera_delay
+from .events import RoverEvents, camera_events, unasked_events
+from .ionosphere import LEAST_EPOCHS, LEAST_S, engine_models_it, ionosphere_correction
 from .navigation_message import Navigation, read_navigation
 from .options import EngineOptions, base_position
-from .quality import Solution, read_solution, solution_numbers, solution_series, verdict
+from .preflight import check_base_point
+from .quality import Solution, coverage_numbers, read_solution, solution_numbers, solution_series, verdict
+from .receiver_clock import to_gpst
+from .resolved_phases import FAR_M
 from .rinex import Observations, read_observations
 from .signals import signal_numbers, signals_of
-from .troposphere import Atmosphere, common_sky, displacement_per_delay, standard_atmosphere, wet_delay_correction
+from .sky import Sky, common_sky, epochs_of
+from .troposphere import Atmosphere, displacement_per_delay, standard_atmosphere, wet_delay_correction
 from .velocity import at_stamps, time_differenced_velocity
 
-Progress = Callable[[str], None]
-
-SOLUTION = "ppk.pos"
 UNKNOWN_MPS = 1.0
-SINGLE_QUALITY = 5
 MOST_VELOCITIES = 0.9
-
-
-def quiet(_: str) -> None:
-    """No progress."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +55,12 @@ class PpkInput:
     """What `solve_ppk` is given.
 
     rover, base, navigation : RINEX 2 or 3, plain or packed.   options : of the engine, with the base's position.
-    covariance : of `gnss.covariance`.   wet_delay, velocity : whether to correct the one and to find the other.   atmosphere : at the
-    base, whole or arguments of `standard_atmosphere` as far as known; None for the standard one.
+    covariance : of `gnss.covariance`.   wet_delay, ionosphere, velocity : whether to correct these and to find that.   atmosphere : at
+    the base, whole or arguments of `standard_atmosphere` as far as known; None for the standard one.
     events : whether to take the rover's camera events, None: where it has some; or another file of them (.MRK, text).
-    images : directory or list of their names in order, None: numbers.   image_ending, camera_delay_s, events_containing, skip_events,
-    skip_images : of `events.camera_events`.
+    rover_events : which of the rover's.   match : images that name them.   camera_delay_s : from the event to the exposure's middle; what
+    differs from the default in these asks for events as well.
+    base_point_chosen : whether somebody said what stands at the base's coordinates; a note where not.
     """
 
     rover: Path
@@ -66,15 +69,14 @@ class PpkInput:
     options: EngineOptions = field(default_factory=EngineOptions)
     covariance: CovarianceModel = MODEL
     wet_delay: bool = True
+    ionosphere: bool = True
     atmosphere: Atmosphere | Mapping[str, float] | None = None
     velocity: bool = True
     events: bool | Path | None = None
-    images: Path | None = None
-    image_ending: str | None = None
+    rover_events: RoverEvents = field(default_factory=RoverEvents)
+    match: ImageMatch = field(default_factory=ImageMatch)
     camera_delay_s: float = 0.0
-    events_containing: str = ""
-    skip_events: Collection[int] = ()
-    skip_images: Collection[str] = ()
+    base_point_chosen: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +98,12 @@ class PpkResult:
     engine: str
     cpu_s: float
 
+    def write(self, path: Path) -> None:
+        """Write the fixes as a `.pos`, with satellites, age and ratio of the engine's combined solution."""
+        write_rtklib_pos(self.fixes, path, *(self.series.get(name) for name in ("satellites", "age_s", "ratio")))
 
-def solve_ppk(given: PpkInput, directory: Path | None = None, progress: Progress = quiet) -> PpkResult:
+
+def solve_ppk(given: PpkInput, directory: Path | None = None, progress: Progress | None = None) -> PpkResult:
     """Solve a rover against a base.
 
     directory : gets the three `.pos` of the engine with their options, and `ppk.pos`, the result; None: nothing is kept.
@@ -106,33 +112,46 @@ def solve_ppk(given: PpkInput, directory: Path | None = None, progress: Progress
     if directory is None:
         with TemporaryDirectory(prefix="insgnss-ppk-") as scratch:
             return replace(solve_ppk(given, Path(scratch), progress), files={})
-    progress("reading observations")
+    say = progress or (lambda _: None)
+    say("reading observations")
     rover, base = read_observations(given.rover), read_observations(given.base)
-    events = _events(given, rover)
-    progress("engine: three solutions")
-    run = solve(given.rover, given.base, given.navigation, given.options, directory, progress, (rover, base))
-    progress("covariance and quality")
+    events, unasked = _events(given, rover)
+    say("engine: three solutions")
+    run = solve(given.rover, given.base, given.navigation, given.options, directory, say, (rover, base))
+    say("covariance and quality")
     position, _ = base_position(given.options, base.header)
     solved = _Solved.of(run, np.array(position), given.covariance)
     navigation = read_navigation(given.navigation)
-    fixes, checks = solved.fixes, [*rover.notes, *run.checks, *solved.fixes.notes]
+    told_point = check_base_point(given.options, base.header, given.base_point_chosen)
+    fixes, checks = solved.fixes, [*rover.notes, told_point, *run.checks, *solved.fixes.notes]
+    if events is not None:
+        checks += _checks_of(events, given, rover, fixes)
+        events = _at_exposures(events, given, rover, fixes)
+    if given.wet_delay or given.ionosphere:
+        sky = common_sky(rover, base, navigation, fixes, given.options)
     if given.wet_delay:
-        progress("wet delay")
-        fixes, check = _without_wet_delay(fixes, rover, base, navigation, given)
+        say("wet delay")
+        fixes, check = _without_wet_delay(fixes, sky, np.array(position), given)
+        checks.append(check)
+    if given.ionosphere:
+        say("ionosphere")
+        fixes, check = _without_ionosphere(fixes, (rover, base), navigation, sky, np.array(position), given)
         checks.append(check)
     if given.velocity:
-        progress("velocity")
+        say("velocity")
         fixes, check = _with_velocity(fixes, rover, navigation)
         checks.append(check)
     signals = signals_of(rover)
-    numbers = solved.numbers(given.covariance.gate) | {"signals": signal_numbers(signals)}
-    told, causes = verdict(numbers)
+    numbers = solved.numbers(given.covariance.gate, rover) | {"signals": signal_numbers(signals)}
+    told, causes = verdict(numbers, checks)
     fixes = replace(fixes, source=str(given.rover), notes=())
-    write_rtklib_pos(fixes, directory / SOLUTION)
     files = {"combined": run.combined, "forward": run.forward, "backward": run.backward, "solution": directory / SOLUTION}
+    files |= {f"options of {direction}": path for direction, path in run.option_files.items()}
     series = solution_series(solved.combined, solved.kind, *solved.from_base, solved.separation, signals)
-    checks += [*causes, *(events.notes if events is not None else ())]
-    return PpkResult(fixes, events, tuple(checks), told, numbers, series, files, run.engine, run.cpu_s)
+    checks += [*causes, *unasked, *(events.notes if events is not None else ())]
+    result = PpkResult(fixes, events, tuple(checks), told, numbers, series, files, run.engine, run.cpu_s)
+    result.write(files["solution"])
+    return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,46 +177,53 @@ class _Solved:
         fixes, kind = calibrate(combined.fixes, combined.satellites, distance, separation, model)
         return cls(combined, fixes, kind, separation, (distance, combined.fixes.height - ecef_to_geodetic(base_ecef)[2]))
 
-    def numbers(self, gate: float) -> dict[str, Any]:
-        """Figures of merit."""
-        return solution_numbers(self.combined, self.fixes, self.kind, *self.from_base, self.separation, gate)
+    def numbers(self, gate: float, rover: Observations) -> dict[str, Any]:
+        """Figures of merit, of the solution and of the rover's epochs."""
+        week = rover.gps_week if self.fixes.gps_week is None else self.fixes.gps_week
+        solved, fixed = np.zeros((2, rover.time.size), dtype=np.bool_)
+        at = epochs_of(self.fixes, rover)
+        solved[at], fixed[at] = True, np.isin(self.kind, BELIEVED)
+        numbers = solution_numbers(self.combined, self.fixes, self.kind, *self.from_base, self.separation, gate)
+        return numbers | coverage_numbers(rover.time + (rover.gps_week - week) * WEEK_S, solved, fixed)
 
 
-def _events(given: PpkInput, rover: Observations) -> CameraEvents | None:
-    """Camera events of the rover's file or of one of their own; InputError where they are asked for and there is none."""
-    if given.events is False or (given.events is None and given.images is None and rover.events.size == 0):
-        return None
-    names = None if given.images is None else image_names(given.images, given.image_ending)
-    events, images, delay = given.skip_events, given.skip_images, given.camera_delay_s
+def _events(given: PpkInput, rover: Observations) -> tuple[CameraEvents | None, tuple[Check, ...]]:
+    """Camera events of the rover's file, by its clock, or of one of their own, and a note where there are only such as nobody asks for.
+
+    Raises InputError where they are asked for and there is none.
+    """
+    check_delay(given.camera_delay_s)
+    if given.events is False:
+        return None, ()
+    plain = (given.rover_events, given.match, given.camera_delay_s) == (RoverEvents(), ImageMatch(), 0.0)
     if isinstance(given.events, Path):
-        read = read_events(given.events, gps_week=rover.gps_week)
-        return with_times(
-            lambda taken: name_events(read, names, delay, taken_s=taken, skip_events=events, skip_images=images), given.images, names
-        )
-    return with_times(
-        lambda taken: camera_events(
-            rover, names, delay, taken_s=taken, containing=given.events_containing, skip_events=events, skip_images=images
-        ),
-        given.images,
-        names,
-    )
+        return named(read_events(given.events, gps_week=rover.gps_week), given.match), ()
+    if given.events is None and plain:
+        return unasked_events(rover)
+    return named(camera_events(rover, given.rover_events), given.match), ()
 
 
-def _without_wet_delay(
-    fixes: GnssFixes, rover: Observations, base: Observations, navigation: Navigation, given: PpkInput
-) -> tuple[GnssFixes, Check]:
+def _checks_of(events: CameraEvents, given: PpkInput, rover: Observations, fixes: GnssFixes) -> list[Check]:
+    """What is told of events before their delay: whether those of another file are the rover's, and the delay."""
+    checks = [check_camera_delay(given.camera_delay_s)] if given.camera_delay_s else []
+    if isinstance(given.events, Path) and rover.events.size:
+        stamps = np.unique(rover.events)
+        own = CameraEvents(tuple(map(str, range(stamps.size))), stamps, rover.gps_week, str(given.rover))
+        beside = check_beside(events, to_gpst(own, rover, fixes), rover.gps_week)
+        checks += [] if beside is None else [beside]
+    return checks
+
+
+def _at_exposures(events: CameraEvents, given: PpkInput, rover: Observations, fixes: GnssFixes) -> CameraEvents:
+    """Events at the middles of their exposures, GPST: the clock is that of the stamps, so that it is taken off before the delay comes."""
+    return delayed(events if isinstance(given.events, Path) else to_gpst(events, rover, fixes), given.camera_delay_s)
+
+
+def _without_wet_delay(fixes: GnssFixes, sky: Sky, base_ecef: Array, given: PpkInput) -> tuple[GnssFixes, Check]:
     """Fixes with the correction of `troposphere` and its covariance, and what it amounts to."""
-    position, _ = base_position(given.options, base.header)
-    sky = common_sky(rover, base, navigation, fixes, given.options.elevation_mask_deg)
     blind = ~np.isfinite(displacement_per_delay(sky, fixes.time.size)[:, 0])
-    quality = np.where(blind, SINGLE_QUALITY, 1 if fixes.quality is None else fixes.quality)  # single: not corrected
-    air = given.atmosphere
-    if isinstance(air, Mapping):
-        air = standard_atmosphere(float(ecef_to_geodetic(np.array(position))[2]), **air)
-    found = wet_delay_correction(replace(fixes, quality=quality), np.array(position), sky, air)
-    place = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
-    place += np.einsum("nij,nj->ni", rotation_en(fixes.lat, fixes.lon), found.correction_ned)
-    lat, lon, height = ecef_to_geodetic(place)
+    quality = np.where(blind, Quality.SINGLE, Quality.FIXED if fixes.quality is None else fixes.quality)  # single: not corrected
+    found = wet_delay_correction(replace(fixes, quality=quality), base_ecef, sky, _air(given, base_ecef))
     down = 1e3 * found.correction_ned[:, 2]
     told = f"heights raised by {-down.max():.1f} to {-down.min():.1f} mm"
     if np.isfinite(found.height_per_metre):
@@ -205,7 +231,41 @@ def _without_wet_delay(
     told += f"; {blind.sum()} epochs with too few satellites stay as they are" if blind.any() else ""
     source = "standard atmosphere" if given.atmosphere is None else "given atmosphere"
     check = Check("GNSS wet delay", told, f"a correction from the {source}; the engine leaves it out")
-    return replace(fixes, lat=lat, lon=lon, height=height, cov_ned=fixes.cov_ned + found.cov_ned), check
+    return _moved(fixes, found.correction_ned, found.cov_ned), check
+
+
+def _without_ionosphere(
+    fixes: GnssFixes, observed: tuple[Observations, Observations], navigation: Navigation, sky: Sky, base_ecef: Array, given: PpkInput
+) -> tuple[GnssFixes, Check]:
+    """Fixes with the correction of `ionosphere` and its covariance, and what it amounts to."""
+    name, expected = "GNSS ionosphere", "a correction that the bands show; the engine leaves it out"
+    if engine_models_it(given.options):
+        return fixes, Check(name, "left to the engine, which models it", expected)
+    air, frequencies = _air(given, base_ecef), given.options.frequencies
+    found = ionosphere_correction(fixes, *observed, navigation, base_ecef, sky, air, frequencies)
+    if found is None:
+        what = f"left in: fewer than {LEAST_EPOCHS} epochs, or less than {LEAST_S / 60.0:.0f} minutes, show it"
+        advice = f"1 to 2 mm/km may be left; two bands of both receivers show it at fixed positions up to {FAR_M / 1e3:.0f} km away"
+        return fixes, Check(name, what, expected, "note", advice)
+    vertical, north, east = found.ionosphere.value.mean(axis=0)
+    moved = 1e3 * found.correction_ned[found.correction_ned.any(axis=1)]
+    middle = ", ".join(f"{x:+.1f}" for x in np.median(moved, axis=0))
+    told = f"{vertical:.1f} m in zenith, {1e6 * north:+.1f} mm/km to the north, {1e6 * east:+.1f} to the east: "
+    told += f"{len(moved)} positions moved by {middle} mm north, east, down in the median"
+    return _moved(fixes, found.correction_ned, found.cov_ned), Check(name, told, expected)
+
+
+def _air(given: PpkInput, base_ecef: Array) -> Atmosphere | None:
+    if isinstance(given.atmosphere, Mapping):
+        return standard_atmosphere(float(ecef_to_geodetic(base_ecef)[2]), **given.atmosphere)
+    return given.atmosphere
+
+
+def _moved(fixes: GnssFixes, ned: Array, cov: Array) -> GnssFixes:
+    """Fixes with a correction (n, 3) m and its covariance (n, 3, 3) added."""
+    place = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) + np.einsum("nij,nj->ni", rotation_en(fixes.lat, fixes.lon), ned)
+    lat, lon, height = ecef_to_geodetic(place)
+    return replace(fixes, lat=lat, lon=lon, height=height, cov_ned=fixes.cov_ned + cov)
 
 
 def _with_velocity(fixes: GnssFixes, rover: Observations, navigation: Navigation) -> tuple[GnssFixes, Check]:

@@ -2,10 +2,12 @@
 
 Epochs by class (`gnss.covariance`), satellites, ratio, age of the base's observations, distance to the base, forward against backward; and,
 with the rover's observations, slips, strength and multipath (`gnss.signals`). Each cause has a check with a limit and an advice; the
-verdict is that of the share of fixed epochs that are confirmed, and names the checks that have something to say.
+verdict is that of the share of the rover's epochs that are fixed and confirmed, and names the checks that have something to say. An epoch
+that the engine leaves out counts as one that is not fixed. What shifts all positions together shows in no share: a doubt of the base
+(`BASE_CHECKS`), or a contradiction between inputs, makes of "good" a "usable with care".
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,6 +21,7 @@ from ..formats._pos_header import ROOTS
 from ..formats._text import Source, load
 from ..formats.rtklib_pos import PosRows, read_pos_rows, read_rtklib_pos
 from ..records import Array, Check, GnssFixes
+from ..records.qualities import Quality
 from .covariance import BELIEVED, CLASSES, HAMPERED, LONE, UNKNOWN_SIGMA_M, WEAK, Index, Separation
 from .signals import Signals
 
@@ -26,9 +29,9 @@ GOOD_RATE, FAIR_RATE = 0.99, 0.90
 FEW_SATELLITES, MUCH_MULTIPATH_M = 8, 0.8
 WEAK_DBHZ, WEAK_SECOND_DBHZ = 38.0, 30.0  # on band 1, and on the others, where GPS L2 is tracked without its code
 MANY_SLIPS = 20.0  # an hour and satellite
-FAR_M, OLD_S, LONG_GAP_S = 15e3, 5.0, 2.0
+LONG_BASELINE_M, OLD_S, LONG_GAP_S = 15e3, 5.0, 2.0
 APART_SHARE = 0.005
-SINGLE_QUALITY = 5
+BASE_CHECKS = ("base coordinates", "base point", "base antenna")
 BESIDE = ("ns", "age", "ratio")  # columns of a solution
 DATE_FIELDS = 4  # by which year to second exceed date and time of day
 
@@ -56,7 +59,7 @@ def read_solution(path: Source) -> Solution:
     odd = _without_covariance(np.column_stack([columns[name] for name in roots]))
     fixes = _readable(path, rows, odd) if odd.any() else read_rtklib_pos(path)
     if fixes.quality is not None:
-        fixes = replace(fixes, quality=np.where(odd, SINGLE_QUALITY, fixes.quality))
+        fixes = replace(fixes, quality=np.where(odd, Quality.SINGLE, fixes.quality))
     return Solution(fixes, *(columns[name] for name in BESIDE))
 
 
@@ -118,7 +121,10 @@ def solution_numbers(
     separation: Separation | None,
     gate: float,
 ) -> dict[str, Any]:
-    """Figures of merit of the solution, plain numbers. calibrated : the fixes with the covariances of `gnss.covariance`."""
+    """Figures of merit of the solution, plain numbers: epochs and fix_rate are of the solved epochs (`coverage_numbers`: of the rover's).
+
+    calibrated : the fixes with the covariances of `gnss.covariance`.
+    """
     fixes = solution.fixes
     quality = np.zeros(kind.size, dtype=np.int64) if fixes.quality is None else fixes.quality
     sigma = np.sqrt(np.diagonal(calibrated.cov_ned, axis1=1, axis2=2))
@@ -126,7 +132,7 @@ def solution_numbers(
     numbers: dict[str, Any] = {
         "epochs": kind.size,
         "span_s": [float(fixes.time[0]), float(fixes.time[-1])],
-        "engine_fixed": int((quality == 1).sum()),
+        "engine_fixed": int((quality == Quality.FIXED).sum()),
         "classes": {name: int((kind == k).sum()) for k, name in enumerate(CLASSES)},
         "fix_rate": float(fixed.mean()),
         "satellites": {"median": float(np.median(solution.satellites)), "least": int(solution.satellites.min())},
@@ -136,11 +142,30 @@ def solution_numbers(
         "height_above_base_m": [float(height_difference_m.min()), float(height_difference_m.max())],
         "sigma_m": {"fixed_median": [_median(s) for s in sigma[fixed].T], "largest": sigma.max(axis=0).tolist()},
         "longest_gap_s": float(np.diff(fixes.time).max(initial=0.0)),
-        "longest_without_fixed_s": longest_without(fixes.time, fixed),
     }
     if separation is not None:
         numbers["separation"] = _separation_numbers(separation, gate)
     return numbers
+
+
+def coverage_numbers(time: Array, solved: NDArray[np.bool_], fixed: NDArray[np.bool_]) -> dict[str, Any]:
+    """What of the rover's epochs has a solution, plain numbers.
+
+    time : (n,) s of the rover's epochs.   solved, fixed : (n,) those in the solution, and those fixed and confirmed.
+    unsolved_s : first and last epoch of the longest stretch without a solution, None without any.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~solved, [False]])))
+    first, last = edges[::2], edges[1::2] - 1
+    longest = int(np.argmax(time[last] - time[first])) if first.size else 0
+    return {
+        "epochs_observed": time.size,
+        "unsolved": int((~solved).sum()),
+        "unsolved_share": float((~solved).mean()),
+        "unsolved_stretches": first.size,
+        "unsolved_s": [float(time[first[longest]]), float(time[last[longest]])] if first.size else None,
+        "fix_rate_observed": float(fixed.mean()),
+        "longest_without_fixed_s": longest_without(time, fixed),
+    }
 
 
 def _separation_numbers(separation: Separation, gate: float) -> dict[str, Any]:
@@ -166,22 +191,28 @@ def longest_without(time: Array, good: NDArray[np.bool_]) -> float:
     return float(np.diff(marks).max(initial=0.0))
 
 
-def verdict(numbers: Mapping[str, Any]) -> tuple[str, tuple[Check, ...]]:
-    """One sentence for the whole, and a check for each of its causes. numbers : of `solution_numbers`, `signal_numbers` under "signals"."""
-    checks = [_check_rate(numbers), _check_hampered(numbers), _check_satellites(numbers), _check_distance(numbers), _check_age(numbers)]
+def verdict(numbers: Mapping[str, Any], before: Iterable[Check] = ()) -> tuple[str, tuple[Check, ...]]:
+    """One sentence for the whole, and a check for each of its causes.
+
+    numbers : of `solution_numbers` and `coverage_numbers`, `signal_numbers` under "signals".   before : checks of inputs and steps.
+    """
+    checks = [_check_rate(numbers), _check_unsolved(numbers), _check_hampered(numbers)]
+    checks += [_check_satellites(numbers), _check_distance(numbers), _check_age(numbers)]
     if "separation" in numbers:
         checks.append(_check_separation(numbers["separation"], numbers["epochs"]))
     if "signals" in numbers:
         checks += _check_signals(numbers["signals"])
-    rate, bad = numbers["fix_rate"], [c for c in checks if c.verdict != "ok"]
-    word = "good" if rate >= GOOD_RATE else "usable with care" if rate >= FAIR_RATE else "poor"
-    told = f"{word}: {100 * rate:.1f} % of {numbers['epochs']} epochs are fixed and confirmed"
+    doubts = [c for c in before if c.verdict == "contradiction" or (c.verdict == "note" and c.name in BASE_CHECKS)]
+    rate = numbers["fix_rate_observed"]
+    word = "poor" if rate < FAIR_RATE else "usable with care" if rate < GOOD_RATE or doubts else "good"
+    told = f"{word}: {100 * rate:.1f} % of {numbers['epochs_observed']} epochs are fixed and confirmed"
     if hampered := numbers["classes"][CLASSES[HAMPERED]]:
         told += f", {hampered} of them hampered"
+    told += f", {numbers['unsolved']} have no solution" if numbers["unsolved"] else ""
     if sigma := numbers["sigma_m"]["fixed_median"]:
         told += "" if None in sigma else ", standard deviations north, east, down " + ", ".join(f"{1e3 * s:.0f}" for s in sigma) + " mm"
-    others = [c.name for c in bad if c.name != "GNSS fix rate"]
-    return told + (f"; look at {', '.join(name.removeprefix('GNSS ') for name in others)}" if others else ""), tuple(checks)
+    others = [c.name.removeprefix("GNSS ") for c in (*doubts, *checks) if c.verdict != "ok" and c.name != "GNSS fix rate"]
+    return told + (f"; look at {', '.join(dict.fromkeys(others))}" if others else ""), tuple(checks)
 
 
 def _check(name: str, found: str, expected: str, bad: bool, advice: str) -> Check:
@@ -190,11 +221,21 @@ def _check(name: str, found: str, expected: str, bad: bool, advice: str) -> Chec
 
 def _check_rate(n: Mapping[str, Any]) -> Check:
     lone = n["classes"][CLASSES[LONE]] + n["classes"][CLASSES[WEAK]]
-    found = (
-        f"{100 * n['fix_rate']:.2f} % fixed, {lone} lone epochs, longest time without a fixed epoch {n['longest_without_fixed_s']:.1f} s"
-    )
+    found = f"{100 * n['fix_rate_observed']:.2f} % fixed, {lone} lone epochs"
+    found += f", longest time without a fixed epoch {n['longest_without_fixed_s']:.1f} s"
     advice = "check base coordinates, antenna, navigation files and the mask; float epochs carry decimetres, and the IMU must bridge them"
-    return _check("GNSS fix rate", found, f"{100 * GOOD_RATE:.0f} % at least", n["fix_rate"] < GOOD_RATE, advice)
+    return _check("GNSS fix rate", found, f"{100 * GOOD_RATE:.0f} % at least", n["fix_rate_observed"] < GOOD_RATE, advice)
+
+
+def _check_unsolved(n: Mapping[str, Any]) -> Check:
+    name, expected = "GNSS epochs", f"{100 * GOOD_RATE:.0f} % with one at least, and no {LONG_GAP_S:.0f} s without"
+    found, stretches = f"{n['unsolved']} of {n['epochs_observed']} epochs have no solution", n["unsolved_stretches"]
+    if n["unsolved_s"] is None:
+        return Check(name, found, expected)
+    first, last = n["unsolved_s"]
+    found += f", {'' if stretches == 1 else f'in {stretches} stretches, the longest '}from {first:.1f} s to {last:.1f} s"
+    bad = n["unsolved_share"] > 1.0 - GOOD_RATE or last - first > LONG_GAP_S
+    return _check(name, found, expected, bad, "too few satellites, or no epoch of the base within max_age_s: does its file last as long?")
 
 
 def _check_hampered(n: Mapping[str, Any]) -> Check:
@@ -216,7 +257,7 @@ def _check_distance(n: Mapping[str, Any]) -> Check:
     low, high = n["height_above_base_m"]
     found = f"{1e-3 * d['least']:.2f} to {1e-3 * d['largest']:.2f} km, {low:.0f} to {high:.0f} m above the base"
     advice = "the atmosphere differs over such a distance: use a nearer or a virtual reference station"
-    return _check("GNSS base distance", found, f"below {1e-3 * FAR_M:.0f} km", d["largest"] > FAR_M, advice)
+    return _check("GNSS base distance", found, f"below {1e-3 * LONG_BASELINE_M:.0f} km", d["largest"] > LONG_BASELINE_M, advice)
 
 
 def _check_age(n: Mapping[str, Any]) -> Check:
@@ -241,7 +282,8 @@ def _check_signals(n: Mapping[str, Any]) -> list[Check]:
     told += "" if rate is None else f", {rate:.1f} an hour and satellite"
     advice = "vibration, shading by the airframe or interference: look at when and on which satellites they come"
     checks = [_check("GNSS cycle slips", told, f"{MANY_SLIPS:.0f} an hour and satellite at most", (rate or 0.0) > MANY_SLIPS, advice)]
-    found = f"{n['gaps']} gaps, the longest {n['longest_gap_s']:.1f} s, at an interval of {n['interval_s']:g} s"
+    gaps = "1 gap" if n["gaps"] == 1 else f"{n['gaps']} gaps"
+    found = f"{gaps}, the longest {n['longest_gap_s']:.1f} s, at an interval of {n['interval_s']:g} s"
     advice = "observations are missing in the file: was the memory too slow, or was the receiver restarted?"
     checks.append(_check("GNSS gaps", found, f"{LONG_GAP_S:.0f} s at most", n["longest_gap_s"] > LONG_GAP_S, advice))
     levels = {band: level for band, level in n["strength_dbhz"].items() if level is not None}

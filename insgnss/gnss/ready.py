@@ -5,7 +5,10 @@ A `.pos` that tells quality, satellites and base (the header's `ref pos`, which 
 """
 
 from dataclasses import replace
+from pathlib import Path
 
+from ..errors import InputError
+from ..formats import sniff_gnss
 from ..formats._text import Source
 from ..formats.rtklib_pos import read_pos_rows
 from ..records import GnssFixes
@@ -15,10 +18,16 @@ ADVICE = "gnss.calibrated = false leaves the standard deviations as the file has
 
 
 def with_calibrated(fixes: GnssFixes, path: Source, model: CovarianceModel = MODEL) -> GnssFixes:
-    """Fixes of the `.pos` at `path` with the covariances of `covariance`, where the file tells what that needs."""
-    rows = read_pos_rows(path)
-    base, satellites = rows.base_ecef, rows.columns.get("ns")
+    """Fixes of the file at `path` with the covariances of `covariance`, where it tells what that needs.
+
+    model : InputError where it is another than the default one and the file does not tell it.
+    """
+    rows = read_pos_rows(path) if sniff_gnss(Path(path)) == "rtklib_pos" else None
+    base, satellites = (None, None) if rows is None else (rows.base_ecef, rows.columns.get("ns"))
     if base is None or satellites is None or fixes.quality is None:
+        if model != MODEL:
+            what = "gnss.covariance calibrates positions that tell quality, satellites and base (an RTKLIB .pos with ref pos in its header)"
+            raise InputError.at(path, None, f"{what}, and this file does not; leave it out, or set gnss.sigma_m or gnss.quality_sigma_m")
         return fixes
     found, _ = calibrate(fixes, satellites, base_distance(fixes, base), None, model)
     last = found.notes[-1]

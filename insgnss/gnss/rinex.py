@@ -107,6 +107,15 @@ def read_observations(path: Source) -> Observations:
     return replace(found, notes=notes + found.notes)
 
 
+def without_events(observations: Observations) -> bytes:
+    """The file of these observations, unpacked, without its external events and their record lines; all else as it stands."""
+    buf, _, _ = load_rinex(observations.header.path)
+    starts = np.concatenate([[0], np.flatnonzero(buf == ord("\n")) + 1])
+    gone = [(record.line - 1, record.line + len(record.records)) for record in observations.records if record.flag == 5]
+    edges = [0, *(int(starts[line]) for span in gone for line in span), buf.size]
+    return b"".join(buf[a:b].tobytes() for a, b in zip(edges[::2], edges[1::2], strict=True))
+
+
 class _Reading:
     """The arrays that a file is read into, and how its lines stand at the place where the reading is."""
 

@@ -116,7 +116,9 @@ def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
         text, place = line_at(buf, place)
         records.append((len(records) + 1, text[LABEL:].strip(), text[:LABEL]))
         if records[-1][1] == "" and text.strip():
-            raise InputError.at(path, len(records), f"no header record: {shown(text)}; complete the header, or copy the file again")
+            if place >= buf.size:
+                raise InputError.at(path, len(records), "truncated: the file ends within its header; copy it again from its source")
+            raise InputError.at(path, len(records), f"no header record: {shown(text.strip())}; complete the header, or copy the file again")
     return _header(path, version, system, records), place
 
 

@@ -15,24 +15,22 @@ Estey and Meertens (1999), TEQC: the multi-purpose toolkit for GPS/GLONASS data,
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError
 from ..records import Array
-from .phase_pairs import CHANNEL_HERTZ, HERTZ
-
-if TYPE_CHECKING:
-    from .rinex import Observations
+from .bands import CHANNEL_HERTZ, HERTZ
+from .orbits import LIGHT
+from .phase_pairs import LOST
+from .rinex import Observations
 
 Index = NDArray[np.int64]
 
-LIGHT = 299792458.0
 BANDS = {"G": ("1", "25"), "J": ("1", "25"), "E": ("1", "57"), "R": ("1", "2"), "C": ("21", "76")}  # first, and those that may be second
 STEP_M, STEP_NOISE = 0.05, 10.0
-LOST = 1  # bit of the loss-of-lock indicator
 GAP_INTERVALS = 1.5
 
 
@@ -55,7 +53,7 @@ class Signals:
     multipath_m: Mapping[str, float]
 
 
-def signals_of(observations: "Observations") -> Signals:
+def signals_of(observations: Observations) -> Signals:
     """Slips, gaps, strength and multipath of all satellites. Raises DataError for fewer than two epochs."""
     o = observations
     if o.time.size < 2:
@@ -103,7 +101,7 @@ class _Arcs:
     tracked: int
 
     @classmethod
-    def of(cls, o: "Observations", rows: Index, tracks: Index, system: str, interval: float) -> "_Arcs | None":
+    def of(cls, o: Observations, rows: Index, tracks: Index, system: str, interval: float) -> "_Arcs | None":
         """The arcs of `system`, or None where it has no phase."""
         first, second = BANDS.get(system, ("1", "2"))
         one, two = _busiest(o, rows, "L", first), _busiest(o, rows, "L", second)
@@ -153,7 +151,7 @@ class _Arcs:
         return out
 
 
-def _busiest(o: "Observations", rows: Index, kind: str, bands: str) -> int | None:
+def _busiest(o: Observations, rows: Index, kind: str, bands: str) -> int | None:
     """Column of the signal of `kind` with the most values in `rows`, of the first of `bands` that has any."""
     for band in bands:
         columns = [k for k, name in enumerate(o.signals) if name.startswith(kind + band)]
@@ -163,7 +161,7 @@ def _busiest(o: "Observations", rows: Index, kind: str, bands: str) -> int | Non
     return None
 
 
-def _wavelength(o: "Observations", rows: Index, system: str, band: str) -> Array:
+def _wavelength(o: Observations, rows: Index, system: str, band: str) -> Array:
     """Wavelength (n,) m of rows of one system; NaN where it is not known."""
     hertz = np.full(rows.size, HERTZ.get(system, {}).get(band, np.nan))
     if system == "R":
@@ -172,7 +170,7 @@ def _wavelength(o: "Observations", rows: Index, system: str, band: str) -> Array
     return LIGHT / hertz
 
 
-def _strength(o: "Observations") -> tuple[Array, dict[str, Array]]:
+def _strength(o: Observations) -> tuple[Array, dict[str, Array]]:
     """Time (k,) and the median of all satellites (k,) by band, each second or epoch."""
     seconds, place = np.unique(np.floor(o.time[o.epoch]), return_inverse=True)
     out = {}

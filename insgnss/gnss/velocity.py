@@ -51,7 +51,7 @@ van Graas and Soloviev (2004), Navigation 51(4); Serrano et al. (2004), ION GNSS
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,10 +61,18 @@ from ..geodesy.frames import ecef_to_geodetic, rotation_en
 from ..records import GnssFixes
 from .navigation_message import Navigation
 from .orbits import LIGHT
-from .phase_pairs import MAD_TO_SIGMA, Antenna, Pairs, antenna_states, code_ranges, modelled_pairs, neighbours, phase_pairs
-
-if TYPE_CHECKING:
-    from .rinex import Observations
+from .phase_pairs import (
+    MAD_TO_SIGMA,
+    Antenna,
+    Pairs,
+    VelocityOptions,
+    antenna_states,
+    code_ranges,
+    modelled_pairs,
+    neighbours,
+    phase_pairs,
+)
+from .rinex import Observations
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -77,27 +85,6 @@ UNEVEN = 0.1  # of an interval, by which those around an epoch may differ
 MISSED_SHARE = 0.2  # of what the jerk bends, that a cubic through the epochs around does not see
 UNKNOWN_JERK, UNSEEN_JERK = 1.0, 5.0  # m/s^3, beside the jerk that is found, and where none is
 FIRST_NOISE_M = 0.01  # of the phase at zenith, before it is known
-
-
-@dataclass(frozen=True)
-class VelocityOptions:
-    """Limits of what is used.
-
-    mask_deg : lowest elevation.   longest_s : longest interval.   fewest : satellites.   limit : of the normalised residual.
-    rate : m/s in zenith, of air and satellite clocks that the model leaves.   largest_sd : m/s, of the three components together.
-    excess : chi-square over redundancy beyond which an interval is given up.   reach_s : of epochs before the first or after the last
-    position.   position_sd : m, largest of a position, with what it may be off between those given (3 m/s^2).
-    """
-
-    mask_deg: float = 10.0
-    longest_s: float = 2.0
-    fewest: int = 5
-    limit: float = 4.0
-    rate: float = 5e-4
-    largest_sd: float = 0.5
-    excess: float = 9.0
-    reach_s: float = 1.0
-    position_sd: float = 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +113,7 @@ class AntennaVelocity:
 
 
 def time_differenced_velocity(
-    observations: "Observations", navigation: Navigation, positions: GnssFixes, options: VelocityOptions | None = None
+    observations: Observations, navigation: Navigation, positions: GnssFixes, options: VelocityOptions | None = None
 ) -> AntennaVelocity:
     """Mean velocities over the intervals between neighbouring epochs of the rover, where its phases and `positions` allow.
 
@@ -145,7 +132,7 @@ def time_differenced_velocity(
     return _solve(observations, antenna, pairs, options)
 
 
-def _solve(observations: "Observations", antenna: Antenna, pairs: Pairs, options: VelocityOptions) -> AntennaVelocity:
+def _solve(observations: Observations, antenna: Antenna, pairs: Pairs, options: VelocityOptions) -> AntennaVelocity:
     """Least squares of all intervals, and their velocities."""
     ends, start = np.unique(pairs.epoch, return_index=True)
     length = antenna.time[ends] - antenna.time[ends - 1]

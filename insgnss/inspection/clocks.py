@@ -9,11 +9,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..formats._heads import TIME_FACTORS
 from ..records import Array
-from .names import CLOCK_NAMES, WEEK_NAMES, Grid, spellings, squashed
+from .names import CLOCK_NAMES, WEEK_NAMES, Grid, bare, spellings, squashed
 
 UNIX_FROM = 5e8  # s: a clock beyond this counts from 1970
-TIME_FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 EVEN_SHARE = 0.6  # of the steps of an unnamed clock near the usual one: receivers leave fixes out
 FIXED_TICKS = {"sampletimefine": "100 us"}  # clocks whose name says their unit
 COUNTER = re.compile(r".*(count|counter|cnt|seq|index|idx|packet|number|frame|sample|id|row)(nr|no)?")
@@ -26,10 +26,11 @@ def clocks(grid: Grid, longest_step: float) -> dict[int, str]:
     longest_step : s, of the sensor; 0.5 for an IMU, 30 for GNSS.
     """
     named = any(name is not None for name in grid.names)
+    fine = seconds_and_nanoseconds(grid.names).values()
     found: dict[int, str] = {}
     for k, name in enumerate(grid.names):
-        known = [] if name is None else [short for short in spellings(name) if short in CLOCK_NAMES]
-        if named and not known:
+        known = [] if name is None else [short for short in (*spellings(name), *bare(name, ("time",))) if short in CLOCK_NAMES]
+        if named and (not known or k in fine):
             continue
         unit = _clock_unit(grid.values[:, k], longest_step, strict=not named)
         if unit is not None:

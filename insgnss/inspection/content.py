@@ -114,8 +114,10 @@ def _imu(
 
 def _units(draft: Draft, source: Source, raw: ImuSamples, found: "Recognition | None", alone: dict[str, str]) -> None:
     """Quantity, units and sign of the force."""
-    units = dict(source.keys.get("units", {}))
+    said = _said_of_kind(source, raw.quantity if found is None else found.quantity)
+    units = said | source.keys.get("units", {})
     why = [source.why["units"]] if "units" in source.why else []
+    why += [f"the header gives {' and '.join(said.values())}"] if said else []
     if found is None:
         if raw.quantity != "mean_rate":
             draft.add("imu", "quantity", raw.quantity, source.why.get("quantity", ""))
@@ -137,9 +139,18 @@ def _units(draft: Draft, source: Source, raw: ImuSamples, found: "Recognition | 
         draft.add("imu", "accel_sign", -1, f"{_evidence(sign)}; {mirrored}", sign.confidence > SURE)
 
 
+def _said_of_kind(source: Source, quantity: str) -> dict[str, str]:
+    """Units of gyro and accel that the file's header gives, as far as they are of the quantity."""
+    from ..formats._heads import factor_of
+
+    kinds = {key: f"{key} increment" if quantity == "increments" else key for key in SENSORS}
+    return {key: unit for key, unit in (source.units_said or {}).items() if factor_of(unit, (kinds[key],)) is not None}
+
+
 def _unit_of_numbers(source: Source, found: "Recognition", key: str) -> str | None:
     """Unit of a sensor's numbers in the file, where the data tell it and the file does not, or says another one."""
-    from ..formats import UNITS, unit_factor
+    from ..formats import UNITS
+    from ..formats._heads import factor_of, kinds_like
 
     factor = found.gyro_factor if key == "gyro" else found.accel_factor
     if source.units_said is None or not found.finding(SENSORS[key]).confidence > SURE:
@@ -147,9 +158,9 @@ def _unit_of_numbers(source: Source, found: "Recognition", key: str) -> str | No
     said = source.units_said.get(key)
     kind = f"{key} increment" if found.quantity == "increments" else key
     if said is not None:
-        if abs(factor - 1.0) < SAME:
+        if abs(factor - 1.0) < SAME and key in _said_of_kind(source, found.quantity):
             return None
-        factor *= unit_factor(said, kind)
+        factor *= factor_of(said, kinds_like(key)) or 1.0
     unit, base = next(((name, f) for name, f in UNITS[kind].items() if abs(factor / f - 1.0) < SAME), (None, 1.0))
     return unit if unit is not None else f"{factor / base:.8g} {next(iter(UNITS[kind]))}"
 

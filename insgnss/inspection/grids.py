@@ -57,10 +57,7 @@ def _text_tables(path: Path) -> Iterator[Table]:
 
 
 def _text_table(layout: Any, values: Array) -> Table:
-    from ..formats._columns import normalised
-
     names = layout.header_fields or (None,) * layout.n_fields
-    units = tuple(None if name is None else normalised(name)[1] for name in names)
     nanos = {}
     for whole, fine in seconds_and_nanoseconds(names).items():
         if values[:, fine].min() >= 0.0 and values[:, fine].max() < 1e9 and np.ptp(values[:, fine]) > 0.0:
@@ -69,7 +66,7 @@ def _text_table(layout: Any, values: Array) -> Table:
         values = values.copy()
         for whole, fine in nanos.items():
             values[:, whole] += 1e-9 * values[:, fine]
-    return Table(Grid(values, tuple(names), units, nanos), tuple(name or "" for name in names))
+    return Table(Grid(values, tuple(names), nanos), tuple(name or "" for name in names))
 
 
 def date_in(path: Path) -> np.datetime64 | None:

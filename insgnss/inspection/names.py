@@ -1,10 +1,16 @@
 """Names that columns go by, compared without case, blanks and signs, and the unknown table whose columns bear them."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
+from ..formats import UNITS
+from ..formats._heads import factor_of, unit_in, without_unit
+from ..formats._units import usual_unit
 from ..records import Array
+
+OF_VALUES = tuple(kind for kind in UNITS if kind != "time")  # kinds of the units of what is no clock
 
 
 def squashed(name: str) -> str:
@@ -14,9 +20,19 @@ def squashed(name: str) -> str:
 
 def spellings(name: str) -> list[str]:
     """Squashed name, and without what stands before its dots (`field.header.stamp` is `stamp` too) or slashes (`/imu/data/gyro/x`)."""
+    return [squashed(part) for part in _parts(name)]
+
+
+def bare(name: str, kinds: Sequence[str]) -> list[str]:
+    """Spellings of a name without the unit of one of `kinds` behind it, where there is one."""
+    return [squashed(stem) for part in _parts(name) for stem, _ in without_unit(part, kinds)]
+
+
+def _parts(name: str) -> list[str]:
+    """Name without brackets, and what stands behind each of its dots or slashes."""
     plain = re.sub(r"[(\[](?!\d+[)\]])[^)\]]*[)\]]", "", name).strip().strip("\"'")
     parts = re.split(r"[./]", plain) if plain.startswith("/") else plain.split(".")
-    return [squashed(".".join(parts[k:])) for k in range(len(parts))]
+    return [".".join(parts[k:]) for k in range(len(parts))]
 
 
 def _triad_names(*stems: str) -> list[tuple[str, ...]]:
@@ -37,33 +53,12 @@ ACCEL_NAMES = _triad_names(
     *("a", "arss", "acc", "accel", "accelerometer", "acceleration", "linearacceleration", "linacc", "accelerometerms2", "f", "fb"),
     *("specificforce", "dv", "dvel", "deltavelocity", "delvel", "imuaccel", "imuacc", "imua"),
 )
-UNIT_TAIL = re.compile(r"(.*[xyz1-3])(rads|radps|rps|rad|degs|degps|deg|dps|degh|degph|ms2|mss|mps2|mg|g)")
-_TAILS = (
-    "",
-    "s",
-    "sec",
-    "secs",
-    "seconds",
-    "ms",
-    "msec",
-    "us",
-    "usec",
-    "ns",
-    "nsec",
-    "stamp",
-    "stampms",
-    "stampus",
-    "stampns",
-    "stampnsec",
-    "stamps",
-    "stampsec",
-)
 _HEADS = ("", "imu", "gyro", "sensor", "sample", "gps", "gnss", "l", "unix", "utc", "system")
-CLOCK_NAMES = {f"{head}time{tail}" for head in _HEADS for tail in _TAILS} | {
-    *("tow", "gpstow", "gpstows", "sow", "gpssow", "gpst", "seconds", "secs", "sec", "tows", "towms", "itow", "timeofweek", "epoch"),
-    *("secofweek", "secondsofweek", "gpsseconds", "gpssec", "stamp", "headerstamp", "elapsed", "secondselapsed", "zeit", "zeits"),
-    *("rosbagtimestamp", "headertime", "sampletimefine", "headerstampsec", "headerstampsecs", "stampsec", "stampsecs", "utc", "gps"),
-    *("t", "ts", "tms", "tus", "tns", "ms", "us", "millis", "micros"),
+CLOCK_NAMES = {f"{head}time{tail}" for head in _HEADS for tail in ("", "s", "stamp", "stamps")} | {
+    *("tow", "gpstow", "sow", "gpssow", "gpst", "seconds", "secs", "sec", "itow", "timeofweek", "epoch"),
+    *("secofweek", "secondsofweek", "gpsseconds", "gpssec", "stamp", "headerstamp", "elapsed", "secondselapsed", "zeit"),
+    *("rosbagtimestamp", "headertime", "sampletimefine", "utc", "gps"),
+    *("t", "ts", "ms", "us", "millis", "micros"),
 }
 WEEK_NAMES = {"week", "gpsweek", "wn", "gwk", "wk"}
 GNSS_NAMES: dict[str, tuple[str, ...]] = {
@@ -137,14 +132,13 @@ GNSS_NAMES |= {
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """An unknown table: values (n, m), the name of each column or None, and the unit its header gives, or None.
+    """An unknown table: values (n, m) and the name of each column, or None.
 
     nanos : of a clock in two columns, that of the seconds and that of the nanoseconds; the values of the former are those of both.
     """
 
     values: Array
     names: tuple[str | None, ...]
-    units: tuple[str | None, ...] = ()
     nanos: dict[int, int] = field(default_factory=dict)
 
     @property
@@ -157,7 +151,13 @@ class Grid:
         for k, name in enumerate(self.names):
             for short in spellings(name)[1:] if name is not None else ():
                 found.setdefault(short, k)
-        for name, k in list(found.items()):  # a unit written behind the name without brackets
-            if tail := UNIT_TAIL.fullmatch(name):
-                found.setdefault(tail[1], k)
+        for k, name in enumerate(self.names):
+            for short in bare(name, OF_VALUES) if name is not None else ():
+                found.setdefault(short, k)
         return found
+
+    def unit_of(self, column: int, kind: str) -> str | None:
+        """Unit of a kind that the name of a column gives, in brackets or behind it, as the readers take it; None without one."""
+        name = self.names[column]
+        said = None if name is None else unit_in(name, (kind,))
+        return None if said is None or factor_of(said, (kind,)) is None else usual_unit(said, kind)

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..formats import unit_factor
 from ..geodesy.earth import curvature_radii
 from ..records import Array
 from .clocks import clocks, clocks_by_values, tick, week_column, weeks
@@ -25,7 +26,6 @@ from .names import ACCEL_NAMES, GNSS_NAMES, GYRO_NAMES, Grid
 
 GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
 TENTH_MICRODEGREES, LARGEST_DEGREES = "1e-7 deg", 1e4
-ANGLES = {"deg": float(np.pi / 180.0), "rad": 1.0, TENTH_MICRODEGREES: 1e-7 * float(np.pi / 180.0)}
 VELOCITY_SIGMAS = {"sd_vn", "sd_ve", "sd_vd"}
 POSITION_SIGMAS = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"}
 MOST_QUALITY = 7  # of RTKLIB's codes
@@ -122,10 +122,10 @@ def _completed(grid: Grid, found: dict[str, int]) -> Roles:
         del found["q"]
     units = {"angle": _angle_unit(grid, found["lat"], found["lon"])}
     height = grid.values[:, found["h"]]
-    if units["angle"] == TENTH_MICRODEGREES and (height == np.round(height)).all():
+    if units["angle"] == TENTH_MICRODEGREES and grid.unit_of(found["h"], "length") is None and (height == np.round(height)).all():
         units["length"] = "mm"  # receivers that count so write whole millimetres
     if "course" in found:
-        units["course"] = "rad" if np.abs(grid.values[:, found["course"]]).max() <= 6.3 else "deg"
+        units["course"] = "rad" if np.abs(grid.values[:, found["course"]]).max() <= 6.3 else "deg"  # loggers name it wrongly
     lat, lon = grid.values[:, found["lat"]], grid.values[:, found["lon"]]
     held = (np.diff(lat) == 0.0) & (np.diff(lon) == 0.0)
     ticks = clocks(grid, 30.0)
@@ -139,13 +139,12 @@ def _completed(grid: Grid, found: dict[str, int]) -> Roles:
 
 
 def _angle_unit(grid: Grid, lat: int, lon: int) -> str:
-    """By the header, else by the values: radians where no value could be none."""
-    said = grid.units[lat] if grid.units else None
-    if said in ANGLES:
-        return str(said)
+    """By values that could be neither degrees nor radians, else by the header, else radians where no value could be none."""
     largest = (np.abs(grid.values[:, lat]).max(), np.abs(grid.values[:, lon]).max())
     if max(largest) > LARGEST_DEGREES and largest[0] <= 90e7 and largest[1] <= 360e7:
         return TENTH_MICRODEGREES
+    if said := grid.unit_of(lat, "angle"):
+        return said
     return "rad" if largest[0] <= 0.5 * np.pi and largest[1] <= np.pi else "deg"
 
 
@@ -180,7 +179,7 @@ def _place_by_values(grid: Grid, clock: int, factor: float) -> dict[str, int] | 
         if taken & {lat, lon, height}:
             continue
         place = {"lat": lat, "lon": lon, "h": height}
-        metres = _metres(grid, place, ANGLES[_angle_unit(grid, lat, lon)])
+        metres = _metres(grid, place, unit_factor(_angle_unit(grid, lat, lon), "angle"))
         if metres is not None and _travels(time, metres):  # latitude first, unless that is no latitude
             return place | _velocity_and_sigmas(grid.values, time, metres, height + 1)
     return None

@@ -4,23 +4,31 @@ A table whose columns the reader knows by itself gets no `columns`; any other ge
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, UsageError
-from .clocks import TIME_FACTORS, UNIX_FROM, tick
+from ..errors import InputError
+from ..formats import UNITS
+from ..formats._heads import Kinds, factor_of, kinds_like, names_of, unit_in
+from ..formats._units import usual_unit
+from .clocks import UNIX_FROM, tick
 from .grids import FEWEST_ROWS, Table
-from .names import Grid, squashed
+from .names import Grid
 from .roles import ACCEL, GYRO, POSITION_SIGMAS, Roles, gnss_by_values, gnss_roles, imu_roles, triads_named
 from .sources import NO_SIGMA, SINGLE_POINT, STEP_TOLD, Role, Source
 
 ASSUMED_HZ = 100.0
 ATTITUDE = re.compile(r"(roll|pitch|yaw|heading|phi|theta|psi)(deg|rad)?|(att|attitude|rpy|ypr|euler)[xyz1-3]?")
 UNIT_COLUMNS = {"angle": "lat", "course": "course", "length": "h"}
-UNIT_REASONS = {"1e-7 deg": "values far beyond 360", "mm": "heights are whole numbers beside latitudes in 1e-7 deg"}
+UNIT_REASONS = {
+    "1e-7 deg": "values far beyond 360",
+    "deg": "values beyond what a course in rad can be",
+    "mm": "heights are whole numbers beside latitudes in 1e-7 deg",
+}
 EPOCH_UNITS = {"s": "unix", "ms": "unix_ms", "us": "unix_us", "ns": "unix_ns"}
 VARIABLES = {".mat", ".npy", ".npz"}  # files whose columns must be named
 CLOCKLESS = {".npy", ".npz", ".imu"}
@@ -85,26 +93,24 @@ def _imu(path: Path, table: Table, roles: Roles) -> Source:
 
 
 def _header_units(grid: Grid, columns: dict[str, int], keys: dict[str, Any], why: dict[str, str]) -> dict[str, str]:
-    """Units of gyro and accel that the header gives; one that no reader knows is none, the numbers are then read as SI and that is told."""
-    from ..formats import UNITS, unit_factor
+    """Units of gyro and accel that the names of the columns give, as the reader takes them, and with them the quantity.
 
-    said = {key: grid.units[columns[name]] if grid.units else None for key, name in (("gyro", "gx"), ("accel", "ax"))}
+    One that no reader knows is none, nor that of an increment beside that of a rate: the numbers are then read as SI, and that is told.
+    """
     known: dict[str, str] = {}
-    for key, unit in said.items():
-        if unit is None:
-            continue
-        for kind in (key, f"{key} increment"):
-            try:
-                unit_factor(unit, kind)
-            except UsageError:
-                continue
-            if kind != key:
-                keys["quantity"], why["quantity"] = "increments", f"the header gives {unit}"
-            known[key] = unit
-            break
-        else:
-            _unit(keys, why, key, next(iter(UNITS[key])), f"the header's unit {unit!r} is not known")
-    return known
+    for key, names in (("gyro", GYRO), ("accel", ACCEL)):
+        fields = [name for c in names if (name := grid.names[columns[c]]) is not None]
+        if unit := next(filter(None, (unit_in(field, kinds_like(key)) for field in fields)), None):
+            known[key] = next((usual for kind in kinds_like(key) if (usual := usual_unit(unit, kind)) != unit), unit)
+    rates = {key for key, unit in known.items() if factor_of(unit, (key,)) is not None}
+    increments = {key for key, unit in known.items() if factor_of(unit, (f"{key} increment",)) is not None}
+    if increments == known.keys() and known:
+        keys["quantity"], why["quantity"] = "increments", f"the header gives {' and '.join(known.values())}"
+        return known
+    for key in known.keys() - rates:
+        what = "is that of an increment" if key in increments else "is not known"
+        _unit(keys, why, key, next(iter(UNITS[key])), f"the header's unit {known[key]!r} {what}")
+    return {key: unit for key, unit in known.items() if key in rates}
 
 
 def _gnss(path: Path, table: Table, roles: Roles) -> Source:
@@ -121,8 +127,8 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
         columns = roles.columns | _clock_columns(table.grid, clock, roles.week)
         _time_unit(keys, why, table.grid, clock, unit)
         for key, value in roles.units.items():
-            said = table.grid.units[roles.columns[UNIT_COLUMNS[key]]] if table.grid.units else None
-            if value not in ("deg", said):
+            said = table.grid.unit_of(roles.columns[UNIT_COLUMNS[key]], "length" if key == "length" else "angle")
+            if value != (said or "deg"):
                 _unit(
                     keys,
                     why,
@@ -149,15 +155,13 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
 
 def _events(path: Path, table: Table) -> list[Source]:
     """Exposures: a column of names or numbers beside a clock, or a clock alone."""
-    names = table.grid.named
     if path.suffix.lower() in VARIABLES or not 1 <= len(table.grid.names) <= 4:
         return []
     if any(name is not None for name in table.grid.names):
-        from ..formats.events import ALIASES
+        from ..formats import events
 
-        clock = any(squashed(alias) in names for alias in ALIASES["tow"])
-        image = any(squashed(alias) in names for alias in ALIASES["image"])
-        return [Source("events", path, f"exposures, {len(table.grid.values)} of them")] if clock and image else []
+        known = set(_as_reader_names(table, events.ALIASES, events.KINDS))
+        return [Source("events", path, f"exposures, {len(table.grid.values)} of them")] if {"tow", "image"} <= known else []
     last = table.grid.values[:, -1]
     increasing = np.isfinite(last).all() and last.size > 1 and bool((np.diff(last) > 0.0).all())
     if len(table.grid.names) > 2 or not increasing:
@@ -181,26 +185,17 @@ def _time_unit(keys: dict[str, Any], why: dict[str, str], grid: Grid, clock: int
     step = float(np.median(np.diff(grid.values[:, clock])[np.diff(grid.values[:, clock]) > 0.0]))
     if unit in EPOCH_UNITS and float(grid.values[0, clock]) * factor > UNIX_FROM:
         unit = EPOCH_UNITS[unit]
-    said = grid.units[clock] if grid.units else None
-    if (said is None and unit == "s") or (said is not None and _is_unit(said, unit)):
+    said = grid.unit_of(clock, "time")
+    told = said == unit
+    if unit == "s" and (told or said is None):
         return
-    _unit(keys, why, "time", unit, f"{STEP_TOLD} {step:g}")
+    _unit(keys, why, "time", unit, f"the header gives {said}" if told else f"{STEP_TOLD} {step:g}")
 
 
 def _unit(keys: dict[str, Any], why: dict[str, str], of: str, unit: str, reason: str) -> None:
     """Set a unit and add its reason to those of the others."""
     keys.setdefault("units", {})[of] = unit
     why["units"] = "; ".join(filter(None, [why.get("units", ""), reason]))
-
-
-def _is_unit(said: str, unit: str) -> bool:
-    """Whether the header's unit of time is this one."""
-    from ..formats import unit_factor
-
-    try:
-        return unit in TIME_FACTORS and unit_factor(said, "time") == TIME_FACTORS[unit]
-    except UsageError:
-        return False
 
 
 def _span(grid: Grid, clock: int, unit: str, rows: Any = slice(None)) -> tuple[float, float]:
@@ -231,13 +226,16 @@ def _spell_out(path: Path, table: Table, columns: dict[str, int], role: Role, ke
 def _reader_finds(role: Role, table: Table, columns: dict[str, int]) -> bool:
     """Whether the reader of text tables takes just these columns by the header."""
     from ..formats import gnss_text, imu_csv
-    from ..formats._columns import normalised
 
-    aliases = imu_csv.ALIASES if role == "imu" else gnss_text.ALIASES
-    canonical = {alias: name for name, known in aliases.items() for alias in known}
-    taken = [(canonical.get(normalised(field)[0]), k) for k, field in enumerate(table.fields)]
-    by_itself = {name: k for name, k in taken if name is not None}
-    return len(by_itself) == sum(name is not None for name, _ in taken) and by_itself == columns
+    reader = imu_csv if role == "imu" else gnss_text
+    taken = _as_reader_names(table, reader.ALIASES, reader.KINDS)
+    by_itself = {name: k for k, name in enumerate(taken) if name is not None}
+    return len(by_itself) == sum(name is not None for name in taken) and by_itself == columns
+
+
+def _as_reader_names(table: Table, aliases: Mapping[str, tuple[str, ...]], kinds: Kinds) -> list[str | None]:
+    """What a reader of text tables with these aliases takes each column for by the header."""
+    return names_of(table.fields, {alias: name for name, known in aliases.items() for alias in known}, kinds)
 
 
 def _is_default(role: Role, columns: list[str]) -> bool:

@@ -52,6 +52,7 @@ NAMES = (
     "GNSS quality",
     "antenna lever arm",
     "GNSS time offset",
+    "turn-on bias",
 )
 """Of all checks; the flight file's `accept` takes them."""
 

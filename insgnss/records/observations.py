@@ -1,6 +1,7 @@
 """What was recorded: samples of the IMU and their increments, fixes, exposures."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -22,6 +23,7 @@ class ImuSamples:
     time : (n,) s, GPST of `gps_week`; the stamp is the end of the sample's interval (mean rate, increments) or the instant.
     gyro : (n, 3) rad/s, or rad for increments.   accel : (n, 3) m/s^2 specific force, or m/s for increments.
     notes : what the reader found odd and did about it (rows left out or put in order, with counts).
+    units : that the numbers of the file were taken to be in, of "gyro" and "accel"; empty where its format fixes them.
     """
 
     time: Array
@@ -31,6 +33,7 @@ class ImuSamples:
     gps_week: int | None = None
     source: str = ""
     notes: tuple[Check, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = frozen(self, "time", (None,)).size

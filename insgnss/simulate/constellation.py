@@ -52,6 +52,7 @@ from ..gnss.navigation_message import (
     TOE,
     Navigation,
 )
+from ..gnss.orbits import PZ90_A, PZ90_J2, PZ90_MU, PZ90_RATE
 
 Array = NDArray[np.float64]
 
@@ -60,7 +61,6 @@ GPS_PER_PLANE = (5, 5, 5, 5, 5, 6)
 GPS_AXIS_M, GLONASS_AXIS_M = 26.5597e6, 25.5082e6
 GLONASS_CHANNELS = (1, -4, 5, 6, 1, -4, 5, 6, -2, -7, 0, -1, -2, -7, 0, -1, 4, -3, 3, 2, 4, -3, 3, 2)
 LUNISOLAR_STEP = 2.0**-30 * 1e3  # m/s^2, of the message
-PZ90_MU, PZ90_A, PZ90_J2, PZ90_RATE = 3.986004418e14, 6378136.0, 1.0826257e-3, 7.292115e-5  # m^3/s^2, m, rad/s
 LONGEST_S = 86400.0
 
 

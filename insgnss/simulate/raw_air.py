@@ -12,11 +12,16 @@ A ray that arrives at elevation E at the height h is straight; with r from the E
 so that no mapping function, no zenith delay and no law of either for the height is supposed: the model has nothing of Saastamoinen's,
 Niell's, Askne and Nordius' or Black and Eisner's in it. Bending adds decimetres at 5 degrees, the same to receivers near to each other.
 
-Ionosphere. A shell at 350 km, pierced at a place x (north, east of the site) by a ray of zenith angle z' there, holds the vertical delay
+Ionosphere. A shell at 350 km holds the vertical delay V. A ray of elevation E and azimuth A from latitude phi, longitude lambda and
+height h pierces it at the zenith angle z', the angle psi seen from the Earth's centre away from the receiver (IS-GPS-200 20.3.3.5.2.5,
+unabridged), at the place x, north and east of a site in its tangent plane:
 
-    V(x, t) = V0 + V' t + G x + A sin(2 pi (k x / lambda - t / period) + phase)                              (A.3)
+    sin z' = (R + h) cos E / (R + H),   psi = pi / 2 - E - z'
+    sin phi' = sin phi cos psi + cos phi sin psi cos A,   lambda' = lambda + asin(sin psi sin A / cos phi')  (A.3)
 
-of L1; the code on a carrier f is later by V / cos z' (f1 / f)^2, its phase earlier by as much.
+    V(x, t) = V0 + V' t + G x + a sin(2 pi (k x / length - t / period) + phase)                              (A.4)
+
+is that of L1; the code on a carrier f is later by V / cos z' (f1 / f)^2, its phase earlier by as much.
 """
 
 from dataclasses import dataclass
@@ -104,8 +109,10 @@ class Troposphere:
 
 @dataclass(frozen=True)
 class Ionosphere:
-    """The shell of (A.3): V0 m, V' m/s, G (north, east) m/m, amplitude of the wave m, its direction (north, east), its phase rad."""
+    """The shell of (A.4): its site's latitude and longitude, rad, V0 m, V' m/s, G (north, east) m/m, amplitude of the wave m, its
+    direction (north, east), its phase rad."""
 
+    site: tuple[float, float]
     vertical_m: float
     rate_ms: float
     gradient: tuple[float, float]
@@ -113,12 +120,21 @@ class Ionosphere:
     wave_direction: tuple[float, float]
     wave_phase: float
 
-    def delay(self, elapsed: Array, place: Array, azimuth: Array, elevation: Array) -> Array:
-        """Delay of the code on L1, m, (n, s), at `elapsed` (n,) s, of receivers at `place` (n, 2) m north and east of the site."""
-        low = RADIUS_M / (RADIUS_M + SHELL_M) * np.cos(elevation)  # sine of the zenith angle at the shell
-        away = (RADIUS_M + SHELL_M) * (0.5 * np.pi - elevation - np.arcsin(low))
-        north, east = place[:, :1] + away * np.cos(azimuth), place[:, 1:] + away * np.sin(azimuth)
+    def delay(self, elapsed: Array, place: tuple[Array, Array, Array], azimuth: Array, elevation: Array) -> Array:
+        """Delay of the code on L1, m, (n, s), at `elapsed` (n,) s, of receivers at `place`: latitude, longitude, rad, height, m, (n,)."""
+        lat, lon, height = (x[:, None] for x in place)
+        low = (RADIUS_M + height) * np.cos(elevation) / (RADIUS_M + SHELL_M)  # sine of the zenith angle at the shell
+        away = 0.5 * np.pi - elevation - np.arcsin(low)
+        pierced_lat = np.arcsin(np.sin(lat) * np.cos(away) + np.cos(lat) * np.sin(away) * np.cos(azimuth))
+        pierced_lon = lon + np.arcsin(np.sin(away) * np.sin(azimuth) / np.cos(pierced_lat))
+        north, east = self._from_site(pierced_lat, pierced_lon)
         along = north * self.wave_direction[0] + east * self.wave_direction[1]
         wave = np.sin(2.0 * np.pi * (along / WAVE_LENGTH_M - elapsed[:, None] / WAVE_PERIOD_S) + self.wave_phase)
         vertical = self.vertical_m + self.rate_ms * elapsed[:, None] + self.gradient[0] * north + self.gradient[1] * east
         return np.asarray((vertical + self.wave_m * wave) / np.sqrt(1.0 - low**2))
+
+    def _from_site(self, lat: Array, lon: Array) -> tuple[Array, Array]:
+        """Places on the shell, north and east of the site in its tangent plane, m."""
+        phi, apart = self.site[0], lon - self.site[1]
+        north = np.sin(lat) * np.cos(phi) - np.cos(lat) * np.sin(phi) * np.cos(apart)
+        return (RADIUS_M + SHELL_M) * north, (RADIUS_M + SHELL_M) * np.cos(lat) * np.sin(apart)

@@ -197,10 +197,10 @@ def simulate_raw_gnss(flight: Flight, rig: Rig, events: CameraEvents, options: R
     span = (float(base.time[0]), float(base.time[-1]))
     navigation = constellation(flight.gps_week, *span, options.systems, int(common.integers(1 << 31)))
     view = satellites_in_view(navigation, place, span, options.elevation_mask_deg, options.broadcast_error_m, common)
-    scene = _Scene(flight, view, Troposphere(options.weather, height), _ionosphere(options, common), options)
+    scene = _Scene(flight, view, Troposphere(options.weather, height), _ionosphere(options, place, common), options)
     rover_data, rover_slips = _observe(rover, scene, _Receiver(options.rate_hz, 1.0, options.glonass_phase_bias_m), moving)
     base_data, base_slips = _observe(base, scene, _Receiver(options.base_rate_hz, options.base_share, 0.0), standing)
-    by_rover = events.time + np.interp(events.time, rover.time, rover.clock_s)
+    by_rover = events.time + _clock_at(events.time, rover, options.clock_jump_s)
     return RawGnss(rover_data, base_data, navigation, by_rover, place, options.weather, rover_slips, base_slips, options)
 
 
@@ -245,11 +245,28 @@ def _clock(n: int, interval: float, options: RawGnssOptions, rng: np.random.Gene
     return offset - jumps, np.gradient(offset, interval)
 
 
-def _ionosphere(options: RawGnssOptions, rng: np.random.Generator) -> Ionosphere:
+def _clock_at(time: Array, receiver: Antenna, jump_s: float) -> Array:
+    """Clock minus GPST (k,) s at instants (k,) of GPST: linear between epochs but for the jumps, which come with the later epoch."""
+    if jump_s == 0.0:
+        return np.interp(time, receiver.time, receiver.clock_s)
+    jumps = np.concatenate([[0.0], np.cumsum(jump_s * np.round(np.diff(receiver.clock_s) / jump_s))])
+    last = np.clip(np.searchsorted(receiver.time, time, side="right") - 1, 0, receiver.time.size - 1)
+    return np.interp(time, receiver.time, receiver.clock_s - jumps) + jumps[last]
+
+
+def _ionosphere(options: RawGnssOptions, place: Array, rng: np.random.Generator) -> Ionosphere:
+    """The shell around the base's place, ECEF (3,) m."""
     slope, wave, phase = rng.uniform(0.0, 2.0 * np.pi, 3)
     gradient = (options.iono_gradient * np.cos(slope), options.iono_gradient * np.sin(slope))
+    lat, lon, _ = ecef_to_geodetic(place)
     return Ionosphere(
-        options.iono_vertical_m, options.iono_rate_ms, gradient, options.iono_wave_m, (float(np.cos(wave)), float(np.sin(wave))), phase
+        (float(lat), float(lon)),
+        options.iono_vertical_m,
+        options.iono_rate_ms,
+        gradient,
+        options.iono_wave_m,
+        (float(np.cos(wave)), float(np.sin(wave))),
+        phase,
     )
 
 
@@ -308,11 +325,10 @@ def _values(
 
 def _air(antenna: Antenna, scene: _Scene, paths: Paths) -> tuple[Array, Array]:
     """Delays (n, s) m of the troposphere, and of the ionosphere on the code of L1."""
-    frame = scene.flight.motion.frame
-    _, _, height = ecef_to_geodetic(antenna.position)
+    lat, lon, height = ecef_to_geodetic(antenna.position)
     low = np.radians(LOWEST_DEG)
     elevation = np.maximum(paths.elevation, low)
     table = scene.troposphere.table(float(height.min()), float(height.max()), low)
     troposphere = table(np.broadcast_to(height[:, None], elevation.shape), elevation, grid=False) / np.sin(elevation)
-    place = (antenna.position - frame.origin_ecef) @ frame.C_el[:, :2]
-    return troposphere, scene.ionosphere.delay(antenna.time - scene.flight.motion.start, place, paths.azimuth, elevation)
+    elapsed = antenna.time - scene.flight.motion.start
+    return troposphere, scene.ionosphere.delay(elapsed, (lat, lon, height), paths.azimuth, elevation)

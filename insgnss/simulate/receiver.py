@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..errors import UsageError
 from ..geodesy.frames import LocalFrame
 from ..records import GnssFixes
+from ..records.qualities import Quality
 from ..stochastic.model import AxisNoise, GaussMarkov
 from ..stochastic.processes import simulate_noise
 from .flights import Flight
@@ -19,20 +20,18 @@ from .sensors import Rig, antenna_states
 
 Array = NDArray[np.float64]
 
-FIXED, FLOAT, SINGLE = 1, 2, 5  # RTKLIB's codes of quality
-
 
 @dataclass(frozen=True)
 class FixEpisode:
     """A stretch without fixed ambiguities; times are s after the record's start, directions north, east, down.
 
-    quality : RTKLIB's code (1 fixed, 2 float, 5 single).   sigma_m : of the error, which replaces that of the other fixes and has
+    quality : of `records.qualities`.   sigma_m : of the error, which replaces that of the other fixes and has
     this `correlation_time_s` (0: white).   claim_m : what the fixes say of it; None: the truth.
     """
 
     start_s: float
     duration_s: float
-    quality: int = FLOAT
+    quality: int = Quality.FLOAT
     sigma_m: tuple[float, float, float] = (0.3, 0.3, 0.5)
     correlation_time_s: float = 30.0
     claim_m: tuple[float, float, float] | None = None
@@ -90,7 +89,7 @@ def simulate_gnss(flight: Flight, rig: Rig, options: GnssOptions, rng: np.random
     )
     claim = np.square(options.sigma_m) + np.square(options.correlated_sigma_m) * options.claim_correlated
     variance = np.broadcast_to(claim, (at.size, 3)).copy()
-    quality = np.full(at.size, FIXED, dtype=np.int64)
+    quality = np.full(at.size, Quality.FIXED, dtype=np.int64)
     for episode, stream in zip(options.episodes, bad.spawn(len(options.episodes)), strict=True):
         inside = _within(stamp - motion.start, (episode.start_s, episode.duration_s))
         error[inside] = _correlated(episode.sigma_m, episode.correlation_time_s, int(inside.sum()), options.rate_hz, stream)

@@ -46,7 +46,8 @@ class FlightTuning:
     noise : the estimate.   static, model : the model of the flight file, and the same with the factors found.   files : what was written.
     lost_before, lost_after : fixes that the solutions with the static model and with the new one reject.
     straight : spectrum of the IMU in straight flight, None without.   dropped_correlated : whether noise of the IMU explains what the
-    solution took for a correlated error of the fixes.   notes : what became of stretches between gaps of the IMU.
+    solution took for a correlated error of the fixes.   notes : what became of stretches between gaps of the IMU.   key : of the flight
+    file, for the model found.
     """
 
     name: str
@@ -61,6 +62,7 @@ class FlightTuning:
     dropped_correlated: bool
     notes: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
+    key: str = "imu.noise"
 
     @property
     def headline(self) -> str:
@@ -123,21 +125,31 @@ def tune_flight(
     accel.driving_noise.
     Raises InputError for wrong input, UsageError for an unknown parameter or a file in the way, DataError where nothing can be told.
     """
+    chosen = chosen_parameters(parameters)
+    target = planned(flight, out, force)
+    if flight.imu.more:
+        raise InputError(f"{flight.path}: imu.more: the noise of several IMUs in one cannot be told apart; `tune_each` takes each alone")
+    return write(estimate(flight, chosen, progress), target)
+
+
+def chosen_parameters(parameters: Sequence[str] | None) -> tuple[str, ...]:
+    """What is to be estimated, by default white noise. Raises UsageError for an unknown parameter, and for one given twice."""
     from ..calibrate.innovation_noise import DEFAULT, IMU
     from ..calibrate.likelihood import one_factor_each
-    from ..calibrate.straight_flight import straight_flight, straight_segments
-    from ..stretch import solve_stretches
 
     chosen = tuple(dict.fromkeys(parameters or DEFAULT))
     for name in chosen:
         if name not in IMU:
             raise UsageError(f"noise parameter {name!r} is unknown; use some of {', '.join(IMU)}")
     one_factor_each(chosen)
-    target = planned(flight, out, force)
-    if flight.imu.more:
-        raise InputError(
-            f"{flight.path}: imu.more: the noise of several IMUs in one cannot be told apart; tune a flight file of each alone"
-        )
+    return chosen
+
+
+def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> FlightTuning:
+    """What a flight with one IMU says of its noise; nothing is written. Raises InputError and DataError as `tune_flight` does."""
+    from ..calibrate.straight_flight import straight_flight, straight_segments
+    from ..stretch import solve_stretches
+
     progress("read")
     recording = _read(flight)
     light = replace(flight, output=replace(flight.output, trajectory_hz=EPOCH_HZ))
@@ -154,10 +166,8 @@ def tune_flight(
     segments = np.concatenate([straight_segments(stretch.solution) for stretch in solved])
     spectrum = straight_flight(recording.imu, recording.C_b_imu, segments)
     accepted, reasons = _judged(noise, before, after, beyond_spectrum(spectrum, model, noise))
-    progress("write")
     notes = tuple(check.found for check in gaps)
-    result = FlightTuning(flight.name, accepted, reasons, noise, recording.noise, model, before, after, spectrum, dropped, notes)
-    return write(result, target)
+    return FlightTuning(flight.name, accepted, reasons, noise, recording.noise, model, before, after, spectrum, dropped, notes)
 
 
 def _read(flight: Flight) -> Recording:

@@ -49,7 +49,7 @@ def summary(tuning: "FlightTuning") -> str:
     lines += ["", *_spectrum(tuning.straight, tuning)]
     lines += ["", f"written: {', '.join(map(str, tuning.files))}"]
     if tuning.file is not None:
-        lines += [f'to use it: imu.noise = "{tuning.file.name}" in the flight file (a path from there)']
+        lines += [f'to use it: {tuning.key} = "{tuning.file.name}" in the flight file (a path from there)']
     return "\n".join(lines)
 
 

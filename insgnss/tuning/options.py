@@ -83,7 +83,12 @@ def add_arguments(parser: argparse.ArgumentParser, positive: Any) -> None:
     parser.add_argument(
         "static", nargs="*", type=Path, metavar="STATIC", help="static recordings of one IMU, or a file of published variances"
     )
-    parser.add_argument("--flight", type=Path, metavar="FLIGHT", help="estimate noise from the innovations of this flight instead")
+    parser.add_argument(
+        "--flight",
+        type=Path,
+        metavar="FLIGHT",
+        help="estimate noise from the innovations of this flight instead; each of several IMUs alone, the second into FILE_2",
+    )
     parser.add_argument("--parameters", metavar="NAMES", help="with --flight: what to estimate, with commas between")
     where = "the noise model; its figures and table (.json) go beside it (default: imu_noise.toml, of a flight in_flight_noise.toml)"
     parser.add_argument("--out", type=Path, metavar="FILE", help=where)

@@ -1,22 +1,23 @@
 """From a file of samples and the options of the verb to samples in SI: columns, units, rate, and messages in the verb's own words.
 
 Where nothing in a file says its units, they must be given: noise numbers are worth nothing without. Columns go by the names that the
-readers know; a clock that is called otherwise (timestamp_us, GPS time of week) is found here, with the unit that its name ends in.
+readers know; a clock that is called otherwise (timestamp_us, GPS time of week) is found here.
 A rate that no IMU has means that time is in another unit: milliseconds taken for seconds make 0.2 Hz of 200 Hz.
 """
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ..errors import InputError, UsageError
-from ..formats import TableInfo, describe, read_imu, sniff_imu, unit_factor
-from ..formats._columns import normalised
-from ..formats.imu_csv import ACCEL, ALIASES, GYRO
+from ..formats import TableInfo, describe, read_imu, sniff_imu
+from ..formats._heads import TIME_FACTORS, factor_of, kinds_like, names_of, unit_in
+from ..formats.imu_csv import ACCEL, ALIASES, GYRO, KINDS
 from ..prepare.gaps import nominal_interval
-from ..records import Check, ImuSamples
+from ..records import ImuSamples
 from .options import TuneOptions
 
 PLAIN = ("tow", *GYRO, *ACCEL)
@@ -24,12 +25,14 @@ HEAD = 1 << 13
 SAY_THEIR_UNITS = ("aimu", "psins", "ardupilot", "ulog")
 LEAST_HZ, MOST_HZ = 5.0, 50e3  # IMUs give 20 to 20000 samples a second
 USUAL_HZ = (20.0, 20e3)
-TIME_FACTORS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_CLOCK = re.compile(r"(?:gps_|imu_|sensor_|sys_|system_)?(?:time|timestamp|time_of_week|tow|stamp|clock|t)(?:_?(s|sec|ms|us|ns))?")
+CLOCKS = ("time", "timestamp", "time_of_week", "tow", "stamp", "clock", "t")
+OF_CLOCKS = ("", "gps_", "imu_", "sensor_", "sys_", "system_")
 _WORDS = (
     (r'columns = \{ ?tow = (?:"its name in the file"|\.\.\.), \.\.\. ?\}', "--columns tow=NAME,gx=NAME,..."),
     (r"(?:set )?columns = \[\.\.\.\]", "--columns NAMES"),
     (r"units = \{ ?time = \.\.\. ?\}", "--time-unit"),
+    (r"\bset units$", "give --gyro-unit or --accel-unit"),
+    (r"(?<![-.\w])units (gyro|accel|time)\b(?: =)?", r"--\1-unit"),
     (r"(?<![-\w])columns(?= =|:| names| does)", "--columns"),
     (r"\bout of columns\b", "out of --columns"),
     (r"(?<![-\w])rate_hz\b", "--rate"),
@@ -56,15 +59,15 @@ def own_text(text: str) -> str:
     return text
 
 
-def read_samples(path: Path, options: TuneOptions) -> tuple[ImuSamples, tuple[Check, ...]]:
-    """Samples of a file, and what is to be said of their units.
+def read_samples(path: Path, options: TuneOptions) -> ImuSamples:
+    """Samples of a file in SI.
 
     Raises InputError for a wrong file and a rate that no IMU has, UsageError where units or columns are missing.
     """
     with own_words():
         imu = _read(path, options)
     _refuse_rate(path, imu, options)
-    return imu, tuple(_contradicted_units(path, options))
+    return replace(imu, notes=tuple(replace(told, found=own_text(told.found), advice=own_text(told.advice)) for told in imu.notes))
 
 
 def _read(path: Path, options: TuneOptions) -> ImuSamples:
@@ -74,11 +77,10 @@ def _read(path: Path, options: TuneOptions) -> ImuSamples:
     except InputError as error:
         if how["columns"] is not None or "does not name tow" not in str(error):
             raise
-        named = _named_columns(describe(path), options)
-        if named is None:
+        columns = _named_columns(describe(path), options)
+        if columns is None:
             raise
-        columns, time_unit = named
-        return read_imu(path, **how | {"columns": columns, "units": _units(options, time_unit)})
+        return read_imu(path, **how | {"columns": columns})
 
 
 def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
@@ -86,26 +88,19 @@ def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
     form = sniff_imu(path)
     columns: Any = options.columns
     nameless = columns is None and form == "npy"
-    time_unit = None
     if nameless or (form not in SAY_THEIR_UNITS and not (options.gyro_unit and options.accel_unit)):
         tables = describe(path)
         if nameless:
-            columns = _plain_columns(tables, options)
-            if columns is None and (named := _named_columns(tables, options)):
-                columns, time_unit = named
+            columns = _plain_columns(tables, options) or _named_columns(tables, options)
         _ask_for_units(path, tables, options)
+    given = {"gyro": options.gyro_unit, "accel": options.accel_unit, "time": options.time_unit}
     return {
         "columns": columns,
-        "units": _units(options, time_unit),
+        "units": {key: unit for key, unit in given.items() if unit} or None,
         "quantity": options.quantity,
         "rate_hz": options.rate_hz,
         "variable": options.variable,
     }
-
-
-def _units(options: TuneOptions, time_unit: str | None = None) -> dict[str, str] | None:
-    given = {"gyro": options.gyro_unit, "accel": options.accel_unit, "time": options.time_unit or time_unit}
-    return {key: unit for key, unit in given.items() if unit} or None
 
 
 def _plain_columns(tables: list[TableInfo], options: TuneOptions) -> tuple[str, ...] | None:
@@ -117,62 +112,31 @@ def _plain_columns(tables: list[TableInfo], options: TuneOptions) -> tuple[str, 
     return {6: PLAIN[1:], 7: PLAIN}.get(width)
 
 
-def _named_columns(tables: Sequence[TableInfo], options: TuneOptions) -> tuple[Mapping[str, str], str | None] | None:
-    """Field of each column by its canonical name, and the unit of time that a name ends in; None where they are not all named."""
-    known = {alias: name for name in PLAIN for alias in ALIASES[name]}
+def _named_columns(tables: Sequence[TableInfo], options: TuneOptions) -> Mapping[str, str] | None:
+    """Field of each column by its canonical name; None where they are not all named."""
+    known = {alias: name for name in PLAIN for alias in ALIASES[name]} | {f"{of}{clock}": "tow" for of in OF_CLOCKS for clock in CLOCKS}
     tables = [table for table in tables if options.variable in (None, table.name)]
     if len(tables) != 1:
         return None
     found: dict[str, str] = {}
-    time_unit = None
-    for field in tables[0].columns:
-        head = normalised(field)[0]
-        clock = _CLOCK.fullmatch(head)
-        name = known.get(head) or ("tow" if clock else None)
+    for field, name in zip(tables[0].columns, names_of(tables[0].columns, known, KINDS), strict=True):
         if name is None or name in found or (name == "tow" and options.rate_hz is not None):
             continue
         found[name] = field
-        if name == "tow" and clock and head not in known and clock[1] in TIME_FACTORS:
-            time_unit = clock[1]
     needed = PLAIN if options.rate_hz is None else PLAIN[1:]
-    return (found, time_unit) if all(name in found for name in needed) else None
+    return found if all(name in found for name in needed) else None
 
 
 def _ask_for_units(path: Path, tables: list[TableInfo], options: TuneOptions) -> None:
     """UsageError where neither the file nor an option says a unit."""
-    said = {unit for table in tables for unit in table.units if unit}
+    fields = [field for table in tables for field in table.columns]
     increments = " increment" if options.quantity == "increments" else ""
     for sensor, unit, example in (("gyro", options.gyro_unit, "deg/s"), ("accel", options.accel_unit, "m/s^2")):
-        if unit is None and not any(_factor(text, f"{sensor}{increments}") for text in said):
+        said = filter(None, (unit_in(field, kinds_like(sensor)) for field in fields))
+        if unit is None and not any(factor_of(text, (f"{sensor}{increments}",)) for text in said):
             raise UsageError(
                 f"{path}: nothing says the unit of the {sensor} columns; give --{sensor}-unit, such as {example} or that of one count"
             )
-
-
-def _contradicted_units(path: Path, options: TuneOptions) -> Iterator[Check]:
-    """A note for each sensor whose unit stands otherwise in the header of a text file than the option says."""
-    if sniff_imu(path) != "imu_csv":
-        return
-    with path.open("rb") as stream:
-        head = stream.read(HEAD).decode("utf-8", "replace")
-    said = re.findall(r"[(\[]([^()\[\]\n]*)[)\]]", "\n".join(line for line in head.splitlines() if not re.match(r"\s*[-+.\d]", line)))
-    increments = " increment" if options.quantity == "increments" else ""
-    for sensor, given in (("gyro", options.gyro_unit), ("accel", options.accel_unit)):
-        kind = f"{sensor}{increments}"
-        if given is None:
-            continue
-        other = [unit for unit in said if (factor := _factor(unit, kind)) and abs(factor / (_factor(given, kind) or factor) - 1.0) > 1e-6]
-        if other:
-            advice = f"leave --{sensor}-unit out if the header is right: noise numbers scale with it"
-            yield Check("unit", f"the header says {other[0]}, and --{sensor}-unit {given} was taken", "one unit", "note", advice)
-
-
-def _factor(text: str, kind: str) -> float | None:
-    """Factor of what is a unit of a kind, None for anything else."""
-    try:
-        return unit_factor(text, kind)
-    except UsageError:
-        return None
 
 
 def _refuse_rate(path: Path, imu: ImuSamples, options: TuneOptions) -> None:
@@ -184,7 +148,7 @@ def _refuse_rate(path: Path, imu: ImuSamples, options: TuneOptions) -> None:
     found = f"{path}: {rate:.3g} Hz, {imu.time.size} samples in {span:.3g} h; an IMU has {USUAL_HZ[0]:g} to {USUAL_HZ[1]:g} Hz"
     if options.rate_hz is not None:
         raise InputError(f"{found}; give --rate in samples a second")
-    likely = [unit for unit, factor in TIME_FACTORS.items() if USUAL_HZ[0] <= rate / factor <= USUAL_HZ[1]]
+    likely = [unit for unit, factor in TIME_FACTORS.items() if unit != "s" and USUAL_HZ[0] <= rate / factor <= USUAL_HZ[1]]
     if likely and options.time_unit is None:
         advice = f"if time is in {likely[0]}, give --time-unit {likely[0]} ({rate / TIME_FACTORS[likely[0]]:g} Hz)"
     else:

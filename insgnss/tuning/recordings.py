@@ -59,7 +59,7 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
     with own_words():
         if holds_variances(path):
             return _published(path, options)
-    imu, said = read_samples(path, options)
+    imu = read_samples(path, options)
     progress(f"checking {path.name}")
     span = static_span(imu, options.skip_s, options.keep_s, options.bridge_s)
     _refuse(path, span, options.accept)
@@ -70,7 +70,7 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
         curves |= {(sensor, k): c for k, c in enumerate(wavelet_variances(values, span.rate_hz, robust=options.robust))}
     blocks = {sensor: _block_means(values) for sensor, values in triads.items()}
     source = RecordingSource(path.name, sha256(path), len(span.gyro), round(span.rate_hz, 6))
-    return StaticRecording(source, curves, blocks, span.begin_s, span.length_s, (*said, *span.checks), span.disturbances)
+    return StaticRecording(source, curves, blocks, span.begin_s, span.length_s, span.checks, span.disturbances)
 
 
 def holds_variances(path: Path) -> bool:

@@ -10,9 +10,10 @@ from .options import TuneOptions, options_of
 if TYPE_CHECKING:
     from .in_flight import FlightTuning
     from .result import TuneResult
+    from .several import SeveralTuned
 
 
-def tune(given: argparse.Namespace, progress: Callable[[str], None]) -> "TuneResult | FlightTuning":
+def tune(given: argparse.Namespace, progress: Callable[[str], None]) -> "TuneResult | FlightTuning | SeveralTuned":
     """Do what the parsed command line asks for. Raises UsageError for what does not go together."""
     if given.flight is not None and given.static:
         raise UsageError(f"tune: both static recordings ({given.static[0]}) and --flight are given; choose one of them")
@@ -28,7 +29,7 @@ def tune(given: argparse.Namespace, progress: Callable[[str], None]) -> "TuneRes
     if options != TuneOptions():
         raise UsageError("tune: with --flight only --parameters, --out and --force have a meaning; the flight file says the rest")
     from ..flight import load_flight
-    from .in_flight import tune_flight
+    from .several import tune_each
 
     names = [name.strip() for name in given.parameters.split(",")] if given.parameters else None
-    return tune_flight(load_flight(given.flight), given.out, names, progress, given.force)
+    return tune_each(load_flight(given.flight), given.out, names, progress, given.force)

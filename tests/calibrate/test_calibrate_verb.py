@@ -71,6 +71,17 @@ def test_columns_and_units_are_said_on_the_line(tmp_path: Path, capsys: pytest.C
     np.testing.assert_allclose(a.gyro.bias, b.gyro.bias, atol=1e-8)
 
 
+def test_a_unit_against_the_header_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the header says m/s^2, the option mg: a line of what is printed, of the JSON and of the file says both."""
+    recording(tmp_path / "hand.csv", 12)
+    table = np.loadtxt(tmp_path / "hand.csv", delimiter=",", skiprows=1) / [1, 1, 1, 1, *[9.80665e-3] * 3]
+    np.savetxt(tmp_path / "mg.csv", table, delimiter=",", fmt="%.9f", header="tow,gx,gy,gz,ax_m_s2,ay_m_s2,az_m_s2", comments="")
+    told = "IMU units: the header says m/s^2, and units accel = mg was taken"
+    assert main(["calibrate", str(tmp_path / "mg.csv"), "--accel-unit", "mg", "--json"]) == 0
+    assert any(told in note for note in json.loads(capsys.readouterr().out)["notes"])
+    assert told in (tmp_path / "calibration.toml").read_text()
+
+
 def test_wrong_use_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: the design's exit codes."""
     recording(tmp_path / "hand.csv", 5)

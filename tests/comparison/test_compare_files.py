@@ -10,6 +10,7 @@ import pytest
 from compared_files import Written
 from numpy.testing import assert_allclose
 
+from insgnss.cli import main
 from insgnss.comparison.compare import compare_files, compare_poses
 from insgnss.comparison.reading import read_poses
 from insgnss.comparison.result import Comparison
@@ -177,6 +178,22 @@ def test_another_origin_is_no_difference(flight: Written, tmp_path: Path) -> Non
     c = compare_files(flight["eo.json"], tmp_path / "EO.txt")
     assert largest(c, ("east", "north", "up")) < 2e-4
     assert largest(c, ("about east", "about north", "about up")) < np.radians(4e-6)
+
+
+def test_heights_above_the_geoid_compare_once_its_height_is_given(flight: Written, tmp_path: Path) -> None:
+    """Oracle: the file before 47.3 m were taken off its heights."""
+    text = flight["antenna.pos"].read_text()
+    rows = [line.split() for line in text.splitlines() if not line.startswith("%")]
+    head = [line.replace("ellipsoidal", "geodetic") for line in text.splitlines() if line.startswith("%")]
+    lower = tmp_path / "above_geoid.pos"
+    lower.write_text("\n".join([*head, *(" ".join([*row[:4], f"{float(row[4]) - 47.3:.4f}", *row[5:]]) for row in rows)]) + "\n")
+    assert main(["compare", str(flight["antenna.pos"]), str(lower), "--undulation-b", "47.3", "-q"]) == 0
+    c = compare_files(flight["antenna.pos"], lower, undulation_m=(None, 47.3))
+    assert largest(c, ("east", "north", "up")) < 2e-4
+    with pytest.raises(InputError, match="--undulation-a, --undulation-b"):
+        compare_files(flight["antenna.pos"], lower)
+    with pytest.raises(UsageError, match="leave the height of the geoid out"):
+        compare_files(flight["eo.json"], lower, undulation_m=(47.3, 47.3))
 
 
 def test_gaps_are_not_interpolated(flight: Written, tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ def read_realitycapture(path: Path, where: str) -> Read:
 
 def read_opensfm(path: Path, where: str) -> Read:
     reference = json.loads(path.with_name("reference_lla.json").read_text())
-    assert_allclose([reference["latitude"], reference["longitude"]], [LAT0, LON0], atol=1e-12)
+    assert_allclose([reference["latitude"], reference["longitude"]], [LAT0, LON0], rtol=0, atol=1e-12)
     axes = Place("tangent plane", np.zeros(3)).axes
     out: Read = []
     for shot in json.loads(path.read_text()).values():
@@ -113,7 +113,7 @@ def read_bentley(path: Path, where: str) -> Read:
         M = np.array([[float(pose.findtext(f"Rotation/M_{i}{j}", "nan")) for j in range(3)] for i in range(3)])
         x = np.array([float(pose.findtext(f"Center/{axis}", "nan")) for axis in "xyz"])
         if definition is not None and definition.startswith("ENU:"):  # its origin lies on the ellipsoid
-            assert_allclose([float(v) for v in definition[4:].split(",")], [LAT0, LON0], atol=1e-12)
+            assert_allclose([float(v) for v in definition[4:].split(",")], [LAT0, LON0], rtol=0, atol=1e-12)
             x = x - [0, 0, 412.5]
         else:
             assert definition == ("EPSG:4326" if where == "geographic" else where)
@@ -199,16 +199,16 @@ def test_worked_example(tmp_path: Path) -> None:
     """Oracle: formats.md 0.2, printed to 6 decimals of a degree; Bentley's angles through M^T = Rx Ry Rz without D."""
     plane, geographic = worked("tangent plane"), worked("geographic")
     write_micmac(plane, tmp_path / "m")
-    assert_allclose(numbers(tmp_path / "m", None)[0][3:6], [0.931051, 4.374505, -137.600874], atol=2e-6)
+    assert_allclose(numbers(tmp_path / "m", None)[0][3:6], [0.931051, 4.374505, -137.600874], rtol=0, atol=2e-6)
     write_metashape_opk(geographic, tmp_path / "o")
-    assert_allclose(numbers(tmp_path / "o")[0][3:6], [0.931051, 4.374505, -137.600874], atol=2e-6)
+    assert_allclose(numbers(tmp_path / "o")[0][3:6], [0.931051, 4.374505, -137.600874], rtol=0, atol=2e-6)
     for write in (write_metashape, write_pix4d_matic, write_realitycapture):
         write(geographic, tmp_path / "y")
-        assert_allclose(numbers(tmp_path / "y")[0][3:6], [137.648029, -3.636396, -2.605228], atol=2e-6)
+        assert_allclose(numbers(tmp_path / "y")[0][3:6], [137.648029, -3.636396, -2.605228], rtol=0, atol=2e-6)
     write_bentley(geographic, tmp_path / "b")
     M_t = read_bentley(tmp_path / "b", "geographic")[0][1]
     assert_allclose(M_t.T, [[-0.736314, -0.675117, 0.045363], [-0.672327, 0.737532, 0.063424], [-0.076275, 0.016202, -0.996955]], atol=6e-7)
-    assert_allclose(Rotation.from_matrix(M_t).as_euler("XYZ", degrees=True), [-179.068949, -4.374505, 137.600874], atol=2e-6)
+    assert_allclose(Rotation.from_matrix(M_t).as_euler("XYZ", degrees=True), [-179.068949, -4.374505, 137.600874], rtol=0, atol=2e-6)
 
 
 def test_nominal_camera_and_offset_of_metashape(tmp_path: Path) -> None:
@@ -275,7 +275,7 @@ def test_odm_geo(tmp_path: Path) -> None:
         assert first == head
         row = next(line for line in rest if not line.startswith("#")).split()
         x = frame.coordinates[0] if where != "geographic" else [*np.degrees(frame.coordinates[0, :2]), frame.coordinates[0, 2]]
-        assert_allclose([float(v) for v in row[1:4]], x, atol=0.6e-4)
+        assert_allclose([float(v) for v in row[1:4]], x, rtol=0, atol=0.6e-4)
         assert row[4:7] == ["NaN"] * 3
 
 
@@ -291,7 +291,7 @@ def test_axis_order_of_matic(tmp_path: Path) -> None:
         head, row = (tmp_path / "x.csv").read_text().splitlines()
         assert head.startswith(f"#imagename,{first} ({code}")
         order = [1, 0] if first == "northing" else [0, 1]
-        assert_allclose([float(v) for v in row.split(",")[1:3]], frame.coordinates[0, order], atol=0.6e-4)
+        assert_allclose([float(v) for v in row.split(",")[1:3]], frame.coordinates[0, order], rtol=0, atol=0.6e-4)
 
 
 def test_bentley_camera(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def test_a_clock_in_two_columns(tmp_path: Path) -> None:
     names = {"tow": "secs", "nsec": "nsecs"} | {name: name for name in ("gx", "gy", "gz", "ax", "ay", "az")}
     rows = "".join(f"{10 + k // 4},{250000000 * (k % 4)},1,2,3,4,5,6\n" for k in range(9))
     assert_allclose(
-        read_imu(text(tmp_path, "secs,nsecs,gx,gy,gz,ax,ay,az\n" + rows), columns=names).time, 10.0 + 0.25 * np.arange(9), atol=1e-9
+        read_imu(text(tmp_path, "secs,nsecs,gx,gy,gz,ax,ay,az\n" + rows), columns=names).time, 10.0 + 0.25 * np.arange(9), rtol=0, atol=1e-9
     )
 
 

@@ -74,7 +74,7 @@ def test_worked_example_omega_phi_kappa(tmp_path: Path) -> None:
     write_eo_local_plane(in_frame(exterior(worked_example()[None]), "tangent plane"), tmp_path / "eo.txt")
     row = (tmp_path / "eo.txt").read_text().splitlines()[-1].split()
     assert row[0] == "8001.tif"
-    assert_allclose([float(x) for x in row[4:7]], [0.931051, 4.374505, -137.600874], atol=2e-6)
+    assert_allclose([float(x) for x in row[4:7]], [0.931051, 4.374505, -137.600874], rtol=0, atol=2e-6)
 
 
 def test_worked_example_metashape(tmp_path: Path) -> None:
@@ -84,8 +84,8 @@ def test_worked_example_metashape(tmp_path: Path) -> None:
     head, row = (tmp_path / "ms.csv").read_text().splitlines()
     assert head == "#Label,X,Y,Z,Yaw,Pitch,Roll,X_acc,Y_acc,Z_acc,Yaw_acc,Pitch_acc,Roll_acc"
     values = [float(x) for x in row.split(",")[1:]]
-    assert_allclose(values[:3], [6.54, 46.57, 630.0], atol=1e-9)
-    assert_allclose(values[3:6], [137.648029, -3.636396, -2.605228], atol=2e-6)
+    assert_allclose(values[:3], [6.54, 46.57, 630.0], rtol=0, atol=1e-9)
+    assert_allclose(values[3:6], [137.648029, -3.636396, -2.605228], rtol=0, atol=2e-6)
 
 
 def test_local_plane_round_trip_and_sigmas(tmp_path: Path) -> None:
@@ -95,7 +95,7 @@ def test_local_plane_round_trip_and_sigmas(tmp_path: Path) -> None:
     back = read_eo_local_plane(tmp_path / "eo.txt")
     assert back.images == eo.images
     assert_allclose(back.position_m, eo.position_m, atol=0.51e-4, rtol=0)
-    assert_allclose(back.C_mc, eo.C_mc, atol=MICRODEGREE)
+    assert_allclose(back.C_mc, eo.C_mc, rtol=0, atol=MICRODEGREE)
     assert back.sigma_position_m is not None
     assert back.sigma_opk is not None
     assert_allclose(back.sigma_position_m, np.sqrt(np.einsum("nii->ni", eo.cov)[:, :3]), atol=0.51e-5)
@@ -132,12 +132,12 @@ def test_metashape_is_referred_to_true_north_at_the_camera(tmp_path: Path) -> No
     back = read_metashape(tmp_path / "ms.csv")
     pipeline = "+proj=pipeline +step +inv +proj=topocentric +lat_0=46.57 +lon_0=6.54 +h_0=0 +ellps=WGS84 +step +inv +proj=cart +ellps=WGS84"
     lon, lat, h = Transformer.from_pipeline(pipeline).transform(*position.T)
-    assert_allclose(np.degrees([back.lon, back.lat]), [lon, lat], atol=1e-10)
+    assert_allclose(np.degrees([back.lon, back.lat]), [lon, lat], rtol=0, atol=1e-10)
     assert_allclose(back.height, h, atol=0.51e-4)
     for k in range(2):
         A = enu_axes(np.radians(lat[k]), np.radians(lon[k])) @ enu_axes(ORIGIN[0], ORIGIN[1]).T
         yaw, pitch, roll = Rotation.from_matrix(A @ eo.C_mc[k] @ D).as_euler("ZXY")
-        assert_allclose(back.ypr[k], [-yaw, pitch, roll], atol=MICRODEGREE)
+        assert_allclose(back.ypr[k], [-yaw, pitch, roll], rtol=0, atol=MICRODEGREE)
         assert_allclose(back.C_enu_camera[k], A @ eo.C_mc[k], atol=2 * MICRODEGREE)
         assert_allclose(back.accuracy_m[k], np.sqrt(np.diag(A @ eo.cov[k, :3, :3] @ A.T)), atol=0.51e-5)
         psi = np.random.default_rng(4).multivariate_normal(np.zeros(3), A @ eo.cov[k, 3:, 3:] @ A.T, 20000)
@@ -179,10 +179,10 @@ def test_master_quaternions_and_ecef(tmp_path: Path) -> None:
     inverse = Transformer.from_pipeline(f"+proj=pipeline +step +inv {pipeline}")
     for k, image in enumerate(content["images"]):
         w, x, y, z = image["quaternion_wxyz"]
-        assert_allclose(Rotation.from_quat([x, y, z, w]).as_matrix(), eo.C_mc[k], atol=1e-14)
-        assert_allclose(image["ecef"]["position_m"], inverse.transform(*eo.position_m[k]), atol=1e-6)
+        assert_allclose(Rotation.from_quat([x, y, z, w]).as_matrix(), eo.C_mc[k], rtol=0, atol=1e-14)
+        assert_allclose(image["ecef"]["position_m"], inverse.transform(*eo.position_m[k]), rtol=0, atol=1e-6)
         w, x, y, z = image["ecef"]["quaternion_wxyz"]
-        assert_allclose(Rotation.from_quat([x, y, z, w]).as_matrix(), enu_axes(ORIGIN[0], ORIGIN[1]).T @ eo.C_mc[k], atol=1e-12)
+        assert_allclose(Rotation.from_quat([x, y, z, w]).as_matrix(), enu_axes(ORIGIN[0], ORIGIN[1]).T @ eo.C_mc[k], rtol=0, atol=1e-12)
     assert content["images"][-1]["cross_cov6_next"] is None
     assert "points right in the body" in content["image_up"]  # formats.md 0.1: the right wing is at the top
 
@@ -241,7 +241,7 @@ def test_sbet_as_pdal_reads_it(tmp_path: Path) -> None:
         assert r[:4] == (given.time[k], given.lat[k], given.lon[k], given.height[k])
         assert_allclose([r[4], -r[5], -r[6]], given.velocity_ned[k], atol=0)
         assert r[10] == 0.0
-        assert_allclose(Rotation.from_euler("ZYX", [r[9], r[8], r[7]]).as_matrix(), given.C_nb[k], atol=1e-14)
+        assert_allclose(Rotation.from_euler("ZYX", [r[9], r[8], r[7]]).as_matrix(), given.C_nb[k], rtol=0, atol=1e-14)
         assert_allclose(r[11:14], given.acceleration_b[k])  # type: ignore[index]
         assert_allclose(r[14:17], given.rate_b[k])  # type: ignore[index]
 
@@ -260,8 +260,8 @@ def test_sbet_round_trip_without_inertial_data(tmp_path: Path) -> None:
     given = trajectory(inertial=False)
     write_sbet(given, tmp_path / "t.sbet")
     back = read_sbet(tmp_path / "t.sbet")
-    assert_allclose(back.C_nb, given.C_nb, atol=1e-14)
-    assert_allclose(back.velocity_ned, given.velocity_ned, atol=1e-15)
+    assert_allclose(back.C_nb, given.C_nb, rtol=0, atol=1e-14)
+    assert_allclose(back.velocity_ned, given.velocity_ned, rtol=0, atol=1e-15)
     assert not back.acceleration_b.any()
     assert not back.rate_b.any()
 
@@ -311,7 +311,7 @@ def test_trajectory_csv_round_trip(tmp_path: Path) -> None:
     ]
     assert frame["gps_week"].unique().tolist() == [2008, 2009]
     assert frame["heading_deg"].between(0, 360, inclusive="left").all()
-    assert_allclose(frame["lat_deg"], np.degrees(given.lat), atol=1e-10)
+    assert_allclose(frame["lat_deg"], np.degrees(given.lat), rtol=0, atol=1e-10)
     assert_allclose(frame["sd_d_m"], np.sqrt(given.cov[:, 2, 2]), atol=0.51e-5)
 
 

@@ -57,7 +57,7 @@ def counts(tmp_path: Path, columns: str = "", first: str = "") -> Path:
 def test_counts_without_a_column_of_time(tmp_path: Path) -> None:
     """Oracle: counts times the value of one, k / rate, by hand."""
     imu = read_imu(counts(tmp_path), units={"gyro": "0.05 deg/s", "accel": "0.00333 g"}, rate_hz=50.0)
-    assert_allclose(imu.time, [0.0, 0.02, 0.04, 0.06, 0.08], atol=1e-15)
+    assert_allclose(imu.time, [0.0, 0.02, 0.04, 0.06, 0.08], rtol=0, atol=1e-15)
     assert_allclose(np.degrees(imu.gyro[:, 0]), 0.05 * np.arange(5), rtol=1e-14)
     assert_allclose(imu.accel[:, 2], 0.00333 * 9.80665 * (300 + np.arange(5)), rtol=1e-14)
     with pytest.raises(InputError, match="rate_hz is given, but there is a column of time"):
@@ -69,9 +69,9 @@ def test_counts_without_a_column_of_time(tmp_path: Path) -> None:
 def test_milliseconds_of_caller_and_header(tmp_path: Path) -> None:
     """Oracle: thousandths."""
     spec = {"columns": ["tow", "gx", "gy", "gz", "ax", "ay", "az"], "units": {"time": "ms"}}
-    assert_allclose(read_imu(counts(tmp_path, first="2000{}0 "), **spec).time, 200.0 + 0.01 * np.arange(5) + 0.0, atol=1e-9)
+    assert_allclose(read_imu(counts(tmp_path, first="2000{}0 "), **spec).time, 200.0 + 0.01 * np.arange(5) + 0.0, rtol=0, atol=1e-9)
     head = "time[ms] gx gy gz ax ay az\n"
-    assert_allclose(read_imu(counts(tmp_path, head, "2000{}0 ")).time, 200.0 + 0.01 * np.arange(5), atol=1e-9)
+    assert_allclose(read_imu(counts(tmp_path, head, "2000{}0 ")).time, 200.0 + 0.01 * np.arange(5), rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("unix", 1), ("unix_ms", 10**3), ("unix_us", 10**6), ("unix_ns", 10**9)])
@@ -82,7 +82,7 @@ def test_unix_time(tmp_path: Path, unit: str, factor: int) -> None:
     events = read_events(tmp_path / "e.txt", units={"time": unit})
     elapsed = int((datetime(2018, 7, 3, 10, 20, 30) - datetime(1980, 1, 6)).total_seconds()) + 18
     assert events.gps_week == elapsed // 604800
-    assert_allclose(events.time, elapsed % 604800 + np.arange(3), atol=1e-6)
+    assert_allclose(events.time, elapsed % 604800 + np.arange(3), rtol=0, atol=1e-6)
     with pytest.raises(InputError, match="GPS week 2008, but the flight is said to be of week 2009"):
         read_events(tmp_path / "e.txt", units={"time": unit}, gps_week=2009)
 

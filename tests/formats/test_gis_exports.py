@@ -148,7 +148,7 @@ def test_kml_angles_of_known_cameras() -> None:
     north = np.column_stack([[1.0, 0, 0], [0, s, c], [0, -c, s]])
     bank = north @ Rotation.from_euler("z", -10, degrees=True).as_matrix()  # clockwise as the camera sees itself
     got = np.degrees(camera_angles(np.stack([nadir_east, north, bank])))
-    assert_allclose(got, [[90, 0, 0], [0, 60, 0], [0, 60, -10]], atol=1e-9)
+    assert_allclose(got, [[90, 0, 0], [0, 60, 0], [0, 60, -10]], rtol=0, atol=1e-9)
 
 
 # --- GeoPackage ---
@@ -185,7 +185,7 @@ def test_geopackage_reprojects(tmp_path: Path, where: str) -> None:
     points = [geometry(row["geom"]) for row in images]
     assert {kind for _, kind, _ in points} == {1001}
     assert track[1] == 1002
-    assert_allclose(track[2], np.vstack([x for _, _, x in points]))
+    assert_allclose(track[2], np.vstack([x for _, _, x in points]), rtol=0, atol=0)
     by_opk, by_q, by_ypr = [], [], []
     for (_, _, x), row in zip(points, images, strict=True):
         place = Place(where, x[0])
@@ -240,7 +240,7 @@ def test_geopackage_is_valid(tmp_path: Path, where: str, code: int) -> None:
     assert keys == ["fid"]
     assert db.execute("SELECT extension_name, scope FROM gpkg_extensions").fetchone()[:] == ("gpkg_crs_wkt", "read-write")
     x = np.vstack([geometry(row["geom"])[2] for row in db.execute("SELECT geom FROM images")])
-    assert_allclose([contents[0][name] for name in ("min_x", "min_y", "max_x", "max_y")], [*x.min(0)[:2], *x.max(0)[:2]])
+    assert_allclose([contents[0][name] for name in ("min_x", "min_y", "max_x", "max_y")], [*x.min(0)[:2], *x.max(0)[:2]], rtol=0, atol=0)
     db.close()
 
 
@@ -300,7 +300,7 @@ def test_antenna_of_images(where: str) -> None:
     x, A = enu_of(eo, 1)
     C = eo.C_fE[1].T @ eo.C_fc[1]
     antenna = to_ecef(np.degrees(got.lon[1]), np.degrees(got.lat[1]), got.height[1])
-    assert_allclose(antenna, x + A @ C @ ANTENNA, atol=1e-6)
+    assert_allclose(antenna, x + A @ C @ ANTENNA, rtol=0, atol=1e-6)
     turn = np.kron(np.eye(2), eo.C_fE[1].T)
     e = np.random.default_rng(4).multivariate_normal(np.zeros(6), turn @ eo.cov[1] @ turn.T, 20000)
     moved = e[:, :3] + Rotation.from_rotvec(e[:, 3:]).apply(C @ ANTENNA)
@@ -320,7 +320,7 @@ def test_antenna_of_a_trajectory_is_that_of_its_images() -> None:
     A, x = enu_axes(46.57, 6.54), to_ecef(6.54, 46.57, 630.0)
     C = S @ C_nb[0] @ mounting.C_cb.T
     antenna = x + A @ S @ C_nb[0] @ mounting.camera_lever_b + A @ C @ ANTENNA
-    assert_allclose(to_ecef(np.degrees(got.lon[0]), np.degrees(got.lat[0]), got.height[0]), antenna, atol=1e-6)
+    assert_allclose(to_ecef(np.degrees(got.lon[0]), np.degrees(got.lat[0]), got.height[0]), antenna, rtol=0, atol=1e-6)
 
 
 def test_antenna_file_as_rtklib_reads_it(tmp_path: Path) -> None:
@@ -333,7 +333,7 @@ def test_antenna_file_as_rtklib_reads_it(tmp_path: Path) -> None:
     for k, fields in enumerate(lines):
         assert len(fields) == 15
         lat, lon, h, Q, ns, sdn, sde, sdu, sdne, sdeu, sdun, age, ratio = (float(v) for v in fields[2:])
-        assert_allclose([lat, lon], np.degrees([fixes.lat[k], fixes.lon[k]]), atol=0.51e-10)
+        assert_allclose([lat, lon], np.degrees([fixes.lat[k], fixes.lon[k]]), rtol=0, atol=0.51e-10)
         assert (h, Q, ns, age, ratio) == (pytest.approx(fixes.height[k], abs=0.51e-4), 2, 0, 0, 0)
         c = fixes.cov_ned[k] * np.outer([1, 1, -1], [1, 1, -1])
         want = np.array([c[0, 0], c[1, 1], c[2, 2], c[0, 1], c[1, 2], c[0, 2]])
@@ -343,7 +343,7 @@ def test_antenna_file_as_rtklib_reads_it(tmp_path: Path) -> None:
     write_antenna_pos(eo, tmp_path / "b.pos", lever_m="0.462,-0.001,-0.065", quality=2)
     assert (tmp_path / "b.pos").read_text() == (tmp_path / "a.pos").read_text()
     back = read_rtklib_pos(tmp_path / "a.pos")
-    assert_allclose(back.time, eo.time, atol=1e-6)
+    assert_allclose(back.time, eo.time, rtol=0, atol=1e-6)
     assert_allclose(back.cov_ned, fixes.cov_ned, atol=2e-7)
     assert set((back.quality if back.quality is not None else np.zeros(0)).tolist()) == {2}
 

@@ -29,7 +29,8 @@ def test_whole_recording_comes_back(tmp_path: Path, late: list[int], double: lis
     order = list(range(N))
     for row in late:
         order.remove(row)
-        order.insert(order.index(min(row + int(rng.integers(20, 60)), N - 1)), row)
+        behind = row + int(rng.integers(20, 60))
+        order.insert(order.index(next(k for k in range(behind, N) if k not in late)), row)  # one that was moved itself is further on
     for row in double:
         order.insert(int(rng.integers(order.index(row), len(order))) + 1, row)
     imu = read_imu(imu_file(tmp_path, TABLE[order]))

@@ -89,9 +89,9 @@ def covariance(kind: str, row: int) -> np.ndarray:
 
 def check(got: GnssFixes, kind: str) -> None:
     assert got.gps_week == WEEK
-    assert_allclose(got.time, TOW + 0.1 * np.arange(3), atol=2e-6)
+    assert_allclose(got.time, TOW + 0.1 * np.arange(3), rtol=0, atol=2e-6)
     back = np.column_stack([np.degrees(got.lat), np.degrees(got.lon), got.height])
-    assert_allclose(ecef(back), ecef(LLH), atol=2e-4)  # digits printed: 1e-9 deg and 0.1 mm
+    assert_allclose(ecef(back), ecef(LLH), rtol=0, atol=2e-4)  # digits printed: 1e-9 deg and 0.1 mm
     for row in range(3):
         assert_allclose(got.cov_ned[row], covariance(kind, row), atol=1e-9)
     assert got.quality is not None
@@ -124,7 +124,7 @@ def test_velocities(tmp_path: Path, kind: str) -> None:
     v = axes.T @ [1.0, 2.0, 3.0]
     assert got.velocity_ned is not None
     assert got.velocity_cov_ned is not None
-    assert_allclose(got.velocity_ned[0], [here[1] @ v, here[0] @ v, -here[2] @ v], atol=1e-7)
+    assert_allclose(got.velocity_ned[0], [here[1] @ v, here[0] @ v, -here[2] @ v], rtol=0, atol=1e-7)
     assert_allclose(got.velocity_cov_ned[0], 100.0 * covariance(kind, 0), atol=1e-7)
 
 
@@ -148,7 +148,7 @@ def test_roots_of_zero_take_the_callers_sigma(tmp_path: Path) -> None:
         read_gnss(path)
     got = read_gnss(path, sigma_m=[1, 2, 3])
     assert_allclose(got.cov_ned[0], np.diag([1, 4, 9]))
-    assert_allclose(got.cov_ned[1], covariance("llh", 1), atol=1e-12)
+    assert_allclose(got.cov_ned[1], covariance("llh", 1), rtol=0, atol=1e-12)
     assert "1 of 3 epochs without standard deviations have sigma_m" in got.notes[0].found
 
 

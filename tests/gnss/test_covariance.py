@@ -129,7 +129,7 @@ def test_two_runs_that_contradict_each_other_are_covered_and_no_longer_fixed():
     part = np.arange(100) >= 60
     mixed = Separation(np.where(part[:, None], bad.ned, good.ned), bad.cov, good.fixed)
     calibrated, kind = calibrate(forward, np.full(100, 15), np.zeros(100), mixed)
-    assert (kind[:50] == HAMPERED).all()  # 40 of 100 epochs are not fixed
+    assert (kind[:50] == FIXED).all()
     assert not np.isin(kind[60:], BELIEVED).any()
     within = np.einsum("ni,nij,nj->n", mixed.ned[60:], np.linalg.inv(calibrated.cov_ned[60:]), mixed.ned[60:])
     assert (within <= 1.0).all()
@@ -190,34 +190,48 @@ def test_scattered_floats_and_short_runs_hamper_nothing():
     assert not (hampered(0.1 * np.arange(6000), classes(0.1 * np.arange(6000), quality, None)) == HAMPERED).any()
     _, kind = calibrate(fixes_of([1] * 10), None, np.zeros(10))
     assert (kind == FIXED).all()
-    _, kind = calibrate(fixes_of([2] * 3 + [1] * 10), None, np.zeros(13))
-    assert (kind == np.where(np.arange(13) < 3, FLOAT, HAMPERED)).all()
+    _, kind = calibrate(fixes_of([1] * 5 + [2] * 3 + [1] * 5), None, np.zeros(13))
+    assert (kind == np.where(np.isin(np.arange(13), [5, 6, 7]), FLOAT, HAMPERED)).all()
+
+
+def test_floats_before_the_first_and_after_the_last_fix_hamper_nothing():
+    """Oracle: flags written by hand: 20 minutes at 5 Hz, the first 150 s and the last 200 s float; then 150 s in the middle."""
+    time = 0.2 * np.arange(6000)
+    ends = np.where((time < 150.0) | (time >= 1000.0), 2, 1)
+    kind = hampered(time, classes(time, ends, np.full(6000, 14)))
+    assert (kind[ends == 1] == FIXED).all()
+    middle = np.where((time >= 500.0) & (time < 650.0), 2, 1)
+    kind = hampered(time, classes(time, middle, np.full(6000, 14)))
+    near = (middle == 1) & (time > 450.0) & (time < 700.0)
+    assert (kind[near] == HAMPERED).all()
+    assert (hampered(time, np.full(6000, FLOAT)) == FLOAT).all()
 
 
 def test_hampered_fixes_stay_fixed_with_sigmas_of_centimetres():
     """Oracle: (V.1) by hand of k = 4, 25, 25, 40 mm and 1 ppm of 5 km; the quality handed on; and a share of 0, which names none."""
-    fixes = fixes_of([1] * 200 + [2] * 100)
+    quality = np.repeat([1, 2, 1], 100)
+    fixes, there = fixes_of(quality), quality == 1
     calibrated, kind = calibrate(fixes, np.full(300, 14), np.full(300, 5000.0))
-    assert (kind[:200] == HAMPERED).all()
+    assert (kind[there] == HAMPERED).all()
     assert (calibrated.quality == fixes.quality).all()
-    sigma = np.sqrt(np.diagonal(calibrated.cov_ned[:200], axis1=1, axis2=2))
+    sigma = np.sqrt(np.diagonal(calibrated.cov_ned[there], axis1=1, axis2=2))
     assert np.allclose(sigma, np.sqrt([20.0**2 + 25.0**2 + 5.0**2] * 2 + [40.0**2 + 40.0**2 + 5.0**2]) * 1e-3, rtol=1e-9)
     assert "200 of the believed are hampered" in calibrated.notes[-1].found
     assert calibrated.notes[-1].verdict == "note"
     plain, kind = calibrate(fixes, np.full(300, 14), np.full(300, 5000.0), None, replace(MODEL, hampered_share=0.0))
-    assert (kind[:200] == FIXED).all()
-    assert np.sqrt(np.diagonal(plain.cov_ned[:200], axis1=1, axis2=2)).max() < 0.015
+    assert (kind[there] == FIXED).all()
+    assert np.sqrt(np.diagonal(plain.cov_ned[there], axis1=1, axis2=2)).max() < 0.015
     assert plain.notes[-1].verdict == "ok"
 
 
 def test_a_stray_among_hampered_fixes_is_found_as_among_others():
     """Oracle: a fix 0.2 m to the east at 5 Hz; with sigmas of fixed epochs (V.4) allows 0.09 m, with those of hampered ones 0.33 m."""
-    fixes = fixes_of([1] * 60 + [2] * 60, sigma=(0.02, 0.02, 0.04))
+    fixes = fixes_of([1] * 60 + [2] * 60 + [1] * 60, sigma=(0.02, 0.02, 0.04))
     moved = fixes_of([1], offset=(0.0, 0.2, 0.0))
     lon = fixes.lon.copy()
     lon[30] = moved.lon[0]
     model = replace(MODEL, acceleration_mps2=(1.0, 1.0, 1.0))
-    _, kind = calibrate(replace(fixes, lon=lon), np.full(120, 15), np.zeros(120), None, model)
+    _, kind = calibrate(replace(fixes, lon=lon), np.full(180, 15), np.zeros(180), None, model)
     assert np.flatnonzero(kind[:60] != HAMPERED).tolist() == [30]
 
 

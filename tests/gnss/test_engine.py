@@ -64,7 +64,8 @@ def test_dynamics_that_are_asked_for_win(tmp_path, wish):
     """Oracle: the option as it was given, at 0.1 s and 30 s."""
     base, options = header_of(tmp_path, observations(approx=BASE)), EngineOptions(more={"pos1-dynamics": wish})
     for interval in (0.1, 30.0):
-        assert dict(line.split("=") for line in option_file(options, base, "forward", interval, interval).splitlines())["pos1-dynamics"] == wish
+        lines = option_file(options, base, "forward", interval, interval).splitlines()
+        assert dict(line.split("=") for line in lines)["pos1-dynamics"] == wish
         assert check_dynamics(options, interval) == ()
 
 
@@ -103,6 +104,9 @@ def test_only_a_marker_has_the_delta_of_the_header(tmp_path):
         ({"frequencies": 4}, "1, 2 or 3"),
         ({"systems": "GX"}, "letters of"),
         ({"more": {"out-timeform": "1"}}, "out-timeform"),
+        ({"more": {"pos1-posmode": "single"}}, "not to be set there: it is always kinematic"),
+        ({"more": {"pos1-elmask": "10"}}, r"not to be set there: gnss\.elevation_mask_deg sets it"),
+        ({"more": {"Arminfix": "10"}}, "'Arminfix' is no name of an option of RTKLIB"),
         ({"more": {"pos2-arminfix": "10\nout-solformat=1"}}, "end of a line"),
         ({"acceleration_mps2": (0.0, 1.0)}, "positive"),
     ],
@@ -217,7 +221,7 @@ def test_names_that_a_program_does_not_know_are_told(tmp_path):
     assert (check.name, check.verdict) == ("engine options", "note")
     assert check.found.endswith("rnx2rtkp: pos2-arthresmin")
     known = [*(name for name in names if name != "pos2-arminfix"), "pos2-arminfixes"]
-    with pytest.raises(UsageError, match=r"rnx2rtkp has no option pos2-arminfix$") as info:
+    with pytest.raises(UsageError, match=r"rnx2rtkp has no option pos2-arminfix; did you mean pos2-arminfixes\?$") as info:
         check_names(program_of(tmp_path, known), text, options)
     one_line(info)
 
@@ -256,7 +260,7 @@ def test_an_engine_that_hangs_is_ended_and_with_it_the_others(fake):
     """Oracle: the processes are gone (signal 0)."""
     fake.does(combined={"sleep": 60.0}, forward={"sleep": 60.0})
     start = time.monotonic()
-    with pytest.raises(DataError, match=r"did not finish in 1\.5 s; raise timeout_s") as info:
+    with pytest.raises(DataError, match=r"did not finish in 1\.5 s; raise gnss\.timeout_s \(--timeout\); it said: nothing$") as info:
         fake.solve(timeout_s=1.5)
     one_line(info)
     assert time.monotonic() - start < 30.0
@@ -274,6 +278,31 @@ def test_no_engine_says_how_to_get_one(monkeypatch, tmp_path):
         with pytest.raises(UsageError, match=r"pip install 'insgnss\[ppk\]'") as info:
             engine_command(engine)
         assert one_line(info).endswith(INSTALL)
+
+
+def test_a_path_that_is_no_program_is_told_as_such(monkeypatch, tmp_path):
+    """Oracle: the words; how to get an engine is told only where none is installed."""
+    (tmp_path / "notes.txt").write_text("no program\n")
+    for engine in (tmp_path / "rnx2rtkp", tmp_path / "notes.txt", tmp_path):
+        monkeypatch.setattr(importlib.util, "find_spec", lambda name: object())
+        with pytest.raises(UsageError, match="no program that can be run; without it pyrtklib5 is taken") as info:
+            engine_command(str(engine))
+        assert "pip install" not in one_line(info)
+        monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+        with pytest.raises(UsageError, match="no program that can be run; no GNSS engine: pip install"):
+            engine_command(str(engine))
+
+
+@pytest.mark.parametrize(("plan", "said"), [({}, "nothing"), ({"code": 2, "say": "ls: cannot access\n"}, "exit code 2.*cannot access")])
+def test_a_program_that_is_no_engine_is_told_as_such(fake, plan, said):
+    """Oracle: what `true` and `ls` do: no output, with exit code 0 and 2; a program with RTKLIB's names is not doubted."""
+    fake.does(where_base=plan)
+    with pytest.raises(UsageError, match=rf"engine = .*rnx2rtkp': left no solution .* is it an rnx2rtkp\? .*{said}") as info:
+        fake.solve()
+    one_line(info)
+    fake.program.write_text(f"{fake.program.read_text()}# pos1-posmode\n")
+    with pytest.raises(DataError, match="no position from codes" if not plan else "position of the base by codes: the engine stopped"):
+        fake.solve()
 
 
 def test_a_program_on_path_is_the_fall_back(monkeypatch, fake):

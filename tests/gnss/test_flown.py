@@ -4,13 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from photographs import photograph
 
 from insgnss.errors import InputError
+from insgnss.exposures.naming import ImageMatch
 from insgnss.flight import load_flight
 from insgnss.geodesy.frames import geodetic_to_ecef
 from insgnss.gnss import flown
 from insgnss.gnss.covariance import MODEL
-from insgnss.gnss.image_times import image_times
+from insgnss.gnss.events import RoverEvents
 from insgnss.gnss.ppk import PpkInput, PpkResult
 from insgnss.recording import _read_files
 from insgnss.records import CameraEvents, Check, GnssFixes
@@ -59,7 +61,7 @@ def test_the_engine_is_asked_for_what_the_flight_file_says(asked: list, tmp_path
     (inputs,) = asked
     assert [path.name for path in (inputs.rover, inputs.base, *inputs.navigation)] == ["r.obs", "b.obs", "n.nav", "g.nav"]
     options = inputs.options
-    assert np.allclose(options.base_position_m, geodetic_to_ecef(np.radians(53.28), np.radians(-9.05), 70.0), atol=1e-6)
+    assert np.allclose(options.base_position_m, geodetic_to_ecef(np.radians(53.28), np.radians(-9.05), 70.0), rtol=0, atol=1e-6)
     assert (options.base_point, options.systems, options.frequencies) == ("marker", "GR", 1)
     assert (options.elevation_mask_deg, options.ratio) == (12.0, 2.5)
     assert fixes is FIXES
@@ -78,13 +80,14 @@ def test_nothing_is_asked_for_beyond_the_defaults(asked: list, tmp_path: Path) -
 
 def test_the_frame_around_the_engine_is_asked_for(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
     """Oracle: the flight file's own values."""
-    more = "max_age_s = 5\nacceleration_mps2 = [6, 2]\nmore = { pos2-arminfix = 10 }\natmosphere = { humidity = 0.4 }\n"
+    more = "max_age_s = 5\ntimeout_s = 90\nacceleration_mps2 = [6, 2]\nmore = { pos2-arminfix = 10 }\natmosphere = { humidity = 0.4 }\n"
     more += 'engine = "rnx2rtkp"\nphase_velocity = false\ncovariance = { ppm = 2, floor_m = { fixed = 0.01 } }\n'
     (tmp_path / "flight.toml").write_text(FLIGHT + more)
     _read_files(load_flight(tmp_path / "flight.toml"))
     (inputs,) = asked
     options = inputs.options
     assert (options.engine, options.max_age_s, options.acceleration_mps2) == ("rnx2rtkp", 5.0, (6.0, 2.0))
+    assert options.timeout_s == 90.0
     assert options.more == {"pos2-arminfix": "10"}
     assert (inputs.wet_delay, inputs.atmosphere, inputs.velocity) == (True, {"humidity": 0.4}, False)
     assert (inputs.covariance.ppm, inputs.covariance.floor_m["fixed"]) == ((2.0, 2.0, 2.0), (0.01, 0.01, 0.01))
@@ -120,39 +123,13 @@ def test_images_name_the_rovers_events(asked: list, tmp_path: Path) -> None:  # 
     (tmp_path / "names.txt").write_text("a.tif\nb.tif\n")
     (tmp_path / "flight.toml").write_text(FLIGHT + '[camera]\nimages = "names.txt"\n')
     _read_files(load_flight(tmp_path / "flight.toml"))
-    assert asked[0].images.name == "names.txt"
-    assert (asked[0].skip_events, asked[0].skip_images, asked[0].events_containing, asked[0].image_ending) == ((), (), "", None)
-    more = 'skip_events = [2]\nskip_images = ["b.tif"]\nevents_containing = "cam"\nimage_ending = ".tif"\n'
+    assert asked[0].match == ImageMatch(tmp_path / "names.txt")
+    assert asked[0].rover_events == RoverEvents()
+    more = 'skip_events = [2]\nskip_images = ["b.tif"]\nevents_containing = "cam"\ninvalid_events = true\nimage_ending = ".tif"\n'
     (tmp_path / "flight.toml").write_text(FLIGHT + '[camera]\nimages = "names.txt"\n' + more)
     _read_files(load_flight(tmp_path / "flight.toml"))
-    assert (asked[1].skip_events, asked[1].skip_images) == ((2,), ("b.tif",))
-    assert (asked[1].events_containing, asked[1].image_ending) == ("cam", ".tif")
-
-
-def photograph(path: Path, second: float | None) -> None:
-    """A picture of one pixel, taken so many seconds after noon, or without a time."""
-    image = pytest.importorskip("PIL.Image")
-    exif = image.Exif()
-    if second is not None:
-        whole, part = divmod(round(1000 * second), 1000)
-        exif.get_ifd(0x8769).update({0x9003: f"2018:10:04 12:00:{whole:02d}", 0x9291: f"{part:03d}"})
-    if path.suffix == ".dng":
-        path.write_bytes(exif.tobytes().removeprefix(b"Exif\0\0"))  # a TIFF of tags alone
-    else:
-        image.new("L", (1, 1)).save(path, exif=exif)
-
-
-def test_times_of_images_are_those_of_their_exif(tmp_path: Path) -> None:
-    """Oracle: Pillow, which writes the Exif; one image without a time, or a list instead of a directory, tells nothing."""
-    for name, second in {"a.jpg": 3.25, "b.dng": 5.5, "c.jpg": 7.0, "d.jpg": None}.items():
-        photograph(tmp_path / name, second)
-    found = image_times(tmp_path, ("a.jpg", "b.dng", "c.jpg"))
-    assert found is not None
-    assert found.tolist() == [0.0, 2.25, 3.75]
-    assert image_times(tmp_path, ("a.jpg", "d.jpg")) is None
-    (tmp_path / "e.jpg").write_bytes(b"no picture")
-    assert image_times(tmp_path, ("a.jpg", "e.jpg")) is None
-    assert image_times(tmp_path / "a.jpg", ("a.jpg",)) is None
+    assert asked[1].match == ImageMatch(tmp_path / "names.txt", ".tif", (2,), ("b.tif",))
+    assert asked[1].rover_events == RoverEvents("cam", True)
 
 
 def test_the_images_own_times_tell_which_event_has_no_image(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
@@ -169,7 +146,7 @@ def test_the_images_own_times_tell_which_event_has_no_image(asked: list, tmp_pat
     (tmp_path / "flight.toml").write_text(flight + "skip_events = [4]\n")
     _, _, events, _ = _read_files(load_flight(tmp_path / "flight.toml"))
     assert events is not None
-    assert np.allclose(events.time, 10.0 + np.delete(shots, 3))
+    assert np.allclose(events.time, 10.0 + np.delete(shots, 3), rtol=0, atol=1e-9)
 
 
 def test_images_name_the_events_of_another_file(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
@@ -185,4 +162,46 @@ def test_images_name_the_events_of_another_file(asked: list, tmp_path: Path) -> 
     _, _, events, _ = _read_files(load_flight(tmp_path / "flight.toml"))
     assert events is not None
     assert events.images == ("a.jpg", "c.jpg")
-    assert np.allclose(events.time, [10.05, 10.15])
+    assert np.allclose(events.time, [10.05, 10.15], rtol=0, atol=1e-9)
+
+
+READY = """gps_week = 2021
+[imu]
+file = "imu.csv"
+[gnss]
+file = "gnss.txt"
+sigma_m = [0.02, 0.02, 0.03]
+[camera]
+"""
+
+
+def test_images_name_the_events_of_ready_positions_by_the_same_rules(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
+    """Oracle: the lists; the same refusal and the same way out as with a rover, and no engine."""
+    (tmp_path / "gnss.txt").write_text("".join(f"{10 + 0.1 * k:.1f} 46.5 6.5 500.0\n" for k in range(3)))
+    (tmp_path / "Timestamp.MRK").write_text("".join(f"{k}\t{10 + 0.05 * k:.6f}\t[2021]\t0,N\t0,E\t0,V\n" for k in (1, 2, 3)))
+    (tmp_path / "names.txt").write_text("a.jpg\nc.jpg\n")
+    flight = READY + 'events = "Timestamp.MRK"\nimages = "names.txt"\n'
+    (tmp_path / "flight.toml").write_text(flight)
+    with pytest.raises(InputError, match=r"Timestamp\.MRK: 3 camera events and 2 images.*skip_events"):
+        _read_files(load_flight(tmp_path / "flight.toml"))
+    (tmp_path / "flight.toml").write_text(flight + "skip_events = [2]\n")
+    _, fixes, events, ppk = _read_files(load_flight(tmp_path / "flight.toml"))
+    assert (ppk, fixes.source, asked) == (None, str(tmp_path / "gnss.txt"), [])
+    assert events is not None
+    assert events.images == ("a.jpg", "c.jpg")
+    assert np.allclose(events.time, [10.05, 10.15], rtol=0, atol=1e-9)
+    assert events.notes == ()
+
+
+def test_events_of_ready_positions_that_have_names_keep_them(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
+    """Oracle: the file's names; images that name them again are refused."""
+    (tmp_path / "gnss.txt").write_text("".join(f"{10 + 0.1 * k:.1f} 46.5 6.5 500.0\n" for k in range(3)))
+    (tmp_path / "events.txt").write_text("image tow\na.tif 10.05\nb.tif 10.10\n")
+    (tmp_path / "names.txt").write_text("a.jpg\nb.jpg\n")
+    (tmp_path / "flight.toml").write_text(READY + 'events = "events.txt"\nskip_events = [1]\n')
+    _, _, events, _ = _read_files(load_flight(tmp_path / "flight.toml"))
+    assert events is not None
+    assert events.images == ("b.tif",)
+    (tmp_path / "flight.toml").write_text(READY + 'events = "events.txt"\nimages = "names.txt"\n')
+    with pytest.raises(InputError, match=r"events\.txt: the events have names of their own \(a\.tif\)"):
+        _read_files(load_flight(tmp_path / "flight.toml"))

@@ -2,22 +2,27 @@
 
 import argparse
 import json
+import re
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
+import written_rinex as w
 
 from insgnss.errors import DataError, InputError, UsageError
+from insgnss.exposures.naming import ImageMatch
 from insgnss.formats.gnss_text import read_gnss_text, read_image_positions
 from insgnss.geodesy.frames import LocalFrame, TangentPlane, ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from insgnss.gnss import ppk, verb
 from insgnss.gnss.antenna_files import ALL, IMAGES, PLANE, positions_at, write_antenna_files
 from insgnss.gnss.covariance import MODEL
 from insgnss.gnss.engine import EngineRun
+from insgnss.gnss.events import RoverEvents
 from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.ppk import PpkInput, solve_ppk
+from insgnss.gnss.rinex import read_observations
 from insgnss.records import CameraEvents, GnssFixes
 from insgnss.report.gnss import draw_quality
 
@@ -61,7 +66,7 @@ def flown(tmp_path_factory):
         place / "base.18o",
         (place / "brdc.18n", place / "brdc.18g"),
         EngineOptions(base_position_m=tuple(truth["rb"].tolist()), base_point="apc"),
-        images=scratch / "images.txt",
+        match=ImageMatch(scratch / "images.txt"),
     )
     steps = []
     return solve_ppk(given, scratch / "out", steps.append), truth, steps, given
@@ -113,10 +118,11 @@ def test_the_wet_delay_is_taken_off_and_told(flown):
 
 
 def test_events_have_the_names_of_the_images_and_their_times(flown):
-    """Oracle: the truth of the simulation; 1 Hz fixes interpolated by cubics."""
+    """Oracle: the truth of the simulation, its clock taken off the stamps; 1 Hz fixes interpolated by cubics."""
     result, truth, _, _ = flown
     assert result.events.images[0] == "8001.tif"
-    assert np.allclose(result.events.time, truth["events"], atol=1e-6)
+    clock = np.interp(truth["events"], truth["tow"], truth["dtr"])
+    np.testing.assert_allclose(result.events.time, truth["events"] - clock, rtol=0.0, atol=1e-6)
     at, known = positions_at(result.fixes, result.events.time)
     assert known.all()
     error = geodetic_to_ecef(*at.T) - truth["events_xyz"]
@@ -128,18 +134,19 @@ def test_progress_and_files_are_there(flown):
     result, _, steps, _ = flown
     assert next(step for step in steps if step.startswith("engine")) == "engine: three solutions"
     assert {"reading observations", "wet delay", "velocity"} <= set(steps)
-    assert set(result.files) == {"combined", "forward", "backward", "solution"}
-    assert all(path.stat().st_size > 1000 for path in result.files.values())
+    runs = ("combined", "forward", "backward")
+    assert set(result.files) == {*runs, "solution", *(f"options of {run}" for run in runs)}
+    assert all(path.stat().st_size > 1000 for path in result.files.values() if path.suffix == ".pos")
 
 
 def test_one_image_too_few_is_refused_before_the_engine_runs(flown, tmp_path):
     """Oracle: 73 events."""
     _, _, _, given = flown
-    names = given.images.read_text().splitlines()
+    names = given.match.images.read_text().splitlines()
     (tmp_path / "images.txt").write_text("\n".join(names[:-1]) + "\n")
     steps = []
     with pytest.raises(InputError, match="73 camera events and 72 images"):
-        solve_ppk(replace(given, images=tmp_path / "images.txt"), tmp_path, steps.append)
+        solve_ppk(replace(given, match=ImageMatch(tmp_path / "images.txt")), tmp_path, steps.append)
     assert steps == ["reading observations"]
 
 
@@ -184,15 +191,66 @@ def test_events_of_a_file_take_the_place_of_the_rovers(flown, again, tmp_path):
         path.write_text("".join(f"{k}\t{t:.6f}\t[{week}]\t0,N\t0,E\t0,V\n" for k, t in enumerate(truth["events"][:5], start=1)))
     (tmp_path / "events.txt").write_text("image tow\n" + "".join(f"{k}.tif {t:.7f}\n" for k, t in enumerate(truth["events"][:5])))
     for path in (place[2021], tmp_path / "events.txt"):
-        found = again(events=path, images=None, camera_delay_s=0.01).events
+        found = again(events=path, match=ImageMatch(), camera_delay_s=0.01).events
         np.testing.assert_allclose(found.time, truth["events"][:5] + 0.01, rtol=0.0, atol=1e-6)
     assert found.images[0] == "0.tif"
     with pytest.raises(InputError, match=r"2022\.MRK:1: GPS week 2022, but the flight is said to be of week 2021"):
-        again(events=place[2022], images=None)
+        again(events=place[2022], match=ImageMatch())
     with pytest.raises(InputError, match=r"5 camera events and 73 images"):
         again(events=place[2021])
     assert again(events=False).events is None
-    assert again(images=None).events.images[0] == "1"
+    assert again(match=ImageMatch()).events.images[0] == "1"
+
+
+def test_events_of_a_file_are_held_against_those_of_the_rover(flown, again, tmp_path):
+    """Oracle: the truth's times in GPST, its clock taken off; the same in UTC, 18 s less."""
+    _, truth, _, _ = flown
+    time = truth["events"] - np.interp(truth["events"], truth["tow"], truth["dtr"])
+    found = {}
+    for name, behind in (("gpst", 0.0), ("utc", 18.0)):
+        place = tmp_path / f"{name}.txt"
+        place.write_text("image tow\n" + "".join(f"{k}.tif {t - behind:.7f}\n" for k, t in enumerate(time)))
+        result = again(events=place, match=ImageMatch(), camera_delay_s=0.6)
+        told = {check.name: check for check in result.checks}
+        assert (told["camera delay"].verdict, told["camera delay"].found.split()[0]) == ("note", "+0.6")
+        found[name] = told["camera events"], result.verdict
+    assert found["gpst"][0].verdict == "ok"
+    assert "73 of the 73 events" in found["gpst"][0].found
+    assert found["utc"][0].verdict == "contradiction"
+    assert found["utc"][0].found.endswith("but for -18.000 s, the 18 leap seconds: UTC?")
+    assert found["utc"][1].startswith("usable with care: 100.0 % of 361 epochs")
+    assert "look at camera events" in found["utc"][1]
+
+
+def test_epochs_that_the_engine_leaves_out_are_told(flown, monkeypatch, tmp_path):
+    """Oracle: the engine's combined solution without its second half, by hand; the rover has 361 epochs, one a second."""
+    result, _, _, given = flown
+    lines = result.files["combined"].read_text().splitlines(keepends=True)
+    head = sum(line.startswith("%") for line in lines)
+    (tmp_path / "combined.pos").write_text("".join(lines[: head + 181]))
+    at = {"forward": result.files["forward"], "backward": result.files["backward"], "combined": tmp_path / "combined.pos"}
+    monkeypatch.setattr(ppk, "solve", lambda *_: EngineRun(**at, engine="", cpu_s=0.0, cpu_of={}, option_files={}))
+    half = solve_ppk(given)
+    assert half.verdict.startswith("poor: 50.1 % of 361 epochs are fixed and confirmed, 180 have no solution")
+    told = next(check for check in half.checks if check.name == "GNSS epochs")
+    assert (told.verdict, told.found) == ("note", "180 of 361 epochs have no solution, from 392881.0 s to 393060.0 s")
+    assert (half.quality["epochs"], half.quality["epochs_observed"], half.quality["unsolved"]) == (181, 361, 180)
+    assert half.quality["fix_rate"] == 1.0
+    assert half.quality["fix_rate_observed"] == pytest.approx(181 / 361)
+
+
+def test_a_point_of_the_base_that_nobody_chose_is_told(flown, again):
+    """Oracle: the coordinates that the flight was made with."""
+    result, truth, _, _ = flown
+    told = next(check for check in result.checks if check.name == "base point")
+    assert told.verdict == "ok"
+    assert told.found == f"{truth['base_llh'][0]:.9f},{truth['base_llh'][1]:.9f},{truth['base_llh'][2]:.4f}, {APC}"
+    assert result.verdict.startswith("good")
+    assert "usable with care: 100.0 % of 361 epochs" in (doubted := again(base_point_chosen=False).verdict)
+    assert "look at base point" in doubted
+
+
+APC = "taken as the antenna's phase centre (apc)"
 
 
 def test_an_image_too_few_is_found_by_the_images_own_times(flown, again, tmp_path):
@@ -206,8 +264,81 @@ def test_an_image_too_few_is_found_by_the_images_own_times(flown, again, tmp_pat
         exif.get_ifd(0x8769).update(written)
         image.new("L", (1, 1)).save(tmp_path / f"{k}.jpg", exif=exif)
     with pytest.raises(InputError, match=r"73 camera events and 72 images.* no image belongs to event 31; .* skip_events = \[31\]"):
-        again(images=tmp_path)
-    assert len(again(images=tmp_path, skip_events=(31,)).events.images) == 72
+        again(match=ImageMatch(tmp_path))
+    assert len(again(match=ImageMatch(tmp_path, skip_events=(31,))).events.images) == 72
+
+
+def test_events_of_the_rover_are_told_or_later_as_asked(flown, again, tmp_path):
+    """Oracle: the same events ten milliseconds later; of a copy of the rover's file whose events are all marked as not valid a note."""
+    result, _, _, given = flown
+    np.testing.assert_allclose(again(camera_delay_s=0.01).events.time, result.events.time + 0.01, rtol=0.0, atol=1e-9)
+    lines = given.rover.read_text().splitlines(keepends=True)
+    marked = [f"{line[:29]}  1\n{INVALID[0].rstrip()}\n" if line[26:32] == "  5  0" else line for line in lines]
+    (tmp_path / "rover.18o").write_text("".join(marked))
+    left_out = again(rover=tmp_path / "rover.18o", match=ImageMatch())
+    assert left_out.events is None
+    assert "73 of 73 are marked as not valid" in next(check.found for check in left_out.checks if check.name == "time marks")
+
+
+def rover_with(tmp_path, *records):
+    """Observations with an epoch a second and an event with each of the records."""
+    text = w.header3({"G": ["C1C"]})
+    for k in range(10):
+        text += w.epoch3((2018, 10, 4, 12, 0, float(k)), {"G01": [2e7]})
+        text += w.event3((2018, 10, 4, 12, 0, k + 0.5), 5, records[k]) if k < len(records) else ""
+    path = tmp_path / "rover.rnx"
+    path.write_text(text)
+    return read_observations(path)
+
+
+ONE = [w.record("shot", "COMMENT")]
+INVALID = [w.record(" Time mark is not valid", "COMMENT")]
+
+
+@pytest.mark.parametrize(
+    ("records", "asked_for", "message"),
+    [
+        ([], {"camera_delay_s": 0.01}, r"rover\.rnx: holds no external event"),
+        ([], {"match": ImageMatch(skip_events=(1,))}, "holds no external event"),
+        ([], {"rover_events": RoverEvents(invalid_events=True)}, "holds no external event"),
+        ([ONE], {"rover_events": RoverEvents("shto")}, "no external event has a record line with 'shto'"),
+        ([INVALID], {"camera_delay_s": 0.01}, r"rover\.rnx:\d+: camera events: 1 of 1 are marked as not valid"),
+        ([ONE], {"camera_delay_s": 100.0}, "give it in seconds"),
+    ],
+)
+def test_what_is_said_of_events_asks_for_them(tmp_path, records, asked_for, message):
+    """Oracle: the file and the one wish that differs from the defaults."""
+    rover = rover_with(tmp_path, *records)
+    given = PpkInput(Path("rover.rnx"), Path("b.obs"), (Path("n.nav"),), **asked_for)
+    with pytest.raises((InputError, UsageError), match=message) as refused:
+        ppk._events(given, rover)
+    assert "\n" not in str(refused.value)
+    assert ppk._events(replace(given, events=False, camera_delay_s=0.0), rover) == (None, ())
+
+
+def test_events_that_are_all_invalid_are_left_out_with_a_note(tmp_path):
+    """Oracle: the file; nothing is said of events, so that there need not be any, but what there is is told."""
+    given = PpkInput(Path("rover.rnx"), Path("b.obs"), (Path("n.nav"),))
+    events, (told,) = ppk._events(given, rover_with(tmp_path, INVALID, INVALID))
+    assert events is None
+    assert told.verdict == "note"
+    assert told.found.startswith("2 of 2 are marked as not valid by the receiver")
+    assert ppk._events(given, rover_with(tmp_path)) == (None, ())
+    assert ppk._events(given, rover_with(tmp_path, ONE))[0].images == ("1",)
+
+
+def test_the_clock_is_that_of_the_stamp_and_not_of_the_exposure(tmp_path):
+    """Oracle: closed form. The clock is 0.5 ms ahead and jumps to -0.5 ms at the epoch of 5 s; an event stamped 4.95 s, with a delay of
+    0.1 s, is exposed at 4.95 - 0.0005 + 0.1 s, and one of a file of events, in GPST, at 4.95 + 0.1 s."""
+    rover = rover_with(tmp_path)
+    time = rover.time - np.where(rover.time - rover.time[0] < 4.5, 5e-4, -5e-4)
+    n = time.size
+    fixes = GnssFixes(time, np.full(n, 0.8), np.full(n, 0.1), np.full(n, 500.0), np.tile(np.eye(3), (n, 1, 1)), gps_week=rover.gps_week)
+    stamps = CameraEvents(("a",), rover.time[:1] + 4.95, rover.gps_week)
+    given = PpkInput(Path("rover.rnx"), Path("b.obs"), (Path("n.nav"),), camera_delay_s=0.1)
+    assert ppk._at_exposures(stamps, given, rover, fixes).time[0] - rover.time[0] == pytest.approx(5.0495, abs=1e-9)
+    other = ppk._at_exposures(stamps, replace(given, events=Path("x.MRK")), rover, fixes)
+    assert other.time[0] - rover.time[0] == pytest.approx(5.05, abs=1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -243,7 +374,7 @@ def test_the_verb_writes_positions_figure_and_document(moved):
     assert document["input"]["options"]["base_point"] == "apc"
     assert (out / "gnss_quality.png").read_bytes().startswith(b"\x89PNG")
     assert run.summary().startswith(run.result.verdict)
-    assert {path.name for path in run.files} == {path.name for path in out.iterdir()} - {"combined.conf", "forward.conf", "backward.conf"}
+    assert {path.name for path in run.files} == {path.name for path in out.iterdir()}
 
 
 def asked(*words):
@@ -257,28 +388,64 @@ def test_the_verb_asks_for_no_more_than_the_defaults():
     assert asked() == PpkInput(Path("r.obs"), Path("b.obs"), (Path("n.nav"),))
 
 
+def test_the_verb_tells_what_nobody_chose():
+    """Oracle: the words of the command line."""
+    place = "--base-position=46.5,6.5,400"
+    assert not asked(place).base_point_chosen
+    assert asked(place, "--base-point", "apc").base_point_chosen
+    assert asked(place).options == asked(place, "--base-point", "apc").options
+
+
 def test_the_verb_has_the_options_of_the_flight_file(tmp_path):
     """Oracle: the words of the command line."""
     (tmp_path / "covariance.toml").write_text("ppm = 2\n[scale]\nfixed = [1.5, 1.5, 2]\n")
     words = ["--max-age", 5, "--acceleration", 6, 2, "--more", "pos2-arminfix=10", "--covariance", tmp_path / "covariance.toml"]
-    given = asked(*words, "--pressure", 955, "--humidity", 0.4, "--no-velocity", "--events", "x.MRK")
+    given = asked(*words, "--timeout", 90, "--pressure", 955, "--humidity", 0.4, "--no-velocity", "--events", "x.MRK")
     options = given.options
     assert (options.max_age_s, options.acceleration_mps2, options.more) == (5.0, (6.0, 2.0), {"pos2-arminfix": "10"})
+    assert options.timeout_s == 90.0
     assert given.covariance == MODEL.with_changes({"ppm": 2.0, "scale": {"fixed": (1.5, 1.5, 2.0)}})
     assert (given.atmosphere, given.velocity) == ({"pressure_hpa": 955.0, "humidity": 0.4}, False)
     assert given.events == Path("x.MRK")
     assert not asked("--no-wet-delay").wet_delay
+    for option in ("--no-wet-delay", "--no-ionosphere"):  # the other one takes the air
+        assert asked("--humidity", 0.4, option).atmosphere == {"humidity": 0.4}
+    assert (asked().ionosphere, asked("--no-ionosphere").ionosphere) == (True, False)
+    given = asked("--images", "photos", "--image-ending", "tif", "--skip-events", 3, 5, "--events-containing", "cam", "--invalid-events")
+    assert given.match == ImageMatch(Path("photos"), "tif", (3, 5))
+    assert given.rover_events == RoverEvents("cam", True)
+
+
+ENGINE_OPTIONS = {"--mask": "elevation_mask_deg", "--frequencies": "frequencies", "--ratio": "ratio", "--max-age": "max_age_s"}
+ENGINE_OPTIONS |= {"--timeout": "timeout_s", "--acceleration": "acceleration_mps2"}
+
+
+def test_the_help_tells_the_defaults_of_the_engine():
+    """Oracle: the fields of `EngineOptions`."""
+    parser, usual = argparse.ArgumentParser(), EngineOptions()
+    verb.add_arguments(parser)
+    options = " ".join(parser.format_help().split()).partition("options:")[2]
+    told = {name: re.search(rf"{name} .*?\(default: (.*?)\)", options)[1].split() for name in ENGINE_OPTIONS}
+    for name, field in ENGINE_OPTIONS.items():
+        assert [float(number) for number in told[name]] == np.ravel(getattr(usual, field)).tolist(), name
 
 
 @pytest.mark.parametrize(
     ("words", "what"),
     [
         (["--humidity", 40], r"atmosphere\.humidity: 40 is outside 0 to 1"),
-        (["--humidity", 0.4, "--no-wet-delay"], "--no-wet-delay is given as well"),
+        (["--humidity", 0.4, "--no-wet-delay", "--no-ionosphere"], "--humidity are of what --no-wet-delay and --no-ionosphere leave out"),
         (["--more", "arminfix"], "'arminfix' is no NAME=VALUE"),
+        (["--more", "pos2-arminfix=1", "pos2-arminfix=2"], "--more gives pos2-arminfix 2 times"),
+        (["--more", "pos2-arminfix=1", "--more", "pos2-arminfix=2"], "--more gives pos2-arminfix 2 times"),
         (["--max-age", -1], r"max_age_s = -1\.0: must be"),
+        (["--timeout", 0.1], r"timeout_s = 0\.1: must be 1 to"),
+        (["--systems", ""], "systems = '': must be letters of"),
         (["--acceleration", 0, 1], "must be two positive numbers"),
-        (["--events", "x.MRK", "--events-containing", "cam"], "--events is given as well"),
+        (["--events", "x.MRK", "--events-containing", "cam"], "--events-containing looks at .* --events is given as well"),
+        (["--events", "x.MRK", "--invalid-events"], "--invalid-events looks at .* --events is given as well"),
+        (["--image-ending", ".tif"], "--image-ending is of --images, which is missing"),
+        (["--skip-images", "a.tif"], "--skip-images is of --images, which is missing"),
     ],
 )
 def test_words_that_contradict_are_refused(words, what):
@@ -287,9 +454,31 @@ def test_words_that_contradict_are_refused(words, what):
         asked(*words)
 
 
+@pytest.mark.parametrize("option", ["ROVER", "--base", "--navigation", "--antex", "--events"])
+def test_a_file_that_is_not_there_is_named_by_its_option(option, tmp_path):
+    """Oracle: the words of the command line; nothing is made."""
+    words = {"ROVER": ["r"], "--base": ["b"], "--navigation": ["n", "g"], "--antex": ["a"], "--events": ["e"]}
+    for name in (name for names in words.values() for name in names):
+        (tmp_path / name).write_text("RINEX\n")
+    (tmp_path / words[option][-1]).unlink()
+    line = [str(word) for key, names in words.items() for word in ([key] if key != "ROVER" else []) + [tmp_path / name for name in names]]
+    parser = argparse.ArgumentParser()
+    verb.add_arguments(parser)
+    with pytest.raises(InputError, match=rf"^ppk: {option} .*{words[option][-1]} does not exist; check the path$"):
+        verb.ppk(parser.parse_args([*line, "--out", str(tmp_path / "out")]), lambda _: None, draw_quality)
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("text", "line", "what"),
-    [("ppm = -1\n", 1, "from 0 to 1000"), ("[scale]\nflaot = 3\n", 2, "did you mean 'float'"), ("\ngate = 'x'\n", 2, "is a text")],
+    [
+        ("ppm = -1\n", 1, "from 0 to 1000"),
+        ("[scale]\nflaot = 3\n", 2, "did you mean 'float'"),
+        ("\ngate = 'x'\n", 2, "is a text"),
+        ("# mine\n[gnss.covariance]\nppm = 2\n", 2, "its keys stand at the top"),
+        ("[covariance]\nppm = 2\n", 1, "its keys stand at the top"),
+        ("\ngnss.covariance.ppm = 2\n", 2, "its keys stand at the top"),
+    ],
 )
 def test_a_wrong_covariance_file_is_refused_with_its_line(tmp_path, text, line, what):
     """Oracle: line and reason written by hand."""

@@ -2,6 +2,7 @@
 
 import os
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,11 @@ from scripted_engine import BASE, BASE_LLH, Fake, navigation, observations, one_
 
 from insgnss.cli import main
 from insgnss.errors import DataError, InputError, UsageError
-from insgnss.gnss.preflight import Whereabouts
+from insgnss.geodesy.frames import geodetic_to_ecef
+from insgnss.gnss.navigation_message import TOE, read_navigation
+from insgnss.gnss.options import EngineOptions
+from insgnss.gnss.preflight import Whereabouts, check_base_point, check_navigation, check_observations
+from insgnss.gnss.rinex import read_observations
 
 
 @pytest.fixture
@@ -55,7 +60,7 @@ def wrong_input(fake, name):
         fake.does(where_base={"pos": standing(step=0.001)}, where_rover={"pos": standing(step=0.002)})
         return "the base moves: .* so does the rover .* cut the file to the time in which it does"
     if name == "the base moves, no word of the rover":
-        fake.does(where_base={"pos": standing(step=0.001)})
+        fake.does(where_base={"pos": standing(step=0.001)}, where_rover={"pos": ""})
         return r"the base moves: .* are rover and base swapped\?$"
     if name == "swapped":
         fake.does(where_base={"pos": standing(lat=BASE_LLH[0] + 0.01)}, where_rover={"pos": standing()})
@@ -69,7 +74,8 @@ def wrong_input(fake, name):
         return "coordinates are those of the header of the rover .* are the two swapped"
     if name == "coordinates of another place":
         fake.does(where_base={"pos": standing(lat=BASE_LLH[0] + 0.01)}, where_rover={"pos": standing(step=0.001)})
-        return r"stands 111[0-9] m from the base coordinates \(limit 50 m\); check them, or are rover and base swapped"
+        place = r"stands 111[0-9] m from the base coordinates \(limit 20 m\), by codes at 53.290400,-9.057800,70.0"
+        return f"{place}; check them, or are rover and base swapped"
     fake.does(where_base={"pos": ""})
     return "no position from codes"
 
@@ -108,14 +114,39 @@ def test_wrong_input_is_one_line_of_the_command(fake, name, capsys):
 
 
 def test_a_base_that_is_metres_off_its_coordinates_is_told(fake):
-    """Oracle: 22.3 m (2e-4 deg of a meridian) from the script's position, the rover elsewhere; 6.7 m are within what codes know."""
+    """Oracle: 7.8, 4.5, 22.3 m (of a meridian) from the script's position, the rover elsewhere; 4.5 m are within what codes know."""
     moving = {"where_rover": {"pos": standing(step=0.001)}}
-    fake.does(where_base={"pos": standing(lat=BASE_LLH[0] + 2e-4)}, **moving)
+    fake.does(where_base={"pos": standing(lat=BASE_LLH[0] + 7e-5)}, **moving)
     (check,) = fake.solve().checks
     assert (check.name, check.verdict) == ("base coordinates", "note")
-    assert re.match(r"22\.\d m from the position of .*base\.18o by codes", check.found)
-    fake.does(where_base={"pos": standing(lat=BASE_LLH[0] + 6e-5)}, **moving)
+    assert re.match(r"7\.8 m from the position of .*base\.18o by codes", check.found)
+    fake.does(where_base={"pos": standing(lat=BASE_LLH[0] + 4e-5)}, **moving)
     assert fake.solve().checks == ()
+    fake.does(where_base={"pos": standing(lat=BASE_LLH[0] + 2e-4)}, **moving)
+    with pytest.raises(InputError, match=r"stands 22 m from the base coordinates \(limit 20 m\)"):
+        fake.solve()
+    with pytest.raises(InputError, match=r"stands 22 m from APPROX POSITION XYZ of its header .* give base_position and base_point"):
+        fake.solve(base_position_m=None, base_point=None)
+
+
+MISTAKES = {
+    "exchanged": ((BASE_LLH[1], BASE_LLH[0], 70.0), "with latitude and longitude exchanged they agree"),
+    "radians": ((*np.radians(BASE_LLH[:2]), 70.0), "with latitude and longitude in radians they agree"),
+    "feet": ((*BASE_LLH[:2], 70.0 / 0.3048), "with the height in feet they agree"),
+    "sea level": ((*BASE_LLH[:2], 14.0), "only the height differs, the codes are 56 m above it: is it above sea level?"),
+    "too high": ((*BASE_LLH[:2], 95.0), "only the height differs, the codes are 25 m below it: is it above sea level?"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_coordinates_that_are_mistaken_are_told_as_what_they_are(fake, name):
+    """Oracle: the mistakes made on the place where the script says that the base is."""
+    (lat, lon, height), what = MISTAKES[name]
+    fake.does(where_rover={"pos": standing(step=0.001)})
+    given = geodetic_to_ecef(np.radians(lat), np.radians(lon), height)
+    with pytest.raises(InputError, match=f"by codes at 53.280400,-9.057800,70.0; {re.escape(what)}") as info:
+        fake.solve(base_position_m=tuple(given.tolist()))
+    one_line(info)
 
 
 @pytest.mark.parametrize(
@@ -167,3 +198,76 @@ def test_a_base_that_ends_early_is_told(fake):
     (check,) = fake.solve(max_age_s=0.5).checks
     assert check.name == "epochs with a base"
     assert check.found.startswith("40.0% of 5 epochs")
+    assert check.advice == "give a base of the whole flight"
+
+
+def test_an_age_below_the_pace_of_the_base_is_told_as_that(fake):
+    """Oracle: epochs of the rover every 0.25 s, of the base every second: 9 of 17 within 0.3 s; and none within 0.1 s half a second off."""
+    fake.rover.write_text(observations(epochs=17, step=0.25, approx=(BASE[0] - 400.0, *BASE[1:])))
+    (check,) = fake.solve(max_age_s=0.3).checks
+    assert check.found.startswith("76.5% of 17 epochs")
+    assert check.advice == "raise max_age_s (--max-age) to 1 s at least: the base has epochs every 1 s"
+    rover, base = read_observations(fake.rover), read_observations(fake.base)
+    late = replace(base, time=base.time + 0.125)
+    with pytest.raises(InputError, match=r"no epoch within max_age_s = 0.1 s .* raise max_age_s \(--max-age\) to 1 s at least"):
+        check_observations(rover, late, EngineOptions(max_age_s=0.1))
+    gap = replace(base, time=base.time + np.array([0.0, 0.0, 0.0, 40.0, 40.0]))
+    long = replace(rover, time=rover.time[0] + 2.5 * np.arange(17))
+    (check,) = check_observations(long, gap, EngineOptions(max_age_s=5.0))
+    assert check.advice == "the base has gaps: give another, or raise max_age_s (--max-age)"
+
+
+def test_a_third_frequency_that_nobody_observes_is_told(fake):
+    """Oracle: the observation types of the two headers."""
+    options, types = EngineOptions(frequencies=3), ("C1", "L1", "P2", "L2", "C5", "L5")
+    rover, base = read_observations(fake.rover), read_observations(fake.base)
+    (check,) = check_observations(rover, base, options)
+    assert (check.name, check.verdict) == ("frequencies", "note")
+    assert "no phases of a third one in" in check.found
+    assert str(fake.rover) in check.found
+    assert str(fake.base) in check.found
+    fake.rover.write_text(observations(types=types))
+    (check,) = check_observations(read_observations(fake.rover), base, options)
+    assert str(fake.rover) not in check.found
+    fake.base.write_text(observations(types=types))
+    assert check_observations(read_observations(fake.rover), read_observations(fake.base), options) == ()
+
+
+@pytest.mark.parametrize("system", ["R", "G"])
+def test_navigation_of_another_day_beside_the_right_one_is_told(fake, system):
+    """Oracle: a message of two days later for one system, of the day for the other, both observed."""
+    found, rover = read_navigation([fake.nav]), read_observations(fake.rover)
+    late = found.table.copy()
+    late[:, TOE] += 2 * 86400.0
+    other = {"R": "G", "G": "R"}[system]
+    both = replace(found, satellite=np.array([f"{other}02", f"{system}05"]), table=np.vstack([found.table, late]))
+    rover = replace(rover, satellite=np.where(np.arange(rover.satellite.size) % 2, "R07", "G07"))
+    what = f"those of {system} are of 2018-10-06 13:00:00 to 2018-10-06 13:00:00"
+    if system == "G":
+        with pytest.raises(InputError, match=f"no ephemerides of GPS for 2018-10-04 .* {what}; give the navigation of that day"):
+            check_navigation(both, rover, EngineOptions())
+        return
+    (check,) = check_navigation(both, rover, EngineOptions())
+    assert check.found.startswith("none of R for 2018-10-04 13:05:00 to 13:05:04 GPST, which are left out")
+    assert check.found.endswith(what)
+    assert check.advice == "give the navigation of that day"
+    (check,) = check_navigation(found, rover, EngineOptions())
+    assert check.advice == "add their navigation file"
+
+
+@pytest.mark.parametrize(
+    ("given", "chosen", "verdict", "what"),
+    [
+        ({"base_position_m": BASE, "base_point": "apc"}, True, "ok", r"taken as the antenna's phase centre \(apc\)$"),
+        ({"base_position_m": BASE, "base_point": "apc"}, False, "note", r"taken as the antenna's phase centre \(apc\), as nothing says$"),
+        ({"base_position_m": BASE, "base_point": "arp"}, True, "ok", r"taken as the antenna's reference point \(arp\)$"),
+        ({}, True, "ok", r"taken as the marker \(marker\)$"),
+    ],
+)
+def test_what_stands_at_the_base_coordinates_is_told(fake, given, chosen, verdict, what):
+    """Oracle: the coordinates of the script's base, BASE_LLH to a centimetre, and the words of the choice."""
+    check = check_base_point(EngineOptions(**given), read_observations(fake.base).header, chosen)
+    assert (check.name, check.verdict) == ("base point", verdict)
+    place, _, words = check.found.partition(", ")
+    assert np.allclose([float(x) for x in place.split(",")], BASE_LLH, rtol=0.0, atol=[1e-7, 1e-7, 0.01])
+    assert re.search(what, words)

@@ -5,10 +5,11 @@ import pytest
 
 from insgnss.errors import DataError, InputError
 from insgnss.gnss.covariance import FLOAT, HAMPERED, calibrate, forward_backward
-from insgnss.gnss.quality import longest_without, read_solution, solution_numbers, solution_series, verdict
+from insgnss.gnss.quality import coverage_numbers, longest_without, read_solution, solution_numbers, solution_series, verdict
 from insgnss.gnss.rinex import Observations
 from insgnss.gnss.rinex_header import RinexHeader
 from insgnss.gnss.signals import LIGHT, signal_numbers, signals_of
+from insgnss.records import Check
 
 F1, F2 = 1575.42e6, 1227.60e6
 SIGNALS = ("C1C", "L1C", "S1C", "C2W", "L2W", "S2W")
@@ -59,7 +60,7 @@ def test_planted_slips_are_found_with_their_satellite_and_nothing_else():
     o = observed(slips=[(100, "G12", 1.0), (300, "G23", 1000.0)], flagged=[(300, "G23"), (450, "G05")])
     found = signals_of(o)
     assert found.slip_satellite.tolist() == ["G12", "G23", "G05"]
-    assert np.allclose(found.slip_time, [1010.0, 1030.0, 1045.0])
+    assert np.allclose(found.slip_time, [1010.0, 1030.0, 1045.0], rtol=0, atol=1e-9)
     assert found.flagged.tolist() == [False, True, True]
     assert found.hours == pytest.approx(4 * 60.0 / 3600.0)
 
@@ -137,10 +138,13 @@ def test_a_pos_without_what_an_engine_tells_is_refused(tmp_path):
         read_solution(path)
 
 
+LOST = range(100, 160)
+
+
 @pytest.fixture
 def solved(tmp_path):
-    """200 epochs of 0.2 s, the last 60 float with few satellites; forward and backward agree."""
-    rows = [(1000.0 + 0.2 * k, 1 if k < 140 else 2, 15 if k < 140 else 7, 0.1, 30.0 if k < 140 else 1.2) for k in range(200)]
+    """200 epochs of 0.2 s, 60 in the middle of them float with few satellites; forward and backward agree."""
+    rows = [(1000.0 + 0.2 * k, *((2, 7, 0.1, 1.2) if k in LOST else (1, 15, 0.1, 30.0))) for k in range(200)]
     solution = read_solution(written(tmp_path / "a.pos", rows))
     distance = np.full(200, 2000.0)
     separation = forward_backward(solution.fixes.time, solution.fixes, solution.fixes)
@@ -151,6 +155,7 @@ def solved(tmp_path):
 def numbers_of(solved, signals=None):
     solution, fixes, kind, distance, separation = solved
     numbers = solution_numbers(solution, fixes, kind, distance, np.full(200, 80.0), separation, 14.16)
+    numbers |= coverage_numbers(solution.fixes.time, np.ones(200, dtype=bool), ~np.isin(np.arange(200), LOST))
     return numbers | ({"signals": signal_numbers(signals)} if signals is not None else {})
 
 
@@ -162,10 +167,10 @@ def test_numbers_are_those_of_the_epochs(solved):
     assert numbers["classes"]["fixed"] == 0
     assert numbers["classes"]["hampered"] == 140  # of the epochs around 30 % are not fixed
     assert numbers["sigma_m"]["fixed_median"] == pytest.approx([0.0321, 0.0321, 0.0566], abs=1e-4)
-    assert numbers["classes"]["float"] == 25  # within 5 s of the last fixed epoch
-    assert numbers["classes"]["weak"] == 35
+    assert numbers["classes"]["float"] == 50  # within 5 s of a fixed epoch
+    assert numbers["classes"]["weak"] == 10
     assert numbers["satellites"] == {"median": 15.0, "least": 7}
-    assert numbers["longest_without_fixed_s"] == pytest.approx(12.0)
+    assert numbers["longest_without_fixed_s"] == pytest.approx(12.2)
     assert numbers["separation"]["contradicting"] == 0
     assert numbers["separation"]["fixed_rms_m"] == [0.0, 0.0, 0.0]
 
@@ -183,16 +188,56 @@ def test_the_verdict_says_what_to_look_at(solved):
     assert all(check.advice for check in checks if check.verdict != "ok")
 
 
-def test_a_good_solution_is_called_good(tmp_path):
-    """Oracle: all epochs fixed, 14 satellites, a base at 2 km."""
+@pytest.fixture
+def fixed(tmp_path):
+    """Numbers of 200 epochs that are all fixed, of 14 satellites, 2 km from the base."""
     rows = [(1000.0 + 0.2 * k, 1, 14, 0.1, 30.0) for k in range(200)]
     solution = read_solution(written(tmp_path / "a.pos", rows))
     fixes, kind = calibrate(solution.fixes, solution.satellites, np.full(200, 2000.0))
-    told, checks = verdict(solution_numbers(solution, fixes, kind, np.full(200, 2000.0), np.zeros(200), None, 14.16))
+    return solution_numbers(solution, fixes, kind, np.full(200, 2000.0), np.zeros(200), None, 14.16)
+
+
+def of_epochs(count, without=()):
+    """Coverage of `count` epochs of 0.2 s of which those `without` have no solution and the others are fixed."""
+    solved = ~np.isin(np.arange(count), without)
+    return coverage_numbers(1000.0 + 0.2 * np.arange(count), solved, solved)
+
+
+def test_a_good_solution_is_called_good(fixed):
+    """Oracle: all epochs fixed, 14 satellites, a base at 2 km."""
+    told, checks = verdict(fixed | of_epochs(200))
     assert told.startswith("good: 100.0 % of 200 epochs")
     assert "hampered" not in told
+    assert "no solution" not in told
     assert "look at" not in told
     assert {check.verdict for check in checks} == {"ok"}
+
+
+def test_epochs_without_solution_count_as_not_fixed(fixed):
+    """Oracle: 200 of 400 epochs, and 3 in two places of 203; the last epoch is that of the rover's file."""
+    told, checks = verdict(fixed | of_epochs(400, range(200, 400)))
+    assert told.startswith("poor: 50.0 % of 400 epochs are fixed and confirmed, 200 have no solution")
+    assert "look at epochs" in told
+    check = next(check for check in checks if check.name == "GNSS epochs")
+    assert (check.verdict, check.found) == ("note", "200 of 400 epochs have no solution, from 1040.0 s to 1079.8 s")
+    numbers = of_epochs(203, [0, 7, 8])
+    assert (numbers["unsolved"], numbers["unsolved_stretches"]) == (3, 2)
+    assert numbers["unsolved_s"] == pytest.approx([1001.4, 1001.6])
+    assert numbers["unsolved_share"] == pytest.approx(3 / 203)
+    assert numbers["longest_without_fixed_s"] == pytest.approx(0.6)
+    assert verdict(fixed | numbers)[0].startswith("usable with care: 98.5 % of 203 epochs")
+
+
+def test_a_doubt_of_the_base_or_a_contradiction_is_not_called_good(fixed):
+    """Oracle: the checks that are told before; other notes leave the word as it is."""
+    base, others = Check("base coordinates", "6.5 m", "5 m", "note"), Check("navigation", "none of J", "all", "note")
+    assert verdict(fixed | of_epochs(200), [others, Check("base point", "apc", "")])[0].startswith("good")
+    told, _ = verdict(fixed | of_epochs(200), [others, base])
+    assert told.startswith("usable with care: 100.0 % of 200 epochs")
+    assert told.endswith("; look at base coordinates")
+    told, _ = verdict(fixed | of_epochs(200), [Check("camera events", "-18 s", "0 s", "contradiction"), base])
+    assert told.endswith("; look at camera events, base coordinates")
+    assert verdict(fixed | of_epochs(400, range(200, 400)), [base])[0].startswith("poor")
 
 
 def test_series_hold_what_the_figures_draw(solved):

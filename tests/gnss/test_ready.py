@@ -5,25 +5,30 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from insgnss.errors import InputError
+from insgnss.flight import load_flight
+from insgnss.formats import read_gnss
 from insgnss.formats.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
 from insgnss.geodesy.frames import geodetic_to_ecef
-from insgnss.gnss.covariance import base_distance, calibrate
+from insgnss.gnss.covariance import MODEL, base_distance, calibrate
 from insgnss.gnss.ready import ADVICE, with_calibrated
+from insgnss.recording import _read_files
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 LEGEND = "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of satellites)\n"
 BASE = "% ref pos   : 46.500000000    6.480000000   480.0000\n"
+BASE_PLACE = (np.radians(46.5), np.radians(6.48), 480.0)
 COLUMNS = "%  GPST  latitude(deg) longitude(deg)  height(m) Q  ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio\n"
 ROOTS = "0.0050 0.0050 0.0100 0.0010 -0.0010 0.0010   0.10   20.5"
 
 
 def written(path, base=BASE, columns=COLUMNS, dated=False):
-    """100 s fixed, 20 s float, at 1 Hz, 46.5 N 6.5 E."""
+    """50 s fixed, 20 s float, 50 s fixed, at 1 Hz, 46.5 N 6.5 E."""
     ns = " 14" if " ns " in columns else ""
     rows = []
     for k in range(120):
         when = f"2018/05/06 00:{16 + (40 + k) // 60:02d}:{(40 + k) % 60:02d}.000" if dated else f"2000 {1000.0 + k:.3f}"
-        rows.append(f"{when} 46.500000000 6.500000000 500.0000 {1 if k < 100 else 2}{ns} {ROOTS}\n")
+        rows.append(f"{when} 46.500000000 6.500000000 500.0000 {2 if 50 <= k < 70 else 1}{ns} {ROOTS}\n")
     path.write_text("".join([base, LEGEND, columns, *rows]))
     return path
 
@@ -33,12 +38,12 @@ def test_a_file_that_tells_all_is_calibrated_as_a_run_of_our_own(tmp_path, dated
     """Oracle: `calibrate` with the numbers that were written into the file."""
     path = written(tmp_path / "a.pos", dated=dated)
     fixes = read_rtklib_pos(path)
-    base = geodetic_to_ecef(np.radians(46.5), np.radians(6.48), 480.0)
+    base = geodetic_to_ecef(*BASE_PLACE)
     expected, _ = calibrate(fixes, np.full(120, 14), base_distance(fixes, base))
     got = with_calibrated(fixes, path)
     assert np.array_equal(got.cov_ned, expected.cov_ned)
     assert np.array_equal(got.quality, expected.quality)
-    assert np.sqrt(got.cov_ned[-1, 0, 0]) > 0.3
+    assert np.sqrt(got.cov_ned[60, 0, 0]) > 0.3
     assert got.notes[-1].advice.endswith(ADVICE)
 
 
@@ -62,6 +67,35 @@ def test_a_file_that_lacks_base_or_satellites_stays_as_it_is(tmp_path, base, col
     path = written(tmp_path / "a.pos", base, columns)
     fixes = read_rtklib_pos(path)
     assert with_calibrated(fixes, path) is fixes
+
+
+def test_changes_to_the_model_are_those_of_a_run_of_our_own(tmp_path):
+    """Oracle: `calibrate` with the same model; variances grow by the square of the floor that a flight file gives."""
+    path = written(tmp_path / "a.pos")
+    fixes = read_rtklib_pos(path)
+    model = MODEL.with_changes({"floor_m": {"hampered": (0.1, 0.1, 0.2)}})
+    expected, _ = calibrate(fixes, np.full(120, 14), base_distance(fixes, geodetic_to_ecef(*BASE_PLACE)), None, model)
+    (tmp_path / "imu.csv").write_text("tow,gx,gy,gz,ax,ay,az\n1000,0,0,0,0,0,-9.8\n1001,0,0,0,0,0,-9.8\n")
+    table = '[imu]\nfile = "imu.csv"\n[gnss]\nfile = "a.pos"\n'
+    (tmp_path / "flight.toml").write_text(f"{table}[gnss.covariance.floor_m]\nhampered = [0.1, 0.1, 0.2]\n")
+    _, got, _, _ = _read_files(load_flight(tmp_path))
+    assert np.array_equal(got.cov_ned, expected.cov_ned)
+    (tmp_path / "flight.toml").write_text(table)
+    _, plain, _, _ = _read_files(load_flight(tmp_path))
+    grown = np.diagonal(got.cov_ned - plain.cov_ned, axis1=1, axis2=2)[20]
+    assert np.allclose(grown, np.square([0.1, 0.1, 0.2]) - np.square(MODEL.floor_m["hampered"]), rtol=1e-9)
+
+
+def test_changes_to_the_model_are_refused_where_the_file_does_not_tell_what_it_needs(tmp_path):
+    """Oracle: a .pos without base, and a text of positions; without changes both stay as they are."""
+    model = MODEL.with_changes({"gate": 20.0})
+    path = written(tmp_path / "a.pos", base="")
+    (tmp_path / "gnss.txt").write_text("".join(f"{10 + k}.0 46.5 6.5 500.0 0.02 0.02 0.03 1\n" for k in range(3)))
+    for file in (path, tmp_path / "gnss.txt"):
+        fixes = read_gnss(file, gps_week=2000)
+        with pytest.raises(InputError, match=rf"{file.name}: gnss\.covariance calibrates positions that tell quality, satellites and base"):
+            with_calibrated(fixes, file, model)
+        assert with_calibrated(fixes, file) is fixes
 
 
 def test_what_was_calibrated_once_is_not_calibrated_again(tmp_path):

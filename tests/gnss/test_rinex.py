@@ -388,6 +388,8 @@ WRONG = {
     "navigation": (NAVIGATION, ":1: holds navigation data where observations must stand"),
     "navigation 3": (w.record("     3.04           N: GNSS NAV DATA    M", "RINEX VERSION / TYPE"), ":1: holds navigation data"),
     "cut header": (w.header2(["C1"])[:-90], "truncated: the file ends without END OF HEADER"),
+    "header cut in a record": (w.header2(["C1"])[:-130], ":4: truncated: the file ends within its header; copy it again"),
+    "header without a label": (w.header2(["C1"], w.record("1.0", "")), ":5: no header record: '1.0'"),
     "no types": (w.header2([]).replace("     0", "      "), "the header has no # / TYPES OF OBSERV|fewer codes"),
     "too few types": (w.header3({"G": ["C1C"]}).replace("G    1", "G    2"), "fewer codes|codes fewer"),
     "no epoch": (w.header2(["C1"]), "holds no epoch"),

@@ -12,9 +12,10 @@ from insgnss.errors import DataError
 from insgnss.flight import load_flight
 from insgnss.formats.rtklib_pos import write_rtklib_pos
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
+from insgnss.gnss.bands import HERTZ
 from insgnss.gnss.navigation_message import read_navigation
 from insgnss.gnss.orbits import EARTH_RATE, LIGHT, ranges, satellite_states, sky
-from insgnss.gnss.phase_pairs import HERTZ
+from insgnss.gnss.phase_pairs import VelocityOptions
 from insgnss.gnss.rinex import Observations, read_observations
 from insgnss.gnss.rinex_header import RinexHeader
 from insgnss.gnss.troposphere import standard_slant_delay
@@ -22,7 +23,6 @@ from insgnss.gnss.velocity import (
     UNKNOWN_JERK,
     UNSEEN_JERK,
     AntennaVelocity,
-    VelocityOptions,
     at_stamps,
     jerk_weights,
     time_differenced_velocity,
@@ -76,7 +76,8 @@ def observe(navigation, time, path, clock=0.0, rng=None, noise=0.0, ionosphere=0
     _, elevation = sky(ranges(states.position, receiver)[1], receiver)
     high = elevation > np.radians(8.0)
     clock = np.broadcast_to(clock, time.shape)
-    delay = standard_slant_delay(ecef_to_geodetic(receiver)[2], np.maximum(elevation, 0.1))
+    lat, _, height = ecef_to_geodetic(receiver)
+    delay = standard_slant_delay(lat, height, np.maximum(elevation, 0.1))
     length = LIGHT * (flight + clock[epoch] - states.clock_s) + delay
     values = np.full((epoch.size, len(SIGNALS)), np.nan)
     values[:, 0] = length

@@ -99,7 +99,7 @@ def test_hovering_is_no_rest():
     gnss = standing_gnss(100.0, 160.0)
     hover = shaken(recording(60.0), 110.0, 150.0, 0.05, 0.5)
     found = still_stretches(hover, gnss)
-    np.testing.assert_allclose(found.time, [[100.2, 109.8], [150.2, 159.8]], atol=0.3)
+    np.testing.assert_allclose(found.time, [[100.2, 109.8], [150.2, 159.8]], rtol=0, atol=0.3)
     assert len(still_stretches(shaken(recording(60.0), 0.0, 200.0, 0.05, 0.5), gnss)) == 0
 
 
@@ -121,9 +121,9 @@ def test_a_gap_ends_a_stretch_and_increments_are_rates():
     keep = (imu.time < 108.0) | (imu.time > 109.0)
     broken = replace(imu, time=imu.time[keep], gyro=imu.gyro[keep], accel=imu.accel[keep])
     rates = still_stretches(broken)
-    np.testing.assert_allclose(rates.time, [[100.2, 107.8], [109.2, 119.7]], atol=0.11)
+    np.testing.assert_allclose(rates.time, [[100.2, 107.8], [109.2, 119.7]], rtol=0, atol=0.11)
     summed = still_stretches(replace(broken, gyro=broken.gyro * 0.01, accel=broken.accel * 0.01, quantity="increments"))
-    np.testing.assert_allclose(summed.gyro_mean, rates.gyro_mean, atol=1e-12)
+    np.testing.assert_allclose(summed.gyro_mean, rates.gyro_mean, rtol=0, atol=1e-12)
     np.testing.assert_allclose(summed.accel_std, rates.accel_std, rtol=1e-9)
 
 

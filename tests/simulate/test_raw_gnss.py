@@ -28,6 +28,7 @@ from insgnss.simulate.sensors import Rig, antenna_states
 LIGHT, EARTH_RATE = 299792458.0, 7.2921151467e-5
 GPS_HZ = np.array([1575.42e6, 1227.60e6])
 MILLIMETRE = 1e-3
+SHELL = 6721e3  # m from the Earth's centre
 STEADY = Tracking(slips_per_hour=0.0, outages_per_hour=0.0)
 EXACT = RawGnssOptions(
     code_sigma_m=0.0,
@@ -235,6 +236,23 @@ def test_events_are_by_the_rover_s_clock(flight, exact):
     assert np.abs(apart).max() > 1e-6
 
 
+def test_events_keep_the_old_clock_until_the_epoch_of_a_jump(flight):
+    """Oracle: the rule: before the later epoch of a jump the line of the two epochs before it goes on, from that epoch on that of the two
+    behind. 0.11 us: the clock is drawn on the grid of the stamps, where an interval with a jump of 1 ms is not longer; times its drift."""
+    options = replace(EXACT, clock_offset_s=4e-4, clock_drift=1e-4, clock_jump_s=1e-3, systems="G")
+    time = np.arange(flight.time[0], flight.time[-1], 0.0371)
+    events = CameraEvents(tuple(str(k) for k in range(time.size)), time, flight.gps_week)
+    raw = simulate_raw_gnss(flight, Rig(), events, options, np.random.default_rng(1))
+    at, clock = raw.rover.time, raw.rover.clock_s
+    k = np.searchsorted(at, time, side="right") - 1
+    jumps = np.flatnonzero(np.abs(np.diff(clock)) > 5e-4)
+    between = np.isin(k, jumps)
+    assert between.sum() > 5
+    first = np.where(between, k - 1, k)
+    line = clock[k] + (clock[first + 1] - clock[first]) / (at[first + 1] - at[first]) * (time - at[k])
+    assert_allclose(raw.events - time, line, rtol=0.0, atol=1.1e-7)
+
+
 def test_a_millisecond_jump_moves_stamps_codes_and_phases_together(flight):
     """Oracle: closed form; whatever the jumps, an epoch's code less its clock is the range at its true time."""
     options = replace(EXACT, clock_offset_s=4e-4, clock_drift=1e-4, clock_jump_s=1e-3, systems="G")
@@ -373,17 +391,43 @@ def test_zenith_delay_is_that_of_others():
 
 
 def test_the_ionosphere_has_its_gradient_and_wave():
-    """Oracle: closed form in zenith, where the pierce point is the receiver's own place, and at the horizon of the shell's formula."""
-    shell = Ionosphere(2.5, 1e-4, (1e-6, -2e-6), 0.0, (1.0, 0.0), 0.0)
-    up = np.full((2, 1), 0.5 * np.pi)
-    delay = shell.delay(np.array([0.0, 100.0]), np.array([[0.0, 0.0], [1e4, 3e4]]), np.zeros((2, 1)), up)
-    assert_allclose(delay[:, 0], [2.5, 2.5 + 0.01 + 0.01 - 0.06], rtol=0.0, atol=1e-12)
-    level = Ionosphere(2.5, 0.0, (0.0, 0.0), 0.0, (1.0, 0.0), 0.0)
-    slant = level.delay(np.zeros(1), np.zeros((1, 2)), np.zeros((1, 1)), np.full((1, 1), np.radians(10.0)))
-    assert slant[0, 0] == pytest.approx(2.5 / np.sqrt(1.0 - (6371.0 / 6721.0 * np.cos(np.radians(10.0))) ** 2), rel=1e-12)
-    wave = Ionosphere(0.0, 0.0, (0.0, 0.0), 0.01, (0.0, 1.0), 0.0)
-    crest = wave.delay(np.zeros(1), np.array([[0.0, 37.5e3]]), np.zeros((1, 1)), up[:1])
+    """Oracle: closed form in zenith, where the pierce point is above the receiver's own place, and of the zenith angle at the shell."""
+    shell = Ionosphere((0.8, 0.1), 2.5, 1e-4, (1e-6, -2e-6), 0.0, (1.0, 0.0), 0.0)
+    up, none = np.full((2, 1), 0.5 * np.pi), np.zeros(2)
+    away = 3e4 / (SHELL * np.cos(0.8))
+    delay = shell.delay(np.array([0.0, 100.0]), (np.array([0.8, 0.8 + 1e4 / SHELL]), np.array([0.1, 0.1]), none), np.zeros((2, 1)), up)
+    assert_allclose(delay[:, 0], [2.5, 2.5 + 0.01 + 0.01], rtol=0.0, atol=1e-7)
+    delay = shell.delay(none, (np.full(2, 0.8), np.array([0.1, 0.1 + away]), none), np.zeros((2, 1)), up)
+    assert_allclose(delay[:, 0], [2.5, 2.5 - 0.06], rtol=0.0, atol=1e-4)  # a parallel leaves the tangent plane's east by 69 m
+    level = Ionosphere((0.8, 0.1), 2.5, 0.0, (0.0, 0.0), 0.0, (1.0, 0.0), 0.0)
+    for height in (0.0, 3000.0):
+        place = (np.array([0.8]), np.array([0.1]), np.array([height]))
+        slant = level.delay(np.zeros(1), place, np.zeros((1, 1)), np.full((1, 1), np.radians(10.0)))
+        expected = 2.5 / np.sqrt(1.0 - ((6371e3 + height) / 6721e3 * np.cos(np.radians(10.0))) ** 2)
+        assert slant[0, 0] == pytest.approx(expected, rel=1e-12)
+    wave = Ionosphere((0.8, 0.1), 0.0, 0.0, (0.0, 0.0), 0.01, (0.0, 1.0), 0.0)
+    quarter = np.arcsin(37.5e3 / (SHELL * np.cos(0.8)))
+    crest = wave.delay(np.zeros(1), (np.array([0.8]), np.array([0.1 + quarter]), np.zeros(1)), np.zeros((1, 1)), up[:1])
     assert crest[0, 0] == pytest.approx(0.01, abs=1e-9)
+
+
+def test_rays_of_two_receivers_meet_the_shell_where_vectors_do():
+    """Oracle: the sphere cut by straight rays in Cartesian coordinates, from two receivers 3 km and 500 m of height apart.
+
+    A gradient makes the delay a measure of the place: 1e-6 m/m of a micrometre is a metre on the shell.
+    """
+    shell = Ionosphere((0.8, 0.1), 0.0, 0.0, (1e-6, 2e-6), 0.0, (1.0, 0.0), 0.0)
+    lat, lon, height = np.array([0.8, 0.8003]), np.array([0.1, 0.1004]), np.array([0.0, 500.0])
+    azimuth, elevation = np.radians([[20.0, 140.0, 300.0]]), np.radians([[15.0, 45.0, 70.0]])
+    delay = shell.delay(np.zeros(2), (lat, lon, height), np.repeat(azimuth, 2, axis=0), np.repeat(elevation, 2, axis=0))
+    axes = rotation_en(0.8, 0.1)
+    for k in range(2):
+        own = rotation_en(lat[k], lon[k])
+        for j, (A, E) in enumerate(zip(azimuth[0], elevation[0], strict=True)):
+            start, ray = -(6371e3 + height[k]) * own[:, 2], own @ [np.cos(E) * np.cos(A), np.cos(E) * np.sin(A), -np.sin(E)]
+            point = start + ray * (np.sqrt((start @ ray) ** 2 - start @ start + SHELL**2) - start @ ray)
+            slant = SHELL / (point @ ray)
+            assert delay[k, j] == pytest.approx(slant * (point @ axes[:, 0] * 1e-6 + point @ axes[:, 1] * 2e-6), abs=1e-9)
 
 
 @needs_engine

@@ -8,8 +8,9 @@ from scipy.stats import chi2
 
 from insgnss.errors import UsageError
 from insgnss.formats.gnss_text import read_gnss_text, write_gnss_text
+from insgnss.records.qualities import Quality
 from insgnss.simulate.flights import block_flight
-from insgnss.simulate.receiver import FLOAT, SINGLE, FixEpisode, GnssOptions, simulate_gnss
+from insgnss.simulate.receiver import FixEpisode, GnssOptions, simulate_gnss
 from insgnss.simulate.sensors import Rig, antenna_states
 
 TOPOCENTRIC = pyproj.Transformer.from_pipeline(
@@ -130,15 +131,15 @@ def test_velocities_are_late_as_well(flight):
 def test_an_episode_has_its_own_error_claim_and_quality(flight):
     """Oracle: counting, the exact antenna, and the sample variance: 100 s hold 20 times 5 s, hence 50 %."""
     stretches = (
-        FixEpisode(100.0, 100.0, FLOAT, (0.3, 0.3, 0.5), 5.0),
-        FixEpisode(300.0, 100.0, SINGLE, (2.0, 2.0, 4.0), 5.0, (0.02, 0.02, 0.03)),
+        FixEpisode(100.0, 100.0, Quality.FLOAT, (0.3, 0.3, 0.5), 5.0),
+        FixEpisode(300.0, 100.0, Quality.SINGLE, (2.0, 2.0, 4.0), 5.0, (0.02, 0.02, 0.03)),
     )
     fixes = fixes_of(flight, episodes=stretches)
     elapsed = fixes.time - flight.motion.start
     error = off_the_truth(flight, fixes, fixes.time)
     for start, code, sigma, claim in (
-        (100.0, FLOAT, (0.3, 0.3, 0.5), (0.3, 0.3, 0.5)),
-        (300.0, SINGLE, (2.0, 2.0, 4.0), (0.02, 0.02, 0.03)),
+        (100.0, Quality.FLOAT, (0.3, 0.3, 0.5), (0.3, 0.3, 0.5)),
+        (300.0, Quality.SINGLE, (2.0, 2.0, 4.0), (0.02, 0.02, 0.03)),
     ):
         here = (elapsed >= start - 1e-6) & (elapsed < start + 100.0 - 1e-6)
         assert here.sum() == 1000
@@ -155,7 +156,7 @@ def test_an_episode_has_its_own_error_claim_and_quality(flight):
 def test_an_episode_of_no_correlation_is_white(flight):
     """Oracle: first autocorrelation of 3000 white values, four sigma."""
     fixes = fixes_of(flight, episodes=(FixEpisode(100.0, 300.0, correlation_time_s=0.0),))
-    here = fixes.quality == FLOAT
+    here = fixes.quality == Quality.FLOAT
     error = off_the_truth(flight, fixes, fixes.time)[here]
     assert abs(np.corrcoef(error[1:, 1], error[:-1, 1])[0, 1]) < 4.0 / np.sqrt(3000)
 

@@ -57,7 +57,7 @@ def test_a_rate_that_no_imu_has_is_refused_with_the_unit_of_time(rest, tmp_path,
 
 
 def test_clocks_by_other_names_and_named_fields_need_no_columns(rest, tmp_path):
-    """Oracle: the samples put in, from each of three layouts."""
+    """Oracle: the samples put in, from each of four layouts."""
     t = np.arange(len(rest)) / RATE
     record = np.zeros(len(rest), dtype=[(name, float) for name in ("time", "gyro_x", "gyro_y", "gyro_z", "acc_x", "acc_y", "acc_z")])
     for name, column in zip(record.dtype.names, np.column_stack([t, rest]).T, strict=True):
@@ -67,11 +67,15 @@ def test_clocks_by_other_names_and_named_fields_need_no_columns(rest, tmp_path):
     for path, options in (
         (table(tmp_path / "us.csv", 1e9 + t * 1e6, rest, "timestamp_us;wx;wy;wz;ax;ay;az", ";"), given),
         (table(tmp_path / "long.csv", 1000.0 + t, rest, long), TuneOptions()),
+        (
+            table(tmp_path / "camel.csv", t * 1e3, rest, "SysClockMs,gyro_x_rps,gyro_y_rps,gyro_z_rps,acc_x_ms2,acc_y_ms2,acc_z_ms2"),
+            TuneOptions(),
+        ),
         (save(tmp_path / "record.npy", record), given),
     ):
-        imu, said = read_samples(path, options)
-        assert said == ()
-        np.testing.assert_allclose(imu.time - imu.time[0], t, atol=1e-6)
+        imu = read_samples(path, options)
+        assert imu.notes == ()
+        np.testing.assert_allclose(imu.time - imu.time[0], t, rtol=0, atol=1e-6)
         np.testing.assert_allclose(np.column_stack([imu.gyro, imu.accel]), rest, rtol=1e-12)
 
 
@@ -84,6 +88,22 @@ def test_a_unit_against_the_header_is_told(rest, tmp_path, capsys):
     code, said = run(capsys, path, "--gyro-unit", "rad/s", "--out", tmp_path / "y.toml")
     assert code == 0
     assert "the header says" not in said
+
+
+def test_units_behind_names_need_no_option(rest, tmp_path, capsys):
+    """Oracle: the samples put in, from numbers in deg/s and mg; an option to the contrary is told in the words of the options."""
+    t, counts = np.arange(len(rest)) / RATE, rest / [*[np.pi / 180.0] * 3, *[9.80665e-3] * 3]
+    path = table(tmp_path / "t.csv", 1e6 * t, counts, "clock_us,gyro_x_dps,gyro_y_dps,gyro_z_dps,acc_x_mg,acc_y_mg,acc_z_mg")
+    imu = read_samples(path, TuneOptions())
+    np.testing.assert_allclose(np.column_stack([imu.gyro, imu.accel]), rest, rtol=1e-12)
+    np.testing.assert_allclose(imu.time, t, rtol=0, atol=1e-9)
+    code, said = run(capsys, path, "--gyro-unit", "deg/h", "--out", tmp_path / "x.toml")
+    assert code == 0
+    assert "IMU units: the header says deg/s, and --gyro-unit deg/h was taken; leave --gyro-unit out if the header is right" in said
+    path = table(tmp_path / "angles.csv", t, rest, "time,gyro_x_deg,gyro_y_deg,gyro_z_deg,acc_x_g,acc_y_g,acc_z_g")
+    code, said = run(capsys, path, "--out", tmp_path / "y.toml")
+    assert code == 2
+    assert "nothing says the unit of the gyro columns; give --gyro-unit" in said
 
 
 def test_another_imu_is_not_pooled(rest, tmp_path, capsys):

@@ -1,0 +1,68 @@
+"""What the images of a flight tell of themselves: their names in order, and the time of each by the camera's own clock.
+
+That clock may be off by any constant.
+"""
+
+import re
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..formats._exif import time_taken
+from ..formats._layout import decode, shown
+from ..records import Array
+
+IMAGE_ENDINGS = {
+    *(".jpg", ".jpeg", ".tif", ".tiff", ".png", ".dng", ".raw", ".iiq", ".arw", ".cr2", ".cr3", ".nef", ".nrw", ".raf", ".rw2", ".orf"),
+    *(".3fr", ".fff", ".pef", ".srw", ".x3f", ".webp", ".jp2", ".heic"),
+}
+
+
+def image_names(place: str | Path, ending: str | None = None) -> tuple[str, ...]:
+    """Names of the images in a directory, in the order of the numbers in them, or of a list with one name a line, as it stands.
+
+    ending : of the files to take, such as ".jpg"; needed where the directory holds the same images in several formats.
+    Raises InputError where there is no image, a name twice, or several formats of the same image.
+    """
+    path = Path(place)
+    if path.is_dir():
+        files = [entry.name for entry in path.iterdir() if entry.is_file() and not entry.name.startswith(".")]
+        endings = IMAGE_ENDINGS if ending is None else {"." + ending.lower().lstrip(".")}
+        names = sorted((name for name in files if Path(name).suffix.lower() in endings), key=_natural)
+        if len({Path(name).stem for name in names}) < len(names):
+            kinds = sorted({Path(name).suffix for name in names})
+            raise InputError.at(path, None, f"holds the same image as {' and '.join(kinds)}; say which ending to take")
+    else:
+        try:
+            names = [line.strip() for line in decode(path.read_bytes()).removeprefix("\ufeff").splitlines()]
+        except OSError as error:
+            raise InputError.at(path, None, f"cannot be read: {error.strerror or error}; give a directory or a list of names") from None
+        names = [name for name in names if name and not name.startswith("#")]
+    if not names:
+        raise InputError.at(path, None, "holds no image; check the path and the ending")
+    if len(set(names)) < len(names):
+        twice = next(name for k, name in enumerate(names) if name in names[:k])
+        raise InputError.at(path, None, f"image {shown(twice)} occurs twice; correct the list")
+    return tuple(names)
+
+
+def _natural(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Order in which IMG_9 stands before IMG_10."""
+    return tuple((1, int(part), "") if part.isdigit() else (0, 0, part.lower()) for part in re.findall(r"\d+|\D+", name))
+
+
+def image_times(place: Path, names: Sequence[str]) -> Array | None:
+    """Seconds (n,) from the first image, None where `place` is no directory or one of its images does not tell its time."""
+    if not place.is_dir():
+        return None
+    times: list[datetime] = []
+    for name in names:
+        try:
+            with (place / name).open("rb") as stream:
+                times.append(time_taken(stream, name))
+        except (OSError, ValueError, InputError):
+            return None
+    return np.array([(time - times[0]).total_seconds() for time in times])

@@ -1,0 +1,212 @@
+"""Events and images that belong together, by their order.
+
+A camera's event is stamped at its pulse; the exposure's middle comes a constant delay later:
+
+    time = stamp + delay                                                                            (E.1)
+
+Names are matched by order, and one event or image too many or too few moves every name behind it. So the counts must agree. Where they
+do not, the match is refused with the place where an event or an image seems to be missing: by the images' own times, whose clock may be
+off by any constant; else by the gaps in their numbers; else by the longest interval. The answer is `skip_events` or `skip_images`.
+
+Counts agree, too, where one of each is missing. So the images' own times are asked first (`clocks`): where they show the order wrong, it is
+refused; where they fit neither the order nor another match, as they may not be those of the exposures, that is told. Times that fall by
+less than a second, from a camera that writes its fractions wrong, are not asked.
+"""
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError, UsageError
+from ..formats._order import note
+from ..formats.events import UNNAMED
+from ..records import Array, CameraEvents, Check
+from .clocks import ClockMatch, match_clocks, misfit
+
+FEWEST_TIMES = 3
+LONGEST_DELAY_S = 10.0
+UNSURE_FALL_S = 1.0
+
+
+def name_events(
+    events: CameraEvents,
+    images: Sequence[str] | None,
+    *,
+    taken_s: ArrayLike | None = None,
+    skip_events: Collection[int] = (),
+    skip_images: Collection[str] = (),
+) -> CameraEvents:
+    """Events of any source with the names of `images` in order; without images the events keep their names.
+
+    images : names in the order of exposure.   taken_s : (n,) s of each image by a clock of its own (Exif), any zero.
+    skip_events : numbers, from 1, of events without an image.   skip_images : names without an event.
+    Raises InputError where the events have names of their own as well, events and images are not the same number, or `taken_s` shows
+    another order; UsageError for skipping what is not there.
+    """
+    path, count, notes = events.source or "camera events", events.time.size, events.notes
+    _check_skipped(path, "events", skip_events, range(1, count + 1))
+    _check_skipped(path, "images", skip_images, images or ())
+    number = np.array([k + 1 for k in range(count) if k + 1 not in skip_events], dtype=np.int64)
+    time = events.time[number - 1]
+    names = [events.images[k - 1] for k in number]
+    if images is not None:
+        _refuse_named(path, events)
+        notes = tuple(check for check in notes if check.name != UNNAMED)
+        given = [k for k, name in enumerate(images) if name not in skip_images]
+        names = [images[k] for k in given]
+        taken, doubts = (None, ()) if taken_s is None else _taken(path, taken_s, images, given)
+        notes += doubts + _Match(path, time, number, names, taken, notes).checked()
+    return CameraEvents(tuple(names), time, events.gps_week, path, notes)
+
+
+def check_delay(delay_s: float) -> None:
+    """UsageError for a delay, s, that is no number or beyond 10 s."""
+    if not abs(delay_s) <= LONGEST_DELAY_S:
+        raise UsageError(f"camera delay {delay_s} s is outside +-{LONGEST_DELAY_S:g} s; give it in seconds")
+
+
+def delayed(events: CameraEvents, delay_s: float) -> CameraEvents:
+    """Events at the middles of their exposures, `delay_s` behind the stamps (E.1); UsageError as `check_delay`."""
+    check_delay(delay_s)
+    return replace(events, time=events.time + delay_s)
+
+
+def _refuse_named(path: str, events: CameraEvents) -> None:
+    """Refuse events whose names are more than numbers."""
+    if named := [name for name in events.images if not name.isdecimal()]:
+        what = f"the events have names of their own ({named[0]}), and images are given that name them as well; leave the images out"
+        raise InputError.at(path, None, f"{what}, or give the events by columns without the names")
+
+
+def _check_skipped(path: str, kind: str, skipped: Collection[object], there: Collection[object]) -> None:
+    if unknown := [item for item in skipped if item not in there]:
+        raise UsageError(f"{path}: skip_{kind} names {unknown[0]}, which is none of the {len(there)} {kind}")
+
+
+def _taken(path: str, taken_s: ArrayLike, images: Sequence[str], given: Sequence[int]) -> tuple[Array | None, tuple[Check, ...]]:
+    """The own times (n,) s of the images at the places `given`, None with a note where their fractions of a second cannot be right."""
+    taken = np.asarray(taken_s, dtype=np.float64)
+    if taken.shape != (len(images),) or not np.isfinite(taken).all():
+        raise UsageError(f"the images' own times have the shape {taken.shape}, expected {len(images)} finite numbers, one an image")
+    taken = taken[given]
+    if taken.size < 2 or (step := np.diff(taken)).min() >= 0.0:
+        return taken, ()
+    k = int(np.argmin(step))
+    found = f"image {images[given[k + 1]]} was taken {-step[k]:.3f} s before {images[given[k]]}, by the images' own times"
+    if -step[k] < UNSURE_FALL_S:
+        return None, (note("times of the images", f"{found}; they are not asked", "times that do not fall", "names go by their order"),)
+    raise InputError.at(path, None, f"{found}; order them by exposure, in a list of their names")
+
+
+@dataclass(frozen=True)
+class _Match:
+    """Events (n,), s and number from 1, and names (m,) that are to belong together, the images' own times (m,) s or None, and what
+    reading the events told."""
+
+    path: str
+    time: Array
+    number: NDArray[np.int64]
+    names: Sequence[str]
+    taken: Array | None
+    told: Sequence[Check]
+
+    def checked(self) -> tuple[Check, ...]:
+        """Notes of the match; InputError with the place where something is missing where there is none."""
+        if self.time.size == len(self.names):
+            return self.in_order()
+        hint = self.by_clocks() or _of_numbers(self.time, self.number, self.names)
+        hint = hint or _of_intervals(self.time, self.number, len(self.names))
+        raise self.refusal(f"one too many or too few moves all names behind it: {hint}", "; ")
+
+    def in_order(self) -> tuple[Check, ...]:
+        """Notes of as many images as events; InputError where their times show another order."""
+        told: tuple[Check, ...] = ()
+        timed = self.taken is not None and self.time.size >= FEWEST_TIMES
+        found = misfit(self.time, self.taken) if timed and self.taken is not None else None
+        if found is not None and found.better is not None:
+            better = _of_clocks(found.better, self.number, self.names)
+            raise self.refusal(f"but they do not fit in time: {better}; if the times are wrong, give a list of the names")
+        if found is not None:
+            names = _first_of([self.names[k] for k in found.images])
+            what = f"{len(found.images)} of {len(self.names)} are off by more than {found.near_s:.2f} s: {names}"
+            advice = "names go by order; cameras that stamp the end of writing do so, else see that no event or image is missing"
+            told = (note("times of the images", what, "those of the events but for a constant", advice),)
+        if (not timed or told) and (gaps := _number_gaps(self.names)):
+            what = f"as many as events, but their numbers leave out {_first_of(gaps)}"
+            advice = "see that no event is missing or too many as well"
+            told += (note("names of the images", what, "numbers without a gap", advice),)
+        return told
+
+    def by_clocks(self) -> str:
+        """What the images' own times say of another number of events, empty without them or with too few; InputError for other flights."""
+        if self.taken is None or min(self.time.size, self.taken.size) < FEWEST_TIMES:
+            return ""
+        match = match_clocks(self.time, self.taken)
+        if 2 * (pairs := self.taken.size - len(match.images)) < min(self.time.size, self.taken.size):
+            what = f"but by the images' own times only {pairs} of {self.taken.size} images pair with an event"
+            raise self.refusal(f"{what}; see that these are images of this flight; if the times are wrong, give a list of the names")
+        return _of_clocks(match, self.number, self.names)
+
+    def refusal(self, what: str, joint: str = ", ") -> InputError:
+        """The error `what` behind the counts, with what was left out of the events or is odd about them."""
+        told = "".join(f"; {check.name}: {check.found}" for check in self.told)
+        return InputError.at(self.path, None, f"{self.time.size} camera events and {len(self.names)} images{joint}{what}{told}")
+
+
+def _of_clocks(match: ClockMatch, number: NDArray[np.int64], names: Sequence[str]) -> str:
+    events = [int(number[k]) for k in match.events]
+    images = [names[k] for k in match.images]
+    told = f"by the images' own times (offset {match.offset_s:.3f} s, remainder {match.rms_s:.3f} s)"
+    if events:
+        told += f" no image belongs to event {_first_of(events)}"
+    if images:
+        told += f"{' and' if events else ''} no event to image {_first_of(images)}"
+    answer = [f"skip_events = {events[:8]}"] * bool(events) + [f"skip_images = {images[:8]}"] * bool(images)
+    return f"{told}; if that is so, set {' and '.join(answer)}"
+
+
+def _of_numbers(time: Array, number: NDArray[np.int64], names: Sequence[str]) -> str:
+    """What the gaps in the images' numbers say, if they are as many as the events without an image."""
+    gaps = _number_gaps(names)
+    if not gaps or len(gaps) != time.size - len(names):
+        return ""
+    start = _numbers(names)[0]
+    events = [int(number[gap - start]) for gap in gaps]
+    return f"the images' numbers leave out {_first_of(gaps)}; if these were exposed and are lost, set skip_events = {events[:8]}"
+
+
+def _of_intervals(time: Array, number: NDArray[np.int64], count: int) -> str:
+    step = np.diff(time)
+    if step.size == 0:
+        return "name those that have no partner in skip_events or skip_images"
+    if time.size == 2 * count and np.median(step[::2]) < 0.5 * np.median(step[1::2] if step.size > 1 else step):
+        ms = 1e3 * float(np.median(step[::2]))
+        return f"the events come in pairs {ms:.1f} ms apart, as from both edges of a pulse; keep the edge you want with skip_events"
+    k = int(np.argmax(step))
+    where = f"the longest interval is {step[k]:.3f} s, behind event {number[k]}, the median {np.median(step):.3f} s"
+    more = "skip_events" if time.size > count else "skip_images"
+    return f"{where}; give the images' own times, or name those without a partner in {more}"
+
+
+def _numbers(names: Sequence[str]) -> list[int]:
+    """The last number in the stem of each name, where all have one."""
+    found = [re.findall(r"\d+", Path(name).stem) for name in names]
+    return [int(item[-1]) for item in found] if found and all(found) else []
+
+
+def _number_gaps(names: Sequence[str]) -> list[int]:
+    """Numbers that increasing numbers of images leave out; none where there are more of them than images."""
+    numbers = _numbers(names)
+    if len(numbers) < 2 or any(b <= a for a, b in pairwise(numbers)) or numbers[-1] - numbers[0] >= 2 * len(numbers):
+        return []
+    return sorted(set(range(numbers[0], numbers[-1] + 1)) - set(numbers))
+
+
+def _first_of(items: Sequence[object]) -> str:
+    told = ", ".join(map(str, items[:5]))
+    return told if len(items) <= 5 else f"{told} and {len(items) - 5} more"
