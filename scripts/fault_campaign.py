@@ -51,11 +51,12 @@ from insgnss.flight import load_flight
 from insgnss.geodesy.rotation import vector_from_rotation
 from insgnss.pipeline import process
 from insgnss.records import ExteriorOrientation
+from insgnss.records.qualities import Quality
 from insgnss.simulate.dataset import Dataset, write_dataset, write_simulated
 from insgnss.simulate.faults import ImuFaults, RowFaults, Stuck, Vibration
 from insgnss.simulate.ground import drive, walk
 from insgnss.simulate.layout import BLOCK, Level
-from insgnss.simulate.receiver import SINGLE, FixEpisode, GnssOptions
+from insgnss.simulate.receiver import FixEpisode, GnssOptions
 from insgnss.simulate.scenario import observe
 from insgnss.simulate.sensors import ImuOptions
 
@@ -109,7 +110,7 @@ def episode(start_s: float, duration_s: float, **options: Any) -> FixEpisode:
     return FixEpisode(start_s, duration_s, **options)
 
 
-ALL_SINGLE = {"quality": SINGLE, "sigma_m": (1.5, 1.5, 3.0), "correlation_time_s": 60.0}
+ALL_SINGLE = {"quality": Quality.SINGLE, "sigma_m": (1.5, 1.5, 3.0), "correlation_time_s": 60.0}
 TRUSTED = {"claim_m": (0.02, 0.02, 0.03)}
 OUTLIERS = {"outlier_fraction": 0.05, "outlier_m": (1.0, 50.0)}
 CORRELATED = {"sigma_m": (0.005, 0.005, 0.0075), "correlated_sigma_m": (0.02, 0.02, 0.03), "correlation_time_s": 60.0}
