@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import insgnss
-from insgnss.cli import Progress, build_parser, main
+from insgnss.cli import build_parser, main
+from insgnss.cli.console import Progress
 from insgnss.errors import DataError, InputError, UsageError
 
 HEAVY = ("numpy", "numba", "scipy", "matplotlib", "pandas", "pyproj", "georinex", "filterpy")

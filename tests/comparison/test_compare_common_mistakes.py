@@ -10,7 +10,7 @@ import pytest
 from compared_files import Written
 from numpy.testing import assert_allclose
 
-from insgnss.comparison import verb
+from insgnss.cli import compare as verb
 from insgnss.comparison.compare import compare_files, compare_poses
 from insgnss.comparison.poses import Poses
 from insgnss.comparison.position import without
@@ -255,7 +255,7 @@ def test_help_lists_the_forms_without_numpy() -> None:
     assert tuple(FORMS) == verb.FORMS
     assert tuple(LAYOUTS) == TABLES
     code = (
-        "import argparse, sys; from insgnss.comparison.verb import FORMS, add_arguments; p = argparse.ArgumentParser(); add_arguments(p); "
+        "import argparse, sys; from insgnss.cli.compare import FORMS, add_arguments; p = argparse.ArgumentParser(); add_arguments(p); "
         "h = ' '.join(p.format_help().split()); assert all(f in h for f in FORMS), h; assert 'numpy' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 import written_rinex as w
 
+from insgnss.cli import ppk as verb
 from insgnss.errors import DataError, InputError, UsageError
 from insgnss.exposures.naming import ImageMatch
 from insgnss.formats.gnss_text import read_gnss_text, read_image_positions
 from insgnss.geodesy.frames import LocalFrame, TangentPlane, ecef_to_geodetic, geodetic_to_ecef, rotation_en
-from insgnss.gnss import ppk, verb
+from insgnss.gnss import ppk
 from insgnss.gnss.antenna_files import ALL, IMAGES, PLANE, positions_at, write_antenna_files
 from insgnss.gnss.covariance import MODEL
 from insgnss.gnss.engine import EngineRun

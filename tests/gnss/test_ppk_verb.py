@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from insgnss.cli import build_parser, main
+from insgnss.cli import ppk as verb
 from insgnss.formats.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
-from insgnss.gnss import verb
 from insgnss.gnss.antenna_files import ANTENNA_FILES
 from insgnss.gnss.ppk import PpkResult
 from insgnss.gnss.verb_words import ALSO_PROSE, OPTIONS, in_options

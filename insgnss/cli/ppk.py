@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, InsgnssError, UsageError
 from ..files import atomic_write, json_ready
-from .verb_words import check_in_options, in_options
+from ..gnss.verb_words import check_in_options, in_options
+from .console import Progress
+from .verb import Verb, show_result
 
 if TYPE_CHECKING:
-    from .engine import Progress
-    from .ppk import PpkInput, PpkResult
+    from ..gnss.ppk import PpkInput, PpkResult
 
 Draw = Callable[[Mapping[str, Any]], bytes]
 
@@ -109,7 +110,7 @@ class PpkRun:
         }
 
 
-def ppk(given: argparse.Namespace, progress: "Progress", draw: Draw) -> PpkRun:
+def ppk(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun:
     """Do what the parsed command line asks for.
 
     draw : PNG of the series of a result (`report.gnss.draw_quality`).   Raises UsageError, InputError and DataError of the steps, in
@@ -121,13 +122,13 @@ def ppk(given: argparse.Namespace, progress: "Progress", draw: Draw) -> PpkRun:
         raise type(error)(in_options(str(error))) from error
 
 
-def _solved(given: argparse.Namespace, progress: "Progress", draw: Draw) -> PpkRun:
+def _solved(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun:
     inputs, origin = input_of(given), None if given.origin is None else place(given.origin, "--origin")
     _refuse_absent(given)
     if given.out.exists() and not given.out.is_dir():
         raise UsageError(f"ppk: --out {given.out} is a file, a directory is expected")
-    from .antenna_files import SOLUTION, positions_of_others, write_antenna_files
-    from .ppk import solve_ppk
+    from ..gnss.antenna_files import SOLUTION, positions_of_others, write_antenna_files
+    from ..gnss.ppk import solve_ppk
 
     if name := positions_of_others(given.out):
         raise UsageError(f"ppk: --out {given.out} holds {name} and no {SOLUTION}: positions of others; give another directory")
@@ -158,11 +159,11 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
     """The input that a command line describes."""
     from ..exposures.naming import ImageMatch
     from ..geodesy.frames import geodetic_to_ecef
-    from .covariance import MODEL
-    from .covariance_table import read_covariance
-    from .events import RoverEvents
-    from .options import EngineOptions
-    from .ppk import PpkInput
+    from ..gnss.covariance import MODEL
+    from ..gnss.covariance_table import read_covariance
+    from ..gnss.events import RoverEvents
+    from ..gnss.options import EngineOptions
+    from ..gnss.ppk import PpkInput
 
     if given.base_position is None and given.base_point is not None:
         raise UsageError("ppk: --base-point belongs to --base-position; give the coordinates")
@@ -226,7 +227,7 @@ def _more(words: Sequence[str]) -> dict[str, str]:
 
 def _air(given: argparse.Namespace) -> dict[str, float] | None:
     """Air at the base as far as it is given, by the names of `troposphere.standard_atmosphere`; UsageError for what cannot be."""
-    from .troposphere import standard_atmosphere
+    from ..gnss.troposphere import standard_atmosphere
 
     named = {"pressure_hpa": given.pressure, "temperature_c": given.temperature, "humidity": given.humidity}
     air = {name: value for name, value in named.items() if value is not None}
@@ -251,3 +252,19 @@ def place(text: str, option: str) -> Any:
         hint = "are latitude and longitude swapped?" if abs(lat) > 90.0 >= abs(lon) else "order and units are deg, deg, m"
         raise UsageError(f"ppk: {option} {text!r} is no latitude, longitude, ellipsoidal height; {hint}")
     return np.array([np.radians(lat), np.radians(lon), height])
+
+
+def run(options: argparse.Namespace, progress: Progress) -> int:
+    """Do what the parsed command line asks for; return the exit code."""
+    from ..report.gnss import draw_quality
+
+    return show_result(options, progress, ppk(options, progress, draw_quality))
+
+
+VERB = Verb(
+    "ppk",
+    "antenna positions with honest covariances from RINEX of rover and base, by RTKLIB",
+    EXAMPLE,
+    add_arguments,
+    run,
+)

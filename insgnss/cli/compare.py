@@ -5,8 +5,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .console import Progress
+from .verb import Verb, show_result
+
 if TYPE_CHECKING:
-    from .result import Comparison
+    from ..comparison.result import Comparison
 
 FORMS = (
     "eo_json",
@@ -23,7 +26,7 @@ FORMS = (
     "sbet",
     "gnss",
     "odyn",
-)  # those of `reading.FORMS`, named here so that help needs no numpy
+)  # those of `comparison.reading.FORMS`, named here so that help needs no numpy
 EXAMPLE = """  insgnss compare eo.json truth/EO_local-plane.txt --figure differences.png
   insgnss compare trajectory.sbet reference.pos --week 2008"""
 
@@ -49,8 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comparison":
     """Do what the parsed command line asks for. Raises UsageError for an origin that is none."""
+    from ..comparison.compare import compare_files
     from ..files import atomic_write
-    from .compare import compare_files
 
     progress("reading and matching")
     result = compare_files(
@@ -80,3 +83,17 @@ def _origin(text: str | None) -> tuple[float, float, float] | None:
     except ValueError:
         raise UsageError(f"compare: --origin {text!r} is not latitude, longitude, height with commas, such as 46.57,6.54,0") from None
     return lat, lon, height
+
+
+def run(options: argparse.Namespace, progress: Progress) -> int:
+    """Do what the parsed command line asks for; return the exit code."""
+    return show_result(options, progress, compare(options, progress))
+
+
+VERB = Verb(
+    "compare",
+    "differences of two exterior orientations or trajectories, and which mistaken convention explains them",
+    EXAMPLE,
+    add_arguments,
+    run,
+)

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UsageError
+from .console import Progress
+from .verb import Verb, show_result
 
 EXAMPLE = """  insgnss export 02_Processed/GPS-INS/eo.json metashape --out metashape.csv
   insgnss export eo.json pix4d_matic --crs EPSG:2056 --geoid ch_chgeo2004.gtx
@@ -51,8 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
     """Do what the parsed command line asks for."""
-    from .export import Target, export, known_format
-    from .options import typed_options
+    from ..exporting.export import Target, export, known_format
+    from ..exporting.options import typed_options
 
     form = known_format(given.format)
     options = typed_options(given.format, form, _settings(given.settings))
@@ -82,3 +84,47 @@ def _settings(texts: list[str]) -> dict[str, str]:
             raise UsageError(f"export: --set {text!r} is not KEY=VALUE, such as unit=gon")
         settings[key.strip()] = value.strip()
     return settings
+
+
+def proof_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
+    """Write the synthetic scene of `--proof`, whose positional arguments are FORMAT and DIR.
+
+    Raises UsageError for options that have no meaning with it.
+    """
+    from ..exporting.export import known_format
+    from ..proof.write import write_proof
+
+    name, directory = str(given.eo), Path(given.format)
+    known_format(name)
+    if given.out or given.settings:
+        raise UsageError("export: with --proof neither --out nor --set has a meaning; the scene goes into DIR")
+    progress("writing the scene")
+    frame = frame_kind(given.frame)
+    return ExportResult(name, tuple(write_proof(name, directory, given.crs, given.geoid, frame, given.ground)))
+
+
+def _list_formats() -> str:
+    from ..formats import EXPORTS
+
+    width = max(map(len, EXPORTS))
+    lines = []
+    for name, form in EXPORTS.items():
+        takes = f" (--set {', '.join(form.options)})" if form.options else ""
+        lines.append(f"  {name:{width}}  {'experimental: ' if form.experimental else ''}{form.what}{takes}\n")
+    return "formats:\n" + "".join(lines)
+
+
+def run(options: argparse.Namespace, progress: Progress) -> int:
+    """Do what the parsed command line asks for; return the exit code."""
+    verb = proof_verb if options.proof else export_verb
+    return show_result(options, progress, verb(options, progress))
+
+
+VERB = Verb(
+    "export",
+    "write the master exterior orientation in the format of a bundle adjustment",
+    EXAMPLE,
+    add_arguments,
+    run,
+    more_help=_list_formats,
+)

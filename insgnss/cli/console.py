@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any, NoReturn, TextIO
 
-from .errors import UsageError
+from ..errors import UsageError
 
 
 class Progress:

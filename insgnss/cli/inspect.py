@@ -1,0 +1,54 @@
+"""The verb `inspect`: what a recording is, and a draft of its flight file."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from ..errors import UsageError
+from .console import Progress
+from .verb import Verb, report_error, show, show_result
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("source", type=Path, nargs="+", metavar="SOURCE", help="a flight file, a directory, or the files of a recording")
+    where = "write a flight file of what is found, and the noise model and a picture beside it (default: flight.toml)"
+    parser.add_argument("--write", type=Path, nargs="?", const=Path("flight.toml"), metavar="FLIGHT", help=where)
+    parser.add_argument("--force", action="store_true", help="let --write take the place of files that are there")
+
+
+def run(options: argparse.Namespace, progress: Progress) -> int:
+    """Do what the parsed command line asks for; return the exit code."""
+    from ..inspection.described import flight_file, inspect_flight
+    from ..inspection.run import inspect_files
+
+    if options.force and options.write is None:
+        raise UsageError("inspect: --force belongs to --write")
+    described = flight_file(options.source, options.write is not None)
+    if described is not None:
+        return _inspected(options, progress, inspect_flight(described, progress))
+    result = inspect_files(options.source, progress)
+    if options.write is not None and not result.missing:
+        progress("writing")
+        result = result.write(options.write, options.force)
+    return _inspected(options, progress, result)
+
+
+def _inspected(options: argparse.Namespace, progress: Progress, result: Any) -> int:
+    """Print an inspection; 0, or the code of what it found wrong or missing, which one line on standard error says."""
+    refusal = result.refusal
+    if refusal is None:
+        return show_result(options, progress, result)
+    error, code = f"{', '.join(map(str, options.source))}: {refusal}", refusal.exit_code
+    show(options, progress, result.summary, lambda: result.as_dict() | {"error": error, "exit_code": code})
+    report_error(f"error: {error}", code, as_json=False)
+    return code
+
+
+VERB = Verb(
+    "inspect",
+    "say what a recording is: files, units, axes, clocks, noise, plausibility; and draft its flight file",
+    "  insgnss inspect ign8/flight.toml\n  insgnss inspect my_recording --write\n  insgnss inspect imu.csv gps.pos --write a.toml",
+    add_arguments,
+    run,
+)

@@ -1,0 +1,106 @@
+"""The command line: verbs, exit codes and what a person sees of a run.
+
+Standard output carries the result (with ``--json`` one JSON document), standard error warnings and errors, one line each, and
+on a terminal the step that is running. Where standard error is no terminal the steps are plain lines among the results
+instead, so that an error stays the one line it is. Exit codes: 0 done, 1 a defect of insgnss, 2 wrong use, 3 bad input,
+4 the data do not support the answer, 130 interrupted. Nothing heavy is imported before a verb needs it.
+"""
+
+import gc
+import os
+import sys
+import traceback
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from .. import __version__
+from ..caches import settle
+from ..errors import InputError, InsgnssError
+from . import calibrate, compare, demo, export, inspect, ppk, process, simulate, tune
+from .console import Parser, Progress
+from .verb import report_error
+
+INTERRUPTED = 130
+VERBS = tuple(module.VERB for module in (demo, simulate, inspect, process, export, calibrate, tune, compare, ppk))
+
+
+def run() -> NoReturn:
+    """The program `insgnss`: one command in a process of its own."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are 30 x 30: more threads only spin
+    gc.disable()  # a run makes few cycles and ends soon; looking for them takes a tenth of its time
+    sys.exit(main())
+
+
+def _run_verb(argv: Sequence[str], progress: Progress) -> int:
+    try:
+        options = build_parser().parse_args(argv)
+    except SystemExit as request:  # --help and --version
+        return int(request.code or 0)
+    if line := settle():
+        warnings.warn(line, stacklevel=2)
+    code: int = options.run(options, progress)
+    return code
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code; `argv` without the program's name, of the process by default."""
+    argv = list(sys.argv[1:] if argv is None else argv)
+    as_json, debug = "--json" in argv, "--debug" in argv
+    progress = Progress(sys.stderr, None if as_json else sys.stdout, quiet="--quiet" in argv or "-q" in argv)
+    with warnings.catch_warnings():
+        warnings.showwarning = _warn_in_one_line(progress)
+        try:
+            code = _run_verb(argv, progress)
+            sys.stdout.flush()
+        except BrokenPipeError:  # the reader of our output has seen enough
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            code = 0
+        except (Exception, KeyboardInterrupt) as error:
+            code, line = _verdict(error)
+            progress.clear()
+            if debug:
+                traceback.print_exc()
+            report_error(line, code, as_json)
+    return code
+
+
+def _verdict(error: BaseException) -> tuple[int, str]:
+    """Exit code and one line for what ended the run."""
+    if isinstance(error, InsgnssError):
+        return error.exit_code, f"error: {error}"
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        return InputError.exit_code, f"error: {where}{error.strerror or error}; check path, permission and free space"
+    if isinstance(error, KeyboardInterrupt):
+        return INTERRUPTED, "error: interrupted"
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if Path(__file__).parents[1] in Path(frame.filename).parents] or frames
+    place = f"{own[-1].filename}:{own[-1].lineno}"
+    return (
+        InsgnssError.exit_code,
+        f"internal error: {type(error).__name__}: {error} (at {place}); this is a defect, --debug shows the traceback",
+    )
+
+
+def _warn_in_one_line(progress: Progress) -> Callable[..., None]:
+    def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        progress.clear()
+        print(f"insgnss: warning: {' '.join(str(message).split())}", file=sys.stderr)
+
+    return show
+
+
+def build_parser() -> Parser:
+    """Parser of all verbs."""
+    parser = Parser(
+        prog="insgnss",
+        description="From a mapping drone's raw IMU and GNSS data to the exterior orientation of every image.",
+        epilog="exit codes: 0 done, 2 wrong use, 3 bad input, 4 the data do not support the answer\nfirst steps: insgnss demo",
+    )
+    parser.add_argument("--version", action="version", version=f"insgnss {__version__}")
+    verbs = parser.add_subparsers(metavar="VERB", required=True, dest="verb", parser_class=Parser)
+    for verb in VERBS:
+        verb.add_to(verbs)
+    return parser

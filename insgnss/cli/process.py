@@ -1,0 +1,33 @@
+"""The verb `process`: raw data in, products out."""
+
+import argparse
+from pathlib import Path
+
+from .console import Progress
+from .verb import Verb, show
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("flight", type=Path, metavar="FLIGHT", help="the flight file, or the directory that holds flight.toml")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="where the products go (default: output.directory of the flight file)")
+
+
+def run(options: argparse.Namespace, progress: Progress) -> int:
+    """Do what the parsed command line asks for; return the exit code."""
+    from ..flight import load_flight
+
+    flight = load_flight(options.flight)
+    from .. import pipeline
+
+    result = pipeline.process(flight, options.out, progress)
+    return show(options, progress, result.summary, lambda: result.report)
+
+
+VERB = Verb(
+    "process",
+    "raw data in, exterior orientation, trajectory and report out",
+    "  insgnss process ign8/flight.toml --out results",
+    add_arguments,
+    run,
+)

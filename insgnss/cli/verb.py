@@ -1,0 +1,101 @@
+"""What the verbs of the command line have in common: how one is declared, and how its result is shown."""
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from ..files import json_ready
+from .console import Parser, Progress
+
+
+class Result(Protocol):
+    """What every verb's result offers: a text for the terminal, and a document for `--json`."""
+
+    def summary(self) -> str:
+        """Return the text for the terminal."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the document for machines."""
+
+
+@dataclass(frozen=True)
+class Verb:
+    """One verb of the command line.
+
+    Attributes
+    ----------
+    name : str
+        The word that a user types.
+    what : str
+        What it does, as a clause that begins in lower case.
+    example : str
+        Commands that work, one a line.
+    add_arguments : callable
+        Adds the verb's options to its parser.
+    run : callable
+        Does what the parsed command line asks for; returns the exit code.
+    more_help : callable, optional
+        Gives the text behind the help, only when help is asked for.
+    """
+
+    name: str
+    what: str
+    example: str
+    add_arguments: Callable[[argparse.ArgumentParser], None]
+    run: Callable[[argparse.Namespace, Progress], int]
+    more_help: Callable[[], str] | None = None
+
+    def add_to(self, verbs: Any) -> None:
+        """Add the parser of this verb to the sub-parsers `verbs`."""
+        parser: Parser = verbs.add_parser(
+            self.name,
+            help=self.what,
+            description=f"{self.what[0].upper()}{self.what[1:]}.",
+            epilog=f"example:\n{self.example}",
+            more_help=self.more_help,
+        )
+        parser.add_argument("--json", action="store_true", help="print the result as JSON")
+        parser.add_argument("-q", "--quiet", action="store_true", help="do not print the steps while it runs")
+        parser.add_argument("--debug", action="store_true", help="print the traceback of an error")
+        parser.set_defaults(run=self.run)
+        self.add_arguments(parser)
+
+
+def show(options: argparse.Namespace, progress: Progress, summary: Callable[[], str], document: Callable[[], dict[str, Any]]) -> int:
+    """Print a result as text or JSON; return exit code 0."""
+    progress.clear()
+    if options.json:
+        print_json(document())
+    else:
+        print(summary())
+    return 0
+
+
+def show_result(options: argparse.Namespace, progress: Progress, result: Result) -> int:
+    """Print a result that has `summary` and `as_dict`; return exit code 0."""
+    return show(options, progress, result.summary, result.as_dict)
+
+
+def print_json(document: Any) -> None:
+    """Print a document as JSON on standard output."""
+    print(json.dumps(json_ready(document), indent=2, allow_nan=False))
+
+
+def report_error(line: str, code: int, as_json: bool) -> None:
+    """Print an error as one line on standard error and, with `as_json`, as a document on standard output."""
+    line = " ".join(line.split())
+    print(f"insgnss: {line}", file=sys.stderr)
+    if as_json:
+        print_json({"error": line.partition("error: ")[2], "exit_code": code})
+
+
+def positive(text: str) -> float:
+    """Return the number of an option that must be greater than zero."""
+    value = float(text)
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is not greater than zero")
+    return value
