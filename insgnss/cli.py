@@ -236,7 +236,7 @@ def _list_formats() -> str:
 
 
 def _demo(options: argparse.Namespace, progress: Progress) -> int:
-    from . import pipeline
+    from .processing import pipeline
 
     result = pipeline.demo(options.directory, options.minutes, options.seed, progress)
     return _show(options, progress, result.summary, result.as_dict)
@@ -288,7 +288,7 @@ def _process(options: argparse.Namespace, progress: Progress) -> int:
     from .flight import load_flight
 
     flight = load_flight(options.flight)
-    from . import pipeline
+    from .processing import pipeline
 
     result = pipeline.process(flight, options.out, progress)
     return _show(options, progress, result.summary, lambda: result.report)
@@ -309,7 +309,7 @@ def _calibrate(options: argparse.Namespace, progress: Progress) -> int:
     from .calibrate.multi_position import calibrate_multi_position
     from .formats import read_imu
     from .prepare.calibration import write_calibration
-    from .recording import sentence
+    from .processing.recording import sentence
 
     spec = _imu_spec(options)
     progress("reading")

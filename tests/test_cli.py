@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import insgnss
+import insgnss.processing
 from insgnss.cli import Progress, build_parser, main
 from insgnss.errors import DataError, InputError, UsageError
 
@@ -30,10 +30,10 @@ def flight(tmp_path):
 
 @pytest.fixture
 def pipeline(monkeypatch):
-    """A module in the place of insgnss.pipeline; tests put functions into it."""
-    module = types.ModuleType("insgnss.pipeline")
-    monkeypatch.setitem(sys.modules, "insgnss.pipeline", module)
-    monkeypatch.setattr(insgnss, "pipeline", module, raising=False)
+    """A module in the place of insgnss.processing.pipeline; tests put functions into it."""
+    module = types.ModuleType("insgnss.processing.pipeline")
+    monkeypatch.setitem(sys.modules, "insgnss.processing.pipeline", module)
+    monkeypatch.setattr(insgnss.processing, "pipeline", module, raising=False)
     return module
 
 

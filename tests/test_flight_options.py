@@ -15,8 +15,8 @@ from insgnss.flight import load_flight
 from insgnss.formats.rtklib_pos import write_rtklib_pos
 from insgnss.geodesy.earth import EARTH_RATE, normal_gravity
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.pipeline import ProcessResult, process
-from insgnss.recording import Recording, read_recording
+from insgnss.processing.pipeline import ProcessResult, process
+from insgnss.processing.recording import Recording, read_recording
 from insgnss.records import StateVerdict
 from insgnss.simulate.dataset import Dataset, write_dataset, write_simulated
 from insgnss.simulate.description import FIXES, Units, flight_toml, imu_file, true_tables

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from insgnss import pipeline
 from insgnss.flight import load_flight
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion, rpy_from_rotation, skew
-from insgnss.recording import read_recording
+from insgnss.processing import pipeline
+from insgnss.processing.recording import read_recording
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, InsgnssError, UsageError
-from ..recording import InspectResult, Progress, quiet
+from ..processing.recording import InspectResult, Progress, quiet
 
 if TYPE_CHECKING:
     from ..recognise.findings import Finding
@@ -57,7 +57,7 @@ def inspect_flight(path: Path, progress: Progress = quiet) -> FlightInspection:
     Raises InputError where the flight file or its inputs cannot be read.
     """
     from ..flight import load_flight
-    from ..recording import inspect, read_recording
+    from ..processing.recording import inspect, read_recording
 
     flight = load_flight(path)
     progress("reading")

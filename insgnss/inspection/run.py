@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import DataError, InputError, InsgnssError
-from ..recording import Progress, quiet, sentence
+from ..processing.recording import Progress, quiet, sentence
 from ..records import CameraEvents, Check, GnssFixes, ImuSamples
 from .discovery import Discovery, discover
 from .sources import Role, Source, as_long_as, on_one_clock, overlap

@@ -22,7 +22,7 @@ import numpy as np
 from ..errors import InputError, InsgnssError, UsageError
 from ..files import json_ready
 from ..flight import Flight
-from ..recording import Recording, quiet, read_recording, sentence
+from ..processing.recording import Recording, quiet, read_recording, sentence
 from ..stochastic.model import NoiseModel
 from .in_flight_files import model_in_flight, planned, write
 from .in_flight_words import NAMES, Beyond, beyond_spectrum, chance_of, longer_flight, summary
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ..calibrate.innovation_noise import InFlightNoise
     from ..calibrate.straight_flight import StraightFlight
     from ..navigation.solution import Solution
-    from ..stretch import Stretch
+    from ..processing.segment import Stretch
 
 Progress = Callable[[str], None]
 
@@ -148,7 +148,7 @@ def chosen_parameters(parameters: Sequence[str] | None) -> tuple[str, ...]:
 def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> FlightTuning:
     """What a flight with one IMU says of its noise; nothing is written. Raises InputError and DataError as `tune_flight` does."""
     from ..calibrate.straight_flight import straight_flight, straight_segments
-    from ..stretch import solve_stretches
+    from ..processing.segment import solve_stretches
 
     progress("read")
     recording = _read(flight)
@@ -216,7 +216,7 @@ def _lost(solved: "list[Stretch]") -> tuple[int, int]:
 
 def _lost_again(flight: Flight, recording: Recording, offered: int, progress: Progress) -> int:
     """Fixes of `offered` that are lost with another noise, all those of a stretch that cannot be solved with it."""
-    from ..stretch import solve_stretches
+    from ..processing.segment import solve_stretches
 
     try:
         again, lost = _lost(solve_stretches(flight, recording, progress)[0])
@@ -227,8 +227,8 @@ def _lost_again(flight: Flight, recording: Recording, offered: int, progress: Pr
 
 def _judged(noise: "InFlightNoise", lost_before: int, lost_after: int, beyond: Sequence[Beyond] = ()) -> tuple[bool, tuple[str, ...]]:
     """Whether the static model gives way, and why, sentence by sentence.   beyond : white noise that the spectrum rules out."""
-    from ..calibrate.fixes import MORE_LOST
     from ..calibrate.innovation_noise import SIGNIFICANT
+    from ..diagnosis.evidence import MORE_LOST
 
     if not noise.free:
         held = tuple(f"{NAMES[name]} not told by this flight: {why}" for name, why in noise.held)

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..delivery import inputs_of, sha256
 from ..errors import UsageError
 from ..files import atomic_write
 from ..flight import Flight
 from ..prepare.gaps import nominal_interval
-from ..recording import Recording
+from ..processing.products import inputs_of, sha256
+from ..processing.recording import Recording
 from ..stochastic.model import NOISE_UNITS, AxisNoise, NoiseModel, RecordingSource, write_noise_model
 from ..units import rounded
 from .targets import check_target, refuse_present

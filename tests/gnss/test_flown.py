@@ -14,7 +14,7 @@ from insgnss.gnss import flown
 from insgnss.gnss.covariance import MODEL
 from insgnss.gnss.events import RoverEvents
 from insgnss.gnss.ppk import PpkInput, PpkResult
-from insgnss.recording import _read_files
+from insgnss.processing.recording import _read_files
 from insgnss.records import CameraEvents, Check, GnssFixes
 
 FIXES = GnssFixes(np.array([10.0, 11.0]), np.full(2, 0.8), np.full(2, 0.1), np.full(2, 500.0), np.tile(1e-4 * np.eye(3), (2, 1, 1)))

@@ -12,7 +12,7 @@ from insgnss.formats.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtk
 from insgnss.geodesy.frames import geodetic_to_ecef
 from insgnss.gnss.covariance import MODEL, base_distance, calibrate
 from insgnss.gnss.ready import ADVICE, with_calibrated
-from insgnss.recording import _read_files
+from insgnss.processing.recording import _read_files
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 LEGEND = "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of satellites)\n"

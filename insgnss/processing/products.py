@@ -15,16 +15,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from .errors import DataError, InputError, UsageError
-from .flight import Flight
-from .gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others
+from ..errors import DataError, InputError, UsageError
+from ..flight import Flight
+from ..gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others
+from ..records import Diagnostics, ExteriorOrientation, Trajectory
+from ..records.framed import PROJECTED
+from ..stochastic.model import NoiseModel
 from .recording import Recording, sentence
-from .records import Diagnostics, ExteriorOrientation, Trajectory
-from .records.framed import PROJECTED
-from .stochastic.model import NoiseModel
 
 if TYPE_CHECKING:
-    from .gnss.ppk import PpkResult
+    from ..gnss.ppk import PpkResult
 
 PRODUCTS = ("trajectory.sbet", "trajectory.smrmsg", "trajectory.csv", "report.html", "report.json")  # besides those of the images
 PUBLISHED, PUBLISHED_PPK = "GPS-INS", "GPS-PPK"
@@ -36,7 +36,7 @@ def target(flight: Flight, out: Path | None) -> Path:
 
     Raises UsageError where it was named by the command, InputError where it was by the flight file.
     """
-    from .formats import EXPORTS
+    from ..formats import EXPORTS
 
     directory = flight.output.directory if out is None else Path(out)
     refusal, where = (InputError, f"{flight.path}: output.directory") if out is None else (UsageError, "--out")
@@ -100,9 +100,9 @@ def deliver(
     recording: Recording,
 ) -> tuple[Path, ...]:
     """Write every product into a directory beside its target and move them in together: all of them, or none."""
-    from .formats.sbet import write_sbet, write_smrmsg
-    from .formats.trajectory_csv import write_trajectory_csv
-    from .report.page import write_report, write_report_json
+    from ..formats.sbet import write_sbet, write_smrmsg
+    from ..formats.trajectory_csv import write_trajectory_csv
+    from ..report.page import write_report, write_report_json
 
     with ExitStack() as stack:
         staged = [stack.enter_context(_Staging(Path(out)))]
@@ -156,8 +156,8 @@ def _write_solution(flight: Flight, recording: Recording, ppk: "PpkResult", eo: 
 
     The exposures are those of the run, their times back on the clock of the fixes, as these were solved.
     """
-    from .gnss.antenna_files import write_antenna_files
-    from .prepare.clock import in_week
+    from ..gnss.antenna_files import write_antenna_files
+    from ..prepare.clock import in_week
 
     ppk.write(staging / SOLUTION)
     events = recording.events
@@ -176,8 +176,8 @@ def _export(flight: Flight, eo: ExteriorOrientation, name: str, staging: Path, n
 
     noise : by whose gyroscopes relative control weighs.
     """
-    from .exporting.export import Target, export
-    from .formats import EXPORTS
+    from ..exporting.export import Target, export
+    from ..formats import EXPORTS
 
     form, output = EXPORTS[name], flight.output
     projected = output.crs is not None and PROJECTED in form.frames

@@ -12,18 +12,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import __version__
-from .calibrate.fixes import lasting_errors, state_verdicts
-from .delivery import deliver, inputs_of, sha256, target
-from .errors import DataError, InputError
-from .files import json_ready
-from .flight import Flight, load_flight
+from .. import __version__
+from ..diagnosis.evidence import lasting_errors, state_verdicts
+from ..errors import DataError, InputError
+from ..files import json_ready
+from ..flight import Flight, load_flight
+from ..records import Array, Check, Diagnostics, ExteriorOrientation, GnssFixes, StateVerdict, Trajectory
+from .products import deliver, inputs_of, sha256, target
 from .recording import Progress, Recording, quiet, read_recording, sentence
-from .records import Array, Check, Diagnostics, ExteriorOrientation, GnssFixes, StateVerdict, Trajectory
-from .stretch import EPOCH_HZ, Stretch, check_images, check_motion, solve_stretches
+from .segment import EPOCH_HZ, Stretch, check_images, check_motion, solve_stretches
 
 if TYPE_CHECKING:
-    from .navigation.solution import Solution
+    from ..navigation.solution import Solution
 
 REPORT_ROWS = 4000
 HOPELESS_RAD = np.radians(20.0)  # of attitude: beyond it neither the linearisation nor a user can do anything with the result
@@ -79,7 +79,7 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = quiet)
     parts, more = _solve(flight, recording, clock.step)
     checks = (*recording.checks, *more)
     clock.step("orient")
-    from .navigation.solution import trajectory
+    from ..navigation.solution import trajectory
 
     path = Trajectory.joined([_trajectory(flight, part.solution, part.grid, week) for part in parts])
     rows = [_report_rows(part.solution) for part in parts]
@@ -104,7 +104,7 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = quiet)
 
 def _solve(flight: Flight, recording: Recording, step: Progress) -> tuple[list[Stretch], tuple[Check, ...]]:
     """The solved stretches of the flight, and checks of what was left out of it and of what the solutions say."""
-    from .prepare.clock import common_span, refuse_outside
+    from ..prepare.clock import common_span, refuse_outside
 
     if recording.events is not None:
         refuse_outside(recording.events, *common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow))
@@ -119,10 +119,10 @@ def _exterior(flight: Flight, recording: Recording, parts: list[Stretch], histor
     """Exterior orientation of the images within the stretches; None without a camera."""
     if recording.events is None:
         return None
-    from .geodesy.frames import TangentPlane
-    from .navigation.solution import trajectory
-    from .orient.exterior import exterior_orientation
-    from .prepare.clock import take_events
+    from ..geodesy.frames import TangentPlane
+    from ..navigation.solution import trajectory
+    from ..orient.exterior import exterior_orientation
+    from ..prepare.clock import take_events
 
     at = np.concatenate([part.at_event for part in parts])
     if not at.size:
@@ -164,8 +164,8 @@ def _origin(flight: Flight, fixes: GnssFixes) -> tuple[float, float, float]:
 
 
 def _trajectory(flight: Flight, solution: "Solution", grid: np.ndarray, week: int) -> Trajectory:
-    from .navigation.dense import dense_trajectory
-    from .navigation.solution import trajectory
+    from ..navigation.dense import dense_trajectory
+    from ..navigation.solution import trajectory
 
     hz = flight.output.trajectory_hz
     if hz is not None and hz <= EPOCH_HZ:
@@ -186,8 +186,8 @@ def _report_rows(solution: "Solution") -> np.ndarray:
 
 
 def _check_heading(flight: Flight, sampled: Trajectory) -> Check:
-    from .geodesy.rotation import rpy_from_rotation
-    from .recognise.plausibility import check_heading
+    from ..geodesy.rotation import rpy_from_rotation
+    from ..recognise.plausibility import check_heading
 
     check = check_heading(rpy_from_rotation(sampled.C_nb)[:, 2], sampled.velocity_ned, flight.imu.C_b_imu)
     _refuse(flight, (check,))
@@ -195,7 +195,7 @@ def _check_heading(flight: Flight, sampled: Trajectory) -> Check:
 
 
 def _history(flight: Flight, recording: Recording, parts: list[Stretch], checks: tuple[Check, ...]) -> tuple[str, ...]:
-    from .navigation.filter import MOTION, NOTHING, POSITION, REOPENED, USED
+    from ..navigation.filter import MOTION, NOTHING, POSITION, REOPENED, USED
 
     lever = flight.mounting.antenna_lever_b
     verdict = np.concatenate([part.solution.verdict for part in parts])
@@ -228,8 +228,8 @@ def _estimated(state: StateVerdict) -> str:
 
 
 def _diagnostics(part: Stretch, rows: np.ndarray, sampled: Trajectory, rests: Array) -> Diagnostics:
-    from .geodesy.rotation import rpy_from_rotation
-    from .navigation.filter import NOTHING, POSITION, REJECTED, REOPENED, USED, VELOCITY
+    from ..geodesy.rotation import rpy_from_rotation
+    from ..navigation.filter import NOTHING, POSITION, REJECTED, REOPENED, USED, VELOCITY
 
     solution = part.solution
     bias, bias_sigma = solution.channel_bias(rows)
@@ -276,7 +276,7 @@ def _summary(
     samples: int,
     epochs: int,
 ) -> dict[str, Any]:
-    from .report.summary import run_summary
+    from ..report.summary import run_summary
 
     inputs = {os.path.relpath(file, flight.path.parent): sha256(file) for file in inputs_of(flight)}
     versions = {"insgnss": __version__, "python": platform.python_version(), "numpy": np.__version__}
@@ -328,7 +328,7 @@ class DemoResult:
 
 def demo(directory: Path | None = None, minutes: float = 8.0, seed: int = 0, progress: Progress = quiet) -> DemoResult:
     """Simulate a block flight with a NavChip, process it from its files and compare with the truth."""
-    from .simulate.dataset import write_dataset
+    from ..simulate.dataset import write_dataset
 
     directory = Path("insgnss_demo") if directory is None else Path(directory)
     progress("simulate")
@@ -340,7 +340,7 @@ def demo(directory: Path | None = None, minutes: float = 8.0, seed: int = 0, pro
 
 def compare_with_truth(result: ProcessResult, truth: ExteriorOrientation, directory: Path) -> DemoResult:
     """Errors of `result` at the images that truth has too, truth in the same tangent plane."""
-    from .geodesy.rotation import vector_from_rotation
+    from ..geodesy.rotation import vector_from_rotation
 
     eo = result.eo
     assert eo is not None

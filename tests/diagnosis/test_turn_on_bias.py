@@ -7,8 +7,8 @@ import pytest
 
 from insgnss.errors import InputError
 from insgnss.flight import Flight, load_flight
-from insgnss.pipeline import process
-from insgnss.recording import TURN_ON, inspect, with_turn_on, without_turn_on
+from insgnss.processing.pipeline import process
+from insgnss.processing.recording import TURN_ON, inspect, with_turn_on, without_turn_on
 from insgnss.simulate.dataset import write_dataset
 from insgnss.stochastic.model import NoiseModel, load_noise_model, write_noise_model
 

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import DataError, InputError, InsgnssError, UsageError
-from .flight import QUALITIES, Flight, ImuInput
-from .records import Array, CameraEvents, Check, GnssFixes, ImuSamples
-from .units import STANDARD_GRAVITY
+from ..errors import DataError, InputError, InsgnssError, UsageError
+from ..flight import QUALITIES, Flight, ImuInput
+from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
+from ..units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
-    from .gnss.ppk import PpkResult
-    from .prepare.still import Stretches
-    from .recognise.recognition import Recognition
-    from .stochastic.model import NoiseModel
+    from ..gnss.ppk import PpkResult
+    from ..prepare.still import Stretches
+    from ..recognise.recognition import Recognition
+    from ..stochastic.model import NoiseModel
 
 Progress = Callable[[str], None]
 
@@ -88,11 +88,11 @@ def sentence(check: Check) -> str:
 
 def read_recording(flight: Flight) -> Recording:
     """Read the files of a flight, bring them to one clock and check them."""
-    from .prepare.clock import common_clock, cut_events
-    from .prepare.quality import with_floors
-    from .prepare.still import still_stretches
-    from .recognise.plausibility import check_recording
-    from .stochastic.model import load_noise_model
+    from ..prepare.clock import common_clock, cut_events
+    from ..prepare.quality import with_floors
+    from ..prepare.still import still_stretches
+    from ..recognise.plausibility import check_recording
+    from ..stochastic.model import load_noise_model
 
     try:
         imu, gnss, events, ppk = _read_files(flight)
@@ -137,8 +137,8 @@ def read_recording(flight: Flight) -> Recording:
 
 def _read_files(flight: Flight) -> "tuple[ImuSamples, GnssFixes, CameraEvents | None, PpkResult | None]":
     """Samples, fixes, exposures, and the PPK solution where it gave the fixes."""
-    from .exposures.naming import named
-    from .formats import read_events, read_gnss
+    from ..exposures.naming import named
+    from ..formats import read_events, read_gnss
 
     g, camera = flight.gnss, flight.camera
     imu = _read_imu(flight.imu, flight.gps_week)
@@ -146,7 +146,7 @@ def _read_files(flight: Flight) -> "tuple[ImuSamples, GnssFixes, CameraEvents | 
     if camera is not None and camera.events is not None:
         events = named(read_events(camera.events, columns=camera.columns, gps_week=flight.gps_week), camera.match)
     if g.raw is not None:
-        from .gnss.flown import solve_flown
+        from ..gnss.flown import solve_flown
 
         of_rover = None if camera is None else (camera.rover_events, camera.match)
         ppk = solve_flown(g.raw, g.covariance, of_rover if events is None else False)
@@ -167,7 +167,7 @@ def _read_files(flight: Flight) -> "tuple[ImuSamples, GnssFixes, CameraEvents | 
             gps_week=flight.gps_week,
         )
         if g.calibrated:
-            from .gnss.ready import with_calibrated
+            from ..gnss.ready import with_calibrated
 
             gnss = with_calibrated(gnss, g.file, g.covariance)
     return imu, gnss, events, None
@@ -175,10 +175,10 @@ def _read_files(flight: Flight) -> "tuple[ImuSamples, GnssFixes, CameraEvents | 
 
 def _read_imu(i: ImuInput, gps_week: int | None) -> ImuSamples:
     """Samples of one IMU: calibrated, force with the sign of specific force."""
-    from .formats import read_imu
-    from .prepare.calibration import load_calibration
-    from .prepare.hanging import without_hangs
-    from .recognise.plausibility import STILL_S
+    from ..formats import read_imu
+    from ..prepare.calibration import load_calibration
+    from ..prepare.hanging import without_hangs
+    from ..recognise.plausibility import STILL_S
 
     imu = read_imu(i.file, columns=i.columns, units=i.units, quantity=i.quantity, gps_week=gps_week, variable=i.variable, rate_hz=i.rate_hz)
     imu = without_hangs(imu, STILL_S)
@@ -191,9 +191,9 @@ def _read_imu(i: ImuInput, gps_week: int | None) -> ImuSamples:
 
 def _combined(flight: Flight, first: ImuSamples, model: "NoiseModel") -> "tuple[ImuSamples, NoiseModel, list[Check]]":
     """All IMUs of the flight as one in body axes at the first one's place, its noise, and what they say of each other."""
-    from .prepare.clock import in_week
-    from .prepare.combine import combine
-    from .stochastic.model import load_noise_model, weighted_model
+    from ..prepare.clock import in_week
+    from ..prepare.combine import combine
+    from ..stochastic.model import load_noise_model, weighted_model
 
     inputs = flight.imu.more
     imus = [first, *(in_week(_read_imu(i, first.gps_week), first.gps_week or 0) for i in inputs)]
@@ -209,7 +209,7 @@ def _combined(flight: Flight, first: ImuSamples, model: "NoiseModel") -> "tuple[
 
 def _turn_on(rests: "Stretches", C_b_imu: Array, noise: "NoiseModel", gnss: GnssFixes) -> str:
     """What the rests say of the bias, for the report; the filter finds it itself from the same rests."""
-    from .calibrate.turn_on import turn_on_bias
+    from ..calibrate.turn_on import turn_on_bias
 
     gyro, accel = ([axis.turn_on_bias or 1e-9 for axis in triad] for triad in (noise.gyro, noise.accel))
     try:
@@ -220,8 +220,8 @@ def _turn_on(rests: "Stretches", C_b_imu: Array, noise: "NoiseModel", gnss: Gnss
 
 def _recognised(flight: Flight, imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes) -> "tuple[Recognition, list[Check]]":
     """What the liveliest minutes of the recording say of units, axes, sign and clock, against the flight file."""
-    from .prepare.clock import cut_fixes, cut_samples
-    from .recognise.recognition import compare, recognise
+    from ..prepare.clock import cut_fixes, cut_samples
+    from ..recognise.recognition import compare, recognise
 
     lo, hi = _liveliest(gnss)
     i = flight.imu
@@ -233,7 +233,7 @@ def _recognised(flight: Flight, imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes
 
 def _liveliest(gnss: GnssFixes) -> tuple[float, float]:
     """Begin and end of the `RECOGNISED_S` with the longest path."""
-    from .prepare.fix_path import north_east
+    from ..prepare.fix_path import north_east
 
     step = np.minimum(np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1), FASTEST_MS * np.diff(gnss.time))
     path = np.concatenate([[0.0], np.cumsum(step)])
@@ -307,7 +307,7 @@ def inspect(flight: Flight, progress: Progress = quiet, recording: Recording | N
 
     recording : what `read_recording` made of it, where that is known already.
     """
-    from .prepare.clock import common_span, refuse_outside
+    from ..prepare.clock import common_span, refuse_outside
 
     progress("reading")
     recording = recording or read_recording(flight)

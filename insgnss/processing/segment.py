@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .errors import DataError, InputError
-from .flight import Flight
+from ..errors import DataError, InputError
+from ..flight import Flight
+from ..records import Check, GnssFixes
 from .recording import Progress, Recording, check_turn_on, sentence, with_turn_on, without_turn_on
-from .records import Check, GnssFixes
 
 if TYPE_CHECKING:
-    from .calibrate.fixes import LayoutWith
-    from .geodesy.frames import LocalFrame
-    from .navigation.filter import Problem, Start
-    from .navigation.layout import FixErrors
-    from .navigation.solution import Solution
+    from ..diagnosis.evidence import LayoutWith
+    from ..geodesy.frames import LocalFrame
+    from ..navigation.filter import Problem, Start
+    from ..navigation.layout import FixErrors
+    from ..navigation.solution import Solution
 
 EPOCH_HZ = 10.0  # outputs at a higher rate are recovered between the epochs
 SHIFTS, SHIFT_SIGMAS = 4, 2.0
@@ -59,9 +59,9 @@ def solve_stretches(flight: Flight, recording: Recording, step: Progress) -> tup
 
     Raises InputError and DataError as `solve_stretch` does; where no stretch can be solved, that of the longest.
     """
-    from .geodesy.frames import LocalFrame
-    from .prepare.clock import common_span
-    from .prepare.gaps import stretches
+    from ..geodesy.frames import LocalFrame
+    from ..prepare.clock import common_span
+    from ..prepare.gaps import stretches
 
     lo, hi = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
     first = int(np.searchsorted(recording.gnss.time, lo))
@@ -110,7 +110,7 @@ def _late(solution: "Solution") -> float:
 def _solve(
     flight: Flight, recording: Recording, span: tuple[float, float], frame: "LocalFrame", step: Progress, expected_offset: float
 ) -> Stretch:
-    from .navigation.solution import solve
+    from ..navigation.solution import solve
 
     step("prepare")
     prepared = _prepare(flight, recording, span, frame)
@@ -138,10 +138,10 @@ def _solve(
 
 def _prepare(flight: Flight, recording: Recording, span: tuple[float, float], frame: "LocalFrame") -> _Prepared:
     """The estimation problem of a span, the fixes and exposures in it, and the epochs of the output grid."""
-    from .navigation.filter import Problem, at_rest, gate_from_sigma, make_epochs, on_wheels
-    from .prepare.clock import cut_fixes
-    from .prepare.gaps import edges
-    from .prepare.increments import body_increments, merge_marks
+    from ..navigation.filter import Problem, at_rest, gate_from_sigma, make_epochs, on_wheels
+    from ..prepare.clock import cut_fixes
+    from ..prepare.gaps import edges
+    from ..prepare.increments import body_increments, merge_marks
 
     lo, hi = span
     fixes = cut_fixes(recording.gnss, lo, hi)
@@ -173,7 +173,7 @@ LASTING_WHITE = 0.3  # of the sigma of a fix whose error stays: what changes fro
 
 def layout_with(flight: Flight, recording: Recording) -> "LayoutWith":
     """The error states of a flight as a function of those of its fixes."""
-    from .navigation.layout import state_layout
+    from ..navigation.layout import state_layout
 
     options = flight.filter
     return lambda fixes: state_layout(recording.noise, options.scale_factor, options.misalignment, fixes)
@@ -181,9 +181,9 @@ def layout_with(flight: Flight, recording: Recording) -> "LayoutWith":
 
 def _fix_errors(flight: Flight, fixes: GnssFixes) -> "FixErrors":
     """Errors of the fixes that the flight file asks for, and those of float fixes among fixed ones."""
-    from .calibrate.fixes import CLOCK_RATE
-    from .navigation.filter import lasting_errors
-    from .navigation.layout import FixErrors
+    from ..diagnosis.evidence import CLOCK_RATE
+    from ..navigation.filter import lasting_errors
+    from ..navigation.layout import FixErrors
 
     f, g = flight.filter, flight.gnss
     staying, time_s = lasting_errors(fixes)
@@ -201,7 +201,7 @@ def _fix_errors(flight: Flight, fixes: GnssFixes) -> "FixErrors":
 
 
 def _align(flight: Flight, problem: "Problem") -> "tuple[Start, str]":
-    from .align.initial import given_attitude, initial_state
+    from ..align.initial import given_attitude, initial_state
 
     if flight.initial is not None:
         given = flight.initial
@@ -223,7 +223,7 @@ def _examined(
 
     Where they show more, lever arm and time offset are estimated beside the flight file's and compared with them.
     """
-    from .calibrate.fixes import (
+    from ..diagnosis.evidence import (
         contradictions,
         correlated_error,
         less_sure,
@@ -233,7 +233,7 @@ def _examined(
         suspicious,
         with_layout,
     )
-    from .navigation.solution import solve
+    from ..navigation.solution import solve
 
     asked, make = prepared.asked, prepared.make
     if flight.gnss.stationary is not None or not suspicious(solution, make, asked):
@@ -277,8 +277,8 @@ def _biased(flight: Flight, recording: Recording, prepared: _Prepared, solution:
 
     solution : without turn-on biases, None where there is none.
     """
-    from .calibrate.fixes import GAIN, misfit
-    from .navigation.solution import solve
+    from ..diagnosis.evidence import GAIN, misfit
+    from ..navigation.solution import solve
 
     if not without_turn_on(recording.noise):
         return ()
@@ -299,8 +299,8 @@ def _biased(flight: Flight, recording: Recording, prepared: _Prepared, solution:
 
 def _explain(flight: Flight, prepared: _Prepared, error: DataError) -> None:
     """Raise InputError with the lever arm or time offset that explains `error`, where the flight shows one."""
-    from .calibrate.fixes import contradictions, suspects
-    from .navigation.solution import solve
+    from ..diagnosis.evidence import contradictions, suspects
+    from ..navigation.solution import solve
 
     asked = prepared.asked
     searched = suspects(asked)
@@ -326,7 +326,7 @@ def _told(found: "FixErrors") -> str:
 
 def _refuse_short(recording: Recording, span: tuple[float, float]) -> None:
     """Raise DataError where a stretch holds too few fixes."""
-    from .prepare.clock import SHORTEST_S
+    from ..prepare.clock import SHORTEST_S
 
     at = recording.gnss.time[(recording.gnss.time >= span[0]) & (recording.gnss.time <= span[1])]
     length = float(at[-1] - at[0]) if at.size else 0.0
@@ -353,7 +353,7 @@ def check_images(recording: Recording, solved: list[Stretch]) -> list[Check]:
 
 def check_motion(flight: Flight, solved: list[Stretch]) -> list[Check]:
     """Whether the vehicle moves as it is said to: most of what is measured of the motion itself must pass its test."""
-    from .navigation.filter import MOTION, NOTHING, REJECTED
+    from ..navigation.filter import MOTION, NOTHING, REJECTED
 
     verdict = np.concatenate([part.solution.verdict[:, MOTION] for part in solved])
     offered, rejected = int((verdict != NOTHING).sum()), int((verdict == REJECTED).sum())
@@ -367,7 +367,7 @@ def check_motion(flight: Flight, solved: list[Stretch]) -> list[Check]:
 
 def _check_stretches(solved: list[Stretch], failed: list[tuple[tuple[float, float], DataError]]) -> Check:
     """What the gaps of the IMU made of the flight."""
-    from .prepare.gaps import BRIDGE_S
+    from ..prepare.gaps import BRIDGE_S
 
     kept = ", ".join(f"{part.solution.time[0]:.1f} to {part.solution.time[-1]:.1f} s" for part in solved)
     found = f"the flight falls into stretches of their own, {kept}"

@@ -7,7 +7,7 @@ import pytest
 from flown import Flown, error_of, fly, start_near
 from numpy.testing import assert_array_equal
 
-from insgnss.calibrate.fixes import contradictions, correlated_error, state_verdicts, suspicious, with_layout
+from insgnss.diagnosis.evidence import contradictions, correlated_error, state_verdicts, suspicious, with_layout
 from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.solution import Solution, solve
 from insgnss.orient.mounting import Mounting
