@@ -236,9 +236,9 @@ def _list_formats() -> str:
 
 
 def _demo(options: argparse.Namespace, progress: Progress) -> int:
-    from .processing import pipeline
+    from .processing.demo import demo
 
-    result = pipeline.demo(options.directory, options.minutes, options.seed, progress)
+    result = demo(options.directory, options.minutes, options.seed, progress)
     return _show(options, progress, result.summary, result.as_dict)
 
 
@@ -309,7 +309,7 @@ def _calibrate(options: argparse.Namespace, progress: Progress) -> int:
     from .calibrate.multi_position import calibrate_multi_position
     from .formats import read_imu
     from .prepare.calibration import write_calibration
-    from .processing.recording import sentence
+    from .processing.checks import sentence
 
     spec = _imu_spec(options)
     progress("reading")

@@ -180,7 +180,7 @@ def test_inspect_prints_the_table_and_then_the_contradictions(inspection, flight
         assert streams.out == "the table\n" if not more else json.loads(streams.out) == {"rate_hz": 500.0, "error": error, "exit_code": 3}
 
 
-def test_demo_hands_over_its_options(pipeline, capsys):
+def test_demo_hands_over_its_options(monkeypatch, capsys):
     """Oracle: the arguments of the command, and the defaults that --help states."""
     seen = []
 
@@ -188,7 +188,9 @@ def test_demo_hands_over_its_options(pipeline, capsys):
         seen.append((directory, minutes, seed))
         return types.SimpleNamespace(summary=lambda: "errors", as_dict=lambda: {"seed": seed})
 
-    pipeline.demo = demo
+    module = types.ModuleType("insgnss.processing.demo")
+    module.demo = demo
+    monkeypatch.setitem(sys.modules, "insgnss.processing.demo", module)
     assert main(["demo"]) == 0
     assert main(["demo", "there", "--minutes", "2.5", "--seed", "7", "--json"]) == 0
     assert seen == [(None, 8.0, 0), (Path("there"), 2.5, 7)]

@@ -112,7 +112,7 @@ class Diagnostics:
     gaps : (time, length) of bridged IMU gaps.   passes : filter passes.
     reopened : times at which the filter opened its covariance after a second of rejected fixes.
     rests : (k, 2) s, times in which the vehicle was taken to stand still.   states : constants estimated besides biases.
-    stretches : first and last instant, s, of each part that was solved by itself.   lasting : correlated errors of the fixes.
+    segments : first and last instant, s, of each segment that was solved by itself.   lasting : correlated errors of the fixes.
     """
 
     time: Array
@@ -141,7 +141,7 @@ class Diagnostics:
     checks: tuple[Check, ...] = ()
     rests: Array | None = None
     states: tuple[StateVerdict, ...] = ()
-    stretches: tuple[tuple[float, float], ...] = ()
+    segments: tuple[tuple[float, float], ...] = ()
     lasting: tuple[LastingError, ...] = ()
 
     @classmethod
@@ -153,7 +153,7 @@ class Diagnostics:
         values: dict[str, Any] = {}
         for f in fields(cls):
             given = [getattr(part, f.name) for part in parts]
-            if f.name in ("gaps", "checks", "stretches"):
+            if f.name in ("gaps", "checks", "segments"):
                 values[f.name] = tuple(dict.fromkeys(item for items in given for item in items))
             elif any(isinstance(x, np.ndarray) for x in given):
                 values[f.name] = np.concatenate([x for x in given if x is not None])

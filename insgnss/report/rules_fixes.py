@@ -162,7 +162,7 @@ def lasting(f: Figures) -> Iterator[Limit]:
 
 def checks(f: Figures) -> Iterator[Limit]:
     """What the checks of the input found, but for what other rules tell with its effect."""
-    told = ["IMU rate"] * bool(f["imu_gaps"] or len(f["stretches"]) > 1) + ["GNSS rate"] * bool(f["outages"])
+    told = ["IMU rate"] * bool(f["imu_gaps"] or len(f["segments"]) > 1) + ["GNSS rate"] * bool(f["outages"])
     for check in f["checks"]:
         made_up = f["standing"] and "GNSS" in check["name"]
         if check["verdict"] == "ok" or (check["verdict"] == "note" and (made_up or check["name"] in told)):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Diagnostics, ExteriorOrientation, StateVerdict
-from .coverage import longest_outage, outage_figures, rests, stretches
+from .coverage import longest_outage, outage_figures, rests, segments
 from .flightlines import line_figures
 from .statistics import consistency, innovation_figures, normalised_rms
 from .verdict import headline, limits, verdict
@@ -92,7 +92,7 @@ def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
         "states": [_state(state) for state in d.states],
         "lasting_errors": [asdict(error) for error in d.lasting],
         "rests": rests(d),
-        "stretches": stretches(d),
+        "segments": segments(d),
         "imu_gaps": [{"time_s": time, "length_s": length} for time, length in d.gaps],
         "checks": [asdict(check) for check in d.checks],
     }

@@ -30,7 +30,7 @@ ON_THE_REST: tuple[Rule, ...] = (
     rules_places.position,
     rules_places.worst_image,
     rules_places.outage,
-    rules_places.stretches,
+    rules_places.segments,
     rules_places.gaps,
     rules_accuracy.overall_attitude,
     rules_accuracy.heights,

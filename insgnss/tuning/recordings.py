@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import DataError, InputError, UsageError
 from ..formats.variances import read_variances
 from ..prepare.static import Disturbance, StaticSpan, static_span
-from ..processing.products import sha256
+from ..processing.input_files import sha256
 from ..records import Array, Check, WaveletVariance
 from ..stochastic.model import RecordingSource
 from ..stochastic.moments.wavelet import wavelet_variances

@@ -21,8 +21,9 @@ from insgnss.geodesy.frames import TangentPlane
 from insgnss.gnss import flown
 from insgnss.gnss.ppk import PpkResult
 from insgnss.processing import products
+from insgnss.processing.input_files import input_files
 from insgnss.processing.pipeline import process
-from insgnss.processing.products import OF_PPK, inputs_of, ppk_directory
+from insgnss.processing.products import PPK_PRODUCTS, ppk_directory
 from insgnss.records import CameraEvents
 from insgnss.simulate.dataset import write_dataset
 
@@ -70,13 +71,13 @@ def test_every_file_that_the_result_depends_on_is_an_input(flight):
     match = replace(flight.camera.match, images=root / "images.txt")
     output = replace(flight.output, geoid=root / "geoid.gtx")
     given = replace(flight, camera=replace(flight.camera, match=match), output=output)
-    names = {os.path.relpath(file, root) for file in inputs_of(given)}
+    names = {os.path.relpath(file, root) for file in input_files(given)}
     assert names == {
         *("flight.toml", "r.obs", "b.obs", "n.nav", "igs.atx", "images.txt", "geoid.gtx", EVENTS),
         "01_Observations/IMU/Data/Pre_calibrated/f8_1_sob.csv",
     }
     directory = replace(flight.camera, match=replace(match, images=root))
-    assert root not in inputs_of(replace(flight, camera=directory))
+    assert root not in input_files(replace(flight, camera=directory))
 
 
 def test_the_solution_stands_where_the_published_tree_has_it(flight):
@@ -84,8 +85,8 @@ def test_the_solution_stands_where_the_published_tree_has_it(flight):
     result = process(flight)
     root = flight.path.parent
     place = root / "02_Processed" / "GPS-PPK"
-    assert {path.name for path in place.iterdir()} == set(OF_PPK)
-    assert {path for path in result.files if path.parent == place} == {place / name for name in OF_PPK}
+    assert {path.name for path in place.iterdir()} == set(PPK_PRODUCTS)
+    assert {path for path in result.files if path.parent == place} == {place / name for name in PPK_PRODUCTS}
     assert all(path.is_file() for path in result.files)
     assert {path.name for path in (root / "02_Processed").iterdir()} == {"GPS-INS", "GPS-PPK"}
     truth = read_gnss(root / "truth" / "fixes.txt", gps_week=2008)
@@ -107,7 +108,7 @@ def test_the_solution_stands_where_the_published_tree_has_it(flight):
 def test_it_stands_within_a_directory_of_another_name(flight, tmp_path):
     """Oracle: the rule; nothing is written outside of the directory that was asked for."""
     result = process(flight, tmp_path / "out")
-    assert {path.name for path in (tmp_path / "out" / "GPS-PPK").iterdir()} == set(OF_PPK)
+    assert {path.name for path in (tmp_path / "out" / "GPS-PPK").iterdir()} == set(PPK_PRODUCTS)
     assert all(path.is_relative_to(tmp_path / "out") for path in result.files)
     assert not (tmp_path / "GPS-PPK").exists()
 
@@ -170,7 +171,7 @@ def test_what_is_in_the_way_of_the_solution_is_refused_before_the_work(flight, w
         given = replace(flight, camera=replace(flight.camera, events=place / "AntennaPos_WGS84.txt"))
     words = {"directory": "is a directory and in the way", "file": "is a file, a directory is expected", "input": "overwrite the input"}
     with pytest.raises(InputError, match=rf"output\.directory: .*{words[what]}"):
-        products.target(given, None)
+        products.output_directory(given, None)
 
 
 def test_exposures_without_fixes_around_them_are_told_and_the_rest_is_written(flight, tmp_path):
@@ -185,7 +186,7 @@ def test_exposures_without_fixes_around_them_are_told_and_the_rest_is_written(fl
         recorded = SimpleNamespace(events=CameraEvents(("a", "b", "c"), time, 2008))
         notes = products._write_solution(flight, recorded, solved, None, out)
         assert (told in notes[0]) if told else notes == []
-        assert {path.name for path in out.iterdir()} == set(OF_PPK[:files])
+        assert {path.name for path in out.iterdir()} == set(PPK_PRODUCTS[:files])
 
 
 def test_positions_at_exposures_are_on_the_clock_of_the_fixes(flight, tmp_path):

@@ -123,7 +123,7 @@ def test_lines_and_constants_have_their_tables(block, summary) -> None:
     lasting = (LastingError(15.0, 1200, (0.018, 0.018, 0.027), (0.9, 0.9, 0.9), (0.4, 0.4, 0.4)),)
     rests = np.array([[205200.0, 205204.0]])
     parts = ((205200.0, 205240.0), (205270.0, 205319.9))
-    s = summary(block(smoothed_sigma=sigma, states=states, lasting=lasting, rests=rests, stretches=parts), None)
+    s = summary(block(smoothed_sigma=sigma, states=states, lasting=lasting, rests=rests, segments=parts), None)
     whole = "".join(page(s, []))
     text = Reader(whole).text
     assert whole.count("<b>0.123</b>") == 1

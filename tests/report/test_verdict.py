@@ -98,9 +98,9 @@ def test_time_between_parts_is_no_outage(diagnostics) -> None:
     d = diagnostics()
     inside = (d.time > START + 40) & (d.time < START + 70)
     fields = {name: getattr(d, name)[~inside] for name in ("fix_time", "innovation", "innovation_sigma", "nis", "used")}
-    apart = run(diagnostics(**fields, stretches=((START, START + 40), (START + 70, START + 119.9))))
+    apart = run(diagnostics(**fields, segments=((START, START + 40), (START + 70, START + 119.9))))
     assert apart["outages"] == []
-    assert "2 parts that know nothing of each other (30 s between them" in said(apart, "parts")["text"]
+    assert "2 segments that know nothing of each other (30 s between them" in said(apart, "segments")["text"]
     assert len(run(diagnostics(**fields))["outages"]) == 1
 
 
