@@ -130,7 +130,7 @@ def test_no_arrow_runs_against_the_table(module: str) -> None:
 
 def test_the_reader_of_imports_sees_all_kinds() -> None:
     """Oracle: imports of the sources, read by eye."""
-    assert {"errors", "records", "flight", "navigation.solution", "processing.segment"} <= inner_imports("processing.pipeline")
+    assert {"errors", "records", "flight", "navigation.solution", "prepare.gaps"} <= inner_imports("processing.segment")
     assert "processing.pipeline" in inner_imports("cli")
     assert "processing.pipeline" not in inner_imports("cli", only_at_import=True)
     assert {"numpy", "numba"} <= set(imports("navigation._kernels"))

@@ -50,7 +50,7 @@ class ErrorModelSearch:
     second_pass : str
         Of the adopted solution, as `navigation.solution.solve` takes it.
     progress : callable
-        Is told the name of each step.
+        Receives the name of each step.
     """
 
     requested_errors: FixErrors

@@ -90,7 +90,7 @@ def demo(
     seed : int
         Of the simulated errors.
     progress : Progress
-        Is told the name of each step.
+        Receives the name of each step.
 
     Returns
     -------

@@ -62,7 +62,7 @@ def inspect(
     flight : Flight
         The flight file.
     progress : Progress
-        Is told the name of each step.
+        Receives the name of each step.
     recording : Recording or None
         What `read_recording` made of the flight, where that is known already.
 

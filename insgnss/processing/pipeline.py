@@ -82,7 +82,7 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = quiet)
     out : Path or None
         The directory of the products in place of the flight file's.
     progress : Progress
-        Is told the name of each step.
+        Receives the name of each step.
 
     Returns
     -------

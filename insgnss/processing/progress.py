@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 Progress = Callable[[str], None]
-"""Is told the name of each step as it begins."""
+"""Receives the name of each step as it begins."""
 
 
 def quiet(_: str) -> None:
@@ -19,7 +19,7 @@ class StepClock:
     Parameters
     ----------
     progress : Progress
-        Is told the name of each step.
+        Receives the name of each step.
     seconds : dict of str to float
         Processor time by step, s; a step that comes again adds up.
     """

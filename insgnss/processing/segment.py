@@ -71,7 +71,7 @@ def solve_segments(
     recording : Recording
         The recording.
     step : Progress
-        Is told the name of each step.
+        Receives the name of each step.
 
     Returns
     -------
@@ -127,7 +127,7 @@ def solve_segment(
     frame : LocalFrame
         The local frame of the flight.
     step : Progress
-        Is told the name of each step.
+        Receives the name of each step.
 
     Returns
     -------
