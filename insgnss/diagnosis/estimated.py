@@ -8,7 +8,7 @@ import numpy as np
 
 from ..navigation.layout import BIAS, DRIFT, NAV, VEL
 from ..navigation.solution import Solution
-from ..records import Array, LastingError, StateVerdict
+from ..records import Array, StateVerdict, TimeCorrelatedError
 
 OBSERVED = 1.0 / 3.0  # of the a-priori sigma
 
@@ -65,7 +65,7 @@ def state_verdicts(solution: Solution, moved_s: float = 0.0) -> tuple[StateVerdi
     return tuple(verdicts)
 
 
-def time_correlated_errors(solution: Solution) -> tuple[LastingError, ...]:
+def time_correlated_errors(solution: Solution) -> tuple[TimeCorrelatedError, ...]:
     """List the time-correlated GNSS errors among the states.
 
     Parameters
@@ -75,7 +75,7 @@ def time_correlated_errors(solution: Solution) -> tuple[LastingError, ...]:
 
     Returns
     -------
-    tuple of LastingError
+    tuple of TimeCorrelatedError
         That of all fixes, and that of the fixes whose errors stay for minutes, as far as estimated.
     """
     layout, epochs = solution.problem.layout, solution.problem.epochs
@@ -91,7 +91,7 @@ def time_correlated_errors(solution: Solution) -> tuple[LastingError, ...]:
         share = layout.sigma0[first : first + 3]
         sigma_m = share * usual_sigma(epochs.position_cov[at])
         triples = (tuple(float(x) for x in values) for values in (sigma_m, share, white))
-        errors.append(LastingError(float(1.0 / layout.beta[first]), int(at.sum()), *triples))
+        errors.append(TimeCorrelatedError(float(1.0 / layout.beta[first]), int(at.sum()), *triples))
     return tuple(errors)
 
 

@@ -107,7 +107,7 @@ def _of_segment(segment: Segment, rows: ReportRows, rests: Array) -> Diagnostics
         nis=solution.nis[fix, 0],
         nis_limit=solution.problem.gate,
         used=verdict[fix, POSITION] != REJECTED,
-        reopened=time[verdict[:, POSITION] == REOPENED],
+        covariance_resets=time[verdict[:, POSITION] == REOPENED],
         separation_time=time[solution.separation_epoch],
         separation=solution.separation,
         separation_sigma=solution.separation_sigma,
@@ -118,5 +118,5 @@ def _of_segment(segment: Segment, rows: ReportRows, rests: Array) -> Diagnostics
         rests=rests[(rests[:, 1] > time[0]) & (rests[:, 0] < time[-1])],
         states=state_verdicts(solution, segment.time_offset_s),
         segments=((float(time[0]), float(time[-1])),),
-        lasting=time_correlated_errors(solution),
+        time_correlated=time_correlated_errors(solution),
     )

@@ -69,7 +69,7 @@ def _fixes(flight: Flight, segments: Sequence[Segment]) -> str:
     fixes = sum(segment.fixes.time.size for segment in segments)
     return (
         f"GNSS: {used} of {fixes} fixes used, innovation gate {flight.gnss.gate_sigma:g} sigma, "
-        f"{resets} covariance resets after rejected fixes"
+        f"{resets} covariance reset{'' if resets == 1 else 's'} after rejected fixes"
     )
 
 

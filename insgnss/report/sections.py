@@ -62,7 +62,7 @@ def constants(s: Summary) -> str:
     if s["states"]:
         head = ("Constant", "value", "sigma", "before the flight", "its sigma moves a fix by", "observed")
         out += table([_constant(state) for state in s["states"]], head, numbers=True)
-    for error in s["lasting_errors"]:
+    for error in s["time_correlated_errors"]:
         size, white = (" / ".join(f"{x:.2f}" for x in error[key]) for key in ("share", "white"))
         out += (
             f"<p>Errors of {error['fixes']} fixes last for {error['time_s']:.1f} s: {size} of their sigmas, or "

@@ -17,11 +17,11 @@ Rule = Callable[[Figures], Iterator[Limit]]
 
 ON_FIXES: tuple[Rule, ...] = (
     rules_fixes.rejected,
-    rules_fixes.reopened,
+    rules_fixes.covariance_resets,
     rules_fixes.nis,
     rules_fixes.whiteness,
     rules_fixes.separation,
-    rules_fixes.lasting,
+    rules_fixes.time_correlated,
 )
 ON_THE_REST: tuple[Rule, ...] = (
     rules_accuracy.standing,
