@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 
 from insgnss.flight import load_flight
 from insgnss.formats.eo_local_plane import LocalPlaneEo, read_eo_local_plane
-from insgnss.pipeline import process
+from insgnss.processing.pipeline import process
 from insgnss.simulate.dataset import write_dataset
 
 NAMES = ("E", "N", "U", "omega", "phi", "kappa")

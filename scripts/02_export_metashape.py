@@ -31,7 +31,7 @@ from scipy.spatial.transform import Rotation
 from insgnss.exporting.export import export
 from insgnss.flight import load_flight
 from insgnss.formats.eo_json import read_eo_json
-from insgnss.pipeline import process
+from insgnss.processing.pipeline import process
 from insgnss.simulate.dataset import write_dataset
 
 FOCAL_PX, WIDTH_PX, HEIGHT_PX = 0.035 / 6.4e-6, 5120, 3840  # the camera of paper 000, without distortion

@@ -21,7 +21,7 @@ from scipy.stats import chi2
 
 from insgnss.flight import Flight, load_flight
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.pipeline import process
+from insgnss.processing.pipeline import process
 from insgnss.records import ExteriorOrientation
 from insgnss.simulate.dataset import write_dataset
 from insgnss.simulate.faults import ImuFaults, Vibration

@@ -53,7 +53,7 @@ from insgnss.formats.relative_csv import write_relative_csv
 from insgnss.geodesy.rotation import skew, vector_from_rotation
 from insgnss.orient.frame import in_frame
 from insgnss.orient.relative import gyro_figures, relative_control
-from insgnss.pipeline import process
+from insgnss.processing.pipeline import process
 from insgnss.records import ExteriorOrientation
 from insgnss.records.relative import RelativeControl
 from insgnss.simulate.dataset import write_dataset

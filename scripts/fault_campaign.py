@@ -49,7 +49,7 @@ from scipy.stats import chi2
 from insgnss.errors import InsgnssError
 from insgnss.flight import load_flight
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.pipeline import process
+from insgnss.processing.pipeline import process
 from insgnss.records import ExteriorOrientation
 from insgnss.records.qualities import Quality
 from insgnss.simulate.dataset import Dataset, write_dataset, write_simulated

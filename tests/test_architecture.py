@@ -31,6 +31,7 @@ STANDS_ON = {  # the table of the design, room by room; what is below all is not
     "exposures": BELOW_ALL | {"formats"},  # which event is which image
     "gnss": BELOW_ALL | {"formats", "exposures"},
     "calibrate": BELOW_ALL | {"navigation", "orient", "prepare"},
+    "diagnosis": BELOW_ALL | {"navigation", "orient", "stochastic"},  # which error model explains the innovations
     "adjust": BELOW_ALL | {"orient"},
     # formats: a simulated flight is written as a data set; gnss: a simulated receiver flies under broadcast orbits
     "simulate": BELOW_ALL | {"stochastic", "formats", "gnss"},
@@ -39,16 +40,14 @@ STANDS_ON = {  # the table of the design, room by room; what is below all is not
 ROOMS = set(STANDS_ON)
 STANDS_ON |= {
     "flight": ROOMS,
-    "recording": ROOMS | {"flight"},
     "exporting": ROOMS,
     "comparison": ROOMS,
     "proof": ROOMS | {"exporting"},
-    "delivery": ROOMS | {"flight", "recording", "exporting"},
-    "stretch": ROOMS | {"flight", "recording"},
-    "pipeline": ROOMS | {"flight", "recording", "stretch", "delivery"},
-    "inspection": ROOMS | {"flight", "recording"},
-    "tuning": ROOMS | {"flight", "recording", "delivery", "stretch", "pipeline"},
-    "cli": ROOMS | {"flight", "recording", "pipeline", "inspection", "tuning", "exporting", "comparison", "proof", "caches"},
+    "processing": ROOMS | {"flight", "exporting"},
+    "inspection": ROOMS | {"flight", "processing"},
+    "tuning": ROOMS | {"flight", "processing"},
+    "pipeline": {"processing"},  # an alias of the module's place before
+    "cli": ROOMS | {"flight", "processing", "inspection", "tuning", "exporting", "comparison", "proof", "caches"},
     "caches": set(),
     "__init__": {"caches"},
     "__main__": {"cli"},
@@ -130,9 +129,9 @@ def test_no_arrow_runs_against_the_table(module: str) -> None:
 
 def test_the_reader_of_imports_sees_all_kinds() -> None:
     """Oracle: imports of the sources, read by eye."""
-    assert {"errors", "records", "flight", "navigation.solution", "stretch", "simulate.dataset"} <= inner_imports("pipeline")
-    assert "pipeline" in inner_imports("cli.process")
-    assert "pipeline" not in inner_imports("cli.process", only_at_import=True)
+    assert {"errors", "records", "flight", "navigation.solution", "prepare.gaps"} <= inner_imports("processing.segment")
+    assert "processing.pipeline" in inner_imports("cli.process")
+    assert "processing.pipeline" not in inner_imports("cli.process", only_at_import=True)
     assert {"numpy", "numba"} <= set(imports("navigation._kernels"))
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import insgnss
+import insgnss.processing
 from insgnss.cli import build_parser, main
 from insgnss.cli.console import Progress
 from insgnss.errors import DataError, InputError, UsageError
@@ -31,10 +31,10 @@ def flight(tmp_path):
 
 @pytest.fixture
 def pipeline(monkeypatch):
-    """A module in the place of insgnss.pipeline; tests put functions into it."""
-    module = types.ModuleType("insgnss.pipeline")
-    monkeypatch.setitem(sys.modules, "insgnss.pipeline", module)
-    monkeypatch.setattr(insgnss, "pipeline", module, raising=False)
+    """A module in the place of insgnss.processing.pipeline; tests put functions into it."""
+    module = types.ModuleType("insgnss.processing.pipeline")
+    monkeypatch.setitem(sys.modules, "insgnss.processing.pipeline", module)
+    monkeypatch.setattr(insgnss.processing, "pipeline", module, raising=False)
     return module
 
 
@@ -181,7 +181,7 @@ def test_inspect_prints_the_table_and_then_the_contradictions(inspection, flight
         assert streams.out == "the table\n" if not more else json.loads(streams.out) == {"rate_hz": 500.0, "error": error, "exit_code": 3}
 
 
-def test_demo_hands_over_its_options(pipeline, capsys):
+def test_demo_hands_over_its_options(monkeypatch, capsys):
     """Oracle: the arguments of the command, and the defaults that --help states."""
     seen = []
 
@@ -189,7 +189,9 @@ def test_demo_hands_over_its_options(pipeline, capsys):
         seen.append((directory, minutes, seed))
         return types.SimpleNamespace(summary=lambda: "errors", as_dict=lambda: {"seed": seed})
 
-    pipeline.demo = demo
+    module = types.ModuleType("insgnss.processing.demo")
+    module.demo = demo
+    monkeypatch.setitem(sys.modules, "insgnss.processing.demo", module)
     assert main(["demo"]) == 0
     assert main(["demo", "there", "--minutes", "2.5", "--seed", "7", "--json"]) == 0
     assert seen == [(None, 8.0, 0), (Path("there"), 2.5, 7)]

@@ -15,8 +15,8 @@ from insgnss.flight import load_flight
 from insgnss.formats.rtklib_pos import write_rtklib_pos
 from insgnss.geodesy.earth import EARTH_RATE, normal_gravity
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.pipeline import ProcessResult, process
-from insgnss.recording import Recording, read_recording
+from insgnss.processing.pipeline import ProcessResult, process
+from insgnss.processing.recording import Recording, read_recording
 from insgnss.records import StateVerdict
 from insgnss.simulate.dataset import Dataset, write_dataset, write_simulated
 from insgnss.simulate.description import FIXES, Units, flight_toml, imu_file, true_tables
@@ -213,13 +213,13 @@ def test_units_of_fixes(air, key, value):
 def test_correlated_errors_do_not_average(air):
     """Oracle: an error of one sigma that outlasts the flight stays one sigma; of 0.2 s it averages over the minute's many."""
     off = air.process("correlated_off", gnss={"correlated": "off"})
-    assert off.diagnostics.lasting == ()
+    assert off.diagnostics.time_correlated == ()
     result = {}
     for time_s in (1000.0, 0.2):
         result[time_s] = air.process(f"correlated_{time_s:g}", gnss={"correlated": 1.0, "correlation_time_s": time_s})
-        lasting = result[time_s].diagnostics.lasting[0]
-        assert (lasting.share, lasting.white) == ((1.0,) * 3, (1.0,) * 3)
-        assert lasting.time_s == pytest.approx(time_s)
+        error = result[time_s].diagnostics.time_correlated[0]
+        assert (error.share, error.white) == ((1.0,) * 3, (1.0,) * 3)
+        assert error.time_s == pytest.approx(time_s)
     east_north_up = np.array(SIGMA)[[1, 0, 2]]
     np.testing.assert_allclose(_sigma(result[1000.0]), east_north_up, rtol=0.15)
     assert (_sigma(result[0.2]) < 0.6 * east_north_up).all()

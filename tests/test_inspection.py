@@ -19,7 +19,7 @@ from insgnss.inspection.roles import Grid, gnss_roles, imu_roles
 from insgnss.inspection.run import inspect_files
 from insgnss.inspection.sensing import fitting_model, sense
 from insgnss.prepare.axes import parse_axes
-from insgnss.recording import read_recording
+from insgnss.processing.recording import read_recording
 from insgnss.records import ImuSamples
 from insgnss.simulate.dataset import write_dataset
 from insgnss.units import STANDARD_GRAVITY

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from insgnss import pipeline
 from insgnss.flight import load_flight
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion, rpy_from_rotation, skew
-from insgnss.recording import read_recording
+from insgnss.processing.pipeline import process
+from insgnss.processing.recording import read_recording
+from insgnss.processing.segment import solve_segments
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 
@@ -40,7 +41,7 @@ def walk(tmp_path_factory):
 
 
 def navigate(flight, recording):
-    (part,), _ = pipeline._solve(flight, recording, lambda step: None)
+    (part,), _ = solve_segments(flight, recording, lambda step: None)
     return part
 
 
@@ -119,7 +120,7 @@ def test_fixed_wing_attitude_agrees_with_the_filter_on_board(tmp_path):
 
     changes = {"time_offset_s = -0.15": "", "[gnss]": "[filter]\ntime_offset = true\n[gnss]"}
     flight = flight_of("umn_thor75", tmp_path, changes)
-    result = pipeline.process(flight, tmp_path / "out")
+    result = process(flight, tmp_path / "out")
     board = read_matlab_table(
         flight.imu.file, {"time": "time", "alt": "alt", "phi": "phi", "theta": "theta", "psi": "psi"}, variable="flight_data"
     )

@@ -146,7 +146,7 @@ def _diagnostics(rows: int, velocity: bool, passes: int) -> Diagnostics:
     six, fixes = np.zeros((rows, 6)), (t, three, three, np.ones(rows), 16.0, yes)
     first = (t, three, three, three, np.array([1]), nine, nine, six, six)
     speed = {"velocity_nis": np.full(rows, 2.0), "velocity_used": yes} if velocity else {}
-    return Diagnostics(*first, *fixes, t, nine, nine, passes=passes, stretches=((t[0], t[-1]),), **speed)
+    return Diagnostics(*first, *fixes, t, nine, nine, passes=passes, segments=((t[0], t[-1]),), **speed)
 
 
 @pytest.mark.parametrize("velocity", [(False, True), (True, False), (True, True), (False, False)])
@@ -156,7 +156,7 @@ def test_diagnostics_are_joined_row_by_row(velocity):
     joined = Diagnostics.joined(parts)
     np.testing.assert_array_equal(joined.time, np.concatenate([part.time for part in parts]))
     np.testing.assert_array_equal(joined.time[joined.event], [parts[0].time[1], parts[1].time[1]])
-    assert joined.stretches == (*parts[0].stretches, *parts[1].stretches)
+    assert joined.segments == (*parts[0].segments, *parts[1].segments)
     assert joined.passes == 2
     count = sum(n for n, there in zip((4, 6), velocity, strict=True) if there)
     assert (0 if joined.velocity_nis is None else joined.velocity_nis.size) == count

@@ -19,8 +19,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from insgnss.cli import main
-from insgnss.delivery import PRODUCTS
 from insgnss.geodesy.earth import curvature_radii, normal_gravity
+from insgnss.processing.products import PRODUCTS
 from insgnss.simulate.dataset import write_dataset
 
 IMU = "01_Observations/IMU/Data/Pre_calibrated/f8_1_sob.csv"
@@ -470,7 +470,7 @@ def test_an_output_directory_without_permission_is_refused(data, capsys, tmp_pat
     def refuse(prefix: str, dir: Path) -> str:
         raise PermissionError(13, "Permission denied", str(dir))
 
-    monkeypatch.setattr("insgnss.delivery.tempfile.mkdtemp", refuse)
+    monkeypatch.setattr("insgnss.processing.products.tempfile.mkdtemp", refuse)
     _refused(capsys, data.root, USE, ("--out: cannot write in", "Permission denied", "permissions"), "--out", str(tmp_path / "locked"))
     _refused(capsys, data.root, INPUT, ("output.directory: cannot write in", "Permission denied"))
 

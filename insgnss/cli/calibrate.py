@@ -30,7 +30,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     from ..calibrate.multi_position import calibrate_multi_position
     from ..formats import read_imu
     from ..prepare.calibration import write_calibration
-    from ..recording import sentence
+    from ..processing.checks import sentence
 
     spec = _imu_spec(options)
     progress("reading")

@@ -16,9 +16,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from .. import pipeline
+    from ..processing.demo import demo
 
-    result = pipeline.demo(options.directory, options.minutes, options.seed, progress)
+    result = demo(options.directory, options.minutes, options.seed, progress)
     return show_result(options, progress, result)
 
 

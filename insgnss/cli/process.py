@@ -18,7 +18,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     from ..flight import load_flight
 
     flight = load_flight(options.flight)
-    from .. import pipeline
+    from ..processing import pipeline
 
     result = pipeline.process(flight, options.out, progress)
     return show(options, progress, result.summary, lambda: result.report)

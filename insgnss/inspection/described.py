@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, InsgnssError, UsageError
-from ..recording import InspectResult, Progress, quiet
+from ..processing.inspect import InspectResult
+from ..processing.progress import Progress, quiet
 
 if TYPE_CHECKING:
     from ..recognise.findings import Finding
@@ -57,7 +58,8 @@ def inspect_flight(path: Path, progress: Progress = quiet) -> FlightInspection:
     Raises InputError where the flight file or its inputs cannot be read.
     """
     from ..flight import load_flight
-    from ..recording import inspect, read_recording
+    from ..processing.inspect import inspect
+    from ..processing.recording import read_recording
 
     flight = load_flight(path)
     progress("reading")

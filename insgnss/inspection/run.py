@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import DataError, InputError, InsgnssError
-from ..recording import Progress, quiet, sentence
+from ..processing.checks import sentence
+from ..processing.progress import Progress, quiet
 from ..records import CameraEvents, Check, GnssFixes, ImuSamples
 from .discovery import Discovery, discover
 from .sources import Role, Source, as_long_as, on_one_clock, overlap

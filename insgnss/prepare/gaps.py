@@ -2,12 +2,12 @@
 
 An interval longer than 1.5 nominal ones lacks samples. Up to `BRIDGE_S` it is bridged by the mean of the rates at its two ends
 (`increments`). What the body did meanwhile is unknown, but the minute around the gap tells how far such a bridge is off: over every
-stretch of the same length that has its samples, the bridge is compared with what the sensors saw,
+interval of the same length that has its samples, the bridge is compared with what the sensors saw,
 
     d = (x[j] + x[j + k]) L / 2  -  sum of the increments from j to j + k                                (G.1)
 
 and the mean square of d, channel by channel, is the variance that the filter is told (`navigation.error_model`, E.8). A standing
-vehicle is bridged to the noise of its sensors, a turning one to degrees. Longer gaps divide the recording into stretches that are
+vehicle is bridged to the noise of its sensors, a turning one to degrees. Longer gaps divide the recording into segments that are
 aligned, filtered and smoothed each on its own.
 """
 
@@ -39,8 +39,8 @@ def limit(nominal: float) -> float:
     return max(BRIDGE_S, 3.0 * nominal)
 
 
-def stretches(time: Array, lo: float, hi: float) -> list[tuple[float, float]]:
-    """The parts of [lo, hi] between the gaps that are not bridged."""
+def segments(time: Array, lo: float, hi: float) -> list[tuple[float, float]]:
+    """The segments of [lo, hi] between the gaps that are not bridged."""
     nominal = nominal_interval(time)
     cuts = [(t, t + length) for t, length in find_gaps(time, nominal) if length > limit(nominal) and t + length > lo and t < hi]
     edges = [lo, *(x for cut in cuts for x in cut), hi]
@@ -56,7 +56,7 @@ def edges(time: Array, lo: float, hi: float) -> Array:
 def bridged_variance(imu: ImuSamples, C_b_imu: Array, gaps: list[tuple[float, float]], marks: Array) -> Array:
     """(m, 6) variance of the increments since the mark before, rad^2 and m^2/s^2 in body axes; 0 where no gap is bridged.
 
-    Raises DataError where the gaps come so often that nowhere the samples of a stretch as long as they are there.
+    Raises DataError where the gaps come so often that nowhere the samples of an interval as long as they are there.
     """
     out = np.zeros((marks.size, 6))
     if not gaps:
@@ -91,7 +91,7 @@ class _Seen:
                 near = self._misses(k, 0, self.time.size)
             if not near.shape[0]:
                 raise DataError(
-                    f"gap of {length:.3f} s at {t:.3f} s: nowhere are the samples of a stretch that long without a gap, which would tell "
+                    f"gap of {length:.3f} s at {t:.3f} s: nowhere are the samples of an interval that long without a gap, which would tell "
                     "how well it is bridged; record without gaps"
                 )
             self._known[key] = np.mean(near**2, axis=0)

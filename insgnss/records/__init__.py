@@ -10,7 +10,7 @@ from .framed import FramedOrientation, MapFrame
 from .observations import QUANTITIES, CameraEvents, GnssFixes, ImuSamples, Increments, Quantity
 from .solutions import Diagnostics, ExteriorOrientation, Trajectory
 from .variances import WaveletVariance, chi_square_interval
-from .verdicts import Check, LastingError, StateVerdict, Verdict
+from .verdicts import Check, StateVerdict, TimeCorrelatedError, Verdict
 
 __all__ = [
     "QUANTITIES",
@@ -23,10 +23,10 @@ __all__ = [
     "GnssFixes",
     "ImuSamples",
     "Increments",
-    "LastingError",
     "MapFrame",
     "Quantity",
     "StateVerdict",
+    "TimeCorrelatedError",
     "Trajectory",
     "Verdict",
     "WaveletVariance",

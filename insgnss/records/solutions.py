@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._checked import Array, frozen, increasing
-from .verdicts import Check, LastingError, StateVerdict
+from .verdicts import Check, StateVerdict, TimeCorrelatedError
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,9 +110,9 @@ class Diagnostics:
     nis_limit; used (k,) bool; the same of velocities or None.
     separation_time (s,); separation, separation_sigma (s, 9): backward minus forward, NaN where not determined.
     gaps : (time, length) of bridged IMU gaps.   passes : filter passes.
-    reopened : times at which the filter opened its covariance after a second of rejected fixes.
+    covariance_resets : times of covariance resets, after a second of rejected fixes.
     rests : (k, 2) s, times in which the vehicle was taken to stand still.   states : constants estimated besides biases.
-    stretches : first and last instant, s, of each part that was solved by itself.   lasting : correlated errors of the fixes.
+    segments : first and last instant, s, of each segment that was solved by itself.   time_correlated : time-correlated GNSS errors.
     """
 
     time: Array
@@ -135,14 +135,14 @@ class Diagnostics:
     separation_sigma: Array
     gaps: tuple[tuple[float, float], ...] = ()
     passes: int = 1
-    reopened: Array | None = None
+    covariance_resets: Array | None = None
     velocity_nis: Array | None = None
     velocity_used: NDArray[np.bool_] | None = None
     checks: tuple[Check, ...] = ()
     rests: Array | None = None
     states: tuple[StateVerdict, ...] = ()
-    stretches: tuple[tuple[float, float], ...] = ()
-    lasting: tuple[LastingError, ...] = ()
+    segments: tuple[tuple[float, float], ...] = ()
+    time_correlated: tuple[TimeCorrelatedError, ...] = ()
 
     @classmethod
     def joined(cls, parts: "Sequence[Diagnostics]") -> "Diagnostics":
@@ -153,7 +153,7 @@ class Diagnostics:
         values: dict[str, Any] = {}
         for f in fields(cls):
             given = [getattr(part, f.name) for part in parts]
-            if f.name in ("gaps", "checks", "stretches"):
+            if f.name in ("gaps", "checks", "segments"):
                 values[f.name] = tuple(dict.fromkeys(item for items in given for item in items))
             elif any(isinstance(x, np.ndarray) for x in given):
                 values[f.name] = np.concatenate([x for x in given if x is not None])

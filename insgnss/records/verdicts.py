@@ -33,8 +33,8 @@ class StateVerdict:
 
 
 @dataclass(frozen=True)
-class LastingError:
-    """A correlated error of the fixes that was estimated: (3,) are north, east, down.
+class TimeCorrelatedError:
+    """A time-correlated (Gauss-Markov) GNSS error that was estimated: (3,) are north, east, down.
 
     time_s : how long it lasts.   fixes : how many fixes have it.   sigma_m : its sigma at the median fix.
     share, white : itself and the uncorrelated error of these fixes in standard deviations of the file.

@@ -21,9 +21,9 @@ WHOLE = (slice(None),)
 
 
 def thin(y: Array, limit: int = MOST_POINTS) -> NDArray[np.int64]:
-    """Rows of `y` (n,) that a line needs to look as all of it: smallest and largest of each of limit / 2 stretches, first and last.
+    """Rows of `y` (n,) that a line needs to look as all of it: smallest and largest of each of limit / 2 intervals, first and last.
 
-    A stretch without finite value keeps one, so that the line stays broken there.
+    An interval without finite value keeps one, so that the line stays broken there.
     """
     if y.size <= limit:
         return np.arange(y.size)

@@ -1,4 +1,4 @@
-"""What was without fixes, where the vehicle stood, which parts were solved by themselves, and which images this concerns."""
+"""What was without fixes, where the vehicle stood, which segments were solved by themselves, and which images this concerns."""
 
 from typing import Any
 
@@ -15,9 +15,9 @@ SHORT_OUTAGE_S = 0.2  # an interval below which the same number of missing fixes
 MOST_LISTED = 100
 
 
-def stretches(d: Diagnostics) -> Array:
-    """(k, 2) s, first and last instant of each part that was solved by itself; without any said, all is one."""
-    return np.array(d.stretches or [(d.time[0], d.time[-1])], dtype=np.float64)
+def segments(d: Diagnostics) -> Array:
+    """(k, 2) s, first and last instant of each segment that was solved by itself; without any given, all is one."""
+    return np.array(d.segments or [(d.time[0], d.time[-1])], dtype=np.float64)
 
 
 def rests(d: Diagnostics) -> Array:
@@ -38,13 +38,13 @@ def outages(d: Diagnostics) -> Array:
     interval = median_interval(d)
     if interval is None or not d.used.any():
         return np.zeros((0, 2))
-    found = without_fix(stretches(d), d.fix_time, d.used)
+    found = without_fix(segments(d), d.fix_time, d.used)
     return found[found[:, 1] > OUTAGE_MATTERS * max(interval, SHORT_OUTAGE_S)]
 
 
 def longest_outage(d: Diagnostics) -> dict[str, Any]:
     """The longest time without a used fix, and the largest smoothed horizontal and vertical sigma within it."""
-    found = without_fix(stretches(d), d.fix_time, d.used)
+    found = without_fix(segments(d), d.fix_time, d.used)
     begin, length = found[int(np.argmax(found[:, 1]))]
     return _within(d, float(begin), float(length)) | {"median_interval_s": median_interval(d)}
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Diagnostics, ExteriorOrientation
-from .coverage import outages, rests, stretches
+from .coverage import outages, rests, segments
 from .flightlines import flight_lines
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ def marks_of(d: Diagnostics, eo: ExteriorOrientation | None) -> Marks:
     def minutes(t: Array) -> Array:
         return (t - start) / 60.0
 
-    whole, without = stretches(d), outages(d)
+    whole, without = segments(d), outages(d)
     lines = np.array([(d.time[x.first], d.time[x.last]) for x in flight_lines(d, eo)]).reshape(-1, 2)
     nothing = np.stack([whole[:-1, 1], whole[1:, 0]], axis=1)
     return Marks(

@@ -16,7 +16,7 @@ from ..records import Diagnostics, ExteriorOrientation
 from . import gnss
 from .figures import Picture, pictures
 from .markup import escape, folded, table
-from .sections import constants, flight_lines, key_numbers, limits, parts_and_rests
+from .sections import constants, flight_lines, key_numbers, limits, segments_and_rests
 from .summary import plain
 from .wording import millimetres
 
@@ -80,7 +80,7 @@ def page(summary: Mapping[str, Any], drawn: Iterable[Picture]) -> Iterator[str]:
         yield f'">\n<figcaption>{escape(picture.reading)}</figcaption>\n</figure>\n'
     if not summary["standing"]:
         yield from (_innovations(summary), _rejected(summary), _gaps(summary))
-    yield from (parts_and_rests(summary), _checks(summary), _made_from(summary))
+    yield from (segments_and_rests(summary), _checks(summary), _made_from(summary))
     yield "</main>\n</body>\n</html>\n"
 
 

@@ -77,7 +77,7 @@ def _verdict(findings: Sequence[Finding]) -> str:
 
 
 def _window(curves: Mapping[str, Array]) -> NDArray[np.bool_]:
-    """Rows of the stretch in which GNSS saw most motion."""
+    """Rows of the interval in which GNSS saw most motion."""
     if "time" not in curves or curves["time"].size < 2:
         return np.zeros(0, dtype=bool)
     time, force = curves["time"], curves["force_gnss"]

@@ -41,8 +41,8 @@ def code(f: Figures) -> Iterator[Limit]:
     if horizontal < CODE_MM:
         return
     told = f"absolute position is known to {millimetres(horizontal)} horizontally and {millimetres(down)} in height only"
-    if f["lasting_errors"]:
-        slowest = max(error["time_s"] for error in f["lasting_errors"])
+    if f["time_correlated_errors"]:
+        slowest = max(error["time_s"] for error in f["time_correlated_errors"])
         told += f": the receiver's slow errors stay for {slowest / MINUTE_S:.0f} minutes and no averaging removes them"
         minute = [_relative_mm(f, axis) for axis in range(3)]
         if math.hypot(*minute[:2]) < horizontal and minute[2] < down:
@@ -58,7 +58,7 @@ def code(f: Figures) -> Iterator[Limit]:
 
 def _relative_mm(f: Figures, axis: int) -> float:
     """Sigma of the change in a minute of Gauss-Markov errors, 2 s^2 (1 - exp(-t / T)) each: a bound for what uses the IMU as well."""
-    changes = [2.0 * error["sigma_m"][axis] ** 2 * -math.expm1(-MINUTE_S / error["time_s"]) for error in f["lasting_errors"]]
+    changes = [2.0 * error["sigma_m"][axis] ** 2 * -math.expm1(-MINUTE_S / error["time_s"]) for error in f["time_correlated_errors"]]
     return 1e3 * math.sqrt(sum(changes))
 
 

@@ -29,9 +29,9 @@ def judged(consistency: Figures) -> str:
 
 
 def contradicted(f: Figures) -> bool:
-    """Whether parts of the flight contradict the sigmas: the filter was opened again, or forward and backward disagree."""
+    """Whether parts of the flight contradict the sigmas: covariance resets, or forward and backward disagree."""
     ratios = [r for of in f["separation"]["normalised_rms"].values() for r in of if r]
-    return bool(f["reopened_s"]) or any(r > SEPARATION_MATTERS for r in ratios)
+    return bool(f["covariance_resets_s"]) or any(r > SEPARATION_MATTERS for r in ratios)
 
 
 def rejected(f: Figures) -> Iterator[Limit]:
@@ -51,14 +51,14 @@ def rejected(f: Figures) -> Iterator[Limit]:
         yield Limit("rejected", most / REJECTED_MATTERS, told, help_)
 
 
-def reopened(f: Figures) -> Iterator[Limit]:
+def covariance_resets(f: Figures) -> Iterator[Limit]:
     """Where the filter lost the fixes."""
-    times = f["reopened_s"]
+    times = f["covariance_resets_s"]
     if times:
         at = ", ".join(f"{time:.1f}" for time in times[:5]) + (" ..." if len(times) > 5 else "")
         count = "once" if len(times) == 1 else f"{len(times)} times"
-        told = f"the filter lost the fixes and was opened again {count} (TOW {at} s): only later fixes support it there"
-        yield Limit("reopened", TRUST * (1.0 + len(times)), told, "look at the fixes before these times: jumps are the receiver's")
+        told = f"the filter lost the fixes, its covariance was reset {count} (TOW {at} s): only later fixes support it there"
+        yield Limit("covariance resets", TRUST * (1.0 + len(times)), told, "look at the fixes before these times: jumps are the receiver's")
 
 
 def nis(f: Figures) -> Iterator[Limit]:
@@ -115,7 +115,7 @@ def whiteness(f: Figures) -> Iterator[Limit]:
 def _why_correlated(f: Figures, told: str, sign: float) -> tuple[str, str]:
     if sign < 0:
         return f"{told}: the GNSS sigmas are too small", "raise the sigmas of the fixes"
-    if f["lasting_errors"]:
+    if f["time_correlated_errors"]:
         return f"{told}: errors of GNSS last from fix to fix by more than their estimate explains", ""
     help_ = 'set gnss.correlated = "auto" to estimate them; where that gave up, take the sigmas as relative ones'
     return f"{told}: errors of GNSS last from fix to fix, which the smoothed sigmas do not know", help_
@@ -136,10 +136,10 @@ def separation(f: Figures) -> Iterator[Limit]:
         yield Limit("separation", TRUST * worst[0][0] / SEPARATION_MATTERS, text, "see in its figure where")
 
 
-def lasting(f: Figures) -> Iterator[Limit]:
+def time_correlated(f: Figures) -> Iterator[Limit]:
     """Errors of the fixes that were found to last, but for those that stay, which are told with the absolute position."""
     near, fixes = f["neighbours"], f["counts"]["fixes"]
-    for error in f["lasting_errors"]:
+    for error in f["time_correlated_errors"]:
         if error["time_s"] >= STAYS_S or error["fixes"] < FEW_MATTER * fixes:
             continue
         all_ = error["fixes"] > 0.5 * fixes
@@ -156,13 +156,16 @@ def lasting(f: Figures) -> Iterator[Limit]:
                 f"to {lengths(own)} absolutely (E / N / U)"
             )
         yield Limit(
-            "lasting errors", 1.0 + max(error["share"]), told, "use the cross-covariances of eo.json in the adjustment" if near else ""
+            "time-correlated errors",
+            1.0 + max(error["share"]),
+            told,
+            "use the cross-covariances of eo.json in the adjustment" if near else "",
         )
 
 
 def checks(f: Figures) -> Iterator[Limit]:
     """What the checks of the input found, but for what other rules tell with its effect."""
-    told = ["IMU rate"] * bool(f["imu_gaps"] or len(f["stretches"]) > 1) + ["GNSS rate"] * bool(f["outages"])
+    told = ["IMU rate"] * bool(f["imu_gaps"] or len(f["segments"]) > 1) + ["GNSS rate"] * bool(f["outages"])
     for check in f["checks"]:
         made_up = f["standing"] and "GNSS" in check["name"]
         if check["verdict"] == "ok" or (check["verdict"] == "note" and (made_up or check["name"] in told)):

@@ -118,13 +118,13 @@ def outage(f: Figures) -> Iterator[Limit]:
     yield Limit("outage", rank, f"{told}: {grown}{more}", help_)
 
 
-def stretches(f: Figures) -> Iterator[Limit]:
-    """Parts that were solved by themselves."""
-    parts = f["stretches"]
-    if len(parts) > 1:
-        lost = sum(after[0] - before[1] for before, after in itertools.pairwise(parts))
-        text = f"the flight falls into {len(parts)} parts that know nothing of each other ({lost:.0f} s between them without solution)"
-        yield Limit("parts", float(len(parts)), text, "find why the IMU's recording breaks off")
+def segments(f: Figures) -> Iterator[Limit]:
+    """Segments that were solved by themselves."""
+    spans = f["segments"]
+    if len(spans) > 1:
+        lost = sum(after[0] - before[1] for before, after in itertools.pairwise(spans))
+        text = f"the flight falls into {len(spans)} segments that know nothing of each other ({lost:.0f} s between them without solution)"
+        yield Limit("segments", float(len(spans)), text, "find why the IMU's recording breaks off")
 
 
 def gaps(f: Figures) -> Iterator[Limit]:

@@ -62,7 +62,7 @@ def constants(s: Summary) -> str:
     if s["states"]:
         head = ("Constant", "value", "sigma", "before the flight", "its sigma moves a fix by", "observed")
         out += table([_constant(state) for state in s["states"]], head, numbers=True)
-    for error in s["lasting_errors"]:
+    for error in s["time_correlated_errors"]:
         size, white = (" / ".join(f"{x:.2f}" for x in error[key]) for key in ("share", "white"))
         out += (
             f"<p>Errors of {error['fixes']} fixes last for {error['time_s']:.1f} s: {size} of their sigmas, or "
@@ -81,18 +81,18 @@ def _constant(state: Mapping[str, Any]) -> Row:
     return escape(state["name"]), value, sigma, f"± {state['prior'] * factor:.3g} {unit}", moves, marked
 
 
-def parts_and_rests(s: Summary) -> str:
-    """Parts that were solved by themselves, and where the vehicle stood."""
+def segments_and_rests(s: Summary) -> str:
+    """Segments that were solved by themselves, and where the vehicle stood."""
     out = ""
-    if len(s["stretches"]) > 1:
-        parts = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in s["stretches"])
-        out += f"<p>Solved by themselves, TOW: {parts}.</p>\n"
+    if len(s["segments"]) > 1:
+        spans = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in s["segments"])
+        out += f"<p>Solved by themselves, TOW: {spans}.</p>\n"
     if s["rests"]:
         lasted = sum(end - start for start, end in s["rests"])
         rests = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in s["rests"])
         count = "1 rest" if len(s["rests"]) == 1 else f"{len(s['rests'])} rests"
         out += folded(f"{count}, {lasted:.0f} s in all", f"<p>At rest, TOW: {rests}.</p>\n")
-    return f"<h2>Parts and rests</h2>\n{out}" if out else ""
+    return f"<h2>Segments and rests</h2>\n{out}" if out else ""
 
 
 def key_numbers(s: Summary) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Diagnostics, ExteriorOrientation, StateVerdict
-from .coverage import longest_outage, outage_figures, rests, stretches
+from .coverage import longest_outage, outage_figures, rests, segments
 from .flightlines import line_figures
 from .statistics import consistency, innovation_figures, normalised_rms
 from .verdict import headline, limits, verdict
@@ -84,15 +84,15 @@ def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
         "separation": _separation(d),
         "biases": _biases(d),
         "rejected": _rejected(d),
-        "reopened_s": [] if d.reopened is None else d.reopened,
+        "covariance_resets_s": [] if d.covariance_resets is None else d.covariance_resets,
         "longest_outage": longest_outage(d),
         "outages": outage_figures(d, eo),
         "lines": line_figures(d, eo),
         "neighbours": None if eo is None or len(eo.images) < 2 else _neighbours(eo),
         "states": [_state(state) for state in d.states],
-        "lasting_errors": [asdict(error) for error in d.lasting],
+        "time_correlated_errors": [asdict(error) for error in d.time_correlated],
         "rests": rests(d),
-        "stretches": stretches(d),
+        "segments": segments(d),
         "imu_gaps": [{"time_s": time, "length_s": length} for time, length in d.gaps],
         "checks": [asdict(check) for check in d.checks],
     }
@@ -106,7 +106,7 @@ def _counts(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, int]:
         "fixes": d.fix_time.size,
         "fixes_used": int(d.used.sum()),
         "fixes_rejected": int((~d.used).sum()),
-        "reopened": 0 if d.reopened is None else d.reopened.size,
+        "covariance_resets": 0 if d.covariance_resets is None else d.covariance_resets.size,
     }
     if d.velocity_nis is not None and d.velocity_used is not None:
         offered = np.isfinite(d.velocity_nis)

@@ -17,11 +17,11 @@ Rule = Callable[[Figures], Iterator[Limit]]
 
 ON_FIXES: tuple[Rule, ...] = (
     rules_fixes.rejected,
-    rules_fixes.reopened,
+    rules_fixes.covariance_resets,
     rules_fixes.nis,
     rules_fixes.whiteness,
     rules_fixes.separation,
-    rules_fixes.lasting,
+    rules_fixes.time_correlated,
 )
 ON_THE_REST: tuple[Rule, ...] = (
     rules_accuracy.standing,
@@ -30,7 +30,7 @@ ON_THE_REST: tuple[Rule, ...] = (
     rules_places.position,
     rules_places.worst_image,
     rules_places.outage,
-    rules_places.stretches,
+    rules_places.segments,
     rules_places.gaps,
     rules_accuracy.overall_attitude,
     rules_accuracy.heights,

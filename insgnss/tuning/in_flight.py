@@ -22,7 +22,9 @@ import numpy as np
 from ..errors import InputError, InsgnssError, UsageError
 from ..files import json_ready
 from ..flight import Flight
-from ..recording import Recording, quiet, read_recording, sentence
+from ..processing.checks import sentence
+from ..processing.progress import quiet
+from ..processing.recording import Recording, read_recording
 from ..stochastic.model import NoiseModel
 from .in_flight_files import model_in_flight, planned, write
 from .in_flight_words import NAMES, Beyond, beyond_spectrum, chance_of, longer_flight, summary
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
     from ..calibrate.innovation_noise import InFlightNoise
     from ..calibrate.straight_flight import StraightFlight
     from ..navigation.solution import Solution
-    from ..stretch import Stretch
+    from ..processing.segment import Segment
 
 Progress = Callable[[str], None]
 
@@ -46,7 +48,7 @@ class FlightTuning:
     noise : the estimate.   static, model : the model of the flight file, and the same with the factors found.   files : what was written.
     lost_before, lost_after : fixes that the solutions with the static model and with the new one reject.
     straight : spectrum of the IMU in straight flight, None without.   dropped_correlated : whether noise of the IMU explains what the
-    solution took for a correlated error of the fixes.   notes : what became of stretches between gaps of the IMU.   key : of the flight
+    solution took for a correlated error of the fixes.   notes : what became of segments between gaps of the IMU.   key : of the flight
     file, for the model found.
     """
 
@@ -148,13 +150,13 @@ def chosen_parameters(parameters: Sequence[str] | None) -> tuple[str, ...]:
 def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> FlightTuning:
     """What a flight with one IMU says of its noise; nothing is written. Raises InputError and DataError as `tune_flight` does."""
     from ..calibrate.straight_flight import straight_flight, straight_segments
-    from ..stretch import solve_stretches
+    from ..processing.segment import solve_segments
 
     progress("read")
     recording = _read(flight)
     light = replace(flight, output=replace(flight.output, trajectory_hz=EPOCH_HZ))
-    solved, gaps = solve_stretches(light, recording, progress)
-    parts = [part for stretch in solved for part in _moving(stretch, recording)]
+    solved, gaps = solve_segments(light, recording, progress)
+    parts = [part for segment in solved for part in _moving(segment, recording)]
     noise, dropped = _estimated(flight, parts, chosen, progress)
     model = model_in_flight(flight, recording, noise)
     offered, before = _lost(solved)
@@ -163,8 +165,8 @@ def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> Fli
         progress("solve again")
         after = _lost_again(light, replace(recording, noise=model), offered, progress)
     progress("spectrum")
-    segments = np.concatenate([straight_segments(stretch.solution) for stretch in solved])
-    spectrum = straight_flight(recording.imu, recording.C_b_imu, segments)
+    straight = np.concatenate([straight_segments(segment.solution) for segment in solved])
+    spectrum = straight_flight(recording.imu, recording.C_b_imu, straight)
     accepted, reasons = _judged(noise, before, after, beyond_spectrum(spectrum, model, noise))
     notes = tuple(check.found for check in gaps)
     return FlightTuning(flight.name, accepted, reasons, noise, recording.noise, model, before, after, spectrum, dropped, notes)
@@ -183,10 +185,10 @@ def _read(flight: Flight) -> Recording:
     return replace(recording, events=None)
 
 
-def _moving(stretch: "Stretch", recording: Recording) -> "list[Solution]":
+def _moving(segment: "Segment", recording: Recording) -> "list[Solution]":
     from ..calibrate.innovation_noise import moving_parts
 
-    return moving_parts(stretch.solution, recording.rests.time)
+    return moving_parts(segment.solution, recording.rests.time)
 
 
 def _estimated(flight: Flight, parts: "list[Solution]", chosen: Sequence[str], progress: Progress) -> "tuple[InFlightNoise, bool]":
@@ -206,20 +208,20 @@ def _estimated(flight: Flight, parts: "list[Solution]", chosen: Sequence[str], p
     return coloured, False
 
 
-def _lost(solved: "list[Stretch]") -> tuple[int, int]:
-    """Fixes offered, and those rejected or believed only after a reopening."""
+def _lost(solved: "list[Segment]") -> tuple[int, int]:
+    """Fixes offered, and those rejected or used only after a covariance reset."""
     from ..navigation.filter import NOTHING, POSITION, REJECTED, REOPENED
 
-    verdict = np.concatenate([stretch.solution.verdict[:, POSITION] for stretch in solved])
+    verdict = np.concatenate([segment.solution.verdict[:, POSITION] for segment in solved])
     return int(np.count_nonzero(verdict != NOTHING)), int(np.isin(verdict, (REJECTED, REOPENED)).sum())
 
 
 def _lost_again(flight: Flight, recording: Recording, offered: int, progress: Progress) -> int:
-    """Fixes of `offered` that are lost with another noise, all those of a stretch that cannot be solved with it."""
-    from ..stretch import solve_stretches
+    """Fixes of `offered` that are lost with another noise, all those of a segment that cannot be solved with it."""
+    from ..processing.segment import solve_segments
 
     try:
-        again, lost = _lost(solve_stretches(flight, recording, progress)[0])
+        again, lost = _lost(solve_segments(flight, recording, progress)[0])
     except InsgnssError:
         return offered
     return lost + max(offered - again, 0)
@@ -227,8 +229,8 @@ def _lost_again(flight: Flight, recording: Recording, offered: int, progress: Pr
 
 def _judged(noise: "InFlightNoise", lost_before: int, lost_after: int, beyond: Sequence[Beyond] = ()) -> tuple[bool, tuple[str, ...]]:
     """Whether the static model gives way, and why, sentence by sentence.   beyond : white noise that the spectrum rules out."""
-    from ..calibrate.fixes import MORE_LOST
     from ..calibrate.innovation_noise import SIGNIFICANT
+    from ..diagnosis.evidence import MORE_LOST
 
     if not noise.free:
         held = tuple(f"{NAMES[name]} not told by this flight: {why}" for name, why in noise.held)

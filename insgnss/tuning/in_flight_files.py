@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..delivery import inputs_of, sha256
 from ..errors import UsageError
 from ..files import atomic_write
 from ..flight import Flight
 from ..prepare.gaps import nominal_interval
-from ..recording import Recording
+from ..processing.input_files import input_files, sha256
+from ..processing.recording import Recording
 from ..stochastic.model import NOISE_UNITS, AxisNoise, NoiseModel, RecordingSource, write_noise_model
 from ..units import rounded
 from .targets import check_target, refuse_present
@@ -28,7 +28,7 @@ LINES_SHOWN = 4
 def planned(flight: Flight, out: Path | None, force: bool) -> Path:
     """Where the noise model goes; raises UsageError where it cannot, would take an input's place, or a file is there already."""
     target = check_target(flight.path.parent / DEFAULT if out is None else Path(out))
-    inputs = {file.resolve() for file in (flight.path, *inputs_of(flight))}
+    inputs = {file.resolve() for file in (flight.path, *input_files(flight))}
     files = (target, *beside(target))
     taken = [str(file) for file in files if file.resolve() in inputs]
     if taken:

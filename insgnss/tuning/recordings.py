@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..delivery import sha256
 from ..errors import DataError, InputError, UsageError
 from ..formats.variances import read_variances
 from ..prepare.static import Disturbance, StaticSpan, static_span
+from ..processing.input_files import sha256
 from ..records import Array, Check, WaveletVariance
 from ..stochastic.model import RecordingSource
 from ..stochastic.moments.wavelet import wavelet_variances

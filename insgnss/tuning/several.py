@@ -12,7 +12,7 @@ from typing import Any
 
 from ..errors import InsgnssError
 from ..flight import Flight
-from ..recording import Progress, quiet
+from ..processing.progress import Progress, quiet
 from .in_flight import FlightTuning, chosen_parameters, estimate, tune_flight
 from .in_flight_files import planned, write
 

@@ -14,7 +14,7 @@ from insgnss.gnss import flown
 from insgnss.gnss.covariance import MODEL
 from insgnss.gnss.events import RoverEvents
 from insgnss.gnss.ppk import PpkInput, PpkResult
-from insgnss.recording import _read_files
+from insgnss.processing.input_files import read_files
 from insgnss.records import CameraEvents, Check, GnssFixes
 
 FIXES = GnssFixes(np.array([10.0, 11.0]), np.full(2, 0.8), np.full(2, 0.1), np.full(2, 500.0), np.tile(1e-4 * np.eye(3), (2, 1, 1)))
@@ -57,7 +57,7 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list:  # type: ign
 def test_the_engine_is_asked_for_what_the_flight_file_says(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
     """Oracle: the flight file's own values."""
     (tmp_path / "flight.toml").write_text(FLIGHT)
-    _, fixes, events, ppk = _read_files(load_flight(tmp_path / "flight.toml"))
+    _, fixes, events, ppk = read_files(load_flight(tmp_path / "flight.toml"))
     (inputs,) = asked
     assert [path.name for path in (inputs.rover, inputs.base, *inputs.navigation)] == ["r.obs", "b.obs", "n.nav", "g.nav"]
     options = inputs.options
@@ -73,7 +73,7 @@ def test_the_engine_is_asked_for_what_the_flight_file_says(asked: list, tmp_path
 def test_nothing_is_asked_for_beyond_the_defaults(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
     """Oracle: the defaults of `PpkInput` and `EngineOptions`, which a flight file without further keys must not change."""
     (tmp_path / "flight.toml").write_text(FLIGHT.partition("base_position")[0])
-    _read_files(load_flight(tmp_path / "flight.toml"))
+    read_files(load_flight(tmp_path / "flight.toml"))
     (inputs,) = asked
     assert inputs == PpkInput(inputs.rover, inputs.base, inputs.navigation)
 
@@ -83,7 +83,7 @@ def test_the_frame_around_the_engine_is_asked_for(asked: list, tmp_path: Path) -
     more = "max_age_s = 5\ntimeout_s = 90\nacceleration_mps2 = [6, 2]\nmore = { pos2-arminfix = 10 }\natmosphere = { humidity = 0.4 }\n"
     more += 'engine = "rnx2rtkp"\nphase_velocity = false\ncovariance = { ppm = 2, floor_m = { fixed = 0.01 } }\n'
     (tmp_path / "flight.toml").write_text(FLIGHT + more)
-    _read_files(load_flight(tmp_path / "flight.toml"))
+    read_files(load_flight(tmp_path / "flight.toml"))
     (inputs,) = asked
     options = inputs.options
     assert (options.engine, options.max_age_s, options.acceleration_mps2) == ("rnx2rtkp", 5.0, (6.0, 2.0))
@@ -93,16 +93,16 @@ def test_the_frame_around_the_engine_is_asked_for(asked: list, tmp_path: Path) -
     assert (inputs.covariance.ppm, inputs.covariance.floor_m["fixed"]) == ((2.0, 2.0, 2.0), (0.01, 0.01, 0.01))
     assert inputs.covariance.floor_m["float"] == MODEL.floor_m["float"]
     (tmp_path / "flight.toml").write_text(FLIGHT + "wet_delay = false\n")
-    _read_files(load_flight(tmp_path / "flight.toml"))
+    read_files(load_flight(tmp_path / "flight.toml"))
     assert not asked[1].wet_delay
 
 
 def test_a_camera_without_a_file_needs_the_rovers_events(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
     """Oracle: the flight file; without [camera] the rover's events are taken where there are some."""
     (tmp_path / "flight.toml").write_text(FLIGHT)
-    _read_files(load_flight(tmp_path / "flight.toml"))
+    read_files(load_flight(tmp_path / "flight.toml"))
     (tmp_path / "flight.toml").write_text(FLIGHT + "[camera]\ntime_offset_s = 0.002\n")
-    _, _, events, _ = _read_files(load_flight(tmp_path / "flight.toml"))
+    _, _, events, _ = read_files(load_flight(tmp_path / "flight.toml"))
     assert [inputs.events for inputs in asked] == [None, True]
     assert asked[1].camera_delay_s == 0.0  # camera.time_offset_s is added once, by the recording
     assert events is EVENTS
@@ -112,7 +112,7 @@ def test_events_of_another_file_come_first(asked: list, tmp_path: Path) -> None:
     """Oracle: the file's two lines."""
     (tmp_path / "events.txt").write_text("image tow\na.tif 10.05\nb.tif 10.10\n")
     (tmp_path / "flight.toml").write_text(FLIGHT + '[camera]\nevents = "events.txt"\n')
-    _, _, events, _ = _read_files(load_flight(tmp_path / "flight.toml"))
+    _, _, events, _ = read_files(load_flight(tmp_path / "flight.toml"))
     assert asked[0].events is False
     assert events is not None
     assert events.images == ("a.tif", "b.tif")
@@ -122,12 +122,12 @@ def test_images_name_the_rovers_events(asked: list, tmp_path: Path) -> None:  # 
     """Oracle: the flight file's own value."""
     (tmp_path / "names.txt").write_text("a.tif\nb.tif\n")
     (tmp_path / "flight.toml").write_text(FLIGHT + '[camera]\nimages = "names.txt"\n')
-    _read_files(load_flight(tmp_path / "flight.toml"))
+    read_files(load_flight(tmp_path / "flight.toml"))
     assert asked[0].match == ImageMatch(tmp_path / "names.txt")
     assert asked[0].rover_events == RoverEvents()
     more = 'skip_events = [2]\nskip_images = ["b.tif"]\nevents_containing = "cam"\ninvalid_events = true\nimage_ending = ".tif"\n'
     (tmp_path / "flight.toml").write_text(FLIGHT + '[camera]\nimages = "names.txt"\n' + more)
-    _read_files(load_flight(tmp_path / "flight.toml"))
+    read_files(load_flight(tmp_path / "flight.toml"))
     assert asked[1].match == ImageMatch(tmp_path / "names.txt", ".tif", (2,), ("b.tif",))
     assert asked[1].rover_events == RoverEvents("cam", True)
 
@@ -142,9 +142,9 @@ def test_the_images_own_times_tell_which_event_has_no_image(asked: list, tmp_pat
     flight = FLIGHT + '[camera]\nevents = "events.txt"\nimages = "photos"\n'
     (tmp_path / "flight.toml").write_text(flight)
     with pytest.raises(InputError, match=r"8 camera events and 7 images.* no image belongs to event 4; .* set skip_events = \[4\]"):
-        _read_files(load_flight(tmp_path / "flight.toml"))
+        read_files(load_flight(tmp_path / "flight.toml"))
     (tmp_path / "flight.toml").write_text(flight + "skip_events = [4]\n")
-    _, _, events, _ = _read_files(load_flight(tmp_path / "flight.toml"))
+    _, _, events, _ = read_files(load_flight(tmp_path / "flight.toml"))
     assert events is not None
     assert np.allclose(events.time, 10.0 + np.delete(shots, 3), rtol=0, atol=1e-9)
 
@@ -156,10 +156,10 @@ def test_images_name_the_events_of_another_file(asked: list, tmp_path: Path) -> 
     flight = FLIGHT + '[camera]\nevents = "Timestamp.MRK"\nimages = "names.txt"\n'
     (tmp_path / "flight.toml").write_text(flight)
     with pytest.raises(InputError, match=r"Timestamp\.MRK: 3 camera events and 2 images.*skip_events"):
-        _read_files(load_flight(tmp_path / "flight.toml"))
+        read_files(load_flight(tmp_path / "flight.toml"))
     assert asked == []
     (tmp_path / "flight.toml").write_text(flight + "skip_events = [2]\n")
-    _, _, events, _ = _read_files(load_flight(tmp_path / "flight.toml"))
+    _, _, events, _ = read_files(load_flight(tmp_path / "flight.toml"))
     assert events is not None
     assert events.images == ("a.jpg", "c.jpg")
     assert np.allclose(events.time, [10.05, 10.15], rtol=0, atol=1e-9)
@@ -183,9 +183,9 @@ def test_images_name_the_events_of_ready_positions_by_the_same_rules(asked: list
     flight = READY + 'events = "Timestamp.MRK"\nimages = "names.txt"\n'
     (tmp_path / "flight.toml").write_text(flight)
     with pytest.raises(InputError, match=r"Timestamp\.MRK: 3 camera events and 2 images.*skip_events"):
-        _read_files(load_flight(tmp_path / "flight.toml"))
+        read_files(load_flight(tmp_path / "flight.toml"))
     (tmp_path / "flight.toml").write_text(flight + "skip_events = [2]\n")
-    _, fixes, events, ppk = _read_files(load_flight(tmp_path / "flight.toml"))
+    _, fixes, events, ppk = read_files(load_flight(tmp_path / "flight.toml"))
     assert (ppk, fixes.source, asked) == (None, str(tmp_path / "gnss.txt"), [])
     assert events is not None
     assert events.images == ("a.jpg", "c.jpg")
@@ -199,9 +199,9 @@ def test_events_of_ready_positions_that_have_names_keep_them(asked: list, tmp_pa
     (tmp_path / "events.txt").write_text("image tow\na.tif 10.05\nb.tif 10.10\n")
     (tmp_path / "names.txt").write_text("a.jpg\nb.jpg\n")
     (tmp_path / "flight.toml").write_text(READY + 'events = "events.txt"\nskip_events = [1]\n')
-    _, _, events, _ = _read_files(load_flight(tmp_path / "flight.toml"))
+    _, _, events, _ = read_files(load_flight(tmp_path / "flight.toml"))
     assert events is not None
     assert events.images == ("b.tif",)
     (tmp_path / "flight.toml").write_text(READY + 'events = "events.txt"\nimages = "names.txt"\n')
     with pytest.raises(InputError, match=r"events\.txt: the events have names of their own \(a\.tif\)"):
-        _read_files(load_flight(tmp_path / "flight.toml"))
+        read_files(load_flight(tmp_path / "flight.toml"))

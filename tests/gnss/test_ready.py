@@ -12,7 +12,7 @@ from insgnss.formats.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtk
 from insgnss.geodesy.frames import geodetic_to_ecef
 from insgnss.gnss.covariance import MODEL, base_distance, calibrate
 from insgnss.gnss.ready import ADVICE, with_calibrated
-from insgnss.recording import _read_files
+from insgnss.processing.input_files import read_files
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 LEGEND = "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of satellites)\n"
@@ -78,10 +78,10 @@ def test_changes_to_the_model_are_those_of_a_run_of_our_own(tmp_path):
     (tmp_path / "imu.csv").write_text("tow,gx,gy,gz,ax,ay,az\n1000,0,0,0,0,0,-9.8\n1001,0,0,0,0,0,-9.8\n")
     table = '[imu]\nfile = "imu.csv"\n[gnss]\nfile = "a.pos"\n'
     (tmp_path / "flight.toml").write_text(f"{table}[gnss.covariance.floor_m]\nhampered = [0.1, 0.1, 0.2]\n")
-    _, got, _, _ = _read_files(load_flight(tmp_path))
+    _, got, _, _ = read_files(load_flight(tmp_path))
     assert np.array_equal(got.cov_ned, expected.cov_ned)
     (tmp_path / "flight.toml").write_text(table)
-    _, plain, _, _ = _read_files(load_flight(tmp_path))
+    _, plain, _, _ = read_files(load_flight(tmp_path))
     grown = np.diagonal(got.cov_ned - plain.cov_ned, axis1=1, axis2=2)[20]
     assert np.allclose(grown, np.square([0.1, 0.1, 0.2]) - np.square(MODEL.floor_m["hampered"]), rtol=1e-9)
 

@@ -27,7 +27,7 @@ from insgnss.gnss.velocity import (
     jerk_weights,
     time_differenced_velocity,
 )
-from insgnss.pipeline import process
+from insgnss.processing.pipeline import process
 from insgnss.records import GnssFixes
 from insgnss.simulate.dataset import write_simulated
 from insgnss.simulate.description import Units, flight_toml, true_tables

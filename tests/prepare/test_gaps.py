@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.errors import DataError
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.prepare.gaps import bridged_variance, edges, find_gaps, nominal_interval, stretches
+from insgnss.prepare.gaps import bridged_variance, edges, find_gaps, nominal_interval, segments
 from insgnss.prepare.increments import body_increments
 from insgnss.simulate.scenario import ImuOptions, simulate_flight
 
@@ -60,10 +60,10 @@ def test_long_gaps_divide_the_flight(flight):
     """Oracle: the gaps that were made."""
     imu = holed(holed(flight.imu, 9000, 300), 4000, 150)
     t = flight.imu.time
-    parts = stretches(imu.time, t[0], t[-1])
+    parts = segments(imu.time, t[0], t[-1])
     assert_allclose(parts, [(t[0], t[3999]), (t[4150], t[8999]), (t[9300], t[-1])], rtol=0, atol=1e-9)
-    assert stretches(imu.time, t[4200], t[8000]) == [(t[4200], t[8000])]
-    assert stretches(holed(flight.imu, 4000, 60).time, t[0], t[-1]) == [(t[0], t[-1])]
+    assert segments(imu.time, t[4200], t[8000]) == [(t[4200], t[8000])]
+    assert segments(holed(flight.imu, 4000, 60).time, t[0], t[-1]) == [(t[0], t[-1])]
 
 
 def test_gaps_that_nothing_can_be_compared_with_are_refused(flight):

@@ -109,7 +109,10 @@ def odd_cases() -> dict[str, tuple[Diagnostics, ExteriorOrientation | None]]:
         "no separation": (make_diagnostics(**unseparated), make_eo()),
         "separation undetermined": (make_diagnostics(separation=np.full((EPOCHS // 10, 9), np.nan)), make_eo()),
         "not a number": (make_diagnostics(nis=np.where(some, d.nis, np.nan)), make_eo()),
-        "gaps, checks, reopened": (make_diagnostics(gaps=((START + 5, 0.03),), checks=(check,), reopened=np.array([START + 9])), make_eo()),
+        "gaps, checks, resets": (
+            make_diagnostics(gaps=((START + 5, 0.03),), checks=(check,), covariance_resets=np.array([START + 9])),
+            make_eo(),
+        ),
         "one image": (d, dataclasses.replace(make_eo(), **_first_only(make_eo()))),
     }
 

@@ -11,7 +11,7 @@ import pytest
 
 import insgnss.report.page as page_module
 from insgnss.errors import UsageError
-from insgnss.records import Check, LastingError, StateVerdict
+from insgnss.records import Check, StateVerdict, TimeCorrelatedError
 from insgnss.report.figures import Picture
 from insgnss.report.page import page, write_report, write_report_json
 from insgnss.report.summary import run_summary
@@ -75,7 +75,7 @@ def test_every_run_has_a_page(odd_cases, summary) -> None:
 def test_text_of_others_is_escaped(odd_cases, summary) -> None:
     """Oracle: html.parser; a script in a name is text, no tag."""
     evil = "<script>alert('x')</script>"
-    reader = Reader("".join(page(summary(*odd_cases["gaps, checks, reopened"], name=evil), [PICTURE])))
+    reader = Reader("".join(page(summary(*odd_cases["gaps, checks, resets"], name=evil), [PICTURE])))
     assert "script" not in reader.tags
     assert "b" not in reader.tags
     assert evil in reader.text
@@ -120,10 +120,10 @@ def test_lines_and_constants_have_their_tables(block, summary) -> None:
         StateVerdict("GNSS time offset", 0.0125, 0.0009, 0.1, 0.014, True),
         StateVerdict("antenna lever arm down", -0.05, 0.28, 0.3, 0.28, False),
     )
-    lasting = (LastingError(15.0, 1200, (0.018, 0.018, 0.027), (0.9, 0.9, 0.9), (0.4, 0.4, 0.4)),)
+    lasting = (TimeCorrelatedError(15.0, 1200, (0.018, 0.018, 0.027), (0.9, 0.9, 0.9), (0.4, 0.4, 0.4)),)
     rests = np.array([[205200.0, 205204.0]])
     parts = ((205200.0, 205240.0), (205270.0, 205319.9))
-    s = summary(block(smoothed_sigma=sigma, states=states, lasting=lasting, rests=rests, stretches=parts), None)
+    s = summary(block(smoothed_sigma=sigma, states=states, time_correlated=lasting, rests=rests, segments=parts), None)
     whole = "".join(page(s, []))
     text = Reader(whole).text
     assert whole.count("<b>0.123</b>") == 1

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from insgnss.records import Check, LastingError, StateVerdict
+from insgnss.records import Check, StateVerdict, TimeCorrelatedError
 from insgnss.report.summary import run_summary
 from insgnss.report.verdict import MOST_SAID, NOTHING_STANDS_OUT
 
@@ -33,7 +33,7 @@ def with_sigma(d: Any, rows: slice, column: int, sigma: float) -> np.ndarray:
 def test_limits_are_in_order_and_the_verdict_is_their_beginning(diagnostics, eo) -> None:
     """Oracle: definition; ranks fall, and the verdict holds the first sentences with their help."""
     checks = tuple(Check(f"check {k}", "a", "b", "note", "look") for k in range(12))
-    s = run(diagnostics(2.0, checks=checks, gaps=((START + 5, 0.5),), reopened=np.array([START + 9])), eo(0.31))
+    s = run(diagnostics(2.0, checks=checks, gaps=((START + 5, 0.5),), covariance_resets=np.array([START + 9])), eo(0.31))
     ranks = [limit["rank"] for limit in s["limits"]]
     assert ranks == sorted(ranks, reverse=True)
     assert len(s["verdict"]) == MOST_SAID < len(s["limits"])
@@ -98,19 +98,19 @@ def test_time_between_parts_is_no_outage(diagnostics) -> None:
     d = diagnostics()
     inside = (d.time > START + 40) & (d.time < START + 70)
     fields = {name: getattr(d, name)[~inside] for name in ("fix_time", "innovation", "innovation_sigma", "nis", "used")}
-    apart = run(diagnostics(**fields, stretches=((START, START + 40), (START + 70, START + 119.9))))
+    apart = run(diagnostics(**fields, segments=((START, START + 40), (START + 70, START + 119.9))))
     assert apart["outages"] == []
-    assert "2 parts that know nothing of each other (30 s between them" in said(apart, "parts")["text"]
+    assert "2 segments that know nothing of each other (30 s between them" in said(apart, "segments")["text"]
     assert len(run(diagnostics(**fields))["outages"]) == 1
 
 
-def test_lasting_errors_say_what_neighbours_share(diagnostics, eo) -> None:
+def test_time_correlated_errors_say_what_neighbours_share(diagnostics, eo) -> None:
     """Oracle: closed form; neighbours of variance 9, 4, 16 mm^2 that share three quarters of it differ by half that."""
     e = eo()
     e = dataclasses.replace(e, cross=0.75 * e.cov[:-1])
-    s = run(diagnostics(lasting=(LastingError(15.0, 1200, (0.018, 0.018, 0.027), (0.9, 0.9, 0.9), (0.4, 0.4, 0.4)),)), e)
+    s = run(diagnostics(time_correlated=(TimeCorrelatedError(15.0, 1200, (0.018, 0.018, 0.027), (0.9, 0.9, 0.9), (0.4, 0.4, 0.4)),)), e)
     assert s["neighbours"]["position_mm"] == pytest.approx(np.sqrt(0.5) * np.array([2, 3, 4]))
-    text = said(s, "lasting errors")["text"]
+    text = said(s, "time-correlated errors")["text"]
     assert "the receiver's errors last 15 s and are 0.90 of its sigmas (18.0 / 18.0 / 27.0 mm, N / E / D)" in text
     assert "known to 1.4 / 2.1 / 2.8 mm relative to each other, to 2.0 / 3.0 / 4.0 mm absolutely" in text
 
@@ -119,7 +119,7 @@ def test_code_positions_are_said_to_be_absolute_and_relative(diagnostics) -> Non
     """Oracle: closed form; a Gauss-Markov error of 2.5 m that lasts 600 s changes by 2.5 sqrt(2 (1 - exp(-0.1))) m in a minute."""
     sigma = diagnostics().smoothed_sigma.copy()
     sigma[:, :3] = 2.4, 2.4, 4.5
-    s = run(diagnostics(smoothed_sigma=sigma, lasting=(LastingError(600.0, 1200, (2.5, 2.5, 5.0), (1, 1, 1), (1, 1, 1)),)))
+    s = run(diagnostics(smoothed_sigma=sigma, time_correlated=(TimeCorrelatedError(600.0, 1200, (2.5, 2.5, 5.0), (1, 1, 1), (1, 1, 1)),)))
     text = said(s, "absolute position")["text"]
     change = np.sqrt(2 * (1 - np.exp(-0.1)))
     assert "known to 3.39 m horizontally and 4.50 m in height only" in text

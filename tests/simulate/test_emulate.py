@@ -14,8 +14,8 @@ from insgnss.errors import InputError, UsageError
 from insgnss.flight import load_flight
 from insgnss.geodesy.rotation import quaternion_from_rotation, rpy_from_rotation, vector_from_rotation
 from insgnss.navigation.strapdown import free_inertial
-from insgnss.pipeline import process
 from insgnss.prepare.increments import body_increments
+from insgnss.processing.pipeline import process
 from insgnss.simulate.dataset import write_simulated
 from insgnss.simulate.emulate import Emulation, add_recorded_noise, emulate_motion
 from insgnss.simulate.flights import block_flight

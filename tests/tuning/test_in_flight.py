@@ -19,7 +19,7 @@ from insgnss.errors import InputError, UsageError
 from insgnss.flight import Flight, load_flight
 from insgnss.navigation.layout import state_layout
 from insgnss.navigation.solution import solve
-from insgnss.pipeline import process
+from insgnss.processing.pipeline import process
 from insgnss.simulate.dataset import write_dataset
 from insgnss.simulate.receiver import GnssOptions
 from insgnss.stochastic.model import NoiseModel, load_noise_model

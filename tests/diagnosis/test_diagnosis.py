@@ -7,7 +7,11 @@ import pytest
 from flown import Flown, error_of, fly, start_near
 from numpy.testing import assert_array_equal
 
-from insgnss.calibrate.fixes import contradictions, correlated_error, state_verdicts, suspicious, with_layout
+from insgnss.diagnosis.advice import contradictions
+from insgnss.diagnosis.candidates import with_layout
+from insgnss.diagnosis.decision import is_suspicious
+from insgnss.diagnosis.estimated import state_verdicts
+from insgnss.diagnosis.time_correlated import time_correlated_error
 from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.solution import Solution, solve
 from insgnss.orient.mounting import Mounting
@@ -20,13 +24,13 @@ NONE = FixErrors()
 EVERYTHING = FixErrors(lever_arm_m=0.3, time_offset_s=0.2)
 
 
-def layout_with(fixes: FixErrors):
+def layout_factory(fixes: FixErrors):
     return state_layout(NAVCHIP, fixes=fixes)
 
 
 def solved(flown: Flown, fixes: FixErrors = NONE, lever=(0.0, 0.0, 0.0)) -> Solution:
     """The flight with the antenna where it is not, by `lever`, and the states of `fixes`."""
-    problem = replace(flown.problem, layout=layout_with(fixes), antenna_lever_b=flown.problem.antenna_lever_b - np.array(lever))
+    problem = replace(flown.problem, layout=layout_factory(fixes), antenna_lever_b=flown.problem.antenna_lever_b - np.array(lever))
     return solve(problem, start_near(replace(flown, problem=problem), SIGMA), separations=0)
 
 
@@ -43,7 +47,7 @@ def late() -> Flown:
 def test_a_flight_without_such_errors_is_not_suspected(clean):
     """Oracle: white fixes, the right lever arm and clock of the simulator."""
     solution = solved(clean)
-    assert not suspicious(solution, layout_with, FixErrors())
+    assert not is_suspicious(solution, layout_factory, FixErrors())
     assert contradictions(solved(clean, EVERYTHING), Mounting(), True, True) == []
 
 
@@ -51,7 +55,7 @@ def test_a_latency_is_found_within_its_sigma(late):
     """Oracle: the simulated 20 ms; the filter without the state takes them in without a rejection, so only the likelihood tells."""
     solution = solved(late)
     assert (solution.verdict[:, 0] != 2).all()
-    assert suspicious(solution, layout_with, FixErrors())
+    assert is_suspicious(solution, layout_factory, FixErrors())
     told = solved(late, EVERYTHING)
     offset = told.problem.layout.offset
     sigma = np.sqrt(told.P[-1, 9 + offset, 9 + offset])
@@ -65,7 +69,7 @@ def test_a_latency_is_found_within_its_sigma(late):
 def test_a_lever_arm_is_found_within_its_sigma(clean):
     """Oracle: the simulator's lever arm, of which the problem lacks 0.2 m forward and 0.15 m down."""
     lever = np.array([0.2, 0.0, 0.15])
-    assert suspicious(solved(clean, lever=lever), layout_with, FixErrors())
+    assert is_suspicious(solved(clean, lever=lever), layout_factory, FixErrors())
     told = solved(clean, EVERYTHING, lever)
     first = told.problem.layout.lever
     sigma = np.sqrt(np.diag(told.P[-1])[9 + first : 12 + first])
@@ -85,8 +89,8 @@ def test_correlated_errors_are_found_and_make_the_sigmas_honest():
     options = GnssOptions(sigma_m=(0.01, 0.01, 0.01), correlated_sigma_m=(0.03, 0.03, 0.03), correlation_time_s=15.0)
     flown = fly(100.0, seed=23, gnss=options)
     plain = solved(flown)
-    assert suspicious(plain, layout_with, FixErrors())
-    found = correlated_error(plain, layout_with, FixErrors())
+    assert is_suspicious(plain, layout_factory, FixErrors())
+    found = time_correlated_error(plain, layout_factory, FixErrors())
     assert found is not None
     assert found.correlated is not None
     claimed = np.sqrt(0.01**2 + 0.03**2)
@@ -103,7 +107,7 @@ def test_states_keep_their_place_and_value_in_another_layout(clean):
     """Oracle: the names."""
     problem, start = clean.problem, start_near(clean, SIGMA)
     start = replace(start, x=np.arange(start.x.size, dtype=float))
-    wide, wide_start = with_layout(problem, start, layout_with(FixErrors(lever_arm_m=0.2, correlated=(1.0, 1.0, 1.0))))
+    wide, wide_start = with_layout(problem, start, layout_factory(FixErrors(lever_arm_m=0.2, correlated=(1.0, 1.0, 1.0))))
     for s, name in enumerate(wide.layout.names):
         if name in problem.layout.names:
             k = problem.layout.names.index(name)

@@ -13,8 +13,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from insgnss import delivery
-from insgnss.delivery import OF_PPK, inputs_of, ppk_directory
 from insgnss.errors import InputError
 from insgnss.flight import load_flight
 from insgnss.formats import read_gnss
@@ -22,7 +20,10 @@ from insgnss.formats.gnss_text import read_image_positions
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.gnss import flown
 from insgnss.gnss.ppk import PpkResult
-from insgnss.pipeline import process
+from insgnss.processing import products
+from insgnss.processing.input_files import input_files
+from insgnss.processing.pipeline import process
+from insgnss.processing.products import PPK_PRODUCTS, ppk_directory
 from insgnss.records import CameraEvents
 from insgnss.simulate.dataset import write_dataset
 
@@ -34,7 +35,7 @@ EVENTS = "01_Observations/Camera/Data/Events.txt"
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory):
     """A flight of which the RINEX files are mere names: the engine's answer is `answer`."""
-    root = tmp_path_factory.mktemp("delivery") / "ign8"
+    root = tmp_path_factory.mktemp("products") / "ign8"
     write_dataset(root, "ign8", 2.5, imu_rate=100.0, seed=11, start_in_air=True)
     for name in ("r.obs", "b.obs", "n.nav", "igs.atx"):
         (root / name).write_text("RINEX\n")
@@ -70,13 +71,13 @@ def test_every_file_that_the_result_depends_on_is_an_input(flight):
     match = replace(flight.camera.match, images=root / "images.txt")
     output = replace(flight.output, geoid=root / "geoid.gtx")
     given = replace(flight, camera=replace(flight.camera, match=match), output=output)
-    names = {os.path.relpath(file, root) for file in inputs_of(given)}
+    names = {os.path.relpath(file, root) for file in input_files(given)}
     assert names == {
         *("flight.toml", "r.obs", "b.obs", "n.nav", "igs.atx", "images.txt", "geoid.gtx", EVENTS),
         "01_Observations/IMU/Data/Pre_calibrated/f8_1_sob.csv",
     }
     directory = replace(flight.camera, match=replace(match, images=root))
-    assert root not in inputs_of(replace(flight, camera=directory))
+    assert root not in input_files(replace(flight, camera=directory))
 
 
 def test_the_solution_stands_where_the_published_tree_has_it(flight):
@@ -84,8 +85,8 @@ def test_the_solution_stands_where_the_published_tree_has_it(flight):
     result = process(flight)
     root = flight.path.parent
     place = root / "02_Processed" / "GPS-PPK"
-    assert {path.name for path in place.iterdir()} == set(OF_PPK)
-    assert {path for path in result.files if path.parent == place} == {place / name for name in OF_PPK}
+    assert {path.name for path in place.iterdir()} == set(PPK_PRODUCTS)
+    assert {path for path in result.files if path.parent == place} == {place / name for name in PPK_PRODUCTS}
     assert all(path.is_file() for path in result.files)
     assert {path.name for path in (root / "02_Processed").iterdir()} == {"GPS-INS", "GPS-PPK"}
     truth = read_gnss(root / "truth" / "fixes.txt", gps_week=2008)
@@ -107,7 +108,7 @@ def test_the_solution_stands_where_the_published_tree_has_it(flight):
 def test_it_stands_within_a_directory_of_another_name(flight, tmp_path):
     """Oracle: the rule; nothing is written outside of the directory that was asked for."""
     result = process(flight, tmp_path / "out")
-    assert {path.name for path in (tmp_path / "out" / "GPS-PPK").iterdir()} == set(OF_PPK)
+    assert {path.name for path in (tmp_path / "out" / "GPS-PPK").iterdir()} == set(PPK_PRODUCTS)
     assert all(path.is_relative_to(tmp_path / "out") for path in result.files)
     assert not (tmp_path / "GPS-PPK").exists()
 
@@ -170,7 +171,7 @@ def test_what_is_in_the_way_of_the_solution_is_refused_before_the_work(flight, w
         given = replace(flight, camera=replace(flight.camera, events=place / "AntennaPos_WGS84.txt"))
     words = {"directory": "is a directory and in the way", "file": "is a file, a directory is expected", "input": "overwrite the input"}
     with pytest.raises(InputError, match=rf"output\.directory: .*{words[what]}"):
-        delivery.target(given, None)
+        products.output_directory(given, None)
 
 
 def test_exposures_without_fixes_around_them_are_told_and_the_rest_is_written(flight, tmp_path):
@@ -183,9 +184,9 @@ def test_exposures_without_fixes_around_them_are_told_and_the_rest_is_written(fl
         out = tmp_path / str(late)
         out.mkdir()
         recorded = SimpleNamespace(events=CameraEvents(("a", "b", "c"), time, 2008))
-        notes = delivery._write_solution(flight, recorded, solved, None, out)
+        notes = products._write_solution(flight, recorded, solved, None, out)
         assert (told in notes[0]) if told else notes == []
-        assert {path.name for path in out.iterdir()} == set(OF_PPK[:files])
+        assert {path.name for path in out.iterdir()} == set(PPK_PRODUCTS[:files])
 
 
 def test_positions_at_exposures_are_on_the_clock_of_the_fixes(flight, tmp_path):
@@ -194,13 +195,13 @@ def test_positions_at_exposures_are_on_the_clock_of_the_fixes(flight, tmp_path):
     solved = PpkResult(fixes, None, (), "good", {}, {}, {}, "fake", 0.0)
     moved = replace(flight, gnss=replace(flight.gnss, time_offset_s=0.5))
     recorded = SimpleNamespace(events=CameraEvents(("a",), fixes.time[[100]] + 0.5, 2008))
-    assert delivery._write_solution(moved, recorded, solved, None, tmp_path) == []
+    assert products._write_solution(moved, recorded, solved, None, tmp_path) == []
     (place,) = read_image_positions(tmp_path / "AntennaPos_Img_WGS84.txt").position
     assert np.allclose(place, [fixes.lat[100], fixes.lon[100], fixes.height[100]], rtol=0.0, atol=[1e-11, 1e-11, 1e-4])
 
 
 def test_a_run_without_raw_observations_does_not_load_what_solves_them():
     """Oracle: sys.modules of a fresh interpreter."""
-    code = f"import sys, insgnss.pipeline; print([m for m in {OF_THE_ENGINE} if 'insgnss.gnss.' + m in sys.modules])"
+    code = f"import sys, insgnss.processing.pipeline; print([m for m in {OF_THE_ENGINE} if 'insgnss.gnss.' + m in sys.modules])"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.split() == ["[]"]

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from insgnss.diagnosis.turn_on_bias import TURN_ON, with_turn_on, without_turn_on
 from insgnss.errors import InputError
 from insgnss.flight import Flight, load_flight
-from insgnss.pipeline import process
-from insgnss.recording import TURN_ON, inspect, with_turn_on, without_turn_on
+from insgnss.processing.inspect import inspect
+from insgnss.processing.pipeline import process
 from insgnss.simulate.dataset import write_dataset
 from insgnss.stochastic.model import NoiseModel, load_noise_model, write_noise_model
 

@@ -1,0 +1,17 @@
+"""The search for the error model that explains the innovations of a solution.
+
+A filter whose models hold leaves innovations that are white and as large as it says. Where they are
+not, this room looks for the cause: a time-correlated GNSS error, an antenna lever arm or a time
+offset that differs from the flight file, turn-on biases that the noise model lacks. It takes an
+estimation problem and a factory of state layouts, and gives back a solution, checks and messages;
+it reads no file. The modules follow the way of the search:
+
+    candidates       the error models that are tried
+    evidence         the likelihood of the innovations under one of them
+    time_correlated  the most likely time-correlated (Gauss-Markov) GNSS error
+    turn_on_bias     the evidence for biases that the noise model lacks
+    time_offset      the time offset that has to go into the stamps of the fixes
+    decision         which candidate is adopted: `diagnose`
+    advice           what the user is told: checks against the flight file, a message
+    estimated        what a solution says of the constants and GNSS errors among its states
+"""

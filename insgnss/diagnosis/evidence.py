@@ -1,0 +1,128 @@
+"""The evidence for a candidate: the likelihood of the innovations, and the fixes that it loses.
+
+With the innovations y and their variances S in whitened units (Schweppe 1965), R the covariance of
+a fix and k the white share of its error,
+
+    -2 log L = sum over used fixes [ sum (log S_i + y_i^2 / S_i) + log det k^2 R ]
+               + (gate + log det k^2 R) for each rejected one                                  (C.1)
+
+The search evaluates it over a window of at most `WINDOW_FIXES` fixes, in which the velocity varies
+most; the decision compares `misfit`, the same of the whole flight.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import DataError
+from ..navigation.filter import (
+    NOTHING,
+    POSITION,
+    REJECTED,
+    REOPENED,
+    Problem,
+    Start,
+    make_store,
+    part,
+    run_filter,
+)
+from ..navigation.solution import Solution
+from ..records import Array
+
+WINDOW_FIXES = 900  # of the window over which candidates are compared
+GAIN = 20.0  # in -2 log L, from which a candidate is believed
+IMPOSSIBLE = 1e12  # -2 log L of a candidate with which the filter diverges
+MORE_LOST = 0.01  # of the fixes offered: so many more rejected ones count as lost
+
+
+def liveliest_window(solution: Solution) -> tuple[Problem, Start]:
+    """Cut the window in which the velocity varies most out of a solved flight.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+
+    Returns
+    -------
+    tuple of Problem and Start
+        At most `WINDOW_FIXES` fixes as a problem of its own, and an initial state at what the
+        solution knows there, with three times its sigma and a metre and a metre a second more.
+    """
+    at = np.flatnonzero(solution.problem.epochs.has_position)
+    count = min(WINDOW_FIXES, at.size - 1)
+    v = solution.nav[at, 3:6]
+    sums = np.cumsum(np.concatenate([np.zeros((1, 6)), np.hstack([v, v**2])]), axis=0)
+    moments = (sums[count:] - sums[:-count]) / count
+    variance = np.sum(moments[:, 3:] - moments[:, :3] ** 2, axis=1)
+    k = int(np.argmax(variance[: at.size - count]))
+    first, last = at[k], at[k + count]
+    P = 9.0 * solution.P[first]
+    P[:6, :6] += np.eye(6)
+    nav, x = solution.nav[first], solution.x[first].copy()
+    layout = solution.problem.layout
+    if layout.rate >= 0:  # time begins anew in the window
+        x[layout.offset] += x[layout.rate] * solution.problem.epochs.time[first]
+    # (C.1) knows no robust weights
+    window = replace(part(solution.problem, int(first), int(last)), doubt=np.inf)
+    return window, Start(nav, x, np.zeros(P.shape[0]), P)
+
+
+def minus_two_log_likelihood(problem: Problem, start: Start) -> float:
+    """Evaluate (C.1) by one run of the filter; `IMPOSSIBLE` where it diverges."""
+    store = make_store(problem.epochs, problem.layout)
+    try:
+        run_filter(problem, start, store)
+    except DataError:
+        return IMPOSSIBLE
+    at = np.flatnonzero(store.verdict[:, POSITION] != NOTHING)
+    rejected = store.verdict[at, POSITION] == REJECTED
+    log_R = np.linalg.slogdet(problem.epochs.position_cov[at])[1] + 2.0 * np.sum(
+        np.log(_white_share(problem)[at]), axis=1
+    )
+    S, y = store.S[at, :3], store.y[at, :3]
+    S = np.where(rejected[:, None], 1.0, S)
+    own = np.where(rejected, problem.gate, np.sum(np.log(S) + y**2 / S, axis=1))
+    return float(np.sum(own + log_R))
+
+
+def misfit(solution: Solution) -> float:
+    """Evaluate (C.1) of the whole flight from the innovations of its solution.
+
+    The correlations between the components of an innovation are left out.
+    """
+    at = np.flatnonzero(solution.verdict[:, POSITION] != NOTHING)
+    rejected = solution.verdict[at, POSITION] == REJECTED
+    gate = solution.problem.gate
+    size = np.where(rejected, gate, np.minimum(solution.nis[at, 0], gate))
+    log_sigma = np.sum(np.log(solution.innovation_sigma[at, :3]), axis=1)
+    return float(np.sum(size + 2.0 * log_sigma))
+
+
+def loses_fixes(solution: Solution, before: Solution) -> bool:
+    """Tell whether a solution makes less use of the fixes than another one did.
+
+    Parameters
+    ----------
+    solution, before : Solution
+        The solution in question, and the one that it is compared with.
+
+    Returns
+    -------
+    bool
+        Whether it rejects a hundredth (`MORE_LOST`) of the fixes more, or has more covariance
+        resets after rejected fixes (`navigation.filter`, K.7).
+    """
+    count = [
+        [np.count_nonzero(s.verdict[:, POSITION] == kind) for kind in (REJECTED, REOPENED)]
+        for s in (solution, before)
+    ]
+    (rejected, resets), (rejected_before, resets_before) = count
+    offered = np.count_nonzero(before.verdict[:, POSITION] != NOTHING)
+    return bool(rejected > rejected_before + MORE_LOST * offered or resets > resets_before)
+
+
+def _white_share(problem: Problem) -> Array:
+    """Return the (m, 3) factor of the sigmas for the white error of each epoch's fix."""
+    layout = problem.layout
+    return np.where(problem.epochs.group[:, None] == 0, layout.scale, layout.lasting_scale)

@@ -1,0 +1,261 @@
+"""The checks of a run: of the recording against the flight file, and of what its segments say.
+
+A check that finds a contradiction stops the run, unless the flight file accepts it by name.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import DataError, InputError
+from ..flight import Flight
+from ..records import Array, Check, ImuSamples, Trajectory
+
+if TYPE_CHECKING:
+    from .recording import Recording
+    from .segment import Segment
+
+LONG_LEVER_M = 3.0  # a lever arm that few drones have room for
+LARGE_BORESIGHT_DEG = 10.0  # bore-sights are residuals of the mounting, of some degrees
+STATIONARY_SHARE = 0.8  # of the time that a standing sensor must be seen at rest
+MOTION_REJECTED = (
+    0.5  # share of rejected measurements of the motion beyond which it moves otherwise
+)
+UNOBSERVABLE_RAD = np.radians(20.0)  # of attitude: neither the linearisation nor a user can go on
+MOST_NAMED = 5  # images that a check names
+
+
+def sentence(check: Check) -> str:
+    """Say a check in one sentence."""
+    return f"{check.name}: {check.found}; expected {check.expected}; {check.advice}"
+
+
+def refuse_contradictions(flight: Flight, checks: Iterable[Check]) -> None:
+    """Stop a run whose checks contradict the flight file.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file, which may accept contradictions by name.
+    checks : iterable of Check
+        The checks.
+
+    Raises
+    ------
+    InputError
+        With the first contradiction and the number of further ones.
+    """
+    bad = [c for c in checks if c.verdict == "contradiction" and c.name not in flight.accept]
+    if bad:
+        noun = "contradiction" if len(bad) == 2 else "contradictions"
+        also = f"; {len(bad) - 1} more {noun}, see `insgnss inspect`" if bad[1:] else ""
+        names = ", ".join(f'"{c.name}"' for c in bad)
+        raise InputError(
+            f"{flight.path}: {sentence(bad[0])}{also}; accept = [{names}] in the flight file "
+            "overrules"
+        )
+
+
+def refuse_unobservable(flight: Flight, trajectory: Trajectory) -> None:
+    """Stop a run whose attitudes are not determined at half of the rows.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    trajectory : Trajectory
+        The poses in question.
+
+    Raises
+    ------
+    DataError
+        Where the median standard deviation of an angle is beyond `UNOBSERVABLE_RAD`.
+    """
+    diagonal = np.diagonal(trajectory.cov, axis1=1, axis2=2)
+    sigma = np.median(np.sqrt(diagonal[:, 6:]), axis=0)
+    if not sigma.max() < UNOBSERVABLE_RAD:
+        raise DataError(
+            f"{flight.path}: attitude not observable: its standard deviation is "
+            f"{np.degrees(sigma.max()):.0f} deg in the median (limit "
+            f"{np.degrees(UNOBSERVABLE_RAD):.0f}); check the noise model {flight.imu.noise} and "
+            "the sigmas of the fixes, or include manoeuvres"
+        )
+
+
+def check_mounting(flight: Flight) -> Check:
+    """Judge the size of what no data check: lever arms and bore-sight."""
+    m = flight.mounting
+    lever = max(float(np.linalg.norm(v)) for v in (m.antenna_lever_b, m.camera_lever_b))
+    cosine = np.clip(0.5 * (np.trace(m.boresight) - 1.0), -1.0, 1.0)
+    angle = float(np.degrees(np.arccos(cosine)))
+    if flight.camera is not None and lever == 0.0 and angle == 0.0:
+        return Check(
+            "mounting",
+            "no lever arm and no bore-sight given: the images get the place and the attitude of "
+            "the IMU",
+            "[mounting] of the camera",
+            "note",
+            "measure the lever arms from the camera to antenna and IMU, calibrate the bore-sight, "
+            "and give them in [mounting]",
+        )
+    odd = lever > LONG_LEVER_M or angle > LARGE_BORESIGHT_DEG
+    return Check(
+        "mounting",
+        f"longest lever arm {lever:.3f} m, bore-sight {angle:.2f} deg",
+        f"lever arms below {LONG_LEVER_M:g} m, bore-sight below {LARGE_BORESIGHT_DEG:g} deg",
+        "note" if odd else "ok",
+        "the data cannot tell: check units, signs and mounting by hand" if odd else "",
+    )
+
+
+def check_stationary(imu: ImuSamples, rests: Array) -> Check:
+    """Check whether the IMU that `gnss.stationary` says to stand does so.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+        The samples.
+    rests : ndarray, shape (k, 2), s
+        First and last instant of each stationary period.
+
+    Returns
+    -------
+    Check
+        The check "standing".
+    """
+    share = float(np.sum(rests[:, 1] - rests[:, 0]) / (imu.time[-1] - imu.time[0]))
+    bad = share < STATIONARY_SHARE
+    return Check(
+        "standing",
+        f"at rest for {100 * share:.0f} % of the time",
+        f"for {100 * STATIONARY_SHARE:.0f} % at least",
+        "contradiction" if bad else "ok",
+        "a moving sensor needs fixes: give gnss.file" if bad else "",
+    )
+
+
+def check_heading(flight: Flight, trajectory: Trajectory) -> Check:
+    """Check the heading against the course, which tells a wrong axis of the IMU.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    trajectory : Trajectory
+        Rows of the smoothed trajectory.
+
+    Returns
+    -------
+    Check
+        The check of `recognise.plausibility.check_heading`.
+    """
+    from ..geodesy.rotation import rpy_from_rotation
+    from ..recognise import plausibility
+
+    heading = rpy_from_rotation(trajectory.C_nb)[:, 2]
+    return plausibility.check_heading(heading, trajectory.velocity_ned, flight.imu.C_b_imu)
+
+
+def check_motion(flight: Flight, segments: "Sequence[Segment]") -> list[Check]:
+    """Check whether the vehicle moves as it is said to.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of Check
+        The check "motion" where anything is measured of the motion itself: most of it must pass its
+        test.
+    """
+    from ..navigation.filter import MOTION, NOTHING, REJECTED
+
+    verdict = np.concatenate([segment.solution.verdict[:, MOTION] for segment in segments])
+    offered, rejected = int((verdict != NOTHING).sum()), int((verdict == REJECTED).sum())
+    if offered == 0:
+        return []
+    bad = rejected > MOTION_REJECTED * offered
+    key = "filter.wheels = false" if flight.filter.wheels else 'filter.zero_velocity = "off"'
+    return [
+        Check(
+            "motion",
+            f"{rejected} of {offered} measurements of rest or of wheels rejected",
+            "most of them used",
+            "contradiction" if bad else "ok",
+            f"it does not move so: {key}" if bad else "",
+        )
+    ]
+
+
+def check_images(recording: "Recording", segments: "Sequence[Segment]") -> list[Check]:
+    """Note the exposures that have no orientation.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording.
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of Check
+        The note "images" where there are such.
+    """
+    if recording.events is None:
+        return []
+    images = recording.events.images
+    oriented = np.concatenate([segment.at_event for segment in segments])
+    lost = np.setdiff1d(np.arange(len(images)), oriented)
+    if not lost.size:
+        return []
+    names = ", ".join(images[k] for k in lost[:MOST_NAMED])
+    names += ", ..." if lost.size > MOST_NAMED else ""
+    return [
+        Check(
+            "images",
+            f"{lost.size} of {len(images)} have no orientation: {names}",
+            "all images within the segments",
+            "note",
+            "they lie in a gap, before the first fix or in a segment left out",
+        )
+    ]
+
+
+def check_segments(
+    segments: "Sequence[Segment]", failures: Sequence[tuple[tuple[float, float], DataError]]
+) -> Check:
+    """Note what the gaps of the IMU made of the flight.
+
+    Parameters
+    ----------
+    segments : sequence of Segment
+        The solved segments.
+    failures : sequence of ((float, float), DataError)
+        The spans, s, that could not be solved, and why.
+
+    Returns
+    -------
+    Check
+        The note "IMU gaps".
+    """
+    from ..prepare.gaps import BRIDGE_S
+
+    times = [segment.solution.time for segment in segments]
+    kept = ", ".join(f"{time[0]:.1f} to {time[-1]:.1f} s" for time in times)
+    finding = f"the flight falls into segments of their own, {kept}"
+    if failures:
+        spans = (f"{lo:.1f} to {hi:.1f} s ({error})" for (lo, hi), error in failures)
+        finding += f"; left out: {', '.join(spans)}"
+    return Check(
+        "IMU gaps",
+        finding,
+        f"no gap over {BRIDGE_S:g} s",
+        "note",
+        "images in a gap or in a segment left out have no orientation",
+    )

@@ -1,0 +1,122 @@
+"""The diagnostics of a run: what the report shows of its segments."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..diagnosis.estimated import state_verdicts, time_correlated_errors
+from ..geodesy.rotation import rpy_from_rotation
+from ..navigation.filter import NOTHING, POSITION, REJECTED, REOPENED, USED, VELOCITY
+from ..navigation.layout import NAV
+from ..navigation.solution import trajectory
+from ..records import Array, Check, Diagnostics, Trajectory
+from .segment import Segment
+
+REPORT_ROWS = 4000  # of a segment that the report shows, exposures besides
+
+
+@dataclass(frozen=True)
+class ReportRows:
+    """The rows of a segment that the report shows.
+
+    Parameters
+    ----------
+    at : ndarray, shape (k,)
+        The epochs of the solution.
+    trajectory : Trajectory
+        The poses at these epochs.
+    """
+
+    at: np.ndarray
+    trajectory: Trajectory
+
+
+def report_rows(segments: Sequence[Segment], gps_week: int) -> list[ReportRows]:
+    """Choose the rows that the report shows.
+
+    Parameters
+    ----------
+    segments : sequence of Segment
+        The solved segments.
+    gps_week : int
+        The GPS week whose seconds the stamps count.
+
+    Returns
+    -------
+    list of ReportRows
+        One for each segment: some `REPORT_ROWS` epochs and all exposures.
+    """
+    rows = []
+    for solution in (segment.solution for segment in segments):
+        stride = max(1, solution.time.size // REPORT_ROWS)
+        regular = np.arange(0, solution.time.size, stride)
+        at = np.unique(np.concatenate([regular, solution.event_epochs]))
+        rows.append(ReportRows(at, trajectory(solution, at, gps_week)))
+    return rows
+
+
+def run_diagnostics(
+    segments: Sequence[Segment],
+    rows: Sequence[ReportRows],
+    rests: Array,
+    checks: tuple[Check, ...],
+) -> Diagnostics:
+    """Gather the diagnostics of a run.
+
+    Parameters
+    ----------
+    segments : sequence of Segment
+        The solved segments.
+    rows : sequence of ReportRows
+        The rows of each segment that the report shows.
+    rests : ndarray, shape (k, 2), s
+        First and last instant of each stationary period.
+    checks : tuple of Check
+        All checks of the run.
+
+    Returns
+    -------
+    Diagnostics
+        Those of all segments, joined.
+    """
+    of_segments = [_of_segment(*pair, rests) for pair in zip(segments, rows, strict=True)]
+    return replace(Diagnostics.joined(of_segments), checks=checks)
+
+
+def _of_segment(segment: Segment, rows: ReportRows, rests: Array) -> Diagnostics:
+    """Gather the diagnostics of one segment."""
+    solution, at = segment.solution, rows.at
+    bias, bias_sigma = solution.channel_bias(at)
+    time, verdict = solution.time, solution.verdict
+    fix = np.flatnonzero(verdict[:, POSITION] != NOTHING)
+    velocity = np.flatnonzero(verdict[:, VELOCITY] != NOTHING)
+    return Diagnostics(
+        time=time[at],
+        position=solution.nav[at, :3],
+        velocity=solution.nav[at, 3:6],
+        rpy=rpy_from_rotation(rows.trajectory.C_nb),
+        event=np.searchsorted(at, solution.event_epochs),
+        filter_sigma=solution.filter_sigma[at, NAV],
+        smoothed_sigma=np.sqrt(np.diagonal(solution.P[:, NAV, NAV][at], axis1=1, axis2=2)),
+        bias=bias,
+        bias_sigma=bias_sigma,
+        fix_time=time[fix],
+        innovation=solution.innovation[fix, :3],
+        innovation_sigma=solution.innovation_sigma[fix, :3],
+        nis=solution.nis[fix, 0],
+        nis_limit=solution.problem.gate,
+        used=verdict[fix, POSITION] != REJECTED,
+        covariance_resets=time[verdict[:, POSITION] == REOPENED],
+        separation_time=time[solution.separation_epoch],
+        separation=solution.separation,
+        separation_sigma=solution.separation_sigma,
+        gaps=solution.problem.inc.gaps,
+        passes=solution.passes,
+        velocity_nis=solution.nis[velocity, 1] if velocity.size else None,
+        velocity_used=verdict[velocity, VELOCITY] == USED if velocity.size else None,
+        rests=rests[(rests[:, 1] > time[0]) & (rests[:, 0] < time[-1])],
+        states=state_verdicts(solution, segment.time_offset_s),
+        segments=((float(time[0]), float(time[-1])),),
+        time_correlated=time_correlated_errors(solution),
+    )

@@ -1,0 +1,172 @@
+"""The estimation problem of a segment: its increments, measurements and error states."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..diagnosis.candidates import CLOCK_RATE, LayoutFactory
+from ..flight import Flight
+from ..geodesy.frames import LocalFrame
+from ..navigation.filter import (
+    Problem,
+    at_rest,
+    gate_from_sigma,
+    lasting_errors,
+    make_epochs,
+    on_wheels,
+)
+from ..navigation.layout import FixErrors, state_layout
+from ..prepare.clock import cut_fixes
+from ..prepare.gaps import edges
+from ..prepare.increments import body_increments, merge_marks
+from ..records import Array, GnssFixes
+from ..stochastic.model import NoiseModel
+from .recording import Recording
+
+EPOCH_HZ = (
+    10.0  # of the epochs of the output grid; outputs at a higher rate are recovered between them
+)
+DOUBT_SIGMA = 2.0  # of an innovation, beyond which `filter.robust` lowers its weight
+WHITE_OF_CORRELATED = 0.3  # white share, in sigmas, of a fix whose error stays for minutes
+
+
+@dataclass(frozen=True)
+class PreparedSegment:
+    """A segment ready to be solved.
+
+    Parameters
+    ----------
+    problem : Problem
+        The estimation problem.
+    requested_errors : FixErrors
+        The errors of the fixes that are states at first.
+    layout_factory : LayoutFactory
+        The error states of the flight as a function of those of its fixes.
+    fixes : GnssFixes
+        The fixes of the segment.
+    grid : ndarray, shape (k,)
+        The epochs of the problem that are those of the output grid.
+    at_event : ndarray, shape (e,)
+        Which of the recording's exposures the segment holds.
+    """
+
+    problem: Problem
+    requested_errors: FixErrors
+    layout_factory: LayoutFactory
+    fixes: GnssFixes
+    grid: np.ndarray
+    at_event: np.ndarray
+
+
+def prepare_segment(
+    flight: Flight, recording: Recording, span: tuple[float, float], frame: LocalFrame
+) -> PreparedSegment:
+    """Pose the estimation problem of a segment.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    recording : Recording
+        The recording.
+    span : (float, float)
+        First and last instant of the segment, s.
+    frame : LocalFrame
+        The local frame of the flight.
+
+    Returns
+    -------
+    PreparedSegment
+        The problem from the first fix of the span on, with what belongs to it.
+
+    Raises
+    ------
+    DataError
+        Where samples or fixes of the span do not make a problem.
+    """
+    lo, hi = span
+    fixes = cut_fixes(recording.gnss, lo, hi)
+    lo = float(fixes.time[0])
+    exposure = np.zeros(0) if recording.events is None else recording.events.time
+    at_event = np.flatnonzero((exposure >= lo) & (exposure <= hi))
+    marks, (at_fix, exposed, at_grid, _) = merge_marks(
+        fixes.time,
+        exposure[at_event],
+        _grid(lo, hi, flight.output.trajectory_hz),
+        edges(recording.imu.time, lo, hi),
+    )
+    increments = body_increments(recording.imu, recording.C_b_imu, marks)
+    requested, factory = requested_errors(flight, fixes), layout_factory(flight, recording.noise)
+    layout = factory(requested)
+    epochs = make_epochs(increments, at_fix, fixes, exposed, frame)
+    if len(recording.rests):
+        epochs = at_rest(epochs, increments, recording.rests.time, layout)
+    if flight.filter.wheels:
+        epochs = on_wheels(epochs)
+    problem = Problem(
+        increments,
+        epochs,
+        frame,
+        layout,
+        flight.mounting.antenna_lever_b,
+        gate_from_sigma(flight.gnss.gate_sigma),
+        float(np.median(np.diff(fixes.time))),
+        doubt=gate_from_sigma(DOUBT_SIGMA) if flight.filter.robust else np.inf,
+    )
+    return PreparedSegment(problem, requested, factory, fixes, at_grid, at_event)
+
+
+def layout_factory(flight: Flight, noise: NoiseModel) -> LayoutFactory:
+    """Give the error states of a flight as a function of those of its fixes.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file, which may ask for scale factors and misalignments.
+    noise : NoiseModel
+        The noise model of the samples.
+
+    Returns
+    -------
+    LayoutFactory
+        Makes a `StateLayout` of `FixErrors`.
+    """
+    options = flight.filter
+    return lambda errors: state_layout(noise, options.scale_factor, options.misalignment, errors)
+
+
+def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
+    """List the errors of the fixes that are states at first.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    fixes : GnssFixes
+        The fixes of the segment.
+
+    Returns
+    -------
+    FixErrors
+        Those that the flight file asks for, and the time-correlated errors of code and float fixes.
+    """
+    options, gnss = flight.filter, flight.gnss
+    correlated, time_s = lasting_errors(fixes)
+    off = gnss.correlated == "off"
+    return FixErrors(
+        lever_arm_m=options.lever_arm_sigma_m if options.lever_arm else None,
+        time_offset_s=options.time_offset_sigma_s if options.time_offset else None,
+        clock_rate=CLOCK_RATE if options.time_offset else None,
+        correlated=None if isinstance(gnss.correlated, str) else (gnss.correlated,) * 3,
+        correlation_time_s=gnss.correlation_time_s,
+        scale=(gnss.uncorrelated,) * 3,
+        lasting=1.0 if not off and correlated.any() else None,
+        lasting_time_s=time_s,
+        lasting_scale=gnss.uncorrelated if off else WHITE_OF_CORRELATED,
+    )
+
+
+def _grid(lo: float, hi: float, trajectory_hz: float | None) -> Array:
+    """Return the epochs of the output grid in [lo, hi], s."""
+    rate = min(trajectory_hz or EPOCH_HZ, EPOCH_HZ)
+    return lo + np.arange(int((hi - lo) * rate + 1e-6) + 1) / rate

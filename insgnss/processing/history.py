@@ -1,0 +1,93 @@
+"""The history of a run: what was done, sentence by sentence, as its products carry it."""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from .. import __version__
+from ..diagnosis.estimated import state_verdicts
+from ..flight import Flight
+from ..navigation.filter import MOTION, NOTHING, POSITION, REOPENED, USED
+from ..records import Check
+from .recording import Recording
+from .segment import Segment
+
+
+def run_history(
+    flight: Flight, recording: Recording, segments: Sequence[Segment], checks: Iterable[Check]
+) -> tuple[str, ...]:
+    """Say what was done.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    recording : Recording
+        The recording.
+    segments : sequence of Segment
+        The solved segments.
+    checks : iterable of Check
+        All checks of the run.
+
+    Returns
+    -------
+    tuple of str
+        The sentences.
+    """
+    lever = flight.mounting.antenna_lever_b
+    first, later = segments[0], segments[1:]
+    gap_count = sum(len(segment.solution.problem.inc.gaps) for segment in segments)
+    overruled = [check for check in checks if check.verdict == "contradiction"]
+    return (
+        _filter(segments, recording.gps_week),
+        _fixes(flight, segments),
+        "lever arm IMU to antenna applied, forward right down m: "
+        f"{lever[0]:.4f} {lever[1]:.4f} {lever[2]:.4f}",
+        f"noise model {flight.imu.noise}; IMU axes {flight.imu.axes}; {'; '.join(first.history)}",
+        *(f"segment from {s.solution.time[0]:.1f} s on: {'; '.join(s.history)}" for s in later),
+        *_motion(segments),
+        *([recording.turn_on] if recording.turn_on else []),
+        *_estimates(segments),
+        f"{gap_count} IMU gaps bridged; heights ellipsoidal (WGS84)",
+        "lever arm IMU to camera and bore-sight applied",
+        *(f"contradiction overruled by the flight file: {c.name}: {c.found}" for c in overruled),
+    )
+
+
+def _filter(segments: Sequence[Segment], gps_week: int) -> str:
+    passes = max(segment.solution.passes for segment in segments)
+    return (
+        f"insgnss {__version__}; smoothed, {segments[0].solution.problem.layout.size} states, "
+        f"{passes} filter pass{'es' if passes > 1 else ''}; GPST week {gps_week}"
+    )
+
+
+def _fixes(flight: Flight, segments: Sequence[Segment]) -> str:
+    verdict = np.concatenate([segment.solution.verdict[:, POSITION] for segment in segments])
+    used = int(np.isin(verdict, (USED, REOPENED)).sum())
+    resets = int((verdict == REOPENED).sum())
+    fixes = sum(segment.fixes.time.size for segment in segments)
+    return (
+        f"GNSS: {used} of {fixes} fixes used, innovation gate {flight.gnss.gate_sigma:g} sigma, "
+        f"{resets} covariance reset{'' if resets == 1 else 's'} after rejected fixes"
+    )
+
+
+def _motion(segments: Sequence[Segment]) -> Iterator[str]:
+    verdict = np.concatenate([segment.solution.verdict[:, MOTION] for segment in segments])
+    offered, used = int((verdict != NOTHING).sum()), int((verdict == USED).sum())
+    if offered:
+        yield f"the motion itself (rest, wheels) measured {offered} times, {used} used"
+
+
+def _estimates(segments: Sequence[Segment]) -> Iterator[str]:
+    """Say by how much the stamps were moved, and what the longest segment estimates."""
+    for segment in segments:
+        if segment.time_offset_s:
+            yield f"the stamps of the fixes moved by {segment.time_offset_s:+.4f} s"
+    longest = max(segments, key=lambda segment: segment.solution.time.size)
+    for state in state_verdicts(longest.solution, longest.time_offset_s):
+        yield (
+            f"estimated: {state.name} {state.value:.4g} +- {state.sigma:.2g}, "
+            f"{'' if state.observed else 'not '}observed by this flight"
+        )

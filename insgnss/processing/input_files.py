@@ -1,0 +1,231 @@
+"""The input files of a flight: which they are, and what they hold as records."""
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import InputError
+from ..flight import Flight, GnssInput, ImuInput
+from ..records import CameraEvents, Check, GnssFixes, ImuSamples
+
+if TYPE_CHECKING:
+    from ..gnss.ppk import PpkResult
+    from ..stochastic.model import NoiseModel
+
+STATIONARY_FIX_S = 1.0  # interval of the fixes of a sensor that stands at a known place
+STATIONARY_SIGMA_M = (0.1, 0.1, 0.1)  # north, east, down, of these fixes by default
+
+
+def input_files(flight: Flight) -> list[Path]:
+    """List every file that the result depends on.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+
+    Returns
+    -------
+    list of Path
+        The flight file itself first, none twice.
+    """
+    imus = (flight.imu, *flight.imu.more)
+    files = [flight.path, *(imu.file for imu in imus)]
+    files += [imu.calibration for imu in imus if imu.calibration is not None]
+    if flight.gnss.file is not None:
+        files.append(flight.gnss.file)
+    if flight.gnss.raw is not None:
+        files += flight.gnss.raw.files
+    if flight.camera is not None:
+        if flight.camera.events is not None:
+            files.append(flight.camera.events)
+        files += flight.camera.match.files
+    files += [imu.noise for imu in imus if isinstance(imu.noise, Path)]
+    if flight.output.geoid is not None:
+        files.append(flight.output.geoid)
+    return list(dict.fromkeys(files))
+
+
+def sha256(file: Path) -> str:
+    """Return the SHA-256 hash of a file's bytes, hexadecimal."""
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def read_files(
+    flight: Flight,
+) -> "tuple[ImuSamples, GnssFixes, CameraEvents | None, PpkResult | None]":
+    """Read the observations of a flight as its files hold them.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+
+    Returns
+    -------
+    tuple of ImuSamples, GnssFixes, CameraEvents or None, PpkResult or None
+        The samples of the first IMU, the fixes, the exposures, and the PPK solution where it gave
+        the fixes.
+
+    Raises
+    ------
+    InputError, DataError
+        Where a file is not what the flight file says, or raw observations have no solution.
+    UsageError
+        Where an option of the flight file is one that the format of its file does not have.
+    """
+    from ..exposures.naming import named
+    from ..formats import read_events
+
+    camera, raw = flight.camera, flight.gnss.raw
+    imu = read_imu_file(flight.imu, flight.gps_week)
+    events = None
+    if camera is not None and camera.events is not None:
+        given = read_events(camera.events, columns=camera.columns, gps_week=flight.gps_week)
+        events = named(given, camera.match)
+    if raw is not None:
+        from ..gnss.flown import solve_flown
+
+        of_rover = None if camera is None else (camera.rover_events, camera.match)
+        ppk = solve_flown(raw, flight.gnss.covariance, of_rover if events is None else False)
+        return imu, ppk.fixes, ppk.events if events is None else events, ppk
+    return imu, _read_fixes(flight.gnss, flight.gps_week, imu), events, None
+
+
+def read_imu_file(options: ImuInput, gps_week: int | None) -> ImuSamples:
+    """Read the samples of one IMU.
+
+    Parameters
+    ----------
+    options : ImuInput
+        What the flight file says of this IMU.
+    gps_week : int or None
+        The GPS week of a file that carries the time of week alone.
+
+    Returns
+    -------
+    ImuSamples
+        Calibrated, without stuck channels, acceleration with the sign of specific force.
+    """
+    from ..formats import read_imu
+    from ..prepare.calibration import load_calibration
+    from ..prepare.hanging import without_hangs
+    from ..recognise.plausibility import STILL_S
+
+    imu = read_imu(
+        options.file,
+        columns=options.columns,
+        units=options.units,
+        quantity=options.quantity,
+        gps_week=gps_week,
+        variable=options.variable,
+        rate_hz=options.rate_hz,
+    )
+    imu = without_hangs(imu, STILL_S)
+    if options.accel_sign < 0:
+        imu = replace(imu, accel=-imu.accel)
+    if options.time_offset_s:
+        imu = replace(imu, time=imu.time + options.time_offset_s)
+    return imu if options.calibration is None else load_calibration(options.calibration).apply(imu)
+
+
+def combine_imus(
+    flight: Flight, first: ImuSamples, noise: "NoiseModel"
+) -> "tuple[ImuSamples, NoiseModel, list[Check]]":
+    """Combine all IMUs of a flight to one in body axes at the place of the first.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    first : ImuSamples
+        The samples of its first IMU, on the clock of the recording.
+    noise : NoiseModel
+        The noise model of the first IMU.
+
+    Returns
+    -------
+    tuple of ImuSamples, NoiseModel and list of Check
+        The samples, their noise, and what the IMUs say of each other.
+
+    Raises
+    ------
+    InputError
+        Where an IMU is given twice.
+    """
+    from ..prepare.clock import in_week
+    from ..prepare.combine import combine
+    from ..stochastic.model import load_noise_model, weighted_model
+
+    inputs = flight.imu.more
+    week = first.gps_week
+    imus = [first, *(in_week(read_imu_file(i, week), week or 0) for i in inputs)]
+    for k, imu in enumerate(imus[1:], start=2):
+        if np.array_equal(imu.gyro, first.gyro):
+            raise InputError(
+                f"{flight.path}: imu.more: IMU {k} ({imu.source}) is the first IMU again; give its "
+                "own file or columns"
+            )
+    models = [noise, *(load_noise_model(i.noise) for i in inputs)]
+    white = [(m.gyro[0].white_noise, m.accel[0].white_noise) for m in models]
+    lever_arms = [(0.0, 0.0, 0.0), *(i.lever_m for i in inputs)]
+    axes = [flight.imu.C_b_imu, *(i.C_b_imu for i in inputs)]
+    combined = combine(imus, axes, lever_arms, white)
+    model = weighted_model(models, [tuple(w) for w in combined.weight])
+    return combined.samples, model, list(combined.checks)
+
+
+def _read_fixes(options: GnssInput, gps_week: int | None, imu: ImuSamples) -> GnssFixes:
+    """Read ready positions, or make those of a sensor that stands."""
+    from ..formats import read_gnss
+
+    if options.stationary is not None:
+        sigma_m = options.sigma_m or STATIONARY_SIGMA_M
+        return stationary_fixes(options.stationary, sigma_m, imu)
+    assert options.file is not None
+    fixes = read_gnss(
+        options.file,
+        columns=options.columns,
+        sigma_m=options.sigma_m,
+        sigma_velocity=options.sigma_velocity_mps,
+        units=options.units or None,
+        undulation_m=options.undulation_m,
+        variable=options.variable,
+        new_when=options.new_when,
+        gps_week=gps_week,
+    )
+    if options.calibrated:
+        from ..gnss.ready import with_calibrated
+
+        fixes = with_calibrated(fixes, options.file, options.covariance)
+    return fixes
+
+
+def stationary_fixes(
+    position: tuple[float, ...], sigma_m: tuple[float, ...], imu: ImuSamples
+) -> GnssFixes:
+    """Make fixes of an IMU that stands at a known place throughout.
+
+    Parameters
+    ----------
+    position : tuple of float
+        Latitude and longitude, deg, and ellipsoidal height, m.
+    sigma_m : tuple of float
+        Standard deviations north, east, down, m.
+    imu : ImuSamples
+        The samples, whose span and week the fixes get.
+
+    Returns
+    -------
+    GnssFixes
+        A fix a second.
+    """
+    time = np.arange(imu.time[0], imu.time[-1], STATIONARY_FIX_S)
+    values = (*np.radians(position[:2]), position[2])
+    lat, lon, height = (np.full(time.size, value) for value in values)
+    cov = np.broadcast_to(np.diag(np.square(sigma_m)), (time.size, 3, 3))
+    return GnssFixes(time, lat, lon, height, cov, gps_week=imu.gps_week, source="gnss.stationary")

@@ -1,0 +1,127 @@
+"""From solved segments to poses: the trajectory on the output grid, and the images."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..errors import DataError
+from ..flight import Flight
+from ..geodesy.frames import TangentPlane
+from ..navigation.dense import dense_trajectory
+from ..navigation.solution import trajectory
+from ..orient.exterior import exterior_orientation
+from ..prepare.clock import take_events
+from ..records import ExteriorOrientation, GnssFixes, Trajectory
+from .checks import refuse_unobservable
+from .estimation_problem import EPOCH_HZ
+from .recording import Recording
+from .segment import Segment
+
+ORIGIN_DIGITS = 2  # decimals of a degree of the tangent plane's origin by default
+
+
+def output_trajectory(flight: Flight, segments: Sequence[Segment], gps_week: int) -> Trajectory:
+    """Recover the trajectory at the rate that the flight file asks for.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    segments : sequence of Segment
+        The solved segments.
+    gps_week : int
+        The GPS week whose seconds the stamps count.
+
+    Returns
+    -------
+    Trajectory
+        The poses of all segments, of the navigation centre of the IMU.
+    """
+    return Trajectory.joined(
+        [_on_grid(segment, flight.output.trajectory_hz, gps_week) for segment in segments]
+    )
+
+
+def orient_images(
+    flight: Flight,
+    recording: Recording,
+    segments: Sequence[Segment],
+    history: tuple[str, ...],
+) -> ExteriorOrientation | None:
+    """Orient the images within the segments.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    recording : Recording
+        The recording, which holds the exposures.
+    segments : sequence of Segment
+        The solved segments.
+    history : tuple of str
+        What was done, sentence by sentence; the result carries it.
+
+    Returns
+    -------
+    ExteriorOrientation or None
+        The orientation of each image in the tangent plane; None without a camera.
+
+    Raises
+    ------
+    DataError
+        Where no image lies in a segment, or the attitudes are not determined.
+    """
+    events, week = recording.events, recording.gps_week
+    if events is None:
+        return None
+    at = np.concatenate([segment.at_event for segment in segments])
+    if not at.size:
+        raise DataError(
+            f"{events.source}: no image lies in a segment that could be solved; see the gaps of "
+            "`insgnss inspect`"
+        )
+    exposed = Trajectory.joined(
+        [
+            trajectory(segment.solution, segment.solution.event_epochs, week, events=True)
+            for segment in segments
+            if segment.at_event.size
+        ]
+    )
+    refuse_unobservable(flight, exposed)
+    plane = TangentPlane(*_origin(flight, segments[0].fixes))
+    return exterior_orientation(exposed, take_events(events, at), flight.mounting, plane, history)
+
+
+def _origin(flight: Flight, fixes: GnssFixes) -> tuple[float, float, float]:
+    """Return latitude, longitude (rad) and height (m) of the origin of the tangent plane.
+
+    By default it is the first fix, rounded to `ORIGIN_DIGITS`, on the ellipsoid.
+    """
+    if flight.tangent_plane is not None:
+        lat, lon, height = flight.tangent_plane.origin
+        return float(lat), float(lon), float(height)
+    lat_deg, lon_deg = np.round(np.degrees([fixes.lat[0], fixes.lon[0]]), ORIGIN_DIGITS)
+    return float(np.radians(lat_deg)), float(np.radians(lon_deg)), 0.0
+
+
+def _on_grid(segment: Segment, hz: float | None, gps_week: int) -> Trajectory:
+    """Return the poses of a segment at a rate, Hz; None is that of the samples."""
+    if hz is not None and hz <= EPOCH_HZ:
+        return trajectory(segment.solution, segment.grid, gps_week)
+    dense = dense_trajectory(segment.solution, gps_week)
+    if hz is None:
+        return dense
+    first, last = dense.time[0], dense.time[-1]
+    wanted = first + np.arange(int((last - first) * hz) + 1) / hz
+    nearest = np.searchsorted(dense.time, wanted - 1e-6)
+    at = np.unique(np.clip(nearest, 0, dense.time.size - 1))
+    return Trajectory(
+        dense.time[at],
+        dense.lat[at],
+        dense.lon[at],
+        dense.height[at],
+        dense.velocity_ned[at],
+        dense.C_nb[at],
+        dense.cov[at],
+        gps_week,
+    )

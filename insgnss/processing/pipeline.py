@@ -1,0 +1,178 @@
+"""The one place that knows the order of the steps.
+
+    read -> prepare -> align -> filter -> smooth -> orient -> export
+
+`process` runs it for a flight file. `processing.inspect` does only the first step,
+`processing.demo` runs it on a flight that it simulates.
+"""
+
+import os
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import __version__
+from ..files import json_ready
+from ..flight import Flight
+from ..prepare.clock import common_span, refuse_outside
+from ..records import Check, Diagnostics, ExteriorOrientation, Trajectory
+from ..report.summary import run_summary
+from .checks import (
+    check_heading,
+    check_images,
+    check_motion,
+    refuse_contradictions,
+    refuse_unobservable,
+)
+from .diagnostics import report_rows, run_diagnostics
+from .history import run_history
+from .input_files import input_files, sha256
+from .orientation import orient_images, output_trajectory
+from .products import RunResult, output_directory, write_products
+from .progress import Progress, StepClock, quiet
+from .recording import Recording, read_recording
+from .segment import Segment, solve_segments
+
+
+@dataclass(frozen=True)
+class ProcessResult:
+    """The products of a run.
+
+    Parameters
+    ----------
+    report : dict
+        What report.json holds.
+    files : tuple of Path
+        The files that were written.
+    eo : ExteriorOrientation or None
+        The orientation of the images; None without camera events.
+    trajectory : Trajectory
+        The trajectory on the output grid.
+    diagnostics : Diagnostics
+        What the report shows.
+    """
+
+    report: dict[str, Any]
+    files: tuple[Path, ...]
+    eo: ExteriorOrientation | None
+    trajectory: Trajectory
+    diagnostics: Diagnostics
+
+    def summary(self) -> str:
+        """Return a few lines for the terminal."""
+        exports = self.report.get("exports", ())
+        notes = dict.fromkeys(note for export in exports for note in export["notes"])
+        lines = [self.report["headline"], *self.report["verdict"]]
+        lines += [f"note: {note}" for note in notes]
+        lines += [f"wrote {file}" for file in self.files]
+        return "\n".join(lines)
+
+
+def process(flight: Flight, out: Path | None = None, progress: Progress = quiet) -> ProcessResult:
+    """Process a flight: from its flight file to the orientation of every image and its report.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    out : Path or None
+        The directory of the products in place of the flight file's.
+    progress : Progress
+        Receives the name of each step.
+
+    Returns
+    -------
+    ProcessResult
+        The products, which are written when it returns.
+
+    Raises
+    ------
+    InputError
+        Where the input is wrong or contradicts itself.
+    DataError
+        Where the data do not support the answer.
+    UsageError
+        Where the products cannot go into `out`.
+    """
+    directory = output_directory(flight, out)
+    clock = StepClock(progress)
+
+    clock.step("read")
+    recording = read_recording(flight)
+    refuse_contradictions(flight, recording.checks)
+    week = recording.gps_week
+
+    segments, checks = _solve(flight, recording, clock.step)  # prepare, align, filter, smooth
+
+    clock.step("orient")
+    trajectory = output_trajectory(flight, segments, week)
+    rows = report_rows(segments, week)
+    sampled = Trajectory.joined([row.trajectory for row in rows])
+    checks = (*checks, check_heading(flight, sampled))
+    refuse_contradictions(flight, checks[-1:])
+    history = run_history(flight, recording, segments, checks)
+    eo = orient_images(flight, recording, segments, history)
+    if eo is None:
+        refuse_unobservable(flight, sampled)
+
+    clock.step("report")
+    diagnostics = run_diagnostics(segments, rows, recording.rests.time, checks)
+    report = _report(flight, recording, segments, diagnostics, eo, history, clock)
+
+    clock.step("write")
+    result = RunResult(eo, trajectory, report, diagnostics)
+    files = write_products(flight, directory, result, recording)
+    clock.step("")
+    return ProcessResult(report, files, eo, trajectory, diagnostics)
+
+
+def _solve(
+    flight: Flight, recording: Recording, step: Progress
+) -> tuple[list[Segment], tuple[Check, ...]]:
+    """Solve the segments of a flight; return them and all checks up to there."""
+    if recording.events is not None:
+        span = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
+        refuse_outside(recording.events, *span)
+    segments, gaps = solve_segments(flight, recording, step)
+    checks = [check for segment in segments for check in segment.checks]
+    checks += check_motion(flight, segments)
+    refuse_contradictions(flight, checks)
+    return segments, (*recording.checks, *checks, *gaps, *check_images(recording, segments))
+
+
+def _report(
+    flight: Flight,
+    recording: Recording,
+    segments: Sequence[Segment],
+    diagnostics: Diagnostics,
+    eo: ExteriorOrientation | None,
+    history: tuple[str, ...],
+    clock: StepClock,
+) -> dict[str, Any]:
+    """Gather what report.json holds."""
+    inputs = {os.path.relpath(f, flight.path.parent): sha256(f) for f in input_files(flight)}
+    versions = {
+        "insgnss": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+    }
+    report = run_summary(
+        diagnostics,
+        eo,
+        flight.resolved(),
+        inputs,
+        versions,
+        dict(clock.seconds),
+        history,
+        imu_samples=recording.imu.time.size,
+        epochs=sum(segment.solution.time.size for segment in segments),
+    )
+    ppk = recording.ppk
+    if ppk is not None:
+        quality = json_ready(ppk.quality)
+        report["ppk"] = {"engine": ppk.engine, "verdict": ppk.verdict, "quality": quality}
+    return report

@@ -1,0 +1,256 @@
+"""The products of a run: their directories, checked before it, and their files, written after.
+
+The products of the navigation go into the output directory. Of raw observations the solution and
+the antenna positions go where the published tree (Figure 9 of paper 000) has them: into GPS-PPK
+beside an output directory that is called GPS-INS. They go into GPS-PPK within it where it is called
+otherwise, or where the one beside it holds positions of others, of which there is no `ppk.pos`.
+"""
+
+import os
+import tempfile
+from collections.abc import Iterable
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import DataError, InputError, InsgnssError, UsageError
+from ..flight import Flight
+from ..gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others
+from ..records import Diagnostics, ExteriorOrientation, Trajectory
+from ..records.framed import PROJECTED
+from ..stochastic.model import NoiseModel
+from .checks import sentence
+from .input_files import input_files
+from .recording import Recording
+from .staging import PREFIX, Staging
+
+if TYPE_CHECKING:
+    from ..gnss.ppk import PpkResult
+
+# besides those of the images
+PRODUCTS = (
+    "trajectory.sbet",
+    "trajectory.smrmsg",
+    "trajectory.csv",
+    "report.html",
+    "report.json",
+)
+PPK_PRODUCTS = (SOLUTION, *ANTENNA_FILES)
+PUBLISHED, PUBLISHED_PPK = "GPS-INS", "GPS-PPK"  # directories of the published tree
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What a run has to write.
+
+    Parameters
+    ----------
+    eo : ExteriorOrientation or None
+        The orientation of the images; None without a camera.
+    trajectory : Trajectory
+        The trajectory on the output grid.
+    report : dict
+        What report.json is to hold; exports and notes of the PPK solution are added to it.
+    diagnostics : Diagnostics
+        What the report shows.
+    """
+
+    eo: ExteriorOrientation | None
+    trajectory: Trajectory
+    report: dict[str, Any]
+    diagnostics: Diagnostics
+
+
+def output_directory(flight: Flight, out: Path | None) -> Path:
+    """Return the directory of the products, once it is clear that they can be written there.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    out : Path or None
+        The directory that takes the place of the flight file's.
+
+    Returns
+    -------
+    Path
+        The directory; it need not exist.
+
+    Raises
+    ------
+    UsageError, InputError
+        Where the directory cannot be written to, or a product would take the place of an input: the
+        first where `out` names it, the second where the flight file does.
+    """
+    from ..formats import EXPORTS
+
+    directory = flight.output.directory if out is None else Path(out)
+    refusal: type[InsgnssError] = InputError
+    where = f"{flight.path}: output.directory"
+    if out is not None:
+        refusal, where = UsageError, "--out"
+    exports = (EXPORTS[name].product for name in (*flight.output.formats, "eo_json"))
+    products: dict[Path, tuple[str, ...]] = {directory: (*PRODUCTS, *exports)}
+    if flight.gnss.raw is not None:
+        products[ppk_directory(directory)] = PPK_PRODUCTS
+    for place in products:
+        if reason := _not_writable(place):
+            raise refusal(f"{where}: {reason}")
+    inputs = {file.resolve() for file in input_files(flight)}
+    for file in (place / name for place, names in products.items() for name in names):
+        if file.resolve() in inputs:
+            raise refusal(
+                f"{where}: the product {file.name} would overwrite the input {file}; give another "
+                "directory"
+            )
+        if file.is_dir():
+            raise refusal(
+                f"{where}: {file} is a directory and in the way of a product; give "
+                "another directory"
+            )
+    return directory
+
+
+def ppk_directory(out: Path) -> Path:
+    """Return where the solution of raw observations goes, of products in the directory `out`."""
+    out = out if out.name else Path(os.path.abspath(out))  # "."
+    beside = out.parent / PUBLISHED_PPK
+    published = out.name == PUBLISHED and positions_of_others(beside) is None
+    return beside if published else out / PUBLISHED_PPK
+
+
+def write_products(
+    flight: Flight, out: Path, result: RunResult, recording: Recording
+) -> tuple[Path, ...]:
+    """Write every product, all of them or none.
+
+    They are written into directories within their targets, and moved into these together.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    out : Path
+        The directory of the products.
+    result : RunResult
+        What is to be written; its report is completed by what the writing tells.
+    recording : Recording
+        The recording.
+
+    Returns
+    -------
+    tuple of Path
+        The files.
+
+    Raises
+    ------
+    InputError
+        Where a product would take the place of an input, or cannot be what the flight file asks
+        for.
+    """
+    from ..formats.sbet import write_sbet, write_smrmsg
+    from ..formats.trajectory_csv import write_trajectory_csv
+    from ..report.page import write_report, write_report_json
+
+    eo, trajectory, report, ppk = result.eo, result.trajectory, result.report, recording.ppk
+    with ExitStack() as stack:
+        staged = [stack.enter_context(Staging(Path(out)))]
+        directory = staged[0].directory
+        if eo is not None:
+            names = dict.fromkeys([*flight.output.formats, "eo_json"])
+            exports = [_export(flight, eo, name, directory, recording.noise) for name in names]
+            report["exports"] = exports
+        if ppk is not None:
+            staged.append(stack.enter_context(Staging(ppk_directory(Path(out)))))
+            notes = _write_solution(flight, recording, ppk, eo, staged[1].directory)
+            report["ppk"] |= {"directory": os.path.relpath(staged[1].target, out), "notes": notes}
+        write_sbet(trajectory, directory / "trajectory.sbet")
+        write_smrmsg(trajectory, directory / "trajectory.smrmsg")
+        write_trajectory_csv(trajectory, directory / "trajectory.csv")
+        series = None if ppk is None else ppk.series
+        write_report(directory / "report.html", report, result.diagnostics, eo, series)
+        write_report_json(report, directory / "report.json")
+        moves = [move for place in staged for move in place.moves()]
+        _refuse_overwriting(flight, (goal for _, goal in moves))
+        for file, goal in moves:
+            os.replace(file, goal)
+    return tuple(goal for _, goal in moves)
+
+
+def _not_writable(place: Path) -> str | None:
+    """Say why a directory cannot be made or written to; None where it can."""
+    above = next(d for d in (place, *place.parents) if d.exists())
+    if not above.is_dir():
+        return f"{above} is a file, a directory is expected; give another one"
+    try:
+        os.rmdir(tempfile.mkdtemp(prefix=PREFIX, dir=above))
+    except OSError as error:
+        return (
+            f"cannot write in {above}: {error.strerror or error}; check its permissions or give "
+            "another directory"
+        )
+    return None
+
+
+def _refuse_overwriting(flight: Flight, files: Iterable[Path]) -> None:
+    """Raise InputError where a product would take the place of an input."""
+    inputs = {file.resolve() for file in input_files(flight)}
+    if taken := [file.name for file in files if file.resolve() in inputs]:
+        raise InputError(
+            f"{flight.path}: output.directory: the product {taken[0]} would overwrite an input; "
+            "give another directory"
+        )
+
+
+def _write_solution(
+    flight: Flight,
+    recording: Recording,
+    ppk: "PpkResult",
+    eo: ExteriorOrientation | None,
+    directory: Path,
+) -> list[str]:
+    """Write the PPK solution, and the antenna positions in the tangent plane of the images.
+
+    The exposures are those of the run, their times back on the clock of the fixes, as these were
+    solved.
+    """
+    from ..gnss.antenna_files import write_antenna_files
+    from ..prepare.clock import in_week
+
+    ppk.write(directory / SOLUTION)
+    events = recording.events
+    if events is not None and ppk.fixes.gps_week is not None:
+        events = in_week(events, ppk.fixes.gps_week)
+        events = replace(events, time=events.time - flight.gnss.time_offset_s)
+    origin = None if eo is None else eo.origin
+    try:
+        _, missing = write_antenna_files(ppk.fixes, events, directory, origin)
+    except DataError as error:  # no exposure between fixes: those files alone are missing
+        return [str(error)]
+    return [] if missing is None else [sentence(missing)]
+
+
+def _export(
+    flight: Flight, eo: ExteriorOrientation, name: str, directory: Path, noise: NoiseModel
+) -> dict[str, Any]:
+    """Write one format in the frame of [output], or in its own where it carries no projected one.
+
+    The gyroscopes of `noise` give relative control its weight. What the report says of it is
+    returned.
+    """
+    from ..exporting.export import Target, export
+    from ..formats import EXPORTS
+
+    form, output = EXPORTS[name], flight.output
+    projected = output.crs is not None and PROJECTED in form.frames
+    geoid = output.geoid if projected or form.heights == "sea level" else None
+    target = Target(geoid=geoid)
+    if projected:
+        target = Target(output.crs, geoid, None, output.ground_m)
+    options = {"noise": noise} if "noise" in form.options else {}
+    try:
+        done = export(eo, name, directory / form.product, target, **options)
+    except UsageError as error:  # the flight file asked for it
+        raise InputError(f"{flight.path}: output: {error}") from None
+    return {"format": name, "file": form.product, "frame": done.frame, "notes": list(done.notes)}

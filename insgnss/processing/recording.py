@@ -1,0 +1,216 @@
+"""A recording: what the files of a flight hold, on one clock, and what the checks say of it."""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import DataError, InputError, UsageError
+from ..flight import QUALITIES, Flight
+from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
+from .checks import check_mounting, check_stationary
+from .input_files import combine_imus, read_files
+
+if TYPE_CHECKING:
+    from ..gnss.ppk import PpkResult
+    from ..prepare.still import Stretches
+    from ..recognise.recognition import Recognition
+    from ..stochastic.model import NoiseModel
+
+RECOGNISED_S = (
+    300.0  # of the recording are held against the flight file: those with the longest path
+)
+LATEST_S = 30.0  # of the IMU before and after them: clocks differ by less
+FASTEST_MS = 50.0  # m/s; what a fix jumps farther is no path
+UNIT_WORDS = ("rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg", "rad", "deg", "m/s")
+LEAST_BIAS = 1e-9  # a-priori sigma of a bias that the noise model does not have
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What the files of a flight hold, on one clock, and what the checks say of it.
+
+    Parameters
+    ----------
+    imu, gnss, events : ImuSamples, GnssFixes, CameraEvents or None
+        The observations; the samples are those of several IMUs combined, where there are several.
+    gps_week : int
+        The GPS week whose seconds all stamps count.
+    checks : tuple of Check
+        The checks of the recording against the flight file.
+    C_b_imu : ndarray, shape (3, 3)
+        Takes the axes of the samples into those of the body.
+    rests : Stretches
+        The stationary periods.
+    noise : NoiseModel
+        The noise model of the samples.
+    turn_on : str
+        The turn-on bias that the stationary periods show, in words, or "".
+    recognition : Recognition or None
+        What the data say of themselves; None where a check had to stop before.
+    ppk : PpkResult or None
+        The PPK solution of raw observations.
+    """
+
+    imu: ImuSamples
+    gnss: GnssFixes
+    events: CameraEvents | None
+    gps_week: int
+    checks: tuple[Check, ...]
+    C_b_imu: Array
+    rests: "Stretches"
+    noise: "NoiseModel"
+    turn_on: str = ""
+    recognition: "Recognition | None" = None
+    ppk: "PpkResult | None" = None
+
+
+def read_recording(flight: Flight) -> Recording:
+    """Read the files of a flight, bring them to one clock and check them.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+
+    Returns
+    -------
+    Recording
+        The observations and their checks; contradictions among them are for the caller to refuse.
+
+    Raises
+    ------
+    InputError, DataError
+        Where a file is not what the flight file says, or does not support a check.
+    """
+    from ..prepare.clock import common_clock, cut_events
+    from ..prepare.quality import with_floors
+    from ..prepare.still import still_stretches
+    from ..stochastic.model import load_noise_model
+
+    try:
+        imu, gnss, events, ppk = read_files(flight)
+    except UsageError as error:  # an option that its file's format does not have
+        raise InputError(f"{flight.path}: {error}") from None
+    gnss, events = _with_time_offsets(flight, gnss, events)
+    imu, gnss, events, week = common_clock(imu, gnss, events, flight.gps_week)
+    floors = {QUALITIES[name]: sigma for name, sigma in flight.gnss.quality_sigma_m.items()}
+    gnss = with_floors(gnss, floors)
+    C_b_imu, noise = flight.imu.C_b_imu, load_noise_model(flight.imu.noise)
+    more: list[Check] = []
+    if flight.imu.more:
+        imu, noise, more = combine_imus(flight, imu, noise)
+        C_b_imu = np.eye(3)
+    more += ppk.checks if ppk else ()
+    checks = _checks(flight, imu, gnss, events, C_b_imu, noise, more)
+    if events is not None:
+        all_events = events
+        events = cut_events(events, flight.start_tow, flight.end_tow)
+        checks += _images_left_out(all_events, events)
+    recognition = None
+    contradicted = any(check.verdict == "contradiction" for check in checks)
+    if flight.gnss.stationary is None and not contradicted:
+        recognition, disagreements = _recognised(flight, imu, C_b_imu, gnss)
+        checks += disagreements
+    rests = still_stretches(imu, gnss)
+    first_fix, end_fix = (np.searchsorted(gnss.time, rests.time[:, k]) for k in (0, 1))
+    rests = rests.where(end_fix > first_fix)
+    if flight.gnss.stationary is not None:
+        checks = [check for check in checks if not check.name.startswith("GNSS ")]
+        checks.append(check_stationary(imu, rests.time))
+    turn_on = _turn_on_bias(rests, C_b_imu, noise, gnss) if len(rests) else ""
+    if flight.filter.zero_velocity == "off":
+        rests = rests.where(np.zeros(len(rests), dtype=np.bool_))
+    return Recording(
+        imu, gnss, events, week, tuple(checks), C_b_imu, rests, noise, turn_on, recognition, ppk
+    )
+
+
+def _with_time_offsets(
+    flight: Flight, gnss: GnssFixes, events: CameraEvents | None
+) -> tuple[GnssFixes, CameraEvents | None]:
+    """Add the time offsets of the flight file to the stamps of fixes and exposures."""
+    if flight.gnss.time_offset_s:
+        gnss = replace(gnss, time=gnss.time + flight.gnss.time_offset_s)
+    if events is not None and flight.camera is not None and flight.camera.time_offset_s:
+        events = replace(events, time=events.time + flight.camera.time_offset_s)
+    return gnss, events
+
+
+def _checks(
+    flight: Flight,
+    imu: ImuSamples,
+    gnss: GnssFixes,
+    events: CameraEvents | None,
+    C_b_imu: Array,
+    noise: "NoiseModel",
+    more: list[Check],
+) -> list[Check]:
+    """Check the records against the flight file; `more` are checks of several IMUs and of PPK."""
+    from ..diagnosis.turn_on_bias import check_turn_on, without_turn_on
+    from ..recognise.plausibility import check_recording
+
+    plane = flight.tangent_plane
+    origin = None if plane is None else np.asarray(plane.origin)
+    checks = [*check_recording(imu, C_b_imu, gnss, events, origin), *more, check_mounting(flight)]
+    if without_turn_on(noise):
+        checks.append(check_turn_on(noise))
+    records = (record for record in (imu, gnss, events) if record is not None)
+    return checks + [note for record in records for note in record.notes]
+
+
+def _images_left_out(events: CameraEvents, within: CameraEvents) -> list[Check]:
+    """Note the exposures outside the span that the flight file chooses."""
+    count, kept = len(events.images), len(within.images)
+    if kept == count:
+        return []
+    finding = f"{count - kept} of {count} images left out"
+    return [Check("start_tow, end_tow", finding, "all images within", "note")]
+
+
+def _turn_on_bias(rests: "Stretches", C_b_imu: Array, noise: "NoiseModel", gnss: GnssFixes) -> str:
+    """Say what the stationary periods tell of the bias, which the filter finds by itself."""
+    from ..calibrate.turn_on import turn_on_bias
+
+    gyro, accel = (
+        [axis.turn_on_bias or LEAST_BIAS for axis in triad] for triad in (noise.gyro, noise.accel)
+    )
+    latitude, height = float(gnss.lat[0]), float(gnss.height[0])
+    try:
+        return turn_on_bias(rests, C_b_imu, latitude, height, gyro, accel).summary()
+    except DataError as error:
+        return f"no turn-on bias from the rests: {error}"
+
+
+def _recognised(
+    flight: Flight, imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes
+) -> "tuple[Recognition, list[Check]]":
+    """Compare what the liveliest minutes say of units, axes and clock with the flight file."""
+    from ..prepare.clock import cut_fixes, cut_samples
+    from ..recognise.recognition import compare, recognise
+
+    lo, hi = _liveliest(gnss)
+    options = flight.imu
+    recognition = recognise(cut_samples(imu, lo - LATEST_S, hi + LATEST_S), cut_fixes(gnss, lo, hi))
+    units = {f"{key}_unit": unit for key, unit in imu.units.items() if unit in UNIT_WORDS}
+    disagreements = compare(
+        recognition,
+        C_b_imu,
+        quantity=imu.quantity,
+        accel_sign=int(options.accel_sign),
+        time_offset_s=flight.gnss.time_offset_s - options.time_offset_s,
+        **units,
+    )
+    return recognition, disagreements
+
+
+def _liveliest(gnss: GnssFixes) -> tuple[float, float]:
+    """Return begin and end, s, of the `RECOGNISED_S` with the longest path."""
+    from ..prepare.fix_path import north_east
+
+    distance = np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1)
+    step = np.minimum(distance, FASTEST_MS * np.diff(gnss.time))
+    path = np.concatenate([[0.0], np.cumsum(step)])
+    end = np.searchsorted(gnss.time, gnss.time + RECOGNISED_S, side="right") - 1
+    first = int(np.argmax(path[end] - path))
+    return float(gnss.time[first]), float(gnss.time[end[first]])
