@@ -10,16 +10,19 @@ from pathlib import Path
 
 import pytest
 
+from insgnss.compilation import closure
+
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "insgnss"
 
-BELOW_ALL = {"errors", "geodesy", "records", "files", "tables", "units"}
+BELOW_ALL = {"compilation", "errors", "geodesy", "records", "files", "tables", "units"}
 STANDS_ON = {  # the table of the design, room by room; what is below all is not repeated
     "errors": set(),
+    "compilation": set(),
     "files": {"errors"},
     "units": {"errors"},
     "tables": {"errors", "records"},
-    "geodesy": {"errors"},
+    "geodesy": {"compilation", "errors"},
     "records": {"errors", "geodesy"},
     "formats": BELOW_ALL,
     "prepare": BELOW_ALL,
@@ -134,7 +137,7 @@ def test_the_reader_of_imports_sees_all_kinds() -> None:
     assert {"errors", "records", "flight", "navigation.solution", "stretch", "simulate.dataset"} <= inner_imports("pipeline")
     assert "pipeline" in inner_imports("cli")
     assert "pipeline" not in inner_imports("cli", only_at_import=True)
-    assert {"numpy", "numba"} <= set(imports("navigation._kernels"))
+    assert {"numpy", "insgnss.compilation"} <= set(imports("navigation._kernels"))
 
 
 def test_exceptions_are_still_needed() -> None:
@@ -200,6 +203,23 @@ def test_only_the_command_line_prints(module: str) -> None:
     """Oracle: the house rule."""
     calls = [node for node in ast.walk(tree(module)) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)]
     assert [call.lineno for call in calls if isinstance(call.func, ast.Name) and call.func.id == "print"] == []
+
+
+@pytest.mark.parametrize("module", sorted(set(MODULES) - {"compilation"}))
+def test_kernels_are_defined_by_the_decorator_of_the_house(module: str) -> None:
+    """Oracle: the sources; by numba's own decorator a change of a callee in another file would go unnoticed."""
+    assert "numba" not in {name.split(".")[0] for name in imports(module)}
+
+
+@pytest.mark.parametrize("module", [module for module in MODULES if "compilation" in inner_imports(module)])
+def test_compiled_code_belongs_to_all_that_a_kernel_can_refer_to(module: str) -> None:
+    """Oracle: the imports of the sources by Python's own parser, followed through all modules."""
+    seen, todo = set(), [module]
+    while todo:
+        one = todo.pop()
+        seen.add(one)
+        todo += inner_imports(one, only_at_import=True) - seen
+    assert {MODULES[one] for one in seen} <= closure(MODULES[module])
 
 
 @pytest.mark.parametrize("folder", ["insgnss", "scripts", "benchmarks", "tests"])

@@ -4,8 +4,8 @@ of a stretch's innovations with its slopes in the noise (L, `likelihood`)."""
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from ..compilation import njit
 from ..navigation._kernels import (
     ImuModel,
     cholesky3,

@@ -7,8 +7,8 @@ Names: `nav` is (10,): position, velocity in l and the quaternion q_lb; `x` the 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from ..compilation import njit
 from ..geodesy._kernels import gravity_ecef, quat_to_matrix
 
 
