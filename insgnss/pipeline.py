@@ -195,16 +195,16 @@ def _check_heading(flight: Flight, sampled: Trajectory) -> Check:
 
 
 def _history(flight: Flight, recording: Recording, parts: list[Stretch], checks: tuple[Check, ...]) -> tuple[str, ...]:
-    from .navigation.filter import MOTION, NOTHING, POSITION, REOPENED, USED
+    from .navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, USED, VELOCITY_CONSTRAINT
 
     lever = flight.mounting.antenna_lever_b
     verdict = np.concatenate([part.solution.verdict for part in parts])
-    used, reopened = (int(np.isin(verdict[:, POSITION], kinds).sum()) for kinds in ((USED, REOPENED), (REOPENED,)))
+    used, reopened = (int(np.isin(verdict[:, POSITION], kinds).sum()) for kinds in ((USED, COVARIANCE_RESET), (COVARIANCE_RESET,)))
     count = max(part.solution.passes for part in parts)
     problem = parts[0].solution.problem
     fixes = sum(part.fixes.time.size for part in parts)
-    motion = verdict[:, MOTION]
-    offered, taken = int((motion != NOTHING).sum()), int((motion == USED).sum())
+    motion = verdict[:, VELOCITY_CONSTRAINT]
+    offered, taken = int((motion != NOT_MEASURED).sum()), int((motion == USED).sum())
     longest = max(parts, key=lambda part: part.solution.time.size)
     return (
         f"insgnss {__version__}; smoothed, {problem.layout.size} states, {count} filter pass{'es' if count > 1 else ''}; "
@@ -229,36 +229,36 @@ def _estimated(state: StateVerdict) -> str:
 
 def _diagnostics(part: Stretch, rows: np.ndarray, sampled: Trajectory, rests: Array) -> Diagnostics:
     from .geodesy.rotation import rpy_from_rotation
-    from .navigation.filter import NOTHING, POSITION, REJECTED, REOPENED, USED, VELOCITY
+    from .navigation.codes import COVARIANCE_RESET, NAV, NOT_MEASURED, POS, POSITION, REJECTED, USED, VEL, VELOCITY
 
     solution = part.solution
     bias, bias_sigma = solution.channel_bias(rows)
-    fix = np.flatnonzero(solution.verdict[:, POSITION] != NOTHING)
-    speed = np.flatnonzero(solution.verdict[:, VELOCITY] != NOTHING)
-    smoothed = np.sqrt(np.diagonal(solution.P[:, :9, :9][rows], axis1=1, axis2=2))
+    fix = np.flatnonzero(solution.verdict[:, POSITION] != NOT_MEASURED)
+    speed = np.flatnonzero(solution.verdict[:, VELOCITY] != NOT_MEASURED)
+    smoothed = np.sqrt(np.diagonal(solution.P[:, NAV, NAV][rows], axis1=1, axis2=2))
     return Diagnostics(
         time=solution.time[rows],
-        position=solution.nav[rows, :3],
-        velocity=solution.nav[rows, 3:6],
+        position=solution.nav[rows, POS],
+        velocity=solution.nav[rows, VEL],
         rpy=rpy_from_rotation(sampled.C_nb),
         event=np.searchsorted(rows, solution.event_epochs),
-        filter_sigma=solution.filter_sigma[rows, :9],
+        filter_sigma=solution.filter_sigma[rows, NAV],
         smoothed_sigma=smoothed,
         bias=bias,
         bias_sigma=bias_sigma,
         fix_time=solution.time[fix],
         innovation=solution.innovation[fix, :3],
         innovation_sigma=solution.innovation_sigma[fix, :3],
-        nis=solution.nis[fix, 0],
+        nis=solution.nis[fix, POSITION],
         nis_limit=solution.problem.gate,
         used=solution.verdict[fix, POSITION] != REJECTED,
-        reopened=solution.time[solution.verdict[:, POSITION] == REOPENED],
+        reopened=solution.time[solution.verdict[:, POSITION] == COVARIANCE_RESET],
         separation_time=solution.time[solution.separation_epoch],
         separation=solution.separation,
         separation_sigma=solution.separation_sigma,
         gaps=solution.problem.inc.gaps,
         passes=solution.passes,
-        velocity_nis=solution.nis[speed, 1] if speed.size else None,
+        velocity_nis=solution.nis[speed, VELOCITY] if speed.size else None,
         velocity_used=solution.verdict[speed, VELOCITY] == USED if speed.size else None,
         rests=rests[(rests[:, 1] > solution.time[0]) & (rests[:, 0] < solution.time[-1])],
         states=state_verdicts(solution, part.time_offset_s),

@@ -16,8 +16,8 @@ from .records import Check, GnssFixes
 if TYPE_CHECKING:
     from .calibrate.fixes import LayoutWith
     from .geodesy.frames import LocalFrame
-    from .navigation.filter import Problem, Start
     from .navigation.layout import FixErrors
+    from .navigation.problem import EstimationProblem, InitialState
     from .navigation.solution import Solution
 
 EPOCH_HZ = 10.0  # outputs at a higher rate are recovered between the epochs
@@ -46,7 +46,7 @@ class Stretch:
 class _Prepared:
     """A span ready to be solved. asked : errors of the fixes that are states.   make : the layout of states for such errors."""
 
-    problem: "Problem"
+    problem: "EstimationProblem"
     asked: "FixErrors"
     make: "LayoutWith"
     fixes: GnssFixes
@@ -100,16 +100,19 @@ def solve_stretch(flight: Flight, recording: Recording, span: tuple[float, float
 
 def _late(solution: "Solution") -> float:
     """Estimated time offset of the fixes where it is told and too large to be left to the state, else 0."""
+    from .navigation.codes import IMU0
+
     offset = solution.problem.layout.offset
     if offset < 0:
         return 0.0
-    late, sigma = float(solution.x[-1, offset]), float(np.sqrt(solution.P[-1, 9 + offset, 9 + offset]))
+    late, sigma = float(solution.x[-1, offset]), float(np.sqrt(solution.P[-1, IMU0 + offset, IMU0 + offset]))
     return late if abs(late) > max(SHIFT_S, SHIFT_SIGMAS * sigma) else 0.0
 
 
 def _solve(
     flight: Flight, recording: Recording, span: tuple[float, float], frame: "LocalFrame", step: Progress, expected_offset: float
 ) -> Stretch:
+    from .navigation.codes import IMU0
     from .navigation.solution import solve
 
     step("prepare")
@@ -120,7 +123,7 @@ def _solve(
         layout = prepared.problem.layout
         if layout.offset >= 0:  # the prior belongs to the offset of the file's stamps, before they were moved
             mean = start.mean.copy()
-            mean[9 + layout.offset] += expected_offset
+            mean[IMU0 + layout.offset] += expected_offset
             start = replace(start, mean=mean)
         solution = solve(prepared.problem, start, flight.filter.second_pass, step)
     except DataError as error:
@@ -138,7 +141,9 @@ def _solve(
 
 def _prepare(flight: Flight, recording: Recording, span: tuple[float, float], frame: "LocalFrame") -> _Prepared:
     """The estimation problem of a span, the fixes and exposures in it, and the epochs of the output grid."""
-    from .navigation.filter import Problem, at_rest, gate_from_sigma, make_epochs, on_wheels
+    from .navigation.epochs import make_epochs, with_nhc, with_zupt
+    from .navigation.filter import gate_from_sigma
+    from .navigation.problem import EstimationProblem
     from .prepare.clock import cut_fixes
     from .prepare.gaps import edges
     from .prepare.increments import body_increments, merge_marks
@@ -156,17 +161,19 @@ def _prepare(flight: Flight, recording: Recording, span: tuple[float, float], fr
     layout = make(asked)
     epochs = make_epochs(inc, at_fix, fixes, exposed, frame)
     if len(recording.rests):
-        epochs = at_rest(epochs, inc, recording.rests.time, layout)
+        epochs = with_zupt(epochs, inc, recording.rests.time, layout)
     if flight.filter.wheels:
-        epochs = on_wheels(epochs)
+        epochs = with_nhc(epochs)
     interval = float(np.median(np.diff(fixes.time)))
     gate = gate_from_sigma(flight.gnss.gate_sigma)
-    doubt = gate_from_sigma(DOUBT_SIGMA) if flight.filter.robust else np.inf
-    problem = Problem(inc, epochs, frame, layout, flight.mounting.antenna_lever_b, gate, interval, doubt=doubt)
+    huber_threshold = gate_from_sigma(HUBER_SIGMA) if flight.filter.robust else np.inf
+    problem = EstimationProblem(
+        inc, epochs, frame, layout, flight.mounting.antenna_lever_b, gate, interval, huber_threshold=huber_threshold
+    )
     return _Prepared(problem, asked, make, fixes, at_grid, at_event)
 
 
-DOUBT_SIGMA = 2.0
+HUBER_SIGMA = 2.0
 TRIES = 6  # of correlated errors, each less sure of the fixes than the one before
 LASTING_WHITE = 0.3  # of the sigma of a fix whose error stays: what changes from fix to fix
 
@@ -182,11 +189,11 @@ def layout_with(flight: Flight, recording: Recording) -> "LayoutWith":
 def _fix_errors(flight: Flight, fixes: GnssFixes) -> "FixErrors":
     """Errors of the fixes that the flight file asks for, and those of float fixes among fixed ones."""
     from .calibrate.fixes import CLOCK_RATE
-    from .navigation.filter import lasting_errors
+    from .navigation.epochs import unfixed_solutions
     from .navigation.layout import FixErrors
 
     f, g = flight.filter, flight.gnss
-    staying, time_s = lasting_errors(fixes)
+    staying, time_s = unfixed_solutions(fixes)
     return FixErrors(
         f.lever_arm_sigma_m if f.lever_arm else None,
         f.time_offset_sigma_s if f.time_offset else None,
@@ -200,7 +207,7 @@ def _fix_errors(flight: Flight, fixes: GnssFixes) -> "FixErrors":
     )
 
 
-def _align(flight: Flight, problem: "Problem") -> "tuple[Start, str]":
+def _align(flight: Flight, problem: "EstimationProblem") -> "tuple[InitialState, str]":
     from .align.initial import given_attitude, initial_state
 
     if flight.initial is not None:
@@ -217,7 +224,7 @@ def _align(flight: Flight, problem: "Problem") -> "tuple[Start, str]":
 
 
 def _examined(
-    flight: Flight, prepared: _Prepared, start: "Start", solution: "Solution", step: Progress
+    flight: Flight, prepared: _Prepared, start: "InitialState", solution: "Solution", step: Progress
 ) -> "tuple[Solution, tuple[Check, ...], tuple[str, ...]]":
     """The solution, solved again with correlated errors of the fixes where the innovations show them and nothing forbids it.
 
@@ -317,7 +324,7 @@ def _explain(flight: Flight, prepared: _Prepared, error: DataError) -> None:
 
 
 def _told(found: "FixErrors") -> str:
-    lasting, white = (" / ".join(f"{x:.2f}" for x in values) for values in (found.correlated or (), found.scale))
+    lasting, white = (" / ".join(f"{x:.2f}" for x in values) for values in (found.gm_sigma or (), found.white_scale))
     return (
         f"correlated innovations: errors of the fixes estimated, in standard deviations of the file (N / E / D), as {lasting} that "
         f"last for {found.correlation_time_s:.1f} s and {white} that do not"
@@ -353,10 +360,10 @@ def check_images(recording: Recording, solved: list[Stretch]) -> list[Check]:
 
 def check_motion(flight: Flight, solved: list[Stretch]) -> list[Check]:
     """Whether the vehicle moves as it is said to: most of what is measured of the motion itself must pass its test."""
-    from .navigation.filter import MOTION, NOTHING, REJECTED
+    from .navigation.codes import NOT_MEASURED, REJECTED, VELOCITY_CONSTRAINT
 
-    verdict = np.concatenate([part.solution.verdict[:, MOTION] for part in solved])
-    offered, rejected = int((verdict != NOTHING).sum()), int((verdict == REJECTED).sum())
+    verdict = np.concatenate([part.solution.verdict[:, VELOCITY_CONSTRAINT] for part in solved])
+    offered, rejected = int((verdict != NOT_MEASURED).sum()), int((verdict == REJECTED).sum())
     if offered == 0:
         return []
     found = f"{rejected} of {offered} measurements of rest or of wheels rejected"

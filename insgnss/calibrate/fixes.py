@@ -29,8 +29,25 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
-from ..navigation.filter import NOTHING, POSITION, REJECTED, REOPENED, Problem, Start, make_store, part, run_filter
-from ..navigation.layout import BIAS, DRIFT, VEL, FixErrors, StateLayout
+from ..navigation.codes import (
+    BIAS,
+    COVARIANCE_RESET,
+    DRIFT,
+    FIXED_GROUP,
+    IMU,
+    IMU0,
+    N_NAV,
+    NAV,
+    NOT_MEASURED,
+    POSITION,
+    PSI0,
+    REJECTED,
+    UNFIXED_GROUP,
+    VEL,
+)
+from ..navigation.filter import make_history, run_filter
+from ..navigation.layout import FixErrors, StateLayout
+from ..navigation.problem import EstimationProblem, InitialState, sub_problem
 from ..navigation.solution import Solution
 from ..orient.mounting import Mounting
 from ..records import Array, Check, LastingError, StateVerdict
@@ -60,11 +77,11 @@ def suspicious(solution: Solution, layout_with: LayoutWith, known: FixErrors) ->
 
     known : what is estimated already.
     """
-    if np.count_nonzero(solution.verdict[:, POSITION] != NOTHING) < FEW:
+    if np.count_nonzero(solution.verdict[:, POSITION] != NOT_MEASURED) < FEW:
         return False
     problem, start = _window(solution)
     tried = [suspects(known)]
-    if known.correlated is None:
+    if known.gm_sigma is None:
         tried += [_errors(known, *guess) for guess in (CODE_GUESSES if _code(problem) else GUESSES)]
     cost = [_minus_two_log_likelihood(*with_layout(problem, start, layout_with(errors))) for errors in (known, *tried)]
     return cost[0] - min(cost[1:]) > GAIN
@@ -76,18 +93,18 @@ def suspects(known: FixErrors) -> FixErrors:
     return replace(known, lever_arm_m=lever, time_offset_s=offset, clock_rate=known.clock_rate or CLOCK_RATE)
 
 
-def with_layout(problem: Problem, start: Start, layout: StateLayout) -> tuple[Problem, Start]:
+def with_layout(problem: EstimationProblem, start: InitialState, layout: StateLayout) -> tuple[EstimationProblem, InitialState]:
     """The same problem with the states of `layout`, those that it had before as they were."""
     old = problem.layout
     place = [old.names.index(name) if name in old.names else -1 for name in layout.names]
     kept = np.array([s for s, k in enumerate(place) if k >= 0], dtype=np.int64)
     source = np.array([k for k in place if k >= 0], dtype=np.int64)
-    x, mean = np.zeros(layout.size - 9), np.zeros(layout.size)
-    P = np.diag(np.concatenate([np.zeros(9), layout.sigma0**2]))
-    x[kept], mean[:9], mean[9 + kept] = start.x[source], start.mean[:9], start.mean[9 + source]
-    rows, columns = np.concatenate([np.arange(9), 9 + kept]), np.concatenate([np.arange(9), 9 + source])
+    x, mean = np.zeros(layout.size - N_NAV), np.zeros(layout.size)
+    P = np.diag(np.concatenate([np.zeros(N_NAV), layout.sigma0**2]))
+    x[kept], mean[NAV], mean[IMU0 + kept] = start.x[source], start.mean[NAV], start.mean[IMU0 + source]
+    rows, columns = (np.concatenate([np.arange(N_NAV), IMU0 + index]) for index in (kept, source))
     P[np.ix_(rows, rows)] = start.P[np.ix_(columns, columns)]
-    return replace(problem, layout=layout), Start(start.nav, x, mean, P)
+    return replace(problem, layout=layout), InitialState(start.nav, x, mean, P)
 
 
 def correlated_error(solution: Solution, layout_with: LayoutWith, known: FixErrors) -> FixErrors | None:
@@ -144,66 +161,72 @@ def _descend(cost: Callable[[Array], float], first: Array) -> Any:
 def _errors(known: FixErrors, k: float, c: float, time_s: float, ratio: float = 1.0) -> FixErrors:
     """`known` with an uncorrelated error of k and a correlated one of c standard deviations, times `ratio` in height."""
     return replace(
-        known, correlated=(c, c, c * ratio), correlation_time_s=time_s, scale=(k, k, k * ratio), lasting_scale=min(k, known.lasting_scale)
+        known,
+        gm_sigma=(c, c, c * ratio),
+        correlation_time_s=time_s,
+        white_scale=(k, k, k * ratio),
+        unfixed_white_scale=min(k, known.unfixed_white_scale),
     )
 
 
-def _code(problem: Problem) -> bool:
+def _code(problem: EstimationProblem) -> bool:
     """Whether the errors of all fixes stay for minutes."""
-    return bool((problem.epochs.group[problem.epochs.has_position] == 1).all())
+    return bool((problem.epochs.group[problem.epochs.has_position] == UNFIXED_GROUP).all())
 
 
-def _window(solution: Solution) -> tuple[Problem, Start]:
+def _window(solution: Solution) -> tuple[EstimationProblem, InitialState]:
     """The stretch of `FIXES` fixes in which the velocity varies most as a problem of its own, started at what is known there."""
     at = np.flatnonzero(solution.problem.epochs.has_position)
     count = min(FIXES, at.size - 1)
-    v = solution.nav[at, 3:6]
+    v = solution.nav[at, VEL]
     sums = np.cumsum(np.concatenate([np.zeros((1, 6)), np.hstack([v, v**2])]), axis=0)
     moments = (sums[count:] - sums[:-count]) / count
     k = int(np.argmax(np.sum(moments[:, 3:] - moments[:, :3] ** 2, axis=1)[: at.size - count]))
     first, last = at[k], at[k + count]
     P = 9.0 * solution.P[first]
-    P[:6, :6] += np.eye(6)
+    P[:PSI0, :PSI0] += np.eye(PSI0)
     nav, x = solution.nav[first], solution.x[first].copy()
     layout = solution.problem.layout
     if layout.rate >= 0:  # time begins anew in the window
         x[layout.offset] += x[layout.rate] * solution.problem.epochs.time[first]
-    window = replace(part(solution.problem, int(first), int(last)), doubt=np.inf)  # (C.1) knows no weights
-    return window, Start(nav, x, np.zeros(P.shape[0]), P)
+    window = replace(sub_problem(solution.problem, int(first), int(last)), huber_threshold=np.inf)  # (C.1) knows no weights
+    return window, InitialState(nav, x, np.zeros(P.shape[0]), P)
 
 
 def loses_fixes(solution: Solution, before: Solution) -> bool:
     """Whether it rejects a hundredth of the fixes more than `before`, or was opened (K.7) more often."""
-    count = [[np.count_nonzero(s.verdict[:, POSITION] == kind) for kind in (REJECTED, REOPENED)] for s in (solution, before)]
+    count = [[np.count_nonzero(s.verdict[:, POSITION] == kind) for kind in (REJECTED, COVARIANCE_RESET)] for s in (solution, before)]
     (rejected, reopened), (few, seldom) = count
-    offered = np.count_nonzero(before.verdict[:, POSITION] != NOTHING)
+    offered = np.count_nonzero(before.verdict[:, POSITION] != NOT_MEASURED)
     return bool(rejected > few + MORE_LOST * offered or reopened > seldom)
 
 
 def less_sure(errors: FixErrors) -> FixErrors:
     """The same with more of the fixes' error uncorrelated: heavy tails want it."""
-    return replace(errors, scale=tuple(LESS_SURE * k for k in errors.scale), lasting_scale=LESS_SURE * errors.lasting_scale)
+    return replace(
+        errors, white_scale=tuple(LESS_SURE * k for k in errors.white_scale), unfixed_white_scale=LESS_SURE * errors.unfixed_white_scale
+    )
 
 
 def misfit(solution: Solution) -> float:
     """(C.1) of the whole flight from the innovations of its triples, their correlations left out."""
-    at = np.flatnonzero(solution.verdict[:, POSITION] != NOTHING)
+    at = np.flatnonzero(solution.verdict[:, POSITION] != NOT_MEASURED)
     rejected = solution.verdict[at, POSITION] == REJECTED
-    size = np.where(rejected, solution.problem.gate, np.minimum(solution.nis[at, 0], solution.problem.gate))
+    size = np.where(rejected, solution.problem.gate, np.minimum(solution.nis[at, POSITION], solution.problem.gate))
     return float(np.sum(size + 2.0 * np.sum(np.log(solution.innovation_sigma[at, :3]), axis=1)))
 
 
-def _minus_two_log_likelihood(problem: Problem, start: Start) -> float:
+def _minus_two_log_likelihood(problem: EstimationProblem, start: InitialState) -> float:
     """(C.1)."""
-    store = make_store(problem.epochs, problem.layout)
+    history = make_history(problem.epochs, problem.layout)
     try:
-        run_filter(problem, start, store)
+        run_filter(problem, start, history)
     except DataError:
         return 1e12
-    at = np.flatnonzero(store.verdict[:, POSITION] != NOTHING)
-    rejected = store.verdict[at, POSITION] == REJECTED
+    at = np.flatnonzero(history.verdict[:, POSITION] != NOT_MEASURED)
+    rejected = history.verdict[at, POSITION] == REJECTED
     log_R = np.linalg.slogdet(problem.epochs.position_cov[at])[1] + 2.0 * np.sum(np.log(_scales(problem)[at]), axis=1)
-    S, y = store.S[at, :3], store.y[at, :3]
+    S, y = history.S[at, :3], history.y[at, :3]
     S = np.where(rejected[:, None], 1.0, S)
     own = np.where(rejected, problem.gate, np.sum(np.log(S) + y**2 / S, axis=1))
     return float(np.sum(own + log_R))
@@ -220,7 +243,11 @@ def state_verdicts(solution: Solution, moved_s: float = 0.0) -> tuple[StateVerdi
     for s, name in enumerate(layout.names):
         if layout.beta[s] > 0.0 or layout.drive[s] > 0.0 or layout.factor[s] in (BIAS, DRIFT):
             continue
-        value, sigma, prior = float(solution.x[-1, s]), float(np.sqrt(max(solution.P[-1, 9 + s, 9 + s], 0.0))), float(layout.sigma0[s])
+        value, sigma, prior = (
+            float(solution.x[-1, s]),
+            float(np.sqrt(max(solution.P[-1, IMU0 + s, IMU0 + s], 0.0))),
+            float(layout.sigma0[s]),
+        )
         moves = None
         if layout.lever >= 0 and layout.lever <= s < layout.lever + 3:
             moves = sigma
@@ -240,7 +267,7 @@ def contradictions(solution: Solution, mounting: Mounting, lever_known: bool, of
     found = []
     if lever_known and layout.lever >= 0:
         at = slice(layout.lever, layout.lever + 3)
-        value, sigma = solution.x[-1, at], np.sqrt(np.diag(solution.P[-1, 9:, 9:])[at])
+        value, sigma = solution.x[-1, at], np.sqrt(np.diag(solution.P[-1, IMU, IMU])[at])
         off = np.abs(value) > np.maximum(SIGNIFICANT * sigma, MATTERS * fix)
         if off.any():
             determined = bool((off & (sigma < DETERMINED_M) & (np.abs(value) > TOLD_M)).any())
@@ -258,7 +285,7 @@ def contradictions(solution: Solution, mounting: Mounting, lever_known: bool, of
                 )
             )
     if offset_known and layout.offset >= 0:
-        late, spread = float(solution.x[-1, layout.offset]), float(np.sqrt(solution.P[-1, 9 + layout.offset, 9 + layout.offset]))
+        late, spread = float(solution.x[-1, layout.offset]), float(np.sqrt(solution.P[-1, IMU0 + layout.offset, IMU0 + layout.offset]))
         speed = _speed(solution)
         if abs(late) > SIGNIFICANT * spread and abs(late) * speed > MATTERS * fix:
             found.append(
@@ -283,17 +310,17 @@ def _fix_sigma(cov: Array) -> Array:
     return np.sqrt(np.median(np.diagonal(cov, axis1=1, axis2=2), axis=0))
 
 
-def _scales(problem: Problem) -> Array:
+def _scales(problem: EstimationProblem) -> Array:
     """(m, 3) factor of the sigmas of the uncorrelated error of each epoch's fix."""
     layout = problem.layout
-    return np.where(problem.epochs.group[:, None] == 0, layout.scale, layout.lasting_scale)
+    return np.where(problem.epochs.group[:, None] == FIXED_GROUP, layout.white_scale, layout.unfixed_white_scale)
 
 
 def lasting_errors(solution: Solution) -> tuple[LastingError, ...]:
     """The correlated errors of the fixes among the states: of all fixes, and of those whose errors stay for minutes."""
     layout, ep = solution.problem.layout, solution.problem.epochs
     out = []
-    for first, white, least in ((layout.coloured, layout.scale, 0), (layout.lasting, (layout.lasting_scale,) * 3, 1)):
+    for first, white, least in ((layout.gm, layout.white_scale, 0), (layout.unfixed_gm, (layout.unfixed_white_scale,) * 3, 1)):
         at = ep.has_position & (ep.group >= least)
         if first < 0 or not at.any():
             continue
