@@ -11,7 +11,7 @@ import argparse
 from common import block_flight, median_cpu, one_thread
 
 from insgnss.align.initial import initial_state
-from insgnss.navigation.filter import make_store, run_filter
+from insgnss.navigation.filter import make_history, run_filter
 from insgnss.navigation.smoother import run_smoother
 from insgnss.navigation.solution import solve
 
@@ -28,16 +28,16 @@ def main() -> None:
     case = block_flight(options.minutes)
     problem, start = case.problem, initial_state(case.problem).start
     solution = solve(problem, start)
-    store = make_store(problem.epochs, problem.layout)
+    history = make_history(problem.epochs, problem.layout)
 
     def filter_and_smooth() -> None:  # the smoother overwrites what the filter stored, so it never runs alone
-        run_filter(problem, start, store)
-        run_smoother(problem.epochs, store)
+        run_filter(problem, start, history)
+        run_smoother(problem.epochs, history)
 
     steps = {
         "increments": case.increments,
         "align": lambda: initial_state(problem),
-        "filter, one pass": lambda: run_filter(problem, start, store),
+        "filter, one pass": lambda: run_filter(problem, start, history),
         "filter and smoother, one pass": filter_and_smooth,
         "solve": lambda: solve(problem, start),
     }

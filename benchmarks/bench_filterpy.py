@@ -21,10 +21,12 @@ from filterpy.kalman import KalmanFilter
 from insgnss.align.initial import initial_state
 from insgnss.geodesy.rotation import rotation_from_quaternion, skew
 from insgnss.navigation.error_model import Interval, linearise_interval
-from insgnss.navigation.filter import BLOCK_S, Problem, Start, Store, make_store, run_filter
+from insgnss.navigation.filter import BLOCK_S, make_history, run_filter
+from insgnss.navigation.kernels.records import FilterHistory
+from insgnss.navigation.problem import EstimationProblem, InitialState
 from insgnss.navigation.smoother import run_smoother
 from insgnss.navigation.solution import Solution, solve
-from insgnss.navigation.strapdown import kernel_earth, kernel_segments
+from insgnss.navigation.strapdown import kernel_earth, kernel_intervals
 from insgnss.records import Array, Increments
 
 TOLERANCE = 1e-8
@@ -46,19 +48,19 @@ def main() -> None:
     compare("at the samples", problem, start, np.arange(problem.inc.stop[-1] + 1), options.repeats)
 
 
-def compare(name: str, problem: Problem, start: Start, stop: np.ndarray, repeats: int) -> float:
+def compare(name: str, problem: EstimationProblem, start: InitialState, stop: np.ndarray, repeats: int) -> float:
     """Run and time both, filterpy with a step at each of `stop`; the greatest difference."""
-    store = make_store(problem.epochs, problem.layout)
+    history = make_history(problem.epochs, problem.layout)
     nominal, steps = linearised(problem, start, problem.inc.stop), linearised(problem, start, stop)
     nav, x = np.array([i.nav for i in nominal]), np.array([i.x for i in nominal])
-    own_mean, own_cov = insgnss_run(problem, start, nav, x, store)
+    own_mean, own_cov = insgnss_run(problem, start, nav, x, history)
     own_mean, own_cov = own_mean.copy(), own_cov.copy()
     mean, cov = filterpy_run(problem, start, steps, stop)
     at = np.searchsorted(stop, problem.inc.stop)
     sigma = np.sqrt(np.diagonal(cov[at], axis1=1, axis2=2))
     off_mean = np.abs((own_mean - mean[at]) / sigma).max()
     off_cov = np.abs((own_cov - cov[at]) / (sigma[:, :, None] * sigma[:, None, :])).max()
-    ours = median_cpu(lambda: insgnss_run(problem, start, nav, x, store), repeats)
+    ours = median_cpu(lambda: insgnss_run(problem, start, nav, x, history), repeats)
     theirs = median_cpu(lambda: filterpy_run(problem, start, steps, stop), max(repeats // 2, 1))
     samples, epochs = problem.inc.dt.size, problem.inc.stop.size
     print(f"{name}: {samples} samples, {epochs} epochs, {problem.layout.size} states, {stop.size} steps of filterpy")
@@ -68,7 +70,7 @@ def compare(name: str, problem: Problem, start: Start, stop: np.ndarray, repeats
     return float(max(off_mean, off_cov))
 
 
-def piece(case: Case, whole: Solution, seconds: float) -> tuple[Problem, Start]:
+def piece(case: Case, whole: Solution, seconds: float) -> tuple[EstimationProblem, InitialState]:
     """The last `seconds` before the middle of a flight as a problem of its own, started in the smoothed state."""
     middle = case.marks.size // 2
     at = np.arange(int(np.searchsorted(case.marks, case.marks[middle] - seconds)), middle)
@@ -79,32 +81,32 @@ def piece(case: Case, whole: Solution, seconds: float) -> tuple[Problem, Start]:
     )
     taken = {name: getattr(epochs, name)[at] for name in epochs._fields}
     taken |= {"stop": part.stop, "time": part.marks - part.marks[0], "event": np.full(at.size, -1)}
-    problem = Problem(part, epochs._replace(**taken), case.frame, case.problem.layout, case.problem.antenna_lever_b, np.inf, 0.1)
+    problem = EstimationProblem(part, epochs._replace(**taken), case.frame, case.problem.layout, case.problem.antenna_lever_b, np.inf, 0.1)
     spread = np.concatenate([[1.0] * 3, [1.0] * 3, np.radians([1.0, 1.0, 2.0]), problem.layout.sigma0])
-    return problem, Start(whole.nav[at[0]].copy(), whole.x[at[0]].copy(), np.zeros(spread.size), np.diag(spread**2))
+    return problem, InitialState(whole.nav[at[0]].copy(), whole.x[at[0]].copy(), np.zeros(spread.size), np.diag(spread**2))
 
 
-def linearised(problem: Problem, start: Start, stop: np.ndarray) -> list[Interval]:
+def linearised(problem: EstimationProblem, start: InitialState, stop: np.ndarray) -> list[Interval]:
     """Nominal, transition and noise from one to the next of the segment numbers `stop`."""
     imu = problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s)
-    seg, earth, n = kernel_segments(problem.inc), kernel_earth(problem.frame), problem.layout.size
+    intervals, earth, n = kernel_intervals(problem.inc), kernel_earth(problem.frame), problem.layout.size
     elapsed = np.concatenate([[0.0], np.cumsum(problem.inc.dt)])
     out = [Interval(start.nav, start.x, np.eye(n), np.zeros((n, n)))]
     for i, j in pairwise(stop):
-        out.append(linearise_interval(seg, i, j, out[-1].nav, out[-1].x, imu, earth, float(elapsed[i])))
+        out.append(linearise_interval(intervals, i, j, out[-1].nav, out[-1].x, imu, earth, float(elapsed[i])))
     return out
 
 
-def insgnss_run(problem: Problem, start: Start, nav: Array, x: Array, store: Store) -> tuple[Array, Array]:
+def insgnss_run(problem: EstimationProblem, start: InitialState, nav: Array, x: Array, history: FilterHistory) -> tuple[Array, Array]:
     """Smoothed means and covariances about the given nominal."""
-    store.nav[:] = nav
-    store.x[:] = x
-    run_filter(problem, start, store, closed=False)
-    smoothed = run_smoother(problem.epochs, store, separations=0)
+    history.nav[:] = nav
+    history.x[:] = x
+    run_filter(problem, start, history, closed_loop=False)
+    smoothed = run_smoother(problem.epochs, history, separations=0)
     return smoothed.delta, smoothed.P
 
 
-def filterpy_run(problem: Problem, start: Start, steps: list[Interval], stop: np.ndarray) -> tuple[Array, Array]:
+def filterpy_run(problem: EstimationProblem, start: InitialState, steps: list[Interval], stop: np.ndarray) -> tuple[Array, Array]:
     """The same by filterpy, at each of its steps."""
     n, epochs = problem.layout.size, problem.epochs
     epoch_of = {int(s): k for k, s in enumerate(problem.inc.stop) if epochs.has_position[k]}

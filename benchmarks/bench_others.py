@@ -21,7 +21,7 @@ from common import Case, block_flight, median_cpu, one_thread
 
 from insgnss.align.initial import initial_state
 from insgnss.geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion, vector_from_rotation
-from insgnss.navigation.filter import Start
+from insgnss.navigation.problem import InitialState
 from insgnss.navigation.solution import solve
 from insgnss.records import Array
 
@@ -70,7 +70,7 @@ def errors(case: Case, position: Array, C_lb: Array) -> tuple[Array, float, floa
     return 1e3 * np.sqrt(np.mean((p - position)[inside] ** 2, axis=0)), float(np.hypot(*rms[:2]) / np.sqrt(2.0)), float(rms[2])
 
 
-def run_insgnss(case: Case, start: Start) -> tuple[Array, Array]:
+def run_insgnss(case: Case, start: InitialState) -> tuple[Array, Array]:
     """Filter and smoother."""
     solution = solve(case.problem, start)
     return solution.nav[case.at_fix, :3], rotation_from_quaternion(solution.nav[case.at_fix, 6:])

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from insgnss.geodesy.frames import LocalFrame
-from insgnss.navigation.filter import Problem, gate_from_sigma, make_epochs
+from insgnss.navigation.epochs import make_epochs
+from insgnss.navigation.filter import gate_from_sigma
 from insgnss.navigation.layout import state_layout
+from insgnss.navigation.problem import EstimationProblem
 from insgnss.prepare.axes import parse_axes
 from insgnss.prepare.increments import body_increments, merge_marks
 from insgnss.records import Array, Increments
@@ -34,7 +36,7 @@ class Case:
     at_fix: np.ndarray
     at_event: np.ndarray
     frame: LocalFrame
-    problem: Problem
+    problem: EstimationProblem
 
     def increments(self) -> Increments:
         """The IMU samples between the marks, in body axes."""
@@ -73,7 +75,7 @@ def block_flight(minutes: float, rate_hz: float = 500.0, seed: int = 5, **change
     inc = body_increments(simulated.imu, C_b_imu, marks)
     layout = state_layout(load_noise_model("navchip"))
     epochs = make_epochs(inc, at_fix, fixes, at_event, frame)
-    problem = Problem(inc, epochs, frame, layout, simulated.rig.antenna_lever_b, gate_from_sigma(5.0), 0.1)
+    problem = EstimationProblem(inc, epochs, frame, layout, simulated.rig.antenna_lever_b, gate_from_sigma(5.0), 0.1)
     return Case(simulated, C_b_imu, marks, at_fix, at_event, frame, problem)
 
 

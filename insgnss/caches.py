@@ -46,8 +46,9 @@ def _cache_home() -> Path:
 
 
 def _writable_installation() -> bool:
-    package = Path(__file__).parent
-    return all(_writable(file.parent / "__pycache__") for file in package.glob("*/*_kernels.py"))
+    """Whether numba could keep code beside every source of the package."""
+    folders = {file.parent for file in Path(__file__).parent.rglob("*.py")}
+    return all(_writable(folder / "__pycache__") for folder in folders)
 
 
 def _writable(directory: Path) -> bool:

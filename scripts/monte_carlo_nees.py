@@ -21,8 +21,10 @@ from scipy.stats import chi2
 
 from insgnss.align.initial import initial_state
 from insgnss.geodesy.rotation import rotation_from_quaternion, vector_from_rotation
-from insgnss.navigation.filter import Problem, gate_from_sigma, make_epochs, make_store, run_filter
+from insgnss.navigation.epochs import make_epochs
+from insgnss.navigation.filter import gate_from_sigma, make_history, run_filter
 from insgnss.navigation.layout import state_layout
+from insgnss.navigation.problem import EstimationProblem
 from insgnss.navigation.solution import solve
 from insgnss.prepare.clock import cut_fixes
 from insgnss.prepare.increments import body_increments, merge_marks
@@ -33,7 +35,7 @@ from insgnss.stochastic.model import load_noise_model
 COMPONENTS = ("north", "east", "down", "v north", "v east", "v down", "psi north", "psi east", "psi down")
 
 
-def problem_of(sim: SimulatedFlight, instant: float) -> tuple[Problem, int]:
+def problem_of(sim: SimulatedFlight, instant: float) -> tuple[EstimationProblem, int]:
     """The estimation problem of a simulated flight, and the epoch of the instant that is judged."""
     fixes = cut_fixes(sim.gnss, sim.imu.time[0], sim.imu.time[-1])
     marks, (at_fix, at_event) = merge_marks(fixes.time, np.array([instant]))
@@ -41,7 +43,7 @@ def problem_of(sim: SimulatedFlight, instant: float) -> tuple[Problem, int]:
     frame = sim.flight.motion.frame
     epochs = make_epochs(inc, at_fix, fixes, at_event, frame)
     layout = state_layout(load_noise_model("navchip"))
-    return Problem(inc, epochs, frame, layout, sim.rig.antenna_lever_b, gate_from_sigma(5.0), 0.1), int(at_event[0])
+    return EstimationProblem(inc, epochs, frame, layout, sim.rig.antenna_lever_b, gate_from_sigma(5.0), 0.1), int(at_event[0])
 
 
 def error_of(nav: np.ndarray, motion: Motion, time: float) -> np.ndarray:
@@ -58,12 +60,12 @@ def judge_flight(seed: int, minutes: float) -> tuple[float, float, np.ndarray]:
     problem, k = problem_of(sim, motion.start + 0.6 * (motion.end - motion.start) + 0.0333)
     time = problem.inc.marks[k]
     start = initial_state(problem).start
-    store = make_store(problem.epochs, problem.layout)
-    run_filter(problem, start, store)
-    filtered = error_of(store.nav[k], motion, time) - store.m[k, :9]
+    history = make_history(problem.epochs, problem.layout)
+    run_filter(problem, start, history)
+    filtered = error_of(history.nav[k], motion, time) - history.m[k, :9]
     solution = solve(problem, start)
     smoothed, P = error_of(solution.nav[k], motion, time), solution.P[k, :9, :9]
-    of_filter = filtered @ np.linalg.solve(store.P[k, :9, :9], filtered)
+    of_filter = filtered @ np.linalg.solve(history.P[k, :9, :9], filtered)
     return float(of_filter), float(smoothed @ np.linalg.solve(P, smoothed)), smoothed / np.sqrt(np.diag(P))
 
 

@@ -26,8 +26,10 @@ from scipy.stats import chi2
 
 from insgnss.align.initial import initial_state
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.navigation.filter import Problem, gate_from_sigma, make_epochs
+from insgnss.navigation.epochs import make_epochs
+from insgnss.navigation.filter import gate_from_sigma
 from insgnss.navigation.layout import state_layout
+from insgnss.navigation.problem import EstimationProblem
 from insgnss.navigation.solution import solve, trajectory
 from insgnss.orient.exterior import exterior_orientation
 from insgnss.orient.frame import in_frame
@@ -76,7 +78,9 @@ def orientations(seed: int, minutes: float) -> tuple[ExteriorOrientation, Exteri
     inc = body_increments(sim.imu, np.eye(3), marks)
     frame = sim.flight.motion.frame
     epochs = make_epochs(inc, at_fix, fixes, at_event, frame)
-    problem = Problem(inc, epochs, frame, state_layout(load_noise_model(NOISE)), sim.rig.antenna_lever_b, gate_from_sigma(5.0), 0.1)
+    problem = EstimationProblem(
+        inc, epochs, frame, state_layout(load_noise_model(NOISE)), sim.rig.antenna_lever_b, gate_from_sigma(5.0), 0.1
+    )
     solution = solve(problem, initial_state(problem).start, separations=0)
     path = trajectory(solution, solution.event_epochs, sim.flight.gps_week, events=True)
     rig = sim.rig

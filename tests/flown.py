@@ -5,8 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from insgnss.geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector, vector_from_rotation
-from insgnss.navigation.filter import Problem, Start, gate_from_sigma, make_epochs
+from insgnss.navigation.epochs import make_epochs
+from insgnss.navigation.filter import gate_from_sigma
 from insgnss.navigation.layout import StateLayout, state_layout
+from insgnss.navigation.problem import EstimationProblem, InitialState
 from insgnss.prepare.clock import cut_fixes
 from insgnss.prepare.increments import body_increments, merge_marks
 from insgnss.simulate.scenario import GnssOptions, ImuOptions, SimulatedFlight, simulate_flight
@@ -20,7 +22,7 @@ class Flown:
     """A flight, the problem that it poses in the simulator's own local frame, and where events and extra marks are."""
 
     sim: SimulatedFlight
-    problem: Problem
+    problem: EstimationProblem
     event_epochs: np.ndarray
     extra_epochs: np.ndarray
 
@@ -55,16 +57,16 @@ def fly(
     frame = sim.flight.motion.frame
     epochs = make_epochs(inc, at_fix, fixes, at_event, frame)
     states = layout or state_layout(load_noise_model(noise or "navchip"))
-    problem = Problem(inc, epochs, frame, states, sim.rig.antenna_lever_b, gate or gate_from_sigma(5.0), 0.1)
+    problem = EstimationProblem(inc, epochs, frame, states, sim.rig.antenna_lever_b, gate or gate_from_sigma(5.0), 0.1)
     return Flown(sim, problem, at_event, at_extra)
 
 
-def start_near(flown: Flown, sigma: np.ndarray, offset: np.ndarray | None = None) -> Start:
+def start_near(flown: Flown, sigma: np.ndarray, offset: np.ndarray | None = None) -> InitialState:
     """Start at the truth less the error `offset` (9,), with standard deviations `sigma` (9,) and the IMU states as a-priori."""
     nav = moved(flown.true_nav(slice(0, 1)), -np.asarray([np.zeros(9) if offset is None else offset]))[0]
     layout = flown.problem.layout
     P = np.diag(np.concatenate([np.asarray(sigma), layout.sigma0]) ** 2)
-    return Start(nav, np.zeros(layout.size - 9), np.zeros(layout.size), P)
+    return InitialState(nav, np.zeros(layout.size - 9), np.zeros(layout.size), P)
 
 
 def moved(nav: np.ndarray, error: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ def locked(tmp_path_factory):
     """An installation in which no __pycache__ can be made: files stand in the way."""
     root = tmp_path_factory.mktemp("installation")
     shutil.copytree(Path(insgnss.__file__).parent, root / "insgnss", ignore=shutil.ignore_patterns("__pycache__"))
-    for room in {file.parent for file in root.glob("insgnss/*/*.py")}:
+    for room in {file.parent for file in root.rglob("*.py")}:
         (room / "__pycache__").touch()
     return root
 

@@ -83,7 +83,7 @@ def test_walk_predicts_ten_withheld_seconds_within_its_sigmas(walk, phase):
     error = seen - solution.nav[place, :3] - lever
     J = np.concatenate([np.broadcast_to(np.eye(3), (place.size, 3, 3)), -skew(lever)], axis=2)
     pose = np.r_[0:3, 6:9]
-    share = np.square(layout.scale) + layout.sigma0[layout.coloured : layout.coloured + 3] ** 2
+    share = np.square(layout.white_scale) + layout.sigma0[layout.gm : layout.gm + 3] ** 2
     cov = J @ solution.P[place][:, pose[:, None], pose] @ np.swapaxes(J, 1, 2) + gnss.cov_ned[hidden] * np.diag(share)
     normalised = np.mean(error**2 / np.diagonal(cov, axis1=1, axis2=2), axis=0)
     rms = np.sqrt(np.mean(error**2, axis=0))

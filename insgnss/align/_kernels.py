@@ -1,7 +1,8 @@
 """Numba kernel of the coarse alignment. Mathematics: `coarse`."""
 
 import numpy as np
-from numba import njit
+
+from ..compilation import njit
 
 
 @njit(cache=True)

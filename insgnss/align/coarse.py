@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geodesy.earth import normal_gravity
-from ..navigation.filter import Problem
+from ..navigation.problem import EstimationProblem
 from ..records import Array
 from ._kernels import relative_motion
 
@@ -56,13 +56,13 @@ class CoarseAttitude:
         return float(np.sqrt(self.cov[2, 2]))
 
 
-def coarse_attitudes(problem: Problem) -> list[CoarseAttitude]:
+def coarse_attitudes(problem: EstimationProblem) -> list[CoarseAttitude]:
     """Solutions of the most unsteady windows of each length, the most certain first."""
     tried = [solve_window(problem, at) for at in _candidates(problem)]
     return sorted(tried, key=lambda c: c.heading_sigma)
 
 
-def _candidates(problem: Problem) -> list[np.ndarray]:
+def _candidates(problem: EstimationProblem) -> list[np.ndarray]:
     """Windows (indices of the epochs with a position) in which GNSS alone shows the largest changes of velocity."""
     ep = problem.epochs
     at = np.flatnonzero(ep.has_position)
@@ -89,7 +89,7 @@ def _unsteadiness(time: Array, position: Array) -> float:
     return float(np.median(np.abs(rest)))
 
 
-def solve_window(problem: Problem, at: np.ndarray) -> CoarseAttitude:
+def solve_window(problem: EstimationProblem, at: np.ndarray) -> CoarseAttitude:
     """Wahba's problem of the window with epochs `at` (A.1, A.2)."""
     ep, inc = problem.epochs, problem.inc
     thin = at[:: max(1, at.size // 200)]
@@ -133,7 +133,7 @@ def _robust_wahba(design: Array, z: Array, a: Array) -> tuple[Array, Array, Arra
     return C, p0_v0[1], a_rest @ C.T, typical / MEDIAN_OF_CHI_3
 
 
-def _attitude_cov(problem: Problem, seen: Array, misfit: float, length: float, weight: Array) -> Array:
+def _attitude_cov(problem: EstimationProblem, seen: Array, misfit: float, length: float, weight: Array) -> Array:
     """Covariance of psi: noise (A.2), gyro bias over the window, accelerometer bias against the manoeuvre."""
     information = np.sum(seen**2) * np.eye(3) - seen.T @ seen
     noise = np.linalg.pinv(information, rcond=1e-12) * max(misfit, 1.0) ** 2
@@ -147,7 +147,7 @@ def _attitude_cov(problem: Problem, seen: Array, misfit: float, length: float, w
     return np.asarray(noise + np.diag([tilt, tilt, heading]), dtype=np.float64)
 
 
-def _gravity(problem: Problem, position: Array) -> Array:
+def _gravity(problem: EstimationProblem, position: Array) -> Array:
     """Gravity in l at a point, (3,) m/s^2."""
     lat, _, height = problem.frame.geodetic_from_position(position)
     return problem.frame.C_ln_at(position) @ np.array([0.0, 0.0, float(normal_gravity(lat, height))])

@@ -24,8 +24,9 @@ import numpy as np
 
 from ..errors import DataError
 from ..geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion, rotation_from_rpy, rotation_from_vector
-from ..navigation.filter import Problem, Start, make_store, part, run_filter, with_epochs
-from ..navigation.layout import BIAS, DRIFT, PSI, VEL
+from ..navigation.codes import ACCEL0, AZ, BIAS, DRIFT, IMU, IMU0, N_CHANNELS, N_NAV, POS, POSITION, PSI, PSI0, QUAT, VEL
+from ..navigation.filter import make_history, run_filter
+from ..navigation.problem import EstimationProblem, InitialState, sub_problem, with_epochs
 from ..navigation.solution import Solution, solve
 from ..records import Array, Increments
 from .coarse import CoarseAttitude, coarse_attitudes
@@ -38,7 +39,7 @@ WINDOW_S = 60.0
 TRIES = 5
 GOOD_RAD = np.radians(2.0)
 HOPELESS_RAD = np.radians(10.0)  # beyond it the problem is too far from linear for its sigma to be believed
-DOUBT_NIS = 16.0  # of a triple: beyond it a fix is weighed down, from a metre at a sigma of centimetres by ten and more
+HUBER_NIS = 16.0  # of a triple: beyond it a fix is weighed down, from a metre at a sigma of centimetres by ten and more
 MISFIT_NIS = 25.0  # median of a triple, expected 2.4: beyond it the window did not converge to the data
 
 
@@ -46,15 +47,15 @@ MISFIT_NIS = 25.0  # median of a triple, expected 2.4: beyond it the window did 
 class Alignment:
     """Start of the forward filter; time (2,) s, GPST, of the manoeuvre that gave the heading, and its sigma there, rad."""
 
-    start: Start
+    start: InitialState
     window: tuple[float, float]
     heading_sigma: float
 
 
-def initial_state(problem: Problem) -> Alignment:
+def initial_state(problem: EstimationProblem) -> Alignment:
     """Align at the first epoch. Raises DataError where the data do not give a heading."""
     first, solution = _aligned_window(problem)
-    heading_sigma = float(np.sqrt(solution.P[0, 8, 8]))
+    heading_sigma = float(np.sqrt(solution.P[0, AZ, AZ]))
     nav, x, P = solution.nav[0], solution.x[0], solution.P[0]
     if first > 0:
         nav, x, P = _run_back(problem, first, nav, x, P)
@@ -63,7 +64,7 @@ def initial_state(problem: Problem) -> Alignment:
     return Alignment(_start(problem, nav, att * np.outer(shrink, shrink), x), (solution.time[0], solution.time[-1]), heading_sigma)
 
 
-def given_attitude(problem: Problem, rpy: Array, sigma: Array) -> Start:
+def given_attitude(problem: EstimationProblem, rpy: Array, sigma: Array) -> InitialState:
     """Start from roll, pitch, heading (3,) rad at the first epoch with standard deviations (3,) rad."""
     C_lb = problem.frame.C_ln_at(problem.epochs.position[0]) @ rotation_from_rpy(rpy)
     # roll and pitch sigmas are about body axes turned by the heading; the larger one serves both
@@ -72,7 +73,7 @@ def given_attitude(problem: Problem, rpy: Array, sigma: Array) -> Start:
     return _start(problem, nav, np.diag([tilt**2, tilt**2, float(sigma[2]) ** 2]))
 
 
-def _aligned_window(problem: Problem) -> tuple[int, Solution]:
+def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
     """First epoch and smoothed solution of the earliest window whose heading is known well enough, else of the best."""
     found: list[tuple[int, Solution]] = []
     standing = standing_attitude(problem)
@@ -80,11 +81,11 @@ def _aligned_window(problem: Problem) -> tuple[int, Solution]:
         solution = _estimated(window, start)
         if solution is None:
             continue
-        if np.nanmedian(solution.nis[:, 0]) < MISFIT_NIS and np.isfinite(solution.P).all():
-            if solution.P[0, 8, 8] < GOOD_RAD**2:
+        if np.nanmedian(solution.nis[:, POSITION]) < MISFIT_NIS and np.isfinite(solution.P).all():
+            if solution.P[0, AZ, AZ] < GOOD_RAD**2:
                 return first, solution
             found.append((first, solution))
-    if standing is not None and (not found or min(s.P[0, 8, 8] for _, s in found) > HOPELESS_RAD**2):
+    if standing is not None and (not found or min(s.P[0, AZ, AZ] for _, s in found) > HOPELESS_RAD**2):
         raise DataError(
             f"heading not observable: {standing.told()} at best (limit {np.degrees(HOPELESS_RAD):.0f} deg), and no motion gives more; "
             "include a manoeuvre, use gyros of a degree an hour, or give [initial] attitude"
@@ -94,8 +95,8 @@ def _aligned_window(problem: Problem) -> tuple[int, Solution]:
             "no initial attitude: in no stretch of the recording do GNSS and inertial motion agree, or it has too few fixes; check axes, "
             "units, time scales, sigmas, lever arm and noise model with `insgnss inspect`, or give [initial] attitude"
         )
-    chosen = min(found, key=lambda f: f[1].P[0, 8, 8])
-    sigma = float(np.sqrt(chosen[1].P[0, 8, 8]))
+    chosen = min(found, key=lambda f: f[1].P[0, AZ, AZ])
+    sigma = float(np.sqrt(chosen[1].P[0, AZ, AZ]))
     if not sigma < HOPELESS_RAD:
         raise DataError(
             f"heading not observable: the best stretch of the recording gives it to {np.degrees(sigma):.0f} deg only (limit "
@@ -105,12 +106,12 @@ def _aligned_window(problem: Problem) -> tuple[int, Solution]:
     return chosen
 
 
-def _estimated(window: Problem, start: Start) -> Solution | None:
+def _estimated(window: EstimationProblem, start: InitialState) -> Solution | None:
     """The window's solution; where its fixes are rejected, that in which they are weighed down instead (K.11).
 
     A start tens of degrees off rejects good fixes, reopens (K.7) and never converges; taken all, the fixes turn it round.
     """
-    for tried in (window, replace(window, gate=np.inf, doubt=DOUBT_NIS)):
+    for tried in (window, replace(window, gate=np.inf, huber_threshold=HUBER_NIS)):
         try:
             return solve(tried, start, "on", separations=0)
         except DataError:
@@ -118,47 +119,47 @@ def _estimated(window: Problem, start: Start) -> Solution | None:
     return None
 
 
-def _candidates(problem: Problem, standing: StandingAttitude | None) -> Iterator[tuple[int, Problem, Start]]:
+def _candidates(problem: EstimationProblem, standing: StandingAttitude | None) -> Iterator[tuple[int, EstimationProblem, InitialState]]:
     """First epoch, problem and start of the windows to try, a rest that knows its heading first."""
     if standing is not None and standing.knows_heading:
-        window = part(problem, standing.first, standing.last)
+        window = sub_problem(problem, standing.first, standing.last)
         sigma = np.array([standing.tilt_sigma, standing.tilt_sigma, standing.heading_sigma]) + 0.1 * FLOOR_RAD
         yield standing.first, window, _start(window, _nav(window, 0, standing.C_lb, np.zeros(3)), np.diag(sigma**2))
     for coarse in sorted(coarse_attitudes(problem)[:TRIES], key=lambda c: c.first):
         last = int(np.searchsorted(problem.epochs.time, problem.epochs.time[coarse.first] + WINDOW_S))
-        window = part(problem, coarse.first, max(coarse.last, min(last, problem.epochs.time.size - 1)))
+        window = sub_problem(problem, coarse.first, max(coarse.last, min(last, problem.epochs.time.size - 1)))
         yield coarse.first, window, _coarse_start(window, coarse)
 
 
-def _coarse_start(window: Problem, coarse: CoarseAttitude) -> Start:
+def _coarse_start(window: EstimationProblem, coarse: CoarseAttitude) -> InitialState:
     """Start of the window: the heading unknown, so that what comes out as its sigma is what the data of the window say."""
     tilt = np.clip(np.sqrt(np.diag(coarse.cov)[:2]) + FLOOR_RAD[:2], None, np.radians(30.0))
     att = np.diag([*tilt, np.pi]) ** 2
     return _start(window, _nav(window, 0, coarse.C_lb, coarse.velocity), att)
 
 
-def _nav(problem: Problem, epoch: int, C_lb: Array, velocity: Array) -> Array:
+def _nav(problem: EstimationProblem, epoch: int, C_lb: Array, velocity: Array) -> Array:
     """State (10,) at an epoch with a fix: the IMU where the antenna's fix puts it."""
     position = problem.epochs.position[epoch] - C_lb @ problem.antenna_lever_b
     return np.concatenate([position, velocity, quaternion_from_rotation(C_lb)])
 
 
-def _start(problem: Problem, nav: Array, att: Array, x: Array | None = None) -> Start:
+def _start(problem: EstimationProblem, nav: Array, att: Array, x: Array | None = None) -> InitialState:
     """Wide position and velocity, the given attitude covariance (3, 3), IMU states as the noise model has them.
 
     x (ns,): IMU states to linearise about; their a-priori mean is zero in any case.
     """
     P = np.zeros((problem.layout.size, problem.layout.size))
     spread = np.sqrt(np.trace(problem.epochs.position_cov[0]))
-    P[:3, :3] = np.eye(3) * max(10.0, 10.0 * spread) ** 2
-    P[3:6, 3:6] = np.eye(3) * max(5.0, 2.0 * spread) ** 2
-    P[6:9, 6:9] = att
-    P[9:, 9:] = np.diag(problem.layout.sigma0**2)
-    nominal = np.zeros(problem.layout.size - 9) if x is None else x
-    return Start(nav, nominal, np.concatenate([np.zeros(9), -nominal]), P)
+    P[POS, POS] = np.eye(3) * max(10.0, 10.0 * spread) ** 2
+    P[VEL, VEL] = np.eye(3) * max(5.0, 2.0 * spread) ** 2
+    P[PSI, PSI] = att
+    P[IMU, IMU] = np.diag(problem.layout.sigma0**2)
+    nominal = np.zeros(problem.layout.size - N_NAV) if x is None else x
+    return InitialState(nav, nominal, np.concatenate([np.zeros(N_NAV), -nominal]), P)
 
 
-def _first_velocity(problem: Problem) -> Array:
+def _first_velocity(problem: EstimationProblem) -> Array:
     """Velocity at the first epoch from the fixes of the first two seconds, (3,) m/s."""
     ep = problem.epochs
     at = np.flatnonzero(ep.has_position)
@@ -169,7 +170,7 @@ def _first_velocity(problem: Problem) -> Array:
     return np.linalg.lstsq(A, ep.position[at], rcond=None)[0][1]
 
 
-def _reversed(problem: Problem, last: int) -> Problem:
+def _reversed(problem: EstimationProblem, last: int) -> EstimationProblem:
     """The epochs last..0 of a problem, read against time."""
     at = np.arange(last, -1, -1)
     inc, end = problem.inc, problem.epochs.stop[last]
@@ -184,32 +185,32 @@ def _reversed(problem: Problem, last: int) -> Problem:
     )
     back = with_epochs(problem, at, against)
     ep = back.epochs
-    gap = np.concatenate([np.zeros((1, 6)), ep.gap[:-1]])  # of the interval that now ends at the epoch
-    return replace(back, backward=True, epochs=ep._replace(velocity=-ep.velocity, still_rate=-ep.still_rate, gap=gap))
+    gap = np.concatenate([np.zeros((1, N_CHANNELS)), ep.gap[:-1]])  # of the interval that now ends at the epoch
+    return replace(back, backward=True, epochs=ep._replace(velocity=-ep.velocity, zaru_rate=-ep.zaru_rate, gap=gap))
 
 
-def _run_back(problem: Problem, first: int, nav: Array, x: Array, P: Array) -> tuple[Array, Array, Array]:
+def _run_back(problem: EstimationProblem, first: int, nav: Array, x: Array, P: Array) -> tuple[Array, Array, Array]:
     """Filter from epoch `first` with state and covariance there back to epoch 0: the same there, in forward signs."""
     layout = problem.layout
     sign = np.ones(layout.size)
     sign[VEL] = -1.0
-    gyro = layout.channel < 3
-    sign[9:][(gyro & (layout.factor == BIAS)) | (~gyro & (layout.factor == DRIFT))] = -1.0  # a drift counts time, which turns too
+    gyro = layout.channel < ACCEL0
+    sign[IMU][(gyro & (layout.factor == BIAS)) | (~gyro & (layout.factor == DRIFT))] = -1.0  # a drift counts time, which turns too
     if layout.offset >= 0:
-        sign[9 + layout.offset] = -1.0
+        sign[IMU0 + layout.offset] = -1.0
     back = _reversed(problem, first)
     nav = nav.copy()
     nav[VEL] *= -1.0
-    start = Start(nav, x * sign[9:], np.zeros(layout.size), P * np.outer(sign, sign))
-    store = make_store(back.epochs, layout)
-    run_filter(back, start, store)
-    m = store.m[-1]  # not zero where the filter still held the feedback back
-    nav = store.nav[-1].copy()
-    nav[:6] += m[:6]
-    nav[6:] = quaternion_from_rotation(rotation_from_vector(m[PSI]) @ rotation_from_quaternion(nav[6:]))
+    start = InitialState(nav, x * sign[IMU], np.zeros(layout.size), P * np.outer(sign, sign))
+    history = make_history(back.epochs, layout)
+    run_filter(back, start, history)
+    m = history.m[-1]  # not zero where the filter still held the feedback back
+    nav = history.nav[-1].copy()
+    nav[:PSI0] += m[:PSI0]
+    nav[QUAT] = quaternion_from_rotation(rotation_from_vector(m[PSI]) @ rotation_from_quaternion(nav[QUAT]))
     nav[VEL] *= -1.0
-    x = (store.x[-1] + m[9:]) * sign[9:]
+    x = (history.x[-1] + m[IMU]) * sign[IMU]
     x[layout.factor == DRIFT] = 0.0
     if layout.rate >= 0:  # the offset there, not at the window
         x[layout.offset] -= x[layout.rate] * problem.epochs.time[first]
-    return nav, x, store.P[-1] * np.outer(sign, sign)
+    return nav, x, history.P[-1] * np.outer(sign, sign)

@@ -16,7 +16,8 @@ import numpy as np
 
 from ..geodesy.earth import EARTH_RATE
 from ..geodesy.rotation import rpy_from_rotation
-from ..navigation.filter import STILL, Problem
+from ..navigation.codes import ZUPT
+from ..navigation.problem import EstimationProblem
 from ..records import Array
 
 LONGEST_S, SHORTEST_S = 600.0, 30.0
@@ -48,10 +49,10 @@ class StandingAttitude:
         )
 
 
-def longest_rest(problem: Problem) -> tuple[int, int] | None:
+def longest_rest(problem: EstimationProblem) -> tuple[int, int] | None:
     """First and last epoch of the longest rest, at most `LONGEST_S` of it, or None where none lasts for `SHORTEST_S`."""
     ep = problem.epochs
-    at = np.flatnonzero(ep.motion == STILL)
+    at = np.flatnonzero(ep.constraint == ZUPT)
     if at.size < 2:
         return None
     apart = np.flatnonzero(np.diff(ep.time[at]) > 2.0)
@@ -63,7 +64,7 @@ def longest_rest(problem: Problem) -> tuple[int, int] | None:
     return (int(begin[k]), last) if ep.time[last] - ep.time[begin[k]] >= SHORTEST_S else None
 
 
-def standing_attitude(problem: Problem) -> StandingAttitude | None:
+def standing_attitude(problem: EstimationProblem) -> StandingAttitude | None:
     """TRIAD over the longest rest with (A.3); None without a rest."""
     rest = longest_rest(problem)
     if rest is None:

@@ -4,21 +4,13 @@ of a stretch's innovations with its slopes in the noise (L, `likelihood`)."""
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from ..navigation._kernels import (
-    ImuModel,
-    cholesky3,
-    forward_solve3,
-    innovation_test,
-    linearise,
-    make_work,
-    measured_triple,
-    open_gap,
-    predict_covariance,
-    reopen,
-    state_difference,
-)
+from ..compilation import njit
+from ..navigation.codes import ABSENT, COVARIANCE_RESET, IMU, IMU0, N_NAV, N_NOMINAL, NAV, NOT_MEASURED, POSITION, REJECTED, USED, VEL0
+from ..navigation.kernels.error_model import add_gap_noise, linearise, predict_covariance, propagate_mean
+from ..navigation.kernels.measurements import measured_triple
+from ..navigation.kernels.records import StateModel, make_interval_work, make_triple
+from ..navigation.kernels.update import cholesky3, forward_solve3, innovation_test, reset_covariance, state_difference
 
 
 @njit(cache=True)
@@ -76,37 +68,34 @@ class Linear(NamedTuple):
     time: np.ndarray  # (m,) s
     F: np.ndarray  # (m, 9, n) from the epoch before
     D: np.ndarray  # (m, ns)
-    gap: np.ndarray  # (m, n) nominal carried from the epoch before, less the nominal here
+    gap: np.ndarray  # (m, n) nominal propagated from the epoch before, less the nominal here
     Q: np.ndarray  # (m, q, 9, 9) process noise of the navigation states
     Q_cross: np.ndarray  # (m, d, 9, ns) with the driven states
     Q_states: np.ndarray  # (m, d, ns) of the driven states
     kind: np.ndarray  # (k,) kinds of triples that occur
     there: np.ndarray  # (m, k) bool
     H: np.ndarray  # (m, k, 3, n)
-    nu: np.ndarray  # (m, k, 3, 2) innovation of the nominal in the first column
+    nu: np.ndarray  # (m, k, 3, 1) innovation of the nominal
     R: np.ndarray  # (m, k, 3, 3)
     used: np.ndarray  # (k,) leading columns of H that may differ from zero
 
 
 @njit(cache=True)
-def linearise_stretch(seg, ep, imu, white, drive, earth, lever, nav, x, out):
+def linearise_stretch(intervals, ep, imu, white, drive, earth, lever, nav, x, out):
     """Fill `out` about the nominal nav (m, 10), x (m, ns).   white (q, 6), drive (q, ns): PSDs of each part of the noise."""
     n = out.F.shape[2]
-    ns = n - 9
+    ns = n - N_NAV
     driven = out.Q_states.shape[1]
-    work = make_work(ns)
-    sums = np.zeros((5, 3))
-    W, Qbb = np.zeros((9, n)), np.zeros(ns)
-    nav_e, x_e = np.zeros(10), np.zeros(ns)
-    C, R, omega, gain, accel = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3), np.zeros(ns), np.zeros(3)
-    H, nu = np.zeros((3, n)), np.zeros((3, 2))
+    work, triple, acceleration = make_interval_work(ns), make_triple(ns), np.zeros(3)
+    W, Qbb = np.zeros((N_NAV, n)), np.zeros(ns)
+    nav_e, x_e = np.zeros(N_NOMINAL), np.zeros(ns)
     for e in range(ep.stop.size):
         if e > 0:
             first, last, begin = ep.stop[e - 1], ep.stop[e], ep.time[e - 1]
             for part in range(len(white)):
                 nav_e[:] = nav[e - 1]
                 x_e[:] = x[e - 1]
-                own = ImuModel(
+                own = StateModel(
                     imu.channel,
                     imu.factor,
                     imu.beta,
@@ -116,37 +105,25 @@ def linearise_stretch(seg, ep, imu, white, drive, earth, lever, nav, x, out):
                     imu.lever,
                     imu.offset,
                     imu.rate,
-                    imu.coloured,
-                    imu.scale,
+                    imu.gm,
+                    imu.white_scale,
                 )
-                linearise(seg, first, last, begin, nav_e, x_e, own, earth, out.F[e], out.D[e], W, Qbb, sums, work)
+                linearise(intervals, first, last, begin, nav_e, x_e, own, earth, out.F[e], out.D[e], W, Qbb, work)
                 if part == 0 and ep.gap[e, 0] > 0.0:
-                    open_gap(W, work.column, work.last_block[0], ep.gap[e])
-                out.Q[e, part] = W[:, :9]
+                    add_gap_noise(W, work.column, work.last_block[0], ep.gap[e])
+                out.Q[e, part] = W[:, NAV]
                 if part < driven:
-                    out.Q_cross[e, part] = W[:, 9:]
+                    out.Q_cross[e, part] = W[:, IMU]
                     out.Q_states[e, part] = Qbb
             state_difference(nav_e, x_e, nav[e], x[e], out.gap[e])
             for i in range(3):
-                accel[i] = (nav_e[3 + i] - nav[e - 1, 3 + i]) / (ep.time[e] - ep.time[e - 1])
+                acceleration[i] = (nav_e[VEL0 + i] - nav[e - 1, VEL0 + i]) / (ep.time[e] - ep.time[e - 1])
         for j in range(out.kind.size):
-            out.there[e, j] = measured_triple(out.kind[j], e, ep, nav[e], x[e], lever, accel, imu, earth, C, omega, gain, H, nu, R)
-            out.H[e, j] = H
-            out.nu[e, j] = nu
-            out.R[e, j] = R
-
-
-@njit(cache=True)
-def carry_mean(F, D, m, gap, new):
-    """m <- Phi m + gap; new (n,): scratch."""
-    for r in range(9):
-        t = gap[r]
-        for c in range(m.size):
-            t += F[r, c] * m[c]
-        new[r] = t
-    for s in range(D.size):
-        new[9 + s] = gap[9 + s] + D[s] * m[9 + s]
-    m[:] = new
+            kind = out.kind[j]
+            out.there[e, j] = measured_triple(kind, e, ep, nav[e], x[e], lever, acceleration, imu, earth, triple)
+            out.H[e, j] = triple.H
+            out.nu[e, j] = triple.nu
+            out.R[e, j] = triple.R
 
 
 @njit(cache=True)
@@ -158,14 +135,14 @@ def mixed_noise(lin, e, share, W, Qbb):
         v = share[part]
         if v == 0.0:
             continue
-        for r in range(9):
-            for c in range(9):
+        for r in range(N_NAV):
+            for c in range(N_NAV):
                 W[r, c] += v * lin.Q[e, part, r, c]
         if part < lin.Q_states.shape[1]:
             for s in range(Qbb.size):
                 Qbb[s] += v * lin.Q_states[e, part, s]
-                for r in range(9):
-                    W[r, 9 + s] += v * lin.Q_cross[e, part, r, s]
+                for r in range(N_NAV):
+                    W[r, IMU0 + s] += v * lin.Q_cross[e, part, r, s]
 
 
 @njit(cache=True)
@@ -226,18 +203,18 @@ def run_linear(lin, P0, m0, share, of_part, scale, of_kind, gate, reset, total, 
     white (m, k, 3), nis (m, k), verdict (m, k): whitened innovations, NaN where there is none, and so on.
     """
     n = lin.F.shape[2]
-    ns, p = n - 9, total.shape[1]
+    ns, p = n - N_NAV, total.shape[1]
     P, m, new, none = np.zeros((n, n)), m0.copy(), np.zeros(n), np.zeros(n)
     dP, dm = np.zeros((p, n, n)), np.zeros((p, n))
-    W, Qbb, X, nine = np.zeros((9, n)), np.zeros(ns), np.zeros((9, n)), np.zeros((9, 9))
-    R, L, S3, H, nu = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, n)), np.zeros((3, 2))
+    W, Qbb, X, nine = np.zeros((N_NAV, n)), np.zeros(ns), np.zeros((N_NAV, n)), np.zeros((N_NAV, N_NAV))
+    R, L, S3, H, nu = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, n)), np.zeros((3, 1))
     gain, column, slope, dr = np.zeros(n), np.zeros(n), np.zeros((2, p)), np.zeros(p)
     only = np.zeros(share.size)
     for part in range(len(P0)):
         P += share[part] * P0[part]
-        if of_part[part] >= 0:
+        if of_part[part] != ABSENT:
             dP[of_part[part]] += 2.0 * share[part] * P0[part]
-    cost, lost = 0.0, -1
+    cost, rejected_since = 0.0, ABSENT
     for e in range(lin.time.size):
         if e > 0:
             F, D = lin.F[e], lin.D[e]
@@ -248,10 +225,10 @@ def run_linear(lin, P0, m0, share, of_part, scale, of_kind, gate, reset, total, 
                     only[part] = 2.0 * share[part] if of_part[part] == i else 0.0
                 mixed_noise(lin, e, only, W, Qbb)
                 predict_covariance(dP[i], F, D, W, Qbb, X, nine)
-                carry_mean(F, D, dm[i], none, new)
-            carry_mean(F, D, m, lin.gap[e], new)
+                propagate_mean(F, D, dm[i], none, new)
+            propagate_mean(F, D, m, lin.gap[e], new)
         for j in range(lin.kind.size):
-            verdict[e, j] = 0
+            verdict[e, j] = NOT_MEASURED
             white[e, j] = np.nan
             nis[e, j] = np.nan
             if not lin.there[e, j]:
@@ -264,25 +241,25 @@ def run_linear(lin, P0, m0, share, of_part, scale, of_kind, gate, reset, total, 
             nis[e, j] = innovation_test(P, H, nu, m, R, lin.used[j], S3, L, out)
             cholesky3(lin.R[e, j], L)
             log_R = 2.0 * np.log(L[0, 0] * L[1, 1] * L[2, 2])
-            verdict[e, j] = 1
+            verdict[e, j] = USED
             if nis[e, j] > gate:
-                if lin.kind[j] == 0 and lost < 0:
-                    lost = e
-                if lin.kind[j] > 0 or lin.time[e] - lin.time[lost] < reset or nis[e, j] == np.inf:
-                    verdict[e, j] = 2
+                if lin.kind[j] == POSITION and rejected_since == ABSENT:
+                    rejected_since = e
+                if lin.kind[j] != POSITION or lin.time[e] - lin.time[rejected_since] < reset or nis[e, j] == np.inf:
+                    verdict[e, j] = REJECTED
                     cost += gate + log_R + 3.0 * np.log(scale[j])
-                    if of_kind[j] >= 0:
+                    if of_kind[j] != ABSENT:
                         total[0, of_kind[j]] += 6.0
                     continue
-                reopen(P, out, reset)
-                verdict[e, j] = 3
-            if lin.kind[j] == 0:
-                lost = -1
+                reset_covariance(P, out[0], reset)
+                verdict[e, j] = COVARIANCE_RESET
+            if lin.kind[j] == POSITION:
+                rejected_since = ABSENT
             cost += log_R
             forward_solve3(L, H)
             forward_solve3(L, nu)
             dr[:] = 0.0
-            if of_kind[j] >= 0:
+            if of_kind[j] != ABSENT:
                 dr[of_kind[j]] = 2.0 * scale[j]
             for i in range(3):
                 S, y = update_with_slopes(P, m, dP, dm, H[i], nu[i, 0], scale[j], dr, lin.used[j], gain, column, slope, total)

@@ -23,8 +23,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
-from ..navigation.filter import part
+from ..navigation.codes import IMU0
 from ..navigation.layout import StateLayout
+from ..navigation.problem import sub_problem
 from ..navigation.solution import Solution
 from ..records import Array
 from .likelihood import CORRELATED, DRIVEN, OF_FIXES, WHITE, Evaluated, LinearStretch, available, evaluate, linear_stretch
@@ -169,7 +170,7 @@ def moving_parts(solution: Solution, rests: Array) -> list[Solution]:
 def _part(solution: Solution, first: int, last: int) -> Solution:
     """The epochs first..last as a solution of their own, its constants as they are there."""
     at = slice(first, last + 1)
-    problem = part(solution.problem, first, last)
+    problem = sub_problem(solution.problem, first, last)
     x = solution.x[at].copy()
     layout = problem.layout
     if layout.rate >= 0:  # time begins anew
@@ -181,14 +182,14 @@ def _part(solution: Solution, first: int, last: int) -> Solution:
 def without_correlated(solution: Solution) -> Solution:
     """The solution less the states of the fixes' correlated error, their sigmas taken as white."""
     layout = solution.problem.layout
-    gone = np.arange(layout.coloured, layout.coloured + 3)
+    gone = np.arange(layout.gm, layout.gm + 3)
     states: dict[str, Any] = {k: np.delete(getattr(layout, k), gone) for k in ("channel", "factor", "beta", "drive", "sigma0")}
     first: dict[str, Any] = {
-        k: getattr(layout, k) - 3 * (getattr(layout, k) > layout.coloured) for k in ("lever", "offset", "rate", "lasting")
+        k: getattr(layout, k) - 3 * (getattr(layout, k) > layout.gm) for k in ("lever", "offset", "rate", "unfixed_gm")
     }
     names = tuple(name for s, name in enumerate(layout.names) if s not in gone)
-    bare: StateLayout = replace(layout, names=names, coloured=-1, scale=(1.0, 1.0, 1.0), **first, **states)
-    P = np.delete(np.delete(solution.P, 9 + gone, axis=1), 9 + gone, axis=2)
+    bare: StateLayout = replace(layout, names=names, gm=-1, white_scale=(1.0, 1.0, 1.0), **first, **states)
+    P = np.delete(np.delete(solution.P, IMU0 + gone, axis=1), IMU0 + gone, axis=2)
     return replace(solution, problem=replace(solution.problem, layout=bare), x=np.delete(solution.x, gone, axis=1), P=P)
 
 

@@ -30,10 +30,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import UsageError
-from ..navigation.filter import BLOCK_S, NOTHING, POSITION, RESET_FIXES, RESET_S, VELOCITY
-from ..navigation.layout import BIAS, StateLayout
+from ..navigation.codes import BIAS, IMU0, N_NAV, NOT_MEASURED, POS, POSITION, PSI, REJECTED, USED, VEL, VELOCITY
+from ..navigation.filter import BLOCK_S, RESET_FIXES, RESET_S, measured_kinds
+from ..navigation.layout import StateLayout
 from ..navigation.solution import Solution
-from ..navigation.strapdown import kernel_earth, kernel_segments
+from ..navigation.strapdown import kernel_earth, kernel_intervals
 from ..records import Array
 from ._kernels import Linear, linearise_stretch, run_linear
 
@@ -97,8 +98,8 @@ def _driven(layout: StateLayout, name: str) -> np.ndarray:
     """(ns,) the states whose driving noise parameter `name` scales."""
     if name == CORRELATED:
         at = np.zeros(len(layout.names), dtype=np.bool_)
-        if layout.coloured >= 0:
-            at[layout.coloured : layout.coloured + 3] = True
+        if layout.gm >= 0:
+            at[layout.gm : layout.gm + 3] = True
         return at
     return (layout.drive > 0.0) & (layout.factor == BIAS) & np.isin(layout.channel, DRIVEN[name])
 
@@ -129,18 +130,18 @@ def linear_stretch(solution: Solution, names: Sequence[str]) -> LinearStretch:
             continue
         at = _driven(layout, name)
         drive[k, at], drive[0, at] = drive[0, at], 0.0
-        stationary = 9 + np.flatnonzero(at & (layout.beta > 0.0))
+        stationary = IMU0 + np.flatnonzero(at & (layout.beta > 0.0))
         P0[k, stationary, stationary] = P0[0, stationary, stationary]
         P0[0, stationary, stationary] = 0.0
     linear = _linear(solution, len(parts) + 1, len(driven) + 1)
     lever = np.array(problem.antenna_lever_b, dtype=np.float64)
     earth = kernel_earth(problem.frame, problem.backward)
-    linearise_stretch(kernel_segments(problem.inc), ep, imu, white, drive, earth, lever, solution.nav, solution.x, linear)
+    linearise_stretch(kernel_intervals(problem.inc), ep, imu, white, drive, earth, lever, solution.nav, solution.x, linear)
     place = {name: i for i, name in enumerate(names)}
     of_part = np.array([-1, *(place[name] for name in parts)], dtype=np.int64)
     kinds = {kind: place.get(name, -1) for name, kind in OF_FIXES.items()}
     of_kind = np.array([kinds.get(int(kind), -1) for kind in linear.kind], dtype=np.int64)
-    mean0 = np.concatenate([np.zeros(9), -solution.x[0]])
+    mean0 = np.concatenate([np.zeros(N_NAV), -solution.x[0]])
     reset_s = max(RESET_S, RESET_FIXES * problem.aiding_interval_s)
     return LinearStretch(tuple(names), linear, P0, mean0, of_part, of_kind, problem.gate, reset_s)
 
@@ -148,35 +149,34 @@ def linear_stretch(solution: Solution, names: Sequence[str]) -> LinearStretch:
 def _start(solution: Solution) -> Array:
     """(n, n) a-priori covariance: attitude as the solution has it, widened; position and velocity unknown; IMU as the model has it."""
     layout = solution.problem.layout
-    P = np.diag(np.concatenate([np.zeros(9), layout.sigma0]) ** 2)
+    P = np.diag(np.concatenate([np.zeros(N_NAV), layout.sigma0]) ** 2)
     spread = np.sqrt(np.trace(solution.problem.epochs.position_cov[0]))
-    P[:3, :3] = np.eye(3) * max(WIDE_M, 10.0 * spread) ** 2
-    P[3:6, 3:6] = np.eye(3) * max(WIDE_MS, 2.0 * spread) ** 2
-    P[6:9, 6:9] = WIDEN**2 * solution.P[0, 6:9, 6:9] + np.diag(FLOOR_RAD**2)
+    P[POS, POS] = np.eye(3) * max(WIDE_M, 10.0 * spread) ** 2
+    P[VEL, VEL] = np.eye(3) * max(WIDE_MS, 2.0 * spread) ** 2
+    P[PSI, PSI] = WIDEN**2 * solution.P[0, PSI, PSI] + np.diag(FLOOR_RAD**2)
     return P
 
 
 def _linear(solution: Solution, parts: int, driven: int) -> Linear:
     """Room for the linearised stretch."""
     ep, layout = solution.problem.epochs, solution.problem.layout
-    there = [True, ep.has_velocity.any(), (ep.motion > NOTHING).any(), (ep.still_var > 0.0).any()]
-    kind = np.flatnonzero(np.array(there))
-    wide = (layout.size if layout.of_fixes else 9, layout.size, 9, layout.size)
+    present, columns = measured_kinds(ep, layout)
+    kind = np.flatnonzero(present)
     m, n, k = ep.stop.size, layout.size, kind.size
     return Linear(
         time=ep.time,
-        F=np.zeros((m, 9, n)),
-        D=np.zeros((m, n - 9)),
+        F=np.zeros((m, N_NAV, n)),
+        D=np.zeros((m, n - N_NAV)),
         gap=np.zeros((m, n)),
-        Q=np.zeros((m, parts, 9, 9)),
-        Q_cross=np.zeros((m, driven, 9, n - 9)),
-        Q_states=np.zeros((m, driven, n - 9)),
+        Q=np.zeros((m, parts, N_NAV, N_NAV)),
+        Q_cross=np.zeros((m, driven, N_NAV, n - N_NAV)),
+        Q_states=np.zeros((m, driven, n - N_NAV)),
         kind=kind,
         there=np.zeros((m, k), dtype=np.bool_),
         H=np.zeros((m, k, 3, n)),
-        nu=np.zeros((m, k, 3, 2)),
+        nu=np.zeros((m, k, 3, 1)),
         R=np.zeros((m, k, 3, 3)),
-        used=np.array([wide[j] for j in kind], dtype=np.int64),
+        used=columns[kind].astype(np.int64),
     )
 
 
@@ -191,8 +191,8 @@ def evaluate(stretches: Sequence[LinearStretch], theta: Array) -> Evaluated:
         white, nis, verdict = np.empty((m, k, 3)), np.empty((m, k)), np.zeros((m, k), dtype=np.int64)
         share, scale = variance[s.of_part], variance[s.of_kind]
         cost += run_linear(s.linear, s.P0, s.mean0, share, s.of_part, scale, s.of_kind, s.gate, s.reset_s, total, white, nis, verdict)
-        at = verdict[:, 0] != NOTHING
+        at = verdict[:, POSITION] != NOT_MEASURED
         every.append((white[at, 0], nis[at, 0], verdict[at, 0]))
     white, nis, verdict = (np.concatenate([part[i] for part in every]) for i in range(3))
-    rejected = int(np.count_nonzero(verdict == 2))
-    return Evaluated(cost, total[0], total[1:], white[verdict == 1], nis, rejected, nis.size)
+    rejected = int(np.count_nonzero(verdict == REJECTED))
+    return Evaluated(cost, total[0], total[1:], white[verdict == USED], nis, rejected, nis.size)

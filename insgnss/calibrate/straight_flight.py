@@ -26,6 +26,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..navigation.codes import VEL
 from ..navigation.layout import CHANNELS
 from ..navigation.solution import Solution
 from ..prepare.gaps import nominal_interval
@@ -81,7 +82,7 @@ class StraightFlight:
 
 def straight_segments(solution: Solution) -> Array:
     """(k, 2) s, begin and end of straight, level parts at constant speed, `SHORTEST_S` and longer."""
-    time, v = solution.time, solution.nav[:, 3:6]
+    time, v = solution.time, solution.nav[:, VEL]
     if time[-1] - time[0] < SHORTEST_S:
         return np.zeros((0, 2))
     grid = np.arange(time[0], time[-1], GRID_S)

@@ -9,7 +9,8 @@ make such ones up.
 
 import numpy as np
 
-from ..navigation.layout import NAV, FixErrors
+from ..navigation.codes import NAV
+from ..navigation.layout import FixErrors
 from ..navigation.solution import Solution
 from ..orient.mounting import Mounting
 from ..records import Check
@@ -55,7 +56,7 @@ def contradictions(
 def message(errors: FixErrors) -> str:
     """Describe the time-correlated GNSS error that is estimated, for the history of a run."""
     correlated, white = (
-        " / ".join(f"{x:.2f}" for x in values) for values in (errors.correlated or (), errors.scale)
+        " / ".join(f"{x:.2f}" for x in values) for values in (errors.gm_sigma or (), errors.white_scale)
     )
     return (
         "correlated innovations: a time-correlated (Gauss-Markov) GNSS error estimated, in "

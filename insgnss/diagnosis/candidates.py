@@ -14,8 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..navigation.filter import Problem, Start
-from ..navigation.layout import NAV, FixErrors, StateLayout
+from ..navigation.codes import NAV
+from ..navigation.layout import FixErrors, StateLayout
+from ..navigation.problem import EstimationProblem, InitialState
 
 SUSPECT_LEVER_ARM_M = 1.0  # a-priori sigma of a component of the lever arm in the search
 SUSPECT_TIME_OFFSET_S = 0.3  # a-priori sigma of the time offset in the search
@@ -82,10 +83,10 @@ def with_time_correlated_error(
     """
     return replace(
         errors,
-        correlated=(c, c, c * height_ratio),
+        gm_sigma=(c, c, c * height_ratio),
         correlation_time_s=time_s,
-        scale=(k, k, k * height_ratio),
-        lasting_scale=min(k, errors.lasting_scale),
+        white_scale=(k, k, k * height_ratio),
+        unfixed_white_scale=min(k, errors.unfixed_white_scale),
     )
 
 
@@ -93,22 +94,22 @@ def with_larger_white_share(errors: FixErrors) -> FixErrors:
     """Raise the white share of the fixes' errors by `WHITER`, which heavy tails call for."""
     return replace(
         errors,
-        scale=tuple(WHITER * k for k in errors.scale),
-        lasting_scale=WHITER * errors.lasting_scale,
+        white_scale=tuple(WHITER * k for k in errors.white_scale),
+        unfixed_white_scale=WHITER * errors.unfixed_white_scale,
     )
 
 
-def guesses(problem: Problem) -> tuple[tuple[float, float, float], ...]:
+def guesses(problem: EstimationProblem) -> tuple[tuple[float, float, float], ...]:
     """Return k, c and T (s) of the time-correlated errors from which the search starts."""
     return CODE_GUESSES if only_code_fixes(problem) else GUESSES
 
 
-def only_code_fixes(problem: Problem) -> bool:
+def only_code_fixes(problem: EstimationProblem) -> bool:
     """Tell whether the errors of all fixes are of the kind that stays for minutes."""
     return bool((problem.epochs.group[problem.epochs.has_position] == 1).all())
 
 
-def with_layout(problem: Problem, start: Start, layout: StateLayout) -> tuple[Problem, Start]:
+def with_layout(problem: EstimationProblem, start: InitialState, layout: StateLayout) -> tuple[EstimationProblem, InitialState]:
     """Pose the same problem with the states of another layout.
 
     Parameters
@@ -136,4 +137,4 @@ def with_layout(problem: Problem, start: Start, layout: StateLayout) -> tuple[Pr
     rows = np.concatenate([np.arange(n), n + kept])
     columns = np.concatenate([np.arange(n), n + source])
     P[np.ix_(rows, rows)] = start.P[np.ix_(columns, columns)]
-    return replace(problem, layout=layout), Start(start.nav, x, mean, P)
+    return replace(problem, layout=layout), InitialState(start.nav, x, mean, P)

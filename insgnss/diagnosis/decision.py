@@ -10,8 +10,9 @@ from typing import Literal
 import numpy as np
 
 from ..errors import DataError
-from ..navigation.filter import NOTHING, POSITION, Problem, Start
+from ..navigation.codes import NOT_MEASURED, POSITION
 from ..navigation.layout import FixErrors
+from ..navigation.problem import EstimationProblem, InitialState
 from ..navigation.solution import Solution, solve
 from ..orient.mounting import Mounting
 from ..records import Check
@@ -86,7 +87,7 @@ class Diagnosis:
     history: tuple[str, ...] = ()
 
 
-def diagnose(search: ErrorModelSearch, start: Start, solution: Solution) -> Diagnosis:
+def diagnose(search: ErrorModelSearch, start: InitialState, solution: Solution) -> Diagnosis:
     """Look for the error model that explains the innovations of a solution.
 
     Where they show a time-correlated GNSS error and nothing forbids it, the flight is solved again
@@ -155,11 +156,11 @@ def is_suspicious(solution: Solution, layout_factory: LayoutFactory, errors: Fix
         Whether lever arm and time offset, or a time-correlated GNSS error, gain `evidence.GAIN` in
         (C.1).
     """
-    if np.count_nonzero(solution.verdict[:, POSITION] != NOTHING) < FEWEST_FIXES:
+    if np.count_nonzero(solution.verdict[:, POSITION] != NOT_MEASURED) < FEWEST_FIXES:
         return False
     problem, start = liveliest_window(solution)
     candidates = [errors, with_lever_arm_and_time_offset(errors)]
-    if errors.correlated is None:
+    if errors.gm_sigma is None:
         candidates += [with_time_correlated_error(errors, *guess) for guess in guesses(problem)]
     cost = [
         minus_two_log_likelihood(*with_layout(problem, start, layout_factory(candidate)))
@@ -169,7 +170,7 @@ def is_suspicious(solution: Solution, layout_factory: LayoutFactory, errors: Fix
 
 
 def explain_failure(
-    search: ErrorModelSearch, problem: Problem, align: Callable[[Problem], Start]
+    search: ErrorModelSearch, problem: EstimationProblem, align: Callable[[EstimationProblem], InitialState]
 ) -> Check | None:
     """Look for the lever arm or time offset without which a flight has no solution.
 
@@ -200,7 +201,7 @@ def explain_failure(
 
 
 def _adopted(
-    search: ErrorModelSearch, start: Start, solution: Solution, errors: FixErrors
+    search: ErrorModelSearch, start: InitialState, solution: Solution, errors: FixErrors
 ) -> Diagnosis:
     """Solve again with a time-correlated GNSS error.
 

@@ -6,7 +6,7 @@ a-priori one.
 
 import numpy as np
 
-from ..navigation.layout import BIAS, DRIFT, NAV, VEL
+from ..navigation.codes import BIAS, DRIFT, NAV, VEL
 from ..navigation.solution import Solution
 from ..records import Array, StateVerdict, TimeCorrelatedError
 
@@ -80,8 +80,8 @@ def time_correlated_errors(solution: Solution) -> tuple[TimeCorrelatedError, ...
     """
     layout, epochs = solution.problem.layout, solution.problem.epochs
     both_groups = (
-        (layout.coloured, layout.scale, 0),
-        (layout.lasting, (layout.lasting_scale,) * 3, 1),
+        (layout.gm, layout.white_scale, 0),
+        (layout.unfixed_gm, (layout.unfixed_white_scale,) * 3, 1),
     )
     errors = []
     for first, white, least_group in both_groups:

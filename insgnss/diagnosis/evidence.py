@@ -15,17 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import DataError
-from ..navigation.filter import (
-    NOTHING,
-    POSITION,
-    REJECTED,
-    REOPENED,
-    Problem,
-    Start,
-    make_store,
-    part,
-    run_filter,
-)
+from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, VEL
+from ..navigation.filter import make_history, run_filter
+from ..navigation.problem import EstimationProblem, InitialState, sub_problem
 from ..navigation.solution import Solution
 from ..records import Array
 
@@ -35,7 +27,7 @@ IMPOSSIBLE = 1e12  # -2 log L of a candidate with which the filter diverges
 MORE_LOST = 0.01  # of the fixes offered: so many more rejected ones count as lost
 
 
-def liveliest_window(solution: Solution) -> tuple[Problem, Start]:
+def liveliest_window(solution: Solution) -> tuple[EstimationProblem, InitialState]:
     """Cut the window in which the velocity varies most out of a solved flight.
 
     Parameters
@@ -51,7 +43,7 @@ def liveliest_window(solution: Solution) -> tuple[Problem, Start]:
     """
     at = np.flatnonzero(solution.problem.epochs.has_position)
     count = min(WINDOW_FIXES, at.size - 1)
-    v = solution.nav[at, 3:6]
+    v = solution.nav[at, VEL]
     sums = np.cumsum(np.concatenate([np.zeros((1, 6)), np.hstack([v, v**2])]), axis=0)
     moments = (sums[count:] - sums[:-count]) / count
     variance = np.sum(moments[:, 3:] - moments[:, :3] ** 2, axis=1)
@@ -64,23 +56,23 @@ def liveliest_window(solution: Solution) -> tuple[Problem, Start]:
     if layout.rate >= 0:  # time begins anew in the window
         x[layout.offset] += x[layout.rate] * solution.problem.epochs.time[first]
     # (C.1) knows no robust weights
-    window = replace(part(solution.problem, int(first), int(last)), doubt=np.inf)
-    return window, Start(nav, x, np.zeros(P.shape[0]), P)
+    window = replace(sub_problem(solution.problem, int(first), int(last)), huber_threshold=np.inf)
+    return window, InitialState(nav, x, np.zeros(P.shape[0]), P)
 
 
-def minus_two_log_likelihood(problem: Problem, start: Start) -> float:
+def minus_two_log_likelihood(problem: EstimationProblem, start: InitialState) -> float:
     """Evaluate (C.1) by one run of the filter; `IMPOSSIBLE` where it diverges."""
-    store = make_store(problem.epochs, problem.layout)
+    history = make_history(problem.epochs, problem.layout)
     try:
-        run_filter(problem, start, store)
+        run_filter(problem, start, history)
     except DataError:
         return IMPOSSIBLE
-    at = np.flatnonzero(store.verdict[:, POSITION] != NOTHING)
-    rejected = store.verdict[at, POSITION] == REJECTED
+    at = np.flatnonzero(history.verdict[:, POSITION] != NOT_MEASURED)
+    rejected = history.verdict[at, POSITION] == REJECTED
     log_R = np.linalg.slogdet(problem.epochs.position_cov[at])[1] + 2.0 * np.sum(
         np.log(_white_share(problem)[at]), axis=1
     )
-    S, y = store.S[at, :3], store.y[at, :3]
+    S, y = history.S[at, :3], history.y[at, :3]
     S = np.where(rejected[:, None], 1.0, S)
     own = np.where(rejected, problem.gate, np.sum(np.log(S) + y**2 / S, axis=1))
     return float(np.sum(own + log_R))
@@ -91,7 +83,7 @@ def misfit(solution: Solution) -> float:
 
     The correlations between the components of an innovation are left out.
     """
-    at = np.flatnonzero(solution.verdict[:, POSITION] != NOTHING)
+    at = np.flatnonzero(solution.verdict[:, POSITION] != NOT_MEASURED)
     rejected = solution.verdict[at, POSITION] == REJECTED
     gate = solution.problem.gate
     size = np.where(rejected, gate, np.minimum(solution.nis[at, 0], gate))
@@ -114,15 +106,15 @@ def loses_fixes(solution: Solution, before: Solution) -> bool:
         resets after rejected fixes (`navigation.filter`, K.7).
     """
     count = [
-        [np.count_nonzero(s.verdict[:, POSITION] == kind) for kind in (REJECTED, REOPENED)]
+        [np.count_nonzero(s.verdict[:, POSITION] == kind) for kind in (REJECTED, COVARIANCE_RESET)]
         for s in (solution, before)
     ]
     (rejected, resets), (rejected_before, resets_before) = count
-    offered = np.count_nonzero(before.verdict[:, POSITION] != NOTHING)
+    offered = np.count_nonzero(before.verdict[:, POSITION] != NOT_MEASURED)
     return bool(rejected > rejected_before + MORE_LOST * offered or resets > resets_before)
 
 
-def _white_share(problem: Problem) -> Array:
+def _white_share(problem: EstimationProblem) -> Array:
     """Return the (m, 3) factor of the sigmas for the white error of each epoch's fix."""
     layout = problem.layout
-    return np.where(problem.epochs.group[:, None] == 0, layout.scale, layout.lasting_scale)
+    return np.where(problem.epochs.group[:, None] == 0, layout.white_scale, layout.unfixed_white_scale)

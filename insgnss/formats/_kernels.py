@@ -10,7 +10,8 @@ is within one unit in the last place. At most 18 significant digits enter m; wha
 """
 
 import numpy as np
-from numba import njit
+
+from ..compilation import njit
 
 EXPONENT_LIMIT = 280
 

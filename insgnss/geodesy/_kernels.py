@@ -14,8 +14,7 @@ where sine and cosine come from numerator and denominator by normalising. One st
 
 import math
 
-from numba import njit
-
+from ..compilation import njit
 from .earth import CENTRIFUGAL_M, E2, EP2, GRAVITY_EQUATOR, SOMIGLIANA_K, A, B, F
 
 

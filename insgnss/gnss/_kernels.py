@@ -6,7 +6,8 @@ calendar with years that begin in March.
 """
 
 import numpy as np
-from numba import njit
+
+from ..compilation import njit
 
 DONE, EVENT, FULL, NEW_SYSTEM, BAD_EPOCH, BAD_SATELLITE, BAD_NUMBER, TWICE, CUT = range(9)
 PLACE, LINE, EPOCHS, ROWS, FLAG, COUNT, TICKS, AT, AT_LINE, SYSTEM = range(10)  # of the state

@@ -3,10 +3,10 @@
 A message is one row of the table of :mod:`insgnss.gnss.navigation_message`, whose names of columns are used here.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compilation import njit
 from .navigation_message import (
     AF0,
     AF1,
@@ -45,7 +45,7 @@ GLONASS_STEP_S = 60.0
 GEO_TILT = np.radians(-5.0)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _eccentric(mean: float, ecc: float) -> float:
     """Eccentric anomaly, rad, of Kepler's equation by Newton's method."""
     anomaly = mean
@@ -57,7 +57,7 @@ def _eccentric(mean: float, ecc: float) -> float:
     return anomaly
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _kepler(p: Array, t: float, out: Array) -> None:
     """Fill out (8,) position, velocity, clock, drift of the message `p` at `t`, s (O.1 to O.6)."""
     axis = p[ROOT_A] * p[ROOT_A]
@@ -97,7 +97,7 @@ def _kepler(p: Array, t: float, out: Array) -> None:
     out[7] = p[AF1] + 2.0 * p[AF2] * tc + relativity * cE * E_dot
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _turn_geostationary(rate: float, tk: float, out: Array) -> None:
     """Turn position and velocity of a BeiDou GEO message from its tilted inertial axes into ECEF: Rz(rate tk) Rx(-5 deg) (O.7)."""
     st, ct = np.sin(GEO_TILT), np.cos(GEO_TILT)
@@ -110,7 +110,7 @@ def _turn_geostationary(rate: float, tk: float, out: Array) -> None:
     out[4] -= rate * out[0]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _glonass_rate(y: Array, p: Array, dy: Array) -> None:
     """Derivative dy (6,) of the GLONASS state y (6,) in rotating PZ-90 axes (O.8)."""
     r2 = y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
@@ -125,7 +125,7 @@ def _glonass_rate(y: Array, p: Array, dy: Array) -> None:
     dy[5] = (c - 2.0 * a) * y[2] + p[STATE + 8]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _glonass(p: Array, t: float, out: Array, work: Array) -> None:
     """Fill out (8,) position, velocity, clock, drift of the GLONASS message `p` at `t`, s: Runge-Kutta of fourth order; work (4, 6)."""
     y, z, k, total = work[0], work[1], work[2], work[3]
@@ -151,7 +151,7 @@ def _glonass(p: Array, t: float, out: Array, work: Array) -> None:
     out[7] = p[AF1]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def states(table: Array, message: Index, time: Array, pseudorange: Array, out: Array) -> None:
     """Fill out (m, 8) of the rows `message` (m,) of table (k, COLUMNS); not-a-number where message is negative.
 

@@ -1,8 +1,9 @@
 """Least squares of every interval between two epochs, with rejection; equations in :mod:`insgnss.gnss.velocity`."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from ..compilation import njit
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -11,7 +12,7 @@ ROBUST_STEPS = 8
 ROBUST_LIMIT = 6.0  # standard deviations from the robust solution, beyond which a row is left out from the start
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _invert(N: Array) -> bool:
     """Replace the symmetric positive definite N (4, 4) by its inverse (Gauss-Jordan); whether it has one."""
     for k in range(4):
@@ -30,7 +31,7 @@ def _invert(N: Array) -> bool:
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _estimate(first: int, last: int, A: Array, y: Array, weight: Array, N: Array, b: Array, x: Array) -> bool:
     """Fill N (4, 4) with the inverse normal matrix and x (4,) with the solution of rows first to last; whether there is one."""
     N[:] = 0.0
@@ -49,12 +50,12 @@ def _estimate(first: int, last: int, A: Array, y: Array, weight: Array, N: Array
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _residual(i: int, A: Array, y: Array, x: Array) -> float:
     return y[i] - A[i, 0] * x[0] - A[i, 1] * x[1] - A[i, 2] * x[2] - A[i, 3] * x[3]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _redundancy(i: int, A: Array, weight: Array, N: Array) -> float:
     """1 - a N a^T w: the share of row i that the others check."""
     q = 0.0
@@ -64,7 +65,7 @@ def _redundancy(i: int, A: Array, weight: Array, N: Array) -> float:
     return max(1.0 - weight[i] * q, 0.0)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _satellites(first: int, last: int, satellite: Index, weight: Array) -> int:
     """Number of different satellites among rows of positive weight; rows of one satellite stand together."""
     count, before = 0, -1
@@ -74,7 +75,7 @@ def _satellites(first: int, last: int, satellite: Index, weight: Array) -> int:
     return count
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _start(first: int, last: int, A: Array, y: Array, sigma: Array, weight: Array, N: Array, b: Array, x: Array) -> bool:
     """Set weights to zero where a row is far from the solution of least absolute residuals; whether there is one."""
     for i in range(first, last):
@@ -89,7 +90,7 @@ def _start(first: int, last: int, A: Array, y: Array, sigma: Array, weight: Arra
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _clean(
     first: int,
     last: int,
@@ -120,7 +121,7 @@ def _clean(
     return False
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _spread(
     first: int, last: int, A: Array, sigma: Array, common: Array, satellite: Index, weight: Array, N: Array, g: Array, M: Array, cov: Array
 ) -> None:
@@ -147,7 +148,7 @@ def _spread(
                     cov[i, j] += N[i, k] * M[k, h] * N[h, j]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def solve(
     bounds: Index,
     A: Array,

@@ -1,7 +1,8 @@
 """Numba kernel that turns IMU samples into body increments between time marks. Mathematics: `increments`."""
 
 import numpy as np
-from numba import njit
+
+from ..compilation import njit
 
 MEAN_RATE, INCREMENTS, INSTANT_RATE = 0, 1, 2
 

@@ -1,7 +1,6 @@
 """Numba kernels that put a recording onto other stamps. Mathematics: `combine`."""
 
-from numba import njit
-
+from ..compilation import njit
 from ..records import Array
 
 

@@ -173,10 +173,10 @@ def check_motion(flight: Flight, segments: "Sequence[Segment]") -> list[Check]:
         The check "motion" where anything is measured of the motion itself: most of it must pass its
         test.
     """
-    from ..navigation.filter import MOTION, NOTHING, REJECTED
+    from ..navigation.codes import NOT_MEASURED, REJECTED, VELOCITY_CONSTRAINT
 
-    verdict = np.concatenate([segment.solution.verdict[:, MOTION] for segment in segments])
-    offered, rejected = int((verdict != NOTHING).sum()), int((verdict == REJECTED).sum())
+    verdict = np.concatenate([segment.solution.verdict[:, VELOCITY_CONSTRAINT] for segment in segments])
+    offered, rejected = int((verdict != NOT_MEASURED).sum()), int((verdict == REJECTED).sum())
     if offered == 0:
         return []
     bad = rejected > MOTION_REJECTED * offered

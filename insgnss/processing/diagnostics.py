@@ -7,8 +7,7 @@ import numpy as np
 
 from ..diagnosis.estimated import state_verdicts, time_correlated_errors
 from ..geodesy.rotation import rpy_from_rotation
-from ..navigation.filter import NOTHING, POSITION, REJECTED, REOPENED, USED, VELOCITY
-from ..navigation.layout import NAV
+from ..navigation.codes import COVARIANCE_RESET, NAV, NOT_MEASURED, POSITION, REJECTED, USED, VELOCITY
 from ..navigation.solution import trajectory
 from ..records import Array, Check, Diagnostics, Trajectory
 from .segment import Segment
@@ -89,8 +88,8 @@ def _of_segment(segment: Segment, rows: ReportRows, rests: Array) -> Diagnostics
     solution, at = segment.solution, rows.at
     bias, bias_sigma = solution.channel_bias(at)
     time, verdict = solution.time, solution.verdict
-    fix = np.flatnonzero(verdict[:, POSITION] != NOTHING)
-    velocity = np.flatnonzero(verdict[:, VELOCITY] != NOTHING)
+    fix = np.flatnonzero(verdict[:, POSITION] != NOT_MEASURED)
+    velocity = np.flatnonzero(verdict[:, VELOCITY] != NOT_MEASURED)
     return Diagnostics(
         time=time[at],
         position=solution.nav[at, :3],
@@ -107,7 +106,7 @@ def _of_segment(segment: Segment, rows: ReportRows, rests: Array) -> Diagnostics
         nis=solution.nis[fix, 0],
         nis_limit=solution.problem.gate,
         used=verdict[fix, POSITION] != REJECTED,
-        covariance_resets=time[verdict[:, POSITION] == REOPENED],
+        covariance_resets=time[verdict[:, POSITION] == COVARIANCE_RESET],
         separation_time=time[solution.separation_epoch],
         separation=solution.separation,
         separation_sigma=solution.separation_sigma,

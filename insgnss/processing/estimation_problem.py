@@ -7,15 +7,10 @@ import numpy as np
 from ..diagnosis.candidates import CLOCK_RATE, LayoutFactory
 from ..flight import Flight
 from ..geodesy.frames import LocalFrame
-from ..navigation.filter import (
-    Problem,
-    at_rest,
-    gate_from_sigma,
-    lasting_errors,
-    make_epochs,
-    on_wheels,
-)
+from ..navigation.epochs import make_epochs, unfixed_solutions, with_nhc, with_zupt
+from ..navigation.filter import gate_from_sigma
 from ..navigation.layout import FixErrors, state_layout
+from ..navigation.problem import EstimationProblem
 from ..prepare.clock import cut_fixes
 from ..prepare.gaps import edges
 from ..prepare.increments import body_increments, merge_marks
@@ -26,7 +21,7 @@ from .recording import Recording
 EPOCH_HZ = (
     10.0  # of the epochs of the output grid; outputs at a higher rate are recovered between them
 )
-DOUBT_SIGMA = 2.0  # of an innovation, beyond which `filter.robust` lowers its weight
+HUBER_SIGMA = 2.0  # of an innovation, beyond which `filter.robust` lowers its weight
 WHITE_OF_CORRELATED = 0.3  # white share, in sigmas, of a fix whose error stays for minutes
 
 
@@ -50,7 +45,7 @@ class PreparedSegment:
         Which of the recording's exposures the segment holds.
     """
 
-    problem: Problem
+    problem: EstimationProblem
     requested_errors: FixErrors
     layout_factory: LayoutFactory
     fixes: GnssFixes
@@ -100,10 +95,10 @@ def prepare_segment(
     layout = factory(requested)
     epochs = make_epochs(increments, at_fix, fixes, exposed, frame)
     if len(recording.rests):
-        epochs = at_rest(epochs, increments, recording.rests.time, layout)
+        epochs = with_zupt(epochs, increments, recording.rests.time, layout)
     if flight.filter.wheels:
-        epochs = on_wheels(epochs)
-    problem = Problem(
+        epochs = with_nhc(epochs)
+    problem = EstimationProblem(
         increments,
         epochs,
         frame,
@@ -111,7 +106,7 @@ def prepare_segment(
         flight.mounting.antenna_lever_b,
         gate_from_sigma(flight.gnss.gate_sigma),
         float(np.median(np.diff(fixes.time))),
-        doubt=gate_from_sigma(DOUBT_SIGMA) if flight.filter.robust else np.inf,
+        huber_threshold=gate_from_sigma(HUBER_SIGMA) if flight.filter.robust else np.inf,
     )
     return PreparedSegment(problem, requested, factory, fixes, at_grid, at_event)
 
@@ -151,18 +146,18 @@ def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
         Those that the flight file asks for, and the time-correlated errors of code and float fixes.
     """
     options, gnss = flight.filter, flight.gnss
-    correlated, time_s = lasting_errors(fixes)
+    correlated, time_s = unfixed_solutions(fixes)
     off = gnss.correlated == "off"
     return FixErrors(
         lever_arm_m=options.lever_arm_sigma_m if options.lever_arm else None,
         time_offset_s=options.time_offset_sigma_s if options.time_offset else None,
         clock_rate=CLOCK_RATE if options.time_offset else None,
-        correlated=None if isinstance(gnss.correlated, str) else (gnss.correlated,) * 3,
+        gm_sigma=None if isinstance(gnss.correlated, str) else (gnss.correlated,) * 3,
         correlation_time_s=gnss.correlation_time_s,
-        scale=(gnss.uncorrelated,) * 3,
-        lasting=1.0 if not off and correlated.any() else None,
-        lasting_time_s=time_s,
-        lasting_scale=gnss.uncorrelated if off else WHITE_OF_CORRELATED,
+        white_scale=(gnss.uncorrelated,) * 3,
+        unfixed_gm_sigma=1.0 if not off and correlated.any() else None,
+        unfixed_correlation_time_s=time_s,
+        unfixed_white_scale=gnss.uncorrelated if off else WHITE_OF_CORRELATED,
     )
 
 

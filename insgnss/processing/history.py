@@ -7,7 +7,7 @@ import numpy as np
 from .. import __version__
 from ..diagnosis.estimated import state_verdicts
 from ..flight import Flight
-from ..navigation.filter import MOTION, NOTHING, POSITION, REOPENED, USED
+from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, USED, VELOCITY_CONSTRAINT
 from ..records import Check
 from .recording import Recording
 from .segment import Segment
@@ -64,8 +64,8 @@ def _filter(segments: Sequence[Segment], gps_week: int) -> str:
 
 def _fixes(flight: Flight, segments: Sequence[Segment]) -> str:
     verdict = np.concatenate([segment.solution.verdict[:, POSITION] for segment in segments])
-    used = int(np.isin(verdict, (USED, REOPENED)).sum())
-    resets = int((verdict == REOPENED).sum())
+    used = int(np.isin(verdict, (USED, COVARIANCE_RESET)).sum())
+    resets = int((verdict == COVARIANCE_RESET).sum())
     fixes = sum(segment.fixes.time.size for segment in segments)
     return (
         f"GNSS: {used} of {fixes} fixes used, innovation gate {flight.gnss.gate_sigma:g} sigma, "
@@ -74,8 +74,8 @@ def _fixes(flight: Flight, segments: Sequence[Segment]) -> str:
 
 
 def _motion(segments: Sequence[Segment]) -> Iterator[str]:
-    verdict = np.concatenate([segment.solution.verdict[:, MOTION] for segment in segments])
-    offered, used = int((verdict != NOTHING).sum()), int((verdict == USED).sum())
+    verdict = np.concatenate([segment.solution.verdict[:, VELOCITY_CONSTRAINT] for segment in segments])
+    offered, used = int((verdict != NOT_MEASURED).sum()), int((verdict == USED).sum())
     if offered:
         yield f"the motion itself (rest, wheels) measured {offered} times, {used} used"
 

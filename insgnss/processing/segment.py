@@ -16,8 +16,8 @@ from ..diagnosis.turn_on_bias import check_biases_in_innovations, with_turn_on, 
 from ..errors import DataError, InputError
 from ..flight import Flight
 from ..geodesy.frames import LocalFrame
-from ..navigation.filter import Problem, Start
-from ..navigation.layout import NAV
+from ..navigation.codes import NAV
+from ..navigation.problem import EstimationProblem, InitialState
 from ..navigation.solution import Solution, solve
 from ..prepare import gaps
 from ..prepare.clock import SHORTEST_S, common_span
@@ -196,7 +196,7 @@ def _solve(
     return Segment(solution, prepared.fixes, prepared.grid, prepared.at_event, history, checks)
 
 
-def _align(flight: Flight, problem: Problem) -> tuple[Start, str]:
+def _align(flight: Flight, problem: EstimationProblem) -> tuple[InitialState, str]:
     """Return the initial state of a problem, and how it was found."""
     if flight.initial is not None:
         given = flight.initial
@@ -212,7 +212,7 @@ def _align(flight: Flight, problem: Problem) -> tuple[Start, str]:
     )
 
 
-def _expecting(start: Start, offset_state: int, offset_s: float) -> Start:
+def _expecting(start: InitialState, offset_state: int, offset_s: float) -> InitialState:
     """Expect a time offset: the prior belongs to the stamps of the file, before they were moved."""
     if offset_state < 0:
         return start
@@ -221,7 +221,7 @@ def _expecting(start: Start, offset_state: int, offset_s: float) -> Start:
     return replace(start, mean=mean)
 
 
-def _aligned_by(flight: Flight) -> Callable[[Problem], Start]:
+def _aligned_by(flight: Flight) -> Callable[[EstimationProblem], InitialState]:
     """Return what gives the initial state of a problem of this flight."""
     return lambda problem: _align(flight, problem)[0]
 

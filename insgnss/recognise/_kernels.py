@@ -6,8 +6,9 @@ Mathematics: `recognise`. They stand apart from `_kernels` because nothing here 
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from ..compilation import njit
 
 Array = NDArray[np.float64]
 

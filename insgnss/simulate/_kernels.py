@@ -7,8 +7,8 @@ are derived in `motion`.
 import math
 
 import numpy as np
-from numba import njit
 
+from ..compilation import njit
 from ..geodesy._kernels import gravity_ecef
 
 

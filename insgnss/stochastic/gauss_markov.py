@@ -34,9 +34,9 @@ that it does not cancel, and the case of means that of IEEE Std 952 annex C.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from ..compilation import njit
 from ..errors import UsageError
 
 Array = NDArray[np.float64]

@@ -26,9 +26,9 @@ from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ..compilation import njit
 from ..errors import UsageError
 from .model import AxisNoise, GaussMarkov
 

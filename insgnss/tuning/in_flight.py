@@ -195,25 +195,25 @@ def _estimated(flight: Flight, parts: "list[Solution]", chosen: Sequence[str], p
     """The estimate, and whether it goes without the correlated error of the fixes that the solution adopted on its own."""
     from ..calibrate.innovation_noise import EXPLAINED, in_flight_noise, without_correlated
 
-    adopted = [part.problem.layout.coloured >= 0 for part in parts]
+    adopted = [part.problem.layout.gm >= 0 for part in parts]
     if not any(adopted) or flight.gnss.correlated != "auto":
         return in_flight_noise(parts, chosen, progress), False
     bare = [without_correlated(part) if has else part for part, has in zip(parts, adopted, strict=True)]
     white = in_flight_noise(bare, chosen, progress)
     if not all(adopted):
         return white, True
-    coloured = in_flight_noise(parts, chosen, progress)
-    if white.at_best.cost - coloured.at_best.cost < EXPLAINED:
+    with_gm = in_flight_noise(parts, chosen, progress)
+    if white.at_best.cost - with_gm.at_best.cost < EXPLAINED:
         return white, True
-    return coloured, False
+    return with_gm, False
 
 
 def _lost(solved: "list[Segment]") -> tuple[int, int]:
     """Fixes offered, and those rejected or used only after a covariance reset."""
-    from ..navigation.filter import NOTHING, POSITION, REJECTED, REOPENED
+    from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED
 
     verdict = np.concatenate([segment.solution.verdict[:, POSITION] for segment in solved])
-    return int(np.count_nonzero(verdict != NOTHING)), int(np.isin(verdict, (REJECTED, REOPENED)).sum())
+    return int(np.count_nonzero(verdict != NOT_MEASURED)), int(np.isin(verdict, (REJECTED, COVARIANCE_RESET)).sum())
 
 
 def _lost_again(flight: Flight, recording: Recording, offered: int, progress: Progress) -> int:

@@ -11,10 +11,10 @@ from insgnss.align.coarse import coarse_attitudes, solve_window
 from insgnss.align.initial import _reversed, given_attitude, initial_state
 from insgnss.errors import DataError
 from insgnss.geodesy.rotation import rotation_from_quaternion, rpy_from_rotation, vector_from_rotation
-from insgnss.navigation._kernels import run_strapdown
-from insgnss.navigation.filter import Start
+from insgnss.navigation.kernels.strapdown import run_strapdown
+from insgnss.navigation.problem import InitialState
 from insgnss.navigation.solution import solve
-from insgnss.navigation.strapdown import free_inertial, kernel_earth, kernel_segments
+from insgnss.navigation.strapdown import free_inertial, kernel_earth, kernel_intervals
 from insgnss.simulate.layout import BLOCK, CORRIDOR, Level
 
 
@@ -22,7 +22,7 @@ def turned_block(course_deg: float) -> tuple[Level, ...]:
     return tuple(replace(level, course_deg=course_deg, length_m=120.0) for level in BLOCK.levels)
 
 
-def start_error(flown: Flown, start: Start) -> np.ndarray:
+def start_error(flown: Flown, start: InitialState) -> np.ndarray:
     """(9,) of the start against the exact motion."""
     return error_of(start.nav[None], flown.true_nav([0]))[0]
 
@@ -200,7 +200,7 @@ def test_motion_read_backwards_returns_to_its_start():
     turned = forward[-1].copy()
     turned[3:6] *= -1.0
     out = np.empty_like(forward)
-    run_strapdown(kernel_segments(back.inc), back.inc.stop, turned, np.zeros(6), kernel_earth(problem.frame, backward=True), out)
+    run_strapdown(kernel_intervals(back.inc), back.inc.stop, turned, np.zeros(6), kernel_earth(problem.frame, backward=True), out)
     out[:, 3:6] *= -1.0
     error = np.abs(error_of(out[::-1], forward))
     assert error[:, :3].max() < 1e-6
@@ -221,10 +221,10 @@ def test_smoother_read_backwards_is_the_smoother(velocity):
     n, last = layout.size, flown.problem.inc.marks.size - 1
     P = np.diag(np.concatenate([np.full(3, 10.0), np.full(3, 5.0), np.radians([5.0, 5.0, 5.0]), layout.sigma0]) ** 2)
     truth = flown.true_nav()
-    smoothed = solve(problem, Start(truth[0], np.zeros(n - 9), np.zeros(n), P), "on")
+    smoothed = solve(problem, InitialState(truth[0], np.zeros(n - 9), np.zeros(n), P), "on")
     end = truth[-1].copy()
     end[3:6] *= -1.0
-    back = solve(_reversed(problem, last), Start(end, np.zeros(n - 9), np.zeros(n), P), "on")
+    back = solve(_reversed(problem, last), InitialState(end, np.zeros(n - 9), np.zeros(n), P), "on")
     reversed_nav = back.nav[::-1].copy()
     reversed_nav[:, 3:6] *= -1.0
     sigma = np.sqrt(np.diagonal(smoothed.P[:, :9, :9], axis1=1, axis2=2))

@@ -7,7 +7,8 @@ import pytest
 from flown import fly
 
 from insgnss.align.initial import _run_back
-from insgnss.navigation.layout import DRIFT, state_layout
+from insgnss.navigation.codes import DRIFT
+from insgnss.navigation.layout import state_layout
 from insgnss.stochastic.model import AxisNoise, NoiseModel
 
 AXIS = AxisNoise(white_noise=1e-4, turn_on_bias=1e-3, drift=1e-5, scale_factor=1e-3, misalignment=1e-3)

@@ -12,8 +12,10 @@ from insgnss.errors import DataError
 from insgnss.geodesy.earth import EARTH_RATE, normal_gravity
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion, rotation_from_rpy, vector_from_rotation
-from insgnss.navigation.filter import Problem, at_rest, gate_from_sigma, make_epochs
+from insgnss.navigation.epochs import make_epochs, with_zupt
+from insgnss.navigation.filter import gate_from_sigma
 from insgnss.navigation.layout import state_layout
+from insgnss.navigation.problem import EstimationProblem
 from insgnss.prepare.increments import body_increments, merge_marks
 from insgnss.records import GnssFixes, ImuSamples
 from insgnss.stochastic.model import AxisNoise, NoiseModel
@@ -28,7 +30,7 @@ def noise(bias_deg_h: float) -> NoiseModel:
     return NoiseModel("made up", "test", (gyro,) * 3, (AxisNoise(turn_on_bias=1e-3, white_noise=1e-4),) * 3)
 
 
-def standing(rpy_deg, model: NoiseModel, seed: int) -> tuple[Problem, np.ndarray]:
+def standing(rpy_deg, model: NoiseModel, seed: int) -> tuple[EstimationProblem, np.ndarray]:
     """A sensor at rest for five minutes, its errors drawn from the model, and its exact attitude C_nb."""
     rng = np.random.default_rng(seed)
     time = 1000.0 + np.arange(int(SECONDS * RATE) + 1) / RATE
@@ -47,8 +49,8 @@ def standing(rpy_deg, model: NoiseModel, seed: int) -> tuple[Problem, np.ndarray
     marks, (at_fix,) = merge_marks(fix)
     inc, frame, layout = body_increments(imu, np.eye(3), marks), LocalFrame(LAT, LON, HEIGHT), state_layout(model)
     epochs = make_epochs(inc, at_fix, fixes, np.zeros(0, dtype=np.int64), frame)
-    epochs = at_rest(epochs, inc, np.array([[time[0], time[-1]]]), layout)
-    return Problem(inc, epochs, frame, layout, np.zeros(3), gate_from_sigma(5.0), 1.0), C_nb
+    epochs = with_zupt(epochs, inc, np.array([[time[0], time[-1]]]), layout)
+    return EstimationProblem(inc, epochs, frame, layout, np.zeros(3), gate_from_sigma(5.0), 1.0), C_nb
 
 
 @pytest.mark.parametrize("heading", [0.0, 137.0, -60.0])
@@ -87,9 +89,9 @@ def test_poor_gyros_give_the_level_and_say_that_they_give_no_heading():
 def test_the_longest_rest_is_taken():
     """Oracle: the rests that were declared."""
     problem, _ = standing((0.0, 0.0, 0.0), noise(0.1), 1)
-    marks, epochs = problem.inc.marks, problem.epochs._replace(motion=np.zeros(problem.epochs.motion.size, dtype=np.int64))
+    marks, epochs = problem.inc.marks, problem.epochs._replace(constraint=np.zeros(problem.epochs.constraint.size, dtype=np.int64))
     rests = np.array([[marks[5], marks[40]], [marks[60], marks[140]]])
-    rested = replace(problem, epochs=at_rest(epochs, problem.inc, rests, problem.layout))
+    rested = replace(problem, epochs=with_zupt(epochs, problem.inc, rests, problem.layout))
     assert longest_rest(rested) == (60, 140)
-    short = at_rest(epochs, problem.inc, rests[:1] - [[0.0, 20.0]], problem.layout)
+    short = with_zupt(epochs, problem.inc, rests[:1] - [[0.0, 20.0]], problem.layout)
     assert longest_rest(replace(problem, epochs=short)) is None

@@ -155,12 +155,12 @@ def test_rests_are_left_out(quiet):
 
 def test_a_solution_without_its_correlated_error_is_that_of_a_layout_without(quiet):
     """Oracle: the layout made without it; names and arrays agree, and the truth is as far away."""
-    errors = FixErrors(lever_arm_m=0.1, correlated=(1.0, 1.0, 1.0), lasting=1.0, scale=(0.5, 0.5, 0.5))
+    errors = FixErrors(lever_arm_m=0.1, gm_sigma=(1.0, 1.0, 1.0), unfixed_gm_sigma=1.0, white_scale=(0.5, 0.5, 0.5))
     wide = state_layout(NAVCHIP, fixes=errors)
-    bare = state_layout(NAVCHIP, fixes=replace(errors, correlated=None, scale=(1.0, 1.0, 1.0)))
+    bare = state_layout(NAVCHIP, fixes=replace(errors, gm_sigma=None, white_scale=(1.0, 1.0, 1.0)))
     flight = fly(30.0, 14, imu_hz=100.0, layout=wide)
     solution = without_correlated(solved(flight))
-    for name in ("names", "lever", "coloured", "lasting", "scale"):
+    for name in ("names", "lever", "gm", "unfixed_gm", "white_scale"):
         assert getattr(solution.problem.layout, name) == getattr(bare, name)
     for name in ("channel", "factor", "beta", "drive", "sigma0"):
         assert_allclose(getattr(solution.problem.layout, name), getattr(bare, name))

@@ -11,15 +11,16 @@ from numpy.testing import assert_allclose
 from insgnss.calibrate.likelihood import PARAMETERS, LinearStretch, available, evaluate, linear_stretch
 from insgnss.errors import UsageError
 from insgnss.navigation.error_model import linearise_interval
-from insgnss.navigation.filter import BLOCK_S, Start, gate_from_sigma, make_store, run_filter
+from insgnss.navigation.filter import BLOCK_S, gate_from_sigma, make_history, run_filter
 from insgnss.navigation.layout import FixErrors, state_layout
+from insgnss.navigation.problem import InitialState
 from insgnss.navigation.solution import Solution, solve
-from insgnss.navigation.strapdown import kernel_earth, kernel_segments
+from insgnss.navigation.strapdown import kernel_earth, kernel_intervals
 from insgnss.simulate.receiver import GnssOptions
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel, load_noise_model
 
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
-CORRELATED = FixErrors(lever_arm_m=0.1, correlated=(1.0, 1.0, 1.5), correlation_time_s=5.0)
+CORRELATED = FixErrors(lever_arm_m=0.1, gm_sigma=(1.0, 1.0, 1.5), correlation_time_s=5.0)
 NAMES = tuple(name for name in PARAMETERS if name != "white_noise")
 THETA = np.log([1.5, 0.7, 1.3, 0.8, 1.2, 0.9, 1.4])  # in the order of NAMES
 
@@ -52,11 +53,11 @@ def disturbed() -> Solution:
 def density_of_all(solution: Solution, stretch: LinearStretch, theta: np.ndarray) -> float:
     """-2 log of the normal density of all measurements of a stretch at once, without its constant."""
     factors = np.exp(theta)
-    correlated = tuple(c * factors[6] for c in CORRELATED.correlated or ())
+    correlated = tuple(c * factors[6] for c in CORRELATED.gm_sigma or ())
     problem, n = solution.problem, solution.problem.layout.size
-    layout = state_layout(scaled(factors), fixes=replace(CORRELATED, correlated=correlated))
+    layout = state_layout(scaled(factors), fixes=replace(CORRELATED, gm_sigma=correlated))
     imu, lin = layout.kernel_model(BLOCK_S, problem.aiding_interval_s), stretch.linear
-    seg, earth, stop = kernel_segments(problem.inc), kernel_earth(problem.frame), problem.inc.stop
+    intervals, earth, stop = kernel_intervals(problem.inc), kernel_earth(problem.frame), problem.inc.stop
     mean, P = stretch.mean0.copy(), stretch.P0.sum(axis=0)
     P[9:, 9:] = np.diag(layout.sigma0**2)
     cross, rows, means, noise = np.zeros((0, n)), np.zeros((0, 0)), [], []
@@ -64,7 +65,7 @@ def density_of_all(solution: Solution, stretch: LinearStretch, theta: np.ndarray
     for e in range(stop.size):
         if e > 0:
             step = linearise_interval(
-                seg, stop[e - 1], stop[e], solution.nav[e - 1], solution.x[e - 1], imu, earth, problem.epochs.time[e - 1]
+                intervals, stop[e - 1], stop[e], solution.nav[e - 1], solution.x[e - 1], imu, earth, problem.epochs.time[e - 1]
             )
             mean, P, cross = step.Phi @ mean + lin.gap[e], step.Phi @ P @ step.Phi.T + step.Q, cross @ step.Phi.T
         for j in np.flatnonzero(lin.there[e]):
@@ -158,26 +159,26 @@ def test_innovations_are_those_of_the_filter(disturbed):
     stretch = linear_stretch(disturbed, ("gyro.white_noise", "fixes.position"))
     at = evaluate([stretch], np.zeros(2))
     problem = disturbed.problem
-    store = make_store(problem.epochs, problem.layout)
-    store.nav[:], store.x[:] = disturbed.nav, disturbed.x
-    run_filter(problem, Start(disturbed.nav[0], disturbed.x[0], stretch.mean0, stretch.P0.sum(axis=0)), store, closed=False)
-    used = store.verdict[:, 0] == 1
-    assert at.rejected == np.count_nonzero(store.verdict[:, 0] == 2) > 3
-    assert_allclose(at.white, store.y[used, :3] / np.sqrt(store.S[used, :3]), rtol=0, atol=1e-9)
-    assert_allclose(at.nis, store.nis[store.verdict[:, 0] > 0, 0], rtol=1e-9)
+    history = make_history(problem.epochs, problem.layout)
+    history.nav[:], history.x[:] = disturbed.nav, disturbed.x
+    run_filter(problem, InitialState(disturbed.nav[0], disturbed.x[0], stretch.mean0, stretch.P0.sum(axis=0)), history, closed_loop=False)
+    used = history.verdict[:, 0] == 1
+    assert at.rejected == np.count_nonzero(history.verdict[:, 0] == 2) > 3
+    assert_allclose(at.white, history.y[used, :3] / np.sqrt(history.S[used, :3]), rtol=0, atol=1e-9)
+    assert_allclose(at.nis, history.nis[history.verdict[:, 0] > 0, 0], rtol=1e-9)
 
 
 def test_rejected_fixes_cost_their_gate(disturbed):
     """Oracle: (C.1) on the filter's own store."""
     stretch = linear_stretch(disturbed, ("fixes.position",))
     problem, theta = disturbed.problem, np.log([1.3])
-    wide = replace(problem, layout=replace(problem.layout, scale=(1.3, 1.3, 1.3)))
-    store = make_store(wide.epochs, wide.layout)
-    store.nav[:], store.x[:] = disturbed.nav, disturbed.x
-    run_filter(wide, Start(disturbed.nav[0], disturbed.x[0], stretch.mean0, stretch.P0.sum(axis=0)), store, closed=False)
-    used, lost = store.verdict[:, 0] == 1, store.verdict[:, 0] == 2
+    wide = replace(problem, layout=replace(problem.layout, white_scale=(1.3, 1.3, 1.3)))
+    history = make_history(wide.epochs, wide.layout)
+    history.nav[:], history.x[:] = disturbed.nav, disturbed.x
+    run_filter(wide, InitialState(disturbed.nav[0], disturbed.x[0], stretch.mean0, stretch.P0.sum(axis=0)), history, closed_loop=False)
+    used, lost = history.verdict[:, 0] == 1, history.verdict[:, 0] == 2
     log_R = np.linalg.slogdet(1.3**2 * problem.epochs.position_cov[used | lost])[1]
-    S, y = store.S[used, :3], store.y[used, :3]
+    S, y = history.S[used, :3], history.y[used, :3]
     told = np.sum(log_R) + np.sum(np.log(S) + y**2 / S) + lost.sum() * problem.gate
     assert evaluate([stretch], theta).cost == pytest.approx(told, rel=1e-10)
 

@@ -92,10 +92,10 @@ def test_correlated_errors_are_found_and_make_the_sigmas_honest():
     assert is_suspicious(plain, layout_factory, FixErrors())
     found = time_correlated_error(plain, layout_factory, FixErrors())
     assert found is not None
-    assert found.correlated is not None
+    assert found.gm_sigma is not None
     claimed = np.sqrt(0.01**2 + 0.03**2)
-    assert 0.015 < found.correlated[0] * claimed < 0.06
-    assert 0.005 < found.scale[0] * claimed < 0.015
+    assert 0.015 < found.gm_sigma[0] * claimed < 0.06
+    assert 0.005 < found.white_scale[0] * claimed < 0.015
     assert 4.0 < found.correlation_time_s < 60.0
     again = solved(flown, found)
     squares = [np.mean(error_of(s.nav, flown.true_nav())[:, :3] ** 2 / np.diagonal(s.P, axis1=1, axis2=2)[:, :3]) for s in (plain, again)]
@@ -107,7 +107,7 @@ def test_states_keep_their_place_and_value_in_another_layout(clean):
     """Oracle: the names."""
     problem, start = clean.problem, start_near(clean, SIGMA)
     start = replace(start, x=np.arange(start.x.size, dtype=float))
-    wide, wide_start = with_layout(problem, start, layout_factory(FixErrors(lever_arm_m=0.2, correlated=(1.0, 1.0, 1.0))))
+    wide, wide_start = with_layout(problem, start, layout_factory(FixErrors(lever_arm_m=0.2, gm_sigma=(1.0, 1.0, 1.0))))
     for s, name in enumerate(wide.layout.names):
         if name in problem.layout.names:
             k = problem.layout.names.index(name)

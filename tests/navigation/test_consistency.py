@@ -11,7 +11,7 @@ import pytest
 from flown import NO_GATE, Flown, error_of, fly, start_near
 from scipy.stats import chi2
 
-from insgnss.navigation.filter import make_store, run_filter
+from insgnss.navigation.filter import make_history, run_filter
 from insgnss.navigation.solution import solve
 
 FLIGHTS, SECONDS, AT_S = 50, 36.0, 24.0333
@@ -28,14 +28,14 @@ def one_flight(seed: int) -> tuple[np.ndarray, np.ndarray]:
     flown = fly(SECONDS, seed, imu_hz=100.0, extra=np.array([AT_S]))
     draw = np.random.default_rng(1000 + seed).standard_normal(9)
     start = start_near(flown, SIGMA, draw * SIGMA)
-    store = make_store(flown.problem.epochs, flown.problem.layout)
-    run_filter(flown.problem, start, store)
+    history = make_history(flown.problem.epochs, flown.problem.layout)
+    run_filter(flown.problem, start, history)
     k, truth = int(flown.extra_epochs[0]), flown.true_nav(flown.extra_epochs)
-    filtered = error_of(store.nav[[k]], truth)[0] - store.m[k, :9]
+    filtered = error_of(history.nav[[k]], truth)[0] - history.m[k, :9]
     solution = solve(flown.problem, start)
     smoothed = error_of(solution.nav[[k]], truth)[0]
     P = solution.P[k, :9, :9]
-    nees = [normalised(filtered, store.P[k, :9, :9]), normalised(smoothed, P), bias_nees(flown, solution, k)]
+    nees = [normalised(filtered, history.P[k, :9, :9]), normalised(smoothed, P), bias_nees(flown, solution, k)]
     return np.array(nees), smoothed / np.sqrt(np.diag(P))
 
 

@@ -9,11 +9,12 @@ from flown import Flown, fly, moved
 from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.geodesy.rotation import skew
-from insgnss.navigation._kernels import state_difference
+from insgnss.navigation.codes import BIAS, DRIFT, NAV, POS, PSI, VEL
 from insgnss.navigation.error_model import Interval, linearise_interval
 from insgnss.navigation.filter import BLOCK_S
-from insgnss.navigation.layout import BIAS, DRIFT, NAV, POS, PSI, VEL, StateLayout, state_layout
-from insgnss.navigation.strapdown import kernel_earth, kernel_segments
+from insgnss.navigation.kernels.update import state_difference
+from insgnss.navigation.layout import StateLayout, state_layout
+from insgnss.navigation.strapdown import kernel_earth, kernel_intervals
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel
 
 GYRO = AxisNoise(5e-5, 0.0, 5e-4, 1e-6, 1e-6, (GaussMarkov(2.5, 8e-5), GaussMarkov(72.0, 2e-5)), 1e-3, 1e-3)
@@ -38,7 +39,7 @@ def interval(flown: Flown, epoch: int, nav, x, block_s: float) -> Interval:
     p = flown.problem
     imu = p.layout.kernel_model(block_s, p.aiding_interval_s)
     first, last = p.inc.stop[epoch : epoch + 2]
-    return linearise_interval(kernel_segments(p.inc), first, last, nav, x, imu, kernel_earth(p.frame), p.epochs.time[epoch])
+    return linearise_interval(kernel_intervals(p.inc), first, last, nav, x, imu, kernel_earth(p.frame), p.epochs.time[epoch])
 
 
 def test_every_kind_of_state_is_there(layout):
@@ -201,7 +202,7 @@ def test_two_intervals_are_one(flown, layout, epoch):
     second = interval(flown, epoch + 1, first.nav, first.x, BLOCK_S)
     imu = layout.kernel_model(BLOCK_S, p.aiding_interval_s)
     span = p.inc.stop[epoch], p.inc.stop[epoch + 2]
-    both = linearise_interval(kernel_segments(p.inc), *span, nav, x, imu, kernel_earth(p.frame), p.epochs.time[epoch])
+    both = linearise_interval(kernel_intervals(p.inc), *span, nav, x, imu, kernel_earth(p.frame), p.epochs.time[epoch])
     Q = second.Phi @ first.Q @ second.Phi.T + second.Q
     size = np.concatenate([[1.0] * 3, [0.1] * 3, [1e-2] * 3, layout.sigma0])
     assert_allclose((both.Phi - second.Phi @ first.Phi)[NAV] * size, 0.0, atol=1e-8)

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
-from insgnss.navigation.layout import BIAS, DRIFT, state_layout
+from insgnss.navigation.codes import BIAS, DRIFT
+from insgnss.navigation.layout import state_layout
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel, load_noise_model
 
 HOUR = 3600.0

@@ -7,16 +7,18 @@ from numpy.testing import assert_allclose
 
 from insgnss.geodesy.earth import EARTH_RATE
 from insgnss.geodesy.rotation import rotation_from_quaternion
-from insgnss.navigation._kernels import measured_triple
-from insgnss.navigation.filter import BLOCK_S, MOTION, POSITION, STILL, TURN, VELOCITY, WHEELS
-from insgnss.navigation.layout import NAV, PSI, FixErrors, state_layout
+from insgnss.navigation.codes import N_NAV, NAV, NHC, POSITION, PSI, VELOCITY, VELOCITY_CONSTRAINT, ZARU, ZUPT
+from insgnss.navigation.filter import BLOCK_S
+from insgnss.navigation.kernels.measurements import measured_triple
+from insgnss.navigation.kernels.records import make_triple
+from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.strapdown import kernel_earth
 from insgnss.simulate.sensors import antenna_states
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel
 
 LEVER = np.array([-0.4, 0.15, -0.3])
 AXIS = AxisNoise(1e-4, 0.0, 1e-3, 0.0, 1e-5, (GaussMarkov(10.0, 1e-4),), 1e-2, 1e-2)
-FIXES = FixErrors(lever_arm_m=0.3, time_offset_s=0.1, clock_rate=1e-4, correlated=(0.5, 0.6, 0.7))
+FIXES = FixErrors(lever_arm_m=0.3, time_offset_s=0.1, clock_rate=1e-4, gm_sigma=(0.5, 0.6, 0.7))
 LAYOUT = state_layout(NoiseModel("all", "made up", (AXIS,) * 3, (AXIS,) * 3), scale_factor=True, misalignment=True, fixes=FIXES)
 RATE = np.array([0.4, -0.3, 0.6])
 ACCEL = np.array([1.5, -2.0, 0.5])
@@ -29,24 +31,26 @@ def flown():
     return without_noise(fly(15.0, seed=2, layout=LAYOUT, velocity=True))
 
 
-def rows(flown, nav, x, kind: int, elapsed: float = 7.0, rate=RATE, lever=LEVER, motion: int = STILL, accel=ACCEL):
+def rows(flown, nav, x, kind: int, elapsed: float = 7.0, rate=RATE, lever=LEVER, motion: int = ZUPT, accel=ACCEL):
     """Innovation (3,) against the measurement Z (of the antenna; zero of the motion) and its Jacobian (3, n)."""
     one = np.ones(1, dtype=np.int64)
     ep = flown.problem.epochs._replace(
         time=np.array([elapsed]), rate=rate[None], has_position=one > 0, position=Z[None], has_velocity=one > 0, velocity=Z[None]
     )
     ep = ep._replace(group=0 * one, sigma=FIX_SIGMA[None], position_cov=np.diag(FIX_SIGMA**2)[None], velocity_cov=np.eye(3)[None])
-    ep = ep._replace(motion=motion * one, motion_cov=np.ones((1, 3, 3)), still_rate=rate[None], still_var=np.ones(1))
-    H, nu, R, C = np.zeros((3, LAYOUT.size)), np.zeros((3, 2)), np.zeros((3, 3)), np.zeros((3, 3))
+    ep = ep._replace(constraint=motion * one, constraint_cov=np.ones((1, 3, 3)), zaru_rate=rate[None], zaru_variance=np.ones(1))
+    triple = make_triple(LAYOUT.size - N_NAV)
     imu, earth = LAYOUT.kernel_model(BLOCK_S, 0.1), kernel_earth(flown.problem.frame)
-    assert measured_triple(kind, 0, ep, nav, x, lever, accel, imu, earth, C, np.zeros(3), np.zeros(LAYOUT.size - 9), H, nu, R)
-    return nu[:, 0].copy(), H.copy()
+    assert measured_triple(kind, 0, ep, nav, x, lever, accel, imu, earth, triple)
+    return triple.nu[:, 0].copy(), triple.H.copy()
 
 
 FIX_SIGMA = np.array([0.02, 0.03, 0.05])
 
 
-@pytest.mark.parametrize(("kind", "motion"), [(POSITION, 0), (VELOCITY, 0), (MOTION, STILL), (MOTION, WHEELS), (TURN, 0)])
+@pytest.mark.parametrize(
+    ("kind", "motion"), [(POSITION, 0), (VELOCITY, 0), (VELOCITY_CONSTRAINT, ZUPT), (VELOCITY_CONSTRAINT, NHC), (ZARU, 0)]
+)
 def test_jacobian_is_the_derivative_of_its_own_value(flown, kind, motion):
     """Oracle: central differences; steps of 1e-4 leave 1e-9 of third order.
 
@@ -66,15 +70,15 @@ def test_jacobian_is_the_derivative_of_its_own_value(flown, kind, motion):
             nu, _ = rows(flown, moved(nav, error[None, :9])[0], x + error[9:], kind, motion=motion)
             numeric[:, s] -= sign * nu / (2.0 * step)
     tight = np.ones(LAYOUT.size, dtype=bool)
-    tight[PSI] = kind in (MOTION, TURN)
+    tight[PSI] = kind in (VELOCITY_CONSTRAINT, ZARU)
     if kind == POSITION:
         tight[9:] = False
         tight[OF_FIXES[3:]] = True
     assert_allclose(H[:, tight], numeric[:, tight], atol=1e-8)
     loose = EARTH_RATE * np.linalg.norm(LEVER) if kind == VELOCITY else 0.005 * 7.0 * 0.5  # a drift after 7 s, half a metre
     assert_allclose(H[:, ~tight], numeric[:, ~tight], atol=loose)
-    assert np.abs(H[:, NAV]).max() > 0.1 or kind == TURN
-    assert (np.abs(H[:, 9:]).max() > 0.1) == (kind != MOTION)
+    assert np.abs(H[:, NAV]).max() > 0.1 or kind == ZARU
+    assert (np.abs(H[:, 9:]).max() > 0.1) == (kind != VELOCITY_CONSTRAINT)
 
 
 def test_fix_errors_enter_as_the_simulators_own(flown):
@@ -85,7 +89,7 @@ def test_fix_errors_enter_as_the_simulators_own(flown):
     motion, lever = flown.sim.flight.motion, flown.problem.antenna_lever_b
     more, late, wrong = np.array([0.1, -0.2, 0.05]), -0.04, np.array([2.0, -1.0, 0.5])
     x = np.zeros(LAYOUT.size - 9)
-    x[LAYOUT.lever : LAYOUT.lever + 3], x[LAYOUT.offset], x[LAYOUT.coloured : LAYOUT.coloured + 3] = more, late, wrong
+    x[LAYOUT.lever : LAYOUT.lever + 3], x[LAYOUT.offset], x[LAYOUT.gm : LAYOUT.gm + 3] = more, late, wrong
     for k in (30, 77, 120):
         t = flown.problem.inc.marks[k : k + 1]
         accel = (motion.velocity(t + 0.01) - motion.velocity(t - 0.01))[0] / 0.02
@@ -102,10 +106,10 @@ def test_a_standing_vehicle_measures_its_gyro_bias_and_the_earth(flown):
     C = rotation_from_quaternion(nav[6:])
     x = np.zeros(LAYOUT.size - 9)
     x[LAYOUT.names.index("gyro y bias")] = 0.02
-    nu, _ = rows(flown, nav, x, TURN)
+    nu, _ = rows(flown, nav, x, ZARU)
     assert_allclose(nu, RATE - [0.0, 0.02, 0.0] - C.T @ flown.problem.frame.earth_rate_l, rtol=0, atol=1e-15)
-    assert_allclose(rows(flown, nav, x, MOTION)[0], -nav[3:6], atol=0.0)
-    across = rows(flown, nav, x, MOTION, motion=WHEELS)[0]
+    assert_allclose(rows(flown, nav, x, VELOCITY_CONSTRAINT)[0], -nav[3:6], atol=0.0)
+    across = rows(flown, nav, x, VELOCITY_CONSTRAINT, motion=NHC)[0]
     assert_allclose(across, [0.0, *-(C.T @ nav[3:6])[1:]], rtol=0, atol=1e-12)
 
 

@@ -12,13 +12,17 @@ import pytest
 from filterpy.kalman import KalmanFilter
 from flown import NO_GATE, fly, start_near
 
-from insgnss.navigation._kernels import measured_triple, state_difference
+from insgnss.navigation.codes import N_KINDS, N_NAV, NHC, ZUPT
 from insgnss.navigation.error_model import linearise_interval
-from insgnss.navigation.filter import BLOCK_S, KINDS, STILL, WHEELS, Problem, Start, make_store, run_filter
+from insgnss.navigation.filter import BLOCK_S, make_history, run_filter
+from insgnss.navigation.kernels.measurements import measured_triple
+from insgnss.navigation.kernels.records import make_triple
+from insgnss.navigation.kernels.update import state_difference
 from insgnss.navigation.layout import FixErrors, state_layout
+from insgnss.navigation.problem import EstimationProblem, InitialState
 from insgnss.navigation.smoother import Smoothed, run_smoother
 from insgnss.navigation.solution import solve
-from insgnss.navigation.strapdown import kernel_earth, kernel_segments
+from insgnss.navigation.strapdown import kernel_earth, kernel_intervals
 from insgnss.stochastic.model import load_noise_model
 
 RELATIVE = 1e-8  # of the standard deviations; measured 1e-10
@@ -42,7 +46,7 @@ class LinearProblem:
 class Case:
     """What the package makes of the problem: filtered mean and covariance, smoothed, and the same problem in matrices."""
 
-    problem: Problem
+    problem: EstimationProblem
     filtered: np.ndarray
     filtered_P: np.ndarray
     smoothed: Smoothed
@@ -50,7 +54,7 @@ class Case:
     events: np.ndarray
 
 
-def events_at(problem: Problem, at: np.ndarray) -> Problem:
+def events_at(problem: EstimationProblem, at: np.ndarray) -> EstimationProblem:
     """The problem with camera events at epochs `at`, every third velocity left out, and some motion and stillness made up."""
     event = np.full(problem.inc.marks.size, -1, dtype=np.int64)
     event[at] = np.arange(at.size)
@@ -58,34 +62,33 @@ def events_at(problem: Problem, at: np.ndarray) -> Problem:
     has_velocity[::3] = False
     epochs, m = problem.epochs._replace(event=event, has_velocity=has_velocity), event.size
     motion, still = np.zeros(m, dtype=np.int64), np.zeros(m)
-    motion[10::17], motion[15::23], still[20::19] = STILL, WHEELS, 1e-4
+    motion[10::17], motion[15::23], still[20::19] = ZUPT, NHC, 1e-4
     cov = np.broadcast_to(np.diag([25.0, 9.0, 4.0]), (m, 3, 3)).copy()
     group = (np.arange(m) // 40) % 2
     return replace(
-        problem, epochs=epochs._replace(motion=motion, motion_cov=cov, still_var=still, still_rate=problem.inc.rate, group=group)
+        problem, epochs=epochs._replace(constraint=motion, constraint_cov=cov, zaru_variance=still, zaru_rate=problem.inc.rate, group=group)
     )
 
 
-def measurements(problem: Problem, nav, x, k: int, accel) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def measurements(problem: EstimationProblem, nav, x, k: int, accel) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     ep, n = problem.epochs, problem.layout.size
     imu, earth = problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s), kernel_earth(problem.frame)
     out = []
-    for kind in range(KINDS):
-        H, nu, R, C = np.zeros((3, n)), np.zeros((3, 2)), np.zeros((3, 3)), np.zeros((3, 3))
-        scratch = C, np.zeros(3), np.zeros(n - 9)
-        if measured_triple(kind, k, ep, nav, x, problem.antenna_lever_b, accel, imu, earth, *scratch, H, nu, R):
-            out.append((H, nu[:, 0], R))
+    for kind in range(N_KINDS):
+        triple = make_triple(n - N_NAV)
+        if measured_triple(kind, k, ep, nav, x, problem.antenna_lever_b, accel, imu, earth, triple):
+            out.append((triple.H, triple.nu[:, 0], triple.R))
     return out
 
 
-def in_matrices(problem: Problem, start: Start, nav, x) -> LinearProblem:
+def in_matrices(problem: EstimationProblem, start: InitialState, nav, x) -> LinearProblem:
     """The problem about the nominal nav (m, 10), x (m, ns)."""
     m, n = nav.shape[0], problem.layout.size
-    seg, earth = kernel_segments(problem.inc), kernel_earth(problem.frame)
+    intervals, earth = kernel_intervals(problem.inc), kernel_earth(problem.frame)
     imu, ep = problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s), problem.epochs
     Phi, Q, c, gap, accel = np.zeros((m, n, n)), np.zeros((m, n, n)), np.zeros((m, n)), np.zeros(n), np.zeros((m, 3))
     for k in range(1, m):
-        step = linearise_interval(seg, ep.stop[k - 1], ep.stop[k], nav[k - 1], x[k - 1], imu, earth, ep.time[k - 1])
+        step = linearise_interval(intervals, ep.stop[k - 1], ep.stop[k], nav[k - 1], x[k - 1], imu, earth, ep.time[k - 1])
         state_difference(step.nav, step.x, nav[k], x[k], gap)
         accel[k] = (step.nav[3:6] - nav[k - 1, 3:6]) / (ep.time[k] - ep.time[k - 1])
         Phi[k], Q[k] = step.Phi, 0.5 * (step.Q + step.Q.T)
@@ -108,12 +111,12 @@ def case() -> Case:
     start = start_near(flown, SIGMA, OFFSET)
     start = replace(start, mean=0.3 * np.sqrt(np.diag(start.P)) * np.cos(np.arange(start.mean.size)))
     first = solve(problem, start, "off")
-    store = make_store(problem.epochs, problem.layout)
-    store.nav[:], store.x[:] = first.nav, first.x
-    run_filter(problem, start, store, closed=False)
-    linear = in_matrices(problem, start, store.nav, store.x)
-    filtered, filtered_P = store.m.copy(), store.P.copy()
-    return Case(problem, filtered, filtered_P, run_smoother(problem.epochs, store), linear, events)
+    history = make_history(problem.epochs, problem.layout)
+    history.nav[:], history.x[:] = first.nav, first.x
+    run_filter(problem, start, history, closed_loop=False)
+    linear = in_matrices(problem, start, history.nav, history.x)
+    filtered, filtered_P = history.m.copy(), history.P.copy()
+    return Case(problem, filtered, filtered_P, run_smoother(problem.epochs, history), linear, events)
 
 
 @pytest.fixture(scope="module")

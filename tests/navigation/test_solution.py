@@ -9,7 +9,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.errors import DataError
 from insgnss.navigation import solution as solution_module
-from insgnss.navigation.filter import REJECTED, REOPENED, USED, gate_from_sigma, make_store, run_filter
+from insgnss.navigation.codes import COVARIANCE_RESET, REJECTED, USED
+from insgnss.navigation.filter import gate_from_sigma, make_history, run_filter
 from insgnss.navigation.smoother import run_smoother
 from insgnss.navigation.solution import Solution, solve, trajectory
 
@@ -73,10 +74,10 @@ def test_a_good_start_needs_one_pass(flown):
 
 def test_means_alone_are_those_of_the_full_smoother(flown):
     """Oracle: the same recursion without covariances must not move a digit."""
-    store = make_store(flown.problem.epochs, flown.problem.layout)
-    run_filter(flown.problem, start_near(flown, ALIGNED), store)
-    means = run_smoother(flown.problem.epochs, store, full=False)
-    full = run_smoother(flown.problem.epochs, store)
+    history = make_history(flown.problem.epochs, flown.problem.layout)
+    run_filter(flown.problem, start_near(flown, ALIGNED), history)
+    means = run_smoother(flown.problem.epochs, history, full=False)
+    full = run_smoother(flown.problem.epochs, history)
     assert means.P is None
     assert means.separation.size == 0
     assert_array_equal(means.delta, full.delta)
@@ -136,7 +137,7 @@ def test_a_second_of_rejected_fixes_reopens_the_filter(flown):
     problem = displaced(flown, at, 2.0)
     got = solve(problem, start_near(flown, ALIGNED), "off")
     assert_array_equal(got.verdict[at[:10], 0], REJECTED)
-    assert got.verdict[at[10], 0] == REOPENED
+    assert got.verdict[at[10], 0] == COVARIANCE_RESET
     assert (got.verdict[at[11:], 0] == USED).all()
     error = np.abs(error_of(got.nav, flown.true_nav()))
     assert error[at[20:], 1].min() > 1.0

@@ -211,14 +211,14 @@ def test_a_correlated_error_that_was_adopted_is_doubted(monkeypatch, adopted, ga
     """Oracle: the rule; the correlated error stays where the likelihood gains more than 20 beside free noise of the IMU."""
 
     def part(coloured: int, cost: float) -> SimpleNamespace:
-        return SimpleNamespace(problem=SimpleNamespace(layout=SimpleNamespace(coloured=coloured)), at_best=SimpleNamespace(cost=cost))
+        return SimpleNamespace(problem=SimpleNamespace(layout=SimpleNamespace(gm=coloured)), at_best=SimpleNamespace(cost=cost))
 
     room = "insgnss.calibrate.innovation_noise."
     monkeypatch.setattr(room + "without_correlated", lambda _: part(-1, gain))
     monkeypatch.setattr(room + "in_flight_noise", lambda parts, *_: parts[0])
     flight = SimpleNamespace(gnss=SimpleNamespace(correlated=asked))
     found, dropped = _estimated(flight, [part(3 if has else -1, 0.0) for has in adopted], (), lambda _: None)
-    assert (found.problem.layout.coloured < 0) == (white or not any(adopted))
+    assert (found.problem.layout.gm < 0) == (white or not any(adopted))
     assert dropped == white
 
 

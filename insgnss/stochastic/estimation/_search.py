@@ -13,8 +13,8 @@ times costs microseconds. A place on the grid is an index with fraction. Matrix 
 import math
 
 import numpy as np
-from numba import njit
 
+from ...compilation import njit
 from ...records import Array
 
 _PIVOT = 1e-13  # squared length that columns before it leave of a unit column; below, it is rounding

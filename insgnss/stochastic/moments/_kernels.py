@@ -5,7 +5,8 @@ row of partial sums first. All release the interpreter's lock, so that axes run 
 """
 
 import numpy as np
-from numba import njit
+
+from ...compilation import njit
 
 BLOCK = 4096  # samples whose differences are formed for all averaging factors before the next are touched
 LANES = 128  # partial sums

@@ -1,0 +1,50 @@
+"""The integers that kernels and Python share: where a state stands, and what a number stands for.
+
+One definition for both sides. Numba takes these names as constants, slices included.
+"""
+
+# Error states. The navigation errors come first, in the axes of l; the other error states (of the
+# IMU, then of the GNSS fixes) follow from `IMU0` on in the order of `layout.StateLayout`.
+POS, VEL, PSI = slice(0, 3), slice(3, 6), slice(6, 9)  # m, m/s, rad
+NAV = slice(0, 9)
+IMU = slice(9, None)
+N_NAV = 9  # number of navigation error states
+PX, PY, PZ, VX, VY, VZ, AX, AY, AZ = range(N_NAV)  # A: psi, the attitude error
+VEL0, PSI0, IMU0 = VX, AX, N_NAV  # the first state of each group
+
+# The nominal navigation state (10,): position and velocity stand where their errors do, then q_lb.
+QUAT = slice(6, 10)
+QW, QX, QY, QZ = 6, 7, 8, 9
+N_NOMINAL = 10
+
+# Channels of the IMU: gyro x y z, accelerometer x y z, body axes.
+ACCEL0 = 3  # the first channel of the accelerometers
+N_CHANNELS = 6
+
+# What an error state is multiplied with before it adds to its channel; 0..5: what that channel measures.
+BIAS = -1  # one
+DRIFT = -2  # seconds since the start
+FIX_ERROR = -3  # nothing: an error of the GNSS fixes, which enters their measurement alone
+ABSENT = -1  # instead of the number of a state (or of a row, an event) that there is not
+
+# Groups of fixes with error models of their own.
+FIXED_GROUP = 0  # the usual: ambiguities fixed, or a recording in which all fixes are of one kind
+UNFIXED_GROUP = 1  # float and code solutions, whose errors stay for a minute and more
+
+# Kinds of measured triples, in the order in which an epoch takes them.
+POSITION = 0  # of the GNSS antenna (K.1)
+VELOCITY = 1  # of the GNSS antenna (K.2)
+VELOCITY_CONSTRAINT = 2  # ZUPT (K.8) or NHC (K.9)
+ZARU = 3  # zero angular rate update (K.10)
+N_KINDS = 4
+
+# What is known of the velocity at an epoch without measuring it.
+NO_CONSTRAINT = 0
+ZUPT = 1  # zero-velocity update: the vehicle is stationary
+NHC = 2  # non-holonomic constraint: no velocity across the forward axis
+
+# What became of a triple.
+NOT_MEASURED = 0
+USED = 1
+REJECTED = 2  # by the innovation gate
+COVARIANCE_RESET = 3  # used after the covariance was reset (K.7)

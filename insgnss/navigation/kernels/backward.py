@@ -1,0 +1,109 @@
+"""The smoother (B) over all epochs."""
+
+import numpy as np
+
+from ...compilation import njit
+from ..codes import ABSENT, IMU0, N_NAV
+
+
+@njit(cache=True)
+def run_backward(epochs, history, full, delta, event_cross, keep, keep_information, keep_adjoint):
+    """Modified Bryson-Frazier smoother (B.1-B.5). delta (m, n): smoothed error estimate about the nominal.
+
+    full: also replace history.P by the smoothed covariance and fill event_cross (events, 9, 9).
+    keep (m,): slot of keep_information (slots, n, n) and keep_adjoint (slots, n) that takes Lambda and lambda at the epoch, or -1.
+    """
+    count = epochs.stop.size
+    nz, n = history.H.shape[1], history.m.shape[1]
+    ns = n - N_NAV
+    lam = np.zeros(n)
+    new = np.zeros(n)
+    Lam = np.zeros((n, n))
+    A = np.zeros((n, n))
+    B = np.zeros((n, n))
+    M = np.zeros((N_NAV, n))
+    G = np.zeros((N_NAV, n))
+    g = np.zeros(n)
+    for e in range(count - 1, -1, -1):
+        P = history.P[e]
+        if keep[e] != ABSENT:
+            keep_information[keep[e]] = Lam
+            keep_adjoint[keep[e]] = lam
+        for r in range(n):
+            t = history.m[e, r]
+            for c in range(n):
+                t += P[r, c] * lam[c]
+            delta[e, r] = t
+        if full:
+            np.dot(Lam, P, A)
+            if epochs.event[e] != ABSENT:
+                cross = history.cross[epochs.event[e]]
+                np.dot(cross, A, M)
+                for r in range(N_NAV):
+                    for c in range(N_NAV):
+                        event_cross[epochs.event[e], r, c] = cross[r, c] - M[r, c]
+            np.dot(P, A, B)
+            for r in range(n):
+                for c in range(n):
+                    P[r, c] -= 0.5 * (B[r, c] + B[c, r])
+        for i in range(nz - 1, -1, -1):
+            S = history.S[e, i]
+            if S <= 0.0:
+                continue
+            h = history.H[e, i]
+            k = history.K[e, i]
+            used = history.used[i]
+            t = history.y[e, i] / S
+            for r in range(n):
+                t -= k[r] * lam[r]
+            for r in range(used):
+                lam[r] += h[r] * t
+            if full:
+                t = 1.0 / S
+                for r in range(n):
+                    a = 0.0
+                    for c in range(n):
+                        a += Lam[r, c] * k[c]
+                    g[r] = a
+                    t += a * k[r]
+                for r in range(used):
+                    for c in range(n):
+                        Lam[r, c] -= h[r] * g[c]
+                for r in range(n):
+                    for c in range(used):
+                        Lam[r, c] -= g[r] * h[c]
+                for r in range(used):
+                    for c in range(used):
+                        Lam[r, c] += t * h[r] * h[c]
+        if e == 0:
+            break
+        F = history.F[e]
+        D = history.D[e]
+        for c in range(n):
+            t = 0.0
+            for r in range(N_NAV):
+                t += F[r, c] * lam[r]
+            if c >= IMU0:
+                t += D[c - IMU0] * lam[c]
+            new[c] = t
+        lam[:] = new
+        if full:
+            # Phi' Lambda Phi with Phi = [F; 0 D]: M = Lambda_nn F + Lambda_nb D, then F' M + D Lambda_bn F + D Lambda_bb D
+            for r in range(N_NAV):
+                row = G[r]
+                for c in range(n):
+                    row[c] = 0.0
+                for k in range(N_NAV):
+                    t = 0.5 * Lam[r, k]
+                    for c in range(n):
+                        row[c] += t * F[k, c]
+                for s in range(ns):
+                    row[IMU0 + s] += Lam[r, IMU0 + s] * D[s]
+            np.dot(F.T, G, A)
+            for r in range(n):
+                if r >= IMU0:
+                    for c in range(IMU0, n):
+                        A[r, c] += 0.5 * Lam[r, c] * (D[r - IMU0] * D[c - IMU0])
+            for r in range(n):
+                for c in range(n):
+                    Lam[r, c] = A[r, c] + A[c, r]

@@ -1,0 +1,297 @@
+"""The error model (E): transition and process noise of the errors over an interval between epochs."""
+
+import numpy as np
+
+from ...compilation import njit
+from ..codes import (
+    ACCEL0,
+    AX,
+    AY,
+    AZ,
+    BIAS,
+    DRIFT,
+    FIX_ERROR,
+    IMU0,
+    N_CHANNELS,
+    N_NAV,
+    PX,
+    PY,
+    PZ,
+    VEL0,
+    VX,
+    VY,
+    VZ,
+)
+from .strapdown import EARTH_RADIUS_M, strapdown_block
+
+GRAVITY = 9.8  # m/s^2, for its gradient alone
+
+
+@njit(cache=True)
+def apply_nav_rows(A, columns, B, s1, s2, side, o):
+    """A[:, :columns] <- F_block A: the 9 x 9 block transition (E.4) on the rows of A."""
+    down = -2.0 * side
+    for j in range(columns):
+        p0, p1, p2 = A[PX, j], A[PY, j], A[PZ, j]
+        v0, v1, v2 = A[VX, j], A[VY, j], A[VZ, j]
+        a0, a1, a2 = A[AX, j], A[AY, j], A[AZ, j]
+        A[PX, j] = p0 + B * v0 - (s2[1] * a2 - s2[2] * a1)
+        A[PY, j] = p1 + B * v1 - (s2[2] * a0 - s2[0] * a2)
+        A[PZ, j] = p2 + B * v2 - (s2[0] * a1 - s2[1] * a0)
+        A[VX, j] = v0 - (s1[1] * a2 - s1[2] * a1) + B * (side * p0 - 2.0 * (o[1] * v2 - o[2] * v1))
+        A[VY, j] = v1 - (s1[2] * a0 - s1[0] * a2) + B * (side * p1 - 2.0 * (o[2] * v0 - o[0] * v2))
+        A[VZ, j] = v2 - (s1[0] * a1 - s1[1] * a0) + B * (down * p2 - 2.0 * (o[0] * v1 - o[1] * v0))
+        A[AX, j] = a0 - B * (o[1] * a2 - o[2] * a1)
+        A[AY, j] = a1 - B * (o[2] * a0 - o[0] * a2)
+        A[AZ, j] = a2 - B * (o[0] * a1 - o[1] * a0)
+
+
+@njit(cache=True)
+def channel_columns(integrals, B, column):
+    """(E.5): effect of a unit constant error of each channel on position, velocity and psi over the block."""
+    s1, C = integrals.s1, integrals.C
+    for a in range(3):
+        e0, e1, e2 = C[0, a], C[1, a], C[2, a]
+        t0 = s1[1] * e2 - s1[2] * e1
+        t1 = s1[2] * e0 - s1[0] * e2
+        t2 = s1[0] * e1 - s1[1] * e0
+        column[PX, a], column[PY, a], column[PZ, a] = B / 6.0 * t0, B / 6.0 * t1, B / 6.0 * t2
+        column[VX, a], column[VY, a], column[VZ, a] = 0.5 * t0, 0.5 * t1, 0.5 * t2
+        column[AX, a], column[AY, a], column[AZ, a] = -e0, -e1, -e2
+        column[PX, ACCEL0 + a], column[PY, ACCEL0 + a], column[PZ, ACCEL0 + a] = -0.5 * B * e0, -0.5 * B * e1, -0.5 * B * e2
+        column[VX, ACCEL0 + a], column[VY, ACCEL0 + a], column[VZ, ACCEL0 + a] = -e0, -e1, -e2
+        column[AX, ACCEL0 + a], column[AY, ACCEL0 + a], column[AZ, ACCEL0 + a] = 0.0, 0.0, 0.0
+
+
+@njit(cache=True)
+def add_white_noise(Q, integrals, B, white, v9):
+    """(E.7): white gyro and accelerometer noise of one block into Q[:9, :9]."""
+    s1, C = integrals.s1, integrals.C
+    for a in range(3):
+        e0, e1, e2 = -C[0, a] / B, -C[1, a] / B, -C[2, a] / B
+        q = white[a]
+        if q > 0.0:
+            f0 = -(s1[1] * e2 - s1[2] * e1)
+            f1 = -(s1[2] * e0 - s1[0] * e2)
+            f2 = -(s1[0] * e1 - s1[1] * e0)
+            v9[PX], v9[PY], v9[PZ] = f0, f1, f2
+            v9[VX], v9[VY], v9[VZ] = f0, f1, f2
+            v9[AX], v9[AY], v9[AZ] = e0, e1, e2
+            for r in range(N_NAV):
+                for c in range(N_NAV):
+                    both = r // 3 + c // 3  # groups of three: position 0, velocity 1, psi 2
+                    if both == 0:
+                        k = B * B * B / 20.0
+                    elif both == 1:
+                        k = B * B / 8.0
+                    elif both == 2:
+                        k = B / 3.0 if r // 3 == 1 else B * B / 6.0
+                    elif both == 3:
+                        k = B / 2.0
+                    else:
+                        k = B
+                    Q[r, c] += q * k * v9[r] * v9[c]
+        q = white[ACCEL0 + a]
+        if q > 0.0:
+            v9[0], v9[1], v9[2] = e0, e1, e2
+            for r in range(3):
+                for c in range(3):
+                    k = q * v9[r] * v9[c]
+                    Q[r, c] += k * B * B * B / 3.0
+                    Q[r, VEL0 + c] += k * B * B / 2.0
+                    Q[VEL0 + r, c] += k * B * B / 2.0
+                    Q[VEL0 + r, VEL0 + c] += k * B
+
+
+@njit(cache=True)
+def step_covariance(W, Qbb, B, model, work, side, o):
+    """(E.6): W = [Q_nn | Q_nb] and the diagonal Q_bb over one more block."""
+    ns = model.channel.size
+    column, group, X, Y = work.column, work.group, work.X, work.Y
+    group[:] = 0.0
+    for s in range(ns):
+        c = model.channel[s]
+        w = work.weight[s] * work.mean[s]
+        for r in range(N_NAV):
+            group[r, c] += w * W[r, IMU0 + s]
+    X[:] = W
+    apply_nav_rows(X, N_NAV + ns, B, work.integrals.s1, work.integrals.s2, side, o)
+    for r in range(N_NAV):
+        for k in range(N_NAV):
+            t = 0.0
+            for c in range(N_CHANNELS):
+                t += column[r, c] * group[k, c]
+            X[r, k] += t
+    for s in range(ns):
+        c = model.channel[s]
+        w = work.weight[s] * work.mean[s] * Qbb[s]
+        for r in range(N_NAV):
+            X[r, IMU0 + s] += column[r, c] * w
+    group[:] = 0.0
+    for s in range(ns):
+        c = model.channel[s]
+        w = work.weight[s] * work.mean[s]
+        for r in range(N_NAV):
+            group[r, c] += w * X[r, IMU0 + s]
+    for r in range(N_NAV):
+        for k in range(N_NAV):
+            Y[k, r] = X[r, k]
+    apply_nav_rows(Y, N_NAV, B, work.integrals.s1, work.integrals.s2, side, o)
+    for r in range(N_NAV):
+        for k in range(N_NAV):
+            t = Y[k, r]
+            for c in range(N_CHANNELS):
+                t += group[r, c] * column[k, c]
+            W[r, k] = t
+    for c in range(N_CHANNELS):
+        t = 0.0
+        for s in range(ns):
+            if model.channel[s] == c:
+                t += work.weight[s] * work.weight[s] * model.drive[s]
+        if t > 0.0:
+            t *= B / 3.0
+            for r in range(N_NAV):
+                for k in range(N_NAV):
+                    W[r, k] += t * column[r, c] * column[k, c]
+    for s in range(ns):
+        c = model.channel[s]
+        d = work.decay[s]
+        t = 0.5 * B * work.weight[s] * model.drive[s]
+        for r in range(N_NAV):
+            W[r, IMU0 + s] = d * X[r, IMU0 + s] + t * column[r, c]
+        if model.beta[s] > 0.0:
+            Qbb[s] = d * d * Qbb[s] + model.drive[s] * (1.0 - d * d) / (2.0 * model.beta[s])
+        else:
+            Qbb[s] += model.drive[s] * B
+    add_white_noise(W, work.integrals, B, model.white, work.v9)
+
+
+@njit(cache=True)
+def block_states(intervals, i0, i1, B, elapsed, x, model, work):
+    """Decay, mean and weight of each state over the block, and the channel biases at its two ends.
+
+    Returns whether scale factors or misalignments are among the states.
+    """
+    ns = model.channel.size
+    if abs(B - work.last_block[0]) > 1e-10:
+        for s in range(ns):
+            b = model.beta[s] * B
+            work.decay[s] = np.exp(-b)
+            work.mean[s] = -np.expm1(-b) / b if b > 1e-6 else 1.0 - 0.5 * b
+        work.last_block[0] = B
+    work.bias[:] = 0.0
+    has_scale = False
+    for s in range(ns):
+        f = model.factor[s]
+        c = model.channel[s]
+        if f == BIAS:
+            work.weight[s] = 1.0
+            work.bias[0, c] += x[s]
+            work.bias[1, c] += x[s] * work.decay[s]
+        elif f == DRIFT:
+            work.weight[s] = elapsed + 0.5 * B
+            work.bias[0, c] += x[s] * elapsed
+            work.bias[1, c] += x[s] * (elapsed + B)
+        elif f == FIX_ERROR:
+            work.weight[s] = 0.0
+        else:
+            if not has_scale:
+                work.scale[:] = 0.0
+                has_scale = True
+            t = 0.0
+            for i in range(i0, i1):
+                t += intervals.dtheta[i, f] if f < ACCEL0 else intervals.dvel[i, f - ACCEL0]
+            work.weight[s] = t / B
+            work.scale[c, f] += x[s]
+    return has_scale
+
+
+@njit(cache=True)
+def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, work):
+    """Propagate nav and x over the intervals i0..i1-1; transition F (9, n), D (ns,), noise W (9, n), Qbb (ns,).
+
+    elapsed : s since the start, at the first of the intervals.
+    """
+    ns = model.channel.size
+    o = earth.rate_l
+    F[:] = 0.0
+    W[:] = 0.0
+    Qbb[:] = 0.0
+    for r in range(N_NAV):
+        F[r, r] = 1.0
+    D[:] = 1.0
+    total = 0.0
+    for i in range(i0, i1):
+        total += intervals.dt[i]
+    blocks = int(np.ceil(total / model.block - 1e-6))
+    target = total / max(blocks, 1)
+    side = -GRAVITY / EARTH_RADIUS_M
+    a = i0
+    done = 0.0
+    while a < i1:
+        b = a
+        B = 0.0
+        while b < i1 and (b == a or B + 0.5 * intervals.dt[b] < target):
+            B += intervals.dt[b]
+            b += 1
+        has_scale = block_states(intervals, a, b, B, elapsed + done, x, model, work)
+        strapdown_block(intervals, a, b, B, nav, earth, work.bias, work.scale, has_scale, work.integrals)
+        channel_columns(work.integrals, B, work.column)
+        apply_nav_rows(F, N_NAV + ns, B, work.integrals.s1, work.integrals.s2, side, o)
+        for s in range(ns):
+            c = model.channel[s]
+            w = work.weight[s] * work.mean[s] * D[s]
+            for r in range(N_NAV):
+                F[r, IMU0 + s] += work.column[r, c] * w
+        step_covariance(W, Qbb, B, model, work, side, o)
+        for s in range(ns):
+            D[s] *= work.decay[s]
+            x[s] *= work.decay[s]
+        done += B
+        a = b
+
+
+@njit(cache=True)
+def add_gap_noise(W, column, B, variance):
+    """(E.8): the increments over a gap of length B were made up; `variance` (6,) is that of their errors."""
+    for c in range(N_CHANNELS):
+        q = variance[c] / (B * B)
+        for r in range(N_NAV):
+            for k in range(N_NAV):
+                W[r, k] += q * column[r, c] * column[k, c]
+
+
+@njit(cache=True)
+def predict_covariance(P, F, D, W, Qbb, X, nine):
+    """P <- Phi P Phi' + Q with Phi = [F; 0 D] and Q = [W; Q_bb]."""
+    n = P.shape[0]
+    np.dot(F, P, X)
+    np.dot(X, F.T, nine)
+    for r in range(N_NAV):
+        for c in range(r, N_NAV):
+            t = nine[r, c] + W[r, c]
+            P[r, c] = t
+            P[c, r] = t
+    for r in range(N_NAV):
+        for c in range(N_NAV, n):
+            t = X[r, c] * D[c - IMU0] + W[r, c]
+            P[r, c] = t
+            P[c, r] = t
+    for r in range(N_NAV, n):
+        d = D[r - IMU0]
+        for c in range(N_NAV, n):
+            P[r, c] *= d * D[c - IMU0]
+        P[r, r] += Qbb[r - IMU0]
+
+
+@njit(cache=True)
+def propagate_mean(F, D, m, gap, scratch):
+    """m <- Phi m + gap with Phi = [F; 0 D]; scratch (n,)."""
+    for r in range(N_NAV):
+        t = gap[r]
+        for c in range(m.size):
+            t += F[r, c] * m[c]
+        scratch[r] = t
+    for s in range(D.size):
+        scratch[IMU0 + s] = gap[IMU0 + s] + D[s] * m[IMU0 + s]
+    m[:] = scratch

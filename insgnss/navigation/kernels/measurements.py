@@ -1,0 +1,258 @@
+"""The measurements (K.1, K.2, K.8-K.10): innovation and derivative of each kind of triple."""
+
+from ...compilation import njit
+from ...geodesy._kernels import quat_to_matrix
+from ..codes import (
+    ACCEL0,
+    AX,
+    AY,
+    AZ,
+    BIAS,
+    DRIFT,
+    FIX_ERROR,
+    IMU0,
+    NO_CONSTRAINT,
+    POSITION,
+    PSI0,
+    PX,
+    PY,
+    PZ,
+    QUAT,
+    VEL0,
+    VELOCITY,
+    VELOCITY_CONSTRAINT,
+    VX,
+    VY,
+    VZ,
+    ZUPT,
+)
+
+
+@njit(cache=True)
+def antenna(nav, x, lever_b, model, triple):
+    """Leave C_lb, and the lever arm with its error states, in the triple."""
+    quat_to_matrix(nav[QUAT], triple.C_lb)
+    for i in range(3):
+        triple.lever[i] = lever_b[i]
+        if model.lever >= 0:
+            triple.lever[i] += x[model.lever + i]
+
+
+@njit(cache=True)
+def fix_delay(x, elapsed, model):
+    """By how much a fix was taken later than it is stamped, s."""
+    d = x[model.offset]
+    if model.rate >= 0:
+        d += elapsed * x[model.rate]
+    return d
+
+
+@njit(cache=True)
+def minus_skew(H, column, a0, a1, a2):
+    """H[:, column : column + 3] <- -[a x]."""
+    H[0, column + 1], H[0, column + 2] = a2, -a1
+    H[1, column], H[1, column + 2] = -a2, a0
+    H[2, column], H[2, column + 1] = a1, -a0
+
+
+@njit(cache=True)
+def body_rate(nav, x, elapsed, rate, model, earth, triple):
+    """Leave the body's rate against the Earth, of the measured rate (3,), and its gains in the triple."""
+    C, omega, gain = triple.C_lb, triple.omega, triple.gain
+    quat_to_matrix(nav[QUAT], C)
+    o = earth.rate_l
+    for i in range(3):
+        omega[i] = rate[i] - (C[0, i] * o[0] + C[1, i] * o[1] + C[2, i] * o[2])
+    for s in range(model.channel.size):
+        c = model.channel[s]
+        f = model.factor[s]
+        if c >= ACCEL0 or f == FIX_ERROR:
+            u = 0.0
+        elif f == BIAS:
+            u = 1.0
+        elif f == DRIFT:
+            u = elapsed
+        else:
+            u = rate[f]
+        gain[s] = u
+        if u != 0.0:
+            omega[c] -= x[s] * u
+
+
+@njit(cache=True)
+def position_rows(nav, x, elapsed, lever_b, model, acceleration, z, sigma, group, triple):
+    """(K.1): the antenna's position z (3,).
+
+    acceleration (3,): of the IMU in l; with the rate in the triple, for the velocity at the fix's own time.
+    sigma (3,): the unit of the fix's time-correlated errors.   group: of the fix.
+    """
+    antenna(nav, x, lever_b, model, triple)
+    C, lever, omega, H, nu = triple.C_lb, triple.lever, triple.omega, triple.H, triple.nu
+    H[:] = 0.0
+    a0 = C[0, 0] * lever[0] + C[0, 1] * lever[1] + C[0, 2] * lever[2]
+    a1 = C[1, 0] * lever[0] + C[1, 1] * lever[1] + C[1, 2] * lever[2]
+    a2 = C[2, 0] * lever[0] + C[2, 1] * lever[1] + C[2, 2] * lever[2]
+    nu[0, 0] = z[0] - nav[PX] - a0
+    nu[1, 0] = z[1] - nav[PY] - a1
+    nu[2, 0] = z[2] - nav[PZ] - a2
+    H[0, PX] = H[1, PY] = H[2, PZ] = 1.0
+    minus_skew(H, PSI0, a0, a1, a2)
+    if model.lever >= 0:
+        for r in range(3):
+            for c in range(3):
+                H[r, IMU0 + model.lever + c] = C[r, c]
+    if model.offset >= 0:
+        d = fix_delay(x, elapsed, model)
+        l0 = omega[1] * lever[2] - omega[2] * lever[1]
+        l1 = omega[2] * lever[0] - omega[0] * lever[2]
+        l2 = omega[0] * lever[1] - omega[1] * lever[0]
+        for r in range(3):
+            v = nav[VEL0 + r] + C[r, 0] * l0 + C[r, 1] * l1 + C[r, 2] * l2
+            nu[r, 0] -= v * d + 0.5 * acceleration[r] * d * d
+            H[r, VEL0 + r] = d
+            H[r, IMU0 + model.offset] = v + acceleration[r] * d
+            if model.rate >= 0:
+                H[r, IMU0 + model.rate] = elapsed * H[r, IMU0 + model.offset]
+    for of_group in range(group + 1):  # the error of all fixes, and of an unfixed one its own besides
+        first = model.gm[of_group]
+        if first >= 0:
+            for r in range(3):
+                nu[r, 0] -= sigma[r] * x[first + r]
+                H[r, IMU0 + first + r] = sigma[r]
+
+
+@njit(cache=True)
+def velocity_rows(nav, x, elapsed, lever_b, model, acceleration, z, triple):
+    """(K.2): the antenna's velocity z (3,); omega and gain of the triple as `body_rate` leaves them."""
+    antenna(nav, x, lever_b, model, triple)
+    C, lever, omega, H, nu = triple.C_lb, triple.lever, triple.omega, triple.H, triple.nu
+    H[:] = 0.0
+    for s in range(model.channel.size):
+        u = triple.gain[s]
+        if u == 0.0:
+            continue
+        c = model.channel[s]
+        if c == 0:
+            e0, e1, e2 = 0.0, -lever[2], lever[1]
+        elif c == 1:
+            e0, e1, e2 = lever[2], 0.0, -lever[0]
+        else:
+            e0, e1, e2 = -lever[1], lever[0], 0.0
+        for r in range(3):
+            H[r, IMU0 + s] = -u * (C[r, 0] * e0 + C[r, 1] * e1 + C[r, 2] * e2)
+    l0 = omega[1] * lever[2] - omega[2] * lever[1]
+    l1 = omega[2] * lever[0] - omega[0] * lever[2]
+    l2 = omega[0] * lever[1] - omega[1] * lever[0]
+    a0 = C[0, 0] * l0 + C[0, 1] * l1 + C[0, 2] * l2
+    a1 = C[1, 0] * l0 + C[1, 1] * l1 + C[1, 2] * l2
+    a2 = C[2, 0] * l0 + C[2, 1] * l1 + C[2, 2] * l2
+    nu[0, 0] = z[0] - nav[VX] - a0
+    nu[1, 0] = z[1] - nav[VY] - a1
+    nu[2, 0] = z[2] - nav[VZ] - a2
+    H[0, VX] = H[1, VY] = H[2, VZ] = 1.0
+    minus_skew(H, PSI0, a0, a1, a2)
+    if model.lever >= 0:
+        first = IMU0 + model.lever
+        for r in range(3):
+            H[r, first] = C[r, 1] * omega[2] - C[r, 2] * omega[1]
+            H[r, first + 1] = C[r, 2] * omega[0] - C[r, 0] * omega[2]
+            H[r, first + 2] = C[r, 0] * omega[1] - C[r, 1] * omega[0]
+    if model.offset >= 0:
+        for r in range(3):
+            nu[r, 0] -= acceleration[r] * fix_delay(x, elapsed, model)
+            H[r, IMU0 + model.offset] = acceleration[r]
+            if model.rate >= 0:
+                H[r, IMU0 + model.rate] = elapsed * acceleration[r]
+
+
+@njit(cache=True)
+def zupt_rows(nav, triple):
+    """(K.8), zero-velocity update: the velocity is zero."""
+    H, nu = triple.H, triple.nu
+    H[:] = 0.0
+    for r in range(3):
+        nu[r, 0] = -nav[VEL0 + r]
+        H[r, VEL0 + r] = 1.0
+
+
+@njit(cache=True)
+def nhc_rows(nav, triple):
+    """(K.9), non-holonomic constraint: no velocity across the body's forward axis. The first row is empty."""
+    C, H, nu = triple.C_lb, triple.H, triple.nu
+    quat_to_matrix(nav[QUAT], C)
+    H[:] = 0.0
+    nu[0, 0] = 0.0
+    v0, v1, v2 = nav[VX], nav[VY], nav[VZ]
+    for r in range(1, 3):
+        c0, c1, c2 = C[0, r], C[1, r], C[2, r]
+        nu[r, 0] = -(c0 * v0 + c1 * v1 + c2 * v2)
+        H[r, VX], H[r, VY], H[r, VZ] = c0, c1, c2
+        H[r, AX] = c1 * v2 - c2 * v1
+        H[r, AY] = c2 * v0 - c0 * v2
+        H[r, AZ] = c0 * v1 - c1 * v0
+
+
+@njit(cache=True)
+def zaru_rows(model, earth, triple):
+    """(K.10), zero angular rate update: the body does not turn.
+
+    omega and gain of the triple are those of the mean rate over the stationary period, as `body_rate`
+    leaves them.
+    """
+    C, H, nu = triple.C_lb, triple.H, triple.nu
+    H[:] = 0.0
+    o = earth.rate_l
+    for r in range(3):
+        nu[r, 0] = triple.omega[r]
+        c0, c1, c2 = C[0, r], C[1, r], C[2, r]
+        H[r, AX] = c1 * o[2] - c2 * o[1]
+        H[r, AY] = c2 * o[0] - c0 * o[2]
+        H[r, AZ] = c0 * o[1] - c1 * o[0]
+    for s in range(model.channel.size):
+        if triple.gain[s] != 0.0:
+            H[model.channel[s], IMU0 + s] = triple.gain[s]
+
+
+@njit(cache=True)
+def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth, triple):
+    """Fill the triple with what epoch e measures of one kind; False where it does not.
+
+    kind: POSITION, VELOCITY, VELOCITY_CONSTRAINT or ZARU.   lever_b (3,) m: IMU to antenna.
+    acceleration (3,) m/s^2: of the IMU in l.
+    """
+    R = triple.R
+    if kind == POSITION:
+        if not epochs.has_position[e]:
+            return False
+        if model.offset >= 0:
+            body_rate(nav, x, epochs.time[e], epochs.rate[e], model, earth, triple)
+        R[:] = epochs.position_cov[e]
+        group = epochs.group[e]
+        z, sigma = epochs.position[e], epochs.sigma[e]
+        position_rows(nav, x, epochs.time[e], lever_b, model, acceleration, z, sigma, group, triple)
+        for i in range(3):
+            for j in range(3):
+                R[i, j] *= model.white_scale[group, i] * model.white_scale[group, j]
+    elif kind == VELOCITY:
+        if not epochs.has_velocity[e]:
+            return False
+        body_rate(nav, x, epochs.time[e], epochs.rate[e], model, earth, triple)
+        velocity_rows(nav, x, epochs.time[e], lever_b, model, acceleration, epochs.velocity[e], triple)
+        R[:] = epochs.velocity_cov[e]
+    elif kind == VELOCITY_CONSTRAINT:
+        if epochs.constraint[e] == NO_CONSTRAINT:
+            return False
+        if epochs.constraint[e] == ZUPT:
+            zupt_rows(nav, triple)
+        else:
+            nhc_rows(nav, triple)
+        R[:] = epochs.constraint_cov[e]
+    else:
+        if epochs.zaru_variance[e] == 0.0:
+            return False
+        body_rate(nav, x, epochs.time[e], epochs.zaru_rate[e], model, earth, triple)
+        zaru_rows(model, earth, triple)
+        R[:] = 0.0
+        for i in range(3):
+            R[i, i] = epochs.zaru_variance[e]
+    return True

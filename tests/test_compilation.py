@@ -1,0 +1,96 @@
+"""Compiled code on disk: taken again while nothing changed, left as soon as anything that it was made of did. Each run is a process."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import insgnss
+
+SOURCES = {
+    "__init__.py": "",
+    "constants.py": "STEP = 1.0\n",
+    "inner.py": """
+        from .compilation import njit
+        from .constants import STEP
+        @njit(cache=True)
+        def inner(x):
+            return x + STEP
+        """,
+    "outer.py": """
+        from .compilation import njit
+        from .inner import (  # the callee stands in (another) file
+            inner,
+        )
+        @njit(cache=True)
+        def outer(x):
+            return 10.0 * inner(x)
+        """,
+}
+RUN = "from house.outer import outer; print(outer(1.0), sum(outer.stats.cache_hits.values()))"
+
+
+@pytest.fixture
+def house(tmp_path):
+    """A package of three files and the decorator: a kernel, its callee and the callee's constant."""
+    folder = tmp_path / "house"
+    folder.mkdir()
+    for name, text in SOURCES.items():
+        (folder / name).write_text(text.replace("\n        ", "\n"))
+    (folder / "compilation.py").write_bytes((Path(insgnss.__file__).parent / "compilation.py").read_bytes())
+    return folder
+
+
+def _run(house: Path, **variables: str) -> tuple[float, int]:
+    """What the kernel returns for 1, and how often its code came from disk."""
+    environment = os.environ | {"PYTHONPATH": str(house.parent), "PYTHONDONTWRITEBYTECODE": "1"} | variables
+    done = subprocess.run([sys.executable, "-c", RUN], capture_output=True, text=True, env=environment, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    value, hits = done.stdout.split()
+    return float(value), int(hits)
+
+
+def test_code_is_made_anew_when_a_callee_or_a_constant_in_another_file_changes(house, monkeypatch):
+    """Oracle: the sums, by hand; numba alone goes on returning the first one."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    assert _run(house) == (20.0, 0)
+    assert _run(house) == (20.0, 1)
+    (house / "inner.py").write_text((house / "inner.py").read_text().replace("x + STEP", "x - STEP"))
+    assert _run(house) == (0.0, 0)
+    (house / "constants.py").write_text("STEP = 3.0\n")
+    assert _run(house) == (-20.0, 0)
+    assert _run(house) == (-20.0, 1)
+    assert len(list((house / "__pycache__").glob("outer.outer*.nbc"))) == 1  # outdated code is overwritten, not gathered
+
+
+def test_the_directory_that_the_user_names_is_taken(house, tmp_path):
+    """Oracle: numba's variable; the file system."""
+    assert _run(house, NUMBA_CACHE_DIR=str(tmp_path / "own")) == (20.0, 0)
+    assert _run(house, NUMBA_CACHE_DIR=str(tmp_path / "own")) == (20.0, 1)
+    assert list((tmp_path / "own").rglob("outer.outer*.nbc"))
+    assert not (house / "__pycache__").exists()
+
+
+def test_a_numba_of_other_inner_names_keeps_nothing(house, monkeypatch):
+    """Oracle: no code on disk, and right results: better slow than outdated."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    text = (house / "compilation.py").read_text()
+    (house / "compilation.py").write_text(text.replace('"_cache_file"', '"_renamed"'))
+    for _ in range(2):
+        assert _run(house) == (20.0, 0)
+    assert not list(house.rglob("*.nbc"))
+
+
+def test_without_compiling_the_functions_themselves_run(house):
+    """Oracle: numba's variable NUMBA_DISABLE_JIT."""
+    environment = os.environ | {"PYTHONPATH": str(house.parent), "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", "from house.outer import outer; print(outer(1.0))"],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=True,
+    )
+    assert done.stdout == "20.0\n"
