@@ -285,7 +285,7 @@ def _inspected(options: argparse.Namespace, progress: Progress, result: Any) -> 
 
 
 def _process(options: argparse.Namespace, progress: Progress) -> int:
-    from .flight import load_flight
+    from .config.load import load_flight
 
     flight = load_flight(options.flight)
     from . import pipeline
@@ -333,7 +333,7 @@ def _imu_spec(options: argparse.Namespace) -> dict[str, Any]:
         return spec
     if any(spec.values()):
         raise UsageError("calibrate: --flight says columns, units and quantity; leave the other options out")
-    from .flight import load_flight
+    from .config.load import load_flight
 
     flight = load_flight(options.flight)
     imu = flight.imu

@@ -15,8 +15,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from .config.flight_file import Flight
 from .errors import DataError, InputError, UsageError
-from .flight import Flight
 from .gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others
 from .recording import Recording, sentence
 from .records import Diagnostics, ExteriorOrientation, Trajectory
@@ -70,7 +70,7 @@ def ppk_directory(out: Path) -> Path:
 
 def inputs_of(flight: Flight) -> list[Path]:
     """Every file that the result depends on."""
-    imus = (flight.imu, *flight.imu.more)
+    imus = (flight.imu, *flight.imu.further)
     files = [flight.path, *(imu.file for imu in imus), *(imu.calibration for imu in imus if imu.calibration is not None)]
     if flight.gnss.file is not None:
         files.append(flight.gnss.file)

@@ -14,10 +14,11 @@ import numpy as np
 
 from . import __version__
 from .calibrate.fixes import lasting_errors, state_verdicts
+from .config.flight_file import Flight
+from .config.load import load_flight
 from .delivery import deliver, inputs_of, sha256, target
 from .errors import DataError, InputError
 from .files import json_ready
-from .flight import Flight, load_flight
 from .recording import Progress, Recording, quiet, read_recording, sentence
 from .records import Array, Check, Diagnostics, ExteriorOrientation, GnssFixes, StateVerdict, Trajectory
 from .stretch import EPOCH_HZ, Stretch, check_images, check_motion, solve_stretches

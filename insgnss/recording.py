@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .config.flight_file import Flight, ImuInput
 from .errors import DataError, InputError, InsgnssError, UsageError
-from .flight import QUALITIES, Flight, ImuInput
 from .records import Array, CameraEvents, Check, GnssFixes, ImuSamples
+from .records.qualities import Quality
 from .units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
@@ -103,11 +104,11 @@ def read_recording(flight: Flight) -> Recording:
     if events is not None and flight.camera is not None and flight.camera.time_offset_s:
         events = replace(events, time=events.time + flight.camera.time_offset_s)
     imu, gnss, events, week = common_clock(imu, gnss, events, flight.gps_week)
-    gnss = with_floors(gnss, {QUALITIES[name]: sigma for name, sigma in flight.gnss.quality_sigma_m.items()})
+    gnss = with_floors(gnss, {Quality[name.upper()]: sigma for name, sigma in flight.gnss.quality_sigma_m.items()})
     origin = None if flight.tangent_plane is None else np.asarray(flight.tangent_plane.origin)
     C_b_imu, noise = flight.imu.C_b_imu, load_noise_model(flight.imu.noise)
     more: list[Check] = []
-    if flight.imu.more:
+    if flight.imu.further:
         imu, noise, more = _combined(flight, imu, noise)
         C_b_imu = np.eye(3)
     checks = [*check_recording(imu, C_b_imu, gnss, events, origin), *more, *(ppk.checks if ppk else ())]
@@ -163,10 +164,10 @@ def _read_files(flight: Flight) -> "tuple[ImuSamples, GnssFixes, CameraEvents | 
             units=g.units or None,
             undulation_m=g.undulation_m,
             variable=g.variable,
-            new_when=g.new_when,
+            repeat_column=g.repeat_column,
             gps_week=flight.gps_week,
         )
-        if g.calibrated:
+        if g.calibrate_covariance:
             from .gnss.ready import with_calibrated
 
             gnss = with_calibrated(gnss, g.file, g.covariance)
@@ -195,11 +196,11 @@ def _combined(flight: Flight, first: ImuSamples, model: "NoiseModel") -> "tuple[
     from .prepare.combine import combine
     from .stochastic.model import load_noise_model, weighted_model
 
-    inputs = flight.imu.more
+    inputs = flight.imu.further
     imus = [first, *(in_week(_read_imu(i, first.gps_week), first.gps_week or 0) for i in inputs)]
     for k, imu in enumerate(imus[1:], start=2):
         if np.array_equal(imu.gyro, first.gyro):
-            raise InputError(f"{flight.path}: imu.more: IMU {k} ({imu.source}) is the first IMU again; give its own file or columns")
+            raise InputError(f"{flight.path}: imu.further: IMU {k} ({imu.source}) is the first IMU again; give its own file or columns")
     models = [model, *(load_noise_model(i.noise) for i in inputs)]
     white = [(m.gyro[0].white_noise, m.accel[0].white_noise) for m in models]
     levers = [(0.0, 0.0, 0.0), *(i.lever_m for i in inputs)]

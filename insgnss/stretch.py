@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .config.flight_file import Flight
 from .errors import DataError, InputError
-from .flight import Flight
 from .recording import Progress, Recording, check_turn_on, sentence, with_turn_on, without_turn_on
 from .records import Check, GnssFixes
 
@@ -157,7 +157,7 @@ def _prepare(flight: Flight, recording: Recording, span: tuple[float, float], fr
     epochs = make_epochs(inc, at_fix, fixes, exposed, frame)
     if len(recording.rests):
         epochs = at_rest(epochs, inc, recording.rests.time, layout)
-    if flight.filter.wheels:
+    if flight.filter.non_holonomic:
         epochs = on_wheels(epochs)
     interval = float(np.median(np.diff(fixes.time)))
     gate = gate_from_sigma(flight.gnss.gate_sigma)
@@ -191,12 +191,12 @@ def _fix_errors(flight: Flight, fixes: GnssFixes) -> "FixErrors":
         f.lever_arm_sigma_m if f.lever_arm else None,
         f.time_offset_sigma_s if f.time_offset else None,
         CLOCK_RATE if f.time_offset else None,
-        None if isinstance(g.correlated, str) else (g.correlated,) * 3,
+        None if isinstance(g.gm_sigma, str) else (g.gm_sigma,) * 3,
         g.correlation_time_s,
-        (g.uncorrelated,) * 3,
-        1.0 if g.correlated != "off" and staying.any() else None,
+        (g.white_scale,) * 3,
+        1.0 if g.gm_sigma != "off" and staying.any() else None,
         time_s,
-        LASTING_WHITE if g.correlated != "off" else g.uncorrelated,
+        LASTING_WHITE if g.gm_sigma != "off" else g.white_scale,
     )
 
 
@@ -240,7 +240,7 @@ def _examined(
         return solution, (), ()
     searched = suspects(asked)
     problem, found = solution.problem, None
-    if flight.gnss.correlated == "auto":
+    if flight.gnss.gm_sigma == "auto":
         step("the innovations are not white: errors of the fixes")
         found = correlated_error(solution, make, searched)
     if found is not None:
@@ -360,7 +360,7 @@ def check_motion(flight: Flight, solved: list[Stretch]) -> list[Check]:
     if offered == 0:
         return []
     found = f"{rejected} of {offered} measurements of rest or of wheels rejected"
-    key = "filter.wheels = false" if flight.filter.wheels else 'filter.zero_velocity = "off"'
+    key = "filter.non_holonomic = false" if flight.filter.non_holonomic else 'filter.zero_velocity = "off"'
     bad = rejected > 0.5 * offered
     return [Check("motion", found, "most of them used", "contradiction" if bad else "ok", f"it does not move so: {key}" if bad else "")]
 

@@ -56,7 +56,7 @@ def inspect_flight(path: Path, progress: Progress = quiet) -> FlightInspection:
 
     Raises InputError where the flight file or its inputs cannot be read.
     """
-    from ..flight import load_flight
+    from ..config.load import load_flight
     from ..recording import inspect, read_recording
 
     flight = load_flight(path)

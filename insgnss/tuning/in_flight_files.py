@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..config.flight_file import Flight
 from ..delivery import inputs_of, sha256
 from ..errors import UsageError
 from ..files import atomic_write
-from ..flight import Flight
 from ..prepare.gaps import nominal_interval
 from ..recording import Recording
 from ..stochastic.model import NOISE_UNITS, AxisNoise, NoiseModel, RecordingSource, write_noise_model
