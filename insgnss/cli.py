@@ -218,10 +218,14 @@ def _add_compare(verbs: Any) -> None:
 
 
 def _add_ppk(verbs: Any) -> None:
-    from .gnss.verb import EXAMPLE, add_arguments
+    def later(parser: Parser) -> None:
+        from .gnss.verb import EXAMPLE, add_arguments
+
+        parser.epilog = f"example:\n{EXAMPLE}"
+        add_arguments(parser)
 
     what = "antenna positions with honest covariances from RINEX of rover and base, by RTKLIB"
-    add_arguments(_add_verb(verbs, "ppk", _ppk, what, EXAMPLE))
+    _add_verb(verbs, "ppk", _ppk, what, "", later=later)
 
 
 def _list_formats() -> str:

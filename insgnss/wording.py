@@ -11,11 +11,11 @@ command line has said otherwise:
         named("gnss.antex")                    --antex
         setting("camera.skip_events", [3, 5])  --skip-events 3 5
 
-The words belong to the current context (`contextvars`); a thread takes them over where it is started
-through `contextvars.copy_context`. Which key is which option stands in the schema (`config.command_line`).
+The words belong to the current context (`contextvars`); a thread takes them over where it is
+started through `contextvars.copy_context`. Which key is which option stands in the schema
+(`config.command_line`).
 """
 
-import shlex
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -53,5 +53,7 @@ def setting(key: str, value: Any) -> str:
         return f"{key} = {str(value).lower() if isinstance(value, bool) else repr(value)}"
     if isinstance(value, bool):
         return option
+    import shlex
+
     parts = value if isinstance(value, list | tuple) else [value]
     return " ".join([option, *(shlex.quote(str(part)) for part in parts)])

@@ -72,7 +72,7 @@ class RoverEvents:
 
 @dataclass(frozen=True)
 class CameraInput:
-    """Table [camera]; `events` is None where the rover's file holds them, those of `rover_events`."""
+    """Table [camera]; `events` is None where the rover's file holds them (`rover_events`)."""
 
     events: Path | None = option(
         ...,

@@ -1,10 +1,11 @@
 """Arguments of a verb, made of the options that the flight file declares.
 
 An option that names its argument (`cli="--max-age"`) becomes one, with meaning, unit, range and
-default in its help. Only the standard library is needed, since `insgnss --help` builds every parser.
+default in its help. Only the standard library is needed.
 """
 
 import argparse
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -90,10 +91,38 @@ def _add(parser: argparse.ArgumentParser, item: Declared, required: bool) -> Non
         more["metavar"] = stated.metavar
     if kind in ("choice", "whole") and item.choices:
         more["choices"] = item.choices
-    parser.add_argument(stated.cli, **more)
+    present = parser.add_argument(stated.cli, **more)
     for old in stated.retired:
-        more |= {"help": argparse.SUPPRESS, "metavar": None, "required": False}
-        parser.add_argument(f"--{old}", **more)
+        parser.add_argument(
+            f"--{old}",
+            action=_Retired,
+            present=present,
+            dest=item.name,
+            nargs=present.nargs,
+            type=present.type or str,
+            default=present.default,
+            help=argparse.SUPPRESS,
+        )
+
+
+class _Retired(argparse.Action):
+    """An option by a name that it had: does what the present one does, and warns."""
+
+    def __init__(self, *words: Any, present: argparse.Action, **more: Any) -> None:
+        super().__init__(*words, **more)
+        self.present = present
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        now = self.present.option_strings[0]
+        what = f"{option_string} is called {now} now; the next release will refuse the old name"
+        warnings.warn(what, FutureWarning, stacklevel=2)
+        self.present(parser, namespace, values, option_string)
 
 
 def _help(item: Declared, required: bool) -> str:

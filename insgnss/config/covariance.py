@@ -14,7 +14,7 @@ from .schema import Declared, declared, in_range, option
 
 Triple = tuple[float, float, float]
 
-CLASSES = ("fixed", "hampered", "float", "lone", "weak", "sbas", "dgps", "single", "ppp")
+CLASSES = ("fixed", "degraded", "float", "isolated", "unsupported", "sbas", "dgps", "single", "ppp")
 GATE_3_SIGMA = 14.16
 """Chi-square of 3 degrees of freedom at 0.9973."""
 
@@ -23,10 +23,10 @@ LARGEST = 1000.0
 
 _SCALE: dict[str, Triple] = {
     "fixed": (0.75, 0.75, 0.75),
-    "hampered": (4.0, 4.0, 4.0),
+    "degraded": (4.0, 4.0, 4.0),
     "float": (3.0, 3.0, 3.0),
-    "lone": (30.0, 30.0, 30.0),
-    "weak": (30.0, 30.0, 30.0),
+    "isolated": (30.0, 30.0, 30.0),
+    "unsupported": (30.0, 30.0, 30.0),
     "sbas": (5.0, 5.0, 5.0),
     "dgps": (5.0, 5.0, 5.0),
     "single": (5.0, 5.0, 5.0),
@@ -34,15 +34,18 @@ _SCALE: dict[str, Triple] = {
 }
 _FLOOR_M: dict[str, Triple] = {
     "fixed": (0.001, 0.001, 0.001),
-    "hampered": (0.025, 0.025, 0.04),
+    "degraded": (0.025, 0.025, 0.04),
     "float": (0.3, 0.3, 0.6),
-    "lone": (0.3, 0.3, 0.6),
-    "weak": (15.0, 15.0, 15.0),
+    "isolated": (0.3, 0.3, 0.6),
+    "unsupported": (15.0, 15.0, 15.0),
     "sbas": (1.0, 1.0, 2.0),
     "dgps": (1.0, 1.0, 2.0),
     "single": (2.0, 2.0, 4.0),
     "ppp": (0.05, 0.05, 0.1),
 }
+
+
+_RETIRED_CLASSES = {"hampered": "degraded", "lone": "isolated", "weak": "unsupported"}
 
 
 def _classes() -> tuple[str, ...]:
@@ -60,6 +63,7 @@ class CovarianceModel:
         low=0.0,
         high=LARGEST,
         members=_classes,
+        retired_members=_RETIRED_CLASSES,
         usual="below",
     )
     floor_m: Mapping[str, Triple] = option(
@@ -70,22 +74,33 @@ class CovarianceModel:
         low=0.0,
         high=LARGEST,
         members=_classes,
+        retired_members=_RETIRED_CLASSES,
         usual="below",
     )
     ppm: Triple = option(
-        (1.0, 1.0, 1.0), "of the distance to the base", kind="triple", low=0.0, high=LARGEST
+        (1.0, 1.0, 1.0),
+        "parts per million of the distance to the base",
+        kind="triple",
+        low=0.0,
+        high=LARGEST,
     )
     acceleration_mps2: Triple = option(
         (20.0, 20.0, 10.0),
-        "beyond it a single epoch strays from the path",
+        "largest acceleration; a single epoch that needs more to lie on the path is an outlier",
         kind="triple",
         unit="m/s^2",
         low=0.0,
         high=LARGEST,
     )
-    least_satellites: int = option(6, "of a fixed epoch that is believed", low=4, high=99)
-    lone_satellites: int = option(
-        8, "fewer make an epoch weak that nothing confirms", low=4, high=99
+    least_satellites: int = option(
+        6, "least number of satellites of a fixed epoch that is validated", low=4, high=99
+    )
+    unsupported_satellites: int = option(
+        8,
+        "with fewer satellites an epoch that nothing confirms is unsupported",
+        low=4,
+        high=99,
+        retired=("lone_satellites",),
     )
     support_s: float = option(
         5.0,
@@ -97,19 +112,26 @@ class CovarianceModel:
     support_share: float = option(
         0.5, "share of the epochs within support_s that must be fixed as well", low=0.0, high=1.0
     )
-    hampered_s: float = option(
-        180.0, "time to either side that tells a hampered epoch", unit="s", low=0.0, high=3600.0
+    degraded_s: float = option(
+        180.0,
+        "time to either side that tells a degraded epoch",
+        unit="s",
+        low=0.0,
+        high=3600.0,
+        retired=("hampered_s",),
     )
-    hampered_share: float = option(
+    degraded_share: float = option(
         0.9,
-        "fixed epochs with a smaller share of believed ones within hampered_s are hampered; epochs "
-        "before the first and after the last believed one do not count; 0 switches that off",
+        "fixed epochs with a smaller share of validated ones within degraded_s are degraded; "
+        "epochs before the first and after the last validated one do not count; 0 "
+        "switches that off",
         low=0.0,
         high=1.0,
+        retired=("hampered_share",),
     )
     gate: float = option(
         GATE_3_SIGMA,
-        "of forward against backward, chi-square of three: beyond it a fixed epoch is not believed",
+        "chi-square of three of forward against backward: beyond it a fixed epoch is not validated",
         low=1.0,
         high=1e4,
     )

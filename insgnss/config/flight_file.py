@@ -59,7 +59,7 @@ class ImuInput:
     `units` has the keys gyro, accel and time as far as they are given, and is None without any.
     """
 
-    file: Path = option(..., "samples")
+    file: Path = option(..., "file of the IMU samples")
     columns: "Columns" = option(
         None,
         'list of names, or table { canonical = "name in the file" }',
@@ -77,8 +77,8 @@ class ImuInput:
     )
     quantity: "Quantity" = option(
         "mean_rate",
-        "what a sample is: the mean rate or the increment over the interval that ends at the stamp, "
-        "or the rate at the stamp",
+        "what a sample is: the mean rate or the increment over the "
+        "interval that ends at the stamp, or the rate at the stamp",
         kind="choice",
         choices=_quantities,
     )
@@ -135,10 +135,16 @@ class MountingTable:
     """Table [mounting], of which `orient.mounting.Mounting` is made."""
 
     antenna_m: Place = option(
-        (0.0, 0.0, 0.0), "of the antenna, from the camera, in camera axes", kind="lever", unit="m"
+        (0.0, 0.0, 0.0),
+        "position of the antenna, from the camera, in camera axes",
+        kind="lever",
+        unit="m",
     )
     imu_m: Place = option(
-        (0.0, 0.0, 0.0), "of the IMU, from the camera, in camera axes", kind="lever", unit="m"
+        (0.0, 0.0, 0.0),
+        "position of the IMU, from the camera, in camera axes",
+        kind="lever",
+        unit="m",
     )
     camera_from_body: Matrix | None = option(
         None, "T_b'^c", kind="matrix", form="3 rows of 3 numbers", usual="diag(-1, -1, 1)"
@@ -258,8 +264,8 @@ class FilterOptions:
     )
     time_offset: bool = option(
         False,
-        "estimate what is missing in the stamps of the fixes, and the rate of the one clock against "
-        "the other",
+        "estimate what is missing in the stamps of the fixes, and the rate of the one clock "
+        "against the other",
     )
     time_offset_sigma_s: float = option(
         0.1, "its a-priori standard deviation", unit="s", low=1e-4, high=10.0
@@ -270,13 +276,13 @@ class FilterOptions:
     )
     zero_velocity: Literal["auto", "off"] = option(
         "auto",
-        "zero-velocity and zero-angular-rate updates (ZUPT, ZARU) in stationary periods, where they "
-        "are detected",
+        "zero-velocity and zero-angular-rate updates (ZUPT, ZARU) in stationary periods, "
+        "where they are detected",
     )
     non_holonomic: bool = option(
         False,
-        "non-holonomic constraint (NHC) of a wheeled vehicle with the body's forward axis along its "
-        "own: no velocity across it",
+        "non-holonomic constraint (NHC) of a wheeled vehicle with the body's forward axis "
+        "along its own: no velocity across it",
         retired=("wheels",),
     )
     robust: bool = option(
@@ -291,7 +297,7 @@ class Flight:
     path: Path
     name: str = option(
         ...,
-        "of the data set, in titles and reports",
+        "name of the data set, in titles and reports",
         kind="name",
         form="text",
         usual="the directory's name",

@@ -42,8 +42,8 @@ class GnssInput:
     )
     stationary: Place | None = option(
         None,
-        "place of a sensor that stands there throughout, in the place of gnss.file; a fix a second, "
-        "gnss.sigma_m 0.1 by default",
+        "place of a sensor that stands there throughout, in the place of gnss.file; a fix a "
+        "second, gnss.sigma_m 0.1 by default",
         kind="place",
     )
     columns: "Columns" = option(

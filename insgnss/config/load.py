@@ -111,7 +111,7 @@ def read_covariance(path: Path) -> CovarianceModel:
         for name, words in known_keys().items()
         if name.startswith(start)
     }
-    root = read_toml(path, keys)
+    root = renewed(read_toml(path, keys), start)
     if headed := next((key for key in root.lines if re.match(r"gnss\b|covariance\b", key)), None):
         what = "this file is the table gnss.covariance itself; its keys stand at the top, and"
         what = f"{headed}: {what} [scale] and [floor_m] below them"
@@ -134,11 +134,12 @@ def _gnss(table: Table) -> GnssInput:
     floors = values["quality_sigma_m"] if "quality_sigma_m" in table.data else {}
     values["quality_sigma_m"] = ({} if raw else QUALITY_SIGMA_M) | floors
     if "covariance" in table.data and stands:
-        what = "is of positions by PPK, but gnss.stationary is given; leave it out, or give gnss.sigma_m"
+        what = "is of positions by PPK, but gnss.stationary is given"
+        what = f"{what}; leave it out, or give gnss.sigma_m"
         raise table.error("covariance", what)
     if "covariance" in table.data and not values["calibrate_covariance"]:
-        what = "is of the calibration that gnss.calibrate_covariance = false switches off; keep one of them"
-        raise table.error("covariance", what)
+        what = "is of the calibration that gnss.calibrate_covariance = false switches off"
+        raise table.error("covariance", f"{what}; keep one of them")
     return GnssInput(**({"file": None} | values), raw=raw)
 
 

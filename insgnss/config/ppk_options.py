@@ -129,8 +129,8 @@ class EngineSettings:
         kind="program",
         cli="--engine",
         metavar="NAME",
-        cli_meaning="engine that solves: pyrtklib5, or an rnx2rtkp by its path or its name on PATH; "
-        "auto: the first of both that is installed",
+        cli_meaning="engine that solves: pyrtklib5, or an rnx2rtkp by its path or its name on "
+        "PATH; auto: the first of both that is installed",
     )
     max_age_s: float = option(
         30.0,
@@ -234,8 +234,9 @@ class RawGnss(EngineSettings):
     )
     ionosphere: bool = option(
         True,
-        "correct fixed positions for the ionosphere between base and rover, which the engine leaves "
-        "out, as the two bands show it: flights of 10 minutes at least, up to 10 km from the base",
+        "correct fixed positions for the ionosphere between base and rover, which the "
+        "engine leaves out, as the two bands show it: flights of 10 minutes at least, up to 10 km "
+        "from the base",
         cli="--no-ionosphere",
         cli_meaning="leave the ionosphere between base and rover in the positions",
     )

@@ -11,11 +11,11 @@ class, and the class is the engine's quality flag as far as it can be believed:
 
     fixed     by `least_satellites` satellites at least, where `support_share` of all epochs within `support_s`, and five, are so too.
               Among buildings the ratio test passes on wrong integers for single epochs and with few satellites.               (V.2)
-    hampered  what is so, where fewer than `hampered_share` of all epochs within `hampered_s` are.                             (V.5)
+    degraded  what is so, where fewer than `degraded_share` of all epochs within `degraded_s` are.                             (V.5)
               Epochs before the first and after the last of them do not count.
     float     what is float, or is not believed to be fixed, and has a believed epoch within `support_s`.
-    lone      the same without one: ambiguities that nothing confirms, code multipath in full.
-    weak      the same by fewer than `lone_satellites`: nothing in the epoch itself contradicts a reflected signal.
+    isolated  the same without one: ambiguities that nothing confirms, code multipath in full.
+    unsupported  the same by fewer than `unsupported_satellites`: nothing in the epoch itself contradicts a reflected signal.
 
 A fix that is not believed is handed on as float (quality 2). Where the engine ran forward and backward by itself, and the two
 differ by s with s^T (C'_f + C'_b)^-1 s above `gate`, one of them has wrong ambiguities: the epoch is no longer fixed, and
@@ -35,7 +35,7 @@ by centimetres, and nothing in the epoch tells. How many epochs of the minutes a
 are found at first, or after they are given up: a filter's first minutes are float under an open sky, too. Phases of hampered epochs are
 taken to be off by 1 to 2 cm where the engine has 3 to 6 mm (k = 4); the floor is for what does not shrink with the geometry. Belief
 and (V.4) are judged with k of fixed epochs, since what lasts does not part neighbours; nor does it part two runs of one receiver, and runs
-that are to be compared are calibrated by a model whose `hampered_share` is 0.
+that are to be compared are calibrated by a model whose `degraded_share` is 0.
 
 The numbers of `MODEL` are measured. Fixed epochs, none of them hampered, after the corrections of `troposphere` and `ionosphere` (errors
 rms, north, east, down, and their mean normalised square, which is 1 where sigmas are right):
@@ -171,7 +171,7 @@ def classes(time: Array, quality: Index, satellites: ArrayLike | None, model: Co
     supporting, share = _support(time, fixed, reach)
     believed = fixed & (count >= model.least_satellites) & (supporting >= SUPPORT_EPOCHS) & (share >= model.support_share)
     ambiguous = (fixed | (kind == FLOAT)) & ~believed
-    alone = np.where(count < model.lone_satellites, WEAK, LONE)
+    alone = np.where(count < model.unsupported_satellites, WEAK, LONE)
     kind[ambiguous] = np.where(_support(time, believed, reach)[0] > 0, FLOAT, alone)[ambiguous]
     return kind
 
@@ -183,9 +183,9 @@ def hampered(time: Array, kind: Index, model: CovarianceModel = MODEL) -> Index:
         return kind
     within = slice(at[0], at[-1] + 1)
     fixed = kind[within] == FIXED
-    _, share = _support(time[within], fixed, model.hampered_s + SAME_EPOCH_S)
+    _, share = _support(time[within], fixed, model.degraded_s + SAME_EPOCH_S)
     found = kind.copy()
-    found[within][fixed & (share < model.hampered_share)] = HAMPERED
+    found[within][fixed & (share < model.degraded_share)] = HAMPERED
     return found
 
 
@@ -263,8 +263,8 @@ def _note(
     found += f"; not {reasons}" if reasons else ""
     advice = ["the unbelieved are taken as float, with standard deviations that suit"] if reasons else []
     if of_them := int((kind == HAMPERED).sum()):
-        found += f"; {of_them} of the believed are hampered: of the epochs within {model.hampered_s:g} s fewer than "
-        found += f"{100 * model.hampered_share:g} % are fixed"
+        found += f"; {of_them} of the believed are hampered: of the epochs within {model.degraded_s:g} s fewer than "
+        found += f"{100 * model.degraded_share:g} % are fixed"
         advice.append("the hampered have standard deviations of centimetres, for reflections that nothing else tells")
     if not advice:
         return Check("GNSS covariance", found, expected)
