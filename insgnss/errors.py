@@ -3,6 +3,12 @@
 The message is one line that names file and line, time, value, limit and the next thing to try, as far as they apply.
 """
 
+from typing import Any
+
+from .wording import named, setting
+
+_ABSENT: Any = object()
+
 
 class InsgnssError(Exception):
     """Root of all errors that the package raises on purpose."""
@@ -14,6 +20,28 @@ class UsageError(InsgnssError):
     """The command or the flight file asks for something that does not exist."""
 
     exit_code = 2
+
+
+class OptionError(UsageError):
+    """An option has a value that it cannot have, or does not go with another one.
+
+    The message names the option as the caller writes it (`insgnss.wording`). A border that knows
+    more, such as the line of a flight file, takes `key` and `problem` and says it by itself.
+
+    Parameters
+    ----------
+    key : str
+        The option by its key in the flight file, such as "gnss.max_age_s".
+    problem : str
+        What is wrong, and what to do.
+    value : Any
+        The value, where the message is to show it.
+    """
+
+    def __init__(self, key: str, problem: str, value: Any = _ABSENT) -> None:
+        self.key, self.problem = key, problem
+        what = named(key) if value is _ABSENT else setting(key, value)
+        super().__init__(f"{what}: {problem}")
 
 
 class InputError(InsgnssError):

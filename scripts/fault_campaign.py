@@ -167,8 +167,8 @@ CASES = (
         beyond="the IMU cannot see 2 cm a minute and the file says 5 mm",
     ),
     Case(
-        "correlated GNSS error, 60 s, gnss.correlated",
-        gnss(**CORRELATED, claim_correlated=False) | claims(gnss={"correlated": 4.0, "correlation_time_s": 60.0}),
+        "correlated GNSS error, 60 s, gnss.gm_sigma",
+        gnss(**CORRELATED, claim_correlated=False) | claims(gnss={"gm_sigma": 4.0, "correlation_time_s": 60.0}),
     ),
     Case("IMU rows: 0.5 % twice, 0.5 % out of order", {"imu_rows": RowFaults(duplicated=0.005, reordered=0.005)}),
     Case("GNSS rows: 0.5 % twice, 0.5 % out of order", {"gnss_rows": RowFaults(duplicated=0.005, reordered=0.005)}),
@@ -177,7 +177,10 @@ CASES = (
     Case("GNSS in UTC as GPS time", gnss(latency_s=-18.0)),
     Case("IMU in UTC as GPS time", imu(clock_offset_s=-18.0)),
     Case("a car, outage of 60 s", {"way": drive, **gnss(outages=((120.0, 60.0),))}),
-    Case("a car, outage of 60 s, filter.wheels", {"way": drive, **gnss(outages=((120.0, 60.0),)), **claims(filter={"wheels": True})}),
+    Case(
+        "a car, outage of 60 s, filter.non_holonomic",
+        {"way": drive, **gnss(outages=((120.0, 60.0),)), **claims(filter={"non_holonomic": True})},
+    ),
     Case("a car on a road like glass, outage of 60 s", {"way": partial(drive, rough=0.0), **gnss(outages=((120.0, 60.0),))}),
     Case("a walk, outliers of 1-50 m, 5 %", {"way": walk, **gnss(**OUTLIERS)}),
     Case("a walk, outage of 60 s", {"way": walk, **gnss(outages=((120.0, 60.0),))}),

@@ -108,7 +108,7 @@ def test_a_minimal_file_has_the_documented_defaults(load, tmp_path):
     assert (flight.imu.quantity, flight.imu.axes, flight.imu.noise) == ("mean_rate", "forward right down", "navchip")
     gnss = flight.gnss
     assert (gnss.units, gnss.undulation_m, gnss.variable, gnss.time_offset_s) == (None, None, None, 0.0)
-    assert (gnss.columns, gnss.sigma_m, gnss.sigma_velocity_mps, gnss.new_when, gnss.gate_sigma) == (None, None, None, None, 5.0)
+    assert (gnss.columns, gnss.sigma_m, gnss.sigma_velocity_mps, gnss.repeat_column, gnss.gate_sigma) == (None, None, None, None, 5.0)
     for vector in (flight.mounting.antenna_m, flight.mounting.imu_m):
         assert_array_equal(vector, np.zeros(3))
     assert_array_equal(flight.mounting.C_cb, np.diag([-1, -1, 1]))
@@ -124,7 +124,7 @@ def test_every_option_is_taken(load, tmp_path):
         '[imu]\nfile = "imu.csv"\nquantity = "increments"\nunits = { gyro = "deg" }\naxes = "right back down"\nnoise = "my_noise.toml"\n'
         'columns = { tow = "time", gx = "p" }\ntime_offset_s = -0.015\nvariable = "flight_data"\n'
         '[gnss]\nfile = "gnss.txt"\ncolumns = ["tow", "-", "-", "lat", "lon", "h"]\nsigma_velocity_mps = [0.1, 0.1, 0.2]\n'
-        'time_offset_s = 0.2\nnew_when = "GPS_TOW"\nvariable = "flight_data"\ngate_sigma = 4\n'
+        'time_offset_s = 0.2\nrepeat_column = "GPS_TOW"\nvariable = "flight_data"\ngate_sigma = 4\n'
         'units = { angle = "rad" }\nundulation_m = 47.5\n'
         '[output]\nformats = []\ntrajectory_hz = "imu"\n'
         "[initial]\nroll_deg = 1\npitch_deg = -2\nheading_deg = 350\nsigma_deg = [1, 1, 3]\n"
@@ -136,7 +136,7 @@ def test_every_option_is_taken(load, tmp_path):
     assert_array_equal(flight.imu.C_b_imu @ [0, 1, 0], [-1, 0, 0])
     assert flight.gnss.columns == ("tow", "-", "-", "lat", "lon", "h")
     assert (flight.gnss.sigma_velocity_mps, flight.gnss.time_offset_s) == ((0.1, 0.1, 0.2), 0.2)
-    assert (flight.gnss.new_when, flight.gnss.variable, flight.gnss.gate_sigma) == ("GPS_TOW", "flight_data", 4.0)
+    assert (flight.gnss.repeat_column, flight.gnss.variable, flight.gnss.gate_sigma) == ("GPS_TOW", "flight_data", 4.0)
     assert (flight.gnss.units, flight.gnss.undulation_m) == ({"angle": "rad"}, 47.5)
     assert (flight.output.formats, flight.output.trajectory_hz) == ((), None)
     assert flight.initial is not None
@@ -185,7 +185,7 @@ def test_resolved_flight_is_json_with_every_default(load):
         "lever_arm": False,
         "lever_arm_sigma_m": 0.3,
         "zero_velocity": "auto",
-        "wheels": False,
+        "non_holonomic": False,
         "robust": False,
     }
     assert set(resolved) >= {"name", "gps_week", "camera", "tangent_plane", "initial"}
@@ -258,15 +258,27 @@ WRONG = {
         "camera.invalid_events: looks at the record lines of the rover's RINEX; camera.events is given as well",
     ),
     "records of ready positions": (_in("camera", 'events_containing = "cam"'), 6, "RINEX; gnss.rover is missing, give camera.events"),
-    "calibration of raw observations": (RAW + "calibrated = false\n", 7, "gnss.calibrated: is of ready positions (gnss.file)"),
+    "calibration of raw observations": (
+        RAW + "calibrate_covariance = false\n",
+        7,
+        "calibrate_covariance: is of ready positions (gnss.file)",
+    ),
     "sigmas of raw observations": (RAW + "sigma_m = [0.1, 0.1, 0.2]\n", 7, "gnss.sigma_m: is of ready positions (gnss.file)"),
     "columns of no events": (RAW + '[camera]\ncolumns = ["tow"]\n', 8, "camera.columns: is of camera.events, which is missing"),
     "half a frequency": (RAW + "frequencies = 1.5\n", 7, "gnss.frequencies: 1.5 is no whole number"),
     "systems by name": (RAW + 'systems = "GPS"\n', 7, "gnss.systems: 'GPS' is no text of the letters GREJC"),
     "old base": (RAW + "max_age_s = 0\n", 7, "gnss.max_age_s: 0 is outside 0.01 to 3600"),
     "no acceleration": (RAW + "acceleration_mps2 = [3, 0]\n", 7, "[3.0, 0.0]: both must be greater than zero"),
-    "option that is set": (RAW + "more = { pos1-elmask = 10 }\n", 7, "gnss.more: pos1-elmask is not to be set there: gnss.elev"),
-    "option that is a list": (RAW + "more = { pos2-arminfix = [10] }\n", 7, "gnss.more: pos2-arminfix = [10], expected a number or a text"),
+    "option that is set": (
+        RAW + "rtklib_options = { pos1-elmask = 10 }\n",
+        7,
+        "gnss.rtklib_options: pos1-elmask is not to be set there: gnss.elev",
+    ),
+    "option that is a list": (
+        RAW + "rtklib_options = { pos2-arminfix = [10] }\n",
+        7,
+        "gnss.rtklib_options: pos2-arminfix = [10], expected a number or a text",
+    ),
     "humidity in per cent": (RAW + "atmosphere = { humidity = 60 }\n", 7, "gnss.atmosphere.humidity: 60 is outside 0 to 1"),
     "unknown air": (RAW + "atmosphere = { temperature_k = 290 }\n", 7, "did you mean 'temperature_c'"),
     "air of nothing": (RAW + "wet_delay = false\nionosphere = false\natmosphere = { humidity = 0.6 }\n", 9, "ionosphere = false leave out"),
@@ -281,9 +293,13 @@ WRONG = {
         9,
         "expected three numbers (north, east, down) from 0 to 1000",
     ),
-    "gate of covariance": (RAW + "[gnss.covariance]\ngate = 0\n", 8, "gnss.covariance.gate: gate = 0.0 is outside 1 to 10000"),
+    "gate of covariance": (RAW + "[gnss.covariance]\ngate = 0\n", 8, "gnss.covariance.gate: 0 is outside 1 to 10000"),
     "broken satellite": (RAW + "[gnss.covariance]\nleast_satellites = 5.5\n", 8, "least_satellites: 5.5 is no whole number"),
-    "covariance of what stays": (_in("gnss", "calibrated = false\ncovariance = { ppm = 2 }"), 5, "gnss.calibrated = false switches off"),
+    "covariance of what stays": (
+        _in("gnss", "calibrate_covariance = false\ncovariance = { ppm = 2 }"),
+        5,
+        "gnss.calibrate_covariance = false switches off",
+    ),
     "covariance of a place": (
         '[imu]\nfile = "imu.csv"\n[gnss]\nstationary = [46.5, 6.5, 500.0]\ncovariance = { ppm = 2 }\n',
         5,
@@ -370,7 +386,7 @@ def test_raw_observations_have_the_documented_defaults(load):
     raw = flight.gnss.raw
     assert (raw.base_position, raw.base_point, raw.antex) == (None, None, None)
     assert (raw.systems, raw.frequencies, raw.elevation_mask_deg, raw.ratio) == ("GREJC", 2, 15.0, 3.0)
-    assert (raw.engine, raw.max_age_s, raw.acceleration_mps2, raw.more) == ("auto", 30.0, (3.0, 1.0), {})
+    assert (raw.engine, raw.max_age_s, raw.acceleration_mps2, raw.rtklib_options) == ("auto", 30.0, (3.0, 1.0), {})
     assert raw.timeout_s == 7200.0
     assert (raw.wet_delay, raw.atmosphere, raw.phase_velocity, flight.gnss.covariance) == (True, None, True, MODEL)
     assert flight.gnss.quality_sigma_m == {}  # the covariance model has floors of its own
@@ -385,7 +401,7 @@ def test_options_of_raw_observations_are_taken(load, tmp_path):
     """Oracle: the values written in the file, none of which is the default."""
     flight = load(
         RAW + 'engine = "empty.csv"\nmax_age_s = 5\ntimeout_s = 90\nacceleration_mps2 = [6, 2]\n'
-        'more = { pos2-arminfix = 10, pos1-dynamics = "off" }\n'
+        'rtklib_options = { pos2-arminfix = 10, pos1-dynamics = "off" }\n'
         "atmosphere = { pressure_hpa = 955, humidity = 0.4 }\nphase_velocity = false\n"
         "[gnss.covariance]\nppm = 2\ngate = 20\nleast_satellites = 7\n[gnss.covariance.floor_m]\nfixed = [0.002, 0.003, 0.004]\n"
         '[camera]\nimages = "my_noise.toml"\nimage_ending = ".tif"\nskip_events = [2, 5]\nskip_images = ["a.tif"]\n'
@@ -393,7 +409,7 @@ def test_options_of_raw_observations_are_taken(load, tmp_path):
     )
     raw = flight.gnss.raw
     assert (raw.engine, raw.max_age_s, raw.acceleration_mps2) == (str(tmp_path / "empty.csv"), 5.0, (6.0, 2.0))
-    assert (raw.timeout_s, raw.more) == (90.0, {"pos2-arminfix": "10", "pos1-dynamics": "off"})
+    assert (raw.timeout_s, raw.rtklib_options) == (90.0, {"pos2-arminfix": "10", "pos1-dynamics": "off"})
     assert (raw.atmosphere, raw.phase_velocity) == ({"pressure_hpa": 955.0, "humidity": 0.4}, False)
     floor = {**MODEL.floor_m, "fixed": (0.002, 0.003, 0.004)}
     assert flight.gnss.covariance == replace(MODEL, ppm=(2.0, 2.0, 2.0), gate=20.0, least_satellites=7, floor_m=floor)

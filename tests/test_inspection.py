@@ -314,7 +314,7 @@ def test_held_fixes_are_found_by_what_changes_with_them():
     grid = Grid(np.column_stack([clock, *held]), ("time", "lat", "lon", "alt", "GPS_TOW"))
     roles = gnss_roles(grid)
     assert roles is not None
-    assert roles.new_when == 4
+    assert roles.repeat_column == 4
     assert list(roles.clocks) == [0]
 
 

@@ -240,7 +240,11 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "sigma negative": (_toml("[gnss]", "[gnss]\nsigma_m = [0.02, -0.02, 0.03]"), INPUT, ("gnss.sigma_m", "greater than zero")),
     "gate negative": (_toml("[gnss]", "[gnss]\ngate_sigma = -5"), INPUT, ("flight.toml:12: gnss.gate_sigma: -5 is outside 2 to 30",)),
     "gate without end": (_toml("[gnss]", "[gnss]\ngate_sigma = 1e9"), INPUT, ("gnss.gate_sigma", "outside 2 to 30")),
-    "option of another format": (_toml("[gnss]", '[gnss]\nnew_when = "tow"'), INPUT, ("gnss_text, which takes no new_when", "columns")),
+    "option of another format": (
+        _toml("[gnss]", '[gnss]\nrepeat_column = "tow"'),
+        INPUT,
+        ("gnss_text, which takes no repeat_column", "columns"),
+    ),
     "unknown check accepted": (_toml("[imu]", 'accept = ["specfic force"]\n[imu]'), INPUT, ("accept", "'specific force'")),
     "unknown output format": (_toml('"metashape"]', '"metashap"]'), INPUT, ("flight.toml:28: output.formats: 'metashap'", "'metashape'")),
     "output rate zero": (_toml("[output]", "[output]\ntrajectory_hz = 0"), INPUT, ("output.trajectory_hz: 0",)),

@@ -54,7 +54,7 @@ def _imu_spec(options: argparse.Namespace) -> dict[str, Any]:
         return spec
     if any(spec.values()):
         raise UsageError("calibrate: --flight says columns, units and quantity; leave the other options out")
-    from ..flight import load_flight
+    from ..config.load import load_flight
 
     flight = load_flight(options.flight)
     imu = flight.imu

@@ -40,14 +40,34 @@ class Parser(argparse.ArgumentParser):
     """Parser whose complaints are `UsageError` and whose epilog may be a function, called only where help is asked for.
 
     A word that begins as a negative number does is a value, as in "--origin -46.5,6.5,0", and never an option.
+
+    `later` adds arguments, and may set the epilog, when the parser is first used: what it imports costs nothing where another verb runs.
     """
 
-    def __init__(self, *, more_help: Callable[[], str] | None = None, **kwargs: Any) -> None:
+    def __init__(
+        self, *, more_help: Callable[[], str] | None = None, later: "Callable[[Parser], None] | None" = None, **kwargs: Any
+    ) -> None:
         super().__init__(allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
         self._negative_number_matcher = re.compile(r"-\.?\d")
         self.more_help = more_help
+        self._later = later
+
+    def complete(self) -> None:
+        """Add the arguments that are left for later, once."""
+        later, self._later = self._later, None
+        if later is not None:
+            later(self)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        self.complete()
+        return super().parse_known_args(args, namespace)
+
+    def format_usage(self) -> str:
+        self.complete()
+        return super().format_usage()
 
     def format_help(self) -> str:
+        self.complete()
         return super().format_help() + ("\n" + self.more_help() if self.more_help else "")
 
     def error(self, message: str) -> NoReturn:

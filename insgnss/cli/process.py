@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ..flight import load_flight
+    from ..config.load import load_flight
 
     flight = load_flight(options.flight)
     from ..processing import pipeline

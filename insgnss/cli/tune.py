@@ -39,7 +39,7 @@ def tune(given: argparse.Namespace, progress: Callable[[str], None]) -> "TuneRes
         return tune_static(given.static, options, given.out, given.force, progress)
     if options != TuneOptions():
         raise UsageError("tune: with --flight only --parameters, --out and --force have a meaning; the flight file says the rest")
-    from ..flight import load_flight
+    from ..config.load import load_flight
     from ..tuning.several import tune_each
 
     names = [name.strip() for name in given.parameters.split(",")] if given.parameters else None

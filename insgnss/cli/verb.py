@@ -57,12 +57,12 @@ class Verb:
             description=f"{self.what[0].upper()}{self.what[1:]}.",
             epilog=f"example:\n{self.example}",
             more_help=self.more_help,
+            later=self.add_arguments,
         )
         parser.add_argument("--json", action="store_true", help="print the result as JSON")
         parser.add_argument("-q", "--quiet", action="store_true", help="do not print the steps while it runs")
         parser.add_argument("--debug", action="store_true", help="print the traceback of an error")
         parser.set_defaults(run=self.run)
-        self.add_arguments(parser)
 
 
 def show(options: argparse.Namespace, progress: Progress, summary: Callable[[], str], document: Callable[[], dict[str, Any]]) -> int:

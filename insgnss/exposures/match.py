@@ -26,6 +26,7 @@ from ..errors import InputError, UsageError
 from ..formats._order import note
 from ..formats.events import UNNAMED
 from ..records import Array, CameraEvents, Check
+from ..wording import named, setting
 from .clocks import ClockMatch, match_clocks, misfit
 
 FEWEST_TIMES = 3
@@ -78,14 +79,14 @@ def delayed(events: CameraEvents, delay_s: float) -> CameraEvents:
 
 def _refuse_named(path: str, events: CameraEvents) -> None:
     """Refuse events whose names are more than numbers."""
-    if named := [name for name in events.images if not name.isdecimal()]:
-        what = f"the events have names of their own ({named[0]}), and images are given that name them as well; leave the images out"
+    if own := [name for name in events.images if not name.isdecimal()]:
+        what = f"the events have names of their own ({own[0]}), and images are given that name them as well; leave the images out"
         raise InputError.at(path, None, f"{what}, or give the events by columns without the names")
 
 
 def _check_skipped(path: str, kind: str, skipped: Collection[object], there: Collection[object]) -> None:
     if unknown := [item for item in skipped if item not in there]:
-        raise UsageError(f"{path}: skip_{kind} names {unknown[0]}, which is none of the {len(there)} {kind}")
+        raise UsageError(f"{path}: {named(f'camera.skip_{kind}')} names {unknown[0]}, which is none of the {len(there)} {kind}")
 
 
 def _taken(path: str, taken_s: ArrayLike, images: Sequence[str], given: Sequence[int]) -> tuple[Array | None, tuple[Check, ...]]:
@@ -166,7 +167,8 @@ def _of_clocks(match: ClockMatch, number: NDArray[np.int64], names: Sequence[str
         told += f" no image belongs to event {_first_of(events)}"
     if images:
         told += f"{' and' if events else ''} no event to image {_first_of(images)}"
-    answer = [f"skip_events = {events[:8]}"] * bool(events) + [f"skip_images = {images[:8]}"] * bool(images)
+    left_out = {"camera.skip_events": events[:8], "camera.skip_images": images[:8]}
+    answer = [setting(key, odd) for key, odd in left_out.items() if odd]
     return f"{told}; if that is so, set {' and '.join(answer)}"
 
 
@@ -177,20 +179,22 @@ def _of_numbers(time: Array, number: NDArray[np.int64], names: Sequence[str]) ->
         return ""
     start = _numbers(names)[0]
     events = [int(number[gap - start]) for gap in gaps]
-    return f"the images' numbers leave out {_first_of(gaps)}; if these were exposed and are lost, set skip_events = {events[:8]}"
+    answer = setting("camera.skip_events", events[:8])
+    return f"the images' numbers leave out {_first_of(gaps)}; if these were exposed and are lost, set {answer}"
 
 
 def _of_intervals(time: Array, number: NDArray[np.int64], count: int) -> str:
     step = np.diff(time)
     if step.size == 0:
-        return "name those that have no partner in skip_events or skip_images"
+        return f"name those that have no partner in {named('camera.skip_events')} or {named('camera.skip_images')}"
     if time.size == 2 * count and np.median(step[::2]) < 0.5 * np.median(step[1::2] if step.size > 1 else step):
         ms = 1e3 * float(np.median(step[::2]))
-        return f"the events come in pairs {ms:.1f} ms apart, as from both edges of a pulse; keep the edge you want with skip_events"
+        found = f"the events come in pairs {ms:.1f} ms apart, as from both edges of a pulse"
+        return f"{found}; keep the edge you want with {named('camera.skip_events')}"
     k = int(np.argmax(step))
     where = f"the longest interval is {step[k]:.3f} s, behind event {number[k]}, the median {np.median(step):.3f} s"
-    more = "skip_events" if time.size > count else "skip_images"
-    return f"{where}; give the images' own times, or name those without a partner in {more}"
+    key = "camera.skip_events" if time.size > count else "camera.skip_images"
+    return f"{where}; give the images' own times, or name those without a partner in {named(key)}"
 
 
 def _numbers(names: Sequence[str]) -> list[int]:

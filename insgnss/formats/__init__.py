@@ -19,7 +19,7 @@ from ._units import UNITS, split_unit, unit_factor
 __all__ = ["EXPORTS", "UNITS", "TableInfo", "describe", "read_events", "read_gnss", "read_imu", "split_unit", "unit_factor"]
 
 _IMU_MAP = ("columns", "variable", "units", "quantity", "gps_week", "rate_hz")
-_GNSS_MAP = ("columns", "variable", "new_when", "sigma_m", "sigma_velocity", "units", "gps_week", "undulation_m")
+_GNSS_MAP = ("columns", "variable", "repeat_column", "sigma_m", "sigma_velocity", "units", "gps_week", "undulation_m")
 
 IMU_OPTIONS = {
     "matlab": _IMU_MAP,

@@ -1,6 +1,6 @@
 """IMU samples and fixes from content by a column map: what MATLAB and numpy files have in common.
 
-A file that holds the last fix until the next comes is read by `new_when`, the quantity that changes with each new fix: a fix is
+A file that holds the last fix until the next comes is read by `repeat_column`, the quantity that changes with each new fix: a fix is
 taken at the row where it changes to something that is neither zero nor not-a-number, and it is stamped with that row's time.
 """
 
@@ -74,7 +74,7 @@ def gnss_of_content(
     content: Content,
     columns: Columns,
     variable: str | None = None,
-    new_when: str | None = None,
+    repeat_column: str | None = None,
     sigma_m: ArrayLike | None = None,
     sigma_velocity: ArrayLike | None = None,
     units: Mapping[str, str] | None = None,
@@ -85,7 +85,7 @@ def gnss_of_content(
 
     undulation_m : geoid above the ellipsoid, m, added to heights that are above the geoid.
 
-    new_when : path (or canonical name) of what changes with each new fix; None takes every row for a fix, and is refused where more
+    repeat_column : path (or canonical name) of what changes with each new fix; None takes every row for a fix, and is refused where more
         than half of them repeat the one before.
     """
     units = check_units(units, GNSS_UNIT_KEYS)
@@ -93,19 +93,20 @@ def gnss_of_content(
     scales, notes = fix_scales(str(path), None, said, units)
     table = _taken(path, content, columns, variable, REQUIRED, tuple(ALIASES))
     lines: Lines = NumberedRows(str(path))
-    if new_when is not None:
-        mark = table[new_when] if new_when in table else take_columns(path, content, {"mark": new_when}, variable)["mark"]
+    if repeat_column is not None:
+        mark = table[repeat_column] if repeat_column in table else take_columns(path, content, {"mark": repeat_column}, variable)["mark"]
         if mark.size != table["tow"].size:
             raise InputError(
-                f"{path}: {new_when} has {mark.size} rows, the columns have {table['tow'].size}; name a field of the same recording"
+                f"{path}: {repeat_column} has {mark.size} rows, the columns have {table['tow'].size}; name a field of the same recording"
             )
         rows = np.flatnonzero(np.isfinite(mark[1:]) & (mark[1:] != 0.0) & (mark[1:] != mark[:-1])) + 1
         if rows.size == 0:
             raise InputError(
-                f"{path}: {new_when} never changes to a new value; no fix; set new_when to what changes with each fix, or None"
+                f"{path}: {repeat_column} never changes to a new value; no fix; set repeat_column to what changes with each fix, or None"
             )
         table, lines = {name: column[rows] for name, column in table.items()}, Picked(lines, rows)
     elif table["tow"].size > 1 and np.mean((np.diff(table["lat"]) == 0.0) & (np.diff(table["lon"]) == 0.0)) > REPEATED_LIMIT:
-        raise InputError(f"{path}: more than half of the positions repeat the one before; set new_when to what changes with each new fix")
+        found = "more than half of the positions repeat the one before"
+        raise InputError(f"{path}: {found}; set repeat_column to what changes with each new fix")
     _finite(table, lines)
     return fixes_from_columns(table, lines, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m, notes)

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..files import atomic_write
 from ..records import Array, CameraEvents, Check
+from ..wording import named
 from ._columns import TIME, Aliases, Columns, columns_of, fields_of, gps_time
 from ._eo import check_names
 from ._heads import Kinds, settled_units
@@ -64,7 +65,7 @@ def events_in_order(
 def numbered(count: int) -> tuple[tuple[str, ...], Check]:
     """Numbers from 1 in the place of names, and the note that says so."""
     found = f"no image names; the {count} events are numbered from 1"
-    advice = "give the images (camera.images), or check that none is missing before you join them by number"
+    advice = f"give the images ({named('camera.images')}), or check that none is missing before you join them by number"
     return tuple(str(k + 1) for k in range(count)), note(UNNAMED, found, "a name for each event", advice)
 
 

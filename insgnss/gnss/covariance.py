@@ -11,11 +11,11 @@ class, and the class is the engine's quality flag as far as it can be believed:
 
     fixed     by `least_satellites` satellites at least, where `support_share` of all epochs within `support_s`, and five, are so too.
               Among buildings the ratio test passes on wrong integers for single epochs and with few satellites.               (V.2)
-    hampered  what is so, where fewer than `hampered_share` of all epochs within `hampered_s` are.                             (V.5)
+    degraded  what is so, where fewer than `degraded_share` of all epochs within `degraded_s` are.                             (V.5)
               Epochs before the first and after the last of them do not count.
     float     what is float, or is not believed to be fixed, and has a believed epoch within `support_s`.
-    lone      the same without one: ambiguities that nothing confirms, code multipath in full.
-    weak      the same by fewer than `lone_satellites`: nothing in the epoch itself contradicts a reflected signal.
+    isolated  the same without one: ambiguities that nothing confirms, code multipath in full.
+    unsupported  the same by fewer than `unsupported_satellites`: nothing in the epoch itself contradicts a reflected signal.
 
 A fix that is not believed is handed on as float (quality 2). Where the engine ran forward and backward by itself, and the two
 differ by s with s^T (C'_f + C'_b)^-1 s above `gate`, one of them has wrong ambiguities: the epoch is no longer fixed, and
@@ -35,7 +35,7 @@ by centimetres, and nothing in the epoch tells. How many epochs of the minutes a
 are found at first, or after they are given up: a filter's first minutes are float under an open sky, too. Phases of hampered epochs are
 taken to be off by 1 to 2 cm where the engine has 3 to 6 mm (k = 4); the floor is for what does not shrink with the geometry. Belief
 and (V.4) are judged with k of fixed epochs, since what lasts does not part neighbours; nor does it part two runs of one receiver, and runs
-that are to be compared are calibrated by a model whose `hampered_share` is 0.
+that are to be compared are calibrated by a model whose `degraded_share` is 0.
 
 The numbers of `MODEL` are measured. Fixed epochs, none of them hampered, after the corrections of `troposphere` and `ionosphere` (errors
 rms, north, east, down, and their mean normalised square, which is 1 where sigmas are right):
@@ -65,24 +65,20 @@ drive (1 Hz, integers of each epoch by itself, 110 of 531 epochs believed) nothi
 for the other, and leave 17 % of this one), and (V.2) asks for five epochs since that second solution had a wrong one.
 
 Errors of fixed epochs last (correlation 0.3 to 0.8 over 10 s): (V.1) is of one epoch, and a filter that takes many must estimate the
-lasting part (`gnss.correlated` of the flight file).
+time-correlated part (`gnss.gm_sigma` of the flight file).
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import UsageError
+from ..config.covariance import CLASSES, MODEL, CovarianceModel
 from ..geodesy.frames import geodetic_to_ecef, rotation_en
 from ..records import Array, Check, GnssFixes
 
 Index = NDArray[np.int64]
-Triple = tuple[float, float, float]
 
-CLASSES = ("fixed", "hampered", "float", "lone", "weak", "sbas", "dgps", "single", "ppp")
 FIXED, HAMPERED, FLOAT, LONE, WEAK, SBAS, DGPS, SINGLE, PPP = range(len(CLASSES))
 BELIEVED = (FIXED, HAMPERED)
 CLASS_OF_QUALITY = (SINGLE, FIXED, FLOAT, SBAS, DGPS, SINGLE, PPP, SINGLE)  # RTKLIB's 0 to 7; of what is unknown the largest
@@ -91,94 +87,6 @@ SUPPORT_EPOCHS = 5  # fixed ones that are needed, and epochs to either side that
 SMALLEST_M = 5e-5  # half the last digit of RTKLIB's standard deviations: one that is written as zero is below it
 UNKNOWN_SIGMA_M = (10.0, 10.0, 20.0)  # of an epoch whose covariance the engine did not estimate
 SAME_EPOCH_S = 1e-3
-GATE_3_SIGMA = 14.16  # chi-square of 3 degrees of freedom at 0.9973
-LIMITS = {
-    "least_satellites": (4, 99),
-    "lone_satellites": (4, 99),
-    "support_s": (0.0, 600.0),
-    "support_share": (0.0, 1.0),
-    "hampered_s": (0.0, 3600.0),
-    "hampered_share": (0.0, 1.0),
-    "gate": (1.0, 1e4),
-}
-BOUNDS = {"scale": 1000.0, "floor_m": 1000.0, "ppm": 1000.0, "acceleration_mps2": 1000.0}
-
-
-@dataclass(frozen=True)
-class CovarianceModel:
-    """Numbers of (V.1) to (V.5). Triples are north, east, down.
-
-    scale : k by class.   floor_m : m by class.   ppm : parts per million of the distance to the base.
-    least_satellites, support_s, support_share : of (V.2).   lone_satellites : of weak epochs.   gate : of (V.3).
-    acceleration_mps2 : of (V.4).   hampered_s, hampered_share : of (V.5); a share of 0 takes no fix for hampered.
-    """
-
-    scale: Mapping[str, Triple] = field(
-        default_factory=lambda: {
-            "fixed": (0.75, 0.75, 0.75),
-            "hampered": (4.0, 4.0, 4.0),
-            "float": (3.0, 3.0, 3.0),
-            "lone": (30.0, 30.0, 30.0),
-            "weak": (30.0, 30.0, 30.0),
-            "sbas": (5.0, 5.0, 5.0),
-            "dgps": (5.0, 5.0, 5.0),
-            "single": (5.0, 5.0, 5.0),
-            "ppp": (3.0, 3.0, 3.0),
-        }
-    )
-    floor_m: Mapping[str, Triple] = field(
-        default_factory=lambda: {
-            "fixed": (0.001, 0.001, 0.001),
-            "hampered": (0.025, 0.025, 0.04),
-            "float": (0.3, 0.3, 0.6),
-            "lone": (0.3, 0.3, 0.6),
-            "weak": (15.0, 15.0, 15.0),
-            "sbas": (1.0, 1.0, 2.0),
-            "dgps": (1.0, 1.0, 2.0),
-            "single": (2.0, 2.0, 4.0),
-            "ppp": (0.05, 0.05, 0.1),
-        }
-    )
-    ppm: Triple = (1.0, 1.0, 1.0)
-    acceleration_mps2: Triple = (20.0, 20.0, 10.0)
-    least_satellites: int = 6
-    lone_satellites: int = 8
-    support_s: float = 5.0
-    support_share: float = 0.5
-    hampered_s: float = 180.0
-    hampered_share: float = 0.9
-    gate: float = GATE_3_SIGMA
-
-    def __post_init__(self) -> None:
-        for name in ("scale", "floor_m"):
-            object.__setattr__(self, name, {key: _triple(f"{name}.{key}", value) for key, value in getattr(self, name).items()})
-            if odd := set(getattr(self, name)) ^ set(CLASSES):
-                raise UsageError(f"covariance: {name} has one line for each of {', '.join(CLASSES)}; {sorted(odd)[0]!r} does not fit")
-        for name in ("ppm", "acceleration_mps2"):
-            object.__setattr__(self, name, _triple(name, getattr(self, name)))
-        for name, (least, most) in LIMITS.items():
-            if not least <= getattr(self, name) <= most:
-                raise UsageError(f"covariance: {name} = {getattr(self, name)!r} is outside {least:g} to {most:g}")
-
-    def with_changes(self, changes: Mapping[str, Any]) -> "CovarianceModel":
-        """The model with some numbers replaced: keys of the fields; of `scale` and `floor_m` a table of some classes."""
-        known = {f.name for f in fields(self)}
-        if odd := set(changes) - known:
-            raise UsageError(f"covariance: {sorted(odd)[0]!r} is unknown; known are {', '.join(sorted(known))}")
-        tables = {key: {**getattr(self, key), **changes[key]} for key in ("scale", "floor_m") if key in changes}
-        return replace(self, **{**changes, **tables})
-
-
-def _triple(name: str, value: ArrayLike) -> Triple:
-    """One number for all axes, or three; not negative, and within bounds."""
-    given = np.broadcast_to(np.asarray(value, dtype=np.float64), (3,)) if np.size(value) in (1, 3) else np.array([np.nan])
-    limit = BOUNDS[name.partition(".")[0]]
-    if not ((given >= 0.0) & (given <= limit)).all():
-        raise UsageError(f"covariance: {name} = {value!r}, expected three numbers (north, east, down) from 0 to {limit:g}")
-    return (float(given[0]), float(given[1]), float(given[2]))
-
-
-MODEL = CovarianceModel()
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +171,7 @@ def classes(time: Array, quality: Index, satellites: ArrayLike | None, model: Co
     supporting, share = _support(time, fixed, reach)
     believed = fixed & (count >= model.least_satellites) & (supporting >= SUPPORT_EPOCHS) & (share >= model.support_share)
     ambiguous = (fixed | (kind == FLOAT)) & ~believed
-    alone = np.where(count < model.lone_satellites, WEAK, LONE)
+    alone = np.where(count < model.unsupported_satellites, WEAK, LONE)
     kind[ambiguous] = np.where(_support(time, believed, reach)[0] > 0, FLOAT, alone)[ambiguous]
     return kind
 
@@ -275,9 +183,9 @@ def hampered(time: Array, kind: Index, model: CovarianceModel = MODEL) -> Index:
         return kind
     within = slice(at[0], at[-1] + 1)
     fixed = kind[within] == FIXED
-    _, share = _support(time[within], fixed, model.hampered_s + SAME_EPOCH_S)
+    _, share = _support(time[within], fixed, model.degraded_s + SAME_EPOCH_S)
     found = kind.copy()
-    found[within][fixed & (share < model.hampered_share)] = HAMPERED
+    found[within][fixed & (share < model.degraded_share)] = HAMPERED
     return found
 
 
@@ -355,8 +263,8 @@ def _note(
     found += f"; not {reasons}" if reasons else ""
     advice = ["the unbelieved are taken as float, with standard deviations that suit"] if reasons else []
     if of_them := int((kind == HAMPERED).sum()):
-        found += f"; {of_them} of the believed are hampered: of the epochs within {model.hampered_s:g} s fewer than "
-        found += f"{100 * model.hampered_share:g} % are fixed"
+        found += f"; {of_them} of the believed are hampered: of the epochs within {model.degraded_s:g} s fewer than "
+        found += f"{100 * model.degraded_share:g} % are fixed"
         advice.append("the hampered have standard deviations of centimetres, for reflections that nothing else tells")
     if not advice:
         return Check("GNSS covariance", found, expected)

@@ -23,14 +23,16 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextvars import copy_context
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from ..errors import DataError, InputError, UsageError
+from ..errors import DataError, InputError, OptionError, UsageError
 from ..files import atomic_write
 from ..formats.rtklib_pos import read_rtklib_pos
 from ..records import Check, GnssFixes
+from ..wording import named
 from ._worker import nearest
 from .navigation_message import read_navigation
 from .options import ANTENNAS, DIRECTIONS, EngineOptions, check_dynamics, option_file, single_point_file
@@ -144,14 +146,15 @@ def engine_command(engine: str = "auto") -> list[str]:
         if engine == "auto":
             raise UsageError(INSTALL)
         instead = INSTALL if importlib.util.find_spec(MODULE) is None else f"without it {MODULE} is taken, which is installed"
-        raise UsageError(f"engine = {engine!r}: no program that can be run; {instead}")
+        raise OptionError("gnss.engine", f"no program that can be run; {instead}", engine)
     return [str(Path(program).resolve())]
 
 
 def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tuple[Check, ...]:
     """Whether an rnx2rtkp knows the options of an option file, which its binary holds as strings.
 
-    UsageError for one of `more` that it does not know; a note for those of ours, or where a wrapper does not show what the program holds.
+    OptionError for one of `rtklib_options` that it does not know; a note for those of ours, or where a wrapper does not show what the
+    program holds.
     """
     if command[0] == sys.executable:
         return ()
@@ -159,12 +162,12 @@ def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tu
     asked = [line.split("=")[0] for line in text.splitlines()]
     if OF_ALL_VERSIONS not in binary:
         found, advice = f"{command[0]} does not show which it knows", "an unknown one is left out without a word; name the program itself"
-        names = " ".join(options.more)
-        return (Check("engine options", f"{found}: {names}", "options that it knows", "note", advice),) if options.more else ()
+        names = " ".join(options.rtklib_options)
+        return (Check("engine options", f"{found}: {names}", "options that it knows", "note", advice),) if options.rtklib_options else ()
     unknown = [name for name in asked if name.encode() + b"\0" not in binary]
-    if wrong := [name for name in unknown if name in options.more]:
+    if wrong := [name for name in unknown if name in options.rtklib_options]:
         known = [found.decode() for found in re.findall(rb"(?:pos[12]|out|stats|ant[12]|misc|file)-[A-Za-z0-9_]+(?=\0)", binary)]
-        raise UsageError(f"more: {command[0]} has no option {wrong[0]}{nearest(wrong[0], known)}")
+        raise OptionError("gnss.rtklib_options", f"{command[0]} has no option {wrong[0]}{nearest(wrong[0], known)}")
     if not unknown:
         return ()
     advice = "it goes on with what it does by itself; RTKLIB EX 2.5.0 knows them"
@@ -240,7 +243,7 @@ class _Runs:
         silent = not any(self.scratch.glob("*.pos"))
         if silent and self.command[0] != sys.executable and OF_ALL_VERSIONS not in _binary(Path(self.command[0])):
             what = "left no solution and shows none of RTKLIB's options: is it an rnx2rtkp?"
-            raise UsageError(f"engine = {self.command[0]!r}: {what} {said}")
+            raise OptionError("gnss.engine", f"{what} {said}", self.command[0])
 
     def three(self, texts: Mapping[str, str], names: Sequence[str], say: Progress) -> dict[str, _End]:
         """The end of each run; the first error ends the others."""
@@ -249,7 +252,7 @@ class _Runs:
         stop = threading.Event()
         ends: dict[str, _End] = {}
         with ThreadPoolExecutor(PROCESSES) as pool:
-            jobs = {pool.submit(self.solution, direction, names, stop): direction for direction in texts}
+            jobs = {pool.submit(copy_context().run, self.solution, direction, names, stop): direction for direction in texts}
             try:
                 for job in as_completed(jobs):
                     ends[jobs[job]] = job.result()
@@ -269,7 +272,7 @@ class _Runs:
         return end
 
     def run(self, name: str, files: Sequence[str], stop: threading.Event, every: float = 0.0) -> _End:
-        """Run the engine on name.conf to name.pos, on epochs `every` s (0: all). DataError for a bad end, UsageError for `more`."""
+        """Run the engine on name.conf to name.pos, on epochs `every` s (0: all). DataError, OptionError for a bad end."""
         if self.command[0] == sys.executable:
             line = [*self.command, f"{name}.conf", f"{name}.pos", f"{every:g}", *files]
         else:
@@ -283,18 +286,19 @@ class _Runs:
                     process.kill()
                     process.wait()
             told, refused = _tail(said), _refused(said)
-        if wrong := [option for option in refused if option in self.options.more]:
-            raise UsageError(f"more: the engine refused {wrong[0]} = {self.options.more[wrong[0]]}")
+        if wrong := [option for option in refused if option in self.options.rtklib_options]:
+            problem = f"the engine refused {wrong[0]} = {self.options.rtklib_options[wrong[0]]}"
+            raise OptionError("gnss.rtklib_options", problem)
         if process.returncode == 0 or stop.is_set():
             return _End(math.nan if cpu is None else cpu, told, refused)
         if process.returncode == UNKNOWN_OPTION and self.command[0] == sys.executable:
-            raise UsageError(f"more: {told}")
+            raise OptionError("gnss.rtklib_options", told)
         of_what = f"position of the {name.removeprefix(WHERE)} by codes" if name.startswith(WHERE) else f"{name} solution"
         raise DataError(f"{of_what}: the engine {self._end(process.returncode, cpu)}; it said: {told or 'nothing'}")
 
     def _end(self, code: int, cpu: float | None) -> str:
         if cpu is None:
-            return f"did not finish in {self.options.timeout_s:g} s; raise gnss.timeout_s (--timeout)"
+            return f"did not finish in {self.options.timeout_s:g} s; raise {named('gnss.timeout_s')}"
         return f"was ended by signal {-code}" if code < 0 else f"stopped with exit code {code}"
 
 

@@ -37,7 +37,7 @@ LARGEST_CONDITION = 1e8
 
 def carrying_systems(options: EngineOptions) -> str:
     """Letters of the systems whose ambiguities the engine resolves, which carry its positions; all where it resolves none."""
-    more = {name: str(value) for name, value in options.more.items()}
+    more = {name: str(value) for name, value in options.rtklib_options.items()}
     mode = more.get(ARMODE, "1")
     real = {system for system, (name, usual, left) in UNRESOLVED.items() if more.get(name, usual) in left}
     if mode in FIX_AND_HOLD and more.get("pos2-gloarmode", "3") in FIX_AND_HOLD:

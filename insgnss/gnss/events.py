@@ -11,26 +11,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..config.camera_options import RoverEvents
 from ..errors import InputError
 from ..formats._layout import shown
 from ..formats._order import note, put_in_order
 from ..formats.events import numbered
 from ..records import CameraEvents, Check
+from ..wording import named, setting
 from .rinex import EventRecord, Observations
 
 NOT_VALID = "time mark is not valid"
 MOST_TOLD = 5
-KEEP = "camera.invalid_events = true (ppk: --invalid-events) takes them"
 
 Records = tuple[EventRecord, ...]
-
-
-@dataclass(frozen=True)
-class RoverEvents:
-    """Which external events are exposures: those whose record lines hold a text, and whether also those marked as not valid."""
-
-    events_containing: str = ""
-    invalid_events: bool = False
 
 
 ALL_VALID = RoverEvents()
@@ -72,7 +65,11 @@ def unasked_events(observations: Observations) -> tuple[CameraEvents | None, tup
     if len(invalid) < len(records):
         return camera_events(observations), ()
     found = f"{_those(records, invalid)}, and are left out: there are no exposures"
-    return None, (note("time marks", found, "valid ones", KEEP),) if invalid else ()
+    return None, (note("time marks", found, "valid ones", _keep()),) if invalid else ()
+
+
+def _keep() -> str:
+    return f"{setting('camera.invalid_events', True)} takes them"
 
 
 def _chosen(observations: Observations, wanted: RoverEvents) -> tuple[Records, Records]:
@@ -98,8 +95,8 @@ def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tu
     if wanted.invalid_events:
         return records, (note("time marks", f"{those}, and are taken", "valid ones", "their stamps may be off by anything"),)
     if len(invalid) == len(records):
-        raise InputError.at(path, invalid[0].line, f"camera events: {those}; {KEEP}")
-    advice = f"{KEEP}; where they are exposures and their stamps are wrong, name their images in skip_images"
+        raise InputError.at(path, invalid[0].line, f"camera events: {those}; {_keep()}")
+    advice = f"{_keep()}; where they are exposures and their stamps are wrong, name their images in {named('camera.skip_images')}"
     valid = tuple(record for record in records if record not in invalid)
     return valid, (note("time marks", f"{those}, and are left out", "valid ones", advice),)
 

@@ -3,11 +3,11 @@
 from dataclasses import fields, replace
 from math import radians
 
+from ..config.ppk_options import RawGnss
 from ..exposures.naming import ImageMatch
 from ..geodesy.frames import geodetic_to_ecef
 from .covariance import MODEL, CovarianceModel
 from .events import RoverEvents
-from .flight_table import RawGnss
 from .options import EngineOptions
 from .ppk import PpkInput, PpkResult, solve_ppk
 

@@ -165,7 +165,7 @@ def ionosphere_correction(
 
 def engine_models_it(options: EngineOptions) -> bool:
     """Whether `more` has the engine estimate the ionosphere or combine the bands against it."""
-    return str(options.more.get("pos1-ionoopt", "")) in MODELLED
+    return str(options.rtklib_options.get("pos1-ionoopt", "")) in MODELLED
 
 
 def shell_design(fixes: GnssFixes, satellites: Sky, base: Array) -> Array:

@@ -18,7 +18,8 @@ root second, in the acceleration makes the standard deviation of that prediction
     sigma = a T^(5/2) / sqrt(20)                                                                            (O.1)
 
 Beyond the 30 m at which RTKLIB gives a prediction up and starts again from codes, they help nothing, and its covariances of the restarts
-are impossible ones (71 of 120 epochs of a recording every 30 s): dynamics are off from a T of 4.6 s on, unless `more` sets pos1-dynamics.
+are impossible ones (71 of 120 epochs of a recording every 30 s): dynamics are off from a T of 4.6 s on, unless
+`rtklib_options` sets pos1-dynamics.
 
 The antenna of the base. RTKLIB relates phases to the position it is given, plus a vector from there to the antenna reference point (ARP),
 plus the offset of the phase centre (APC) where it knows the antenna:
@@ -29,18 +30,18 @@ plus the offset of the phase centre (APC) where it knows the antenna:
 The rover has neither delta nor offset: positions are of its phase centre.
 """
 
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ..errors import InputError, UsageError
+from ..config.ppk_options import EngineSettings, Point
+from ..errors import InputError, OptionError
 from ..records import Check
+from ..wording import named, setting
 from .rinex_header import RinexHeader
 
 Direction = Literal["combined", "forward", "backward"]
-Point = Literal["apc", "arp", "marker"]
 
 DIRECTIONS: tuple[Direction, ...] = ("combined", "forward", "backward")
 SOLUTION_TYPE = {"forward": 0, "backward": 1, "combined": 2}
@@ -50,19 +51,6 @@ DYNAMICS = "pos1-dynamics"
 RESTART_M = 30.0  # VAR_POS of RTKLIB's rtkpos.c
 INTERPOLATED_S = 5.0  # between epochs of the base, beyond which the clocks of satellites wander by millimetres meanwhile
 ANTENNAS = "antennas.atx"
-OURS = re.compile(r"out-|file-|ant[12]-pos|pos1-(posmode|soltype|frequency|elmask|navsys)$")
-SET_BY = {
-    "out-": "the output has the form that is read again",
-    "file-": "files are given by gnss.antex and by themselves",
-    "ant1-pos": "the rover moves",
-    "ant2-pos": "gnss.base_position sets it",
-    "pos1-posmode": "it is always kinematic",
-    "pos1-soltype": "forward, backward and combined are all run",
-    "pos1-frequency": "gnss.frequencies sets it",
-    "pos1-elmask": "gnss.elevation_mask_deg sets it",
-    "pos1-navsys": "gnss.systems sets it",
-}
-NAME = re.compile(r"[a-z0-9]+-[A-Za-z0-9_]+")
 OUTPUT = {
     "out-solformat": 0,
     "out-outhead": 1,
@@ -75,72 +63,37 @@ OUTPUT = {
     "out-height": 0,
     "out-outstat": 0,
 }
-RANGES = {
-    "elevation_mask_deg": (0.0, 60.0),
-    "ratio": (1.0, 100.0),
-    "max_age_s": (0.01, 3600.0),
-    "timeout_s": (1.0, 1e6),
-}
 
 
 @dataclass(frozen=True)
-class EngineOptions:
-    """Options of the three runs; UsageError for a value that cannot be.
+class EngineOptions(EngineSettings):
+    """Options of the three runs: those that a user gives, and where the base stands.
 
-    base_position_m : ECEF, m, None for the header's APPROX POSITION XYZ.   base_point : what stands there, needed with a position:
-    the antenna's phase centre, its reference point, or the marker below.   antex : file of phase centres, for `arp` and `marker`.
-    frequencies : 1 (L1), 2 (with L2, Galileo E5b), 3 (with L5).   systems : of G R E J C.
-    elevation_mask_deg.   ratio : of the ambiguity test.   max_age_s : of the base's epoch.   acceleration_mps2 : process noise of the
-    rover's acceleration, horizontal and vertical.   more : further options of RTKLIB by name ("pos2-arminfix": "10").
-    engine : "auto" (pyrtklib5, else rnx2rtkp on PATH), "pyrtklib5", or the path of an rnx2rtkp.   timeout_s : of one run.
+    Parameters
+    ----------
+    base_position_m : tuple of float, optional
+        ECEF, m; None for the header's APPROX POSITION XYZ. What stands there, `base_point`, is
+        needed with a position.
+
+    Raises
+    ------
+    OptionError
+        For a value that cannot be.
     """
 
     base_position_m: tuple[float, float, float] | None = None
-    base_point: Point | None = None
-    antex: str | Path | None = None
-    frequencies: int = 2
-    systems: str = "GREJC"
-    elevation_mask_deg: float = 15.0
-    ratio: float = 3.0
-    max_age_s: float = 30.0
-    acceleration_mps2: tuple[float, float] = (3.0, 1.0)
-    more: Mapping[str, str] = field(default_factory=dict)
-    engine: str = "auto"
-    timeout_s: float = 7200.0
 
     def __post_init__(self) -> None:
-        for name, (least, most) in RANGES.items():
-            if not least <= getattr(self, name) <= most:
-                raise UsageError(f"{name} = {getattr(self, name)}: must be {least:g} to {most:g}")
-        if self.frequencies not in (1, 2, 3):
-            raise UsageError(f"frequencies = {self.frequencies}: must be 1, 2 or 3")
-        if not self.systems or not set(self.systems) <= set(SYSTEM_BITS):
-            raise UsageError(f"systems = {self.systems!r}: must be letters of {''.join(SYSTEM_BITS)}")
-        if min(self.acceleration_mps2) <= 0.0:
-            raise UsageError(f"acceleration_mps2 = {self.acceleration_mps2}: must be two positive numbers")
-        self._check_base()
-        self._check_more()
-
-    def _check_base(self) -> None:
-        if self.base_point not in (None, "apc", "arp", "marker"):
-            raise UsageError(f"base_point = {self.base_point!r}: must be apc, arp or marker")
+        super().__post_init__()
         if self.base_position_m is None:
             return
         if self.base_point is None:
-            raise UsageError("base_position without base_point: say whether it is the antenna's phase centre (apc), arp or marker")
+            what = f"needs {named('gnss.base_point')}: is it the antenna's phase centre (apc), arp or marker"
+            raise OptionError("gnss.base_position", what)
         radius = sum(x * x for x in self.base_position_m) ** 0.5
         if not 6.3e6 < radius < 6.4e6:
-            raise UsageError(f"base_position: {radius:.0f} m from the Earth's centre (6300 to 6400 km); ECEF coordinates in m are needed")
-
-    def _check_more(self) -> None:
-        for name, value in self.more.items():
-            if not NAME.fullmatch(name):
-                raise UsageError(f"more: {name[:60]!r} is no name of an option of RTKLIB, such as pos2-arminfix")
-            if OURS.match(name):
-                why = next(why for begin, why in SET_BY.items() if name.startswith(begin))
-                raise UsageError(f"more: {name[:60]} is not to be set there: {why}")
-            if re.search(r"[\r\n#]", str(value)):
-                raise UsageError(f"more: the value of {name} holds a # or the end of a line")
+            what = f"is {radius:.0f} m from the Earth's centre (6300 to 6400 km)"
+            raise OptionError("gnss.base_position", f"{what}; ECEF coordinates in m are needed")
 
 
 def base_position(options: EngineOptions, base: RinexHeader) -> tuple[tuple[float, float, float], Point]:
@@ -149,7 +102,8 @@ def base_position(options: EngineOptions, base: RinexHeader) -> tuple[tuple[floa
         return options.base_position_m, options.base_point
     approx = base.approx_position_m
     if approx is None:
-        raise InputError.at(base.path, None, "no APPROX POSITION XYZ in the header and no base_position; give the base's coordinates")
+        what = f"no APPROX POSITION XYZ in the header and no {named('gnss.base_position')}; give the base's coordinates"
+        raise InputError.at(base.path, None, what)
     return (float(approx[0]), float(approx[1]), float(approx[2])), options.base_point or "marker"
 
 
@@ -163,10 +117,10 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
     try:
         known = "\n" + Path(options.antex).read_text(encoding="utf-8", errors="replace")
     except OSError as error:
-        raise InputError.at(options.antex, None, f"cannot be read: {error.strerror or error}; check gnss.antex") from None
+        raise InputError.at(options.antex, None, f"cannot be read: {error.strerror or error}; check {named('gnss.antex')}") from None
     kind = base.antenna.split()[0] if base.antenna.split() else ""
     if not kind or f"\n{kind}" not in known:
-        what = f"does not know the base's antenna {base.antenna!r} of {base.path}; give another, or base_point = apc"
+        what = f"does not know the base's antenna {base.antenna!r} of {base.path}; give another, or {setting('gnss.base_point', 'apc')}"
         raise InputError.at(options.antex, None, what)
     return lines | {"ant2-anttype": base.antenna, "file-rcvantfile": ANTENNAS}
 
@@ -177,13 +131,13 @@ def prediction_sd(options: EngineOptions, interval_s: float) -> float:
 
 
 def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Check, ...]:
-    """A note where the rover's epochs, every interval_s, are too rare for dynamics; none where `more` says whether to have them."""
+    """A note where the rover's epochs, every interval_s, are too rare for dynamics; none where the user says whether to have them."""
     sd = prediction_sd(options, interval_s)
-    if DYNAMICS in options.more or sd <= RESTART_M:
+    if DYNAMICS in options.rtklib_options or sd <= RESTART_M:
         return ()
     longest = (RESTART_M * 20.0**0.5 / options.acceleration_mps2[0]) ** 0.4
     found = f"off: epochs every {interval_s:g} s, over which {options.acceleration_mps2[0]:g} m/s^2 predict a position to {sd:.0f} m"
-    advice = f"every epoch stands for itself; log faster in flight, or set {DYNAMICS} in gnss.more"
+    advice = f"every epoch stands for itself; log faster in flight, or set {DYNAMICS} in {named('gnss.rtklib_options')}"
     return (Check("engine dynamics", found, f"on, with epochs every {longest:.1f} s at most", "note", advice),)
 
 
@@ -214,7 +168,7 @@ def option_file(options: EngineOptions, base: RinexHeader, direction: Direction,
     }
     position, _ = base_position(options, base)
     place = {f"ant2-pos{k}": f"{x:.5f}" for k, x in enumerate(position, start=1)}
-    return _text(lines | place | base_antenna(options, base) | dict(options.more) | OUTPUT)
+    return _text(lines | place | base_antenna(options, base) | dict(options.rtklib_options) | OUTPUT)
 
 
 def single_point_file(options: EngineOptions) -> str:

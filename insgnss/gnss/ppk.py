@@ -170,7 +170,7 @@ class _Solved:
     @classmethod
     def of(cls, run: EngineRun, base_ecef: Array, model: CovarianceModel) -> "_Solved":
         combined, forward, backward = (read_solution(path) for path in (run.combined, run.forward, run.backward))
-        plain = replace(model, hampered_share=0.0)  # what hampers both runs does not part them
+        plain = replace(model, degraded_share=0.0)  # what hampers both runs does not part them
         alone = [calibrate(s.fixes, s.satellites, base_distance(s.fixes, base_ecef), None, plain)[0] for s in (forward, backward)]
         separation = forward_backward(combined.fixes.time, *alone)
         distance = base_distance(combined.fixes, base_ecef)

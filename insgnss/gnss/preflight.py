@@ -23,6 +23,7 @@ from ..errors import DataError, InputError
 from ..geodesy.frames import ecef_to_geodetic, geodetic_to_ecef
 from ..geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from ..records import Array, Check, GnssFixes
+from ..wording import named, setting
 from .bands import engine_phases
 from .navigation_message import TOE, Navigation
 from .options import EngineOptions, base_position
@@ -130,7 +131,7 @@ def _check_third(rover: Observations, base: Observations, options: EngineOptions
         return ()
     lacking = [o.header.path for o, systems in zip((rover, base), have, strict=True) if not systems]
     found = f"no phases of a third one in {' and '.join(lacking)}" if lacking else "none whose third one is in both files"
-    return (Check("frequencies", found, "systems with three in both", "note", "frequencies = 2 (--frequencies) says what is solved"),)
+    return (Check("frequencies", found, "systems with three in both", "note", f"{setting('gnss.frequencies', 2)} says what is solved"),)
 
 
 def _with_third(observations: Observations, options: EngineOptions) -> set[str]:
@@ -167,7 +168,7 @@ def check_navigation(navigation: Navigation, rover: Observations, options: Engin
     if "G" in missing:
         what = f"no ephemerides of GPS for {_span(rover)[3:]}, which the rover {rover.header.path} observes"
         advice = f"{given}; give the navigation of that day" if other["G"].size else "add its navigation file"
-        raise InputError(f"{navigation.source}: {what}; {advice}, or leave G out of gnss.systems")
+        raise InputError(f"{navigation.source}: {what}; {advice}, or leave G out of {named('gnss.systems')}")
     found = f"none of {' '.join(missing)} for {_span(rover)[3:]}, which are left out" + (f"; {given}" if given else "")
     advice = "give the navigation of that day" if given else "add their navigation file"
     return (Check("navigation", found, "ephemerides of every system observed", "note", advice),)
@@ -249,7 +250,7 @@ def _mistaken(given: Array, place: Array, options: EngineOptions) -> str:
     """What mistake makes coordinates (3,) of a place (3,) that codes know, else what to try."""
     lat, lon, height = (float(x) for x in ecef_to_geodetic(given))
     if options.base_position_m is None:
-        return "give base_position and base_point"
+        return f"give {_coordinates()}"
     mistakes = {
         "latitude and longitude exchanged": (lon, lat, height),
         "latitude and longitude in radians": (float(np.degrees(lat)), float(np.degrees(lon)), height),
@@ -263,6 +264,10 @@ def _mistaken(given: Array, place: Array, options: EngineOptions) -> str:
         side = "above" if above > 0.0 else "below"
         return f"only the height differs, the codes are {abs(above):.0f} m {side} it: is it above sea level? it must be above the ellipsoid"
     return "check them, or are rover and base swapped?"
+
+
+def _coordinates() -> str:
+    return f"{named('gnss.base_position')} and {named('gnss.base_point')}"
 
 
 def _of_moving(rover: Observations, whereabouts: Callable[[Observations], Whereabouts]) -> str:
@@ -301,7 +306,7 @@ def check_base_point(options: EngineOptions, base: RinexHeader, chosen: bool = T
     expected = "what stands at the coordinates is said"
     if chosen or options.base_position_m is None:
         return Check("base point", found, expected)
-    advice = "give base_point (--base-point): published coordinates are mostly of a marker or of the reference point, and as such"
+    advice = f"give {named('gnss.base_point')}: published coordinates are mostly of a marker or of the reference point, and as such"
     return Check("base point", f"{found}, as nothing says", expected, "note", f"{advice} 0.05 to 0.2 m below the phase centre")
 
 
@@ -311,7 +316,7 @@ def _told_coordinates(options: EngineOptions, base: RinexHeader, off: float) -> 
     _, point = base_position(options, base)
     if options.base_position_m is None:
         found = f"APPROX POSITION XYZ of {base.path}, {off:.1f} m from its position by codes; taken as {point}"
-        advice = "give base_position and base_point; every position has the error of these coordinates"
+        advice = f"give {_coordinates()}; every position has the error of these coordinates"
         checks.append(Check("base coordinates", found, "coordinates that are known", "note", advice))
     elif off > NEAR_M:
         found = f"{off:.1f} m from the position of {base.path} by codes"
@@ -319,6 +324,6 @@ def _told_coordinates(options: EngineOptions, base: RinexHeader, off: float) -> 
         checks.append(Check("base coordinates", found, f"within {NEAR_M:.0f} m", "note", advice))
     if point != "apc" and options.antex is None and base.antenna.split()[:1] not in ([], ["NONE"], ["Unknown"]):
         found = f"of the {point}, with no ANTEX file for the antenna {base.antenna}"
-        advice = "give gnss.antex, or the coordinates of the phase centre; heights are off by its offset, 0.05 to 0.2 m"
+        advice = f"give {named('gnss.antex')}, or the coordinates of the phase centre; heights are off by its offset, 0.05 to 0.2 m"
         checks.append(Check("base antenna", found, "the phase centre", "note", advice))
     return tuple(checks)

@@ -14,7 +14,7 @@ from ..formats.rtklib_pos import read_pos_rows
 from ..records import GnssFixes
 from .covariance import MODEL, CovarianceModel, base_distance, calibrate
 
-ADVICE = "gnss.calibrated = false leaves the standard deviations as the file has them"
+ADVICE = "gnss.calibrate_covariance = false leaves the standard deviations as the file has them"
 
 
 def with_calibrated(fixes: GnssFixes, path: Source, model: CovarianceModel = MODEL) -> GnssFixes:

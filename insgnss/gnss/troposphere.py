@@ -35,6 +35,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..config.ppk_options import Air
+from ..config.schema import declared
 from ..errors import DataError, InputError
 from ..geodesy.frames import ecef_to_geodetic
 from ..records import GnssFixes
@@ -52,7 +54,7 @@ MU_VAPOUR = (VAPOUR_LAMBDA + 1.0) * NU
 K2, K3 = 22.1, 3.739e5  # K/hPa, K^2/hPa
 CELSIUS_ZERO = 273.15
 SHAPE_SHARE = 0.1  # of the correction, one standard deviation: what (T.4) and the profile (T.3) leave
-LIMITS = {"pressure_hpa": (300.0, 1100.0), "temperature_c": (-60.0, 60.0), "humidity": (0.0, 1.0)}
+LIMITS = {name: (item.option.low, item.option.high) for name, item in declared(Air).items()}
 CORRECTED = (1, 2)  # of RTKLIB's qualities: fixed and float, the two of its relative mode of phases
 FIXED = 1
 

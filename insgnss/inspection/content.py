@@ -298,7 +298,7 @@ def _noise(draft: Draft, sensing: Sensing) -> None:
 def _gnss(draft: Draft, source: Source, gnss: GnssFixes, found: "Recognition | None") -> None:
     step = float(np.median(np.diff(gnss.time))) if gnss.time.size > 1 else np.nan
     draft.add("gnss", "file", source.path, f"{source.what}: {gnss.time.size} fixes, {1.0 / step:.3g} Hz")
-    for key in ("variable", "columns", "units", "new_when", "sigma_m", "sigma_velocity_mps"):
+    for key in ("variable", "columns", "units", "repeat_column", "sigma_m", "sigma_velocity_mps"):
         if key in source.keys:
             draft.add("gnss", key, source.keys[key], source.why.get(key, ""))
     if source.free_height:

@@ -57,7 +57,7 @@ def inspect_flight(path: Path, progress: Progress = quiet) -> FlightInspection:
 
     Raises InputError where the flight file or its inputs cannot be read.
     """
-    from ..flight import load_flight
+    from ..config.load import load_flight
     from ..processing.inspect import inspect
     from ..processing.recording import read_recording
 

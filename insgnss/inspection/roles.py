@@ -43,7 +43,7 @@ class Roles:
     clocks: dict[int, str] = field(default_factory=dict)
     week: int | None = None
     units: dict[str, str] = field(default_factory=dict)
-    new_when: int | None = None
+    repeat_column: int | None = None
     how: str = "by the names of its columns"
 
 
@@ -129,13 +129,13 @@ def _completed(grid: Grid, found: dict[str, int]) -> Roles:
     lat, lon = grid.values[:, found["lat"]], grid.values[:, found["lon"]]
     held = (np.diff(lat) == 0.0) & (np.diff(lon) == 0.0)
     ticks = clocks(grid, 30.0)
-    new_when = None
+    repeat_column = None
     if held.size and held.mean() > 0.5:
         changes = ~held
         marks = [k for k in ticks if np.mean((np.diff(grid.values[:, k]) != 0.0) == changes) > 0.95]
-        new_when = marks[0] if marks else found["lat"]
-        ticks = {k: unit for k, unit in ticks.items() if k != new_when}
-    return Roles(found, ticks, week_column(grid), units, new_when)
+        repeat_column = marks[0] if marks else found["lat"]
+        ticks = {k: unit for k, unit in ticks.items() if k != repeat_column}
+    return Roles(found, ticks, week_column(grid), units, repeat_column)
 
 
 def _angle_unit(grid: Grid, lat: int, lon: int) -> str:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from .draft import Draft
     from .sensing import Sensing
 
-DATA_KEYS = ("columns", "variable", "units", "quantity", "rate_hz", "new_when", "sigma_m", "undulation_m")
+DATA_KEYS = ("columns", "variable", "units", "quantity", "rate_hz", "repeat_column", "sigma_m", "undulation_m")
 MOST_LISTED, MOST_SAID = 6, 300  # files in a message, and characters of the reason of each
 NO_WEEK = 0
 LARGEST, SPARSEST = 1e12, 20.0  # a reading, in any unit; times that the stamps span what the samples fill
@@ -139,7 +139,7 @@ def _choose(found: Discovery, paths: Sequence[Path]) -> tuple[Source, Source | N
         names = ", ".join(source.title for source in samples[:MOST_LISTED])
         more = f" and {len(samples) - MOST_LISTED} more" if len(samples) > MOST_LISTED else ""
         raise InputError(
-            f"{where}: {len(samples)} recordings of an IMU: {names}{more}; name the files of one of them ([[imu.more]] joins others)"
+            f"{where}: {len(samples)} recordings of an IMU: {names}{more}; name the files of one of them ([[imu.further]] joins others)"
         )
     imu = samples[0]
     return imu, _belonging(found, "gnss", imu, where), _belonging(found, "events", imu, where)

@@ -117,8 +117,8 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
     """Fixes by their first clock; by the others in `other_clocks`."""
     from ..formats import GNSS_OPTIONS
 
-    if roles.new_when is not None and path.suffix.lower() not in VARIABLES and "new_when" not in GNSS_OPTIONS["gnss_text"]:
-        what = f"holds each fix until the next ({table.fields[roles.new_when]} changes with it), which text tables are not read by"
+    if roles.repeat_column is not None and path.suffix.lower() not in VARIABLES and "repeat_column" not in GNSS_OPTIONS["gnss_text"]:
+        what = f"holds each fix until the next ({table.fields[roles.repeat_column]} changes with it), which text tables are not read by"
         raise InputError.at(path, None, f"{what}; write one row a fix into a file of its own, or the whole as .npy or .mat")
     found = []
     for clock, unit in roles.clocks.items():
@@ -137,9 +137,9 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
                     UNIT_REASONS.get(value)
                     or f"no value exceeds what {'a course' if key == 'course' else 'latitude and longitude'} in rad can be",
                 )
-        if roles.new_when is not None:
-            keys["new_when"] = table.fields[roles.new_when]
-            why["new_when"] = "the rows between hold the last fix; this changes with each new one"
+        if roles.repeat_column is not None:
+            keys["repeat_column"] = table.fields[roles.repeat_column]
+            why["repeat_column"] = "the rows between hold the last fix; this changes with each new one"
         if not POSITION_SIGMAS & columns.keys():
             keys["sigma_m"] = SINGLE_POINT["sigma_m"]
             why["sigma_m"] = NO_SIGMA
@@ -147,7 +147,7 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
             keys["sigma_velocity_mps"] = SINGLE_POINT["sigma_velocity_mps"]
             why["sigma_velocity_mps"] = "no standard deviations of the velocity in the file: those of a usual receiver"
         _spell_out(path, table, columns, "gnss", keys, why, roles.how)
-        rows = slice(None) if roles.new_when is None else np.flatnonzero(np.diff(table.grid.values[:, roles.new_when]) != 0.0) + 1
+        rows = slice(None) if roles.repeat_column is None else np.flatnonzero(np.diff(table.grid.values[:, roles.repeat_column]) != 0.0) + 1
         what = f"fixes, {len(table.grid.values[rows])} of them"
         found.append(Source("gnss", path, what, keys, why, _span(table.grid, clock, unit, rows), free_height=True))
     return replace(found[0], other_clocks=tuple(found[1:]))

@@ -220,7 +220,7 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
     tau, alike = _coarse_offset(a, b)
     if alike < ALIKE:
         found = f"{name}: its rates correlate by {alike:.2f} with those of the first"
-        return 0.0, np.nan, Check(what, found, f"{ALIKE} and more of one body", "contradiction", "check imu.more: file, axes and clock")
+        return 0.0, np.nan, Check(what, found, f"{ALIKE} and more of one body", "contradiction", "check imu.further: file, axes and clock")
     slope, sigma = np.gradient(a, COARSE_S, axis=0), np.nan
     inside = slice(*np.searchsorted(grid, [grid[0] + abs(tau) + SMOOTH_S, grid[-1] - abs(tau) - SMOOTH_S]))
     for _ in range(ROUNDS):

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..config.flight_file import Flight
 from ..errors import DataError, InputError
-from ..flight import Flight
 from ..records import Array, Check, ImuSamples, Trajectory
 
 if TYPE_CHECKING:
@@ -180,11 +180,11 @@ def check_motion(flight: Flight, segments: "Sequence[Segment]") -> list[Check]:
     if offered == 0:
         return []
     bad = rejected > MOTION_REJECTED * offered
-    key = "filter.wheels = false" if flight.filter.wheels else 'filter.zero_velocity = "off"'
+    key = "filter.non_holonomic = false" if flight.filter.non_holonomic else 'filter.zero_velocity = "off"'
     return [
         Check(
             "motion",
-            f"{rejected} of {offered} measurements of rest or of wheels rejected",
+            f"{rejected} of {offered} zero-velocity updates or non-holonomic constraints rejected",
             "most of them used",
             "contradiction" if bad else "ok",
             f"it does not move so: {key}" if bad else "",

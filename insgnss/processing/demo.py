@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..flight import load_flight
+from ..config.load import load_flight
 from ..geodesy.rotation import vector_from_rotation
 from ..records import Array, ExteriorOrientation
 from .pipeline import ProcessResult, process

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..config.flight_file import Flight
 from ..diagnosis.candidates import CLOCK_RATE, LayoutFactory
-from ..flight import Flight
 from ..geodesy.frames import LocalFrame
 from ..navigation.epochs import make_epochs, unfixed_solutions, with_nhc, with_zupt
 from ..navigation.filter import gate_from_sigma
@@ -96,7 +96,7 @@ def prepare_segment(
     epochs = make_epochs(increments, at_fix, fixes, exposed, frame)
     if len(recording.rests):
         epochs = with_zupt(epochs, increments, recording.rests.time, layout)
-    if flight.filter.wheels:
+    if flight.filter.non_holonomic:
         epochs = with_nhc(epochs)
     problem = EstimationProblem(
         increments,
@@ -147,17 +147,17 @@ def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
     """
     options, gnss = flight.filter, flight.gnss
     correlated, time_s = unfixed_solutions(fixes)
-    off = gnss.correlated == "off"
+    off = gnss.gm_sigma == "off"
     return FixErrors(
         lever_arm_m=options.lever_arm_sigma_m if options.lever_arm else None,
         time_offset_s=options.time_offset_sigma_s if options.time_offset else None,
         clock_rate=CLOCK_RATE if options.time_offset else None,
-        gm_sigma=None if isinstance(gnss.correlated, str) else (gnss.correlated,) * 3,
+        gm_sigma=None if isinstance(gnss.gm_sigma, str) else (gnss.gm_sigma,) * 3,
         correlation_time_s=gnss.correlation_time_s,
-        white_scale=(gnss.uncorrelated,) * 3,
+        white_scale=(gnss.white_scale,) * 3,
         unfixed_gm_sigma=1.0 if not off and correlated.any() else None,
         unfixed_correlation_time_s=time_s,
-        unfixed_white_scale=gnss.uncorrelated if off else WHITE_OF_CORRELATED,
+        unfixed_white_scale=gnss.white_scale if off else WHITE_OF_CORRELATED,
     )
 
 

@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from .. import __version__
+from ..config.flight_file import Flight
 from ..diagnosis.estimated import state_verdicts
-from ..flight import Flight
 from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, USED, VELOCITY_CONSTRAINT
 from ..records import Check
 from .recording import Recording
@@ -77,7 +77,7 @@ def _motion(segments: Sequence[Segment]) -> Iterator[str]:
     verdict = np.concatenate([segment.solution.verdict[:, VELOCITY_CONSTRAINT] for segment in segments])
     offered, used = int((verdict != NOT_MEASURED).sum()), int((verdict == USED).sum())
     if offered:
-        yield f"the motion itself (rest, wheels) measured {offered} times, {used} used"
+        yield f"zero-velocity updates and non-holonomic constraints: {offered} offered, {used} used"
 
 
 def _estimates(segments: Sequence[Segment]) -> Iterator[str]:

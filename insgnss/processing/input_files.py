@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..config.flight_file import Flight, GnssInput, ImuInput
 from ..errors import InputError
-from ..flight import Flight, GnssInput, ImuInput
 from ..records import CameraEvents, Check, GnssFixes, ImuSamples
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def input_files(flight: Flight) -> list[Path]:
     list of Path
         The flight file itself first, none twice.
     """
-    imus = (flight.imu, *flight.imu.more)
+    imus = (flight.imu, *flight.imu.further)
     files = [flight.path, *(imu.file for imu in imus)]
     files += [imu.calibration for imu in imus if imu.calibration is not None]
     if flight.gnss.file is not None:
@@ -161,13 +161,13 @@ def combine_imus(
     from ..prepare.combine import combine
     from ..stochastic.model import load_noise_model, weighted_model
 
-    inputs = flight.imu.more
+    inputs = flight.imu.further
     week = first.gps_week
     imus = [first, *(in_week(read_imu_file(i, week), week or 0) for i in inputs)]
     for k, imu in enumerate(imus[1:], start=2):
         if np.array_equal(imu.gyro, first.gyro):
             raise InputError(
-                f"{flight.path}: imu.more: IMU {k} ({imu.source}) is the first IMU again; give its "
+                f"{flight.path}: imu.further: IMU {k} ({imu.source}) is the first IMU again; give its "
                 "own file or columns"
             )
     models = [noise, *(load_noise_model(i.noise) for i in inputs)]
@@ -195,10 +195,10 @@ def _read_fixes(options: GnssInput, gps_week: int | None, imu: ImuSamples) -> Gn
         units=options.units or None,
         undulation_m=options.undulation_m,
         variable=options.variable,
-        new_when=options.new_when,
+        repeat_column=options.repeat_column,
         gps_week=gps_week,
     )
-    if options.calibrated:
+    if options.calibrate_covariance:
         from ..gnss.ready import with_calibrated
 
         fixes = with_calibrated(fixes, options.file, options.covariance)

@@ -3,8 +3,8 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from ..config.flight_file import Flight
 from ..errors import InsgnssError
-from ..flight import Flight
 from ..records import Check
 from .checks import sentence
 from .progress import Progress, quiet

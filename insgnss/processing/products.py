@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..config.flight_file import Flight
 from ..errors import DataError, InputError, InsgnssError, UsageError
-from ..flight import Flight
 from ..gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others
 from ..records import Diagnostics, ExteriorOrientation, Trajectory
 from ..records.framed import PROJECTED

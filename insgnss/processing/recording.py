@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..config.flight_file import Flight
 from ..errors import DataError, InputError, UsageError
-from ..flight import QUALITIES, Flight
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
+from ..records.qualities import Quality
 from .checks import check_mounting, check_stationary
 from .input_files import combine_imus, read_files
 
@@ -94,11 +95,11 @@ def read_recording(flight: Flight) -> Recording:
         raise InputError(f"{flight.path}: {error}") from None
     gnss, events = _with_time_offsets(flight, gnss, events)
     imu, gnss, events, week = common_clock(imu, gnss, events, flight.gps_week)
-    floors = {QUALITIES[name]: sigma for name, sigma in flight.gnss.quality_sigma_m.items()}
+    floors: dict[int, tuple[float, ...]] = {Quality[name.upper()]: sigma for name, sigma in flight.gnss.quality_sigma_m.items()}
     gnss = with_floors(gnss, floors)
     C_b_imu, noise = flight.imu.C_b_imu, load_noise_model(flight.imu.noise)
     more: list[Check] = []
-    if flight.imu.more:
+    if flight.imu.further:
         imu, noise, more = combine_imus(flight, imu, noise)
         C_b_imu = np.eye(3)
     more += ppk.checks if ppk else ()

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..align.initial import given_attitude, initial_state
+from ..config.flight_file import Flight
 from ..diagnosis.decision import ErrorModelSearch, diagnose, explain_failure
 from ..diagnosis.time_offset import ROUNDS, offset_to_apply
 from ..diagnosis.turn_on_bias import check_biases_in_innovations, with_turn_on, without_turn_on
 from ..errors import DataError, InputError
-from ..flight import Flight
 from ..geodesy.frames import LocalFrame
 from ..navigation.codes import NAV
 from ..navigation.problem import EstimationProblem, InitialState
@@ -168,7 +168,7 @@ def _solve(
         prepared.requested_errors,
         prepared.layout_factory,
         flight.mounting,
-        flight.gnss.correlated == "auto",
+        flight.gnss.gm_sigma == "auto",
         flight.filter.second_pass,
         step,
     )

@@ -117,7 +117,7 @@ def _why_correlated(f: Figures, told: str, sign: float) -> tuple[str, str]:
         return f"{told}: the GNSS sigmas are too small", "raise the sigmas of the fixes"
     if f["time_correlated_errors"]:
         return f"{told}: errors of GNSS last from fix to fix by more than their estimate explains", ""
-    help_ = 'set gnss.correlated = "auto" to estimate them; where that gave up, take the sigmas as relative ones'
+    help_ = 'set gnss.gm_sigma = "auto" to estimate them; where that gave up, take the sigmas as relative ones'
     return f"{told}: errors of GNSS last from fix to fix, which the smoothed sigmas do not know", help_
 
 

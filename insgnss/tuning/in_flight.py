@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..config.flight_file import Flight
 from ..errors import InputError, InsgnssError, UsageError
 from ..files import json_ready
-from ..flight import Flight
 from ..processing.checks import sentence
 from ..processing.progress import quiet
 from ..processing.recording import Recording, read_recording
@@ -129,8 +129,8 @@ def tune_flight(
     """
     chosen = chosen_parameters(parameters)
     target = planned(flight, out, force)
-    if flight.imu.more:
-        raise InputError(f"{flight.path}: imu.more: the noise of several IMUs in one cannot be told apart; `tune_each` takes each alone")
+    if flight.imu.further:
+        raise InputError(f"{flight.path}: imu.further: the noise of several IMUs in one cannot be told apart; `tune_each` takes each alone")
     return write(estimate(flight, chosen, progress), target)
 
 
@@ -196,7 +196,7 @@ def _estimated(flight: Flight, parts: "list[Solution]", chosen: Sequence[str], p
     from ..calibrate.innovation_noise import EXPLAINED, in_flight_noise, without_correlated
 
     adopted = [part.problem.layout.gm >= 0 for part in parts]
-    if not any(adopted) or flight.gnss.correlated != "auto":
+    if not any(adopted) or flight.gnss.gm_sigma != "auto":
         return in_flight_noise(parts, chosen, progress), False
     bare = [without_correlated(part) if has else part for part, has in zip(parts, adopted, strict=True)]
     white = in_flight_noise(bare, chosen, progress)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..config.flight_file import Flight
 from ..errors import UsageError
 from ..files import atomic_write
-from ..flight import Flight
 from ..prepare.gaps import nominal_interval
 from ..processing.input_files import input_files, sha256
 from ..processing.recording import Recording

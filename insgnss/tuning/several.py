@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ..config.flight_file import Flight
 from ..errors import InsgnssError
-from ..flight import Flight
 from ..processing.progress import Progress, quiet
 from .in_flight import FlightTuning, chosen_parameters, estimate, tune_flight
 from .in_flight_files import planned, write
@@ -49,7 +49,7 @@ def tune_each(
 
     Nothing is written unless all of them could be tuned. Raises as `tune_flight` does, with the number of the IMU.
     """
-    if not flight.imu.more:
+    if not flight.imu.further:
         return tune_flight(flight, out, parameters, progress, force)
     chosen, first = chosen_parameters(parameters), planned(flight, out, force)
     flights = alone(flight)
@@ -66,10 +66,10 @@ def alone(flight: Flight) -> tuple[Flight, ...]:
         replace(
             flight,
             name=f"{flight.name}, IMU {k}",
-            imu=replace(imu, more=(), lever_m=(0.0, 0.0, 0.0)),
+            imu=replace(imu, further=(), lever_m=(0.0, 0.0, 0.0)),
             mounting=replace(m, imu_m=m.imu_m + m.C_cb @ imu.lever_m),
         )
-        for k, imu in enumerate((flight.imu, *flight.imu.more), start=1)
+        for k, imu in enumerate((flight.imu, *flight.imu.further), start=1)
     )
 
 
@@ -79,4 +79,4 @@ def _estimate(flight: Flight, number: int, chosen: tuple[str, ...], progress: Pr
         tuned = estimate(flight, chosen, lambda step: progress(f"IMU {number}: {step}"))
     except InsgnssError as error:
         raise type(error)(f"IMU {number} alone: {error}") from None
-    return tuned if number == 1 else replace(tuned, key=f"imu.more[{number - 1}].noise")
+    return tuned if number == 1 else replace(tuned, key=f"imu.further[{number - 1}].noise")

@@ -45,7 +45,7 @@ def test_an_image_too_few_is_refused_with_its_place(lost):
     names = NAMES[:lost] + NAMES[lost + 1 :]
     taken = np.floor(np.delete(SHOTS, lost) + 10800.37)
     with pytest.raises(
-        InputError, match=rf"60 camera events and 59 images.* event {lost + 1}; .*set skip_events = \[{lost + 1}\]"
+        InputError, match=rf"60 camera events and 59 images.* event {lost + 1}; .*set camera\.skip_events = \[{lost + 1}\]"
     ) as refused:
         name_events(observations, names, taken_s=taken)
     assert "\n" not in str(refused.value)
@@ -78,7 +78,7 @@ def test_one_too_many_and_one_too_few_are_found_behind_equal_counts():
 def test_gaps_in_the_numbers_tell_what_was_lost():
     """Oracle: the two images that were taken away."""
     names = [name for name in NAMES if name not in (NAMES[4], NAMES[50])]
-    with pytest.raises(InputError, match=r"60 camera events and 58 images.* leave out 105, 151; .* skip_events = \[5, 51\]"):
+    with pytest.raises(InputError, match=r"60 camera events and 58 images.* leave out 105, 151; .* camera\.skip_events = \[5, 51\]"):
         name_events(flown(SHOTS), names)
 
 
@@ -147,7 +147,7 @@ def test_events_of_other_files_are_matched_by_the_same_rules(tmp_path):
     path.write_text("".join(f"{TOW + t:.7f}\n" for t in SHOTS))
     events = read_events(path, gps_week=2021)
     names = NAMES[:7] + NAMES[8:]
-    with pytest.raises(InputError, match=r"events.txt: 60 camera events and 59 images.* leave out 108; .* skip_events = \[8\]"):
+    with pytest.raises(InputError, match=r"events.txt: 60 camera events and 59 images.* leave out 108; .* camera\.skip_events = \[8\]"):
         name_events(events, names)
     found = delayed(name_events(events, names, skip_events=[8]), -0.05)
     assert (found.images, found.gps_week) == (names, 2021)

@@ -429,7 +429,7 @@ def test_matlab_struct_and_matrix(tmp_path: Path) -> None:
     assert_allclose(imu.gyro[0], np.radians([1, 2, 3]))
     assert_allclose(imu.accel[0], 9.80665 * np.array([4, 5, 6]))
     spec = {"columns": {"tow": "time", "lat": "lat", "lon": "lon", "h": "alt"}, "variable": "flight_data", "sigma_m": [2, 2, 4]}
-    got = read_gnss(path, new_when="GPS_TOW", **spec)
+    got = read_gnss(path, repeat_column="GPS_TOW", **spec)
     assert_allclose(got.time, t[[2, 4]], rtol=0, atol=1e-9)
     assert_allclose(np.degrees(got.lat), [46, 46.1])
     with pytest.raises(InputError, match="more than half of the positions repeat"):

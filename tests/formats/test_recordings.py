@@ -43,7 +43,9 @@ def test_umn_thor75() -> None:
         quantity="instant_rate",
     )
     columns = {"tow": "time", "lat": "lat", "lon": "lon", "h": "alt", "vn": "vn", "ve": "ve", "vd": "vd"}
-    gnss = read_gnss(path, columns=columns, variable="flight_data", new_when="GPS_TOW", sigma_m=[2, 2, 4], sigma_velocity=[0.2, 0.2, 0.2])
+    gnss = read_gnss(
+        path, columns=columns, variable="flight_data", repeat_column="GPS_TOW", sigma_m=[2, 2, 4], sigma_velocity=[0.2, 0.2, 0.2]
+    )
     assert imu.time.size == 34812
     assert gnss.time.size == 674
     assert gnss.time[0] == pytest.approx(22.04, abs=0.03)

@@ -218,7 +218,7 @@ def test_hampered_fixes_stay_fixed_with_sigmas_of_centimetres():
     assert np.allclose(sigma, np.sqrt([20.0**2 + 25.0**2 + 5.0**2] * 2 + [40.0**2 + 40.0**2 + 5.0**2]) * 1e-3, rtol=1e-9)
     assert "200 of the believed are hampered" in calibrated.notes[-1].found
     assert calibrated.notes[-1].verdict == "note"
-    plain, kind = calibrate(fixes, np.full(300, 14), np.full(300, 5000.0), None, replace(MODEL, hampered_share=0.0))
+    plain, kind = calibrate(fixes, np.full(300, 14), np.full(300, 5000.0), None, replace(MODEL, degraded_share=0.0))
     assert (kind[there] == FIXED).all()
     assert np.sqrt(np.diagonal(plain.cov_ned[there], axis1=1, axis2=2)).max() < 0.015
     assert plain.notes[-1].verdict == "ok"
@@ -245,8 +245,8 @@ def test_a_stray_among_hampered_fixes_is_found_as_among_others():
         ({"ppm": (np.inf, 1.0, 1.0)}, "ppm"),
         ({"support_share": 50}, "support_share"),
         ({"least_satellites": 1}, "least_satellites"),
-        ({"hampered_share": 1.5}, "hampered_share"),
-        ({"hampered_s": -1.0}, "hampered_s"),
+        ({"degraded_share": 1.5}, "degraded_share"),
+        ({"degraded_s": -1.0}, "degraded_s"),
     ],
 )
 def test_wrong_numbers_are_refused_by_name(changes, word):

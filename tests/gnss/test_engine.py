@@ -18,6 +18,7 @@ from insgnss.gnss.options import EngineOptions, base_antenna, check_dynamics, op
 from insgnss.gnss.preflight import satellites_with_phases
 from insgnss.gnss.rinex import read_observations
 from insgnss.gnss.rinex_header import read_header
+from insgnss.wording import spoken_as
 
 
 @pytest.fixture
@@ -62,7 +63,7 @@ def test_dynamics_are_off_where_epochs_are_rare(tmp_path, acceleration, limit):
 @pytest.mark.parametrize("wish", ["0", "1", "on"])
 def test_dynamics_that_are_asked_for_win(tmp_path, wish):
     """Oracle: the option as it was given, at 0.1 s and 30 s."""
-    base, options = header_of(tmp_path, observations(approx=BASE)), EngineOptions(more={"pos1-dynamics": wish})
+    base, options = header_of(tmp_path, observations(approx=BASE)), EngineOptions(rtklib_options={"pos1-dynamics": wish})
     for interval in (0.1, 30.0):
         lines = option_file(options, base, "forward", interval, interval).splitlines()
         assert dict(line.split("=") for line in lines)["pos1-dynamics"] == wish
@@ -103,11 +104,11 @@ def test_only_a_marker_has_the_delta_of_the_header(tmp_path):
         ({"ratio": 0.5}, "1 to 100"),
         ({"frequencies": 4}, "1, 2 or 3"),
         ({"systems": "GX"}, "letters of"),
-        ({"more": {"out-timeform": "1"}}, "out-timeform"),
-        ({"more": {"pos1-posmode": "single"}}, "not to be set there: it is always kinematic"),
-        ({"more": {"pos1-elmask": "10"}}, r"not to be set there: gnss\.elevation_mask_deg sets it"),
-        ({"more": {"Arminfix": "10"}}, "'Arminfix' is no name of an option of RTKLIB"),
-        ({"more": {"pos2-arminfix": "10\nout-solformat=1"}}, "end of a line"),
+        ({"rtklib_options": {"out-timeform": "1"}}, "out-timeform"),
+        ({"rtklib_options": {"pos1-posmode": "single"}}, "not to be set there: it is always kinematic"),
+        ({"rtklib_options": {"pos1-elmask": "10"}}, r"not to be set there: gnss\.elevation_mask_deg sets it"),
+        ({"rtklib_options": {"Arminfix": "10"}}, "'Arminfix' is no name of an option of RTKLIB"),
+        ({"rtklib_options": {"pos2-arminfix": "10\nout-solformat=1"}}, "end of a line"),
         ({"acceleration_mps2": (0.0, 1.0)}, "positive"),
     ],
 )
@@ -120,7 +121,7 @@ def test_options_that_cannot_be_are_refused(options, what):
 
 def test_a_program_gets_the_same_options_and_plain_files(fake):
     """Oracle: what the script was given, word by word, and the files that it left."""
-    run = fake.solve(more={"pos2-arminfix": "7"})
+    run = fake.solve(rtklib_options={"pos2-arminfix": "7"})
     told = fake.told()
     assert sorted(told) == ["backward", "combined", "forward", "where_base"]
     for name, soltype in (("forward", 0), ("backward", 1), ("combined", 2)):
@@ -213,7 +214,7 @@ def program_of(directory, names):
 
 def test_names_that_a_program_does_not_know_are_told(tmp_path):
     """Oracle: the names that were left out of the program; rnx2rtkp says nothing of them."""
-    options = EngineOptions(more={"pos2-arminfix": "7"})
+    options = EngineOptions(rtklib_options={"pos2-arminfix": "7"})
     text = option_file(options, header_of(tmp_path, observations(approx=BASE)), "combined", 0.2, 1.0)
     names = [line.split("=")[0] for line in text.splitlines()]
     assert check_names(program_of(tmp_path, names), text, options) == ()
@@ -233,8 +234,8 @@ def test_a_choice_that_the_engine_refuses_is_told(fake):
     fake.does(combined={"pos": pos([(392700.0, 53.29, -9.05, 75.0)]), **said})
     (check,) = fake.solve().checks
     assert (check.name, check.verdict, check.found) == ("engine options", "note", "values that it refused: pos2-gloarmode")
-    with pytest.raises(UsageError, match=r"more: the engine refused pos2-gloarmode = always$") as info:
-        fake.solve(more={"pos2-gloarmode": "always"})
+    with pytest.raises(UsageError, match=r"gnss\.rtklib_options: the engine refused pos2-gloarmode = always$") as info:
+        fake.solve(rtklib_options={"pos2-gloarmode": "always"})
     one_line(info)
 
 
@@ -256,11 +257,12 @@ def test_what_the_engine_said_last_is_told(fake):
     one_line(info)
 
 
-def test_an_engine_that_hangs_is_ended_and_with_it_the_others(fake):
-    """Oracle: the processes are gone (signal 0)."""
+@pytest.mark.parametrize(("options", "says"), [({}, r"gnss\.timeout_s"), ({"gnss.timeout_s": "--timeout"}, "--timeout")])
+def test_an_engine_that_hangs_is_ended_and_with_it_the_others(fake, options, says):
+    """Oracle: the processes are gone (signal 0); the message, which a thread makes, is in the words of who asks."""
     fake.does(combined={"sleep": 60.0}, forward={"sleep": 60.0})
     start = time.monotonic()
-    with pytest.raises(DataError, match=r"did not finish in 1\.5 s; raise gnss\.timeout_s \(--timeout\); it said: nothing$") as info:
+    with spoken_as(options), pytest.raises(DataError, match=rf"did not finish in 1\.5 s; raise {says}; it said: nothing$") as info:
         fake.solve(timeout_s=1.5)
     one_line(info)
     assert time.monotonic() - start < 30.0
@@ -316,5 +318,5 @@ def test_a_slow_base_is_interpolated(tmp_path, base_interval, on):
     """Oracle: the limit of `INTERPOLATED_S`; an option given by the user wins."""
     base = header_of(tmp_path, observations(approx=BASE))
     for more, expected in (({}, on), ({"misc-timeinterp": "1"}, "1")):
-        lines = option_file(EngineOptions(more=more), base, "combined", 0.1, base_interval).splitlines()
+        lines = option_file(EngineOptions(rtklib_options=more), base, "combined", 0.1, base_interval).splitlines()
         assert f"misc-timeinterp={expected}" in lines

@@ -135,7 +135,7 @@ def test_options_that_rtklib_does_not_take_are_told(tmp_path, name, value, what)
     """Oracle: RTKLIB's table of options; it goes on without them, and reads a word as the number 0."""
     rover, base, navigation = moving_set()
     with pytest.raises(UsageError, match=what) as info:
-        solve(rover, base, navigation, EngineOptions(base_position_m=CSSR, base_point="apc", more={name: value}), tmp_path)
+        solve(rover, base, navigation, EngineOptions(base_position_m=CSSR, base_point="apc", rtklib_options={name: value}), tmp_path)
     one_line(info)
 
 
@@ -214,7 +214,9 @@ OF_EX = {"pos2-arfilter", "pos2-rejcode", "pos2-varholdamb", "pos2-gainholdamb"}
 
 def geonet_options(engine):
     more = {name: value for name, value in GEONET_MORE.items() if engine == "pyrtklib5" or name not in OF_EX}
-    return EngineOptions(base_position_m=GEONET_BASE, base_point="apc", systems="G", more=more, engine=shutil.which(engine) or engine)
+    return EngineOptions(
+        base_position_m=GEONET_BASE, base_point="apc", systems="G", rtklib_options=more, engine=shutil.which(engine) or engine
+    )
 
 
 def geonet_published(known):
@@ -278,7 +280,7 @@ def test_rare_epochs_are_fixed_without_dynamics(tmp_path):
     rows = np.flatnonzero(~late)
     at = np.searchsorted(fixes.time, published.time[rows] - 0.1)
     assert np.linalg.norm(ecef(fixes)[at] - ecef(published)[rows], axis=1).max() < 2 * MILLIMETRE
-    forced = solve(rover, base, navigation, replace(options, more={"pos1-dynamics": "1"}), tmp_path / "forced")
+    forced = solve(rover, base, navigation, replace(options, rtklib_options={"pos1-dynamics": "1"}), tmp_path / "forced")
     assert "engine dynamics" not in [check.name for check in forced.checks]
     rows = [row.split() for row in forced.combined.read_text().splitlines() if not row.startswith("%")]
     assert np.mean([float(row[7]) == 0.0 for row in rows]) > 0.3
@@ -303,9 +305,9 @@ def test_an_rnx2rtkp_puts_a_standing_receiver_where_it_is_published(tmp_path):
         told = " ".join(check.found for check in run.checks)
         assert all(name in told for name in ("pos2-arthresmin", "pos2-gloarmode", "2.4.3"))
     with pytest.raises(UsageError, match=r"rnx2rtkp has no option pos2-arminfxi; did you mean pos2-arminfix"):
-        solve(rover, base, navigation, replace(options, more={"pos2-arminfxi": "3"}), tmp_path)
+        solve(rover, base, navigation, replace(options, rtklib_options={"pos2-arminfxi": "3"}), tmp_path)
     with pytest.raises(UsageError, match=r"the engine refused pos2-armode = always$"):
-        solve(rover, base, navigation, replace(options, more={"pos2-armode": "always"}), tmp_path)
+        solve(rover, base, navigation, replace(options, rtklib_options={"pos2-armode": "always"}), tmp_path)
 
 
 def test_an_rnx2rtkp_fixes_a_simulated_flight(tmp_path):

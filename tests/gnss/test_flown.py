@@ -80,7 +80,8 @@ def test_nothing_is_asked_for_beyond_the_defaults(asked: list, tmp_path: Path) -
 
 def test_the_frame_around_the_engine_is_asked_for(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
     """Oracle: the flight file's own values."""
-    more = "max_age_s = 5\ntimeout_s = 90\nacceleration_mps2 = [6, 2]\nmore = { pos2-arminfix = 10 }\natmosphere = { humidity = 0.4 }\n"
+    more = "max_age_s = 5\ntimeout_s = 90\nacceleration_mps2 = [6, 2]\nrtklib_options = { pos2-arminfix = 10 }\n"
+    more += "atmosphere = { humidity = 0.4 }\n"
     more += 'engine = "rnx2rtkp"\nphase_velocity = false\ncovariance = { ppm = 2, floor_m = { fixed = 0.01 } }\n'
     (tmp_path / "flight.toml").write_text(FLIGHT + more)
     read_files(load_flight(tmp_path / "flight.toml"))
@@ -88,7 +89,7 @@ def test_the_frame_around_the_engine_is_asked_for(asked: list, tmp_path: Path) -
     options = inputs.options
     assert (options.engine, options.max_age_s, options.acceleration_mps2) == ("rnx2rtkp", 5.0, (6.0, 2.0))
     assert options.timeout_s == 90.0
-    assert options.more == {"pos2-arminfix": "10"}
+    assert options.rtklib_options == {"pos2-arminfix": "10"}
     assert (inputs.wet_delay, inputs.atmosphere, inputs.velocity) == (True, {"humidity": 0.4}, False)
     assert (inputs.covariance.ppm, inputs.covariance.floor_m["fixed"]) == ((2.0, 2.0, 2.0), (0.01, 0.01, 0.01))
     assert inputs.covariance.floor_m["float"] == MODEL.floor_m["float"]
@@ -141,7 +142,7 @@ def test_the_images_own_times_tell_which_event_has_no_image(asked: list, tmp_pat
         photograph(tmp_path / "photos" / f"{k}.jpg", t + 7.0)
     flight = FLIGHT + '[camera]\nevents = "events.txt"\nimages = "photos"\n'
     (tmp_path / "flight.toml").write_text(flight)
-    with pytest.raises(InputError, match=r"8 camera events and 7 images.* no image belongs to event 4; .* set skip_events = \[4\]"):
+    with pytest.raises(InputError, match=r"8 camera events and 7 images.* no image belongs to event 4; .* set camera\.skip_events = \[4\]"):
         read_files(load_flight(tmp_path / "flight.toml"))
     (tmp_path / "flight.toml").write_text(flight + "skip_events = [4]\n")
     _, _, events, _ = read_files(load_flight(tmp_path / "flight.toml"))

@@ -412,7 +412,7 @@ def observations_of(satellite, signals, has):
 @pytest.mark.parametrize(("value", "models"), [("est-stec", True), ("3", True), ("1", False), ("off", False)])
 def test_engine_that_models_it(value, models):
     """Oracle: RTKLIB's names and numbers of pos1-ionoopt."""
-    assert engine_models_it(EngineOptions(more={"pos1-ionoopt": value})) == models
+    assert engine_models_it(EngineOptions(rtklib_options={"pos1-ionoopt": value})) == models
     assert not engine_models_it(EngineOptions())
 
 
@@ -432,7 +432,7 @@ def test_ppk_tells_what_it_did(tmp_path, shells):
     still, note = _without_ionosphere(few, (rover, base), navigation, sky, raw.base_position_m, given)
     assert still is few
     assert (note.verdict, note.found[:7]) == ("note", "left in")
-    engine = replace(given, options=EngineOptions(more={"pos1-ionoopt": "4"}))
+    engine = replace(given, options=EngineOptions(rtklib_options={"pos1-ionoopt": "4"}))
     same, told = _without_ionosphere(fixes, (rover, base), navigation, sky, raw.base_position_m, engine)
     assert same is fixes
     assert (told.verdict, "left to the engine" in told.found) == ("ok", True)

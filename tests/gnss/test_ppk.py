@@ -12,6 +12,7 @@ import pytest
 import written_rinex as w
 
 from insgnss.cli import ppk as verb
+from insgnss.config.command_line import names_of
 from insgnss.errors import DataError, InputError, UsageError
 from insgnss.exposures.naming import ImageMatch
 from insgnss.formats.gnss_text import read_gnss_text, read_image_positions
@@ -26,6 +27,7 @@ from insgnss.gnss.ppk import PpkInput, solve_ppk
 from insgnss.gnss.rinex import read_observations
 from insgnss.records import CameraEvents, GnssFixes
 from insgnss.report.gnss import draw_quality
+from insgnss.wording import spoken_as
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 RTK_BASE = (-3959400.631, 3385704.533, 3667523.111)
@@ -264,7 +266,7 @@ def test_an_image_too_few_is_found_by_the_images_own_times(flown, again, tmp_pat
         written = {0x9003: f"2018:10:04 12:{minute:02d}:{milli // 1000:02d}", 0x9291: f"{milli % 1000:03d}"}
         exif.get_ifd(0x8769).update(written)
         image.new("L", (1, 1)).save(tmp_path / f"{k}.jpg", exif=exif)
-    with pytest.raises(InputError, match=r"73 camera events and 72 images.* no image belongs to event 31; .* skip_events = \[31\]"):
+    with pytest.raises(InputError, match=r"73 camera events and 72 images.* no image belongs to event 31; .* camera\.skip_events = \[31\]"):
         again(match=ImageMatch(tmp_path))
     assert len(again(match=ImageMatch(tmp_path, skip_events=(31,))).events.images) == 72
 
@@ -400,10 +402,10 @@ def test_the_verb_tells_what_nobody_chose():
 def test_the_verb_has_the_options_of_the_flight_file(tmp_path):
     """Oracle: the words of the command line."""
     (tmp_path / "covariance.toml").write_text("ppm = 2\n[scale]\nfixed = [1.5, 1.5, 2]\n")
-    words = ["--max-age", 5, "--acceleration", 6, 2, "--more", "pos2-arminfix=10", "--covariance", tmp_path / "covariance.toml"]
+    words = ["--max-age", 5, "--acceleration", 6, 2, "--rtklib-options", "pos2-arminfix=10", "--covariance", tmp_path / "covariance.toml"]
     given = asked(*words, "--timeout", 90, "--pressure", 955, "--humidity", 0.4, "--no-velocity", "--events", "x.MRK")
     options = given.options
-    assert (options.max_age_s, options.acceleration_mps2, options.more) == (5.0, (6.0, 2.0), {"pos2-arminfix": "10"})
+    assert (options.max_age_s, options.acceleration_mps2, options.rtklib_options) == (5.0, (6.0, 2.0), {"pos2-arminfix": "10"})
     assert options.timeout_s == 90.0
     assert given.covariance == MODEL.with_changes({"ppm": 2.0, "scale": {"fixed": (1.5, 1.5, 2.0)}})
     assert (given.atmosphere, given.velocity) == ({"pressure_hpa": 955.0, "humidity": 0.4}, False)
@@ -434,14 +436,14 @@ def test_the_help_tells_the_defaults_of_the_engine():
 @pytest.mark.parametrize(
     ("words", "what"),
     [
-        (["--humidity", 40], r"atmosphere\.humidity: 40 is outside 0 to 1"),
+        (["--humidity", 40], "--humidity 40.0: must be 0 to 1"),
         (["--humidity", 0.4, "--no-wet-delay", "--no-ionosphere"], "--humidity are of what --no-wet-delay and --no-ionosphere leave out"),
-        (["--more", "arminfix"], "'arminfix' is no NAME=VALUE"),
-        (["--more", "pos2-arminfix=1", "pos2-arminfix=2"], "--more gives pos2-arminfix 2 times"),
-        (["--more", "pos2-arminfix=1", "--more", "pos2-arminfix=2"], "--more gives pos2-arminfix 2 times"),
-        (["--max-age", -1], r"max_age_s = -1\.0: must be"),
-        (["--timeout", 0.1], r"timeout_s = 0\.1: must be 1 to"),
-        (["--systems", ""], "systems = '': must be letters of"),
+        (["--rtklib-options", "arminfix"], "'arminfix' is no NAME=VALUE"),
+        (["--rtklib-options", "pos2-arminfix=1", "pos2-arminfix=2"], "--rtklib-options: gives pos2-arminfix 2 times"),
+        (["--rtklib-options", "pos2-arminfix=1", "--rtklib-options", "pos2-arminfix=2"], "--rtklib-options: gives pos2-arminfix 2 times"),
+        (["--max-age", -1], r"--max-age -1\.0: must be 0\.01 to 3600"),
+        (["--timeout", 0.1], r"--timeout 0\.1: must be 1 to"),
+        (["--systems", ""], "--systems '': must be letters of"),
         (["--acceleration", 0, 1], "must be two positive numbers"),
         (["--events", "x.MRK", "--events-containing", "cam"], "--events-containing looks at .* --events is given as well"),
         (["--events", "x.MRK", "--invalid-events"], "--invalid-events looks at .* --events is given as well"),
@@ -451,7 +453,7 @@ def test_the_help_tells_the_defaults_of_the_engine():
 )
 def test_words_that_contradict_are_refused(words, what):
     """Oracle: the ranges that the help names."""
-    with pytest.raises(UsageError, match=what):
+    with spoken_as(names_of()), pytest.raises(UsageError, match=what):
         asked(*words)
 
 
@@ -498,7 +500,7 @@ def test_a_wrong_covariance_file_is_refused_with_its_line(tmp_path, text, line, 
 def test_a_place_that_is_none_is_refused(text, word):
     """Oracle: the ranges of latitude, longitude and height."""
     with pytest.raises(UsageError, match=word):
-        verb.place(text, "--base-position")
+        verb.place(text, "gnss.base_position")
 
 
 FRAME = LocalFrame(np.radians(46.57), np.radians(6.54), 500.0)

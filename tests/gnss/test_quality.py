@@ -165,10 +165,10 @@ def test_numbers_are_those_of_the_epochs(solved):
     assert numbers["engine_fixed"] == 140
     assert numbers["fix_rate"] == 0.7
     assert numbers["classes"]["fixed"] == 0
-    assert numbers["classes"]["hampered"] == 140  # of the epochs around 30 % are not fixed
+    assert numbers["classes"]["degraded"] == 140  # of the epochs around 30 % are not fixed
     assert numbers["sigma_m"]["fixed_median"] == pytest.approx([0.0321, 0.0321, 0.0566], abs=1e-4)
     assert numbers["classes"]["float"] == 50  # within 5 s of a fixed epoch
-    assert numbers["classes"]["weak"] == 10
+    assert numbers["classes"]["unsupported"] == 10
     assert numbers["satellites"] == {"median": 15.0, "least": 7}
     assert numbers["longest_without_fixed_s"] == pytest.approx(12.2)
     assert numbers["separation"]["contradicting"] == 0

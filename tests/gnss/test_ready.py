@@ -73,17 +73,17 @@ def test_changes_to_the_model_are_those_of_a_run_of_our_own(tmp_path):
     """Oracle: `calibrate` with the same model; variances grow by the square of the floor that a flight file gives."""
     path = written(tmp_path / "a.pos")
     fixes = read_rtklib_pos(path)
-    model = MODEL.with_changes({"floor_m": {"hampered": (0.1, 0.1, 0.2)}})
+    model = MODEL.with_changes({"floor_m": {"degraded": (0.1, 0.1, 0.2)}})
     expected, _ = calibrate(fixes, np.full(120, 14), base_distance(fixes, geodetic_to_ecef(*BASE_PLACE)), None, model)
     (tmp_path / "imu.csv").write_text("tow,gx,gy,gz,ax,ay,az\n1000,0,0,0,0,0,-9.8\n1001,0,0,0,0,0,-9.8\n")
     table = '[imu]\nfile = "imu.csv"\n[gnss]\nfile = "a.pos"\n'
-    (tmp_path / "flight.toml").write_text(f"{table}[gnss.covariance.floor_m]\nhampered = [0.1, 0.1, 0.2]\n")
+    (tmp_path / "flight.toml").write_text(f"{table}[gnss.covariance.floor_m]\ndegraded = [0.1, 0.1, 0.2]\n")
     _, got, _, _ = read_files(load_flight(tmp_path))
     assert np.array_equal(got.cov_ned, expected.cov_ned)
     (tmp_path / "flight.toml").write_text(table)
     _, plain, _, _ = read_files(load_flight(tmp_path))
     grown = np.diagonal(got.cov_ned - plain.cov_ned, axis1=1, axis2=2)[20]
-    assert np.allclose(grown, np.square([0.1, 0.1, 0.2]) - np.square(MODEL.floor_m["hampered"]), rtol=1e-9)
+    assert np.allclose(grown, np.square([0.1, 0.1, 0.2]) - np.square(MODEL.floor_m["degraded"]), rtol=1e-9)
 
 
 def test_changes_to_the_model_are_refused_where_the_file_does_not_tell_what_it_needs(tmp_path):

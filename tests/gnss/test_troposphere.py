@@ -288,7 +288,7 @@ def test_satellites_and_weights_follow_the_options(simulated):
     rover, base, navigation, truth = simulated
     lat, lon, height = ecef_to_geodetic(truth["xyz"][::300])
     fixes = GnssFixes(truth["tow"][::300], lat, lon, height, np.tile(1e-4 * np.eye(3), (lat.size, 1, 1)), gps_week=rover.gps_week)
-    both = common_sky(rover, base, navigation, fixes, EngineOptions(more={"pos2-gloarmode": "1"}))
+    both = common_sky(rover, base, navigation, fixes, EngineOptions(rtklib_options={"pos2-gloarmode": "1"}))
     assert set(both.system) == {0, 1}
     np.testing.assert_allclose(both.weight, np.where(both.system == 1, 2.0 / 2.25, 2.0))  # GPS before GLONASS
     one = common_sky(rover, base, navigation, fixes, EngineOptions(frequencies=1, elevation_mask_deg=30.0))
@@ -313,7 +313,7 @@ def test_satellites_and_weights_follow_the_options(simulated):
 )
 def test_systems_whose_ambiguities_are_integers_carry(systems, more, carrying):
     """Oracle: RTKLIB's manual on the modes of ambiguity resolution, worked out by hand."""
-    assert carrying_systems(EngineOptions(systems=systems, more=more)) == carrying
+    assert carrying_systems(EngineOptions(systems=systems, rtklib_options=more)) == carrying
 
 
 FLOWN_IN = {  # weather at the base and seeds of skies; none was looked at when the model was made

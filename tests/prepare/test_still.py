@@ -156,7 +156,7 @@ def test_fixed_wing_rests_on_the_ground_only():
         pytest.skip("the recording umn_thor75 is not here")
     common = {"variable": "flight_data", "gps_week": 1709}
     imu = read_imu(path, columns=IMU_COLUMNS, quantity="instant_rate", **common)
-    gnss = read_gnss(path, columns=GNSS_COLUMNS, new_when="GPS_TOW", sigma_m=[1.5, 1.5, 3.0], sigma_velocity=[0.3, 0.3, 0.5], **common)
+    gnss = read_gnss(path, columns=GNSS_COLUMNS, repeat_column="GPS_TOW", sigma_m=[1.5, 1.5, 3.0], sigma_velocity=[0.3, 0.3, 0.5], **common)
     speed = np.linalg.norm(gnss.velocity_ned, axis=1)
     for fixes in (gnss, None):
         found = still_stretches(imu, fixes)

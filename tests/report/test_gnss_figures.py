@@ -74,7 +74,7 @@ def test_every_class_has_a_name_and_a_colour():
 
 def test_hampered_fixes_are_drawn_apart_and_count_as_fixed(series):
     """Oracle: the first 200 epochs named so; the share of confirmed fixes stays at 100 %."""
-    series["kind"] = np.where(np.arange(600) < 200, CLASSES.index("hampered"), CLASSES.index("fixed"))
+    series["kind"] = np.where(np.arange(600) < 200, CLASSES.index("degraded"), CLASSES.index("fixed"))
     figure = gnss._draw(series, gnss._solution_panels(series))
     axes = {ax.get_ylabel(): ax for ax in figure.axes}
     assert {"fixed", "fixed, hampered"} <= {drawn.get_label() for drawn in axes["satellites"].lines}

@@ -25,7 +25,7 @@ def test_satellites_that_the_base_regains_do_not_cost_the_fix(tmp_path):
     rover, gps, glonass = (next((place / "Rover").glob(f"*{ending}")) for ending in "ong")
     fixed, off = {}, {}
     for name, more in (("ours", {}), ("interpolated", {"misc-timeinterp": "1"})):
-        options = EngineOptions(base_position_m=tuple(raw.base_position_m), base_point="apc", more=more)
+        options = EngineOptions(base_position_m=tuple(raw.base_position_m), base_point="apc", rtklib_options=more)
         run = solve(rover, next((place / "Master").iterdir()), [gps, glonass], options, tmp_path / name)
         fixes = read_rtklib_pos(run.combined)
         row = np.searchsorted(raw.rover.time, fixes.time - 1e-3)

@@ -121,7 +121,7 @@ def test_the_spectrum_agrees(tuned):
 @pytest.fixture(scope="module")
 def foreign(shaken: Flight) -> FlightTuning:
     """The shaken flight against the model of another class of sensors, whose drifts are not those of its IMU."""
-    flight = replace(shaken, imu=replace(shaken.imu, noise="tactical"), gnss=replace(shaken.gnss, correlated="off"))
+    flight = replace(shaken, imu=replace(shaken.imu, noise="tactical"), gnss=replace(shaken.gnss, gm_sigma="off"))
     return tune_flight(flight, shaken.path.parent / "tactical_in_flight.toml")
 
 
@@ -216,7 +216,7 @@ def test_a_correlated_error_that_was_adopted_is_doubted(monkeypatch, adopted, ga
     room = "insgnss.calibrate.innovation_noise."
     monkeypatch.setattr(room + "without_correlated", lambda _: part(-1, gain))
     monkeypatch.setattr(room + "in_flight_noise", lambda parts, *_: parts[0])
-    flight = SimpleNamespace(gnss=SimpleNamespace(correlated=asked))
+    flight = SimpleNamespace(gnss=SimpleNamespace(gm_sigma=asked))
     found, dropped = _estimated(flight, [part(3 if has else -1, 0.0) for has in adopted], (), lambda _: None)
     assert (found.problem.layout.gm < 0) == (white or not any(adopted))
     assert dropped == white
@@ -294,7 +294,7 @@ def test_each_doubt_keeps_the_static_model(tuned):
         (None, {"out": "noise.txt"}, UsageError, r"end its name with \.toml"),
         (None, {"out": "nowhere/noise.toml"}, UsageError, "create it first"),
         (lambda f: replace(f, gnss=replace(f.gnss, stationary=(46.5, 6.5, 400.0))), {"force": True}, InputError, "static"),
-        (lambda f: replace(f, imu=replace(f.imu, more=(f.imu,))), {"force": True}, InputError, "imu.more"),
+        (lambda f: replace(f, imu=replace(f.imu, further=(f.imu,))), {"force": True}, InputError, "imu.further"),
     ],
 )
 def test_wrong_use_is_refused(

@@ -32,7 +32,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Flight:
     first = load_flight(file)
     (other,) = set(first.imu.file.parent.glob("*.csv")) - {first.imu.file}
     lever = first.mounting.C_cb.T @ (np.array(PLACE) - first.mounting.imu_m)
-    more = f'[[imu.more]]\nfile = "{other}"\naxes = "backward left down"\nlever_m = {lever.tolist()}\n'
+    more = f'[[imu.further]]\nfile = "{other}"\naxes = "backward left down"\nlever_m = {lever.tolist()}\n'
     file.write_text(f"{file.read_text()}\n{more}")
     return load_flight(file)
 
@@ -47,13 +47,13 @@ def tuned(pair: Flight) -> SeveralTuned:
 def test_each_imu_flies_alone_from_where_it_sits(pair):
     """Oracle: the rig of the simulation: where the second IMU sits and how it is turned; the first one's flight is as without the other."""
     first, second = alone(pair)
-    assert not first.imu.more
-    assert not second.imu.more
-    assert first.imu == replace(pair.imu, more=())
+    assert not first.imu.further
+    assert not second.imu.further
+    assert first.imu == replace(pair.imu, further=())
     assert_allclose(first.mounting.imu_m, pair.mounting.imu_m, atol=1e-15)
     assert second.imu.axes == "backward left down"
     assert_allclose(second.mounting.imu_m, PLACE, atol=1e-6)
-    lever = pair.mounting.antenna_lever_b - np.asarray(pair.imu.more[0].lever_m)
+    lever = pair.mounting.antenna_lever_b - np.asarray(pair.imu.further[0].lever_m)
     assert_allclose(second.mounting.antenna_lever_b, lever, atol=1e-12)
 
 
@@ -66,8 +66,8 @@ def test_the_imu_that_shakes_is_the_one_that_is_told(tuned):
 
 
 def test_the_first_is_tuned_as_without_the_second(pair, tuned, tmp_path):
-    """Oracle: the same flight file without [[imu.more]], to the rounding of a bore-sight that is made a rotation once more."""
-    single = tune_flight(replace(pair, imu=replace(pair.imu, more=())), tmp_path / "noise.toml")
+    """Oracle: the same flight file without [[imu.further]], to the rounding of a bore-sight that is made a rotation once more."""
+    single = tune_flight(replace(pair, imu=replace(pair.imu, further=())), tmp_path / "noise.toml")
     assert_allclose(tuned.tuned[0].noise.factor, single.noise.factor, rtol=1e-6)
 
 
@@ -77,9 +77,9 @@ def test_files_and_words_say_which_imu(pair, tuned):
     assert not (folder / "in_flight_noise.toml").exists()
     assert (folder / "in_flight_noise.json").exists()
     model = tomllib.loads((folder / "in_flight_noise_2.toml").read_text())
-    assert model["recording"][0]["file"] == pair.imu.more[0].file.name
+    assert model["recording"][0]["file"] == pair.imu.further[0].file.name
     text = tuned.summary()
-    assert 'imu.more[1].noise = "in_flight_noise_2.toml"' in text
+    assert 'imu.further[1].noise = "in_flight_noise_2.toml"' in text
     assert "each IMU was tuned alone" in text
     told = json.loads(json.dumps(tuned.as_dict()))
     assert [imu["verdict"] for imu in told["imus"]] == ["keep", "accept"]
@@ -96,6 +96,6 @@ def test_nothing_is_done_where_a_file_is_in_the_way(pair, tuned, capsys):
     assert "in_flight_noise_2.toml" in capsys.readouterr().err
     assert kept.read_bytes() == before
     assert not (pair.path.parent / "in_flight_noise.json").exists()
-    mine = replace(pair, imu=replace(pair.imu, more=(replace(pair.imu.more[0], noise=kept),)))
+    mine = replace(pair, imu=replace(pair.imu, further=(replace(pair.imu.further[0], noise=kept),)))
     with pytest.raises(UsageError, match="input of this flight"):
         tune_each(mine, force=True)

@@ -162,11 +162,13 @@ class FilterHistory(NamedTuple):
 
 @njit(cache=True)
 def make_integrals():
+    """Return the zeroed integrals of a block."""
     return BlockIntegrals(np.zeros((3, 3)), np.zeros(3), np.zeros(3))
 
 
 @njit(cache=True)
 def make_interval_work(ns):
+    """Return the scratch of one integration interval for `ns` IMU error states."""
     n = N_NAV + ns
     return IntervalWork(
         np.zeros(ns),
@@ -186,6 +188,7 @@ def make_interval_work(ns):
 
 @njit(cache=True)
 def make_epoch_work(ns):
+    """Return the scratch of one epoch for `ns` IMU error states."""
     n = N_NAV + ns
     return EpochWork(
         np.zeros((N_NAV, n)),
@@ -203,6 +206,7 @@ def make_epoch_work(ns):
 
 @njit(cache=True)
 def make_triple(ns):
+    """Return room for one measured triple with `ns` IMU error states."""
     return Triple(
         np.zeros((3, N_NAV + ns)),
         np.zeros((3, 1)),

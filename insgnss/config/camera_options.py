@@ -1,0 +1,94 @@
+"""Table [camera] of the flight file: the exposures, and the images that belong to them."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .gnss_options import BY_HEADER
+from .schema import option
+
+if TYPE_CHECKING:
+    from ..tables import Columns
+
+
+@dataclass(frozen=True)
+class ImageMatch:
+    """Which images there are, and which of them and of the events have no partner."""
+
+    images: Path | None = option(
+        None,
+        "directory of the images, or list of their names, in the order of exposure, for events "
+        "without names (in the rover's RINEX, .MRK, a text of times; numbers are no names), below",
+        kind="images",
+        form="directory or file",
+        usual="numbers",
+        cli="--images",
+        metavar="PLACE",
+        cli_meaning="directory of the images, or list of their names in the order of exposure",
+    )
+    image_ending: str | None = option(
+        None,
+        "ending of the images to take from a directory that holds them in several formats",
+        usual="all",
+        cli="--image-ending",
+        metavar="EXT",
+    )
+    skip_events: tuple[int, ...] = option(
+        (),
+        "numbers, from 1, of events without an image",
+        kind="event_numbers",
+        form="list of whole numbers",
+        cli="--skip-events",
+        metavar="N",
+    )
+    skip_images: tuple[str, ...] = option(
+        (), "names of images without an event", cli="--skip-images", metavar="NAME"
+    )
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The list of the names, where there is one."""
+        return (self.images,) if self.images is not None and self.images.is_file() else ()
+
+
+@dataclass(frozen=True)
+class RoverEvents:
+    """Which external events of the rover's RINEX are exposures."""
+
+    events_containing: str = option(
+        "",
+        "of the events in the rover's RINEX only those whose record lines hold this text",
+        cli="--events-containing",
+        metavar="TEXT",
+    )
+    invalid_events: bool = option(
+        False,
+        'of the events in the rover\'s RINEX also those with the comment "Time mark is not valid" '
+        "(rinex.md); false: left out, with a note of their number and times",
+        cli="--invalid-events",
+        cli_meaning="take also the events of the rover's file that it marks as not valid",
+    )
+
+
+@dataclass(frozen=True)
+class CameraInput:
+    """Table [camera]; `events` is None where the rover's file holds them (`rover_events`)."""
+
+    events: Path | None = option(
+        ...,
+        "mid-exposure instants; without the table the product is the trajectory alone; with "
+        "gnss.rover by default those of the rover's RINEX",
+        cli="--events",
+        metavar="FILE",
+        cli_meaning="camera events (.MRK, text) in the place of those of the rover's file",
+    )
+    columns: "Columns" = option(None, "as imu.columns", kind="columns", usual=BY_HEADER)
+    time_offset_s: float = option(
+        0.0,
+        "added to the times of the events: the delay from event to mid-exposure",
+        unit="s",
+        cli="--camera-delay",
+        metavar="S",
+    )
+    match: ImageMatch = field(default_factory=ImageMatch)
+    rover_events: RoverEvents = field(default_factory=RoverEvents)

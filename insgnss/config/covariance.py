@@ -1,0 +1,196 @@
+"""Table gnss.covariance: the numbers that calibrate covariances of PPK (`gnss.covariance`).
+
+sigma'^2 = (k sigma)^2 + floor^2 + (ppm distance)^2 on each axis, k and floor by class. What the
+classes are, and where the numbers come from, stands in `gnss.covariance`.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from ..errors import OptionError
+from .schema import Declared, declared, in_range, option
+
+Triple = tuple[float, float, float]
+
+CLASSES = ("fixed", "degraded", "float", "isolated", "unsupported", "sbas", "dgps", "single", "ppp")
+GATE_3_SIGMA = 14.16
+"""Chi-square of 3 degrees of freedom at 0.9973."""
+
+LARGEST = 1000.0
+"""Beyond it no factor, floor (m), ppm or acceleration (m/s^2) has a meaning."""
+
+_SCALE: dict[str, Triple] = {
+    "fixed": (0.75, 0.75, 0.75),
+    "degraded": (4.0, 4.0, 4.0),
+    "float": (3.0, 3.0, 3.0),
+    "isolated": (30.0, 30.0, 30.0),
+    "unsupported": (30.0, 30.0, 30.0),
+    "sbas": (5.0, 5.0, 5.0),
+    "dgps": (5.0, 5.0, 5.0),
+    "single": (5.0, 5.0, 5.0),
+    "ppp": (3.0, 3.0, 3.0),
+}
+_FLOOR_M: dict[str, Triple] = {
+    "fixed": (0.001, 0.001, 0.001),
+    "degraded": (0.025, 0.025, 0.04),
+    "float": (0.3, 0.3, 0.6),
+    "isolated": (0.3, 0.3, 0.6),
+    "unsupported": (15.0, 15.0, 15.0),
+    "sbas": (1.0, 1.0, 2.0),
+    "dgps": (1.0, 1.0, 2.0),
+    "single": (2.0, 2.0, 4.0),
+    "ppp": (0.05, 0.05, 0.1),
+}
+
+
+_RETIRED_CLASSES = {"hampered": "degraded", "lone": "isolated", "weak": "unsupported"}
+
+
+def _classes() -> tuple[str, ...]:
+    return CLASSES
+
+
+@dataclass(frozen=True)
+class CovarianceModel:
+    """Numbers of (V.1) to (V.5) of `gnss.covariance`. Triples are north, east, down."""
+
+    scale: Mapping[str, Triple] = option(
+        lambda: dict(_SCALE),
+        "factor k of the engine's standard deviations, a table by class",
+        kind="triples",
+        low=0.0,
+        high=LARGEST,
+        members=_classes,
+        retired_members=_RETIRED_CLASSES,
+        usual="below",
+    )
+    floor_m: Mapping[str, Triple] = option(
+        lambda: dict(_FLOOR_M),
+        "floor, a table by class",
+        kind="triples",
+        unit="m",
+        low=0.0,
+        high=LARGEST,
+        members=_classes,
+        retired_members=_RETIRED_CLASSES,
+        usual="below",
+    )
+    ppm: Triple = option(
+        (1.0, 1.0, 1.0),
+        "parts per million of the distance to the base",
+        kind="triple",
+        low=0.0,
+        high=LARGEST,
+    )
+    acceleration_mps2: Triple = option(
+        (20.0, 20.0, 10.0),
+        "largest acceleration; a single epoch that needs more to lie on the path is an outlier",
+        kind="triple",
+        unit="m/s^2",
+        low=0.0,
+        high=LARGEST,
+    )
+    least_satellites: int = option(
+        6, "least number of satellites of a fixed epoch that is validated", low=4, high=99
+    )
+    unsupported_satellites: int = option(
+        8,
+        "with fewer satellites an epoch that nothing confirms is unsupported",
+        low=4,
+        high=99,
+        retired=("lone_satellites",),
+    )
+    support_s: float = option(
+        5.0,
+        "time to either side within which neighbours confirm an epoch",
+        unit="s",
+        low=0.0,
+        high=600.0,
+    )
+    support_share: float = option(
+        0.5, "share of the epochs within support_s that must be fixed as well", low=0.0, high=1.0
+    )
+    degraded_s: float = option(
+        180.0,
+        "time to either side that tells a degraded epoch",
+        unit="s",
+        low=0.0,
+        high=3600.0,
+        retired=("hampered_s",),
+    )
+    degraded_share: float = option(
+        0.9,
+        "fixed epochs with a smaller share of validated ones within degraded_s are degraded; "
+        "epochs before the first and after the last validated one do not count; 0 "
+        "switches that off",
+        low=0.0,
+        high=1.0,
+        retired=("hampered_share",),
+    )
+    gate: float = option(
+        GATE_3_SIGMA,
+        "chi-square of three of forward against backward: beyond it a fixed epoch is not validated",
+        low=1.0,
+        high=1e4,
+    )
+
+    def __post_init__(self) -> None:
+        for name, item in declared(CovarianceModel).items():
+            value = getattr(self, name)
+            if item.kind == "triples":
+                if odd := set(value) ^ set(CLASSES):
+                    what = f"has one line for each of {', '.join(CLASSES)}"
+                    raise OptionError(f"{TABLE}.{name}", f"{what}; {sorted(odd)[0]!r} does not fit")
+                table = {key: triple(item, value[key], key) for key in value}
+                object.__setattr__(self, name, table)
+            elif item.kind == "triple":
+                object.__setattr__(self, name, triple(item, value))
+            elif not in_range(item, value):
+                limits = f"{item.option.low:g} to {item.option.high:g}"
+                raise OptionError(f"{TABLE}.{name}", f"{name} = {value!r} is outside {limits}")
+
+    def with_changes(self, changes: Mapping[str, Any]) -> "CovarianceModel":
+        """The model with some numbers replaced.
+
+        Parameters
+        ----------
+        changes : Mapping[str, Any]
+            Values of the fields; of `scale` and `floor_m` a table of some classes.
+
+        Raises
+        ------
+        OptionError
+            For a field or a value that cannot be.
+        """
+        known = {f.name for f in fields(self)}
+        if odd := set(changes) - known:
+            what = f"{sorted(odd)[0]!r} is unknown; known are {', '.join(sorted(known))}"
+            raise OptionError(TABLE, what)
+        tables = {
+            key: {**getattr(self, key), **changes[key]}
+            for key in ("scale", "floor_m")
+            if key in changes
+        }
+        return replace(self, **{**changes, **tables})
+
+
+TABLE = "gnss.covariance"
+
+
+def triple(item: Declared, value: Any, member: str = "") -> Triple:
+    """Numbers north, east, down of an option, or of a member of it; one number stands for all.
+
+    Raises OptionError for a number that is outside of the option's range.
+    """
+    given = tuple(value) if isinstance(value, list | tuple) else (value,) * 3
+    least, most = item.option.low, item.option.high
+    if len(given) != 3 or not all(math.isfinite(x) and least <= x <= most for x in given):
+        name = ".".join(filter(None, (item.name, member)))
+        what = f"three numbers (north, east, down) from {least:g} to {most:g}"
+        raise OptionError(f"{TABLE}.{name}", f"{name} = {value!r}, expected {what}")
+    return (float(given[0]), float(given[1]), float(given[2]))
+
+
+MODEL = CovarianceModel()

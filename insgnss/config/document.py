@@ -1,0 +1,195 @@
+"""The page data_specs/flight_file.md, as far as the schema knows what it says.
+
+Prose is written by hand; what stands between two comments of the page is rendered:
+
+    <!-- rendered: keys -->
+    ...
+    <!-- end of rendered -->
+
+`python -m insgnss.config.document` renders the page of the working directory anew, or the page that
+it is given. A test holds the page against `rendered`.
+"""
+
+import re
+import sys
+import textwrap
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from ..files import atomic_write
+from .covariance import MODEL, CovarianceModel
+from .flight_file import TABLES
+from .retired import retired_keys
+from .schema import Declared, declared, listed, options_of
+
+PAGE = Path("data_specs/flight_file.md")
+WIDTH = 120
+
+_BLOCK = re.compile(r"(<!-- rendered: (\w+) -->\n).*?(<!-- end of rendered -->)", re.DOTALL)
+_FORMS = {
+    "axes": "text",
+    "columns": "list or table",
+    "file": "file",
+    "files": "list of files",
+    "flag": "true or false",
+    "name": "text",
+    "names": "list of texts",
+    "noise": "text",
+    "formats": "list of texts",
+    "number": "number",
+    "origin": "[latitude deg, longitude deg, ellipsoidal height m]",
+    "place": "[latitude deg, longitude deg, ellipsoidal height m]",
+    "program": "text",
+    "text": "text",
+    "texts": "list of texts",
+    "triple": "one number or three",
+    "whole": "whole number",
+}
+
+
+def rendered(page: str) -> str:
+    """The page with its rendered parts as the schema has them now.
+
+    Parameters
+    ----------
+    page : str
+        Text of the page.
+
+    Returns
+    -------
+    str
+        The same text with the parts between the comments replaced.
+    """
+    return _BLOCK.sub(lambda found: f"{found[1]}{PARTS[found[2]]()}{found[3]}", page)
+
+
+def _keys() -> str:
+    """Every key but those of gnss.covariance, in one table."""
+    rows = []
+    for table, classes in TABLES.items():
+        if table == "gnss.covariance":
+            continue
+        for item in options_of(table, classes):
+            if table == "imu.further" and item.option.only != table:
+                continue  # as in [imu]
+            key = ".".join(filter(None, (table, item.name)))
+            rows.append([f"`{key}`", value_words(item), default_words(item), item.option.meaning])
+    return _table(["key", "value", "default", "meaning"], rows)
+
+
+def _covariance() -> str:
+    """The keys of gnss.covariance."""
+    rows = [
+        [f"`{item.name}`", value_words(item), default_words(item), item.option.meaning]
+        for item in declared(CovarianceModel).values()
+    ]
+    return _table(["key of the table", "value", "default", "meaning"], rows)
+
+
+def _classes() -> str:
+    """Factor and floor of each class."""
+    rows = [
+        [f"`{name}`", _literal(_one(MODEL.scale[name])), _literal(_one(MODEL.floor_m[name]))]
+        for name in MODEL.scale
+    ]
+    return _table(["class", "scale", "floor_m"], rows)
+
+
+def _one(triple: tuple[float, ...]) -> Any:
+    """One number where all three are the same."""
+    return triple[0] if len(set(triple)) == 1 else triple
+
+
+def _checks() -> str:
+    """The names of the checks."""
+    from ..recognise.plausibility import NAMES
+
+    whole = (f'"{name}",'.replace(" ", "\0") for name in NAMES)
+    lines = textwrap.wrap(" ".join(whole).rstrip(","), WIDTH)
+    return "\n".join(lines).replace("\0", " ") + "\n"
+
+
+def _retired() -> str:
+    """Names that keys had."""
+    rows = [[f"`{table}.{old}`", f"`{table}.{new}`"] for table, old, new in retired_keys()]
+    return _table(["old", "new"], rows)
+
+
+PARTS: Mapping[str, Callable[[], str]] = {
+    "keys": _keys,
+    "covariance": _covariance,
+    "classes": _classes,
+    "checks": _checks,
+    "retired": _retired,
+}
+
+
+def _table(head: list[str], rows: Iterable[list[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(words)} |\n" for words in lines)
+
+
+def value_words(item: Declared) -> str:
+    """What a value of an option looks like: form, unit and range."""
+    stated, kind = item.option, item.kind
+    if kind in ("choice", "letters") or (kind == "whole" and item.choices):
+        words = [_choices(item)]
+    elif stated.form:
+        words = [stated.form]
+    elif stated.members is not None:
+        words = [f"table of {', '.join(stated.members())}"]
+    elif kind == "gm_sigma":
+        words = [f"number, {listed([_literal(word) for word in item.choices])}"]
+    else:
+        words = [_FORMS.get(kind) or f"{item.count} numbers"]
+    if stated.unit:
+        words.append(stated.unit)
+    words.append("greater than 0" if stated.positive or kind == "sigmas" else _range(item))
+    return ", ".join(filter(None, words))
+
+
+def _choices(item: Declared) -> str:
+    if item.kind == "letters":
+        return f"letters of {''.join(map(str, item.choices))}"
+    return listed([_literal(word) for word in item.choices])
+
+
+def _range(item: Declared) -> str:
+    low, high = item.option.low, item.option.high
+    if item.choices and item.kind == "whole":
+        return ""
+    if abs(low) == float("inf"):
+        return ""
+    return f"from {low:g}" if high == float("inf") else f"{low:g} to {high:g}"
+
+
+def default_words(item: Declared) -> str:
+    """The default of an option as a flight file writes it, or in words."""
+    if item.option.usual:
+        return item.option.usual
+    if item.required:
+        return "-"
+    return "none" if item.default is None else _literal(item.default)
+
+
+def _literal(value: Any) -> str:
+    """A value as TOML has it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return f"{value:g}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_literal, value))}]"
+    if isinstance(value, Mapping):
+        return "{}" if not value else str(dict(value))
+    return f'"{value}"'
+
+
+def main(page: Path = PAGE) -> None:
+    """Render a page anew."""
+    atomic_write(page, rendered(page.read_text(encoding="utf-8")))
+
+
+if __name__ == "__main__":
+    main(*map(Path, sys.argv[1:2]))

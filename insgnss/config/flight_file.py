@@ -1,0 +1,350 @@
+"""The flight file: one TOML per data set, at its root, that says what the files are and how the
+sensors are mounted.
+
+Each table is a dataclass whose fields are its keys (`schema`); those of [gnss] and [camera] stand
+in `gnss_options`, `ppk_options` and `camera_options`, and `TABLES` has them all. Paths are relative
+to the file. Only `imu.file` and `gnss.file` (or what stands in its place) have no default.
+data_specs/flight_file.md is rendered from here.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from .camera_options import CameraInput, ImageMatch, RoverEvents
+from .covariance import CovarianceModel
+from .gnss_options import BY_HEADER, GnssInput
+from .ppk_options import Air, RawGnss
+from .schema import Place, Words, option
+
+if TYPE_CHECKING:
+    from ..orient.mounting import Mounting
+    from ..records import Array, Quantity
+    from ..tables import Columns
+
+MAX_LEVER_M = 100.0
+Matrix = tuple[Place, Place, Place]
+
+
+def _quantities() -> Words:
+    from ..records import QUANTITIES
+
+    return QUANTITIES
+
+
+def _imu_unit_keys() -> tuple[str, ...]:
+    from ..formats.imu_csv import UNIT_KEYS
+
+    return UNIT_KEYS
+
+
+def _angle_sets() -> tuple[str, ...]:
+    from ..orient.mounting import ANGLE_SETS
+
+    return ANGLE_SETS
+
+
+def _checks() -> Words:
+    from ..recognise.plausibility import NAMES
+
+    return NAMES
+
+
+@dataclass(frozen=True)
+class ImuInput:
+    """Table [imu]; `noise` is the name of a shipped model or the path of a file.
+
+    `units` has the keys gyro, accel and time as far as they are given, and is None without any.
+    """
+
+    file: Path = option(..., "file of the IMU samples")
+    columns: "Columns" = option(
+        None,
+        'list of names, or table { canonical = "name in the file" }',
+        kind="columns",
+        usual=BY_HEADER,
+    )
+    units: Mapping[str, str] | None = option(
+        None,
+        "gyro: rad/s, deg/s, deg/h; accel: m/s^2, g, mg, ug; time: s, ms, us, ns, unix, gps; of "
+        "increments rad, deg, arcsec; m/s, g\\*s, mg\\*s, ug\\*s; a number before the unit is what "
+        'one count means ("0.05 deg/s")',
+        kind="imu_units",
+        members=_imu_unit_keys,
+        usual="by header (imu_csv.md), else SI",
+    )
+    quantity: "Quantity" = option(
+        "mean_rate",
+        "what a sample is: the mean rate or the increment over the "
+        "interval that ends at the stamp, or the rate at the stamp",
+        kind="choice",
+        choices=_quantities,
+    )
+    axes: str = option("forward right down", "body directions of the IMU's x, y and z", kind="axes")
+    noise: str | Path = option(
+        "navchip", "a shipped noise model, or the path of a noise-model file", kind="noise"
+    )
+    time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
+    variable: str | None = option(None, "struct or table inside a MATLAB file")
+    rate_hz: float | None = option(
+        None,
+        "samples a second, counted from 0, where the file has no time",
+        unit="Hz",
+        low=1.0,
+        high=1e5,
+    )
+    accel_sign: float = option(
+        1.0,
+        "-1 where the accelerometers give the reverse of the specific force",
+        kind="sign",
+        form="1 or -1",
+    )
+    calibration: Path | None = option(
+        None,
+        "file of bias, scale and non-orthogonality in the IMU's axes (`insgnss calibrate`, "
+        "imu_calibration.md)",
+    )
+    lever_m: Place = option(
+        (0.0, 0.0, 0.0),
+        "from the first IMU to this one, in body axes",
+        unit="m",
+        only="imu.further",
+    )
+    further: "tuple[ImuInput, ...]" = option(
+        (),
+        "`[[imu.further]]`, further IMUs on the same body, combined with this one: the keys of "
+        "[imu], and `lever_m`",
+        kind="tables",
+        form="tables",
+        only="imu",
+        retired=("more",),
+    )
+
+    @property
+    def C_b_imu(self) -> "Array":
+        """(3, 3), IMU axes to body forward-right-down."""
+        from ..prepare.axes import parse_axes
+
+        return parse_axes(self.axes)
+
+
+@dataclass(frozen=True)
+class MountingTable:
+    """Table [mounting], of which `orient.mounting.Mounting` is made."""
+
+    antenna_m: Place = option(
+        (0.0, 0.0, 0.0),
+        "position of the antenna, from the camera, in camera axes",
+        kind="lever",
+        unit="m",
+    )
+    imu_m: Place = option(
+        (0.0, 0.0, 0.0),
+        "position of the IMU, from the camera, in camera axes",
+        kind="lever",
+        unit="m",
+    )
+    camera_from_body: Matrix | None = option(
+        None, "T_b'^c", kind="matrix", form="3 rows of 3 numbers", usual="diag(-1, -1, 1)"
+    )
+    boresight: Matrix | None = option(
+        None, "B_b^b'", kind="matrix", form="3 rows of 3 numbers", usual="identity"
+    )
+    boresight_deg: tuple[str, Place] | None = option(
+        None,
+        "the same as angles, { opk = [..] }, { rpy = [..] } or { metashape_ypr = [..] } "
+        "(`orient.mounting`)",
+        kind="angles",
+        unit="deg",
+        members=_angle_sets,
+    )
+
+
+@dataclass(frozen=True)
+class TangentPlane:
+    """Origin of the tangent plane, of table [tangent_plane]."""
+
+    lat_deg: float
+    lon_deg: float
+    height_m: float
+
+    @property
+    def origin(self) -> "Array":
+        """(3,) latitude rad, longitude rad, ellipsoidal height m."""
+        import numpy as np
+
+        return np.array([math.radians(self.lat_deg), math.radians(self.lon_deg), self.height_m])
+
+
+@dataclass(frozen=True)
+class TangentPlaneTable:
+    """Table [tangent_plane], of which `TangentPlane` is made."""
+
+    origin: Place = option(
+        ...,
+        "origin of the tangent plane; without the table by the first fix, at height 0",
+        kind="origin",
+        cli="--origin",
+        metavar="LAT,LON,H",
+        cli_meaning="origin of the tangent plane, deg, deg, ellipsoidal m",
+        cli_default="the first fix, at height 0",
+    )
+
+
+@dataclass(frozen=True)
+class Output:
+    """Table [output]; `trajectory_hz` is None where every IMU sample is asked for."""
+
+    directory: Path = option(
+        Path("02_Processed/GPS-INS"),
+        "made where it is not there; with gnss.rover the solution goes into `GPS-PPK` beside it, "
+        "below",
+        kind="directory",
+        form="directory",
+    )
+    formats: tuple[str, ...] = option(
+        ("eo_local_plane", "metashape"), "exports beside eo.json", kind="formats"
+    )
+    trajectory_hz: float | None = option(
+        10.0,
+        'rate of trajectory.csv and the SBET; "imu" for every sample',
+        kind="rate",
+        form='number or "imu"',
+        unit="Hz",
+        low=1e-3,
+        high=1e4,
+    )
+    crs: str | None = option(
+        None,
+        'projected CRS for the formats that carry one: "EPSG:2056", "EPSG:25832+7837" (with '
+        "heights), WKT or a file of it; all others keep their frame",
+    )
+    geoid: Path | None = option(
+        None,
+        "grid of geoid heights (GeoTIFF, .gtx), for heights above sea level; without it they are "
+        "those above the ellipsoid of WGS84",
+    )
+    ground_m: float | None = option(
+        None,
+        "height of the ground in a projected CRS: heights above it are scaled as the projection "
+        "scales the plan; not needed with control points",
+        unit="m",
+        low=-500.0,
+        high=9000.0,
+    )
+
+
+@dataclass(frozen=True)
+class InitialAttitude:
+    """Table [initial]: an attitude that is known, all three angles of it."""
+
+    roll_deg: float = option(
+        ..., "initial roll, where an attitude is known", unit="deg", low=-180.0, high=180.0
+    )
+    pitch_deg: float = option(..., "initial pitch", unit="deg", low=-90.0, high=90.0)
+    heading_deg: float = option(..., "initial heading", unit="deg", low=-180.0, high=360.0)
+    sigma_deg: Place = option(
+        (2.0, 2.0, 5.0),
+        "standard deviations of roll, pitch and heading",
+        kind="sigmas",
+        unit="deg",
+    )
+
+
+@dataclass(frozen=True)
+class FilterOptions:
+    """Table [filter]."""
+
+    scale_factor: bool = option(False, "scale-factor states of gyros and accelerometers")
+    misalignment: bool = option(False, "misalignment states")
+    second_pass: Literal["auto", "on", "off"] = option(
+        "auto", "relinearise about the smoothed flight"
+    )
+    time_offset: bool = option(
+        False,
+        "estimate what is missing in the stamps of the fixes, and the rate of the one clock "
+        "against the other",
+    )
+    time_offset_sigma_s: float = option(
+        0.1, "its a-priori standard deviation", unit="s", low=1e-4, high=10.0
+    )
+    lever_arm: bool = option(False, "estimate the error of the lever arm from IMU to antenna")
+    lever_arm_sigma_m: float = option(
+        0.3, "its a-priori standard deviation, each component", unit="m", low=1e-3, high=10.0
+    )
+    zero_velocity: Literal["auto", "off"] = option(
+        "auto",
+        "zero-velocity and zero-angular-rate updates (ZUPT, ZARU) in stationary periods, "
+        "where they are detected",
+    )
+    non_holonomic: bool = option(
+        False,
+        "non-holonomic constraint (NHC) of a wheeled vehicle with the body's forward axis "
+        "along its own: no velocity across it",
+        retired=("wheels",),
+    )
+    robust: bool = option(
+        False, "take suspicious fixes with a larger covariance instead of all or nothing"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """A flight file, read, checked and complete; `path` is the file itself."""
+
+    path: Path
+    name: str = option(
+        ...,
+        "name of the data set, in titles and reports",
+        kind="name",
+        form="text",
+        usual="the directory's name",
+    )
+    gps_week: int | None = option(
+        None, "GPS week, where files carry only the time of week", low=0, high=9999
+    )
+    start_tow: float | None = option(
+        None, "data before this time of week are cut away", unit="s", low=0.0
+    )
+    end_tow: float | None = option(
+        None, "data after this time of week are cut away", unit="s", low=0.0
+    )
+    accept: tuple[str, ...] = option(
+        (),
+        "names of checks, below, whose contradiction does not stop `process`",
+        kind="names",
+        choices=_checks,
+    )
+    imu: ImuInput = field(kw_only=True)
+    gnss: GnssInput = field(kw_only=True)
+    camera: CameraInput | None = field(kw_only=True)
+    mounting: "Mounting" = field(kw_only=True)
+    tangent_plane: TangentPlane | None = field(kw_only=True)
+    output: Output = field(kw_only=True)
+    initial: InitialAttitude | None = field(kw_only=True)
+    filter: FilterOptions = field(default_factory=FilterOptions)
+
+    def resolved(self) -> dict[str, Any]:
+        """Every value with its default filled in, as plain JSON types (`config.resolve`)."""
+        from .resolve import resolved
+
+        return resolved(self)
+
+
+TABLES: Mapping[str, tuple[type, ...]] = {
+    "": (Flight,),
+    "imu": (ImuInput,),
+    "imu.further": (ImuInput,),
+    "gnss": (GnssInput, RawGnss),
+    "gnss.atmosphere": (Air,),
+    "gnss.covariance": (CovarianceModel,),
+    "camera": (CameraInput, ImageMatch, RoverEvents),
+    "mounting": (MountingTable,),
+    "tangent_plane": (TangentPlaneTable,),
+    "output": (Output,),
+    "initial": (InitialAttitude,),
+    "filter": (FilterOptions,),
+}
+"""The dataclasses whose options are the keys of each table."""

@@ -1,0 +1,143 @@
+"""Table [gnss] of the flight file: the positions of the antenna, how they are read and believed.
+
+Raw observations in their place, and how they are solved, stand in `ppk_options`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from .covariance import MODEL, CovarianceModel
+from .ppk_options import RawGnss
+from .schema import Place, option
+
+if TYPE_CHECKING:
+    from ..tables import Columns
+
+QUALITIES = ("float", "sbas", "dgps", "single", "ppp")
+"""Names, in small letters, of the qualities (`records.qualities.Quality`) that have floors."""
+
+QUALITY_SIGMA_M: dict[str, Place] = {
+    "float": (0.3, 0.3, 0.6),
+    "sbas": (0.3, 0.3, 0.6),
+    "dgps": (0.3, 0.3, 0.6),
+    "single": (1.0, 1.0, 2.0),
+}
+BY_HEADER = "by header or order"
+
+
+def _unit_keys() -> tuple[str, ...]:
+    from ..formats.gnss_text import UNIT_KEYS
+
+    return UNIT_KEYS
+
+
+@dataclass(frozen=True)
+class GnssInput:
+    """Table [gnss]; standard deviations are north, east, down; `raw` instead of a file for PPK."""
+
+    file: Path | None = option(
+        ..., "antenna positions; or gnss.stationary, or gnss.rover, base and navigation"
+    )
+    stationary: Place | None = option(
+        None,
+        "place of a sensor that stands there throughout, in the place of gnss.file; a fix a "
+        "second, gnss.sigma_m 0.1 by default",
+        kind="place",
+    )
+    columns: "Columns" = option(
+        None,
+        'list of names, or table { canonical = "name in the file" }',
+        kind="columns",
+        usual=BY_HEADER,
+    )
+    units: Mapping[str, str] | None = option(
+        None,
+        "angle (of latitude and longitude), course: deg, rad; length (heights, standard "
+        "deviations): m, cm, mm; velocity: m/s, cm/s, mm/s, km/h, kn; time as imu.units; quality "
+        "(codes of a column `q`): rtklib, nmea",
+        kind="gnss_units",
+        members=_unit_keys,
+        usual="by header, else SI and deg",
+    )
+    undulation_m: float | None = option(
+        None,
+        "height of the geoid above the ellipsoid, where the file has heights above the geoid",
+        unit="m",
+        low=-200.0,
+        high=200.0,
+    )
+    sigma_m: Place | None = option(
+        None,
+        "standard deviations north, east, down, where the file has none",
+        kind="sigmas",
+        unit="m",
+    )
+    sigma_velocity_mps: Place | None = option(
+        None, "the same of velocities", kind="sigmas", unit="m/s"
+    )
+    time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
+    variable: str | None = option(None, "struct or table inside a MATLAB file")
+    repeat_column: str | None = option(
+        None,
+        "column whose change marks a new fix, where the file repeats the last one",
+        retired=("new_when",),
+    )
+    gate_sigma: float = option(
+        5.0,
+        "innovations beyond this many standard deviations are rejected and counted",
+        low=2.0,
+        high=30.0,
+    )
+    quality_sigma_m: Mapping[str, Place] = option(
+        lambda: dict(QUALITY_SIGMA_M),
+        "least standard deviations north, east, down of fixes of a quality, where the file tells "
+        "the quality and has smaller ones; none by default with gnss.rover, where gnss.covariance "
+        "has floors",
+        kind="quality_sigmas",
+        unit="m",
+        members=lambda: QUALITIES,
+        usual="float, sbas, dgps [0.3, 0.3, 0.6], single [1, 1, 2]",
+    )
+    calibrate_covariance: bool = option(
+        True,
+        "of an RTKLIB `.pos` that tells quality, satellites and base (`ref pos` of its header): "
+        "fixed epochs that others do not confirm are taken as float, and all get covariances that "
+        "cover their errors, as those of PPK; false: as the file has them",
+        retired=("calibrated",),
+    )
+    gm_sigma: float | Literal["auto", "off"] = option(
+        "auto",
+        "time-correlated (Gauss-Markov) error, in standard deviations of each fix; auto: estimated "
+        "where the innovations show it, and assumed of float and code solutions (a minute, ten "
+        "minutes)",
+        kind="gm_sigma",
+        low=1e-2,
+        high=100.0,
+        choices=("auto", "off"),
+        retired=("correlated",),
+    )
+    correlation_time_s: float = option(
+        60.0, "correlation time of this error", unit="s", low=0.1, high=1e5
+    )
+    white_scale: float = option(
+        1.0,
+        "white error, in standard deviations of each fix",
+        low=1e-2,
+        high=100.0,
+        retired=("uncorrelated",),
+    )
+    covariance: CovarianceModel = option(
+        lambda: MODEL,
+        "changes to the numbers that calibrate covariances, of PPK and of a ready `.pos` with "
+        "gnss.calibrate_covariance; refused where the file does not tell what that needs",
+        kind="covariance",
+        form="table, below",
+        usual="as measured",
+        cli="--covariance",
+        metavar="FILE",
+        cli_meaning="TOML file of changes to the covariance model, the keys of gnss.covariance at "
+        "its top (data_specs/flight_file.md)",
+    )
+    raw: RawGnss | None = None

@@ -1,0 +1,188 @@
+"""Readers of values of the plain kinds: numbers, words, files, places.
+
+A reader takes the table of the file and the declared option, whose key is in the table or has no
+default, and returns the value as the dataclass holds it. It raises InputError with file, line, key,
+value and limit. Readers that know more of their option stand in `values`.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..tables import Table, near
+from .schema import Declared, is_place, swapped
+
+
+def flag(table: Table, item: Declared) -> bool:
+    """True or false."""
+    return table.flag(item.name, False)
+
+
+def number(table: Table, item: Declared) -> float:
+    """A finite number within the option's range."""
+    value: float = table.number(item.name, ..., item.option.low, item.option.high)
+    return value
+
+
+def whole(table: Table, item: Declared) -> int:
+    """A whole number within the option's range."""
+    value = number(table, item)
+    if value != int(value):
+        raise table.error(item.name, f"{value:g} is no whole number")
+    return int(value)
+
+
+def numbers(table: Table, item: Declared) -> tuple[float, ...]:
+    """As many finite numbers as the type of the option has."""
+    values: tuple[float, ...] = table.numbers(item.name, item.count)
+    if item.option.positive and min(values) <= 0.0:
+        every = "both" if item.count == 2 else "all"
+        raise table.error(item.name, f"{list(values)}: {every} must be greater than zero")
+    return values
+
+
+def sigmas(table: Table, item: Declared) -> tuple[float, ...]:
+    """Three standard deviations greater than zero."""
+    values: tuple[float, ...] = table.sigmas(item.name, None)
+    return values
+
+
+def text(table: Table, item: Declared) -> str:
+    """A text that is not empty."""
+    text: str = table.text(item.name)
+    return text
+
+
+def name(table: Table, item: Declared) -> str:
+    """A text, by default the name of the directory."""
+    name: str = table.text(item.name, table.path.absolute().parent.name)
+    return name
+
+
+def choice(table: Table, item: Declared) -> str:
+    """One of the option's words."""
+    word: str = table.choice(item.name, tuple(map(str, item.choices)), "")
+    return word
+
+
+def letters(table: Table, item: Declared) -> str:
+    """A text of the option's letters."""
+    letters: str = table.text(item.name)
+    known = "".join(map(str, item.choices))
+    if not set(letters) <= set(known):
+        raise table.error(item.name, f"{letters!r} is no text of the letters {known}")
+    return letters
+
+
+def texts(table: Table, item: Declared) -> tuple[str, ...]:
+    """A list of texts, none empty."""
+    texts: tuple[str, ...] = table.texts(item.name, ())
+    return texts
+
+
+def names(table: Table, item: Declared) -> tuple[str, ...]:
+    """Names of checks."""
+    names, known = texts(table, item), tuple(map(str, item.choices))
+    if odd := [name for name in names if name not in known]:
+        raise table.error(item.name, f"{odd[0]!r} is no check; {near(odd[0], known)}")
+    return names
+
+
+def file(table: Table, item: Declared) -> Path:
+    """The path of a file that is there and not empty."""
+    return table.file(item.name)
+
+
+def files(table: Table, item: Declared) -> tuple[Path, ...]:
+    """The paths of files that are there."""
+    files = tuple(table.resolve(name) for name in table.texts(item.name, ()))
+    if lost := [file for file in files if not file.is_file()]:
+        what = f"{lost[0]} does not exist; paths are relative to {table.path.name}"
+        raise table.error(item.name, what)
+    return files
+
+
+def directory(table: Table, item: Declared) -> Path:
+    """The path of a directory that is there or is to be made."""
+    return table.resolve(table.text(item.name))
+
+
+def images(table: Table, item: Declared) -> Path:
+    """A directory of images, or a list of their names."""
+    images = table.resolve(table.text(item.name))
+    if not images.exists():
+        what = "give the directory of the images or a list of their names in order"
+        raise table.error(item.name, f"{images} does not exist; {what}")
+    return images
+
+
+def program(table: Table, item: Declared) -> str:
+    """A name, or the path of a program beside the flight file."""
+    program: str = table.text(item.name)
+    path = table.resolve(program)
+    return str(path.absolute()) if path.is_file() else program
+
+
+def columns(table: Table, item: Declared) -> Any:
+    """A list of names, a table of them, or None."""
+    return table.columns()
+
+
+def place(table: Table, item: Declared) -> tuple[float, ...]:
+    """Latitude (deg), longitude (deg) and ellipsoidal height (m)."""
+    place: tuple[float, ...] = table.numbers(item.name, 3)
+    if not is_place(*place):
+        what = "is no latitude, longitude (deg), ellipsoidal height (m)"
+        raise table.error(item.name, f"{list(place)} {what}")
+    return place
+
+
+def origin(table: Table, item: Declared) -> tuple[float, ...]:
+    """The same, of the tangent plane, with advice where it is missing."""
+    if item.name not in table.data:
+        what = "is missing; give it, or leave the table out to have it from the first fix"
+        raise table.error(item.name, what)
+    place: tuple[float, ...] = table.numbers(item.name, 3)
+    if not is_place(*place):
+        what = f"{list(place)} is no latitude, longitude, ellipsoidal height"
+        raise table.error(item.name, f"{what}; {swapped(*place[:2])}")
+    return place
+
+
+def event_numbers(table: Table, item: Declared) -> tuple[int, ...]:
+    """Whole numbers from 1."""
+    given = table.value(item.name, list, [])
+    if not all(isinstance(k, int) and not isinstance(k, bool) and k > 0 for k in given):
+        what = "expected a list of whole numbers from 1, as the events are counted"
+        raise table.error(item.name, f"{given}, {what}")
+    return tuple(given)
+
+
+def matrix(table: Table, item: Declared) -> Any:
+    """Three rows of three finite numbers."""
+    return table.matrix(item.name)
+
+
+PLAIN: dict[str, Callable[[Table, Declared], Any]] = {
+    "choice": choice,
+    "columns": columns,
+    "directory": directory,
+    "event_numbers": event_numbers,
+    "file": file,
+    "files": files,
+    "flag": flag,
+    "images": images,
+    "letters": letters,
+    "matrix": matrix,
+    "name": name,
+    "names": names,
+    "number": number,
+    "numbers": numbers,
+    "origin": origin,
+    "place": place,
+    "program": program,
+    "sigmas": sigmas,
+    "text": text,
+    "texts": texts,
+    "whole": whole,
+}

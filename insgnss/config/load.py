@@ -1,0 +1,231 @@
+"""Reading a flight file: TOML in, `Flight` out.
+
+An unknown key, a value of the wrong type, unit or range, and a file that is missing or empty are
+errors that name file, line, key and the way out. What an option by itself may be stands in the
+schema, how it is read in `values`; here stands what options have to do with each other.
+"""
+
+import re
+from functools import cache
+from pathlib import Path
+
+from ..errors import InputError, UsageError
+from ..orient.mounting import PAPER_CAMERA_FROM_BODY, Mounting, boresight_from_angles
+from ..tables import Table, read_toml
+from .camera_options import CameraInput, ImageMatch, RoverEvents
+from .covariance import CovarianceModel
+from .flight_file import (
+    TABLES,
+    FilterOptions,
+    Flight,
+    ImuInput,
+    InitialAttitude,
+    MountingTable,
+    Output,
+    TangentPlane,
+    TangentPlaneTable,
+)
+from .gnss_options import QUALITY_SIGMA_M, GnssInput
+from .ppk_options import OF_POSITIONS, RawGnss
+from .retired import renewed
+from .schema import declared, options_of
+from .values import covariance_of, take
+
+
+@cache
+def known_keys() -> dict[str, tuple[str, ...]]:
+    """The keys of every table of a flight file, the sub-tables among them."""
+    keys = {name: tuple(item.name for item in options_of(name, TABLES[name])) for name in TABLES}
+    for name in TABLES:
+        for item in options_of(name, TABLES[name]):
+            if item.option.members is not None:
+                keys[f"{name}.{item.name}"] = item.option.members()
+    tables = tuple(name for name in TABLES if name and "." not in name)
+    return keys | {"": (*keys[""], *tables)}
+
+
+def load_flight(path: str | Path) -> Flight:
+    """Read and check a flight file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, or the directory that holds its `flight.toml`.
+
+    Returns
+    -------
+    Flight
+        Complete: every option has a value, every file that it names is there.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no TOML, or a key, a value or a file it names is wrong.
+
+    Warns
+    -----
+    FutureWarning
+        For a key by a retired name.
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / "flight.toml"
+    root = renewed(read_toml(path, known_keys()))
+    root.check_keys()
+    values = take(root, [Flight])
+    start, end = values["start_tow"], values["end_tow"]
+    if start is not None and end is not None and end <= start:
+        raise root.error("end_tow", f"{end} s is not after start_tow = {start} s")
+    present = {name: root.table(name) for name in TABLES if name in root.data}
+    camera, plane = present.get("camera"), present.get("tangent_plane")
+    initial = present.get("initial")
+    imu, gnss = _imu(root.table("imu")), _gnss(root.table("gnss"))
+    return Flight(
+        path=path,
+        **values,
+        imu=imu,
+        gnss=gnss,
+        camera=_camera(camera, gnss.raw is not None) if camera else None,
+        mounting=_mounting(root.table("mounting")),
+        tangent_plane=_tangent_plane(plane) if plane else None,
+        output=_output(root.table("output")),
+        initial=InitialAttitude(**take(initial, [InitialAttitude])) if initial else None,
+        filter=FilterOptions(**take(root.table("filter"), [FilterOptions])),
+    )
+
+
+def read_covariance(path: Path) -> CovarianceModel:
+    """The covariance model with the changes of a file, which is the table gnss.covariance itself.
+
+    Raises
+    ------
+    InputError
+        With file and line.
+    """
+    if not path.is_file():
+        what = "does not exist; give a TOML file of the fields of the covariance model"
+        raise InputError.at(path, None, what)
+    start = "gnss.covariance"
+    keys = {
+        name.removeprefix(start).removeprefix("."): words
+        for name, words in known_keys().items()
+        if name.startswith(start)
+    }
+    root = renewed(read_toml(path, keys), start)
+    if headed := next((key for key in root.lines if re.match(r"gnss\b|covariance\b", key)), None):
+        what = "this file is the table gnss.covariance itself; its keys stand at the top, and"
+        what = f"{headed}: {what} [scale] and [floor_m] below them"
+        raise InputError.at(path, root.lines[headed], what)
+    root.check_keys()
+    return covariance_of(root)
+
+
+def _imu(table: Table) -> ImuInput:
+    further = [ImuInput(**take(other, [ImuInput])) for other in table.tables("further")]
+    return ImuInput(**take(table, [ImuInput], without=["further"]), further=tuple(further))
+
+
+def _gnss(table: Table) -> GnssInput:
+    raw = _raw(table)
+    stands = "stationary" in table.data
+    if stands and "file" in table.data:
+        raise table.error("stationary", "gnss.file is given as well; keep one of them")
+    values = take(table, [GnssInput], without=["file"] if stands or raw else [])
+    floors = values["quality_sigma_m"] if "quality_sigma_m" in table.data else {}
+    values["quality_sigma_m"] = ({} if raw else QUALITY_SIGMA_M) | floors
+    if "covariance" in table.data and stands:
+        what = "is of positions by PPK, but gnss.stationary is given"
+        what = f"{what}; leave it out, or give gnss.sigma_m"
+        raise table.error("covariance", what)
+    if "covariance" in table.data and not values["calibrate_covariance"]:
+        what = "is of the calibration that gnss.calibrate_covariance = false switches off"
+        raise table.error("covariance", f"{what}; keep one of them")
+    return GnssInput(**({"file": None} | values), raw=raw)
+
+
+def _raw(table: Table) -> RawGnss | None:
+    """The raw observations of a table [gnss], None where none are given."""
+    known, needed = declared(RawGnss), ("rover", "base", "navigation")
+    given = [name for name in known if name in table.data]
+    if not given:
+        return None
+    for other in ("file", "stationary"):
+        if other in table.data:
+            raise table.error(given[0], f"gnss.{other} is given as well; keep one of them")
+    if missing := [key for key in needed if key not in table.data]:
+        what = f"gnss.{missing[0]} is missing; RINEX of {', '.join(needed)} belong together"
+        raise table.error(given[0], what)
+    if odd := [key for key in OF_POSITIONS if key in table.data]:
+        what = "is of ready positions (gnss.file), but gnss.rover is given; leave it out"
+        raise table.error(odd[0], what)
+    values = take(table, [RawGnss])
+    if values["base_position"] is not None and values["base_point"] is None:
+        what = 'say what stands there: base_point = "apc" (phase centre), "arp" or "marker"'
+        raise table.error("base_position", what)
+    if values["atmosphere"] and not (values["wet_delay"] or values["ionosphere"]):
+        what = "is of the corrections that gnss.wet_delay and ionosphere = false leave out"
+        raise table.error("atmosphere", f"{what}; keep one of them")
+    return RawGnss(**values)
+
+
+def _camera(table: Table, raw: bool) -> CameraInput:
+    """The exposures; raw : whether there is a rover's RINEX, which may hold the events."""
+    of_rover = [name for name in declared(RoverEvents) if name in table.data]
+    if of_rover and (not raw or "events" in table.data):
+        other = "gnss.rover is missing, give camera.events"
+        if "events" in table.data:
+            other = "camera.events is given as well, keep one"
+        what = f"looks at the record lines of the rover's RINEX; {other}"
+        raise table.error(of_rover[0], what)
+    own = "events" in table.data or not raw
+    if "columns" in table.data and not own:
+        what = "is of camera.events, which is missing; events of the rover's RINEX have no columns"
+        raise table.error("columns", what)
+    values = take(table, [CameraInput], without=[] if own else ["events"])
+    match = ImageMatch(**take(table, [ImageMatch]))
+    of_images = [key for key in ("image_ending", "skip_images") if key in table.data]
+    if of_images and match.images is None:
+        what = "give the directory of the images or a list of their names"
+        raise table.error(of_images[0], f"is of camera.images, which is missing; {what}")
+    rover_events = RoverEvents(**take(table, [RoverEvents]))
+    return CameraInput(**({"events": None} | values), match=match, rover_events=rover_events)
+
+
+def _mounting(table: Table) -> Mounting:
+    given = {k: v for k, v in take(table, [MountingTable]).items() if v is not None}
+    angles = given.pop("boresight_deg", None)
+    try:
+        if angles:
+            turn = given.get("camera_from_body", PAPER_CAMERA_FROM_BODY)
+            angle_set, degrees = angles
+            given["boresight"] = boresight_from_angles(angle_set, degrees, turn)
+        return Mounting(**given)
+    except InputError as refusal:
+        key, _, what = str(refusal).partition(": ")
+        raise table.error(key, what) from None
+
+
+def _tangent_plane(table: Table) -> TangentPlane:
+    return TangentPlane(*take(table, [TangentPlaneTable])["origin"])
+
+
+def _output(table: Table) -> Output:
+    values = take(table, [Output])
+    directory = table.resolve(values["directory"])
+    if directory.exists() and not directory.is_dir():
+        raise table.error("directory", f"{directory} is a file, a directory is expected")
+    output = Output(**(values | {"directory": directory}))
+    if output.crs is None:
+        if output.ground_m is not None:
+            what = (
+                "scales heights in a projected CRS only; give output.crs as well, or leave it out"
+            )
+            raise table.error("ground_m", what)
+        return output
+    from ..geodesy.projection import MapProjection
+
+    try:
+        MapProjection(output.crs, output.geoid)
+    except UsageError as error:
+        raise table.error("crs", str(error)) from None
+    return output

@@ -1,0 +1,255 @@
+"""The mechanism of the schema: what an option declares, beside its name, its type and its default.
+
+A table of the flight file is a dataclass. A field of it that is an option is made by `option`:
+
+    max_age_s: float = option(
+        30.0, "longest time to the base's epoch", unit="s", low=0.01, high=3600.0, cli="--max-age"
+    )
+
+Name, type and default are the field's own; the rest stands in its metadata. The reader of flight
+files, the page about them, the arguments of `insgnss ppk` and all checks read them from there.
+
+msgspec and pydantic were weighed. Their errors carry neither the line of a TOML file nor the
+nearest known key, and they know no units, so that reader, page and arguments would be ours all the
+same; and importing them takes 15 and 33 ms more than `dataclasses`, where `insgnss --help` takes 70.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, fields
+from functools import cache
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Literal, Union, get_args, get_origin
+
+from ..errors import OptionError
+
+Words = tuple[str, ...] | tuple[int, ...]
+Place = tuple[float, float, float]
+
+_KINDS: dict[type, str] = {
+    bool: "flag",
+    int: "whole",
+    float: "number",
+    str: "text",
+    Path: "file",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Option:
+    """What an option declares beside name, type and default.
+
+    Parameters
+    ----------
+    meaning : str
+        What the option is for, as the page and the help print it.
+    unit : str
+        Unit of its numbers, empty for none.
+    low, high : float
+        Range of its numbers, both ends allowed.
+    positive : bool
+        Whether each of its numbers must be greater than zero.
+    choices : tuple or function
+        The values that it may have; a function where only a room above knows them.
+    members : function, optional
+        The keys of a table that is the option's value.
+    kind : str
+        The reader of its value (`config.values`); empty: by the type of the field.
+    form : str
+        How the page describes its value, where kind and type do not say enough.
+    usual : str
+        How page and help describe a default that is no literal value.
+    only : str
+        The one table that has the option, where several share its dataclass.
+    retired : tuple of str
+        Names that it had; they are accepted with a warning for one release.
+    retired_members : Mapping[str, str]
+        The present names of members of a table by those that they had.
+    cli : str
+        Its option of the command line, "--mask", or its positional argument, "ROVER"; empty: none.
+    metavar, cli_meaning, cli_default : str
+        Name of the value in the help; meaning and default where those of the page do not fit.
+    """
+
+    meaning: str
+    unit: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    positive: bool = False
+    choices: Words | Callable[[], Words] = ()
+    members: Callable[[], tuple[str, ...]] | None = None
+    kind: str = ""
+    form: str = ""
+    usual: str = ""
+    only: str = ""
+    retired: tuple[str, ...] = ()
+    retired_members: Mapping[str, str] = field(default_factory=dict)
+    cli: str = ""
+    metavar: str = ""
+    cli_meaning: str = ""
+    cli_default: str = ""
+
+
+def option(default: Any, meaning: str, **more: Any) -> Any:
+    """Field of a dataclass that is an option.
+
+    Parameters
+    ----------
+    default : Any
+        Its default, a function that makes one (of a mapping), or ``...``: it must be given.
+    meaning : str
+        What it is for.
+    more
+        Further fields of `Option`.
+    """
+    metadata = {"option": Option(meaning=meaning, **more)}
+    if default is ...:
+        return field(metadata=metadata, kw_only=True)
+    if callable(default):
+        return field(default_factory=default, metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class Declared:
+    """An option as a dataclass declares it: name, type, default and `Option`."""
+
+    name: str
+    type: Any
+    default: Any
+    option: Option
+
+    @property
+    def required(self) -> bool:
+        """Whether there is no default."""
+        return self.default is ...
+
+    @property
+    def kind(self) -> str:
+        """Name of the reader of its value."""
+        return self.option.kind or _kind(self.type)
+
+    @property
+    def choices(self) -> Words:
+        """Values that it may have, empty where others may."""
+        known = self.option.choices
+        if callable(known):
+            return known()
+        return known or (get_args(_plain(self.type)) if self.kind == "choice" else ())
+
+    @property
+    def count(self) -> int:
+        """How many numbers it has."""
+        return len(get_args(_plain(self.type)))
+
+
+def _plain(annotation: Any) -> Any:
+    """The type without `| None`."""
+    if get_origin(annotation) in (Union, UnionType):
+        parts = [part for part in get_args(annotation) if part is not NoneType]
+        return parts[0] if len(parts) == 1 else annotation
+    return annotation
+
+
+def _kind(annotation: Any) -> str:
+    plain = _plain(annotation)
+    if plain in _KINDS:
+        return _KINDS[plain]
+    if get_origin(plain) is Literal:
+        return "choice"
+    if get_origin(plain) is tuple:
+        parts = get_args(plain)
+        if set(parts) == {float}:
+            return "numbers"
+        if parts == (str, ...):
+            return "texts"
+        if parts == (Path, ...):
+            return "files"
+    raise TypeError(f"{annotation}: say by kind=... which reader of config.values takes it")
+
+
+@cache
+def declared(table: type) -> Mapping[str, Declared]:
+    """The options that a dataclass declares, by name; what must be given comes first."""
+    found = []
+    for item in fields(table):
+        if "option" not in item.metadata:
+            continue
+        default = item.default
+        if item.default_factory is not MISSING:
+            default = item.default_factory()
+        found.append(
+            Declared(
+                item.name,
+                item.type,
+                ... if default is MISSING else default,
+                item.metadata["option"],
+            )
+        )
+    return {item.name: item for item in sorted(found, key=lambda item: not item.required)}
+
+
+def check(instance: Any, table: str) -> None:
+    """Hold the numbers and words of a dataclass against what its options declare.
+
+    Parameters
+    ----------
+    instance : dataclass
+        Whose fields are looked at; None is no value.
+    table : str
+        The table of the flight file that the fields are keys of.
+
+    Raises
+    ------
+    OptionError
+        Naming the first value that cannot be.
+    """
+    for name, item in declared(instance.__class__).items():
+        value = getattr(instance, name)
+        if value is not None and (problem := _problem(item, value)):
+            raise OptionError(f"{table}.{name}", problem, value)
+
+
+def _problem(item: Declared, value: Any) -> str:
+    """What is wrong with a value, empty where nothing is."""
+    if item.choices and item.kind in ("choice", "whole") and value not in item.choices:
+        return f"must be {listed(item.choices)}"
+    if item.kind in ("whole", "number") and not in_range(item, value):
+        return f"must be {item.option.low:g} to {item.option.high:g}"
+    if item.kind == "letters" and not (value and set(value) <= set(item.choices)):
+        return f"must be letters of {''.join(map(str, item.choices))}"
+    if item.kind == "numbers" and item.option.positive and min(value) <= 0.0:
+        return f"must be {('', 'a', 'two', 'three')[item.count]} positive numbers"
+    return ""
+
+
+def in_range(item: Declared, value: float) -> bool:
+    """Whether a number is finite and lies within the option's range."""
+    return math.isfinite(value) and item.option.low <= value <= item.option.high
+
+
+def listed(words: Sequence[object]) -> str:
+    """The words in one phrase, "a, b or c"."""
+    *first, last = map(str, words)
+    return f"{', '.join(first)} or {last}" if first else last
+
+
+def is_place(lat_deg: float, lon_deg: float, height_m: float) -> bool:
+    """Whether there can be such a latitude, longitude and ellipsoidal height."""
+    return abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and -1000.0 <= height_m <= 10000.0
+
+
+def swapped(lat_deg: float, lon_deg: float) -> str:
+    """Advice for a latitude, longitude and height that cannot be a place."""
+    if abs(lat_deg) > 90.0 >= abs(lon_deg):
+        return "are latitude and longitude swapped?"
+    return "order and units are deg, deg, m"
+
+
+def options_of(table: str, classes: Sequence[type]) -> Iterator[Declared]:
+    """The options of a table of the flight file whose keys several dataclasses share."""
+    for kind in classes:
+        for item in declared(kind).values():
+            if item.option.only in ("", table):
+                yield item

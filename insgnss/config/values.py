@@ -1,0 +1,258 @@
+"""Values of a table of the flight file: one reader for each kind of option.
+
+Readers of plain kinds stand in `kinds`; here those that know more of their option.
+"""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError, OptionError, UsageError
+from ..formats import UNITS, unit_factor
+from ..formats._units import imu_kinds
+from ..tables import Table, near
+from .covariance import CovarianceModel, triple
+from .flight_file import MAX_LEVER_M, ImuInput
+from .kinds import PLAIN, choice, number, numbers, texts
+from .ppk_options import Air, rtklib_problem
+from .schema import Declared, declared, options_of
+
+SHIPPED_MODELS = Path(__file__).parents[1] / "stochastic" / "models"
+
+
+def take(table: Table, classes: Iterable[type], without: Iterable[str] = ()) -> dict[str, Any]:
+    """The values of all options of a table by name, with the defaults of those that are absent.
+
+    Parameters
+    ----------
+    table : Table
+        Its name says which options a shared dataclass has there.
+    classes : Iterable[type]
+        The dataclasses that declare the options.
+    without : Iterable[str]
+        Options that are left out.
+    """
+    left_out = set(without)
+    return {
+        item.name: value_of(table, item)
+        for item in options_of(table.name, tuple(classes))
+        if item.name not in left_out
+    }
+
+
+def value_of(table: Table, item: Declared) -> Any:
+    """The value of an option, its default where it is absent."""
+    if item.name not in table.data and not item.required:
+        return item.default
+    return READERS[item.kind](table, item)
+
+
+def _noise(table: Table, item: Declared) -> str | Path:
+    """Name of a shipped noise model, or the path of an existing file."""
+    noise: str = table.text(item.name)
+    shipped = sorted(path.stem for path in SHIPPED_MODELS.glob("*.toml"))
+    if noise in shipped:
+        return noise
+    if not table.resolve(noise).is_file():
+        what = f"{noise!r} is neither a shipped model ({', '.join(shipped)}) nor a file"
+        raise table.error(item.name, f"{what}; paths are relative to {table.path.name}")
+    return table.file(item.name)
+
+
+def _axes(table: Table, item: Declared) -> str:
+    from ..prepare.axes import parse_axes
+
+    axes: str = table.text(item.name)
+    try:
+        parse_axes(axes)
+    except InputError as refusal:
+        raise table.error(item.name, str(refusal).partition(": ")[2]) from None
+    return axes
+
+
+def _sign(table: Table, item: Declared) -> float:
+    sign: float = table.number(item.name)
+    if abs(sign) != 1.0:
+        what = f"{sign:g} is neither 1 (specific force) nor -1 (its reverse)"
+        raise table.error(item.name, what)
+    return sign
+
+
+def is_unit(text: str, kind: str) -> bool:
+    """Whether `text` is a unit of this kind, with or without a number before it."""
+    try:
+        unit_factor(text, kind)
+    except UsageError:
+        return False
+    return True
+
+
+def _imu_units(table: Table, item: Declared) -> dict[str, str] | None:
+    """Units of gyro, accel and time as far as given, of the dimension that the quantity has."""
+    units, quantity = table.table(item.name), value_of(table, declared(ImuInput)["quantity"])
+    right = dict(zip(("gyro", "accel"), imu_kinds(quantity), strict=True))
+    for sensor in units.data:
+        unit, kind = units.text(sensor), right.get(sensor, sensor)
+        if is_unit(unit, kind):
+            continue
+        known = ", ".join(UNITS[kind])
+        count = "a number may stand before it (of one count: 0.05 deg/s)"
+        advice = f"{near(unit, tuple(UNITS[kind]))}; {count}"
+        homes = [name for name in UNITS if is_unit(unit, name)]
+        if kind.partition(" ")[0] in [name.partition(" ")[0] for name in homes]:
+            advice = f'it does not belong to quantity = "{quantity}"; use {known}'
+        elif homes:
+            advice = f"it belongs to the other sensor; use {known}"
+        raise units.error(sensor, f"{unit!r} is no unit for it: {advice}")
+    return dict(units.data) or None
+
+
+def _gnss_units(table: Table, item: Declared) -> dict[str, str] | None:
+    """Units of the keys of `gnss_text` as far as given; of quality, whose codes they are."""
+    from ..formats._fixes import QUALITY_CODES
+
+    units = table.table(item.name)
+    for what in units.data:
+        if what == "quality":
+            units.choice(what, QUALITY_CODES, QUALITY_CODES[0])
+            continue
+        unit, kind = units.text(what), "angle" if what == "course" else what
+        if not is_unit(unit, kind):
+            known = tuple(UNITS[kind])
+            raise units.error(what, f"{unit!r} is no unit for it: {near(unit, known)}")
+    return dict(units.data) or None
+
+
+def _quality_sigmas(table: Table, item: Declared) -> dict[str, tuple[float, ...]]:
+    given = table.table(item.name)
+    return {name: given.sigmas(name, None) for name in given.data}
+
+
+def _gm_sigma(table: Table, item: Declared) -> float | str:
+    """A number, or one of two words."""
+    if isinstance(table.data[item.name], str):
+        return choice(table, item)
+    return number(table, item)
+
+
+def _rtklib(table: Table, item: Declared) -> dict[str, str]:
+    """Further options of RTKLIB; names and values are those of its option file."""
+    given = table.value(item.name, dict, {})
+    for name, value in given.items():
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            what = "expected a number or a text, as in RTKLIB's option file"
+            raise table.error(item.name, f"{name} = {value!r}, {what}")
+        if problem := rtklib_problem(name, str(value)):
+            raise table.error(item.name, problem)
+    return {name: str(value) for name, value in given.items()}
+
+
+def _air(table: Table, item: Declared) -> dict[str, float] | None:
+    """Air at the base, as far as it is given."""
+    air = table.table(item.name)
+    return {name: number(air, declared(Air)[name]) for name in air.data} or None
+
+
+def _lever(table: Table, item: Declared) -> tuple[float, ...]:
+    lever = numbers(table, item)
+    length = sum(x * x for x in lever) ** 0.5
+    if length >= MAX_LEVER_M:
+        what = f"is {length:.0f} m long (limit {MAX_LEVER_M:.0f} m); the unit is m"
+        raise table.error(item.name, f"{list(lever)} {what}")
+    return lever
+
+
+def _angles(table: Table, item: Declared) -> tuple[str, tuple[float, ...]]:
+    """Angle set and angles of ``boresight_deg = { angle_set = [..] }``."""
+    from ..orient.mounting import ANGLE_SETS
+
+    if "boresight" in table.data:
+        what = f"{table.name}.boresight is given as well; keep one of them"
+        raise table.error(item.name, what)
+    given = table.data[item.name]
+    if not isinstance(given, dict) or len(given) != 1:
+        known = ", ".join(ANGLE_SETS)
+        what = f"name one angle set, such as {{ opk = [..] }}; known are {known}"
+        raise table.error(item.name, what)
+    named = table.table(item.name)
+    return next((angle_set, named.numbers(angle_set, 3)) for angle_set in named.data)
+
+
+def _formats(table: Table, item: Declared) -> tuple[str, ...]:
+    """Exports that a flight file may ask for."""
+    from ..formats import EXPORTS
+
+    formats = texts(table, item)
+    for name in formats:
+        if name not in EXPORTS:
+            raise table.error(item.name, f"{name!r} is unknown; {near(name, tuple(EXPORTS))}")
+        if formats.count(name) > 1:
+            raise table.error(item.name, f"{name!r} occurs twice")
+        form = EXPORTS[name]
+        needs = [key for key in form.needs if key != "noise"]  # which the flight file has
+        if form.several or needs:
+            why = "writes a directory" if form.several else f"needs {', '.join(needs)}"
+            raise table.error(item.name, f"{name!r} {why}; leave it to insgnss export")
+        if form.heights == "sea level" and "geoid" not in table.data:
+            what = "has heights above sea level; give output.geoid, a grid of geoid heights"
+            raise table.error(item.name, f"{name!r} {what}")
+    return formats
+
+
+def _rate(table: Table, item: Declared) -> float | None:
+    """Hz, None for every sample."""
+    rate = table.data[item.name]
+    if rate == "imu":
+        return None
+    if isinstance(rate, str):
+        raise table.error(item.name, f'{rate!r} is neither a number of Hz nor "imu"')
+    return number(table, item)
+
+
+def _covariance(table: Table, item: Declared) -> CovarianceModel:
+    return covariance_of(table.table(item.name))
+
+
+def covariance_of(table: Table) -> CovarianceModel:
+    """The covariance model with the changes of a table."""
+    known = declared(CovarianceModel)
+    return CovarianceModel().with_changes({key: value_of(table, known[key]) for key in table.data})
+
+
+def _triple(table: Table, item: Declared) -> tuple[float, ...]:
+    return _checked_triple(table, item.name, item)
+
+
+def _triples(table: Table, item: Declared) -> dict[str, tuple[float, ...]]:
+    classes = table.table(item.name)
+    return {name: _checked_triple(classes, name, item) for name in classes.data}
+
+
+def _checked_triple(table: Table, key: str, item: Declared) -> tuple[float, ...]:
+    """North, east, down, or one number for all of them."""
+    given = table.numbers(key, 3) if isinstance(table.data[key], list) else table.number(key)
+    try:
+        return triple(item, given, "" if key == item.name else key)
+    except OptionError as refusal:
+        raise table.error(key, refusal.problem) from None
+
+
+READERS: dict[str, Callable[[Table, Declared], Any]] = {
+    **PLAIN,
+    "air": _air,
+    "angles": _angles,
+    "axes": _axes,
+    "covariance": _covariance,
+    "formats": _formats,
+    "gm_sigma": _gm_sigma,
+    "gnss_units": _gnss_units,
+    "imu_units": _imu_units,
+    "lever": _lever,
+    "noise": _noise,
+    "quality_sigmas": _quality_sigmas,
+    "rate": _rate,
+    "rtklib": _rtklib,
+    "sign": _sign,
+    "triple": _triple,
+    "triples": _triples,
+}

@@ -1,0 +1,59 @@
+"""How a message names an option: as a key of the flight file, or as an option of the command line.
+
+A message deep inside a room says which option the user is to change, and only the border knows how
+this user writes it. `named` and `setting` write it as the flight file does, unless a verb of the
+command line has said otherwise:
+
+    named("gnss.antex")                        gnss.antex
+    setting("camera.skip_events", [3, 5])      camera.skip_events = [3, 5]
+
+    with spoken_as({"gnss.antex": "--antex", "camera.skip_events": "--skip-events"}):
+        named("gnss.antex")                    --antex
+        setting("camera.skip_events", [3, 5])  --skip-events 3 5
+
+The words belong to the current context (`contextvars`); a thread takes them over where it is
+started through `contextvars.copy_context`. Which key is which option stands in the schema
+(`config.command_line`).
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from types import MappingProxyType
+from typing import Any
+
+_OPTIONS: ContextVar[Mapping[str, str]] = ContextVar("options", default=MappingProxyType({}))
+
+
+@contextmanager
+def spoken_as(options: Mapping[str, str]) -> Iterator[None]:
+    """Name the keys of `options` by its values as long as the context lasts.
+
+    Parameters
+    ----------
+    options : Mapping[str, str]
+        The option of the command line ("--antex") for the key of the flight file ("gnss.antex").
+    """
+    token = _OPTIONS.set(options)
+    try:
+        yield
+    finally:
+        _OPTIONS.reset(token)
+
+
+def named(key: str) -> str:
+    """Name of the option that the flight file calls `key`, as the present caller writes it."""
+    return _OPTIONS.get().get(key, key)
+
+
+def setting(key: str, value: Any) -> str:
+    """The option `key` with a value, as the present caller writes it."""
+    option = named(key)
+    if option == key:
+        return f"{key} = {str(value).lower() if isinstance(value, bool) else repr(value)}"
+    if isinstance(value, bool):
+        return option
+    import shlex
+
+    parts = value if isinstance(value, list | tuple) else [value]
+    return " ".join([option, *(shlex.quote(str(part)) for part in parts)])
