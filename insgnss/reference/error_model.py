@@ -74,10 +74,10 @@ def influence(layout: StateLayout, elapsed: float, rates: Array) -> Array:
     elapsed : time since the problem's start, s.
     rates : (6,) measured rates of the channels, rad/s and m/s^2.
     """
-    values = {channel: rate for channel, rate in enumerate(rates)}
-    values |= {BIAS: 1.0, DRIFT: elapsed, OF_FIX: 0.0}
+    of_factor = np.zeros(9)
+    of_factor[:6], of_factor[BIAS], of_factor[DRIFT], of_factor[OF_FIX] = rates, 1.0, elapsed, 0.0
     U = np.zeros((6, layout.size - 9))
-    U[layout.channel, np.arange(layout.size - 9)] = [values[factor] for factor in layout.factor.tolist()]
+    U[layout.channel, np.arange(layout.size - 9)] = of_factor[layout.factor]
     return U
 
 

@@ -27,7 +27,7 @@ import numpy as np
 from ..navigation.filter import MOTION, NOTHING, POSITION, STILL, TURN, VELOCITY, Problem
 from ..records import Array
 from .error_model import GYRO, earth_rate, influence
-from .strapdown import State
+from .strapdown import State, cross
 
 Residual = Callable[[State], Array]
 STEP_SIGMAS = 0.01  # of the a-priori sigma of an error state: step of the central differences
@@ -83,11 +83,13 @@ def _position(problem: Problem, epoch: int, acceleration: Array) -> Found:
         return None
     firsts = [layout.coloured, layout.lasting][: group + 1]
     correlated = [slice(first, first + 3) for first in firsts if first >= 0]
+    body_rate = _body_rate(problem, epoch, ep.rate[epoch])
 
     def residual(state: State) -> Array:
-        lever, late = _lever_arm(problem, state), _delay(problem, epoch, state)
-        swing = np.cross(_body_rate(problem, epoch, state, ep.rate[epoch]), lever)
-        moved = (state.v + state.C_lb @ swing) * late + 0.5 * acceleration * late**2
+        lever, late, moved = _lever_arm(problem, state), _delay(problem, epoch, state), 0.0
+        if layout.offset >= 0:
+            velocity = state.v + state.C_lb @ cross(body_rate(state), lever)
+            moved = velocity * late + 0.5 * acceleration * late**2
         e = sum((state.x[rows] for rows in correlated), np.zeros(3))
         return ep.position[epoch] - state.p - state.C_lb @ lever - moved - ep.sigma[epoch] * e
 
@@ -100,13 +102,12 @@ def _velocity(problem: Problem, epoch: int, acceleration: Array) -> Found:
     ep = problem.epochs
     if not ep.has_velocity[epoch]:
         return None
+    body_rate = _body_rate(problem, epoch, ep.rate[epoch])
 
     def residual(state: State) -> Array:
-        swing = np.cross(
-            _body_rate(problem, epoch, state, ep.rate[epoch]), _lever_arm(problem, state)
-        )
+        swing = state.C_lb @ cross(body_rate(state), _lever_arm(problem, state))
         late = _delay(problem, epoch, state)
-        return ep.velocity[epoch] - state.v - state.C_lb @ swing - acceleration * late
+        return ep.velocity[epoch] - state.v - swing - acceleration * late
 
     return residual, ep.velocity_cov[epoch]
 
@@ -126,14 +127,18 @@ def _angular_rate(problem: Problem, epoch: int, _: Array) -> Found:
     rate, variance = problem.epochs.still_rate[epoch], problem.epochs.still_var[epoch]
     if variance == 0.0:
         return None
-    return lambda state: _body_rate(problem, epoch, state, rate), variance * np.eye(3)
+    return _body_rate(problem, epoch, rate), variance * np.eye(3)
 
 
-def _body_rate(problem: Problem, epoch: int, state: State, measured: Array) -> Array:
-    """Rate of the body against the Earth, (3,) rad/s in body axes, of the measured gyro rate."""
+def _body_rate(problem: Problem, epoch: int, measured: Array) -> Residual:
+    """Rate of the body against the Earth, (3,) rad/s in body axes, as a function of the state.
+
+    measured : (3,) rad/s, of the gyros.
+    """
     rates = np.concatenate([measured, np.zeros(3)])
-    U = influence(problem.layout, float(problem.epochs.time[epoch]), rates)
-    return measured - U[GYRO] @ state.x - state.C_lb.T @ earth_rate(problem)
+    U = influence(problem.layout, float(problem.epochs.time[epoch]), rates)[GYRO]
+    Omega = earth_rate(problem)
+    return lambda state: measured - U @ state.x - state.C_lb.T @ Omega
 
 
 def _lever_arm(problem: Problem, state: State) -> Array:

@@ -28,13 +28,13 @@ from ..geodesy.frames import LocalFrame
 from ..geodesy.rotation import (
     quaternion_from_rotation,
     rotation_from_quaternion,
-    rotation_from_vector,
     skew,
     vector_from_rotation,
 )
 from ..records import Array
 
-SMALL_RAD = 1e-4  # below it the series of (T.5) is exact to rounding
+SMALL_RAD = 1e-4  # below it the two terms of (T.5) that are taken leave less than 1e-13
+IDENTITY = np.eye(3)
 GRAVITY_GRADIENT = np.diag([-1.0, -1.0, 2.0]) * 9.8 / 6.37e6  # 1/s^2: -g/R, -g/R, 2 g/R
 
 
@@ -65,7 +65,7 @@ class State:
 
     def plus(self, error: Array) -> "State":
         """Return the state moved by an error (n,); the attitude turns from the left."""
-        C = rotation_from_vector(error[6:9]) @ self.C_lb
+        C = rotation(error[6:9])[0] @ self.C_lb
         return State(self.p + error[:3], self.v + error[3:6], C, self.x + error[9:])
 
     def minus(self, other: "State") -> Array:
@@ -80,15 +80,26 @@ def gravity(frame: LocalFrame, p: Array) -> Array:
     return normal_gravity(lat, height) * frame.C_ln_at(p)[:, 2]
 
 
-def integral_of_rotation(phi: Array) -> Array:
-    """Return J(phi) of (T.5), (3, 3), of a rotation vector phi (3,), rad."""
-    angle = np.sqrt(phi @ phi)
+def cross(a: Array, b: Array) -> Array:
+    """Return a x b of two vectors (3,); a few times faster than numpy's, which takes any shape."""
+    (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
+    return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
+
+
+def rotation(phi: Array) -> tuple[Array, Array]:
+    """Return exp([phi x]) and J(phi) of (T.5), (3, 3) each, of a rotation vector phi (3,), rad.
+
+    With V = [phi x] and the angle t: J = 1 + (1 - cos t) / t^2 V + (t - sin t) / t^3 V^2, and
+    exp V = 1 + V J.
+    """
+    angle = float(np.sqrt(phi @ phi))
     if angle < SMALL_RAD:
         a, b = 0.5, 1.0 / 6.0
     else:
         a, b = (1.0 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
     V = skew(phi)
-    return np.eye(3) + a * V + b * (V @ V)
+    J = IDENTITY + a * V + b * (V @ V)
+    return IDENTITY + V @ J, J
 
 
 def advance(state: State, phi: Array, u: Array, h: float, g: Array, Omega: Array) -> State:
@@ -107,10 +118,10 @@ def advance(state: State, phi: Array, u: Array, h: float, g: Array, Omega: Array
     State
         At the sample's end.
     """
-    half_turn = rotation_from_vector(-0.5 * h * Omega)  # the Earth's, while the increment builds up
-    sensed = half_turn @ state.C_lb @ integral_of_rotation(phi) @ u
+    turn, J = rotation(phi)
+    earth, half_earth = rotation(-h * Omega)[0], rotation(-0.5 * h * Omega)[0]
+    sensed = half_earth @ state.C_lb @ J @ u
     g_middle = g + GRAVITY_GRADIENT @ (0.5 * h * state.v)
     v_middle = state.v + 0.5 * (sensed + h * g_middle)
-    v = state.v + sensed + h * (g_middle - 2.0 * np.cross(Omega, v_middle))
-    C_lb = half_turn @ half_turn @ state.C_lb @ rotation_from_vector(phi)
-    return State(state.p + 0.5 * h * (state.v + v), v, C_lb, state.x)
+    v = state.v + sensed + h * (g_middle - 2.0 * cross(Omega, v_middle))
+    return State(state.p + 0.5 * h * (state.v + v), v, earth @ state.C_lb @ turn, state.x)
