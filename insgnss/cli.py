@@ -129,6 +129,7 @@ def build_parser() -> Parser:
     _add_tune(verbs)
     _add_compare(verbs)
     _add_ppk(verbs)
+    _add_verify(verbs)
     return parser
 
 
@@ -224,6 +225,13 @@ def _add_ppk(verbs: Any) -> None:
     add_arguments(_add_verb(verbs, "ppk", _ppk, what, EXAMPLE))
 
 
+def _add_verify(verbs: Any) -> None:
+    from .reference.verb import EXAMPLE, add_arguments
+
+    what = "a part of a flight by the core and by a textbook implementation, and their largest difference in sigmas"
+    add_arguments(_add_verb(verbs, "verify", _verify, what, EXAMPLE), _positive)
+
+
 def _list_formats() -> str:
     from .formats import EXPORTS
 
@@ -265,20 +273,20 @@ def _inspect(options: argparse.Namespace, progress: Progress) -> int:
         raise UsageError("inspect: --force belongs to --write")
     described = flight_file(options.source, options.write is not None)
     if described is not None:
-        return _inspected(options, progress, inspect_flight(described, progress))
+        return _judged(options, progress, inspect_flight(described, progress), *options.source)
     result = inspect_files(options.source, progress)
     if options.write is not None and not result.missing:
         progress("writing")
         result = result.write(options.write, options.force)
-    return _inspected(options, progress, result)
+    return _judged(options, progress, result, *options.source)
 
 
-def _inspected(options: argparse.Namespace, progress: Progress, result: Any) -> int:
-    """Print an inspection; 0, or the code of what it found wrong or missing, which one line on standard error says."""
+def _judged(options: argparse.Namespace, progress: Progress, result: Any, *files: Path) -> int:
+    """Print a result of `files`; 0, or the code of its refusal, if any, which one line on standard error says."""
     refusal = result.refusal
     if refusal is None:
         return _show(options, progress, result.summary, result.as_dict)
-    error, code = f"{', '.join(map(str, options.source))}: {refusal}", refusal.exit_code
+    error, code = f"{', '.join(map(str, files))}: {refusal}", refusal.exit_code
     _show(options, progress, result.summary, lambda: result.as_dict() | {"error": error, "exit_code": code})
     _report_error(f"error: {error}", code, as_json=False)
     return code
@@ -366,6 +374,12 @@ def _ppk(options: argparse.Namespace, progress: Progress) -> int:
 
     result = ppk(options, progress, draw_quality)
     return _show(options, progress, result.summary, result.as_dict)
+
+
+def _verify(options: argparse.Namespace, progress: Progress) -> int:
+    from .reference.verb import verify_verb
+
+    return _judged(options, progress, verify_verb(options, progress), options.flight)
 
 
 def _show(options: argparse.Namespace, progress: Progress, summary: Callable[[], str], document: Callable[[], dict[str, Any]]) -> int:

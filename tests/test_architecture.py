@@ -46,9 +46,11 @@ STANDS_ON |= {
     "delivery": ROOMS | {"flight", "recording", "exporting"},
     "stretch": ROOMS | {"flight", "recording"},
     "pipeline": ROOMS | {"flight", "recording", "stretch", "delivery"},
+    "reference": BELOW_ALL | {"align", "flight", "navigation", "prepare", "recording", "stretch"},
     "inspection": ROOMS | {"flight", "recording"},
     "tuning": ROOMS | {"flight", "recording", "delivery", "stretch", "pipeline"},
-    "cli": ROOMS | {"flight", "recording", "pipeline", "inspection", "tuning", "exporting", "comparison", "proof", "console", "caches"},
+    "cli": ROOMS
+    | {"flight", "recording", "pipeline", "inspection", "tuning", "reference", "exporting", "comparison", "proof", "console", "caches"},
     "console": {"errors"},
     "caches": set(),
     "__init__": {"caches"},

@@ -1,7 +1,7 @@
 """The reference twin: filter and smoother of the navigation core once more, written to be read.
 
-The core (`insgnss.navigation`) sees a whole flight in compiled kernels that are made for speed. This
-room solves the same estimation problem the way a textbook writes it down, on plain numpy and on
+The core (`insgnss.navigation`) sees a whole flight in compiled kernels that are made for speed.
+This room solves the same estimation problem the way a textbook writes it down, on plain numpy and
 filterpy's `KalmanFilter`: one IMU sample after the other, matrices in full size, no kernel of the
 core. It takes the very same problem and initial state, so that any difference between the two is a
 defect of one of them. It is some hundred times slower. Read it from top to bottom:
@@ -9,7 +9,7 @@ defect of one of them. It is some hundred times slower. Read it from top to bott
 `strapdown`     the nonlinear equations of motion, integrated over one IMU sample
 `error_model`   their linear error model, and its transition and noise over an interval
 `measurements`  what each sensor would measure, and its derivative by central differences
-`linear`        Kalman filter, Rauch-Tung-Striebel smoother and batch least squares of a linear problem
+`linear`        Kalman filter, Rauch-Tung-Striebel smoother, batch least squares of a linear problem
 `twin`          the extended Kalman filter with feedback, and the smoother, put together from these
 `verify`        a part of a user's own flight by core and twin, and their difference in sigmas
 

@@ -129,7 +129,7 @@ def _inverse(P: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Batch solution: mean (m, n), and factors (m, n, .), P_jk = free_j free_k' + seen_j seen_k'."""
+    """Batch solution: mean (m, n) and factors (m, n, .), P_jk = free_j free_k' + seen_j seen_k'."""
 
     mean: Array
     free: Array

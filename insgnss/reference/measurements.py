@@ -7,15 +7,18 @@ but for noise of covariance R. About the nominal it reads
 
 H comes from central differences of r, one state after the other: slow, and nothing to get wrong.
 With the lever arm l_b from the IMU to the antenna, the body's rate against the Earth omega
-(measured rate less its errors U x less C_bl Omega), a the acceleration of the IMU in l over the last
-interval, d the time by which a fix is older than its stamp (an offset and its rate times the time
-since the start), e the time-correlated errors of a fix counted in its standard deviations sigma:
+(measured rate less its errors U x less C_bl Omega), a the acceleration of the IMU in l over the
+last interval, d the time by which a fix was taken later than its stamp (an offset, and its rate
+times the time since the start), e the time-correlated errors of a fix counted in its standard
+deviations sigma:
 
-    antenna position       p + C_lb l_b + (v + C_lb (omega x l_b)) d + a d^2 / 2 + sigma e     (T.15)
-    antenna velocity       v + C_lb (omega x l_b) + a d                                       (T.16)
-    zero velocity (ZUPT)   0 = v                                                             (T.17)
-    non-holonomic (NHC)    0 = right and down of C_bl v                                      (T.18)
-    zero angular rate (ZARU)   0 = omega, of the mean gyro rate of a stationary second       (T.19)
+    antenna position    p + C_lb l_b + (v + C_lb (omega x l_b)) d + a d^2 / 2 + sigma e      (T.15)
+    antenna velocity    v + C_lb (omega x l_b) + a d                                       (T.16)
+    zero velocity update (ZUPT)        0 = v                                               (T.17)
+    non-holonomic constraint (NHC)     0 = right and down of C_bl v                        (T.18)
+    zero angular rate update (ZARU)    0 = omega, of the mean gyro rate of a rest          (T.19)
+
+The errors of a fix's own group come in: those of group 1 (float, code) have both correlated errors.
 
 Groves (2013) 14.3 (lever arm), 15.3 (zero updates, non-holonomic constraint).
 """
@@ -47,9 +50,9 @@ def measurement(
     state : the nominal at the epoch.
     acceleration : (3,) of the IMU in l over the last interval, m/s^2.
     """
-    found = {
-        POSITION: _position, VELOCITY: _velocity, MOTION: _motion, TURN: _angular_rate
-    }[kind](problem, epoch, acceleration)
+    found = {POSITION: _position, VELOCITY: _velocity, MOTION: _motion, TURN: _angular_rate}[kind](
+        problem, epoch, acceleration
+    )
     if found is None:
         return None
     residual, R = found
@@ -86,7 +89,7 @@ def _position(problem: Problem, epoch: int, acceleration: Array) -> Found:
     body_rate = _body_rate(problem, epoch, ep.rate[epoch])
 
     def residual(state: State) -> Array:
-        lever, late, moved = _lever_arm(problem, state), _delay(problem, epoch, state), 0.0
+        lever, late, moved = _lever_arm(problem, state), _delay(problem, epoch, state), np.zeros(3)
         if layout.offset >= 0:
             velocity = state.v + state.C_lb @ cross(body_rate(state), lever)
             moved = velocity * late + 0.5 * acceleration * late**2

@@ -56,7 +56,7 @@ class State:
 
     @classmethod
     def from_arrays(cls, nav: Array, x: Array) -> "State":
-        """Return the state of the core's arrays: nav (10,) with the quaternion q_lb, and x (ns,)."""
+        """Return the state of the core's arrays nav (10,), with the quaternion q_lb, and x (ns,)."""
         return cls(nav[:3].copy(), nav[3:6].copy(), rotation_from_quaternion(nav[6:]), x.copy())
 
     def nav(self) -> Array:
@@ -75,7 +75,7 @@ class State:
 
 
 def gravity(frame: LocalFrame, p: Array) -> Array:
-    """Return gravity (3,) in l, m/s^2, at the position p (3,), m in l: down the ellipsoid's normal."""
+    """Return gravity (3,) in l, m/s^2, at the position p (3,), m in l: down the normal there."""
     lat, _, height = frame.geodetic_from_position(p)
     return normal_gravity(lat, height) * frame.C_ln_at(p)[:, 2]
 

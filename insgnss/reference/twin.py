@@ -13,7 +13,7 @@ Robust weight (Huber). Beyond the threshold, yet below the gate, R is enlarged b
 
 Covariance reset. When every position of a second (or of 4.5 fix intervals) has been rejected, the
 filter may be wrong rather than the fixes: the size d of the innovation is added to the covariance,
-d^2 of position, (d / t)^2 of velocity and the tilt that makes d within that time t, at most a degree:
+d^2 of position, (d / t)^2 of velocity and the tilt that makes d within that time t, to a degree:
 
     tilt^2 = (d_n^2 + d_e^2) / (g t^2 / 2)^2                                       (T.23)
 
@@ -26,6 +26,7 @@ a Gauss-Newton step of the batch least-squares problem over the whole flight.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -48,6 +49,9 @@ from .error_model import propagate
 from .linear import Estimate, LinearProblem, Measurement, new_filter, smoothed
 from .measurements import measurement
 from .strapdown import State
+
+if TYPE_CHECKING:
+    from filterpy.kalman import KalmanFilter
 
 HALF_GRAVITY = 4.9  # m/s^2
 LARGEST_TILT2 = 3e-4  # rad^2, (1 deg)^2
@@ -161,7 +165,7 @@ def run_forward(problem: Problem, start: Start, nominal: list[State] | None = No
 
 
 class _Update:
-    """The measurements of an epoch: gate, robust weight, covariance reset, and filterpy's update."""
+    """The measurements of an epoch: gate, robust weight, covariance reset, filterpy's update."""
 
     def __init__(self, problem: Problem) -> None:
         m = problem.epochs.stop.size
@@ -172,7 +176,7 @@ class _Update:
         self.rejected_since: float | None = None
 
     def __call__(
-        self, kf, epoch: int, state: State, acceleration: Array
+        self, kf: "KalmanFilter", epoch: int, state: State, acceleration: Array
     ) -> tuple[list[Measurement], Array]:
         """Update `kf` in place; the measurements used, and what a reset added to the covariance."""
         used: list[Measurement] = []
