@@ -56,7 +56,7 @@ class State:
 
     @classmethod
     def from_arrays(cls, nav: Array, x: Array) -> "State":
-        """Return the state of the core's arrays nav (10,), with the quaternion q_lb, and x (ns,)."""
+        """Return the state of the core's arrays nav (10,), which ends with q_lb, and x (ns,)."""
         return cls(nav[:3].copy(), nav[3:6].copy(), rotation_from_quaternion(nav[6:]), x.copy())
 
     def nav(self) -> Array:

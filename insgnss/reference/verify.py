@@ -106,10 +106,10 @@ class Verification:
             return None
         return DataError(
             f"core and reference twin differ by {self.in_sigmas:.3g} sigma (limit "
-            f"{LIMIT_SIGMAS:g}), their standard deviations by {100 * self.sigma_ratio:.2g} % (limit "
-            f"{100 * LIMIT_RATIO:g} %), {self.decided_otherwise} of {self.decisions} measurements "
-            "are used by one only (limit 0); try another part with --start, and report a "
-            "difference that stays"
+            f"{LIMIT_SIGMAS:g}), their standard deviations by {100 * self.sigma_ratio:.2g} % "
+            f"(limit {100 * LIMIT_RATIO:g} %), {self.decided_otherwise} of {self.decisions} "
+            "measurements are used by one only (limit 0); try another part with --start, and "
+            "report a difference that stays"
         )
 
     def headline(self) -> str:
@@ -117,8 +117,8 @@ class Verification:
         verdict = "agree" if self.passed else "DO NOT AGREE"
         return (
             f"core and reference twin {verdict}: largest difference {self.in_sigmas:.2g} sigma "
-            f"(limit {LIMIT_SIGMAS:g}), standard deviations within {100 * self.sigma_ratio:.2g} % (limit "
-            f"{100 * LIMIT_RATIO:g} %)"
+            f"(limit {LIMIT_SIGMAS:g}), standard deviations within "
+            f"{100 * self.sigma_ratio:.2g} % (limit {100 * LIMIT_RATIO:g} %)"
         )
 
     def summary(self) -> str:
