@@ -19,6 +19,7 @@ SIGMA = np.array([0.3, 0.3, 0.3, 0.2, 0.2, 0.2, *np.radians([0.3, 0.3, 0.8])])
 OFFSET = np.array([0.1, -0.2, 0.1, 0.1, 0.1, -0.1, *np.radians([0.2, -0.1, 0.5])])
 WHITE = (AxisNoise(white_noise=5e-5), AxisNoise(white_noise=5e-4))
 GAP_S = (12.0, 12.35)
+KNOWN = FixErrors()
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Pose:
     gyro: AxisNoise = WHITE[0]
     accel: AxisNoise = WHITE[1]
     layout: dict[str, Any] = field(default_factory=dict)
-    fixes: FixErrors = FixErrors()
+    fixes: FixErrors = KNOWN
     motion: tuple[str, ...] = ()
     gap: bool = False
     problem: dict[str, Any] = field(default_factory=dict)
