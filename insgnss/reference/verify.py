@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from ..recording import Recording
     from .twin import TwinSolution
 
-LIMIT_SIGMAS = 0.1  # of (T.24): a tenth of what the product itself calls uncertain changes no use of it
-LIMIT_RATIO = 0.03  # of (T.25): nor do three percent of a standard deviation; usual are 1e-3 and 1e-4
+# a tenth of what the product calls uncertain, three percent of that; usual are 1e-3 and 1e-4
+LIMIT_SIGMAS, LIMIT_RATIO = 0.1, 0.03  # of (T.24) and (T.25)
 FASTEST_MPS = 50.0  # a fix that jumps further is not motion
 
 

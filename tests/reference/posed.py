@@ -8,7 +8,7 @@ import numpy as np
 from flown import NO_GATE, Flown, fly, moved
 
 from insgnss.navigation.filter import STILL, WHEELS, Problem, Start, make_epochs, part
-from insgnss.navigation.layout import FixErrors, StateLayout, state_layout
+from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.prepare.clock import cut_fixes
 from insgnss.prepare.gaps import edges
 from insgnss.prepare.increments import body_increments, merge_marks
@@ -105,8 +105,3 @@ def _with_gap(flown: Flown) -> Problem:
     inc = body_increments(imu, np.eye(3), marks)
     epochs = make_epochs(inc, at_fix, fixes, np.zeros(0, dtype=np.int64), flown.problem.frame)
     return replace(flown.problem, inc=inc, epochs=epochs)
-
-
-def layout_of(pose: Pose) -> StateLayout:
-    """The states of a pose."""
-    return posed(pose)[0].layout
