@@ -50,10 +50,11 @@ STANDS_ON |= {
     "comparison": ROOMS,
     "proof": ROOMS | {"exporting"},
     "processing": ROOMS | {"exporting"},
+    "reference": BELOW_ALL | {"align", "config", "navigation", "prepare", "processing"},
     "inspection": ROOMS | {"processing"},
     "tuning": ROOMS | {"processing"},
     "pipeline": {"processing"},  # an alias of the module's place before
-    "cli": ROOMS | {"processing", "inspection", "tuning", "exporting", "comparison", "proof", "caches"},
+    "cli": ROOMS | {"processing", "inspection", "tuning", "reference", "exporting", "comparison", "proof", "caches"},
     "caches": set(),
     "__init__": {"caches"},
     "__main__": {"cli"},

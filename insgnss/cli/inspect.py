@@ -2,11 +2,10 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from ..errors import UsageError
 from .console import Progress
-from .verb import Verb, report_error, show, show_result
+from .verb import Verb, show_judged
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,23 +25,12 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
         raise UsageError("inspect: --force belongs to --write")
     described = flight_file(options.source, options.write is not None)
     if described is not None:
-        return _inspected(options, progress, inspect_flight(described, progress))
+        return show_judged(options, progress, inspect_flight(described, progress), *options.source)
     result = inspect_files(options.source, progress)
     if options.write is not None and not result.missing:
         progress("writing")
         result = result.write(options.write, options.force)
-    return _inspected(options, progress, result)
-
-
-def _inspected(options: argparse.Namespace, progress: Progress, result: Any) -> int:
-    """Print an inspection; 0, or the code of what it found wrong or missing, which one line on standard error says."""
-    refusal = result.refusal
-    if refusal is None:
-        return show_result(options, progress, result)
-    error, code = f"{', '.join(map(str, options.source))}: {refusal}", refusal.exit_code
-    show(options, progress, result.summary, lambda: result.as_dict() | {"error": error, "exit_code": code})
-    report_error(f"error: {error}", code, as_json=False)
-    return code
+    return show_judged(options, progress, result, *options.source)
 
 
 VERB = Verb(

@@ -18,12 +18,12 @@ from typing import Any, NoReturn
 from .. import __version__
 from ..caches import settle
 from ..errors import InputError, InsgnssError
-from . import calibrate, compare, demo, export, inspect, ppk, process, simulate, tune
+from . import calibrate, compare, demo, export, inspect, ppk, process, simulate, tune, verify
 from .console import Parser, Progress
 from .verb import report_error
 
 INTERRUPTED = 130
-VERBS = tuple(module.VERB for module in (demo, simulate, inspect, process, export, calibrate, tune, compare, ppk))
+VERBS = tuple(module.VERB for module in (demo, simulate, inspect, process, verify, export, calibrate, tune, compare, ppk))
 
 
 def run() -> NoReturn:

@@ -6,6 +6,7 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 from ..files import json_ready
@@ -78,6 +79,17 @@ def show(options: argparse.Namespace, progress: Progress, summary: Callable[[], 
 def show_result(options: argparse.Namespace, progress: Progress, result: Result) -> int:
     """Print a result that has `summary` and `as_dict`; return exit code 0."""
     return show(options, progress, result.summary, result.as_dict)
+
+
+def show_judged(options: argparse.Namespace, progress: Progress, result: Any, *files: Path) -> int:
+    """Print a result of `files`; return 0, or the exit code of its refusal, which is one line on standard error."""
+    refusal = result.refusal
+    if refusal is None:
+        return show_result(options, progress, result)
+    error, code = f"{', '.join(map(str, files))}: {refusal}", refusal.exit_code
+    show(options, progress, result.summary, lambda: result.as_dict() | {"error": error, "exit_code": code})
+    report_error(f"error: {error}", code, as_json=False)
+    return code
 
 
 def print_json(document: Any) -> None:

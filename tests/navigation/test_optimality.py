@@ -1,15 +1,14 @@
 """Filter and smoother against filterpy and against batch least squares on the very same linear problem.
 
-Run about a fixed nominal (K.6) the problem is linear: x_k = Phi_k x_(k-1) + gap_k + noise, with gap_k the nominal of the epoch
-before carried forward, less that of the epoch. The nominal is a smoothed flight, so the gaps are not zero. With c_k = Phi_k c_(k-1)
-+ gap_k taken off, x - c obeys the same equations without gaps, which is what filterpy and the batch solution know.
+Run about a fixed nominal (K.6) the problem is linear, `reference.linear` (T.20), with the nominal of the epoch before carried forward,
+less that of the epoch, as the known gap. The nominal is a smoothed flight, so the gaps are not zero. Transitions, noise and measurements
+are the core's own here; the reference twin has its own (`tests/reference`).
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from filterpy.kalman import KalmanFilter
 from flown import NO_GATE, fly, start_near
 
 from insgnss.navigation.codes import N_KINDS, N_NAV, NHC, ZUPT
@@ -23,23 +22,12 @@ from insgnss.navigation.problem import EstimationProblem, InitialState
 from insgnss.navigation.smoother import Smoothed, run_smoother
 from insgnss.navigation.solution import solve
 from insgnss.navigation.strapdown import kernel_earth, kernel_intervals
+from insgnss.reference.linear import Batch, Estimate, LinearProblem, batch, filtered, smoothed
 from insgnss.stochastic.model import load_noise_model
 
 RELATIVE = 1e-8  # of the standard deviations; measured 1e-10
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
 OFFSET = np.array([0.1, -0.2, 0.1, 0.1, 0.1, -0.1, *np.radians([0.5, -0.3, 2.0])])
-
-
-@dataclass(frozen=True, eq=False)
-class LinearProblem:
-    """Phi, Q (m, n, n) from the epoch before; c (m, n) (see above); mean (n,), P (n, n) at the first epoch; measurements of each epoch."""
-
-    Phi: np.ndarray
-    Q: np.ndarray
-    c: np.ndarray
-    mean: np.ndarray
-    P: np.ndarray
-    measured: list[list[tuple[np.ndarray, np.ndarray, np.ndarray]]]  # (H, z, R)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,15 +74,16 @@ def in_matrices(problem: EstimationProblem, start: InitialState, nav, x) -> Line
     m, n = nav.shape[0], problem.layout.size
     intervals, earth = kernel_intervals(problem.inc), kernel_earth(problem.frame)
     imu, ep = problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s), problem.epochs
-    Phi, Q, c, gap, accel = np.zeros((m, n, n)), np.zeros((m, n, n)), np.zeros((m, n)), np.zeros(n), np.zeros((m, 3))
+    Phi, Q, gap, accel = np.zeros((m, n, n)), np.zeros((m, n, n)), np.zeros((m, n)), np.zeros((m, 3))
     for k in range(1, m):
         step = linearise_interval(intervals, ep.stop[k - 1], ep.stop[k], nav[k - 1], x[k - 1], imu, earth, ep.time[k - 1])
-        state_difference(step.nav, step.x, nav[k], x[k], gap)
+        state_difference(step.nav, step.x, nav[k], x[k], gap[k])
         accel[k] = (step.nav[3:6] - nav[k - 1, 3:6]) / (ep.time[k] - ep.time[k - 1])
         Phi[k], Q[k] = step.Phi, 0.5 * (step.Q + step.Q.T)
-        c[k] = Phi[k] @ c[k - 1] + gap
-    state_difference(start.nav, start.x, nav[0], x[0], gap)
-    return LinearProblem(Phi, Q, c, gap + start.mean, start.P, [measurements(problem, nav[k], x[k], k, accel[k]) for k in range(m)])
+    mean = np.zeros(n)
+    state_difference(start.nav, start.x, nav[0], x[0], mean)
+    measured = [measurements(problem, nav[k], x[k], k, accel[k]) for k in range(m)]
+    return LinearProblem(mean + start.mean, start.P, Phi, Q, gap, measured)
 
 
 @pytest.fixture(scope="module")
@@ -115,25 +104,14 @@ def case() -> Case:
     history.nav[:], history.x[:] = first.nav, first.x
     run_filter(problem, start, history, closed_loop=False)
     linear = in_matrices(problem, start, history.nav, history.x)
-    filtered, filtered_P = history.m.copy(), history.P.copy()
-    return Case(problem, filtered, filtered_P, run_smoother(problem.epochs, history), linear, events)
+    mean, P = history.m.copy(), history.P.copy()
+    return Case(problem, mean, P, run_smoother(problem.epochs, history), linear, events)
 
 
 @pytest.fixture(scope="module")
-def by_filterpy(case) -> tuple[KalmanFilter, np.ndarray, np.ndarray]:
-    """Means (m, n, 1), gaps taken off, and covariances of filterpy's filter, one predict an epoch and one update a triple."""
-    linear = case.linear
-    m, n = linear.c.shape
-    kf = KalmanFilter(n, 3)
-    kf.x, kf.P = linear.mean[:, None].copy(), linear.P.copy()
-    means, covariances = np.zeros((m, n, 1)), np.zeros((m, n, n))
-    for k in range(m):
-        if k:
-            kf.predict(F=linear.Phi[k], Q=linear.Q[k])
-        for H, z, R in linear.measured[k]:
-            kf.update((z - H @ linear.c[k])[:, None], R=R, H=H)
-        means[k], covariances[k] = kf.x, kf.P
-    return kf, means, covariances
+def by_filterpy(case) -> Estimate:
+    """Filterpy's filter, one predict an epoch and one update a triple."""
+    return filtered(case.linear)
 
 
 def agree(mean, P, expected, expected_P) -> None:
@@ -145,7 +123,7 @@ def agree(mean, P, expected, expected_P) -> None:
 
 def test_the_problem_is_a_fair_one(case):
     """Oracle: what the comparison needs: gaps that are not zero, velocities at some epochs only, noise that differs by epoch."""
-    assert np.abs(case.linear.c[-1, :3]).max() > 1e-3
+    assert np.abs(case.linear.known()[-1, :3]).max() > 1e-3
     assert {len(rows) for rows in case.linear.measured} == {0, 1, 2, 3}
     assert case.events.size == 6
     assert np.linalg.matrix_rank(case.linear.Q[5]) < case.problem.layout.size
@@ -155,88 +133,34 @@ def test_the_problem_is_a_fair_one(case):
 
 def test_filter_is_filterpys(case, by_filterpy):
     """Oracle: filterpy KalmanFilter.predict and update (Joseph form)."""
-    _, means, covariances = by_filterpy
-    agree(case.filtered, case.filtered_P, means[..., 0] + case.linear.c, covariances)
-
-
-def scaled_inverse(P):
-    """Inverse by way of the correlation matrix: metres and radians a second in one matrix cost plain inversion four digits."""
-    sigma = np.sqrt(np.diag(P))
-    return np.linalg.inv(P / np.outer(sigma, sigma)) / np.outer(sigma, sigma)
+    agree(case.filtered, case.filtered_P, by_filterpy.mean, by_filterpy.P)
 
 
 def test_smoother_is_filterpys(case, by_filterpy):
     """Oracle: filterpy KalmanFilter.rts_smoother, the method, whose Fs[k + 1] leads from k to k + 1."""
-    kf, means, covariances = by_filterpy
-    smoothed, smoothed_P, _, _ = kf.rts_smoother(means, covariances, Fs=case.linear.Phi, Qs=case.linear.Q, inv=scaled_inverse)
-    agree(case.smoothed.delta, case.smoothed.P, smoothed[..., 0] + case.linear.c, smoothed_P)
-
-
-def square_root(P):
-    """S with S S' = P for a semidefinite P."""
-    sigma = np.sqrt(np.diag(P))
-    sigma = np.where(sigma > 0.0, sigma, 1.0)
-    w, V = np.linalg.eigh(P / np.outer(sigma, sigma))
-    keep = w > 1e-13 * w[-1]
-    return sigma[:, None] * V[:, keep] * np.sqrt(w[keep])
-
-
-@dataclass(frozen=True, eq=False)
-class Batch:
-    """Batch solution: mean (m, n), gaps added, and two factors (m, n, .) with P_jk = free_j free_k' + seen_j seen_k'."""
-
-    mean: np.ndarray
-    free: np.ndarray
-    seen: np.ndarray
-
-    def covariance(self, j: int, k: int) -> np.ndarray:
-        return self.free[j] @ self.free[k].T + self.seen[j] @ self.seen[k].T
+    expected = smoothed(case.linear, by_filterpy)
+    agree(case.smoothed.delta, case.smoothed.P, expected.mean, expected.P)
 
 
 @pytest.fixture(scope="module")
-def batch(case) -> Batch:
-    """Least squares over all epochs at once.
-
-    The trajectory is x = mean + A w with independent w of unit variance (start and process noise), the whitened measurements are
-    z = M w + unit noise. With M = U s V', w given z has the mean V (s / (1 + s^2)) U' z and the covariance (1 - V V') + V V' / (1 + s^2),
-    which needs no inverse of the singular Q.
-    """
-    linear = case.linear
-    m, n = linear.c.shape
-    roots = [square_root(linear.P)] + [square_root(linear.Q[k]) for k in range(1, m)]
-    begin = np.concatenate([[0], np.cumsum([root.shape[1] for root in roots])])
-    A, mean = np.zeros((m, n, begin[-1])), np.zeros((m, n))
-    mean[0] = linear.mean
-    for k in range(m):
-        if k:
-            A[k], mean[k] = linear.Phi[k] @ A[k - 1], linear.Phi[k] @ mean[k - 1]
-        A[k][:, begin[k] : begin[k + 1]] += roots[k]
-    mean += linear.c
-    rows, values = [], []
-    for k in range(m):
-        for H, z, R in linear.measured[k]:
-            L = np.linalg.cholesky(R)
-            rows.append(np.linalg.solve(L, H @ A[k]))
-            values.append(np.linalg.solve(L, z - H @ mean[k]))
-    U, s, Vt = np.linalg.svd(np.vstack(rows), full_matrices=False)
-    w = Vt.T @ (s / (1.0 + s**2) * (U.T @ np.concatenate(values)))
-    seen = A @ Vt.T
-    return Batch(mean + A @ w, A - seen @ Vt, seen / np.sqrt(1.0 + s**2))
+def in_one(case) -> Batch:
+    """Least squares over all epochs at once."""
+    return batch(case.linear)
 
 
-def test_smoother_is_batch_least_squares(case, batch):
+def test_smoother_is_batch_least_squares(case, in_one):
     """Oracle: one least-squares solution over the whole flight by singular values."""
-    P = np.array([batch.covariance(k, k) for k in range(case.linear.c.shape[0])])
-    agree(case.smoothed.delta, case.smoothed.P, batch.mean, P)
+    P = np.array([in_one.covariance(k, k) for k in range(case.linear.gap.shape[0])])
+    agree(case.smoothed.delta, case.smoothed.P, in_one.mean, P)
 
 
-def test_cross_covariance_of_neighbouring_events_is_the_batch_solutions(case, batch):
+def test_cross_covariance_of_neighbouring_events_is_the_batch_solutions(case, in_one):
     """Oracle: blocks off the diagonal of the batch covariance; the nearest two events correlate by more than 0.99."""
     assert not case.smoothed.event_cross[0].any()
     strongest = 0.0
     for i, (j, k) in enumerate(zip(case.events[:-1], case.events[1:], strict=True), start=1):
-        expected = batch.covariance(j, k)[:9, :9]
-        scale = np.sqrt(np.outer(np.diag(batch.covariance(j, j))[:9], np.diag(batch.covariance(k, k))[:9]))
+        expected = in_one.covariance(j, k)[:9, :9]
+        scale = np.sqrt(np.outer(np.diag(in_one.covariance(j, j))[:9], np.diag(in_one.covariance(k, k))[:9]))
         assert np.abs((case.smoothed.event_cross[i] - expected) / scale).max() < RELATIVE
         strongest = max(strongest, np.abs(expected / scale).max())
     assert strongest > 0.99
