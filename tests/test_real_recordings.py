@@ -16,6 +16,8 @@ from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion, rpy_from_rotation, skew
 from insgnss.recording import read_recording
 
+pytestmark = pytest.mark.slow
+
 DATA = Path(__file__).parents[2] / "shared" / "data"
 
 

@@ -423,6 +423,7 @@ def test_other_variants_are_not_read_as_the_geographic_one(tmp_path: Path) -> No
             read_metashape(tmp_path / "x.csv")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("write", [w for w, _, _ in CASES if w is not write_micmac_xml])
 def test_many_images(write: Callable[..., None], tmp_path: Path) -> None:
     """Oracle: the number of images written across the pieces that are formatted at once."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from draws import normal_draws
 from numpy.testing import assert_allclose
+from oracles import oracle
 from scipy.spatial.transform import Rotation
 
 from insgnss.errors import DataError, InputError
@@ -337,7 +338,7 @@ def test_every_export_writes_in_every_frame_that_it_claims(name: str, tmp_path: 
     if form.heights == "sea level" or form.several:
         pytest.skip("needs a geoid, or writes a directory: has a test of its own")
     if name == "colmap_priors":
-        pytest.importorskip("pycolmap", reason="pip install '.[colmap]'")
+        oracle("pycolmap")
     eo = replace(exterior(near_nadir(2)), cross=np.zeros((1, 6, 6)))
     known = {"focal_mm": 35.0, "ground_m": 500.0, "lever_m": "0.4,0,-0.1", "camera": "SIMPLE_PINHOLE 5120 3840 5607 2560 1920"}
     options = {key: value for key, value in known.items() if key in form.needs}

@@ -13,6 +13,7 @@ from ba_scene import Array, D, Place, assert_reprojects, block, exterior, framed
 from draws import normal_draws
 from format_pages import on_page, without_version
 from numpy.testing import assert_allclose
+from oracles import oracle
 from scipy.spatial.transform import Rotation
 
 from insgnss.errors import DataError, InputError, UsageError
@@ -25,11 +26,6 @@ from insgnss.records import FramedOrientation
 CARTESIAN = ["tangent plane", "geocentric", "EPSG:2056", "EPSG:32632"]
 CAMERA = "OPENCV 5120 3840 5607 5607 2560 1920 0.01 -0.02 0.001 0.002"
 PINHOLE = "PINHOLE 5120 3840 5607 5607 2560 1920"
-
-
-def installed(name: str) -> Any:
-    """The package, or a skip that says that it is missing."""
-    return pytest.importorskip(name, reason=f"{name} is not installed: its reading of our file was not tested")
 
 
 def rows(path: Path, tag: str = "") -> list[list[str]]:
@@ -57,7 +53,7 @@ def test_tum_reprojects(tmp_path: Path, where: str) -> None:
 def test_tum_as_evo_reads_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: evo's reader of TUM files."""
     monkeypatch.setenv("HOME", str(tmp_path))  # evo writes its settings there when it is imported
-    evo = installed("evo.tools.file_interface")
+    evo = oracle("evo.tools.file_interface")
     eo = framed(block(5), "EPSG:32632")
     write_tum(eo, tmp_path / "t.tum")
     got = evo.read_tum_trajectory_file(tmp_path / "t.tum")
@@ -149,7 +145,7 @@ def test_g2o_vertices_reproject(tmp_path: Path, where: str) -> None:
 
 def test_g2o_as_gtsam_reads_it(tmp_path: Path) -> None:
     """Oracle: GTSAM's reader and its between factors: chi^2_6 of drawn poses with rotation "vector"; with g2o's own, 3 + 4 x 3."""
-    gtsam = installed("gtsam")
+    gtsam = oracle("gtsam")
     eo = correlated()
     joint = np.block([[eo.cov[0], eo.cross[0]], [eo.cross[0].T, eo.cov[1]]])
     x = normal_draws(joint, 2000, seed=5)
@@ -225,7 +221,7 @@ def test_colmap_worked_example(tmp_path: Path) -> None:
 
 def test_colmap_as_pycolmap_reads_it(tmp_path: Path) -> None:
     """Oracle: pycolmap's reconstruction, which projects a point itself; focal length 5607 px, centre 2560, 1920."""
-    pycolmap = installed("pycolmap")
+    pycolmap = oracle("pycolmap")
     eo = framed(block(), "EPSG:2056")
     write_colmap(eo, tmp_path, camera=PINHOLE)
     model = pycolmap.Reconstruction(str(tmp_path))
@@ -240,7 +236,7 @@ def test_colmap_as_pycolmap_reads_it(tmp_path: Path) -> None:
 
 def test_colmap_priors_as_pycolmap_reads_them(tmp_path: Path) -> None:
     """Oracle: pycolmap's database: full covariance, down in the camera's axes by the attitude, whole names."""
-    pycolmap = installed("pycolmap")
+    pycolmap = oracle("pycolmap")
     eo = framed(block(), "EPSG:32632")
     write_colmap_priors(eo, tmp_path / "new.db", camera=CAMERA)
     db = pycolmap.Database.open(tmp_path / "new.db")
@@ -262,7 +258,7 @@ def test_colmap_priors_as_pycolmap_reads_them(tmp_path: Path) -> None:
 
 def test_colmap_priors_in_a_copy(tmp_path: Path) -> None:
     """Oracle: the database given stays byte by byte; twice the same export leaves one prior each; WGS84 is latitude, longitude, height."""
-    pycolmap = installed("pycolmap")
+    pycolmap = oracle("pycolmap")
     eo = framed(block(), "geographic")
     write_colmap_priors(framed(block(), "EPSG:32632"), tmp_path / "given.db", camera=CAMERA)
     before = (tmp_path / "given.db").read_bytes()
@@ -343,7 +339,7 @@ def test_opf_input_cameras_reproject(tmp_path: Path, where: str) -> None:
 
 def test_opf_as_pyopf_reads_it(tmp_path: Path) -> None:
     """Oracle: pyopf's project, its base-to-canonical matrix, and its Rx Ry Rz."""
-    io, resolve = installed("pyopf.io"), installed("pyopf.resolve")
+    io, resolve = oracle("pyopf.io"), oracle("pyopf.resolve")
     eo = framed(block(), "EPSG:32632")
     write_opf(eo, tmp_path, camera=CAMERA, pixel_size_um=1.4, images="../photos")
     found = resolve.resolve(io.load(str(tmp_path / "project.opf")))

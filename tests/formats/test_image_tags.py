@@ -13,6 +13,7 @@ from ba_scene import Array, D, Place, assert_reprojects, block, exterior, framed
 from draws import normal_draws
 from format_pages import on_page, without_version
 from numpy.testing import assert_allclose
+from oracles import oracle
 from scipy.spatial.transform import Rotation
 
 from insgnss.errors import DataError, InputError, UsageError
@@ -226,7 +227,7 @@ def test_gimbal_nadir_and_none(photos: Path, tmp_path: Path) -> None:
 
 def test_as_exiv2_reads_it(photos: Path, tmp_path: Path) -> None:
     """Oracle: exiv2."""
-    pyexiv2 = pytest.importorskip("pyexiv2", reason="pyexiv2 is not installed: its reading of our tags was not tested")
+    pyexiv2 = oracle("pyexiv2")
     write_image_tags(flight(), tmp_path / "out", images=photos)
     for name in NAMES:
         with pyexiv2.Image(str(tmp_path / "out" / name)) as image:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from draws import normal_draws
 from numpy.testing import assert_allclose
+from oracles import oracle
 from scipy.spatial.transform import Rotation
 
 from insgnss.errors import UsageError
@@ -222,7 +223,7 @@ def test_camera_form_is_that_of_the_pose_graph() -> None:
 @pytest.mark.filterwarnings("ignore")
 def test_camera_form_feeds_pycolmap() -> None:
     """Oracle: pycolmap's RelativePosePriorCost on perturbed poses: (psi, dr + r x psi), in the axes of camera i, rotation first."""
-    pycolmap, _ = pytest.importorskip("pycolmap"), pytest.importorskip("pyceres")
+    pycolmap, _ = oracle("pycolmap"), oracle("pyceres")
     from pycolmap import cost_functions
 
     def pose(C: np.ndarray, X: np.ndarray) -> object:

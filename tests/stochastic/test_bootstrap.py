@@ -61,7 +61,7 @@ def test_the_drift_is_a_slope_of_known_size():
     assert_allclose(wavelet_variance(x, RATE).variance, (0.5 * 2.0 ** np.arange(9) / (2.0 * RATE)) ** 2, rtol=1e-6)
 
 
-@pytest.mark.parametrize("sampling", ["point", "mean"])
+@pytest.mark.parametrize("sampling", [pytest.param("point", marks=pytest.mark.slow), "mean"])
 def test_reduced_draws_are_those_of_whole_series(sampling):
     """Oracle: simulation of all samples; mean, standard deviation, skewness and correlation within what 160 draws scatter."""
     fitted = replace(series_fit(2**17, AXES["long"], "WN+2GM"), sampling=sampling)
