@@ -64,6 +64,7 @@ def _north(fields: list[str], by: float) -> list[str]:
     return [*fields[:2], f"{float(fields[2]) + by:.4f}", *fields[3:]]
 
 
+@pytest.mark.slow
 def test_export_metashape(tmp_path: Path) -> None:
     """Oracle: re-projection by scipy and PROJ, in the script's own assertion."""
     done = run("02_export_metashape.py", tmp_path)
