@@ -210,6 +210,7 @@ def test_units_of_fixes(air, key, value):
     assert gnss.quality is None if key == "length" else set(gnss.quality) == {1}
 
 
+@pytest.mark.slow
 def test_correlated_errors_do_not_average(air):
     """Oracle: an error of one sigma that outlasts the flight stays one sigma; of 0.2 s it averages over the minute's many."""
     off = air.process("correlated_off", gnss={"gm_sigma": "off"})
@@ -226,6 +227,7 @@ def test_correlated_errors_do_not_average(air):
     assert (_sigma(result[0.2]) > 1.1 * _sigma(off)).all()
 
 
+@pytest.mark.slow
 def test_uncorrelated_scales_the_sigmas_of_the_fixes(air):
     """Oracle: the variance of an innovation is that of the fix, k^2 sigma^2, plus the prediction's, which is smaller."""
     for k in (1.0, 3.0):
@@ -235,6 +237,7 @@ def test_uncorrelated_scales_the_sigmas_of_the_fixes(air):
         assert (np.median(settled, axis=0) < 1.3 * k * np.array(SIGMA)).all()
 
 
+@pytest.mark.slow
 def test_time_offset_is_held_by_its_sigma(air):
     """Oracle: the offset that the flight file was made to lack; a prior of 0.1 ms does not let it go there."""
     late = 0.004
@@ -249,6 +252,7 @@ def test_time_offset_is_held_by_its_sigma(air):
     assert tight.sigma <= 1e-4
 
 
+@pytest.mark.slow
 def test_lever_arm_is_held_by_its_sigma(air):
     """Oracle: the mounting that the flight was simulated with; a prior of 1 mm does not let the estimate go there."""
     antenna, wrong = np.array(air.dataset.simulated.rig.antenna_m), np.array([0.0, 0.0, 0.05])
@@ -285,6 +289,7 @@ def test_robust_gives_suspicious_fixes_less_weight(air):
     assert error[0] - error[1] > 0.003
 
 
+@pytest.mark.slow
 def test_wheels_and_rests_hold_the_drive(car):
     """Oracle: exact motion, without side slip, at rest for the first 25 s; what the vehicle is known to do brings the estimate to it."""
     motion = car.dataset.simulated.flight.motion

@@ -17,6 +17,8 @@ from insgnss.processing.pipeline import process
 from insgnss.processing.recording import read_recording
 from insgnss.processing.segment import solve_segments
 
+pytestmark = pytest.mark.slow
+
 DATA = Path(__file__).parents[2] / "shared" / "data"
 
 

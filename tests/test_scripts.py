@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from oracles import oracle
 
 SCRIPTS = Path(__file__).parents[1] / "scripts"
 PRODUCTS = {
@@ -36,6 +37,7 @@ def assert_is_picture(path: Path) -> None:
     assert head.endswith(b"IEND\xaeB`\x82")
 
 
+@pytest.mark.slow
 def test_produce_eo(story_1: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
     """Oracle: the simulated truth, in the script's own assertion; design.md 6 for the products."""
     out, done = story_1
@@ -44,6 +46,7 @@ def test_produce_eo(story_1: tuple[Path, subprocess.CompletedProcess[str]]) -> N
     assert_is_picture(out / "produce_eo.png")
 
 
+@pytest.mark.slow
 def test_produce_eo_refuses_a_truth_that_the_sigmas_do_not_explain(story_1: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
     """Oracle: a truth moved north by 5 cm, ten standard deviations and more."""
     out, done = story_1
@@ -61,6 +64,7 @@ def _north(fields: list[str], by: float) -> list[str]:
     return [*fields[:2], f"{float(fields[2]) + by:.4f}", *fields[3:]]
 
 
+@pytest.mark.slow
 def test_export_metashape(tmp_path: Path) -> None:
     """Oracle: re-projection by scipy and PROJ, in the script's own assertion."""
     done = run("02_export_metashape.py", tmp_path)
@@ -69,6 +73,7 @@ def test_export_metashape(tmp_path: Path) -> None:
     assert_is_picture(tmp_path / "export_metashape.png")
 
 
+@pytest.mark.slow
 def test_tune_from_static_recordings(tmp_path: Path) -> None:
     """Oracle: the simulated noise, in the script's own assertion."""
     done = run("03_tune_from_static_recordings.py", tmp_path)
@@ -85,9 +90,10 @@ def test_compare_noise_models(tmp_path: Path) -> None:
     assert_is_picture(tmp_path / "compare_models.png")
 
 
+@pytest.mark.slow
 def test_relative_control_in_pycolmap(tmp_path: Path) -> None:
     """Oracle: the simulated poses, in the script's own assertion."""
-    pytest.importorskip("pyceres", reason="pip install pyceres")
+    oracle("pyceres")
     done = run("06_relative_control_in_pycolmap.py", tmp_path)
     assert done.returncode == 0, done.stderr
     pictures = list(tmp_path.glob("*.png"))
@@ -95,6 +101,7 @@ def test_relative_control_in_pycolmap(tmp_path: Path) -> None:
     assert_is_picture(pictures[0])
 
 
+@pytest.mark.slow
 def test_tune_on_a_flight(tmp_path: Path) -> None:
     """Oracle: the simulated vibration, in the script's own assertion."""
     done = run("05_tune_on_a_flight.py", tmp_path)

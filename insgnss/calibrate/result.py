@@ -169,7 +169,8 @@ def blind_directions(sensor: str, names: tuple[str, ...], covariance: Array) -> 
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
         if value < 1.0:
             break
-        vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
-        parts = [f"{'+' if vector[i] > 0 else '-'} {names[i]}" for i in np.argsort(-np.abs(vector)) if abs(vector[i]) > NAMED]
+        size_of = np.round(np.abs(vector), 6)  # of equal parts the first leads, whatever their last digits
+        vector = vector * np.sign(vector[np.argmax(size_of)])
+        parts = [f"{'+' if vector[i] > 0 else '-'} {names[i]}" for i in np.argsort(-size_of, kind="stable") if abs(vector[i]) > NAMED]
         out.append(f"{' '.join(parts).removeprefix('+ ')} ({np.sqrt(value):.1f} times the usual)")
     return tuple(out)

@@ -33,6 +33,7 @@ NED = np.diag([1.0, 1.0, -1.0])
 ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 JST_S = 9 * 3600.0
 BAD_SHARE_LIMIT = 0.01
+SINGULAR = 1e-12  # of the trace: an eigenvalue below is rounding
 LARGEST_ROOT = 1e7
 
 
@@ -269,7 +270,7 @@ def _covariance(
 
 def _drop_odd_correlations(table: Table, P: Array, names: tuple[str, ...], notes: list[Check]) -> None:
     """Take the correlations out of matrices that are not positive definite, where they are few."""
-    bad: NDArray[np.bool_] = np.linalg.eigvalsh(P)[:, 0] <= 0.0
+    bad = without_inverse(P)
     if not bad.any():
         return
     row = int(np.argmax(bad))
@@ -279,6 +280,14 @@ def _drop_odd_correlations(table: Table, P: Array, names: tuple[str, ...], notes
     P[bad] *= np.eye(3)
     found = f"{what}, the first in line {table.lines[row]}; these keep their standard deviations only"
     notes.append(note("GNSS rows", found, "covariances that are positive definite", "write more decimals"))
+
+
+def without_inverse(P: Array) -> NDArray[np.bool_]:
+    """Where covariances (n, 3, 3) are not positive definite (n,).
+
+    The least eigenvalue of a singular matrix is rounding of either sign, so that the limit is `SINGULAR` of the trace and not zero.
+    """
+    return np.asarray(np.linalg.eigvalsh(P)[:, 0] <= SINGULAR * np.trace(P, axis1=1, axis2=2))
 
 
 def signed_roots(P: Array) -> Array:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..formats._pos_header import ROOTS
 from ..formats._text import Source, load
-from ..formats.rtklib_pos import PosRows, read_pos_rows, read_rtklib_pos
+from ..formats.rtklib_pos import PosRows, read_pos_rows, read_rtklib_pos, without_inverse
 from ..records import Array, Check, GnssFixes
 from ..records.qualities import Quality
 from .covariance import BELIEVED, CLASSES, HAMPERED, LONE, UNKNOWN_SIGMA_M, WEAK, Index, Separation
@@ -69,7 +69,7 @@ def _without_covariance(roots: Array) -> NDArray[np.bool_]:
     P = c[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
     bad = (roots[:, :3] <= 0.0).any(axis=1)
     P[bad] = np.eye(3)
-    return np.asarray(bad | (np.linalg.eigvalsh(P)[:, 0] <= 0.0))
+    return np.asarray(bad | without_inverse(P))
 
 
 def _readable(path: Source, rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:

@@ -1,6 +1,5 @@
 """Likelihood of the innovations and its slopes against the density of all measurements at once, the filter itself and differences."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -50,8 +49,8 @@ def disturbed() -> Solution:
     return solution_of(fly(20.0, seed=4, imu_hz=100.0, gate=gate_from_sigma(5.0), gnss=gnss))
 
 
-def density_of_all(solution: Solution, stretch: LinearStretch, theta: np.ndarray) -> float:
-    """-2 log of the normal density of all measurements of a stretch at once, without its constant."""
+def density_of_all(solution: Solution, stretch: LinearStretch, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean, covariance and values of all measurements of a stretch, one normal density of them all."""
     factors = np.exp(theta)
     correlated = tuple(c * factors[6] for c in CORRELATED.gm_sigma or ())
     problem, n = solution.problem, solution.problem.layout.size
@@ -77,8 +76,7 @@ def density_of_all(solution: Solution, stretch: LinearStretch, theta: np.ndarray
             noise.append(lin.R[e, j] * factors[4 + j] ** 2)
     for k, R in enumerate(noise):
         rows[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] += R
-    off = np.concatenate(z) - np.concatenate(means)
-    return float(np.linalg.slogdet(rows)[1] + off @ np.linalg.solve(rows, off))
+    return np.concatenate(means), rows, np.concatenate(z)
 
 
 @pytest.mark.parametrize("theta", [np.zeros(7), THETA], ids=["static", "scaled"])
@@ -86,7 +84,9 @@ def test_cost_is_the_density_of_all_measurements_at_once(short, theta):
     """Oracle: one normal density of 62 triples, its covariance from transitions and noise of a model that has the factors itself."""
     stretch = linear_stretch(short, NAMES)
     assert np.count_nonzero(stretch.linear.there) > 55
-    assert evaluate([stretch], theta).cost == pytest.approx(density_of_all(short, stretch, theta), abs=1e-5)
+    mean, covariance, z = density_of_all(short, stretch, theta)
+    cost = np.linalg.slogdet(covariance)[1] + (z - mean) @ np.linalg.solve(covariance, z - mean)
+    assert evaluate([stretch], theta).cost == pytest.approx(cost, abs=1e-5)
 
 
 def test_two_stretches_count_twice(short):
@@ -106,52 +106,34 @@ def test_gradient_is_the_derivative_of_the_cost(short):
     assert_allclose(at.gradient, numeric, rtol=1e-5, atol=1e-5)
 
 
-def test_information_is_what_the_gradients_of_simulated_measurements_spread(short):
-    """Oracle: the variance of the gradient of -2 log L over draws from the model is twice its expected second derivative.
+def test_expected_information_is_that_of_the_density_of_all_measurements(short):
+    """Oracle: tr(C^-1 C_i C^-1 C_j) of the one normal density; no draws, so that nothing is left to chance.
 
-    Draws of the whole stretch: from the a-priori state through process noise to the measurements; 250 of them know a variance to 9 %
-    and a correlation to 6 %, and 4 sigma are let pass.
+    C is linear in the squares of the factors, so that a factor of 100 gives the derivative C_i exactly. The information (L.5) is a
+    constant and a quadratic form of the measurements about their mean, since y' is linear in them: its expectation is the constant
+    and the sum of what each column of L adds to it, C = L L'. Both sides agree to 1e-9, what the condition of C, 1e7, leaves.
     """
-    stretch = linear_stretch(short, NAMES)
-    draw = drawing(stretch)
-    draws = [evaluate([draw(np.random.default_rng(seed))], np.zeros(7)) for seed in range(250)]
-    gradient = np.array([d.gradient for d in draws])
-    expected = 2.0 * np.mean([d.information for d in draws], axis=0)
-    scale = np.sqrt(np.diag(expected))
-    assert_allclose(np.cov(gradient.T) / np.outer(scale, scale), expected / np.outer(scale, scale), atol=0.36)
-    assert (np.abs(gradient.mean(axis=0)) < 4.0 * scale / np.sqrt(250.0)).all()
+    stretch, factor = linear_stretch(short, NAMES), 100.0
+    mean, C, _ = density_of_all(short, stretch, np.zeros(7))
+    scaled_C = [density_of_all(short, stretch, np.log(factor) * d)[1] for d in np.eye(7)]
+    slopes = [np.linalg.solve(C, 2.0 * (other - C) / (factor**2 - 1.0)) for other in scaled_C]
+    theory = np.array([[np.sum(a * b.T) for a in slopes] for b in slopes])
+    constant = evaluate([measured(stretch, mean)], np.zeros(7)).information
+    expected = constant.copy()
+    for column in np.linalg.cholesky(C).T:
+        expected += evaluate([measured(stretch, mean + column)], np.zeros(7)).information - constant
+    scale = np.sqrt(np.diag(theory))
+    assert_allclose(expected / np.outer(scale, scale), theory / np.outer(scale, scale), rtol=0, atol=1e-7)
+    share = np.diag(constant) / np.diag(theory)
+    assert share.min() < 0.1  # both terms of (L.5) count
+    assert share.max() > 0.9
 
 
-def drawing(stretch: LinearStretch) -> Callable[[np.random.Generator], LinearStretch]:
-    """What gives the stretch with errors and measurements drawn from its model at theta = 0."""
-    lin, n = stretch.linear, stretch.mean0.size
-    start = root(stretch.P0.sum(axis=0))
-    step, R = [], [[root(lin.R[e, j]) for j in range(lin.kind.size)] for e in range(lin.time.size)]
-    for e in range(lin.time.size):
-        Phi, Q = np.zeros((n, n)), np.zeros((n, n))
-        Phi[:9], Phi[9:, 9:] = lin.F[e], np.diag(lin.D[e])
-        Q[:9, :9], Q[:9, 9:] = lin.Q[e].sum(axis=0), lin.Q_cross[e].sum(axis=0)
-        Q[9:, :9], Q[9:, 9:] = Q[:9, 9:].T, np.diag(lin.Q_states[e].sum(axis=0))
-        step.append((Phi, root(Q)))
-
-    def draw(rng: np.random.Generator) -> LinearStretch:
-        nu = lin.nu.copy()
-        state = stretch.mean0 + start @ rng.standard_normal(n)
-        for e, (Phi, Q) in enumerate(step):
-            if e > 0:
-                state = Phi @ state + lin.gap[e] + Q @ rng.standard_normal(n)
-            for j in np.flatnonzero(lin.there[e]):
-                nu[e, j, :, 0] = lin.H[e, j] @ state + R[e][j] @ rng.standard_normal(3)
-        return replace(stretch, linear=lin._replace(nu=nu))
-
-    return draw
-
-
-def root(cov: np.ndarray) -> np.ndarray:
-    """A with A A' = cov, of which some variances may be zero."""
-    scale = np.sqrt(np.where(np.diag(cov) > 0.0, np.diag(cov), 1.0))
-    size, V = np.linalg.eigh(cov / np.outer(scale, scale))
-    return scale[:, None] * V * np.sqrt(np.maximum(size, 0.0))
+def measured(stretch: LinearStretch, z: np.ndarray) -> LinearStretch:
+    """The stretch with other measurements, in the order of `density_of_all`."""
+    nu = stretch.linear.nu.copy()
+    nu[..., 0][stretch.linear.there] = z.reshape(-1, 3)
+    return replace(stretch, linear=stretch.linear._replace(nu=nu))
 
 
 def test_innovations_are_those_of_the_filter(disturbed):

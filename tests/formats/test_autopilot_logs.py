@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from oracles import oracle
 
 from insgnss.errors import InputError, UsageError
 from insgnss.formats import describe, read_events, read_gnss, read_imu
@@ -33,14 +34,14 @@ LATE = 0.1  # s, of the messages of fixes in both logs
 
 @pytest.fixture
 def bin_log(tmp_path: Path) -> Path:
-    pytest.importorskip("pymavlink")
+    oracle("pymavlink")
     (tmp_path / "x.bin").write_bytes(WRITER.ardupilot_log(24)[0])
     return tmp_path / "x.bin"
 
 
 @pytest.fixture
 def ulg_log(tmp_path: Path) -> Path:
-    pytest.importorskip("pyulog")
+    oracle("pyulog")
     (tmp_path / "x.ulg").write_bytes(WRITER.px4_log(24)[0])
     return tmp_path / "x.ulg"
 
@@ -195,7 +196,7 @@ def test_clock_with_drift_and_late_messages() -> None:
 
 def test_vehicle_imu_gives_rates_over_its_own_intervals(tmp_path: Path) -> None:
     """Oracle: increments divided by their intervals, by hand."""
-    pytest.importorskip("pyulog")
+    oracle("pyulog")
     unix = 315964800 + 2008 * 604800 + 200000 - 18
     fields = "uint64_t timestamp; uint64_t timestamp_sample; float[3] delta_angle; float[3] delta_velocity; "
     fields += "uint32_t delta_angle_dt; uint32_t delta_velocity_dt"

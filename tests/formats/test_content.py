@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from oracles import oracle
 from scipy.io import savemat
 
 from insgnss.errors import InputError, UsageError
@@ -31,7 +32,7 @@ def mat(path: Path) -> Path:
 
 
 def mat73(path: Path) -> Path:
-    h5py = pytest.importorskip("h5py")
+    h5py = oracle("h5py")
     with h5py.File(path, "w", userblock_size=512) as file:
         file["IMU"], file["t"], file["w"], file["f"] = M.T, T[None, :], M[:, 1:4].T, M[:, 4:].T
         file["log/imu/M"] = M.T

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from oracles import oracle
 
 from insgnss.errors import InputError
 from insgnss.formats import EXPORTS, read_events, read_gnss, read_imu
@@ -119,7 +120,7 @@ def test_npy_page(tmp_path: Path) -> None:
 
 def test_ulog_page(tmp_path: Path) -> None:
     """Oracle: the ULog header (magic, version, start) as its documentation states it, and nothing behind it."""
-    pytest.importorskip("pyulog")
+    oracle("pyulog")
     (tmp_path / "x.ulg").write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8))
     with pytest.raises(InputError, match=block("ulog", "message").strip()):
         read_imu(tmp_path / "x.ulg")

@@ -23,6 +23,7 @@ def fuzzer() -> ModuleType:
     return module
 
 
+@pytest.mark.slow
 def test_every_mutated_file_is_a_record_or_one_line(fuzzer: ModuleType) -> None:
     """Oracle: the rule itself: no traceback, no hang, no warning, no cut file in silence."""
     counts, finds = fuzzer.fuzz(2600, 20181121)

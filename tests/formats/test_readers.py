@@ -238,6 +238,8 @@ def test_pos_ecef_and_sexagesimal_agree_with_degrees(tmp_path: Path) -> None:
         (HEADER + "2008 1 46 6 500 1 9 .1 .1 .1 0 0 0 0\n", "14 fields, but the header names 15"),
         (HEADER + "2018/13/03 1:2:3 46 6 500 1 9 .1 .1 .1 0 0 0 0 9\n", "a date is none"),
         (HEADER + "2008 1 46 6 500 1 9 .1 .1 .1 .2 0 0 0 9\n", "x.pos:2: 1 of 1 covariances .* not positive definite"),
+        # singular: the least eigenvalue is rounding of either sign, +7e-18 m^2 of these
+        (HEADER + "2008 1 46 6 500 1 9 .3 .1 .2 .1732050807568877 0 0 0 9\n", "x.pos:2: 1 of 1 covariances .* not positive definite"),
         (HEADER + "2008 1 146 6 500 1 9 .1 .1 .1 0 0 0 0 9\n", "x.pos:2: latitude 146"),
         (HEADER.replace("sdne(m)", "abcd") + "2008 1 46 6 500 1 9 .1 .1 .1 0 0 0 0 9\n", "does not name sdne"),
     ],

@@ -319,6 +319,7 @@ def test_a_second_solution_of_the_drive_is_covered():
     assert beyond_three_sigma(error, cov).mean() < 0.02
 
 
+@pytest.mark.slow
 def test_fixes_under_an_open_sky_keep_the_engines_sigmas(tmp_path):
     """Oracle: published coordinates of a standing antenna, solved as moving, 5.3 km from its base.
 

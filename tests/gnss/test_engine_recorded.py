@@ -159,6 +159,7 @@ def test_swapped_files_of_two_that_stand_are_told(tmp_path):
     one_line(info)
 
 
+@pytest.mark.slow
 def test_five_systems_run_as_moving(tmp_path):
     """Oracle: published positions of MatRTKLIB's static set; bar 5 mm at every epoch."""
     names = ("rover.obs", "base.obs", "base.nav", "base_position.txt", "rover_position.txt")
@@ -170,6 +171,7 @@ def test_five_systems_run_as_moving(tmp_path):
     assert np.linalg.norm(errors(fixes, truth), axis=1).max() < 5 * MILLIMETRE
 
 
+@pytest.mark.slow
 def test_a_simulated_flight_is_fixed_and_never_wrongly(tmp_path):
     """Oracle: truth of the simulated flight; bars 99 % fixed, no fixed position off by 0.1 m. The wet delay is corrected elsewhere."""
     names = ("rover.18o", "base.18o", "brdc.18n", "brdc.18g", "truth.npz")

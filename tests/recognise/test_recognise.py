@@ -56,7 +56,7 @@ def answers(found):
 
 
 @pytest.mark.parametrize("units", UNITS)
-@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("sign", [1, pytest.param(-1, marks=pytest.mark.slow)])
 def test_all_orientations_units_and_signs(block, corridor, sign, units):
     """Oracle: the orientation, unit and sign that the test gave the readings; no wrong answer, and no abstention on these flights."""
     flights = (block[0], every_second(without_velocity(block[1]))), (corridor[0], every_second(corridor[1]))

@@ -60,6 +60,7 @@ def test_pictures_are_drawn(diagnostics, eo) -> None:
         assert picture.reading.endswith(".")
 
 
+@pytest.mark.slow
 def test_every_run_has_its_pictures(odd_cases) -> None:
     """Oracle: by hand; what there is nothing to draw of is left out, the rest is there."""
     missing = {"no fix": "innovations", "separation undetermined": "separation"}

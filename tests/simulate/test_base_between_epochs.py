@@ -16,6 +16,7 @@ from insgnss.simulate.raw_gnss import RawGnssOptions
 RECEIVERS = RawGnssOptions(rate_hz=5.0, clock_drift=1e-7, base_share=1.0, tracking=Tracking(slips_per_hour=0.0, outages_per_hour=20.0))
 
 
+@pytest.mark.slow
 def test_satellites_that_the_base_regains_do_not_cost_the_fix(tmp_path):
     """Oracle: the exact motion. By default all is fixed within 10 cm; RTKLIB's interpolation of the base loses half of this flight."""
     if find_spec("pyrtklib5") is None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from flown import error_of
 from numpy.testing import assert_allclose
+from oracles import oracle
 from scipy.stats import chi2
 
 from insgnss.errors import InputError, UsageError
@@ -48,7 +49,7 @@ def recorded_track(number: int) -> Emulation:
     file = DATA / "epfl_uav_trajectories" / f"example_{number}_traj_ellipsoidal.RData"
     if not file.is_file():
         pytest.skip(f"the trajectory {file.name} is not here")
-    rdata = pytest.importorskip("rdata", reason="rdata (extra test-data) reads the trajectories")
+    rdata = oracle("rdata")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of rdata, about attributes that it does not know
         (table,) = rdata.read_rda(file).values()
@@ -118,6 +119,7 @@ def assert_consistent(values: list[np.ndarray]) -> None:
     assert low < total < high, f"{total:.1f} outside {low:.1f} to {high:.1f}"
 
 
+@pytest.mark.slow
 def test_emulated_errors_are_as_large_as_their_sigmas(emulation, tmp_path):
     """Oracle: chi-square bounds over four realisations of Table 5 noise on one emulated flight."""
     flight = emulation.flight()
@@ -125,6 +127,7 @@ def test_emulated_errors_are_as_large_as_their_sigmas(emulation, tmp_path):
     assert_consistent(found)
 
 
+@pytest.mark.slow
 def test_recorded_trajectories_with_table_5_noise(tmp_path):
     """Oracle: chi-square bounds over the trajectories at hand."""
     found = [squares(observe(recorded_track(k).flight(), k, imu=ImuOptions(100.0)), tmp_path / str(k)) for k in (1, 2, 3)]
@@ -156,6 +159,7 @@ ADIS = NoiseModel(
 )
 
 
+@pytest.mark.slow
 def test_recorded_static_noise_on_a_recorded_trajectory(tmp_path):
     """Oracle: chi-square bounds; the noise is that of a real ADIS16405 at rest, six stretches of its own recordings."""
     files = [DATA / "adis16405_static" / f"adis_16405_imu{k}.npy" for k in (1, 2, 3, 5)]

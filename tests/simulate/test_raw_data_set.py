@@ -137,6 +137,7 @@ def test_the_verb_asks_for_raw_observations(tmp_path, monkeypatch):
     assert "raw_gnss" not in seen[1]
 
 
+@pytest.mark.slow
 def test_from_raw_observations_to_the_exposures(data, tmp_path, capsys):
     """Oracle: the truth of the simulation. Every fix fixed; two minutes hold one or two independent errors of the atmosphere and of
     reflections (3 mm and 10 mm claimed), so exposures lie within four standard deviations of truth, and within 3 cm in any case."""

@@ -442,6 +442,7 @@ def test_the_engine_finds_the_simulated_motion(flight, exact, tmp_path):
     assert np.abs(error[fixed, 2]).max() < 15 * MILLIMETRE
 
 
+@pytest.mark.slow
 @needs_engine
 def test_the_engine_fixes_under_the_errors_of_the_default(tmp_path):
     """Oracle: exact simulated motion; the bars of a mapping flight, over two minutes of it in the air."""

@@ -61,7 +61,7 @@ def test_the_drift_is_a_slope_of_known_size():
     assert_allclose(wavelet_variance(x, RATE).variance, (0.5 * 2.0 ** np.arange(9) / (2.0 * RATE)) ** 2, rtol=1e-6)
 
 
-@pytest.mark.parametrize("sampling", ["point", "mean"])
+@pytest.mark.parametrize("sampling", [pytest.param("point", marks=pytest.mark.slow), "mean"])
 def test_reduced_draws_are_those_of_whole_series(sampling):
     """Oracle: simulation of all samples; mean, standard deviation, skewness and correlation within what 160 draws scatter."""
     fitted = replace(series_fit(2**17, AXES["long"], "WN+2GM"), sampling=sampling)
@@ -95,6 +95,7 @@ def test_intervals_are_quantiles_and_their_mirror_image():
     assert_allclose(b.log_error, logs.std(ddof=1), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_bootstrapped_errors_are_those_of_the_sandwich():
     """Oracle: the sandwich with the exact covariance; 120 draws scatter by 6.5 %."""
     fitted = efficient(series_fit(2**14, AXES["clear"], "WN+GM"))
@@ -129,6 +130,7 @@ def test_the_efficiency_of_a_robust_curve_is_in_its_intervals(decomposition):
     assert robust_efficiency(replace(robust_curve(0.9), robust=False)) == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decomposition", ["modwt", "dwt"])
 def test_robust_draws_are_robust(decomposition):
     """Oracle: the definition of efficiency; the variance of the robust estimate at the shortest scale is 1/0.6 of the plain one's."""

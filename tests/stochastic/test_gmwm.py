@@ -95,7 +95,7 @@ def reference_q(theta, names, levels, variance, weights):
     return float(d @ (weights * d))
 
 
-@pytest.mark.parametrize(("name", "seed"), [("WN+GM", 1), ("WN+2GM", 2), ("QN+WN+GM+RW", 3)])
+@pytest.mark.parametrize(("name", "seed"), [("WN+GM", 1), pytest.param("WN+2GM", 2, marks=pytest.mark.slow), ("QN+WN+GM+RW", 3)])
 def test_no_other_minimiser_finds_a_lower_objective(name, seed):
     """Oracle: Nelder-Mead of scipy from many random starts, on the textbook formulas in the reference's parameters."""
     curve = scattered(AxisNoise(1.0, 0.3, 0.0, 0.002, 0.0, (GaussMarkov(30.0, 0.1),)), 20000, 1.0, seed)

@@ -116,6 +116,7 @@ def campaign() -> list[Inference]:
     return [infer(efficient(fit(w, "WN+2GM", sampling="mean"))) for w in curves]
 
 
+@pytest.mark.slow
 def test_intervals_of_table_5_hold_the_truth(campaign):
     """Oracle: simulation; binomial bounds at 0.1 % of 95 % intervals, the median bias below a third of the error and what 16 scatter."""
     truth = composition_of(ACCEL).values(ACCEL)

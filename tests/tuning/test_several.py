@@ -57,6 +57,7 @@ def test_each_imu_flies_alone_from_where_it_sits(pair):
     assert_allclose(second.mounting.antenna_lever_b, lever, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_imu_that_shakes_is_the_one_that_is_told(tuned):
     """Oracle: the simulator's factors, one and three, within three standard errors of at most 20 %; a wrong lever arm would shift both."""
     for one, truth in zip(tuned.tuned, (1.0, SHAKEN), strict=True):
@@ -65,12 +66,14 @@ def test_the_imu_that_shakes_is_the_one_that_is_told(tuned):
     assert [one.accepted for one in tuned.tuned] == [False, True]
 
 
+@pytest.mark.slow
 def test_the_first_is_tuned_as_without_the_second(pair, tuned, tmp_path):
     """Oracle: the same flight file without [[imu.further]], to the rounding of a bore-sight that is made a rotation once more."""
     single = tune_flight(replace(pair, imu=replace(pair.imu, further=())), tmp_path / "noise.toml")
     assert_allclose(tuned.tuned[0].noise.factor, single.noise.factor, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_files_and_words_say_which_imu(pair, tuned):
     """Oracle: the contract: a table an IMU, a model where it is accepted, the key that takes it; two of everything in JSON."""
     folder = pair.path.parent
@@ -85,6 +88,7 @@ def test_files_and_words_say_which_imu(pair, tuned):
     assert [imu["verdict"] for imu in told["imus"]] == ["keep", "accept"]
 
 
+@pytest.mark.slow
 def test_nothing_is_done_where_a_file_is_in_the_way(pair, tuned, capsys):
     """Oracle: the bytes of the second IMU's model, and the exit code of the contract; also where the model would replace an input."""
     kept = Path(pair.path.parent / "in_flight_noise_2.toml")

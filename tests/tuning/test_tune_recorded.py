@@ -22,6 +22,7 @@ def no_pictures(monkeypatch):
     monkeypatch.setattr("insgnss.tuning.figures.sensor_figure", lambda result, sensor: b"")
 
 
+@pytest.mark.slow
 def test_a_disturbed_recording_is_named(tmp_path, no_pictures):
     """Oracle: the recordings' README: the fourth holds a mechanical disturbance, the fifth none."""
     if not ADIS.is_dir():

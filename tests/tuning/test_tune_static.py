@@ -209,6 +209,7 @@ def test_damaged_files_are_refused(folder, tmp_path, capsys):
     assert "the same bytes as rest1.npy" in line
 
 
+@pytest.mark.slow
 def test_published_variances_will_do(folder, tmp_path, capsys, no_pictures):
     """Oracle: the recording that the published table is of; the same estimates to the digits printed."""
     lines = [f"# rate_hz = {RATE}", "# samples = 36000", "# gyro_unit = rad/s", "axis,scale_s,wavelet_variance"]
@@ -255,6 +256,7 @@ def test_levels_in_words(text, levels):
     assert chosen_levels(text, 6) == levels
 
 
+@pytest.mark.slow
 def test_a_filtered_sensor_is_told_from_which_scale_on_the_model_fits(folder, tmp_path, no_pictures):
     """Oracle: the mean of neighbouring samples, which takes three quarters of the finest scale of white noise and little of the others."""
     values = np.load(folder / "rest1.npy")
@@ -317,6 +319,7 @@ def test_models_compete_where_none_is_named(folder, tmp_path, no_pictures, capsy
     assert ranking["chosen"] == "WN+GM"
 
 
+@pytest.mark.slow
 def test_recordings_of_different_sensors_are_told_apart(folder, tmp_path, no_pictures):
     """Oracle: a recording whose noise is half as large again; near-stationarity is refused, and of two neither is blamed."""
     values = np.load(folder / "rest2.npy")
@@ -351,6 +354,7 @@ def test_a_warm_up_is_told_with_what_to_skip(folder, tmp_path, no_pictures):
     assert warm.recordings[0].begin_s == 240.0
 
 
+@pytest.mark.slow
 def test_bootstrap_and_robust_variances_are_there_for_the_asking(folder, tmp_path, no_pictures, capsys):
     """Oracle: theory's own interval of white noise, half to twice; the table says how both were made."""
     argv = ["tune", str(folder / "rest1.npy"), *UNITS, "--model", "WN", "--levels", "-3", "--axes", "joint", "-q", "--json"]

@@ -31,6 +31,7 @@ from ._search import nonnegative
 
 SHORTEST = 0.02  # samples; exp(-50) is left of the correlation from one sample to the next
 LONGEST = 1e5  # lengths of the longest recording; within it the process is a random walk to a part in a hundred thousand
+EDGE = 1e-6  # relative distance within which a time is that of a bound: rounding of exp(log T) is 1e-14, no curve tells so much
 _DIFFERENCE = 1e-4  # of log T, for d''
 
 
@@ -89,6 +90,11 @@ class Moments:
         raw = [np.concatenate([g.root @ haar_variance(axis, g.level, g.rate_hz, sampling) for g in groups]) for axis in axes]
         self.norm = np.array([float(np.linalg.norm(column)) for column in raw])
         self.linear = np.array([c / n for c, n in zip(raw, self.norm, strict=True)]).reshape(len(raw), y.size)
+
+    def on_bounds(self, times: Array) -> Array:
+        """The times (K,), those within `EDGE` of a bound put on it, so that a time is on a bound exactly or clearly off it."""
+        low, high = self.bounds
+        return np.where(times >= high * (1.0 - EDGE), high, np.where(times <= low * (1.0 + EDGE), low, times))
 
     def columns(self, times: Array) -> tuple[Array, Array, Array]:
         """Unit columns (t, M) of Gauss-Markov processes of these times, d column / d log T (t, M) at fixed scale, and lengths (t,)."""

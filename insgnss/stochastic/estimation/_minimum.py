@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...records import Array
-from ._matching import Moments, Solution
+from ._matching import EDGE, Moments, Solution
 from ._search import profile, settle
 
 _PER_DECADE = 12  # candidate times
@@ -58,7 +58,7 @@ def search(moments: Moments) -> list[Array]:
 
 def descend(moments: Moments, times: Array) -> Solution:
     """Newton's method from `times` (K,) to the minimum in its basin, between the bounds."""
-    now, reach, last = moments.at(times), _LARGEST_STEP, 5
+    now, reach, last = moments.at(moments.on_bounds(times)), _LARGEST_STEP, 5
     g, G = moments.curvature(now)
     for _ in range(200):
         step = newton_step(np.log(now.times), g, G, np.log(moments.bounds))
@@ -66,7 +66,7 @@ def descend(moments: Moments, times: Array) -> Solution:
             break
         close = -g @ step <= _CLOSE * now.value + _FLOOR
         step *= min(1.0, reach / np.abs(step).max())
-        trial = moments.at(np.clip(now.times * np.exp(step), *moments.bounds))
+        trial = moments.at(moments.on_bounds(now.times * np.exp(step)))
         if close:
             slope, curvature = moments.curvature(trial)
             last -= 1
@@ -86,7 +86,7 @@ def descend(moments: Moments, times: Array) -> Solution:
 def newton_step(t: Array, g: Array, G: Array, bounds: Array) -> Array:
     """Step (K,) of log T downhill, zero for times that the gradient holds on a bound and for processes without variance."""
     low, high = bounds
-    free = ~(((t <= low) & (g > 0.0)) | ((t >= high) & (g < 0.0)) | (g == 0.0))
+    free = ~(((t <= low + EDGE) & (g > 0.0)) | ((t >= high - EDGE) & (g < 0.0)) | (g == 0.0))
     step = np.zeros(t.size)
     if free.any():
         size, V = np.linalg.eigh(G[np.ix_(free, free)])

@@ -37,6 +37,7 @@ _NO_END = 100.0  # w of (L.1) beyond which a density has no end: 1e43 times the 
 _BEYOND = 3.0  # lengths of the longest recording where (L.2) turns from logarithm to linear
 _ENOUGH = 1e-3  # of Q, by which a profile's value may be too large
 _HIT = 0.04  # of the rise, about 1 % of its limit
+_EDGE = 1e-12  # of (L.2), within which a time is at its edge: 300 times the rounding of a logarithm, and 3e-8 of the longest time
 
 
 class Local:
@@ -90,7 +91,12 @@ class Local:
         x = np.empty(parameters.size)
         x[self.time] = -np.log(1.0 / parameters[self.time] + self.b)
         x[~self.time] = np.arcsinh(parameters[~self.time] ** 2 / (2.0 * self.s[~self.time]))
-        return np.clip(x, self.low, self.high)
+        return self.within(x)
+
+    def within(self, x: Array) -> Array:
+        """x (p,) between the edges; a time within `_EDGE` of an edge is on it, whatever the last digit of its logarithm."""
+        margin = np.where(self.time, _EDGE, 0.0)
+        return np.where(x <= self.low + margin, self.low, np.where(x >= self.high - margin, self.high, x))
 
     def parameters(self, x: Array) -> Array:
         """Parameters (p,), SI, of x (p,)."""
@@ -154,7 +160,7 @@ class Local:
             value = float(trial @ trial)
             if value < Q:
                 damping = max(0.2 * damping, 1e-9) if Q - value > 0.5 * promised else damping
-                x, r, D, Q = x + step, trial, trial_D, value
+                x, r, D, Q = self.within(x + step), trial, trial_D, value
             else:
                 damping *= 8.0
                 if damping > 1e9:
