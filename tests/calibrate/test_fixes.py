@@ -1,5 +1,6 @@
 """Errors of the fixes: found where a flight has them, and where it has not, not."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.testing import assert_array_equal
 from insgnss.calibrate.fixes import contradictions, correlated_error, state_verdicts, suspicious, with_layout
 from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.solution import Solution, solve
-from insgnss.orient.mounting import Mounting
+from insgnss.orient.mounting import Mounting, boresight_from_angles
 from insgnss.simulate.receiver import GnssOptions
 from insgnss.stochastic.model import load_noise_model
 
@@ -59,6 +60,9 @@ def test_a_latency_is_found_within_its_sigma(late):
     assert abs(told.x[-1, offset] + 0.02) < 3.0 * sigma
     (check,) = contradictions(told, Mounting(), True, True)
     assert (check.name, check.verdict) == ("GNSS time offset", "contradiction")
+    advised = re.search(r"add (\S+) to gnss\.time_offset_s", check.advice)
+    assert advised is not None
+    assert abs(float(advised[1]) + 0.02) < 3.0 * sigma + 1e-4  # which is added to stamps that are 20 ms late
     assert contradictions(told, Mounting(), True, False) == []
 
 
@@ -75,6 +79,31 @@ def test_a_lever_arm_is_found_within_its_sigma(clean):
     verdicts = {v.name: v for v in state_verdicts(told)}
     assert verdicts["antenna lever arm forward"].observed == bool(sigma[0] < 0.1)
     assert verdicts["antenna lever arm forward"].moves_m == pytest.approx(sigma[0])
+
+
+def test_the_advised_lever_arm_cures_the_flight_file(clean):
+    """Oracle: the simulator's lever arm; the flight file has the antenna 0.2 m and 0.15 m off, in a camera mounted askew.
+
+    Written into the mounting as the advice says, its number gives the lever arm within 3.5 sigma and the half millimetre
+    of its last digit, and the flight that is solved with it contradicts it no more.
+    """
+    true, wrong = clean.problem.antenna_lever_b, np.array([0.2, 0.0, 0.15])
+    mounting = Mounting(
+        imu_m=[0.113, 0.02, -0.05],
+        camera_from_body=[[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+        boresight=boresight_from_angles("opk", [4.0, -3.0, 30.0]),
+    )
+    mounting = replace(mounting, antenna_m=mounting.imu_m + mounting.C_cb @ (true - wrong))
+    told = solved(clean, EVERYTHING, wrong)
+    (check,) = contradictions(told, mounting, True, True)
+    numbers = re.search(r"mounting\.antenna_m = \[(.*?)\] would be it", check.advice)
+    assert numbers is not None
+    cured = replace(mounting, antenna_m=[float(v) for v in numbers[1].split(",")])
+    first = told.problem.layout.lever
+    sigma = np.sqrt(np.diag(told.P[-1])[9 + first : 12 + first])
+    assert (np.abs(cured.antenna_lever_b - true) < 3.5 * sigma + 1e-3).all()
+    again = solved(clean, EVERYTHING, true - cured.antenna_lever_b)
+    assert contradictions(again, cured, True, True) == []
 
 
 def test_correlated_errors_are_found_and_make_the_sigmas_honest():
