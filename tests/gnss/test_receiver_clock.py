@@ -73,6 +73,14 @@ def test_a_step_of_fifty_microseconds_beyond_the_drift_is_a_jump(step_s, jumps):
     np.testing.assert_allclose(error, expected, rtol=0.0, atol=1e-7)
 
 
+def test_a_bad_crystal_does_not_jump():
+    """Oracle: a straight line of 9 us/s, which makes 180 us between epochs that are 20 s apart."""
+    stamp = 1000.0 + 20.0 * np.arange(5)
+    clock = 9e-6 * (stamp - 1000.0)
+    error, _ = error_at(stamp, clock, np.array([1010.0, 1055.0]))
+    np.testing.assert_allclose(error, [9e-5, 9e-6 * 55.0], rtol=0.0, atol=1e-10)
+
+
 def test_gaps_and_ends_are_bridged_and_told():
     """Oracle: a line over a gap; before a jump in it, and outside, the nearest position's clock."""
     keep = (STAMP < 1002.95) | (STAMP > 1006.05)
