@@ -132,6 +132,15 @@ def test_mean_velocity_of_turns_is_exact(navigation):
     assert found.rejected == 0.0
 
 
+def test_errors_of_the_positions_are_in_the_covariance(navigation):
+    """Oracle: satellites turn by 1.6e-4 rad/s, and positions known to 8 m on each axis may be off by root 3 of that, 2.2 mm/s."""
+    time = TOW + 1000.0 + 0.2 * np.arange(20)
+    path = turning(time)
+    observations = observe(navigation, time, path)
+    near, far = (time_differenced_velocity(observations, navigation, fixes_of(time, path, sd)).cov_ned for sd in (0.02, 8.0))
+    np.testing.assert_allclose(far - near, np.tile(3.0 * (1.6e-4 * 8.0) ** 2 * np.eye(3), (len(far), 1, 1)), rtol=0.01, atol=1e-9)
+
+
 def test_covariance_tells_the_error(navigation):
     """Oracle: chi-square of 3 x n, two-sided 99.9 %, over 25 short flights; neighbours correlate by -1/2."""
     rng = np.random.default_rng(5)

@@ -189,6 +189,18 @@ def test_bias_runs_linearly_over_a_block():
     assert_allclose(turn, -x * T * (1.0 - np.exp(-2.0 * B / T)), rtol=2e-3)
 
 
+def test_a_drift_counts_the_time_since_the_start():
+    """Oracle: closed form, a drift of rate d makes d t^2 / 2 in the first 0.1 s, of estimate and of its derivative."""
+    layout = state_layout(NoiseModel("one", "made up", (AxisNoise(drift=1e-3),) * 3, (AxisNoise(),) * 3))
+    frame, n, h = LocalFrame(0.8, 0.1, 400.0), 20, 0.005
+    at_rest = Segments(np.full(n, h), np.tile(frame.earth_rate_l * h, (n, 1)), np.zeros((n, 3)))
+    level = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    imu, x = layout.kernel_model(BLOCK_S, 0.1), np.array([1e-3, -1e-3, 1e-3])
+    got = linearise_interval(at_rest, 0, n, level, x, imu, kernel_earth(frame), 0.0)
+    assert_allclose(vector_from_rotation(rotation_from_quaternion(got.nav[6:])), -x * 0.005, rtol=1e-3)
+    assert_allclose(np.diag(got.Phi[PSI, 9:]), -0.005, rtol=1e-3)
+
+
 SILENT = AxisNoise()
 ALONE = {
     "gyro white": (AxisNoise(white_noise=5e-5), SILENT),

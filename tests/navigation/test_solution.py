@@ -1,6 +1,8 @@
 """Filter and smoother of a whole flight: further passes, forward/backward separation, rejected fixes, contradictions, products."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +10,9 @@ from flown import NO_GATE, Flown, error_of, fly, start_near
 from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.errors import DataError
+from insgnss.geodesy.frames import LocalFrame
 from insgnss.navigation import solution as solution_module
+from insgnss.navigation._kernels import channel_columns, open_gap, reopen
 from insgnss.navigation.filter import REJECTED, REOPENED, USED, gate_from_sigma, make_store, run_filter
 from insgnss.navigation.smoother import run_smoother
 from insgnss.navigation.solution import Solution, solve, trajectory
@@ -199,3 +203,58 @@ def test_channel_bias_is_what_the_simulator_added(flown, converged):
     expected = np.hstack([truth.gyro_bias[k], truth.accel_bias[k]])
     assert (np.abs(bias - expected) < 4.0 * sigma).all()
     assert (sigma[:, 3:5] < 1e-2).all()
+
+
+def test_cross_covariance_of_distant_events_is_in_the_axes_of_each():
+    """Oracle: blocks turned one by one; at exposures 20 km apart the axes differ by 3 mrad, and three exposures have two pairs."""
+    frame = LocalFrame(0.8, 0.1, 400.0)
+    position = np.array([[0.0, -10e3, 0.0], [0.0, 10e3, 0.0], [8e3, 0.0, 0.0]])
+    nav = np.hstack([position, np.ones((3, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (3, 1))])
+    cross = np.random.default_rng(3).standard_normal((3, 9, 9))
+    layout = SimpleNamespace(channel_sum=lambda: np.zeros((6, 0)))
+    inc = SimpleNamespace(marks=np.arange(3.0), rate=np.zeros((3, 3)))
+    solution: Any = SimpleNamespace(
+        problem=SimpleNamespace(frame=frame, layout=layout, inc=inc),
+        nav=nav,
+        x=np.zeros((3, 0)),
+        P=np.tile(np.eye(9), (3, 1, 1)),
+        event_cross=cross,
+        time=inc.marks,
+    )
+    found = trajectory(solution, np.arange(3), 2008, events=True)
+    C = np.swapaxes(frame.C_ln_at(position), 1, 2)
+    assert np.abs(C[0] - C[1]).max() > 2e-3
+    assert found.cross is not None
+    for k in (0, 1):
+        for r in range(0, 9, 3):
+            for c in range(0, 9, 3):
+                expected = C[k] @ cross[k + 1, r : r + 3, c : c + 3] @ C[k + 1].T
+                assert_allclose(found.cross[k, r : r + 3, c : c + 3], expected, rtol=0, atol=1e-9)
+
+
+def test_covariance_opens_by_the_size_of_the_innovation():
+    """Oracle: (K.7) by hand: d^2 of position, (d / s)^2 of velocity, the tilt that makes d in that time of psi."""
+    P, out = np.zeros((12, 12)), np.array([[0.3, -0.4, 0.6], [0.0, 0.0, 0.0]])
+    reopen(P, out, 2.0)
+    tilt = 0.25 / (4.9 * 4.0) ** 2
+    expected = [0.09, 0.16, 0.36, 0.0225, 0.04, 0.09, tilt, tilt, tilt, 0.0, 0.0, 0.0]
+    assert_allclose(np.diag(P), expected, rtol=1e-12)
+    reopen(P := np.zeros((9, 9)), 100.0 * out, 2.0)
+    assert_allclose(np.diag(P)[6:], 3e-4, rtol=1e-12)  # a degree at most
+
+
+def test_a_bridged_gap_is_as_uncertain_as_what_stands_in_for_it():
+    """Oracle: (E.8) by hand: an increment of the body that is off by a, over half a second, is an attitude off by C a.
+
+    A body on its side, so that its axes are those of l in another order; 1 mrad of a gyro axis, and 1 cm/s of an
+    accelerometer axis, half of which times the interval is position.
+    """
+    length, W = 0.5, np.zeros((9, 9))
+    C = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    column, sums = np.zeros((9, 6)), np.zeros((5, 3))
+    sums[:3] = C * length
+    channel_columns(sums, length, column)
+    open_gap(W, column, length, np.array([1e-6, 4e-6, 9e-6, 1e-4, 4e-4, 9e-4]))
+    assert_allclose(np.diag(W)[6:], [9e-6, 1e-6, 4e-6], rtol=1e-12)
+    assert_allclose(np.diag(W)[3:6], [9e-4, 1e-4, 4e-4], rtol=1e-12)
+    assert_allclose(np.diag(W)[:3], 0.25**2 * np.array([9e-4, 1e-4, 4e-4]), rtol=1e-12)
