@@ -206,17 +206,21 @@ def test_channel_bias_is_what_the_simulator_added(flown, converged):
 
 
 def test_cross_covariance_of_distant_events_is_in_the_axes_of_each():
-    """Oracle: blocks turned one by one; at exposures 20 km apart the axes differ by 3 mrad, and three exposures have two pairs."""
+    """Oracle: blocks turned one by one; at exposures 20 km apart the axes differ by 3 mrad, and three exposures have two pairs.
+
+    The rate is the gyros' less their bias and the Earth's.
+    """
     frame = LocalFrame(0.8, 0.1, 400.0)
     position = np.array([[0.0, -10e3, 0.0], [0.0, 10e3, 0.0], [8e3, 0.0, 0.0]])
     nav = np.hstack([position, np.ones((3, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (3, 1))])
     cross = np.random.default_rng(3).standard_normal((3, 9, 9))
-    layout = SimpleNamespace(channel_sum=lambda: np.zeros((6, 0)))
-    inc = SimpleNamespace(marks=np.arange(3.0), rate=np.zeros((3, 3)))
+    layout = SimpleNamespace(channel_sum=lambda: np.vstack([np.eye(3), np.zeros((3, 3))]))
+    rate, bias = np.array([[0.1, -0.2, 0.3]] * 3), np.array([[0.01, 0.02, -0.03]] * 3)
+    inc = SimpleNamespace(marks=np.arange(3.0), rate=rate)
     solution: Any = SimpleNamespace(
         problem=SimpleNamespace(frame=frame, layout=layout, inc=inc),
         nav=nav,
-        x=np.zeros((3, 0)),
+        x=bias,
         P=np.tile(np.eye(9), (3, 1, 1)),
         event_cross=cross,
         time=inc.marks,
@@ -224,6 +228,8 @@ def test_cross_covariance_of_distant_events_is_in_the_axes_of_each():
     found = trajectory(solution, np.arange(3), 2008, events=True)
     C = np.swapaxes(frame.C_ln_at(position), 1, 2)
     assert np.abs(C[0] - C[1]).max() > 2e-3
+    assert found.rate_b is not None
+    assert_allclose(found.rate_b, rate - bias - frame.earth_rate_l, rtol=0, atol=1e-12)  # the body's axes are those of l
     assert found.cross is not None
     for k in (0, 1):
         for r in range(0, 9, 3):
@@ -234,10 +240,10 @@ def test_cross_covariance_of_distant_events_is_in_the_axes_of_each():
 
 def test_covariance_opens_by_the_size_of_the_innovation():
     """Oracle: (K.7) by hand: d^2 of position, (d / s)^2 of velocity, the tilt that makes d in that time of psi."""
-    P, out = np.zeros((12, 12)), np.array([[0.3, -0.4, 0.6], [0.0, 0.0, 0.0]])
+    P, out = np.zeros((12, 12)), np.array([[0.1, -0.2, 0.3], [0.0, 0.0, 0.0]])
     reopen(P, out, 2.0)
-    tilt = 0.25 / (4.9 * 4.0) ** 2
-    expected = [0.09, 0.16, 0.36, 0.0225, 0.04, 0.09, tilt, tilt, tilt, 0.0, 0.0, 0.0]
+    tilt = 0.05 / (4.9 * 4.0) ** 2
+    expected = [0.01, 0.04, 0.09, 0.0025, 0.01, 0.0225, tilt, tilt, tilt, 0.0, 0.0, 0.0]
     assert_allclose(np.diag(P), expected, rtol=1e-12)
     reopen(P := np.zeros((9, 9)), 100.0 * out, 2.0)
     assert_allclose(np.diag(P)[6:], 3e-4, rtol=1e-12)  # a degree at most
@@ -258,3 +264,32 @@ def test_a_bridged_gap_is_as_uncertain_as_what_stands_in_for_it():
     assert_allclose(np.diag(W)[6:], [9e-6, 1e-6, 4e-6], rtol=1e-12)
     assert_allclose(np.diag(W)[3:6], [9e-4, 1e-4, 4e-4], rtol=1e-12)
     assert_allclose(np.diag(W)[:3], 0.25**2 * np.array([9e-4, 1e-4, 4e-4]), rtol=1e-12)
+
+
+def test_a_suspicious_fix_counts_with_a_larger_covariance():
+    """Oracle: (K.11), Huber: the filter without doubt that is given the fix with its covariance times NIS / doubt.
+
+    One fix of 2 s lies 0.3 m off; its NIS is beyond the doubt of 9 and below the gate.
+    """
+    flown = fly(2.0, seed=5, imu_hz=50.0, gate=NO_GATE)
+    ep = flown.problem.epochs
+    at = int(np.flatnonzero(ep.has_position)[-3])
+    position = ep.position.copy()
+    position[at] += [0.3, 0.0, 0.0]
+    start = start_near(flown, ALIGNED)
+
+    def filtered(doubt: float, cov: np.ndarray) -> Any:
+        problem = replace(flown.problem, doubt=doubt, epochs=ep._replace(position=position, position_cov=cov))
+        store = make_store(problem.epochs, problem.layout)
+        run_filter(problem, start, store)
+        return store
+
+    doubtful = filtered(9.0, ep.position_cov)
+    nis = doubtful.nis[: at + 1, 0]
+    assert nis[at] > 18.0
+    larger = ep.position_cov.copy()
+    for e in np.flatnonzero(nis > 9.0):
+        larger[e] *= nis[e] / 9.0
+    expected = filtered(np.inf, larger)
+    assert_allclose(doubtful.nav[at], expected.nav[at], rtol=1e-12)
+    assert_allclose(doubtful.P[at], expected.P[at], rtol=1e-9, atol=1e-20)
