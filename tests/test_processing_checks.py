@@ -106,9 +106,7 @@ def test_fixes_of_a_known_place() -> None:
     ("imu_m", "turn_deg", "verdict"),
     [(2.9, 9.9, "ok"), (3.1, 0.0, "note"), (0.1, 10.1, "note"), (0.0, 0.0, "note")],
 )
-def test_long_lever_arms_and_large_boresights_are_told(
-    imu_m: float, turn_deg: float, verdict: str
-) -> None:
+def test_long_lever_arms_and_large_boresights_are_told(imu_m: float, turn_deg: float, verdict: str) -> None:
     """Oracle: 3 m and 10 deg, the limits of the note; and none of either, which is told as well."""
     c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
     mounting = Mounting(

@@ -158,8 +158,9 @@ def test_transition_and_noise_are_van_loans(flown, layout, epoch):
 def test_every_column_of_a_single_block_is_van_loans(flown, layout, epoch):
     """Oracle: filterpy van_loan_discretization; (E.4) and (E.5) over one block of 0.1 s, each three rows against their own size.
 
-    Columns of navigation and of biases, those of scale factors go with rates that change within the block. Five per cent, with which a wrong factor in the smallest of them (position of a gyro bias, velocity of a height) does
-    not hide behind greater ones; what is left out are terms of higher order in the block.
+    Columns of navigation and of biases; those of scale factors go with rates that change within the block. Five per cent,
+    with which a wrong factor in the smallest of them (position of a gyro bias, velocity of a height) does not hide behind
+    greater ones; what is left out are terms of higher order in the block.
     """
     Phi, _ = van_loan(flown, epoch, 50)
     nav, x = flown.true_nav([epoch])[0], np.zeros(layout.size - 9)

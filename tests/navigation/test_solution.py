@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flown import NO_GATE, Flown, error_of, fly, start_near
+from flown import NO_GATE, Flown, error_of, fly, moved, start_near
 from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.errors import DataError
 from insgnss.geodesy.frames import LocalFrame
+from insgnss.geodesy.rotation import quaternion_from_rotation, rotation_from_vector
 from insgnss.navigation import solution as solution_module
-from insgnss.navigation._kernels import channel_columns, open_gap, reopen
+from insgnss.navigation._kernels import channel_columns, feed_back, open_gap, reopen
 from insgnss.navigation.filter import REJECTED, REOPENED, USED, gate_from_sigma, make_store, run_filter
 from insgnss.navigation.smoother import run_smoother
 from insgnss.navigation.solution import Solution, solve, trajectory
@@ -293,3 +294,14 @@ def test_a_suspicious_fix_counts_with_a_larger_covariance():
     expected = filtered(np.inf, larger)
     assert_allclose(doubtful.nav[at], expected.nav[at], rtol=1e-12)
     assert_allclose(doubtful.P[at], expected.P[at], rtol=1e-9, atol=1e-20)
+
+
+def test_feedback_moves_the_nominal_by_the_estimate():
+    """Oracle: (K.5) and the package's error state, truth = estimate + error, the attitude from the left by the matrix exponential."""
+    flown_nav = np.concatenate([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], quaternion_from_rotation(rotation_from_vector([0.4, -0.3, 2.0]))])
+    m = np.concatenate([0.1 * np.arange(1.0, 7.0), [0.02, -0.03, 0.05], [1e-3, -2e-3]])
+    nav, x, estimate = flown_nav.copy(), np.array([5e-3, 6e-3]), m.copy()
+    feed_back(nav, x, estimate)
+    assert_allclose(nav, moved(flown_nav[None], m[None, :9])[0], rtol=0, atol=1e-14)
+    assert_allclose(x, [6e-3, 4e-3], rtol=1e-12)
+    assert not estimate.any()
