@@ -187,11 +187,24 @@ def test_clock_with_drift_and_late_messages() -> None:
     assert clock.drift == pytest.approx(40e-6, abs=10e-6)
     at = np.array([700.0, 1200.0])
     truth = at / (1.0 - 40e-6) + 603990.0
-    assert_allclose(clock.gpst(None, at), truth - 0.19, rtol=0, atol=0.02)  # type: ignore[arg-type]
+    assert_allclose(clock.gpst(None, at), truth - 0.19, rtol=0, atol=0.01)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="do not follow the autopilot's clock"):
         fit_clock("x", boot * 1.1, np.full(gps.size, 2008.0), gps)
     with pytest.raises(InputError, match="no GNSS fix with a GPS time"):
         fit_clock("x", boot[:0], gps[:0], gps[:0])
+
+
+@pytest.mark.parametrize(("ppm", "late_s", "fine"), [(480, 0.0, True), (520, 0.0, False), (0, 0.9, True), (0, 1.1, False)])
+def test_limits_of_an_autopilots_clock(ppm: float, late_s: float, fine: bool) -> None:
+    """Oracle: the limits that the refusal names, 500 ppm of drift and a spread of 1 s; late: two of three messages, one to either side."""
+    gps = 604000.0 + 0.2 * np.arange(3000)
+    boot = (gps + late_s * np.tile([-1.0, 0.0, 1.0], 1000) - 603990.0) * (1.0 - 1e-6 * ppm)
+    week = np.full(gps.size, 2008.0)
+    if fine:
+        assert fit_clock("x", boot, week, gps).drift == pytest.approx(1e-6 * ppm, abs=5e-6)
+    else:
+        with pytest.raises(InputError, match=r"\(limits 500 ppm, 1 s\)"):
+            fit_clock("x", boot, week, gps)
 
 
 def test_vehicle_imu_gives_rates_over_its_own_intervals(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Each stamp once and in order: rows that are double, late, or contradict each other."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,38 @@ def test_beyond_the_limits_the_first_row_is_refused(tmp_path: Path, rows: np.nda
     """Oracle: the rule of data_specs/README.md, 1 s and 1 %."""
     with pytest.raises(InputError, match=message):
         read_imu(imu_file(tmp_path, rows))
+
+
+def late(rows: int, by_s: float = 0.05) -> np.ndarray:
+    """The recording with `rows` rows, 60 apart, moved behind others by a little less than `by_s`."""
+    order = np.arange(N, dtype=float)
+    order[np.arange(rows) * 60] += 100.0 * by_s - 0.5
+    return TABLE[np.argsort(order)]
+
+
+def contradicting(rows: int) -> np.ndarray:
+    """The recording, `rows` stamps of which come a second time with other values: N rows in all."""
+    again = TABLE[: N - rows].copy()
+    at = np.arange(rows) * 60
+    return np.insert(again, at + 1, again[at] + [0, 5, 0, 0, 0, 0, 0], axis=0)
+
+
+@pytest.mark.parametrize(("rows", "word"), [(late, "late rows put in order"), (contradicting, "rows that contradict")])
+def test_one_percent_is_the_limit(tmp_path: Path, rows: Callable[[int], np.ndarray], word: str) -> None:
+    """Oracle: data_specs/README.md, fewer than 1 %: of 1000 rows 9 are mended and counted, 10 are refused."""
+    (told,) = read_imu(imu_file(tmp_path, rows(9))).notes
+    assert f"9 {word}" in told.found
+    assert told.found.endswith("of 1000")
+    with pytest.raises(InputError, match=r"10 of 1000 rows.*1%"):
+        read_imu(imu_file(tmp_path, rows(10)))
+
+
+def test_one_second_is_the_limit_of_a_late_row(tmp_path: Path) -> None:
+    """Oracle: data_specs/README.md, less than 1 s: by 0.99 s a row is put in its place, by 1.00 s it is refused."""
+    (told,) = read_imu(imu_file(tmp_path, late(1, by_s=1.0))).notes
+    assert "1 late rows put in order" in told.found
+    with pytest.raises(InputError, match=r"by up to 1\.000 s \(limits 1 s and 1%\)"):
+        read_imu(imu_file(tmp_path, late(1, by_s=1.01)))
 
 
 def test_recording_that_stands_twice_in_its_file(tmp_path: Path) -> None:

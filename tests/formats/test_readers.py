@@ -205,6 +205,13 @@ def test_pos_time_scales(tmp_path: Path, scale: str, seconds: float) -> None:
     assert got.time[0] == pytest.approx(elapsed % 604800, abs=1e-9)
 
 
+def test_pos_week_and_time_of_week_of_japan(tmp_path: Path) -> None:
+    """Oracle: by hand; Japan is nine hours ahead of UTC, which lags 18 s behind GPST."""
+    row = "2008 200000.000 46.0 6.0 500.0 1 9 0.3 0.2 0.4 0.1 -0.15 -0.2 0 9\n"
+    got = read_gnss(write(tmp_path, HEADER.replace("GPST", "JST") + row, "x.pos"))
+    assert (got.gps_week, got.time[0]) == (2008, pytest.approx(200000.0 - 9 * 3600.0 + 18.0, abs=1e-9))
+
+
 def test_pos_ecef_and_sexagesimal_agree_with_degrees(tmp_path: Path) -> None:
     """Oracle: pyproj for the position; a rotation of the covariance built from east, north, up vectors by hand."""
     from pyproj import Transformer
@@ -266,6 +273,18 @@ def test_pos_odd_covariance_and_zero_velocity_are_told(tmp_path: Path) -> None:
     assert_allclose(got.cov_ned[7], 0.01 * np.eye(3), rtol=0, atol=1e-15)
 
 
+def test_pos_one_percent_of_odd_covariances_is_the_limit(tmp_path: Path) -> None:
+    """Oracle: the limit that the refusal names: of 200 epochs 2 are mended and counted, 3 are refused."""
+
+    def rows(odd: int) -> str:
+        return "".join(f"2008 {k} 46 6 500 1 9 .1 .1 .1 {0.2 if k < odd else 0} 0 0 0 9\n" for k in range(200))
+
+    (told,) = read_gnss(write(tmp_path, HEADER + rows(2), "x.pos")).notes
+    assert told.found.startswith("2 of 200 covariances")
+    with pytest.raises(InputError, match=r"3 of 200 covariances .* \(limit 1%\)"):
+        read_gnss(write(tmp_path, HEADER + rows(3), "x.pos"))
+
+
 def nmea(body: str) -> str:
     check = 0
     for c in body.encode():
@@ -297,6 +316,23 @@ def test_nmea_quality_codes_and_counts(tmp_path: Path) -> None:
     assert "left out 1 lines without a right checksum, 1 epochs without fix, 0 without GST" in got.notes[0].found
     assert got.quality is not None
     assert got.quality[:4].tolist() == [5, 4, 1, 2]
+
+
+@pytest.mark.parametrize("what", ["checksum", "GST"])
+def test_nmea_one_percent_is_the_limit(tmp_path: Path, what: str) -> None:
+    """Oracle: data_specs/nmea.md, at most 1 %: of 300 lines 3 without checksum, of 100 fixes 1 without GST."""
+
+    def log(bad: int) -> str:
+        epochs = [epoch(f"1000{k // 10:02d}.{k % 10}0", gst=what != "GST" or k >= bad) for k in range(100)]
+        if what == "GST":
+            return "".join(epochs)
+        return "".join(e.replace(",0.012,", ",0.013,") if k < bad else e for k, e in enumerate(epochs))
+
+    most = 3 if what == "checksum" else 1
+    (told,) = read_gnss(write(tmp_path, log(most), "x.nmea")).notes
+    assert f"{most} lines without a right checksum" in told.found or f"{most} without GST" in told.found
+    with pytest.raises(InputError, match=f"{most + 1} of (300|100)"):
+        read_gnss(write(tmp_path, log(most + 1), "x.nmea"))
 
 
 @pytest.mark.parametrize(

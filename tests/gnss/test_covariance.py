@@ -224,6 +224,30 @@ def test_hampered_fixes_stay_fixed_with_sigmas_of_centimetres():
     assert plain.notes[-1].verdict == "ok"
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize(("share", "stray"), [(0.97, False), (1.03, True)])
+def test_a_vehicle_that_turns_as_hard_as_it_can_does_not_stray(axis, share, stray):
+    """Oracle: uniform acceleration a from rest, x = a t^2 / 2, whose chord lies a T1 T2 / 2 away.
+
+    Three fixes 0.2 and 0.5 s apart with sigmas of 0.01 mm: 3 % less than the model's acceleration
+    is a turn, 3 % more a stray (V.4). And at rest: 3 sigma of the difference, by hand.
+    """
+    time = np.array([0.0, 0.2, 0.7])
+
+    def middle_is_stray(offset_m, sigma_m):
+        fixes = fixes_of([1, 1, 1])
+        moved = [fixes_of([1], offset=np.eye(3)[axis] * off) for off in offset_m]
+        place = {name: np.concatenate([getattr(fix, name) for fix in moved]) for name in ("lat", "lon", "height")}
+        fixes = replace(fixes, time=1000.0 + time, **place)
+        return bool(strays(fixes, np.ones(3, dtype=bool), np.tile(np.eye(3) * sigma_m**2, (3, 1, 1)))[1][1])
+
+    acceleration = share * MODEL.acceleration_mps2[axis]
+    assert middle_is_stray(0.5 * acceleration * time**2, 1e-5) == stray
+    sigma = np.sqrt(1.0 + (5.0 / 7.0) ** 2 + (2.0 / 7.0) ** 2)
+    allowed = 0.5 * MODEL.acceleration_mps2[axis] * 0.2 * 0.5 + 3.0 * 0.1 * sigma
+    assert middle_is_stray([0.0, share * allowed, 0.0], 0.1) == stray
+
+
 def test_a_stray_among_hampered_fixes_is_found_as_among_others():
     """Oracle: a fix 0.2 m to the east at 5 Hz; with sigmas of fixed epochs (V.4) allows 0.09 m, with those of hampered ones 0.33 m."""
     fixes = fixes_of([1] * 60 + [2] * 60 + [1] * 60, sigma=(0.02, 0.02, 0.04))

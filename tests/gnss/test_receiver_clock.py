@@ -59,6 +59,28 @@ def test_a_jump_comes_with_the_later_epoch():
     assert np.abs(straight - error)[:2].min() > 2e-4  # what a line through the jump would err by
 
 
+@pytest.mark.parametrize(("step_s", "jumps"), [(4.5e-5, False), (-4.5e-5, False), (5.5e-5, True), (-5.5e-5, True)])
+def test_a_step_of_fifty_microseconds_beyond_the_drift_is_a_jump(step_s, jumps):
+    """Oracle: the rule's 50 us, beyond what a bad crystal drifts (10 us/s, 1 us in 0.1 s).
+
+    Half way between two epochs a clock that jumps goes on as before, one that does not has half
+    of the step. 0.1 us, 1.5 um at 15 m/s.
+    """
+    drift = 1e-5 * np.sign(step_s)
+    clock = drift * (STAMP - STAMP[0]) + np.where(np.arange(STAMP.size) > 50, step_s, 0.0)
+    error, _ = error_at(STAMP, clock, STAMP[50:51] + 0.05)
+    expected = clock[50] + 0.05 * drift + (0.0 if jumps else 0.5 * step_s)
+    np.testing.assert_allclose(error, expected, rtol=0.0, atol=1e-7)
+
+
+def test_a_bad_crystal_does_not_jump():
+    """Oracle: a straight line of 9 us/s, which makes 180 us between epochs that are 20 s apart."""
+    stamp = 1000.0 + 20.0 * np.arange(5)
+    clock = 9e-6 * (stamp - 1000.0)
+    error, _ = error_at(stamp, clock, np.array([1010.0, 1055.0]))
+    np.testing.assert_allclose(error, [9e-5, 9e-6 * 55.0], rtol=0.0, atol=1e-10)
+
+
 def test_gaps_and_ends_are_bridged_and_told():
     """Oracle: a line over a gap; before a jump in it, and outside, the nearest position's clock."""
     keep = (STAMP < 1002.95) | (STAMP > 1006.05)

@@ -12,6 +12,7 @@ from insgnss.errors import DataError
 from insgnss.flight import load_flight
 from insgnss.formats.rtklib_pos import write_rtklib_pos
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
+from insgnss.gnss import _velocity_kernels
 from insgnss.gnss.bands import HERTZ
 from insgnss.gnss.navigation_message import read_navigation
 from insgnss.gnss.orbits import EARTH_RATE, LIGHT, ranges, satellite_states, sky
@@ -132,6 +133,15 @@ def test_mean_velocity_of_turns_is_exact(navigation):
     assert found.rejected == 0.0
 
 
+def test_errors_of_the_positions_are_in_the_covariance(navigation):
+    """Oracle: satellites turn by 1.6e-4 rad/s, and positions known to 8 m on each axis may be off by root 3 of that, 2.2 mm/s."""
+    time = TOW + 1000.0 + 0.2 * np.arange(20)
+    path = turning(time)
+    observations = observe(navigation, time, path)
+    near, far = (time_differenced_velocity(observations, navigation, fixes_of(time, path, sd)).cov_ned for sd in (0.02, 8.0))
+    np.testing.assert_allclose(far - near, np.tile(3.0 * (1.6e-4 * 8.0) ** 2 * np.eye(3), (len(far), 1, 1)), rtol=0.01, atol=1e-9)
+
+
 def test_covariance_tells_the_error(navigation):
     """Oracle: chi-square of 3 x n, two-sided 99.9 %, over 25 short flights; neighbours correlate by -1/2."""
     rng = np.random.default_rng(5)
@@ -147,6 +157,30 @@ def test_covariance_tells_the_error(navigation):
         products.append(np.mean(normalised[-1][1:] * normalised[-1][:-1]))
     assert np.mean(values) / 3.0 == pytest.approx(1.0, abs=0.08)
     assert np.mean(products) == pytest.approx(-0.5, abs=0.05)
+
+
+def test_covariance_and_residuals_are_those_of_dense_matrices():
+    """Oracle: numpy; bands of a satellite share an error, so that Sigma has blocks: N A'W Sigma W A N; and Baarda's normalised residual.
+
+    Six satellites of two bands, the redundancy of a row by the projector I - A N A'W.
+    """
+    rng = np.random.default_rng(4)
+    direction = np.repeat(rng.standard_normal((6, 3)), 2, axis=0)
+    A = np.column_stack([direction / np.linalg.norm(direction, axis=1)[:, None], np.ones(12)])
+    satellite, sigma, common = np.repeat(np.arange(6), 2), np.tile([0.005, 0.007], 6), np.full(12, 0.004)
+    y = A @ [0.3, -0.2, 0.1, 5.0] + 0.002 * rng.standard_normal(12)
+    solution, cov, weight = np.zeros((1, 4)), np.zeros((1, 4, 4)), np.zeros(12)
+    normalised, sums = np.zeros(12), np.zeros((1, 3))
+    bounds = np.array([0, 12])
+    _velocity_kernels.solve(bounds, A, y, sigma, common, satellite, np.inf, 5, solution, cov, weight, normalised, sums)
+    W = np.diag(sigma**-2.0)
+    N = np.linalg.inv(A.T @ W @ A)
+    Sigma = np.diag(sigma**2 - common**2) + np.outer(common, common) * (satellite[:, None] == satellite)
+    np.testing.assert_allclose(solution[0], N @ A.T @ W @ y, rtol=1e-9)
+    np.testing.assert_allclose(cov[0], N @ A.T @ W @ Sigma @ W @ A @ N, rtol=1e-8, atol=1e-14)
+    projector = np.eye(12) - A @ N @ A.T @ W
+    np.testing.assert_allclose(np.abs(normalised), np.abs(projector @ y) / (sigma * np.sqrt(np.diag(projector))), rtol=1e-6)
+    np.testing.assert_allclose(sums[0], [6.0, y @ projector.T @ W @ projector @ y, 8.0], rtol=1e-6)
 
 
 def test_slips_are_left_out(navigation):

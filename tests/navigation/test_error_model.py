@@ -8,10 +8,12 @@ from filterpy.common import van_loan_discretization
 from flown import Flown, fly, moved
 from numpy.testing import assert_allclose, assert_array_equal
 
-from insgnss.geodesy.rotation import skew
+from insgnss.geodesy.frames import LocalFrame
+from insgnss.geodesy.rotation import rotation_from_quaternion, skew, vector_from_rotation
 from insgnss.navigation.codes import BIAS, DRIFT, NAV, POS, PSI, VEL
 from insgnss.navigation.error_model import Interval, linearise_interval
 from insgnss.navigation.filter import BLOCK_S
+from insgnss.navigation.kernels.records import IntegrationIntervals
 from insgnss.navigation.kernels.update import state_difference
 from insgnss.navigation.layout import StateLayout, state_layout
 from insgnss.navigation.strapdown import kernel_earth, kernel_intervals
@@ -152,6 +154,54 @@ def test_transition_and_noise_are_van_loans(flown, layout, epoch):
         assert ((np.abs(got.Phi - Phi) * size)[POS] < 2e-7).all()
         assert ((np.abs(got.Phi - Phi) * size)[VEL] < 5e-7).all()
         assert ((np.abs(got.Phi - Phi) * size)[PSI] < 1e-8).all()
+
+
+@pytest.mark.parametrize("epoch", [LINE, TURN])
+def test_every_column_of_a_single_block_is_van_loans(flown, layout, epoch):
+    """Oracle: filterpy van_loan_discretization; (E.4) and (E.5) over one block of 0.1 s, each three rows against their own size.
+
+    Columns of navigation and of biases; those of scale factors go with rates that change within the block. Five per cent,
+    with which a wrong factor in the smallest of them (position of a gyro bias, velocity of a height) does not hide behind
+    greater ones; what is left out are terms of higher order in the block.
+    """
+    Phi, _ = van_loan(flown, epoch, 50)
+    nav, x = flown.true_nav([epoch])[0], np.zeros(layout.size - 9)
+    columns = np.concatenate([np.arange(9), 9 + np.flatnonzero(layout.factor == BIAS)])
+    error = np.abs(interval(flown, epoch, nav, x, 0.1).Phi - Phi)[:, columns]
+    for rows in (POS, VEL, PSI):
+        size = np.abs(Phi[rows][:, columns]).max(axis=0)
+        assert (error[rows].max(axis=0) <= 0.05 * size + 1e-12).all()
+
+
+def test_bias_runs_linearly_over_a_block():
+    """Oracle: closed form, integral of x exp(-t / T) over 0.1 s, for T of half a second.
+
+    A body that only turns with the Earth, one gyro bias of 1 mrad/s on each axis. Two blocks of 50 ms,
+    over each of which the bias runs linearly, err by (B / T)^2 / 12, 0.08 %; held constant over a block it is 5 % off.
+    """
+    T, B, n = 0.5, BLOCK_S, 20
+    noisy = AxisNoise(gauss_markov=(GaussMarkov(T, 1e-3),))
+    layout = state_layout(NoiseModel("one", "made up", (noisy,) * 3, (AxisNoise(),) * 3))
+    frame = LocalFrame(0.8, 0.1, 400.0)
+    h = 2.0 * B / n
+    with_zupt = IntegrationIntervals(np.full(n, h), np.tile(frame.earth_rate_l * h, (n, 1)), np.zeros((n, 3)))
+    level = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    imu, x = layout.kernel_model(B, 0.1), np.array([1e-3, -1e-3, 1e-3])
+    got = linearise_interval(with_zupt, 0, n, level, x, imu, kernel_earth(frame), 0.0)
+    turn = vector_from_rotation(rotation_from_quaternion(got.nav[6:]))
+    assert_allclose(turn, -x * T * (1.0 - np.exp(-2.0 * B / T)), rtol=2e-3)
+
+
+def test_a_drift_counts_the_time_since_the_start():
+    """Oracle: closed form, a drift of rate d makes d t^2 / 2 in the first 0.1 s, of estimate and of its derivative."""
+    layout = state_layout(NoiseModel("one", "made up", (AxisNoise(drift=1e-3),) * 3, (AxisNoise(),) * 3))
+    frame, n, h = LocalFrame(0.8, 0.1, 400.0), 20, 0.005
+    with_zupt = IntegrationIntervals(np.full(n, h), np.tile(frame.earth_rate_l * h, (n, 1)), np.zeros((n, 3)))
+    level = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    imu, x = layout.kernel_model(BLOCK_S, 0.1), np.array([1e-3, -1e-3, 1e-3])
+    got = linearise_interval(with_zupt, 0, n, level, x, imu, kernel_earth(frame), 0.0)
+    assert_allclose(vector_from_rotation(rotation_from_quaternion(got.nav[6:])), -x * 0.005, rtol=1e-3)
+    assert_allclose(np.diag(got.Phi[PSI, 9:]), -0.005, rtol=1e-3)
 
 
 SILENT = AxisNoise()

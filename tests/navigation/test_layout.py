@@ -4,7 +4,7 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.navigation.codes import BIAS, DRIFT
-from insgnss.navigation.layout import state_layout
+from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel, load_noise_model
 
 HOUR = 3600.0
@@ -74,3 +74,14 @@ def test_a_model_without_states_leaves_navigation_alone():
     layout = state_layout(model(AxisNoise(white_noise=1e-3), AxisNoise()))
     assert (layout.size, layout.names) == (9, ())
     assert layout.channel_sum().shape == (6, 0)
+
+
+def test_correlated_errors_of_the_fixes_are_stationary():
+    """Oracle: de/dt = -e/T + w keeps the variance sigma^2 where the driving noise has 2 sigma^2 / T."""
+    fixes = FixErrors(gm_sigma=(0.5, 0.6, 0.7), correlation_time_s=20.0, unfixed_gm_sigma=2.0, unfixed_correlation_time_s=60.0)
+    layout = state_layout(load_noise_model("navchip"), fixes=fixes)
+    for first, sigma, time_s in ((layout.gm, [0.5, 0.6, 0.7], 20.0), (layout.unfixed_gm, [2.0] * 3, 60.0)):
+        at = slice(first, first + 3)
+        assert_allclose(layout.beta[at], 1.0 / time_s, rtol=1e-12)
+        assert_allclose(layout.sigma0[at], sigma, rtol=1e-12)
+        assert_allclose(layout.drive[at], 2.0 * np.square(sigma) / time_s, rtol=1e-12)

@@ -6,13 +6,16 @@ from flown import fly, moved, without_noise
 from numpy.testing import assert_allclose
 
 from insgnss.geodesy.earth import EARTH_RATE
+from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion
 from insgnss.navigation.codes import N_NAV, NAV, NHC, POSITION, PSI, VELOCITY, VELOCITY_CONSTRAINT, ZARU, ZUPT
+from insgnss.navigation.epochs import make_epochs, with_zupt
 from insgnss.navigation.filter import BLOCK_S
 from insgnss.navigation.kernels.measurements import measured_triple
 from insgnss.navigation.kernels.records import make_triple
 from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.strapdown import kernel_earth
+from insgnss.records import GnssFixes, Increments
 from insgnss.simulate.sensors import antenna_states
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel
 
@@ -171,3 +174,42 @@ def test_epochs_carry_measurements_to_the_local_frame(flown):
         assert abs(nis.mean() - 3.0) < 3.0 * np.sqrt(6.0 / at.size)
     assert_allclose(ep.position_cov[at[0]], np.diag([0.02, 0.02, 0.03]) ** 2, atol=1e-7)
     assert ep.time[0] == 0.0
+
+
+def test_covariance_of_fixes_is_turned_into_the_local_frame():
+    """Oracle: a standard deviation along the vertical of the fix, 200 km east of the origin, is one along that vertical in l.
+
+    The verticals of the two points are 1.8 deg apart; position and velocity alike.
+    """
+    frame = LocalFrame(0.8, 0.1, 400.0)
+    lat, lon = np.array([0.8]), np.array([0.1 + 200e3 / 6.38e6 / np.cos(0.8)])
+    cov = np.diag([0.01, 0.01, 9.0])[None]
+    fixes = GnssFixes(np.array([10.0]), lat, lon, np.array([400.0]), cov, np.array([[0.0, 0.0, 3.0]]), cov)
+    inc = Increments(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.array([10.0]), np.zeros(1, dtype=np.int64), np.zeros((1, 3)), 0.01)
+    got = make_epochs(inc, np.array([0]), fixes, np.zeros(0, dtype=np.int64), frame)
+    above, below = (frame.position_from_geodetic(lat, lon, np.array([h]))[0] for h in (500.0, 300.0))
+    down = (below - above) / 200.0
+    assert np.degrees(np.arccos(down[2])) > 1.2
+    for P in (got.position_cov[0], got.velocity_cov[0]):
+        assert_allclose(P @ down, 9.0 * down, rtol=0, atol=1e-9)
+    assert_allclose(got.velocity[0], 3.0 * down, rtol=0, atol=1e-9)
+
+
+def test_a_rest_measures_velocity_and_mean_rate_once_a_second():
+    """Oracle: by hand, of epochs 0.8 s apart every other one.
+
+    White noise of PSD q has the variance q / t in a mean over t, and the vehicle sways by 5e-5 rad/s.
+    """
+    n, h, q = 60, 0.08, 1e-8
+    axis = AxisNoise(white_noise=np.sqrt(q))
+    layout = state_layout(NoiseModel("white", "made up", (axis,) * 3, (axis,) * 3))
+    rate = np.array([1e-3, -2e-3, 3e-3])
+    stop = np.arange(0, n + 1, 10)
+    inc = Increments(np.full(n, h), np.tile(rate * h, (n, 1)), np.zeros((n, 3)), 100.0 + stop * h, stop, np.zeros((7, 3)), h)
+    fixes = GnssFixes(inc.marks[:1], np.array([0.8]), np.array([0.1]), np.array([400.0]), np.eye(3)[None])
+    empty = make_epochs(inc, np.array([0]), fixes, np.zeros(0, dtype=np.int64), LocalFrame(0.8, 0.1, 400.0))
+    got = with_zupt(empty, inc, np.array([[100.4, 104.2]]), layout)
+    assert got.constraint.tolist() == [0, ZUPT, 0, ZUPT, 0, ZUPT, 0]
+    assert_allclose(got.constraint_cov[3], 0.03**2 * np.eye(3), rtol=1e-12)
+    assert_allclose(got.zaru_variance, [0.0, 0.0, 0.0, q / 1.6 + 25e-10, 0.0, q / 1.6 + 25e-10, 0.0], rtol=1e-9)
+    assert_allclose(got.zaru_rate[3], rate, rtol=1e-9)

@@ -1,16 +1,25 @@
 """Filter and smoother of a whole flight: further passes, forward/backward separation, rejected fixes, contradictions, products."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
-from flown import NO_GATE, Flown, error_of, fly, start_near
+from flown import NO_GATE, Flown, error_of, fly, moved, start_near
+from insgnss.navigation.kernels.error_model import channel_columns
+from insgnss.navigation.kernels.records import make_integrals
+from insgnss.navigation.kernels.update import feed_back
 from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.errors import DataError
+from insgnss.geodesy.frames import LocalFrame
+from insgnss.geodesy.rotation import quaternion_from_rotation, rotation_from_vector
 from insgnss.navigation import solution as solution_module
 from insgnss.navigation.codes import COVARIANCE_RESET, REJECTED, USED
 from insgnss.navigation.filter import gate_from_sigma, make_history, run_filter
+from insgnss.navigation.kernels.error_model import add_gap_noise
+from insgnss.navigation.kernels.update import reset_covariance
 from insgnss.navigation.smoother import run_smoother
 from insgnss.navigation.solution import Solution, solve, trajectory
 
@@ -200,3 +209,104 @@ def test_channel_bias_is_what_the_simulator_added(flown, converged):
     expected = np.hstack([truth.gyro_bias[k], truth.accel_bias[k]])
     assert (np.abs(bias - expected) < 4.0 * sigma).all()
     assert (sigma[:, 3:5] < 1e-2).all()
+
+
+def test_cross_covariance_of_distant_events_is_in_the_axes_of_each():
+    """Oracle: blocks turned one by one; at exposures 20 km apart the axes differ by 3 mrad, and three exposures have two pairs.
+
+    The rate is the gyros' less their bias and the Earth's.
+    """
+    frame = LocalFrame(0.8, 0.1, 400.0)
+    position = np.array([[0.0, -10e3, 0.0], [0.0, 10e3, 0.0], [8e3, 0.0, 0.0]])
+    nav = np.hstack([position, np.ones((3, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (3, 1))])
+    cross = np.random.default_rng(3).standard_normal((3, 9, 9))
+    layout = SimpleNamespace(channel_sum=lambda: np.vstack([np.eye(3), np.zeros((3, 3))]))
+    rate, bias = np.array([[0.1, -0.2, 0.3]] * 3), np.array([[0.01, 0.02, -0.03]] * 3)
+    inc = SimpleNamespace(marks=np.arange(3.0), rate=rate)
+    solution: Any = SimpleNamespace(
+        problem=SimpleNamespace(frame=frame, layout=layout, inc=inc),
+        nav=nav,
+        x=bias,
+        P=np.tile(np.eye(9), (3, 1, 1)),
+        event_cross=cross,
+        time=inc.marks,
+    )
+    found = trajectory(solution, np.arange(3), 2008, events=True)
+    C = np.swapaxes(frame.C_ln_at(position), 1, 2)
+    assert np.abs(C[0] - C[1]).max() > 2e-3
+    assert found.rate_b is not None
+    assert_allclose(found.rate_b, rate - bias - frame.earth_rate_l, rtol=0, atol=1e-12)  # the body's axes are those of l
+    assert found.cross is not None
+    for k in (0, 1):
+        for r in range(0, 9, 3):
+            for c in range(0, 9, 3):
+                expected = C[k] @ cross[k + 1, r : r + 3, c : c + 3] @ C[k + 1].T
+                assert_allclose(found.cross[k, r : r + 3, c : c + 3], expected, rtol=0, atol=1e-9)
+
+
+def test_covariance_opens_by_the_size_of_the_innovation():
+    """Oracle: (K.7) by hand: d^2 of position, (d / s)^2 of velocity, the tilt that makes d in that time of psi."""
+    P, out = np.zeros((12, 12)), np.array([[0.1, -0.2, 0.3], [0.0, 0.0, 0.0]])
+    reset_covariance(P, out, 2.0)
+    tilt = 0.05 / (4.9 * 4.0) ** 2
+    expected = [0.01, 0.04, 0.09, 0.0025, 0.01, 0.0225, tilt, tilt, tilt, 0.0, 0.0, 0.0]
+    assert_allclose(np.diag(P), expected, rtol=1e-12)
+    reset_covariance(P := np.zeros((9, 9)), 100.0 * out, 2.0)
+    assert_allclose(np.diag(P)[6:], 3e-4, rtol=1e-12)  # a degree at most
+
+
+def test_a_bridged_gap_is_as_uncertain_as_what_stands_in_for_it():
+    """Oracle: (E.8) by hand: an increment of the body that is off by a, over half a second, is an attitude off by C a.
+
+    A body on its side, so that its axes are those of l in another order; 1 mrad of a gyro axis, and 1 cm/s of an
+    accelerometer axis, half of which times the interval is position.
+    """
+    length, W = 0.5, np.zeros((9, 9))
+    C = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    column, integrals = np.zeros((9, 6)), make_integrals()
+    integrals.C[:] = C * length
+    channel_columns(integrals, length, column)
+    add_gap_noise(W, column, length, np.array([1e-6, 4e-6, 9e-6, 1e-4, 4e-4, 9e-4]))
+    assert_allclose(np.diag(W)[6:], [9e-6, 1e-6, 4e-6], rtol=1e-12)
+    assert_allclose(np.diag(W)[3:6], [9e-4, 1e-4, 4e-4], rtol=1e-12)
+    assert_allclose(np.diag(W)[:3], 0.25**2 * np.array([9e-4, 1e-4, 4e-4]), rtol=1e-12)
+
+
+def test_a_suspicious_fix_counts_with_a_larger_covariance():
+    """Oracle: (K.11), Huber: the filter without doubt that is given the fix with its covariance times NIS / doubt.
+
+    One fix of 2 s lies 0.3 m off; its NIS is beyond the doubt of 9 and below the gate.
+    """
+    flown = fly(2.0, seed=5, imu_hz=50.0, gate=NO_GATE)
+    ep = flown.problem.epochs
+    at = int(np.flatnonzero(ep.has_position)[-3])
+    position = ep.position.copy()
+    position[at] += [0.3, 0.0, 0.0]
+    start = start_near(flown, ALIGNED)
+
+    def filtered(huber_threshold: float, cov: np.ndarray) -> Any:
+        problem = replace(flown.problem, huber_threshold=huber_threshold, epochs=ep._replace(position=position, position_cov=cov))
+        history = make_history(problem.epochs, problem.layout)
+        run_filter(problem, start, history)
+        return history
+
+    doubtful = filtered(9.0, ep.position_cov)
+    nis = doubtful.nis[: at + 1, 0]
+    assert nis[at] > 18.0
+    larger = ep.position_cov.copy()
+    for e in np.flatnonzero(nis > 9.0):
+        larger[e] *= nis[e] / 9.0
+    expected = filtered(np.inf, larger)
+    assert_allclose(doubtful.nav[at], expected.nav[at], rtol=1e-12)
+    assert_allclose(doubtful.P[at], expected.P[at], rtol=1e-9, atol=1e-20)
+
+
+def test_feedback_moves_the_nominal_by_the_estimate():
+    """Oracle: (K.5) and the package's error state, truth = estimate + error, the attitude from the left by the matrix exponential."""
+    flown_nav = np.concatenate([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], quaternion_from_rotation(rotation_from_vector([0.4, -0.3, 2.0]))])
+    m = np.concatenate([0.1 * np.arange(1.0, 7.0), [0.02, -0.03, 0.05], [1e-3, -2e-3]])
+    nav, x, estimate = flown_nav.copy(), np.array([5e-3, 6e-3]), m.copy()
+    feed_back(nav, x, estimate)
+    assert_allclose(nav, moved(flown_nav[None], m[None, :9])[0], rtol=0, atol=1e-14)
+    assert_allclose(x, [6e-3, 4e-3], rtol=1e-12)
+    assert not estimate.any()

@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from insgnss.errors import InputError
+from insgnss.formats.metashape import offset_rotation
 from insgnss.orient.mounting import ANGLE_SETS, Mounting, boresight_from_angles
 
 TABLE_2 = np.array(
@@ -51,6 +52,22 @@ def test_metashape_offset_follows_the_mount():
     B = boresight_from_angles("metashape_ypr", [3.0, 2.0, 1.0], nose_up)
     assert_allclose(B, right_forward_up.T @ attitude @ right_forward_up, rtol=0, atol=1e-15)
     assert_allclose(B, boresight_from_angles("rpy", [1.0, 2.0, 3.0], nose_up).T, rtol=0, atol=1e-15)
+
+
+def test_metashape_offset_of_an_oblique_camera():
+    """Oracle: scipy; the same small turn, written in the right-up-back axes of a camera that looks 30 deg forward.
+
+    A camera that looks down has axes half a turn from the body's, which are their own inverse and hide
+    which of the two is which.
+    """
+    oblique = Rotation.from_euler("ZYX", [90.0, 0.0, 30.0], degrees=True).as_matrix().T
+    G = np.diag([1.0, -1.0, -1.0]) @ oblique
+    assert np.abs(G - G.T).max() > 0.1
+    axis = Rotation.from_euler("ZXY", [-3.0, 2.0, 1.0], degrees=True).as_rotvec()
+    expected = Rotation.from_rotvec(G.T @ axis).as_matrix()
+    B = boresight_from_angles("metashape_ypr", [3.0, 2.0, 1.0], oblique)
+    assert_allclose(B, expected, rtol=0, atol=1e-12)
+    assert_allclose(np.degrees(offset_rotation(B, oblique)), [3.0, 2.0, 1.0], rtol=0, atol=1e-9)
 
 
 def test_worked_example_of_the_mounting_chain():

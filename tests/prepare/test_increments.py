@@ -85,6 +85,31 @@ def test_error_falls_with_the_fifth_power_of_the_interval(motion):
     assert error[0] / error[1] > 2.0**5
 
 
+def test_a_rate_that_bends_turns_across_its_bend():
+    """Oracle: the product of 4000 small rotations, wrong by 1e-11 rad; (I.2) in its fifth order.
+
+    Over the middle interval the mean rate is zero, the slope 2 rad/s^2 about x, the curvature
+    20 rad/s^3 about y, so that the rotation is h^5 / 360 of their cross product, 1.1 urad about z,
+    and nothing of lower order. Brackets of brackets are a hundredth of it.
+    """
+    h, slope, bend = 0.1, np.array([2.0, 0.0, 0.0]), np.array([0.0, 20.0, 0.0])
+
+    def primitive(t):
+        t = np.asarray(t)[:, None]
+        return slope * t**2 / 2.0 + bend * (t**3 / 3.0 - t * h**2 / 12.0)
+
+    edges = h * (np.arange(10) - 4.5)
+    mean = np.vstack([np.zeros(3), np.diff(primitive(edges), axis=0) / h])
+    inc = body_increments(ImuSamples(100.0 + edges, mean, np.zeros((10, 3))), BODY, 100.0 + edges[[0, -1]])
+    fine = np.linspace(-0.5 * h, 0.5 * h, 4001)
+    C = np.eye(3)
+    for small in rotation_from_vector(np.diff(primitive(fine), axis=0)):
+        C = C @ small
+    expected = vector_from_rotation(C)
+    assert expected[2] == pytest.approx(h**5 / 360.0 * 40.0, rel=0.02)
+    assert_allclose(inc.dtheta[4], expected, rtol=0, atol=5e-8)
+
+
 def test_sensor_axes_are_turned_into_the_body(motion):
     """Oracle: the same increments from samples written in other axes; a permutation of columns moves no digit."""
     imu = motion.imu(RATE_HZ)

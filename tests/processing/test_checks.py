@@ -1,0 +1,152 @@
+"""Decisions of a run that numbers make: what is refused, what is told, what is taken into the stamps."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from insgnss.errors import DataError, InputError
+from insgnss.flight import load_flight
+from insgnss.navigation.codes import REJECTED, USED, VELOCITY_CONSTRAINT
+from insgnss.orient.mounting import Mounting
+from insgnss.processing.checks import check_motion, check_mounting, check_stationary, refuse_contradictions, refuse_unobservable
+from insgnss.processing.input_files import stationary_fixes
+from insgnss.processing.orientation import _origin
+from insgnss.processing.recording import read_recording
+from insgnss.diagnosis.time_offset import offset_to_apply
+from insgnss.records import Check, ImuSamples, Trajectory
+
+FLIGHT: Any = SimpleNamespace(
+    path=Path("flight.toml"),
+    imu=SimpleNamespace(noise="navchip"),
+    filter=SimpleNamespace(non_holonomic=True),
+    camera=SimpleNamespace(),
+    accept=(),
+    tangent_plane=None,
+)
+
+
+def path_of(sigma_deg: list[float]) -> Trajectory:
+    """A trajectory whose heading has these standard deviations, its tilt a tenth of a degree."""
+    n = len(sigma_deg)
+    cov = np.zeros((n, 9, 9))
+    cov[:, range(8), range(8)] = np.radians(0.1) ** 2
+    cov[:, 8, 8] = np.radians(sigma_deg) ** 2
+    one = np.zeros(n)
+    C_nb = np.tile(np.eye(3), (n, 1, 1))
+    return Trajectory(np.arange(n) + 1.0, one, one, one, np.zeros((n, 3)), C_nb, cov, 2008)
+
+
+def test_attitude_that_half_of_the_rows_do_not_have_is_refused() -> None:
+    """Oracle: 20 deg in the median, the limit that the refusal names."""
+    refuse_unobservable(FLIGHT, path_of([19.0, 19.5, 90.0]))
+    with pytest.raises(DataError, match=r"its standard deviation is 21 deg in the median \(limit 20\)"):
+        refuse_unobservable(FLIGHT, path_of([1.0, 21.0, 22.0]))
+
+
+def test_motion_that_is_not_as_said_is_a_contradiction() -> None:
+    """Oracle: most of the measurements used; 50 of 100 rejected are not yet most, 51 are."""
+
+    def verdict(rejected: int) -> str:
+        rows = np.zeros((200, 4), dtype=np.int64)
+        rows[:100, VELOCITY_CONSTRAINT] = USED
+        rows[:rejected, VELOCITY_CONSTRAINT] = REJECTED
+        solved: Any = [SimpleNamespace(solution=SimpleNamespace(verdict=rows))]
+        (check,) = check_motion(FLIGHT, solved)
+        assert check.found.startswith(f"{rejected} of 100 ")
+        return check.verdict
+
+    assert verdict(50) == "ok"
+    assert verdict(51) == "contradiction"
+
+
+@pytest.mark.parametrize(
+    ("offset_s", "sigma_s", "moved"),
+    [(0.006, 0.001, True), (0.004, 0.001, False), (0.006, 0.0031, False), (-0.02, 0.001, True)],
+)
+def test_a_time_offset_is_taken_into_the_stamps(offset_s: float, sigma_s: float, moved: bool) -> None:
+    """Oracle: more than 5 ms and two sigma (a d^2 / 2 of what is left is below 0.1 mm), signed."""
+    P = np.zeros((2, 11, 11))
+    P[-1, 10, 10] = sigma_s**2
+    problem = SimpleNamespace(layout=SimpleNamespace(offset=1))
+    solution: Any = SimpleNamespace(problem=problem, x=np.array([[0.0, 9.0], [0.0, offset_s]]), P=P)
+    assert offset_to_apply(solution) == (offset_s if moved else 0.0)
+    problem.layout.offset = -1
+    assert offset_to_apply(solution) == 0.0
+
+
+def test_a_contradiction_is_refused_unless_it_is_accepted() -> None:
+    """Oracle: the words of the refusal, and the name in `accept`."""
+    bad = Check("GNSS clock", "0.2 s late", "none", "contradiction", "check it")
+    refuse_contradictions(FLIGHT, (replace(bad, verdict="note"),))
+    with pytest.raises(InputError, match=r"GNSS clock: 0\.2 s late.*accept = \[\"GNSS clock\"\]"):
+        refuse_contradictions(FLIGHT, (bad,))
+    accepting: Any = SimpleNamespace(path=FLIGHT.path, accept=("GNSS clock",))
+    refuse_contradictions(accepting, (bad,))
+
+
+def test_an_imu_that_is_said_to_stand_must_do_so_for_most_of_the_time() -> None:
+    """Oracle: 80 %, by hand, of 100 s."""
+    imu = ImuSamples(np.array([0.0, 100.0]), np.zeros((2, 3)), np.zeros((2, 3)))
+    assert check_stationary(imu, np.array([[0.0, 50.0], [60.0, 91.0]])).verdict == "ok"
+    assert check_stationary(imu, np.array([[0.0, 79.0]])).verdict == "contradiction"
+
+
+def test_fixes_of_a_known_place() -> None:
+    """Oracle: by hand; one a second, variances of the given standard deviations."""
+    imu = ImuSamples(np.array([5.0, 8.5]), np.zeros((2, 3)), np.zeros((2, 3)))
+    fixes = stationary_fixes((46.5, 6.5, 400.0), (0.1, 0.2, 0.3), imu)
+    assert fixes.time.tolist() == [5.0, 6.0, 7.0, 8.0]
+    assert np.allclose(np.degrees([fixes.lat[0], fixes.lon[0]]), [46.5, 6.5], rtol=0, atol=1e-12)
+    assert np.allclose(fixes.cov_ned[3], np.diag([0.01, 0.04, 0.09]), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("imu_m", "turn_deg", "verdict"),
+    [(2.9, 9.9, "ok"), (3.1, 0.0, "note"), (0.1, 10.1, "note"), (0.0, 0.0, "note")],
+)
+def test_long_lever_arms_and_large_boresights_are_told(imu_m: float, turn_deg: float, verdict: str) -> None:
+    """Oracle: 3 m and 10 deg, the limits of the note; and none of either, which is told as well."""
+    c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+    mounting = Mounting(
+        antenna_m=[imu_m, 0.0, 0.0],
+        imu_m=[imu_m, 0.0, 0.0],
+        boresight=[[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]],
+    )
+    flight: Any = SimpleNamespace(mounting=mounting, camera=FLIGHT.camera)
+    check = check_mounting(flight)
+    assert check.verdict == verdict
+    assert f"{turn_deg:.2f} deg" in check.found or imu_m == turn_deg == 0.0
+
+
+def test_origin_of_the_tangent_plane_is_the_first_fix_rounded() -> None:
+    """Oracle: a hundredth of a degree and the ellipsoid, by hand; else what the flight file says."""
+    fixes: Any = SimpleNamespace(lat=np.radians([46.5678, 1.0]), lon=np.radians([-6.5432, 2.0]))
+    lat, lon, height = _origin(FLIGHT, fixes)
+    assert np.allclose(np.degrees([lat, lon]), [46.57, -6.54], rtol=0, atol=1e-12)
+    assert height == 0.0
+    given = SimpleNamespace(tangent_plane=SimpleNamespace(origin=(0.8, 0.1, 400.0)))
+    assert _origin(given, fixes) == (0.8, 0.1, 400.0)  # type: ignore[arg-type]
+
+
+def test_time_offsets_are_added_to_the_stamps_of_their_sensor(tmp_path: Path) -> None:
+    """Oracle: the stamps of the files, by hand; data_specs/flight_file.md, "added to the stamps"."""
+    time = 1000.0 + 0.02 * np.arange(1001)
+    rows = "".join(f"{t:.2f},0,0,0,0,0,-9.8\n" for t in time)
+    (tmp_path / "imu.csv").write_text("tow,gx,gy,gz,ax,ay,az\n" + rows)
+    fixes = "".join(f"{1001 + k}.0 46.5 6.5 400.0 0.02 0.02 0.03\n" for k in range(15))
+    (tmp_path / "gnss.txt").write_text(fixes)
+    (tmp_path / "events.txt").write_text("a.tif 1005.0\nb.tif 1010.0\n")
+    (tmp_path / "flight.toml").write_text(
+        'gps_week = 2008\n[imu]\nfile = "imu.csv"\ntime_offset_s = 0.125\n'
+        '[gnss]\nfile = "gnss.txt"\ntime_offset_s = 0.25\n'
+        '[camera]\nevents = "events.txt"\ntime_offset_s = -0.0625\n'
+    )
+    recording = read_recording(load_flight(tmp_path / "flight.toml"))
+    assert recording.imu.time[0] == pytest.approx(1000.125, abs=1e-9)
+    assert recording.gnss.time[0] == pytest.approx(1001.25, abs=1e-9)
+    assert recording.events is not None
+    assert recording.events.time[0] == pytest.approx(1004.9375, abs=1e-9)

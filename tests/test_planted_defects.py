@@ -1,0 +1,52 @@
+"""The script that plants defects: where it finds a piece of text, and what it refuses."""
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+SCRIPT = Path(__file__).parents[1] / "scripts" / "planted_defects.py"
+
+
+@pytest.fixture(scope="module")
+def script() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("planted_defects", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_text_is_found_however_it_is_wrapped(script: ModuleType) -> None:
+    """Oracle: by hand; what stands around the piece stays as it is."""
+    text = "x = f(\n    a + b,\n    c,\n)\n"
+    assert script.planted(text, "a+b,  c", "a - b, c") == "x = f(\n    a - b, c,\n)\n"
+    assert script.planted(text, "a - b", "a") is None
+
+
+def test_text_that_occurs_twice_is_refused(script: ModuleType) -> None:
+    """Oracle: two places, of which none can be meant."""
+    with pytest.raises(script.EntryError, match="more than once"):
+        script.planted("y = a * b + a *  b\n", "a * b", "a / b")
+
+
+def test_module_may_be_a_folder(script: ModuleType, tmp_path: Path) -> None:
+    """Oracle: two files, one of which has the text; then both, then a piece that is no Python."""
+    for name, line in (("one.py", "a = b * c\n"), ("two.py", "a = b / c\n")):
+        (tmp_path / name).write_text(line)
+    defect = script.Defect(".", "b * c", "b + c", "a product", ())
+    assert script.place_of(defect, tmp_path) == (tmp_path / "one.py", "a = b + c\n")
+    with pytest.raises(script.EntryError, match="makes no Python"):
+        script.place_of(script.Defect(".", "b * c", "b +", "a product", ()), tmp_path)
+    (tmp_path / "two.py").write_text("a = b  *  c\n")
+    with pytest.raises(script.EntryError, match="occurs 2 times, not once"):
+        script.place_of(defect, tmp_path)
+
+
+def test_unknown_keys_are_refused(script: ModuleType, tmp_path: Path) -> None:
+    """Oracle: the keys of the table."""
+    (tmp_path / "t.toml").write_text('[[defect]]\nmodule = "a"\nold = "b"\nnew = "c"\ntests = ["d"]\n')
+    with pytest.raises(script.EntryError, match="defect 1: 'breaks' is missing or unknown"):
+        script.load(tmp_path / "t.toml")
