@@ -84,10 +84,12 @@ def test_a_lever_arm_is_found_within_its_sigma(clean):
 
 
 def test_the_advised_lever_arm_cures_the_flight_file(clean):
-    """Oracle: the simulator's lever arm; the flight file has the antenna 0.2 m and 0.15 m off, in a camera mounted askew.
+    """Oracle: the simulator's lever arm; the flight file has the antenna 0.2 m and 0.15 m off, in a
+    camera mounted askew.
 
-    Written into the mounting as the advice says, its number gives the lever arm within 3.5 sigma and the half millimetre
-    of its last digit, and the flight that is solved with it contradicts it no more.
+    Written into the mounting as the advice says, its number gives the lever arm within 3.5 sigma
+    and the half millimetre of its last digit, and the flight that is solved with it contradicts it
+    no more.
     """
     true, wrong = clean.problem.antenna_lever_b, np.array([0.2, 0.0, 0.15])
     mounting = Mounting(
@@ -117,7 +119,9 @@ ASKEW = Mounting(
 
 
 def estimated(lever, lever_sigma: float, late_s: float, late_sigma: float) -> Any:
-    """What `contradictions` reads of a solution at 10 m/s with fixes of 2 cm: lever arm and time offset, with their sigmas."""
+    """What `contradictions` reads of a solution at 10 m/s with fixes of 2 cm: lever arm and time
+    offset, with their sigmas.
+    """
     layout = state_layout(NAVCHIP, fixes=EVERYTHING)
     x, P = np.zeros((2, layout.size - 9)), np.zeros((2, layout.size, layout.size))
     at, offset = slice(layout.lever, layout.lever + 3), layout.offset
@@ -129,7 +133,9 @@ def estimated(lever, lever_sigma: float, late_s: float, late_sigma: float) -> An
 
 
 def test_advised_numbers_are_what_the_flight_file_lacks():
-    """Oracle: vector addition; the mounting with the advised antenna has the lever arm that was estimated, to its last digit."""
+    """Oracle: vector addition; the mounting with the advised antenna has the lever arm that was
+    estimated, to its last digit.
+    """
     lever = np.array([0.2, -0.05, 0.15])
     (arm, clock) = contradictions(estimated(lever, 0.004, -0.02, 0.001), ASKEW, True, True)
     numbers = re.search(r"mounting\.antenna_m = \[(.*?)\] would be it", arm.advice)
@@ -150,7 +156,9 @@ def test_advised_numbers_are_what_the_flight_file_lacks():
     ],
 )
 def test_what_contradicts_a_lever_arm(off_m, sigma_m, verdict):
-    """Oracle: the rule of `calibrate.fixes`: five sigma and the fixes' own sigma; determined to 5 cm."""
+    """Oracle: the rule of `calibrate.fixes`: five sigma and the fixes' own sigma; determined to 5
+    cm.
+    """
     found = contradictions(estimated([off_m, 0.0, 0.0], sigma_m, 0.0, 0.001), ASKEW, True, True)
     assert [check.verdict for check in found] == ([] if verdict is None else [verdict])
 

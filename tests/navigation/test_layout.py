@@ -76,7 +76,9 @@ def test_a_model_without_states_leaves_navigation_alone():
 
 
 def test_correlated_errors_of_the_fixes_are_stationary():
-    """Oracle: de/dt = -e/T + w keeps the variance sigma^2 where the driving noise has 2 sigma^2 / T."""
+    """Oracle: de/dt = -e/T + w keeps the variance sigma^2 where the driving noise has 2 sigma^2 /
+    T.
+    """
     fixes = FixErrors(correlated=(0.5, 0.6, 0.7), correlation_time_s=20.0, lasting=2.0, lasting_time_s=60.0)
     layout = state_layout(load_noise_model("navchip"), fixes=fixes)
     for first, sigma, time_s in ((layout.coloured, [0.5, 0.6, 0.7], 20.0), (layout.lasting, [2.0] * 3, 60.0)):
