@@ -66,8 +66,7 @@ def test_beyond_the_limits_the_first_row_is_refused(tmp_path: Path, rows: np.nda
 
 
 def late(rows: int, by_s: float = 0.05) -> np.ndarray:
-    """The recording with `rows` rows, 60 apart, moved behind others by a little less than `by_s`.
-    """
+    """The recording with `rows` rows, 60 apart, moved behind others by a little less than `by_s`."""
     order = np.arange(N, dtype=float)
     order[np.arange(rows) * 60] += 100.0 * by_s - 0.5
     return TABLE[np.argsort(order)]
