@@ -1,18 +1,18 @@
 """Plant one defect per equation of the chain read -> product, and see whether the tests notice.
 
-    python scripts/planted_defects.py                  all of them, some ten minutes on two cores
-    python scripts/planted_defects.py --sample 6       six drawn at random (CI), under a minute
+    python scripts/planted_defects.py                  all of them, half an hour of one core
+    python scripts/planted_defects.py --sample 6       six drawn at random (CI), half a minute
     python scripts/planted_defects.py --only orient    those whose module or promise has the word
     python scripts/planted_defects.py --check          only whether every snippet still occurs once
 
-A test that passes says little unless it fails when the thing is wrong. `planted_defects.toml` beside
-this script lists defects: a module, a short piece of its text, what takes its place, the equation or
-promise that breaks, and the tests that are named for it. Each is planted in a copy of the tree, never
-in the checkout, and its tests are run there. It is caught where a test fails; the tests are run
-without any defect first, since one that fails by itself catches nothing.
+A test that passes says little unless it fails when the thing is wrong. `planted_defects.toml`
+beside this script lists defects: a module, a short piece of its text, what takes its place, the
+equation or promise that breaks, and the tests that are named for it. Each is planted in a copy of
+the tree, never in the checkout, and its tests are run there. It is caught where a test fails; the
+tests are run without any defect first, since one that fails by itself catches nothing.
 
-Text is compared without any white space, so that re-wrapped lines do no harm. A module may be a file
-or a folder; the piece has to occur exactly once in it. Tests run with kernels interpreted
+Text is compared without any white space, so that re-wrapped lines do no harm. A module may be a
+file or a folder; the piece has to occur exactly once in it. Tests run with kernels interpreted
 (NUMBA_DISABLE_JIT), which is faster than compiling one anew for each defect and leaves no stale
 kernels behind; `compiled = true` asks for compiled ones, from a cache of their own for each defect.
 

@@ -196,7 +196,9 @@ def test_clock_with_drift_and_late_messages() -> None:
 
 @pytest.mark.parametrize(("ppm", "late_s", "fine"), [(480, 0.0, True), (520, 0.0, False), (0, 0.9, True), (0, 1.1, False)])
 def test_limits_of_an_autopilots_clock(ppm: float, late_s: float, fine: bool) -> None:
-    """Oracle: the limits that the refusal names, 500 ppm of drift and a spread of 1 s; late: two of three messages, one to either side."""
+    """Oracle: the limits that the refusal names, 500 ppm of drift and a spread of 1 s; late: two of
+    three messages, one to either side.
+    """
     gps = 604000.0 + 0.2 * np.arange(3000)
     boot = (gps + late_s * np.tile([-1.0, 0.0, 1.0], 1000) - 603990.0) * (1.0 - 1e-6 * ppm)
     week = np.full(gps.size, 2008.0)

@@ -81,7 +81,9 @@ def contradicting(rows: int) -> np.ndarray:
 
 @pytest.mark.parametrize(("rows", "word"), [(late, "late rows put in order"), (contradicting, "rows that contradict")])
 def test_one_percent_is_the_limit(tmp_path: Path, rows: Callable[[int], np.ndarray], word: str) -> None:
-    """Oracle: data_specs/README.md, fewer than 1 %: of 1000 rows 9 are mended and counted, 10 are refused."""
+    """Oracle: data_specs/README.md, fewer than 1 %: of 1000 rows 9 are mended and counted, 10 are
+    refused.
+    """
     (told,) = read_imu(imu_file(tmp_path, rows(9))).notes
     assert f"9 {word}" in told.found
     assert told.found.endswith("of 1000")
@@ -90,7 +92,9 @@ def test_one_percent_is_the_limit(tmp_path: Path, rows: Callable[[int], np.ndarr
 
 
 def test_one_second_is_the_limit_of_a_late_row(tmp_path: Path) -> None:
-    """Oracle: data_specs/README.md, less than 1 s: by 0.99 s a row is put in its place, by 1.00 s it is refused."""
+    """Oracle: data_specs/README.md, less than 1 s: by 0.99 s a row is put in its place, by 1.00 s
+    it is refused.
+    """
     (told,) = read_imu(imu_file(tmp_path, late(1, by_s=1.0))).notes
     assert "1 late rows put in order" in told.found
     with pytest.raises(InputError, match=r"by up to 1\.000 s \(limits 1 s and 1%\)"):

@@ -274,7 +274,9 @@ def test_pos_odd_covariance_and_zero_velocity_are_told(tmp_path: Path) -> None:
 
 
 def test_pos_one_percent_of_odd_covariances_is_the_limit(tmp_path: Path) -> None:
-    """Oracle: the limit that the refusal names: of 200 epochs 2 are mended and counted, 3 are refused."""
+    """Oracle: the limit that the refusal names: of 200 epochs 2 are mended and counted, 3 are
+    refused.
+    """
 
     def rows(odd: int) -> str:
         return "".join(f"2008 {k} 46 6 500 1 9 .1 .1 .1 {0.2 if k < odd else 0} 0 0 0 9\n" for k in range(200))
@@ -320,7 +322,9 @@ def test_nmea_quality_codes_and_counts(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("what", ["checksum", "GST"])
 def test_nmea_one_percent_is_the_limit(tmp_path: Path, what: str) -> None:
-    """Oracle: data_specs/nmea.md, at most 1 %: of 300 lines 3 without checksum, of 100 fixes 1 without GST."""
+    """Oracle: data_specs/nmea.md, at most 1 %: of 300 lines 3 without checksum, of 100 fixes 1
+    without GST.
+    """
 
     def log(bad: int) -> str:
         epochs = [epoch(f"1000{k // 10:02d}.{k % 10}0", gst=what != "GST" or k >= bad) for k in range(100)]

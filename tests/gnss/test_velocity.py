@@ -134,7 +134,9 @@ def test_mean_velocity_of_turns_is_exact(navigation):
 
 
 def test_errors_of_the_positions_are_in_the_covariance(navigation):
-    """Oracle: satellites turn by 1.6e-4 rad/s, and positions known to 8 m on each axis may be off by root 3 of that, 2.2 mm/s."""
+    """Oracle: satellites turn by 1.6e-4 rad/s, and positions known to 8 m on each axis may be off
+    by root 3 of that, 2.2 mm/s.
+    """
     time = TOW + 1000.0 + 0.2 * np.arange(20)
     path = turning(time)
     observations = observe(navigation, time, path)
@@ -160,7 +162,8 @@ def test_covariance_tells_the_error(navigation):
 
 
 def test_covariance_and_residuals_are_those_of_dense_matrices():
-    """Oracle: numpy; bands of a satellite share an error, so that Sigma has blocks: N A'W Sigma W A N; and Baarda's normalised residual.
+    """Oracle: numpy; bands of a satellite share an error, so that Sigma has blocks: N A'W Sigma W A
+    N; and Baarda's normalised residual.
 
     Six satellites of two bands, the redundancy of a row by the projector I - A N A'W.
     """

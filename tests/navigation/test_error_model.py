@@ -158,11 +158,13 @@ def test_transition_and_noise_are_van_loans(flown, layout, epoch):
 
 @pytest.mark.parametrize("epoch", [LINE, TURN])
 def test_every_column_of_a_single_block_is_van_loans(flown, layout, epoch):
-    """Oracle: filterpy van_loan_discretization; (E.4) and (E.5) over one block of 0.1 s, each three rows against their own size.
+    """Oracle: filterpy van_loan_discretization; (E.4) and (E.5) over one block of 0.1 s, each three
+    rows against their own size.
 
-    Columns of navigation and of biases; those of scale factors go with rates that change within the block. Five per cent,
-    with which a wrong factor in the smallest of them (position of a gyro bias, velocity of a height) does not hide behind
-    greater ones; what is left out are terms of higher order in the block.
+    Columns of navigation and of biases; those of scale factors go with rates that change within the
+    block. Five per cent, with which a wrong factor in the smallest of them (position of a gyro
+    bias, velocity of a height) does not hide behind greater ones; what is left out are terms of
+    higher order in the block.
     """
     Phi, _ = van_loan(flown, epoch, 50)
     nav, x = flown.true_nav([epoch])[0], np.zeros(layout.size - 9)
@@ -176,8 +178,9 @@ def test_every_column_of_a_single_block_is_van_loans(flown, layout, epoch):
 def test_bias_runs_linearly_over_a_block():
     """Oracle: closed form, integral of x exp(-t / T) over 0.1 s, for T of half a second.
 
-    A body that only turns with the Earth, one gyro bias of 1 mrad/s on each axis. Two blocks of 50 ms,
-    over each of which the bias runs linearly, err by (B / T)^2 / 12, 0.08 %; held constant over a block it is 5 % off.
+    A body that only turns with the Earth, one gyro bias of 1 mrad/s on each axis. Two blocks of 50
+    ms, over each of which the bias runs linearly, err by (B / T)^2 / 12, 0.08 %; held constant over
+    a block it is 5 % off.
     """
     T, B, n = 0.5, BLOCK_S, 20
     noisy = AxisNoise(gauss_markov=(GaussMarkov(T, 1e-3),))
@@ -193,7 +196,9 @@ def test_bias_runs_linearly_over_a_block():
 
 
 def test_a_drift_counts_the_time_since_the_start():
-    """Oracle: closed form, a drift of rate d makes d t^2 / 2 in the first 0.1 s, of estimate and of its derivative."""
+    """Oracle: closed form, a drift of rate d makes d t^2 / 2 in the first 0.1 s, of estimate and of
+    its derivative.
+    """
     layout = state_layout(NoiseModel("one", "made up", (AxisNoise(drift=1e-3),) * 3, (AxisNoise(),) * 3))
     frame, n, h = LocalFrame(0.8, 0.1, 400.0), 20, 0.005
     with_zupt = IntegrationIntervals(np.full(n, h), np.tile(frame.earth_rate_l * h, (n, 1)), np.zeros((n, 3)))

@@ -177,7 +177,8 @@ def test_epochs_carry_measurements_to_the_local_frame(flown):
 
 
 def test_covariance_of_fixes_is_turned_into_the_local_frame():
-    """Oracle: a standard deviation along the vertical of the fix, 200 km east of the origin, is one along that vertical in l.
+    """Oracle: a standard deviation along the vertical of the fix, 200 km east of the origin, is one
+    along that vertical in l.
 
     The verticals of the two points are 1.8 deg apart; position and velocity alike.
     """
@@ -198,7 +199,8 @@ def test_covariance_of_fixes_is_turned_into_the_local_frame():
 def test_a_rest_measures_velocity_and_mean_rate_once_a_second():
     """Oracle: by hand, of epochs 0.8 s apart every other one.
 
-    White noise of PSD q has the variance q / t in a mean over t, and the vehicle sways by 5e-5 rad/s.
+    White noise of PSD q has the variance q / t in a mean over t, and the vehicle sways by 5e-5
+    rad/s.
     """
     n, h, q = 60, 0.08, 1e-8
     axis = AxisNoise(white_noise=np.sqrt(q))

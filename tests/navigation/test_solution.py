@@ -212,7 +212,8 @@ def test_channel_bias_is_what_the_simulator_added(flown, converged):
 
 
 def test_cross_covariance_of_distant_events_is_in_the_axes_of_each():
-    """Oracle: blocks turned one by one; at exposures 20 km apart the axes differ by 3 mrad, and three exposures have two pairs.
+    """Oracle: blocks turned one by one; at exposures 20 km apart the axes differ by 3 mrad, and
+    three exposures have two pairs.
 
     The rate is the gyros' less their bias and the Earth's.
     """
@@ -245,7 +246,9 @@ def test_cross_covariance_of_distant_events_is_in_the_axes_of_each():
 
 
 def test_covariance_opens_by_the_size_of_the_innovation():
-    """Oracle: (K.7) by hand: d^2 of position, (d / s)^2 of velocity, the tilt that makes d in that time of psi."""
+    """Oracle: (K.7) by hand: d^2 of position, (d / s)^2 of velocity, the tilt that makes d in that
+    time of psi.
+    """
     P, out = np.zeros((12, 12)), np.array([[0.1, -0.2, 0.3], [0.0, 0.0, 0.0]])
     reset_covariance(P, out, 2.0)
     tilt = 0.05 / (4.9 * 4.0) ** 2
@@ -256,10 +259,11 @@ def test_covariance_opens_by_the_size_of_the_innovation():
 
 
 def test_a_bridged_gap_is_as_uncertain_as_what_stands_in_for_it():
-    """Oracle: (E.8) by hand: an increment of the body that is off by a, over half a second, is an attitude off by C a.
+    """Oracle: (E.8) by hand: an increment of the body that is off by a, over half a second, is an
+    attitude off by C a.
 
-    A body on its side, so that its axes are those of l in another order; 1 mrad of a gyro axis, and 1 cm/s of an
-    accelerometer axis, half of which times the interval is position.
+    A body on its side, so that its axes are those of l in another order; 1 mrad of a gyro axis, and
+    1 cm/s of an accelerometer axis, half of which times the interval is position.
     """
     length, W = 0.5, np.zeros((9, 9))
     C = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -273,7 +277,8 @@ def test_a_bridged_gap_is_as_uncertain_as_what_stands_in_for_it():
 
 
 def test_a_suspicious_fix_counts_with_a_larger_covariance():
-    """Oracle: (K.11), Huber: the filter without doubt that is given the fix with its covariance times NIS / doubt.
+    """Oracle: (K.11), Huber: the filter without doubt that is given the fix with its covariance
+    times NIS / doubt.
 
     One fix of 2 s lies 0.3 m off; its NIS is beyond the doubt of 9 and below the gate.
     """
@@ -302,7 +307,9 @@ def test_a_suspicious_fix_counts_with_a_larger_covariance():
 
 
 def test_feedback_moves_the_nominal_by_the_estimate():
-    """Oracle: (K.5) and the package's error state, truth = estimate + error, the attitude from the left by the matrix exponential."""
+    """Oracle: (K.5) and the package's error state, truth = estimate + error, the attitude from the
+    left by the matrix exponential.
+    """
     flown_nav = np.concatenate([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], quaternion_from_rotation(rotation_from_vector([0.4, -0.3, 2.0]))])
     m = np.concatenate([0.1 * np.arange(1.0, 7.0), [0.02, -0.03, 0.05], [1e-3, -2e-3]])
     nav, x, estimate = flown_nav.copy(), np.array([5e-3, 6e-3]), m.copy()

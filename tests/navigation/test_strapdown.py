@@ -160,11 +160,12 @@ def test_kernel_is_its_naive_twin(flight):
 
 
 def test_kernel_is_its_naive_twin_on_rough_increments():
-    """Oracle: the equations written down plainly, 3 s of a body that is shaken and climbs at 100 Hz.
+    """Oracle: the equations written down plainly, 3 s of a body that is shaken and climbs at 100
+    Hz.
 
-    Turns of half a radian a second and forces of 1.5 g, other ones in each segment, so that each term of (S.2) to (S.6) is a
-    multiple of the tolerance: 10 nm/s, and of psi 1e-12 rad. The series of (S.3) ends with the third power of the
-    turn; its next terms are 1e-11 m/s a segment.
+    Turns of half a radian a second and forces of 1.5 g, other ones in each segment, so that each
+    term of (S.2) to (S.6) is a multiple of the tolerance: 10 nm/s, and of psi 1e-12 rad. The series
+    of (S.3) ends with the third power of the turn; its next terms are 1e-11 m/s a segment.
     """
     rng, n, h = np.random.default_rng(11), 300, 0.01
     turn = 0.5 * h * rng.standard_normal((n, 3))

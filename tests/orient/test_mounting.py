@@ -55,10 +55,11 @@ def test_metashape_offset_follows_the_mount():
 
 
 def test_metashape_offset_of_an_oblique_camera():
-    """Oracle: scipy; the same small turn, written in the right-up-back axes of a camera that looks 30 deg forward.
+    """Oracle: scipy; the same small turn, written in the right-up-back axes of a camera that looks
+    30 deg forward.
 
-    A camera that looks down has axes half a turn from the body's, which are their own inverse and hide
-    which of the two is which.
+    A camera that looks down has axes half a turn from the body's, which are their own inverse and
+    hide which of the two is which.
     """
     oblique = Rotation.from_euler("ZYX", [90.0, 0.0, 30.0], degrees=True).as_matrix().T
     G = np.diag([1.0, -1.0, -1.0]) @ oblique
