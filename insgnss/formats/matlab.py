@@ -1,4 +1,5 @@
-"""Variables of MATLAB files, data_specs/matlab.md: version 4 to 7 by `_matfile`, 7.3 (HDF5) by h5py where it is installed.
+"""Variables of MATLAB files, data_specs/matlab.md: version 4 to 7 by scipy behind the checks of `_matfile`, 7.3 (HDF5) by h5py where
+it is installed.
 
 There is no default: `columns` says which field, label or column of a matrix is what; `_content` states how they are named.
 """
