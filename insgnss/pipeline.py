@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from .navigation.solution import Solution
 
 REPORT_ROWS = 4000
-HOPELESS_RAD = np.radians(20.0)  # of attitude: beyond it neither the linearisation nor a user can do anything with the result
 
 
 @dataclass(frozen=True)
@@ -146,6 +145,8 @@ def _refuse(flight: Flight, checks: tuple[Check, ...]) -> None:
 
 def _refuse_hopeless(flight: Flight, path: Trajectory) -> None:
     """Refuse attitudes that are not determined at half of the rows."""
+    from .align.initial import HOPELESS_RAD
+
     sigma = np.median(np.sqrt(np.diagonal(path.cov, axis1=1, axis2=2)[:, 6:]), axis=0)
     if not sigma.max() < HOPELESS_RAD:
         raise DataError(

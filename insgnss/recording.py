@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 Progress = Callable[[str], None]
 
 LONG_LEVER_M, LARGE_BORESIGHT_DEG = 3.0, 10.0
-RECOGNISED_S, LATEST_S, FASTEST_MS = 300.0, 30.0, 50.0
 UNIT_WORDS = ("rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg", "rad", "deg", "m/s")
 STANDING_S, STANDING_SIGMA_M, STANDING_SHARE = 1.0, (0.1, 0.1, 0.1), 0.8
 TURN_ON = {"gyro": np.radians(100.0) / 3600.0, "accel": 2e-3 * STANDARD_GRAVITY}  # of a calibrated MEMS IMU
@@ -220,26 +219,13 @@ def _turn_on(rests: "Stretches", C_b_imu: Array, noise: "NoiseModel", gnss: Gnss
 
 def _recognised(flight: Flight, imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes) -> "tuple[Recognition, list[Check]]":
     """What the liveliest minutes of the recording say of units, axes, sign and clock, against the flight file."""
-    from .prepare.clock import cut_fixes, cut_samples
-    from .recognise.recognition import compare, recognise
+    from .recognise.recognition import compare, recognise_liveliest
 
-    lo, hi = _liveliest(gnss)
     i = flight.imu
-    found = recognise(cut_samples(imu, lo - LATEST_S, hi + LATEST_S), cut_fixes(gnss, lo, hi))
+    found = recognise_liveliest(imu, gnss)
     claim = {f"{key}_unit": unit for key, unit in imu.units.items() if unit in UNIT_WORDS}
     offset = flight.gnss.time_offset_s - i.time_offset_s
     return found, compare(found, C_b_imu, quantity=imu.quantity, accel_sign=int(i.accel_sign), time_offset_s=offset, **claim)
-
-
-def _liveliest(gnss: GnssFixes) -> tuple[float, float]:
-    """Begin and end of the `RECOGNISED_S` with the longest path."""
-    from .prepare.fix_path import north_east
-
-    step = np.minimum(np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1), FASTEST_MS * np.diff(gnss.time))
-    path = np.concatenate([[0.0], np.cumsum(step)])
-    end = np.searchsorted(gnss.time, gnss.time + RECOGNISED_S, side="right") - 1
-    first = int(np.argmax(path[end] - path))
-    return float(gnss.time[first]), float(gnss.time[end[first]])
 
 
 def without_turn_on(noise: "NoiseModel") -> tuple[str, ...]:

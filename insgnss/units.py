@@ -17,6 +17,7 @@ from fractions import Fraction
 from .errors import InputError
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, CGPM 1901
+FOOT_M = 0.3048  # m, the international foot
 
 _NAMES = ("angle", "length", "time")
 

@@ -34,6 +34,7 @@ from ..navigation.layout import BIAS, DRIFT, VEL, FixErrors, StateLayout
 from ..navigation.solution import Solution
 from ..orient.mounting import Mounting
 from ..records import Array, Check, LastingError, StateVerdict
+from .result import OBSERVED
 
 FIXES = 900
 GAIN = 20.0
@@ -50,7 +51,6 @@ CLOCK_RATE = 1e-4  # of a quartz that nothing disciplines
 SIGNIFICANT, MATTERS = 5.0, 1.0  # sigmas of the estimate, and of the fixes
 DETERMINED_M = 0.05  # sigma of a lever arm beyond which slow errors of the fixes that nobody claims can make it up
 TOLD_M = 0.02  # of a lever arm, below which it does not stop a run; a right one came out 11 mm off on a simulated flight from RINEX
-OBSERVED = 1.0 / 3.0
 
 LayoutWith = Callable[[FixErrors], StateLayout]
 

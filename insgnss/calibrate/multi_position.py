@@ -45,6 +45,7 @@ from ..records import Array, ImuSamples
 from ..units import STANDARD_GRAVITY
 from .groups import Group, solve_groups
 from .result import POSSIBLE, MultiPosition, TriadEstimate, blind_directions, places, sizes
+from .turn_on import LEAST_SIGMA
 
 POSITIONS = 9
 ASTRAY = 0.02  # rad, rms: no noise of a hand-held turn makes as much
@@ -52,7 +53,6 @@ LEAST_TURN = 1e-6  # rad, of a turn's interpolation between samples
 DISTINCT = np.radians(15.0)  # positions whose vertical differs by less are one
 GRAVITY_SIGMA, ANYWHERE_SIGMA = 5e-4, 0.02  # m/s^2: normal gravity misses 50 mGal of terrain; 9.80665 misses latitude and height
 LONGEST_TURN_S = 60.0
-LEAST_SIGMA = {"gyro": 1e-7, "accel": 2e-5}  # rad/s, m/s^2, of a stretch's mean: sensors that round to a constant
 AXES = "xyz"
 ACCEL_NAMES = (*(f"bias {c}" for c in AXES), *(f"scale_factor {c}" for c in AXES), *(f"misalignment {AXES[r]}{AXES[c]}" for r, c in LOWER))
 GYRO_NAMES = (

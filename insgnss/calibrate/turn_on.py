@@ -26,7 +26,7 @@ from ..prepare.still import Stretches
 from ..records import Array
 from ..units import STANDARD_GRAVITY
 
-LEAST_SIGMA = {"gyro": 1e-7, "accel": 2e-5}  # rad/s, m/s^2
+LEAST_SIGMA = {"gyro": 1e-7, "accel": 2e-5}  # rad/s, m/s^2, of the mean of a rest: sensors that round to a constant
 GRAVITY_SIGMA = 5e-4  # m/s^2, normal gravity against the true one
 
 

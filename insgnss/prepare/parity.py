@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Array, Check, ImuSamples
+from ..records.variances import MAD_TO_SIGMA
 from .gaps import nominal_interval
 
 BLOCK_S, WINDOW_BLOCKS = 0.1, 10
@@ -225,7 +226,7 @@ def _spikes(x: Array) -> int:
     """Number of samples far from the mean of their two neighbours, which lie together."""
     off = x[1:-1] - 0.5 * (x[:-2] + x[2:])
     apart = np.abs(x[2:] - x[:-2])
-    usual = np.maximum(1.4826 * np.median(np.abs(off), axis=0), 1e-12)
+    usual = np.maximum(MAD_TO_SIGMA * np.median(np.abs(off), axis=0), 1e-12)
     return int(((np.abs(off) > SPIKE * usual) & (apart < np.abs(off))).any(axis=1).sum())
 
 

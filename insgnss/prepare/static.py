@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ..errors import DataError
 from ..records import Array, Check, ImuSamples, Verdict
+from ..records.variances import MAD_TO_SIGMA
 from ..units import STANDARD_GRAVITY
 from .gaps import find_gaps, nominal_interval
 from .hanging import CHANNELS, LONGER, constant_runs
@@ -31,7 +32,6 @@ BLOCK_S, LEAST_IN_BLOCK, LONG_BLOCKS = 1.0, 20, 10
 SIGMAS, STRONG = 8.0, 20.0
 NEAR = 0.1  # of the mean force to gravity, for a unit to be told
 LEAST_RISE = 0.3  # of the log of a variance: what a thermal fan does to it is not worth a word
-NORMAL = 1.4826
 REST_SHARE = 0.9
 FINE = 1.5  # samples scatter by so many steps of their rounding
 ROUNDED = 0.5  # below it the rounding hides the noise
@@ -300,5 +300,5 @@ def _moving_mean(x: Array, width: int) -> Array:
 def _score(x: Array, least: float) -> Array:
     """Deviations from the median in robust sigmas, column by column."""
     off = x - np.median(x, axis=0)
-    sigma = np.maximum(NORMAL * np.median(np.abs(off), axis=0), least)
+    sigma = np.maximum(MAD_TO_SIGMA * np.median(np.abs(off), axis=0), least)
     return np.asarray(off / np.where(sigma > 0.0, sigma, np.inf))

@@ -13,15 +13,15 @@ import numpy as np
 
 from ..prepare.fix_path import north_east, sound_fixes
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples, Verdict
+from .relation import MAX_LAG_S
 
 STEP_S = 0.1
 SMOOTH_S = 2.0
-MAX_LAG_S = 30.0
 LATE_S, LATE_CORRELATION = 0.5, 0.9  # a lag that is told, where the correlation is clear enough to tell it
 LATE_GAIN = 0.5  # of what the turns leave unexplained at no lag, the most that a lag which is told leaves
 CLEAR_CORRELATION = 0.8  # of turns at another time, to take it for the right one
 STRANGERS = "IMU and GNSS show no common turn: are they of one flight, one day, one clock (or more than 30 s apart)?"
-SURE, AT_ONCE_S, LOOKED_AT_S, EDGE_S = 0.99, 0.5, 300.0, 30.0
+SURE, AT_ONCE_S = 0.99, 0.5
 USUAL_COSINE = 0.92  # of the bank in a turn
 UTC_S = 18.0
 TURNING, STRAIGHTER = 0.02, 4.0  # rad/s at the exposures, and how many times less it must be at the other time
@@ -102,24 +102,14 @@ def _forces_agree(imu: ImuSamples, gnss: GnssFixes) -> str:
 
     A multirotor's course is not its heading. What it feels when it changes its velocity shows all the same whether the records fit.
     """
-    from ..prepare.clock import cut_fixes, cut_samples
-    from .recognition import recognise
+    from .recognition import recognise_liveliest
 
-    begin = _liveliest(gnss)
-    end = begin + LOOKED_AT_S
-    found = recognise(cut_samples(imu, begin - EDGE_S, end + EDGE_S), cut_fixes(gnss, begin, end))
+    found = recognise_liveliest(imu, gnss)
     clock, sure = found.finding("time offset"), min(found.finding(n).confidence for n in ("gyro unit", "gyro triad", "time offset"))
     right = found.finding("gyro triad").value == "aligned" and abs(np.log(found.gyro_factor)) < 1e-6 and found.accel_sign > 0
     if sure < SURE or not right or abs(found.time_offset_s) > AT_ONCE_S:
         return ""
     return f"but the forces agree at {clock.value}"
-
-
-def _liveliest(gnss: GnssFixes) -> float:
-    """Begin of the `LOOKED_AT_S` with the longest path, s."""
-    path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1))])
-    last = np.minimum(np.searchsorted(gnss.time, gnss.time + LOOKED_AT_S), gnss.time.size - 1)
-    return float(gnss.time[np.argmax(path[last] - path)])
 
 
 def _judge_turns(ratio: float, lag: float, best: float, here: float, imu: ImuSamples, dt: float, least_lag: float) -> tuple[Verdict, str]:
