@@ -71,18 +71,17 @@ class Turn:
     sigma: float
 
 
-def calibrate_multi_position(imu: ImuSamples, latitude: float | None = None, height: float = 0.0, needed: int = POSITIONS) -> MultiPosition:
+def calibrate_multi_position(imu: ImuSamples, latitude: float | None = None, height: float = 0.0) -> MultiPosition:
     """Calibrate both triads from a recording at rest in many positions.
 
     latitude : rad, and height : m above the ellipsoid, of the place; without, gravity is 9.80665 m/s^2 with 0.02 m/s^2.
-    needed : least number of positions.
     Raises DataError where fewer were found, or where the outcome is beyond what a calibration may be.
     """
     stretches = still_stretches(imu)
     positions = distinct_positions(stretches)
-    if positions < needed:
+    if positions < POSITIONS:
         raise DataError(
-            f"{imu.source or 'IMU'}: {positions} positions at rest found in {len(stretches)} stretches, {needed} needed; "
+            f"{imu.source or 'IMU'}: {positions} positions at rest found in {len(stretches)} stretches, {POSITIONS} needed; "
             "rest the sensor for 5 s and more in each, faces and edges up and down"
         )
     gravity, sigma = local_gravity(latitude, height)
