@@ -43,6 +43,7 @@ GUESSES = ((0.6, 1.0, 20.0), (1.0, 1.0, 20.0), (1.0, 3.0, 20.0), (0.3, 0.7, 20.0
 CODE_GUESSES = ((0.1, 0.2, 10.0),)
 MORE_LOST, LESS_SURE = 0.01, 1.6
 WHITE_CLAIM = 0.5  # k^2 beyond which the file's claim is of the uncorrelated error alone
+BEYOND = 8.0  # of a logarithm: a factor of 3000 about the start is no error of a fix any more
 FAR = np.log(6.0)  # of T, where the search begins again
 RIDGE, DOUBTFUL = np.log(1.3), 1.0  # step of T along c^2 / T; rise of -2 log L that one sigma makes
 LONGEST_S, LEAST_WHITE, LEAST_CODE = 600.0, 0.2, 0.03  # bounds of T and k: a fix is not believed to less than a fifth of its sigma
@@ -104,7 +105,7 @@ def correlated_error(solution: Solution, layout_with: LayoutWith, known: FixErro
         return _errors(known, max(k, least), c, float(np.clip(T, interval, LONGEST_S)), ratio)
 
     def cost(p: Array) -> float:
-        if np.abs(p).max() > 8.0:
+        if np.abs(p).max() > BEYOND:
             return 1e12
         return _minus_two_log_likelihood(*with_layout(problem, start, layout_with(errors(p))))
 

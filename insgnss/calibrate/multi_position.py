@@ -39,7 +39,7 @@ from ..errors import DataError, InputError
 from ..geodesy.earth import EARTH_RATE, normal_gravity
 from ..geodesy.rotation import rotation_from_vector, skew
 from ..prepare.calibration import LOWER
-from ..prepare.gaps import nominal_interval
+from ..prepare.gaps import LACKING, nominal_interval
 from ..prepare.still import Stretches, still_stretches
 from ..records import Array, ImuSamples
 from ..units import STANDARD_GRAVITY
@@ -196,7 +196,7 @@ def find_turns(imu: ImuSamples, stretches: Stretches) -> list[Turn]:
     for i in range(len(stretches) - 1):
         a, b = np.searchsorted(imu.time, [stretches.time[i, 1], stretches.time[i + 1, 0]])
         length = imu.time[b] - imu.time[a]
-        if b > a and step[a:b].max() < 1.5 * nominal and length < LONGEST_TURN_S:
+        if b > a and step[a:b].max() < LACKING * nominal and length < LONGEST_TURN_S:
             sigma = float(np.sqrt(np.mean(stretches.gyro_std[i : i + 2] ** 2) * nominal * length))
             turns.append(Turn(i, _coned(delta[a:b]), step[a:b].copy(), sigma))
     return turns

@@ -26,6 +26,7 @@ from ..records import Array
 from ..units import STANDARD_GRAVITY
 
 LEAST_SIGMA = {"gyro": 1e-7, "accel": 2e-5}  # rad/s, m/s^2, of the mean of a rest: sensors that round to a constant
+ONE_ATTITUDE_DEG = 5.0  # between verticals of rests: a body that settles on its legs, and not one that was turned
 GRAVITY_SIGMA = 5e-4  # m/s^2, normal gravity against the true one
 
 
@@ -88,8 +89,10 @@ def turn_on_bias(
     each = stretches.accel_mean @ C.T
     u = accel / np.linalg.norm(accel)
     apart = float(np.degrees(np.arccos(np.clip(each @ u / np.linalg.norm(each, axis=1), -1.0, 1.0)).max()))
-    if apart > 5.0:
-        raise DataError(f"stretches at rest tilted by {apart:.1f} deg (limit 5 deg) against each other; take those of one attitude")
+    if apart > ONE_ATTITUDE_DEG:
+        raise DataError(
+            f"stretches at rest tilted by {apart:.1f} deg (limit {ONE_ATTITUDE_DEG:g} deg) against each other; take those of one attitude"
+        )
     level_cov = 0.5 * (EARTH_RATE * np.cos(latitude)) ** 2 * (np.eye(3) - np.outer(u, u))  # (U.1)
     seen = gyro - EARTH_RATE * np.sin(latitude) * u, np.diag(gyro_noise**2) + level_cov
     bias, bias_cov = _updated(np.diag(np.square(gyro_prior)), np.eye(3), *seen)

@@ -32,12 +32,13 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..records import Array, Check, ImuSamples, Quantity, Verdict
 from .combine_kernels import interpolate, running_sum
-from .gaps import nominal_interval
+from .gaps import LACKING, nominal_interval
 from .parity import Parity, parity_of
 
 MOST_LACKING = 0.1  # share of the samples
 SLOPE_S, SMOOTH_S = 0.02, 0.1
 LARGEST_OFFSET_S, COARSE_S = 2.0, 0.02
+APPLIED_SIGMAS, SETTLED_SIGMAS = 5.0, 0.1  # of an offset that is added, and of the change that ends its refinement
 LEAST_OFFSET_S = 2e-5  # 1 rad/s^2 makes 20 urad/s of it
 ALIKE = 0.7  # least correlation of rates of one body
 TURNING = 0.01  # rad/s, rms: less says nothing of clocks
@@ -140,7 +141,7 @@ def _body_rates(imu: ImuSamples, C_b_imu: Array) -> Array:
     if imu.quantity == "increments":
         nominal = nominal_interval(imu.time)
         step = np.diff(imu.time, prepend=imu.time[0] - nominal)
-        per_s = 1.0 / np.where(step > 1.5 * nominal, nominal, step)[:, None]  # type: ignore[assignment]
+        per_s = 1.0 / np.where(step > LACKING * nominal, nominal, step)[:, None]  # type: ignore[assignment]
     return np.hstack([imu.gyro @ C_b_imu.T, imu.accel @ C_b_imu.T]) * per_s
 
 
@@ -163,11 +164,11 @@ class _Track:
         nominal = nominal_interval(imu.time)
         if imu.quantity == "instant_rate":
             step = np.diff(imu.time)
-            return cls(imu.time, rates, np.diff(rates, axis=0) / step[:, None], step > 1.5 * nominal, True)
+            return cls(imu.time, rates, np.diff(rates, axis=0) / step[:, None], step > LACKING * nominal, True)
         time = np.concatenate([[imu.time[0] - nominal], imu.time])
         value = np.empty((time.size, 6))
         running_sum(time, rates, value)
-        return cls(time, value, rates, np.diff(time) > 1.5 * nominal, False)
+        return cls(time, value, rates, np.diff(time) > LACKING * nominal, False)
 
     def at(self, instants: Array) -> Array:
         """Values (n, c), cubic interpolation at increasing instants; constant beyond the ends."""
@@ -189,7 +190,7 @@ class _Track:
         end = base.time - offset
         nominal = nominal_interval(base.time)
         step = np.diff(base.time, prepend=base.time[0] - nominal)
-        begin = end if self.instant else end - np.where(step > 1.5 * nominal, nominal, step)
+        begin = end if self.instant else end - np.where(step > LACKING * nominal, nominal, step)
         rates = self.at(end) if self.instant else (self.at(end) - self.at(begin)) / (end - begin)[:, None]
         breaks = np.concatenate([[0], np.cumsum(self.broken)])
         slack = 1e-6
@@ -222,9 +223,9 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
         change = -float(np.sum(s * d)) / power
         tau += change
         sigma = float(np.sqrt(np.mean(d * d) / power * SMOOTH_S / COARSE_S))  # neighbours within the window are one
-        if abs(change) < 0.1 * sigma:
+        if abs(change) < SETTLED_SIGMAS * sigma:
             break
-    applied = abs(tau) > max(5.0 * sigma, LEAST_OFFSET_S)
+    applied = abs(tau) > max(APPLIED_SIGMAS * sigma, LEAST_OFFSET_S)
     found = f"{name}: {1e3 * tau:+.3f} +- {1e3 * sigma:.3f} ms {'added' if applied else 'would fit, not added'} to its stamps"
     return tau if applied else 0.0, sigma, Check(what, found, expected, "note" if applied and abs(tau) > 1e-3 else "ok")
 

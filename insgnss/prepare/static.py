@@ -22,7 +22,7 @@ from ..errors import DataError
 from ..records import Array, Check, ImuSamples, Verdict
 from ..records.variances import MAD_TO_SIGMA
 from ..units import STANDARD_GRAVITY
-from .gaps import find_gaps, nominal_interval
+from .gaps import LACKING, find_gaps, nominal_interval
 from .hanging import CHANNELS, LONGER, constant_runs
 from .still import MAX_BIAS, NORM_HIGH, NORM_LOW, Stretches, still_stretches
 
@@ -125,7 +125,7 @@ def _unbroken(time: Array, lo: int, hi: int, nominal: float, bridge_s: float) ->
     if not gaps:
         return lo, hi, Check("missing samples", "none", expected)
     step = np.diff(time[lo:hi])
-    cuts = np.flatnonzero(step > max(1.5 * nominal, bridge_s + 1.001 * nominal))
+    cuts = np.flatnonzero(step > max(LACKING * nominal, bridge_s + 1.001 * nominal))
     edges = np.concatenate([[0], cuts + 1, [hi - lo]])
     longest = int(np.argmax(np.diff(edges)))
     first, last = lo + int(edges[longest]), lo + int(edges[longest + 1])
@@ -142,7 +142,7 @@ def _unbroken(time: Array, lo: int, hi: int, nominal: float, bridge_s: float) ->
 def _places(time: Array, nominal: float) -> NDArray[np.int64]:
     """Number of each sample on a grid of equal intervals."""
     step = np.diff(time)
-    whole = np.where(step > 1.5 * nominal, np.rint(step / nominal), 1.0)
+    whole = np.where(step > LACKING * nominal, np.rint(step / nominal), 1.0)
     return np.concatenate([[0], np.cumsum(whole)]).astype(np.int64)
 
 
