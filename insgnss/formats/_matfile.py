@@ -78,14 +78,14 @@ def _struct(item: Any) -> dict[str, Any]:
 
 def _checked(data: bytes, order: str) -> bytes:
     """The file with its variables inflated, after a look at every length."""
-    parts = [data[:HEADER_BYTES]]
+    parts = [data[:116] + bytes(8) + data[124:HEADER_BYTES]]  # without the place of MATLAB's own subsystem data, which moves
     for kind, body in _elements(memoryview(data)[HEADER_BYTES:], order):
         if kind == COMPRESSED:
             kind, body = _inflated(body, order)
         if kind != MATRIX:
             raise Damaged(f"an element of type {kind} in the place of a variable")
         _check_matrix(body, order, 0)
-        parts += [np.array([kind, len(body)], order + "u4").tobytes(), body]
+        parts += [np.array([kind, len(body)], order + "u4").tobytes(), bytes(body)]
     return b"".join(parts)
 
 
@@ -143,7 +143,8 @@ def _check_matrix(body: Bytes, order: str, depth: int) -> None:
     count = 1 if form == OPAQUE else _count(elements[1][1], order, len(body), form)
     expected = 1
     if form in (CELL, STRUCT, OBJECT):
-        expected = count * (1 if form == CELL else _fields(*(part for _, part in elements[len(head) - 1 : len(head) + 1]), order=order))
+        packed = elements[len(head) - 1 : len(head) + 1]
+        expected = count * (1 if form == CELL else _fields(packed[0][1], packed[1][1], order))
     elif SPARSE <= form < FUNCTION:
         expected = (3 if form == SPARSE else 1) + bool(flags & COMPLEX)
     if len(content) != expected:
