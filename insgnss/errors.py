@@ -3,6 +3,7 @@
 The message is one line that names file and line, time, value, limit and the next thing to try, as far as they apply.
 """
 
+from collections.abc import Iterable
 from typing import Any
 
 from .wording import named, setting
@@ -59,3 +60,12 @@ class DataError(InsgnssError):
     """The input is well formed, but the data do not support the answer."""
 
     exit_code = 4
+
+
+def near(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
+    """Advice for a word that is not known: the nearest of the known ones, or all of them."""
+    import difflib
+
+    names = list(known)
+    close = difflib.get_close_matches(word, names, n=1, cutoff=likeness) or difflib.get_close_matches(word.lower(), names, n=1)
+    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names)}"

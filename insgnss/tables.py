@@ -1,6 +1,5 @@
 """Reading a TOML file so that every refusal names its line: tables whose values are checked as they are taken."""
 
-import difflib
 import math
 import re
 import reprlib
@@ -13,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .errors import InputError
+from .errors import InputError, near
 from .records import Array
 
 Columns = tuple[str, ...] | Mapping[str, str] | None
@@ -168,12 +167,6 @@ class Table:
 def is_number(value: object) -> bool:
     """Whether `value` is a finite number that fits into a float; true and false are none."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
-
-
-def near(word: str, known: Sequence[str]) -> str:
-    """Advice: the known name nearest to `word`, or all of them."""
-    close = difflib.get_close_matches(word.lower(), known, n=1)
-    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
 
 
 def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:

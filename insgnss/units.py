@@ -8,15 +8,15 @@ gyroscope's unit is never taken for an accelerometer's; Hz is 1/s, so that deg/h
 dimension. There are no prefixes beyond the names of `UNITS`; ppt is parts per thousand; g is the standard 9.80665 m/s^2.
 """
 
-import difflib
 import math
 import re
 from dataclasses import dataclass
 from fractions import Fraction
 
-from .errors import InputError
+from .errors import InputError, near
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, CGPM 1901
+FOOT_M = 0.3048  # m, the international foot
 
 _NAMES = ("angle", "length", "time")
 
@@ -126,9 +126,7 @@ class _Parser:
             return UNITS[name]
         if not name[:1].isalpha():
             raise InputError(f"{self.quantity!r}: a unit is expected where {name or 'the end'!r} stands; write as in 'deg/h/sqrt(Hz)'")
-        near = difflib.get_close_matches(name, UNITS, n=1, cutoff=0.5)
-        hint = f"the nearest is {near[0]!r}" if near else f"known are {' '.join(UNITS)}"
-        raise InputError(f"{self.quantity!r}: unknown unit {name!r}; {hint}")
+        raise InputError(f"{self.quantity!r}: unknown unit {name!r}; {near(name, UNITS, 0.5)}")
 
 
 def parse_unit(text: str) -> Unit:

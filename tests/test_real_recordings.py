@@ -118,14 +118,14 @@ def test_two_halves_of_the_walk_find_the_same_lever_arm(tmp_path):
 
 def test_fixed_wing_attitude_agrees_with_the_filter_on_board(tmp_path):
     """Oracle: the on-board EKF of the same sensors (recorded), good to about a degree; not independent."""
-    from insgnss.formats.matlab import read_matlab_table
+    from insgnss.formats._content import take_columns
+    from insgnss.formats.matlab import load_matlab
 
     changes = {"time_offset_s = -0.15": "", "[gnss]": "[filter]\ntime_offset = true\n[gnss]"}
     flight = flight_of("umn_thor75", tmp_path, changes)
     result = process(flight, tmp_path / "out")
-    board = read_matlab_table(
-        flight.imu.file, {"time": "time", "alt": "alt", "phi": "phi", "theta": "theta", "psi": "psi"}, variable="flight_data"
-    )
+    names = ("time", "alt", "phi", "theta", "psi")
+    board = take_columns(flight.imu.file, load_matlab(flight.imu.file), {name: name for name in names}, "flight_data")
     path = result.trajectory
     inside = (board["alt"] > 260.0) & (board["time"] > path.time[0]) & (board["time"] < path.time[-1])
     rpy = np.unwrap(rpy_from_rotation(path.C_nb), axis=0)

@@ -38,7 +38,8 @@ CEILING_RAD = np.radians([10.0, 10.0, 60.0])
 WINDOW_S = 60.0
 TRIES = 5
 GOOD_RAD = np.radians(2.0)
-HOPELESS_RAD = np.radians(10.0)  # beyond it the problem is too far from linear for its sigma to be believed
+# of attitude, one sigma: beyond it second-order terms (1.5 % at one sigma) make it incredible
+HOPELESS_RAD = np.radians(10.0)
 HUBER_NIS = 16.0  # of a triple: beyond it a fix is weighed down, from a metre at a sigma of centimetres by ten and more
 MISFIT_NIS = 25.0  # median of a triple, expected 2.4: beyond it the window did not converge to the data
 

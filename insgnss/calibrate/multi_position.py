@@ -39,12 +39,13 @@ from ..errors import DataError, InputError
 from ..geodesy.earth import EARTH_RATE, normal_gravity
 from ..geodesy.rotation import rotation_from_vector, skew
 from ..prepare.calibration import LOWER
-from ..prepare.gaps import nominal_interval
+from ..prepare.gaps import LACKING, nominal_interval
 from ..prepare.still import Stretches, still_stretches
 from ..records import Array, ImuSamples
 from ..units import STANDARD_GRAVITY
 from .groups import Group, solve_groups
 from .result import POSSIBLE, MultiPosition, TriadEstimate, blind_directions, places, sizes
+from .turn_on import LEAST_SIGMA
 
 POSITIONS = 9
 ASTRAY = 0.02  # rad, rms: no noise of a hand-held turn makes as much
@@ -52,7 +53,6 @@ LEAST_TURN = 1e-6  # rad, of a turn's interpolation between samples
 DISTINCT = np.radians(15.0)  # positions whose vertical differs by less are one
 GRAVITY_SIGMA, ANYWHERE_SIGMA = 5e-4, 0.02  # m/s^2: normal gravity misses 50 mGal of terrain; 9.80665 misses latitude and height
 LONGEST_TURN_S = 60.0
-LEAST_SIGMA = {"gyro": 1e-7, "accel": 2e-5}  # rad/s, m/s^2, of a stretch's mean: sensors that round to a constant
 AXES = "xyz"
 ACCEL_NAMES = (*(f"bias {c}" for c in AXES), *(f"scale_factor {c}" for c in AXES), *(f"misalignment {AXES[r]}{AXES[c]}" for r, c in LOWER))
 GYRO_NAMES = (
@@ -71,18 +71,17 @@ class Turn:
     sigma: float
 
 
-def calibrate_multi_position(imu: ImuSamples, latitude: float | None = None, height: float = 0.0, needed: int = POSITIONS) -> MultiPosition:
+def calibrate_multi_position(imu: ImuSamples, latitude: float | None = None, height: float = 0.0) -> MultiPosition:
     """Calibrate both triads from a recording at rest in many positions.
 
     latitude : rad, and height : m above the ellipsoid, of the place; without, gravity is 9.80665 m/s^2 with 0.02 m/s^2.
-    needed : least number of positions.
     Raises DataError where fewer were found, or where the outcome is beyond what a calibration may be.
     """
     stretches = still_stretches(imu)
     positions = distinct_positions(stretches)
-    if positions < needed:
+    if positions < POSITIONS:
         raise DataError(
-            f"{imu.source or 'IMU'}: {positions} positions at rest found in {len(stretches)} stretches, {needed} needed; "
+            f"{imu.source or 'IMU'}: {positions} positions at rest found in {len(stretches)} stretches, {POSITIONS} needed; "
             "rest the sensor for 5 s and more in each, faces and edges up and down"
         )
     gravity, sigma = local_gravity(latitude, height)
@@ -197,7 +196,7 @@ def find_turns(imu: ImuSamples, stretches: Stretches) -> list[Turn]:
     for i in range(len(stretches) - 1):
         a, b = np.searchsorted(imu.time, [stretches.time[i, 1], stretches.time[i + 1, 0]])
         length = imu.time[b] - imu.time[a]
-        if b > a and step[a:b].max() < 1.5 * nominal and length < LONGEST_TURN_S:
+        if b > a and step[a:b].max() < LACKING * nominal and length < LONGEST_TURN_S:
             sigma = float(np.sqrt(np.mean(stretches.gyro_std[i : i + 2] ** 2) * nominal * length))
             turns.append(Turn(i, _coned(delta[a:b]), step[a:b].copy(), sigma))
     return turns

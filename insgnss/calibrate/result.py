@@ -15,11 +15,11 @@ import numpy as np
 from ..prepare.calibration import ImuCalibration, TriadCalibration
 from ..prepare.still import Stretches
 from ..records import Array
+from ..records.verdicts import OBSERVED
 from ..units import STANDARD_GRAVITY
 
 USUAL = {"bias gyro": 2e-4, "bias accel": 0.01, "scale_factor": 1e-3, "misalignment": 1e-3}  # rad/s, m/s^2, 1, rad; 40 deg/h, 1 mg
 POSSIBLE = {"bias gyro": 0.35, "bias accel": 5.0, "scale_factor": 0.1, "misalignment": 0.1}  # the limits of a calibration file
-OBSERVED = 1.0 / 3.0
 NAMED = 0.3  # least component of a blind direction that is named
 
 

@@ -5,9 +5,9 @@ At rest, with u the unit vector upwards in body axes, the mean readings of a str
     gyro  = b_g + w_e (u sin(lat) + h cos(lat)) + noise                                                      (U.1)
     accel = b_a + g u + noise                                                                                (U.2)
 
-h is north in the horizontal plane. Without heading, h is any direction across u: its mean is zero, its covariance (I - u u^T) / 2.
-With a heading psi of standard deviation s, h is known but for s across itself. u comes from the accelerometers themselves, so only the
-magnitude of (U.2) tells of their bias: u . b_a = |accel| - g. Across u a bias is a tilt, and stays what it was a priori.
+h is north in the horizontal plane, of unknown heading: any direction across u, with mean zero and covariance (I - u u^T) / 2.
+u comes from the accelerometers themselves, so only the magnitude of (U.2) tells of their bias: u . b_a = |accel| - g. Across u a bias
+is a tilt, and stays what it was a priori.
 
 Each channel's a-priori standard deviation enters as such (the turn-on bias of the noise model), and what comes out is the a-posteriori
 mean and covariance of the bias: a start for the filter. Several stretches see one bias plus a wander of their own, taken from the
@@ -21,12 +21,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import DataError
 from ..geodesy.earth import EARTH_RATE, normal_gravity
-from ..geodesy.rotation import rotation_from_rpy, skew
 from ..prepare.still import Stretches
 from ..records import Array
 from ..units import STANDARD_GRAVITY
 
-LEAST_SIGMA = {"gyro": 1e-7, "accel": 2e-5}  # rad/s, m/s^2
+LEAST_SIGMA = {"gyro": 1e-7, "accel": 2e-5}  # rad/s, m/s^2, of the mean of a rest: sensors that round to a constant
+ONE_ATTITUDE_DEG = 5.0  # between verticals of rests: a body that settles on its legs, and not one that was turned
 GRAVITY_SIGMA = 5e-4  # m/s^2, normal gravity against the true one
 
 
@@ -34,14 +34,13 @@ GRAVITY_SIGMA = 5e-4  # m/s^2, normal gravity against the true one
 class TurnOnBias:
     """Bias in body axes with its covariance: gyro (3,) rad/s, gyro_cov (3, 3); accel (3,) m/s^2, accel_cov (3, 3).
 
-    heading_known : whether the Earth's horizontal rate was taken off.   seconds : length of the stretches used.
+    seconds : length of the stretches used.
     """
 
     gyro: Array
     gyro_cov: Array
     accel: Array
     accel_cov: Array
-    heading_known: bool
     seconds: float
 
     @property
@@ -59,7 +58,7 @@ class TurnOnBias:
         gyro, accel = np.degrees(3600.0 * self.sigma[:3]), 1e3 * self.sigma[3:] / STANDARD_GRAVITY
         return (
             f"{self.seconds:.0f} s at rest: gyro bias {_three(np.degrees(3600.0 * self.gyro))} +- {_three(gyro)} deg/h"
-            f"{'' if self.heading_known else ' (heading unknown)'}, "
+            " (heading unknown), "
             f"accelerometer bias {_three(1e3 * self.accel / STANDARD_GRAVITY)} +- {_three(accel)} mg"
         )
 
@@ -75,13 +74,11 @@ def turn_on_bias(
     height: float,
     gyro_prior: ArrayLike,
     accel_prior: ArrayLike,
-    heading: tuple[float, float] | None = None,
 ) -> TurnOnBias:
     """Bias from stretches at rest in one attitude (select them with `Stretches.within`).
 
     C_b_imu : (3, 3), IMU axes to body.   latitude : rad; height : m above the ellipsoid.
     gyro_prior, accel_prior : (3,) rad/s, m/s^2, standard deviations before, body axes.
-    heading : of the body and its standard deviation, rad; None where it is not known.
     Raises DataError where there is no stretch, or where the attitudes of the stretches differ by more than 5 deg.
     """
     if not len(stretches):
@@ -92,34 +89,19 @@ def turn_on_bias(
     each = stretches.accel_mean @ C.T
     u = accel / np.linalg.norm(accel)
     apart = float(np.degrees(np.arccos(np.clip(each @ u / np.linalg.norm(each, axis=1), -1.0, 1.0)).max()))
-    if apart > 5.0:
-        raise DataError(f"stretches at rest tilted by {apart:.1f} deg (limit 5 deg) against each other; take those of one attitude")
-    earth, earth_cov = earth_rate_at_rest(u, latitude, heading)
-    seen = gyro - earth, np.diag(gyro_noise**2) + earth_cov
+    if apart > ONE_ATTITUDE_DEG:
+        raise DataError(
+            f"stretches at rest tilted by {apart:.1f} deg (limit {ONE_ATTITUDE_DEG:g} deg) against each other; take those of one attitude"
+        )
+    level_cov = 0.5 * (EARTH_RATE * np.cos(latitude)) ** 2 * (np.eye(3) - np.outer(u, u))  # (U.1)
+    seen = gyro - EARTH_RATE * np.sin(latitude) * u, np.diag(gyro_noise**2) + level_cov
     bias, bias_cov = _updated(np.diag(np.square(gyro_prior)), np.eye(3), *seen)
     g = float(normal_gravity(latitude, height))
     sigma = np.hypot(np.linalg.norm(u * accel_noise), GRAVITY_SIGMA)
     size = np.array([np.linalg.norm(accel) - g])
     force, force_cov = _updated(np.diag(np.square(accel_prior)), u[None, :], size, np.array([[sigma**2]]))
     seconds = float(np.diff(stretches.time, axis=1).sum())
-    return TurnOnBias(bias, bias_cov, force, force_cov, heading is not None, seconds)
-
-
-def earth_rate_at_rest(u: Array, latitude: float, heading: tuple[float, float] | None) -> tuple[Array, Array]:
-    """Mean (3,) rad/s and covariance (3, 3) of the Earth's rate in body axes (U.1); u : (3,) unit vector upwards in body axes."""
-    up, level = EARTH_RATE * np.sin(latitude), EARTH_RATE * np.cos(latitude)
-    across = np.eye(3) - np.outer(u, u)
-    if heading is None:
-        return up * u, 0.5 * level**2 * across
-    roll, pitch = np.arctan2(-u[1], -u[2]), np.arctan2(u[0], np.hypot(u[1], u[2]))
-    north = rotation_from_rpy([roll, pitch, heading[0]])[0]
-    # north is known within an angle s about the vertical: the mean shrinks by exp(-s^2 / 2), as the mean of cos does
-    shrink = np.exp(-0.5 * heading[1] ** 2)
-    east = -skew(u) @ north
-    spread = 0.5 * (1.0 - shrink**4)
-    along = 0.5 * (1.0 + shrink**4) - shrink**2
-    cov = level**2 * (spread * np.outer(east, east) + along * np.outer(north, north))
-    return up * u + level * shrink * north, cov
+    return TurnOnBias(bias, bias_cov, force, force_cov, seconds)
 
 
 def _mean(means: Array, std: Array, samples: NDArray[np.int64], least: float) -> tuple[Array, Array]:

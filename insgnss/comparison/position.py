@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geodesy.frames import ecef_to_geodetic
+from ..units import FOOT_M
 from .hypotheses import DIGITS, ENOUGH, SIMPLER, Trial, explain, rms
 from .poses import Place, Poses
 from .result import Finding
@@ -31,7 +32,6 @@ from .result import Finding
 Array = NDArray[np.float64]
 
 LEAST_M = 0.005  # rms below which nobody asks why
-FOOT = 0.3048
 GEOID_M = (5.0, 110.0)  # geoid heights that are told as such; they run from -107 to +86 m
 GEOID_SPREAD = 0.02  # of them, by which they may vary over a flight
 LEVER_M = 10.0  # no vehicle is longer
@@ -235,8 +235,8 @@ def _vertical(a: Poses, b: Poses) -> Iterator[Trial]:
     name, words = _in_words(mean, d)
     yield Trial(name, words, lambda _, q: q.moved(q.lat, q.lon, q.height - mean), 1, {"up_m": mean})
     for name, words, factor in (
-        ("feet", "heights of b are in feet where a has metres", FOOT),
-        ("metres for feet", "heights of a are in feet where b has metres", 1.0 / FOOT),
+        ("feet", "heights of b are in feet where a has metres", FOOT_M),
+        ("metres for feet", "heights of a are in feet where b has metres", 1.0 / FOOT_M),
         ("height reversed", "b counts heights downwards", -1.0),
     ):
         yield Trial(name, words, _stretched(factor))

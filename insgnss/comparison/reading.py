@@ -19,6 +19,7 @@ from ..geodesy.rotation import (
     rotation_from_rpy,
     rpy_jacobian,
 )
+from ..records.observations import UNKNOWN_MPS
 from .poses import NoOriginError, Place, Poses
 
 Array = NDArray[np.float64]
@@ -26,7 +27,6 @@ Origin = tuple[float, float, float]
 
 HEAD = 16384
 TABLES = ("metashape", "metashape_opk", "pix4d_matic", "pix4d_mapper", "realitycapture", "inpho_ascii", "tum")
-UNKNOWN_MPS = 900.0  # m/s; readers give 1000 to a velocity that was not measured
 HEADERS = {  # of files that other programs take, in lower case
     "pix4d_matic": r"^#?\s*imagename,.*,yaw,pitch,roll",
     "realitycapture": r"^#?\s*name,.*,yaw,pitch,roll",

@@ -9,8 +9,7 @@ import numpy as np
 from ..navigation.codes import BIAS, DRIFT, NAV, VEL
 from ..navigation.solution import Solution
 from ..records import Array, StateVerdict, TimeCorrelatedError
-
-OBSERVED = 1.0 / 3.0  # of the a-priori sigma
+from ..records.verdicts import OBSERVED
 
 
 def constant(solution: Solution, state: int) -> tuple[float, float]:

@@ -3,7 +3,6 @@
 `process` and `insgnss export` both come here, so that a format, a frame and a refusal are the same in either.
 """
 
-import difflib
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, UsageError
+from ..errors import InputError, UsageError, near
 from ..formats._exports import EXPORTS, Export
 from ..geodesy.projection import MapProjection, undulation
 from ..orient.frame import in_frame
@@ -57,9 +56,7 @@ class Exported:
 def known_format(name: str) -> Export:
     """The registered format of that name; UsageError that names the nearest."""
     if name not in EXPORTS:
-        near = difflib.get_close_matches(name.lower(), EXPORTS, n=1)
-        advice = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(EXPORTS)}"
-        raise UsageError(f"export: format {name!r} is unknown; {advice}")
+        raise UsageError(f"export: format {name!r} is unknown; {near(name, EXPORTS)}")
     return EXPORTS[name]
 
 

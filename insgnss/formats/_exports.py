@@ -49,6 +49,12 @@ class Export:
         """The writer."""
         return _function(self.writer)
 
+    @property
+    def page(self) -> str:
+        """The page of `data_specs` that states the format."""
+        module = self.writer.partition(":")[0].removeprefix("experimental.").removesuffix("_accuracy")
+        return "generic_ascii" if module == "table_presets" else module
+
     def in_own_frame(self, eo: FramedOrientation) -> FramedOrientation:
         """`eo` in the frame that the file is really in."""
         return _function(self.frame)(eo) if self.frame else eo
@@ -66,7 +72,6 @@ def _function(place: str) -> Callable[..., Any]:
 
 
 _REFERENCE = "Metashape camera reference: "
-_UNVERIFIED = "no file of the program was at hand; the layout is that of its handbook as others tell it"
 EXPORTS: dict[str, Export] = {
     "eo_local_plane": Export(
         "EO_local-plane.txt",
@@ -99,13 +104,6 @@ EXPORTS: dict[str, Export] = {
         crs_order=True,
     ),
     "pix4d_mapper": Export("pix4d_mapper.csv", "PIX4Dmapper: X Y Z omega phi kappa", "pix4d:write_pix4d_mapper", (PROJECTED, TANGENT)),
-    "pix4d_mapper_accuracy": Export(
-        "pix4d_mapper_experimental.csv",
-        "PIX4Dmapper with accuracies",
-        "pix4d:write_pix4d_mapper_accuracy",
-        (PROJECTED, TANGENT, GEOGRAPHIC),
-        experimental="place of the accuracies and meaning of angles with latitude, longitude",
-    ),
     "odm": Export("geo.txt", "OpenDroneMap: positions and accuracies", "odm:write_odm_geo", (GEOGRAPHIC, PROJECTED)),
     "opensfm": Export(
         "exif_overrides.json",
@@ -129,13 +127,6 @@ EXPORTS: dict[str, Export] = {
         "realitycapture:write_realitycapture",
         (GEOGRAPHIC, TANGENT),
     ),
-    "realitycapture_accuracy": Export(
-        "realitycapture_experimental.csv",
-        "the same with accuracies",
-        "realitycapture:write_realitycapture_accuracy",
-        (GEOGRAPHIC, TANGENT, PROJECTED),
-        experimental="names of accuracies; north of yaw in a projected CRS",
-    ),
     "bentley": Export(
         "blocks.xml",
         "BlocksExchange XML of ContextCapture",
@@ -153,9 +144,6 @@ EXPORTS: dict[str, Export] = {
         needs=("focal_mm", "ground_m"),
     ),
     "inpho_ascii": Export("inpho.txt", "Inpho GNSS/INS table", "inpho:write_inpho_ascii", (PROJECTED, TANGENT)),
-    "patb": Export(
-        "patb_experimental.ori", "PATB orientations", "patb:write_patb", (PROJECTED, TANGENT), experimental="direction of the matrix"
-    ),
     "generic_ascii": Export(
         "eo_table.txt",
         "a table by template: columns, angle set, units, delimiter",
@@ -163,25 +151,6 @@ EXPORTS: dict[str, Export] = {
         (TANGENT, PROJECTED, GEOGRAPHIC, GEOCENTRIC),
         options=("columns", "delimiter", "header", "unit", "camera_axes", "attitude", "north", "decimals_m", "decimals_angle"),
         reader="generic_ascii:read_generic_ascii",
-    ),
-    **{
-        name: Export(
-            f"{name}_experimental.txt",
-            f"table for {tool}",
-            f"_ascii_presets:write_{name}",
-            (PROJECTED, TANGENT),
-            reader="generic_ascii:read_generic_ascii",
-            experimental=_UNVERIFIED,
-        )
-        for name, tool in (("bingo", "BINGO"), ("bluh", "BLUH"), ("orima", "ORIMA"), ("xpro", "XPro"), ("simactive", "SimActive"))
-    },
-    "dji_terra": Export(
-        "dji_terra_experimental.csv",
-        "table for DJI Terra",
-        "_ascii_presets:write_dji_terra",
-        (GEOGRAPHIC,),
-        reader="generic_ascii:read_generic_ascii",
-        experimental=_UNVERIFIED,
     ),
     "colmap": Export(
         "colmap",
@@ -271,3 +240,50 @@ EXPORTS: dict[str, Export] = {
         options=("noise", "form", "gap_s"),
     ),
 }
+
+_UNVERIFIED = "no file of the program was at hand; the layout is that of its handbook as others tell it"
+EXPERIMENTAL: dict[str, Export] = {
+    "pix4d_mapper_accuracy": Export(
+        "pix4d_mapper_experimental.csv",
+        "PIX4Dmapper with accuracies",
+        "experimental.pix4d_accuracy:write_pix4d_mapper_accuracy",
+        (PROJECTED, TANGENT, GEOGRAPHIC),
+        experimental="place of the accuracies and meaning of angles with latitude, longitude",
+    ),
+    "realitycapture_accuracy": Export(
+        "realitycapture_experimental.csv",
+        "RealityCapture/RealityScan flight log with accuracies",
+        "experimental.realitycapture_accuracy:write_realitycapture_accuracy",
+        (GEOGRAPHIC, TANGENT, PROJECTED),
+        experimental="names of accuracies; north of yaw in a projected CRS",
+    ),
+    "patb": Export(
+        "patb_experimental.ori",
+        "PATB orientations",
+        "experimental.patb:write_patb",
+        (PROJECTED, TANGENT),
+        experimental="direction of the matrix",
+    ),
+    **{
+        name: Export(
+            f"{name}_experimental.txt",
+            f"table for {tool}",
+            f"experimental.table_presets:write_{name}",
+            (PROJECTED, TANGENT),
+            reader="generic_ascii:read_generic_ascii",
+            experimental=_UNVERIFIED,
+        )
+        for name, tool in (("bingo", "BINGO"), ("bluh", "BLUH"), ("orima", "ORIMA"), ("xpro", "XPro"), ("simactive", "SimActive"))
+    },
+    "dji_terra": Export(
+        "dji_terra_experimental.csv",
+        "table for DJI Terra",
+        "experimental.table_presets:write_dji_terra",
+        (GEOGRAPHIC,),
+        reader="generic_ascii:read_generic_ascii",
+        experimental=_UNVERIFIED,
+    ),
+}
+"""Formats that could not be held against a file of their program: `formats.experimental`."""
+
+EXPORTS |= EXPERIMENTAL

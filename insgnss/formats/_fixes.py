@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, UsageError
 from ..records import Check, GnssFixes
+from ..records.observations import UNKNOWN_MPS
 from ._columns import clock_of, gps_time
 from ._order import Lines, Picked, put_in_order
 
@@ -20,7 +21,6 @@ Array = NDArray[np.float64]
 SIGMA, VELOCITY, VELOCITY_SIGMA = ("sd_n", "sd_e", "sd_u"), ("vn", "ve", "vd", "vu"), ("sd_vn", "sd_ve", "sd_vd")
 QUALITY_CODES = ("rtklib", "nmea")
 VARIANCE = {"var_n", "var_e", "var_u"}
-UNKNOWN_MPS = 1000.0
 MOST_QUALITY = 7  # of RTKLIB
 NMEA_QUALITY = {0: 0, 1: 5, 2: 4, 3: 5, 4: 1, 5: 2, 6: 0, 7: 0, 8: 0, 9: 3}  # GGA: single, DGPS, PPS, fixed, float; else unknown
 LARGEST = 1e7  # m, m/s; beyond it no antenna is

@@ -10,7 +10,7 @@ from ..errors import InputError
 from ._layout import decode
 from ._text import Source, load
 
-BAD_SHARE_LIMIT = 0.01
+BAD_SHARE_LIMIT = 0.01  # of a file's lines or rows: fewer damaged ones are left out and told, more make another format of it
 
 
 @dataclass(frozen=True, eq=False)

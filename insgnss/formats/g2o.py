@@ -28,6 +28,7 @@ from ..files import atomic_write
 from ..geodesy.rotation import skew
 from ..records import Array, FramedOrientation
 from ..records.framed import GEOCENTRIC, PROJECTED, TANGENT
+from ..records.relative import GAP_S
 from ._eo import check_frame, check_names, said
 from ._poses import inverse_covariance, positive
 from ._text import Source, format_rows
@@ -35,11 +36,10 @@ from .tum import wxyz_last
 
 ROTATIONS = {"quaternion": 0.5, "vector": 1.0}
 WORDS = {"quaternion": "quaternion vector (half the rotation vector)", "vector": "rotation vector (GTSAM)"}
-MAX_GAP_S = 10.0
 
 
 def write_g2o(
-    eo: FramedOrientation, path: Source, max_gap_s: float = MAX_GAP_S, rotation: Literal["quaternion", "vector"] = "quaternion"
+    eo: FramedOrientation, path: Source, max_gap_s: float = GAP_S, rotation: Literal["quaternion", "vector"] = "quaternion"
 ) -> None:
     """Write vertices, numbered from 0 in the order of the images, and edges between neighbours.
 

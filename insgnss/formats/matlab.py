@@ -1,4 +1,5 @@
-"""Variables of MATLAB files, data_specs/matlab.md: version 4 to 7 by `_matfile`, 7.3 (HDF5) by h5py where it is installed.
+"""Variables of MATLAB files, data_specs/matlab.md: version 4 to 7 by scipy behind the checks of `_matfile`, 7.3 (HDF5) by h5py where
+it is installed.
 
 There is no default: `columns` says which field, label or column of a matrix is what; `_content` states how they are named.
 """
@@ -9,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ._content import Content, Matrix, take_columns
+from ._content import Content, Matrix
 from ._layout import printable
-from ._mapped import Columns
 from ._matfile import Damaged, read_mat
 from ._text import Source, load_bytes
 
@@ -77,8 +77,3 @@ def _hdf5(path: Source) -> dict[str, Any]:
     except Exception as error:  # as above
         why = " ".join(str(error).split()) or type(error).__name__
         raise InputError.at(path, None, f"is no whole MATLAB 7.3 file ({why[:120]}); copy it again from its source") from None
-
-
-def read_matlab_table(path: Source, columns: Columns, variable: str | None = None) -> dict[str, Array]:
-    """Arrays (n,) by canonical name, as `_content.take_columns` tells."""
-    return take_columns(path, load_matlab(path), columns, variable)

@@ -3,7 +3,7 @@
 The height above the ellipsoid is GGA's height above mean sea level plus its geoid separation. Time of day and date are UTC; an epoch's
 day counts on where the time of day falls back by more than half a day. Speed s over ground and course c, of RMC or of a VTG that
 follows its epoch, give the horizontal velocity, vn = s cos c, ve = s sin c, where the caller gives a standard deviation for it: NMEA
-has none. The vertical velocity, and the horizontal one of an epoch without a course, is unknown (`_fixes.UNKNOWN_MPS`).
+has none. The vertical velocity, and the horizontal one of an epoch without a course, is unknown (`UNKNOWN_MPS`).
 """
 
 from dataclasses import dataclass, field
@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..geodesy.gpstime import WEEK_S, gps_from_unix_utc
 from ..records import Check, GnssFixes
-from ._fixes import NMEA_QUALITY, UNKNOWN_MPS, FixScales, fixes_from_columns
+from ..records.observations import UNKNOWN_MPS
+from ._fixes import NMEA_QUALITY, FixScales, fixes_from_columns
 from ._layout import shown
 from ._order import note
 from ._sentences import BAD_SHARE_LIMIT, SentenceLines, Sentences, read_sentences

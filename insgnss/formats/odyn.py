@@ -10,15 +10,11 @@ IMU.txt (t, gyro, specific force), GPS.txt (t, latitude, longitude, height) and 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..geodesy.rotation import rotation_from_quaternion
-from ..records import CameraEvents, GnssFixes, ImuSamples
 from ._columns import TIME, Aliases, check_increasing, columns_of, gps_time
 from ._text import Source, read_table
-from .events import read_events
-from .gnss_text import read_gnss_text
-from .imu_csv import read_imu_csv
 
 Array = NDArray[np.float64]
 
@@ -59,13 +55,3 @@ def read_odyn_poses(path: Source) -> OdynPoses:
             raise table.at(row, f"{name} {cols[name][row]:.6f} deg exceeds {limit:.0f}; are the positions in a local frame?")
     C_nb = NED_FROM_ENU @ rotation_from_quaternion(q / norm[:, None])  # (O.1)
     return OdynPoses(time, np.radians(cols["lat"]), np.radians(cols["lon"]), cols["h"], C_nb)
-
-
-def read_odyn(directory: Source, sigma_m: ArrayLike, gps_week: int | None = None) -> tuple[ImuSamples, GnssFixes, CameraEvents]:
-    """Read IMU.txt, GPS.txt and image_timestamps.txt of a directory; sigma_m: north, east, down, of the positions, m."""
-    from pathlib import Path
-
-    folder = Path(directory)
-    imu = read_imu_csv(folder / "IMU.txt", gps_week=gps_week)
-    gnss = read_gnss_text(folder / "GPS.txt", sigma_m=sigma_m, gps_week=gps_week)
-    return imu, gnss, read_events(folder / "image_timestamps.txt", gps_week=gps_week)

@@ -5,9 +5,8 @@ matic    imagename, coordinate1, coordinate2, z, yaw, pitch, roll, accuracy hori
          north and a camera that looks down.
 mapper   imagename, X, Y, Z, omega, phi, kappa; R = Rx(omega) Ry(phi) Rz(kappa), camera right-up-back to the axes of the CRS.
 
-Neither takes standard deviations of angles. The horizontal accuracy is the root mean square of both axes. Where mapper expects
-accuracies behind angles, and what its omega, phi, kappa count from with latitude and longitude, is not documented: these two are
-experimental.
+Neither takes standard deviations of angles. The horizontal accuracy is the root mean square of both axes. What mapper
+takes with accuracies is unverified: `experimental.pix4d_accuracy`.
 """
 
 import numpy as np
@@ -58,15 +57,3 @@ def write_pix4d_mapper(eo: FramedOrientation, path: Source) -> None:
     opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
     form = "%s" + ",%.4f" * 3 + ",%.6f" * 3 + "\n"
     atomic_write(path, table_text("", eo.images, form, np.hstack([eo.coordinates, np.degrees(opk)])))
-
-
-def write_pix4d_mapper_accuracy(eo: FramedOrientation, path: Source) -> None:
-    """Experimental: as `write_pix4d_mapper` with horizontal and vertical accuracy at the end; also latitude, longitude, height."""
-    check_frame(eo, "pix4d_mapper_accuracy", PROJECTED, TANGENT, GEOGRAPHIC)
-    check_names(eo.images, ",")
-    opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
-    order = [1, 0, 2] if eo.frame.kind == GEOGRAPHIC else [0, 1, 2]
-    table = np.hstack([places(eo)[:, order], np.degrees(opk), plan_and_height_sigma(eo)])
-    form = f"%s,{place_form(eo, ',')}" + ",%.6f" * 3 + ",%.5f" * 2 + "\n"
-    head = f"#experimental: place of the accuracies unverified; {one_line(frame_words(eo))}\n"
-    atomic_write(path, table_text(head, eo.images, form, table))

@@ -23,17 +23,17 @@ from ..records import Check, GnssFixes
 from ._layout import sniff
 from ._order import note, open_end, put_in_order
 from ._pos_header import DATE, POSITION, ROOTS, VELOCITY, VELOCITY_ROOTS, Header, is_rtklib_pos, read_header
+from ._sentences import BAD_SHARE_LIMIT
 from ._text import Source, Table, format_rows, load, parse
 
 __all__ = ["PosRows", "is_rtklib_pos", "read_pos_rows", "read_rtklib_pos", "write_rtklib_pos"]
 
 Array = NDArray[np.float64]
+SINGULAR = 1e-12  # of the trace: an eigenvalue below is rounding
 
 NED = np.diag([1.0, 1.0, -1.0])
 ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 JST_S = 9 * 3600.0
-BAD_SHARE_LIMIT = 0.01
-SINGULAR = 1e-12  # of the trace: an eigenvalue below is rounding
 LARGEST_ROOT = 1e7
 
 

@@ -84,16 +84,3 @@ def unwrap_week(tow: ArrayLike) -> Array:
     tow = np.asarray(tow, dtype=np.float64)
     falls = np.diff(tow) < -0.5 * WEEK_S
     return tow + WEEK_S * np.concatenate([[0.0], np.cumsum(falls)]) if falls.any() else tow.copy()
-
-
-def nearest_time(tow: ArrayLike, reference_s: float) -> Array:
-    """Times of week, s, moved by whole weeks to within half a week of `reference_s`, in seconds of the reference's week."""
-    tow = np.asarray(tow, dtype=np.float64)
-    return tow + WEEK_S * np.round((reference_s - tow) / WEEK_S)
-
-
-def full_week(broadcast_week: int, reference_week: int, modulus: int = 1024) -> int:
-    """GPS week nearest to `reference_week` that a counter of `modulus` weeks (1024 legacy, 8192 CNAV) shows as `broadcast_week`."""
-    if not 0 <= broadcast_week < modulus:
-        raise InputError(f"broadcast week {broadcast_week} is outside 0 to {modulus - 1}; it seems to be a full week already")
-    return broadcast_week + modulus * round((reference_week - broadcast_week) / modulus)

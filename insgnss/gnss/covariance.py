@@ -86,7 +86,7 @@ FLOAT_QUALITY = 2
 SUPPORT_EPOCHS = 5  # fixed ones that are needed, and epochs to either side that count where they are rarer than in `support_s`
 SMALLEST_M = 5e-5  # half the last digit of RTKLIB's standard deviations: one that is written as zero is below it
 UNKNOWN_SIGMA_M = (10.0, 10.0, 20.0)  # of an epoch whose covariance the engine did not estimate
-SAME_EPOCH_S = 1e-3
+SAME_EPOCH_S = 1e-3  # s, between times of one epoch in two solutions of one rover: engines write them to a millisecond
 
 
 @dataclass(frozen=True, eq=False)

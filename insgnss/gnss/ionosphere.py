@@ -65,6 +65,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ..records import GnssFixes
+from ..records.variances import MAD_TO_SIGMA
 from .bands import ENGINE_BANDS, kappa, rows_of_systems
 from .estimator import displacement
 from .navigation_message import Navigation
@@ -89,7 +90,6 @@ UNITS = np.array([1.0, 1e-6, 1e-6])  # by which columns of V and G are of one si
 LEAST_EPOCHS, LEAST_S = 60, 600.0
 BLOCK_S, LASTING_S = 300.0, 30.0
 HUBER = 2.0
-MAD_TO_SIGMA = 1.482602218505602
 ITERATIONS = 4
 RIDGE = 1e-9
 LEAST_REDUNDANCY = 1e-3

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..geodesy.frames import ecef_to_geodetic, geodetic_to_ecef
 from ..geodesy.gpstime import WEEK_S
 from ..records import GnssFixes
+from ..records.variances import MAD_TO_SIGMA
 from .bands import CHANNEL_HERTZ, HERTZ
 from .navigation_message import Navigation
 from .orbits import LIGHT, SatelliteStates, emission_states, ranges, sky, unique_satellites
@@ -29,7 +30,6 @@ LOST, HALF_CYCLE = 1, 2  # bits of the loss-of-lock indicator
 SMOOTHING_S = 15.0
 LEAST_SMOOTHED_S = 5.0
 OUTLIER_SIGMAS = 5.0
-MAD_TO_SIGMA = 1.482602218505602
 FREE_IONOSPHERE = 2e-3  # m/s in zenith, of an ionosphere that is not seen in two bands
 
 

@@ -8,7 +8,7 @@ The combined run gives the positions; the other two run for their difference alo
 belief, which they do not touch: forward and backward share them. Of the camera events those of the rover's file are taken, with the
 names of the images where a directory or a list of them is given.
 
-An epoch without velocity from phase gets that of its neighbours' positions, with their covariance and `UNKNOWN_MPS`.
+An epoch without velocity from phase gets that of its neighbours' positions, with their covariance and `BETWEEN_MPS`.
 """
 
 from collections.abc import Mapping
@@ -46,7 +46,7 @@ from .sky import Sky, common_sky, epochs_of
 from .troposphere import Atmosphere, displacement_per_delay, standard_atmosphere, wet_delay_correction
 from .velocity import at_stamps, time_differenced_velocity
 
-UNKNOWN_MPS = 1.0
+BETWEEN_MPS = 1.0  # m/s, one sigma: a drone's velocity at a fix against its mean between the fixes before and after, 2 s apart at 1 Hz
 MOST_VELOCITIES = 0.9
 
 
@@ -297,5 +297,5 @@ def _from_positions(fixes: GnssFixes) -> tuple[Array, Array]:
     interval = np.maximum(fixes.time[after] - fixes.time[before], SAME_EPOCH_S)
     place = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
     moved = np.einsum("nji,nj->ni", rotation_en(fixes.lat, fixes.lon), place[after] - place[before])
-    cov = (fixes.cov_ned[after] + fixes.cov_ned[before]) / interval[:, None, None] ** 2 + UNKNOWN_MPS**2 * np.eye(3)
+    cov = (fixes.cov_ned[after] + fixes.cov_ned[before]) / interval[:, None, None] ** 2 + BETWEEN_MPS**2 * np.eye(3)
     return moved / interval[:, None], cov

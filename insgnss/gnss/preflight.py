@@ -23,6 +23,7 @@ from ..errors import DataError, InputError
 from ..geodesy.frames import ecef_to_geodetic, geodetic_to_ecef
 from ..geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from ..records import Array, Check, GnssFixes
+from ..units import FOOT_M
 from ..wording import named, setting
 from .bands import engine_phases
 from .navigation_message import TOE, Navigation
@@ -36,7 +37,6 @@ FEWEST_SATELLITES = 4
 FEWEST_SHARE = 0.5
 EPHEMERIS_AGE_S = 4 * 3600.0
 ELSEWHERE_M, NEAR_M = 20.0, 5.0
-FOOT_M = 0.3048
 MOVES_M = 15.0
 MOVES_MPS, MOVES_SHARE = 0.2, 0.05
 SIGMAS = 3.0

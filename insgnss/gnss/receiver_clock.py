@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from ..geodesy.gpstime import WEEK_S
 from ..records import Array, CameraEvents, Check, GnssFixes
+from .quality import LONG_GAP_S
 from .sky import epochs_of
 
 if TYPE_CHECKING:
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 
 JUMP_S = 5e-5  # in a step between epochs, beyond the drift
 MOST_DRIFT = 1e-5  # s/s, of a bad crystal
-GAP_S = 2.0
 MARKS_IN_GPST = "format: u-blox"  # in a comment of the header
 
 
@@ -62,7 +62,7 @@ def clock_error(rover: "Observations", fixes: GnssFixes) -> tuple[Array, Array]:
 
 
 def error_at(stamp: Array, clock: Array, when: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Clock minus GPST (k,) s at `when` (k,) s by the receiver's clock, and whether epochs less than `GAP_S` apart surround it."""
+    """Clock minus GPST (k,) s at `when` (k,) s by the receiver's clock, and whether epochs less than `LONG_GAP_S` apart surround it."""
     if stamp.size == 1:
         return np.full(when.shape, clock[0]), when == stamp[0]
     step, length = np.diff(clock), np.diff(stamp)
@@ -72,9 +72,9 @@ def error_at(stamp: Array, clock: Array, when: Array) -> tuple[Array, NDArray[np
     drift = np.where(jumps, drift[before], drift)  # a jump does not follow a jump
     k = np.clip(np.searchsorted(stamp, when, side="right") - 1, 0, step.size - 1)
     inside = (when >= stamp[0]) & (when <= stamp[-1])
-    near = np.where(jumps & (length > GAP_S), 0.0, drift)[k] * (when - stamp[k]) + clock[k]
+    near = np.where(jumps & (length > LONG_GAP_S), 0.0, drift)[k] * (when - stamp[k]) + clock[k]
     at = np.where(when < stamp[-1], near, clock[-1])
-    return np.where(when < stamp[0], clock[0], at), inside & (length[k] <= GAP_S)
+    return np.where(when < stamp[0], clock[0], at), inside & (length[k] <= LONG_GAP_S)
 
 
 def _span(clock: Array) -> str:
@@ -85,5 +85,5 @@ def _told(clock: Array, unsure: Array) -> Check:
     found = f"{_span(clock)} off GPST, taken off the camera events"
     if not unsure.size:
         return Check("receiver clock", found, "below 1 ms")
-    found += f"; {unsure.size} events, the first at {unsure[0]:.3f} s, have no positions before and behind them within {GAP_S:g} s"
+    found += f"; {unsure.size} events, the first at {unsure[0]:.3f} s, have no positions before and behind them within {LONG_GAP_S:g} s"
     return Check("receiver clock", found, "positions around each event", "note", "their clock is that of the nearest positions")

@@ -23,7 +23,7 @@ from .bands import ENGINE_BANDS, HERTZ, rows_of_systems
 from .navigation_message import Navigation
 from .orbits import LIGHT, emission_states, ranges, sky, unique_satellites
 from .phase_pairs import code_ranges
-from .sky import Sky, base_rows
+from .sky import LARGEST_OFFSET_S, Sky, base_rows
 from .troposphere import (
     FIXED,
     Atmosphere,
@@ -43,7 +43,6 @@ Index = NDArray[np.int64]
 SYSTEMS = "GEJC"  # whose satellites share their carriers
 LOWER_HERTZ = 1.3e9  # carriers above it are too near to the first one for the ionosphere to part them
 LARGEST_PART = 0.25  # cycle
-SAME_EPOCH_S = 0.02
 MOST_EPOCHS = 3000
 LEAST_SATELLITES = 3  # of a system in an epoch
 FAR_M = 1e4
@@ -150,7 +149,7 @@ def _usable(fixes: GnssFixes, rover: "Observations", base: "Observations", satel
     """Rows of `satellites` at measurable positions and epochs of the base, of systems with two bands, of at most `MOST_EPOCHS` epochs."""
     apart = base.time[base.epoch[theirs]] + _weeks(rover, base) - rover.time[rover.epoch[satellites.row]]
     shared = np.isin(rover.satellite[satellites.row].astype("U1"), list(SYSTEMS))
-    good = (theirs >= 0) & (np.abs(apart) <= SAME_EPOCH_S) & shared
+    good = (theirs >= 0) & (np.abs(apart) <= LARGEST_OFFSET_S) & shared
     at = np.flatnonzero(good & measurable(fixes, place)[satellites.epoch])
     epochs = np.unique(satellites.epoch[at])
     return at[np.isin(satellites.epoch[at], epochs[:: max(1, -(-epochs.size // MOST_EPOCHS))])]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 AS_USUAL = EngineOptions()
-LARGEST_OFFSET_S = 0.02  # between the stamp of an epoch and of its position: a receiver's clock error
+LARGEST_OFFSET_S = 0.02  # s, between the stamp of an epoch and its position's, or the base's: clocks that receivers do not steer
 
 
 @dataclass(frozen=True, eq=False)

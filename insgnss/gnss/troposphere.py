@@ -40,6 +40,7 @@ from ..config.schema import declared
 from ..errors import DataError, InputError
 from ..geodesy.frames import ecef_to_geodetic
 from ..records import GnssFixes
+from ..units import STANDARD_GRAVITY
 from .estimator import displacement
 from .sky import Sky
 
@@ -47,8 +48,7 @@ Array = NDArray[np.float64]
 
 LAPSE = 6.5e-3  # K/m
 AIR = 287.053  # gas constant of dry air, J/(kg K)
-GRAVITY = 9.80665
-NU = GRAVITY / (AIR * LAPSE)
+NU = STANDARD_GRAVITY / (AIR * LAPSE)
 VAPOUR_LAMBDA = 2.8
 MU_VAPOUR = (VAPOUR_LAMBDA + 1.0) * NU
 K2, K3 = 22.1, 3.739e5  # K/hPa, K^2/hPa

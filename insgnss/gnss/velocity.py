@@ -59,10 +59,10 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import DataError
 from ..geodesy.frames import ecef_to_geodetic, rotation_en
 from ..records import GnssFixes
+from ..records.variances import MAD_TO_SIGMA
 from .navigation_message import Navigation
 from .orbits import LIGHT
 from .phase_pairs import (
-    MAD_TO_SIGMA,
     Antenna,
     Pairs,
     VelocityOptions,

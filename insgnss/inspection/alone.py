@@ -13,11 +13,11 @@ import numpy as np
 from ..geodesy.earth import EARTH_RATE
 from ..prepare.gaps import nominal_interval
 from ..recognise.findings import MOST, Finding
+from ..recognise.units import ACCEL_UNITS
 from ..records import Array, ImuSamples
 from ..units import STANDARD_GRAVITY
 from .sensing import DEG_S, Sensing
 
-ACCEL_UNITS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY}
 NEAR = 0.1  # of |f| to gravity, for a unit to be told
 STEADY = 0.03  # scatter of |f| over its median at rest
 NOISIEST_GYRO, QUIET_GYRO = 0.015, 0.005  # rad/s, scatter of samples at rest: beyond any sensor, and that of a usual one

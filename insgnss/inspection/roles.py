@@ -29,6 +29,7 @@ TENTH_MICRODEGREES, LARGEST_DEGREES = "1e-7 deg", 1e4
 VELOCITY_SIGMAS = {"sd_vn", "sd_ve", "sd_vd"}
 POSITION_SIGMAS = {"sd_n", "sd_e", "sd_u", "sd_ne", "var_n", "var_e", "var_u"}
 MOST_QUALITY = 7  # of RTKLIB's codes
+STEADY = 0.8  # of a triad's mean to its scatter: gravity keeps an accelerometer's above it
 FASTEST_MS, LARGEST_SIGMA = 150.0, 100.0
 FOLLOWS, SLOPE = 0.8, (0.75, 1.3)  # correlation and slope of a velocity against the differences of the positions
 PLACE_BY_VALUES = "by their values: a place on Earth that moves as its velocity says"
@@ -88,7 +89,7 @@ def _two_triads(values: Array, taken: set[int]) -> tuple[int, int] | None:
             continue
         ratio = [_steadiness(rows[:, k : k + 3]) for k in (first, first + 3)]
         gap = max(ratio) / max(min(ratio), 1e-12)
-        if gap > APART and max(ratio) > 0.8 and (best is None or first == 0 or not alive[first - 1]):
+        if gap > APART and max(ratio) > STEADY and (best is None or first == 0 or not alive[first - 1]):
             order = (first + 3, first) if ratio[0] > ratio[1] else (first, first + 3)
             best = best or (gap, *order)
     return None if best is None else best[1:]

@@ -40,6 +40,7 @@ _CLASSES: dict[Grade, tuple[float, float, float, float, float]] = {
     "navigation": (0.05 * DEG_H, 0.2 * MG, 0.01 * DEG_H, 0.02 * MG, 3600.0),
 }
 TACTICAL_WHITE, TACTICAL_BIAS = 2e-3 * DEG_S, 30.0 * DEG_H
+SIGMAS = 3.0  # of the turn-on bias of a shipped model, within which the mean at rest may lie
 FITS = (0.5, 1.6)  # measured white noise over a shipped model's, each of the two sensors
 
 
@@ -156,7 +157,7 @@ def fitting_model(sensing: Sensing) -> str | None:
             float(np.max(sensing.moving_accel)) / max(axis.white_noise for axis in model.accel),
         ]
         known = sensing.rest_s > 0.0
-        small = not known or float(np.abs(sensing.mean_gyro).max()) < 3.0 * model.gyro[0].turn_on_bias
+        small = not known or float(np.abs(sensing.mean_gyro).max()) < SIGMAS * model.gyro[0].turn_on_bias
         if all(FITS[0] < ratio < FITS[1] for ratio in ratios) and small:
             return name
     return None

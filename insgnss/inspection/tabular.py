@@ -15,6 +15,7 @@ from ..errors import InputError
 from ..formats import UNITS
 from ..formats._heads import Kinds, factor_of, kinds_like, names_of, unit_in
 from ..formats._units import usual_unit
+from ..geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from .clocks import UNIX_FROM, tick
 from .grids import FEWEST_ROWS, Table
 from .names import Grid
@@ -32,7 +33,7 @@ UNIT_REASONS = {
 EPOCH_UNITS = {"s": "unix", "ms": "unix_ms", "us": "unix_us", "ns": "unix_ns"}
 VARIABLES = {".mat", ".npy", ".npz"}  # files whose columns must be named
 CLOCKLESS = {".npy", ".npz", ".imu"}
-GPS_EPOCH_UNIX, WEEK_S = 315964782.0, 604800.0  # with the leap seconds since 2017
+GPS_EPOCH_UNIX = GPS_EPOCH_UNIX_S - 18.0  # with the leap seconds since 2017
 
 
 def sources_of_table(path: Path, table: Table) -> list[Source]:

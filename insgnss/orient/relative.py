@@ -33,9 +33,8 @@ from numpy.typing import NDArray
 from ..errors import UsageError
 from ..geodesy.rotation import skew
 from ..records import Array, FramedOrientation
-from ..records.relative import FORMS, Form, RelativeControl
+from ..records.relative import FORMS, GAP_S, Form, RelativeControl
 
-GAP_S = 10.0  # paper 003, 2.3: beyond it equation 6 does not hold
 STRAIGHT_RAD = np.radians(20.0)
 SHORTEST_M = 0.1  # a shorter way has no direction
 VERTICAL_DRIFT = 1.5  # paper 003, 2.3: factor on the drift about the vertical

@@ -8,11 +8,9 @@ is the k-th IMU axis in b, and ``v_b = C_b_imu @ v_imu``. The axes must be a rig
 there are 24. A left-handed one has no meaning for angular rates (a sensor of that kind has a sign error in its data sheet).
 """
 
-import difflib
-
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, near
 from ..records import Array
 
 DIRECTIONS: dict[str, tuple[int, int]] = {
@@ -47,9 +45,7 @@ def parse_axes(words: str) -> Array:
     given = words.lower().replace(",", " ").split()
     for word in given:
         if word not in DIRECTIONS:
-            near = difflib.get_close_matches(word, DIRECTIONS, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else "use forward, backward, right, left, down, up"
-            raise InputError(f"axes {words!r}: {word!r} is no direction; {hint}")
+            raise InputError(f"axes {words!r}: {word!r} is no direction; {near(word, DIRECTIONS)}")
     if len(given) != 3:
         raise InputError(f"axes {words!r}: {len(given)} directions, expected 3 (of the IMU's x, y and z), e.g. 'forward right down'")
     C_b_imu = np.zeros((3, 3))

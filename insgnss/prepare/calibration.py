@@ -26,7 +26,7 @@ from ..files import atomic_write
 from ..records import Array, Check, ImuSamples
 from ..tables import Table, read_toml
 from ..units import format_quantity, parse_quantity
-from .gaps import nominal_interval
+from .gaps import LACKING, nominal_interval
 
 FAR = 0.1  # of the matrix from identity: no calibration, but other units or axes
 LOWER = ((1, 0), (2, 0), (2, 1))
@@ -89,7 +89,7 @@ class ImuCalibration:
         if imu.quantity == "increments":
             nominal = nominal_interval(imu.time)
             step = np.diff(imu.time, prepend=imu.time[0] - nominal)
-            dt = np.where(step > 1.5 * nominal, nominal, step)[:, None]  # an increment after a gap is over one interval
+            dt = np.where(step > LACKING * nominal, nominal, step)[:, None]  # an increment after a gap is over one interval
         note = Check("IMU calibration", f"{self.name or 'calibration'} applied: {self.summary()}", "", "ok")
         return replace(imu, gyro=self.gyro.correct(imu.gyro, dt), accel=self.accel.correct(imu.accel, dt), notes=(*imu.notes, note))
 

@@ -6,9 +6,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..errors import DataError, InputError
+from ..geodesy.gpstime import WEEK_S
 from ..records import CameraEvents, GnssFixes, ImuSamples
 
-WEEK_S = 604800.0
 Timed = TypeVar("Timed", ImuSamples, GnssFixes, CameraEvents)
 SHORTEST_S = 10.0
 

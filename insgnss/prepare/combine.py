@@ -19,7 +19,7 @@ deviations.
 alpha is the slope of a least-squares line over `SLOPE_S` of that IMU's own rates (a fault of one stays in it): a difference of two samples
 would carry more gyro noise over a few centimetres than the accelerometers have.
 
-The parity of what was put together (`parity`) tells whether one of them is faulty. It is reported, and left in: `leave_out` takes it out.
+The parity of what was put together (`parity`) tells whether one of them is faulty. It is reported, and left in.
 """
 
 from collections.abc import Sequence
@@ -32,12 +32,13 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..records import Array, Check, ImuSamples, Quantity, Verdict
 from .combine_kernels import interpolate, running_sum
-from .gaps import nominal_interval
+from .gaps import LACKING, nominal_interval
 from .parity import Parity, parity_of
 
 MOST_LACKING = 0.1  # share of the samples
 SLOPE_S, SMOOTH_S = 0.02, 0.1
 LARGEST_OFFSET_S, COARSE_S = 2.0, 0.02
+APPLIED_SIGMAS, SETTLED_SIGMAS = 5.0, 0.1  # of an offset that is added, and of the change that ends its refinement
 LEAST_OFFSET_S = 2e-5  # 1 rad/s^2 makes 20 urad/s of it
 ALIKE = 0.7  # least correlation of rates of one body
 TURNING = 0.01  # rad/s, rms: less says nothing of clocks
@@ -52,7 +53,7 @@ class CombinedImu:
     offset_s, offset_sigma_s : (m,) what was added to the stamps of each, and its standard deviation (NaN where the rates do not tell).
     gyro_noise, accel_noise : root densities of the result, rad/s/sqrt(Hz) and m/s^2/sqrt(Hz), for white noise (K.2).
     weight : (m, 2) shares of each in gyro and accelerometer, sum 1: a process of density q_j in IMU j becomes sqrt(sum (weight q_j)^2).
-    used : (m,) which were combined.   parity : of all.   checks : clocks, gaps and parity.
+    parity : of all.   checks : clocks, gaps and parity.
     """
 
     samples: ImuSamples
@@ -62,7 +63,6 @@ class CombinedImu:
     gyro_noise: float
     accel_noise: float
     weight: Array
-    used: NDArray[np.bool_]
     parity: Parity
     checks: tuple[Check, ...]
 
@@ -72,19 +72,15 @@ def combine(
     C_b_imu: Sequence[ArrayLike],
     lever_b: Sequence[ArrayLike],
     sigma: Sequence[tuple[float, float]],
-    leave_out: Sequence[int] = (),
-    gnss_score: Sequence[float] | None = None,
 ) -> CombinedImu:
     """Combine two IMUs and more on one body (K.1, K.2).
 
     imus : m recordings in their own axes, of one GPS week; mean rates and increments may be mixed, instantaneous rates not with them.
     C_b_imu : m of (3, 3), IMU axes to body.   lever_b : m of (3,) m, from the first IMU to each, body axes; that of the first is zero.
     sigma : m of white noise root densities (gyro rad/s/sqrt(Hz), accelerometer m/s^2/sqrt(Hz)).
-    leave_out : indices of IMUs that are compared, not combined.
-    gnss_score : (m,) misfit of each alone with GNSS (its mean NIS, say), or None.
     Raises InputError for lists of different lengths, mixed quantities, a first lever arm that is not zero and recordings without overlap.
     """
-    names = _checked(imus, C_b_imu, lever_b, sigma, leave_out)
+    names = _checked(imus, C_b_imu, lever_b, sigma)
     base = imus[0]
     tracks = [_Track.of(imu, _body_rates(imu, np.asarray(C, dtype=np.float64))) for imu, C in zip(imus, C_b_imu, strict=True)]
     stack, there = np.empty((len(imus), base.time.size, 6)), np.ones((len(imus), base.time.size), dtype=bool)
@@ -100,23 +96,22 @@ def combine(
             verdict: Verdict = "note" if np.mean(~there[j]) < MOST_LACKING else "contradiction"
             advice = "its biases come and go with it: leave it out, or cut the flight with start_tow and end_tow"
             checks.append(Check("IMU overlap", found, "all IMUs over the whole recording", verdict, advice))
-    used = np.array([j not in leave_out for j in range(len(imus))])
-    weight = used[:, None] / np.square(np.array(sigma, dtype=np.float64))
+    weight = 1.0 / np.square(np.array(sigma, dtype=np.float64))
     for reading, lever in zip(stack, lever_b, strict=True):
         _remove_lever(reading, base.time, np.asarray(lever, dtype=np.float64))
-    parity = parity_of(stack, there, base.time, np.array(sigma, dtype=np.float64), imus, names, gnss_score)
+    parity = parity_of(stack, there, base.time, np.array(sigma, dtype=np.float64), imus, names)
     gyro, accel = (_weighted(stack[:, :, part], there, weight[:, k]) for k, part in enumerate((slice(0, 3), slice(3, 6))))
     total = weight.sum(axis=0)
     noise = 1.0 / np.sqrt(total)
     quantity: Quantity = "instant_rate" if base.quantity == "instant_rate" else "mean_rate"
-    source = " + ".join(imu.source or "IMU" for imu, use in zip(imus, used, strict=True) if use)
+    source = " + ".join(imu.source or "IMU" for imu in imus)
     samples = replace(base, gyro=gyro, accel=accel, quantity=quantity, source=source, notes=tuple(n for imu in imus for n in imu.notes))
     checks.append(parity.check)
-    return CombinedImu(samples, names, offset, offset_sigma, float(noise[0]), float(noise[1]), weight / total, used, parity, tuple(checks))
+    return CombinedImu(samples, names, offset, offset_sigma, float(noise[0]), float(noise[1]), weight / total, parity, tuple(checks))
 
 
 def _checked(
-    imus: Sequence[ImuSamples], C: Sequence[ArrayLike], lever: Sequence[ArrayLike], sigma: Sequence[tuple[float, float]], out: Sequence[int]
+    imus: Sequence[ImuSamples], C: Sequence[ArrayLike], lever: Sequence[ArrayLike], sigma: Sequence[tuple[float, float]]
 ) -> tuple[str, ...]:
     """Names of the IMUs, after the refusals of `combine`."""
     m = len(imus)
@@ -129,8 +124,6 @@ def _checked(
     instant = {imu.quantity == "instant_rate" for imu in imus}
     if len(instant) > 1:
         raise InputError("instantaneous rates beside mean rates or increments; combine recordings of one kind")
-    if not set(range(m)) - set(out):
-        raise InputError(f"all {m} IMUs are left out; keep one")
     if len({imu.gps_week for imu in imus} - {None}) > 1:
         raise InputError(f"GPS weeks {[imu.gps_week for imu in imus]} of the IMUs differ; put them onto one first")
     for k, imu in enumerate(imus[1:], 2):
@@ -148,7 +141,7 @@ def _body_rates(imu: ImuSamples, C_b_imu: Array) -> Array:
     if imu.quantity == "increments":
         nominal = nominal_interval(imu.time)
         step = np.diff(imu.time, prepend=imu.time[0] - nominal)
-        per_s = 1.0 / np.where(step > 1.5 * nominal, nominal, step)[:, None]  # type: ignore[assignment]
+        per_s = 1.0 / np.where(step > LACKING * nominal, nominal, step)[:, None]  # type: ignore[assignment]
     return np.hstack([imu.gyro @ C_b_imu.T, imu.accel @ C_b_imu.T]) * per_s
 
 
@@ -171,11 +164,11 @@ class _Track:
         nominal = nominal_interval(imu.time)
         if imu.quantity == "instant_rate":
             step = np.diff(imu.time)
-            return cls(imu.time, rates, np.diff(rates, axis=0) / step[:, None], step > 1.5 * nominal, True)
+            return cls(imu.time, rates, np.diff(rates, axis=0) / step[:, None], step > LACKING * nominal, True)
         time = np.concatenate([[imu.time[0] - nominal], imu.time])
         value = np.empty((time.size, 6))
         running_sum(time, rates, value)
-        return cls(time, value, rates, np.diff(time) > 1.5 * nominal, False)
+        return cls(time, value, rates, np.diff(time) > LACKING * nominal, False)
 
     def at(self, instants: Array) -> Array:
         """Values (n, c), cubic interpolation at increasing instants; constant beyond the ends."""
@@ -197,7 +190,7 @@ class _Track:
         end = base.time - offset
         nominal = nominal_interval(base.time)
         step = np.diff(base.time, prepend=base.time[0] - nominal)
-        begin = end if self.instant else end - np.where(step > 1.5 * nominal, nominal, step)
+        begin = end if self.instant else end - np.where(step > LACKING * nominal, nominal, step)
         rates = self.at(end) if self.instant else (self.at(end) - self.at(begin)) / (end - begin)[:, None]
         breaks = np.concatenate([[0], np.cumsum(self.broken)])
         slack = 1e-6
@@ -230,9 +223,9 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
         change = -float(np.sum(s * d)) / power
         tau += change
         sigma = float(np.sqrt(np.mean(d * d) / power * SMOOTH_S / COARSE_S))  # neighbours within the window are one
-        if abs(change) < 0.1 * sigma:
+        if abs(change) < SETTLED_SIGMAS * sigma:
             break
-    applied = abs(tau) > max(5.0 * sigma, LEAST_OFFSET_S)
+    applied = abs(tau) > max(APPLIED_SIGMAS * sigma, LEAST_OFFSET_S)
     found = f"{name}: {1e3 * tau:+.3f} +- {1e3 * sigma:.3f} ms {'added' if applied else 'would fit, not added'} to its stamps"
     return tau if applied else 0.0, sigma, Check(what, found, expected, "note" if applied and abs(tau) > 1e-3 else "ok")
 

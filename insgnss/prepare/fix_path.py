@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from ..geodesy.earth import curvature_radii
 from ..records import Array, GnssFixes
 
+FASTEST_MS = 50.0  # of a drone; a single gross fix makes no longer way than this
 OUTLYING, LEAST_M = 8.0, 0.05  # a fix off its neighbours' cubic by so many typical distances, and by at least this
 
 
@@ -13,6 +14,15 @@ def north_east(gnss: GnssFixes) -> Array:
     """North and east of the first fix, (n, 2) m."""
     M, N = curvature_radii(gnss.lat[0])
     return np.column_stack([(gnss.lat - gnss.lat[0]) * M, (gnss.lon - gnss.lon[0]) * N * np.cos(gnss.lat[0])])
+
+
+def liveliest(gnss: GnssFixes, length_s: float) -> tuple[float, float]:
+    """Begin and end, s, of the `length_s` seconds in which the fixes draw the longest path."""
+    step = np.minimum(np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1), FASTEST_MS * np.diff(gnss.time))
+    path = np.concatenate([[0.0], np.cumsum(step)])
+    end = np.searchsorted(gnss.time, gnss.time + length_s, side="right") - 1
+    first = int(np.argmax(path[end] - path))
+    return float(gnss.time[first]), float(gnss.time[end[first]])
 
 
 def sound_fixes(gnss: GnssFixes) -> NDArray[np.bool_]:

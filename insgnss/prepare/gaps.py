@@ -1,6 +1,6 @@
 """Gaps of the IMU: bridged where the recording itself shows how well that can be done, else the flight is cut there.
 
-An interval longer than 1.5 nominal ones lacks samples. Up to `BRIDGE_S` it is bridged by the mean of the rates at its two ends
+An interval longer than `LACKING` nominal ones lacks samples. Up to `BRIDGE_S` it is bridged by the mean of the rates at its two ends
 (`increments`). What the body did meanwhile is unknown, but the minute around the gap tells how far such a bridge is off: over every
 interval of the same length that has its samples, the bridge is compared with what the sensors saw,
 
@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import DataError
 from ..records import Array, ImuSamples
 
+LACKING = 1.5  # nominal intervals: a longer step lacks a sample at least, and stamps jitter by less than half of one
 BRIDGE_S = 1.0  # beyond it a turning drone's attitude would be known to tens of degrees, where linear theory ends
 AROUND_S = 30.0
 FEW = 20  # comparisons below which the whole recording serves
@@ -29,9 +30,9 @@ def nominal_interval(time: Array) -> float:
 
 
 def find_gaps(time: Array, nominal: float) -> list[tuple[float, float]]:
-    """(time of the last sample before, length) of every interval longer than 1.5 nominal ones."""
+    """(time of the last sample before, length) of every interval longer than `LACKING` nominal ones."""
     step = np.diff(time)
-    return [(float(time[i]), float(step[i])) for i in np.flatnonzero(step > 1.5 * nominal)]
+    return [(float(time[i]), float(step[i])) for i in np.flatnonzero(step > LACKING * nominal)]
 
 
 def limit(nominal: float) -> float:

@@ -30,7 +30,7 @@ import numpy as np
 
 from ..errors import DataError
 from ..records import QUANTITIES, Array, ImuSamples, Increments
-from .gaps import bridged_variance, find_gaps, limit, nominal_interval
+from .gaps import LACKING, bridged_variance, find_gaps, limit, nominal_interval
 
 SNAP_S = 1e-7  # a mark this close to another, or to a sample, is the same instant: 15 m/s make 1.5 micrometres of it
 
@@ -66,7 +66,7 @@ def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array) -> Increments
     stop, rate = np.empty(marks.size, dtype=np.int64), np.empty((marks.size, 3))
     snapped = _snap_to_samples(marks, imu.time)
     samples = (imu.time, imu.gyro, imu.accel, QUANTITIES.index(imu.quantity))
-    n = build_segments(*samples, np.ascontiguousarray(C_b_imu), nominal, 1.5 * nominal, snapped, dt, dtheta, dvel, stop, rate)
+    n = build_segments(*samples, np.ascontiguousarray(C_b_imu), nominal, LACKING * nominal, snapped, dt, dtheta, dvel, stop, rate)
     bridged = bridged_variance(imu, C_b_imu, gaps, snapped) if gaps else None
     return Increments(dt[:n], dtheta[:n], dvel[:n], snapped, stop, rate, nominal, tuple(gaps), bridged)
 

@@ -14,8 +14,8 @@ n q ~ chi-square with n = 30 does not by chance (1e-9) in any flight; a pair con
 Which one. With three IMUs and more the faulty one is in every pair that contradicts, and the pairs without it agree: a vote in every
 window, the majority of the votes decides. With two the data of each must speak for itself: an axis that repeats one value while the
 other's moves, single samples far off their neighbours, noise far beyond what is stated while the other keeps to it. A scale factor
-or a bias that changes is not self-evident; the misfit of each alone with GNSS may tell then (`gnss_score`), and where nothing does,
-the contradiction stands without a name.
+or a bias that changes is not self-evident; the contradiction then
+stands without a name, and what each alone makes of the flight may tell.
 """
 
 from collections.abc import Sequence
@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Array, Check, ImuSamples
+from ..records.variances import MAD_TO_SIGMA
 from .gaps import nominal_interval
 
 BLOCK_S, WINDOW_BLOCKS = 0.1, 10
@@ -40,7 +41,6 @@ STUCK_S, STUCK_RATIO = 0.5, 4.0
 SPIKE = 12.0  # robust standard deviations of a sample against its neighbours
 SPIKES = 5
 NOISE_RATIO = 9.0  # of the variance of sample differences over the stated one, against the other's
-SCORE_RATIO = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +69,11 @@ def parity_of(
     sigma: Array,
     imus: Sequence[ImuSamples],
     names: Sequence[str],
-    gnss_score: Sequence[float] | None = None,
 ) -> Parity:
     """Parity of readings (m, n, 6) in body axes at one place and on one time base.
 
     there : (m, n), which are there.   sigma : (m, 2) root densities of gyro and accelerometer.
-    imus, names : the recordings themselves.   gnss_score : see `combine`.
+    imus, names : the recordings themselves.
     """
     m = len(stack)
     starts = _block_starts(time)
@@ -102,8 +101,6 @@ def parity_of(
         check = Check("IMU parity", "less than two seconds in common", "all pairs agree within their noise", "note")
     if (contradicts.sum(axis=1) >= WINDOWS).any():
         faulty, why = _vote(contradicts, pairs, m, names) if m > 2 else _self_evident(imus, sigma, names)
-        if faulty is None and gnss_score is not None:
-            faulty, why = _by_gnss(gnss_score, names)
         check = _fault(contradicts, middle, faulty, why, names)
     return Parity(pairs, middle, ratio[:, 0], ratio[:, 1], contradicts, matrix, faulty, check)
 
@@ -225,16 +222,8 @@ def _spikes(x: Array) -> int:
     """Number of samples far from the mean of their two neighbours, which lie together."""
     off = x[1:-1] - 0.5 * (x[:-2] + x[2:])
     apart = np.abs(x[2:] - x[:-2])
-    usual = np.maximum(1.4826 * np.median(np.abs(off), axis=0), 1e-12)
+    usual = np.maximum(MAD_TO_SIGMA * np.median(np.abs(off), axis=0), 1e-12)
     return int(((np.abs(off) > SPIKE * usual) & (apart < np.abs(off))).any(axis=1).sum())
-
-
-def _by_gnss(score: Sequence[float], names: Sequence[str]) -> tuple[int | None, str]:
-    """The one whose own misfit with GNSS is far above the others'."""
-    order = np.argsort(score)
-    if score[order[-1]] > SCORE_RATIO * score[order[-2]]:
-        return int(order[-1]), f"alone it misfits GNSS by {score[order[-1]]:.2f}, the next by {score[order[-2]]:.2f}"
-    return None, f"misfits with GNSS {', '.join(f'{s:.2f}' for s in score)} are alike"
 
 
 def _fault(contradicts: NDArray[np.bool_], middle: Array, faulty: int | None, why: str, names: Sequence[str]) -> Check:

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from ..errors import DataError
 from ..records import Array, Check, ImuSamples, Verdict
+from ..records.variances import MAD_TO_SIGMA
 from ..units import STANDARD_GRAVITY
-from .gaps import find_gaps, nominal_interval
+from .gaps import LACKING, find_gaps, nominal_interval
 from .hanging import CHANNELS, LONGER, constant_runs
 from .still import MAX_BIAS, NORM_HIGH, NORM_LOW, Stretches, still_stretches
 
@@ -31,7 +32,6 @@ BLOCK_S, LEAST_IN_BLOCK, LONG_BLOCKS = 1.0, 20, 10
 SIGMAS, STRONG = 8.0, 20.0
 NEAR = 0.1  # of the mean force to gravity, for a unit to be told
 LEAST_RISE = 0.3  # of the log of a variance: what a thermal fan does to it is not worth a word
-NORMAL = 1.4826
 REST_SHARE = 0.9
 FINE = 1.5  # samples scatter by so many steps of their rounding
 ROUNDED = 0.5  # below it the rounding hides the noise
@@ -125,7 +125,7 @@ def _unbroken(time: Array, lo: int, hi: int, nominal: float, bridge_s: float) ->
     if not gaps:
         return lo, hi, Check("missing samples", "none", expected)
     step = np.diff(time[lo:hi])
-    cuts = np.flatnonzero(step > max(1.5 * nominal, bridge_s + 1.001 * nominal))
+    cuts = np.flatnonzero(step > max(LACKING * nominal, bridge_s + 1.001 * nominal))
     edges = np.concatenate([[0], cuts + 1, [hi - lo]])
     longest = int(np.argmax(np.diff(edges)))
     first, last = lo + int(edges[longest]), lo + int(edges[longest + 1])
@@ -142,7 +142,7 @@ def _unbroken(time: Array, lo: int, hi: int, nominal: float, bridge_s: float) ->
 def _places(time: Array, nominal: float) -> NDArray[np.int64]:
     """Number of each sample on a grid of equal intervals."""
     step = np.diff(time)
-    whole = np.where(step > 1.5 * nominal, np.rint(step / nominal), 1.0)
+    whole = np.where(step > LACKING * nominal, np.rint(step / nominal), 1.0)
     return np.concatenate([[0], np.cumsum(whole)]).astype(np.int64)
 
 
@@ -300,5 +300,5 @@ def _moving_mean(x: Array, width: int) -> Array:
 def _score(x: Array, least: float) -> Array:
     """Deviations from the median in robust sigmas, column by column."""
     off = x - np.median(x, axis=0)
-    sigma = np.maximum(NORMAL * np.median(np.abs(off), axis=0), least)
+    sigma = np.maximum(MAD_TO_SIGMA * np.median(np.abs(off), axis=0), least)
     return np.asarray(off / np.where(sigma > 0.0, sigma, np.inf))

@@ -22,7 +22,6 @@ STATIONARY_SHARE = 0.8  # of the time that a standing sensor must be seen at res
 MOTION_REJECTED = (
     0.5  # share of rejected measurements of the motion beyond which it moves otherwise
 )
-UNOBSERVABLE_RAD = np.radians(20.0)  # of attitude: neither the linearisation nor a user can go on
 MOST_NAMED = 5  # images that a check names
 
 
@@ -70,15 +69,17 @@ def refuse_unobservable(flight: Flight, trajectory: Trajectory) -> None:
     Raises
     ------
     DataError
-        Where the median standard deviation of an angle is beyond `UNOBSERVABLE_RAD`.
+        Where the median standard deviation of an angle is beyond `HOPELESS_RAD`.
     """
+    from ..align.initial import HOPELESS_RAD
+
     diagonal = np.diagonal(trajectory.cov, axis1=1, axis2=2)
     sigma = np.median(np.sqrt(diagonal[:, 6:]), axis=0)
-    if not sigma.max() < UNOBSERVABLE_RAD:
+    if not sigma.max() < HOPELESS_RAD:
         raise DataError(
             f"{flight.path}: attitude not observable: its standard deviation is "
             f"{np.degrees(sigma.max()):.0f} deg in the median (limit "
-            f"{np.degrees(UNOBSERVABLE_RAD):.0f}); check the noise model {flight.imu.noise} and "
+            f"{np.degrees(HOPELESS_RAD):.0f}); check the noise model {flight.imu.noise} and "
             "the sigmas of the fixes, or include manoeuvres"
         )
 

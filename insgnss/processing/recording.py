@@ -18,11 +18,6 @@ if TYPE_CHECKING:
     from ..recognise.recognition import Recognition
     from ..stochastic.model import NoiseModel
 
-RECOGNISED_S = (
-    300.0  # of the recording are held against the flight file: those with the longest path
-)
-LATEST_S = 30.0  # of the IMU before and after them: clocks differ by less
-FASTEST_MS = 50.0  # m/s; what a fix jumps farther is no path
 UNIT_WORDS = ("rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg", "rad", "deg", "m/s")
 LEAST_BIAS = 1e-9  # a-priori sigma of a bias that the noise model does not have
 
@@ -187,12 +182,10 @@ def _recognised(
     flight: Flight, imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes
 ) -> "tuple[Recognition, list[Check]]":
     """Compare what the liveliest minutes say of units, axes and clock with the flight file."""
-    from ..prepare.clock import cut_fixes, cut_samples
-    from ..recognise.recognition import compare, recognise
+    from ..recognise.recognition import compare, recognise_liveliest
 
-    lo, hi = _liveliest(gnss)
     options = flight.imu
-    recognition = recognise(cut_samples(imu, lo - LATEST_S, hi + LATEST_S), cut_fixes(gnss, lo, hi))
+    recognition = recognise_liveliest(imu, gnss)
     units = {f"{key}_unit": unit for key, unit in imu.units.items() if unit in UNIT_WORDS}
     disagreements = compare(
         recognition,
@@ -203,15 +196,3 @@ def _recognised(
         **units,
     )
     return recognition, disagreements
-
-
-def _liveliest(gnss: GnssFixes) -> tuple[float, float]:
-    """Return begin and end, s, of the `RECOGNISED_S` with the longest path."""
-    from ..prepare.fix_path import north_east
-
-    distance = np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1)
-    step = np.minimum(distance, FASTEST_MS * np.diff(gnss.time))
-    path = np.concatenate([[0.0], np.cumsum(step)])
-    end = np.searchsorted(gnss.time, gnss.time + RECOGNISED_S, side="right") - 1
-    first = int(np.argmax(path[end] - path))
-    return float(gnss.time[first]), float(gnss.time[end[first]])

@@ -1,10 +1,10 @@
-"""The images of the scene: mottled ground, a cross on every point, the image's name; grey, 8 bits, TIFF 6.0 without compression.
+"""The images of the scene: mottled ground, a cross on every point, the image's name; grey, 8 bits, TIFF without compression.
 
 Every pixel's ray is followed to the ground, so that tools find the same spots in all images. A cross has its middle at the point's pixel
 coordinates, to a fraction of a pixel: its arms are drawn by how much of each pixel they cover.
 """
 
-import struct
+import io
 from pathlib import Path
 
 import numpy as np
@@ -22,24 +22,7 @@ LATTICE = 512
 ARM_PX, HALF_PX = 12, 1.0
 STEPS = 6  # towards the ground; each leaves a tenth of the error
 BAND = 120
-FONT = {
-    "0": (14, 17, 19, 21, 25, 17, 14),
-    "1": (4, 12, 4, 4, 4, 4, 14),
-    "2": (14, 17, 1, 2, 4, 8, 31),
-    "3": (31, 2, 4, 2, 1, 17, 14),
-    "4": (2, 6, 10, 18, 31, 2, 2),
-    "5": (31, 16, 30, 1, 1, 17, 14),
-    "6": (6, 8, 16, 30, 17, 17, 14),
-    "7": (31, 1, 2, 4, 8, 8, 8),
-    "8": (14, 17, 17, 14, 17, 17, 14),
-    "9": (14, 17, 17, 15, 1, 2, 12),
-    "F": (31, 16, 16, 30, 16, 16, 16),
-    "I": (14, 4, 4, 4, 4, 4, 14),
-    "P": (30, 17, 17, 30, 16, 16, 16),
-    "T": (31, 4, 4, 4, 4, 4, 4),
-    ".": (0, 0, 0, 0, 0, 12, 12),
-}
-"""Five columns, seven rows from the top, the left column is the highest bit."""
+POINT_LETTERS_PX, NAME_LETTERS_PX = 16, 40
 
 
 def write_pictures(scene: Scene, directory: Path) -> list[Path]:
@@ -51,26 +34,20 @@ def write_pictures(scene: Scene, directory: Path) -> list[Path]:
         for point, (x, y), seen in zip(scene.names, scene.pixels[k], scene.seen[k], strict=True):
             if seen:
                 _cross(picture, x, y)
-                _write(picture, point, int(x) + ARM_PX + 4, int(y) + 5, 2)
-        _write(picture, name.upper(), 20, 20, 5)
+                _write(picture, point, int(x) + ARM_PX + 4, int(y) + 5, POINT_LETTERS_PX)
+        _write(picture, name.upper(), 20, 20, NAME_LETTERS_PX)
         files.append(directory / name)
         atomic_write(files[-1], tiff(np.clip(np.round(picture), 0, 255).astype(np.uint8)))
     return files
 
 
 def tiff(picture: NDArray[np.uint8]) -> bytes:
-    """A grey TIFF of one strip."""
-    rows, columns = picture.shape
-    start = 8 + 2 + 12 * 12 + 4
-    short, long, rational = 3, 4, 5
-    entries = (
-        *((256, long, columns), (257, long, rows), (258, short, 8), (259, short, 1), (262, short, 1), (273, long, start + 16)),
-        *((277, short, 1), (278, long, rows), (279, long, rows * columns), (282, rational, start), (283, rational, start + 8)),
-        (296, short, 2),
-    )
-    head = struct.pack("<2sHIH", b"II", 42, 8, len(entries))
-    tags = b"".join(struct.pack("<HHII", tag, kind, 1, value) for tag, kind, value in entries)
-    return head + tags + struct.pack("<5I", 0, 300, 1, 300, 1) + picture.tobytes()
+    """A grey TIFF without compression."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(picture).save(stream, "tiff", dpi=(300, 300))
+    return stream.getvalue()
 
 
 def _ground(C_mc: Array, centre: Array, spots: Array) -> Picture:
@@ -111,9 +88,14 @@ def _cross(picture: Picture, x: float, y: float) -> None:
         part[:] = (1.0 - covered) * part + covered * grey
 
 
-def _write(picture: Picture, text: str, x: int, y: int, size: int) -> None:
-    """Black letters on a white field, as far as they lie in the picture."""
-    glyphs = [np.array([[row >> bit & 1 for bit in (4, 3, 2, 1, 0, 5)] for row in FONT[letter]]) for letter in text]
-    ink = np.kron(np.pad(np.hstack(glyphs), 1), np.ones((size, size)))
-    part = picture[y : y + ink.shape[0], x : x + ink.shape[1]]
-    part[:] = 255.0 * (1.0 - ink[: part.shape[0], : part.shape[1]])
+def _write(picture: Picture, text: str, x: int, y: int, height: int) -> None:
+    """Black letters of `height` pixels on a white field, as far as they lie in the picture."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    font = ImageFont.load_default(height)
+    left, top, right, bottom = font.getbbox(text)
+    edge = height // 4
+    field = Image.new("L", (round(right - left) + 2 * edge, round(bottom - top) + 2 * edge), 255)
+    ImageDraw.Draw(field).text((edge - left, edge - top), text, fill=0, font=font)
+    part = picture[y : y + field.height, x : x + field.width]
+    part[:] = np.asarray(field)[: part.shape[0], : part.shape[1]]

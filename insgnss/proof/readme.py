@@ -12,7 +12,6 @@ from .costs import mistakes, of_the_grid
 from .scene import Scene
 
 WIDTH = 100
-SPECS = {"_ascii_presets": "generic_ascii"}
 LOOK = {
     "metashape": "Metashape: align the images with the camera fixed, then look at the Reference pane, which has the errors of cameras "
     "(m, deg) and of markers (m, px).",
@@ -53,7 +52,7 @@ def readme(
     scene: Scene, name: str, form: Export, done: Exported, frame: str, projection: MapProjection | None, ground_m: float | None
 ) -> str:
     """Text of README.txt; frame in words."""
-    file, module = done.file.name, form.writer.partition(":")[0]
+    file = done.file.name
     least = int(scene.seen.sum(axis=0).min())
     parts = [
         f"Proof of the format {name}: {form.what}",
@@ -61,7 +60,7 @@ def readme(
         f"that takes {file} as it is meant, with this camera, finds the points where their crosses are.",
         _files(name, file),
         "What to do",
-        _of(SEE, name) or TO_DO.format(file=file, spec=SPECS.get(module, module), frame=frame),
+        _of(SEE, name) or TO_DO.format(file=file, spec=form.page, frame=frame),
         _of(LOOK, name),
         "What to see",
         _expected(scene, projection, ground_m),

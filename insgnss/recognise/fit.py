@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..geodesy.rotation import rotation_from_vector, skew
 from ..records import Array
+from ..records.variances import MAD_TO_SIGMA
 from ._kernels import scan
 from .signal import LEAST_ROWS, Accelerations, Carried
 
@@ -198,7 +199,7 @@ def fit(carried: Carried, acc: Accelerations, lag: float, sign: int) -> Fit | No
         felt = np.einsum("nij,nj->ni", C[window], u)
         r = z - felt
         robust = acc.weight[use]
-        sigma = 1.4826 * np.sqrt(np.array([_weighted_median(r[:, c] ** 2, robust) for c in range(3)]))
+        sigma = MAD_TO_SIGMA * np.sqrt(np.array([_weighted_median(r[:, c] ** 2, robust) for c in range(3)]))
         sigma = np.maximum(np.array([*(2 * [np.sqrt(0.5 * (sigma[0] ** 2 + sigma[1] ** 2))]), sigma[2]]), 1e-3)
         robust = robust * (FREEDOM + 3.0) / (FREEDOM + np.sum((r / sigma) ** 2, axis=1) * robust)
         step, psi, H, g, yaw = _solve(J, C, felt, r, robust, sigma, window, theta)

@@ -8,9 +8,10 @@ import numpy as np
 
 from ..geodesy.earth import curvature_radii
 from ..prepare.fix_path import north_east
-from ..prepare.gaps import find_gaps, nominal_interval
+from ..prepare.gaps import LACKING, find_gaps, nominal_interval
 from ..prepare.hanging import constant_runs, dead_band
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
+from ..units import STANDARD_GRAVITY
 from .turns import STEP_S, check_events, check_turns, quantity_guess
 
 STILL_S = 5.0
@@ -19,6 +20,9 @@ FAST_MS = 8.0
 ONE_COURSE = 0.95  # resultant of the courses: nearly all within 20 deg; a multirotor may fly so with its nose anywhere
 GYRO_LIMIT, ACCEL_LIMIT = 100.0, 1000.0  # rad/s, m/s^2: 5700 deg/s and 100 g, beyond every sensor that a drone carries
 LOWEST_M, HIGHEST_M = -1000.0, 10000.0
+FORCE = (8.8, 11.0)  # m/s^2, the median of a flight's specific force: gravity, and what turns and climbs add to it
+LOOKS_LIKE = (0.85, 1.15)  # of a norm to what gravity is in a wrong unit
+MANY = 0.01  # of the samples: more readings beyond any sensor are no spikes, but another unit or column
 _WORDS = (("forward", "backward"), ("right", "left"), ("down", "up"))
 
 NAMES = (
@@ -155,7 +159,7 @@ def _readings(imu: ImuSamples, dt: float) -> Check:
     if not found:
         return Check(name, "all within", expected)
     advice = "spikes of the recording: correct them at their source, or cut them away with start_tow or end_tow"
-    if worst > 0.01 * imu.time.size:
+    if worst > MANY * imu.time.size:
         advice = "check imu.units and imu.columns"
     return Check(name, "; ".join(found), expected, "contradiction", advice)
 
@@ -171,21 +175,21 @@ def _thinned(imu: ImuSamples, C_b_imu: Array, dt: float) -> tuple[Array, Array, 
 
 
 def _force_norm(rate: Array, force: Array, imu: ImuSamples, dt: float) -> Check:
-    name, expected = "specific force", "median norm 8.8 to 11.0 m/s^2"
+    name, expected = "specific force", f"median norm {FORCE[0]} to {FORCE[1]} m/s^2"
     norm = float(np.median(np.linalg.norm(force, axis=1)))
     found = f"median norm {norm:.4g} m/s^2"
-    if 8.8 <= norm <= 11.0:
+    if FORCE[0] <= norm <= FORCE[1]:
         return Check(name, found, expected)
-    if norm < 8.8 <= np.median(np.linalg.norm(rate, axis=1)) <= 11.0:
+    if norm < FORCE[0] <= np.median(np.linalg.norm(rate, axis=1)) <= FORCE[1]:
         return Check(name, found, expected, "contradiction", "gyro and accelerometer look exchanged; correct imu.columns")
     guesses = [
-        (1.0 / 9.81, 'imu.units accel = "g"'),
-        (9.81, 'imu.units accel = "m/s^2" (not in g)'),
-        (9.81e-3, 'imu.units accel = "m/s^2" (not in mg)'),
-        (1000.0 / 9.81, 'imu.units accel = "mg"'),
+        (1.0 / STANDARD_GRAVITY, 'imu.units accel = "g"'),
+        (STANDARD_GRAVITY, 'imu.units accel = "m/s^2" (not in g)'),
+        (1e-3 * STANDARD_GRAVITY, 'imu.units accel = "m/s^2" (not in mg)'),
+        (1e3 / STANDARD_GRAVITY, 'imu.units accel = "mg"'),
         quantity_guess(imu, dt),
     ]
-    close = [advice for factor, advice in guesses if 0.85 < norm / 9.81 / factor < 1.15]
+    close = [advice for factor, advice in guesses if LOOKS_LIKE[0] < norm / STANDARD_GRAVITY / factor < LOOKS_LIKE[1]]
     advice = f"the values look like {' or '.join(close)}" if close else "check imu.columns, imu.units and imu.quantity"
     return Check(name, found, expected, "contradiction", advice)
 
@@ -217,7 +221,7 @@ def _gnss_rate(gnss: GnssFixes) -> Check:
     if not step.size:
         return Check("GNSS rate", "a single fix", "no interval over 1.5 nominal ones", "note")
     nominal = float(np.median(step))
-    gaps = step > 1.5 * nominal
+    gaps = step > LACKING * nominal
     found = f"{1.0 / nominal:.2f} Hz, {gnss.time.size} fixes, {int(gaps.sum())} gaps"
     if gaps.any():
         found += f", longest {step.max():.1f} s"

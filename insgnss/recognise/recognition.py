@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..prepare.fix_path import sound_fixes
+from ..prepare.clock import cut_fixes, cut_samples
+from ..prepare.fix_path import liveliest, sound_fixes
 from ..records import Array, Check, GnssFixes, ImuSamples, Quantity, Verdict
 from .axes import Direction, Forward, Pose, axes_words, down, forward, poses, scores
 from .findings import MOST, NAMES, Finding
@@ -20,6 +21,7 @@ INCREMENT_UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "m/s": 1.0}
 SENSOR_UNITS = {"gyro": (*GYRO_UNITS, "rad", "deg"), "accel": (*ACCEL_UNITS, "m/s")}
 LEAST_LATE_S = 0.02  # a clock error that is told
 COMMON_S, WIDE_S = 10.0, 900.0  # s that clocks must have in common to be one, and how far starts may lie apart if they are not
+LOOKED_AT_S = 300.0  # of the fixes: enough turns and changes of speed to tell all that motion can tell
 LATE_S = 0.5  # a clock error that stops the job; below it the filter copes, and a note tells
 
 
@@ -100,6 +102,12 @@ def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
         return _abstained(force, per_sample, why, _scores(relation))
     mirrored = _mirrored(relation, grid, gnss, sound, force, reach)
     return _recognised(relation, force, grid.interval, imu.gps_week or gnss.gps_week, poses(relation, gnss, sound), shift, mirrored)
+
+
+def recognise_liveliest(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
+    """`recognise` of the liveliest `LOOKED_AT_S`, with samples for any time offset that is looked for."""
+    lo, hi = liveliest(gnss, LOOKED_AT_S)
+    return recognise(cut_samples(imu, lo - MAX_LAG_S, hi + MAX_LAG_S), cut_fixes(gnss, lo, hi))
 
 
 def _mirrored(relation: Relation, grid: ImuGrid, gnss: GnssFixes, sound: NDArray[np.bool_], force: ForceUnit, reach: float) -> float:

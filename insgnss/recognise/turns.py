@@ -13,15 +13,22 @@ import numpy as np
 
 from ..prepare.fix_path import north_east, sound_fixes
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples, Verdict
+from .relation import MAX_LAG_S
 
 STEP_S = 0.1
 SMOOTH_S = 2.0
-MAX_LAG_S = 30.0
 LATE_S, LATE_CORRELATION = 0.5, 0.9  # a lag that is told, where the correlation is clear enough to tell it
 LATE_GAIN = 0.5  # of what the turns leave unexplained at no lag, the most that a lag which is told leaves
 CLEAR_CORRELATION = 0.8  # of turns at another time, to take it for the right one
 STRANGERS = "IMU and GNSS show no common turn: are they of one flight, one day, one clock (or more than 30 s apart)?"
-SURE, AT_ONCE_S, LOOKED_AT_S, EDGE_S = 0.99, 0.5, 300.0, 30.0
+SURE, AT_ONCE_S = 0.99, 0.5
+ALIKE, UNLIKE = 0.6, 0.3  # correlations: from the first on the same turns are seen, below the second none of them
+BETTER = 0.15  # by which the correlation at another time must exceed that at no lag
+RATIO = (0.4, 1.8)  # of gyro to course rate: cos(bank) and noise stay within, no wrong unit does
+LOOKS_LIKE = (0.7, 1.4)  # of a ratio to that of a wrong unit
+LEAST_ROWS, LEAST_TURN = 100, 0.02  # of the grid at speed, and the course rate's standard deviation there, rad/s
+FASTEST_TURN = 1.5  # rad/s, of a course
+LEAP_S = (16.0, 20.0)  # a lag that looks like GPS against UTC
 USUAL_COSINE = 0.92  # of the bank in a turn
 UTC_S = 18.0
 TURNING, STRAIGHTER = 0.02, 4.0  # rad/s at the exposures, and how many times less it must be at the other time
@@ -76,7 +83,7 @@ def quantity_guess(imu: ImuSamples, dt: float) -> tuple[float, str]:
 
 def check_turns(time: Array, rate: Array, force: Array, gnss: GnssFixes, imu: ImuSamples, dt: float) -> Check:
     """Gyro unit, handedness and clock. time (k,) s, rate (k, 3) rad/s, force (k, 3) m/s^2 in body axes; dt : IMU interval, s."""
-    name, expected = "turn rate, gyro against GNSS course", "ratio 0.5 to 1.5 at no lag"
+    name, expected = "turn rate, gyro against GNSS course", f"ratio {RATIO[0]:g} to {RATIO[1]:g} at no lag"
     grid = np.arange(max(time[0], gnss.time[0]), min(time[-1], gnss.time[-1]), STEP_S)
     width = _width(gnss, grid)
     if grid.size < max(200, 5 * width):
@@ -85,7 +92,7 @@ def check_turns(time: Array, rate: Array, force: Array, gnss: GnssFixes, imu: Im
     down = -np.column_stack([_smooth(force[:, c], width) for c in range(3)])
     down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
     gyro = np.interp(grid, time, _smooth(np.sum(rate * down, axis=1), width))
-    if moving.sum() < 100 or np.std(course_rate[moving]) < 0.02:
+    if moving.sum() < LEAST_ROWS or np.std(course_rate[moving]) < LEAST_TURN:
         return Check(name, "no turns at speed to compare", expected, "note")
     lag, best, here = _best_lag(gyro, course_rate, moving)
     ratio = float(np.sum(gyro[moving] * course_rate[moving]) / np.sum(course_rate[moving] ** 2))
@@ -102,24 +109,14 @@ def _forces_agree(imu: ImuSamples, gnss: GnssFixes) -> str:
 
     A multirotor's course is not its heading. What it feels when it changes its velocity shows all the same whether the records fit.
     """
-    from ..prepare.clock import cut_fixes, cut_samples
-    from .recognition import recognise
+    from .recognition import recognise_liveliest
 
-    begin = _liveliest(gnss)
-    end = begin + LOOKED_AT_S
-    found = recognise(cut_samples(imu, begin - EDGE_S, end + EDGE_S), cut_fixes(gnss, begin, end))
+    found = recognise_liveliest(imu, gnss)
     clock, sure = found.finding("time offset"), min(found.finding(n).confidence for n in ("gyro unit", "gyro triad", "time offset"))
     right = found.finding("gyro triad").value == "aligned" and abs(np.log(found.gyro_factor)) < 1e-6 and found.accel_sign > 0
     if sure < SURE or not right or abs(found.time_offset_s) > AT_ONCE_S:
         return ""
     return f"but the forces agree at {clock.value}"
-
-
-def _liveliest(gnss: GnssFixes) -> float:
-    """Begin of the `LOOKED_AT_S` with the longest path, s."""
-    path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1))])
-    last = np.minimum(np.searchsorted(gnss.time, gnss.time + LOOKED_AT_S), gnss.time.size - 1)
-    return float(gnss.time[np.argmax(path[last] - path)])
 
 
 def _judge_turns(ratio: float, lag: float, best: float, here: float, imu: ImuSamples, dt: float, least_lag: float) -> tuple[Verdict, str]:
@@ -128,21 +125,21 @@ def _judge_turns(ratio: float, lag: float, best: float, here: float, imu: ImuSam
         f"IMU time is about {lag:+.1f} s off GNSS time",
         f"add {lag:+.1f} s to gnss.time_offset_s or {-lag:+.1f} s to imu.time_offset_s",
     )
-    if abs(best) > 0.6 and abs(lag) > max(1.0, least_lag) and abs(best) > abs(here) + 0.15:
+    if abs(best) > ALIKE and abs(lag) > max(1.0, least_lag) and abs(best) > abs(here) + BETTER:
         if abs(lag) > MAX_LAG_S - 2.0 * STEP_S or abs(best) < CLEAR_CORRELATION:
             return "contradiction", STRANGERS
-        hint = "GPS against UTC (18 s)" if 16.0 <= abs(lag) <= 20.0 else "a wrong clock"
+        hint = "GPS against UTC (18 s)" if LEAP_S[0] <= abs(lag) <= LEAP_S[1] else "a wrong clock"
         return "contradiction", f"{late}: {hint}; {shift}"
-    if abs(best) < 0.3:
+    if abs(best) < UNLIKE:
         return "contradiction", STRANGERS
-    if here < -0.6:
+    if here < -ALIKE:
         return "contradiction", "the gyros turn the other way: imu.axes or gyro sign is wrong, or latitude and longitude are exchanged"
-    if here > 0.6 and not 0.4 < ratio < 1.8:
+    if here > ALIKE and not RATIO[0] < ratio < RATIO[1]:
         return "contradiction", _gyro_unit_advice(ratio, imu, dt)
     tells = 1.0 - best**2 < LATE_GAIN * (1.0 - here**2)
     if best > LATE_CORRELATION and abs(lag) > least_lag + 0.5 * STEP_S and tells:
         return "note", f"{late}; {shift}"
-    return ("ok" if here > 0.6 else "note"), ""
+    return ("ok" if here > ALIKE else "note"), ""
 
 
 def _gyro_unit_advice(ratio: float, imu: ImuSamples, dt: float) -> str:
@@ -156,7 +153,9 @@ def _gyro_unit_advice(ratio: float, imu: ImuSamples, dt: float) -> str:
         quantity_guess(imu, dt),
     ]
     factor, advice = min(guesses, key=lambda guess: abs(np.log(ratio / guess[0])))
-    return f"the gyro values look like {advice}" if 0.7 < ratio / factor < 1.4 else "check imu.units gyro and imu.quantity"
+    return (
+        f"the gyro values look like {advice}" if LOOKS_LIKE[0] < ratio / factor < LOOKS_LIKE[1] else "check imu.units gyro and imu.quantity"
+    )
 
 
 def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.ndarray]:
@@ -173,7 +172,7 @@ def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.nd
     slow = max(1.0, 3.0 * noise / (width * STEP_S))
     moving = _smooth((speed2 > slow**2).astype(float), 2 * width + 1) > 0.999
     moving[: 2 * width] = moving[-2 * width :] = False
-    return rate, moving & (np.abs(rate) < 1.5)
+    return rate, moving & (np.abs(rate) < FASTEST_TURN)
 
 
 def _best_lag(gyro: Array, course_rate: Array, moving: np.ndarray) -> tuple[float, float, float]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geodesy.gpstime import leap_seconds
+from ..geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
 from ..records import Array
 from .axes import Direction, Forward
 from .findings import MOST, Finding
@@ -25,7 +25,6 @@ COUNT_OFF, COUNT_SIGMAS = 0.12, 8.0  # relative error of a gyro, and its ratio t
 SLOW_MS, SLOW, NOSE_FIRST = 3.0, 0.95, 0.995  # who moves slower may carry the IMU as he likes; who flies, mostly flies nose first
 NEAR_S, WHOLE_S = 1.0, 0.5  # lags that count as the same, s; and tolerance of whole seconds
 DEFAULT_LEAP_S = 18.0
-WEEK_S, GPS_EPOCH_UNIX_S = 604800.0, 315964800.0
 
 
 def odds(x: float) -> float:

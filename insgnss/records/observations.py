@@ -14,6 +14,7 @@ from .verdicts import Check
 Quantity = Literal["mean_rate", "increments", "instant_rate"]
 
 QUANTITIES = ("mean_rate", "increments", "instant_rate")
+UNKNOWN_MPS = 1000.0  # m/s, standard deviation of a component of velocity that was not measured: far beyond any drone
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from ._checked import Array, frozen
 
 Form = Literal["mapping", "camera"]
 FORMS: tuple[Form, ...] = ("mapping", "camera")
+GAP_S = 10.0  # s, between exposures of one pair at most: paper 003, 2.3, beyond it equation 6 does not hold
 
 
 @dataclass(frozen=True, eq=False)

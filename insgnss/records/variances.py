@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ._checked import Array, frozen
 
+MAD_TO_SIGMA = 1.482602218505602  # of normal deviates: 1 / Phi^-1(3/4)
+
 
 def chi_square_interval(variance: Array, freedom: Array) -> tuple[Array, Array]:
     """95 % interval of variances whose estimates have these (equivalent) degrees of freedom."""

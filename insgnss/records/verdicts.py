@@ -5,6 +5,9 @@ from typing import Literal
 
 Verdict = Literal["ok", "note", "contradiction"]
 
+# of the a-priori sigma: what is known better after a flight or a recording was observed by it
+OBSERVED = 1.0 / 3.0
+
 
 @dataclass(frozen=True)
 class Check:

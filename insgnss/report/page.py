@@ -20,6 +20,8 @@ from .sections import constants, flight_lines, key_numbers, limits, segments_and
 from .summary import plain
 from .wording import millimetres
 
+FAR_ABOVE = 2.0  # mean NIS a degree of freedom: beyond it the sigmas of the result are wrong by more than 40 %
+
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1c2430; --paper: #ffffff; --pale: #f3f5f8; --rule: #d5dae1; --soft: #5b6675;
   --ok: #00734f; --note: #a65200; --bad: #b3261e; }
@@ -89,7 +91,7 @@ def _mood(summary: Mapping[str, Any]) -> str:
     position = summary["consistency"]["position"]
     if any(check["verdict"] == "contradiction" for check in summary["checks"]) or not summary["counts"]["fixes_used"]:
         return "bad"
-    if not summary["standing"] and position["verdict"] == "overconfident" and position["mean_per_dof"] > 2.0:
+    if not summary["standing"] and position["verdict"] == "overconfident" and position["mean_per_dof"] > FAR_ABOVE:
         return "bad"
     return "doubtful" if any(limit["rank"] >= 1.0 for limit in summary["limits"]) else "good"
 

@@ -13,6 +13,7 @@ GOOD_HORIZONTAL_MM, GOOD_TILT_DEG, GOOD_HEADING_DEG = 50.0, 0.05, 0.15
 GOOD_GYRO_DEG_H = 60.0
 CODE_MM = 500.0  # horizontal sigma beyond which no ambiguities were fixed
 HEIGHT_RATIO = 2.0  # of the vertical to one horizontal sigma
+OF_FIXES = 0.7  # of that ratio, from which on the fixes themselves explain it
 MINUTE_S = 60.0
 SIGNIFICANT = 3.0  # sigmas of an estimated constant
 REMARK, MOST_NAMED = 0.5, 4
@@ -69,7 +70,7 @@ def heights(f: Figures) -> Iterator[Limit]:
     if ratio < HEIGHT_RATIO or f["standing"]:
         return
     sigma = f["innovations"]["median_sigma_mm"]
-    of_fixes = sigma is not None and sigma[2] > 0.7 * ratio * max(sigma[:2])
+    of_fixes = sigma is not None and sigma[2] > OF_FIXES * ratio * max(sigma[:2])
     told = f"heights: {ratio:.1f} x the horizontal sigmas ({millimetres(down)} against {millimetres(max(north, east))})"
     why, help_ = "the lever arm or the IMU weakens them", "look at the antenna's lever arm down"
     if of_fixes:

@@ -8,7 +8,7 @@ from .wording import Figures, Limit, degrees, image_range, millimetres, span, ti
 FIRST_IMAGE_RATIO, LINE_RATIO, WORST_IMAGE_RATIO, OUTAGE_RATIO = 1.5, 1.5, 3.0, 2.0  # of a sigma over the median
 FEWEST_LINES = 3  # that have a median to be compared with
 TURN_DEG = 60.0  # heading range that counts as a turn
-LONG_GAP_S = 0.2
+LONG_IMU_GAP_S = 0.2
 REMARK = 0.5
 
 
@@ -134,7 +134,7 @@ def gaps(f: Figures) -> Iterator[Limit]:
         longest = max(found, key=lambda gap: float(gap["length_s"]))
         told = "1 gap of the IMU was bridged," if len(found) == 1 else f"{len(found)} gaps of the IMU were bridged, the longest"
         text = f"{told} of {longest['length_s']:.3f} s at TOW {longest['time_s']:.1f} s"
-        yield Limit("IMU gaps", max(REMARK, longest["length_s"] / LONG_GAP_S), text, "")
+        yield Limit("IMU gaps", max(REMARK, longest["length_s"] / LONG_IMU_GAP_S), text, "")
 
 
 def _median(x: Sequence[float]) -> float:

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UsageError
+from ..formats._text import format_rows
 from ..formats.events import write_events
 from ..formats.gnss_text import ImagePositions, write_gnss_text, write_image_positions
 from ..geodesy.rotation import CV_RUB, opk_from_rotation
@@ -41,7 +42,6 @@ Array = NDArray[np.float64]
 TARGETS = "01_Observations/Camera/GCPs"
 _TARGETS = 40
 _RELIEF_M = 2.0
-_CHUNK = 20000  # lines of the IMU file formatted at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,9 +186,7 @@ def _imu_lines(imu: ImuSamples, units: Units) -> Iterator[str]:
     yield ",".join(["tow[s]", *columns]) + "\n"
     row = units.row()
     table = np.column_stack([imu.time, imu.gyro / units.gyro_si, imu.accel / units.accel_si])
-    for first in range(0, len(table), _CHUNK):
-        part = table[first : first + _CHUNK]
-        yield row * len(part) % tuple(part.ravel().tolist())
+    yield from format_rows(row, table)
 
 
 def _write_raw_gnss(root: Path, names: RinexNames, raw: RawGnss) -> None:

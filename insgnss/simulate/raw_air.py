@@ -32,12 +32,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import UsageError
+from ..units import STANDARD_GRAVITY as GRAVITY
 
 Array = NDArray[np.float64]
 
 RADIUS_M = 6.371e6
 LAPSE, TROPOPAUSE_M = 6.5e-3, 1.1e4
-AIR, GRAVITY = 287.053, 9.80665  # J/(kg K), m/s^2
+AIR = 287.053  # J/(kg K), stated here too: what is simulated borrows nothing from what corrects it
 VAPOUR_SCALE_M = 2000.0
 LAYERS = (0.0, 0.15, 0.4, 1.0)  # of the way from the antenna to the tropopause, whose bend is an edge
 HIGH_LAYERS_M = (2e4, 4e4, 8e4)

@@ -4,7 +4,6 @@ What is shared by the three axes stands in [gyro] or [accel], what differs in [g
 quantities that it is of.
 """
 
-import difflib
 import re
 import textwrap
 import tomllib
@@ -13,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError
+from ..errors import InputError, near
 from ..units import format_quantity, parse_quantity
 from .model import GAUSS_MARKOV, GM_KEYS, NOISE_UNITS, QUANTITIES, AxisNoise, GaussMarkov, NoiseModel, RecordingSource
 
@@ -68,8 +67,7 @@ class _Reader:
             raise self.error(where, f"{table!r} stands where a table [{where}] is expected")
         for key in table:
             if key not in keys:
-                near = difflib.get_close_matches(key, keys, n=1, cutoff=0.0)
-                raise self.error(f"{where}.{key}" if where else key, f"unknown key; the nearest known is {near[0]!r}")
+                raise self.error(f"{where}.{key}" if where else key, f"unknown key; {near(key, keys)}")
         return table
 
     def model(self, tree: dict[str, Any]) -> NoiseModel:

@@ -8,17 +8,12 @@ Its integral over the step, y, given both ends (the bridge of the process):
 
     y = T tanh(u/2) (e(0) + e(dt)) + v,      var v = q^2 T^3 (u - 2 tanh(u/2)),   v independent of w   (P.2)
 
-Without the far end, y = T (1 - phi) e(0) + w_y with
-
-    cov(w, w_y) = q^2 T^2/2 (1 - phi)^2,     var w_y = q^2 T^3 (u - 2 (1 - phi) + (1 - phi^2)/2)       (P.3)
-
 The difference in (P.2) cancels when u is small, as it is for an IMU (4e-7 at 500 Hz and 4737 s). With v = u/2 and Lambert's
 continued fraction tanh v = v / (1 + c), c = v^2/(3 + v^2/(5 + v^2/(7 + ...))), it is free of cancellation:
 
-    u - 2 tanh(u/2) = u c / (1 + c)                                                                   (P.4)
+    u - 2 tanh(u/2) = u c / (1 + c)                                                                   (P.3)
 
-and so is (P.3), as var w_y = var v + (T tanh(u/2))^2 var w. The random walk is the limit of large T:
-var w = q^2 dt,  y = dt (e(0) + e(dt))/2 + v,  var v = q^2 dt^3/12.
+The random walk is the limit of large T: var w = q^2 dt,  y = dt (e(0) + e(dt))/2 + v,  var v = q^2 dt^3/12.
 """
 
 import math
@@ -52,18 +47,6 @@ def random_walk_step(q: float, dt: float) -> tuple[float, float]:
     return 1.0, q * q * dt
 
 
-def gauss_markov_integral_step(T: float, q: float, dt: float) -> tuple[Array, Array]:
-    """Transition (2, 2) and process-noise covariance (2, 2) of (e, integral of e) over `dt` (P.1, P.3).
-
-    Units as in `gauss_markov_step`; the integral, X s, starts from its value at the step's beginning.
-    """
-    phi, variance = gauss_markov_step(T, q, dt)
-    factor, rest = gauss_markov_bridge(T, q, dt)
-    fall = -math.expm1(-dt / T)
-    cross = 0.5 * (q * T * fall) ** 2
-    return np.array([[phi, 0.0], [T * fall, 1.0]]), np.array([[variance, cross], [cross, rest + factor**2 * variance]])
-
-
 def gauss_markov_bridge(T: float, q: float, dt: float) -> tuple[float, float]:
     """Factor of (e(0) + e(dt)), s, and independent variance, X^2 s^2, of the integral of e over `dt` (P.2)."""
     u = dt / T
@@ -71,7 +54,7 @@ def gauss_markov_bridge(T: float, q: float, dt: float) -> tuple[float, float]:
         v2, c = 0.25 * u * u, 0.0
         for k in range(21, 1, -2):
             c = v2 / (k + c)
-        difference = u * c / (1.0 + c)  # (P.4)
+        difference = u * c / (1.0 + c)  # (P.3)
     else:
         difference = u - 2.0 * math.tanh(0.5 * u)
     return T * math.tanh(0.5 * u), q * q * T**3 * difference

@@ -17,14 +17,16 @@ from scipy.spatial.transform import Rotation
 from insgnss.errors import DataError, InputError, UsageError
 from insgnss.formats.bentley import write_bentley
 from insgnss.formats.eo_local_plane import write_eo_local_plane
+from insgnss.formats.experimental.patb import write_patb
+from insgnss.formats.experimental.pix4d_accuracy import write_pix4d_mapper_accuracy
+from insgnss.formats.experimental.realitycapture_accuracy import write_realitycapture_accuracy
 from insgnss.formats.inpho import write_inpho_ascii, write_inpho_prj
 from insgnss.formats.metashape import read_metashape, write_metashape, write_metashape_offset, write_metashape_opk
 from insgnss.formats.micmac import write_micmac, write_micmac_xml
 from insgnss.formats.odm import write_odm_geo
 from insgnss.formats.opensfm import write_opensfm
-from insgnss.formats.patb import write_patb
-from insgnss.formats.pix4d import write_pix4d_mapper, write_pix4d_mapper_accuracy, write_pix4d_matic
-from insgnss.formats.realitycapture import write_realitycapture, write_realitycapture_accuracy
+from insgnss.formats.pix4d import write_pix4d_mapper, write_pix4d_matic
+from insgnss.formats.realitycapture import write_realitycapture
 
 Read = list[tuple[Place, Array, bool]]
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from insgnss.errors import DataError, InputError, UsageError
-from insgnss.formats import _ascii_presets
+from insgnss.formats.experimental import table_presets
 from insgnss.formats.generic_ascii import read_generic_ascii, write_generic_ascii
 
 LOOK = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])  # formats.md B10: viewing direction, right, down as columns of the camera
@@ -240,10 +240,10 @@ def test_tables_that_are_not_read(before: str, after: str, message: str, tmp_pat
     assert message in str(refusal.value)
 
 
-@pytest.mark.parametrize("name", _ascii_presets.PRESETS)
+@pytest.mark.parametrize("name", table_presets.PRESETS)
 def test_presets_say_that_they_are_experimental(name: str, tmp_path: Path) -> None:
     """Oracle: the order of formats.md B10, by the header; the table reads back; a frame that it is not for is refused."""
-    write = getattr(_ascii_presets, f"write_{name}")
+    write = getattr(table_presets, f"write_{name}")
     eo = framed(block(2), "geographic" if name == "dji_terra" else "EPSG:2056")
     write(eo, tmp_path / "x")
     assert f"# experimental: this layout for {name} is unverified\n" in (tmp_path / "x").read_text()

@@ -70,7 +70,7 @@ def test_version_4() -> None:
     got = read_mat(stream.getvalue())
     assert np.array_equal(got["a"], np.arange(6.0).reshape(2, 3))
     assert np.array_equal(got["b"].reshape(-1), np.arange(4))
-    with pytest.raises(Damaged, match="it ends within a variable"):
+    with pytest.raises(Damaged, match=r"Not enough bytes to read matrix 'b'"):
         read_mat(stream.getvalue()[:-1])
 
 
@@ -86,6 +86,25 @@ def test_the_other_byte_order() -> None:
     )
     data = b"MATLAB 5.0 MAT-file".ljust(124) + b"\1\0MI" + struct.pack(">2I", 14, len(parts)) + parts
     assert read_mat(data)["x"].tolist() == [[1.5, 2.5, 3.5]]
+
+
+@pytest.mark.parametrize(
+    ("offset", "value", "message"),
+    [
+        (4, 1 << 30, "it ends within an element of 1073741824 bytes"),
+        (32, 1 << 20, "a variable of 1048576 x 3 in 72 bytes"),
+        (48, 14, "3 values in 24 bytes of type 14"),
+        (52, 1 << 30, "it ends within an element of 1073741824 bytes"),
+    ],
+)
+def test_sizes_and_types_that_would_crash_scipy_are_refused(offset: int, value: int, message: str) -> None:
+    """Oracle: scipy 1.17, which takes the memory or ends the process; offsets from the first variable's tag, as the format has them."""
+    stream = io.BytesIO()
+    savemat(stream, {"a": np.arange(3.0).reshape(1, 3)})
+    data = bytearray(stream.getvalue())
+    struct.pack_into("<I", data, 128 + offset, value)
+    with pytest.raises(Damaged, match=message):
+        read_mat(bytes(data))
 
 
 def test_names_stay_in_their_line() -> None:

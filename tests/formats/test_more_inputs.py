@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from insgnss.errors import InputError
-from insgnss.formats import read_gnss, read_imu
-from insgnss.formats.odyn import read_odyn, read_odyn_poses
+from insgnss.formats import read_events, read_gnss, read_imu
+from insgnss.formats.odyn import read_odyn_poses
 from insgnss.formats.psins import read_psins_header
 from insgnss.formats.sbet import read_sbet_trajectory, smrmsg_beside, write_sbet, write_smrmsg
 from insgnss.geodesy.rotation import rotation_from_rpy
@@ -141,7 +141,8 @@ def test_odyn_directory(tmp_path: Path) -> None:
     (tmp_path / "IMU.txt").write_text("10.0,0.1,0.2,0.3,1,2,-9.8\n10.002,0.1,0.2,0.3,1,2,-9.8\n")
     (tmp_path / "GPS.txt").write_text("10.0,46.57,6.54,630.0\n10.1,46.57,6.54,630.0\n")
     (tmp_path / "image_timestamps.txt").write_text("8001,10.05\n8002,10.08\n")
-    imu, gnss, events = read_odyn(tmp_path, [0.025, 0.025, 0.05], 2008)
+    imu, events = read_imu(tmp_path / "IMU.txt"), read_events(tmp_path / "image_timestamps.txt")
+    gnss = read_gnss(tmp_path / "GPS.txt", sigma_m=[0.025, 0.025, 0.05])
     assert imu.accel[0].tolist() == [1.0, 2.0, -9.8]
     assert gnss.height.tolist() == [630.0, 630.0]
     assert events.images == ("8001", "8002")

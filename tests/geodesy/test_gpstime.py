@@ -87,17 +87,6 @@ def test_week_end_is_unwrapped_and_a_clock_error_is_not():
     assert gpstime.unwrap_week([]).size == 0
 
 
-def test_nearest_week():
-    """Oracle: hand arithmetic around a week's end; and the GPS week of 3 July 2018, broadcast as 2008 - 1024."""
-    assert_allclose(gpstime.nearest_time([5.0, 604795.0], 604790.0), [604805.0, 604795.0], rtol=0, atol=0)
-    assert_allclose(gpstime.nearest_time([604795.0], 10.0), [-5.0], atol=0)
-    assert gpstime.full_week(984, 2010) == 2008
-    assert gpstime.full_week(1023, 2048) == 2047
-    assert gpstime.full_week(2008, 2010, modulus=8192) == 2008
-    with pytest.raises(InputError, match="outside 0 to 1023"):
-        gpstime.full_week(2008, 2010)
-
-
 def test_times_before_gps_are_refused():
     """Oracle: by contract; the message says when GPS time starts."""
     with pytest.raises(InputError, match="1980-01-06"):

@@ -7,9 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from flown import NO_GATE, Flown, error_of, fly, moved, start_near
-from insgnss.navigation.kernels.error_model import channel_columns
-from insgnss.navigation.kernels.records import make_integrals
-from insgnss.navigation.kernels.update import feed_back
 from numpy.testing import assert_allclose, assert_array_equal
 
 from insgnss.errors import DataError
@@ -18,8 +15,9 @@ from insgnss.geodesy.rotation import quaternion_from_rotation, rotation_from_vec
 from insgnss.navigation import solution as solution_module
 from insgnss.navigation.codes import COVARIANCE_RESET, REJECTED, USED
 from insgnss.navigation.filter import gate_from_sigma, make_history, run_filter
-from insgnss.navigation.kernels.error_model import add_gap_noise
-from insgnss.navigation.kernels.update import reset_covariance
+from insgnss.navigation.kernels.error_model import add_gap_noise, channel_columns
+from insgnss.navigation.kernels.records import make_integrals
+from insgnss.navigation.kernels.update import feed_back, reset_covariance
 from insgnss.navigation.smoother import run_smoother
 from insgnss.navigation.solution import Solution, solve, trajectory
 

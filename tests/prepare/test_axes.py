@@ -70,7 +70,7 @@ def test_every_left_handed_triple_is_refused_with_a_right_handed_one():
         ("forward right down up", "4 directions, expected 3"),
         ("", "0 directions"),
         ("forwrd right down", "did you mean 'forward'"),
-        ("x y z", "use forward, backward"),
+        ("x y z", "known are forward, backward"),
     ],
 )
 def test_wrong_words_are_refused(words, says):

@@ -97,7 +97,7 @@ def test_interpolation_keeps_what_was_turned(motion):
     """Oracle: the sum of the exact increments; noise-free, another rate and phase; no error accumulates."""
     first = mounted(ideal(motion, LEVERS[0]), AXES[0])
     second = mounted(ideal(motion, LEVERS[0], rate=170.0, phase=2.3e-3), AXES[1])
-    got = put_together([first, second], np.zeros((3, 3)), leave_out=[0]).samples
+    got = put_together([first, second], np.zeros((3, 3)), [(1.0, 1.0), (1e-6, 1e-6)]).samples  # the second alone
     inside = slice(20, -20)
     np.testing.assert_allclose(np.cumsum(got.gyro[inside] / RATE, 0), np.cumsum(first.gyro[inside] / RATE, 0), atol=2e-7)
     np.testing.assert_allclose(got.gyro[inside], first.gyro[inside], atol=1e-4)
@@ -123,9 +123,8 @@ def test_noise_of_the_combination(motion):
     np.testing.assert_allclose(got.samples.accel.std(axis=0), got.accel_noise * np.sqrt(RATE), rtol=0.02)
     assert got.accel_noise == pytest.approx(1.0 / np.sqrt(1e6 + 1e6 / 16 + 1e6))
     np.testing.assert_allclose(got.weight.T, [[4 / 9, 1 / 9, 4 / 9], [16 / 33, 1 / 33, 16 / 33]])
-    two = put_together(imus, np.zeros((3, 3)), sigmas, leave_out=[2])
+    two = put_together(imus[:2], np.zeros((3, 3)), sigmas[:2])
     assert two.gyro_noise == pytest.approx(1.0 / np.sqrt(1.25e8))
-    assert two.used.tolist() == [True, True, False]
     assert np.isnan(two.offset_sigma_s[1])
     assert "hardly turns" in two.checks[0].found
 
@@ -216,13 +215,12 @@ def test_of_three_the_faulty_one_is_named(three, fault, which):
     assert got.parity.check.verdict == "contradiction"
     assert got.parity.faulty == which, got.parity.check.found
     assert f"IMU {which + 1} is faulty" in got.parity.check.found
-    assert got.used.all()
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("which", [0, 1])
 def test_of_two_a_fault_is_seen_and_named_where_it_is_evident(three, fault, which):
-    """Oracle: the injected fault; a step of scale or bias is nobody's until GNSS tells; half the samples with noise is the data's word."""
+    """Oracle: the injected fault; a step of scale or bias is nobody's; half the samples with noise is the data's word."""
     imus = list(three[:2])
     imus[which] = crippled(imus[which], fault, np.random.default_rng(3))
     got = put_together(imus)
@@ -230,10 +228,6 @@ def test_of_two_a_fault_is_seen_and_named_where_it_is_evident(three, fault, whic
     if "step" in fault:
         assert got.parity.faulty is None
         assert "one of IMU 1, IMU 2 is faulty" in got.parity.check.found
-        score = [1.0, 1.0]
-        score[which] = 7.0
-        assert put_together(imus, gnss_score=score).parity.faulty == which
-        assert put_together(imus, gnss_score=[1.0, 1.2]).parity.faulty is None
     else:
         assert got.parity.faulty == which, got.parity.check.found
 
@@ -267,7 +261,6 @@ def test_wrong_axes_are_a_contradiction(three):
         ({"lever_b": [[0.1, 0, 0], [0, 0, 0]]}, "lever arm .* of the first"),
         ({"sigma": [SIGMA]}, "2 IMUs with 2 sets of axes, 2 lever arms and 1 noises"),
         ({"sigma": [SIGMA, (0.0, 1.0)]}, "greater than zero"),
-        ({"leave_out": [0, 1]}, "all 2 IMUs are left out"),
     ],
 )
 def test_what_cannot_be_combined_is_refused(three, change, message):

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from insgnss.diagnosis.time_offset import offset_to_apply
 from insgnss.errors import DataError, InputError
 from insgnss.flight import load_flight
 from insgnss.navigation.codes import REJECTED, USED, VELOCITY_CONSTRAINT
@@ -16,7 +17,6 @@ from insgnss.processing.checks import check_motion, check_mounting, check_statio
 from insgnss.processing.input_files import stationary_fixes
 from insgnss.processing.orientation import _origin
 from insgnss.processing.recording import read_recording
-from insgnss.diagnosis.time_offset import offset_to_apply
 from insgnss.records import Check, ImuSamples, Trajectory
 
 FLIGHT: Any = SimpleNamespace(
@@ -41,10 +41,10 @@ def path_of(sigma_deg: list[float]) -> Trajectory:
 
 
 def test_attitude_that_half_of_the_rows_do_not_have_is_refused() -> None:
-    """Oracle: 20 deg in the median, the limit that the refusal names."""
-    refuse_unobservable(FLIGHT, path_of([19.0, 19.5, 90.0]))
-    with pytest.raises(DataError, match=r"its standard deviation is 21 deg in the median \(limit 20\)"):
-        refuse_unobservable(FLIGHT, path_of([1.0, 21.0, 22.0]))
+    """Oracle: 10 deg in the median, the limit that the refusal names."""
+    refuse_unobservable(FLIGHT, path_of([9.0, 9.5, 90.0]))
+    with pytest.raises(DataError, match=r"its standard deviation is 11 deg in the median \(limit 10\)"):
+        refuse_unobservable(FLIGHT, path_of([1.0, 11.0, 12.0]))
 
 
 def test_motion_that_is_not_as_said_is_a_contradiction() -> None:

@@ -93,10 +93,15 @@ CASES: dict[str, Case] = {
     ),
     "pix4d_mapper": Case("pix4d:write_pix4d_mapper", "p.csv", pix4d.read_mapper, pix4d.poses_mapper, (LOCAL, *GRIDS), "opk"),
     "pix4d_mapper_accuracy": Case(
-        "pix4d:write_pix4d_mapper_accuracy", "p.csv", pix4d.read_mapper, pix4d.poses_mapper, (LOCAL, *GRIDS), "opk"
+        "experimental.pix4d_accuracy:write_pix4d_mapper_accuracy", "p.csv", pix4d.read_mapper, pix4d.poses_mapper, (LOCAL, *GRIDS), "opk"
     ),
     "pix4d_mapper_accuracy geographic": Case(
-        "pix4d:write_pix4d_mapper_accuracy", "p.csv", pix4d.read_mapper_geographic, pix4d.poses_mapper, (GLOBE,), "opk"
+        "experimental.pix4d_accuracy:write_pix4d_mapper_accuracy",
+        "p.csv",
+        pix4d.read_mapper_geographic,
+        pix4d.poses_mapper,
+        (GLOBE,),
+        "opk",
     ),
     "odm": Case("odm:write_odm_geo", "geo.txt", odm.read, odm.poses, (GLOBE, *GRIDS)),
     "opensfm": Case("opensfm:write_opensfm", "exif_overrides.json", opensfm.read, opensfm.poses, (LOCAL,), "opk", ("lon", "lat", "z")),
@@ -106,7 +111,12 @@ CASES: dict[str, Case] = {
         "realitycapture:write_realitycapture", "r.csv", realitycapture.read, realitycapture.poses, (LOCAL, GLOBE), "ypr"
     ),
     "realitycapture_accuracy": Case(
-        "realitycapture:write_realitycapture_accuracy", "r.csv", realitycapture.read, realitycapture.poses, (LOCAL, GLOBE, *GRIDS), "ypr"
+        "experimental.realitycapture_accuracy:write_realitycapture_accuracy",
+        "r.csv",
+        realitycapture.read,
+        realitycapture.poses,
+        (LOCAL, GLOBE, *GRIDS),
+        "ypr",
     ),
     "bentley": Case("bentley:write_bentley", "b.xml", bentley.read, bentley.poses, EARTH, "matrix"),
     "inpho_prj": Case(
@@ -119,7 +129,7 @@ CASES: dict[str, Case] = {
         options={"focal_mm": 7.85, "ground_m": 518.0},
     ),
     "inpho_ascii": Case("inpho:write_inpho_ascii", "i.txt", inpho.read, inpho.poses, (LOCAL, *GRIDS), "opk"),
-    "patb": Case("patb:write_patb", "p.ori", patb.read, patb.poses, (LOCAL, *GRIDS), "matrix"),
+    "patb": Case("experimental.patb:write_patb", "p.ori", patb.read, patb.poses, (LOCAL, *GRIDS), "matrix"),
     "generic_ascii": _generic("image xyz opk", EVERY, "opk"),
     "generic_ascii pok": _generic("image xyz pok", EVERY, "pok", unit="gon", delimiter="comma"),
     "generic_ascii ypr": _generic("image xyz ypr", (LOCAL, GLOBE, *GRIDS), "ypr", delimiter="semicolon"),
@@ -129,12 +139,12 @@ CASES: dict[str, Case] = {
     "generic_ascii inverse": _generic("image xyz opk", EVERY, "opk", attitude="frame to camera", camera_axes="CV", decimals_angle=8),
     "generic_ascii matrix": _generic("image xyz matrix", EVERY, "matrix", delimiter="tab"),
     "generic_ascii quaternion": _generic("image xyz quaternion", EVERY, "matrix", camera_axes="CV"),
-    "bingo": Case("_ascii_presets:write_bingo", "t.txt", generic.read_bingo, generic.poses, (LOCAL, *GRIDS), "pok"),
-    "bluh": Case("_ascii_presets:write_bluh", "t.txt", generic.read_bluh, generic.poses, (LOCAL, *GRIDS), "pok"),
-    "orima": Case("_ascii_presets:write_orima", "t.txt", generic.read_orima, generic.poses, (LOCAL, *GRIDS), "opk"),
-    "xpro": Case("_ascii_presets:write_xpro", "t.txt", generic.read_xpro, generic.poses, (LOCAL, *GRIDS), "opk"),
-    "simactive": Case("_ascii_presets:write_simactive", "t.txt", generic.read_xpro, generic.poses, (LOCAL, *GRIDS), "opk"),
-    "dji_terra": Case("_ascii_presets:write_dji_terra", "t.csv", generic.read_dji_terra, generic.poses, (GLOBE,), "ypr"),
+    "bingo": Case("experimental.table_presets:write_bingo", "t.txt", generic.read_bingo, generic.poses, (LOCAL, *GRIDS), "pok"),
+    "bluh": Case("experimental.table_presets:write_bluh", "t.txt", generic.read_bluh, generic.poses, (LOCAL, *GRIDS), "pok"),
+    "orima": Case("experimental.table_presets:write_orima", "t.txt", generic.read_orima, generic.poses, (LOCAL, *GRIDS), "opk"),
+    "xpro": Case("experimental.table_presets:write_xpro", "t.txt", generic.read_xpro, generic.poses, (LOCAL, *GRIDS), "opk"),
+    "simactive": Case("experimental.table_presets:write_simactive", "t.txt", generic.read_xpro, generic.poses, (LOCAL, *GRIDS), "opk"),
+    "dji_terra": Case("experimental.table_presets:write_dji_terra", "t.csv", generic.read_dji_terra, generic.poses, (GLOBE,), "ypr"),
     "eo_json": Case("eo_json:write_eo_json", "eo.json", master.read, master.poses, ("master",), "matrix"),
     "eo_json quaternion": Case("eo_json:write_eo_json", "eo.json", master.read, master.poses_quaternion, ("master",), "quaternion"),
     "eo_json ecef": Case("eo_json:write_eo_json", "eo.json", master.read, master.poses_ecef, ("master",), "", ()),  # type: ignore[arg-type]

@@ -17,7 +17,6 @@ from insgnss.exporting.export import Target, export
 from insgnss.formats import EXPORTS
 from insgnss.formats._exports import PROJECTED
 from insgnss.proof import pictures, write
-from insgnss.proof.readme import SPECS
 from insgnss.proof.scene import make_scene, terrain
 from insgnss.proof.write import write_proof
 
@@ -239,5 +238,4 @@ def test_refusals_leave_nothing(arguments: tuple[str, ...], words: str, tmp_path
 @pytest.mark.parametrize("name", EXPORTS)
 def test_the_page_that_the_readme_names_exists(name: str) -> None:
     """Oracle: the directory of data_specs."""
-    module = EXPORTS[name].writer.partition(":")[0]
-    assert (Path(__file__).parents[2] / "data_specs" / f"{SPECS.get(module, module)}.md").is_file()
+    assert (Path(__file__).parents[2] / "data_specs" / f"{EXPORTS[name].page}.md").is_file()

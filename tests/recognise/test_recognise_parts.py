@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from insgnss.geodesy.rotation import rotation_from_vector
 from insgnss.prepare.axes import parse_axes
-from insgnss.prepare.fix_path import sound_fixes
+from insgnss.prepare.fix_path import liveliest, sound_fixes
 from insgnss.recognise._kernels import interpolate
 from insgnss.recognise.axes import Pose, axes_words, down, forward, scores
 from insgnss.recognise.relation import orientations
@@ -197,3 +197,11 @@ def test_a_lag_that_does_not_stand_out_is_none(far, told):
     scan = SimpleNamespace(lags=lags, score=np.array([far, 0.488, 0.0]), best=1, acc=SimpleNamespace(span_s=1.0), margin=lambda apart: 10.0)
     relation = SimpleNamespace(scan=scan, fit=SimpleNamespace(theta=np.array([-14.95])), lag_sigma=0.1)
     assert (of_clock(relation, 2000, 0.999, 0.0).of_offset.confidence > 0.0) == told
+
+
+def test_a_gross_fix_is_not_lively():
+    """Oracle: the path: 20 m/s in the third hundred seconds, 1 m/s elsewhere, and a fix 5 km off in the first."""
+    t = np.arange(0.0, 400.0, 0.5)
+    north = np.cumsum(np.where((t >= 200.0) & (t < 300.0), 20.0, 1.0) * 0.5)
+    north[100] += 5000.0
+    assert_allclose(liveliest(fixes(t, north, 0.0 * t, 500.0 + 0.0 * t), 100.0), (200.0, 300.0), atol=1.0)

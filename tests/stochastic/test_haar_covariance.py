@@ -15,7 +15,7 @@ from insgnss.errors import UsageError
 from insgnss.stochastic.gauss_markov import gauss_markov_coefficients
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, load_noise_model
 from insgnss.stochastic.moments._covariance_kernels import lag_covariance
-from insgnss.stochastic.moments.haar_covariance import haar_covariance, haar_edf
+from insgnss.stochastic.moments.haar_covariance import haar_covariance
 from insgnss.stochastic.moments.theory import haar_variance
 from insgnss.stochastic.processes import simulate_noise
 
@@ -80,8 +80,7 @@ def test_a_long_recording_of_table_5():
     C = haar_covariance(axis, levels, n, 250.0)
     scale = 1.0 / np.sqrt(np.diag(C))
     assert np.linalg.eigvalsh(C * np.outer(scale, scale)).min() > 0.01
-    assert_allclose(haar_edf(axis, levels, n, 250.0), 2.0 * haar_variance(axis, levels, 250.0) ** 2 / np.diag(C), rtol=1e-12)
-    assert_allclose(haar_edf(axis, [1], n, 250.0), n / 1.5, rtol=1e-3)  # the differences have correlation -1/2: 1 + 2/4
+    assert_allclose(2.0 * haar_variance(axis, 1, 250.0) ** 2 / C[0, 0], n / 1.5, rtol=1e-3)  # 1 + 2/4 by correlation -1/2
 
 
 @pytest.mark.parametrize(
@@ -91,7 +90,8 @@ def test_degrees_of_freedom_are_greenhalls(axis, alpha):
     """Oracle: allantools edf_greenhall, from m = 64 on; below it takes its continuous approximation (3205 for 2730 at m = 1)."""
     n, levels = 4096, np.arange(7, 11)
     expected = [edf_greenhall(alpha, 2, 2 ** (j - 1), n + 1, overlapping=True, modified=False) for j in levels.tolist()]
-    assert_allclose(haar_edf(axis, levels, n, 1.0, "mean"), expected, rtol=1e-3)
+    freedom = 2.0 * haar_variance(axis, levels, 1.0, "mean") ** 2 / np.diag(haar_covariance(axis, levels, n, 1.0, "mean"))
+    assert_allclose(freedom, expected, rtol=1e-3)
 
 
 @pytest.mark.parametrize("sampling", SAMPLINGS)

@@ -93,7 +93,7 @@ def test_combined_models_keep_their_recordings(path):
         ('"0.25 1/ms"', '"4 ms"', ":6: recording.0.sampling_rate: '4 ms' is of dimension time"),
         ('"0.25 1/ms"', "250", ":6: recording.0.sampling_rate: 250 has no unit"),
         ("samples = 1000", 'samples = "1000"', ":5: recording.0.samples: samples '1000', expected a whole number"),
-        ('sha256 = "00ff"', 'sha = "00ff"', ":4: recording.0.sha: unknown key; the nearest known is 'sha256'"),
+        ('sha256 = "00ff"', 'sha = "00ff"', ":4: recording.0.sha: unknown key; did you mean 'sha256'"),
         ('sha256 = "00ff"\n', "", ":2: recording.0: sha256 None, expected a text"),
         (
             '{ white_noise = "0.02 deg/h/sqrt(Hz)" }',
@@ -104,7 +104,7 @@ def test_combined_models_keep_their_recordings(path):
         (
             '{ white_noise = "0.02',
             '{ wite_noise = "0.02',
-            ":9: gyro.standard_error.wite_noise: unknown key; the nearest known is 'white_noise'",
+            ":9: gyro.standard_error.wite_noise: unknown key; did you mean 'white_noise'",
         ),
         ('{ correlation_time = "0.1 s",', '{ sigma = "0.1 s",', ":13: gyro.gauss_markov.0.standard_error.sigma: unknown key"),
         ('"0.1 s"', '"-0.1 s"', ":13: gyro.gauss_markov.0.standard_error.correlation_time: '-0.1 s' is negative"),

@@ -13,7 +13,6 @@ from insgnss.errors import UsageError
 from insgnss.stochastic.model import AxisNoise, GaussMarkov
 from insgnss.stochastic.processes import (
     gauss_markov_bridge,
-    gauss_markov_integral_step,
     gauss_markov_step,
     random_walk_step,
     simulate_noise,
@@ -37,12 +36,9 @@ def test_gauss_markov_step_is_van_loans(T, q, dt):
 
 
 @pytest.mark.parametrize(("T", "q", "dt"), STEPS)
-def test_integral_step_and_bridge_are_van_loans(T, q, dt):
-    """Oracle: filterpy van_loan_discretization of (e, integral of e); the bridge is its regression on both ends."""
-    phi, Q = van_loan_discretization(np.array([[-1.0 / T, 0.0], [1.0, 0.0]]), np.array([[q], [0.0]]), dt)
-    own_phi, own_Q = gauss_markov_integral_step(T, q, dt)
-    assert_allclose(own_phi, phi, rtol=1e-9, atol=1e-15)
-    assert_allclose(own_Q, Q, rtol=1e-8)
+def test_the_bridge_is_van_loans(T, q, dt):
+    """Oracle: filterpy van_loan_discretization of (e, integral of e), its regression on both ends."""
+    _, Q = van_loan_discretization(np.array([[-1.0 / T, 0.0], [1.0, 0.0]]), np.array([[q], [0.0]]), dt)
     factor, variance = gauss_markov_bridge(T, q, dt)
     assert_allclose(factor, Q[0, 1] / Q[0, 0], rtol=1e-8)
     assert_allclose(variance, Q[1, 1] - Q[0, 1] ** 2 / Q[0, 0], rtol=1e-7)
@@ -51,20 +47,8 @@ def test_integral_step_and_bridge_are_van_loans(T, q, dt):
 def test_small_steps_keep_their_digits():
     """Oracle: leading terms of the Taylor series, at 500 Hz and 4737 s, where the textbook differences have no digit left."""
     T, q, dt = 4737.1, 0.33e-3, 0.002
-    u = dt / T
-    _, Q = gauss_markov_integral_step(T, q, dt)
-    expected = [q**2 * dt * (1 - u), q**2 * dt**2 / 2 * (1 - u), q**2 * dt**3 / 3 * (1 - 0.75 * u)]
-    assert_allclose([Q[0, 0], Q[0, 1], Q[1, 1]], expected, rtol=1e-12)
+    assert_allclose(gauss_markov_step(T, q, dt)[1], q**2 * dt * (1 - dt / T), rtol=1e-12)
     assert_allclose(gauss_markov_bridge(T, q, dt), [dt / 2, q**2 * dt**3 / 12], rtol=1e-12)
-
-
-def test_two_steps_are_one():
-    """Oracle: Chapman-Kolmogorov; the covariance of dt + dt is that of 2 dt."""
-    T, q, dt = 3.0, 0.2, 1.4
-    phi, Q = gauss_markov_integral_step(T, q, dt)
-    phi_2, Q_2 = gauss_markov_integral_step(T, q, 2 * dt)
-    assert_allclose(phi @ phi, phi_2, rtol=1e-14, atol=1e-15)
-    assert_allclose(phi @ Q @ phi.T + Q, Q_2, rtol=1e-13)
 
 
 def test_random_walk_step_is_van_loans():

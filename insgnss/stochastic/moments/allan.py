@@ -102,17 +102,6 @@ def averaging_factors(samples: int, kind: Kind, spacing: Spacing) -> NDArray[np.
     return m[m <= most]
 
 
-def identify_noise(x: ArrayLike, m: int, most_differences: int = 2) -> tuple[int, float]:
-    """Exponent alpha of the spectrum f^alpha that the means of m of the rate samples x (n,) have, to the integer and as found (A.4).
-
-    Raises DataError for fewer than 30 means.
-    """
-    s = cumulated(x, 1.0)
-    if (means := (s.size - 1) // m) < LEAST_MEANS:
-        raise DataError(f"{means} means of {m} samples; at least {LEAST_MEANS} are needed to tell the kind of noise")
-    return _identify(np.diff(s[::m]), most_differences)
-
-
 def _variances(s: Array, m: NDArray[np.int64], kind: Kind) -> Array:
     """(A.1), (A.2) or (A.3)."""
     size, power = s.size, np.empty(m.size)
@@ -132,7 +121,7 @@ def _found(s: Array, m: NDArray[np.int64], kind: Kind) -> NDArray[np.int64]:
     alpha, last = np.empty(m.size, dtype=np.int64), 0
     for k, each in enumerate(m):
         if (s.size - 1) // each >= LEAST_MEANS:
-            last, _ = _identify(np.diff(s[::each]), 3 if kind == "hadamard" else 2)
+            last, _ = identify_noise(np.diff(s[::each]), 3 if kind == "hadamard" else 2)
         alpha[k] = min(max(last, lowest_alpha(kind)), 2)
     return alpha
 
@@ -146,8 +135,8 @@ def _named(noise: str | int, kind: Kind) -> int:
     return alpha
 
 
-def _identify(means: Array, most_differences: int) -> tuple[int, float]:
-    """(A.4), exponent to the integer and as found."""
+def identify_noise(means: Array, most_differences: int) -> tuple[int, float]:
+    """Exponent alpha of the spectrum f^alpha of means (k,) of rate samples, to the integer and as found (A.4)."""
     t = np.arange(means.size) - 0.5 * (means.size - 1)
     y = means - means.mean()
     y -= (t @ y) / (t @ t) * t

@@ -39,7 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...errors import UsageError
 from ..gauss_markov import gauss_markov_coefficients, is_point
 from ..model import AxisNoise
-from ._covariance_kernels import all_pairs, pair_covariance
+from ._covariance_kernels import all_pairs
 from .theory import Sampling, haar_variance
 
 Array = NDArray[np.float64]
@@ -58,13 +58,6 @@ def haar_covariance(axis: AxisNoise, level: ArrayLike, n: int, rate_hz: float, s
     a_1, a_3, quantized, gm, drift = _parameters(axis, rate_hz, sampling)
     all_pairs(n, m, a_1, a_3, quantized, gm, drift, out)
     return out
-
-
-def haar_edf(axis: AxisNoise, level: ArrayLike, n: int, rate_hz: float, sampling: Sampling = "point") -> Array:
-    """Equivalent degrees of freedom (J,), 2 nu^2/var(nu), of the estimates that `haar_covariance` describes."""
-    parameters = _parameters(axis, rate_hz, sampling)
-    nu = np.atleast_1d(haar_variance(axis, level, rate_hz, sampling))
-    return np.array([2.0 * v * v / pair_covariance(n, m, m, *parameters) for v, m in zip(nu, _averaging_factors(level, n), strict=True)])
 
 
 def _averaging_factors(level: ArrayLike, n: int) -> Array:

@@ -1,4 +1,4 @@
-"""PATB orientation file, experimental, data_specs/patb.md.
+"""PATB orientation file, data_specs/patb.md.
 
 Three records a photo in Fortran's fixed columns: I16,16X,3F16.5 number, X, Y, Z; 5F16.12 a11 a12 a13 a21 a22; 4F16.12 a23 a31 a32 a33.
 The matrix is written as Rx(omega) Ry(phi) Rz(kappa), camera right-up-back to the frame; that PATB means this direction could not be
@@ -10,11 +10,11 @@ from pathlib import Path, PurePath
 
 import numpy as np
 
-from ..files import atomic_write
-from ..records import FramedOrientation
-from ..records.framed import PROJECTED, TANGENT
-from ._eo import check_frame, check_names, frame_attitude, said, table_text
-from ._text import Source
+from ...files import atomic_write
+from ...records import FramedOrientation
+from ...records.framed import PROJECTED, TANGENT
+from .._eo import check_frame, check_names, frame_attitude, said, table_text
+from .._text import Source
 
 WIDEST = 10**15
 FORM = "%16d" + 16 * " " + "%16.5f" * 3 + "\n" + "%16.12f" * 5 + "\n" + "%16.12f" * 4 + "\n"
