@@ -32,10 +32,11 @@ from ..codes import (
 def antenna(nav, x, lever_b, model, triple):
     """Leave C_lb, and the lever arm with its error states, in the triple."""
     quat_to_matrix(nav[QUAT], triple.C_lb)
+    lever = triple.lever
     for i in range(3):
-        triple.lever[i] = lever_b[i]
+        lever[i] = lever_b[i]
         if model.lever >= 0:
-            triple.lever[i] += x[model.lever + i]
+            lever[i] += x[model.lever + i]
 
 
 @njit(cache=True)
