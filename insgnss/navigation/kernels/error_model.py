@@ -1,4 +1,4 @@
-"""The error model (E): transition and process noise of the errors over an interval between epochs."""
+"""The error model (E): transition and process noise over an interval between epochs."""
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def apply_nav_rows(A, columns, B, s1, s2, side, o):
 
 @njit(cache=True)
 def channel_columns(integrals, B, column):
-    """(E.5): effect of a unit constant error of each channel on position, velocity and psi over the block."""
+    """(E.5): effect of a unit constant error of each channel over the block."""
     s1, C = integrals.s1, integrals.C
     for a in range(3):
         e0, e1, e2 = C[0, a], C[1, a], C[2, a]
@@ -210,7 +210,7 @@ def block_states(intervals, i0, i1, B, elapsed, x, model, work):
 
 @njit(cache=True)
 def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, work):
-    """Propagate nav and x over the intervals i0..i1-1; transition F (9, n), D (ns,), noise W (9, n), Qbb (ns,).
+    """Propagate nav, x over intervals i0..i1-1; fill F (9, n), D (ns,), W (9, n), Qbb (ns,).
 
     elapsed : s since the start, at the first of the intervals.
     """
@@ -258,7 +258,7 @@ def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, wo
 
 @njit(cache=True)
 def add_gap_noise(W, column, B, variance):
-    """(E.8): the increments over a gap of length B were made up; `variance` (6,) is that of their errors."""
+    """(E.8): the increments over a gap of length B were made up, with errors of `variance` (6,)."""
     for c in range(N_CHANNELS):
         q = variance[c] / (B * B)
         for r in range(N_NAV):

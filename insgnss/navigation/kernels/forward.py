@@ -59,7 +59,7 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
     scratch, gap, acceleration = np.zeros(n), np.zeros(n), np.zeros(3)
     L, S3, innovation = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((2, 3))
     for e in range(epochs.stop.size):
-        if e > 0:  # predict: nominal, covariance, mean, and the cross-covariance with the latest event
+        if e > 0:  # predict nominal, covariance, mean, cross-covariance
             if not closed_loop:
                 nav[:] = history.nav[e - 1]
                 x[:] = history.x[e - 1]

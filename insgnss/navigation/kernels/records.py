@@ -137,11 +137,13 @@ class FilterHistory(NamedTuple):
 
 @njit(cache=True)
 def make_integrals():
+    """Integrals of a block, zero."""
     return BlockIntegrals(np.zeros((3, 3)), np.zeros(3), np.zeros(3))
 
 
 @njit(cache=True)
 def make_interval_work(ns):
+    """Scratch of an interval for ns states behind those of navigation."""
     n = N_NAV + ns
     return IntervalWork(
         np.zeros(ns),
@@ -161,6 +163,7 @@ def make_interval_work(ns):
 
 @njit(cache=True)
 def make_triple(ns):
+    """A triple for ns states behind those of navigation."""
     return Triple(
         np.zeros((3, N_NAV + ns)),
         np.zeros((3, 1)),
