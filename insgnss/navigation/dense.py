@@ -31,8 +31,8 @@ def dense_trajectory(solution: Solution, gps_week: int) -> Trajectory:
     Returns
     -------
     Trajectory
-        Latitude, longitude, height, velocity and attitude in axes north, east, down at the point; the
-        covariances are interpolated between epochs.
+        Latitude, longitude, height, velocity and attitude in axes north, east, down at the point;
+        the covariances are interpolated between epochs.
     """
     inc, frame = solution.problem.inc, solution.problem.frame
     epochs = np.arange(solution.time.size)

@@ -86,8 +86,8 @@ def make_epochs(inc: Increments, fix_index: np.ndarray, fixes: GnssFixes, event_
 def _in_octaves(cov: Array) -> Array:
     """Return the standard deviations (m, 3) as the median times powers of two, zero without any.
 
-    A time-correlated error that is counted in a sigma which goes up and down by a tenth could be told
-    from the position by that alone.
+    A time-correlated error that is counted in a sigma which goes up and down by a tenth could be
+    told from the position by that alone.
     """
     sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
     measured = sigma[:, 0] > 0.0
@@ -101,8 +101,9 @@ def _in_octaves(cov: Array) -> Array:
 def unfixed_solutions(fixes: GnssFixes) -> tuple[np.ndarray, float]:
     """Return which fixes are float or code solutions, and how long the errors of these stay.
 
-    Incorrect ambiguities stay until the geometry changes, a minute; the ionosphere of a code solution
-    for ten and more. Where the qualities do not say it, the usual sigma decides for all fixes.
+    Incorrect ambiguities stay until the geometry changes, a minute; the ionosphere of a code
+    solution for ten and more. Where the qualities do not say it, the usual sigma decides for all
+    fixes.
 
     Parameters
     ----------

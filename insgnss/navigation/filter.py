@@ -103,8 +103,8 @@ def gate_from_sigma(gate_sigma: float) -> float:
 def make_history(epochs: Epochs, layout: StateLayout) -> FilterHistory:
     """Return room for the results of a forward pass; it is used again by every further pass.
 
-    What the pass fills in any case is left unset: large unset arrays come in huge pages, which costs a
-    tenth of touching zeroed ones.
+    What the pass fills in any case is left unset: large unset arrays come in huge pages, which
+    costs a tenth of touching zeroed ones.
 
     Parameters
     ----------

@@ -85,8 +85,8 @@ class StateLayout:
     names : tuple of str
         (ns,) one name a state.
     channel, factor : ndarray
-        (ns,) the channel that the state adds to, and what it is multiplied with before: BIAS, DRIFT,
-        FIX_ERROR (`navigation.codes`) or the channel whose measured rate it is.
+        (ns,) the channel that the state adds to, and what it is multiplied with before: BIAS,
+        DRIFT, FIX_ERROR (`navigation.codes`) or the channel whose measured rate it is.
     beta, drive : Array
         (ns,) inverse correlation time, 1/s, and PSD of the driving noise.
     sigma0 : Array
@@ -136,7 +136,8 @@ class StateLayout:
         block_s : float
             Length of the blocks over which the transition is built as one step, s.
         aiding_interval_s : float
-            Interval between fixes, s: quantization enters as white noise of the same variance over it.
+            Interval between fixes, s: quantization enters as white noise of the same variance over
+            it.
 
         Returns
         -------
@@ -172,7 +173,8 @@ def state_layout(model: NoiseModel, scale_factor: bool = False, misalignment: bo
         Noise of the six channels.
     scale_factor, misalignment : bool
         Whether each channel has a scale factor, and a misalignment towards either other axis of its
-        triad, as states. Their a-priori sigma is the model's, where it has none 1000 ppm and 1 mrad.
+        triad, as states. Their a-priori sigma is the model's, where it has none 1000 ppm and 1
+        mrad.
     fixes : FixErrors
         Which errors of the GNSS fixes are states.
 

@@ -49,13 +49,13 @@ class Smoothed:
     P : Array, optional
         (m, n, n) smoothed covariance, of a full run only.
     event_cross : Array
-        (events, 9, 9) covariance of the navigation errors of the event before with those of this one
-        (of the first: zero).
+        (events, 9, 9) covariance of the navigation errors of the event before with those of this
+        one (of the first: zero).
     separation_epoch : ndarray
         (s,) the epochs at which the forward/backward separation was worked out.
     separation, separation_sigma : Array
-        (s, 9) backward minus forward of the navigation states, and its standard deviation; NaN where
-        the later data do not determine it.
+        (s, 9) backward minus forward of the navigation states, and its standard deviation; NaN
+        where the later data do not determine it.
     """
 
     delta: Array

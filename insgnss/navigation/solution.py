@@ -48,7 +48,8 @@ class Solution:
     filter_sigma : Array
         (m, n) standard deviations of the forward filter.
     innovation, innovation_sigma : Array
-        (m, nz) of the triples that were measured, position first, in l; of NHC and ZARU in body axes.
+        (m, nz) of the triples that were measured, position first, in l; of NHC and ZARU in body
+        axes.
     nis : Array
         (m, 4) normalised innovation squared of each kind of triple (`codes.POSITION` and so on).
     verdict : ndarray
@@ -217,14 +218,14 @@ def trajectory(solution: Solution, index: np.ndarray, gps_week: int, events: boo
     gps_week : int
         The week that its times belong to.
     events : bool
-        Whether these are the epochs of all camera events: then the cross-covariances of neighbours come
-        along.
+        Whether these are the epochs of all camera events: then the cross-covariances of neighbours
+        come along.
 
     Returns
     -------
     Trajectory
-        Latitude, longitude, height, velocity and attitude in axes north, east, down at the point, with
-        covariances of the errors in the same axes.
+        Latitude, longitude, height, velocity and attitude in axes north, east, down at the point,
+        with covariances of the errors in the same axes.
     """
     frame = solution.problem.frame
     nav = solution.nav[index]
@@ -256,7 +257,8 @@ def rotate_blocks(C_left: Array, cov: Array, C_right: Array) -> Array:
     Parameters
     ----------
     C_left, C_right : Array
-        (n, 3, 3) rotations from the axes of the errors into the wanted ones, of rows and of columns.
+        (n, 3, 3) rotations from the axes of the errors into the wanted ones, of rows and of
+        columns.
     cov : Array
         (n, 3k, 3k) covariances in blocks of three.
 

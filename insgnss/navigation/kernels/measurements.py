@@ -197,8 +197,8 @@ def nhc_rows(nav, triple):
 def zaru_rows(model, earth, triple):
     """(K.10), zero angular rate update: the body does not turn.
 
-    omega and gain of the triple are those of the mean rate over the stationary period, as `body_rate`
-    leaves them.
+    omega and gain of the triple are those of the mean rate over the stationary period, as
+    `body_rate` leaves them.
     """
     C, H, nu = triple.C_lb, triple.H, triple.nu
     H[:] = 0.0
