@@ -7,13 +7,13 @@ changed, and yesterday's results come back. Here the compiled code belongs to th
 function's file *and of every module of the package that this file imports, at its top, directly or
 through others*: whatever a kernel can refer to stands in one of them.
 
-Where the code is kept is numba's own choice (`NUMBA_CACHE_DIR`, `__pycache__` beside the source, the
-user's cache directory; see `insgnss.caches`). Outdated code is overwritten in its place, so that
-nothing has to be cleaned up, and several processes may compile at the same time, as numba replaces
-whole files only.
+Where the code is kept is numba's own choice (`NUMBA_CACHE_DIR`, `__pycache__` beside the source,
+the user's cache directory; see `insgnss.caches`). Outdated code is overwritten in its place, so
+that nothing has to be cleaned up, and several processes may compile at the same time, as numba
+replaces whole files only.
 
-Every kernel of the package is defined with the decorator of this module; `tests/test_architecture.py`
-sees to it.
+Every kernel of the package is defined with the decorator of this module;
+`tests/test_architecture.py` sees to it.
 """
 
 import hashlib
@@ -53,7 +53,7 @@ def njit(**options: Any) -> Callable[[F], F]:
             return compiled
         entry = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
         if entry is None or not hasattr(entry, "_source_stamp"):
-            # A numba with other inner names: compiling anew in every process is slow, never outdated.
+            # A numba with other inner names: compiling in every process is slow, never outdated.
             uncached: F = numba.njit(**options | {"cache": False})(function)
             return uncached
         sources = digest(Path(function.__code__.co_filename))

@@ -1,4 +1,4 @@
-"""Compiled code on disk: taken again while nothing changed, left as soon as anything that it was made of did. Each run is a process."""
+"""Compiled code on disk: taken again while nothing that it was made of changed."""
 
 import os
 import subprocess
@@ -62,7 +62,7 @@ def test_code_is_made_anew_when_a_callee_or_a_constant_in_another_file_changes(h
     (house / "constants.py").write_text("STEP = 3.0\n")
     assert _run(house) == (-20.0, 0)
     assert _run(house) == (-20.0, 1)
-    assert len(list((house / "__pycache__").glob("outer.outer*.nbc"))) == 1  # outdated code is overwritten, not gathered
+    assert len(list((house / "__pycache__").glob("outer.outer*.nbc"))) == 1  # outdated code is overwritten
 
 
 def test_the_directory_that_the_user_names_is_taken(house, tmp_path):

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from ..errors import DataError
 from .attitude import attitude, turn_between
 from .clock import by_motion, by_names
+from .hints import Hints, Origin
 from .matching import Matched, match
 from .names import by_order
 from .poses import NoOriginError, Poses
 from .position import difference, horizontal, vertical
-from .reading import Hints, Origin, read_poses
+from .reading import read_poses
 from .result import Comparison, Component, Finding
 
 Array = NDArray[np.float64]

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +20,12 @@ from ..geodesy.rotation import (
     rpy_jacobian,
 )
 from ..records.observations import UNKNOWN_MPS
+from .hints import HEAD, Hints, diagonal, origin_in, turned
 from .poses import NoOriginError, Place, Poses
+from .tables import read_table_poses
 
 Array = NDArray[np.float64]
-Origin = tuple[float, float, float]
 
-HEAD = 16384
 TABLES = ("metashape", "metashape_opk", "pix4d_matic", "pix4d_mapper", "realitycapture", "inpho_ascii", "tum")
 HEADERS = {  # of files that other programs take, in lower case
     "pix4d_matic": r"^#?\s*imagename,.*,yaw,pitch,roll",
@@ -34,30 +34,6 @@ HEADERS = {  # of files that other programs take, in lower case
     "tum": r"^#\s*time tx ty tz qx qy qz qw",
 }
 UNKNOWN_M = (0.98765, 0.98765, 0.98765)  # stands in for fixes without standard deviations, and is left out again
-
-
-@dataclass(frozen=True)
-class Hints:
-    """What a caller knows beyond the file: origin of a tangent plane, deg, deg, m; CRS of projected coordinates; GPS week; geoid grid.
-
-    undulation_m : of the geoid, to be added to heights of positions of GNSS.
-    """
-
-    origin: Origin | None = None
-    crs: str | None = None
-    gps_week: int | None = None
-    geoid: Path | None = None
-    undulation_m: float | None = None
-
-    @property
-    def plane(self) -> TangentPlane | None:
-        """The tangent plane, if an origin is given."""
-        return None if self.origin is None else TangentPlane(np.radians(self.origin[0]), np.radians(self.origin[1]), self.origin[2])
-
-    @property
-    def projection(self) -> MapProjection | None:
-        """The projection, if a CRS is given."""
-        return None if self.crs is None else MapProjection(self.crs, self.geoid)
 
 
 def read_poses(path: str | Path, form: str | None = None, hints: Hints | None = None) -> Poses:
@@ -108,20 +84,6 @@ def sniff_poses(path: str | Path) -> str:
     if re.search(r"^#.*\bomega\b.*\bphi\b.*\bkappa\b", text, re.MULTILINE):
         return "eo_local_plane"
     return "gnss"
-
-
-def diagonal(sigma: Array | None, E: Array | None = None) -> Array | None:
-    """(n, 3, 3) of standard deviations (n, 3); of angles, whose psi is E d(angles); None where there are none, or where all are zero."""
-    if sigma is None or not (sigma > 0.0).all():
-        return None
-    P = np.zeros((len(sigma), 3, 3))
-    P[:, range(3), range(3)] = sigma**2
-    return P if E is None else np.asarray(E @ P @ np.swapaxes(E, 1, 2))
-
-
-def turned(C: Array, P: Array | None) -> Array | None:
-    """C P C^T."""
-    return None if P is None else np.asarray(C @ P @ np.swapaxes(C, -1, -2))
 
 
 def _eo_json(path: Path, hints: Hints) -> Poses:
@@ -183,25 +145,10 @@ def _eo_local_plane(path: Path, hints: Hints) -> Poses:
     )
 
 
-def origin_in(path: Path) -> TangentPlane | None:
-    """The origin that a header names: `latitude 46.57.. deg, longitude 6.54.. deg, ... height 0 m`, or two angles in deg and a height."""
-    with path.open(encoding="utf-8", errors="replace") as stream:
-        head = "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
-    number = r"(-?\d+(?:\.\d+)?)"
-    said = re.search(rf"latitude {number}(?: deg)?,? longitude {number} deg,?(?: [a-z]+ height)? {number} m", head)
-    said = said or re.search(rf"origin {number} {number} deg {number} m", head)
-    if said is None:
-        return None
-    lat, lon, height = (float(number) for number in said.groups())
-    return TangentPlane(np.radians(lat), np.radians(lon), height)
-
-
 def _table(form: str) -> Callable[[Path, Hints], Poses]:
     """Reader of a format of `tables.LAYOUTS`."""
 
     def read(path: Path, hints: Hints) -> Poses:
-        from .tables import read_table_poses
-
         return read_table_poses(form, path, hints)
 
     return read

@@ -24,8 +24,8 @@ from ..formats._text import TextTable, read_text_table
 from ..geodesy.gpstime import gps_from_unix_utc
 from ..geodesy.projection import MapProjection
 from ..geodesy.rotation import CV_RUB, opk_jacobian, rotation_from_opk, rotation_from_quaternion, rotation_from_ypr, ypr_jacobian
+from .hints import HEAD, Hints, diagonal, origin_in, turned
 from .poses import Place, Poses
-from .reading import HEAD, Hints, diagonal, origin_in, turned
 
 Array = NDArray[np.float64]
 

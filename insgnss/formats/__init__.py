@@ -10,13 +10,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError, UsageError
+from ..errors import UsageError
 from ..records import CameraEvents, GnssFixes, ImuSamples
 from ._content import TableInfo
+from ._detect import LOADERS, by_bytes, head_of, load_content
 from ._exports import EXPORTS
 from ._units import UNITS, split_unit, unit_factor
 
-__all__ = ["EXPORTS", "UNITS", "TableInfo", "describe", "read_events", "read_gnss", "read_imu", "split_unit", "unit_factor"]
+__all__ = ["EXPORTS", "UNITS", "TableInfo", "describe", "load_content", "read_events", "read_gnss", "read_imu", "split_unit", "unit_factor"]
 
 _IMU_MAP = ("columns", "variable", "units", "quantity", "gps_week", "rate_hz")
 _GNSS_MAP = ("columns", "variable", "repeat_column", "sigma_m", "sigma_velocity", "units", "gps_week", "undulation_m")
@@ -64,14 +65,12 @@ _READERS = {
     },
     "events": {"mrk": "read_events_mrk", "ardupilot": "read_events_ardupilot", "ulog": "read_events_ulog", "events": "read_events"},
 }
-_LOADERS = {"matlab": "load_matlab", "npy": "load_numpy"}  # of named arrays, read by a column map
-_BY_ENDING = {".mat": "matlab", ".npy": "npy", ".npz": "npy", ".ulg": "ulog", ".bin": "ardupilot", ".sbet": "sbet"}
 
 
 def sniff_imu(path: str | Path) -> str:
     """Name of the format of an IMU file, a key of `IMU_OPTIONS`."""
-    head = _head(path)
-    form = _by_bytes(path, head)
+    head = head_of(path)
+    form = by_bytes(path, head)
     if form in IMU_OPTIONS:
         return form
     if head.lstrip().startswith((b"$AIMU", b"$APPS")):
@@ -81,8 +80,8 @@ def sniff_imu(path: str | Path) -> str:
 
 def sniff_gnss(path: str | Path) -> str:
     """Name of the format of a GNSS file, a key of `GNSS_OPTIONS`."""
-    head = _head(path)
-    form = _by_bytes(path, head)
+    head = head_of(path)
+    form = by_bytes(path, head)
     if form in GNSS_OPTIONS:
         return form
     if head.lstrip().startswith(b"$") or b"\n$G" in head:
@@ -94,35 +93,13 @@ def sniff_gnss(path: str | Path) -> str:
 
 def sniff_events(path: str | Path) -> str:
     """Name of the format of a file of camera events, a key of `EVENT_OPTIONS`."""
-    head = _head(path)
-    form = _by_bytes(path, head)
+    head = head_of(path)
+    form = by_bytes(path, head)
     if form in EVENT_OPTIONS:
         return form
     from .mrk import is_mrk
 
     return "mrk" if is_mrk(head) else "events"
-
-
-def _by_bytes(path: str | Path, head: bytes) -> str:
-    """Format by the first bytes or, of binary formats that have no such, by the ending; an empty text for all others."""
-    if head.startswith(b"ULog\x01\x12\x35"):
-        return "ulog"
-    if head.startswith((b"\xa3\x95\x80", b"FMT, ", b"FMT,")):
-        return "ardupilot"
-    if head.startswith(b"\x93NUMPY"):
-        return "npy"
-    if head.startswith(b"MATLAB 5.0 MAT-file"):
-        return "matlab"
-    name = Path(path).name.lower()
-    return "sbet" if name.startswith("sbet") and name.endswith(".out") else _BY_ENDING.get(Path(path).suffix.lower(), "")
-
-
-def _head(path: str | Path) -> bytes:
-    try:
-        with Path(path).open("rb") as stream:
-            return stream.read(1 << 14)
-    except OSError as error:
-        raise InputError.at(path, None, f"cannot be read: {error.strerror or error}; check the path in the flight file") from None
 
 
 def _options(path: str | Path, form: str, known: tuple[str, ...], given: dict[str, Any]) -> dict[str, Any]:
@@ -144,7 +121,7 @@ def _options(path: str | Path, form: str, known: tuple[str, ...], given: dict[st
 
 
 def _read(kind: str, form: str, path: str | Path, options: dict[str, Any]) -> Any:
-    if form in _LOADERS:
+    if form in LOADERS:
         from . import _mapped
 
         of_content: dict[str, Callable[..., Any]] = {"imu": _mapped.imu_of_content, "gnss": _mapped.gnss_of_content}
@@ -171,11 +148,6 @@ def read_events(path: str | Path, **spec: Any) -> CameraEvents:
     form = sniff_events(path)
     events: CameraEvents = _read("events", form, path, _options(path, form, EVENT_OPTIONS[form], spec))
     return events
-
-
-def load_content(form: str, path: str | Path) -> Any:
-    """The named arrays of a file of the formats that are read by a column map."""
-    return getattr(import_module(f".{form}", __name__), _LOADERS[form])(path)
 
 
 def describe(path: str | Path) -> list[TableInfo]:

@@ -4,8 +4,8 @@ from collections import Counter
 from pathlib import Path
 
 from ..errors import InputError
-from . import _by_bytes, _head, load_content
 from ._content import TableInfo, tables_of
+from ._detect import by_bytes, head_of, load_content
 from ._heads import kinds_like, unit_in
 from ._sentences import read_sentences
 from ._text import read_table, read_text_table
@@ -13,8 +13,8 @@ from ._text import read_table, read_text_table
 
 def tables_in(path: str | Path) -> list[TableInfo]:
     """As `formats.describe` tells."""
-    head = _head(path)
-    form = _by_bytes(path, head)
+    head = head_of(path)
+    form = by_bytes(path, head)
     if form in ("matlab", "npy"):
         return list(tables_of(load_content(form, path)))
     if form == "ardupilot":

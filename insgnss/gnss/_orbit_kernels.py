@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compilation import njit
+from .constants import LIGHT, PZ90_A, PZ90_J2, PZ90_MU, PZ90_RATE
 from .navigation_message import (
     AF0,
     AF1,
@@ -36,7 +37,6 @@ from .navigation_message import (
     TOC,
     TOE,
 )
-from .orbits import LIGHT, PZ90_A, PZ90_J2, PZ90_MU, PZ90_RATE
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

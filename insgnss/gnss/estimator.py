@@ -17,15 +17,11 @@ and the engine's weights P = 1 / (1 + 1 / sin^2 E), of GLONASS 1 / 1.5^2 of that
     displacement = the first three of (A^T P A)^-1 A^T P d                                                      (E.2)
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from .options import EngineOptions
-
-if TYPE_CHECKING:
-    from .sky import Sky
+from .visible_satellites import Sky
 
 Array = NDArray[np.float64]
 
@@ -46,7 +42,7 @@ def carrying_systems(options: EngineOptions) -> str:
     return options.systems if mode in NO_INTEGERS or not carrying else carrying
 
 
-def displacement(satellites: "Sky", delay: Array, epochs: int) -> Array:
+def displacement(satellites: Sky, delay: Array, epochs: int) -> Array:
     """Displacement (epochs, 3) m, north, east, down, by delays (m,) m of the satellites' phases; NaN where satellites are too few."""
     n = 3 + int(satellites.system.max(initial=0)) + 1
     cos, sin = np.cos(satellites.elevation), np.sin(satellites.elevation)

@@ -32,14 +32,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..geodesy.frames import ecef_to_geodetic, rotation_en
+from .constants import LIGHT
 from .navigation_message import TOE, Navigation
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-LIGHT = 299792458.0  # m/s
 EARTH_RATE = 7.2921151467e-5  # rad/s, of IS-GPS-200
-PZ90_MU, PZ90_A, PZ90_J2, PZ90_RATE = 3.986004418e14, 6378136.0, 1.0826257e-3, 7.292115e-5  # m^3/s^2, m, rad/s
 REACH_S = {"G": 7200.0, "J": 7200.0, "E": 14400.0, "C": 21600.0, "R": 1800.0}  # farthest time from the time of ephemeris
 
 

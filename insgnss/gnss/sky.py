@@ -3,7 +3,6 @@
 A fix belongs to the nearest epoch of the rover, a rover's epoch to the nearest one of the base.
 """
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +17,7 @@ from .estimator import GLONASS_WEIGHT, carrying_systems
 from .navigation_message import Navigation
 from .options import EngineOptions
 from .orbits import ranges, satellite_states, sky, unique_satellites
+from .visible_satellites import Sky
 
 if TYPE_CHECKING:
     from .rinex import Observations
@@ -26,19 +26,6 @@ Array = NDArray[np.float64]
 
 AS_USUAL = EngineOptions()
 LARGEST_OFFSET_S = 0.02  # s, between the stamp of an epoch and its position's, or the base's: clocks that receivers do not steer
-
-
-@dataclass(frozen=True, eq=False)
-class Sky:
-    """Satellites of each of n epochs: rows (m,) with epoch, azimuth and elevation, rad, system, a number from 0, and relative weight
-    (the number of its bands, of GLONASS less); row (m,) of the rover's observations, empty where there are none."""
-
-    epoch: NDArray[np.int64]
-    azimuth: Array
-    elevation: Array
-    system: NDArray[np.int64]
-    weight: Array
-    row: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
 
 def common_sky(

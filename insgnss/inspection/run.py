@@ -15,18 +15,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import DataError, InputError, InsgnssError
-from ..processing.checks import sentence
+from ..errors import InputError
 from ..processing.progress import Progress, quiet
-from ..records import CameraEvents, Check, GnssFixes, ImuSamples
+from ..records import CameraEvents, GnssFixes, ImuSamples
 from .discovery import Discovery, discover
+from .result import InspectionData
 from .sources import Role, Source, as_long_as, on_one_clock, overlap
+from .text import document, summary
 
 if TYPE_CHECKING:
-    from ..recognise.findings import Finding
     from ..recognise.recognition import Recognition
-    from .draft import Draft
-    from .sensing import Sensing
 
 DATA_KEYS = ("columns", "variable", "units", "quantity", "rate_hz", "repeat_column", "sigma_m", "undulation_m")
 MOST_LISTED, MOST_SAID = 6, 300  # files in a message, and characters of the reason of each
@@ -35,39 +33,8 @@ LARGEST, SPARSEST = 1e12, 20.0  # a reading, in any unit; times that the stamps 
 
 
 @dataclass(frozen=True, eq=False)
-class Inspection:
-    """What was found. recognition is None where there is no receiver, or where `unrecognised` says why.
-
-    imu : in rad/s and m/s^2, as recognised, in the sensor's axes.   gnss : on the IMU's clock.   missing : what a flight file lacks.
-    """
-
-    name: str
-    sources: tuple[Source, ...]
-    left_out: tuple[tuple[Path, str], ...]
-    imu: ImuSamples
-    gnss: GnssFixes | None
-    events: CameraEvents | None
-    sensing: "Sensing"
-    gyro_counts: float | None
-    recognition: "Recognition | None"
-    unrecognised: str
-    findings: "tuple[Finding, ...]"
-    checks: tuple[Check, ...]
-    draft: "Draft | None"
-    missing: str = ""
-    written: tuple[Path, ...] = ()
-
-    @property
-    def contradictions(self) -> list[str]:
-        """One sentence for each check that the data contradict."""
-        return [sentence(c) for c in self.checks if c.verdict == "contradiction"]
-
-    @property
-    def refusal(self) -> InsgnssError | None:
-        """What keeps the recording from being a flight: something missing, or a contradiction."""
-        if self.missing:
-            return DataError(self.missing)
-        return InputError("; ".join(self.contradictions)) if self.contradictions else None
+class Inspection(InspectionData):
+    """What was found, with its draft, picture and texts."""
 
     def write(self, path: Path, force: bool = False) -> "Inspection":
         """Write the draft and what belongs beside it; the same inspection with the files written."""
@@ -89,14 +56,10 @@ class Inspection:
 
     def summary(self) -> str:
         """What a person reads."""
-        from .text import summary
-
         return summary(self)
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able."""
-        from .text import document
-
         return document(self)
 
 

@@ -9,14 +9,14 @@ import numpy as np
 from .sensing import DEG_H, DEG_S, EARTH_RATE, MG, Sensing
 
 if TYPE_CHECKING:
-    from .run import Inspection
+    from .result import InspectionData
 
 MARK = {"ok": "ok  ", "note": "note", "contradiction": "BAD "}
 MOST_LEFT_OUT = 8
 EVIDENCE_WIDTH = 100
 
 
-def summary(result: "Inspection") -> str:
+def summary(result: "InspectionData") -> str:
     """Sources, findings with confidence, what the sensor shows, checks, and what to do next."""
     lines = [result.name]
     for source in result.sources:
@@ -107,7 +107,7 @@ def check_lines(checks: Any) -> list[str]:
     return lines
 
 
-def document(result: "Inspection") -> dict[str, Any]:
+def document(result: "InspectionData") -> dict[str, Any]:
     """JSON-able."""
     s = result.sensing
     numbers = {name: np.asarray(getattr(s, name)).tolist() for name in ("rest_gyro", "rest_accel", "moving_gyro", "moving_accel")}

@@ -1,1 +1,1 @@
-"""The core: strapdown mechanization, error model, error-state filter and smoother, as kernels that see a whole flight."""
+"""The core: strapdown mechanization, error model, error-state Kalman filter and smoother."""

@@ -21,7 +21,7 @@ N_NOMINAL = 10
 ACCEL0 = 3  # the first channel of the accelerometers
 N_CHANNELS = 6
 
-# What an error state is multiplied with before it adds to its channel; 0..5: what that channel measures.
+# What an error state is multiplied with before it adds to its channel; 0..5: that channel's rate.
 BIAS = -1  # one
 DRIFT = -2  # seconds since the start
 FIX_ERROR = -3  # nothing: an error of the GNSS fixes, which enters their measurement alone

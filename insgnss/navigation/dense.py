@@ -1,11 +1,11 @@
 """The smoothed trajectory between the epochs, at every IMU sample.
 
-From each smoothed epoch the strapdown runs to the next with the smoothed bias of its channels. What it
-misses there, d, is the effect of the noise that the smoother placed into the interval. It is given back
-in the course of the interval: of psi and velocity the share s = elapsed / length (a random walk between
-two known ends), of position the cubic that meets d_p with the slope d_v at its end. Epochs lie at most a
-fix interval apart, over which d is a fraction of a millimetre; the shares are the conditional mean of
-white noise, the time-correlated part of which is already in the bias.
+From each smoothed epoch the strapdown runs to the next with the smoothed bias of its channels. What
+it misses there, d, is the effect of the noise that the smoother placed into the interval. It is
+given back in the course of the interval: of psi and velocity the share s = elapsed / length (a
+random walk between two known ends), of position the cubic that meets d_p with the slope d_v at its
+end. Epochs lie at most a fix interval apart, over which d is a fraction of a millimetre; the shares
+are the conditional mean of white noise, the time-correlated part of which is already in the bias.
 """
 
 import numpy as np
@@ -31,8 +31,8 @@ def dense_trajectory(solution: Solution, gps_week: int) -> Trajectory:
     Returns
     -------
     Trajectory
-        Latitude, longitude, height, velocity and attitude in axes north, east, down at the point; the
-        covariances are interpolated between epochs.
+        Latitude, longitude, height, velocity and attitude in axes north, east, down at the point;
+        the covariances are interpolated between epochs.
     """
     inc, frame = solution.problem.inc, solution.problem.frame
     epochs = np.arange(solution.time.size)
@@ -57,7 +57,7 @@ def dense_trajectory(solution: Solution, gps_week: int) -> Trajectory:
 
 
 def _missed(smoothed: Array, propagated: Array) -> Array:
-    """Return the (m, 9) error of the propagated states (m, 10) against the smoothed ones (m, 10)."""
+    """Return the error (m, 9) of propagated states (m, 10) against smoothed ones (m, 10)."""
     out = np.empty((smoothed.shape[0], N_NAV))
     out[:, :PSI0] = smoothed[:, :PSI0] - propagated[:, :PSI0]
     C_smoothed, C_propagated = rotation_from_quaternion(smoothed[:, QUAT]), rotation_from_quaternion(propagated[:, QUAT])

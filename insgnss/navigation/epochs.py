@@ -1,8 +1,8 @@
 """The filter's epochs from the fixes, and measurements that the vehicle's motion itself provides.
 
-Where the recording shows what the vehicle does, its velocity is measured as zero (ZUPT, K.8), that of
-a wheeled vehicle across its forward axis (NHC, K.9), and the mean gyro rate of a stationary period as
-bias plus Earth rate (ZARU, K.10); see `navigation.filter`.
+Where the recording shows what the vehicle does, its velocity is measured as zero (ZUPT, K.8), that
+of a wheeled vehicle across its forward axis (NHC, K.9), and the mean gyro rate of a stationary
+period as bias plus Earth rate (ZARU, K.10); see `navigation.filter`.
 """
 
 import numpy as np
@@ -84,10 +84,10 @@ def make_epochs(inc: Increments, fix_index: np.ndarray, fixes: GnssFixes, event_
 
 
 def _in_octaves(cov: Array) -> Array:
-    """Return the standard deviations (m, 3) as the median times powers of two, zero where there are none.
+    """Return the standard deviations (m, 3) as the median times powers of two, zero without any.
 
-    A time-correlated error that is counted in a sigma which goes up and down by a tenth could be told
-    from the position by that alone.
+    A time-correlated error that is counted in a sigma which goes up and down by a tenth could be
+    told from the position by that alone.
     """
     sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
     measured = sigma[:, 0] > 0.0
@@ -99,10 +99,11 @@ def _in_octaves(cov: Array) -> Array:
 
 
 def unfixed_solutions(fixes: GnssFixes) -> tuple[np.ndarray, float]:
-    """Return which fixes are float or code solutions, whose errors stay for minutes, and for how long.
+    """Return which fixes are float or code solutions, and how long the errors of these stay.
 
-    Incorrect ambiguities stay until the geometry changes, a minute; the ionosphere of a code solution
-    for ten and more. Where the qualities do not say it, the usual sigma decides for all fixes.
+    Incorrect ambiguities stay until the geometry changes, a minute; the ionosphere of a code
+    solution for ten and more. Where the qualities do not say it, the usual sigma decides for all
+    fixes.
 
     Parameters
     ----------
@@ -125,7 +126,7 @@ def unfixed_solutions(fixes: GnssFixes) -> tuple[np.ndarray, float]:
 
 
 def with_zupt(epochs: Epochs, inc: Increments, stationary: Array, layout: StateLayout) -> Epochs:
-    """Return the epochs with ZUPT (K.8) and ZARU (K.10) once a second while the vehicle is stationary.
+    """Return the epochs with ZUPT (K.8) and ZARU (K.10) once a second in stationary periods.
 
     Parameters
     ----------

@@ -1,39 +1,39 @@
-"""The linear model of the errors between two epochs: transition and process noise, over IMU samples.
+"""The linear model of the errors between two epochs: transition and process noise.
 
-Errors are truth minus estimate, attitude ``C(true) = exp([psi x]) C(estimate)`` in the axes of l. With
-a = C_lb f, the channel errors db_g and db_a (sums of IMU error states) and white noise w:
+Errors are truth minus estimate, attitude ``C(true) = exp([psi x]) C(estimate)`` in the axes of l.
+With a = C_lb f, the channel errors db_g and db_a (sums of IMU error states) and white noise w:
 
-    dp' = dv                                                                                    (E.1)
-    dv' = -[a x] psi - C_lb (db_a + w_a) + G dp - 2 [Omega x] dv                                (E.2)
-    psi' = -[Omega x] psi - C_lb (db_g + w_g)                                                   (E.3)
+    dp' = dv                                                                                  (E.1)
+    dv' = -[a x] psi - C_lb (db_a + w_a) + G dp - 2 [Omega x] dv                              (E.2)
+    psi' = -[Omega x] psi - C_lb (db_g + w_g)                                                 (E.3)
 
-G = diag(-g/R, -g/R, 2 g/R) is the gravity gradient. The epoch's interval is cut into blocks of at most
-`block` seconds. Over a block of length B the samples give S_C, the integral of C_lb, s1, that of a, and
-s2, that of s1. The block's transition is
+G = diag(-g/R, -g/R, 2 g/R) is the gravity gradient. The epoch's interval is cut into blocks of at
+most `block` seconds. Over a block of length B the samples give S_C, the integral of C_lb, s1, that
+of a, and s2, that of s1. The block's transition is
 
     psi <- psi - B Omega x psi
     v   <- v - s1 x psi + B (G p - 2 Omega x v)
-    p   <- p + B v - s2 x psi                                                                   (E.4)
+    p   <- p + B v - s2 x psi                                                                 (E.4)
 
 and a unit constant error of gyro axis i (column e of S_C) and of accelerometer axis i adds
 
-    psi: -e,  v: s1 x e / 2,  p: B s1 x e / 6          and          v: -e,  p: -B e / 2         (E.5)
+    psi: -e,  v: s1 x e / 2,  p: B s1 x e / 6          and          v: -e,  p: -B e / 2       (E.5)
 
 times the mean of the state over the block, (1 - exp(-beta B)) / (beta B). What (E.4, E.5) leave out
-within one block is a relative 1e-2 of terms that are themselves small; across blocks the composition is
-exact. The joint covariance of the navigation errors with the IMU states driven since the last epoch,
-W = [Q_nn Q_nb] and the diagonal Q_bb, goes along:
+within one block is a relative 1e-2 of terms that are themselves small; across blocks the
+composition is exact. The joint covariance of the navigation errors with the IMU states driven since
+the last epoch, W = [Q_nn Q_nb] and the diagonal Q_bb, goes along:
 
     W <- Phi W Phi' + block noise
-    Q_bb <- d^2 Q_bb + drive (1 - d^2) / (2 beta),   d = exp(-beta B)                           (E.6)
+    Q_bb <- d^2 Q_bb + drive (1 - d^2) / (2 beta),   d = exp(-beta B)                         (E.6)
     block noise: white noise integrated once (psi, v), twice (p of accelerometers, v of gyros), three
     times (p of gyros); driving noise q of a state with column c: c c' q B/3 on Q_nn, c q B/2 on
-    Q_nb                                                                                        (E.7)
+    Q_nb                                                                                      (E.7)
 
-An interval of length B that the IMU did not see, bridged by increments of variance q in channel i with
-column c_i of (E.5), adds
+An interval of length B that the IMU did not see, bridged by increments of variance q in channel i
+with column c_i of (E.5), adds
 
-    c_i c_i' q / B^2  on Q_nn                                                                   (E.8)
+    c_i c_i' q / B^2  on Q_nn                                                                 (E.8)
 """
 
 from dataclasses import dataclass

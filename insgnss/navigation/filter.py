@@ -3,54 +3,54 @@
 Measurement of the antenna's position and velocity in l with the lever arm l_b from the IMU to the
 antenna's phase centre:
 
-    p_a = p + C_lb l_b                dp_a = dp - [C_lb l_b x] psi                              (K.1)
+    p_a = p + C_lb l_b                dp_a = dp - [C_lb l_b x] psi                            (K.1)
     v_a = v + C_lb (omega_lb x l_b)   dv_a = dv - [C_lb (omega_lb x l_b) x] psi
-                                             + C_lb [l_b x] db_g                                (K.2)
+                                             + C_lb [l_b x] db_g                              (K.2)
 
-with omega_lb = gyro - bias - C_bl Omega. Where they are states (`layout.FixErrors`), the error of the
-lever arm, dl_b, adds C_lb dl_b to dp_a and C_lb (omega_lb x dl_b) to dv_a; the time offset d of the
-fixes (a fix stamped t was taken at t + d, d a constant or with a rate) makes them p_a + v_a d + a d^2 / 2
-and v_a + a d, with derivatives v_a + a d and a; the time-correlated error of the fixes, counted in
-standard deviations of each (in steps of two), adds itself times these to the position. Value and
-derivative leave one kernel together. A fix with covariance R = L L' is whitened, z <- L^-1 z,
-H <- L^-1 H, and its three components are taken one after the other:
+with omega_lb = gyro - bias - C_bl Omega. Where they are states (`layout.FixErrors`), the error of
+the lever arm, dl_b, adds C_lb dl_b to dp_a and C_lb (omega_lb x dl_b) to dv_a; the time offset d of
+the fixes (a fix stamped t was taken at t + d, d a constant or with a rate) makes them p_a + v_a d +
+a d^2 / 2 and v_a + a d, with derivatives v_a + a d and a; the time-correlated error of the fixes,
+counted in standard deviations of each (in steps of two), adds itself times these to the position.
+Value and derivative leave one kernel together. A fix with covariance R = L L' is whitened, z <-
+L^-1 z, H <- L^-1 H, and its three components are taken one after the other:
 
-    S = h P h' + 1,  k = P h' / S,  m <- m + k (nu - h m),  P <- P - k S k'                      (K.4)
+    S = h P h' + 1,  k = P h' / S,  m <- m + k (nu - h m),  P <- P - k S k'                   (K.4)
 
-The update is taken as P - g g' with g = k sqrt(S), which keeps P symmetric to the bit; a scalar of unit
-variance takes away h P h' / S < 1 of any direction's variance, and with a-priori to measurement
-variance ratios below 1e8 double precision keeps it positive. Before the update the whole triple is
-tested by the innovation gate: its normalised innovation squared (NIS) must not exceed the quantile of
-chi-square with three degrees of freedom that belongs to `gate_sigma`; if it does the fix is rejected,
-counted and reported. After the update the estimate moves into the nominal (closed loop, K.5) and m
-returns to zero.
+The update is taken as P - g g' with g = k sqrt(S), which keeps P symmetric to the bit; a scalar of
+unit variance takes away h P h' / S < 1 of any direction's variance, and with a-priori to
+measurement variance ratios below 1e8 double precision keeps it positive. Before the update the
+whole triple is tested by the innovation gate: its normalised innovation squared (NIS) must not
+exceed the quantile of chi-square with three degrees of freedom that belongs to `gate_sigma`; if it
+does the fix is rejected, counted and reported. After the update the estimate moves into the nominal
+(closed loop, K.5) and m returns to zero.
 
-As long as a component of psi is known to worse than the feedback threshold of one degree nothing is fed
-back: the estimate wanders within its wide covariance (a heading on the ground, by degrees), and a
-nominal that followed it would be linearised about the excursion. The nominal stays the inertial
+As long as a component of psi is known to worse than the feedback threshold of one degree nothing is
+fed back: the estimate wanders within its wide covariance (a heading on the ground, by degrees), and
+a nominal that followed it would be linearised about the excursion. The nominal stays the inertial
 solution from the aligned start, m holds the estimate, and both are linear enough for each other.
 
 When every fix of a second, and five of them at least, has been rejected, the filter rather than the
-fixes may be wrong (an incorrect ambiguity fix that lasted for seconds and let go again). The covariance
-is reset by the size of the innovation, d^2 for position, (d / 1 s)^2 for velocity, the tilt that makes d
-in that time (at most a degree) for psi, and the fix is used (K.7). For the smoother this is process
-noise like any other. It is counted and reported; more than three such resets and one every ten minutes
-are taken as contradiction of the data.
+fixes may be wrong (an incorrect ambiguity fix that lasted for seconds and let go again). The
+covariance is reset by the size of the innovation, d^2 for position, (d / 1 s)^2 for velocity, the
+tilt that makes d in that time (at most a degree) for psi, and the fix is used (K.7). For the
+smoother this is process noise like any other. It is counted and reported; more than three such
+resets and one every ten minutes are taken as contradiction of the data.
 
-Where the recording itself shows what the vehicle does (`prepare.still`), its velocity is measured as
-zero (zero-velocity update, ZUPT, K.8), that of a wheeled vehicle across its forward axis (non-holonomic
-constraint, NHC, K.9), dv_b = C_bl (dv + v x psi), and the mean gyro rate of a stationary period as bias
-plus Earth rate (zero angular rate update, ZARU, K.10), d(C_bl Omega) = C_bl (Omega x psi). These are
-tested like fixes, and left out where they fail. A triple whose NIS exceeds `huber_threshold` is taken
-with its covariance enlarged by NIS / threshold (K.11, Huber's weight), so that what is suspicious, yet
-below the gate, pulls less.
+Where the recording itself shows what the vehicle does (`prepare.still`), its velocity is measured
+as zero (zero-velocity update, ZUPT, K.8), that of a wheeled vehicle across its forward axis
+(non-holonomic constraint, NHC, K.9), dv_b = C_bl (dv + v x psi), and the mean gyro rate of a
+stationary period as bias plus Earth rate (zero angular rate update, ZARU, K.10), d(C_bl Omega) =
+C_bl (Omega x psi). These are tested like fixes, and left out where they fail. A triple whose NIS
+exceeds `huber_threshold` is taken with its covariance enlarged by NIS / threshold (K.11, Huber's
+weight), so that what is suspicious, yet below the gate, pulls less.
 
-An interval that the IMU did not see (`Increments.bridged`) adds the covariance of what stands in for
-its increments (E.8).
+An interval that the IMU did not see (`Increments.bridged`) adds the covariance of what stands in
+for its increments (E.8).
 
-Run in open loop about a given nominal nothing is fed back; m follows
-m <- Phi m + (f(nominal before) - nominal), which makes filter and smoother one Gauss-Newton step of the
-batch problem (K.6).
+Run in open loop about a given nominal nothing is fed back; m follows m <- Phi m + (f(nominal
+before) - nominal), which makes filter and smoother one Gauss-Newton step of the batch problem
+(K.6).
 """
 
 import numpy as np
@@ -103,8 +103,8 @@ def gate_from_sigma(gate_sigma: float) -> float:
 def make_history(epochs: Epochs, layout: StateLayout) -> FilterHistory:
     """Return room for the results of a forward pass; it is used again by every further pass.
 
-    What the pass fills in any case is left unset: large unset arrays come in huge pages, which costs a
-    tenth of touching zeroed ones.
+    What the pass fills in any case is left unset: large unset arrays come in huge pages, which
+    costs a tenth of touching zeroed ones.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def make_history(epochs: Epochs, layout: StateLayout) -> FilterHistory:
 
 
 def measured_kinds(epochs: Epochs, layout: StateLayout) -> tuple[np.ndarray, np.ndarray]:
-    """Return which kinds of triples the epochs hold, and how many leading states each can depend on.
+    """Return which kinds of triples the epochs hold, and on how many leading states each depends.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def measured_kinds(epochs: Epochs, layout: StateLayout) -> tuple[np.ndarray, np.
 
 
 def _slots(epochs: Epochs, layout: StateLayout) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first row of each kind of triple that the epochs hold, and the columns each row uses."""
+    """Return the first row of each kind of triple, and the columns that each row uses."""
     present, columns = measured_kinds(epochs, layout)
     slot = np.where(present, 3 * (np.cumsum(present) - 1), ABSENT).astype(np.int64)
     return slot, np.repeat(columns[present], 3).astype(np.int64)
@@ -229,7 +229,7 @@ def _difference(start: InitialState, history: FilterHistory) -> Array:
 
 
 def _refuse_divergence(problem: EstimationProblem, history: FilterHistory) -> None:
-    """Refuse a run that rejected most fixes, reset the covariance again and again, or broke numerically."""
+    """Refuse a run that rejected most fixes, was reset again and again, or broke numerically."""
     time = np.abs(problem.inc.marks)  # negative where the problem runs against time
     finite = np.isfinite(history.sigma).all(axis=1) & np.isfinite(history.nav).all(axis=1)
     if not finite[-1]:

@@ -1,9 +1,9 @@
 """The state vector: which error states a noise model asks for, and where they stand.
 
-The first nine states are the navigation errors (position, velocity, psi in the axes of l). Then, one
-after the other, the IMU error states. Each adds ``x_s u_s`` to the measured rate of one of six channels
-(gyro x y z, accelerometer x y z in body axes): u_s is one for a bias, the time since the start for a
-drift, the measured rate of a channel for a scale factor or a misalignment. Each obeys
+The first nine states are the navigation errors (position, velocity, psi in the axes of l). Then,
+one after the other, the IMU error states. Each adds ``x_s u_s`` to the measured rate of one of six
+channels (gyro x y z, accelerometer x y z in body axes): u_s is one for a bias, the time since the
+start for a drift, the measured rate of a channel for a scale factor or a misalignment. Each obeys
 ``dx/dt = -beta x + sqrt(drive) w``:
 
     turn-on bias, scale factor, misalignment, drift    beta = 0, drive = 0    a constant with an
@@ -13,12 +13,12 @@ drift, the measured rate of a channel for a scale factor or a misalignment. Each
                                                                               stationary state
 
 A turn-on bias stays a state of its own. Folded into the longest Gauss-Markov process its fed-back
-estimate would decay with that process's correlation time, and the filter would take for certain a bias
-that walks away from it (NEES 3 for the tilt).
+estimate would decay with that process's correlation time, and the filter would take for certain a
+bias that walks away from it (NEES 3 for the tilt).
 
-Behind them stand, where asked for, errors of the fixes that touch no channel (u_s = 0) and enter the
-measurement alone (`navigation.filter`): lever arm and time offset, constants with an a-priori sigma,
-and the time-correlated error of the fixes, a Gauss-Markov process.
+Behind them stand, where asked for, errors of the fixes that touch no channel (u_s = 0) and enter
+the measurement alone (`navigation.filter`): lever arm and time offset, constants with an a-priori
+sigma, and the time-correlated error of the fixes, a Gauss-Markov process.
 """
 
 from collections.abc import Iterator
@@ -85,8 +85,8 @@ class StateLayout:
     names : tuple of str
         (ns,) one name a state.
     channel, factor : ndarray
-        (ns,) the channel that the state adds to, and what it is multiplied with before: BIAS, DRIFT,
-        FIX_ERROR (`navigation.codes`) or the channel whose measured rate it is.
+        (ns,) the channel that the state adds to, and what it is multiplied with before: BIAS,
+        DRIFT, FIX_ERROR (`navigation.codes`) or the channel whose measured rate it is.
     beta, drive : Array
         (ns,) inverse correlation time, 1/s, and PSD of the driving noise.
     sigma0 : Array
@@ -136,7 +136,8 @@ class StateLayout:
         block_s : float
             Length of the blocks over which the transition is built as one step, s.
         aiding_interval_s : float
-            Interval between fixes, s: quantization enters as white noise of the same variance over it.
+            Interval between fixes, s: quantization enters as white noise of the same variance over
+            it.
 
         Returns
         -------
@@ -155,7 +156,7 @@ class StateLayout:
         return max(self.lever, self.offset, self.gm, self.unfixed_gm) != ABSENT
 
     def channel_sum(self) -> Array:
-        """Return the (6, ns) matrix that adds the bias-like states up to the bias of each channel."""
+        """Return the (6, ns) matrix that adds bias-like states up to each channel's bias."""
         M = np.zeros((N_CHANNELS, len(self.names)))
         for s, (c, f) in enumerate(zip(self.channel, self.factor, strict=True)):
             if f == BIAS:
@@ -172,7 +173,8 @@ def state_layout(model: NoiseModel, scale_factor: bool = False, misalignment: bo
         Noise of the six channels.
     scale_factor, misalignment : bool
         Whether each channel has a scale factor, and a misalignment towards either other axis of its
-        triad, as states. Their a-priori sigma is the model's, where it has none 1000 ppm and 1 mrad.
+        triad, as states. Their a-priori sigma is the model's, where it has none 1000 ppm and 1
+        mrad.
     fixes : FixErrors
         Which errors of the GNSS fixes are states.
 

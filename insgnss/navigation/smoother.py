@@ -1,27 +1,27 @@
-"""Fixed-interval smoother with full covariance: the modified Bryson-Frazier form of Rauch-Tung-Striebel.
+"""Fixed-interval smoother with full covariance: modified Bryson-Frazier.
 
-It gives the same means and covariances as the Rauch-Tung-Striebel recursion, x_s = x + G (x_s' - x'),
-without its n x n inverse at every epoch, and it needs no invertible covariance (a constant bias has no
-process noise). With the adjoint lambda and its covariance Lambda after epoch k (both zero after the
-last), x, P the filter's result after the update at k:
+It gives the same means and covariances as the Rauch-Tung-Striebel recursion, x_s = x + G (x_s' -
+x'), without its n x n inverse at every epoch, and it needs no invertible covariance (a constant
+bias has no process noise). With the adjoint lambda and its covariance Lambda after epoch k (both
+zero after the last), x, P the filter's result after the update at k:
 
-    x_s = x + P lambda,      P_s = P - P Lambda P                                               (B.1)
-    through a scalar update: lambda <- lambda + h' (nu / S - k' lambda)                         (B.2)
-                             Lambda <- (1 - k h)' Lambda (1 - k h) + h' h / S                   (B.3)
-    to the epoch before:     lambda <- Phi' lambda,   Lambda <- Phi' Lambda Phi                 (B.4)
+    x_s = x + P lambda,      P_s = P - P Lambda P                                             (B.1)
+    through a scalar update: lambda <- lambda + h' (nu / S - k' lambda)                       (B.2)
+                             Lambda <- (1 - k h)' Lambda (1 - k h) + h' h / S                 (B.3)
+    to the epoch before:     lambda <- Phi' lambda,   Lambda <- Phi' Lambda Phi               (B.4)
 
-Lambda is the inverse of the covariance of the difference between what the later data say of the state
-and what the earlier data say, and Lambda^-1 lambda is that difference: the forward/backward separation
-with its covariance comes at no cost.
+Lambda is the inverse of the covariance of the difference between what the later data say of the
+state and what the earlier data say, and Lambda^-1 lambda is that difference: the forward/backward
+separation with its covariance comes at no cost.
 
-The covariance between the errors at an event j and at the next event k > j: the filter tracks
-C = cov(x_j, x_k) given the data up to k (C <- C Phi', C <- C (1 - k h)'); the later data see x_k only,
+The covariance between the errors at an event j and at the next event k > j: the filter tracks C =
+cov(x_j, x_k) given the data up to k (C <- C Phi', C <- C (1 - k h)'); the later data see x_k only,
 hence
 
-    cov_s(x_j, x_k) = C - C Lambda_k P_k                                                        (B.5)
+    cov_s(x_j, x_k) = C - C Lambda_k P_k                                                      (B.5)
 
-Bierman (1973) "Fixed interval smoothing with discrete measurements"; Fraser and Potter (1969) for the
-two-filter view.
+Bierman (1973) "Fixed interval smoothing with discrete measurements"; Fraser and Potter (1969) for
+the two-filter view.
 """
 
 from dataclasses import dataclass
@@ -49,13 +49,13 @@ class Smoothed:
     P : Array, optional
         (m, n, n) smoothed covariance, of a full run only.
     event_cross : Array
-        (events, 9, 9) covariance of the navigation errors of the event before with those of this one
-        (of the first: zero).
+        (events, 9, 9) covariance of the navigation errors of the event before with those of this
+        one (of the first: zero).
     separation_epoch : ndarray
         (s,) the epochs at which the forward/backward separation was worked out.
     separation, separation_sigma : Array
-        (s, 9) backward minus forward of the navigation states, and its standard deviation; NaN where
-        the later data do not determine it.
+        (s, 9) backward minus forward of the navigation states, and its standard deviation; NaN
+        where the later data do not determine it.
     """
 
     delta: Array
@@ -100,7 +100,7 @@ def run_smoother(epochs: Epochs, history: FilterHistory, full: bool = True, sepa
 
 
 def _separation(information: Array, adjoint: Array) -> tuple[Array, Array]:
-    """Return backward minus forward of the navigation states (s, 9) and its sigma, NaN where undetermined."""
+    """Return backward minus forward of the navigation states (s, 9), its sigma; NaN if unknown."""
     scale = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), TINY))
     w, V = np.linalg.eigh(information / (scale[:, :, None] * scale[:, None, :]))
     known = w > DETERMINED

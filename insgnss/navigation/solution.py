@@ -1,14 +1,15 @@
 """Filter and smoother, as often as it takes, and what came out.
 
-The first pass is the closed-loop filter followed by the smoother. The smoother's correction psi of the
-nominal attitude tells how far off it was linearised. What linear theory leaves out is, with psi split
-into tilt t and heading c,
+The first pass is the closed-loop filter followed by the smoother. The smoother's correction psi of
+the nominal attitude tells how far off it was linearised. What linear theory leaves out is, with psi
+split into tilt t and heading c,
 
-    t (c + t / 2)  of the tilt,      c^2 / 2  of the heading                                     (N.1)
+    t (c + t / 2)  of the tilt,      c^2 / 2  of the heading                                  (N.1)
 
 Where that exceeds a fifth of the sigma that the filter had at the same epoch, or the start was two
-degrees off, another pass is run, linearised about the smoothed flight (`filter`, K.6): a Gauss-Newton
-step of the batch least-squares problem over the whole flight, which converges to its solution.
+degrees off, another pass is run, linearised about the smoothed flight (`filter`, K.6): a
+Gauss-Newton step of the batch least-squares problem over the whole flight, which converges to its
+solution.
 """
 
 from collections.abc import Callable
@@ -26,8 +27,8 @@ from .problem import EstimationProblem, InitialState
 from .smoother import Smoothed, run_smoother
 
 MAX_PASSES = 6
-SECOND_ORDER = 0.2  # at 0.1 and below a further pass moved no exposure by more than 0.06 of its sigma
-LARGE_RAD = np.radians(2.0)  # from starts 5 to 20 deg wrong one pass left 0.3 sigma while (N.1) was met
+SECOND_ORDER = 0.2  # at 0.1 a further pass moved no exposure by more than 0.06 of its sigma
+LARGE_RAD = np.radians(2.0)  # from starts 5 to 20 deg off one pass left 0.3 sigma, (N.1) met
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,8 @@ class Solution:
     filter_sigma : Array
         (m, n) standard deviations of the forward filter.
     innovation, innovation_sigma : Array
-        (m, nz) of the triples that were measured, position first, in l; of NHC and ZARU in body axes.
+        (m, nz) of the triples that were measured, position first, in l; of NHC and ZARU in body
+        axes.
     nis : Array
         (m, 4) normalised innovation squared of each kind of triple (`codes.POSITION` and so on).
     verdict : ndarray
@@ -177,7 +179,7 @@ def _solution(problem: EstimationProblem, history: FilterHistory, smoothed: Smoo
 
 
 def _nonlinear(delta: Array, sigma: Array) -> bool:
-    """Return whether the products of the attitude corrections (N.1) matter against the filter's sigma."""
+    """Return whether products of attitude corrections (N.1) matter against the filter's sigma."""
     tilt = np.hypot(delta[:, AX], delta[:, AY])
     heading = np.abs(delta[:, AZ])
     of_tilt = tilt * (heading + 0.5 * tilt) / sigma[:, AX:AZ].min(axis=1)
@@ -187,7 +189,7 @@ def _nonlinear(delta: Array, sigma: Array) -> bool:
 
 
 def _move(nav: Array, x: Array, delta: Array) -> None:
-    """Add the smoothed error estimate to the nominal, in place; attitude from the left (`insgnss`)."""
+    """Add the smoothed error estimate to the nominal, in place; attitude from the left."""
     nav[:, :PSI0] += delta[:, :PSI0]
     half = 0.5 * delta[:, PSI]
     angle = np.linalg.norm(half, axis=1)
@@ -216,14 +218,14 @@ def trajectory(solution: Solution, index: np.ndarray, gps_week: int, events: boo
     gps_week : int
         The week that its times belong to.
     events : bool
-        Whether these are the epochs of all camera events: then the cross-covariances of neighbours come
-        along.
+        Whether these are the epochs of all camera events: then the cross-covariances of neighbours
+        come along.
 
     Returns
     -------
     Trajectory
-        Latitude, longitude, height, velocity and attitude in axes north, east, down at the point, with
-        covariances of the errors in the same axes.
+        Latitude, longitude, height, velocity and attitude in axes north, east, down at the point,
+        with covariances of the errors in the same axes.
     """
     frame = solution.problem.frame
     nav = solution.nav[index]
@@ -243,7 +245,7 @@ def trajectory(solution: Solution, index: np.ndarray, gps_week: int, events: boo
 
 
 def _body_rate(solution: Solution, index: np.ndarray, C_lb: Array) -> Array:
-    """Return the rate of the body against the Earth, (k, 3) rad/s in body axes, gyro bias taken off."""
+    """Return the rate of the body against the Earth, (k, 3) rad/s in body axes, without bias."""
     M = solution.problem.layout.channel_sum()[:3]
     earth = np.einsum("nij,i->nj", C_lb, solution.problem.frame.earth_rate_l)
     return solution.problem.inc.rate[index] - solution.x[index] @ M.T - earth
@@ -255,7 +257,8 @@ def rotate_blocks(C_left: Array, cov: Array, C_right: Array) -> Array:
     Parameters
     ----------
     C_left, C_right : Array
-        (n, 3, 3) rotations from the axes of the errors into the wanted ones, of rows and of columns.
+        (n, 3, 3) rotations from the axes of the errors into the wanted ones, of rows and of
+        columns.
     cov : Array
         (n, 3k, 3k) covariances in blocks of three.
 

@@ -1,34 +1,35 @@
 """Strapdown mechanization in the local frame l.
 
-l is Cartesian and Earth-fixed (`insgnss.geodesy.frames.LocalFrame`). Its axes do not follow the vehicle,
-so there is no transport rate to integrate and no singularity at the poles; what the transport rate does
-in a north-east-down mechanization is done here exactly, by rotating the result into the axes at the
-point (`C_nl`). With Omega the Earth's rotation in l and g gravity (gravitation and centrifugal part) at
-the position:
+l is Cartesian and Earth-fixed (`insgnss.geodesy.frames.LocalFrame`). Its axes do not follow the
+vehicle, so there is no transport rate to integrate and no singularity at the poles; what the
+transport rate does in a north-east-down mechanization is done here exactly, by rotating the result
+into the axes at the point (`C_nl`). With Omega the Earth's rotation in l and g gravity (gravitation
+and centrifugal part) at the position:
 
-    dp/dt = v,   dv/dt = C_lb f - 2 Omega x v + g(p),   dC_lb/dt = C_lb [omega_ib x] - [Omega x] C_lb  (S.1)
+    dp/dt = v,   dv/dt = C_lb f - 2 Omega x v + g(p)
+    dC_lb/dt = C_lb [omega_ib x] - [Omega x] C_lb                                             (S.1)
 
 Over an integration interval of length h with rotation vector phi and velocity increment u
 (`prepare.increments`, bias taken off):
 
-    q_lb <- q(-Omega h) q_lb q(phi)                                                             (S.2)
+    q_lb <- q(-Omega h) q_lb q(phi)                                                           (S.2)
     u_b  = u + phi x u / 2 + phi x (phi x u) / 6 + phi x (phi x (phi x u)) / 24
-           in the axes of the interval's start                                                  (S.3)
-    u_l  = (1 - [Omega x] h / 2) C_lb u_b                                                       (S.4)
-    v    <- v + u_l + h (g(p + v h / 2) - 2 Omega x (v + (u_l + g h) / 2))                      (S.5)
-    p    <- p + h (v_before + v_after) / 2                                                      (S.6)
+           in the axes of the interval's start                                                (S.3)
+    u_l  = (1 - [Omega x] h / 2) C_lb u_b                                                     (S.4)
+    v    <- v + u_l + h (g(p + v h / 2) - 2 Omega x (v + (u_l + g h) / 2))                    (S.5)
+    p    <- p + h (v_before + v_after) / 2                                                    (S.6)
 
-Gravity is evaluated exactly at the start of every block (at most 50 ms) and continued by its gradient,
-without the part of it that comes with latitude (8e-9 m/s^2 a metre): below 1e-8 m/s^2 over the metre of
-a block.
+Gravity is evaluated exactly at the start of every block (at most 50 ms) and continued by its
+gradient, without the part of it that comes with latitude (8e-9 m/s^2 a metre): below 1e-8 m/s^2
+over the metre of a block.
 
-Unaided, the vertical is unstable: gravity decreases with height, so that an error in height feeds itself
-and grows as cosh(t sqrt(2 g / R)), e-fold in 570 s and 57-fold in 45 minutes. The 0.85 mm that an
-error-free 45-minute flight at 500 Hz ends with are 15 micrometres of integration error so amplified;
-horizontally (bounded by Schuler's period) the same flight stays within 0.03 mm.
+Unaided, the vertical is unstable: gravity decreases with height, so that an error in height feeds
+itself and grows as cosh(t sqrt(2 g / R)), e-fold in 570 s and 57-fold in 45 minutes. The 0.85 mm
+that an error-free 45-minute flight at 500 Hz ends with are 15 micrometres of integration error so
+amplified; horizontally (bounded by Schuler's period) the same flight stays within 0.03 mm.
 
-Savage (1998); Groves (2013) 5.2, 5.4; the term phi x (phi x u) / 6 keeps the vertical from drifting in
-turns.
+Savage (1998); Groves (2013) 5.2, 5.4; the term phi x (phi x u) / 6 keeps the vertical from drifting
+in turns.
 """
 
 import numpy as np

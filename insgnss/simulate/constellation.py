@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ..errors import UsageError
 from ..geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
+from ..gnss.constants import PZ90_A, PZ90_J2, PZ90_MU, PZ90_RATE
 from ..gnss.navigation_message import (
     AF0,
     AF1,
@@ -52,7 +53,6 @@ from ..gnss.navigation_message import (
     TOE,
     Navigation,
 )
-from ..gnss.orbits import PZ90_A, PZ90_J2, PZ90_MU, PZ90_RATE
 
 Array = NDArray[np.float64]
 

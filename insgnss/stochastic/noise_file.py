@@ -14,7 +14,7 @@ from typing import Any
 
 from ..errors import InputError, near
 from ..units import format_quantity, parse_quantity
-from .model import GAUSS_MARKOV, GM_KEYS, NOISE_UNITS, QUANTITIES, AxisNoise, GaussMarkov, NoiseModel, RecordingSource
+from .noise_model import GAUSS_MARKOV, GM_KEYS, NOISE_UNITS, QUANTITIES, AxisNoise, GaussMarkov, NoiseModel, RecordingSource
 
 _AXES = ("x", "y", "z")
 _ERROR = "standard_error"

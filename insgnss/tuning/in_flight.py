@@ -13,25 +13,23 @@ above its quietest octave stands in for errors that wander more slowly, which th
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..config.flight_file import Flight
 from ..errors import InputError, InsgnssError, UsageError
-from ..files import json_ready
 from ..processing.checks import sentence
 from ..processing.progress import quiet
 from ..processing.recording import Recording, read_recording
-from ..stochastic.model import NoiseModel
 from .in_flight_files import model_in_flight, planned, write
-from .in_flight_words import NAMES, Beyond, beyond_spectrum, chance_of, longer_flight, summary
+from .in_flight_result import FlightTuning
+from .in_flight_words import NAMES, Beyond, beyond_spectrum, chance_of, longer_flight
 
 if TYPE_CHECKING:
     from ..calibrate.innovation_noise import InFlightNoise
-    from ..calibrate.straight_flight import StraightFlight
     from ..navigation.solution import Solution
     from ..processing.segment import Segment
 
@@ -39,77 +37,6 @@ Progress = Callable[[str], None]
 
 EPOCH_HZ = 2.0  # of the output grid, which nobody looks at
 NEARER = 2.0  # standard deviations of the mean NIS by which it may be further from one
-
-
-@dataclass(frozen=True)
-class FlightTuning:
-    """What a flight says of its noise. accepted : whether the static model gives way.   reasons : of that, sentence by sentence.
-
-    noise : the estimate.   static, model : the model of the flight file, and the same with the factors found.   files : what was written.
-    lost_before, lost_after : fixes that the solutions with the static model and with the new one reject.
-    straight : spectrum of the IMU in straight flight, None without.   dropped_correlated : whether noise of the IMU explains what the
-    solution took for a correlated error of the fixes.   notes : what became of segments between gaps of the IMU.   key : of the flight
-    file, for the model found.
-    """
-
-    name: str
-    accepted: bool
-    reasons: tuple[str, ...]
-    noise: "InFlightNoise"
-    static: NoiseModel
-    model: NoiseModel
-    lost_before: int
-    lost_after: int
-    straight: "StraightFlight | None"
-    dropped_correlated: bool
-    notes: tuple[str, ...] = ()
-    files: tuple[Path, ...] = ()
-    key: str = "imu.noise"
-
-    @property
-    def headline(self) -> str:
-        """The verdict without its reasons."""
-        return "accept the noise found in flight" if self.accepted else f"keep the static model {self.static.name}"
-
-    @property
-    def verdict(self) -> str:
-        """In one sentence."""
-        return f"{self.headline}: {'; '.join(self.reasons)}"
-
-    @property
-    def file(self) -> Path | None:
-        """The noise model that was written, or None."""
-        return self.files[0] if self.accepted and self.files else None
-
-    def summary(self) -> str:
-        """What a person reads."""
-        return summary(self)
-
-    def as_dict(self) -> dict[str, Any]:
-        """JSON-able."""
-        n, s = self.noise, self.straight
-        factors = {
-            name: {"factor": float(f), "standard_error": float(f * e) if e else None, "held": name in dict(n.held)}
-            for name, f, e in zip(n.names, n.factor, n.log_sigma, strict=True)
-        }
-        told = {key: asdict(getattr(n, key)) for key in ("before", "after", "at_best", "static_at_best")}
-        told_all = {
-            "name": self.name,
-            "verdict": "accept" if self.accepted else "keep",
-            "reasons": list(self.reasons),
-            "files": [str(file) for file in self.files],
-            "factors": factors,
-            "held": dict(n.held),
-            "correlation": np.round(n.correlation, 4),
-            "likelihood_gain": n.gain,
-            "chance": n.chance,
-            "duration_s": n.duration_s,
-            "innovations": told,
-            "fixes_lost": {"static": self.lost_before, "in_flight": self.lost_after},
-            "straight_flight": None if s is None else _spectrum(s),
-            "notes": self.notes,
-        }
-        return dict(json_ready(told_all))
 
 
 def tune_flight(
@@ -273,9 +200,3 @@ def _doubts(noise: "InFlightNoise", beyond: Sequence[Beyond]) -> list[str]:
             "receiver has filtered, and the factors would stand in for it"
         )
     return doubts
-
-
-def _spectrum(straight: "StraightFlight") -> dict[str, Any]:
-    """All but the curves."""
-    keys = ("rate_hz", "duration_s", "windows", "mean_with_lines", "mean_without_lines", "upper_limit", "level", "level_from_hz")
-    return {key: getattr(straight, key) for key in keys} | {"lines": [asdict(line) for line in straight.lines]}

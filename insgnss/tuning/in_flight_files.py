@@ -19,7 +19,7 @@ from .targets import check_target, refuse_present
 
 if TYPE_CHECKING:
     from ..calibrate.innovation_noise import InFlightNoise
-    from .in_flight import FlightTuning
+    from .in_flight_result import FlightTuning
 
 DEFAULT = "in_flight_noise.toml"
 LINES_SHOWN = 4

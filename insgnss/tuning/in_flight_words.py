@@ -10,7 +10,7 @@ from ..units import parse_unit
 if TYPE_CHECKING:
     from ..calibrate.innovation_noise import InFlightNoise, Innovations
     from ..calibrate.straight_flight import StraightFlight
-    from .in_flight import FlightTuning
+    from .in_flight_data import FlightTuningData
 
 NAMES = {
     "white_noise": "white noise of the IMU",
@@ -30,7 +30,7 @@ Beyond = tuple[str, float]  # parameter, and white noise over its limit
 CORRELATES = 0.5  # between two estimates, beyond which it is told
 
 
-def summary(tuning: "FlightTuning") -> str:
+def summary(tuning: "FlightTuningData") -> str:
     """A page for a person."""
     n = tuning.noise
     lines = [
@@ -53,7 +53,7 @@ def summary(tuning: "FlightTuning") -> str:
     return "\n".join(lines)
 
 
-def _factors(tuning: "FlightTuning") -> list[str]:
+def _factors(tuning: "FlightTuningData") -> list[str]:
     n, out = tuning.noise, []
     for name, factor, sigma in zip(n.names, n.factor, n.log_sigma, strict=True):
         if sigma == 0.0:
@@ -119,7 +119,7 @@ def _advice(n: "InFlightNoise") -> list[str]:
     return out
 
 
-def _spectrum(straight: "StraightFlight | None", tuning: "FlightTuning") -> list[str]:
+def _spectrum(straight: "StraightFlight | None", tuning: "FlightTuningData") -> list[str]:
     if straight is None:
         return ["no straight, level flight of eight seconds: no spectrum"]
     head = f"IMU in straight flight, {straight.duration_s:.0f} s, {straight.windows} windows; mean density over the static white noise"
@@ -140,7 +140,7 @@ def _spectrum(straight: "StraightFlight | None", tuning: "FlightTuning") -> list
     return out + ([f"  and {len(straight.lines) - MANY_LINES} more lines"] if len(straight.lines) > MANY_LINES else [])
 
 
-def _limits(straight: "StraightFlight", tuning: "FlightTuning") -> list[str]:
+def _limits(straight: "StraightFlight", tuning: "FlightTuningData") -> list[str]:
     """What the spectrum says of white noise: its level where there is one, and that it cannot exceed the quietest octave."""
     out = []
     for k, sensor in enumerate(("gyro", "accel")):

@@ -12,7 +12,7 @@ from .recordings import StaticRecording
 from .words import FITS, goodness_p, said, trends
 
 if TYPE_CHECKING:
-    from .result import Tuned, TuneResult
+    from .fits import Tuned, TuneData
 
 # unit and power of ten of each parameter, as people print them
 PRINTED = {
@@ -58,7 +58,7 @@ def unit_text(sensor: str, name: str) -> str:
     return f"1e{power} {unit}" if power else unit
 
 
-def summary(result: "TuneResult") -> str:
+def summary(result: "TuneData") -> str:
     """The whole text."""
     lines = [*_recordings(result.recordings)]
     for sensor in SENSOR_NAMES:

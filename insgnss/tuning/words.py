@@ -15,7 +15,7 @@ from .recordings import AXES, StaticRecording
 
 if TYPE_CHECKING:
     from ..stochastic.estimation.selection import Candidate
-    from .result import Tuned
+    from .fits import Tuned
 
 FITS = 0.05  # p-value from which on a model fits
 MOST_RANKED = 5

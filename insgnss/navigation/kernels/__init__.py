@@ -15,5 +15,6 @@ backward       the smoother over all epochs
 
 Everything is written into arrays that the callers own; nothing is allocated inside the epoch loops.
 `nav` is (10,): position, velocity in l and the quaternion q_lb; `x` (ns,) the other states' values;
-`n` = 9 + ns. Which state stands where, and what the integers mean, is defined in `navigation.codes`.
+`n` = 9 + ns. Which state stands where, and what the integers mean, is defined in
+`navigation.codes`.
 """

@@ -8,10 +8,11 @@ from ..codes import ABSENT, IMU0, N_NAV
 
 @njit(cache=True)
 def run_backward(epochs, history, full, delta, event_cross, keep, keep_information, keep_adjoint):
-    """Modified Bryson-Frazier smoother (B.1-B.5). delta (m, n): smoothed error estimate about the nominal.
+    """Modified Bryson-Frazier smoother (B.1-B.5); delta (m, n): smoothed errors of the nominal.
 
     full: also replace history.P by the smoothed covariance and fill event_cross (events, 9, 9).
-    keep (m,): slot of keep_information (slots, n, n) and keep_adjoint (slots, n) that takes Lambda and lambda at the epoch, or -1.
+    keep (m,): slot of keep_information (slots, n, n) and keep_adjoint (slots, n) that takes Lambda
+    and lambda at the epoch, or ABSENT.
     """
     count = epochs.stop.size
     nz, n = history.H.shape[1], history.m.shape[1]
@@ -88,7 +89,7 @@ def run_backward(epochs, history, full, delta, event_cross, keep, keep_informati
             new[c] = t
         lam[:] = new
         if full:
-            # Phi' Lambda Phi with Phi = [F; 0 D]: M = Lambda_nn F + Lambda_nb D, then F' M + D Lambda_bn F + D Lambda_bb D
+            # Phi' Lambda Phi, Phi = [F; 0 D]: F' (Lambda_nn F / 2 + Lambda_nb D) and its transpose
             for r in range(N_NAV):
                 row = G[r]
                 for c in range(n):

@@ -1,4 +1,4 @@
-"""The error model (E): transition and process noise of the errors over an interval between epochs."""
+"""The error model (E): transition and process noise over an interval between epochs."""
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def apply_nav_rows(A, columns, B, s1, s2, side, o):
 
 @njit(cache=True)
 def channel_columns(integrals, B, column):
-    """(E.5): effect of a unit constant error of each channel on position, velocity and psi over the block."""
+    """(E.5): effect of a unit constant error of each channel over the block."""
     s1, C = integrals.s1, integrals.C
     for a in range(3):
         e0, e1, e2 = C[0, a], C[1, a], C[2, a]
@@ -108,14 +108,16 @@ def step_covariance(W, Qbb, B, model, work, side, o):
     """(E.6): W = [Q_nn | Q_nb] and the diagonal Q_bb over one more block."""
     ns = model.channel.size
     column, group, X, Y = work.column, work.group, work.X, work.Y
+    weight, mean, decay, integrals = work.weight, work.mean, work.decay, work.integrals
+    s1, s2 = integrals.s1, integrals.s2
     group[:] = 0.0
     for s in range(ns):
         c = model.channel[s]
-        w = work.weight[s] * work.mean[s]
+        w = weight[s] * mean[s]
         for r in range(N_NAV):
             group[r, c] += w * W[r, IMU0 + s]
     X[:] = W
-    apply_nav_rows(X, N_NAV + ns, B, work.integrals.s1, work.integrals.s2, side, o)
+    apply_nav_rows(X, N_NAV + ns, B, s1, s2, side, o)
     for r in range(N_NAV):
         for k in range(N_NAV):
             t = 0.0
@@ -124,19 +126,19 @@ def step_covariance(W, Qbb, B, model, work, side, o):
             X[r, k] += t
     for s in range(ns):
         c = model.channel[s]
-        w = work.weight[s] * work.mean[s] * Qbb[s]
+        w = weight[s] * mean[s] * Qbb[s]
         for r in range(N_NAV):
             X[r, IMU0 + s] += column[r, c] * w
     group[:] = 0.0
     for s in range(ns):
         c = model.channel[s]
-        w = work.weight[s] * work.mean[s]
+        w = weight[s] * mean[s]
         for r in range(N_NAV):
             group[r, c] += w * X[r, IMU0 + s]
     for r in range(N_NAV):
         for k in range(N_NAV):
             Y[k, r] = X[r, k]
-    apply_nav_rows(Y, N_NAV, B, work.integrals.s1, work.integrals.s2, side, o)
+    apply_nav_rows(Y, N_NAV, B, s1, s2, side, o)
     for r in range(N_NAV):
         for k in range(N_NAV):
             t = Y[k, r]
@@ -147,7 +149,7 @@ def step_covariance(W, Qbb, B, model, work, side, o):
         t = 0.0
         for s in range(ns):
             if model.channel[s] == c:
-                t += work.weight[s] * work.weight[s] * model.drive[s]
+                t += weight[s] * weight[s] * model.drive[s]
         if t > 0.0:
             t *= B / 3.0
             for r in range(N_NAV):
@@ -155,15 +157,15 @@ def step_covariance(W, Qbb, B, model, work, side, o):
                     W[r, k] += t * column[r, c] * column[k, c]
     for s in range(ns):
         c = model.channel[s]
-        d = work.decay[s]
-        t = 0.5 * B * work.weight[s] * model.drive[s]
+        d = decay[s]
+        t = 0.5 * B * weight[s] * model.drive[s]
         for r in range(N_NAV):
             W[r, IMU0 + s] = d * X[r, IMU0 + s] + t * column[r, c]
         if model.beta[s] > 0.0:
             Qbb[s] = d * d * Qbb[s] + model.drive[s] * (1.0 - d * d) / (2.0 * model.beta[s])
         else:
             Qbb[s] += model.drive[s] * B
-    add_white_noise(W, work.integrals, B, model.white, work.v9)
+    add_white_noise(W, integrals, B, model.white, work.v9)
 
 
 @njit(cache=True)
@@ -208,7 +210,7 @@ def block_states(intervals, i0, i1, B, elapsed, x, model, work):
 
 @njit(cache=True)
 def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, work):
-    """Propagate nav and x over the intervals i0..i1-1; transition F (9, n), D (ns,), noise W (9, n), Qbb (ns,).
+    """Propagate nav, x over intervals i0..i1-1; fill F (9, n), D (ns,), W (9, n), Qbb (ns,).
 
     elapsed : s since the start, at the first of the intervals.
     """
@@ -225,6 +227,9 @@ def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, wo
         total += intervals.dt[i]
     blocks = int(np.ceil(total / model.block - 1e-6))
     target = total / max(blocks, 1)
+    column, weight, mean, decay = work.column, work.weight, work.mean, work.decay
+    integrals = work.integrals
+    s1, s2 = integrals.s1, integrals.s2
     side = -GRAVITY / EARTH_RADIUS_M
     a = i0
     done = 0.0
@@ -235,25 +240,25 @@ def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, wo
             B += intervals.dt[b]
             b += 1
         has_scale = block_states(intervals, a, b, B, elapsed + done, x, model, work)
-        strapdown_block(intervals, a, b, B, nav, earth, work.bias, work.scale, has_scale, work.integrals)
-        channel_columns(work.integrals, B, work.column)
-        apply_nav_rows(F, N_NAV + ns, B, work.integrals.s1, work.integrals.s2, side, o)
+        strapdown_block(intervals, a, b, B, nav, earth, work.bias, work.scale, has_scale, integrals)
+        channel_columns(integrals, B, column)
+        apply_nav_rows(F, N_NAV + ns, B, s1, s2, side, o)
         for s in range(ns):
             c = model.channel[s]
-            w = work.weight[s] * work.mean[s] * D[s]
+            w = weight[s] * mean[s] * D[s]
             for r in range(N_NAV):
-                F[r, IMU0 + s] += work.column[r, c] * w
+                F[r, IMU0 + s] += column[r, c] * w
         step_covariance(W, Qbb, B, model, work, side, o)
         for s in range(ns):
-            D[s] *= work.decay[s]
-            x[s] *= work.decay[s]
+            D[s] *= decay[s]
+            x[s] *= decay[s]
         done += B
         a = b
 
 
 @njit(cache=True)
 def add_gap_noise(W, column, B, variance):
-    """(E.8): the increments over a gap of length B were made up; `variance` (6,) is that of their errors."""
+    """(E.8): the increments over a gap of length B were made up, with errors of `variance` (6,)."""
     for c in range(N_CHANNELS):
         q = variance[c] / (B * B)
         for r in range(N_NAV):

@@ -32,10 +32,11 @@ from ..codes import (
 def antenna(nav, x, lever_b, model, triple):
     """Leave C_lb, and the lever arm with its error states, in the triple."""
     quat_to_matrix(nav[QUAT], triple.C_lb)
+    lever = triple.lever
     for i in range(3):
-        triple.lever[i] = lever_b[i]
+        lever[i] = lever_b[i]
         if model.lever >= 0:
-            triple.lever[i] += x[model.lever + i]
+            lever[i] += x[model.lever + i]
 
 
 @njit(cache=True)
@@ -57,7 +58,7 @@ def minus_skew(H, column, a0, a1, a2):
 
 @njit(cache=True)
 def body_rate(nav, x, elapsed, rate, model, earth, triple):
-    """Leave the body's rate against the Earth, of the measured rate (3,), and its gains in the triple."""
+    """Leave the body's rate against the Earth, of a measured rate (3,), and its gains."""
     C, omega, gain = triple.C_lb, triple.omega, triple.gain
     quat_to_matrix(nav[QUAT], C)
     o = earth.rate_l
@@ -113,7 +114,7 @@ def position_rows(nav, x, elapsed, lever_b, model, acceleration, z, sigma, group
             H[r, IMU0 + model.offset] = v + acceleration[r] * d
             if model.rate >= 0:
                 H[r, IMU0 + model.rate] = elapsed * H[r, IMU0 + model.offset]
-    for of_group in range(group + 1):  # the error of all fixes, and of an unfixed one its own besides
+    for of_group in range(group + 1):  # of all fixes, and of unfixed ones besides
         first = model.gm[of_group]
         if first >= 0:
             for r in range(3):
@@ -123,7 +124,7 @@ def position_rows(nav, x, elapsed, lever_b, model, acceleration, z, sigma, group
 
 @njit(cache=True)
 def velocity_rows(nav, x, elapsed, lever_b, model, acceleration, z, triple):
-    """(K.2): the antenna's velocity z (3,); omega and gain of the triple as `body_rate` leaves them."""
+    """(K.2): the antenna's velocity z (3,); omega and gain as `body_rate` leaves them."""
     antenna(nav, x, lever_b, model, triple)
     C, lever, omega, H, nu = triple.C_lb, triple.lever, triple.omega, triple.H, triple.nu
     H[:] = 0.0
@@ -177,7 +178,7 @@ def zupt_rows(nav, triple):
 
 @njit(cache=True)
 def nhc_rows(nav, triple):
-    """(K.9), non-holonomic constraint: no velocity across the body's forward axis. The first row is empty."""
+    """(K.9), non-holonomic constraint: no velocity across the forward axis. Row 0 is empty."""
     C, H, nu = triple.C_lb, triple.H, triple.nu
     quat_to_matrix(nav[QUAT], C)
     H[:] = 0.0
@@ -196,8 +197,8 @@ def nhc_rows(nav, triple):
 def zaru_rows(model, earth, triple):
     """(K.10), zero angular rate update: the body does not turn.
 
-    omega and gain of the triple are those of the mean rate over the stationary period, as `body_rate`
-    leaves them.
+    omega and gain of the triple are those of the mean rate over the stationary period, as
+    `body_rate` leaves them.
     """
     C, H, nu = triple.C_lb, triple.H, triple.nu
     H[:] = 0.0

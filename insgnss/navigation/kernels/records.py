@@ -99,16 +99,6 @@ class FilterOptions(NamedTuple):
     reset_after: float  # s of rejected fixes after which the covariance is reset (K.7)
 
 
-class FilterState(NamedTuple):
-    """The filter's state at the epoch that it has come to."""
-
-    nav: np.ndarray  # (10,) nominal
-    x: np.ndarray  # (ns,) nominal
-    m: np.ndarray  # (n,) error estimate about the nominal
-    P: np.ndarray  # (n, n) covariance of the errors
-    cross: np.ndarray  # (9, n) covariance of the latest event's navigation error with the errors
-
-
 class Triple(NamedTuple):
     """Three measured scalars of one kind at one epoch; the arrays are used again by the next."""
 
@@ -119,21 +109,6 @@ class Triple(NamedTuple):
     lever: np.ndarray  # (3,) m, lever arm with its error states, body axes
     omega: np.ndarray  # (3,) rad/s, of the body against the Earth, body axes
     gain: np.ndarray  # (ns,) minus the derivative of omega by each state, on the state's own axis
-
-
-class EpochWork(NamedTuple):
-    """Scratch of one epoch."""
-
-    X: np.ndarray  # (9, n)
-    W: np.ndarray  # (9, n)
-    Qbb: np.ndarray  # (ns,)
-    mean: np.ndarray  # (n,)
-    gap: np.ndarray  # (n,) propagated nominal less the one that is linearised about
-    nine: np.ndarray  # (9, 9)
-    acceleration: np.ndarray  # (3,) m/s^2 of the IMU in l since the epoch before
-    S: np.ndarray  # (3, 3)
-    L: np.ndarray  # (3, 3)
-    innovation: np.ndarray  # (2, 3) of the triple about the estimate, and its sigma
 
 
 class FilterHistory(NamedTuple):
@@ -162,13 +137,13 @@ class FilterHistory(NamedTuple):
 
 @njit(cache=True)
 def make_integrals():
-    """Return the zeroed integrals of a block."""
+    """Integrals of a block, zero."""
     return BlockIntegrals(np.zeros((3, 3)), np.zeros(3), np.zeros(3))
 
 
 @njit(cache=True)
 def make_interval_work(ns):
-    """Return the scratch of one integration interval for `ns` IMU error states."""
+    """Scratch of an interval for ns states behind those of navigation."""
     n = N_NAV + ns
     return IntervalWork(
         np.zeros(ns),
@@ -187,26 +162,8 @@ def make_interval_work(ns):
 
 
 @njit(cache=True)
-def make_epoch_work(ns):
-    """Return the scratch of one epoch for `ns` IMU error states."""
-    n = N_NAV + ns
-    return EpochWork(
-        np.zeros((N_NAV, n)),
-        np.zeros((N_NAV, n)),
-        np.zeros(ns),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros((N_NAV, N_NAV)),
-        np.zeros(3),
-        np.zeros((3, 3)),
-        np.zeros((3, 3)),
-        np.zeros((2, 3)),
-    )
-
-
-@njit(cache=True)
 def make_triple(ns):
-    """Return room for one measured triple with `ns` IMU error states."""
+    """A triple for ns states behind those of navigation."""
     return Triple(
         np.zeros((3, N_NAV + ns)),
         np.zeros((3, 1)),

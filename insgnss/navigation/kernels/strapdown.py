@@ -1,4 +1,4 @@
-"""The strapdown (S): the nominal state over the integration intervals, and the integrals that the error model needs."""
+"""The strapdown (S): the nominal state, and the integrals that the error model needs."""
 
 import numpy as np
 
@@ -47,7 +47,7 @@ def gravity_l(px, py, pz, earth, g_e, g_l):
 
 @njit(cache=True)
 def strapdown_block(intervals, i0, i1, B, nav, earth, bias, scale, has_scale, integrals):
-    """Integrate `nav` over the intervals i0..i1-1 (S.1-S.6), a block of length B, and leave its integrals.
+    """Integrate `nav` over intervals i0..i1-1 (S.1-S.6), a block of length B; fill its integrals.
 
     bias (2, 6) runs linearly over the block; scale (6, 6) is taken off where `has_scale`.
     """
@@ -102,7 +102,7 @@ def strapdown_block(intervals, i0, i1, B, nav, earth, bias, scale, has_scale, in
         ux -= (b0[3] + k * (b1[3] - b0[3])) * h
         uy -= (b0[4] + k * (b1[4] - b0[4])) * h
         uz -= (b0[5] + k * (b1[5] - b0[5])) * h
-        # (S.3) velocity increment in the body axes of the interval's start, Horner form of the rotation series
+        # (S.3) velocity increment in the axes of the interval's start, Horner form of the series
         tx = py_ * uz - pz_ * uy
         ty = pz_ * ux - px_ * uz
         tz = px_ * uy - py_ * ux
@@ -212,7 +212,7 @@ def strapdown_block(intervals, i0, i1, B, nav, earth, bias, scale, has_scale, in
 
 @njit(cache=True)
 def run_strapdown(intervals, stops, nav0, bias, earth, out):
-    """Free-inertial navigation with a constant bias (6,); the state after each of `stops` intervals into out (k, 10)."""
+    """Free-inertial navigation with constant bias (6,); states after `stops` intervals to out."""
     nav = nav0.copy()
     integrals = make_integrals()
     b2 = np.zeros((2, N_CHANNELS))
@@ -234,7 +234,7 @@ def run_strapdown(intervals, stops, nav0, bias, earth, out):
 
 @njit(cache=True)
 def run_between(intervals, stop, nav, bias, earth, out):
-    """From every epoch's state (m, 10) and channel bias (m, 6) to the next epoch, interval by interval.
+    """From each epoch's state (m, 10) with bias (m, 6) to the next, interval by interval.
 
     out (stop[-1] - stop[0], 10): the state after each interval; the last one before an epoch is the
     propagated state, not that epoch's own.

@@ -1,4 +1,4 @@
-"""The update (K): innovation gate, scalar update, covariance reset, and errors moved into the nominal state."""
+"""The update (K): innovation gate, scalar update, covariance reset, feedback."""
 
 import numpy as np
 
@@ -69,7 +69,7 @@ def innovation_test(P, H, nu, m, R, used, S, L, out):
 
 @njit(cache=True)
 def reset_covariance(P, innovation, since_s):
-    """(K.7): open P by an innovation (3,) in position, by what makes it within `since_s` in velocity and tilt."""
+    """(K.7): open P by an innovation (3,), and by what makes it within `since_s`."""
     for i in range(3):
         d = innovation[i]
         P[i, i] += d * d
@@ -82,7 +82,7 @@ def reset_covariance(P, innovation, since_s):
 
 @njit(cache=True)
 def scalar_update(P, m, h, nu, used, K, cross, track_cross):
-    """(K.4) with one scalar of unit variance: gain into K; its innovation variance and innovation are returned.
+    """(K.4) with one scalar of unit variance: gain into K; returns innovation variance, innovation.
 
     K[r] K[c] is the same product either way round, so that P stays symmetric.
     """

@@ -1,0 +1,67 @@
+"""What readers of poses share: what a caller knows beyond the file, and covariances in other axes."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geodesy.frames import TangentPlane
+from ..geodesy.projection import MapProjection
+
+Array = NDArray[np.float64]
+Origin = tuple[float, float, float]
+
+HEAD = 16384
+
+
+@dataclass(frozen=True)
+class Hints:
+    """What a caller knows beyond the file: origin of a tangent plane, deg, deg, m; CRS of projected coordinates; GPS week; geoid grid.
+
+    undulation_m : of the geoid, to be added to heights of positions of GNSS.
+    """
+
+    origin: Origin | None = None
+    crs: str | None = None
+    gps_week: int | None = None
+    geoid: Path | None = None
+    undulation_m: float | None = None
+
+    @property
+    def plane(self) -> TangentPlane | None:
+        """The tangent plane, if an origin is given."""
+        return None if self.origin is None else TangentPlane(np.radians(self.origin[0]), np.radians(self.origin[1]), self.origin[2])
+
+    @property
+    def projection(self) -> MapProjection | None:
+        """The projection, if a CRS is given."""
+        return None if self.crs is None else MapProjection(self.crs, self.geoid)
+
+
+def diagonal(sigma: Array | None, E: Array | None = None) -> Array | None:
+    """(n, 3, 3) of standard deviations (n, 3); of angles, whose psi is E d(angles); None where there are none, or where all are zero."""
+    if sigma is None or not (sigma > 0.0).all():
+        return None
+    P = np.zeros((len(sigma), 3, 3))
+    P[:, range(3), range(3)] = sigma**2
+    return P if E is None else np.asarray(E @ P @ np.swapaxes(E, 1, 2))
+
+
+def turned(C: Array, P: Array | None) -> Array | None:
+    """C P C^T."""
+    return None if P is None else np.asarray(C @ P @ np.swapaxes(C, -1, -2))
+
+
+def origin_in(path: Path) -> TangentPlane | None:
+    """The origin that a header names: `latitude 46.57.. deg, longitude 6.54.. deg, ... height 0 m`, or two angles in deg and a height."""
+    with path.open(encoding="utf-8", errors="replace") as stream:
+        head = "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
+    number = r"(-?\d+(?:\.\d+)?)"
+    said = re.search(rf"latitude {number}(?: deg)?,? longitude {number} deg,?(?: [a-z]+ height)? {number} m", head)
+    said = said or re.search(rf"origin {number} {number} deg {number} m", head)
+    if said is None:
+        return None
+    lat, lon, height = (float(number) for number in said.groups())
+    return TangentPlane(np.radians(lat), np.radians(lon), height)

@@ -1,0 +1,52 @@
+"""What an inspection found, as a record; `run.Inspection` adds its texts and its picture."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import DataError, InputError, InsgnssError
+from ..processing.checks import sentence
+from ..records import CameraEvents, Check, GnssFixes, ImuSamples
+from .sources import Source
+
+if TYPE_CHECKING:
+    from ..recognise.findings import Finding
+    from ..recognise.recognition import Recognition
+    from .draft import Draft
+    from .sensing import Sensing
+
+
+@dataclass(frozen=True, eq=False)
+class InspectionData:
+    """What was found. recognition is None where there is no receiver, or where `unrecognised` says why.
+
+    imu : in rad/s and m/s^2, as recognised, in the sensor's axes.   gnss : on the IMU's clock.   missing : what a flight file lacks.
+    """
+
+    name: str
+    sources: tuple[Source, ...]
+    left_out: tuple[tuple[Path, str], ...]
+    imu: ImuSamples
+    gnss: GnssFixes | None
+    events: CameraEvents | None
+    sensing: "Sensing"
+    gyro_counts: float | None
+    recognition: "Recognition | None"
+    unrecognised: str
+    findings: "tuple[Finding, ...]"
+    checks: tuple[Check, ...]
+    draft: "Draft | None"
+    missing: str = ""
+    written: tuple[Path, ...] = ()
+
+    @property
+    def contradictions(self) -> list[str]:
+        """One sentence for each check that the data contradict."""
+        return [sentence(c) for c in self.checks if c.verdict == "contradiction"]
+
+    @property
+    def refusal(self) -> InsgnssError | None:
+        """What keeps the recording from being a flight: something missing, or a contradiction."""
+        if self.missing:
+            return DataError(self.missing)
+        return InputError("; ".join(self.contradictions)) if self.contradictions else None
