@@ -1,9 +1,11 @@
-"""The core: CPU microseconds per IMU sample of increments, alignment, filter and smoother on the bar's 15-minute block flight.
+"""The core: CPU microseconds per IMU sample of increments, alignment, filter and smoother on the
+bar's 15-minute block flight.
 
     python benchmarks/bench_core.py [--minutes 15] [--repeats 9]
 
-`solve` is what `insgnss process` calls: filter, smoother of the means, further passes where the flight asks for them, smoother with
-the full covariance of every state at every epoch and exposure. The bar is alignment and solve together under 1 microsecond.
+`solve` is what `insgnss process` calls: filter, smoother of the means, further passes where the
+flight asks for them, smoother with the full covariance of every state at every epoch and exposure.
+The bar is alignment and solve together under 1 microsecond.
 """
 
 import argparse
@@ -30,7 +32,9 @@ def main() -> None:
     solution = solve(problem, start)
     history = make_history(problem.epochs, problem.layout)
 
-    def filter_and_smooth() -> None:  # the smoother overwrites what the filter stored, so it never runs alone
+    def filter_and_smooth() -> (
+        None
+    ):  # the smoother overwrites what the filter stored, so it never runs alone
         run_filter(problem, start, history)
         run_smoother(problem.epochs, history)
 
@@ -41,14 +45,24 @@ def main() -> None:
         "filter and smoother, one pass": filter_and_smooth,
         "solve": lambda: solve(problem, start),
     }
-    us = {name: 1e6 * median_cpu(run, options.repeats) / case.samples for name, run in steps.items()}
+    us = {
+        name: 1e6 * median_cpu(run, options.repeats) / case.samples for name, run in steps.items()
+    }
     print(
-        f"{case.samples} samples, {problem.epochs.stop.size} epochs, {case.at_event.size} exposures, {problem.layout.size} states, ", end=""
+        f"{case.samples} samples, {problem.epochs.stop.size} epochs, {case.at_event.size}"
+        f" exposures, {problem.layout.size} states, ",
+        end="",
     )
-    print(f"{solution.passes} filter pass{'es' if solution.passes > 1 else ''}; CPU microseconds a sample, medians of {options.repeats}")
+    print(
+        f"{solution.passes} filter pass{'es' if solution.passes > 1 else ''}; CPU microseconds a"
+        f" sample, medians of {options.repeats}"
+    )
     for name, value in us.items():
         print(f"  {name:32} {value:7.3f}")
-    print(f"  {'smoother (difference)':32} {us['filter and smoother, one pass'] - us['filter, one pass']:7.3f}")
+    print(
+        f"  {'smoother (difference)':32}"
+        f" {us['filter and smoother, one pass'] - us['filter, one pass']:7.3f}"
+    )
     print(f"  {'align + solve':32} {us['align'] + us['solve']:7.3f}   (bar: {BAR_US:g})")
 
 

@@ -1,14 +1,18 @@
-"""The same linear problem with filterpy: KalmanFilter in a Python loop, then its rts_smoother method.
+"""The same linear problem with filterpy: KalmanFilter in a Python loop, then its rts_smoother
+method.
 
     python benchmarks/bench_filterpy.py [--seconds 60] [--repeats 5]
 
-One piece of the bar's flight, linearised about the inertial solution that starts in the smoothed state, so that transition Phi, noise
-Q and measurement H of every epoch are the same for both and no offset remains. filterpy gets them ready made; insgnss works
-them out from the IMU samples on the way, and that is in its time. Both return every state with its full covariance.
+One piece of the bar's flight, linearised about the inertial solution that starts in the smoothed
+state, so that transition Phi, noise Q and measurement H of every epoch are the same for both and no
+offset remains. filterpy gets them ready made; insgnss works them out from the IMU samples on the
+way, and that is in its time. Both return every state with its full covariance.
 
-    at the epochs    filterpy with insgnss's Phi and Q from epoch to epoch; the results must be equal
-    at the samples   filterpy as it is used without such a kernel, a Phi and Q for every IMU sample (also ready made), over the
-                     first tenth of the piece; the transition is cut finer, so the results agree to a small part of a sigma
+    at the epochs    filterpy with insgnss's Phi and Q from epoch to epoch; the results must be
+                     equal
+    at the samples   filterpy as it is used without such a kernel, a Phi and Q for every IMU sample
+                     (also ready made), over the first tenth of the piece; the transition is cut
+                     finer, so the results agree to a small part of a sigma
 """
 
 import argparse
@@ -48,7 +52,9 @@ def main() -> None:
     compare("at the samples", problem, start, np.arange(problem.inc.stop[-1] + 1), options.repeats)
 
 
-def compare(name: str, problem: EstimationProblem, start: InitialState, stop: np.ndarray, repeats: int) -> float:
+def compare(
+    name: str, problem: EstimationProblem, start: InitialState, stop: np.ndarray, repeats: int
+) -> float:
     """Run and time both, filterpy with a step at each of `stop`; the greatest difference."""
     history = make_history(problem.epochs, problem.layout)
     nominal, steps = linearised(problem, start, problem.inc.stop), linearised(problem, start, stop)
@@ -63,41 +69,83 @@ def compare(name: str, problem: EstimationProblem, start: InitialState, stop: np
     ours = median_cpu(lambda: insgnss_run(problem, start, nav, x, history), repeats)
     theirs = median_cpu(lambda: filterpy_run(problem, start, steps, stop), max(repeats // 2, 1))
     samples, epochs = problem.inc.dt.size, problem.inc.stop.size
-    print(f"{name}: {samples} samples, {epochs} epochs, {problem.layout.size} states, {stop.size} steps of filterpy")
-    for who, seconds in (("insgnss, linearisation included", ours), ("filterpy, Phi and Q given", theirs)):
-        print(f"  {who:33} {1e6 * seconds / epochs:9.1f} us an epoch {1e6 * seconds / samples:9.3f} us a sample")
-    print(f"  ratio {theirs / ours:.1f}; greatest difference in sigmas: means {off_mean:.1e}, covariances {off_cov:.1e}")
+    print(
+        f"{name}: {samples} samples, {epochs} epochs, {problem.layout.size} states, {stop.size}"
+        " steps of filterpy"
+    )
+    for who, seconds in (
+        ("insgnss, linearisation included", ours),
+        ("filterpy, Phi and Q given", theirs),
+    ):
+        print(
+            f"  {who:33} {1e6 * seconds / epochs:9.1f} us an epoch {1e6 * seconds / samples:9.3f}"
+            " us a sample"
+        )
+    print(
+        f"  ratio {theirs / ours:.1f}; greatest difference in sigmas: means {off_mean:.1e},"
+        f" covariances {off_cov:.1e}"
+    )
     return float(max(off_mean, off_cov))
 
 
 def piece(case: Case, whole: Solution, seconds: float) -> tuple[EstimationProblem, InitialState]:
-    """The last `seconds` before the middle of a flight as a problem of its own, started in the smoothed state."""
+    """The last `seconds` before the middle of a flight as a problem of its own, started in the
+    smoothed state.
+    """
     middle = case.marks.size // 2
     at = np.arange(int(np.searchsorted(case.marks, case.marks[middle] - seconds)), middle)
     inc, epochs = case.problem.inc, case.problem.epochs
     first, last = inc.stop[at[0]], inc.stop[at[-1]]
     part = Increments(
-        inc.dt[first:last], inc.dtheta[first:last], inc.dvel[first:last], inc.marks[at], inc.stop[at] - first, inc.rate[at], inc.nominal_s
+        inc.dt[first:last],
+        inc.dtheta[first:last],
+        inc.dvel[first:last],
+        inc.marks[at],
+        inc.stop[at] - first,
+        inc.rate[at],
+        inc.nominal_s,
     )
     taken = {name: getattr(epochs, name)[at] for name in epochs._fields}
     taken |= {"stop": part.stop, "time": part.marks - part.marks[0], "event": np.full(at.size, -1)}
-    problem = EstimationProblem(part, epochs._replace(**taken), case.frame, case.problem.layout, case.problem.antenna_lever_b, np.inf, 0.1)
-    spread = np.concatenate([[1.0] * 3, [1.0] * 3, np.radians([1.0, 1.0, 2.0]), problem.layout.sigma0])
-    return problem, InitialState(whole.nav[at[0]].copy(), whole.x[at[0]].copy(), np.zeros(spread.size), np.diag(spread**2))
+    problem = EstimationProblem(
+        part,
+        epochs._replace(**taken),
+        case.frame,
+        case.problem.layout,
+        case.problem.antenna_lever_b,
+        np.inf,
+        0.1,
+    )
+    spread = np.concatenate(
+        [[1.0] * 3, [1.0] * 3, np.radians([1.0, 1.0, 2.0]), problem.layout.sigma0]
+    )
+    return problem, InitialState(
+        whole.nav[at[0]].copy(), whole.x[at[0]].copy(), np.zeros(spread.size), np.diag(spread**2)
+    )
 
 
 def linearised(problem: EstimationProblem, start: InitialState, stop: np.ndarray) -> list[Interval]:
     """Nominal, transition and noise from one to the next of the segment numbers `stop`."""
     imu = problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s)
-    intervals, earth, n = kernel_intervals(problem.inc), kernel_earth(problem.frame), problem.layout.size
+    intervals, earth, n = (
+        kernel_intervals(problem.inc),
+        kernel_earth(problem.frame),
+        problem.layout.size,
+    )
     elapsed = np.concatenate([[0.0], np.cumsum(problem.inc.dt)])
     out = [Interval(start.nav, start.x, np.eye(n), np.zeros((n, n)))]
     for i, j in pairwise(stop):
-        out.append(linearise_interval(intervals, i, j, out[-1].nav, out[-1].x, imu, earth, float(elapsed[i])))
+        out.append(
+            linearise_interval(
+                intervals, i, j, out[-1].nav, out[-1].x, imu, earth, float(elapsed[i])
+            )
+        )
     return out
 
 
-def insgnss_run(problem: EstimationProblem, start: InitialState, nav: Array, x: Array, history: FilterHistory) -> tuple[Array, Array]:
+def insgnss_run(
+    problem: EstimationProblem, start: InitialState, nav: Array, x: Array, history: FilterHistory
+) -> tuple[Array, Array]:
     """Smoothed means and covariances about the given nominal."""
     history.nav[:] = nav
     history.x[:] = x
@@ -106,7 +154,9 @@ def insgnss_run(problem: EstimationProblem, start: InitialState, nav: Array, x: 
     return smoothed.delta, smoothed.P
 
 
-def filterpy_run(problem: EstimationProblem, start: InitialState, steps: list[Interval], stop: np.ndarray) -> tuple[Array, Array]:
+def filterpy_run(
+    problem: EstimationProblem, start: InitialState, steps: list[Interval], stop: np.ndarray
+) -> tuple[Array, Array]:
     """The same by filterpy, at each of its steps."""
     n, epochs = problem.layout.size, problem.epochs
     epoch_of = {int(s): k for k, s in enumerate(problem.inc.stop) if epochs.has_position[k]}

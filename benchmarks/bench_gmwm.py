@@ -1,11 +1,13 @@
-"""Fits of noise processes to wavelet variances: milliseconds and objective, against a plain minimiser.
+"""Fits of noise processes to wavelet variances: milliseconds and objective, against a plain
+minimiser.
 
     python benchmarks/bench_gmwm.py
 
-Curves are those of Table 5 (4 h at 250 Hz, 20 scales) with the scatter of a recording. The plain twin is the method of the reference
-implementation in numpy and scipy: textbook AR(1) formula, logarithms of the variances and logit of phi, Nelder-Mead, from one start with
-the times spread over the scales and from the best of ten random ones. Its solutions are valued by `gmwm.objective`: its own formula cancels
-for long correlation times (1e-7 of the objective here).
+Curves are those of Table 5 (4 h at 250 Hz, 20 scales) with the scatter of a recording. The plain
+twin is the method of the reference implementation in numpy and scipy: textbook AR(1) formula,
+logarithms of the variances and logit of phi, Nelder-Mead, from one start with the times spread over
+the scales and from the best of ten random ones. Its solutions are valued by `gmwm.objective`: its
+own formula cancels for long correlation times (1e-7 of the objective here).
 """
 
 import math
@@ -33,11 +35,21 @@ def recording(seed: int) -> WaveletVariance:
     eta = np.maximum(count / 2.0**level, 1.0)
     scatter = np.random.default_rng(seed).chisquare(eta) / eta
     nu = haar_variance(load_noise_model("navchip").gyro[0], level, RATE_HZ) * scatter
-    return WaveletVariance(level, nu, eta * nu / chdtri(eta, 0.025), eta * nu / chdtri(eta, 0.975), count, RATE_HZ, SAMPLES)
+    return WaveletVariance(
+        level,
+        nu,
+        eta * nu / chdtri(eta, 0.025),
+        eta * nu / chdtri(eta, 0.975),
+        count,
+        RATE_HZ,
+        SAMPLES,
+    )
 
 
 class Plain:
-    """The twin: theta = log of the white noise's variance, then logit of phi and log of the innovations' variance of each AR(1)."""
+    """The twin: theta = log of the white noise's variance, then logit of phi and log of the
+    innovations' variance of each AR(1).
+    """
 
     def __init__(self, curves: list[WaveletVariance], processes: int) -> None:
         self.curves, self.processes = curves, processes
@@ -50,24 +62,42 @@ class Plain:
             phi = 1.0 / (1.0 + math.exp(-logit))
             above = h - 3.0 * phi - h * phi**2 + 4.0 * phi ** (h + 1.0) - phi ** (2.0 * h + 1.0)
             with np.errstate(all="ignore"):
-                nu = nu + math.exp(innovation) * above / (2.0 * h**2 * (1.0 - phi) ** 2 * (1.0 - phi**2))
+                nu = nu + math.exp(innovation) * above / (
+                    2.0 * h**2 * (1.0 - phi) ** 2 * (1.0 - phi**2)
+                )
         q = sum(float((((c.variance - nu) / (c.high - c.low)) ** 2).sum()) for c in self.curves)
         return q if math.isfinite(q) else 1e300
 
     def minimum(self, start: Array) -> float:
-        options = {"maxiter": 20_000, "maxfev": 20_000, "adaptive": True, "xatol": 1e-6, "fatol": 1e-9}
+        options = {
+            "maxiter": 20_000,
+            "maxfev": 20_000,
+            "adaptive": True,
+            "xatol": 1e-6,
+            "fatol": 1e-9,
+        }
         theta = minimize(self.objective, start, method="Nelder-Mead", options=options).x
         processes = []
         for logit, innovation in theta[1:].reshape(-1, 2):
             u = math.log1p(math.exp(-logit))
-            processes.append(GaussMarkov.from_sigma(1.0 / (u * RATE_HZ), math.sqrt(math.exp(innovation) / -math.expm1(-2.0 * u))))
+            processes.append(
+                GaussMarkov.from_sigma(
+                    1.0 / (u * RATE_HZ), math.sqrt(math.exp(innovation) / -math.expm1(-2.0 * u))
+                )
+            )
         axis = AxisNoise(math.sqrt(math.exp(theta[0]) / RATE_HZ), gauss_markov=tuple(processes))
         return objective(axis, self.curves, [interval_weights(c) for c in self.curves])
 
     def start(self, rng: np.random.Generator | None = None) -> Array:
-        """Times spread over the scales, or at random, each process as strong as the curve at its time."""
+        """Times spread over the scales, or at random, each process as strong as the curve at its
+        time.
+        """
         nu, last = self.curves[0].variance, self.h.size - 1
-        at = np.linspace(0.0, last, self.processes + 2)[1:-1] if rng is None else np.sort(rng.uniform(2.0, last, self.processes))
+        at = (
+            np.linspace(0.0, last, self.processes + 2)[1:-1]
+            if rng is None
+            else np.sort(rng.uniform(2.0, last, self.processes))
+        )
         theta = [math.log(2.0 * nu[0])]
         for place in at:
             u = 1.0 / 2.0**place
@@ -92,7 +122,10 @@ def main() -> None:
             ("plain, best of ten", lambda t=twin: t.best_of(10), 1),
         )
         for who, run, repeats in rows:
-            print(f"{title + ': ' + who:38}{1e3 * median_cpu(run, repeats):10.1f}{run():16.9f}", flush=True)
+            print(
+                f"{title + ': ' + who:38}{1e3 * median_cpu(run, repeats):10.1f}{run():16.9f}",
+                flush=True,
+            )
             title = " " * len(title)
 
 

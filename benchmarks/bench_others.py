@@ -1,15 +1,19 @@
-"""The same flight with other tools, where they are installed: the filter of smsfusion, the batch of gtsam.
+"""The same flight with other tools, where they are installed: the filter of smsfusion, the batch of
+gtsam.
 
     pip install gtsam smsfusion
     python benchmarks/bench_others.py [--minutes 3] [--repeats 3]
 
-    insgnss     filter and smoother, 30 states, full covariance at epochs and exposures; and with its own alignment before
+    insgnss     filter and smoother, 30 states, full covariance at epochs and exposures; and with
+                its own alignment before
     smsfusion   AidedINS, forward only, 15 states, one Python call a sample, started at the truth
-    gtsam       a node at every fix with CombinedImuFactor and GPSFactorArm between, Levenberg-Marquardt, started at the truth,
-                15 states a node, no covariance asked for; the integration of the samples is called from Python one by one
+    gtsam       a node at every fix with CombinedImuFactor and GPSFactorArm between,
+                Levenberg-Marquardt, started at the truth, 15 states a node, no covariance asked
+                for; the integration of the samples is called from Python one by one
 
-CPU microseconds a sample, and the errors of the IMU's position and of the attitude at the fixes against the truth, first and last
-10 s left out. The others model gravity and Earth rotation more simply; the errors say that all three solve the flight.
+CPU microseconds a sample, and the errors of the IMU's position and of the attitude at the fixes
+against the truth, first and last 10 s left out. The others model gravity and Earth rotation more
+simply; the errors say that all three solve the flight.
 """
 
 import argparse
@@ -20,7 +24,11 @@ import numpy as np
 from common import Case, block_flight, median_cpu, one_thread
 
 from insgnss.align.initial import initial_state
-from insgnss.geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion, vector_from_rotation
+from insgnss.geodesy.rotation import (
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    vector_from_rotation,
+)
 from insgnss.navigation.problem import InitialState
 from insgnss.navigation.solution import solve
 from insgnss.records import Array
@@ -28,7 +36,10 @@ from insgnss.records import Array
 GRAVITY = 9.8066  # m/s^2 at the site
 GYRO_WHITE, ACCEL_WHITE = 5.2e-5, 5.1e-4  # navchip, rad/s/sqrt(Hz) and m/s^2/sqrt(Hz)
 GYRO_TURN_ON, ACCEL_TURN_ON = 4.8e-4, 2.0e-2  # rad/s and m/s^2
-GYRO_WANDER, ACCEL_WANDER = 3e-5, 3e-4  # rad/s/sqrt(s) and m/s^2/sqrt(s), in place of the Gauss-Markov processes
+GYRO_WANDER, ACCEL_WANDER = (
+    3e-5,
+    3e-4,
+)  # rad/s/sqrt(s) and m/s^2/sqrt(s), in place of the Gauss-Markov processes
 
 
 def main() -> None:
@@ -46,8 +57,8 @@ def main() -> None:
         "gtsam": run_gtsam,
     }
     print(
-        f"{case.samples} samples, {case.at_fix.size} fixes; CPU us a sample (median of {options.repeats}), "
-        "position rms mm N E D, tilt and heading rms deg"
+        f"{case.samples} samples, {case.at_fix.size} fixes; CPU us a sample (median of"
+        f" {options.repeats}), position rms mm N E D, tilt and heading rms deg"
     )
     own = 0.0
     for name, run in tools.items():
@@ -58,7 +69,10 @@ def main() -> None:
         p, tilt, heading = errors(case, position, C_lb)
         us = 1e6 * median_cpu(lambda run=run: run(case), options.repeats) / case.samples
         own = own or us
-        print(f"  {name:14} {us:8.2f}   {p[0]:5.1f} {p[1]:5.1f} {p[2]:5.1f}   {tilt:.4f} {heading:.3f}   {us / own:6.1f} times insgnss")
+        print(
+            f"  {name:14} {us:8.2f}   {p[0]:5.1f} {p[1]:5.1f} {p[2]:5.1f}   {tilt:.4f}"
+            f" {heading:.3f}   {us / own:6.1f} times insgnss"
+        )
 
 
 def errors(case: Case, position: Array, C_lb: Array) -> tuple[Array, float, float]:
@@ -67,7 +81,11 @@ def errors(case: Case, position: Array, C_lb: Array) -> tuple[Array, float, floa
     inside = slice(100, -100)
     psi = np.degrees(vector_from_rotation(C @ np.swapaxes(C_lb, 1, 2)))[inside]
     rms = np.sqrt(np.mean(psi**2, axis=0))
-    return 1e3 * np.sqrt(np.mean((p - position)[inside] ** 2, axis=0)), float(np.hypot(*rms[:2]) / np.sqrt(2.0)), float(rms[2])
+    return (
+        1e3 * np.sqrt(np.mean((p - position)[inside] ** 2, axis=0)),
+        float(np.hypot(*rms[:2]) / np.sqrt(2.0)),
+        float(rms[2]),
+    )
 
 
 def run_insgnss(case: Case, start: InitialState) -> tuple[Array, Array]:
@@ -77,10 +95,16 @@ def run_insgnss(case: Case, start: InitialState) -> tuple[Array, Array]:
 
 
 def samples(case: Case) -> tuple[Array, Array, np.ndarray]:
-    """Gyro and accelerometer in body axes from the first fix on, and the number of samples before each fix."""
+    """Gyro and accelerometer in body axes from the first fix on, and the number of samples before
+    each fix.
+    """
     imu = case.simulated.imu
     before = np.searchsorted(imu.time, case.marks[case.at_fix] + 1e-6)
-    return imu.gyro[before[0] :] @ case.C_b_imu.T, imu.accel[before[0] :] @ case.C_b_imu.T, before - before[0]
+    return (
+        imu.gyro[before[0] :] @ case.C_b_imu.T,
+        imu.accel[before[0] :] @ case.C_b_imu.T,
+        before - before[0],
+    )
 
 
 def run_smsfusion(case: Case) -> tuple[Array, Array]:
@@ -91,10 +115,17 @@ def run_smsfusion(case: Case) -> tuple[Array, Array]:
     p, v, C = case.truth()
     x0 = np.concatenate([p[0], v[0], quaternion_from_rotation(C[0]), np.zeros(6)])
     P0 = np.diag(np.repeat([1e-4, 1e-4, 1e-4, ACCEL_TURN_ON**2, GYRO_TURN_ON**2], 3))
-    noise = ({"N": ACCEL_WHITE, "B": ACCEL_WANDER * 5, "tau_cb": 50.0}, {"N": GYRO_WHITE, "B": GYRO_WANDER * 5, "tau_cb": 50.0})
+    noise = (
+        {"N": ACCEL_WHITE, "B": ACCEL_WANDER * 5, "tau_cb": 50.0},
+        {"N": GYRO_WHITE, "B": GYRO_WANDER * 5, "tau_cb": 50.0},
+    )
     rate, lever = 1.0 / case.problem.inc.nominal_s, case.problem.antenna_lever_b
-    ins = smsfusion.AidedINS(rate, x0, P0, *noise, g=GRAVITY, lever_arm=lever, ignore_bias_acc=False, cold_start=False)
-    fix = {int(s): case.problem.epochs.position[k] for s, k in zip(before, case.at_fix, strict=True)}
+    ins = smsfusion.AidedINS(
+        rate, x0, P0, *noise, g=GRAVITY, lever_arm=lever, ignore_bias_acc=False, cold_start=False
+    )
+    fix = {
+        int(s): case.problem.epochs.position[k] for s, k in zip(before, case.at_fix, strict=True)
+    }
     variance = np.diag(case.problem.epochs.position_cov[0])
     position, quaternion = [], []
     for i in range(before[-1] + 1):
@@ -126,7 +157,9 @@ def run_gtsam(case: Case) -> tuple[Array, Array]:
     parameters.setOmegaCoriolis(case.frame.earth_rate_l)
     zero = gtsam.imuBias.ConstantBias()
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    graph.addPriorConstantBias(B(0), zero, gtsam.noiseModel.Diagonal.Sigmas(np.repeat([ACCEL_TURN_ON, GYRO_TURN_ON], 3)))
+    graph.addPriorConstantBias(
+        B(0), zero, gtsam.noiseModel.Diagonal.Sigmas(np.repeat([ACCEL_TURN_ON, GYRO_TURN_ON], 3))
+    )
     for k in range(before.size):
         R = gtsam.noiseModel.Gaussian.Covariance(case.problem.epochs.position_cov[case.at_fix[k]])
         graph.add(gtsam.GPSFactorArm(X(k), case.problem.epochs.position[case.at_fix[k]], lever, R))
@@ -140,7 +173,9 @@ def run_gtsam(case: Case) -> tuple[Array, Array]:
             graph.add(gtsam.CombinedImuFactor(X(k - 1), V(k - 1), X(k), V(k), B(k - 1), B(k), pre))
     result = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
     poses = [result.atPose3(X(k)) for k in range(before.size)]
-    return np.array([pose.translation() for pose in poses]), np.array([pose.rotation().matrix() for pose in poses])
+    return np.array([pose.translation() for pose in poses]), np.array(
+        [pose.rotation().matrix() for pose in poses]
+    )
 
 
 if __name__ == "__main__":

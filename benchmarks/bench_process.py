@@ -1,10 +1,13 @@
-"""The whole command: `insgnss process` of a 45-minute 500 Hz flight against a bare pandas.read_csv of its IMU file.
+"""The whole command: `insgnss process` of a 45-minute 500 Hz flight against a bare pandas.read_csv
+of its IMU file.
 
     python benchmarks/bench_process.py [--minutes 45] [--repeats 5] [--directory DIR]
 
-Both are processes of their own, run in turn; CPU and peak memory are those that the system accounts to each (os.wait4). Also the
-wall time of `insgnss --help`, and the very first run, with an empty compiler cache. DIR keeps the flight for another time. Modules are
-compiled to bytecode once, as pip does when it installs them, whatever PYTHONDONTWRITEBYTECODE says here: half a second of every run else.
+Both are processes of their own, run in turn; CPU and peak memory are those that the system accounts
+to each (os.wait4). Also the wall time of `insgnss --help`, and the very first run, with an empty
+compiler cache. DIR keeps the flight for another time. Modules are compiled to bytecode once, as pip
+does when it installs them, whatever PYTHONDONTWRITEBYTECODE says here: half a second of every run
+else.
 """
 
 import argparse
@@ -30,7 +33,9 @@ class Run(NamedTuple):
 
 def run(command: list[str], **environment: str) -> Run:
     """Run a command to its end, its output thrown away; its failure is ours."""
-    surroundings = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    surroundings = {
+        name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"
+    }
     start = time.perf_counter()
     child = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=surroundings | environment)
     _, status, used = os.wait4(child.pid, 0)
@@ -42,7 +47,11 @@ def run(command: list[str], **environment: str) -> Run:
 
 def medians(runs: list[Run]) -> Run:
     """Field by field; of the memory the greatest."""
-    return Run(statistics.median(r.wall for r in runs), statistics.median(r.cpu for r in runs), max(r.memory for r in runs))
+    return Run(
+        statistics.median(r.wall for r in runs),
+        statistics.median(r.cpu for r in runs),
+        max(r.memory for r in runs),
+    )
 
 
 def main() -> None:
@@ -52,7 +61,12 @@ def main() -> None:
     parser.add_argument("--directory", type=Path)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
-        compare(options.directory or Path(scratch) / "flight", options.minutes, options.repeats, Path(scratch))
+        compare(
+            options.directory or Path(scratch) / "flight",
+            options.minutes,
+            options.repeats,
+            Path(scratch),
+        )
 
 
 def compare(flight: Path, minutes: float, repeats: int, scratch: Path) -> None:
@@ -69,15 +83,27 @@ def compare(flight: Path, minutes: float, repeats: int, scratch: Path) -> None:
         helps.append(run([*COMMAND, "--help"]))
     a, b = medians(ours), medians(theirs)
     ratio = statistics.median(x.cpu / y.cpu for x, y in zip(ours, theirs, strict=True))
-    print(f"{minutes:g} minutes, {imu.stat().st_size / 1e6:.0f} MB of IMU file; medians of {repeats}, in turn")
-    print(f"  insgnss process     {a.cpu:6.2f} s CPU {a.wall:6.2f} s wall {a.memory:6.0f} MB peak   (bar: 1000 MB)")
+    print(
+        f"{minutes:g} minutes, {imu.stat().st_size / 1e6:.0f} MB of IMU file; medians of {repeats},"
+        " in turn"
+    )
+    print(
+        f"  insgnss process     {a.cpu:6.2f} s CPU {a.wall:6.2f} s wall {a.memory:6.0f} MB peak  "
+        " (bar: 1000 MB)"
+    )
     print(f"  pandas.read_csv     {b.cpu:6.2f} s CPU {b.wall:6.2f} s wall {b.memory:6.0f} MB peak")
     print(f"  ratio of CPU        {ratio:6.2f}                                  (bar: 6)")
-    print(f"  insgnss --help      {medians(helps).wall:6.2f} s wall                           (bar: 0.3)")
+    print(
+        f"  insgnss --help      {medians(helps).wall:6.2f} s wall                           (bar:"
+        " 0.3)"
+    )
     short = scratch / "short"
     run([*COMMAND, "simulate", str(short), "--minutes", "5", "--seed", "5"])
     cold = run([*COMMAND, "process", str(short)], NUMBA_CACHE_DIR=str(scratch / "cache"))
-    print(f"  first run ever      {cold.cpu:6.2f} s CPU {cold.wall:6.2f} s wall, 5 minutes of flight (bar: 60)")
+    print(
+        f"  first run ever      {cold.cpu:6.2f} s CPU {cold.wall:6.2f} s wall, 5 minutes of flight"
+        " (bar: 60)"
+    )
 
 
 if __name__ == "__main__":

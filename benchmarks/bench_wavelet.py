@@ -2,8 +2,9 @@
 
     python benchmarks/bench_wavelet.py [--samples 3600000] [--repeats 9]
 
-The twin is the pyramid in numpy: each level halves the sum and the difference of the level before with itself, shifted. Single axes are
-compared by CPU time; six axes run in two threads and are given as wall time, for which a person waits.
+The twin is the pyramid in numpy: each level halves the sum and the difference of the level before
+with itself, shifted. Single axes are compared by CPU time; six axes run in two threads and are
+given as wall time, for which a person waits.
 """
 
 import argparse
@@ -51,7 +52,8 @@ def main() -> None:
     axis = x[:, 0].copy()
     error = np.abs(wavelet_variance(axis, RATE).variance / numpy_twin(axis) - 1.0).max()
     print(
-        f"{options.samples} samples, {default_levels(options.samples)} levels; CPU milliseconds of one axis, medians of {options.repeats}"
+        f"{options.samples} samples, {default_levels(options.samples)} levels; CPU milliseconds of"
+        f" one axis, medians of {options.repeats}"
     )
     steps: dict[str, Callable[[], object]] = {
         "wavelet variance with intervals": lambda: wavelet_variance(axis, RATE),
@@ -59,24 +61,40 @@ def main() -> None:
         "robust wavelet variance": lambda: wavelet_variance(axis, RATE, robust=True),
         "Allan deviation, noise named": lambda: allan_deviation(axis, RATE, noise="white_noise"),
         "Allan deviation, noise identified": lambda: allan_deviation(axis, RATE),
-        "modified Allan deviation, noise named": lambda: allan_deviation(axis, RATE, kind="modified", noise="white_noise"),
-        "Hadamard deviation, noise named": lambda: allan_deviation(axis, RATE, kind="hadamard", noise="white_noise"),
+        "modified Allan deviation, noise named": lambda: allan_deviation(
+            axis, RATE, kind="modified", noise="white_noise"
+        ),
+        "Hadamard deviation, noise named": lambda: allan_deviation(
+            axis, RATE, kind="hadamard", noise="white_noise"
+        ),
     }
     try:
         import allantools
     except ImportError:
         print("allantools is not here: pip install '.[test]'")
     else:
-        for name, function in (("oadev", allantools.oadev), ("mdev", allantools.mdev), ("ohdev", allantools.ohdev)):
-            steps[f"allantools {name}, octaves"] = lambda function=function: function(axis, rate=RATE, data_type="freq", taus="octave")
+        for name, function in (
+            ("oadev", allantools.oadev),
+            ("mdev", allantools.mdev),
+            ("ohdev", allantools.ohdev),
+        ):
+            steps[f"allantools {name}, octaves"] = lambda function=function: function(
+                axis, rate=RATE, data_type="freq", taus="octave"
+            )
     own = 0.0
     for name, run in steps.items():
         ms = 1e3 * median_cpu(run, options.repeats)
         own = own or ms
         print(f"  {name:40} {ms:8.1f}   {ms / own:6.1f}")
     print("six axes, two threads, wall milliseconds")
-    print(f"  {'wavelet variance with intervals':40} {1e3 * median_wall(lambda: wavelet_variances(x, RATE), options.repeats):8.1f}")
-    print(f"  {'robust':40} {1e3 * median_wall(lambda: wavelet_variances(x, RATE, robust=True), 3):8.1f}")
+    print(
+        f"  {'wavelet variance with intervals':40}"
+        f" {1e3 * median_wall(lambda: wavelet_variances(x, RATE), options.repeats):8.1f}"
+    )
+    print(
+        f"  {'robust':40}"
+        f" {1e3 * median_wall(lambda: wavelet_variances(x, RATE, robust=True), 3):8.1f}"
+    )
     print(f"largest relative difference to the twin {error:.1e}")
 
 

@@ -1,4 +1,6 @@
-"""What the benchmarks share: one thread, the bar's flight as an estimation problem, and the median of CPU times."""
+"""What the benchmarks share: one thread, the bar's flight as an estimation problem, and the median
+of CPU times.
+"""
 
 import os
 import statistics
@@ -18,8 +20,8 @@ from insgnss.navigation.problem import EstimationProblem
 from insgnss.prepare.axes import parse_axes
 from insgnss.prepare.increments import body_increments, merge_marks
 from insgnss.records import Array, Increments
-from insgnss.simulate.scenario import SimulatedFlight, simulate_flight
-from insgnss.simulate.sensors import ImuOptions
+from insgnss.simulation.scenario import SimulatedFlight, simulate_flight
+from insgnss.simulation.sensors import ImuOptions
 from insgnss.stochastic.model import load_noise_model
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -28,7 +30,9 @@ AXES = "right backward down"
 
 @dataclass(frozen=True)
 class Case:
-    """A simulated flight as the filter takes it. marks (m,) s; at_fix, at_event: index of the mark of each fix and exposure."""
+    """A simulated flight as the filter takes it. marks (m,) s; at_fix, at_event: index of the mark
+    of each fix and exposure.
+    """
 
     simulated: SimulatedFlight
     C_b_imu: Array
@@ -46,8 +50,14 @@ class Case:
         """Position (m), velocity (m/s) of the IMU in the local frame and C_lb, at the fixes."""
         motion, time = self.simulated.flight.motion, self.marks[self.at_fix]
         turn = self.frame.C_el.T @ motion.frame.C_el
-        shift = self.frame.position_from_geodetic(motion.frame.lat, motion.frame.lon, motion.frame.height)
-        return motion.position(time) @ turn.T + shift, motion.velocity(time) @ turn.T, turn @ motion.C_lb(time)
+        shift = self.frame.position_from_geodetic(
+            motion.frame.lat, motion.frame.lon, motion.frame.height
+        )
+        return (
+            motion.position(time) @ turn.T + shift,
+            motion.velocity(time) @ turn.T,
+            turn @ motion.C_lb(time),
+        )
 
     @property
     def samples(self) -> int:
@@ -56,26 +66,41 @@ class Case:
 
 
 def one_thread() -> None:
-    """Begin again with the linear algebra libraries kept to one thread, so that CPU time is what one core does."""
+    """Begin again with the linear algebra libraries kept to one thread, so that CPU time is what
+    one core does.
+    """
     if os.environ.get(THREADS[0]) != "1":
-        os.execve(sys.executable, [sys.executable, *sys.argv], os.environ | dict.fromkeys(THREADS, "1"))
+        os.execve(
+            sys.executable, [sys.executable, *sys.argv], os.environ | dict.fromkeys(THREADS, "1")
+        )
 
 
 def block_flight(minutes: float, rate_hz: float = 500.0, seed: int = 5, **changes: Any) -> Case:
-    """The bar's flight: NavChip with turn-on biases (30 states), IMU axes permuted, 10 Hz fixes of 2/2/3 cm, exposures.
+    """The bar's flight: NavChip with turn-on biases (30 states), IMU axes permuted, 10 Hz fixes of
+    2/2/3 cm, exposures.
 
     changes : fields of the flight plan, as in `simulate_flight`.
     """
-    simulated = simulate_flight("ign8", minutes, seed=seed, imu=ImuOptions(rate_hz, "navchip", AXES), **changes)
+    simulated = simulate_flight(
+        "ign8", minutes, seed=seed, imu=ImuOptions(rate_hz, "navchip", AXES), **changes
+    )
     fixes, C_b_imu = simulated.gnss, parse_axes(AXES)
     inside = (fixes.time >= simulated.imu.time[0]) & (fixes.time <= simulated.imu.time[-1])
-    fixes = type(fixes)(fixes.time[inside], fixes.lat[inside], fixes.lon[inside], fixes.height[inside], fixes.cov_ned[inside])
+    fixes = type(fixes)(
+        fixes.time[inside],
+        fixes.lat[inside],
+        fixes.lon[inside],
+        fixes.height[inside],
+        fixes.cov_ned[inside],
+    )
     marks, (at_fix, at_event) = merge_marks(fixes.time, simulated.events.time)
     frame = LocalFrame(float(fixes.lat[0]), float(fixes.lon[0]), float(fixes.height[0]))
     inc = body_increments(simulated.imu, C_b_imu, marks)
     layout = state_layout(load_noise_model("navchip"))
     epochs = make_epochs(inc, at_fix, fixes, at_event, frame)
-    problem = EstimationProblem(inc, epochs, frame, layout, simulated.rig.antenna_lever_b, gate_from_sigma(5.0), 0.1)
+    problem = EstimationProblem(
+        inc, epochs, frame, layout, simulated.rig.antenna_lever_b, gate_from_sigma(5.0), 0.1
+    )
     return Case(simulated, C_b_imu, marks, at_fix, at_event, frame, problem)
 
 

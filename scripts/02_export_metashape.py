@@ -1,21 +1,27 @@
-"""Story 2: from the master eo.json to metashape.csv, and a proof that Metashape will see the same block.
+"""Story 2: from the master eo.json to metashape.csv, and a proof that Metashape will see the same
+block.
 
     python scripts/02_export_metashape.py             a simulated 5-minute flight
     python scripts/02_export_metashape.py --quick     a smaller one
-    python scripts/02_export_metashape.py --flight my/flight.toml --targets my/WGS84_tangentplane.txt
+    python scripts/02_export_metashape.py --flight my/flight.toml --targets
+    my/WGS84_tangentplane.txt
 
-The two files say the same in different words: EO_local-plane.txt in one tangent plane with omega, phi, kappa; metashape.csv in
-longitude, latitude, height with yaw, pitch, roll about east, north, up *at each camera*. The proof projects ground targets into
-the images through both, with formulas that share nothing with the writers, and asserts that the image points agree:
+The two files say the same in different words: EO_local-plane.txt in one tangent plane with omega,
+phi, kappa; metashape.csv in longitude, latitude, height with yaw, pitch, roll about east, north, up
+*at each camera*. The proof projects ground targets into the images through both, with formulas that
+share nothing with the writers, and asserts that the image points agree:
 
-    EO_local-plane   R = Rx(omega) Ry(phi) Rz(kappa) of scipy, targets in the tangent plane as they are
-    metashape        R = Rz(-yaw) Rx(pitch) Ry(roll) (Metashape's ypr2mat), targets carried by PROJ from the tangent plane
-                     over geocentric coordinates into the topocentric frame of the camera
+    EO_local-plane   R = Rx(omega) Ry(phi) Rz(kappa) of scipy, targets in the tangent plane as they
+                     are
+    metashape        R = Rz(-yaw) Rx(pitch) Ry(roll) (Metashape's ypr2mat), targets carried by PROJ
+                     from the tangent plane over geocentric coordinates into the topocentric frame
+                     of the camera
 
-What may differ is what the digits leave out: 1e-4 m in E, N, U and height, 1e-10 deg (0.01 mm) in longitude and latitude,
-1e-6 deg in all angles. From 140 m above ground at 5469 px of focal length half a digit of position is 0.002 px, of angle
-0.00005 px; the two files together may make 0.005 px of it. The bound is 0.02 px. Axes of the origin in place of the camera's
-would be 0.17 px at 200 m from it, a wrong height, north or angle order far more.
+What may differ is what the digits leave out: 1e-4 m in E, N, U and height, 1e-10 deg (0.01 mm) in
+longitude and latitude, 1e-6 deg in all angles. From 140 m above ground at 5469 px of focal length
+half a digit of position is 0.002 px, of angle 0.00005 px; the two files together may make 0.005 px
+of it. The bound is 0.02 px. Axes of the origin in place of the camera's would be 0.17 px at 200 m
+from it, a wrong height, north or angle order far more.
 """
 
 import argparse
@@ -30,11 +36,15 @@ from scipy.spatial.transform import Rotation
 
 from insgnss.exporting.export import export
 from insgnss.flight import load_flight
-from insgnss.formats.eo_json import read_eo_json
+from insgnss.formats.orientation.eo_json import read_eo_json
 from insgnss.processing.pipeline import process
-from insgnss.simulate.dataset import write_dataset
+from insgnss.simulation.dataset import write_dataset
 
-FOCAL_PX, WIDTH_PX, HEIGHT_PX = 0.035 / 6.4e-6, 5120, 3840  # the camera of paper 000, without distortion
+FOCAL_PX, WIDTH_PX, HEIGHT_PX = (
+    0.035 / 6.4e-6,
+    5120,
+    3840,
+)  # the camera of paper 000, without distortion
 PRINTED_PX, LIMIT_PX = 0.005, 0.02
 
 
@@ -53,10 +63,14 @@ def main() -> None:
     print(f"wrote {options.out / name}")
 
     # 3. Ground targets through both files.
-    targets_file = options.targets or flight_file.parent / "01_Observations/Camera/GCPs/WGS84_tangentplane.txt"
+    targets_file = (
+        options.targets or flight_file.parent / "01_Observations/Camera/GCPs/WGS84_tangentplane.txt"
+    )
     targets = np.loadtxt(targets_file, usecols=(1, 2, 3), ndmin=2)
     by_plane = through_local_plane(options.out / "EO_local-plane.txt", targets)
-    by_metashape = through_metashape(options.out / name, targets, origin_of(options.out / "EO_local-plane.txt"))
+    by_metashape = through_metashape(
+        options.out / name, targets, origin_of(options.out / "EO_local-plane.txt")
+    )
     assert list(by_plane) == list(by_metashape), "the files do not hold the same images"
     first, second = np.array(list(by_plane.values())), np.array(list(by_metashape.values()))
     seen = (np.abs(first) < [0.5 * WIDTH_PX, 0.5 * HEIGHT_PX]).all(axis=-1)
@@ -70,15 +84,29 @@ def main() -> None:
     # 5. The assertion.
     assert seen.any(), "no image sees a target"
     greatest = np.hypot(*difference.T).max()
-    print(f"{seen.sum()} image points of {len(targets)} targets agree to {1e3 * greatest:.2f} thousandths of a pixel")
+    print(
+        f"{seen.sum()} image points of {len(targets)} targets agree to {1e3 * greatest:.2f}"
+        " thousandths of a pixel"
+    )
     assert greatest < LIMIT_PX, f"EO_local-plane.txt and {name} differ by {greatest:.3f} px"
 
 
 def parse_options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description="Export to Metashape and prove it by re-projection.")
-    parser.add_argument("--out", type=Path, default=Path("story_2"), help="directory of all results (default: story_2)")
-    parser.add_argument("--flight", type=Path, help="a flight.toml; without it a flight is simulated")
-    parser.add_argument("--targets", type=Path, help="id E N U of ground targets in the flight's tangent plane")
+    parser = argparse.ArgumentParser(
+        description="Export to Metashape and prove it by re-projection."
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("story_2"),
+        help="directory of all results (default: story_2)",
+    )
+    parser.add_argument(
+        "--flight", type=Path, help="a flight.toml; without it a flight is simulated"
+    )
+    parser.add_argument(
+        "--targets", type=Path, help="id E N U of ground targets in the flight's tangent plane"
+    )
     parser.add_argument("--quick", action="store_true", help="simulate a small flight")
     return parser.parse_args()
 
@@ -87,13 +115,25 @@ def simulate(out: Path, quick: bool) -> Path:
     """Flight file of a simulated data set, made anew unless it is there."""
     directory = out / ("flight_quick" if quick else "flight")
     if not directory.exists():
-        write_dataset(directory, "ign8", 3.0 if quick else 5.0, imu_rate=100.0 if quick else 500.0, seed=2, start_in_air=True)
+        write_dataset(
+            directory,
+            "ign8",
+            3.0 if quick else 5.0,
+            imu_rate=100.0 if quick else 500.0,
+            seed=2,
+            start_in_air=True,
+        )
     return directory / "flight.toml"
 
 
 def origin_of(path: Path) -> tuple[float, ...]:
-    """Latitude, longitude (deg) and height (m) that the header of EO_local-plane.txt gives for the origin."""
-    said = re.search(r"# origin: latitude (\S+) deg, longitude (\S+) deg, ellipsoidal height (\S+) m", path.read_text(encoding="utf-8"))
+    """Latitude, longitude (deg) and height (m) that the header of EO_local-plane.txt gives for the
+    origin.
+    """
+    said = re.search(
+        r"# origin: latitude (\S+) deg, longitude (\S+) deg, ellipsoidal height (\S+) m",
+        path.read_text(encoding="utf-8"),
+    )
     assert said is not None, f"{path}: the header names no origin"
     return tuple(float(number) for number in said.groups())
 
@@ -105,12 +145,18 @@ def through_local_plane(path: Path, targets: np.ndarray) -> dict[str, np.ndarray
         if not line.startswith("#"):
             image, *numbers = line.split()
             pose = np.array(numbers[:6], dtype=float)
-            points[image] = image_points(Rotation.from_euler("XYZ", pose[3:], degrees=True).as_matrix(), targets - pose[:3])
+            points[image] = image_points(
+                Rotation.from_euler("XYZ", pose[3:], degrees=True).as_matrix(), targets - pose[:3]
+            )
     return points
 
 
-def through_metashape(path: Path, targets: np.ndarray, origin: tuple[float, ...]) -> dict[str, np.ndarray]:
-    """Image points (t, 2), px, of the targets (t, 3), in the tangent plane of `origin`, in every image of metashape.csv."""
+def through_metashape(
+    path: Path, targets: np.ndarray, origin: tuple[float, ...]
+) -> dict[str, np.ndarray]:
+    """Image points (t, 2), px, of the targets (t, 3), in the tangent plane of `origin`, in every
+    image of metashape.csv.
+    """
     geocentric = topocentric(*origin).transform(*targets.T, direction="INVERSE")
     points = {}
     with path.open(encoding="utf-8", newline="") as stream:
@@ -124,7 +170,9 @@ def through_metashape(path: Path, targets: np.ndarray, origin: tuple[float, ...]
 
 def topocentric(lat: float, lon: float, height: float) -> Transformer:
     """PROJ's operation from geocentric coordinates to east, north, up at a point (deg, m)."""
-    return Transformer.from_pipeline(f"+proj=topocentric +ellps=WGS84 +lat_0={lat:.12f} +lon_0={lon:.12f} +h_0={height:.6f}")
+    return Transformer.from_pipeline(
+        f"+proj=topocentric +ellps=WGS84 +lat_0={lat:.12f} +lon_0={lon:.12f} +h_0={height:.6f}"
+    )
 
 
 def rx(a: float) -> np.ndarray:
@@ -140,7 +188,9 @@ def rz(a: float) -> np.ndarray:
 
 
 def image_points(R: np.ndarray, ray: np.ndarray) -> np.ndarray:
-    """Pixels right and down of the image centre (t, 2) of rays (t, 3) from the camera; R takes right, up, back to their axes."""
+    """Pixels right and down of the image centre (t, 2) of rays (t, 3) from the camera; R takes
+    right, up, back to their axes.
+    """
     right, up, back = R.T @ ray.T
     with np.errstate(divide="ignore"):
         pixels = FOCAL_PX * np.column_stack([right / -back, up / back])
@@ -152,17 +202,33 @@ def draw(points: np.ndarray, difference: np.ndarray, path: Path) -> None:
     figure = Figure(figsize=(12, 5.4), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.45, 1))
     left.plot(*points.T, ".", color="tab:blue", ms=5, alpha=0.6)
-    left.set(xlim=(-WIDTH_PX / 2, WIDTH_PX / 2), ylim=(HEIGHT_PX / 2, -HEIGHT_PX / 2), aspect="equal")
     left.set(
-        xlabel="x from the centre, px", ylabel="y from the centre, px", title=f"{len(points)} image points of ground targets, all images"
+        xlim=(-WIDTH_PX / 2, WIDTH_PX / 2), ylim=(HEIGHT_PX / 2, -HEIGHT_PX / 2), aspect="equal"
+    )
+    left.set(
+        xlabel="x from the centre, px",
+        ylabel="y from the centre, px",
+        title=f"{len(points)} image points of ground targets, all images",
     )
     right.plot(*1e3 * difference.T, ".", color="tab:red", ms=5, alpha=0.6)
     circle = np.linspace(0, 2 * np.pi, 200)
     for radius, style, what in ((PRINTED_PX, "--", "printed digits"), (LIMIT_PX, "-", "limit")):
-        right.plot(1e3 * radius * np.cos(circle), 1e3 * radius * np.sin(circle), style, color="0.4", lw=1, label=f"{what}, {radius} px")
+        right.plot(
+            1e3 * radius * np.cos(circle),
+            1e3 * radius * np.sin(circle),
+            style,
+            color="0.4",
+            lw=1,
+            label=f"{what}, {radius} px",
+        )
     right.axhline(0, color="0.8", lw=0.8, zorder=0)
     right.axvline(0, color="0.8", lw=0.8, zorder=0)
-    right.set(aspect="equal", xlabel="x, px / 1000", ylabel="y, px / 1000", title="metashape.csv minus EO_local-plane.txt")
+    right.set(
+        aspect="equal",
+        xlabel="x, px / 1000",
+        ylabel="y, px / 1000",
+        title="metashape.csv minus EO_local-plane.txt",
+    )
     right.set_ylim(-23, 28)
     right.legend(loc="upper center", ncols=2, fontsize=9, frameon=False)
     figure.savefig(path, dpi=110)

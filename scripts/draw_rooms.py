@@ -66,7 +66,9 @@ def main() -> None:
     rows = [sorted(r for r in level if level[r] == k) for k in range(1, max(level.values()) + 1)]
     place: dict[str, tuple[float, float]] = {}
     for k, row in enumerate(rows, start=1):
-        wish = {r: sum(place[b][0] for b in graph[r]) / len(graph[r]) if graph[r] else 0 for r in row}
+        wish = {
+            r: sum(place[b][0] for b in graph[r]) / len(graph[r]) if graph[r] else 0 for r in row
+        }
         row = sorted(row, key=lambda r: (wish[r], r))
         for i, room in enumerate(row):
             place[room] = ((i - (len(row) - 1) / 2) * (WIDTH + GAP_X), k * (HEIGHT + GAP_Y))
@@ -84,11 +86,23 @@ def main() -> None:
     for room, below in graph.items():
         for other in below:
             (x0, y0), (x1, y1) = place[room], place[other]
-            arrow = {"arrowstyle": "-|>", "color": "#8aa0b5", "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0}
+            arrow = {
+                "arrowstyle": "-|>",
+                "color": "#8aa0b5",
+                "linewidth": 0.9,
+                "shrinkA": 0,
+                "shrinkB": 0,
+            }
             axes.annotate("", (x1, y1 + HEIGHT + 0.03), (x0, y0 - 0.02), arrowprops=arrow)
     for room, (x, y) in place.items():
         box(x, y, WIDTH, room, "#e8f0f7")
-    box(0, 0, span - GAP_X, "base    geodesy    records        (every room stands on these)", "#d5e3ee")
+    box(
+        0,
+        0,
+        span - GAP_X,
+        "base    geodesy    records        (every room stands on these)",
+        "#d5e3ee",
+    )
     axes.set_xlim(-span / 2, span / 2)
     axes.set_ylim(-0.15, (len(rows) + 1) * (HEIGHT + GAP_Y) - GAP_Y + 0.1)
     axes.set_aspect("equal")

@@ -1,14 +1,18 @@
-"""Mutated files through every reader: each must come out as a record or as one line that says what is wrong.
+"""Mutated files through every reader: each must come out as a record or as one line that says what
+is wrong.
 
-Small files of every format are made in memory and mutated: bytes flipped, cut, doubled, swapped, lines moved, numbers made huge or not a
-number, encodings changed. What the readers do with them is judged:
+Small files of every format are made in memory and mutated: bytes flipped, cut, doubled, swapped,
+lines moved, numbers made huge or not a number, encodings changed. What the readers do with them is
+judged:
 
     record      read; what was left out or put in order is counted in its notes
     refused     InputError, UsageError or DataError with a message of one line
-    find        any other exception, a warning, something printed, more than 5 s, or a file that was cut within a row and nothing said
+    find        any other exception, a warning, something printed, more than 5 s, or a file that was
+                cut within a row and nothing said
 
-A file that is cut exactly between two rows looks whole, and no reader can know. Input k depends on the seed and on k alone, so a find is
-seen again by `--only k`; its file is left in the directory that is printed.
+A file that is cut exactly between two rows looks whole, and no reader can know. Input k depends on
+the seed and on k alone, so a find is seen again by `--only k`; its file is left in the directory
+that is printed.
 
     python scripts/fuzz_readers.py --count 1000000 --seed 1
 
@@ -37,10 +41,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from insgnss.errors import DataError, InputError, UsageError
+from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.formats import read_events, read_gnss, read_imu
-from insgnss.formats.odyn import read_odyn_poses
-from insgnss.formats.sbet import read_sbet_trajectory
+from insgnss.formats.trajectory.odyn import read_odyn_poses
+from insgnss.formats.trajectory.sbet import read_sbet_trajectory
 
 LIMIT_S = 5
 START = 200000.0
@@ -49,7 +53,9 @@ ROWS = 24
 
 @dataclass(frozen=True)
 class Case:
-    """A reader and a file that it reads: name of the file, its bytes, the places where a cut leaves whole rows, files beside it."""
+    """A reader and a file that it reads: name of the file, its bytes, the places where a cut leaves
+    whole rows, files beside it.
+    """
 
     name: str
     file: str
@@ -63,39 +69,83 @@ class Case:
         """Whether the first `size` bytes end where a row ends."""
         if not self.text:
             return size in self.borders
-        return size >= len(self.data) or self.data[size - 1 : size] == b"\n" or self.data[size : size + 1] in b"\r\n"
+        return (
+            size >= len(self.data)
+            or self.data[size - 1 : size] == b"\n"
+            or self.data[size : size + 1] in b"\r\n"
+        )
 
 
-def dataflash(messages: list[tuple[str, str, str, list[tuple[float, ...]]]]) -> tuple[bytes, frozenset[int]]:
-    """An ArduPilot log of (name, format, labels, rows) by the public description of DataFlash; rows in the order of their first value."""
-    sizes = dict(zip("bBhHiIfdcCeELMqQ", (1, 1, 2, 2, 4, 4, 4, 8, 2, 2, 4, 4, 4, 1, 8, 8), strict=True))
+def dataflash(
+    messages: list[tuple[str, str, str, list[tuple[float, ...]]]],
+) -> tuple[bytes, frozenset[int]]:
+    """An ArduPilot log of (name, format, labels, rows) by the public description of DataFlash; rows
+    in the order of their first value.
+    """
+    sizes = dict(
+        zip("bBhHiIfdcCeELMqQ", (1, 1, 2, 2, 4, 4, 4, 8, 2, 2, 4, 4, 4, 1, 8, 8), strict=True)
+    )
     codes = dict(zip("cCeELM", "hHiIib", strict=True))
     scales = {**dict.fromkeys("cCeE", 100), "L": 10**7}
     out, rows = [], []
-    fmt = [("FMT", "BBnNZ", "Type,Length,Name,Format,Columns"), *((name, form, labels) for name, form, labels, _ in messages)]
+    fmt = [
+        ("FMT", "BBnNZ", "Type,Length,Name,Format,Columns"),
+        *((name, form, labels) for name, form, labels, _ in messages),
+    ]
     for kind, (name, form, labels) in enumerate(fmt, 128):
         length = 89 if kind == 128 else 3 + sum(sizes[c] for c in form)
-        out.append(struct.pack("<BBBBB4s16s64s", 0xA3, 0x95, 128, kind, length, name.encode(), form.encode(), labels.encode()))
+        out.append(
+            struct.pack(
+                "<BBBBB4s16s64s",
+                0xA3,
+                0x95,
+                128,
+                kind,
+                length,
+                name.encode(),
+                form.encode(),
+                labels.encode(),
+            )
+        )
     for kind, (_, form, _, table) in enumerate(messages, 129):
         pack = "<BBB" + "".join(codes.get(c, c) for c in form)
         for row in table:
-            values = [v if c in "fd" else round(v * scales.get(c, 1)) for c, v in zip(form, row, strict=True)]
+            values = [
+                v if c in "fd" else round(v * scales.get(c, 1))
+                for c, v in zip(form, row, strict=True)
+            ]
             rows.append((row[0], struct.pack(pack, 0xA3, 0x95, kind, *values)))
     out += [body for _, body in sorted(rows, key=lambda pair: pair[0])]
     return b"".join(out), frozenset(np.cumsum([len(part) for part in out]).tolist())
 
 
 def ulog(topics: list[tuple[str, str, list[tuple[float, ...]]]]) -> tuple[bytes, frozenset[int]]:
-    """A PX4 log of (topic, fields "type name; ...", rows) by the public description of ULog; the first field is the time stamp."""
-    codes = {"uint64_t": "Q", "int64_t": "q", "uint32_t": "I", "int32_t": "i", "uint8_t": "B", "float": "f", "double": "d", "bool": "?"}
+    """A PX4 log of (topic, fields "type name; ...", rows) by the public description of ULog; the
+    first field is the time stamp.
+    """
+    codes = {
+        "uint64_t": "Q",
+        "int64_t": "q",
+        "uint32_t": "I",
+        "int32_t": "i",
+        "uint8_t": "B",
+        "float": "f",
+        "double": "d",
+        "bool": "?",
+    }
     out, rows = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)], []
 
     def message(kind: str, body: bytes) -> bytes:
         return struct.pack("<HB", len(body), ord(kind)) + body
 
     out.append(message("B", bytes(40)))
-    out += [message("F", f"{name}:{fields};".replace("; ", ";").encode()) for name, fields, _ in topics]
-    out += [message("A", struct.pack("<BH", 0, k) + name.encode()) for k, (name, _, _) in enumerate(topics)]
+    out += [
+        message("F", f"{name}:{fields};".replace("; ", ";").encode()) for name, fields, _ in topics
+    ]
+    out += [
+        message("A", struct.pack("<BH", 0, k) + name.encode())
+        for k, (name, _, _) in enumerate(topics)
+    ]
     for k, (_, fields, table) in enumerate(topics):
         pack = "<H"
         for part in fields.split("; "):
@@ -107,11 +157,27 @@ def ulog(topics: list[tuple[str, str, list[tuple[float, ...]]]]) -> tuple[bytes,
 
 
 def ardupilot_log(n: int = ROWS) -> tuple[bytes, frozenset[int]]:
-    """A short log: IMU at 50 Hz, GPS and GPA at 5 Hz, CAM at 1 Hz; fixes 0.1 s before their messages."""
+    """A short log: IMU at 50 Hz, GPS and GPA at 5 Hz, CAM at 1 Hz; fixes 0.1 s before their
+    messages.
+    """
     micro = [1_000_000 + 20_000 * k for k in range(10 * n)]
     imu = [(t, 0, 0.01, -0.02, 0.03, 0.1, -0.2, -9.8) for t in micro]
     gps = [
-        (t, 0, 3, (START + 1e-6 * t - 0.1) * 1e3, 2008, 12, 0.9, 46.57 + 1e-8 * k, 6.54, 580.5, 10.0, 90.0, 0.1)
+        (
+            t,
+            0,
+            3,
+            (START + 1e-6 * t - 0.1) * 1e3,
+            2008,
+            12,
+            0.9,
+            46.57 + 1e-8 * k,
+            6.54,
+            580.5,
+            10.0,
+            90.0,
+            0.1,
+        )
         for k, t in enumerate(micro[::10])
     ]
     gpa = [(t, 0, 1.5, 0.9, 1.4, 0.2, -49.5) for t in micro[::10]]
@@ -119,7 +185,12 @@ def ardupilot_log(n: int = ROWS) -> tuple[bytes, frozenset[int]]:
     return dataflash(
         [
             ("IMU", "QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", imu),
-            ("GPS", "QBBIHBcLLefff", "TimeUS,I,Status,GMS,GWk,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ", gps),
+            (
+                "GPS",
+                "QBBIHBcLLefff",
+                "TimeUS,I,Status,GMS,GWk,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ",
+                gps,
+            ),
             ("GPA", "QBCCCCf", "TimeUS,I,VDop,HAcc,VAcc,SAcc,Und", gpa),
             ("CAM", "QH", "TimeUS,Img", cam),
         ]
@@ -127,21 +198,47 @@ def ardupilot_log(n: int = ROWS) -> tuple[bytes, frozenset[int]]:
 
 
 def px4_log(n: int = ROWS) -> tuple[bytes, frozenset[int]]:
-    """A short log: sensor_combined at 100 Hz, vehicle_gps_position at 5 Hz, camera_capture at 1 Hz; fixes 0.1 s before their messages."""
+    """A short log: sensor_combined at 100 Hz, vehicle_gps_position at 5 Hz, camera_capture at 1 Hz;
+    fixes 0.1 s before their messages.
+    """
     unix = 315964800.0 + 2008 * 604800.0 + START - 18.0
     micro = [1_000_000 + 10_000 * k for k in range(20 * n)]
     imu = [(t, 0.01, -0.02, 0.03, 0.1, -0.2, -9.8) for t in micro]
     gps = [
-        (t, round((unix - 0.1) * 1e6) + t, 465700000 + k, 65400000, 630000, 3, 0.9, 1.4, 0.2, 10.0, 0.0, -0.1)
+        (
+            t,
+            round((unix - 0.1) * 1e6) + t,
+            465700000 + k,
+            65400000,
+            630000,
+            3,
+            0.9,
+            1.4,
+            0.2,
+            10.0,
+            0.0,
+            -0.1,
+        )
         for k, t in enumerate(micro[::20])
     ]
-    fields = "uint64_t timestamp; uint64_t time_utc_usec; int32_t lat; int32_t lon; int32_t alt_ellipsoid; uint8_t fix_type; float eph; "
+    fields = (
+        "uint64_t timestamp; uint64_t time_utc_usec; int32_t lat; int32_t lon; int32_t"
+        " alt_ellipsoid; uint8_t fix_type; float eph; "
+    )
     fields += "float epv; float s_variance_m_s; float vel_n_m_s; float vel_e_m_s; float vel_d_m_s"
     return ulog(
         [
-            ("sensor_combined", "uint64_t timestamp; float[3] gyro_rad; float[3] accelerometer_m_s2", imu),
+            (
+                "sensor_combined",
+                "uint64_t timestamp; float[3] gyro_rad; float[3] accelerometer_m_s2",
+                imu,
+            ),
             ("vehicle_gps_position", fields, gps),
-            ("camera_capture", "uint64_t timestamp; uint32_t seq", [(t, k + 1) for k, t in enumerate(micro[::100])]),
+            (
+                "camera_capture",
+                "uint64_t timestamp; uint32_t seq",
+                [(t, k + 1) for k, t in enumerate(micro[::100])],
+            ),
         ]
     )
 
@@ -158,8 +255,14 @@ def _nmea() -> str:
     out = []
     for k in range(ROWS):
         clock = f"0731{13 + k // 10:02d}.{k % 10}0"
-        out.append(sentence(f"GNGGA,{clock},4634.2000{k:04d},N,00632.40000000,E,4,34,0.6,580.5000,M,49.5000,M,1.4,74"))
-        out.append(sentence(f"GNRMC,{clock},A,4634.20000000,N,00632.40000000,E,0.012,325.9,030718,,,A"))
+        out.append(
+            sentence(
+                f"GNGGA,{clock},4634.2000{k:04d},N,00632.40000000,E,4,34,0.6,580.5000,M,49.5000,M,1.4,74"
+            )
+        )
+        out.append(
+            sentence(f"GNRMC,{clock},A,4634.20000000,N,00632.40000000,E,0.012,325.9,030718,,,A")
+        )
         out.append(sentence(f"GNGST,{clock},2.21,0.01,0.01,49.4292,0.010,0.011,0.026"))
     return "".join(out)
 
@@ -171,39 +274,68 @@ def _rows(form: str, *columns: object) -> str:
 
 
 def _mrk() -> str:
-    form = "%d\t%.6f\t[2024]\t   -26,N\t    19,E\t   191,V\t%.8f,Lat\t174.63075195,Lon\t170.415,Ellh\t1.492559, 1.368525, 3.180128\t16,Q"
-    return _rows(form, [k + 1 for k in range(ROWS)], [START + 2.7 * k for k in range(ROWS)], [-36.4 + 1e-6 * k for k in range(ROWS)])
+    form = (
+        "%d\t%.6f\t[2024]\t   -26,N\t    19,E\t  "
+        " 191,V\t%.8f,Lat\t174.63075195,Lon\t170.415,Ellh\t1.492559, 1.368525, 3.180128\t16,Q"
+    )
+    return _rows(
+        form,
+        [k + 1 for k in range(ROWS)],
+        [START + 2.7 * k for k in range(ROWS)],
+        [-36.4 + 1e-6 * k for k in range(ROWS)],
+    )
 
 
 def text_cases() -> list[Case]:
     """One case a text format, and its variants."""
     t = [START + 0.1 * k for k in range(ROWS)]
     imu = "tow[s],gx[rad/s],gy[rad/s],gz[rad/s],ax[m/s^2],ay[m/s^2],az[m/s^2]\n"
-    imu += _rows("%.4f,%.6f,0.020000,0.030000,0.1000,-0.2000,-9.8000", t, [1e-4 * k for k in range(ROWS)])
+    imu += _rows(
+        "%.4f,%.6f,0.020000,0.030000,0.1000,-0.2000,-9.8000", t, [1e-4 * k for k in range(ROWS)]
+    )
     ms = _rows("%d;0,01;0,02;0,03;0,10;-0,20;-9,80", [20 * k for k in range(ROWS)])
     gnss = "# tow[s] lat[deg] lon[deg] h[m] sd_n[m] sd_e[m] sd_u[m] Q\n" + _rows(
         "%.3f 46.57%06d 6.5400000000 630.0000 0.0200 0.0200 0.0300 1", t, list(range(ROWS))
     )
-    pos = "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix)\n%  GPST latitude(deg) longitude(deg) height(m) Q ns "
+    pos = (
+        "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix)\n%  GPST latitude(deg) longitude(deg)"
+        " height(m) Q ns "
+    )
     pos += "sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio\n"
     tail = "630.0000 1 16 0.0049 0.0046 0.0102 0.0028 0.0018 -0.0033 0.03 6.4"
     body = _rows(f"2008 %.3f 46.57%06d 6.540000000 {tail}", t, list(range(ROWS)))
     dated = _rows(
-        f"2018/07/03 07:33:%06.3f,46.57%06d,6.540000000,{tail.replace(' ', ',')}", [0.1 * k for k in range(ROWS)], list(range(ROWS))
+        f"2018/07/03 07:33:%06.3f,46.57%06d,6.540000000,{tail.replace(' ', ',')}",
+        [0.1 * k for k in range(ROWS)],
+        list(range(ROWS)),
     )
     aimu = "".join(
-        sentence(f"AIMU,2,{1774683140 + 0.01 * k:.3f},{634 + 0.01 * k:.3f},0,0,0,-5.313,+11.600,-6.795,-1.294,-0.924,-8.596,45.8")
+        sentence(
+            f"AIMU,2,{1774683140 + 0.01 * k:.3f},{634 + 0.01 * k:.3f},0,0,0,-5.313,+11.600,-6.795,-1.294,-0.924,-8.596,45.8"
+        )
         for k in range(ROWS)
     )
-    psins = "% PSINS-format SIMU log file.\n0.0 0.0 -90.6 0.0 0.0 0.0\n34.246048 108.909664 380.0 0.0 10.0 9.780327\n"
+    psins = (
+        "% PSINS-format SIMU log file.\n0.0 0.0 -90.6 0.0 0.0 0.0\n34.246048 108.909664 380.0 0.0"
+        " 10.0 9.780327\n"
+    )
     psins += "0.1 0.1 0.1 125.0 125.0 125.0\n"
-    poses = _rows("%.1f,46.57%06d,6.5400000,630.0,0.0,0.7071067811865476,0.7071067811865476,0.00", t, list(range(ROWS)))
+    poses = _rows(
+        "%.1f,46.57%06d,6.5400000,630.0,0.0,0.7071067811865476,0.7071067811865476,0.00",
+        t,
+        list(range(ROWS)),
+    )
     log = "FMT, 129, 31, IMU, QBffffff, TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ\n"
     log += "FMT, 130, 50, GPS, QBBIHLLe, TimeUS,I,Status,GMS,GWk,Lat,Lng,Alt\n"
     log += _rows(
-        "GPS, %d, 0, 3, %d, 2008, 46.57, 6.54, 580.5", [10**6 + 20000 * k for k in range(ROWS)], [200000000 + 20 * k for k in range(ROWS)]
+        "GPS, %d, 0, 3, %d, 2008, 46.57, 6.54, 580.5",
+        [10**6 + 20000 * k for k in range(ROWS)],
+        [200000000 + 20 * k for k in range(ROWS)],
     )
-    log += _rows("IMU, %d, 0, 0.0012, -0.0003, 0.0100, 0.1200, -0.0300, -9.8010", [10**6 + 20000 * k for k in range(ROWS)])
+    log += _rows(
+        "IMU, %d, 0, 0.0012, -0.0003, 0.0100, 0.1200, -0.0300, -9.8010",
+        [10**6 + 20000 * k for k in range(ROWS)],
+    )
     units = {"gyro": "0.05 deg/s", "accel": "1 mg", "time": "ms"}
     named = ["tow", "gx", "gy", "gz", "ax", "ay", "az"]
     texts: list[tuple[str, str, str, Callable[[Path], object]]] = [
@@ -215,9 +347,19 @@ def text_cases() -> list[Case]:
         ("rtklib_pos plain", "x.pos", body, read_gnss),
         ("nmea", "x.nmea", _nmea(), lambda p: read_gnss(p, sigma_velocity=[0.1, 0.1, 0.1])),
         ("aimu", "x.aimu", aimu, read_imu),
-        ("events", "e.txt", "# image tow[s]\n" + _rows("%d.tif %.7f", [8001 + k for k in range(ROWS)], t), read_events),
+        (
+            "events",
+            "e.txt",
+            "# image tow[s]\n" + _rows("%d.tif %.7f", [8001 + k for k in range(ROWS)], t),
+            read_events,
+        ),
         ("mrk", "x.MRK", _mrk(), read_events),
-        ("psins", "x.imu", psins + _rows("%d 0 2 0 0 80", [k % 7 - 3 for k in range(ROWS)]), lambda p: read_imu(p, quantity="increments")),
+        (
+            "psins",
+            "x.imu",
+            psins + _rows("%d 0 2 0 0 80", [k % 7 - 3 for k in range(ROWS)]),
+            lambda p: read_imu(p, quantity="increments"),
+        ),
         ("odyn", "reference.txt", poses, read_odyn_poses),
         ("ardupilot text", "x.log", log, lambda p: read_imu(p, quantity="instant_rate")),
     ]
@@ -231,9 +373,20 @@ def binary_cases() -> list[Case]:
     t = START + 0.1 * np.arange(ROWS)
     table = np.column_stack([t, np.tile([0.01, 0.02, 0.03, 0.1, -0.2, -9.8], (ROWS, 1))])
     mat, packed, npy, npz = io.BytesIO(), io.BytesIO(), io.BytesIO(), io.BytesIO()
-    names = dict(zip(("tow", "gx", "gy", "gz", "ax", "ay", "az"), (f"m[{k}]" for k in range(1, 8)), strict=True))
+    names = dict(
+        zip(
+            ("tow", "gx", "gy", "gz", "ax", "ay", "az"),
+            (f"m[{k}]" for k in range(1, 8)),
+            strict=True,
+        )
+    )
     savemat(mat, {"m": table})
-    fixes = {"lat": 46.57 + 1e-8 * np.arange(ROWS), "lon": 6.54 + np.zeros(ROWS), "h": 630.0 + np.zeros(ROWS), "tow": t}
+    fixes = {
+        "lat": 46.57 + 1e-8 * np.arange(ROWS),
+        "lon": 6.54 + np.zeros(ROWS),
+        "h": 630.0 + np.zeros(ROWS),
+        "tow": t,
+    }
     savemat(packed, {"gps": fixes}, do_compression=True)
     np.save(npy, table)
     np.savez(npz, **fixes)
@@ -244,10 +397,23 @@ def binary_cases() -> list[Case]:
     near, rec = {"sigma_m": [1, 1, 2]}, frozenset(range(136, ROWS * 136, 136))
     cases = [
         Case("matlab", "x.mat", mat.getvalue(), lambda p: read_imu(p, columns=names), False),
-        Case("matlab packed", "x.mat", packed.getvalue(), lambda p: read_gnss(p, columns=same, variable="gps", **near), False),
+        Case(
+            "matlab packed",
+            "x.mat",
+            packed.getvalue(),
+            lambda p: read_gnss(p, columns=same, variable="gps", **near),
+            False,
+        ),
         Case("npy", "x.npy", npy.getvalue(), lambda p: read_imu(p, columns=list(names)), False),
         Case("npz", "x.npz", npz.getvalue(), lambda p: read_gnss(p, columns=same, **near), False),
-        Case("sbet", "x.sbet", sbet.tobytes(), lambda p: read_gnss(p, sigma_m=[1, 1, 2], sigma_velocity=[1, 1, 1]), False, rec),
+        Case(
+            "sbet",
+            "x.sbet",
+            sbet.tobytes(),
+            lambda p: read_gnss(p, sigma_m=[1, 1, 2], sigma_velocity=[1, 1, 1]),
+            False,
+            rec,
+        ),
         Case(
             "smrmsg",
             "x.smrmsg",
@@ -260,8 +426,15 @@ def binary_cases() -> list[Case]:
     ]
     if importlib.util.find_spec("pymavlink"):
         data, borders = ardupilot_log()
-        readers = {"imu": lambda p: read_imu(p, quantity="instant_rate"), "gnss": read_gnss, "events": read_events}
-        cases += [Case(f"ardupilot {kind}", "x.bin", data, read, False, borders) for kind, read in readers.items()]
+        readers = {
+            "imu": lambda p: read_imu(p, quantity="instant_rate"),
+            "gnss": read_gnss,
+            "events": read_events,
+        }
+        cases += [
+            Case(f"ardupilot {kind}", "x.bin", data, read, False, borders)
+            for kind, read in readers.items()
+        ]
     if importlib.util.find_spec("pyulog"):
         data, borders = px4_log()
         cases += [
@@ -269,7 +442,9 @@ def binary_cases() -> list[Case]:
             for kind, read in (("imu", read_imu), ("gnss", read_gnss), ("events", read_events))
         ]
     if importlib.util.find_spec("h5py"):
-        cases.append(Case("matlab 7.3", "x.mat", _hdf5(table), lambda p: read_imu(p, columns=names), False))
+        cases.append(
+            Case("matlab 7.3", "x.mat", _hdf5(table), lambda p: read_imu(p, columns=names), False)
+        )
     return cases
 
 
@@ -303,7 +478,9 @@ ODD = (float("nan"), float("inf"), -1e300, 1e18, -0.0, 5e-324)
 
 
 def mutate(rng: np.random.Generator, case: Case) -> tuple[bytes, bool]:
-    """The case's file after one to four mutations, and whether all that was done is a cut within a row."""
+    """The case's file after one to four mutations, and whether all that was done is a cut within a
+    row.
+    """
     if rng.random() < 0.15:
         size = int(rng.integers(1, len(case.data)))
         return case.data[:size], not case.looks_whole(size)
@@ -353,7 +530,11 @@ def noise(rng: np.random.Generator, data: bytes) -> bytes:
 def blank(rng: np.random.Generator, data: bytes) -> bytes:
     """A piece of zeros, or of ones."""
     i, n = int(rng.integers(len(data))), int(rng.integers(1, 64))
-    return data[:i] + (b"\0" if rng.random() < 0.5 else b"\xff") * min(n, len(data) - i) + data[i + n :]
+    return (
+        data[:i]
+        + (b"\0" if rng.random() < 0.5 else b"\xff") * min(n, len(data) - i)
+        + data[i + n :]
+    )
 
 
 def odd_value(rng: np.random.Generator, data: bytes) -> bytes:
@@ -386,7 +567,9 @@ def drop_line(rng: np.random.Generator, data: bytes) -> bytes:
 
 
 def token(rng: np.random.Generator, data: bytes) -> bytes:
-    """A field replaced by what does not belong there; NMEA checksums made right again, so that what is behind them is reached."""
+    """A field replaced by what does not belong there; NMEA checksums made right again, so that what
+    is behind them is reached.
+    """
     lines = data.split(b"\n")
     i = int(rng.integers(len(lines)))
     sign = next((s for s in (b"\t", b";", b",") if s in lines[i]), b" ")
@@ -394,7 +577,11 @@ def token(rng: np.random.Generator, data: bytes) -> bytes:
     fields[int(rng.integers(len(fields)))] = TOKENS[int(rng.integers(len(TOKENS)))]
     lines[i] = sign.join(fields)
     if lines[i].startswith(b"$"):
-        lines[i] = sentence(lines[i][1:].partition(b"*")[0].decode("latin-1")).rstrip("\n").encode("latin-1", "replace")
+        lines[i] = (
+            sentence(lines[i][1:].partition(b"*")[0].decode("latin-1"))
+            .rstrip("\n")
+            .encode("latin-1", "replace")
+        )
     return b"\n".join(lines)
 
 
@@ -438,7 +625,11 @@ def judge(case: Case, path: Path, cut_within: bool) -> tuple[str, str]:
     sys.unraisablehook = lambda unraisable: left.append(str(unraisable.exc_value))
     signal.alarm(LIMIT_S)
     try:
-        with warnings.catch_warnings(), contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        with (
+            warnings.catch_warnings(),
+            contextlib.redirect_stdout(said),
+            contextlib.redirect_stderr(said),
+        ):
             warnings.simplefilter("error")
             verdict, why = _read(case, path, cut_within)
     except Hang:
@@ -447,7 +638,10 @@ def judge(case: Case, path: Path, cut_within: bool) -> tuple[str, str]:
         signal.alarm(0)
         sys.unraisablehook = sys.__unraisablehook__
     if said.getvalue() or left:
-        return "find", f"printed {said.getvalue()[:80]!r}" if said.getvalue() else f"left behind: {left[0]}"
+        return (
+            "find",
+            f"printed {said.getvalue()[:80]!r}" if said.getvalue() else f"left behind: {left[0]}",
+        )
     return verdict, why
 
 
@@ -456,7 +650,11 @@ def _read(case: Case, path: Path, cut_within: bool) -> tuple[str, str]:
         record = case.read(path)
     except (InputError, UsageError, DataError) as error:
         text = str(error)
-        return ("find", f"message of {len(text.splitlines())} lines: {text!r}") if "\n" in text or not text else ("refused", text)
+        return (
+            ("find", f"message of {len(text.splitlines())} lines: {text!r}")
+            if "\n" in text or not text
+            else ("refused", text)
+        )
     except Exception as error:
         return "find", f"{type(error).__name__}: {error}"
     notes = getattr(record, "notes", ())
@@ -465,21 +663,29 @@ def _read(case: Case, path: Path, cut_within: bool) -> tuple[str, str]:
     return ("noted" if notes else "record"), ""
 
 
-def fuzz(count: int, seed: int, first: int = 0, keep: Path | None = None, only: str = "") -> tuple[dict[str, Counter[str]], list[str]]:
-    """Verdicts by case on `count` inputs from number `first` on, and the finds; their files are left in `keep`."""
+def fuzz(
+    count: int, seed: int, first: int = 0, keep: Path | None = None, only: str = ""
+) -> tuple[dict[str, Counter[str]], list[str]]:
+    """Verdicts by case on `count` inputs from number `first` on, and the finds; their files are
+    left in `keep`.
+    """
     cases = [case for case in (*text_cases(), *binary_cases()) if only in case.name]
     counts: dict[str, Counter[str]] = {case.name: Counter() for case in cases}
     finds: list[str] = []
     before = signal.signal(signal.SIGALRM, _over)
     try:
-        with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as folder:
+        with tempfile.TemporaryDirectory(
+            dir="/dev/shm" if Path("/dev/shm").is_dir() else None
+        ) as folder:
             for case in cases:
                 for name, data in case.beside.items():
                     (Path(folder) / name).write_bytes(data)
                 path = Path(folder) / case.file
                 path.write_bytes(case.data)
                 verdict, why = judge(case, path, False)
-                if verdict != "record" and not case.name.startswith(("ardupilot", "ulog", "rtklib_pos plain")):
+                if verdict != "record" and not case.name.startswith(
+                    ("ardupilot", "ulog", "rtklib_pos plain")
+                ):
                     finds.append(f"{case.name}, as it stands: {verdict} {why}")
             for k in range(first, first + count):
                 case = cases[k % len(cases)]
@@ -514,8 +720,14 @@ def main() -> None:
     counts, finds = fuzz(count, options.seed, first, keep, options.format)
     print(f"{'format':18} {'record':>8} {'noted':>8} {'refused':>8} {'find':>6}")
     for name, verdicts in counts.items():
-        print(f"{name:18} {verdicts['record']:8} {verdicts['noted']:8} {verdicts['refused']:8} {verdicts['find']:6}")
-    print(f"{count} inputs in {time.monotonic() - start:.0f} s, {len(finds)} finds" + (f", their files in {keep}" if finds else ""))
+        print(
+            f"{name:18} {verdicts['record']:8} {verdicts['noted']:8} {verdicts['refused']:8}"
+            f" {verdicts['find']:6}"
+        )
+    print(
+        f"{count} inputs in {time.monotonic() - start:.0f} s, {len(finds)} finds"
+        + (f", their files in {keep}" if finds else "")
+    )
     for find in finds[:40]:
         print(f"  {find[:300]}")
     if not finds:

@@ -37,7 +37,15 @@ from queue import Queue
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = Path(__file__).with_suffix(".toml")
-COPIED = ("insgnss", "tests", "data_specs", "scripts", "pyproject.toml", "README.md", "CHANGELOG.md")
+COPIED = (
+    "insgnss",
+    "tests",
+    "data_specs",
+    "scripts",
+    "pyproject.toml",
+    "README.md",
+    "CHANGELOG.md",
+)
 LEAST_SHARE = 0.95
 TIMEOUT_S = 300.0
 PASSED, FAILED = 0, 1  # exit codes of pytest
@@ -207,7 +215,9 @@ def try_defect(defect: Defect, tree: Path, cache: Path) -> Outcome:
     finally:
         file.write_text(before, encoding="utf-8")
     verdicts = {PASSED: "survived", FAILED: "caught", -1: f"over {TIMEOUT_S:.0f} s"}
-    return Outcome(defect, verdicts.get(code, f"pytest ended with {code}"), time.monotonic() - begin)
+    return Outcome(
+        defect, verdicts.get(code, f"pytest ended with {code}"), time.monotonic() - begin
+    )
 
 
 def try_all(defects: list[Defect], jobs: int, baseline: bool) -> Iterator[Outcome]:
@@ -278,7 +288,9 @@ def main() -> int:
         for outcome in try_all(chosen, max(1, options.jobs), not options.no_baseline):
             outcomes.append(outcome)
             d = outcome.defect
-            print(f"{outcome.verdict:<10}{outcome.seconds:6.1f} s  {d.module}: {d.breaks}", flush=True)
+            print(
+                f"{outcome.verdict:<10}{outcome.seconds:6.1f} s  {d.module}: {d.breaks}", flush=True
+            )
     except EntryError as error:
         print(error, file=sys.stderr)
         return 1

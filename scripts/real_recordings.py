@@ -1,11 +1,13 @@
-"""Every recording of a directory of real ones through `insgnss inspect --write` and `insgnss process`, nothing tuned by hand.
+"""Every recording of a directory of real ones through `insgnss inspect --write` and
+`insgnss process`, nothing tuned by hand.
 
     python scripts/real_recordings.py ../shared/data              to the screen
     python scripts/real_recordings.py ../shared/data --write      the table in benchmarks/real_recordings.md
 
-The recordings are not part of the project; the table says what came out of each: what the inspection recognised, innovations, their
-normalised square (1 is honest), the solution's own standard deviations, the difference to the attitude that the recording
-itself carries where it does, and what limits it in the words of the report. Recordings that are not there are left out.
+The recordings are not part of the project; the table says what came out of each: what the
+inspection recognised, innovations, their normalised square (1 is honest), the solution's own
+standard deviations, the difference to the attitude that the recording itself carries where it does,
+and what limits it in the words of the report. Recordings that are not there are left out.
 """
 
 import argparse
@@ -20,7 +22,9 @@ from typing import Any
 import numpy as np
 
 PAGE = Path(__file__).parents[1] / "benchmarks" / "real_recordings.md"
-Attitude = Callable[[Path], tuple[np.ndarray, np.ndarray]]  # time (n,) s on the IMU's clock, roll pitch heading (n, 3) deg
+Attitude = Callable[
+    [Path], tuple[np.ndarray, np.ndarray]
+]  # time (n,) s on the IMU's clock, roll pitch heading (n, 3) deg
 
 
 def _on_board_umn(file: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -48,18 +52,40 @@ def _on_board_car(file: Path) -> tuple[np.ndarray, np.ndarray]:
 
 RECORDINGS: dict[str, tuple[tuple[str, ...], Attitude | None, str]] = {
     "tilt_rtk_walk": (("imu.aimu", "gnss.nmea"), None, "hand-carried walk, MEMS 100 Hz, RTK 10 Hz"),
-    "umn_thor75": (("thor_flight75_2012_10_10.mat",), _on_board_umn, "fixed wing, MEMS 50 Hz, GPS 1 Hz"),
-    "apm_skywalker_x8 TestLog2": (("TestLog2.mat",), _on_board_apm, "flying wing, aerobatics, MEMS 50 Hz, GPS 5 Hz"),
-    "apm_skywalker_x8 SwissLog1": (("SwissLog1.mat",), None, "fixed wing, MEMS 137 Hz irregular, GPS 5 Hz"),
-    "hipnuc_car": (("data20220320_11.mat",), _on_board_car, "car, MEMS 100 Hz, single-point GNSS 10 Hz"),
+    "umn_thor75": (
+        ("thor_flight75_2012_10_10.mat",),
+        _on_board_umn,
+        "fixed wing, MEMS 50 Hz, GPS 1 Hz",
+    ),
+    "apm_skywalker_x8 TestLog2": (
+        ("TestLog2.mat",),
+        _on_board_apm,
+        "flying wing, aerobatics, MEMS 50 Hz, GPS 5 Hz",
+    ),
+    "apm_skywalker_x8 SwissLog1": (
+        ("SwissLog1.mat",),
+        None,
+        "fixed wing, MEMS 137 Hz irregular, GPS 5 Hz",
+    ),
+    "hipnuc_car": (
+        ("data20220320_11.mat",),
+        _on_board_car,
+        "car, MEMS 100 Hz, single-point GNSS 10 Hz",
+    ),
     "psins_lasergyro": (("lasergyro.imu",), None, "standing, ring-laser gyros 100 Hz, no GNSS"),
-    "adis16405_static": (("adis_16405_imu1.npy",), None, "standing, MEMS 100 Hz, raw counts, no place"),
+    "adis16405_static": (
+        ("adis_16405_imu1.npy",),
+        None,
+        "standing, MEMS 100 Hz, raw counts, no place",
+    ),
 }
 
 
 def run(*words: str) -> subprocess.CompletedProcess[str]:
     """One command of the package."""
-    return subprocess.run([sys.executable, "-m", "insgnss", *words], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [sys.executable, "-m", "insgnss", *words], capture_output=True, text=True, check=False
+    )
 
 
 def one(name: str, files: list[Path], attitude: Attitude | None, work: Path) -> dict[str, str]:
@@ -82,7 +108,11 @@ def one(name: str, files: list[Path], attitude: Attitude | None, work: Path) -> 
 
 
 def _line(text: str) -> str:
-    return text.strip().splitlines()[-1].removeprefix("insgnss: error: ").split(": ", 1)[-1] if text.strip() else ""
+    return (
+        text.strip().splitlines()[-1].removeprefix("insgnss: error: ").split(": ", 1)[-1]
+        if text.strip()
+        else ""
+    )
 
 
 def _recognised(said: dict[str, Any]) -> str:
@@ -94,15 +124,26 @@ def _recognised(said: dict[str, Any]) -> str:
 
 def _figures(report: dict[str, Any]) -> str:
     nis = report["consistency"]
-    sigma, attitude = report["trajectory"]["position_mm"]["median"], report["trajectory"]["attitude_deg"]["median"]
+    sigma, attitude = (
+        report["trajectory"]["position_mm"]["median"],
+        report["trajectory"]["attitude_deg"]["median"],
+    )
     told = [f"sigmas {_metres(sigma)}, tilt {max(attitude[:2]):.2g}, heading {attitude[2]:.2g} deg"]
     if report["flight"]["gnss"].get("stationary") is None:
         within = _metres(report["innovations"]["within_68_mm"])
-        told.insert(0, f"68 % of the innovations within {within}, normalised {nis['position']['mean_per_dof']:.2f}")
+        told.insert(
+            0,
+            f"68 % of the innovations within {within}, normalised"
+            f" {nis['position']['mean_per_dof']:.2f}",
+        )
         if nis["velocity"]:
             told[0] += f" (velocity {nis['velocity']['mean_per_dof']:.2f})"
         told.append(f"{report['counts']['fixes_used']} of {report['counts']['fixes']} fixes used")
-    told += [line.removeprefix("estimated: ").split(",")[0] for line in report["history"] if "GNSS time offset" in line]
+    told += [
+        line.removeprefix("estimated: ").split(",")[0]
+        for line in report["history"]
+        if "GNSS time offset" in line
+    ]
     told += [line for line in report["history"] if line.startswith("the stamps")]
     return "; ".join(told)
 
@@ -125,16 +166,24 @@ def _difference(directory: Path, other: tuple[np.ndarray, np.ndarray]) -> str:
         off = (mine - rpy[inside, k] + 180.0) % 360.0 - 180.0
         told.append((np.sqrt(np.mean(off**2)), np.quantile(np.abs(off), 0.6827)))
     rms, within = (" / ".join(f"{x[k]:.1f}" for x in told) for k in (0, 1))
-    return f"on-board solution of the same sensors: {rms} deg rms (roll, pitch, heading), 68 % within {within}"
+    return (
+        f"on-board solution of the same sensors: {rms} deg rms (roll, pitch, heading), 68 % within"
+        f" {within}"
+    )
 
 
 def main() -> None:
     """Run what is there and print or write the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("data", type=Path, help="directory of the recordings")
     parser.add_argument("--write", action="store_true", help=f"write {PAGE.name}")
     options = parser.parse_args()
-    lines = ["| recording | recognised | what came out | held against | what limits it |", "|---|---|---|---|---|"]
+    lines = [
+        "| recording | recognised | what came out | held against | what limits it |",
+        "|---|---|---|---|---|",
+    ]
     failed = []
     with tempfile.TemporaryDirectory() as work:
         for name, (files, attitude, what) in RECORDINGS.items():
@@ -144,12 +193,20 @@ def main() -> None:
                 continue
             row = one(name, paths, attitude, Path(work))
             print(f"{name}: {row['out']}", file=sys.stderr)
-            lines.append(f"| `{name}`: {what} | " + " | ".join(row[key].replace("|", "/") for key in row) + " |")
+            lines.append(
+                f"| `{name}`: {what} | "
+                + " | ".join(row[key].replace("|", "/") for key in row)
+                + " |"
+            )
             failed += [name] if "internal error" in row["out"] else []
     text = "\n".join(lines) + "\n"
     if options.write:
         head = (__doc__ or "").split("\n\n")
-        PAGE.write_text(f"# Real recordings\n\nWritten by `scripts/real_recordings.py`. {head[2].strip()}\n\n{text}", encoding="utf-8")
+        PAGE.write_text(
+            "# Real recordings\n\nWritten by `scripts/real_recordings.py`."
+            f" {head[2].strip()}\n\n{text}",
+            encoding="utf-8",
+        )
     print(text)
     assert not failed, f"defects: {failed}"
 

@@ -1,4 +1,6 @@
-"""One thread for linear algebra, set before numpy is loaded: the matrices are 30 x 30, and more threads only wait for each other."""
+"""One thread for linear algebra, set before numpy is loaded: the matrices are 30 x 30, and more
+threads only wait for each other.
+"""
 
 import os
 

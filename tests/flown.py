@@ -1,17 +1,24 @@
-"""Short simulated flights as estimation problems in memory, with their truth in the frame of the problem."""
+"""Short simulated flights as estimation problems in memory, with their truth in the frame of the
+problem.
+"""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from insgnss.geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector, vector_from_rotation
+from insgnss.geodesy.rotation import (
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    rotation_from_vector,
+    vector_from_rotation,
+)
 from insgnss.navigation.epochs import make_epochs
 from insgnss.navigation.filter import gate_from_sigma
 from insgnss.navigation.layout import StateLayout, state_layout
 from insgnss.navigation.problem import EstimationProblem, InitialState
 from insgnss.prepare.clock import cut_fixes
 from insgnss.prepare.increments import body_increments, merge_marks
-from insgnss.simulate.scenario import GnssOptions, ImuOptions, SimulatedFlight, simulate_flight
+from insgnss.simulation.scenario import GnssOptions, ImuOptions, SimulatedFlight, simulate_flight
 from insgnss.stochastic.model import load_noise_model
 
 NO_GATE = 1e12
@@ -19,7 +26,9 @@ NO_GATE = 1e12
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """A flight, the problem that it poses in the simulator's own local frame, and where events and extra marks are."""
+    """A flight, the problem that it poses in the simulator's own local frame, and where events and
+    extra marks are.
+    """
 
     sim: SimulatedFlight
     problem: EstimationProblem
@@ -29,7 +38,13 @@ class Flown:
     def true_nav(self, at: np.ndarray | slice = slice(None)) -> np.ndarray:
         """(k, 10) of the exact motion at epochs `at`."""
         motion, time = self.sim.flight.motion, self.problem.inc.marks[at]
-        return np.hstack([motion.position(time), motion.velocity(time), quaternion_from_rotation(motion.C_lb(time))])
+        return np.hstack(
+            [
+                motion.position(time),
+                motion.velocity(time),
+                quaternion_from_rotation(motion.C_lb(time)),
+            ]
+        )
 
 
 def fly(
@@ -45,10 +60,19 @@ def fly(
     gnss: GnssOptions | None = None,
     **changes: object,
 ) -> Flown:
-    """A flight of short lines with turns, started in the air; `extra` : s after the start, further epochs without measurement."""
+    """A flight of short lines with turns, started in the air; `extra` : s after the start, further
+    epochs without measurement.
+    """
     options = {"start_in_air": True, "line_length_m": 120.0, **changes}
     gnss = gnss or GnssOptions(velocity_sigma_ms=(0.03, 0.03, 0.05) if velocity else None)
-    sim = simulate_flight("ign8", seconds / 60.0, seed=seed, imu=ImuOptions(rate_hz=imu_hz, noise=noise), gnss=gnss, **options)
+    sim = simulate_flight(
+        "ign8",
+        seconds / 60.0,
+        seed=seed,
+        imu=ImuOptions(rate_hz=imu_hz, noise=noise),
+        gnss=gnss,
+        **options,
+    )
     imu, events = sim.imu, sim.events
     fixes = cut_fixes(sim.gnss, imu.time[0], imu.time[-1])
     more = np.zeros(0) if extra is None else sim.flight.motion.start + extra
@@ -57,13 +81,19 @@ def fly(
     frame = sim.flight.motion.frame
     epochs = make_epochs(inc, at_fix, fixes, at_event, frame)
     states = layout or state_layout(load_noise_model(noise or "navchip"))
-    problem = EstimationProblem(inc, epochs, frame, states, sim.rig.antenna_lever_b, gate or gate_from_sigma(5.0), 0.1)
+    problem = EstimationProblem(
+        inc, epochs, frame, states, sim.rig.antenna_lever_b, gate or gate_from_sigma(5.0), 0.1
+    )
     return Flown(sim, problem, at_event, at_extra)
 
 
 def start_near(flown: Flown, sigma: np.ndarray, offset: np.ndarray | None = None) -> InitialState:
-    """Start at the truth less the error `offset` (9,), with standard deviations `sigma` (9,) and the IMU states as a-priori."""
-    nav = moved(flown.true_nav(slice(0, 1)), -np.asarray([np.zeros(9) if offset is None else offset]))[0]
+    """Start at the truth less the error `offset` (9,), with standard deviations `sigma` (9,) and
+    the IMU states as a-priori.
+    """
+    nav = moved(
+        flown.true_nav(slice(0, 1)), -np.asarray([np.zeros(9) if offset is None else offset])
+    )[0]
     layout = flown.problem.layout
     P = np.diag(np.concatenate([np.asarray(sigma), layout.sigma0]) ** 2)
     return InitialState(nav, np.zeros(layout.size - 9), np.zeros(layout.size), P)
@@ -77,7 +107,9 @@ def moved(nav: np.ndarray, error: np.ndarray) -> np.ndarray:
 
 def error_of(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """(k, 9) truth minus estimate of states (k, 10), psi in l."""
-    turn = rotation_from_quaternion(truth[:, 6:]) @ np.swapaxes(rotation_from_quaternion(estimate[:, 6:]), -1, -2)
+    turn = rotation_from_quaternion(truth[:, 6:]) @ np.swapaxes(
+        rotation_from_quaternion(estimate[:, 6:]), -1, -2
+    )
     return np.hstack([truth[:, :6] - estimate[:, :6], vector_from_rotation(turn)])
 
 

@@ -11,7 +11,9 @@ def photograph(path: Path, second: float | None) -> None:
     exif = image.Exif()
     if second is not None:
         whole, part = divmod(round(1000 * second), 1000)
-        exif.get_ifd(0x8769).update({0x9003: f"2018:10:04 12:00:{whole:02d}", 0x9291: f"{part:03d}"})
+        exif.get_ifd(0x8769).update(
+            {0x9003: f"2018:10:04 12:00:{whole:02d}", 0x9291: f"{part:03d}"}
+        )
     if path.suffix == ".dng":
         path.write_bytes(exif.tobytes().removeprefix(b"Exif\0\0"))  # a TIFF of tags alone
     else:

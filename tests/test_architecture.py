@@ -1,4 +1,6 @@
-"""The house: which room stands on which, what may be imported when, and how long a piece of code may get. Read from the sources."""
+"""The house: which room stands on which, what may be imported when, and how long a piece of code
+may get. Read from the sources.
+"""
 
 import ast
 import re
@@ -10,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from insgnss.compilation import closure
+from insgnss.base.compilation import closure
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "insgnss"
@@ -27,7 +29,9 @@ STANDS_ON = {  # the table of the design, room by room; what is below all is not
     "records": {"errors", "geodesy"},
     "formats": BELOW_ALL,
     "prepare": BELOW_ALL,
-    "recognise": BELOW_ALL | {"prepare"},  # what a recording says of itself, held against the flight file
+    "recognise": (
+        BELOW_ALL | {"prepare"}
+    ),  # what a recording says of itself, held against the flight file
     "stochastic": BELOW_ALL,
     "navigation": BELOW_ALL | {"stochastic"},
     "align": BELOW_ALL | {"navigation"},
@@ -37,9 +41,12 @@ STANDS_ON = {  # the table of the design, room by room; what is below all is not
     "exposures": BELOW_ALL | {"formats", "config"},  # which event is which image
     "gnss": BELOW_ALL | {"formats", "exposures", "config"},
     "calibrate": BELOW_ALL | {"navigation", "orient", "prepare"},
-    "diagnosis": BELOW_ALL | {"navigation", "orient", "stochastic"},  # which error model explains the innovations
+    "diagnosis": (
+        BELOW_ALL | {"navigation", "orient", "stochastic"}
+    ),  # which error model explains the innovations
     "adjust": BELOW_ALL | {"orient"},
-    # formats: a simulated flight is written as a data set; gnss: a simulated receiver flies under broadcast orbits
+    # formats: a simulated flight is written as a data set; gnss: a simulated receiver flies under
+    # broadcast orbits
     "simulate": BELOW_ALL | {"stochastic", "formats", "gnss"},
     "report": BELOW_ALL,
 }
@@ -54,24 +61,49 @@ STANDS_ON |= {
     "inspection": ROOMS | {"processing"},
     "tuning": ROOMS | {"processing"},
     "pipeline": {"processing"},  # an alias of the module's place before
-    "cli": ROOMS | {"processing", "inspection", "tuning", "reference", "exporting", "comparison", "proof", "caches"},
+    "cli": (
+        ROOMS
+        | {
+            "processing",
+            "inspection",
+            "tuning",
+            "reference",
+            "exporting",
+            "comparison",
+            "proof",
+            "caches",
+        }
+    ),
     "caches": set(),
     "__init__": {"caches"},
     "__main__": {"cli"},
 }
 
 ALLOWED_ALL_THE_SAME: dict[tuple[str, str], str] = {}  # (importing module, imported module): reason
-LOCAL_ONLY = {"matplotlib", "scipy", "pandas", "pyproj", "georinex", "filterpy", "netCDF4", "xarray", "pymavlink", "pyulog", "h5py"}
+LOCAL_ONLY = {
+    "matplotlib",
+    "scipy",
+    "pandas",
+    "pyproj",
+    "georinex",
+    "filterpy",
+    "netCDF4",
+    "xarray",
+    "pymavlink",
+    "pyulog",
+    "h5py",
+}
 LOCAL_ONLY |= {"orjson", "pycolmap", "pyceres", "pyrtklib5", "hatanaka"}
 
 MODULE_LINES, FUNCTION_LINES, KERNEL_LINES = 400, 60, 200
-LONG_MODULES = {
-}
+LONG_MODULES = {}
 LONG_FUNCTIONS: dict[str, str] = {}
 
 
 def name_of(path: Path) -> str:
-    """Dotted name inside the package; of a room's __init__ the room, of the package's own "__init__"."""
+    """Dotted name inside the package; of a room's __init__ the room, of the package's own
+    "__init__".
+    """
     parts = path.relative_to(PACKAGE).with_suffix("").parts
     return ".".join(parts[:-1] if len(parts) > 1 and parts[-1] == "__init__" else parts)
 
@@ -85,10 +117,15 @@ def tree(module: str) -> ast.Module:
 
 
 def at_import(node: ast.AST) -> Iterator[ast.AST]:
-    """Nodes that run when the module is imported: all but the bodies of functions and `if TYPE_CHECKING`."""
+    """Nodes that run when the module is imported: all but the bodies of functions and
+    `if TYPE_CHECKING`.
+    """
     for child in ast.iter_child_nodes(node):
         typing_only = isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test)
-        if not isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda) and not typing_only:
+        if (
+            not isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+            and not typing_only
+        ):
             yield child
             yield from at_import(child)
 
@@ -113,7 +150,11 @@ def imports(module: str, only_at_import: bool = False) -> Iterator[str]:
 
 def inner_imports(module: str, only_at_import: bool = False) -> set[str]:
     """Modules of the package that `module` imports."""
-    names = {name.removeprefix("insgnss.") for name in imports(module, only_at_import) if name.startswith("insgnss.")}
+    names = {
+        name.removeprefix("insgnss.")
+        for name in imports(module, only_at_import)
+        if name.startswith("insgnss.")
+    }
     return names & set(MODULES)
 
 
@@ -128,31 +169,50 @@ def test_no_arrow_runs_against_the_table(module: str) -> None:
     room = module.split(".")[0]
     for other in sorted(inner_imports(module)):
         below = other.split(".")[0]
-        allowed = below == room or below in STANDS_ON.get(room, set()) or (module, other) in ALLOWED_ALL_THE_SAME
-        assert allowed, f"{module} imports {other}; {room} may stand on {', '.join(sorted(STANDS_ON.get(room, ()))) or 'nothing'}"
+        allowed = (
+            below == room
+            or below in STANDS_ON.get(room, set())
+            or (module, other) in ALLOWED_ALL_THE_SAME
+        )
+        assert allowed, (
+            f"{module} imports {other}; {room} may stand on"
+            f" {', '.join(sorted(STANDS_ON.get(room, ()))) or 'nothing'}"
+        )
 
 
 def test_the_reader_of_imports_sees_all_kinds() -> None:
     """Oracle: imports of the sources, read by eye."""
-    assert {"errors", "records", "config.flight_file", "navigation.solution", "prepare.gaps"} <= inner_imports("processing.segment")
+    assert {
+        "errors",
+        "records",
+        "config.flight_file",
+        "navigation.solution",
+        "prepare.gaps",
+    } <= inner_imports("processing.segment")
     assert "processing.pipeline" in inner_imports("cli.process")
     assert "processing.pipeline" not in inner_imports("cli.process", only_at_import=True)
-    assert {"numpy", "insgnss.compilation"} <= set(imports("navigation.kernels.update"))
+    assert {"numpy", "insgnss.base.compilation"} <= set(imports("navigation.kernels.update"))
 
 
 def test_exceptions_are_still_needed() -> None:
     """Oracle: the sources; an exception that nothing needs any more must go."""
     assert all(other in inner_imports(module) for module, other in ALLOWED_ALL_THE_SAME)
     assert set(LONG_MODULES) == {module for module in MODULES if lines(module) > MODULE_LINES}
-    assert set(LONG_FUNCTIONS) == {where for module in MODULES for where, length, limit in functions(module) if length > limit}
+    assert set(LONG_FUNCTIONS) == {
+        where for module in MODULES for where, length, limit in functions(module) if length > limit
+    }
 
 
 def test_no_cycles() -> None:
-    """Oracle: graphlib. Rooms and modules, by all their imports: those within functions and for type checkers as well."""
+    """Oracle: graphlib. Rooms and modules, by all their imports: those within functions and for
+    type checkers as well.
+    """
     rooms: dict[str, set[str]] = {}
     for module in MODULES:
         room = module.split(".")[0]
-        rooms.setdefault(room, set()).update({other.split(".")[0] for other in inner_imports(module)} - {room})
+        rooms.setdefault(room, set()).update(
+            {other.split(".")[0] for other in inner_imports(module)} - {room}
+        )
     for graph in (rooms, {module: inner_imports(module) for module in MODULES}):
         assert set(graph) <= set(TopologicalSorter(graph).static_order())
 
@@ -165,7 +225,9 @@ def test_help_loads_the_standard_library_only() -> None:
         seen.add(module)
         todo += inner_imports(module, only_at_import=True) - seen
         outer = {name.split(".")[0] for name in imports(module, only_at_import=True)} - {"insgnss"}
-        assert outer <= sys.stdlib_module_names, f"{module} imports {outer - sys.stdlib_module_names}"
+        assert outer <= sys.stdlib_module_names, (
+            f"{module} imports {outer - sys.stdlib_module_names}"
+        )
     assert {"cli", "errors"} <= seen
 
 
@@ -173,7 +235,10 @@ def test_help_loads_the_standard_library_only() -> None:
 def test_heavy_libraries_are_imported_where_they_are_used(module: str) -> None:
     """Oracle: the house rule that importing is cheap."""
     heavy = {name.split(".")[0] for name in imports(module, only_at_import=True)} & LOCAL_ONLY
-    assert not heavy, f"{module} imports {', '.join(sorted(heavy))} at its top; import it in the function that needs it"
+    assert not heavy, (
+        f"{module} imports {', '.join(sorted(heavy))} at its top; import it in the function that"
+        " needs it"
+    )
 
 
 def lines(module: str) -> int:
@@ -196,23 +261,37 @@ def test_size(module: str) -> None:
         f"{module} has {lines(module)} lines (limit {MODULE_LINES}); find the noun it misses"
     )
     for where, length, limit in functions(module):
-        assert length <= limit or where in LONG_FUNCTIONS, f"{where} has {length} lines (limit {limit}); make two of it"
+        assert length <= limit or where in LONG_FUNCTIONS, (
+            f"{where} has {length} lines (limit {limit}); make two of it"
+        )
 
 
-@pytest.mark.parametrize("module", sorted(module for module in MODULES if module.split(".")[0] != "cli"))
+@pytest.mark.parametrize(
+    "module", sorted(module for module in MODULES if module.split(".")[0] != "cli")
+)
 def test_only_the_command_line_prints(module: str) -> None:
     """Oracle: the house rule."""
-    calls = [node for node in ast.walk(tree(module)) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)]
-    assert [call.lineno for call in calls if isinstance(call.func, ast.Name) and call.func.id == "print"] == []
+    calls = [
+        node
+        for node in ast.walk(tree(module))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+    ]
+    assert [
+        call.lineno for call in calls if isinstance(call.func, ast.Name) and call.func.id == "print"
+    ] == []
 
 
 @pytest.mark.parametrize("module", sorted(set(MODULES) - {"compilation"}))
 def test_kernels_are_defined_by_the_decorator_of_the_house(module: str) -> None:
-    """Oracle: the sources; by numba's own decorator a change of a callee in another file would go unnoticed."""
+    """Oracle: the sources; by numba's own decorator a change of a callee in another file would go
+    unnoticed.
+    """
     assert "numba" not in {name.split(".")[0] for name in imports(module)}
 
 
-@pytest.mark.parametrize("module", [module for module in MODULES if "compilation" in inner_imports(module)])
+@pytest.mark.parametrize(
+    "module", [module for module in MODULES if "compilation" in inner_imports(module)]
+)
 def test_compiled_code_belongs_to_all_that_a_kernel_can_refer_to(module: str) -> None:
     """Oracle: the imports of the sources by Python's own parser, followed through all modules."""
     seen, todo = set(), [module]

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import insgnss.processing
+from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.cli import build_parser, main
 from insgnss.cli.console import Progress
-from insgnss.errors import DataError, InputError, UsageError
 
 HEAVY = ("numpy", "numba", "scipy", "matplotlib", "pandas", "pyproj", "georinex", "filterpy")
 
@@ -25,7 +25,9 @@ def flight(tmp_path):
     """A flight file whose inputs exist."""
     for name in ("imu.csv", "gnss.txt"):
         (tmp_path / name).write_text("1\n")
-    (tmp_path / "flight.toml").write_text('name = "f"\n[imu]\nfile = "imu.csv"\n[gnss]\nfile = "gnss.txt"\n')
+    (tmp_path / "flight.toml").write_text(
+        'name = "f"\n[imu]\nfile = "imu.csv"\n[gnss]\nfile = "gnss.txt"\n'
+    )
     return tmp_path / "flight.toml"
 
 
@@ -41,7 +43,10 @@ def pipeline(monkeypatch):
 @pytest.fixture
 def inspection(monkeypatch):
     """Modules in the places of those behind `inspect`; tests put functions into the first."""
-    module, files = types.ModuleType("insgnss.inspection.described"), types.ModuleType("insgnss.inspection.run")
+    module, files = (
+        types.ModuleType("insgnss.inspection.described"),
+        types.ModuleType("insgnss.inspection.run"),
+    )
     module.flight_file = lambda sources, write: sources[0]
     files.inspect_files = None
     for made_up in (module, files):
@@ -56,7 +61,9 @@ def _raising(error):
     return process
 
 
-def test_process_hands_over_flight_directory_and_progress_and_prints_the_summary(pipeline, flight, tmp_path, capsys):
+def test_process_hands_over_flight_directory_and_progress_and_prints_the_summary(
+    pipeline, flight, tmp_path, capsys
+):
     """Oracle: the arguments of the command and the summary of the made-up result."""
     seen = {}
 
@@ -90,7 +97,14 @@ def test_quiet_leaves_the_summary_alone(pipeline, flight, capsys):
 
 def test_json_of_process_is_its_report_in_plain_types(pipeline, flight, capsys):
     """Oracle: json; values that are not finite have no JSON and become null."""
-    report = {"sigma": np.array([0.5, np.nan]), "n": np.int64(3), "file": Path("a/b"), "tuple": (1, None, True), "inf": np.inf, 4: "key"}
+    report = {
+        "sigma": np.array([0.5, np.nan]),
+        "n": np.int64(3),
+        "file": Path("a/b"),
+        "tuple": (1, None, True),
+        "inf": np.inf,
+        4: "key",
+    }
 
     def process(loaded, out, progress):
         progress("smoothing")
@@ -98,7 +112,14 @@ def test_json_of_process_is_its_report_in_plain_types(pipeline, flight, capsys):
 
     pipeline.process = process
     assert main(["process", str(flight), "--json"]) == 0
-    expected = {"sigma": [0.5, None], "n": 3, "file": "a/b", "tuple": [1, None, True], "inf": None, "4": "key"}
+    expected = {
+        "sigma": [0.5, None],
+        "n": 3,
+        "file": "a/b",
+        "tuple": [1, None, True],
+        "inf": None,
+        "4": "key",
+    }
     assert json.loads(capsys.readouterr().out) == expected
 
 
@@ -107,14 +128,28 @@ def test_json_of_process_is_its_report_in_plain_types(pipeline, flight, capsys):
     [
         (InputError("imu.csv:7: bad"), 3, "insgnss: error: imu.csv:7: bad\n"),
         (DataError("no motion;\nfly"), 4, "insgnss: error: no motion; fly\n"),
-        (PermissionError(13, "Permission denied", "out/eo.json"), 3, "insgnss: error: out/eo.json: Permission denied; check path,"),
-        (OSError(28, "No space left on device"), 3, "insgnss: error: No space left on device; check path,"),
+        (
+            PermissionError(13, "Permission denied", "out/eo.json"),
+            3,
+            "insgnss: error: out/eo.json: Permission denied; check path,",
+        ),
+        (
+            OSError(28, "No space left on device"),
+            3,
+            "insgnss: error: No space left on device; check path,",
+        ),
         (KeyboardInterrupt(), 130, "insgnss: error: interrupted\n"),
-        (ZeroDivisionError("by zero"), 1, "insgnss: internal error: ZeroDivisionError: by zero (at "),
+        (
+            ZeroDivisionError("by zero"),
+            1,
+            "insgnss: internal error: ZeroDivisionError: by zero (at ",
+        ),
     ],
 )
 @pytest.mark.parametrize("as_json", [False, True])
-def test_every_error_is_one_line_and_its_exit_code(pipeline, flight, capsys, error, code, line, as_json):
+def test_every_error_is_one_line_and_its_exit_code(
+    pipeline, flight, capsys, error, code, line, as_json
+):
     """Oracle: the exit codes of the contract."""
     pipeline.process = _raising(error)
     assert main(["process", str(flight), *(["--json"] if as_json else [])]) == code
@@ -158,7 +193,9 @@ def test_warnings_are_one_line_each(pipeline, flight, capsys):
 
 def _inspection(*contradictions):
     refusal = InputError("; ".join(contradictions)) if contradictions else None
-    return types.SimpleNamespace(summary=lambda: "the table", as_dict=lambda: {"rate_hz": 500.0}, refusal=refusal)
+    return types.SimpleNamespace(
+        summary=lambda: "the table", as_dict=lambda: {"rate_hz": 500.0}, refusal=refusal
+    )
 
 
 def test_inspect_prints_the_table(inspection, flight, capsys):
@@ -171,14 +208,22 @@ def test_inspect_prints_the_table(inspection, flight, capsys):
 
 
 def test_inspect_prints_the_table_and_then_the_contradictions(inspection, flight, capsys):
-    """Oracle: the made-up contradictions; exit code 3 of the contract, one error line, one JSON document."""
-    inspection.inspect_flight = lambda path, progress: _inspection("gyro looks like deg/s", "clock is off")
+    """Oracle: the made-up contradictions; exit code 3 of the contract, one error line, one JSON
+    document.
+    """
+    inspection.inspect_flight = lambda path, progress: _inspection(
+        "gyro looks like deg/s", "clock is off"
+    )
     error = f"{flight}: gyro looks like deg/s; clock is off"
     for more in ([], ["--json"]):
         assert main(["inspect", str(flight), *more]) == 3
         streams = capsys.readouterr()
         assert streams.err == f"insgnss: error: {error}\n"
-        assert streams.out == "the table\n" if not more else json.loads(streams.out) == {"rate_hz": 500.0, "error": error, "exit_code": 3}
+        assert (
+            streams.out == "the table\n"
+            if not more
+            else json.loads(streams.out) == {"rate_hz": 500.0, "error": error, "exit_code": 3}
+        )
 
 
 def test_demo_hands_over_its_options(monkeypatch, capsys):
@@ -203,14 +248,20 @@ def test_demo_hands_over_its_options(monkeypatch, capsys):
 def test_simulate_hands_over_its_options_and_names_the_next_step(monkeypatch, capsys):
     """Oracle: the arguments of the command, and the defaults that --help states."""
     seen = []
-    module = types.ModuleType("insgnss.simulate.dataset")
+    module = types.ModuleType("insgnss.simulation.dataset")
     module.write_dataset = lambda directory, **options: seen.append((directory, options))
-    monkeypatch.setitem(sys.modules, "insgnss.simulate.dataset", module)
+    monkeypatch.setitem(sys.modules, "insgnss.simulation.dataset", module)
     assert main(["simulate", "-q", "d"]) == 0
     given = "--flight ign6x1 --minutes 3 --imu-rate 250 --vibration 3 --seed 9"
     assert main(["simulate", "-q", "d", *given.split()]) == 0
-    assert seen[0] == (Path("d"), {"flight": "ign8", "minutes": None, "imu_rate": 500.0, "vibration": 1.0, "seed": 0})
-    assert seen[1] == (Path("d"), {"flight": "ign6x1", "minutes": 3.0, "imu_rate": 250.0, "vibration": 3.0, "seed": 9})
+    assert seen[0] == (
+        Path("d"),
+        {"flight": "ign8", "minutes": None, "imu_rate": 500.0, "vibration": 1.0, "seed": 0},
+    )
+    assert seen[1] == (
+        Path("d"),
+        {"flight": "ign6x1", "minutes": 3.0, "imu_rate": 250.0, "vibration": 3.0, "seed": 9},
+    )
     assert f"next: insgnss process {Path('d') / 'flight.toml'}" in capsys.readouterr().out
 
 
@@ -219,33 +270,64 @@ def master(tmp_path):
     """The eo.json of one image, seen from above at the origin."""
     import numpy as np
 
-    from insgnss.formats.eo_json import write_eo_json
+    from insgnss.formats.orientation.eo_json import write_eo_json
     from insgnss.records import ExteriorOrientation
 
     one, eye = np.ones(1), np.eye(3)
     down = np.diag([1.0, -1.0, -1.0])[None]
-    origin, position = np.array([np.radians(46.57), np.radians(6.54), 0.0]), np.array([[1.0, 2.0, 630.0]])
-    eo = ExteriorOrientation(("8001.tif",), one, 2008, origin, position, down, 1e-4 * np.eye(6)[None], np.zeros((0, 6, 6)), eye, eye)
+    origin, position = (
+        np.array([np.radians(46.57), np.radians(6.54), 0.0]),
+        np.array([[1.0, 2.0, 630.0]]),
+    )
+    eo = ExteriorOrientation(
+        ("8001.tif",),
+        one,
+        2008,
+        origin,
+        position,
+        down,
+        1e-4 * np.eye(6)[None],
+        np.zeros((0, 6, 6)),
+        eye,
+        eye,
+    )
     write_eo_json(eo, tmp_path / "eo.json")
     return tmp_path / "eo.json"
 
 
 def test_export_writes_beside_the_master_or_where_asked(master, tmp_path, capsys):
-    """Oracle: the usual names of design.md 6; the place of the image in its tangent plane and by pyproj in LV95."""
+    """Oracle: the usual names of design.md 6; the place of the image in its tangent plane and by
+    pyproj in LV95.
+    """
     from pyproj import Transformer
 
     assert main(["export", str(master), "eo_local_plane", "-q"]) == 0
     out = tmp_path / "table.txt"
-    table = ["generic_ascii", "--crs", "EPSG:2056", "--set", "columns=image,x,y,z", "--set", "decimals_m=3"]
+    table = [
+        "generic_ascii",
+        "--crs",
+        "EPSG:2056",
+        "--set",
+        "columns=image,x,y,z",
+        "--set",
+        "decimals_m=3",
+    ]
     assert main(["export", str(master), *table, "--out", str(out), "--json"]) == 0
     text, document = capsys.readouterr().out.split("\n", 1)
     assert text == str(tmp_path / "EO_local-plane.txt")
-    assert (tmp_path / "EO_local-plane.txt").read_text().splitlines()[-1].startswith("8001.tif 1.0000 2.0000 630.0000 ")
+    assert (
+        (tmp_path / "EO_local-plane.txt")
+        .read_text()
+        .splitlines()[-1]
+        .startswith("8001.tif 1.0000 2.0000 630.0000 ")
+    )
     result = json.loads(document)
     assert (result["format"], result["file"]) == ("generic_ascii", str(out))
     assert any("not above sea level" in note for note in result["notes"])
     image, E, N, h = out.read_text().splitlines()[-1].split()
-    lon, lat, _ = Transformer.from_crs("EPSG:2056", "EPSG:4326", always_xy=True).transform(float(E), float(N), float(h))
+    lon, lat, _ = Transformer.from_crs("EPSG:2056", "EPSG:4326", always_xy=True).transform(
+        float(E), float(N), float(h)
+    )
     assert (image, h) == ("8001.tif", "630.000")
     assert (lat - 46.57) * 111e3 == pytest.approx(2.0, abs=0.1)
     assert (lon - 6.54) * 76.6e3 == pytest.approx(1.0, abs=0.1)
@@ -255,18 +337,36 @@ def test_export_writes_beside_the_master_or_where_asked(master, tmp_path, capsys
     ("argv", "says"),
     [
         (["metashap"], "export: format 'metashap' is unknown; did you mean 'metashape'?"),
-        (["eo_local_plane", "--crs", "EPSG:2056"], "eo_local_plane cannot carry a frame of kind projected; it carries tangent plane"),
+        (
+            ["eo_local_plane", "--crs", "EPSG:2056"],
+            "eo_local_plane cannot carry a frame of kind projected; it carries tangent plane",
+        ),
         (["opf"], "opf needs a projected CRS; name it, such as EPSG:2056"),
         (["metashape", "--crs", "EPSG:1"], "CRS 'EPSG:1' is unknown"),
         (["metashape", "--set", "unit=gon"], "metashape has no option 'unit'; it takes none"),
         (["metashape", "--set", "unit"], "--set 'unit' is not KEY=VALUE"),
         (["eo_json", "--out", "{master}"], "is the master itself; give --out"),
-        (["metashape", "--geoid", "nowhere.gtx"], "takes heights above the ellipsoid; leave the geoid out or name a CRS"),
-        (["metashape", "--crs", "EPSG:2056", "--geoid", "nowhere.gtx"], "geoid nowhere.gtx: does not exist"),
+        (
+            ["metashape", "--geoid", "nowhere.gtx"],
+            "takes heights above the ellipsoid; leave the geoid out or name a CRS",
+        ),
+        (
+            ["metashape", "--crs", "EPSG:2056", "--geoid", "nowhere.gtx"],
+            "geoid nowhere.gtx: does not exist",
+        ),
         (["metashape", "--ground", "500"], "only heights in a projected CRS are scaled"),
-        (["metashape", "--crs", "EPSG:2056", "--ground", "5000"], "is not below the cameras, the lowest of which is at 630.0 m"),
+        (
+            ["metashape", "--crs", "EPSG:2056", "--ground", "5000"],
+            "is not below the cameras, the lowest of which is at 630.0 m",
+        ),
         (["metashape", "--crs", "EPSG:2056", "--ground", "nan"], "ground nan m is no height"),
-        (["kml"], "has heights above sea level; name a grid of geoid heights (--geoid GRID, output.geoid)"),
+        (
+            ["kml"],
+            (
+                "has heights above sea level; name a grid of geoid heights (--geoid GRID,"
+                " output.geoid)"
+            ),
+        ),
     ],
 )
 def test_wrong_exports_are_one_line_and_leave_nothing(argv, says, master, tmp_path, capsys):
@@ -283,7 +383,10 @@ def _geoid(path):
     """A grid of 49.5 m everywhere around the master's image."""
     import numpy as np
 
-    head = np.array([46.0, 6.0, 0.5, 0.5]).astype(">f8").tobytes() + np.array([4, 4]).astype(">i4").tobytes()
+    head = (
+        np.array([46.0, 6.0, 0.5, 0.5]).astype(">f8").tobytes()
+        + np.array([4, 4]).astype(">i4").tobytes()
+    )
     path.write_bytes(head + np.full(16, 49.5).astype(">f4").tobytes())
 
 
@@ -325,13 +428,24 @@ def test_two_images_of_one_name_are_bad_input(tmp_path, capsys):
     """Oracle: the exit code of the contract."""
     import numpy as np
 
-    from insgnss.formats.eo_json import write_eo_json
+    from insgnss.formats.orientation.eo_json import write_eo_json
     from insgnss.records import ExteriorOrientation
 
     eye, down = np.eye(3), np.broadcast_to(np.diag([1.0, -1.0, -1.0]), (2, 3, 3))
     cov = np.broadcast_to(1e-4 * np.eye(6), (2, 6, 6))
     place, origin = np.array([[1.0, 2.0, 630.0], [9.0, 2.0, 630.0]]), np.array([0.8, 0.1, 0.0])
-    eo = ExteriorOrientation(("a.tif", "a.tif"), np.array([1.0, 2.0]), 2008, origin, place, down, cov, np.zeros((1, 6, 6)), eye, eye)
+    eo = ExteriorOrientation(
+        ("a.tif", "a.tif"),
+        np.array([1.0, 2.0]),
+        2008,
+        origin,
+        place,
+        down,
+        cov,
+        np.zeros((1, 6, 6)),
+        eye,
+        eye,
+    )
     write_eo_json(eo, tmp_path / "eo.json")
     assert main(["export", str(tmp_path / "eo.json"), "opensfm", "-q"]) == 3
     assert "image 'a.tif' stands 2 times" in capsys.readouterr().err
@@ -344,7 +458,11 @@ def test_export_help_lists_the_formats(capsys):
     assert main(["export", "--help"]) == 0
     listed = capsys.readouterr().out.partition("formats:\n")[2].splitlines()
     assert {line.split()[0] for line in listed if line.strip()} == set(EXPORTS)
-    assert all("experimental: " in line for line in listed if line.strip() and EXPORTS[line.split()[0]].experimental)
+    assert all(
+        "experimental: " in line
+        for line in listed
+        if line.strip() and EXPORTS[line.split()[0]].experimental
+    )
 
 
 @pytest.mark.parametrize(
@@ -375,13 +493,32 @@ def test_wrong_use_is_one_line_and_exit_code_2(argv, says, capsys):
 @pytest.mark.parametrize(
     ("argv", "option"),
     [
-        (["ppk", "r.18o", "--base", "b.18o", "--navigation", "b.18n", "--base-position", "VALUE", "--out", "d"], "base_position"),
-        (["ppk", "r.18o", "--base", "b.18o", "--navigation", "b.18n", "--origin", "VALUE"], "origin"),
+        (
+            [
+                "ppk",
+                "r.18o",
+                "--base",
+                "b.18o",
+                "--navigation",
+                "b.18n",
+                "--base-position",
+                "VALUE",
+                "--out",
+                "d",
+            ],
+            "base_position",
+        ),
+        (
+            ["ppk", "r.18o", "--base", "b.18o", "--navigation", "b.18n", "--origin", "VALUE"],
+            "origin",
+        ),
         (["compare", "a", "b", "--origin", "VALUE", "--shift", "-1.5"], "origin"),
     ],
 )
 def test_coordinates_of_the_southern_hemisphere_are_values(argv, option, value):
-    """Oracle: what stands on the command line; argparse alone takes a minus with commas behind it for an option."""
+    """Oracle: what stands on the command line; argparse alone takes a minus with commas behind it
+    for an option.
+    """
     given = build_parser().parse_args([value if word == "VALUE" else word for word in argv])
     assert getattr(given, option) == value
     with pytest.raises(UsageError, match="unrecognized arguments: -x"):
@@ -396,7 +533,9 @@ def test_wrong_use_with_json_says_so_on_standard_output(capsys):
 
 @pytest.mark.parametrize("verb", ["demo", "simulate", "inspect", "process"])
 def test_help_of_a_verb_has_an_example_that_parses(verb, capsys):
-    """Oracle: the parser itself, fed with the printed example; --help after it stops before the verb runs."""
+    """Oracle: the parser itself, fed with the printed example; --help after it stops before the
+    verb runs.
+    """
     assert main([verb, "--help"]) == 0
     example = capsys.readouterr().out.partition("example:\n")[2].strip().splitlines()[-1].split()
     assert example[:2] == ["insgnss", verb]
@@ -428,12 +567,17 @@ def test_progress_renews_one_line_on_a_terminal():
 
 
 def _python(*args, **options):
-    return subprocess.run([sys.executable, *args], capture_output=True, text=True, timeout=60, check=False, **options)
+    return subprocess.run(
+        [sys.executable, *args], capture_output=True, text=True, timeout=60, check=False, **options
+    )
 
 
 def test_help_imports_nothing_heavy():
     """Oracle: sys.modules of a fresh interpreter."""
-    code = f"import sys; from insgnss.cli import main; main(['--help']); print([m for m in {HEAVY} if m in sys.modules])"
+    code = (
+        f"import sys; from insgnss.cli import main; main(['--help']); print([m for m in {HEAVY} if"
+        " m in sys.modules])"
+    )
     run = _python("-c", code)
     assert run.returncode == 0, run.stderr
     assert run.stdout.splitlines()[-1] == "[]"
@@ -450,6 +594,12 @@ def test_a_reader_that_leaves_early_is_no_error():
     """Oracle: a pipe whose reading end is closed before the program writes."""
     read, write = os.pipe()
     os.close(read)
-    run = subprocess.run([sys.executable, "-m", "insgnss", "--help"], stdout=write, stderr=subprocess.PIPE, timeout=60, check=False)
+    run = subprocess.run(
+        [sys.executable, "-m", "insgnss", "--help"],
+        stdout=write,
+        stderr=subprocess.PIPE,
+        timeout=60,
+        check=False,
+    )
     os.close(write)
     assert (run.returncode, run.stderr) == (0, b"")

@@ -12,14 +12,17 @@ import insgnss
 SOURCES = {
     "__init__.py": "",
     "constants.py": "STEP = 1.0\n",
-    "inner.py": """
+    "inner.py": (
+        """
         from .compilation import njit
         from .constants import STEP
         @njit(cache=True)
         def inner(x):
             return x + STEP
-        """,
-    "outer.py": """
+        """
+    ),
+    "outer.py": (
+        """
         from .compilation import njit
         from .inner import (  # the callee stands in (another) file
             inner,
@@ -27,7 +30,8 @@ SOURCES = {
         @njit(cache=True)
         def outer(x):
             return 10.0 * inner(x)
-        """,
+        """
+    ),
 }
 RUN = "from house.outer import outer; print(outer(1.0), sum(outer.stats.cache_hits.values()))"
 
@@ -39,14 +43,25 @@ def house(tmp_path):
     folder.mkdir()
     for name, text in SOURCES.items():
         (folder / name).write_text(text.replace("\n        ", "\n"))
-    (folder / "compilation.py").write_bytes((Path(insgnss.__file__).parent / "compilation.py").read_bytes())
+    (folder / "compilation.py").write_bytes(
+        (Path(insgnss.__file__).parent / "compilation.py").read_bytes()
+    )
     return folder
 
 
 def _run(house: Path, **variables: str) -> tuple[float, int]:
     """What the kernel returns for 1, and how often its code came from disk."""
-    environment = os.environ | {"PYTHONPATH": str(house.parent), "PYTHONDONTWRITEBYTECODE": "1"} | variables
-    done = subprocess.run([sys.executable, "-c", RUN], capture_output=True, text=True, env=environment, timeout=120, check=False)
+    environment = (
+        os.environ | {"PYTHONPATH": str(house.parent), "PYTHONDONTWRITEBYTECODE": "1"} | variables
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", RUN],
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     value, hits = done.stdout.split()
     return float(value), int(hits)
@@ -57,12 +72,16 @@ def test_code_is_made_anew_when_a_callee_or_a_constant_in_another_file_changes(h
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     assert _run(house) == (20.0, 0)
     assert _run(house) == (20.0, 1)
-    (house / "inner.py").write_text((house / "inner.py").read_text().replace("x + STEP", "x - STEP"))
+    (house / "inner.py").write_text(
+        (house / "inner.py").read_text().replace("x + STEP", "x - STEP")
+    )
     assert _run(house) == (0.0, 0)
     (house / "constants.py").write_text("STEP = 3.0\n")
     assert _run(house) == (-20.0, 0)
     assert _run(house) == (-20.0, 1)
-    assert len(list((house / "__pycache__").glob("outer.outer*.nbc"))) == 1  # outdated code is overwritten
+    assert (
+        len(list((house / "__pycache__").glob("outer.outer*.nbc"))) == 1
+    )  # outdated code is overwritten
 
 
 def test_the_directory_that_the_user_names_is_taken(house, tmp_path):

@@ -11,10 +11,14 @@ import pytest
 
 import insgnss
 from insgnss.cli import build_parser
-from insgnss.formats import EXPORTS, GNSS_OPTIONS, IMU_OPTIONS
+from insgnss.formats import EVENT_OPTIONS, EXPORTS, GNSS_OPTIONS, IMU_OPTIONS
 
 ROOT = Path(__file__).parents[1]
-PUBLIC = [path for path in sorted((ROOT / "insgnss").rglob("*.py")) if not path.stem.startswith("_") or path.stem == "__init__"]
+PUBLIC = [
+    path
+    for path in sorted((ROOT / "insgnss").rglob("*.py"))
+    if not path.stem.startswith("_") or path.stem == "__init__"
+]
 SPECS = ROOT / "data_specs"
 
 
@@ -38,58 +42,88 @@ def test_everything_public_says_what_it_is(path: Path) -> None:
 
 def _verbs() -> dict[str, argparse.ArgumentParser]:
     parser = build_parser()
-    choices = next(action.choices for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+    choices = next(
+        action.choices
+        for action in parser._actions
+        if isinstance(action, argparse._SubParsersAction)
+    )
     for verb in choices.values():
         verb.complete()
     return dict(choices)
 
 
 def _code(text: str) -> str:
-    """Code of a Markdown text: fenced and indented blocks, and what stands between backticks; one piece a line."""
+    """Code of a Markdown text: fenced and indented blocks, and what stands between backticks; one
+    piece a line.
+    """
     fenced = re.findall(r"```\w*\n(.*?)```", text, re.DOTALL)
     rest = re.sub(r"```\w*\n.*?```", "", text, flags=re.DOTALL)
-    return "\n".join([*fenced, *re.findall(r"^    .*$", rest, re.MULTILINE), *re.findall(r"`([^`]+)`", rest)])
+    return "\n".join(
+        [*fenced, *re.findall(r"^    .*$", rest, re.MULTILINE), *re.findall(r"`([^`]+)`", rest)]
+    )
 
 
 @pytest.mark.parametrize("page", ["README.md", "benchmarks/README.md", "CHANGELOG.md"])
 def test_commands_in_the_texts_exist(page: str) -> None:
     """Oracle: the parser of the command line."""
     verbs = _verbs()
-    for verb, rest in re.findall(r"(?:^|[ /])insgnss +([a-z]\w*)(.*)$", _code((ROOT / page).read_text(encoding="utf-8")), re.MULTILINE):
+    for verb, rest in re.findall(
+        r"(?:^|[ /])insgnss +([a-z]\w*)(.*)$",
+        _code((ROOT / page).read_text(encoding="utf-8")),
+        re.MULTILINE,
+    ):
         assert verb in verbs, f"{page}: insgnss {verb} does not exist"
         for option in re.findall(r"--[a-z][\w-]*", rest):
-            assert option in verbs[verb]._option_string_actions, f"{page}: insgnss {verb} has no {option}"
+            assert option in verbs[verb]._option_string_actions, (
+                f"{page}: insgnss {verb} has no {option}"
+            )
 
 
 def test_readme_shows_every_verb() -> None:
     """Oracle: the parser of the command line."""
-    shown = re.findall(r"insgnss +([a-z]\w*)", _code((ROOT / "README.md").read_text(encoding="utf-8")))
+    shown = re.findall(
+        r"insgnss +([a-z]\w*)", _code((ROOT / "README.md").read_text(encoding="utf-8"))
+    )
     assert set(_verbs()) <= set(shown)
 
 
 def test_files_that_the_texts_link_to_exist() -> None:
     """Oracle: the directory's listing."""
-    for page in [ROOT / "README.md", *sorted((ROOT / "benchmarks").glob("*.md")), *sorted(SPECS.glob("*.md"))]:
+    for page in [
+        ROOT / "README.md",
+        *sorted((ROOT / "benchmarks").glob("*.md")),
+        *sorted(SPECS.glob("*.md")),
+    ]:
         for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
             assert (page.parent / target).exists(), f"{page.relative_to(ROOT)}: no {target}"
 
 
 def test_every_format_has_a_page() -> None:
-    """Oracle: the lists that readers and exports are found by, and the modules' names."""
-    modules = {path.stem for path in (ROOT / "insgnss/formats").glob("[a-z]*.py")} | {"patb"}  # which is experimental
+    """Oracle: the lists that readers and exports are found by, and the pages' names."""
     pages = {path.stem for path in SPECS.glob("*.md")}
-    exports = {name for form in EXPORTS.values() for name in (form.page, form.reader.partition(":")[0]) if name}
-    assert {*exports, *IMU_OPTIONS, *GNSS_OPTIONS, "events"} <= modules
-    # settings, and RINEX, whose readers stand in gnss/: they give raw observations, not a record of the formats
-    assert pages == modules | {"README", "flight_file", "imu_calibration", "noise_model", "rinex"}
+    exports = {
+        name.rpartition(".")[2]
+        for form in EXPORTS.values()
+        for name in (form.page, form.reader.partition(":")[0])
+        if name
+    }
+    formats = {*exports, *IMU_OPTIONS, *GNSS_OPTIONS, *EVENT_OPTIONS}
+    assert formats <= pages
+    # read by more than one verb, or by Python alone, and therefore in no list
+    others = {"eo_json", "odyn", "trajectory_csv", "variances", "sbet", "rtklib_pos_write"}
+    # settings, and RINEX, whose readers stand in gnss/: they give raw observations
+    others |= {"README", "flight_file", "imu_calibration", "noise_model", "rinex"}
+    assert pages == formats | others
 
 
 def test_pages_ship_inside_the_wheel() -> None:
     """Oracle: the build's table, and the installed package where the tests run against one."""
-    build = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]["build"]["targets"]["wheel"]
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"][
+        "build"
+    ]["targets"]["wheel"]
     assert build["force-include"]["data_specs"] == "insgnss/data_specs"
     installed = Path(insgnss.__file__).parent
     if installed != ROOT / "insgnss":
-        assert {page.name: page.read_text() for page in (installed / "data_specs").glob("*.md")} == {
-            page.name: page.read_text() for page in SPECS.glob("*.md")
-        }
+        assert {
+            page.name: page.read_text() for page in (installed / "data_specs").glob("*.md")
+        } == {page.name: page.read_text() for page in SPECS.glob("*.md")}

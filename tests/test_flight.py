@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.exposures.naming import ImageMatch
 from insgnss.flight import load_flight
-from insgnss.gnss.covariance import MODEL
-from insgnss.gnss.events import RoverEvents
+from insgnss.gnss.quality.covariance import MODEL
+from insgnss.gnss.rinex.camera_events import RoverEvents
 
 CONTRACT = """\
 name = "ign8"
@@ -79,11 +79,20 @@ def load(tmp_path):
 def test_the_contract_example_loads(load, tmp_path):
     """Oracle: the values written in the example itself."""
     flight = load(CONTRACT)
-    assert (flight.name, flight.gps_week, flight.start_tow, flight.end_tow) == ("ign8", 2008, None, None)
+    assert (flight.name, flight.gps_week, flight.start_tow, flight.end_tow) == (
+        "ign8",
+        2008,
+        None,
+        None,
+    )
     assert flight.imu.file == tmp_path / FILES[0]
     assert flight.imu.columns == ("tow", "gx", "gy", "gz", "ax", "ay", "az")
     assert flight.imu.units == {"gyro": "rad/s", "accel": "m/s^2"}
-    assert (flight.imu.quantity, flight.imu.axes, flight.imu.noise) == ("mean_rate", "forward right down", "navchip")
+    assert (flight.imu.quantity, flight.imu.axes, flight.imu.noise) == (
+        "mean_rate",
+        "forward right down",
+        "navchip",
+    )
     assert_array_equal(flight.imu.C_b_imu, np.eye(3))
     assert flight.gnss.file == tmp_path / FILES[1]
     assert flight.gnss.sigma_m == (0.02, 0.02, 0.03)
@@ -94,64 +103,130 @@ def test_the_contract_example_loads(load, tmp_path):
     assert_array_equal(flight.mounting.camera_from_body, np.diag([-1, -1, 1]))
     assert_allclose(flight.mounting.boresight[0], [0.999909, 0.008952, 0.010018], atol=1e-6)
     assert flight.tangent_plane is not None
-    assert_allclose(flight.tangent_plane.origin, [46.57 * np.pi / 180, 6.54 * np.pi / 180, 0.0], rtol=1e-15)
+    assert_allclose(
+        flight.tangent_plane.origin, [46.57 * np.pi / 180, 6.54 * np.pi / 180, 0.0], rtol=1e-15
+    )
     assert flight.output.directory == tmp_path / "02_Processed/GPS-INS"
-    assert (flight.output.formats, flight.output.trajectory_hz) == (("eo_local_plane", "metashape"), 10.0)
+    assert (flight.output.formats, flight.output.trajectory_hz) == (
+        ("eo_local_plane", "metashape"),
+        10.0,
+    )
 
 
 def test_a_minimal_file_has_the_documented_defaults(load, tmp_path):
     """Oracle: the table of defaults in the documentation of the flight file."""
     flight = load(MINIMAL)
     assert flight.name == tmp_path.name
-    assert (flight.gps_week, flight.camera, flight.tangent_plane, flight.initial) == (None, None, None, None)
-    assert (flight.imu.columns, flight.imu.units, flight.imu.variable, flight.imu.time_offset_s) == (None, None, None, 0.0)
-    assert (flight.imu.quantity, flight.imu.axes, flight.imu.noise) == ("mean_rate", "forward right down", "navchip")
+    assert (flight.gps_week, flight.camera, flight.tangent_plane, flight.initial) == (
+        None,
+        None,
+        None,
+        None,
+    )
+    assert (
+        flight.imu.columns,
+        flight.imu.units,
+        flight.imu.variable,
+        flight.imu.time_offset_s,
+    ) == (None, None, None, 0.0)
+    assert (flight.imu.quantity, flight.imu.axes, flight.imu.noise) == (
+        "mean_rate",
+        "forward right down",
+        "navchip",
+    )
     gnss = flight.gnss
-    assert (gnss.units, gnss.undulation_m, gnss.variable, gnss.time_offset_s) == (None, None, None, 0.0)
-    assert (gnss.columns, gnss.sigma_m, gnss.sigma_velocity_mps, gnss.repeat_column, gnss.gate_sigma) == (None, None, None, None, 5.0)
+    assert (gnss.units, gnss.undulation_m, gnss.variable, gnss.time_offset_s) == (
+        None,
+        None,
+        None,
+        0.0,
+    )
+    assert (
+        gnss.columns,
+        gnss.sigma_m,
+        gnss.sigma_velocity_mps,
+        gnss.repeat_column,
+        gnss.gate_sigma,
+    ) == (None, None, None, None, 5.0)
     for vector in (flight.mounting.antenna_m, flight.mounting.imu_m):
         assert_array_equal(vector, np.zeros(3))
     assert_array_equal(flight.mounting.C_cb, np.diag([-1, -1, 1]))
     assert flight.output.directory == tmp_path / "02_Processed/GPS-INS"
-    assert (flight.output.formats, flight.output.trajectory_hz) == (("eo_local_plane", "metashape"), 10.0)
-    assert (flight.filter.scale_factor, flight.filter.misalignment, flight.filter.second_pass) == (False, False, "auto")
+    assert (flight.output.formats, flight.output.trajectory_hz) == (
+        ("eo_local_plane", "metashape"),
+        10.0,
+    )
+    assert (flight.filter.scale_factor, flight.filter.misalignment, flight.filter.second_pass) == (
+        False,
+        False,
+        "auto",
+    )
 
 
 def test_every_option_is_taken(load, tmp_path):
     """Oracle: the values written in the file, none of which is the default."""
     flight = load(
-        "start_tow = 100\nend_tow = 200.5\n"
-        '[imu]\nfile = "imu.csv"\nquantity = "increments"\nunits = { gyro = "deg" }\naxes = "right back down"\nnoise = "my_noise.toml"\n'
-        'columns = { tow = "time", gx = "p" }\ntime_offset_s = -0.015\nvariable = "flight_data"\n'
-        '[gnss]\nfile = "gnss.txt"\ncolumns = ["tow", "-", "-", "lat", "lon", "h"]\nsigma_velocity_mps = [0.1, 0.1, 0.2]\n'
-        'time_offset_s = 0.2\nrepeat_column = "GPS_TOW"\nvariable = "flight_data"\ngate_sigma = 4\n'
-        'units = { angle = "rad" }\nundulation_m = 47.5\n'
-        '[output]\nformats = []\ntrajectory_hz = "imu"\n'
-        "[initial]\nroll_deg = 1\npitch_deg = -2\nheading_deg = 350\nsigma_deg = [1, 1, 3]\n"
-        '[filter]\nscale_factor = true\nmisalignment = true\nsecond_pass = "off"\n'
+        'start_tow = 100\nend_tow = 200.5\n[imu]\nfile = "imu.csv"\nquantity = "increments"\nunits'
+        ' = { gyro = "deg" }\naxes = "right back down"\nnoise = "my_noise.toml"\ncolumns = { tow ='
+        ' "time", gx = "p" }\ntime_offset_s = -0.015\nvariable = "flight_data"\n[gnss]\nfile ='
+        ' "gnss.txt"\ncolumns = ["tow", "-", "-", "lat", "lon", "h"]\nsigma_velocity_mps = [0.1,'
+        ' 0.1, 0.2]\ntime_offset_s = 0.2\nrepeat_column = "GPS_TOW"\nvariable ='
+        ' "flight_data"\ngate_sigma = 4\nunits = { angle = "rad" }\nundulation_m ='
+        ' 47.5\n[output]\nformats = []\ntrajectory_hz = "imu"\n[initial]\nroll_deg = 1\npitch_deg ='
+        " -2\nheading_deg = 350\nsigma_deg = [1, 1, 3]\n[filter]\nscale_factor = true\nmisalignment"
+        ' = true\nsecond_pass = "off"\n'
     )
     assert (flight.start_tow, flight.end_tow) == (100.0, 200.5)
-    assert (flight.imu.quantity, flight.imu.units, flight.imu.noise) == ("increments", {"gyro": "deg"}, tmp_path / "my_noise.toml")
-    assert (flight.imu.columns, flight.imu.time_offset_s, flight.imu.variable) == ({"tow": "time", "gx": "p"}, -0.015, "flight_data")
+    assert (flight.imu.quantity, flight.imu.units, flight.imu.noise) == (
+        "increments",
+        {"gyro": "deg"},
+        tmp_path / "my_noise.toml",
+    )
+    assert (flight.imu.columns, flight.imu.time_offset_s, flight.imu.variable) == (
+        {"tow": "time", "gx": "p"},
+        -0.015,
+        "flight_data",
+    )
     assert_array_equal(flight.imu.C_b_imu @ [0, 1, 0], [-1, 0, 0])
     assert flight.gnss.columns == ("tow", "-", "-", "lat", "lon", "h")
     assert (flight.gnss.sigma_velocity_mps, flight.gnss.time_offset_s) == ((0.1, 0.1, 0.2), 0.2)
-    assert (flight.gnss.repeat_column, flight.gnss.variable, flight.gnss.gate_sigma) == ("GPS_TOW", "flight_data", 4.0)
+    assert (flight.gnss.repeat_column, flight.gnss.variable, flight.gnss.gate_sigma) == (
+        "GPS_TOW",
+        "flight_data",
+        4.0,
+    )
     assert (flight.gnss.units, flight.gnss.undulation_m) == ({"angle": "rad"}, 47.5)
     assert (flight.output.formats, flight.output.trajectory_hz) == ((), None)
     assert flight.initial is not None
-    assert (flight.initial.roll_deg, flight.initial.pitch_deg, flight.initial.heading_deg) == (1.0, -2.0, 350.0)
+    assert (flight.initial.roll_deg, flight.initial.pitch_deg, flight.initial.heading_deg) == (
+        1.0,
+        -2.0,
+        350.0,
+    )
     assert flight.initial.sigma_deg == (1.0, 1.0, 3.0)
-    assert (flight.filter.scale_factor, flight.filter.misalignment, flight.filter.second_pass) == (True, True, "off")
+    assert (flight.filter.scale_factor, flight.filter.misalignment, flight.filter.second_pass) == (
+        True,
+        True,
+        "off",
+    )
 
 
 @pytest.mark.parametrize(
-    "angles", ["opk = [-0.657, 0.574, -0.513]", "rpy = [0.657, -0.574, 0.513]", "metashape_ypr = [-0.513, 0.6621, 0.5681]"]
+    "angles",
+    [
+        "opk = [-0.657, 0.574, -0.513]",
+        "rpy = [0.657, -0.574, 0.513]",
+        "metashape_ypr = [-0.513, 0.6621, 0.5681]",
+    ],
 )
 def test_boresight_by_named_angles(load, angles):
     """Oracle: Table 2 of paper 000, printed to 1e-6."""
     B = load(f"{MINIMAL}[mounting]\nboresight_deg = {{ {angles} }}\n").mounting.boresight
-    printed = [[0.999909, 0.008952, 0.010018], [-0.009067, 0.999893, 0.011465], [-0.009914, -0.011555, 0.999884]]
+    printed = [
+        [0.999909, 0.008952, 0.010018],
+        [-0.009067, 0.999893, 0.011465],
+        [-0.009914, -0.011555, 0.999884],
+    ]
     assert_allclose(B, printed, rtol=0, atol=2e-6)
 
 
@@ -191,7 +266,10 @@ def test_resolved_flight_is_json_with_every_default(load):
     assert set(resolved) >= {"name", "gps_week", "camera", "tangent_plane", "initial"}
 
 
-RAW = '[imu]\nfile = "imu.csv"\n[gnss]\nrover = "imu.csv"\nbase = "imu.csv"\nnavigation = ["imu.csv"]\n'
+RAW = (
+    '[imu]\nfile = "imu.csv"\n[gnss]\nrover = "imu.csv"\nbase = "imu.csv"\nnavigation ='
+    ' ["imu.csv"]\n'
+)
 
 
 def _in(table, line):
@@ -204,49 +282,149 @@ def _in(table, line):
 WRONG = {
     # what is unknown
     "key": (_in("imu", 'filee = "imu.csv"'), 2, "imu.filee: unknown key; did you mean 'file'"),
-    "table": (MINIMAL + "[mountings]\n", 5, "mountings: unknown table or key; did you mean 'mounting'"),
-    "key of another table": (_in("imu", "sigma_m = [1, 1, 1]"), 2, "imu.sigma_m: unknown key; it belongs into [gnss]"),
-    "key of the top": (_in("gnss", "gps_week = 2008"), 4, "gnss.gps_week: unknown key; it belongs to the top"),
-    "key of a sub-table": (_in("imu", 'units = { gyros = "deg/s" }'), 2, "imu.units.gyros: unknown key; did you mean 'gyro'"),
-    "quantity": (_in("imu", 'quantity = "meanrate"'), 2, "'meanrate' is unknown; did you mean 'mean_rate'"),
+    "table": (
+        MINIMAL + "[mountings]\n",
+        5,
+        "mountings: unknown table or key; did you mean 'mounting'",
+    ),
+    "key of another table": (
+        _in("imu", "sigma_m = [1, 1, 1]"),
+        2,
+        "imu.sigma_m: unknown key; it belongs into [gnss]",
+    ),
+    "key of the top": (
+        _in("gnss", "gps_week = 2008"),
+        4,
+        "gnss.gps_week: unknown key; it belongs to the top",
+    ),
+    "key of a sub-table": (
+        _in("imu", 'units = { gyros = "deg/s" }'),
+        2,
+        "imu.units.gyros: unknown key; did you mean 'gyro'",
+    ),
+    "quantity": (
+        _in("imu", 'quantity = "meanrate"'),
+        2,
+        "'meanrate' is unknown; did you mean 'mean_rate'",
+    ),
     "second pass": (_in("filter", 'second_pass = "yes"'), 6, "known are auto, on, off"),
-    "format": (_in("output", 'formats = ["metashap"]'), 6, "'metashap' is unknown; did you mean 'metashape'"),
-    "format twice": (_in("output", 'formats = ["metashape", "metashape"]'), 6, "'metashape' occurs twice"),
-    "noise model": (_in("imu", 'noise = "nochip"'), 2, "'nochip' is neither a shipped model (consumer, navchip"),
+    "format": (
+        _in("output", 'formats = ["metashap"]'),
+        6,
+        "'metashap' is unknown; did you mean 'metashape'",
+    ),
+    "format twice": (
+        _in("output", 'formats = ["metashape", "metashape"]'),
+        6,
+        "'metashape' occurs twice",
+    ),
+    "noise model": (
+        _in("imu", 'noise = "nochip"'),
+        2,
+        "'nochip' is neither a shipped model (consumer, navchip",
+    ),
     # units and axes
-    "unit": (_in("imu", 'units = { gyro = "degs" }'), 2, "imu.units.gyro: 'degs' is no unit for it: did you mean 'deg/s'"),
-    "unit of the other sensor": (_in("imu", 'units = { gyro = "m/s^2" }'), 2, "belongs to the other sensor; use rad/s, deg/s, deg/h"),
-    "unit of increments": (_in("imu", 'units = { accel = "m/s" }'), 2, 'does not belong to quantity = "mean_rate"; use m/s^2, g, mg'),
+    "unit": (
+        _in("imu", 'units = { gyro = "degs" }'),
+        2,
+        "imu.units.gyro: 'degs' is no unit for it: did you mean 'deg/s'",
+    ),
+    "unit of the other sensor": (
+        _in("imu", 'units = { gyro = "m/s^2" }'),
+        2,
+        "belongs to the other sensor; use rad/s, deg/s, deg/h",
+    ),
+    "unit of increments": (
+        _in("imu", 'units = { accel = "m/s" }'),
+        2,
+        'does not belong to quantity = "mean_rate"; use m/s^2, g, mg',
+    ),
     "unit of rates": (
         _in("imu", 'quantity = "increments"\nunits = { gyro = "rad/s" }'),
         3,
         'does not belong to quantity = "increments"; use rad, deg',
     ),
-    "angle": (_in("gnss", 'units = { angle = "gon" }'), 4, "gnss.units.angle: 'gon' is no unit for it: known are deg, rad"),
-    "undulation": (_in("gnss", "undulation_m = 4750"), 4, "gnss.undulation_m: 4750 is outside -200 to 200"),
-    "left-handed axes": (_in("imu", 'axes = "forward left down"'), 2, "imu.axes: left-handed (determinant -1); with x forward and y left"),
+    "angle": (
+        _in("gnss", 'units = { angle = "gon" }'),
+        4,
+        "gnss.units.angle: 'gon' is no unit for it: known are deg, rad",
+    ),
+    "undulation": (
+        _in("gnss", "undulation_m = 4750"),
+        4,
+        "gnss.undulation_m: 4750 is outside -200 to 200",
+    ),
+    "left-handed axes": (
+        _in("imu", 'axes = "forward left down"'),
+        2,
+        "imu.axes: left-handed (determinant -1); with x forward and y left",
+    ),
     "parallel axes": (_in("imu", 'axes = "up right down"'), 2, "forward or backward is missing"),
     # files
-    "missing file": (MINIMAL.replace("imu.csv", "imv.csv"), 2, "imu.file: imv.csv does not exist; the path is relative to flight.toml"),
+    "missing file": (
+        MINIMAL.replace("imu.csv", "imv.csv"),
+        2,
+        "imu.file: imv.csv does not exist; the path is relative to flight.toml",
+    ),
     "empty file": (MINIMAL.replace("gnss.txt", "empty.csv"), 4, "gnss.file: empty.csv is empty"),
-    "directory": (MINIMAL.replace("gnss.txt", "01_Observations"), 4, "gnss.file: 01_Observations is a directory"),
-    "no events": (_in("camera", 'events = "Event.txt"'), 6, "camera.events: Event.txt does not exist"),
+    "directory": (
+        MINIMAL.replace("gnss.txt", "01_Observations"),
+        4,
+        "gnss.file: 01_Observations is a directory",
+    ),
+    "no events": (
+        _in("camera", 'events = "Event.txt"'),
+        6,
+        "camera.events: Event.txt does not exist",
+    ),
     "no file": ('[imu]\n[gnss]\nfile = "gnss.txt"\n', 1, "imu.file: is missing"),
     "no table": ('[imu]\nfile = "imu.csv"\n', None, "gnss.file: is missing"),
-    "output is a file": (_in("output", 'directory = "imu.csv"'), 6, "is a file, a directory is expected"),
+    "output is a file": (
+        _in("output", 'directory = "imu.csv"'),
+        6,
+        "is a file, a directory is expected",
+    ),
     "rover alone": (
         '[imu]\nfile = "imu.csv"\n[gnss]\nrover = "a.18o"\n',
         4,
         "gnss.base is missing; RINEX of rover, base, navigation belong",
     ),
-    "mask alone": ('[imu]\nfile = "imu.csv"\n[gnss]\nelevation_mask_deg = 10\n', 4, "gnss.rover is missing"),
-    "base position of what": (RAW + "base_position = [46.5, 6.5, 500.0]\n", 7, "say what stands there: base_point"),
-    "base position swapped": (RAW + 'base_point = "apc"\nbase_position = [506.5, 46.5, 0.0]\n', 8, "is no latitude, longitude (deg)"),
-    "navigation that is not there": (RAW.replace('["imu.csv"]', '["b.18n"]'), 6, "b.18n does not exist"),
+    "mask alone": (
+        '[imu]\nfile = "imu.csv"\n[gnss]\nelevation_mask_deg = 10\n',
+        4,
+        "gnss.rover is missing",
+    ),
+    "base position of what": (
+        RAW + "base_position = [46.5, 6.5, 500.0]\n",
+        7,
+        "say what stands there: base_point",
+    ),
+    "base position swapped": (
+        RAW + 'base_point = "apc"\nbase_position = [506.5, 46.5, 0.0]\n',
+        8,
+        "is no latitude, longitude (deg)",
+    ),
+    "navigation that is not there": (
+        RAW.replace('["imu.csv"]', '["b.18n"]'),
+        6,
+        "b.18n does not exist",
+    ),
     "images without events": (_in("camera", 'images = "."'), 5, "camera.events: is missing"),
-    "images that are not there": (RAW + '[camera]\nimages = "photos"\n', 8, "photos does not exist; give the directory of the images"),
-    "ending of no images": (RAW + '[camera]\nimage_ending = ".tif"\n', 8, "camera.image_ending: is of camera.images, which is missing"),
-    "event that is no number": (RAW + "[camera]\nskip_events = [0, 3]\n", 8, "expected a list of whole numbers from 1"),
+    "images that are not there": (
+        RAW + '[camera]\nimages = "photos"\n',
+        8,
+        "photos does not exist; give the directory of the images",
+    ),
+    "ending of no images": (
+        RAW + '[camera]\nimage_ending = ".tif"\n',
+        8,
+        "camera.image_ending: is of camera.images, which is missing",
+    ),
+    "event that is no number": (
+        RAW + "[camera]\nskip_events = [0, 3]\n",
+        8,
+        "expected a list of whole numbers from 1",
+    ),
     "records of another file": (
         RAW + '[camera]\nevents = "imu.csv"\nevents_containing = "cam"\n',
         9,
@@ -255,20 +433,47 @@ WRONG = {
     "marks of another file": (
         RAW + '[camera]\nevents = "imu.csv"\ninvalid_events = true\n',
         9,
-        "camera.invalid_events: looks at the record lines of the rover's RINEX; camera.events is given as well",
+        (
+            "camera.invalid_events: looks at the record lines of the rover's RINEX; camera.events"
+            " is given as well"
+        ),
     ),
-    "records of ready positions": (_in("camera", 'events_containing = "cam"'), 6, "RINEX; gnss.rover is missing, give camera.events"),
+    "records of ready positions": (
+        _in("camera", 'events_containing = "cam"'),
+        6,
+        "RINEX; gnss.rover is missing, give camera.events",
+    ),
     "calibration of raw observations": (
         RAW + "calibrate_covariance = false\n",
         7,
         "calibrate_covariance: is of ready positions (gnss.file)",
     ),
-    "sigmas of raw observations": (RAW + "sigma_m = [0.1, 0.1, 0.2]\n", 7, "gnss.sigma_m: is of ready positions (gnss.file)"),
-    "columns of no events": (RAW + '[camera]\ncolumns = ["tow"]\n', 8, "camera.columns: is of camera.events, which is missing"),
-    "half a frequency": (RAW + "frequencies = 1.5\n", 7, "gnss.frequencies: 1.5 is no whole number"),
-    "systems by name": (RAW + 'systems = "GPS"\n', 7, "gnss.systems: 'GPS' is no text of the letters GREJC"),
+    "sigmas of raw observations": (
+        RAW + "sigma_m = [0.1, 0.1, 0.2]\n",
+        7,
+        "gnss.sigma_m: is of ready positions (gnss.file)",
+    ),
+    "columns of no events": (
+        RAW + '[camera]\ncolumns = ["tow"]\n',
+        8,
+        "camera.columns: is of camera.events, which is missing",
+    ),
+    "half a frequency": (
+        RAW + "frequencies = 1.5\n",
+        7,
+        "gnss.frequencies: 1.5 is no whole number",
+    ),
+    "systems by name": (
+        RAW + 'systems = "GPS"\n',
+        7,
+        "gnss.systems: 'GPS' is no text of the letters GREJC",
+    ),
     "old base": (RAW + "max_age_s = 0\n", 7, "gnss.max_age_s: 0 is outside 0.01 to 3600"),
-    "no acceleration": (RAW + "acceleration_mps2 = [3, 0]\n", 7, "[3.0, 0.0]: both must be greater than zero"),
+    "no acceleration": (
+        RAW + "acceleration_mps2 = [3, 0]\n",
+        7,
+        "[3.0, 0.0]: both must be greater than zero",
+    ),
     "option that is set": (
         RAW + "rtklib_options = { pos1-elmask = 10 }\n",
         7,
@@ -279,9 +484,21 @@ WRONG = {
         7,
         "gnss.rtklib_options: pos2-arminfix = [10], expected a number or a text",
     ),
-    "humidity in per cent": (RAW + "atmosphere = { humidity = 60 }\n", 7, "gnss.atmosphere.humidity: 60 is outside 0 to 1"),
-    "unknown air": (RAW + "atmosphere = { temperature_k = 290 }\n", 7, "did you mean 'temperature_c'"),
-    "air of nothing": (RAW + "wet_delay = false\nionosphere = false\natmosphere = { humidity = 0.6 }\n", 9, "ionosphere = false leave out"),
+    "humidity in per cent": (
+        RAW + "atmosphere = { humidity = 60 }\n",
+        7,
+        "gnss.atmosphere.humidity: 60 is outside 0 to 1",
+    ),
+    "unknown air": (
+        RAW + "atmosphere = { temperature_k = 290 }\n",
+        7,
+        "did you mean 'temperature_c'",
+    ),
+    "air of nothing": (
+        RAW + "wet_delay = false\nionosphere = false\natmosphere = { humidity = 0.6 }\n",
+        9,
+        "ionosphere = false leave out",
+    ),
     "no time to solve": (RAW + "timeout_s = 0\n", 7, "gnss.timeout_s: 0 is outside 1 to 1e+06"),
     "class of covariance": (
         RAW + "[gnss.covariance.scale]\nfixd = 2\n",
@@ -293,44 +510,99 @@ WRONG = {
         9,
         "expected three numbers (north, east, down) from 0 to 1000",
     ),
-    "gate of covariance": (RAW + "[gnss.covariance]\ngate = 0\n", 8, "gnss.covariance.gate: 0 is outside 1 to 10000"),
-    "broken satellite": (RAW + "[gnss.covariance]\nleast_satellites = 5.5\n", 8, "least_satellites: 5.5 is no whole number"),
+    "gate of covariance": (
+        RAW + "[gnss.covariance]\ngate = 0\n",
+        8,
+        "gnss.covariance.gate: 0 is outside 1 to 10000",
+    ),
+    "broken satellite": (
+        RAW + "[gnss.covariance]\nleast_satellites = 5.5\n",
+        8,
+        "least_satellites: 5.5 is no whole number",
+    ),
     "covariance of what stays": (
         _in("gnss", "calibrate_covariance = false\ncovariance = { ppm = 2 }"),
         5,
         "gnss.calibrate_covariance = false switches off",
     ),
     "covariance of a place": (
-        '[imu]\nfile = "imu.csv"\n[gnss]\nstationary = [46.5, 6.5, 500.0]\ncovariance = { ppm = 2 }\n',
+        (
+            '[imu]\nfile = "imu.csv"\n[gnss]\nstationary = [46.5, 6.5, 500.0]\ncovariance = { ppm ='
+            " 2 }\n"
+        ),
         5,
         "gnss.covariance: is of positions by PPK, but gnss.stationary is given",
     ),
     "raw and ready": (_in("gnss", 'base = "a.18o"'), 4, "gnss.base: gnss.file is given as well"),
     # types
-    "text for number": (_in("imu", 'time_offset_s = "0.1"'), 2, "imu.time_offset_s: '0.1' is a text, expected a number"),
-    "truth for number": (_in("imu", "time_offset_s = true"), 2, "True is true/false, expected a number"),
-    "number for truth": (_in("filter", "scale_factor = 1"), 6, "1 is a number, expected true/false"),
+    "text for number": (
+        _in("imu", 'time_offset_s = "0.1"'),
+        2,
+        "imu.time_offset_s: '0.1' is a text, expected a number",
+    ),
+    "truth for number": (
+        _in("imu", "time_offset_s = true"),
+        2,
+        "True is true/false, expected a number",
+    ),
+    "number for truth": (
+        _in("filter", "scale_factor = 1"),
+        6,
+        "1 is a number, expected true/false",
+    ),
     "number for text": (_in("", "name = 8"), 1, "name: 8 is a number, expected a text"),
     "number for table": ("imu = 3\n", 1, "imu: 3 is a number, expected a table"),
-    "date for number": (_in("", "start_tow = 2018-07-03"), 1, "is a date or time, expected a number"),
+    "date for number": (
+        _in("", "start_tow = 2018-07-03"),
+        1,
+        "is a date or time, expected a number",
+    ),
     "empty text": (MINIMAL.replace("imu.csv", ""), 2, "imu.file: is an empty text"),
-    "columns": (_in("imu", 'columns = ["tow", 3]'), 2, "imu.columns: ['tow', 3], expected a list of texts"),
-    "column map": (_in("imu", "columns = { tow = 1 }"), 2, "imu.columns: {'tow': 1}, expected { canonical ="),
+    "columns": (
+        _in("imu", 'columns = ["tow", 3]'),
+        2,
+        "imu.columns: ['tow', 3], expected a list of texts",
+    ),
+    "column map": (
+        _in("imu", "columns = { tow = 1 }"),
+        2,
+        "imu.columns: {'tow': 1}, expected { canonical =",
+    ),
     "no columns": (_in("imu", "columns = []"), 2, "imu.columns: is an empty list"),
     # ranges
     "week": (_in("", "gps_week = -1"), 1, "gps_week: -1 is outside 0 to 9999"),
     "broken week": (_in("", "gps_week = 2008.5"), 1, "gps_week: 2008.5 is no whole number"),
-    "end before start": (_in("", "start_tow = 20.0\nend_tow = 10.0"), 2, "end_tow: 10.0 s is not after start_tow = 20.0 s"),
-    "zero sigma": (_in("gnss", "sigma_m = [0.02, 0, 0.03]"), 4, "a standard deviation must be greater than zero"),
-    "two sigmas": (_in("gnss", "sigma_m = [0.02, 0.03]"), 4, "gnss.sigma_m: [0.02, 0.03], expected 3 finite numbers"),
+    "end before start": (
+        _in("", "start_tow = 20.0\nend_tow = 10.0"),
+        2,
+        "end_tow: 10.0 s is not after start_tow = 20.0 s",
+    ),
+    "zero sigma": (
+        _in("gnss", "sigma_m = [0.02, 0, 0.03]"),
+        4,
+        "a standard deviation must be greater than zero",
+    ),
+    "two sigmas": (
+        _in("gnss", "sigma_m = [0.02, 0.03]"),
+        4,
+        "gnss.sigma_m: [0.02, 0.03], expected 3 finite numbers",
+    ),
     "not a number": (_in("gnss", "sigma_m = [nan, 1, 1]"), 4, "expected 3 finite numbers"),
     "huge": (_in("imu", f"time_offset_s = 1{400 * '0'}"), 2, "is outside -inf to inf"),
     "beyond reading": (_in("imu", f"time_offset_s = 1{5000 * '0'}"), None, "not TOML: "),
     "infinite": (_in("imu", "time_offset_s = inf"), 2, "imu.time_offset_s: inf is outside"),
     "rate": (_in("output", "trajectory_hz = 0"), 6, "output.trajectory_hz: 0 is outside"),
-    "rate word": (_in("output", 'trajectory_hz = "all"'), 6, "'all' is neither a number of Hz nor \"imu\""),
+    "rate word": (
+        _in("output", 'trajectory_hz = "all"'),
+        6,
+        "'all' is neither a number of Hz nor \"imu\"",
+    ),
     "gate": (_in("gnss", "gate_sigma = -5"), 4, "gnss.gate_sigma: -5 is outside"),
-    "millimetres": (_in("mounting", "antenna_m = [462, -1, -65]"), 6, "is 467 m long (limit 100 m); the unit is m"),
+    "millimetres": (
+        _in("mounting", "antenna_m = [462, -1, -65]"),
+        6,
+        "is 467 m long (limit 100 m); the unit is m",
+    ),
     "reflection": (
         _in("mounting", "imu_m = [0, 0, 0]\nboresight = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]"),
         7,
@@ -341,24 +613,55 @@ WRONG = {
         6,
         "mounting.camera_from_body: no rotation, an entry",
     ),
-    "short matrix": (_in("mounting", "boresight = [[1, 0, 0], [0, 1, 0]]"), 6, "expected 3 rows of 3 finite numbers"),
+    "short matrix": (
+        _in("mounting", "boresight = [[1, 0, 0], [0, 1, 0]]"),
+        6,
+        "expected 3 rows of 3 finite numbers",
+    ),
     "two boresights": (
-        _in("mounting", "boresight_deg = { opk = [0, 0, 0] }\nboresight = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]"),
+        _in(
+            "mounting",
+            "boresight_deg = { opk = [0, 0, 0] }\nboresight = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
+        ),
         6,
         "mounting.boresight is given as well",
     ),
-    "unnamed angles": (_in("mounting", "boresight_deg = [0, 0, 0]"), 6, "name one angle set, such as { opk = [..] }"),
+    "unnamed angles": (
+        _in("mounting", "boresight_deg = [0, 0, 0]"),
+        6,
+        "name one angle set, such as { opk = [..] }",
+    ),
     "angle set": (
         _in("mounting", "boresight_deg = { ypr = [0, 0, 0] }"),
         6,
         "mounting.boresight_deg.ypr: unknown key; known are opk, rpy, metashape_ypr",
     ),
-    "two angles": (_in("mounting", "boresight_deg = { opk = [0, 0] }"), 6, "boresight_deg.opk: [0, 0], expected 3 finite numbers"),
-    "swapped origin": (_in("tangent_plane", "origin = [121.3, 31.1, 0]"), 6, "are latitude and longitude swapped"),
-    "impossible origin": (_in("tangent_plane", "origin = [46, 6, 600000]"), 6, "is no latitude, longitude, ellipsoidal height"),
+    "two angles": (
+        _in("mounting", "boresight_deg = { opk = [0, 0] }"),
+        6,
+        "boresight_deg.opk: [0, 0], expected 3 finite numbers",
+    ),
+    "swapped origin": (
+        _in("tangent_plane", "origin = [121.3, 31.1, 0]"),
+        6,
+        "are latitude and longitude swapped",
+    ),
+    "impossible origin": (
+        _in("tangent_plane", "origin = [46, 6, 600000]"),
+        6,
+        "is no latitude, longitude, ellipsoidal height",
+    ),
     "no origin": (_in("tangent_plane", ""), 5, "tangent_plane.origin: is missing"),
-    "half an attitude": (_in("initial", "roll_deg = 0\npitch_deg = 0"), 5, "initial.heading_deg: is missing"),
-    "pitch": (_in("initial", "roll_deg = 0\npitch_deg = 91\nheading_deg = 0"), 7, "initial.pitch_deg: 91 is outside -90 to 90"),
+    "half an attitude": (
+        _in("initial", "roll_deg = 0\npitch_deg = 0"),
+        5,
+        "initial.heading_deg: is missing",
+    ),
+    "pitch": (
+        _in("initial", "roll_deg = 0\npitch_deg = 91\nheading_deg = 0"),
+        7,
+        "initial.pitch_deg: 91 is outside -90 to 90",
+    ),
     # TOML
     "syntax": (_in("imu", "axes = forward"), 2, "not TOML: "),
     "unclosed": (MINIMAL + 'name = "x', None, "not TOML: "),
@@ -385,10 +688,25 @@ def test_raw_observations_have_the_documented_defaults(load):
     flight = load(RAW)
     raw = flight.gnss.raw
     assert (raw.base_position, raw.base_point, raw.antex) == (None, None, None)
-    assert (raw.systems, raw.frequencies, raw.elevation_mask_deg, raw.ratio) == ("GREJC", 2, 15.0, 3.0)
-    assert (raw.engine, raw.max_age_s, raw.acceleration_mps2, raw.rtklib_options) == ("auto", 30.0, (3.0, 1.0), {})
+    assert (raw.systems, raw.frequencies, raw.elevation_mask_deg, raw.ratio) == (
+        "GREJC",
+        2,
+        15.0,
+        3.0,
+    )
+    assert (raw.engine, raw.max_age_s, raw.acceleration_mps2, raw.rtklib_options) == (
+        "auto",
+        30.0,
+        (3.0, 1.0),
+        {},
+    )
     assert raw.timeout_s == 7200.0
-    assert (raw.wet_delay, raw.atmosphere, raw.phase_velocity, flight.gnss.covariance) == (True, None, True, MODEL)
+    assert (raw.wet_delay, raw.atmosphere, raw.phase_velocity, flight.gnss.covariance) == (
+        True,
+        None,
+        True,
+        MODEL,
+    )
     assert flight.gnss.quality_sigma_m == {}  # the covariance model has floors of its own
     floored = load(RAW + "quality_sigma_m = { float = [1, 1, 2] }\n").gnss.quality_sigma_m
     assert floored == {"float": (1.0, 1.0, 2.0)}
@@ -400,25 +718,39 @@ def test_raw_observations_have_the_documented_defaults(load):
 def test_options_of_raw_observations_are_taken(load, tmp_path):
     """Oracle: the values written in the file, none of which is the default."""
     flight = load(
-        RAW + 'engine = "empty.csv"\nmax_age_s = 5\ntimeout_s = 90\nacceleration_mps2 = [6, 2]\n'
-        'rtklib_options = { pos2-arminfix = 10, pos1-dynamics = "off" }\n'
-        "atmosphere = { pressure_hpa = 955, humidity = 0.4 }\nphase_velocity = false\n"
-        "[gnss.covariance]\nppm = 2\ngate = 20\nleast_satellites = 7\n[gnss.covariance.floor_m]\nfixed = [0.002, 0.003, 0.004]\n"
-        '[camera]\nimages = "my_noise.toml"\nimage_ending = ".tif"\nskip_events = [2, 5]\nskip_images = ["a.tif"]\n'
-        'events_containing = "cam"\ninvalid_events = true\n'
+        RAW + 'engine = "empty.csv"\nmax_age_s = 5\ntimeout_s = 90\nacceleration_mps2 = [6,'
+        ' 2]\nrtklib_options = { pos2-arminfix = 10, pos1-dynamics = "off" }\natmosphere = {'
+        " pressure_hpa = 955, humidity = 0.4 }\nphase_velocity = false\n[gnss.covariance]\nppm ="
+        " 2\ngate = 20\nleast_satellites = 7\n[gnss.covariance.floor_m]\nfixed = [0.002, 0.003,"
+        ' 0.004]\n[camera]\nimages = "my_noise.toml"\nimage_ending = ".tif"\nskip_events = [2,'
+        ' 5]\nskip_images = ["a.tif"]\nevents_containing = "cam"\ninvalid_events = true\n'
     )
     raw = flight.gnss.raw
-    assert (raw.engine, raw.max_age_s, raw.acceleration_mps2) == (str(tmp_path / "empty.csv"), 5.0, (6.0, 2.0))
-    assert (raw.timeout_s, raw.rtklib_options) == (90.0, {"pos2-arminfix": "10", "pos1-dynamics": "off"})
+    assert (raw.engine, raw.max_age_s, raw.acceleration_mps2) == (
+        str(tmp_path / "empty.csv"),
+        5.0,
+        (6.0, 2.0),
+    )
+    assert (raw.timeout_s, raw.rtklib_options) == (
+        90.0,
+        {"pos2-arminfix": "10", "pos1-dynamics": "off"},
+    )
     assert (raw.atmosphere, raw.phase_velocity) == ({"pressure_hpa": 955.0, "humidity": 0.4}, False)
     floor = {**MODEL.floor_m, "fixed": (0.002, 0.003, 0.004)}
-    assert flight.gnss.covariance == replace(MODEL, ppm=(2.0, 2.0, 2.0), gate=20.0, least_satellites=7, floor_m=floor)
+    assert flight.gnss.covariance == replace(
+        MODEL, ppm=(2.0, 2.0, 2.0), gate=20.0, least_satellites=7, floor_m=floor
+    )
     assert flight.camera.match == ImageMatch(tmp_path / "my_noise.toml", ".tif", (2, 5), ("a.tif",))
     assert flight.camera.rover_events == RoverEvents("cam", True)
     assert not load(RAW + "wet_delay = false\n").gnss.raw.wet_delay
     for off in ("wet_delay", "ionosphere"):  # the other one takes the air
-        assert load(RAW + f"{off} = false\natmosphere = {{ humidity = 0.4 }}\n").gnss.raw.atmosphere == {"humidity": 0.4}
-    assert (flight.gnss.raw.ionosphere, load(RAW + "ionosphere = false\n").gnss.raw.ionosphere) == (True, False)
+        assert load(
+            RAW + f"{off} = false\natmosphere = {{ humidity = 0.4 }}\n"
+        ).gnss.raw.atmosphere == {"humidity": 0.4}
+    assert (flight.gnss.raw.ionosphere, load(RAW + "ionosphere = false\n").gnss.raw.ionosphere) == (
+        True,
+        False,
+    )
     resolved = json.loads(json.dumps(flight.resolved()))["gnss"]
     assert resolved["covariance"]["scale"]["fixed"] == [0.75, 0.75, 0.75]
     assert resolved["raw"]["atmosphere"] == {"pressure_hpa": 955.0, "humidity": 0.4}

@@ -1,4 +1,6 @@
-"""`insgnss inspect` on files that no flight file describes: what it finds, what it drafts, what it refuses."""
+"""`insgnss inspect` on files that no flight file describes: what it finds, what it drafts, what it
+refuses.
+"""
 
 import tomllib
 from pathlib import Path
@@ -7,33 +9,46 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from insgnss.base.errors import InputError
+from insgnss.base.units import STANDARD_GRAVITY
 from insgnss.cli import main
-from insgnss.errors import InputError
 from insgnss.flight import load_flight
 from insgnss.geodesy.earth import EARTH_RATE
 from insgnss.inspection.alone import by_gravity
 from insgnss.inspection.content import vertical_axes
 from insgnss.inspection.discovery import discover
 from insgnss.inspection.draft import Draft, toml, write_draft
-from insgnss.inspection.roles import Grid, gnss_roles, imu_roles
 from insgnss.inspection.run import inspect_files
 from insgnss.inspection.sensing import fitting_model, sense
+from insgnss.inspection.tables.roles import Grid, gnss_roles, imu_roles
 from insgnss.prepare.axes import parse_axes
 from insgnss.processing.recording import read_recording
 from insgnss.records import ImuSamples
-from insgnss.simulate.dataset import write_dataset
-from insgnss.units import STANDARD_GRAVITY
+from insgnss.simulation.dataset import write_dataset
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
-IMU, GNSS = "01_Observations/IMU/Data/Pre_calibrated/f8_1_sob.csv", "02_Processed/GPS-PPK/AntennaPos_WGS84.txt"
+IMU, GNSS = (
+    "01_Observations/IMU/Data/Pre_calibrated/f8_1_sob.csv",
+    "02_Processed/GPS-PPK/AntennaPos_WGS84.txt",
+)
 G = STANDARD_GRAVITY
 
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
-    """A data set whose IMU is mounted sideways and counts in deg/s and g, without its flight file, its truth and any name of a unit."""
+    """A data set whose IMU is mounted sideways and counts in deg/s and g, without its flight file,
+    its truth and any name of a unit.
+    """
     place = tmp_path_factory.mktemp("flown") / "set"
-    write_dataset(place, minutes=3.0, imu_rate=100.0, seed=4, imu_axes="right backward down", gyro_unit="deg/s", accel_unit="g")
+    write_dataset(
+        place,
+        minutes=3.0,
+        imu_rate=100.0,
+        seed=4,
+        imu_axes="right backward down",
+        gyro_unit="deg/s",
+        accel_unit="g",
+    )
     (place / "flight.toml").unlink()
     lines = (place / IMU).read_text().splitlines(keepends=True)
     (place / IMU).write_text("tow,gx,gy,gz,ax,ay,az\n" + "".join(lines[1:]))
@@ -62,7 +77,9 @@ def test_draft_of_a_simulated_flight_says_how_it_was_simulated(drafted):
 
 
 def test_draft_of_a_simulated_flight_is_processed_as_it_stands(drafted, capsys):
-    """Oracle: the exit code of the contract, and the lever arm of the simulation (0.35 m from the IMU) within the sigma that is granted."""
+    """Oracle: the exit code of the contract, and the lever arm of the simulation (0.35 m from the
+    IMU) within the sigma that is granted.
+    """
     assert main(["process", str(drafted), "-q"]) == 0
     assert "images" in capsys.readouterr().out
 
@@ -75,7 +92,9 @@ def test_picture_stands_beside_the_draft(drafted):
 
 
 def test_every_key_of_the_draft_has_its_evidence(drafted):
-    """Oracle: the lines of the file: a key of [imu] that was recognised stands below a comment with a confidence."""
+    """Oracle: the lines of the file: a key of [imu] that was recognised stands below a comment with
+    a confidence.
+    """
     lines = drafted.read_text().splitlines()
     for key in ("units", "axes"):
         row = next(k for k, line in enumerate(lines) if line.startswith(f"{key} = "))
@@ -106,8 +125,12 @@ def test_existing_files_are_not_overwritten(flown, drafted, capsys):
 
 
 def test_a_claim_that_the_data_contradict_is_bad(flown, drafted, tmp_path, capsys):
-    """Oracle: the axes of the simulation, turned by 90 deg about the vertical in the claim: nothing but recognition can tell it."""
-    text = drafted.read_text().replace('axes = "right backward down"', 'axes = "forward right down"')
+    """Oracle: the axes of the simulation, turned by 90 deg about the vertical in the claim: nothing
+    but recognition can tell it.
+    """
+    text = drafted.read_text().replace(
+        'axes = "right backward down"', 'axes = "forward right down"'
+    )
     path = tmp_path / "flight.toml"
     path.write_text(text)
     assert main(["inspect", str(path), "-q"]) == 3
@@ -186,7 +209,13 @@ def test_a_damaged_receiver_log_is_named_where_it_is_missing(flown, tmp_path, ca
 
 
 @pytest.mark.parametrize(
-    ("name", "content"), [("imu.csv", b""), ("imu.csv", bytes(range(256)) * 8), ("imu.mat", b"no matlab"), ("imu.npy", b"\x93NUMPY\x01")]
+    ("name", "content"),
+    [
+        ("imu.csv", b""),
+        ("imu.csv", bytes(range(256)) * 8),
+        ("imu.mat", b"no matlab"),
+        ("imu.npy", b"\x93NUMPY\x01"),
+    ],
 )
 def test_unreadable_files_are_named(tmp_path, capsys, name, content):
     """Oracle: exit code 3, one line with the file, by name and within a directory."""
@@ -199,19 +228,29 @@ def test_unreadable_files_are_named(tmp_path, capsys, name, content):
 
 
 def test_wrong_use(flown, drafted, tmp_path, capsys):
-    """Oracle: exit codes of the contract: 3 for a path that is not there, 2 for options that do not go together."""
+    """Oracle: exit codes of the contract: 3 for a path that is not there, 2 for options that do not
+    go together.
+    """
     assert main(["inspect", str(tmp_path / "none")]) == 3
     assert main(["inspect", str(flown), "--force"]) == 2
     assert main(["inspect", str(drafted), "--write", str(tmp_path / "a.toml")]) == 2
     assert main(["inspect", str(drafted), str(flown)]) == 2
-    assert main(["inspect", str(flown), "--write", str(tmp_path / "no" / "such" / "flight.toml"), "-q"]) == 2
+    assert (
+        main(
+            ["inspect", str(flown), "--write", str(tmp_path / "no" / "such" / "flight.toml"), "-q"]
+        )
+        == 2
+    )
     assert "does not exist" in capsys.readouterr().err.splitlines()[-1]
 
 
 def test_static_samples_without_a_place_are_no_flight(tmp_path, capsys):
     """Oracle: exit code 4 of the contract, and gravity: 305 counts are one g."""
     rng = np.random.default_rng(5)
-    counts = np.rint(rng.normal(0.0, [8.0, 8.0, 8.0, 1.1, 1.1, 1.1], (20_000, 6)) + [5.0, -3.0, 2.0, 0.0, 0.0, -305.0])
+    counts = np.rint(
+        rng.normal(0.0, [8.0, 8.0, 8.0, 1.1, 1.1, 1.1], (20_000, 6))
+        + [5.0, -3.0, 2.0, 0.0, 0.0, -305.0]
+    )
     np.save(tmp_path / "static.npy", counts.astype(np.int16))
     assert main(["inspect", str(tmp_path), "-q"]) == 4
     streams = capsys.readouterr()
@@ -222,11 +261,21 @@ def test_static_samples_without_a_place_are_no_flight(tmp_path, capsys):
 
 
 def test_a_parked_sensor_gets_its_vertical_and_nothing_that_is_not_known(tmp_path):
-    """Oracle: how the samples were made: z up in g, at rest, fixes that scatter by a metre; nothing tells forward, latency or gyro unit."""
+    """Oracle: how the samples were made: z up in g, at rest, fixes that scatter by a metre; nothing
+    tells forward, latency or gyro unit.
+    """
     rng = np.random.default_rng(6)
     n, t = 6000, 1000.0
-    samples = np.column_stack([t + 0.01 * np.arange(n), rng.normal(0.0, 1e-3, (n, 3)), rng.normal([0.0, 0.0, 1.0], 2e-3, (n, 3))])
-    place = np.column_stack([t + np.arange(60.0), rng.normal([46.5, 6.5], 1e-5, (60, 2)), rng.normal(400.0, 2.0, 60)])
+    samples = np.column_stack(
+        [
+            t + 0.01 * np.arange(n),
+            rng.normal(0.0, 1e-3, (n, 3)),
+            rng.normal([0.0, 0.0, 1.0], 2e-3, (n, 3)),
+        ]
+    )
+    place = np.column_stack(
+        [t + np.arange(60.0), rng.normal([46.5, 6.5], 1e-5, (60, 2)), rng.normal(400.0, 2.0, 60)]
+    )
     _write(tmp_path / "imu.csv", "tow,gx,gy,gz,ax,ay,az", samples.T, ["%.3f", *SAMPLE])
     _write(tmp_path / "gnss.csv", "tow,lat,lon,h", place.T, ["%.3f"] + ["%.10f"] * 3)
     result = inspect_files([tmp_path]).write(tmp_path / "flight.toml")
@@ -236,7 +285,9 @@ def test_a_parked_sensor_gets_its_vertical_and_nothing_that_is_not_known(tmp_pat
     assert flight.imu.units == {"accel": "g"}
     assert flight.gnss.time_offset_s == 0.0
     assert flight.filter.time_offset
-    assert "which of the others points forward is NOT KNOWN" in " ".join((tmp_path / "flight.toml").read_text().split("\n#   "))
+    assert "which of the others points forward is NOT KNOWN" in " ".join(
+        (tmp_path / "flight.toml").read_text().split("\n#   ")
+    )
 
 
 # columns
@@ -258,7 +309,9 @@ def test_unnamed_matrices_are_told_by_their_values(tmp_path):
     t, lat, lon, h, v = _track()
     sigma = rng.uniform(0.5, 2.0, (t.size, 6))
     week = np.full(t.size, 2202.0)
-    gnss = np.column_stack([week, t, np.ones(t.size), rng.integers(20, 40, t.size), lat, lon, h, v, sigma])
+    gnss = np.column_stack(
+        [week, t, np.ones(t.size), rng.integers(20, 40, t.size), lat, lon, h, v, sigma]
+    )
     n = 4000
     imu_time = 1000.0 + 0.01 * np.arange(n)
     force, rate = rng.normal([0.5, -0.2, 9.8], 0.8, (n, 3)), rng.normal(0.0, 0.2, (n, 3))
@@ -292,9 +345,18 @@ def test_of_two_clocks_that_of_the_imu_is_taken(tmp_path):
     ]
     names = ["TimeMS", "Week", "Lat", "Lng", "RelAlt", "Alt", "Spd", "GCrs", "VZ", "T"]
     n = 3000
-    imu = np.column_stack([20.0 * np.arange(n) + 1e6, rng.normal(0.0, 0.1, (n, 3)), rng.normal([0, 0, -9.8], 0.5, (n, 3))])
+    imu = np.column_stack(
+        [
+            20.0 * np.arange(n) + 1e6,
+            rng.normal(0.0, 0.1, (n, 3)),
+            rng.normal([0, 0, -9.8], 0.5, (n, 3)),
+        ]
+    )
     labels = ["TimeMS", "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"]
-    cells = {"IMU_label": np.array(labels, dtype=object), "GPS_label": np.array(names, dtype=object)}
+    cells = {
+        "IMU_label": np.array(labels, dtype=object),
+        "GPS_label": np.array(names, dtype=object),
+    }
     savemat(tmp_path / "log.mat", {"IMU": imu, "GPS": np.column_stack(columns), **cells})
     result = inspect_files([tmp_path / "log.mat"])
     fixes = result.sources[1]
@@ -321,10 +383,19 @@ def test_held_fixes_are_found_by_what_changes_with_them():
 def test_names_decide_before_values():
     """Oracle: a header whose triads stand in an unusual order; a table of other names is no IMU."""
     rng = np.random.default_rng(3)
-    values = np.column_stack([np.arange(100.0) * 0.01, rng.normal(9.8, 0.1, (100, 3)), rng.normal(0.0, 0.1, (100, 3))])
+    values = np.column_stack(
+        [np.arange(100.0) * 0.01, rng.normal(9.8, 0.1, (100, 3)), rng.normal(0.0, 0.1, (100, 3))]
+    )
     roles = imu_roles(Grid(values, ("IMUtime", "p", "q", "r", "AccX", "AccY", "AccZ")))
     assert roles is not None
-    assert [roles.columns[name] for name in ("gx", "gy", "gz", "ax", "ay", "az")] == [1, 2, 3, 4, 5, 6]
+    assert [roles.columns[name] for name in ("gx", "gy", "gz", "ax", "ay", "az")] == [
+        1,
+        2,
+        3,
+        4,
+        5,
+        6,
+    ]
     assert imu_roles(Grid(values, ("time", "a", "b", "c", "d", "e", "f"))) is None
 
 
@@ -333,14 +404,18 @@ def test_names_decide_before_values():
 
 @pytest.fixture(scope="module")
 def numbers(flown):
-    """Samples in rad/s and m/s^2, and fixes, of the data set: time, gyro, accel; time, lat, lon, h, sigmas."""
+    """Samples in rad/s and m/s^2, and fixes, of the data set: time, gyro, accel; time, lat, lon, h,
+    sigmas.
+    """
     imu = np.loadtxt(flown / IMU, delimiter=",", skiprows=1)
     return imu[:, 0], np.radians(imu[:, 1:4]), G * imu[:, 4:7], np.loadtxt(flown / GNSS)[:, :7]
 
 
 def _write(path, header, columns, forms, delimiter=","):
     rows = zip(*(np.asarray(column).tolist() for column in columns), strict=True)
-    text = "".join(delimiter.join(form % x for form, x in zip(forms, row, strict=True)) + "\n" for row in rows)
+    text = "".join(
+        delimiter.join(form % x for form, x in zip(forms, row, strict=True)) + "\n" for row in rows
+    )
     path.write_text((header + "\n" if header else "") + text)
 
 
@@ -350,11 +425,22 @@ UNIX_2008 = 315964800 + 2008 * 604800 - 18
 
 def _euroc(place, t, w, f, fixes):
     names = (
-        "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]"
+        "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m"
+        " s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]"
     )
-    _write(place / "imu.csv", names, [np.rint((t + UNIX_2008) * 1e9).astype(np.int64), *w.T, *f.T], ["%d", *SAMPLE])
+    _write(
+        place / "imu.csv",
+        names,
+        [np.rint((t + UNIX_2008) * 1e9).astype(np.int64), *w.T, *f.T],
+        ["%d", *SAMPLE],
+    )
     stamps = np.rint((fixes[:, 0] + UNIX_2008) * 1e9).astype(np.int64)
-    _write(place / "fix.csv", "timestamp [ns],latitude [deg],longitude [deg],altitude [m]", [stamps, *fixes.T[1:4]], ["%d"] + ["%.10f"] * 3)
+    _write(
+        place / "fix.csv",
+        "timestamp [ns],latitude [deg],longitude [deg],altitude [m]",
+        [stamps, *fixes.T[1:4]],
+        ["%d"] + ["%.10f"] * 3,
+    )
 
 
 def _increments(place, t, w, f, fixes):
@@ -365,7 +451,13 @@ def _increments(place, t, w, f, fixes):
 
 def _reversed_force(place, t, w, f, fixes):
     ms = np.rint(1e3 * (t - t[0]) + 5000)
-    _write(place / "imu.csv", "t_ms;gyro_x;gyro_y;gyro_z;acc_x;acc_y;acc_z", [ms, *np.degrees(w).T, *(-f / G).T], ["%d", *SAMPLE], ";")
+    _write(
+        place / "imu.csv",
+        "t_ms;gyro_x;gyro_y;gyro_z;acc_x;acc_y;acc_z",
+        [ms, *np.degrees(w).T, *(-f / G).T],
+        ["%d", *SAMPLE],
+        ";",
+    )
     ms = np.rint(1e3 * (fixes[:, 0] - t[0]) + 5000)
     _write(place / "gps.csv", "t_ms;lat;lon;alt", [ms, *fixes.T[1:4]], ["%d"] + ["%.10f"] * 3, ";")
 
@@ -373,54 +465,108 @@ def _reversed_force(place, t, w, f, fixes):
 def _lying_header(place, t, w, f, fixes):
     names = "tow [s],gx [deg/s],gy [deg/s],gz [deg/s],ax [m/s^2],ay [m/s^2],az [m/s^2]"
     _write(place / "imu.csv", names, [t, *w.T, *f.T], ["%.4f", *SAMPLE])
-    _write(place / "gnss.txt", "tow lat lon h sd_n sd_e sd_u", fixes.T, ["%.3f"] + ["%.10f"] * 6, " ")
+    _write(
+        place / "gnss.txt", "tow lat lon h sd_n sd_e sd_u", fixes.T, ["%.3f"] + ["%.10f"] * 6, " "
+    )
 
 
 def _two_clocks_and_half_a_velocity(place, t, w, f, fixes):
     names = "time,tow,GyroX_dps,GyroY_dps,GyroZ_dps,AccX_g,AccY_g,AccZ_g"
-    _write(place / "imu.csv", names, [t - t[0], t, *np.degrees(w).T, *(f / G).T], ["%.4f", "%.4f", *SAMPLE])
+    _write(
+        place / "imu.csv",
+        names,
+        [t - t[0], t, *np.degrees(w).T, *(f / G).T],
+        ["%.4f", "%.4f", *SAMPLE],
+    )
     columns = [fixes[:, 0], fixes[:, 2], fixes[:, 1], fixes[:, 3], 0.0 * t[: len(fixes)]]
-    _write(place / "gnss.csv", "tow,lon,lat,ellipsoidal_height,vn", columns, ["%.3f"] + ["%.10f"] * 4)
+    _write(
+        place / "gnss.csv", "tow,lon,lat,ellipsoidal_height,vn", columns, ["%.3f"] + ["%.10f"] * 4
+    )
 
 
 def _units_behind_names(place, t, w, f, fixes):
     names = "time_s,gyro_x_deg_s,gyro_y_deg_s,gyro_z_deg_s,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2"
     _write(place / "imu.csv", names, [t, *np.degrees(w).T, *f.T], ["%.4f", *SAMPLE])
-    _write(place / "gnss.txt", "tow lat lon h sd_n sd_e sd_u", fixes.T, ["%.3f"] + ["%.10f"] * 6, " ")
+    _write(
+        place / "gnss.txt", "tow lat lon h sd_n sd_e sd_u", fixes.T, ["%.3f"] + ["%.10f"] * 6, " "
+    )
 
 
 def _units_at_the_last_of_a_triad(place, t, w, f, fixes):
-    _write(place / "imu.csv", "tow,gx,gy,gz [deg/s],ax,ay,az [g]", [t, *np.degrees(w).T, *(f / G).T], ["%.4f", *SAMPLE])
-    _write(place / "gnss.txt", "tow lat lon h sd_n sd_e sd_u", fixes.T, ["%.3f"] + ["%.10f"] * 6, " ")
+    _write(
+        place / "imu.csv",
+        "tow,gx,gy,gz [deg/s],ax,ay,az [g]",
+        [t, *np.degrees(w).T, *(f / G).T],
+        ["%.4f", *SAMPLE],
+    )
+    _write(
+        place / "gnss.txt", "tow lat lon h sd_n sd_e sd_u", fixes.T, ["%.3f"] + ["%.10f"] * 6, " "
+    )
 
 
 def _angles_for_rates(place, t, w, f, fixes):
     names = "tow,gyro_x_deg,gyro_y_deg,gyro_z_deg,acc_x_mps2,acc_y_mps2,acc_z_mps2"
     _write(place / "imu.csv", names, [t, *np.degrees(w).T, *f.T], ["%.4f", *SAMPLE])
-    _write(place / "gnss.txt", "tow lat lon h sd_n sd_e sd_u", fixes.T, ["%.3f"] + ["%.10f"] * 6, " ")
+    _write(
+        place / "gnss.txt", "tow lat lon h sd_n sd_e sd_u", fixes.T, ["%.3f"] + ["%.10f"] * 6, " "
+    )
 
 
 def _utc_fixes(place, t, w, f, fixes):
     _write(place / "imu.txt", "", [t, *w.T, *f.T], ["%.4f", *SAMPLE], " ")
-    _write(place / "gnss.txt", "", [fixes[:, 0] - 18.0, *fixes.T[1:]], ["%.3f"] + ["%.10f"] * 6, " ")
+    _write(
+        place / "gnss.txt", "", [fixes[:, 0] - 18.0, *fixes.T[1:]], ["%.3f"] + ["%.10f"] * 6, " "
+    )
 
 
 @pytest.mark.parametrize(
     ("write", "imu_keys", "offset"),
     [
         (_euroc, {"units": {"time": "unix_ns", "gyro": "rad/s", "accel": "m/s^2"}}, 0.0),
-        pytest.param(_increments, {"quantity": "increments", "units": {"gyro": "rad", "accel": "m/s"}}, 0.0, marks=pytest.mark.slow),
-        (_reversed_force, {"units": {"time": "ms", "gyro": "deg/s", "accel": "g"}, "accel_sign": -1}, 0.0),
-        pytest.param(_lying_header, {"units": {"gyro": "rad/s", "accel": "m/s^2"}}, 0.0, marks=pytest.mark.slow),
+        pytest.param(
+            _increments,
+            {"quantity": "increments", "units": {"gyro": "rad", "accel": "m/s"}},
+            0.0,
+            marks=pytest.mark.slow,
+        ),
+        (
+            _reversed_force,
+            {"units": {"time": "ms", "gyro": "deg/s", "accel": "g"}, "accel_sign": -1},
+            0.0,
+        ),
+        pytest.param(
+            _lying_header,
+            {"units": {"gyro": "rad/s", "accel": "m/s^2"}},
+            0.0,
+            marks=pytest.mark.slow,
+        ),
         (_two_clocks_and_half_a_velocity, {"units": {"gyro": "deg/s", "accel": "g"}}, 0.0),
-        pytest.param(_units_behind_names, {"units": {"gyro": "deg/s", "accel": "m/s^2"}}, 0.0, marks=pytest.mark.slow),
-        pytest.param(_units_at_the_last_of_a_triad, {"units": {"gyro": "deg/s", "accel": "g"}}, 0.0, marks=pytest.mark.slow),
-        (_angles_for_rates, {"quantity": "mean_rate", "units": {"gyro": "deg/s", "accel": "m/s^2"}}, 0.0),
+        pytest.param(
+            _units_behind_names,
+            {"units": {"gyro": "deg/s", "accel": "m/s^2"}},
+            0.0,
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            _units_at_the_last_of_a_triad,
+            {"units": {"gyro": "deg/s", "accel": "g"}},
+            0.0,
+            marks=pytest.mark.slow,
+        ),
+        (
+            _angles_for_rates,
+            {"quantity": "mean_rate", "units": {"gyro": "deg/s", "accel": "m/s^2"}},
+            0.0,
+        ),
         (_utc_fixes, {"units": {"gyro": "rad/s", "accel": "m/s^2"}}, 18.0),
     ],
 )
-def test_files_of_other_makes_are_drafted_right_and_read_by_the_draft(numbers, tmp_path, write, imu_keys, offset):
-    """Oracle: the simulated samples, as the file was made of them; the draft reads them back in SI and on the fixes' clock."""
+def test_files_of_other_makes_are_drafted_right_and_read_by_the_draft(
+    numbers, tmp_path, write, imu_keys, offset
+):
+    """Oracle: the simulated samples, as the file was made of them; the draft reads them back in SI
+    and on the fixes' clock.
+    """
     t, w, f, fixes = numbers
     write(tmp_path, t, w, f, fixes)
     result = inspect_files([tmp_path]).write(tmp_path / "flight.toml")
@@ -437,13 +583,21 @@ def test_files_of_other_makes_are_drafted_right_and_read_by_the_draft(numbers, t
 
 
 def test_the_header_is_the_claim_of_a_flight_file_without_units(numbers, tmp_path):
-    """Oracle: the units of the header, which holds; one that the flight file contradicts is told with both."""
+    """Oracle: the units of the header, which holds; one that the flight file contradicts is told
+    with both.
+    """
     _units_behind_names(tmp_path, *numbers)
     inspect_files([tmp_path]).write(tmp_path / "flight.toml")
     text = (tmp_path / "flight.toml").read_text()
     units = 'units = { gyro = "deg/s", accel = "m/s^2" }\n'
     assert units in text
-    for written, imu_units in (("", []), (units.replace("deg/s", "deg/h"), ["the header says deg/s, and units gyro = deg/h was taken"])):
+    for written, imu_units in (
+        ("", []),
+        (
+            units.replace("deg/s", "deg/h"),
+            ["the header says deg/s, and units gyro = deg/h was taken"],
+        ),
+    ):
         (tmp_path / "flight.toml").write_text(text.replace(units, written))
         checks = read_recording(load_flight(tmp_path)).checks
         assert [check.found for check in checks if check.name == "IMU units"] == imu_units
@@ -454,11 +608,17 @@ def test_the_header_is_the_claim_of_a_flight_file_without_units(numbers, tmp_pat
 # what the sensor shows
 
 
-def _samples(noise_gyro, noise_accel, rate=100.0, seconds=200.0, seed=0, motion=0.0, mean=(0.0, 0.0, 0.0)):
+def _samples(
+    noise_gyro, noise_accel, rate=100.0, seconds=200.0, seed=0, motion=0.0, mean=(0.0, 0.0, 0.0)
+):
     rng = np.random.default_rng(seed)
     n = int(rate * seconds)
     t = np.arange(1, n + 1) / rate
-    gyro = np.array(mean) + rng.normal(0.0, noise_gyro * np.sqrt(rate), (n, 3)) + motion * np.sin(2 * np.pi * 0.5 * t)[:, None]
+    gyro = (
+        np.array(mean)
+        + rng.normal(0.0, noise_gyro * np.sqrt(rate), (n, 3))
+        + motion * np.sin(2 * np.pi * 0.5 * t)[:, None]
+    )
     accel = (
         np.array([0.0, 0.0, -9.8])
         + rng.normal(0.0, noise_accel * np.sqrt(rate), (n, 3))
@@ -468,19 +628,25 @@ def _samples(noise_gyro, noise_accel, rate=100.0, seconds=200.0, seed=0, motion=
 
 
 def test_white_noise_is_measured_at_rest_and_under_motion():
-    """Oracle: the density that was put in; 100 pieces give a sigma to 7 %, the least of several taus somewhat less."""
+    """Oracle: the density that was put in; 100 pieces give a sigma to 7 %, the least of several
+    taus somewhat less.
+    """
     still = sense(_samples(1e-4, 1e-3))
     np.testing.assert_allclose(still.rest_gyro, 1e-4, rtol=0.25)
     np.testing.assert_allclose(still.rest_accel, 1e-3, rtol=0.25)
     assert still.is_static
-    moving = sense(_samples(1e-4, 1e-3, motion=0.3))  # 0.3 rad/s at 0.5 Hz: its third difference is 1e-5 rad/s
+    moving = sense(
+        _samples(1e-4, 1e-3, motion=0.3)
+    )  # 0.3 rad/s at 0.5 Hz: its third difference is 1e-5 rad/s
     assert not len(moving.still)
     np.testing.assert_allclose(moving.moving_gyro, 1e-4, rtol=0.05)
     np.testing.assert_allclose(moving.moving_accel, 1e-3, rtol=0.05)
 
 
 def test_earth_rate_is_seen_by_gyros_that_are_good_enough():
-    """Oracle: the Earth's rate in the mean; the noise is that of a laser gyro, of a consumer sensor, and a bias hides it."""
+    """Oracle: the Earth's rate in the mean; the noise is that of a laser gyro, of a consumer
+    sensor, and a bias hides it.
+    """
     earth = EARTH_RATE * np.array([0.6, 0.0, 0.8])
     assert sense(_samples(1e-6, 1e-4, mean=earth)).sees_earth
     assert sense(_samples(1e-6, 1e-4, mean=earth)).grade == "navigation"
@@ -561,22 +727,35 @@ def _inspected(*parts):
     ],
 )
 def test_recordings_are_recognised(parts, axes, offset, width):
-    """Oracle: the notes beside the recordings: axes and units checked there by a filter of its own, latency as far as it is known."""
+    """Oracle: the notes beside the recordings: axes and units checked there by a filter of its own,
+    latency as far as it is known.
+    """
     found = _inspected(*parts).recognition
     assert found is not None
     assert found.axes == axes
-    assert (found.gyro_unit, found.accel_unit, found.accel_sign) == ("rad/s", "m/s^2", 1)  # of the numbers as read
+    assert (found.gyro_unit, found.accel_unit, found.accel_sign) == (
+        "rad/s",
+        "m/s^2",
+        1,
+    )  # of the numbers as read
     assert abs(found.time_offset_s - offset) < width
 
 
 def test_laser_gyro_gets_its_site_and_its_axes():
-    """Oracle: the header of the file, and the notes beside it: x right, y forward, z up, Earth rate seen."""
+    """Oracle: the header of the file, and the notes beside it: x right, y forward, z up, Earth rate
+    seen.
+    """
     result = _inspected("psins_lasergyro")
     assert result.sensing.sees_earth
     assert result.draft is not None
-    tables = {table: {entry.key: entry.value for entry in entries} for table, entries in result.draft.tables.items()}
+    tables = {
+        table: {entry.key: entry.value for entry in entries}
+        for table, entries in result.draft.tables.items()
+    }
     assert tables["imu"]["axes"] == "right forward up"
-    np.testing.assert_allclose(tables["gnss"]["stationary"], [34.246048, 108.909664, 380.0], atol=1e-9)
+    np.testing.assert_allclose(
+        tables["gnss"]["stationary"], [34.246048, 108.909664, 380.0], atol=1e-9
+    )
 
 
 def test_static_counts_are_told_as_such():

@@ -1,18 +1,20 @@
-"""Which columns `insgnss inspect` takes of tables as other tools name them, and what it says of those it cannot take."""
+"""Which columns `insgnss inspect` takes of tables as other tools name them, and what it says of
+those it cannot take.
+"""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.formats import read_gnss, read_imu
-from insgnss.inspection.clocks import seconds_and_nanoseconds
-from insgnss.inspection.grids import Table, tables_of_file
-from insgnss.inspection.names import Grid
-from insgnss.inspection.roles import gnss_roles, imu_roles
 from insgnss.inspection.sources import as_long_as
-from insgnss.inspection.tabular import sources_of_table
+from insgnss.inspection.tables.clocks import seconds_and_nanoseconds
+from insgnss.inspection.tables.grids import Table, tables_of_file
+from insgnss.inspection.tables.names import Grid
+from insgnss.inspection.tables.roles import gnss_roles, imu_roles
+from insgnss.inspection.tables.tabular import sources_of_table
 from insgnss.records import GnssFixes, ImuSamples
 
 ROS = "field.angular_velocity. field.linear_acceleration."
@@ -22,7 +24,9 @@ N = 400
 def table(**columns):
     """A table of text with these columns; the six channels of an IMU where they are named."""
     names = tuple(columns)
-    values = np.column_stack([np.broadcast_to(column, N) for column in columns.values()]).astype(float)
+    values = np.column_stack([np.broadcast_to(column, N) for column in columns.values()]).astype(
+        float
+    )
     return Table(Grid(values, names), names)
 
 
@@ -38,7 +42,9 @@ SIX = channels(*GYRO, *ACC)
 def test_prefixes_of_messages_are_dropped():
     """Oracle: the header that rostopic echo -p writes."""
     names = [f"{head}{c}" for head in ROS.split() for c in "xyz"]
-    grid = table(time=1.53e18 + 5e6 * np.arange(N), **{"field.header.seq": np.arange(N), **channels(*names)}).grid
+    grid = table(
+        time=1.53e18 + 5e6 * np.arange(N), **{"field.header.seq": np.arange(N), **channels(*names)}
+    ).grid
     roles = imu_roles(grid)
     assert [grid.names[roles.columns[c]] for c in ("gx", "gy", "gz", "ax", "ay", "az")] == names
     assert roles.clocks == {0: "ns"}
@@ -58,7 +64,9 @@ def test_a_clock_of_unknown_name_is_told_by_its_values():
 
 
 def test_a_clock_since_1970_comes_before_one_since_the_start():
-    """Oracle: the header of a phone's Sensor Logger; the absolute clock alone puts the fixes on GPS time."""
+    """Oracle: the header of a phone's Sensor Logger; the absolute clock alone puts the fixes on GPS
+    time.
+    """
     grid = table(seconds_elapsed=0.01 * np.arange(N), time=1.53e18 + 1e7 * np.arange(N), **SIX).grid
     assert next(iter(imu_roles(grid).clocks)) == 1
 
@@ -67,7 +75,19 @@ def test_seconds_and_nanoseconds_are_one_clock(tmp_path):
     """Oracle: the sum of both columns, which rises by 0.01 s."""
     names = ("header.stamp.secs", "header.stamp.nsecs")
     assert seconds_and_nanoseconds((*names, "seq")) == {0: 1}
-    rows = [",".join(map(str, [1530608382 + k // 100, k % 100 * 10000000, *(column[k] for column in SIX.values())])) for k in range(N)]
+    rows = [
+        ",".join(
+            map(
+                str,
+                [
+                    1530608382 + k // 100,
+                    k % 100 * 10000000,
+                    *(column[k] for column in SIX.values()),
+                ],
+            )
+        )
+        for k in range(N)
+    ]
     (tmp_path / "imu.csv").write_text("\n".join([",".join([*names, *SIX]), *rows]) + "\n")
     (found,) = tables_of_file(tmp_path / "imu.csv")
     (source,) = sources_of_table(tmp_path / "imu.csv", found)
@@ -79,7 +99,10 @@ def test_seconds_and_nanoseconds_are_one_clock(tmp_path):
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        ({"frame": 1.0 + np.arange(N) % 2, **SIX, "temp": 20.0}, "gyros and accelerometers without a column of time among frame gyro_x"),
+        (
+            {"frame": 1.0 + np.arange(N) % 2, **SIX, "temp": 20.0},
+            "gyros and accelerometers without a column of time among frame gyro_x",
+        ),
         (
             {"time": 0.01 * np.arange(N), **{k: SIX[k] for k in GYRO}, "temp": 20.0},
             "gyros without accelerometers among time gyro_x",
@@ -98,13 +121,21 @@ def test_what_a_table_lacks_is_said(tmp_path, columns, message):
 
 def fixes(**more):
     t = 0.2 * np.arange(N)
-    place = {"lat": 46.5 + 1e-5 * np.sin(0.1 * t), "lon": 6.5 + 1e-5 * np.cos(0.1 * t), "alt": 510.0 + 0.0 * t}
+    place = {
+        "lat": 46.5 + 1e-5 * np.sin(0.1 * t),
+        "lon": 6.5 + 1e-5 * np.cos(0.1 * t),
+        "alt": 510.0 + 0.0 * t,
+    }
     return {"time": 2e5 + t, **(place | more)}
 
 
 def test_integers_of_a_receiver():
     """Oracle: u-blox and PX4 write 1e-7 deg and mm; degrees stay degrees."""
-    whole = {"lat": np.round(1e7 * fixes()["lat"]), "lon": np.round(1e7 * fixes()["lon"]), "alt": 510123.0}
+    whole = {
+        "lat": np.round(1e7 * fixes()["lat"]),
+        "lon": np.round(1e7 * fixes()["lon"]),
+        "alt": 510123.0,
+    }
     assert gnss_roles(table(**fixes(**whole)).grid).units == {"angle": "1e-7 deg", "length": "mm"}
     assert gnss_roles(table(**fixes()).grid).units == {"angle": "deg"}
 
@@ -121,13 +152,23 @@ def test_integers_of_a_receiver():
 )
 def test_accuracies_by_other_names_are_taken(sigmas, roles):
     """Oracle: what PX4, phones and ROS call their accuracies; one that is not positive is none."""
-    assert {name for name in gnss_roles(table(**fixes(**sigmas)).grid).columns if name.startswith(("sd", "var"))} == roles
+    assert {
+        name
+        for name in gnss_roles(table(**fixes(**sigmas)).grid).columns
+        if name.startswith(("sd", "var"))
+    } == roles
 
 
 def test_fixes_of_unknown_names_are_told_by_their_values(tmp_path):
     """Oracle: names that no list holds, on a track that moves like a vehicle."""
     t = np.arange(N)
-    columns = dict(zip(("uhr", "fi", "la", "ho"), (2e5 + 0.2 * t, 46.5 + 2e-6 * t, 6.5 + 1e-6 * t, 510.0 + 0.1 * np.sin(t)), strict=True))
+    columns = dict(
+        zip(
+            ("uhr", "fi", "la", "ho"),
+            (2e5 + 0.2 * t, 46.5 + 2e-6 * t, 6.5 + 1e-6 * t, 510.0 + 0.1 * np.sin(t)),
+            strict=True,
+        )
+    )
     (source,) = sources_of_table(tmp_path / "g.csv", table(**columns))
     assert source.role == "gnss"
     assert source.keys["columns"] == {"tow": "uhr", "lat": "fi", "lon": "la", "h": "ho"}
@@ -163,7 +204,9 @@ def test_inspect_and_the_reader_read_one_table_of_units(tmp_path, gyro, accel, c
     rows = np.column_stack([tick * (200.0 + 0.01 * np.arange(N)), *SIX.values()])
     path = tmp_path / "imu.csv"
     np.savetxt(path, rows, fmt="%.6f", delimiter=",", header=",".join([clock, *names]), comments="")
-    (source,) = [source for table in tables_of_file(path) for source in sources_of_table(path, table)]
+    (source,) = [
+        source for table in tables_of_file(path) for source in sources_of_table(path, table)
+    ]
     assert source.role == "imu"
     drafted = read_imu(path, columns=source.keys.get("columns"), units=source.keys.get("units"))
     assert drafted.units == source.units_said
@@ -173,33 +216,51 @@ def test_inspect_and_the_reader_read_one_table_of_units(tmp_path, gyro, accel, c
 
 @pytest.mark.parametrize("suffix", [".csv", ".npy"])
 @pytest.mark.parametrize(
-    ("lat", "lon", "h"), [("lat_rad", "lon_rad", "alt_mm"), ("LatRad", "LonRad", "Alt_cm"), ("latrad", "lonrad", "h_m")]
+    ("lat", "lon", "h"),
+    [("lat_rad", "lon_rad", "alt_mm"), ("LatRad", "LonRad", "Alt_cm"), ("latrad", "lonrad", "h_m")],
 )
-def test_fixes_with_units_behind_names_are_drafted_as_the_reader_takes_them(tmp_path, suffix, lat, lon, h):
-    """Oracle: the place that was written, in rad and m; at 0.01 rad by 0.1 rad the values alone could be degrees as well."""
+def test_fixes_with_units_behind_names_are_drafted_as_the_reader_takes_them(
+    tmp_path, suffix, lat, lon, h
+):
+    """Oracle: the place that was written, in rad and m; at 0.01 rad by 0.1 rad the values alone
+    could be degrees as well.
+    """
     factor = {"mm": 1e3, "cm": 1e2}.get(h[-2:], 1.0)
     t = np.arange(60.0)
     rows = np.column_stack([2e5 + t, 0.01 + 1e-6 * t, np.full(60, 0.1), factor * (510.0 + 0.1 * t)])
     path = tmp_path / f"fixes{suffix}"
     if suffix == ".csv":
-        np.savetxt(path, rows, fmt="%.9f", delimiter=",", header=f"tow,{lat},{lon},{h}", comments="")
+        np.savetxt(
+            path, rows, fmt="%.9f", delimiter=",", header=f"tow,{lat},{lon},{h}", comments=""
+        )
     else:
         record = np.zeros(60, dtype=[(name, float) for name in ("tow", lat, lon, h)])
         for name, column in zip(record.dtype.names, rows.T, strict=True):
             record[name] = column
         np.save(path, record)
-    (source,) = [source for table in tables_of_file(path) for source in sources_of_table(path, table)]
+    (source,) = [
+        source for table in tables_of_file(path) for source in sources_of_table(path, table)
+    ]
     assert "angle" not in source.keys.get("units", {})
-    fixes = read_gnss(path, columns=source.keys.get("columns"), units=source.keys.get("units"), sigma_m=[1.0, 1.0, 1.0])
+    fixes = read_gnss(
+        path,
+        columns=source.keys.get("columns"),
+        units=source.keys.get("units"),
+        sigma_m=[1.0, 1.0, 1.0],
+    )
     np.testing.assert_allclose(fixes.lat, rows[:, 1], rtol=0, atol=1e-9)
     np.testing.assert_allclose(fixes.height, 510.0 + 0.1 * t, rtol=0, atol=1e-6)
     assert fixes.notes == ()
 
 
 def test_a_course_that_its_name_calls_degrees_is_in_radians_where_its_values_are():
-    """Oracle: a logger of the SwissLog recordings, whose CourseDeg runs from -pi to pi; a course that its header calls rad is in rad."""
+    """Oracle: a logger of the SwissLog recordings, whose CourseDeg runs from -pi to pi; a course
+    that its header calls rad is in rad.
+    """
     place = fixes(**{"speed": 3.0, "CourseDeg": np.linspace(-3.1, 3.1, N)})
     (source,) = sources_of_table(Path("log.csv"), table(**place))
     assert source.keys["units"] == {"course": "rad"}
-    (source,) = sources_of_table(Path("log.csv"), table(**fixes(**{"speed": 3.0, "course [rad]": np.linspace(-3.1, 3.1, N)})))
+    (source,) = sources_of_table(
+        Path("log.csv"), table(**fixes(**{"speed": 3.0, "course [rad]": np.linspace(-3.1, 3.1, N)}))
+    )
     assert "units" not in source.keys

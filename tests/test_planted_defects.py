@@ -47,6 +47,8 @@ def test_module_may_be_a_folder(script: ModuleType, tmp_path: Path) -> None:
 
 def test_unknown_keys_are_refused(script: ModuleType, tmp_path: Path) -> None:
     """Oracle: the keys of the table."""
-    (tmp_path / "t.toml").write_text('[[defect]]\nmodule = "a"\nold = "b"\nnew = "c"\ntests = ["d"]\n')
+    (tmp_path / "t.toml").write_text(
+        '[[defect]]\nmodule = "a"\nold = "b"\nnew = "c"\ntests = ["d"]\n'
+    )
     with pytest.raises(script.EntryError, match="defect 1: 'breaks' is missing or unknown"):
         script.load(tmp_path / "t.toml")

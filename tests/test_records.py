@@ -1,12 +1,22 @@
-"""Records refuse what they must not hold. Oracle throughout: one field of a sound record spoilt by hand."""
+"""Records refuse what they must not hold. Oracle throughout: one field of a sound record spoilt by
+hand.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from insgnss.errors import InputError
-from insgnss.records import CameraEvents, Diagnostics, ExteriorOrientation, GnssFixes, ImuSamples, Increments, Trajectory
+from insgnss.base.errors import InputError
+from insgnss.records import (
+    CameraEvents,
+    Diagnostics,
+    ExteriorOrientation,
+    GnssFixes,
+    ImuSamples,
+    Increments,
+    Trajectory,
+)
 
 N = 5
 TIME = np.arange(N) + 100.0
@@ -19,7 +29,9 @@ def imu() -> ImuSamples:
 
 def increments() -> Increments:
     stop = np.array([0, 2, 4])
-    return Increments(np.ones(4), np.zeros((4, 3)), np.zeros((4, 3)), TIME[[0, 2, 4]], stop, np.zeros((3, 3)), 1.0)
+    return Increments(
+        np.ones(4), np.zeros((4, 3)), np.zeros((4, 3)), TIME[[0, 2, 4]], stop, np.zeros((3, 3)), 1.0
+    )
 
 
 def fixes() -> GnssFixes:
@@ -33,17 +45,34 @@ def events() -> CameraEvents:
 def trajectory() -> Trajectory:
     cross = np.zeros((N - 1, 9, 9))
     zero = np.zeros(N)
-    return Trajectory(TIME, zero, zero, zero, np.zeros((N, 3)), BLOCKS, np.zeros((N, 9, 9)), 2008, np.ones((N, 3)), np.ones((N, 3)), cross)
+    return Trajectory(
+        TIME,
+        zero,
+        zero,
+        zero,
+        np.zeros((N, 3)),
+        BLOCKS,
+        np.zeros((N, 9, 9)),
+        2008,
+        np.ones((N, 3)),
+        np.ones((N, 3)),
+        cross,
+    )
 
 
 def orientation() -> ExteriorOrientation:
     position, cov, cross = np.zeros((N, 3)), np.zeros((N, 6, 6)), np.zeros((N - 1, 6, 6))
-    return ExteriorOrientation(tuple("abcde"), TIME, 2008, np.zeros(3), position, BLOCKS, cov, cross, np.eye(3), np.eye(3))
+    return ExteriorOrientation(
+        tuple("abcde"), TIME, 2008, np.zeros(3), position, BLOCKS, cov, cross, np.eye(3), np.eye(3)
+    )
 
 
 RECORDS = [imu, increments, fixes, events, trajectory, orientation]
 FIELDS = [
-    (make, name) for make in RECORDS for name, value in vars(make()).items() if isinstance(value, np.ndarray) and value.dtype == np.float64
+    (make, name)
+    for make in RECORDS
+    for name, value in vars(make()).items()
+    if isinstance(value, np.ndarray) and value.dtype == np.float64
 ]
 
 
@@ -53,7 +82,9 @@ def test_a_value_that_is_not_finite_is_refused_with_its_row(make, name):
     for bad in (np.nan, np.inf):
         spoilt = np.array(getattr(make(), name))
         spoilt[-1] = bad
-        with pytest.raises(InputError, match=rf"{name}: value in row {len(spoilt) - 1} is not finite"):
+        with pytest.raises(
+            InputError, match=rf"{name}: value in row {len(spoilt) - 1} is not finite"
+        ):
             replace(make(), **{name: spoilt})
 
 
@@ -66,7 +97,12 @@ def test_a_wrong_shape_is_refused_with_both_shapes(make, name):
 
 
 @pytest.mark.parametrize(
-    ("make", "name"), [f for f in FIELDS if f[1] not in ("time", "dt", "marks", "origin", "boresight", "camera_from_body")]
+    ("make", "name"),
+    [
+        f
+        for f in FIELDS
+        if f[1] not in ("time", "dt", "marks", "origin", "boresight", "camera_from_body")
+    ],
 )
 def test_a_missing_row_is_refused(make, name):
     """Oracle: one row less than the time has."""
@@ -80,7 +116,9 @@ def test_time_that_stands_still_or_steps_back_is_refused_with_row_and_values(mak
     """Oracle: row 2 repeats row 1, or lies before it."""
     time = TIME.copy()
     time[2] = third
-    with pytest.raises(InputError, match=rf"{third:.6f} s in row 2 follows 101\.000000 s; time must increase"):
+    with pytest.raises(
+        InputError, match=rf"{third:.6f} s in row 2 follows 101\.000000 s; time must increase"
+    ):
         replace(make(), time=time)
 
 
@@ -91,7 +129,9 @@ def test_marks_must_increase():
 
 
 def test_arrays_are_read_only_float64_and_the_givers_stay_writable():
-    """Oracle: integers in Fortran order go in; what comes out is contiguous float64 that refuses to be written."""
+    """Oracle: integers in Fortran order go in; what comes out is contiguous float64 that refuses to
+    be written.
+    """
     given = np.asfortranarray(np.arange(3 * N).reshape(N, 3))
     mine = TIME.copy()
     record = ImuSamples(mine, given, np.ones((N, 3)))
@@ -124,34 +164,66 @@ def test_absent_fields_stay_absent():
 
 
 def _rows(path: Trajectory, at: slice) -> Trajectory:
-    row = {name: getattr(path, name)[at] for name in ("time", "lat", "lon", "height", "velocity_ned", "C_nb", "cov", "acceleration_b")}
-    return Trajectory(**row, gps_week=path.gps_week, cross=None if path.cross is None else path.cross[at][: len(row["time"]) - 1])
+    row = {
+        name: getattr(path, name)[at]
+        for name in (
+            "time",
+            "lat",
+            "lon",
+            "height",
+            "velocity_ned",
+            "C_nb",
+            "cov",
+            "acceleration_b",
+        )
+    }
+    return Trajectory(
+        **row,
+        gps_week=path.gps_week,
+        cross=None if path.cross is None else path.cross[at][: len(row["time"]) - 1],
+    )
 
 
 def test_a_trajectory_cut_and_joined_is_itself_but_for_what_ties_its_parts():
     """Oracle: the trajectory before the cut; errors of the parts are independent."""
     whole = replace(trajectory(), cross=np.arange(4.0 * 81).reshape(4, 9, 9))
-    again = Trajectory.joined([_rows(whole, slice(0, 2)), _rows(whole, slice(2, 3)), _rows(whole, slice(3, 5))])
+    again = Trajectory.joined(
+        [_rows(whole, slice(0, 2)), _rows(whole, slice(2, 3)), _rows(whole, slice(3, 5))]
+    )
     np.testing.assert_array_equal(again.time, whole.time)
     np.testing.assert_array_equal(again.acceleration_b, whole.acceleration_b)
     assert again.cross is not None
     assert whole.cross is not None
     np.testing.assert_array_equal(again.cross[[0, 3]], whole.cross[[0, 3]])
     np.testing.assert_array_equal(again.cross[[1, 2]], 0.0)
-    assert Trajectory.joined([_rows(replace(whole, cross=None), slice(0, 2)), _rows(whole, slice(2, 5))]).cross is None
+    assert (
+        Trajectory.joined(
+            [_rows(replace(whole, cross=None), slice(0, 2)), _rows(whole, slice(2, 5))]
+        ).cross
+        is None
+    )
 
 
 def _diagnostics(rows: int, velocity: bool, passes: int) -> Diagnostics:
-    t, three, nine, yes = np.arange(rows) + 10.0 * rows, np.zeros((rows, 3)), np.zeros((rows, 9)), np.ones(rows, dtype=np.bool_)
+    t, three, nine, yes = (
+        np.arange(rows) + 10.0 * rows,
+        np.zeros((rows, 3)),
+        np.zeros((rows, 9)),
+        np.ones(rows, dtype=np.bool_),
+    )
     six, fixes = np.zeros((rows, 6)), (t, three, three, np.ones(rows), 16.0, yes)
     first = (t, three, three, three, np.array([1]), nine, nine, six, six)
     speed = {"velocity_nis": np.full(rows, 2.0), "velocity_used": yes} if velocity else {}
-    return Diagnostics(*first, *fixes, t, nine, nine, passes=passes, segments=((t[0], t[-1]),), **speed)
+    return Diagnostics(
+        *first, *fixes, t, nine, nine, passes=passes, segments=((t[0], t[-1]),), **speed
+    )
 
 
 @pytest.mark.parametrize("velocity", [(False, True), (True, False), (True, True), (False, False)])
 def test_diagnostics_are_joined_row_by_row(velocity):
-    """Oracle: the parts: rows one behind the other, exposures counted on, velocities where there are any."""
+    """Oracle: the parts: rows one behind the other, exposures counted on, velocities where there
+    are any.
+    """
     parts = [_diagnostics(4, velocity[0], 2), _diagnostics(6, velocity[1], 1)]
     joined = Diagnostics.joined(parts)
     np.testing.assert_array_equal(joined.time, np.concatenate([part.time for part in parts]))

@@ -22,11 +22,15 @@ PRODUCTS = {
 
 def run(script: str, out: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-W", "error", str(SCRIPTS / script), "--quick", "--out", str(out)]
-    return subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=300, check=False)
+    return subprocess.run(
+        command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=300, check=False
+    )
 
 
 @pytest.fixture(scope="module")
-def story_1(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+def story_1(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> tuple[Path, subprocess.CompletedProcess[str]]:
     out = tmp_path_factory.mktemp("story_1")
     return out, run("01_produce_eo.py", out)
 
@@ -47,13 +51,17 @@ def test_produce_eo(story_1: tuple[Path, subprocess.CompletedProcess[str]]) -> N
 
 
 @pytest.mark.slow
-def test_produce_eo_refuses_a_truth_that_the_sigmas_do_not_explain(story_1: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+def test_produce_eo_refuses_a_truth_that_the_sigmas_do_not_explain(
+    story_1: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
     """Oracle: a truth moved north by 5 cm, ten standard deviations and more."""
     out, done = story_1
     assert done.returncode == 0, done.stderr
     truth = out / "flight_quick" / "truth" / "EO_local-plane.txt"
     lines = truth.read_text().splitlines()
-    moved = [line if line.startswith("#") else " ".join(_north(line.split(), 0.05)) for line in lines]
+    moved = [
+        line if line.startswith("#") else " ".join(_north(line.split(), 0.05)) for line in lines
+    ]
     truth.write_text("\n".join(moved) + "\n")
     again = run("01_produce_eo.py", out)
     assert again.returncode == 1
@@ -78,12 +86,16 @@ def test_tune_from_static_recordings(tmp_path: Path) -> None:
     """Oracle: the simulated noise, in the script's own assertion."""
     done = run("03_tune_from_static_recordings.py", tmp_path)
     assert done.returncode == 0, done.stderr
-    assert {"navchip.toml", "navchip.json", "navchip_gyro.png", "navchip_accel.png"} <= {path.name for path in tmp_path.iterdir()}
+    assert {"navchip.toml", "navchip.json", "navchip_gyro.png", "navchip_accel.png"} <= {
+        path.name for path in tmp_path.iterdir()
+    }
     assert_is_picture(tmp_path / "tune_from_static.png")
 
 
 def test_compare_noise_models(tmp_path: Path) -> None:
-    """Oracle: the simulated model and a recording that no model has seen, in the script's own assertion."""
+    """Oracle: the simulated model and a recording that no model has seen, in the script's own
+    assertion.
+    """
     done = run("04_compare_noise_models.py", tmp_path)
     assert done.returncode == 0, done.stderr
     assert "WN+2GM" in done.stdout

@@ -5,8 +5,8 @@ import math
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.errors import InputError
-from insgnss.units import UNITS, format_quantity, parse_quantity, parse_unit
+from insgnss.base.errors import InputError
+from insgnss.base.units import UNITS, format_quantity, parse_quantity, parse_unit
 
 DEG = math.pi / 180.0
 G = 9.80665
@@ -51,7 +51,12 @@ def test_scales_are_those_of_scipy_constants():
     """Oracle: scipy.constants."""
     from scipy import constants
 
-    for name, value in (("deg", constants.degree), ("arcmin", constants.arcmin), ("arcsec", constants.arcsec), ("g", constants.g)):
+    for name, value in (
+        ("deg", constants.degree),
+        ("arcmin", constants.arcmin),
+        ("arcsec", constants.arcsec),
+        ("g", constants.g),
+    ):
         assert_allclose(UNITS[name].scale, value, rtol=1e-15)
     for name, value in (("min", constants.minute), ("h", constants.hour), ("day", constants.day)):
         assert UNITS[name].scale == value
@@ -82,7 +87,9 @@ def test_scales_are_those_of_scipy_constants():
     ],
 )
 def test_wrong_quantities_are_refused_in_one_line(text, message):
-    """Oracle: by contract (design.md 4): a missing unit, an unknown one and another dimension are errors that say what is expected."""
+    """Oracle: by contract (design.md 4): a missing unit, an unknown one and another dimension are
+    errors that say what is expected.
+    """
     with pytest.raises(InputError, match=message) as caught:
         parse_quantity(text, "deg/h")
     assert "\n" not in str(caught.value)

@@ -76,7 +76,11 @@ def names(tree: ast.Module) -> Iterator[tuple[str, int]]:
             yield node.name, node.lineno
         elif isinstance(node, ast.arg):
             yield node.arg, node.lineno
-        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and id(node) not in fields:
+        elif (
+            isinstance(node, ast.Name)
+            and isinstance(node.ctx, ast.Store)
+            and id(node) not in fields
+        ):
             yield node.id, node.lineno
 
 
@@ -91,15 +95,35 @@ def retired(name: str) -> str | None:
 
 def test_the_rule_sees_retired_words() -> None:
     """Oracle: examples by hand."""
-    assert all(map(retired, ("solve_stretch", "Stretch", "STILL_S", "_lone", "what", "unTold", "on_wheels", "_found")))
-    assert not any(map(retired, ("segment", "what_if", "stillness", "founder", "placed", "atmosphere", "party")))
+    assert all(
+        map(
+            retired,
+            (
+                "solve_stretch",
+                "Stretch",
+                "STILL_S",
+                "_lone",
+                "what",
+                "unTold",
+                "on_wheels",
+                "_found",
+            ),
+        )
+    )
+    assert not any(
+        map(
+            retired, ("segment", "what_if", "stillness", "founder", "placed", "atmosphere", "party")
+        )
+    )
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_names_are_the_terms_of_the_field(path: Path) -> None:
     """Oracle: docs/glossary.md's words, by the table of those that they replaced."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    bad = {f"line {line}: {name} -> {term}" for name, line in names(tree) if (term := retired(name))}
+    bad = {
+        f"line {line}: {name} -> {term}" for name, line in names(tree) if (term := retired(name))
+    }
     assert not bad, "\n".join(sorted(bad))
 
 

@@ -1,7 +1,9 @@
-"""What a user who gives wrong input gets from `insgnss process`: an exit code, one line that helps, and nothing else.
+"""What a user who gives wrong input gets from `insgnss process`: an exit code, one line that helps,
+and nothing else.
 
-One short simulated flight is copied and spoiled for each kind of wrong input. Whatever the kind, the tree of files must be
-afterwards what it was before, byte by byte: no product, no left-over, no input touched.
+One short simulated flight is copied and spoiled for each kind of wrong input. Whatever the kind,
+the tree of files must be afterwards what it was before, byte by byte: no product, no left-over, no
+input touched.
 """
 
 import hashlib
@@ -21,7 +23,7 @@ from scipy.spatial.transform import Rotation
 from insgnss.cli import main
 from insgnss.geodesy.earth import curvature_radii, normal_gravity
 from insgnss.processing.products import PRODUCTS
-from insgnss.simulate.dataset import write_dataset
+from insgnss.simulation.dataset import write_dataset
 
 IMU = "01_Observations/IMU/Data/Pre_calibrated/f8_1_sob.csv"
 GNSS = "02_Processed/GPS-PPK/AntennaPos_WGS84.txt"
@@ -68,7 +70,14 @@ class DataSet:
         sign = "," if name == IMU else " "
         header, *_ = self.path(name).read_text().splitlines()
         values = np.loadtxt(self.path(name), delimiter=sign.strip() or None, skiprows=1)
-        np.savetxt(self.path(name), edit(values), fmt="%.9f" if name == IMU else "%.10f", delimiter=sign, header=header, comments="")
+        np.savetxt(
+            self.path(name),
+            edit(values),
+            fmt="%.9f" if name == IMU else "%.10f",
+            delimiter=sign,
+            header=header,
+            comments="",
+        )
 
     def noise(self, old: str, new: str) -> None:
         """Use a noise-model file, `NOISE` with one change."""
@@ -94,10 +103,19 @@ def data(good, tmp_path):
 
 def _tree(root: Path) -> dict[str, str]:
     """Every file below `root` with its content's hash, every directory with none; hidden ones too."""
-    return {str(p.relative_to(root)): hashlib.sha256(p.read_bytes()).hexdigest() if p.is_file() else "" for p in sorted(root.rglob("*"))}
+    return {
+        str(p.relative_to(root)): hashlib.sha256(p.read_bytes()).hexdigest() if p.is_file() else ""
+        for p in sorted(root.rglob("*"))
+    }
 
 
-def _refused(capsys: pytest.CaptureFixture[str], root: Path, code: int, words: tuple[str, ...], *arguments: str) -> None:
+def _refused(
+    capsys: pytest.CaptureFixture[str],
+    root: Path,
+    code: int,
+    words: tuple[str, ...],
+    *arguments: str,
+) -> None:
     """Process the data set at `root` and check everything that an error must and must not do."""
     before = _tree(root)
     assert main(["process", str(root), "--quiet", *arguments]) == code
@@ -152,7 +170,9 @@ def _events(change: Callable[[list[str]], list[str]]) -> Edit:
 
 
 def _event_times(shift: Callable[[float], float]) -> Edit:
-    return _events(lambda lines: [f"{name} {shift(float(tow)):.7f}" for name, tow in map(str.split, lines)])
+    return _events(
+        lambda lines: [f"{name} {shift(float(tow)):.7f}" for name, tow in map(str.split, lines)]
+    )
 
 
 def _noise(old: str, new: str) -> Edit:
@@ -180,7 +200,14 @@ def _steady(speed: float) -> Edit:
 
     def edit(d: DataSet) -> None:
         rng, lat = np.random.default_rng(1), np.radians(46.57)
-        still = [EARTH_RATE * np.cos(lat), 0.0, -EARTH_RATE * np.sin(lat), 0.0, 0.0, -float(normal_gravity(lat, 650.0))]
+        still = [
+            EARTH_RATE * np.cos(lat),
+            0.0,
+            -EARTH_RATE * np.sin(lat),
+            0.0,
+            0.0,
+            -float(normal_gravity(lat, 650.0)),
+        ]
         noise = [5e-4] * 3 + [5e-3] * 3
         d.table(IMU, lambda a: np.column_stack([a[:, 0], rng.normal(still, noise, (len(a), 6))]))
         M, N = curvature_radii(lat)
@@ -198,7 +225,12 @@ def _steady(speed: float) -> Edit:
 
 
 def _no_plane(d: DataSet) -> None:
-    d.lines("flight.toml", lambda lines: [line for line in lines if not line.startswith(("[tangent_plane]", "origin"))])
+    d.lines(
+        "flight.toml",
+        lambda lines: [
+            line for line in lines if not line.startswith(("[tangent_plane]", "origin"))
+        ],
+    )
 
 
 def _exchanged(d: DataSet) -> None:
@@ -211,70 +243,247 @@ RADIANS = _columns(GNSS, [1, 2], np.radians)
 UNITS = '{ gyro = "rad/s", accel = "m/s^2" }'
 
 FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
-    "is missing": (lambda d: d.path("flight.toml").unlink(), INPUT, ("flight.toml: does not exist",)),
+    "is missing": (
+        lambda d: d.path("flight.toml").unlink(),
+        INPUT,
+        ("flight.toml: does not exist",),
+    ),
     "is empty": (_write("flight.toml", b""), INPUT, ("flight.toml", "imu.file", "missing")),
     "is no TOML": (_toml("[imu]", "[imu"), INPUT, ("flight.toml:4: not TOML",)),
     "is binary": (_write("flight.toml", b"\xff\xfe\x00\x01"), INPUT, ("flight.toml: not UTF-8",)),
-    "unknown key": (_toml("quantity =", "quantitty ="), INPUT, ("flight.toml:7: imu.quantitty: unknown key", "'quantity'")),
-    "unknown table": (_toml("[camera]", "[kamera]"), INPUT, ("flight.toml:14: kamera: unknown", "'camera'")),
-    "wrong type": (_toml("= 2008", '= "2008"'), INPUT, ("flight.toml:2: gps_week", "is a text, expected a number")),
-    "no week anywhere": (_toml("gps_week = 2008\n", ""), INPUT, ("no file says the GPS week", "give gps_week")),
-    "axes, no such word": (_toml("forward right", "forward rihgt"), INPUT, ("flight.toml:8: imu.axes: 'rihgt'", "'right'")),
-    "axes, left-handed": (_toml("forward right", "forward left"), INPUT, ("imu.axes: left-handed", "'forward left up'")),
-    "axes, one line twice": (_toml("forward right", "forward backward"), INPUT, ("imu.axes: two directions lie along one line",)),
-    "file is a directory": (_toml(IMU, "01_Observations"), INPUT, ("flight.toml:5: imu.file", "is a directory")),
-    "unit of increments for rates": (_toml('gyro = "rad/s"', 'gyro = "rad"'), INPUT, ("imu.units.gyro", "use rad/s, deg/s, deg/h")),
-    "unit of the other sensor": (_toml('gyro = "rad/s"', 'gyro = "g"'), INPUT, ("imu.units.gyro", "belongs to the other sensor")),
-    "bore-sight, no rotation": (_toml("[[0.99990", "[[0.95990"), INPUT, ("flight.toml:21: mounting.boresight: no rotation", "digits")),
-    "bore-sight, mirrored": (_toml("[[0.99990", "[[-0.99990"), INPUT, ("mounting.boresight: no rotation, its determinant is -1",)),
+    "unknown key": (
+        _toml("quantity =", "quantitty ="),
+        INPUT,
+        ("flight.toml:7: imu.quantitty: unknown key", "'quantity'"),
+    ),
+    "unknown table": (
+        _toml("[camera]", "[kamera]"),
+        INPUT,
+        ("flight.toml:14: kamera: unknown", "'camera'"),
+    ),
+    "wrong type": (
+        _toml("= 2008", '= "2008"'),
+        INPUT,
+        ("flight.toml:2: gps_week", "is a text, expected a number"),
+    ),
+    "no week anywhere": (
+        _toml("gps_week = 2008\n", ""),
+        INPUT,
+        ("no file says the GPS week", "give gps_week"),
+    ),
+    "axes, no such word": (
+        _toml("forward right", "forward rihgt"),
+        INPUT,
+        ("flight.toml:8: imu.axes: 'rihgt'", "'right'"),
+    ),
+    "axes, left-handed": (
+        _toml("forward right", "forward left"),
+        INPUT,
+        ("imu.axes: left-handed", "'forward left up'"),
+    ),
+    "axes, one line twice": (
+        _toml("forward right", "forward backward"),
+        INPUT,
+        ("imu.axes: two directions lie along one line",),
+    ),
+    "file is a directory": (
+        _toml(IMU, "01_Observations"),
+        INPUT,
+        ("flight.toml:5: imu.file", "is a directory"),
+    ),
+    "unit of increments for rates": (
+        _toml('gyro = "rad/s"', 'gyro = "rad"'),
+        INPUT,
+        ("imu.units.gyro", "use rad/s, deg/s, deg/h"),
+    ),
+    "unit of the other sensor": (
+        _toml('gyro = "rad/s"', 'gyro = "g"'),
+        INPUT,
+        ("imu.units.gyro", "belongs to the other sensor"),
+    ),
+    "bore-sight, no rotation": (
+        _toml("[[0.99990", "[[0.95990"),
+        INPUT,
+        ("flight.toml:21: mounting.boresight: no rotation", "digits"),
+    ),
+    "bore-sight, mirrored": (
+        _toml("[[0.99990", "[[-0.99990"),
+        INPUT,
+        ("mounting.boresight: no rotation, its determinant is -1",),
+    ),
     "bore-sight, two rows": (
-        lambda d: d.lines("flight.toml", lambda x: [re.sub(r", \[[^[]*\]\]$", "]", s) if s.startswith("boresight") else s for s in x]),
+        lambda d: d.lines(
+            "flight.toml",
+            lambda x: [
+                re.sub(r", \[[^[]*\]\]$", "]", s) if s.startswith("boresight") else s for s in x
+            ],
+        ),
         INPUT,
         ("flight.toml:21: mounting.boresight", "expected 3 rows"),
     ),
-    "mounting, determinant 0": (_toml("[0.0, 0.0, 1.0]]", "[0.0, 0.0, 0.0]]"), INPUT, ("mounting.camera_from_body: no rotation",)),
-    "lever arm in mm": (_toml("[0.462, -0.001, -0.065]", "[462, -1, -65]"), INPUT, ("mounting.antenna_m", "467 m long", "unit is m")),
-    "origin exchanged": (_toml("[46.57, 6.54,", "[6.54, 46.57,"), INPUT, ("latitude and longitude look exchanged", "tangent_plane.origin")),
-    "origin is no number": (_toml("[46.57,", "[nan,"), INPUT, ("tangent_plane.origin", "3 finite numbers")),
-    "sigma zero": (_toml("[gnss]", "[gnss]\nsigma_m = [0.02, 0.0, 0.03]"), INPUT, ("gnss.sigma_m", "greater than zero")),
-    "sigma negative": (_toml("[gnss]", "[gnss]\nsigma_m = [0.02, -0.02, 0.03]"), INPUT, ("gnss.sigma_m", "greater than zero")),
-    "gate negative": (_toml("[gnss]", "[gnss]\ngate_sigma = -5"), INPUT, ("flight.toml:12: gnss.gate_sigma: -5 is outside 2 to 30",)),
-    "gate without end": (_toml("[gnss]", "[gnss]\ngate_sigma = 1e9"), INPUT, ("gnss.gate_sigma", "outside 2 to 30")),
+    "mounting, determinant 0": (
+        _toml("[0.0, 0.0, 1.0]]", "[0.0, 0.0, 0.0]]"),
+        INPUT,
+        ("mounting.camera_from_body: no rotation",),
+    ),
+    "lever arm in mm": (
+        _toml("[0.462, -0.001, -0.065]", "[462, -1, -65]"),
+        INPUT,
+        ("mounting.antenna_m", "467 m long", "unit is m"),
+    ),
+    "origin exchanged": (
+        _toml("[46.57, 6.54,", "[6.54, 46.57,"),
+        INPUT,
+        ("latitude and longitude look exchanged", "tangent_plane.origin"),
+    ),
+    "origin is no number": (
+        _toml("[46.57,", "[nan,"),
+        INPUT,
+        ("tangent_plane.origin", "3 finite numbers"),
+    ),
+    "sigma zero": (
+        _toml("[gnss]", "[gnss]\nsigma_m = [0.02, 0.0, 0.03]"),
+        INPUT,
+        ("gnss.sigma_m", "greater than zero"),
+    ),
+    "sigma negative": (
+        _toml("[gnss]", "[gnss]\nsigma_m = [0.02, -0.02, 0.03]"),
+        INPUT,
+        ("gnss.sigma_m", "greater than zero"),
+    ),
+    "gate negative": (
+        _toml("[gnss]", "[gnss]\ngate_sigma = -5"),
+        INPUT,
+        ("flight.toml:12: gnss.gate_sigma: -5 is outside 2 to 30",),
+    ),
+    "gate without end": (
+        _toml("[gnss]", "[gnss]\ngate_sigma = 1e9"),
+        INPUT,
+        ("gnss.gate_sigma", "outside 2 to 30"),
+    ),
     "option of another format": (
         _toml("[gnss]", '[gnss]\nrepeat_column = "tow"'),
         INPUT,
         ("gnss_text, which takes no repeat_column", "columns"),
     ),
-    "unknown check accepted": (_toml("[imu]", 'accept = ["specfic force"]\n[imu]'), INPUT, ("accept", "'specific force'")),
-    "unknown output format": (_toml('"metashape"]', '"metashap"]'), INPUT, ("flight.toml:28: output.formats: 'metashap'", "'metashape'")),
-    "output rate zero": (_toml("[output]", "[output]\ntrajectory_hz = 0"), INPUT, ("output.trajectory_hz: 0",)),
-    "start after the end": (_toml("[imu]", "start_tow = 300000\n[imu]"), INPUT, ("no image between start_tow and end_tow",)),
-    "initial attitude in part": (_toml("[output]", "[initial]\nroll_deg = 0\n[output]"), INPUT, ("initial.pitch_deg: is missing",)),
-    "noise model unknown": (_toml('"navchip"', '"navchp"'), INPUT, ("imu.noise: 'navchp'", "shipped", "navchip")),
-    "noise of another dimension": (_noise("10 deg/h/sqrt(Hz)", "10 deg/h"), INPUT, ("noise.toml:4: gyro.white_noise", "dimension")),
-    "noise of the other sensor": (_noise("50 ug/sqrt(Hz)", "10 deg/h/sqrt(Hz)"), INPUT, ("noise.toml:7: accel.white_noise", "ug/sqrt(Hz)")),
-    "noise without unit": (_noise("10 deg/h/sqrt(Hz)", "10"), INPUT, ("gyro.white_noise: '10' has no unit", "deg/h/sqrt(Hz)")),
-    "noise as a number": (_noise('"10 deg/h/sqrt(Hz)"', "10"), INPUT, ("gyro.white_noise: 10 has no unit",)),
-    "noise of an unknown unit": (_noise("10 deg/h", "10 dog/h"), INPUT, ("unknown unit 'dog'", "'deg'")),
+    "unknown check accepted": (
+        _toml("[imu]", 'accept = ["specfic force"]\n[imu]'),
+        INPUT,
+        ("accept", "'specific force'"),
+    ),
+    "unknown output format": (
+        _toml('"metashape"]', '"metashap"]'),
+        INPUT,
+        ("flight.toml:28: output.formats: 'metashap'", "'metashape'"),
+    ),
+    "output rate zero": (
+        _toml("[output]", "[output]\ntrajectory_hz = 0"),
+        INPUT,
+        ("output.trajectory_hz: 0",),
+    ),
+    "start after the end": (
+        _toml("[imu]", "start_tow = 300000\n[imu]"),
+        INPUT,
+        ("no image between start_tow and end_tow",),
+    ),
+    "initial attitude in part": (
+        _toml("[output]", "[initial]\nroll_deg = 0\n[output]"),
+        INPUT,
+        ("initial.pitch_deg: is missing",),
+    ),
+    "noise model unknown": (
+        _toml('"navchip"', '"navchp"'),
+        INPUT,
+        ("imu.noise: 'navchp'", "shipped", "navchip"),
+    ),
+    "noise of another dimension": (
+        _noise("10 deg/h/sqrt(Hz)", "10 deg/h"),
+        INPUT,
+        ("noise.toml:4: gyro.white_noise", "dimension"),
+    ),
+    "noise of the other sensor": (
+        _noise("50 ug/sqrt(Hz)", "10 deg/h/sqrt(Hz)"),
+        INPUT,
+        ("noise.toml:7: accel.white_noise", "ug/sqrt(Hz)"),
+    ),
+    "noise without unit": (
+        _noise("10 deg/h/sqrt(Hz)", "10"),
+        INPUT,
+        ("gyro.white_noise: '10' has no unit", "deg/h/sqrt(Hz)"),
+    ),
+    "noise as a number": (
+        _noise('"10 deg/h/sqrt(Hz)"', "10"),
+        INPUT,
+        ("gyro.white_noise: 10 has no unit",),
+    ),
+    "noise of an unknown unit": (
+        _noise("10 deg/h", "10 dog/h"),
+        INPUT,
+        ("unknown unit 'dog'", "'deg'"),
+    ),
     "noise negative": (_noise("10 deg", "-10 deg"), INPUT, ("gyro.white_noise", "negative")),
-    "noise, unknown key": (_noise("white_noise", "wite_noise"), INPUT, ("noise.toml:4: gyro.wite_noise: unknown key", "'white_noise'")),
+    "noise, unknown key": (
+        _noise("white_noise", "wite_noise"),
+        INPUT,
+        ("noise.toml:4: gyro.wite_noise: unknown key", "'white_noise'"),
+    ),
     "noise file no TOML": (_noise("[gyro]", "[gyro"), INPUT, ("noise.toml: not TOML",)),
-    "noise without end": (_noise("10 deg", "1e9 deg"), DATA, ("heading not observable", "noise model")),
+    "noise without end": (
+        _noise("10 deg", "1e9 deg"),
+        DATA,
+        ("heading not observable", "noise model"),
+    ),
 }
 
 FILES: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
-    "IMU missing": (lambda d: d.path(IMU).unlink(), INPUT, ("flight.toml:5: imu.file", IMU, "does not exist")),
+    "IMU missing": (
+        lambda d: d.path(IMU).unlink(),
+        INPUT,
+        ("flight.toml:5: imu.file", IMU, "does not exist"),
+    ),
     "IMU empty": (_write(IMU, b""), INPUT, (IMU, "is empty", "copy")),
-    "IMU header only": (lambda d: d.lines(IMU, lambda x: x[:1]), INPUT, (IMU, "holds no data line")),
-    "IMU cut in mid-line": (_cut(IMU, -40), INPUT, (f"{IMU}:15001: truncated: the file ends within this line", "copy it again")),
-    "IMU cut in mid-number": (_cut(IMU, -4), INPUT, (f"{IMU}:15001: truncated: the file ends within a number", "copy it again")),
-    "IMU text": (_imu_field(3, "0.01x"), INPUT, (f"{IMU}:501: '0.01x' in field 4", "finite number")),
+    "IMU header only": (
+        lambda d: d.lines(IMU, lambda x: x[:1]),
+        INPUT,
+        (IMU, "holds no data line"),
+    ),
+    "IMU cut in mid-line": (
+        _cut(IMU, -40),
+        INPUT,
+        (f"{IMU}:15001: truncated: the file ends within this line", "copy it again"),
+    ),
+    "IMU cut in mid-number": (
+        _cut(IMU, -4),
+        INPUT,
+        (f"{IMU}:15001: truncated: the file ends within a number", "copy it again"),
+    ),
+    "IMU text": (
+        _imu_field(3, "0.01x"),
+        INPUT,
+        (f"{IMU}:501: '0.01x' in field 4", "finite number"),
+    ),
     "IMU NaN": (_imu_field(3, "nan"), INPUT, (f"{IMU}:501: 'nan' in field 4", "finite number")),
-    "IMU infinite": (_imu_field(6, "-inf"), INPUT, (f"{IMU}:501: '-inf' in field 7", "finite number")),
+    "IMU infinite": (
+        _imu_field(6, "-inf"),
+        INPUT,
+        (f"{IMU}:501: '-inf' in field 7", "finite number"),
+    ),
     "IMU spike": (_imu_field(3, "1e6"), INPUT, ("gyro 1e+06 rad/s at 205205.000 s", "spikes")),
-    "IMU spike of force": (_imu_field(5, "1e5"), INPUT, ("accelerometer 1e+05 m/s^2 at 205205.000 s", "spikes")),
-    "IMU time backwards": (_imu_field(0, "205200.0"), INPUT, (f"{IMU}:501: time 205200.000000 s follows 205204.99", "must increase")),
-    "IMU six columns": (lambda d: d.lines(IMU, lambda x: [s.rpartition(",")[0] for s in x]), INPUT, (f"{IMU}:1:", "does not name az")),
+    "IMU spike of force": (
+        _imu_field(5, "1e5"),
+        INPUT,
+        ("accelerometer 1e+05 m/s^2 at 205205.000 s", "spikes"),
+    ),
+    "IMU time backwards": (
+        _imu_field(0, "205200.0"),
+        INPUT,
+        (f"{IMU}:501: time 205200.000000 s follows 205204.99", "must increase"),
+    ),
+    "IMU six columns": (
+        lambda d: d.lines(IMU, lambda x: [s.rpartition(",")[0] for s in x]),
+        INPUT,
+        (f"{IMU}:1:", "does not name az"),
+    ),
     "IMU six fields in a line": (
         lambda d: d.lines(IMU, lambda x: [*x[:700], x[700].rpartition(",")[0], *x[701:]]),
         INPUT,
@@ -292,54 +501,146 @@ FILES: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     ),
     "IMU bytes": (_write(IMU, BINARY), INPUT, (IMU, "binary")),
     "IMU zero bytes": (_write(IMU, bytes(20000)), INPUT, (IMU, "binary")),
-    "IMU zero bytes within": (_imu_field(4, "\0" * 50), INPUT, (f"{IMU}:501:", "binary", "damaged")),
-    "IMU zero bytes at the end": (_append(IMU, bytes(4096)), INPUT, (f"{IMU}:15002:", "binary", "damaged")),
+    "IMU zero bytes within": (
+        _imu_field(4, "\0" * 50),
+        INPUT,
+        (f"{IMU}:501:", "binary", "damaged"),
+    ),
+    "IMU zero bytes at the end": (
+        _append(IMU, bytes(4096)),
+        INPUT,
+        (f"{IMU}:15002:", "binary", "damaged"),
+    ),
     "IMU is the GNSS file": (_toml(IMU, GNSS), INPUT, (f"{GNSS}:1:", "does not name gx")),
-    "IMU time in ms": (_columns(IMU, 0, lambda t: 1e3 * t), INPUT, (f"{IMU}:2: time 205200010.000 s is no GPS time of week",)),
-    "IMU time from zero": (_columns(IMU, 0, lambda t: t - t[0]), INPUT, ("recognised clock", "add -205200.0")),
+    "IMU time in ms": (
+        _columns(IMU, 0, lambda t: 1e3 * t),
+        INPUT,
+        (f"{IMU}:2: time 205200010.000 s is no GPS time of week",),
+    ),
+    "IMU time from zero": (
+        _columns(IMU, 0, lambda t: t - t[0]),
+        INPUT,
+        ("recognised clock", "add -205200.0"),
+    ),
     "IMU time in bunches": (
         _columns(IMU, 0, lambda t: np.round(t, 1) + 1e-6 * np.arange(t.size)),
         INPUT,
         ("stamps come in bunches",),
     ),
-    "IMU shorter than ten seconds": (_rows(IMU, lambda t: (t >= 50) & (t < 58)), DATA, ("over 7.9 s in common (limit 10 s)",)),
+    "IMU shorter than ten seconds": (
+        _rows(IMU, lambda t: (t >= 50) & (t < 58)),
+        DATA,
+        ("over 7.9 s in common (limit 10 s)",),
+    ),
     "GNSS missing": (lambda d: d.path(GNSS).unlink(), INPUT, ("gnss.file", "does not exist")),
     "GNSS bytes": (_write(GNSS, BINARY), INPUT, (GNSS, "binary")),
-    "GNSS header only": (lambda d: d.lines(GNSS, lambda x: x[:1]), INPUT, (GNSS, "holds no data line")),
+    "GNSS header only": (
+        lambda d: d.lines(GNSS, lambda x: x[:1]),
+        INPUT,
+        (GNSS, "holds no data line"),
+    ),
     "GNSS cut in mid-line": (_cut(GNSS, -25), INPUT, (f"{GNSS}:1502: truncated",)),
-    "GNSS NaN": (_columns(GNSS, 2, lambda x: np.where(np.arange(x.size) == 300, np.nan, x)), INPUT, (f"{GNSS}:302: 'nan' in field 3",)),
-    "GNSS time backwards": (lambda d: d.lines(GNSS, lambda x: [*x[:300], x[310], *x[300:]]), INPUT, (f"{GNSS}:302: time", "must increase")),
-    "GNSS sigma zero": (_columns(GNSS, 4, lambda x: 0.0 * x), INPUT, (f"{GNSS}:2: standard deviation sd_n is 0", "positive")),
-    "GNSS sigma negative": (_columns(GNSS, 6, np.negative), INPUT, (f"{GNSS}:2: standard deviation sd_u is -0.03", "positive")),
+    "GNSS NaN": (
+        _columns(GNSS, 2, lambda x: np.where(np.arange(x.size) == 300, np.nan, x)),
+        INPUT,
+        (f"{GNSS}:302: 'nan' in field 3",),
+    ),
+    "GNSS time backwards": (
+        lambda d: d.lines(GNSS, lambda x: [*x[:300], x[310], *x[300:]]),
+        INPUT,
+        (f"{GNSS}:302: time", "must increase"),
+    ),
+    "GNSS sigma zero": (
+        _columns(GNSS, 4, lambda x: 0.0 * x),
+        INPUT,
+        (f"{GNSS}:2: standard deviation sd_n is 0", "positive"),
+    ),
+    "GNSS sigma negative": (
+        _columns(GNSS, 6, np.negative),
+        INPUT,
+        (f"{GNSS}:2: standard deviation sd_u is -0.03", "positive"),
+    ),
     "GNSS no sigma": (
-        lambda d: d.lines(GNSS, lambda x: ["# tow[s] lat[deg] lon[deg] h[m]", *(" ".join(s.split()[:4]) for s in x[1:])]),
+        lambda d: d.lines(
+            GNSS,
+            lambda x: [
+                "# tow[s] lat[deg] lon[deg] h[m]",
+                *(" ".join(s.split()[:4]) for s in x[1:]),
+            ],
+        ),
         INPUT,
         (GNSS, "no standard deviations", "sigma_m = [north, east, down]"),
     ),
-    "GNSS latitude over 90": (_columns(GNSS, 1, lambda x: x + 50.0), INPUT, (f"{GNSS}:2: lat 96.", "exceeds 90")),
-    "GNSS degrees called radians": (_toml("[gnss]", '[gnss]\nunits = { angle = "rad" }'), INPUT, (f"{GNSS}:2: lat", "exceeds 90", "unit")),
+    "GNSS latitude over 90": (
+        _columns(GNSS, 1, lambda x: x + 50.0),
+        INPUT,
+        (f"{GNSS}:2: lat 96.", "exceeds 90"),
+    ),
+    "GNSS degrees called radians": (
+        _toml("[gnss]", '[gnss]\nunits = { angle = "rad" }'),
+        INPUT,
+        (f"{GNSS}:2: lat", "exceeds 90", "unit"),
+    ),
     "GNSS of another week": (
-        lambda d: d.lines(GNSS, lambda x: ["# week " + x[0].lstrip("# "), *(f"2009 {s}" for s in x[1:])]),
+        lambda d: d.lines(
+            GNSS, lambda x: ["# week " + x[0].lstrip("# "), *(f"2009 {s}" for s in x[1:])]
+        ),
         INPUT,
         (f"{GNSS}:2: GPS week 2009, but the flight is said to be of week 2008", "check gps_week"),
     ),
-    "GNSS of another day": (_columns(GNSS, 0, lambda t: t + 86400.0), INPUT, ("recognised clock", "add -86400.00")),
-    "GNSS two fixes": (_rows(GNSS, lambda t: (t == 1.0) | (t == 140.0)), DATA, ("no initial attitude", "too few fixes")),
-    "GNSS one fix": (_rows(GNSS, lambda t: t == 1.0), DATA, ("1 fix over 0.0 s in common (limit 10 s)",)),
-    "events missing": (lambda d: d.path(EVENTS).unlink(), INPUT, ("camera.events", "does not exist")),
+    "GNSS of another day": (
+        _columns(GNSS, 0, lambda t: t + 86400.0),
+        INPUT,
+        ("recognised clock", "add -86400.00"),
+    ),
+    "GNSS two fixes": (
+        _rows(GNSS, lambda t: (t == 1.0) | (t == 140.0)),
+        DATA,
+        ("no initial attitude", "too few fixes"),
+    ),
+    "GNSS one fix": (
+        _rows(GNSS, lambda t: t == 1.0),
+        DATA,
+        ("1 fix over 0.0 s in common (limit 10 s)",),
+    ),
+    "events missing": (
+        lambda d: d.path(EVENTS).unlink(),
+        INPUT,
+        ("camera.events", "does not exist"),
+    ),
     "events empty": (_write(EVENTS, b""), INPUT, ("flight.toml:15: camera.events", "is empty")),
     "events header only": (_events(lambda x: []), INPUT, (EVENTS, "holds no data line")),
     "events bytes": (_write(EVENTS, BINARY), INPUT, (EVENTS, "binary")),
-    "events NaN": (_events(lambda x: [*x[:3], "8004.tif nan", *x[4:]]), INPUT, (f"{EVENTS}:5: 'nan'",)),
-    "events unsorted": (_events(lambda x: [*x[:3], x[4], x[3], *x[5:]]), INPUT, (f"{EVENTS}:6: time", "must increase")),
+    "events NaN": (
+        _events(lambda x: [*x[:3], "8004.tif nan", *x[4:]]),
+        INPUT,
+        (f"{EVENTS}:5: 'nan'",),
+    ),
+    "events unsorted": (
+        _events(lambda x: [*x[:3], x[4], x[3], *x[5:]]),
+        INPUT,
+        (f"{EVENTS}:6: time", "must increase"),
+    ),
     "events, image twice": (
         _events(lambda x: [*x[:3], "8003.tif " + x[3].split()[1], *x[4:]]),
         INPUT,
         (f"{EVENTS}:5: image 8003.tif occurs twice, first in line 4",),
     ),
-    "events in ms": (_event_times(lambda t: 1e3 * t), INPUT, (f"{EVENTS}:2: time", "no GPS time of week")),
-    "events of another day": (_event_times(lambda t: t + 86400.0), INPUT, ("image 8001.tif at", "outside the flight", "25 of 25 images")),
-    "events in UTC": (_event_times(lambda t: t - 18.0), INPUT, ("camera events", "look like UTC", "camera.time_offset_s = 18")),
+    "events in ms": (
+        _event_times(lambda t: 1e3 * t),
+        INPUT,
+        (f"{EVENTS}:2: time", "no GPS time of week"),
+    ),
+    "events of another day": (
+        _event_times(lambda t: t + 86400.0),
+        INPUT,
+        ("image 8001.tif at", "outside the flight", "25 of 25 images"),
+    ),
+    "events in UTC": (
+        _event_times(lambda t: t - 18.0),
+        INPUT,
+        ("camera events", "look like UTC", "camera.time_offset_s = 18"),
+    ),
     "one event too late": (
         _events(lambda x: [*x, "9999.tif 205450.0"]),
         INPUT,
@@ -363,17 +664,56 @@ MEANING: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
         INPUT,
         (AXES, "backward left down"),
     ),
-    "axes upside down": (_toml("forward right down", "forward left up"), INPUT, ("axes, vertical", "the IMU's z axis points down", "'up'")),
-    "axes on end": (_toml("forward right down", "right down forward"), INPUT, ("the IMU's z axis points down", "'forward'")),
-    "deg/s called rad/s": (_columns(IMU, [1, 2, 3], np.degrees), INPUT, (TURNS, 'look like imu.units gyro = "deg/s"')),
-    "rad/s called deg/s": (_toml('gyro = "rad/s"', 'gyro = "deg/s"'), INPUT, (TURNS, 'look like imu.units gyro = "rad/s"')),
-    "rad/s called deg/h": (_toml('gyro = "rad/s"', 'gyro = "deg/h"'), INPUT, (TURNS, 'look like imu.units gyro = "rad/s"')),
-    "g called m/s^2": (_columns(IMU, [4, 5, 6], lambda f: f / 9.80665), INPUT, ("specific force", 'look like imu.units accel = "g"')),
-    "mg called m/s^2": (_columns(IMU, [4, 5, 6], lambda f: f / 9.80665e-3), INPUT, ("specific force", 'look like imu.units accel = "mg"')),
-    "m/s^2 called g": (_toml('accel = "m/s^2"', 'accel = "g"'), INPUT, ("specific force", 'look like imu.units accel = "m/s^2"')),
-    "m/s^2 called mg": (_toml('accel = "m/s^2"', 'accel = "mg"'), INPUT, ("specific force", 'accel = "m/s^2"')),
+    "axes upside down": (
+        _toml("forward right down", "forward left up"),
+        INPUT,
+        ("axes, vertical", "the IMU's z axis points down", "'up'"),
+    ),
+    "axes on end": (
+        _toml("forward right down", "right down forward"),
+        INPUT,
+        ("the IMU's z axis points down", "'forward'"),
+    ),
+    "deg/s called rad/s": (
+        _columns(IMU, [1, 2, 3], np.degrees),
+        INPUT,
+        (TURNS, 'look like imu.units gyro = "deg/s"'),
+    ),
+    "rad/s called deg/s": (
+        _toml('gyro = "rad/s"', 'gyro = "deg/s"'),
+        INPUT,
+        (TURNS, 'look like imu.units gyro = "rad/s"'),
+    ),
+    "rad/s called deg/h": (
+        _toml('gyro = "rad/s"', 'gyro = "deg/h"'),
+        INPUT,
+        (TURNS, 'look like imu.units gyro = "rad/s"'),
+    ),
+    "g called m/s^2": (
+        _columns(IMU, [4, 5, 6], lambda f: f / 9.80665),
+        INPUT,
+        ("specific force", 'look like imu.units accel = "g"'),
+    ),
+    "mg called m/s^2": (
+        _columns(IMU, [4, 5, 6], lambda f: f / 9.80665e-3),
+        INPUT,
+        ("specific force", 'look like imu.units accel = "mg"'),
+    ),
+    "m/s^2 called g": (
+        _toml('accel = "m/s^2"', 'accel = "g"'),
+        INPUT,
+        ("specific force", 'look like imu.units accel = "m/s^2"'),
+    ),
+    "m/s^2 called mg": (
+        _toml('accel = "m/s^2"', 'accel = "mg"'),
+        INPUT,
+        ("specific force", 'accel = "m/s^2"'),
+    ),
     "increments called mean_rate": (
-        _all(_columns(IMU, slice(1, 7), lambda x: 0.01 * x), lambda d: d.lines(IMU, lambda x: ["tow,gx,gy,gz,ax,ay,az", *x[1:]])),
+        _all(
+            _columns(IMU, slice(1, 7), lambda x: 0.01 * x),
+            lambda d: d.lines(IMU, lambda x: ["tow,gx,gy,gz,ax,ay,az", *x[1:]]),
+        ),
         INPUT,
         ("specific force", 'imu.quantity = "increments"'),
     ),
@@ -387,27 +727,87 @@ MEANING: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
         INPUT,
         ("specific force", "look exchanged", "imu.columns"),
     ),
-    "gyro sign": (_columns(IMU, [1, 2, 3], np.negative), INPUT, (TURNS, "turn the other way", "gyro sign")),
-    "gyro channel dead": (_columns(IMU, 2, lambda x: 0.0 * x), INPUT, ("silent sensor", "gyro y stays at 0", "dead")),
+    "gyro sign": (
+        _columns(IMU, [1, 2, 3], np.negative),
+        INPUT,
+        (TURNS, "turn the other way", "gyro sign"),
+    ),
+    "gyro channel dead": (
+        _columns(IMU, 2, lambda x: 0.0 * x),
+        INPUT,
+        ("silent sensor", "gyro y stays at 0", "dead"),
+    ),
     "gyro channel dies": (
         _columns(IMU, 2, lambda x: np.where(np.arange(x.size) > 9000, x[9000], x)),
         INPUT,
         ("gyro y stays at", "for 60.0 s from 205290.0"),
     ),
-    "accelerometer channel dead": (_columns(IMU, 4, lambda x: 0.0 * x + 0.3), INPUT, ("accelerometer x stays at 0.3", "dead")),
-    "accelerometer dead": (_columns(IMU, [4, 5, 6], lambda x: 0.0 * x), INPUT, ("accelerometer x stays at 0", "accelerometer z")),
-    "IMU dead": (_columns(IMU, slice(1, 7), lambda x: 0.0 * x), INPUT, ("accelerometer x stays at 0", "likewise", "dead")),
-    "latitude and longitude exchanged": (_exchanged, INPUT, ("latitude and longitude look exchanged", "gnss.columns")),
-    "the same without tangent plane": (_all(_exchanged, _no_plane), INPUT, ("latitude and longitude are exchanged",)),
+    "accelerometer channel dead": (
+        _columns(IMU, 4, lambda x: 0.0 * x + 0.3),
+        INPUT,
+        ("accelerometer x stays at 0.3", "dead"),
+    ),
+    "accelerometer dead": (
+        _columns(IMU, [4, 5, 6], lambda x: 0.0 * x),
+        INPUT,
+        ("accelerometer x stays at 0", "accelerometer z"),
+    ),
+    "IMU dead": (
+        _columns(IMU, slice(1, 7), lambda x: 0.0 * x),
+        INPUT,
+        ("accelerometer x stays at 0", "likewise", "dead"),
+    ),
+    "latitude and longitude exchanged": (
+        _exchanged,
+        INPUT,
+        ("latitude and longitude look exchanged", "gnss.columns"),
+    ),
+    "the same without tangent plane": (
+        _all(_exchanged, _no_plane),
+        INPUT,
+        ("latitude and longitude are exchanged",),
+    ),
     "radians called degrees": (RADIANS, INPUT, ("GNSS position", 'gnss.units = { angle = "rad" }')),
-    "radians without tangent plane": (_all(RADIANS, _no_plane), INPUT, ("GNSS position", 'gnss.units = { angle = "rad" }')),
-    "positions all zero": (_all(_columns(GNSS, [1, 2, 3], lambda x: 0.0 * x), _no_plane), INPUT, ("GNSS position", "zeros")),
-    "position frozen": (_columns(GNSS, [1, 2, 3], lambda x: 0.0 * x + x[0]), INPUT, ("latitude and longitude and height the same in all",)),
-    "heights zero": (_columns(GNSS, 3, lambda x: 0.0 * x), INPUT, ("GNSS position", "height the same in all 1501 fixes")),
-    "heights in mm": (_columns(GNSS, 3, lambda x: 1e3 * x), INPUT, ("GNSS position", "unit of the heights, which is m")),
-    "GNSS in UTC": (_columns(GNSS, 0, lambda t: t - 18.0), INPUT, (TURNS, "GPS against UTC (18 s)", "add +18.0 s to gnss.time_offset_s")),
-    "IMU in UTC": (_columns(IMU, 0, lambda t: t - 18.0), INPUT, (TURNS, "GPS against UTC (18 s)", "s to imu.time_offset_s")),
-    "GNSS a second off": (_columns(GNSS, 0, lambda t: t - 1.0), INPUT, ("recognised clock: +1.0", "gnss.time_offset_s")),
+    "radians without tangent plane": (
+        _all(RADIANS, _no_plane),
+        INPUT,
+        ("GNSS position", 'gnss.units = { angle = "rad" }'),
+    ),
+    "positions all zero": (
+        _all(_columns(GNSS, [1, 2, 3], lambda x: 0.0 * x), _no_plane),
+        INPUT,
+        ("GNSS position", "zeros"),
+    ),
+    "position frozen": (
+        _columns(GNSS, [1, 2, 3], lambda x: 0.0 * x + x[0]),
+        INPUT,
+        ("latitude and longitude and height the same in all",),
+    ),
+    "heights zero": (
+        _columns(GNSS, 3, lambda x: 0.0 * x),
+        INPUT,
+        ("GNSS position", "height the same in all 1501 fixes"),
+    ),
+    "heights in mm": (
+        _columns(GNSS, 3, lambda x: 1e3 * x),
+        INPUT,
+        ("GNSS position", "unit of the heights, which is m"),
+    ),
+    "GNSS in UTC": (
+        _columns(GNSS, 0, lambda t: t - 18.0),
+        INPUT,
+        (TURNS, "GPS against UTC (18 s)", "add +18.0 s to gnss.time_offset_s"),
+    ),
+    "IMU in UTC": (
+        _columns(IMU, 0, lambda t: t - 18.0),
+        INPUT,
+        (TURNS, "GPS against UTC (18 s)", "s to imu.time_offset_s"),
+    ),
+    "GNSS a second off": (
+        _columns(GNSS, 0, lambda t: t - 1.0),
+        INPUT,
+        ("recognised clock: +1.0", "gnss.time_offset_s"),
+    ),
     "GNSS 50 ms off": (
         _columns(GNSS, 0, lambda t: t - 0.05),
         INPUT,
@@ -416,7 +816,10 @@ MEANING: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "lever arm wrong by 1 m": (
         _toml("[0.462, -0.001, -0.065]", "[1.462, -0.001, -0.065]"),
         INPUT,
-        ("antenna lever arm: from the IMU off by forward, right, down +0.9", "mounting.antenna_m = [0.4"),
+        (
+            "antenna lever arm: from the IMU off by forward, right, down +0.9",
+            "mounting.antenna_m = [0.4",
+        ),
     ),
     "lever arm wrong by 5 m": (
         _toml("[0.462, -0.001, -0.065]", "[5.462, -0.001, -0.065]"),
@@ -431,12 +834,18 @@ MEANING: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
         ("GNSS fixes rejected", "contradict"),
     ),
 }
-SLOW = {"GNSS 50 ms off", "lever arm wrong by 1 m", "the same without tangent plane"}  # solve the whole flight, some twice
+SLOW = {
+    "GNSS 50 ms off",
+    "lever arm wrong by 1 m",
+    "the same without tangent plane",
+}  # solve the whole flight, some twice
 
 
 @pytest.mark.parametrize("kind", FLIGHT_FILE)
 def test_a_wrong_flight_file_is_refused_and_nothing_is_left(kind, data, capsys):
-    """Oracle: the contract of the command line: exit code, one line with what is wrong and what to do; the tree of files as it was."""
+    """Oracle: the contract of the command line: exit code, one line with what is wrong and what to
+    do; the tree of files as it was.
+    """
     edit, code, words = FLIGHT_FILE[kind]
     edit(data)
     _refused(capsys, data.root, code, words)
@@ -444,15 +853,22 @@ def test_a_wrong_flight_file_is_refused_and_nothing_is_left(kind, data, capsys):
 
 @pytest.mark.parametrize("kind", FILES)
 def test_a_wrong_file_is_refused_and_nothing_is_left(kind, data, capsys):
-    """Oracle: the contract of the command line: exit code, one line with what is wrong and what to do; the tree of files as it was."""
+    """Oracle: the contract of the command line: exit code, one line with what is wrong and what to
+    do; the tree of files as it was.
+    """
     edit, code, words = FILES[kind]
     edit(data)
     _refused(capsys, data.root, code, words)
 
 
-@pytest.mark.parametrize("kind", [pytest.param(kind, marks=pytest.mark.slow) if kind in SLOW else kind for kind in MEANING])
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(kind, marks=pytest.mark.slow) if kind in SLOW else kind for kind in MEANING],
+)
 def test_files_that_contradict_each_other_are_refused_and_nothing_is_left(kind, data, capsys):
-    """Oracle: the contract of the command line, and the change that was made, which the line must name."""
+    """Oracle: the contract of the command line, and the change that was made, which the line must
+    name.
+    """
     edit, code, words = MEANING[kind]
     edit(data)
     _refused(capsys, data.root, code, words)
@@ -462,36 +878,63 @@ def test_an_output_directory_that_cannot_be_is_refused_before_anything_runs(data
     """Oracle: the contract; the command names it: wrong use; the flight file names it: bad input."""
     data.path("02_Processed/file").write_text("mine")
     for out in ("file", "file/below"):
-        _refused(capsys, data.root, USE, ("--out", "is a file, a directory is expected"), "--out", str(data.path("02_Processed") / out))
+        _refused(
+            capsys,
+            data.root,
+            USE,
+            ("--out", "is a file, a directory is expected"),
+            "--out",
+            str(data.path("02_Processed") / out),
+        )
     data.toml(f'"{OUT}"', '"02_Processed/file/below"')
     _refused(capsys, data.root, INPUT, ("output.directory", "is a file, a directory is expected"))
     data.toml('"02_Processed/file/below"', '"02_Processed/file"')
-    _refused(capsys, data.root, INPUT, ("flight.toml:27: output.directory", "is a file, a directory is expected"))
+    _refused(
+        capsys,
+        data.root,
+        INPUT,
+        ("flight.toml:27: output.directory", "is a file, a directory is expected"),
+    )
 
 
 def test_an_output_directory_without_permission_is_refused(data, capsys, tmp_path, monkeypatch):
-    """Oracle: the contract; the operating system says no (its answer is made up, since root may write everywhere)."""
+    """Oracle: the contract; the operating system says no (its answer is made up, since root may
+    write everywhere).
+    """
 
     def refuse(prefix: str, dir: Path) -> str:
         raise PermissionError(13, "Permission denied", str(dir))
 
     monkeypatch.setattr("insgnss.processing.products.tempfile.mkdtemp", refuse)
-    _refused(capsys, data.root, USE, ("--out: cannot write in", "Permission denied", "permissions"), "--out", str(tmp_path / "locked"))
+    _refused(
+        capsys,
+        data.root,
+        USE,
+        ("--out: cannot write in", "Permission denied", "permissions"),
+        "--out",
+        str(tmp_path / "locked"),
+    )
     _refused(capsys, data.root, INPUT, ("output.directory: cannot write in", "Permission denied"))
 
 
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="a directory that nobody can write to")
 def test_a_read_only_file_system_is_refused(data, capsys):
     """Oracle: the kernel, which lets nobody create anything in /proc."""
-    _refused(capsys, data.root, USE, ("--out: cannot write in /proc",), "--out", "/proc/insgnss/products")
+    _refused(
+        capsys, data.root, USE, ("--out: cannot write in /proc",), "--out", "/proc/insgnss/products"
+    )
 
 
 def test_a_product_never_takes_the_place_of_an_input(data, capsys):
-    """Oracle: design 6, inputs are never touched: here one has a product's name in the output directory."""
+    """Oracle: design 6, inputs are never touched: here one has a product's name in the output
+    directory.
+    """
     data.path(OUT).mkdir()
     data.path(IMU).rename(data.path(OUT) / "trajectory.csv")
     data.toml(IMU, f"{OUT}/trajectory.csv")
-    _refused(capsys, data.root, INPUT, ("output.directory", "trajectory.csv would overwrite the input"))
+    _refused(
+        capsys, data.root, INPUT, ("output.directory", "trajectory.csv would overwrite the input")
+    )
 
 
 def test_a_directory_in_the_place_of_a_product_is_refused(data, capsys):
@@ -512,7 +955,12 @@ def test_a_full_disk_leaves_nothing(data, capsys, monkeypatch):
 
 @pytest.mark.parametrize(
     ("arguments", "word"),
-    [(["process"], "FLIGHT"), (["proces", "x"], "proces"), (["process", "x", "--outt", "y"], "--outt"), ([], "VERB")],
+    [
+        (["process"], "FLIGHT"),
+        (["proces", "x"], "proces"),
+        (["process", "x", "--outt", "y"], "--outt"),
+        ([], "VERB"),
+    ],
 )
 def test_wrong_use_says_how(arguments, word, capsys):
     """Oracle: the contract of the command line, exit code 2."""
@@ -535,8 +983,14 @@ def _processed(capsys: pytest.CaptureFixture[str], data: DataSet) -> dict[str, A
 @pytest.mark.parametrize(
     "edit",
     [
-        pytest.param(lambda d: d.lines(IMU, lambda x: [s.replace(",", ";").replace(".", ",") for s in x]), id="decimal commas"),
-        pytest.param(lambda d: d.path(IMU).write_bytes(d.path(IMU).read_bytes().replace(b"\n", b"\r\n")), id="Windows"),
+        pytest.param(
+            lambda d: d.lines(IMU, lambda x: [s.replace(",", ";").replace(".", ",") for s in x]),
+            id="decimal commas",
+        ),
+        pytest.param(
+            lambda d: d.path(IMU).write_bytes(d.path(IMU).read_bytes().replace(b"\n", b"\r\n")),
+            id="Windows",
+        ),
     ],
 )
 def test_harmless_ways_of_writing_change_nothing(edit, data, capsys):
@@ -564,10 +1018,15 @@ def test_a_missing_sample_is_bridged_and_told(data, capsys):
 
 @pytest.mark.parametrize(
     ("key", "change"),
-    [("lever_arm", _toml("[0.462, -0.001, -0.065]", "[0.962, -0.001, -0.065]")), ("time_offset", _columns(GNSS, 0, lambda t: t - 0.05))],
+    [
+        ("lever_arm", _toml("[0.462, -0.001, -0.065]", "[0.962, -0.001, -0.065]")),
+        ("time_offset", _columns(GNSS, 0, lambda t: t - 0.05)),
+    ],
 )
 def test_the_advice_on_lever_arm_and_clock_puts_it_right(data, capsys, key, change):
-    """Oracle: the refused flight runs once the state is estimated, and estimates the change that was made."""
+    """Oracle: the refused flight runs once the state is estimated, and estimates the change that
+    was made.
+    """
     change(data)
     data.toml("[output]", f"[filter]\n{key} = true\n[output]")
     report = _processed(capsys, data)
@@ -577,7 +1036,9 @@ def test_the_advice_on_lever_arm_and_clock_puts_it_right(data, capsys, key, chan
 
 @pytest.mark.parametrize("length", [0.5, 3.0])
 def test_a_gap_is_bridged_or_divides_the_flight_and_is_told(data, capsys, length):
-    """Oracle: the gap that was made, and a second as the limit; images within a gap that is not bridged have no orientation."""
+    """Oracle: the gap that was made, and a second as the limit; images within a gap that is not
+    bridged have no orientation.
+    """
     _rows(IMU, lambda t: (t < 60.0) | (t >= 60.0 + length))(data)
     times = [float(line.split()[1]) for line in data.path(EVENTS).read_text().splitlines()[1:]]
     report = _processed(capsys, data)
@@ -592,7 +1053,11 @@ def test_a_row_that_stands_twice_is_left_out_and_told(data, capsys):
     """Oracle: the row that was doubled."""
     data.lines(IMU, lambda x: [*x[:500], x[499], *x[500:]])
     report = _processed(capsys, data)
-    assert [check["found"] for check in report["checks"] if check["name"] == "IMU rows" and "1 " in check["found"]]
+    assert [
+        check["found"]
+        for check in report["checks"]
+        if check["name"] == "IMU rows" and "1 " in check["found"]
+    ]
 
 
 def test_the_advice_on_a_clock_in_utc_puts_it_right(data, capsys):
@@ -614,11 +1079,22 @@ def test_a_flight_can_be_cut_before_a_gap(data, capsys):
 
 @pytest.mark.slow
 def test_a_contradiction_can_be_overruled_and_is_told(data, capsys):
-    """Oracle: the name in the refusal, put into the flight file; the history says what was overruled and what was found."""
+    """Oracle: the name in the refusal, put into the flight file; the history says what was
+    overruled and what was found.
+    """
     data.toml("forward right down", "right backward down")
-    data.toml("[imu]", 'accept = ["heading against course", "recognised axes", "antenna lever arm"]\n[imu]')
+    data.toml(
+        "[imu]",
+        'accept = ["heading against course", "recognised axes", "antenna lever arm"]\n[imu]',
+    )
     report = _processed(capsys, data)
-    assert [s for s in report["history"] if s.startswith("contradiction overruled by the flight file: heading against course: median -9")]
+    assert [
+        s
+        for s in report["history"]
+        if s.startswith(
+            "contradiction overruled by the flight file: heading against course: median -9"
+        )
+    ]
 
 
 @pytest.fixture(scope="session")
@@ -650,7 +1126,9 @@ def test_the_products_are_those_of_the_contract(products):
 
 
 def test_eo_local_plane_is_that_of_the_contract(products, truth):
-    """Oracle: design 6 for header and columns; the simulation's truth, with scipy's rotations, for the numbers."""
+    """Oracle: design 6 for header and columns; the simulation's truth, with scipy's rotations, for
+    the numbers.
+    """
     lines = (products / "EO_local-plane.txt").read_text().splitlines()
     header = [line for line in lines if line.startswith("#")]
     assert lines[: len(header)] == header
@@ -672,7 +1150,10 @@ def test_eo_local_plane_is_that_of_the_contract(products, truth):
     table = np.array([[float(field) for field in row[1:]] for row in rows])
     assert (table[:, 6:] > 0.0).all()
     assert (np.abs(table[:, :3] - truth["eo"]["position_enu"]) < 5.0 * table[:, 6:9]).all()
-    turn = Rotation.from_euler("XYZ", table[:, 3:6], degrees=True) * Rotation.from_matrix(_rub(truth["eo"]["C_mc"])).inv()
+    turn = (
+        Rotation.from_euler("XYZ", table[:, 3:6], degrees=True)
+        * Rotation.from_matrix(_rub(truth["eo"]["C_mc"])).inv()
+    )
     tilt, heading = turn.as_rotvec(degrees=True)[:, :2], turn.as_rotvec(degrees=True)[:, 2]
     assert np.abs(tilt).max() < 0.1  # five sigma of tilt
     assert (np.abs(heading) < 5.0 * table[:, 11]).all()
@@ -685,16 +1166,28 @@ def test_metashape_is_that_of_the_contract(products, truth):
     assert [line.split(",")[0] for line in lines] == truth["eo"]["images"].tolist()
     table = np.array([[float(field) for field in line.split(",")[1:]] for line in lines])
     assert table.shape[1] == 12
-    assert np.abs(table[:, :2] - [6.54, 46.57]).max() < 0.05  # x is longitude, y latitude, and the flight some km at most from the origin
+    assert (
+        np.abs(table[:, :2] - [6.54, 46.57]).max() < 0.05
+    )  # x is longitude, y latitude, and the flight some km at most from the origin
     assert (table[:, 6:] > 0.0).all()
     M = _rub(truth["eo"]["C_mc"])
-    ypr = np.degrees([np.arctan2(M[:, 0, 1], M[:, 1, 1]), np.arcsin(M[:, 2, 1]), np.arctan2(-M[:, 2, 0], M[:, 2, 2])]).T
+    ypr = np.degrees(
+        [
+            np.arctan2(M[:, 0, 1], M[:, 1, 1]),
+            np.arcsin(M[:, 2, 1]),
+            np.arctan2(-M[:, 2, 0], M[:, 2, 2]),
+        ]
+    ).T
     off = (table[:, 3:6] - ypr + 180.0) % 360.0 - 180.0
-    assert (np.abs(off) < 5.0 * table[:, 9:12] + 0.02).all()  # 0.02 deg: the meridians of camera and origin
+    assert (
+        np.abs(off) < 5.0 * table[:, 9:12] + 0.02
+    ).all()  # 0.02 deg: the meridians of camera and origin
 
 
 def test_eo_json_holds_the_full_covariances(products, truth):
-    """Oracle: design 6: 6 x 6 an image and the cross-covariances between neighbours; jointly they are a covariance."""
+    """Oracle: design 6: 6 x 6 an image and the cross-covariances between neighbours; jointly they
+    are a covariance.
+    """
     content = json.loads((products / "eo.json").read_text())
     images = content["images"]
     assert [image["image"] for image in images] == truth["eo"]["images"].tolist()
@@ -712,10 +1205,15 @@ def test_eo_json_holds_the_full_covariances(products, truth):
 
 
 def test_the_trajectory_is_that_of_the_contract(products, truth):
-    """Oracle: the header of design 6; the simulation's truth at the IMU; the record sizes and units of SBET and smrmsg (formats.md B11)."""
+    """Oracle: the header of design 6; the simulation's truth at the IMU; the record sizes and units
+    of SBET and smrmsg (formats.md B11).
+    """
     header, *lines = (products / "trajectory.csv").read_text().splitlines()
     state = "gps_week,tow,lat_deg,lon_deg,h_m,vn,ve,vd,roll_deg,pitch_deg,heading_deg"
-    assert header == f"{state},sd_n_m,sd_e_m,sd_d_m,sd_vn,sd_ve,sd_vd,sd_roll_deg,sd_pitch_deg,sd_heading_deg"
+    assert (
+        header
+        == f"{state},sd_n_m,sd_e_m,sd_d_m,sd_vn,sd_ve,sd_vd,sd_roll_deg,sd_pitch_deg,sd_heading_deg"
+    )
     table = np.array([[float(field) for field in line.split(",")] for line in lines])
     assert set(table[:, 0]) == {2008.0}
     assert np.allclose(np.diff(table[:, 1]), 0.1, atol=1e-6)
@@ -736,9 +1234,14 @@ def test_the_trajectory_is_that_of_the_contract(products, truth):
 
 
 def test_the_report_says_what_was_done_to_what(good, products):
-    """Oracle: design 6: figures, the resolved flight file, versions, hashes of the inputs (hashlib); the page stands alone."""
+    """Oracle: design 6: figures, the resolved flight file, versions, hashes of the inputs
+    (hashlib); the page stands alone.
+    """
     report = json.loads((products / "report.json").read_text())
-    hashes = {name: hashlib.sha256((good / name).read_bytes()).hexdigest() for name in ("flight.toml", IMU, GNSS, EVENTS)}
+    hashes = {
+        name: hashlib.sha256((good / name).read_bytes()).hexdigest()
+        for name in ("flight.toml", IMU, GNSS, EVENTS)
+    }
     assert report["inputs_sha256"] == hashes
     assert report["flight"]["gnss"]["gate_sigma"] == 5.0
     assert {"insgnss", "python", "numpy"} <= set(report["versions"])

@@ -2,14 +2,15 @@
 
 import numpy as np
 
-from ..compilation import njit
+from ..base.compilation import njit
 
 
 @njit(cache=True)
 def relative_motion(dt, dtheta, dvel, stop, out):
     """Integrate specific force in the axes of the body at the first mark (A.1).
 
-    stop (m,): segments before each mark, counted in dt. out (m, 15): integral of f, integral of that, C_b0b row by row.
+    stop (m,): segments before each mark, counted in dt. out (m, 15): integral of f, integral of
+    that, C_b0b row by row.
     """
     w, x, y, z = 1.0, 0.0, 0.0, 0.0
     v = np.zeros(3)

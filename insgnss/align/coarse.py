@@ -1,24 +1,28 @@
 """Coarse attitude from GNSS motion against integrated inertial motion over one window.
 
-A drone crabs in wind, so its course is not its heading. But the specific force integrated in the axes b0 of the body at the
-window's start, where the gyros alone tell how the body turned since, and the accelerations seen by GNSS are the same vectors in
-two frames. With s(t) the double integral of the specific force in b0, tau the time since the window's start, l_b the lever arm
-and g gravity:
+A drone crabs in wind, so its course is not its heading. But the specific force integrated in the
+axes b0 of the body at the window's start, where the gyros alone tell how the body turned since, and
+the accelerations seen by GNSS are the same vectors in two frames. With s(t) the double integral of
+the specific force in b0, tau the time since the window's start, l_b the lever arm and g gravity:
 
-    p_a(t) - g tau^2 / 2 = p_0 + v_0 tau + C [ s(t) + C_b0b(t) l_b ]                                    (A.1)
+    p_a(t) - g tau^2 / 2 = p_0 + v_0 tau + C [ s(t) + C_b0b(t) l_b ]                           (A.1)
 
-and, where the receiver gives velocities, the derivative of it. p_0 and v_0 enter linearly: projecting both sides on the complement
-of what they can explain leaves pairs (z_i, a_i) with z_i = C a_i, Wahba's problem, solved by one singular value decomposition
-with no first guess. Its information matrix, with the residuals' own size, is the attitude's
+and, where the receiver gives velocities, the derivative of it. p_0 and v_0 enter linearly:
+projecting both sides on the complement of what they can explain leaves pairs (z_i, a_i) with z_i =
+C a_i, Wahba's problem, solved by one singular value decomposition with no first guess. Its
+information matrix, with the residuals' own size, is the attitude's
 
-    I = sum w (|C a|^2 - C a a' C')                                                                      (A.2)
+    I = sum w (|C a|^2 - C a a' C')                                                            (A.2)
 
-to which the unknown gyro bias over the window and the accelerometer bias against the manoeuvre's acceleration are added.
+to which the unknown gyro bias over the window and the accelerometer bias against the manoeuvre's
+acceleration are added.
 
-The gyro bias turns b0 away from what the gyros say: the window must be short enough for it. What is left is an attitude good to
-some degrees, from which `initial` estimates the window properly, biases and all.
+The gyro bias turns b0 away from what the gyros say: the window must be short enough for it. What is
+left is an attitude good to some degrees, from which `initial` estimates the window properly, biases
+and all.
 
-Wahba (1965); Markley (1988) for the solution; Wu and Pan (2013) "Velocity/position integration formula" for the idea.
+Wahba (1965); Markley (1988) for the solution; Wu and Pan (2013) "Velocity/position integration
+formula" for the idea.
 """
 
 from dataclasses import dataclass
@@ -38,7 +42,8 @@ MEDIAN_OF_CHI_3 = 1.538  # of the length of three normal variables
 
 @dataclass(frozen=True)
 class CoarseAttitude:
-    """Attitude at the start of one window. first, last: its epochs. C_lb (3, 3) and velocity (3,) m/s in l at the first.
+    """Attitude at the start of one window. first, last: its epochs. C_lb (3, 3) and velocity (3,)
+    m/s in l at the first.
 
     cov : (3, 3) of psi, rad^2.   misfit : root mean square of the residuals over their sigmas.
     """
@@ -63,7 +68,9 @@ def coarse_attitudes(problem: EstimationProblem) -> list[CoarseAttitude]:
 
 
 def _candidates(problem: EstimationProblem) -> list[np.ndarray]:
-    """Windows (indices of the epochs with a position) in which GNSS alone shows the largest changes of velocity."""
+    """Windows (indices of the epochs with a position) in which GNSS alone shows the largest changes
+    of velocity.
+    """
     ep = problem.epochs
     at = np.flatnonzero(ep.has_position)
     found: list[np.ndarray] = []
@@ -73,7 +80,9 @@ def _candidates(problem: EstimationProblem) -> list[np.ndarray]:
         while at.size and begin < ep.time[at[-1]]:
             lo, hi = np.searchsorted(ep.time[at], [begin, begin + length + 1e-6])
             if hi - lo >= 5:
-                scored.append((_unsteadiness(ep.time[at[lo:hi]], ep.position[at[lo:hi]]), at[lo:hi]))
+                scored.append(
+                    (_unsteadiness(ep.time[at[lo:hi]], ep.position[at[lo:hi]]), at[lo:hi])
+                )
             begin += 0.5 * length
         median = np.median([score for score, _ in scored]) if scored else 0.0
         early = [window for score, window in scored if score > median][:1]
@@ -82,7 +91,9 @@ def _candidates(problem: EstimationProblem) -> list[np.ndarray]:
 
 
 def _unsteadiness(time: Array, position: Array) -> float:
-    """Median distance, m, of the horizontal position from uniform motion; a few gross fixes do not count."""
+    """Median distance, m, of the horizontal position from uniform motion; a few gross fixes do not
+    count.
+    """
     A = np.column_stack([np.ones(time.size), time - time.mean()])
     horizontal = position[:, :2]
     rest = horizontal - A @ np.linalg.lstsq(A, horizontal, rcond=None)[0]
@@ -115,10 +126,11 @@ def solve_window(problem: EstimationProblem, at: np.ndarray) -> CoarseAttitude:
 
 
 def _robust_wahba(design: Array, z: Array, a: Array) -> tuple[Array, Array, Array, float]:
-    """Attitude C (3, 3), v_0 (3,), the rows C a without what p_0 and v_0 explain, and the typical residual in sigmas.
+    """Attitude C (3, 3), v_0 (3,), the rows C a without what p_0 and v_0 explain, and the typical
+    residual in sigmas.
 
-    Rows whose residual exceeds `OUTLYING` times the median are weighed down and the problem is solved again: a few gross fixes
-    must not turn the attitude.
+    Rows whose residual exceeds `OUTLYING` times the median are weighed down and the problem is
+    solved again: a few gross fixes must not turn the attitude.
     """
     trust = np.ones((z.shape[0], 1))
     for _ in range(ROUNDS):
@@ -133,8 +145,12 @@ def _robust_wahba(design: Array, z: Array, a: Array) -> tuple[Array, Array, Arra
     return C, p0_v0[1], a_rest @ C.T, typical / MEDIAN_OF_CHI_3
 
 
-def _attitude_cov(problem: EstimationProblem, seen: Array, misfit: float, length: float, weight: Array) -> Array:
-    """Covariance of psi: noise (A.2), gyro bias over the window, accelerometer bias against the manoeuvre."""
+def _attitude_cov(
+    problem: EstimationProblem, seen: Array, misfit: float, length: float, weight: Array
+) -> Array:
+    """Covariance of psi: noise (A.2), gyro bias over the window, accelerometer bias against the
+    manoeuvre.
+    """
     information = np.sum(seen**2) * np.eye(3) - seen.T @ seen
     noise = np.linalg.pinv(information, rcond=1e-12) * max(misfit, 1.0) ** 2
     M = np.abs(problem.layout.channel_sum())
@@ -150,4 +166,6 @@ def _attitude_cov(problem: EstimationProblem, seen: Array, misfit: float, length
 def _gravity(problem: EstimationProblem, position: Array) -> Array:
     """Gravity in l at a point, (3,) m/s^2."""
     lat, _, height = problem.frame.geodetic_from_position(position)
-    return problem.frame.C_ln_at(position) @ np.array([0.0, 0.0, float(normal_gravity(lat, height))])
+    return problem.frame.C_ln_at(position) @ np.array(
+        [0.0, 0.0, float(normal_gravity(lat, height))]
+    )

@@ -1,20 +1,26 @@
 """The state at the first epoch, from which the flight is filtered.
 
-1. A coarse attitude: of a rest, where the gyros are good enough for gyrocompassing (`standing`), or of a manoeuvre (`coarse`), good to
+1. A coarse attitude: of a rest, where the gyros are good enough for gyrocompassing (`standing`), or
+    of a manoeuvre (`coarse`), good to
    some degrees.
    Where a window rejects its fixes it is solved again with doubtful ones weighed down.
-2. The minute around it is estimated as a small flight of its own by filter and smoother, linearised again until it stands (a batch
-   least-squares solution with all IMU states). Of the candidates the earliest that knows its heading to two degrees is taken.
-3. From the start of that window the filter runs backwards in time to the first epoch, where it stands with everything that the
-   data up to the manoeuvre say: levelled by the accelerometers on the ground, its heading carried back from the first turn.
+2. The minute around it is estimated as a small flight of its own by filter and smoother, linearised
+    again until it stands (a batch
+   least-squares solution with all IMU states). Of the candidates the earliest that knows its
+   heading to two degrees is taken.
+3. From the start of that window the filter runs backwards in time to the first epoch, where it
+    stands with everything that the
+   data up to the manoeuvre say: levelled by the accelerometers on the ground, its heading carried
+   back from the first turn.
 
-The motion read backwards in time obeys the same equations with the velocity, the Earth's rotation, the gyro rates and their errors
-of the other sign and the specific force as it is (substitute t -> -t in S.1), and the IMU error processes are reversible, so the
-very same kernels do it.
+The motion read backwards in time obeys the same equations with the velocity, the Earth's rotation,
+the gyro rates and their errors of the other sign and the specific force as it is (substitute t ->
+-t in S.1), and the IMU error processes are reversible, so the very same kernels do it.
 
-The result serves as the point to linearise about. Its attitude covariance is widened (`WIDEN` times in sigma), position and velocity
-start unknown and the IMU states with their a-priori mean and covariance, since the forward filter sees the same data again: what
-remains of the double use is one part in WIDEN^2 of the information on the starting attitude.
+The result serves as the point to linearise about. Its attitude covariance is widened (`WIDEN` times
+in sigma), position and velocity start unknown and the IMU states with their a-priori mean and
+covariance, since the forward filter sees the same data again: what remains of the double use is one
+part in WIDEN^2 of the information on the starting attitude.
 """
 
 from collections.abc import Iterator
@@ -22,9 +28,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import DataError
-from ..geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion, rotation_from_rpy, rotation_from_vector
-from ..navigation.codes import ACCEL0, AZ, BIAS, DRIFT, IMU, IMU0, N_CHANNELS, N_NAV, POS, POSITION, PSI, PSI0, QUAT, VEL
+from ..base.errors import DataError
+from ..geodesy.rotation import (
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    rotation_from_rpy,
+    rotation_from_vector,
+)
+from ..navigation.codes import (
+    ACCEL0,
+    AZ,
+    BIAS,
+    DRIFT,
+    IMU,
+    IMU0,
+    N_CHANNELS,
+    N_NAV,
+    POS,
+    POSITION,
+    PSI,
+    PSI0,
+    QUAT,
+    VEL,
+)
 from ..navigation.filter import make_history, run_filter
 from ..navigation.problem import EstimationProblem, InitialState, sub_problem, with_epochs
 from ..navigation.solution import Solution, solve
@@ -40,13 +66,19 @@ TRIES = 5
 GOOD_RAD = np.radians(2.0)
 # of attitude, one sigma: beyond it second-order terms (1.5 % at one sigma) make it incredible
 HOPELESS_RAD = np.radians(10.0)
-HUBER_NIS = 16.0  # of a triple: beyond it a fix is weighed down, from a metre at a sigma of centimetres by ten and more
-MISFIT_NIS = 25.0  # median of a triple, expected 2.4: beyond it the window did not converge to the data
+# of a triple: beyond it a fix is weighed down, from a metre at a sigma of centimetres by ten and
+# more
+HUBER_NIS = 16.0
+MISFIT_NIS = (
+    25.0  # median of a triple, expected 2.4: beyond it the window did not converge to the data
+)
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """Start of the forward filter; time (2,) s, GPST, of the manoeuvre that gave the heading, and its sigma there, rad."""
+    """Start of the forward filter; time (2,) s, GPST, of the manoeuvre that gave the heading, and
+    its sigma there, rad.
+    """
 
     start: InitialState
     window: tuple[float, float]
@@ -62,11 +94,17 @@ def initial_state(problem: EstimationProblem) -> Alignment:
         nav, x, P = _run_back(problem, first, nav, x, P)
     att = WIDEN**2 * P[PSI, PSI] + np.diag(FLOOR_RAD**2)
     shrink = np.minimum(1.0, CEILING_RAD / np.sqrt(np.diag(att)))
-    return Alignment(_start(problem, nav, att * np.outer(shrink, shrink), x), (solution.time[0], solution.time[-1]), heading_sigma)
+    return Alignment(
+        _start(problem, nav, att * np.outer(shrink, shrink), x),
+        (solution.time[0], solution.time[-1]),
+        heading_sigma,
+    )
 
 
 def given_attitude(problem: EstimationProblem, rpy: Array, sigma: Array) -> InitialState:
-    """Start from roll, pitch, heading (3,) rad at the first epoch with standard deviations (3,) rad."""
+    """Start from roll, pitch, heading (3,) rad at the first epoch with standard deviations (3,)
+    rad.
+    """
     C_lb = problem.frame.C_ln_at(problem.epochs.position[0]) @ rotation_from_rpy(rpy)
     # roll and pitch sigmas are about body axes turned by the heading; the larger one serves both
     tilt = float(np.max(np.asarray(sigma)[:2]))
@@ -75,7 +113,9 @@ def given_attitude(problem: EstimationProblem, rpy: Array, sigma: Array) -> Init
 
 
 def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
-    """First epoch and smoothed solution of the earliest window whose heading is known well enough, else of the best."""
+    """First epoch and smoothed solution of the earliest window whose heading is known well enough,
+    else of the best.
+    """
     found: list[tuple[int, Solution]] = []
     standing = standing_attitude(problem)
     for first, window, start in _candidates(problem, standing):
@@ -86,31 +126,38 @@ def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
             if solution.P[0, AZ, AZ] < GOOD_RAD**2:
                 return first, solution
             found.append((first, solution))
-    if standing is not None and (not found or min(s.P[0, AZ, AZ] for _, s in found) > HOPELESS_RAD**2):
+    if standing is not None and (
+        not found or min(s.P[0, AZ, AZ] for _, s in found) > HOPELESS_RAD**2
+    ):
         raise DataError(
-            f"heading not observable: {standing.told()} at best (limit {np.degrees(HOPELESS_RAD):.0f} deg), and no motion gives more; "
-            "include a manoeuvre, use gyros of a degree an hour, or give [initial] attitude"
+            f"heading not observable: {standing.told()} at best (limit"
+            f" {np.degrees(HOPELESS_RAD):.0f} deg), and no motion gives more; include a manoeuvre,"
+            " use gyros of a degree an hour, or give [initial] attitude"
         )
     if not found:
         raise DataError(
-            "no initial attitude: in no stretch of the recording do GNSS and inertial motion agree, or it has too few fixes; check axes, "
-            "units, time scales, sigmas, lever arm and noise model with `insgnss inspect`, or give [initial] attitude"
+            "no initial attitude: in no stretch of the recording do GNSS and inertial motion agree,"
+            " or it has too few fixes; check axes, units, time scales, sigmas, lever arm and noise"
+            " model with `insgnss inspect`, or give [initial] attitude"
         )
     chosen = min(found, key=lambda f: f[1].P[0, AZ, AZ])
     sigma = float(np.sqrt(chosen[1].P[0, AZ, AZ]))
     if not sigma < HOPELESS_RAD:
         raise DataError(
-            f"heading not observable: the best stretch of the recording gives it to {np.degrees(sigma):.0f} deg only (limit "
-            f"{np.degrees(HOPELESS_RAD):.0f}), it holds no turn or change of speed, or the noise model is far too wide; include a "
-            "manoeuvre or give [initial] attitude"
+            "heading not observable: the best stretch of the recording gives it to"
+            f" {np.degrees(sigma):.0f} deg only (limit {np.degrees(HOPELESS_RAD):.0f}), it holds no"
+            " turn or change of speed, or the noise model is far too wide; include a manoeuvre or"
+            " give [initial] attitude"
         )
     return chosen
 
 
 def _estimated(window: EstimationProblem, start: InitialState) -> Solution | None:
-    """The window's solution; where its fixes are rejected, that in which they are weighed down instead (K.11).
+    """The window's solution; where its fixes are rejected, that in which they are weighed down
+    instead (K.11).
 
-    A start tens of degrees off rejects good fixes, reopens (K.7) and never converges; taken all, the fixes turn it round.
+    A start tens of degrees off rejects good fixes, reopens (K.7) and never converges; taken all,
+    the fixes turn it round.
     """
     for tried in (window, replace(window, gate=np.inf, huber_threshold=HUBER_NIS)):
         try:
@@ -120,20 +167,35 @@ def _estimated(window: EstimationProblem, start: InitialState) -> Solution | Non
     return None
 
 
-def _candidates(problem: EstimationProblem, standing: StandingAttitude | None) -> Iterator[tuple[int, EstimationProblem, InitialState]]:
+def _candidates(
+    problem: EstimationProblem, standing: StandingAttitude | None
+) -> Iterator[tuple[int, EstimationProblem, InitialState]]:
     """First epoch, problem and start of the windows to try, a rest that knows its heading first."""
     if standing is not None and standing.knows_heading:
         window = sub_problem(problem, standing.first, standing.last)
-        sigma = np.array([standing.tilt_sigma, standing.tilt_sigma, standing.heading_sigma]) + 0.1 * FLOOR_RAD
-        yield standing.first, window, _start(window, _nav(window, 0, standing.C_lb, np.zeros(3)), np.diag(sigma**2))
+        sigma = (
+            np.array([standing.tilt_sigma, standing.tilt_sigma, standing.heading_sigma])
+            + 0.1 * FLOOR_RAD
+        )
+        yield (
+            standing.first,
+            window,
+            _start(window, _nav(window, 0, standing.C_lb, np.zeros(3)), np.diag(sigma**2)),
+        )
     for coarse in sorted(coarse_attitudes(problem)[:TRIES], key=lambda c: c.first):
-        last = int(np.searchsorted(problem.epochs.time, problem.epochs.time[coarse.first] + WINDOW_S))
-        window = sub_problem(problem, coarse.first, max(coarse.last, min(last, problem.epochs.time.size - 1)))
+        last = int(
+            np.searchsorted(problem.epochs.time, problem.epochs.time[coarse.first] + WINDOW_S)
+        )
+        window = sub_problem(
+            problem, coarse.first, max(coarse.last, min(last, problem.epochs.time.size - 1))
+        )
         yield coarse.first, window, _coarse_start(window, coarse)
 
 
 def _coarse_start(window: EstimationProblem, coarse: CoarseAttitude) -> InitialState:
-    """Start of the window: the heading unknown, so that what comes out as its sigma is what the data of the window say."""
+    """Start of the window: the heading unknown, so that what comes out as its sigma is what the
+    data of the window say.
+    """
     tilt = np.clip(np.sqrt(np.diag(coarse.cov)[:2]) + FLOOR_RAD[:2], None, np.radians(30.0))
     att = np.diag([*tilt, np.pi]) ** 2
     return _start(window, _nav(window, 0, coarse.C_lb, coarse.velocity), att)
@@ -145,8 +207,11 @@ def _nav(problem: EstimationProblem, epoch: int, C_lb: Array, velocity: Array) -
     return np.concatenate([position, velocity, quaternion_from_rotation(C_lb)])
 
 
-def _start(problem: EstimationProblem, nav: Array, att: Array, x: Array | None = None) -> InitialState:
-    """Wide position and velocity, the given attitude covariance (3, 3), IMU states as the noise model has them.
+def _start(
+    problem: EstimationProblem, nav: Array, att: Array, x: Array | None = None
+) -> InitialState:
+    """Wide position and velocity, the given attitude covariance (3, 3), IMU states as the noise
+    model has them.
 
     x (ns,): IMU states to linearise about; their a-priori mean is zero in any case.
     """
@@ -186,17 +251,29 @@ def _reversed(problem: EstimationProblem, last: int) -> EstimationProblem:
     )
     back = with_epochs(problem, at, against)
     ep = back.epochs
-    gap = np.concatenate([np.zeros((1, N_CHANNELS)), ep.gap[:-1]])  # of the interval that now ends at the epoch
-    return replace(back, backward=True, epochs=ep._replace(velocity=-ep.velocity, zaru_rate=-ep.zaru_rate, gap=gap))
+    gap = np.concatenate(
+        [np.zeros((1, N_CHANNELS)), ep.gap[:-1]]
+    )  # of the interval that now ends at the epoch
+    return replace(
+        back,
+        backward=True,
+        epochs=ep._replace(velocity=-ep.velocity, zaru_rate=-ep.zaru_rate, gap=gap),
+    )
 
 
-def _run_back(problem: EstimationProblem, first: int, nav: Array, x: Array, P: Array) -> tuple[Array, Array, Array]:
-    """Filter from epoch `first` with state and covariance there back to epoch 0: the same there, in forward signs."""
+def _run_back(
+    problem: EstimationProblem, first: int, nav: Array, x: Array, P: Array
+) -> tuple[Array, Array, Array]:
+    """Filter from epoch `first` with state and covariance there back to epoch 0: the same there, in
+    forward signs.
+    """
     layout = problem.layout
     sign = np.ones(layout.size)
     sign[VEL] = -1.0
     gyro = layout.channel < ACCEL0
-    sign[IMU][(gyro & (layout.factor == BIAS)) | (~gyro & (layout.factor == DRIFT))] = -1.0  # a drift counts time, which turns too
+    sign[IMU][
+        (gyro & (layout.factor == BIAS)) | (~gyro & (layout.factor == DRIFT))
+    ] = -1.0  # a drift counts time, which turns too
     if layout.offset >= 0:
         sign[IMU0 + layout.offset] = -1.0
     back = _reversed(problem, first)
@@ -208,7 +285,9 @@ def _run_back(problem: EstimationProblem, first: int, nav: Array, x: Array, P: A
     m = history.m[-1]  # not zero where the filter still held the feedback back
     nav = history.nav[-1].copy()
     nav[:PSI0] += m[:PSI0]
-    nav[QUAT] = quaternion_from_rotation(rotation_from_vector(m[PSI]) @ rotation_from_quaternion(nav[QUAT]))
+    nav[QUAT] = quaternion_from_rotation(
+        rotation_from_vector(m[PSI]) @ rotation_from_quaternion(nav[QUAT])
+    )
     nav[VEL] *= -1.0
     x = (history.x[-1] + m[IMU]) * sign[IMU]
     x[layout.factor == DRIFT] = 0.0

@@ -1,13 +1,15 @@
-"""Attitude of a vehicle that stands still: level from the specific force, heading from the Earth's rotation (gyrocompassing).
+"""Attitude of a vehicle that stands still: level from the specific force, heading from the Earth's
+rotation (gyrocompassing).
 
-At rest f_b = -C_bl g and omega_b = C_bl Omega + b. The two directions down d = -f / |f| and, across it, north n ~ (1 - d d') omega are
-the same in both frames (TRIAD, Black 1964), which gives
+At rest f_b = -C_bl g and omega_b = C_bl Omega + b. The two directions down d = -f / |f| and, across
+it, north n ~ (1 - d d') omega are the same in both frames (TRIAD, Black 1964), which gives
 
-    sigma(tilt) = sigma_a / g,      sigma(heading) = sigma_g / (Omega cos(latitude))                                  (A.3)
+    sigma(tilt) = sigma_a / g,      sigma(heading) = sigma_g / (Omega cos(latitude))           (A.3)
 
-with sigma_a, sigma_g what is unknown of the accelerometers and gyros over the rest: turn-on bias, slow processes, and white noise over
-its length. 0.1 deg/h gives the heading to half a degree at 45 deg of latitude, 100 deg/h gives none. From here filter and smoother
-estimate the rest properly (`initial`).
+with sigma_a, sigma_g what is unknown of the accelerometers and gyros over the rest: turn-on bias,
+slow processes, and white noise over its length. 0.1 deg/h gives the heading to half a degree at 45
+deg of latitude, 100 deg/h gives none. From here filter and smoother estimate the rest properly
+(`initial`).
 """
 
 from dataclasses import dataclass
@@ -26,7 +28,9 @@ USEFUL_RAD = np.radians(20.0)  # of heading
 
 @dataclass(frozen=True)
 class StandingAttitude:
-    """Attitude over the rest from epoch first to last. C_lb (3, 3); tilt_sigma, heading_sigma, rad; rate (3,) rad/s in body axes."""
+    """Attitude over the rest from epoch first to last. C_lb (3, 3); tilt_sigma, heading_sigma, rad;
+    rate (3,) rad/s in body axes.
+    """
 
     first: int
     last: int
@@ -44,13 +48,16 @@ class StandingAttitude:
         """What it gives, in words."""
         roll, pitch, _ = np.degrees(rpy_from_rotation(self.C_lb))
         return (
-            f"standing, roll {roll:.2f} and pitch {pitch:.2f} deg to {np.degrees(self.tilt_sigma):.2g} deg, and heading to "
-            f"{min(np.degrees(self.heading_sigma), 180.0):.3g} deg from the Earth's rotation"
+            f"standing, roll {roll:.2f} and pitch {pitch:.2f} deg to"
+            f" {np.degrees(self.tilt_sigma):.2g} deg, and heading to"
+            f" {min(np.degrees(self.heading_sigma), 180.0):.3g} deg from the Earth's rotation"
         )
 
 
 def longest_rest(problem: EstimationProblem) -> tuple[int, int] | None:
-    """First and last epoch of the longest rest, at most `LONGEST_S` of it, or None where none lasts for `SHORTEST_S`."""
+    """First and last epoch of the longest rest, at most `LONGEST_S` of it, or None where none lasts
+    for `SHORTEST_S`.
+    """
     ep = problem.epochs
     at = np.flatnonzero(ep.constraint == ZUPT)
     if at.size < 2:
@@ -60,7 +67,14 @@ def longest_rest(problem: EstimationProblem) -> tuple[int, int] | None:
     with_fix = np.flatnonzero(ep.has_position)
     begin = with_fix[np.minimum(np.searchsorted(with_fix, begin), with_fix.size - 1)]
     k = int(np.argmax(ep.time[end] - ep.time[begin]))
-    last = int(np.searchsorted(ep.time, min(ep.time[end[k]], ep.time[begin[k]] + LONGEST_S), side="right")) - 1
+    last = (
+        int(
+            np.searchsorted(
+                ep.time, min(ep.time[end[k]], ep.time[begin[k]] + LONGEST_S), side="right"
+            )
+        )
+        - 1
+    )
     return (int(begin[k]), last) if ep.time[last] - ep.time[begin[k]] >= SHORTEST_S else None
 
 

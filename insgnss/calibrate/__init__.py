@@ -1,2 +1,2 @@
-"""What a recording says about its sensors: of an IMU its deterministic calibration and the bias at turn-on, and of the fixes their
-correlated errors, lever arm and clock."""
+"""What a recording says about its sensors: of an IMU its deterministic calibration and the bias at
+turn-on, and of the fixes their correlated errors, lever arm and clock."""

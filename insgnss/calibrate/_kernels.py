@@ -1,16 +1,41 @@
-"""Numba kernels: a vector carried through a turn with its sensitivity to the gyro calibration (P, `multi_position`), and the likelihood
-of a stretch's innovations with its slopes in the noise (L, `likelihood`)."""
+"""Numba kernels: a vector carried through a turn with its sensitivity to the gyro calibration (P,
+`multi_position`), and the likelihood of a stretch's innovations with its slopes in the noise (L,
+`likelihood`)."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from ..compilation import njit
-from ..navigation.codes import ABSENT, COVARIANCE_RESET, IMU, IMU0, N_NAV, N_NOMINAL, NAV, NOT_MEASURED, POSITION, REJECTED, USED, VEL0
-from ..navigation.kernels.error_model import add_gap_noise, linearise, predict_covariance, propagate_mean
+from ..base.compilation import njit
+from ..navigation.codes import (
+    ABSENT,
+    COVARIANCE_RESET,
+    IMU,
+    IMU0,
+    N_NAV,
+    N_NOMINAL,
+    NAV,
+    NOT_MEASURED,
+    POSITION,
+    REJECTED,
+    USED,
+    VEL0,
+)
+from ..navigation.kernels.error_model import (
+    add_gap_noise,
+    linearise,
+    predict_covariance,
+    propagate_mean,
+)
 from ..navigation.kernels.measurements import measured_triple
 from ..navigation.kernels.records import StateModel, make_interval_work, make_triple
-from ..navigation.kernels.update import cholesky3, forward_solve3, innovation_test, reset_covariance, state_difference
+from ..navigation.kernels.update import (
+    cholesky3,
+    forward_solve3,
+    innovation_test,
+    reset_covariance,
+    state_difference,
+)
 
 
 @njit(cache=True)
@@ -38,7 +63,8 @@ def multiply(C, A, out):
 
 @njit(cache=True)
 def carry(delta, dt, M, bias, Rt, J):
-    """Turn of calibrated increments, axes at its start into axes at its end: Rt (3, 3), and J (3, 12) of (P.4).
+    """Turn of calibrated increments, axes at its start into axes at its end: Rt (3, 3), and J (3,
+    12) of (P.4).
 
     delta : (n, 3) raw increments, rad.   dt : (n,) s.   M : (3, 3).   bias : (3,) rad/s.
     """
@@ -63,7 +89,9 @@ def carry(delta, dt, M, bias, Rt, J):
 
 
 class Linear(NamedTuple):
-    """A stretch linearised at its m epochs; q parts of noise, the first the fixed one, d of them with driven states (L.1-L.3)."""
+    """A stretch linearised at its m epochs; q parts of noise, the first the fixed one, d of them
+    with driven states (L.1-L.3).
+    """
 
     time: np.ndarray  # (m,) s
     F: np.ndarray  # (m, 9, n) from the epoch before
@@ -108,7 +136,21 @@ def linearise_stretch(intervals, ep, imu, white, drive, earth, lever, nav, x, ou
                     imu.gm,
                     imu.white_scale,
                 )
-                linearise(intervals, first, last, begin, nav_e, x_e, own, earth, out.F[e], out.D[e], W, Qbb, work)
+                linearise(
+                    intervals,
+                    first,
+                    last,
+                    begin,
+                    nav_e,
+                    x_e,
+                    own,
+                    earth,
+                    out.F[e],
+                    out.D[e],
+                    W,
+                    Qbb,
+                    work,
+                )
                 if part == 0 and ep.gap[e, 0] > 0.0:
                     add_gap_noise(W, work.column, work.last_block[0], ep.gap[e])
                 out.Q[e, part] = W[:, NAV]
@@ -117,10 +159,14 @@ def linearise_stretch(intervals, ep, imu, white, drive, earth, lever, nav, x, ou
                     out.Q_states[e, part] = Qbb
             state_difference(nav_e, x_e, nav[e], x[e], out.gap[e])
             for i in range(3):
-                acceleration[i] = (nav_e[VEL0 + i] - nav[e - 1, VEL0 + i]) / (ep.time[e] - ep.time[e - 1])
+                acceleration[i] = (nav_e[VEL0 + i] - nav[e - 1, VEL0 + i]) / (
+                    ep.time[e] - ep.time[e - 1]
+                )
         for j in range(out.kind.size):
             kind = out.kind[j]
-            out.there[e, j] = measured_triple(kind, e, ep, nav[e], x[e], lever, acceleration, imu, earth, triple)
+            out.there[e, j] = measured_triple(
+                kind, e, ep, nav[e], x[e], lever, acceleration, imu, earth, triple
+            )
             out.H[e, j] = triple.H
             out.nu[e, j] = triple.nu
             out.R[e, j] = triple.R
@@ -147,7 +193,8 @@ def mixed_noise(lin, e, share, W, Qbb):
 
 @njit(cache=True)
 def update_with_slopes(P, m, dP, dm, h, z, r, dr, used, gain, column, slope, total):
-    """(K.4) with a scalar of variance r, and (L.5) for each parameter; slope (2, p) takes dS and dy. S and y are returned.
+    """(K.4) with a scalar of variance r, and (L.5) for each parameter; slope (2, p) takes dS and
+    dy. S and y are returned.
 
     dr (p,): derivative of r.   gain, column (n,): scratch.   total (p + 1, p): cost, gradient and information are added here.
     """
@@ -190,24 +237,42 @@ def update_with_slopes(P, m, dP, dm, h, z, r, dr, used, gain, column, slope, tot
     for i in range(dr.size):
         total[0, i] += slope[0, i] / S * (1.0 - y * y / S) + 2.0 * y * slope[1, i] / S
         for j in range(dr.size):
-            total[1 + i, j] += slope[0, i] * slope[0, j] / (S * S) + 2.0 * slope[1, i] * slope[1, j] / S
+            total[1 + i, j] += (
+                slope[0, i] * slope[0, j] / (S * S) + 2.0 * slope[1, i] * slope[1, j] / S
+            )
     return S, y
 
 
 @njit(cache=True)
-def run_linear(lin, P0, m0, share, of_part, scale, of_kind, gate, reset, total, white, nis, verdict):
-    """Kalman filter over a linearised stretch: (L.4) is returned, its gradient and information (L.5) go into total (p + 1, p).
+def run_linear(
+    lin, P0, m0, share, of_part, scale, of_kind, gate, reset, total, white, nis, verdict
+):
+    """Kalman filter over a linearised stretch: (L.4) is returned, its gradient and information
+    (L.5) go into total (p + 1, p).
 
-    P0 (d, n, n): a-priori covariance, part by part.   share (q,), scale (k,): factors of the parts' variance and of R of each kind.
+    P0 (d, n, n): a-priori covariance, part by part.   share (q,), scale (k,): factors of the parts'
+                                                       variance and of R of each kind.
     of_part (q,), of_kind (k,): the parameter that is half the logarithm of the factor, or -1.
-    white (m, k, 3), nis (m, k), verdict (m, k): whitened innovations, NaN where there is none, and so on.
+    white (m, k, 3), nis (m, k), verdict (m, k): whitened innovations, NaN where there is none, and
+    so on.
     """
     n = lin.F.shape[2]
     ns, p = n - N_NAV, total.shape[1]
     P, m, new, none = np.zeros((n, n)), m0.copy(), np.zeros(n), np.zeros(n)
     dP, dm = np.zeros((p, n, n)), np.zeros((p, n))
-    W, Qbb, X, nine = np.zeros((N_NAV, n)), np.zeros(ns), np.zeros((N_NAV, n)), np.zeros((N_NAV, N_NAV))
-    R, L, S3, H, nu = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, n)), np.zeros((3, 1))
+    W, Qbb, X, nine = (
+        np.zeros((N_NAV, n)),
+        np.zeros(ns),
+        np.zeros((N_NAV, n)),
+        np.zeros((N_NAV, N_NAV)),
+    )
+    R, L, S3, H, nu = (
+        np.zeros((3, 3)),
+        np.zeros((3, 3)),
+        np.zeros((3, 3)),
+        np.zeros((3, n)),
+        np.zeros((3, 1)),
+    )
     gain, column, slope, dr = np.zeros(n), np.zeros(n), np.zeros((2, p)), np.zeros(p)
     only = np.zeros(share.size)
     for part in range(len(P0)):
@@ -245,7 +310,11 @@ def run_linear(lin, P0, m0, share, of_part, scale, of_kind, gate, reset, total, 
             if nis[e, j] > gate:
                 if lin.kind[j] == POSITION and rejected_since == ABSENT:
                     rejected_since = e
-                if lin.kind[j] != POSITION or lin.time[e] - lin.time[rejected_since] < reset or nis[e, j] == np.inf:
+                if (
+                    lin.kind[j] != POSITION
+                    or lin.time[e] - lin.time[rejected_since] < reset
+                    or nis[e, j] == np.inf
+                ):
                     verdict[e, j] = REJECTED
                     cost += gate + log_R + 3.0 * np.log(scale[j])
                     if of_kind[j] != ABSENT:
@@ -262,7 +331,21 @@ def run_linear(lin, P0, m0, share, of_part, scale, of_kind, gate, reset, total, 
             if of_kind[j] != ABSENT:
                 dr[of_kind[j]] = 2.0 * scale[j]
             for i in range(3):
-                S, y = update_with_slopes(P, m, dP, dm, H[i], nu[i, 0], scale[j], dr, lin.used[j], gain, column, slope, total)
+                S, y = update_with_slopes(
+                    P,
+                    m,
+                    dP,
+                    dm,
+                    H[i],
+                    nu[i, 0],
+                    scale[j],
+                    dr,
+                    lin.used[j],
+                    gain,
+                    column,
+                    slope,
+                    total,
+                )
                 white[e, j, i] = y / np.sqrt(S)
                 cost += np.log(S) + y * y / S
     return cost

@@ -1,8 +1,9 @@
 """Nonlinear least squares over groups of residuals, each with a variance factor of its own.
 
-A group's residuals r of covariance S give the factor F = r^T S^-1 r / (rows - parameters that it carries). Where F passes the 99 % bound of
-chi-square over the degrees of freedom, S was too small: it is multiplied by F and the solution is repeated (a variance component
-per group, Koch 1999, 3.6). A smaller F is chance, and is left alone.
+A group's residuals r of covariance S give the factor F = r^T S^-1 r / (rows - parameters that it
+carries). Where F passes the 99 % bound of chi-square over the degrees of freedom, S was too small:
+it is multiplied by F and the solution is repeated (a variance component per group, Koch 1999, 3.6).
+A smaller F is chance, and is left alone.
 """
 
 from collections.abc import Callable, Mapping
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import DataError
+from ..base.errors import DataError
 from ..records import Array
 
 CONFIDENCE = 0.99
@@ -37,7 +38,9 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """values (p,), covariance (p, p), residual whitened by what was used (all rows), factor of each group over the covariance given."""
+    """values (p,), covariance (p, p), residual whitened by what was used (all rows), factor of each
+    group over the covariance given.
+    """
 
     values: Array
     covariance: Array
@@ -46,7 +49,9 @@ class Fit:
 
 
 def solve_groups(groups: Mapping[str, Group], prior: Array, prior_sigma: Array) -> Fit:
-    """Parameters that fit all groups; prior, prior_sigma : (p,), where they start and how far they may go."""
+    """Parameters that fit all groups; prior, prior_sigma : (p,), where they start and how far they
+    may go.
+    """
     from scipy.optimize import least_squares
     from scipy.stats import chi2
 
@@ -58,18 +63,25 @@ def solve_groups(groups: Mapping[str, Group], prior: Array, prior_sigma: Array) 
 
         def residual(q: Array, weights: dict[str, Array] = weights) -> Array:
             p = prior + prior_sigma * q
-            return np.concatenate([*(weights[name] @ group.model(p)[0] for name, group in groups.items()), q])
+            return np.concatenate(
+                [*(weights[name] @ group.model(p)[0] for name, group in groups.items()), q]
+            )
 
         def jacobian(q: Array, weights: dict[str, Array] = weights) -> Array:
             p = prior + prior_sigma * q
-            rows = [weights[name] @ group.model(p)[1] * prior_sigma for name, group in groups.items()]
+            rows = [
+                weights[name] @ group.model(p)[1] * prior_sigma for name, group in groups.items()
+            ]
             return np.concatenate([*rows, np.eye(q.size)])
 
         start = (values - prior) / prior_sigma
-        solution = least_squares(residual, start, jac=jacobian, method="trf", xtol=1e-14, ftol=1e-14, gtol=1e-10)
+        solution = least_squares(
+            residual, start, jac=jacobian, method="trf", xtol=1e-14, ftol=1e-14, gtol=1e-10
+        )
         if not solution.success:
             raise DataError(
-                "calibration does not converge; the stretches at rest contradict each other, look at units and at the recording"
+                "calibration does not converge; the stretches at rest contradict each other, look"
+                " at units and at the recording"
             )
         values = prior + prior_sigma * solution.x
         wanted = {}
@@ -77,7 +89,9 @@ def solve_groups(groups: Mapping[str, Group], prior: Array, prior_sigma: Array) 
             free = len(group.covariance) - group.carried
             square = float(np.sum((white[name] @ group.model(values)[0]) ** 2))
             factor[name] = square / free if free > 0 else 1.0
-            wanted[name] = np.sqrt(factor[name]) if free > 0 and square > chi2.ppf(CONFIDENCE, free) else 1.0
+            wanted[name] = (
+                np.sqrt(factor[name]) if free > 0 and square > chi2.ppf(CONFIDENCE, free) else 1.0
+            )
         settled = all(abs(wanted[name] / inflate[name] - 1.0) < 0.01 for name in groups)
         if settled:
             break

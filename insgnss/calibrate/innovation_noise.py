@@ -1,18 +1,23 @@
-"""Noise of the IMU in flight by maximum likelihood over the innovations of the filter, and whether to believe it.
+"""Noise of the IMU in flight by maximum likelihood over the innovations of the filter, and whether
+to believe it.
 
-What is asked for (`IMU` parameters, a factor on a static model's root density, one a triad) is estimated together with what else
-shapes the innovations: the scale of the fixes' own sigmas, and of their correlated error where it is a state. Fixes that claim too
-little would otherwise be taken for a noisy IMU. With theta the logarithms of all factors, and g, A gradient and expected second
+What is asked for (`IMU` parameters, a factor on a static model's root density, one a triad) is
+estimated together with what else shapes the innovations: the scale of the fixes' own sigmas, and of
+their correlated error where it is a state. Fixes that claim too little would otherwise be taken for
+a noisy IMU. With theta the logarithms of all factors, and g, A gradient and expected second
 derivative of -2 log L (`likelihood`), the maximum is searched by scoring with damping d,
 
     theta <- theta - (A + d diag A)^-1 g,     within the factors of `RANGE`,     cov theta = 2 A^-1 at the maximum     (N.1)
 
-from the best of a few starts. The static model is the maximum with the IMU's factors held at one and everything else free; the
-gain between the two is chi-square of as many degrees of freedom as factors where the static model holds. A factor known to worse than
-`KNOWN` that may as well be one, and a factor at the edge of the search, are not told by this flight: they are held at one and the others
-are estimated again. What -2 log L loses by that is chi-square, too: a significant loss says that the innovations ask for a noise that
-these factors do not have. Whiteness goes by the autocorrelations r_l of the whitened innovations: at lag one, and
-by Ljung and Box's sum Q over L = `LAGS` lags of n (n + 2) r_l^2 / (n - l), chi-square of L degrees of freedom, one for each direction.
+from the best of a few starts. The static model is the maximum with the IMU's factors held at one
+and everything else free; the gain between the two is chi-square of as many degrees of freedom as
+factors where the static model holds. A factor known to worse than `KNOWN` that may as well be one,
+and a factor at the edge of the search, are not told by this flight: they are held at one and the
+others are estimated again. What -2 log L loses by that is chi-square, too: a significant loss says
+that the innovations ask for a noise that these factors do not have. Whiteness goes by the
+autocorrelations r_l of the whitened innovations: at lag one, and by Ljung and Box's sum Q over L =
+`LAGS` lags of n (n + 2) r_l^2 / (n - l), chi-square of L degrees of freedom, one for each
+direction.
 With many fixes the least correlation is significant; how large it is, all lags together, tells sqrt((Q - L) / n).                  (N.2)
 """
 
@@ -22,21 +27,37 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DataError
+from ..base.errors import DataError
 from ..navigation.codes import IMU0
 from ..navigation.layout import StateLayout
 from ..navigation.problem import sub_problem
 from ..navigation.solution import Solution
 from ..records import Array
-from .likelihood import CORRELATED, DRIVEN, OF_FIXES, WHITE, Evaluated, LinearStretch, available, evaluate, linear_stretch
+from .likelihood import (
+    CORRELATED,
+    DRIVEN,
+    OF_FIXES,
+    WHITE,
+    Evaluated,
+    LinearStretch,
+    available,
+    evaluate,
+    linear_stretch,
+)
 
 IMU = (*WHITE, *DRIVEN)
 DEFAULT = ("gyro.white_noise", "accel.white_noise")
-RANGE, RANGE_OF_FIXES = (1.0 / 300.0, 300.0), (0.2, 30.0)  # a fix is not believed to less than a fifth of its sigma
+RANGE, RANGE_OF_FIXES = (
+    (1.0 / 300.0, 300.0),
+    (0.2, 30.0),
+)  # a fix is not believed to less than a fifth of its sigma
 KNOWN, ONE_SIGMAS = 0.3, 2.0
 SIGNIFICANT = 1e-3  # chance that the innovations of a true static model ask for another
 STEPS, DONE, LONGEST_STEP = 40, 1e-4, 1.0
-NOTHING_TOLD, RIDGE = 1e-6, 1e-9  # of the information: standard deviations of a logarithm of 1400 and 45 000
+NOTHING_TOLD, RIDGE = (
+    1e-6,
+    1e-9,
+)  # of the information: standard deviations of a logarithm of 1400 and 45 000
 STARTS = (0.0, 1.0, -1.0)  # of the logarithms of the IMU's factors
 LAGS = 20
 SHORTEST_S, FEWEST = 20.0, 60  # of a stretch in motion, and its fixes
@@ -44,12 +65,14 @@ LONGEST_MIN = 600.0  # of a flight that is asked for
 OFF_CLAIM, OFF_SIGMAS = 0.1, 3.0  # of the fixes' scale from one, beyond which it is told
 WHITE_ENOUGH = 0.1  # of the autocorrelation at lag one, and of those of all lags together
 COLOURED = 1e-3  # chance of white innovations below which those together count
-EXPLAINED = 20.0  # gain in -2 log L that a correlated error of the fixes must bring beside free noise of the IMU
+# gain in -2 log L that a correlated error of the fixes must bring beside free noise of the IMU
+EXPLAINED = 20.0
 
 
 @dataclass(frozen=True)
 class Whiteness:
-    """Of the whitened innovations north, east, down: lag_one (3,) and its 99 % bound, portmanteau (3,) and p_value (3,).
+    """Of the whitened innovations north, east, down: lag_one (3,) and its 99 % bound, portmanteau
+    (3,) and p_value (3,).
 
     together : (3,) size of the correlation of all lags (N.2).
     """
@@ -64,7 +87,8 @@ class Whiteness:
 
 @dataclass(frozen=True)
 class Innovations:
-    """What a noise makes of the innovations of the positions. nis : mean normalised square a degree of freedom, of the used ones.
+    """What a noise makes of the innovations of the positions. nis : mean normalised square a degree
+    of freedom, of the used ones.
 
     lost : fixes rejected, of `fixes`.   cost : -2 log L.
     """
@@ -80,11 +104,15 @@ class Innovations:
 class InFlightNoise:
     """Factors of the noise by a flight's innovations.
 
-    names, factor (p,), log_sigma (p,), correlation (p, p): of what was estimated, the IMU's first; log_sigma is the standard deviation of
-    the logarithm, 0 where the factor is held.   held : IMU parameters that the flight does not tell, with the reason.
-    gain : of -2 log L against the static model, chi-square of `free` degrees of freedom under it; chance : its probability.
+    names, factor (p,), log_sigma (p,), correlation (p, p): of what was estimated, the IMU's first;
+    log_sigma is the standard deviation of
+    the logarithm, 0 where the factor is held.
+    held : IMU parameters that the flight does not tell, with the reason.
+    gain : of -2 log L against the static model, chi-square of `free` degrees of freedom under it;
+        chance : its probability.
     loss : of -2 log L by what is held.
-    before, after : innovations with the static model and with the estimated IMU, the fixes as they claim; at_best : with everything
+    before, after : innovations with the static model and with the estimated IMU, the fixes as they
+        claim; at_best : with everything
     as estimated, static_at_best : with the static IMU and everything else as estimated with it.
     duration_s : of the motion used.
     """
@@ -111,7 +139,9 @@ class InFlightNoise:
 
     def imu_factors(self) -> dict[str, float]:
         """Factor of each IMU parameter; one where it is held."""
-        return {name: float(f) for name, f in zip(self.names, self.factor, strict=True) if name in IMU}
+        return {
+            name: float(f) for name, f in zip(self.names, self.factor, strict=True) if name in IMU
+        }
 
     @property
     def significant(self) -> bool:
@@ -120,7 +150,9 @@ class InFlightNoise:
 
     @property
     def white(self) -> bool:
-        """Whether what was estimated leaves the innovations white: a model of the noise that holds, not one that stands in for another."""
+        """Whether what was estimated leaves the innovations white: a model of the noise that holds,
+        not one that stands in for another.
+        """
         w = self.at_best.whiteness
         near = np.abs(w.lag_one).max() < max(WHITE_ENOUGH, w.bound)
         return bool(near and ((w.p_value > COLOURED) | (w.together < WHITE_ENOUGH)).all())
@@ -148,12 +180,16 @@ class InFlightNoise:
 
     @property
     def compared(self) -> tuple[Innovations, Innovations]:
-        """Before and after as they tell of the IMU: the fixes as they claim, or, where their errors are of another size, as estimated."""
+        """Before and after as they tell of the IMU: the fixes as they claim, or, where their errors
+        are of another size, as estimated.
+        """
         return (self.static_at_best, self.at_best) if self.scaled else (self.before, self.after)
 
 
 def moving_parts(solution: Solution, rests: Array) -> list[Solution]:
-    """What of a solution lies between the rests (k, 2) s, GPST, `SHORTEST_S` and `FEWEST` fixes and more: engines stand still there."""
+    """What of a solution lies between the rests (k, 2) s, GPST, `SHORTEST_S` and `FEWEST` fixes and
+    more: engines stand still there.
+    """
     time, fix = solution.time, solution.problem.epochs.has_position
     resting = np.zeros(time.size, dtype=np.bool_)
     for begin, end in rests:
@@ -175,7 +211,10 @@ def _part(solution: Solution, first: int, last: int) -> Solution:
     layout = problem.layout
     if layout.rate >= 0:  # time begins anew
         x[:, layout.offset] += x[:, layout.rate] * solution.problem.epochs.time[first]
-    arrays = {k: getattr(solution, k)[at] for k in ("nav", "P", "filter_sigma", "innovation", "innovation_sigma", "nis", "verdict")}
+    arrays = {
+        k: getattr(solution, k)[at]
+        for k in ("nav", "P", "filter_sigma", "innovation", "innovation_sigma", "nis", "verdict")
+    }
     return replace(solution, problem=problem, x=x, **arrays)
 
 
@@ -183,31 +222,48 @@ def without_correlated(solution: Solution) -> Solution:
     """The solution less the states of the fixes' correlated error, their sigmas taken as white."""
     layout = solution.problem.layout
     gone = np.arange(layout.gm, layout.gm + 3)
-    states: dict[str, Any] = {k: np.delete(getattr(layout, k), gone) for k in ("channel", "factor", "beta", "drive", "sigma0")}
+    states: dict[str, Any] = {
+        k: np.delete(getattr(layout, k), gone)
+        for k in ("channel", "factor", "beta", "drive", "sigma0")
+    }
     first: dict[str, Any] = {
-        k: getattr(layout, k) - 3 * (getattr(layout, k) > layout.gm) for k in ("lever", "offset", "rate", "unfixed_gm")
+        k: getattr(layout, k) - 3 * (getattr(layout, k) > layout.gm)
+        for k in ("lever", "offset", "rate", "unfixed_gm")
     }
     names = tuple(name for s, name in enumerate(layout.names) if s not in gone)
-    bare: StateLayout = replace(layout, names=names, gm=-1, white_scale=(1.0, 1.0, 1.0), **first, **states)
+    bare: StateLayout = replace(
+        layout, names=names, gm=-1, white_scale=(1.0, 1.0, 1.0), **first, **states
+    )
     P = np.delete(np.delete(solution.P, IMU0 + gone, axis=1), IMU0 + gone, axis=2)
-    return replace(solution, problem=replace(solution.problem, layout=bare), x=np.delete(solution.x, gone, axis=1), P=P)
+    return replace(
+        solution,
+        problem=replace(solution.problem, layout=bare),
+        x=np.delete(solution.x, gone, axis=1),
+        P=P,
+    )
 
 
 def in_flight_noise(
-    solutions: Sequence[Solution], parameters: Sequence[str] = DEFAULT, progress: Callable[[str], None] = lambda _: None
+    solutions: Sequence[Solution],
+    parameters: Sequence[str] = DEFAULT,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> InFlightNoise:
     """Estimate factors of the IMU's noise from solved stretches in motion.
 
-    parameters : of `IMU`.   Raises UsageError for a parameter that the layout of states does not have, DataError for too short a flight.
+    parameters : of `IMU`.   Raises UsageError for a parameter that the layout of states does not
+                             have, DataError for too short a flight.
     """
     duration = sum(float(s.time[-1] - s.time[0]) for s in solutions)
     if not solutions:
         raise DataError(
-            f"no stretch in motion of {SHORTEST_S:g} s and {FEWEST} fixes; the innovations of a standing or very short recording say "
-            "nothing of the noise in flight: use a flight, or `insgnss tune` on static recordings"
+            f"no stretch in motion of {SHORTEST_S:g} s and {FEWEST} fixes; the innovations of a"
+            " standing or very short recording say nothing of the noise in flight: use a flight,"
+            " or `insgnss tune` on static recordings"
         )
     progress("linearise")
-    known = available(solutions[0].problem.layout, all(s.problem.epochs.has_velocity.any() for s in solutions))
+    known = available(
+        solutions[0].problem.layout, all(s.problem.epochs.has_velocity.any() for s in solutions)
+    )
     names = (*parameters, *(name for name in (*OF_FIXES, CORRELATED) if name in known))
     stretches = [linear_stretch(s, names) for s in solutions]
     search = _Search(stretches, names, progress)
@@ -223,7 +279,9 @@ def in_flight_noise(
         unknown = {
             name: reason
             for i, name in enumerate(names)
-            if imu[i] and free[i] and (reason := _untold(float(best.theta[i]), float(sigma[i]), float(minutes[i])))
+            if imu[i]
+            and free[i]
+            and (reason := _untold(float(best.theta[i]), float(sigma[i]), float(minutes[i])))
         }
         if not unknown:
             break
@@ -256,7 +314,9 @@ class _Maximum:
     at: Evaluated
 
     def spread(self, free: np.ndarray) -> tuple[Array, Array]:
-        """Standard deviations (p,) of theta, infinite where nothing tells it and 0 where it is held, and correlations (p, p)."""
+        """Standard deviations (p,) of theta, infinite where nothing tells it and 0 where it is
+        held, and correlations (p, p).
+        """
         A = self.at.information[np.ix_(free, free)]
         told = np.diag(A) > NOTHING_TOLD
         at = np.flatnonzero(free)[told]
@@ -311,7 +371,9 @@ class _Search:
 
 
 def _minutes(static: _Maximum, minutes: float) -> Array:
-    """How long (p,) a flight like this one of `minutes` knows factors near one to `KNOWN`, infinite where that is no question of length."""
+    """How long (p,) a flight like this one of `minutes` knows factors near one to `KNOWN`, infinite
+    where that is no question of length.
+    """
     sigma = static.spread(np.ones(static.theta.size, dtype=np.bool_))[0]
     longer = minutes * (sigma / KNOWN) ** 2
     return np.where((longer > minutes) & (longer < LONGEST_MIN), longer, np.inf)
@@ -319,12 +381,22 @@ def _minutes(static: _Maximum, minutes: float) -> Array:
 
 def _untold(theta: float, sigma: float, minutes: float) -> str:
     """Why a factor is not told by the flight, and how long a flight would tell it, or ""."""
-    longer = f"; a factor near one would be told by {np.ceil(minutes):.0f} min of such a flight" if np.isfinite(minutes) else ""
+    longer = (
+        f"; a factor near one would be told by {np.ceil(minutes):.0f} min of such a flight"
+        if np.isfinite(minutes)
+        else ""
+    )
     if not abs(theta) < np.log(RANGE[1]) - 1e-6:
-        return f"no maximum of the likelihood between 1/{RANGE[1]:g} and {RANGE[1]:g} times the static model{longer}"
+        return (
+            f"no maximum of the likelihood between 1/{RANGE[1]:g} and {RANGE[1]:g} times the static"
+            f" model{longer}"
+        )
     if sigma > KNOWN and abs(theta) < ONE_SIGMAS * sigma:
         known = np.exp(min(sigma, 9.0))
-        return f"{np.exp(theta):.2f} by the likelihood, but known to a factor of {known:.2f} only (limit {np.exp(KNOWN):.2f}){longer}"
+        return (
+            f"{np.exp(theta):.2f} by the likelihood, but known to a factor of {known:.2f} only"
+            f" (limit {np.exp(KNOWN):.2f}){longer}"
+        )
     return ""
 
 
@@ -336,7 +408,9 @@ def _chance(gain: float, free: int) -> float:
 
 def innovations(at: Evaluated) -> Innovations:
     """Figures of the positions' innovations."""
-    return Innovations(float(np.mean(at.white**2)), at.offered, at.rejected, at.cost, whiteness(at.white))
+    return Innovations(
+        float(np.mean(at.white**2)), at.offered, at.rejected, at.cost, whiteness(at.white)
+    )
 
 
 def whiteness(white: Array) -> Whiteness:
@@ -350,4 +424,6 @@ def whiteness(white: Array) -> Whiteness:
     r = np.array([np.sum(e[lag:] * e[:-lag], axis=0) / power for lag in range(1, lags + 1)])
     sum_ = n * (n + 2.0) * np.sum(r**2 / (n - np.arange(1, lags + 1))[:, None], axis=0)
     together = np.sqrt(np.maximum(sum_ - lags, 0.0) / n)
-    return Whiteness(r[0], float(ndtri(0.995) / np.sqrt(n)), sum_, np.asarray(chdtrc(lags, sum_)), lags, together)
+    return Whiteness(
+        r[0], float(ndtri(0.995) / np.sqrt(n)), sum_, np.asarray(chdtrc(lags, sum_)), lags, together
+    )

@@ -1,27 +1,33 @@
-r"""Likelihood of a stretch's innovations as a function of its noise, with exact slopes, cheap to evaluate many times.
+r"""Likelihood of a stretch's innovations as a function of its noise, with exact slopes, cheap to
+evaluate many times.
 
-The stretch is linearised once about its smoothed solution (`navigation.filter`, K.6). Transitions, measured rows and the innovations of
-the nominal then do not depend on the noise, and process noise, a-priori covariance and measurement noise are linear in variances v:
+The stretch is linearised once about its smoothed solution (`navigation.filter`, K.6). Transitions,
+measured rows and the innovations of the nominal then do not depend on the noise, and process noise,
+a-priori covariance and measurement noise are linear in variances v:
 
-    Q_k = Q_k0 + sum_i v_i Q_ki,     P_0 = P_00 + sum_i v_i P_0i,     R_k = v_i R_k0                             (L.1)
+    Q_k = Q_k0 + sum_i v_i Q_ki,     P_0 = P_00 + sum_i v_i P_0i,     R_k = v_i R_k0           (L.1)
 
-    white noise of a triad      a share of Q among the navigation states, by (E.7) with that white noise alone
-    driving noise of a triad    (E.6) with those states' driving noise alone; Gauss-Markov processes start stationary, so P_0 as well
+    white noise of a triad      a share of Q among the navigation states, by (E.7) with that white
+                                noise alone
+    driving noise of a triad    (E.6) with those states' driving noise alone; Gauss-Markov processes
+                                start stationary, so P_0 as well
     errors of the fixes         R of positions, of velocities; of a correlated error, Q and P_0 of its states            (L.2)
 
-Parameters are theta_i = log f_i, with f_i the factor of a root density or sigma, v_i = f_i^2.                      (L.3)
-With S and y the variance and the innovation of each scalar of a triple whitened by R_k0 (Schweppe 1965), as in (C.1),
+Parameters are theta_i = log f_i, with f_i the factor of a root density or sigma, v_i = f_i^2. (L.3)
+With S and y the variance and the innovation of each scalar of a triple whitened by R_k0 (Schweppe
+1965), as in (C.1),
 
     -2 log L = sum over used triples [ log det R_k0 + sum (log S + y^2 / S) ] + (gate + log det R_k) for each rejected     (L.4)
 
-Slopes go along with the filter (Gupta and Mehra 1974). A scalar update with row h, variance r, gain k = P h' / S and b = P' h', primes
-on P, m, r, S, y being derivatives with respect to one theta:
+Slopes go along with the filter (Gupta and Mehra 1974). A scalar update with row h, variance r, gain
+k = P h' / S and b = P' h', primes on P, m, r, S, y being derivatives with respect to one theta:
 
     S' = h b + r',    y' = -h m',    P' <- P' - k b' - b k' + k S' k',    m' <- m' + (b - k S') y / S + k y'
     d(-2 log L) = S'/S (1 - y^2/S) + 2 y y'/S,      expected second derivative  S_i' S_j' / S^2 + 2 y_i' y_j' / S      (L.5)
 
-Twice the inverse of the latter is the covariance of the maximum's theta. Which triples are rejected, and how far the covariance is
-opened (K.7), is decided at each evaluation as the filter does; (L.5) holds the decisions.
+Twice the inverse of the latter is the covariance of the maximum's theta. Which triples are
+rejected, and how far the covariance is opened (K.7), is decided at each evaluation as the filter
+does; (L.5) holds the decisions.
 """
 
 from collections.abc import Sequence
@@ -29,8 +35,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import UsageError
-from ..navigation.codes import BIAS, IMU0, N_NAV, NOT_MEASURED, POS, POSITION, PSI, REJECTED, USED, VEL, VELOCITY
+from ..base.errors import UsageError
+from ..navigation.codes import (
+    BIAS,
+    IMU0,
+    N_NAV,
+    NOT_MEASURED,
+    POS,
+    POSITION,
+    PSI,
+    REJECTED,
+    USED,
+    VEL,
+    VELOCITY,
+)
 from ..navigation.filter import BLOCK_S, RESET_FIXES, RESET_S, measured_kinds
 from ..navigation.layout import StateLayout
 from ..navigation.solution import Solution
@@ -38,19 +56,29 @@ from ..navigation.strapdown import kernel_earth, kernel_intervals
 from ..records import Array
 from ._kernels import Linear, linearise_stretch, run_linear
 
-WHITE = {"gyro.white_noise": slice(0, 3), "accel.white_noise": slice(3, 6), "white_noise": slice(0, 6)}  # the last: one factor for both
+WHITE = {
+    "gyro.white_noise": slice(0, 3),
+    "accel.white_noise": slice(3, 6),
+    "white_noise": slice(0, 6),
+}  # the last: one factor for both
 DRIVEN = {"gyro.driving_noise": (0, 1, 2), "accel.driving_noise": (3, 4, 5)}
 CORRELATED = "fixes.correlated"
 OF_FIXES = {"fixes.position": POSITION, "fixes.velocity": VELOCITY}
 PARAMETERS = (*WHITE, *DRIVEN, *OF_FIXES, CORRELATED)
-WIDEN, FLOOR_RAD, WIDE_M, WIDE_MS = 10.0, np.radians([0.5, 0.5, 1.0]), 10.0, 5.0  # of the start, as `align.initial` has it
+WIDEN, FLOOR_RAD, WIDE_M, WIDE_MS = (
+    10.0,
+    np.radians([0.5, 0.5, 1.0]),
+    10.0,
+    5.0,
+)  # of the start, as `align.initial` has it
 
 
 @dataclass(frozen=True)
 class Evaluated:
     """(L.4) at theta, its gradient (p,), and its expected second derivative (p, p).
 
-    white : (k, 3) whitened innovations of the used positions, first components first, of all stretches in turn.
+    white : (k, 3) whitened innovations of the used positions, first components first, of all
+        stretches in turn.
     nis : (k,) of all positions.   rejected, offered : numbers of positions.
     """
 
@@ -67,8 +95,10 @@ class Evaluated:
 class LinearStretch:
     """A stretch linearised about its solution, ready for `evaluate`.
 
-    names : parameters, in the order of theta.   of_part, of_kind : the parameter of each part of the noise and kind of triple, or -1.
-    P0 : (d, n, n) a-priori covariance, part by part.   mean0 : (n,) a-priori mean about the nominal.
+    names : parameters, in the order of theta.   of_part, of_kind : the parameter of each part of
+                                                 the noise and kind of triple, or -1.
+    P0 : (d, n, n) a-priori covariance, part by part.   mean0 : (n,) a-priori mean about the
+                                                        nominal.
     """
 
     names: tuple[str, ...]
@@ -84,14 +114,23 @@ class LinearStretch:
 def one_factor_each(names: Sequence[str]) -> None:
     """Raise UsageError where two of `names` are factors of one density."""
     if "white_noise" in names and {"gyro.white_noise", "accel.white_noise"} & set(names):
-        raise UsageError("noise parameter 'white_noise' is one factor for gyros and accelerometers; ask for it or for theirs, not for both")
+        raise UsageError(
+            "noise parameter 'white_noise' is one factor for gyros and accelerometers; ask for it"
+            " or for theirs, not for both"
+        )
 
 
 def available(layout: StateLayout, velocity: bool) -> tuple[str, ...]:
-    """The parameters that a layout of states has, `velocity` telling whether velocities are measured."""
+    """The parameters that a layout of states has, `velocity` telling whether velocities are
+    measured.
+    """
     driven = {name: _driven(layout, name).any() for name in (*DRIVEN, CORRELATED)}
     white = {name: bool(layout.white[at].any()) for name, at in WHITE.items()}
-    return tuple(name for name in PARAMETERS if {**white, **driven, "fixes.position": True, "fixes.velocity": velocity}[name])
+    return tuple(
+        name
+        for name in PARAMETERS
+        if {**white, **driven, "fixes.position": True, "fixes.velocity": velocity}[name]
+    )
 
 
 def _driven(layout: StateLayout, name: str) -> np.ndarray:
@@ -115,7 +154,10 @@ def linear_stretch(solution: Solution, names: Sequence[str]) -> LinearStretch:
     one_factor_each(names)
     for name in names:
         if name not in known:
-            raise UsageError(f"noise parameter {name!r} is none that this flight's filter has; use {', '.join(known)}")
+            raise UsageError(
+                f"noise parameter {name!r} is none that this flight's filter has; use"
+                f" {', '.join(known)}"
+            )
     driven = [name for name in names if name in DRIVEN or name == CORRELATED]
     parts = [*driven, *(name for name in names if name in WHITE)]
     imu = layout.kernel_model(BLOCK_S, problem.aiding_interval_s)
@@ -136,7 +178,18 @@ def linear_stretch(solution: Solution, names: Sequence[str]) -> LinearStretch:
     linear = _linear(solution, len(parts) + 1, len(driven) + 1)
     lever = np.array(problem.antenna_lever_b, dtype=np.float64)
     earth = kernel_earth(problem.frame, problem.backward)
-    linearise_stretch(kernel_intervals(problem.inc), ep, imu, white, drive, earth, lever, solution.nav, solution.x, linear)
+    linearise_stretch(
+        kernel_intervals(problem.inc),
+        ep,
+        imu,
+        white,
+        drive,
+        earth,
+        lever,
+        solution.nav,
+        solution.x,
+        linear,
+    )
     place = {name: i for i, name in enumerate(names)}
     of_part = np.array([-1, *(place[name] for name in parts)], dtype=np.int64)
     kinds = {kind: place.get(name, -1) for name, kind in OF_FIXES.items()}
@@ -147,7 +200,9 @@ def linear_stretch(solution: Solution, names: Sequence[str]) -> LinearStretch:
 
 
 def _start(solution: Solution) -> Array:
-    """(n, n) a-priori covariance: attitude as the solution has it, widened; position and velocity unknown; IMU as the model has it."""
+    """(n, n) a-priori covariance: attitude as the solution has it, widened; position and velocity
+    unknown; IMU as the model has it.
+    """
     layout = solution.problem.layout
     P = np.diag(np.concatenate([np.zeros(N_NAV), layout.sigma0]) ** 2)
     spread = np.sqrt(np.trace(solution.problem.epochs.position_cov[0]))
@@ -184,13 +239,33 @@ def evaluate(stretches: Sequence[LinearStretch], theta: Array) -> Evaluated:
     """(L.4) and (L.5) of all stretches together at theta (p,) (L.3)."""
     p = theta.size
     total, cost = np.zeros((1 + p, p)), 0.0
-    variance = np.exp(2.0 * np.append(theta, 0.0))  # the last, of index -1, is that of what stays as it is
+    variance = np.exp(
+        2.0 * np.append(theta, 0.0)
+    )  # the last, of index -1, is that of what stays as it is
     every: list[tuple[Array, Array, np.ndarray]] = []
     for s in stretches:
         m, k = s.linear.there.shape
-        white, nis, verdict = np.empty((m, k, 3)), np.empty((m, k)), np.zeros((m, k), dtype=np.int64)
+        white, nis, verdict = (
+            np.empty((m, k, 3)),
+            np.empty((m, k)),
+            np.zeros((m, k), dtype=np.int64),
+        )
         share, scale = variance[s.of_part], variance[s.of_kind]
-        cost += run_linear(s.linear, s.P0, s.mean0, share, s.of_part, scale, s.of_kind, s.gate, s.reset_s, total, white, nis, verdict)
+        cost += run_linear(
+            s.linear,
+            s.P0,
+            s.mean0,
+            share,
+            s.of_part,
+            scale,
+            s.of_kind,
+            s.gate,
+            s.reset_s,
+            total,
+            white,
+            nis,
+            verdict,
+        )
         at = verdict[:, POSITION] != NOT_MEASURED
         every.append((white[at, 0], nis[at, 0], verdict[at, 0]))
     white, nis, verdict = (np.concatenate([part[i] for part in every]) for i in range(3))

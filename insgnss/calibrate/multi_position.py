@@ -1,33 +1,37 @@
 """Deterministic calibration of an IMU from a recording in which it rests in many positions.
 
-Accelerometers. At rest in any position the specific force has the magnitude of gravity. With raw = E f + b (the convention of
-`prepare.calibration`, E = I + diag(s) + N, N lower triangular) every stretch i of mean reading a_i gives one equation,
+Accelerometers. At rest in any position the specific force has the magnitude of gravity. With raw =
+E f + b (the convention of `prepare.calibration`, E = I + diag(s) + N, N lower triangular) every
+stretch i of mean reading a_i gives one equation,
 
-    | E^-1 (a_i - b) | = g                                                                                   (P.1)
+    | E^-1 (a_i - b) | = g                                                                     (P.1)
 
-in nine unknowns b, s, N: at least nine positions, well spread (Syed, Aggarwal, Goodall, Niu, El-Sheimy 2007). With u the direction
-of the calibrated f and M = E^-1, d|f|/db = -u^T M and d|f|/dE_jk = -(u^T M)_j f_k. An error of g is an error of all of E: it
-enters the covariance as dE = E dg / g.
+in nine unknowns b, s, N: at least nine positions, well spread (Syed, Aggarwal, Goodall, Niu,
+El-Sheimy 2007). With u the direction of the calibrated f and M = E^-1, d|f|/db = -u^T M and
+d|f|/dE_jk = -(u^T M)_j f_k. An error of g is an error of all of E: it enters the covariance as dE =
+E dg / g.
 
-Gyroscopes. At rest they feel their bias and the Earth's rate w (a constant of the level frame, of unknown heading, a nuisance with its
-prior), and between two positions they must carry the vertical u from the one to the next (Tedaldi, Pretto, Menegatti 2014):
+Gyroscopes. At rest they feel their bias and the Earth's rate w (a constant of the level frame, of
+unknown heading, a nuisance with its prior), and between two positions they must carry the vertical
+u from the one to the next (Tedaldi, Pretto, Menegatti 2014):
 
-    gyro_i = b + E C_i^T w                                                                                   (P.2)
-    u_(i+1) = R_i^T (u_i + T_i (C_i^T w) x u_i),   R_i = prod exp([E^-1 (raw - b) dt] x)                     (P.3)
+    gyro_i = b + E C_i^T w                                                                     (P.2)
+    u_(i+1) = R_i^T (u_i + T_i (C_i^T w) x u_i),   R_i = prod exp([E^-1 (raw - b) dt] x)       (P.3)
 
-C_i takes the sensor's axes into the level frame of the first stretch; T_i is the duration of the turn. Turns about the vertical leave
-u where it is and tell nothing.
+C_i takes the sensor's axes into the level frame of the first stretch; T_i is the duration of the
+turn. Turns about the vertical leave u where it is and tell nothing.
 
 With v = R_i^T u, a change dp of the calibration moves it by
 
     dv = v x (J dp),   J dp = sum over samples, in the axes at the turn's end, of -M dE (E^-1 (raw - b) dt) - M db dt      (P.4)
 
-The residuals of (P.3) share verticals, turn by turn, and all share the accelerometers' calibration: their covariance is a full one.
+The residuals of (P.3) share verticals, turn by turn, and all share the accelerometers' calibration:
+their covariance is a full one.
 
-Each group of residuals is weighted by the noise that the stretches show. Where its variance factor (residuals' weighted square sum over
-the degrees of freedom) passes the 99 % bound of chi-square, the group's sigmas are multiplied by its root: biases that wander from
-one position to the next cost that much. Weak priors, as wide as a
-calibration may be, keep unobserved parameters in place.
+Each group of residuals is weighted by the noise that the stretches show. Where its variance factor
+(residuals' weighted square sum over the degrees of freedom) passes the 99 % bound of chi-square,
+the group's sigmas are multiplied by its root: biases that wander from one position to the next cost
+that much. Weak priors, as wide as a calibration may be, keep unobserved parameters in place.
 """
 
 from dataclasses import dataclass
@@ -35,14 +39,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError, InputError
+from ..base.errors import DataError, InputError
+from ..base.units import STANDARD_GRAVITY
 from ..geodesy.earth import EARTH_RATE, normal_gravity
 from ..geodesy.rotation import rotation_from_vector, skew
 from ..prepare.calibration import LOWER
 from ..prepare.gaps import LACKING, nominal_interval
-from ..prepare.still import Stretches, still_stretches
+from ..prepare.stationarity import Stretches, still_stretches
 from ..records import Array, ImuSamples
-from ..units import STANDARD_GRAVITY
 from .groups import Group, solve_groups
 from .result import POSSIBLE, MultiPosition, TriadEstimate, blind_directions, places, sizes
 from .turn_on import LEAST_SIGMA
@@ -51,10 +55,17 @@ POSITIONS = 9
 ASTRAY = 0.02  # rad, rms: no noise of a hand-held turn makes as much
 LEAST_TURN = 1e-6  # rad, of a turn's interpolation between samples
 DISTINCT = np.radians(15.0)  # positions whose vertical differs by less are one
-GRAVITY_SIGMA, ANYWHERE_SIGMA = 5e-4, 0.02  # m/s^2: normal gravity misses 50 mGal of terrain; 9.80665 misses latitude and height
+GRAVITY_SIGMA, ANYWHERE_SIGMA = (
+    5e-4,
+    0.02,
+)  # m/s^2: normal gravity misses 50 mGal of terrain; 9.80665 misses latitude and height
 LONGEST_TURN_S = 60.0
 AXES = "xyz"
-ACCEL_NAMES = (*(f"bias {c}" for c in AXES), *(f"scale_factor {c}" for c in AXES), *(f"misalignment {AXES[r]}{AXES[c]}" for r, c in LOWER))
+ACCEL_NAMES = (
+    *(f"bias {c}" for c in AXES),
+    *(f"scale_factor {c}" for c in AXES),
+    *(f"misalignment {AXES[r]}{AXES[c]}" for r, c in LOWER),
+)
 GYRO_NAMES = (
     *(f"bias {c}" for c in AXES),
     *(f"scale_factor {r}" if r == c else f"misalignment {r}{c}" for r in AXES for c in AXES),
@@ -63,7 +74,9 @@ GYRO_NAMES = (
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """The way from stretch `first` to the next: delta (n, 3) rad raw increments, dt (n,) s; sigma rad, of the white noise over it."""
+    """The way from stretch `first` to the next: delta (n, 3) rad raw increments, dt (n,) s; sigma
+    rad, of the white noise over it.
+    """
 
     first: int
     delta: Array
@@ -71,18 +84,23 @@ class Turn:
     sigma: float
 
 
-def calibrate_multi_position(imu: ImuSamples, latitude: float | None = None, height: float = 0.0) -> MultiPosition:
+def calibrate_multi_position(
+    imu: ImuSamples, latitude: float | None = None, height: float = 0.0
+) -> MultiPosition:
     """Calibrate both triads from a recording at rest in many positions.
 
-    latitude : rad, and height : m above the ellipsoid, of the place; without, gravity is 9.80665 m/s^2 with 0.02 m/s^2.
-    Raises DataError where fewer were found, or where the outcome is beyond what a calibration may be.
+    latitude : rad, and height : m above the ellipsoid, of the place; without, gravity is 9.80665
+        m/s^2 with 0.02 m/s^2.
+    Raises DataError where fewer were found, or where the outcome is beyond what a calibration may
+    be.
     """
     stretches = still_stretches(imu)
     positions = distinct_positions(stretches)
     if positions < POSITIONS:
         raise DataError(
-            f"{imu.source or 'IMU'}: {positions} positions at rest found in {len(stretches)} stretches, {POSITIONS} needed; "
-            "rest the sensor for 5 s and more in each, faces and edges up and down"
+            f"{imu.source or 'IMU'}: {positions} positions at rest found in {len(stretches)}"
+            f" stretches, {POSITIONS} needed; rest the sensor for 5 s and more in each, faces and"
+            " edges up and down"
         )
     gravity, sigma = local_gravity(latitude, height)
     accel = calibrate_accelerometers(stretches, gravity, sigma)
@@ -91,11 +109,16 @@ def calibrate_multi_position(imu: ImuSamples, latitude: float | None = None, hei
         gyro = calibrate_gyroscopes(stretches, turns, accel, latitude)
     except DataError as error:
         raise DataError(f"{imu.source or 'IMU'}: {error}") from None
-    result = MultiPosition(accel, gyro, stretches, positions, len(turns), gravity, sigma, imu.source or "IMU")
+    result = MultiPosition(
+        accel, gyro, stretches, positions, len(turns), gravity, sigma, imu.source or "IMU"
+    )
     try:
         _ = result.calibration
     except InputError as error:
-        raise DataError(f"{result.source}: the result is no calibration ({error}); check units and axes of the recording") from None
+        raise DataError(
+            f"{result.source}: the result is no calibration ({error}); check units and axes of the"
+            " recording"
+        ) from None
     return result
 
 
@@ -109,13 +132,17 @@ def distinct_positions(stretches: Stretches) -> int:
 
 
 def local_gravity(latitude: float | None, height: float) -> tuple[float, float]:
-    """Gravity and its standard deviation, m/s^2, at latitude, rad, and height, m; anywhere for None."""
+    """Gravity and its standard deviation, m/s^2, at latitude, rad, and height, m; anywhere for
+    None.
+    """
     if latitude is None:
         return STANDARD_GRAVITY, ANYWHERE_SIGMA
     return float(normal_gravity(latitude, height)), GRAVITY_SIGMA
 
 
-def calibrate_accelerometers(stretches: Stretches, gravity: float, gravity_sigma: float) -> TriadEstimate:
+def calibrate_accelerometers(
+    stretches: Stretches, gravity: float, gravity_sigma: float
+) -> TriadEstimate:
     """Nine parameters of the accelerometers (P.1). gravity, gravity_sigma : m/s^2."""
     mean, at = stretches.accel_mean, places(ACCEL_NAMES)
     sigma = _mean_sigma(stretches.accel_std, stretches.samples, "accel")
@@ -127,15 +154,27 @@ def calibrate_accelerometers(stretches: Stretches, gravity: float, gravity_sigma
         row = (f / norm[:, None]) @ M
         return norm - gravity, np.column_stack([-row, *(-row[:, j] * f[:, k] for j, k in at)])
 
-    fit = solve_groups({"gravity": Group(gravity_norm, sigma**2, 9)}, np.zeros(9), sizes(POSSIBLE, "accel", ACCEL_NAMES))
-    scale = np.concatenate([np.zeros(3), [_response(fit.values[3:], at)[place] for place in at]]) / gravity
+    fit = solve_groups(
+        {"gravity": Group(gravity_norm, sigma**2, 9)},
+        np.zeros(9),
+        sizes(POSSIBLE, "accel", ACCEL_NAMES),
+    )
+    scale = (
+        np.concatenate([np.zeros(3), [_response(fit.values[3:], at)[place] for place in at]])
+        / gravity
+    )
     covariance = fit.covariance + gravity_sigma**2 * np.outer(scale, scale)
     blind = blind_directions("accel", ACCEL_NAMES, covariance)
-    return TriadEstimate("accel", ACCEL_NAMES, fit.values, covariance, fit.residual, fit.factor, blind)
+    return TriadEstimate(
+        "accel", ACCEL_NAMES, fit.values, covariance, fit.residual, fit.factor, blind
+    )
 
 
-def calibrate_gyroscopes(stretches: Stretches, turns: list[Turn], accel: TriadEstimate, latitude: float | None) -> TriadEstimate:
-    """Twelve parameters of the gyroscopes (P.2, P.3), the Earth's rate a nuisance. accel : of the accelerometers, on the same stretches.
+def calibrate_gyroscopes(
+    stretches: Stretches, turns: list[Turn], accel: TriadEstimate, latitude: float | None
+) -> TriadEstimate:
+    """Twelve parameters of the gyroscopes (P.2, P.3), the Earth's rate a nuisance. accel : of the
+    accelerometers, on the same stretches.
 
     Raises DataError where the gyros do not carry the vertical from one position to the next.
     """
@@ -144,7 +183,9 @@ def calibrate_gyroscopes(stretches: Stretches, turns: list[Turn], accel: TriadEs
     up, at = _unit(accel.triad().correct(stretches.accel_mean)), places(GYRO_NAMES)
     C, linked = _attitudes(stretches, turns, up)
     sigma = _mean_sigma(stretches.gyro_std, stretches.samples, "gyro")
-    sigma = np.hypot(sigma, np.where(linked, 0.0, EARTH_RATE))  # where the heading is lost, so is the Earth's rate
+    sigma = np.hypot(
+        sigma, np.where(linked, 0.0, EARTH_RATE)
+    )  # where the heading is lost, so is the Earth's rate
     basis = np.linalg.svd(up[:, None, :])[2][:, 1:]  # (k, 2, 3), across the vertical
 
     def rest(p: Array) -> tuple[Array, Array]:
@@ -173,16 +214,23 @@ def calibrate_gyroscopes(stretches: Stretches, turns: list[Turn], accel: TriadEs
     if turns:
         groups["turns"] = Group(turned, _turn_covariance(stretches, turns, accel, up, basis), 9)
     rate, rate_sigma = _earth_prior(latitude)
-    fit = solve_groups(groups, np.concatenate([np.zeros(12), rate]), np.concatenate([sizes(POSSIBLE, "gyro", GYRO_NAMES), rate_sigma]))
+    fit = solve_groups(
+        groups,
+        np.concatenate([np.zeros(12), rate]),
+        np.concatenate([sizes(POSSIBLE, "gyro", GYRO_NAMES), rate_sigma]),
+    )
     astray = float(np.sqrt(np.mean(turned(fit.values)[0] ** 2))) if turns else 0.0
     if astray > ASTRAY:
         raise DataError(
-            f"the gyros miss the vertical by {np.degrees(astray):.1f} deg (limit {np.degrees(ASTRAY):.1f} deg) after {len(turns)} turns; "
-            "axes or units of gyros and accelerometers contradict each other"
+            f"the gyros miss the vertical by {np.degrees(astray):.1f} deg (limit"
+            f" {np.degrees(ASTRAY):.1f} deg) after {len(turns)} turns; axes or units of gyros and"
+            " accelerometers contradict each other"
         )
     covariance = fit.covariance[:12, :12]
     blind = blind_directions("gyro", GYRO_NAMES, covariance)
-    return TriadEstimate("gyro", GYRO_NAMES, fit.values[:12], covariance, fit.residual, fit.factor, blind)
+    return TriadEstimate(
+        "gyro", GYRO_NAMES, fit.values[:12], covariance, fit.residual, fit.factor, blind
+    )
 
 
 def find_turns(imu: ImuSamples, stretches: Stretches) -> list[Turn]:
@@ -203,7 +251,9 @@ def find_turns(imu: ImuSamples, stretches: Stretches) -> list[Turn]:
 
 
 def _coned(delta: Array) -> Array:
-    """(n, 3) rotation vectors of increments: each with the part that turns across its neighbours make (I.2 of `prepare.increments`)."""
+    """(n, 3) rotation vectors of increments: each with the part that turns across its neighbours
+    make (I.2 of `prepare.increments`).
+    """
     out = delta.copy()
     across = np.cross(delta[:-1], delta[1:]) / 24.0
     out[:-1] += across
@@ -211,13 +261,22 @@ def _coned(delta: Array) -> Array:
     return out
 
 
-def _turn_covariance(stretches: Stretches, turns: list[Turn], accel: TriadEstimate, up: Array, basis: Array) -> Array:
-    """(2 t, 2 t) of the residuals of (P.3): white noise of the gyros, and verticals that two turns share, of one calibration."""
+def _turn_covariance(
+    stretches: Stretches, turns: list[Turn], accel: TriadEstimate, up: Array, basis: Array
+) -> Array:
+    """(2 t, 2 t) of the residuals of (P.3): white noise of the gyros, and verticals that two turns
+    share, of one calibration.
+    """
     from ._kernels import carry
 
     bias = np.average(stretches.gyro_mean, axis=0, weights=stretches.samples)
-    noise = _mean_sigma(stretches.accel_std, stretches.samples, "accel") * np.sqrt(max(1.0, accel.variance_factor["gravity"]))
-    by_stretch, by_parameter = np.zeros((len(turns), 2, len(up), 3)), np.zeros((len(turns), 2, len(accel.names)))
+    noise = _mean_sigma(stretches.accel_std, stretches.samples, "accel") * np.sqrt(
+        max(1.0, accel.variance_factor["gravity"])
+    )
+    by_stretch, by_parameter = (
+        np.zeros((len(turns), 2, len(up), 3)),
+        np.zeros((len(turns), 2, len(accel.names))),
+    )
     effect = np.zeros((len(up), 3, len(accel.names)))  # of the parameters on u, to first order
     effect[:, :, :3] = -np.eye(3) / STANDARD_GRAVITY
     for column, (j, k) in enumerate(places(accel.names), 3):
@@ -235,8 +294,12 @@ def _turn_covariance(stretches: Stretches, turns: list[Turn], accel: TriadEstima
     return np.asarray(np.diag(white) + A @ A.T + D @ accel.covariance @ D.T, dtype=np.float64)
 
 
-def _attitudes(stretches: Stretches, turns: list[Turn], up: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """(k, 3, 3) C_i, levelled by the accelerometers, their headings carried by the gyros as they are; (k,) whether they are known."""
+def _attitudes(
+    stretches: Stretches, turns: list[Turn], up: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """(k, 3, 3) C_i, levelled by the accelerometers, their headings carried by the gyros as they
+    are; (k,) whether they are known.
+    """
     from ._kernels import carry
 
     bias = np.average(stretches.gyro_mean, axis=0, weights=stretches.samples)
@@ -263,11 +326,16 @@ def _to_up(v: Array) -> Array:
 
 
 def _earth_prior(latitude: float | None) -> tuple[Array, Array]:
-    """Mean and standard deviation (3,) rad/s of the Earth's rate in a level frame of unknown heading; latitude in rad."""
+    """Mean and standard deviation (3,) rad/s of the Earth's rate in a level frame of unknown
+    heading; latitude in rad.
+    """
     if latitude is None:
         return np.zeros(3), np.full(3, EARTH_RATE / np.sqrt(3.0))
     across = EARTH_RATE * abs(np.cos(latitude)) / np.sqrt(2.0)
-    return np.array([0.0, 0.0, -EARTH_RATE * np.sin(latitude)]), np.array([across, across, 1e-3 * EARTH_RATE]) + 1e-12
+    return (
+        np.array([0.0, 0.0, -EARTH_RATE * np.sin(latitude)]),
+        np.array([across, across, 1e-3 * EARTH_RATE]) + 1e-12,
+    )
 
 
 def _response(values: Array, at: list[tuple[int, int]]) -> Array:
@@ -284,4 +352,7 @@ def _unit(v: Array) -> Array:
 
 def _mean_sigma(std: Array, samples: NDArray[np.int64], sensor: str) -> Array:
     """(k,) standard deviation of the mean of white noise, of any axis."""
-    return np.asarray(np.maximum(np.sqrt(np.mean(std**2, axis=1) / samples), LEAST_SIGMA[sensor]), dtype=np.float64)
+    return np.asarray(
+        np.maximum(np.sqrt(np.mean(std**2, axis=1) / samples), LEAST_SIGMA[sensor]),
+        dtype=np.float64,
+    )

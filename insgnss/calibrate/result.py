@@ -1,8 +1,10 @@
-"""The outcome of a multi-position calibration: parameters with standard errors, and which of them the recording observes.
+"""The outcome of a multi-position calibration: parameters with standard errors, and which of them
+the recording observes.
 
-A parameter is observed where its standard error is below a third of what is usual of such sensors (`USUAL`), weakly observed below
-the whole. What is not observed on its own may be known in combination with others: eigenvectors of the covariance, each parameter in
-units of its usual size, name the combinations that are not.
+A parameter is observed where its standard error is below a third of what is usual of such sensors
+(`USUAL`), weakly observed below the whole. What is not observed on its own may be known in
+combination with others: eigenvectors of the covariance, each parameter in units of its usual size,
+name the combinations that are not.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,20 +14,32 @@ from typing import Any
 
 import numpy as np
 
+from ..base.units import STANDARD_GRAVITY
 from ..prepare.calibration import ImuCalibration, TriadCalibration
-from ..prepare.still import Stretches
+from ..prepare.stationarity import Stretches
 from ..records import Array
 from ..records.verdicts import OBSERVED
-from ..units import STANDARD_GRAVITY
 
-USUAL = {"bias gyro": 2e-4, "bias accel": 0.01, "scale_factor": 1e-3, "misalignment": 1e-3}  # rad/s, m/s^2, 1, rad; 40 deg/h, 1 mg
-POSSIBLE = {"bias gyro": 0.35, "bias accel": 5.0, "scale_factor": 0.1, "misalignment": 0.1}  # the limits of a calibration file
+USUAL = {
+    "bias gyro": 2e-4,
+    "bias accel": 0.01,
+    "scale_factor": 1e-3,
+    "misalignment": 1e-3,
+}  # rad/s, m/s^2, 1, rad; 40 deg/h, 1 mg
+POSSIBLE = {
+    "bias gyro": 0.35,
+    "bias accel": 5.0,
+    "scale_factor": 0.1,
+    "misalignment": 0.1,
+}  # the limits of a calibration file
 NAMED = 0.3  # least component of a blind direction that is named
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter: rad/s or m/s^2, 1, rad; `verdict` is "observed", "weakly observed" or "not observed"."""
+    """One parameter: rad/s or m/s^2, 1, rad; `verdict` is "observed", "weakly observed" or "not
+    observed".
+    """
 
     sensor: str
     name: str
@@ -37,7 +51,11 @@ class Parameter:
     def shown(self) -> tuple[float, float, str]:
         """Value and standard error in the unit of the third."""
         if self.name.startswith("bias"):
-            factor, unit = (np.degrees(3600.0), "deg/h") if self.sensor == "gyro" else (1e3 / STANDARD_GRAVITY, "mg")
+            factor, unit = (
+                (np.degrees(3600.0), "deg/h")
+                if self.sensor == "gyro"
+                else (1e3 / STANDARD_GRAVITY, "mg")
+            )
         else:
             factor, unit = (1e6, "ppm") if self.name.startswith("scale") else (1e3, "mrad")
         return float(factor * self.value), float(factor * self.sigma), unit
@@ -45,9 +63,12 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class TriadEstimate:
-    """Estimate of one triad: names (p,), values (p,), covariance (p, p); residuals and what they say.
+    """Estimate of one triad: names (p,), values (p,), covariance (p, p); residuals and what they
+    say.
 
-    residual : normalised, (r,).   variance_factor : of each group, before it was used.   blind : directions without information, in words.
+    residual : normalised, (r,).
+    variance_factor : of each group, before it was used.
+    blind : directions without information, in words.
     """
 
     sensor: str
@@ -72,16 +93,26 @@ class TriadEstimate:
     def parameters(self) -> tuple[Parameter, ...]:
         """With a verdict on each."""
         out = []
-        for name, value, sigma, size in zip(self.names, self.values, self.sigma, sizes(USUAL, self.sensor, self.names), strict=True):
+        for name, value, sigma, size in zip(
+            self.names, self.values, self.sigma, sizes(USUAL, self.sensor, self.names), strict=True
+        ):
             share = sigma / size
-            verdict = "observed" if share < OBSERVED else "weakly observed" if share < 1.0 else "not observed"
+            verdict = (
+                "observed"
+                if share < OBSERVED
+                else "weakly observed"
+                if share < 1.0
+                else "not observed"
+            )
             out.append(Parameter(self.sensor, name, float(value), float(sigma), verdict))
         return tuple(out)
 
     def triad(self) -> TriadCalibration:
         """For the calibration file."""
         response, sigma = np.eye(3), np.zeros((3, 3))
-        for place, value, error in zip(places(self.names), self.values[3:], self.sigma[3:], strict=True):
+        for place, value, error in zip(
+            places(self.names), self.values[3:], self.sigma[3:], strict=True
+        ):
             response[place] += value
             sigma[place] = error
         return TriadCalibration(self.values[:3].copy(), response, self.sigma[:3], sigma)
@@ -89,7 +120,9 @@ class TriadEstimate:
 
 @dataclass(frozen=True, eq=False)
 class MultiPosition:
-    """Calibration from a multi-position recording, and how good it is. gravity, gravity_sigma : m/s^2, used for the scale."""
+    """Calibration from a multi-position recording, and how good it is. gravity, gravity_sigma :
+    m/s^2, used for the scale.
+    """
 
     accel: TriadEstimate
     gyro: TriadEstimate
@@ -103,7 +136,10 @@ class MultiPosition:
     @property
     def calibration(self) -> ImuCalibration:
         """To be written with `prepare.calibration.write_calibration`."""
-        what = f"multi-position, {len(self.stretches)} stretches in {self.positions} positions, gravity {self.gravity:.5f} m/s^2"
+        what = (
+            f"multi-position, {len(self.stretches)} stretches in {self.positions} positions,"
+            f" gravity {self.gravity:.5f} m/s^2"
+        )
         return ImuCalibration(self.gyro.triad(), self.accel.triad(), Path(self.source).stem, what)
 
     @property
@@ -114,17 +150,29 @@ class MultiPosition:
     def summary(self) -> str:
         """A table that a person reads."""
         lines = [
-            f"{self.source}: {len(self.stretches)} stretches at rest in {self.positions} positions, {self.turns} turns between them",
-            f"gravity {self.gravity:.5f} m/s^2, standard deviation {self.gravity_sigma:.5f} "
-            f"({1e6 * self.gravity_sigma / self.gravity:.0f} ppm of every scale factor of the accelerometers)",
+            (
+                f"{self.source}: {len(self.stretches)} stretches at rest in {self.positions}"
+                f" positions, {self.turns} turns between them"
+            ),
+            (
+                f"gravity {self.gravity:.5f} m/s^2, standard deviation {self.gravity_sigma:.5f}"
+                f" ({1e6 * self.gravity_sigma / self.gravity:.0f} ppm of every scale factor of the"
+                " accelerometers)"
+            ),
         ]
         for parameter in self.parameters:
             value, sigma, unit = parameter.shown
-            lines.append(f"{parameter.sensor:5}  {parameter.name:15} {value:11.3f} +- {sigma:9.3f} {unit:6} {parameter.verdict}")
+            lines.append(
+                f"{parameter.sensor:5}  {parameter.name:15} {value:11.3f} +- {sigma:9.3f} {unit:6}"
+                f" {parameter.verdict}"
+            )
         for estimate in (self.accel, self.gyro):
             for group, factor in estimate.variance_factor.items():
                 worst = float(np.abs(estimate.residual).max())
-                lines.append(f"{estimate.sensor}: {group} residuals {np.sqrt(factor):.2f} times the white noise, largest {worst:.1f} sigma")
+                lines.append(
+                    f"{estimate.sensor}: {group} residuals {np.sqrt(factor):.2f} times the white"
+                    f" noise, largest {worst:.1f} sigma"
+                )
             lines += [f"{estimate.sensor}: not observed: {words}" for words in estimate.blind]
         return "\n".join(lines)
 
@@ -162,15 +210,23 @@ def places(names: tuple[str, ...]) -> list[tuple[int, int]]:
 
 
 def blind_directions(sensor: str, names: tuple[str, ...], covariance: Array) -> tuple[str, ...]:
-    """Combinations of parameters that are not observed, in words, each with its standard error in units of the usual."""
+    """Combinations of parameters that are not observed, in words, each with its standard error in
+    units of the usual.
+    """
     size = sizes(USUAL, sensor, names)
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     out = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
         if value < 1.0:
             break
-        size_of = np.round(np.abs(vector), 6)  # of equal parts the first leads, whatever their last digits
+        size_of = np.round(
+            np.abs(vector), 6
+        )  # of equal parts the first leads, whatever their last digits
         vector = vector * np.sign(vector[np.argmax(size_of)])
-        parts = [f"{'+' if vector[i] > 0 else '-'} {names[i]}" for i in np.argsort(-size_of, kind="stable") if abs(vector[i]) > NAMED]
+        parts = [
+            f"{'+' if vector[i] > 0 else '-'} {names[i]}"
+            for i in np.argsort(-size_of, kind="stable")
+            if abs(vector[i]) > NAMED
+        ]
         out.append(f"{' '.join(parts).removeprefix('+ ')} ({np.sqrt(value):.1f} times the usual)")
     return tuple(out)

@@ -1,24 +1,29 @@
-"""Spectrum of the IMU in straight flight: what the airframe adds, and how much of it is white noise to a filter.
+"""Spectrum of the IMU in straight flight: what the airframe adds, and how much of it is white noise
+to a filter.
 
-Straight, level parts at constant speed are found from the smoothed trajectory; the mean periodogram of their samples (Welch 1967,
-Hann windows of `WINDOW_S`, half overlapping, a line taken off each) is given as a root density in the convention of the noise model:
-two-sided, so that white noise q of the model is a level line at q,
+Straight, level parts at constant speed are found from the smoothed trajectory; the mean periodogram
+of their samples (Welch 1967, Hann windows of `WINDOW_S`, half overlapping, a line taken off each)
+is given as a root density in the convention of the noise model: two-sided, so that white noise q of
+the model is a level line at q,
 
     q(f) = sqrt(S(f) / 2),     S one-sided, the integral of S over 0 to rate/2 being the variance                    (W.1)
 
-A line of a propeller or an engine stands above the median of its neighbourhood (half an octave on both sides). Its variance is what
-stands above that floor; integrated by the filter it swings the angle or the velocity by
+A line of a propeller or an engine stands above the median of its neighbourhood (half an octave on
+both sides). Its variance is what stands above that floor; integrated by the filter it swings the
+angle or the velocity by
 
-    rms / (2 pi f)                                                                                                  (W.2)
+    rms / (2 pi f)                                                                             (W.2)
 
-and goes no further, where white noise goes on to wander with the root of time. Counted as white noise all the same, it raises the mean
-density between `LOWEST_HZ` and rate/2; both means are given, with and without lines. The frequency of a line may be an alias: from
-one at f +- rate a sensor that samples without averaging shows the same.
+and goes no further, where white noise goes on to wander with the root of time. Counted as white
+noise all the same, it raises the mean density between `LOWEST_HZ` and rate/2; both means are given,
+with and without lines. The frequency of a line may be an alias: from one at f +- rate a sensor that
+samples without averaging shows the same.
 
-What the filter needs is the density at the frequencies that it does not follow the fixes at, about a hertz and less, where the motion of
-the vehicle hides it. White noise cannot be larger than the density in any band, so the least octave mean above `LOWEST_HZ` is an upper
-limit of it. Where the highest octaves are level, as noise that is white makes them, their mean is the white noise itself, unless the
-vehicle truly trembles as evenly.
+What the filter needs is the density at the frequencies that it does not follow the fixes at, about
+a hertz and less, where the motion of the vehicle hides it. White noise cannot be larger than the
+density in any band, so the least octave mean above `LOWEST_HZ` is an upper limit of it. Where the
+highest octaves are level, as noise that is white makes them, their mean is the white noise itself,
+unless the vehicle truly trembles as evenly.
 """
 
 from dataclasses import dataclass
@@ -34,15 +39,32 @@ from ..records import Array, ImuSamples
 
 WINDOW_S, SHORTEST_S = 4.0, 8.0
 GRID_S, SMOOTH_S = 0.5, 2.0  # of the course and speed that tell straight flight
-STRAIGHT_RAD_S, LEVEL, STEADY, MOVING_MS = np.radians(5.0), 0.2, 0.1, 1.0  # turn; climb and change of speed a second over speed; speed
-LOWEST_HZ, HIGHEST = 2.0, 0.25  # above the vehicle's motion; of the rate, below what filters of sensors cut
-LINE_CHANCE, LEAST_RATIO = 1e-6, 3.0  # that a bin of a level floor is taken for a line; of power, to a floor that is not level
-PEAK, EVEN = 2.0, 0.2  # of a line's power, to that beside it; of the power of octaves that are level
+STRAIGHT_RAD_S, LEVEL, STEADY, MOVING_MS = (
+    np.radians(5.0),
+    0.2,
+    0.1,
+    1.0,
+)  # turn; climb and change of speed a second over speed; speed
+LOWEST_HZ, HIGHEST = (
+    2.0,
+    0.25,
+)  # above the vehicle's motion; of the rate, below what filters of sensors cut
+LINE_CHANCE, LEAST_RATIO = (
+    1e-6,
+    3.0,
+)  # that a bin of a level floor is taken for a line; of power, to a floor that is not level
+PEAK, EVEN = (
+    2.0,
+    0.2,
+)  # of a line's power, to that beside it; of the power of octaves that are level
 
 
 @dataclass(frozen=True)
 class SpectralLine:
-    """A line of one channel. rms : rad/s or m/s^2.   swing : (W.2), rad or m/s.   above_floor : of its highest bin, in density."""
+    """A line of one channel. rms : rad/s or m/s^2.
+    swing : (W.2), rad or m/s.
+    above_floor : of its highest bin, in density.
+    """
 
     channel: str
     frequency_hz: float
@@ -53,11 +75,14 @@ class SpectralLine:
 
 @dataclass(frozen=True)
 class StraightFlight:
-    """Root densities of the six channels (body axes), X/sqrt(Hz) with X rad/s and m/s^2, in straight flight.
+    """Root densities of the six channels (body axes), X/sqrt(Hz) with X rad/s and m/s^2, in
+    straight flight.
 
-    segments (k, 2) s.   windows : averaged periodograms.   frequency_hz (n,).   density, floor (6, n).
+    segments (k, 2) s.
+    windows : averaged periodograms.   frequency_hz (n,).   density, floor (6, n).
     mean_with_lines, mean_without_lines (6,): over `LOWEST_HZ` to rate/2.   upper_limit (6,): least octave mean, of white noise.
-    level, level_from_hz (6,): mean of the highest octaves where two and more are level, and where that begins; NaN where they are not.
+    level, level_from_hz (6,): mean of the highest octaves where two and more are level, and where
+    that begins; NaN where they are not.
     """
 
     rate_hz: float
@@ -88,21 +113,28 @@ def straight_segments(solution: Solution) -> Array:
     grid = np.arange(time[0], time[-1], GRID_S)
     width = round(SMOOTH_S / GRID_S)
     kernel = np.ones(width) / width
-    mean = np.column_stack([np.convolve(np.interp(grid, time, c), kernel, mode="same") for c in v.T])
+    mean = np.column_stack(
+        [np.convolve(np.interp(grid, time, c), kernel, mode="same") for c in v.T]
+    )
     speed = np.linalg.norm(mean, axis=1)
     course = np.unwrap(np.arctan2(mean[:, 1], mean[:, 0]))
     good = speed > MOVING_MS
     safe = np.maximum(speed, MOVING_MS)
     good &= np.abs(np.gradient(course, GRID_S)) < STRAIGHT_RAD_S
-    good &= (np.abs(mean[:, 2]) < LEVEL * safe) & (np.abs(np.gradient(speed, GRID_S)) < STEADY * safe)
+    good &= (np.abs(mean[:, 2]) < LEVEL * safe) & (
+        np.abs(np.gradient(speed, GRID_S)) < STEADY * safe
+    )
     good[:width] = good[-width:] = False
     edge = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int64), [0]]))).reshape(-1, 2)
-    segments = np.column_stack([grid[edge[:, 0]], grid[edge[:, 1] - 1]]) if edge.size else np.zeros((0, 2))
+    segments = (
+        np.column_stack([grid[edge[:, 0]], grid[edge[:, 1] - 1]]) if edge.size else np.zeros((0, 2))
+    )
     return segments[segments[:, 1] - segments[:, 0] >= SHORTEST_S]
 
 
 def straight_flight(imu: ImuSamples, C_b_imu: Array, segments: Array) -> StraightFlight | None:
-    """Spectrum of the samples within `segments` (k, 2) s; None where none of them holds a window without gaps.
+    """Spectrum of the samples within `segments` (k, 2) s; None where none of them holds a window
+    without gaps.
 
     C_b_imu (3, 3): axes of the samples to body.
     """
@@ -115,7 +147,9 @@ def straight_flight(imu: ImuSamples, C_b_imu: Array, segments: Array) -> Straigh
     for begin, end in segments:
         at = slice(*np.searchsorted(imu.time, [begin, end]))
         time = imu.time[at]
-        x = np.hstack([imu.gyro[at] @ C_b_imu.T, imu.accel[at] @ C_b_imu.T]) / (dt if imu.quantity == "increments" else 1.0)
+        x = np.hstack([imu.gyro[at] @ C_b_imu.T, imu.accel[at] @ C_b_imu.T]) / (
+            dt if imu.quantity == "increments" else 1.0
+        )
         before = windows
         for first in range(0, time.size - n + 1, n // 2):
             if time[first + n - 1] - time[first] > (n - 0.5) * dt:
@@ -131,7 +165,9 @@ def straight_flight(imu: ImuSamples, C_b_imu: Array, segments: Array) -> Straigh
     freedom = _freedom(windows)
     floor = _floor(frequency, S, freedom)
     above = floor * _line_ratio(freedom) < S
-    lines = [line for c in range(6) for line in _lines(CHANNELS[c], frequency, S[c], floor[c], above[c])]
+    lines = [
+        line for c in range(6) for line in _lines(CHANNELS[c], frequency, S[c], floor[c], above[c])
+    ]
     without = np.where(_spread(above), np.minimum(S, floor), S)
     band = frequency >= LOWEST_HZ
     least, level, begin = _octaves(frequency, without, HIGHEST / dt)
@@ -159,17 +195,26 @@ def _periodogram(x: Array, window: Array, dt: float) -> Array:
 
 
 def _freedom(windows: int) -> float:
-    """Degrees of freedom of a mean of `windows` periodograms: half-overlapping Hann windows share (1/6)^2 of their power (Welch 1967)."""
+    """Degrees of freedom of a mean of `windows` periodograms: half-overlapping Hann windows share
+    (1/6)^2 of their power (Welch 1967).
+    """
     return 2.0 * windows / (1.0 + (1.0 - 1.0 / windows) / 18.0)
 
 
 def _floor(frequency: Array, S: Array, freedom: float) -> Array:
-    """(6, n) median over half an octave on both sides, as a mean: that of chi-square is above its median."""
+    """(6, n) median over half an octave on both sides, as a mean: that of chi-square is above its
+    median.
+    """
     from scipy.special import chdtri
 
     mean = freedom / float(chdtri(freedom, 0.5))
-    low, high = np.searchsorted(frequency, frequency / np.sqrt(2.0)), np.searchsorted(frequency, frequency * np.sqrt(2.0), side="right")
-    return mean * np.array([[np.median(row[a:b]) for a, b in zip(low, high, strict=True)] for row in S])
+    low, high = (
+        np.searchsorted(frequency, frequency / np.sqrt(2.0)),
+        np.searchsorted(frequency, frequency * np.sqrt(2.0), side="right"),
+    )
+    return mean * np.array(
+        [[np.median(row[a:b]) for a, b in zip(low, high, strict=True)] for row in S]
+    )
 
 
 def _line_ratio(freedom: float) -> float:
@@ -187,10 +232,16 @@ def _spread(above: np.ndarray) -> np.ndarray:
     return out
 
 
-def _lines(channel: str, frequency: Array, S: Array, floor: Array, above: np.ndarray) -> list[SpectralLine]:
-    """Runs of bins above the floor and above the band of the vehicle's motion, a bin on both sides taken along."""
+def _lines(
+    channel: str, frequency: Array, S: Array, floor: Array, above: np.ndarray
+) -> list[SpectralLine]:
+    """Runs of bins above the floor and above the band of the vehicle's motion, a bin on both sides
+    taken along.
+    """
     step = frequency[1] - frequency[0]
-    runs = np.flatnonzero(np.diff(np.concatenate([[0], (above & (frequency >= LOWEST_HZ)).astype(np.int64), [0]]))).reshape(-1, 2)
+    runs = np.flatnonzero(
+        np.diff(np.concatenate([[0], (above & (frequency >= LOWEST_HZ)).astype(np.int64), [0]]))
+    ).reshape(-1, 2)
     found = []
     for first, stop in runs:
         at = slice(max(first - 1, 0), stop + 1)
@@ -199,17 +250,32 @@ def _lines(channel: str, frequency: Array, S: Array, floor: Array, above: np.nda
         excess = np.maximum(S[at] - floor[at], 0.0)
         centre = float(np.sum(frequency[at] * excess) / np.sum(excess))
         rms = float(np.sqrt(np.sum(excess) * step))
-        found.append(SpectralLine(channel, centre, rms, rms / (2.0 * np.pi * centre), float(np.sqrt(np.max(S[at] / floor[at])))))
+        found.append(
+            SpectralLine(
+                channel,
+                centre,
+                rms,
+                rms / (2.0 * np.pi * centre),
+                float(np.sqrt(np.max(S[at] / floor[at]))),
+            )
+        )
     return found
 
 
 def _octaves(frequency: Array, S: Array, highest: float) -> tuple[Array, Array, Array]:
-    """Of the octaves from `highest` down to `LOWEST_HZ`: least mean power, that of the level ones and where these begin; (6,) each."""
+    """Of the octaves from `highest` down to `LOWEST_HZ`: least mean power, that of the level ones
+    and where these begin; (6,) each.
+    """
     edges = highest * 0.5 ** np.arange(max(1.0, np.floor(np.log2(highest / LOWEST_HZ))) + 1.0)
-    means = np.array([S[:, (frequency >= a) & (frequency < b)].mean(axis=1) for b, a in pairwise(edges)])
+    means = np.array(
+        [S[:, (frequency >= a) & (frequency < b)].mean(axis=1) for b, a in pairwise(edges)]
+    )
     level, begin = np.full(6, np.nan), np.full(6, np.nan)
     for c, own in enumerate(means.T):
         count = int(np.argmax(np.append(np.abs(own / own[0] - 1.0) > EVEN, True)))
         if count > 1:
-            level[c], begin[c] = S[c, (frequency >= edges[count]) & (frequency < highest)].mean(), edges[count]
+            level[c], begin[c] = (
+                S[c, (frequency >= edges[count]) & (frequency < highest)].mean(),
+                edges[count],
+            )
     return means.min(axis=0), level, begin

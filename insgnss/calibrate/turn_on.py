@@ -2,16 +2,18 @@
 
 At rest, with u the unit vector upwards in body axes, the mean readings of a stretch are
 
-    gyro  = b_g + w_e (u sin(lat) + h cos(lat)) + noise                                                      (U.1)
-    accel = b_a + g u + noise                                                                                (U.2)
+    gyro  = b_g + w_e (u sin(lat) + h cos(lat)) + noise                                        (U.1)
+    accel = b_a + g u + noise                                                                  (U.2)
 
-h is north in the horizontal plane, of unknown heading: any direction across u, with mean zero and covariance (I - u u^T) / 2.
-u comes from the accelerometers themselves, so only the magnitude of (U.2) tells of their bias: u . b_a = |accel| - g. Across u a bias
-is a tilt, and stays what it was a priori.
+h is north in the horizontal plane, of unknown heading: any direction across u, with mean zero and
+covariance (I - u u^T) / 2. u comes from the accelerometers themselves, so only the magnitude of
+(U.2) tells of their bias: u . b_a = |accel| - g. Across u a bias is a tilt, and stays what it was a
+priori.
 
-Each channel's a-priori standard deviation enters as such (the turn-on bias of the noise model), and what comes out is the a-posteriori
-mean and covariance of the bias: a start for the filter. Several stretches see one bias plus a wander of their own, taken from the
-scatter of their means where there are three and more; the Earth's rate is the same in all, and no mean takes its share away.
+Each channel's a-priori standard deviation enters as such (the turn-on bias of the noise model), and
+what comes out is the a-posteriori mean and covariance of the bias: a start for the filter. Several
+stretches see one bias plus a wander of their own, taken from the scatter of their means where there
+are three and more; the Earth's rate is the same in all, and no mean takes its share away.
 """
 
 from dataclasses import dataclass
@@ -19,20 +21,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import DataError
+from ..base.errors import DataError
+from ..base.units import STANDARD_GRAVITY
 from ..geodesy.earth import EARTH_RATE, normal_gravity
-from ..prepare.still import Stretches
+from ..prepare.stationarity import Stretches
 from ..records import Array
-from ..units import STANDARD_GRAVITY
 
-LEAST_SIGMA = {"gyro": 1e-7, "accel": 2e-5}  # rad/s, m/s^2, of the mean of a rest: sensors that round to a constant
-ONE_ATTITUDE_DEG = 5.0  # between verticals of rests: a body that settles on its legs, and not one that was turned
+LEAST_SIGMA = {
+    "gyro": 1e-7,
+    "accel": 2e-5,
+}  # rad/s, m/s^2, of the mean of a rest: sensors that round to a constant
+ONE_ATTITUDE_DEG = (
+    5.0  # between verticals of rests: a body that settles on its legs, and not one that was turned
+)
 GRAVITY_SIGMA = 5e-4  # m/s^2, normal gravity against the true one
 
 
 @dataclass(frozen=True, eq=False)
 class TurnOnBias:
-    """Bias in body axes with its covariance: gyro (3,) rad/s, gyro_cov (3, 3); accel (3,) m/s^2, accel_cov (3, 3).
+    """Bias in body axes with its covariance: gyro (3,) rad/s, gyro_cov (3, 3); accel (3,) m/s^2,
+    accel_cov (3, 3).
 
     seconds : length of the stretches used.
     """
@@ -57,9 +65,9 @@ class TurnOnBias:
         """One sentence."""
         gyro, accel = np.degrees(3600.0 * self.sigma[:3]), 1e3 * self.sigma[3:] / STANDARD_GRAVITY
         return (
-            f"{self.seconds:.0f} s at rest: gyro bias {_three(np.degrees(3600.0 * self.gyro))} +- {_three(gyro)} deg/h"
-            " (heading unknown), "
-            f"accelerometer bias {_three(1e3 * self.accel / STANDARD_GRAVITY)} +- {_three(accel)} mg"
+            f"{self.seconds:.0f} s at rest: gyro bias {_three(np.degrees(3600.0 * self.gyro))} +-"
+            f" {_three(gyro)} deg/h (heading unknown), accelerometer bias"
+            f" {_three(1e3 * self.accel / STANDARD_GRAVITY)} +- {_three(accel)} mg"
         )
 
 
@@ -79,19 +87,36 @@ def turn_on_bias(
 
     C_b_imu : (3, 3), IMU axes to body.   latitude : rad; height : m above the ellipsoid.
     gyro_prior, accel_prior : (3,) rad/s, m/s^2, standard deviations before, body axes.
-    Raises DataError where there is no stretch, or where the attitudes of the stretches differ by more than 5 deg.
+    Raises DataError where there is no stretch, or where the attitudes of the stretches differ by
+    more than 5 deg.
     """
     if not len(stretches):
-        raise DataError("no stretch at rest of a second and more; the turn-on bias needs one before take-off or after landing")
+        raise DataError(
+            "no stretch at rest of a second and more; the turn-on bias needs one before take-off or"
+            " after landing"
+        )
     C = np.asarray(C_b_imu, dtype=np.float64)
-    gyro, gyro_noise = _mean(stretches.gyro_mean @ C.T, stretches.gyro_std @ np.abs(C).T, stretches.samples, LEAST_SIGMA["gyro"])
-    accel, accel_noise = _mean(stretches.accel_mean @ C.T, stretches.accel_std @ np.abs(C).T, stretches.samples, LEAST_SIGMA["accel"])
+    gyro, gyro_noise = _mean(
+        stretches.gyro_mean @ C.T,
+        stretches.gyro_std @ np.abs(C).T,
+        stretches.samples,
+        LEAST_SIGMA["gyro"],
+    )
+    accel, accel_noise = _mean(
+        stretches.accel_mean @ C.T,
+        stretches.accel_std @ np.abs(C).T,
+        stretches.samples,
+        LEAST_SIGMA["accel"],
+    )
     each = stretches.accel_mean @ C.T
     u = accel / np.linalg.norm(accel)
-    apart = float(np.degrees(np.arccos(np.clip(each @ u / np.linalg.norm(each, axis=1), -1.0, 1.0)).max()))
+    apart = float(
+        np.degrees(np.arccos(np.clip(each @ u / np.linalg.norm(each, axis=1), -1.0, 1.0)).max())
+    )
     if apart > ONE_ATTITUDE_DEG:
         raise DataError(
-            f"stretches at rest tilted by {apart:.1f} deg (limit {ONE_ATTITUDE_DEG:g} deg) against each other; take those of one attitude"
+            f"stretches at rest tilted by {apart:.1f} deg (limit {ONE_ATTITUDE_DEG:g} deg) against"
+            " each other; take those of one attitude"
         )
     level_cov = 0.5 * (EARTH_RATE * np.cos(latitude)) ** 2 * (np.eye(3) - np.outer(u, u))  # (U.1)
     seen = gyro - EARTH_RATE * np.sin(latitude) * u, np.diag(gyro_noise**2) + level_cov
@@ -99,22 +124,32 @@ def turn_on_bias(
     g = float(normal_gravity(latitude, height))
     sigma = np.hypot(np.linalg.norm(u * accel_noise), GRAVITY_SIGMA)
     size = np.array([np.linalg.norm(accel) - g])
-    force, force_cov = _updated(np.diag(np.square(accel_prior)), u[None, :], size, np.array([[sigma**2]]))
+    force, force_cov = _updated(
+        np.diag(np.square(accel_prior)), u[None, :], size, np.array([[sigma**2]])
+    )
     seconds = float(np.diff(stretches.time, axis=1).sum())
     return TurnOnBias(bias, bias_cov, force, force_cov, seconds)
 
 
-def _mean(means: Array, std: Array, samples: NDArray[np.int64], least: float) -> tuple[Array, Array]:
-    """Weighted mean (3,) of stretches, and its standard deviation: white noise, and the stretches' own scatter."""
+def _mean(
+    means: Array, std: Array, samples: NDArray[np.int64], least: float
+) -> tuple[Array, Array]:
+    """Weighted mean (3,) of stretches, and its standard deviation: white noise, and the stretches'
+    own scatter.
+    """
     weight = samples / samples.sum()
     mean = weight @ means
     white = np.sqrt(weight @ std**2 / samples.sum())
-    scatter = np.sqrt(weight @ (means - mean) ** 2 / (len(means) - 1)) if len(means) > 2 else np.zeros(3)
+    scatter = (
+        np.sqrt(weight @ (means - mean) ** 2 / (len(means) - 1)) if len(means) > 2 else np.zeros(3)
+    )
     return mean, np.maximum(np.maximum(white, scatter), least)
 
 
 def _updated(P: Array, H: Array, z: Array, R: Array) -> tuple[Array, Array]:
-    """Mean and covariance of a zero-mean state of covariance P after z = H x + noise of covariance R."""
+    """Mean and covariance of a zero-mean state of covariance P after z = H x + noise of covariance
+    R.
+    """
     K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
     left = np.eye(len(P)) - K @ H
     return K @ z, left @ P @ left.T + K @ R @ K.T

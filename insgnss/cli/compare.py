@@ -33,27 +33,55 @@ EXAMPLE = """  insgnss compare eo.json truth/EO_local-plane.txt --figure differe
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the verb."""
-    parser.add_argument("a", type=Path, metavar="A", help=f"exterior orientation or trajectory: {', '.join(FORMS)}")
-    parser.add_argument("b", type=Path, metavar="B", help="the one to compare with it; differences are B minus A")
+    parser.add_argument(
+        "a", type=Path, metavar="A", help=f"exterior orientation or trajectory: {', '.join(FORMS)}"
+    )
+    parser.add_argument(
+        "b", type=Path, metavar="B", help="the one to compare with it; differences are B minus A"
+    )
     for side in "ab":
         parser.add_argument(
-            f"--format-{side}", metavar="FORMAT", help=f"of {side.upper()}, where it does not show it; one of the formats above"
+            f"--format-{side}",
+            metavar="FORMAT",
+            help=f"of {side.upper()}, where it does not show it; one of the formats above",
         )
     for side in "ab":
-        what = f"geoid above the ellipsoid, to be added to heights of {side.upper()}, positions of GNSS that are above the geoid"
+        what = (
+            f"geoid above the ellipsoid, to be added to heights of {side.upper()}, positions of"
+            " GNSS that are above the geoid"
+        )
         parser.add_argument(f"--undulation-{side}", type=float, metavar="M", help=what)
-    parser.add_argument("--origin", metavar="LAT,LON,H", help="deg, deg, m: of a tangent plane whose file does not say it")
+    parser.add_argument(
+        "--origin",
+        metavar="LAT,LON,H",
+        help="deg, deg, m: of a tangent plane whose file does not say it",
+    )
     parser.add_argument("--crs", metavar="CRS", help="of projected coordinates, such as EPSG:2056")
-    parser.add_argument("--geoid", type=Path, metavar="GRID", help="grid of geoid heights, for projected heights above sea level")
-    parser.add_argument("--week", type=int, metavar="N", help="GPS week, of files with the time of week only")
-    parser.add_argument("--shift", type=float, default=0.0, metavar="S", help="seconds to be added to the times of B (default: 0)")
-    parser.add_argument("--figure", type=Path, metavar="FILE", help="write the differences as a picture, PNG")
+    parser.add_argument(
+        "--geoid",
+        type=Path,
+        metavar="GRID",
+        help="grid of geoid heights, for projected heights above sea level",
+    )
+    parser.add_argument(
+        "--week", type=int, metavar="N", help="GPS week, of files with the time of week only"
+    )
+    parser.add_argument(
+        "--shift",
+        type=float,
+        default=0.0,
+        metavar="S",
+        help="seconds to be added to the times of B (default: 0)",
+    )
+    parser.add_argument(
+        "--figure", type=Path, metavar="FILE", help="write the differences as a picture, PNG"
+    )
 
 
 def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comparison":
     """Do what the parsed command line asks for. Raises UsageError for an origin that is none."""
+    from ..base.files import atomic_write
     from ..comparison.compare import compare_files
-    from ..files import atomic_write
 
     progress("reading and matching")
     result = compare_files(
@@ -74,14 +102,17 @@ def compare(given: argparse.Namespace, progress: Callable[[str], None]) -> "Comp
 
 
 def _origin(text: str | None) -> tuple[float, float, float] | None:
-    from ..errors import UsageError
+    from ..base.errors import UsageError
 
     if text is None:
         return None
     try:
         lat, lon, height = (float(word) for word in text.split(","))
     except ValueError:
-        raise UsageError(f"compare: --origin {text!r} is not latitude, longitude, height with commas, such as 46.57,6.54,0") from None
+        raise UsageError(
+            f"compare: --origin {text!r} is not latitude, longitude, height with commas, such as"
+            " 46.57,6.54,0"
+        ) from None
     return lat, lon, height
 
 
@@ -92,7 +123,8 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
 
 VERB = Verb(
     "compare",
-    "differences of two exterior orientations or trajectories, and which mistaken convention explains them",
+    "differences of two exterior orientations or trajectories, and which mistaken convention"
+    " explains them",
     EXAMPLE,
     add_arguments,
     run,

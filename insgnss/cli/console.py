@@ -1,4 +1,6 @@
-"""What a person sees of a run while it runs, and a parser that complains as the rest of the program does."""
+"""What a person sees of a run while it runs, and a parser that complains as the rest of the program
+does.
+"""
 
 import argparse
 import re
@@ -6,11 +8,12 @@ import time
 from collections.abc import Callable
 from typing import Any, NoReturn, TextIO
 
-from ..errors import UsageError
+from ..base.errors import UsageError
 
 
 class Progress:
-    """Says which step runs: one line that renews itself on a terminal, else a line a step; silent where `lines` is None.
+    """Says which step runs: one line that renews itself on a terminal, else a line a step; silent
+    where `lines` is None.
 
     terminal : standard error.   lines : where plain lines go when it is no terminal.
     """
@@ -37,17 +40,26 @@ class Progress:
 
 
 class Parser(argparse.ArgumentParser):
-    """Parser whose complaints are `UsageError` and whose epilog may be a function, called only where help is asked for.
+    """Parser whose complaints are `UsageError` and whose epilog may be a function, called only
+    where help is asked for.
 
-    A word that begins as a negative number does is a value, as in "--origin -46.5,6.5,0", and never an option.
+    A word that begins as a negative number does is a value, as in "--origin -46.5,6.5,0", and never
+    an option.
 
-    `later` adds arguments, and may set the epilog, when the parser is first used: what it imports costs nothing where another verb runs.
+    `later` adds arguments, and may set the epilog, when the parser is first used: what it imports
+    costs nothing where another verb runs.
     """
 
     def __init__(
-        self, *, more_help: Callable[[], str] | None = None, later: "Callable[[Parser], None] | None" = None, **kwargs: Any
+        self,
+        *,
+        more_help: Callable[[], str] | None = None,
+        later: "Callable[[Parser], None] | None" = None,
+        **kwargs: Any,
     ) -> None:
-        super().__init__(allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
+        super().__init__(
+            allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs
+        )
         self._negative_number_matcher = re.compile(r"-\.?\d")
         self.more_help = more_help
         self._later = later

@@ -9,9 +9,23 @@ from .verb import Verb, positive, show_result
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("directory", nargs="?", type=Path, metavar="DIR", help="where the data set goes (default: insgnss_demo)")
-    parser.add_argument("--minutes", type=positive, default=8.0, metavar="M", help="length of the flight (default: 8)")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)")
+    parser.add_argument(
+        "directory",
+        nargs="?",
+        type=Path,
+        metavar="DIR",
+        help="where the data set goes (default: insgnss_demo)",
+    )
+    parser.add_argument(
+        "--minutes",
+        type=positive,
+        default=8.0,
+        metavar="M",
+        help="length of the flight (default: 8)",
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)"
+    )
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:

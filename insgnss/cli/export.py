@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import UsageError
+from ..base.errors import UsageError
 from .console import Progress
 from .verb import Verb, show_result
 
@@ -30,25 +30,60 @@ class ExportResult:
 
     def as_dict(self) -> dict[str, Any]:
         """For machines; `file` is the export itself."""
-        return {"format": self.format, "file": self.files[0], "files": list(self.files), "notes": list(self.notes)}
+        return {
+            "format": self.format,
+            "file": self.files[0],
+            "files": list(self.files),
+            "notes": list(self.notes),
+        }
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the verb."""
-    parser.add_argument("eo", type=Path, metavar="EO", help="the eo.json of a processed flight (with --proof: a format below)")
-    parser.add_argument("format", metavar="FORMAT", help="one of the formats below (with --proof: the directory of the scene)")
-    out = "what to write (default: the format's usual name beside EO); a new directory where the format has several files"
+    parser.add_argument(
+        "eo",
+        type=Path,
+        metavar="EO",
+        help="the eo.json of a processed flight (with --proof: a format below)",
+    )
+    parser.add_argument(
+        "format",
+        metavar="FORMAT",
+        help="one of the formats below (with --proof: the directory of the scene)",
+    )
+    out = (
+        "what to write (default: the format's usual name beside EO); a new directory where the"
+        " format has several files"
+    )
     parser.add_argument("--out", type=Path, metavar="FILE", help=out)
-    parser.add_argument("--crs", metavar="CRS", help="projected CRS: EPSG:2056, EPSG:25832+7837 (with heights), WKT or a file of it")
-    parser.add_argument("--geoid", type=Path, metavar="GRID", help="grid of geoid heights, for heights above sea level")
+    parser.add_argument(
+        "--crs",
+        metavar="CRS",
+        help="projected CRS: EPSG:2056, EPSG:25832+7837 (with heights), WKT or a file of it",
+    )
+    parser.add_argument(
+        "--geoid",
+        type=Path,
+        metavar="GRID",
+        help="grid of geoid heights, for heights above sea level",
+    )
     kinds = "tangent, geocentric or geographic axes (default: what the format takes first)"
     parser.add_argument("--frame", choices=("tangent", "geocentric", "geographic"), help=kinds)
     ground = "height of the ground: heights above it are scaled like the projection scales the plan"
     parser.add_argument("--ground", type=float, metavar="M", help=ground)
     parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", dest="settings", help="an option of the format; repeat it"
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="settings",
+        help="an option of the format; repeat it",
     )
-    parser.add_argument("--proof", action="store_true", help="write a synthetic scene in FORMAT, to load in the real tool, into DIR")
+    parser.add_argument(
+        "--proof",
+        action="store_true",
+        help="write a synthetic scene in FORMAT, to load in the real tool, into DIR",
+    )
 
 
 def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
@@ -59,7 +94,7 @@ def export_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> E
     form = known_format(given.format)
     options = typed_options(given.format, form, _settings(given.settings))
     target = Target(given.crs, given.geoid, frame_kind(given.frame), given.ground)
-    from ..formats.eo_json import read_eo_json
+    from ..formats.orientation.eo_json import read_eo_json
 
     out = given.out or given.eo.parent / form.product
     if out.resolve() == given.eo.resolve():
@@ -97,10 +132,14 @@ def proof_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> Ex
     name, directory = str(given.eo), Path(given.format)
     known_format(name)
     if given.out or given.settings:
-        raise UsageError("export: with --proof neither --out nor --set has a meaning; the scene goes into DIR")
+        raise UsageError(
+            "export: with --proof neither --out nor --set has a meaning; the scene goes into DIR"
+        )
     progress("writing the scene")
     frame = frame_kind(given.frame)
-    return ExportResult(name, tuple(write_proof(name, directory, given.crs, given.geoid, frame, given.ground)))
+    return ExportResult(
+        name, tuple(write_proof(name, directory, given.crs, given.geoid, frame, given.ground))
+    )
 
 
 def _list_formats() -> str:
@@ -110,7 +149,9 @@ def _list_formats() -> str:
     lines = []
     for name, form in EXPORTS.items():
         takes = f" (--set {', '.join(form.options)})" if form.options else ""
-        lines.append(f"  {name:{width}}  {'experimental: ' if form.experimental else ''}{form.what}{takes}\n")
+        lines.append(
+            f"  {name:{width}}  {'experimental: ' if form.experimental else ''}{form.what}{takes}\n"
+        )
     return "formats:\n" + "".join(lines)
 
 

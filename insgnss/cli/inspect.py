@@ -3,17 +3,30 @@
 import argparse
 from pathlib import Path
 
-from ..errors import UsageError
+from ..base.errors import UsageError
 from .console import Progress
 from .verb import Verb, show_judged
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("source", type=Path, nargs="+", metavar="SOURCE", help="a flight file, a directory, or the files of a recording")
-    where = "write a flight file of what is found, and the noise model and a picture beside it (default: flight.toml)"
-    parser.add_argument("--write", type=Path, nargs="?", const=Path("flight.toml"), metavar="FLIGHT", help=where)
-    parser.add_argument("--force", action="store_true", help="let --write take the place of files that are there")
+    parser.add_argument(
+        "source",
+        type=Path,
+        nargs="+",
+        metavar="SOURCE",
+        help="a flight file, a directory, or the files of a recording",
+    )
+    where = (
+        "write a flight file of what is found, and the noise model and a picture beside it"
+        " (default: flight.toml)"
+    )
+    parser.add_argument(
+        "--write", type=Path, nargs="?", const=Path("flight.toml"), metavar="FLIGHT", help=where
+    )
+    parser.add_argument(
+        "--force", action="store_true", help="let --write take the place of files that are there"
+    )
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
@@ -35,8 +48,10 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
 
 VERB = Verb(
     "inspect",
-    "say what a recording is: files, units, axes, clocks, noise, plausibility; and draft its flight file",
-    "  insgnss inspect ign8/flight.toml\n  insgnss inspect my_recording --write\n  insgnss inspect imu.csv gps.pos --write a.toml",
+    "say what a recording is: files, units, axes, clocks, noise, plausibility; and draft its flight"
+    " file",
+    "  insgnss inspect ign8/flight.toml\n  insgnss inspect my_recording --write\n  insgnss inspect"
+    " imu.csv gps.pos --write a.toml",
     add_arguments,
     run,
 )

@@ -1,9 +1,10 @@
 """The command line: verbs, exit codes and what a person sees of a run.
 
-Standard output carries the result (with ``--json`` one JSON document), standard error warnings and errors, one line each, and
-on a terminal the step that is running. Where standard error is no terminal the steps are plain lines among the results
-instead, so that an error stays the one line it is. Exit codes: 0 done, 1 a defect of insgnss, 2 wrong use, 3 bad input,
-4 the data do not support the answer, 130 interrupted. Nothing heavy is imported before a verb needs it.
+Standard output carries the result (with ``--json`` one JSON document), standard error warnings and
+errors, one line each, and on a terminal the step that is running. Where standard error is no
+terminal the steps are plain lines among the results instead, so that an error stays the one line it
+is. Exit codes: 0 done, 1 a defect of insgnss, 2 wrong use, 3 bad input, 4 the data do not support
+the answer, 130 interrupted. Nothing heavy is imported before a verb needs it.
 """
 
 import gc
@@ -16,19 +17,24 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from .. import __version__
-from ..caches import settle
-from ..errors import InputError, InsgnssError
+from ..base.caches import settle
+from ..base.errors import InputError, InsgnssError
 from . import calibrate, compare, demo, export, inspect, ppk, process, simulate, tune, verify
 from .console import Parser, Progress
 from .verb import report_error
 
 INTERRUPTED = 130
-VERBS = tuple(module.VERB for module in (demo, simulate, inspect, process, verify, export, calibrate, tune, compare, ppk))
+VERBS = tuple(
+    module.VERB
+    for module in (demo, simulate, inspect, process, verify, export, calibrate, tune, compare, ppk)
+)
 
 
 def run() -> NoReturn:
     """The program `insgnss`: one command in a process of its own."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are 30 x 30: more threads only spin
+    os.environ.setdefault(
+        "OPENBLAS_NUM_THREADS", "1"
+    )  # the matrices are 30 x 30: more threads only spin
     gc.disable()  # a run makes few cycles and ends soon; looking for them takes a tenth of its time
     sys.exit(main())
 
@@ -45,10 +51,14 @@ def _run_verb(argv: Sequence[str], progress: Progress) -> int:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code; `argv` without the program's name, of the process by default."""
+    """Run one command and return its exit code; `argv` without the program's name, of the process
+    by default.
+    """
     argv = list(sys.argv[1:] if argv is None else argv)
     as_json, debug = "--json" in argv, "--debug" in argv
-    progress = Progress(sys.stderr, None if as_json else sys.stdout, quiet="--quiet" in argv or "-q" in argv)
+    progress = Progress(
+        sys.stderr, None if as_json else sys.stdout, quiet="--quiet" in argv or "-q" in argv
+    )
     with warnings.catch_warnings():
         warnings.showwarning = _warn_in_one_line(progress)
         try:
@@ -72,15 +82,23 @@ def _verdict(error: BaseException) -> tuple[int, str]:
         return error.exit_code, f"error: {error}"
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
-        return InputError.exit_code, f"error: {where}{error.strerror or error}; check path, permission and free space"
+        return (
+            InputError.exit_code,
+            f"error: {where}{error.strerror or error}; check path, permission and free space",
+        )
     if isinstance(error, KeyboardInterrupt):
         return INTERRUPTED, "error: interrupted"
     frames = traceback.extract_tb(error.__traceback__)
-    own = [frame for frame in frames if Path(__file__).parents[1] in Path(frame.filename).parents] or frames
+    own = [
+        frame for frame in frames if Path(__file__).parents[1] in Path(frame.filename).parents
+    ] or frames
     place = f"{own[-1].filename}:{own[-1].lineno}"
     return (
         InsgnssError.exit_code,
-        f"internal error: {type(error).__name__}: {error} (at {place}); this is a defect, --debug shows the traceback",
+        (
+            f"internal error: {type(error).__name__}: {error} (at {place}); this is a defect,"
+            " --debug shows the traceback"
+        ),
     )
 
 
@@ -96,8 +114,14 @@ def build_parser() -> Parser:
     """Parser of all verbs."""
     parser = Parser(
         prog="insgnss",
-        description="From a mapping drone's raw IMU and GNSS data to the exterior orientation of every image.",
-        epilog="exit codes: 0 done, 2 wrong use, 3 bad input, 4 the data do not support the answer\nfirst steps: insgnss demo",
+        description=(
+            "From a mapping drone's raw IMU and GNSS data to the exterior orientation of every"
+            " image."
+        ),
+        epilog=(
+            "exit codes: 0 done, 2 wrong use, 3 bad input, 4 the data do not support the"
+            " answer\nfirst steps: insgnss demo"
+        ),
     )
     parser.add_argument("--version", action="version", version=f"insgnss {__version__}")
     verbs = parser.add_subparsers(metavar="VERB", required=True, dest="verb", parser_class=Parser)

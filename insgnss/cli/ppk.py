@@ -7,15 +7,15 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..base.errors import InputError, OptionError, UsageError
+from ..base.files import atomic_write, json_ready
+from ..base.wording import spoken_as
 from ..config.camera_options import CameraInput, ImageMatch, RoverEvents
 from ..config.command_line import add_options, given_of, names_of
 from ..config.flight_file import TangentPlaneTable
 from ..config.gnss_options import GnssInput
 from ..config.ppk_options import Air, EngineSettings, RawGnss
 from ..config.schema import check, is_place, swapped
-from ..errors import InputError, OptionError, UsageError
-from ..files import atomic_write, json_ready
-from ..wording import spoken_as
 from .console import Progress
 from .verb import Verb, show_result
 
@@ -33,9 +33,17 @@ TABLES = (RawGnss, GnssInput, Air, CameraInput, ImageMatch, RoverEvents, Tangent
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb: those that the tables of the flight file declare, and where the files go."""
+    """Add the options of the verb: those that the tables of the flight file declare, and where the
+    files go.
+    """
     add_options(parser, TABLES, required=("base", "navigation"))
-    parser.add_argument("--out", type=Path, default=Path("ppk"), metavar="DIR", help="where the files go (default: ppk)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("ppk"),
+        metavar="DIR",
+        help="where the files go (default: ppk)",
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +62,17 @@ class PpkRun:
         for told in self.result.checks:
             lines.append(f"{mark[told.verdict]}  {told.name:<{width}}  {told.found}")
             if told.verdict != "ok":
-                lines.append(f"      {'':<{width}}  expected: {told.expected}" + (f"; {told.advice}" if told.advice else ""))
-        return "\n".join([*lines, f"{self.result.engine}, {self.result.cpu_s:.1f} s of CPU", *(str(path) for path in self.files)])
+                lines.append(
+                    f"      {'':<{width}}  expected: {told.expected}"
+                    + (f"; {told.advice}" if told.advice else "")
+                )
+        return "\n".join(
+            [
+                *lines,
+                f"{self.result.engine}, {self.result.cpu_s:.1f} s of CPU",
+                *(str(path) for path in self.files),
+            ]
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able."""
@@ -88,7 +105,10 @@ def ppk(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun:
 
 
 def _solved(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun:
-    inputs, origin = input_of(given), None if given.origin is None else place(given.origin, "tangent_plane.origin")
+    inputs, origin = (
+        input_of(given),
+        None if given.origin is None else place(given.origin, "tangent_plane.origin"),
+    )
     _refuse_absent(given)
     if given.out.exists() and not given.out.is_dir():
         raise UsageError(f"ppk: --out {given.out} is a file, a directory is expected")
@@ -96,7 +116,10 @@ def _solved(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun
     from ..gnss.ppk import solve_ppk
 
     if name := positions_of_others(given.out):
-        raise UsageError(f"ppk: --out {given.out} holds {name} and no {SOLUTION}: positions of others; give another directory")
+        raise UsageError(
+            f"ppk: --out {given.out} holds {name} and no {SOLUTION}: positions of others; give"
+            " another directory"
+        )
     given.out.mkdir(parents=True, exist_ok=True)
     result = solve_ppk(inputs, given.out, progress)
     progress("writing")
@@ -105,31 +128,52 @@ def _solved(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun
     atomic_write(figure, draw(result.series))
     result = result if missing is None else replace(result, checks=(*result.checks, missing))
     run = PpkRun(result, inputs, (*written, *result.files.values(), figure, document))
-    atomic_write(document, json.dumps(json_ready(run.as_dict()), indent=2, allow_nan=False, ensure_ascii=False) + "\n")
+    atomic_write(
+        document,
+        json.dumps(json_ready(run.as_dict()), indent=2, allow_nan=False, ensure_ascii=False) + "\n",
+    )
     return run
 
 
 def _refuse_absent(given: argparse.Namespace) -> None:
     """InputError with the option of the first file that is not there."""
-    named = [("ROVER", given.rover), ("--base", given.base), *(("--navigation", file) for file in given.navigation)]
-    named += [(option, file) for option, file in (("--antex", given.antex), ("--events", given.events)) if file is not None]
+    named = [
+        ("ROVER", given.rover),
+        ("--base", given.base),
+        *(("--navigation", file) for file in given.navigation),
+    ]
+    named += [
+        (option, file)
+        for option, file in (("--antex", given.antex), ("--events", given.events))
+        if file is not None
+    ]
     for option, file in named:
         if not file.is_file():
-            what = "is a directory, a file is expected" if file.is_dir() else "does not exist; check the path"
+            what = (
+                "is a directory, a file is expected"
+                if file.is_dir()
+                else "does not exist; check the path"
+            )
             raise InputError(f"ppk: {option} {file} {what}")
 
 
 def input_of(given: argparse.Namespace) -> "PpkInput":
-    """The input that a command line describes; OptionError and UsageError for what it cannot ask for."""
+    """The input that a command line describes; OptionError and UsageError for what it cannot ask
+    for.
+    """
     from ..config.load import read_covariance
     from ..geodesy.frames import geodetic_to_ecef
-    from ..gnss.covariance import MODEL
-    from ..gnss.options import EngineOptions
+    from ..gnss.engine.options import EngineOptions
     from ..gnss.ppk import PpkInput
+    from ..gnss.quality.covariance import MODEL
 
     settings, raw = given_of(given, EngineSettings), given_of(given, RawGnss)
     _refuse_contradictions(given, raw)
-    at = None if given.base_position is None else geodetic_to_ecef(*place(given.base_position, "gnss.base_position")).tolist()
+    at = (
+        None
+        if given.base_position is None
+        else geodetic_to_ecef(*place(given.base_position, "gnss.base_position")).tolist()
+    )
     if at is not None:
         settings = {"base_position_m": (at[0], at[1], at[2]), "base_point": "apc"} | settings
     if "systems" in settings:
@@ -162,16 +206,27 @@ def _refuse_contradictions(given: argparse.Namespace, raw: Mapping[str, Any]) ->
         raise UsageError("ppk: --base-point belongs to --base-position; give the coordinates")
     if given.events is not None and (given.events_containing or given.invalid_events):
         option = "--events-containing" if given.events_containing else "--invalid-events"
-        raise UsageError(f"ppk: {option} looks at the record lines of the rover's file; --events is given as well, keep one")
+        raise UsageError(
+            f"ppk: {option} looks at the record lines of the rover's file; --events is given as"
+            " well, keep one"
+        )
     if given.images is None and (given.image_ending or given.skip_images):
         option = "--image-ending" if given.image_ending else "--skip-images"
-        raise UsageError(f"ppk: {option} is of --images, which is missing; give the directory of the images or a list of their names")
+        raise UsageError(
+            f"ppk: {option} is of --images, which is missing; give the directory of the images or a"
+            " list of their names"
+        )
     if given_of(given, Air) and not (raw.get("wet_delay", True) or raw.get("ionosphere", True)):
-        raise UsageError("ppk: --pressure, --temperature and --humidity are of what --no-wet-delay and --no-ionosphere leave out; keep one")
+        raise UsageError(
+            "ppk: --pressure, --temperature and --humidity are of what --no-wet-delay and"
+            " --no-ionosphere leave out; keep one"
+        )
 
 
 def _named_values(words: Sequence[str]) -> dict[str, str]:
-    """Options of RTKLIB by name of words NAME=VALUE; OptionError for a word that is none, or one option twice."""
+    """Options of RTKLIB by name of words NAME=VALUE; OptionError for a word that is none, or one
+    option twice.
+    """
     key = "gnss.rtklib_options"
     split = {word: word.partition("=") for word in words}
     if odd := [word for word, (name, sign, _) in split.items() if not (name and sign)]:
@@ -183,7 +238,9 @@ def _named_values(words: Sequence[str]) -> dict[str, str]:
 
 
 def place(text: str, key: str) -> Any:
-    """Latitude rad, longitude rad, ellipsoidal height m (3,) of "LAT,LON,H" in degrees; OptionError of `key` for what is none."""
+    """Latitude rad, longitude rad, ellipsoidal height m (3,) of "LAT,LON,H" in degrees; OptionError
+    of `key` for what is none.
+    """
     import numpy as np
 
     try:
@@ -192,13 +249,15 @@ def place(text: str, key: str) -> Any:
         what = "is no LAT,LON,H in degrees and metres, such as 46.5712345,6.5412345,512.345"
         raise OptionError(key, f"{text!r} {what}") from None
     if not is_place(lat, lon, height):
-        raise OptionError(key, f"{text!r} is no latitude, longitude, ellipsoidal height; {swapped(lat, lon)}")
+        raise OptionError(
+            key, f"{text!r} is no latitude, longitude, ellipsoidal height; {swapped(lat, lon)}"
+        )
     return np.array([np.radians(lat), np.radians(lon), height])
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ..report.gnss import draw_quality
+    from ..report.figures.gnss import draw_quality
 
     return show_result(options, progress, ppk(options, progress, draw_quality))
 

@@ -9,8 +9,18 @@ from .verb import Verb, show
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("flight", type=Path, metavar="FLIGHT", help="the flight file, or the directory that holds flight.toml")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="where the products go (default: output.directory of the flight file)")
+    parser.add_argument(
+        "flight",
+        type=Path,
+        metavar="FLIGHT",
+        help="the flight file, or the directory that holds flight.toml",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="where the products go (default: output.directory of the flight file)",
+    )
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:

@@ -10,24 +10,53 @@ from .verb import Verb, positive, show
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument("directory", type=Path, metavar="DIR", help="the data set's root")
-    parser.add_argument("--flight", choices=("ign8", "ign6x1"), default="ign8", help="block (ign8) or corridor (ign6x1) (default: ign8)")
-    parser.add_argument("--minutes", type=positive, metavar="M", help="length of the flight (default: that of the flight's plan)")
-    parser.add_argument("--imu-rate", type=positive, default=500.0, metavar="HZ", help="IMU samples a second (default: 500)")
-    shakes = "factor of the IMU's white noise in motion against the noise model of the flight file (default: 1)"
+    parser.add_argument(
+        "--flight",
+        choices=("ign8", "ign6x1"),
+        default="ign8",
+        help="block (ign8) or corridor (ign6x1) (default: ign8)",
+    )
+    parser.add_argument(
+        "--minutes",
+        type=positive,
+        metavar="M",
+        help="length of the flight (default: that of the flight's plan)",
+    )
+    parser.add_argument(
+        "--imu-rate",
+        type=positive,
+        default=500.0,
+        metavar="HZ",
+        help="IMU samples a second (default: 500)",
+    )
+    shakes = (
+        "factor of the IMU's white noise in motion against the noise model of the flight file"
+        " (default: 1)"
+    )
     parser.add_argument("--vibration", type=positive, default=1.0, metavar="X", help=shakes)
-    raw = "write RINEX 2.11 of rover, base and satellites as well, for `insgnss process` to start from"
+    raw = (
+        "write RINEX 2.11 of rover, base and satellites as well, for `insgnss process` to start"
+        " from"
+    )
     parser.add_argument("--raw-gnss", action="store_true", help=raw)
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)"
+    )
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:
     """Do what the parsed command line asks for; return the exit code."""
-    from ..simulate.dataset import write_dataset
+    from ..simulation.dataset import write_dataset
 
     progress(f"simulating {options.flight}")
-    flown = {"flight": options.flight, "minutes": options.minutes, "vibration": options.vibration, "seed": options.seed}
+    flown = {
+        "flight": options.flight,
+        "minutes": options.minutes,
+        "vibration": options.vibration,
+        "seed": options.seed,
+    }
     if options.raw_gnss:
-        from ..simulate.raw_gnss import RawGnssOptions
+        from ..simulation.raw_gnss.scenario import RawGnssOptions
 
         flown["raw_gnss"] = RawGnssOptions()
     write_dataset(options.directory, imu_rate=options.imu_rate, **flown)
@@ -39,7 +68,8 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
 VERB = Verb(
     "simulate",
     "write a simulated data set in the published tree, with the truth beside it",
-    "  insgnss simulate block --flight ign8 --minutes 15 --seed 3\n  insgnss simulate from_rinex --minutes 15 --raw-gnss",
+    "  insgnss simulate block --flight ign8 --minutes 15 --seed 3\n  insgnss simulate from_rinex"
+    " --minutes 15 --raw-gnss",
     add_arguments,
     run,
 )

@@ -1,4 +1,6 @@
-"""What the verbs of the command line have in common: how one is declared, and how its result is shown."""
+"""What the verbs of the command line have in common: how one is declared, and how its result is
+shown.
+"""
 
 import argparse
 import json
@@ -9,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..files import json_ready
+from ..base.files import json_ready
 from .console import Parser, Progress
 
 
@@ -61,12 +63,19 @@ class Verb:
             later=self.add_arguments,
         )
         parser.add_argument("--json", action="store_true", help="print the result as JSON")
-        parser.add_argument("-q", "--quiet", action="store_true", help="do not print the steps while it runs")
+        parser.add_argument(
+            "-q", "--quiet", action="store_true", help="do not print the steps while it runs"
+        )
         parser.add_argument("--debug", action="store_true", help="print the traceback of an error")
         parser.set_defaults(run=self.run)
 
 
-def show(options: argparse.Namespace, progress: Progress, summary: Callable[[], str], document: Callable[[], dict[str, Any]]) -> int:
+def show(
+    options: argparse.Namespace,
+    progress: Progress,
+    summary: Callable[[], str],
+    document: Callable[[], dict[str, Any]],
+) -> int:
     """Print a result as text or JSON; return exit code 0."""
     progress.clear()
     if options.json:
@@ -82,12 +91,19 @@ def show_result(options: argparse.Namespace, progress: Progress, result: Result)
 
 
 def show_judged(options: argparse.Namespace, progress: Progress, result: Any, *files: Path) -> int:
-    """Print a result of `files`; return 0, or the exit code of its refusal, which is one line on standard error."""
+    """Print a result of `files`; return 0, or the exit code of its refusal, which is one line on
+    standard error.
+    """
     refusal = result.refusal
     if refusal is None:
         return show_result(options, progress, result)
     error, code = f"{', '.join(map(str, files))}: {refusal}", refusal.exit_code
-    show(options, progress, result.summary, lambda: result.as_dict() | {"error": error, "exit_code": code})
+    show(
+        options,
+        progress,
+        result.summary,
+        lambda: result.as_dict() | {"error": error, "exit_code": code},
+    )
     report_error(f"error: {error}", code, as_json=False)
     return code
 
@@ -98,7 +114,9 @@ def print_json(document: Any) -> None:
 
 
 def report_error(line: str, code: int, as_json: bool) -> None:
-    """Print an error as one line on standard error and, with `as_json`, as a document on standard output."""
+    """Print an error as one line on standard error and, with `as_json`, as a document on standard
+    output.
+    """
     line = " ".join(line.split())
     print(f"insgnss: {line}", file=sys.stderr)
     if as_json:

@@ -4,7 +4,7 @@ import argparse
 import math
 from pathlib import Path
 
-from ..errors import UsageError
+from ..base.errors import UsageError
 from .console import Progress
 from .verb import Verb, positive, show_judged
 
@@ -41,7 +41,8 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
 
 VERB = Verb(
     "verify",
-    "a part of a flight by the core and by a textbook implementation, and their largest difference in sigmas",
+    "a part of a flight by the core and by a textbook implementation, and their largest difference"
+    " in sigmas",
     EXAMPLE,
     add_arguments,
     run,

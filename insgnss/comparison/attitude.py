@@ -1,13 +1,15 @@
-r"""What may lie between attitudes: each hypothesis is taken off b, and judged by the angle that remains to a.
+r"""What may lie between attitudes: each hypothesis is taken off b, and judged by the angle that
+remains to a.
 
-    axes of the camera or body    C_b Q^T,       Q one of the 23 rotations by right angles              (A.1)
+    axes of the camera or body    C_b Q^T,       Q one of the 23 rotations by right angles     (A.1)
     axes of the frame             Q^T C_b        likewise; both, where both are named otherwise         (A.2)
-    inverse                       C_b^T          frame to camera for camera to frame                    (A.3)
-    angles                        C_b of its angles in another order, with other signs, another unit or of another set (A.4)
-    constant turn                 about up, in the frame's axes or in those of the camera               (A.5)
+    inverse                       C_b^T          frame to camera for camera to frame           (A.3)
+    angles                        C_b of its angles in another order, with other signs, another unit
+                                  or of another set (A.4)
+    constant turn                 about up, in the frame's axes or in those of the camera      (A.5)
 
-Constant turns have parameters and stand back where one without explains as much; one of them may come after one without, such as grid
-north after a quarter turn.
+Constant turns have parameters and stand back where one without explains as much; one of them may
+come after one without, such as grid north after a quarter turn.
 """
 
 from collections.abc import Callable, Iterator
@@ -103,9 +105,16 @@ def _axes(b: Poses) -> Iterator[Trial]:
     for Q in right_angles():
         yield Trial(*_of_own_axes(Q, b.x), _on_rotation(_right(Q.T)))
         yield Trial(*_of_the_frame(Q), _on_rotation(_left(Q.T)))
-    words = "b is of north-east-down and forward-right-down where a is of east-north-up and right-forward-up"
+    words = (
+        "b is of north-east-down and forward-right-down where a is of east-north-up and"
+        " right-forward-up"
+    )
     yield Trial("frame and body axes", words, _on_rotation(lambda C: NED_ENU @ C @ NED_ENU))
-    yield Trial("inverse", f"b has the inverse rotation, frame to {b.x}", _on_rotation(lambda C: np.swapaxes(C, 1, 2)))
+    yield Trial(
+        "inverse",
+        f"b has the inverse rotation, frame to {b.x}",
+        _on_rotation(lambda C: np.swapaxes(C, 1, 2)),
+    )
 
 
 def right_angles() -> Iterator[Array]:
@@ -131,18 +140,39 @@ def _of_own_axes(Q: Array, x: str) -> tuple[str, str]:
     if np.abs(v[:2]).max() < 1e-9:
         degrees = round(float(np.degrees(v[2])))
         if x == "camera":
-            return "yaw turned", f"camera of b turned by {degrees:+d} deg about its viewing direction (yaw; top of the image for the nose?)"
+            return (
+                "yaw turned",
+                (
+                    f"camera of b turned by {degrees:+d} deg about its viewing direction (yaw; top"
+                    " of the image for the nose?)"
+                ),
+            )
         return "yaw turned", f"body of b turned by {degrees:+d} deg about down (yaw)"
     if x == "camera" and np.array_equal(Q, CV_RUB):
-        return "camera axes", "camera axes of b are right, up, back where those of a are right, down, viewing direction"
-    return f"axes of the {x}", f"{x} of b turned by {_by(Q, CAMERA_AXES if x == 'camera' else BODY_AXES)}"
+        return (
+            "camera axes",
+            (
+                "camera axes of b are right, up, back where those of a are right, down, viewing"
+                " direction"
+            ),
+        )
+    return (
+        f"axes of the {x}",
+        f"{x} of b turned by {_by(Q, CAMERA_AXES if x == 'camera' else BODY_AXES)}",
+    )
 
 
 def _of_the_frame(Q: Array) -> tuple[str, str]:
     """Name and statement of (A.2)."""
     v = vector_from_rotation(Q)
     if np.abs(v[:2]).max() < 1e-9:
-        return "yaw turned", f"yaw of b, clockwise from north, is {round(-float(np.degrees(v[2]))):+d} deg off that of a"
+        return (
+            "yaw turned",
+            (
+                f"yaw of b, clockwise from north, is {round(-float(np.degrees(v[2]))):+d} deg off"
+                " that of a"
+            ),
+        )
     known = " (north, east, down for east, north, up)" if np.array_equal(Q, NED_ENU) else ""
     return "axes of the frame", f"attitude of b in a frame turned by {_by(Q, ENU_AXES)}{known}"
 
@@ -154,8 +184,14 @@ def _by(Q: Array, names: tuple[str, str, str]) -> str:
     axis = v / angle
     strongest = int(np.argmax(np.abs(axis)))
     if abs(axis[strongest]) > 0.999:
-        return f"{round(np.degrees(angle) * np.sign(axis[strongest])):+d} deg about {names[strongest]}"
-    parts = " and ".join(f"{'minus ' if value < 0 else ''}{name}" for name, value in zip(names, axis, strict=True) if abs(value) > 0.1)
+        return (
+            f"{round(np.degrees(angle) * np.sign(axis[strongest])):+d} deg about {names[strongest]}"
+        )
+    parts = " and ".join(
+        f"{'minus ' if value < 0 else ''}{name}"
+        for name, value in zip(names, axis, strict=True)
+        if abs(value) > 0.1
+    )
     return f"{round(np.degrees(angle))} deg about the middle of {parts}"
 
 
@@ -171,14 +207,22 @@ def _angles(b: Poses) -> Iterator[Trial]:
                 for order in permutations(range(3)):
                     said = " ".join(other.names[order.index(k)] for k in range(3))
                     words = f"angles of b, read as {' '.join(known.names)}, are {said}"
-                    yield Trial("angle set", words, _on_angles(known.take, other.make, _reordered(order)))
+                    yield Trial(
+                        "angle set", words, _on_angles(known.take, other.make, _reordered(order))
+                    )
 
 
 def _changes(names: tuple[str, str, str]) -> Iterator[tuple[str, str, Change]]:
-    """Angles in another order, with other signs, or in another unit: name, statement, change of (n, 3)."""
+    """Angles in another order, with other signs, or in another unit: name, statement, change of (n,
+    3).
+    """
     for order in list(permutations(range(3)))[1:]:
         moved = [names[k] for k in range(3) if order[k] != k]
-        what = f"{moved[0]} and {moved[1]} exchanged" if len(moved) == 2 else f"{' '.join(names[k] for k in order)} for {' '.join(names)}"
+        what = (
+            f"{moved[0]} and {moved[1]} exchanged"
+            if len(moved) == 2
+            else f"{' '.join(names[k] for k in order)} for {' '.join(names)}"
+        )
         yield "angles exchanged", f"b has {what}", _reordered(order)
     for signs in list(product((1.0, -1.0), repeat=3))[1:]:
         which = " and ".join(name for name, sign in zip(names, signs, strict=True) if sign < 0.0)
@@ -206,7 +250,9 @@ def _on_angles(take: Change, make: Change, change: Change) -> Callable[[Poses, P
 
 
 def _of_the_angles(b: Poses) -> Array:
-    """The rotation of which the angles of the file are: camera right-up-back into the frame's axes, or body into NED."""
+    """The rotation of which the angles of the file are: camera right-up-back into the frame's axes,
+    or body into NED.
+    """
     assert b.C_Ex is not None
     if b.x == "body":
         return NED_ENU @ b.C_Ex
@@ -231,19 +277,38 @@ def _constant(a: Poses, b: Poses) -> Iterator[Trial]:
     quarters = round(up / (0.5 * np.pi))
     rest = float(np.degrees(up)) - 90.0 * quarters
     said = f"{90 * quarters:+d} deg and {rest:+.4f} deg" if quarters else f"{rest:+.4f} deg"
-    words = f"attitude of b turned by {said} about up (grid, true or magnetic north; meridian convergence)"
-    yield Trial("north", words, _on_rotation(_left(rotation_from_vector(np.array([0.0, 0.0, -up])))), 1, {"up_rad": up})
+    words = (
+        f"attitude of b turned by {said} about up (grid, true or magnetic north; meridian"
+        " convergence)"
+    )
+    yield Trial(
+        "north",
+        words,
+        _on_rotation(_left(rotation_from_vector(np.array([0.0, 0.0, -up])))),
+        1,
+        {"up_rad": up},
+    )
     Q = nearest_rotation((np.swapaxes(a.C_Ex, 1, 2) @ b.C_Ex).mean(axis=0))
-    words, values = _turn_words(Q, CAMERA_AXES if b.x == "camera" else BODY_AXES, f"bore-sight or mounting of the {b.x}")
+    words, values = _turn_words(
+        Q, CAMERA_AXES if b.x == "camera" else BODY_AXES, f"bore-sight or mounting of the {b.x}"
+    )
     yield Trial("boresight", words, _on_rotation(_right(Q.T)), 3, values)
     Q = nearest_rotation((b.C_Ex @ np.swapaxes(a.C_Ex, 1, 2)).mean(axis=0))
-    words, values = _turn_words(Q, ENU_AXES, "other axes of the frame, another origin of a tangent plane")
+    words, values = _turn_words(
+        Q, ENU_AXES, "other axes of the frame, another origin of a tangent plane"
+    )
     yield Trial("turn of the frame", words, _on_rotation(_left(Q.T)), 3, values)
 
 
-def _turn_words(Q: Array, names: tuple[str, str, str], meaning: str) -> tuple[str, dict[str, float]]:
+def _turn_words(
+    Q: Array, names: tuple[str, str, str], meaning: str
+) -> tuple[str, dict[str, float]]:
     """Statement and values of a constant turn."""
     v = vector_from_rotation(Q)
-    said = " ".join(f"{name} {np.degrees(value):+.4f}" for name, value in zip(names, v, strict=True))
+    said = " ".join(
+        f"{name} {np.degrees(value):+.4f}" for name, value in zip(names, v, strict=True)
+    )
     why = meaning if np.linalg.norm(v) < SMALL_RAD else "another mounting or frame"
-    return f"attitude of b turned about {said} deg ({why})", {f"{name}_rad": float(value) for name, value in zip(names, v, strict=True)}
+    return f"attitude of b turned about {said} deg ({why})", {
+        f"{name}_rad": float(value) for name, value in zip(names, v, strict=True)
+    }

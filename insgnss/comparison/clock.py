@@ -1,19 +1,22 @@
-r"""Whether the clocks of two files agree: stamps of b that are early or late, by seconds or by milliseconds.
+r"""Whether the clocks of two files agree: stamps of b that are early or late, by seconds or by
+milliseconds.
 
-Files matched by time are matched anew with whole seconds added to b's stamps; of the shift that leaves least of the horizontal
-differences d the rest follows by least squares, until it does not change,
+Files matched by time are matched anew with whole seconds added to b's stamps; of the shift that
+leaves least of the horizontal differences d the rest follows by least squares, until it does not
+change,
 
-    d = v dt + s + C_Ex l                                                                               (T.1)
+    d = v dt + s + C_Ex l                                                                      (T.1)
 
-with the velocity v, beside a constant shift s and, where the files are of different points and there are attitudes, a lever arm l, which
-looks like time as long as the speed is the same. Time is stated if it explains enough of what s and l leave. Files of images with times
-are held against each other by name.
+with the velocity v, beside a constant shift s and, where the files are of different points and
+there are attitudes, a lever arm l, which looks like time as long as the speed is the same. Time is
+stated if it explains enough of what s and l leave. Files of images with times are held against each
+other by name.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError
+from ..base.errors import DataError
 from ..geodesy.gpstime import LEAP_DAYS
 from .hypotheses import ENOUGH, LEAST_POSES, rms
 from .matching import Matched, covered, interpolated, match, times
@@ -46,14 +49,21 @@ def by_names(matched: Matched) -> Finding | None:
     if explained < ENOUGH:
         return None
     words = (
-        f"stamps of b are {abs(usual):.3f} s {'later' if usual > 0 else 'earlier'} than those of a for the same images{leap_words(usual)}"
+        f"stamps of b are {abs(usual):.3f} s {'later' if usual > 0 else 'earlier'} than those of a"
+        f" for the same images{leap_words(usual)}"
     )
     return Finding("time", words, "time", before, after, explained, {"seconds": usual}, unit="s")
 
 
 def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
-    """The shift of b's stamps that explains the differences of poses matched by time, and the match with it taken off."""
-    at = [(score, shift) for shift in range(-WIDEST_S, WIDEST_S + 1) if (score := _spread(a, b, float(shift))) is not None]
+    """The shift of b's stamps that explains the differences of poses matched by time, and the match
+    with it taken off.
+    """
+    at = [
+        (score, shift)
+        for shift in range(-WIDEST_S, WIDEST_S + 1)
+        if (score := _spread(a, b, float(shift))) is not None
+    ]
     if not at:
         return None
     best = float(min(at)[1])
@@ -71,8 +81,12 @@ def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
         before = abs(best) * _speed(a, b, best)
     if before < LEAST_M or 1.0 - (after / before) ** 2 < ENOUGH:
         return None
-    words = f"stamps of b are {abs(best):.4f} s {'early' if best > 0 else 'late'}{leap_words(-best)}"
-    return Finding("time", words, "time", before, after, 1.0 - (after / before) ** 2, {"seconds": -best}), match(a, b, best)
+    words = (
+        f"stamps of b are {abs(best):.4f} s {'early' if best > 0 else 'late'}{leap_words(-best)}"
+    )
+    return Finding(
+        "time", words, "time", before, after, 1.0 - (after / before) ** 2, {"seconds": -best}
+    ), match(a, b, best)
 
 
 def leap_words(late_s: float) -> str:
@@ -80,11 +94,16 @@ def leap_words(late_s: float) -> str:
     whole = round(abs(late_s))
     if abs(abs(late_s) - whole) > LEAP_S or not OLDEST_LEAP <= whole <= len(LEAP_DAYS):
         return ""
-    return f" ({whole} s are leap seconds: {'UTC where a has GPST' if late_s < 0 else 'GPST where a has UTC'})"
+    return (
+        f" ({whole} s are leap seconds:"
+        f" {'UTC where a has GPST' if late_s < 0 else 'GPST where a has UTC'})"
+    )
 
 
 def _spread(a: Poses, b: Poses, shift: float) -> float | None:
-    """rms, m, of what s and l of (T.1) leave of the horizontal differences, with `shift` added to b's stamps; None where too few meet."""
+    """rms, m, of what s and l of (T.1) leave of the horizontal differences, with `shift` added to
+    b's stamps; None where too few meet.
+    """
     matched = _sampled(a, b, shift)
     if matched is None:
         return None

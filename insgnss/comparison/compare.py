@@ -1,4 +1,6 @@
-"""The comparison itself: read, match, take the differences, take off what is recognised, tell what remains."""
+"""The comparison itself: read, match, take the differences, take off what is recognised, tell what
+remains.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError
+from ..base.errors import DataError
 from .attitude import attitude, turn_between
 from .clock import by_motion, by_names
 from .hints import Hints, Origin
@@ -38,20 +40,32 @@ def compare_files(
 ) -> Comparison:
     """Compare two exterior orientations or trajectories; b minus a.
 
-    a, b : files of any format of `reading.FORMS`.   form_a, form_b : theirs, where a file does not show it.
-    undulation_m : of a, of b, to be added to the heights of positions of GNSS that are above the geoid.
-    origin : latitude, longitude, deg, and ellipsoidal height, m, of a tangent plane whose file does not give it; without it that of the
-    other file is taken, and told.   crs, geoid : of projected coordinates.   gps_week : of files with the time of week only.
+    a, b : files of any format of `reading.FORMS`.   form_a, form_b : theirs, where a file does not
+                                                     show it.
+    undulation_m : of a, of b, to be added to the heights of positions of GNSS that are above the
+        geoid.
+    origin : latitude, longitude, deg, and ellipsoidal height, m, of a tangent plane whose file does
+        not give it; without it that of the
+    other file is taken, and told.   crs, geoid : of projected coordinates.
+    gps_week : of files with the time of week only.
     time_shift_s : to be added to the times of b.
-    Raises InputError with file and line, UsageError for an unknown format, DataError where nothing tells which poses belong together.
+    Raises InputError with file and line, UsageError for an unknown format, DataError where nothing
+    tells which poses belong together.
     """
     hints = Hints(origin, crs, gps_week, geoid)
-    read, notes = _read_both(((a, form_a), (b, form_b)), tuple(replace(hints, undulation_m=height) for height in undulation_m))
+    read, notes = _read_both(
+        ((a, form_a), (b, form_b)),
+        tuple(replace(hints, undulation_m=height) for height in undulation_m),
+    )
     return compare_poses(*read, time_shift_s=time_shift_s, notes=notes)
 
 
-def _read_both(given: Sequence[tuple[str | Path, str | None]], hints: Sequence[Hints]) -> tuple[tuple[Poses, Poses], tuple[str, ...]]:
-    """Both files, of path, format and hints; a tangent plane without origin gets that of the other one."""
+def _read_both(
+    given: Sequence[tuple[str | Path, str | None]], hints: Sequence[Hints]
+) -> tuple[tuple[Poses, Poses], tuple[str, ...]]:
+    """Both files, of path, format and hints; a tangent plane without origin gets that of the other
+    one.
+    """
     read: list[Poses | None] = [None, None]
     late: list[tuple[int, NoOriginError]] = []
     for k, (path, form) in enumerate(given):
@@ -65,17 +79,29 @@ def _read_both(given: Sequence[tuple[str | Path, str | None]], hints: Sequence[H
         if other is None or other.plane is None:
             raise error
         plane = other.plane
-        borrowed = replace(hints[k], origin=(float(np.degrees(plane.lat)), float(np.degrees(plane.lon)), plane.height))
+        borrowed = replace(
+            hints[k],
+            origin=(float(np.degrees(plane.lat)), float(np.degrees(plane.lon)), plane.height),
+        )
         read[k] = read_poses(given[k][0], given[k][1], borrowed)
-        notes = (f"{given[k][0]} does not give the origin of its tangent plane; that of {given[1 - k][0]} was taken",)
+        notes = (
+            (
+                f"{given[k][0]} does not give the origin of its tangent plane; that of"
+                f" {given[1 - k][0]} was taken"
+            ),
+        )
     first, second = read
     assert first is not None
     assert second is not None
     return (first, second), notes
 
 
-def compare_poses(a: Poses, b: Poses, *, time_shift_s: float = 0.0, notes: tuple[str, ...] = ()) -> Comparison:
-    """Compare what was read; b minus a. Raises DataError where nothing tells which poses belong together."""
+def compare_poses(
+    a: Poses, b: Poses, *, time_shift_s: float = 0.0, notes: tuple[str, ...] = ()
+) -> Comparison:
+    """Compare what was read; b minus a. Raises DataError where nothing tells which poses belong
+    together.
+    """
     b, more = _of_one_body(a, b)
     findings: list[Finding] = []
     try:
@@ -115,7 +141,10 @@ def _of_one_body(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
         return b, ()
     C_cb = a.camera_from_body if a.camera_from_body is not None else b.camera_from_body
     if C_cb is None:
-        what = f"attitudes are of the {a.x} in a and of the {b.x} in b, and neither file gives the mounting: they are not compared"
+        what = (
+            f"attitudes are of the {a.x} in a and of the {b.x} in b, and neither file gives the"
+            " mounting: they are not compared"
+        )
         return replace(b, C_Ex=None), (what,)
     turned_b = b.C_Ex @ C_cb.T if b.x == "body" else b.C_Ex @ C_cb
     return (
@@ -125,7 +154,9 @@ def _of_one_body(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
 
 
 def _clock(a: Poses, b: Poses, matched: Matched, shift_s: float) -> tuple[Matched, list[Finding]]:
-    """What names and clocks explain, and the match with it taken off; of files matched by name the clocks stay."""
+    """What names and clocks explain, and the match with it taken off; of files matched by name the
+    clocks stay.
+    """
     if matched.how == "image":
         reordered = by_order(matched)
         findings = [] if reordered is None else [reordered[0]]
@@ -152,21 +183,32 @@ def _explained(matched: Matched) -> tuple[Poses, list[Finding]]:
 
 
 def components(a: Poses, b: Poses) -> tuple[Component, ...]:
-    """Differences b minus a: east, north, up; velocities; turns about east, north, up, or roll, pitch, heading of bodies."""
+    """Differences b minus a: east, north, up; velocities; turns about east, north, up, or roll,
+    pitch, heading of bodies.
+    """
     d, s = difference(a, b), _sigma(a.cov_position, b.cov_position)
-    out = [Component(name, "m", d[:, k], None if s is None else s[:, k]) for k, name in enumerate(("east", "north", "up"))]
+    out = [
+        Component(name, "m", d[:, k], None if s is None else s[:, k])
+        for k, name in enumerate(("east", "north", "up"))
+    ]
     if a.C_Ex is not None and b.C_Ex is not None:
         psi, s = turn_between(a, b), _sigma(a.cov_attitude, b.cov_attitude)
         out += [
-            Component(f"about {name}", "rad", psi[:, k], None if s is None else s[:, k]) for k, name in enumerate(("east", "north", "up"))
+            Component(f"about {name}", "rad", psi[:, k], None if s is None else s[:, k])
+            for k, name in enumerate(("east", "north", "up"))
         ]
     if a.velocity is not None and b.velocity is not None:
-        out += [Component(f"v {name}", "m/s", (b.velocity - a.velocity)[:, k]) for k, name in enumerate(("east", "north", "up"))]
+        out += [
+            Component(f"v {name}", "m/s", (b.velocity - a.velocity)[:, k])
+            for k, name in enumerate(("east", "north", "up"))
+        ]
     return tuple(out)
 
 
 def _sigma(P_a: Array | None, P_b: Array | None) -> Array | None:
-    """Standard deviations (n, 3) of the difference of independent errors; of the one file's where the other gives none."""
+    """Standard deviations (n, 3) of the difference of independent errors; of the one file's where
+    the other gives none.
+    """
     known = [P for P in (P_a, P_b) if P is not None]
     if not known:
         return None
@@ -177,7 +219,8 @@ def _notes(a: Poses, b: Poses, matched: Matched) -> tuple[str, ...]:
     notes = [*a.notes, *b.notes]
     if a.cov_position is not None and b.cov_position is not None:
         notes.append(
-            "rms/sigma takes the errors of both files as independent; results of the same observations are not, and come out below 1"
+            "rms/sigma takes the errors of both files as independent; results of the same"
+            " observations are not, and come out below 1"
         )
     if matched.how == "time" and (a.gps_week is None) != (b.gps_week is None):
         notes.append("only one file gives the GPS week; the other is taken to be of the same")

@@ -18,7 +18,8 @@ HEAD = 16384
 
 @dataclass(frozen=True)
 class Hints:
-    """What a caller knows beyond the file: origin of a tangent plane, deg, deg, m; CRS of projected coordinates; GPS week; geoid grid.
+    """What a caller knows beyond the file: origin of a tangent plane, deg, deg, m; CRS of projected
+    coordinates; GPS week; geoid grid.
 
     undulation_m : of the geoid, to be added to heights of positions of GNSS.
     """
@@ -32,7 +33,13 @@ class Hints:
     @property
     def plane(self) -> TangentPlane | None:
         """The tangent plane, if an origin is given."""
-        return None if self.origin is None else TangentPlane(np.radians(self.origin[0]), np.radians(self.origin[1]), self.origin[2])
+        return (
+            None
+            if self.origin is None
+            else TangentPlane(
+                np.radians(self.origin[0]), np.radians(self.origin[1]), self.origin[2]
+            )
+        )
 
     @property
     def projection(self) -> MapProjection | None:
@@ -41,7 +48,9 @@ class Hints:
 
 
 def diagonal(sigma: Array | None, E: Array | None = None) -> Array | None:
-    """(n, 3, 3) of standard deviations (n, 3); of angles, whose psi is E d(angles); None where there are none, or where all are zero."""
+    """(n, 3, 3) of standard deviations (n, 3); of angles, whose psi is E d(angles); None where
+    there are none, or where all are zero.
+    """
     if sigma is None or not (sigma > 0.0).all():
         return None
     P = np.zeros((len(sigma), 3, 3))
@@ -55,11 +64,16 @@ def turned(C: Array, P: Array | None) -> Array | None:
 
 
 def origin_in(path: Path) -> TangentPlane | None:
-    """The origin that a header names: `latitude 46.57.. deg, longitude 6.54.. deg, ... height 0 m`, or two angles in deg and a height."""
+    """The origin that a header names: `latitude 46.57.. deg, longitude 6.54.. deg, ... height 0 m`,
+    or two angles in deg and a height.
+    """
     with path.open(encoding="utf-8", errors="replace") as stream:
         head = "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
     number = r"(-?\d+(?:\.\d+)?)"
-    said = re.search(rf"latitude {number}(?: deg)?,? longitude {number} deg,?(?: [a-z]+ height)? {number} m", head)
+    said = re.search(
+        rf"latitude {number}(?: deg)?,? longitude {number} deg,?(?: [a-z]+ height)? {number} m",
+        head,
+    )
     said = said or re.search(rf"origin {number} {number} deg {number} m", head)
     if said is None:
         return None

@@ -1,8 +1,10 @@
-"""How a hypothesis is judged: it is taken off b, and what remains of the differences says how much of them it explains.
+"""How a hypothesis is judged: it is taken off b, and what remains of the differences says how much
+of them it explains.
 
-Hypotheses are tried on at most `MOST` poses spread over all of them, and the one that is chosen is taken off all. Of those that explain
-`ENOUGH` of the squares the one that leaves least is stated, where each parameter that was fitted must pay for itself by a quarter of what
-is left and of what the digits of files leave; others that leave hardly more with no more parameters are told beside it.
+Hypotheses are tried on at most `MOST` poses spread over all of them, and the one that is chosen is
+taken off all. Of those that explain `ENOUGH` of the squares the one that leaves least is stated,
+where each parameter that was fitted must pay for itself by a quarter of what is left and of what
+the digits of files leave; others that leave hardly more with no more parameters are told beside it.
 """
 
 from collections.abc import Callable, Iterable
@@ -23,12 +25,17 @@ SIMPLER = 1.25  # by which a hypothesis must leave less for each parameter more
 MOST = 2000
 LEAST_POSES = 5
 NOTHING = 1e-9  # m or rad; below it all is left alike
-DIGITS = {"m": 1e-4, "rad": 2e-8}  # rms that the printed digits of two files leave; less of it is no reason for another parameter
+DIGITS = {
+    "m": 1e-4,
+    "rad": 2e-8,
+}  # rms that the printed digits of two files leave; less of it is no reason for another parameter
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A hypothesis: b with it taken off, as a function of (a, b); how many parameters were fitted to these poses, and their values."""
+    """A hypothesis: b with it taken off, as a function of (a, b); how many parameters were fitted
+    to these poses, and their values.
+    """
 
     name: str
     statement: str
@@ -43,25 +50,54 @@ def rms(d: Array) -> float:
 
 
 def explain(
-    part: Part, a: Poses, b: Poses, measure: Measure, trials: Callable[[Poses, Poses], Iterable[Trial]], least: float
+    part: Part,
+    a: Poses,
+    b: Poses,
+    measure: Measure,
+    trials: Callable[[Poses, Poses], Iterable[Trial]],
+    least: float,
 ) -> tuple[Finding, Poses] | None:
     """The hypothesis that explains the differences, and b with it taken off; None where none does.
 
-    measure : differences (n, k) of a part.   trials : hypotheses for some poses.   least : rms below which nobody asks why.
+    measure : differences (n, k) of a part.
+    trials : hypotheses for some poses.
+    least : rms below which nobody asks why.
     """
     if a.n < LEAST_POSES or rms(measure(a, b)) <= least:
         return None
     rows = np.unique(np.linspace(0, a.n - 1, min(a.n, MOST)).astype(np.int64))
     some_a, some_b = a.taken(rows), b.taken(rows)
     before = rms(measure(some_a, some_b))
-    tried = [(rms(measure(some_a, trial.taken_off(some_a, some_b))), trial) for trial in trials(some_a, some_b)]
+    tried = [
+        (rms(measure(some_a, trial.taken_off(some_a, some_b))), trial)
+        for trial in trials(some_a, some_b)
+    ]
     good = [(left, trial) for left, trial in tried if left**2 <= (1.0 - ENOUGH) * before**2]
     if not good:
         return None
     unit = "rad" if part == "attitude" else "m"
-    left, best = min(good, key=lambda pair: ((pair[0] + DIGITS[unit]) * SIMPLER ** pair[1].parameters, pair[0]))
-    rivals = [t for other, t in good if t is not best and other <= AS_GOOD * left + NOTHING and t.parameters <= best.parameters]
+    left, best = min(
+        good, key=lambda pair: ((pair[0] + DIGITS[unit]) * SIMPLER ** pair[1].parameters, pair[0])
+    )
+    rivals = [
+        t
+        for other, t in good
+        if t is not best and other <= AS_GOOD * left + NOTHING and t.parameters <= best.parameters
+    ]
     moved = best.taken_off(a, b)
     before, left = rms(measure(a, b)), rms(measure(a, moved))
     beside = tuple(dict.fromkeys(t.statement for t in rivals if t.statement != best.statement))
-    return Finding(best.name, best.statement, part, before, left, 1.0 - (left / before) ** 2, best.values, beside, unit), moved
+    return (
+        Finding(
+            best.name,
+            best.statement,
+            part,
+            before,
+            left,
+            1.0 - (left / before) ** 2,
+            best.values,
+            beside,
+            unit,
+        ),
+        moved,
+    )

@@ -1,10 +1,13 @@
-r"""Which pose of one file belongs to which of the other: by image name, else by time, the denser file interpolated.
+r"""Which pose of one file belongs to which of the other: by image name, else by time, the denser
+file interpolated.
 
 Names are compared as they are and, where none agrees, without directory and ending.
 
-Interpolation is the cubic through the four samples around an instant (Lagrange), of ECEF coordinates, velocities and the rotation vector
-from the second of the four. Its error is 3/128 h^4 x'''' in the middle, 1e-5 m for accelerations of 10 m/s^2 that change within a
-second, sampled at 10 Hz. Over a gap of the samples longer than `GAP_STEPS` of their usual distance nothing is interpolated.
+Interpolation is the cubic through the four samples around an instant (Lagrange), of ECEF
+coordinates, velocities and the rotation vector from the second of the four. Its error is 3/128 h^4
+x'''' in the middle, 1e-5 m for accelerations of 10 m/s^2 that change within a second, sampled at 10
+Hz. Over a gap of the samples longer than `GAP_STEPS` of their usual distance nothing is
+interpolated.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +16,7 @@ from pathlib import PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError
+from ..base.errors import DataError
 from ..geodesy.frames import ecef_to_geodetic
 from ..geodesy.gpstime import WEEK_S
 from ..geodesy.rotation import rotation_from_vector, vector_from_rotation
@@ -50,9 +53,14 @@ def match(a: Poses, b: Poses, shift_s: float = 0.0) -> Matched:
         if common:
             in_a, in_b = np.array(common).T
             time = None if a.time is None else a.time[in_a]
-            return Matched(a.taken(in_a), b.taken(in_b), "image", a.n - len(common), b.n - len(common), time)
+            return Matched(
+                a.taken(in_a), b.taken(in_b), "image", a.n - len(common), b.n - len(common), time
+            )
         if a.time is None or b.time is None:
-            what = f"no image has the same name: {a.images[0]!r} of {a.source}, {b.images[0]!r} of {b.source}"
+            what = (
+                f"no image has the same name: {a.images[0]!r} of {a.source}, {b.images[0]!r} of"
+                f" {b.source}"
+            )
             raise DataError(f"{what}; rename them, or give files with times")
     return _by_time(a, b, shift_s)
 
@@ -64,7 +72,9 @@ def _common(a: tuple[str, ...], b: tuple[str, ...]) -> list[tuple[int, int]]:
 
 
 def _stems(images: tuple[str, ...]) -> tuple[str, ...]:
-    """Names without directory and ending, in lower case; none of them where two images would become one."""
+    """Names without directory and ending, in lower case; none of them where two images would become
+    one.
+    """
     stems = tuple(PurePosixPath(name.replace("\\", "/")).stem.lower() for name in images)
     return stems if len(set(stems)) == len(stems) else ()
 
@@ -74,8 +84,14 @@ def times(a: Poses, b: Poses) -> tuple[Array, Array]:
     for poses in (a, b):
         if poses.time is None:
             other = b if poses is a else a
-            what = f"{poses.source} has no times, {other.source} {'other image names' if other.images else 'no image names'}"
-            raise DataError(f"{what}: nothing tells which poses belong together; give the eo.json, which has both")
+            what = (
+                f"{poses.source} has no times, {other.source}"
+                f" {'other image names' if other.images else 'no image names'}"
+            )
+            raise DataError(
+                f"{what}: nothing tells which poses belong together; give the eo.json, which has"
+                " both"
+            )
     assert a.time is not None
     assert b.time is not None
     weeks = b.gps_week - a.gps_week if a.gps_week is not None and b.gps_week is not None else 0
@@ -85,12 +101,20 @@ def times(a: Poses, b: Poses) -> tuple[Array, Array]:
 def _by_time(a: Poses, b: Poses, shift_s: float) -> Matched:
     in_a, in_b = times(a, b)
     in_b = in_b + shift_s
-    wanted, samples, of_a = (in_a, in_b, True) if not b.images and (a.images or in_a.size <= in_b.size) else (in_b, in_a, False)
+    wanted, samples, of_a = (
+        (in_a, in_b, True)
+        if not b.images and (a.images or in_a.size <= in_b.size)
+        else (in_b, in_a, False)
+    )
     inside = covered(samples, wanted)
     if not inside.any():
-        spans = f"{a.source} from {in_a[0]:.3f} to {in_a[-1]:.3f} s, {b.source} from {in_b[0]:.3f} to {in_b[-1]:.3f} s"
+        spans = (
+            f"{a.source} from {in_a[0]:.3f} to {in_a[-1]:.3f} s, {b.source} from {in_b[0]:.3f} to"
+            f" {in_b[-1]:.3f} s"
+        )
         raise DataError(
-            f"the times of the files do not meet: {spans} of the same week; check week and time scale (UTC is 18 s behind GPST)"
+            f"the times of the files do not meet: {spans} of the same week; check week and time"
+            " scale (UTC is 18 s behind GPST)"
         )
     rows = np.flatnonzero(inside)
     sparse, dense = (a, b) if of_a else (b, a)
@@ -127,7 +151,9 @@ def interpolated(poses: Poses, samples: Array, wanted: Array) -> Poses:
         turn = vector_from_rotation(C[at] @ np.swapaxes(base, 1, 2)[:, None])
         C = rotation_from_vector(np.einsum("nk,nki->ni", weight, turn)) @ base
     nearest = np.where(samples[right] - wanted < wanted - samples[right - 1], right, right - 1)
-    velocity = None if poses.velocity is None else np.einsum("nk,nki->ni", weight, poses.velocity[at])
+    velocity = (
+        None if poses.velocity is None else np.einsum("nk,nki->ni", weight, poses.velocity[at])
+    )
     return replace(
         poses.taken(nearest),
         lat=lat,

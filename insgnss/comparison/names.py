@@ -1,12 +1,14 @@
-r"""Whether image names stand beside the poses of other images: a list of names and one of poses that were joined one line off.
+r"""Whether image names stand beside the poses of other images: a list of names and one of poses
+that were joined one line off.
 
 With the images in the order of their times, of the file or of their names, and p their places,
 
-    name i has the pose of image i + k, k = -5 ... 5            d_i = p_b(i) - p_a(i + k)               (N.1)
-    name i has the pose of image n - 1 - i                      the order reversed                      (N.2)
+    name i has the pose of image i + k, k = -5 ... 5            d_i = p_b(i) - p_a(i + k)      (N.1)
+    name i has the pose of image n - 1 - i                      the order reversed             (N.2)
 
-The spread of d about its mean judges them, so that a shift or a geoid beside it does not hide it. It is stated where it takes off
-enough and leaves less than half of what any hypothesis on the positions of the names as they are leaves.
+The spread of d about its mean judges them, so that a shift or a geoid beside it does not hide it.
+It is stated where it takes off enough and leaves less than half of what any hypothesis on the
+positions of the names as they are leaves.
 """
 
 from collections.abc import Iterator
@@ -30,23 +32,33 @@ BETTER = 0.5  # what must be left of what another hypothesis leaves
 
 
 def by_order(matched: Matched) -> tuple[Finding, Matched] | None:
-    """The order of names in which the poses agree, and the match by it; None where that of the files is as good."""
+    """The order of names in which the poses agree, and the match by it; None where that of the
+    files is as good.
+    """
     a, b = matched.a, matched.b
     if matched.how != "image" or a.n < LEAST_POSES:
         return None
     before = _spread(a, b)
     if before < LEAST_M:
         return None
-    tried = [(_spread(a.taken(of_a), b.taken(of_b)), words, k, of_a, of_b) for words, k, of_a, of_b in _orders(a)]
+    tried = [
+        (_spread(a.taken(of_a), b.taken(of_b)), words, k, of_a, of_b)
+        for words, k, of_a, of_b in _orders(a)
+    ]
     after, words, k, of_a, of_b = min(tried, key=lambda trial: trial[0])
     if after**2 > (1.0 - ENOUGH) * before**2 or _otherwise(a, b, before) * BETTER < after:
         return None
     time = None if matched.of_time is None else matched.of_time[of_a]
     lost = a.n - of_a.size
     named = replace(b.taken(of_b), images=a.taken(of_a).images)
-    again = Matched(a.taken(of_a), named, "image", matched.left_a + lost, matched.left_b + lost, time)
+    again = Matched(
+        a.taken(of_a), named, "image", matched.left_a + lost, matched.left_b + lost, time
+    )
     values = {} if k is None else {"images": float(k)}
-    return Finding("names", words, "position", before, after, 1.0 - (after / before) ** 2, values), again
+    return (
+        Finding("names", words, "position", before, after, 1.0 - (after / before) ** 2, values),
+        again,
+    )
 
 
 def _spread(a: Poses, b: Poses) -> float:
@@ -72,7 +84,13 @@ def _orders(a: Poses) -> Iterator[tuple[str, int | None, Rows, Rows]]:
             if k == 0 or a.n - abs(k) < LEAST_POSES:
                 continue
             by = "one" if abs(k) == 1 else f"{abs(k)}"
-            words = f"image names of b are off by {by}: each name has the pose of the image {by} {'after' if k > 0 else 'before'} it{which}"
+            words = (
+                f"image names of b are off by {by}: each name has the pose of the image {by}"
+                f" {'after' if k > 0 else 'before'} it{which}"
+            )
             yield words, k, order[max(0, k) : a.n + min(0, k)], order[max(0, -k) : a.n - max(0, k)]
-        words = f"image names of b are in reversed order: the first name has the pose of the last image{which}"
+        words = (
+            "image names of b are in reversed order: the first name has the pose of the last"
+            f" image{which}"
+        )
         yield words, None, order[::-1], order

@@ -1,11 +1,13 @@
-"""What any of the files holds, brought to one form: geodetic positions, attitudes against true north, standard deviations where given."""
+"""What any of the files holds, brought to one form: geodetic positions, attitudes against true
+north, standard deviations where given.
+"""
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..base.errors import InputError
 from ..geodesy.frames import TangentPlane, ecef_to_geodetic, geodetic_to_ecef, rotation_em
 from ..geodesy.projection import MapProjection
 from ..geodesy.rotation import NED_ENU
@@ -21,15 +23,21 @@ class NoOriginError(InputError):
 class Poses:
     """n poses of one file.
 
-    source : path.   form : name of the format.   point : what the positions are of; "" where the file does not say.
-    lat, lon (n,) rad, height (n,) m, as the file has them: whether above the ellipsoid, it may not say.
+    source : path.
+    form : name of the format.
+    point : what the positions are of; "" where the file does not say.
+    lat, lon (n,) rad, height (n,) m, as the file has them: whether above the ellipsoid, it may not
+    say.
     images : names, or empty.   time : (n,) s of `gps_week` (None where unknown), or None.
-    C_Ex : (n, 3, 3) attitude into east, north, up at the point, of x = "camera" (right, down, viewing direction) or "body" (forward,
-    right, down), or None.   camera_from_body : (3, 3) body to camera with the bore-sight, where the file says it.
+    C_Ex : (n, 3, 3) attitude into east, north, up at the point, of x = "camera" (right, down,
+        viewing direction) or "body" (forward,
+    right, down), or None.
+    camera_from_body : (3, 3) body to camera with the bore-sight, where the file says it.
     velocity : (n, 3) east, north, up m/s, or None.
     cov_position, cov_attitude : (n, 3, 3) m^2 and rad^2 (psi), east, north, up, or None.
     angle_set, angles : name and (n, 3) rad of the angles as the file has them, or "" and None.   C_fE : axes that they count in.
-    local : (n, 3) coordinates in `plane` as the file has them, or None.   notes : what a reader should know.
+    local : (n, 3) coordinates in `plane` as the file has them, or None.
+    notes : what a reader should know.
     """
 
     source: str
@@ -73,9 +81,22 @@ class Poses:
         """Only these rows."""
         changes = {
             name: None if (value := getattr(self, name)) is None else value[rows]
-            for name in ("lat", "lon", "height", "time", "C_Ex", "velocity", "cov_position", "cov_attitude", "angles", "C_fE", "local")
+            for name in (
+                "lat",
+                "lon",
+                "height",
+                "time",
+                "C_Ex",
+                "velocity",
+                "cov_position",
+                "cov_attitude",
+                "angles",
+                "C_fE",
+                "local",
+            )
         }
-        return replace(self, images=tuple(self.images[k] for k in rows) if self.images else (), **changes)  # type: ignore[arg-type]
+        changes["images"] = tuple(self.images[k] for k in rows) if self.images else ()
+        return replace(self, **changes)  # type: ignore[arg-type]
 
     def moved(self, lat: Array, lon: Array, height: Array) -> "Poses":
         """The same at other places."""
@@ -84,14 +105,18 @@ class Poses:
 
 @dataclass(frozen=True)
 class Place:
-    """Frame of coordinates in a file: its kind as in `MapFrame`, origin (rad, rad, m) of a tangent plane, definition of a projected CRS."""
+    """Frame of coordinates in a file: its kind as in `MapFrame`, origin (rad, rad, m) of a tangent
+    plane, definition of a projected CRS.
+    """
 
     kind: str
     plane: TangentPlane | None = None
     projection: MapProjection | None = None
 
     def resolved(self, x: Array, path: object) -> tuple[Array, Array, Array, Array]:
-        """Latitude, longitude, rad, height, m (n,), and C_fE (n, 3, 3) of coordinates (n, 3); longitude before latitude, rad."""
+        """Latitude, longitude, rad, height, m (n,), and C_fE (n, 3, 3) of coordinates (n, 3);
+        longitude before latitude, rad.
+        """
         if self.kind == "geographic":
             return x[:, 1], x[:, 0], x[:, 2], np.broadcast_to(np.eye(3), (len(x), 3, 3))
         if self.kind == "geocentric":
@@ -99,11 +124,18 @@ class Place:
             return lat, lon, h, rotation_em(lat, lon)
         if self.kind == "projected":
             if self.projection is None:
-                raise InputError.at(path, None, "has coordinates of a projected CRS; name it, such as crs = EPSG:2056")
+                raise InputError.at(
+                    path,
+                    None,
+                    "has coordinates of a projected CRS; name it, such as crs = EPSG:2056",
+                )
             lat, lon, h = self.projection.inverse(x)
             return lat, lon, h, self.projection.axes(lat, lon, h)
         if self.plane is None:
-            what = "has coordinates of a tangent plane without its origin; give latitude, longitude (deg), height (m)"
+            what = (
+                "has coordinates of a tangent plane without its origin; give latitude, longitude"
+                " (deg), height (m)"
+            )
             raise NoOriginError(f"{path}: {what}")
         lat, lon, h = self.plane.geodetic_from_position(x)
         return lat, lon, h, self.plane.C_mn(lat, lon) @ NED_ENU

@@ -1,4 +1,5 @@
-r"""What may lie between positions: hypotheses on the horizontal and on the height, each taken off b.
+r"""What may lie between positions: hypotheses on the horizontal and on the height, each taken off
+b.
 
 With d = b - a (n, 3), east, north, up at a's points:
 
@@ -8,13 +9,15 @@ With d = b - a (n, 3), east, north, up at a's points:
     turn, scale   about the block's centre, least squares     grid for true north, distances in the grid for those on the ground
     exchange      b made anew of other coordinates            east for north, reversed signs, latitude for longitude, feet
 
-A lever arm stands alone where a shift h of the heights beside it leaves hardly less: of two explanations the one. Else both are
-estimated, d = C_Ex l + (0, 0, h), where the attitude varies enough to tell them apart: with c the vertical in the axes of the camera
-or body, what they leave is small over sqrt(1 - |mean c|^2). Where it does not, or the heights err in another way, l is that of the
-horizontal differences, and is taken off them alone.
+A lever arm stands alone where a shift h of the heights beside it leaves hardly less: of two
+explanations the one. Else both are estimated, d = C_Ex l + (0, 0, h), where the attitude varies
+enough to tell them apart: with c the vertical in the axes of the camera or body, what they leave is
+small over sqrt(1 - |mean c|^2). Where it does not, or the heights err in another way, l is that of
+the horizontal differences, and is taken off them alone.
 
-A shift of the heights is told with that of the horizontal, unless it is as large as a geoid's. A turn or scale is told only if it moves
-the block by what anyone asks about, and by more than a constant shift varies over the axes of its points.
+A shift of the heights is told with that of the horizontal, unless it is as large as a geoid's. A
+turn or scale is told only if it moves the block by what anyone asks about, and by more than a
+constant shift varies over the axes of its points.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,8 +26,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.units import FOOT_M
 from ..geodesy.frames import ecef_to_geodetic
-from ..units import FOOT_M
 from .hypotheses import DIGITS, ENOUGH, SIMPLER, Trial, explain, rms
 from .poses import Place, Poses
 from .result import Finding
@@ -35,10 +38,14 @@ LEAST_M = 0.005  # rms below which nobody asks why
 GEOID_M = (5.0, 110.0)  # geoid heights that are told as such; they run from -107 to +86 m
 GEOID_SPREAD = 0.02  # of them, by which they may vary over a flight
 LEVER_M = 10.0  # no vehicle is longer
-SEPARATE_M = 0.02  # what a lever arm's vertical part may be in doubt by, where it is told from a height shift
+# what a lever arm's vertical part may be in doubt by, where it is told from a height shift
+SEPARATE_M = 0.02
 SMALLEST = 1e-6  # of a turn, rad, or scale; below it there is none
-OF_SHIFT = 1e-3  # what a turn or scale must do, of the shift beside it: so much a constant vector turns over 6 km
-WEAK = 0.2  # singular values below this part of the largest: a lever arm along the vertical does not show in the horizontal
+# what a turn or scale must do, of the shift beside it: so much a constant vector turns over 6 km
+OF_SHIFT = 1e-3
+# singular values below this part of the largest: a lever arm along the vertical does not show in
+# the horizontal
+WEAK = 0.2
 CAMERA_AXES, BODY_AXES = ("right", "down", "view"), ("forward", "right", "down")
 
 
@@ -53,7 +60,9 @@ def without(a: Poses, b: Poses, by: Array) -> Poses:
 
 
 def horizontal(a: Poses, b: Poses, of_time: bool) -> tuple[Finding, Poses] | None:
-    """What explains the horizontal differences, and b with it taken off. of_time : whether time is to be tried."""
+    """What explains the horizontal differences, and b with it taken off. of_time : whether time is
+    to be tried.
+    """
     trials = _horizontal_and_time if of_time else _horizontal
     return explain("horizontal", a, b, lambda x, y: difference(x, y)[:, :2], trials, LEAST_M)
 
@@ -77,12 +86,18 @@ def _horizontal_and_time(a: Poses, b: Poses) -> Iterator[Trial]:
 
 
 def _shift(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
-    """The same in the axes of each point, and the same in ECEF; with the heights where those are shifted too."""
+    """The same in the axes of each point, and the same in ECEF; with the heights where those are
+    shifted too.
+    """
     mean, up = d.mean(axis=0), d[:, 2]
-    also_up = abs(mean[2]) < GEOID_M[0] and float(up.std()) <= max(LEAST_M, np.sqrt(1.0 - ENOUGH) * rms(up[:, None]))
+    also_up = abs(mean[2]) < GEOID_M[0] and float(up.std()) <= max(
+        LEAST_M, np.sqrt(1.0 - ENOUGH) * rms(up[:, None])
+    )
     kept = 0.0 if also_up else float(mean[2])
     by, vector = mean - [0.0, 0.0, kept], (b.ecef - a.ecef).mean(axis=0)
-    named = list(zip("ENU" if also_up else "EN", ("east", "north", "up"), by.tolist(), strict=False))
+    named = list(
+        zip("ENU" if also_up else "EN", ("east", "north", "up"), by.tolist(), strict=False)
+    )
     said = " ".join(f"{axis} {value:+.3f}" for axis, _, value in named)
     words = f"a constant shift of {said} m (another datum, realisation or base station)"
     values = {f"{name}_m": value for _, name, value in named}
@@ -105,7 +120,10 @@ def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
     x = a.x if a.C_Ex is not None else b.x
     names = CAMERA_AXES if x == "camera" else BODY_AXES
     said = " ".join(f"{name} {value:+.3f}" for name, value in zip(names, lever, strict=True))
-    words = f"a lever arm of {said} m in the axes of the {x} (b is of another point than a: antenna, IMU or camera"
+    words = (
+        f"a lever arm of {said} m in the axes of the {x} (b is of another point than a: antenna,"
+        " IMU or camera"
+    )
     words += "; its vertical part cannot be told from a height shift)" if doubtful else ")"
 
     def taken_off(p: Poses, q: Poses) -> Poses:
@@ -113,11 +131,19 @@ def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
         assert turned is not None
         return without(p, q, (turned @ lever) * [1.0, 1.0, 1.0 if whole else 0.0])
 
-    yield Trial("lever arm", words, taken_off, 3, {f"{name}_m": float(value) for name, value in zip(names, lever, strict=True)})
+    yield Trial(
+        "lever arm",
+        words,
+        taken_off,
+        3,
+        {f"{name}_m": float(value) for name, value in zip(names, lever, strict=True)},
+    )
 
 
 def _lever(axes: Array, d: Array) -> tuple[Array, bool, bool]:
-    """Lever arm (3,) m of axes (n, 3, 3); whether it is of all three components; whether its vertical part might be a height shift."""
+    """Lever arm (3,) m of axes (n, 3, 3); whether it is of all three components; whether its
+    vertical part might be a height shift.
+    """
 
     def left(lever: Array, rows: slice = slice(3), up: float = 0.0) -> float:
         return rms((d - axes @ lever - [0.0, 0.0, up])[:, rows]) + DIGITS["m"]
@@ -125,11 +151,18 @@ def _lever(axes: Array, d: Array) -> tuple[Array, bool, bool]:
     tall, plan = axes.reshape(-1, 3), slice(2)
     beside = np.column_stack([tall, np.tile([0.0, 0.0, 1.0], len(d))])
     alone, joint = (_least_squares(A, d.ravel()) for A in (tall, beside))
-    across, weak = (_least_squares(axes[:, :2].reshape(-1, 3), d[:, :2].ravel(), rcond) for rcond in (None, WEAK))
+    across, weak = (
+        _least_squares(axes[:, :2].reshape(-1, 3), d[:, :2].ravel(), rcond)
+        for rcond in (None, WEAK)
+    )
     reach = SEPARATE_M * np.sqrt(max(0.0, 1.0 - float(np.sum(axes[:, 2].mean(axis=0) ** 2))))
     least = SIMPLER * left(across, plan)
     told = left(joint[:3], up=joint[3]) <= reach
-    if np.linalg.norm(alone) <= LEVER_M and left(alone) <= SIMPLER * left(joint[:3], up=joint[3]) and left(alone, plan) <= least:
+    if (
+        np.linalg.norm(alone) <= LEVER_M
+        and left(alone) <= SIMPLER * left(joint[:3], up=joint[3])
+        and left(alone, plan) <= least
+    ):
         return alone, True, not told
     if told and left(joint[:3], plan) <= least:
         return joint[:3], True, False
@@ -165,10 +198,14 @@ def _of_block(a: Poses, d: Array) -> Iterator[Trial]:
 
     least = max(LEAST_M, OF_SHIFT * float(np.linalg.norm(mean))) / np.sqrt(size / a.n)
     if abs(angle) >= max(SMALLEST, least):
-        words = f"a turn of the block by {np.degrees(angle):+.4f} deg about up (grid for true north)"
+        words = (
+            f"a turn of the block by {np.degrees(angle):+.4f} deg about up (grid for true north)"
+        )
         yield Trial("turn of the block", words, taken_off(across, angle), 3, {"up_rad": angle})
     if abs(scale) >= max(SMALLEST, least):
-        words = f"a scale of {1e6 * scale:+.1f} ppm (distances in a grid for distances on the ground)"
+        words = (
+            f"a scale of {1e6 * scale:+.1f} ppm (distances in a grid for distances on the ground)"
+        )
         yield Trial("scale", words, taken_off(place, scale), 3, {"scale": scale})
 
 
@@ -178,7 +215,10 @@ def _along_the_way(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
     if v is None or not (speed := float(np.sum(v[:, :2] ** 2))) > 0.0:
         return
     dt = float(np.sum(v[:, :2] * d) / speed)
-    words = f"positions of b taken {1e3 * abs(dt):.1f} ms {'later' if dt > 0 else 'earlier'} along the way (trigger delay, clock)"
+    words = (
+        f"positions of b taken {1e3 * abs(dt):.1f} ms {'later' if dt > 0 else 'earlier'} along the"
+        " way (trigger delay, clock)"
+    )
 
     def taken_off(p: Poses, q: Poses) -> Poses:
         way = velocity_of(p, q)
@@ -189,7 +229,9 @@ def _along_the_way(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
 
 
 def velocity_of(a: Poses, b: Poses) -> Array | None:
-    """(n, 3) m/s, east, north, up: a's own, else b's, else from a's positions over time; None without time."""
+    """(n, 3) m/s, east, north, up: a's own, else b's, else from a's positions over time; None
+    without time.
+    """
     for poses in (a, b):
         if poses.velocity is not None:
             return poses.velocity
@@ -248,8 +290,17 @@ def _stretched(factor: float) -> Callable[[Poses, Poses], Poses]:
 
 def _in_words(mean: float, d: Array) -> tuple[str, str]:
     """Name and statement of a constant difference in height."""
-    words = f"heights of b lie {abs(mean):.3f} m {'above' if mean > 0 else 'below'} those of a, everywhere alike"
+    words = (
+        f"heights of b lie {abs(mean):.3f} m {'above' if mean > 0 else 'below'} those of a,"
+        " everywhere alike"
+    )
     if not (GEOID_M[0] <= abs(mean) <= GEOID_M[1] and float(d.std()) < GEOID_SPREAD * abs(mean)):
         return "height shift", words
     sea, other = ("a", "b") if mean > 0 else ("b", "a")
-    return "geoid-sized height", f"{words}: the size of a geoid height ({sea} above sea level, {other} above the ellipsoid?)"
+    return (
+        "geoid-sized height",
+        (
+            f"{words}: the size of a geoid height ({sea} above sea level, {other} above the"
+            " ellipsoid?)"
+        ),
+    )

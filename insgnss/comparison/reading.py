@@ -1,4 +1,6 @@
-"""From a file of any readable format to `Poses`; the format is found by the file's ending and first bytes, or given by name."""
+"""From a file of any readable format to `Poses`; the format is found by the file's ending and first
+bytes, or given by name.
+"""
 
 import re
 from collections.abc import Callable
@@ -8,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, UsageError
+from ..base.errors import InputError, UsageError
 from ..geodesy.frames import TangentPlane
 from ..geodesy.projection import MapProjection
 from ..geodesy.rotation import (
@@ -26,27 +28,43 @@ from .tables import read_table_poses
 
 Array = NDArray[np.float64]
 
-TABLES = ("metashape", "metashape_opk", "pix4d_matic", "pix4d_mapper", "realitycapture", "inpho_ascii", "tum")
+TABLES = (
+    "metashape",
+    "metashape_opk",
+    "pix4d_matic",
+    "pix4d_mapper",
+    "realitycapture",
+    "inpho_ascii",
+    "tum",
+)
 HEADERS = {  # of files that other programs take, in lower case
     "pix4d_matic": r"^#?\s*imagename,.*,yaw,pitch,roll",
     "realitycapture": r"^#?\s*name,.*,yaw,pitch,roll",
     "inpho_ascii": r"^#\s*id e n h omega phi kappa",
     "tum": r"^#\s*time tx ty tz qx qy qz qw",
 }
-UNKNOWN_M = (0.98765, 0.98765, 0.98765)  # stands in for fixes without standard deviations, and is left out again
+UNKNOWN_M = (
+    0.98765,
+    0.98765,
+    0.98765,
+)  # stands in for fixes without standard deviations, and is left out again
 
 
 def read_poses(path: str | Path, form: str | None = None, hints: Hints | None = None) -> Poses:
     """Poses of a file.
 
-    form : one of `FORMS` where the file does not show its format.   hints : what the file does not say.
+    form : one of `FORMS` where the file does not show its format.
+    hints : what the file does not say.
     Raises InputError with file and line, UsageError for an unknown format.
     """
     if form is not None and form not in FORMS:
         raise UsageError(f"format {form!r} cannot be compared; it is one of {', '.join(FORMS)}")
     form, hints = form or sniff_poses(path), hints or Hints()
     if hints.undulation_m is not None and form != "gnss":
-        raise UsageError(f"{path}: is of the format {form}, which says what its heights are; leave the height of the geoid out")
+        raise UsageError(
+            f"{path}: is of the format {form}, which says what its heights are; leave the height of"
+            " the geoid out"
+        )
     try:
         return FORMS[form](Path(path), hints)
     except NoOriginError:
@@ -55,7 +73,10 @@ def read_poses(path: str | Path, form: str | None = None, hints: Hints | None = 
         what, advice, _ = str(error).partition("columns = ")
         if not advice:
             raise
-        raise InputError(f"{what.rpartition(';')[0]}; give its format, --format-a or --format-b: {', '.join(FORMS)}") from None
+        raise InputError(
+            f"{what.rpartition(';')[0]}; give its format, --format-a or --format-b:"
+            f" {', '.join(FORMS)}"
+        ) from None
 
 
 def sniff_poses(path: str | Path) -> str:
@@ -64,7 +85,9 @@ def sniff_poses(path: str | Path) -> str:
         with Path(path).open("rb") as stream:
             head = stream.read(HEAD)
     except OSError as error:
-        raise InputError.at(path, None, f"cannot be read: {error.strerror or error}; check the path") from None
+        raise InputError.at(
+            path, None, f"cannot be read: {error.strerror or error}; check the path"
+        ) from None
     text = head.decode("latin-1").lower()
     if text.lstrip().startswith("{") and "exterior orientation" in text:
         return "eo_json"
@@ -87,7 +110,7 @@ def sniff_poses(path: str | Path) -> str:
 
 
 def _eo_json(path: Path, hints: Hints) -> Poses:
-    from ..formats.eo_json import read_eo_json
+    from ..formats.orientation.eo_json import read_eo_json
 
     eo = read_eo_json(path)
     plane = TangentPlane(*eo.origin)
@@ -119,7 +142,7 @@ def _given(P: Array | None) -> Array | None:
 
 
 def _eo_local_plane(path: Path, hints: Hints) -> Poses:
-    from ..formats.eo_local_plane import read_eo_local_plane
+    from ..formats.orientation.eo_local_plane import read_eo_local_plane
 
     eo = read_eo_local_plane(path)
     plane = hints.plane or origin_in(path)
@@ -155,17 +178,26 @@ def _table(form: str) -> Callable[[Path, Hints], Poses]:
 
 
 def _generic_ascii(path: Path, hints: Hints) -> Poses:
-    from ..formats.generic_ascii import read_generic_ascii
+    from ..formats.orientation.generic_ascii import read_generic_ascii
 
     eo = read_generic_ascii(path)
     columns, n = eo.columns, len(eo.images)
     if all(name in columns for name in ("lat", "lon", "h")):
-        place, x = Place("geographic"), np.column_stack([columns[name] for name in ("lon", "lat", "h")])
+        place, x = (
+            Place("geographic"),
+            np.column_stack([columns[name] for name in ("lon", "lat", "h")]),
+        )
     elif all(name in columns for name in "xyz"):
-        place = Place(eo.frame_kind, hints.plane or origin_in(path), hints.projection or _crs_in(path, eo.frame_kind, hints))
+        place = Place(
+            eo.frame_kind,
+            hints.plane or origin_in(path),
+            hints.projection or _crs_in(path, eo.frame_kind, hints),
+        )
         x = np.column_stack([columns[name] for name in "xyz"])
     else:
-        raise InputError.at(path, None, "has no position; the columns x y z or lat lon h are needed")
+        raise InputError.at(
+            path, None, "has no position; the columns x y z or lat lon h are needed"
+        )
     lat, lon, h, C_fE = place.resolved(x, path)
     if place.kind != eo.frame_kind:
         C_fE = np.broadcast_to(np.eye(3), (n, 3, 3))
@@ -197,21 +229,30 @@ def _crs_in(path: Path, kind: str, hints: Hints) -> MapProjection | None:
     if kind != "projected":
         return None
     with path.open(encoding="utf-8", errors="replace") as stream:
-        said = next((re.search(r"EPSG:\d+(?:\+\d+)?", line) for line in stream if line.startswith("# frame:")), None)
+        said = next(
+            (
+                re.search(r"EPSG:\d+(?:\+\d+)?", line)
+                for line in stream
+                if line.startswith("# frame:")
+            ),
+            None,
+        )
     return None if said is None else MapProjection(said[0], hints.geoid)
 
 
 def _trajectory_csv(path: Path, hints: Hints) -> Poses:
-    from ..formats.trajectory_csv import read_trajectory_csv
+    from ..formats.trajectory.trajectory_csv import read_trajectory_csv
 
     t = read_trajectory_csv(path)
     return replace(
-        _of_body(path, "trajectory_csv", t.lat, t.lon, t.height, t.velocity_ned, t.rpy, t.sigma), time=t.time, gps_week=t.gps_week
+        _of_body(path, "trajectory_csv", t.lat, t.lon, t.height, t.velocity_ned, t.rpy, t.sigma),
+        time=t.time,
+        gps_week=t.gps_week,
     )
 
 
 def _sbet(path: Path, hints: Hints) -> Poses:
-    from ..formats.sbet import read_sbet, read_smrmsg, smrmsg_beside
+    from ..formats.trajectory.sbet import read_sbet, read_smrmsg, smrmsg_beside
 
     t = read_sbet(path)
     sigma = None
@@ -219,12 +260,29 @@ def _sbet(path: Path, hints: Hints) -> Poses:
         s = read_smrmsg(beside)
         table = np.column_stack([s.sigma_position_m, s.sigma_velocity, s.sigma_rpy])
         sigma = np.column_stack([np.interp(t.time, s.time, column) for column in table.T])
-    return replace(_of_body(path, "sbet", t.lat, t.lon, t.height, t.velocity_ned, t.rpy, sigma), time=t.time, gps_week=hints.gps_week)
+    return replace(
+        _of_body(path, "sbet", t.lat, t.lon, t.height, t.velocity_ned, t.rpy, sigma),
+        time=t.time,
+        gps_week=hints.gps_week,
+    )
 
 
-def _of_body(path: Path, form: str, lat: Array, lon: Array, h: Array, v_ned: Array, rpy: Array, sigma: Array | None) -> Poses:
+def _of_body(
+    path: Path,
+    form: str,
+    lat: Array,
+    lon: Array,
+    h: Array,
+    v_ned: Array,
+    rpy: Array,
+    sigma: Array | None,
+) -> Poses:
     """A trajectory of the IMU; sigma (n, 9) of position, velocity, roll pitch heading."""
-    position, attitude = (None, None) if sigma is None else (diagonal(sigma[:, :3]), diagonal(sigma[:, 6:], rpy_jacobian(rpy)))
+    position, attitude = (
+        (None, None)
+        if sigma is None
+        else (diagonal(sigma[:, :3]), diagonal(sigma[:, 6:], rpy_jacobian(rpy)))
+    )
     return Poses(
         str(path),
         form,
@@ -245,11 +303,19 @@ def _of_body(path: Path, form: str, lat: Array, lon: Array, h: Array, v_ned: Arr
 def _gnss(path: Path, hints: Hints) -> Poses:
     from ..formats import read_gnss
 
-    fixes = read_gnss(path, gps_week=hints.gps_week, sigma_m=UNKNOWN_M, undulation_m=hints.undulation_m)
-    known = not (np.diagonal(fixes.cov_ned, axis1=1, axis2=2) == np.square(UNKNOWN_M)).all(axis=1).any()
+    fixes = read_gnss(
+        path, gps_week=hints.gps_week, sigma_m=UNKNOWN_M, undulation_m=hints.undulation_m
+    )
+    known = (
+        not (np.diagonal(fixes.cov_ned, axis1=1, axis2=2) == np.square(UNKNOWN_M)).all(axis=1).any()
+    )
     notes = tuple(f"{check.name}: {check.found}" for check in fixes.notes)
     velocity = None
-    if fixes.velocity_ned is not None and fixes.velocity_cov_ned is not None and fixes.velocity_cov_ned.max() < UNKNOWN_MPS**2:
+    if (
+        fixes.velocity_ned is not None
+        and fixes.velocity_cov_ned is not None
+        and fixes.velocity_cov_ned.max() < UNKNOWN_MPS**2
+    ):
         velocity = fixes.velocity_ned @ NED_ENU
     return Poses(
         str(path),
@@ -267,10 +333,21 @@ def _gnss(path: Path, hints: Hints) -> Poses:
 
 
 def _odyn(path: Path, hints: Hints) -> Poses:
-    from ..formats.odyn import read_odyn_poses
+    from ..formats.trajectory.odyn import read_odyn_poses
 
     t = read_odyn_poses(path)
-    return Poses(str(path), "odyn", "IMU", t.lat, t.lon, t.height, time=t.time, gps_week=hints.gps_week, C_Ex=NED_ENU @ t.C_nb, x="body")
+    return Poses(
+        str(path),
+        "odyn",
+        "IMU",
+        t.lat,
+        t.lon,
+        t.height,
+        time=t.time,
+        gps_week=hints.gps_week,
+        C_Ex=NED_ENU @ t.C_nb,
+        x="body",
+    )
 
 
 FORMS: dict[str, Callable[[Path, Hints], Poses]] = {

@@ -1,4 +1,6 @@
-"""What a comparison says: differences with statistics, and the mismatches that it recognised, each with its evidence."""
+"""What a comparison says: differences with statistics, and the mismatches that it recognised, each
+with its evidence.
+"""
 
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -18,10 +20,13 @@ LARGE = 10.0  # m or m/s, from which thousandths are not shown
 class Finding:
     """A mismatch of convention that explains a part of the differences.
 
-    name : short.   statement : a sentence.   part : of the differences.   before, after : their root mean square without and with it taken
+    name : short.
+    statement : a sentence.
+    part : of the differences.   before, after : their root mean square without and with it taken
     off, in `unit`; of time it is that of the stamps of the same images, s, or of the horizontal
     differences less a shift and a lever arm, m; of position it is about their mean.
-    explained : share of the sum of squares that it takes off.   values : what was estimated, SI, by name.
+    explained : share of the sum of squares that it takes off.
+    values : what was estimated, SI, by name.
     alternatives : statements of other hypotheses that explain as much.
     """
 
@@ -38,10 +43,21 @@ class Finding:
     def sentence(self) -> str:
         """Statement and evidence."""
         before, after = quantity(self.before, self.unit), quantity(self.after, self.unit)
-        of = "differences of position beside their mean" if self.part == "position" else f"{self.part} differences"
+        of = (
+            "differences of position beside their mean"
+            if self.part == "position"
+            else f"{self.part} differences"
+        )
         if self.part == "time":
-            of = "differences of time" if self.unit == "s" else "horizontal differences that no shift or lever arm explains"
-        text = f"{self.statement}: explains {percent(self.explained)} of the {of} (rms {before} -> {after})"
+            of = (
+                "differences of time"
+                if self.unit == "s"
+                else "horizontal differences that no shift or lever arm explains"
+            )
+        text = (
+            f"{self.statement}: explains {percent(self.explained)} of the {of} (rms {before} ->"
+            f" {after})"
+        )
         return text + "".join(f"; or {other}" for other in self.alternatives)
 
     def as_dict(self) -> dict[str, Any]:
@@ -61,7 +77,9 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Component:
-    """Differences b minus a of one component: (n,) m, rad or m/s; sigma (n,) of them where both files, or one of them, have it."""
+    """Differences b minus a of one component: (n,) m, rad or m/s; sigma (n,) of them where both
+    files, or one of them, have it.
+    """
 
     name: str
     unit: str
@@ -76,7 +94,9 @@ class Component:
         return SCREEN[self.unit]
 
     def statistics(self) -> dict[str, float]:
-        """mean, median, sd, rms, p95 (of the magnitude), largest, in SI; normalised_rms where there are standard deviations."""
+        """mean, median, sd, rms, p95 (of the magnitude), largest, in SI; normalised_rms where there
+        are standard deviations.
+        """
         d = self.difference
         size = np.abs(d)
         out = {
@@ -96,7 +116,8 @@ class Component:
 class Comparison:
     """Differences b minus a, in the axes east, north, up at a's points.
 
-    a, b : files, as they were called.   form_a, form_b, point_a, point_b : formats, and what their positions are of.
+    a, b : files, as they were called.   form_a, form_b, point_a, point_b : formats, and what their
+                                         positions are of.
     matched_by : "image" or "time".   labels : images, or empty; time : (n,) s, or None.   left_a, left_b : poses without partner.
     components : in the order of the tables.   findings : in the order in which they were taken off.
     remaining : the components after it, at `remaining_time`: other poses where the clocks disagree.
@@ -127,20 +148,38 @@ class Comparison:
 
     def summary(self) -> str:
         """For the terminal: a table, and a sentence for each finding and note."""
-        what = f"{self.n} poses matched by {self.matched_by}; without partner: {self.left_a} of a, {self.left_b} of b"
-        lines = [f"a: {self.a} ({self.form_a}, {self.point_a})", f"b: {self.b} ({self.form_b}, {self.point_b})", what, ""]
+        what = (
+            f"{self.n} poses matched by {self.matched_by}; without partner: {self.left_a} of a,"
+            f" {self.left_b} of b"
+        )
+        lines = [
+            f"a: {self.a} ({self.form_a}, {self.point_a})",
+            f"b: {self.b} ({self.form_b}, {self.point_b})",
+            what,
+            "",
+        ]
         lines += ["b minus a, axes east, north, up at the point", *table(self.components)]
         if self.findings:
-            lines += ["", "recognised:", *(f"  {number}. {f.sentence()}" for number, f in enumerate(self.findings, 1))]
+            lines += [
+                "",
+                "recognised:",
+                *(f"  {number}. {f.sentence()}" for number, f in enumerate(self.findings, 1)),
+            ]
             lines += ["", "what remains after that", *table(self.remaining)]
         else:
-            lines += ["", "no mismatch of names, axes, angles, time, height or lever arm recognised"]
+            lines += [
+                "",
+                "no mismatch of names, axes, angles, time, height or lever arm recognised",
+            ]
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able, SI."""
         return {
-            **{name: getattr(self, name) for name in ("a", "b", "form_a", "form_b", "point_a", "point_b", "matched_by")},
+            **{
+                name: getattr(self, name)
+                for name in ("a", "b", "form_a", "form_b", "point_a", "point_b", "matched_by")
+            },
             "matched": self.n,
             "without_partner": {"a": self.left_a, "b": self.left_b},
             "components": {c.name: {"unit": c.unit, **c.statistics()} for c in self.components},
@@ -150,8 +189,10 @@ class Comparison:
         }
 
     def figure(self) -> bytes:
-        """PNG of the differences over time, or over the images, and what remains after the findings."""
-        from ..report.comparison import ComparisonPanel, Curve, draw_comparison
+        """PNG of the differences over time, or over the images, and what remains after the
+        findings.
+        """
+        from ..report.figures.comparison import ComparisonPanel, Curve, draw_comparison
 
         def curve(c: Component) -> Curve:
             factor, unit = c.screen
@@ -166,14 +207,23 @@ class Comparison:
 def table(components: tuple[Component, ...]) -> list[str]:
     """Lines of a table of statistics."""
     normalised = any(c.sigma is not None for c in components)
-    head = ("mean", "median", "sd", "rms", "95 %", "largest") + (("rms/sigma",) if normalised else ())
+    head = ("mean", "median", "sd", "rms", "95 %", "largest") + (
+        ("rms/sigma",) if normalised else ()
+    )
     lines = [f"  {'':<12}" + "".join(f"{name:>12}" for name in head)]
     for c in components:
         factor, unit = c.screen
         s = c.statistics()
         digits = DIGITS[unit]
-        row = "".join(f"{factor * s[name]:12.{digits}f}" for name in ("mean", "median", "sd", "rms", "p95", "largest"))
-        row += f"{s['normalised_rms']:12.2f}" if "normalised_rms" in s else " " * (12 if normalised else 0)
+        row = "".join(
+            f"{factor * s[name]:12.{digits}f}"
+            for name in ("mean", "median", "sd", "rms", "p95", "largest")
+        )
+        row += (
+            f"{s['normalised_rms']:12.2f}"
+            if "normalised_rms" in s
+            else " " * (12 if normalised else 0)
+        )
         lines.append(f"  {c.name:<12}{row}  {unit}")
     return lines
 

@@ -1,15 +1,19 @@
-"""Poses from tables of images that other programs take: their columns by place, their frame by header or by what the caller says.
+"""Poses from tables of images that other programs take: their columns by place, their frame by
+header or by what the caller says.
 
     metashape            label, x, y, z, yaw, pitch, roll, and the accuracies of all
     metashape_opk        the same with omega, phi, kappa
-    pix4d_matic          name, coordinates in the order of the CRS, height, yaw, pitch, roll, accuracies horizontal and vertical
+    pix4d_matic          name, coordinates in the order of the CRS, height, yaw, pitch, roll,
+                         accuracies horizontal and vertical
     pix4d_mapper         name, x, y, z, omega, phi, kappa, without header
-    realitycapture       name, latitude, longitude (or x, y), altitude, yaw, pitch, roll, and the accuracies of all or none
+    realitycapture       name, latitude, longitude (or x, y), altitude, yaw, pitch, roll, and the
+                         accuracies of all or none
     inpho_ascii          identifier, east, north, height, omega, phi, kappa, seconds of the GPS week
     tum                  time, x, y, z, quaternion x y z w; no names
 
-Omega, phi, kappa and quaternions are of the frame's axes, yaw, pitch, roll of true north, in a tangent plane of its axes; the camera has
-axes right, up, back, that of tum right, down, viewing direction (data_specs of the formats). Degrees and metres.
+Omega, phi, kappa and quaternions are of the frame's axes, yaw, pitch, roll of true north, in a
+tangent plane of its axes; the camera has axes right, up, back, that of tum right, down, viewing
+direction (data_specs of the formats). Degrees and metres.
 """
 
 import re
@@ -19,18 +23,28 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
-from ..formats._text import TextTable, read_text_table
+from ..base.errors import InputError
+from ..formats.text.text import TextTable, read_text_table
 from ..geodesy.gpstime import gps_from_unix_utc
 from ..geodesy.projection import MapProjection
-from ..geodesy.rotation import CV_RUB, opk_jacobian, rotation_from_opk, rotation_from_quaternion, rotation_from_ypr, ypr_jacobian
+from ..geodesy.rotation import (
+    CV_RUB,
+    opk_jacobian,
+    rotation_from_opk,
+    rotation_from_quaternion,
+    rotation_from_ypr,
+    ypr_jacobian,
+)
 from .hints import HEAD, Hints, diagonal, origin_in, turned
 from .poses import Place, Poses
 
 Array = NDArray[np.float64]
 
 WORLD_CODES = {"EPSG:4326": "geographic", "EPSG:4979": "geographic", "EPSG:4978": "geocentric"}
-NORTHINGS = ("lat", "north")  # how the first coordinate begins where the second is the one to the east
+NORTHINGS = (
+    "lat",
+    "north",
+)  # how the first coordinate begins where the second is the one to the east
 PLANE_M = 1e5  # m, coordinates beyond which are of no tangent plane
 
 
@@ -45,7 +59,11 @@ class Layout:
 
 def _layout(columns: str, more: str = "") -> Layout:
     names = tuple(columns.split())
-    return Layout(names, tuple(more.split()), "ypr" if "yaw" in names else "opk" if "omega" in names else "quaternion")
+    return Layout(
+        names,
+        tuple(more.split()),
+        "ypr" if "yaw" in names else "opk" if "omega" in names else "quaternion",
+    )
 
 
 _ACCURACIES = "sx sy sz s1 s2 s3"
@@ -63,7 +81,8 @@ LAYOUTS = {
 def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
     """Poses of a file of one of `LAYOUTS`.
 
-    Raises InputError with file and line for another table, or where neither the header nor the hints tell the frame.
+    Raises InputError with file and line for another table, or where neither the header nor the
+    hints tell the frame.
     """
     table, layout = read_text_table(path), LAYOUTS[form]
     of = _columns(form, table, layout)
@@ -72,7 +91,9 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
     if head and head[of["x"]].startswith(NORTHINGS):
         x = x[:, [1, 0, 2]]
     place = _place(path, form, head[of["x"]] if head else "", x, hints)
-    lat, lon, h, C_fE = place.resolved(np.column_stack([np.radians(x[:, :2]), x[:, 2]]) if place.kind == "geographic" else x, path)
+    lat, lon, h, C_fE = place.resolved(
+        np.column_stack([np.radians(x[:, :2]), x[:, 2]]) if place.kind == "geographic" else x, path
+    )
     C_Ef = np.swapaxes(C_fE, 1, 2)
     angles, R, E = _attitude(table, of, layout)
     north = layout.angle_set == "ypr" and place.kind != "tangent plane"
@@ -101,7 +122,9 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
 
 
 def _columns(form: str, table: TextTable, layout: Layout) -> dict[str, int]:
-    """Places of the columns; InputError where their number or the header's angles are of another format."""
+    """Places of the columns; InputError where their number or the header's angles are of another
+    format.
+    """
     n, least = table.layout.n_fields, len(layout.columns)
     if n not in (least, least + len(layout.more)):
         more = f", or also {' '.join(layout.more)}" if layout.more else ""
@@ -110,8 +133,16 @@ def _columns(form: str, table: TextTable, layout: Layout) -> dict[str, int]:
     names = (*layout.columns, *layout.more)[:n]
     for name, said in zip(names, table.layout.header_fields or (), strict=False):
         if name in ("yaw", "omega") and said.lower() != name:
-            why = " (angles of the nominal camera, without the bore-sight: export metashape)" if said.lower().startswith("nominal") else ""
-            raise InputError.at(table.path, table.layout.header_line, f"{said!r} where {form} has {name}{why}; name its format")
+            why = (
+                " (angles of the nominal camera, without the bore-sight: export metashape)"
+                if said.lower().startswith("nominal")
+                else ""
+            )
+            raise InputError.at(
+                table.path,
+                table.layout.header_line,
+                f"{said!r} where {form} has {name}{why}; name its format",
+            )
     return {name: k for k, name in enumerate(names)}
 
 
@@ -119,8 +150,12 @@ def _block(table: TextTable, of: dict[str, int], names: tuple[str, ...]) -> Arra
     return np.column_stack([table.floats(of[name]) for name in names])
 
 
-def _attitude(table: TextTable, of: dict[str, int], layout: Layout) -> tuple[Array | None, Array, Array | None]:
-    """Angles (n, 3) rad, the camera (right, down, viewing direction) into their axes, and the Jacobian of psi by the angles."""
+def _attitude(
+    table: TextTable, of: dict[str, int], layout: Layout
+) -> tuple[Array | None, Array, Array | None]:
+    """Angles (n, 3) rad, the camera (right, down, viewing direction) into their axes, and the
+    Jacobian of psi by the angles.
+    """
     if layout.angle_set == "quaternion":
         return None, rotation_from_quaternion(_block(table, of, ("qw", "qx", "qy", "qz"))), None
     if layout.angle_set == "ypr":
@@ -157,17 +192,33 @@ def _head(path: Path) -> str:
 
 
 def _place(path: Path, form: str, first: str, x: Array, hints: Hints) -> Place:
-    """Frame of coordinates x (n, 3): as the header says, else as the caller does. first : name of the column of x."""
+    """Frame of coordinates x (n, 3): as the header says, else as the caller does. first : name of
+    the column of x.
+    """
     head = _head(path)
     code = re.search(r"EPSG:\d+(?:\+\d+)?", head)
     kind = WORLD_CODES.get(code[0], "projected") if code is not None else ""
-    if first.startswith(("lat", "lon")) or (first == "x" and form.startswith("metashape") and float(np.abs(x[:, :2]).max()) <= 360.0):
+    if first.startswith(("lat", "lon")) or (
+        first == "x" and form.startswith("metashape") and float(np.abs(x[:, :2]).max()) <= 360.0
+    ):
         kind = "geographic"
     if kind in ("geographic", "geocentric"):
         return Place(kind)
     plane = origin_in(path)
     if plane is None and (code is not None or hints.crs is not None):
-        return Place("projected", projection=MapProjection(code[0], hints.geoid) if hints.projection is None and code else hints.projection)
+        return Place(
+            "projected",
+            projection=(
+                MapProjection(code[0], hints.geoid)
+                if hints.projection is None and code
+                else hints.projection
+            ),
+        )
     if plane is None and hints.plane is None and float(np.abs(x[:, :2]).max()) > PLANE_M:
-        raise InputError.at(path, None, f"does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give it, --crs EPSG:2056")
+        raise InputError.at(
+            path,
+            None,
+            f"does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give it, --crs"
+            " EPSG:2056",
+        )
     return Place("tangent plane", hints.plane or plane)

@@ -8,7 +8,7 @@ from .gnss_options import BY_HEADER
 from .schema import option
 
 if TYPE_CHECKING:
-    from ..tables import Columns
+    from ..base.tables import Columns
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from ..errors import OptionError
+from ..base.errors import OptionError
 from .schema import Declared, declared, in_range, option
 
 Triple = tuple[float, float, float]

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..files import atomic_write
+from ..base.files import atomic_write
 from .covariance import MODEL, CovarianceModel
 from .flight_file import TABLES
 from .retired import retired_keys

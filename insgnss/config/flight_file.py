@@ -20,9 +20,9 @@ from .ppk_options import Air, RawGnss
 from .schema import Place, Words, option
 
 if TYPE_CHECKING:
+    from ..base.tables import Columns
     from ..orient.mounting import Mounting
     from ..records import Array, Quantity
-    from ..tables import Columns
 
 MAX_LEVER_M = 100.0
 Matrix = tuple[Place, Place, Place]
@@ -35,7 +35,7 @@ def _quantities() -> Words:
 
 
 def _imu_unit_keys() -> tuple[str, ...]:
-    from ..formats.imu_csv import UNIT_KEYS
+    from ..formats.imu.imu_csv import UNIT_KEYS
 
     return UNIT_KEYS
 

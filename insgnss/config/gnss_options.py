@@ -13,7 +13,7 @@ from .ppk_options import RawGnss
 from .schema import Place, option
 
 if TYPE_CHECKING:
-    from ..tables import Columns
+    from ..base.tables import Columns
 
 QUALITIES = ("float", "sbas", "dgps", "single", "ppp")
 """Names, in small letters, of the qualities (`records.qualities.Quality`) that have floors."""
@@ -28,7 +28,7 @@ BY_HEADER = "by header or order"
 
 
 def _unit_keys() -> tuple[str, ...]:
-    from ..formats.gnss_text import UNIT_KEYS
+    from ..formats.gnss.gnss_text import UNIT_KEYS
 
     return UNIT_KEYS
 
@@ -137,7 +137,9 @@ class GnssInput:
         usual="as measured",
         cli="--covariance",
         metavar="FILE",
-        cli_meaning="TOML file of changes to the covariance model, the keys of gnss.covariance at "
-        "its top (data_specs/flight_file.md)",
+        cli_meaning=(
+            "TOML file of changes to the covariance model, the keys of gnss.covariance at "
+            "its top (data_specs/flight_file.md)"
+        ),
     )
     raw: RawGnss | None = None

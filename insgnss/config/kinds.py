@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..tables import Table, near
+from ..base.tables import Table, near
 from .schema import Declared, is_place, swapped
 
 

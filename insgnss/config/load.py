@@ -9,9 +9,9 @@ import re
 from functools import cache
 from pathlib import Path
 
-from ..errors import InputError, UsageError
+from ..base.errors import InputError, UsageError
+from ..base.tables import Table, read_toml
 from ..orient.mounting import PAPER_CAMERA_FROM_BODY, Mounting, boresight_from_angles
-from ..tables import Table, read_toml
 from .camera_options import CameraInput, ImageMatch, RoverEvents
 from .covariance import CovarianceModel
 from .flight_file import (

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ..errors import OptionError
-from ..wording import named
+from ..base.errors import OptionError
+from ..base.wording import named
 from .schema import Place, check, option
 
 Point = Literal["apc", "arp", "marker"]
@@ -79,8 +79,10 @@ class EngineSettings:
         "what stands at the base position: the antenna's phase centre (apc), its reference point "
         "(arp) or the marker; it must be given with gnss.base_position",
         cli="--base-point",
-        cli_meaning="what stands at the base position: the antenna's phase centre (apc), its "
-        "reference point (arp) or the marker",
+        cli_meaning=(
+            "what stands at the base position: the antenna's phase centre (apc), its "
+            "reference point (arp) or the marker"
+        ),
         cli_default="apc, with a note",
     )
     antex: Path | None = option(
@@ -129,8 +131,10 @@ class EngineSettings:
         kind="program",
         cli="--engine",
         metavar="NAME",
-        cli_meaning="engine that solves: pyrtklib5, or an rnx2rtkp by its path or its name on "
-        "PATH; auto: the first of both that is installed",
+        cli_meaning=(
+            "engine that solves: pyrtklib5, or an rnx2rtkp by its path or its name on "
+            "PATH; auto: the first of both that is installed"
+        ),
     )
     max_age_s: float = option(
         30.0,

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ..tables import Table
+from ..base.tables import Table
 from .flight_file import TABLES
 from .schema import options_of
 

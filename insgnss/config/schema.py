@@ -11,7 +11,8 @@ files, the page about them, the arguments of `insgnss ppk` and all checks read t
 
 msgspec and pydantic were weighed. Their errors carry neither the line of a TOML file nor the
 nearest known key, and they know no units, so that reader, page and arguments would be ours all the
-same; and importing them takes 15 and 33 ms more than `dataclasses`, where `insgnss --help` takes 70.
+same; and importing them takes 15 and 33 ms more than `dataclasses`, where `insgnss --help` takes
+70.
 """
 
 import math
@@ -22,7 +23,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
-from ..errors import OptionError
+from ..base.errors import OptionError
 
 Words = tuple[str, ...] | tuple[int, ...]
 Place = tuple[float, float, float]

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError, OptionError, UsageError
+from ..base.errors import InputError, OptionError, UsageError
+from ..base.tables import Table, near
 from ..formats import UNITS, unit_factor
-from ..formats._units import imu_kinds
-from ..tables import Table, near
+from ..formats.text.units import imu_kinds
 from .covariance import CovarianceModel, triple
 from .flight_file import MAX_LEVER_M, ImuInput
 from .kinds import PLAIN, choice, number, numbers, texts
@@ -109,7 +109,7 @@ def _imu_units(table: Table, item: Declared) -> dict[str, str] | None:
 
 def _gnss_units(table: Table, item: Declared) -> dict[str, str] | None:
     """Units of the keys of `gnss_text` as far as given; of quality, whose codes they are."""
-    from ..formats._fixes import QUALITY_CODES
+    from ..formats.gnss.fixes import QUALITY_CODES
 
     units = table.table(item.name)
     for what in units.data:

@@ -56,7 +56,8 @@ def contradictions(
 def message(errors: FixErrors) -> str:
     """Describe the time-correlated GNSS error that is estimated, for the history of a run."""
     correlated, white = (
-        " / ".join(f"{x:.2f}" for x in values) for values in (errors.gm_sigma or (), errors.white_scale)
+        " / ".join(f"{x:.2f}" for x in values)
+        for values in (errors.gm_sigma or (), errors.white_scale)
     )
     return (
         "correlated innovations: a time-correlated (Gauss-Markov) GNSS error estimated, in "

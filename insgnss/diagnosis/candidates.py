@@ -109,7 +109,9 @@ def only_code_fixes(problem: EstimationProblem) -> bool:
     return bool((problem.epochs.group[problem.epochs.has_position] == 1).all())
 
 
-def with_layout(problem: EstimationProblem, start: InitialState, layout: StateLayout) -> tuple[EstimationProblem, InitialState]:
+def with_layout(
+    problem: EstimationProblem, start: InitialState, layout: StateLayout
+) -> tuple[EstimationProblem, InitialState]:
     """Pose the same problem with the states of another layout.
 
     Parameters

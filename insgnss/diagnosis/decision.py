@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..errors import DataError
+from ..base.errors import DataError
 from ..navigation.codes import NOT_MEASURED, POSITION
 from ..navigation.layout import FixErrors
 from ..navigation.problem import EstimationProblem, InitialState
@@ -170,7 +170,9 @@ def is_suspicious(solution: Solution, layout_factory: LayoutFactory, errors: Fix
 
 
 def explain_failure(
-    search: ErrorModelSearch, problem: EstimationProblem, align: Callable[[EstimationProblem], InitialState]
+    search: ErrorModelSearch,
+    problem: EstimationProblem,
+    align: Callable[[EstimationProblem], InitialState],
 ) -> Check | None:
     """Look for the lever arm or time offset without which a flight has no solution.
 

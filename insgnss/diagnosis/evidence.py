@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import DataError
+from ..base.errors import DataError
 from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, VEL
 from ..navigation.filter import make_history, run_filter
 from ..navigation.problem import EstimationProblem, InitialState, sub_problem
@@ -117,4 +117,6 @@ def loses_fixes(solution: Solution, before: Solution) -> bool:
 def _white_share(problem: EstimationProblem) -> Array:
     """Return the (m, 3) factor of the sigmas for the white error of each epoch's fix."""
     layout = problem.layout
-    return np.where(problem.epochs.group[:, None] == 0, layout.white_scale, layout.unfixed_white_scale)
+    return np.where(
+        problem.epochs.group[:, None] == 0, layout.white_scale, layout.unfixed_white_scale
+    )

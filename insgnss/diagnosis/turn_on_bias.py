@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import DataError
+from ..base.errors import DataError
+from ..base.units import STANDARD_GRAVITY
 from ..records import Check
-from ..units import STANDARD_GRAVITY
 from .evidence import GAIN, misfit
 
 if TYPE_CHECKING:

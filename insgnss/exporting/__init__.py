@@ -1,1 +1,3 @@
-"""From the master exterior orientation to any format: the frame that the format carries, its options, and the verb `export`."""
+"""From the master exterior orientation to any format: the frame that the format carries, its
+options, and the verb `export`.
+"""

@@ -1,6 +1,7 @@
 """One export: into the frame that the format carries, then to its writer.
 
-`process` and `insgnss export` both come here, so that a format, a frame and a refusal are the same in either.
+`process` and `insgnss export` both come here, so that a format, a frame and a refusal are the same
+in either.
 """
 
 from collections import Counter
@@ -10,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, UsageError, near
-from ..formats._exports import EXPORTS, Export
+from ..base.errors import InputError, UsageError, near
+from ..formats.exports import EXPORTS, Export
 from ..geodesy.projection import MapProjection, undulation
 from ..orient.frame import in_frame
 from ..orient.relative import gyro_figures, relative_control
@@ -60,25 +61,34 @@ def known_format(name: str) -> Export:
     return EXPORTS[name]
 
 
-def export(eo: ExteriorOrientation, name: str, path: Path, target: Target | None = None, **options: Any) -> Exported:
+def export(
+    eo: ExteriorOrientation, name: str, path: Path, target: Target | None = None, **options: Any
+) -> Exported:
     """Write `eo` as format `name` to `path`, a directory where the format has several files.
 
-    options : of the format. Raises UsageError for an unknown format, an option that it does not take, a frame that it cannot carry
+    options : of the format. Raises UsageError for an unknown format, an option that it does not
+        take, a frame that it cannot carry
     and heights that it needs and does not get; InputError where a CRS does not reach the flight.
     """
     form, target = known_format(name), target or Target()
     if not eo.images:
-        raise InputError(f"export: {name}: there are no images; process a flight with camera events")
+        raise InputError(
+            f"export: {name}: there are no images; process a flight with camera events"
+        )
     if doubles := [image for image, n in Counter(eo.images).items() if n > 1]:
         raise InputError(
-            f"export: {name}: image {doubles[0]!r} stands {eo.images.count(doubles[0])} times; give every image a name of its own"
+            f"export: {name}: image {doubles[0]!r} stands {eo.images.count(doubles[0])} times; give"
+            " every image a name of its own"
         )
     if unknown := [key for key in options if key not in form.options]:
         takes = f"it takes {', '.join(form.options)}" if form.options else "it takes none"
         raise UsageError(f"export: {name} has no option {unknown[0]!r}; {takes}")
     if form.frames == ():
         if target != Target():
-            raise UsageError(f"export: {name} is the master in its own frame; leave CRS, geoid, frame and ground out")
+            raise UsageError(
+                f"export: {name} is the master in its own frame; leave CRS, geoid, frame and"
+                " ground out"
+            )
         control = _relative(name, in_frame(eo, TANGENT), eo, options) if options else None
         form.write(eo, path, relative=control)
         return Exported(path, "tangent plane", ())
@@ -87,7 +97,10 @@ def export(eo: ExteriorOrientation, name: str, path: Path, target: Target | None
     if "sea level" in (form.heights, options.get("heights")):
         options = options | {"undulation_m": _undulation(eo, name, target)}
     elif projection is None and target.geoid is not None:
-        raise UsageError(f"export: {name} in a frame of kind {kind} takes heights above the ellipsoid; leave the geoid out or name a CRS")
+        raise UsageError(
+            f"export: {name} in a frame of kind {kind} takes heights above the ellipsoid; leave the"
+            " geoid out or name a CRS"
+        )
     framed = form.in_own_frame(in_frame(eo, kind, projection, target.ground_m))
     if form.relative:
         form.write(_relative(name, framed, eo, options), path)
@@ -95,24 +108,44 @@ def export(eo: ExteriorOrientation, name: str, path: Path, target: Target | None
         form.write(framed, path, **options)
     notes = _notes(form, projection, framed.frame.scaled_from_m is not None)
     if projection is None and form.frames[0] == PROJECTED and target.frame is None:
-        notes = (f"coordinates are those of the {framed.frame.name}, since no CRS is named (--crs)", *notes)
+        notes = (
+            f"coordinates are those of the {framed.frame.name}, since no CRS is named (--crs)",
+            *notes,
+        )
     if projection is not None and (outside := projection.outside(*framed.geodetic[:, :2].T)):
         area = projection.horizontal.area_of_use.name
-        notes = (f"{projection.name} is made for: {area}; {outside} of {len(eo.images)} images lie outside: is it the right CRS?", *notes)
+        notes = (
+            (
+                f"{projection.name} is made for: {area}; {outside} of {len(eo.images)} images lie"
+                " outside: is it the right CRS?"
+            ),
+            *notes,
+        )
     return Exported(path, framed.frame.name, notes)
 
 
-def _relative(name: str, framed: FramedOrientation, eo: ExteriorOrientation, options: dict[str, Any]) -> RelativeControl:
-    """Relative control by the options noise (a noise model's name, path, or itself), form and gap_s."""
+def _relative(
+    name: str, framed: FramedOrientation, eo: ExteriorOrientation, options: dict[str, Any]
+) -> RelativeControl:
+    """Relative control by the options noise (a noise model's name, path, or itself), form and
+    gap_s.
+    """
     noise = options.pop("noise", None)
     if noise is None:
-        raise UsageError(f"export: {name} weighs by the gyroscopes too; name their noise model, such as --set noise=navchip")
+        raise UsageError(
+            f"export: {name} weighs by the gyroscopes too; name their noise model, such as --set"
+            " noise=navchip"
+        )
     model = noise if isinstance(noise, NoiseModel) else load_noise_model(noise)
     length = float(eo.time[-1] - eo.time[0])
-    wandering = [[gm.sigma for gm in axis.gauss_markov if gm.correlation_time_s < length] for axis in model.gyro]
+    wandering = [
+        [gm.sigma for gm in axis.gauss_markov if gm.correlation_time_s < length]
+        for axis in model.gyro
+    ]
     most = max(map(len, wandering))
     figures = gyro_figures(
-        np.array([axis.white_noise for axis in model.gyro]), np.array([own + [0.0] * (most - len(own)) for own in wandering])
+        np.array([axis.white_noise for axis in model.gyro]),
+        np.array([own + [0.0] * (most - len(own)) for own in wandering]),
     )
     return relative_control(framed, figures, **options)
 
@@ -123,7 +156,10 @@ def _kind(name: str, form: Export, target: Target) -> str:
     if kind not in KINDS:
         raise UsageError(f"export: frame {kind!r} is unknown; it is one of {', '.join(KINDS)}")
     if kind not in form.frames:
-        raise UsageError(f"export: {name} cannot carry a frame of kind {kind}; it carries {', '.join(form.frames)}")
+        raise UsageError(
+            f"export: {name} cannot carry a frame of kind {kind}; it carries"
+            f" {', '.join(form.frames)}"
+        )
     if kind == PROJECTED and target.crs is None:
         raise UsageError(f"export: {name} needs a projected CRS; name it, such as EPSG:2056")
     return kind
@@ -132,7 +168,10 @@ def _kind(name: str, form: Export, target: Target) -> str:
 def _undulation(eo: ExteriorOrientation, name: str, target: Target) -> Any:
     """Height (n,) m of the geoid above the ellipsoid at the images."""
     if target.geoid is None:
-        raise UsageError(f"export: {name} has heights above sea level; name a grid of geoid heights (--geoid GRID, output.geoid)")
+        raise UsageError(
+            f"export: {name} has heights above sea level; name a grid of geoid heights (--geoid"
+            " GRID, output.geoid)"
+        )
     return undulation(target.geoid, *in_frame(eo, GEOGRAPHIC).geodetic[:, :2].T)
 
 
@@ -143,11 +182,20 @@ def _notes(form: Export, projection: MapProjection | None, scaled: bool) -> tupl
     operation, accuracy = projection.operation()
     if accuracy < 0.0 or accuracy > ACCURATE_M:
         how = "unknown accuracy" if accuracy < 0.0 else f"an accuracy of {accuracy:g} m"
-        notes.append(f"{projection.name}: its datum was reached by {operation}, of {how}; control points in that CRS may be off by as much")
+        notes.append(
+            f"{projection.name}: its datum was reached by {operation}, of {how}; control points in"
+            " that CRS may be off by as much"
+        )
     if projection.northing_first and not form.crs_order:
-        notes.append(f"{projection.name} counts northing before easting; the file has easting first: check the order when importing")
+        notes.append(
+            f"{projection.name} counts northing before easting; the file has easting first: check"
+            " the order when importing"
+        )
     if not projection.crs.is_compound and projection.geoid is None:
         notes.append(f"heights are {projection.heights}, not above sea level")
     if not scaled:
-        notes.append("heights are not scaled by that of the projection, as tools with control points expect it; --ground scales them")
+        notes.append(
+            "heights are not scaled by that of the projection, as tools with control points expect"
+            " it; --ground scales them"
+        )
     return tuple(notes)

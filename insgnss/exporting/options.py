@@ -1,4 +1,6 @@
-"""Options of a format as texts, `--set KEY=VALUE`: turned into what the annotations of its writer say, or refused in one line."""
+"""Options of a format as texts, `--set KEY=VALUE`: turned into what the annotations of its writer
+say, or refused in one line.
+"""
 
 import inspect
 import math
@@ -6,19 +8,28 @@ from collections.abc import Callable
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
-from ..errors import UsageError
-from ..formats._exports import Export
+from ..base.errors import UsageError
+from ..formats.exports import Export
 from ..orient.relative import relative_control
 
 
 def typed_options(name: str, form: Export, texts: dict[str, str]) -> dict[str, Any]:
-    """The options of format `name`, each of the type that its writer takes; those that it does not take stay as they are.
+    """The options of format `name`, each of the type that its writer takes; those that it does not
+    take stay as they are.
 
-    Raises UsageError for a text that is no such value: a number that is none or not finite, a word that is not one of those known.
+    Raises UsageError for a text that is no such value: a number that is none or not finite, a word
+    that is not one of those known.
     """
-    known = {**inspect.signature(relative_control).parameters, **inspect.signature(form.write).parameters}
+    known = {
+        **inspect.signature(relative_control).parameters,
+        **inspect.signature(form.write).parameters,
+    }
     return {
-        key: _typed(f"export: {name}: {key}", text, known[key].annotation) if key in form.options and key in known else text
+        key: (
+            _typed(f"export: {name}: {key}", text, known[key].annotation)
+            if key in form.options and key in known
+            else text
+        )
         for key, text in texts.items()
     }
 

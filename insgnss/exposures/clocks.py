@@ -1,20 +1,22 @@
 """Events and images by their times, of clocks that differ by an unknown constant.
 
-The constant is the one among the differences of single pairs that brings most events within `near` of an image, each at most once; of
-these the one with the smallest remainders.
+The constant is the one among the differences of single pairs that brings most events within `near`
+of an image, each at most once; of these the one with the smallest remainders.
 
-Where events and images are as many, times have one question to answer: whether they belong together in their order. Cameras stamp the
-exposure, the end of writing, or whole seconds, so that times that do not fit prove nothing by themselves. With r = image - event in
-order, N of n values of r fit where they lie within some constant +- near:
+Where events and images are as many, times have one question to answer: whether they belong together
+in their order. Cameras stamp the exposure, the end of writing, or whole seconds, so that times that
+do not fit prove nothing by themselves. With r = image - event in order, N of n values of r fit
+where they lie within some constant +- near:
 
     N = n                                                               the order holds
     else, of a match by times with M pairs,
     M > N, M >= n - max(1, n / 20), and its pairs are of unlike places  the order is wrong
     else                                                                the times do not tell
 
-asked with near = 0.02 and then 0.15 of the median interval, or, of whole seconds, with 0.55 s. The order is called wrong by `FEWEST` pairs
-at least, and where near is below 0.3 of the interval: stamps that scatter, as writing takes its time, do not find partners for nineteen of
-twenty images then.
+asked with near = 0.02 and then 0.15 of the median interval, or, of whole seconds, with 0.55 s. The
+order is called wrong by `FEWEST` pairs at least, and where near is below 0.3 of the interval:
+stamps that scatter, as writing takes its time, do not find partners for nineteen of twenty images
+then.
 """
 
 import math
@@ -26,7 +28,9 @@ from numpy.typing import NDArray
 from ..records import Array
 
 SHARE_OF_INTERVAL = 0.45
-LEADS = 40  # images at the start whose differences to events are tried as offsets of the images' clock
+LEADS = (
+    40  # images at the start whose differences to events are tried as offsets of the images' clock
+)
 FEWEST = 5
 SHARES = (0.02, 0.15)
 WHOLE_SECOND_S = 0.55
@@ -36,7 +40,9 @@ MOST_LONELY = 0.05
 
 @dataclass(frozen=True)
 class ClockMatch:
-    """Events and images by their times: places from 0 of those without a partner, offset of the images' clock and remainder (rms), s."""
+    """Events and images by their times: places from 0 of those without a partner, offset of the
+    images' clock and remainder (rms), s.
+    """
 
     events: tuple[int, ...]
     images: tuple[int, ...]
@@ -46,8 +52,9 @@ class ClockMatch:
 
 @dataclass(frozen=True)
 class Misfit:
-    """What speaks against the order of as many events as images: places of the images that lie further than `near_s` from where their
-    events put them, and the match that shows the order wrong, None where the times do not tell."""
+    """What speaks against the order of as many events as images: places of the images that lie
+    further than `near_s` from where their events put them, and the match that shows the order
+    wrong, None where the times do not tell."""
 
     near_s: float
     images: tuple[int, ...]
@@ -68,17 +75,26 @@ def match_clocks(time: Array, taken: Array, near: float | None = None) -> ClockM
         for j in range(max(0, i - reach), min(time.size, i + reach + 1)):
             offset = float(taken[i] - time[j])
             _, _, rest = _pairs(time + offset, taken, near)
-            if rest.size and (best is None or (rest.size, -float(np.std(rest))) > (best[0], -best[1])):
+            if rest.size and (
+                best is None or (rest.size, -float(np.std(rest))) > (best[0], -best[1])
+            ):
                 best = (rest.size, float(np.std(rest)), offset + float(np.mean(rest)))
     offset = best[2] if best else 0.0
     events, images, rest = _pairs(time + offset, taken, near)
     lonely_events = tuple(np.setdiff1d(np.arange(time.size), events).tolist())
     lonely_images = tuple(np.setdiff1d(np.arange(taken.size), images).tolist())
-    return ClockMatch(lonely_events, lonely_images, offset, float(np.sqrt(np.mean(rest**2))) if rest.size else math.inf)
+    return ClockMatch(
+        lonely_events,
+        lonely_images,
+        offset,
+        float(np.sqrt(np.mean(rest**2))) if rest.size else math.inf,
+    )
 
 
 def misfit(time: Array, taken: Array) -> Misfit | None:
-    """What the times (n,) and (n,), s, say against the order of events and images, n from 3 on; None where they fit."""
+    """What the times (n,) and (n,), s, say against the order of events and images, n from 3 on;
+    None where they fit.
+    """
     interval, n = float(np.median(np.diff(time))), time.size
     whole = bool((taken == np.rint(taken)).all())
     found = None
@@ -98,11 +114,15 @@ def misfit(time: Array, taken: Array) -> Misfit | None:
 def _beyond(rest: Array, near: float) -> tuple[int, ...]:
     """Places of the remainders outside of the interval of 2 `near` that holds most of them."""
     low = np.sort(rest)
-    start = low[np.argmax(np.searchsorted(low, low + 2.0 * near, side="right") - np.arange(low.size))]
+    start = low[
+        np.argmax(np.searchsorted(low, low + 2.0 * near, side="right") - np.arange(low.size))
+    ]
     return tuple(np.flatnonzero((rest < start) | (rest > start + 2.0 * near)).tolist())
 
 
-def _pairs(time: Array, taken: Array, near: float) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+def _pairs(
+    time: Array, taken: Array, near: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
     """Events and images nearest to each other, both ways, within `near`; and image minus event, s."""
     nearest = _nearest(time, taken)
     back = _nearest(taken, time)

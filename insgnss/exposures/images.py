@@ -1,4 +1,5 @@
-"""What the images of a flight tell of themselves: their names in order, and the time of each by the camera's own clock.
+"""What the images of a flight tell of themselves: their names in order, and the time of each by the
+camera's own clock.
 
 That clock may be off by any constant.
 """
@@ -10,36 +11,72 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
-from ..formats._exif import time_taken
-from ..formats._layout import decode, shown
+from ..base.errors import InputError
+from ..formats.images.exif import time_taken
+from ..formats.text.layout import decode, shown
 from ..records import Array
 
 IMAGE_ENDINGS = {
-    *(".jpg", ".jpeg", ".tif", ".tiff", ".png", ".dng", ".raw", ".iiq", ".arw", ".cr2", ".cr3", ".nef", ".nrw", ".raf", ".rw2", ".orf"),
+    *(
+        ".jpg",
+        ".jpeg",
+        ".tif",
+        ".tiff",
+        ".png",
+        ".dng",
+        ".raw",
+        ".iiq",
+        ".arw",
+        ".cr2",
+        ".cr3",
+        ".nef",
+        ".nrw",
+        ".raf",
+        ".rw2",
+        ".orf",
+    ),
     *(".3fr", ".fff", ".pef", ".srw", ".x3f", ".webp", ".jp2", ".heic"),
 }
 
 
 def image_names(place: str | Path, ending: str | None = None) -> tuple[str, ...]:
-    """Names of the images in a directory, in the order of the numbers in them, or of a list with one name a line, as it stands.
+    """Names of the images in a directory, in the order of the numbers in them, or of a list with
+    one name a line, as it stands.
 
-    ending : of the files to take, such as ".jpg"; needed where the directory holds the same images in several formats.
+    ending : of the files to take, such as ".jpg"; needed where the directory holds the same images
+        in several formats.
     Raises InputError where there is no image, a name twice, or several formats of the same image.
     """
     path = Path(place)
     if path.is_dir():
-        files = [entry.name for entry in path.iterdir() if entry.is_file() and not entry.name.startswith(".")]
+        files = [
+            entry.name
+            for entry in path.iterdir()
+            if entry.is_file() and not entry.name.startswith(".")
+        ]
         endings = IMAGE_ENDINGS if ending is None else {"." + ending.lower().lstrip(".")}
-        names = sorted((name for name in files if Path(name).suffix.lower() in endings), key=_natural)
+        names = sorted(
+            (name for name in files if Path(name).suffix.lower() in endings), key=_natural
+        )
         if len({Path(name).stem for name in names}) < len(names):
             kinds = sorted({Path(name).suffix for name in names})
-            raise InputError.at(path, None, f"holds the same image as {' and '.join(kinds)}; say which ending to take")
+            raise InputError.at(
+                path,
+                None,
+                f"holds the same image as {' and '.join(kinds)}; say which ending to take",
+            )
     else:
         try:
-            names = [line.strip() for line in decode(path.read_bytes()).removeprefix("\ufeff").splitlines()]
+            names = [
+                line.strip()
+                for line in decode(path.read_bytes()).removeprefix("\ufeff").splitlines()
+            ]
         except OSError as error:
-            raise InputError.at(path, None, f"cannot be read: {error.strerror or error}; give a directory or a list of names") from None
+            raise InputError.at(
+                path,
+                None,
+                f"cannot be read: {error.strerror or error}; give a directory or a list of names",
+            ) from None
         names = [name for name in names if name and not name.startswith("#")]
     if not names:
         raise InputError.at(path, None, "holds no image; check the path and the ending")
@@ -51,11 +88,16 @@ def image_names(place: str | Path, ending: str | None = None) -> tuple[str, ...]
 
 def _natural(name: str) -> tuple[tuple[int, int, str], ...]:
     """Order in which IMG_9 stands before IMG_10."""
-    return tuple((1, int(part), "") if part.isdigit() else (0, 0, part.lower()) for part in re.findall(r"\d+|\D+", name))
+    return tuple(
+        (1, int(part), "") if part.isdigit() else (0, 0, part.lower())
+        for part in re.findall(r"\d+|\D+", name)
+    )
 
 
 def image_times(place: Path, names: Sequence[str]) -> Array | None:
-    """Seconds (n,) from the first image, None where `place` is no directory or one of its images does not tell its time."""
+    """Seconds (n,) from the first image, None where `place` is no directory or one of its images
+    does not tell its time.
+    """
     if not place.is_dir():
         return None
     times: list[datetime] = []

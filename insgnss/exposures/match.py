@@ -2,15 +2,18 @@
 
 A camera's event is stamped at its pulse; the exposure's middle comes a constant delay later:
 
-    time = stamp + delay                                                                            (E.1)
+    time = stamp + delay                                                                       (E.1)
 
-Names are matched by order, and one event or image too many or too few moves every name behind it. So the counts must agree. Where they
-do not, the match is refused with the place where an event or an image seems to be missing: by the images' own times, whose clock may be
-off by any constant; else by the gaps in their numbers; else by the longest interval. The answer is `skip_events` or `skip_images`.
+Names are matched by order, and one event or image too many or too few moves every name behind it.
+So the counts must agree. Where they do not, the match is refused with the place where an event or
+an image seems to be missing: by the images' own times, whose clock may be off by any constant; else
+by the gaps in their numbers; else by the longest interval. The answer is `skip_events` or
+`skip_images`.
 
-Counts agree, too, where one of each is missing. So the images' own times are asked first (`clocks`): where they show the order wrong, it is
-refused; where they fit neither the order nor another match, as they may not be those of the exposures, that is told. Times that fall by
-less than a second, from a camera that writes its fractions wrong, are not asked.
+Counts agree, too, where one of each is missing. So the images' own times are asked first
+(`clocks`): where they show the order wrong, it is refused; where they fit neither the order nor
+another match, as they may not be those of the exposures, that is told. Times that fall by less than
+a second, from a camera that writes its fractions wrong, are not asked.
 """
 
 import re
@@ -22,11 +25,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, UsageError
-from ..formats._order import note
-from ..formats.events import UNNAMED
+from ..base.errors import InputError, UsageError
+from ..base.wording import named, setting
+from ..formats.events.events import UNNAMED
+from ..formats.text.order import note
 from ..records import Array, CameraEvents, Check
-from ..wording import named, setting
 from .clocks import ClockMatch, match_clocks, misfit
 
 FEWEST_TIMES = 3
@@ -42,12 +45,15 @@ def name_events(
     skip_events: Collection[int] = (),
     skip_images: Collection[str] = (),
 ) -> CameraEvents:
-    """Events of any source with the names of `images` in order; without images the events keep their names.
+    """Events of any source with the names of `images` in order; without images the events keep
+    their names.
 
-    images : names in the order of exposure.   taken_s : (n,) s of each image by a clock of its own (Exif), any zero.
-    skip_events : numbers, from 1, of events without an image.   skip_images : names without an event.
-    Raises InputError where the events have names of their own as well, events and images are not the same number, or `taken_s` shows
-    another order; UsageError for skipping what is not there.
+    images : names in the order of exposure.
+    taken_s : (n,) s of each image by a clock of its own (Exif), any zero.
+    skip_events : numbers, from 1, of events without an image.
+    skip_images : names without an event.
+    Raises InputError where the events have names of their own as well, events and images are not
+    the same number, or `taken_s` shows another order; UsageError for skipping what is not there.
     """
     path, count, notes = events.source or "camera events", events.time.size, events.notes
     _check_skipped(path, "events", skip_events, range(1, count + 1))
@@ -68,11 +74,15 @@ def name_events(
 def check_delay(delay_s: float) -> None:
     """UsageError for a delay, s, that is no number or beyond 10 s."""
     if not abs(delay_s) <= LONGEST_DELAY_S:
-        raise UsageError(f"camera delay {delay_s} s is outside +-{LONGEST_DELAY_S:g} s; give it in seconds")
+        raise UsageError(
+            f"camera delay {delay_s} s is outside +-{LONGEST_DELAY_S:g} s; give it in seconds"
+        )
 
 
 def delayed(events: CameraEvents, delay_s: float) -> CameraEvents:
-    """Events at the middles of their exposures, `delay_s` behind the stamps (E.1); UsageError as `check_delay`."""
+    """Events at the middles of their exposures, `delay_s` behind the stamps (E.1); UsageError as
+    `check_delay`.
+    """
     check_delay(delay_s)
     return replace(events, time=events.time + delay_s)
 
@@ -80,34 +90,59 @@ def delayed(events: CameraEvents, delay_s: float) -> CameraEvents:
 def _refuse_named(path: str, events: CameraEvents) -> None:
     """Refuse events whose names are more than numbers."""
     if own := [name for name in events.images if not name.isdecimal()]:
-        what = f"the events have names of their own ({own[0]}), and images are given that name them as well; leave the images out"
+        what = (
+            f"the events have names of their own ({own[0]}), and images are given that name them as"
+            " well; leave the images out"
+        )
         raise InputError.at(path, None, f"{what}, or give the events by columns without the names")
 
 
-def _check_skipped(path: str, kind: str, skipped: Collection[object], there: Collection[object]) -> None:
+def _check_skipped(
+    path: str, kind: str, skipped: Collection[object], there: Collection[object]
+) -> None:
     if unknown := [item for item in skipped if item not in there]:
-        raise UsageError(f"{path}: {named(f'camera.skip_{kind}')} names {unknown[0]}, which is none of the {len(there)} {kind}")
+        raise UsageError(
+            f"{path}: {named(f'camera.skip_{kind}')} names {unknown[0]}, which is none of the"
+            f" {len(there)} {kind}"
+        )
 
 
-def _taken(path: str, taken_s: ArrayLike, images: Sequence[str], given: Sequence[int]) -> tuple[Array | None, tuple[Check, ...]]:
-    """The own times (n,) s of the images at the places `given`, None with a note where their fractions of a second cannot be right."""
+def _taken(
+    path: str, taken_s: ArrayLike, images: Sequence[str], given: Sequence[int]
+) -> tuple[Array | None, tuple[Check, ...]]:
+    """The own times (n,) s of the images at the places `given`, None with a note where their
+    fractions of a second cannot be right.
+    """
     taken = np.asarray(taken_s, dtype=np.float64)
     if taken.shape != (len(images),) or not np.isfinite(taken).all():
-        raise UsageError(f"the images' own times have the shape {taken.shape}, expected {len(images)} finite numbers, one an image")
+        raise UsageError(
+            f"the images' own times have the shape {taken.shape}, expected {len(images)} finite"
+            " numbers, one an image"
+        )
     taken = taken[given]
     if taken.size < 2 or (step := np.diff(taken)).min() >= 0.0:
         return taken, ()
     k = int(np.argmin(step))
-    found = f"image {images[given[k + 1]]} was taken {-step[k]:.3f} s before {images[given[k]]}, by the images' own times"
+    found = (
+        f"image {images[given[k + 1]]} was taken {-step[k]:.3f} s before {images[given[k]]}, by the"
+        " images' own times"
+    )
     if -step[k] < UNSURE_FALL_S:
-        return None, (note("times of the images", f"{found}; they are not asked", "times that do not fall", "names go by their order"),)
+        return None, (
+            note(
+                "times of the images",
+                f"{found}; they are not asked",
+                "times that do not fall",
+                "names go by their order",
+            ),
+        )
     raise InputError.at(path, None, f"{found}; order them by exposure, in a list of their names")
 
 
 @dataclass(frozen=True)
 class _Match:
-    """Events (n,), s and number from 1, and names (m,) that are to belong together, the images' own times (m,) s or None, and what
-    reading the events told."""
+    """Events (n,), s and number from 1, and names (m,) that are to belong together, the images' own
+    times (m,) s or None, and what reading the events told."""
 
     path: str
     time: Array
@@ -117,7 +152,9 @@ class _Match:
     told: Sequence[Check]
 
     def checked(self) -> tuple[Check, ...]:
-        """Notes of the match; InputError with the place where something is missing where there is none."""
+        """Notes of the match; InputError with the place where something is missing where there is
+        none.
+        """
         if self.time.size == len(self.names):
             return self.in_order()
         hint = self.by_clocks() or _of_numbers(self.time, self.number, self.names)
@@ -131,12 +168,23 @@ class _Match:
         found = misfit(self.time, self.taken) if timed and self.taken is not None else None
         if found is not None and found.better is not None:
             better = _of_clocks(found.better, self.number, self.names)
-            raise self.refusal(f"but they do not fit in time: {better}; if the times are wrong, give a list of the names")
+            raise self.refusal(
+                f"but they do not fit in time: {better}; if the times are wrong, give a list of the"
+                " names"
+            )
         if found is not None:
             names = _first_of([self.names[k] for k in found.images])
-            what = f"{len(found.images)} of {len(self.names)} are off by more than {found.near_s:.2f} s: {names}"
-            advice = "names go by order; cameras that stamp the end of writing do so, else see that no event or image is missing"
-            told = (note("times of the images", what, "those of the events but for a constant", advice),)
+            what = (
+                f"{len(found.images)} of {len(self.names)} are off by more than {found.near_s:.2f}"
+                f" s: {names}"
+            )
+            advice = (
+                "names go by order; cameras that stamp the end of writing do so, else see that no"
+                " event or image is missing"
+            )
+            told = (
+                note("times of the images", what, "those of the events but for a constant", advice),
+            )
         if (not timed or told) and (gaps := _number_gaps(self.names)):
             what = f"as many as events, but their numbers leave out {_first_of(gaps)}"
             advice = "see that no event is missing or too many as well"
@@ -144,25 +192,43 @@ class _Match:
         return told
 
     def by_clocks(self) -> str:
-        """What the images' own times say of another number of events, empty without them or with too few; InputError for other flights."""
+        """What the images' own times say of another number of events, empty without them or with
+        too few; InputError for other flights.
+        """
         if self.taken is None or min(self.time.size, self.taken.size) < FEWEST_TIMES:
             return ""
         match = match_clocks(self.time, self.taken)
-        if 2 * (pairs := self.taken.size - len(match.images)) < min(self.time.size, self.taken.size):
-            what = f"but by the images' own times only {pairs} of {self.taken.size} images pair with an event"
-            raise self.refusal(f"{what}; see that these are images of this flight; if the times are wrong, give a list of the names")
+        if 2 * (pairs := self.taken.size - len(match.images)) < min(
+            self.time.size, self.taken.size
+        ):
+            what = (
+                f"but by the images' own times only {pairs} of {self.taken.size} images pair with"
+                " an event"
+            )
+            raise self.refusal(
+                f"{what}; see that these are images of this flight; if the times are wrong, give a"
+                " list of the names"
+            )
         return _of_clocks(match, self.number, self.names)
 
     def refusal(self, what: str, joint: str = ", ") -> InputError:
-        """The error `what` behind the counts, with what was left out of the events or is odd about them."""
+        """The error `what` behind the counts, with what was left out of the events or is odd about
+        them.
+        """
         told = "".join(f"; {check.name}: {check.found}" for check in self.told)
-        return InputError.at(self.path, None, f"{self.time.size} camera events and {len(self.names)} images{joint}{what}{told}")
+        return InputError.at(
+            self.path,
+            None,
+            f"{self.time.size} camera events and {len(self.names)} images{joint}{what}{told}",
+        )
 
 
 def _of_clocks(match: ClockMatch, number: NDArray[np.int64], names: Sequence[str]) -> str:
     events = [int(number[k]) for k in match.events]
     images = [names[k] for k in match.images]
-    told = f"by the images' own times (offset {match.offset_s:.3f} s, remainder {match.rms_s:.3f} s)"
+    told = (
+        f"by the images' own times (offset {match.offset_s:.3f} s, remainder {match.rms_s:.3f} s)"
+    )
     if events:
         told += f" no image belongs to event {_first_of(events)}"
     if images:
@@ -180,19 +246,30 @@ def _of_numbers(time: Array, number: NDArray[np.int64], names: Sequence[str]) ->
     start = _numbers(names)[0]
     events = [int(number[gap - start]) for gap in gaps]
     answer = setting("camera.skip_events", events[:8])
-    return f"the images' numbers leave out {_first_of(gaps)}; if these were exposed and are lost, set {answer}"
+    return (
+        f"the images' numbers leave out {_first_of(gaps)}; if these were exposed and are lost, set"
+        f" {answer}"
+    )
 
 
 def _of_intervals(time: Array, number: NDArray[np.int64], count: int) -> str:
     step = np.diff(time)
     if step.size == 0:
-        return f"name those that have no partner in {named('camera.skip_events')} or {named('camera.skip_images')}"
-    if time.size == 2 * count and np.median(step[::2]) < 0.5 * np.median(step[1::2] if step.size > 1 else step):
+        return (
+            f"name those that have no partner in {named('camera.skip_events')} or"
+            f" {named('camera.skip_images')}"
+        )
+    if time.size == 2 * count and np.median(step[::2]) < 0.5 * np.median(
+        step[1::2] if step.size > 1 else step
+    ):
         ms = 1e3 * float(np.median(step[::2]))
         found = f"the events come in pairs {ms:.1f} ms apart, as from both edges of a pulse"
         return f"{found}; keep the edge you want with {named('camera.skip_events')}"
     k = int(np.argmax(step))
-    where = f"the longest interval is {step[k]:.3f} s, behind event {number[k]}, the median {np.median(step):.3f} s"
+    where = (
+        f"the longest interval is {step[k]:.3f} s, behind event {number[k]}, the median"
+        f" {np.median(step):.3f} s"
+    )
     key = "camera.skip_events" if time.size > count else "camera.skip_images"
     return f"{where}; give the images' own times, or name those without a partner in {named(key)}"
 
@@ -204,9 +281,15 @@ def _numbers(names: Sequence[str]) -> list[int]:
 
 
 def _number_gaps(names: Sequence[str]) -> list[int]:
-    """Numbers that increasing numbers of images leave out; none where there are more of them than images."""
+    """Numbers that increasing numbers of images leave out; none where there are more of them than
+    images.
+    """
     numbers = _numbers(names)
-    if len(numbers) < 2 or any(b <= a for a, b in pairwise(numbers)) or numbers[-1] - numbers[0] >= 2 * len(numbers):
+    if (
+        len(numbers) < 2
+        or any(b <= a for a, b in pairwise(numbers))
+        or numbers[-1] - numbers[0] >= 2 * len(numbers)
+    ):
         return []
     return sorted(set(range(numbers[0], numbers[-1] + 1)) - set(numbers))
 

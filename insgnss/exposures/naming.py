@@ -12,11 +12,13 @@ __all__ = ["ImageMatch", "named"]
 
 
 def named(events: CameraEvents, wanted: ImageMatch) -> CameraEvents:
-    """The events with the names of the images, matched by the images' own times where they tell them; without images those that are not
-    to be skipped.
+    """The events with the names of the images, matched by the images' own times where they tell
+    them; without images those that are not to be skipped.
 
     Raises what `image_names` and `name_events` raise.
     """
     names = None if wanted.images is None else image_names(wanted.images, wanted.image_ending)
     taken = None if wanted.images is None or names is None else image_times(wanted.images, names)
-    return name_events(events, names, taken_s=taken, skip_events=wanted.skip_events, skip_images=wanted.skip_images)
+    return name_events(
+        events, names, taken_s=taken, skip_events=wanted.skip_events, skip_images=wanted.skip_images
+    )

@@ -1,8 +1,9 @@
 """Files in and files out, one module per format, each the code twin of `data_specs/<format>.md`.
 
-`read_imu`, `read_gnss` and `read_events` find the format by the file's ending and first bytes and hand over to its reader;
-options that a format cannot use are refused, None is no option. `describe` says which tables and columns a file holds.
-`EXPORTS` lists what an exterior orientation is written to.
+`read_imu`, `read_gnss` and `read_events` find the format by the file's ending and first bytes and
+hand over to its reader; options that a format cannot use are refused, None is no option. `describe`
+says which tables and columns a file holds. `EXPORTS` lists what an exterior orientation is written
+to.
 """
 
 from collections.abc import Callable
@@ -10,17 +11,37 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ..errors import UsageError
+from ..base.errors import UsageError
 from ..records import CameraEvents, GnssFixes, ImuSamples
-from ._content import TableInfo
 from ._detect import LOADERS, by_bytes, head_of, load_content
-from ._exports import EXPORTS
-from ._units import UNITS, split_unit, unit_factor
+from .arrays.content import TableInfo
+from .exports import EXPORTS
+from .text.units import UNITS, split_unit, unit_factor
 
-__all__ = ["EXPORTS", "UNITS", "TableInfo", "describe", "load_content", "read_events", "read_gnss", "read_imu", "split_unit", "unit_factor"]
+__all__ = [
+    "EXPORTS",
+    "UNITS",
+    "TableInfo",
+    "describe",
+    "load_content",
+    "read_events",
+    "read_gnss",
+    "read_imu",
+    "split_unit",
+    "unit_factor",
+]
 
 _IMU_MAP = ("columns", "variable", "units", "quantity", "gps_week", "rate_hz")
-_GNSS_MAP = ("columns", "variable", "repeat_column", "sigma_m", "sigma_velocity", "units", "gps_week", "undulation_m")
+_GNSS_MAP = (
+    "columns",
+    "variable",
+    "repeat_column",
+    "sigma_m",
+    "sigma_velocity",
+    "units",
+    "gps_week",
+    "undulation_m",
+)
 
 IMU_OPTIONS = {
     "matlab": _IMU_MAP,
@@ -49,21 +70,26 @@ EVENT_OPTIONS = {
 }
 _READERS = {
     "imu": {
-        "aimu": "read_aimu",
-        "psins": "read_psins",
-        "ardupilot": "read_imu_ardupilot",
-        "ulog": "read_imu_ulog",
-        "imu_csv": "read_imu_csv",
+        "aimu": "imu.aimu:read_aimu",
+        "psins": "imu.psins:read_psins",
+        "ardupilot": "logs.ardupilot:read_imu_ardupilot",
+        "ulog": "logs.ulog:read_imu_ulog",
+        "imu_csv": "imu.imu_csv:read_imu_csv",
     },
     "gnss": {
-        "nmea": "read_nmea",
-        "rtklib_pos": "read_rtklib_pos",
-        "sbet": "read_gnss_sbet",
-        "ardupilot": "read_gnss_ardupilot",
-        "ulog": "read_gnss_ulog",
-        "gnss_text": "read_gnss_text",
+        "nmea": "gnss.nmea:read_nmea",
+        "rtklib_pos": "gnss.rtklib_pos:read_rtklib_pos",
+        "sbet": "trajectory.sbet:read_gnss_sbet",
+        "ardupilot": "logs.ardupilot:read_gnss_ardupilot",
+        "ulog": "logs.ulog:read_gnss_ulog",
+        "gnss_text": "gnss.gnss_text:read_gnss_text",
     },
-    "events": {"mrk": "read_events_mrk", "ardupilot": "read_events_ardupilot", "ulog": "read_events_ulog", "events": "read_events"},
+    "events": {
+        "mrk": "events.mrk:read_events_mrk",
+        "ardupilot": "logs.ardupilot:read_events_ardupilot",
+        "ulog": "logs.ulog:read_events_ulog",
+        "events": "events.events:read_events",
+    },
 }
 
 
@@ -86,7 +112,7 @@ def sniff_gnss(path: str | Path) -> str:
         return form
     if head.lstrip().startswith(b"$") or b"\n$G" in head:
         return "nmea"
-    from .rtklib_pos import is_rtklib_pos
+    from .gnss.rtklib_pos import is_rtklib_pos
 
     return "rtklib_pos" if is_rtklib_pos(head) else "gnss_text"
 
@@ -97,24 +123,33 @@ def sniff_events(path: str | Path) -> str:
     form = by_bytes(path, head)
     if form in EVENT_OPTIONS:
         return form
-    from .mrk import is_mrk
+    from .events.mrk import is_mrk
 
     return "mrk" if is_mrk(head) else "events"
 
 
-def _options(path: str | Path, form: str, known: tuple[str, ...], given: dict[str, Any]) -> dict[str, Any]:
+def _options(
+    path: str | Path, form: str, known: tuple[str, ...], given: dict[str, Any]
+) -> dict[str, Any]:
     options = {key: value for key, value in given.items() if value is not None}
     extra = [key for key in options if key not in known]
-    # standard deviations stand in where a file has none; a format that always has them does not need them
+    # standard deviations stand in where a file has none; a format that always has them does not
+    # need them
     for key in [key for key in extra if key in ("sigma_m", "sigma_velocity")]:
         del options[key]
         extra.remove(key)
     if extra:
-        raise UsageError(f"{path}: is of the format {form}, which takes no {', '.join(extra)}; it takes {', '.join(known)}")
+        raise UsageError(
+            f"{path}: is of the format {form}, which takes no {', '.join(extra)}; it takes"
+            f" {', '.join(known)}"
+        )
     if form in ("matlab", "npy") and "columns" not in options:
-        tables = "; ".join(f"{table.name or 'at the top'}: {' '.join(table.columns)}" for table in describe(path))
+        tables = "; ".join(
+            f"{table.name or 'at the top'}: {' '.join(table.columns)}" for table in describe(path)
+        )
         what = (
-            f"needs columns = {{tow = ..., ...}}, and variable where they are fields of a struct or labels of a matrix; there are {tables}"
+            "needs columns = {tow = ..., ...}, and variable where they are fields of a struct or"
+            f" labels of a matrix; there are {tables}"
         )
         raise UsageError(f"{path}: a {'MATLAB' if form == 'matlab' else 'numpy'} file {what[:600]}")
     return options
@@ -122,11 +157,14 @@ def _options(path: str | Path, form: str, known: tuple[str, ...], given: dict[st
 
 def _read(kind: str, form: str, path: str | Path, options: dict[str, Any]) -> Any:
     if form in LOADERS:
-        from . import _mapped
+        from .arrays import mapped as _mapped
 
-        of_content: dict[str, Callable[..., Any]] = {"imu": _mapped.imu_of_content, "gnss": _mapped.gnss_of_content}
+        of_content: dict[str, Callable[..., Any]] = {
+            "imu": _mapped.imu_of_content,
+            "gnss": _mapped.gnss_of_content,
+        }
         return of_content[kind](path, load_content(form, path), **options)
-    return getattr(import_module(f".{form}", __name__), _READERS[kind][form])(path, **options)
+    return _function(_READERS[kind][form])(path, **options)
 
 
 def read_imu(path: str | Path, **spec: Any) -> ImuSamples:
@@ -146,16 +184,27 @@ def read_gnss(path: str | Path, **spec: Any) -> GnssFixes:
 def read_events(path: str | Path, **spec: Any) -> CameraEvents:
     """Read camera events of any format here; `spec` are the options of `EVENT_OPTIONS`."""
     form = sniff_events(path)
-    events: CameraEvents = _read("events", form, path, _options(path, form, EVENT_OPTIONS[form], spec))
+    events: CameraEvents = _read(
+        "events", form, path, _options(path, form, EVENT_OPTIONS[form], spec)
+    )
     return events
 
 
 def describe(path: str | Path) -> list[TableInfo]:
-    """The tables that a file holds: what to set `variable` to, the names that `columns` may use, and rows.
+    """The tables that a file holds: what to set `variable` to, the names that `columns` may use,
+    and rows.
 
-    Of a MATLAB or numpy file its matrices, and its vectors of equal length together; of a text table its one, by header or places
-    "[1]"; of a log of sentences or messages one a kind. Raises InputError for a file that cannot be read.
+    Of a MATLAB or numpy file its matrices, and its vectors of equal length together; of a text
+    table its one, by header or places "[1]"; of a log of sentences or messages one a kind. Raises
+    InputError for a file that cannot be read.
     """
-    from ._describe import tables_in
+    from .text.describe import tables_in
 
     return tables_in(path)
+
+
+def _function(place: str) -> Callable[..., Any]:
+    """Import what "module:name" names, when it is used."""
+    module, _, name = place.partition(":")
+    function: Callable[..., Any] = getattr(import_module(f".{module}", __name__), name)
+    return function

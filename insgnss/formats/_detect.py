@@ -4,14 +4,23 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError
+from ..base.errors import InputError
 
 LOADERS = {"matlab": "load_matlab", "npy": "load_numpy"}  # of named arrays, read by a column map
-_BY_ENDING = {".mat": "matlab", ".npy": "npy", ".npz": "npy", ".ulg": "ulog", ".bin": "ardupilot", ".sbet": "sbet"}
+_BY_ENDING = {
+    ".mat": "matlab",
+    ".npy": "npy",
+    ".npz": "npy",
+    ".ulg": "ulog",
+    ".bin": "ardupilot",
+    ".sbet": "sbet",
+}
 
 
 def by_bytes(path: str | Path, head: bytes) -> str:
-    """Format by the first bytes or, of binary formats that have no such, by the ending; an empty text for all others."""
+    """Format by the first bytes or, of binary formats that have no such, by the ending; an empty
+    text for all others.
+    """
     if head.startswith(b"ULog\x01\x12\x35"):
         return "ulog"
     if head.startswith((b"\xa3\x95\x80", b"FMT, ", b"FMT,")):
@@ -21,7 +30,11 @@ def by_bytes(path: str | Path, head: bytes) -> str:
     if head.startswith(b"MATLAB 5.0 MAT-file"):
         return "matlab"
     name = Path(path).name.lower()
-    return "sbet" if name.startswith("sbet") and name.endswith(".out") else _BY_ENDING.get(Path(path).suffix.lower(), "")
+    return (
+        "sbet"
+        if name.startswith("sbet") and name.endswith(".out")
+        else _BY_ENDING.get(Path(path).suffix.lower(), "")
+    )
 
 
 def head_of(path: str | Path) -> bytes:
@@ -30,9 +43,13 @@ def head_of(path: str | Path) -> bytes:
         with Path(path).open("rb") as stream:
             return stream.read(1 << 14)
     except OSError as error:
-        raise InputError.at(path, None, f"cannot be read: {error.strerror or error}; check the path in the flight file") from None
+        raise InputError.at(
+            path,
+            None,
+            f"cannot be read: {error.strerror or error}; check the path in the flight file",
+        ) from None
 
 
 def load_content(form: str, path: str | Path) -> Any:
     """The named arrays of a file of the formats that are read by a column map."""
-    return getattr(import_module(f".{form}", __package__), LOADERS[form])(path)
+    return getattr(import_module(f".arrays.{form}", __package__), LOADERS[form])(path)

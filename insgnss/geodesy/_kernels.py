@@ -2,19 +2,20 @@
 
 Each writes into `out` and allocates nothing. Conventions of `rotation` and `earth`.
 
-Geodetic latitude without trigonometric functions (Bowring 1985): with p^2 = x^2 + y^2, r^2 = p^2 + z^2,
+Geodetic latitude without trigonometric functions (Bowring 1985): with p^2 = x^2 + y^2, r^2 = p^2 +
+z^2,
 
     tan beta = b z (1 + e'^2 b / r) / (a p)                                      (K.1)
     tan lat  = (z + e'^2 b sin^3 beta) / (p - e^2 a cos^3 beta)                  (K.2)
     h        = p cos lat + z sin lat - a sqrt(1 - e^2 sin^2 lat)                 (K.3)
 
-where sine and cosine come from numerator and denominator by normalising. One step leaves 3e-13 rad of latitude below 20 km,
-3e-12 m/s^2 of gravity.
+where sine and cosine come from numerator and denominator by normalising. One step leaves 3e-13 rad
+of latitude below 20 km, 3e-12 m/s^2 of gravity.
 """
 
 import math
 
-from ..compilation import njit
+from ..base.compilation import njit
 from .earth import CENTRIFUGAL_M, E2, EP2, GRAVITY_EQUATOR, SOMIGLIANA_K, A, B, F
 
 
@@ -35,7 +36,8 @@ def quat_to_matrix(q, out):
 
 @njit(cache=True)
 def gravity_ecef(x, y, z, out):
-    """Normal gravity out (3,), m/s^2 in ECEF axes, at x, y, z, m: `earth` (E.2) down the ellipsoidal normal.
+    """Normal gravity out (3,), m/s^2 in ECEF axes, at x, y, z, m: `earth` (E.2) down the
+    ellipsoidal normal.
 
     It holds the centrifugal part; the position must not be the Earth's centre.
     """

@@ -5,10 +5,12 @@ Normal gravity on the ellipsoid (Somigliana) and at height h, with the centrifug
     gamma_0 = gamma_e (1 + k sin^2 lat) / sqrt(1 - e^2 sin^2 lat),   k = b gamma_p / (a gamma_e) - 1      (E.1)
     gamma   = gamma_0 [1 - 2/a (1 + f + m - 2 f sin^2 lat) h + 3 h^2 / a^2],   m = omega^2 a^2 b / GM     (E.2)
 
-It acts along the ellipsoidal normal, downwards. Its true direction at height leans north by 8.08e-9 h sin(2 lat) m/s^2
-(Groves 2.140), 0.1 micro-g at 120 m, which is left out. The series (E.2) is good to 1.5e-6 m/s^2 up to 20 km.
+It acts along the ellipsoidal normal, downwards. Its true direction at height leans north by 8.08e-9
+h sin(2 lat) m/s^2 (Groves 2.140), 0.1 micro-g at 120 m, which is left out. The series (E.2) is good
+to 1.5e-6 m/s^2 up to 20 km.
 
-NIMA TR8350.2, 3rd edition, 2000, tables 3.1 to 3.4 and equations 4-1 to 4-3; Groves (2013) 2.134, 2.139.
+NIMA TR8350.2, 3rd edition, 2000, tables 3.1 to 3.4 and equations 4-1 to 4-3; Groves (2013) 2.134,
+2.139.
 """
 
 import numpy as np
@@ -37,8 +39,12 @@ def curvature_radii(lat: ArrayLike) -> tuple[Array, Array]:
 
 
 def normal_gravity(lat: ArrayLike, h: ArrayLike) -> Array:
-    """Magnitude of normal gravity, m/s^2, at latitude `lat`, rad, and height `h`, m above the ellipsoid (E.1, E.2)."""
+    """Magnitude of normal gravity, m/s^2, at latitude `lat`, rad, and height `h`, m above the
+    ellipsoid (E.1, E.2).
+    """
     h = np.asarray(h, dtype=np.float64)
     s2 = np.sin(lat) ** 2
     gamma_0 = GRAVITY_EQUATOR * (1.0 + SOMIGLIANA_K * s2) / np.sqrt(1.0 - E2 * s2)
-    return gamma_0 * (1.0 - 2.0 / A * (1.0 + F + CENTRIFUGAL_M - 2.0 * F * s2) * h + 3.0 * h**2 / A**2)
+    return gamma_0 * (
+        1.0 - 2.0 / A * (1.0 + F + CENTRIFUGAL_M - 2.0 * F * s2) * h + 3.0 * h**2 / A**2
+    )

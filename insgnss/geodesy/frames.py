@@ -2,16 +2,16 @@
 
 With N the prime vertical radius of curvature, up the ellipsoidal normal:
 
-    x = (N + h) cos lat cos lon,  y = (N + h) cos lat sin lon,  z = (N (1 - e^2) + h) sin lat            (F.1)
+    x = (N + h) cos lat cos lon,  y = (N + h) cos lat sin lon,  z = (N (1 - e^2) + h) sin lat  (F.1)
 
 and back by Bowring (1985), two steps of it, without a loop to convergence:
 
-    tan beta_0 = b z (1 + e'^2 b / r) / (a p),   tan beta_1 = (b / a) tan lat                            (F.2)
-    tan lat    = (z + e'^2 b sin^3 beta) / (p - e^2 a cos^3 beta)                                        (F.3)
-    h          = p cos lat + z sin lat - a sqrt(1 - e^2 sin^2 lat)                                       (F.4)
+    tan beta_0 = b z (1 + e'^2 b / r) / (a p),   tan beta_1 = (b / a) tan lat                  (F.2)
+    tan lat    = (z + e'^2 b sin^3 beta) / (p - e^2 a cos^3 beta)                              (F.3)
+    h          = p cos lat + z sin lat - a sqrt(1 - e^2 sin^2 lat)                             (F.4)
 
-exact to rounding (1e-9 m) for heights of -1 to 20 km and still below a micrometre at satellite heights.
-Angles are rad, lengths m; arrays broadcast, points lie along the leading dimensions.
+exact to rounding (1e-9 m) for heights of -1 to 20 km and still below a micrometre at satellite
+heights. Angles are rad, lengths m; arrays broadcast, points lie along the leading dimensions.
 """
 
 from abc import ABC, abstractmethod
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
+from ..base.errors import InputError
 from .earth import E2, EARTH_RATE, EP2, A, B, curvature_radii
 from .rotation import NED_ENU
 
@@ -28,7 +28,9 @@ Array = NDArray[np.float64]
 
 
 def geodetic_to_ecef(lat: ArrayLike, lon: ArrayLike, h: ArrayLike) -> Array:
-    """ECEF coordinates (..., 3), m, of latitude and longitude, rad, and ellipsoidal height, m (F.1)."""
+    """ECEF coordinates (..., 3), m, of latitude and longitude, rad, and ellipsoidal height, m
+    (F.1).
+    """
     lat, lon, h = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in (lat, lon, h)))
     _, N = curvature_radii(lat)
     p = (N + h) * np.cos(lat)
@@ -36,7 +38,9 @@ def geodetic_to_ecef(lat: ArrayLike, lon: ArrayLike, h: ArrayLike) -> Array:
 
 
 def ecef_to_geodetic(xyz: ArrayLike) -> tuple[Array, Array, Array]:
-    """Latitude, longitude, rad, and ellipsoidal height, m, of ECEF coordinates (..., 3), m, away from the Earth's centre (F.2 to F.4)."""
+    """Latitude, longitude, rad, and ellipsoidal height, m, of ECEF coordinates (..., 3), m, away
+    from the Earth's centre (F.2 to F.4).
+    """
     xyz = np.asarray(xyz, dtype=np.float64)
     x, y, z = xyz[..., 0], xyz[..., 1], xyz[..., 2]
     p = np.hypot(x, y)
@@ -55,7 +59,9 @@ def _normalised(sin: Array, cos: Array) -> tuple[Array, Array]:
 
 def rotation_en(lat: ArrayLike, lon: ArrayLike) -> Array:
     """C_en (..., 3, 3): north, east, down at latitude and longitude, rad, into ECEF."""
-    lat, lon = np.broadcast_arrays(np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64))
+    lat, lon = np.broadcast_arrays(
+        np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64)
+    )
     sB, cB, sL, cL = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
     C = np.empty((*lat.shape, 3, 3))
     C[..., 0, 0], C[..., 0, 1], C[..., 0, 2] = -sB * cL, -sL, -cB * cL
@@ -71,7 +77,9 @@ def rotation_em(lat: ArrayLike, lon: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class _PointFrame(ABC):
-    """Cartesian, Earth-fixed frame with its origin at a geodetic point: latitude and longitude, rad, ellipsoidal height, m."""
+    """Cartesian, Earth-fixed frame with its origin at a geodetic point: latitude and longitude,
+    rad, ellipsoidal height, m.
+    """
 
     lat: float
     lon: float
@@ -82,7 +90,8 @@ class _PointFrame(ABC):
             value = float(getattr(self, name))
             if not abs(value) <= limit:
                 raise InputError(
-                    f"{type(self).__name__}.{name}: {value:g} exceeds {limit:g}; give latitude and longitude in rad, height in m"
+                    f"{type(self).__name__}.{name}: {value:g} exceeds {limit:g}; give latitude and"
+                    " longitude in rad, height in m"
                 )
             object.__setattr__(self, name, value)
 
@@ -96,12 +105,18 @@ class _PointFrame(ABC):
         """(3, 3), this frame's axes into ECEF."""
 
     def position_from_geodetic(self, lat: ArrayLike, lon: ArrayLike, h: ArrayLike) -> Array:
-        """Coordinates (..., 3), m, in this frame of latitude and longitude, rad, and ellipsoidal height, m."""
+        """Coordinates (..., 3), m, in this frame of latitude and longitude, rad, and ellipsoidal
+        height, m.
+        """
         return (geodetic_to_ecef(lat, lon, h) - self.origin_ecef) @ self._axes()
 
     def geodetic_from_position(self, position: ArrayLike) -> tuple[Array, Array, Array]:
-        """Latitude, longitude, rad, and ellipsoidal height, m, of coordinates (..., 3), m, in this frame."""
-        return ecef_to_geodetic(np.asarray(position, dtype=np.float64) @ self._axes().T + self.origin_ecef)
+        """Latitude, longitude, rad, and ellipsoidal height, m, of coordinates (..., 3), m, in this
+        frame.
+        """
+        return ecef_to_geodetic(
+            np.asarray(position, dtype=np.float64) @ self._axes().T + self.origin_ecef
+        )
 
     def _from_ned(self, lat: ArrayLike, lon: ArrayLike) -> Array:
         return self._axes().T @ rotation_en(lat, lon)
@@ -109,7 +124,9 @@ class _PointFrame(ABC):
 
 @dataclass(frozen=True)
 class LocalFrame(_PointFrame):
-    """The flight's frame l: axes north, east, down at the origin, everywhere parallel to themselves."""
+    """The flight's frame l: axes north, east, down at the origin, everywhere parallel to
+    themselves.
+    """
 
     def _axes(self) -> Array:
         return rotation_en(self.lat, self.lon)

@@ -1,8 +1,9 @@
 """GPS week and time of week, UTC, and the leap seconds between them.
 
-GPS time (GPST) counts SI seconds from 1980-01-06 00:00:00 UTC and knows no leap seconds; UTC lags behind it by the leap
-seconds since then. Unix time counts UTC as if every day had 86400 s: within an inserted leap second it repeats itself,
-so that one second of UTC cannot be told from the next, here as in every Unix clock.
+GPS time (GPST) counts SI seconds from 1980-01-06 00:00:00 UTC and knows no leap seconds; UTC lags
+behind it by the leap seconds since then. Unix time counts UTC as if every day had 86400 s: within
+an inserted leap second it repeats itself, so that one second of UTC cannot be told from the next,
+here as in every Unix clock.
 
 Time of week follows the package's rule: seconds of one week, which go on counting past its end.
 Leap seconds: IERS Bulletin C up to number 72 (no leap second announced after 2017-01-01).
@@ -14,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
+from ..base.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,9 @@ LEAP_DAYS = (
     *("1991-01-01", "1992-07-01", "1993-07-01", "1994-07-01", "1996-01-01", "1997-07-01"),
     *("1999-01-01", "2006-01-01", "2009-01-01", "2012-07-01", "2015-07-01", "2017-01-01"),
 )
-_LEAP_UNIX_S = np.array([datetime.fromisoformat(day).replace(tzinfo=UTC).timestamp() for day in LEAP_DAYS])
+_LEAP_UNIX_S = np.array(
+    [datetime.fromisoformat(day).replace(tzinfo=UTC).timestamp() for day in LEAP_DAYS]
+)
 _LEAP_GPS_S = _LEAP_UNIX_S - GPS_EPOCH_UNIX_S + np.arange(1, len(LEAP_DAYS) + 1)
 
 
@@ -38,28 +41,35 @@ def leap_seconds(unix_utc_s: ArrayLike) -> NDArray[np.int64]:
 
 
 def gps_from_unix_utc(unix_utc_s: ArrayLike) -> tuple[int, Array]:
-    """GPS week of the first instant, and seconds of that week of all (same shape), of Unix times, s.
+    """GPS week of the first instant, and seconds of that week of all (same shape), of Unix times,
+    s.
 
     A float64 Unix time of our days resolves 0.24 microseconds. Raises InputError before 1980-01-06.
     """
     unix = np.asarray(unix_utc_s, dtype=np.float64)
     if unix.size == 0 or not unix.min() >= GPS_EPOCH_UNIX_S:
         what = "no time" if unix.size == 0 else f"Unix time {unix.min():.3f} s"
-        raise InputError(f"{what}; GPS time starts at Unix time {GPS_EPOCH_UNIX_S:.0f} s (1980-01-06); check the column and its unit")
+        raise InputError(
+            f"{what}; GPS time starts at Unix time {GPS_EPOCH_UNIX_S:.0f} s (1980-01-06); check the"
+            " column and its unit"
+        )
     gps = unix - GPS_EPOCH_UNIX_S + leap_seconds(unix)
     week = int(gps.flat[0] // WEEK_S)
     return week, gps - week * WEEK_S
 
 
 def gps_from_calendar(when: datetime, scale: Literal["utc", "gpst"] = "utc") -> tuple[int, float]:
-    """GPS week and time of week, s, of a calendar date, which RINEX gives in GPST and most else in UTC.
+    """GPS week and time of week, s, of a calendar date, which RINEX gives in GPST and most else in
+    UTC.
 
     A date without time zone is taken in `scale` as it stands. Raises InputError before 1980-01-06.
     """
     stamp = when.replace(tzinfo=UTC) if when.tzinfo is None else when.astimezone(UTC)
     elapsed = stamp - GPS_EPOCH
     if elapsed < timedelta(0):
-        raise InputError(f"{when.isoformat()} lies before the start of GPS time, 1980-01-06; check the year")
+        raise InputError(
+            f"{when.isoformat()} lies before the start of GPS time, 1980-01-06; check the year"
+        )
     leap = int(leap_seconds(stamp.replace(microsecond=0).timestamp())) if scale == "utc" else 0
     elapsed += timedelta(seconds=leap)
     week = elapsed.days // 7
@@ -68,7 +78,9 @@ def gps_from_calendar(when: datetime, scale: Literal["utc", "gpst"] = "utc") -> 
 
 
 def calendar_from_gps(week: int, tow: float, scale: Literal["utc", "gpst"] = "utc") -> datetime:
-    """Calendar date, to the microsecond, of GPS week and time of week, s; in UTC with its time zone, or in GPST without one."""
+    """Calendar date, to the microsecond, of GPS week and time of week, s; in UTC with its time
+    zone, or in GPST without one.
+    """
     gps = timedelta(weeks=int(week), seconds=float(tow))
     if scale == "gpst":
         return (GPS_EPOCH + gps).replace(tzinfo=None)
@@ -77,9 +89,11 @@ def calendar_from_gps(week: int, tow: float, scale: Literal["utc", "gpst"] = "ut
 
 
 def unwrap_week(tow: ArrayLike) -> Array:
-    """Times of week (n,), s, that fall back by a week at its end, as seconds of the first one's week that go on counting.
+    """Times of week (n,), s, that fall back by a week at its end, as seconds of the first one's
+    week that go on counting.
 
-    Only a fall of more than half a week is a week's end; a smaller step back is left for the record to refuse.
+    Only a fall of more than half a week is a week's end; a smaller step back is left for the record
+    to refuse.
     """
     tow = np.asarray(tow, dtype=np.float64)
     falls = np.diff(tow) < -0.5 * WEEK_S

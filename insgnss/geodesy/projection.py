@@ -1,19 +1,23 @@
-r"""Map projections: coordinates of a projected CRS, where its grid points, and how long a metre is on it.
+r"""Map projections: coordinates of a projected CRS, where its grid points, and how long a metre is
+on it.
 
-With the coordinates X of the projection and v_en a small way east and north at a point, at its height,
+With the coordinates X of the projection and v_en a small way east and north at a point, at its
+height,
 
-    dX = m G v_en,        m the scale of grid distances at that height, G a rotation                                           (G.1)
+    dX = m G v_en,        m the scale of grid distances at that height, G a rotation           (G.1)
 
-and what is east, north and up at the point has the axes G of the grid. Where the CRS counts east and north, G = Rz(gamma), gamma the
-meridian convergence, positive east of the central meridian; true north has the grid azimuth -gamma (formats.md C3, after Legat
-2006). m = k R / (R + h), k the scale on the ellipsoid and R the Gaussian radius of curvature.
+and what is east, north and up at the point has the axes G of the grid. Where the CRS counts east
+and north, G = Rz(gamma), gamma the meridian convergence, positive east of the central meridian;
+true north has the grid azimuth -gamma (formats.md C3, after Legat 2006). m = k R / (R + h), k the
+scale on the ellipsoid and R the Gaussian radius of curvature.
 
-G and m are central differences of the projection over `STEP_RAD` (6 m), exact to 1e-9: so they hold for every projection, for axes that
-are not east and north, and with what the datum of the CRS turns (for LV95 the convergence at the Bessel ellipsoid's own longitude is
-wrong by 2 seconds of arc).
+G and m are central differences of the projection over `STEP_RAD` (6 m), exact to 1e-9: so they hold
+for every projection, for axes that are not east and north, and with what the datum of the CRS turns
+(for LV95 the convergence at the Bessel ellipsoid's own longitude is wrong by 2 seconds of arc).
 
-Horizontal coordinates go through the datum of the CRS in three dimensions: the normals of two ellipsoids differ by seconds of arc.
-Heights do not: they stay those above WGS84's ellipsoid, as GNSS gives them, unless the CRS has a vertical part or a geoid is named.
+Horizontal coordinates go through the datum of the CRS in three dimensions: the normals of two
+ellipsoids differ by seconds of arc. Heights do not: they stay those above WGS84's ellipsoid, as
+GNSS gives them, unless the CRS has a vertical part or a geoid is named.
 """
 
 from functools import cached_property
@@ -23,33 +27,44 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, UsageError
+from ..base.errors import InputError, UsageError
 from .earth import curvature_radii
 
 Array = NDArray[np.float64]
 
 STEP_RAD = 1e-6
-ROUND = 2e-5  # rad: by how much the axes of a conformal projection may fail to be perpendicular, or of one scale; 0.1 px
-HOW = "give an EPSG code such as EPSG:2056, one with heights such as EPSG:25832+7837, or the path of a WKT file"
+# rad: by how much the axes of a conformal projection may fail to be perpendicular, or of one scale;
+# 0.1 px
+ROUND = 2e-5
+HOW = (
+    "give an EPSG code such as EPSG:2056, one with heights such as EPSG:25832+7837, or the path of"
+    " a WKT file"
+)
 
 
 class MapProjection:
     """A projected CRS.
 
-    definition : EPSG code ("EPSG:2056", "2056", "EPSG:25832+7837"), WKT or PROJ text, or the path of a file that holds one.
-    geoid : a grid of geoid heights above WGS84's ellipsoid (GeoTIFF, .gtx, ...) where the CRS has no vertical part.
-    Raises UsageError for a CRS that is unknown, not projected, counts in left-handed axes or other units than metres.
+    definition : EPSG code ("EPSG:2056", "2056", "EPSG:25832+7837"), WKT or PROJ text, or the path
+        of a file that holds one.
+    geoid : a grid of geoid heights above WGS84's ellipsoid (GeoTIFF, .gtx, ...) where the CRS has
+        no vertical part.
+    Raises UsageError for a CRS that is unknown, not projected, counts in left-handed axes or other
+    units than metres.
     """
 
     def __init__(self, definition: str, geoid: Path | None = None) -> None:
         self.crs = _crs(definition)
         self.horizontal = self.crs.sub_crs_list[0] if self.crs.is_compound else self.crs
         if not self.horizontal.is_projected:
-            raise UsageError(f"CRS {definition!r} is {self.crs.name}, which is not projected; {HOW}")
+            raise UsageError(
+                f"CRS {definition!r} is {self.crs.name}, which is not projected; {HOW}"
+            )
         factor = {axis.unit_conversion_factor for axis in self.horizontal.axis_info[:2]}
         if factor != {1.0}:
             raise UsageError(
-                f"CRS {definition!r} counts in {self.horizontal.axis_info[0].unit_name}, metres are needed; give its metric sibling"
+                f"CRS {definition!r} counts in {self.horizontal.axis_info[0].unit_name}, metres are"
+                " needed; give its metric sibling"
             )
         if geoid is not None and self.crs.is_compound:
             raise UsageError(f"CRS {definition!r} has heights of its own; leave the geoid out")
@@ -75,7 +90,9 @@ class MapProjection:
 
     @property
     def northing_first(self) -> bool:
-        """Whether the CRS itself names northing before easting; coordinates here are easting, northing all the same."""
+        """Whether the CRS itself names northing before easting; coordinates here are easting,
+        northing all the same.
+        """
         return bool(self.horizontal.axis_info[0].direction.lower() in ("north", "south"))
 
     @cached_property
@@ -90,9 +107,11 @@ class MapProjection:
         return _geoid_transformer(self.geoid)
 
     def forward(self, lat: Array, lon: Array, h: Array) -> Array:
-        """Coordinates (n, 3), m, of latitude, longitude (n,) rad and height (n,) m above WGS84's ellipsoid.
+        """Coordinates (n, 3), m, of latitude, longitude (n,) rad and height (n,) m above WGS84's
+        ellipsoid.
 
-        Raises InputError where the CRS or its grids do not reach, or the grid of heights is not installed.
+        Raises InputError where the CRS or its grids do not reach, or the grid of heights is not
+        installed.
         """
         horizontal = self.forward_horizontal(lat, lon, h)
         if not self.crs.is_compound and self.geoid is None:
@@ -106,9 +125,11 @@ class MapProjection:
         return np.column_stack([x, y])
 
     def inverse(self, coordinates: Array) -> tuple[Array, Array, Array]:
-        """Latitude, longitude, rad, and height above WGS84's ellipsoid, m, of coordinates (n, 3), m.
+        """Latitude, longitude, rad, and height above WGS84's ellipsoid, m, of coordinates (n, 3),
+        m.
 
-        Steps of Newton from PROJ's own inverse, since that of a datum with rotations is half a millimetre off what `forward` gives.
+        Steps of Newton from PROJ's own inverse, since that of a datum with rotations is half a
+        millimetre off what `forward` gives.
         """
         x = np.asarray(coordinates, dtype=np.float64)
         lon, lat, _ = _run(self._horizontal, self.name, x[:, 0], x[:, 1], x[:, 2], inverse=True)
@@ -121,21 +142,29 @@ class MapProjection:
         return lat, lon, h
 
     def axes(self, lat: Array, lon: Array, h: Array) -> Array:
-        """G (n, 3, 3) of (G.1): east, north, up at points as in `forward` into the axes of the coordinates.
+        """G (n, 3, 3) of (G.1): east, north, up at points as in `forward` into the axes of the
+        coordinates.
 
-        Raises UsageError where the axes are left-handed or the projection is not conformal: no attitude can be given in them.
+        Raises UsageError where the axes are left-handed or the projection is not conformal: no
+        attitude can be given in them.
         """
         J = self._jacobian(lat, lon, h)
         scale = np.sqrt(np.abs(np.linalg.det(J)))
         G = np.zeros((len(J), 3, 3))
         G[:, 2, 2] = 1.0
         if (np.linalg.det(J) < 0.0).any():
-            raise UsageError(f"CRS {self.name} counts in left-handed axes, in which no attitude can be given; use its east-north sibling")
+            raise UsageError(
+                f"CRS {self.name} counts in left-handed axes, in which no attitude can be given;"
+                " use its east-north sibling"
+            )
         angle = np.arctan2(J[:, 1, 0] - J[:, 0, 1], J[:, 0, 0] + J[:, 1, 1])
         G[:, 0, 0] = G[:, 1, 1] = np.cos(angle)
         G[:, 1, 0], G[:, 0, 1] = np.sin(angle), -np.sin(angle)
         if np.abs(J - scale[:, None, None] * G[:, :2, :2]).max() > ROUND:
-            raise UsageError(f"CRS {self.name} is not conformal, so that an attitude in it has no meaning; use a conformal one (UTM, ...)")
+            raise UsageError(
+                f"CRS {self.name} is not conformal, so that an attitude in it has no meaning; use a"
+                " conformal one (UTM, ...)"
+            )
         return G
 
     def ground_scale(self, lat: Array, lon: Array, h: Array) -> Array:
@@ -150,18 +179,30 @@ class MapProjection:
             self.forward_horizontal(lat + half * up, lon + half * right / np.cos(lat), h)
             for up, right in ((0, 1), (0, -1), (1, 0), (-1, 0))
         )
-        return np.stack([(east - west) / (STEP_RAD * (N + h))[:, None], (north - south) / (STEP_RAD * (M + h))[:, None]], axis=-1)
+        return np.stack(
+            [
+                (east - west) / (STEP_RAD * (N + h))[:, None],
+                (north - south) / (STEP_RAD * (M + h))[:, None],
+            ],
+            axis=-1,
+        )
 
     def outside(self, lat: Array, lon: Array) -> int:
-        """How many of the points, rad, lie outside the area for which the CRS is made; 0 where the registry names none."""
+        """How many of the points, rad, lie outside the area for which the CRS is made; 0 where the
+        registry names none.
+        """
         area = self.horizontal.area_of_use
         if area is None:
             return 0
         east = (np.degrees(lon) - area.west) % 360.0 > (area.east - area.west) % 360.0
-        return int(np.count_nonzero(east | (np.degrees(lat) < area.south) | (np.degrees(lat) > area.north)))
+        return int(
+            np.count_nonzero(east | (np.degrees(lat) < area.south) | (np.degrees(lat) > area.north))
+        )
 
     def operation(self) -> tuple[str, float]:
-        """Name of the datum transformation that was last used, and its accuracy, m; negative where unknown."""
+        """Name of the datum transformation that was last used, and its accuracy, m; negative where
+        unknown.
+        """
         try:
             used = self._horizontal.get_last_used_operation()
         except Exception:  # pyproj's own error class, before the first use
@@ -186,10 +227,13 @@ def _crs(definition: str) -> Any:
 def undulation(geoid: Path, lat: Array, lon: Array) -> Array:
     """Height (n,) m of the geoid of a grid above WGS84's ellipsoid at latitude, longitude (n,) rad.
 
-    Raises UsageError for a grid that is not there, InputError for one that PROJ does not read or that does not reach.
+    Raises UsageError for a grid that is not there, InputError for one that PROJ does not read or
+    that does not reach.
     """
     grid = _geoid_file(geoid)
-    return -_run(_geoid_transformer(grid), _above(grid), np.degrees(lon), np.degrees(lat), np.zeros(lat.size))[2]
+    return -_run(
+        _geoid_transformer(grid), _above(grid), np.degrees(lon), np.degrees(lat), np.zeros(lat.size)
+    )[2]
 
 
 def _above(geoid: Path) -> str:
@@ -198,7 +242,9 @@ def _above(geoid: Path) -> str:
 
 def _geoid_file(geoid: Path) -> Path:
     if not Path(geoid).is_file():
-        raise UsageError(f"geoid {geoid}: does not exist; give a grid of geoid heights such as egm96_15.gtx")
+        raise UsageError(
+            f"geoid {geoid}: does not exist; give a grid of geoid heights such as egm96_15.gtx"
+        )
     return Path(geoid).resolve()  # a bare name would be looked for among PROJ's own grids
 
 
@@ -209,9 +255,13 @@ def _geoid_transformer(geoid: Path) -> Any:
 
     shift = f'+step +inv +proj=vgridshift +grids="{geoid}" +multiplier=1'
     try:
-        return Transformer.from_pipeline(f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad {shift}")
+        return Transformer.from_pipeline(
+            f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad {shift}"
+        )
     except ProjError:
-        raise InputError(f"{geoid}: is no grid of geoid heights that PROJ reads; give a GeoTIFF or .gtx") from None
+        raise InputError(
+            f"{geoid}: is no grid of geoid heights that PROJ reads; give a GeoTIFF or .gtx"
+        ) from None
 
 
 def _transformer(source: str, target: Any) -> Any:
@@ -219,7 +269,9 @@ def _transformer(source: str, target: Any) -> Any:
     from pyproj.exceptions import ProjError
 
     try:
-        return Transformer.from_crs(source, target, always_xy=True, allow_ballpark=False, only_best=True)
+        return Transformer.from_crs(
+            source, target, always_xy=True, allow_ballpark=False, only_best=True
+        )
     except ProjError as error:
         why = " ".join(str(error).split())
         if "not available" not in why:
@@ -229,13 +281,20 @@ def _transformer(source: str, target: Any) -> Any:
         raise InputError(f"CRS {target.name}: its grid {grid} is not installed; {what}") from None
 
 
-def _run(transformer: Any, name: str, x: Array, y: Array, z: Array, inverse: bool = False) -> tuple[Array, Array, Array]:
+def _run(
+    transformer: Any, name: str, x: Array, y: Array, z: Array, inverse: bool = False
+) -> tuple[Array, Array, Array]:
     from pyproj.exceptions import ProjError
 
     try:
-        out = transformer.transform(x, y, z, errcheck=True, direction="INVERSE" if inverse else "FORWARD")
+        out = transformer.transform(
+            x, y, z, errcheck=True, direction="INVERSE" if inverse else "FORWARD"
+        )
     except ProjError as error:
-        raise InputError(f"{name} does not reach the flight: {' '.join(str(error).split())[:160]}; give another CRS or grid") from None
+        raise InputError(
+            f"{name} does not reach the flight: {' '.join(str(error).split())[:160]}; give another"
+            " CRS or grid"
+        ) from None
     out = tuple(np.asarray(v, dtype=np.float64) for v in out)
     if not all(np.isfinite(v).all() for v in out):
         raise InputError(f"{name} does not reach the flight; give another CRS or grid")

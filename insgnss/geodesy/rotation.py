@@ -1,30 +1,37 @@
-r"""Rotations: matrices, rotation vectors, quaternions and the angle sets of the field, all vectorised over leading dimensions.
+r"""Rotations: matrices, rotation vectors, quaternions and the angle sets of the field, all
+vectorised over leading dimensions.
 
 A rotation vector v = theta u and its matrix (Rodrigues):
 
-    exp([v x]) = I + sin(theta)/theta [v x] + (1 - cos(theta))/theta^2 [v x]^2                      (R.1)
+    exp([v x]) = I + sin(theta)/theta [v x] + (1 - cos(theta))/theta^2 [v x]^2                 (R.1)
 
-A Hamilton quaternion q = (w, x, y, z) of the same direction as its matrix C obeys, entry by entry, a linear relation:
+A Hamilton quaternion q = (w, x, y, z) of the same direction as its matrix C obeys, entry by entry,
+a linear relation:
 
-    4 q q^T = [[1 + C00 + C11 + C22, C21 - C12, C02 - C20, C10 - C01], ...]                         (R.2)
+    4 q q^T = [[1 + C00 + C11 + C22, C21 - C12, C02 - C20, C10 - C01], ...]                    (R.2)
 
-so the column of (R.2) with the greatest diagonal entry, normalised, is q without loss of digits anywhere.
+so the column of (R.2) with the greatest diagonal entry, normalised, is q without loss of digits
+anywhere.
 
 An angle set is a product of three elementary (right-handed, active) rotations about three axes,
 
-    R = R_i(s_1 a_1) R_j(s_2 a_2) R_k(s_3 a_3)                                                      (R.3)
+    R = R_i(s_1 a_1) R_j(s_2 a_2) R_k(s_3 a_3)                                                 (R.3)
 
-and with R(true) = exp([psi x]) R the error psi, in the left-hand axes, of small errors of the angles is
+and with R(true) = exp([psi x]) R the error psi, in the left-hand axes, of small errors of the
+angles is
 
-    psi = E da,   E = [s_1 e_i | s_2 R_i e_j | s_3 R_i R_j e_k]                                     (R.4)
+    psi = E da,   E = [s_1 e_i | s_2 R_i e_j | s_3 R_i R_j e_k]                                (R.4)
 
     set   angles               i j k   signs   takes
-    rpy   roll pitch yaw       z y x   + + +   body FRD into NED; C = Rz(yaw) Ry(pitch) Rx(roll), so a_1 is the yaw
+    rpy   roll pitch yaw       z y x   + + +   body FRD into NED; C = Rz(yaw) Ry(pitch) Rx(roll), so
+                                               a_1 is the yaw
     opk   omega phi kappa      x y z   + + +   camera right-up-back into the map's axes
     pok   phi omega kappa      y x z   + + +   the same, phi first
-    ypr   yaw pitch roll       z x y   - + +   camera right-up-back into ENU (Metashape, RealityCapture)
+    ypr   yaw pitch roll       z x y   - + +   camera right-up-back into ENU (Metashape,
+                                               RealityCapture)
 
-Arrays of angles hold them in the order of the set's letters. Sources: Groves (2013) 2.2; `formats.md` B1.1, C1, C4.
+Arrays of angles hold them in the order of the set's letters. Sources: Groves (2013) 2.2;
+`formats.md` B1.1, C1, C4.
 """
 
 import numpy as np
@@ -58,12 +65,16 @@ def rotation_from_vector(v: ArrayLike) -> Array:
 
 
 def vector_from_rotation(C: ArrayLike) -> Array:
-    """Rotation vector (..., 3), rad, of length at most pi, of the rotations C (..., 3, 3); accurate near 0 and near pi."""
+    """Rotation vector (..., 3), rad, of length at most pi, of the rotations C (..., 3, 3); accurate
+    near 0 and near pi.
+    """
     q = quaternion_from_rotation(C)
     sine = np.linalg.norm(q[..., 1:], axis=-1)
     small = sine < 1e-8
     angle = 2.0 * np.arctan2(sine, q[..., 0])
-    factor = np.where(small, 2.0, angle / np.where(small, 1.0, sine))  # angle / sin(angle/2) -> 2, relative error < 1e-16
+    factor = np.where(
+        small, 2.0, angle / np.where(small, 1.0, sine)
+    )  # angle / sin(angle/2) -> 2, relative error < 1e-16
     return factor[..., None] * q[..., 1:]
 
 
@@ -132,7 +143,9 @@ def rotation_from_rpy(rpy: ArrayLike) -> Array:
 
 
 def rpy_from_rotation(C_nb: ArrayLike) -> Array:
-    """Roll, pitch, yaw (..., 3) in rad of C_nb (..., 3, 3); roll and yaw in (-pi, pi], pitch in [-pi/2, pi/2]."""
+    """Roll, pitch, yaw (..., 3) in rad of C_nb (..., 3, 3); roll and yaw in (-pi, pi], pitch in
+    [-pi/2, pi/2].
+    """
     C = np.asarray(C_nb, dtype=np.float64)
     roll, yaw = np.arctan2(C[..., 2, 1], C[..., 2, 2]), np.arctan2(C[..., 1, 0], C[..., 0, 0])
     return np.stack([roll, _arcsin(-C[..., 2, 0]), yaw], axis=-1)
@@ -195,7 +208,9 @@ def ypr_jacobian(ypr: ArrayLike) -> Array:
 
 
 def nearest_rotation(M: ArrayLike) -> Array:
-    """Rotation nearest to M (..., 3, 3) in the Frobenius norm, determinant +1 (Kabsch: U diag(1, 1, det U V^T) V^T)."""
+    """Rotation nearest to M (..., 3, 3) in the Frobenius norm, determinant +1 (Kabsch: U diag(1, 1,
+    det U V^T) V^T).
+    """
     U, _, Vt = np.linalg.svd(np.asarray(M, dtype=np.float64))
     sign = np.sign(np.linalg.det(U @ Vt))
     U[..., :, 2] *= sign[..., None]
@@ -203,7 +218,9 @@ def nearest_rotation(M: ArrayLike) -> Array:
 
 
 def is_rotation(M: ArrayLike, tol: float = 1e-6) -> bool:
-    """Whether every matrix of M (..., 3, 3) is orthonormal within `tol` (greatest entry of M M^T - I) with determinant +1."""
+    """Whether every matrix of M (..., 3, 3) is orthonormal within `tol` (greatest entry of M M^T -
+    I) with determinant +1.
+    """
     M = np.asarray(M, dtype=np.float64)
     if M.shape[-2:] != (3, 3) or not np.isfinite(M).all():
         return False

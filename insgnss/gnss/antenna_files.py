@@ -1,9 +1,12 @@
-"""The antenna positions of the published tree: AntennaPos_WGS84.txt, AntennaPos_Img_WGS84.txt, AntennaPos_Img_WGS84_tangentplane.txt.
+"""The antenna positions of the published tree: AntennaPos_WGS84.txt, AntennaPos_Img_WGS84.txt,
+AntennaPos_Img_WGS84_tangentplane.txt.
 
-Positions at exposures are interpolated between fixes by the cubic through the two before and the two after, of uneven intervals h, in
-a Cartesian frame: its error is (3/128) h^4 of the fourth derivative, 10 micrometres at 10 Hz in a turn of 10 m/s and 15 m radius, and
-centimetres at 1 Hz. An exposure that has no fix within `LONGEST_S` on either side gets no position here: it is named in a check.
-All are positions of the antenna's phase centre, not of the camera. Formats: data_specs/gnss_text.md.
+Positions at exposures are interpolated between fixes by the cubic through the two before and the
+two after, of uneven intervals h, in a Cartesian frame: its error is (3/128) h^4 of the fourth
+derivative, 10 micrometres at 10 Hz in a turn of 10 m/s and 15 m radius, and centimetres at 1 Hz. An
+exposure that has no fix within `LONGEST_S` on either side gets no position here: it is named in a
+check. All are positions of the antenna's phase centre, not of the camera. Formats:
+data_specs/gnss_text.md.
 """
 
 from pathlib import Path
@@ -11,13 +14,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError
-from ..formats.gnss_text import ImagePositions, write_gnss_text, write_image_positions
+from ..base.errors import DataError
+from ..formats.gnss.gnss_text import ImagePositions, write_gnss_text, write_image_positions
 from ..geodesy.frames import LocalFrame, TangentPlane
 from ..records import Array, CameraEvents, Check, GnssFixes
 
 SOLUTION = "ppk.pos"
-ALL, IMAGES, PLANE = "AntennaPos_WGS84.txt", "AntennaPos_Img_WGS84.txt", "AntennaPos_Img_WGS84_tangentplane.txt"
+ALL, IMAGES, PLANE = (
+    "AntennaPos_WGS84.txt",
+    "AntennaPos_Img_WGS84.txt",
+    "AntennaPos_Img_WGS84_tangentplane.txt",
+)
 ANTENNA_FILES = (ALL, IMAGES, PLANE)
 LONGEST_S = 1.5  # between neighbouring fixes, for an exposure between them
 LONGEST_INTERVALS = 2.5  # the same in intervals of the fixes, where they are rarer
@@ -25,7 +32,9 @@ FEW = 4  # fixes that a cubic needs
 
 
 def positions_of_others(directory: Path) -> str | None:
-    """Name of a file of antenna positions in a directory without a solution of ours (`SOLUTION`): nothing may take its place."""
+    """Name of a file of antenna positions in a directory without a solution of ours (`SOLUTION`):
+    nothing may take its place.
+    """
     there = next((name for name in (SOLUTION, *ANTENNA_FILES) if (directory / name).exists()), None)
     return None if (directory / SOLUTION).is_file() else there
 
@@ -33,9 +42,11 @@ def positions_of_others(directory: Path) -> str | None:
 def write_antenna_files(
     fixes: GnssFixes, events: CameraEvents | None, directory: Path, origin: Array | None = None
 ) -> tuple[tuple[Path, ...], Check | None]:
-    """Write the positions of all fixes, and of the images where there are events; paths, and a check of images without position.
+    """Write the positions of all fixes, and of the images where there are events; paths, and a
+    check of images without position.
 
-    origin : (3,) latitude rad, longitude rad, ellipsoidal height m of the tangent plane; by default the first fix, at height 0.
+    origin : (3,) latitude rad, longitude rad, ellipsoidal height m of the tangent plane; by default
+        the first fix, at height 0.
     Raises DataError where no exposure lies between fixes.
     """
     write_gnss_text(fixes, directory / ALL)
@@ -44,19 +55,24 @@ def write_antenna_files(
     at, known = positions_at(fixes, events.time)
     if not known.any():
         raise DataError(
-            f"{events.source or 'events'}: none of the {known.size} exposures ({events.time[0]:.3f} to {events.time[-1]:.3f} s) lies "
-            f"between fixes ({fixes.time[0]:.3f} to {fixes.time[-1]:.3f} s); are both of one flight and in GPST?"
+            f"{events.source or 'events'}: none of the {known.size} exposures ({events.time[0]:.3f}"
+            f" to {events.time[-1]:.3f} s) lies between fixes ({fixes.time[0]:.3f} to"
+            f" {fixes.time[-1]:.3f} s); are both of one flight and in GPST?"
         )
     names = tuple(name for name, there in zip(events.images, known.tolist(), strict=True) if there)
     lat0, lon0, h0 = (fixes.lat[0], fixes.lon[0], 0.0) if origin is None else origin
     plane = TangentPlane(float(lat0), float(lon0), float(h0)).position_from_geodetic(*at[known].T)
     write_image_positions(ImagePositions(names, at[known], "geodetic"), directory / IMAGES)
     write_image_positions(ImagePositions(names, plane, "tangent_plane"), directory / PLANE)
-    return tuple(directory / name for name in (ALL, IMAGES, PLANE)), _without_position(events, known)
+    return tuple(directory / name for name in (ALL, IMAGES, PLANE)), _without_position(
+        events, known
+    )
 
 
 def positions_at(fixes: GnssFixes, time: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Antenna positions (m, 3), latitude rad, longitude rad, height m, at `time` (m,) s, NaN where fixes are missing; (m,) where not."""
+    """Antenna positions (m, 3), latitude rad, longitude rad, height m, at `time` (m,) s, NaN where
+    fixes are missing; (m,) where not.
+    """
     out = np.full((time.size, 3), np.nan)
     if fixes.time.size < FEW:
         return out, np.zeros(time.size, dtype=np.bool_)
@@ -69,18 +85,24 @@ def positions_at(fixes: GnssFixes, time: Array) -> tuple[Array, NDArray[np.bool_
     first = np.clip(after[known] - 2, 0, fixes.time.size - FEW)
     rows = first[:, None] + np.arange(FEW)
     found = _cubic(fixes.time[rows], place[rows], time[known])
-    linear = fixes.time[first + FEW - 1] - fixes.time[first] > 3.0 * longest  # a gap beside: the cubic would swing
+    linear = (
+        fixes.time[first + FEW - 1] - fixes.time[first] > 3.0 * longest
+    )  # a gap beside: the cubic would swing
     found[linear] = _linear(fixes.time, place, time[known][linear], after[known][linear])
     out[known] = np.stack(frame.geodetic_from_position(found), axis=-1)
     return out, known
 
 
 def _cubic(node: Array, value: Array, at: Array) -> Array:
-    """Values (m, 3) at `at` (m,) of the cubics through the nodes (m, 4) and their values (m, 4, 3), by Lagrange."""
+    """Values (m, 3) at `at` (m,) of the cubics through the nodes (m, 4) and their values (m, 4, 3),
+    by Lagrange.
+    """
     out = np.zeros((at.size, 3))
     for k in range(FEW):
         others = [j for j in range(FEW) if j != k]
-        weight = np.prod((at[:, None] - node[:, others]) / (node[:, k, None] - node[:, others]), axis=1)
+        weight = np.prod(
+            (at[:, None] - node[:, others]) / (node[:, k, None] - node[:, others]), axis=1
+        )
         out += weight[:, None] * value[:, k]
     return out
 
@@ -96,4 +118,10 @@ def _without_position(events: CameraEvents, known: NDArray[np.bool_]) -> Check |
     missing = [name for name, there in zip(events.images, known.tolist(), strict=True) if not there]
     told = ", ".join(missing[:5]) + (" ..." if len(missing) > 5 else "")
     found = f"{len(missing)} of {known.size} images have no fixes around them: {told}"
-    return Check("images without position", found, "fixes around every exposure", "note", "the navigation with the IMU bridges the gap")
+    return Check(
+        "images without position",
+        found,
+        "fixes around every exposure",
+        "note",
+        "the navigation with the IMU bridges the gap",
+    )

@@ -1,14 +1,19 @@
-"""From RINEX of rover and base to antenna positions with honest covariances: the order of the steps.
+"""From RINEX of rover and base to antenna positions with honest covariances: the order of the
+steps.
 
-    read -> engine forward, backward, combined -> covariance and belief (`covariance`) -> wet delay (`troposphere`)
+    read -> engine forward, backward, combined -> covariance and belief (`covariance`) -> wet delay
+    (`troposphere`)
          -> ionosphere (`ionosphere`) -> velocity from phase (`velocity`)
-         -> camera events (`events`, `exposures`), in GPST (`receiver_clock`) -> figures and verdict (`quality`, `signals`)
+         -> camera events (`events`, `exposures`), in GPST (`receiver_clock`) -> figures and verdict
+         (`quality`, `signals`)
 
-The combined run gives the positions; the other two run for their difference alone. Wet delay and ionosphere are taken off after the
-belief, which they do not touch: forward and backward share them. Of the camera events those of the rover's file are taken, with the
-names of the images where a directory or a list of them is given.
+The combined run gives the positions; the other two run for their difference alone. Wet delay and
+ionosphere are taken off after the belief, which they do not touch: forward and backward share them.
+Of the camera events those of the rover's file are taken, with the names of the images where a
+directory or a list of them is given.
 
-An epoch without velocity from phase gets that of its neighbours' positions, with their covariance and `BETWEEN_MPS`.
+An epoch without velocity from phase gets that of its neighbours' positions, with their covariance
+and `BETWEEN_MPS`.
 """
 
 from collections.abc import Mapping
@@ -19,34 +24,58 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DataError
+from ..base.errors import DataError
 from ..exposures.match import check_delay, delayed
 from ..exposures.naming import ImageMatch, named
 from ..formats import read_events
-from ..formats.rtklib_pos import write_rtklib_pos
+from ..formats.gnss.rtklib_pos import write_rtklib_pos
 from ..geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ..geodesy.gpstime import WEEK_S
 from ..records import Array, CameraEvents, Check, GnssFixes
 from ..records.qualities import Quality
 from .antenna_files import SOLUTION
-from .covariance import BELIEVED, MODEL, SAME_EPOCH_S, CovarianceModel, Index, Separation, base_distance, calibrate, forward_backward
-from .engine import EngineRun, Progress, solve
-from .event_clocks import check_beside, check_camera_delay
-from .events import RoverEvents, camera_events, unasked_events
-from .ionosphere import LEAST_EPOCHS, LEAST_S, engine_models_it, ionosphere_correction
-from .navigation_message import Navigation, read_navigation
-from .options import EngineOptions, base_position
-from .preflight import check_base_point
-from .quality import Solution, coverage_numbers, read_solution, solution_numbers, solution_series, verdict
-from .receiver_clock import to_gpst
-from .resolved_phases import FAR_M
-from .rinex import Observations, read_observations
-from .signals import signal_numbers, signals_of
-from .sky import Sky, common_sky, epochs_of
-from .troposphere import Atmosphere, displacement_per_delay, standard_atmosphere, wet_delay_correction
-from .velocity import at_stamps, time_differenced_velocity
+from .atmosphere.ionosphere import LEAST_EPOCHS, LEAST_S, engine_models_it, ionosphere_correction
+from .atmosphere.troposphere import (
+    Atmosphere,
+    displacement_per_delay,
+    standard_atmosphere,
+    wet_delay_correction,
+)
+from .engine.options import EngineOptions, base_position
+from .engine.preflight import check_base_point
+from .engine.rtklib import EngineRun, Progress, solve
+from .exposures.event_times import check_beside, check_camera_delay
+from .exposures.receiver_clock import to_gpst
+from .phase.double_differences import FAR_M
+from .phase.signal_quality import signal_numbers, signals_of
+from .phase.velocity import at_stamps, time_differenced_velocity
+from .quality.covariance import (
+    BELIEVED,
+    MODEL,
+    SAME_EPOCH_S,
+    CovarianceModel,
+    Index,
+    Separation,
+    base_distance,
+    calibrate,
+    forward_backward,
+)
+from .quality.solution_quality import (
+    Solution,
+    coverage_numbers,
+    read_solution,
+    solution_numbers,
+    solution_series,
+    verdict,
+)
+from .rinex.camera_events import RoverEvents, camera_events, unasked_events
+from .rinex.navigation_message import Navigation, read_navigation
+from .rinex.observations import Observations, read_observations
+from .satellites.satellite_geometry import Sky, common_sky, epochs_of
 
-BETWEEN_MPS = 1.0  # m/s, one sigma: a drone's velocity at a fix against its mean between the fixes before and after, 2 s apart at 1 Hz
+# m/s, one sigma: a drone's velocity at a fix against its mean between the fixes before and after, 2
+# s apart at 1 Hz
+BETWEEN_MPS = 1.0
 MOST_VELOCITIES = 0.9
 
 
@@ -54,13 +83,21 @@ MOST_VELOCITIES = 0.9
 class PpkInput:
     """What `solve_ppk` is given.
 
-    rover, base, navigation : RINEX 2 or 3, plain or packed.   options : of the engine, with the base's position.
-    covariance : of `gnss.covariance`.   wet_delay, ionosphere, velocity : whether to correct these and to find that.   atmosphere : at
-    the base, whole or arguments of `standard_atmosphere` as far as known; None for the standard one.
-    events : whether to take the rover's camera events, None: where it has some; or another file of them (.MRK, text).
-    rover_events : which of the rover's.   match : images that name them.   camera_delay_s : from the event to the exposure's middle; what
+    rover, base, navigation : RINEX 2 or 3, plain or packed.
+    options : of the engine, with the base's position.
+    covariance : of `gnss.covariance`.   wet_delay, ionosphere, velocity : whether to correct these
+                                         and to find that.
+    atmosphere : at
+    the base, whole or arguments of `standard_atmosphere` as far as known; None for the standard
+    one.
+    events : whether to take the rover's camera events, None: where it has some; or another file of
+        them (.MRK, text).
+    rover_events : which of the rover's.
+    match : images that name them.
+    camera_delay_s : from the event to the exposure's middle; what
     differs from the default in these asks for events as well.
-    base_point_chosen : whether somebody said what stands at the base's coordinates; a note where not.
+    base_point_chosen : whether somebody said what stands at the base's coordinates; a note where
+        not.
     """
 
     rover: Path
@@ -83,8 +120,12 @@ class PpkInput:
 class PpkResult:
     """Antenna positions, and what is to be known of them.
 
-    fixes : combined, with covariances of `gnss.covariance`, notes empty.   events : of the rover's file, None without any.
-    checks : of all steps.   verdict : in one sentence.   quality : plain numbers.   series : arrays for `report.gnss`.
+    fixes : combined, with covariances of `gnss.covariance`, notes empty.
+    events : of the rover's file, None without any.
+    checks : of all steps.
+    verdict : in one sentence.
+    quality : plain numbers.
+    series : arrays for `report.gnss`.
     files : written, by name.   engine : with its version.   cpu_s : of its runs.
     """
 
@@ -99,14 +140,21 @@ class PpkResult:
     cpu_s: float
 
     def write(self, path: Path) -> None:
-        """Write the fixes as a `.pos`, with satellites, age and ratio of the engine's combined solution."""
-        write_rtklib_pos(self.fixes, path, *(self.series.get(name) for name in ("satellites", "age_s", "ratio")))
+        """Write the fixes as a `.pos`, with satellites, age and ratio of the engine's combined
+        solution.
+        """
+        write_rtklib_pos(
+            self.fixes, path, *(self.series.get(name) for name in ("satellites", "age_s", "ratio"))
+        )
 
 
-def solve_ppk(given: PpkInput, directory: Path | None = None, progress: Progress | None = None) -> PpkResult:
+def solve_ppk(
+    given: PpkInput, directory: Path | None = None, progress: Progress | None = None
+) -> PpkResult:
     """Solve a rover against a base.
 
-    directory : gets the three `.pos` of the engine with their options, and `ppk.pos`, the result; None: nothing is kept.
+    directory : gets the three `.pos` of the engine with their options, and `ppk.pos`, the result;
+        None: nothing is kept.
     Raises InputError, UsageError and DataError of the steps, each in one line.
     """
     if directory is None:
@@ -117,7 +165,9 @@ def solve_ppk(given: PpkInput, directory: Path | None = None, progress: Progress
     rover, base = read_observations(given.rover), read_observations(given.base)
     events, unasked = _events(given, rover)
     say("engine: three solutions")
-    run = solve(given.rover, given.base, given.navigation, given.options, directory, say, (rover, base))
+    run = solve(
+        given.rover, given.base, given.navigation, given.options, directory, say, (rover, base)
+    )
     say("covariance and quality")
     position, _ = base_position(given.options, base.header)
     solved = _Solved.of(run, np.array(position), given.covariance)
@@ -135,7 +185,9 @@ def solve_ppk(given: PpkInput, directory: Path | None = None, progress: Progress
         checks.append(check)
     if given.ionosphere:
         say("ionosphere")
-        fixes, check = _without_ionosphere(fixes, (rover, base), navigation, sky, np.array(position), given)
+        fixes, check = _without_ionosphere(
+            fixes, (rover, base), navigation, sky, np.array(position), given
+        )
         checks.append(check)
     if given.velocity:
         say("velocity")
@@ -145,18 +197,28 @@ def solve_ppk(given: PpkInput, directory: Path | None = None, progress: Progress
     numbers = solved.numbers(given.covariance.gate, rover) | {"signals": signal_numbers(signals)}
     told, causes = verdict(numbers, checks)
     fixes = replace(fixes, source=str(given.rover), notes=())
-    files = {"combined": run.combined, "forward": run.forward, "backward": run.backward, "solution": directory / SOLUTION}
+    files = {
+        "combined": run.combined,
+        "forward": run.forward,
+        "backward": run.backward,
+        "solution": directory / SOLUTION,
+    }
     files |= {f"options of {direction}": path for direction, path in run.option_files.items()}
-    series = solution_series(solved.combined, solved.kind, *solved.from_base, solved.separation, signals)
+    series = solution_series(
+        solved.combined, solved.kind, *solved.from_base, solved.separation, signals
+    )
     checks += [*causes, *unasked, *(events.notes if events is not None else ())]
-    result = PpkResult(fixes, events, tuple(checks), told, numbers, series, files, run.engine, run.cpu_s)
+    result = PpkResult(
+        fixes, events, tuple(checks), told, numbers, series, files, run.engine, run.cpu_s
+    )
     result.write(files["solution"])
     return result
 
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """The engine's combined solution, its fixes with calibrated covariance and classes (n,), and the separation of the two others.
+    """The engine's combined solution, its fixes with calibrated covariance and classes (n,), and
+    the separation of the two others.
 
     from_base : distance (n,) m and height difference (n,) m.
     """
@@ -169,13 +231,24 @@ class _Solved:
 
     @classmethod
     def of(cls, run: EngineRun, base_ecef: Array, model: CovarianceModel) -> "_Solved":
-        combined, forward, backward = (read_solution(path) for path in (run.combined, run.forward, run.backward))
+        combined, forward, backward = (
+            read_solution(path) for path in (run.combined, run.forward, run.backward)
+        )
         plain = replace(model, degraded_share=0.0)  # what hampers both runs does not part them
-        alone = [calibrate(s.fixes, s.satellites, base_distance(s.fixes, base_ecef), None, plain)[0] for s in (forward, backward)]
+        alone = [
+            calibrate(s.fixes, s.satellites, base_distance(s.fixes, base_ecef), None, plain)[0]
+            for s in (forward, backward)
+        ]
         separation = forward_backward(combined.fixes.time, *alone)
         distance = base_distance(combined.fixes, base_ecef)
         fixes, kind = calibrate(combined.fixes, combined.satellites, distance, separation, model)
-        return cls(combined, fixes, kind, separation, (distance, combined.fixes.height - ecef_to_geodetic(base_ecef)[2]))
+        return cls(
+            combined,
+            fixes,
+            kind,
+            separation,
+            (distance, combined.fixes.height - ecef_to_geodetic(base_ecef)[2]),
+        )
 
     def numbers(self, gate: float, rover: Observations) -> dict[str, Any]:
         """Figures of merit, of the solution and of the rover's epochs."""
@@ -183,19 +256,28 @@ class _Solved:
         solved, fixed = np.zeros((2, rover.time.size), dtype=np.bool_)
         at = epochs_of(self.fixes, rover)
         solved[at], fixed[at] = True, np.isin(self.kind, BELIEVED)
-        numbers = solution_numbers(self.combined, self.fixes, self.kind, *self.from_base, self.separation, gate)
-        return numbers | coverage_numbers(rover.time + (rover.gps_week - week) * WEEK_S, solved, fixed)
+        numbers = solution_numbers(
+            self.combined, self.fixes, self.kind, *self.from_base, self.separation, gate
+        )
+        return numbers | coverage_numbers(
+            rover.time + (rover.gps_week - week) * WEEK_S, solved, fixed
+        )
 
 
 def _events(given: PpkInput, rover: Observations) -> tuple[CameraEvents | None, tuple[Check, ...]]:
-    """Camera events of the rover's file, by its clock, or of one of their own, and a note where there are only such as nobody asks for.
+    """Camera events of the rover's file, by its clock, or of one of their own, and a note where
+    there are only such as nobody asks for.
 
     Raises InputError where they are asked for and there is none.
     """
     check_delay(given.camera_delay_s)
     if given.events is False:
         return None, ()
-    plain = (given.rover_events, given.match, given.camera_delay_s) == (RoverEvents(), ImageMatch(), 0.0)
+    plain = (given.rover_events, given.match, given.camera_delay_s) == (
+        RoverEvents(),
+        ImageMatch(),
+        0.0,
+    )
     if isinstance(given.events, Path):
         return named(read_events(given.events, gps_week=rover.gps_week), given.match), ()
     if given.events is None and plain:
@@ -203,39 +285,67 @@ def _events(given: PpkInput, rover: Observations) -> tuple[CameraEvents | None, 
     return named(camera_events(rover, given.rover_events), given.match), ()
 
 
-def _checks_of(events: CameraEvents, given: PpkInput, rover: Observations, fixes: GnssFixes) -> list[Check]:
-    """What is told of events before their delay: whether those of another file are the rover's, and the delay."""
+def _checks_of(
+    events: CameraEvents, given: PpkInput, rover: Observations, fixes: GnssFixes
+) -> list[Check]:
+    """What is told of events before their delay: whether those of another file are the rover's, and
+    the delay.
+    """
     checks = [check_camera_delay(given.camera_delay_s)] if given.camera_delay_s else []
     if isinstance(given.events, Path) and rover.events.size:
         stamps = np.unique(rover.events)
-        own = CameraEvents(tuple(map(str, range(stamps.size))), stamps, rover.gps_week, str(given.rover))
+        own = CameraEvents(
+            tuple(map(str, range(stamps.size))), stamps, rover.gps_week, str(given.rover)
+        )
         beside = check_beside(events, to_gpst(own, rover, fixes), rover.gps_week)
         checks += [] if beside is None else [beside]
     return checks
 
 
-def _at_exposures(events: CameraEvents, given: PpkInput, rover: Observations, fixes: GnssFixes) -> CameraEvents:
-    """Events at the middles of their exposures, GPST: the clock is that of the stamps, so that it is taken off before the delay comes."""
-    return delayed(events if isinstance(given.events, Path) else to_gpst(events, rover, fixes), given.camera_delay_s)
+def _at_exposures(
+    events: CameraEvents, given: PpkInput, rover: Observations, fixes: GnssFixes
+) -> CameraEvents:
+    """Events at the middles of their exposures, GPST: the clock is that of the stamps, so that it
+    is taken off before the delay comes.
+    """
+    return delayed(
+        events if isinstance(given.events, Path) else to_gpst(events, rover, fixes),
+        given.camera_delay_s,
+    )
 
 
-def _without_wet_delay(fixes: GnssFixes, sky: Sky, base_ecef: Array, given: PpkInput) -> tuple[GnssFixes, Check]:
+def _without_wet_delay(
+    fixes: GnssFixes, sky: Sky, base_ecef: Array, given: PpkInput
+) -> tuple[GnssFixes, Check]:
     """Fixes with the correction of `troposphere` and its covariance, and what it amounts to."""
     blind = ~np.isfinite(displacement_per_delay(sky, fixes.time.size)[:, 0])
-    quality = np.where(blind, Quality.SINGLE, Quality.FIXED if fixes.quality is None else fixes.quality)  # single: not corrected
-    found = wet_delay_correction(replace(fixes, quality=quality), base_ecef, sky, _air(given, base_ecef))
+    quality = np.where(
+        blind, Quality.SINGLE, Quality.FIXED if fixes.quality is None else fixes.quality
+    )  # single: not corrected
+    found = wet_delay_correction(
+        replace(fixes, quality=quality), base_ecef, sky, _air(given, base_ecef)
+    )
     down = 1e3 * found.correction_ned[:, 2]
     told = f"heights raised by {-down.max():.1f} to {-down.min():.1f} mm"
     if np.isfinite(found.height_per_metre):
         told += f", {1e3 * found.height_per_metre:+.3f} mm per metre above the base"
-    told += f"; {blind.sum()} epochs with too few satellites stay as they are" if blind.any() else ""
+    told += (
+        f"; {blind.sum()} epochs with too few satellites stay as they are" if blind.any() else ""
+    )
     source = "standard atmosphere" if given.atmosphere is None else "given atmosphere"
-    check = Check("GNSS wet delay", told, f"a correction from the {source}; the engine leaves it out")
+    check = Check(
+        "GNSS wet delay", told, f"a correction from the {source}; the engine leaves it out"
+    )
     return _moved(fixes, found.correction_ned, found.cov_ned), check
 
 
 def _without_ionosphere(
-    fixes: GnssFixes, observed: tuple[Observations, Observations], navigation: Navigation, sky: Sky, base_ecef: Array, given: PpkInput
+    fixes: GnssFixes,
+    observed: tuple[Observations, Observations],
+    navigation: Navigation,
+    sky: Sky,
+    base_ecef: Array,
+    given: PpkInput,
 ) -> tuple[GnssFixes, Check]:
     """Fixes with the correction of `ionosphere` and its covariance, and what it amounts to."""
     name, expected = "GNSS ionosphere", "a correction that the bands show; the engine leaves it out"
@@ -244,13 +354,22 @@ def _without_ionosphere(
     air, frequencies = _air(given, base_ecef), given.options.frequencies
     found = ionosphere_correction(fixes, *observed, navigation, base_ecef, sky, air, frequencies)
     if found is None:
-        what = f"left in: fewer than {LEAST_EPOCHS} epochs, or less than {LEAST_S / 60.0:.0f} minutes, show it"
-        advice = f"1 to 2 mm/km may be left; two bands of both receivers show it at fixed positions up to {FAR_M / 1e3:.0f} km away"
+        what = (
+            f"left in: fewer than {LEAST_EPOCHS} epochs, or less than {LEAST_S / 60.0:.0f} minutes,"
+            " show it"
+        )
+        advice = (
+            "1 to 2 mm/km may be left; two bands of both receivers show it at fixed positions up"
+            f" to {FAR_M / 1e3:.0f} km away"
+        )
         return fixes, Check(name, what, expected, "note", advice)
     vertical, north, east = found.ionosphere.value.mean(axis=0)
     moved = 1e3 * found.correction_ned[found.correction_ned.any(axis=1)]
     middle = ", ".join(f"{x:+.1f}" for x in np.median(moved, axis=0))
-    told = f"{vertical:.1f} m in zenith, {1e6 * north:+.1f} mm/km to the north, {1e6 * east:+.1f} to the east: "
+    told = (
+        f"{vertical:.1f} m in zenith, {1e6 * north:+.1f} mm/km to the north, {1e6 * east:+.1f} to"
+        " the east: "
+    )
     told += f"{len(moved)} positions moved by {middle} mm north, east, down in the median"
     return _moved(fixes, found.correction_ned, found.cov_ned), Check(name, told, expected)
 
@@ -263,12 +382,16 @@ def _air(given: PpkInput, base_ecef: Array) -> Atmosphere | None:
 
 def _moved(fixes: GnssFixes, ned: Array, cov: Array) -> GnssFixes:
     """Fixes with a correction (n, 3) m and its covariance (n, 3, 3) added."""
-    place = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) + np.einsum("nij,nj->ni", rotation_en(fixes.lat, fixes.lon), ned)
+    place = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) + np.einsum(
+        "nij,nj->ni", rotation_en(fixes.lat, fixes.lon), ned
+    )
     lat, lon, height = ecef_to_geodetic(place)
     return replace(fixes, lat=lat, lon=lon, height=height, cov_ned=fixes.cov_ned + cov)
 
 
-def _with_velocity(fixes: GnssFixes, rover: Observations, navigation: Navigation) -> tuple[GnssFixes, Check]:
+def _with_velocity(
+    fixes: GnssFixes, rover: Observations, navigation: Navigation
+) -> tuple[GnssFixes, Check]:
     """Fixes with velocities from phase where there are some, else from positions."""
     velocity, cov = _from_positions(fixes)
     try:
@@ -277,16 +400,32 @@ def _with_velocity(fixes: GnssFixes, rover: Observations, navigation: Navigation
         phase, phase_cov = at_stamps(found, fixes.time + weeks)
         known = np.isfinite(phase).all(axis=1)
         if not known.any():
-            raise DataError(f"{rover.header.path}: no two neighbouring intervals have a velocity from phase")
+            raise DataError(
+                f"{rover.header.path}: no two neighbouring intervals have a velocity from phase"
+            )
     except DataError as error:
-        advice = "velocities are those of the positions; look at the loss-of-lock flags and the navigation files"
-        return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), Check("GNSS velocity", str(error), "velocities", "note", advice)
+        advice = (
+            "velocities are those of the positions; look at the loss-of-lock flags and the"
+            " navigation files"
+        )
+        return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), Check(
+            "GNSS velocity", str(error), "velocities", "note", advice
+        )
     velocity[known], cov[known] = phase[known], phase_cov[known]
     sigma = 1e3 * np.sqrt(np.median(np.diagonal(cov[known], axis1=1, axis2=2), axis=0))
-    told = f"{known.sum()} of {known.size} epochs from phase, standard deviations {', '.join(f'{s:.0f}' for s in sigma)} mm/s"
+    told = (
+        f"{known.sum()} of {known.size} epochs from phase, standard deviations"
+        f" {', '.join(f'{s:.0f}' for s in sigma)} mm/s"
+    )
     few = known.mean() < MOST_VELOCITIES
     advice = "the others have those of the positions; cycle slips or few satellites" if few else ""
-    check = Check("GNSS velocity", told, f"{100 * MOST_VELOCITIES:.0f} % at least", "note" if few else "ok", advice)
+    check = Check(
+        "GNSS velocity",
+        told,
+        f"{100 * MOST_VELOCITIES:.0f} % at least",
+        "note" if few else "ok",
+        advice,
+    )
     return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), check
 
 
@@ -297,5 +436,7 @@ def _from_positions(fixes: GnssFixes) -> tuple[Array, Array]:
     interval = np.maximum(fixes.time[after] - fixes.time[before], SAME_EPOCH_S)
     place = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
     moved = np.einsum("nji,nj->ni", rotation_en(fixes.lat, fixes.lon), place[after] - place[before])
-    cov = (fixes.cov_ned[after] + fixes.cov_ned[before]) / interval[:, None, None] ** 2 + BETWEEN_MPS**2 * np.eye(3)
+    cov = (fixes.cov_ned[after] + fixes.cov_ned[before]) / interval[
+        :, None, None
+    ] ** 2 + BETWEEN_MPS**2 * np.eye(3)
     return moved / interval[:, None], cov

@@ -1,38 +1,47 @@
-"""What samples without a receiver say of themselves: gravity gives the unit of force and the vertical, the Earth the unit of rate.
+"""What samples without a receiver say of themselves: gravity gives the unit of force and the
+vertical, the Earth the unit of rate.
 
-|f| at rest is 9.78 to 9.83 m/s^2 wherever it is measured, so its median tells m/s^2, g and mg apart; a value between is what one count
-is worth if the sensor is free of scale errors, which it is to some per cent. The gyros of a sensor at rest see the Earth, 7.3e-5 rad/s,
-and only the best of them above their bias: for all others the recording does not tell the unit, and they are read as rad/s, or as
-deg/s where at rest they scatter by more than any sensor does in rad/s.
+|f| at rest is 9.78 to 9.83 m/s^2 wherever it is measured, so its median tells m/s^2, g and mg
+apart; a value between is what one count is worth if the sensor is free of scale errors, which it is
+to some per cent. The gyros of a sensor at rest see the Earth, 7.3e-5 rad/s, and only the best of
+them above their bias: for all others the recording does not tell the unit, and they are read as
+rad/s, or as deg/s where at rest they scatter by more than any sensor does in rad/s.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..base.units import STANDARD_GRAVITY
 from ..geodesy.earth import EARTH_RATE
 from ..prepare.gaps import nominal_interval
 from ..recognise.findings import MOST, Finding
 from ..recognise.units import ACCEL_UNITS
 from ..records import Array, ImuSamples
-from ..units import STANDARD_GRAVITY
 from .sensing import DEG_S, Sensing
 
 NEAR = 0.1  # of |f| to gravity, for a unit to be told
 STEADY = 0.03  # scatter of |f| over its median at rest
-NOISIEST_GYRO, QUIET_GYRO = 0.015, 0.005  # rad/s, scatter of samples at rest: beyond any sensor, and that of a usual one
+NOISIEST_GYRO, QUIET_GYRO = (
+    0.015,
+    0.005,
+)  # rad/s, scatter of samples at rest: beyond any sensor, and that of a usual one
 
 
 def gyro_scatter(imu: ImuSamples) -> float:
-    """Standard deviation of a gyro sample about its neighbours, in the file's unit, the largest axis."""
+    """Standard deviation of a gyro sample about its neighbours, in the file's unit, the largest
+    axis.
+    """
     return float(np.sqrt(0.5 * np.mean(np.diff(imu.gyro, axis=0) ** 2, axis=0)).max())
 
 
 @dataclass(frozen=True, eq=False)
 class Alone:
-    """Samples in SI as rates, the units found (keys gyro and accel where they are not SI), and the findings.
+    """Samples in SI as rates, the units found (keys gyro and accel where they are not SI), and the
+    findings.
 
-    gyro_counts : (rad/s) that one unit of the gyro was taken for where nothing tells it, else None; an assumption to find rest by.
+    gyro_counts : (rad/s) that one unit of the gyro was taken for where nothing tells it, else None;
+        an assumption to find rest by.
     """
 
     imu: ImuSamples
@@ -56,16 +65,23 @@ def by_gravity(imu: ImuSamples, free: bool) -> Alone:
     unit, factor, sure = _force_unit(typical)
     steady = scatter < STEADY * typical
     units = {} if unit == "m/s^2" else {"accel": unit}
-    evidence = f"median of |f| {typical:.5g}, scatter {scatter:.2g}; gravity is {STANDARD_GRAVITY:.3f} m/s^2"
+    evidence = (
+        f"median of |f| {typical:.5g}, scatter {scatter:.2g}; gravity is {STANDARD_GRAVITY:.3f}"
+        " m/s^2"
+    )
     findings = [Finding("accelerometer unit", unit, sure if steady else 0.5 * sure, evidence)]
     gyro_factor, gyro = (
-        _gyro_unit(imu) if steady else (1.0, Finding("gyro unit", "unknown", 0.0, "the sensor moves, and nothing tells how"))
+        _gyro_unit(imu)
+        if steady
+        else (1.0, Finding("gyro unit", "unknown", 0.0, "the sensor moves, and nothing tells how"))
     )
     findings.append(gyro)
     if gyro_factor == DEG_S:
         units["gyro"] = gyro.value
     in_si = replace(imu, gyro=imu.gyro * gyro_factor, accel=imu.accel * factor)
-    return Alone(in_si, units, tuple(findings), gyro_factor if gyro_factor not in (1.0, DEG_S) else None)
+    return Alone(
+        in_si, units, tuple(findings), gyro_factor if gyro_factor not in (1.0, DEG_S) else None
+    )
 
 
 def _force_unit(typical: float) -> tuple[str, float, float]:
@@ -85,13 +101,19 @@ def _gyro_unit(imu: ImuSamples) -> tuple[float, Finding]:
         evidence = f"mean rate {mean:.4g}: the Earth's in rad/s is {EARTH_RATE:.4g}"
         return 1.0, Finding("gyro unit", "rad/s", 0.95, evidence)
     unknown = (
-        f"scatter of a sample {scatter:.3g}; at rest nothing tells the unit but the Earth rate, which the mean ({mean:.3g}) does not show"
+        f"scatter of a sample {scatter:.3g}; at rest nothing tells the unit but the Earth rate,"
+        f" which the mean ({mean:.3g}) does not show"
     )
     if scatter < NOISIEST_GYRO:
         return 1.0, Finding("gyro unit", "unknown", 0.0, unknown)
     if scatter * DEG_S < NOISIEST_GYRO:
-        return DEG_S, Finding("gyro unit", "deg/s", 0.5, f"{unknown}; in rad/s no sensor is that noisy")
-    evidence = f"{unknown}; neither rad/s nor deg/s is that noisy at rest, so these are counts: give imu.units gyro of one count"
+        return DEG_S, Finding(
+            "gyro unit", "deg/s", 0.5, f"{unknown}; in rad/s no sensor is that noisy"
+        )
+    evidence = (
+        f"{unknown}; neither rad/s nor deg/s is that noisy at rest, so these are counts: give"
+        " imu.units gyro of one count"
+    )
     return QUIET_GYRO / scatter, Finding("gyro unit", "unknown", 0.0, evidence)
 
 
@@ -99,23 +121,43 @@ def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]
     """Vertical, rest and Earth rate; counts : the gyro's unit is not known."""
     share = sensing.rest_s / sensing.length_s
     rest = Finding(
-        "at rest", f"{sensing.rest_s:.0f} s", MOST if share > 0.0 else 0.9, f"{share:.0%} of the recording, {len(sensing.still)} stretches"
+        "at rest",
+        f"{sensing.rest_s:.0f} s",
+        MOST if share > 0.0 else 0.9,
+        f"{share:.0%} of the recording, {len(sensing.still)} stretches",
     )
     if not sensing.rest_s:
         return (rest,)
     axis = int(np.argmax(np.abs(sensing.mean_accel)))
     lean = float(np.degrees(np.arccos(abs(sensing.mean_accel[axis]) / sensing.gravity)))
     sense = "up" if sensing.mean_accel[axis] > 0.0 else "down"
-    vertical = Finding("vertical axis", f"{'xyz'[axis]} {sense}", MOST if lean < 30.0 else 0.6, f"{lean:.1f} deg off the vertical at rest")
+    vertical = Finding(
+        "vertical axis",
+        f"{'xyz'[axis]} {sense}",
+        MOST if lean < 30.0 else 0.6,
+        f"{lean:.1f} deg off the vertical at rest",
+    )
     if counts:
-        return rest, vertical, Finding("Earth rate", "unknown", 0.0, "the unit of the gyros is not known")
+        return (
+            rest,
+            vertical,
+            Finding("Earth rate", "unknown", 0.0, "the unit of the gyros is not known"),
+        )
     return rest, vertical, _earth(sensing.mean_gyro, sensing)
 
 
 def _earth(mean: Array, sensing: Sensing) -> Finding:
-    size, error = float(np.linalg.norm(mean)), float(np.linalg.norm(sensing.rest_gyro)) / np.sqrt(sensing.rest_s)
+    size, error = (
+        float(np.linalg.norm(mean)),
+        float(np.linalg.norm(sensing.rest_gyro)) / np.sqrt(sensing.rest_s),
+    )
     deg_h = np.degrees(3600.0)
-    evidence = f"mean rate at rest {size * deg_h:.2f} deg/h +- {error * deg_h:.2g} by its noise; the Earth's is {EARTH_RATE * deg_h:.2f}"
+    evidence = (
+        f"mean rate at rest {size * deg_h:.2f} deg/h +- {error * deg_h:.2g} by its noise; the"
+        f" Earth's is {EARTH_RATE * deg_h:.2f}"
+    )
     if sensing.sees_earth:
         return Finding("Earth rate", "seen", 0.95, f"{evidence}: heading can be had at rest")
-    return Finding("Earth rate", "not seen", 0.95, f"{evidence}: at rest only roll and pitch can be had")
+    return Finding(
+        "Earth rate", "not seen", 0.95, f"{evidence}: at rest only roll and pitch can be had"
+    )

@@ -1,7 +1,8 @@
 """What the flight file of an inspected recording says, key by key, and why.
 
-Recognised values are written where their confidence exceeds `SURE`, else as comments with the reason. Numbers that a file's own header
-gives a unit for are not given another one unless the data contradict it.
+Recognised values are written where their confidence exceeds `SURE`, else as comments with the
+reason. Numbers that a file's own header gives a unit for are not given another one unless the data
+contradict it.
 """
 
 from dataclasses import dataclass, replace
@@ -31,14 +32,16 @@ REMARKS = (
 )
 NEEDS_FIXES = "no fixes of a receiver: give its file as well, the samples alone have no position"
 NEEDS_POSITION = (
-    "a static recording needs a position to become a flight: set gnss.stationary = [latitude, longitude, height] in a flight file; "
-    "as it is, insgnss tune makes a noise model of it"
+    "a static recording needs a position to become a flight: set gnss.stationary = [latitude,"
+    " longitude, height] in a flight file; as it is, insgnss tune makes a noise model of it"
 )
 
 
 @dataclass(frozen=True)
 class Axes:
-    """Axes in words with the evidence; `sure` where at least the vertical is, so that they are better than the default."""
+    """Axes in words with the evidence; `sure` where at least the vertical is, so that they are
+    better than the default.
+    """
 
     words: str
     why: str
@@ -76,7 +79,11 @@ def draft_flight(
     if gnss is None:
         assert site is not None
         draft.add(
-            "gnss", "stationary", list(site), "latitude deg, longitude deg, height m of the site in the file's header; the sensor stands"
+            "gnss",
+            "stationary",
+            list(site),
+            "latitude deg, longitude deg, height m of the site in the file's header; the sensor"
+            " stands",
         )
     else:
         _gnss(draft, by_role["gnss"], gnss, found)
@@ -91,14 +98,22 @@ def draft_flight(
 
 def _missing(source: Source, sensing: Sensing, alone: Alone) -> str:
     """What samples without a position lack to become a flight."""
-    open_questions = [f"no clock ({source.keys['rate_hz']:g} Hz assumed)"] if "rate_hz" in source.keys else []
+    open_questions = (
+        [f"no clock ({source.keys['rate_hz']:g} Hz assumed)"] if "rate_hz" in source.keys else []
+    )
     open_questions += ["no unit of the gyros"] if alone.gyro_counts is not None else []
     more = f"; the file has {' and '.join(open_questions)}" if open_questions else ""
     return (NEEDS_POSITION if sensing.is_static else NEEDS_FIXES) + more
 
 
 def _imu(
-    draft: Draft, source: Source, raw: ImuSamples, sensing: Sensing, found: "Recognition | None", axes: Axes, units: dict[str, str]
+    draft: Draft,
+    source: Source,
+    raw: ImuSamples,
+    sensing: Sensing,
+    found: "Recognition | None",
+    axes: Axes,
+    units: dict[str, str],
 ) -> None:
     rate = f"{sensing.rate_hz:.4g} Hz, {raw.time.size} samples, {sensing.length_s:.0f} s"
     draft.add("imu", "file", source.path, f"{source.what}: {rate}")
@@ -112,7 +127,13 @@ def _imu(
     _noise(draft, sensing)
 
 
-def _units(draft: Draft, source: Source, raw: ImuSamples, found: "Recognition | None", alone: dict[str, str]) -> None:
+def _units(
+    draft: Draft,
+    source: Source,
+    raw: ImuSamples,
+    found: "Recognition | None",
+    alone: dict[str, str],
+) -> None:
     """Quantity, units and sign of the force."""
     said = _said_of_kind(source, raw.quantity if found is None else found.quantity)
     units = said | source.keys.get("units", {})
@@ -122,7 +143,12 @@ def _units(draft: Draft, source: Source, raw: ImuSamples, found: "Recognition | 
         if raw.quantity != "mean_rate":
             draft.add("imu", "quantity", raw.quantity, source.why.get("quantity", ""))
         if units | alone:
-            draft.add("imu", "units", units | alone, "; ".join([*why, *(["gravity and noise at rest"] if alone else [])]))
+            draft.add(
+                "imu",
+                "units",
+                units | alone,
+                "; ".join([*why, *(["gravity and noise at rest"] if alone else [])]),
+            )
         return
     for key, name in SENSORS.items():
         why.append(_evidence(found.finding(name)))
@@ -130,7 +156,13 @@ def _units(draft: Draft, source: Source, raw: ImuSamples, found: "Recognition | 
         if unit is not None:
             units[key] = unit
     finding = found.finding("quantity")
-    draft.add("imu", "quantity", found.quantity, _evidence(finding), finding.confidence > SURE or found.quantity == "mean_rate")
+    draft.add(
+        "imu",
+        "quantity",
+        found.quantity,
+        _evidence(finding),
+        finding.confidence > SURE or found.quantity == "mean_rate",
+    )
     if units:
         draft.add("imu", "units", units, "; ".join(why))
     sign = found.finding("force sign")
@@ -141,16 +173,22 @@ def _units(draft: Draft, source: Source, raw: ImuSamples, found: "Recognition | 
 
 def _said_of_kind(source: Source, quantity: str) -> dict[str, str]:
     """Units of gyro and accel that the file's header gives, as far as they are of the quantity."""
-    from ..formats._heads import factor_of
+    from ..formats.text.headers import factor_of
 
     kinds = {key: f"{key} increment" if quantity == "increments" else key for key in SENSORS}
-    return {key: unit for key, unit in (source.units_said or {}).items() if factor_of(unit, (kinds[key],)) is not None}
+    return {
+        key: unit
+        for key, unit in (source.units_said or {}).items()
+        if factor_of(unit, (kinds[key],)) is not None
+    }
 
 
 def _unit_of_numbers(source: Source, found: "Recognition", key: str) -> str | None:
-    """Unit of a sensor's numbers in the file, where the data tell it and the file does not, or says another one."""
+    """Unit of a sensor's numbers in the file, where the data tell it and the file does not, or says
+    another one.
+    """
     from ..formats import UNITS
-    from ..formats._heads import factor_of, kinds_like
+    from ..formats.text.headers import factor_of, kinds_like
 
     factor = found.gyro_factor if key == "gyro" else found.accel_factor
     if source.units_said is None or not found.finding(SENSORS[key]).confidence > SURE:
@@ -161,49 +199,91 @@ def _unit_of_numbers(source: Source, found: "Recognition", key: str) -> str | No
         if abs(factor - 1.0) < SAME and key in _said_of_kind(source, found.quantity):
             return None
         factor *= factor_of(said, kinds_like(key)) or 1.0
-    unit, base = next(((name, f) for name, f in UNITS[kind].items() if abs(factor / f - 1.0) < SAME), (None, 1.0))
+    unit, base = next(
+        ((name, f) for name, f in UNITS[kind].items() if abs(factor / f - 1.0) < SAME), (None, 1.0)
+    )
     return unit if unit is not None else f"{factor / base:.8g} {next(iter(UNITS[kind]))}"
 
 
 def said_units(source: Source, found: "Recognition") -> list[Check]:
-    """Where the data contradict the units that the file gives: a note where the draft can follow the data, else a contradiction."""
+    """Where the data contradict the units that the file gives: a note where the draft can follow
+    the data, else a contradiction.
+    """
     checks = []
     for key, name in SENSORS.items():
         finding = found.finding(name)
         factor = found.gyro_factor if key == "gyro" else found.accel_factor
-        if source.units_said == {} or key not in (source.units_said or SENSORS) or finding.confidence <= SURE or abs(factor - 1.0) < SAME:
+        if (
+            source.units_said == {}
+            or key not in (source.units_said or SENSORS)
+            or finding.confidence <= SURE
+            or abs(factor - 1.0) < SAME
+        ):
             continue
-        said = "its format" if source.units_said is None else f"{source.units_said[key]}, as its header says"
-        told, expected = f"{factor:.4g} times what the file says: {finding.evidence}", f"the {key} values in the unit of {said}"
+        said = (
+            "its format"
+            if source.units_said is None
+            else f"{source.units_said[key]}, as its header says"
+        )
+        told, expected = (
+            f"{factor:.4g} times what the file says: {finding.evidence}",
+            f"the {key} values in the unit of {said}",
+        )
         if source.units_said is None:
-            checks.append(Check(f"unit of {key}", told, expected, "contradiction", "the file is not what its format says; convert it"))
+            checks.append(
+                Check(
+                    f"unit of {key}",
+                    told,
+                    expected,
+                    "contradiction",
+                    "the file is not what its format says; convert it",
+                )
+            )
         else:
-            checks.append(Check(f"unit of {key}", told, expected, "note", "the draft follows the data"))
+            checks.append(
+                Check(f"unit of {key}", told, expected, "note", "the draft follows the data")
+            )
     return checks
 
 
 def counts(source: Source, found: "Recognition") -> list[Check]:
-    """A contradiction for a sensor whose numbers are in no unit that is known: the flight file must say what one count is worth."""
+    """A contradiction for a sensor whose numbers are in no unit that is known: the flight file must
+    say what one count is worth.
+    """
     checks = []
     for key, name in SENSORS.items():
         finding = found.finding(name)
-        told = (key == "accel" and abs(found.accel_factor - 1.0) > SAME) or "may be counts" in finding.evidence
+        told = (
+            key == "accel" and abs(found.accel_factor - 1.0) > SAME
+        ) or "may be counts" in finding.evidence
         if finding.confidence == 0.0 and told:
             worth = f" (gravity makes it about {found.accel_factor:.4g})" if key == "accel" else ""
             advice = (
-                f"say what one count is in imu.units {key}{worth}, as the maker of the sensor gives it, and whether they are increments"
+                f"say what one count is in imu.units {key}{worth}, as the maker of the sensor gives"
+                " it, and whether they are increments"
             )
             checks.append(
-                Check(f"unit of {key}", finding.evidence, "a unit that is known, or the value of a count", "contradiction", advice)
+                Check(
+                    f"unit of {key}",
+                    finding.evidence,
+                    "a unit that is known, or the value of a count",
+                    "contradiction",
+                    advice,
+                )
             )
     return checks
 
 
 def assumed_rate(source: Source) -> list[Check]:
-    """A contradiction where samples without a clock would be held against fixes at a rate that nothing tells."""
+    """A contradiction where samples without a clock would be held against fixes at a rate that
+    nothing tells.
+    """
     if "rate_hz" not in source.keys:
         return []
-    advice = "set imu.rate_hz to the true rate of the sensor, to 1e-5 of it, or name the column of time in imu.columns"
+    advice = (
+        "set imu.rate_hz to the true rate of the sensor, to 1e-5 of it, or name the column of time"
+        " in imu.columns"
+    )
     found = f"no column of time; {source.keys['rate_hz']:g} Hz assumed"
     return [Check("IMU rate", found, "a clock, or the rate of the sensor", "contradiction", advice)]
 
@@ -225,42 +305,72 @@ def strangers(found: "Recognition") -> list[Check]:
     clock = found.finding("time offset")
     if clock.confidence or not found.finding("gyro unit").evidence.startswith("as "):
         return []
-    advice = "if it moved, check that samples and fixes are of one recording; no time offset is better than all others"
-    return [Check("common motion", clock.evidence, "one time offset that explains the motion", "note", advice)]
+    advice = (
+        "if it moved, check that samples and fixes are of one recording; no time offset is better"
+        " than all others"
+    )
+    return [
+        Check(
+            "common motion",
+            clock.evidence,
+            "one time offset that explains the motion",
+            "note",
+            advice,
+        )
+    ]
 
 
 def in_units_of_file(source: Source, found: "Recognition") -> "Recognition":
-    """The same with the units of the findings as the file's header gives them, where the data agree with it."""
+    """The same with the units of the findings as the file's header gives them, where the data agree
+    with it.
+    """
     findings = {finding.name: finding for finding in found.findings}
     for key, name in SENSORS.items():
         factor = found.gyro_factor if key == "gyro" else found.accel_factor
         said, finding = (source.units_said or {}).get(key), findings[name]
-        if said is not None and finding.confidence > 0.0 and abs(factor - 1.0) < SAME and said != finding.value:
+        if (
+            said is not None
+            and finding.confidence > 0.0
+            and abs(factor - 1.0) < SAME
+            and said != finding.value
+        ):
             evidence = f"converted from {said}, as the header says, {finding.evidence}"
             findings[name] = replace(finding, value=said, evidence=evidence)
     return replace(found, findings=tuple(findings.values()))
 
 
 def likely_axes(source: Source, imu: ImuSamples, found: "Recognition | None") -> Axes:
-    """Axes as recognised, else as the format has them, else the vertical as gravity shows it with forward chosen freely.
+    """Axes as recognised, else as the format has them, else the vertical as gravity shows it with
+    forward chosen freely.
 
     imu : in m/s^2 of specific force.
     """
     if found is not None and found.axes is not None:
         finding, vertical = found.finding("axes"), found.finding("vertical axis")
-        unsure = "" if finding.confidence > SURE else "; the likeliest, but NOT SURE: check which way it was mounted"
+        unsure = (
+            ""
+            if finding.confidence > SURE
+            else "; the likeliest, but NOT SURE: check which way it was mounted"
+        )
         return Axes(found.axes, _evidence(finding) + unsure, vertical.confidence > SURE)
     if source.axes:
         return Axes(source.axes, "by the convention of the format", True)
     up = np.median(imu.accel, axis=0)
     words, axis = vertical_axes(up)
-    steady = abs(float(up["xyz".index(axis)])) > UPRIGHT * float(np.median(np.linalg.norm(imu.accel, axis=1)))
-    why = f"gravity lies along the IMU's {axis} axis; which of the others points forward is NOT KNOWN: the data do not tell"
+    steady = abs(float(up["xyz".index(axis)])) > UPRIGHT * float(
+        np.median(np.linalg.norm(imu.accel, axis=1))
+    )
+    why = (
+        f"gravity lies along the IMU's {axis} axis; which of the others points forward is NOT"
+        " KNOWN: the data do not tell"
+    )
     return Axes(words, why, steady)
 
 
 def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:
-    """Axes in words, the vertical by the specific force at rest (3,), forward chosen freely; and the axis that is vertical."""
+    """Axes in words, the vertical by the specific force at rest (3,), forward chosen freely; and
+    the axis that is vertical.
+    """
     from ..prepare.axes import DIRECTIONS
 
     axis = int(np.argmax(np.abs(mean_force)))
@@ -268,14 +378,24 @@ def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:
     words[axis] = "up" if mean_force[axis] > 0.0 else "down"
     first, second = [k for k in range(3) if k != axis]
     words[first], words[second] = "forward", "right"
-    right_handed = np.linalg.det(np.column_stack([np.eye(3)[DIRECTIONS[word][0]] * DIRECTIONS[word][1] for word in words])) > 0.0
+    right_handed = (
+        np.linalg.det(
+            np.column_stack(
+                [np.eye(3)[DIRECTIONS[word][0]] * DIRECTIONS[word][1] for word in words]
+            )
+        )
+        > 0.0
+    )
     if not right_handed:
         words[second] = "left"
     return " ".join(words), "xyz"[axis]
 
 
 def _noise(draft: Draft, sensing: Sensing) -> None:
-    quiet = f"{sensing.rest_gyro.max() / DEG_S:.2g} deg/s/sqrt(Hz) and {sensing.rest_accel.max() / MG:.2g} mg/sqrt(Hz)"
+    quiet = (
+        f"{sensing.rest_gyro.max() / DEG_S:.2g} deg/s/sqrt(Hz) and"
+        f" {sensing.rest_accel.max() / MG:.2g} mg/sqrt(Hz)"
+    )
     moving = f"{sensing.moving_gyro.max() / DEG_S:.2g} and {sensing.moving_accel.max() / MG:.2g}"
     at = "at rest" if sensing.rest_s > 0.0 else "where it is quietest"
     measured = f"white noise measured: {quiet} {at}"
@@ -285,38 +405,69 @@ def _noise(draft: Draft, sensing: Sensing) -> None:
     if name is not None:
         draft.add("imu", "noise", name, f"the shipped model fits: {measured}")
         return
-    draft.add("imu", "noise", NOISE_FILE, f"no shipped model fits: {measured}; class by this: {sensing.grade}")
+    draft.add(
+        "imu",
+        "noise",
+        NOISE_FILE,
+        f"no shipped model fits: {measured}; class by this: {sensing.grade}",
+    )
     draft.noise = noise_model(sensing, draft.tables[""][0].value)
-    bias = "the mean rate at rest sets the turn-on bias of the gyros" if sensing.rest_s > 0.0 else "no rest: turn-on biases are a-priori"
+    bias = (
+        "the mean rate at rest sets the turn-on bias of the gyros"
+        if sensing.rest_s > 0.0
+        else "no rest: turn-on biases are a-priori"
+    )
     draft.noise_why = (
         f"Drafted by insgnss inspect. {measured[0].upper()}{measured[1:]}; the largest is taken.",
-        f"{bias[0].upper()}{bias[1:]}; Gauss-Markov processes a-priori of a {sensing.grade} sensor. "
-        "Static recordings tell it better: insgnss tune.",
+        (
+            f"{bias[0].upper()}{bias[1:]}; Gauss-Markov processes a-priori of a {sensing.grade}"
+            " sensor. Static recordings tell it better: insgnss tune."
+        ),
     )
 
 
 def _gnss(draft: Draft, source: Source, gnss: GnssFixes, found: "Recognition | None") -> None:
     step = float(np.median(np.diff(gnss.time))) if gnss.time.size > 1 else np.nan
-    draft.add("gnss", "file", source.path, f"{source.what}: {gnss.time.size} fixes, {1.0 / step:.3g} Hz")
+    draft.add(
+        "gnss", "file", source.path, f"{source.what}: {gnss.time.size} fixes, {1.0 / step:.3g} Hz"
+    )
     for key in ("variable", "columns", "units", "repeat_column", "sigma_m", "sigma_velocity_mps"):
         if key in source.keys:
             draft.add("gnss", key, source.keys[key], source.why.get(key, ""))
     if source.free_height:
-        why = "heights may be above the geoid; the geoid's height above the ellipsoid would then go here"
+        why = (
+            "heights may be above the geoid; the geoid's height above the ellipsoid would then go"
+            " here"
+        )
         draft.add("gnss", "undulation_m", 0.0, why, sure=False)
     if found is None or not np.isfinite(found.time_offset_sigma_s):
-        why = "the data do not tell the latency" if found is None else _evidence(found.finding("time offset"))
+        why = (
+            "the data do not tell the latency"
+            if found is None
+            else _evidence(found.finding("time offset"))
+        )
         draft.add("gnss", "time_offset_s", 0.0, why, sure=False)
         return
     scale = found.finding("time scale")
-    why = _evidence(found.finding("time offset")) + (f"; time scale {scale.value}: {scale.evidence}" if found.time_scale != "same" else "")
+    why = _evidence(found.finding("time offset")) + (
+        f"; time scale {scale.value}: {scale.evidence}" if found.time_scale != "same" else ""
+    )
     told = abs(found.time_offset_s) > 2.0 * found.time_offset_sigma_s
-    draft.add("gnss", "time_offset_s", round(found.time_offset_s, 4), why if told else f"{why}; that is none within its sigma", told)
+    draft.add(
+        "gnss",
+        "time_offset_s",
+        round(found.time_offset_s, 4),
+        why if told else f"{why}; that is none within its sigma",
+        told,
+    )
 
 
 def _mounting(draft: Draft, camera: bool) -> None:
     draft.add(
-        "mounting", "antenna_m", [0.0, 0.0, 0.0], "lever arms are not in the files: measure them, in m from the camera in camera axes"
+        "mounting",
+        "antenna_m",
+        [0.0, 0.0, 0.0],
+        "lever arms are not in the files: measure them, in m from the camera in camera axes",
     )
     if camera:
         draft.add("mounting", "imu_m", [0.0, 0.0, 0.0])
@@ -332,12 +483,23 @@ def _mounting(draft: Draft, camera: bool) -> None:
 def _filter(draft: Draft, found: "Recognition | None") -> None:
     sigma = np.inf if found is None else found.time_offset_sigma_s
     if not sigma < KNOWN_S:
-        known = f"the latency is known to {1e3 * sigma:.0f} ms only" if np.isfinite(sigma) else "the latency is not known"
+        known = (
+            f"the latency is known to {1e3 * sigma:.0f} ms only"
+            if np.isfinite(sigma)
+            else "the latency is not known"
+        )
         draft.add("filter", "time_offset", True, f"{known}; the filter estimates what remains")
-    draft.add("filter", "lever_arm", True, "the lever arm is not known; the filter estimates it where the flight lets it")
+    draft.add(
+        "filter",
+        "lever_arm",
+        True,
+        "the lever arm is not known; the filter estimates it where the flight lets it",
+    )
     draft.add("filter", "lever_arm_sigma_m", LEVER_SIGMA_M)
     draft.add("filter", "robust", True, "fixes of unknown quality: the doubtful are weighed down")
 
 
 def _evidence(finding: Any) -> str:
-    return f"{finding.name}: {finding.value} (confidence {finding.confidence:.3f}): {finding.evidence}"
+    return (
+        f"{finding.name}: {finding.value} (confidence {finding.confidence:.3f}): {finding.evidence}"
+    )

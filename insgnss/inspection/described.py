@@ -1,11 +1,13 @@
-"""A flight file's recording: its checks, and what the data say of themselves when they are read as the file says."""
+"""A flight file's recording: its checks, and what the data say of themselves when they are read as
+the file says.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError, InsgnssError, UsageError
+from ..base.errors import InputError, InsgnssError, UsageError
 from ..processing.inspect import InspectResult
 from ..processing.progress import Progress, quiet
 
@@ -24,27 +26,46 @@ class FlightInspection:
     @property
     def refusal(self) -> InsgnssError | None:
         """The contradictions."""
-        return InputError("; ".join(self.result.contradictions)) if self.result.contradictions else None
+        return (
+            InputError("; ".join(self.result.contradictions))
+            if self.result.contradictions
+            else None
+        )
 
     def summary(self) -> str:
         """What a person reads."""
         from .text import finding_lines
 
-        said = finding_lines(self.findings) if self.findings else [f"not recognised: {self.unrecognised}"]
-        return "\n".join([self.result.summary(), "", "what the data say, read as the flight file says", *said])
+        said = (
+            finding_lines(self.findings)
+            if self.findings
+            else [f"not recognised: {self.unrecognised}"]
+        )
+        return "\n".join(
+            [self.result.summary(), "", "what the data say, read as the flight file says", *said]
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able."""
         from .text import finding_documents
 
-        return self.result.as_dict() | {"findings": finding_documents(self.findings), "unrecognised": self.unrecognised}
+        return self.result.as_dict() | {
+            "findings": finding_documents(self.findings),
+            "unrecognised": self.unrecognised,
+        }
 
 
 def flight_file(sources: Sequence[Path], write: bool) -> Path | None:
-    """The flight file among what is to be inspected, or None where there is none. write : a flight file is asked for."""
+    """The flight file among what is to be inspected, or None where there is none. write : a flight
+    file is asked for.
+    """
     tomls = [path for path in sources if path.suffix.lower() == ".toml"]
     if tomls and (write or len(sources) > 1):
-        what = "is a flight file already; give --write the files of the recording" if write else "is a flight file; inspect it alone"
+        what = (
+            "is a flight file already; give --write the files of the recording"
+            if write
+            else "is a flight file; inspect it alone"
+        )
         raise UsageError(f"{tomls[0]}: {what}")
     if tomls:
         return tomls[0]
@@ -53,7 +74,8 @@ def flight_file(sources: Sequence[Path], write: bool) -> Path | None:
 
 
 def inspect_flight(path: Path, progress: Progress = quiet) -> FlightInspection:
-    """Check a flight file's recording, and recognise it beside: where claim and data disagree, a check says so.
+    """Check a flight file's recording, and recognise it beside: where claim and data disagree, a
+    check says so.
 
     Raises InputError where the flight file or its inputs cannot be read.
     """
@@ -68,5 +90,7 @@ def inspect_flight(path: Path, progress: Progress = quiet) -> FlightInspection:
     if flight.gnss.stationary is not None:
         return FlightInspection(result, (), "the sensor stands")
     if recording.recognition is None:
-        return FlightInspection(result, (), "not recognised while a check contradicts the flight file")
+        return FlightInspection(
+            result, (), "not recognised while a check contradicts the flight file"
+        )
     return FlightInspection(result, recording.recognition.findings, "")

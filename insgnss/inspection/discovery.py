@@ -1,7 +1,8 @@
-"""What lies in a directory, or in the files given: which of them are samples, fixes and exposures, and how a flight file names them.
+"""What lies in a directory, or in the files given: which of them are samples, fixes and exposures,
+and how a flight file names them.
 
-A file is judged by what it holds (`formats` recognises the logs, `roles` the columns of tables), never by its name alone; what is left
-out is told with the reason.
+A file is judged by what it holds (`formats` recognises the logs, `roles` the columns of tables),
+never by its name alone; what is left out is told with the reason.
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,14 +11,45 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError, InsgnssError
-from .grids import tables_of_file
+from ..base.errors import InputError, InsgnssError
 from .sources import NO_SIGMA, SINGLE_POINT, Role, Source
-from .tabular import sources_of_table
+from .tables.grids import tables_of_file
+from .tables.tabular import sources_of_table
 
 NO_RECORDINGS = {
-    *(".toml", ".md", ".yaml", ".yml", ".json", ".xml", ".ini", ".cfg", ".py", ".m", ".r", ".html", ".pdf", ".gz", ".zip"),
-    *(".png", ".jpg", ".jpeg", ".tif", ".tiff", ".svg", ".dng", ".mp4", ".sbet", ".smrmsg", ".out", ".kml", ".rdata", ".rda"),
+    *(
+        ".toml",
+        ".md",
+        ".yaml",
+        ".yml",
+        ".json",
+        ".xml",
+        ".ini",
+        ".cfg",
+        ".py",
+        ".m",
+        ".r",
+        ".html",
+        ".pdf",
+        ".gz",
+        ".zip",
+    ),
+    *(
+        ".png",
+        ".jpg",
+        ".jpeg",
+        ".tif",
+        ".tiff",
+        ".svg",
+        ".dng",
+        ".mp4",
+        ".sbet",
+        ".smrmsg",
+        ".out",
+        ".kml",
+        ".rdata",
+        ".rda",
+    ),
 }
 RAW_OBSERVATIONS = {".obs", ".rnx", ".crx", ".nav", ".rtcm3", ".ubx"}
 OWN_PRODUCTS = {"trajectory.csv", "eo_local-plane.txt", "metashape.csv"}
@@ -46,12 +78,18 @@ class Discovery:
 
 
 def discover(paths: Sequence[Path]) -> Discovery:
-    """Look into the files and directories; InputError where a path does not exist, or a file that was named cannot be read."""
+    """Look into the files and directories; InputError where a path does not exist, or a file that
+    was named cannot be read.
+    """
     sources: list[Source] = []
     left_out: list[tuple[Path, str]] = []
     for path in paths:
         if not path.exists():
-            raise InputError.at(path, None, "does not exist; give a flight file, a directory or the files of a recording")
+            raise InputError.at(
+                path,
+                None,
+                "does not exist; give a flight file, a directory or the files of a recording",
+            )
         files = [path] if path.is_file() else list(_walk(path))
         for file in files:
             try:
@@ -82,13 +120,19 @@ def _walk(root: Path) -> Iterator[Path]:
             elif entry.is_file() and entry.suffix.lower() not in NO_RECORDINGS:
                 count += 1
                 if count > MOST_FILES:
-                    raise InputError.at(root, None, f"holds more than {MOST_FILES} files; name the files of the recording")
+                    raise InputError.at(
+                        root,
+                        None,
+                        f"holds more than {MOST_FILES} files; name the files of the recording",
+                    )
                 yield entry
 
 
 def _why_not(path: Path) -> str:
     suffix = path.suffix.lower()
-    if suffix in RAW_OBSERVATIONS or (len(suffix) == 4 and suffix[1:3].isdigit() and suffix[3] in "onghp"):
+    if suffix in RAW_OBSERVATIONS or (
+        len(suffix) == 4 and suffix[1:3].isdigit() and suffix[3] in "onghp"
+    ):
         return "raw observations; give antenna positions that an engine made of them"
     if path.name.lower() in OWN_PRODUCTS:
         return "a product of insgnss"
@@ -123,12 +167,14 @@ def _known_log(path: Path) -> list[Source] | None:
         return [Source("imu", path, "IMU log of $AIMU sentences")]
     if gnss in FIX_LOGS:
         return [_fix_log(path, gnss)]
-    return [Source("events", path, "exposures of a DJI or Autel drone")] if events == "mrk" else None
+    return (
+        [Source("events", path, "exposures of a DJI or Autel drone")] if events == "mrk" else None
+    )
 
 
 def _psins(path: Path) -> Source:
     """A log of increments whose header tells the site and the axes."""
-    from ..formats.psins import read_psins_header
+    from ..formats.imu.psins import read_psins_header
 
     header = read_psins_header(path)
     site = (*np.degrees([header.lat, header.lon]).round(9).tolist(), header.height)
@@ -143,7 +189,11 @@ def _fix_log(path: Path, form: str) -> Source:
     if form != "nmea":
         return Source("gnss", path, FIX_LOGS[form])
     keys = {"sigma_velocity_mps": SINGLE_POINT["sigma_velocity_mps"]}
-    why = {"sigma_velocity_mps": "RMC gives a velocity without standard deviations: those of a usual receiver"}
+    why = {
+        "sigma_velocity_mps": (
+            "RMC gives a velocity without standard deviations: those of a usual receiver"
+        )
+    }
     if not any(table.name.endswith("GST") for table in describe(path)):
         keys["sigma_m"], why["sigma_m"] = SINGLE_POINT["sigma_m"], NO_SIGMA
     return Source("gnss", path, FIX_LOGS[form], keys, why)
@@ -161,4 +211,8 @@ def _flight_log(path: Path, form: str) -> list[Source]:
         Source("gnss", path, f"fixes of a log of {FLIGHT_LOGS[form]}", keys, why),
         Source("events", path, f"exposures of a log of {FLIGHT_LOGS[form]}"),
     ]
-    return [source for source in sources if any(name.startswith(LOG_TABLES[source.role]) for name in names)]
+    return [
+        source
+        for source in sources
+        if any(name.startswith(LOG_TABLES[source.role]) for name in names)
+    ]

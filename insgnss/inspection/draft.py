@@ -1,7 +1,8 @@
-"""A ready flight file out of what an inspection found: every key with its evidence above it, unsure ones commented out.
+"""A ready flight file out of what an inspection found: every key with its evidence above it, unsure
+ones commented out.
 
-Nothing is overwritten unless asked; the noise model and the picture go beside the flight file, which is written last, so that it never
-names a file that is not there.
+Nothing is overwritten unless asked; the noise model and the picture go beside the flight file,
+which is written last, so that it never names a file that is not there.
 """
 
 import os
@@ -11,8 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..errors import UsageError
-from ..files import atomic_write
+from ..base.errors import UsageError
+from ..base.files import atomic_write
 from ..stochastic.model import NoiseModel, write_noise_model
 
 NOISE_FILE, PICTURE_FILE = "imu_noise.toml", "recognition.png"
@@ -22,7 +23,9 @@ WRAPPED = 100  # a list longer than this takes a line an item
 
 @dataclass(frozen=True)
 class Entry:
-    """One key of a flight file with the evidence for its value; one that is not sure is written as a comment."""
+    """One key of a flight file with the evidence for its value; one that is not sure is written as
+    a comment.
+    """
 
     key: str
     value: Any
@@ -32,7 +35,9 @@ class Entry:
 
 @dataclass
 class Draft:
-    """Tables of a flight file in order, the top one under an empty name; the noise model and picture (PNG) that go beside it."""
+    """Tables of a flight file in order, the top one under an empty name; the noise model and
+    picture (PNG) that go beside it.
+    """
 
     tables: dict[str, list[Entry]] = field(default_factory=dict)
     noise: NoiseModel | None = None
@@ -45,7 +50,9 @@ class Draft:
         self.tables.setdefault(table, []).append(Entry(key, value, why, sure))
 
     def text(self, folder: Path) -> str:
-        """The flight file for a place in `folder`: paths below it are written relative to it, others in full."""
+        """The flight file for a place in `folder`: paths below it are written relative to it,
+        others in full.
+        """
         lines: list[str] = []
         for remark in self.remarks:
             lines += _comment(remark)
@@ -58,10 +65,12 @@ class Draft:
 
 
 def write_draft(draft: Draft, path: Path, force: bool = False) -> list[Path]:
-    """Write flight file, noise model and picture; the files written. Beside another name than flight.toml the other two bear it as well.
+    """Write flight file, noise model and picture; the files written. Beside another name than
+    flight.toml the other two bear it as well.
 
     path : of the flight file, or the directory that shall hold flight.toml.
-    Raises UsageError where one of them is there already and `force` is not given, and where they cannot be written.
+    Raises UsageError where one of them is there already and `force` is not given, and where they
+    cannot be written.
     """
     path = path / "flight.toml" if path.is_dir() else path
     parts: dict[Path, Any] = {}
@@ -70,11 +79,16 @@ def write_draft(draft: Draft, path: Path, force: bool = False) -> list[Path]:
         parts[path.with_name(own + NOISE_FILE)] = draft.noise
     if draft.picture is not None:
         parts[path.with_name(own + PICTURE_FILE)] = draft.picture
-    parts[path] = draft.text(path.absolute().parent).replace(f"noise = {toml(NOISE_FILE)}", f"noise = {toml(own + NOISE_FILE)}")
+    parts[path] = draft.text(path.absolute().parent).replace(
+        f"noise = {toml(NOISE_FILE)}", f"noise = {toml(own + NOISE_FILE)}"
+    )
     there = [str(file) for file in parts if file.exists()]
     if there and not force:
         verb = "is" if len(there) == 1 else "are"
-        raise UsageError(f"{', '.join(there)} {verb} there already; nothing written; give another place with --write FLIGHT, or --force")
+        raise UsageError(
+            f"{', '.join(there)} {verb} there already; nothing written; give another place with"
+            " --write FLIGHT, or --force"
+        )
     for file, content in parts.items():
         if isinstance(content, NoiseModel):
             write_noise_model(content, file, draft.noise_why)
@@ -93,7 +107,14 @@ def _entry_lines(entry: Entry, folder: Path) -> Iterator[str]:
 
 
 def _comment(text: str) -> list[str]:
-    return textwrap.wrap(text, WIDTH, initial_indent="# ", subsequent_indent="#   ", break_long_words=False, break_on_hyphens=False)
+    return textwrap.wrap(
+        text,
+        WIDTH,
+        initial_indent="# ",
+        subsequent_indent="#   ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 def _relative(path: Path, folder: Path) -> str:
@@ -116,5 +137,9 @@ def toml(value: Any) -> str:
         return "{ " + ", ".join(f"{key} = {toml(item)}" for key, item in value.items()) + " }"
     if isinstance(value, Sequence):
         line = "[" + ", ".join(toml(item) for item in value) + "]"
-        return line if len(line) <= WRAPPED else "[\n" + "".join(f"  {toml(item)},\n" for item in value) + "]"
+        return (
+            line
+            if len(line) <= WRAPPED
+            else "[\n" + "".join(f"  {toml(item)},\n" for item in value) + "]"
+        )
     return repr(float(value)) if isinstance(value, float) else str(value)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import DataError, InputError, InsgnssError
+from ..base.errors import DataError, InputError, InsgnssError
 from ..processing.checks import sentence
 from ..records import CameraEvents, Check, GnssFixes, ImuSamples
 from .sources import Source
@@ -18,9 +18,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class InspectionData:
-    """What was found. recognition is None where there is no receiver, or where `unrecognised` says why.
+    """What was found. recognition is None where there is no receiver, or where `unrecognised` says
+    why.
 
-    imu : in rad/s and m/s^2, as recognised, in the sensor's axes.   gnss : on the IMU's clock.   missing : what a flight file lacks.
+    imu : in rad/s and m/s^2, as recognised, in the sensor's axes.
+    gnss : on the IMU's clock.
+    missing : what a flight file lacks.
     """
 
     name: str

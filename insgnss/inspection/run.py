@@ -5,7 +5,8 @@
     sensing     rest, white noise, gravity, Earth rate: the class of the sensor and its noise model
     content     the flight file with the evidence beside each key (draft writes it)
 
-Where there is no receiver the inspection still says what the samples are, and drafts what they allow.
+Where there is no receiver the inspection still says what the samples are, and drafts what they
+allow.
 """
 
 from collections.abc import Sequence
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..base.errors import InputError
 from ..processing.progress import Progress, quiet
 from ..records import CameraEvents, GnssFixes, ImuSamples
 from .discovery import Discovery, discover
@@ -26,10 +27,22 @@ from .text import document, summary
 if TYPE_CHECKING:
     from ..recognise.recognition import Recognition
 
-DATA_KEYS = ("columns", "variable", "units", "quantity", "rate_hz", "repeat_column", "sigma_m", "undulation_m")
+DATA_KEYS = (
+    "columns",
+    "variable",
+    "units",
+    "quantity",
+    "rate_hz",
+    "repeat_column",
+    "sigma_m",
+    "undulation_m",
+)
 MOST_LISTED, MOST_SAID = 6, 300  # files in a message, and characters of the reason of each
 NO_WEEK = 0
-LARGEST, SPARSEST = 1e12, 20.0  # a reading, in any unit; times that the stamps span what the samples fill
+LARGEST, SPARSEST = (
+    1e12,
+    20.0,
+)  # a reading, in any unit; times that the stamps span what the samples fill
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,17 +54,24 @@ class Inspection(InspectionData):
         from .draft import write_draft
 
         assert self.draft is not None
-        return replace(self, written=tuple(write_draft(replace(self.draft, picture=self.picture()), path, force)))
+        return replace(
+            self,
+            written=tuple(write_draft(replace(self.draft, picture=self.picture()), path, force)),
+        )
 
     def picture(self) -> bytes | None:
         """PNG that shows what was recognised; None without a receiver."""
         from ..recognise.axes import axes_words
-        from ..report.recognition import recognition_picture
+        from ..report.figures.recognition import recognition_picture
 
         found = self.recognition
         if found is None:
             return None
-        words = [axes_words(C) for C in found.curves["orientation"]] if "orientation" in found.curves else []
+        words = (
+            [axes_words(C) for C in found.curves["orientation"]]
+            if "orientation" in found.curves
+            else []
+        )
         return recognition_picture(found.curves, found.findings, words, self.name)
 
     def summary(self) -> str:
@@ -66,8 +86,8 @@ class Inspection(InspectionData):
 def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspection:
     """Inspect files and directories that no flight file describes.
 
-    Raises InputError where nothing, or not one recording, is found, and where a file cannot be read; DataError where the samples
-    cannot become a flight for want of a position.
+    Raises InputError where nothing, or not one recording, is found, and where a file cannot be
+    read; DataError where the samples cannot become a flight for want of a position.
     """
     from .content import in_units_of_file
 
@@ -82,13 +102,17 @@ def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspecti
         imu_source = ticks
         imu, gnss, events = _read(imu_source, gnss_source, events_source)
     imu, gnss, events, known_week = _one_week(imu_source, imu, gnss, events)
-    sources = tuple(source for source in (imu_source, gnss_source, events_source) if source is not None)
+    sources = tuple(
+        source for source in (imu_source, gnss_source, events_source) if source is not None
+    )
     progress("recognising")
     recognition, unrecognised = recognised(imu, gnss)
     if recognition is not None:
         recognition = in_units_of_file(imu_source, recognition)
     progress("measuring noise")
-    return _inspection(_name(paths), sources, found, imu, gnss, events, recognition, unrecognised, known_week)
+    return _inspection(
+        _name(paths), sources, found, imu, gnss, events, recognition, unrecognised, known_week
+    )
 
 
 def _choose(found: Discovery, paths: Sequence[Path]) -> tuple[Source, Source | None, Source | None]:
@@ -97,12 +121,16 @@ def _choose(found: Discovery, paths: Sequence[Path]) -> tuple[Source, Source | N
     samples = found.of("imu")
     if not samples:
         there = _listed(found) or "no files that could be a recording"
-        raise InputError(f"{where}: no samples of an IMU found; there are {there}; name its file, or say its columns in a flight file")
+        raise InputError(
+            f"{where}: no samples of an IMU found; there are {there}; name its file, or say its"
+            " columns in a flight file"
+        )
     if len(samples) > 1:
         names = ", ".join(source.title for source in samples[:MOST_LISTED])
         more = f" and {len(samples) - MOST_LISTED} more" if len(samples) > MOST_LISTED else ""
         raise InputError(
-            f"{where}: {len(samples)} recordings of an IMU: {names}{more}; name the files of one of them ([[imu.further]] joins others)"
+            f"{where}: {len(samples)} recordings of an IMU: {names}{more}; name the files of one of"
+            " them ([[imu.further]] joins others)"
         )
     imu = samples[0]
     return imu, _belonging(found, "gnss", imu, where), _belonging(found, "events", imu, where)
@@ -110,9 +138,17 @@ def _choose(found: Discovery, paths: Sequence[Path]) -> tuple[Source, Source | N
 
 def _listed(found: Discovery) -> str:
     """What there is: the files that could not be read first, with the reason."""
-    damaged = [f"{path.name} ({why.removeprefix(str(path)).strip(': ')[:MOST_SAID]})" for path, why in found.left_out if str(path) in why]
+    damaged = [
+        f"{path.name} ({why.removeprefix(str(path)).strip(': ')[:MOST_SAID]})"
+        for path, why in found.left_out
+        if str(path) in why
+    ]
     others = [path.name for path, why in found.left_out if str(path) not in why]
-    names = [*damaged, *(f"{source.path.name} ({source.what})" for source in found.sources), *others]
+    names = [
+        *damaged,
+        *(f"{source.path.name} ({source.what})" for source in found.sources),
+        *others,
+    ]
     more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
     return "; ".join(names[:MOST_LISTED]) + more
 
@@ -128,7 +164,9 @@ def _belonging(found: Discovery, role: Role, imu: Source, where: str) -> Source 
     if len(candidates) > 1:
         what = {"gnss": "files of fixes", "events": "files of exposures"}.get(role, role)
         names = ", ".join(source.title for source in candidates[:MOST_LISTED])
-        raise InputError(f"{where}: {len(candidates)} {what}: {names}; name the files of one flight")
+        raise InputError(
+            f"{where}: {len(candidates)} {what}: {names}; name the files of one flight"
+        )
     return candidates[0] if candidates else None
 
 
@@ -140,7 +178,9 @@ def _spec(source: Source) -> dict[str, Any]:
     return spec
 
 
-def _read(imu: Source, gnss: Source | None, events: Source | None) -> tuple[ImuSamples, GnssFixes | None, CameraEvents | None]:
+def _read(
+    imu: Source, gnss: Source | None, events: Source | None
+) -> tuple[ImuSamples, GnssFixes | None, CameraEvents | None]:
     from ..formats import read_events, read_gnss, read_imu
 
     samples = read_imu(imu.path, **_spec(imu))
@@ -158,18 +198,29 @@ def _one_week(
     guess = None if weeks else _week_by_date(source.path)
     week = weeks[0] if guess is None else guess[0]
     if gnss is None:
-        return (imu if imu.gps_week is not None else replace(imu, gps_week=week)), None, events, guess
+        return (
+            (imu if imu.gps_week is not None else replace(imu, gps_week=week)),
+            None,
+            events,
+            guess,
+        )
     imu, gnss, events, _ = common_clock(imu, gnss, events, week)
     return imu, gnss, events, guess
 
 
 def _week_by_date(path: Path) -> tuple[int, str]:
     """GPS week by a date that the file tells, else 0; and the evidence."""
-    from .grids import date_in
+    from .tables.grids import date_in
 
     date = date_in(path)
     if date is None:
-        return NO_WEEK, "nothing in the files tells the week; 0 stands in for it, and the times in the products are those of the logger"
+        return (
+            NO_WEEK,
+            (
+                "nothing in the files tells the week; 0 stands in for it, and the times in the"
+                " products are those of the logger"
+            ),
+        )
     days = (date - np.datetime64("1980-01-06")).astype("timedelta64[D]").astype(int)
     return int(days // 7), f"of {date}, the date in {path.name}"
 
@@ -186,14 +237,19 @@ def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> "tuple[Recognition | 
         return None, f"a reading of {absurd:.3g}, which is none of a sensor"
     span, kept = float(imu.time[-1] - imu.time[0]), imu.time.size * nominal_interval(imu.time)
     if span > SPARSEST * kept:
-        return None, f"the stamps span {span:.0f} s, the samples fill {kept:.0f} s of them: the clock jumps"
+        return (
+            None,
+            f"the stamps span {span:.0f} s, the samples fill {kept:.0f} s of them: the clock jumps",
+        )
     if imu.gps_week == NO_WEEK:  # a stand-in that must not tell the leap seconds
         imu, gnss = replace(imu, gps_week=None), replace(gnss, gps_week=None)
     return recognise(imu, gnss), ""
 
 
 def _name(paths: Sequence[Path]) -> str:
-    """Of the directory or the one file given; of several files that of the directory which holds the first."""
+    """Of the directory or the one file given; of several files that of the directory which holds
+    the first.
+    """
     first = paths[0].absolute()
     return first.name if first.is_dir() else first.stem if len(paths) == 1 else first.parent.name
 
@@ -224,13 +280,24 @@ def _inspection(
     stamped = None if gnss is None else replace(gnss, time=gnss.time + late)
     sensing = sense(imu, stamped)
     axes, counts = likely_axes(sources[0], imu, recognition), alone.gyro_counts
-    findings = (*alone.findings, *rest_findings(sensing, counts is not None)) if recognition is None else recognition.findings
+    findings = (
+        (*alone.findings, *rest_findings(sensing, counts is not None))
+        if recognition is None
+        else recognition.findings
+    )
     checks = list(raw.notes)
     if stamped is not None:
-        checks += [*stamped.notes, *check_recording(imu, parse_axes(axes.words), stamped, events, None)]
+        checks += [
+            *stamped.notes,
+            *check_recording(imu, parse_axes(axes.words), stamped, events, None),
+        ]
         checks += assumed_rate(sources[0])
     if recognition is not None:
-        checks += [*said_units(sources[0], recognition), *in_counts(sources[0], recognition), *strangers(recognition)]
+        checks += [
+            *said_units(sources[0], recognition),
+            *in_counts(sources[0], recognition),
+            *strangers(recognition),
+        ]
     draft, missing = draft_flight(name, sources, raw, gnss, sensing, recognition, axes, week, alone)
     if missing and (damaged := [why for path, why in found.left_out if str(path) in why]):
         missing += f"; not taken: {damaged[0]}"

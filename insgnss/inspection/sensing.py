@@ -1,15 +1,17 @@
-"""What an IMU shows of itself: rates, rest, white noise at rest and in motion, gravity, Earth rate, and the class it seems to be of.
+"""What an IMU shows of itself: rates, rest, white noise at rest and in motion, gravity, Earth rate,
+and the class it seems to be of.
 
-White noise of root density q (X/sqrt(Hz)) in samples x of interval dt has the Allan variance q^2 / tau. At rest q is the least of
-sigma_A(tau) sqrt(tau) over tau from 0.5 s on: at shorter ones rounding and the sway of what it stands on lie above it, at longer ones
-the drift of the bias. In
-motion the sensor's own noise, the vibration of the carrier and what the sampling folds down look alike to the filter; the third
-difference of neighbouring samples takes the smooth motion away and leaves 20 variances of what is independent from sample to sample:
+White noise of root density q (X/sqrt(Hz)) in samples x of interval dt has the Allan variance q^2 /
+tau. At rest q is the least of sigma_A(tau) sqrt(tau) over tau from 0.5 s on: at shorter ones
+rounding and the sway of what it stands on lie above it, at longer ones the drift of the bias. In
+motion the sensor's own noise, the vibration of the carrier and what the sampling folds down look
+alike to the filter; the third difference of neighbouring samples takes the smooth motion away and
+leaves 20 variances of what is independent from sample to sample:
 
-    q^2 = mean(d3^2) / 20 dt                                                                              (S.1)
+    q^2 = mean(d3^2) / 20 dt                                                                   (S.1)
 
-A gyro that sees the Earth: the mean rate at rest has the size 7.292e-5 rad/s within a tenth, and its own standard error
-q / sqrt(T) is below a tenth of that.
+A gyro that sees the Earth: the mean rate at rest has the size 7.292e-5 rad/s within a tenth, and
+its own standard error q / sqrt(T) is below a tenth of that.
 """
 
 from collections.abc import Callable
@@ -18,22 +20,26 @@ from typing import Literal
 
 import numpy as np
 
+from ..base.units import STANDARD_GRAVITY, rounded
 from ..geodesy.earth import EARTH_RATE
 from ..prepare.gaps import nominal_interval
-from ..prepare.still import Stretches, still_stretches
+from ..prepare.stationarity import Stretches, still_stretches
 from ..records import Array, GnssFixes, ImuSamples
 from ..stochastic.model import AxisNoise, GaussMarkov, NoiseModel, load_noise_model, shipped_models
-from ..units import STANDARD_GRAVITY, rounded
 
 REST_TAU_S, LEAST_PIECES = 0.5, 100
 QUIETEST_S = 10.0
-KEPT, VARIANCE_KEPT = 0.95, 0.7588  # share of the differences, and of the variance of normal ones that it holds
+KEPT, VARIANCE_KEPT = (
+    0.95,
+    0.7588,
+)  # share of the differences, and of the variance of normal ones that it holds
 EARTH_SHARE = 0.1
 STATIC_SHARE = 0.1  # of a recording in motion that makes it no static one
 MG, DEG_S, DEG_H = 1e-3 * STANDARD_GRAVITY, np.pi / 180.0, np.pi / 180.0 / 3600.0
 Grade = Literal["consumer", "tactical", "navigation"]
 
-# a-priori by class where the recording does not show it: turn-on bias, Gauss-Markov sigma (gyro rad/s, accelerometer m/s^2), its time, s
+# a-priori by class where the recording does not show it: turn-on bias, Gauss-Markov sigma (gyro
+# rad/s, accelerometer m/s^2), its time, s
 _CLASSES: dict[Grade, tuple[float, float, float, float, float]] = {
     "consumer": (1.0 * DEG_S, 50.0 * MG, 0.02 * DEG_S, 3.0 * MG, 200.0),
     "tactical": (20.0 * DEG_H, 5.0 * MG, 2.0 * DEG_H, 0.2 * MG, 300.0),
@@ -46,9 +52,11 @@ FITS = (0.5, 1.6)  # measured white noise over a shipped model's, each of the tw
 
 @dataclass(frozen=True, eq=False)
 class Sensing:
-    """Rates in Hz and s; root densities (3,) in X/sqrt(Hz), X = rad/s and m/s^2, at rest (or at its quietest) and in motion.
+    """Rates in Hz and s; root densities (3,) in X/sqrt(Hz), X = rad/s and m/s^2, at rest (or at its
+    quietest) and in motion.
 
-    still : stretches at rest.   rest_s : their length.   mean_gyro, mean_accel : (3,) over them, NaN without any.
+    still : stretches at rest.
+    rest_s : their length.   mean_gyro, mean_accel : (3,) over them, NaN without any.
     """
 
     rate_hz: float
@@ -86,7 +94,9 @@ class Sensing:
         """Class that the sensor seems to be of."""
         if self.sees_earth:
             return "navigation"
-        quiet = 0.0 < float(self.rest_gyro.max()) < TACTICAL_WHITE  # zero: the device rounds rest away
+        quiet = (
+            0.0 < float(self.rest_gyro.max()) < TACTICAL_WHITE
+        )  # zero: the device rounds rest away
         small = self.rest_s > 0.0 and float(np.abs(self.mean_gyro).max()) < TACTICAL_BIAS
         return "tactical" if quiet and small else "consumer"
 
@@ -99,23 +109,46 @@ def sense(imu: ImuSamples, gnss: GnssFixes | None = None) -> Sensing:
     still = still_stretches(imu, gnss)
     rest = float(np.sum(still.time[:, 1] - still.time[:, 0])) if len(still) else 0.0
     if len(still):
-        mean = [np.average(m, axis=0, weights=still.samples) for m in (still.gyro_mean, still.accel_mean)]
+        mean = [
+            np.average(m, axis=0, weights=still.samples)
+            for m in (still.gyro_mean, still.accel_mean)
+        ]
     else:
         mean = [np.full(3, np.nan), np.full(3, np.nan)]
     quiet = _rest_noise(imu.time, values, still, dt)
     moving = np.maximum(quiet, _moving_noise(imu.time, values, still, dt))
     length = float(imu.time[-1] - imu.time[0])
-    return Sensing(1.0 / dt, length, still, rest, mean[0], mean[1], quiet[:3], quiet[3:], moving[:3], moving[3:])
+    return Sensing(
+        1.0 / dt,
+        length,
+        still,
+        rest,
+        mean[0],
+        mean[1],
+        quiet[:3],
+        quiet[3:],
+        moving[:3],
+        moving[3:],
+    )
 
 
 def _rest_noise(time: Array, values: Array, still: Stretches, dt: float) -> Array:
-    """Root density (6,) over the longest stretch at rest, else over the quietest ten seconds by single samples (S.1)."""
+    """Root density (6,) over the longest stretch at rest, else over the quietest ten seconds by
+    single samples (S.1).
+    """
     if len(still):
         longest = int(np.argmax(still.time[:, 1] - still.time[:, 0]))
         lo, hi = np.searchsorted(time, still.time[longest])
         if (hi - lo) * dt > 4.0 * REST_TAU_S:
-            spans = [m for k in range(12) if (m := max(1, round(REST_TAU_S * 2**k / dt))) * LEAST_PIECES <= hi - lo]
-            return np.min([_allan(values[lo:hi], m, dt) for m in spans or [max(1, round(REST_TAU_S / dt))]], axis=0)
+            spans = [
+                m
+                for k in range(12)
+                if (m := max(1, round(REST_TAU_S * 2**k / dt))) * LEAST_PIECES <= hi - lo
+            ]
+            return np.min(
+                [_allan(values[lo:hi], m, dt) for m in spans or [max(1, round(REST_TAU_S / dt))]],
+                axis=0,
+            )
     return _third_differences(time, values, dt, lambda blocks: np.min(blocks, axis=0))
 
 
@@ -124,19 +157,27 @@ def _moving_noise(time: Array, values: Array, still: Stretches, dt: float) -> Ar
     outside = still.at(time) < 0
     if outside.mean() < STATIC_SHARE or outside.sum() * dt < QUIETEST_S:
         return np.zeros(6)
-    return _third_differences(time[outside], values[outside], dt, lambda blocks: np.median(blocks, axis=0))
+    return _third_differences(
+        time[outside], values[outside], dt, lambda blocks: np.median(blocks, axis=0)
+    )
 
 
 def _allan(values: Array, m: int, dt: float) -> Array:
-    """sigma_A(tau) sqrt(tau) at tau = m dt, of the smallest 95 % of the differences: a knock or the first step does not move it."""
+    """sigma_A(tau) sqrt(tau) at tau = m dt, of the smallest 95 % of the differences: a knock or the
+    first step does not move it.
+    """
     n = len(values) // m
     step = np.sort(np.diff(values[: n * m].reshape(n, m, -1).mean(axis=1), axis=0) ** 2, axis=0)
     kept = step[: max(1, int(KEPT * len(step)))]
     return np.asarray(np.sqrt(np.mean(kept, axis=0) / VARIANCE_KEPT * 0.5 * m * dt))
 
 
-def _third_differences(time: Array, values: Array, dt: float, pick: Callable[[Array], Array]) -> Array:
-    """Root density (6,) by (S.1) in blocks of `QUIETEST_S`, of which `pick` takes one; gaps are left out."""
+def _third_differences(
+    time: Array, values: Array, dt: float, pick: Callable[[Array], Array]
+) -> Array:
+    """Root density (6,) by (S.1) in blocks of `QUIETEST_S`, of which `pick` takes one; gaps are
+    left out.
+    """
     d3 = values[3:] - 3.0 * values[2:-1] + 3.0 * values[1:-2] - values[:-3]
     whole = time[3:] - time[:-3] < 4.5 * dt
     d3 = d3[whole]
@@ -149,7 +190,9 @@ def _third_differences(time: Array, values: Array, dt: float, pick: Callable[[Ar
 
 
 def fitting_model(sensing: Sensing) -> str | None:
-    """Name of a shipped noise model whose white noise and biases are those of the recording, or None."""
+    """Name of a shipped noise model whose white noise and biases are those of the recording, or
+    None.
+    """
     for name in shipped_models():
         model = load_noise_model(name)
         ratios = [
@@ -157,27 +200,49 @@ def fitting_model(sensing: Sensing) -> str | None:
             float(np.max(sensing.moving_accel)) / max(axis.white_noise for axis in model.accel),
         ]
         known = sensing.rest_s > 0.0
-        small = not known or float(np.abs(sensing.mean_gyro).max()) < SIGMAS * model.gyro[0].turn_on_bias
+        small = (
+            not known
+            or float(np.abs(sensing.mean_gyro).max()) < SIGMAS * model.gyro[0].turn_on_bias
+        )
         if all(FITS[0] < ratio < FITS[1] for ratio in ratios) and small:
             return name
     return None
 
 
 def noise_model(sensing: Sensing, name: str) -> NoiseModel:
-    """Noise model of the recording: white noise measured in motion, biases from rest where there is any, else by class."""
+    """Noise model of the recording: white noise measured in motion, biases from rest where there is
+    any, else by class.
+    """
     turn_gyro, turn_accel, sigma_gyro, sigma_accel, tau = _CLASSES[sensing.grade]
     if sensing.rest_s > 0.0 and sensing.grade != "navigation":
         turn_gyro = max(2.0 * float(np.abs(sensing.mean_gyro).max()), 5.0 * sigma_gyro)
         turn_accel = max(2.0 * abs(sensing.gravity - STANDARD_GRAVITY), 0.4 * turn_accel)
-    gyro = _axes(sensing.moving_gyro, turn_gyro, sigma_gyro, tau, ("deg/h/sqrt(Hz)", "deg/h", "deg/s^2/sqrt(Hz)"))
-    accel = _axes(sensing.moving_accel, turn_accel, sigma_accel, tau, ("ug/sqrt(Hz)", "mg", "ug/s/sqrt(Hz)"))
-    source = f"drafted by insgnss inspect: white noise measured in this recording, the rest a-priori of a {sensing.grade} sensor"
+    gyro = _axes(
+        sensing.moving_gyro,
+        turn_gyro,
+        sigma_gyro,
+        tau,
+        ("deg/h/sqrt(Hz)", "deg/h", "deg/s^2/sqrt(Hz)"),
+    )
+    accel = _axes(
+        sensing.moving_accel, turn_accel, sigma_accel, tau, ("ug/sqrt(Hz)", "mg", "ug/s/sqrt(Hz)")
+    )
+    source = (
+        "drafted by insgnss inspect: white noise measured in this recording, the rest a-priori of"
+        f" a {sensing.grade} sensor"
+    )
     return NoiseModel(name, source, gyro, accel)
 
 
-def _axes(white: Array, turn_on: float, sigma: float, tau: float, units: tuple[str, str, str]) -> tuple[AxisNoise, AxisNoise, AxisNoise]:
-    """The three axes alike, with the largest white noise of them; two digits in the units of white noise, bias and driving noise."""
+def _axes(
+    white: Array, turn_on: float, sigma: float, tau: float, units: tuple[str, str, str]
+) -> tuple[AxisNoise, AxisNoise, AxisNoise]:
+    """The three axes alike, with the largest white noise of them; two digits in the units of white
+    noise, bias and driving noise.
+    """
     values = (float(white.max()), turn_on, GaussMarkov.from_sigma(tau, sigma).driving_noise)
-    density, bias, driving = (rounded(value, unit, 2) for value, unit in zip(values, units, strict=True))
+    density, bias, driving = (
+        rounded(value, unit, 2) for value, unit in zip(values, units, strict=True)
+    )
     axis = AxisNoise(density, turn_on_bias=bias, gauss_markov=(GaussMarkov(tau, driving),))
     return axis, axis, axis

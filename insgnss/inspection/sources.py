@@ -11,7 +11,10 @@ from ..records import GnssFixes, ImuSamples
 Role = Literal["imu", "gnss", "events"]
 
 SINGLE_POINT = {"sigma_m": [2.5, 2.5, 5.0], "sigma_velocity_mps": [0.3, 0.3, 0.3]}
-NO_SIGMA = "no standard deviations in the file: those of a single-point receiver; of RTK they are 0.02, 0.02, 0.04"
+NO_SIGMA = (
+    "no standard deviations in the file: those of a single-point receiver; of RTK they are 0.02,"
+    " 0.02, 0.04"
+)
 STEP_TOLD = "the clock's usual step is"
 SAME_LENGTH = 0.1
 OVERLAP = 0.3  # of the shorter recording, for two clocks to be the same
@@ -21,9 +24,13 @@ OVERLAP = 0.3  # of the shorter recording, for two clocks to be the same
 class Source:
     """One input as the flight file will name it: keys of its table, each with the reason.
 
-    span : first and last stamp, s, on the file's own clock, where a table gives them.   what : in a few words.
-    other_clocks : the same source stamped by another of its clocks.   units_said : of gyro and accel, as far as the file gives them;
-    None where the format fixes them.   free_height : nothing says what the heights are above.   axes : of the format's convention.
+    span : first and last stamp, s, on the file's own clock, where a table gives them.
+    what : in a few words.
+    other_clocks : the same source stamped by another of its clocks.
+    units_said : of gyro and accel, as far as the file gives them;
+    None where the format fixes them.
+    free_height : nothing says what the heights are above.
+    axes : of the format's convention.
     site : (latitude deg, longitude deg, height m) that the file gives for a sensor that stands.
     """
 
@@ -42,11 +49,15 @@ class Source:
     @property
     def title(self) -> str:
         """Path, and the variable inside it."""
-        return f"{self.path} ({self.keys['variable']})" if "variable" in self.keys else str(self.path)
+        return (
+            f"{self.path} ({self.keys['variable']})" if "variable" in self.keys else str(self.path)
+        )
 
 
 def on_one_clock(imu: Source, gnss: Source) -> tuple[Source, Source]:
-    """Samples and fixes by those of their clocks that run together; by their first ones where none do, or where it is not known."""
+    """Samples and fixes by those of their clocks that run together; by their first ones where none
+    do, or where it is not known.
+    """
     pairs = [(i, g) for g in (gnss, *gnss.other_clocks) for i in (imu, *imu.other_clocks)]
     best = max(pairs, key=lambda pair: overlap(pair[0].span, pair[1].span))
     if best == (imu, gnss) or overlap(best[0].span, best[1].span) < OVERLAP:
@@ -56,22 +67,31 @@ def on_one_clock(imu: Source, gnss: Source) -> tuple[Source, Source]:
 
 
 def as_long_as(imu: Source, samples: ImuSamples, fixes: GnssFixes) -> Source:
-    """The samples' source with its clock in tens, hundreds ... or tenths of the unit that its steps suggest, where only so it runs as
-    long as the fixes: within `SAME_LENGTH` of the logarithm to base ten. A unit that the header gives is kept."""
+    """The samples' source with its clock in tens, hundreds ... or tenths of the unit that its steps
+    suggest, where only so it runs as long as the fixes: within `SAME_LENGTH` of the logarithm to
+    base ten. A unit that the header gives is kept."""
     unit = imu.keys.get("units", {}).get("time", "s")
     if STEP_TOLD not in imu.why.get("units", "") or unit not in ("s", "ms", "us", "ns"):
         return imu
-    ratio = np.log10((samples.time[-1] - samples.time[0]) / max(fixes.time[-1] - fixes.time[0], 1e-3))
+    ratio = np.log10(
+        (samples.time[-1] - samples.time[0]) / max(fixes.time[-1] - fixes.time[0], 1e-3)
+    )
     decade = round(float(ratio))
     if decade == 0 or abs(ratio - decade) > SAME_LENGTH:
         return imu
     told = f"in {unit} the samples would last {10.0**ratio:.3g} times as long as the fixes"
     units = {**imu.keys["units"], "time": f"{10.0**-decade:g} {unit}"}
-    return replace(imu, keys=imu.keys | {"units": units}, why=imu.why | {"units": f"{imu.why['units']}; {told}"})
+    return replace(
+        imu,
+        keys=imu.keys | {"units": units},
+        why=imu.why | {"units": f"{imu.why['units']}; {told}"},
+    )
 
 
 def overlap(a: tuple[float, float] | None, b: tuple[float, float] | None) -> float:
-    """Common time over the length of the shorter one, at most 1, negative without any; 0 where one is not known."""
+    """Common time over the length of the shorter one, at most 1, negative without any; 0 where one
+    is not known.
+    """
     if a is None or b is None:
         return 0.0
     return min((min(a[1], b[1]) - max(a[0], b[0])) / max(min(a[1] - a[0], b[1] - b[0]), 1.0), 1.0)

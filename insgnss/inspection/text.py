@@ -33,7 +33,10 @@ def summary(result: "InspectionData") -> str:
     if result.left_out:
         lines += [
             "",
-            *(f"left out  {path}: {why.removeprefix(str(path)).lstrip(': ')[:120]}" for path, why in result.left_out[:MOST_LEFT_OUT]),
+            *(
+                f"left out  {path}: {why.removeprefix(str(path)).lstrip(': ')[:120]}"
+                for path, why in result.left_out[:MOST_LEFT_OUT]
+            ),
         ]
         if len(result.left_out) > MOST_LEFT_OUT:
             lines.append(f"left out  {len(result.left_out) - MOST_LEFT_OUT} more files")
@@ -53,14 +56,19 @@ def finding_lines(findings: Any) -> list[str]:
     lines = [f"{'finding':<{width}}  {'value':<{wide}}  confidence  evidence"]
     for f in findings:
         first, *rest = textwrap.wrap(f.evidence, EVIDENCE_WIDTH, break_long_words=False) or [""]
-        lines.append(f"{f.name:<{width}}  {f.value:<{wide}}  {f.confidence:10.3f}  {first}".rstrip())
+        lines.append(
+            f"{f.name:<{width}}  {f.value:<{wide}}  {f.confidence:10.3f}  {first}".rstrip()
+        )
         lines += [f"{'':<{width + wide + 16}}{more}" for more in rest]
     return lines
 
 
 def finding_documents(findings: Any) -> list[dict[str, Any]]:
     """JSON-able findings."""
-    return [{"name": f.name, "value": f.value, "confidence": f.confidence, "evidence": f.evidence} for f in findings]
+    return [
+        {"name": f.name, "value": f.value, "confidence": f.confidence, "evidence": f.evidence}
+        for f in findings
+    ]
 
 
 def sensor_lines(sensing: Sensing, gyro_counts: float | None = None) -> list[str]:
@@ -73,19 +81,25 @@ def sensor_lines(sensing: Sensing, gyro_counts: float | None = None) -> list[str
     at = "at rest:" if s.rest_s else "quietest:"
     lines.append(noise.format(at, _three(s.rest_gyro / factor), unit, _three(s.rest_accel / MG)))
     if not s.is_static:
-        lines.append(noise.format("moving:", _three(s.moving_gyro / factor), unit, _three(s.moving_accel / MG)))
+        lines.append(
+            noise.format(
+                "moving:", _three(s.moving_gyro / factor), unit, _three(s.moving_accel / MG)
+            )
+        )
     if not s.rest_s:
         return [*lines, "          at rest nowhere for a second"]
     axis = int(np.argmax(np.abs(s.mean_accel)))
     sense = "up" if s.mean_accel[axis] > 0 else "down"
     lines.append(
-        f"          at rest {s.rest_s:.0f} s in {len(s.still)} stretches{', all of it' if s.is_static else ''}: |f| {s.gravity:.5g} m/s^2, "
-        f"{'xyz'[axis]} points {sense}; mean rate {_three(s.mean_gyro / factor)} {unit}"
+        f"          at rest {s.rest_s:.0f} s in {len(s.still)}"
+        f" stretches{', all of it' if s.is_static else ''}: |f| {s.gravity:.5g} m/s^2,"
+        f" {'xyz'[axis]} points {sense}; mean rate {_three(s.mean_gyro / factor)} {unit}"
     )
     if s.sees_earth:
         size = float(np.linalg.norm(s.mean_gyro))
         lines.append(
-            f"          the gyros see the Earth turn: {size / DEG_H:.2f} of {EARTH_RATE / DEG_H:.2f} deg/h, so they can find north at rest"
+            f"          the gyros see the Earth turn: {size / DEG_H:.2f} of"
+            f" {EARTH_RATE / DEG_H:.2f} deg/h, so they can find north at rest"
         )
     return lines
 
@@ -103,18 +117,27 @@ def check_lines(checks: Any) -> list[str]:
     for c in checks:
         lines.append(f"{MARK[c.verdict]}  {c.name:<{width}}  {c.found}")
         if c.verdict != "ok":
-            lines.append(f"      {'':<{width}}  expected: {c.expected}" + (f"; {c.advice}" if c.advice else ""))
+            lines.append(
+                f"      {'':<{width}}  expected: {c.expected}"
+                + (f"; {c.advice}" if c.advice else "")
+            )
     return lines
 
 
 def document(result: "InspectionData") -> dict[str, Any]:
     """JSON-able."""
     s = result.sensing
-    numbers = {name: np.asarray(getattr(s, name)).tolist() for name in ("rest_gyro", "rest_accel", "moving_gyro", "moving_accel")}
+    numbers = {
+        name: np.asarray(getattr(s, name)).tolist()
+        for name in ("rest_gyro", "rest_accel", "moving_gyro", "moving_accel")
+    }
     rest = {"rest_s": s.rest_s, "sees_earth": s.sees_earth, "grade": s.grade}
     return {
         "name": result.name,
-        "sources": [{"role": x.role, "file": str(x.path), "what": x.what, "keys": _plain(x.keys)} for x in result.sources],
+        "sources": [
+            {"role": x.role, "file": str(x.path), "what": x.what, "keys": _plain(x.keys)}
+            for x in result.sources
+        ],
         "findings": finding_documents(result.findings),
         "unrecognised": result.unrecognised,
         "sensor": {"rate_hz": s.rate_hz, "length_s": s.length_s, "white_noise_si": numbers, **rest},

@@ -10,7 +10,12 @@ are the conditional mean of white noise, the time-correlated part of which is al
 
 import numpy as np
 
-from ..geodesy.rotation import quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector, vector_from_rotation
+from ..geodesy.rotation import (
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    rotation_from_vector,
+    vector_from_rotation,
+)
 from ..records import Array, Trajectory
 from .codes import N_NAV, N_NOMINAL, NAV, POS, PSI, PSI0, QUAT, VEL
 from .kernels.strapdown import run_between
@@ -40,7 +45,9 @@ def dense_trajectory(solution: Solution, gps_week: int) -> Trajectory:
     nav = np.empty((int(inc.stop[-1] - inc.stop[0]), N_NOMINAL))
     run_between(kernel_intervals(inc), inc.stop, solution.nav, bias, kernel_earth(frame), nav)
     interval = np.repeat(epochs[:-1], np.diff(inc.stop))
-    elapsed = np.cumsum(inc.dt) - np.concatenate([[0.0], np.cumsum(inc.dt)])[inc.stop[:-1]][interval]
+    elapsed = (
+        np.cumsum(inc.dt) - np.concatenate([[0.0], np.cumsum(inc.dt)])[inc.stop[:-1]][interval]
+    )
     length = np.diff(inc.marks)[interval]
     share = np.clip(elapsed / length, 0.0, 1.0)
     missed = _missed(solution.nav[1:], nav[inc.stop[1:] - 1])
@@ -53,14 +60,19 @@ def dense_trajectory(solution: Solution, gps_week: int) -> Trajectory:
     cov = P[interval] + share[:, None, None] * (P[interval + 1] - P[interval])
     C_lb = rotation_from_quaternion(nav[:, QUAT])
     velocity = np.einsum("nij,nj->ni", C_nl, nav[:, VEL])
-    return Trajectory(time, lat, lon, height, velocity, C_nl @ C_lb, rotate_blocks(C_nl, cov, C_nl), gps_week)
+    return Trajectory(
+        time, lat, lon, height, velocity, C_nl @ C_lb, rotate_blocks(C_nl, cov, C_nl), gps_week
+    )
 
 
 def _missed(smoothed: Array, propagated: Array) -> Array:
     """Return the error (m, 9) of propagated states (m, 10) against smoothed ones (m, 10)."""
     out = np.empty((smoothed.shape[0], N_NAV))
     out[:, :PSI0] = smoothed[:, :PSI0] - propagated[:, :PSI0]
-    C_smoothed, C_propagated = rotation_from_quaternion(smoothed[:, QUAT]), rotation_from_quaternion(propagated[:, QUAT])
+    C_smoothed, C_propagated = (
+        rotation_from_quaternion(smoothed[:, QUAT]),
+        rotation_from_quaternion(propagated[:, QUAT]),
+    )
     out[:, PSI] = vector_from_rotation(C_smoothed @ np.swapaxes(C_propagated, -1, -2))
     return out
 

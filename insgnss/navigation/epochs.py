@@ -25,7 +25,13 @@ NHC_SIGMA_MPS = 0.3  # across the wheels: tyres slip, and mountings are a degree
 SAME_S = 1e-6  # s, rounding of instants
 
 
-def make_epochs(inc: Increments, fix_index: np.ndarray, fixes: GnssFixes, event_index: np.ndarray, frame: LocalFrame) -> Epochs:
+def make_epochs(
+    inc: Increments,
+    fix_index: np.ndarray,
+    fixes: GnssFixes,
+    event_index: np.ndarray,
+    frame: LocalFrame,
+) -> Epochs:
     """Return the epochs at the marks of the increments, with the fixes and camera events at them.
 
     Parameters
@@ -53,7 +59,11 @@ def make_epochs(inc: Increments, fix_index: np.ndarray, fixes: GnssFixes, event_
     position, cov = np.zeros((m, 3)), np.zeros((m, 3, 3))
     position[fix_index] = frame.position_from_geodetic(fixes.lat, fixes.lon, fixes.height)
     cov[fix_index] = C_ln @ fixes.cov_ned @ np.swapaxes(C_ln, -1, -2)
-    has_velocity, velocity, velocity_cov = np.zeros(m, dtype=np.bool_), np.zeros((m, 3)), np.zeros((m, 3, 3))
+    has_velocity, velocity, velocity_cov = (
+        np.zeros(m, dtype=np.bool_),
+        np.zeros((m, 3)),
+        np.zeros((m, 3, 3)),
+    )
     if fixes.velocity_ned is not None and fixes.velocity_cov_ned is not None:
         has_velocity[fix_index] = True
         velocity[fix_index] = np.einsum("nij,nj->ni", C_ln, fixes.velocity_ned)
@@ -160,7 +170,9 @@ def with_zupt(epochs: Epochs, inc: Increments, stationary: Array, layout: StateL
                 rate[e] = (turned[inc.stop[e]] - turned[inc.stop[before]]) / length
                 variance[e] = white / length + ZARU_SIGMA_RAD_S**2
             before = e
-    return epochs._replace(constraint=constraint, constraint_cov=cov, zaru_rate=rate, zaru_variance=variance)
+    return epochs._replace(
+        constraint=constraint, constraint_cov=cov, zaru_rate=rate, zaru_variance=variance
+    )
 
 
 def with_nhc(epochs: Epochs) -> Epochs:

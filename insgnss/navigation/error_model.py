@@ -26,8 +26,9 @@ the last epoch, W = [Q_nn Q_nb] and the diagonal Q_bb, goes along:
 
     W <- Phi W Phi' + block noise
     Q_bb <- d^2 Q_bb + drive (1 - d^2) / (2 beta),   d = exp(-beta B)                         (E.6)
-    block noise: white noise integrated once (psi, v), twice (p of accelerometers, v of gyros), three
-    times (p of gyros); driving noise q of a state with column c: c c' q B/3 on Q_nn, c q B/2 on
+    block noise: white noise integrated once (psi, v), twice (p of accelerometers, v of gyros),
+    three times (p of gyros); driving noise q of a state with column c: c c' q B/3 on Q_nn, c q B/2
+    on
     Q_nb                                                                                      (E.7)
 
 An interval of length B that the IMU did not see, bridged by increments of variance q in channel i
@@ -104,7 +105,9 @@ def linearise_interval(
     n = N_NAV + ns
     nav, x = nav.copy(), x.copy()
     F, D, W, Qbb = np.zeros((N_NAV, n)), np.zeros(ns), np.zeros((N_NAV, n)), np.zeros(ns)
-    linearise(intervals, first, last, elapsed, nav, x, model, earth, F, D, W, Qbb, make_interval_work(ns))
+    linearise(
+        intervals, first, last, elapsed, nav, x, model, earth, F, D, W, Qbb, make_interval_work(ns)
+    )
     Phi, Q = np.zeros((n, n)), np.zeros((n, n))
     Phi[NAV] = F
     Phi[IMU, IMU] = np.diag(D)

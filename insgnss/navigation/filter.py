@@ -55,7 +55,7 @@ before) - nominal), which makes filter and smoother one Gauss-Newton step of the
 
 import numpy as np
 
-from ..errors import DataError
+from ..base.errors import DataError
 from ..records import Array
 from .codes import (
     ABSENT,
@@ -163,7 +163,9 @@ def measured_kinds(epochs: Epochs, layout: StateLayout) -> tuple[np.ndarray, np.
         (4,) int, columns of the derivative beyond which all are zero.
     """
     constrained = (epochs.constraint != NO_CONSTRAINT).any()
-    present = np.array([True, epochs.has_velocity.any(), constrained, (epochs.zaru_variance > 0.0).any()])
+    present = np.array(
+        [True, epochs.has_velocity.any(), constrained, (epochs.zaru_variance > 0.0).any()]
+    )
     columns = np.array([layout.size if layout.of_fixes else N_NAV, layout.size, N_NAV, layout.size])
     return present, columns
 
@@ -175,7 +177,12 @@ def _slots(epochs: Epochs, layout: StateLayout) -> tuple[np.ndarray, np.ndarray]
     return slot, np.repeat(columns[present], 3).astype(np.int64)
 
 
-def run_filter(problem: EstimationProblem, start: InitialState, history: FilterHistory, closed_loop: bool = True) -> None:
+def run_filter(
+    problem: EstimationProblem,
+    start: InitialState,
+    history: FilterHistory,
+    closed_loop: bool = True,
+) -> None:
     """Run the forward pass.
 
     Parameters
@@ -234,7 +241,10 @@ def _refuse_divergence(problem: EstimationProblem, history: FilterHistory) -> No
     finite = np.isfinite(history.sigma).all(axis=1) & np.isfinite(history.nav).all(axis=1)
     if not finite[-1]:
         bad = int(np.argmax(~finite))
-        raise DataError(f"the filter diverged at {time[bad]:.3f} s; check axes, units and lever arm with `insgnss inspect`")
+        raise DataError(
+            f"the filter diverged at {time[bad]:.3f} s; check axes, units and lever arm with"
+            " `insgnss inspect`"
+        )
     verdict = history.verdict[:, POSITION]
     fixes = np.count_nonzero(verdict != NOT_MEASURED)
     rejected = np.flatnonzero(verdict == REJECTED)
@@ -243,8 +253,8 @@ def _refuse_divergence(problem: EstimationProblem, history: FilterHistory) -> No
     if resets.size > RESETS + minutes / MINUTES_PER_RESET or rejected.size > MOST_REJECTED * fixes:
         e = resets[0] if resets.size else rejected[0]
         raise DataError(
-            f"{rejected.size} of {fixes} GNSS fixes rejected, from {time[e]:.1f} s on (NIS "
-            f"{history.nis[e, POSITION]:.0f}, limit {problem.gate:.0f}), covariance reset {resets.size} times: "
-            "inertial and GNSS data contradict each other; check axes, units, time scales, sigmas, lever arm and "
-            "noise model with `insgnss inspect`"
+            f"{rejected.size} of {fixes} GNSS fixes rejected, from {time[e]:.1f} s on (NIS"
+            f" {history.nis[e, POSITION]:.0f}, limit {problem.gate:.0f}), covariance reset"
+            f" {resets.size} times: inertial and GNSS data contradict each other; check axes,"
+            " units, time scales, sigmas, lever arm and noise model with `insgnss inspect`"
         )

@@ -148,7 +148,9 @@ class StateLayout:
         first_gm = np.array([self.gm, self.unfixed_gm])
         white_scale = np.array([self.white_scale, (self.unfixed_white_scale,) * 3])
         of_fixes = self.lever, self.offset, self.rate, first_gm, white_scale
-        return StateModel(self.channel, self.factor, self.beta, self.drive, white, block_s, *of_fixes)
+        return StateModel(
+            self.channel, self.factor, self.beta, self.drive, white, block_s, *of_fixes
+        )
 
     @property
     def of_fixes(self) -> bool:
@@ -164,7 +166,12 @@ class StateLayout:
         return M
 
 
-def state_layout(model: NoiseModel, scale_factor: bool = False, misalignment: bool = False, fixes: FixErrors = FixErrors()) -> StateLayout:
+def state_layout(
+    model: NoiseModel,
+    scale_factor: bool = False,
+    misalignment: bool = False,
+    fixes: FixErrors = FixErrors(),
+) -> StateLayout:
     """Return the states that a noise model asks for, and those that are asked for besides.
 
     Parameters
@@ -189,16 +196,24 @@ def state_layout(model: NoiseModel, scale_factor: bool = False, misalignment: bo
         rows += _axis_states(c, axis)
     for c, axis in enumerate(axes):
         if scale_factor:
-            rows.append((f"{CHANNELS[c]} scale factor", c, c, 0.0, 0.0, axis.scale_factor or DEFAULT_SCALE))
+            rows.append(
+                (f"{CHANNELS[c]} scale factor", c, c, 0.0, 0.0, axis.scale_factor or DEFAULT_SCALE)
+            )
         if misalignment:
             sigma = axis.misalignment or DEFAULT_SCALE
             triad = range(3 * (c // 3), 3 * (c // 3) + 3)
-            rows += [(f"{CHANNELS[c]} from {CHANNELS[j][-1]}", c, j, 0.0, 0.0, sigma) for j in triad if j != c]
+            rows += [
+                (f"{CHANNELS[c]} from {CHANNELS[j][-1]}", c, j, 0.0, 0.0, sigma)
+                for j in triad
+                if j != c
+            ]
     first: dict[str, int] = {}
     for kind, states in _fix_states(fixes):
         first[kind] = len(rows)
         rows += states
-    names, channel, factor, beta, drive, sigma0 = zip(*rows, strict=True) if rows else ((), (), (), (), (), ())
+    names, channel, factor, beta, drive, sigma0 = (
+        zip(*rows, strict=True) if rows else ((), (), (), (), (), ())
+    )
     return StateLayout(
         tuple(names),
         np.array(channel, dtype=np.int64),
@@ -218,7 +233,13 @@ def _fix_states(fixes: FixErrors) -> Iterator[tuple[str, list[Row]]]:
     """Yield the field of `StateLayout` and the states of each error of the fixes."""
     if fixes.lever_arm_m is not None:
         axes = ("forward", "right", "down")
-        yield "lever", [(f"antenna lever arm {axis}", 0, FIX_ERROR, 0.0, 0.0, fixes.lever_arm_m) for axis in axes]
+        yield (
+            "lever",
+            [
+                (f"antenna lever arm {axis}", 0, FIX_ERROR, 0.0, 0.0, fixes.lever_arm_m)
+                for axis in axes
+            ],
+        )
     if fixes.time_offset_s is not None:
         yield "offset", [("GNSS time offset", 0, FIX_ERROR, 0.0, 0.0, fixes.time_offset_s)]
         if fixes.clock_rate is not None:
@@ -234,7 +255,10 @@ def _gauss_markov(of: str, sigma: tuple[float, ...], time_s: float) -> list[Row]
     """Return a time-correlated error as three Gauss-Markov states."""
     beta = 1.0 / time_s
     named = zip(("north", "east", "down"), sigma, strict=True)
-    return [(f"{of} time-correlated error {axis}", 0, FIX_ERROR, beta, 2.0 * beta * s**2, s) for axis, s in named]
+    return [
+        (f"{of} time-correlated error {axis}", 0, FIX_ERROR, beta, 2.0 * beta * s**2, s)
+        for axis, s in named
+    ]
 
 
 def _axis_states(c: int, axis: AxisNoise) -> list[Row]:
@@ -246,5 +270,7 @@ def _axis_states(c: int, axis: AxisNoise) -> list[Row]:
     if axis.drift > 0.0:
         rows.append((f"{name} drift", c, DRIFT, 0.0, 0.0, axis.drift))
     for k, gm in enumerate(axis.gauss_markov, start=1):
-        rows.append((f"{name} GM {k}", c, BIAS, 1.0 / gm.correlation_time_s, gm.driving_noise**2, gm.sigma))
+        rows.append(
+            (f"{name} GM {k}", c, BIAS, 1.0 / gm.correlation_time_s, gm.driving_noise**2, gm.sigma)
+        )
     return rows

@@ -100,7 +100,9 @@ def sub_problem(problem: EstimationProblem, first: int, last: int) -> Estimation
     return with_epochs(problem, index, part)
 
 
-def with_epochs(problem: EstimationProblem, index: np.ndarray, inc: Increments) -> EstimationProblem:
+def with_epochs(
+    problem: EstimationProblem, index: np.ndarray, inc: Increments
+) -> EstimationProblem:
     """Return the problem with some of its epochs over other increments, without camera events.
 
     Parameters
@@ -121,5 +123,7 @@ def with_epochs(problem: EstimationProblem, index: np.ndarray, inc: Increments) 
     own = ("stop", "time", "rate", "event")
     taken = {name: getattr(ep, name)[index] for name in ep._fields if name not in own}
     event = np.full(index.size, ABSENT, dtype=np.int64)
-    epochs = ep._replace(stop=inc.stop, time=inc.marks - inc.marks[0], rate=inc.rate, event=event, **taken)
+    epochs = ep._replace(
+        stop=inc.stop, time=inc.marks - inc.marks[0], rate=inc.rate, event=event, **taken
+    )
     return replace(problem, inc=inc, epochs=epochs)

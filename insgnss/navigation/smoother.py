@@ -66,7 +66,9 @@ class Smoothed:
     separation_sigma: Array
 
 
-def run_smoother(epochs: Epochs, history: FilterHistory, full: bool = True, separations: int = 100) -> Smoothed:
+def run_smoother(
+    epochs: Epochs, history: FilterHistory, full: bool = True, separations: int = 100
+) -> Smoothed:
     """Run the backward pass.
 
     Parameters

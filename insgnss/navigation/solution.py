@@ -146,7 +146,9 @@ def solve(
     passes = 1
     if second_pass != "off":
         estimate = run_smoother(problem.epochs, history, full=False)
-        while passes < MAX_PASSES and (_nonlinear(estimate.delta, history.sigma) or (second_pass == "on" and passes == 1)):
+        while passes < MAX_PASSES and (
+            _nonlinear(estimate.delta, history.sigma) or (second_pass == "on" and passes == 1)
+        ):
             _move(history.nav, history.x, estimate.delta)
             passes += 1
             progress(f"filter, pass {passes}, linearised about the smoothed flight")
@@ -157,7 +159,9 @@ def solve(
     return _solution(problem, history, smoothed, passes)
 
 
-def _solution(problem: EstimationProblem, history: FilterHistory, smoothed: Smoothed, passes: int) -> Solution:
+def _solution(
+    problem: EstimationProblem, history: FilterHistory, smoothed: Smoothed, passes: int
+) -> Solution:
     """Return the solution: the nominal moved by the smoothed errors, and what both passes left."""
     _move(history.nav, history.x, smoothed.delta)
     return Solution(
@@ -203,7 +207,9 @@ def _move(nav: Array, x: Array, delta: Array) -> None:
     x += delta[:, IMU]
 
 
-def trajectory(solution: Solution, index: np.ndarray, gps_week: int, events: bool = False) -> Trajectory:
+def trajectory(
+    solution: Solution, index: np.ndarray, gps_week: int, events: bool = False
+) -> Trajectory:
     """Return the smoothed trajectory at some epochs.
 
     Accelerations are differences of the velocities at these epochs, rates those of the gyros at the
@@ -241,7 +247,9 @@ def trajectory(solution: Solution, index: np.ndarray, gps_week: int, events: boo
         acceleration = np.einsum("nji,nj->ni", C_nb, np.gradient(velocity, time, axis=0))
     cov = 0.5 * (cov + np.swapaxes(cov, -1, -2))
     rate = _body_rate(solution, index, C_lb)
-    return Trajectory(time, lat, lon, height, velocity, C_nb, cov, gps_week, acceleration, rate, cross)
+    return Trajectory(
+        time, lat, lon, height, velocity, C_nb, cov, gps_week, acceleration, rate, cross
+    )
 
 
 def _body_rate(solution: Solution, index: np.ndarray, C_lb: Array) -> Array:

@@ -59,7 +59,9 @@ def kernel_earth(frame: LocalFrame, backward: bool = False) -> Earth:
     return Earth(
         np.ascontiguousarray(frame.origin_ecef, dtype=np.float64),
         np.ascontiguousarray(frame.C_el, dtype=np.float64),
-        np.ascontiguousarray(-frame.earth_rate_l if backward else frame.earth_rate_l, dtype=np.float64),
+        np.ascontiguousarray(
+            -frame.earth_rate_l if backward else frame.earth_rate_l, dtype=np.float64
+        ),
     )
 
 
@@ -79,7 +81,9 @@ def kernel_intervals(inc: Increments) -> IntegrationIntervals:
     return IntegrationIntervals(inc.dt, inc.dtheta, inc.dvel)
 
 
-def free_inertial(inc: Increments, frame: LocalFrame, nav0: Array, bias: Array | None = None) -> Array:
+def free_inertial(
+    inc: Increments, frame: LocalFrame, nav0: Array, bias: Array | None = None
+) -> Array:
     """Integrate from the first mark on, without any aiding.
 
     Parameters

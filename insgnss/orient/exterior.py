@@ -1,20 +1,23 @@
-"""From the trajectory at the exposures to the exterior orientation of the images in the tangent plane.
+"""From the trajectory at the exposures to the exterior orientation of the images in the tangent
+plane.
 
-With m the tangent plane (axes east-north-up at its origin, Earth-fixed), n north-east-down at the navigation centre, T and B of the
-mounting and c^b the vector from the IMU to the projection centre in body axes:
+With m the tangent plane (axes east-north-up at its origin, Earth-fixed), n north-east-down at the
+navigation centre, T and B of the mounting and c^b the vector from the IMU to the projection centre
+in body axes:
 
-    X_m = x_m(lat, lon, h) + C_mn C_nb c^b,        C_mc = C_mn C_nb (T B)'                              (O.1)
+    X_m = x_m(lat, lon, h) + C_mn C_nb c^b,        C_mc = C_mn C_nb (T B)'                     (O.1)
 
-which is equation (1) of paper 000, R_enu^c = T B R_ned^b T_enu^ned, with the attitude moved to the axes of the origin: C_mn is
-the exact rotation between the local verticals and meridians of the two points (34 arcsec a kilometre at mid latitudes). The error of
-the centre is that of the navigation point and what psi makes of the lever arm; the camera's psi is the body's, in m:
+which is equation (1) of paper 000, R_enu^c = T B R_ned^b T_enu^ned, with the attitude moved to the
+axes of the origin: C_mn is the exact rotation between the local verticals and meridians of the two
+points (34 arcsec a kilometre at mid latitudes). The error of the centre is that of the navigation
+point and what psi makes of the lever arm; the camera's psi is the body's, in m:
 
     J = [ C_mn   -[C_mn C_nb c^b x] C_mn ;  0   C_mn ],     cov = J P J',   cross_k,k+1 = J_k P_k,k+1 J_k+1'   (O.2)
 """
 
 import numpy as np
 
-from ..errors import InputError
+from ..base.errors import InputError
 from ..geodesy.frames import TangentPlane
 from ..geodesy.rotation import skew
 from ..records import Array, CameraEvents, ExteriorOrientation, Trajectory
@@ -24,14 +27,22 @@ POSE = np.r_[0:3, 6:9]
 
 
 def exterior_orientation(
-    at_exposure: Trajectory, events: CameraEvents, mounting: Mounting, plane: TangentPlane, history: tuple[str, ...] = ()
+    at_exposure: Trajectory,
+    events: CameraEvents,
+    mounting: Mounting,
+    plane: TangentPlane,
+    history: tuple[str, ...] = (),
 ) -> ExteriorOrientation:
-    """Exterior orientation of every event, with covariance and cross-covariance of neighbours (O.1, O.2).
+    """Exterior orientation of every event, with covariance and cross-covariance of neighbours (O.1,
+    O.2).
 
     at_exposure : the trajectory at exactly the events' times, with `cross`.
     Raises InputError where its times are not the events'.
     """
-    if at_exposure.time.shape != events.time.shape or (np.abs(at_exposure.time - events.time) > 1e-6).any():
+    if (
+        at_exposure.time.shape != events.time.shape
+        or (np.abs(at_exposure.time - events.time) > 1e-6).any()
+    ):
         raise InputError("exterior_orientation: the trajectory is not at the exposures' times")
     C_mn = plane.C_mn(at_exposure.lat, at_exposure.lon)
     C_mb = C_mn @ at_exposure.C_nb
@@ -48,7 +59,8 @@ def exterior_orientation(
         events.time,
         at_exposure.gps_week,
         np.array([plane.lat, plane.lon, plane.height]),
-        plane.position_from_geodetic(at_exposure.lat, at_exposure.lon, at_exposure.height) + lever_m,
+        plane.position_from_geodetic(at_exposure.lat, at_exposure.lon, at_exposure.height)
+        + lever_m,
         C_mb @ mounting.C_cb.T,
         0.5 * (cov + np.swapaxes(cov, -1, -2)),
         cross,

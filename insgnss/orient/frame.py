@@ -1,25 +1,29 @@
-r"""The exterior orientation in the frame that its user works in: tangent plane, geocentric, geographic or a projected CRS.
+r"""The exterior orientation in the frame that its user works in: tangent plane, geocentric,
+geographic or a projected CRS.
 
-With m the tangent plane, n north-east-down at the projection centre (E its east-north-up, S between them), G of `geodesy.projection`:
+With m the tangent plane, n north-east-down at the projection centre (E its east-north-up, S between
+them), G of `geodesy.projection`:
 
     tangent plane    coordinates E N U of m;                 axes of m
     geocentric       X Y Z of ECEF;                          C_em
     geographic       longitude, latitude, height;            east north up at the centre: C_Em = S C_mn^T
     projected        easting, northing, height;              the axes of the grid at the centre: G C_Em                        (W.1)
 
-The attitude is C_fm C_mc, and the 6x6 covariance moves with diag(C_fm, C_fm), the cross-covariance of neighbours with that of each.
-What a projected frame does to lengths (100 ppm) and to the horizon within an image is not in a covariance.
+The attitude is C_fm C_mc, and the 6x6 covariance moves with diag(C_fm, C_fm), the cross-covariance
+of neighbours with that of each. What a projected frame does to lengths (100 ppm) and to the horizon
+within an image is not in a covariance.
 
-A projected frame is a Cartesian one for the programs that read it, of another scale horizontally, m of (G.1), than vertically. Without
-control points, footprints come out 1/m too large. `ground_m`, the height of the ground, moves the centres to where
-they do not: H_g + (H - H_g) m (formats.md C3.2).
+A projected frame is a Cartesian one for the programs that read it, of another scale horizontally, m
+of (G.1), than vertically. Without control points, footprints come out 1/m too large. `ground_m`,
+the height of the ground, moves the centres to where they do not: H_g + (H - H_g) m (formats.md
+C3.2).
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from ..errors import UsageError
+from ..base.errors import UsageError
 from ..geodesy.frames import TangentPlane
 from ..geodesy.projection import MapProjection
 from ..geodesy.rotation import NED_ENU
@@ -28,19 +32,27 @@ from ..records.framed import GEOCENTRIC, KINDS, PROJECTED, TANGENT
 
 
 def in_frame(
-    eo: ExteriorOrientation, kind: str, projection: MapProjection | None = None, ground_m: float | None = None
+    eo: ExteriorOrientation,
+    kind: str,
+    projection: MapProjection | None = None,
+    ground_m: float | None = None,
 ) -> FramedOrientation:
     """`eo` in the frame `kind` (W.1).
 
-    projection : of a projected frame.   ground_m : height of the ground in that frame's heights, m, for centres that are to be scaled.
-    Raises UsageError for another kind, a projected frame without projection and a ground in a frame that is not projected.
+    projection : of a projected frame.
+    ground_m : height of the ground in that frame's heights, m, for centres that are to be scaled.
+    Raises UsageError for another kind, a projected frame without projection and a ground in a frame
+    that is not projected.
     """
     if kind not in KINDS:
         raise UsageError(f"frame {kind!r} is unknown; it is one of {', '.join(KINDS)}")
     if (projection is not None) != (kind == PROJECTED):
         raise UsageError(f"frame {kind!r}: a CRS belongs to a projected frame, and to no other")
     if ground_m is not None and projection is None:
-        raise UsageError(f"frame {kind!r}: only heights in a projected CRS are scaled; leave the ground's height out")
+        raise UsageError(
+            f"frame {kind!r}: only heights in a projected CRS are scaled; leave the ground's"
+            " height out"
+        )
     if ground_m is not None and not np.isfinite(ground_m):
         raise UsageError(f"ground {ground_m:g} m is no height")
     plane = TangentPlane(*eo.origin)
@@ -50,11 +62,17 @@ def in_frame(
     if projection is not None and ground_m is not None:
         if (x[:, 2] <= ground_m).any():
             raise UsageError(
-                f"ground at {ground_m:g} m is not below the cameras, the lowest of which is at {x[:, 2].min():.1f} m; give its height"
+                f"ground at {ground_m:g} m is not below the cameras, the lowest of which is at"
+                f" {x[:, 2].min():.1f} m; give its height"
             )
-        x[:, 2] = ground_m + (x[:, 2] - ground_m) * projection.ground_scale(lat, lon, np.full(h.shape, ground_m))
+        x[:, 2] = ground_m + (x[:, 2] - ground_m) * projection.ground_scale(
+            lat, lon, np.full(h.shape, ground_m)
+        )
         frame = replace(frame, scaled_from_m=ground_m)
-        history = (*history, f"heights above the ground at {ground_m:.2f} m scaled by that of the projection")
+        history = (
+            *history,
+            f"heights above the ground at {ground_m:.2f} m scaled by that of the projection",
+        )
     J = np.zeros((len(eo.images), 6, 6))
     J[:, :3, :3] = J[:, 3:, 3:] = C_fm
     J_t = np.swapaxes(J, 1, 2)
@@ -76,25 +94,51 @@ def in_frame(
 
 
 def _axes(
-    eo: ExteriorOrientation, plane: TangentPlane, place: tuple[Array, Array, Array], kind: str, projection: MapProjection | None
+    eo: ExteriorOrientation,
+    plane: TangentPlane,
+    place: tuple[Array, Array, Array],
+    kind: str,
+    projection: MapProjection | None,
 ) -> tuple[Array, Array, MapFrame]:
     """C_fm (n, 3, 3), coordinates (n, 3) and the frame (W.1)."""
     lat, lon, h = place
     n = len(eo.images)
     if kind == TANGENT:
         lat_d, lon_d = np.degrees(eo.origin[:2])
-        words = f"tangent plane of WGS84 at latitude {lat_d:.10f} deg, longitude {lon_d:.10f} deg, {plane.height:.4f} m"
-        frame = MapFrame(kind, words, "along the vertical of the origin", origin=tuple(eo.origin.tolist()))
+        words = (
+            f"tangent plane of WGS84 at latitude {lat_d:.10f} deg, longitude {lon_d:.10f} deg,"
+            f" {plane.height:.4f} m"
+        )
+        frame = MapFrame(
+            kind, words, "along the vertical of the origin", origin=tuple(eo.origin.tolist())
+        )
         return np.broadcast_to(np.eye(3), (n, 3, 3)), eo.position_m.copy(), frame
     if kind == GEOCENTRIC:
         C_em = plane.C_em
         x = plane.origin_ecef + eo.position_m @ C_em.T
-        return np.broadcast_to(C_em, (n, 3, 3)), x, MapFrame(kind, "EPSG:4978 WGS 84 (geocentric)", "", crs="EPSG:4978")
+        return (
+            np.broadcast_to(C_em, (n, 3, 3)),
+            x,
+            MapFrame(kind, "EPSG:4978 WGS 84 (geocentric)", "", crs="EPSG:4978"),
+        )
     C_Em = NED_ENU @ np.swapaxes(plane.C_mn(lat, lon), 1, 2)
     if projection is None:
-        frame = MapFrame(kind, "EPSG:4979 WGS 84", "above the ellipsoid of WGS84", crs="EPSG:4979", northing_first=True)
+        frame = MapFrame(
+            kind,
+            "EPSG:4979 WGS 84",
+            "above the ellipsoid of WGS84",
+            crs="EPSG:4979",
+            northing_first=True,
+        )
         return C_Em, np.column_stack([lon, lat, h]), frame
     x = projection.forward(lat, lon, h)
     wkt, name = projection.crs.to_wkt(), projection.name
-    frame = MapFrame(kind, name, projection.heights, crs=projection.code, wkt=wkt, northing_first=projection.northing_first)
+    frame = MapFrame(
+        kind,
+        name,
+        projection.heights,
+        crs=projection.code,
+        wkt=wkt,
+        northing_first=projection.northing_first,
+    )
     return projection.axes(lat, lon, h) @ C_Em, x, frame

@@ -1,25 +1,28 @@
 r"""How camera, IMU and antenna are mounted: lever arms, bore-sight B and nominal turn T.
 
-Body axes b are the IMU's, turned to forward-right-down; b' are the same directions as the camera realises them; c is the
-camera (x image right, y image down, z viewing direction). With B = B_b^b' and T = T_b'^c (equation 1 of paper 000)
+Body axes b are the IMU's, turned to forward-right-down; b' are the same directions as the camera
+realises them; c is the camera (x image right, y image down, z viewing direction). With B = B_b^b'
+and T = T_b'^c (equation 1 of paper 000)
 
-    C_cb = T B                      body to camera                                                  (M.1)
+    C_cb = T B                      body to camera                                             (M.1)
 
-Vectors are measured from the camera's projection centre in its axes (Table 1 of paper 000), antenna a_c and IMU b_c. From the
-IMU, in body axes,
+Vectors are measured from the camera's projection centre in its axes (Table 1 of paper 000), antenna
+a_c and IMU b_c. From the IMU, in body axes,
 
-    r_ab_b = C_cb^T (a_c - b_c)     to the antenna phase centre                                     (M.2)
-    r_cb_b = C_cb^T (-b_c)          to the projection centre                                        (M.3)
+    r_ab_b = C_cb^T (a_c - b_c)     to the antenna phase centre                                (M.2)
+    r_cb_b = C_cb^T (-b_c)          to the projection centre                                   (M.3)
 
-Bore-sight in three angle sets, degrees, each turned into its matrix at once and never copied angle by angle:
+Bore-sight in three angle sets, degrees, each turned into its matrix at once and never copied angle
+by angle:
 
-    opk            omega phi kappa   B = Rx(omega) Ry(phi) Rz(kappa)                                (M.4)
+    opk            omega phi kappa   B = Rx(omega) Ry(phi) Rz(kappa)                           (M.4)
     rpy            roll pitch yaw    B = (Rz(yaw) Ry(pitch) Rx(roll))^T, the attitude of b' in b    (M.5)
     metashape_ypr  yaw pitch roll    B = G^T Rz(-yaw) Rx(pitch) Ry(roll) G,  G = diag(1,-1,-1) T    (M.6)
 
-(M.6) is the GPS/INS offset of Metashape: the attitude of the reference body in the camera's right-up-back axes, to which G
-takes the body. The values printed in paper 000, [-0.513, 0.657, 0.574], are the numbers of (M.4) carried over; the offset that
-means the same rotation as its Table 2 is [-0.5130, 0.6621, 0.5681] (`formats.md` B1.4).
+(M.6) is the GPS/INS offset of Metashape: the attitude of the reference body in the camera's
+right-up-back axes, to which G takes the body. The values printed in paper 000, [-0.513, 0.657,
+0.574], are the numbers of (M.4) carried over; the offset that means the same rotation as its Table
+2 is [-0.5130, 0.6621, 0.5681] (`formats.md` B1.4).
 """
 
 from collections.abc import Callable
@@ -28,12 +31,20 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError
-from ..geodesy.rotation import CV_RUB, nearest_rotation, rotation_from_opk, rotation_from_rpy, rotation_from_ypr
+from ..base.errors import InputError
+from ..geodesy.rotation import (
+    CV_RUB,
+    nearest_rotation,
+    rotation_from_opk,
+    rotation_from_rpy,
+    rotation_from_ypr,
+)
 from ..records import Array
 
 ROTATION_TOLERANCE = 1e-4
-"""Greatest entry by which a printed matrix may differ from a rotation: four decimals, as tables are printed."""
+"""Greatest entry by which a printed matrix may differ from a rotation: four decimals, as tables are
+printed.
+"""
 
 PAPER_CAMERA_FROM_BODY = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
 """T of paper 000: half a turn about z; the image's right is backward, its down is left."""
@@ -52,13 +63,19 @@ def _metashape_ypr(angles: Array, T: Array) -> Array:
     return G.T @ rotation_from_ypr(angles) @ G  # (M.6)
 
 
-_ANGLE_SETS: dict[str, Callable[[Array, Array], Array]] = {"opk": _opk, "rpy": _rpy, "metashape_ypr": _metashape_ypr}
+_ANGLE_SETS: dict[str, Callable[[Array, Array], Array]] = {
+    "opk": _opk,
+    "rpy": _rpy,
+    "metashape_ypr": _metashape_ypr,
+}
 
 ANGLE_SETS = tuple(_ANGLE_SETS)
 """Names that `boresight_from_angles` knows."""
 
 
-def boresight_from_angles(angle_set: str, angles_deg: ArrayLike, camera_from_body: ArrayLike = PAPER_CAMERA_FROM_BODY) -> Array:
+def boresight_from_angles(
+    angle_set: str, angles_deg: ArrayLike, camera_from_body: ArrayLike = PAPER_CAMERA_FROM_BODY
+) -> Array:
     """Bore-sight matrix B_b^b' of three angles.
 
     Parameters
@@ -72,21 +89,27 @@ def boresight_from_angles(angle_set: str, angles_deg: ArrayLike, camera_from_bod
     InputError : unknown set, not three finite angles, or `camera_from_body` is no rotation.
     """
     if angle_set not in _ANGLE_SETS:
-        raise InputError(f"boresight: angle set {angle_set!r} is unknown; use one of {', '.join(ANGLE_SETS)}")
+        raise InputError(
+            f"boresight: angle set {angle_set!r} is unknown; use one of {', '.join(ANGLE_SETS)}"
+        )
     angles = np.asarray(angles_deg, dtype=np.float64)
     if angles.shape != (3,) or not np.isfinite(angles).all():
         raise InputError(f"boresight: {angles_deg!r} are not three finite angles in degrees")
-    return _ANGLE_SETS[angle_set](np.deg2rad(angles), _as_rotation("camera_from_body", camera_from_body))
+    return _ANGLE_SETS[angle_set](
+        np.deg2rad(angles), _as_rotation("camera_from_body", camera_from_body)
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Mounting:
-    """Vectors and turns between camera, IMU and antenna; the matrices are re-orthonormalised at birth.
+    """Vectors and turns between camera, IMU and antenna; the matrices are re-orthonormalised at
+    birth.
 
     antenna_m, imu_m : (3,) m, from the camera's projection centre, in camera axes.
     camera_from_body : (3, 3), T_b'^c.   boresight : (3, 3), B_b^b'.
 
-    Raises InputError where a vector is not three finite numbers or a matrix is farther than 1e-4 from a rotation.
+    Raises InputError where a vector is not three finite numbers or a matrix is farther than 1e-4
+    from a rotation.
     """
 
     antenna_m: Array = field(default_factory=lambda: np.zeros(3))
@@ -135,9 +158,15 @@ def _as_rotation(name: str, value: ArrayLike) -> Array:
         raise InputError(f"{name}: not a 3x3 matrix of finite numbers")
     determinant = float(np.linalg.det(M))
     if determinant < 0:
-        raise InputError(f"{name}: no rotation, its determinant is {determinant:.3f}; a row or column has the wrong sign")
+        raise InputError(
+            f"{name}: no rotation, its determinant is {determinant:.3f}; a row or column has the"
+            " wrong sign"
+        )
     C = nearest_rotation(M)
     off = float(np.abs(M - C).max())
     if off > ROTATION_TOLERANCE:
-        raise InputError(f"{name}: no rotation, an entry is {off:.2g} off the nearest one (limit {ROTATION_TOLERANCE:g}); check the digits")
+        raise InputError(
+            f"{name}: no rotation, an entry is {off:.2g} off the nearest one (limit"
+            f" {ROTATION_TOLERANCE:g}); check the digits"
+        )
     return C

@@ -1,28 +1,33 @@
-r"""Relative aerial control: offset and turn between neighbouring images of a flight line, with three weightings (paper 003, 2.2 and 2.3).
+r"""Relative aerial control: offset and turn between neighbouring images of a flight line, with
+three weightings (paper 003, 2.2 and 2.3).
 
-With X, C projection centre and camera attitude (C_fc) in the frame's axes, errors truth minus estimate dx, and
-C(true) = exp([psi x]) C(estimate), the pair i, j has in the mapping form (paper 003, equations 3 and 4)
+With X, C projection centre and camera attitude (C_fc) in the frame's axes, errors truth minus
+estimate dx, and C(true) = exp([psi x]) C(estimate), the pair i, j has in the mapping form (paper
+003, equations 3 and 4)
 
-    offset    d = X_j - X_i                 its error  dx_j - dx_i                                              (R.1)
-    rotation  D = C_j C_i^T                 its psi    psi_j - D psi_i                                          (R.2)
+    offset    d = X_j - X_i                 its error  dx_j - dx_i                             (R.1)
+    rotation  D = C_j C_i^T                 its psi    psi_j - D psi_i                         (R.2)
 
 and in the camera form, the pose of camera j in that of camera i,
 
-    offset    r = C_i^T d                   its error  C_i^T (dx_j - dx_i + [d x] psi_i)                        (R.3)
-    rotation  E = C_i^T C_j                 its psi    C_i^T (psi_j - psi_i)                                    (R.4)
+    offset    r = C_i^T d                   its error  C_i^T (dx_j - dx_i + [d x] psi_i)       (R.3)
+    rotation  E = C_i^T C_j                 its psi    C_i^T (psi_j - psi_i)                   (R.4)
 
-since exp(psi_j) C_j C_i^T exp(-psi_i) = exp(psi_j - D psi_i) D and C_i^T exp(-psi_i) exp(psi_j) C_j = exp(C_i^T (psi_j - psi_i)) E to
-first order, the sign of [d x] by -[psi_i x] d = [d x] psi_i. A bore-sight B turns the camera, C = C_mb (T B)^T: it cancels in (R.2), and
-does not in (R.3), (R.4). Lever arms are applied, so equation 3's (R_j - R_i) a is in d. All this is J_i e_i + J_j e_j, and
+since exp(psi_j) C_j C_i^T exp(-psi_i) = exp(psi_j - D psi_i) D and C_i^T exp(-psi_i) exp(psi_j) C_j
+= exp(C_i^T (psi_j - psi_i)) E to first order, the sign of [d x] by -[psi_i x] d = [d x] psi_i. A
+bore-sight B turns the camera, C = C_mb (T B)^T: it cancels in (R.2), and does not in (R.3), (R.4).
+Lever arms are applied, so equation 3's (R_j - R_i) a is in d. All this is J_i e_i + J_j e_j, and
 
-    smoothed      J_i P_ii J_i' + J_j P_jj J_j' + J_i P_ij J_j' + J_j P_ij' J_i'                                (R.5)
-    independent   the same with P_ij = 0: paper 003, equation 5, as a matrix                                    (R.6)
+    smoothed      J_i P_ii J_i' + J_j P_jj J_j' + J_i P_ij J_j' + J_j P_ij' J_i'               (R.5)
+    independent   the same with P_ij = 0: paper 003, equation 5, as a matrix                   (R.6)
     gyro          position of (R.6), diagonal; attitude q^2 dt + (b dt)^2, about the vertical (1.5 b dt)^2      (R.7)
 
-(R.7) is paper 003, equation 6, q and b the gyroscopes' white noise and the drift that in-flight calibration leaves.
+(R.7) is paper 003, equation 6, q and b the gyroscopes' white noise and the drift that in-flight
+calibration leaves.
 
-Pairs are consecutive images: the smoother keeps the cross-covariance of neighbours. That of images farther apart does not follow from it,
-since the chain P_ik = P_ij P_jj^-1 P_jk holds for the whole state of the filter (velocity, biases), not for six of its components.
+Pairs are consecutive images: the smoother keeps the cross-covariance of neighbours. That of images
+farther apart does not follow from it, since the chain P_ik = P_ij P_jj^-1 P_jk holds for the whole
+state of the filter (velocity, biases), not for six of its components.
 """
 
 from dataclasses import dataclass
@@ -30,7 +35,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UsageError
+from ..base.errors import UsageError
 from ..geodesy.rotation import skew
 from ..records import Array, FramedOrientation
 from ..records.relative import FORMS, GAP_S, Form, RelativeControl
@@ -42,34 +47,47 @@ VERTICAL_DRIFT = 1.5  # paper 003, 2.3: factor on the drift about the vertical
 
 @dataclass(frozen=True)
 class GyroFigures:
-    """What equation 6 of paper 003 needs: white noise, rad/sqrt(s) = rad/s/sqrt(Hz), and drift, rad/s, of the gyroscopes."""
+    """What equation 6 of paper 003 needs: white noise, rad/sqrt(s) = rad/s/sqrt(Hz), and drift,
+    rad/s, of the gyroscopes.
+    """
 
     noise: float
     drift: float
 
     def __post_init__(self) -> None:
         if not (0.0 < self.noise < np.inf and 0.0 <= self.drift < np.inf):
-            what = f"gyro figures: noise {self.noise:g} rad/sqrt(s) must be positive, drift {self.drift:g} rad/s not negative, both finite"
+            what = (
+                f"gyro figures: noise {self.noise:g} rad/sqrt(s) must be positive, drift"
+                f" {self.drift:g} rad/s not negative, both finite"
+            )
             raise UsageError(f"{what}; take them from the noise model")
 
 
 def gyro_figures(white_noise: Array, wandering: Array) -> GyroFigures:
-    """The figures of a noise model: the root mean square over the three axes, as equation 6 has one for all.
+    """The figures of a noise model: the root mean square over the three axes, as equation 6 has one
+    for all.
 
-    white_noise : (3,) rad/s/sqrt(Hz).   wandering : (3, k) stationary standard deviations, rad/s, of the processes of each axis that change
+    white_noise : (3,) rad/s/sqrt(Hz).   wandering : (3, k) stationary standard deviations, rad/s,
+                                         of the processes of each axis that change
     within the flight; what is constant over it is estimated in flight.
     """
     drift = np.asarray(wandering, dtype=np.float64).reshape(3, -1)
-    return GyroFigures(float(np.sqrt(np.mean(np.square(white_noise)))), float(np.sqrt(np.sum(drift**2) / 3.0)))
+    return GyroFigures(
+        float(np.sqrt(np.mean(np.square(white_noise)))), float(np.sqrt(np.sum(drift**2) / 3.0))
+    )
 
 
-def line_pairs(time: Array, position: Array, up: Array, C_fc: Array, gap_s: float = GAP_S) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First image (k,) of each pair (i, i + 1) that lies in one flight line, and the number (k,) of its line, from 1.
+def line_pairs(
+    time: Array, position: Array, up: Array, C_fc: Array, gap_s: float = GAP_S
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First image (k,) of each pair (i, i + 1) that lies in one flight line, and the number (k,) of
+    its line, from 1.
 
     time (n,) s, position (n, 3) m and up (n, 3), unit vectors, of the images, C_fc (n, 3, 3).
 
-    A pair lies in a line if not more than `gap_s` passes in it, if the way from one to the other goes on in the direction of the way
-    before or of the way after it within 20 deg (or has no neighbour within the gap), and if the camera turns about the vertical by less.
+    A pair lies in a line if not more than `gap_s` passes in it, if the way from one to the other
+    goes on in the direction of the way before or of the way after it within 20 deg (or has no
+    neighbour within the gap), and if the camera turns about the vertical by less.
     """
     n = time.size
     if n < 2:
@@ -79,7 +97,9 @@ def line_pairs(time: Array, position: Array, up: Array, C_fc: Array, gap_s: floa
     way = way - np.einsum("ni,ni->n", way, up[:-1])[:, None] * up[:-1]
     length = np.linalg.norm(way, axis=1)
     moved = length > SHORTEST_M
-    along = np.einsum("ni,ni->n", way[:-1], way[1:]) / np.maximum(length[:-1] * length[1:], SHORTEST_M**2)
+    along = np.einsum("ni,ni->n", way[:-1], way[1:]) / np.maximum(
+        length[:-1] * length[1:], SHORTEST_M**2
+    )
     joined = near[:-1] & near[1:] & moved[:-1] & moved[1:]
     straight = joined & (along > np.cos(STRAIGHT_RAD))
     on = np.zeros(n - 1, dtype=bool)
@@ -98,12 +118,16 @@ def line_pairs(time: Array, position: Array, up: Array, C_fc: Array, gap_s: floa
 def _turn(C_fc: Array, up: Array) -> Array:
     """(n - 1,) rad, by which the camera turns about the vertical from each image to the next."""
     D = C_fc[1:] @ np.swapaxes(C_fc[:-1], 1, 2)
-    axis = np.stack([D[:, 2, 1] - D[:, 1, 2], D[:, 0, 2] - D[:, 2, 0], D[:, 1, 0] - D[:, 0, 1]], axis=1)
+    axis = np.stack(
+        [D[:, 2, 1] - D[:, 1, 2], D[:, 0, 2] - D[:, 2, 0], D[:, 1, 0] - D[:, 0, 1]], axis=1
+    )
     return np.arctan2(np.einsum("ni,ni->n", axis, up[:-1]), np.trace(D, axis1=1, axis2=2) - 1.0)
 
 
 def jacobians(form: Form, C_i: Array, C_j: Array, d: Array) -> tuple[Array, Array]:
-    """J_i, J_j (k, 6, 6) of the relative pose's error by those of the images (R.1 to R.4); d (k, 3) m in the frame's axes."""
+    """J_i, J_j (k, 6, 6) of the relative pose's error by those of the images (R.1 to R.4); d (k, 3)
+    m in the frame's axes.
+    """
     J_i, J_j = np.zeros((len(d), 6, 6)), np.zeros((len(d), 6, 6))
     if form == "mapping":
         J_i[:, :3, :3], J_j[:, :3, :3] = -np.eye(3), np.eye(3)
@@ -116,19 +140,25 @@ def jacobians(form: Form, C_i: Array, C_j: Array, d: Array) -> tuple[Array, Arra
     return J_i, J_j
 
 
-def relative_control(eo: FramedOrientation, gyro: GyroFigures, form: Form = "mapping", gap_s: float = GAP_S) -> RelativeControl:
+def relative_control(
+    eo: FramedOrientation, gyro: GyroFigures, form: Form = "mapping", gap_s: float = GAP_S
+) -> RelativeControl:
     """Relative control of all neighbouring images of the same flight line.
 
     eo : in a Cartesian frame (tangent plane, geocentric, projected).   gap_s : greatest time between the images of a pair.
 
-    Raises UsageError for an unknown form, a gap that is not positive, and a geographic frame, in which no offset in metres can be given.
+    Raises UsageError for an unknown form, a gap that is not positive, and a geographic frame, in
+    which no offset in metres can be given.
     """
     if form not in FORMS:
         raise UsageError(f"form {form!r} is unknown; it is one of {', '.join(FORMS)}")
     if not gap_s > 0.0:
         raise UsageError(f"gap {gap_s:g} s must be positive; 10 is usual")
     if eo.frame.kind == "geographic":
-        raise UsageError("relative control needs a Cartesian frame; use the tangent plane, geocentric or a projected CRS")
+        raise UsageError(
+            "relative control needs a Cartesian frame; use the tangent plane, geocentric or a"
+            " projected CRS"
+        )
     i, line = line_pairs(eo.time, eo.coordinates, eo.C_fE[:, :, 2], eo.C_fc, gap_s)
     C_i, C_j, d = eo.C_fc[i], eo.C_fc[i + 1], eo.coordinates[i + 1] - eo.coordinates[i]
     J_i, J_j = jacobians(form, C_i, C_j, d)

@@ -1,8 +1,10 @@
-"""Numba kernel that turns IMU samples into body increments between time marks. Mathematics: `increments`."""
+"""Numba kernel that turns IMU samples into body increments between time marks. Mathematics:
+`increments`.
+"""
 
 import numpy as np
 
-from ..compilation import njit
+from ..base.compilation import njit
 
 MEAN_RATE, INCREMENTS, INSTANT_RATE = 0, 1, 2
 
@@ -29,7 +31,9 @@ def sample_rate(time, gyro, accel, quantity, i, nominal, bridge, out):
 
 @njit(cache=True)
 def interval_mean(a, i, c, long):
-    """Mean of samples over [i, i + 1]: cubic through four samples (I.1), trapezoid at the ends and over gaps."""
+    """Mean of samples over [i, i + 1]: cubic through four samples (I.1), trapezoid at the ends and
+    over gaps.
+    """
     if long or i == 0 or i + 2 >= a.shape[0]:
         return 0.5 * (a[i, c] + a[i + 1, c])
     return (13.0 * (a[i, c] + a[i + 1, c]) - a[i - 1, c] - a[i + 2, c]) / 24.0
@@ -74,8 +78,11 @@ def bracket(a, b, k, out):
 
 
 @njit(cache=True)
-def build_segments(time, gyro, accel, quantity, C, nominal, bridge, marks, dt, dtheta, dvel, stop, rate):
-    """Fill segments (dt, dtheta, dvel) from marks[0] to marks[-1]; stop (m,) segments before each mark; rate (m, 3) gyro there.
+def build_segments(
+    time, gyro, accel, quantity, C, nominal, bridge, marks, dt, dtheta, dvel, stop, rate
+):
+    """Fill segments (dt, dtheta, dvel) from marks[0] to marks[-1]; stop (m,) segments before each
+    mark; rate (m, 3) gyro there.
 
     Every mark lies within [time[0], time[-1]]; marks increase. Returns the number of segments.
     """

@@ -1,15 +1,18 @@
-"""The deterministic calibration of an IMU: bias, scale factors, non-orthogonality; its file, and its application.
+"""The deterministic calibration of an IMU: bias, scale factors, non-orthogonality; its file, and
+its application.
 
-A triad whose axes are neither of unit sensitivity nor orthogonal reads, of a vector v in the IMU's orthogonal axes,
+A triad whose axes are neither of unit sensitivity nor orthogonal reads, of a vector v in the IMU's
+orthogonal axes,
 
-    raw = E v + bias,   E = I + diag(s) + N                                                                  (C.1)
-    v = M (raw - bias), M = E^-1                                                                             (C.2)
+    raw = E v + bias,   E = I + diag(s) + N                                                    (C.1)
+    v = M (raw - bias), M = E^-1                                                               (C.2)
 
-s are the scale-factor errors (1000 ppm: the sensor reads 0.1 % too much), N has the misalignments off the diagonal: N_yx is the part
-of x that the y sensor feels, rad. The orthogonal axes are those of the accelerometers: x along the x accelerometer, y in the plane
-of the x and y accelerometers, so the N of the accelerometers is lower triangular (N_yx, N_zx, N_zy); that of the gyroscopes has all
-six (N_xy, N_xz, N_yx, N_yz, N_zx, N_zy). A file that gives three means a lower triangle, for either triad. All of it is in the
-sensor's own axes, before `imu.axes` turns them into the body's.
+s are the scale-factor errors (1000 ppm: the sensor reads 0.1 % too much), N has the misalignments
+off the diagonal: N_yx is the part of x that the y sensor feels, rad. The orthogonal axes are those
+of the accelerometers: x along the x accelerometer, y in the plane of the x and y accelerometers, so
+the N of the accelerometers is lower triangular (N_yx, N_zx, N_zy); that of the gyroscopes has all
+six (N_xy, N_xz, N_yx, N_yz, N_zx, N_zy). A file that gives three means a lower triangle, for either
+triad. All of it is in the sensor's own axes, before `imu.axes` turns them into the body's.
 
 The file is TOML, `data_specs/imu_calibration.md`.
 """
@@ -21,11 +24,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
-from ..files import atomic_write
+from ..base.errors import InputError
+from ..base.files import atomic_write
+from ..base.tables import Table, read_toml
+from ..base.units import format_quantity, parse_quantity
 from ..records import Array, Check, ImuSamples
-from ..tables import Table, read_toml
-from ..units import format_quantity, parse_quantity
 from .gaps import LACKING, nominal_interval
 
 FAR = 0.1  # of the matrix from identity: no calibration, but other units or axes
@@ -36,7 +39,10 @@ BIAS_LIMIT = {"gyro": np.radians(20.0), "accel": 5.0}
 _VALUES = ("bias", "scale_factor", "misalignment")
 KEYS: Mapping[str, tuple[str, ...]] = {
     "": ("name", "source", "gyro", "accel"),
-    **{sensor: (*_VALUES, "matrix", *(f"{name}_sigma" for name in _VALUES)) for sensor in ("gyro", "accel")},
+    **{
+        sensor: (*_VALUES, "matrix", *(f"{name}_sigma" for name in _VALUES))
+        for sensor in ("gyro", "accel")
+    },
 }
 
 
@@ -64,7 +70,9 @@ class TriadCalibration:
         return np.diag(self.response) - 1.0
 
     def correct(self, reading: Array, dt: Array | float = 1.0) -> Array:
-        """(n, 3) calibrated readings (C.2); dt (n, 1) s where the readings are increments over it, 1 where they are rates."""
+        """(n, 3) calibrated readings (C.2); dt (n, 1) s where the readings are increments over it,
+        1 where they are rates.
+        """
         return np.ascontiguousarray((reading - self.bias * dt) @ self.matrix.T)
 
 
@@ -89,9 +97,18 @@ class ImuCalibration:
         if imu.quantity == "increments":
             nominal = nominal_interval(imu.time)
             step = np.diff(imu.time, prepend=imu.time[0] - nominal)
-            dt = np.where(step > LACKING * nominal, nominal, step)[:, None]  # an increment after a gap is over one interval
-        note = Check("IMU calibration", f"{self.name or 'calibration'} applied: {self.summary()}", "", "ok")
-        return replace(imu, gyro=self.gyro.correct(imu.gyro, dt), accel=self.accel.correct(imu.accel, dt), notes=(*imu.notes, note))
+            dt = np.where(step > LACKING * nominal, nominal, step)[
+                :, None
+            ]  # an increment after a gap is over one interval
+        note = Check(
+            "IMU calibration", f"{self.name or 'calibration'} applied: {self.summary()}", "", "ok"
+        )
+        return replace(
+            imu,
+            gyro=self.gyro.correct(imu.gyro, dt),
+            accel=self.accel.correct(imu.accel, dt),
+            notes=(*imu.notes, note),
+        )
 
     def summary(self) -> str:
         """Greatest bias, scale-factor error and misalignment of both triads."""
@@ -101,7 +118,10 @@ class ImuCalibration:
             off = triad.response - np.diag(np.diag(triad.response))
             bias = np.abs(triad.bias).max()
             text = f"{np.degrees(bias):.3f} deg/s" if sensor == "gyro" else f"{bias:.3f} m/s^2"
-            parts.append(f"{sensor} bias to {text}, scale to {1e6 * np.abs(triad.scale_factor).max():.0f} ppm, misalignment to ")
+            parts.append(
+                f"{sensor} bias to {text}, scale to {1e6 * np.abs(triad.scale_factor).max():.0f}"
+                " ppm, misalignment to "
+            )
             parts[-1] += f"{1e3 * np.abs(off).max():.2f} mrad"
         return "; ".join(parts)
 
@@ -109,7 +129,10 @@ class ImuCalibration:
 def _implausible(sensor: str, triad: TriadCalibration) -> str:
     """What is wrong with a calibration, as key and words; empty where nothing is."""
     if triad.bias.shape != (3,) or triad.response.shape != (3, 3):
-        return f"bias: shapes {triad.bias.shape} and {triad.response.shape} of bias and response, expected (3,) and (3, 3)"
+        return (
+            f"bias: shapes {triad.bias.shape} and {triad.response.shape} of bias and response,"
+            " expected (3,) and (3, 3)"
+        )
     if not (np.isfinite(triad.bias).all() and np.isfinite(triad.response).all()):
         return "bias: a value is not finite"
     if np.abs(triad.bias).max() > BIAS_LIMIT[sensor]:
@@ -117,15 +140,19 @@ def _implausible(sensor: str, triad: TriadCalibration) -> str:
         return f"bias: {np.abs(triad.bias).max():.3g} is beyond {limit}; check the unit"
     far = float(np.abs(triad.response - np.eye(3)).max())
     if far > FAR:
-        return f"matrix: differs from identity by {100 * far:.0f} % (limit {100 * FAR:.0f} %); axes and units belong into the flight file"
+        return (
+            f"matrix: differs from identity by {100 * far:.0f} % (limit {100 * FAR:.0f} %); axes"
+            " and units belong into the flight file"
+        )
     return ""
 
 
 def load_calibration(path: str | os.PathLike[str]) -> ImuCalibration:
     """Calibration of a file.
 
-    Raises InputError, with file and line, for a file that is missing or no TOML, an unknown key, a value without unit or of another
-    dimension, `matrix` beside what it replaces, and values that no IMU has.
+    Raises InputError, with file and line, for a file that is missing or no TOML, an unknown key, a
+    value without unit or of another dimension, `matrix` beside what it replaces, and values that no
+    IMU has.
     """
     top = read_toml(Path(path), KEYS)
     top.check_keys()
@@ -135,27 +162,48 @@ def load_calibration(path: str | os.PathLike[str]) -> ImuCalibration:
         triads[sensor] = _triad(table, sensor)
         if what := _implausible(sensor, triads[sensor]):
             key, _, why = what.partition(": ")
-            raise table.error(next((k for k in (key, "scale_factor", "misalignment") if k in table.data), key), why)
-    return ImuCalibration(triads["gyro"], triads["accel"], top.text("name", Path(path).stem), top.text("source", "not stated"))
+            raise table.error(
+                next((k for k in (key, "scale_factor", "misalignment") if k in table.data), key),
+                why,
+            )
+    return ImuCalibration(
+        triads["gyro"],
+        triads["accel"],
+        top.text("name", Path(path).stem),
+        top.text("source", "not stated"),
+    )
 
 
 def _triad(table: Table, sensor: str) -> TriadCalibration:
     bias = _quantities(table, "bias", BIAS_UNIT[sensor], (3,))
     scale = _quantities(table, "scale_factor", "ppm", (3,))
     off = _quantities(table, "misalignment", "mrad", (3, 6))
-    sigma = [_quantities(table, f"{key}_sigma", unit, (3,)) for key, unit in (("bias", BIAS_UNIT[sensor]), ("scale_factor", "ppm"))]
+    sigma = [
+        _quantities(table, f"{key}_sigma", unit, (3,))
+        for key, unit in (("bias", BIAS_UNIT[sensor]), ("scale_factor", "ppm"))
+    ]
     off_sigma = _quantities(table, "misalignment_sigma", "mrad", (3, 6))
     if "matrix" in table.data:
         if beside := [key for key in ("scale_factor", "misalignment") if key in table.data]:
-            raise table.error("matrix", f"stands beside {' and '.join(beside)}; it replaces them, keep one")
+            raise table.error(
+                "matrix", f"stands beside {' and '.join(beside)}; it replaces them, keep one"
+            )
         matrix = table.matrix("matrix")
         if np.abs(matrix - np.eye(3)).max() > FAR:
-            raise table.error("matrix", f"differs from identity by more than {100 * FAR:.0f} %; axes and units belong into the flight file")
+            raise table.error(
+                "matrix",
+                f"differs from identity by more than {100 * FAR:.0f} %; axes and units belong into"
+                " the flight file",
+            )
         response = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
     else:
         response = np.eye(3) + _assembled(scale, off)
-    response_sigma = None if sigma[1] is None and off_sigma is None else _assembled(sigma[1], off_sigma)
-    return TriadCalibration(np.zeros(3) if bias is None else bias, response, sigma[0], response_sigma)
+    response_sigma = (
+        None if sigma[1] is None and off_sigma is None else _assembled(sigma[1], off_sigma)
+    )
+    return TriadCalibration(
+        np.zeros(3) if bias is None else bias, response, sigma[0], response_sigma
+    )
 
 
 def _quantities(table: Table, key: str, unit: str, sizes: tuple[int, ...]) -> Array | None:
@@ -164,7 +212,10 @@ def _quantities(table: Table, key: str, unit: str, sizes: tuple[int, ...]) -> Ar
     if values is None:
         return None
     if len(values) not in sizes:
-        raise table.error(key, f"{len(values)} values, expected {' or '.join(map(str, sizes))}, such as '0.1 {unit}'")
+        raise table.error(
+            key,
+            f"{len(values)} values, expected {' or '.join(map(str, sizes))}, such as '0.1 {unit}'",
+        )
     try:
         return np.array([parse_quantity(value, unit) for value in values])
     except InputError as error:
@@ -180,10 +231,18 @@ def _assembled(diagonal: Array | None, off: Array | None) -> Array:
     return out
 
 
-def write_calibration(calibration: ImuCalibration, path: str | os.PathLike[str], remarks: tuple[str, ...] = ()) -> None:
-    """Write a file that `load_calibration` turns back into the same numbers; `remarks` stand on top as comments."""
+def write_calibration(
+    calibration: ImuCalibration, path: str | os.PathLike[str], remarks: tuple[str, ...] = ()
+) -> None:
+    """Write a file that `load_calibration` turns back into the same numbers; `remarks` stand on top
+    as comments.
+    """
     lines = [f"# {remark}" for remark in remarks]
-    lines += [f"{key} = {_quoted(getattr(calibration, key))}" for key in ("name", "source") if getattr(calibration, key)]
+    lines += [
+        f"{key} = {_quoted(getattr(calibration, key))}"
+        for key in ("name", "source")
+        if getattr(calibration, key)
+    ]
     for sensor in ("gyro", "accel"):
         triad: TriadCalibration = getattr(calibration, sensor)
         lines += ["", f"[{sensor}]"]
@@ -197,9 +256,16 @@ def write_calibration(calibration: ImuCalibration, path: str | os.PathLike[str],
 
 
 def _response_lines(values: Array, suffix: str) -> list[str]:
-    places = LOWER if not any(values[place] for place in OFF_DIAGONAL if place not in LOWER) else OFF_DIAGONAL
+    places = (
+        LOWER
+        if not any(values[place] for place in OFF_DIAGONAL if place not in LOWER)
+        else OFF_DIAGONAL
+    )
     off = np.array([values[place] for place in places])
-    return [_line(f"scale_factor{suffix}", np.diag(values), "ppm"), _line(f"misalignment{suffix}", off, "mrad")]
+    return [
+        _line(f"scale_factor{suffix}", np.diag(values), "ppm"),
+        _line(f"misalignment{suffix}", off, "mrad"),
+    ]
 
 
 def _line(key: str, values: Array, unit: str) -> str:

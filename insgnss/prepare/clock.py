@@ -1,11 +1,13 @@
-"""One clock for all sensors: seconds of one GPS week, and the span in which IMU and GNSS both are there."""
+"""One clock for all sensors: seconds of one GPS week, and the span in which IMU and GNSS both are
+there.
+"""
 
 from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 
-from ..errors import DataError, InputError
+from ..base.errors import DataError, InputError
 from ..geodesy.gpstime import WEEK_S
 from ..records import CameraEvents, GnssFixes, ImuSamples
 
@@ -18,46 +20,60 @@ def common_clock(
 ) -> tuple[ImuSamples, GnssFixes, CameraEvents | None, int]:
     """The records with their times in seconds of one week, and that week.
 
-    The week is `gps_week`, else the first one that a record knows; a record without a week is taken to be of it.
-    Raises InputError where no record knows the week and none is given.
+    The week is `gps_week`, else the first one that a record knows; a record without a week is taken
+    to be of it. Raises InputError where no record knows the week and none is given.
     """
     known = [r.gps_week for r in (imu, gnss, events) if r is not None and r.gps_week is not None]
     week = gps_week if gps_week is not None else (known[0] if known else None)
     if week is None:
-        raise InputError(f"{imu.source}: no file says the GPS week; give gps_week in the flight file")
-    return in_week(imu, week), in_week(gnss, week), None if events is None else in_week(events, week), week
+        raise InputError(
+            f"{imu.source}: no file says the GPS week; give gps_week in the flight file"
+        )
+    return (
+        in_week(imu, week),
+        in_week(gnss, week),
+        None if events is None else in_week(events, week),
+        week,
+    )
 
 
 def in_week(record: Timed, week: int) -> Timed:
-    """The record with its times in seconds of `week`; without a week of its own it is taken to be of it."""
+    """The record with its times in seconds of `week`; without a week of its own it is taken to be
+    of it.
+    """
     if record.gps_week in (None, week):
         return replace(record, gps_week=week)
     return replace(record, time=record.time + (record.gps_week - week) * WEEK_S, gps_week=week)
 
 
-def common_span(imu: ImuSamples, gnss: GnssFixes, start: float | None, end: float | None) -> tuple[float, float]:
+def common_span(
+    imu: ImuSamples, gnss: GnssFixes, start: float | None, end: float | None
+) -> tuple[float, float]:
     """First fix within the IMU recording, and the end of the recording, both cut to [start, end].
 
-    Raises InputError where IMU and GNSS do not overlap, DataError where they do by less than `SHORTEST_S`.
+    Raises InputError where IMU and GNSS do not overlap, DataError where they do by less than
+    `SHORTEST_S`.
     """
     lo = max(imu.time[0], -np.inf if start is None else start)
     hi = min(imu.time[-1], np.inf if end is None else end)
     inside = gnss.time[(gnss.time >= lo) & (gnss.time <= hi)]
     told = (
-        f"{gnss.source}: fixes from {gnss.time[0]:.1f} to {gnss.time[-1]:.1f} s, {imu.source}: samples from {imu.time[0]:.1f} to "
-        f"{imu.time[-1]:.1f} s of week {imu.gps_week}"
+        f"{gnss.source}: fixes from {gnss.time[0]:.1f} to {gnss.time[-1]:.1f} s, {imu.source}:"
+        f" samples from {imu.time[0]:.1f} to {imu.time[-1]:.1f} s of week {imu.gps_week}"
     )
     for key, value in (("start_tow", start), ("end_tow", end)):
         told += "" if value is None else f", {key} = {value:.1f} s"
     if gnss.time[-1] < lo or gnss.time[0] > hi:
         raise InputError(
-            f"{told}: they do not overlap; check gps_week, the day, start_tow and end_tow, time_offset_s, seconds against milliseconds"
+            f"{told}: they do not overlap; check gps_week, the day, start_tow and end_tow,"
+            " time_offset_s, seconds against milliseconds"
         )
     length = inside[-1] - inside[0] if inside.size else 0.0
     if inside.size < 2 or length < SHORTEST_S:
         fixes = f"{inside.size} fix{'' if inside.size == 1 else 'es'}"
         raise DataError(
-            f"{told}: {fixes} over {length:.1f} s in common (limit {SHORTEST_S:.0f} s); give the whole recordings, or check their clocks"
+            f"{told}: {fixes} over {length:.1f} s in common (limit {SHORTEST_S:.0f} s); give the"
+            " whole recordings, or check their clocks"
         )
     return float(inside[0]), float(hi)
 
@@ -66,9 +82,12 @@ def cut_fixes(gnss: GnssFixes, lo: float, hi: float) -> GnssFixes:
     """The fixes within [lo, hi]."""
     keep = (gnss.time >= lo) & (gnss.time <= hi)
     optional: dict[str, Any] = {
-        name: None if getattr(gnss, name) is None else getattr(gnss, name)[keep] for name in ("velocity_ned", "velocity_cov_ned", "quality")
+        name: None if getattr(gnss, name) is None else getattr(gnss, name)[keep]
+        for name in ("velocity_ned", "velocity_cov_ned", "quality")
     }
-    cut: dict[str, Any] = {name: getattr(gnss, name)[keep] for name in ("time", "lat", "lon", "height", "cov_ned")}
+    cut: dict[str, Any] = {
+        name: getattr(gnss, name)[keep] for name in ("time", "lat", "lon", "height", "cov_ned")
+    }
     return replace(gnss, **cut, **optional)
 
 
@@ -77,22 +96,33 @@ def cut_samples(imu: ImuSamples, lo: float, hi: float) -> ImuSamples:
     first, last = np.searchsorted(imu.time, [lo, hi])
     if last - first < 2:
         return imu
-    return replace(imu, time=imu.time[first:last], gyro=imu.gyro[first:last], accel=imu.accel[first:last])
+    return replace(
+        imu, time=imu.time[first:last], gyro=imu.gyro[first:last], accel=imu.accel[first:last]
+    )
 
 
 def cut_events(events: CameraEvents, start: float | None, end: float | None) -> CameraEvents:
-    """The events within [start, end], as the flight file cuts the flight. Raises InputError where none is left."""
-    keep = (events.time >= (-np.inf if start is None else start)) & (events.time <= (np.inf if end is None else end))
+    """The events within [start, end], as the flight file cuts the flight. Raises InputError where
+    none is left.
+    """
+    keep = (events.time >= (-np.inf if start is None else start)) & (
+        events.time <= (np.inf if end is None else end)
+    )
     if keep.all():
         return events
     if not keep.any():
-        raise InputError(f"{events.source}: no image between start_tow and end_tow; correct them, or leave out [camera]")
+        raise InputError(
+            f"{events.source}: no image between start_tow and end_tow; correct them, or leave out"
+            " [camera]"
+        )
     return take_events(events, np.flatnonzero(keep))
 
 
 def take_events(events: CameraEvents, at: np.ndarray) -> CameraEvents:
     """The events of the indices `at`."""
-    return replace(events, images=tuple(np.array(events.images, dtype=object)[at]), time=events.time[at])
+    return replace(
+        events, images=tuple(np.array(events.images, dtype=object)[at]), time=events.time[at]
+    )
 
 
 def refuse_outside(events: CameraEvents, lo: float, hi: float) -> None:
@@ -101,7 +131,8 @@ def refuse_outside(events: CameraEvents, lo: float, hi: float) -> None:
     if outside.size:
         k = int(outside[0])
         raise InputError(
-            f"{events.source}: image {events.images[k]} at {events.time[k]:.3f} s is outside the flight, {lo:.3f} to {hi:.3f} s of IMU and "
-            f"GNSS ({outside.size} of {len(events.images)} images); check the time scale of the events (UTC is 18 s behind GPS time) or "
-            "remove these lines"
+            f"{events.source}: image {events.images[k]} at {events.time[k]:.3f} s is outside the"
+            f" flight, {lo:.3f} to {hi:.3f} s of IMU and GNSS ({outside.size} of"
+            f" {len(events.images)} images); check the time scale of the events (UTC is 18 s behind"
+            " GPS time) or remove these lines"
         )

@@ -7,18 +7,25 @@ from ..geodesy.earth import curvature_radii
 from ..records import Array, GnssFixes
 
 FASTEST_MS = 50.0  # of a drone; a single gross fix makes no longer way than this
-OUTLYING, LEAST_M = 8.0, 0.05  # a fix off its neighbours' cubic by so many typical distances, and by at least this
+OUTLYING, LEAST_M = (
+    8.0,
+    0.05,
+)  # a fix off its neighbours' cubic by so many typical distances, and by at least this
 
 
 def north_east(gnss: GnssFixes) -> Array:
     """North and east of the first fix, (n, 2) m."""
     M, N = curvature_radii(gnss.lat[0])
-    return np.column_stack([(gnss.lat - gnss.lat[0]) * M, (gnss.lon - gnss.lon[0]) * N * np.cos(gnss.lat[0])])
+    return np.column_stack(
+        [(gnss.lat - gnss.lat[0]) * M, (gnss.lon - gnss.lon[0]) * N * np.cos(gnss.lat[0])]
+    )
 
 
 def liveliest(gnss: GnssFixes, length_s: float) -> tuple[float, float]:
     """Begin and end, s, of the `length_s` seconds in which the fixes draw the longest path."""
-    step = np.minimum(np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1), FASTEST_MS * np.diff(gnss.time))
+    step = np.minimum(
+        np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1), FASTEST_MS * np.diff(gnss.time)
+    )
     path = np.concatenate([[0.0], np.cumsum(step)])
     end = np.searchsorted(gnss.time, gnss.time + length_s, side="right") - 1
     first = int(np.argmax(path[end] - path))
@@ -26,7 +33,9 @@ def liveliest(gnss: GnssFixes, length_s: float) -> tuple[float, float]:
 
 
 def sound_fixes(gnss: GnssFixes) -> NDArray[np.bool_]:
-    """Fixes that lie on a smooth path with their two neighbours on either side; single gross ones do not."""
+    """Fixes that lie on a smooth path with their two neighbours on either side; single gross ones
+    do not.
+    """
     p = np.column_stack([north_east(gnss), -gnss.height])
     sound = np.ones(gnss.time.size, dtype=bool)
     for _ in range(4):
@@ -35,7 +44,9 @@ def sound_fixes(gnss: GnssFixes) -> NDArray[np.bool_]:
             break
         q = p[at]
         off = np.zeros(at.size)
-        off[2:-2] = np.linalg.norm(q[2:-2] - (4.0 * (q[1:-3] + q[3:-1]) - q[:-4] - q[4:]) / 6.0, axis=1)
+        off[2:-2] = np.linalg.norm(
+            q[2:-2] - (4.0 * (q[1:-3] + q[3:-1]) - q[:-4] - q[4:]) / 6.0, axis=1
+        )
         even = np.zeros(at.size, dtype=bool)
         step = np.diff(gnss.time[at])
         around = np.column_stack([step[:-3], step[1:-2], step[2:-1], step[3:]])

@@ -1,26 +1,33 @@
-"""Gaps of the IMU: bridged where the recording itself shows how well that can be done, else the flight is cut there.
+"""Gaps of the IMU: bridged where the recording itself shows how well that can be done, else the
+flight is cut there.
 
-An interval longer than `LACKING` nominal ones lacks samples. Up to `BRIDGE_S` it is bridged by the mean of the rates at its two ends
-(`increments`). What the body did meanwhile is unknown, but the minute around the gap tells how far such a bridge is off: over every
-interval of the same length that has its samples, the bridge is compared with what the sensors saw,
+An interval longer than `LACKING` nominal ones lacks samples. Up to `BRIDGE_S` it is bridged by the
+mean of the rates at its two ends (`increments`). What the body did meanwhile is unknown, but the
+minute around the gap tells how far such a bridge is off: over every interval of the same length
+that has its samples, the bridge is compared with what the sensors saw,
 
-    d = (x[j] + x[j + k]) L / 2  -  sum of the increments from j to j + k                                (G.1)
+    d = (x[j] + x[j + k]) L / 2  -  sum of the increments from j to j + k                      (G.1)
 
-and the mean square of d, channel by channel, is the variance that the filter is told (`navigation.error_model`, E.8). A standing
-vehicle is bridged to the noise of its sensors, a turning one to degrees. Longer gaps divide the recording into segments that are
-aligned, filtered and smoothed each on its own.
+and the mean square of d, channel by channel, is the variance that the filter is told
+(`navigation.error_model`, E.8). A standing vehicle is bridged to the noise of its sensors, a
+turning one to degrees. Longer gaps divide the recording into segments that are aligned, filtered
+and smoothed each on its own.
 """
 
 import numpy as np
 
-from ..errors import DataError
+from ..base.errors import DataError
 from ..records import Array, ImuSamples
 
-LACKING = 1.5  # nominal intervals: a longer step lacks a sample at least, and stamps jitter by less than half of one
-BRIDGE_S = 1.0  # beyond it a turning drone's attitude would be known to tens of degrees, where linear theory ends
+# nominal intervals: a longer step lacks a sample at least, and stamps jitter by less than half of
+# one
+LACKING = 1.5
+# beyond it a turning drone's attitude would be known to tens of degrees, where linear theory ends
+BRIDGE_S = 1.0
 AROUND_S = 30.0
 FEW = 20  # comparisons below which the whole recording serves
-EDGE_S = 0.1  # gaps longer than this get an epoch at either end, so that what bridges them is a step of its own
+# gaps longer than this get an epoch at either end, so that what bridges them is a step of its own
+EDGE_S = 0.1
 
 
 def nominal_interval(time: Array) -> float:
@@ -30,7 +37,9 @@ def nominal_interval(time: Array) -> float:
 
 
 def find_gaps(time: Array, nominal: float) -> list[tuple[float, float]]:
-    """(time of the last sample before, length) of every interval longer than `LACKING` nominal ones."""
+    """(time of the last sample before, length) of every interval longer than `LACKING` nominal
+    ones.
+    """
     step = np.diff(time)
     return [(float(time[i]), float(step[i])) for i in np.flatnonzero(step > LACKING * nominal)]
 
@@ -43,7 +52,11 @@ def limit(nominal: float) -> float:
 def segments(time: Array, lo: float, hi: float) -> list[tuple[float, float]]:
     """The segments of [lo, hi] between the gaps that are not bridged."""
     nominal = nominal_interval(time)
-    cuts = [(t, t + length) for t, length in find_gaps(time, nominal) if length > limit(nominal) and t + length > lo and t < hi]
+    cuts = [
+        (t, t + length)
+        for t, length in find_gaps(time, nominal)
+        if length > limit(nominal) and t + length > lo and t < hi
+    ]
     edges = [lo, *(x for cut in cuts for x in cut), hi]
     return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
 
@@ -54,10 +67,14 @@ def edges(time: Array, lo: float, hi: float) -> Array:
     return np.array([x for t, length in gaps for x in (t, t + length) if lo < x < hi])
 
 
-def bridged_variance(imu: ImuSamples, C_b_imu: Array, gaps: list[tuple[float, float]], marks: Array) -> Array:
-    """(m, 6) variance of the increments since the mark before, rad^2 and m^2/s^2 in body axes; 0 where no gap is bridged.
+def bridged_variance(
+    imu: ImuSamples, C_b_imu: Array, gaps: list[tuple[float, float]], marks: Array
+) -> Array:
+    """(m, 6) variance of the increments since the mark before, rad^2 and m^2/s^2 in body axes; 0
+    where no gap is bridged.
 
-    Raises DataError where the gaps come so often that nowhere the samples of an interval as long as they are there.
+    Raises DataError where the gaps come so often that nowhere the samples of an interval as long as
+    they are there.
     """
     out = np.zeros((marks.size, 6))
     if not gaps:
@@ -82,7 +99,9 @@ class _Seen:
         self._known: dict[tuple[int, int], Array] = {}
 
     def variance(self, t: float, length: float) -> Array:
-        """(6,) mean square of (G.1) around `t`, once for each length and half minute; DataError where there is nothing to compare."""
+        """(6,) mean square of (G.1) around `t`, once for each length and half minute; DataError
+        where there is nothing to compare.
+        """
         k = max(round(length / self.nominal), 2)
         key = (k, int((t - self.time[0]) / AROUND_S))
         if key not in self._known:
@@ -92,13 +111,21 @@ class _Seen:
                 near = self._misses(k, 0, self.time.size)
             if not near.shape[0]:
                 raise DataError(
-                    f"gap of {length:.3f} s at {t:.3f} s: nowhere are the samples of an interval that long without a gap, which would tell "
-                    "how well it is bridged; record without gaps"
+                    f"gap of {length:.3f} s at {t:.3f} s: nowhere are the samples of an interval"
+                    " that long without a gap, which would tell how well it is bridged; record"
+                    " without gaps"
                 )
             self._known[key] = np.mean(near**2, axis=0)
         return self._known[key]
 
     def _misses(self, k: int, first: int, last: int) -> Array:
         j = np.arange(first, max(last - k, first), max(1, k // 4), dtype=np.int64)
-        j = j[np.abs(self.time[np.minimum(j + k, self.time.size - 1)] - self.time[j] - k * self.nominal) < 0.6 * self.nominal]
-        return 0.5 * (self.rate[j] + self.rate[j + k]) * (k * self.nominal) - (self.sum[j + k] - self.sum[j])
+        j = j[
+            np.abs(
+                self.time[np.minimum(j + k, self.time.size - 1)] - self.time[j] - k * self.nominal
+            )
+            < 0.6 * self.nominal
+        ]
+        return 0.5 * (self.rate[j] + self.rate[j + k]) * (k * self.nominal) - (
+            self.sum[j + k] - self.sum[j]
+        )

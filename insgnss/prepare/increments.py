@@ -2,41 +2,50 @@
 
 Mean of an instantaneous quantity x over one interval of a cubic through four samples:
 
-    mean = (-x[i-1] + 13 x[i] + 13 x[i+1] - x[i+2]) / 24                                             (I.1)
+    mean = (-x[i-1] + 13 x[i] + 13 x[i+1] - x[i+2]) / 24                                       (I.1)
 
-Rotation and velocity increment of an interval obey one linear equation on pairs (omega, f) with the bracket
-[(w, f), (w', f')] = (w x w', w x f' + f x w'). With r the mean rate of the interval, a1 the slope and a2 the curvature at its
-middle, the Magnus series of that equation (time-symmetric, Blanes et al. 2009) gives
+Rotation and velocity increment of an interval obey one linear equation on pairs (omega, f) with the
+bracket [(w, f), (w', f')] = (w x w', w x f' + f x w'). With r the mean rate of the interval, a1 the
+slope and a2 the curvature at its middle, the Magnus series of that equation (time-symmetric, Blanes
+et al. 2009) gives
 
-    (dphi, du) = h r + (h^3 / 12) [r, a1*] - (h^5 / 360) [a2, a1*] + O(h^6 double brackets)              (I.2)
+    (dphi, du) = h r + (h^3 / 12) [r, a1*] - (h^5 / 360) [a2, a1*] + O(h^6 double brackets)    (I.2)
 
-dphi is the rotation vector of the interval; du the velocity increment without its rotation part, which the strapdown adds after
-the bias is taken off. The second term holds what is known as coning and sculling. The slope that this needs to fifth order comes
-from the means of the four neighbouring intervals (the whole flight is there, so both sides are known):
+dphi is the rotation vector of the interval; du the velocity increment without its rotation part,
+which the strapdown adds after the bias is taken off. The second term holds what is known as coning
+and sculling. The slope that this needs to fifth order comes from the means of the four neighbouring
+intervals (the whole flight is there, so both sides are known):
 
     a1* h = (82 (r[k+1] - r[k-1]) - 11 (r[k+2] - r[k-2])) / 120,   a2 h^2 = (r[k+1] + r[k-1]) / 2 - r[k] (I.3)
 
-Where the five intervals are not alike (ends, gaps, jitter over one percent), the slope is the difference of the two neighbours
-over the time between their middles and a2 is left out. A time mark inside an interval (fix, exposure) splits it under the rate
-r + a1 (t - middle); the bracket of a piece of length d is that of the interval times (d / h)^3, which makes the product of the two
-pieces the rotation of the whole.
+Where the five intervals are not alike (ends, gaps, jitter over one percent), the slope is the
+difference of the two neighbours over the time between their middles and a2 is left out. A time mark
+inside an interval (fix, exposure) splits it under the rate r + a1 (t - middle); the bracket of a
+piece of length d is that of the interval times (d / h)^3, which makes the product of the two pieces
+the rotation of the whole.
 
-Blanes, Casas, Oteo, Ros (2009) "The Magnus expansion and some of its applications"; Savage (1998) for the one-sided forms.
+Blanes, Casas, Oteo, Ros (2009) "The Magnus expansion and some of its applications"; Savage (1998)
+for the one-sided forms.
 
-Gaps of up to a second are bridged by the mean of the rates at their two ends, with the variance that `gaps` finds for it.
+Gaps of up to a second are bridged by the mean of the rates at their two ends, with the variance
+that `gaps` finds for it.
 """
 
 import numpy as np
 
-from ..errors import DataError
+from ..base.errors import DataError
 from ..records import QUANTITIES, Array, ImuSamples, Increments
 from .gaps import LACKING, bridged_variance, find_gaps, limit, nominal_interval
 
-SNAP_S = 1e-7  # a mark this close to another, or to a sample, is the same instant: 15 m/s make 1.5 micrometres of it
+# a mark this close to another, or to a sample, is the same instant: 15 m/s make 1.5 micrometres of
+# it
+SNAP_S = 1e-7
 
 
 def merge_marks(*times: Array) -> tuple[Array, list[np.ndarray]]:
-    """Sorted union of instants and, for each input, the index of its instants in the union; closer than `SNAP_S` is one."""
+    """Sorted union of instants and, for each input, the index of its instants in the union; closer
+    than `SNAP_S` is one.
+    """
     every = np.sort(np.concatenate(times))
     keep = np.concatenate([[True], np.diff(every) > SNAP_S])
     union = every[keep]
@@ -49,7 +58,8 @@ def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array) -> Increments
 
     imu : samples in the sensor's axes.   C_b_imu : (3, 3), sensor axes to body.
     marks : (m,) s, increasing, within the recording.
-    Raises DataError where a gap between the first and the last mark is too long to be bridged, or nothing tells how well it is.
+    Raises DataError where a gap between the first and the last mark is too long to be bridged, or
+    nothing tells how well it is.
     """
     from ._kernels import build_segments
 
@@ -58,17 +68,30 @@ def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array) -> Increments
     for t, length in gaps:
         if length > limit(nominal):
             raise DataError(
-                f"{imu.source or 'IMU'}: gap of {length:.3f} s (limit {limit(nominal):.3g} s) at {t:.3f} s; "
-                "cut the flight there with start_tow or end_tow"
+                f"{imu.source or 'IMU'}: gap of {length:.3f} s (limit {limit(nominal):.3g} s) at"
+                f" {t:.3f} s; cut the flight there with start_tow or end_tow"
             )
     room = imu.time.size + marks.size
     dt, dtheta, dvel = np.empty(room), np.empty((room, 3)), np.empty((room, 3))
     stop, rate = np.empty(marks.size, dtype=np.int64), np.empty((marks.size, 3))
     snapped = _snap_to_samples(marks, imu.time)
     samples = (imu.time, imu.gyro, imu.accel, QUANTITIES.index(imu.quantity))
-    n = build_segments(*samples, np.ascontiguousarray(C_b_imu), nominal, LACKING * nominal, snapped, dt, dtheta, dvel, stop, rate)
+    n = build_segments(
+        *samples,
+        np.ascontiguousarray(C_b_imu),
+        nominal,
+        LACKING * nominal,
+        snapped,
+        dt,
+        dtheta,
+        dvel,
+        stop,
+        rate,
+    )
     bridged = bridged_variance(imu, C_b_imu, gaps, snapped) if gaps else None
-    return Increments(dt[:n], dtheta[:n], dvel[:n], snapped, stop, rate, nominal, tuple(gaps), bridged)
+    return Increments(
+        dt[:n], dtheta[:n], dvel[:n], snapped, stop, rate, nominal, tuple(gaps), bridged
+    )
 
 
 def _snap_to_samples(marks: Array, time: Array) -> Array:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..base.errors import DataError, InputError
 from ..config.flight_file import Flight
-from ..errors import DataError, InputError
 from ..records import Array, Check, ImuSamples, Trajectory
 
 if TYPE_CHECKING:
@@ -176,12 +176,18 @@ def check_motion(flight: Flight, segments: "Sequence[Segment]") -> list[Check]:
     """
     from ..navigation.codes import NOT_MEASURED, REJECTED, VELOCITY_CONSTRAINT
 
-    verdict = np.concatenate([segment.solution.verdict[:, VELOCITY_CONSTRAINT] for segment in segments])
+    verdict = np.concatenate(
+        [segment.solution.verdict[:, VELOCITY_CONSTRAINT] for segment in segments]
+    )
     offered, rejected = int((verdict != NOT_MEASURED).sum()), int((verdict == REJECTED).sum())
     if offered == 0:
         return []
     bad = rejected > MOTION_REJECTED * offered
-    key = "filter.non_holonomic = false" if flight.filter.non_holonomic else 'filter.zero_velocity = "off"'
+    key = (
+        "filter.non_holonomic = false"
+        if flight.filter.non_holonomic
+        else 'filter.zero_velocity = "off"'
+    )
     return [
         Check(
             "motion",

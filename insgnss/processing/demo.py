@@ -61,12 +61,18 @@ class DemoResult:
                 f"{self.images} images against the simulated truth (axes east, north, up):",
                 f"  position rms            {mm[0]:8.2f} {mm[1]:8.2f} {mm[2]:8.2f}  mm",
                 f"  attitude rms            {deg[0]:8.4f} {deg[1]:8.4f} {deg[2]:8.4f}  deg",
-                "  error squared over its variance, mean (1 is honest, 0.5 to 2 usual for one "
-                "flight):",
-                "    position              "
-                f"{of_position[0]:8.2f} {of_position[1]:8.2f} {of_position[2]:8.2f}",
-                "    attitude              "
-                f"{of_attitude[0]:8.2f} {of_attitude[1]:8.2f} {of_attitude[2]:8.2f}",
+                (
+                    "  error squared over its variance, mean (1 is honest, 0.5 to 2 usual for one "
+                    "flight):"
+                ),
+                (
+                    "    position              "
+                    f"{of_position[0]:8.2f} {of_position[1]:8.2f} {of_position[2]:8.2f}"
+                ),
+                (
+                    "    attitude              "
+                    f"{of_attitude[0]:8.2f} {of_attitude[1]:8.2f} {of_attitude[2]:8.2f}"
+                ),
                 f"flight and products: {self.directory}",
                 f"report: {report}",
             ]
@@ -97,7 +103,7 @@ def demo(
     DemoResult
         The run and its errors.
     """
-    from ..simulate.dataset import write_dataset
+    from ..simulation.dataset import write_dataset
 
     directory = Path("insgnss_demo") if directory is None else Path(directory)
     progress("simulate")

@@ -7,7 +7,15 @@ import numpy as np
 
 from ..diagnosis.estimated import state_verdicts, time_correlated_errors
 from ..geodesy.rotation import rpy_from_rotation
-from ..navigation.codes import COVARIANCE_RESET, NAV, NOT_MEASURED, POSITION, REJECTED, USED, VELOCITY
+from ..navigation.codes import (
+    COVARIANCE_RESET,
+    NAV,
+    NOT_MEASURED,
+    POSITION,
+    REJECTED,
+    USED,
+    VELOCITY,
+)
 from ..navigation.solution import trajectory
 from ..records import Array, Check, Diagnostics, Trajectory
 from .segment import Segment

@@ -41,8 +41,10 @@ def run_history(
     return (
         _filter(segments, recording.gps_week),
         _fixes(flight, segments),
-        "lever arm IMU to antenna applied, forward right down m: "
-        f"{lever[0]:.4f} {lever[1]:.4f} {lever[2]:.4f}",
+        (
+            "lever arm IMU to antenna applied, forward right down m: "
+            f"{lever[0]:.4f} {lever[1]:.4f} {lever[2]:.4f}"
+        ),
         f"noise model {flight.imu.noise}; IMU axes {flight.imu.axes}; {'; '.join(first.history)}",
         *(f"segment from {s.solution.time[0]:.1f} s on: {'; '.join(s.history)}" for s in later),
         *_motion(segments),
@@ -74,7 +76,9 @@ def _fixes(flight: Flight, segments: Sequence[Segment]) -> str:
 
 
 def _motion(segments: Sequence[Segment]) -> Iterator[str]:
-    verdict = np.concatenate([segment.solution.verdict[:, VELOCITY_CONSTRAINT] for segment in segments])
+    verdict = np.concatenate(
+        [segment.solution.verdict[:, VELOCITY_CONSTRAINT] for segment in segments]
+    )
     offered, used = int((verdict != NOT_MEASURED).sum()), int((verdict == USED).sum())
     if offered:
         yield f"zero-velocity updates and non-holonomic constraints: {offered} offered, {used} used"

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..base.errors import InputError
 from ..config.flight_file import Flight, GnssInput, ImuInput
-from ..errors import InputError
 from ..records import CameraEvents, Check, GnssFixes, ImuSamples
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def read_files(
         given = read_events(camera.events, columns=camera.columns, gps_week=flight.gps_week)
         events = named(given, camera.match)
     if raw is not None:
-        from ..gnss.flown import solve_flown
+        from ..gnss.from_flight_file import solve_flown
 
         of_rover = None if camera is None else (camera.rover_events, camera.match)
         ppk = solve_flown(raw, flight.gnss.covariance, of_rover if events is None else False)
@@ -113,7 +113,7 @@ def read_imu_file(options: ImuInput, gps_week: int | None) -> ImuSamples:
     """
     from ..formats import read_imu
     from ..prepare.calibration import load_calibration
-    from ..prepare.hanging import without_hangs
+    from ..prepare.stuck_channels import without_hangs
     from ..recognise.plausibility import STILL_S
 
     imu = read_imu(
@@ -158,7 +158,7 @@ def combine_imus(
         Where an IMU is given twice.
     """
     from ..prepare.clock import in_week
-    from ..prepare.combine import combine
+    from ..prepare.several_imus.combine import combine
     from ..stochastic.model import load_noise_model, weighted_model
 
     inputs = flight.imu.further
@@ -167,8 +167,8 @@ def combine_imus(
     for k, imu in enumerate(imus[1:], start=2):
         if np.array_equal(imu.gyro, first.gyro):
             raise InputError(
-                f"{flight.path}: imu.further: IMU {k} ({imu.source}) is the first IMU again; give its "
-                "own file or columns"
+                f"{flight.path}: imu.further: IMU {k} ({imu.source}) is the first IMU again; give"
+                " its own file or columns"
             )
     models = [noise, *(load_noise_model(i.noise) for i in inputs)]
     white = [(m.gyro[0].white_noise, m.accel[0].white_noise) for m in models]
@@ -199,7 +199,7 @@ def _read_fixes(options: GnssInput, gps_week: int | None, imu: ImuSamples) -> Gn
         gps_week=gps_week,
     )
     if options.calibrate_covariance:
-        from ..gnss.ready import with_calibrated
+        from ..gnss.quality.ready_positions import with_calibrated
 
         fixes = with_calibrated(fixes, options.file, options.covariance)
     return fixes

@@ -3,8 +3,8 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from ..base.errors import InsgnssError
 from ..config.flight_file import Flight
-from ..errors import InsgnssError
 from ..records import Check
 from .checks import sentence
 from .progress import Progress, quiet

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..base.errors import DataError
 from ..config.flight_file import Flight
-from ..errors import DataError
 from ..geodesy.frames import TangentPlane
 from ..navigation.dense import dense_trajectory
 from ..navigation.solution import trajectory

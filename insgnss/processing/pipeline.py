@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from .. import __version__
+from ..base.files import json_ready
 from ..config.flight_file import Flight
-from ..files import json_ready
 from ..prepare.clock import common_span, refuse_outside
 from ..records import Check, Diagnostics, ExteriorOrientation, Trajectory
 from ..report.summary import run_summary

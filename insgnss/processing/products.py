@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..base.errors import DataError, InputError, InsgnssError, UsageError
 from ..config.flight_file import Flight
-from ..errors import DataError, InputError, InsgnssError, UsageError
 from ..gnss.antenna_files import ANTENNA_FILES, SOLUTION, positions_of_others
 from ..records import Diagnostics, ExteriorOrientation, Trajectory
 from ..records.framed import PROJECTED
@@ -149,8 +149,8 @@ def write_products(
         Where a product would take the place of an input, or cannot be what the flight file asks
         for.
     """
-    from ..formats.sbet import write_sbet, write_smrmsg
-    from ..formats.trajectory_csv import write_trajectory_csv
+    from ..formats.trajectory.sbet import write_sbet, write_smrmsg
+    from ..formats.trajectory.trajectory_csv import write_trajectory_csv
     from ..report.page import write_report, write_report_json
 
     eo, trajectory, report, ppk = result.eo, result.trajectory, result.report, recording.ppk

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..base.errors import DataError, InputError, UsageError
 from ..config.flight_file import Flight
-from ..errors import DataError, InputError, UsageError
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
 from ..records.qualities import Quality
 from .checks import check_mounting, check_stationary
@@ -14,7 +14,7 @@ from .input_files import combine_imus, read_files
 
 if TYPE_CHECKING:
     from ..gnss.ppk import PpkResult
-    from ..prepare.still import Stretches
+    from ..prepare.stationarity import Stretches
     from ..recognise.recognition import Recognition
     from ..stochastic.model import NoiseModel
 
@@ -80,8 +80,8 @@ def read_recording(flight: Flight) -> Recording:
         Where a file is not what the flight file says, or does not support a check.
     """
     from ..prepare.clock import common_clock, cut_events
-    from ..prepare.quality import with_floors
-    from ..prepare.still import still_stretches
+    from ..prepare.fix_quality import with_floors
+    from ..prepare.stationarity import still_stretches
     from ..stochastic.model import load_noise_model
 
     try:
@@ -90,7 +90,9 @@ def read_recording(flight: Flight) -> Recording:
         raise InputError(f"{flight.path}: {error}") from None
     gnss, events = _with_time_offsets(flight, gnss, events)
     imu, gnss, events, week = common_clock(imu, gnss, events, flight.gps_week)
-    floors: dict[int, tuple[float, ...]] = {Quality[name.upper()]: sigma for name, sigma in flight.gnss.quality_sigma_m.items()}
+    floors: dict[int, tuple[float, ...]] = {
+        Quality[name.upper()]: sigma for name, sigma in flight.gnss.quality_sigma_m.items()
+    }
     gnss = with_floors(gnss, floors)
     C_b_imu, noise = flight.imu.C_b_imu, load_noise_model(flight.imu.noise)
     more: list[Check] = []

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..align.initial import given_attitude, initial_state
+from ..base.errors import DataError, InputError
 from ..config.flight_file import Flight
 from ..diagnosis.decision import ErrorModelSearch, diagnose, explain_failure
 from ..diagnosis.time_offset import ROUNDS, offset_to_apply
 from ..diagnosis.turn_on_bias import check_biases_in_innovations, with_turn_on, without_turn_on
-from ..errors import DataError, InputError
 from ..geodesy.frames import LocalFrame
 from ..navigation.codes import NAV
 from ..navigation.problem import EstimationProblem, InitialState
@@ -206,9 +206,12 @@ def _align(flight: Flight, problem: EstimationProblem) -> tuple[InitialState, st
     alignment = initial_state(problem)
     first, last = alignment.window
     sigma = np.degrees(alignment.heading_sigma)
-    return alignment.start, (
-        f"initial attitude from the motion between {first:.1f} and {last:.1f} s (heading to "
-        f"{sigma:.2f} deg there), filtered back to the first fix"
+    return (
+        alignment.start,
+        (
+            f"initial attitude from the motion between {first:.1f} and {last:.1f} s (heading to "
+            f"{sigma:.2f} deg there), filtered back to the first fix"
+        ),
     )
 
 

@@ -1,7 +1,9 @@
-"""The images of the scene: mottled ground, a cross on every point, the image's name; grey, 8 bits, TIFF without compression.
+"""The images of the scene: mottled ground, a cross on every point, the image's name; grey, 8 bits,
+TIFF without compression.
 
-Every pixel's ray is followed to the ground, so that tools find the same spots in all images. A cross has its middle at the point's pixel
-coordinates, to a fraction of a pixel: its arms are drawn by how much of each pixel they cover.
+Every pixel's ray is followed to the ground, so that tools find the same spots in all images. A
+cross has its middle at the point's pixel coordinates, to a fraction of a pixel: its arms are drawn
+by how much of each pixel they cover.
 """
 
 import io
@@ -10,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import atomic_write
+from ..base.files import atomic_write
 from ..records import Array
 from .scene import CENTRE_PX, FIELD_M, FOCAL_PX, HEIGHT_PX, WIDTH_PX, Scene, terrain
 
@@ -57,13 +59,20 @@ def _ground(C_mc: Array, centre: Array, spots: Array) -> Picture:
     above = centre - [*FIELD_M, 0.0]
     for top in range(0, HEIGHT_PX, BAND):
         y = (np.arange(top, min(top + BAND, HEIGHT_PX)) + 0.5 - CENTRE_PX[1]) / FOCAL_PX
-        ray = np.stack([*np.broadcast_arrays(x[None], y[:, None]), np.ones((len(y), WIDTH_PX))], axis=-1) @ C_mc.T
+        ray = (
+            np.stack(
+                [*np.broadcast_arrays(x[None], y[:, None]), np.ones((len(y), WIDTH_PX))], axis=-1
+            )
+            @ C_mc.T
+        )
         up: Array = np.zeros(ray.shape[:2])
         for _ in range(STEPS):
             way = (up - above[2]) / ray[..., 2]
             east, north = above[0] + way * ray[..., 0], above[1] + way * ray[..., 1]
             up = terrain(east, north)
-        out[top : top + len(y)] = GREY + CONTRAST * sum(_mottled(s, east / m, north / m) for s, m in zip(spots, SPOTS_M, strict=True))
+        out[top : top + len(y)] = GREY + CONTRAST * sum(
+            _mottled(s, east / m, north / m) for s, m in zip(spots, SPOTS_M, strict=True)
+        )
     return out
 
 
@@ -73,7 +82,10 @@ def _mottled(values: Array, u: Array, v: Array) -> Array:
     a, b = u - i, v - j
     i, j = i % LATTICE, j % LATTICE
     k, m = (i + 1) % LATTICE, (j + 1) % LATTICE
-    return np.asarray((1 - a) * ((1 - b) * values[i, j] + b * values[i, m]) + a * ((1 - b) * values[k, j] + b * values[k, m]))
+    return np.asarray(
+        (1 - a) * ((1 - b) * values[i, j] + b * values[i, m])
+        + a * ((1 - b) * values[k, j] + b * values[k, m])
+    )
 
 
 def _cross(picture: Picture, x: float, y: float) -> None:

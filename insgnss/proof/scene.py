@@ -2,14 +2,16 @@ r"""Four images of a hilly field, and marked points on it, all of it exact in a 
 
 A camera of focal length f and principal point c sees the point X at
 
-    u = f (x / z, y / z) + c,    (x, y, z) = C_mc^T (X - X_0)                                                         (P.1)
+    u = f (x / z, y / z) + c,    (x, y, z) = C_mc^T (X - X_0)                                  (P.1)
 
-in pixels from the outer corner of the first one. Its attitude is C_mc = S C_nb B^T T^T of an aircraft with roll and pitch of a few
-degrees and a bore-sight B of some tenths of a degree, so that every rotation of the chain is needed to get the points right. The ground is
+in pixels from the outer corner of the first one. Its attitude is C_mc = S C_nb B^T T^T of an
+aircraft with roll and pitch of a few degrees and a bore-sight B of some tenths of a degree, so that
+every rotation of the chain is needed to get the points right. The ground is
 
-    U = 9 sin(E / 31 m) + 6 cos(N / 23 m)                                                                             (P.2)
+    U = 9 sin(E / 31 m) + 6 cos(N / 23 m)                                                      (P.2)
 
-The field lies 6.5 km from the origin of the tangent plane, so that its axes are turned by 4 minutes of arc against those in the field.
+The field lies 6.5 km from the origin of the tangent plane, so that its axes are turned by 4 minutes
+of arc against those in the field.
 """
 
 from dataclasses import dataclass
@@ -17,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UsageError
+from ..base.errors import UsageError
 from ..geodesy.frames import TangentPlane
 from ..geodesy.projection import MapProjection
 from ..geodesy.rotation import NED_ENU, rotation_from_opk, rotation_from_rpy
@@ -35,14 +37,33 @@ CORRELATION = 0.6  # of neighbours
 
 CAMERA_FROM_BODY: Array = np.diag([-1.0, -1.0, 1.0])
 BORESIGHT: Array = rotation_from_opk(np.radians([-0.657, 0.574, -0.513]))
-ATTITUDES_DEG = ((5.9, -6.2, 71.0), (-6.8, 4.6, 69.9), (4.7, 5.9, 71.8), (-5.4, -4.3, -14.5))  # roll, pitch, yaw
+ATTITUDES_DEG = (
+    (5.9, -6.2, 71.0),
+    (-6.8, 4.6, 69.9),
+    (4.7, 5.9, 71.8),
+    (-5.4, -4.3, -14.5),
+)  # roll, pitch, yaw
 CENTRES_M = ((-18.0, -5.5, 121.0), (1.5, 0.5, 119.0), (20.0, 7.5, 122.5), (3.0, -2.0, 126.0))
-POINTS_M = ((-28.0, -3.0), (-29.0, 14.0), (-20.0, -27.0), (-6.0, 3.0), (2.0, 24.0), (8.0, -24.0), (19.0, 4.0), (30.0, 29.0), (37.0, -8.0))
+POINTS_M = (
+    (-28.0, -3.0),
+    (-29.0, 14.0),
+    (-20.0, -27.0),
+    (-6.0, 3.0),
+    (2.0, 24.0),
+    (8.0, -24.0),
+    (19.0, 4.0),
+    (30.0, 29.0),
+    (37.0, -8.0),
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """eo : the images.   points : (m, 3) m, in the tangent plane.   pixels : (n, m, 2).   seen : (n, m), whether they lie in the image."""
+    """eo : the images.
+    points : (m, 3) m, in the tangent plane.
+    pixels : (n, m, 2).
+    seen : (n, m), whether they lie in the image.
+    """
 
     eo: ExteriorOrientation
     names: tuple[str, ...]
@@ -105,14 +126,20 @@ def make_scene(projection: MapProjection | None = None) -> Scene:
 
 
 def _site(projection: MapProjection) -> Array:
-    """Latitude and longitude, rad: the usual place where the CRS reaches it, else one off the middle of the area of use."""
+    """Latitude and longitude, rad: the usual place where the CRS reaches it, else one off the
+    middle of the area of use.
+    """
     area = projection.horizontal.area_of_use
     lat, lon = SITE
     if area is None or (area.west <= lon <= area.east and area.south <= lat <= area.north):
         return np.radians([lat, lon])
     if area.east < area.west:
-        raise UsageError(f"proof: the area of {projection.name} crosses the date line; name another CRS")
-    return np.radians([area.south + 0.4 * (area.north - area.south), area.west + 0.6 * (area.east - area.west)])
+        raise UsageError(
+            f"proof: the area of {projection.name} crosses the date line; name another CRS"
+        )
+    return np.radians(
+        [area.south + 0.4 * (area.north - area.south), area.west + 0.6 * (area.east - area.west)]
+    )
 
 
 def tangent_axes(scene: Scene) -> Array:

@@ -1,7 +1,8 @@
-"""`insgnss export --proof FORMAT DIR`: the scene in a format, with all that a tool needs to show its residuals.
+"""`insgnss export --proof FORMAT DIR`: the scene in a format, with all that a tool needs to show
+its residuals.
 
-The export goes the way of every other export. Beside it stand the images, the points as ground control in the frame of the export, their
-pixels, the camera, and a README that says what to see.
+The export goes the way of every other export. Beside it stand the images, the points as ground
+control in the frame of the export, their pixels, the camera, and a README that says what to see.
 """
 
 import shutil
@@ -13,17 +14,27 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import UsageError
+from ..base.errors import UsageError
+from ..base.files import atomic_write
 from ..exporting.export import Target, export, known_format
-from ..files import atomic_write
-from ..formats._exports import Export
+from ..formats.exports import Export
 from ..geodesy.projection import MapProjection
 from ..orient.frame import in_frame
 from ..records import Array
 from ..records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
 from .pictures import write_pictures
 from .readme import readme
-from .scene import CENTRE_PX, FOCAL_PX, GROUND_M, HEIGHT_PX, PIXEL_UM, SITE, WIDTH_PX, Scene, make_scene
+from .scene import (
+    CENTRE_PX,
+    FOCAL_PX,
+    GROUND_M,
+    HEIGHT_PX,
+    PIXEL_UM,
+    SITE,
+    WIDTH_PX,
+    Scene,
+    make_scene,
+)
 
 NOISE = "navchip"
 LEVER_C = (0.462, -0.001, -0.065)
@@ -33,21 +44,33 @@ AXES = {
     GEOGRAPHIC: ("longitude_deg", "latitude_deg", "height_m"),
     PROJECTED: ("easting_m", "northing_m", "height_m"),
 }
-CAMERA = f"PINHOLE {WIDTH_PX} {HEIGHT_PX} {FOCAL_PX:g} {FOCAL_PX:g} {CENTRE_PX[0]:g} {CENTRE_PX[1]:g}"
+CAMERA = (
+    f"PINHOLE {WIDTH_PX} {HEIGHT_PX} {FOCAL_PX:g} {FOCAL_PX:g} {CENTRE_PX[0]:g} {CENTRE_PX[1]:g}"
+)
 
 
 def write_proof(
-    name: str, directory: Path, crs: str | None = None, geoid: Path | None = None, frame: str | None = None, ground_m: float | None = None
+    name: str,
+    directory: Path,
+    crs: str | None = None,
+    geoid: Path | None = None,
+    frame: str | None = None,
+    ground_m: float | None = None,
 ) -> tuple[Path, ...]:
-    """Write the scene as format `name` into `directory`, which is made: all of it, or nothing; the files, export and README.txt first.
+    """Write the scene as format `name` into `directory`, which is made: all of it, or nothing; the
+    files, export and README.txt first.
 
-    crs, geoid, frame, ground_m : as of `Target`; a format that needs a CRS and gets none has that of the UTM zone.
-    Raises UsageError for an unknown format, a directory with content and what `export` refuses; InputError where a CRS does not reach.
+    crs, geoid, frame, ground_m : as of `Target`; a format that needs a CRS and gets none has that
+        of the UTM zone.
+    Raises UsageError for an unknown format, a directory with content and what `export` refuses;
+    InputError where a CRS does not reach.
     """
     form, directory = known_format(name), Path(directory)
     if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
         raise UsageError(f"{directory}: is not an empty directory; give a new one for the proof")
-    own = next((kind for kind in form.frames if kind != PROJECTED), PROJECTED if form.frames else TANGENT)
+    own = next(
+        (kind for kind in form.frames if kind != PROJECTED), PROJECTED if form.frames else TANGENT
+    )
     if crs is None and (frame or own) == PROJECTED:
         crs = f"EPSG:{32601 + int((SITE[1] + 180.0) // 6.0)}"
     target = Target(crs, geoid, frame, ground_m)
@@ -59,14 +82,23 @@ def write_proof(
         images.mkdir()
         write_pictures(scene, images)
         done = export(scene.eo, name, work / form.product, target, **_options(name, form, images))
-        heights = {PROJECTED: projection.heights if projection is not None else "", GEOGRAPHIC: "above the ellipsoid of WGS84"}.get(kind)
+        heights = {
+            PROJECTED: projection.heights if projection is not None else "",
+            GEOGRAPHIC: "above the ellipsoid of WGS84",
+        }.get(kind)
         words, up = _tangent(scene, form) if kind == TANGENT else (done.frame, 0.0)
         words = f"{words}, heights {heights}" if heights else words
-        side = {"README.txt": readme(scene, name, form, done, words, projection, ground_m), **_beside(scene, kind, projection, words, up)}
+        side = {
+            "README.txt": readme(scene, name, form, done, words, projection, ground_m),
+            **_beside(scene, kind, projection, words, up),
+        }
         for file, text in side.items():
             atomic_write(work / file, text)
     first = [directory / file for file in (form.product, "README.txt")]
-    return (*first, *(file for file in sorted(directory.rglob("*")) if file.is_file() and file not in first))
+    return (
+        *first,
+        *(file for file in sorted(directory.rglob("*")) if file.is_file() and file not in first),
+    )
 
 
 @contextmanager
@@ -76,7 +108,9 @@ def _staged(directory: Path) -> Iterator[Path]:
         directory.parent.mkdir(parents=True, exist_ok=True)
         work = Path(tempfile.mkdtemp(prefix=f".{directory.name}.", dir=directory.parent))
     except OSError as error:
-        raise UsageError(f"{directory}: cannot be written: {error.strerror or error}; give another directory") from None
+        raise UsageError(
+            f"{directory}: cannot be written: {error.strerror or error}; give another directory"
+        ) from None
     try:
         yield work
         if directory.exists():
@@ -107,14 +141,20 @@ def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
 
 
 def _tangent(scene: Scene, form: Export) -> tuple[str, float]:
-    """The tangent plane of a format in words, and how far, m, its origin lies below that of the scene."""
+    """The tangent plane of a format in words, and how far, m, its origin lies below that of the
+    scene.
+    """
     eo = in_frame(scene.eo, TANGENT)
     own = form.in_own_frame(eo)
     return own.frame.name, eo.frame.origin[2] - own.frame.origin[2]
 
 
-def _beside(scene: Scene, kind: str, projection: MapProjection | None, words: str, up: float) -> dict[str, str]:
-    """Points in the frame of the export (a tangent plane `up` m lower) and on the globe, their pixels, the camera: texts by file name."""
+def _beside(
+    scene: Scene, kind: str, projection: MapProjection | None, words: str, up: float
+) -> dict[str, str]:
+    """Points in the frame of the export (a tangent plane `up` m lower) and on the globe, their
+    pixels, the camera: texts by file name.
+    """
     lat, lon, h = scene.geodetic.T
     globe = np.column_stack([np.degrees(lon), np.degrees(lat), h])
     if projection is not None:
@@ -122,7 +162,11 @@ def _beside(scene: Scene, kind: str, projection: MapProjection | None, words: st
     elif kind == GEOGRAPHIC:
         x = globe
     else:
-        x = scene.points + [0.0, 0.0, up] if kind == TANGENT else scene.plane.origin_ecef + scene.points @ scene.plane.C_em.T
+        x = (
+            scene.points + [0.0, 0.0, up]
+            if kind == TANGENT
+            else scene.plane.origin_ecef + scene.points @ scene.plane.C_em.T
+        )
     pixels = "".join(
         f"{image},{point},{x:.4f},{y:.4f}\n"
         for image, row, seen in zip(scene.eo.images, scene.pixels, scene.seen, strict=True)
@@ -140,13 +184,24 @@ def _beside(scene: Scene, kind: str, projection: MapProjection | None, words: st
     ]
     return {
         "points.csv": _points(scene, x, AXES[kind], words),
-        "points_geographic.csv": _points(scene, globe, AXES[GEOGRAPHIC], "WGS84, heights above the ellipsoid"),
-        "pixels.csv": "# pixels from the outer corner of the first one, x right, y down\n#image,point,x,y\n" + pixels,
-        "camera.txt": "# pixels from the outer corner of the first one, x right, y down\n" + "".join(f"{line}\n" for line in calibration),
+        "points_geographic.csv": _points(
+            scene, globe, AXES[GEOGRAPHIC], "WGS84, heights above the ellipsoid"
+        ),
+        "pixels.csv": (
+            "# pixels from the outer corner of the first one, x right, y down\n#image,point,x,y\n"
+            + pixels
+        ),
+        "camera.txt": (
+            "# pixels from the outer corner of the first one, x right, y down\n"
+            + "".join(f"{line}\n" for line in calibration)
+        ),
     }
 
 
 def _points(scene: Scene, x: Array, axes: tuple[str, ...], words: str) -> str:
     forms = ["%.10f" if axis.endswith("_deg") else "%.4f" for axis in axes]
-    rows = "".join(f"{name},{','.join(forms) % tuple(row)}\n" for name, row in zip(scene.names, x.tolist(), strict=True))
+    rows = "".join(
+        f"{name},{','.join(forms) % tuple(row)}\n"
+        for name, row in zip(scene.names, x.tolist(), strict=True)
+    )
     return f"# {words}\n#point,{','.join(axes)}\n{rows}"

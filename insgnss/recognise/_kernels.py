@@ -1,6 +1,8 @@
-"""Numba kernels of the recogniser: specific force carried by the gyros, and its products with GNSS accelerations over many lags.
+"""Numba kernels of the recogniser: specific force carried by the gyros, and its products with GNSS
+accelerations over many lags.
 
-Mathematics: `recognise`. They stand apart from `_kernels` because nothing here is used by the filter's way of the data.
+Mathematics: `recognise`. They stand apart from `_kernels` because nothing here is used by the
+filter's way of the data.
 """
 
 import math
@@ -8,14 +10,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compilation import njit
+from ..base.compilation import njit
 
 Array = NDArray[np.float64]
 
 
 @njit(cache=True)
 def carry(dtheta: Array, dvel: Array, step: float, C: Array, V: Array, S: Array) -> None:
-    """Attitude C (n + 1, 3, 3) against the first instant and integrals V, S (n + 1, 3) of the force in its axes (R.1).
+    """Attitude C (n + 1, 3, 3) against the first instant and integrals V, S (n + 1, 3) of the force
+    in its axes (R.1).
 
     dtheta, dvel (n, 3) rad and m/s over intervals of `step` s, in the sensor's axes.
     """
@@ -33,7 +36,11 @@ def carry(dtheta: Array, dvel: Array, step: float, C: Array, V: Array, S: Array)
         else:
             angle = math.sqrt(angle2)
             s, k = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle2
-        r00, r11, r22 = 1.0 - k * (y * y + z * z), 1.0 - k * (x * x + z * z), 1.0 - k * (x * x + y * y)
+        r00, r11, r22 = (
+            1.0 - k * (y * y + z * z),
+            1.0 - k * (x * x + z * z),
+            1.0 - k * (x * x + y * y),
+        )
         r01, r10 = k * x * y - s * z, k * x * y + s * z
         r02, r20 = k * x * z + s * y, k * x * z - s * y
         r12, r21 = k * y * z - s * x, k * y * z + s * x
@@ -49,7 +56,9 @@ def carry(dtheta: Array, dvel: Array, step: float, C: Array, V: Array, S: Array)
 
 @njit(cache=True)
 def interpolate(at: float, X: Array, dX: Array, step: float, out: Array) -> None:
-    """Cubic Hermite interpolation out (3,) of X (n, 3) with derivative dX at `at` s after the first row, which lies inside."""
+    """Cubic Hermite interpolation out (3,) of X (n, 3) with derivative dX at `at` s after the first
+    row, which lies inside.
+    """
     i = min(max(int(at / step), 0), X.shape[0] - 2)
     p = at / step - i
     q = 1.0 - p
@@ -74,7 +83,9 @@ def scan(
     step: float,
     out: Array,
 ) -> None:
-    """Sums over each window at each lag: out (lags, windows, 16) of weighted z a' (9), z z, a a, z (3), 1, and a count (R.4)."""
+    """Sums over each window at each lag: out (lags, windows, 16) of weighted z a' (9), z z, a a, z
+    (3), 1, and a count (R.4).
+    """
     end = step * (X.shape[0] - 1)
     x, a = np.empty(3), np.empty(3)
     for j in range(lags.size):

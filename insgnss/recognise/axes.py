@@ -14,11 +14,17 @@ from ..prepare.fix_path import north_east
 from ..records import Array, GnssFixes
 from .relation import Relation, orientations
 
-WIND_MS, SPEED_MS, GUST_MS = 5.0, 30.0, 1.0  # prior standard deviations of wind and airspeed, and least scatter of a speed
+WIND_MS, SPEED_MS, GUST_MS = (
+    5.0,
+    30.0,
+    1.0,
+)  # prior standard deviations of wind and airspeed, and least scatter of a speed
 SLOWEST_MS = 2.0  # from here up GNSS has a course
 LEAST_WIDTH_S = 2.0
 INDEPENDENT_S = 10.0  # crab and speed change so slowly
-MOUNT_RAD = np.radians(8.0)  # standard deviation of what tilts the mean of a flight against the axis meant
+MOUNT_RAD = np.radians(
+    8.0
+)  # standard deviation of what tilts the mean of a flight against the axis meant
 CRAB_RAD = np.radians(5.0)
 MOVING = 0.3  # of the speed that is exceeded a tenth of the time
 ROUNDS = 5
@@ -27,20 +33,26 @@ WORDS = (("forward", "backward"), ("right", "left"), ("down", "up"))
 
 def axes_words(C_b_imu: Array) -> str:
     """Words of `axes` for a signed permutation."""
-    return " ".join(WORDS[int(np.argmax(np.abs(column)))][int(column.sum() < 0.0)] for column in C_b_imu.T)
+    return " ".join(
+        WORDS[int(np.argmax(np.abs(column)))][int(column.sum() < 0.0)] for column in C_b_imu.T
+    )
 
 
 def scores(towards: Array, ahead: Array) -> Array:
-    """Of the 24 orientations, -1 to 1: mean cosine of their down and forward against those found, (3,) of length 1 at most."""
+    """Of the 24 orientations, -1 to 1: mean cosine of their down and forward against those found,
+    (3,) of length 1 at most.
+    """
     C = orientations()
     return 0.5 * (C[:, 2] @ towards + C[:, 0] @ ahead)
 
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Attitude C_ns (m, 3, 3) of the IMU's axes at `time` (m,) s of its clock, with yaw_sigma (m,) rad.
+    """Attitude C_ns (m, 3, 3) of the IMU's axes at `time` (m,) s of its clock, with yaw_sigma (m,)
+    rad.
 
-    velocity (m, 2) m/s, north and east, and course_rate (m,) rad/s (NaN below `SLOWEST_MS`) of GNSS over `width` s around it.
+    velocity (m, 2) m/s, north and east, and course_rate (m,) rad/s (NaN below `SLOWEST_MS`) of GNSS
+    over `width` s around it.
     """
 
     time: Array
@@ -52,20 +64,33 @@ class Pose:
 
 
 def poses(relation: Relation, gnss: GnssFixes, sound: NDArray[np.bool_]) -> Pose:
-    """Attitude (R.8) at the rows of the relation's fit, and the velocity between `sound` fixes around them."""
+    """Attitude (R.8) at the rows of the relation's fit, and the velocity between `sound` fixes
+    around them.
+    """
     carried, fit, acc = relation.carried, relation.fit, relation.acc
     assert fit is not None
     window = acc.window[fit.used]
     C_ns = fit.C[window] @ rotation_from_vector(fit.turned) @ carried.C[fit.middle]
     at, width = acc.time[fit.used], max(LEAST_WIDTH_S, acc.span_s)
-    v1, v2 = (_velocity(gnss, sound, at + shift, 0.5 * width) for shift in (-0.25 * width, 0.25 * width))
+    v1, v2 = (
+        _velocity(gnss, sound, at + shift, 0.5 * width) for shift in (-0.25 * width, 0.25 * width)
+    )
     fast = np.minimum(np.abs(v1), np.abs(v2)) > SLOWEST_MS
     course_rate = np.where(fast, np.angle(v2 * np.conj(v1)) / (0.5 * width), np.nan)
     v = 0.5 * (v1 + v2)
-    return Pose(at + fit.theta[0], C_ns, fit.yaw_sigma[window], np.column_stack([v.real, v.imag]), course_rate, width)
+    return Pose(
+        at + fit.theta[0],
+        C_ns,
+        fit.yaw_sigma[window],
+        np.column_stack([v.real, v.imag]),
+        course_rate,
+        width,
+    )
 
 
-def _velocity(gnss: GnssFixes, sound: NDArray[np.bool_], at: Array, width: float) -> NDArray[np.complex128]:
+def _velocity(
+    gnss: GnssFixes, sound: NDArray[np.bool_], at: Array, width: float
+) -> NDArray[np.complex128]:
     """North + i east velocity, m/s, at `at` (m,) s, of the receiver or over `width` s."""
     t = gnss.time[sound]
     if gnss.velocity_ned is not None:
@@ -73,12 +98,17 @@ def _velocity(gnss: GnssFixes, sound: NDArray[np.bool_], at: Array, width: float
         return np.asarray(np.interp(at, t, v), dtype=np.complex128)
     p = north_east(gnss)[sound] @ np.array([1.0, 1j])
     before, after = np.clip(at - 0.5 * width, t[0], t[-1]), np.clip(at + 0.5 * width, t[0], t[-1])
-    return np.asarray((np.interp(after, t, p) - np.interp(before, t, p)) / np.maximum(after - before, 1e-3), dtype=np.complex128)
+    return np.asarray(
+        (np.interp(after, t, p) - np.interp(before, t, p)) / np.maximum(after - before, 1e-3),
+        dtype=np.complex128,
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """A direction of the IMU's axes: unit vector (3,), nearest signed axis (3,), angle between, rad, and confidence in the axis."""
+    """A direction of the IMU's axes: unit vector (3,), nearest signed axis (3,), angle between,
+    rad, and confidence in the axis.
+    """
 
     vector: Array
     axis: Array
@@ -93,7 +123,9 @@ class Direction:
 
 
 def _direction(vector: Array, sigma: float) -> Direction:
-    """Confidence: that an angle of standard deviation `sigma` does not reach the border to the next axis, 45 deg away."""
+    """Confidence: that an angle of standard deviation `sigma` does not reach the border to the next
+    axis, 45 deg away.
+    """
     axis = np.zeros(3)
     k = int(np.argmax(np.abs(vector)))
     axis[k] = np.sign(vector[k])
@@ -110,7 +142,9 @@ def down(pose: Pose) -> Direction:
 
 @dataclass(frozen=True, eq=False)
 class Forward:
-    """Forward in the IMU's axes, with the speed through the air along it and the wind (north, east), m/s (R.9)."""
+    """Forward in the IMU's axes, with the speed through the air along it and the wind (north,
+    east), m/s (R.9).
+    """
 
     direction: Direction
     speed: float
@@ -133,7 +167,10 @@ def forward(pose: Pose, vertical: Direction) -> Forward:
     share = min(1.0, spacing / INDEPENDENT_S)
     moving = np.abs(v) > MOVING * np.quantile(np.abs(v), 0.9)
     known = moving & (pose.yaw_sigma < 0.5)
-    rest, scale = np.zeros(v.size), max(float(np.median(np.abs(v[moving]))) if moving.any() else 0.0, GUST_MS)
+    rest, scale = (
+        np.zeros(v.size),
+        max(float(np.median(np.abs(v[moving]))) if moving.any() else 0.0, GUST_MS),
+    )
     for _ in range(ROUNDS):
         variance = scale**2 + (np.abs(v) * pose.yaw_sigma) ** 2
         weight = share * moving * level / variance / (1.0 + rest**2 / variance)

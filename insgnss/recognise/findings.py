@@ -7,7 +7,8 @@ from dataclasses import dataclass
 class Finding:
     """One answer of the recogniser.
 
-    name : what was asked, one of `NAMES`.   value : the answer in the words of the flight file, or "unknown".
+    name : what was asked, one of `NAMES`.   value : the answer in the words of the flight file, or
+                                             "unknown".
     confidence : probability that the value is right, 0 to `MOST`; 0 where the data cannot tell.
     evidence : the numbers behind it, in plain words.
     """

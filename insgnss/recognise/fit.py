@@ -1,4 +1,5 @@
-"""The fit of carried specific force to what GNSS saw: over all lags by Wahba's problem, then to the millisecond by least squares.
+"""The fit of carried specific force to what GNSS saw: over all lags by Wahba's problem, then to the
+millisecond by least squares.
 
 Mathematics: `recognise`, (R.4) to (R.7).
 """
@@ -16,17 +17,24 @@ from ._kernels import scan
 from .signal import LEAST_ROWS, Accelerations, Carried
 
 CAUTION = 0.1  # of the logarithms of likelihood ratios: residuals are neither white nor normal
-USUAL_S, UNUSUAL = 1.0, -4.0  # a survey repeats itself line by line: a lag beyond the first is that much less likely beforehand
+USUAL_S, UNUSUAL = (
+    1.0,
+    -4.0,
+)  # a survey repeats itself line by line: a lag beyond the first is that much less likely beforehand
 LEAP_S, LEAP_WITHIN_S, LEAP = 17.0, 1.6, -1.0  # one of the leap seconds since 2012 less so
 RUN_SPANS = 2.0  # of the differences, that the lag may move from where the scan found it
-ROUNDS, FREEDOM = 8, 4.0  # of the least squares, and of Student's distribution that stands for the residuals
+ROUNDS, FREEDOM = (
+    8,
+    4.0,
+)  # of the least squares, and of Student's distribution that stands for the residuals
 LEVER, SCALE, BIAS = slice(1, 4), slice(4, 5), slice(5, 8)  # the lag comes first
 PRIOR = np.array([2.0, 0.4, 0.4, 0.4, 0.3, 0.01, 0.01, 0.01])  # s, m, 1, rad/s
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Fit at each of lags (n,) s: score (n,), explained share of the GNSS accelerations, -inf where too few overlap.
+    """Fit at each of lags (n,) s: score (n,), explained share of the GNSS accelerations, -inf where
+    too few overlap.
 
     up, down (n,) : that share if the force is specific force, or its reverse (R.5).   samples (n,) : independent values behind it.
     any_clock : no lag is more usual than another.
@@ -42,13 +50,17 @@ class Scan:
 
     @cached_property
     def posterior(self) -> Array:
-        """(n,) logarithm of the likelihood of each lag, taken with `CAUTION`, and of how usual it is (R.5)."""
+        """(n,) logarithm of the likelihood of each lag, taken with `CAUTION`, and of how usual it
+        is (R.5).
+        """
         unusual = np.zeros(self.lags.size)
         if not self.any_clock:
             unusual[np.abs(self.lags) > USUAL_S] = UNUSUAL
             unusual[np.abs(np.abs(self.lags) - LEAP_S) < LEAP_WITHIN_S] = LEAP
         left = np.maximum(1.0 - np.where(np.isfinite(self.score), self.score, 0.0), 1e-6)
-        return np.where(np.isfinite(self.score), unusual - 0.5 * CAUTION * self.samples * np.log(left), -np.inf)
+        return np.where(
+            np.isfinite(self.score), unusual - 0.5 * CAUTION * self.samples * np.log(left), -np.inf
+        )
 
     @cached_property
     def best(self) -> int:
@@ -69,7 +81,11 @@ class Scan:
         at = self.best
         if not self.score[at] > max(other, 0.0):
             return 0.0
-        return float(0.5 * self.samples[at] * np.log((1.0 - max(other, -1.0)) / max(1.0 - self.score[at], 1e-6)))
+        return float(
+            0.5
+            * self.samples[at]
+            * np.log((1.0 - max(other, -1.0)) / max(1.0 - self.score[at], 1e-6))
+        )
 
 
 def scan_lags(carried: Carried, acc: Accelerations, lags: Array, any_clock: bool = False) -> Scan:
@@ -77,8 +93,28 @@ def scan_lags(carried: Carried, acc: Accelerations, lags: Array, any_clock: bool
     grid = carried.grid
     X, dX = (carried.S, carried.V) if acc.kind == "position" else (carried.V, carried.force)
     out = np.zeros((lags.size, acc.window.max(initial=0) + 1, 16))
-    scan(acc.nodes, acc.coef, acc.z, acc.weight, acc.window, lags, X, dX, grid.broken, grid.start, grid.step, out)
-    M, zz, aa, z, weight, count = out[..., :9], out[..., 9], out[..., 10], out[..., 11:14], out[..., 14], out[..., 15]
+    scan(
+        acc.nodes,
+        acc.coef,
+        acc.z,
+        acc.weight,
+        acc.window,
+        lags,
+        X,
+        dX,
+        grid.broken,
+        grid.start,
+        grid.step,
+        out,
+    )
+    M, zz, aa, z, weight, count = (
+        out[..., :9],
+        out[..., 9],
+        out[..., 10],
+        out[..., 11:14],
+        out[..., 14],
+        out[..., 15],
+    )
     M = M.reshape(*M.shape[:2], 3, 3)
     d = np.linalg.svd(M, compute_uv=False)
     use = count >= LEAST_ROWS
@@ -88,14 +124,20 @@ def scan_lags(carried: Carried, acc: Accelerations, lags: Array, any_clock: bool
     whole = np.where(use, zz - np.sum(z**2, axis=2) / np.maximum(weight, 1e-300), 0.0).sum(axis=1)
     covered = np.where(use, weight, 0.0).sum(axis=1)
     spacing = float(np.median(np.diff(acc.time))) if acc.time.size > 1 else 1.0
-    samples = np.maximum(3.0 * covered * min(spacing / acc.span_s, 1.0) - 4.0 * use.sum(axis=1), 0.0)
-    score, up, down = (np.where(covered > 0.5 * acc.weight.sum(), 1.0 - x / np.maximum(whole, 1e-300), -np.inf) for x in left)
+    samples = np.maximum(
+        3.0 * covered * min(spacing / acc.span_s, 1.0) - 4.0 * use.sum(axis=1), 0.0
+    )
+    score, up, down = (
+        np.where(covered > 0.5 * acc.weight.sum(), 1.0 - x / np.maximum(whole, 1e-300), -np.inf)
+        for x in left
+    )
     return Scan(acc, lags, score, up, down, samples, any_clock)
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Least squares at the end. theta, cov : of lag s, lever arm m (IMU axes), relative gyro scale error, gyro bias rad/s (R.6).
+    """Least squares at the end. theta, cov : of lag s, lever arm m (IMU axes), relative gyro scale
+    error, gyro bias rad/s (R.6).
 
     C (w, 3, 3) : axes 0 into north, east, down, of each window; yaw_sigma (w,) rad.   used (m,) : rows inside the recording.
     seen, felt (m, 3) : z, and what the IMU makes of it, m/s^2, north east down.   middle (m,) : row of the carried grid.
@@ -132,16 +174,30 @@ class _Model:
 
     def inside(self, lag: float) -> NDArray[np.bool_]:
         grid = self.carried.grid
-        first, last = self.acc.nodes[:, 0] + lag - grid.start, self.acc.nodes[:, 2] + lag - grid.start
+        first, last = (
+            self.acc.nodes[:, 0] + lag - grid.start,
+            self.acc.nodes[:, 2] + lag - grid.start,
+        )
         inside = (first >= 0.0) & (last <= grid.step * (grid.broken.size - 1))
-        i, j = (np.clip((x / grid.step).astype(np.int64), 0, grid.broken.size - 2) for x in (first, last))
+        i, j = (
+            np.clip((x / grid.step).astype(np.int64), 0, grid.broken.size - 2)
+            for x in (first, last)
+        )
         return inside & (grid.broken[j + 1] == grid.broken[i])
 
-    def rows(self, theta: Array, use: NDArray[np.bool_]) -> tuple[Array, Array, NDArray[np.int64], Array]:
-        """u (k, 3) of (R.6), its derivative (k, 3, 8) by theta, the grid row (k,) of each middle, what gyro errors turn it by (k, 3)."""
+    def rows(
+        self, theta: Array, use: NDArray[np.bool_]
+    ) -> tuple[Array, Array, NDArray[np.int64], Array]:
+        """u (k, 3) of (R.6), its derivative (k, 3, 8) by theta, the grid row (k,) of each middle,
+        what gyro errors turn it by (k, 3).
+        """
         grid, lag = self.carried.grid, theta[0]
         nodes, coef, window = self.acc.nodes[use], self.acc.coef[use], self.acc.window[use]
-        a, da, D = np.zeros((len(nodes), 3)), np.zeros((len(nodes), 3)), np.zeros((len(nodes), 3, 3))
+        a, da, D = (
+            np.zeros((len(nodes), 3)),
+            np.zeros((len(nodes), 3)),
+            np.zeros((len(nodes), 3, 3)),
+        )
         for n in range(3):
             at = (nodes[:, n] + lag - grid.start) / grid.step
             i = np.clip(at.astype(np.int64), 0, grid.broken.size - 2)
@@ -150,13 +206,19 @@ class _Model:
             q = 1.0 - p
             h = grid.step
             a += c * (
-                q * q * (1 + 2 * p) * self.X[i] + p * p * (3 - 2 * p) * self.X[i + 1] + h * p * q * (q * self.dX[i] - p * self.dX[i + 1])
+                q * q * (1 + 2 * p) * self.X[i]
+                + p * p * (3 - 2 * p) * self.X[i + 1]
+                + h * p * q * (q * self.dX[i] - p * self.dX[i + 1])
             )
             da += c * (q * self.dX[i] + p * self.dX[i + 1])
             D += c[:, :, None] * (q[:, :, None] * self.E[i] + p[:, :, None] * self.E[i + 1])
-        middle = np.rint((0.5 * (nodes[:, 0] + nodes[:, 2]) + lag - grid.start) / grid.step).astype(np.int64)
+        middle = np.rint((0.5 * (nodes[:, 0] + nodes[:, 2]) + lag - grid.start) / grid.step).astype(
+            np.int64
+        )
         turn = _about_window_mean(self.carried.turned[middle], window)
-        drift = _about_window_mean(self.carried.drifted[middle].reshape(-1, 9), window).reshape(-1, 3, 3)
+        drift = _about_window_mean(self.carried.drifted[middle].reshape(-1, 9), window).reshape(
+            -1, 3, 3
+        )
         a, da = self.sign * a, self.sign * da
         turned = turn * theta[SCALE] + drift @ theta[BIAS]
         R = rotation_from_vector(turned)
@@ -168,7 +230,10 @@ class _Model:
 
 def _about_window_mean(x: Array, window: NDArray[np.int64]) -> Array:
     n = np.bincount(window)
-    mean = np.column_stack([np.bincount(window, x[:, c]) for c in range(x.shape[1])]) / np.maximum(n, 1)[:, None]
+    mean = (
+        np.column_stack([np.bincount(window, x[:, c]) for c in range(x.shape[1])])
+        / np.maximum(n, 1)[:, None]
+    )
     return x - mean[window]
 
 
@@ -182,7 +247,9 @@ def _wahba(z: Array, a: Array, weight: Array, window: NDArray[np.int64], windows
 
 
 def fit(carried: Carried, acc: Accelerations, lag: float, sign: int) -> Fit | None:
-    """Least squares (R.6) from a lag of the scan on; None where it runs away from it, or out of the recording."""
+    """Least squares (R.6) from a lag of the scan on; None where it runs away from it, or out of the
+    recording.
+    """
     model = _Model(carried, acc, sign)
     theta = np.zeros(8)
     theta[0] = lag
@@ -199,8 +266,12 @@ def fit(carried: Carried, acc: Accelerations, lag: float, sign: int) -> Fit | No
         felt = np.einsum("nij,nj->ni", C[window], u)
         r = z - felt
         robust = acc.weight[use]
-        sigma = MAD_TO_SIGMA * np.sqrt(np.array([_weighted_median(r[:, c] ** 2, robust) for c in range(3)]))
-        sigma = np.maximum(np.array([*(2 * [np.sqrt(0.5 * (sigma[0] ** 2 + sigma[1] ** 2))]), sigma[2]]), 1e-3)
+        sigma = MAD_TO_SIGMA * np.sqrt(
+            np.array([_weighted_median(r[:, c] ** 2, robust) for c in range(3)])
+        )
+        sigma = np.maximum(
+            np.array([*(2 * [np.sqrt(0.5 * (sigma[0] ** 2 + sigma[1] ** 2))]), sigma[2]]), 1e-3
+        )
         robust = robust * (FREEDOM + 3.0) / (FREEDOM + np.sum((r / sigma) ** 2, axis=1) * robust)
         step, psi, H, g, yaw = _solve(J, C, felt, r, robust, sigma, window, theta)
         theta = theta + step
@@ -218,9 +289,18 @@ def fit(carried: Carried, acc: Accelerations, lag: float, sign: int) -> Fit | No
 
 
 def _solve(
-    J: Array, C: Array, felt: Array, r: Array, robust: Array, sigma: Array, window: NDArray[np.int64], theta: Array
+    J: Array,
+    C: Array,
+    felt: Array,
+    r: Array,
+    robust: Array,
+    sigma: Array,
+    window: NDArray[np.int64],
+    theta: Array,
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """One step: of theta (8,) and psi (w, 3), normal matrix (8, 8), gradients (w, 8) of the windows, sigma of psi's down (w,)."""
+    """One step: of theta (8,) and psi (w, 3), normal matrix (8, 8), gradients (w, 8) of the
+    windows, sigma of psi's down (w,).
+    """
     n = C.shape[0]
     scale = np.sqrt(robust)[:, None] / sigma
     G = np.concatenate([-skew(felt), C[window] @ J], axis=2) * scale[:, :, None]

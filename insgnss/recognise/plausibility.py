@@ -1,28 +1,36 @@
 """What the data themselves say about units, axes and clocks, against what the flight file says.
 
-A contradiction says what to change. Checks stand in the order in which they are to be believed: a dead sensor or a single impossible
-reading upsets what is computed from it further down.
+A contradiction says what to change. Checks stand in the order in which they are to be believed: a
+dead sensor or a single impossible reading upsets what is computed from it further down.
 """
 
 import numpy as np
 
+from ..base.units import STANDARD_GRAVITY
 from ..geodesy.earth import curvature_radii
 from ..prepare.fix_path import north_east
 from ..prepare.gaps import LACKING, find_gaps, nominal_interval
-from ..prepare.hanging import constant_runs, dead_band
+from ..prepare.stuck_channels import constant_runs, dead_band
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
-from ..units import STANDARD_GRAVITY
 from .turns import STEP_S, check_events, check_turns, quantity_guess
 
 STILL_S = 5.0
 FAR_M = 50e3
 FAST_MS = 8.0
-ONE_COURSE = 0.95  # resultant of the courses: nearly all within 20 deg; a multirotor may fly so with its nose anywhere
-GYRO_LIMIT, ACCEL_LIMIT = 100.0, 1000.0  # rad/s, m/s^2: 5700 deg/s and 100 g, beyond every sensor that a drone carries
+# resultant of the courses: nearly all within 20 deg; a multirotor may fly so with its nose anywhere
+ONE_COURSE = 0.95
+GYRO_LIMIT, ACCEL_LIMIT = (
+    100.0,
+    1000.0,
+)  # rad/s, m/s^2: 5700 deg/s and 100 g, beyond every sensor that a drone carries
 LOWEST_M, HIGHEST_M = -1000.0, 10000.0
-FORCE = (8.8, 11.0)  # m/s^2, the median of a flight's specific force: gravity, and what turns and climbs add to it
+FORCE = (
+    8.8,
+    11.0,
+)  # m/s^2, the median of a flight's specific force: gravity, and what turns and climbs add to it
 LOOKS_LIKE = (0.85, 1.15)  # of a norm to what gravity is in a wrong unit
-MANY = 0.01  # of the samples: more readings beyond any sensor are no spikes, but another unit or column
+# of the samples: more readings beyond any sensor are no spikes, but another unit or column
+MANY = 0.01
 _WORDS = (("forward", "backward"), ("right", "left"), ("down", "up"))
 
 NAMES = (
@@ -61,8 +69,16 @@ NAMES = (
 """Of all checks; the flight file's `accept` takes them."""
 
 
-def check_recording(imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes, events: CameraEvents | None, origin: Array | None) -> list[Check]:
-    """All checks that need no navigation solution. origin : (3,) rad, rad, m of the tangent plane, or None."""
+def check_recording(
+    imu: ImuSamples,
+    C_b_imu: Array,
+    gnss: GnssFixes,
+    events: CameraEvents | None,
+    origin: Array | None,
+) -> list[Check]:
+    """All checks that need no navigation solution. origin : (3,) rad, rad, m of the tangent plane,
+    or None.
+    """
     dt = nominal_interval(imu.time)
     checks = [_imu_rate(imu, dt), _silent(imu, dt), _readings(imu, dt)]
     checks += [_gnss_rate(gnss), _gnss_speed(gnss), _gnss_position(gnss)]
@@ -78,7 +94,9 @@ def check_recording(imu: ImuSamples, C_b_imu: Array, gnss: GnssFixes, events: Ca
 
 
 def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
-    """Smoothed heading against the course over ground while fast: (n,) rad and (n, 3) m/s; C_b_imu (3, 3) as the flight file has it."""
+    """Smoothed heading against the course over ground while fast: (n,) rad and (n, 3) m/s; C_b_imu
+    (3, 3) as the flight file has it.
+    """
     name, expected = "heading against course", "median within 60 deg (a drone crabs in wind)"
     speed = np.hypot(velocity_ned[:, 0], velocity_ned[:, 1])
     fast = speed > FAST_MS
@@ -91,13 +109,19 @@ def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
     scatter = float(np.median(np.abs((off - median + 180.0) % 360.0 - 180.0)))
     found = f"median {median:.1f} deg, half of it within {scatter:.1f} deg"
     if abs(np.mean(np.exp(1j * course))) > ONE_COURSE:
-        return Check(name, f"{found}, all on one course: that tells nothing of the axes", expected, "note" if abs(median) > 30.0 else "ok")
+        return Check(
+            name,
+            f"{found}, all on one course: that tells nothing of the axes",
+            expected,
+            "note" if abs(median) > 30.0 else "ok",
+        )
     if abs(median) > 60.0 and scatter < 30.0:
         quarter = round(median / 90.0)
         c, s = (1, 0, -1, 0)[quarter % 4], (0, 1, 0, -1)[quarter % 4]
         turned = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ C_b_imu
         advice = (
-            f"imu.axes looks turned by {90 * quarter} deg about the vertical; if the drone flies nose first it is {_axes_words(turned)!r}"
+            f"imu.axes looks turned by {90 * quarter} deg about the vertical; if the drone flies"
+            f" nose first it is {_axes_words(turned)!r}"
         )
         return Check(name, found, expected, "contradiction", advice)
     return Check(name, found, expected, "note" if abs(median) > 30.0 else "ok")
@@ -113,7 +137,10 @@ def _imu_rate(imu: ImuSamples, dt: float) -> Check:
         found += f", longest {longest:.3f} s"
     if dt < 0.5 * span / (imu.time.size - 1):
         found += f"; median interval {dt:.3g} s, mean {span / (imu.time.size - 1):.3g} s"
-        advice = "the stamps come in bunches: they are rounded, or those of the logger; use the sensor's own clock"
+        advice = (
+            "the stamps come in bunches: they are rounded, or those of the logger; use the sensor's"
+            " own clock"
+        )
         return Check(name, found, expected, "contradiction", advice)
     return Check(name, found, expected, "note" if gaps else "ok")
 
@@ -132,14 +159,27 @@ def _silent(imu: ImuSamples, dt: float) -> Check:
             band.append(name)
             continue
         dead.append(name)
-        how = how or f"stays at {column[first]:z.6g} for {(last - first + 1) * dt:.1f} s from {imu.time[first]:.2f} s on"
+        how = (
+            how
+            or f"stays at {column[first]:z.6g} for {(last - first + 1) * dt:.1f} s from {imu.time[first]:.2f} s on"
+        )
     expected = f"no channel constant for over {STILL_S:.0f} s"
     if dead:
         found = f"{dead[0]} {how}" + (f", likewise {', '.join(dead[1:])}" if dead[1:] else "")
-        return Check("silent sensor", found, expected, "contradiction", "a sensor is dead or a column is wrong; check imu.columns")
+        return Check(
+            "silent sensor",
+            found,
+            expected,
+            "contradiction",
+            "a sensor is dead or a column is wrong; check imu.columns",
+        )
     if band:
         return Check(
-            "silent sensor", f"{', '.join(band)} read exactly 0 for a while", expected, "note", "a dead band hides slow turns and the bias"
+            "silent sensor",
+            f"{', '.join(band)} read exactly 0 for a while",
+            expected,
+            "note",
+            "a dead band hides slow turns and the bias",
         )
     return Check("silent sensor", "every channel alive", expected)
 
@@ -149,16 +189,25 @@ def _readings(imu: ImuSamples, dt: float) -> Check:
     scale = 1.0 / dt if imu.quantity == "increments" else 1.0
     name, expected = "IMU readings", f"within {GYRO_LIMIT:.0f} rad/s and {ACCEL_LIMIT:.0f} m/s^2"
     found, worst = [], 0
-    for sensor, unit, values, limit in (("gyro", "rad/s", imu.gyro, GYRO_LIMIT), ("accelerometer", "m/s^2", imu.accel, ACCEL_LIMIT)):
+    for sensor, unit, values, limit in (
+        ("gyro", "rad/s", imu.gyro, GYRO_LIMIT),
+        ("accelerometer", "m/s^2", imu.accel, ACCEL_LIMIT),
+    ):
         if max(values.max(), -values.min()) * scale <= limit:
             continue
         beyond = np.flatnonzero((np.abs(values) * scale > limit).any(axis=1))
         first = scale * values[beyond[0]]
-        found.append(f"{sensor} {first[np.argmax(np.abs(first))]:.4g} {unit} at {imu.time[beyond[0]]:.3f} s, {beyond.size} such samples")
+        found.append(
+            f"{sensor} {first[np.argmax(np.abs(first))]:.4g} {unit} at {imu.time[beyond[0]]:.3f} s,"
+            f" {beyond.size} such samples"
+        )
         worst = max(worst, beyond.size)
     if not found:
         return Check(name, "all within", expected)
-    advice = "spikes of the recording: correct them at their source, or cut them away with start_tow or end_tow"
+    advice = (
+        "spikes of the recording: correct them at their source, or cut them away with start_tow or"
+        " end_tow"
+    )
     if worst > MANY * imu.time.size:
         advice = "check imu.units and imu.columns"
     return Check(name, "; ".join(found), expected, "contradiction", advice)
@@ -181,7 +230,13 @@ def _force_norm(rate: Array, force: Array, imu: ImuSamples, dt: float) -> Check:
     if FORCE[0] <= norm <= FORCE[1]:
         return Check(name, found, expected)
     if norm < FORCE[0] <= np.median(np.linalg.norm(rate, axis=1)) <= FORCE[1]:
-        return Check(name, found, expected, "contradiction", "gyro and accelerometer look exchanged; correct imu.columns")
+        return Check(
+            name,
+            found,
+            expected,
+            "contradiction",
+            "gyro and accelerometer look exchanged; correct imu.columns",
+        )
     guesses = [
         (1.0 / STANDARD_GRAVITY, 'imu.units accel = "g"'),
         (STANDARD_GRAVITY, 'imu.units accel = "m/s^2" (not in g)'),
@@ -189,31 +244,50 @@ def _force_norm(rate: Array, force: Array, imu: ImuSamples, dt: float) -> Check:
         (1e3 / STANDARD_GRAVITY, 'imu.units accel = "mg"'),
         quantity_guess(imu, dt),
     ]
-    close = [advice for factor, advice in guesses if LOOKS_LIKE[0] < norm / STANDARD_GRAVITY / factor < LOOKS_LIKE[1]]
-    advice = f"the values look like {' or '.join(close)}" if close else "check imu.columns, imu.units and imu.quantity"
+    close = [
+        advice
+        for factor, advice in guesses
+        if LOOKS_LIKE[0] < norm / STANDARD_GRAVITY / factor < LOOKS_LIKE[1]
+    ]
+    advice = (
+        f"the values look like {' or '.join(close)}"
+        if close
+        else "check imu.columns, imu.units and imu.quantity"
+    )
     return Check(name, found, expected, "contradiction", advice)
 
 
 def _down_axis(force: Array, C_b_imu: Array) -> Check:
-    name, expected = "axes, vertical", "specific force points up, along body -z, within 60 deg in the median"
+    name, expected = (
+        "axes, vertical",
+        "specific force points up, along body -z, within 60 deg in the median",
+    )
     up = np.median(force, axis=0)
     norm = np.linalg.norm(up)
     if norm == 0.0:
         return Check(name, "no specific force", expected, "contradiction", "check imu.columns")
     angle = float(np.degrees(np.arccos(np.clip(-up[2] / norm, -1.0, 1.0))))
-    found = f"median ({up[0]:z.2f}, {up[1]:z.2f}, {up[2]:z.2f}) m/s^2 in body axes, {angle:.0f} deg off -z"
+    found = (
+        f"median ({up[0]:z.2f}, {up[1]:z.2f}, {up[2]:z.2f}) m/s^2 in body axes, {angle:.0f} deg"
+        " off -z"
+    )
     if angle > 60.0:
         in_imu = C_b_imu.T @ up
         axis = int(np.argmax(np.abs(in_imu)))
         sense, called = ("down", "up")[int(in_imu[axis] > 0)], _axes_words(C_b_imu).split()[axis]
-        advice = f"the IMU's {'xyz'[axis]} axis points {sense}, imu.axes calls it {called!r}; correct imu.axes"
+        advice = (
+            f"the IMU's {'xyz'[axis]} axis points {sense}, imu.axes calls it {called!r}; correct"
+            " imu.axes"
+        )
         return Check(name, found, expected, "contradiction", advice)
     return Check(name, found, expected, "note" if angle > 30.0 else "ok")
 
 
 def _axes_words(C_b_imu: Array) -> str:
     """The words of `axes.parse_axes` for a signed permutation."""
-    return " ".join(_WORDS[int(np.argmax(np.abs(column)))][int(column.sum() < 0)] for column in C_b_imu.T)
+    return " ".join(
+        _WORDS[int(np.argmax(np.abs(column)))][int(column.sum() < 0)] for column in C_b_imu.T
+    )
 
 
 def _gnss_rate(gnss: GnssFixes) -> Check:
@@ -225,7 +299,9 @@ def _gnss_rate(gnss: GnssFixes) -> Check:
     found = f"{1.0 / nominal:.2f} Hz, {gnss.time.size} fixes, {int(gaps.sum())} gaps"
     if gaps.any():
         found += f", longest {step.max():.1f} s"
-    return Check("GNSS rate", found, "no interval over 1.5 nominal ones", "note" if gaps.any() else "ok")
+    return Check(
+        "GNSS rate", found, "no interval over 1.5 nominal ones", "note" if gaps.any() else "ok"
+    )
 
 
 def _gnss_speed(gnss: GnssFixes) -> Check:
@@ -240,28 +316,54 @@ def _gnss_speed(gnss: GnssFixes) -> Check:
     fast = int((speed > 100.0).sum())
     found = f"median {np.median(distance / step):.1f} m/s, {fast} steps over 100 m/s"
     if typical > 100.0:
-        return Check(name, found, expected, "contradiction", "check the columns, angle units and time unit of the GNSS file")
+        return Check(
+            name,
+            found,
+            expected,
+            "contradiction",
+            "check the columns, angle units and time unit of the GNSS file",
+        )
     return Check(name, found, expected, "note" if fast else "ok")
 
 
 def _gnss_position(gnss: GnssFixes) -> Check:
     """Units and columns of the positions, from where on Earth they lie."""
-    name, expected = "GNSS position", f"away from 0, 0 deg, {LOWEST_M:.0f} to {HIGHEST_M:.0f} m high, changing from fix to fix"
+    name, expected = (
+        "GNSS position",
+        f"away from 0, 0 deg, {LOWEST_M:.0f} to {HIGHEST_M:.0f} m high, changing from fix to fix",
+    )
     lat, lon, height = np.degrees(gnss.lat[0]), np.degrees(gnss.lon[0]), float(gnss.height[0])
     found = f"first fix at {lat:.5f}, {lon:.5f} deg, {height:.1f} m"
-    if np.abs(np.degrees(gnss.lat)).max() <= 0.5 * np.pi and np.abs(np.degrees(gnss.lon)).max() <= np.pi:
-        advice = 'that is the Gulf of Guinea: the values look like gnss.units = { angle = "rad" }, or are zeros'
+    if (
+        np.abs(np.degrees(gnss.lat)).max() <= 0.5 * np.pi
+        and np.abs(np.degrees(gnss.lon)).max() <= np.pi
+    ):
+        advice = (
+            'that is the Gulf of Guinea: the values look like gnss.units = { angle = "rad" }, or'
+            " are zeros"
+        )
         return Check(name, found, expected, "contradiction", advice)
     beyond = np.flatnonzero((gnss.height < LOWEST_M) | (gnss.height > HIGHEST_M))
     if beyond.size:
-        at = f"; height {gnss.height[beyond[0]]:.1f} m at {gnss.time[beyond[0]]:.1f} s, {beyond.size} such fixes"
-        return Check(name, found + at, expected, "contradiction", "check gnss.columns and the unit of the heights, which is m")
+        at = (
+            f"; height {gnss.height[beyond[0]]:.1f} m at {gnss.time[beyond[0]]:.1f} s,"
+            f" {beyond.size} such fixes"
+        )
+        return Check(
+            name,
+            found + at,
+            expected,
+            "contradiction",
+            "check gnss.columns and the unit of the heights, which is m",
+        )
     columns = (("latitude", gnss.lat), ("longitude", gnss.lon), ("height", gnss.height))
     still = [what for what, column in columns if gnss.time.size > 10 and np.ptp(column) == 0.0]
     if still:
         what = " and ".join(still)
         found += f", {what} the same in all {gnss.time.size} fixes"
-        return Check(name, found, expected, "contradiction", f"{what} must change; check gnss.columns")
+        return Check(
+            name, found, expected, "contradiction", f"{what} must change; check gnss.columns"
+        )
     return Check(name, found, expected)
 
 
@@ -270,9 +372,17 @@ def _origin_distance(gnss: GnssFixes, origin: Array) -> Check:
     M, N = curvature_radii(origin[0])
     north, east = (gnss.lat[0] - origin[0]) * M, (gnss.lon[0] - origin[1]) * N * np.cos(origin[0])
     distance = float(np.hypot(north, east))
-    found = f"first fix at {np.degrees(gnss.lat[0]):.5f}, {np.degrees(gnss.lon[0]):.5f} deg, {distance / 1e3:.1f} km from the origin"
+    found = (
+        f"first fix at {np.degrees(gnss.lat[0]):.5f}, {np.degrees(gnss.lon[0]):.5f} deg,"
+        f" {distance / 1e3:.1f} km from the origin"
+    )
     if distance > FAR_M:
-        swapped = np.hypot((gnss.lon[0] - origin[0]) * M, (gnss.lat[0] - origin[1]) * N * np.cos(origin[0])) < FAR_M
+        swapped = (
+            np.hypot(
+                (gnss.lon[0] - origin[0]) * M, (gnss.lat[0] - origin[1]) * N * np.cos(origin[0])
+            )
+            < FAR_M
+        )
         advice = (
             "latitude and longitude look exchanged; correct gnss.columns or tangent_plane.origin"
             if swapped

@@ -1,4 +1,6 @@
-"""What a recording is: units, axes, sign of force and clock of an IMU, found from its numbers and the GNSS fixes alone."""
+"""What a recording is: units, axes, sign of force and clock of an IMU, found from its numbers and
+the GNSS fixes alone.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -13,35 +15,58 @@ from .findings import MOST, NAMES, Finding
 from .relation import MAX_LAG_S, Relation, orientations, relate
 from .signal import ImuGrid, dead_channel, imu_grid
 from .units import ACCEL_UNITS, GYRO_UNITS, ForceUnit, force_unit, gyro_unit, unknown_force
-from .verdict import TELLING, exchange_odds, nothing, of_clock, of_forward, of_gyro, of_sign, of_vertical
+from .verdict import (
+    TELLING,
+    exchange_odds,
+    nothing,
+    of_clock,
+    of_forward,
+    of_gyro,
+    of_sign,
+    of_vertical,
+)
 
-EXCHANGED_ADVICE = "latitude and longitude are exchanged: exchange their names in gnss.columns or in the file"
+EXCHANGED_ADVICE = (
+    "latitude and longitude are exchanged: exchange their names in gnss.columns or in the file"
+)
 SURE = 0.99  # a confidence above which a claim is contradicted
 INCREMENT_UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "m/s": 1.0}
 SENSOR_UNITS = {"gyro": (*GYRO_UNITS, "rad", "deg"), "accel": (*ACCEL_UNITS, "m/s")}
 LEAST_LATE_S = 0.02  # a clock error that is told
-COMMON_S, WIDE_S = 10.0, 900.0  # s that clocks must have in common to be one, and how far starts may lie apart if they are not
-LOOKED_AT_S = 300.0  # of the fixes: enough turns and changes of speed to tell all that motion can tell
+COMMON_S, WIDE_S = (
+    10.0,
+    900.0,
+)  # s that clocks must have in common to be one, and how far starts may lie apart if they are not
+LOOKED_AT_S = (
+    300.0  # of the fixes: enough turns and changes of speed to tell all that motion can tell
+)
 LATE_S = 0.5  # a clock error that stops the job; below it the filter copes, and a note tells
 
 
 @dataclass(frozen=True, eq=False)
 class Recognition:
-    """What the data say about themselves. A field whose finding has confidence 0 holds what the records were read as.
+    """What the data say about themselves. A field whose finding has confidence 0 holds what the
+    records were read as.
 
-    quantity : "mean_rate" (also for instantaneous rates, which the data cannot tell from mean ones) or "increments".
+    quantity : "mean_rate" (also for instantaneous rates, which the data cannot tell from mean ones)
+        or "increments".
     gyro_unit, accel_unit : of the numbers, in the words of the flight file.
-    gyro_factor, accel_factor : by which the numbers must be multiplied to be rad/s and m/s^2, of increments rad and m/s. Numbers
-        that a claim has converted wrongly have factors that belong to no unit; the name of the unit is empty then.
-    axes : body directions of the IMU's x, y and z in the words of `axes`, or None where the data do not tell.
-    accel_sign : +1 where the accelerometers report specific force (up at rest), -1 where they report its reverse.
-    time_offset_s, time_offset_sigma_s : s, what must be added to the GNSS stamps to be on the IMU's clock, and its sigma.
-        (0, inf) where the data do not tell.
-    time_scale : "same", "GNSS in UTC" or "IMU in UTC" where the offset is the leap seconds of the date (18 s without a week)
-        within half a second, "other" where it is larger than half a second otherwise.
+    gyro_factor, accel_factor : by which the numbers must be multiplied to be rad/s and m/s^2, of
+        increments rad and m/s. Numbers that a claim has converted wrongly have factors that belong
+        to no unit; the name of the unit is empty then.
+    axes : body directions of the IMU's x, y and z in the words of `axes`, or None where the data do
+        not tell.
+    accel_sign : +1 where the accelerometers report specific force (up at rest), -1 where they
+        report its reverse.
+    time_offset_s, time_offset_sigma_s : s, what must be added to the GNSS stamps to be on the IMU's
+        clock, and its sigma. (0, inf) where the data do not tell.
+    time_scale : "same", "GNSS in UTC" or "IMU in UTC" where the offset is the leap seconds of the
+        date (18 s without a week) within half a second, "other" where it is larger than half a
+        second otherwise.
     findings : one for each of `findings.NAMES`, in that order.
     curves : arrays for a picture (`recognise` lists them).
-    exchanged : latitude and longitude are; the sign of the force and the axes are then abstained from.
+    exchanged : latitude and longitude are; the sign of the force and the axes are then abstained
+        from.
     """
 
     quantity: Quantity
@@ -68,23 +93,29 @@ def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
 
     Parameters
     ----------
-    imu : the numbers as the file has them, in the sensor's own axes, whatever their unit; its `quantity` only tells whether
-        a stamp ends an interval (mean rate, increments) or is an instant.
+    imu : the numbers as the file has them, in the sensor's own axes, whatever their unit; its
+        `quantity` only tells whether a stamp ends an interval (mean rate, increments) or is an
+        instant.
     gnss : fixes in rad and m; with velocities where the receiver gives them.
 
     Returns
     -------
-    Recognition. It raises nothing: what too few data cannot tell is abstained from. Its `curves` are, with m rows of the windows
-    in which GNSS saw most motion (all are absent where there is too little to look at, all but the scores of lags and units where
-    nothing fits):
+    Recognition. It raises nothing: what too few data cannot tell is abstained from. Its `curves`
+    are, with m rows of the windows in which GNSS saw most motion (all are absent where there is too
+    little to look at, all but the scores of lags and units where nothing fits):
 
     time (m,) s, on the IMU's clock.
-    force_gnss, force_imu (m, 3) m/s^2 : specific force in body axes (in the IMU's where axes is None) from the motion that GNSS
+    force_gnss, force_imu (m, 3) m/s^2 : specific force in body axes (in the IMU's where axes is
+    None) from the motion that GNSS
         saw (gross fixes and all) and from the accelerometers, averaged alike.
-    turn_gnss, turn_gyro (m,) rad/s : rate of turn about the vertical, NaN where GNSS is too slow to have a course.
-    lag_s, lag_score (n,) : s, and the share of the GNSS accelerations that the IMU explains at that time offset (1 all, 0 none,
-        negative worse than nothing).   gyro_factor, gyro_factor_score (h,) : the same for the gyro units tried.
-    orientation (24, 3, 3), orientation_score (24,) : C_b_imu of all orientations (words by `axes.axes_words`), -1 to 1.
+    turn_gnss, turn_gyro (m,) rad/s : rate of turn about the vertical, NaN where GNSS is too slow to
+        have a course.
+    lag_s, lag_score (n,) : s, and the share of the GNSS accelerations that the IMU explains at that
+        time offset (1 all, 0 none,
+        negative worse than nothing).   gyro_factor, gyro_factor_score (h,) : the same for the gyro
+                                        units tried.
+    orientation (24, 3, 3), orientation_score (24,) : C_b_imu of all orientations (words by
+    `axes.axes_words`), -1 to 1.
     """
     grid, sound = imu_grid(imu), sound_fixes(gnss)
     if dead := dead_channel(imu):
@@ -96,32 +127,59 @@ def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
     gnss = replace(gnss, time=gnss.time + shift)
     relation = relate(grid, gnss, sound, force, reach)
     if relation is None:
-        return _abstained(force, per_sample, "too few fixes or readings in common with GNSS, or gyros that show nothing")
+        return _abstained(
+            force,
+            per_sample,
+            "too few fixes or readings in common with GNSS, or gyros that show nothing",
+        )
     if relation.fit is None:
         why = "at no time offset and in no unit does the IMU explain the motion that GNSS saw"
         return _abstained(force, per_sample, why, _scores(relation))
     mirrored = _mirrored(relation, grid, gnss, sound, force, reach)
-    return _recognised(relation, force, grid.interval, imu.gps_week or gnss.gps_week, poses(relation, gnss, sound), shift, mirrored)
+    return _recognised(
+        relation,
+        force,
+        grid.interval,
+        imu.gps_week or gnss.gps_week,
+        poses(relation, gnss, sound),
+        shift,
+        mirrored,
+    )
 
 
 def recognise_liveliest(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
-    """`recognise` of the liveliest `LOOKED_AT_S`, with samples for any time offset that is looked for."""
+    """`recognise` of the liveliest `LOOKED_AT_S`, with samples for any time offset that is looked
+    for.
+    """
     lo, hi = liveliest(gnss, LOOKED_AT_S)
     return recognise(cut_samples(imu, lo - MAX_LAG_S, hi + MAX_LAG_S), cut_fixes(gnss, lo, hi))
 
 
-def _mirrored(relation: Relation, grid: ImuGrid, gnss: GnssFixes, sound: NDArray[np.bool_], force: ForceUnit, reach: float) -> float:
-    """What specific force explains with latitude and longitude exchanged; -inf where that need not, or cannot, be looked at."""
+def _mirrored(
+    relation: Relation,
+    grid: ImuGrid,
+    gnss: GnssFixes,
+    sound: NDArray[np.bool_],
+    force: ForceUnit,
+    reach: float,
+) -> float:
+    """What specific force explains with latitude and longitude exchanged; -inf where that need not,
+    or cannot, be looked at.
+    """
     scan = relation.scan
-    if scan.up[scan.best] >= scan.down[scan.best] or gnss.velocity_ned is not None or np.abs(gnss.lon).max() >= 0.5 * np.pi:
+    if (
+        scan.up[scan.best] >= scan.down[scan.best]
+        or gnss.velocity_ned is not None
+        or np.abs(gnss.lon).max() >= 0.5 * np.pi
+    ):
         return -np.inf
     other = relate(grid, replace(gnss, lat=gnss.lon, lon=gnss.lat), sound, force, reach)
     return -np.inf if other is None else float(other.scan.up[other.scan.best])
 
 
 def _clocks(imu: ImuSamples, gnss: GnssFixes) -> tuple[float, float]:
-    """What to add to the GNSS stamps before lags are looked for, and how far to look, s: clocks that have nothing in common are
-    set to a common start."""
+    """What to add to the GNSS stamps before lags are looked for, and how far to look, s: clocks
+    that have nothing in common are set to a common start."""
     common = min(imu.time[-1], gnss.time[-1]) - max(imu.time[0], gnss.time[0])
     if common >= COMMON_S:
         return 0.0, MAX_LAG_S
@@ -130,7 +188,13 @@ def _clocks(imu: ImuSamples, gnss: GnssFixes) -> tuple[float, float]:
 
 
 def _recognised(
-    relation: Relation, force: ForceUnit, interval: float, week: int | None, pose: Pose, shift: float, mirrored: float
+    relation: Relation,
+    force: ForceUnit,
+    interval: float,
+    week: int | None,
+    pose: Pose,
+    shift: float,
+    mirrored: float,
 ) -> Recognition:
     """All answers, each at most as sure as what it rests on."""
     of_unit, triads = of_gyro(relation, force, interval)
@@ -141,10 +205,20 @@ def _recognised(
     of_down = of_vertical(vertical, of_force.confidence)
     ahead = forward(pose, vertical)
     of_ahead = of_forward(ahead, of_down.confidence)
-    C_b_imu = np.array([ahead.direction.axis, np.cross(vertical.axis, ahead.direction.axis), vertical.axis])
+    C_b_imu = np.array(
+        [ahead.direction.axis, np.cross(vertical.axis, ahead.direction.axis), vertical.axis]
+    )
     axes = axes_words(C_b_imu) if of_ahead.confidence and triads.value == "aligned" else None
-    of_axes = Finding("axes", axes or "unknown", of_ahead.confidence if axes else 0.0, f"{of_down.evidence}; {of_ahead.evidence}")
-    known, per_sample = of_unit.confidence > 0.0, interval if force.quantity == "increments" else 1.0
+    of_axes = Finding(
+        "axes",
+        axes or "unknown",
+        of_ahead.confidence if axes else 0.0,
+        f"{of_down.evidence}; {of_ahead.evidence}",
+    )
+    known, per_sample = (
+        of_unit.confidence > 0.0,
+        interval if force.quantity == "increments" else 1.0,
+    )
     factor = relation.factors[relation.best]
     return Recognition(
         force.quantity,
@@ -157,9 +231,24 @@ def _recognised(
         clock.offset_s,
         clock.sigma_s,
         clock.scale,
-        (force.of_quantity, force.of_unit, of_unit, triads, of_force, of_down, of_ahead, of_axes, clock.of_offset, clock.of_scale),
-        _scores(relation) | _motion(relation, pose, C_b_imu if axes else np.eye(3)) | _orientations(vertical, ahead),
-        clock.of_offset.confidence > 0.0 and bool(np.isfinite(mirrored)) and exchange_odds(relation, mirrored) > TELLING,
+        (
+            force.of_quantity,
+            force.of_unit,
+            of_unit,
+            triads,
+            of_force,
+            of_down,
+            of_ahead,
+            of_axes,
+            clock.of_offset,
+            clock.of_scale,
+        ),
+        _scores(relation)
+        | _motion(relation, pose, C_b_imu if axes else np.eye(3))
+        | _orientations(vertical, ahead),
+        clock.of_offset.confidence > 0.0
+        and bool(np.isfinite(mirrored))
+        and exchange_odds(relation, mirrored) > TELLING,
     )
 
 
@@ -167,12 +256,27 @@ def _plain_gyro_unit(force: ForceUnit) -> str:
     return "rad" if force.quantity == "increments" else "rad/s"
 
 
-def _abstained(force: ForceUnit, per_sample: float, why: str, curves: dict[str, Array] | None = None) -> Recognition:
+def _abstained(
+    force: ForceUnit, per_sample: float, why: str, curves: dict[str, Array] | None = None
+) -> Recognition:
     """What is left where GNSS does not help: the unit of the accelerometers."""
     findings = (force.of_quantity, force.of_unit, *nothing(NAMES[2:], why))
     plain = _plain_gyro_unit(force)
     factor = force.factor * per_sample
-    return Recognition(force.quantity, plain, force.unit, 1.0, factor, None, 1, 0.0, np.inf, "same", findings, curves or {})
+    return Recognition(
+        force.quantity,
+        plain,
+        force.unit,
+        1.0,
+        factor,
+        None,
+        1,
+        0.0,
+        np.inf,
+        "same",
+        findings,
+        curves or {},
+    )
 
 
 def _scores(relation: Relation) -> dict[str, Array]:
@@ -186,7 +290,10 @@ def _scores(relation: Relation) -> dict[str, Array]:
 
 
 def _orientations(vertical: Direction, ahead: Forward) -> dict[str, Array]:
-    return {"orientation": orientations(), "orientation_score": scores(vertical.vector, ahead.direction.vector)}
+    return {
+        "orientation": orientations(),
+        "orientation_score": scores(vertical.vector, ahead.direction.vector),
+    }
 
 
 def _motion(relation: Relation, pose: Pose, C_b_imu: Array) -> dict[str, Array]:
@@ -195,8 +302,13 @@ def _motion(relation: Relation, pose: Pose, C_b_imu: Array) -> dict[str, Array]:
     assert fit is not None
     C_bn = C_b_imu @ np.swapaxes(pose.C_ns, 1, 2)
     reach = max(1, round(0.25 * pose.width / moved.grid.step))
-    first, last = np.maximum(fit.middle - reach, 0), np.minimum(fit.middle + reach, moved.C.shape[0] - 1)
-    change = (moved.turned[last] - moved.turned[first]) / (moved.grid.step * (last - first))[:, None]
+    first, last = (
+        np.maximum(fit.middle - reach, 0),
+        np.minimum(fit.middle + reach, moved.C.shape[0] - 1),
+    )
+    change = (moved.turned[last] - moved.turned[first]) / (moved.grid.step * (last - first))[
+        :, None
+    ]
     rate = np.einsum("nij,nkj,nk->ni", pose.C_ns, moved.C[fit.middle], change)[:, 2]
     return {
         "time": pose.time,
@@ -219,14 +331,16 @@ def compare(
 ) -> list[Check]:
     """Where the flight file's claim and the data disagree.
 
-    found : of the records as the claim makes them: converted to SI from the claimed units, force with the claimed sign, GNSS with
-        the claimed time offset, IMU in its own axes (so that what is found has factor 1, sign +1 and no offset if the claim is right).
-    C_b_imu (3, 3), quantity, gyro_unit, accel_unit, accel_sign (+1, -1), time_offset_s (GNSS minus IMU offset) : the claim, which
+    found : of the records as the claim makes them: converted to SI from the claimed units, force
+        with the claimed sign, GNSS with the claimed time offset, IMU in its own axes (so that what
+        is found has factor 1, sign +1 and no offset if the claim is right).
+    C_b_imu (3, 3), quantity, gyro_unit, accel_unit, accel_sign (+1, -1), time_offset_s (GNSS minus
+    IMU offset) : the claim, which
         goes into the advice.
 
-    Returns the four checks "recognised units", "recognised axes", "recognised sign", "recognised clock": "contradiction" where the
-    data are surer than `SURE` of something else (of a clock: by more than `LATE_S`), "note" where they cannot tell or say so less
-    surely, "ok" otherwise.
+    Returns the four checks "recognised units", "recognised axes", "recognised sign", "recognised
+    clock": "contradiction" where the data are surer than `SURE` of something else (of a clock: by
+    more than `LATE_S`), "note" where they cannot tell or say so less surely, "ok" otherwise.
     """
     return [
         _compare_units(found, quantity, gyro_unit, accel_unit),
@@ -238,10 +352,25 @@ def compare(
 
 def _compare_units(found: Recognition, quantity: str, gyro_unit: str, accel_unit: str) -> Check:
     """Factors other than 1 say by what the claim is wrong, and so what is right."""
-    name, expected = "recognised units", f"gyro in {gyro_unit}, accelerometer in {accel_unit}, {quantity}"
+    name, expected = (
+        "recognised units",
+        f"gyro in {gyro_unit}, accelerometer in {accel_unit}, {quantity}",
+    )
     sensors = (
-        ("gyro", found.finding("gyro unit"), found.gyro_factor, GYRO_UNITS | INCREMENT_UNITS, gyro_unit),
-        ("accel", found.finding("accelerometer unit"), found.accel_factor, ACCEL_UNITS | INCREMENT_UNITS, accel_unit),
+        (
+            "gyro",
+            found.finding("gyro unit"),
+            found.gyro_factor,
+            GYRO_UNITS | INCREMENT_UNITS,
+            gyro_unit,
+        ),
+        (
+            "accel",
+            found.finding("accelerometer unit"),
+            found.accel_factor,
+            ACCEL_UNITS | INCREMENT_UNITS,
+            accel_unit,
+        ),
     )
     wrong_quantity = (quantity == "increments") != (found.quantity == "increments")
     advice, sure, told = [], 1.0, []
@@ -251,9 +380,18 @@ def _compare_units(found: Recognition, quantity: str, gyro_unit: str, accel_unit
             continue
         true = factor * units[claimed]
         of_quantity = INCREMENT_UNITS if found.quantity == "increments" else units
-        unit = next((u for u, f in of_quantity.items() if abs(np.log(true / f)) < 1e-6 and u in SENSOR_UNITS[sensor]), None)
+        unit = next(
+            (
+                u
+                for u, f in of_quantity.items()
+                if abs(np.log(true / f)) < 1e-6 and u in SENSOR_UNITS[sensor]
+            ),
+            None,
+        )
         look = f'the numbers look like imu.units {sensor} = "{unit}"'
-        advice.append(look if unit else f"the numbers are off by {factor:.4g}, check imu.units {sensor}")
+        advice.append(
+            look if unit else f"the numbers are off by {factor:.4g}, check imu.units {sensor}"
+        )
         sure = min(sure, finding.confidence)
     if wrong_quantity and found.finding("quantity").confidence:
         advice.append(f'they look like imu.quantity = "{found.quantity}"')
@@ -262,7 +400,11 @@ def _compare_units(found: Recognition, quantity: str, gyro_unit: str, accel_unit
         return Check(name, "; ".join(told), expected, verdict, "; ".join(advice))
     silent = [finding.name for _, finding, *_ in sensors if not finding.confidence]
     return Check(
-        name, "; ".join(told), expected, "note" if silent else "ok", f"the data do not tell the {' and '.join(silent)}" if silent else ""
+        name,
+        "; ".join(told),
+        expected,
+        "note" if silent else "ok",
+        f"the data do not tell the {' and '.join(silent)}" if silent else "",
     )
 
 
@@ -271,14 +413,27 @@ def _compare_axes(found: Recognition, C_b_imu: Array) -> Check:
     name, claimed = "recognised axes", axes_words(C_b_imu)
     finding, vertical, triads = (found.finding(n) for n in ("axes", "vertical axis", "gyro triad"))
     if triads.value not in ("aligned", "unknown"):
-        advice = f"about the accelerometers' x y z turn {triads.value}: correct imu.columns or the signs in the file"
-        return Check(name, f"{triads.value}; {triads.evidence}", claimed, "contradiction" if triads.confidence > SURE else "note", advice)
+        advice = (
+            f"about the accelerometers' x y z turn {triads.value}: correct imu.columns or the signs"
+            " in the file"
+        )
+        return Check(
+            name,
+            f"{triads.value}; {triads.evidence}",
+            claimed,
+            "contradiction" if triads.confidence > SURE else "note",
+            advice,
+        )
     told = f"{found.axes or 'unknown'} ({finding.evidence})"
     if found.axes == claimed:
         return Check(name, told, claimed)
     down_word = vertical.value.split()[0]
     if vertical.confidence > SURE and down_word != _imu_word(C_b_imu[2]):
-        hint = f'imu.axes = "{found.axes}"' if found.axes else f"imu.axes must have the IMU's {down_word} down"
+        hint = (
+            f'imu.axes = "{found.axes}"'
+            if found.axes
+            else f"imu.axes must have the IMU's {down_word} down"
+        )
         return Check(name, told, claimed, "contradiction", f"the data look like {hint}")
     if found.axes is None:
         return Check(name, told, claimed, "note", "the data do not tell which axis is forward")
@@ -293,7 +448,9 @@ def _imu_word(direction: Array) -> str:
 
 def _compare_sign(found: Recognition, accel_sign: int) -> Check:
     name, finding = "recognised sign", found.finding("force sign")
-    expected = "specific force (up at rest)" + (", with the sign of the claim" if accel_sign < 0 else "")
+    expected = "specific force (up at rest)" + (
+        ", with the sign of the claim" if accel_sign < 0 else ""
+    )
     told = f"{finding.value}: {finding.evidence}"
     if found.exchanged:
         return Check(name, told, expected, "contradiction", EXCHANGED_ADVICE)
@@ -302,19 +459,33 @@ def _compare_sign(found: Recognition, accel_sign: int) -> Check:
     if found.accel_sign > 0:
         return Check(name, told, expected)
     verdict: Verdict = "contradiction" if finding.confidence > SURE else "note"
-    advice = f"the accelerometers report the reverse: imu.accel_sign = {-accel_sign}; or latitude and longitude are exchanged"
+    advice = (
+        f"the accelerometers report the reverse: imu.accel_sign = {-accel_sign}; or latitude and"
+        " longitude are exchanged"
+    )
     return Check(name, told, expected, verdict, advice)
 
 
 def _compare_clock(found: Recognition, time_offset_s: float) -> Check:
     name, finding = "recognised clock", found.finding("time offset")
-    expected, told = f"GNSS on the IMU's clock within {LATE_S} s", f"{finding.value}: {finding.evidence}"
+    expected, told = (
+        f"GNSS on the IMU's clock within {LATE_S} s",
+        f"{finding.value}: {finding.evidence}",
+    )
     if not finding.confidence:
         return Check(name, told, expected, "note", "the data do not tell the time offset")
     offset, sigma = found.time_offset_s, found.time_offset_sigma_s
     if abs(offset) < max(3.0 * sigma, LEAST_LATE_S):
         return Check(name, told, expected)
-    advice = f"gnss.time_offset_s = {time_offset_s + offset:.3f} would put the fixes on the IMU's clock"
+    advice = (
+        f"gnss.time_offset_s = {time_offset_s + offset:.3f} would put the fixes on the IMU's clock"
+    )
     if found.time_scale in ("GNSS in UTC", "IMU in UTC"):
         advice += f" ({found.time_scale}, leap seconds)"
-    return Check(name, told, expected, "contradiction" if abs(offset) > LATE_S and finding.confidence > SURE else "note", advice)
+    return Check(
+        name,
+        told,
+        expected,
+        "contradiction" if abs(offset) > LATE_S and finding.confidence > SURE else "note",
+        advice,
+    )

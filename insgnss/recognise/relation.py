@@ -19,7 +19,8 @@ MAX_LAG_S, LAG_STEP_S = 30.0, 0.25
 HALVES_S = (0.5, 2.0)  # of the differences that are tried over all lags
 FINE_HALVES_S = (0.2, 0.5, 1.0, 2.0)  # of those that are fitted at the end
 LEAST_ROWS = 10
-CLEAR = 0.5  # score above which no other arrangement of the gyro axes is looked for, and that one must have
+# score above which no other arrangement of the gyro axes is looked for, and that one must have
+CLEAR = 0.5
 MANOEUVRE_MS2 = 0.3  # horizontal acceleration that a tenth of the fixes must show for it
 WORTH = 0.3  # share of the largest gain that a fit needs to be believed
 
@@ -30,10 +31,13 @@ Kind = Literal["position", "velocity"]
 class Relation:
     """How IMU and GNSS fit together.
 
-    factors (h,) : gyro factors tried; scans (h,) of them, of one kind of difference; best : index of the best.
-    triads (3, 3) : signed permutation that takes gyro readings into the accelerometers' axes, the identity where both are aligned.
+    factors (h,) : gyro factors tried; scans (h,) of them, of one kind of difference; best : index
+        of the best.
+    triads (3, 3) : signed permutation that takes gyro readings into the accelerometers' axes, the
+        identity where both are aligned.
     rival : best score of another one.   carried : force with the best of all these.
-    fit, acc : the most certain fit, and its accelerations; None where the scans explain nothing.   lag_sigma : s, with the
+    fit, acc : the most certain fit, and its accelerations; None where the scans explain nothing.
+    lag_sigma : s, with the
     spread of the fits of other differences in it.
     """
 
@@ -53,13 +57,25 @@ class Relation:
         return self.scans[self.best]
 
 
-def relate(grid: ImuGrid, gnss: GnssFixes, sound: NDArray[np.bool_], force: ForceUnit, reach: float = MAX_LAG_S) -> Relation | None:
-    """Best relation over all gyro factors and lags up to `reach`, s; None where there are too few fixes or readings to look for one."""
+def relate(
+    grid: ImuGrid,
+    gnss: GnssFixes,
+    sound: NDArray[np.bool_],
+    force: ForceUnit,
+    reach: float = MAX_LAG_S,
+) -> Relation | None:
+    """Best relation over all gyro factors and lags up to `reach`, s; None where there are too few
+    fixes or readings to look for one.
+    """
     if sound.sum() < LEAST_ROWS:
         return None
     factors = gyro_factors(grid, force.quantity)
     halves = HALVES_S if reach <= MAX_LAG_S else HALVES_S[1:]
-    tried = [accelerations(gnss, sound, kind, half) for kind in _kinds(gnss) for half in _halves(gnss, halves)]
+    tried = [
+        accelerations(gnss, sound, kind, half)
+        for kind in _kinds(gnss)
+        for half in _halves(gnss, halves)
+    ]
     tried = [acc for acc in tried if acc.time.size >= LEAST_ROWS]
     if not factors or not tried:
         return None
@@ -70,7 +86,11 @@ def relate(grid: ImuGrid, gnss: GnssFixes, sound: NDArray[np.bool_], force: Forc
         others, other = _try_factors(centred, factors, force, tried, reach)
         if _top(others[other]) > max(_top(chosen[best]), 0.0):
             grid, chosen, best = centred, others, other
-    if _top(chosen[best]) < CLEAR and reach <= MAX_LAG_S and (turned := _turned_triads(grid, factors, force, tried)) is not None:
+    if (
+        _top(chosen[best]) < CLEAR
+        and reach <= MAX_LAG_S
+        and (turned := _turned_triads(grid, factors, force, tried)) is not None
+    ):
         triads = turned
         grid = replace(grid, dtheta=grid.dtheta @ triads.T)
         chosen, best = _try_factors(grid, factors, force, tried, reach)
@@ -81,13 +101,17 @@ def relate(grid: ImuGrid, gnss: GnssFixes, sound: NDArray[np.bool_], force: Forc
 
 
 def _usual_rate(grid: ImuGrid) -> Array:
-    """Median (3,) of the gyro increments over a second, per grid interval: a gyro's bias if it is large and most lines are straight."""
+    """Median (3,) of the gyro increments over a second, per grid interval: a gyro's bias if it is
+    large and most lines are straight.
+    """
     k = max(1, round(1.0 / grid.step))
     n = max(1, len(grid.dtheta) // k)
     return np.median(grid.dtheta[: n * k].reshape(n, -1, 3).mean(axis=1), axis=0)
 
 
-def _try_factors(grid: ImuGrid, factors: list[float], force: ForceUnit, tried: list[Accelerations], reach: float) -> tuple[list[Scan], int]:
+def _try_factors(
+    grid: ImuGrid, factors: list[float], force: ForceUnit, tried: list[Accelerations], reach: float
+) -> tuple[list[Scan], int]:
     """Scans of all factors with the differences that tell most, and the index of the best."""
     moved = [carried(grid, f, force.factor) for f in factors]
     scans = [[_scan(c, acc, 0.0, reach) for c in moved] for acc in tried]
@@ -107,8 +131,12 @@ def orientations() -> Array:
     return np.array(found)
 
 
-def _turned_triads(grid: ImuGrid, factors: list[float], force: ForceUnit, tried: list[Accelerations]) -> Array | None:
-    """Signed permutation of the gyro readings that makes them carry the force as GNSS saw it; None where none does."""
+def _turned_triads(
+    grid: ImuGrid, factors: list[float], force: ForceUnit, tried: list[Accelerations]
+) -> Array | None:
+    """Signed permutation of the gyro readings that makes them carry the force as GNSS saw it; None
+    where none does.
+    """
     acc = max(tried, key=lambda a: a.span_s)
     if np.quantile(np.abs(acc.z[:, :2]), 0.9) < MANOEUVRE_MS2:
         return None
@@ -130,30 +158,48 @@ def _kinds(gnss: GnssFixes) -> list[Kind]:
 
 
 def _halves(gnss: GnssFixes, wanted: tuple[float, ...]) -> list[float]:
-    """Of the wanted lengths, s, those that the rate of the fixes allows; the interval itself where it is longer than all."""
+    """Of the wanted lengths, s, those that the rate of the fixes allows; the interval itself where
+    it is longer than all.
+    """
     interval = float(np.median(np.diff(gnss.time))) if gnss.time.size > 1 else np.inf
     return [half for half in wanted if half > 0.9 * interval] or [interval]
 
 
-def _scan(moved: Carried, acc: Accelerations, around: float = 0.0, reach: float = MAX_LAG_S) -> Scan:
+def _scan(
+    moved: Carried, acc: Accelerations, around: float = 0.0, reach: float = MAX_LAG_S
+) -> Scan:
     width = 0.5 * acc.span_s if acc.kind == "position" else acc.span_s
     step = min(0.5 * width, max(LAG_STEP_S, 0.25 * width))
     n = int(np.ceil(reach / step))
-    return scan_lags(moved, acc, around + step * np.arange(-n, n + 1, dtype=np.float64), reach > MAX_LAG_S)
+    return scan_lags(
+        moved, acc, around + step * np.arange(-n, n + 1, dtype=np.float64), reach > MAX_LAG_S
+    )
 
 
 def _refine(
     grid: ImuGrid, gnss: GnssFixes, sound: NDArray[np.bool_], moved: Carried, scan: Scan
 ) -> tuple[Fit | None, Accelerations, float]:
-    """Fits of all differences near the best lag; of those that explain enough, the one that knows the lag best (R.7)."""
+    """Fits of all differences near the best lag; of those that explain enough, the one that knows
+    the lag best (R.7).
+    """
     if scan.gain() == 0.0:
         return None, scan.acc, np.inf
     lag, reach = float(scan.lags[scan.best]), 2.0 * scan.acc.span_s
-    tried = [accelerations(gnss, sound, kind, half, dense=True) for kind in _kinds(gnss) for half in _halves(gnss, FINE_HALVES_S)]
+    tried = [
+        accelerations(gnss, sound, kind, half, dense=True)
+        for kind in _kinds(gnss)
+        for half in _halves(gnss, FINE_HALVES_S)
+    ]
     near = [_scan(moved, acc, lag, reach) for acc in tried if acc.time.size >= LEAST_ROWS]
     most = max((s.gain() for s in near), default=0.0)
     near = [s for s in near if s.gain() > WORTH * most]
-    fits = [(fit(moved, s.acc, float(s.lags[s.best]), 1 if s.up[s.best] >= s.down[s.best] else -1), s.acc) for s in near]
+    fits = [
+        (
+            fit(moved, s.acc, float(s.lags[s.best]), 1 if s.up[s.best] >= s.down[s.best] else -1),
+            s.acc,
+        )
+        for s in near
+    ]
     worth = [(found, acc) for found, acc in fits if found is not None]
     if not worth:
         return None, scan.acc, np.inf

@@ -1,4 +1,5 @@
-"""The two signals that the recogniser compares: accelerations seen by GNSS, and the specific force that the gyros carry.
+"""The two signals that the recogniser compares: accelerations seen by GNSS, and the specific force
+that the gyros carry.
 
 Mathematics: `recognise`, (R.1) to (R.3).
 """
@@ -17,19 +18,29 @@ from ..records import Array, GnssFixes, ImuSamples
 from ._kernels import carry
 
 GRID_S = 0.02  # a drone turns some degrees in it at most; finer than any lag that is looked for
-BROKEN_S = 0.1  # an IMU interval longer than this, and than 5 nominal ones, holds a motion that nobody saw
-WINDOW_S = 20.0  # in which the gyros carry the attitude: a bias of 0.3 deg/s turns it by 3 deg from its middle to its end
+BROKEN_S = (
+    0.1  # an IMU interval longer than this, and than 5 nominal ones, holds a motion that nobody saw
+)
+# in which the gyros carry the attitude: a bias of 0.3 deg/s turns it by 3 deg from its middle to
+# its end
+WINDOW_S = 20.0
 UNSEEN_MS2 = 0.1  # of the specific force that fixes do not see: vibration, lever arm
 LEAST_ROWS, MOST_ROWS = 5, 1500
 SPIKE = 10.0  # times the distance from the neighbours' mean that a tenth of the readings exceed
-DEAD_S, DEAD_SHARE, ALIVE = 20.0, 0.3, 10  # s and share of the recording without a change, and changes of a neighbour meanwhile
+DEAD_S, DEAD_SHARE, ALIVE = (
+    20.0,
+    0.3,
+    10,
+)  # s and share of the recording without a change, and changes of a neighbour meanwhile
 
 
 @dataclass(frozen=True, eq=False)
 class ImuGrid:
-    """Raw increments on an even grid. dtheta, dvel (n, 3) in the file's unit times s, of intervals of `step` s from `start` on.
+    """Raw increments on an even grid. dtheta, dvel (n, 3) in the file's unit times s, of intervals
+    of `step` s from `start` on.
 
-    broken (n + 1,) : number of grid intervals up to each instant that lie in a gap.   interval : nominal, s, of the recording.
+    broken (n + 1,) : number of grid intervals up to each instant that lie in a gap.
+    interval : nominal, s, of the recording.
     """
 
     start: float
@@ -41,7 +52,9 @@ class ImuGrid:
 
 
 def imu_grid(imu: ImuSamples) -> ImuGrid:
-    """Integrate the readings, whatever their unit, as if they were rates, and cut the integral evenly."""
+    """Integrate the readings, whatever their unit, as if they were rates, and cut the integral
+    evenly.
+    """
     dt = nominal_interval(imu.time)
     width = np.diff(imu.time)
     gap = width > max(BROKEN_S, 5.0 * dt)
@@ -64,7 +77,9 @@ def imu_grid(imu: ImuSamples) -> ImuGrid:
 
 
 def _without_spikes(x: Array) -> Array:
-    """Single rows of increments (n, 3) that lie far off the mean of their neighbours are replaced by it; only the recogniser sees this."""
+    """Single rows of increments (n, 3) that lie far off the mean of their neighbours are replaced
+    by it; only the recogniser sees this.
+    """
     if len(x) < 3:
         return x
     mean = 0.5 * (x[:-2] + x[2:])
@@ -78,10 +93,15 @@ def _without_spikes(x: Array) -> Array:
 
 
 def dead_channel(imu: ImuSamples) -> str:
-    """Name of a channel that repeats one value for a large part of the recording while its neighbours change; "" where none does."""
+    """Name of a channel that repeats one value for a large part of the recording while its
+    neighbours change; "" where none does.
+    """
     least = max(DEAD_SHARE * imu.time.size, DEAD_S / nominal_interval(imu.time))
     for sensor, values in (("gyro", imu.gyro), ("accelerometer", imu.accel)):
-        edges = [np.concatenate([[0], np.flatnonzero(np.diff(column)) + 1, [column.size]]) for column in values.T]
+        edges = [
+            np.concatenate([[0], np.flatnonzero(np.diff(column)) + 1, [column.size]])
+            for column in values.T
+        ]
         for c, changes in enumerate(edges):
             k = int(np.argmax(np.diff(changes)))
             first, last = changes[k], changes[k + 1]
@@ -93,7 +113,9 @@ def dead_channel(imu: ImuSamples) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """Specific force in the axes 0 that the sensor had at the grid's start (R.1): C (n, 3, 3) sensor into 0, V, S (n, 3)."""
+    """Specific force in the axes 0 that the sensor had at the grid's start (R.1): C (n, 3, 3)
+    sensor into 0, V, S (n, 3).
+    """
 
     grid: ImuGrid
     gyro_factor: float
@@ -113,14 +135,21 @@ class Carried:
 
     @cached_property
     def turned(self) -> Array:
-        """(n, 3) rad, integral of C omega: the rotation that a relative error of the gyro factor makes."""
+        """(n, 3) rad, integral of C omega: the rotation that a relative error of the gyro factor
+        makes.
+        """
         turn = np.einsum("nij,nj->ni", self.C[:-1], self.grid.dtheta * self.gyro_factor)
         return np.concatenate([np.zeros((1, 3)), np.cumsum(turn, axis=0)])
 
     @cached_property
     def drifted(self) -> Array:
         """(n, 3, 3) s, integral of C: the rotation that a gyro bias makes."""
-        return np.concatenate([np.zeros((1, 3, 3)), np.cumsum(0.5 * self.grid.step * (self.C[1:] + self.C[:-1]), axis=0)])
+        return np.concatenate(
+            [
+                np.zeros((1, 3, 3)),
+                np.cumsum(0.5 * self.grid.step * (self.C[1:] + self.C[:-1]), axis=0),
+            ]
+        )
 
 
 def carried(grid: ImuGrid, gyro_factor: float, accel_factor: float) -> Carried:
@@ -133,7 +162,8 @@ def carried(grid: ImuGrid, gyro_factor: float, accel_factor: float) -> Carried:
 
 @dataclass(frozen=True, eq=False)
 class Accelerations:
-    """Specific force z (m, 3) m/s^2 in north, east, down that GNSS saw as coef (m, 3) applied at times nodes (m, 3) (R.2, R.3).
+    """Specific force z (m, 3) m/s^2 in north, east, down that GNSS saw as coef (m, 3) applied at
+    times nodes (m, 3) (R.2, R.3).
 
     weight (m,) : at most 1, less where the receiver says that a fix is worse than its usual ones.   window (m,) : number of its window.
 
@@ -155,12 +185,17 @@ class Accelerations:
 
 
 def accelerations(
-    gnss: GnssFixes, sound: NDArray[np.bool_], kind: Literal["position", "velocity"], half_s: float, dense: bool = False
+    gnss: GnssFixes,
+    sound: NDArray[np.bool_],
+    kind: Literal["position", "velocity"],
+    half_s: float,
+    dense: bool = False,
 ) -> Accelerations:
-    """Differences over `half_s` (velocity) or over twice that (position) between fixes that are `sound`.
+    """Differences over `half_s` (velocity) or over twice that (position) between fixes that are
+    `sound`.
 
-    Weights are those of the fixes' errors together with `UNSEEN_MS2`, which no accuracy of the fixes takes away.
-    One begins `half_s` after the other, or as densely as `MOST_ROWS` allows.
+    Weights are those of the fixes' errors together with `UNSEEN_MS2`, which no accuracy of the
+    fixes takes away. One begins `half_s` after the other, or as densely as `MOST_ROWS` allows.
     """
     t = gnss.time[sound]
     size = half_s if kind == "velocity" else 2.0 * half_s
@@ -170,7 +205,9 @@ def accelerations(
     middle = _nearest(t, t + 0.5 * size) if kind == "position" else end
     near = np.abs(t[end] - t - size) < 0.3 * size
     if kind == "position":
-        near &= (middle > begin) & (end > middle) & (np.abs(t[middle] - t - 0.5 * size) < 0.15 * size)
+        near &= (
+            (middle > begin) & (end > middle) & (np.abs(t[middle] - t - 0.5 * size) < 0.15 * size)
+        )
     begin, middle, end = begin[near], middle[near], end[near]
     t1, t2, t3 = t[begin], t[middle], t[end]
     if kind == "velocity":
@@ -187,7 +224,11 @@ def accelerations(
         z = c1[:, None] * (p[begin] - p[middle]) + c3[:, None] * (p[end] - p[middle]) - gravity
     variance = cov[:, 0, 0] + cov[:, 1, 1]
     worst = np.maximum(np.maximum(variance[begin], variance[middle]), variance[end])
-    floor = 2.0 * (UNSEEN_MS2 * (half_s if kind == "velocity" else half_s**2)) ** 2 / (2.0 if kind == "velocity" else 6.0)
+    floor = (
+        2.0
+        * (UNSEEN_MS2 * (half_s if kind == "velocity" else half_s**2)) ** 2
+        / (2.0 if kind == "velocity" else 6.0)
+    )
     weight = np.minimum(1.0, (np.median(variance) + floor) / (worst + floor))
     nodes = np.column_stack([t1, t2, t3])
     window = ((t1 - t[0]) / WINDOW_S).astype(np.int64)
@@ -197,18 +238,29 @@ def accelerations(
 
 
 def _most_moved(acc: Accelerations, every: int) -> Accelerations:
-    """Every so many-th row, of at most `MOST_ROWS` in the windows in which GNSS saw the largest changes."""
+    """Every so many-th row, of at most `MOST_ROWS` in the windows in which GNSS saw the largest
+    changes.
+    """
     rows = np.arange(0, acc.window.size, every)
     first = np.unique(acc.window[rows], return_index=True)[1]
     pieces = np.split(rows, first[1:])
-    change = [np.median(np.abs(acc.z[at, :2] - np.median(acc.z[at, :2], axis=0))) if at.size >= LEAST_ROWS else -1.0 for at in pieces]
+    change = [
+        (
+            np.median(np.abs(acc.z[at, :2] - np.median(acc.z[at, :2], axis=0)))
+            if at.size >= LEAST_ROWS
+            else -1.0
+        )
+        for at in pieces
+    ]
     kept: list[NDArray[np.int64]] = []
     for k in np.argsort(change)[::-1]:
         if change[k] >= 0.0 and sum(at.size for at in kept) < MOST_ROWS:
             kept.append(pieces[k])
     rows = np.sort(np.concatenate(kept)) if kept else rows[:0]
     window = np.unique(acc.window[rows], return_inverse=True)[1]
-    return Accelerations(acc.kind, acc.span_s, acc.nodes[rows], acc.coef[rows], acc.z[rows], acc.weight[rows], window)
+    return Accelerations(
+        acc.kind, acc.span_s, acc.nodes[rows], acc.coef[rows], acc.z[rows], acc.weight[rows], window
+    )
 
 
 def _nearest(t: Array, wanted: Array) -> NDArray[np.int64]:

@@ -1,12 +1,14 @@
 """Turns seen by the gyros, by GNSS and by the camera: they must be the same turns at the same time.
 
-The course rate of GNSS is compared with the rate of turn about the vertical that the gyros see, omega . d with d = -f/|f| smoothed
-over two seconds: in a coordinated turn with bank phi that is the course rate times cos(phi), whatever the axes. Their regression gives
-the gyro unit, their sign tells a mirrored frame (z up, latitude and longitude exchanged), the lag of their largest correlation a clock
-error of the IMU.
+The course rate of GNSS is compared with the rate of turn about the vertical that the gyros see,
+omega . d with d = -f/|f| smoothed over two seconds: in a coordinated turn with bank phi that is the
+course rate times cos(phi), whatever the axes. Their regression gives the gyro unit, their sign
+tells a mirrored frame (z up, latitude and longitude exchanged), the lag of their largest
+correlation a clock error of the IMU.
 
-A survey takes its images on lines: the course rate at the exposures is small. Where it is large, but small 18 s earlier or later,
-the events are not in the time scale of the fixes. A camera that takes images everywhere tells nothing, nor do errors of a second.
+A survey takes its images on lines: the course rate at the exposures is small. Where it is large,
+but small 18 s earlier or later, the events are not in the time scale of the fixes. A camera that
+takes images everywhere tells nothing, nor do errors of a second.
 """
 
 import numpy as np
@@ -17,26 +19,45 @@ from .relation import MAX_LAG_S
 
 STEP_S = 0.1
 SMOOTH_S = 2.0
-LATE_S, LATE_CORRELATION = 0.5, 0.9  # a lag that is told, where the correlation is clear enough to tell it
-LATE_GAIN = 0.5  # of what the turns leave unexplained at no lag, the most that a lag which is told leaves
+LATE_S, LATE_CORRELATION = (
+    0.5,
+    0.9,
+)  # a lag that is told, where the correlation is clear enough to tell it
+LATE_GAIN = (
+    0.5  # of what the turns leave unexplained at no lag, the most that a lag which is told leaves
+)
 CLEAR_CORRELATION = 0.8  # of turns at another time, to take it for the right one
-STRANGERS = "IMU and GNSS show no common turn: are they of one flight, one day, one clock (or more than 30 s apart)?"
+STRANGERS = (
+    "IMU and GNSS show no common turn: are they of one flight, one day, one clock (or more than 30"
+    " s apart)?"
+)
 SURE, AT_ONCE_S = 0.99, 0.5
-ALIKE, UNLIKE = 0.6, 0.3  # correlations: from the first on the same turns are seen, below the second none of them
+ALIKE, UNLIKE = (
+    0.6,
+    0.3,
+)  # correlations: from the first on the same turns are seen, below the second none of them
 BETTER = 0.15  # by which the correlation at another time must exceed that at no lag
 RATIO = (0.4, 1.8)  # of gyro to course rate: cos(bank) and noise stay within, no wrong unit does
 LOOKS_LIKE = (0.7, 1.4)  # of a ratio to that of a wrong unit
-LEAST_ROWS, LEAST_TURN = 100, 0.02  # of the grid at speed, and the course rate's standard deviation there, rad/s
+LEAST_ROWS, LEAST_TURN = (
+    100,
+    0.02,
+)  # of the grid at speed, and the course rate's standard deviation there, rad/s
 FASTEST_TURN = 1.5  # rad/s, of a course
 LEAP_S = (16.0, 20.0)  # a lag that looks like GPS against UTC
 USUAL_COSINE = 0.92  # of the bank in a turn
 UTC_S = 18.0
-TURNING, STRAIGHTER = 0.02, 4.0  # rad/s at the exposures, and how many times less it must be at the other time
+TURNING, STRAIGHTER = (
+    0.02,
+    4.0,
+)  # rad/s at the exposures, and how many times less it must be at the other time
 ENOUGH_IMAGES = 20
 
 
 def check_events(events: CameraEvents, gnss: GnssFixes) -> Check:
-    """Count and spacing of the exposures, and whether they would lie on straighter lines in another time scale."""
+    """Count and spacing of the exposures, and whether they would lie on straighter lines in another
+    time scale.
+    """
     name, expected = "camera events", "in the time scale of the fixes: on lines, not in turns"
     step = np.diff(events.time)
     found = f"{len(events.images)} images from {events.time[0]:.2f} to {events.time[-1]:.2f} s"
@@ -47,16 +68,23 @@ def check_events(events: CameraEvents, gnss: GnssFixes) -> Check:
     if len(events.images) < ENOUGH_IMAGES or grid.size < max(200, 5 * width):
         return Check(name, found, expected)
     rate, moving = _course_rate(gnss, grid, width)
-    here, shifted = _turning(events.time, grid, rate, moving), {s: _turning(events.time + s, grid, rate, moving) for s in (UTC_S, -UTC_S)}
+    here, shifted = (
+        _turning(events.time, grid, rate, moving),
+        {s: _turning(events.time + s, grid, rate, moving) for s in (UTC_S, -UTC_S)},
+    )
     best = min(shifted, key=lambda s: shifted[s])
     if np.isfinite(here) and here > TURNING and here > STRAIGHTER * shifted[best]:
-        found += f"; mean course rate there {np.degrees(here):.1f} deg/s, {best:+.0f} s away {np.degrees(shifted[best]):.1f} deg/s"
+        found += (
+            f"; mean course rate there {np.degrees(here):.1f} deg/s, {best:+.0f} s away"
+            f" {np.degrees(shifted[best]):.1f} deg/s"
+        )
         return Check(
             name,
             found,
             expected,
             "contradiction",
-            f"the events look like UTC or another clock: camera.time_offset_s = {best:.0f} would put them on lines",
+            f"the events look like UTC or another clock: camera.time_offset_s = {best:.0f} would"
+            " put them on lines",
         )
     return Check(name, found, expected)
 
@@ -71,7 +99,11 @@ def _turning(time: Array, grid: Array, rate: Array, moving: np.ndarray) -> float
 
 def _width(gnss: GnssFixes, grid: Array) -> int:
     """Number of steps to smooth over."""
-    return round(max(SMOOTH_S, 4.0 * float(np.median(np.diff(gnss.time)))) / STEP_S) if gnss.time.size > 1 else grid.size
+    return (
+        round(max(SMOOTH_S, 4.0 * float(np.median(np.diff(gnss.time)))) / STEP_S)
+        if gnss.time.size > 1
+        else grid.size
+    )
 
 
 def quantity_guess(imu: ImuSamples, dt: float) -> tuple[float, str]:
@@ -81,9 +113,16 @@ def quantity_guess(imu: ImuSamples, dt: float) -> tuple[float, str]:
     return dt, 'imu.quantity = "increments"'
 
 
-def check_turns(time: Array, rate: Array, force: Array, gnss: GnssFixes, imu: ImuSamples, dt: float) -> Check:
-    """Gyro unit, handedness and clock. time (k,) s, rate (k, 3) rad/s, force (k, 3) m/s^2 in body axes; dt : IMU interval, s."""
-    name, expected = "turn rate, gyro against GNSS course", f"ratio {RATIO[0]:g} to {RATIO[1]:g} at no lag"
+def check_turns(
+    time: Array, rate: Array, force: Array, gnss: GnssFixes, imu: ImuSamples, dt: float
+) -> Check:
+    """Gyro unit, handedness and clock. time (k,) s, rate (k, 3) rad/s, force (k, 3) m/s^2 in body
+    axes; dt : IMU interval, s.
+    """
+    name, expected = (
+        "turn rate, gyro against GNSS course",
+        f"ratio {RATIO[0]:g} to {RATIO[1]:g} at no lag",
+    )
     grid = np.arange(max(time[0], gnss.time[0]), min(time[-1], gnss.time[-1]), STEP_S)
     width = _width(gnss, grid)
     if grid.size < max(200, 5 * width):
@@ -100,27 +139,46 @@ def check_turns(time: Array, rate: Array, force: Array, gnss: GnssFixes, imu: Im
     spacing = float(np.median(np.diff(gnss.time)))
     verdict, advice = _judge_turns(ratio, lag, best, here, imu, dt, max(LATE_S, spacing))
     if verdict == "contradiction" and (agreed := _forces_agree(imu, gnss)):
-        return Check(name, f"{found}; {agreed}", expected, "note", "its nose does not follow its course, so the turns tell nothing")
+        return Check(
+            name,
+            f"{found}; {agreed}",
+            expected,
+            "note",
+            "its nose does not follow its course, so the turns tell nothing",
+        )
     return Check(name, found, expected, verdict, advice)
 
 
 def _forces_agree(imu: ImuSamples, gnss: GnssFixes) -> str:
-    """What the forces say where they, other than the turns, show that units, senses and clock are right; else nothing.
+    """What the forces say where they, other than the turns, show that units, senses and clock are
+    right; else nothing.
 
-    A multirotor's course is not its heading. What it feels when it changes its velocity shows all the same whether the records fit.
+    A multirotor's course is not its heading. What it feels when it changes its velocity shows all
+    the same whether the records fit.
     """
     from .recognition import recognise_liveliest
 
     found = recognise_liveliest(imu, gnss)
-    clock, sure = found.finding("time offset"), min(found.finding(n).confidence for n in ("gyro unit", "gyro triad", "time offset"))
-    right = found.finding("gyro triad").value == "aligned" and abs(np.log(found.gyro_factor)) < 1e-6 and found.accel_sign > 0
+    clock, sure = (
+        found.finding("time offset"),
+        min(found.finding(n).confidence for n in ("gyro unit", "gyro triad", "time offset")),
+    )
+    right = (
+        found.finding("gyro triad").value == "aligned"
+        and abs(np.log(found.gyro_factor)) < 1e-6
+        and found.accel_sign > 0
+    )
     if sure < SURE or not right or abs(found.time_offset_s) > AT_ONCE_S:
         return ""
     return f"but the forces agree at {clock.value}"
 
 
-def _judge_turns(ratio: float, lag: float, best: float, here: float, imu: ImuSamples, dt: float, least_lag: float) -> tuple[Verdict, str]:
-    """Verdict and advice. least_lag : s, the shortest lag that fixes so far apart can tell; 1 - r^2 is what a correlation r leaves."""
+def _judge_turns(
+    ratio: float, lag: float, best: float, here: float, imu: ImuSamples, dt: float, least_lag: float
+) -> tuple[Verdict, str]:
+    """Verdict and advice. least_lag : s, the shortest lag that fixes so far apart can tell; 1 - r^2
+    is what a correlation r leaves.
+    """
     late, shift = (
         f"IMU time is about {lag:+.1f} s off GNSS time",
         f"add {lag:+.1f} s to gnss.time_offset_s or {-lag:+.1f} s to imu.time_offset_s",
@@ -133,7 +191,13 @@ def _judge_turns(ratio: float, lag: float, best: float, here: float, imu: ImuSam
     if abs(best) < UNLIKE:
         return "contradiction", STRANGERS
     if here < -ALIKE:
-        return "contradiction", "the gyros turn the other way: imu.axes or gyro sign is wrong, or latitude and longitude are exchanged"
+        return (
+            "contradiction",
+            (
+                "the gyros turn the other way: imu.axes or gyro sign is wrong, or latitude and"
+                " longitude are exchanged"
+            ),
+        )
     if here > ALIKE and not RATIO[0] < ratio < RATIO[1]:
         return "contradiction", _gyro_unit_advice(ratio, imu, dt)
     tells = 1.0 - best**2 < LATE_GAIN * (1.0 - here**2)
@@ -154,7 +218,9 @@ def _gyro_unit_advice(ratio: float, imu: ImuSamples, dt: float) -> str:
     ]
     factor, advice = min(guesses, key=lambda guess: abs(np.log(ratio / guess[0])))
     return (
-        f"the gyro values look like {advice}" if LOOKS_LIKE[0] < ratio / factor < LOOKS_LIKE[1] else "check imu.units gyro and imu.quantity"
+        f"the gyro values look like {advice}"
+        if LOOKS_LIKE[0] < ratio / factor < LOOKS_LIKE[1]
+        else "check imu.units gyro and imu.quantity"
     )
 
 
@@ -166,7 +232,9 @@ def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.nd
     velocity = np.gradient(position, grid, axis=0)
     acceleration = np.gradient(velocity, grid, axis=0)
     speed2 = np.sum(velocity**2, axis=1)
-    rate = (velocity[:, 0] * acceleration[:, 1] - velocity[:, 1] * acceleration[:, 0]) / np.maximum(speed2, 1e-3)
+    rate = (velocity[:, 0] * acceleration[:, 1] - velocity[:, 1] * acceleration[:, 0]) / np.maximum(
+        speed2, 1e-3
+    )
     rate = _smooth(rate, width)
     noise = float(np.median(np.sqrt(gnss.cov_ned[:, 0, 0])))
     slow = max(1.0, 3.0 * noise / (width * STEP_S))
@@ -176,7 +244,9 @@ def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.nd
 
 
 def _best_lag(gyro: Array, course_rate: Array, moving: np.ndarray) -> tuple[float, float, float]:
-    """Lag (s, positive: gyro late), correlation there and at no lag. Sign: as the correlation of largest size."""
+    """Lag (s, positive: gyro late), correlation there and at no lag. Sign: as the correlation of
+    largest size.
+    """
     most = int(min(MAX_LAG_S / STEP_S, gyro.size // 4))
     lags = np.arange(-most, most + 1)
     value = np.zeros(lags.size)

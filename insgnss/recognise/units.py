@@ -1,4 +1,5 @@
-"""Units that the size of the readings allows: gravity fixes that of the accelerometers, the possible leaves few for the gyros.
+"""Units that the size of the readings allows: gravity fixes that of the accelerometers, the
+possible leaves few for the gyros.
 
 Mathematics: `recognise`, (R.1).
 """
@@ -7,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.units import STANDARD_GRAVITY
 from ..records import Quantity
-from ..units import STANDARD_GRAVITY
 from .findings import MOST, Finding
 from .signal import ImuGrid
 
@@ -19,12 +20,18 @@ GYRO_BY_CLAIM = (1.0 / DEG, 3600.0, 3600.0 / DEG)  # what a wrong claim makes of
 ACCEL_BY_CLAIM = (1.0 / G, 1e3 / G, 1e3, 1e-3)
 SIZE_S = 0.1  # vibration is averaged over it
 LEAST_RATE, MOST_RATE = 3e-5, 30.0  # rad/s: less than half the Earth's; more than 1700 deg/s
-NEAR, FAR, APART = 0.15, 0.4, 0.5  # logarithm of gravity's size against a unit: sure, not at all, and to the next unit
+NEAR, FAR, APART = (
+    0.15,
+    0.4,
+    0.5,
+)  # logarithm of gravity's size against a unit: sure, not at all, and to the next unit
 
 
 @dataclass(frozen=True, eq=False)
 class ForceUnit:
-    """Unit of the accelerometers: factor to m/s^2 of the readings taken as rates, unit, quantity, and the two findings."""
+    """Unit of the accelerometers: factor to m/s^2 of the readings taken as rates, unit, quantity,
+    and the two findings.
+    """
 
     factor: float
     unit: str
@@ -34,39 +41,64 @@ class ForceUnit:
 
 
 def force_unit(grid: ImuGrid) -> ForceUnit:
-    """Unit and quantity from the typical size of the specific force, which is gravity's in all that flies, drives or stands."""
+    """Unit and quantity from the typical size of the specific force, which is gravity's in all that
+    flies, drives or stands.
+    """
     k = min(max(1, round(SIZE_S / grid.step)), len(grid.dvel))
     n = len(grid.dvel) // k
     mean = grid.dvel[: n * k].reshape(n, k, 3).mean(axis=1) / grid.step
     size = max(float(np.median(np.linalg.norm(mean, axis=1))), 1e-12)
-    known: list[tuple[float, str, Quantity]] = [(f, unit, "mean_rate") for unit, f in ACCEL_UNITS.items()]
+    known: list[tuple[float, str, Quantity]] = [
+        (f, unit, "mean_rate") for unit, f in ACCEL_UNITS.items()
+    ]
     known += [(1.0 / grid.interval, "m/s", "increments")]
     (off, factor, unit, quantity), second = _nearest(known, size)
     if off > FAR:
-        (off, factor, unit, quantity), second = _nearest([(f, "", "mean_rate") for f in ACCEL_BY_CLAIM], size)
-    sure = MOST * float(np.clip((FAR - off) / (FAR - NEAR), 0.0, 1.0)) * (0.5 if second < off + APART else 1.0)
+        (off, factor, unit, quantity), second = _nearest(
+            [(f, "", "mean_rate") for f in ACCEL_BY_CLAIM], size
+        )
+    sure = (
+        MOST
+        * float(np.clip((FAR - off) / (FAR - NEAR), 0.0, 1.0))
+        * (0.5 if second < off + APART else 1.0)
+    )
     if sure == 0.0:
-        evidence = f"median size {size:.4g} over {SIZE_S} s; gravity has that size in no unit that is known"
+        evidence = (
+            f"median size {size:.4g} over {SIZE_S} s; gravity has that size in no unit that is"
+            " known"
+        )
         return unknown_force(G / size, evidence)
     value = unit or f"{factor:.4g} m/s^2"
-    evidence = f"median size {size:.4g} over {SIZE_S} s, where gravity is {G / factor:.4g} {unit}".rstrip()
+    evidence = (
+        f"median size {size:.4g} over {SIZE_S} s, where gravity is {G / factor:.4g} {unit}".rstrip()
+    )
     kind = "rates, mean or instantaneous: the data cannot tell which"
     if quantity == "increments":
         evidence, kind = f"{evidence} in {grid.interval:.4g} s", "increments"
-    of_quantity = Finding("quantity", "rates" if quantity == "mean_rate" else quantity, sure, f"{kind}; {evidence}")
+    of_quantity = Finding(
+        "quantity", "rates" if quantity == "mean_rate" else quantity, sure, f"{kind}; {evidence}"
+    )
     of_unit = Finding("accelerometer unit", value, sure, evidence)
     return ForceUnit(factor, unit or "m/s^2", quantity, of_quantity, of_unit)
 
 
 def unknown_force(factor: float, why: str) -> ForceUnit:
     """Abstention."""
-    of_quantity, of_unit = (Finding(name, "unknown", 0.0, why) for name in ("quantity", "accelerometer unit"))
+    of_quantity, of_unit = (
+        Finding(name, "unknown", 0.0, why) for name in ("quantity", "accelerometer unit")
+    )
     return ForceUnit(factor, "m/s^2", "mean_rate", of_quantity, of_unit)
 
 
-def _nearest(known: list[tuple[float, str, Quantity]], size: float) -> tuple[tuple[float, float, str, Quantity], float]:
-    """Of factor, unit and quantity those in which `size` is most like gravity, with the logarithm it is off by, and that of the next."""
-    ranked = sorted((abs(float(np.log(size * f / G))), f, unit, quantity) for f, unit, quantity in known)
+def _nearest(
+    known: list[tuple[float, str, Quantity]], size: float
+) -> tuple[tuple[float, float, str, Quantity], float]:
+    """Of factor, unit and quantity those in which `size` is most like gravity, with the logarithm
+    it is off by, and that of the next.
+    """
+    ranked = sorted(
+        (abs(float(np.log(size * f / G))), f, unit, quantity) for f, unit, quantity in known
+    )
     return ranked[0], ranked[1][0]
 
 

@@ -18,11 +18,23 @@ from .units import ForceUnit, gyro_unit
 
 TELLING = 2.2  # odds of 9 to 1, as a logarithm: less is no answer
 LEAST_SCORE = 0.3  # less is explained by motions that have nothing in common but their kind
-SCALE_OFF, SCALE_SIGMA = 0.25, 0.1  # relative error of a gyro factor that no gyro has; sigma above which the turns do not tell it
-DISTINCT = 1.3  # times that the right time offset leaves less unexplained than any far from it; less have motions of two flights
+SCALE_OFF, SCALE_SIGMA = (
+    0.25,
+    0.1,
+)  # relative error of a gyro factor that no gyro has; sigma above which the turns do not tell it
+# times that the right time offset leaves less unexplained than any far from it; less have motions
+# of two flights
+DISTINCT = 1.3
 HINT = 0.7  # odds of 2 to 1, as a logarithm: more makes another answer doubtful
-COUNT_OFF, COUNT_SIGMAS = 0.12, 8.0  # relative error of a gyro, and its ratio to its sigma, beyond which the unit is none of the known
-SLOW_MS, SLOW, NOSE_FIRST = 3.0, 0.95, 0.995  # who moves slower may carry the IMU as he likes; who flies, mostly flies nose first
+COUNT_OFF, COUNT_SIGMAS = (
+    0.12,
+    8.0,
+)  # relative error of a gyro, and its ratio to its sigma, beyond which the unit is none of the known
+SLOW_MS, SLOW, NOSE_FIRST = (
+    3.0,
+    0.95,
+    0.995,
+)  # who moves slower may carry the IMU as he likes; who flies, mostly flies nose first
 NEAR_S, WHOLE_S = 1.0, 0.5  # lags that count as the same, s; and tolerance of whole seconds
 DEFAULT_LEAP_S = 18.0
 
@@ -44,8 +56,15 @@ def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Find
     others = [float(s.score.max()) for s in relation.scans if s is not scan]
     unit = gyro_unit(size, force.quantity, interval)
     value = unit or f"{size:.4g} rad/s"
-    sure = odds(CAUTION * scan.against(max(others, default=0.0))) if scan.score[scan.best] > LEAST_SCORE else 0.0
-    told = f"as {value} the gyros carry the force so that it explains {_percent(scan.score[scan.best])} of the accelerations of GNSS"
+    sure = (
+        odds(CAUTION * scan.against(max(others, default=0.0)))
+        if scan.score[scan.best] > LEAST_SCORE
+        else 0.0
+    )
+    told = (
+        f"as {value} the gyros carry the force so that it explains"
+        f" {_percent(scan.score[scan.best])} of the accelerations of GNSS"
+    )
     if others:
         told += f", as the next best unit {_percent(max(others))}"
     if fit is not None:
@@ -53,33 +72,54 @@ def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Find
         told += f"; scale fitted {scale:.3f} with sigma {sigma:.3f}"
         if abs(scale - 1.0) > max(COUNT_OFF, COUNT_SIGMAS * sigma):
             count = size * scale * (interval if force.quantity == "increments" else 1.0)
-            told += f"; no gyro is that far off, so these may be counts of about {count:.4g} {gyro_unit(1.0, force.quantity, 1.0)}"
+            told += (
+                f"; no gyro is that far off, so these may be counts of about {count:.4g}"
+                f" {gyro_unit(1.0, force.quantity, 1.0)}"
+            )
             sure = 0.0
         sure = 0.0 if abs(scale - 1.0) > SCALE_OFF or sigma > SCALE_SIGMA else sure
     of_unit = Finding("gyro unit", value if sure else "unknown", sure, told)
     triads = min(odds(CAUTION * scan.against(relation.rival)), sure)
-    told = f"explained {_percent(scan.score[scan.best])}, with the gyros' sense reversed {_percent(relation.rival)}"
-    return of_unit, Finding("gyro triad", triads_words(relation.triads) if triads else "unknown", triads, told)
+    told = (
+        f"explained {_percent(scan.score[scan.best])}, with the gyros' sense reversed"
+        f" {_percent(relation.rival)}"
+    )
+    return of_unit, Finding(
+        "gyro triad", triads_words(relation.triads) if triads else "unknown", triads, told
+    )
 
 
 def triads_words(triads: Array) -> str:
     """ "aligned", or which gyro readings, signs and all, turn about the accelerometers' x, y and z."""
     if np.array_equal(triads, np.eye(3)):
         return "aligned"
-    return "gyro " + " ".join(("+" if row[k] > 0.0 else "-") + "xyz"[k] for row in triads for k in [int(np.argmax(np.abs(row)))])
+    return "gyro " + " ".join(
+        ("+" if row[k] > 0.0 else "-") + "xyz"[k]
+        for row in triads
+        for k in [int(np.argmax(np.abs(row)))]
+    )
 
 
 def of_sign(relation: Relation, also: float, mirrored: float) -> tuple[int, Finding]:
     """Sign of the force. also : confidence of what it rests on.
 
-    mirrored : what specific force would explain if latitude and longitude were exchanged, which turns its sign round; -inf if not tried.
+    mirrored : what specific force would explain if latitude and longitude were exchanged, which
+        turns its sign round; -inf if not tried.
     """
     scan, at = relation.scan, relation.scan.best
     up, down = float(scan.up[at]), float(scan.down[at])
     sign = 1 if up >= down else -1
     this, other = max(up, down), min(up, down)
-    ratio = 0.5 * scan.samples[at] * math.log((1.0 - max(other, -1.0)) / max(1.0 - this, 1e-6)) if this > 0.0 else 0.0
-    sure = min(odds(CAUTION * float(ratio)), also) if relation.fit is None or relation.fit.sign == sign else 0.0
+    ratio = (
+        0.5 * scan.samples[at] * math.log((1.0 - max(other, -1.0)) / max(1.0 - this, 1e-6))
+        if this > 0.0
+        else 0.0
+    )
+    sure = (
+        min(odds(CAUTION * float(ratio)), also)
+        if relation.fit is None or relation.fit.sign == sign
+        else 0.0
+    )
     told = f"explained {_percent(up)} as specific force, {_percent(down)} as its reverse"
     if np.isfinite(mirrored):
         told += f", {_percent(mirrored)} as specific force with latitude and longitude exchanged"
@@ -90,7 +130,9 @@ def of_sign(relation: Relation, also: float, mirrored: float) -> tuple[int, Find
 
 
 def exchange_odds(relation: Relation, mirrored: float) -> float:
-    """Logarithm of the odds that latitude and longitude are exchanged, against a reversed force; above `TELLING` they are."""
+    """Logarithm of the odds that latitude and longitude are exchanged, against a reversed force;
+    above `TELLING` they are.
+    """
     scan = relation.scan
     left = (1.0 - float(scan.score[scan.best])) / max(1.0 - mirrored, 1e-6)
     return 0.5 * CAUTION * float(scan.samples[scan.best]) * math.log(left)
@@ -100,7 +142,12 @@ def of_vertical(vertical: Direction, also: float) -> Finding:
     """Which axis points down."""
     sure = min(MOST, vertical.confidence) * also
     told = f"down is on average {np.degrees(vertical.off):.0f} deg from {vertical.word}"
-    return Finding("vertical axis", f"{vertical.word} down" if sure > 0.5 else "unknown", sure if sure > 0.5 else 0.0, told)
+    return Finding(
+        "vertical axis",
+        f"{vertical.word} down" if sure > 0.5 else "unknown",
+        sure if sure > 0.5 else 0.0,
+        told,
+    )
 
 
 def of_forward(ahead: Forward, also: float) -> Finding:
@@ -111,7 +158,12 @@ def of_forward(ahead: Forward, also: float) -> Finding:
     told += f", in wind or drift of {np.hypot(*ahead.wind):.1f} m/s"
     if ahead.speed < SLOW_MS:
         told += "; so slow that forward is a matter of how it was carried"
-    return Finding("forward axis", f"{ahead.direction.word} forward" if sure > 0.5 else "unknown", sure if sure > 0.5 else 0.0, told)
+    return Finding(
+        "forward axis",
+        f"{ahead.direction.word} forward" if sure > 0.5 else "unknown",
+        sure if sure > 0.5 else 0.0,
+        told,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,26 +178,48 @@ class Clock:
 
 
 def of_clock(relation: Relation, week: int | None, also: float, shift: float) -> Clock:
-    """Time offset and time scale. week : GPS week of the recording, if known.   shift : s, added to the GNSS stamps beforehand."""
+    """Time offset and time scale. week : GPS week of the recording, if known.
+    shift : s, added to the GNSS stamps beforehand.
+    """
     scan, fit = relation.scan, relation.fit
     lag = float(scan.lags[scan.best])
     far = scan.score[np.abs(scan.lags - lag) > max(NEAR_S, 2.0 * scan.acc.span_s)]
     sure = min(odds(scan.margin(max(NEAR_S, 2.0 * scan.acc.span_s))), also)
     if 1.0 - far.max(initial=0.0) < DISTINCT * (1.0 - scan.score[scan.best]):
         sure = 0.0
-    if fit is None or not sure or abs(fit.theta[0] - lag) > max(NEAR_S, scan.acc.span_s) or scan.best in (0, scan.lags.size - 1):
-        why = f"explained {_percent(scan.score[scan.best])} at {lag:+.2f} s, {_percent(far.max(initial=0.0))} far from it"
+    if (
+        fit is None
+        or not sure
+        or abs(fit.theta[0] - lag) > max(NEAR_S, scan.acc.span_s)
+        or scan.best in (0, scan.lags.size - 1)
+    ):
+        why = (
+            f"explained {_percent(scan.score[scan.best])} at {lag:+.2f} s,"
+            f" {_percent(far.max(initial=0.0))} far from it"
+        )
         return Clock(0.0, np.inf, "same", *nothing(("time offset", "time scale"), why))
     offset, sigma = shift + float(fit.theta[0]), relation.lag_sigma
     leap = DEFAULT_LEAP_S if week is None else float(leap_seconds(GPS_EPOCH_UNIX_S + week * WEEK_S))
     known = {"same": 0.0, "GNSS in UTC": leap, "IMU in UTC": -leap}
     scale = next((name for name, at in known.items() if abs(offset - at) < WHOLE_S), "other")
-    told = f"add {offset:+.3f} s (sigma {sigma:.3f} s) to the GNSS stamps; explained {_percent(scan.score[scan.best])} there, "
-    told += f"{_percent(far.max(initial=0.0))} at best over {max(NEAR_S, 2.0 * scan.acc.span_s):.1f} s away"
+    told = (
+        f"add {offset:+.3f} s (sigma {sigma:.3f} s) to the GNSS stamps; explained"
+        f" {_percent(scan.score[scan.best])} there, "
+    )
+    told += (
+        f"{_percent(far.max(initial=0.0))} at best over {max(NEAR_S, 2.0 * scan.acc.span_s):.1f} s"
+        " away"
+    )
     whole = f"offset {offset:+.3f} s; leap seconds {leap:.0f}"
     if scale in ("GNSS in UTC", "IMU in UTC"):
         whole += f", {offset - known[scale]:+.3f} s besides"
-    return Clock(offset, sigma, scale, Finding("time offset", f"{offset:+.3f} s", sure, told), Finding("time scale", scale, sure, whole))
+    return Clock(
+        offset,
+        sigma,
+        scale,
+        Finding("time offset", f"{offset:+.3f} s", sure, told),
+        Finding("time scale", scale, sure, whole),
+    )
 
 
 def _percent(score: float | Array) -> str:

@@ -1,8 +1,9 @@
 """The frozen tables that rooms hand to each other, checked once, at birth.
 
-A record holds contiguous float64 arrays that nobody writes to again. Its construction refuses wrong shapes, values that
-are not finite and time that does not increase, naming the record, the field, the row and the time. Readers turn such a
-refusal into a message with file and line by checking before they build (`formats`).
+A record holds contiguous float64 arrays that nobody writes to again. Its construction refuses wrong
+shapes, values that are not finite and time that does not increase, naming the record, the field,
+the row and the time. Readers turn such a refusal into a message with file and line by checking
+before they build (`formats`).
 """
 
 from ._checked import Array

@@ -5,17 +5,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..base.errors import InputError
 
 Array = NDArray[np.float64]
 
 
 def frozen(record: Any, name: str, shape: tuple[int | None, ...]) -> Array:
-    """Replace field `name` by a read-only contiguous float64 array after checking shape (None: any) and finiteness."""
+    """Replace field `name` by a read-only contiguous float64 array after checking shape (None: any)
+    and finiteness.
+    """
     a = np.ascontiguousarray(getattr(record, name), dtype=np.float64)
     kind = type(record).__name__
-    if a.ndim != len(shape) or any(want is not None and want != got for want, got in zip(shape, a.shape, strict=True)):
-        raise InputError(f"{kind}.{name}: shape {a.shape}, expected {tuple('n' if s is None else s for s in shape)}")
+    if a.ndim != len(shape) or any(
+        want is not None and want != got for want, got in zip(shape, a.shape, strict=True)
+    ):
+        raise InputError(
+            f"{kind}.{name}: shape {a.shape}, expected"
+            f" {tuple('n' if s is None else s for s in shape)}"
+        )
     if not np.isfinite(a).all():
         row = int(np.argwhere(~np.isfinite(a))[0][0])
         raise InputError(f"{kind}.{name}: value in row {row} is not finite")
@@ -30,4 +37,7 @@ def increasing(record: Any, time: Array) -> None:
     step = np.diff(time)
     if (step <= 0).any():
         row = int(np.argmax(step <= 0)) + 1
-        raise InputError(f"{type(record).__name__}.time: {time[row]:.6f} s in row {row} follows {time[row - 1]:.6f} s; time must increase")
+        raise InputError(
+            f"{type(record).__name__}.time: {time[row]:.6f} s in row {row} follows"
+            f" {time[row - 1]:.6f} s; time must increase"
+        )

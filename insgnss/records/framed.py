@@ -4,7 +4,12 @@ from dataclasses import dataclass, field
 
 from ._checked import Array, frozen
 
-KINDS = TANGENT, GEOCENTRIC, GEOGRAPHIC, PROJECTED = "tangent plane", "geocentric", "geographic", "projected"
+KINDS = TANGENT, GEOCENTRIC, GEOGRAPHIC, PROJECTED = (
+    "tangent plane",
+    "geocentric",
+    "geographic",
+    "projected",
+)
 
 
 @dataclass(frozen=True)
@@ -12,9 +17,12 @@ class MapFrame:
     """In which coordinates and axes an exterior orientation stands.
 
     kind : one of `KINDS`.   name : for people, with code.
-    heights : what the third coordinate is; empty where it is none.   crs : authority code, "EPSG:2056", empty where there is none.
-    wkt : WKT2 of a projected CRS, vertical part included.   origin : latitude rad, longitude rad, height m of a tangent plane.
-    northing_first : whether the CRS itself names latitude or northing first; coordinates here never do.
+    heights : what the third coordinate is; empty where it is none.
+    crs : authority code, "EPSG:2056", empty where there is none.
+    wkt : WKT2 of a projected CRS, vertical part included.
+    origin : latitude rad, longitude rad, height m of a tangent plane.
+    northing_first : whether the CRS itself names latitude or northing first; coordinates here never
+        do.
     scaled_from_m : height of the ground if heights were scaled from there.
     """
 
@@ -32,10 +40,13 @@ class MapFrame:
 class FramedOrientation:
     """Projection centre and attitude of n images in `frame`: what the writers of formats get.
 
-    coordinates : (n, 3) E N U m | X Y Z m | longitude rad, latitude rad, height m | easting, northing, height m.
-    C_fc : (n, 3, 3), camera (x image right, y image down, z viewing direction) to the frame's axes at the image.
+    coordinates : (n, 3) E N U m | X Y Z m | longitude rad, latitude rad, height m | easting,
+        northing, height m.
+    C_fc : (n, 3, 3), camera (x image right, y image down, z viewing direction) to the frame's axes
+        at the image.
     C_fE : (n, 3, 3), east, north, up at the image to the frame's axes at the image.
-    cov : (n, 6, 6) of position error (m) and psi (rad), both in the frame's axes at the image; R(true) = exp([psi x]) R.
+    cov : (n, 6, 6) of position error (m) and psi (rad), both in the frame's axes at the image;
+        R(true) = exp([psi x]) R.
     cross : (max(n - 1, 0), 6, 6), covariance of the errors of image k with those of image k + 1.
     geodetic : (n, 3) latitude rad, longitude rad, height m above the ellipsoid of WGS84.
     The rest as in `ExteriorOrientation`.
@@ -58,8 +69,16 @@ class FramedOrientation:
     def __post_init__(self) -> None:
         object.__setattr__(self, "images", tuple(self.images))
         n = len(self.images)
-        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("coordinates", "geodetic"), (n, 3)) | dict.fromkeys(("C_fc", "C_fE"), (n, 3, 3))
-        shapes |= {"time": (n,), "cov": (n, 6, 6), "cross": (max(n - 1, 0), 6, 6), "boresight": (3, 3), "camera_from_body": (3, 3)}
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
+            ("coordinates", "geodetic"), (n, 3)
+        ) | dict.fromkeys(("C_fc", "C_fE"), (n, 3, 3))
+        shapes |= {
+            "time": (n,),
+            "cov": (n, 6, 6),
+            "cross": (max(n - 1, 0), 6, 6),
+            "boresight": (3, 3),
+            "camera_from_body": (3, 3),
+        }
         for name, shape in shapes.items():
             frozen(self, name, shape)
 

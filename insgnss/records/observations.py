@@ -7,24 +7,28 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..base.errors import InputError
 from ._checked import Array, frozen, increasing
 from .verdicts import Check
 
 Quantity = Literal["mean_rate", "increments", "instant_rate"]
 
 QUANTITIES = ("mean_rate", "increments", "instant_rate")
-UNKNOWN_MPS = 1000.0  # m/s, standard deviation of a component of velocity that was not measured: far beyond any drone
+# m/s, standard deviation of a component of velocity that was not measured: far beyond any drone
+UNKNOWN_MPS = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
 class ImuSamples:
     """IMU recording in the sensor's own axes or in the body's.
 
-    time : (n,) s, GPST of `gps_week`; the stamp is the end of the sample's interval (mean rate, increments) or the instant.
-    gyro : (n, 3) rad/s, or rad for increments.   accel : (n, 3) m/s^2 specific force, or m/s for increments.
+    time : (n,) s, GPST of `gps_week`; the stamp is the end of the sample's interval (mean rate,
+        increments) or the instant.
+    gyro : (n, 3) rad/s, or rad for increments.
+    accel : (n, 3) m/s^2 specific force, or m/s for increments.
     notes : what the reader found odd and did about it (rows left out or put in order, with counts).
-    units : that the numbers of the file were taken to be in, of "gyro" and "accel"; empty where its format fixes them.
+    units : that the numbers of the file were taken to be in, of "gyro" and "accel"; empty where its
+        format fixes them.
     """
 
     time: Array
@@ -43,7 +47,9 @@ class ImuSamples:
         if n < 2:
             raise InputError(f"{self.source or 'ImuSamples'}: {n} samples; at least 2 are needed")
         if self.quantity not in QUANTITIES:
-            raise InputError(f"ImuSamples.quantity: {self.quantity!r} is none of {', '.join(QUANTITIES)}")
+            raise InputError(
+                f"ImuSamples.quantity: {self.quantity!r} is none of {', '.join(QUANTITIES)}"
+            )
         increasing(self, self.time)
 
 
@@ -51,10 +57,12 @@ class ImuSamples:
 class Increments:
     """Body increments between consecutive marks and samples: what the filter integrates.
 
-    dt (s,) s; dtheta (s, 3) rad; dvel (s, 3) m/s, body axes (`prepare.increments` says what they contain).
-    marks (m,) s, GPST; stop (m,) number of segments before each mark; rate (m, 3) rad/s, gyro rate at each mark.
+    dt (s,) s; dtheta (s, 3) rad; dvel (s, 3) m/s, body axes (`prepare.increments` says what they
+    contain). marks (m,) s, GPST; stop (m,) number of segments before each mark; rate (m, 3) rad/s,
+    gyro rate at each mark.
     nominal_s : sample interval.   gaps : (time, length) of every gap that was bridged.
-    bridged : (m, 6) variance of the increments (rad^2, m^2/s^2) since the mark before where a gap was bridged, else 0; None without gaps.
+    bridged : (m, 6) variance of the increments (rad^2, m^2/s^2) since the mark before where a gap
+        was bridged, else 0; None without gaps.
     """
 
     dt: Array
@@ -85,7 +93,8 @@ class GnssFixes:
     time : (n,) s, GPST.   lat, lon : (n,) rad; height : (n,) m above the ellipsoid.
     cov_ned : (n, 3, 3) m^2 in north, east, down at the fix.
     velocity_ned : (n, 3) m/s and velocity_cov_ned : (n, 3, 3) m^2/s^2, or None.
-    quality : (n,) of RTKLIB's codes (1 fixed, 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP; 0 unknown), or None.
+    quality : (n,) of RTKLIB's codes (1 fixed, 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP; 0 unknown),
+        or None.
     notes : what the reader found odd and did about it.
     """
 
@@ -116,7 +125,9 @@ class GnssFixes:
 
 @dataclass(frozen=True, eq=False)
 class CameraEvents:
-    """Mid-exposure instants. images : n names as the bundle adjustment knows them; time : (n,) s, GPST. notes : of the reader."""
+    """Mid-exposure instants. images : n names as the bundle adjustment knows them; time : (n,) s,
+    GPST. notes : of the reader.
+    """
 
     images: tuple[str, ...]
     time: Array

@@ -1,4 +1,6 @@
-"""Relative control: how far neighbouring images of a flight line are apart, in position and attitude, and how well that is known."""
+"""Relative control: how far neighbouring images of a flight line are apart, in position and
+attitude, and how well that is known.
+"""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -10,18 +12,24 @@ from ._checked import Array, frozen
 
 Form = Literal["mapping", "camera"]
 FORMS: tuple[Form, ...] = ("mapping", "camera")
-GAP_S = 10.0  # s, between exposures of one pair at most: paper 003, 2.3, beyond it equation 6 does not hold
+# s, between exposures of one pair at most: paper 003, 2.3, beyond it equation 6 does not hold
+GAP_S = 10.0
 
 
 @dataclass(frozen=True, eq=False)
 class RelativeControl:
-    """Relative pose of k pairs of neighbouring images i, j of the same flight line, with three weightings side by side.
+    """Relative pose of k pairs of neighbouring images i, j of the same flight line, with three
+    weightings side by side.
 
-    images : names of all images of the orientation.   time : (n,) s, of all of them.   i, j : (k,) rows of the images of each pair.
+    images : names of all images of the orientation.
+    time : (n,) s, of all of them.   i, j : (k,) rows of the images of each pair.
     line : (k,) number of the flight line, from 1.   frame : for people, of the coordinates.   gyro_noise, gyro_drift : rad/sqrt(s), rad/s.
-    form : "mapping"  offset X_j - X_i (m) and rotation C_fc(j) C_fc(i)^T, both in the frame's axes; free of the bore-sight;
-           "camera"   offset C_fc(i)^T (X_j - X_i) and rotation C_fc(i)^T C_fc(j): the pose of camera j in that of camera i.
-    offset (k, 3) m, rotation (k, 3, 3).   Covariances (k, 6, 6) of (offset, psi), m and rad, in the axes of the form, with
+    form : "mapping"  offset X_j - X_i (m) and rotation C_fc(j) C_fc(i)^T, both in the frame's axes;
+                      free of the bore-sight;
+           "camera"   offset C_fc(i)^T (X_j - X_i) and rotation C_fc(i)^T C_fc(j): the pose of
+                      camera j in that of camera i.
+    offset (k, 3) m, rotation (k, 3, 3).   Covariances (k, 6, 6) of (offset, psi), m and rad, in the
+                                           axes of the form, with
     rotation(true) = exp([psi x]) rotation:
     smoothed : with the cross-covariance of both images;   independent : as if both were independent (paper 003, equation 5);
     gyro : position as `independent` and attitude by the gyroscopes' noise (paper 003, equation 6).
@@ -49,7 +57,11 @@ class RelativeControl:
         object.__setattr__(self, "images", tuple(self.images))
         frozen(self, "time", (len(self.images),))
         k = self.i.size
-        shapes: dict[str, tuple[int, ...]] = {"offset": (k, 3), "rotation": (k, 3, 3), "boresight": (3, 3)}
+        shapes: dict[str, tuple[int, ...]] = {
+            "offset": (k, 3),
+            "rotation": (k, 3, 3),
+            "boresight": (3, 3),
+        }
         shapes |= dict.fromkeys(("smoothed", "independent", "gyro"), (k, 6, 6))
         for name, shape in shapes.items():
             frozen(self, name, shape)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..base.errors import InputError
 from ._checked import Array, frozen
 
 MAD_TO_SIGMA = 1.482602218505602  # of normal deviates: 1 / Phi^-1(3/4)
@@ -21,8 +21,9 @@ def chi_square_interval(variance: Array, freedom: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class WaveletVariance:
-    """Haar wavelet variance of one axis in X^2 (X = rad/s or m/s^2), its 95 % interval and count of coefficients at J levels; all (J,).
-    Level j has a filter of 2^j samples. samples : of the series. decomposition : "modwt" or "dwt".
+    """Haar wavelet variance of one axis in X^2 (X = rad/s or m/s^2), its 95 % interval and count of
+    coefficients at J levels; all (J,). Level j has a filter of 2^j samples. samples : of the
+    series. decomposition : "modwt" or "dwt".
     """
 
     level: NDArray[np.int64]
@@ -39,7 +40,9 @@ class WaveletVariance:
         for name in ("level", "variance", "low", "high", "count"):
             a = frozen(self, name, (np.size(self.level),))
             if (a <= 0).any():
-                raise InputError(f"WaveletVariance.{name}: {a.min():g}; all values must be greater than zero")
+                raise InputError(
+                    f"WaveletVariance.{name}: {a.min():g}; all values must be greater than zero"
+                )
             object.__setattr__(self, name, a.astype(np.int64) if name in ("level", "count") else a)
 
     @property
@@ -49,9 +52,17 @@ class WaveletVariance:
 
     @property
     def averaging_time_s(self) -> Array:
-        """(J,) s, length of each of the two means that the filter compares: tau of the Allan variance 2 nu."""
+        """(J,) s, length of each of the two means that the filter compares: tau of the Allan
+        variance 2 nu.
+        """
         return 0.5 * self.scale_s
 
     def selected(self, levels: Sequence[int]) -> "WaveletVariance":
         """The given levels only, in the order of the record."""
-        return replace(self, **{k: getattr(self, k)[np.isin(self.level, levels)] for k in ("level", "variance", "low", "high", "count")})
+        return replace(
+            self,
+            **{
+                k: getattr(self, k)[np.isin(self.level, levels)]
+                for k in ("level", "variance", "low", "high", "count")
+            },
+        )

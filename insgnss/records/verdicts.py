@@ -1,4 +1,6 @@
-"""What is found of a recording or a run besides its numbers: checks, states and errors with a verdict."""
+"""What is found of a recording or a run besides its numbers: checks, states and errors with a
+verdict.
+"""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -11,7 +13,9 @@ OBSERVED = 1.0 / 3.0
 
 @dataclass(frozen=True)
 class Check:
-    """One plausibility check: what was looked at, what was found, what was expected, and what to do about it."""
+    """One plausibility check: what was looked at, what was found, what was expected, and what to do
+    about it.
+    """
 
     name: str
     found: str
@@ -39,8 +43,11 @@ class StateVerdict:
 class TimeCorrelatedError:
     """A time-correlated (Gauss-Markov) GNSS error that was estimated: (3,) are north, east, down.
 
-    time_s : how long it lasts.   fixes : how many fixes have it.   sigma_m : its sigma at the median fix.
-    share, white : itself and the uncorrelated error of these fixes in standard deviations of the file.
+    time_s : how long it lasts.
+    fixes : how many fixes have it.
+    sigma_m : its sigma at the median fix.
+    share, white : itself and the uncorrelated error of these fixes in standard deviations of the
+        file.
     """
 
     time_s: float

@@ -76,7 +76,12 @@ def influence(layout: StateLayout, elapsed: float, rates: Array) -> Array:
     rates : (6,) measured rates of the channels, rad/s and m/s^2.
     """
     of_factor = np.zeros(9)
-    of_factor[:6], of_factor[BIAS], of_factor[DRIFT], of_factor[FIX_ERROR] = rates, 1.0, elapsed, 0.0
+    of_factor[:6], of_factor[BIAS], of_factor[DRIFT], of_factor[FIX_ERROR] = (
+        rates,
+        1.0,
+        elapsed,
+        0.0,
+    )
     U = np.zeros((6, layout.size - 9))
     U[layout.channel, np.arange(layout.size - 9)] = of_factor[layout.factor]
     return U

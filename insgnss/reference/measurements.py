@@ -51,9 +51,12 @@ def measurement(
     state : the nominal at the epoch.
     acceleration : (3,) of the IMU in l over the last interval, m/s^2.
     """
-    found = {POSITION: _position, VELOCITY: _velocity, VELOCITY_CONSTRAINT: _motion, ZARU: _angular_rate}[kind](
-        problem, epoch, acceleration
-    )
+    found = {
+        POSITION: _position,
+        VELOCITY: _velocity,
+        VELOCITY_CONSTRAINT: _motion,
+        ZARU: _angular_rate,
+    }[kind](problem, epoch, acceleration)
     if found is None:
         return None
     residual, R = found

@@ -30,7 +30,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..navigation.codes import COVARIANCE_RESET, N_KINDS, NOT_MEASURED, POS, POSITION, PSI, REJECTED, USED, VEL
+from ..navigation.codes import (
+    COVARIANCE_RESET,
+    N_KINDS,
+    NOT_MEASURED,
+    POS,
+    POSITION,
+    PSI,
+    REJECTED,
+    USED,
+    VEL,
+)
 from ..navigation.filter import FEEDBACK_RAD, RESET_FIXES, RESET_S
 from ..navigation.problem import EstimationProblem, InitialState
 from ..records import Array
@@ -56,7 +66,8 @@ class Forward:
     linear : the linear problem about these nominals, with the measurements that were used.
     filtered : the filter's error about these nominals (zero where it was fed back), and covariance.
     nis : (m, 4) NIS of each kind of measurement, NaN where there was none.
-    decision : (m, 4) `NOT_MEASURED`, `USED`, `REJECTED` or `COVARIANCE_RESET` of `navigation.codes`.
+    decision : (m, 4) `NOT_MEASURED`, `USED`, `REJECTED` or `COVARIANCE_RESET` of
+        `navigation.codes`.
     """
 
     states: list[State]
@@ -114,7 +125,9 @@ def solve_twin(
     return TwinSolution(nav, x, estimate, forward)
 
 
-def run_forward(problem: EstimationProblem, start: InitialState, nominal: list[State] | None = None) -> Forward:
+def run_forward(
+    problem: EstimationProblem, start: InitialState, nominal: list[State] | None = None
+) -> Forward:
     """Run the extended Kalman filter over all epochs.
 
     Parameters

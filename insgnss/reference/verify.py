@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import DataError
+from ..base.errors import DataError
 from ..geodesy.rotation import rotation_from_quaternion, vector_from_rotation
 from ..navigation.codes import POS, PSI, VEL
 from ..records import Array
@@ -126,8 +126,10 @@ class Verification:
         width = max(len(d.quantity) for d in self.differences)
         lines = [
             self.headline(),
-            f"{self.name}, {self.begin:.1f} to {self.end:.1f} s: {self.imu_samples} IMU samples, "
-            f"{self.epochs} epochs, {self.states} states, passes: {self.passes}",
+            (
+                f"{self.name}, {self.begin:.1f} to {self.end:.1f} s: {self.imu_samples} IMU"
+                f" samples, {self.epochs} epochs, {self.states} states, passes: {self.passes}"
+            ),
             f"{'largest difference of':{width}}    in its unit          sigmas    sigma ratio",
         ]
         lines += [
@@ -138,8 +140,10 @@ class Verification:
         return "\n".join(
             [
                 *lines,
-                f"measurements: {self.decisions}, used by one and rejected by the other: "
-                f"{self.decided_otherwise}",
+                (
+                    f"measurements: {self.decisions}, used by one and rejected by the other: "
+                    f"{self.decided_otherwise}"
+                ),
                 f"filter and smoother: core {self.core_s:.2f} s, twin {self.twin_s:.1f} s",
             ]
         )

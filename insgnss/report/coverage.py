@@ -1,4 +1,6 @@
-"""What was without fixes, where the vehicle stood, which segments were solved by themselves, and which images this concerns."""
+"""What was without fixes, where the vehicle stood, which segments were solved by themselves, and
+which images this concerns.
+"""
 
 from typing import Any
 
@@ -16,7 +18,9 @@ MOST_LISTED = 100
 
 
 def segments(d: Diagnostics) -> Array:
-    """(k, 2) s, first and last instant of each segment that was solved by itself; without any given, all is one."""
+    """(k, 2) s, first and last instant of each segment that was solved by itself; without any
+    given, all is one.
+    """
     return np.array(d.segments or [(d.time[0], d.time[-1])], dtype=np.float64)
 
 
@@ -34,7 +38,9 @@ def median_interval(d: Diagnostics) -> float | None:
 
 
 def outages(d: Diagnostics) -> Array:
-    """(k, 2) s, begin and length of every time without a used fix that is long against the interval of the fixes, in order."""
+    """(k, 2) s, begin and length of every time without a used fix that is long against the interval
+    of the fixes, in order.
+    """
     interval = median_interval(d)
     if interval is None or not d.used.any():
         return np.zeros((0, 2))
@@ -43,17 +49,25 @@ def outages(d: Diagnostics) -> Array:
 
 
 def longest_outage(d: Diagnostics) -> dict[str, Any]:
-    """The longest time without a used fix, and the largest smoothed horizontal and vertical sigma within it."""
+    """The longest time without a used fix, and the largest smoothed horizontal and vertical sigma
+    within it.
+    """
     found = without_fix(segments(d), d.fix_time, d.used)
     begin, length = found[int(np.argmax(found[:, 1]))]
     return _within(d, float(begin), float(length)) | {"median_interval_s": median_interval(d)}
 
 
 def outage_figures(d: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[str, Any]]:
-    """Of the longest outages, in the order of time: sigmas in them, fixes that were rejected in them, and their images."""
+    """Of the longest outages, in the order of time: sigmas in them, fixes that were rejected in
+    them, and their images.
+    """
     found = outages(d)
     found = found[np.sort(np.argsort(-found[:, 1], kind="stable")[:MOST_LISTED])]
-    return [_within(d, float(begin), float(length)) | _contents(d, eo, float(begin), float(begin + length)) for begin, length in found]
+    return [
+        _within(d, float(begin), float(length))
+        | _contents(d, eo, float(begin), float(begin + length))
+        for begin, length in found
+    ]
 
 
 def _within(d: Diagnostics, begin: float, length: float) -> dict[str, Any]:
@@ -68,7 +82,9 @@ def _within(d: Diagnostics, begin: float, length: float) -> dict[str, Any]:
     }
 
 
-def _contents(d: Diagnostics, eo: ExteriorOrientation | None, begin: float, end: float) -> dict[str, Any]:
+def _contents(
+    d: Diagnostics, eo: ExteriorOrientation | None, begin: float, end: float
+) -> dict[str, Any]:
     inside = (d.fix_time > begin) & (d.fix_time < end)
     first, after = (0, 0) if eo is None else np.searchsorted(eo.time, (begin, end))
     named = eo is not None and after > first

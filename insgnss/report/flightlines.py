@@ -1,8 +1,10 @@
-"""The straight lines of a flight, numbered, with what is known on each: a surveyor plans, and repeats, by the line.
+"""The straight lines of a flight, numbered, with what is known on each: a surveyor plans, and
+repeats, by the line.
 
-A row belongs to a line where the chords over the `HALF_S` before and after it differ by less than `STRAIGHT_DEG` at more than a
-part `SLOWEST` of the flight's speed. Rows on end make a line if they last, and if the course at their ends does not differ by more
-than `BEND_DEG`, which leaves wide circles out. Where there are images, the lines are those with images on them.
+A row belongs to a line where the chords over the `HALF_S` before and after it differ by less than
+`STRAIGHT_DEG` at more than a part `SLOWEST` of the flight's speed. Rows on end make a line if they
+last, and if the course at their ends does not differ by more than `BEND_DEG`, which leaves wide
+circles out. Where there are images, the lines are those with images on them.
 """
 
 import math
@@ -24,7 +26,9 @@ BROKEN_S = 2.0  # a step of time beyond it ends a line
 
 @dataclass(frozen=True)
 class FlightLine:
-    """Rows `first` to `last` of the diagnostics; images `image` to `next_image` - 1 of the exterior orientation."""
+    """Rows `first` to `last` of the diagnostics; images `image` to `next_image` - 1 of the exterior
+    orientation.
+    """
 
     first: int
     last: int
@@ -37,17 +41,26 @@ def flight_lines(d: Diagnostics, eo: ExteriorOrientation | None) -> tuple[Flight
     if d.time.size < 3 or d.time[-1] - d.time[0] < SHORTEST_S:
         return ()
     course, straight = _course(d)
-    starts = np.concatenate([[True], (~straight[1:]) | (~straight[:-1]) | (np.diff(d.time) > BROKEN_S)])
+    starts = np.concatenate(
+        [[True], (~straight[1:]) | (~straight[:-1]) | (np.diff(d.time) > BROKEN_S)]
+    )
     edges = np.append(np.flatnonzero(starts), d.time.size)
     found = []
     for first, last in zip(edges[:-1], edges[1:] - 1, strict=True):
         if d.time[last] - d.time[first] < SHORTEST_S:
             continue
         third = (last - first) // 3
-        begin, end = _mean_course(course[first : first + third]), _mean_course(course[last - third : last])
+        begin, end = (
+            _mean_course(course[first : first + third]),
+            _mean_course(course[last - third : last]),
+        )
         if abs(_wrapped(end - begin)) > math.radians(BEND_DEG):
             continue
-        image, after = (0, 0) if eo is None else np.searchsorted(eo.time, (d.time[first] - HALF_S, d.time[last] + HALF_S))
+        image, after = (
+            (0, 0)
+            if eo is None
+            else np.searchsorted(eo.time, (d.time[first] - HALF_S, d.time[last] + HALF_S))
+        )
         found.append(FlightLine(int(first), int(last), int(image), int(after)))
     with_images = [x for x in found if x.next_image > x.image]
     return tuple(with_images or found)
@@ -65,7 +78,9 @@ def _course(d: Diagnostics) -> tuple[Array, NDArray[np.bool_]]:
     turn = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], np.sum(a * b, axis=1))
     turn[(d.time - d.time[0] < HALF_S) | (d.time[-1] - d.time < HALF_S)] = 0.0
     whole = after - before
-    return np.arctan2(whole[:, 1], whole[:, 0]), (np.abs(turn) < math.radians(STRAIGHT_DEG)) & (speed > least)
+    return np.arctan2(whole[:, 1], whole[:, 0]), (np.abs(turn) < math.radians(STRAIGHT_DEG)) & (
+        speed > least
+    )
 
 
 def _mean_course(course: Array) -> float:
@@ -77,7 +92,9 @@ def _wrapped(angle: float) -> float:
 
 
 def line_figures(d: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[str, Any]]:
-    """One row a line: time, course, length, images, and the median over them (without: over the line) of the sigmas."""
+    """One row a line: time, course, length, images, and the median over them (without: over the
+    line) of the sigmas.
+    """
     turned = np.unwrap(d.rpy[:, 2])
     exposed = np.zeros(d.time.size, dtype=bool)
     exposed[d.event] = eo is not None

@@ -1,6 +1,8 @@
-"""What all figures over time mark in the same way: lines with their numbers, rests, times without fixes, parts, exposures.
+"""What all figures over time mark in the same way: lines with their numbers, rests, times without
+fixes, parts, exposures.
 
-Shades run over the whole height of every axis, exposures stand as ticks on the lowest; the key is at the figure's top.
+Shades run over the whole height of every axis, exposures stand as ticks on the lowest; the key is
+at the figure's top.
 """
 
 import itertools
@@ -20,14 +22,20 @@ Array = NDArray[np.float64]
 LINE_SHADE, REST_SHADE, OUTAGE_SHADE, NOTHING_SHADE = "#E4ECF5", "#F7F0CC", "#F6C4BC", "#C9CDD3"
 NARROWEST = 0.002  # of the flight: what is shorter is drawn so wide, to be seen
 MOST_NUMBERS = 40
-KEY_LEFT, KEY_TOP_IN, KEY_LETTER = 0.085, 0.13, 0.0062  # of the figure's width; inches from its top; width of a letter
+KEY_LEFT, KEY_TOP_IN, KEY_LETTER = (
+    0.085,
+    0.13,
+    0.0062,
+)  # of the figure's width; inches from its top; width of a letter
 
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """Pieces (k, 2) of the flight, minutes from its start: lines, rests, without fixes, without solution; exposures (n,).
+    """Pieces (k, 2) of the flight, minutes from its start: lines, rests, without fixes, without
+    solution; exposures (n,).
 
-    parts : the rows of the diagnostics of each part that was solved by itself.   label : of the axis of time.
+    parts : the rows of the diagnostics of each part that was solved by itself.
+    label : of the axis of time.
     """
 
     minutes: Callable[[Array], Array]
@@ -41,7 +49,11 @@ class Marks:
 
     def parts_of(self, minutes: Array) -> tuple[slice, ...]:
         """The rows of other `minutes` in each part."""
-        edges = np.searchsorted(minutes, self.nothing.mean(axis=1)) if self.nothing.size else np.zeros(0, dtype=np.int64)
+        edges = (
+            np.searchsorted(minutes, self.nothing.mean(axis=1))
+            if self.nothing.size
+            else np.zeros(0, dtype=np.int64)
+        )
         return slices(edges, minutes.size)
 
 
@@ -58,7 +70,9 @@ def marks_of(d: Diagnostics, eo: ExteriorOrientation | None) -> Marks:
         return (t - start) / 60.0
 
     whole, without = segments(d), outages(d)
-    lines = np.array([(d.time[x.first], d.time[x.last]) for x in flight_lines(d, eo)]).reshape(-1, 2)
+    lines = np.array([(d.time[x.first], d.time[x.last]) for x in flight_lines(d, eo)]).reshape(
+        -1, 2
+    )
     nothing = np.stack([whole[:-1, 1], whole[1:, 0]], axis=1)
     return Marks(
         minutes,
@@ -73,7 +87,9 @@ def marks_of(d: Diagnostics, eo: ExteriorOrientation | None) -> Marks:
 
 
 def mark(figure: Any, axes: NDArray[Any], marks: Marks, lines: bool = False) -> None:
-    """Shade `axes` (n,), which share their time, number the lines on the first where `lines`, ticks of exposures on the last."""
+    """Shade `axes` (n,), which share their time, number the lines on the first where `lines`, ticks
+    of exposures on the last.
+    """
     kinds = [(marks.lines, LINE_SHADE, "line")] if lines else []
     kinds += [(marks.rests, REST_SHADE, "at rest"), (marks.outages, OUTAGE_SHADE, "no used fix")]
     kinds.append((marks.nothing, NOTHING_SHADE, "no solution"))
@@ -97,13 +113,26 @@ def _shade(ax: Any, pieces: Array, colour: str) -> None:
 
     span = ax.dataLim.width or float(pieces.max() - pieces.min())
     half = 0.5 * np.maximum(pieces[:, 1] - pieces[:, 0], NARROWEST * span)
-    left, right, zero = pieces.mean(axis=1) - half, pieces.mean(axis=1) + half, np.zeros(len(pieces))
-    corners = np.stack([left, zero, right, zero, right, zero + 1.0, left, zero + 1.0], axis=1).reshape(-1, 4, 2)
-    ax.add_collection(PolyCollection(list(corners), transform=ax.get_xaxis_transform(), facecolors=colour, lw=0, zorder=0.4), autolim=False)
+    left, right, zero = (
+        pieces.mean(axis=1) - half,
+        pieces.mean(axis=1) + half,
+        np.zeros(len(pieces)),
+    )
+    corners = np.stack(
+        [left, zero, right, zero, right, zero + 1.0, left, zero + 1.0], axis=1
+    ).reshape(-1, 4, 2)
+    ax.add_collection(
+        PolyCollection(
+            list(corners), transform=ax.get_xaxis_transform(), facecolors=colour, lw=0, zorder=0.4
+        ),
+        autolim=False,
+    )
 
 
 def _key(figure: Any, keys: list[tuple[str, str, str]]) -> None:
-    """Sign and name side by side at the figure's top left; a legend would measure all of its texts first."""
+    """Sign and name side by side at the figure's top left; a legend would measure all of its texts
+    first.
+    """
     x, (_, height) = KEY_LEFT, figure.get_size_inches()
     y = 1.0 - KEY_TOP_IN / height
     for sign, colour, name in keys:
@@ -114,6 +143,12 @@ def _key(figure: Any, keys: list[tuple[str, str, str]]) -> None:
 
 def _number(ax: Any, lines: Array) -> None:
     step = max(1, -(-len(lines) // MOST_NUMBERS))
-    style = {"transform": ax.get_xaxis_transform(), "ha": "center", "va": "top", "fontsize": 7.5, "color": "#40506A"}
+    style = {
+        "transform": ax.get_xaxis_transform(),
+        "ha": "center",
+        "va": "top",
+        "fontsize": 7.5,
+        "color": "#40506A",
+    }
     for number, (start, end) in list(enumerate(lines, 1))[::step]:
         ax.text(0.5 * (start + end), 0.985, str(number), **style)

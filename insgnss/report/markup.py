@@ -17,14 +17,23 @@ def sentence(text: str) -> str:
 
 
 def table(rows: Iterable[Row], head: Row = (), numbers: bool = False) -> str:
-    """Table of cells that are HTML already; `numbers` aligns all columns but the first to the right."""
+    """Table of cells that are HTML already; `numbers` aligns all columns but the first to the
+    right.
+    """
 
     def cells(row: Row, tag: str) -> str:
         mark = ' class="number"' if numbers else ""
-        return "<tr>" + "".join(f"<{tag}{mark if i else ''}>{cell}</{tag}>" for i, cell in enumerate(row)) + "</tr>\n"
+        return (
+            "<tr>"
+            + "".join(f"<{tag}{mark if i else ''}>{cell}</{tag}>" for i, cell in enumerate(row))
+            + "</tr>\n"
+        )
 
     top = f"<thead>\n{cells(head, 'th')}</thead>\n" if head else ""
-    return f'<div class="wide"><table>\n{top}<tbody>\n{"".join(cells(row, "td") for row in rows)}</tbody>\n</table></div>\n'
+    return (
+        "<div"
+        f' class="wide"><table>\n{top}<tbody>\n{"".join(cells(row, "td") for row in rows)}</tbody>\n</table></div>\n'
+    )
 
 
 def folded(title: str, content: str) -> str:
@@ -34,4 +43,8 @@ def folded(title: str, content: str) -> str:
 
 def three(values: Sequence[float | None] | None, form: str) -> str:
     """Values of the axes, one beside the other; a dash for what is not determined."""
-    return "–" if values is None else " / ".join("–" if v is None else format(v, f"z{form}") for v in values)
+    return (
+        "–"
+        if values is None
+        else " / ".join("–" if v is None else format(v, f"z{form}") for v in values)
+    )

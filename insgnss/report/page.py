@@ -1,7 +1,9 @@
-"""report.html: one page without scripts or outside files, for the person who has to trust the images.
+"""report.html: one page without scripts or outside files, for the person who has to trust the
+images.
 
-The order is that of the questions: what accuracy, what limits it, line by line, how it looks, what was checked and thrown away, from what
-it was made. Every text is escaped; the pictures are PNG inside the page.
+The order is that of the questions: what accuracy, what limits it, line by line, how it looks, what
+was checked and thrown away, from what it was made. Every text is escaped; the pictures are PNG
+inside the page.
 """
 
 import base64
@@ -11,16 +13,17 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ..files import atomic_write
+from ..base.files import atomic_write
 from ..records import Diagnostics, ExteriorOrientation
-from . import gnss
-from .figures import Picture, pictures
+from .figures import gnss
+from .figures.run import Picture, pictures
 from .markup import escape, folded, table
+from .rules.wording import millimetres
 from .sections import constants, flight_lines, key_numbers, limits, segments_and_rests
 from .summary import plain
-from .wording import millimetres
 
-FAR_ABOVE = 2.0  # mean NIS a degree of freedom: beyond it the sigmas of the result are wrong by more than 40 %
+# mean NIS a degree of freedom: beyond it the sigmas of the result are wrong by more than 40 %
+FAR_ABOVE = 2.0
 
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1c2430; --paper: #ffffff; --pale: #f3f5f8; --rule: #d5dae1; --soft: #5b6675;
@@ -52,32 +55,51 @@ def write_report(
 ) -> Path:
     """Draw and write the page, whole or not at all; returns where it is.
 
-    path : the file, or a directory that gets report.html.   summary : of `summary.run_summary`.   eo : None without a camera.
+    path : the file, or a directory that gets report.html.
+    summary : of `summary.run_summary`.
+    eo : None without a camera.
     receiver : series of a PPK solution, as `gnss.pictures` takes them.
     """
     path = Path(path)
     if path.is_dir():
         path = path / "report.html"
-    drawn = chain(pictures(diagnostics, eo, summary["standing"]), () if receiver is None else gnss.pictures(receiver))
+    drawn = chain(
+        pictures(diagnostics, eo, summary["standing"]),
+        () if receiver is None else gnss.pictures(receiver),
+    )
     atomic_write(path, page(summary, drawn))
     return path
 
 
 def write_report_json(summary: Mapping[str, Any], path: str | Path) -> None:
     """Write `summary` to `path`, whole or not at all."""
-    atomic_write(path, json.dumps(plain(summary), indent=2, allow_nan=False, ensure_ascii=False) + "\n")
+    atomic_write(
+        path, json.dumps(plain(summary), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    )
 
 
 def page(summary: Mapping[str, Any], drawn: Iterable[Picture]) -> Iterator[str]:
     """The HTML of the page, piece by piece."""
     name = summary["name"] or "flight"
-    yield f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(name)}: insgnss report</title>\n'
-    yield f'<meta name="viewport" content="width=device-width, initial-scale=1">\n<style>\n{_STYLE}\n</style>\n</head>\n<body>\n<main>\n'
-    yield f'<h1>{escape(name)}</h1>\n<p class="headline {_mood(summary)}">{escape(summary["headline"])}.</p>\n'
+    yield (
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(name)}:'
+        " insgnss report</title>\n"
+    )
+    yield (
+        '<meta name="viewport" content="width=device-width,'
+        f' initial-scale=1">\n<style>\n{_STYLE}\n</style>\n</head>\n<body>\n<main>\n'
+    )
+    yield (
+        f'<h1>{escape(name)}</h1>\n<p class="headline'
+        f' {_mood(summary)}">{escape(summary["headline"])}.</p>\n'
+    )
     yield from (limits(summary), flight_lines(summary), key_numbers(summary), constants(summary))
     for picture in drawn:
         title = escape(picture.title)
-        yield f'<h2>{title}</h2>\n<figure id="{escape(picture.name)}">\n<img alt="{title}" src="data:image/png;base64,'
+        yield (
+            f'<h2>{title}</h2>\n<figure id="{escape(picture.name)}">\n<img alt="{title}"'
+            ' src="data:image/png;base64,'
+        )
         yield base64.b64encode(picture.png).decode("ascii")
         yield f'">\n<figcaption>{escape(picture.reading)}</figcaption>\n</figure>\n'
     if not summary["standing"]:
@@ -87,11 +109,20 @@ def page(summary: Mapping[str, Any], drawn: Iterable[Picture]) -> Iterator[str]:
 
 
 def _mood(summary: Mapping[str, Any]) -> str:
-    """good, doubtful or bad: bad for a contradiction, no fix used, or innovations far above their sigmas."""
+    """good, doubtful or bad: bad for a contradiction, no fix used, or innovations far above their
+    sigmas.
+    """
     position = summary["consistency"]["position"]
-    if any(check["verdict"] == "contradiction" for check in summary["checks"]) or not summary["counts"]["fixes_used"]:
+    if (
+        any(check["verdict"] == "contradiction" for check in summary["checks"])
+        or not summary["counts"]["fixes_used"]
+    ):
         return "bad"
-    if not summary["standing"] and position["verdict"] == "overconfident" and position["mean_per_dof"] > FAR_ABOVE:
+    if (
+        not summary["standing"]
+        and position["verdict"] == "overconfident"
+        and position["mean_per_dof"] > FAR_ABOVE
+    ):
         return "bad"
     return "doubtful" if any(limit["rank"] >= 1.0 for limit in summary["limits"]) else "good"
 
@@ -101,12 +132,29 @@ def _innovations(s: Mapping[str, Any]) -> str:
     if i["rms_mm"] is None:
         return "<h2>Innovations</h2>\n<p>No fix was used.</p>\n"
     rows = [
-        (axis, millimetres(mean), millimetres(rms), millimetres(sigma), "–" if r is None else f"{r:+z.3f}")
+        (
+            axis,
+            millimetres(mean),
+            millimetres(rms),
+            millimetres(sigma),
+            "–" if r is None else f"{r:+z.3f}",
+        )
         for axis, mean, rms, sigma, r in zip(
-            ("north", "east", "down"), i["mean_mm"], i["rms_mm"], i["median_sigma_mm"], i["lag1"], strict=True
+            ("north", "east", "down"),
+            i["mean_mm"],
+            i["rms_mm"],
+            i["median_sigma_mm"],
+            i["lag1"],
+            strict=True,
         )
     ]
-    head = ("Innovations", "mean", "rms", "median sigma", f"lag-1 correlation (99 %: ±{i['lag1_bound_99']:.3f})")
+    head = (
+        "Innovations",
+        "mean",
+        "rms",
+        "median sigma",
+        f"lag-1 correlation (99 %: ±{i['lag1_bound_99']:.3f})",
+    )
     return "<h2>Innovations in numbers</h2>\n" + table(rows, head, numbers=True)
 
 
@@ -115,9 +163,13 @@ def _checks(s: Mapping[str, Any]) -> str:
         return ""
     rows = []
     for check in s["checks"]:
-        name, found, expected, verdict, advice = (escape(check[key]) for key in ("name", "found", "expected", "verdict", "advice"))
+        name, found, expected, verdict, advice = (
+            escape(check[key]) for key in ("name", "found", "expected", "verdict", "advice")
+        )
         rows.append((name, found, expected, f'<span class="{verdict}">{verdict}</span>', advice))
-    return "<h2>Checks of the input</h2>\n" + table(rows, ("Check", "found", "expected", "verdict", "advice"))
+    return "<h2>Checks of the input</h2>\n" + table(
+        rows, ("Check", "found", "expected", "verdict", "advice")
+    )
 
 
 def _rejected(s: Mapping[str, Any]) -> str:
@@ -126,7 +178,12 @@ def _rejected(s: Mapping[str, Any]) -> str:
         return "<h2>Rejected fixes</h2>\n<p>No fix was rejected.</p>\n"
     start = s["span"]["start_tow_s"]
     rows = [
-        (f"{x['time_s']:.3f}", f"{(x['time_s'] - start) / 60:.2f}", "–" if x["nis"] is None else f"{x['nis']:.1f}") for x in r["listed"]
+        (
+            f"{x['time_s']:.3f}",
+            f"{(x['time_s'] - start) / 60:.2f}",
+            "–" if x["nis"] is None else f"{x['nis']:.1f}",
+        )
+        for x in r["listed"]
     ]
     more = f", the first {len(r['listed'])} of them" if r["count"] > len(r["listed"]) else ""
     told = f"<p>{r['count']} fixes beyond the gate (NIS {r['nis_limit']:.1f}){more}:</p>\n"
@@ -139,13 +196,20 @@ def _rejected(s: Mapping[str, Any]) -> str:
 def _gaps(s: Mapping[str, Any]) -> str:
     o = s["longest_outage"]
     sigmas = f"{millimetres(o['horizontal_mm'])} horizontally, {millimetres(o['down_mm'])} down"
-    told = f"<p>Longest time without a used fix: {o['length_s']:.2f} s from TOW {o['time_s']:.2f} s on; smoothed sigmas at most "
+    told = (
+        f"<p>Longest time without a used fix: {o['length_s']:.2f} s from TOW {o['time_s']:.2f} s"
+        " on; smoothed sigmas at most "
+    )
     told += f"{sigmas} in it.</p>\n"
     rows = [(f"{gap['time_s']:.3f}", f"{gap['length_s']:.3f}") for gap in s["imu_gaps"]]
     if not rows:
         return "<h2>Gaps</h2>\n" + told + "<p>No gap of the IMU.</p>\n"
     listed = table(rows, ("IMU gap at TOW, s", "length, s"))
-    return "<h2>Gaps</h2>\n" + told + (folded(f"{len(rows)} gaps of the IMU", listed) if len(rows) > 20 else listed)
+    return (
+        "<h2>Gaps</h2>\n"
+        + told
+        + (folded(f"{len(rows)} gaps of the IMU", listed) if len(rows) > 20 else listed)
+    )
 
 
 def _made_from(s: Mapping[str, Any]) -> str:
@@ -165,7 +229,9 @@ def _made_from(s: Mapping[str, Any]) -> str:
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Dotted keys and values of nested tables, as in the flight file; what was left out is told by a dash."""
+    """Dotted keys and values of nested tables, as in the flight file; what was left out is told by
+    a dash.
+    """
     for key, value in table.items():
         if isinstance(value, Mapping) and value:
             yield from _flat(value, f"{prefix}{key}.")

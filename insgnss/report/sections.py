@@ -1,11 +1,13 @@
-"""The sections of the page that answer its first questions: what limits the flight, which line is weak, what was estimated."""
+"""The sections of the page that answer its first questions: what limits the flight, which line is
+weak, what was estimated.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .markup import Row, escape, folded, sentence, table, three
-from .verdict import MOST_SAID, NOTHING_STANDS_OUT
-from .wording import lengths, millimetres
+from .rules.verdict import MOST_SAID, NOTHING_STANDS_OUT
+from .rules.wording import lengths, millimetres
 
 Summary = Mapping[str, Any]
 
@@ -13,14 +15,26 @@ FEW = 3  # remarks that need not be folded away
 
 
 def limits(s: Summary) -> str:
-    """Sentences on what limits the flight, the most important first, each with what would help; many remarks behind a line."""
+    """Sentences on what limits the flight, the most important first, each with what would help;
+    many remarks behind a line.
+    """
     found: Sequence[Mapping[str, Any]] = s["limits"]
-    first = "" if any(x["rank"] >= 1.0 for x in found) else f"<p>{escape(sentence(NOTHING_STANDS_OUT))}</p>\n"
+    first = (
+        ""
+        if any(x["rank"] >= 1.0 for x in found)
+        else f"<p>{escape(sentence(NOTHING_STANDS_OUT))}</p>\n"
+    )
     matter = [x for x in found if x["rank"] >= 1.0][:MOST_SAID]
     others = [x for x in found if x not in matter]
-    out = "<h2>What limits this flight</h2>\n" + first + (f"<ol>\n{''.join(map(_limit, matter))}</ol>\n" if matter else "")
+    out = (
+        "<h2>What limits this flight</h2>\n"
+        + first
+        + (f"<ol>\n{''.join(map(_limit, matter))}</ol>\n" if matter else "")
+    )
     remarks = f"<ul>\n{''.join(map(_limit, others))}</ul>\n" if others else ""
-    return out + (folded(f"and {len(others)} of less weight", remarks) if len(others) > FEW else remarks)
+    return out + (
+        folded(f"and {len(others)} of less weight", remarks) if len(others) > FEW else remarks
+    )
 
 
 def _limit(limit: Mapping[str, Any]) -> str:
@@ -29,11 +43,18 @@ def _limit(limit: Mapping[str, Any]) -> str:
 
 
 def flight_lines(s: Summary) -> str:
-    """Table of the straight lines: where, which images, how well they are known. The largest of each sigma stands out."""
+    """Table of the straight lines: where, which images, how well they are known. The largest of
+    each sigma stands out.
+    """
     lines: Sequence[Mapping[str, Any]] = s["lines"]
     if not lines:
         return ""
-    forms = (("horizontal_mm", millimetres), ("down_mm", millimetres), ("tilt_deg", "{:.3f}".format), ("heading_deg", "{:.3f}".format))
+    forms = (
+        ("horizontal_mm", millimetres),
+        ("down_mm", millimetres),
+        ("tilt_deg", "{:.3f}".format),
+        ("heading_deg", "{:.3f}".format),
+    )
     worst = {key: max(line[key] for line in lines) for key, _ in forms}
     rows = [
         (
@@ -41,15 +62,37 @@ def flight_lines(s: Summary) -> str:
             f"{line['start_s']:.1f} – {line['end_s']:.1f}",
             f"{line['course_deg']:.0f}",
             f"{line['length_m']:.0f}",
-            f"{escape(line['first_image'])} – {escape(line['last_image'])} ({line['images']})" if line["images"] else "–",
-            *(_strong(form(line[key]), len(lines) > 1 and line[key] == worst[key]) for key, form in forms),
+            (
+                f"{escape(line['first_image'])} – {escape(line['last_image'])} ({line['images']})"
+                if line["images"]
+                else "–"
+            ),
+            *(
+                _strong(form(line[key]), len(lines) > 1 and line[key] == worst[key])
+                for key, form in forms
+            ),
         )
         for line in lines
     ]
-    head = ("Line", "TOW, s", "course, deg", "length, m", "images", "horizontal", "height", "tilt, deg", "heading, deg")
-    told = '<p class="soft">Median standard deviations on each straight line, numbered as in the figures; the largest is in bold.</p>\n'
+    head = (
+        "Line",
+        "TOW, s",
+        "course, deg",
+        "length, m",
+        "images",
+        "horizontal",
+        "height",
+        "tilt, deg",
+        "heading, deg",
+    )
+    told = (
+        '<p class="soft">Median standard deviations on each straight line, numbered as in the'
+        " figures; the largest is in bold.</p>\n"
+    )
     content = told + table(rows, head, numbers=True)
-    return "<h2>Line by line</h2>\n" + (folded(f"{len(lines)} lines", content) if len(lines) > 30 else content)
+    return "<h2>Line by line</h2>\n" + (
+        folded(f"{len(lines)} lines", content) if len(lines) > 30 else content
+    )
 
 
 def _strong(text: str, strong: bool) -> str:
@@ -57,16 +100,26 @@ def _strong(text: str, strong: bool) -> str:
 
 
 def constants(s: Summary) -> str:
-    """What the flight estimated besides positions and attitudes: constants, and errors of the fixes that last."""
+    """What the flight estimated besides positions and attitudes: constants, and errors of the fixes
+    that last.
+    """
     out = ""
     if s["states"]:
-        head = ("Constant", "value", "sigma", "before the flight", "its sigma moves a fix by", "observed")
+        head = (
+            "Constant",
+            "value",
+            "sigma",
+            "before the flight",
+            "its sigma moves a fix by",
+            "observed",
+        )
         out += table([_constant(state) for state in s["states"]], head, numbers=True)
     for error in s["time_correlated_errors"]:
         size, white = (" / ".join(f"{x:.2f}" for x in error[key]) for key in ("share", "white"))
         out += (
-            f"<p>Errors of {error['fixes']} fixes last for {error['time_s']:.1f} s: {size} of their sigmas, or "
-            f"{lengths([1e3 * x for x in error['sigma_m']])}, last that long and {white} do not (N / E / D).</p>\n"
+            f"<p>Errors of {error['fixes']} fixes last for {error['time_s']:.1f} s: {size} of their"
+            f" sigmas, or {lengths([1e3 * x for x in error['sigma_m']])}, last that long and"
+            f" {white} do not (N / E / D).</p>\n"
         )
     return f"<h2>What was estimated besides</h2>\n{out}" if out else ""
 
@@ -78,7 +131,14 @@ def _constant(state: Mapping[str, Any]) -> Row:
     moves = "–" if state["moves_m"] is None else millimetres(1e3 * state["moves_m"])
     seen = ("ok", "yes") if state["observed"] else ("note", "no")
     marked = f'<span class="{seen[0]}">{seen[1]}</span>'
-    return escape(state["name"]), value, sigma, f"± {state['prior'] * factor:.3g} {unit}", moves, marked
+    return (
+        escape(state["name"]),
+        value,
+        sigma,
+        f"± {state['prior'] * factor:.3g} {unit}",
+        moves,
+        marked,
+    )
 
 
 def segments_and_rests(s: Summary) -> str:
@@ -99,33 +159,70 @@ def key_numbers(s: Summary) -> str:
     """Sigmas, counts, biases, and what supports them."""
     span, n, biases = s["span"], s["counts"], s["biases"]
     week = "" if span["gps_week"] is None else f"GPS week {span['gps_week']}, "
-    minutes = f"{span['duration_s'] / 60:.1f} min, {week}TOW {span['start_tow_s']:.1f} to {span['end_tow_s']:.1f} s"
+    minutes = (
+        f"{span['duration_s'] / 60:.1f} min, {week}TOW {span['start_tow_s']:.1f} to"
+        f" {span['end_tow_s']:.1f} s"
+    )
     fixes = f"{n['fixes']}, {n['fixes_used']} used, {n['fixes_rejected']} rejected"
     if "velocities" in n:
-        fixes += f"; velocities {n['velocities']}, {n['velocities_used']} used, {n['velocities_rejected']} rejected"
-    imu = [f"{n[key]} {what}" for key, what in (("imu_samples", "samples"), ("epochs", "epochs")) if n[key] is not None]
+        fixes += (
+            f"; velocities {n['velocities']}, {n['velocities_used']} used,"
+            f" {n['velocities_rejected']} rejected"
+        )
+    imu = [
+        f"{n[key]} {what}"
+        for key, what in (("imu_samples", "samples"), ("epochs", "epochs"))
+        if n[key] is not None
+    ]
     rows = [
         ("Flight", minutes),
         ("Images", str(n["images"]) if n["images"] else "none (no camera)"),
         ("GNSS fixes", "none: the sensor stands at a given place" if s["standing"] else fixes),
-        ("IMU", ", ".join([*imu, f"{n['passes']} filter {'pass' if n['passes'] == 1 else 'passes'}", _gap_count(n["imu_gaps"])])),
+        (
+            "IMU",
+            ", ".join(
+                [
+                    *imu,
+                    f"{n['passes']} filter {'pass' if n['passes'] == 1 else 'passes'}",
+                    _gap_count(n["imu_gaps"]),
+                ]
+            ),
+        ),
         *([] if s["standing"] else _agreement(s)),
-        ("Gyro bias at the end, deg/h", f"{_plus_minus(biases, 'gyro_deg_h', 'gyro_sigma_deg_h', 'z.1f')} (forward / right / down)"),
-        ("Accelerometer bias at the end, mg", f"{_plus_minus(biases, 'accel_mg', 'accel_sigma_mg', 'z.2f')} (forward / right / down)"),
+        (
+            "Gyro bias at the end, deg/h",
+            (
+                f"{_plus_minus(biases, 'gyro_deg_h', 'gyro_sigma_deg_h', 'z.1f')} (forward / right"
+                " / down)"
+            ),
+        ),
+        (
+            "Accelerometer bias at the end, mg",
+            f"{_plus_minus(biases, 'accel_mg', 'accel_sigma_mg', 'z.2f')} (forward / right / down)",
+        ),
     ]
     return "<h2>Key numbers</h2>\n" + _sigma_table(s) + table(rows)
 
 
 def _agreement(s: Summary) -> list[Row]:
     """What the innovations and the two directions say of the sigmas."""
-    rows: list[Row] = [(f"NIS of {what} per degree of freedom", escape(_nis(c))) for what, c in s["consistency"].items() if c is not None]
+    rows: list[Row] = [
+        (f"NIS of {what} per degree of freedom", escape(_nis(c)))
+        for what, c in s["consistency"].items()
+        if c is not None
+    ]
     ratios = s["separation"]["normalised_rms"]
-    told = f"position {three(ratios['position'], '.2f')}, attitude {three(ratios['attitude'], '.2f')} (N / E / D; 1 expected)"
+    told = (
+        f"position {three(ratios['position'], '.2f')}, attitude {three(ratios['attitude'], '.2f')}"
+        " (N / E / D; 1 expected)"
+    )
     return [*rows, ("Forward/backward separation over its sigma", told)]
 
 
 def _plus_minus(biases: Mapping[str, Any], value: str, sigma: str, form: str) -> str:
-    return " / ".join(f"{v:{form}} ± {s:{form}}" for v, s in zip(biases[value], biases[sigma], strict=True))
+    return " / ".join(
+        f"{v:{form}} ± {s:{form}}" for v, s in zip(biases[value], biases[sigma], strict=True)
+    )
 
 
 def _gap_count(n: int) -> str:
@@ -150,10 +247,20 @@ def _sigma_table(s: Mapping[str, Any]) -> str:
         for label, key in (("Median", "median"), ("Smallest", "min"), ("Largest", "max"))
     ]
     if s["exposures"]:
-        rows.append((f"First image, {escape(claim['first_image'])}", three(position["first"], ".1f"), three(attitude["first"], ".4f")))
+        rows.append(
+            (
+                f"First image, {escape(claim['first_image'])}",
+                three(position["first"], ".1f"),
+                three(attitude["first"], ".4f"),
+            )
+        )
     if s["neighbours"]:
         near = s["neighbours"]
         label = f"Median of the difference of neighbours ({near['interval_s']:.1f} s apart)"
         rows.append((label, three(near["position_mm"], ".1f"), three(near["attitude_deg"], ".4f")))
-    what = "Standard deviations of the images" if s["exposures"] else "Smoothed standard deviations of the trajectory"
+    what = (
+        "Standard deviations of the images"
+        if s["exposures"]
+        else "Smoothed standard deviations of the trajectory"
+    )
     return table(rows, (what, f"position {axes}, mm", f"attitude about {axes}, deg"), numbers=True)

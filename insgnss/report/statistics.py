@@ -1,12 +1,14 @@
 """What a consistent filter promises of its innovations, and tests of it.
 
-The innovation nu of a fix has covariance S if the models hold, and then nu^T S^-1 nu (NIS) is chi-square distributed with as many
-degrees of freedom as nu has components, independent from fix to fix. The mean over K fixes of d components thus lies within
+The innovation nu of a fix has covariance S if the models hold, and then nu^T S^-1 nu (NIS) is
+chi-square distributed with as many degrees of freedom as nu has components, independent from fix to
+fix. The mean over K fixes of d components thus lies within
 
-    chi2(alpha / 2; K d) / (K d)  <=  mean NIS / d  <=  chi2(1 - alpha / 2; K d) / (K d)                     (T.1)
+    chi2(alpha / 2; K d) / (K d)  <=  mean NIS / d  <=  chi2(1 - alpha / 2; K d) / (K d)       (T.1)
 
 with probability 1 - alpha, and the lag-1 autocorrelation of each normalised component within +-z(1 - alpha / 2) / sqrt(K)    (T.2).
-Bar-Shalom, Li, Kirubarajan (2001) 5.4.2. Errors of GNSS that last for longer than the interval of the fixes break (T.2) first.
+Bar-Shalom, Li, Kirubarajan (2001) 5.4.2. Errors of GNSS that last for longer than the interval of
+the fixes break (T.2) first.
 """
 
 import math
@@ -24,7 +26,9 @@ NIS_95 = 7.814727903251179  # 95 % point of chi-square with 3 degrees of freedom
 
 
 def mean_bounds(dof: int) -> tuple[float, float]:
-    """Two-sided 99 % bounds (T.1) of a chi-square variable of `dof` degrees of freedom divided by `dof`."""
+    """Two-sided 99 % bounds (T.1) of a chi-square variable of `dof` degrees of freedom divided by
+    `dof`.
+    """
     from scipy.special import chdtri
 
     tail = (1.0 - CONFIDENCE) / 2.0
@@ -34,8 +38,9 @@ def mean_bounds(dof: int) -> tuple[float, float]:
 def consistency(nis: Array, used: Selection) -> dict[str, Any]:
     """Verdict (T.1) on the NIS (k,) of three components each, over the `used` (k,) ones.
 
-    "overconfident": innovations are larger than the sigmas promised; "conservative": smaller; "unknown": none was used.
-    `size` is the ratio sqrt(mean NIS / dof) of true to promised innovations.
+    "overconfident": innovations are larger than the sigmas promised; "conservative": smaller;
+    "unknown": none was used. `size` is the ratio sqrt(mean NIS / dof) of true to promised
+    innovations.
     """
     kept = nis[used & np.isfinite(nis)]
     if not kept.size:
@@ -50,7 +55,9 @@ def consistency(nis: Array, used: Selection) -> dict[str, Any]:
     ratio = float(kept.mean()) / 3.0
     low, high = mean_bounds(3 * kept.size)
     return {
-        "verdict": "overconfident" if ratio > high else "conservative" if ratio < low else "consistent",
+        "verdict": (
+            "overconfident" if ratio > high else "conservative" if ratio < low else "consistent"
+        ),
         "mean_per_dof": ratio,
         "bounds_99": [low, high],
         "size": math.sqrt(ratio),
@@ -60,16 +67,22 @@ def consistency(nis: Array, used: Selection) -> dict[str, Any]:
 
 
 def lag_one(x: Array) -> Array:
-    """Autocorrelation at lag one, about the mean, of each column of `x` (k, c); NaN where a column has none (k < 3 or constant)."""
+    """Autocorrelation at lag one, about the mean, of each column of `x` (k, c); NaN where a column
+    has none (k < 3 or constant).
+    """
     if len(x) < 3:
         return np.full(x.shape[1], np.nan)
     x = x - x.mean(axis=0)
     power = (x * x).sum(axis=0)
-    return np.divide((x[1:] * x[:-1]).sum(axis=0), power, out=np.full(x.shape[1], np.nan), where=power > 0.0)
+    return np.divide(
+        (x[1:] * x[:-1]).sum(axis=0), power, out=np.full(x.shape[1], np.nan), where=power > 0.0
+    )
 
 
 def innovation_figures(innovation: Array, sigma: Array, used: Selection) -> dict[str, Any]:
-    """Mean, rms, what 68 % are within, and median sigma (mm) of the used innovations (k, 3) north, east, down; their whiteness (T.2)."""
+    """Mean, rms, what 68 % are within, and median sigma (mm) of the used innovations (k, 3) north,
+    east, down; their whiteness (T.2).
+    """
     kept = used & np.isfinite(innovation).all(axis=1)
     if not kept.any():
         return {
@@ -94,7 +107,9 @@ def innovation_figures(innovation: Array, sigma: Array, used: Selection) -> dict
 
 
 def normalised_rms(x: Array, sigma: Array) -> Array:
-    """Root mean square of x / sigma by column over what is determined (finite x, sigma > 0); NaN where nothing is."""
+    """Root mean square of x / sigma by column over what is determined (finite x, sigma > 0); NaN
+    where nothing is.
+    """
     known = np.isfinite(x) & np.isfinite(sigma) & (sigma > 0.0)
     squares = np.square(np.divide(x, sigma, out=np.zeros_like(x), where=known)).sum(axis=0)
     count = known.sum(axis=0)
@@ -102,7 +117,9 @@ def normalised_rms(x: Array, sigma: Array) -> Array:
 
 
 def without_fix(spans: Array, fix_time: Array, used: Selection) -> Array:
-    """Begin and length, s, (n, 2), of the times between the used fixes, and between them and the ends of each of `spans` (k, 2)."""
+    """Begin and length, s, (n, 2), of the times between the used fixes, and between them and the
+    ends of each of `spans` (k, 2).
+    """
     times = fix_time[used]
     found = []
     for start, end in spans:

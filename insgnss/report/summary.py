@@ -1,7 +1,7 @@
 """The figures of merit of a run, as the dict that report.json holds.
 
-Everything is in the unit that its name says; what is not determined is None, never NaN. Lists of three are in the order of the
-`axes` beside them. The limits in words come from `verdict`.
+Everything is in the unit that its name says; what is not determined is None, never NaN. Lists of
+three are in the order of the `axes` beside them. The limits in words come from `verdict`.
 """
 
 import math
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from ..records import Diagnostics, ExteriorOrientation, StateVerdict
 from .coverage import longest_outage, outage_figures, rests, segments
 from .flightlines import line_figures
+from .rules.verdict import headline, limits, verdict
+from .rules.wording import DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
 from .statistics import consistency, innovation_figures, normalised_rms
-from .verdict import headline, limits, verdict
-from .wording import DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
 
 Array = NDArray[np.float64]
 
@@ -43,12 +43,22 @@ def run_summary(
     Parameters
     ----------
     eo : of the images, None without a camera.
-    flight : the resolved flight file.   inputs : SHA-256 by path.   versions : by package.   timings : s by step.
-    history : what was done, sentence by sentence.   imu_samples, epochs : numbers of them, where known.
+    flight : the resolved flight file.
+    inputs : SHA-256 by path.
+    versions : by package.
+    timings : s by step.
+    history : what was done, sentence by sentence.   imu_samples, epochs : numbers of them, where
+                                                     known.
     """
     figures = {"name": str(flight.get("name", ""))} | _judged(diagnostics, eo)
     figures["counts"] = {"imu_samples": imu_samples, "epochs": epochs} | figures["counts"]
-    figures |= {"timings_s": timings, "history": history, "flight": flight, "versions": versions, "inputs_sha256": inputs}
+    figures |= {
+        "timings_s": timings,
+        "history": history,
+        "flight": flight,
+        "versions": versions,
+        "inputs_sha256": inputs,
+    }
     gnss = flight.get("gnss")
     figures["standing"] = isinstance(gnss, Mapping) and gnss.get("stationary") is not None
     figures = plain(figures)
@@ -58,7 +68,9 @@ def run_summary(
 
 
 def plain(value: Any) -> Any:
-    """`value` in JSON types: arrays as lists, numbers that are not finite as None, paths and the like as text."""
+    """`value` in JSON types: arrays as lists, numbers that are not finite as None, paths and the
+    like as text.
+    """
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -75,12 +87,20 @@ def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
     start, end = float(d.time[0]), float(d.time[-1])
     week = None if eo is None else eo.gps_week
     return {
-        "span": {"gps_week": week, "start_tow_s": start, "end_tow_s": end, "duration_s": end - start},
+        "span": {
+            "gps_week": week,
+            "start_tow_s": start,
+            "end_tow_s": end,
+            "duration_s": end - start,
+        },
         "counts": _counts(d, eo),
         "exposures": None if eo is None or not eo.images else _exposures(d, eo),
         "trajectory": _trajectory(d),
         "innovations": innovation_figures(d.innovation, d.innovation_sigma, d.used),
-        "consistency": {"position": consistency(d.nis, d.used), "velocity": _velocity_consistency(d)},
+        "consistency": {
+            "position": consistency(d.nis, d.used),
+            "velocity": _velocity_consistency(d),
+        },
         "separation": _separation(d),
         "biases": _biases(d),
         "rejected": _rejected(d),
@@ -117,7 +137,9 @@ def _counts(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, int]:
 
 
 def image_sigmas(eo: ExteriorOrientation) -> tuple[Array, Array]:
-    """Standard deviations of the images in tangent-plane axes east, north, up: position (n, 3) m, and psi (n, 3) rad."""
+    """Standard deviations of the images in tangent-plane axes east, north, up: position (n, 3) m,
+    and psi (n, 3) rad.
+    """
     sigma = np.sqrt(np.maximum(np.diagonal(eo.cov, axis1=1, axis2=2), 0.0))
     return sigma[:, :3], sigma[:, 3:]
 
@@ -127,7 +149,9 @@ def _spread(x: Array) -> dict[str, Array]:
 
 
 def _exposures(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
-    """Sigmas over the images: smallest, median, largest, first; the worst image of position and of attitude."""
+    """Sigmas over the images: smallest, median, largest, first; the worst image of position and of
+    attitude.
+    """
     position, psi = image_sigmas(eo)
     out: dict[str, Any] = {"axes": ENU, "count": len(eo.images)}
     for name, x in (("position_mm", 1e3 * position), ("attitude_deg", np.degrees(psi))):
@@ -150,7 +174,11 @@ def _trajectory(d: Diagnostics) -> dict[str, Any]:
         "position_mm": _spread(1e3 * d.smoothed_sigma[:, 0:3]),
         "velocity_mm_s": _spread(1e3 * d.smoothed_sigma[:, 3:6]),
         "attitude_deg": _spread(np.degrees(d.smoothed_sigma[:, 6:9])),
-        "filter_over_smoothed": {"position": gain[0:3], "velocity": gain[3:6], "attitude": gain[6:9]},
+        "filter_over_smoothed": {
+            "position": gain[0:3],
+            "velocity": gain[3:6],
+            "attitude": gain[6:9],
+        },
     }
 
 
@@ -161,13 +189,19 @@ def _velocity_consistency(d: Diagnostics) -> dict[str, Any] | None:
 
 
 def _separation(d: Diagnostics) -> dict[str, Any]:
-    """Backward minus forward: root mean square, and the same over its sigma (1 where both filters are honest)."""
+    """Backward minus forward: root mean square, and the same over its sigma (1 where both filters
+    are honest).
+    """
     x, one = d.separation, np.ones_like(d.separation)
     rms, ratio = normalised_rms(x, one), normalised_rms(x, d.separation_sigma)
     return {
         "axes": NED,
         "epochs": int(np.isfinite(x).any(axis=1).sum()),
-        "rms": {"position_mm": 1e3 * rms[0:3], "velocity_mm_s": 1e3 * rms[3:6], "attitude_deg": np.degrees(rms[6:9])},
+        "rms": {
+            "position_mm": 1e3 * rms[0:3],
+            "velocity_mm_s": 1e3 * rms[3:6],
+            "attitude_deg": np.degrees(rms[6:9]),
+        },
         "normalised_rms": {"position": ratio[0:3], "velocity": ratio[3:6], "attitude": ratio[6:9]},
     }
 
@@ -191,7 +225,9 @@ def _rejected(d: Diagnostics) -> dict[str, Any]:
 
 
 def _neighbours(eo: ExteriorOrientation) -> dict[str, Any]:
-    """Median sigma of the difference of neighbouring images, whose covariance is P_i + P_j - P_ij - P_ij' (axes of the tangent plane)."""
+    """Median sigma of the difference of neighbouring images, whose covariance is P_i + P_j - P_ij -
+    P_ij' (axes of the tangent plane).
+    """
     difference = eo.cov[:-1] + eo.cov[1:] - eo.cross - np.swapaxes(eo.cross, -1, -2)
     sigma = np.median(np.sqrt(np.maximum(np.diagonal(difference, axis1=1, axis2=2), 0.0)), axis=0)
     return {

@@ -1,1 +1,3 @@
-"""IMU noise as sums of named processes: their file, their exact discretisation; `moments` and `estimation` of them from records."""
+"""IMU noise as sums of named processes: their file, their exact discretisation; `moments` and
+`estimation` of them from records.
+"""

@@ -1,34 +1,40 @@
-r"""Variances of a sampled first-order Gauss-Markov process, free of cancellation for every correlation time.
+r"""Variances of a sampled first-order Gauss-Markov process, free of cancellation for every
+correlation time.
 
-The process has the autocovariance sigma^2 exp(-|tau|/T). With u = 1/(rate T) per sample, v = u/2, and S the cumulated samples, S has
-the generalised covariance (minus half the variance of S(t+h) - S(t), up to a constant)
+The process has the autocovariance sigma^2 exp(-|tau|/T). With u = 1/(rate T) per sample, v = u/2,
+and S the cumulated samples, S has the generalised covariance (minus half the variance of S(t+h) -
+S(t), up to a constant)
 
-    K(h) = -sigma^2 (P exp(-u|h|) + (c/2) |h|),                                                                       (G.1)
+    K(h) = -sigma^2 (P exp(-u|h|) + (c/2) |h|),                                                (G.1)
     samples of the process ("point", which is an AR(1) of phi = exp(-u)):   P = 1/(4 sinh^2 v),   c = coth v
     means of the process over the intervals ("mean"):                       P = 1/u^2,            c = 1/v
 
-since minus its second difference (by integration in the second case) is the autocovariance. A variance of the Allan family is a
-high even difference of K at spacing m, over a power of m, as (1, -2, 1) is convolved with itself. With x = u m, a = 1 - exp(-x) and
-B = 2 c - 4 u P (which is (sinh u - u)/sinh^2 v, and 0 for means) the differences are sums of terms that are not negative:
+since minus its second difference (by integration in the second case) is the autocovariance. A
+variance of the Allan family is a high even difference of K at spacing m, over a power of m, as (1,
+-2, 1) is convolved with itself. With x = u m, a = 1 - exp(-x) and B = 2 c - 4 u P (which is (sinh u
+- u)/sinh^2 v, and 0 for means) the differences are sums of terms that are not negative:
 
-    Haar (level j, m = 2^(j-1)), half the Allan variance:   sigma^2 (4 P f + m B) / (4 m^2)                           (G.2)
-    Hadamard:                                               sigma^2 (2 P f3 + 3 m B) / (6 m^2)                        (G.3)
-    f  = x - a - a^2/2,   f' = a^2;         f3 = 6 f - a^3,   f3' = 3 a^2 (1 + a)                                     (G.4)
+    Haar (level j, m = 2^(j-1)), half the Allan variance:   sigma^2 (4 P f + m B) / (4 m^2)    (G.2)
+    Hadamard:                                               sigma^2 (2 P f3 + 3 m B) / (6 m^2) (G.3)
+    f  = x - a - a^2/2,   f' = a^2;         f3 = 6 f - a^3,   f3' = 3 a^2 (1 + a)              (G.4)
 
-f is the tail of the series of x = -log(1 - a) and behaves as x^3/3: it is summed as a power series in x where the difference would
-cancel. The textbook form of (G.2) subtracts numbers of size 1/u^3 there. The derivative is free of the trouble too:
+f is the tail of the series of x = -log(1 - a) and behaves as x^3/3: it is summed as a power series
+in x where the difference would cancel. The textbook form of (G.2) subtracts numbers of size 1/u^3
+there. The derivative is free of the trouble too:
 
     d(G.2)/d log T = sigma^2 (P/m^2) (2 (1 + L) f - x a^2 - 2 x L),    L = v coth v - 1;  means: sigma^2 (2 f/x^2 - a^2/x)   (G.5)
 
-L comes from Lambert's continued fraction v^2/(3 + k), k = v^2/(5 + v^2/(7 + ...)); then P = ((1 + L)^2 - v^2)/u^2 and
-B = (2/v)(v^2 - L (1 + L)). The modified Allan variance needs K summed twice more; with r5 = x^3 - f3, y = 1 - v^2/sinh^2 v and
-z = (3/2)(v coth v - v^2/sinh^2 v)/v^2 - 1 it is sigma^2/(2 m^4) times
+L comes from Lambert's continued fraction v^2/(3 + k), k = v^2/(5 + v^2/(7 + ...)); then P = ((1 +
+L)^2 - v^2)/u^2 and B = (2/v)(v^2 - L (1 + L)). The modified Allan variance needs K summed twice
+more; with r5 = x^3 - f3, y = 1 - v^2/sinh^2 v and z = (3/2)(v coth v - v^2/sinh^2 v)/v^2 - 1 it is
+sigma^2/(2 m^4) times
 
     point:  m^3 (L + 2 y - y^2)/v + m (L + y - (1 - y) z)/v + 2 P^2 r5;      means:  m^3 y/v - m z/v + 2 P r5/u^2   (G.6)
 
-with the P of point in both. T in samples is 1/u, and the functions give sigma = 1. For T from 0.1 to 1e9 samples all of them keep 14
-digits. The AR(1) case is Zhang's (2008), "Allan variance of time series models for measurement data", Metrologia 45, 549, written so
-that it does not cancel, and the case of means that of IEEE Std 952 annex C.
+with the P of point in both. T in samples is 1/u, and the functions give sigma = 1. For T from 0.1
+to 1e9 samples all of them keep 14 digits. The AR(1) case is Zhang's (2008), "Allan variance of time
+series models for measurement data", Metrologia 45, 549, written so that it does not cancel, and the
+case of means that of IEEE Std 952 annex C.
 """
 
 import math
@@ -36,17 +42,27 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..compilation import njit
-from ..errors import UsageError
+from ..base.compilation import njit
+from ..base.errors import UsageError
 
 Array = NDArray[np.float64]
 
 SAMPLINGS = ("point", "mean")
 
 # power series of f (G.4) and of r5 (G.6) in x, from the lowest power, which is 3 and 5
-_F_SERIES = np.array([(-1) ** (k - 1) * (2 ** (k - 1) - 2) / math.factorial(k) for k in range(3, 27)])
-_R5_SERIES = np.array([3 * (-1) ** (k - 1) * (5 - 4 * 2 ** (k - 1) + 3 ** (k - 1)) / math.factorial(k) for k in range(5, 36)])
-_F_BELOW, _R5_BELOW = 0.75, 1.0  # of x; there the series are exact to rounding, and beyond, the differences are to some ten roundings
+_F_SERIES = np.array(
+    [(-1) ** (k - 1) * (2 ** (k - 1) - 2) / math.factorial(k) for k in range(3, 27)]
+)
+_R5_SERIES = np.array(
+    [
+        3 * (-1) ** (k - 1) * (5 - 4 * 2 ** (k - 1) + 3 ** (k - 1)) / math.factorial(k)
+        for k in range(5, 36)
+    ]
+)
+_F_BELOW, _R5_BELOW = (
+    0.75,
+    1.0,
+)  # of x; there the series are exact to rounding, and beyond, the differences are to some ten roundings
 
 
 @njit(cache=True)
@@ -74,7 +90,12 @@ def _coefficients(u: float, point: bool) -> tuple[float, float, float, float]:
         return 1.0 / (u * u), 0.0, 1.0 / v, 0.0
     if v < 1.0:
         L, _ = _lambert(v)
-        return ((1.0 + L) ** 2 - v * v) / (u * u), 2.0 / v * (v * v - L * (1.0 + L)), (1.0 + L) / v, L
+        return (
+            ((1.0 + L) ** 2 - v * v) / (u * u),
+            2.0 / v * (v * v - L * (1.0 + L)),
+            (1.0 + L) / v,
+            L,
+        )
     phi = math.exp(-u)
     P, c = phi / (1.0 - phi) ** 2, (1.0 + phi) / (1.0 - phi)
     return P, 2.0 * c - 4.0 * u * P, c, v * c - 1.0
@@ -95,7 +116,9 @@ def _haar(u: float, m: float, point: bool) -> tuple[float, float]:
     if not point:
         return f / (x * x), 2.0 * f / (x * x) - a * a / x
     P, B, _, L = _coefficients(u, True)
-    return (4.0 * P * f + m * B) / (4.0 * m * m), P / (m * m) * (2.0 * (1.0 + L) * f - x * (a * a + 2.0 * L))
+    return (4.0 * P * f + m * B) / (4.0 * m * m), P / (m * m) * (
+        2.0 * (1.0 + L) * f - x * (a * a + 2.0 * L)
+    )
 
 
 @njit(cache=True)
@@ -111,7 +134,11 @@ def _modified(u: float, m: float, point: bool) -> float:
     """(G.6)."""
     x, v = u * m, 0.5 * u
     a = -math.expm1(-x)
-    r5 = x**5 * _polynomial(_R5_SERIES, x) if x < _R5_BELOW else x**3 - 6.0 * x + 6.0 * a + 3.0 * a * a + a**3
+    r5 = (
+        x**5 * _polynomial(_R5_SERIES, x)
+        if x < _R5_BELOW
+        else x**3 - 6.0 * x + 6.0 * a + 3.0 * a * a + a**3
+    )
     P, _, c, L = _coefficients(u, True)
     if v < 1.0:
         _, k = _lambert(v)
@@ -119,7 +146,9 @@ def _modified(u: float, m: float, point: bool) -> float:
     else:
         y, z = 1.0 - u * u * P, 1.5 * (c / v - 4.0 * P) - 1.0
     if point:
-        total = m**3 * (L + 2.0 * y - y * y) / v + m * (L + y - (1.0 - y) * z) / v + 2.0 * P * P * r5
+        total = (
+            m**3 * (L + 2.0 * y - y * y) / v + m * (L + y - (1.0 - y) * z) / v + 2.0 * P * P * r5
+        )
     else:
         total = m**3 * y / v - m * z / v + 2.0 * P * r5 / (u * u)
     return total / (2.0 * m**4)
@@ -146,7 +175,10 @@ def _modified_all(u: Array, m: Array, point: bool, value: Array) -> None:
 def is_point(sampling: str) -> bool:
     """Whether `sampling` is "point"; raises UsageError where it is neither that nor "mean"."""
     if sampling not in SAMPLINGS:
-        raise UsageError(f"sampling {sampling!r} is neither 'point' (values at the sample times) nor 'mean' (means over the intervals)")
+        raise UsageError(
+            f"sampling {sampling!r} is neither 'point' (values at the sample times) nor 'mean'"
+            " (means over the intervals)"
+        )
     return sampling == "point"
 
 
@@ -160,20 +192,28 @@ def _flat(T_samples: ArrayLike, m: ArrayLike) -> tuple[tuple[int, ...], Array, A
     """Common shape, and 1/T and m of that shape, flat."""
     T, factor = np.broadcast_arrays(np.asarray(T_samples, float), np.asarray(m, float))
     if not ((T > 0.0) & np.isfinite(T)).all():
-        raise UsageError(f"correlation time of {T[~((T > 0.0) & np.isfinite(T))][0]:g} samples; give one that is positive and finite")
+        raise UsageError(
+            f"correlation time of {T[~((T > 0.0) & np.isfinite(T))][0]:g} samples; give one that is"
+            " positive and finite"
+        )
     return T.shape, np.array(1.0 / T).ravel(), np.array(factor).ravel()
 
 
-def gauss_markov_coefficients(T_samples: float, sampling: str = "point") -> tuple[float, float, float]:
+def gauss_markov_coefficients(
+    T_samples: float, sampling: str = "point"
+) -> tuple[float, float, float]:
     """P, B and c of (G.1, G.2) for unit stationary variance, T in samples."""
     P, B, c, _ = _coefficients(1.0 / T_samples, is_point(sampling))
     return P, B, c
 
 
-def gauss_markov_haar(T_samples: ArrayLike, level: ArrayLike, sampling: str = "point") -> tuple[Array, Array]:
+def gauss_markov_haar(
+    T_samples: ArrayLike, level: ArrayLike, sampling: str = "point"
+) -> tuple[Array, Array]:
     """Haar wavelet variance (G.2) of unit stationary variance, and its derivative by log T (G.5).
 
-    T_samples : correlation time times sampling rate, any shape.   level : whole numbers from 1, broadcast against it; m = 2^(level-1).
+    T_samples : correlation time times sampling rate, any shape.
+    level : whole numbers from 1, broadcast against it; m = 2^(level-1).
     """
     shape, u, m = _flat(T_samples, np.ldexp(0.5, np.asarray(level, dtype=np.int64)))
     value, slope = np.empty(u.size), np.empty(u.size)
@@ -182,7 +222,9 @@ def gauss_markov_haar(T_samples: ArrayLike, level: ArrayLike, sampling: str = "p
 
 
 def gauss_markov_allan(T_samples: ArrayLike, m: ArrayLike, sampling: str = "point") -> Array:
-    """Allan variance of unit stationary variance at averaging factors m >= 1, broadcast against T_samples; twice (G.2)."""
+    """Allan variance of unit stationary variance at averaging factors m >= 1, broadcast against
+    T_samples; twice (G.2).
+    """
     shape, u, factor = _flat(T_samples, m)
     value, slope = np.empty(u.size), np.empty(u.size)
     _haar_all(u, factor, is_point(sampling), value, slope)
@@ -190,7 +232,9 @@ def gauss_markov_allan(T_samples: ArrayLike, m: ArrayLike, sampling: str = "poin
 
 
 def gauss_markov_hadamard(T_samples: ArrayLike, m: ArrayLike, sampling: str = "point") -> Array:
-    """Hadamard variance (G.3) of unit stationary variance at averaging factors m >= 1, broadcast against T_samples."""
+    """Hadamard variance (G.3) of unit stationary variance at averaging factors m >= 1, broadcast
+    against T_samples.
+    """
     shape, u, factor = _flat(T_samples, m)
     value = np.empty(u.size)
     _hadamard_all(u, factor, is_point(sampling), value)
@@ -198,7 +242,9 @@ def gauss_markov_hadamard(T_samples: ArrayLike, m: ArrayLike, sampling: str = "p
 
 
 def gauss_markov_modified(T_samples: ArrayLike, m: ArrayLike, sampling: str = "point") -> Array:
-    """Modified Allan variance (G.6) of unit stationary variance at averaging factors m >= 1, broadcast against T_samples."""
+    """Modified Allan variance (G.6) of unit stationary variance at averaging factors m >= 1,
+    broadcast against T_samples.
+    """
     shape, u, factor = _flat(T_samples, m)
     value = np.empty(u.size)
     _modified_all(u, factor, is_point(sampling), value)

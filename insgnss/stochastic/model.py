@@ -1,10 +1,13 @@
 """The noise model of an IMU, and its file.
 
-Each axis is a sum of named processes, for a gyroscope in X = rad/s and for an accelerometer in X = m/s^2:
+Each axis is a sum of named processes, for a gyroscope in X = rad/s and for an accelerometer in X =
+m/s^2:
 
     turn_on_bias    X              standard deviation of a constant
-    white_noise     X/sqrt(Hz)     root power spectral density (angle or velocity random walk, X sqrt(s))
-    quantization    X s            standard deviation of white rounding error on the cumulated angle or velocity (step / sqrt(12))
+    white_noise     X/sqrt(Hz)     root power spectral density (angle or velocity random walk, X
+                                   sqrt(s))
+    quantization    X s            standard deviation of white rounding error on the cumulated angle
+                                   or velocity (step / sqrt(12))
     random_walk     X/s/sqrt(Hz)   root power spectral density of the driving white noise
     drift           X/s            standard deviation of a constant slope
     gauss_markov    de/dt = -e/T + xi, root power spectral density of xi in X/s/sqrt(Hz)
@@ -12,8 +15,9 @@ Each axis is a sum of named processes, for a gyroscope in X = rad/s and for an a
     misalignment    rad            the same
 
 White noise of root density q integrates to a variance of q^2 dt over dt (footnote 7 of paper 000).
-The file is TOML as in `data_specs` (noise model); [gyro.x] overrides single quantities of [gyro] for that axis. A model that was
-estimated says of which recordings, and how well each quantity is known.
+The file is TOML as in `data_specs` (noise model); [gyro.x] overrides single quantities of [gyro]
+for that axis. A model that was estimated says of which recordings, and how well each quantity is
+known.
 """
 
 import contextlib
@@ -23,9 +27,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError, UsageError
+from ..base.errors import InputError, UsageError
 from .noise_file import model_of_text, text_of_model
-from .noise_model import GAUSS_MARKOV, GM_KEYS, NOISE_UNITS, QUANTITIES, AxisNoise, GaussMarkov, NoiseModel, RecordingSource
+from .noise_model import (
+    GAUSS_MARKOV,
+    GM_KEYS,
+    NOISE_UNITS,
+    QUANTITIES,
+    AxisNoise,
+    GaussMarkov,
+    NoiseModel,
+    RecordingSource,
+)
 
 __all__ = [
     "GAUSS_MARKOV",
@@ -50,34 +63,48 @@ def shipped_models() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in MODELS.glob("*.toml")))
 
 
-def weighted_model(models: Sequence[NoiseModel], weights: Sequence[tuple[float, float]]) -> NoiseModel:
+def weighted_model(
+    models: Sequence[NoiseModel], weights: Sequence[tuple[float, float]]
+) -> NoiseModel:
     """Noise of the weighted mean of several IMUs, whose errors are independent.
 
-    weights : share of each in gyro and accelerometer. Every density and sigma q_j becomes sqrt(sum (weight q_j)^2); Gauss-Markov processes
+    weights : share of each in gyro and accelerometer. Every density and sigma q_j becomes sqrt(sum
+        (weight q_j)^2); Gauss-Markov processes
     are added up where all models have the same correlation times, and stand side by side where not.
     """
 
     def triad(sensor: str, k: int) -> tuple[AxisNoise, AxisNoise, AxisNoise]:
         share = [weight[k] for weight in weights]
-        x, y, z = (_weighted_axis([getattr(model, sensor)[c] for model in models], share) for c in range(3))
+        x, y, z = (
+            _weighted_axis([getattr(model, sensor)[c] for model in models], share) for c in range(3)
+        )
         return x, y, z
 
-    name, source = (" + ".join(dict.fromkeys(getattr(model, f) for model in models)) for f in ("name", "source"))
+    name, source = (
+        " + ".join(dict.fromkeys(getattr(model, f) for model in models)) for f in ("name", "source")
+    )
     recordings = dict.fromkeys(recording for model in models for recording in model.recordings)
     return NoiseModel(name, source, triad("gyro", 0), triad("accel", 1), tuple(recordings))
 
 
 def _weighted_axis(axes: list[AxisNoise], w: list[float]) -> AxisNoise:
     plain: dict[str, Any] = {
-        name: math.hypot(*(w_j * getattr(axis, name) for axis, w_j in zip(axes, w, strict=True))) for name in QUANTITIES
+        name: math.hypot(*(w_j * getattr(axis, name) for axis, w_j in zip(axes, w, strict=True)))
+        for name in QUANTITIES
     }
     times = [tuple(gm.correlation_time_s for gm in axis.gauss_markov) for axis in axes]
     scaled = [
-        [GaussMarkov(gm.correlation_time_s, abs(w_j) * gm.driving_noise) for gm in axis.gauss_markov]
+        [
+            GaussMarkov(gm.correlation_time_s, abs(w_j) * gm.driving_noise)
+            for gm in axis.gauss_markov
+        ]
         for axis, w_j in zip(axes, w, strict=True)
     ]
     if len(set(times)) == 1:
-        processes = tuple(GaussMarkov(T, math.hypot(*(own[i].driving_noise for own in scaled))) for i, T in enumerate(times[0]))
+        processes = tuple(
+            GaussMarkov(T, math.hypot(*(own[i].driving_noise for own in scaled)))
+            for i, T in enumerate(times[0])
+        )
     else:
         processes = tuple(gm for own in scaled for gm in own if gm.driving_noise > 0.0)
     return AxisNoise(gauss_markov=processes, **plain)
@@ -86,8 +113,9 @@ def _weighted_axis(axes: list[AxisNoise], w: list[float]) -> AxisNoise:
 def load_noise_model(name_or_path: str | os.PathLike[str]) -> NoiseModel:
     """Noise model of a shipped name, such as "navchip", or of a file.
 
-    Raises InputError, with file and line, for a file that is missing or no TOML, an unknown key or table (naming the
-    nearest), and a quantity that is negative, without unit or of another dimension.
+    Raises InputError, with file and line, for a file that is missing or no TOML, an unknown key or
+    table (naming the nearest), and a quantity that is negative, without unit or of another
+    dimension.
     """
     shipped = shipped_models()
     name = os.fspath(name_or_path)
@@ -95,13 +123,22 @@ def load_noise_model(name_or_path: str | os.PathLike[str]) -> NoiseModel:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        why = "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else (error.strerror or str(error)).lower()
-        raise InputError(f"{name}: {why}; give a noise-model file or one of the shipped {', '.join(shipped)}") from None
+        why = (
+            "not UTF-8 text"
+            if isinstance(error, UnicodeDecodeError)
+            else (error.strerror or str(error)).lower()
+        )
+        raise InputError(
+            f"{name}: {why}; give a noise-model file or one of the shipped {', '.join(shipped)}"
+        ) from None
     return model_of_text(path, text)
 
 
-def write_noise_model(model: NoiseModel, path: str | os.PathLike[str], remarks: Sequence[str] = ()) -> None:
-    """Write `model` as a noise-model file that `load_noise_model` turns back into the same model; whole or not at all.
+def write_noise_model(
+    model: NoiseModel, path: str | os.PathLike[str], remarks: Sequence[str] = ()
+) -> None:
+    """Write `model` as a noise-model file that `load_noise_model` turns back into the same model;
+    whole or not at all.
 
     remarks : sentences that stand above it as comments.   Raises UsageError where the path cannot be written.
     """
@@ -111,7 +148,10 @@ def write_noise_model(model: NoiseModel, path: str | os.PathLike[str], remarks: 
         temporary.write_text(text_of_model(model, remarks), encoding="utf-8", newline="\n")
         os.replace(temporary, path)
     except OSError as error:
-        raise UsageError(f"{path}: cannot be written, {(error.strerror or str(error)).lower()}; give another path") from None
+        raise UsageError(
+            f"{path}: cannot be written, {(error.strerror or str(error)).lower()}; give another"
+            " path"
+        ) from None
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()

@@ -1,17 +1,19 @@
 r"""Exact discretisation of the noise processes, and their realisations.
 
-A first-order Gauss-Markov process de/dt = -e/T + xi, with xi white of root density q, over a step dt = u T, phi = exp(-u):
+A first-order Gauss-Markov process de/dt = -e/T + xi, with xi white of root density q, over a step
+dt = u T, phi = exp(-u):
 
-    e(dt) = phi e(0) + w,            var w = q^2 T/2 (1 - phi^2)                                       (P.1)
+    e(dt) = phi e(0) + w,            var w = q^2 T/2 (1 - phi^2)                               (P.1)
 
 Its integral over the step, y, given both ends (the bridge of the process):
 
     y = T tanh(u/2) (e(0) + e(dt)) + v,      var v = q^2 T^3 (u - 2 tanh(u/2)),   v independent of w   (P.2)
 
-The difference in (P.2) cancels when u is small, as it is for an IMU (4e-7 at 500 Hz and 4737 s). With v = u/2 and Lambert's
-continued fraction tanh v = v / (1 + c), c = v^2/(3 + v^2/(5 + v^2/(7 + ...))), it is free of cancellation:
+The difference in (P.2) cancels when u is small, as it is for an IMU (4e-7 at 500 Hz and 4737 s).
+With v = u/2 and Lambert's continued fraction tanh v = v / (1 + c), c = v^2/(3 + v^2/(5 + v^2/(7 +
+...))), it is free of cancellation:
 
-    u - 2 tanh(u/2) = u c / (1 + c)                                                                   (P.3)
+    u - 2 tanh(u/2) = u c / (1 + c)                                                            (P.3)
 
 The random walk is the limit of large T: var w = q^2 dt,  y = dt (e(0) + e(dt))/2 + v,  var v = q^2 dt^3/12.
 """
@@ -23,13 +25,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compilation import njit
-from ..errors import UsageError
+from ..base.compilation import njit
+from ..base.errors import UsageError
 from .model import AxisNoise, GaussMarkov
 
 Array = NDArray[np.float64]
 
-_FRACTION_BELOW = 2.0  # of u; there ten levels of the continued fraction are exact to rounding, and beyond, the difference is
+# of u; there ten levels of the continued fraction are exact to rounding, and beyond, the difference
+# is
+_FRACTION_BELOW = 2.0
 _BLOCK = 1 << 14  # samples drawn at a time; they stay in the cache
 
 
@@ -43,12 +47,16 @@ def gauss_markov_step(T: float, q: float, dt: float) -> tuple[float, float]:
 
 
 def random_walk_step(q: float, dt: float) -> tuple[float, float]:
-    """Transition, which is 1, and process-noise variance, X^2, of a random walk over `dt`, s; q in X/s/sqrt(Hz)."""
+    """Transition, which is 1, and process-noise variance, X^2, of a random walk over `dt`, s; q in
+    X/s/sqrt(Hz).
+    """
     return 1.0, q * q * dt
 
 
 def gauss_markov_bridge(T: float, q: float, dt: float) -> tuple[float, float]:
-    """Factor of (e(0) + e(dt)), s, and independent variance, X^2 s^2, of the integral of e over `dt` (P.2)."""
+    """Factor of (e(0) + e(dt)), s, and independent variance, X^2 s^2, of the integral of e over
+    `dt` (P.2).
+    """
     u = dt / T
     if u < _FRACTION_BELOW:
         v2, c = 0.25 * u * u, 0.0
@@ -61,17 +69,24 @@ def gauss_markov_bridge(T: float, q: float, dt: float) -> tuple[float, float]:
 
 
 def simulate_noise(
-    axis: AxisNoise, n: int, dt: float, rng: np.random.Generator, quantity: Literal["mean", "increment", "point"] = "mean"
+    axis: AxisNoise,
+    n: int,
+    dt: float,
+    rng: np.random.Generator,
+    quantity: Literal["mean", "increment", "point"] = "mean",
 ) -> Array:
     """One realisation (n,) of an axis' errors over n consecutive sample intervals of `dt`, s.
 
-    quantity : "mean" gives the mean rate error over each interval, X; "increment" its integral, X s; "point" the value at the end of
-    each interval, X, white noise then being of variance q^2/dt and the rounding error divided by dt, as in `theory`.
+    quantity : "mean" gives the mean rate error over each interval, X; "increment" its integral, X
+        s; "point" the value at the end of
+    each interval, X, white noise then being of variance q^2/dt and the rounding error divided by
+    dt, as in `theory`.
 
-    The turn-on bias and the slope of the drift are drawn once, Gauss-Markov processes start stationary and the random walk
-    starts at zero; all enter by their exact integral over each interval, or by their value at its end. Quantization adds a uniform
-    rounding error to the cumulated increment. Scale factor and misalignment need the motion and are not in here. One generator state
-    gives the same paths of all processes whatever the quantity.
+    The turn-on bias and the slope of the drift are drawn once, Gauss-Markov processes start
+    stationary and the random walk starts at zero; all enter by their exact integral over each
+    interval, or by their value at its end. Quantization adds a uniform rounding error to the
+    cumulated increment. Scale factor and misalignment need the motion and are not in here. One
+    generator state gives the same paths of all processes whatever the quantity.
     """
     if quantity not in ("mean", "increment", "point"):
         raise UsageError(f"quantity {quantity!r} is none of 'mean', 'increment' and 'point'")
@@ -80,43 +95,78 @@ def simulate_noise(
     point = quantity == "point"
     unit = 1.0 if point else dt
     out = np.full(n, axis.turn_on_bias * rng.standard_normal() * unit)
-    variance = axis.white_noise**2 / dt if point else axis.white_noise**2 * dt + axis.random_walk**2 * dt**3 / 12.0
+    variance = (
+        axis.white_noise**2 / dt
+        if point
+        else axis.white_noise**2 * dt + axis.random_walk**2 * dt**3 / 12.0
+    )
     for process in axis.gauss_markov:
         factor, rest = gauss_markov_bridge(process.correlation_time_s, process.driving_noise, dt)
         _add_gauss_markov(out, process, dt, rng, *((0.0, 1.0) if point else (factor, factor)))
         variance += 0.0 if point else rest
     if axis.random_walk:
-        _add_random_walk(out, math.sqrt(random_walk_step(axis.random_walk, dt)[1]), rng, *((0.0, 1.0) if point else (1.0, 0.5 * dt)))
+        _add_random_walk(
+            out,
+            math.sqrt(random_walk_step(axis.random_walk, dt)[1]),
+            rng,
+            *((0.0, 1.0) if point else (1.0, 0.5 * dt)),
+        )
     if axis.drift:
-        out += axis.drift * rng.standard_normal() * unit * dt * (np.arange(n) + (1.0 if point else 0.5))
+        out += (
+            axis.drift
+            * rng.standard_normal()
+            * unit
+            * dt
+            * (np.arange(n) + (1.0 if point else 0.5))
+        )
     for block, w in _normals(out, rng):
         w *= math.sqrt(variance)
         block += w
     if axis.quantization:
-        out += axis.quantization * math.sqrt(12.0) * np.diff(rng.random(n + 1)) / (dt if point else 1.0)
+        out += (
+            axis.quantization
+            * math.sqrt(12.0)
+            * np.diff(rng.random(n + 1))
+            / (dt if point else 1.0)
+        )
     if quantity == "mean":
         out /= dt
     return out
 
 
 def _normals(out: Array, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:
-    """Consecutive views of `out`, each with a buffer of as many standard normal numbers, in the order of one long draw."""
+    """Consecutive views of `out`, each with a buffer of as many standard normal numbers, in the
+    order of one long draw.
+    """
     buffer = np.empty(min(_BLOCK, out.size))
     for first in range(0, out.size, _BLOCK):
         block = out[first : first + _BLOCK]
         yield block, rng.standard_normal(out=buffer[: block.size])
 
 
-def _add_gauss_markov(out: Array, process: GaussMarkov, dt: float, rng: np.random.Generator, before: float, after: float) -> None:
-    """Add before e(start) + after e(end) of each interval, from the stationary distribution on (P.1)."""
+def _add_gauss_markov(
+    out: Array,
+    process: GaussMarkov,
+    dt: float,
+    rng: np.random.Generator,
+    before: float,
+    after: float,
+) -> None:
+    """Add before e(start) + after e(end) of each interval, from the stationary distribution on
+    (P.1).
+    """
     phi, variance = gauss_markov_step(process.correlation_time_s, process.driving_noise, dt)
     e = process.sigma * rng.standard_normal()
     for block, w in _normals(out, rng):
         e = _gauss_markov_block(block, w, e, phi, math.sqrt(variance), before, after)
 
 
-def _add_random_walk(out: Array, sigma: float, rng: np.random.Generator, before: float, factor: float) -> None:
-    """Add factor (before e(start) + e(end)) of each interval, from zero, with innovations of `sigma`, X."""
+def _add_random_walk(
+    out: Array, sigma: float, rng: np.random.Generator, before: float, factor: float
+) -> None:
+    """Add factor (before e(start) + e(end)) of each interval, from zero, with innovations of
+    `sigma`, X.
+    """
     rng.standard_normal()  # the draw that would be the start
     e = 0.0
     for block, w in _normals(out, rng):
@@ -124,7 +174,9 @@ def _add_random_walk(out: Array, sigma: float, rng: np.random.Generator, before:
 
 
 @njit(cache=True, nogil=True)
-def _gauss_markov_block(out: Array, w: Array, e: float, phi: float, sigma: float, before: float, after: float) -> float:
+def _gauss_markov_block(
+    out: Array, w: Array, e: float, phi: float, sigma: float, before: float, after: float
+) -> float:
     for i in range(out.size):
         value = out[i] + before * e
         e = sigma * w[i] + phi * e
@@ -133,7 +185,9 @@ def _gauss_markov_block(out: Array, w: Array, e: float, phi: float, sigma: float
 
 
 @njit(cache=True, nogil=True)
-def _random_walk_block(out: Array, w: Array, e: float, sigma: float, before: float, factor: float) -> float:
+def _random_walk_block(
+    out: Array, w: Array, e: float, sigma: float, before: float, factor: float
+) -> float:
     for i in range(out.size):
         start = e
         e += sigma * w[i]

@@ -21,8 +21,10 @@ class Tuned:
     """One model fitted to one axis of a sensor, or to its three axes jointly, over all recordings.
 
     axes : 0 to 2, whose curves stand in the order axis by axis, recording by recording.
-    first : fit with the weights of the intervals.   kept : the fit that is worth more, and `inference` of it; `how` says which and why.
-    goodness : the J test of the efficient fit, which is the sharper, even where it was not kept; else that of the first.
+    first : fit with the weights of the intervals.
+    kept : the fit that is worth more, and `inference` of it; `how` says which and why.
+    goodness : the J test of the efficient fit, which is the sharper, even where it was not kept;
+        else that of the first.
     noise : what goes into the noise model.   remarks : what is to be said of it, a sentence each.
     """
 
@@ -52,7 +54,9 @@ class Tuned:
 
 @dataclass(frozen=True, eq=False)
 class TuneData:
-    """All fits, the recordings they rest on, and the noise model, None where a sensor is missing; `files` that were written."""
+    """All fits, the recordings they rest on, and the noise model, None where a sensor is missing;
+    `files` that were written.
+    """
 
     recordings: tuple[StaticRecording, ...]
     tuned: tuple[Tuned, ...]

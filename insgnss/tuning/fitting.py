@@ -1,8 +1,10 @@
-"""One sensor's axes: choose a model, fit it to all recordings, judge it, and say in words what was found.
+"""One sensor's axes: choose a model, fit it to all recordings, judge it, and say in words what was
+found.
 
-The first fit has the weights of the intervals, as the reference implementation; the second step weighs with the inverse covariance of the
-wavelet variance and is worth more where the model fits. Where the J test refuses the model, such weights would trust it further than it
-deserves, and the first fit is kept.
+The first fit has the weights of the intervals, as the reference implementation; the second step
+weighs with the inverse covariance of the wavelet variance and is worth more where the model fits.
+Where the J test refuses the model, such weights would trust it further than it deserves, and the
+first fit is kept.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import DataError, UsageError
+from ..base.errors import DataError, UsageError
 from ..records import WaveletVariance
 from ..stochastic.composition import MOST_GAUSS_MARKOV, Composition
 from ..stochastic.estimation.estimates import Linearised
@@ -19,10 +21,10 @@ from ..stochastic.estimation.gmwm import Fit, fit
 from ..stochastic.estimation.goodness import GoodnessOfFit, goodness_of_fit
 from ..stochastic.estimation.inference import covariances, infer, second_step
 from .options import FAMILY, TuneOptions, chosen_levels
+from .products.words import FITS
 from .recordings import AXES, StaticRecording
 from .result import Tuned
 from .usable import usable_axis
-from .words import FITS
 
 if TYPE_CHECKING:
     from ..stochastic.estimation.selection import Ranking
@@ -31,8 +33,14 @@ Progress = Callable[[str], None]
 
 LEAST_DRAWS = 100  # of bootstrapped intervals
 MISFIT = 0.001  # p-value below which the second step is not trusted
-DRAWS, DOUBTFUL = 40, 1e-6  # of a bootstrap of near-stationarity, made where its p-value by theory lies between this and `FITS`
-CLOSE, MANY = 0.05, 50.0  # of the deviation, where a recording holds as many filter lengths: it is known to a tenth there
+DRAWS, DOUBTFUL = (
+    40,
+    1e-6,
+)  # of a bootstrap of near-stationarity, made where its p-value by theory lies between this and `FITS`
+CLOSE, MANY = (
+    0.05,
+    50.0,
+)  # of the deviation, where a recording holds as many filter lengths: it is known to a tenth there
 LAST_START = 12  # level up to which fine scales may be left out on advice
 
 
@@ -42,9 +50,17 @@ def compositions(options: TuneOptions) -> dict[str, tuple[Composition, ...]]:
     chosen = {sensor: options.model if names is None else names for sensor, names in own.items()}
     for names in (options.model, options.gyro_model, options.accel_model):
         if names is not None and not names.strip():
-            raise UsageError("a model without a name; give a sum such as WN+2GM, or leave the option out to choose from all")
+            raise UsageError(
+                "a model without a name; give a sum such as WN+2GM, or leave the option out to"
+                " choose from all"
+            )
     return {
-        sensor: tuple(dict.fromkeys(Composition.parse(name.strip()) for name in (FAMILY if names is None else names.split(","))))
+        sensor: tuple(
+            dict.fromkeys(
+                Composition.parse(name.strip())
+                for name in (FAMILY if names is None else names.split(","))
+            )
+        )
         for sensor, names in chosen.items()
     }
 
@@ -59,7 +75,8 @@ def tune_axes(
 ) -> Tuned:
     """Fit the axes of a sensor over all recordings with one set of parameters.
 
-    Raises UsageError for levels that are not there, DataError where there are fewer scales than the smallest model has parameters.
+    Raises UsageError for levels that are not there, DataError where there are fewer scales than the
+    smallest model has parameters.
     """
     name = f"{sensor} {''.join(AXES[k] for k in axes)}"
     curves = _curves(sensor, axes, recordings, options)
@@ -82,19 +99,31 @@ def tune_axes(
     goodness = goodness or inference.goodness
     noise, remarks = usable_axis(inference)
     asked = f" --{sensor}-model {chosen}" if len(family) > 1 else ""
-    remarks = (*told, *remarks, *_finer_scales(first, goodness, inference.goodness.misfits, asked, options))
+    remarks = (
+        *told,
+        *remarks,
+        *_finer_scales(first, goodness, inference.goodness.misfits, asked, options),
+    )
     stationarity = None
     if len(recordings) > 1:
         from ..stochastic.estimation.selection import near_stationarity
 
         progress(f"{name}: does one model serve all recordings?")
-        stationarity = near_stationarity(kept, recordings=groups, draws=options.bootstrap, seed=options.seed)
+        stationarity = near_stationarity(
+            kept, recordings=groups, draws=options.bootstrap, seed=options.seed
+        )
         if not options.bootstrap and DOUBTFUL < stationarity.p_value < FITS:
-            stationarity = near_stationarity(kept, recordings=groups, draws=DRAWS, seed=options.seed)
-    return Tuned(sensor, axes, first, kept, inference, goodness, how, noise, remarks, ranking, stationarity)
+            stationarity = near_stationarity(
+                kept, recordings=groups, draws=DRAWS, seed=options.seed
+            )
+    return Tuned(
+        sensor, axes, first, kept, inference, goodness, how, noise, remarks, ranking, stationarity
+    )
 
 
-def _curves(sensor: str, axes: tuple[int, ...], recordings: Sequence[StaticRecording], options: TuneOptions) -> list[WaveletVariance]:
+def _curves(
+    sensor: str, axes: tuple[int, ...], recordings: Sequence[StaticRecording], options: TuneOptions
+) -> list[WaveletVariance]:
     """Curves axis by axis, recording by recording, of the chosen levels."""
     curves = [r.curves[sensor, k] for k in axes for r in recordings]
     levels = chosen_levels(options.levels, max(int(curve.level[-1]) for curve in curves))
@@ -102,57 +131,103 @@ def _curves(sensor: str, axes: tuple[int, ...], recordings: Sequence[StaticRecor
         return curves
     for curve, r in zip(curves, [r for _ in axes for r in recordings], strict=True):
         if int(curve.level[-1]) < levels[0]:
-            raise UsageError(f"--levels {options.levels}: {r.name} has levels 1 to {int(curve.level[-1])} only")
+            raise UsageError(
+                f"--levels {options.levels}: {r.name} has levels 1 to {int(curve.level[-1])} only"
+            )
     return [curve.selected(levels) for curve in curves]
 
 
-def _few_enough(family: Sequence[Composition], curves: Sequence[WaveletVariance]) -> list[Composition]:
+def _few_enough(
+    family: Sequence[Composition], curves: Sequence[WaveletVariance]
+) -> list[Composition]:
     """Those with fewer parameters than there are scales."""
     scales = max(curve.level.size for curve in curves)
     left = [composition for composition in family if composition.size < scales]
     if not left:
-        raise DataError(f"{scales} scales are too few for {family[0]} and all others; record longer or take more levels")
+        raise DataError(
+            f"{scales} scales are too few for {family[0]} and all others; record longer or take"
+            " more levels"
+        )
     return left
 
 
 def _ranking(
-    curves: list[WaveletVariance], family: Sequence[Composition], groups: list[int], options: TuneOptions
+    curves: list[WaveletVariance],
+    family: Sequence[Composition],
+    groups: list[int],
+    options: TuneOptions,
 ) -> "tuple[Ranking, tuple[str, ...]]":
-    """The models by their criterion, and what is to be said of how; the weights are those of the intervals where V is singular."""
+    """The models by their criterion, and what is to be said of how; the weights are those of the
+    intervals where V is singular.
+    """
     from ..stochastic.estimation.selection import rank
 
     tried = [c for c in _few_enough(family, curves) if c.size > c.drift] or list(family)
     out = [str(composition) for composition in family if composition not in tried]
-    told = (f"not tried, for more parameters than the scales tell or no noise at all: {', '.join(out)}",) if out else ()
+    told = (
+        (
+            (
+                "not tried, for more parameters than the scales tell or no noise at all:"
+                f" {', '.join(out)}"
+            ),
+        )
+        if out
+        else ()
+    )
     try:
         return rank(curves, tried, recordings=groups, sampling=options.sampling), told
     except UsageError as error:  # a singular covariance, of scales that hardly differ
-        ranking = rank(curves, tried, weights="interval", recordings=groups, sampling=options.sampling)
-        return ranking, (*told, f"the models compete with the weights of the intervals: {str(error).partition(';')[0]}")
+        ranking = rank(
+            curves, tried, weights="interval", recordings=groups, sampling=options.sampling
+        )
+        return ranking, (
+            *told,
+            f"the models compete with the weights of the intervals: {str(error).partition(';')[0]}",
+        )
 
 
 def _kept(first: Fit, options: TuneOptions) -> tuple[Fit, str, GoodnessOfFit | None]:
-    """The fit that is worth more, a sentence that says which, and the test of the efficient one where that was not kept."""
+    """The fit that is worth more, a sentence that says which, and the test of the efficient one
+    where that was not kept.
+    """
     if options.weights == "diagonal":
         return first, "weights of the intervals, as asked", None
     second, said = second_step(first)
     if second is first or options.weights == "full":
         return second, said, None
     if "not settled" in said:
-        return first, "weights of the intervals kept: efficient ones do not settle, as happens where the model does not fit", None
+        return (
+            first,
+            (
+                "weights of the intervals kept: efficient ones do not settle, as happens where the"
+                " model does not fit"
+            ),
+            None,
+        )
     goodness = _j_test(second)
     if _tested(goodness) and goodness.p_value < MISFIT:
-        return first, "weights of the intervals kept: efficient ones would trust a model that does not fit", goodness
+        return (
+            first,
+            "weights of the intervals kept: efficient ones would trust a model that does not fit",
+            goodness,
+        )
     return second, said, None
 
 
 def _finer_scales(
-    first: Fit, goodness: GoodnessOfFit, misfits: Sequence[tuple[int, int]], asked: str, options: TuneOptions
+    first: Fit,
+    goodness: GoodnessOfFit,
+    misfits: Sequence[tuple[int, int]],
+    asked: str,
+    options: TuneOptions,
 ) -> tuple[str, ...]:
-    """From which level on the model fits, by the test and within `CLOSE`, where it does not fit them all for the sake of fine scales.
+    """From which level on the model fits, by the test and within `CLOSE`, where it does not fit
+    them all for the sake of fine scales.
 
-    misfits : curve and level of the scales that stand out; to start above none of them would be no remedy.
-    asked : option that names the model, where it was chosen of several: another might be chosen with other levels.
+    misfits : curve and level of the scales that stand out; to start above none of them would be no
+        remedy.
+    asked : option that names the model, where it was chosen of several: another might be chosen
+        with other levels.
     """
     if not _tested(goodness) or goodness.p_value >= FITS or options.levels is not None:
         return ()
@@ -169,38 +244,68 @@ def _finer_scales(
         scale = f"{float(part.curves[0].scale_s[0]):.3g} s"
         option = f"--levels {start}-{asked}"
         if not close and _farthest(part) < CLOSE:
-            close = f"from scale {scale} on {name} is within {CLOSE:.0%} of the deviation: {option} leaves the finer scales out"
+            close = (
+                f"from scale {scale} on {name} is within {CLOSE:.0%} of the deviation: {option}"
+                " leaves the finer scales out"
+            )
         if (p := _tested_p(part, options)) >= FITS:
             fits = f"from scale {scale} on {name} fits (p = {p:.2g}): {option}"
-            return (close, fits) if close and option not in close else (f"{fits} leaves the finer scales out",)
+            return (
+                (close, fits)
+                if close and option not in close
+                else (f"{fits} leaves the finer scales out",)
+            )
     return (close or f"leaving out fine scales does not make {name} fit",)
 
 
 def _slow_misfit(fitted: Fit, misfits: Sequence[tuple[int, int]]) -> str:
-    """What to try where all scales that stand out are long ones, in the upper half of the levels; nothing elsewhere."""
+    """What to try where all scales that stand out are long ones, in the upper half of the levels;
+    nothing elsewhere.
+    """
     middle = float(np.mean([curve.level[[0, -1]].mean() for curve in fitted.curves]))
     if not misfits or min(j for _, j in misfits) <= middle:
         return ""
     scales = sorted(2.0**j / fitted.curves[i].rate_hz for i, j in misfits)
     composition = fitted.composition
-    more = [replace(composition, gauss_markov=composition.gauss_markov + 1)] if composition.gauss_markov < MOST_GAUSS_MARKOV else []
+    more = (
+        [replace(composition, gauss_markov=composition.gauss_markov + 1)]
+        if composition.gauss_markov < MOST_GAUSS_MARKOV
+        else []
+    )
     more += [] if composition.random_walk else [replace(composition, random_walk=True)]
-    advice = f"add a slow process: --model {' or '.join(map(str, more))}" if more else "look for a drift or a disturbance"
-    span = f"{scales[0]:.3g} s" if scales[0] == scales[-1] else f"{scales[0]:.3g} to {scales[-1]:.3g} s"
-    return f"the misfit is at long scales, {span}, and leaving out fine ones does not cure it; {advice}"
+    advice = (
+        f"add a slow process: --model {' or '.join(map(str, more))}"
+        if more
+        else "look for a drift or a disturbance"
+    )
+    span = (
+        f"{scales[0]:.3g} s"
+        if scales[0] == scales[-1]
+        else f"{scales[0]:.3g} to {scales[-1]:.3g} s"
+    )
+    return (
+        f"the misfit is at long scales, {span}, and leaving out fine ones does not cure it;"
+        f" {advice}"
+    )
 
 
 def _tested_p(part: Fit, options: TuneOptions) -> float:
-    """p-value that tuning on these levels would tell; NaN without a test, and that of the weights of the intervals where it is small."""
+    """p-value that tuning on these levels would tell; NaN without a test, and that of the weights
+    of the intervals where it is small.
+    """
     test = _j_test(part)
-    if _tested(test) and test.p_value >= MISFIT:  # the efficient test is the better and the dearer one
+    if (
+        _tested(test) and test.p_value >= MISFIT
+    ):  # the efficient test is the better and the dearer one
         kept, _, goodness = _kept(part, options)
         test = goodness or _j_test(kept)
     return test.p_value if _tested(test) else float("nan")
 
 
 def _farthest(fitted: Fit) -> float:
-    """Largest relative error of the modelled deviation, over the scales of which a recording holds many."""
+    """Largest relative error of the modelled deviation, over the scales of which a recording holds
+    many.
+    """
     off = [0.0]
     for curve, modelled in zip(fitted.curves, fitted.modelled, strict=True):
         many = curve.count > MANY * 2.0**curve.level

@@ -1,11 +1,13 @@
-"""What a person may choose when tuning, with the meaning of every option in one place; standard library only, for the command line."""
+"""What a person may choose when tuning, with the meaning of every option in one place; standard
+library only, for the command line.
+"""
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from ..errors import UsageError
+from ..base.errors import UsageError
 
 Axes = Literal["separate", "joint"]
 Weights = Literal["auto", "full", "diagonal"]
@@ -21,10 +23,14 @@ FAMILY = (
 class TuneOptions:
     """How to read static recordings, and how to fit.
 
-    columns, gyro_unit, accel_unit, time_unit, quantity, rate_hz, variable : of `formats.read_imu`; None: what the file says.
-    model : one composition, several with commas between them to choose from, or None for `FAMILY`; gyro_model, accel_model go before it.
-    axes : one model an axis, or one for the three axes of a sensor.   levels : scales to fit, None for all.
-    weights : the efficient second step always (full), never (diagonal), or where the model fits (auto).
+    columns, gyro_unit, accel_unit, time_unit, quantity, rate_hz, variable : of `formats.read_imu`;
+    None: what the file says.
+    model : one composition, several with commas between them to choose from, or None for `FAMILY`;
+        gyro_model, accel_model go before it.
+    axes : one model an axis, or one for the three axes of a sensor.
+    levels : scales to fit, None for all.
+    weights : the efficient second step always (full), never (diagonal), or where the model fits
+        (auto).
     sampling : what a sample is of the continuous process, "point" or "mean".
     skip_s, keep_s, bridge_s : of `prepare.static`.   accept : names of checks that shall not stop.
     """
@@ -53,14 +59,19 @@ class TuneOptions:
 
 
 def chosen_levels(text: str | None, highest: int) -> tuple[int, ...] | None:
-    """Levels of a text such as "3-", "2-14" or "1,2,5-9", None for all. Raises UsageError for what is none of these."""
+    """Levels of a text such as "3-", "2-14" or "1,2,5-9", None for all. Raises UsageError for what
+    is none of these.
+    """
     if text is None:
         return None
     found: set[int] = set()
     for part in text.split(","):
         match = re.fullmatch(r"\s*(\d+)?\s*(-)?\s*(\d+)?\s*", part)
         if match is None or not (match[1] or match[3]) or (match[1] and match[3] and not match[2]):
-            raise UsageError(f"--levels {text!r}: {part!r} is no level; write as in 3-, 2-14 or 1,2,5-9 (level j has 2^j samples)")
+            raise UsageError(
+                f"--levels {text!r}: {part!r} is no level; write as in 3-, 2-14 or 1,2,5-9 (level j"
+                " has 2^j samples)"
+            )
         low = int(match[1]) if match[1] else 1
         high = int(match[3]) if match[3] else (highest if match[2] else low)
         found.update(range(max(low, 1), min(high, highest) + 1))

@@ -1,8 +1,10 @@
-"""From a file of samples and the options of the verb to samples in SI: columns, units, rate, and messages in the verb's own words.
+"""From a file of samples and the options of the verb to samples in SI: columns, units, rate, and
+messages in the verb's own words.
 
-Where nothing in a file says its units, they must be given: noise numbers are worth nothing without. Columns go by the names that the
-readers know; a clock that is called otherwise (timestamp_us, GPS time of week) is found here.
-A rate that no IMU has means that time is in another unit: milliseconds taken for seconds make 0.2 Hz of 200 Hz.
+Where nothing in a file says its units, they must be given: noise numbers are worth nothing without.
+Columns go by the names that the readers know; a clock that is called otherwise (timestamp_us, GPS
+time of week) is found here. A rate that no IMU has means that time is in another unit: milliseconds
+taken for seconds make 0.2 Hz of 200 Hz.
 """
 
 import re
@@ -12,10 +14,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError, UsageError
+from ..base.errors import InputError, UsageError
 from ..formats import TableInfo, describe, read_imu, sniff_imu
-from ..formats._heads import TIME_FACTORS, factor_of, kinds_like, names_of, unit_in
-from ..formats.imu_csv import ACCEL, ALIASES, GYRO, KINDS
+from ..formats.imu.imu_csv import ACCEL, ALIASES, GYRO, KINDS
+from ..formats.text.headers import TIME_FACTORS, factor_of, kinds_like, names_of, unit_in
 from ..prepare.gaps import nominal_interval
 from ..records import ImuSamples
 from .options import TuneOptions
@@ -28,7 +30,10 @@ USUAL_HZ = (20.0, 20e3)
 CLOCKS = ("time", "timestamp", "time_of_week", "tow", "stamp", "clock", "t")
 OF_CLOCKS = ("", "gps_", "imu_", "sensor_", "sys_", "system_")
 _WORDS = (
-    (r'columns = \{ ?tow = (?:"its name in the file"|\.\.\.), \.\.\. ?\}', "--columns tow=NAME,gx=NAME,..."),
+    (
+        r'columns = \{ ?tow = (?:"its name in the file"|\.\.\.), \.\.\. ?\}',
+        "--columns tow=NAME,gx=NAME,...",
+    ),
     (r"(?:set )?columns = \[\.\.\.\]", "--columns NAMES"),
     (r"units = \{ ?time = \.\.\. ?\}", "--time-unit"),
     (r"\bset units$", "give --gyro-unit or --accel-unit"),
@@ -62,12 +67,19 @@ def own_text(text: str) -> str:
 def read_samples(path: Path, options: TuneOptions) -> ImuSamples:
     """Samples of a file in SI.
 
-    Raises InputError for a wrong file and a rate that no IMU has, UsageError where units or columns are missing.
+    Raises InputError for a wrong file and a rate that no IMU has, UsageError where units or columns
+    are missing.
     """
     with own_words():
         imu = _read(path, options)
     _refuse_rate(path, imu, options)
-    return replace(imu, notes=tuple(replace(told, found=own_text(told.found), advice=own_text(told.advice)) for told in imu.notes))
+    return replace(
+        imu,
+        notes=tuple(
+            replace(told, found=own_text(told.found), advice=own_text(told.advice))
+            for told in imu.notes
+        ),
+    )
 
 
 def _read(path: Path, options: TuneOptions) -> ImuSamples:
@@ -105,21 +117,31 @@ def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
 
 def _plain_columns(tables: list[TableInfo], options: TuneOptions) -> tuple[str, ...] | None:
     """Columns of a matrix of samples, with or without time; None for what is not that simple."""
-    simple = len(tables) == 1 and tables[0].name == "" and all(name.startswith("[") for name in tables[0].columns)
+    simple = (
+        len(tables) == 1
+        and tables[0].name == ""
+        and all(name.startswith("[") for name in tables[0].columns)
+    )
     width = len(tables[0].columns) if simple else 0
     if width == 6 and options.rate_hz is None:
-        raise UsageError("six columns and no time: give the sensor's rate in samples a second, --rate HZ")
+        raise UsageError(
+            "six columns and no time: give the sensor's rate in samples a second, --rate HZ"
+        )
     return {6: PLAIN[1:], 7: PLAIN}.get(width)
 
 
 def _named_columns(tables: Sequence[TableInfo], options: TuneOptions) -> Mapping[str, str] | None:
     """Field of each column by its canonical name; None where they are not all named."""
-    known = {alias: name for name in PLAIN for alias in ALIASES[name]} | {f"{of}{clock}": "tow" for of in OF_CLOCKS for clock in CLOCKS}
+    known = {alias: name for name in PLAIN for alias in ALIASES[name]} | {
+        f"{of}{clock}": "tow" for of in OF_CLOCKS for clock in CLOCKS
+    }
     tables = [table for table in tables if options.variable in (None, table.name)]
     if len(tables) != 1:
         return None
     found: dict[str, str] = {}
-    for field, name in zip(tables[0].columns, names_of(tables[0].columns, known, KINDS), strict=True):
+    for field, name in zip(
+        tables[0].columns, names_of(tables[0].columns, known, KINDS), strict=True
+    ):
         if name is None or name in found or (name == "tow" and options.rate_hz is not None):
             continue
         found[name] = field
@@ -131,11 +153,15 @@ def _ask_for_units(path: Path, tables: list[TableInfo], options: TuneOptions) ->
     """UsageError where neither the file nor an option says a unit."""
     fields = [field for table in tables for field in table.columns]
     increments = " increment" if options.quantity == "increments" else ""
-    for sensor, unit, example in (("gyro", options.gyro_unit, "deg/s"), ("accel", options.accel_unit, "m/s^2")):
+    for sensor, unit, example in (
+        ("gyro", options.gyro_unit, "deg/s"),
+        ("accel", options.accel_unit, "m/s^2"),
+    ):
         said = filter(None, (unit_in(field, kinds_like(sensor)) for field in fields))
         if unit is None and not any(factor_of(text, (f"{sensor}{increments}",)) for text in said):
             raise UsageError(
-                f"{path}: nothing says the unit of the {sensor} columns; give --{sensor}-unit, such as {example} or that of one count"
+                f"{path}: nothing says the unit of the {sensor} columns; give --{sensor}-unit, such"
+                f" as {example} or that of one count"
             )
 
 
@@ -145,12 +171,22 @@ def _refuse_rate(path: Path, imu: ImuSamples, options: TuneOptions) -> None:
     if LEAST_HZ <= rate <= MOST_HZ or "sampling" in options.accept:
         return
     span = float(imu.time[-1] - imu.time[0]) / 3600.0
-    found = f"{path}: {rate:.3g} Hz, {imu.time.size} samples in {span:.3g} h; an IMU has {USUAL_HZ[0]:g} to {USUAL_HZ[1]:g} Hz"
+    found = (
+        f"{path}: {rate:.3g} Hz, {imu.time.size} samples in {span:.3g} h; an IMU has"
+        f" {USUAL_HZ[0]:g} to {USUAL_HZ[1]:g} Hz"
+    )
     if options.rate_hz is not None:
         raise InputError(f"{found}; give --rate in samples a second")
-    likely = [unit for unit, factor in TIME_FACTORS.items() if unit != "s" and USUAL_HZ[0] <= rate / factor <= USUAL_HZ[1]]
+    likely = [
+        unit
+        for unit, factor in TIME_FACTORS.items()
+        if unit != "s" and USUAL_HZ[0] <= rate / factor <= USUAL_HZ[1]
+    ]
     if likely and options.time_unit is None:
-        advice = f"if time is in {likely[0]}, give --time-unit {likely[0]} ({rate / TIME_FACTORS[likely[0]]:g} Hz)"
+        advice = (
+            f"if time is in {likely[0]}, give --time-unit {likely[0]}"
+            f" ({rate / TIME_FACTORS[likely[0]]:g} Hz)"
+        )
     else:
         advice = "check the column of time and its unit, --time-unit"
     raise InputError(f"{found}; {advice}; --accept sampling takes it all the same")

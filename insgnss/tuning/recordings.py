@@ -1,6 +1,8 @@
-"""Static recordings to wavelet variances: read, identified by their digest, checked, and condensed to what the fit needs.
+"""Static recordings to wavelet variances: read, identified by their digest, checked, and condensed
+to what the fit needs.
 
-A recording is let go once its wavelet variances and block means are taken, so that memory holds one at a time.
+A recording is let go once its wavelet variances and block means are taken, so that memory holds one
+at a time.
 """
 
 import re
@@ -10,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import DataError, InputError, UsageError
-from ..formats.variances import read_variances
-from ..prepare.static import Disturbance, StaticSpan, static_span
+from ..base.errors import DataError, InputError, UsageError
+from ..formats.imu.variances import read_variances
+from ..prepare.static_recording import Disturbance, StaticSpan, static_span
 from ..processing.input_files import sha256
 from ..records import Array, Check, WaveletVariance
 from ..stochastic.model import RecordingSource
@@ -52,8 +54,9 @@ class StaticRecording:
 def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticRecording:
     """Read, check and condense one recording.
 
-    Raises InputError for a wrong file, UsageError where units or columns are missing, and DataError, in one sentence, for a recording
-    that does not show the noise of a sensor at rest; `options.accept` overrules a check.
+    Raises InputError for a wrong file, UsageError where units or columns are missing, and
+    DataError, in one sentence, for a recording that does not show the noise of a sensor at rest;
+    `options.accept` overrules a check.
     """
     progress(f"reading {path.name}")
     with own_words():
@@ -67,10 +70,15 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
     triads = {"gyro": span.gyro, "accel": span.accel}
     curves: dict[tuple[str, int], WaveletVariance] = {}
     for sensor, values in triads.items():
-        curves |= {(sensor, k): c for k, c in enumerate(wavelet_variances(values, span.rate_hz, robust=options.robust))}
+        curves |= {
+            (sensor, k): c
+            for k, c in enumerate(wavelet_variances(values, span.rate_hz, robust=options.robust))
+        }
     blocks = {sensor: _block_means(values) for sensor, values in triads.items()}
     source = RecordingSource(path.name, sha256(path), len(span.gyro), round(span.rate_hz, 6))
-    return StaticRecording(source, curves, blocks, span.begin_s, span.length_s, span.checks, span.disturbances)
+    return StaticRecording(
+        source, curves, blocks, span.begin_s, span.length_s, span.checks, span.disturbances
+    )
 
 
 def holds_variances(path: Path) -> bool:
@@ -79,32 +87,59 @@ def holds_variances(path: Path) -> bool:
         with path.open("rb") as stream:
             head = stream.read(HEAD)
     except OSError as error:
-        raise InputError.at(path, None, f"cannot be read: {error.strerror or error}; check the path") from None
+        raise InputError.at(
+            path, None, f"cannot be read: {error.strerror or error}; check the path"
+        ) from None
     start = head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
-    return start in (b"{", b"[") or (start != b"\x93" and re.search(rb"(?<![a-z])(scale_s|tau_s|averaging_time)", head) is not None)
+    return start in (b"{", b"[") or (
+        start != b"\x93"
+        and re.search(rb"(?<![a-z])(scale_s|tau_s|averaging_time)", head) is not None
+    )
 
 
 def _published(path: Path, options: TuneOptions) -> StaticRecording:
     """Curves of a file of published variances."""
     head = path.read_bytes()[:HEAD]
     if re.match(rb'\s*\{\s*"recordings":', head):
-        raise InputError(f"{path}: is the table that insgnss tune wrote beside a noise model; give the recordings themselves")
-    if options.rate_hz is not None and (head.lstrip()[:1] in (b"{", b"[") or re.search(rb"(?m)^\W*rate_hz\s*[=:]", head)):
+        raise InputError(
+            f"{path}: is the table that insgnss tune wrote beside a noise model; give the"
+            " recordings themselves"
+        )
+    if options.rate_hz is not None and (
+        head.lstrip()[:1] in (b"{", b"[") or re.search(rb"(?m)^\W*rate_hz\s*[=:]", head)
+    ):
         raise UsageError(f"{path}: the variances carry their rate; leave --rate out")
-    units = {sensor: unit for sensor, unit in (("gyro", options.gyro_unit), ("accel", options.accel_unit)) if unit}
-    found = read_variances(path, member=options.variable, units=units or None, rate_hz=options.rate_hz)
+    units = {
+        sensor: unit
+        for sensor, unit in (("gyro", options.gyro_unit), ("accel", options.accel_unit))
+        if unit
+    }
+    found = read_variances(
+        path, member=options.variable, units=units or None, rate_hz=options.rate_hz
+    )
     said = re.search(rb"(?m)^\W*((gyro|accel)_)?unit\s*[=:]", head)
     curves = {}
     for name, curve in found.curves.items():
         sensor, _, letter = name.partition("_")
         if sensor not in units and not said:
             example = "rad/s" if sensor == "gyro" else "m/s^2"
-            raise UsageError(f"{path}: nothing says the unit that the {sensor} variances are of; give --{sensor}-unit, such as {example}")
+            raise UsageError(
+                f"{path}: nothing says the unit that the {sensor} variances are of; give"
+                f" --{sensor}-unit, such as {example}"
+            )
         curves[sensor, AXES.index(letter)] = curve
     longest = max(curves.values(), key=lambda curve: curve.samples / curve.rate_hz)
     source = RecordingSource(path.name, sha256(path), longest.samples, longest.rate_hz)
     told = f"{len(curves)} axes of {found.sensor or 'a sensor'}"
-    checks = (Check("variances", told, "samples", "note", "rest, gaps and disturbances of the recording behind them are not checked"),)
+    checks = (
+        Check(
+            "variances",
+            told,
+            "samples",
+            "note",
+            "rest, gaps and disturbances of the recording behind them are not checked",
+        ),
+    )
     return StaticRecording(source, curves, None, 0.0, longest.samples / longest.rate_hz, checks)
 
 
@@ -114,11 +149,17 @@ def _refuse(path: Path, span: StaticSpan, accept: tuple[str, ...]) -> None:
     for check in span.checks:
         if check.verdict == "contradiction" and check.name not in accept:
             advice = (
-                f"{check.advice}; --accept {check.name.split()[0] if ' ' not in check.name else repr(check.name)} takes it all the same"
+                f"{check.advice}; --accept"
+                f" {check.name.split()[0] if ' ' not in check.name else repr(check.name)} takes it"
+                " all the same"
             )
-            raise DataError(f"{path}: {check.name}: {check.found}; expected {check.expected}; {advice}")
+            raise DataError(
+                f"{path}: {check.name}: {check.found}; expected {check.expected}; {advice}"
+            )
     if unknown := [name for name in accept if name not in (*known, "warm-up", POOLING)]:
-        raise UsageError(f"--accept {unknown[0]!r}: no such check; there are {', '.join((*known, POOLING))}")
+        raise UsageError(
+            f"--accept {unknown[0]!r}: no such check; there are {', '.join((*known, POOLING))}"
+        )
 
 
 def _block_means(values: Array) -> Array:

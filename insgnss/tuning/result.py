@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..files import json_ready
+from ..base.files import json_ready
 from ..stochastic.estimation.estimates import Estimate
 from ..stochastic.estimation.gmwm import Fit
 from ..stochastic.moments.theory import haar_variance_parts
 from .fits import Tuned, TuneData
+from .products.table import summary
 from .recordings import AXES, StaticRecording
-from .table import summary
 
 if TYPE_CHECKING:
     from ..stochastic.estimation.selection import NearStationarity, Ranking
@@ -39,7 +39,10 @@ class TuneResult(TuneData):
 
 def _recording(r: StaticRecording) -> dict[str, Any]:
     out = asdict(r.source) | {"begin_s": r.begin_s, "length_s": r.length_s}
-    return out | {"checks": [asdict(c) for c in r.checks], "disturbances": [asdict(d) for d in r.disturbances]}
+    return out | {
+        "checks": [asdict(c) for c in r.checks],
+        "disturbances": [asdict(d) for d in r.disturbances],
+    }
 
 
 def _fit(t: Tuned, recordings: Sequence[StaticRecording]) -> dict[str, Any]:
@@ -58,19 +61,33 @@ def _fit(t: Tuned, recordings: Sequence[StaticRecording]) -> dict[str, Any]:
         "j_test": asdict(t.goodness),
         "verdicts": [asdict(v) for v in t.inference.verdicts],
         "ranking": None if t.ranking is None else _ranking(t.ranking),
-        "near_stationarity": None if t.stationarity is None else _stationarity(t.stationarity, recordings),
-        "trends": [{"recording": name, "axis": AXES[k], **asdict(trend)} for name, k, trend in t.trends],
+        "near_stationarity": (
+            None if t.stationarity is None else _stationarity(t.stationarity, recordings)
+        ),
+        "trends": [
+            {"recording": name, "axis": AXES[k], **asdict(trend)} for name, k, trend in t.trends
+        ],
         "remarks": list(t.remarks),
         "curves": _curves(t, recordings),
     }
 
 
 def _objective(fit: Fit) -> dict[str, Any]:
-    return {"objective": fit.objective, "parameters": dict(zip(fit.composition.parameters, fit.parameters.tolist(), strict=True))}
+    return {
+        "objective": fit.objective,
+        "parameters": dict(zip(fit.composition.parameters, fit.parameters.tolist(), strict=True)),
+    }
 
 
 def _estimate(e: Estimate) -> dict[str, Any]:
-    return {"name": e.name, "value": e.value, "standard_error": e.standard_error, "low": e.low, "high": e.high, "at_bound": e.at_bound}
+    return {
+        "name": e.name,
+        "value": e.value,
+        "standard_error": e.standard_error,
+        "low": e.low,
+        "high": e.high,
+        "at_bound": e.at_bound,
+    }
 
 
 def _curves(t: Tuned, recordings: Sequence[StaticRecording]) -> list[dict[str, Any]]:
@@ -114,14 +131,23 @@ def _ranking(ranking: "Ranking") -> dict[str, Any]:
         }
         for c in ranking.candidates
     ]
-    return {"criterion": ranking.criterion, "chosen": str(ranking.chosen.composition), "models": models}
+    return {
+        "criterion": ranking.criterion,
+        "chosen": str(ranking.chosen.composition),
+        "models": models,
+    }
 
 
-def _stationarity(test: "NearStationarity", recordings: Sequence[StaticRecording]) -> dict[str, Any]:
+def _stationarity(
+    test: "NearStationarity", recordings: Sequence[StaticRecording]
+) -> dict[str, Any]:
     """Whether one parameter set serves all recordings."""
     numbers = ("statistic", "degrees", "p_value", "bootstrapped", "bootstrapped_error", "draws")
     return {name: getattr(test, name) for name in numbers} | {
         "shares": {r.name: float(share) for r, share in zip(recordings, test.shares, strict=True)},
-        "spread": [{"parameter": name, "found": found, "by_chance": chance} for name, found, chance in test.spread],
+        "spread": [
+            {"parameter": name, "found": found, "by_chance": chance}
+            for name, found, chance in test.spread
+        ],
         "sentence": test.sentence,
     }

@@ -1,8 +1,9 @@
 """Noise in flight of each IMU of a flight that carries several.
 
-The innovations of the IMUs combined tell the noise of their weighted mean, not whose it is: factors of several IMUs would enter them as
-one sum. So each IMU has the flight for itself, with its own file, axes and noise model, and with lever arms from where it sits: the
-vector r from the first IMU, body axes, moves the IMU in camera axes by C_cb r (M.1). The others stay as they are.
+The innovations of the IMUs combined tell the noise of their weighted mean, not whose it is: factors
+of several IMUs would enter them as one sum. So each IMU has the flight for itself, with its own
+file, axes and noise model, and with lever arms from where it sits: the vector r from the first IMU,
+body axes, moves the IMU in camera axes by C_cb r (M.1). The others stay as they are.
 """
 
 from collections.abc import Sequence
@@ -10,15 +11,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ..base.errors import InsgnssError
 from ..config.flight_file import Flight
-from ..errors import InsgnssError
 from ..processing.progress import Progress, quiet
-from .in_flight import FlightTuning, chosen_parameters, estimate, tune_flight
-from .in_flight_files import planned, write
+from .in_flight.estimation import FlightTuning, chosen_parameters, estimate, tune_flight
+from .in_flight.files import planned, write
 
 TOGETHER = (
-    "each IMU was tuned alone: noise that shakes all of them at once, as vibration does, does not average out as `process` takes it to "
-    "where it combines them"
+    "each IMU was tuned alone: noise that shakes all of them at once, as vibration does, does not"
+    " average out as `process` takes it to where it combines them"
 )
 
 
@@ -35,7 +36,11 @@ class SeveralTuned:
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able."""
-        return {"name": self.name, "imus": [one.as_dict() for one in self.tuned], "notes": [TOGETHER]}
+        return {
+            "name": self.name,
+            "imus": [one.as_dict() for one in self.tuned],
+            "notes": [TOGETHER],
+        }
 
 
 def tune_each(
@@ -45,9 +50,11 @@ def tune_each(
     progress: Progress = quiet,
     force: bool = False,
 ) -> FlightTuning | SeveralTuned:
-    """`tune_flight` for the IMU of a flight, or for each of several: files of the second bear _2 behind the name, and so on.
+    """`tune_flight` for the IMU of a flight, or for each of several: files of the second bear _2
+    behind the name, and so on.
 
-    Nothing is written unless all of them could be tuned. Raises as `tune_flight` does, with the number of the IMU.
+    Nothing is written unless all of them could be tuned. Raises as `tune_flight` does, with the
+    number of the IMU.
     """
     if not flight.imu.further:
         return tune_flight(flight, out, parameters, progress, force)
@@ -56,7 +63,9 @@ def tune_each(
     more = [first.with_name(f"{first.stem}_{k}.toml") for k in range(2, len(flights) + 1)]
     targets = [first, *(planned(flight, target, force) for target in more)]
     tuned = [_estimate(one, k, chosen, progress) for k, one in enumerate(flights, start=1)]
-    return SeveralTuned(flight.name, tuple(write(one, target) for one, target in zip(tuned, targets, strict=True)))
+    return SeveralTuned(
+        flight.name, tuple(write(one, target) for one, target in zip(tuned, targets, strict=True))
+    )
 
 
 def alone(flight: Flight) -> tuple[Flight, ...]:
@@ -73,7 +82,9 @@ def alone(flight: Flight) -> tuple[Flight, ...]:
     )
 
 
-def _estimate(flight: Flight, number: int, chosen: tuple[str, ...], progress: Progress) -> FlightTuning:
+def _estimate(
+    flight: Flight, number: int, chosen: tuple[str, ...], progress: Progress
+) -> FlightTuning:
     """The estimate of one IMU, whose errors tell its number."""
     try:
         tuned = estimate(flight, chosen, lambda step: progress(f"IMU {number}: {step}"))

@@ -1,9 +1,11 @@
 """From static recordings to a noise model: the order of the steps.
 
 read, check, wavelet variances   each recording (`recordings`)
-choose, fit, infer               each sensor, axis by axis or the three jointly, over all recordings (`fitting`)
+choose, fit, infer               each sensor, axis by axis or the three jointly, over all recordings
+                                 (`fitting`)
 trends at the start              against the fitted noise (`trend`)
-noise model                      its turn-on bias from the means (`turn_on`), what cannot be told written as what it acts like
+noise model                      its turn-on bias from the means (`turn_on`), what cannot be told
+                                 written as what it acts like
 files                            noise model, table as JSON, a figure a sensor (`written`)
 """
 
@@ -13,15 +15,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import DataError, UsageError
+from ..base.errors import DataError, UsageError
 from ..stochastic.composition import Composition
 from .fitting import compositions, tune_axes
 from .options import TuneOptions, chosen_levels
+from .products.written import noise_model, planned, write
 from .recordings import AXES, POOLING, SENSORS, StaticRecording, read_static
 from .result import Tuned, TuneResult
 from .trend import warm_up
 from .turn_on import turn_on_bias
-from .written import noise_model, planned, write
 
 Progress = Callable[[str], None]
 
@@ -29,18 +31,28 @@ APART, FINEST = 3.0, 3  # of the noise of recordings that cannot be of one IMU, 
 
 
 def tune_static(
-    paths: Sequence[Path], options: TuneOptions, out: Path | None = None, force: bool = False, progress: Progress = lambda step: None
+    paths: Sequence[Path],
+    options: TuneOptions,
+    out: Path | None = None,
+    force: bool = False,
+    progress: Progress = lambda step: None,
 ) -> TuneResult:
-    """Tune a noise model from static recordings of one IMU, or files of published variances, and write it with its table and figures.
+    """Tune a noise model from static recordings of one IMU, or files of published variances, and
+    write it with its table and figures.
 
-    out : of the noise model; the other files stand beside it.   force : take the place of files that are there.
+    out : of the noise model; the other files stand beside it.
+    force : take the place of files that are there.
 
-    Raises UsageError, InputError and DataError as `recordings.read_static` and `fitting` do, and UsageError for files that are there.
+    Raises UsageError, InputError and DataError as `recordings.read_static` and `fitting` do, and
+    UsageError for files that are there.
     """
     family = compositions(options)
     target = planned(out, force)
     if len(set(paths)) < len(paths):
-        raise UsageError(f"{next(p for p in paths if list(paths).count(p) > 1)}: given twice; one recording counts once")
+        raise UsageError(
+            f"{next(p for p in paths if list(paths).count(p) > 1)}: given twice; one recording"
+            " counts once"
+        )
     recordings = tuple(read_static(path, options, progress) for path in paths)
     _same(recordings)
     _alike(recordings, options)
@@ -57,16 +69,23 @@ def _same(recordings: Sequence[StaticRecording]) -> None:
     seen: dict[str, str] = {}
     for r in recordings:
         if r.source.sha256 in seen:
-            raise UsageError(f"{r.name}: the same bytes as {seen[r.source.sha256]}; a copy is no second recording")
+            raise UsageError(
+                f"{r.name}: the same bytes as {seen[r.source.sha256]}; a copy is no second"
+                " recording"
+            )
         seen[r.source.sha256] = r.name
         if set(r.curves) != set(recordings[0].curves):
-            raise DataError(f"{r.name}: has other axes than {recordings[0].name}; tune them one by one")
+            raise DataError(
+                f"{r.name}: has other axes than {recordings[0].name}; tune them one by one"
+            )
 
 
 def _alike(recordings: Sequence[StaticRecording], options: TuneOptions) -> None:
-    """DataError where the noise of a recording at its finest scales is `APART` times that of the others, or a part of it as small.
+    """DataError where the noise of a recording at its finest scales is `APART` times that of the
+    others, or a part of it as small.
 
-    Compared is the root of wavelet variance times scale, which is the density where noise is white, whatever the rate.
+    Compared is the root of wavelet variance times scale, which is the density where noise is white,
+    whatever the rate.
     """
     if len(recordings) < 2 or POOLING in options.accept:
         return
@@ -76,21 +95,33 @@ def _alike(recordings: Sequence[StaticRecording], options: TuneOptions) -> None:
         fine = [np.isin(c.level, levels or c.level).nonzero()[0][:FINEST] for c in curves]
         if not all(at.size for at in fine):
             continue
-        size = np.array([np.log(c.variance[at] * c.scale_s[at]).mean() / 2.0 for c, at in zip(curves, fine, strict=True)])
+        size = np.array(
+            [
+                np.log(c.variance[at] * c.scale_s[at]).mean() / 2.0
+                for c, at in zip(curves, fine, strict=True)
+            ]
+        )
         apart = size - [np.median(np.delete(size, i)) for i in range(size.size)]
         i = int(np.argmax(apart)) if size.size == 2 else int(np.argmax(np.abs(apart)))
         if abs(apart[i]) > np.log(APART):
-            factor, others = float(np.exp(apart[i])), "the others" if size.size > 2 else recordings[1 - i].name
+            factor, others = (
+                float(np.exp(apart[i])),
+                "the others" if size.size > 2 else recordings[1 - i].name,
+            )
             scales = curves[i].scale_s[fine[i]]
             raise DataError(
-                f"{recordings[i].name}: {sensor} {AXES[k]} has {factor:.3g} times the noise of {others} at {scales[0]:.3g} to "
-                f"{scales[-1]:.3g} s; no one model serves them: another IMU or unit? tune them one by one; "
-                f"--accept {POOLING} takes it all the same"
+                f"{recordings[i].name}: {sensor} {AXES[k]} has {factor:.3g} times the noise of"
+                f" {others} at {scales[0]:.3g} to {scales[-1]:.3g} s; no one model serves them:"
+                f" another IMU or unit? tune them one by one; --accept {POOLING} takes it all the"
+                " same"
             )
 
 
 def _tuned(
-    recordings: tuple[StaticRecording, ...], family: Mapping[str, tuple[Composition, ...]], options: TuneOptions, progress: Progress
+    recordings: tuple[StaticRecording, ...],
+    family: Mapping[str, tuple[Composition, ...]],
+    options: TuneOptions,
+    progress: Progress,
 ) -> tuple[Tuned, ...]:
     """All fits, with the trends that they do not explain."""
     rng = np.random.default_rng(options.seed)
@@ -100,11 +131,19 @@ def _tuned(
         groups = [tuple(there)] if options.axes == "joint" else [(k,) for k in there]
         for axes in groups:
             if axes:
-                out.append(_with_trends(tune_axes(sensor, axes, recordings, family[sensor], options, progress), recordings, rng))
+                out.append(
+                    _with_trends(
+                        tune_axes(sensor, axes, recordings, family[sensor], options, progress),
+                        recordings,
+                        rng,
+                    )
+                )
     return tuple(out)
 
 
-def _with_trends(t: Tuned, recordings: Sequence[StaticRecording], rng: np.random.Generator) -> Tuned:
+def _with_trends(
+    t: Tuned, recordings: Sequence[StaticRecording], rng: np.random.Generator
+) -> Tuned:
     trends = tuple(
         (r.name, k, warm_up(r.blocks[t.sensor][:, k], r.length_s, t.kept.axis, rng))
         for r in recordings

@@ -4,7 +4,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..errors import UsageError
+from ..base.errors import UsageError
 
 
 def check_target(target: Path) -> Path:
@@ -17,7 +17,9 @@ def check_target(target: Path) -> Path:
         with tempfile.TemporaryFile(dir=target.parent):
             pass
     except OSError as error:
-        raise UsageError(f"{target}: cannot be written: {error.strerror or error}; give another --out FILE") from None
+        raise UsageError(
+            f"{target}: cannot be written: {error.strerror or error}; give another --out FILE"
+        ) from None
     return target
 
 
@@ -26,4 +28,7 @@ def refuse_present(files: Sequence[Path]) -> None:
     there = [str(path) for path in files if path.exists()]
     if there:
         verb = "is" if len(there) == 1 else "are"
-        raise UsageError(f"{', '.join(there)} {verb} there already; nothing done; give another --out FILE, or --force")
+        raise UsageError(
+            f"{', '.join(there)} {verb} there already; nothing done; give another --out FILE, or"
+            " --force"
+        )

@@ -1,17 +1,20 @@
 r"""Does the sensor warm up? A trend at the start beyond what the fitted random part explains.
 
-A sensor that is switched on tends to its working temperature as exp(-t/tau), and its bias with it. The means x of K equal parts of the
-recording, length D each, are x = c 1 + a s + noise for one shape s: exp(-t/tau) with tau from a hundredth to a third of the recording, or
-a straight line. Slow noise makes such shapes too, so x is whitened by the covariance V = L L' of the means under the fitted model,
+A sensor that is switched on tends to its working temperature as exp(-t/tau), and its bias with it.
+The means x of K equal parts of the recording, length D each, are x = c 1 + a s + noise for one
+shape s: exp(-t/tau) with tau from a hundredth to a third of the recording, or a straight line. Slow
+noise makes such shapes too, so x is whitened by the covariance V = L L' of the means under the
+fitted model,
 
     white noise    q^2/D on the diagonal;   quantization  2 Q^2/D^2 on it and -Q^2/D^2 beside it
     Gauss-Markov   sigma^2 2 (u - 1 + e^-u)/u^2 on it,  sigma^2 (1 - e^-u)^2/u^2 e^-(|i-j|-1)u off it,     u = D/T        (T.1)
-    random walk    q^2 D (min(i, j) + 1/2) off it,  q^2 D (i + 1/3) on it,     i, j from 0                               (T.2)
+    random walk    q^2 D (min(i, j) + 1/2) off it,  q^2 D (i + 1/3) on it,     i, j from 0     (T.2)
     drift          X^2 t_i t_j
 
-and the statistic is the largest share of the whitened variance about the constant that a shape takes away. How large it becomes by chance
-follows from K independent normal deviates. The trend is named where fewer than one in five hundred do. What the fit has
-taken for slow noise it cannot tell from a trend: the test errs on the side of silence.
+and the statistic is the largest share of the whitened variance about the constant that a shape
+takes away. How large it becomes by chance follows from K independent normal deviates. The trend is
+named where fewer than one in five hundred do. What the fit has taken for slow noise it cannot tell
+from a trend: the test errs on the side of silence.
 """
 
 from dataclasses import dataclass
@@ -45,7 +48,9 @@ class Trend:
 
 
 def warm_up(blocks: Array, length_s: float, noise: AxisNoise, rng: np.random.Generator) -> Trend:
-    """The trend of the means `blocks` (K,) of equal parts of a recording of `length_s`, against the fitted noise."""
+    """The trend of the means `blocks` (K,) of equal parts of a recording of `length_s`, against the
+    fitted noise.
+    """
     K = blocks.size
     times, shapes = _shapes(K, length_s)
     V = covariance_of_means(noise, K, length_s / K)
@@ -62,7 +67,12 @@ def warm_up(blocks: Array, length_s: float, noise: AxisNoise, rng: np.random.Gen
     z -= np.outer(z @ one, one)
     reached = (1 + int(np.sum(_shares(z, s).max(axis=1) >= share[best]))) / (REPLICATES + 1)
     high = float(np.ptp(shapes[best]))
-    return Trend(reached, float(s[:, best] @ x / size[best]) * high, float(high / size[best]), float(times[best]))
+    return Trend(
+        reached,
+        float(s[:, best] @ x / size[best]) * high,
+        float(high / size[best]),
+        float(times[best]),
+    )
 
 
 def covariance_of_means(noise: AxisNoise, K: int, D: float) -> Array:
@@ -73,12 +83,16 @@ def covariance_of_means(noise: AxisNoise, K: int, D: float) -> Array:
         u = D / process.correlation_time_s
         fall = -np.expm1(-u)
         own = 2.0 * (u - fall) / u**2 if u > 1e-4 else 1.0 - u / 3.0
-        V += process.sigma**2 * np.where(lag == 0, own, (fall / u) ** 2 * np.exp(-np.maximum(lag - 1, 0) * u))
+        V += process.sigma**2 * np.where(
+            lag == 0, own, (fall / u) ** 2 * np.exp(-np.maximum(lag - 1, 0) * u)
+        )
     first = np.minimum.outer(np.arange(K), np.arange(K))
     V += noise.random_walk**2 * D * np.where(lag == 0, first + 1.0 / 3.0, first + 0.5)
     t = (np.arange(K) + 0.5) * D
     V += noise.drift**2 * np.outer(t, t)
-    rounding = (noise.quantization / D) ** 2 * np.where(lag == 0, 2.0, np.where(lag == 1, -1.0, 0.0))
+    rounding = (noise.quantization / D) ** 2 * np.where(
+        lag == 0, 2.0, np.where(lag == 1, -1.0, 0.0)
+    )
     return np.asarray(V + noise.white_noise**2 / D * np.eye(K) + rounding)
 
 

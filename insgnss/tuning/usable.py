@@ -1,8 +1,10 @@
-r"""From estimates to processes that a filter takes: what a recording cannot tell is written as what it acts like, and that is said.
+r"""From estimates to processes that a filter takes: what a recording cannot tell is written as what
+it acts like, and that is said.
 
-A Gauss-Markov process whose correlation time the fit has driven to the longest admissible is a random walk of its driving noise. One
-whose time is or may be below the sampling interval dt, or is far below the finest scale that was fitted, is white: with
-phi = e^(-dt/T), the sum of its samples grows like that of white noise of root density
+A Gauss-Markov process whose correlation time the fit has driven to the longest admissible is a
+random walk of its driving noise. One whose time is or may be below the sampling interval dt, or is
+far below the finest scale that was fitted, is white: with phi = e^(-dt/T), the sum of its samples
+grows like that of white noise of root density
 
     q^2 = sigma^2 dt (1 + phi) / (1 - phi)    (samples of the process),        q^2 = (q_GM T)^2    (means over dt)            (U.1)
 
@@ -15,23 +17,31 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..base.units import rounded
 from ..stochastic.estimation.inference import Inference
 from ..stochastic.model import AxisNoise, GaussMarkov
-from ..units import rounded
 
 Errors = dict[str, float]
-WHITE_BELOW = 0.1  # of the shortest averaging time that was fitted: there the wavelet variance is within 10 % of that of white noise
+# of the shortest averaging time that was fitted: there the wavelet variance is within 10 % of that
+# of white noise
+WHITE_BELOW = 0.1
 
 
 def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
-    """Processes of a fit for the noise model, with standard errors, and a sentence for each that was written as another."""
+    """Processes of a fit for the noise model, with standard errors, and a sentence for each that
+    was written as another.
+    """
     fit = inference.fit
     named = {e.name: e for e in inference.estimates}
     finest = min(float(curve.averaging_time_s[0]) for curve in fit.curves)
     short = {v.process for v in inference.verdicts if v.reason == "short"}
     dt = 1.0 / max(curve.rate_hz for curve in fit.curves)
     least = max(WHITE_BELOW * finest, dt)
-    short |= {f"gauss_markov_{k}" for k, p in enumerate(fit.axis.gauss_markov, 1) if p.correlation_time_s < least}
+    short |= {
+        f"gauss_markov_{k}"
+        for k, p in enumerate(fit.axis.gauss_markov, 1)
+        if p.correlation_time_s < least
+    }
     white, walk = fit.axis.white_noise, fit.axis.random_walk
     errors: Errors = {
         e.name: e.standard_error
@@ -46,35 +56,62 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
             continue
         if time.at_bound and time.value > dt:
             walk = math.hypot(walk, process.driving_noise)
-            errors["random_walk"] = math.hypot(errors.get("random_walk", 0.0), strength.standard_error)
-            remarks.append(f"Gauss-Markov {k} has no end in what was recorded: it acts as a random walk, and stands in the model as such")
+            errors["random_walk"] = math.hypot(
+                errors.get("random_walk", 0.0), strength.standard_error
+            )
+            remarks.append(
+                f"Gauss-Markov {k} has no end in what was recorded: it acts as a random walk, and"
+                " stands in the model as such"
+            )
         elif f"gauss_markov_{k}" in short:
             density = _white_density(process, dt, fit.sampling)
             white = math.hypot(white, density)
             errors.pop("white_noise", None)
             time_s = f"{process.correlation_time_s:.3g} s"
-            remarks.append(f"Gauss-Markov {k} ({time_s}) is too short to be told from white noise, and stands in the model as such")
+            remarks.append(
+                f"Gauss-Markov {k} ({time_s}) is too short to be told from white noise, and stands"
+                " in the model as such"
+            )
         else:
             processes.append(process)
             at = len(processes)
-            errors |= {f"{e.name.rpartition('_')[0]}_{at}": e.standard_error for e in (time, strength) if _told(e.standard_error)}
+            errors |= {
+                f"{e.name.rpartition('_')[0]}_{at}": e.standard_error
+                for e in (time, strength)
+                if _told(e.standard_error)
+            }
     remarks += _undetermined(inference)
     errors = {name: value for name, value in errors.items() if _told(value)}
-    axis = replace(fit.axis, white_noise=white, random_walk=walk, gauss_markov=tuple(processes), standard_error=tuple(errors.items()))
+    axis = replace(
+        fit.axis,
+        white_noise=white,
+        random_walk=walk,
+        gauss_markov=tuple(processes),
+        standard_error=tuple(errors.items()),
+    )
     return axis, tuple(remarks)
 
 
 def _undetermined(inference: Inference) -> list[str]:
-    """A sentence for each process that counts as identifiable and of which a number is hardly known all the same."""
+    """A sentence for each process that counts as identifiable and of which a number is hardly known
+    all the same.
+    """
     found = []
     for v in inference.verdicts:
         number = v.process.rpartition("_")[2]
         pair = f"correlation_time_{number}", f"driving_noise_{number}"
         names = pair if v.process.startswith("gauss_markov") else (v.process,)
-        poor = [e.name for e in (inference[name] for name in names) if not np.isfinite(e.high) or e.log_error > 1.0]
+        poor = [
+            e.name
+            for e in (inference[name] for name in names)
+            if not np.isfinite(e.high) or e.log_error > 1.0
+        ]
         if v.identifiable and poor:
             what = " and ".join(name.replace("_", " ") for name in poor)
-            found.append(f"{what}: known to worse than a factor of e, so that the number in the model means little; take fewer processes")
+            found.append(
+                f"{what}: known to worse than a factor of e, so that the number in the model means"
+                " little; take fewer processes"
+            )
     return found
 
 
@@ -91,16 +128,28 @@ def _white_density(process: GaussMarkov, dt: float, sampling: str) -> float:
 
 
 def rounded_axis(axis: AxisNoise, units: Mapping[str, str]) -> AxisNoise:
-    """The axis with six digits, and two of the standard errors, in the units of the noise-model file."""
+    """The axis with six digits, and two of the standard errors, in the units of the noise-model
+    file.
+    """
 
     def digits(value: float, name: str, count: int) -> float:
-        return rounded(value, "s" if name.startswith("correlation_time") else units[name.rstrip("_0123456789")], count)
+        return rounded(
+            value,
+            "s" if name.startswith("correlation_time") else units[name.rstrip("_0123456789")],
+            count,
+        )
 
     processes = tuple(
-        GaussMarkov(digits(p.correlation_time_s, "correlation_time", 6), digits(p.driving_noise, "driving_noise", 6))
+        GaussMarkov(
+            digits(p.correlation_time_s, "correlation_time", 6),
+            digits(p.driving_noise, "driving_noise", 6),
+        )
         for p in axis.gauss_markov
     )
-    plain = {name: digits(getattr(axis, name), name, 6) for name in ("white_noise", "quantization", "random_walk", "drift")}
+    plain = {
+        name: digits(getattr(axis, name), name, 6)
+        for name in ("white_noise", "quantization", "random_walk", "drift")
+    }
     plain["turn_on_bias"] = digits(axis.turn_on_bias, "turn_on_bias", 3)
     errors = tuple((name, digits(value, name, 2)) for name, value in axis.standard_error)
     return AxisNoise(**plain, gauss_markov=processes, standard_error=errors)

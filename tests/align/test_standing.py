@@ -1,4 +1,6 @@
-"""Attitude of a vehicle at rest: gyrocompassing where the gyros know the Earth's rotation, level where not."""
+"""Attitude of a vehicle at rest: gyrocompassing where the gyros know the Earth's rotation, level
+where not.
+"""
 
 from dataclasses import replace
 
@@ -8,10 +10,14 @@ from numpy.testing import assert_allclose
 
 from insgnss.align.initial import initial_state
 from insgnss.align.standing import longest_rest, standing_attitude
-from insgnss.errors import DataError
+from insgnss.base.errors import DataError
 from insgnss.geodesy.earth import EARTH_RATE, normal_gravity
 from insgnss.geodesy.frames import LocalFrame
-from insgnss.geodesy.rotation import rotation_from_quaternion, rotation_from_rpy, vector_from_rotation
+from insgnss.geodesy.rotation import (
+    rotation_from_quaternion,
+    rotation_from_rpy,
+    vector_from_rotation,
+)
 from insgnss.navigation.epochs import make_epochs, with_zupt
 from insgnss.navigation.filter import gate_from_sigma
 from insgnss.navigation.layout import state_layout
@@ -27,11 +33,15 @@ SECONDS, RATE = 300.0, 100.0
 
 def noise(bias_deg_h: float) -> NoiseModel:
     gyro = AxisNoise(turn_on_bias=bias_deg_h * DEG_H, white_noise=np.radians(0.01) / 60.0)
-    return NoiseModel("made up", "test", (gyro,) * 3, (AxisNoise(turn_on_bias=1e-3, white_noise=1e-4),) * 3)
+    return NoiseModel(
+        "made up", "test", (gyro,) * 3, (AxisNoise(turn_on_bias=1e-3, white_noise=1e-4),) * 3
+    )
 
 
 def standing(rpy_deg, model: NoiseModel, seed: int) -> tuple[EstimationProblem, np.ndarray]:
-    """A sensor at rest for five minutes, its errors drawn from the model, and its exact attitude C_nb."""
+    """A sensor at rest for five minutes, its errors drawn from the model, and its exact attitude
+    C_nb.
+    """
     rng = np.random.default_rng(seed)
     time = 1000.0 + np.arange(int(SECONDS * RATE) + 1) / RATE
     C_nb = rotation_from_rpy(np.radians(rpy_deg))
@@ -45,17 +55,28 @@ def standing(rpy_deg, model: NoiseModel, seed: int) -> tuple[EstimationProblem, 
     imu = ImuSamples(time, *triads, gps_week=2000)
     fix = time[:: int(RATE)]
     cov = np.broadcast_to(0.01 * np.eye(3), (fix.size, 3, 3))
-    fixes = GnssFixes(fix, np.full(fix.size, LAT), np.full(fix.size, LON), np.full(fix.size, HEIGHT), cov)
+    fixes = GnssFixes(
+        fix, np.full(fix.size, LAT), np.full(fix.size, LON), np.full(fix.size, HEIGHT), cov
+    )
     marks, (at_fix,) = merge_marks(fix)
-    inc, frame, layout = body_increments(imu, np.eye(3), marks), LocalFrame(LAT, LON, HEIGHT), state_layout(model)
+    inc, frame, layout = (
+        body_increments(imu, np.eye(3), marks),
+        LocalFrame(LAT, LON, HEIGHT),
+        state_layout(model),
+    )
     epochs = make_epochs(inc, at_fix, fixes, np.zeros(0, dtype=np.int64), frame)
     epochs = with_zupt(epochs, inc, np.array([[time[0], time[-1]]]), layout)
-    return EstimationProblem(inc, epochs, frame, layout, np.zeros(3), gate_from_sigma(5.0), 1.0), C_nb
+    return (
+        EstimationProblem(inc, epochs, frame, layout, np.zeros(3), gate_from_sigma(5.0), 1.0),
+        C_nb,
+    )
 
 
 @pytest.mark.parametrize("heading", [0.0, 137.0, -60.0])
 def test_good_gyros_find_north_at_rest(heading):
-    """Oracle: the attitude that was made, within four of the sigmas claimed; 0.1 deg/h over Omega cos 46.5 deg is 0.55 deg."""
+    """Oracle: the attitude that was made, within four of the sigmas claimed; 0.1 deg/h over Omega
+    cos 46.5 deg is 0.55 deg.
+    """
     problem, C_nb = standing((2.0, -3.0, heading), noise(0.1), 5)
     found = standing_attitude(problem)
     assert found is not None
@@ -69,7 +90,9 @@ def test_good_gyros_find_north_at_rest(heading):
 
 
 def test_gyrocompassing_is_consistent():
-    """Oracle: chi-square of the heading error over its sigma in 40 draws, two-sided 99 % bounds 0.52 to 1.67 of the mean square."""
+    """Oracle: chi-square of the heading error over its sigma in 40 draws, two-sided 99 % bounds
+    0.52 to 1.67 of the mean square.
+    """
     squares = []
     for seed in range(40):
         problem, C_nb = standing((1.0, 2.0, 9.0 * seed), noise(0.2), seed)
@@ -81,7 +104,10 @@ def test_gyrocompassing_is_consistent():
 def test_poor_gyros_give_the_level_and_say_that_they_give_no_heading():
     """Oracle: the roll and pitch that were made; 100 deg/h is seven times what the Earth turns."""
     problem, _ = standing((2.0, -3.0, 40.0), noise(100.0), 5)
-    told = r"heading not observable: standing, roll 2\.0\d and pitch -[23]\.\d\d deg to 0\.00\d+ deg, and heading to 180 deg"
+    told = (
+        r"heading not observable: standing, roll 2\.0\d and pitch -[23]\.\d\d deg to 0\.00\d+ deg,"
+        r" and heading to 180 deg"
+    )
     with pytest.raises(DataError, match=told):
         initial_state(problem)
 
@@ -89,7 +115,12 @@ def test_poor_gyros_give_the_level_and_say_that_they_give_no_heading():
 def test_the_longest_rest_is_taken():
     """Oracle: the rests that were declared."""
     problem, _ = standing((0.0, 0.0, 0.0), noise(0.1), 1)
-    marks, epochs = problem.inc.marks, problem.epochs._replace(constraint=np.zeros(problem.epochs.constraint.size, dtype=np.int64))
+    marks, epochs = (
+        problem.inc.marks,
+        problem.epochs._replace(
+            constraint=np.zeros(problem.epochs.constraint.size, dtype=np.int64)
+        ),
+    )
     rests = np.array([[marks[5], marks[40]], [marks[60], marks[140]]])
     rested = replace(problem, epochs=with_zupt(epochs, problem.inc, rests, problem.layout))
     assert longest_rest(rested) == (60, 140)

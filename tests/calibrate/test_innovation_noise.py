@@ -1,4 +1,6 @@
-"""Noise in flight from innovations: recovered where vibration raises it, and left alone where something else is wrong."""
+"""Noise in flight from innovations: recovered where vibration raises it, and left alone where
+something else is wrong.
+"""
 
 from dataclasses import replace
 
@@ -8,11 +10,17 @@ from flown import Flown, error_of, fly, start_near
 from numpy.testing import assert_allclose
 from scipy.stats import chi2
 
-from insgnss.calibrate.innovation_noise import InFlightNoise, in_flight_noise, moving_parts, whiteness, without_correlated
-from insgnss.errors import DataError, UsageError
+from insgnss.base.errors import DataError, UsageError
+from insgnss.calibrate.innovation_noise import (
+    InFlightNoise,
+    in_flight_noise,
+    moving_parts,
+    whiteness,
+    without_correlated,
+)
 from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.solution import Solution, solve
-from insgnss.simulate.receiver import GnssOptions
+from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.stochastic.model import NoiseModel, load_noise_model
 
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
@@ -32,9 +40,19 @@ def louder(gyro: float, accel: float) -> NoiseModel:
     return NoiseModel("louder", "made up", *triads)
 
 
-def flown(seconds: float, seed: int, factor: float = TRIPLED, gnss: GnssOptions = GOOD, **changes: object) -> Flown:
+def flown(
+    seconds: float, seed: int, factor: float = TRIPLED, gnss: GnssOptions = GOOD, **changes: object
+) -> Flown:
     """A flight whose IMU is louder by `factor` than the filter's model says."""
-    return fly(seconds, seed, imu_hz=100.0, noise=louder(factor, factor), layout=STATIC, gnss=gnss, **changes)
+    return fly(
+        seconds,
+        seed,
+        imu_hz=100.0,
+        noise=louder(factor, factor),
+        layout=STATIC,
+        gnss=gnss,
+        **changes,
+    )
 
 
 def solved(flight: Flown) -> Solution:
@@ -42,7 +60,9 @@ def solved(flight: Flown) -> Solution:
 
 
 def estimate(solution: Solution, *parameters: str) -> InFlightNoise:
-    return in_flight_noise(moving_parts(solution, NOWHERE), parameters or ("gyro.white_noise", "accel.white_noise"))
+    return in_flight_noise(
+        moving_parts(solution, NOWHERE), parameters or ("gyro.white_noise", "accel.white_noise")
+    )
 
 
 @pytest.fixture(scope="module")
@@ -57,21 +77,27 @@ def quiet() -> Solution:
 
 
 def test_tripled_white_noise_is_recovered_with_honest_standard_errors(tripled):
-    """Oracle: the simulator's factor of three: ten errors in their standard errors, whose squares are chi-square (99.8 % bounds).
+    """Oracle: the simulator's factor of three: ten errors in their standard errors, whose squares
+    are chi-square (99.8 % bounds).
 
-    The flights of four minutes tell a triad's factor to 10 to 20 % each; all together they must come within 10 %.
+    The flights of four minutes tell a triad's factor to 10 to 20 % each; all together they must
+    come within 10 %.
     """
     z = np.array([(np.log(n.factor[:2]) - np.log(TRIPLED)) / n.log_sigma[:2] for n in tripled])
     low, high = chi2.ppf([0.001, 0.999], z.size)
     assert low < np.sum(z**2) < high
     assert all(0.05 < sigma < 0.25 for n in tripled for sigma in n.log_sigma[:2])
     weight = np.array([n.log_sigma[:2] ** -2.0 for n in tripled])
-    together = np.exp(np.sum(weight * np.log([n.factor[:2] for n in tripled]), axis=0) / weight.sum(axis=0))
+    together = np.exp(
+        np.sum(weight * np.log([n.factor[:2] for n in tripled]), axis=0) / weight.sum(axis=0)
+    )
     assert_allclose(together, TRIPLED, rtol=0.1)
 
 
 def test_innovations_are_white_and_of_their_size_after_it(tripled):
-    """Oracle: what innovations of a true model are: white (a chance below 1 % of three directions in five flights once or twice), NIS 1."""
+    """Oracle: what innovations of a true model are: white (a chance below 1 % of three directions
+    in five flights once or twice), NIS 1.
+    """
     before, after = ([getattr(n, when) for n in tripled] for when in ("before", "after"))
     assert sum((w.whiteness.p_value < 0.01).sum() for w in before) > 10
     assert sum((w.whiteness.p_value < 0.01).sum() for w in after) < 3
@@ -81,7 +107,9 @@ def test_innovations_are_white_and_of_their_size_after_it(tripled):
 
 
 def test_a_true_static_model_stays(quiet):
-    """Oracle: the simulator's factor of one: within three standard errors, its gain no more than chance."""
+    """Oracle: the simulator's factor of one: within three standard errors, its gain no more than
+    chance.
+    """
     n = estimate(quiet)
     assert not n.significant
     told = n.log_sigma > 0.0
@@ -90,9 +118,15 @@ def test_a_true_static_model_stays(quiet):
 
 
 def test_fixes_that_claim_too_little_are_no_noise_of_the_imu(quiet):
-    """Oracle: sigmas claimed at half of what the simulator drew, with an IMU as its model says: twice for the fixes, one for the IMU."""
+    """Oracle: sigmas claimed at half of what the simulator drew, with an IMU as its model says:
+    twice for the fixes, one for the IMU.
+    """
     ep = quiet.problem.epochs
-    problem = replace(quiet.problem, epochs=ep._replace(position_cov=0.25 * ep.position_cov, sigma=0.5 * ep.sigma), gate=1e12)
+    problem = replace(
+        quiet.problem,
+        epochs=ep._replace(position_cov=0.25 * ep.position_cov, sigma=0.5 * ep.sigma),
+        gate=1e12,
+    )
     n = estimate(replace(quiet, problem=problem))
     assert n.off_claim == ("fixes.position",)
     assert n.factor[2] == pytest.approx(2.0, rel=0.03)
@@ -102,8 +136,12 @@ def test_fixes_that_claim_too_little_are_no_noise_of_the_imu(quiet):
 
 
 def test_driving_noise_is_a_parameter_too():
-    """Oracle: a model that has the driving noise of the accelerometers at a twentieth of what the simulator drew."""
-    processes = tuple(replace(gm, driving_noise=20.0 * gm.driving_noise) for gm in NAVCHIP.accel[0].gauss_markov)
+    """Oracle: a model that has the driving noise of the accelerometers at a twentieth of what the
+    simulator drew.
+    """
+    processes = tuple(
+        replace(gm, driving_noise=20.0 * gm.driving_noise) for gm in NAVCHIP.accel[0].gauss_markov
+    )
     axis = replace(NAVCHIP.accel[0], gauss_markov=processes)
     drifting = NoiseModel("drifting", "made up", NAVCHIP.gyro, (axis,) * 3)
     flight = fly(240.0, 13, imu_hz=100.0, noise=drifting, layout=STATIC, gnss=GOOD)
@@ -121,16 +159,22 @@ def test_what_a_short_flight_does_not_tell_is_held():
 
 
 def test_a_factor_far_from_one_is_found():
-    """Oracle: the simulator's factors of 120 for the gyroscopes and 3 for the accelerometers: within three standard errors."""
+    """Oracle: the simulator's factors of 120 for the gyroscopes and 3 for the accelerometers:
+    within three standard errors.
+    """
     quiet_gyros = state_layout(louder(1.0 / 40.0, 1.0))
-    n = estimate(solved(fly(240.0, 15, imu_hz=100.0, noise=louder(3.0, 3.0), layout=quiet_gyros, gnss=GOOD)))
+    n = estimate(
+        solved(fly(240.0, 15, imu_hz=100.0, noise=louder(3.0, 3.0), layout=quiet_gyros, gnss=GOOD))
+    )
     assert not n.held
     assert n.white
     assert (np.abs(np.log(n.factor[:2] / [120.0, 3.0])) < 3.0 * n.log_sigma[:2]).all()
 
 
 def test_what_is_held_but_ruled_out_is_told():
-    """Oracle: an IMU whose accelerometers are a thousandth as loud as the model says: out of the search, and not as the model has it."""
+    """Oracle: an IMU whose accelerometers are a thousandth as loud as the model says: out of the
+    search, and not as the model has it.
+    """
     loud = state_layout(louder(1.0, 1000.0))
     n = estimate(solved(fly(120.0, 16, imu_hz=100.0, noise=NAVCHIP, layout=loud, gnss=GOOD)))
     assert "accel.white_noise" in dict(n.held)
@@ -155,7 +199,9 @@ def test_rests_are_left_out(quiet):
 
 def test_a_solution_without_its_correlated_error_is_that_of_a_layout_without(quiet):
     """Oracle: the layout made without it; names and arrays agree, and the truth is as far away."""
-    errors = FixErrors(lever_arm_m=0.1, gm_sigma=(1.0, 1.0, 1.0), unfixed_gm_sigma=1.0, white_scale=(0.5, 0.5, 0.5))
+    errors = FixErrors(
+        lever_arm_m=0.1, gm_sigma=(1.0, 1.0, 1.0), unfixed_gm_sigma=1.0, white_scale=(0.5, 0.5, 0.5)
+    )
     wide = state_layout(NAVCHIP, fixes=errors)
     bare = state_layout(NAVCHIP, fixes=replace(errors, gm_sigma=None, white_scale=(1.0, 1.0, 1.0)))
     flight = fly(30.0, 14, imu_hz=100.0, layout=wide)
@@ -177,7 +223,9 @@ def test_whiteness_tells_white_from_coloured():
     w = whiteness(e)
     n, x = len(e), e[:, 0] - e[:, 0].mean()
     r = [np.corrcoef(x[:-k], x[k:])[0, 1] for k in range(1, w.lags + 1)]
-    assert w.portmanteau[0] == pytest.approx(n * (n + 2) * sum(v**2 / (n - k) for k, v in enumerate(r, start=1)), rel=0.02)
+    assert w.portmanteau[0] == pytest.approx(
+        n * (n + 2) * sum(v**2 / (n - k) for k, v in enumerate(r, start=1)), rel=0.02
+    )
     assert w.bound == pytest.approx(2.576 / np.sqrt(n), rel=1e-3)
     assert (w.p_value[:2] > 1e-3).all()
     assert w.p_value[2] < 1e-12

@@ -1,4 +1,6 @@
-"""Likelihood of the innovations and its slopes against the density of all measurements at once, the filter itself and differences."""
+"""Likelihood of the innovations and its slopes against the density of all measurements at once, the
+filter itself and differences.
+"""
 
 from dataclasses import replace
 
@@ -7,15 +9,21 @@ import pytest
 from flown import NO_GATE, Flown, fly, start_near
 from numpy.testing import assert_allclose
 
-from insgnss.calibrate.likelihood import PARAMETERS, LinearStretch, available, evaluate, linear_stretch
-from insgnss.errors import UsageError
+from insgnss.base.errors import UsageError
+from insgnss.calibrate.likelihood import (
+    PARAMETERS,
+    LinearStretch,
+    available,
+    evaluate,
+    linear_stretch,
+)
 from insgnss.navigation.error_model import linearise_interval
 from insgnss.navigation.filter import BLOCK_S, gate_from_sigma, make_history, run_filter
 from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.problem import InitialState
 from insgnss.navigation.solution import Solution, solve
 from insgnss.navigation.strapdown import kernel_earth, kernel_intervals
-from insgnss.simulate.receiver import GnssOptions
+from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel, load_noise_model
 
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
@@ -26,8 +34,12 @@ THETA = np.log([1.5, 0.7, 1.3, 0.8, 1.2, 0.9, 1.4])  # in the order of NAMES
 
 def scaled(factors: np.ndarray) -> NoiseModel:
     """A noise model of every kind of driven state, with the factors of NAMES on its four densities."""
-    gyro = AxisNoise(5e-5 * factors[0], 0.0, 5e-4, 1e-6 * factors[2], 0.0, (GaussMarkov(2.5, 8e-5 * factors[2]),))
-    accel = AxisNoise(5e-4 * factors[1], 0.0, 2e-2, 0.0, 0.0, (GaussMarkov(40.0, 6e-4 * factors[3]),))
+    gyro = AxisNoise(
+        5e-5 * factors[0], 0.0, 5e-4, 1e-6 * factors[2], 0.0, (GaussMarkov(2.5, 8e-5 * factors[2]),)
+    )
+    accel = AxisNoise(
+        5e-4 * factors[1], 0.0, 2e-2, 0.0, 0.0, (GaussMarkov(40.0, 6e-4 * factors[3]),)
+    )
     return NoiseModel("every kind", "made up", (gyro,) * 3, (accel,) * 3)
 
 
@@ -49,14 +61,20 @@ def disturbed() -> Solution:
     return solution_of(fly(20.0, seed=4, imu_hz=100.0, gate=gate_from_sigma(5.0), gnss=gnss))
 
 
-def density_of_all(solution: Solution, stretch: LinearStretch, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def density_of_all(
+    solution: Solution, stretch: LinearStretch, theta: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean, covariance and values of all measurements of a stretch, one normal density of them all."""
     factors = np.exp(theta)
     correlated = tuple(c * factors[6] for c in CORRELATED.gm_sigma or ())
     problem, n = solution.problem, solution.problem.layout.size
     layout = state_layout(scaled(factors), fixes=replace(CORRELATED, gm_sigma=correlated))
     imu, lin = layout.kernel_model(BLOCK_S, problem.aiding_interval_s), stretch.linear
-    intervals, earth, stop = kernel_intervals(problem.inc), kernel_earth(problem.frame), problem.inc.stop
+    intervals, earth, stop = (
+        kernel_intervals(problem.inc),
+        kernel_earth(problem.frame),
+        problem.inc.stop,
+    )
     mean, P = stretch.mean0.copy(), stretch.P0.sum(axis=0)
     P[9:, 9:] = np.diag(layout.sigma0**2)
     cross, rows, means, noise = np.zeros((0, n)), np.zeros((0, 0)), [], []
@@ -64,9 +82,20 @@ def density_of_all(solution: Solution, stretch: LinearStretch, theta: np.ndarray
     for e in range(stop.size):
         if e > 0:
             step = linearise_interval(
-                intervals, stop[e - 1], stop[e], solution.nav[e - 1], solution.x[e - 1], imu, earth, problem.epochs.time[e - 1]
+                intervals,
+                stop[e - 1],
+                stop[e],
+                solution.nav[e - 1],
+                solution.x[e - 1],
+                imu,
+                earth,
+                problem.epochs.time[e - 1],
             )
-            mean, P, cross = step.Phi @ mean + lin.gap[e], step.Phi @ P @ step.Phi.T + step.Q, cross @ step.Phi.T
+            mean, P, cross = (
+                step.Phi @ mean + lin.gap[e],
+                step.Phi @ P @ step.Phi.T + step.Q,
+                cross @ step.Phi.T,
+            )
         for j in np.flatnonzero(lin.there[e]):
             H = lin.H[e, j]
             rows = np.block([[rows, cross @ H.T], [H @ cross.T, H @ P @ H.T]])
@@ -81,7 +110,9 @@ def density_of_all(solution: Solution, stretch: LinearStretch, theta: np.ndarray
 
 @pytest.mark.parametrize("theta", [np.zeros(7), THETA], ids=["static", "scaled"])
 def test_cost_is_the_density_of_all_measurements_at_once(short, theta):
-    """Oracle: one normal density of 62 triples, its covariance from transitions and noise of a model that has the factors itself."""
+    """Oracle: one normal density of 62 triples, its covariance from transitions and noise of a
+    model that has the factors itself.
+    """
     stretch = linear_stretch(short, NAMES)
     assert np.count_nonzero(stretch.linear.there) > 55
     mean, covariance, z = density_of_all(short, stretch, theta)
@@ -99,19 +130,28 @@ def test_two_stretches_count_twice(short):
 
 
 def test_gradient_is_the_derivative_of_the_cost(short):
-    """Oracle: central difference; its own error is of the third derivative, 1e-6 of the second one or so."""
+    """Oracle: central difference; its own error is of the third derivative, 1e-6 of the second one
+    or so.
+    """
     stretch, h = linear_stretch(short, NAMES), 1e-4
     at = evaluate([stretch], THETA)
-    numeric = [(evaluate([stretch], THETA + h * d).cost - evaluate([stretch], THETA - h * d).cost) / (2.0 * h) for d in np.eye(7)]
+    numeric = [
+        (evaluate([stretch], THETA + h * d).cost - evaluate([stretch], THETA - h * d).cost)
+        / (2.0 * h)
+        for d in np.eye(7)
+    ]
     assert_allclose(at.gradient, numeric, rtol=1e-5, atol=1e-5)
 
 
 def test_expected_information_is_that_of_the_density_of_all_measurements(short):
-    """Oracle: tr(C^-1 C_i C^-1 C_j) of the one normal density; no draws, so that nothing is left to chance.
+    """Oracle: tr(C^-1 C_i C^-1 C_j) of the one normal density; no draws, so that nothing is left to
+    chance.
 
-    C is linear in the squares of the factors, so that a factor of 100 gives the derivative C_i exactly. The information (L.5) is a
-    constant and a quadratic form of the measurements about their mean, since y' is linear in them: its expectation is the constant
-    and the sum of what each column of L adds to it, C = L L'. Both sides agree to 1e-9, what the condition of C, 1e7, leaves.
+    C is linear in the squares of the factors, so that a factor of 100 gives the derivative C_i
+    exactly. The information (L.5) is a constant and a quadratic form of the measurements about
+    their mean, since y' is linear in them: its expectation is the constant and the sum of what each
+    column of L adds to it, C = L L'. Both sides agree to 1e-9, what the condition of C, 1e7,
+    leaves.
     """
     stretch, factor = linear_stretch(short, NAMES), 100.0
     mean, C, _ = density_of_all(short, stretch, np.zeros(7))
@@ -123,7 +163,9 @@ def test_expected_information_is_that_of_the_density_of_all_measurements(short):
     for column in np.linalg.cholesky(C).T:
         expected += evaluate([measured(stretch, mean + column)], np.zeros(7)).information - constant
     scale = np.sqrt(np.diag(theory))
-    assert_allclose(expected / np.outer(scale, scale), theory / np.outer(scale, scale), rtol=0, atol=1e-7)
+    assert_allclose(
+        expected / np.outer(scale, scale), theory / np.outer(scale, scale), rtol=0, atol=1e-7
+    )
     share = np.diag(constant) / np.diag(theory)
     assert share.min() < 0.1  # both terms of (L.5) count
     assert share.max() > 0.9
@@ -143,7 +185,12 @@ def test_innovations_are_those_of_the_filter(disturbed):
     problem = disturbed.problem
     history = make_history(problem.epochs, problem.layout)
     history.nav[:], history.x[:] = disturbed.nav, disturbed.x
-    run_filter(problem, InitialState(disturbed.nav[0], disturbed.x[0], stretch.mean0, stretch.P0.sum(axis=0)), history, closed_loop=False)
+    run_filter(
+        problem,
+        InitialState(disturbed.nav[0], disturbed.x[0], stretch.mean0, stretch.P0.sum(axis=0)),
+        history,
+        closed_loop=False,
+    )
     used = history.verdict[:, 0] == 1
     assert at.rejected == np.count_nonzero(history.verdict[:, 0] == 2) > 3
     assert_allclose(at.white, history.y[used, :3] / np.sqrt(history.S[used, :3]), rtol=0, atol=1e-9)
@@ -157,7 +204,12 @@ def test_rejected_fixes_cost_their_gate(disturbed):
     wide = replace(problem, layout=replace(problem.layout, white_scale=(1.3, 1.3, 1.3)))
     history = make_history(wide.epochs, wide.layout)
     history.nav[:], history.x[:] = disturbed.nav, disturbed.x
-    run_filter(wide, InitialState(disturbed.nav[0], disturbed.x[0], stretch.mean0, stretch.P0.sum(axis=0)), history, closed_loop=False)
+    run_filter(
+        wide,
+        InitialState(disturbed.nav[0], disturbed.x[0], stretch.mean0, stretch.P0.sum(axis=0)),
+        history,
+        closed_loop=False,
+    )
     used, lost = history.verdict[:, 0] == 1, history.verdict[:, 0] == 2
     log_R = np.linalg.slogdet(1.3**2 * problem.epochs.position_cov[used | lost])[1]
     S, y = history.S[used, :3], history.y[used, :3]
@@ -166,7 +218,9 @@ def test_rejected_fixes_cost_their_gate(disturbed):
 
 
 def test_parameters_are_those_that_the_flight_has(short, disturbed):
-    """Oracle: the states and measurements of the two flights, and the rule of one factor for one density."""
+    """Oracle: the states and measurements of the two flights, and the rule of one factor for one
+    density.
+    """
     assert set(available(short.problem.layout, velocity=True)) == set(PARAMETERS)
     plain = available(state_layout(load_noise_model("consumer")), velocity=False)
     assert "fixes.velocity" not in plain

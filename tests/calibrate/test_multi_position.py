@@ -5,8 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import chi2
-from turned import ACCEL, FACES, GRAVITY, GYRO, HEIGHT, LATITUDE, positions, recorded, turned_by_hand
+from turned import (
+    ACCEL,
+    FACES,
+    GRAVITY,
+    GYRO,
+    HEIGHT,
+    LATITUDE,
+    positions,
+    recorded,
+    turned_by_hand,
+)
 
+from insgnss.base.errors import DataError
 from insgnss.calibrate.multi_position import (
     calibrate_accelerometers,
     calibrate_gyroscopes,
@@ -16,9 +27,8 @@ from insgnss.calibrate.multi_position import (
     local_gravity,
 )
 from insgnss.calibrate.result import USUAL, sizes
-from insgnss.errors import DataError
 from insgnss.geodesy.rotation import rotation_from_rpy
-from insgnss.prepare.still import Stretches, still_stretches
+from insgnss.prepare.stationarity import Stretches, still_stretches
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +71,9 @@ def test_ideal_readings_give_the_calibration_back(ideal):
 
 
 def test_standard_errors_of_the_accelerometers_are_those_of_the_errors():
-    """Oracle: Monte Carlo; 60 sets of 18 positions; NEES of nine parameters within 99 % of chi-square."""
+    """Oracle: Monte Carlo; 60 sets of 18 positions; NEES of nine parameters within 99 % of
+    chi-square.
+    """
     angles, truth = positions(18), accel_truth()
     nees = []
     for seed in range(60):
@@ -72,7 +84,9 @@ def test_standard_errors_of_the_accelerometers_are_those_of_the_errors():
 
 
 def test_standard_errors_of_the_gyroscopes_are_those_of_the_errors(ideal):
-    """Oracle: Monte Carlo over exact motion with white noise; 16 recordings; NEES of twelve parameters within 99 % of chi-square."""
+    """Oracle: Monte Carlo over exact motion with white noise; 16 recordings; NEES of twelve
+    parameters within 99 % of chi-square.
+    """
     nees, both = [], []
     for seed in range(16):
         got = calibrate_multi_position(recorded(ideal, seed), float(LATITUDE), HEIGHT)
@@ -85,9 +99,11 @@ def test_standard_errors_of_the_gyroscopes_are_those_of_the_errors(ideal):
 
 
 def test_biases_that_wander_between_positions_are_in_the_standard_errors(ideal):
-    """Oracle: Monte Carlo; a bias of its own in each position (0.01 m/s^2, 20 deg/h), which is no white noise; 12 recordings.
+    """Oracle: Monte Carlo; a bias of its own in each position (0.01 m/s^2, 20 deg/h), which is no
+    white noise; 12 recordings.
 
-    A variance factor of 15 degrees of freedom makes NEES / p follow Fisher's F, of mean 1.15 and, of 12, a spread of 0.2.
+    A variance factor of 15 degrees of freedom makes NEES / p follow Fisher's F, of mean 1.15 and,
+    of 12, a spread of 0.2.
     """
     nees = []
     for seed in range(12):
@@ -95,9 +111,14 @@ def test_biases_that_wander_between_positions_are_in_the_standard_errors(ideal):
         position = np.minimum(np.arange(imu.time.size) // 690, 23)  # 5 s and 1.9 s at 100 Hz
         gyro, accel = rng.normal(0.0, 1e-4, (24, 3)), rng.normal(0.0, 0.01, (24, 3))
         got = calibrate_multi_position(
-            replace(imu, gyro=imu.gyro + gyro[position], accel=imu.accel + accel[position]), float(LATITUDE), HEIGHT
+            replace(imu, gyro=imu.gyro + gyro[position], accel=imu.accel + accel[position]),
+            float(LATITUDE),
+            HEIGHT,
         )
-        pairs = ((accel_truth() - got.accel.values, got.accel.covariance), (gyro_truth() - got.gyro.values, got.gyro.covariance))
+        pairs = (
+            (accel_truth() - got.accel.values, got.accel.covariance),
+            (gyro_truth() - got.gyro.values, got.gyro.covariance),
+        )
         nees.append([e @ np.linalg.solve(cov, e) / e.size for e, cov in pairs])
     mean = np.mean(nees, axis=0)
     assert (mean > 0.6).all(), mean
@@ -105,13 +126,17 @@ def test_biases_that_wander_between_positions_are_in_the_standard_errors(ideal):
 
 
 def test_six_faces_reach_the_closed_form():
-    """Oracle: b = (a+ + a-) / 2 and s = (a+ - a-) / 2g - 1, their Cramer-Rao bounds sigma / sqrt(2) and sigma / (sqrt(2) g)."""
+    """Oracle: b = (a+ + a-) / 2 and s = (a+ - a-) / 2g - 1, their Cramer-Rao bounds sigma / sqrt(2)
+    and sigma / (sqrt(2) g).
+    """
     up = np.concatenate([np.eye(3), -np.eye(3)])
     b, s = np.array([0.1, -0.2, 0.05]), np.array([2e-3, -3e-3, 1e-3])
     mean = GRAVITY * up * (1.0 + s) + b
     sigma, ones = 1e-3, np.ones((6, 3))
     time = np.arange(6)[:, None] * 10.0 + [0.0, 5.0]
-    got = calibrate_accelerometers(Stretches(time, 0 * ones, mean, ones, 0.02 * ones, np.full(6, 400)), GRAVITY, 0.0)
+    got = calibrate_accelerometers(
+        Stretches(time, 0 * ones, mean, ones, 0.02 * ones, np.full(6, 400)), GRAVITY, 0.0
+    )
     np.testing.assert_allclose(got.values[:6], np.concatenate([b, s]), rtol=0, atol=1e-7)
     np.testing.assert_allclose(got.sigma[:3], sigma / np.sqrt(2.0), rtol=5e-3)
     np.testing.assert_allclose(got.sigma[3:6], sigma / np.sqrt(2.0) / GRAVITY, rtol=5e-3)
@@ -123,9 +148,13 @@ def test_six_faces_reach_the_closed_form():
 
 
 def test_an_axis_never_turned_over_is_named():
-    """Oracle: with z always up within 60 deg, bias z and scale z are one unknown: gravity's projection varies with neither alone."""
+    """Oracle: with z always up within 60 deg, bias z and scale z are one unknown: gravity's
+    projection varies with neither alone.
+    """
     rng = np.random.default_rng(1)
-    angles = np.column_stack([rng.uniform(-0.2, 0.2, 12), rng.uniform(-0.2, 0.2, 12), rng.uniform(-3, 3, 12)])
+    angles = np.column_stack(
+        [rng.uniform(-0.2, 0.2, 12), rng.uniform(-0.2, 0.2, 12), rng.uniform(-3, 3, 12)]
+    )
     got = calibrate_accelerometers(rested(angles, 5e-3, 500, 1), GRAVITY, 0.0)
     verdict = {p.name: p.verdict for p in got.parameters}
     assert verdict["bias z"] == verdict["scale_factor z"] == "not observed"
@@ -134,7 +163,10 @@ def test_an_axis_never_turned_over_is_named():
 
 def test_unknown_gravity_is_the_scale_factors_error():
     """Oracle: f grows with g: 0.02 / 9.81 on each scale factor, correlated by one."""
-    near, far = (calibrate_accelerometers(rested(positions(), 5e-3, 500, 2), GRAVITY, sigma) for sigma in (0.0, 0.02))
+    near, far = (
+        calibrate_accelerometers(rested(positions(), 5e-3, 500, 2), GRAVITY, sigma)
+        for sigma in (0.0, 0.02)
+    )
     np.testing.assert_allclose(far.sigma[3:6], 0.02 / GRAVITY, rtol=0.02)
     assert far.correlation[3, 4] > 0.99
     np.testing.assert_allclose(far.sigma[:3], near.sigma[:3], rtol=1e-9)
@@ -167,14 +199,21 @@ def test_gyroscopes_without_turns_have_their_bias_only(ideal):
     """Oracle: at rest a gyro feels nothing that a scale factor could act on but the Earth's rate."""
     imu = recorded(ideal, 5)
     found = still_stretches(imu)
-    got = calibrate_gyroscopes(found, [], calibrate_accelerometers(found, GRAVITY, 0.0), float(LATITUDE))
+    got = calibrate_gyroscopes(
+        found, [], calibrate_accelerometers(found, GRAVITY, 0.0), float(LATITUDE)
+    )
     assert [p.verdict for p in got.parameters] == ["observed"] * 3 + ["not observed"] * 9
     assert np.abs(got.values[:3] - GYRO.bias).max() < 5e-5
 
 
 def test_what_the_model_lacks_widens_the_standard_errors(ideal):
-    """Oracle: a quadratic error of 0.05 m/s^2 at one g, which the model has not: residuals beyond white noise."""
-    clean, crooked = (calibrate_multi_position(recorded(ideal, 6, wander=w), float(LATITUDE), HEIGHT).accel for w in (0.0, 0.05))
+    """Oracle: a quadratic error of 0.05 m/s^2 at one g, which the model has not: residuals beyond
+    white noise.
+    """
+    clean, crooked = (
+        calibrate_multi_position(recorded(ideal, 6, wander=w), float(LATITUDE), HEIGHT).accel
+        for w in (0.0, 0.05)
+    )
     assert clean.variance_factor["gravity"] < 2.0
     assert crooked.variance_factor["gravity"] > 100.0
     assert (crooked.sigma[:3] > 5.0 * clean.sigma[:3]).all()
@@ -185,16 +224,23 @@ def test_too_few_positions_are_counted():
     stretches = rested(np.tile(FACES, (10, 1)), 5e-3, 500, 0)
     assert distinct_positions(stretches) == 6
     imu = turned_by_hand(FACES, hold_s=3.0)
-    with pytest.raises(DataError, match=r"hand: 6 positions at rest found in 6 stretches, 9 needed"):
+    with pytest.raises(
+        DataError, match=r"hand: 6 positions at rest found in 6 stretches, 9 needed"
+    ):
         calibrate_multi_position(recorded(imu, 0))
 
 
 def test_gyros_of_other_axes_are_no_calibration(ideal):
     """Oracle: gyros that turn about other axes than the accelerometers cannot carry gravity."""
     imu = recorded(ideal, 0)
-    with pytest.raises(DataError, match=r"hand: the gyros miss the vertical by .* deg \(limit 1\.1 deg\) after 23 turns"):
+    with pytest.raises(
+        DataError,
+        match=r"hand: the gyros miss the vertical by .* deg \(limit 1\.1 deg\) after 23 turns",
+    ):
         calibrate_multi_position(replace(imu, gyro=imu.gyro[:, [1, 2, 0]]))
-    with pytest.raises(DataError, match=r"hand: the result is no calibration .*matrix: differs from identity by"):
+    with pytest.raises(
+        DataError, match=r"hand: the result is no calibration .*matrix: differs from identity by"
+    ):
         calibrate_multi_position(replace(imu, accel=imu.accel * [1.12, 1.12, 0.95]))
 
 

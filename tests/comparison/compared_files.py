@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 
-from insgnss.formats.eo_json import write_eo_json
-from insgnss.formats.eo_local_plane import write_eo_local_plane
-from insgnss.formats.gnss_text import write_gnss_text
-from insgnss.formats.metashape import write_metashape
-from insgnss.formats.rtklib_pos import write_rtklib_pos
-from insgnss.formats.sbet import write_sbet, write_smrmsg
-from insgnss.formats.trajectory_csv import write_trajectory_csv
+from insgnss.formats.bundle.metashape import write_metashape
+from insgnss.formats.gnss.gnss_text import write_gnss_text
+from insgnss.formats.gnss.rtklib_pos import write_rtklib_pos
+from insgnss.formats.orientation.eo_json import write_eo_json
+from insgnss.formats.orientation.eo_local_plane import write_eo_local_plane
+from insgnss.formats.trajectory.sbet import write_sbet, write_smrmsg
+from insgnss.formats.trajectory.trajectory_csv import write_trajectory_csv
 from insgnss.orient.frame import in_frame
 from insgnss.records import ExteriorOrientation, Trajectory
-from insgnss.simulate.scenario import ImuOptions, simulate_flight
+from insgnss.simulation.scenario import ImuOptions, simulate_flight
 
 SIGMA = np.array([0.01, 0.01, 0.02, 5e-4, 5e-4, 2e-3])
 
@@ -35,7 +35,9 @@ class Written:
 
 def write_files(root: Path) -> Written:
     """Simulate a flight and write its truth in the formats that can be compared."""
-    sim = simulate_flight("ign8", 2.0, seed=3, imu=ImuOptions(rate_hz=20.0), start_in_air=True, line_length_m=250.0)
+    sim = simulate_flight(
+        "ign8", 2.0, seed=3, imu=ImuOptions(rate_hz=20.0), start_in_air=True, line_length_m=250.0
+    )
     n, m = len(sim.truth.eo.images), sim.truth.trajectory.time.size
     eo = replace(sim.truth.eo, cov=np.broadcast_to(np.diag(SIGMA**2), (n, 6, 6)))
     state = np.diag(np.array([0.01] * 3 + [0.01] * 3 + [5e-4, 5e-4, 2e-3]) ** 2)

@@ -10,14 +10,14 @@ import pytest
 from compared_files import Written
 from numpy.testing import assert_allclose
 
+from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.cli import main
 from insgnss.comparison.compare import compare_files, compare_poses
 from insgnss.comparison.reading import read_poses
 from insgnss.comparison.result import Comparison
-from insgnss.errors import DataError, InputError, UsageError
-from insgnss.formats.eo_json import write_eo_json
-from insgnss.formats.eo_local_plane import write_eo_local_plane
-from insgnss.formats.generic_ascii import write_generic_ascii
+from insgnss.formats.orientation.eo_json import write_eo_json
+from insgnss.formats.orientation.eo_local_plane import write_eo_local_plane
+from insgnss.formats.orientation.generic_ascii import write_generic_ascii
 from insgnss.geodesy.frames import TangentPlane, ecef_to_geodetic
 from insgnss.geodesy.projection import MapProjection
 from insgnss.geodesy.rotation import rotation_from_vector
@@ -32,7 +32,9 @@ def largest(c: Comparison, names: tuple[str, ...]) -> float:
 
 @pytest.mark.parametrize("a", EO_FILES)
 @pytest.mark.parametrize("b", EO_FILES)
-def test_the_formats_of_one_orientation_agree_to_their_digits(flight: Written, a: str, b: str) -> None:
+def test_the_formats_of_one_orientation_agree_to_their_digits(
+    flight: Written, a: str, b: str
+) -> None:
     """Oracle: what their printed digits leave: 0.1 mm, 1e-6 deg."""
     c = compare_files(flight[a], flight[b])
     assert c.matched_by == "image"
@@ -58,12 +60,16 @@ def test_images_meet_the_interpolated_trajectory_but_for_the_lever_arm(flight: W
     assert c.matched_by == "time"
     assert c.n == len(flight.eo.images)
     lever = next(f for f in c.findings if f.name == "lever arm")
-    assert_allclose([lever.values["forward_m"], lever.values["right_m"]], flight.camera_lever_b[:2], atol=0.003)
+    assert_allclose(
+        [lever.values["forward_m"], lever.values["right_m"]], flight.camera_lever_b[:2], atol=0.003
+    )
     assert lever.after < 0.002
     assert largest(c, ("about east", "about north", "about up")) < np.radians(0.02)
 
 
-def test_antenna_positions_show_their_lever_arm_and_the_statistics_of_the_fixes(flight: Written) -> None:
+def test_antenna_positions_show_their_lever_arm_and_the_statistics_of_the_fixes(
+    flight: Written,
+) -> None:
     """Oracle: the rig's lever arm; errors of the fixes are as large as their standard deviations."""
     c = compare_files(flight["trajectory.csv"], flight["antenna.txt"], gps_week=2008)
     assert [f.name for f in c.findings] == ["lever arm"]
@@ -82,16 +88,27 @@ def test_fixes_of_rtklib_and_of_a_table_are_the_same(flight: Written) -> None:
 
 def test_fixes_without_standard_deviations_have_none(flight: Written, tmp_path: Path) -> None:
     """Oracle: the columns cut off by hand; nothing is invented in their place."""
-    lines = [" ".join(line.lstrip("# ").split()[:4]) for line in flight["antenna.txt"].read_text().splitlines()]
+    lines = [
+        " ".join(line.lstrip("# ").split()[:4])
+        for line in flight["antenna.txt"].read_text().splitlines()
+    ]
     (tmp_path / "bare.txt").write_text("\n".join(lines) + "\n")
     assert read_poses(tmp_path / "bare.txt").cov_position is None
     assert read_poses(flight["antenna.txt"]).cov_position is not None
 
 
 @pytest.mark.parametrize("crs", [None, "EPSG:2056", "EPSG:32632"])
-def test_a_table_in_any_frame_is_brought_to_one(flight: Written, tmp_path: Path, crs: str | None) -> None:
-    """Oracle: the master; a grid turns the attitude by 0.66 or 1.8 deg, and heights stay those above the ellipsoid."""
-    framed = in_frame(flight.eo, "geocentric") if crs is None else in_frame(flight.eo, "projected", MapProjection(crs))
+def test_a_table_in_any_frame_is_brought_to_one(
+    flight: Written, tmp_path: Path, crs: str | None
+) -> None:
+    """Oracle: the master; a grid turns the attitude by 0.66 or 1.8 deg, and heights stay those
+    above the ellipsoid.
+    """
+    framed = (
+        in_frame(flight.eo, "geocentric")
+        if crs is None
+        else in_frame(flight.eo, "projected", MapProjection(crs))
+    )
     write_generic_ascii(framed, tmp_path / "eo.txt")
     c = compare_files(flight["eo.json"], tmp_path / "eo.txt")
     assert largest(c, ("east", "north", "up")) < 3e-4
@@ -99,17 +116,33 @@ def test_a_table_in_any_frame_is_brought_to_one(flight: Written, tmp_path: Path,
 
 
 def test_statistics_of_known_differences(flight: Written) -> None:
-    """Oracle: drawn with the standard deviations of both files: root of the mean square over sigma is 1 within its own scatter."""
+    """Oracle: drawn with the standard deviations of both files: root of the mean square over sigma
+    is 1 within its own scatter.
+    """
     a = read_poses(flight["eo.json"])
     n = 4000
     rows = np.arange(n) % a.n
     many = replace(a.taken(rows), images=tuple(f"{k}" for k in range(n)), time=None)
-    e = np.random.default_rng(1).standard_normal((n, 6)) * np.sqrt(2.0) * [0.01, 0.01, 0.02, 5e-4, 5e-4, 2e-3]
+    e = (
+        np.random.default_rng(1).standard_normal((n, 6))
+        * np.sqrt(2.0)
+        * [0.01, 0.01, 0.02, 5e-4, 5e-4, 2e-3]
+    )
     at = np.einsum("nij,nj->ni", many.C_eE, e[:, :3])
     assert many.C_Ex is not None
-    moved = replace(many.moved(*ecef_to_geodetic(many.ecef + at)), C_Ex=rotation_from_vector(e[:, 3:]) @ many.C_Ex)
+    moved = replace(
+        many.moved(*ecef_to_geodetic(many.ecef + at)),
+        C_Ex=rotation_from_vector(e[:, 3:]) @ many.C_Ex,
+    )
     c = compare_poses(many, moved)
-    assert [x.name for x in c.components] == ["east", "north", "up", "about east", "about north", "about up"]
+    assert [x.name for x in c.components] == [
+        "east",
+        "north",
+        "up",
+        "about east",
+        "about north",
+        "about up",
+    ]
     for k, x in enumerate(c.components):
         s = x.statistics()
         assert_allclose(x.difference, e[:, k], atol=1e-6)
@@ -133,7 +166,10 @@ def test_answer_as_text_as_dict_and_as_picture(flight: Written) -> None:
 
 def test_names_without_directory_and_ending_are_matched(flight: Written, tmp_path: Path) -> None:
     """Oracle: the names, changed by hand."""
-    eo = replace(flight.eo, images=tuple(f"flight/{name.removesuffix('.tif')}.JPG" for name in flight.eo.images))
+    eo = replace(
+        flight.eo,
+        images=tuple(f"flight/{name.removesuffix('.tif')}.JPG" for name in flight.eo.images),
+    )
     write_eo_json(eo, tmp_path / "other.json")
     c = compare_files(flight["eo.json"], tmp_path / "other.json")
     assert (c.matched_by, c.n) == ("image", len(eo.images))
@@ -147,7 +183,9 @@ def test_poses_without_partner_are_counted(flight: Written, tmp_path: Path) -> N
     assert (c.left_a, c.left_b) == (3, 0)
 
 
-def test_a_tangent_plane_without_origin_takes_that_of_the_other_file(flight: Written, tmp_path: Path) -> None:
+def test_a_tangent_plane_without_origin_takes_that_of_the_other_file(
+    flight: Written, tmp_path: Path
+) -> None:
     """Oracle: a note says so; alone it is refused, and an origin given by the caller serves."""
     text = flight["EO_local-plane.txt"].read_text()
     path = tmp_path / "EO.txt"
@@ -164,7 +202,10 @@ def test_a_tangent_plane_without_origin_takes_that_of_the_other_file(flight: Wri
 
 def test_another_origin_is_no_difference(flight: Written, tmp_path: Path) -> None:
     """Oracle: the same poses written about an origin 2 km away, whose axes lean by a minute of arc."""
-    plane, other = TangentPlane(*flight.eo.origin), TangentPlane(flight.eo.origin[0] + 3e-4, flight.eo.origin[1], 100.0)
+    plane, other = (
+        TangentPlane(*flight.eo.origin),
+        TangentPlane(flight.eo.origin[0] + 3e-4, flight.eo.origin[1], 100.0),
+    )
     geodetic = plane.geodetic_from_position(flight.eo.position_m)
     turn = other.C_em.T @ plane.C_em
     assert np.abs(turn - np.eye(3)).max() > 1e-4
@@ -180,14 +221,31 @@ def test_another_origin_is_no_difference(flight: Written, tmp_path: Path) -> Non
     assert largest(c, ("about east", "about north", "about up")) < np.radians(4e-6)
 
 
-def test_heights_above_the_geoid_compare_once_its_height_is_given(flight: Written, tmp_path: Path) -> None:
+def test_heights_above_the_geoid_compare_once_its_height_is_given(
+    flight: Written, tmp_path: Path
+) -> None:
     """Oracle: the file before 47.3 m were taken off its heights."""
     text = flight["antenna.pos"].read_text()
     rows = [line.split() for line in text.splitlines() if not line.startswith("%")]
-    head = [line.replace("ellipsoidal", "geodetic") for line in text.splitlines() if line.startswith("%")]
+    head = [
+        line.replace("ellipsoidal", "geodetic")
+        for line in text.splitlines()
+        if line.startswith("%")
+    ]
     lower = tmp_path / "above_geoid.pos"
-    lower.write_text("\n".join([*head, *(" ".join([*row[:4], f"{float(row[4]) - 47.3:.4f}", *row[5:]]) for row in rows)]) + "\n")
-    assert main(["compare", str(flight["antenna.pos"]), str(lower), "--undulation-b", "47.3", "-q"]) == 0
+    lower.write_text(
+        "\n".join(
+            [
+                *head,
+                *(" ".join([*row[:4], f"{float(row[4]) - 47.3:.4f}", *row[5:]]) for row in rows),
+            ]
+        )
+        + "\n"
+    )
+    assert (
+        main(["compare", str(flight["antenna.pos"]), str(lower), "--undulation-b", "47.3", "-q"])
+        == 0
+    )
     c = compare_files(flight["antenna.pos"], lower, undulation_m=(None, 47.3))
     assert largest(c, ("east", "north", "up")) < 2e-4
     with pytest.raises(InputError, match="--undulation-a, --undulation-b"):
@@ -212,7 +270,10 @@ def test_refusals(flight: Written, tmp_path: Path) -> None:
         compare_files(flight["eo.json"], flight["eo.json"], form_a="pdf")
     with pytest.raises(InputError, match="cannot be read"):
         compare_files(flight["eo.json"], tmp_path / "none.txt")
-    with pytest.raises(DataError, match=r"has no times, .* no image names: nothing tells which poses belong together"):
+    with pytest.raises(
+        DataError,
+        match=r"has no times, .* no image names: nothing tells which poses belong together",
+    ):
         compare_files(flight["metashape.csv"], flight["trajectory.csv"])
     eo = replace(flight.eo, images=tuple(f"x{name}" for name in flight.eo.images))
     write_eo_local_plane(in_frame(eo, "tangent plane"), tmp_path / "EO.txt")
@@ -225,7 +286,11 @@ def test_refusals(flight: Written, tmp_path: Path) -> None:
 
 def test_formats_are_told_by_content_not_by_name(flight: Written, tmp_path: Path) -> None:
     """Oracle: files under other names."""
-    for name, form in (("eo.json", "eo_json"), ("EO_local-plane.txt", "eo_local_plane"), ("metashape.csv", "metashape")):
+    for name, form in (
+        ("eo.json", "eo_json"),
+        ("EO_local-plane.txt", "eo_local_plane"),
+        ("metashape.csv", "metashape"),
+    ):
         shutil.copy(flight[name], tmp_path / "a.txt")
         assert read_poses(tmp_path / "a.txt").form == form
     shutil.copy(flight["trajectory.csv"], tmp_path / "b.txt")

@@ -1,4 +1,6 @@
-"""Mismatches of convention put into a file on purpose, which the comparison must name, and name alone."""
+"""Mismatches of convention put into a file on purpose, which the comparison must name, and name
+alone.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,12 +15,20 @@ from insgnss.comparison.compare import compare_files, compare_poses
 from insgnss.comparison.poses import Poses
 from insgnss.comparison.reading import read_poses
 from insgnss.comparison.result import Comparison
-from insgnss.geodesy.rotation import CV_RUB, NED_ENU, rotation_from_opk, rotation_from_rpy, rotation_from_vector
+from insgnss.geodesy.rotation import (
+    CV_RUB,
+    NED_ENU,
+    rotation_from_opk,
+    rotation_from_rpy,
+    rotation_from_vector,
+)
 
 DEG = np.pi / 180.0
 
 
-def rewritten(source: Path, target: Path, change: Callable[[list[str]], list[str]], delimiter: str | None) -> Path:
+def rewritten(
+    source: Path, target: Path, change: Callable[[list[str]], list[str]], delimiter: str | None
+) -> Path:
     """A text file with the fields of its data lines changed."""
     lines = []
     for line in source.read_text().splitlines():
@@ -66,7 +76,9 @@ def test_a_changed_file_is_recognised(flight: Written, tmp_path: Path, what: str
     """Oracle: what was changed in the text of the file; what remains is what its digits leave."""
     name, change, expected = FILES[what]
     delimiter = "," if name.endswith("csv") else None
-    c = compare_files(flight["eo.json"], rewritten(flight[name], tmp_path / name, change, delimiter))
+    c = compare_files(
+        flight["eo.json"], rewritten(flight[name], tmp_path / name, change, delimiter)
+    )
     assert [f.name for f in c.findings] == expected
     assert c.findings[0].explained > 0.999
     for x in c.remaining:
@@ -103,7 +115,11 @@ ATTITUDES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str, str]] = {
     "up and back": (lambda C: C @ CV_RUB, "camera axes", "right, up, back"),
     "NED": (lambda C: NED_ENU @ C, "axes of the frame", "north, east, down for east, north, up"),
     "inverse": (lambda C: C.swapaxes(1, 2), "inverse", "frame to camera"),
-    "bore-sight": (lambda C: C @ rotation_from_vector(np.array([0.66, -0.57, 0.51]) * DEG), "boresight", "down -0.5700"),
+    "bore-sight": (
+        lambda C: C @ rotation_from_vector(np.array([0.66, -0.57, 0.51]) * DEG),
+        "boresight",
+        "down -0.5700",
+    ),
     "leaning frame": (
         lambda C: rotation_from_vector(np.array([0.3, -0.2, 0.1]) * DEG) @ C,
         "turn of the frame",
@@ -142,10 +158,15 @@ def bodies(flight: Written) -> tuple[Poses, Poses]:
     [
         (lambda rpy: rpy[:, [1, 0, 2]], "b has roll and pitch exchanged"),
         (lambda rpy: rpy * [1.0, 1.0, -1.0], "b has heading with the other sign"),
-        (lambda rpy: rpy + [0.0, 0.0, np.pi / 2], "yaw of b, clockwise from north, is +90 deg off that of a"),
+        (
+            lambda rpy: rpy + [0.0, 0.0, np.pi / 2],
+            "yaw of b, clockwise from north, is +90 deg off that of a",
+        ),
     ],
 )
-def test_turned_bodies_are_recognised(flight: Written, change: Callable[[np.ndarray], np.ndarray], words: str) -> None:
+def test_turned_bodies_are_recognised(
+    flight: Written, change: Callable[[np.ndarray], np.ndarray], words: str
+) -> None:
     """Oracle: the change of roll, pitch, heading."""
     a, b = bodies(flight)
     assert b.angles is not None
@@ -173,11 +194,16 @@ def test_utc_is_told_from_gpst(flight: Written) -> None:
     a, b = bodies(flight)
     assert b.time is not None
     c = compare_poses(a, replace(b, time=b.time - 18.0))
-    assert "stamps of b are 18.0000 s early (18 s are leap seconds: UTC where a has GPST)" in c.summary()
+    assert (
+        "stamps of b are 18.0000 s early (18 s are leap seconds: UTC where a has GPST)"
+        in c.summary()
+    )
 
 
 def test_time_and_lever_arm_are_told_apart(flight: Written) -> None:
-    """Oracle: 20 ms put into the trajectory's stamps, and the rig's lever arm between camera and IMU, which looks much like it."""
+    """Oracle: 20 ms put into the trajectory's stamps, and the rig's lever arm between camera and
+    IMU, which looks much like it.
+    """
     a, b = read_poses(flight["eo.json"]), read_poses(flight["trajectory.sbet"])
     assert b.time is not None
     c = compare_poses(a, replace(b, time=b.time + 0.02))
@@ -194,7 +220,10 @@ def test_times_of_the_same_images(flight: Written) -> None:
     assert a.time is not None
     c = compare_poses(a, replace(a, time=a.time - 18.0))
     assert [f.name for f in c.findings] == ["time"]
-    assert "earlier than those of a for the same images (18 s are leap seconds" in c.findings[0].statement
+    assert (
+        "earlier than those of a for the same images (18 s are leap seconds"
+        in c.findings[0].statement
+    )
 
 
 def test_several_mismatches_at_once(flight: Written) -> None:
@@ -203,7 +232,13 @@ def test_several_mismatches_at_once(flight: Written) -> None:
     assert b.time is not None
     assert b.angles is not None
     angles = b.angles + [0.0, 0.0, np.pi / 2]
-    b = replace(b, time=b.time - 18.0, height=b.height - 50.0, C_Ex=NED_ENU @ rotation_from_rpy(angles), angles=angles)
+    b = replace(
+        b,
+        time=b.time - 18.0,
+        height=b.height - 50.0,
+        C_Ex=NED_ENU @ rotation_from_rpy(angles),
+        angles=angles,
+    )
     c = compare_poses(a, b)
     assert [f.name for f in c.findings] == ["time", "geoid-sized height", "yaw turned"]
 
@@ -215,7 +250,9 @@ def test_noise_is_not_explained(flight: Written) -> None:
     for seed in range(20):
         rng = np.random.default_rng(seed)
         moved = a.moved(
-            a.lat + 8e-8 * rng.standard_normal(a.n), a.lon + 8e-8 * rng.standard_normal(a.n), a.height + rng.standard_normal(a.n)
+            a.lat + 8e-8 * rng.standard_normal(a.n),
+            a.lon + 8e-8 * rng.standard_normal(a.n),
+            a.height + rng.standard_normal(a.n),
         )
         b = replace(moved, C_Ex=rotation_from_vector(0.05 * rng.standard_normal((a.n, 3))) @ a.C_Ex)
         c: Comparison = compare_poses(a, b)

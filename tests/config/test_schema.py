@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from insgnss.base.errors import InputError, OptionError
+from insgnss.base.wording import spoken_as
 from insgnss.config import document
 from insgnss.config.command_line import add_options, given_of, names_of
 from insgnss.config.flight_file import TABLES
@@ -16,9 +18,7 @@ from insgnss.config.ppk_options import EngineSettings
 from insgnss.config.retired import retired_keys
 from insgnss.config.schema import check, declared, option, options_of
 from insgnss.config.values import READERS
-from insgnss.errors import InputError, OptionError
-from insgnss.gnss.covariance import MODEL
-from insgnss.wording import spoken_as
+from insgnss.gnss.quality.covariance import MODEL
 
 PAGE = Path(__file__).parents[2] / "data_specs" / "flight_file.md"
 READY = '[imu]\nfile = "imu.csv"\n[gnss]\nfile = "gnss.txt"\n'
@@ -152,7 +152,10 @@ def test_arguments_are_made_of_the_declarations():
         ),
         (
             {"rtklib_options": {"pos1-elmask": "10"}},
-            "gnss.rtklib_options: pos1-elmask is not to be set there: gnss.elevation_mask_deg sets it",
+            (
+                "gnss.rtklib_options: pos1-elmask is not to be set there: gnss.elevation_mask_deg"
+                " sets it"
+            ),
             "--rtklib-options: pos1-elmask is not to be set there: --mask sets it",
         ),
     ],

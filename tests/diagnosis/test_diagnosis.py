@@ -18,7 +18,7 @@ from insgnss.diagnosis.time_correlated import time_correlated_error
 from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.solution import Solution, solve
 from insgnss.orient.mounting import Mounting, boresight_from_angles
-from insgnss.simulate.receiver import GnssOptions
+from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.stochastic.model import load_noise_model
 
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
@@ -33,7 +33,11 @@ def layout_factory(fixes: FixErrors):
 
 def solved(flown: Flown, fixes: FixErrors = NONE, lever=(0.0, 0.0, 0.0)) -> Solution:
     """The flight with the antenna where it is not, by `lever`, and the states of `fixes`."""
-    problem = replace(flown.problem, layout=layout_factory(fixes), antenna_lever_b=flown.problem.antenna_lever_b - np.array(lever))
+    problem = replace(
+        flown.problem,
+        layout=layout_factory(fixes),
+        antenna_lever_b=flown.problem.antenna_lever_b - np.array(lever),
+    )
     return solve(problem, start_near(replace(flown, problem=problem), SIGMA), separations=0)
 
 
@@ -55,7 +59,9 @@ def test_a_flight_without_such_errors_is_not_suspected(clean):
 
 
 def test_a_latency_is_found_within_its_sigma(late):
-    """Oracle: the simulated 20 ms; the filter without the state takes them in without a rejection, so only the likelihood tells."""
+    """Oracle: the simulated 20 ms; the filter without the state takes them in without a rejection,
+    so only the likelihood tells.
+    """
     solution = solved(late)
     assert (solution.verdict[:, 0] != 2).all()
     assert is_suspicious(solution, layout_factory, FixErrors())
@@ -68,7 +74,9 @@ def test_a_latency_is_found_within_its_sigma(late):
     assert (check.name, check.verdict) == ("GNSS time offset", "contradiction")
     advised = re.search(r"add (\S+) to gnss\.time_offset_s", check.advice)
     assert advised is not None
-    assert abs(float(advised[1]) + 0.02) < 3.0 * sigma + 1e-4  # which is added to stamps that are 20 ms late
+    assert (
+        abs(float(advised[1]) + 0.02) < 3.0 * sigma + 1e-4
+    )  # which is added to stamps that are 20 ms late
     assert contradictions(told, Mounting(), True, False) == []
 
 
@@ -131,7 +139,9 @@ def estimated(lever, lever_sigma: float, late_s: float, late_sigma: float) -> An
     at, offset = slice(layout.lever, layout.lever + 3), layout.offset
     x[-1, at], x[-1, offset] = lever, late_s
     P[-1, 9:, 9:][at, at], P[-1, 9 + offset, 9 + offset] = lever_sigma**2 * np.eye(3), late_sigma**2
-    epochs = SimpleNamespace(position_cov=0.02**2 * np.eye(3)[None], has_position=np.ones(1, dtype=bool))
+    epochs = SimpleNamespace(
+        position_cov=0.02**2 * np.eye(3)[None], has_position=np.ones(1, dtype=bool)
+    )
     nav = np.array([[0.0, 0.0, 0.0, 6.0, 8.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
     return SimpleNamespace(problem=SimpleNamespace(layout=layout, epochs=epochs), x=x, P=P, nav=nav)
 
@@ -141,7 +151,7 @@ def test_advised_numbers_are_what_the_flight_file_lacks():
     estimated, to its last digit.
     """
     lever = np.array([0.2, -0.05, 0.15])
-    (arm, clock) = contradictions(estimated(lever, 0.004, -0.02, 0.001), ASKEW, True, True)
+    arm, clock = contradictions(estimated(lever, 0.004, -0.02, 0.001), ASKEW, True, True)
     numbers = re.search(r"mounting\.antenna_m = \[(.*?)\] would be it", arm.advice)
     assert numbers is not None
     advised = replace(ASKEW, antenna_m=[float(v) for v in numbers[1].split(",")])
@@ -168,11 +178,15 @@ def test_what_contradicts_a_lever_arm(off_m, sigma_m, verdict):
 
 
 def test_correlated_errors_are_found_and_make_the_sigmas_honest():
-    """Oracle: exact motion; a Gauss-Markov error of 3 cm and 15 s, which white fixes of that size turn into errors of many sigma.
+    """Oracle: exact motion; a Gauss-Markov error of 3 cm and 15 s, which white fixes of that size
+    turn into errors of many sigma.
 
-    Over 100 s there are seven correlation times: mean squares over the nine states within 0.3 and 3.
+    Over 100 s there are seven correlation times: mean squares over the nine states within 0.3 and
+    3.
     """
-    options = GnssOptions(sigma_m=(0.01, 0.01, 0.01), correlated_sigma_m=(0.03, 0.03, 0.03), correlation_time_s=15.0)
+    options = GnssOptions(
+        sigma_m=(0.01, 0.01, 0.01), correlated_sigma_m=(0.03, 0.03, 0.03), correlation_time_s=15.0
+    )
     flown = fly(100.0, seed=23, gnss=options)
     plain = solved(flown)
     assert is_suspicious(plain, layout_factory, FixErrors())
@@ -184,7 +198,13 @@ def test_correlated_errors_are_found_and_make_the_sigmas_honest():
     assert 0.005 < found.white_scale[0] * claimed < 0.015
     assert 4.0 < found.correlation_time_s < 60.0
     again = solved(flown, found)
-    squares = [np.mean(error_of(s.nav, flown.true_nav())[:, :3] ** 2 / np.diagonal(s.P, axis1=1, axis2=2)[:, :3]) for s in (plain, again)]
+    squares = [
+        np.mean(
+            error_of(s.nav, flown.true_nav())[:, :3] ** 2
+            / np.diagonal(s.P, axis1=1, axis2=2)[:, :3]
+        )
+        for s in (plain, again)
+    ]
     assert squares[0] > 5.0
     assert 0.3 < squares[1] < 3.0
 
@@ -193,7 +213,9 @@ def test_states_keep_their_place_and_value_in_another_layout(clean):
     """Oracle: the names."""
     problem, start = clean.problem, start_near(clean, SIGMA)
     start = replace(start, x=np.arange(start.x.size, dtype=float))
-    wide, wide_start = with_layout(problem, start, layout_factory(FixErrors(lever_arm_m=0.2, gm_sigma=(1.0, 1.0, 1.0))))
+    wide, wide_start = with_layout(
+        problem, start, layout_factory(FixErrors(lever_arm_m=0.2, gm_sigma=(1.0, 1.0, 1.0)))
+    )
     for s, name in enumerate(wide.layout.names):
         if name in problem.layout.names:
             k = problem.layout.names.index(name)

@@ -1,16 +1,18 @@
-"""A noise model without turn-on biases, as published variances give one: named, and refused where the flight shows the biases."""
+"""A noise model without turn-on biases, as published variances give one: named, and refused where
+the flight shows the biases.
+"""
 
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from insgnss.base.errors import InputError
 from insgnss.diagnosis.turn_on_bias import TURN_ON, with_turn_on, without_turn_on
-from insgnss.errors import InputError
 from insgnss.flight import Flight, load_flight
 from insgnss.processing.inspect import inspect
 from insgnss.processing.pipeline import process
-from insgnss.simulate.dataset import write_dataset
+from insgnss.simulation.dataset import write_dataset
 from insgnss.stochastic.model import NoiseModel, load_noise_model, write_noise_model
 
 NAVCHIP = load_noise_model("navchip")
@@ -23,17 +25,34 @@ BARE = replace(
 
 
 def flight_of(directory: Path, noise: NoiseModel) -> Flight:
-    """Three minutes in the air with an IMU of `noise`, whose flight file names a model without turn-on biases."""
-    made = write_dataset(directory / "flight", "ign8", 3.0, imu_rate=100.0, seed=3, noise=noise, start_in_air=True, line_length_m=200.0)
+    """Three minutes in the air with an IMU of `noise`, whose flight file names a model without
+    turn-on biases.
+    """
+    made = write_dataset(
+        directory / "flight",
+        "ign8",
+        3.0,
+        imu_rate=100.0,
+        seed=3,
+        noise=noise,
+        start_in_air=True,
+        line_length_m=200.0,
+    )
     write_noise_model(BARE, file := directory / "bare.toml", ())
     flight = load_flight(made.flight_file)
     return replace(flight, imu=replace(flight.imu, noise=str(file)))
 
 
 def test_biases_that_the_model_lacks_are_refused_by_name(tmp_path):
-    """Oracle: a simulated NavChip, whose turn-on biases are 100 deg/h and 2 mg: one line that says what is missing and what to set."""
+    """Oracle: a simulated NavChip, whose turn-on biases are 100 deg/h and 2 mg: one line that says
+    what is missing and what to set.
+    """
     with pytest.raises(
-        InputError, match=r"turn-on bias: noise model bare without turn_on_bias of gyro and accel.*100 deg/h and 2 mg"
+        InputError,
+        match=(
+            r"turn-on bias: noise model bare without turn_on_bias of gyro and accel.*100 deg/h and"
+            r" 2 mg"
+        ),
     ) as refusal:
         process(flight_of(tmp_path, NAVCHIP), tmp_path / "out")
     assert "\n" not in str(refusal.value)
@@ -41,7 +60,9 @@ def test_biases_that_the_model_lacks_are_refused_by_name(tmp_path):
 
 
 def test_biases_that_the_model_lacks_are_accepted_by_name(tmp_path):
-    """Oracle: the same flight with the name in `accept`, as its refusal says: it is processed with the model as it is, and told as such."""
+    """Oracle: the same flight with the name in `accept`, as its refusal says: it is processed with
+    the model as it is, and told as such.
+    """
     flight = flight_of(tmp_path, NAVCHIP)
     flight.path.write_text('accept = ["turn-on bias"]\n' + flight.path.read_text())
     flight = replace(load_flight(flight.path), imu=flight.imu)
@@ -53,7 +74,9 @@ def test_biases_that_the_model_lacks_are_accepted_by_name(tmp_path):
 
 
 def test_an_imu_without_biases_leaves_it_at_a_note(tmp_path):
-    """Oracle: a simulated IMU that has none; `inspect` and the report of `process` name the model all the same."""
+    """Oracle: a simulated IMU that has none; `inspect` and the report of `process` name the model
+    all the same.
+    """
     flight = flight_of(tmp_path, BARE)
     (check,) = (c for c in inspect(flight).checks if c.name == "turn-on bias")
     assert check.verdict == "note"
@@ -70,4 +93,8 @@ def test_which_sensors_lack_them():
     assert without_turn_on(BARE) == ("gyro", "accel")
     filled = with_turn_on(mixed)
     assert filled.gyro == NAVCHIP.gyro
-    assert [axis.turn_on_bias for axis in filled.accel] == [NAVCHIP.accel[0].turn_on_bias, TURN_ON["accel"], TURN_ON["accel"]]
+    assert [axis.turn_on_bias for axis in filled.accel] == [
+        NAVCHIP.accel[0].turn_on_bias,
+        TURN_ON["accel"],
+        TURN_ON["accel"],
+    ]

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from photographs import photograph
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.exposures.images import image_names, image_times
 from insgnss.exposures.naming import ImageMatch, named
-from insgnss.formats.events import numbered
+from insgnss.formats.events.events import numbered
 from insgnss.records import CameraEvents
 
 
@@ -39,7 +39,9 @@ def test_names_of_a_list_stand_as_they_are(tmp_path):
 
 
 def test_times_of_images_are_those_of_their_exif(tmp_path: Path) -> None:
-    """Oracle: Pillow, which writes the Exif; one image without a time, or a list instead of a directory, tells nothing."""
+    """Oracle: Pillow, which writes the Exif; one image without a time, or a list instead of a
+    directory, tells nothing.
+    """
     for name, second in {"a.jpg": 3.25, "b.dng": 5.5, "c.jpg": 7.0, "d.jpg": None}.items():
         photograph(tmp_path / name, second)
     found = image_times(tmp_path, ("a.jpg", "b.dng", "c.jpg"))
@@ -57,19 +59,31 @@ def exposed(times):
     return CameraEvents(names, 1000.0 + np.asarray(times), 2008, "rover.rnx", (told,))
 
 
-def test_images_of_a_directory_are_matched_by_their_own_times_also_where_counts_agree(tmp_path: Path) -> None:
-    """Oracle: of ten exposures the eighth event and the second image were taken away; the names are letters, without gaps to see. Without
-    times, from a list of the names, the counts are all there is."""
+def test_images_of_a_directory_are_matched_by_their_own_times_also_where_counts_agree(
+    tmp_path: Path,
+) -> None:
+    """Oracle: of ten exposures the eighth event and the second image were taken away; the names are
+    letters, without gaps to see. Without times, from a list of the names, the counts are all there
+    is."""
     shots = np.round(np.cumsum([2.0, 2.3, 1.9, 2.1, 2.2, 1.8, 2.4, 2.0, 1.7, 2.1]), 3)
     letters = [f"{letter}.jpg" for letter in "acdefghij"]
     for name, second in zip(letters, np.delete(shots, 1), strict=True):
         photograph(tmp_path / name, second)
-    with pytest.raises(InputError, match=r"9 camera events and 9 images, but .* event 2 and no event to image h\.jpg; .*'h\.jpg'") as told:
+    with pytest.raises(
+        InputError,
+        match=(
+            r"9 camera events and 9 images, but .* event 2 and no event to image h\.jpg; .*'h\.jpg'"
+        ),
+    ) as told:
         named(exposed(np.delete(shots, 7)), ImageMatch(tmp_path))
     assert "give a list of the names" in str(told.value)
-    found = named(exposed(np.delete(shots, 7)), ImageMatch(tmp_path, skip_events=(2,), skip_images=("h.jpg",)))
+    found = named(
+        exposed(np.delete(shots, 7)), ImageMatch(tmp_path, skip_events=(2,), skip_images=("h.jpg",))
+    )
     assert found.images == tuple(name for name in letters if name != "h.jpg")
     assert found.notes == ()
     assert named(exposed(np.delete(shots, 1)), ImageMatch(tmp_path)).images == tuple(letters)
     (tmp_path / "list.txt").write_text("\n".join(letters))
-    assert named(exposed(np.delete(shots, 7)), ImageMatch(tmp_path / "list.txt")).images == tuple(letters)
+    assert named(exposed(np.delete(shots, 7)), ImageMatch(tmp_path / "list.txt")).images == tuple(
+        letters
+    )

@@ -1,7 +1,9 @@
-"""A scene for the exports to bundle adjustments, and what an independent reader needs to re-project its points.
+"""A scene for the exports to bundle adjustments, and what an independent reader needs to re-project
+its points.
 
-Nothing here shares code with the writers: frames by pyproj and cross products, rotations by scipy. An attitude read from a file comes as
-the matrix of the camera (x right, y down, z viewing direction) to axes, and the axes as a matrix to ECEF.
+Nothing here shares code with the writers: frames by pyproj and cross products, rotations by scipy.
+An attitude read from a file comes as the matrix of the camera (x right, y down, z viewing
+direction) to axes, and the axes as a matrix to ECEF.
 """
 
 import numpy as np
@@ -19,12 +21,20 @@ ORIGIN = np.array([np.radians(LAT0), np.radians(LON0), H0])
 S = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
 D, T = np.diag([1.0, -1, -1]), np.diag([-1.0, -1, 1])
 FOCAL_PX, HALF_PX = 5607.0, np.array([2560.0, 1920.0])
-PLANES = dict.fromkeys(("tangent plane", "geographic", "geocentric")) | {code: code for code in ("EPSG:2056", "EPSG:32632", "EPSG:3413")}
+PLANES = dict.fromkeys(("tangent plane", "geographic", "geocentric")) | {
+    code: code for code in ("EPSG:2056", "EPSG:32632", "EPSG:3413")
+}
 
 
 def boresight() -> Array:
     """Table 2 of paper 000, made orthonormal by SVD (formats.md 0.2)."""
-    U, _, Vt = np.linalg.svd([[0.999909, 0.008952, 0.010018], [-0.009067, 0.999893, 0.011465], [-0.009914, -0.011555, 0.999884]])
+    U, _, Vt = np.linalg.svd(
+        [
+            [0.999909, 0.008952, 0.010018],
+            [-0.009067, 0.999893, 0.011465],
+            [-0.009914, -0.011555, 0.999884],
+        ]
+    )
     return U @ Vt
 
 
@@ -37,23 +47,52 @@ def camera_of(roll: Array, pitch: Array, yaw: Array) -> Array:
 def exterior(C_mc: Array, position: Array, seed: int = 1) -> ExteriorOrientation:
     """Images 8001.tif, ... with random full covariances of centimetres and tenths of a degree."""
     n = len(C_mc)
-    A = np.random.default_rng(seed).normal(size=(n, 6, 6)) * np.array([0.02] * 3 + [1e-3] * 3)[:, None]
+    A = (
+        np.random.default_rng(seed).normal(size=(n, 6, 6))
+        * np.array([0.02] * 3 + [1e-3] * 3)[:, None]
+    )
     cov = A @ np.swapaxes(A, 1, 2)
     names = tuple(f"{8001 + k}.tif" for k in range(n))
     time = 199_800.0 + 1.3 * np.arange(n)
-    return ExteriorOrientation(names, time, 2008, ORIGIN, position, C_mc, cov, 0.7 * cov[1:], boresight(), T, ("smoothed, 30 states",))
+    return ExteriorOrientation(
+        names,
+        time,
+        2008,
+        ORIGIN,
+        position,
+        C_mc,
+        cov,
+        0.7 * cov[1:],
+        boresight(),
+        T,
+        ("smoothed, 30 states",),
+    )
 
 
 def worked(kind: str = "geographic") -> FramedOrientation:
-    """formats.md 0.2 on the vertical of the origin, where tangent plane and geographic frame have the same axes."""
-    return framed(exterior(camera_of(np.array([3.0]), np.array([-2.0]), np.array([47.0])), np.array([[0.0, 0.0, 217.5]])), kind)
+    """formats.md 0.2 on the vertical of the origin, where tangent plane and geographic frame have
+    the same axes.
+    """
+    return framed(
+        exterior(
+            camera_of(np.array([3.0]), np.array([-2.0]), np.array([47.0])),
+            np.array([[0.0, 0.0, 217.5]]),
+        ),
+        kind,
+    )
 
 
 def block(n: int = 3, seed: int = 3) -> ExteriorOrientation:
     """Exposures of a flight 2 to 3 km from the origin."""
     rng = np.random.default_rng(seed)
     attitude = (rng.uniform(-8, 8, n), rng.uniform(-6, 6, n), rng.uniform(-180, 180, n))
-    position = np.column_stack([2400 + rng.uniform(-60, 60, n), 1800 + rng.uniform(-60, 60, n), 220 + rng.uniform(-5, 5, n)])
+    position = np.column_stack(
+        [
+            2400 + rng.uniform(-60, 60, n),
+            1800 + rng.uniform(-60, 60, n),
+            220 + rng.uniform(-5, 5, n),
+        ]
+    )
     return exterior(camera_of(*attitude), position)
 
 
@@ -72,11 +111,15 @@ def enu_axes(lat_deg: float, lon_deg: float) -> Array:
 
 
 def to_ecef(lon: float, lat: float, h: float) -> Array:
-    return np.array(Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True).transform(lon, lat, h))
+    return np.array(
+        Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True).transform(lon, lat, h)
+    )
 
 
 class Place:
-    """Where coordinates of a frame are, by pyproj: `ecef` (3,), `axes` of the frame and `north_axes` east, north, up, columns in ECEF."""
+    """Where coordinates of a frame are, by pyproj: `ecef` (3,), `axes` of the frame and
+    `north_axes` east, north, up, columns in ECEF.
+    """
 
     def __init__(self, where: str, x: Array) -> None:
         lon, lat, h = self._geodetic(where, x)
@@ -89,14 +132,22 @@ class Place:
             self.axes = self.north_axes
         else:
             _, horizontal = self._crs(where)
-            (E1, N1, _), (E0, N0, _) = horizontal.transform(lon, lat + 1e-5, h), horizontal.transform(lon, lat - 1e-5, h)
-            azimuth = np.arctan2(E1 - E0, N1 - N0)  # of true north in the grid: minus the convergence
+            (E1, N1, _), (E0, N0, _) = (
+                horizontal.transform(lon, lat + 1e-5, h),
+                horizontal.transform(lon, lat - 1e-5, h),
+            )
+            azimuth = np.arctan2(
+                E1 - E0, N1 - N0
+            )  # of true north in the grid: minus the convergence
             self.axes = self.north_axes @ Rotation.from_euler("z", -azimuth).as_matrix().T
 
     @staticmethod
     def _crs(where: str) -> tuple[Transformer, Transformer]:
         crs = CRS(where).to_3d()
-        return (Transformer.from_crs(crs, "EPSG:4979", always_xy=True), Transformer.from_crs("EPSG:4979", crs, always_xy=True))
+        return (
+            Transformer.from_crs(crs, "EPSG:4979", always_xy=True),
+            Transformer.from_crs("EPSG:4979", crs, always_xy=True),
+        )
 
     def _geodetic(self, where: str, x: Array) -> tuple[float, float, float]:
         if where == "geographic":
@@ -120,10 +171,13 @@ def pixels(ecef: Array, C_ec: Array, points: Array) -> Array:
     return FOCAL_PX * v[:, :2] / v[:, 2:]
 
 
-def assert_reprojects(eo: ExteriorOrientation, read: list[tuple[Place, Array, bool]], limit_px: float = 0.02) -> None:
+def assert_reprojects(
+    eo: ExteriorOrientation, read: list[tuple[Place, Array, bool]], limit_px: float = 0.02
+) -> None:
     """Points at the corners and the middle of every image, 120 m below, project as in the master.
 
-    read : of every image its place, its attitude as a matrix to axes, and whether these are east, north, up.
+    read : of every image its place, its attitude as a matrix to axes, and whether these are east,
+        north, up.
     """
     assert len(read) == len(eo.images)
     A = enu_axes(LAT0, LON0)

@@ -1,4 +1,6 @@
-"""Logs of ArduPilot and PX4: small true logs, read back here and by the libraries of the two projects."""
+"""Logs of ArduPilot and PX4: small true logs, read back here and by the libraries of the two
+projects.
+"""
 
 import importlib.util
 import sys
@@ -11,14 +13,16 @@ import pytest
 from numpy.testing import assert_allclose
 from oracles import oracle
 
-from insgnss.errors import InputError, UsageError
+from insgnss.base.errors import InputError, UsageError
 from insgnss.formats import describe, read_events, read_gnss, read_imu
-from insgnss.formats._bootclock import fit_clock
+from insgnss.formats.logs.boot_clock import fit_clock
 
 
 def script() -> ModuleType:
     """The fuzzer's module, which writes the logs."""
-    spec = importlib.util.spec_from_file_location("fuzz_readers", Path(__file__).parents[2] / "scripts/fuzz_readers.py")
+    spec = importlib.util.spec_from_file_location(
+        "fuzz_readers", Path(__file__).parents[2] / "scripts/fuzz_readers.py"
+    )
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -53,22 +57,36 @@ def by_pymavlink(path: Path, name: str) -> dict[str, np.ndarray]:
     with DFReader_binary(str(path)) as log:
         while (message := log.recv_match(type=name)) is not None:
             rows.append(message.to_dict())
-    return {label: np.array([row[label] for row in rows]) for label in rows[0] if label != "mavpackettype"}
+    return {
+        label: np.array([row[label] for row in rows])
+        for label in rows[0]
+        if label != "mavpackettype"
+    }
 
 
 def test_ardupilot_log_as_pymavlink_reads_it(bin_log: Path) -> None:
-    """Oracle: pymavlink, message by message; the times that the log was written with, a latency of 0.1 s in the clock's offset."""
-    imu, gnss, events = read_imu(bin_log, quantity="instant_rate"), read_gnss(bin_log), read_events(bin_log)
+    """Oracle: pymavlink, message by message; the times that the log was written with, a latency of
+    0.1 s in the clock's offset.
+    """
+    imu, gnss, events = (
+        read_imu(bin_log, quantity="instant_rate"),
+        read_gnss(bin_log),
+        read_events(bin_log),
+    )
     raw = by_pymavlink(bin_log, "IMU")
     assert np.array_equal(imu.gyro, np.column_stack([raw[f"Gyr{c}"] for c in "XYZ"]))
     assert np.array_equal(imu.accel, np.column_stack([raw[f"Acc{c}"] for c in "XYZ"]))
-    assert_allclose(imu.time, START + 1e-6 * raw["TimeUS"] - LATE, rtol=0, atol=1e-3)  # GMS is in whole milliseconds
+    assert_allclose(
+        imu.time, START + 1e-6 * raw["TimeUS"] - LATE, rtol=0, atol=1e-3
+    )  # GMS is in whole milliseconds
     raw, gpa = by_pymavlink(bin_log, "GPS"), by_pymavlink(bin_log, "GPA")
     assert_allclose(np.degrees(gnss.lat), raw["Lat"], rtol=1e-15)
     assert_allclose(gnss.height, raw["Alt"] - gpa["Und"], rtol=1e-12)
     assert_allclose(gnss.time, raw["GMS"] * 1e-3, rtol=1e-15)
     assert_allclose(
-        np.sqrt(np.diagonal(gnss.cov_ned, axis1=1, axis2=2)), np.column_stack([gpa["HAcc"], gpa["HAcc"], gpa["VAcc"]]), rtol=1e-12
+        np.sqrt(np.diagonal(gnss.cov_ned, axis1=1, axis2=2)),
+        np.column_stack([gpa["HAcc"], gpa["HAcc"], gpa["VAcc"]]),
+        rtol=1e-12,
     )
     assert gnss.velocity_ned is not None
     assert_allclose(gnss.velocity_ned[0], [0.0, 10.0, 0.1], atol=1e-6)
@@ -82,13 +100,19 @@ def test_ardupilot_log_as_pymavlink_reads_it(bin_log: Path) -> None:
 
 
 def test_px4_log_as_pyulog_reads_it(ulg_log: Path) -> None:
-    """Oracle: pyulog; the times that the log was written with, a latency of 0.1 s in the clock's offset."""
+    """Oracle: pyulog; the times that the log was written with, a latency of 0.1 s in the clock's
+    offset.
+    """
     from pyulog import ULog
 
     raw = {topic.name: topic.data for topic in ULog(str(ulg_log)).data_list}
     imu, gnss, events = read_imu(ulg_log), read_gnss(ulg_log), read_events(ulg_log)
-    assert np.array_equal(imu.gyro, np.column_stack([raw["sensor_combined"][f"gyro_rad[{k}]"] for k in range(3)]))
-    assert_allclose(imu.time, START + 1e-6 * raw["sensor_combined"]["timestamp"] - LATE, rtol=0, atol=2e-6)
+    assert np.array_equal(
+        imu.gyro, np.column_stack([raw["sensor_combined"][f"gyro_rad[{k}]"] for k in range(3)])
+    )
+    assert_allclose(
+        imu.time, START + 1e-6 * raw["sensor_combined"]["timestamp"] - LATE, rtol=0, atol=2e-6
+    )
     fixes = raw["vehicle_gps_position"]
     assert_allclose(np.degrees(gnss.lat), fixes["lat"] * 1e-7, rtol=1e-15)
     assert_allclose(gnss.height, fixes["alt_ellipsoid"] * 1e-3, rtol=1e-15)
@@ -97,7 +121,9 @@ def test_px4_log_as_pyulog_reads_it(ulg_log: Path) -> None:
     assert gnss.velocity_ned is not None
     assert_allclose(gnss.velocity_ned[:, 2], fixes["vel_d_m_s"], rtol=1e-15)
     assert events.images == tuple(str(k) for k in raw["camera_capture"]["seq"])
-    assert_allclose(events.time, START + 1e-6 * raw["camera_capture"]["timestamp"] - LATE, rtol=0, atol=2e-6)
+    assert_allclose(
+        events.time, START + 1e-6 * raw["camera_capture"]["timestamp"] - LATE, rtol=0, atol=2e-6
+    )
     assert {imu.gps_week, gnss.gps_week, events.gps_week} == {2008}
 
 
@@ -118,7 +144,10 @@ def test_damage_is_counted_and_limited(bin_log: Path) -> None:
     data, borders = WRITER.ardupilot_log(24)
     at = sorted(borders)[40]
     bin_log.write_bytes(data[:at] + b"garbage" + data[at:])
-    assert any("7 bytes that are no message left out" in note.found for note in read_imu(bin_log, quantity="instant_rate").notes)
+    assert any(
+        "7 bytes that are no message left out" in note.found
+        for note in read_imu(bin_log, quantity="instant_rate").notes
+    )
     bin_log.write_bytes(data[:at] + bytes(len(data) // 45) + data[at:])
     with pytest.raises(InputError, match=r"bytes are no message \(limit 1%\)"):
         read_imu(bin_log, quantity="instant_rate")
@@ -130,19 +159,31 @@ def test_damage_is_counted_and_limited(bin_log: Path) -> None:
 def test_text_log_with_other_sensors(tmp_path: Path) -> None:
     """Oracle: the lines as a person reads them; TimeMS and T of older logs."""
     head = (
-        "FMT, 129, 31, IMU, QBffffff, TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ\nFMT, 130, 9, GPS, BIHLLeI, Status,TimeMS,Week,Lat,Lng,Alt,T\n"
+        "FMT, 129, 31, IMU, QBffffff, TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ\nFMT, 130, 9, GPS,"
+        " BIHLLeI, Status,TimeMS,Week,Lat,Lng,Alt,T\n"
     )
-    rows = [f"GPS, {2 + (k > 1)}, {1000 * k + 200}, 2008, 46.57, 6.54, 580.5, {1000 * k}\n" for k in range(1, 6)]
-    rows += [f"IMU, {10000 * k}, {i}, {i}.5, 0, 0, 0, 0, -9.8\n" for k in range(100, 200) for i in (0, 1)]
+    rows = [
+        f"GPS, {2 + (k > 1)}, {1000 * k + 200}, 2008, 46.57, 6.54, 580.5, {1000 * k}\n"
+        for k in range(1, 6)
+    ]
+    rows += [
+        f"IMU, {10000 * k}, {i}, {i}.5, 0, 0, 0, 0, -9.8\n" for k in range(100, 200) for i in (0, 1)
+    ]
     (tmp_path / "x.log").write_text(head + "".join(rows))
-    first, second = (read_imu(tmp_path / "x.log", variable=name, quantity="instant_rate") for name in ("IMU", "IMU2"))
+    first, second = (
+        read_imu(tmp_path / "x.log", variable=name, quantity="instant_rate")
+        for name in ("IMU", "IMU2")
+    )
     assert (first.gyro[0, 0], second.gyro[0, 0]) == (0.5, 1.5)
     assert_allclose(first.time, 0.2 + 0.01 * np.arange(100, 200), rtol=0, atol=1e-9)
     gnss = read_gnss(tmp_path / "x.log", sigma_m=[2, 2, 4], undulation_m=49.5)
     assert gnss.time.tolist() == [2.2, 3.2, 4.2, 5.2]
     assert gnss.height[0] == 630.0
     assert "1 messages without a fix left out" in gnss.notes[0].found
-    assert any("above the geoid" in note.found for note in read_gnss(tmp_path / "x.log", sigma_m=[2, 2, 4]).notes)
+    assert any(
+        "above the geoid" in note.found
+        for note in read_gnss(tmp_path / "x.log", sigma_m=[2, 2, 4]).notes
+    )
     with pytest.raises(InputError, match="no message CAM or TRIG; there are GPS, IMU, IMU2"):
         read_events(tmp_path / "x.log")
     with pytest.raises(UsageError, match="holds rates"):
@@ -153,7 +194,10 @@ def test_text_log_with_other_sensors(tmp_path: Path) -> None:
 
 def test_raw_gyros_and_accelerometers_are_brought_together(tmp_path: Path) -> None:
     """Oracle: a straight line in time, which interpolation keeps."""
-    head = "FMT, 129, 9, GYR, QBQfff, TimeUS,I,SampleUS,GyrX,GyrY,GyrZ\nFMT, 130, 9, ACC, QBQfff, TimeUS,I,SampleUS,AccX,AccY,AccZ\n"
+    head = (
+        "FMT, 129, 9, GYR, QBQfff, TimeUS,I,SampleUS,GyrX,GyrY,GyrZ\nFMT, 130, 9, ACC, QBQfff,"
+        " TimeUS,I,SampleUS,AccX,AccY,AccZ\n"
+    )
     head += "FMT, 131, 9, GPS, QBIHLLe, TimeUS,Status,GMS,GWk,Lat,Lng,Alt\n"
     rows = [f"GYR, 0, 0, {1000000 + 1000 * k}, {k}, 0, 0\n" for k in range(100)]
     rows += [f"ACC, 0, 0, {1000300 + 900 * k}, {0.3 + 0.9 * k:.1f}, 0, -9.8\n" for k in range(100)]
@@ -166,7 +210,9 @@ def test_raw_gyros_and_accelerometers_are_brought_together(tmp_path: Path) -> No
     assert any("ACC interpolated to the stamps of GYR" in note.found for note in imu.notes)
 
 
-@pytest.mark.parametrize(("library", "kind"), [("pymavlink.DFReader", "bin_log"), ("pyulog", "ulg_log")])
+@pytest.mark.parametrize(
+    ("library", "kind"), [("pymavlink.DFReader", "bin_log"), ("pyulog", "ulg_log")]
+)
 def test_missing_library_is_told_in_one_line(
     library: str, kind: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -178,7 +224,9 @@ def test_missing_library_is_told_in_one_line(
 
 
 def test_clock_with_drift_and_late_messages() -> None:
-    """Oracle: the clock that the stamps were made with; 80 to 300 ms of latency, 40 ppm of drift, 2 % of messages a second late."""
+    """Oracle: the clock that the stamps were made with; 80 to 300 ms of latency, 40 ppm of drift, 2
+    % of messages a second late.
+    """
     rng = np.random.default_rng(5)
     gps = 604000.0 + 0.2 * np.arange(6000)
     late = rng.uniform(0.08, 0.3, gps.size) + (rng.random(gps.size) < 0.02)
@@ -194,7 +242,10 @@ def test_clock_with_drift_and_late_messages() -> None:
         fit_clock("x", boot[:0], gps[:0], gps[:0])
 
 
-@pytest.mark.parametrize(("ppm", "late_s", "fine"), [(480, 0.0, True), (520, 0.0, False), (0, 0.9, True), (0, 1.1, False)])
+@pytest.mark.parametrize(
+    ("ppm", "late_s", "fine"),
+    [(480, 0.0, True), (520, 0.0, False), (0, 0.9, True), (0, 1.1, False)],
+)
 def test_limits_of_an_autopilots_clock(ppm: float, late_s: float, fine: bool) -> None:
     """Oracle: the limits that the refusal names, 500 ppm of drift and a spread of 1 s; late: two of
     three messages, one to either side.
@@ -213,13 +264,24 @@ def test_vehicle_imu_gives_rates_over_its_own_intervals(tmp_path: Path) -> None:
     """Oracle: increments divided by their intervals, by hand."""
     oracle("pyulog")
     unix = 315964800 + 2008 * 604800 + 200000 - 18
-    fields = "uint64_t timestamp; uint64_t timestamp_sample; float[3] delta_angle; float[3] delta_velocity; "
+    fields = (
+        "uint64_t timestamp; uint64_t timestamp_sample; float[3] delta_angle; float[3]"
+        " delta_velocity; "
+    )
     fields += "uint32_t delta_angle_dt; uint32_t delta_velocity_dt"
-    imu = [(10000 * k, 10000 * k - 500, 0.01, 0.0, -0.02, 0.1, 0.0, -0.5, 5000, 4000) for k in range(1, 50)]
-    gps = [(200000 * k, unix * 10**6 + 200000 * k, 46.5, 6.5, 600.0, 6, 0.02, 0.03) for k in range(1, 5)]
+    imu = [
+        (10000 * k, 10000 * k - 500, 0.01, 0.0, -0.02, 0.1, 0.0, -0.5, 5000, 4000)
+        for k in range(1, 50)
+    ]
+    gps = [
+        (200000 * k, unix * 10**6 + 200000 * k, 46.5, 6.5, 600.0, 6, 0.02, 0.03)
+        for k in range(1, 5)
+    ]
     more = "uint64_t timestamp; uint64_t time_utc_usec; double latitude_deg; double longitude_deg; "
     more += "double altitude_ellipsoid_m; uint8_t fix_type; float eph; float epv"
-    (tmp_path / "x.ulg").write_bytes(WRITER.ulog([("vehicle_imu", fields, imu), ("sensor_gps", more, gps)])[0])
+    (tmp_path / "x.ulg").write_bytes(
+        WRITER.ulog([("vehicle_imu", fields, imu), ("sensor_gps", more, gps)])[0]
+    )
     got, fixes = read_imu(tmp_path / "x.ulg"), read_gnss(tmp_path / "x.ulg")
     assert_allclose(got.gyro[0], [2.0, 0.0, -4.0], rtol=1e-6)
     assert_allclose(got.accel[0], [25.0, 0.0, -125.0], rtol=1e-6)
@@ -227,5 +289,8 @@ def test_vehicle_imu_gives_rates_over_its_own_intervals(tmp_path: Path) -> None:
     assert np.degrees(fixes.lat[0]) == pytest.approx(46.5, abs=1e-12)
     assert fixes.quality is not None
     assert set(fixes.quality.tolist()) == {1}
-    with pytest.raises(InputError, match="no topic camera_capture or camera_trigger; there are sensor_gps, vehicle_imu"):
+    with pytest.raises(
+        InputError,
+        match="no topic camera_capture or camera_trigger; there are sensor_gps, vehicle_imu",
+    ):
         read_events(tmp_path / "x.ulg")

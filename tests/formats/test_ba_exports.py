@@ -1,4 +1,6 @@
-"""Every format for bundle adjustments: read by a minimal reader of the tool's convention, points re-projected; worked example; refusals."""
+"""Every format for bundle adjustments: read by a minimal reader of the tool's convention, points
+re-projected; worked example; refusals.
+"""
 
 import json
 import re
@@ -9,24 +11,42 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ba_scene import LAT0, LON0, Array, D, Place, assert_reprojects, block, boresight, camera_of, exterior, framed, worked
+from ba_scene import (
+    LAT0,
+    LON0,
+    Array,
+    D,
+    Place,
+    assert_reprojects,
+    block,
+    boresight,
+    camera_of,
+    exterior,
+    framed,
+    worked,
+)
 from draws import normal_draws
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from insgnss.errors import DataError, InputError, UsageError
-from insgnss.formats.bentley import write_bentley
-from insgnss.formats.eo_local_plane import write_eo_local_plane
+from insgnss.base.errors import DataError, InputError, UsageError
+from insgnss.formats.bundle.bentley import write_bentley
+from insgnss.formats.bundle.inpho import write_inpho_ascii, write_inpho_prj
+from insgnss.formats.bundle.metashape import (
+    read_metashape,
+    write_metashape,
+    write_metashape_offset,
+    write_metashape_opk,
+)
+from insgnss.formats.bundle.micmac import write_micmac, write_micmac_xml
+from insgnss.formats.bundle.odm import write_odm_geo
+from insgnss.formats.bundle.opensfm import write_opensfm
+from insgnss.formats.bundle.pix4d import write_pix4d_mapper, write_pix4d_matic
+from insgnss.formats.bundle.realitycapture import write_realitycapture
 from insgnss.formats.experimental.patb import write_patb
 from insgnss.formats.experimental.pix4d_accuracy import write_pix4d_mapper_accuracy
 from insgnss.formats.experimental.realitycapture_accuracy import write_realitycapture_accuracy
-from insgnss.formats.inpho import write_inpho_ascii, write_inpho_prj
-from insgnss.formats.metashape import read_metashape, write_metashape, write_metashape_offset, write_metashape_opk
-from insgnss.formats.micmac import write_micmac, write_micmac_xml
-from insgnss.formats.odm import write_odm_geo
-from insgnss.formats.opensfm import write_opensfm
-from insgnss.formats.pix4d import write_pix4d_mapper, write_pix4d_matic
-from insgnss.formats.realitycapture import write_realitycapture
+from insgnss.formats.orientation.eo_local_plane import write_eo_local_plane
 
 Read = list[tuple[Place, Array, bool]]
 
@@ -38,11 +58,17 @@ def opk(values: list[float]) -> Array:
 
 def ypr(values: list[float]) -> Array:
     """Camera of yaw pitch roll in degrees: Rz(-yaw) Rx(pitch) Ry(roll), then D."""
-    return Rotation.from_euler("ZXY", [-values[0], values[1], values[2]], degrees=True).as_matrix() @ D
+    return (
+        Rotation.from_euler("ZXY", [-values[0], values[1], values[2]], degrees=True).as_matrix() @ D
+    )
 
 
 def fields(path: Path, separator: str | None = None) -> list[list[str]]:
-    return [line.split(separator) for line in path.read_text().splitlines() if line and not line.startswith("#")]
+    return [
+        line.split(separator)
+        for line in path.read_text().splitlines()
+        if line and not line.startswith("#")
+    ]
 
 
 def numbers(path: Path, separator: str | None = ",") -> list[list[float]]:
@@ -58,11 +84,15 @@ def read_axes_opk(path: Path, where: str) -> Read:
 
 
 def read_offset(path: Path, where: str) -> Read:
-    """Reference rotation = R_cam D ypr2mat(offset): the camera is what is left when the offset is taken off again."""
+    """Reference rotation = R_cam D ypr2mat(offset): the camera is what is left when the offset is
+    taken off again.
+    """
     text = path.with_name(f"{path.stem}_gps_ins_offset.txt").read_text()
     angles = [float(x) for x in re.search(r"Yaw, Pitch, Roll \(deg\): (.*)", text)[1].split(",")]  # type: ignore[index]
     offset = ypr(angles) @ D
-    return [(place, C @ D @ offset.T @ D, north) for place, C, north in read_metashape_ypr(path, where)]
+    return [
+        (place, C @ D @ offset.T @ D, north) for place, C, north in read_metashape_ypr(path, where)
+    ]
 
 
 def read_matic(path: Path, where: str) -> Read:
@@ -76,14 +106,21 @@ def read_realitycapture(path: Path, where: str) -> Read:
 
 def read_opensfm(path: Path, where: str) -> Read:
     reference = json.loads(path.with_name("reference_lla.json").read_text())
-    assert_allclose([reference["latitude"], reference["longitude"]], [LAT0, LON0], rtol=0, atol=1e-12)
+    assert_allclose(
+        [reference["latitude"], reference["longitude"]], [LAT0, LON0], rtol=0, atol=1e-12
+    )
     axes = Place("tangent plane", np.zeros(3)).axes
     out: Read = []
     for shot in json.loads(path.read_text()).values():
         gps, a = shot["gps"], shot["opk"]
         place = Place("geographic", np.array([gps["longitude"], gps["latitude"], gps["altitude"]]))
         place.axes = axes
-        to_camera = D @ Rotation.from_euler("ZYX", [-a["kappa"], -a["phi"], -a["omega"]], degrees=True).as_matrix()
+        to_camera = (
+            D
+            @ Rotation.from_euler(
+                "ZYX", [-a["kappa"], -a["phi"], -a["omega"]], degrees=True
+            ).as_matrix()
+        )
         out.append((place, to_camera.T, False))
     return out
 
@@ -108,15 +145,27 @@ def read_micmac_xml(path: Path, where: str) -> Read:
 def read_bentley(path: Path, where: str) -> Read:
     root = ET.parse(path).getroot()
     definition = root.findtext("SpatialReferenceSystems/SRS/Definition")
-    assert root.findtext("Block/Photogroups/Photogroup/CameraOrientation", "XRightYDown") == "XRightYDown"
+    assert (
+        root.findtext("Block/Photogroups/Photogroup/CameraOrientation", "XRightYDown")
+        == "XRightYDown"
+    )
     out: Read = []
     for photo in root.iter("Photo"):
         pose = photo.find("Pose/Metadata")
         assert pose is not None
-        M = np.array([[float(pose.findtext(f"Rotation/M_{i}{j}", "nan")) for j in range(3)] for i in range(3)])
+        M = np.array(
+            [
+                [float(pose.findtext(f"Rotation/M_{i}{j}", "nan")) for j in range(3)]
+                for i in range(3)
+            ]
+        )
         x = np.array([float(pose.findtext(f"Center/{axis}", "nan")) for axis in "xyz"])
-        if definition is not None and definition.startswith("ENU:"):  # its origin lies on the ellipsoid
-            assert_allclose([float(v) for v in definition[4:].split(",")], [LAT0, LON0], rtol=0, atol=1e-12)
+        if definition is not None and definition.startswith(
+            "ENU:"
+        ):  # its origin lies on the ellipsoid
+            assert_allclose(
+                [float(v) for v in definition[4:].split(",")], [LAT0, LON0], rtol=0, atol=1e-12
+            )
             x = x - [0, 0, 412.5]
         else:
             assert definition == ("EPSG:4326" if where == "geographic" else where)
@@ -146,7 +195,9 @@ def read_patb(path: Path, where: str) -> Read:
     for first, second, third in zip(lines[::3], lines[1::3], lines[2::3], strict=True):
         assert int(first[:16]) > 8000
         x = [float(first[a : a + 16]) for a in (32, 48, 64)]
-        a = [float(second[k : k + 16]) for k in range(0, 80, 16)] + [float(third[k : k + 16]) for k in range(0, 64, 16)]
+        a = [float(second[k : k + 16]) for k in range(0, 80, 16)] + [
+            float(third[k : k + 16]) for k in range(0, 64, 16)
+        ]
         out.append((Place(where, np.array(x)), np.array(a).reshape(3, 3) @ D, False))
     return out
 
@@ -174,81 +225,136 @@ CASES: list[tuple[Callable[..., None], Callable[[Path, str], Read], tuple[str, .
 ]
 
 
-@pytest.mark.parametrize(("write", "read", "where"), [(w, r, f) for w, r, frames in CASES for f in frames])
+@pytest.mark.parametrize(
+    ("write", "read", "where"), [(w, r, f) for w, r, frames in CASES for f in frames]
+)
 def test_points_reproject_from_the_written_file(
     write: Callable[..., None], read: Callable[[Path, str], Read], where: str, tmp_path: Path
 ) -> None:
-    """Oracle: a reader of the tool's convention by scipy and pyproj; 0.02 px of a 5607 px camera, 3 km from the origin."""
+    """Oracle: a reader of the tool's convention by scipy and pyproj; 0.02 px of a 5607 px camera, 3
+    km from the origin.
+    """
     eo = block()
     write(framed(eo, where), tmp_path / "out")
     assert_reprojects(eo, read(tmp_path / "out", where))
 
 
 def test_the_reprojection_notices_what_it_is_for(tmp_path: Path) -> None:
-    """Oracle: the sizes of the mistakes: convergence of LV95 0.66 deg, true north 3 km away 1 arc minute."""
+    """Oracle: the sizes of the mistakes: convergence of LV95 0.66 deg, true north 3 km away 1 arc
+    minute.
+    """
     eo = block()
     write_metashape(framed(eo, "EPSG:2056"), tmp_path / "a")
     write_eo_local_plane(framed(eo, "tangent plane"), tmp_path / "b")
-    without_convergence = [(place, C, False) for place, C, _ in read_metashape_ypr(tmp_path / "a", "EPSG:2056")]
+    without_convergence = [
+        (place, C, False) for place, C, _ in read_metashape_ypr(tmp_path / "a", "EPSG:2056")
+    ]
     rows = [[float(x) for x in row[1:]] for row in fields(tmp_path / "b")]
-    assert_reprojects(eo, [(Place("tangent plane", np.array(v[:3])), opk(v[3:6]), False) for v in rows])
-    places = [Place("geographic", np.degrees(x[:2]).tolist() + [x[2]]) for x in framed(eo, "geographic").coordinates]  # type: ignore[arg-type]
-    for wrong in (without_convergence, [(place, opk(v[3:6]), False) for place, v in zip(places, rows, strict=True)]):
+    assert_reprojects(
+        eo, [(Place("tangent plane", np.array(v[:3])), opk(v[3:6]), False) for v in rows]
+    )
+    places = [
+        Place("geographic", np.degrees(x[:2]).tolist() + [x[2]])
+        for x in framed(eo, "geographic").coordinates
+    ]  # type: ignore[arg-type]
+    for wrong in (
+        without_convergence,
+        [(place, opk(v[3:6]), False) for place, v in zip(places, rows, strict=True)],
+    ):
         with pytest.raises(AssertionError):
             assert_reprojects(eo, wrong, 1.0)
 
 
 def test_worked_example(tmp_path: Path) -> None:
-    """Oracle: formats.md 0.2, printed to 6 decimals of a degree; Bentley's angles through M^T = Rx Ry Rz without D."""
+    """Oracle: formats.md 0.2, printed to 6 decimals of a degree; Bentley's angles through M^T = Rx
+    Ry Rz without D.
+    """
     plane, geographic = worked("tangent plane"), worked("geographic")
     write_micmac(plane, tmp_path / "m")
-    assert_allclose(numbers(tmp_path / "m", None)[0][3:6], [0.931051, 4.374505, -137.600874], rtol=0, atol=2e-6)
+    assert_allclose(
+        numbers(tmp_path / "m", None)[0][3:6], [0.931051, 4.374505, -137.600874], rtol=0, atol=2e-6
+    )
     write_metashape_opk(geographic, tmp_path / "o")
-    assert_allclose(numbers(tmp_path / "o")[0][3:6], [0.931051, 4.374505, -137.600874], rtol=0, atol=2e-6)
+    assert_allclose(
+        numbers(tmp_path / "o")[0][3:6], [0.931051, 4.374505, -137.600874], rtol=0, atol=2e-6
+    )
     for write in (write_metashape, write_pix4d_matic, write_realitycapture):
         write(geographic, tmp_path / "y")
-        assert_allclose(numbers(tmp_path / "y")[0][3:6], [137.648029, -3.636396, -2.605228], rtol=0, atol=2e-6)
+        assert_allclose(
+            numbers(tmp_path / "y")[0][3:6], [137.648029, -3.636396, -2.605228], rtol=0, atol=2e-6
+        )
     write_bentley(geographic, tmp_path / "b")
     M_t = read_bentley(tmp_path / "b", "geographic")[0][1]
-    assert_allclose(M_t.T, [[-0.736314, -0.675117, 0.045363], [-0.672327, 0.737532, 0.063424], [-0.076275, 0.016202, -0.996955]], atol=6e-7)
-    assert_allclose(Rotation.from_matrix(M_t).as_euler("XYZ", degrees=True), [-179.068949, -4.374505, 137.600874], rtol=0, atol=2e-6)
+    assert_allclose(
+        M_t.T,
+        [
+            [-0.736314, -0.675117, 0.045363],
+            [-0.672327, 0.737532, 0.063424],
+            [-0.076275, 0.016202, -0.996955],
+        ],
+        atol=6e-7,
+    )
+    assert_allclose(
+        Rotation.from_matrix(M_t).as_euler("XYZ", degrees=True),
+        [-179.068949, -4.374505, 137.600874],
+        rtol=0,
+        atol=2e-6,
+    )
 
 
 def test_nominal_camera_and_offset_of_metashape(tmp_path: Path) -> None:
-    """Oracle: formats.md B1.4: 137.1048 -2.9982 -2.0027 for the worked example, -0.5130 +0.6621 +0.5681 for Table 2 of paper 000."""
+    """Oracle: formats.md B1.4: 137.1048 -2.9982 -2.0027 for the worked example, -0.5130 +0.6621
+    +0.5681 for Table 2 of paper 000.
+    """
     write_metashape_offset(worked(), tmp_path / "ms.csv")
     assert_allclose(numbers(tmp_path / "ms.csv")[0][3:6], [137.1048, -2.9982, -2.0027], atol=6e-5)
     text = (tmp_path / "ms_gps_ins_offset.txt").read_text()
     offset = [float(x) for x in re.search(r"Yaw, Pitch, Roll \(deg\): (.*)", text)[1].split(",")]  # type: ignore[index]
     assert_allclose(offset, [-0.5130, 0.6621, 0.5681], atol=6e-5)
     published = np.array([-0.513, 0.657, 0.574])
-    assert_allclose(offset, published, atol=0.0065)  # carried over angle by angle, from Rx Ry Rz to Rz Rx Ry
+    assert_allclose(
+        offset, published, atol=0.0065
+    )  # carried over angle by angle, from Rx Ry Rz to Rz Rx Ry
     assert np.abs(np.array(offset) - published).max() > 0.004
-    x_y_z = Rotation.from_euler("XYZ", [-published[1], published[2], published[0]], degrees=True).as_matrix()
+    x_y_z = Rotation.from_euler(
+        "XYZ", [-published[1], published[2], published[0]], degrees=True
+    ).as_matrix()
     assert_allclose(x_y_z, boresight(), atol=2e-6)
     assert "bore-sight not applied in the angles of the csv" in text
 
 
-@pytest.mark.parametrize("where", ["geographic", "EPSG:2056", "EPSG:3413", "tangent plane"])  # EPSG:3413: convergence 52 deg
+@pytest.mark.parametrize(
+    "where", ["geographic", "EPSG:2056", "EPSG:3413", "tangent plane"]
+)  # EPSG:3413: convergence 52 deg
 def test_sigmas_of_metashape(where: str, tmp_path: Path) -> None:
     """Oracle: Monte Carlo of exp(psi) R through scipy's angles (4000 draws); axes by pyproj."""
     eo = block(2)
     frame = framed(eo, where)
     plane = Place("tangent plane", np.zeros(3)).axes
-    for write, order, north in ((write_metashape, "ZXY", True), (write_metashape_opk, "XYZ", False)):
+    for write, order, north in (
+        (write_metashape, "ZXY", True),
+        (write_metashape_opk, "XYZ", False),
+    ):
         write(frame, tmp_path / "x")
         for k, v in enumerate(numbers(tmp_path / "x")):
             place = Place(where, np.array(v[:3]))
             A = (place.north_axes if north else place.axes).T @ plane
             psi = normal_draws(A @ eo.cov[k, 3:, 3:] @ A.T, 4000, seed=4)
-            drawn = np.unwrap((Rotation.from_rotvec(psi) * Rotation.from_matrix(A @ eo.C_mc[k] @ D)).as_euler(order), axis=0)
+            drawn = np.unwrap(
+                (Rotation.from_rotvec(psi) * Rotation.from_matrix(A @ eo.C_mc[k] @ D)).as_euler(
+                    order
+                ),
+                axis=0,
+            )
             assert_allclose(v[9:12], np.degrees(drawn.std(axis=0, ddof=1)), rtol=0.003)
             F = place.axes.T @ plane
             assert_allclose(v[6:9], np.sqrt(np.diag(F @ eo.cov[k, :3, :3] @ F.T)), atol=1e-5)
 
 
 def test_single_accuracies(tmp_path: Path) -> None:
-    """Oracle: their definition: root mean squares of standard deviations, by numpy on the record's covariance."""
+    """Oracle: their definition: root mean squares of standard deviations, by numpy on the record's
+    covariance.
+    """
     eo = block(2)
     for write, where, separator, at in (
         (write_pix4d_matic, "geographic", ",", 6),
@@ -261,7 +367,11 @@ def test_single_accuracies(tmp_path: Path) -> None:
         rows = [line.split(separator) for line in text.splitlines() if line.startswith("800")]
         for k, row in enumerate(rows):
             var = np.diag(frame.cov[k])
-            assert_allclose([float(v) for v in row[at + 1 :]], [np.sqrt((var[0] + var[1]) / 2), np.sqrt(var[2])], atol=1e-5)
+            assert_allclose(
+                [float(v) for v in row[at + 1 :]],
+                [np.sqrt((var[0] + var[1]) / 2), np.sqrt(var[2])],
+                atol=1e-5,
+            )
     write_opensfm(framed(eo, "tangent plane"), tmp_path / "exif_overrides.json")
     shot = json.loads((tmp_path / "exif_overrides.json").read_text())["8002.tif"]
     var = np.diag(eo.cov[1])
@@ -277,7 +387,11 @@ def test_odm_geo(tmp_path: Path) -> None:
         first, *rest = (tmp_path / "geo.txt").read_text().splitlines()
         assert first == head
         row = next(line for line in rest if not line.startswith("#")).split()
-        x = frame.coordinates[0] if where != "geographic" else [*np.degrees(frame.coordinates[0, :2]), frame.coordinates[0, 2]]
+        x = (
+            frame.coordinates[0]
+            if where != "geographic"
+            else [*np.degrees(frame.coordinates[0, :2]), frame.coordinates[0, 2]]
+        )
         assert_allclose([float(v) for v in row[1:4]], x, rtol=0, atol=0.6e-4)
         assert row[4:7] == ["NaN"] * 3
 
@@ -294,16 +408,26 @@ def test_axis_order_of_matic(tmp_path: Path) -> None:
         head, row = (tmp_path / "x.csv").read_text().splitlines()
         assert head.startswith(f"#imagename,{first} ({code}")
         order = [1, 0] if first == "northing" else [0, 1]
-        assert_allclose([float(v) for v in row.split(",")[1:3]], frame.coordinates[0, order], rtol=0, atol=0.6e-4)
+        assert_allclose(
+            [float(v) for v in row.split(",")[1:3]],
+            frame.coordinates[0, order],
+            rtol=0,
+            atol=0.6e-4,
+        )
 
 
 def test_bentley_camera(tmp_path: Path) -> None:
-    """Oracle: the vendor's page: an explicit camera, or ManualOpticalParams false, which takes it from the images."""
+    """Oracle: the vendor's page: an explicit camera, or ManualOpticalParams false, which takes it
+    from the images.
+    """
     eo = worked("geographic")
     write_bentley(eo, tmp_path / "b.xml", width_px=5120, height_px=3840, focal_px=5607)
     group = ET.parse(tmp_path / "b.xml").getroot().find("Block/Photogroups/Photogroup")
     assert group is not None
-    assert [group.findtext(tag) for tag in ("ImageDimensions/Width", "ImageDimensions/Height", "CameraOrientation")] == [
+    assert [
+        group.findtext(tag)
+        for tag in ("ImageDimensions/Width", "ImageDimensions/Height", "CameraOrientation")
+    ] == [
         "5120",
         "3840",
         "XRightYDown",
@@ -343,19 +467,31 @@ def test_inpho_photo_block(tmp_path: Path) -> None:
 
 
 def test_numbers_of_patb(tmp_path: Path) -> None:
-    """Oracle: the rule of its page: numbers of the names where all have one, else running; both in the table beside."""
+    """Oracle: the rule of its page: numbers of the names where all have one, else running; both in
+    the table beside.
+    """
     eo = framed(block(2), "tangent plane")
-    for names, ids in ((("8001.tif", "8002.tif"), (8001, 8002)), (("a.tif", "7.tif"), (1, 2)), (("7.tif", "07.tif"), (1, 2))):
+    for names, ids in (
+        (("8001.tif", "8002.tif"), (8001, 8002)),
+        (("a.tif", "7.tif"), (1, 2)),
+        (("7.tif", "07.tif"), (1, 2)),
+    ):
         write_patb(replace(eo, images=names), tmp_path / "x.ori")
         lines = (tmp_path / "x.ori").read_text().splitlines()
         assert tuple(int(line[:16]) for line in lines[::3]) == ids
-        table = [line.split() for line in (tmp_path / "x_ids.txt").read_text().splitlines() if not line.startswith("#")]
+        table = [
+            line.split()
+            for line in (tmp_path / "x_ids.txt").read_text().splitlines()
+            if not line.startswith("#")
+        ]
         assert table == [[str(k), name] for k, name in zip(ids, names, strict=True)]
         assert [len(line) for line in lines[:3]] == [80, 80, 64]
 
 
 def test_reference_of_opensfm_is_not_replaced(tmp_path: Path) -> None:
-    """Oracle: the same export again is the same reference; another one is refused, and nothing written."""
+    """Oracle: the same export again is the same reference; another one is refused, and nothing
+    written.
+    """
     write_opensfm(worked("tangent plane"), tmp_path / "exif_overrides.json")
     write_opensfm(worked("tangent plane"), tmp_path / "exif_overrides.json")
     (tmp_path / "reference_lla.json").write_text('{"latitude": 1, "longitude": 2, "altitude": 3}')
@@ -395,7 +531,9 @@ def test_frames_that_a_format_cannot_carry(tmp_path: Path) -> None:
 
 
 def test_names_and_attitudes_that_a_format_cannot_hold(tmp_path: Path) -> None:
-    """Oracle: the separators; phi = 90 deg of a camera that looks west along the horizon, pitch = 90 deg of one that looks north."""
+    """Oracle: the separators; phi = 90 deg of a camera that looks west along the horizon, pitch =
+    90 deg of one that looks north.
+    """
     for write, where, name in (
         (write_metashape_opk, "geographic", "a,b"),
         (write_pix4d_mapper, "tangent plane", "a,b"),
@@ -419,7 +557,11 @@ def test_names_and_attitudes_that_a_format_cannot_hold(tmp_path: Path) -> None:
 
 def test_other_variants_are_not_read_as_the_geographic_one(tmp_path: Path) -> None:
     """Oracle: the columns' names differ, so that nothing is taken for what it is not."""
-    for write, where in ((write_metashape_opk, "geographic"), (write_metashape_offset, "geographic"), (write_metashape, "EPSG:2056")):
+    for write, where in (
+        (write_metashape_opk, "geographic"),
+        (write_metashape_offset, "geographic"),
+        (write_metashape, "EPSG:2056"),
+    ):
         write(framed(block(2), where), tmp_path / "x.csv")
         with pytest.raises(InputError, match="does not name"):
             read_metashape(tmp_path / "x.csv")
@@ -429,8 +571,15 @@ def test_other_variants_are_not_read_as_the_geographic_one(tmp_path: Path) -> No
 @pytest.mark.parametrize("write", [w for w, _, _ in CASES if w is not write_micmac_xml])
 def test_many_images(write: Callable[..., None], tmp_path: Path) -> None:
     """Oracle: the number of images written across the pieces that are formatted at once."""
-    where = {write_pix4d_matic: "geographic", write_realitycapture: "geographic"}.get(write, "tangent plane")
-    eo = framed(exterior(camera_of(*np.random.default_rng(1).uniform(-5, 5, (3, 20_050))), np.zeros((20_050, 3))), where)
+    where = {write_pix4d_matic: "geographic", write_realitycapture: "geographic"}.get(
+        write, "tangent plane"
+    )
+    eo = framed(
+        exterior(
+            camera_of(*np.random.default_rng(1).uniform(-5, 5, (3, 20_050))), np.zeros((20_050, 3))
+        ),
+        where,
+    )
     write(eo, tmp_path / "x")
     text = (tmp_path / "x").read_text()
     assert {str(8001 + k) for k in range(20_050)} <= set(re.findall(r"\d+", text))

@@ -8,33 +8,84 @@ from typing import Any
 import pytest
 from ba_scene import worked
 
-from insgnss.errors import InputError
-from insgnss.formats.generic_ascii import read_generic_ascii
+from insgnss.base.errors import InputError
+from insgnss.formats.orientation.generic_ascii import read_generic_ascii
 
 SPECS = Path(__file__).parents[2] / "data_specs"
 PRJ = {"focal_mm": 20.2, "ground_m": 510.0}
-EXAMPLES: list[tuple[str, str, str, str, dict[str, Any], str]] = [  # page, example, writer, frame, options, file
+EXAMPLES: list[
+    tuple[str, str, str, str, dict[str, Any], str]
+] = [  # page, example, writer, frame, options, file
     ("metashape", "projected", "metashape:write_metashape", "EPSG:2056", {}, "x.txt"),
     ("metashape", "opk", "metashape:write_metashape_opk", "EPSG:2056", {}, "x.txt"),
     ("metashape", "offset", "metashape:write_metashape_offset", "geographic", {}, "x.txt"),
-    ("metashape", "offset_text", "metashape:write_metashape_offset", "geographic", {}, "x_gps_ins_offset.txt"),
+    (
+        "metashape",
+        "offset_text",
+        "metashape:write_metashape_offset",
+        "geographic",
+        {},
+        "x_gps_ins_offset.txt",
+    ),
     ("pix4d", "true", "pix4d:write_pix4d_matic", "geographic", {}, "x.txt"),
     ("pix4d", "mapper", "pix4d:write_pix4d_mapper", "EPSG:2056", {}, "x.txt"),
-    ("pix4d", "mapper_accuracy", "experimental.pix4d_accuracy:write_pix4d_mapper_accuracy", "EPSG:2056", {}, "x.txt"),
+    (
+        "pix4d",
+        "mapper_accuracy",
+        "experimental.pix4d_accuracy:write_pix4d_mapper_accuracy",
+        "EPSG:2056",
+        {},
+        "x.txt",
+    ),
     ("odm", "true", "odm:write_odm_geo", "geographic", {}, "x.txt"),
     ("opensfm", "true", "opensfm:write_opensfm", "tangent plane", {}, "x.txt"),
-    ("opensfm", "reference", "opensfm:write_opensfm", "tangent plane", {}, "reference_lla.json"),
+    (
+        "opensfm",
+        "reference",
+        "opensfm:write_opensfm",
+        "tangent plane",
+        {},
+        "reference_lla.json",
+    ),
     ("micmac", "true", "micmac:write_micmac", "tangent plane", {}, "x.txt"),
-    ("micmac", "xml", "micmac:write_micmac_xml", "tangent plane", {}, "x.txt/Orientation-8001.tif.xml"),
-    ("realitycapture", "true", "realitycapture:write_realitycapture", "geographic", {}, "x.txt"),
-    ("realitycapture", "accuracy", "experimental.realitycapture_accuracy:write_realitycapture_accuracy", "geographic", {}, "x.txt"),
+    (
+        "micmac",
+        "xml",
+        "micmac:write_micmac_xml",
+        "tangent plane",
+        {},
+        "x.txt/Orientation-8001.tif.xml",
+    ),
+    (
+        "realitycapture",
+        "true",
+        "realitycapture:write_realitycapture",
+        "geographic",
+        {},
+        "x.txt",
+    ),
+    (
+        "realitycapture",
+        "accuracy",
+        "experimental.realitycapture_accuracy:write_realitycapture_accuracy",
+        "geographic",
+        {},
+        "x.txt",
+    ),
     ("bentley", "true", "bentley:write_bentley", "EPSG:2056", {}, "x.txt"),
     ("inpho", "true", "inpho:write_inpho_prj", "EPSG:2056", PRJ, "x.txt"),
     ("inpho", "ascii", "inpho:write_inpho_ascii", "EPSG:2056", {}, "x.txt"),
     ("patb", "true", "experimental.patb:write_patb", "EPSG:2056", {}, "x.txt"),
     ("patb", "ids", "experimental.patb:write_patb", "EPSG:2056", {}, "x_ids.txt"),
     ("generic_ascii", "true", "generic_ascii:write_generic_ascii", "EPSG:2056", {}, "x.txt"),
-    ("generic_ascii", "bingo", "experimental.table_presets:write_bingo", "EPSG:2056", {}, "x.txt"),
+    (
+        "generic_ascii",
+        "bingo",
+        "experimental.table_presets:write_bingo",
+        "EPSG:2056",
+        {},
+        "x.txt",
+    ),
 ]
 
 
@@ -51,11 +102,19 @@ def lasting(text: str) -> str:
 
 @pytest.mark.parametrize(("page", "kind", "writer", "where", "options", "file"), EXAMPLES)
 def test_the_example_is_what_is_written(
-    page: str, kind: str, writer: str, where: str, options: dict[str, Any], file: str, tmp_path: Path
+    page: str,
+    kind: str,
+    writer: str,
+    where: str,
+    options: dict[str, Any],
+    file: str,
+    tmp_path: Path,
 ) -> None:
     """Oracle: the page, for the worked example of formats.md 0.2."""
     module, _, name = writer.partition(":")
-    getattr(import_module(f"insgnss.formats.{module}"), name)(worked(where), tmp_path / "x.txt", **options)
+    getattr(import_module(f"insgnss.formats.{module}"), name)(
+        worked(where), tmp_path / "x.txt", **options
+    )
     assert lasting((tmp_path / file).read_text()) == lasting(example(page, kind))
 
 

@@ -1,4 +1,6 @@
-"""Columns out of MATLAB and numpy files: labels, places, structs, HDF5; and what `describe` says is there."""
+"""Columns out of MATLAB and numpy files: labels, places, structs, HDF5; and what `describe` says is
+there.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +11,7 @@ from numpy.testing import assert_allclose
 from oracles import oracle
 from scipy.io import savemat
 
-from insgnss.errors import InputError, UsageError
+from insgnss.base.errors import InputError, UsageError
 from insgnss.formats import describe, read_gnss, read_imu
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
@@ -27,7 +29,18 @@ def recording(name: str) -> Path:
 
 def mat(path: Path) -> Path:
     labels = np.array(NAMES, dtype=object).reshape(-1, 1)
-    savemat(path, {"IMU": M, "IMU_label": labels, "t": T, "w": M[:, 1:4], "f": M[:, 4:], "log": {"imu": {"M": M}}, "title": "flight 1"})
+    savemat(
+        path,
+        {
+            "IMU": M,
+            "IMU_label": labels,
+            "t": T,
+            "w": M[:, 1:4],
+            "f": M[:, 4:],
+            "log": {"imu": {"M": M}},
+            "title": "flight 1",
+        },
+    )
     return path
 
 
@@ -38,10 +51,14 @@ def mat73(path: Path) -> Path:
         file["log/imu/M"] = M.T
         cells = []
         for k, name in enumerate(NAMES):
-            text = file.create_dataset(f"#refs#/{k}", data=np.array([[ord(c)] for c in name], dtype=np.uint16))
+            text = file.create_dataset(
+                f"#refs#/{k}", data=np.array([[ord(c)] for c in name], dtype=np.uint16)
+            )
             text.attrs["MATLAB_class"] = np.bytes_("char")
             cells.append(text.ref)
-        file.create_dataset("IMU_label", data=np.array([cells], dtype=h5py.ref_dtype), dtype=h5py.ref_dtype)
+        file.create_dataset(
+            "IMU_label", data=np.array([cells], dtype=h5py.ref_dtype), dtype=h5py.ref_dtype
+        )
     return path
 
 
@@ -49,15 +66,40 @@ def mat73(path: Path) -> Path:
 @pytest.mark.parametrize(
     "spec",
     [
-        {"variable": "IMU", "columns": dict(zip(CANONICAL, NAMES, strict=True)), "units": {"time": "ms"}},
-        {"columns": {name: f"IMU.{label}" for name, label in zip(CANONICAL, NAMES, strict=True)}, "units": {"time": "ms"}},
-        {"variable": "IMU", "columns": {name: f"[{k}]" for k, name in enumerate(CANONICAL, 1)}, "units": {"time": "ms"}},
-        {"columns": {"tow": "t"} | {f"{s}{c}": f"{m}[{k}]" for s, m in (("g", "w"), ("a", "f")) for k, c in enumerate("xyz", 1)}},
-        {"columns": {name: f"log.imu.M[{k}]" for k, name in enumerate(CANONICAL, 1)}, "units": {"time": "ms"}},
+        {
+            "variable": "IMU",
+            "columns": dict(zip(CANONICAL, NAMES, strict=True)),
+            "units": {"time": "ms"},
+        },
+        {
+            "columns": {name: f"IMU.{label}" for name, label in zip(CANONICAL, NAMES, strict=True)},
+            "units": {"time": "ms"},
+        },
+        {
+            "variable": "IMU",
+            "columns": {name: f"[{k}]" for k, name in enumerate(CANONICAL, 1)},
+            "units": {"time": "ms"},
+        },
+        {
+            "columns": (
+                {"tow": "t"}
+                | {
+                    f"{s}{c}": f"{m}[{k}]"
+                    for s, m in (("g", "w"), ("a", "f"))
+                    for k, c in enumerate("xyz", 1)
+                }
+            )
+        },
+        {
+            "columns": {name: f"log.imu.M[{k}]" for k, name in enumerate(CANONICAL, 1)},
+            "units": {"time": "ms"},
+        },
         {"variable": "log.imu.M", "columns": list(CANONICAL), "units": {"time": "ms"}},
     ],
 )
-def test_ways_to_name_a_column(tmp_path: Path, make: Callable[[Path], Path], spec: dict[str, object]) -> None:
+def test_ways_to_name_a_column(
+    tmp_path: Path, make: Callable[[Path], Path], spec: dict[str, object]
+) -> None:
     """Oracle: the matrix that was written."""
     imu = read_imu(make(tmp_path / "x.mat"), **spec)
     assert_allclose(imu.time, T, rtol=1e-15)
@@ -67,17 +109,39 @@ def test_ways_to_name_a_column(tmp_path: Path, make: Callable[[Path], Path], spe
 @pytest.mark.parametrize(
     ("spec", "error", "message"),
     [
-        ({"columns": {"tow": "w"}}, InputError, r"w is a matrix of 6 x 3; name one of its columns, w\[1\]"),
+        (
+            {"columns": {"tow": "w"}},
+            InputError,
+            r"w is a matrix of 6 x 3; name one of its columns, w\[1\]",
+        ),
         ({"columns": {"tow": "w[4]"}}, InputError, r"no w\[4\]; there are 3 columns"),
-        ({"variable": "IMU", "columns": {"tow": "Time"}}, InputError, "no IMU.Time; there are TimeMS, GyrX"),
+        (
+            {"variable": "IMU", "columns": {"tow": "Time"}},
+            InputError,
+            "no IMU.Time; there are TimeMS, GyrX",
+        ),
         ({"columns": {"tow": "title"}}, InputError, "title holds no numbers"),
-        ({"columns": {"tow": "log.imu"}}, InputError, r"log.imu holds no numbers \(a struct of M\)"),
-        ({"columns": {"tow": "t", "gx": "t"}}, InputError, "columns does not name gy, gz, ax, ay, az"),
-        ({"columns": {"tow": "t", "omega": "t"}}, UsageError, "columns: 'omega' is none of tow, week, gx"),
+        (
+            {"columns": {"tow": "log.imu"}},
+            InputError,
+            r"log.imu holds no numbers \(a struct of M\)",
+        ),
+        (
+            {"columns": {"tow": "t", "gx": "t"}},
+            InputError,
+            "columns does not name gy, gz, ax, ay, az",
+        ),
+        (
+            {"columns": {"tow": "t", "omega": "t"}},
+            UsageError,
+            "columns: 'omega' is none of tow, week, gx",
+        ),
         ({}, UsageError, r"needs columns = .*there are IMU: TimeMS GyrX .*; at the top: t "),
     ],
 )
-def test_refusals(tmp_path: Path, spec: dict[str, object], error: type[Exception], message: str) -> None:
+def test_refusals(
+    tmp_path: Path, spec: dict[str, object], error: type[Exception], message: str
+) -> None:
     """Oracle: data_specs/matlab.md."""
     with pytest.raises(error, match=message):
         read_imu(mat(tmp_path / "x.mat"), **spec)
@@ -130,7 +194,11 @@ def test_description_of_text_and_sentences(tmp_path: Path) -> None:
     """Oracle: the lines as a person reads them."""
     (tmp_path / "a.csv").write_text("Time (ms),ax [g],note\n1,2,3\n4,5,6\n")
     table = describe(tmp_path / "a.csv")[0]
-    assert (table.columns, table.units, table.rows) == (("Time (ms)", "ax [g]", "note"), ("ms", "g", ""), 2)
+    assert (table.columns, table.units, table.rows) == (
+        ("Time (ms)", "ax [g]", "note"),
+        ("ms", "g", ""),
+        2,
+    )
     (tmp_path / "b.txt").write_text("1 2 3\n4 5 6\n")
     assert describe(tmp_path / "b.txt")[0].columns == ("[1]", "[2]", "[3]")
     (tmp_path / "c.nmea").write_text("$GPTXT,hello*01\r\n")
@@ -140,7 +208,10 @@ def test_description_of_text_and_sentences(tmp_path: Path) -> None:
 def moved(lat: np.ndarray, lon: np.ndarray, time: np.ndarray) -> np.ndarray:
     """North and east velocity (n - 2, 2), m/s, by central differences of positions on a sphere."""
     north, east = 6371e3 * lat, 6371e3 * np.cos(lat[0]) * lon
-    return np.column_stack([(north[2:] - north[:-2]), (east[2:] - east[:-2])]) / (time[2:] - time[:-2])[:, None]
+    return (
+        np.column_stack([(north[2:] - north[:-2]), (east[2:] - east[:-2])])
+        / (time[2:] - time[:-2])[:, None]
+    )
 
 
 @pytest.mark.parametrize(
@@ -182,8 +253,12 @@ def moved(lat: np.ndarray, lon: np.ndarray, time: np.ndarray) -> np.ndarray:
         ),
     ],
 )
-def test_speed_and_course_are_those_of_the_track(file: str, spec: dict[str, object], fixes: int) -> None:
-    """Oracle: differences of the recorded positions (stamps of 5 Hz jitter by some 10 %, single-point fixes)."""
+def test_speed_and_course_are_those_of_the_track(
+    file: str, spec: dict[str, object], fixes: int
+) -> None:
+    """Oracle: differences of the recorded positions (stamps of 5 Hz jitter by some 10 %,
+    single-point fixes).
+    """
     got = read_gnss(recording(file), sigma_m=[2, 2, 4], sigma_velocity=[0.3, 0.3, 0.5], **spec)
     assert got.time.size == fixes
     assert got.velocity_ned is not None
@@ -195,9 +270,13 @@ def test_speed_and_course_are_those_of_the_track(file: str, spec: dict[str, obje
 
 
 def test_autopilot_export() -> None:
-    """Oracle: the recording's description: 30650 samples at 49.99 Hz over 613 s, 502 and 13656 rows, matrices with labels."""
+    """Oracle: the recording's description: 30650 samples at 49.99 Hz over 613 s, 502 and 13656
+    rows, matrices with labels.
+    """
     path = recording("apm_skywalker_x8/TestLog2.mat")
-    imu = read_imu(path, variable="IMU", columns=dict(zip(CANONICAL, NAMES, strict=True)), units={"time": "ms"})
+    imu = read_imu(
+        path, variable="IMU", columns=dict(zip(CANONICAL, NAMES, strict=True)), units={"time": "ms"}
+    )
     assert imu.time.size == 30650
     assert imu.time[-1] - imu.time[0] == pytest.approx(613.1, abs=0.1)
     assert np.median(imu.accel[:200, 2]) == pytest.approx(-9.6, abs=0.1)
@@ -206,17 +285,32 @@ def test_autopilot_export() -> None:
     assert (gps.gps_week, gps.time.size, gps.time[0]) == (1768, 3049, 511214.5)
     assert "1 rows that contradict an earlier one of their stamp left out" in gps.notes[0].found
     path = recording("apm_skywalker_x8/SwissLog1.mat")
-    columns = {"tow": "IMUtime"} | {f"{s}{c}": f"{m}[{k}]" for s, m in (("g", "angRate"), ("a", "accel")) for k, c in enumerate("xyz", 1)}
+    columns = {"tow": "IMUtime"} | {
+        f"{s}{c}": f"{m}[{k}]"
+        for s, m in (("g", "angRate"), ("a", "accel"))
+        for k, c in enumerate("xyz", 1)
+    }
     assert read_imu(path, columns=columns).time.size == 13656
     tables = describe(path)
-    assert any({"GPStime", "CourseDeg"} <= set(table.columns) and table.rows == 502 for table in tables)
-    assert any({"IMUtime", "angRate[3]", "accel[1]"} <= set(table.columns) and table.rows == 13656 for table in tables)
+    assert any(
+        {"GPStime", "CourseDeg"} <= set(table.columns) and table.rows == 502 for table in tables
+    )
+    assert any(
+        {"IMUtime", "angRate[3]", "accel[1]"} <= set(table.columns) and table.rows == 13656
+        for table in tables
+    )
 
 
 def test_static_counts() -> None:
-    """Oracle: the recording's description: LSB 0.05 deg/s and 0.00333 g, 100 Hz, 10000 s, mean of accelerometer z -1.017 g."""
+    """Oracle: the recording's description: LSB 0.05 deg/s and 0.00333 g, 100 Hz, 10000 s, mean of
+    accelerometer z -1.017 g.
+    """
     path = recording("adis16405_static/adis_16405_imu1.npy")
-    spec = {"columns": list(CANONICAL[1:]), "units": {"gyro": "0.05 deg/s", "accel": "0.00333 g"}, "rate_hz": 100.0}
+    spec = {
+        "columns": list(CANONICAL[1:]),
+        "units": {"gyro": "0.05 deg/s", "accel": "0.00333 g"},
+        "rate_hz": 100.0,
+    }
     imu = read_imu(path, **spec)
     raw = np.load(path, mmap_mode="r")
     assert_allclose(np.degrees(imu.gyro[::1000]), raw[::1000, :3] * 0.05, rtol=1e-14)

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from oracles import oracle
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.formats import EXPORTS, read_events, read_gnss, read_imu
-from insgnss.formats.eo_json import read_eo_json
-from insgnss.formats.eo_local_plane import read_eo_local_plane
-from insgnss.formats.metashape import read_metashape
-from insgnss.formats.odyn import read_odyn_poses
-from insgnss.formats.relative_csv import read_relative_csv
-from insgnss.formats.sbet import read_sbet
-from insgnss.formats.trajectory_csv import read_trajectory_csv
-from insgnss.formats.variances import read_variances
-from insgnss.gnss.navigation_message import read_navigation
-from insgnss.gnss.rinex import read_observations
+from insgnss.formats.bundle.metashape import read_metashape
+from insgnss.formats.imu.variances import read_variances
+from insgnss.formats.orientation.eo_json import read_eo_json
+from insgnss.formats.orientation.eo_local_plane import read_eo_local_plane
+from insgnss.formats.orientation.relative_csv import read_relative_csv
+from insgnss.formats.trajectory.odyn import read_odyn_poses
+from insgnss.formats.trajectory.sbet import read_sbet
+from insgnss.formats.trajectory.trajectory_csv import read_trajectory_csv
+from insgnss.gnss.rinex.navigation_message import read_navigation
+from insgnss.gnss.rinex.observations import read_observations
 
 SPECS = Path(__file__).parents[2] / "data_specs"
 READERS: dict[str, Callable[[Path], Any]] = {
@@ -51,7 +51,9 @@ def block(name: str, kind: str) -> str:
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_true_lines_are_read_and_the_bad_one_is_refused_as_printed(name: str, tmp_path: Path) -> None:
+def test_true_lines_are_read_and_the_bad_one_is_refused_as_printed(
+    name: str, tmp_path: Path
+) -> None:
     """Oracle: the page of the format."""
     path = tmp_path / name
     path.write_text(block(name, "true"))
@@ -102,7 +104,10 @@ def test_matlab_page(tmp_path: Path) -> None:
     """Oracle: the page's call on a struct of the fields in its message."""
     from scipy.io import savemat
 
-    savemat(tmp_path / "flight.mat", {"flight_data": {"time": [0.0, 1.0], "p": [0.0, 0.0], "q": [0.0, 0.0]}})
+    savemat(
+        tmp_path / "flight.mat",
+        {"flight_data": {"time": [0.0, 1.0], "p": [0.0, 0.0], "q": [0.0, 0.0]}},
+    )
     with pytest.raises(InputError, match=block("matlab", "message").strip()):
         read_imu(tmp_path / "flight.mat", variable="flight_data", columns={"tow": "zeit"})
 
@@ -119,7 +124,9 @@ def test_npy_page(tmp_path: Path) -> None:
 
 
 def test_ulog_page(tmp_path: Path) -> None:
-    """Oracle: the ULog header (magic, version, start) as its documentation states it, and nothing behind it."""
+    """Oracle: the ULog header (magic, version, start) as its documentation states it, and nothing
+    behind it.
+    """
     oracle("pyulog")
     (tmp_path / "x.ulg").write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8))
     with pytest.raises(InputError, match=block("ulog", "message").strip()):
@@ -134,7 +141,20 @@ def test_pages_of_settings_are_toml(name: str) -> None:
 
 
 def test_every_page_is_tested() -> None:
-    """Oracle: the directory's listing; the pages of formats that are only written have their examples in the tests of the exports."""
+    """Oracle: the directory's listing; the pages of formats that are only written have their
+    examples in the tests of the exports.
+    """
     written = {form.page for form in EXPORTS.values()}
-    tested = {*READERS, "sbet", "eo_json", "matlab", "npy", "ulog", "imu_calibration", "noise_model", "flight_file", "README"}
+    tested = {
+        *READERS,
+        "sbet",
+        "eo_json",
+        "matlab",
+        "npy",
+        "ulog",
+        "imu_calibration",
+        "noise_model",
+        "flight_file",
+        "README",
+    }
     assert {path.stem for path in SPECS.glob("*.md")} == tested | written

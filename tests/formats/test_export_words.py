@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from ba_scene import ORIGIN, block, exterior, framed, worked
 
-from insgnss.errors import DataError, InputError, UsageError
+from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.formats import EXPORTS
-from insgnss.formats._eo import check_names
-from insgnss.formats._exports import PROJECTED
-from insgnss.formats.bentley import on_ellipsoid, write_bentley
-from insgnss.formats.metashape import write_metashape
-from insgnss.formats.micmac import write_micmac_xml
+from insgnss.formats.bundle.bentley import on_ellipsoid, write_bentley
+from insgnss.formats.bundle.metashape import write_metashape
+from insgnss.formats.bundle.micmac import write_micmac_xml
+from insgnss.formats.exports import PROJECTED
+from insgnss.formats.orientation.exported import check_names
 from insgnss.geodesy.projection import MapProjection
 from insgnss.orient.frame import in_frame
 
@@ -38,12 +38,21 @@ ELSEWHERE = {
 }
 
 
-@pytest.mark.parametrize("name", [name for name, form in EXPORTS.items() if PROJECTED in form.frames and name not in ELSEWHERE])
+@pytest.mark.parametrize(
+    "name",
+    [name for name, form in EXPORTS.items() if PROJECTED in form.frames and name not in ELSEWHERE],
+)
 def test_scaled_heights_are_said(name: str, tmp_path: Path) -> None:
-    """Oracle: the ground that was asked for, in the text or its header; nothing of it where nothing was scaled."""
+    """Oracle: the ground that was asked for, in the text or its header; nothing of it where nothing
+    was scaled.
+    """
     eo, projection = replace(block(), cross=np.zeros((2, 6, 6))), MapProjection("EPSG:2056")
-    EXPORTS[name].write(in_frame(eo, PROJECTED, projection, 417.5), tmp_path / "a", **OPTIONS.get(name, {}))
-    EXPORTS[name].write(in_frame(eo, PROJECTED, projection), tmp_path / "b", **OPTIONS.get(name, {}))
+    EXPORTS[name].write(
+        in_frame(eo, PROJECTED, projection, 417.5), tmp_path / "a", **OPTIONS.get(name, {})
+    )
+    EXPORTS[name].write(
+        in_frame(eo, PROJECTED, projection), tmp_path / "b", **OPTIONS.get(name, {})
+    )
     scaled, plain = (_text(tmp_path / file) for file in "ab")
     assert "scaled from the ground at 417.50 m" in scaled
     assert "scaled" not in plain
@@ -76,12 +85,16 @@ def test_names_that_do_not_fit(name: str, separator: str | None, says: str) -> N
 
 def test_a_singular_set_names_formats_without_angles(tmp_path: Path) -> None:
     """Oracle: a camera that looks along the horizon; the formats named do take it."""
-    north = np.array([[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]])  # image right to the east, down to the ground, view north
+    north = np.array(
+        [[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]]
+    )  # image right to the east, down to the ground, view north
     eo = framed(exterior(north, np.array([[0.0, 0.0, 200.0]])), "tangent plane")
     for name in ("bentley", "colmap", "g2o"):
         EXPORTS[name].write(eo, tmp_path / name, **OPTIONS.get(name, {}))
         assert (tmp_path / name).exists()
-    with pytest.raises(DataError, match="export a format without angles: bentley, colmap, g2o or eo_json"):
+    with pytest.raises(
+        DataError, match="export a format without angles: bentley, colmap, g2o or eo_json"
+    ):
         write_metashape(eo, tmp_path / "m.csv")
 
 
@@ -102,7 +115,9 @@ def test_orientations_of_other_images_stay(tmp_path: Path) -> None:
     eo = framed(block(3), "tangent plane")
     write_micmac_xml(eo, tmp_path / "Ori")
     few = framed(block(2), "tangent plane")
-    with pytest.raises(UsageError, match=r"holds orientations of another export \(Orientation-8003\.tif\.xml\)"):
+    with pytest.raises(
+        UsageError, match=r"holds orientations of another export \(Orientation-8003\.tif\.xml\)"
+    ):
         write_micmac_xml(few, tmp_path / "Ori")
     write_micmac_xml(replace(eo, history=()), tmp_path / "Ori")
     assert len(list((tmp_path / "Ori").iterdir())) == 3

@@ -1,4 +1,6 @@
-"""Files for bundle adjustments and trajectories: angles against independent formulas, round trips at the printed digits."""
+"""Files for bundle adjustments and trajectories: angles against independent formulas, round trips
+at the printed digits.
+"""
 
 import json
 import struct
@@ -12,13 +14,13 @@ from numpy.testing import assert_allclose
 from oracles import oracle
 from scipy.spatial.transform import Rotation
 
-from insgnss.errors import DataError, InputError
+from insgnss.base.errors import DataError, InputError
 from insgnss.formats import EXPORTS
-from insgnss.formats.eo_json import read_eo_json, write_eo_json
-from insgnss.formats.eo_local_plane import read_eo_local_plane, write_eo_local_plane
-from insgnss.formats.metashape import read_metashape, write_metashape
-from insgnss.formats.sbet import read_sbet, read_smrmsg, write_sbet, write_smrmsg
-from insgnss.formats.trajectory_csv import read_trajectory_csv, write_trajectory_csv
+from insgnss.formats.bundle.metashape import read_metashape, write_metashape
+from insgnss.formats.orientation.eo_json import read_eo_json, write_eo_json
+from insgnss.formats.orientation.eo_local_plane import read_eo_local_plane, write_eo_local_plane
+from insgnss.formats.trajectory.sbet import read_sbet, read_smrmsg, write_sbet, write_smrmsg
+from insgnss.formats.trajectory.trajectory_csv import read_trajectory_csv, write_trajectory_csv
 from insgnss.geodesy.projection import MapProjection
 from insgnss.orient.frame import in_frame
 from insgnss.orient.relative import GyroFigures, relative_control
@@ -34,7 +36,13 @@ MICRODEGREE = np.radians(1e-6)
 
 def seed_boresight() -> Array:
     """Table 2 of paper 000, made orthonormal by SVD (formats.md 0.2)."""
-    U, _, Vt = np.linalg.svd([[0.999909, 0.008952, 0.010018], [-0.009067, 0.999893, 0.011465], [-0.009914, -0.011555, 0.999884]])
+    U, _, Vt = np.linalg.svd(
+        [
+            [0.999909, 0.008952, 0.010018],
+            [-0.009067, 0.999893, 0.011465],
+            [-0.009914, -0.011555, 0.999884],
+        ]
+    )
     return U @ Vt
 
 
@@ -46,7 +54,10 @@ def worked_example() -> Array:
 
 def exterior(C_mc: Array, position: Array | None = None, seed: int = 1) -> ExteriorOrientation:
     n = len(C_mc)
-    A = np.random.default_rng(seed).normal(size=(n, 6, 6)) * np.array([0.02] * 3 + [1e-3] * 3)[:, None]
+    A = (
+        np.random.default_rng(seed).normal(size=(n, 6, 6))
+        * np.array([0.02] * 3 + [1e-3] * 3)[:, None]
+    )
     cov = A @ np.swapaxes(A, 1, 2)
     position = np.tile([10.0, -20.0, 630.0], (n, 1)) if position is None else position
     return ExteriorOrientation(
@@ -73,10 +84,14 @@ def near_nadir(n: int, seed: int = 5) -> Array:
 
 def test_worked_example_omega_phi_kappa(tmp_path: Path) -> None:
     """Oracle: formats.md 0.2, printed to 6 decimals of a degree."""
-    write_eo_local_plane(in_frame(exterior(worked_example()[None]), "tangent plane"), tmp_path / "eo.txt")
+    write_eo_local_plane(
+        in_frame(exterior(worked_example()[None]), "tangent plane"), tmp_path / "eo.txt"
+    )
     row = (tmp_path / "eo.txt").read_text().splitlines()[-1].split()
     assert row[0] == "8001.tif"
-    assert_allclose([float(x) for x in row[4:7]], [0.931051, 4.374505, -137.600874], rtol=0, atol=2e-6)
+    assert_allclose(
+        [float(x) for x in row[4:7]], [0.931051, 4.374505, -137.600874], rtol=0, atol=2e-6
+    )
 
 
 def test_worked_example_metashape(tmp_path: Path) -> None:
@@ -100,7 +115,9 @@ def test_local_plane_round_trip_and_sigmas(tmp_path: Path) -> None:
     assert_allclose(back.C_mc, eo.C_mc, rtol=0, atol=MICRODEGREE)
     assert back.sigma_position_m is not None
     assert back.sigma_opk is not None
-    assert_allclose(back.sigma_position_m, np.sqrt(np.einsum("nii->ni", eo.cov)[:, :3]), atol=0.51e-5)
+    assert_allclose(
+        back.sigma_position_m, np.sqrt(np.einsum("nii->ni", eo.cov)[:, :3]), atol=0.51e-5
+    )
     psi = normal_draws(eo.cov[4, 3:, 3:], 4000, seed=3)
     opk = (Rotation.from_rotvec(psi) * Rotation.from_matrix(eo.C_mc[4] @ D)).as_euler("XYZ")
     assert_allclose(back.sigma_opk[4], np.std(np.unwrap(opk, axis=0), axis=0, ddof=1), rtol=0.003)
@@ -125,14 +142,19 @@ def enu_axes(lat: float, lon: float) -> Array:
 
 
 def test_metashape_is_referred_to_true_north_at_the_camera(tmp_path: Path) -> None:
-    """Oracle: pyproj's topocentric pipeline for the position, cross products for the axes, scipy for the angles; 10 km from the origin."""
+    """Oracle: pyproj's topocentric pipeline for the position, cross products for the axes, scipy
+    for the angles; 10 km from the origin.
+    """
     from pyproj import Transformer
 
     position = np.array([[10000.0, -5000.0, 700.0], [-3000.0, 8000.0, 500.0]])
     eo = exterior(near_nadir(2), position)
     write_metashape(in_frame(eo, "geographic"), tmp_path / "ms.csv")
     back = read_metashape(tmp_path / "ms.csv")
-    pipeline = "+proj=pipeline +step +inv +proj=topocentric +lat_0=46.57 +lon_0=6.54 +h_0=0 +ellps=WGS84 +step +inv +proj=cart +ellps=WGS84"
+    pipeline = (
+        "+proj=pipeline +step +inv +proj=topocentric +lat_0=46.57 +lon_0=6.54 +h_0=0 +ellps=WGS84"
+        " +step +inv +proj=cart +ellps=WGS84"
+    )
     lon, lat, h = Transformer.from_pipeline(pipeline).transform(*position.T)
     assert_allclose(np.degrees([back.lon, back.lat]), [lon, lat], rtol=0, atol=1e-10)
     assert_allclose(back.height, h, atol=0.51e-4)
@@ -141,21 +163,31 @@ def test_metashape_is_referred_to_true_north_at_the_camera(tmp_path: Path) -> No
         yaw, pitch, roll = Rotation.from_matrix(A @ eo.C_mc[k] @ D).as_euler("ZXY")
         assert_allclose(back.ypr[k], [-yaw, pitch, roll], rtol=0, atol=MICRODEGREE)
         assert_allclose(back.C_enu_camera[k], A @ eo.C_mc[k], atol=2 * MICRODEGREE)
-        assert_allclose(back.accuracy_m[k], np.sqrt(np.diag(A @ eo.cov[k, :3, :3] @ A.T)), atol=0.51e-5)
+        assert_allclose(
+            back.accuracy_m[k], np.sqrt(np.diag(A @ eo.cov[k, :3, :3] @ A.T)), atol=0.51e-5
+        )
         psi = normal_draws(A @ eo.cov[k, 3:, 3:] @ A.T, 4000, seed=4)
-        angles = (Rotation.from_rotvec(psi) * Rotation.from_matrix(A @ eo.C_mc[k] @ D)).as_euler("ZXY")
-        assert_allclose(back.accuracy_ypr[k], np.std(np.unwrap(angles, axis=0), axis=0, ddof=1), rtol=0.003)
+        angles = (Rotation.from_rotvec(psi) * Rotation.from_matrix(A @ eo.C_mc[k] @ D)).as_euler(
+            "ZXY"
+        )
+        assert_allclose(
+            back.accuracy_ypr[k], np.std(np.unwrap(angles, axis=0), axis=0, ddof=1), rtol=0.003
+        )
 
 
 def test_names_and_attitudes_that_a_format_cannot_hold(tmp_path: Path) -> None:
-    """Oracle: the formats' separators; phi = 90 deg for a camera that looks along the horizon to the west."""
+    """Oracle: the formats' separators; phi = 90 deg for a camera that looks along the horizon to
+    the west.
+    """
     eo = exterior(near_nadir(1))
     object.__setattr__(eo, "images", ("a b,c",))
     for write, kind in ((write_eo_local_plane, "tangent plane"), (write_metashape, "geographic")):
         with pytest.raises(InputError, match="'a b,c'"):
             write(in_frame(eo, kind), tmp_path / "x")
     west = np.column_stack([[0.0, 1, 0], [0, 0, -1], [-1, 0, 0]])
-    with pytest.raises(DataError, match=r"image 8001.tif: the middle angle of omega phi kappa is 90\.0000 deg"):
+    with pytest.raises(
+        DataError, match=r"image 8001.tif: the middle angle of omega phi kappa is 90\.0000 deg"
+    ):
         write_eo_local_plane(in_frame(exterior(west[None]), "tangent plane"), tmp_path / "x")
     assert not list(tmp_path.iterdir())
 
@@ -165,7 +197,16 @@ def test_master_is_lossless(tmp_path: Path) -> None:
     eo = exterior(near_nadir(5), np.random.default_rng(8).normal(size=(5, 3)))
     write_eo_json(eo, tmp_path / "eo.json")
     back = read_eo_json(tmp_path / "eo.json")
-    for name in ("time", "origin", "position_m", "C_mc", "cov", "cross", "boresight", "camera_from_body"):
+    for name in (
+        "time",
+        "origin",
+        "position_m",
+        "C_mc",
+        "cov",
+        "cross",
+        "boresight",
+        "camera_from_body",
+    ):
         assert np.array_equal(getattr(back, name), getattr(eo, name))
     assert (back.images, back.gps_week, back.history) == (eo.images, eo.gps_week, eo.history)
 
@@ -181,12 +222,23 @@ def test_master_quaternions_and_ecef(tmp_path: Path) -> None:
     inverse = Transformer.from_pipeline(f"+proj=pipeline +step +inv {pipeline}")
     for k, image in enumerate(content["images"]):
         w, x, y, z = image["quaternion_wxyz"]
-        assert_allclose(Rotation.from_quat([x, y, z, w]).as_matrix(), eo.C_mc[k], rtol=0, atol=1e-14)
-        assert_allclose(image["ecef"]["position_m"], inverse.transform(*eo.position_m[k]), rtol=0, atol=1e-6)
+        assert_allclose(
+            Rotation.from_quat([x, y, z, w]).as_matrix(), eo.C_mc[k], rtol=0, atol=1e-14
+        )
+        assert_allclose(
+            image["ecef"]["position_m"], inverse.transform(*eo.position_m[k]), rtol=0, atol=1e-6
+        )
         w, x, y, z = image["ecef"]["quaternion_wxyz"]
-        assert_allclose(Rotation.from_quat([x, y, z, w]).as_matrix(), enu_axes(ORIGIN[0], ORIGIN[1]).T @ eo.C_mc[k], rtol=0, atol=1e-12)
+        assert_allclose(
+            Rotation.from_quat([x, y, z, w]).as_matrix(),
+            enu_axes(ORIGIN[0], ORIGIN[1]).T @ eo.C_mc[k],
+            rtol=0,
+            atol=1e-12,
+        )
     assert content["images"][-1]["cross_cov6_next"] is None
-    assert "points right in the body" in content["image_up"]  # formats.md 0.1: the right wing is at the top
+    assert (
+        "points right in the body" in content["image_up"]
+    )  # formats.md 0.1: the right wing is at the top
 
 
 @pytest.mark.parametrize(
@@ -196,8 +248,14 @@ def test_master_quaternions_and_ecef(tmp_path: Path) -> None:
         (lambda c: c.update(format="other"), "no master EO"),
         (lambda c: c.pop("gps_week"), "no gps_week"),
         (lambda c: c["images"][1].pop("cov6"), "no cov6"),
-        (lambda c: c["images"][1].update(quaternion_wxyz=[1, 0, 0, 0]), "image 8002.tif: C_mc and quaternion disagree"),
-        (lambda c: c["images"][0].update(position_m=[1, 2]), "a value is not what the format asks for"),
+        (
+            lambda c: c["images"][1].update(quaternion_wxyz=[1, 0, 0, 0]),
+            "image 8002.tif: C_mc and quaternion disagree",
+        ),
+        (
+            lambda c: c["images"][0].update(position_m=[1, 2]),
+            "a value is not what the format asks for",
+        ),
     ],
 )
 def test_master_refusals(tmp_path: Path, change: object, message: str) -> None:
@@ -222,18 +280,31 @@ def test_master_cut_off_is_refused(tmp_path: Path) -> None:
 
 def trajectory(n: int = 20, inertial: bool = True, start: float = 2e5) -> Trajectory:
     rng = np.random.default_rng(11)
-    rpy = np.radians(np.column_stack([rng.uniform(-40, 40, n), rng.uniform(-20, 20, n), rng.uniform(-180, 180, n)]))
+    rpy = np.radians(
+        np.column_stack(
+            [rng.uniform(-40, 40, n), rng.uniform(-20, 20, n), rng.uniform(-180, 180, n)]
+        )
+    )
     A = rng.normal(size=(n, 9, 9)) * np.array([0.02] * 6 + [1e-3] * 3)[:, None]
     extra = (rng.normal(size=(n, 3)), rng.normal(size=(n, 3))) if inertial else (None, None)
     place = np.radians([46.57, 6.54])[:, None] + 1e-6 * rng.normal(size=(2, n))
     C_nb = Rotation.from_euler("ZYX", rpy[:, ::-1]).as_matrix()
     return Trajectory(
-        start + 0.1 * np.arange(n), *place, 600 + rng.normal(size=n), rng.normal(size=(n, 3)), C_nb, A @ np.swapaxes(A, 1, 2), 2008, *extra
+        start + 0.1 * np.arange(n),
+        *place,
+        600 + rng.normal(size=n),
+        rng.normal(size=(n, 3)),
+        C_nb,
+        A @ np.swapaxes(A, 1, 2),
+        2008,
+        *extra,
     )
 
 
 def test_sbet_as_pdal_reads_it(tmp_path: Path) -> None:
-    """Oracle: struct with PDAL's field order (SbetCommon.hpp); velocity by B11, vN = x, vE = -y, vU = z for wander 0."""
+    """Oracle: struct with PDAL's field order (SbetCommon.hpp); velocity by B11, vN = x, vE = -y, vU
+    = z for wander 0.
+    """
     given = trajectory()
     write_sbet(given, tmp_path / "t.sbet")
     raw = (tmp_path / "t.sbet").read_bytes()
@@ -243,15 +314,24 @@ def test_sbet_as_pdal_reads_it(tmp_path: Path) -> None:
         assert r[:4] == (given.time[k], given.lat[k], given.lon[k], given.height[k])
         assert_allclose([r[4], -r[5], -r[6]], given.velocity_ned[k], atol=0)
         assert r[10] == 0.0
-        assert_allclose(Rotation.from_euler("ZYX", [r[9], r[8], r[7]]).as_matrix(), given.C_nb[k], rtol=0, atol=1e-14)
+        assert_allclose(
+            Rotation.from_euler("ZYX", [r[9], r[8], r[7]]).as_matrix(),
+            given.C_nb[k],
+            rtol=0,
+            atol=1e-14,
+        )
         assert_allclose(r[11:14], given.acceleration_b[k])  # type: ignore[index]
         assert_allclose(r[14:17], given.rate_b[k])  # type: ignore[index]
 
 
 def test_sbet_with_wander_angle(tmp_path: Path) -> None:
-    """Oracle: formats.md B11: vN = x cos w - y sin w, vE = -x sin w - y cos w, heading = platform heading - w; here w = 30 deg by hand."""
+    """Oracle: formats.md B11: vN = x cos w - y sin w, vE = -x sin w - y cos w, heading = platform
+    heading - w; here w = 30 deg by hand.
+    """
     w, c, s = np.radians(30), np.cos(np.radians(30)), 0.5
-    (tmp_path / "t.sbet").write_bytes(struct.pack("<17d", 1, 0.8, 0.1, 600, 10, 2, 3, 0.1, 0.2, np.radians(-170), w, *range(6)))
+    (tmp_path / "t.sbet").write_bytes(
+        struct.pack("<17d", 1, 0.8, 0.1, 600, 10, 2, 3, 0.1, 0.2, np.radians(-170), w, *range(6))
+    )
     got = read_sbet(tmp_path / "t.sbet")
     assert_allclose(got.velocity_ned[0], [10 * c - 2 * s, -10 * s - 2 * c, -3])
     assert_allclose(np.degrees(got.rpy[0, 2]), 160.0)
@@ -269,7 +349,9 @@ def test_sbet_round_trip_without_inertial_data(tmp_path: Path) -> None:
 
 
 def test_smrmsg(tmp_path: Path) -> None:
-    """Oracle: struct; minutes of arc; Monte Carlo of exp(psi) C_nb through scipy's angles (4000 draws)."""
+    """Oracle: struct; minutes of arc; Monte Carlo of exp(psi) C_nb through scipy's angles (4000
+    draws).
+    """
     given = trajectory()
     write_smrmsg(given, tmp_path / "t.smrmsg")
     raw = (tmp_path / "t.smrmsg").read_bytes()
@@ -278,12 +360,22 @@ def test_smrmsg(tmp_path: Path) -> None:
     assert_allclose(r[1:7], np.sqrt(np.diag(given.cov[3]))[:6])
     psi = normal_draws(given.cov[3, 6:, 6:], 4000, seed=1)
     ypr = (Rotation.from_rotvec(psi) * Rotation.from_matrix(given.C_nb[3])).as_euler("ZYX")
-    assert_allclose(np.array(r[7:10]) / 60, np.degrees(np.std(np.unwrap(ypr, axis=0), axis=0, ddof=1))[::-1], rtol=0.003)
-    assert_allclose(read_smrmsg(tmp_path / "t.smrmsg").sigma_rpy[3], np.radians(np.array(r[7:10]) / 60))
+    assert_allclose(
+        np.array(r[7:10]) / 60,
+        np.degrees(np.std(np.unwrap(ypr, axis=0), axis=0, ddof=1))[::-1],
+        rtol=0.003,
+    )
+    assert_allclose(
+        read_smrmsg(tmp_path / "t.smrmsg").sigma_rpy[3], np.radians(np.array(r[7:10]) / 60)
+    )
 
 
 @pytest.mark.parametrize(
-    ("content", "message"), [(b"x" * 135, "no whole number of records"), (b"\xff" * 136, "record 1, value 1 is not finite")]
+    ("content", "message"),
+    [
+        (b"x" * 135, "no whole number of records"),
+        (b"\xff" * 136, "record 1, value 1 is not finite"),
+    ],
 )
 def test_sbet_refusals(tmp_path: Path, content: bytes, message: str) -> None:
     """Oracle: 17 doubles a record."""
@@ -319,7 +411,11 @@ def test_trajectory_csv_round_trip(tmp_path: Path) -> None:
 
 def test_the_exports_of_the_contract() -> None:
     """Oracle: design.md 6 names the files."""
-    contract = {"eo_local_plane": "EO_local-plane.txt", "metashape": "metashape.csv", "eo_json": "eo.json"}
+    contract = {
+        "eo_local_plane": "EO_local-plane.txt",
+        "metashape": "metashape.csv",
+        "eo_json": "eo.json",
+    }
     assert {name: EXPORTS[name].product for name in contract} == contract
     assert len({form.product for form in EXPORTS.values()}) == len(EXPORTS)
 
@@ -340,11 +436,26 @@ def test_every_export_writes_in_every_frame_that_it_claims(name: str, tmp_path: 
     if name == "colmap_priors":
         oracle("pycolmap")
     eo = replace(exterior(near_nadir(2)), cross=np.zeros((1, 6, 6)))
-    known = {"focal_mm": 35.0, "ground_m": 500.0, "lever_m": "0.4,0,-0.1", "camera": "SIMPLE_PINHOLE 5120 3840 5607 2560 1920"}
+    known = {
+        "focal_mm": 35.0,
+        "ground_m": 500.0,
+        "lever_m": "0.4,0,-0.1",
+        "camera": "SIMPLE_PINHOLE 5120 3840 5607 2560 1920",
+    }
     options = {key: value for key, value in known.items() if key in form.needs}
     for kind in form.frames or ("tangent plane",):
         framed = in_frame(eo, kind, MapProjection("EPSG:2056") if kind == "projected" else None)
-        source = relative_control(framed, GyroFigures(1e-4, 1e-4)) if form.relative else framed if form.frames else eo
-        form.write(source, tmp_path / form.product, **{key: value for key, value in options.items() if key != "noise"})
+        source = (
+            relative_control(framed, GyroFigures(1e-4, 1e-4))
+            if form.relative
+            else framed
+            if form.frames
+            else eo
+        )
+        form.write(
+            source,
+            tmp_path / form.product,
+            **{key: value for key, value in options.items() if key != "noise"},
+        )
         content = (tmp_path / form.product).read_bytes()
         assert b"8002" in content or name in ("patb", "tum", "g2o", "rtklib_pos", "relative"), name

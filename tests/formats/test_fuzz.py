@@ -9,12 +9,14 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 
 
 @pytest.fixture(scope="module")
 def fuzzer() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("fuzz_readers", Path(__file__).parents[2] / "scripts/fuzz_readers.py")
+    spec = importlib.util.spec_from_file_location(
+        "fuzz_readers", Path(__file__).parents[2] / "scripts/fuzz_readers.py"
+    )
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -45,9 +47,16 @@ def test_every_mutated_file_is_a_record_or_one_line(fuzzer: ModuleType) -> None:
         (lambda path: (_ for _ in ()).throw(InputError("one line")), True, "refused", "one line"),
     ],
 )
-def test_the_judge_sees_each_kind_of_find(fuzzer: ModuleType, read: object, cut: bool, verdict: str, why: str) -> None:
+def test_the_judge_sees_each_kind_of_find(
+    fuzzer: ModuleType, read: object, cut: bool, verdict: str, why: str
+) -> None:
     """Oracle: readers that do what a reader must not."""
-    case = fuzzer.Case("x", "x", b"1\n", (lambda path: next(read(path)) if hasattr(read(path), "send") else read(path)))  # type: ignore[operator]
+    case = fuzzer.Case(
+        "x",
+        "x",
+        b"1\n",
+        (lambda path: next(read(path)) if hasattr(read(path), "send") else read(path)),
+    )  # type: ignore[operator]
     got = fuzzer.judge(case, Path("x"), cut)
     assert got[0] == verdict
     assert why in got[1]
@@ -56,6 +65,8 @@ def test_the_judge_sees_each_kind_of_find(fuzzer: ModuleType, read: object, cut:
 def test_inputs_depend_on_seed_and_number_alone(fuzzer: ModuleType) -> None:
     """Oracle: the same call again."""
     case = fuzzer.text_cases()[0]
-    once, again, other = (fuzzer.mutate(np.random.default_rng(seed), case) for seed in ([1, 7], [1, 7], [1, 8]))
+    once, again, other = (
+        fuzzer.mutate(np.random.default_rng(seed), case) for seed in ([1, 7], [1, 7], [1, 8])
+    )
     assert once == again
     assert once != other

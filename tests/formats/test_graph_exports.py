@@ -1,4 +1,6 @@
-"""COLMAP, OPF, TUM, g2o: read by the consumer itself where it is installed, by a minimal reader of its convention everywhere."""
+"""COLMAP, OPF, TUM, g2o: read by the consumer itself where it is installed, by a minimal reader of
+its convention everywhere.
+"""
 
 import json
 import sys
@@ -16,11 +18,11 @@ from numpy.testing import assert_allclose
 from oracles import oracle
 from scipy.spatial.transform import Rotation
 
-from insgnss.errors import DataError, InputError, UsageError
-from insgnss.formats.colmap import write_colmap, write_colmap_priors
-from insgnss.formats.g2o import write_g2o
-from insgnss.formats.opf import write_opf
-from insgnss.formats.tum import write_tum
+from insgnss.base.errors import DataError, InputError, UsageError
+from insgnss.formats.bundle.colmap import write_colmap, write_colmap_priors
+from insgnss.formats.bundle.opf import write_opf
+from insgnss.formats.orientation.g2o import write_g2o
+from insgnss.formats.trajectory.tum import write_tum
 from insgnss.records import FramedOrientation
 
 CARTESIAN = ["tangent plane", "geocentric", "EPSG:2056", "EPSG:32632"]
@@ -43,10 +45,15 @@ def turned(xyzw: list[str]) -> Array:
 
 @pytest.mark.parametrize("where", CARTESIAN)
 def test_tum_reprojects(tmp_path: Path, where: str) -> None:
-    """Oracle: scipy's quaternion x y z w, camera to world, and pyproj for where the coordinates are."""
+    """Oracle: scipy's quaternion x y z w, camera to world, and pyproj for where the coordinates
+    are.
+    """
     eo = block()
     write_tum(framed(eo, where), tmp_path / "t.tum")
-    read = [(Place(where, np.array(r[1:4], dtype=float)), turned(r[4:8]), False) for r in rows(tmp_path / "t.tum")]
+    read = [
+        (Place(where, np.array(r[1:4], dtype=float)), turned(r[4:8]), False)
+        for r in rows(tmp_path / "t.tum")
+    ]
     assert_reprojects(eo, read)
 
 
@@ -63,7 +70,9 @@ def test_tum_as_evo_reads_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_tum_in_unix_time(tmp_path: Path) -> None:
-    """Oracle: 2018-07-03 07:30:00 UTC is Unix time 1530603000 and 200 000 + 18 - 182 s of GPS week 2008."""
+    """Oracle: 2018-07-03 07:30:00 UTC is Unix time 1530603000 and 200 000 + 18 - 182 s of GPS week
+    2008.
+    """
     eo = framed(block(1), "tangent plane")
     object.__setattr__(eo, "time", np.array([199_818.0]))
     write_tum(eo, tmp_path / "t.tum", time="unix")
@@ -76,13 +85,17 @@ def test_tum_in_unix_time(tmp_path: Path) -> None:
 
 
 def correlated(n: int = 4, seed: int = 8) -> FramedOrientation:
-    """A flight whose neighbours err alike: one draw for all, and one of a third the size for each; joint covariances by construction."""
+    """A flight whose neighbours err alike: one draw for all, and one of a third the size for each;
+    joint covariances by construction.
+    """
     eo = framed(block(n), "EPSG:32632")
     rng = np.random.default_rng(seed)
     size = np.array([0.02] * 3 + [1e-3] * 3)
     A, B = rng.normal(size=(6, 6)) * size[:, None], rng.normal(size=(n, 6, 6)) * size[:, None] / 3.0
     shared = A @ A.T
-    return replace(eo, cov=shared + B @ B.swapaxes(1, 2), cross=np.repeat(shared[None], n - 1, axis=0))
+    return replace(
+        eo, cov=shared + B @ B.swapaxes(1, 2), cross=np.repeat(shared[None], n - 1, axis=0)
+    )
 
 
 def independent(eo: FramedOrientation) -> FramedOrientation:
@@ -91,7 +104,9 @@ def independent(eo: FramedOrientation) -> FramedOrientation:
 
 
 def edge_errors(eo: FramedOrientation, path: Path, draws: int) -> tuple[Array, Array]:
-    """Of the first edge g2o's error (draws, 6) for true poses drawn about the estimate, and its information."""
+    """Of the first edge g2o's error (draws, 6) for true poses drawn about the estimate, and its
+    information.
+    """
     fields = rows(path, "EDGE_SE3:QUAT 0 1 ")[0]
     Z_t, Z_R = np.array(fields[3:6], dtype=float), turned(fields[6:10])
     information = np.zeros((6, 6))
@@ -124,7 +139,9 @@ def test_g2o_information_is_that_of_its_error(tmp_path: Path) -> None:
 
 
 def test_g2o_cross_covariance_counts(tmp_path: Path) -> None:
-    """Oracle: the same flight with independent neighbours, whose relative poses must come out less certain."""
+    """Oracle: the same flight with independent neighbours, whose relative poses must come out less
+    certain.
+    """
     eo = correlated()
     write_g2o(eo, tmp_path / "a.g2o")
     write_g2o(independent(eo), tmp_path / "b.g2o")
@@ -176,17 +193,25 @@ def test_g2o_vertices_reproject(tmp_path: Path, where: str) -> None:
     """Oracle: scipy's quaternion x y z w, body to world (g2o's file format)."""
     eo = block()
     write_g2o(independent(framed(eo, where)), tmp_path / "a.g2o")
-    read = [(Place(where, np.array(r[2:5], dtype=float)), turned(r[5:9]), False) for r in rows(tmp_path / "a.g2o", "VERTEX_SE3:QUAT")]
+    read = [
+        (Place(where, np.array(r[2:5], dtype=float)), turned(r[5:9]), False)
+        for r in rows(tmp_path / "a.g2o", "VERTEX_SE3:QUAT")
+    ]
     assert_reprojects(eo, read)
 
 
 def test_g2o_as_gtsam_reads_it(tmp_path: Path) -> None:
-    """Oracle: GTSAM's reader and its between factors: chi^2_6 of drawn poses with rotation "vector"; with g2o's own, 3 + 4 x 3."""
+    """Oracle: GTSAM's reader and its between factors: chi^2_6 of drawn poses with rotation
+    "vector"; with g2o's own, 3 + 4 x 3.
+    """
     gtsam = oracle("gtsam")
     eo = correlated()
     joint = np.block([[eo.cov[0], eo.cross[0]], [eo.cross[0].T, eo.cov[1]]])
     x = normal_draws(joint, 2000, seed=5)
-    R = [Rotation.from_rotvec(x[:, 3 + 6 * k : 6 + 6 * k]) * Rotation.from_matrix(eo.C_fc[k]) for k in (0, 1)]
+    R = [
+        Rotation.from_rotvec(x[:, 3 + 6 * k : 6 + 6 * k]) * Rotation.from_matrix(eo.C_fc[k])
+        for k in (0, 1)
+    ]
     found = {}
     for rotation in ("vector", "quaternion"):
         path = tmp_path / f"{rotation}.g2o"
@@ -198,7 +223,9 @@ def test_g2o_as_gtsam_reads_it(tmp_path: Path) -> None:
         factor, chi2 = graph.at(0), []
         for k in range(len(x)):
             for j in (0, 1):
-                pose = gtsam.Pose3(gtsam.Rot3(R[j][k].as_matrix()), eo.coordinates[j] + x[k, 6 * j : 6 * j + 3])
+                pose = gtsam.Pose3(
+                    gtsam.Rot3(R[j][k].as_matrix()), eo.coordinates[j] + x[k, 6 * j : 6 * j + 3]
+                )
                 values.update(j, pose)
             chi2.append(2.0 * factor.error(values))
         found[rotation] = float(np.mean(chi2))
@@ -219,7 +246,13 @@ def test_g2o_gaps_and_refusals(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="rotation 'euler' is none of quaternion, vector"):
         write_g2o(eo, tmp_path / "b.g2o", rotation="euler")  # type: ignore[arg-type]
     same = replace(eo, cov=np.repeat(eo.cov[:1], 4, axis=0), cross=np.repeat(eo.cov[:1], 3, axis=0))
-    with pytest.raises(DataError, match=r"images 8001\.tif and 8002\.tif: the covariance of their relative pose is not positive definite"):
+    with pytest.raises(
+        DataError,
+        match=(
+            r"images 8001\.tif and 8002\.tif: the covariance of their relative pose is not positive"
+            r" definite"
+        ),
+    ):
         write_g2o(same, tmp_path / "b.g2o")
     with pytest.raises(UsageError, match="g2o cannot carry a geographic frame"):
         write_g2o(framed(block(), "geographic"), tmp_path / "b.g2o")
@@ -253,11 +286,17 @@ def test_colmap_reprojects(tmp_path: Path, where: str) -> None:
 def test_colmap_worked_example(tmp_path: Path) -> None:
     """Oracle: formats.md 0.2."""
     write_colmap(worked("tangent plane"), tmp_path, camera=PINHOLE)
-    assert_allclose([float(v) for v in rows(tmp_path / "images.txt")[0][1:5]], [0.032646, -0.361631, 0.931504, 0.021370], atol=1e-6)
+    assert_allclose(
+        [float(v) for v in rows(tmp_path / "images.txt")[0][1:5]],
+        [0.032646, -0.361631, 0.931504, 0.021370],
+        atol=1e-6,
+    )
 
 
 def test_colmap_as_pycolmap_reads_it(tmp_path: Path) -> None:
-    """Oracle: pycolmap's reconstruction, which projects a point itself; focal length 5607 px, centre 2560, 1920."""
+    """Oracle: pycolmap's reconstruction, which projects a point itself; focal length 5607 px,
+    centre 2560, 1920.
+    """
     pycolmap = oracle("pycolmap")
     eo = framed(block(), "EPSG:2056")
     write_colmap(eo, tmp_path, camera=PINHOLE)
@@ -272,7 +311,9 @@ def test_colmap_as_pycolmap_reads_it(tmp_path: Path) -> None:
 
 
 def test_colmap_priors_as_pycolmap_reads_them(tmp_path: Path) -> None:
-    """Oracle: pycolmap's database: full covariance, down in the camera's axes by the attitude, whole names."""
+    """Oracle: pycolmap's database: full covariance, down in the camera's axes by the attitude,
+    whole names.
+    """
     pycolmap = oracle("pycolmap")
     eo = framed(block(), "EPSG:32632")
     write_colmap_priors(eo, tmp_path / "new.db", camera=CAMERA)
@@ -294,7 +335,9 @@ def test_colmap_priors_as_pycolmap_reads_them(tmp_path: Path) -> None:
 
 
 def test_colmap_priors_in_a_copy(tmp_path: Path) -> None:
-    """Oracle: the database given stays byte by byte; twice the same export leaves one prior each; WGS84 is latitude, longitude, height."""
+    """Oracle: the database given stays byte by byte; twice the same export leaves one prior each;
+    WGS84 is latitude, longitude, height.
+    """
     pycolmap = oracle("pycolmap")
     eo = framed(block(), "geographic")
     write_colmap_priors(framed(block(), "EPSG:32632"), tmp_path / "given.db", camera=CAMERA)
@@ -309,7 +352,9 @@ def test_colmap_priors_in_a_copy(tmp_path: Path) -> None:
     assert priors[0].coordinate_system == pycolmap.PosePriorCoordinateSystem.WGS84
     assert_allclose(priors[0].position, [*np.degrees(eo.geodetic[0, :2]), eo.geodetic[0, 2]])
     more = replace(eo, images=("8001.tif", "8002.tif", "9009.tif"))
-    with pytest.raises(InputError, match=r"given\.db: has no image '9009\.tif' \(1 of 3 are missing\)"):
+    with pytest.raises(
+        InputError, match=r"given\.db: has no image '9009\.tif' \(1 of 3 are missing\)"
+    ):
         write_colmap_priors(more, tmp_path / "x.db", database=tmp_path / "given.db")
     (tmp_path / "no.db").write_bytes(b"no database" * 200)
     with pytest.raises(InputError, match=r"no\.db: is no database of COLMAP"):
@@ -320,7 +365,9 @@ def test_colmap_priors_in_a_copy(tmp_path: Path) -> None:
 def test_colmap_priors_without_pycolmap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: an import that fails."""
     monkeypatch.setitem(sys.modules, "pycolmap", None)
-    with pytest.raises(UsageError, match="needs pycolmap, which is not installed; pip install pycolmap") as refusal:
+    with pytest.raises(
+        UsageError, match="needs pycolmap, which is not installed; pip install pycolmap"
+    ) as refusal:
         write_colmap_priors(framed(block(), "EPSG:32632"), tmp_path / "x.db", camera=CAMERA)
     assert "\n" not in str(refusal.value)
 
@@ -359,7 +406,9 @@ def test_colmap_refusals(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("where", ["EPSG:2056", "EPSG:32632"])
 def test_opf_input_cameras_reproject(tmp_path: Path, where: str) -> None:
-    """Oracle: the specification: EPSG:4979 latitude first; Rx Ry Rz, right top back, to the axes of the orientation's CRS."""
+    """Oracle: the specification: EPSG:4979 latitude first; Rx Ry Rz, right top back, to the axes of
+    the orientation's CRS.
+    """
     eo = block()
     write_opf(framed(eo, where), tmp_path, camera=CAMERA, pixel_size_um=1.4)
     read: list[tuple[Place, Array, bool]] = []
@@ -370,7 +419,16 @@ def test_opf_input_cameras_reproject(tmp_path: Path, where: str) -> None:
         axes = Place(where, framed(eo, where).coordinates[len(read)]).axes
         place = Place("geographic", np.array([lon, lat, h]))
         place.axes = axes
-        read.append((place, Rotation.from_euler("XYZ", capture["orientation"]["angles_deg"], degrees=True).as_matrix() @ D, False))
+        read.append(
+            (
+                place,
+                Rotation.from_euler(
+                    "XYZ", capture["orientation"]["angles_deg"], degrees=True
+                ).as_matrix()
+                @ D,
+                False,
+            )
+        )
     assert_reprojects(eo, read)
 
 
@@ -384,7 +442,9 @@ def test_opf_as_pyopf_reads_it(tmp_path: Path) -> None:
     files = {camera.id: camera.uri for camera in found.camera_list.cameras}
     sensor = found.input_cameras.sensors[0]
     assert sensor.internals.tangential_distortion.tolist() == [0.001, 0.002]
-    for k, (given, projected) in enumerate(zip(found.input_cameras.captures, found.projected_input_cameras.captures, strict=True)):
+    for k, (given, projected) in enumerate(
+        zip(found.input_cameras.captures, found.projected_input_cameras.captures, strict=True)
+    ):
         assert files[given.reference_camera_id] == f"../photos/{eo.images[k]}"
         assert given.id == projected.id
         position = np.linalg.solve(matrix, [*projected.geolocation.position, 1.0])[:3]
@@ -398,26 +458,38 @@ def test_opf_as_pyopf_reads_it(tmp_path: Path) -> None:
 
 
 def test_opf_sigmas(tmp_path: Path) -> None:
-    """Oracle: Monte Carlo through scipy's XYZ angles (4000 draws); north, east, up by the convergence at the image."""
+    """Oracle: Monte Carlo through scipy's XYZ angles (4000 draws); north, east, up by the
+    convergence at the image.
+    """
     eo = framed(block(), "EPSG:32632")
     write_opf(eo, tmp_path, camera=CAMERA, pixel_size_um=1.4)
     capture = json.loads((tmp_path / "input_cameras.json").read_text())["captures"][2]
     psi = normal_draws(eo.cov[2, 3:, 3:], 4000, seed=3)
-    opk = (Rotation.from_rotvec(psi) * Rotation.from_matrix(eo.C_fc[2] @ D)).as_euler("XYZ", degrees=True)
-    assert_allclose(capture["orientation"]["sigmas_deg"], np.std(np.unwrap(opk, axis=0, period=360), axis=0, ddof=1), rtol=0.003)
+    opk = (Rotation.from_rotvec(psi) * Rotation.from_matrix(eo.C_fc[2] @ D)).as_euler(
+        "XYZ", degrees=True
+    )
+    assert_allclose(
+        capture["orientation"]["sigmas_deg"],
+        np.std(np.unwrap(opk, axis=0, period=360), axis=0, ddof=1),
+        rtol=0.003,
+    )
     P = eo.C_fE[2].T @ eo.cov[2, :3, :3] @ eo.C_fE[2]
     assert_allclose(capture["geolocation"]["sigmas"], np.sqrt(np.diag(P))[[1, 0, 2]], atol=0.51e-5)
 
 
 def test_opf_heights_that_it_cannot_say(tmp_path: Path) -> None:
-    """Oracle: LV95 stands on Bessel's ellipsoid, 50 m off that of WGS84; with a vertical part it can be said."""
+    """Oracle: LV95 stands on Bessel's ellipsoid, 50 m off that of WGS84; with a vertical part it
+    can be said.
+    """
     swiss = framed(block(), "EPSG:2056")
     write_opf(swiss, tmp_path / "a", camera=CAMERA, pixel_size_um=1.4)
     assert not (tmp_path / "a" / "projected_input_cameras.json").exists()
     assert "projected cameras are left out" in (tmp_path / "a" / "project.opf").read_text()
     from pyproj import CRS
 
-    whole = replace(swiss, frame=replace(swiss.frame, wkt=CRS("EPSG:2056+5728").to_wkt(), heights="LN02 height"))
+    whole = replace(
+        swiss, frame=replace(swiss.frame, wkt=CRS("EPSG:2056+5728").to_wkt(), heights="LN02 height")
+    )
     write_opf(whole, tmp_path / "b", camera=CAMERA, pixel_size_um=1.4)
     scene = json.loads((tmp_path / "b" / "scene_reference_frame.json").read_text())
     assert CRS(scene["crs"]["definition"]).sub_crs_list[1].to_epsg() == 5728
@@ -429,17 +501,39 @@ Change = Callable[[FramedOrientation], FramedOrientation]
 @pytest.mark.parametrize(
     ("change", "options", "message"),
     [
-        (lambda eo: replace(eo, frame=replace(eo.frame, northing_first=True)), {}, "names northing first"),
-        (lambda eo: replace(eo, frame=replace(eo.frame, scaled_from_m=500.0)), {}, "scaled stand in no CRS"),
+        (
+            lambda eo: replace(eo, frame=replace(eo.frame, northing_first=True)),
+            {},
+            "names northing first",
+        ),
+        (
+            lambda eo: replace(eo, frame=replace(eo.frame, scaled_from_m=500.0)),
+            {},
+            "scaled stand in no CRS",
+        ),
         (lambda eo: eo, {"camera": "PINHOLE 5120 3840 5607 5608 2560 1920"}, "one focal length"),
-        (lambda eo: eo, {"camera": "FOV 5120 3840 5607 5607 2560 1920 0.1"}, "camera FOV with focal"),
-        (lambda eo: eo, {"pixel_size_um": None}, "opf: needs pixel_size_um, .* --set pixel_size_um=3.76"),
-        (lambda eo: eo, {"pixel_size_um": -1.0}, "pixel_size_um, the size of the sensor's pixels: -1.0 is no positive number"),
+        (
+            lambda eo: eo,
+            {"camera": "FOV 5120 3840 5607 5607 2560 1920 0.1"},
+            "camera FOV with focal",
+        ),
+        (
+            lambda eo: eo,
+            {"pixel_size_um": None},
+            "opf: needs pixel_size_um, .* --set pixel_size_um=3.76",
+        ),
+        (
+            lambda eo: eo,
+            {"pixel_size_um": -1.0},
+            "pixel_size_um, the size of the sensor's pixels: -1.0 is no positive number",
+        ),
         (lambda eo: eo, {"pixel_type": "float"}, "pixel_type 'float'"),
         (lambda eo: framed(block(), "tangent plane"), {}, "opf cannot carry a tangent plane frame"),
     ],
 )
-def test_opf_refusals(tmp_path: Path, change: Change, options: dict[str, Any], message: str) -> None:
+def test_opf_refusals(
+    tmp_path: Path, change: Change, options: dict[str, Any], message: str
+) -> None:
     """Oracle: the specification's schema and its right-handed axes."""
     given: dict[str, Any] = {"camera": CAMERA, "pixel_size_um": 1.4} | options
     with pytest.raises(UsageError, match=message):
@@ -453,7 +547,12 @@ def test_no_image_at_all(tmp_path: Path) -> None:
     write_tum(eo, tmp_path / "t.tum")
     write_g2o(eo, tmp_path / "t.g2o")
     write_colmap(eo, tmp_path / "m", camera=CAMERA)
-    assert rows(tmp_path / "t.tum") == rows(tmp_path / "t.g2o") == rows(tmp_path / "m" / "images.txt") == []
+    assert (
+        rows(tmp_path / "t.tum")
+        == rows(tmp_path / "t.g2o")
+        == rows(tmp_path / "m" / "images.txt")
+        == []
+    )
 
 
 # --- the pages ---
@@ -462,7 +561,9 @@ EXAMPLES = {"tum": "x", "g2o": "x", "colmap": "x/images.txt", "opf": "x/input_ca
 
 
 def example(name: str, path: Path) -> str:
-    """What the page of a format shows: the worked example of formats.md 0.2, of the graph two images that err alike."""
+    """What the page of a format shows: the worked example of formats.md 0.2, of the graph two
+    images that err alike.
+    """
     if name == "tum":
         write_tum(worked("tangent plane"), path)
     elif name == "g2o":

@@ -1,4 +1,6 @@
-"""Tags in copies of images: read by Pillow and by the standard library's XML, and by exiv2 where it is installed; pixels stay."""
+"""Tags in copies of images: read by Pillow and by the standard library's XML, and by exiv2 where it
+is installed; pixels stay.
+"""
 
 import re
 import struct
@@ -16,24 +18,33 @@ from numpy.testing import assert_allclose
 from oracles import oracle
 from scipy.spatial.transform import Rotation
 
-from insgnss.errors import DataError, InputError, UsageError
-from insgnss.formats._jpeg import with_tags
-from insgnss.formats._xmp import set_properties
-from insgnss.formats.image_tags import write_image_tags
+from insgnss.base.errors import DataError, InputError, UsageError
+from insgnss.formats.images.image_tags import write_image_tags
+from insgnss.formats.images.jpeg import with_tags
+from insgnss.formats.images.xmp import set_properties
 from insgnss.records import FramedOrientation
 
-Image = pytest.importorskip("PIL.Image", reason="Pillow is not installed: tags of images were not tested")
+Image = pytest.importorskip(
+    "PIL.Image", reason="Pillow is not installed: tags of images were not tested"
+)
 IFDRational = pytest.importorskip("PIL.TiffImagePlugin").IFDRational
 
 NAMES = ("8001.tif", "8002.jpg", "8003.JPG")
-URIS = {"http://pix4d.com/camera/1.0": "Camera", "http://www.dji.com/drone-dji/1.0/": "dji", "urn:insgnss:exterior-orientation:1.0#": "own"}
+URIS = {
+    "http://pix4d.com/camera/1.0": "Camera",
+    "http://www.dji.com/drone-dji/1.0/": "dji",
+    "urn:insgnss:exterior-orientation:1.0#": "own",
+}
 OLD_XMP = (
-    b'<?xpacket begin="" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta xmlns:x="adobe:ns:meta/">'
-    b'<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description rdf:about="DJI Meta Data" '
-    b'xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/" xmlns:exif="http://ns.adobe.com/exif/1.0/" '
-    b'xmlns:tiff="http://ns.adobe.com/tiff/1.0/" drone-dji:GimbalYawDegree="+1.00" drone-dji:RelativeAltitude="+30.00" '
-    b'drone-dji:RtkFlag="16" exif:GPSAltitude="1/1" tiff:Make="M&amp;M">'
-    b"<drone-dji:GimbalRollDegree>3</drone-dji:GimbalRollDegree></rdf:Description></rdf:RDF></x:xmpmeta><?xpacket end='w'?>"
+    b'<?xpacket begin="" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta'
+    b' xmlns:x="adobe:ns:meta/"><rdf:RDF'
+    b' xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description rdf:about="DJI Meta'
+    b' Data" xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/"'
+    b' xmlns:exif="http://ns.adobe.com/exif/1.0/" xmlns:tiff="http://ns.adobe.com/tiff/1.0/"'
+    b' drone-dji:GimbalYawDegree="+1.00" drone-dji:RelativeAltitude="+30.00" drone-dji:RtkFlag="16"'
+    b' exif:GPSAltitude="1/1"'
+    b' tiff:Make="M&amp;M"><drone-dji:GimbalRollDegree>3</drone-dji:GimbalRollDegree></rdf:Description></rdf:RDF></x:xmpmeta><?xpacket'
+    b" end='w'?>"
 )
 
 
@@ -44,7 +55,11 @@ def pixels() -> Array:
 def old_exif(version: bytes = b"0231") -> bytes:
     exif = Image.Exif()
     exif[0x010F] = "Maker"
-    exif[0x8769] = {0x9000: version, 0x829A: IFDRational(1, 100), 0x927C: b"maker's note of many bytes"}
+    exif[0x8769] = {
+        0x9000: version,
+        0x829A: IFDRational(1, 100),
+        0x927C: b"maker's note of many bytes",
+    }
     exif[0x8825] = {1: "S", 2: (1.0, 2.0, 3.0), 13: 3.0}
     data: bytes = exif.tobytes()
     return data
@@ -66,7 +81,9 @@ def flight(where: str = "EPSG:32632") -> FramedOrientation:
 
 
 def tags(path: Path) -> tuple[dict[int, Any], dict[int, Any], dict[str, str]]:
-    """GPS and Exif directories as Pillow reads them, and the properties of the XMP packet, attributes or elements."""
+    """GPS and Exif directories as Pillow reads them, and the properties of the XMP packet,
+    attributes or elements.
+    """
     with Image.open(path) as image:
         exif = image.getexif()
         gps, own = dict(exif.get_ifd(0x8825)), dict(exif.get_ifd(0x8769))
@@ -88,15 +105,25 @@ def degrees(gps: dict[int, Any], tag: int, negative: str) -> float:
 
 @pytest.mark.parametrize("where", ["tangent plane", "geographic", "EPSG:2056", "EPSG:32632"])
 def test_tags_reproject(photos: Path, tmp_path: Path, where: str) -> None:
-    """Oracle: Exif's degrees, minutes, seconds and height; Pix4D's Rz(-yaw) Rx(pitch) Ry(roll); 0.03 mm and a micro-degree."""
+    """Oracle: Exif's degrees, minutes, seconds and height; Pix4D's Rz(-yaw) Rx(pitch) Ry(roll);
+    0.03 mm and a micro-degree.
+    """
     eo = replace(block(), images=NAMES)
     write_image_tags(flight(where), tmp_path / "out", images=photos)
     read = []
     for name in NAMES:
         gps, _, xmp = tags(tmp_path / "out" / name)
-        place = Place("geographic", np.array([degrees(gps, 4, "W"), degrees(gps, 2, "S"), float(gps[6])]))
+        place = Place(
+            "geographic", np.array([degrees(gps, 4, "W"), degrees(gps, 2, "S"), float(gps[6])])
+        )
         yaw, pitch, roll = (float(xmp[f"Camera:{angle}"]) for angle in ("Yaw", "Pitch", "Roll"))
-        read.append((place, Rotation.from_euler("ZXY", [-yaw, pitch, roll], degrees=True).as_matrix() @ D, True))
+        read.append(
+            (
+                place,
+                Rotation.from_euler("ZXY", [-yaw, pitch, roll], degrees=True).as_matrix() @ D,
+                True,
+            )
+        )
         assert_allclose(float(gps[17]), yaw, rtol=0, atol=1e-6)
     assert_reprojects(eo, read)
 
@@ -115,7 +142,9 @@ def test_pixels_and_everything_else_stay(photos: Path, tmp_path: Path) -> None:
     assert exif[0x927C] == b"maker's note of many bytes"
     assert float(exif[0x829A]) == 0.01
     assert xmp["dji:RelativeAltitude"] == "+30.00"
-    packet = re.search(rb"<x:xmpmeta.*</x:xmpmeta>", (tmp_path / "out" / NAMES[1]).read_bytes(), re.DOTALL)
+    packet = re.search(
+        rb"<x:xmpmeta.*</x:xmpmeta>", (tmp_path / "out" / NAMES[1]).read_bytes(), re.DOTALL
+    )
     assert packet is not None
     assert b'tiff:Make="M&amp;M"' in packet[0]
     assert b"exif:GPSAltitude" not in packet[0]  # the old height beside the new one
@@ -124,13 +153,17 @@ def test_pixels_and_everything_else_stay(photos: Path, tmp_path: Path) -> None:
 
 
 def test_time_is_utc(photos: Path, tmp_path: Path) -> None:
-    """Oracle: GPS week 2008, 199 800 s are 2018-07-03 07:30:00 GPST, 18 s before in UTC; across midnight the date goes along."""
+    """Oracle: GPS week 2008, 199 800 s are 2018-07-03 07:30:00 GPST, 18 s before in UTC; across
+    midnight the date goes along.
+    """
     write_image_tags(flight(), tmp_path / "out", images=photos)
     gps, _, _ = tags(tmp_path / "out" / NAMES[0])
     assert [float(v) for v in gps[7]] == [7.0, 29.0, 42.0]
     assert gps[29] == "2018:07:03"
     late = flight()
-    object.__setattr__(late, "time", 172_800.0 + np.array([17.25, 18.0, 30.0]))  # Tuesday 00:00:17.25 GPST is Monday in UTC
+    object.__setattr__(
+        late, "time", 172_800.0 + np.array([17.25, 18.0, 30.0])
+    )  # Tuesday 00:00:17.25 GPST is Monday in UTC
     write_image_tags(late, tmp_path / "late", images=photos)
     gps, _, _ = tags(tmp_path / "late" / NAMES[0])
     assert ([float(v) for v in gps[7]], gps[29]) == ([23.0, 59.0, 59.25], "2018:07:02")
@@ -153,14 +186,21 @@ def test_ellipsoidal_heights_go_with_exif_3(photos: Path, tmp_path: Path) -> Non
     assert float(tags(tmp_path / "out" / NAMES[2])[2]["dji:AbsoluteAltitude"]) == -3.25
 
 
-@pytest.mark.parametrize(("version", "reference", "gps_version"), [(b"0231", 0, 3), (b"0300", 2, 4), (None, 0, 3)])
-def test_heights_above_sea_level(tmp_path: Path, version: bytes | None, reference: int, gps_version: int) -> None:
+@pytest.mark.parametrize(
+    ("version", "reference", "gps_version"), [(b"0231", 0, 3), (b"0300", 2, 4), (None, 0, 3)]
+)
+def test_heights_above_sea_level(
+    tmp_path: Path, version: bytes | None, reference: int, gps_version: int
+) -> None:
     """Oracle: up to Exif 2.32, 0 is above sea level; in Exif 3.0, 2 is; the geoid's 49.6 m."""
     folder = tmp_path / "photos"
     folder.mkdir()
     options = {} if version is None else {"exif": old_exif(version)}
     Image.fromarray(pixels()).save(folder / "8001.jpg", **options)
-    eo = replace(framed(exterior(block().C_mc[:1], block().position_m[:1]), "geographic"), images=("8001.jpg",))
+    eo = replace(
+        framed(exterior(block().C_mc[:1], block().position_m[:1]), "geographic"),
+        images=("8001.jpg",),
+    )
     write_image_tags(eo, tmp_path / "out", images=folder, heights="sea level", undulation_m=49.6)
     gps, exif, xmp = tags(tmp_path / "out" / "8001.jpg")
     assert ord(gps[5]) == reference
@@ -170,59 +210,98 @@ def test_heights_above_sea_level(tmp_path: Path, version: bytes | None, referenc
     assert xmp["own:Heights"] == "above mean sea level"
     with pytest.raises(UsageError, match="give the geoid's heights above the ellipsoid"):
         write_image_tags(eo, tmp_path / "x", images=folder, heights="sea level")
-    with pytest.raises(UsageError, match="heights 'ellipsoid': give 'ellipsoid', or 'sea level' and"):
+    with pytest.raises(
+        UsageError, match="heights 'ellipsoid': give 'ellipsoid', or 'sea level' and"
+    ):
         write_image_tags(eo, tmp_path / "x", images=folder, undulation_m=49.6)
 
 
 def test_accuracies(photos: Path, tmp_path: Path) -> None:
-    """Oracle: east, north, up of the geographic frame; Monte Carlo of the angles through scipy (4000 draws)."""
+    """Oracle: east, north, up of the geographic frame; Monte Carlo of the angles through scipy
+    (4000 draws).
+    """
     eo = flight("geographic")
     write_image_tags(eo, tmp_path / "out", images=photos, rtk_flag=50)
     gps, _, xmp = tags(tmp_path / "out" / NAMES[1])
     east, north, up = np.sqrt(np.diag(eo.cov[1]))[:3]
-    got = [float(xmp[f"dji:RtkStd{axis}"]) for axis in ("Lon", "Lat", "Hgt")] + [float(xmp["Camera:GPSZAccuracy"])]
+    got = [float(xmp[f"dji:RtkStd{axis}"]) for axis in ("Lon", "Lat", "Hgt")] + [
+        float(xmp["Camera:GPSZAccuracy"])
+    ]
     assert_allclose(got, [east, north, up, up], atol=0.51e-5)
     plan = np.sqrt((east**2 + north**2) / 2)
-    assert_allclose([float(xmp["Camera:GPSXYAccuracy"]), float(gps[31])], [plan, plan], atol=0.51e-5)
+    assert_allclose(
+        [float(xmp["Camera:GPSXYAccuracy"]), float(gps[31])], [plan, plan], atol=0.51e-5
+    )
     assert xmp["dji:RtkFlag"] == "50"
     psi = normal_draws(eo.cov[1, 3:, 3:], 4000, seed=3)
-    ypr = (Rotation.from_rotvec(psi) * Rotation.from_matrix(eo.C_fc[1] @ D)).as_euler("ZXY", degrees=True)
+    ypr = (Rotation.from_rotvec(psi) * Rotation.from_matrix(eo.C_fc[1] @ D)).as_euler(
+        "ZXY", degrees=True
+    )
     got = [float(xmp[f"Camera:IMU{angle}Accuracy"]) for angle in ("Yaw", "Pitch", "Roll")]
     assert_allclose(got, np.std(np.unwrap(ypr, axis=0, period=360), axis=0, ddof=1), rtol=0.003)
 
 
 def test_gimbal_exact(photos: Path, tmp_path: Path) -> None:
-    """Oracle: DJI's definition by scipy: north east down, Z-Y-X, of view, right, down; formats.md B10 for (47, 1, 2)."""
+    """Oracle: DJI's definition by scipy: north east down, Z-Y-X, of view, right, down; formats.md
+    B10 for (47, 1, 2).
+    """
     eo = flight("geographic")
     write_image_tags(eo, tmp_path / "out", images=photos, gimbal="exact")
     S = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
     for k, name in enumerate(NAMES):
         _, exif, xmp = tags(tmp_path / "out" / name)
-        R = Rotation.from_euler("ZYX", [float(xmp[f"dji:Gimbal{a}Degree"]) for a in ("Yaw", "Pitch", "Roll")], degrees=True).as_matrix()
-        assert_allclose(S @ R @ np.eye(3)[:, [1, 2, 0]], eo.C_fc[k], atol=1e-7)  # columns of the camera: right, down, view
-        assert float(exif[0x9405]) == pytest.approx(np.degrees(np.arcsin(eo.C_fc[k, 2, 2])), abs=1e-6)
+        R = Rotation.from_euler(
+            "ZYX",
+            [float(xmp[f"dji:Gimbal{a}Degree"]) for a in ("Yaw", "Pitch", "Roll")],
+            degrees=True,
+        ).as_matrix()
+        assert_allclose(
+            S @ R @ np.eye(3)[:, [1, 2, 0]], eo.C_fc[k], atol=1e-7
+        )  # columns of the camera: right, down, view
+        assert float(exif[0x9405]) == pytest.approx(
+            np.degrees(np.arcsin(eo.C_fc[k, 2, 2])), abs=1e-6
+        )
     C = Rotation.from_euler("ZXY", [-47, 1, 2], degrees=True).as_matrix() @ D
-    one = replace(framed(exterior(C[None], np.array([[0.0, 0, 200]])), "geographic"), images=(NAMES[0],))
+    one = replace(
+        framed(exterior(C[None], np.array([[0.0, 0, 200]])), "geographic"), images=(NAMES[0],)
+    )
     write_image_tags(one, tmp_path / "one", images=photos, gimbal="exact", missing="skip")
     _, _, xmp = tags(tmp_path / "one" / NAMES[0])
-    assert_allclose([float(xmp[f"dji:Gimbal{a}Degree"]) for a in ("Yaw", "Pitch", "Roll")], [-16.4, -87.8, 63.4], atol=0.05)
+    assert_allclose(
+        [float(xmp[f"dji:Gimbal{a}Degree"]) for a in ("Yaw", "Pitch", "Roll")],
+        [-16.4, -87.8, 63.4],
+        atol=0.05,
+    )
 
 
 def test_gimbal_nadir_and_none(photos: Path, tmp_path: Path) -> None:
-    """Oracle: formats.md B10: the yaw of the image's top, -90, 0; a camera that looks 60 deg off the nadir has no such angles."""
+    """Oracle: formats.md B10: the yaw of the image's top, -90, 0; a camera that looks 60 deg off
+    the nadir has no such angles.
+    """
     write_image_tags(flight(), tmp_path / "out", images=photos)
     for name in NAMES:
         _, _, xmp = tags(tmp_path / "out" / name)
-        assert (float(xmp["dji:GimbalPitchDegree"]), float(xmp["dji:GimbalRollDegree"])) == (-90.0, 0.0)
+        assert (float(xmp["dji:GimbalPitchDegree"]), float(xmp["dji:GimbalRollDegree"])) == (
+            -90.0,
+            0.0,
+        )
         assert -180.0 <= float(xmp["dji:GimbalYawDegree"]) < 180.0
-        assert (float(xmp["dji:GimbalYawDegree"]) - float(xmp["Camera:Yaw"])) % 360 == pytest.approx(0.0, abs=1e-6)
+        assert (
+            float(xmp["dji:GimbalYawDegree"]) - float(xmp["Camera:Yaw"])
+        ) % 360 == pytest.approx(0.0, abs=1e-6)
         assert xmp["own:GimbalAngles"].startswith("nadir")
     C = Rotation.from_euler("ZXY", [-47, 60, 2], degrees=True).as_matrix() @ D
-    oblique = replace(framed(exterior(C[None], np.array([[0.0, 0, 200]])), "geographic"), images=(NAMES[1],))
-    with pytest.raises(DataError, match=r"image 8002.jpg: looks 60\.0 deg off the nadir \(limit 45 deg"):
+    oblique = replace(
+        framed(exterior(C[None], np.array([[0.0, 0, 200]])), "geographic"), images=(NAMES[1],)
+    )
+    with pytest.raises(
+        DataError, match=r"image 8002.jpg: looks 60\.0 deg off the nadir \(limit 45 deg"
+    ):
         write_image_tags(oblique, tmp_path / "x", images=photos, missing="skip")
     write_image_tags(oblique, tmp_path / "none", images=photos, missing="skip", gimbal="none")
-    assert not any("Gimbal" in name for name in tags(tmp_path / "none" / NAMES[1])[2] if name.startswith("dji"))
+    assert not any(
+        "Gimbal" in name for name in tags(tmp_path / "none" / NAMES[1])[2] if name.startswith("dji")
+    )
 
 
 def test_as_exiv2_reads_it(photos: Path, tmp_path: Path) -> None:
@@ -234,16 +313,22 @@ def test_as_exiv2_reads_it(photos: Path, tmp_path: Path) -> None:
             exif, xmp = image.read_exif(), image.read_xmp()
         assert exif["Exif.GPSInfo.GPSMapDatum"] == "WGS-84"
         assert exif["Exif.GPSInfo.GPSLatitudeRef"] == "N"
-        assert float(xmp["Xmp.Camera.Pitch"]) == float(tags(tmp_path / "out" / name)[2]["Camera:Pitch"])
+        assert float(xmp["Xmp.Camera.Pitch"]) == float(
+            tags(tmp_path / "out" / name)[2]["Camera:Pitch"]
+        )
 
 
 @pytest.mark.parametrize(("order", "big"), [("<", False), (">", False), ("<", True), (">", True)])
 def test_tiff_of_any_order_and_size(tmp_path: Path, order: str, big: bool) -> None:
-    """Oracle: a TIFF of two pages written here by struct; each page's pixels and the second page's place after the first."""
+    """Oracle: a TIFF of two pages written here by struct; each page's pixels and the second page's
+    place after the first.
+    """
     folder = tmp_path / "photos"
     folder.mkdir()
     (folder / "8001.tiff").write_bytes(two_pages(order, big))
-    eo = replace(framed(exterior(block().C_mc[:1], block().position_m[:1]), "geographic"), images=("8001",))
+    eo = replace(
+        framed(exterior(block().C_mc[:1], block().position_m[:1]), "geographic"), images=("8001",)
+    )
     write_image_tags(eo, tmp_path / "out", images=folder)
     written = (tmp_path / "out" / "8001.tiff").read_bytes()
     head = 16 if big else 8
@@ -252,10 +337,14 @@ def test_tiff_of_any_order_and_size(tmp_path: Path, order: str, big: bool) -> No
     old_first, old_following = directory(two_pages(order, big), order, big, None)
     assert following == old_following
     assert {tag: first[tag] for tag in old_first} == old_first
-    gps, _ = directory(written, order, big, struct.unpack(order + ("Q" if big else "I"), first[0x8825])[0])
+    gps, _ = directory(
+        written, order, big, struct.unpack(order + ("Q" if big else "I"), first[0x8825])[0]
+    )
     at = struct.unpack(order + ("Q" if big else "I"), gps[2])[0]
     d, d1, m, m1, sec, sec1 = struct.unpack_from(order + "6I", written, at)
-    assert d / d1 + m / m1 / 60 + sec / sec1 / 3600 == pytest.approx(np.degrees(eo.geodetic[0, 0]), abs=1e-9)
+    assert d / d1 + m / m1 / 60 + sec / sec1 / 3600 == pytest.approx(
+        np.degrees(eo.geodetic[0, 0]), abs=1e-9
+    )
     if order == ">" and big:
         return  # Pillow reads no BigTIFF of this order
     with Image.open(tmp_path / "out" / "8001.tiff") as image:
@@ -268,7 +357,9 @@ def test_tiff_of_any_order_and_size(tmp_path: Path, order: str, big: bool) -> No
 
 
 def directory(data: bytes, order: str, big: bool, at: int | None) -> tuple[dict[int, bytes], int]:
-    """Value fields of a directory by tag (the first one for None), which TIFF wants in rising order, and the next one's offset."""
+    """Value fields of a directory by tag (the first one for None), which TIFF wants in rising
+    order, and the next one's offset.
+    """
     word, count, size = ("Q", "Q", 8) if big else ("I", "H", 4)
     if at is None:
         (at,) = struct.unpack_from(order + word, data, 8 if big else 4)
@@ -286,14 +377,27 @@ def directory(data: bytes, order: str, big: bool, at: int | None) -> tuple[dict[
 def two_pages(order: str, big: bool) -> bytes:
     """Two grey images of 2 x 2 pixels, one strip each."""
     word = "Q" if big else "I"
-    body = (b"II" if order == "<" else b"MM") + struct.pack(order + ("HHHQ" if big else "HI"), *((43, 8, 0, 24) if big else (42, 16)))
+    body = (b"II" if order == "<" else b"MM") + struct.pack(
+        order + ("HHHQ" if big else "HI"), *((43, 8, 0, 24) if big else (42, 16))
+    )
     body += bytes([1, 2, 3, 4, 5, 6, 7, 8])
     at = len(body) - 8
     for page in (0, 1):
-        entries = [(256, 3, 2), (257, 3, 2), (258, 3, 8), (259, 3, 1), (262, 3, 1), (273, 4, at + 4 * page), (278, 3, 2), (279, 4, 4)]
+        entries = [
+            (256, 3, 2),
+            (257, 3, 2),
+            (258, 3, 8),
+            (259, 3, 1),
+            (262, 3, 1),
+            (273, 4, at + 4 * page),
+            (278, 3, 2),
+            (279, 4, 4),
+        ]
         body += struct.pack(order + ("Q" if big else "H"), len(entries))
         for tag, kind, value in entries:
-            field = struct.pack(order + ("H" if kind == 3 else "I"), value).ljust(8 if big else 4, b"\x00")
+            field = struct.pack(order + ("H" if kind == 3 else "I"), value).ljust(
+                8 if big else 4, b"\x00"
+            )
             body += struct.pack(f"{order}HH{word}", tag, kind, 1) + field
         size = struct.calcsize(f"{order}{word}")
         body += struct.pack(order + word, len(body) + size if page == 0 else 0)
@@ -303,19 +407,35 @@ def two_pages(order: str, big: bool) -> bytes:
 def test_images_and_orientations_that_do_not_match(photos: Path, tmp_path: Path) -> None:
     """Oracle: the directory: one image more, one less; copies of those that match only where asked."""
     eo = replace(flight(), images=("8001.tif", "8002.jpg", "9009.jpg"))
-    with pytest.raises(InputError, match=r"has no image '9009\.jpg' \(1 of 3 orientations lack theirs\).*--set missing=skip"):
+    with pytest.raises(
+        InputError,
+        match=r"has no image '9009\.jpg' \(1 of 3 orientations lack theirs\).*--set missing=skip",
+    ):
         write_image_tags(eo, tmp_path / "out", images=photos)
-    fewer = replace(framed(exterior(block().C_mc[:2], block().position_m[:2]), "geographic"), images=NAMES[:2])
-    with pytest.raises(InputError, match=r"8003\.JPG has no orientation \(1 of 3 images lack theirs\)"):
+    fewer = replace(
+        framed(exterior(block().C_mc[:2], block().position_m[:2]), "geographic"), images=NAMES[:2]
+    )
+    with pytest.raises(
+        InputError, match=r"8003\.JPG has no orientation \(1 of 3 images lack theirs\)"
+    ):
         write_image_tags(fewer, tmp_path / "out", images=photos)
     assert not (tmp_path / "out").exists()
     write_image_tags(eo, tmp_path / "out", images=photos, missing="skip")
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"8001.tif", "8002.jpg"}
-    with pytest.raises(InputError, match="none of its 3 images is one of the 3 orientations; is it another flight"):
-        write_image_tags(replace(eo, images=("1.tif", "2.tif", "3.tif")), tmp_path / "x", images=photos, missing="skip")
+    with pytest.raises(
+        InputError, match="none of its 3 images is one of the 3 orientations; is it another flight"
+    ):
+        write_image_tags(
+            replace(eo, images=("1.tif", "2.tif", "3.tif")),
+            tmp_path / "x",
+            images=photos,
+            missing="skip",
+        )
     (photos / "8001.jpg").write_bytes((photos / "8002.jpg").read_bytes())
     with pytest.raises(InputError, match=r"8001\.jpg and 8001\.tif could both be image '8001'"):
-        write_image_tags(replace(eo, images=("8001", "8002.jpg", "8003.JPG")), tmp_path / "x", images=photos)
+        write_image_tags(
+            replace(eo, images=("8001", "8002.jpg", "8003.JPG")), tmp_path / "x", images=photos
+        )
 
 
 @pytest.mark.parametrize(
@@ -371,22 +491,36 @@ def test_broken_images(photos: Path, tmp_path: Path, content: bytes, message: st
 
 
 def test_segments_of_a_jpeg() -> None:
-    """Oracle: by hand: JFIF first, fill bytes, a segment that is too long for its two bytes, two of the same."""
+    """Oracle: by hand: JFIF first, fill bytes, a segment that is too long for its two bytes, two of
+    the same.
+    """
     jfif, comment, scan = b"\xff\xe0\x00\x04ab", b"\xff\xfe\x00\x03c", b"\xff\xda\x00\x02pixels"
 
     def head(data: bytes, exif: bytes = b"E", xmp: bytes = b"X") -> tuple[bytes, int]:
-        return with_tags(lambda at, n: data[at : at + n], len(data), "a.jpg", lambda old: exif, lambda old: xmp)
+        return with_tags(
+            lambda at, n: data[at : at + n], len(data), "a.jpg", lambda old: exif, lambda old: xmp
+        )
 
     made, rest = head(b"\xff\xd8" + jfif + comment + scan)
-    assert made == b"\xff\xd8" + jfif + b"\xff\xe1\x00\x09Exif\x00\x00E\xff\xe1\x00\x20http://ns.adobe.com/xap/1.0/\x00X" + comment
+    assert (
+        made
+        == b"\xff\xd8"
+        + jfif
+        + b"\xff\xe1\x00\x09Exif\x00\x00E\xff\xe1\x00\x20http://ns.adobe.com/xap/1.0/\x00X"
+        + comment
+    )
     assert rest == 2 + len(jfif) + len(comment)
     again, _ = head(made + b"\xff" + scan, b"EE")  # 0xFF may be repeated before a marker
     assert again.count(b"Exif") == 1
     assert b"Exif\x00\x00EE" in again
     several, old = b"\xff\xe2\x00\x06MPF\x00", b"\xff\xe1\x00\x20http://ns.adobe.com/xap/1.0/\x00o"
-    made, _ = head(b"\xff\xd8" + jfif + several + old + scan)  # what grows must stand before what counts from its own place
+    made, _ = head(
+        b"\xff\xd8" + jfif + several + old + scan
+    )  # what grows must stand before what counts from its own place
     assert made.endswith(b"\x00X" + several)
-    with pytest.raises(InputError, match=r"a\.jpg: its Exif would need 65542 bytes \(limit 65533\)"):
+    with pytest.raises(
+        InputError, match=r"a\.jpg: its Exif would need 65542 bytes \(limit 65533\)"
+    ):
         head(b"\xff\xd8" + scan, exif=bytes(65536))
     twice = b"\xff\xe1\x00\x08Exif\x00\x00"
     with pytest.raises(InputError, match="has 2 segments of Exif"):
@@ -408,11 +542,17 @@ def test_broken_packets(packet: bytes, message: str) -> None:
 
 
 def test_packet_of_other_prefixes() -> None:
-    """Oracle: namespaces by ElementTree: another prefix for ours, ours for a sibling with a slash, an RDF without content."""
+    """Oracle: namespaces by ElementTree: another prefix for ours, ours for a sibling with a slash,
+    an RDF without content.
+    """
     old = b"""<r:RDF xmlns:r="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><r:Description r:about=''
       xmlns:p='urn:a#' xmlns:own='urn:a#/' p:B='1' own:B="2"><p:C>3</p:C></r:Description></r:RDF>"""
-    got = ET.fromstring(set_properties(old, {("own", "urn:a#"): {"B": '<"&'}}, {"urn:a#": ("C",)}, "a.jpg"))
-    keys = [(key, value) for e in got.iter() for key, value in e.attrib.items() if "about" not in key]
+    got = ET.fromstring(
+        set_properties(old, {("own", "urn:a#"): {"B": '<"&'}}, {"urn:a#": ("C",)}, "a.jpg")
+    )
+    keys = [
+        (key, value) for e in got.iter() for key, value in e.attrib.items() if "about" not in key
+    ]
     assert keys == [("{urn:a#}B", '<"&')]
     assert not [e for e in got.iter() if e.tag == "{urn:a#}C"]
     empty = b'<r:RDF xmlns:r="http://www.w3.org/1999/02/22-rdf-syntax-ns#"/>'

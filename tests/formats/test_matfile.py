@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.io import loadmat, savemat
 
-from insgnss.formats._matfile import Damaged, read_mat
+from insgnss.formats.arrays.matfile import Damaged, read_mat
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 KINDS = ("f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8")
@@ -45,14 +45,20 @@ def check(got: Any, want: Any, where: str) -> None:
         assert got is None
     elif isinstance(got, np.ndarray) and got.dtype != object:
         assert np.size(got) == np.size(want), where
-        assert np.array_equal(np.squeeze(got), np.real(np.asarray(want))) or np.size(want) == 0, where
+        assert np.array_equal(np.squeeze(got), np.real(np.asarray(want))) or np.size(want) == 0, (
+            where
+        )
     elif isinstance(got, np.ndarray):
-        assert [str(text).rstrip() for text in got.reshape(-1)] == [str(text).rstrip() for text in np.atleast_1d(want)], where
+        assert [str(text).rstrip() for text in got.reshape(-1)] == [
+            str(text).rstrip() for text in np.atleast_1d(want)
+        ], where
     else:
         assert str(got) == str(want), where
 
 
-@pytest.mark.parametrize("options", [{}, {"do_compression": True}, {"long_field_names": True}, {"oned_as": "column"}])
+@pytest.mark.parametrize(
+    "options", [{}, {"do_compression": True}, {"long_field_names": True}, {"oned_as": "column"}]
+)
 def test_all_that_scipy_writes(options: dict[str, Any]) -> None:
     """Oracle: scipy.io.loadmat of the same file."""
     data = written(**options)
@@ -84,7 +90,9 @@ def test_the_other_byte_order() -> None:
         + struct.pack(">2I", 9, 24)
         + values
     )
-    data = b"MATLAB 5.0 MAT-file".ljust(124) + b"\1\0MI" + struct.pack(">2I", 14, len(parts)) + parts
+    data = (
+        b"MATLAB 5.0 MAT-file".ljust(124) + b"\1\0MI" + struct.pack(">2I", 14, len(parts)) + parts
+    )
     assert read_mat(data)["x"].tolist() == [[1.5, 2.5, 3.5]]
 
 
@@ -97,8 +105,12 @@ def test_the_other_byte_order() -> None:
         (52, 1 << 30, "it ends within an element of 1073741824 bytes"),
     ],
 )
-def test_sizes_and_types_that_would_crash_scipy_are_refused(offset: int, value: int, message: str) -> None:
-    """Oracle: scipy 1.17, which takes the memory or ends the process; offsets from the first variable's tag, as the format has them."""
+def test_sizes_and_types_that_would_crash_scipy_are_refused(
+    offset: int, value: int, message: str
+) -> None:
+    """Oracle: scipy 1.17, which takes the memory or ends the process; offsets from the first
+    variable's tag, as the format has them.
+    """
     stream = io.BytesIO()
     savemat(stream, {"a": np.arange(3.0).reshape(1, 3)})
     data = bytearray(stream.getvalue())
@@ -135,7 +147,11 @@ def test_recordings(name: str) -> None:
     """Oracle: scipy.io.loadmat of the same file."""
     if not (DATA / name).exists():
         pytest.skip(f"the recording {name} is not at hand; it is not shipped")
-    want = {key: value for key, value in loadmat(DATA / name, squeeze_me=True, struct_as_record=False).items() if key[0] != "_"}
+    want = {
+        key: value
+        for key, value in loadmat(DATA / name, squeeze_me=True, struct_as_record=False).items()
+        if key[0] != "_"
+    }
     got = read_mat((DATA / name).read_bytes())
     assert set(got) == set(want)
     for key, value in want.items():

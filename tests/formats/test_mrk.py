@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.formats import read_events, sniff_events
-from insgnss.formats.mrk import read_mrk
+from insgnss.formats.events.mrk import read_mrk
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
-LINE = "{}\t{}\t[2024]\t   -26,N\t    19,E\t   191,V\t-36.41144502,Lat\t174.63075195,Lon\t170.415,Ellh\t1.492559, 1.368525, 3.180128\t16,Q"
+LINE = (
+    "{}\t{}\t[2024]\t   -26,N\t    19,E\t  "
+    " 191,V\t-36.41144502,Lat\t174.63075195,Lon\t170.415,Ellh\t1.492559, 1.368525, 3.180128\t16,Q"
+)
 
 
 def write(tmp_path: Path, *lines: str, end: str = "\n") -> Path:
@@ -57,7 +60,11 @@ def test_what_the_drone_computed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("second", "end", "message"),
     [
-        (LINE.format(2, 6.0)[:-5], "", r":2: truncated: the file ends within this line; 12 values, expected 13"),
+        (
+            LINE.format(2, 6.0)[:-5],
+            "",
+            r":2: truncated: the file ends within this line; 12 values, expected 13",
+        ),
         (LINE.format(2, 6.0).replace("19,E", "x,E"), "\n", r":2: 'x' where a number must stand"),
         (LINE.format(2, 6.0).replace("1.368525, ", ""), "\n", r":2: 4 values without a name"),
         (LINE.format(2, 6.0).replace("191,V", "191,N"), "\n", r":2: N stands twice"),
@@ -73,7 +80,9 @@ def test_refusals(tmp_path: Path, second: str, end: str, message: str) -> None:
 
 
 def test_recorded_flight() -> None:
-    """Oracle: the lines of the recording cut by column numbers; its description: week 2024, 04:28 to 04:36 GPST, 2.8 s apart."""
+    """Oracle: the lines of the recording cut by column numbers; its description: week 2024, 04:28
+    to 04:36 GPST, 2.8 s apart.
+    """
     path = DATA / "dji_p4rtk/100_0004_Timestamp.MRK"
     if not path.exists():
         pytest.skip("the recording dji_p4rtk is not at hand; it is not shipped")
@@ -82,7 +91,9 @@ def test_recorded_flight() -> None:
     assert events.images == tuple(row[0] for row in raw)
     assert events.time.tolist() == [float(row[1]) for row in raw]
     assert (len(events.images), events.gps_week) == (163, 2024)
-    assert_allclose(np.degrees(mrk.position[:, 0]), [float(row[6].split(",")[0]) for row in raw], rtol=1e-15)
+    assert_allclose(
+        np.degrees(mrk.position[:, 0]), [float(row[6].split(",")[0]) for row in raw], rtol=1e-15
+    )
     assert mrk.sigma.tolist() == [[float(v) for v in row[9].split(",")] for row in raw]
     day = events.time % 86400.0
     assert 4 * 3600 + 28 * 60 < day[0] < day[-1] < 4 * 3600 + 36 * 60

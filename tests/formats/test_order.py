@@ -8,30 +8,46 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.formats import read_events, read_gnss, read_imu
-from insgnss.formats._order import NumberedRows, put_in_order
+from insgnss.formats.text.order import NumberedRows, put_in_order
 
 N = 1000
-TABLE = np.column_stack([200000.0 + 0.01 * np.arange(N), np.random.default_rng(1).integers(-99, 99, (N, 6))])
+TABLE = np.column_stack(
+    [200000.0 + 0.01 * np.arange(N), np.random.default_rng(1).integers(-99, 99, (N, 6))]
+)
 
 
 def imu_file(tmp_path: Path, rows: np.ndarray) -> Path:
     path = tmp_path / "imu.csv"
-    path.write_text("".join(f"{row[0]:.2f}," + ",".join(f"{v:.0f}" for v in row[1:]) + "\n" for row in rows))
+    path.write_text(
+        "".join(f"{row[0]:.2f}," + ",".join(f"{v:.0f}" for v in row[1:]) + "\n" for row in rows)
+    )
     return path
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.lists(st.integers(0, N - 100), max_size=8, unique=True), st.lists(st.integers(0, N - 1), max_size=30), st.integers(0, 2**31))
-def test_whole_recording_comes_back(tmp_path: Path, late: list[int], double: list[int], seed: int) -> None:
-    """Oracle: the recording before rows were moved behind later ones by less than 1 s, and others doubled anywhere behind them."""
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    st.lists(st.integers(0, N - 100), max_size=8, unique=True),
+    st.lists(st.integers(0, N - 1), max_size=30),
+    st.integers(0, 2**31),
+)
+def test_whole_recording_comes_back(
+    tmp_path: Path, late: list[int], double: list[int], seed: int
+) -> None:
+    """Oracle: the recording before rows were moved behind later ones by less than 1 s, and others
+    doubled anywhere behind them.
+    """
     rng = np.random.default_rng(seed)
     order = list(range(N))
     for row in late:
         order.remove(row)
         behind = row + int(rng.integers(20, 60))
-        order.insert(order.index(next(k for k in range(behind, N) if k not in late)), row)  # one that was moved itself is further on
+        order.insert(
+            order.index(next(k for k in range(behind, N) if k not in late)), row
+        )  # one that was moved itself is further on
     for row in double:
         order.insert(int(rng.integers(order.index(row), len(order))) + 1, row)
     imu = read_imu(imu_file(tmp_path, TABLE[order]))
@@ -48,18 +64,32 @@ def test_later_contradiction_is_left_out_and_counted(tmp_path: Path) -> None:
     rows = np.insert(TABLE, 500, TABLE[499] + [0, 5, 0, 0, 0, 0, 0], axis=0)
     imu = read_imu(imu_file(tmp_path, rows))
     assert np.array_equal(imu.gyro[499], TABLE[499, 1:4])
-    assert "1 rows that contradict an earlier one of their stamp left out, of 1001" in imu.notes[0].found
+    assert (
+        "1 rows that contradict an earlier one of their stamp left out, of 1001"
+        in imu.notes[0].found
+    )
 
 
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        (np.roll(TABLE[:, :], 1, axis=0), r"imu.csv:2: time 200000.000000 s follows 200009.990000 s; .*999 of 1000 rows are late"),
-        (np.insert(TABLE[1:], 101, TABLE[0], axis=0), r"imu.csv:102: time 200000.000000 s follows 200001.010000 s; .*by up to 1.010 s"),
-        (np.repeat(TABLE, 2, axis=0) + np.outer(np.arange(2 * N) % 2, [0, 1, 0, 0, 0, 0, 0]), r"imu.csv:2: .*in 1000 of 2000 rows"),
+        (
+            np.roll(TABLE[:, :], 1, axis=0),
+            r"imu.csv:2: time 200000.000000 s follows 200009.990000 s; .*999 of 1000 rows are late",
+        ),
+        (
+            np.insert(TABLE[1:], 101, TABLE[0], axis=0),
+            r"imu.csv:102: time 200000.000000 s follows 200001.010000 s; .*by up to 1.010 s",
+        ),
+        (
+            np.repeat(TABLE, 2, axis=0) + np.outer(np.arange(2 * N) % 2, [0, 1, 0, 0, 0, 0, 0]),
+            r"imu.csv:2: .*in 1000 of 2000 rows",
+        ),
     ],
 )
-def test_beyond_the_limits_the_first_row_is_refused(tmp_path: Path, rows: np.ndarray, message: str) -> None:
+def test_beyond_the_limits_the_first_row_is_refused(
+    tmp_path: Path, rows: np.ndarray, message: str
+) -> None:
     """Oracle: the rule of data_specs/README.md, 1 s and 1 %."""
     with pytest.raises(InputError, match=message):
         read_imu(imu_file(tmp_path, rows))
@@ -79,8 +109,12 @@ def contradicting(rows: int) -> np.ndarray:
     return np.insert(again, at + 1, again[at] + [0, 5, 0, 0, 0, 0, 0], axis=0)
 
 
-@pytest.mark.parametrize(("rows", "word"), [(late, "late rows put in order"), (contradicting, "rows that contradict")])
-def test_one_percent_is_the_limit(tmp_path: Path, rows: Callable[[int], np.ndarray], word: str) -> None:
+@pytest.mark.parametrize(
+    ("rows", "word"), [(late, "late rows put in order"), (contradicting, "rows that contradict")]
+)
+def test_one_percent_is_the_limit(
+    tmp_path: Path, rows: Callable[[int], np.ndarray], word: str
+) -> None:
     """Oracle: data_specs/README.md, fewer than 1 %: of 1000 rows 9 are mended and counted, 10 are
     refused.
     """
@@ -117,7 +151,9 @@ def test_fixes_and_events_follow_the_same_rule(tmp_path: Path) -> None:
     assert fixes.notes[0].found == "1 double rows left out, 1 late rows put in order, of 201"
     assert fixes.height[100:103].tolist() == [600.0, 601.0, 602.0]
     lines = [f"{k}.tif {k}.0\n" for k in range(200)]
-    (tmp_path / "events.txt").write_text("".join([*lines[:7], "7.tif 7.5\n", *lines[8:50], lines[49], *lines[50:]]))
+    (tmp_path / "events.txt").write_text(
+        "".join([*lines[:7], "7.tif 7.5\n", *lines[8:50], lines[49], *lines[50:]])
+    )
     events = read_events(tmp_path / "events.txt")
     assert events.images == tuple(f"{k}.tif" for k in range(200))
     assert [note.name for note in events.notes] == ["event rows"]
@@ -125,7 +161,10 @@ def test_fixes_and_events_follow_the_same_rule(tmp_path: Path) -> None:
 
 def test_rows_in_order_are_left_alone() -> None:
     """Oracle: nothing to do."""
-    assert put_in_order(NumberedRows("x"), np.arange(5.0), lambda i, k: True, "IMU rows") == (None, ())
+    assert put_in_order(NumberedRows("x"), np.arange(5.0), lambda i, k: True, "IMU rows") == (
+        None,
+        (),
+    )
 
 
 def test_missing_end_of_the_last_line_is_told(tmp_path: Path) -> None:

@@ -1,4 +1,6 @@
-"""RTKLIB's .pos in all its variants: the same fixes, written by the rules of RTKLIB's solution.c, come out the same."""
+"""RTKLIB's .pos in all its variants: the same fixes, written by the rules of RTKLIB's solution.c,
+come out the same.
+"""
 
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -8,21 +10,35 @@ import pytest
 from numpy.testing import assert_allclose
 from pyproj import Transformer
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.formats import read_gnss, sniff_gnss
 from insgnss.records import GnssFixes
 
 WEEK, TOW = 2008, 604799.9
 BASE = (46.5, 6.5, 600.0)
-LLH = np.array([[46.571234567, 6.541234567, 630.1234], [46.571244567, 6.541224567, 630.2234], [46.571254567, 6.541214567, 630.3234]])
+LLH = np.array(
+    [
+        [46.571234567, 6.541234567, 630.1234],
+        [46.571244567, 6.541224567, 630.2234],
+        [46.571254567, 6.541214567, 630.3234],
+    ]
+)
 ROOTS = "0.0300 0.0200 0.0400 0.0100 -0.0150 -0.0200"  # over the axes of the file, in its order
 VELOCITY = "1.00000 2.00000 3.00000 0.30000 0.20000 0.40000 0.10000 -0.15000 -0.20000"
 TO_ECEF = Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
 NAMES = {
     "llh": ("latitude(deg) longitude(deg) height(m)", "n e u ne eu un", "vn(m/s) ve(m/s) vu(m/s)"),
-    "dms": ("latitude(d'\") longitude(d'\") height(m)", "n e u ne eu ue", "vn(m/s) ve(m/s) vu(m/s)"),
+    "dms": (
+        "latitude(d'\") longitude(d'\") height(m)",
+        "n e u ne eu ue",
+        "vn(m/s) ve(m/s) vu(m/s)",
+    ),
     "xyz": ("x-ecef(m) y-ecef(m) z-ecef(m)", "x y z xy yz zx", "vx(m/s) vy(m/s) vz(m/s)"),
-    "enu": ("e-baseline(m) n-baseline(m) u-baseline(m)", "e n u en nu ue", "ve(m/s) vn(m/s) vu(m/s)"),
+    "enu": (
+        "e-baseline(m) n-baseline(m) u-baseline(m)",
+        "e n u en nu ue",
+        "ve(m/s) vn(m/s) vu(m/s)",
+    ),
 }
 
 
@@ -57,19 +73,33 @@ def place(kind: str) -> list[str]:
 
 
 def file(
-    tmp_path: Path, kind: str, scale: str = "GPST", dated: bool = False, sep: str = " ", velocity: bool = False, header: bool = True
+    tmp_path: Path,
+    kind: str,
+    scale: str = "GPST",
+    dated: bool = False,
+    sep: str = " ",
+    velocity: bool = False,
+    header: bool = True,
 ) -> Path:
     position, roots, speeds = NAMES[kind]
-    names = f"{scale} {position} Q ns " + " ".join(f"sd{a}(m)" for a in roots.split()) + " age(s) ratio"
+    names = (
+        f"{scale} {position} Q ns " + " ".join(f"sd{a}(m)" for a in roots.split()) + " age(s) ratio"
+    )
     names += f" {speeds} " + " ".join(f"sdv{a}" for a in roots.split()) if velocity else ""
-    lines = ["% program   : RTKLIB", f"% ref pos   : {BASE[0]:.9f} {BASE[1]:.9f} {BASE[2]:.4f}", "%"] if header else []
+    lines = (
+        ["% program   : RTKLIB", f"% ref pos   : {BASE[0]:.9f} {BASE[1]:.9f} {BASE[2]:.4f}", "%"]
+        if header
+        else []
+    )
     lines += ["%  " + sep.join(names.split(" "))] if header else []
     for k, text in enumerate(place(kind)):
         shift = {"GPST": 0.0, "UTC": -18.0, "JST": 32400.0 - 18.0}[scale]
         when = datetime(1980, 1, 6) + timedelta(weeks=WEEK, seconds=TOW + 0.1 * k + shift)
         seconds = WEEK * 604800 + TOW + 0.1 * k + shift
         stamp = (
-            f"{when:%Y/%m/%d %H:%M:%S}.{when.microsecond // 1000:03d}" if dated else f"{seconds // 604800:.0f}{sep}{seconds % 604800:.3f}"
+            f"{when:%Y/%m/%d %H:%M:%S}.{when.microsecond // 1000:03d}"
+            if dated
+            else f"{seconds // 604800:.0f}{sep}{seconds % 604800:.3f}"
         )
         values = f"{text} 1 16 {ROOTS} 0.03 6.4" + (f" {VELOCITY}" if velocity else "")
         lines.append(stamp + sep + sep.join(values.split()))
@@ -83,7 +113,13 @@ def covariance(kind: str, row: int) -> np.ndarray:
     P = np.array([[9e-4, 1e-4, -4e-4], [1e-4, 4e-4, -2.25e-4], [-4e-4, -2.25e-4, 16e-4]])
     here = enu_axes(*np.radians(LLH[row, :2]))
     to_ned = np.array([here[1], here[0], -here[2]])
-    axes = np.eye(3) if kind == "xyz" else enu_axes(*np.radians(BASE[:2])) if kind == "enu" else here[[1, 0, 2]]
+    axes = (
+        np.eye(3)
+        if kind == "xyz"
+        else enu_axes(*np.radians(BASE[:2]))
+        if kind == "enu"
+        else here[[1, 0, 2]]
+    )
     return to_ned @ axes.T @ P @ axes @ to_ned.T
 
 
@@ -102,7 +138,9 @@ def check(got: GnssFixes, kind: str) -> None:
 @pytest.mark.parametrize("dated", [False, True])
 @pytest.mark.parametrize("kind", NAMES)
 def test_separators_coordinates_and_time(tmp_path: Path, kind: str, dated: bool, sep: str) -> None:
-    """Oracle: the fixes written; pyproj and cross products for coordinates and covariances, datetime for the week."""
+    """Oracle: the fixes written; pyproj and cross products for coordinates and covariances,
+    datetime for the week.
+    """
     path = file(tmp_path, kind, dated=dated, sep=sep)
     assert sniff_gnss(path) == "rtklib_pos"
     check(read_gnss(path), kind)
@@ -120,11 +158,19 @@ def test_velocities(tmp_path: Path, kind: str) -> None:
     """Oracle: vectors turned by cross products."""
     got = read_gnss(file(tmp_path, kind, velocity=True, dated=True))
     here = enu_axes(*np.radians(LLH[0, :2]))
-    axes = np.eye(3) if kind == "xyz" else enu_axes(*np.radians(BASE[:2])) if kind == "enu" else here[[1, 0, 2]]
+    axes = (
+        np.eye(3)
+        if kind == "xyz"
+        else enu_axes(*np.radians(BASE[:2]))
+        if kind == "enu"
+        else here[[1, 0, 2]]
+    )
     v = axes.T @ [1.0, 2.0, 3.0]
     assert got.velocity_ned is not None
     assert got.velocity_cov_ned is not None
-    assert_allclose(got.velocity_ned[0], [here[1] @ v, here[0] @ v, -here[2] @ v], rtol=0, atol=1e-7)
+    assert_allclose(
+        got.velocity_ned[0], [here[1] @ v, here[0] @ v, -here[2] @ v], rtol=0, atol=1e-7
+    )
     assert_allclose(got.velocity_cov_ned[0], 100.0 * covariance(kind, 0), atol=1e-7)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.formats import read_gnss, read_imu
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
@@ -20,7 +20,9 @@ def recording(name: str) -> Path:
 
 
 def test_tilt_rtk_walk() -> None:
-    """Oracle: the recording's description: 29570 locked samples, 3624 epochs, 3397 fixed, 132 float, 95 DGPS, 10 ms."""
+    """Oracle: the recording's description: 29570 locked samples, 3624 epochs, 3397 fixed, 132
+    float, 95 DGPS, 10 ms.
+    """
     imu = read_imu(recording("tilt_rtk_walk/imu.aimu"))
     assert "6670 samples before the clock was locked and 0 lines" in imu.notes[0].found
     gnss = read_gnss(recording("tilt_rtk_walk/gnss.nmea"))
@@ -34,17 +36,40 @@ def test_tilt_rtk_walk() -> None:
 
 
 def test_umn_thor75() -> None:
-    """Oracle: the recording's description: 34812 samples, 674 fixes, the first at 22.0 s, 45.33 N 93.23 W."""
+    """Oracle: the recording's description: 34812 samples, 674 fixes, the first at 22.0 s, 45.33 N
+    93.23 W.
+    """
     path = recording("umn_thor75/thor_flight75_2012_10_10.mat")
     imu = read_imu(
         path,
-        columns={"tow": "time", "gx": "p", "gy": "q", "gz": "r", "ax": "ax", "ay": "ay", "az": "az"},
+        columns={
+            "tow": "time",
+            "gx": "p",
+            "gy": "q",
+            "gz": "r",
+            "ax": "ax",
+            "ay": "ay",
+            "az": "az",
+        },
         variable="flight_data",
         quantity="instant_rate",
     )
-    columns = {"tow": "time", "lat": "lat", "lon": "lon", "h": "alt", "vn": "vn", "ve": "ve", "vd": "vd"}
+    columns = {
+        "tow": "time",
+        "lat": "lat",
+        "lon": "lon",
+        "h": "alt",
+        "vn": "vn",
+        "ve": "ve",
+        "vd": "vd",
+    }
     gnss = read_gnss(
-        path, columns=columns, variable="flight_data", repeat_column="GPS_TOW", sigma_m=[2, 2, 4], sigma_velocity=[0.2, 0.2, 0.2]
+        path,
+        columns=columns,
+        variable="flight_data",
+        repeat_column="GPS_TOW",
+        sigma_m=[2, 2, 4],
+        sigma_velocity=[0.2, 0.2, 0.2],
     )
     assert imu.time.size == 34812
     assert gnss.time.size == 674
@@ -61,14 +86,18 @@ def test_umn_thor75() -> None:
     ],
 )
 def test_rtklib_solutions(name: str, epochs: int, week: int, first: float) -> None:
-    """Oracle: the counts and the first epochs that the files' own comments state (obs start ... week, seconds)."""
+    """Oracle: the counts and the first epochs that the files' own comments state (obs start ...
+    week, seconds).
+    """
     got = read_gnss(recording(name))
     assert (got.time.size, got.gps_week) == (epochs, week)
     assert got.time[0] == pytest.approx(first, abs=1e-6)
 
 
 def test_rtklib_ecef_solution_is_at_the_published_point() -> None:
-    """Oracle: published coordinates of the rover (cssrlib sample), reached within 1 mm at the last epoch; pyproj."""
+    """Oracle: published coordinates of the rover (cssrlib sample), reached within 1 mm at the last
+    epoch; pyproj.
+    """
     from pyproj import Transformer
 
     got = read_gnss(recording("cssrlib_rtk/DERIVED_rtklib_078M1_ecef.pos"))
@@ -79,7 +108,9 @@ def test_rtklib_ecef_solution_is_at_the_published_point() -> None:
 
 
 def test_rtklib_static_solution_is_at_the_published_point() -> None:
-    """Oracle: rover_position.txt of the same set, within 3 mm of the mean of the fixed epochs (1 mm checked by its author)."""
+    """Oracle: rover_position.txt of the same set, within 3 mm of the mean of the fixed epochs (1 mm
+    checked by its author).
+    """
     lat, lon, h = np.loadtxt(recording("matrtklib/static/rover_position.txt"))
     got = read_gnss(recording("matrtklib/static/rover_rtk.pos"))
     assert got.quality is not None
@@ -99,7 +130,9 @@ def test_heights_above_the_geoid_are_refused() -> None:
     assert got.time[0] == pytest.approx(518400.000257662, abs=1e-8)
 
 
-@pytest.mark.parametrize("name", ["kfgins_GNSS-RTK.txt", "obgins_GNSS_RTK.pos", "imuarray_gnss_group1.txt"])
+@pytest.mark.parametrize(
+    "name", ["kfgins_GNSS-RTK.txt", "obgins_GNSS_RTK.pos", "imuarray_gnss_group1.txt"]
+)
 def test_plain_text_positions(name: str) -> None:
     """Oracle: numpy.loadtxt; the ending .pos of one of them is not RTKLIB's."""
     path = recording(f"whu_gnss_only/{name}")
@@ -120,10 +153,17 @@ def test_reference_with_header_names() -> None:
 
 
 def test_car_matrix() -> None:
-    """Oracle: the recording's description: 98413 samples of week 2202, 9841 fixes in radians, Beijing."""
+    """Oracle: the recording's description: 98413 samples of week 2202, 9841 fixes in radians,
+    Beijing.
+    """
     path = recording("hipnuc_car/data20220320_11.mat")
-    imu = read_imu(path, columns=["week", "tow", "ax", "ay", "az", "gx", "gy", "gz", "-"], variable="imu_data")
-    columns = [*("week", "tow", "-", "-", "lat", "lon", "h", "ve", "vn", "vu"), *("sd_e", "sd_n", "sd_u", "sd_ve", "sd_vn", "sd_vd")]
+    imu = read_imu(
+        path, columns=["week", "tow", "ax", "ay", "az", "gx", "gy", "gz", "-"], variable="imu_data"
+    )
+    columns = [
+        *("week", "tow", "-", "-", "lat", "lon", "h", "ve", "vn", "vu"),
+        *("sd_e", "sd_n", "sd_u", "sd_ve", "sd_vn", "sd_vd"),
+    ]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         gnss = read_gnss(path, columns=columns, variable="gnss_data", units={"angle": "rad"})

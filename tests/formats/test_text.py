@@ -8,13 +8,17 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from insgnss.errors import InputError, UsageError
-from insgnss.files import atomic_write
-from insgnss.formats._text import format_rows, read_table, read_text_table
+from insgnss.base.errors import InputError, UsageError
+from insgnss.base.files import atomic_write
+from insgnss.formats.text.text import format_rows, read_table, read_text_table
 
-ANY = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+ANY = settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 
-floats = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e250, max_value=1e250).filter(lambda x: x == 0 or abs(x) > 1e-250)
+floats = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e250, max_value=1e250).filter(
+    lambda x: x == 0 or abs(x) > 1e-250
+)
 forms = st.sampled_from(["%.17g", "%.3f", "%.12f", "%.18e", "%+.9E", "%g", "%.0f."])
 
 
@@ -27,7 +31,9 @@ def text_file(tmp_path: Path, content: str | bytes) -> Path:
 @ANY
 @given(st.lists(st.tuples(floats, forms), min_size=1, max_size=30))
 def test_numbers_are_those_of_python(tmp_path: Path, numbers: list[tuple[float, str]]) -> None:
-    """Oracle: float(); one unit in the last place, exact where mantissa and power of ten are exact doubles."""
+    """Oracle: float(); one unit in the last place, exact where mantissa and power of ten are exact
+    doubles.
+    """
     texts = [form % x for x, form in numbers if abs(x) < 1e15 or form != "%.12f"]
     texts = [text for text in texts if len(text) < 60] or ["0"]
     values = read_table(text_file(tmp_path, "".join(f"{text},1\n" for text in texts))).values[:, 0]
@@ -105,7 +111,10 @@ def test_header_is_found(tmp_path: Path, content: str, names: tuple[str, ...] | 
         ("1,2\n3,1.2.3\n", r"table.txt:2: '1.2.3' in field 2"),
         ("1,2\n3,1e999\n", r"table.txt:2: '1e999' in field 2"),
         ("1,2,3\n4,5,6\n7,8", r"table.txt:3: truncated: .*'7,8'"),
-        ("1.00,2.00\n4.00,5.00\n7.00,8.0", r"table.txt:3: truncated: the file ends within a number, '8.0' after '5.00'"),
+        (
+            "1.00,2.00\n4.00,5.00\n7.00,8.0",
+            r"table.txt:3: truncated: the file ends within a number, '8.0' after '5.00'",
+        ),
         ("1.0,2.0\n4.0,5.0\n7.0,-", r"table.txt:3: truncated"),
         (b"1,2\n3,4\n\0\0\0\0\n", r"table.txt:3: '\\x00\\x00\\x00\\x00' in field 1"),
         (b"\xff\xfe1\0,\0", r"table.txt:1: is UTF-16"),
@@ -133,13 +142,19 @@ def test_text_columns(tmp_path: Path) -> None:
     table = read_text_table(text_file(tmp_path, 'image;tow\n"8001.tif";1,5\n8002.tif;2,5\n'))
     assert table.strings(0) == ("8001.tif", "8002.tif")
     assert table.floats(1).tolist() == [1.5, 2.5]
-    with pytest.raises(InputError, match=r"table.txt:2: '8001.tif' where a finite number must stand"):
+    with pytest.raises(
+        InputError, match=r"table.txt:2: '8001.tif' where a finite number must stand"
+    ):
         table.floats(0)
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [("a 1\nb\n", r":2: 1 fields, expected 2"), ("a 1 2\nb 1 2\nc 1", r":3: truncated"), ("a 1.25\nb 1.25\nc 1.2", ":3: truncated")],
+    [
+        ("a 1\nb\n", r":2: 1 fields, expected 2"),
+        ("a 1 2\nb 1 2\nc 1", r":3: truncated"),
+        ("a 1.25\nb 1.25\nc 1.2", ":3: truncated"),
+    ],
 )
 def test_bad_line_of_a_text_table_is_refused(tmp_path: Path, content: str, message: str) -> None:
     """Oracle: the line as a person counts it."""
@@ -150,7 +165,9 @@ def test_bad_line_of_a_text_table_is_refused(tmp_path: Path, content: str, messa
 def test_rows_are_formatted_in_chunks() -> None:
     """Oracle: Python's % row by row."""
     table = np.random.default_rng(3).normal(size=(101, 3))
-    assert "".join(format_rows("%.3f %g,%.9f\n", table, chunk=10)) == "".join(f"{a:.3f} {b:g},{c:.9f}\n" for a, b, c in table)
+    assert "".join(format_rows("%.3f %g,%.9f\n", table, chunk=10)) == "".join(
+        f"{a:.3f} {b:g},{c:.9f}\n" for a, b, c in table
+    )
 
 
 def test_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:

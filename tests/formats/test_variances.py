@@ -1,4 +1,6 @@
-"""Published variances: the page's examples, both forms against each other, what must be refused; real ones where they are at hand."""
+"""Published variances: the page's examples, both forms against each other, what must be refused;
+real ones where they are at hand.
+"""
 
 import copy
 import json
@@ -9,8 +11,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.errors import InputError, UsageError
-from insgnss.formats.variances import read_variances
+from insgnss.base.errors import InputError, UsageError
+from insgnss.formats.imu.variances import read_variances
 from insgnss.stochastic.moments.wavelet import wavelet_variance
 
 SPEC = Path(__file__).parents[2] / "data_specs" / "variances.md"
@@ -40,21 +42,30 @@ def write(tmp_path, content):
 
 
 def rows(*columns):
-    return "".join(",".join(repr(float(v)) for v in row) + "\n" for row in zip(*columns, strict=True))
+    return "".join(
+        ",".join(repr(float(v)) for v in row) + "\n" for row in zip(*columns, strict=True)
+    )
 
 
 def test_text_table_is_the_curve_that_was_written(tmp_path, curve):
-    """Oracle: the curve itself, written as wavelet variance and as Allan deviation with and without interval."""
+    """Oracle: the curve itself, written as wavelet variance and as Allan deviation with and without
+    interval.
+    """
     tau = curve.averaging_time_s
     tables = {
         "scale_s,wavelet_variance,low,high": (curve.scale_s, curve.variance, curve.low, curve.high),
         "scale_s,variance": (curve.scale_s, curve.variance),
         "tau_s,allan_variance": (tau, 2.0 * curve.variance),
         "tau,adev": (tau, np.sqrt(2.0 * curve.variance)),
-        "tau_s,deviation,low,high": (tau, *(np.sqrt(2.0 * x) for x in (curve.variance, curve.low, curve.high))),
+        "tau_s,deviation,low,high": (
+            tau,
+            *(np.sqrt(2.0 * x) for x in (curve.variance, curve.low, curve.high)),
+        ),
     }
     for header, columns in tables.items():
-        got = read_variances(write(tmp_path, f"{HEADER}{header}\n{rows(*columns)}")).curves["accel_z"]
+        got = read_variances(write(tmp_path, f"{HEADER}{header}\n{rows(*columns)}")).curves[
+            "accel_z"
+        ]
         assert got.level.tolist() == curve.level.tolist()
         assert got.count.tolist() == curve.count.tolist()
         for name in ("variance", "low", "high"):
@@ -63,12 +74,17 @@ def test_text_table_is_the_curve_that_was_written(tmp_path, curve):
 
 def test_axes_stand_in_a_column_and_units_in_comments(tmp_path):
     """Oracle: 1 deg/h and 1 ug in SI."""
-    text = "# rate_hz: 250\n# samples: 1000\n# gyro_unit: deg/h\n# accel_unit: ug\n# sensor: demo\naxis,tau_s,allan_deviation\n"
+    text = (
+        "# rate_hz: 250\n# samples: 1000\n# gyro_unit: deg/h\n# accel_unit: ug\n# sensor:"
+        " demo\naxis,tau_s,allan_deviation\n"
+    )
     path = write(tmp_path, text + "gyro_x,0.004,3\ngyro_x,0.008,2\naccel_y,0.004,5\n")
     got = read_variances(path)
     assert got.sensor == "demo"
     assert list(got.curves) == ["gyro_x", "accel_y"]
-    assert_allclose(got.curves["gyro_x"].variance, 0.5 * (np.array([3.0, 2.0]) * DEG_H) ** 2, rtol=1e-14)
+    assert_allclose(
+        got.curves["gyro_x"].variance, 0.5 * (np.array([3.0, 2.0]) * DEG_H) ** 2, rtol=1e-14
+    )
     assert_allclose(got.curves["accel_y"].variance, 0.5 * (5.0 * UG) ** 2, rtol=1e-14)
     got = read_variances(path, units={"gyro": "rad/s"}, samples=500)
     assert_allclose(got.curves["gyro_x"].variance, [4.5, 2.0], rtol=1e-14)
@@ -77,31 +93,52 @@ def test_axes_stand_in_a_column_and_units_in_comments(tmp_path):
 
 def test_rounded_scales_are_taken(tmp_path):
     """Oracle: powers of two of 4 ms, printed with three digits."""
-    text = "# rate_hz = 250\n# samples = 100000\n# axis = gyro_x\ntau_s,deviation\n0.004,3\n1.02,1\n65.5,2\n"
+    text = (
+        "# rate_hz = 250\n# samples = 100000\n# axis ="
+        " gyro_x\ntau_s,deviation\n0.004,3\n1.02,1\n65.5,2\n"
+    )
     assert read_variances(write(tmp_path, text)).curves["gyro_x"].level.tolist() == [1, 9, 15]
 
 
 def test_json_page(tmp_path, page):
     """Oracle: the page's numbers, plain, as a member, and as R's JSON has single values, in lists."""
     lists = {**page, "freq": [100.0], "n": [1000000], "sensor": ["demo"]}
-    for content, member in ((page, None), ({"a": {"a": lists}, "b": {"b": lists}}, "b"), ({"only": lists}, None)):
+    for content, member in (
+        (page, None),
+        ({"a": {"a": lists}, "b": {"b": lists}}, "b"),
+        ({"only": lists}, None),
+    ):
         got = read_variances(write(tmp_path, content), member=member)
         assert got.sensor == "demo"
         assert list(got.curves) == ["gyro_x"]
         assert got.curves["gyro_x"].variance.tolist() == [0.0509178, 0.0331453]
         assert got.curves["gyro_x"].high.tolist() == [0.0511180, 0.0333298]
     got = read_variances(write(tmp_path, page), units={"gyro": "deg/s"})
-    assert_allclose(got.curves["gyro_x"].low, np.array([0.0507188, 0.0329623]) * (3600 * DEG_H) ** 2, rtol=1e-14)
+    assert_allclose(
+        got.curves["gyro_x"].low, np.array([0.0507188, 0.0329623]) * (3600 * DEG_H) ** 2, rtol=1e-14
+    )
 
 
 def test_json_of_allan_variances(tmp_path, page):
-    """Oracle: half the Allan variance over the averaging time, with the interval that a table without interval gets."""
+    """Oracle: half the Allan variance over the averaging time, with the interval that a table
+    without interval gets.
+    """
     del page["wvar"]
     page["avar"] = {
-        "Gyro. X": {"levels": [0.02, 0.04], "allan": [0.06, 0.03], "adev": [9, 9], "lci": [9, 9], "uci": [9, 9], "type": ["mo"]}
+        "Gyro. X": {
+            "levels": [0.02, 0.04],
+            "allan": [0.06, 0.03],
+            "adev": [9, 9],
+            "lci": [9, 9],
+            "uci": [9, 9],
+            "type": ["mo"],
+        }
     }
     got = read_variances(write(tmp_path, page)).curves["gyro_x"]
-    text = "# rate_hz = 100\n# samples = 1000000\n# axis = gyro_x\ntau_s,allan_variance\n0.02,0.06\n0.04,0.03\n"
+    text = (
+        "# rate_hz = 100\n# samples = 1000000\n# axis ="
+        " gyro_x\ntau_s,allan_variance\n0.02,0.06\n0.04,0.03\n"
+    )
     table = read_variances(write(tmp_path, text)).curves["gyro_x"]
     assert got.level.tolist() == [2, 3]
     for name in ("variance", "low", "high"):
@@ -116,11 +153,17 @@ def test_json_of_allan_variances(tmp_path, page):
         ("0.01,1\n0.02,0.5\n", "no header"),
         ("scale_s,tau_s,deviation\n0.02,0.01,1\n", "one column of scale_s, tau_s"),
         ("tau_s,deviation,low\n0.01,1,0.9\n", "only one end"),
-        ("tau_s,deviation\n0.01,1\n0.05,1\n", ":6: scale 0.1 s is 10 samples of 100 Hz; only powers of two"),
+        (
+            "tau_s,deviation\n0.01,1\n0.05,1\n",
+            ":6: scale 0.1 s is 10 samples of 100 Hz; only powers of two",
+        ),
         ("scale_s,variance\n0.01,1\n", "scale 0.01 s is 1 samples"),
         ("tau_s,deviation\n0.02,1\n0.01,1\n", ":6: scale 0.02 s follows 0.04 s"),
         ("tau_s,deviation\n0.02,1\n-0.02,1\n", ":6: scale -0.04 s"),
-        ("tau_s,deviation\n0.01,1\n81.92,1\n", ":6: scale 163.84 s is longer than the 4096 samples"),
+        (
+            "tau_s,deviation\n0.01,1\n81.92,1\n",
+            ":6: scale 163.84 s is longer than the 4096 samples",
+        ),
         ("tau_s,deviation\n0.01,-1\n", ":5: variance -0.5"),
         ("tau_s,deviation,low,high\n0.01,1,1.1,1.2\n", ":5: the interval at scale 0.02 s"),
         ("tau_s,deviation\n0.01,one\n", ":5: 'one' where a finite number"),
@@ -143,7 +186,10 @@ def test_wrong_tables_are_refused_with_their_line(tmp_path, text, words):
         ("# rate_hz = 0\n# samples = 99\n# axis = gyro_x\n", ":1: rate_hz 0; it must be greater"),
         ("# rate_hz = fast\n# samples = 99\n# axis = gyro_x\n", ":1: 'fast' where a finite number"),
         ("# rate_hz = 99\n# samples = 99\n# axis = up\n", ":3: axis 'up'"),
-        ("# rate_hz = 99\n# samples = 99\n# axis = gyro_x\n# unit = mg\n", ":4: unit of gyro: 'mg' is none of rad/s"),
+        (
+            "# rate_hz = 99\n# samples = 99\n# axis = gyro_x\n# unit = mg\n",
+            ":4: unit of gyro: 'mg' is none of rad/s",
+        ),
     ],
 )
 def test_wrong_comments_are_refused(tmp_path, text, words):
@@ -211,7 +257,9 @@ def test_wrong_use_is_told(tmp_path, page):
 
 
 def test_real_published_variances():
-    """Oracle: the file's own numbers; its Allan variances are twice its wavelet variances to their last term."""
+    """Oracle: the file's own numbers; its Allan variances are twice its wavelet variances to their
+    last term.
+    """
     if not PUBLISHED.is_file():
         pytest.skip("the published variances of real IMUs are not here")
     for member in json.loads(PUBLISHED.read_text()):
@@ -220,6 +268,10 @@ def test_real_published_variances():
     wavelet, allan = (read_variances(PUBLISHED, member=f"navchip_{kind}") for kind in ("wv", "av"))
     assert wavelet.sensor == "NAVCHIP_FLT"
     for axis, curve in wavelet.curves.items():
-        assert (curve.rate_hz, curve.samples, curve.level.tolist()) == (250.0, 3105250, list(range(1, 21)))
+        assert (curve.rate_hz, curve.samples, curve.level.tolist()) == (
+            250.0,
+            3105250,
+            list(range(1, 21)),
+        )
         assert_allclose(allan.curves[axis].variance[:15], curve.variance[1:16], rtol=1e-2)
     assert wavelet.curves["gyro_x"].variance[0] == 2.6547275557064194e-06

@@ -1,4 +1,6 @@
-"""Compiled kernels of `geodesy`; gravity is held against the numpy form and the potential in test_earth."""
+"""Compiled kernels of `geodesy`; gravity is held against the numpy form and the potential in
+test_earth.
+"""
 
 import numpy as np
 from numpy.testing import assert_allclose

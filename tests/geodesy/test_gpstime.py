@@ -6,16 +6,37 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.geodesy import gpstime
 
 
 @pytest.mark.parametrize(
     ("date", "tai_minus_utc"),
     [
-        *(("1980-01-06", 19), ("1981-06-30", 19), ("1981-07-01", 20), ("1985-07-01", 23), ("1988-01-01", 24), ("1990-01-01", 25)),
-        *(("1992-07-01", 27), ("1994-07-01", 29), ("1997-07-01", 31), ("1999-01-01", 32), ("2005-12-31", 32), ("2006-01-01", 33)),
-        *(("2009-01-01", 34), ("2012-07-01", 35), ("2015-06-30", 35), ("2015-07-01", 36), ("2016-12-31", 36), ("2017-01-01", 37)),
+        *(
+            ("1980-01-06", 19),
+            ("1981-06-30", 19),
+            ("1981-07-01", 20),
+            ("1985-07-01", 23),
+            ("1988-01-01", 24),
+            ("1990-01-01", 25),
+        ),
+        *(
+            ("1992-07-01", 27),
+            ("1994-07-01", 29),
+            ("1997-07-01", 31),
+            ("1999-01-01", 32),
+            ("2005-12-31", 32),
+            ("2006-01-01", 33),
+        ),
+        *(
+            ("2009-01-01", 34),
+            ("2012-07-01", 35),
+            ("2015-06-30", 35),
+            ("2015-07-01", 36),
+            ("2016-12-31", 36),
+            ("2017-01-01", 37),
+        ),
     ],
 )
 def test_leap_seconds_are_those_of_the_iers(date, tai_minus_utc):
@@ -28,14 +49,24 @@ def test_leap_seconds_are_those_of_the_iers(date, tai_minus_utc):
     ("utc", "week", "tow"),
     [
         (datetime(1980, 1, 6), 0, 0.0),
-        (datetime(1999, 8, 21, 23, 59, 47), 1024, 0.0),  # first roll-over of the ten-bit week (ICD-GPS-200)
+        (
+            datetime(1999, 8, 21, 23, 59, 47),
+            1024,
+            0.0,
+        ),  # first roll-over of the ten-bit week (ICD-GPS-200)
         (datetime(2019, 4, 6, 23, 59, 42), 2048, 0.0),  # second roll-over
-        (datetime(2018, 7, 3, 7, 0, 0, 250000), 2008, 2 * 86400 + 7 * 3600 + 18.25),  # Tuesday of formats.md A.9
+        (
+            datetime(2018, 7, 3, 7, 0, 0, 250000),
+            2008,
+            2 * 86400 + 7 * 3600 + 18.25,
+        ),  # Tuesday of formats.md A.9
         (datetime(2019, 4, 6, 23, 59, 41, 999999), 2047, 604799.999999),
     ],
 )
 def test_published_weeks(utc, week, tow):
-    """Oracle: published starts of GPS weeks and the leap seconds then in force; a microsecond is what datetime holds."""
+    """Oracle: published starts of GPS weeks and the leap seconds then in force; a microsecond is
+    what datetime holds.
+    """
     found = gpstime.gps_from_calendar(utc)
     assert found[0] == week
     assert_allclose(found[1], tow, rtol=0, atol=1e-9)
@@ -51,13 +82,17 @@ def test_calendar_in_gps_time_has_no_leap_seconds():
     week, tow = gpstime.gps_from_calendar(when, scale="gpst")
     assert datetime(1980, 1, 6) + timedelta(weeks=week, seconds=tow) == when
     assert gpstime.calendar_from_gps(week, tow, scale="gpst") == when
-    assert gpstime.calendar_from_gps(week, tow) == (when - timedelta(seconds=18)).replace(tzinfo=UTC)
+    assert gpstime.calendar_from_gps(week, tow) == (when - timedelta(seconds=18)).replace(
+        tzinfo=UTC
+    )
 
 
 def test_time_zones_are_converted():
     """Oracle: datetime: 9:00 in a zone two hours east is 7:00 UTC."""
     east = timezone(timedelta(hours=2))
-    assert gpstime.gps_from_calendar(datetime(2018, 7, 3, 9, tzinfo=east)) == gpstime.gps_from_calendar(datetime(2018, 7, 3, 7))
+    assert gpstime.gps_from_calendar(
+        datetime(2018, 7, 3, 9, tzinfo=east)
+    ) == gpstime.gps_from_calendar(datetime(2018, 7, 3, 7))
 
 
 def test_no_second_is_lost_at_a_leap_second():

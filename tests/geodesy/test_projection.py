@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from insgnss.errors import InputError, UsageError
+from insgnss.base.errors import InputError, UsageError
 from insgnss.geodesy.projection import MapProjection
 
 LAT, LON, H = np.radians([46.57, 46.60]), np.radians([6.54, 6.60]), np.array([630.0, 1200.0])
@@ -15,9 +15,13 @@ def _convergence(G: np.ndarray) -> np.ndarray:
     return np.degrees(np.arctan2(G[:, 1, 0], G[:, 0, 0]))
 
 
-@pytest.mark.parametrize("code", ["EPSG:32632", "EPSG:32631", "EPSG:25832", "EPSG:2154", "EPSG:3031"])
+@pytest.mark.parametrize(
+    "code", ["EPSG:32632", "EPSG:32631", "EPSG:25832", "EPSG:2154", "EPSG:3031"]
+)
 def test_convergence_and_scale_of_a_geocentric_datum(code: str) -> None:
-    """Oracle: PROJ's analytical factors; 1e-8 rad, a hundredth of what six decimals of a degree show."""
+    """Oracle: PROJ's analytical factors; 1e-8 rad, a hundredth of what six decimals of a degree
+    show.
+    """
     from pyproj import CRS, Proj
 
     projection = MapProjection(code)
@@ -33,7 +37,9 @@ def test_convergence_and_scale_of_a_geocentric_datum(code: str) -> None:
 def test_convergence_at_the_test_field() -> None:
     """Oracle: formats.md C3, to the printed digits."""
     for code, printed in (("EPSG:2056", -0.6574), ("EPSG:32632", -1.7870), ("EPSG:32631", 2.5724)):
-        assert _convergence(MapProjection(code).axes(LAT, LON, H))[0] == pytest.approx(printed, abs=5.1e-5)
+        assert _convergence(MapProjection(code).axes(LAT, LON, H))[0] == pytest.approx(
+            printed, abs=5.1e-5
+        )
 
 
 def test_position_in_lv95() -> None:
@@ -41,11 +47,15 @@ def test_position_in_lv95() -> None:
     from pyproj import CRS, Transformer
 
     x = MapProjection("2056").forward(LAT, LON, H)
-    E, N, _ = Transformer.from_crs("EPSG:4979", CRS("EPSG:2056").to_3d(), always_xy=True).transform(np.degrees(LON), np.degrees(LAT), H)
+    E, N, _ = Transformer.from_crs("EPSG:4979", CRS("EPSG:2056").to_3d(), always_xy=True).transform(
+        np.degrees(LON), np.degrees(LAT), H
+    )
     assert np.abs(x - np.column_stack([E, N, H])).max() < 1e-9
 
 
-@pytest.mark.parametrize("code", ["EPSG:2056", "EPSG:32632", "EPSG:31467", "EPSG:2051", "EPSG:5514"])
+@pytest.mark.parametrize(
+    "code", ["EPSG:2056", "EPSG:32632", "EPSG:31467", "EPSG:2051", "EPSG:5514"]
+)
 def test_inverse(code: str) -> None:
     """Oracle: the forward projection; a tenth of a millimetre, the digits of an export."""
     projection = MapProjection(code)
@@ -56,7 +66,9 @@ def test_inverse(code: str) -> None:
 
 
 def test_axes_that_are_not_east_and_north() -> None:
-    """Oracle: the definition of EPSG:2051, which counts west and south: half a turn and the convergence."""
+    """Oracle: the definition of EPSG:2051, which counts west and south: half a turn and the
+    convergence.
+    """
     from pyproj import CRS, Proj
 
     south = np.radians([-30.0]), np.radians([24.5]), np.array([100.0])
@@ -68,7 +80,10 @@ def test_axes_that_are_not_east_and_north() -> None:
 def test_geoid_of_the_users(tmp_path: Path) -> None:
     """Oracle: a grid that is 48 m everywhere."""
     grid = tmp_path / "geoid.gtx"
-    head = np.array([40.0, 0.0, 1.0, 1.0]).astype(">f8").tobytes() + np.array([20, 20]).astype(">i4").tobytes()
+    head = (
+        np.array([40.0, 0.0, 1.0, 1.0]).astype(">f8").tobytes()
+        + np.array([20, 20]).astype(">i4").tobytes()
+    )
     grid.write_bytes(head + np.full(400, 48.0).astype(">f4").tobytes())
     projection = MapProjection("EPSG:32632", grid)
     x = projection.forward(LAT, LON, H)
@@ -98,7 +113,9 @@ def test_refusals(code: str, why: str) -> None:
 
 def test_heights_whose_grid_is_not_here() -> None:
     """Oracle: the registry; LN02 needs a grid that PROJ does not bring along."""
-    with pytest.raises(InputError, match=r"ch_swisstopo_chgeo2004_ETRS89_LN02\.tif is not installed"):
+    with pytest.raises(
+        InputError, match=r"ch_swisstopo_chgeo2004_ETRS89_LN02\.tif is not installed"
+    ):
         MapProjection("EPSG:2056+5728").forward(LAT, LON, H)
     with pytest.raises(UsageError, match="leave the geoid out"):
         MapProjection("EPSG:2056+5728", __file__)  # type: ignore[arg-type]

@@ -1,4 +1,6 @@
-"""A script that stands for rnx2rtkp, and small inputs for it: it notes what it is given and leaves the .pos that it is told to."""
+"""A script that stands for rnx2rtkp, and small inputs for it: it notes what it is given and leaves
+the .pos that it is told to.
+"""
 
 import json
 import stat
@@ -6,14 +8,16 @@ import sys
 
 from written_rinex import epoch2, header2, record
 
-from insgnss.gnss.engine import solve
-from insgnss.gnss.options import EngineOptions
+from insgnss.gnss.engine.options import EngineOptions
+from insgnss.gnss.engine.rtklib import solve
 
 BASE = (3774096.81, -601661.65, 5089318.44)
 BASE_LLH = (53.2804, -9.0578, 70.0)
 HEAD = (
-    "% program   : RTKLIB ver.{version}\n%\n% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=#)\n"
-    "%  GPST  latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio\n"
+    "% program   : RTKLIB ver.{version}\n%\n%"
+    " (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=#)\n%  GPST"
+    "  latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m)"
+    " age(s) ratio\n"
 )
 SCRIPT = """#!{python}
 import json, os, sys, time
@@ -42,11 +46,15 @@ def standing(lat=BASE_LLH[0], step=0.0):
     return pos([(392700.0 + k, lat + k * step, BASE_LLH[1], BASE_LLH[2]) for k in range(5)])
 
 
-def observations(day=4, types=("C1", "L1", "P2", "L2"), approx=None, epochs=5, system="G", step=1.0):
+def observations(
+    day=4, types=("C1", "L1", "P2", "L2"), approx=None, epochs=5, system="G", step=1.0
+):
     place = "".join(f"{x:14.4f}" for x in approx) if approx else ""
     more = record(place, "APPROX POSITION XYZ") if approx else ""
     rows = {f"{system}{k:02d}": [2.1e7 + k] * len(types) for k in range(1, 7)}
-    return header2(types, more=more) + "".join(epoch2((2018, 10, day, 13, 5, k * step), rows) for k in range(epochs))
+    return header2(types, more=more) + "".join(
+        epoch2((2018, 10, day, 13, 5, k * step), rows) for k in range(epochs)
+    )
 
 
 def navigation(day=4, system="N", satellite=2):
@@ -79,9 +87,13 @@ def navigation(day=4, system="N", satellite=2):
         0,
     ]
     lines = [elements[k : k + 4] for k in range(0, 25, 4)]
-    body = "".join("   " + "".join(f"{x:19.12E}".replace("E", "D") for x in line) + "\n" for line in lines)
+    body = "".join(
+        "   " + "".join(f"{x:19.12E}".replace("E", "D") for x in line) + "\n" for line in lines
+    )
     first = f"{satellite:2d} 18 10 {day:2d} 13  0  0.0" + "".join(numbers) + "\n"
-    head = record(f"{2.11:9.2f}{'':11}{'NAVIGATION DATA':<20}", "RINEX VERSION / TYPE") + record("", "END OF HEADER")
+    head = record(f"{2.11:9.2f}{'':11}{'NAVIGATION DATA':<20}", "RINEX VERSION / TYPE") + record(
+        "", "END OF HEADER"
+    )
     return head + first + body
 
 
@@ -91,23 +103,40 @@ class Fake:
     def __init__(self, directory):
         self.directory, self.log, self.plan = directory, directory / "log", directory / "plan"
         self.out = directory / "out"
-        self.rover, self.base, self.nav = (directory / name for name in ("rover %Y.18o", "base.18o", "brdc.18n"))
+        self.rover, self.base, self.nav = (
+            directory / name for name in ("rover %Y.18o", "base.18o", "brdc.18n")
+        )
         self.rover.write_text(observations(approx=(BASE[0] - 400.0, BASE[1], BASE[2])))
         self.base.write_text(observations(approx=BASE))
         self.nav.write_text(navigation())
         self.program = directory / "rnx2rtkp"
-        self.program.write_text(SCRIPT.format(python=sys.executable, log=str(self.log), plan=str(self.plan)))
+        self.program.write_text(
+            SCRIPT.format(python=sys.executable, log=str(self.log), plan=str(self.plan))
+        )
         self.program.chmod(self.program.stat().st_mode | stat.S_IXUSR)
         self.does()
 
     def does(self, **more):
         """The plan: what each run does, on top of a solution that goes well."""
-        well = {name: {"pos": pos([(392700.0, 53.29, -9.05, 75.0 + k)])} for k, name in enumerate(("combined", "forward", "backward"))}
+        well = {
+            name: {"pos": pos([(392700.0, 53.29, -9.05, 75.0 + k)])}
+            for k, name in enumerate(("combined", "forward", "backward"))
+        }
         self.plan.write_text(json.dumps({**well, "where_base": {"pos": standing()}, **more}))
 
     def solve(self, navigation=None, **options):
-        given = {"base_position_m": BASE, "base_point": "apc", "engine": str(self.program)} | options
-        return solve(self.rover, self.base, self.nav if navigation is None else navigation, EngineOptions(**given), self.out)
+        given = {
+            "base_position_m": BASE,
+            "base_point": "apc",
+            "engine": str(self.program),
+        } | options
+        return solve(
+            self.rover,
+            self.base,
+            self.nav if navigation is None else navigation,
+            EngineOptions(**given),
+            self.out,
+        )
 
     def told(self):
         return {line["name"]: line for line in map(json.loads, self.log.read_text().splitlines())}

@@ -6,23 +6,35 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from insgnss.gnss.bands import ENGINE_BANDS, HERTZ, engine_phases, kappa
-from insgnss.gnss.options import EngineOptions
-from insgnss.gnss.preflight import satellites_with_phases
+from insgnss.gnss.engine.options import EngineOptions
+from insgnss.gnss.engine.preflight import satellites_with_phases
+from insgnss.gnss.satellites.frequencies import ENGINE_BANDS, HERTZ, engine_phases, kappa
 
 
 def test_the_table_is_the_engines():
-    """Oracle: RTKLIB's code2idx and code2freq for every code that it knows; a place beyond the third is not taken."""
+    """Oracle: RTKLIB's code2idx and code2freq for every code that it knows; a place beyond the
+    third is not taken.
+    """
     if find_spec("pyrtklib5") is None:
         pytest.skip("pyrtklib5 is not installed")
     import pyrtklib5 as rtklib
 
     codes = {name[6:]: getattr(rtklib, name) for name in dir(rtklib) if name.startswith("CODE_L")}
-    systems = {"G": rtklib.SYS_GPS, "R": rtklib.SYS_GLO, "E": rtklib.SYS_GAL, "J": rtklib.SYS_QZS, "C": rtklib.SYS_CMP}
+    systems = {
+        "G": rtklib.SYS_GPS,
+        "R": rtklib.SYS_GLO,
+        "E": rtklib.SYS_GAL,
+        "J": rtklib.SYS_QZS,
+        "C": rtklib.SYS_CMP,
+    }
     for letter, system in systems.items():
         taken = ["", "", ""]
         for band in HERTZ[letter]:
-            code = next(number for name, number in codes.items() if name[0] == band and rtklib.code2freq(system, number, 0) > 0.0)
+            code = next(
+                number
+                for name, number in codes.items()
+                if name[0] == band and rtklib.code2freq(system, number, 0) > 0.0
+            )
             assert rtklib.code2freq(system, code, 0) == pytest.approx(HERTZ[letter][band], abs=1.0)
             if (place := rtklib.code2idx(system, code)) < rtklib.NFREQ:
                 taken[place] += band
@@ -31,7 +43,12 @@ def test_the_table_is_the_engines():
 
 def one_epoch(signals, satellites):
     """Observations of one epoch: by satellite the phases that it has."""
-    values = np.array([[1e8 if name in has.split() else np.nan for name in signals] for has in satellites.values()])
+    values = np.array(
+        [
+            [1e8 if name in has.split() else np.nan for name in signals]
+            for has in satellites.values()
+        ]
+    )
     return SimpleNamespace(satellite=np.array(list(satellites)), signals=signals, values=values)
 
 
@@ -52,10 +69,16 @@ SATELLITES = {
 
 @pytest.mark.parametrize(
     ("frequencies", "with_phases"),
-    [(1, "G01 G02 E01 E02 C01 C02 R01 R02"), (2, "G01 E02 C02 R01 R02"), (3, "G01 G02 E01 E02 C02 R01 R02")],
+    [
+        (1, "G01 G02 E01 E02 C01 C02 R01 R02"),
+        (2, "G01 E02 C02 R01 R02"),
+        (3, "G01 G02 E01 E02 C02 R01 R02"),
+    ],
 )
 def test_satellites_of_which_the_engine_has_bands(frequencies, with_phases):
-    """Oracle: the table, worked out by hand: E5a and L5 are third, B3 and B1C of BeiDou none; SBAS and NavIC are not asked for."""
+    """Oracle: the table, worked out by hand: E5a and L5 are third, B3 and B1C of BeiDou none; SBAS
+    and NavIC are not asked for.
+    """
     signals = tuple(sorted({name for has in SATELLITES.values() for name in has.split()}))
     observed = one_epoch(signals, SATELLITES)
     rows = satellites_with_phases(observed, EngineOptions(frequencies=frequencies))
@@ -72,6 +95,10 @@ def test_a_phase_of_zero_is_none():
 
 
 def test_kappa():
-    """Oracle: the ratio of whole numbers that GPS's carriers are of: 154, 120 and 115 times 10.23 MHz."""
-    assert [kappa("G", band) for band in "125"] == pytest.approx([1.0, (154 / 120) ** 2, (154 / 115) ** 2], rel=1e-12)
+    """Oracle: the ratio of whole numbers that GPS's carriers are of: 154, 120 and 115 times 10.23
+    MHz.
+    """
+    assert [kappa("G", band) for band in "125"] == pytest.approx(
+        [1.0, (154 / 120) ** 2, (154 / 115) ** 2], rel=1e-12
+    )
     assert kappa("R", "2") / kappa("R", "1") == pytest.approx((9 / 7) ** 2, rel=1e-12)

@@ -1,4 +1,6 @@
-"""Covariances of an engine's positions: formula, belief, separation, and coverage of the errors of a car in a city."""
+"""Covariances of an engine's positions: formula, belief, separation, and coverage of the errors of
+a car in a city.
+"""
 
 from dataclasses import replace
 from importlib.util import find_spec
@@ -7,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from insgnss.errors import UsageError
+from insgnss.base.errors import UsageError
 from insgnss.geodesy.frames import LocalFrame, ecef_to_geodetic, geodetic_to_ecef, rotation_en
-from insgnss.gnss.covariance import (
+from insgnss.gnss.engine.options import EngineOptions
+from insgnss.gnss.engine.rtklib import solve
+from insgnss.gnss.quality.covariance import (
     BELIEVED,
     CLASSES,
     FIXED,
@@ -29,9 +33,7 @@ from insgnss.gnss.covariance import (
     scaled,
     strays,
 )
-from insgnss.gnss.engine import solve
-from insgnss.gnss.options import EngineOptions
-from insgnss.gnss.quality import read_solution
+from insgnss.gnss.quality.solution_quality import read_solution
 from insgnss.records import GnssFixes
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
@@ -40,14 +42,26 @@ DATA = Path(__file__).parents[3] / "shared" / "data"
 def fixes_of(quality, interval=0.2, sigma=(0.005, 0.005, 0.01), offset=(0.0, 0.0, 0.0)):
     """Fixes that stand, `offset` m north, east, down of 46.5 N 6.5 E 500 m."""
     n = len(quality)
-    place = geodetic_to_ecef(np.radians(46.5), np.radians(6.5), 500.0) + rotation_en(np.radians(46.5), np.radians(6.5)) @ np.array(offset)
+    place = geodetic_to_ecef(np.radians(46.5), np.radians(6.5), 500.0) + rotation_en(
+        np.radians(46.5), np.radians(6.5)
+    ) @ np.array(offset)
     lat, lon, height = (np.full(n, float(v)) for v in ecef_to_geodetic(place))
     cov = np.broadcast_to(np.diag(np.square(sigma)), (n, 3, 3))
-    return GnssFixes(1000.0 + interval * np.arange(n), lat, lon, height, cov, quality=np.array(quality, dtype=np.int64), gps_week=2000)
+    return GnssFixes(
+        1000.0 + interval * np.arange(n),
+        lat,
+        lon,
+        height,
+        cov,
+        quality=np.array(quality, dtype=np.int64),
+        gps_week=2000,
+    )
 
 
 def test_sigmas_follow_the_formula_and_keep_the_engines_correlations():
-    """Oracle: (k sigma)^2 + floor^2 + (ppm d)^2 by hand, one epoch of each class; k_i k_j cov_ij off the diagonal."""
+    """Oracle: (k sigma)^2 + floor^2 + (ppm d)^2 by hand, one epoch of each class; k_i k_j cov_ij
+    off the diagonal.
+    """
     rng = np.random.default_rng(1)
     L = rng.normal(size=(len(CLASSES), 3, 3))
     cov = 1e-4 * (L @ np.swapaxes(L, 1, 2) + np.eye(3))
@@ -59,7 +73,9 @@ def test_sigmas_follow_the_formula_and_keep_the_engines_correlations():
             for j in range(3):
                 expected = model.scale[name][i] * model.scale[name][j] * cov[c, i, j]
                 if i == j:
-                    expected += model.floor_m[name][i] ** 2 + (model.ppm[i] * 1e-6 * distance[c]) ** 2
+                    expected += (
+                        model.floor_m[name][i] ** 2 + (model.ppm[i] * 1e-6 * distance[c]) ** 2
+                    )
                 assert got[c, i, j] == pytest.approx(expected, rel=1e-12)
 
 
@@ -82,7 +98,9 @@ def test_few_satellites_are_no_fix_however_long():
 
 
 def test_a_fix_among_missing_epochs_is_not_believed():
-    """Oracle: two epochs, one of them fixed, alone within ten seconds, as a car in a street has them; it was 13 m off."""
+    """Oracle: two epochs, one of them fixed, alone within ten seconds, as a car in a street has
+    them; it was 13 m off.
+    """
     time = np.concatenate([np.arange(60.0), [75.0, 76.0], 90.0 + np.arange(60.0)])
     quality = np.ones(time.size, dtype=np.int64)
     quality[60] = 2
@@ -98,7 +116,9 @@ def test_rare_epochs_support_each_other():
 
 @pytest.mark.parametrize("code", [0, 2, 3, 4, 5, 7])
 def test_no_class_but_fixed_has_centimetres(code):
-    """Oracle: the least sigma that the class's own floor allows, 0.3 m; the engine states a millimetre."""
+    """Oracle: the least sigma that the class's own floor allows, 0.3 m; the engine states a
+    millimetre.
+    """
     fixes = fixes_of([code] * 30, sigma=(0.001, 0.001, 0.001))
     calibrated, _ = calibrate(fixes, np.full(30, 20), np.zeros(30))
     assert np.sqrt(np.diagonal(calibrated.cov_ned, axis1=1, axis2=2)).min() >= 0.3
@@ -106,7 +126,9 @@ def test_no_class_but_fixed_has_centimetres(code):
 
 def test_what_is_not_believed_is_handed_on_as_float():
     """Oracle: flags written by hand."""
-    calibrated, kind = calibrate(fixes_of([2] * 50 + [1] + [2] * 50), np.full(101, 14), np.zeros(101))
+    calibrated, kind = calibrate(
+        fixes_of([2] * 50 + [1] + [2] * 50), np.full(101, 14), np.zeros(101)
+    )
     assert kind[50] == LONE
     assert calibrated.quality[50] == 2
     assert "0 of 1" in calibrated.notes[-1].found
@@ -120,7 +142,9 @@ def test_standard_deviations_of_zero_become_what_the_engine_cannot_write():
 
 
 def test_two_runs_that_contradict_each_other_are_covered_and_no_longer_fixed():
-    """Oracle: 0.19 m and 0.4 m between two simulated runs; their difference must lie within one sigma."""
+    """Oracle: 0.19 m and 0.4 m between two simulated runs; their difference must lie within one
+    sigma.
+    """
     quality = [1] * 100
     forward, backward = fixes_of(quality), fixes_of(quality, offset=(0.19, 0.0, -0.4))
     good = forward_backward(forward.time, forward, forward)
@@ -131,13 +155,17 @@ def test_two_runs_that_contradict_each_other_are_covered_and_no_longer_fixed():
     calibrated, kind = calibrate(forward, np.full(100, 15), np.zeros(100), mixed)
     assert (kind[:50] == FIXED).all()
     assert not np.isin(kind[60:], BELIEVED).any()
-    within = np.einsum("ni,nij,nj->n", mixed.ned[60:], np.linalg.inv(calibrated.cov_ned[60:]), mixed.ned[60:])
+    within = np.einsum(
+        "ni,nij,nj->n", mixed.ned[60:], np.linalg.inv(calibrated.cov_ned[60:]), mixed.ned[60:]
+    )
     assert (within <= 1.0).all()
     assert "40 because forward and backward" in calibrated.notes[-1].found
 
 
 def test_a_single_fix_beside_the_path_is_covered_and_its_neighbours_stay():
-    """Oracle: a fix 13 m too high among fixes that stand, at 1 Hz, as one of a car in a city; the limit is 5 m."""
+    """Oracle: a fix 13 m too high among fixes that stand, at 1 Hz, as one of a car in a city; the
+    limit is 5 m.
+    """
     fixes = fixes_of([1] * 60, interval=1.0)
     height = fixes.height.copy()
     height[30] += 13.0
@@ -152,7 +180,9 @@ def test_what_a_drone_flies_is_on_its_path():
     frame = LocalFrame(np.radians(46.5), np.radians(6.5), 500.0)
     for interval in (0.1, 0.2, 1.0):
         time = interval * np.arange(200)
-        place = np.column_stack([15.0 * np.cos(time / 1.5), 15.0 * np.sin(time / 1.5), np.zeros(200)])
+        place = np.column_stack(
+            [15.0 * np.cos(time / 1.5), 15.0 * np.sin(time / 1.5), np.zeros(200)]
+        )
         lat, lon, height = frame.geodetic_from_position(place)
         cov = np.broadcast_to(np.eye(3) * 1e-6, (200, 3, 3))
         fixes = GnssFixes(time, lat, lon, height, cov, quality=np.ones(200, dtype=np.int64))
@@ -162,7 +192,9 @@ def test_what_a_drone_flies_is_on_its_path():
 def test_separation_is_unknown_where_a_run_has_no_epoch():
     """Oracle: epochs taken out by hand."""
     forward = fixes_of([1] * 10)
-    fewer = GnssFixes(forward.time[5:], forward.lat[5:], forward.lon[5:], forward.height[5:], forward.cov_ned[5:])
+    fewer = GnssFixes(
+        forward.time[5:], forward.lat[5:], forward.lon[5:], forward.height[5:], forward.cov_ned[5:]
+    )
     separation = forward_backward(forward.time, forward, fewer)
     assert np.isnan(separation.ned[:5]).all()
     assert np.isfinite(separation.ned[5:]).all()
@@ -170,7 +202,9 @@ def test_separation_is_unknown_where_a_run_has_no_epoch():
 
 
 def test_fixes_of_minutes_with_many_floats_are_hampered():
-    """Oracle: the share counted epoch by epoch; 25 minutes at 1 Hz, of which 5 in the middle have 8 s float of 20."""
+    """Oracle: the share counted epoch by epoch; 25 minutes at 1 Hz, of which 5 in the middle have 8
+    s float of 20.
+    """
     time = np.arange(1500.0)
     quality = np.where((time // 300 == 2) & (time % 20 < 8), 2, 1)
     before = classes(time, quality, np.full(1500, 14))
@@ -185,9 +219,13 @@ def test_fixes_of_minutes_with_many_floats_are_hampered():
 
 
 def test_scattered_floats_and_short_runs_hamper_nothing():
-    """Oracle: flags written by hand: one float in twenty for ten minutes; ten fixed epochs and no more; the same with three floats."""
+    """Oracle: flags written by hand: one float in twenty for ten minutes; ten fixed epochs and no
+    more; the same with three floats.
+    """
     quality = np.where(np.arange(6000) % 20 == 7, 2, 1)
-    assert not (hampered(0.1 * np.arange(6000), classes(0.1 * np.arange(6000), quality, None)) == HAMPERED).any()
+    assert not (
+        hampered(0.1 * np.arange(6000), classes(0.1 * np.arange(6000), quality, None)) == HAMPERED
+    ).any()
     _, kind = calibrate(fixes_of([1] * 10), None, np.zeros(10))
     assert (kind == FIXED).all()
     _, kind = calibrate(fixes_of([1] * 5 + [2] * 3 + [1] * 5), None, np.zeros(13))
@@ -195,7 +233,9 @@ def test_scattered_floats_and_short_runs_hamper_nothing():
 
 
 def test_floats_before_the_first_and_after_the_last_fix_hamper_nothing():
-    """Oracle: flags written by hand: 20 minutes at 5 Hz, the first 150 s and the last 200 s float; then 150 s in the middle."""
+    """Oracle: flags written by hand: 20 minutes at 5 Hz, the first 150 s and the last 200 s float;
+    then 150 s in the middle.
+    """
     time = 0.2 * np.arange(6000)
     ends = np.where((time < 150.0) | (time >= 1000.0), 2, 1)
     kind = hampered(time, classes(time, ends, np.full(6000, 14)))
@@ -208,17 +248,25 @@ def test_floats_before_the_first_and_after_the_last_fix_hamper_nothing():
 
 
 def test_hampered_fixes_stay_fixed_with_sigmas_of_centimetres():
-    """Oracle: (V.1) by hand of k = 4, 25, 25, 40 mm and 1 ppm of 5 km; the quality handed on; and a share of 0, which names none."""
+    """Oracle: (V.1) by hand of k = 4, 25, 25, 40 mm and 1 ppm of 5 km; the quality handed on; and a
+    share of 0, which names none.
+    """
     quality = np.repeat([1, 2, 1], 100)
     fixes, there = fixes_of(quality), quality == 1
     calibrated, kind = calibrate(fixes, np.full(300, 14), np.full(300, 5000.0))
     assert (kind[there] == HAMPERED).all()
     assert (calibrated.quality == fixes.quality).all()
     sigma = np.sqrt(np.diagonal(calibrated.cov_ned[there], axis1=1, axis2=2))
-    assert np.allclose(sigma, np.sqrt([20.0**2 + 25.0**2 + 5.0**2] * 2 + [40.0**2 + 40.0**2 + 5.0**2]) * 1e-3, rtol=1e-9)
+    assert np.allclose(
+        sigma,
+        np.sqrt([20.0**2 + 25.0**2 + 5.0**2] * 2 + [40.0**2 + 40.0**2 + 5.0**2]) * 1e-3,
+        rtol=1e-9,
+    )
     assert "200 of the believed are hampered" in calibrated.notes[-1].found
     assert calibrated.notes[-1].verdict == "note"
-    plain, kind = calibrate(fixes, np.full(300, 14), np.full(300, 5000.0), None, replace(MODEL, degraded_share=0.0))
+    plain, kind = calibrate(
+        fixes, np.full(300, 14), np.full(300, 5000.0), None, replace(MODEL, degraded_share=0.0)
+    )
     assert (kind[there] == FIXED).all()
     assert np.sqrt(np.diagonal(plain.cov_ned[there], axis1=1, axis2=2)).max() < 0.015
     assert plain.notes[-1].verdict == "ok"
@@ -237,9 +285,14 @@ def test_a_vehicle_that_turns_as_hard_as_it_can_does_not_stray(axis, share, stra
     def middle_is_stray(offset_m, sigma_m):
         fixes = fixes_of([1, 1, 1])
         moved = [fixes_of([1], offset=np.eye(3)[axis] * off) for off in offset_m]
-        place = {name: np.concatenate([getattr(fix, name) for fix in moved]) for name in ("lat", "lon", "height")}
+        place = {
+            name: np.concatenate([getattr(fix, name) for fix in moved])
+            for name in ("lat", "lon", "height")
+        }
         fixes = replace(fixes, time=1000.0 + time, **place)
-        return bool(strays(fixes, np.ones(3, dtype=bool), np.tile(np.eye(3) * sigma_m**2, (3, 1, 1)))[1][1])
+        return bool(
+            strays(fixes, np.ones(3, dtype=bool), np.tile(np.eye(3) * sigma_m**2, (3, 1, 1)))[1][1]
+        )
 
     acceleration = share * MODEL.acceleration_mps2[axis]
     assert middle_is_stray(0.5 * acceleration * time**2, 1e-5) == stray
@@ -249,7 +302,9 @@ def test_a_vehicle_that_turns_as_hard_as_it_can_does_not_stray(axis, share, stra
 
 
 def test_a_stray_among_hampered_fixes_is_found_as_among_others():
-    """Oracle: a fix 0.2 m to the east at 5 Hz; with sigmas of fixed epochs (V.4) allows 0.09 m, with those of hampered ones 0.33 m."""
+    """Oracle: a fix 0.2 m to the east at 5 Hz; with sigmas of fixed epochs (V.4) allows 0.09 m,
+    with those of hampered ones 0.33 m.
+    """
     fixes = fixes_of([1] * 60 + [2] * 60 + [1] * 60, sigma=(0.02, 0.02, 0.04))
     moved = fixes_of([1], offset=(0.0, 0.2, 0.0))
     lon = fixes.lon.copy()
@@ -280,15 +335,22 @@ def test_wrong_numbers_are_refused_by_name(changes, word):
 
 
 def errors_of(fixes, reference):
-    """Errors (n, 3) m, north, east, down, against rows of time, week, latitude, longitude, height; and (n,) where there is a row."""
+    """Errors (n, 3) m, north, east, down, against rows of time, week, latitude, longitude, height;
+    and (n,) where there is a row.
+    """
     row = np.clip(np.searchsorted(reference[:, 0], fixes.time - 1e-3), 0, len(reference) - 1)
     apart = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
     apart -= geodetic_to_ecef(*np.radians(reference[row, 2:4]).T, reference[row, 4])
-    return np.einsum("nji,nj->ni", rotation_en(fixes.lat, fixes.lon), apart), np.abs(reference[row, 0] - fixes.time) < 2e-3
+    return (
+        np.einsum("nji,nj->ni", rotation_en(fixes.lat, fixes.lon), apart),
+        np.abs(reference[row, 0] - fixes.time) < 2e-3,
+    )
 
 
 def driven(name):
-    """Errors (n, 3) m, calibrated covariances, classes, and the engine's flags of a car in Nagoya as the solution `name` has it."""
+    """Errors (n, 3) m, calibrated covariances, classes, and the engine's flags of a car in Nagoya
+    as the solution `name` has it.
+    """
     place = DATA / "matrtklib" / "kinematic"
     if not place.is_dir():
         pytest.skip("the recording matrtklib is not here")
@@ -308,7 +370,9 @@ def car():
 
 
 def test_wrong_fixes_of_a_car_in_a_city_are_not_believed(car):
-    """Oracle: an Applanix reference; 108 of 1793 fixed epochs are off by more than 0.3 m (0.4 m in height)."""
+    """Oracle: an Applanix reference; 108 of 1793 fixed epochs are off by more than 0.3 m (0.4 m in
+    height).
+    """
     error, _, kind, quality = car
     wrong = (np.hypot(error[:, 0], error[:, 1]) > 0.3) | (np.abs(error[:, 2]) > 0.4)
     fixed, believed = quality == 1, np.isin(kind, BELIEVED)
@@ -323,9 +387,11 @@ def beyond_three_sigma(error, cov):
 
 
 def test_calibrated_sigmas_cover_the_errors_of_a_car_in_a_city(car):
-    """Oracle: an Applanix reference, taken as exact, no datum removed: at most 2 % of the epochs lie beyond three sigma on any axis.
+    """Oracle: an Applanix reference, taken as exact, no datum removed: at most 2 % of the epochs
+    lie beyond three sigma on any axis.
 
-    All of the drive, each half, and the believed fixes by themselves; whose sigmas are not far larger than the errors (mean square 0.5).
+    All of the drive, each half, and the believed fixes by themselves; whose sigmas are not far
+    larger than the errors (mean square 0.5).
     """
     error, cov, kind, _ = car
     beyond, half = beyond_three_sigma(error, cov), 2 * np.arange(len(error)) // len(error)
@@ -337,7 +403,9 @@ def test_calibrated_sigmas_cover_the_errors_of_a_car_in_a_city(car):
 
 
 def test_a_second_solution_of_the_drive_is_covered():
-    """Oracle: the same reference; other options, 1 Hz: integers of each epoch by itself, above 30 degrees. It chose no number."""
+    """Oracle: the same reference; other options, 1 Hz: integers of each epoch by itself, above 30
+    degrees. It chose no number.
+    """
     error, cov, kind, _ = driven("rover_1Hz_rtk.pos")
     assert np.isin(kind, BELIEVED).sum() > 100
     assert beyond_three_sigma(error, cov).mean() < 0.02
@@ -347,7 +415,8 @@ def test_a_second_solution_of_the_drive_is_covered():
 def test_fixes_under_an_open_sky_keep_the_engines_sigmas(tmp_path):
     """Oracle: published coordinates of a standing antenna, solved as moving, 5.3 km from its base.
 
-    None is hampered, and errors of 1 to 3 mm lie within the sigmas, of which 5 mm are for the distance.
+    None is hampered, and errors of 1 to 3 mm lie within the sigmas, of which 5 mm are for the
+    distance.
     """
     if find_spec("pyrtklib5") is None:
         pytest.skip("pyrtklib5 is not installed")
@@ -355,11 +424,21 @@ def test_fixes_under_an_open_sky_keep_the_engines_sigmas(tmp_path):
     if not place.is_dir():
         pytest.skip("the recording cssrlib_rtk is not here")
     files = [place / name for name in ("SEPT078M1.21O", "3034078M1.21O", "SEPT078M.21P")]
-    run = solve(files[0], files[1], files[2:], EngineOptions(base_position_m=base, base_point="apc"), tmp_path)
+    run = solve(
+        files[0],
+        files[1],
+        files[2:],
+        EngineOptions(base_position_m=base, base_point="apc"),
+        tmp_path,
+    )
     solution = read_solution(run.combined)
-    fixes, kind = calibrate(solution.fixes, solution.satellites, base_distance(solution.fixes, base))
+    fixes, kind = calibrate(
+        solution.fixes, solution.satellites, base_distance(solution.fixes, base)
+    )
     assert (kind == FIXED).all()
-    error = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - np.array([-3962108.673, 3381309.574, 3668678.638])
+    error = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - np.array(
+        [-3962108.673, 3381309.574, 3668678.638]
+    )
     error = np.einsum("nji,nj->ni", rotation_en(fixes.lat, fixes.lon), error)
     assert not beyond_three_sigma(error, fixes.cov_ned).any()
     assert np.sqrt(np.diagonal(fixes.cov_ned, axis1=1, axis2=2)).max() < 0.015

@@ -1,4 +1,6 @@
-"""The engine in its processes: what it is asked, and what is believed of its answer, with a script in its place."""
+"""The engine in its processes: what it is asked, and what is believed of its answer, with a script
+in its place.
+"""
 
 import gzip
 import importlib.util
@@ -12,13 +14,20 @@ from numpy.testing import assert_allclose
 from scripted_engine import BASE, BASE_LLH, HEAD, Fake, observations, one_line, pos
 from written_rinex import epoch3, header3, record
 
-from insgnss.errors import DataError, UsageError
-from insgnss.gnss.engine import INSTALL, check_names, engine_command
-from insgnss.gnss.options import EngineOptions, base_antenna, check_dynamics, option_file, prediction_sd, single_point_file
-from insgnss.gnss.preflight import satellites_with_phases
-from insgnss.gnss.rinex import read_observations
-from insgnss.gnss.rinex_header import read_header
-from insgnss.wording import spoken_as
+from insgnss.base.errors import DataError, UsageError
+from insgnss.base.wording import spoken_as
+from insgnss.gnss.engine.options import (
+    EngineOptions,
+    base_antenna,
+    check_dynamics,
+    option_file,
+    prediction_sd,
+    single_point_file,
+)
+from insgnss.gnss.engine.preflight import satellites_with_phases
+from insgnss.gnss.engine.rtklib import INSTALL, check_names, engine_command
+from insgnss.gnss.rinex.header import read_header
+from insgnss.gnss.rinex.observations import read_observations
 
 
 @pytest.fixture
@@ -31,39 +40,74 @@ def fake(tmp_path):
 def test_options_are_those_that_hold(tmp_path):
     """Oracle: the list of the issue, with RTKLIB's numbers for its choices (options.c of EX 2.5.0)."""
     base = header_of(tmp_path, observations(approx=BASE))
-    lines = dict(line.split("=") for line in option_file(EngineOptions(), base, "combined", 0.2, 1.0).splitlines())
-    expected = {"posmode": 2, "frequency": 2, "soltype": 2, "elmask": 15.0, "dynamics": 1, "navsys": 61}
+    lines = dict(
+        line.split("=")
+        for line in option_file(EngineOptions(), base, "combined", 0.2, 1.0).splitlines()
+    )
+    expected = {
+        "posmode": 2,
+        "frequency": 2,
+        "soltype": 2,
+        "elmask": 15.0,
+        "dynamics": 1,
+        "navsys": 61,
+    }
     assert {name: float(lines[f"pos1-{name}"]) for name in expected} == expected
     expected = {"armode": 1, "gloarmode": 3, "arthres": 3.0, "maxage": 30.0}
     assert {name: float(lines[f"pos2-{name}"]) for name in expected} == expected
-    expected = {"timeform": 0, "timendec": 9, "degform": 0, "solformat": 0, "height": 0, "timesys": 0}
+    expected = {
+        "timeform": 0,
+        "timendec": 9,
+        "degform": 0,
+        "solformat": 0,
+        "height": 0,
+        "timesys": 0,
+    }
     assert {name: float(lines[f"out-{name}"]) for name in expected} == expected
-    assert lines["misc-timeinterp"] == "0"  # the issue's is on; tests/simulate/test_base_between_epochs.py shows its cost
+    assert (
+        lines["misc-timeinterp"] == "0"
+    )  # the issue's is on; tests/simulate/test_base_between_epochs.py shows its cost
     assert lines["ant2-postype"] == "1"
     assert_allclose([float(lines[f"ant2-pos{k}"]) for k in (1, 2, 3)], BASE, atol=1e-4)
 
 
-@pytest.mark.parametrize(("acceleration", "limit"), [((3.0, 1.0), 4.57), ((0.3, 0.1), 11.48), ((10.0, 1.0), 2.82)])
+@pytest.mark.parametrize(
+    ("acceleration", "limit"), [((3.0, 1.0), 4.57), ((0.3, 0.1), 11.48), ((10.0, 1.0), 2.82)]
+)
 def test_dynamics_are_off_where_epochs_are_rare(tmp_path, acceleration, limit):
-    """Oracle: T of 30 m after (O.1), by hand; and its sigma against 4000 random walks of the acceleration."""
-    base, options = header_of(tmp_path, observations(approx=BASE)), EngineOptions(acceleration_mps2=acceleration)
+    """Oracle: T of 30 m after (O.1), by hand; and its sigma against 4000 random walks of the
+    acceleration.
+    """
+    base, options = (
+        header_of(tmp_path, observations(approx=BASE)),
+        EngineOptions(acceleration_mps2=acceleration),
+    )
     for interval, on in ((limit - 0.01, True), (limit + 0.01, False)):
         lines = option_file(options, base, "combined", interval, interval).splitlines()
         assert f"pos1-dynamics={int(on)}" in lines
-        assert [check.verdict for check in check_dynamics(options, interval)] == ([] if on else ["note"])
+        assert [check.verdict for check in check_dynamics(options, interval)] == (
+            [] if on else ["note"]
+        )
     (check,) = check_dynamics(options, 30.0)
     assert check.found.startswith("off: epochs every 30 s")
     assert f"every {limit:.1f} s at most" in check.expected
     step = limit / 200
-    walk = np.cumsum(np.random.default_rng(6).normal(0.0, acceleration[0] * step**0.5, (200, 4000)), axis=0)
+    walk = np.cumsum(
+        np.random.default_rng(6).normal(0.0, acceleration[0] * step**0.5, (200, 4000)), axis=0
+    )
     place = np.cumsum(np.cumsum(walk, axis=0), axis=0)[-1] * step**2
-    assert prediction_sd(options, limit) == pytest.approx(place.std(), rel=0.06)  # 1.1 % of the sample, 1.5 % of the steps, four sigma
+    assert prediction_sd(options, limit) == pytest.approx(
+        place.std(), rel=0.06
+    )  # 1.1 % of the sample, 1.5 % of the steps, four sigma
 
 
 @pytest.mark.parametrize("wish", ["0", "1", "on"])
 def test_dynamics_that_are_asked_for_win(tmp_path, wish):
     """Oracle: the option as it was given, at 0.1 s and 30 s."""
-    base, options = header_of(tmp_path, observations(approx=BASE)), EngineOptions(rtklib_options={"pos1-dynamics": wish})
+    base, options = (
+        header_of(tmp_path, observations(approx=BASE)),
+        EngineOptions(rtklib_options={"pos1-dynamics": wish}),
+    )
     for interval in (0.1, 30.0):
         lines = option_file(options, base, "forward", interval, interval).splitlines()
         assert dict(line.split("=") for line in lines)["pos1-dynamics"] == wish
@@ -76,7 +120,10 @@ def test_rare_epochs_of_the_rover_reach_the_engine_without_dynamics(fake):
     fake.base.write_text(observations(approx=BASE, step=5.0))
     (check,) = fake.solve().checks
     assert (check.name, check.verdict) == ("engine dynamics", "note")
-    assert all("pos1-dynamics=0\n" in fake.told()[name]["conf"] for name in ("combined", "forward", "backward"))
+    assert all(
+        "pos1-dynamics=0\n" in fake.told()[name]["conf"]
+        for name in ("combined", "forward", "backward")
+    )
 
 
 def header_of(directory, text):
@@ -88,7 +135,12 @@ def header_of(directory, text):
 def test_only_a_marker_has_the_delta_of_the_header(tmp_path):
     """Oracle: (B.1) of the module, by hand."""
     delta = record(f"{1.5:14.4f}{0.02:14.4f}{-0.03:14.4f}", "ANTENNA: DELTA H/E/N")
-    base = header_of(tmp_path, observations(approx=BASE).replace(record("", "END OF HEADER"), delta + record("", "END OF HEADER")))
+    base = header_of(
+        tmp_path,
+        observations(approx=BASE).replace(
+            record("", "END OF HEADER"), delta + record("", "END OF HEADER")
+        ),
+    )
     for point, expected in (("marker", (0.02, -0.03, 1.5)), ("arp", (0, 0, 0)), ("apc", (0, 0, 0))):
         lines = base_antenna(EngineOptions(base_position_m=BASE, base_point=point), base)
         assert tuple(float(lines[f"ant2-antdel{axis}"]) for axis in "enu") == expected
@@ -105,8 +157,14 @@ def test_only_a_marker_has_the_delta_of_the_header(tmp_path):
         ({"frequencies": 4}, "1, 2 or 3"),
         ({"systems": "GX"}, "letters of"),
         ({"rtklib_options": {"out-timeform": "1"}}, "out-timeform"),
-        ({"rtklib_options": {"pos1-posmode": "single"}}, "not to be set there: it is always kinematic"),
-        ({"rtklib_options": {"pos1-elmask": "10"}}, r"not to be set there: gnss\.elevation_mask_deg sets it"),
+        (
+            {"rtklib_options": {"pos1-posmode": "single"}},
+            "not to be set there: it is always kinematic",
+        ),
+        (
+            {"rtklib_options": {"pos1-elmask": "10"}},
+            r"not to be set there: gnss\.elevation_mask_deg sets it",
+        ),
         ({"rtklib_options": {"Arminfix": "10"}}, "'Arminfix' is no name of an option of RTKLIB"),
         ({"rtklib_options": {"pos2-arminfix": "10\nout-solformat=1"}}, "end of a line"),
         ({"acceleration_mps2": (0.0, 1.0)}, "positive"),
@@ -125,10 +183,22 @@ def test_a_program_gets_the_same_options_and_plain_files(fake):
     told = fake.told()
     assert sorted(told) == ["backward", "combined", "forward", "where_base"]
     for name, soltype in (("forward", 0), ("backward", 1), ("combined", 2)):
-        assert told[name]["words"] == ["-k", f"{name}.conf", "-o", f"{name}.pos", "rover.obs", "base.obs", "navigation1.nav"]
+        assert told[name]["words"] == [
+            "-k",
+            f"{name}.conf",
+            "-o",
+            f"{name}.pos",
+            "rover.obs",
+            "base.obs",
+            "navigation1.nav",
+        ]
         assert f"pos1-soltype={soltype}\n" in told[name]["conf"]
         assert "pos2-arminfix=7\n" in told[name]["conf"]
-        assert told[name]["files"] == [fake.rover.read_text(), fake.base.read_text(), fake.nav.read_text()]
+        assert told[name]["files"] == [
+            fake.rover.read_text(),
+            fake.base.read_text(),
+            fake.nav.read_text(),
+        ]
         assert run.option_files[name].read_text() == told[name]["conf"]
         assert getattr(run, name).read_text() == json.loads(fake.plan.read_text())[name]["pos"]
     assert told["where_base"]["words"][-2:] == ["base.obs", "navigation1.nav"]
@@ -171,9 +241,13 @@ def test_a_backward_solution_is_put_in_order(fake):
     ],
 )
 def test_frequencies_are_those_of_the_engine(tmp_path, system, codes, frequencies, has):
-    """Oracle: RTKLIB EX's table of bands by system (rtkcmn.c: L1 G1 E1 B1, L2 G2 E5b B2b, L5 G3 E5a B2a)."""
+    """Oracle: RTKLIB EX's table of bands by system (rtkcmn.c: L1 G1 E1 B1, L2 G2 E5b B2b, L5 G3 E5a
+    B2a).
+    """
     path = tmp_path / "rover.obs"
-    path.write_text(header3({system: codes}) + epoch3((2018, 10, 4, 13, 5, 0.0), {f"{system}05": [1e8, 1e8]}))
+    path.write_text(
+        header3({system: codes}) + epoch3((2018, 10, 4, 13, 5, 0.0), {f"{system}05": [1e8, 1e8]})
+    )
     rows = satellites_with_phases(read_observations(path), EngineOptions(frequencies=frequencies))
     assert rows.tolist() == [has]
 
@@ -189,7 +263,9 @@ def test_packed_files_are_unpacked(fake):
 
 
 def test_the_engine_gets_no_camera_events(fake):
-    """Oracle: the file as it was before an event of 5 October 2018 was written behind its last epoch."""
+    """Oracle: the file as it was before an event of 5 October 2018 was written behind its last
+    epoch.
+    """
     text = fake.rover.read_text()
     event = " 18 10  5 13  5  9.3000000  5  0\n"
     fake.rover.write_text(text + event)
@@ -215,14 +291,20 @@ def program_of(directory, names):
 def test_names_that_a_program_does_not_know_are_told(tmp_path):
     """Oracle: the names that were left out of the program; rnx2rtkp says nothing of them."""
     options = EngineOptions(rtklib_options={"pos2-arminfix": "7"})
-    text = option_file(options, header_of(tmp_path, observations(approx=BASE)), "combined", 0.2, 1.0)
+    text = option_file(
+        options, header_of(tmp_path, observations(approx=BASE)), "combined", 0.2, 1.0
+    )
     names = [line.split("=")[0] for line in text.splitlines()]
     assert check_names(program_of(tmp_path, names), text, options) == ()
-    (check,) = check_names(program_of(tmp_path, [name for name in names if name != "pos2-arthresmin"]), text, options)
+    (check,) = check_names(
+        program_of(tmp_path, [name for name in names if name != "pos2-arthresmin"]), text, options
+    )
     assert (check.name, check.verdict) == ("engine options", "note")
     assert check.found.endswith("rnx2rtkp: pos2-arthresmin")
     known = [*(name for name in names if name != "pos2-arminfix"), "pos2-arminfixes"]
-    with pytest.raises(UsageError, match=r"rnx2rtkp has no option pos2-arminfix; did you mean pos2-arminfixes\?$") as info:
+    with pytest.raises(
+        UsageError, match=r"rnx2rtkp has no option pos2-arminfix; did you mean pos2-arminfixes\?$"
+    ) as info:
         check_names(program_of(tmp_path, known), text, options)
     one_line(info)
 
@@ -233,8 +315,14 @@ def test_a_choice_that_the_engine_refuses_is_told(fake):
     said = {"say": "\rinvalid option value pos2-gloarmode (combined.conf:11)\n" + progress}
     fake.does(combined={"pos": pos([(392700.0, 53.29, -9.05, 75.0)]), **said})
     (check,) = fake.solve().checks
-    assert (check.name, check.verdict, check.found) == ("engine options", "note", "values that it refused: pos2-gloarmode")
-    with pytest.raises(UsageError, match=r"gnss\.rtklib_options: the engine refused pos2-gloarmode = always$") as info:
+    assert (check.name, check.verdict, check.found) == (
+        "engine options",
+        "note",
+        "values that it refused: pos2-gloarmode",
+    )
+    with pytest.raises(
+        UsageError, match=r"gnss\.rtklib_options: the engine refused pos2-gloarmode = always$"
+    ) as info:
         fake.solve(rtklib_options={"pos2-gloarmode": "always"})
     one_line(info)
 
@@ -243,7 +331,9 @@ def test_a_choice_that_the_engine_refuses_is_told(fake):
 def test_an_output_without_epochs_is_no_success(fake, left):
     """Oracle: exit code 0 with no file, and with a header alone, as postpos() leaves them."""
     fake.does(forward={**left, "say": "no nav data\r"})
-    with pytest.raises(DataError, match=r"forward solution: the engine gave no epochs.*no nav data$") as info:
+    with pytest.raises(
+        DataError, match=r"forward solution: the engine gave no epochs.*no nav data$"
+    ) as info:
         fake.solve()
     one_line(info)
     assert list(fake.out.iterdir()) == []
@@ -252,17 +342,29 @@ def test_an_output_without_epochs_is_no_success(fake, left):
 def test_what_the_engine_said_last_is_told(fake):
     """Oracle: exit code and last line of the script, behind 50 kB of progress."""
     fake.does(backward={"code": 3, "say": "processing\r" * 5000 + "malloc error\n\r\n"})
-    with pytest.raises(DataError, match=r"backward solution: the engine stopped with exit code 3; it said: malloc error$") as info:
+    with pytest.raises(
+        DataError,
+        match=r"backward solution: the engine stopped with exit code 3; it said: malloc error$",
+    ) as info:
         fake.solve()
     one_line(info)
 
 
-@pytest.mark.parametrize(("options", "says"), [({}, r"gnss\.timeout_s"), ({"gnss.timeout_s": "--timeout"}, "--timeout")])
+@pytest.mark.parametrize(
+    ("options", "says"), [({}, r"gnss\.timeout_s"), ({"gnss.timeout_s": "--timeout"}, "--timeout")]
+)
 def test_an_engine_that_hangs_is_ended_and_with_it_the_others(fake, options, says):
-    """Oracle: the processes are gone (signal 0); the message, which a thread makes, is in the words of who asks."""
+    """Oracle: the processes are gone (signal 0); the message, which a thread makes, is in the words
+    of who asks.
+    """
     fake.does(combined={"sleep": 60.0}, forward={"sleep": 60.0})
     start = time.monotonic()
-    with spoken_as(options), pytest.raises(DataError, match=rf"did not finish in 1\.5 s; raise {says}; it said: nothing$") as info:
+    with (
+        spoken_as(options),
+        pytest.raises(
+            DataError, match=rf"did not finish in 1\.5 s; raise {says}; it said: nothing$"
+        ) as info,
+    ):
         fake.solve(timeout_s=1.5)
     one_line(info)
     assert time.monotonic() - start < 30.0
@@ -286,23 +388,41 @@ def test_a_path_that_is_no_program_is_told_as_such(monkeypatch, tmp_path):
     (tmp_path / "notes.txt").write_text("no program\n")
     for engine in (tmp_path / "rnx2rtkp", tmp_path / "notes.txt", tmp_path):
         monkeypatch.setattr(importlib.util, "find_spec", lambda name: object())
-        with pytest.raises(UsageError, match="no program that can be run; without it pyrtklib5 is taken") as info:
+        with pytest.raises(
+            UsageError, match="no program that can be run; without it pyrtklib5 is taken"
+        ) as info:
             engine_command(str(engine))
         assert "pip install" not in one_line(info)
         monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-        with pytest.raises(UsageError, match="no program that can be run; no GNSS engine: pip install"):
+        with pytest.raises(
+            UsageError, match="no program that can be run; no GNSS engine: pip install"
+        ):
             engine_command(str(engine))
 
 
-@pytest.mark.parametrize(("plan", "said"), [({}, "nothing"), ({"code": 2, "say": "ls: cannot access\n"}, "exit code 2.*cannot access")])
+@pytest.mark.parametrize(
+    ("plan", "said"),
+    [({}, "nothing"), ({"code": 2, "say": "ls: cannot access\n"}, "exit code 2.*cannot access")],
+)
 def test_a_program_that_is_no_engine_is_told_as_such(fake, plan, said):
-    """Oracle: what `true` and `ls` do: no output, with exit code 0 and 2; a program with RTKLIB's names is not doubted."""
+    """Oracle: what `true` and `ls` do: no output, with exit code 0 and 2; a program with RTKLIB's
+    names is not doubted.
+    """
     fake.does(where_base=plan)
-    with pytest.raises(UsageError, match=rf"engine = .*rnx2rtkp': left no solution .* is it an rnx2rtkp\? .*{said}") as info:
+    with pytest.raises(
+        UsageError, match=rf"engine = .*rnx2rtkp': left no solution .* is it an rnx2rtkp\? .*{said}"
+    ) as info:
         fake.solve()
     one_line(info)
     fake.program.write_text(f"{fake.program.read_text()}# pos1-posmode\n")
-    with pytest.raises(DataError, match="no position from codes" if not plan else "position of the base by codes: the engine stopped"):
+    with pytest.raises(
+        DataError,
+        match=(
+            "no position from codes"
+            if not plan
+            else "position of the base by codes: the engine stopped"
+        ),
+    ):
         fake.solve()
 
 
@@ -313,10 +433,14 @@ def test_a_program_on_path_is_the_fall_back(monkeypatch, fake):
     assert engine_command() == [str(fake.program)]
 
 
-@pytest.mark.parametrize(("base_interval", "on"), [(1.0, "0"), (5.0, "0"), (15.0, "1"), (30.0, "1")])
+@pytest.mark.parametrize(
+    ("base_interval", "on"), [(1.0, "0"), (5.0, "0"), (15.0, "1"), (30.0, "1")]
+)
 def test_a_slow_base_is_interpolated(tmp_path, base_interval, on):
     """Oracle: the limit of `INTERPOLATED_S`; an option given by the user wins."""
     base = header_of(tmp_path, observations(approx=BASE))
     for more, expected in (({}, on), ({"misc-timeinterp": "1"}, "1")):
-        lines = option_file(EngineOptions(rtklib_options=more), base, "combined", 0.1, base_interval).splitlines()
+        lines = option_file(
+            EngineOptions(rtklib_options=more), base, "combined", 0.1, base_interval
+        ).splitlines()
         assert f"misc-timeinterp={expected}" in lines

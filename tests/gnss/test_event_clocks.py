@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from insgnss.gnss.event_clocks import check_beside, check_camera_delay
+from insgnss.gnss.exposures.event_times import check_beside, check_camera_delay
 from insgnss.records import CameraEvents
 
 WEEK = 2021  # of 2018: 18 leap seconds
@@ -19,7 +19,14 @@ def events(time, week=WEEK, source="flight.MRK"):
 @pytest.mark.parametrize(
     ("offset", "verdict", "what"),
     [
-        (0.0, "ok", "75 of the 75 events of flight.MRK and of the 80 of the rover's are the same, +0.0 ms apart"),
+        (
+            0.0,
+            "ok",
+            (
+                "75 of the 75 events of flight.MRK and of the 80 of the rover's are the same, +0.0"
+                " ms apart"
+            ),
+        ),
         (0.002, "ok", "the same, +2.0 ms apart"),
         (-18.0, "contradiction", "the same but for -18.000 s, the 18 leap seconds: UTC?"),
         (-0.9, "contradiction", "the same but for -0.900 s"),
@@ -27,7 +34,9 @@ def events(time, week=WEEK, source="flight.MRK"):
     ],
 )
 def test_a_constant_between_file_and_rover_is_found(time, offset, verdict, what):
-    """Oracle: the constant added to the stamps; at even intervals the smallest that fits, or a likely one."""
+    """Oracle: the constant added to the stamps; at even intervals the smallest that fits, or a
+    likely one.
+    """
     check = check_beside(events(time[3:78] + offset), events(time), WEEK)
     assert check.verdict == verdict
     assert check.found.endswith(what)
@@ -61,7 +70,9 @@ def test_two_events_prove_nothing():
     assert check_beside(events(UNEVEN), events(UNEVEN[:0]), WEEK) is None
 
 
-@pytest.mark.parametrize(("delay", "verdict"), [(0.0012, "ok"), (-0.5, "ok"), (0.51, "note"), (-1.2, "note")])
+@pytest.mark.parametrize(
+    ("delay", "verdict"), [(0.0012, "ok"), (-0.5, "ok"), (0.51, "note"), (-1.2, "note")]
+)
 def test_the_camera_delay_is_told(delay, verdict):
     """Oracle: half a second."""
     check = check_camera_delay(delay)

@@ -10,10 +10,10 @@ import pytest
 import written_rinex as w
 from numpy.testing import assert_allclose
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.exposures.match import name_events
-from insgnss.gnss.events import RoverEvents, camera_events, unasked_events
-from insgnss.gnss.rinex import read_observations, without_events
+from insgnss.gnss.rinex.camera_events import RoverEvents, camera_events, unasked_events
+from insgnss.gnss.rinex.observations import read_observations, without_events
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 TOW = 4 * 86400 + 43200.0
@@ -67,26 +67,42 @@ del out  # closes the file
 
 @pytest.mark.parametrize("version", [211, 304])
 def test_marks_are_recognised_as_rtklib_writes_them(tmp_path, version):
-    """Oracle: RTKLIB EX's own writer of events, in a process of its own; of four marks it calls the first not valid."""
+    """Oracle: RTKLIB EX's own writer of events, in a process of its own; of four marks it calls the
+    first not valid.
+    """
     if find_spec("pyrtklib5") is None:
         pytest.skip("pyrtklib5 is not installed")
-    subprocess.run([sys.executable, "-c", RTKLIB_WRITES, str(tmp_path / "body"), str(version)], check=True, timeout=60)
+    subprocess.run(
+        [sys.executable, "-c", RTKLIB_WRITES, str(tmp_path / "body"), str(version)],
+        check=True,
+        timeout=60,
+    )
     path = tmp_path / "rover.obs"
-    path.write_text((w.header2(["C1"]) if version < 300 else w.header3({"G": ["C1C"]})) + (tmp_path / "body").read_text())
+    path.write_text(
+        (w.header2(["C1"]) if version < 300 else w.header3({"G": ["C1C"]}))
+        + (tmp_path / "body").read_text()
+    )
     found = camera_events(read_observations(path))
-    assert_allclose(found.time, 4 * 86400 + 13 * 3600 + 300.25 + np.arange(1, 4), rtol=0.0, atol=1e-7)
+    assert_allclose(
+        found.time, 4 * 86400 + 13 * 3600 + 300.25 + np.arange(1, 4), rtol=0.0, atol=1e-7
+    )
     assert "1 of 4 are marked as not valid" in found.notes[0].found
 
 
 def test_marks_that_the_receiver_calls_not_valid_are_left_out_and_told(tmp_path):
-    """Oracle: what was written: the first two of sixty marks had no valid time; `invalid_events` takes them all the same."""
+    """Oracle: what was written: the first two of sixty marks had no valid time; `invalid_events`
+    takes them all the same.
+    """
     observations = flown(tmp_path, SHOTS, [INVALID] * 2 + [()] * 58)
     found = camera_events(observations)
     assert_allclose(found.time, TOW + SHOTS[2:], rtol=0.0, atol=1e-9)
     assert found.images == tuple(str(k) for k in range(1, 59))
     told = next(check for check in found.notes if check.name == "time marks")
     times = ", ".join(f"{TOW + t:.3f}" for t in SHOTS[:2])
-    assert told.found == f"2 of 60 are marked as not valid by the receiver, at {times} s, and are left out"
+    assert (
+        told.found
+        == f"2 of 60 are marked as not valid by the receiver, at {times} s, and are left out"
+    )
     assert "camera.invalid_events" in told.advice
     kept = camera_events(observations, RoverEvents(invalid_events=True))
     assert kept.time.size == 60
@@ -94,10 +110,15 @@ def test_marks_that_the_receiver_calls_not_valid_are_left_out_and_told(tmp_path)
 
 
 def test_marks_without_a_valid_time_alone_are_no_exposures(tmp_path):
-    """Oracle: the file, every mark of which is not valid: refused where they are asked for, with the line of the first and the way out,
-    else told with the same way out."""
+    """Oracle: the file, every mark of which is not valid: refused where they are asked for, with
+    the line of the first and the way out, else told with the same way out."""
     observations = flown(tmp_path, SHOTS[:7], [INVALID] * 7)
-    with pytest.raises(InputError, match=r"rover\.rnx:\d+: camera events: 7 of 7 are marked as not valid.* \.\.\. s; camera\.inv"):
+    with pytest.raises(
+        InputError,
+        match=(
+            r"rover\.rnx:\d+: camera events: 7 of 7 are marked as not valid.* \.\.\. s; camera\.inv"
+        ),
+    ):
         camera_events(observations)
     assert camera_events(observations, RoverEvents(invalid_events=True)).time.size == 7
     events, (told,) = unasked_events(observations)
@@ -111,9 +132,14 @@ def test_marks_without_a_valid_time_alone_are_no_exposures(tmp_path):
 
 
 def test_images_of_marks_that_are_not_valid_are_told_where_counts_do_not_agree(tmp_path):
-    """Oracle: sixty images, of which two have marks that are not valid; what was left out stands in the one line."""
+    """Oracle: sixty images, of which two have marks that are not valid; what was left out stands in
+    the one line.
+    """
     events = camera_events(flown(tmp_path, SHOTS, [INVALID] * 2 + [()] * 58))
-    with pytest.raises(InputError, match=r"58 camera events and 60 images;.*; time marks: 2 of 60 are marked.* left out") as told:
+    with pytest.raises(
+        InputError,
+        match=r"58 camera events and 60 images;.*; time marks: 2 of 60 are marked.* left out",
+    ) as told:
         name_events(events, NAMES)
     assert "\n" not in str(told.value)
     named = name_events(events, NAMES, skip_images=NAMES[:2])
@@ -122,7 +148,9 @@ def test_images_of_marks_that_are_not_valid_are_told_where_counts_do_not_agree(t
 
 
 def test_double_and_late_events(tmp_path):
-    """Oracle: the house's rule: the same stamp once, late ones in order where they are few, both told."""
+    """Oracle: the house's rule: the same stamp once, late ones in order where they are few, both
+    told.
+    """
     shots = np.sort(np.append(SHOTS, SHOTS[7]))
     found = camera_events(flown(tmp_path, shots))
     assert_allclose(found.time, TOW + SHOTS, rtol=0.0, atol=1e-9)

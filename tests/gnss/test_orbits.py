@@ -8,12 +8,31 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from broadcast import BEIDOU_GEO_AXIS, GPS_AXIS, START, TOW, WEEK, constellation, glonass_elements, gps_elements, header, message
+from broadcast import (
+    BEIDOU_GEO_AXIS,
+    GPS_AXIS,
+    START,
+    TOW,
+    WEEK,
+    constellation,
+    glonass_elements,
+    gps_elements,
+    header,
+    message,
+)
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.geodesy.frames import geodetic_to_ecef, rotation_en
-from insgnss.gnss.navigation_message import AF0, TOC, TOE, read_navigation
-from insgnss.gnss.orbits import EARTH_RATE, LIGHT, emission_states, ranges, satellite_states, select_messages, sky
+from insgnss.gnss.rinex.navigation_message import AF0, TOC, TOE, read_navigation
+from insgnss.gnss.satellites.orbits import (
+    EARTH_RATE,
+    LIGHT,
+    emission_states,
+    ranges,
+    satellite_states,
+    select_messages,
+    sky,
+)
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 GPS_MU = 3.986005e14
@@ -59,7 +78,9 @@ def recorded(name):
 
 
 def test_circular_orbit(written):
-    """Oracle: closed form; a circle in inertial axes, which are those of the Earth at the start of the week."""
+    """Oracle: closed form; a circle in inertial axes, which are those of the Earth at the start of
+    the week.
+    """
     incl, node, anomaly = 0.96, 0.4, 0.3
     text = header(2.11, "N: GPS NAV DATA", "") + message(
         2.11, "G07", (1e-4, 2e-12, 0.0), gps_elements(incl=incl, node=node, anomaly=anomaly)
@@ -72,8 +93,12 @@ def test_circular_orbit(written):
     u, longitude = anomaly + motion * (time - TOW), node - EARTH_RATE * time
     plane = GPS_AXIS * np.array([np.cos(u), np.sin(u) * np.cos(incl), np.sin(u) * np.sin(incl)])
     cos, sin = np.cos(longitude), np.sin(longitude)
-    expected = np.column_stack([cos * plane[0] - sin * plane[1], sin * plane[0] + cos * plane[1], plane[2]])
-    np.testing.assert_allclose(states.position, expected, rtol=0.0, atol=2e-4)  # twelve digits of the file
+    expected = np.column_stack(
+        [cos * plane[0] - sin * plane[1], sin * plane[0] + cos * plane[1], plane[2]]
+    )
+    np.testing.assert_allclose(
+        states.position, expected, rtol=0.0, atol=2e-4
+    )  # twelve digits of the file
     np.testing.assert_allclose(states.clock_s, 1e-4 + 2e-12 * (time - TOW), rtol=0.0, atol=1e-17)
 
 
@@ -88,8 +113,12 @@ def test_velocity_and_drift_are_the_derivatives(written):
 
 
 def test_relativity_follows_the_radial_motion(written):
-    """Oracle: -2 r v / c^2 with the inertial velocity (IS-GPS-200, 20.3.3.3.3.1), of an orbit without corrections."""
-    text = header(3.04, "N: GNSS NAV DATA", "G: GPS") + message(3.04, "G01", (0.0, 0.0, 0.0), gps_elements(ecc=0.02, anomaly=1.0))
+    """Oracle: -2 r v / c^2 with the inertial velocity (IS-GPS-200, 20.3.3.3.3.1), of an orbit
+    without corrections.
+    """
+    text = header(3.04, "N: GNSS NAV DATA", "G: GPS") + message(
+        3.04, "G01", (0.0, 0.0, 0.0), gps_elements(ecc=0.02, anomaly=1.0)
+    )
     state = satellite_states(read_navigation(written(text)), ["G01"], np.array([TOW + 500.0]))
     r, v = state.position[0], state.velocity[0]
     inertial = v + np.cross([0.0, 0.0, EARTH_RATE], r)
@@ -98,12 +127,20 @@ def test_relativity_follows_the_radial_motion(written):
 
 
 def test_geostationary_satellite_stands_still(written):
-    """Oracle: closed form; an equatorial orbit, in BeiDou's axes tilted by 5 degrees, of one turn a day; BeiDou time is 14 s late."""
+    """Oracle: closed form; an equatorial orbit, in BeiDou's axes tilted by 5 degrees, of one turn a
+    day; BeiDou time is 14 s late.
+    """
     mu = 3.986004418e14
     axis = (mu / 7.292115e-5**2) ** (1.0 / 3.0)
     assert abs(axis - BEIDOU_GEO_AXIS) < 1e3
-    values = gps_elements(axis=axis, incl=np.radians(5.0), node=7.292115e-5 * TOW + np.pi, anomaly=1.0)
-    navigation = read_navigation(written(header(3.04, "N: GNSS NAV DATA", "C: BDS") + message(3.04, "C02", (0.0,) * 3, values)))
+    values = gps_elements(
+        axis=axis, incl=np.radians(5.0), node=7.292115e-5 * TOW + np.pi, anomaly=1.0
+    )
+    navigation = read_navigation(
+        written(
+            header(3.04, "N: GNSS NAV DATA", "C: BDS") + message(3.04, "C02", (0.0,) * 3, values)
+        )
+    )
     assert navigation.table[0, TOE] == TOW + BEIDOU_LAG_S == navigation.table[0, TOC]
     states = satellite_states(navigation, ["C02"] * 2, TOW + np.array([0.0, 5000.0]))
     assert np.abs(states.velocity).max() < 1e-4
@@ -112,13 +149,19 @@ def test_geostationary_satellite_stands_still(written):
 
 
 def test_glonass_keeps_its_energy(written):
-    """Oracle: Jacobi's integral of motion in the rotating field with J2, constant without the Sun and the Moon."""
+    """Oracle: Jacobi's integral of motion in the rotating field with J2, constant without the Sun
+    and the Moon.
+    """
     r, v = np.array([12e6, -9e6, 20.6e6]), np.array([1500.0, 2300.0, 130.0])
-    text = header(2.10, "GLONASS NAV DATA", "") + message(2.10, "R05", (1e-4, 1e-12, 0.0), glonass_elements(r, v, -4))
+    text = header(2.10, "GLONASS NAV DATA", "") + message(
+        2.10, "R05", (1e-4, 1e-12, 0.0), glonass_elements(r, v, -4)
+    )
     navigation = read_navigation(written(text, "brdc.24g"))
     assert navigation.channels() == {"R05": -4}
     assert navigation.table[0, TOE] == TOW + LEAP_S
-    states = satellite_states(navigation, ["R05"] * 5, TOW + LEAP_S + np.array([-1800.0, -900.0, 0.0, 450.0, 1800.0]))
+    states = satellite_states(
+        navigation, ["R05"] * 5, TOW + LEAP_S + np.array([-1800.0, -900.0, 0.0, 450.0, 1800.0])
+    )
     x, xdot = states.position, states.velocity
     np.testing.assert_allclose(x[2], r, rtol=0, atol=1e-6)
     size = np.linalg.norm(x, axis=1)
@@ -127,11 +170,18 @@ def test_glonass_keeps_its_energy(written):
     potential = mu / size * (1.0 - 1.0826257e-3 * (6378136.0 / size) ** 2 * legendre)
     jacobi = 0.5 * (xdot**2).sum(axis=1) - potential - 0.5 * w**2 * (x[:, 0] ** 2 + x[:, 1] ** 2)
     np.testing.assert_allclose(jacobi, jacobi[2], rtol=1e-11)
-    np.testing.assert_allclose(states.clock_s, 1e-4 + 1e-12 * np.array([-1800.0, -900.0, 0.0, 450.0, 1800.0]), rtol=0, atol=1e-18)
+    np.testing.assert_allclose(
+        states.clock_s,
+        1e-4 + 1e-12 * np.array([-1800.0, -900.0, 0.0, 450.0, 1800.0]),
+        rtol=0,
+        atol=1e-18,
+    )
 
 
 def test_range_is_the_path_of_light_in_inertial_axes(written):
-    """Oracle: light time iterated in axes that do not turn, with the receiver's clock wrong by a millisecond."""
+    """Oracle: light time iterated in axes that do not turn, with the receiver's clock wrong by a
+    millisecond.
+    """
     navigation = read_navigation(written(constellation()))
     receiver = geodetic_to_ecef(0.82, 0.11, 400.0)
     received, wrong = TOW + 1000.0, 1e-3
@@ -141,7 +191,9 @@ def test_range_is_the_path_of_light_in_inertial_axes(written):
         states = satellite_states(navigation, codes, received - flight)
         turn = EARTH_RATE * flight
         x, y, z = states.position.T
-        there = np.column_stack([np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x, z])
+        there = np.column_stack(
+            [np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x, z]
+        )
         flight = np.linalg.norm(there - receiver, axis=1) / LIGHT
     code = LIGHT * (flight + wrong - states.clock_s)
     sent = emission_states(navigation, codes, np.full(codes.size, received + wrong), code)
@@ -149,7 +201,13 @@ def test_range_is_the_path_of_light_in_inertial_axes(written):
     rho, sight = ranges(sent.position, receiver)
     np.testing.assert_allclose(rho, LIGHT * flight, rtol=0.0, atol=1e-3)
     azimuth, elevation = sky(sight, receiver)
-    ned = np.column_stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), -np.sin(elevation)])
+    ned = np.column_stack(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            -np.sin(elevation),
+        ]
+    )
     np.testing.assert_allclose(ned @ rotation_en(0.82, 0.11).T, sight, atol=1e-7)
 
 
@@ -158,14 +216,24 @@ def test_the_nearest_healthy_message_in_reach_is_taken(written):
     text = header(3.04, "N: GNSS NAV DATA", "G: GPS")
     for toe, bias, health in ((TOW, 1.0, 0.0), (TOW + 7200.0, 2.0, 0.0), (TOW + 3600.0, 3.0, 63.0)):
         text += message(
-            3.04, "G03", (bias, 0.0, 0.0), gps_elements(toe=toe, health=health), START + (toe - TOW) * (START - START).resolution * 1e6
+            3.04,
+            "G03",
+            (bias, 0.0, 0.0),
+            gps_elements(toe=toe, health=health),
+            START + (toe - TOW) * (START - START).resolution * 1e6,
         )
     text += "S20 2024 03 06 12 00 00" + " 0.000000000000D+00" * 3 + "\n"
     navigation = read_navigation(written(text))
     assert navigation.left_out == (("SBAS", 1), ("unhealthy", 1))
     time = TOW + np.array([-7201.0, 3599.0, 3601.0, 14400.0, 14401.0])
     chosen = select_messages(navigation, ["G03"] * 5, time)
-    assert [None if k < 0 else float(navigation.table[k, AF0]) for k in chosen] == [None, 1.0, 2.0, 2.0, None]
+    assert [None if k < 0 else float(navigation.table[k, AF0]) for k in chosen] == [
+        None,
+        1.0,
+        2.0,
+        2.0,
+        None,
+    ]
     assert select_messages(navigation, ["G04"], time[1:2])[0] == -1
     assert np.isnan(satellite_states(navigation, ["G03"], time[:1]).clock_s[0])
     later = navigation.of_week(WEEK + 1)
@@ -174,8 +242,13 @@ def test_the_nearest_healthy_message_in_reach_is_taken(written):
 
 def test_no_satellite_has_no_message(written):
     """Oracle: none asked for, as where rover and base have no system with a correction in common."""
-    text = header(3.04, "N: GNSS NAV DATA", "G: GPS") + message(3.04, "G03", (1.0, 0.0, 0.0), gps_elements(toe=TOW), START)
-    assert select_messages(read_navigation(written(text)), np.empty(0, dtype="U3"), np.empty(0)).size == 0
+    text = header(3.04, "N: GNSS NAV DATA", "G: GPS") + message(
+        3.04, "G03", (1.0, 0.0, 0.0), gps_elements(toe=TOW), START
+    )
+    assert (
+        select_messages(read_navigation(written(text)), np.empty(0, dtype="U3"), np.empty(0)).size
+        == 0
+    )
 
 
 def test_packed_file_reads_as_the_plain_one(written, tmp_path):
@@ -198,16 +271,24 @@ def test_what_is_wrong_is_said_with_file_and_line(written):
     good = constellation()
     lines = good.splitlines(keepends=True)
     spoilt = {
-        "no RINEX navigation file": good.replace("N: GNSS NAV DATA", "OBSERVATION DATA").replace("M: MIXED", "M       "),
+        "no RINEX navigation file": (
+            good.replace("N: GNSS NAV DATA", "OBSERVATION DATA").replace("M: MIXED", "M       ")
+        ),
         "RINEX 4.00": good.replace("     3.04", "     4.00"),
         "header has no end": lines[0],
         f":{len(lines) - 7}: message of E08 has 5 lines of 8": "".join(lines[:-3]),
         ":5: '    5.15": good,
         "no message of a healthy satellite": "".join(lines[:2]),
-        ":3: message of G01 lacks a number": "".join([*lines[:2], lines[2][:23], " " * 19, lines[2][42:], *lines[3:]]),
+        ":3: message of G01 lacks a number": "".join(
+            [*lines[:2], lines[2][:23], " " * 19, lines[2][42:], *lines[3:]]
+        ),
     }
-    spoilt[":5: '    5.15"] = "".join([*lines[:4], lines[4][:61] + "    5.15x5366D+03  \n", *lines[5:]])
-    spoilt["root of the semi-major axis"] = "".join([*lines[:4], lines[4][:61] + number_of(515.0) + "\n", *lines[5:]])
+    spoilt[":5: '    5.15"] = "".join(
+        [*lines[:4], lines[4][:61] + "    5.15x5366D+03  \n", *lines[5:]]
+    )
+    spoilt["root of the semi-major axis"] = "".join(
+        [*lines[:4], lines[4][:61] + number_of(515.0) + "\n", *lines[5:]]
+    )
     spoilt["is no date"] = good.replace("2024 03 06 13", "2024 13 06 13", 1)
     spoilt["begins no message"] = "".join([*lines[:10], "X" + lines[10][1:], *lines[11:]])
     for what, text in spoilt.items():
@@ -225,7 +306,8 @@ def number_of(value):
 
 @pytest.mark.parametrize("name", RECORDED)
 def test_orbits_and_clocks_are_those_of_rtklib(name):
-    """Oracle: satpos() of RTKLIB EX 2.5.0 in a process of its own; positions to a micrometre, of GLONASS to 5 mm in 15 minutes.
+    """Oracle: satpos() of RTKLIB EX 2.5.0 in a process of its own; positions to a micrometre, of
+    GLONASS to 5 mm in 15 minutes.
 
     Galileo: to the metre, as RTKLIB may take the message of the other signal.
     """
@@ -235,8 +317,16 @@ def test_orbits_and_clocks_are_those_of_rtklib(name):
     codes = np.unique(navigation.satellite)
     time = np.full(codes.size, float(np.median(navigation.table[:, TOE])) + 777.25)
     ours = satellite_states(navigation, codes, time)
-    asked = json.dumps([[str(file) for file in files], navigation.gps_week, [[str(code), t] for code, t in zip(codes, time, strict=True)]])
-    run = subprocess.run([sys.executable, "-c", RTKLIB], input=asked, capture_output=True, text=True, check=True)
+    asked = json.dumps(
+        [
+            [str(file) for file in files],
+            navigation.gps_week,
+            [[str(code), t] for code, t in zip(codes, time, strict=True)],
+        ]
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", RTKLIB], input=asked, capture_output=True, text=True, check=True
+    )
     theirs = np.array(json.loads(run.stdout.splitlines()[-1]))
     both = (theirs[:, 0] == 1) & (theirs[:, 1] == 0) & np.isfinite(ours.clock_s)
     assert both.sum() > 20
@@ -244,7 +334,9 @@ def test_orbits_and_clocks_are_those_of_rtklib(name):
     limit = np.select([system == "R", system == "E"], [5e-3, 1.0], 1e-6)
     assert (np.linalg.norm(ours.position - theirs[:, 2:5], axis=1) < limit)[both].all()
     assert (LIGHT * np.abs(ours.clock_s - theirs[:, 8]) < np.maximum(limit, 1e-6))[both].all()
-    assert (np.linalg.norm(ours.velocity - theirs[:, 5:8], axis=1) < 1e-3)[both].all()  # theirs is a difference over 1 ms
+    assert (np.linalg.norm(ours.velocity - theirs[:, 5:8], axis=1) < 1e-3)[
+        both
+    ].all()  # theirs is a difference over 1 ms
 
 
 def test_numbers_are_those_of_georinex():
@@ -257,7 +349,13 @@ def test_numbers_are_those_of_georinex():
     for code in np.unique(ours.satellite):
         rows = theirs.sel(sv=code).dropna(dim="time", how="all")
         mine = ours.table[ours.satellite == code]
-        for column, name in ((AF0, "SVclockBias"), (6, "sqrtA"), (7, "Eccentricity"), (11, "IDOT"), (20, "Cis")):
+        for column, name in (
+            (AF0, "SVclockBias"),
+            (6, "sqrtA"),
+            (7, "Eccentricity"),
+            (11, "IDOT"),
+            (20, "Cis"),
+        ):
             np.testing.assert_array_equal(np.sort(mine[:, column]), np.sort(rows[name].values))
         seen += len(mine)
     assert seen == ours.satellite.size > 30
@@ -265,7 +363,9 @@ def test_numbers_are_those_of_georinex():
 
 
 def test_neighbouring_messages_continue_each_other():
-    """Oracle: the messages themselves; half way between two times of ephemeris both give the same orbit, to 2 m (rms), GLONASS to 5 m."""
+    """Oracle: the messages themselves; half way between two times of ephemeris both give the same
+    orbit, to 2 m (rms), GLONASS to 5 m.
+    """
     navigation = read_navigation(recorded("RINEX 2"))
     apart = {"G": [], "R": []}
     for code in np.unique(navigation.satellite):

@@ -1,4 +1,6 @@
-"""From RINEX to antenna positions, events and files: a simulated flight with truth, a real moving receiver, and the antenna files."""
+"""From RINEX to antenna positions, events and files: a simulated flight with truth, a real moving
+receiver, and the antenna files.
+"""
 
 import argparse
 import json
@@ -11,23 +13,29 @@ import numpy as np
 import pytest
 import written_rinex as w
 
+from insgnss.base.errors import DataError, InputError, UsageError
+from insgnss.base.wording import spoken_as
 from insgnss.cli import ppk as verb
 from insgnss.config.command_line import names_of
-from insgnss.errors import DataError, InputError, UsageError
 from insgnss.exposures.naming import ImageMatch
-from insgnss.formats.gnss_text import read_gnss_text, read_image_positions
-from insgnss.geodesy.frames import LocalFrame, TangentPlane, ecef_to_geodetic, geodetic_to_ecef, rotation_en
+from insgnss.formats.gnss.gnss_text import read_gnss_text, read_image_positions
+from insgnss.geodesy.frames import (
+    LocalFrame,
+    TangentPlane,
+    ecef_to_geodetic,
+    geodetic_to_ecef,
+    rotation_en,
+)
 from insgnss.gnss import ppk
 from insgnss.gnss.antenna_files import ALL, IMAGES, PLANE, positions_at, write_antenna_files
-from insgnss.gnss.covariance import MODEL
-from insgnss.gnss.engine import EngineRun
-from insgnss.gnss.events import RoverEvents
-from insgnss.gnss.options import EngineOptions
+from insgnss.gnss.engine.options import EngineOptions
+from insgnss.gnss.engine.rtklib import EngineRun
 from insgnss.gnss.ppk import PpkInput, solve_ppk
-from insgnss.gnss.rinex import read_observations
+from insgnss.gnss.quality.covariance import MODEL
+from insgnss.gnss.rinex.camera_events import RoverEvents
+from insgnss.gnss.rinex.observations import read_observations
 from insgnss.records import CameraEvents, GnssFixes
-from insgnss.report.gnss import draw_quality
-from insgnss.wording import spoken_as
+from insgnss.report.figures.gnss import draw_quality
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 RTK_BASE = (-3959400.631, 3385704.533, 3667523.111)
@@ -63,7 +71,9 @@ def flown(tmp_path_factory):
     scratch = tmp_path_factory.mktemp("flown")
     rover = every_second(place / "rover.18o", scratch / "rover.18o")
     truth = np.load(place / "truth.npz")
-    (scratch / "images.txt").write_text("".join(f"{8001 + k}.tif\n" for k in range(truth["events"].size)))
+    (scratch / "images.txt").write_text(
+        "".join(f"{8001 + k}.tif\n" for k in range(truth["events"].size))
+    )
     given = PpkInput(
         rover,
         place / "base.18o",
@@ -76,11 +86,15 @@ def flown(tmp_path_factory):
 
 
 def errors(fixes, truth):
-    """Position and velocity errors (n, 3) north, east, down; the truth's own positions are 0.1 s apart and are interpolated by cubics."""
+    """Position and velocity errors (n, 3) north, east, down; the truth's own positions are 0.1 s
+    apart and are interpolated by cubics.
+    """
     from scipy.interpolate import CubicSpline
 
     C = rotation_en(fixes.lat, fixes.lon)
-    place = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - CubicSpline(truth["tow"], truth["xyz"])(fixes.time)
+    place = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - CubicSpline(
+        truth["tow"], truth["xyz"]
+    )(fixes.time)
     true_velocity = np.einsum("nji,nj->ni", C, CubicSpline(truth["tow"], truth["vel"])(fixes.time))
     return np.einsum("nji,nj->ni", C, place), fixes.velocity_ned - true_velocity
 
@@ -90,7 +104,9 @@ def normalised(error, cov):
 
 
 def test_positions_of_a_simulated_flight_are_as_good_as_their_sigmas(flown):
-    """Oracle: the truth. Fix rate 99 %, none off by 10 cm, 3 mm horizontally and 10 mm in height, no height bias, NEES 0.5 to 2."""
+    """Oracle: the truth. Fix rate 99 %, none off by 10 cm, 3 mm horizontally and 10 mm in height,
+    no height bias, NEES 0.5 to 2.
+    """
     result, truth, _, _ = flown
     assert result.quality["fix_rate"] >= 0.99
     error, _ = errors(result.fixes, truth)
@@ -102,7 +118,9 @@ def test_positions_of_a_simulated_flight_are_as_good_as_their_sigmas(flown):
 
 
 def test_velocities_of_a_simulated_flight_are_as_good_as_their_sigmas(flown):
-    """Oracle: the truth, whose sway 1 Hz does not resolve; the first and the last epoch have no velocity from phase, and say so: 1 m/s."""
+    """Oracle: the truth, whose sway 1 Hz does not resolve; the first and the last epoch have no
+    velocity from phase, and say so: 1 m/s.
+    """
     result, truth, _, _ = flown
     _, error = errors(result.fixes, truth)
     inner, cov = error[1:-1], result.fixes.velocity_cov_ned
@@ -121,7 +139,9 @@ def test_the_wet_delay_is_taken_off_and_told(flown):
 
 
 def test_events_have_the_names_of_the_images_and_their_times(flown):
-    """Oracle: the truth of the simulation, its clock taken off the stamps; 1 Hz fixes interpolated by cubics."""
+    """Oracle: the truth of the simulation, its clock taken off the stamps; 1 Hz fixes interpolated
+    by cubics.
+    """
     result, truth, _, _ = flown
     assert result.events.images[0] == "8001.tif"
     clock = np.interp(truth["events"], truth["tow"], truth["dtr"])
@@ -139,7 +159,9 @@ def test_progress_and_files_are_there(flown):
     assert {"reading observations", "wet delay", "velocity"} <= set(steps)
     runs = ("combined", "forward", "backward")
     assert set(result.files) == {*runs, "solution", *(f"options of {run}" for run in runs)}
-    assert all(path.stat().st_size > 1000 for path in result.files.values() if path.suffix == ".pos")
+    assert all(
+        path.stat().st_size > 1000 for path in result.files.values() if path.suffix == ".pos"
+    )
 
 
 def test_one_image_too_few_is_refused_before_the_engine_runs(flown, tmp_path):
@@ -155,7 +177,9 @@ def test_one_image_too_few_is_refused_before_the_engine_runs(flown, tmp_path):
 
 @pytest.fixture
 def again(flown, monkeypatch):
-    """Solve the simulated flight with other inputs from the engine's three solutions that are there."""
+    """Solve the simulated flight with other inputs from the engine's three solutions that are
+    there.
+    """
     result, _, _, given = flown
     at = {name: result.files[name] for name in ("combined", "forward", "backward")}
     engine_run = EngineRun(**at, engine=result.engine, cpu_s=0.0, cpu_of={}, option_files={})
@@ -164,40 +188,68 @@ def again(flown, monkeypatch):
 
 
 def test_wet_delay_and_atmosphere_are_as_asked(flown, again):
-    """Oracle: the zenith delay of the layer, 0.2 mm a metre over 100 m; dry air leaves out nothing, moist air twice as much as dry."""
+    """Oracle: the zenith delay of the layer, 0.2 mm a metre over 100 m; dry air leaves out nothing,
+    moist air twice as much as dry.
+    """
     result, _, _, _ = flown
     without = again(wet_delay=False).fixes.height
     rise = result.fixes.height - result.fixes.height.min()
     high = rise > 0.8 * rise.max()
-    raised = {share: (again(atmosphere={"humidity": share}).fixes.height - without)[high].mean() for share in (0.0, 0.35, 0.7)}
+    raised = {
+        share: (again(atmosphere={"humidity": share}).fixes.height - without)[high].mean()
+        for share in (0.0, 0.35, 0.7)
+    }
     assert 0.012 < (result.fixes.height - without)[high].mean() < 0.030
-    assert raised[0.7] == pytest.approx((result.fixes.height - without)[high].mean(), abs=1e-6)  # the standard's own
+    assert raised[0.7] == pytest.approx(
+        (result.fixes.height - without)[high].mean(), abs=1e-6
+    )  # the standard's own
     assert abs(raised[0.0]) < 0.2 * raised[0.7]
     assert raised[0.35] == pytest.approx(0.5 * (raised[0.0] + raised[0.7]), abs=5e-4)
-    assert "given atmosphere" in next(c.expected for c in again(atmosphere={"humidity": 0.35}).checks if c.name == "GNSS wet delay")
+    assert "given atmosphere" in next(
+        c.expected
+        for c in again(atmosphere={"humidity": 0.35}).checks
+        if c.name == "GNSS wet delay"
+    )
 
 
 def test_velocities_and_covariance_are_as_asked(flown, again):
     """Oracle: no velocity without it; variances that grow by the square of the floor."""
     result, _, _, _ = flown
-    given = again(velocity=False, covariance=MODEL.with_changes({"floor_m": {"fixed": (0.1, 0.1, 0.2)}}))
+    given = again(
+        velocity=False, covariance=MODEL.with_changes({"floor_m": {"fixed": (0.1, 0.1, 0.2)}})
+    )
     assert given.fixes.velocity_ned is None
-    grown = np.diagonal(given.fixes.cov_ned - result.fixes.cov_ned, axis1=1, axis2=2)[result.fixes.quality == 1]
-    np.testing.assert_allclose(grown[10:-10], np.tile([0.01, 0.01, 0.04], (len(grown) - 20, 1)), rtol=2e-3)
+    grown = np.diagonal(given.fixes.cov_ned - result.fixes.cov_ned, axis1=1, axis2=2)[
+        result.fixes.quality == 1
+    ]
+    np.testing.assert_allclose(
+        grown[10:-10], np.tile([0.01, 0.01, 0.04], (len(grown) - 20, 1)), rtol=2e-3
+    )
 
 
 def test_events_of_a_file_take_the_place_of_the_rovers(flown, again, tmp_path):
-    """Oracle: the truth's times written as .MRK, and as a text without a week; one of another week is refused."""
+    """Oracle: the truth's times written as .MRK, and as a text without a week; one of another week
+    is refused.
+    """
     _, truth, _, _ = flown
     place = {week: tmp_path / f"{week}.MRK" for week in (2021, 2022)}
     for week, path in place.items():
-        path.write_text("".join(f"{k}\t{t:.6f}\t[{week}]\t0,N\t0,E\t0,V\n" for k, t in enumerate(truth["events"][:5], start=1)))
-    (tmp_path / "events.txt").write_text("image tow\n" + "".join(f"{k}.tif {t:.7f}\n" for k, t in enumerate(truth["events"][:5])))
+        path.write_text(
+            "".join(
+                f"{k}\t{t:.6f}\t[{week}]\t0,N\t0,E\t0,V\n"
+                for k, t in enumerate(truth["events"][:5], start=1)
+            )
+        )
+    (tmp_path / "events.txt").write_text(
+        "image tow\n" + "".join(f"{k}.tif {t:.7f}\n" for k, t in enumerate(truth["events"][:5]))
+    )
     for path in (place[2021], tmp_path / "events.txt"):
         found = again(events=path, match=ImageMatch(), camera_delay_s=0.01).events
         np.testing.assert_allclose(found.time, truth["events"][:5] + 0.01, rtol=0.0, atol=1e-6)
     assert found.images[0] == "0.tif"
-    with pytest.raises(InputError, match=r"2022\.MRK:1: GPS week 2022, but the flight is said to be of week 2021"):
+    with pytest.raises(
+        InputError, match=r"2022\.MRK:1: GPS week 2022, but the flight is said to be of week 2021"
+    ):
         again(events=place[2022], match=ImageMatch())
     with pytest.raises(InputError, match=r"5 camera events and 73 images"):
         again(events=place[2021])
@@ -212,10 +264,15 @@ def test_events_of_a_file_are_held_against_those_of_the_rover(flown, again, tmp_
     found = {}
     for name, behind in (("gpst", 0.0), ("utc", 18.0)):
         place = tmp_path / f"{name}.txt"
-        place.write_text("image tow\n" + "".join(f"{k}.tif {t - behind:.7f}\n" for k, t in enumerate(time)))
+        place.write_text(
+            "image tow\n" + "".join(f"{k}.tif {t - behind:.7f}\n" for k, t in enumerate(time))
+        )
         result = again(events=place, match=ImageMatch(), camera_delay_s=0.6)
         told = {check.name: check for check in result.checks}
-        assert (told["camera delay"].verdict, told["camera delay"].found.split()[0]) == ("note", "+0.6")
+        assert (told["camera delay"].verdict, told["camera delay"].found.split()[0]) == (
+            "note",
+            "+0.6",
+        )
         found[name] = told["camera events"], result.verdict
     assert found["gpst"][0].verdict == "ok"
     assert "73 of the 73 events" in found["gpst"][0].found
@@ -226,18 +283,35 @@ def test_events_of_a_file_are_held_against_those_of_the_rover(flown, again, tmp_
 
 
 def test_epochs_that_the_engine_leaves_out_are_told(flown, monkeypatch, tmp_path):
-    """Oracle: the engine's combined solution without its second half, by hand; the rover has 361 epochs, one a second."""
+    """Oracle: the engine's combined solution without its second half, by hand; the rover has 361
+    epochs, one a second.
+    """
     result, _, _, given = flown
     lines = result.files["combined"].read_text().splitlines(keepends=True)
     head = sum(line.startswith("%") for line in lines)
     (tmp_path / "combined.pos").write_text("".join(lines[: head + 181]))
-    at = {"forward": result.files["forward"], "backward": result.files["backward"], "combined": tmp_path / "combined.pos"}
-    monkeypatch.setattr(ppk, "solve", lambda *_: EngineRun(**at, engine="", cpu_s=0.0, cpu_of={}, option_files={}))
+    at = {
+        "forward": result.files["forward"],
+        "backward": result.files["backward"],
+        "combined": tmp_path / "combined.pos",
+    }
+    monkeypatch.setattr(
+        ppk, "solve", lambda *_: EngineRun(**at, engine="", cpu_s=0.0, cpu_of={}, option_files={})
+    )
     half = solve_ppk(given)
-    assert half.verdict.startswith("poor: 50.1 % of 361 epochs are fixed and confirmed, 180 have no solution")
+    assert half.verdict.startswith(
+        "poor: 50.1 % of 361 epochs are fixed and confirmed, 180 have no solution"
+    )
     told = next(check for check in half.checks if check.name == "GNSS epochs")
-    assert (told.verdict, told.found) == ("note", "180 of 361 epochs have no solution, from 392881.0 s to 393060.0 s")
-    assert (half.quality["epochs"], half.quality["epochs_observed"], half.quality["unsolved"]) == (181, 361, 180)
+    assert (told.verdict, told.found) == (
+        "note",
+        "180 of 361 epochs have no solution, from 392881.0 s to 393060.0 s",
+    )
+    assert (half.quality["epochs"], half.quality["epochs_observed"], half.quality["unsolved"]) == (
+        181,
+        361,
+        180,
+    )
     assert half.quality["fix_rate"] == 1.0
     assert half.quality["fix_rate_observed"] == pytest.approx(181 / 361)
 
@@ -247,9 +321,15 @@ def test_a_point_of_the_base_that_nobody_chose_is_told(flown, again):
     result, truth, _, _ = flown
     told = next(check for check in result.checks if check.name == "base point")
     assert told.verdict == "ok"
-    assert told.found == f"{truth['base_llh'][0]:.9f},{truth['base_llh'][1]:.9f},{truth['base_llh'][2]:.4f}, {APC}"
+    assert (
+        told.found
+        == f"{truth['base_llh'][0]:.9f},{truth['base_llh'][1]:.9f},{truth['base_llh'][2]:.4f},"
+        f" {APC}"
+    )
     assert result.verdict.startswith("good")
-    assert "usable with care: 100.0 % of 361 epochs" in (doubted := again(base_point_chosen=False).verdict)
+    assert "usable with care: 100.0 % of 361 epochs" in (
+        doubted := again(base_point_chosen=False).verdict
+    )
     assert "look at base point" in doubted
 
 
@@ -263,24 +343,42 @@ def test_an_image_too_few_is_found_by_the_images_own_times(flown, again, tmp_pat
     for k, t in enumerate(np.delete(truth["events"], 30), start=1):
         exif = image.Exif()
         minute, milli = divmod(round(1000 * (t - truth["events"][0])), 60000)
-        written = {0x9003: f"2018:10:04 12:{minute:02d}:{milli // 1000:02d}", 0x9291: f"{milli % 1000:03d}"}
+        written = {
+            0x9003: f"2018:10:04 12:{minute:02d}:{milli // 1000:02d}",
+            0x9291: f"{milli % 1000:03d}",
+        }
         exif.get_ifd(0x8769).update(written)
         image.new("L", (1, 1)).save(tmp_path / f"{k}.jpg", exif=exif)
-    with pytest.raises(InputError, match=r"73 camera events and 72 images.* no image belongs to event 31; .* camera\.skip_events = \[31\]"):
+    with pytest.raises(
+        InputError,
+        match=(
+            r"73 camera events and 72 images.* no image belongs to event 31; .* camera\.skip_events"
+            r" = \[31\]"
+        ),
+    ):
         again(match=ImageMatch(tmp_path))
     assert len(again(match=ImageMatch(tmp_path, skip_events=(31,))).events.images) == 72
 
 
 def test_events_of_the_rover_are_told_or_later_as_asked(flown, again, tmp_path):
-    """Oracle: the same events ten milliseconds later; of a copy of the rover's file whose events are all marked as not valid a note."""
+    """Oracle: the same events ten milliseconds later; of a copy of the rover's file whose events
+    are all marked as not valid a note.
+    """
     result, _, _, given = flown
-    np.testing.assert_allclose(again(camera_delay_s=0.01).events.time, result.events.time + 0.01, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        again(camera_delay_s=0.01).events.time, result.events.time + 0.01, rtol=0.0, atol=1e-9
+    )
     lines = given.rover.read_text().splitlines(keepends=True)
-    marked = [f"{line[:29]}  1\n{INVALID[0].rstrip()}\n" if line[26:32] == "  5  0" else line for line in lines]
+    marked = [
+        f"{line[:29]}  1\n{INVALID[0].rstrip()}\n" if line[26:32] == "  5  0" else line
+        for line in lines
+    ]
     (tmp_path / "rover.18o").write_text("".join(marked))
     left_out = again(rover=tmp_path / "rover.18o", match=ImageMatch())
     assert left_out.events is None
-    assert "73 of 73 are marked as not valid" in next(check.found for check in left_out.checks if check.name == "time marks")
+    assert "73 of 73 are marked as not valid" in next(
+        check.found for check in left_out.checks if check.name == "time marks"
+    )
 
 
 def rover_with(tmp_path, *records):
@@ -304,8 +402,16 @@ INVALID = [w.record(" Time mark is not valid", "COMMENT")]
         ([], {"camera_delay_s": 0.01}, r"rover\.rnx: holds no external event"),
         ([], {"match": ImageMatch(skip_events=(1,))}, "holds no external event"),
         ([], {"rover_events": RoverEvents(invalid_events=True)}, "holds no external event"),
-        ([ONE], {"rover_events": RoverEvents("shto")}, "no external event has a record line with 'shto'"),
-        ([INVALID], {"camera_delay_s": 0.01}, r"rover\.rnx:\d+: camera events: 1 of 1 are marked as not valid"),
+        (
+            [ONE],
+            {"rover_events": RoverEvents("shto")},
+            "no external event has a record line with 'shto'",
+        ),
+        (
+            [INVALID],
+            {"camera_delay_s": 0.01},
+            r"rover\.rnx:\d+: camera events: 1 of 1 are marked as not valid",
+        ),
         ([ONE], {"camera_delay_s": 100.0}, "give it in seconds"),
     ],
 )
@@ -320,7 +426,9 @@ def test_what_is_said_of_events_asks_for_them(tmp_path, records, asked_for, mess
 
 
 def test_events_that_are_all_invalid_are_left_out_with_a_note(tmp_path):
-    """Oracle: the file; nothing is said of events, so that there need not be any, but what there is is told."""
+    """Oracle: the file; nothing is said of events, so that there need not be any, but what there is
+    is told.
+    """
     given = PpkInput(Path("rover.rnx"), Path("b.obs"), (Path("n.nav"),))
     events, (told,) = ppk._events(given, rover_with(tmp_path, INVALID, INVALID))
     assert events is None
@@ -331,15 +439,25 @@ def test_events_that_are_all_invalid_are_left_out_with_a_note(tmp_path):
 
 
 def test_the_clock_is_that_of_the_stamp_and_not_of_the_exposure(tmp_path):
-    """Oracle: closed form. The clock is 0.5 ms ahead and jumps to -0.5 ms at the epoch of 5 s; an event stamped 4.95 s, with a delay of
-    0.1 s, is exposed at 4.95 - 0.0005 + 0.1 s, and one of a file of events, in GPST, at 4.95 + 0.1 s."""
+    """Oracle: closed form. The clock is 0.5 ms ahead and jumps to -0.5 ms at the epoch of 5 s; an
+    event stamped 4.95 s, with a delay of 0.1 s, is exposed at 4.95 - 0.0005 + 0.1 s, and one of a
+    file of events, in GPST, at 4.95 + 0.1 s."""
     rover = rover_with(tmp_path)
     time = rover.time - np.where(rover.time - rover.time[0] < 4.5, 5e-4, -5e-4)
     n = time.size
-    fixes = GnssFixes(time, np.full(n, 0.8), np.full(n, 0.1), np.full(n, 500.0), np.tile(np.eye(3), (n, 1, 1)), gps_week=rover.gps_week)
+    fixes = GnssFixes(
+        time,
+        np.full(n, 0.8),
+        np.full(n, 0.1),
+        np.full(n, 500.0),
+        np.tile(np.eye(3), (n, 1, 1)),
+        gps_week=rover.gps_week,
+    )
     stamps = CameraEvents(("a",), rover.time[:1] + 4.95, rover.gps_week)
     given = PpkInput(Path("rover.rnx"), Path("b.obs"), (Path("n.nav"),), camera_delay_s=0.1)
-    assert ppk._at_exposures(stamps, given, rover, fixes).time[0] - rover.time[0] == pytest.approx(5.0495, abs=1e-9)
+    assert ppk._at_exposures(stamps, given, rover, fixes).time[0] - rover.time[0] == pytest.approx(
+        5.0495, abs=1e-9
+    )
     other = ppk._at_exposures(stamps, replace(given, events=Path("x.MRK")), rover, fixes)
     assert other.time[0] - rover.time[0] == pytest.approx(5.05, abs=1e-9)
 
@@ -353,10 +471,21 @@ def moved(tmp_path_factory):
     out = tmp_path_factory.mktemp("moved") / "out"
     parser = argparse.ArgumentParser()
     verb.add_arguments(parser)
-    words = [place / "SEPT265G.21O", "--base", place / "3034265G.21O", "--navigation", place / "SEPT2650.21P"]
-    return verb.ppk(
-        parser.parse_args([*map(str, words), "--base-position", position, "--out", str(out)]), lambda _: None, draw_quality
-    ), out
+    words = [
+        place / "SEPT265G.21O",
+        "--base",
+        place / "3034265G.21O",
+        "--navigation",
+        place / "SEPT2650.21P",
+    ]
+    return (
+        verb.ppk(
+            parser.parse_args([*map(str, words), "--base-position", position, "--out", str(out)]),
+            lambda _: None,
+            draw_quality,
+        ),
+        out,
+    )
 
 
 def test_a_real_moving_receiver_is_fixed(moved):
@@ -383,7 +512,9 @@ def test_the_verb_writes_positions_figure_and_document(moved):
 def asked(*words):
     parser = argparse.ArgumentParser()
     verb.add_arguments(parser)
-    return verb.input_of(parser.parse_args(["r.obs", "--base", "b.obs", "--navigation", "n.nav", *map(str, words)]))
+    return verb.input_of(
+        parser.parse_args(["r.obs", "--base", "b.obs", "--navigation", "n.nav", *map(str, words)])
+    )
 
 
 def test_the_verb_asks_for_no_more_than_the_defaults():
@@ -402,10 +533,35 @@ def test_the_verb_tells_what_nobody_chose():
 def test_the_verb_has_the_options_of_the_flight_file(tmp_path):
     """Oracle: the words of the command line."""
     (tmp_path / "covariance.toml").write_text("ppm = 2\n[scale]\nfixed = [1.5, 1.5, 2]\n")
-    words = ["--max-age", 5, "--acceleration", 6, 2, "--rtklib-options", "pos2-arminfix=10", "--covariance", tmp_path / "covariance.toml"]
-    given = asked(*words, "--timeout", 90, "--pressure", 955, "--humidity", 0.4, "--no-velocity", "--events", "x.MRK")
+    words = [
+        "--max-age",
+        5,
+        "--acceleration",
+        6,
+        2,
+        "--rtklib-options",
+        "pos2-arminfix=10",
+        "--covariance",
+        tmp_path / "covariance.toml",
+    ]
+    given = asked(
+        *words,
+        "--timeout",
+        90,
+        "--pressure",
+        955,
+        "--humidity",
+        0.4,
+        "--no-velocity",
+        "--events",
+        "x.MRK",
+    )
     options = given.options
-    assert (options.max_age_s, options.acceleration_mps2, options.rtklib_options) == (5.0, (6.0, 2.0), {"pos2-arminfix": "10"})
+    assert (options.max_age_s, options.acceleration_mps2, options.rtklib_options) == (
+        5.0,
+        (6.0, 2.0),
+        {"pos2-arminfix": "10"},
+    )
     assert options.timeout_s == 90.0
     assert given.covariance == MODEL.with_changes({"ppm": 2.0, "scale": {"fixed": (1.5, 1.5, 2.0)}})
     assert (given.atmosphere, given.velocity) == ({"pressure_hpa": 955.0, "humidity": 0.4}, False)
@@ -414,12 +570,28 @@ def test_the_verb_has_the_options_of_the_flight_file(tmp_path):
     for option in ("--no-wet-delay", "--no-ionosphere"):  # the other one takes the air
         assert asked("--humidity", 0.4, option).atmosphere == {"humidity": 0.4}
     assert (asked().ionosphere, asked("--no-ionosphere").ionosphere) == (True, False)
-    given = asked("--images", "photos", "--image-ending", "tif", "--skip-events", 3, 5, "--events-containing", "cam", "--invalid-events")
+    given = asked(
+        "--images",
+        "photos",
+        "--image-ending",
+        "tif",
+        "--skip-events",
+        3,
+        5,
+        "--events-containing",
+        "cam",
+        "--invalid-events",
+    )
     assert given.match == ImageMatch(Path("photos"), "tif", (3, 5))
     assert given.rover_events == RoverEvents("cam", True)
 
 
-ENGINE_OPTIONS = {"--mask": "elevation_mask_deg", "--frequencies": "frequencies", "--ratio": "ratio", "--max-age": "max_age_s"}
+ENGINE_OPTIONS = {
+    "--mask": "elevation_mask_deg",
+    "--frequencies": "frequencies",
+    "--ratio": "ratio",
+    "--max-age": "max_age_s",
+}
 ENGINE_OPTIONS |= {"--timeout": "timeout_s", "--acceleration": "acceleration_mps2"}
 
 
@@ -428,25 +600,45 @@ def test_the_help_tells_the_defaults_of_the_engine():
     parser, usual = argparse.ArgumentParser(), EngineOptions()
     verb.add_arguments(parser)
     options = " ".join(parser.format_help().split()).partition("options:")[2]
-    told = {name: re.search(rf"{name} .*?\(default: (.*?)\)", options)[1].split() for name in ENGINE_OPTIONS}
+    told = {
+        name: re.search(rf"{name} .*?\(default: (.*?)\)", options)[1].split()
+        for name in ENGINE_OPTIONS
+    }
     for name, field in ENGINE_OPTIONS.items():
-        assert [float(number) for number in told[name]] == np.ravel(getattr(usual, field)).tolist(), name
+        assert [float(number) for number in told[name]] == np.ravel(
+            getattr(usual, field)
+        ).tolist(), name
 
 
 @pytest.mark.parametrize(
     ("words", "what"),
     [
         (["--humidity", 40], "--humidity 40.0: must be 0 to 1"),
-        (["--humidity", 0.4, "--no-wet-delay", "--no-ionosphere"], "--humidity are of what --no-wet-delay and --no-ionosphere leave out"),
+        (
+            ["--humidity", 0.4, "--no-wet-delay", "--no-ionosphere"],
+            "--humidity are of what --no-wet-delay and --no-ionosphere leave out",
+        ),
         (["--rtklib-options", "arminfix"], "'arminfix' is no NAME=VALUE"),
-        (["--rtklib-options", "pos2-arminfix=1", "pos2-arminfix=2"], "--rtklib-options: gives pos2-arminfix 2 times"),
-        (["--rtklib-options", "pos2-arminfix=1", "--rtklib-options", "pos2-arminfix=2"], "--rtklib-options: gives pos2-arminfix 2 times"),
+        (
+            ["--rtklib-options", "pos2-arminfix=1", "pos2-arminfix=2"],
+            "--rtklib-options: gives pos2-arminfix 2 times",
+        ),
+        (
+            ["--rtklib-options", "pos2-arminfix=1", "--rtklib-options", "pos2-arminfix=2"],
+            "--rtklib-options: gives pos2-arminfix 2 times",
+        ),
         (["--max-age", -1], r"--max-age -1\.0: must be 0\.01 to 3600"),
         (["--timeout", 0.1], r"--timeout 0\.1: must be 1 to"),
         (["--systems", ""], "--systems '': must be letters of"),
         (["--acceleration", 0, 1], "must be two positive numbers"),
-        (["--events", "x.MRK", "--events-containing", "cam"], "--events-containing looks at .* --events is given as well"),
-        (["--events", "x.MRK", "--invalid-events"], "--invalid-events looks at .* --events is given as well"),
+        (
+            ["--events", "x.MRK", "--events-containing", "cam"],
+            "--events-containing looks at .* --events is given as well",
+        ),
+        (
+            ["--events", "x.MRK", "--invalid-events"],
+            "--invalid-events looks at .* --events is given as well",
+        ),
         (["--image-ending", ".tif"], "--image-ending is of --images, which is missing"),
         (["--skip-images", "a.tif"], "--skip-images is of --images, which is missing"),
     ],
@@ -460,15 +652,29 @@ def test_words_that_contradict_are_refused(words, what):
 @pytest.mark.parametrize("option", ["ROVER", "--base", "--navigation", "--antex", "--events"])
 def test_a_file_that_is_not_there_is_named_by_its_option(option, tmp_path):
     """Oracle: the words of the command line; nothing is made."""
-    words = {"ROVER": ["r"], "--base": ["b"], "--navigation": ["n", "g"], "--antex": ["a"], "--events": ["e"]}
+    words = {
+        "ROVER": ["r"],
+        "--base": ["b"],
+        "--navigation": ["n", "g"],
+        "--antex": ["a"],
+        "--events": ["e"],
+    }
     for name in (name for names in words.values() for name in names):
         (tmp_path / name).write_text("RINEX\n")
     (tmp_path / words[option][-1]).unlink()
-    line = [str(word) for key, names in words.items() for word in ([key] if key != "ROVER" else []) + [tmp_path / name for name in names]]
+    line = [
+        str(word)
+        for key, names in words.items()
+        for word in ([key] if key != "ROVER" else []) + [tmp_path / name for name in names]
+    ]
     parser = argparse.ArgumentParser()
     verb.add_arguments(parser)
-    with pytest.raises(InputError, match=rf"^ppk: {option} .*{words[option][-1]} does not exist; check the path$"):
-        verb.ppk(parser.parse_args([*line, "--out", str(tmp_path / "out")]), lambda _: None, draw_quality)
+    with pytest.raises(
+        InputError, match=rf"^ppk: {option} .*{words[option][-1]} does not exist; check the path$"
+    ):
+        verb.ppk(
+            parser.parse_args([*line, "--out", str(tmp_path / "out")]), lambda _: None, draw_quality
+        )
     assert not (tmp_path / "out").exists()
 
 
@@ -495,7 +701,12 @@ def test_a_wrong_covariance_file_is_refused_with_its_line(tmp_path, text, line, 
 
 @pytest.mark.parametrize(
     ("text", "word"),
-    [("46.5,6.5", "no LAT,LON,H"), ("139.4,35.3,40", "swapped"), ("46.5,six,400", "no LAT,LON,H"), ("46.5,6.5,40000", "order and units")],
+    [
+        ("46.5,6.5", "no LAT,LON,H"),
+        ("139.4,35.3,40", "swapped"),
+        ("46.5,six,400", "no LAT,LON,H"),
+        ("46.5,6.5,40000", "order and units"),
+    ],
 )
 def test_a_place_that_is_none_is_refused(text, word):
     """Oracle: the ranges of latitude, longitude and height."""
@@ -511,7 +722,17 @@ def circling(time, radius=15.0, speed=10.0):
     angle = speed / radius * time
     place = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), -50.0 - 0.1 * time])
     lat, lon, height = FRAME.geodetic_from_position(place)
-    return GnssFixes(time, lat, lon, height, np.broadcast_to(np.eye(3) * 1e-4, (time.size, 3, 3)), gps_week=2008), place
+    return (
+        GnssFixes(
+            time,
+            lat,
+            lon,
+            height,
+            np.broadcast_to(np.eye(3) * 1e-4, (time.size, 3, 3)),
+            gps_week=2008,
+        ),
+        place,
+    )
 
 
 def test_positions_between_fixes_follow_the_turn():
@@ -524,27 +745,41 @@ def test_positions_between_fixes_follow_the_turn():
 
 
 def test_no_position_is_made_up_in_a_gap_or_outside():
-    """Oracle: three seconds of fixes left out; beside the gap the line between two fixes is taken, 12 mm off at most."""
+    """Oracle: three seconds of fixes left out; beside the gap the line between two fixes is taken,
+    12 mm off at most.
+    """
     time = 0.1 * np.arange(300)
     fixes, _ = circling(time[(time < 10.05) | (time > 13.05)])
     when = np.array([-0.1, 9.95, 10.5, 13.0, 13.15, 29.95])
     at, known = positions_at(fixes, when)
     assert known.tolist() == [False, True, False, False, True, False]
     assert np.isnan(at[~known]).all()
-    assert np.abs(FRAME.position_from_geodetic(*at[known].T) - circling(when[known])[1]).max() < 0.012
+    assert (
+        np.abs(FRAME.position_from_geodetic(*at[known].T) - circling(when[known])[1]).max() < 0.012
+    )
 
 
 def test_the_three_antenna_files_agree(tmp_path):
-    """Oracle: the tangent plane's transformation of the geographic file (formats.md A.7); images in a gap are told, not written."""
+    """Oracle: the tangent plane's transformation of the geographic file (formats.md A.7); images in
+    a gap are told, not written.
+    """
     time = 0.1 * np.arange(300)
     fixes, _ = circling(time[(time < 10.05) | (time > 13.05)])
     events = CameraEvents(("8001.tif", "8002.tif", "8003.tif"), np.array([5.03, 11.0, 20.07]), 2008)
     origin = np.array([np.radians(46.57), np.radians(6.54), 0.0])
     files, missing = write_antenna_files(fixes, events, tmp_path, origin)
     assert [path.name for path in files] == [ALL, IMAGES, PLANE]
-    geodetic, plane = read_image_positions(tmp_path / IMAGES), read_image_positions(tmp_path / PLANE)
+    geodetic, plane = (
+        read_image_positions(tmp_path / IMAGES),
+        read_image_positions(tmp_path / PLANE),
+    )
     assert geodetic.images == plane.images == ("8001.tif", "8003.tif")
-    assert np.abs(TangentPlane(*origin).position_from_geodetic(*geodetic.position.T) - plane.position).max() < 2e-4
+    assert (
+        np.abs(
+            TangentPlane(*origin).position_from_geodetic(*geodetic.position.T) - plane.position
+        ).max()
+        < 2e-4
+    )
     assert "1 of 3 images" in missing.found
     assert "8002.tif" in missing.found
 

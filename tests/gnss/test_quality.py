@@ -3,12 +3,19 @@
 import numpy as np
 import pytest
 
-from insgnss.errors import DataError, InputError
-from insgnss.gnss.covariance import FLOAT, HAMPERED, calibrate, forward_backward
-from insgnss.gnss.quality import coverage_numbers, longest_without, read_solution, solution_numbers, solution_series, verdict
-from insgnss.gnss.rinex import Observations
-from insgnss.gnss.rinex_header import RinexHeader
-from insgnss.gnss.signals import LIGHT, signal_numbers, signals_of
+from insgnss.base.errors import DataError, InputError
+from insgnss.gnss.phase.signal_quality import LIGHT, signal_numbers, signals_of
+from insgnss.gnss.quality.covariance import FLOAT, HAMPERED, calibrate, forward_backward
+from insgnss.gnss.quality.solution_quality import (
+    coverage_numbers,
+    longest_without,
+    read_solution,
+    solution_numbers,
+    solution_series,
+    verdict,
+)
+from insgnss.gnss.rinex.header import RinexHeader
+from insgnss.gnss.rinex.observations import Observations
 from insgnss.records import Check
 
 F1, F2 = 1575.42e6, 1227.60e6
@@ -19,7 +26,9 @@ SATELLITES = ("G05", "G12", "G17", "G23")
 def observed(epochs=600, interval=0.1, code_m=0.3, seed=3, drop=(), slips=(), flagged=()):
     """Observations of four satellites: code noise `code_m`, phase noise 1 mm.
 
-    drop : epochs left out.   slips : (epoch, satellite, cycles on L1).   flagged : (epoch, satellite) of the receiver's loss of lock.
+    drop : epochs left out.
+    slips : (epoch, satellite, cycles on L1).
+    flagged : (epoch, satellite) of the receiver's loss of lock.
     """
     rng = np.random.default_rng(seed)
     k, sat = np.meshgrid(np.arange(epochs), np.arange(len(SATELLITES)), indexing="ij")
@@ -37,7 +46,20 @@ def observed(epochs=600, interval=0.1, code_m=0.3, seed=3, drop=(), slips=(), fl
     lock = np.zeros(values.shape, dtype=np.int8)
     for epoch, name in flagged:
         lock[epoch, SATELLITES.index(name), 1] = 1
-    header = RinexHeader("rover.obs", 3.04, "G", "GPS", "rover", "", "", None, np.zeros(3), interval, 18, {"G": SIGNALS})
+    header = RinexHeader(
+        "rover.obs",
+        3.04,
+        "G",
+        "GPS",
+        "rover",
+        "",
+        "",
+        None,
+        np.zeros(3),
+        interval,
+        18,
+        {"G": SIGNALS},
+    )
     n = int(keep.sum())
     return Observations(
         header=header,
@@ -56,8 +78,12 @@ def observed(epochs=600, interval=0.1, code_m=0.3, seed=3, drop=(), slips=(), fl
 
 
 def test_planted_slips_are_found_with_their_satellite_and_nothing_else():
-    """Oracle: two slips of one cycle and of 1000, of which the receiver flags the second; a flag without a step is one too."""
-    o = observed(slips=[(100, "G12", 1.0), (300, "G23", 1000.0)], flagged=[(300, "G23"), (450, "G05")])
+    """Oracle: two slips of one cycle and of 1000, of which the receiver flags the second; a flag
+    without a step is one too.
+    """
+    o = observed(
+        slips=[(100, "G12", 1.0), (300, "G23", 1000.0)], flagged=[(300, "G23"), (450, "G05")]
+    )
     found = signals_of(o)
     assert found.slip_satellite.tolist() == ["G12", "G23", "G05"]
     assert np.allclose(found.slip_time, [1010.0, 1030.0, 1045.0], rtol=0, atol=1e-9)
@@ -77,7 +103,9 @@ def test_the_first_epoch_after_a_gap_is_no_slip():
 def test_multipath_is_the_planted_code_error():
     """Oracle: white code noise of 0.3 m and 0.6 m on both bands, phases of 1 mm."""
     for code in (0.3, 0.6):
-        found = signals_of(observed(epochs=2000, code_m=code, slips=[(700, "G05", 4.0)])).multipath_m
+        found = signals_of(
+            observed(epochs=2000, code_m=code, slips=[(700, "G05", 4.0)])
+        ).multipath_m
         assert set(found) == {"G C1C", "G C2W"}
         assert np.allclose(list(found.values()), code, rtol=0.05)
 
@@ -85,7 +113,9 @@ def test_multipath_is_the_planted_code_error():
 def test_strength_is_the_median_by_band():
     """Oracle: 45 and 28 dB-Hz with noise of 1 dB."""
     found = signals_of(observed())
-    assert signal_numbers(found)["strength_dbhz"] == pytest.approx({"band 1": 45.0, "band 2": 28.0}, abs=0.2)
+    assert signal_numbers(found)["strength_dbhz"] == pytest.approx(
+        {"band 1": 45.0, "band 2": 28.0}, abs=0.2
+    )
     assert found.strength_time.size == 60
 
 
@@ -103,7 +133,10 @@ POS = """% program   : RTKLIB ver.EX 2.5.0
 
 def written(path, rows):
     """A .pos of (tow, quality, satellites, age, ratio) at one place."""
-    line = "2000 {:.9f} 46.500000000 6.500000000 500.0000 {:3d} {:3d} 0.0050 0.0050 0.0100 0.0010 -0.0010 0.0010 {:6.2f} {:6.1f}\n"
+    line = (
+        "2000 {:.9f} 46.500000000 6.500000000 500.0000 {:3d} {:3d} 0.0050 0.0050 0.0100 0.0010"
+        " -0.0010 0.0010 {:6.2f} {:6.1f}\n"
+    )
     path.write_text(POS + "".join(line.format(*row) for row in rows))
     return path
 
@@ -120,7 +153,9 @@ def test_columns_beside_the_positions_are_read_by_time(tmp_path):
 
 def test_a_pos_with_dates_is_read(tmp_path):
     """Oracle: the rows written; the second without covariance, which counts as single."""
-    text = POS + "2018/05/06 00:16:40.000   46.5 6.5 500.0 1 9 0.005 0.005 0.01 0.0 0.0 0.0 0.1 3.0\n"
+    text = (
+        POS + "2018/05/06 00:16:40.000   46.5 6.5 500.0 1 9 0.005 0.005 0.01 0.0 0.0 0.0 0.1 3.0\n"
+    )
     text += "2018/05/06 00:16:41.000   46.5 6.5 500.0 1 8 0.0 0.0 0.01 0.0 0.0 0.0 0.2 4.0\n"
     (tmp_path / "a.pos").write_text(text)
     solution = read_solution(tmp_path / "a.pos")
@@ -133,7 +168,9 @@ def test_a_pos_with_dates_is_read(tmp_path):
 def test_a_pos_without_what_an_engine_tells_is_refused(tmp_path):
     """Oracle: the missing column in the message."""
     path = written(tmp_path / "a.pos", [(1000.0, 1, 14, 0.1, 20.5)])
-    path.write_text(path.read_text().replace("  ns ", " satellites ", 1).replace(" ns ", " satellites "))
+    path.write_text(
+        path.read_text().replace("  ns ", " satellites ", 1).replace(" ns ", " satellites ")
+    )
     with pytest.raises(InputError, match="ns"):
         read_solution(path)
 
@@ -143,8 +180,13 @@ LOST = range(100, 160)
 
 @pytest.fixture
 def solved(tmp_path):
-    """200 epochs of 0.2 s, 60 in the middle of them float with few satellites; forward and backward agree."""
-    rows = [(1000.0 + 0.2 * k, *((2, 7, 0.1, 1.2) if k in LOST else (1, 15, 0.1, 30.0))) for k in range(200)]
+    """200 epochs of 0.2 s, 60 in the middle of them float with few satellites; forward and backward
+    agree.
+    """
+    rows = [
+        (1000.0 + 0.2 * k, *((2, 7, 0.1, 1.2) if k in LOST else (1, 15, 0.1, 30.0)))
+        for k in range(200)
+    ]
     solution = read_solution(written(tmp_path / "a.pos", rows))
     distance = np.full(200, 2000.0)
     separation = forward_backward(solution.fixes.time, solution.fixes, solution.fixes)
@@ -154,8 +196,12 @@ def solved(tmp_path):
 
 def numbers_of(solved, signals=None):
     solution, fixes, kind, distance, separation = solved
-    numbers = solution_numbers(solution, fixes, kind, distance, np.full(200, 80.0), separation, 14.16)
-    numbers |= coverage_numbers(solution.fixes.time, np.ones(200, dtype=bool), ~np.isin(np.arange(200), LOST))
+    numbers = solution_numbers(
+        solution, fixes, kind, distance, np.full(200, 80.0), separation, 14.16
+    )
+    numbers |= coverage_numbers(
+        solution.fixes.time, np.ones(200, dtype=bool), ~np.isin(np.arange(200), LOST)
+    )
     return numbers | ({"signals": signal_numbers(signals)} if signals is not None else {})
 
 
@@ -178,13 +224,26 @@ def test_numbers_are_those_of_the_epochs(solved):
 def test_the_verdict_says_what_to_look_at(solved):
     """Oracle: a fix rate of 70 %, 7 satellites, and a band of 28 dB-Hz."""
     told, checks = verdict(numbers_of(solved, signals_of(observed())))
-    assert told.startswith("poor: 70.0 % of 200 epochs are fixed and confirmed, 140 of them hampered")
+    assert told.startswith(
+        "poor: 70.0 % of 200 epochs are fixed and confirmed, 140 of them hampered"
+    )
     assert "hampered fixes" in told.partition("look at")[2]
     assert "satellites" in told
     assert "signal strength" in told
     state = {check.name: check.verdict for check in checks}
-    assert state["GNSS fix rate"] == state["GNSS hampered fixes"] == state["GNSS satellites"] == state["GNSS signal strength"] == "note"
-    assert state["GNSS forward and backward"] == state["GNSS base distance"] == state["GNSS gaps"] == "ok"
+    assert (
+        state["GNSS fix rate"]
+        == state["GNSS hampered fixes"]
+        == state["GNSS satellites"]
+        == state["GNSS signal strength"]
+        == "note"
+    )
+    assert (
+        state["GNSS forward and backward"]
+        == state["GNSS base distance"]
+        == state["GNSS gaps"]
+        == "ok"
+    )
     assert all(check.advice for check in checks if check.verdict != "ok")
 
 
@@ -198,7 +257,9 @@ def fixed(tmp_path):
 
 
 def of_epochs(count, without=()):
-    """Coverage of `count` epochs of 0.2 s of which those `without` have no solution and the others are fixed."""
+    """Coverage of `count` epochs of 0.2 s of which those `without` have no solution and the others
+    are fixed.
+    """
     solved = ~np.isin(np.arange(count), without)
     return coverage_numbers(1000.0 + 0.2 * np.arange(count), solved, solved)
 
@@ -214,12 +275,19 @@ def test_a_good_solution_is_called_good(fixed):
 
 
 def test_epochs_without_solution_count_as_not_fixed(fixed):
-    """Oracle: 200 of 400 epochs, and 3 in two places of 203; the last epoch is that of the rover's file."""
+    """Oracle: 200 of 400 epochs, and 3 in two places of 203; the last epoch is that of the rover's
+    file.
+    """
     told, checks = verdict(fixed | of_epochs(400, range(200, 400)))
-    assert told.startswith("poor: 50.0 % of 400 epochs are fixed and confirmed, 200 have no solution")
+    assert told.startswith(
+        "poor: 50.0 % of 400 epochs are fixed and confirmed, 200 have no solution"
+    )
     assert "look at epochs" in told
     check = next(check for check in checks if check.name == "GNSS epochs")
-    assert (check.verdict, check.found) == ("note", "200 of 400 epochs have no solution, from 1040.0 s to 1079.8 s")
+    assert (check.verdict, check.found) == (
+        "note",
+        "200 of 400 epochs have no solution, from 1040.0 s to 1079.8 s",
+    )
     numbers = of_epochs(203, [0, 7, 8])
     assert (numbers["unsolved"], numbers["unsolved_stretches"]) == (3, 2)
     assert numbers["unsolved_s"] == pytest.approx([1001.4, 1001.6])
@@ -230,12 +298,19 @@ def test_epochs_without_solution_count_as_not_fixed(fixed):
 
 def test_a_doubt_of_the_base_or_a_contradiction_is_not_called_good(fixed):
     """Oracle: the checks that are told before; other notes leave the word as it is."""
-    base, others = Check("base coordinates", "6.5 m", "5 m", "note"), Check("navigation", "none of J", "all", "note")
-    assert verdict(fixed | of_epochs(200), [others, Check("base point", "apc", "")])[0].startswith("good")
+    base, others = (
+        Check("base coordinates", "6.5 m", "5 m", "note"),
+        Check("navigation", "none of J", "all", "note"),
+    )
+    assert verdict(fixed | of_epochs(200), [others, Check("base point", "apc", "")])[0].startswith(
+        "good"
+    )
     told, _ = verdict(fixed | of_epochs(200), [others, base])
     assert told.startswith("usable with care: 100.0 % of 200 epochs")
     assert told.endswith("; look at base coordinates")
-    told, _ = verdict(fixed | of_epochs(200), [Check("camera events", "-18 s", "0 s", "contradiction"), base])
+    told, _ = verdict(
+        fixed | of_epochs(200), [Check("camera events", "-18 s", "0 s", "contradiction"), base]
+    )
     assert told.endswith("; look at camera events, base coordinates")
     assert verdict(fixed | of_epochs(400, range(200, 400)), [base])[0].startswith("poor")
 
@@ -243,10 +318,20 @@ def test_a_doubt_of_the_base_or_a_contradiction_is_not_called_good(fixed):
 def test_series_hold_what_the_figures_draw(solved):
     """Oracle: the names that `report.gnss` reads."""
     solution, _, kind, distance, separation = solved
-    series = solution_series(solution, kind, distance, np.full(200, 80.0), separation, signals_of(observed()))
-    assert {"time", "kind", "satellites", "ratio", "distance_m", "separation_m", "separation_sigma_m", "strength", "slip_time"} <= set(
-        series
+    series = solution_series(
+        solution, kind, distance, np.full(200, 80.0), separation, signals_of(observed())
     )
+    assert {
+        "time",
+        "kind",
+        "satellites",
+        "ratio",
+        "distance_m",
+        "separation_m",
+        "separation_sigma_m",
+        "strength",
+        "slip_time",
+    } <= set(series)
     assert (series["kind"][[0, 150]] == [HAMPERED, FLOAT]).all()
 
 
@@ -259,7 +344,9 @@ def test_longest_time_without_a_good_epoch_counts_the_ends():
 
 
 def test_roots_of_no_covariance_become_unknown(tmp_path):
-    """Oracle: rows as RTKLIB EX 2.5.0 wrote them of 30 s epochs with dynamics: zero and negative variances, correlations beyond one."""
+    """Oracle: rows as RTKLIB EX 2.5.0 wrote them of 30 s epochs with dynamics: zero and negative
+    variances, correlations beyond one.
+    """
     rows = [(1000.0 + 30.0 * k, 1, 7, 0.0, 50.0) for k in range(6)]
     lines = written(tmp_path / "a.pos", rows).read_text().splitlines()
     lines[4] = lines[4].replace("0.0050 0.0050 0.0100 0.0010", "0.0000 0.0000 322.9005 116.6826")
@@ -267,6 +354,12 @@ def test_roots_of_no_covariance_become_unknown(tmp_path):
     (tmp_path / "a.pos").write_text("\n".join(lines) + "\n")
     fixes = read_solution(tmp_path / "a.pos").fixes
     assert fixes.quality.tolist() == [1, 5, 1, 5, 1, 1]
-    assert np.allclose(np.sqrt(np.diagonal(fixes.cov_ned[[1, 3]], axis1=1, axis2=2)), [10.0, 10.0, 20.0])
-    assert np.allclose(np.sqrt(np.diagonal(fixes.cov_ned[[0, 2, 4, 5]], axis1=1, axis2=2)), [0.005, 0.005, 0.01])
-    assert [check.found.partition(":")[0] for check in fixes.notes] == ["2 epochs have no covariance"]
+    assert np.allclose(
+        np.sqrt(np.diagonal(fixes.cov_ned[[1, 3]], axis1=1, axis2=2)), [10.0, 10.0, 20.0]
+    )
+    assert np.allclose(
+        np.sqrt(np.diagonal(fixes.cov_ned[[0, 2, 4, 5]], axis1=1, axis2=2)), [0.005, 0.005, 0.01]
+    )
+    assert [check.found.partition(":")[0] for check in fixes.notes] == [
+        "2 epochs have no covariance"
+    ]

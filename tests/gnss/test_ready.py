@@ -1,24 +1,32 @@
-"""Ready positions of an engine: which are calibrated, which are left as they are, and what that does for a car in a city."""
+"""Ready positions of an engine: which are calibrated, which are left as they are, and what that
+does for a car in a city.
+"""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.flight import load_flight
 from insgnss.formats import read_gnss
-from insgnss.formats.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
+from insgnss.formats.gnss.rtklib_pos import read_pos_rows, read_rtklib_pos, write_rtklib_pos
 from insgnss.geodesy.frames import geodetic_to_ecef
-from insgnss.gnss.covariance import MODEL, base_distance, calibrate
-from insgnss.gnss.ready import ADVICE, with_calibrated
+from insgnss.gnss.quality.covariance import MODEL, base_distance, calibrate
+from insgnss.gnss.quality.ready_positions import ADVICE, with_calibrated
 from insgnss.processing.input_files import read_files
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
-LEGEND = "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of satellites)\n"
+LEGEND = (
+    "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of"
+    " satellites)\n"
+)
 BASE = "% ref pos   : 46.500000000    6.480000000   480.0000\n"
 BASE_PLACE = (np.radians(46.5), np.radians(6.48), 480.0)
-COLUMNS = "%  GPST  latitude(deg) longitude(deg)  height(m) Q  ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio\n"
+COLUMNS = (
+    "%  GPST  latitude(deg) longitude(deg)  height(m) Q  ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m)"
+    " sdun(m) age(s) ratio\n"
+)
 ROOTS = "0.0050 0.0050 0.0100 0.0010 -0.0010 0.0010   0.10   20.5"
 
 
@@ -27,8 +35,14 @@ def written(path, base=BASE, columns=COLUMNS, dated=False):
     ns = " 14" if " ns " in columns else ""
     rows = []
     for k in range(120):
-        when = f"2018/05/06 00:{16 + (40 + k) // 60:02d}:{(40 + k) % 60:02d}.000" if dated else f"2000 {1000.0 + k:.3f}"
-        rows.append(f"{when} 46.500000000 6.500000000 500.0000 {2 if 50 <= k < 70 else 1}{ns} {ROOTS}\n")
+        when = (
+            f"2018/05/06 00:{16 + (40 + k) // 60:02d}:{(40 + k) % 60:02d}.000"
+            if dated
+            else f"2000 {1000.0 + k:.3f}"
+        )
+        rows.append(
+            f"{when} 46.500000000 6.500000000 500.0000 {2 if 50 <= k < 70 else 1}{ns} {ROOTS}\n"
+        )
     path.write_text("".join([base, LEGEND, columns, *rows]))
     return path
 
@@ -49,16 +63,28 @@ def test_a_file_that_tells_all_is_calibrated_as_a_run_of_our_own(tmp_path, dated
 
 def test_a_base_in_geocentric_coordinates_is_taken_as_such(tmp_path):
     """Oracle: 1534 m between two points on a parallel, by the radius of the ellipsoid there."""
-    rover, base = (geodetic_to_ecef(np.radians(46.5), np.radians(lon), 500.0) for lon in (6.5, 6.48))
+    rover, base = (
+        geodetic_to_ecef(np.radians(46.5), np.radians(lon), 500.0) for lon in (6.5, 6.48)
+    )
     place = "{:14.4f} {:14.4f} {:14.4f}"
-    columns = COLUMNS.replace("latitude(deg) longitude(deg)  height(m)", "x-ecef(m) y-ecef(m) z-ecef(m)")
+    columns = COLUMNS.replace(
+        "latitude(deg) longitude(deg)  height(m)", "x-ecef(m) y-ecef(m) z-ecef(m)"
+    )
     for name in ("ne", "n", "e", "u"):
-        columns = columns.replace(f"sd{name}(m)", {"ne": "sdxy(m)", "n": "sdx(m)", "e": "sdy(m)", "u": "sdz(m)"}[name])
+        columns = columns.replace(
+            f"sd{name}(m)", {"ne": "sdxy(m)", "n": "sdx(m)", "e": "sdy(m)", "u": "sdz(m)"}[name]
+        )
     columns = columns.replace("sdeu(m)", "sdyz(m)").replace("sdun(m)", "sdzx(m)")
-    rows = "".join(f"2000 {1000.0 + k:.3f} {place.format(*rover)} 1 14 {ROOTS}\n" for k in range(20))
-    (tmp_path / "a.pos").write_text("% ref pos   :" + place.format(*base) + "\n" + LEGEND + columns + rows)
+    rows = "".join(
+        f"2000 {1000.0 + k:.3f} {place.format(*rover)} 1 14 {ROOTS}\n" for k in range(20)
+    )
+    (tmp_path / "a.pos").write_text(
+        "% ref pos   :" + place.format(*base) + "\n" + LEGEND + columns + rows
+    )
     read = read_pos_rows(tmp_path / "a.pos")
-    assert np.linalg.norm(read.base_ecef - rover) == pytest.approx(np.radians(0.02) * 6378137.0 * 0.68954, rel=1e-3)
+    assert np.linalg.norm(read.base_ecef - rover) == pytest.approx(
+        np.radians(0.02) * 6378137.0 * 0.68954, rel=1e-3
+    )
 
 
 @pytest.mark.parametrize(("base", "columns"), [("", COLUMNS), (BASE, COLUMNS.replace(" ns ", " "))])
@@ -70,30 +96,48 @@ def test_a_file_that_lacks_base_or_satellites_stays_as_it_is(tmp_path, base, col
 
 
 def test_changes_to_the_model_are_those_of_a_run_of_our_own(tmp_path):
-    """Oracle: `calibrate` with the same model; variances grow by the square of the floor that a flight file gives."""
+    """Oracle: `calibrate` with the same model; variances grow by the square of the floor that a
+    flight file gives.
+    """
     path = written(tmp_path / "a.pos")
     fixes = read_rtklib_pos(path)
     model = MODEL.with_changes({"floor_m": {"degraded": (0.1, 0.1, 0.2)}})
-    expected, _ = calibrate(fixes, np.full(120, 14), base_distance(fixes, geodetic_to_ecef(*BASE_PLACE)), None, model)
-    (tmp_path / "imu.csv").write_text("tow,gx,gy,gz,ax,ay,az\n1000,0,0,0,0,0,-9.8\n1001,0,0,0,0,0,-9.8\n")
+    expected, _ = calibrate(
+        fixes, np.full(120, 14), base_distance(fixes, geodetic_to_ecef(*BASE_PLACE)), None, model
+    )
+    (tmp_path / "imu.csv").write_text(
+        "tow,gx,gy,gz,ax,ay,az\n1000,0,0,0,0,0,-9.8\n1001,0,0,0,0,0,-9.8\n"
+    )
     table = '[imu]\nfile = "imu.csv"\n[gnss]\nfile = "a.pos"\n'
-    (tmp_path / "flight.toml").write_text(f"{table}[gnss.covariance.floor_m]\ndegraded = [0.1, 0.1, 0.2]\n")
+    (tmp_path / "flight.toml").write_text(
+        f"{table}[gnss.covariance.floor_m]\ndegraded = [0.1, 0.1, 0.2]\n"
+    )
     _, got, _, _ = read_files(load_flight(tmp_path))
     assert np.array_equal(got.cov_ned, expected.cov_ned)
     (tmp_path / "flight.toml").write_text(table)
     _, plain, _, _ = read_files(load_flight(tmp_path))
     grown = np.diagonal(got.cov_ned - plain.cov_ned, axis1=1, axis2=2)[20]
-    assert np.allclose(grown, np.square([0.1, 0.1, 0.2]) - np.square(MODEL.floor_m["degraded"]), rtol=1e-9)
+    assert np.allclose(
+        grown, np.square([0.1, 0.1, 0.2]) - np.square(MODEL.floor_m["degraded"]), rtol=1e-9
+    )
 
 
 def test_changes_to_the_model_are_refused_where_the_file_does_not_tell_what_it_needs(tmp_path):
     """Oracle: a .pos without base, and a text of positions; without changes both stay as they are."""
     model = MODEL.with_changes({"gate": 20.0})
     path = written(tmp_path / "a.pos", base="")
-    (tmp_path / "gnss.txt").write_text("".join(f"{10 + k}.0 46.5 6.5 500.0 0.02 0.02 0.03 1\n" for k in range(3)))
+    (tmp_path / "gnss.txt").write_text(
+        "".join(f"{10 + k}.0 46.5 6.5 500.0 0.02 0.02 0.03 1\n" for k in range(3))
+    )
     for file in (path, tmp_path / "gnss.txt"):
         fixes = read_gnss(file, gps_week=2000)
-        with pytest.raises(InputError, match=rf"{file.name}: gnss\.covariance calibrates positions that tell quality, satellites and base"):
+        with pytest.raises(
+            InputError,
+            match=(
+                rf"{file.name}: gnss\.covariance calibrates positions that tell quality, satellites"
+                r" and base"
+            ),
+        ):
             with_calibrated(fixes, file, model)
         assert with_calibrated(fixes, file) is fixes
 
@@ -110,7 +154,9 @@ def test_what_was_calibrated_once_is_not_calibrated_again(tmp_path):
 
 
 def test_a_ready_solution_of_a_car_in_a_city_is_covered():
-    """Oracle: an Applanix reference; 21 % of the epochs lie beyond three sigma where the fixed ones have those of the file."""
+    """Oracle: an Applanix reference; 21 % of the epochs lie beyond three sigma where the fixed ones
+    have those of the file.
+    """
     place = DATA / "matrtklib" / "kinematic"
     if not place.is_dir():
         pytest.skip("the recording matrtklib is not here")
@@ -119,6 +165,9 @@ def test_a_ready_solution_of_a_car_in_a_city_is_covered():
     row = np.searchsorted(reference[:, 0], fixes.time - 1e-3)
     apart = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - reference[row, 5:8]
     there = np.abs(reference[row, 0] - fixes.time) < 2e-3
-    for record, least, most in ((fixes, 0.2, 1.0), (with_calibrated(fixes, place / "rover_1Hz_rtk.pos"), 0.0, 0.02)):
+    for record, least, most in (
+        (fixes, 0.2, 1.0),
+        (with_calibrated(fixes, place / "rover_1Hz_rtk.pos"), 0.0, 0.02),
+    ):
         sigma = np.sqrt(np.trace(record.cov_ned, axis1=1, axis2=2))
         assert least <= (np.linalg.norm(apart, axis=1) > 3.0 * sigma)[there].mean() <= most

@@ -1,4 +1,6 @@
-"""Camera events from the rover's clock to GPST: closed forms of clocks, and receivers simulated with drift and jumps under the engine."""
+"""Camera events from the rover's clock to GPST: closed forms of clocks, and receivers simulated
+with drift and jumps under the engine.
+"""
 
 from importlib.util import find_spec
 from types import SimpleNamespace
@@ -6,26 +8,35 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from insgnss.errors import InputError
-from insgnss.gnss.events import camera_events
-from insgnss.gnss.options import EngineOptions
+from insgnss.base.errors import InputError
+from insgnss.gnss.engine.options import EngineOptions
+from insgnss.gnss.exposures.receiver_clock import clock_error, error_at, to_gpst
 from insgnss.gnss.ppk import PpkInput, solve_ppk
-from insgnss.gnss.receiver_clock import clock_error, error_at, to_gpst
-from insgnss.gnss.rinex import read_observations
+from insgnss.gnss.rinex.camera_events import camera_events
+from insgnss.gnss.rinex.observations import read_observations
 from insgnss.records import CameraEvents, GnssFixes
-from insgnss.simulate.dataset import write_dataset
-from insgnss.simulate.raw_gnss import RawGnssOptions
+from insgnss.simulation.dataset import write_dataset
+from insgnss.simulation.raw_gnss.scenario import RawGnssOptions
 
 STAMP = 1000.0 + 0.1 * np.arange(100)
 
 
 def fixes_at(time, week=2000):
     n = time.size
-    return GnssFixes(time, np.full(n, 0.8), np.full(n, 0.1), np.full(n, 500.0), np.tile(np.eye(3), (n, 1, 1)), gps_week=week)
+    return GnssFixes(
+        time,
+        np.full(n, 0.8),
+        np.full(n, 0.1),
+        np.full(n, 500.0),
+        np.tile(np.eye(3), (n, 1, 1)),
+        gps_week=week,
+    )
 
 
 def rover_of(stamp, week=2000, comments=()):
-    return SimpleNamespace(time=stamp, gps_week=week, header=SimpleNamespace(records={"COMMENT": comments}))
+    return SimpleNamespace(
+        time=stamp, gps_week=week, header=SimpleNamespace(records={"COMMENT": comments})
+    )
 
 
 def sawtooth(stamp, drift=2e-6):
@@ -40,14 +51,18 @@ def test_a_drifting_clock_is_taken_off():
     when = np.array([1000.0, 1001.234, 1005.55, 1009.9])
     events = CameraEvents(("a", "b", "c", "d"), when, 2000)
     found = to_gpst(events, rover_of(STAMP), fixes_at(STAMP - clock))
-    np.testing.assert_allclose(found.time, when - 4e-4 + 3e-6 * (when - 1000.0), rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(
+        found.time, when - 4e-4 + 3e-6 * (when - 1000.0), rtol=0.0, atol=1e-10
+    )
     assert found.images == events.images
     assert found.notes[-1].verdict == "ok"
     assert found.notes[-1].found == "+0.3703 to +0.4000 ms off GPST, taken off the camera events"
 
 
 def test_a_jump_comes_with_the_later_epoch():
-    """Oracle: the sawtooth's line before the jump continued to the later epoch, behind it the one behind the jump."""
+    """Oracle: the sawtooth's line before the jump continued to the later epoch, behind it the one
+    behind the jump.
+    """
     clock = sawtooth(STAMP)
     k = int(np.flatnonzero(np.diff(clock) < -5e-4)[0])
     when = np.array([STAMP[k] + 0.03, STAMP[k] + 0.09, STAMP[k + 1], STAMP[k + 1] + 0.01])
@@ -59,7 +74,9 @@ def test_a_jump_comes_with_the_later_epoch():
     assert np.abs(straight - error)[:2].min() > 2e-4  # what a line through the jump would err by
 
 
-@pytest.mark.parametrize(("step_s", "jumps"), [(4.5e-5, False), (-4.5e-5, False), (5.5e-5, True), (-5.5e-5, True)])
+@pytest.mark.parametrize(
+    ("step_s", "jumps"), [(4.5e-5, False), (-4.5e-5, False), (5.5e-5, True), (-5.5e-5, True)]
+)
 def test_a_step_of_fifty_microseconds_beyond_the_drift_is_a_jump(step_s, jumps):
     """Oracle: the rule's 50 us, beyond what a bad crystal drifts (10 us/s, 1 us in 0.1 s).
 
@@ -108,7 +125,9 @@ def test_time_marks_that_are_in_gpst_stay():
 
 
 def test_weeks_may_differ_and_other_flights_are_refused():
-    """Oracle: the same instants counted from another week; positions half an epoch off belong to none."""
+    """Oracle: the same instants counted from another week; positions half an epoch off belong to
+    none.
+    """
     clock = np.full(STAMP.size, 2e-4)
     stamp, found = clock_error(rover_of(STAMP), fixes_at(STAMP - clock - 604800.0, week=2001))
     np.testing.assert_array_equal(stamp, STAMP)
@@ -119,24 +138,48 @@ def test_weeks_may_differ_and_other_flights_are_refused():
         clock_error(rover_of(STAMP), fixes_at(STAMP + 0.05))
 
 
-CLOCKS = {"offset": {"clock_offset_s": 4e-4, "clock_drift": 2e-7}, "jumps": {"clock_drift": 1e-5, "clock_jump_s": 1e-3}}
+CLOCKS = {
+    "offset": {"clock_offset_s": 4e-4, "clock_drift": 2e-7},
+    "jumps": {"clock_drift": 1e-5, "clock_jump_s": 1e-3},
+}
 
 
 @pytest.mark.parametrize("kind", CLOCKS)
 def test_events_of_a_simulated_flight_are_at_their_true_times(tmp_path, kind):
-    """Oracle: the simulated instants of exposure. 0.5 us: stamps have 0.1 us, the receiver's code biases are metres (10 ns)."""
+    """Oracle: the simulated instants of exposure. 0.5 us: stamps have 0.1 us, the receiver's code
+    biases are metres (10 ns).
+    """
     if find_spec("pyrtklib5") is None:
         pytest.skip("pyrtklib5 is not installed")
-    write_dataset(tmp_path, "ign8", 4.0, imu_rate=20.0, seed=23, start_in_air=True, raw_gnss=RawGnssOptions(rate_hz=2.0, **CLOCKS[kind]))
-    rover, base, *navigation = (next(tmp_path.rglob(pattern)) for pattern in ("rov*o", "tr2*o", "rov*n", "rov*g"))
-    truth, true = np.load(tmp_path / "truth" / "raw_gnss.npz"), np.load(tmp_path / "truth" / "eo.npz")["tow"]
-    options = EngineOptions(base_position_m=tuple(truth["base_position"].tolist()), base_point="apc")
-    result = solve_ppk(PpkInput(rover, base, tuple(navigation), options, wet_delay=False, velocity=False))
+    write_dataset(
+        tmp_path,
+        "ign8",
+        4.0,
+        imu_rate=20.0,
+        seed=23,
+        start_in_air=True,
+        raw_gnss=RawGnssOptions(rate_hz=2.0, **CLOCKS[kind]),
+    )
+    rover, base, *navigation = (
+        next(tmp_path.rglob(pattern)) for pattern in ("rov*o", "tr2*o", "rov*n", "rov*g")
+    )
+    truth, true = (
+        np.load(tmp_path / "truth" / "raw_gnss.npz"),
+        np.load(tmp_path / "truth" / "eo.npz")["tow"],
+    )
+    options = EngineOptions(
+        base_position_m=tuple(truth["base_position"].tolist()), base_point="apc"
+    )
+    result = solve_ppk(
+        PpkInput(rover, base, tuple(navigation), options, wet_delay=False, velocity=False)
+    )
     clock, stamp = truth["rover_clock_s"], truth["rover_stamp"]
     jump = np.flatnonzero(np.abs(np.diff(clock)) > 5e-4)
     assert (jump.size > 0) == (kind == "jumps")
     written = camera_events(read_observations(rover)).time
     assert np.abs(written - true).max() > 1e-4
-    assert np.isin(np.searchsorted(stamp, written) - 1, jump).any() == (kind == "jumps")  # events between the two epochs of a jump
+    assert np.isin(np.searchsorted(stamp, written) - 1, jump).any() == (
+        kind == "jumps"
+    )  # events between the two epochs of a jump
     assert np.abs(result.events.time - true).max() < 5e-7
     assert any(check.name == "receiver clock" for check in result.events.notes)

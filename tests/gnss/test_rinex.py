@@ -12,10 +12,10 @@ import pytest
 import written_rinex as w
 from numpy.testing import assert_array_equal
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.geodesy.gpstime import gps_from_calendar
-from insgnss.gnss.rinex import read_observations
-from insgnss.gnss.rinex_header import codes_of, read_header
+from insgnss.gnss.rinex.header import codes_of, read_header
+from insgnss.gnss.rinex.observations import read_observations
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 NOON = (2018, 10, 4, 12, 0, 0.0)
@@ -49,20 +49,41 @@ def rows_of(rng, satellites, count, blank=0.1):
 
 def expected(rows, width):
     """Values, loss of lock and strength of rows as the writer had them."""
-    fields = [[cell if isinstance(cell, tuple) else (cell, "  ") for cell in row] for row in rows.values()]
+    fields = [
+        [cell if isinstance(cell, tuple) else (cell, "  ") for cell in row] for row in rows.values()
+    ]
     number = np.array([[np.nan if x is None else round(x, 3) for x, _ in row] for row in fields])
-    flags = np.array([[[int(c) if c.strip() else 0 for c in flag] for _, flag in row] for row in fields])
+    flags = np.array(
+        [[[int(c) if c.strip() else 0 for c in flag] for _, flag in row] for row in fields]
+    )
     return number.reshape(-1, width), flags[..., 0], flags[..., 1]
 
 
 def test_a_file_of_version_2_is_read_as_it_was_written(tmp_path):
-    """Oracle: what the writer was given: 14 satellites (two lines of them), 8 types (two lines a satellite), blanks, flags, clock."""
+    """Oracle: what the writer was given: 14 satellites (two lines of them), 8 types (two lines a
+    satellite), blanks, flags, clock.
+    """
     rng = np.random.default_rng(1)
     satellites = [f"G{k:02d}" for k in range(1, 9)] + [f"R{k:02d}" for k in range(1, 7)]
     epochs = [rows_of(rng, satellites[: 14 - k], 8) for k in range(3)]
-    text = w.header2(TYPES) + "".join(w.epoch2(at(0.1 * k), rows, clock=1e-9 * k if k else None) for k, rows in enumerate(epochs))
+    text = w.header2(TYPES) + "".join(
+        w.epoch2(at(0.1 * k), rows, clock=1e-9 * k if k else None) for k, rows in enumerate(epochs)
+    )
     found = reading(tmp_path, text)
-    assert found.signals == ("C1C", "L1C", "D1C", "S1C", "C2W", "L2W", "D2W", "S2W", "C2P", "L2P", "D2P", "S2P")
+    assert found.signals == (
+        "C1C",
+        "L1C",
+        "D1C",
+        "S1C",
+        "C2W",
+        "L2W",
+        "D2W",
+        "S2W",
+        "C2P",
+        "L2P",
+        "D2P",
+        "S2P",
+    )
     assert found.gps_week == 2021
     assert found.time.tolist() == [TOW, TOW + 0.1, TOW + 0.2]
     assert_array_equal(found.clock_offset_s, [np.nan, 1e-9, 2e-9])
@@ -71,7 +92,9 @@ def test_a_file_of_version_2_is_read_as_it_was_written(tmp_path):
         mine = found.epoch == k
         assert found.satellite[mine].tolist() == list(rows)
         truth = expected(rows, 8)
-        for array, want, missing in zip((found.values, found.loss_of_lock, found.strength), truth, (np.nan, 0, 0), strict=True):
+        for array, want, missing in zip(
+            (found.values, found.loss_of_lock, found.strength), truth, (np.nan, 0, 0), strict=True
+        ):
             gps = np.char.startswith(found.satellite, "G")
             assert_array_equal(array[mine & gps][:, :8], want[:8])
             assert_array_equal(array[mine & ~gps][:, [0, 1, 2, 3, 8, 9, 10, 11]], want[8:])
@@ -79,12 +102,20 @@ def test_a_file_of_version_2_is_read_as_it_was_written(tmp_path):
 
 
 def test_a_file_of_version_3_is_read_as_it_was_written(tmp_path):
-    """Oracle: what the writer was given: 15 and 2 types, GLONASS phases among them, fields blank at the end of a line and within."""
+    """Oracle: what the writer was given: 15 and 2 types, GLONASS phases among them, fields blank at
+    the end of a line and within.
+    """
     rng = np.random.default_rng(2)
-    codes = [f"{kind}{band}{a}" for band, a in (("1", "C"), ("2", "W"), ("2", "L"), ("5", "Q")) for kind in "CLDS"][:15]
+    codes = [
+        f"{kind}{band}{a}"
+        for band, a in (("1", "C"), ("2", "W"), ("2", "L"), ("5", "Q"))
+        for kind in "CLDS"
+    ][:15]
     epochs = [rows_of(rng, ["G01", "G32"], 15) | rows_of(rng, ["R07"], 2) for _ in range(3)]
     epochs[1]["G01"][-3:] = [None] * 3
-    text = w.header3({"G": codes, "R": ["C1C", "L1C"]}) + "".join(w.epoch3(at(0.2 * k), rows, k % 2, 0.25) for k, rows in enumerate(epochs))
+    text = w.header3({"G": codes, "R": ["C1C", "L1C"]}) + "".join(
+        w.epoch3(at(0.2 * k), rows, k % 2, 0.25) for k, rows in enumerate(epochs)
+    )
     found = reading(tmp_path, text)
     assert found.signals == tuple(codes)
     assert found.flag.tolist() == [0, 1, 0]
@@ -105,38 +136,63 @@ def test_every_stamp_is_the_double_nearest_to_what_is_written(tmp_path, three):
     rng = np.random.default_rng(3)
     ticks = sorted({*range(0, 10**9, 10**6), *rng.integers(0, 10**9, 500).tolist()})
     head, epoch = (w.header3({"G": ["C1C"]}), w.epoch3) if three else (w.header2(["C1"]), w.epoch2)
-    text = head + "".join(epoch(at(tick % 600_000_000 / 1e7, tick // 600_000_000), {"G01": [1.0]}) for tick in ticks)
+    text = head + "".join(
+        epoch(at(tick % 600_000_000 / 1e7, tick // 600_000_000), {"G01": [1.0]}) for tick in ticks
+    )
     found = reading(tmp_path, text)
-    assert found.time.tolist() == [float(Fraction(int(TOW) * 10**7 + tick, 10**7)) for tick in ticks]
+    assert found.time.tolist() == [
+        float(Fraction(int(TOW) * 10**7 + tick, 10**7)) for tick in ticks
+    ]
 
 
 @pytest.mark.parametrize("year", [1980, 1994, 1999, 2000, 2024, 2079])
 def test_calendar_and_years_of_two_digits(tmp_path, year):
-    """Oracle: the standard library's calendar; 80 to 99 are 1980 to 1999, 00 to 79 are 2000 to 2079."""
-    dates = [datetime(year, 1, 6, 1, 2, 3) + timedelta(days=k) for k in range(0, 330, 9)] + [datetime(year, 12, 31, 23, 59, 59)]
+    """Oracle: the standard library's calendar; 80 to 99 are 1980 to 1999, 00 to 79 are 2000 to
+    2079.
+    """
+    dates = [datetime(year, 1, 6, 1, 2, 3) + timedelta(days=k) for k in range(0, 330, 9)] + [
+        datetime(year, 12, 31, 23, 59, 59)
+    ]
     dates = [datetime(year, 2, 28), datetime(year, 2, 28) + timedelta(days=1), *dates]
     for date in dates:
         when = (date.year, date.month, date.day, date.hour, date.minute, float(date.second))
         week, tow = gps_from_calendar(date, "gpst")
-        for text in (w.header2(["C1"]) + w.epoch2(when, {"G01": [1.0]}), w.header3({"G": ["C1C"]}) + w.epoch3(when, {"G01": [1.0]})):
+        for text in (
+            w.header2(["C1"]) + w.epoch2(when, {"G01": [1.0]}),
+            w.header3({"G": ["C1C"]}) + w.epoch3(when, {"G01": [1.0]}),
+        ):
             found = reading(tmp_path, text)
             assert (found.gps_week, found.time[0]) == (week, tow)
 
 
 def test_time_goes_on_over_the_end_of_the_week(tmp_path):
-    """Oracle: the convention of the package: seconds of the first week that count on; an event keeps to it."""
+    """Oracle: the convention of the package: seconds of the first week that count on; an event
+    keeps to it.
+    """
     saturday, sunday = (2018, 10, 6, 23, 59, 59.9), (2018, 10, 7, 0, 0, 0.0)
     text = (
-        w.header2(["C1"]) + w.epoch2(saturday, {"G01": [1.0]}) + w.event2((2018, 10, 6, 23, 59, 59.95)) + w.epoch2(sunday, {"G01": [1.0]})
+        w.header2(["C1"])
+        + w.epoch2(saturday, {"G01": [1.0]})
+        + w.event2((2018, 10, 6, 23, 59, 59.95))
+        + w.epoch2(sunday, {"G01": [1.0]})
     )
     found = reading(tmp_path, text)
-    assert (found.gps_week, found.time.tolist(), found.events.tolist()) == (2021, [604799.9, 604800.0], [604799.95])
+    assert (found.gps_week, found.time.tolist(), found.events.tolist()) == (
+        2021,
+        [604799.9, 604800.0],
+        [604799.95],
+    )
 
 
-@pytest.mark.parametrize(("clock", "ahead"), [("GPS", 0.0), ("GAL", 0.0), ("BDT", 14.0), ("GLO", 18.0)])
+@pytest.mark.parametrize(
+    ("clock", "ahead"), [("GPS", 0.0), ("GAL", 0.0), ("BDT", 14.0), ("GLO", 18.0)]
+)
 def test_stamps_of_other_clocks_become_gps_time(tmp_path, clock, ahead):
     """Oracle: BDT = GPST - 14 s, UTC = GPST - 18 s in 2018."""
-    found = reading(tmp_path, w.header3({"G": ["C1C"]}, clock=clock) + w.epoch3(NOON, {"G01": [1.0]}) + w.event3(at(0.5)))
+    found = reading(
+        tmp_path,
+        w.header3({"G": ["C1C"]}, clock=clock) + w.epoch3(NOON, {"G01": [1.0]}) + w.event3(at(0.5)),
+    )
     assert found.time.tolist() == [TOW + ahead]
     assert found.events.tolist() == [TOW + 0.5 + ahead]
     assert found.notes == ()
@@ -150,11 +206,25 @@ def test_a_mixed_file_without_a_clock_says_so(tmp_path):
 
 @pytest.mark.parametrize("three", [False, True])
 def test_events_are_kept_and_no_epoch_is_lost_behind_them(tmp_path, three):
-    """Oracle: what was written: three events in one interval, one of them with record lines, one after the last epoch."""
-    head, epoch, event = (w.header3({"G": ["C1C"]}), w.epoch3, w.event3) if three else (w.header2(["C1"]), w.epoch2, w.event2)
+    """Oracle: what was written: three events in one interval, one of them with record lines, one
+    after the last epoch.
+    """
+    head, epoch, event = (
+        (w.header3({"G": ["C1C"]}), w.epoch3, w.event3)
+        if three
+        else (w.header2(["C1"]), w.epoch2, w.event2)
+    )
     line = w.record("CAMERA 1", "COMMENT")
-    text = head + epoch(at(0.0), {"G01": [1.0]}) + event(at(0.0123456)) + event(at(0.05), 5, [line, line]) + event(at(0.0999999))
-    text += epoch(at(0.1), {"G01": [2.0]}) + epoch(at(0.2), {"G01": [3.0]}) + event(at(0.25), 5, [line])
+    text = (
+        head
+        + epoch(at(0.0), {"G01": [1.0]})
+        + event(at(0.0123456))
+        + event(at(0.05), 5, [line, line])
+        + event(at(0.0999999))
+    )
+    text += (
+        epoch(at(0.1), {"G01": [2.0]}) + epoch(at(0.2), {"G01": [3.0]}) + event(at(0.25), 5, [line])
+    )
     found = reading(tmp_path, text)
     assert found.time.tolist() == [TOW, TOW + 0.1, TOW + 0.2]
     assert found.of("C1C").tolist() == [1.0, 2.0, 3.0]
@@ -165,21 +235,33 @@ def test_events_are_kept_and_no_epoch_is_lost_behind_them(tmp_path, three):
 
 
 def test_an_event_line_of_converters_in_use_is_read(tmp_path):
-    """Oracle: lines as convbin writes them: an event without a stamp has no '>', and one blank before the flag instead of two."""
+    """Oracle: lines as convbin writes them: an event without a stamp has no '>', and one blank
+    before the flag instead of two.
+    """
     plain = w.header3({"G": ["C1C"]}) + w.epoch3(NOON, {"G01": [1.0]})
     moves = f"{'':31}2  1\n" + w.record("rover", "MARKER NAME")
-    text = plain + moves + "> 2018 10  4 12  0  0.5000000 5  0\n" + "> 2018 10  4 12  0  1.0000000 0  1\nG01  20000000.000\n"
+    text = (
+        plain
+        + moves
+        + "> 2018 10  4 12  0  0.5000000 5  0\n"
+        + "> 2018 10  4 12  0  1.0000000 0  1\nG01  20000000.000\n"
+    )
     found = reading(tmp_path, text)
     assert [(record.flag, record.time) for record in found.records] == [(2, None), (5, TOW + 0.5)]
     assert found.of("C1C").tolist() == [1.0, 20000000.0]
 
 
 def test_types_may_change_within_a_file(tmp_path):
-    """Oracle: what was written before and behind an event 4, which announces other types and fewer lines a satellite."""
+    """Oracle: what was written before and behind an event 4, which announces other types and fewer
+    lines a satellite.
+    """
     many = ["C1", "L1", "D1", "S1", "P2", "L2", "D2", "S2", "C5", "L5", "S5"]
     text = w.header2(many) + w.epoch2(at(0.0), {"G01": [float(k + 1) for k in range(11)]})
     text += w.event2(None, 4, [w.types2(["S1", "C1", "C7"]), w.record("now otherwise", "COMMENT")])
-    text += "".join(w.epoch2(at(1.0 + k), {f"G{s:02d}": [45.0, 2e7 + s, float(k)] for s in range(1, 15)}) for k in range(60 - 1))
+    text += "".join(
+        w.epoch2(at(1.0 + k), {f"G{s:02d}": [45.0, 2e7 + s, float(k)] for s in range(1, 15)})
+        for k in range(60 - 1)
+    )
     found = reading(tmp_path, text)
     assert found.time.size == 60
     assert found.values[0, :11].tolist() == [float(k + 1) for k in range(11)]
@@ -205,7 +287,12 @@ def test_what_other_events_say_is_noted(tmp_path):
     """Oracle: what was written: the antenna starts to move, a new site with another antenna height."""
     height = w.record(f"{1.5:14.4f}{0.0:14.4f}{0.0:14.4f}", "ANTENNA: DELTA H/E/N")
     text = w.header2(["C1"]) + w.event2(None, 2) + w.epoch2(NOON, {"G01": [1.0]})
-    found = reading(tmp_path, text + w.event2(at(1.0), 3, [w.record("site2", "MARKER NAME"), height]) + w.epoch2(at(2.0), {"G01": [2.0]}))
+    found = reading(
+        tmp_path,
+        text
+        + w.event2(at(1.0), 3, [w.record("site2", "MARKER NAME"), height])
+        + w.epoch2(at(2.0), {"G01": [2.0]}),
+    )
     assert [(record.flag, record.time) for record in found.records] == [(2, None), (3, TOW + 1.0)]
     assert "the antenna starts to move" in found.notes[0].found
     assert "MARKER NAME, ANTENNA: DELTA H/E/N" in found.notes[1].found
@@ -215,7 +302,11 @@ def test_what_other_events_say_is_noted(tmp_path):
 @pytest.mark.parametrize("three", [False, True])
 def test_cycle_slip_records_are_no_epoch(tmp_path, three):
     """Oracle: what was written: slips of 13 satellites between two epochs."""
-    head, epoch = (w.header3({"G": ["C1C", "L1C"]}), w.epoch3) if three else (w.header2(["C1", "L1"]), w.epoch2)
+    head, epoch = (
+        (w.header3({"G": ["C1C", "L1C"]}), w.epoch3)
+        if three
+        else (w.header2(["C1", "L1"]), w.epoch2)
+    )
     slips = {f"G{k:02d}": [None, float(k)] for k in range(1, 14)}
     text = (
         head
@@ -234,16 +325,26 @@ def test_cycle_slip_records_are_no_epoch(tmp_path, three):
 
 
 def test_zero_is_missing_and_scale_factors_are_taken_out(tmp_path):
-    """Oracle: the format: 0.0 or blank where a value is missing; numbers are to be divided by their factor."""
+    """Oracle: the format: 0.0 or blank where a value is missing; numbers are to be divided by their
+    factor.
+    """
     scale = w.record("G   10  1 L1C", "SYS / SCALE FACTOR")
-    found = reading(tmp_path, w.header3(WIDE, scale) + w.epoch3(NOON, {"G01": [0.0, 1234.567], "R01": [(0.0, "1 "), 9.5]}))
+    found = reading(
+        tmp_path,
+        w.header3(WIDE, scale)
+        + w.epoch3(NOON, {"G01": [0.0, 1234.567], "R01": [(0.0, "1 "), 9.5]}),
+    )
     assert_array_equal(found.values[:, :2], [[np.nan, 123.4567], [np.nan, 9.5]])
     assert found.loss_of_lock[1, 0] == 1
 
 
 def test_a_blank_system_is_gps_and_a_blank_in_the_number_zero(tmp_path):
     """Oracle: the format's first example, written so."""
-    text = w.header2(["C1"], system="G") + " 05  4  2  0  0  0.0000000  0  3G 3  7G28\n" + "  20000000.000\n" * 3
+    text = (
+        w.header2(["C1"], system="G")
+        + " 05  4  2  0  0  0.0000000  0  3G 3  7G28\n"
+        + "  20000000.000\n" * 3
+    )
     assert reading(tmp_path, text).satellite.tolist() == ["G03", "G07", "G28"]
 
 
@@ -309,15 +410,25 @@ def test_a_position_of_zeros_is_none(tmp_path):
 
 
 GOOD = w.header2(TYPES) + "".join(
-    w.epoch2(at(0.1 * k), {name: [2e7 + k, 1e8 + k, -5.5, 45.0, 2e7 - k, 8e7, -4.5, 40.25] for name in ("G01", "G02", "R03")})
+    w.epoch2(
+        at(0.1 * k),
+        {
+            name: [2e7 + k, 1e8 + k, -5.5, 45.0, 2e7 - k, 8e7, -4.5, 40.25]
+            for name in ("G01", "G02", "R03")
+        },
+    )
     for k in range(3)
 )
-GOOD3 = w.header3(WIDE) + "".join(w.epoch3(at(0.1 * k), {"G01": [2e7 + k, 1e8, -5.5, 45.0], "R03": [2e7, 1e8]}) for k in range(3))
+GOOD3 = w.header3(WIDE) + "".join(
+    w.epoch3(at(0.1 * k), {"G01": [2e7 + k, 1e8, -5.5, 45.0], "R03": [2e7, 1e8]}) for k in range(3)
+)
 
 
 @pytest.mark.parametrize("text", [GOOD, GOOD3], ids=["2", "3"])
 def test_no_cut_of_a_file_goes_unsaid(tmp_path, text):
-    """Oracle: the whole file: cut anywhere in its last epoch it is refused, or noted and all that was read is the whole's."""
+    """Oracle: the whole file: cut anywhere in its last epoch it is refused, or noted and all that
+    was read is the whole's.
+    """
     whole = reading(tmp_path, text)
     lines = text.splitlines(keepends=True)
     last = len("".join(lines[: -7 if text is GOOD else -3]))
@@ -340,14 +451,18 @@ def test_no_cut_of_a_file_goes_unsaid(tmp_path, text):
 
 @pytest.mark.parametrize("text", [GOOD, GOOD3], ids=["2", "3"])
 def test_no_damage_goes_further_than_a_refusal(tmp_path, text):
-    """Oracle: the house's errors: with bytes changed, left out or put in anywhere a file is read or refused in one line."""
+    """Oracle: the house's errors: with bytes changed, left out or put in anywhere a file is read or
+    refused in one line.
+    """
     rng = np.random.default_rng(8)
     refused = 0
     for _ in range(400):
         data = bytearray(text.encode())
         for place in rng.integers(0, len(data), rng.integers(1, 4)):
             kind = rng.integers(0, 3)
-            data[place : place + int(kind != 0)] = bytes(rng.choice(list(b" 0159.-+GR>X\n\r\x00\xff"), int(kind != 2)).tolist())
+            data[place : place + int(kind != 0)] = bytes(
+                rng.choice(list(b" 0159.-+GR>X\n\r\x00\xff"), int(kind != 2)).tolist()
+            )
         try:
             found = reading(tmp_path, bytes(data))
         except InputError as error:
@@ -372,7 +487,15 @@ def test_repeated_epochs_are_left_out_and_counted(tmp_path):
 def test_comments_and_blank_lines_between_epochs_are_stepped_over(tmp_path):
     """Oracle: the file without them."""
     one, two = (w.epoch2(at(float(k)), {"G01": [1.0 + k]}) for k in range(2))
-    found = reading(tmp_path, w.header2(["C1"]) + one + w.record("joined here", "COMMENT") + "\n" + two.replace("\n", "\r\n") + "\n")
+    found = reading(
+        tmp_path,
+        w.header2(["C1"])
+        + one
+        + w.record("joined here", "COMMENT")
+        + "\n"
+        + two.replace("\n", "\r\n")
+        + "\n",
+    )
     assert found.of("C1C").tolist() == [1.0, 2.0]
 
 
@@ -383,30 +506,72 @@ WRONG = {
     "empty": ("", "is empty"),
     "not RINEX": ("tow lat lon\n1 2 3\n", ":1: is not RINEX"),
     "binary": (bytes(range(256)) * 4, ":1: is not RINEX"),
-    "RINEX 4": (w.header3(WIDE, version="4.00"), ":1: RINEX 4.00; versions 2 and 3 are read here; convert it to RINEX 3"),
+    "RINEX 4": (
+        w.header3(WIDE, version="4.00"),
+        ":1: RINEX 4.00; versions 2 and 3 are read here; convert it to RINEX 3",
+    ),
     "RINEX 1": (w.header2(["C1"], version="1"), ":1: RINEX 1; versions 2 and 3"),
     "navigation": (NAVIGATION, ":1: holds navigation data where observations must stand"),
-    "navigation 3": (w.record("     3.04           N: GNSS NAV DATA    M", "RINEX VERSION / TYPE"), ":1: holds navigation data"),
+    "navigation 3": (
+        w.record("     3.04           N: GNSS NAV DATA    M", "RINEX VERSION / TYPE"),
+        ":1: holds navigation data",
+    ),
     "cut header": (w.header2(["C1"])[:-90], "truncated: the file ends without END OF HEADER"),
-    "header cut in a record": (w.header2(["C1"])[:-130], ":4: truncated: the file ends within its header; copy it again"),
-    "header without a label": (w.header2(["C1"], w.record("1.0", "")), ":5: no header record: '1.0'"),
-    "no types": (w.header2([]).replace("     0", "      "), "the header has no # / TYPES OF OBSERV|fewer codes"),
-    "too few types": (w.header3({"G": ["C1C"]}).replace("G    1", "G    2"), "fewer codes|codes fewer"),
+    "header cut in a record": (
+        w.header2(["C1"])[:-130],
+        ":4: truncated: the file ends within its header; copy it again",
+    ),
+    "header without a label": (
+        w.header2(["C1"], w.record("1.0", "")),
+        ":5: no header record: '1.0'",
+    ),
+    "no types": (
+        w.header2([]).replace("     0", "      "),
+        "the header has no # / TYPES OF OBSERV|fewer codes",
+    ),
+    "too few types": (
+        w.header3({"G": ["C1C"]}).replace("G    1", "G    2"),
+        "fewer codes|codes fewer",
+    ),
     "no epoch": (w.header2(["C1"]), "holds no epoch"),
     "only events": (w.header2(["C1"]) + w.event2(NOON), "holds no epoch"),
-    "bad number": (FIRST.replace("         1.000", "         1.0x0"), ":7: a field of 14 columns is no number"),
-    "no point": (FIRST.replace("         1.000", "          1000"), ":7: a field of 14 columns is no number"),
+    "bad number": (
+        FIRST.replace("         1.000", "         1.0x0"),
+        ":7: a field of 14 columns is no number",
+    ),
+    "no point": (
+        FIRST.replace("         1.000", "          1000"),
+        ":7: a field of 14 columns is no number",
+    ),
     "more than the types": (
         FIRST.replace("         1.000", "         1.000           2.000"),
         ":7: .* something stands behind the last type",
     ),
-    "bad month": (FIRST + w.epoch2((2018, 13, 4, 12, 0, 1.0), {"G01": [1.0]}), ":8: .* where an epoch must begin"),
-    "30 February": (FIRST + w.epoch2((2018, 2, 30, 12, 0, 1.0), {"G01": [1.0]}), ":8: .* where an epoch must begin"),
-    "unknown flag": (FIRST + w.epoch2(at(1.0), {"G01": [1.0]}, 7), ":8: .* where an epoch must begin"),
+    "bad month": (
+        FIRST + w.epoch2((2018, 13, 4, 12, 0, 1.0), {"G01": [1.0]}),
+        ":8: .* where an epoch must begin",
+    ),
+    "30 February": (
+        FIRST + w.epoch2((2018, 2, 30, 12, 0, 1.0), {"G01": [1.0]}),
+        ":8: .* where an epoch must begin",
+    ),
+    "unknown flag": (
+        FIRST + w.epoch2(at(1.0), {"G01": [1.0]}, 7),
+        ":8: .* where an epoch must begin",
+    ),
     "bad satellite": (FIRST + w.epoch2(at(1.0), {"X01": [1.0]}), ":8: .* names no satellite"),
-    "bad satellite 3": (FIRST3 + w.epoch3(at(1.0), {"G 1": [1.0], "Gxx": [1.0]}), "names no satellite of the epoch in line"),
-    "satellite twice": (FIRST3 + w.epoch3(at(1.0), {"G01": [1.0], "G 1": [1.0]}), "this satellite stands twice"),
-    "system without types": (FIRST3 + w.epoch3(at(1.0), {"E01": [1.0]}), "the header lists no types of observation of Galileo"),
+    "bad satellite 3": (
+        FIRST3 + w.epoch3(at(1.0), {"G 1": [1.0], "Gxx": [1.0]}),
+        "names no satellite of the epoch in line",
+    ),
+    "satellite twice": (
+        FIRST3 + w.epoch3(at(1.0), {"G01": [1.0], "G 1": [1.0]}),
+        "this satellite stands twice",
+    ),
+    "system without types": (
+        FIRST3 + w.epoch3(at(1.0), {"E01": [1.0]}),
+        "the header lists no types of observation of Galileo",
+    ),
     "time falls": (
         FIRST + w.epoch2((2018, 10, 4, 11, 0, 0.0), {"G01": [1.0]}),
         ":8: time 385200.0000000 s follows 388800.0000000 s in line 6",
@@ -418,13 +583,22 @@ WRONG = {
         "correct the event's number of records",
     ),
     "event swallows fields": (
-        FIRST + f"{w.stamp2(None)}  3  2\n" + w.record("x", "MARKER NAME") + w.epoch2(at(1.0), {"G01": [1.0]}),
+        FIRST
+        + f"{w.stamp2(None)}  3  2\n"
+        + w.record("x", "MARKER NAME")
+        + w.epoch2(at(1.0), {"G01": [1.0]}),
         "correct the event",
     ),
-    "event cut": (FIRST + f"{w.stamp2(at(0.5))}  5  2\n" + w.record("x", "COMMENT"), "truncated: 1 of 2 records"),
+    "event cut": (
+        FIRST + f"{w.stamp2(at(0.5))}  5  2\n" + w.record("x", "COMMENT"),
+        "truncated: 1 of 2 records",
+    ),
     "event without stamp": (FIRST + w.event2(None), "an external event without a stamp"),
     "unknown clock": (w.header2(["C1"], clock="UTC"), "time system 'UTC' is none of"),
-    "bad position": (w.header2(["C1"], w.record("  1.0 x 2.0", "APPROX POSITION XYZ")), "APPROX POSITION XYZ: .* expected 3 numbers"),
+    "bad position": (
+        w.header2(["C1"], w.record("  1.0 x 2.0", "APPROX POSITION XYZ")),
+        "APPROX POSITION XYZ: .* expected 3 numbers",
+    ),
     "cut packed": (gzip.compress(GOOD.encode())[:200], "cannot be unpacked"),
 }
 
@@ -448,10 +622,22 @@ def test_a_file_that_is_not_there(tmp_path):
 
 
 def same_observations(one, other):
-    for name in ("time", "flag", "clock_offset_s", "epoch", "satellite", "values", "loss_of_lock", "strength", "events"):
+    for name in (
+        "time",
+        "flag",
+        "clock_offset_s",
+        "epoch",
+        "satellite",
+        "values",
+        "loss_of_lock",
+        "strength",
+        "events",
+    ):
         assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
     assert one.signals == other.signals
-    assert [record.records for record in one.records] == [record.records for record in other.records]
+    assert [record.records for record in one.records] == [
+        record.records for record in other.records
+    ]
 
 
 @pytest.mark.parametrize("three", [False, True])
@@ -460,8 +646,18 @@ def test_packed_files_are_the_plain_ones(tmp_path, form, three):
     """Oracle: the plain file, with events and flags."""
     hatanaka = pytest.importorskip("hatanaka", reason="hatanaka is not installed")
     rng = np.random.default_rng(5)
-    head, epoch, event = (w.header3(WIDE), w.epoch3, w.event3) if three else (w.header2(TYPES[:4]), w.epoch2, w.event2)
-    rows = [{"G01": [2e7 + k, (1e8 + k, "1 "), None, 45.0], "R02": [2e7 - k, (rng.integers(10**8) / 8, " 7")]} for k in range(4)]
+    head, epoch, event = (
+        (w.header3(WIDE), w.epoch3, w.event3)
+        if three
+        else (w.header2(TYPES[:4]), w.epoch2, w.event2)
+    )
+    rows = [
+        {
+            "G01": [2e7 + k, (1e8 + k, "1 "), None, 45.0],
+            "R02": [2e7 - k, (rng.integers(10**8) / 8, " 7")],
+        }
+        for k in range(4)
+    ]
     text = (
         head
         + epoch(at(0.0), rows[0])
@@ -488,12 +684,19 @@ def test_a_cut_compact_file_is_refused(tmp_path):
 
 
 def georinex_of(path, found):
-    """Times, and values by the names of the file, on the rows of `found`: (m,) each, as georinex reads them."""
+    """Times, and values by the names of the file, on the rows of `found`: (m,) each, as georinex
+    reads them.
+    """
     georinex = pytest.importorskip("georinex")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of xarray and numpy, on how georinex calls them
         table = georinex.load(path, useindicators=True)
-    place = np.searchsorted(table.time.values.astype("datetime64[ns]"), stamps(found) + np.timedelta64(10, "ms")) - 1
+    place = (
+        np.searchsorted(
+            table.time.values.astype("datetime64[ns]"), stamps(found) + np.timedelta64(10, "ms")
+        )
+        - 1
+    )
     column = {str(name).replace(" ", "0"): k for k, name in enumerate(table.sv.values)}
     rows = place[found.epoch], np.array([column[name] for name in found.satellite])
     return table, {name: table[name].values[rows] for name in table.data_vars}
@@ -505,7 +708,9 @@ def stamps(found):
 
 
 def agrees_with_georinex(path):
-    """All that both read: values and flags bit by bit, number of epochs and satellites; and number of values."""
+    """All that both read: values and flags bit by bit, number of epochs and satellites; and number
+    of values.
+    """
     found = read_observations(path)
     table, theirs = georinex_of(path, found)
     assert table.time.size == found.time.size
@@ -517,11 +722,17 @@ def agrees_with_georinex(path):
         for name, code in zip(types, codes_of(found.header.version, system, types), strict=True):
             mine = found.of(code)[rows]
             their = theirs[name][rows] if name in theirs else np.full(mine.shape, np.nan)
-            assert_array_equal(mine, np.where(their == 0.0, np.nan, their), err_msg=f"{system} {name}")
+            assert_array_equal(
+                mine, np.where(their == 0.0, np.nan, their), err_msg=f"{system} {name}"
+            )
             count += int(np.isfinite(mine).sum())
             for tail, array in (("lli", found.loss_of_lock), ("ssi", found.strength)):
                 if name + tail in theirs:
-                    assert_array_equal(array[rows, found.column(code)], np.nan_to_num(theirs[name + tail][rows]), err_msg=name + tail)
+                    assert_array_equal(
+                        array[rows, found.column(code)],
+                        np.nan_to_num(theirs[name + tail][rows]),
+                        err_msg=name + tail,
+                    )
     return count
 
 
@@ -529,12 +740,18 @@ def agrees_with_georinex(path):
 def test_random_files_agree_with_georinex(tmp_path, three):
     """Oracle: georinex, another reader: every value and flag, bit by bit."""
     rng = np.random.default_rng(6)
-    head, epoch = (w.header3({"G": TYPES_3, "R": TYPES_3[:5]}), w.epoch3) if three else (w.header2(TYPES), w.epoch2)
+    head, epoch = (
+        (w.header3({"G": TYPES_3, "R": TYPES_3[:5]}), w.epoch3)
+        if three
+        else (w.header2(TYPES), w.epoch2)
+    )
     sky = [f"G{k:02d}" for k in range(1, 20)] + [f"R{k:02d}" for k in range(1, 8)]
     text = head
     for k in range(12):
         seen = sorted(rng.choice(sky, 18, replace=False).tolist())
-        rows = {name: rows_of(rng, [name], 5 if three and name[0] == "R" else 8)[name] for name in seen}
+        rows = {
+            name: rows_of(rng, [name], 5 if three and name[0] == "R" else 8)[name] for name in seen
+        }
         text += epoch(at(float(k)), rows)
     path = tmp_path / ("rand2770.18o" if not three else "RAND00XXX_R_20182771200_01M_01S_MO.rnx")
     path.write_text(text)
@@ -554,14 +771,18 @@ TYPES_3 = ["C1C", "L1C", "D1C", "S1C", "C2W", "L2W", "D2W", "S2W"]
     ],
 )
 def test_recordings_agree_with_georinex(name, count):
-    """Oracle: georinex, on real files of several receivers; its times apart, which are early where a stamp is no whole second."""
+    """Oracle: georinex, on real files of several receivers; its times apart, which are early where
+    a stamp is no whole second.
+    """
     if not (DATA / name).is_file():
         pytest.skip(f"the recording {name} is not here")
     assert agrees_with_georinex(DATA / name) >= count
 
 
 def test_events_of_the_simulated_flight():
-    """Oracle: the instants that the simulation wrote beside its file, to the 0.1 microsecond of a stamp."""
+    """Oracle: the instants that the simulation wrote beside its file, to the 0.1 microsecond of a
+    stamp.
+    """
     if not (DATA / "rinex_sim_6min").is_dir():
         pytest.skip("the recording rinex_sim_6min is not here")
     found = read_observations(DATA / "rinex_sim_6min" / "rover.18o")

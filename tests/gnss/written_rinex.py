@@ -1,8 +1,12 @@
-"""A small writer of RINEX 2 and 3 observations for tests: every line is put together from the columns that the format documents give."""
+"""A small writer of RINEX 2 and 3 observations for tests: every line is put together from the
+columns that the format documents give.
+"""
 
 from collections.abc import Mapping, Sequence
 
-Field = float | tuple[float | None, str] | None  # a number, or a number and its two flags, or nothing
+Field = (
+    float | tuple[float | None, str] | None
+)  # a number, or a number and its two flags, or nothing
 Stamp = tuple[int, int, int, int, int, float]
 
 
@@ -17,13 +21,25 @@ def field(value: Field) -> str:
     return (" " * 14 if number is None else f"{number:14.3f}") + f"{flags:<2}"
 
 
-def header2(types: Sequence[str], more: str = "", version: str = "2.11", system: str = "M", clock: str = "GPS") -> str:
+def header2(
+    types: Sequence[str],
+    more: str = "",
+    version: str = "2.11",
+    system: str = "M",
+    clock: str = "GPS",
+) -> str:
     """Header of RINEX 2; the types go on on further records after nine."""
     return (
         record(f"{version:>9}{'':11}{'OBSERVATION DATA':<20}{system}", "RINEX VERSION / TYPE")
         + record("rover", "MARKER NAME")
         + types2(types)
-        + (record(f"{'2018    10     4    13     5    0.0000000':>43}{clock:>8}", "TIME OF FIRST OBS") if clock else "")
+        + (
+            record(
+                f"{'2018    10     4    13     5    0.0000000':>43}{clock:>8}", "TIME OF FIRST OBS"
+            )
+            if clock
+            else ""
+        )
         + more
         + record("", "END OF HEADER")
     )
@@ -34,17 +50,30 @@ def types2(types: Sequence[str]) -> str:
     rows = [types[k : k + 9] for k in range(0, len(types), 9)]
     counts = [f"{len(types):6d}", *[" " * 6] * len(rows)]
     return "".join(
-        record(count + "".join(f"{name:>6}" for name in row), "# / TYPES OF OBSERV") for count, row in zip(counts, rows, strict=False)
+        record(count + "".join(f"{name:>6}" for name in row), "# / TYPES OF OBSERV")
+        for count, row in zip(counts, rows, strict=False)
     )
 
 
-def header3(types: Mapping[str, Sequence[str]], more: str = "", version: str = "3.04", system: str = "M", clock: str = "GPS") -> str:
+def header3(
+    types: Mapping[str, Sequence[str]],
+    more: str = "",
+    version: str = "3.04",
+    system: str = "M",
+    clock: str = "GPS",
+) -> str:
     """Header of RINEX 3; the types go on on further records after thirteen."""
     return (
         record(f"{version:>9}{'':11}{'OBSERVATION DATA':<20}{system}", "RINEX VERSION / TYPE")
         + record("rover", "MARKER NAME")
         + "".join(types3(name, codes) for name, codes in types.items())
-        + (record(f"{'2018    10     4    13     5    0.0000000':>43}{clock:>8}", "TIME OF FIRST OBS") if clock else "")
+        + (
+            record(
+                f"{'2018    10     4    13     5    0.0000000':>43}{clock:>8}", "TIME OF FIRST OBS"
+            )
+            if clock
+            else ""
+        )
         + more
         + record("", "END OF HEADER")
     )
@@ -55,7 +84,8 @@ def types3(system: str, codes: Sequence[str]) -> str:
     rows = [codes[k : k + 13] for k in range(0, len(codes), 13)]
     starts = [f"{system}  {len(codes):3d}", *[" " * 6] * len(rows)]
     return "".join(
-        record(start + "".join(f" {code}" for code in row), "SYS / # / OBS TYPES") for start, row in zip(starts, rows, strict=False)
+        record(start + "".join(f" {code}" for code in row), "SYS / # / OBS TYPES")
+        for start, row in zip(starts, rows, strict=False)
     )
 
 
@@ -67,10 +97,16 @@ def stamp2(when: Stamp | None) -> str:
     return f" {year % 100:02d} {month:2d} {day:2d} {hour:2d} {minute:2d}{second:11.7f}"
 
 
-def epoch2(when: Stamp, rows: Mapping[str, Sequence[Field]], flag: int = 0, clock: float | None = None) -> str:
-    """An epoch of RINEX 2: the list of satellites goes on after twelve, the fields of a satellite after five."""
+def epoch2(
+    when: Stamp, rows: Mapping[str, Sequence[Field]], flag: int = 0, clock: float | None = None
+) -> str:
+    """An epoch of RINEX 2: the list of satellites goes on after twelve, the fields of a satellite
+    after five.
+    """
     names = list(rows)
-    first = f"{stamp2(when)}  {flag}{len(names):3d}{''.join(names[:12]):<36}" + ("" if clock is None else f"{clock:12.9f}")
+    first = f"{stamp2(when)}  {flag}{len(names):3d}{''.join(names[:12]):<36}" + (
+        "" if clock is None else f"{clock:12.9f}"
+    )
     text = first.rstrip() + "\n"
     text += "".join(" " * 32 + "".join(names[k : k + 12]) + "\n" for k in range(12, len(names), 12))
     for fields in rows.values():
@@ -92,10 +128,20 @@ def stamp3(when: Stamp | None) -> str:
     return f"> {year:4d} {month:02d} {day:02d} {hour:02d} {minute:02d}{second:11.7f}"
 
 
-def epoch3(when: Stamp, rows: Mapping[str, Sequence[Field]], flag: int = 0, clock: float | None = None) -> str:
+def epoch3(
+    when: Stamp, rows: Mapping[str, Sequence[Field]], flag: int = 0, clock: float | None = None
+) -> str:
     """An epoch of RINEX 3: one line a satellite."""
-    first = f"{stamp3(when)}  {flag}{len(rows):3d}" + ("" if clock is None else f"{'':6}{clock:15.12f}")
-    return first + "\n" + "".join((name + "".join(map(field, fields))).rstrip() + "\n" for name, fields in rows.items())
+    first = f"{stamp3(when)}  {flag}{len(rows):3d}" + (
+        "" if clock is None else f"{'':6}{clock:15.12f}"
+    )
+    return (
+        first
+        + "\n"
+        + "".join(
+            (name + "".join(map(field, fields))).rstrip() + "\n" for name, fields in rows.items()
+        )
+    )
 
 
 def event3(when: Stamp | None, flag: int = 5, records: Sequence[str] = ()) -> str:

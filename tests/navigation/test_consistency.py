@@ -1,7 +1,9 @@
-"""Consistency over many flights: errors are as large as their covariance says, of the filter, the smoother and the biases.
+"""Consistency over many flights: errors are as large as their covariance says, of the filter, the
+smoother and the biases.
 
-Each flight gives one epoch, so that the errors are independent. Every flight has its own gusts, IMU errors (Table 5 with turn-on
-biases), fixes, and a start drawn from its own covariance. `scripts/monte_carlo_nees.py` repeats it at size, alignment included.
+Each flight gives one epoch, so that the errors are independent. Every flight has its own gusts, IMU
+errors (Table 5 with turn-on biases), fixes, and a start drawn from its own covariance.
+`scripts/monte_carlo_nees.py` repeats it at size, alignment included.
 """
 
 from dataclasses import replace
@@ -24,7 +26,9 @@ def normalised(error, P) -> float:
 
 
 def one_flight(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """NEES of filter (9), smoother (9) and biases (6); and the smoother's nine errors over their sigmas."""
+    """NEES of filter (9), smoother (9) and biases (6); and the smoother's nine errors over their
+    sigmas.
+    """
     flown = fly(SECONDS, seed, imu_hz=100.0, extra=np.array([AT_S]))
     draw = np.random.default_rng(1000 + seed).standard_normal(9)
     start = start_near(flown, SIGMA, draw * SIGMA)
@@ -35,7 +39,11 @@ def one_flight(seed: int) -> tuple[np.ndarray, np.ndarray]:
     solution = solve(flown.problem, start)
     smoothed = error_of(solution.nav[[k]], truth)[0]
     P = solution.P[k, :9, :9]
-    nees = [normalised(filtered, history.P[k, :9, :9]), normalised(smoothed, P), bias_nees(flown, solution, k)]
+    nees = [
+        normalised(filtered, history.P[k, :9, :9]),
+        normalised(smoothed, P),
+        bias_nees(flown, solution, k),
+    ]
     return np.array(nees), smoothed / np.sqrt(np.diag(P))
 
 
@@ -54,15 +62,21 @@ def flights() -> tuple[np.ndarray, np.ndarray]:
     return np.array(nees), np.array(scaled)
 
 
-@pytest.mark.parametrize(("column", "freedom"), [(0, 9), (1, 9), (2, 6)], ids=["filter", "smoother", "biases"])
+@pytest.mark.parametrize(
+    ("column", "freedom"), [(0, 9), (1, 9), (2, 6)], ids=["filter", "smoother", "biases"]
+)
 def test_nees_lies_within_its_bounds(flights, column, freedom):
-    """Oracle: chi-square; the sum over N flights lies within the two-sided 99 % bounds of N times 9 (6) degrees of freedom."""
+    """Oracle: chi-square; the sum over N flights lies within the two-sided 99 % bounds of N times 9
+    (6) degrees of freedom.
+    """
     low, high = chi2.ppf([0.005, 0.995], FLIGHTS * freedom)
     assert low < flights[0][:, column].sum() < high
 
 
 def test_every_component_is_as_large_as_its_sigma(flights):
-    """Oracle: chi-square of N degrees of freedom for each of nine components; 99.9 % bounds each, 99 % together."""
+    """Oracle: chi-square of N degrees of freedom for each of nine components; 99.9 % bounds each,
+    99 % together.
+    """
     low, high = chi2.ppf([0.0005, 0.9995], FLIGHTS)
     squares = (flights[1] ** 2).sum(axis=0)
     assert (squares > low).all()
@@ -70,18 +84,26 @@ def test_every_component_is_as_large_as_its_sigma(flights):
 
 
 def test_errors_have_no_common_sign(flights):
-    """Oracle: the mean of N independent normalised errors has a sigma of 1/sqrt(N); 3.5 of it for nine components."""
+    """Oracle: the mean of N independent normalised errors has a sigma of 1/sqrt(N); 3.5 of it for
+    nine components.
+    """
     assert (np.abs(flights[1].mean(axis=0)) < 3.5 / np.sqrt(FLIGHTS)).all()
 
 
 def test_a_filter_that_believes_in_better_fixes_is_caught():
-    """Oracle: chi-square; fixes claimed to be twice as good as they are must break the bound, or the tests above say nothing."""
+    """Oracle: chi-square; fixes claimed to be twice as good as they are must break the bound, or
+    the tests above say nothing.
+    """
     nees = []
     for seed in range(15):
         flown = fly(SECONDS, seed, imu_hz=100.0, extra=np.array([AT_S]))
         cov = 0.25 * flown.problem.epochs.position_cov
-        problem = replace(flown.problem, epochs=flown.problem.epochs._replace(position_cov=cov), gate=NO_GATE)
+        problem = replace(
+            flown.problem, epochs=flown.problem.epochs._replace(position_cov=cov), gate=NO_GATE
+        )
         solution = solve(problem, start_near(flown, SIGMA))
         k = int(flown.extra_epochs[0])
-        nees.append(normalised(error_of(solution.nav[[k]], flown.true_nav([k]))[0], solution.P[k, :9, :9]))
+        nees.append(
+            normalised(error_of(solution.nav[[k]], flown.true_nav([k]))[0], solution.P[k, :9, :9])
+        )
     assert sum(nees) > chi2.ppf(0.995, 15 * 9)

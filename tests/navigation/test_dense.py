@@ -1,4 +1,6 @@
-"""The trajectory between the epochs against the same instants estimated as epochs of their own, and against the truth."""
+"""The trajectory between the epochs against the same instants estimated as epochs of their own, and
+against the truth.
+"""
 
 from dataclasses import replace
 
@@ -75,7 +77,9 @@ def test_between_epochs_it_is_what_an_epoch_there_would_be(flown, solution, dens
     Measured: states to 0.0023 of a sigma, standard deviations to 0.2 %.
     """
     inserted = fly(25.0, seed=6, gate=NO_GATE, extra=BETWEEN)
-    exact = trajectory(solve(inserted.problem, start_near(inserted, SIGMA)), inserted.extra_epochs, 2008)
+    exact = trajectory(
+        solve(inserted.problem, start_near(inserted, SIGMA)), inserted.extra_epochs, 2008
+    )
     rows = np.searchsorted(dense.time, exact.time - 1e-7)
     assert_allclose(dense.time[rows], exact.time, rtol=0, atol=1e-7)
     assert not np.isin(exact.time, solution.time).any()
@@ -86,8 +90,12 @@ def test_between_epochs_it_is_what_an_epoch_there_would_be(flown, solution, dens
 
 
 def test_between_epochs_the_error_is_as_large_as_its_sigma(flown, dense):
-    """Oracle: exact motion at all samples of 15 s; the mean normalised square of a component correlates over seconds, 0.2 to 3."""
-    rows = np.flatnonzero((dense.time > dense.time[0] + 7.0) & (dense.time < dense.time[0] + 22.0))[::3]
+    """Oracle: exact motion at all samples of 15 s; the mean normalised square of a component
+    correlates over seconds, 0.2 to 3.
+    """
+    rows = np.flatnonzero((dense.time > dense.time[0] + 7.0) & (dense.time < dense.time[0] + 22.0))[
+        ::3
+    ]
     motion = flown.sim.flight.motion
     position, velocity, C_lb = as_nav(flown, dense, rows)
     time = dense.time[rows]
@@ -99,8 +107,13 @@ def test_between_epochs_the_error_is_as_large_as_its_sigma(flown, dense):
 
 
 def test_misses_are_given_back_along_a_cubic():
-    """Oracle: scipy's cubic Hermite spline from rest at zero to the missed position with the slope of the missed velocity."""
-    missed, share = np.array([1.0, -2.0, 3.0, 4.0, 5.0, -6.0, 0.01, -0.02, 0.03]), np.linspace(0.0, 1.0, 11)
+    """Oracle: scipy's cubic Hermite spline from rest at zero to the missed position with the slope
+    of the missed velocity.
+    """
+    missed, share = (
+        np.array([1.0, -2.0, 3.0, 4.0, 5.0, -6.0, 0.01, -0.02, 0.03]),
+        np.linspace(0.0, 1.0, 11),
+    )
     length = np.full(share.size, 0.2)
     nav = np.tile([10.0, 20.0, 30.0, 1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0], (share.size, 1))
     given = nav.copy()
@@ -108,11 +121,18 @@ def test_misses_are_given_back_along_a_cubic():
     spline = CubicHermiteSpline([0.0, 0.2], [np.zeros(3), missed[:3]], [np.zeros(3), missed[3:6]])
     assert_allclose(given[:, :3] - nav[:, :3], spline(0.2 * share), rtol=0, atol=1e-12)
     assert_allclose(given[:, 3:6] - nav[:, 3:6], np.outer(share, missed[3:6]), rtol=0, atol=1e-12)
-    assert_allclose(Rotation.from_quat(given[:, 6:], scalar_first=True).as_rotvec(), np.outer(share, missed[6:]), rtol=0, atol=1e-12)
+    assert_allclose(
+        Rotation.from_quat(given[:, 6:], scalar_first=True).as_rotvec(),
+        np.outer(share, missed[6:]),
+        rtol=0,
+        atol=1e-12,
+    )
 
 
 def test_it_moves_without_steps(flown, dense):
-    """Oracle: the velocity is the slope of the position. Central differences over 10 ms at 5 m/s^2 a second err by 1e-4 m/s."""
+    """Oracle: the velocity is the slope of the position. Central differences over 10 ms at 5 m/s^2
+    a second err by 1e-4 m/s.
+    """
     position, velocity, _ = as_nav(flown, dense, slice(None))
     even = np.abs(np.diff(dense.time) - 0.005) < 1e-6
     k = np.flatnonzero(even[1:] & even[:-1]) + 1
@@ -121,7 +141,9 @@ def test_it_moves_without_steps(flown, dense):
 
 
 def test_without_noise_it_is_the_exact_motion():
-    """Oracle: exact motion; an ideal IMU and start, and fixes that hardly weigh, leave nothing to give back."""
+    """Oracle: exact motion; an ideal IMU and start, and fixes that hardly weigh, leave nothing to
+    give back.
+    """
     flown = fly(12.0, seed=6, noise=None)
     cov = 1e12 * flown.problem.epochs.position_cov
     problem = replace(flown.problem, epochs=flown.problem.epochs._replace(position_cov=cov))
@@ -131,4 +153,6 @@ def test_without_noise_it_is_the_exact_motion():
     position, _, C_lb = as_nav(flown, path, slice(None))
     truth = flown.sim.flight.motion
     assert np.abs(position - truth.position(path.time)).max() < 1e-5
-    assert np.abs(vector_from_rotation(truth.C_lb(path.time) @ np.swapaxes(C_lb, -1, -2))).max() < 1e-7
+    assert (
+        np.abs(vector_from_rotation(truth.C_lb(path.time) @ np.swapaxes(C_lb, -1, -2))).max() < 1e-7
+    )

@@ -8,7 +8,17 @@ from numpy.testing import assert_allclose
 from insgnss.geodesy.earth import EARTH_RATE
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion
-from insgnss.navigation.codes import N_NAV, NAV, NHC, POSITION, PSI, VELOCITY, VELOCITY_CONSTRAINT, ZARU, ZUPT
+from insgnss.navigation.codes import (
+    N_NAV,
+    NAV,
+    NHC,
+    POSITION,
+    PSI,
+    VELOCITY,
+    VELOCITY_CONSTRAINT,
+    ZARU,
+    ZUPT,
+)
 from insgnss.navigation.epochs import make_epochs, with_zupt
 from insgnss.navigation.filter import BLOCK_S
 from insgnss.navigation.kernels.measurements import measured_triple
@@ -16,17 +26,24 @@ from insgnss.navigation.kernels.records import make_triple
 from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.strapdown import kernel_earth
 from insgnss.records import GnssFixes, Increments
-from insgnss.simulate.sensors import antenna_states
+from insgnss.simulation.sensors import antenna_states
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel
 
 LEVER = np.array([-0.4, 0.15, -0.3])
 AXIS = AxisNoise(1e-4, 0.0, 1e-3, 0.0, 1e-5, (GaussMarkov(10.0, 1e-4),), 1e-2, 1e-2)
 FIXES = FixErrors(lever_arm_m=0.3, time_offset_s=0.1, clock_rate=1e-4, gm_sigma=(0.5, 0.6, 0.7))
-LAYOUT = state_layout(NoiseModel("all", "made up", (AXIS,) * 3, (AXIS,) * 3), scale_factor=True, misalignment=True, fixes=FIXES)
+LAYOUT = state_layout(
+    NoiseModel("all", "made up", (AXIS,) * 3, (AXIS,) * 3),
+    scale_factor=True,
+    misalignment=True,
+    fixes=FIXES,
+)
 RATE = np.array([0.4, -0.3, 0.6])
 ACCEL = np.array([1.5, -2.0, 0.5])
 Z = np.array([3.0, -2.0, 1.0])
-OF_FIXES = np.array([9 + s for s, name in enumerate(LAYOUT.names) if "GNSS" in name or "lever" in name])
+OF_FIXES = np.array(
+    [9 + s for s, name in enumerate(LAYOUT.names) if "GNSS" in name or "lever" in name]
+)
 
 
 @pytest.fixture(scope="module")
@@ -34,14 +51,41 @@ def flown():
     return without_noise(fly(15.0, seed=2, layout=LAYOUT, velocity=True))
 
 
-def rows(flown, nav, x, kind: int, elapsed: float = 7.0, rate=RATE, lever=LEVER, motion: int = ZUPT, accel=ACCEL):
-    """Innovation (3,) against the measurement Z (of the antenna; zero of the motion) and its Jacobian (3, n)."""
+def rows(
+    flown,
+    nav,
+    x,
+    kind: int,
+    elapsed: float = 7.0,
+    rate=RATE,
+    lever=LEVER,
+    motion: int = ZUPT,
+    accel=ACCEL,
+):
+    """Innovation (3,) against the measurement Z (of the antenna; zero of the motion) and its
+    Jacobian (3, n).
+    """
     one = np.ones(1, dtype=np.int64)
     ep = flown.problem.epochs._replace(
-        time=np.array([elapsed]), rate=rate[None], has_position=one > 0, position=Z[None], has_velocity=one > 0, velocity=Z[None]
+        time=np.array([elapsed]),
+        rate=rate[None],
+        has_position=one > 0,
+        position=Z[None],
+        has_velocity=one > 0,
+        velocity=Z[None],
     )
-    ep = ep._replace(group=0 * one, sigma=FIX_SIGMA[None], position_cov=np.diag(FIX_SIGMA**2)[None], velocity_cov=np.eye(3)[None])
-    ep = ep._replace(constraint=motion * one, constraint_cov=np.ones((1, 3, 3)), zaru_rate=rate[None], zaru_variance=np.ones(1))
+    ep = ep._replace(
+        group=0 * one,
+        sigma=FIX_SIGMA[None],
+        position_cov=np.diag(FIX_SIGMA**2)[None],
+        velocity_cov=np.eye(3)[None],
+    )
+    ep = ep._replace(
+        constraint=motion * one,
+        constraint_cov=np.ones((1, 3, 3)),
+        zaru_rate=rate[None],
+        zaru_variance=np.ones(1),
+    )
     triple = make_triple(LAYOUT.size - N_NAV)
     imu, earth = LAYOUT.kernel_model(BLOCK_S, 0.1), kernel_earth(flown.problem.frame)
     assert measured_triple(kind, 0, ep, nav, x, lever, accel, imu, earth, triple)
@@ -52,13 +96,21 @@ FIX_SIGMA = np.array([0.02, 0.03, 0.05])
 
 
 @pytest.mark.parametrize(
-    ("kind", "motion"), [(POSITION, 0), (VELOCITY, 0), (VELOCITY_CONSTRAINT, ZUPT), (VELOCITY_CONSTRAINT, NHC), (ZARU, 0)]
+    ("kind", "motion"),
+    [
+        (POSITION, 0),
+        (VELOCITY, 0),
+        (VELOCITY_CONSTRAINT, ZUPT),
+        (VELOCITY_CONSTRAINT, NHC),
+        (ZARU, 0),
+    ],
 )
 def test_jacobian_is_the_derivative_of_its_own_value(flown, kind, motion):
     """Oracle: central differences; steps of 1e-4 leave 1e-9 of third order.
 
-    (K.2) takes omega_lb as independent of psi, which leaves out Earth rate times lever arm, 4e-5 m/s a radian. Through the time offset
-    the position depends on psi and the gyros by omega x l d, less than a millimetre for the milliseconds that are left of d.
+    (K.2) takes omega_lb as independent of psi, which leaves out Earth rate times lever arm, 4e-5
+    m/s a radian. Through the time offset the position depends on psi and the gyros by omega x l d,
+    less than a millimetre for the milliseconds that are left of d.
     """
     nav = flown.true_nav([100])
     x = 0.5 * LAYOUT.sigma0
@@ -78,46 +130,69 @@ def test_jacobian_is_the_derivative_of_its_own_value(flown, kind, motion):
         tight[9:] = False
         tight[OF_FIXES[3:]] = True
     assert_allclose(H[:, tight], numeric[:, tight], atol=1e-8)
-    loose = EARTH_RATE * np.linalg.norm(LEVER) if kind == VELOCITY else 0.005 * 7.0 * 0.5  # a drift after 7 s, half a metre
+    loose = (
+        EARTH_RATE * np.linalg.norm(LEVER) if kind == VELOCITY else 0.005 * 7.0 * 0.5
+    )  # a drift after 7 s, half a metre
     assert_allclose(H[:, ~tight], numeric[:, ~tight], atol=loose)
     assert np.abs(H[:, NAV]).max() > 0.1 or kind == ZARU
     assert (np.abs(H[:, 9:]).max() > 0.1) == (kind != VELOCITY_CONSTRAINT)
 
 
 def test_fix_errors_enter_as_the_simulators_own(flown):
-    """Oracle: exact motion of an antenna that is mounted 0.2 m further out and whose fixes are 40 ms old, plus errors in sigmas.
+    """Oracle: exact motion of an antenna that is mounted 0.2 m further out and whose fixes are 40
+    ms old, plus errors in sigmas.
 
     1 mm is the lever arm's own acceleration, omega^2 l d^2 / 2, and the jerk's d^3 / 6.
     """
     motion, lever = flown.sim.flight.motion, flown.problem.antenna_lever_b
     more, late, wrong = np.array([0.1, -0.2, 0.05]), -0.04, np.array([2.0, -1.0, 0.5])
     x = np.zeros(LAYOUT.size - 9)
-    x[LAYOUT.lever : LAYOUT.lever + 3], x[LAYOUT.offset], x[LAYOUT.gm : LAYOUT.gm + 3] = more, late, wrong
+    x[LAYOUT.lever : LAYOUT.lever + 3], x[LAYOUT.offset], x[LAYOUT.gm : LAYOUT.gm + 3] = (
+        more,
+        late,
+        wrong,
+    )
     for k in (30, 77, 120):
         t = flown.problem.inc.marks[k : k + 1]
         accel = (motion.velocity(t + 0.01) - motion.velocity(t - 0.01))[0] / 0.02
         given = {"rate": flown.problem.inc.rate[k], "lever": lever, "accel": accel}
         nu, _ = rows(flown, flown.true_nav([k])[0], x, POSITION, **given)
-        assert_allclose(Z - nu, antenna_states(motion, lever + more, t + late)[0][0] + wrong * FIX_SIGMA, rtol=0.0, atol=1e-3)
+        assert_allclose(
+            Z - nu,
+            antenna_states(motion, lever + more, t + late)[0][0] + wrong * FIX_SIGMA,
+            rtol=0.0,
+            atol=1e-3,
+        )
         nu, _ = rows(flown, flown.true_nav([k])[0], x, VELOCITY, **given)
-        assert_allclose(Z - nu, antenna_states(motion, lever + more, t)[1][0] + accel * late, rtol=0.0, atol=1e-4)
+        assert_allclose(
+            Z - nu,
+            antenna_states(motion, lever + more, t)[1][0] + accel * late,
+            rtol=0.0,
+            atol=1e-4,
+        )
 
 
 def test_a_standing_vehicle_measures_its_gyro_bias_and_the_earth(flown):
-    """Oracle: hand calculation, mean rate = bias + C_bl Omega, and velocity of a wheeled vehicle across its forward axis."""
+    """Oracle: hand calculation, mean rate = bias + C_bl Omega, and velocity of a wheeled vehicle
+    across its forward axis.
+    """
     nav = flown.true_nav([60])[0]
     C = rotation_from_quaternion(nav[6:])
     x = np.zeros(LAYOUT.size - 9)
     x[LAYOUT.names.index("gyro y bias")] = 0.02
     nu, _ = rows(flown, nav, x, ZARU)
-    assert_allclose(nu, RATE - [0.0, 0.02, 0.0] - C.T @ flown.problem.frame.earth_rate_l, rtol=0, atol=1e-15)
+    assert_allclose(
+        nu, RATE - [0.0, 0.02, 0.0] - C.T @ flown.problem.frame.earth_rate_l, rtol=0, atol=1e-15
+    )
     assert_allclose(rows(flown, nav, x, VELOCITY_CONSTRAINT)[0], -nav[3:6], atol=0.0)
     across = rows(flown, nav, x, VELOCITY_CONSTRAINT, motion=NHC)[0]
     assert_allclose(across, [0.0, *-(C.T @ nav[3:6])[1:]], rtol=0, atol=1e-12)
 
 
 def test_values_are_the_antennas(flown):
-    """Oracle: exact motion of the antenna (rig of the simulator); 1e-4 m/s is the linear rate between samples times the lever arm."""
+    """Oracle: exact motion of the antenna (rig of the simulator); 1e-4 m/s is the linear rate
+    between samples times the lever arm.
+    """
     motion, marks = flown.sim.flight.motion, flown.problem.inc.marks[20:130:5]
     lever = flown.problem.antenna_lever_b
     position, velocity = antenna_states(motion, lever, marks)
@@ -131,7 +206,9 @@ def test_values_are_the_antennas(flown):
 
 
 def test_every_gyro_error_takes_its_share_of_the_rate(flown):
-    """Oracle: hand calculation of omega = gyro - bias - drift t - M gyro, and the cross product with the lever arm."""
+    """Oracle: hand calculation of omega = gyro - bias - drift t - M gyro, and the cross product
+    with the lever arm.
+    """
     x = np.zeros(LAYOUT.size - 9)
     errors = {
         "gyro x bias": 0.01,
@@ -145,7 +222,11 @@ def test_every_gyro_error_takes_its_share_of_the_rate(flown):
         x[LAYOUT.names.index(name)] = value
     nav = flown.true_nav([60])[0]
     C = rotation_from_quaternion(nav[6:])
-    omega = RATE - [0.01 + 0.05 * RATE[0], 0.002 * 7.0, -0.03 + 0.02 * RATE[0]] - C.T @ flown.problem.frame.earth_rate_l
+    omega = (
+        RATE
+        - [0.01 + 0.05 * RATE[0], 0.002 * 7.0, -0.03 + 0.02 * RATE[0]]
+        - C.T @ flown.problem.frame.earth_rate_l
+    )
     nu, _ = rows(flown, nav, x, VELOCITY)
     assert_allclose(Z - nu, nav[3:6] + C @ np.cross(omega, LEVER), rtol=0.0, atol=1e-12)
 
@@ -159,16 +240,25 @@ def test_without_lever_arm_only_the_state_itself_is_seen(flown):
         nu, H = rows(flown, nav, x, kind, lever=np.zeros(3))
         expected = np.zeros_like(H)
         expected[:, column : column + 3] = np.eye(3)
-        assert_allclose(np.delete(H, OF_FIXES, axis=1), np.delete(expected, OF_FIXES, axis=1), atol=0.0)
+        assert_allclose(
+            np.delete(H, OF_FIXES, axis=1), np.delete(expected, OF_FIXES, axis=1), atol=0.0
+        )
         assert_allclose(nu, Z - nav[column : column + 3], rtol=1e-15)
 
 
 def test_epochs_carry_measurements_to_the_local_frame(flown):
-    """Oracle: fixes of the simulator against the exact antenna, normalised by the epoch's own covariance: chi-square of 3 a fix."""
+    """Oracle: fixes of the simulator against the exact antenna, normalised by the epoch's own
+    covariance: chi-square of 3 a fix.
+    """
     ep, motion = flown.problem.epochs, flown.sim.flight.motion
     at = np.flatnonzero(ep.has_position & ep.has_velocity)
-    position, velocity = antenna_states(motion, flown.problem.antenna_lever_b, flown.problem.inc.marks[at])
-    for value, truth, cov in ((ep.position, position, ep.position_cov), (ep.velocity, velocity, ep.velocity_cov)):
+    position, velocity = antenna_states(
+        motion, flown.problem.antenna_lever_b, flown.problem.inc.marks[at]
+    )
+    for value, truth, cov in (
+        (ep.position, position, ep.position_cov),
+        (ep.velocity, velocity, ep.velocity_cov),
+    ):
         error = value[at] - truth
         nis = np.einsum("ni,nij,nj->n", error, np.linalg.inv(cov[at]), error)
         assert abs(nis.mean() - 3.0) < 3.0 * np.sqrt(6.0 / at.size)
@@ -185,10 +275,22 @@ def test_covariance_of_fixes_is_turned_into_the_local_frame():
     frame = LocalFrame(0.8, 0.1, 400.0)
     lat, lon = np.array([0.8]), np.array([0.1 + 200e3 / 6.38e6 / np.cos(0.8)])
     cov = np.diag([0.01, 0.01, 9.0])[None]
-    fixes = GnssFixes(np.array([10.0]), lat, lon, np.array([400.0]), cov, np.array([[0.0, 0.0, 3.0]]), cov)
-    inc = Increments(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.array([10.0]), np.zeros(1, dtype=np.int64), np.zeros((1, 3)), 0.01)
+    fixes = GnssFixes(
+        np.array([10.0]), lat, lon, np.array([400.0]), cov, np.array([[0.0, 0.0, 3.0]]), cov
+    )
+    inc = Increments(
+        np.zeros(0),
+        np.zeros((0, 3)),
+        np.zeros((0, 3)),
+        np.array([10.0]),
+        np.zeros(1, dtype=np.int64),
+        np.zeros((1, 3)),
+        0.01,
+    )
     got = make_epochs(inc, np.array([0]), fixes, np.zeros(0, dtype=np.int64), frame)
-    above, below = (frame.position_from_geodetic(lat, lon, np.array([h]))[0] for h in (500.0, 300.0))
+    above, below = (
+        frame.position_from_geodetic(lat, lon, np.array([h]))[0] for h in (500.0, 300.0)
+    )
     down = (below - above) / 200.0
     assert np.degrees(np.arccos(down[2])) > 1.2
     for P in (got.position_cov[0], got.velocity_cov[0]):
@@ -207,11 +309,25 @@ def test_a_rest_measures_velocity_and_mean_rate_once_a_second():
     layout = state_layout(NoiseModel("white", "made up", (axis,) * 3, (axis,) * 3))
     rate = np.array([1e-3, -2e-3, 3e-3])
     stop = np.arange(0, n + 1, 10)
-    inc = Increments(np.full(n, h), np.tile(rate * h, (n, 1)), np.zeros((n, 3)), 100.0 + stop * h, stop, np.zeros((7, 3)), h)
-    fixes = GnssFixes(inc.marks[:1], np.array([0.8]), np.array([0.1]), np.array([400.0]), np.eye(3)[None])
-    empty = make_epochs(inc, np.array([0]), fixes, np.zeros(0, dtype=np.int64), LocalFrame(0.8, 0.1, 400.0))
+    inc = Increments(
+        np.full(n, h),
+        np.tile(rate * h, (n, 1)),
+        np.zeros((n, 3)),
+        100.0 + stop * h,
+        stop,
+        np.zeros((7, 3)),
+        h,
+    )
+    fixes = GnssFixes(
+        inc.marks[:1], np.array([0.8]), np.array([0.1]), np.array([400.0]), np.eye(3)[None]
+    )
+    empty = make_epochs(
+        inc, np.array([0]), fixes, np.zeros(0, dtype=np.int64), LocalFrame(0.8, 0.1, 400.0)
+    )
     got = with_zupt(empty, inc, np.array([[100.4, 104.2]]), layout)
     assert got.constraint.tolist() == [0, ZUPT, 0, ZUPT, 0, ZUPT, 0]
     assert_allclose(got.constraint_cov[3], 0.03**2 * np.eye(3), rtol=1e-12)
-    assert_allclose(got.zaru_variance, [0.0, 0.0, 0.0, q / 1.6 + 25e-10, 0.0, q / 1.6 + 25e-10, 0.0], rtol=1e-9)
+    assert_allclose(
+        got.zaru_variance, [0.0, 0.0, 0.0, q / 1.6 + 25e-10, 0.0, q / 1.6 + 25e-10, 0.0], rtol=1e-9
+    )
     assert_allclose(got.zaru_rate[3], rate, rtol=1e-9)

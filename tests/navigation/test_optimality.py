@@ -1,8 +1,10 @@
-"""Filter and smoother against filterpy and against batch least squares on the very same linear problem.
+"""Filter and smoother against filterpy and against batch least squares on the very same linear
+problem.
 
-Run about a fixed nominal (K.6) the problem is linear, `reference.linear` (T.20), with the nominal of the epoch before carried forward,
-less that of the epoch, as the known gap. The nominal is a smoothed flight, so the gaps are not zero. Transitions, noise and measurements
-are the core's own here; the reference twin has its own (`tests/reference`).
+Run about a fixed nominal (K.6) the problem is linear, `reference.linear` (T.20), with the nominal
+of the epoch before carried forward, less that of the epoch, as the known gap. The nominal is a
+smoothed flight, so the gaps are not zero. Transitions, noise and measurements are the core's own
+here; the reference twin has its own (`tests/reference`).
 """
 
 from dataclasses import dataclass, replace
@@ -32,7 +34,9 @@ OFFSET = np.array([0.1, -0.2, 0.1, 0.1, 0.1, -0.1, *np.radians([0.5, -0.3, 2.0])
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What the package makes of the problem: filtered mean and covariance, smoothed, and the same problem in matrices."""
+    """What the package makes of the problem: filtered mean and covariance, smoothed, and the same
+    problem in matrices.
+    """
 
     problem: EstimationProblem
     filtered: np.ndarray
@@ -43,7 +47,9 @@ class Case:
 
 
 def events_at(problem: EstimationProblem, at: np.ndarray) -> EstimationProblem:
-    """The problem with camera events at epochs `at`, every third velocity left out, and some motion and stillness made up."""
+    """The problem with camera events at epochs `at`, every third velocity left out, and some motion
+    and stillness made up.
+    """
     event = np.full(problem.inc.marks.size, -1, dtype=np.int64)
     event[at] = np.arange(at.size)
     has_velocity = problem.epochs.has_velocity.copy()
@@ -54,13 +60,25 @@ def events_at(problem: EstimationProblem, at: np.ndarray) -> EstimationProblem:
     cov = np.broadcast_to(np.diag([25.0, 9.0, 4.0]), (m, 3, 3)).copy()
     group = (np.arange(m) // 40) % 2
     return replace(
-        problem, epochs=epochs._replace(constraint=motion, constraint_cov=cov, zaru_variance=still, zaru_rate=problem.inc.rate, group=group)
+        problem,
+        epochs=epochs._replace(
+            constraint=motion,
+            constraint_cov=cov,
+            zaru_variance=still,
+            zaru_rate=problem.inc.rate,
+            group=group,
+        ),
     )
 
 
-def measurements(problem: EstimationProblem, nav, x, k: int, accel) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def measurements(
+    problem: EstimationProblem, nav, x, k: int, accel
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     ep, n = problem.epochs, problem.layout.size
-    imu, earth = problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s), kernel_earth(problem.frame)
+    imu, earth = (
+        problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s),
+        kernel_earth(problem.frame),
+    )
     out = []
     for kind in range(N_KINDS):
         triple = make_triple(n - N_NAV)
@@ -74,9 +92,16 @@ def in_matrices(problem: EstimationProblem, start: InitialState, nav, x) -> Line
     m, n = nav.shape[0], problem.layout.size
     intervals, earth = kernel_intervals(problem.inc), kernel_earth(problem.frame)
     imu, ep = problem.layout.kernel_model(BLOCK_S, problem.aiding_interval_s), problem.epochs
-    Phi, Q, gap, accel = np.zeros((m, n, n)), np.zeros((m, n, n)), np.zeros((m, n)), np.zeros((m, 3))
+    Phi, Q, gap, accel = (
+        np.zeros((m, n, n)),
+        np.zeros((m, n, n)),
+        np.zeros((m, n)),
+        np.zeros((m, 3)),
+    )
     for k in range(1, m):
-        step = linearise_interval(intervals, ep.stop[k - 1], ep.stop[k], nav[k - 1], x[k - 1], imu, earth, ep.time[k - 1])
+        step = linearise_interval(
+            intervals, ep.stop[k - 1], ep.stop[k], nav[k - 1], x[k - 1], imu, earth, ep.time[k - 1]
+        )
         state_difference(step.nav, step.x, nav[k], x[k], gap[k])
         accel[k] = (step.nav[3:6] - nav[k - 1, 3:6]) / (ep.time[k] - ep.time[k - 1])
         Phi[k], Q[k] = step.Phi, 0.5 * (step.Q + step.Q.T)
@@ -88,17 +113,27 @@ def in_matrices(problem: EstimationProblem, start: InitialState, nav, x) -> Line
 
 @pytest.fixture(scope="module")
 def case() -> Case:
-    """9 s at 10 Hz with velocities, errors of the fixes as states, motion constraints, a turn, and six events.
+    """9 s at 10 Hz with velocities, errors of the fixes as states, motion constraints, a turn, and
+    six events.
 
     Two of the events are on epochs with a fix, and two 17 ms apart.
     """
     fixes = FixErrors(0.3, 0.05, 1e-3, (0.8, 0.7, 0.6), 5.0, (0.6, 0.6, 0.7), 1.0, 30.0, 0.4)
     layout = state_layout(load_noise_model("navchip"), fixes=fixes)
-    flown = fly(9.0, seed=5, layout=layout, velocity=True, gate=NO_GATE, extra=np.array([2.0333, 4.4, 6.0777, 6.0947, 6.1]))
+    flown = fly(
+        9.0,
+        seed=5,
+        layout=layout,
+        velocity=True,
+        gate=NO_GATE,
+        extra=np.array([2.0333, 4.4, 6.0777, 6.0947, 6.1]),
+    )
     events = np.union1d(flown.event_epochs, flown.extra_epochs)
     problem = events_at(flown.problem, events)
     start = start_near(flown, SIGMA, OFFSET)
-    start = replace(start, mean=0.3 * np.sqrt(np.diag(start.P)) * np.cos(np.arange(start.mean.size)))
+    start = replace(
+        start, mean=0.3 * np.sqrt(np.diag(start.P)) * np.cos(np.arange(start.mean.size))
+    )
     first = solve(problem, start, "off")
     history = make_history(problem.epochs, problem.layout)
     history.nav[:], history.x[:] = first.nav, first.x
@@ -115,14 +150,18 @@ def by_filterpy(case) -> Estimate:
 
 
 def agree(mean, P, expected, expected_P) -> None:
-    """Means within `RELATIVE` of their standard deviations, covariances within that of the product of two."""
+    """Means within `RELATIVE` of their standard deviations, covariances within that of the product
+    of two.
+    """
     sigma = np.sqrt(np.diagonal(expected_P, axis1=1, axis2=2))
     assert np.abs((mean - expected) / sigma).max() < RELATIVE
     assert np.abs((P - expected_P) / (sigma[:, :, None] * sigma[:, None, :])).max() < RELATIVE
 
 
 def test_the_problem_is_a_fair_one(case):
-    """Oracle: what the comparison needs: gaps that are not zero, velocities at some epochs only, noise that differs by epoch."""
+    """Oracle: what the comparison needs: gaps that are not zero, velocities at some epochs only,
+    noise that differs by epoch.
+    """
     assert np.abs(case.linear.known()[-1, :3]).max() > 1e-3
     assert {len(rows) for rows in case.linear.measured} == {0, 1, 2, 3}
     assert case.events.size == 6
@@ -137,7 +176,9 @@ def test_filter_is_filterpys(case, by_filterpy):
 
 
 def test_smoother_is_filterpys(case, by_filterpy):
-    """Oracle: filterpy KalmanFilter.rts_smoother, the method, whose Fs[k + 1] leads from k to k + 1."""
+    """Oracle: filterpy KalmanFilter.rts_smoother, the method, whose Fs[k + 1] leads from k to k +
+    1.
+    """
     expected = smoothed(case.linear, by_filterpy)
     agree(case.smoothed.delta, case.smoothed.P, expected.mean, expected.P)
 
@@ -155,12 +196,16 @@ def test_smoother_is_batch_least_squares(case, in_one):
 
 
 def test_cross_covariance_of_neighbouring_events_is_the_batch_solutions(case, in_one):
-    """Oracle: blocks off the diagonal of the batch covariance; the nearest two events correlate by more than 0.99."""
+    """Oracle: blocks off the diagonal of the batch covariance; the nearest two events correlate by
+    more than 0.99.
+    """
     assert not case.smoothed.event_cross[0].any()
     strongest = 0.0
     for i, (j, k) in enumerate(zip(case.events[:-1], case.events[1:], strict=True), start=1):
         expected = in_one.covariance(j, k)[:9, :9]
-        scale = np.sqrt(np.outer(np.diag(in_one.covariance(j, j))[:9], np.diag(in_one.covariance(k, k))[:9]))
+        scale = np.sqrt(
+            np.outer(np.diag(in_one.covariance(j, j))[:9], np.diag(in_one.covariance(k, k))[:9])
+        )
         assert np.abs((case.smoothed.event_cross[i] - expected) / scale).max() < RELATIVE
         strongest = max(strongest, np.abs(expected / scale).max())
     assert strongest > 0.99

@@ -1,4 +1,6 @@
-"""Filter and smoother of a whole flight: further passes, forward/backward separation, rejected fixes, contradictions, products."""
+"""Filter and smoother of a whole flight: further passes, forward/backward separation, rejected
+fixes, contradictions, products.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,7 +11,7 @@ import pytest
 from flown import NO_GATE, Flown, error_of, fly, moved, start_near
 from numpy.testing import assert_allclose, assert_array_equal
 
-from insgnss.errors import DataError
+from insgnss.base.errors import DataError
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import quaternion_from_rotation, rotation_from_vector
 from insgnss.navigation import solution as solution_module
@@ -51,8 +53,9 @@ def wrong_heading(flown: Flown, degrees: float):
 def test_passes_converge_from_a_wrong_heading(flown, converged, degrees, monkeypatch):
     """Oracle: the least-squares solution does not depend on where the linearisation began.
 
-    One pass is wrong by more than 10 sigma. The criterion as shipped stops within a fifth of a sigma (measured 0.06 and 0.15), a
-    stricter one within 1 % (0.35 %; the start's own information, sigma 20 deg, pulls that much).
+    One pass is wrong by more than 10 sigma. The criterion as shipped stops within a fifth of a
+    sigma (measured 0.06 and 0.15), a stricter one within 1 % (0.35 %; the start's own information,
+    sigma 20 deg, pulls that much).
     """
     start, sigma = wrong_heading(flown, degrees), sigmas(converged)
 
@@ -91,7 +94,9 @@ def test_means_alone_are_those_of_the_full_smoother(flown):
 
 
 def test_separation_is_as_large_as_its_sigma_says(converged):
-    """Oracle: the normalised squares have the mean one. Neighbours correlate: 50 s give some 15 independent ones a component."""
+    """Oracle: the normalised squares have the mean one. Neighbours correlate: 50 s give some 15
+    independent ones a component.
+    """
     assert converged.separation.shape == (100, 9)
     normalised = (converged.separation / converged.separation_sigma) ** 2
     assert np.isfinite(normalised).mean() > 0.6
@@ -107,7 +112,9 @@ def test_smoothing_sharpens_the_filter(converged):
 
 
 def test_innovations_are_white_and_as_large_as_their_sigma(converged):
-    """Oracle: chi-square of three a fix (its mean has a sigma of sqrt(6/n)), and correlations of neighbours of 1/sqrt(n)."""
+    """Oracle: chi-square of three a fix (its mean has a sigma of sqrt(6/n)), and correlations of
+    neighbours of 1/sqrt(n).
+    """
     nis = converged.nis[5:, 0]
     nis = nis[np.isfinite(nis)]
     assert abs(nis.mean() - 3.0) < 3.5 * np.sqrt(6.0 / nis.size)
@@ -118,10 +125,16 @@ def test_innovations_are_white_and_as_large_as_their_sigma(converged):
 
 
 def displaced(flown: Flown, at: np.ndarray, metres: float, gate_sigma: float = 5.0):
-    """The problem with the fixes at epochs `at` wrong by `metres` to the east, and the gate closed to `gate_sigma`."""
+    """The problem with the fixes at epochs `at` wrong by `metres` to the east, and the gate closed
+    to `gate_sigma`.
+    """
     position = flown.problem.epochs.position.copy()
     position[at, 1] += metres
-    return replace(flown.problem, gate=gate_from_sigma(gate_sigma), epochs=flown.problem.epochs._replace(position=position))
+    return replace(
+        flown.problem,
+        gate=gate_from_sigma(gate_sigma),
+        epochs=flown.problem.epochs._replace(position=position),
+    )
 
 
 def test_outliers_are_left_out_and_reported(flown):
@@ -131,7 +144,11 @@ def test_outliers_are_left_out_and_reported(flown):
     got = solve(problem, start_near(flown, ALIGNED), "off")
     absent = problem.epochs.has_position.copy()
     absent[at] = False
-    without = solve(replace(problem, epochs=problem.epochs._replace(has_position=absent)), start_near(flown, ALIGNED), "off")
+    without = solve(
+        replace(problem, epochs=problem.epochs._replace(has_position=absent)),
+        start_near(flown, ALIGNED),
+        "off",
+    )
     assert_array_equal(np.flatnonzero(got.verdict[:, 0] == REJECTED), at)
     assert (got.nis[at, 0] > problem.gate).all()
     assert_array_equal(got.nav, without.nav)
@@ -139,7 +156,9 @@ def test_outliers_are_left_out_and_reported(flown):
 
 
 def test_a_second_of_rejected_fixes_reopens_the_filter(flown):
-    """Oracle: fixes that stay 2 m off: ten are rejected, then they are believed; after the end the truth is found again."""
+    """Oracle: fixes that stay 2 m off: ten are rejected, then they are believed; after the end the
+    truth is found again.
+    """
     at = np.flatnonzero(flown.problem.epochs.has_position)[150:190]
     problem = displaced(flown, at, 2.0)
     got = solve(problem, start_near(flown, ALIGNED), "off")
@@ -155,27 +174,39 @@ def test_contradicting_data_are_refused(flown):
     """Oracle: fixes mirrored north to south cannot belong to these increments."""
     position = flown.problem.epochs.position.copy()
     position[:, 0] *= -1.0
-    problem = replace(flown.problem, gate=gate_from_sigma(5.0), epochs=flown.problem.epochs._replace(position=position))
+    problem = replace(
+        flown.problem,
+        gate=gate_from_sigma(5.0),
+        epochs=flown.problem.epochs._replace(position=position),
+    )
     with pytest.raises(DataError, match=r"GNSS fixes rejected, from .* contradict each other"):
         solve(problem, start_near(flown, ALIGNED), "off")
 
 
 @pytest.mark.parametrize(("sigma", "exceedance"), [(3.0, 2.6998e-3), (5.0, 5.7330e-7)])
 def test_gate_is_as_rare_as_its_sigma(sigma, exceedance):
-    """Oracle: published two-sided exceedances of the normal distribution; closed form of chi-square with three degrees of freedom."""
+    """Oracle: published two-sided exceedances of the normal distribution; closed form of chi-square
+    with three degrees of freedom.
+    """
     from math import erfc, exp, pi, sqrt
 
     x = gate_from_sigma(sigma)
-    assert erfc(sqrt(x / 2.0)) + sqrt(2.0 * x / pi) * exp(-x / 2.0) == pytest.approx(exceedance, rel=1e-3)
+    assert erfc(sqrt(x / 2.0)) + sqrt(2.0 * x / pi) * exp(-x / 2.0) == pytest.approx(
+        exceedance, rel=1e-3
+    )
 
 
 def test_trajectory_is_the_solution_in_geodetic_terms(flown, converged):
-    """Oracle: the simulator's true trajectory, normalised by the trajectory's own covariance; bias-free body rate of the exact motion."""
+    """Oracle: the simulator's true trajectory, normalised by the trajectory's own covariance;
+    bias-free body rate of the exact motion.
+    """
     at = flown.extra_epochs
     path, motion = trajectory(converged, at, 2008), flown.sim.flight.motion
     lat, lon, height = motion.geodetic(path.time)
     sigma = np.sqrt(np.diagonal(path.cov, axis1=1, axis2=2))
-    error = np.column_stack([(lat - path.lat) * 6.37e6, (lon - path.lon) * 6.39e6 * np.cos(lat), path.height - height])
+    error = np.column_stack(
+        [(lat - path.lat) * 6.37e6, (lon - path.lon) * 6.39e6 * np.cos(lat), path.height - height]
+    )
     assert (np.abs(error) < 4.0 * sigma[:, :3]).all()
     assert (sigma[:, :3] < 0.02).all()
     C_nl = motion.C_nl(path.time)
@@ -187,7 +218,9 @@ def test_trajectory_is_the_solution_in_geodetic_terms(flown, converged):
 
 
 def test_events_come_with_the_covariance_of_neighbours(flown, converged):
-    """Oracle: a correlation matrix of two neighbours, assembled from the trajectory's blocks, has no negative eigenvalue."""
+    """Oracle: a correlation matrix of two neighbours, assembled from the trajectory's blocks, has
+    no negative eigenvalue.
+    """
     path = trajectory(converged, converged.event_epochs, 2008, events=True)
     assert_array_equal(converged.event_epochs, flown.event_epochs)
     assert path.cross.shape == (converged.event_epochs.size - 1, 9, 9)
@@ -199,7 +232,9 @@ def test_events_come_with_the_covariance_of_neighbours(flown, converged):
 
 
 def test_channel_bias_is_what_the_simulator_added(flown, converged):
-    """Oracle: the simulator's slow errors, within four of the sigmas; the horizontal accelerometers become known to 1 mg."""
+    """Oracle: the simulator's slow errors, within four of the sigmas; the horizontal accelerometers
+    become known to 1 mg.
+    """
     at = np.flatnonzero(flown.problem.epochs.has_position)[[100, 250, 400]]
     bias, sigma = converged.channel_bias(at)
     truth = flown.sim.truth
@@ -234,7 +269,9 @@ def test_cross_covariance_of_distant_events_is_in_the_axes_of_each():
     C = np.swapaxes(frame.C_ln_at(position), 1, 2)
     assert np.abs(C[0] - C[1]).max() > 2e-3
     assert found.rate_b is not None
-    assert_allclose(found.rate_b, rate - bias - frame.earth_rate_l, rtol=0, atol=1e-12)  # the body's axes are those of l
+    assert_allclose(
+        found.rate_b, rate - bias - frame.earth_rate_l, rtol=0, atol=1e-12
+    )  # the body's axes are those of l
     assert found.cross is not None
     for k in (0, 1):
         for r in range(0, 9, 3):
@@ -288,7 +325,11 @@ def test_a_suspicious_fix_counts_with_a_larger_covariance():
     start = start_near(flown, ALIGNED)
 
     def filtered(huber_threshold: float, cov: np.ndarray) -> Any:
-        problem = replace(flown.problem, huber_threshold=huber_threshold, epochs=ep._replace(position=position, position_cov=cov))
+        problem = replace(
+            flown.problem,
+            huber_threshold=huber_threshold,
+            epochs=ep._replace(position=position, position_cov=cov),
+        )
         history = make_history(problem.epochs, problem.layout)
         run_filter(problem, start, history)
         return history
@@ -308,7 +349,12 @@ def test_feedback_moves_the_nominal_by_the_estimate():
     """Oracle: (K.5) and the package's error state, truth = estimate + error, the attitude from the
     left by the matrix exponential.
     """
-    flown_nav = np.concatenate([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], quaternion_from_rotation(rotation_from_vector([0.4, -0.3, 2.0]))])
+    flown_nav = np.concatenate(
+        [
+            [1.0, 2.0, 3.0, 4.0, 5.0, 6.0],
+            quaternion_from_rotation(rotation_from_vector([0.4, -0.3, 2.0])),
+        ]
+    )
     m = np.concatenate([0.1 * np.arange(1.0, 7.0), [0.02, -0.03, 0.05], [1e-3, -2e-3]])
     nav, x, estimate = flown_nav.copy(), np.array([5e-3, 6e-3]), m.copy()
     feed_back(nav, x, estimate)

@@ -1,9 +1,9 @@
 """The exterior orientation: position, attitude and covariances of each image, by other ways.
 
 Oracles: pyproj for where points and verticals are, scipy for rotations, the central differences of
-the public function for its covariance, and draws of the navigation errors for what neighbours share.
-The lever arm has metres and the bore-sight degrees, so that none of their terms can hide in a
-tolerance; the images lie up to 10 km from the origin and up to 18 km from each other.
+the public function for its covariance, and draws of the navigation errors for what neighbours
+share. The lever arm has metres and the bore-sight degrees, so that none of their terms can hide in
+a tolerance; the images lie up to 10 km from the origin and up to 18 km from each other.
 """
 
 from dataclasses import replace
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.orient.exterior import exterior_orientation
 from insgnss.orient.mounting import Mounting
@@ -24,8 +24,12 @@ Array = NDArray[np.float64]
 
 LAT_DEG, LON_DEG, HEIGHT = 46.57, 6.54, 400.0
 PLANE = TangentPlane(np.radians(LAT_DEG), np.radians(LON_DEG), HEIGHT)
-ENU = np.array([[0.0, 0.0, 300.0], [10000.0, 0.0, 350.0], [-6000.0, 8000.0, 310.0], [500.0, -9990.0, 305.0]])
-RPY_DEG = np.array([[3.0, -2.0, 47.0], [-8.0, 5.0, 200.0], [12.0, 9.0, -75.0], [-4.0, -11.0, 130.0]])
+ENU = np.array(
+    [[0.0, 0.0, 300.0], [10000.0, 0.0, 350.0], [-6000.0, 8000.0, 310.0], [500.0, -9990.0, 305.0]]
+)
+RPY_DEG = np.array(
+    [[3.0, -2.0, 47.0], [-8.0, 5.0, 200.0], [12.0, 9.0, -75.0], [-4.0, -11.0, 130.0]]
+)
 T = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 B = Rotation.from_euler("XYZ", [4.0, -3.0, 6.0], degrees=True).as_matrix()
 IMU_M = np.array([2.1, -1.3, 0.8])
@@ -36,7 +40,8 @@ POSE_SIGMA = np.array([0.02, 0.02, 0.03, 1e-3, 1e-3, 2e-3])
 
 _ECEF = Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
 _TOPOCENTRIC = Transformer.from_pipeline(
-    f"+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 +lon_0={LON_DEG} +lat_0={LAT_DEG} +h_0={HEIGHT}"
+    "+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84"
+    f" +lon_0={LON_DEG} +lat_0={LAT_DEG} +h_0={HEIGHT}"
 )
 
 
@@ -129,7 +134,9 @@ def numeric_jacobians(trajectory: Trajectory) -> Array:
     out = []
     for k in range(trajectory.time.size):
         at = of(moved(trajectory, k, np.zeros((1, 9))))
-        ahead, behind = (errors_of(at, of(moved(trajectory, k, sign * np.diag(step)))) for sign in (1.0, -1.0))
+        ahead, behind = (
+            errors_of(at, of(moved(trajectory, k, sign * np.diag(step)))) for sign in (1.0, -1.0)
+        )
         out.append(((ahead - behind) / (2.0 * step[:, None])).T)
     return np.array(out)
 
@@ -211,7 +218,10 @@ def test_covariances_are_those_of_drawn_navigation_errors() -> None:
     eo = exterior_orientation(trajectory, events, MOUNTING, PLANE)
     n, draws = len(ENU), 10000
     x = (np.random.default_rng(8).standard_normal((draws, L.shape[1])) @ L.T).reshape(draws, n, 9)
-    e = [errors_of(of(moved(trajectory, k, np.zeros((1, 9)))), of(moved(trajectory, k, x[:, k]))) for k in range(n)]
+    e = [
+        errors_of(of(moved(trajectory, k, np.zeros((1, 9)))), of(moved(trajectory, k, x[:, k])))
+        for k in range(n)
+    ]
     sigma = np.sqrt(np.diagonal(eo.cov, axis1=1, axis2=2))
     for k in range(n):
         off = e[k].T @ e[k] / draws - eo.cov[k]
@@ -229,7 +239,9 @@ def test_neighbours_of_which_nothing_is_known_share_nothing() -> None:
     eo = exterior_orientation(replace(trajectory, cross=None), events, MOUNTING, PLANE)
     assert (eo.cross == 0.0).all()
     for n in (0, 1):
-        rows = {f: getattr(trajectory, f)[:n] for f in ("time", "lat", "lon", "height", "C_nb", "cov")}
+        rows = {
+            f: getattr(trajectory, f)[:n] for f in ("time", "lat", "lon", "height", "C_nb", "cov")
+        }
         few = Trajectory(velocity_ned=trajectory.velocity_ned[:n], gps_week=2008, **rows)
         eo = of(few)
         assert eo.position_m.shape == (n, 3)
@@ -241,7 +253,9 @@ def test_trajectory_at_other_times_is_refused(late_s: float) -> None:
     """Oracle: the promise of a microsecond, 15 um at 15 m/s."""
     trajectory, events, _ = flight()
     with pytest.raises(InputError, match="not at the exposures' times"):
-        exterior_orientation(trajectory, replace(events, time=events.time + late_s), MOUNTING, PLANE)
+        exterior_orientation(
+            trajectory, replace(events, time=events.time + late_s), MOUNTING, PLANE
+        )
     fewer = CameraEvents(events.images[:3], events.time[:3], 2008)
     with pytest.raises(InputError, match="not at the exposures' times"):
         exterior_orientation(trajectory, fewer, MOUNTING, PLANE)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from insgnss.errors import UsageError
+from insgnss.base.errors import UsageError
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.geodesy.projection import MapProjection
 from insgnss.geodesy.rotation import rotation_from_vector
@@ -34,7 +34,9 @@ def master(n: int = 4) -> ExteriorOrientation:
 
 
 def ground_in_camera(eo: ExteriorOrientation) -> tuple[np.ndarray, np.ndarray]:
-    """Points 50 m around each nadir point at the ground, in the tangent plane, and where the camera sees them."""
+    """Points 50 m around each nadir point at the ground, in the tangent plane, and where the camera
+    sees them.
+    """
     X = eo.position_m + np.array([30.0, -40.0, -120.0])
     x = np.einsum("nji,nj->ni", eo.C_mc, X - eo.position_m)
     return X, x[:, :2] / x[:, 2:]
@@ -45,30 +47,42 @@ def geodetic(eo: ExteriorOrientation, X: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 def test_geocentric() -> None:
-    """Oracle: pyproj's geocentric coordinates of the ground points, which the camera must see where it does in the tangent plane."""
+    """Oracle: pyproj's geocentric coordinates of the ground points, which the camera must see where
+    it does in the tangent plane.
+    """
     from pyproj import Transformer
 
     eo = master()
     X, seen = ground_in_camera(eo)
     framed = in_frame(eo, "geocentric")
     lat, lon, h = geodetic(eo, X)
-    ecef = np.column_stack(Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True).transform(np.degrees(lon), np.degrees(lat), h))
+    ecef = np.column_stack(
+        Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True).transform(
+            np.degrees(lon), np.degrees(lat), h
+        )
+    )
     x = np.einsum("nji,nj->ni", framed.C_fc, ecef - framed.coordinates)
     assert np.abs(x[:, :2] / x[:, 2:] - seen).max() < 1e-10
 
 
-@pytest.mark.parametrize(("code", "limit"), [("EPSG:2056", 4e-3), ("EPSG:32632", 5e-4), ("EPSG:32631", 5e-4)])
+@pytest.mark.parametrize(
+    ("code", "limit"), [("EPSG:2056", 4e-3), ("EPSG:32632", 5e-4), ("EPSG:32631", 5e-4)]
+)
 def test_projected(code: str, limit: float) -> None:
-    """Oracle: pyproj's grid coordinates of ground points 120 m below, whose rays must not be off by more than `limit` m there.
+    """Oracle: pyproj's grid coordinates of ground points 120 m below, whose rays must not be off by
+    more than `limit` m there.
 
-    Half a millimetre is what Earth curvature leaves (formats.md C3); the normals of LV95's ellipsoid and WGS84 are 5 seconds of arc apart.
+    Half a millimetre is what Earth curvature leaves (formats.md C3); the normals of LV95's
+    ellipsoid and WGS84 are 5 seconds of arc apart.
     """
     from pyproj import CRS, Transformer
 
     eo = master()
     X, seen = ground_in_camera(eo)
     lat, lon, h = geodetic(eo, X)
-    E, N, _ = Transformer.from_crs("EPSG:4979", CRS(code).to_3d(), always_xy=True).transform(np.degrees(lon), np.degrees(lat), h)
+    E, N, _ = Transformer.from_crs("EPSG:4979", CRS(code).to_3d(), always_xy=True).transform(
+        np.degrees(lon), np.degrees(lat), h
+    )
     framed = in_frame(eo, "projected", MapProjection(code))
     m = MapProjection(code).ground_scale(lat, lon, h)
     off = np.column_stack([E, N, h]) - framed.coordinates
@@ -78,7 +92,9 @@ def test_projected(code: str, limit: float) -> None:
 
 
 def test_heights_scaled_from_the_ground() -> None:
-    """Oracle: similar triangles; a camera whose height above ground is scaled like the plan sees the ground points where it did."""
+    """Oracle: similar triangles; a camera whose height above ground is scaled like the plan sees
+    the ground points where it did.
+    """
     from pyproj import Transformer
 
     eo, code = master(), "EPSG:32631"
@@ -87,11 +103,17 @@ def test_heights_scaled_from_the_ground() -> None:
     ground = 520.0
     X = TangentPlane(*eo.origin).position_from_geodetic(lat, lon, np.full(h.shape, ground))
     seen = np.einsum("nji,nj->ni", eo.C_mc, X - eo.position_m)
-    E, N = Transformer.from_crs("EPSG:4326", code, always_xy=True).transform(np.degrees(lon), np.degrees(lat))
+    E, N = Transformer.from_crs("EPSG:4326", code, always_xy=True).transform(
+        np.degrees(lon), np.degrees(lat)
+    )
     off = []
     for ground_m in (None, ground):
         framed = in_frame(eo, "projected", MapProjection(code), ground_m)
-        x = np.einsum("nji,nj->ni", framed.C_fc, np.column_stack([E, N, np.full(h.shape, ground)]) - framed.coordinates)
+        x = np.einsum(
+            "nji,nj->ni",
+            framed.C_fc,
+            np.column_stack([E, N, np.full(h.shape, ground)]) - framed.coordinates,
+        )
         off.append(np.abs(x[:, :2] / x[:, 2:] - seen[:, :2] / seen[:, 2:]).max() * 120.0)
     assert off[1] < 2e-3 < 20e-3 < off[0]
     assert framed.frame.scaled_from_m == ground
@@ -101,20 +123,30 @@ def test_geographic_is_true_north_whatever_the_frame() -> None:
     """Oracle: the other frames, whose true-north attitudes must be the same."""
     eo = master()
     C_Ec = in_frame(eo, "geographic").C_fc
-    for framed in (in_frame(eo, "tangent plane"), in_frame(eo, "geocentric"), in_frame(eo, "projected", MapProjection("EPSG:2056"))):
+    for framed in (
+        in_frame(eo, "tangent plane"),
+        in_frame(eo, "geocentric"),
+        in_frame(eo, "projected", MapProjection("EPSG:2056")),
+    ):
         assert np.abs(framed.C_Ec - C_Ec).max() < 1e-12
 
 
 @pytest.mark.parametrize("kind", ["geocentric", "geographic", "projected"])
 def test_covariance_turns_with_the_axes(kind: str) -> None:
-    """Oracle: errors drawn in the tangent plane, turned one by one; the moments of linear images are exact."""
+    """Oracle: errors drawn in the tangent plane, turned one by one; the moments of linear images
+    are exact.
+    """
     eo = master(2)
     framed = in_frame(eo, kind, MapProjection("EPSG:2056") if kind == "projected" else None)
     C_fm = framed.C_fc @ np.swapaxes(eo.C_mc, 1, 2)
     joint = np.block([[eo.cov[0], eo.cross[0]], [eo.cross[0].T, eo.cov[1]]])
     values, vectors = np.linalg.eigh(joint)
-    errors = vectors * np.sqrt(np.maximum(values, 0.0))  # columns whose outer products sum to the covariance
-    turned = np.vstack([C_fm[k] @ errors[6 * k + i : 6 * k + i + 3] for k in (0, 1) for i in (0, 3)])
+    errors = vectors * np.sqrt(
+        np.maximum(values, 0.0)
+    )  # columns whose outer products sum to the covariance
+    turned = np.vstack(
+        [C_fm[k] @ errors[6 * k + i : 6 * k + i + 3] for k in (0, 1) for i in (0, 3)]
+    )
     P = turned @ turned.T
     scale = np.sqrt(np.outer(np.diag(P), np.diag(P)))
     got = np.block([[framed.cov[0], framed.cross[0]], [framed.cross[0].T, framed.cov[1]]])

@@ -1,12 +1,14 @@
-"""Mounting against the printed tables of paper 000, the offsets proven in the format notes, and scipy."""
+"""Mounting against the printed tables of paper 000, the offsets proven in the format notes, and
+scipy.
+"""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from insgnss.errors import InputError
-from insgnss.formats.metashape import offset_rotation
+from insgnss.base.errors import InputError
+from insgnss.formats.bundle.metashape import offset_rotation
 from insgnss.orient.mounting import ANGLE_SETS, Mounting, boresight_from_angles
 
 TABLE_2 = np.array(
@@ -24,17 +26,30 @@ T = np.diag([-1.0, -1.0, 1.0])
 
 def test_opk_angles_give_the_printed_boresight():
     """Oracle: Table 2 of paper 000."""
-    assert_allclose(boresight_from_angles("opk", [-0.657, 0.574, -0.513]), TABLE_2, rtol=0, atol=LAST_DIGIT)
+    assert_allclose(
+        boresight_from_angles("opk", [-0.657, 0.574, -0.513]), TABLE_2, rtol=0, atol=LAST_DIGIT
+    )
 
 
 def test_rpy_angles_give_the_printed_boresight():
-    """Oracle: Table 2 of paper 000; its passive aerospace angles are yaw 0.513, pitch -0.574, roll 0.657."""
-    assert_allclose(boresight_from_angles("rpy", [0.657, -0.574, 0.513]), TABLE_2, rtol=0, atol=LAST_DIGIT)
+    """Oracle: Table 2 of paper 000; its passive aerospace angles are yaw 0.513, pitch -0.574, roll
+    0.657.
+    """
+    assert_allclose(
+        boresight_from_angles("rpy", [0.657, -0.574, 0.513]), TABLE_2, rtol=0, atol=LAST_DIGIT
+    )
 
 
 def test_metashape_offset_gives_the_printed_boresight():
-    """Oracle: Table 2 of paper 000 and the offset -0.5130, +0.6621, +0.5681 derived from it; 0.5e-4 deg is 0.9e-6 rad."""
-    assert_allclose(boresight_from_angles("metashape_ypr", [-0.5130, 0.6621, 0.5681]), TABLE_2, rtol=0, atol=2 * LAST_DIGIT)
+    """Oracle: Table 2 of paper 000 and the offset -0.5130, +0.6621, +0.5681 derived from it; 0.5e-4
+    deg is 0.9e-6 rad.
+    """
+    assert_allclose(
+        boresight_from_angles("metashape_ypr", [-0.5130, 0.6621, 0.5681]),
+        TABLE_2,
+        rtol=0,
+        atol=2 * LAST_DIGIT,
+    )
 
 
 def test_metashape_offset_of_the_paper_is_off_by_28_arcsec():
@@ -45,7 +60,9 @@ def test_metashape_offset_of_the_paper_is_off_by_28_arcsec():
 
 
 def test_metashape_offset_follows_the_mount():
-    """Oracle: scipy; with image top to the nose the right-up-back axes are right-forward-up and G is that change of axes."""
+    """Oracle: scipy; with image top to the nose the right-up-back axes are right-forward-up and G
+    is that change of axes.
+    """
     nose_up = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     right_forward_up = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
     attitude = Rotation.from_euler("ZXY", [-3.0, 2.0, 1.0], degrees=True).as_matrix()
@@ -72,15 +89,25 @@ def test_metashape_offset_of_an_oblique_camera():
 
 
 def test_worked_example_of_the_mounting_chain():
-    """Oracle: R_enu^c printed in the format notes (0.2) for roll 3, pitch -2, yaw 47 deg and the bore-sight of Table 2."""
+    """Oracle: R_enu^c printed in the format notes (0.2) for roll 3, pitch -2, yaw 47 deg and the
+    bore-sight of Table 2.
+    """
     C_nb = Rotation.from_euler("ZYX", [47.0, -2.0, 3.0], degrees=True).as_matrix()
     ned_from_enu = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-    expected = [[-0.736314, -0.675117, 0.045363], [-0.672327, 0.737532, 0.063424], [-0.076275, 0.016202, -0.996955]]
-    assert_allclose(Mounting(boresight=TABLE_2).C_cb @ C_nb.T @ ned_from_enu, expected, atol=LAST_DIGIT)
+    expected = [
+        [-0.736314, -0.675117, 0.045363],
+        [-0.672327, 0.737532, 0.063424],
+        [-0.076275, 0.016202, -0.996955],
+    ]
+    assert_allclose(
+        Mounting(boresight=TABLE_2).C_cb @ C_nb.T @ ned_from_enu, expected, atol=LAST_DIGIT
+    )
 
 
 def test_levers_without_boresight_are_table_1_in_body_axes():
-    """Oracle: hand calculation, x backward and y left change sign: antenna 0.349 m behind, 0.021 m right of, 0.065 m above the IMU."""
+    """Oracle: hand calculation, x backward and y left change sign: antenna 0.349 m behind, 0.021 m
+    right of, 0.065 m above the IMU.
+    """
     mounting = Mounting(ANTENNA_C, IMU_C, T)
     assert_allclose(mounting.antenna_lever_b, [-0.349, 0.021, -0.065], rtol=0, atol=1e-15)
     assert_allclose(mounting.camera_lever_b, [0.113, 0.020, 0.0], rtol=0, atol=1e-15)
@@ -105,12 +132,18 @@ def test_printed_matrix_is_made_a_rotation():
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
-        ({"boresight": np.diag([1.0, 1.0, -1.0])}, r"boresight: no rotation, its determinant is -1\.000"),
+        (
+            {"boresight": np.diag([1.0, 1.0, -1.0])},
+            r"boresight: no rotation, its determinant is -1\.000",
+        ),
         ({"boresight": 2 * np.eye(3)}, r"boresight: no rotation, an entry is 1 off"),
         ({"boresight": TABLE_2 + 3e-4 * np.eye(3)}, r"boresight: no rotation.*limit 0\.0001"),
         ({"boresight": np.zeros((3, 3))}, "boresight: no rotation"),
         ({"boresight": np.eye(2)}, "boresight: not a 3x3 matrix"),
-        ({"camera_from_body": np.full((3, 3), np.nan)}, "camera_from_body: not a 3x3 matrix of finite"),
+        (
+            {"camera_from_body": np.full((3, 3), np.nan)},
+            "camera_from_body: not a 3x3 matrix of finite",
+        ),
         ({"camera_from_body": np.diag([-1.0, 1.0, 1.0])}, "camera_from_body: no rotation"),
         ({"antenna_m": [1.0, 2.0]}, "antenna_m: .* not three finite"),
         ({"imu_m": [1.0, np.inf, 0.0]}, "imu_m: .* not three finite"),
@@ -122,7 +155,15 @@ def test_what_is_no_mounting_is_refused(wrong, says):
         Mounting(**wrong)
 
 
-@pytest.mark.parametrize("args", [("ypr", [0, 0, 0]), ("opk", [0, 0]), ("opk", [0, 0, np.nan]), ("rpy", [0, 0, 0], np.ones((3, 3)))])
+@pytest.mark.parametrize(
+    "args",
+    [
+        ("ypr", [0, 0, 0]),
+        ("opk", [0, 0]),
+        ("opk", [0, 0, np.nan]),
+        ("rpy", [0, 0, 0], np.ones((3, 3))),
+    ],
+)
 def test_wrong_angles_are_refused(args):
     """Oracle: the three sets that exist, three finite angles, T a rotation."""
     assert ANGLE_SETS == ("opk", "rpy", "metashape_ypr")

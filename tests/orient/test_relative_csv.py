@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.errors import InputError
-from insgnss.formats.relative_csv import COLUMNS, read_relative_csv, relative_member, write_relative_csv
+from insgnss.base.errors import InputError
+from insgnss.formats.orientation.relative_csv import (
+    COLUMNS,
+    read_relative_csv,
+    relative_member,
+    write_relative_csv,
+)
 from insgnss.records.relative import RelativeControl
 
 PAGE = Path(__file__).parents[2] / "data_specs" / "relative_csv.md"
@@ -53,10 +58,16 @@ def test_weightings_stand_in_their_columns(tmp_path: Path) -> None:
     """Oracle: split by hand."""
     c = control()
     write_relative_csv(c, tmp_path / "relative.csv")
-    lines = [line for line in (tmp_path / "relative.csv").read_text().splitlines() if not line.startswith("#")]
+    lines = [
+        line
+        for line in (tmp_path / "relative.csv").read_text().splitlines()
+        if not line.startswith("#")
+    ]
     assert lines[0] == ",".join(COLUMNS)
     row = dict(zip(lines[0].split(","), lines[1].split(","), strict=True))
-    assert float(row["sd_y_independent"]) == pytest.approx(np.sqrt(c.independent[0, 1, 1]), abs=1e-6)
+    assert float(row["sd_y_independent"]) == pytest.approx(
+        np.sqrt(c.independent[0, 1, 1]), abs=1e-6
+    )
     assert float(row["sd_rz_gyro"]) == pytest.approx(np.degrees(np.sqrt(c.gyro[0, 5, 5])), abs=1e-7)
     assert float(row["cov_z_rx"]) == pytest.approx(c.smoothed[0, 2, 3], rel=1e-9)
 
@@ -90,7 +101,10 @@ def test_refusals(tmp_path: Path) -> None:
     write_relative_csv(control(), path)
     whole = path.read_text()
     path.write_text(re.sub(r",mapping,2,", ",camera,2,", whole))
-    with pytest.raises(InputError, match=r"relative.csv:1[0-9]: form 'camera'; it is mapping or camera, the same in all rows"):
+    with pytest.raises(
+        InputError,
+        match=r"relative.csv:1[0-9]: form 'camera'; it is mapping or camera, the same in all rows",
+    ):
         read_relative_csv(path)
     fields = whole.splitlines()[-1].split(",")
     fields[COLUMNS.index("qw")] = "1.5"
@@ -110,7 +124,10 @@ def test_image_names_that_the_file_cannot_hold_are_refused(tmp_path: Path) -> No
 
 def test_page(tmp_path: Path) -> None:
     """Oracle: the page of the format."""
-    true, bad, message = (re.search(rf"```{kind}\n(.*?)```", PAGE.read_text(), re.DOTALL)[1] for kind in ("true", "bad", "message"))  # type: ignore[index]
+    true, bad, message = (
+        re.search(rf"```{kind}\n(.*?)```", PAGE.read_text(), re.DOTALL)[1]
+        for kind in ("true", "bad", "message")
+    )  # type: ignore[index]
     path = tmp_path / "relative.csv"
     path.write_text(true)
     assert read_relative_csv(path).names == (("0.tif", "1.tif"),)

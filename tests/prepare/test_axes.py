@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.prepare.axes import parse_axes
 
 VECTORS = {
@@ -43,7 +43,9 @@ def test_front_right_down_body_from_a_right_forward_up_sensor():
 
 
 def test_raw_navchip_axes():
-    """Oracle: hand calculation. Sensor x right, y backward, z down: gravity stays on z, a forward push shows on -y."""
+    """Oracle: hand calculation. Sensor x right, y backward, z down: gravity stays on z, a forward
+    push shows on -y.
+    """
     C_b_imu = parse_axes("Right, back, DOWN")
     assert_array_equal(C_b_imu @ [0, 0, 1], [0, 0, 1])
     assert_array_equal(C_b_imu @ [0, -1, 0], [1, 0, 0])

@@ -1,17 +1,21 @@
-"""One clock: GPS weeks, the common span, the cut of the fixes, exposures outside. Oracle throughout: a calendar of round numbers."""
+"""One clock: GPS weeks, the common span, the cut of the fixes, exposures outside. Oracle
+throughout: a calendar of round numbers.
+"""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from insgnss.errors import DataError, InputError
+from insgnss.base.errors import DataError, InputError
 from insgnss.prepare.clock import common_clock, common_span, cut_events, cut_fixes, refuse_outside
 from insgnss.records import CameraEvents, GnssFixes, ImuSamples
 
 
 def imu(start: float, end: float, week: int | None = None) -> ImuSamples:
     time = np.arange(start, end + 1e-9, 0.5)
-    return ImuSamples(time, np.zeros((time.size, 3)), np.zeros((time.size, 3)), gps_week=week, source="imu.csv")
+    return ImuSamples(
+        time, np.zeros((time.size, 3)), np.zeros((time.size, 3)), gps_week=week, source="imu.csv"
+    )
 
 
 def gnss(start: float, end: float, week: int | None = None, velocity: bool = False) -> GnssFixes:
@@ -19,16 +23,30 @@ def gnss(start: float, end: float, week: int | None = None, velocity: bool = Fal
     n = time.size
     cov = np.tile(np.eye(3), (n, 1, 1))
     speed = (np.column_stack([time, time, time]), cov) if velocity else (None, None)
-    return GnssFixes(time, time / 1e6, time / 1e6, time, cov, *speed, quality=np.arange(n), gps_week=week, source="gnss.txt")
+    return GnssFixes(
+        time,
+        time / 1e6,
+        time / 1e6,
+        time,
+        cov,
+        *speed,
+        quality=np.arange(n),
+        gps_week=week,
+        source="gnss.txt",
+    )
 
 
 def events(*time: float, week: int | None = None) -> CameraEvents:
-    return CameraEvents(tuple(f"{i}.tif" for i in range(len(time))), np.array(time), week, "events.txt")
+    return CameraEvents(
+        tuple(f"{i}.tif" for i in range(len(time))), np.array(time), week, "events.txt"
+    )
 
 
 def test_other_weeks_are_brought_to_the_first_known_one():
     """Oracle: a week has 604 800 s; a flight over midnight of Saturday goes on counting."""
-    i, g, e, week = common_clock(imu(604790.0, 604810.0, 2008), gnss(0.0, 20.0, 2009), events(5.0, week=2009), None)
+    i, g, e, week = common_clock(
+        imu(604790.0, 604810.0, 2008), gnss(0.0, 20.0, 2009), events(5.0, week=2009), None
+    )
     assert week == 2008
     assert (i.gps_week, g.gps_week, e.gps_week) == (2008, 2008, 2008)
     assert_array_equal(i.time[[0, -1]], [604790.0, 604810.0])
@@ -58,7 +76,12 @@ def test_no_week_anywhere_is_refused():
 
 @pytest.mark.parametrize(
     ("start", "end", "expected"),
-    [(None, None, (105.0, 150.0)), (110.5, None, (111.0, 150.0)), (None, 140.2, (105.0, 140.2)), (0.0, 1e6, (105.0, 150.0))],
+    [
+        (None, None, (105.0, 150.0)),
+        (110.5, None, (111.0, 150.0)),
+        (None, 140.2, (105.0, 140.2)),
+        (0.0, 1e6, (105.0, 150.0)),
+    ],
 )
 def test_span_is_first_fix_within_the_imu_to_the_end(start, end, expected):
     """Oracle: IMU from 104.5 to 150 s, fixes at full seconds from 90 to 200 s."""
@@ -66,10 +89,13 @@ def test_span_is_first_fix_within_the_imu_to_the_end(start, end, expected):
 
 
 @pytest.mark.parametrize(
-    ("first", "last", "start", "end"), [(0.0, 100.0, None, None), (160.0, 300.0, None, None), (90.0, 200.0, 210.0, None)]
+    ("first", "last", "start", "end"),
+    [(0.0, 100.0, None, None), (160.0, 300.0, None, None), (90.0, 200.0, 210.0, None)],
 )
 def test_no_overlap_is_wrong_input(first, last, start, end):
-    """Oracle: IMU from 104.5 to 150 s; fixes before it, after it, and before the start that is asked for."""
+    """Oracle: IMU from 104.5 to 150 s; fixes before it, after it, and before the start that is
+    asked for.
+    """
     with pytest.raises(InputError, match="they do not overlap; check gps_week"):
         common_span(imu(104.5, 150.0, 2008), gnss(first, last), start, end)
 
@@ -83,7 +109,9 @@ def test_no_overlap_is_wrong_input(first, last, start, end):
     ],
 )
 def test_too_short_an_overlap_does_not_support_an_answer(first, last, start, end, found):
-    """Oracle: the full seconds between 145 and 150 s, between 120 and 124.5 s, and at 150 s; IMU from 104.5 to 150 s."""
+    """Oracle: the full seconds between 145 and 150 s, between 120 and 124.5 s, and at 150 s; IMU
+    from 104.5 to 150 s.
+    """
     with pytest.raises(DataError, match=found):
         common_span(imu(104.5, 150.0, 2008), gnss(first, last), start, end)
 
@@ -103,7 +131,9 @@ def test_cut_keeps_every_field_of_the_fixes_within():
 
 
 def test_events_are_cut_where_the_flight_is():
-    """Oracle: names and times of the middle two; no cut gives all of them back, a cut that leaves none is refused."""
+    """Oracle: names and times of the middle two; no cut gives all of them back, a cut that leaves
+    none is refused.
+    """
     four = events(9.0, 10.0, 20.0, 20.5)
     cut = cut_events(four, 10.0, 20.0)
     assert cut.images == ("1.tif", "2.tif")
@@ -118,6 +148,10 @@ def test_exposures_outside_are_named_and_counted():
     """Oracle: two of four lie outside; both ends belong to the flight."""
     refuse_outside(events(10.0, 15.0, 20.0), 10.0, 20.0)
     with pytest.raises(
-        InputError, match=r"events\.txt: image 0\.tif at 9\.000 s is outside the flight, 10\.000 to 20\.000 s .*2 of 4 images"
+        InputError,
+        match=(
+            r"events\.txt: image 0\.tif at 9\.000 s is outside the flight, 10\.000 to 20\.000 s .*2"
+            r" of 4 images"
+        ),
     ):
         refuse_outside(events(9.0, 10.0, 20.0, 20.5), 10.0, 20.0)

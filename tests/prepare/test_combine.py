@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.geodesy.rotation import rotation_from_rpy
 from insgnss.prepare.axes import parse_axes
-from insgnss.prepare.combine import combine
+from insgnss.prepare.several_imus.combine import combine
 from insgnss.records import ImuSamples
-from insgnss.simulate.flights import block_flight
-from insgnss.simulate.sensors import ImuOptions, simulate_imu
+from insgnss.simulation.flights import block_flight
+from insgnss.simulation.sensors import ImuOptions, simulate_imu
 
 GYRO_Q, ACCEL_Q = 5.2e-5, 5.1e-4  # rad/s/sqrt(Hz), m/s^2/sqrt(Hz), NavChip
 SIGMA = (GYRO_Q, ACCEL_Q)
@@ -26,7 +26,9 @@ def motion():
 
 
 def ideal(motion, lever, rate=RATE, quantity="mean_rate", phase=0.0):
-    """Exact readings of a sensor at a lever arm, body axes: its specific force is that of its own path."""
+    """Exact readings of a sensor at a lever arm, body axes: its specific force is that of its own
+    path.
+    """
     imu = motion.imu(rate, quantity, phase_s=phase)
     if not np.any(lever):
         return imu
@@ -40,7 +42,9 @@ def ideal(motion, lever, rate=RATE, quantity="mean_rate", phase=0.0):
 def lever_force(motion, lever, time, h=1e-3):
     """C^T d2(C l)/dt2 in body axes, by the second difference."""
     time = np.clip(time, motion.start + h, motion.end - h)
-    second = (motion.C_lb(time + h) - 2.0 * motion.C_lb(time) + motion.C_lb(time - h)) @ lever / h**2
+    second = (
+        (motion.C_lb(time + h) - 2.0 * motion.C_lb(time) + motion.C_lb(time - h)) @ lever / h**2
+    )
     return np.einsum("nji,nj->ni", motion.C_lb(time), second)
 
 
@@ -51,14 +55,30 @@ def mounted(imu, axes, seed=None, rate=RATE, sigma=SIGMA, bias=0.0):
     if seed is not None:
         rng = np.random.default_rng(seed)
         scale = 1.0 / rate if imu.quantity == "increments" else 1.0
-        gyro = gyro + (rng.normal(0.0, sigma[0] * np.sqrt(rate), gyro.shape) + 1e-3 * bias * rng.normal(size=3)) * scale
-        accel = accel + (rng.normal(0.0, sigma[1] * np.sqrt(rate), accel.shape) + 3e-2 * bias * rng.normal(size=3)) * scale
+        gyro = (
+            gyro
+            + (
+                rng.normal(0.0, sigma[0] * np.sqrt(rate), gyro.shape)
+                + 1e-3 * bias * rng.normal(size=3)
+            )
+            * scale
+        )
+        accel = (
+            accel
+            + (
+                rng.normal(0.0, sigma[1] * np.sqrt(rate), accel.shape)
+                + 3e-2 * bias * rng.normal(size=3)
+            )
+            * scale
+        )
     return replace(imu, gyro=gyro, accel=accel, source="")
 
 
 def put_together(imus, levers=LEVERS, sigma=None, **options):
     m = len(imus)
-    return combine(imus, [parse_axes(a) for a in AXES[:m]], list(levers[:m]), sigma or [SIGMA] * m, **options)
+    return combine(
+        imus, [parse_axes(a) for a in AXES[:m]], list(levers[:m]), sigma or [SIGMA] * m, **options
+    )
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +89,12 @@ def three(motion):
 
 @pytest.mark.parametrize("quantity", ["mean_rate", "increments", "instant_rate"])
 def test_the_lever_arm_is_taken_off(motion, quantity):
-    """Oracle: exact motion of both points (second difference of the path of the second); what remains is the slope over 20 ms."""
-    first, second = (mounted(ideal(motion, LEVERS[j], quantity=quantity), AXES[j]) for j in range(2))
+    """Oracle: exact motion of both points (second difference of the path of the second); what
+    remains is the slope over 20 ms.
+    """
+    first, second = (
+        mounted(ideal(motion, LEVERS[j], quantity=quantity), AXES[j]) for j in range(2)
+    )
     got = put_together([first, second]).samples
     truth = motion.imu(RATE, "instant_rate" if quantity == "instant_rate" else "mean_rate")
     middle = slice(20, -20)
@@ -85,7 +109,9 @@ def test_the_lever_arm_is_taken_off(motion, quantity):
 def test_another_clock_and_rate_are_put_onto_the_first(motion):
     """Oracle: exact motion sampled at 250 Hz on a shifted grid, stamps late by 4.3 ms."""
     first = mounted(ideal(motion, LEVERS[0]), AXES[0], seed=1)
-    second = mounted(ideal(motion, LEVERS[1], rate=250.0, phase=1.1e-3), AXES[1], seed=2, rate=250.0)
+    second = mounted(
+        ideal(motion, LEVERS[1], rate=250.0, phase=1.1e-3), AXES[1], seed=2, rate=250.0
+    )
     got = put_together([first, replace(second, time=second.time + 4.3e-3)])
     assert got.offset_s[1] == pytest.approx(-4.3e-3, abs=4.0 * got.offset_sigma_s[1])
     assert got.offset_sigma_s[1] < 1e-4
@@ -94,17 +120,25 @@ def test_another_clock_and_rate_are_put_onto_the_first(motion):
 
 
 def test_interpolation_keeps_what_was_turned(motion):
-    """Oracle: the sum of the exact increments; noise-free, another rate and phase; no error accumulates."""
+    """Oracle: the sum of the exact increments; noise-free, another rate and phase; no error
+    accumulates.
+    """
     first = mounted(ideal(motion, LEVERS[0]), AXES[0])
     second = mounted(ideal(motion, LEVERS[0], rate=170.0, phase=2.3e-3), AXES[1])
-    got = put_together([first, second], np.zeros((3, 3)), [(1.0, 1.0), (1e-6, 1e-6)]).samples  # the second alone
+    got = put_together(
+        [first, second], np.zeros((3, 3)), [(1.0, 1.0), (1e-6, 1e-6)]
+    ).samples  # the second alone
     inside = slice(20, -20)
-    np.testing.assert_allclose(np.cumsum(got.gyro[inside] / RATE, 0), np.cumsum(first.gyro[inside] / RATE, 0), atol=2e-7)
+    np.testing.assert_allclose(
+        np.cumsum(got.gyro[inside] / RATE, 0), np.cumsum(first.gyro[inside] / RATE, 0), atol=2e-7
+    )
     np.testing.assert_allclose(got.gyro[inside], first.gyro[inside], atol=1e-4)
 
 
 def test_noise_of_the_combination(motion):
-    """Oracle: (K.2), 1 / sqrt(sum 1 / q^2), for equal and for unequal IMUs; stationary, white, sample standard deviations to 2 %."""
+    """Oracle: (K.2), 1 / sqrt(sum 1 / q^2), for equal and for unequal IMUs; stationary, white,
+    sample standard deviations to 2 %.
+    """
     n = 20_000
     time = np.arange(1, n + 1) / RATE
     rng = np.random.default_rng(6)
@@ -119,8 +153,12 @@ def test_noise_of_the_combination(motion):
     ]
     got = put_together(imus, np.zeros((3, 3)), sigmas)
     assert got.gyro_noise == pytest.approx(1.0 / np.sqrt(1e8 + 0.25e8 + 1e8))
-    np.testing.assert_allclose(got.samples.gyro.std(axis=0), got.gyro_noise * np.sqrt(RATE), rtol=0.02)
-    np.testing.assert_allclose(got.samples.accel.std(axis=0), got.accel_noise * np.sqrt(RATE), rtol=0.02)
+    np.testing.assert_allclose(
+        got.samples.gyro.std(axis=0), got.gyro_noise * np.sqrt(RATE), rtol=0.02
+    )
+    np.testing.assert_allclose(
+        got.samples.accel.std(axis=0), got.accel_noise * np.sqrt(RATE), rtol=0.02
+    )
     assert got.accel_noise == pytest.approx(1.0 / np.sqrt(1e6 + 1e6 / 16 + 1e6))
     np.testing.assert_allclose(got.weight.T, [[4 / 9, 1 / 9, 4 / 9], [16 / 33, 1 / 33, 16 / 33]])
     two = put_together(imus[:2], np.zeros((3, 3)), sigmas[:2])
@@ -130,7 +168,9 @@ def test_noise_of_the_combination(motion):
 
 
 def test_sound_imus_agree(three):
-    """Oracle: white noise and constant biases only: q of (J.1) is 1 in the mean where the body moves little, and no window passes."""
+    """Oracle: white noise and constant biases only: q of (J.1) is 1 in the mean where the body
+    moves little, and no window passes.
+    """
     got = put_together(three)
     assert got.parity.check.verdict == "ok"
     assert got.parity.faulty is None
@@ -140,16 +180,25 @@ def test_sound_imus_agree(three):
 
 
 def test_sound_imus_of_the_papers_noise_agree():
-    """Oracle: simulated NavChips (Table 5, with their Gauss-Markov biases and turn-on biases) at one place through take-off and turns."""
+    """Oracle: simulated NavChips (Table 5, with their Gauss-Markov biases and turn-on biases) at
+    one place through take-off and turns.
+    """
     flight = block_flight(4.0, seed=8)
-    imus = [simulate_imu(flight, ImuOptions(rate_hz=100.0, axes=AXES[j]), np.random.default_rng(j)).samples for j in range(2)]
+    imus = [
+        simulate_imu(
+            flight, ImuOptions(rate_hz=100.0, axes=AXES[j]), np.random.default_rng(j)
+        ).samples
+        for j in range(2)
+    ]
     got = put_together(imus, np.zeros((3, 3)))
     assert got.parity.check.verdict == "ok", got.parity.check.found
     assert np.isfinite(got.parity.gyro).all()
 
 
 def test_vibration_of_the_rotors_is_no_fault(three):
-    """Oracle: 83 Hz of 1 m/s^2 and 0.1 rad/s in opposite phase, as a soft board has it; its mean over 0.1 s is nothing."""
+    """Oracle: 83 Hz of 1 m/s^2 and 0.1 rad/s in opposite phase, as a soft board has it; its mean
+    over 0.1 s is nothing.
+    """
     shaken = []
     for imu, sign in zip(three, (1.0, -1.0, 1.0), strict=True):
         wave = sign * np.sin(2.0 * np.pi * 83.0 * imu.time)[:, None]
@@ -172,7 +221,10 @@ def test_an_imu_mounted_askew_is_told(three, angle_deg, verdict):
 
 def test_a_second_in_common_is_not_judged(three):
     """Oracle: no statistics of three half-seconds."""
-    short = [replace(imu, time=imu.time[:300], gyro=imu.gyro[:300], accel=imu.accel[:300]) for imu in three[:2]]
+    short = [
+        replace(imu, time=imu.time[:300], gyro=imu.gyro[:300], accel=imu.accel[:300])
+        for imu in three[:2]
+    ]
     got = put_together(short)
     assert got.parity.check.verdict == "note"
     assert got.parity.faulty is None
@@ -202,7 +254,15 @@ def crippled(imu, fault, rng):
     return replace(imu, gyro=gyro, accel=accel)
 
 
-FAULTS = ("stuck gyro axis", "stuck accelerometer axis", "scale step", "spikes", "bias step", "noise", "dead from the start")
+FAULTS = (
+    "stuck gyro axis",
+    "stuck accelerometer axis",
+    "scale step",
+    "spikes",
+    "bias step",
+    "noise",
+    "dead from the start",
+)
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -220,7 +280,9 @@ def test_of_three_the_faulty_one_is_named(three, fault, which):
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("which", [0, 1])
 def test_of_two_a_fault_is_seen_and_named_where_it_is_evident(three, fault, which):
-    """Oracle: the injected fault; a step of scale or bias is nobody's; half the samples with noise is the data's word."""
+    """Oracle: the injected fault; a step of scale or bias is nobody's; half the samples with noise
+    is the data's word.
+    """
     imus = list(three[:2])
     imus[which] = crippled(imus[which], fault, np.random.default_rng(3))
     got = put_together(imus)
@@ -236,7 +298,9 @@ def test_a_gap_of_one_leaves_the_others(three):
     """Oracle: the first alone in the gap; counted in a note."""
     second = three[1]
     keep = (second.time < second.time[0] + 40.0) | (second.time > second.time[0] + 42.0)
-    broken = replace(second, time=second.time[keep], gyro=second.gyro[keep], accel=second.accel[keep])
+    broken = replace(
+        second, time=second.time[keep], gyro=second.gyro[keep], accel=second.accel[keep]
+    )
     got = put_together([three[0], broken])
     inside = (three[0].time > second.time[0] + 40.5) & (three[0].time < second.time[0] + 41.5)
     np.testing.assert_allclose(got.samples.gyro[inside], three[0].gyro[inside], rtol=0, atol=1e-12)
@@ -265,7 +329,12 @@ def test_wrong_axes_are_a_contradiction(three):
 )
 def test_what_cannot_be_combined_is_refused(three, change, message):
     """Oracle: the function's contract."""
-    given = {"imus": three[:2], "C_b_imu": [np.eye(3)] * 2, "lever_b": list(LEVERS[:2]), "sigma": [SIGMA] * 2} | change
+    given = {
+        "imus": three[:2],
+        "C_b_imu": [np.eye(3)] * 2,
+        "lever_b": list(LEVERS[:2]),
+        "sigma": [SIGMA] * 2,
+    } | change
     with pytest.raises(InputError, match=message):
         combine(**given)
     other = three[1]

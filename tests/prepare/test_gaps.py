@@ -6,18 +6,25 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from insgnss.errors import DataError
+from insgnss.base.errors import DataError
 from insgnss.geodesy.rotation import vector_from_rotation
 from insgnss.prepare.gaps import bridged_variance, edges, find_gaps, nominal_interval, segments
 from insgnss.prepare.increments import body_increments
-from insgnss.simulate.scenario import ImuOptions, simulate_flight
+from insgnss.simulation.scenario import ImuOptions, simulate_flight
 
 BODY = np.eye(3)
 
 
 @pytest.fixture(scope="module")
 def flight():
-    return simulate_flight("ign8", 3.0, seed=4, imu=ImuOptions(rate_hz=100.0, noise=None), start_in_air=True, line_length_m=120.0)
+    return simulate_flight(
+        "ign8",
+        3.0,
+        seed=4,
+        imu=ImuOptions(rate_hz=100.0, noise=None),
+        start_in_air=True,
+        line_length_m=120.0,
+    )
 
 
 def holed(imu, first, missing):
@@ -27,20 +34,33 @@ def holed(imu, first, missing):
 
 
 def test_what_a_bridge_misses_is_what_it_is_said_to_miss(flight):
-    """Oracle: exact motion at 60 gaps of 0.5 s; the mean of 60 squares over their variance lies in 0.4 to 2.5, for turns come in bursts."""
+    """Oracle: exact motion at 60 gaps of 0.5 s; the mean of 60 squares over their variance lies in
+    0.4 to 2.5, for turns come in bursts.
+    """
     imu, motion = flight.imu, flight.flight.motion
     misses, said = [], []
     for first in np.linspace(1000, imu.time.size - 1000, 60).astype(int):
         gapped = holed(imu, first, 50)
-        marks = np.array([imu.time[first - 100], imu.time[first - 1], imu.time[first + 50], imu.time[first + 100]])
+        marks = np.array(
+            [
+                imu.time[first - 100],
+                imu.time[first - 1],
+                imu.time[first + 50],
+                imu.time[first + 100],
+            ]
+        )
         inc = body_increments(gapped, BODY, marks)
         turn = np.einsum("ji,jk->ik", motion.C_lb(marks[1:2])[0], motion.C_lb(marks[2:3])[0])
-        misses.append(vector_from_rotation(turn[None])[0] - inc.dtheta[inc.stop[1] : inc.stop[2]].sum(axis=0))
+        misses.append(
+            vector_from_rotation(turn[None])[0] - inc.dtheta[inc.stop[1] : inc.stop[2]].sum(axis=0)
+        )
         said.append(inc.bridged[2, :3])
         assert_array_equal(inc.bridged[[1, 3]], 0.0)
     ratio = np.mean(np.square(misses), axis=0) / np.mean(said, axis=0)
     assert ((ratio > 0.4) & (ratio < 2.5)).all(), ratio
-    assert np.sqrt(np.mean(said)) > np.radians(0.2)  # the flight turns: a bridge that said nothing would be wrong
+    assert np.sqrt(np.mean(said)) > np.radians(
+        0.2
+    )  # the flight turns: a bridge that said nothing would be wrong
 
 
 def test_a_gap_that_a_mark_divides_is_shared_out(flight):
@@ -61,13 +81,17 @@ def test_long_gaps_divide_the_flight(flight):
     imu = holed(holed(flight.imu, 9000, 300), 4000, 150)
     t = flight.imu.time
     parts = segments(imu.time, t[0], t[-1])
-    assert_allclose(parts, [(t[0], t[3999]), (t[4150], t[8999]), (t[9300], t[-1])], rtol=0, atol=1e-9)
+    assert_allclose(
+        parts, [(t[0], t[3999]), (t[4150], t[8999]), (t[9300], t[-1])], rtol=0, atol=1e-9
+    )
     assert segments(imu.time, t[4200], t[8000]) == [(t[4200], t[8000])]
     assert segments(holed(flight.imu, 4000, 60).time, t[0], t[-1]) == [(t[0], t[-1])]
 
 
 def test_gaps_that_nothing_can_be_compared_with_are_refused(flight):
-    """Oracle: the construction: 0.2 s of samples, 0.3 s of none, and so on, so that no 0.3 s are whole."""
+    """Oracle: the construction: 0.2 s of samples, 0.3 s of none, and so on, so that no 0.3 s are
+    whole.
+    """
     imu = flight.imu
     keep = (imu.time - imu.time[0]) % 0.5 < 0.2
     burst = replace(imu, time=imu.time[keep], gyro=imu.gyro[keep], accel=imu.accel[keep])

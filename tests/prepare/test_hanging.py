@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from insgnss.prepare.hanging import constant_runs, without_hangs
+from insgnss.prepare.stuck_channels import constant_runs, without_hangs
 from insgnss.records import ImuSamples
 
 
@@ -14,7 +14,11 @@ from insgnss.records import ImuSamples
 def imu():
     rng = np.random.default_rng(3)
     time = 1000.0 + 0.01 * np.arange(20_000)
-    return ImuSamples(time, 0.01 * rng.standard_normal((time.size, 3)), [0, 0, -9.8] + 0.1 * rng.standard_normal((time.size, 3)))
+    return ImuSamples(
+        time,
+        0.01 * rng.standard_normal((time.size, 3)),
+        [0, 0, -9.8] + 0.1 * rng.standard_normal((time.size, 3)),
+    )
 
 
 def stuck(imu, channel, first, last):
@@ -33,7 +37,9 @@ def test_a_hang_becomes_a_gap_and_a_note(imu, channel):
 
 
 def test_what_does_not_hang_is_left_alone(imu):
-    """Oracle: noise; noise of a third of the resolution; a dead band that holds all three gyros; a dead sensor that another check names."""
+    """Oracle: noise; noise of a third of the resolution; a dead band that holds all three gyros; a
+    dead sensor that another check names.
+    """
     assert without_hangs(imu, 5.0) is imu
     coarse = replace(imu, gyro=np.round(imu.gyro / 0.03) * 0.03)
     assert without_hangs(coarse, 5.0) is coarse

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.errors import DataError
-from insgnss.prepare.static import static_span
+from insgnss.base.errors import DataError
+from insgnss.prepare.static_recording import static_span
 from insgnss.records import ImuSamples
 from insgnss.stochastic.model import load_noise_model
 from insgnss.stochastic.processes import simulate_noise
@@ -21,7 +21,10 @@ def recording(seed=1, seconds=SECONDS, model="navchip"):
     """Ten minutes of an IMU at rest."""
     rng = np.random.default_rng(seed)
     n, noise = int(seconds * RATE), load_noise_model(model)
-    gyro, accel = (np.column_stack([simulate_noise(axis, n, 1.0 / RATE, rng) for axis in triad]) for triad in (noise.gyro, noise.accel))
+    gyro, accel = (
+        np.column_stack([simulate_noise(axis, n, 1.0 / RATE, rng) for axis in triad])
+        for triad in (noise.gyro, noise.accel)
+    )
     return ImuSamples(100.0 + np.arange(n) / RATE, gyro + BIAS, accel + GRAVITY, source="made.csv")
 
 
@@ -49,7 +52,9 @@ def found(span, name):
 
 @pytest.mark.parametrize("model", ["navchip", "tactical"])
 def test_rest_is_rest(model):
-    """Oracle: simulation without faults; of ten recordings of six channels none may be called disturbed (eight sigma)."""
+    """Oracle: simulation without faults; of ten recordings of six channels none may be called
+    disturbed (eight sigma).
+    """
     for seed in range(5):
         span = static_span(recording(seed, 300, model))
         assert set(verdicts(span).values()) == {"ok"}, span.checks
@@ -104,7 +109,9 @@ def test_a_moving_sensor_is_refused(still):
 
 
 def test_gaps_are_told_and_the_longest_span_is_taken(still):
-    """Oracle: gaps made by leaving out rows, of 0.1 s, 2 s and a row; the samples between them by count."""
+    """Oracle: gaps made by leaving out rows, of 0.1 s, 2 s and a row; the samples between them by
+    count.
+    """
     keep = np.ones(still.time.size, dtype=bool)
     keep[5_000:5_005] = keep[9_000:9_100] = keep[20_000] = False
     imu = replace(still, time=still.time[keep], gyro=still.gyro[keep], accel=still.accel[keep])
@@ -144,7 +151,9 @@ def test_what_is_skipped_and_kept(still):
 
 def test_increments_are_taken_as_rates(still):
     """Oracle: the rates that the increments are of."""
-    span = static_span(replace(still, gyro=still.gyro / RATE, accel=still.accel / RATE, quantity="increments"))
+    span = static_span(
+        replace(still, gyro=still.gyro / RATE, accel=still.accel / RATE, quantity="increments")
+    )
     assert_allclose(span.gyro, still.gyro, rtol=1e-9)
     assert_allclose(span.accel, still.accel, rtol=1e-9)
 
@@ -153,11 +162,31 @@ def test_increments_are_taken_as_rates(still):
     ("name", "change", "said"),
     [
         ("constant channel", {"gyro": lambda a: a[:, 1].fill(0.25)}, "gyro y is 0.25 throughout"),
-        ("constant channel", {"accel": lambda a: a[2_000:2_500, 0].fill(0.3)}, "accelerometer x stays at 0.3 for 10.0 s from 40.0 s on"),
-        ("units", {"accel": lambda a: np.divide(a, 9.80665, out=a)}, "the values look like g: give --accel-unit g"),
-        ("units", {"accel": lambda a: np.multiply(a, 300.0, out=a)}, "if these are counts, --accel-unit '0.003335 m/s^2'"),
-        ("units", {"gyro": lambda a: np.multiply(a, 57.29578, out=a)}, "it turns, or the unit is another: give --gyro-unit"),
-        ("rounding", {"gyro": lambda a: np.multiply(np.rint(a / 1e-3), 1e-3, out=a)}, "the rounding hides the noise"),
+        (
+            "constant channel",
+            {"accel": lambda a: a[2_000:2_500, 0].fill(0.3)},
+            "accelerometer x stays at 0.3 for 10.0 s from 40.0 s on",
+        ),
+        (
+            "units",
+            {"accel": lambda a: np.divide(a, 9.80665, out=a)},
+            "the values look like g: give --accel-unit g",
+        ),
+        (
+            "units",
+            {"accel": lambda a: np.multiply(a, 300.0, out=a)},
+            "if these are counts, --accel-unit '0.003335 m/s^2'",
+        ),
+        (
+            "units",
+            {"gyro": lambda a: np.multiply(a, 57.29578, out=a)},
+            "it turns, or the unit is another: give --gyro-unit",
+        ),
+        (
+            "rounding",
+            {"gyro": lambda a: np.multiply(np.rint(a / 1e-3), 1e-3, out=a)},
+            "the rounding hides the noise",
+        ),
     ],
 )
 def test_unfit_recordings_are_refused(still, name, change, said):
@@ -176,7 +205,10 @@ def test_rounding_is_told_by_its_share(still):
 
     check = found(static_span(changed(still, accel=coarse)), "rounding")
     assert check.verdict == "note"
-    assert "accelerometer z scatter by 1 steps of their resolution, 8 % of the variance is rounding" in check.found
+    assert (
+        "accelerometer z scatter by 1 steps of their resolution, 8 % of the variance is rounding"
+        in check.found
+    )
 
 
 def test_a_rail_is_told(still):
@@ -185,12 +217,18 @@ def test_a_rail_is_told(still):
     def rail(a):
         a[300:305, 0] = 5.0
 
-    assert "gyro x stands at 5 5 times" in found(static_span(changed(still, gyro=rail)), "range").found
+    assert (
+        "gyro x stands at 5 5 times" in found(static_span(changed(still, gyro=rail)), "range").found
+    )
 
 
 def test_stamps_in_bunches_make_no_rate(still):
     """Oracle: stamps of a logger that writes ten samples at once."""
-    time = 100.0 + np.floor(np.arange(still.time.size) / 10) * 0.2 + np.arange(still.time.size) % 10 * 1e-4
+    time = (
+        100.0
+        + np.floor(np.arange(still.time.size) / 10) * 0.2
+        + np.arange(still.time.size) % 10 * 1e-4
+    )
     check = found(static_span(replace(still, time=time)), "sampling")
     assert check.verdict == "contradiction"
     assert "--rate" in check.advice

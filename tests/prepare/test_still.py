@@ -7,20 +7,30 @@ import numpy as np
 import pytest
 
 from insgnss.formats import read_gnss, read_imu
-from insgnss.prepare.still import still_stretches
+from insgnss.prepare.stationarity import still_stretches
 from insgnss.records import GnssFixes, ImuSamples
-from insgnss.simulate.scenario import GnssOptions, ImuOptions, simulate_flight
+from insgnss.simulation.scenario import GnssOptions, ImuOptions, simulate_flight
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 IMU_COLUMNS = {"tow": "time", "gx": "p", "gy": "q", "gz": "r", "ax": "ax", "ay": "ay", "az": "az"}
-GNSS_COLUMNS = {"tow": "time", "lat": "lat", "lon": "lon", "h": "alt", "vn": "vn", "ve": "ve", "vd": "vd"}
+GNSS_COLUMNS = {
+    "tow": "time",
+    "lat": "lat",
+    "lon": "lon",
+    "h": "alt",
+    "vn": "vn",
+    "ve": "ve",
+    "vd": "vd",
+}
 
 
 def recording(seconds, seed=0, rate=100.0, gyro=1e-3, accel=0.01):
     """White noise about a constant."""
     rng, n = np.random.default_rng(seed), int(seconds * rate)
     return ImuSamples(
-        100.0 + np.arange(n) / rate, rng.normal(0.0, gyro, (n, 3)) + [0.01, -0.02, 0.0], rng.normal(0.0, accel, (n, 3)) + [0.1, 0.2, -9.8]
+        100.0 + np.arange(n) / rate,
+        rng.normal(0.0, gyro, (n, 3)) + [0.01, -0.02, 0.0],
+        rng.normal(0.0, accel, (n, 3)) + [0.1, 0.2, -9.8],
     )
 
 
@@ -37,7 +47,9 @@ def standing_gnss(begin, end, velocity=(0.0, 0.0, 0.0), sigma=0.02, rate=5.0):
     time = np.arange(begin, end, 1.0 / rate)
     north, east, _ = (time - begin)[:, None].T * np.array(velocity)[:, None]
     cov = np.broadcast_to(sigma**2 * np.eye(3), (time.size, 3, 3))
-    return GnssFixes(time, np.radians(46.5) + north / 6.37e6, 0.1 + east / 4.4e6, np.full(time.size, 400.0), cov)
+    return GnssFixes(
+        time, np.radians(46.5) + north / 6.37e6, 0.1 + east / 4.4e6, np.full(time.size, 400.0), cov
+    )
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +71,9 @@ def test_the_stand_before_take_off_is_found_and_nothing_in_the_air(flown, with_g
 
 
 def test_the_means_of_a_stretch_are_bias_earth_rate_and_gravity(flown):
-    """Oracle: exact motion plus the simulated slow errors, within four sigmas of the white noise's mean."""
+    """Oracle: exact motion plus the simulated slow errors, within four sigmas of the white noise's
+    mean.
+    """
     found = still_stretches(flown.imu)
     inside = found.at(flown.truth.trajectory.time) == 0
     bias = flown.truth.gyro_bias[inside].mean(axis=0)
@@ -76,7 +90,9 @@ def test_a_smooth_cruise_is_no_rest_where_gnss_is_there():
     assert len(still_stretches(imu, standing_gnss(100.0, 160.0))) == 1
     assert len(still_stretches(imu, standing_gnss(100.0, 160.0, (15.0, 0.0, 0.0)))) == 0
     assert len(still_stretches(imu, standing_gnss(100.0, 160.0, (0.0, 0.5, 0.0)))) == 0
-    poor = standing_gnss(100.0, 160.0, (0.0, 1.0, 0.0), sigma=3.0)  # seen over the whole stretch, in no single second
+    poor = standing_gnss(
+        100.0, 160.0, (0.0, 1.0, 0.0), sigma=3.0
+    )  # seen over the whole stretch, in no single second
     assert len(still_stretches(imu, poor)) == 0
 
 
@@ -95,7 +111,9 @@ def test_a_calm_flight_that_starts_in_the_air_never_rests():
 
 
 def test_hovering_is_no_rest():
-    """Oracle: vibration of a hovering multirotor (0.5 m/s^2, 0.05 rad/s) while GNSS stands; with and without a stand on the ground."""
+    """Oracle: vibration of a hovering multirotor (0.5 m/s^2, 0.05 rad/s) while GNSS stands; with
+    and without a stand on the ground.
+    """
     gnss = standing_gnss(100.0, 160.0)
     hover = shaken(recording(60.0), 110.0, 150.0, 0.05, 0.5)
     found = still_stretches(hover, gnss)
@@ -104,7 +122,9 @@ def test_hovering_is_no_rest():
 
 
 def test_slow_turning_is_no_rest():
-    """Oracle: a swing of 1 deg/s over 8 s on noise of 0.3 deg/s, where no rest is to compare it with; 3 deg/s steady beside a stand."""
+    """Oracle: a swing of 1 deg/s over 8 s on noise of 0.3 deg/s, where no rest is to compare it
+    with; 3 deg/s steady beside a stand.
+    """
     imu = recording(60.0, gyro=5e-3)
     swing = np.radians(1.0) * np.sin(2.0 * np.pi * imu.time / 2.0)[:, None]
     assert len(still_stretches(replace(imu, gyro=imu.gyro + swing))) == 0
@@ -122,7 +142,9 @@ def test_a_gap_ends_a_stretch_and_increments_are_rates():
     broken = replace(imu, time=imu.time[keep], gyro=imu.gyro[keep], accel=imu.accel[keep])
     rates = still_stretches(broken)
     np.testing.assert_allclose(rates.time, [[100.2, 107.8], [109.2, 119.7]], rtol=0, atol=0.11)
-    summed = still_stretches(replace(broken, gyro=broken.gyro * 0.01, accel=broken.accel * 0.01, quantity="increments"))
+    summed = still_stretches(
+        replace(broken, gyro=broken.gyro * 0.01, accel=broken.accel * 0.01, quantity="increments")
+    )
     np.testing.assert_allclose(summed.gyro_mean, rates.gyro_mean, rtol=0, atol=1e-12)
     np.testing.assert_allclose(summed.accel_std, rates.accel_std, rtol=1e-9)
 
@@ -134,11 +156,15 @@ def test_where_an_instant_lies():
     assert len(found.within(100.0, 120.0)) == 1
     assert len(found.within(105.0, 170.0)) == 1
     assert len(found.within(100.0, 170.0)) == 2
-    assert still_stretches(shaken(recording(60.0), 0.0, 200.0, 0.05, 0.5)).at(np.array([105.0])).tolist() == [-1]
+    assert still_stretches(shaken(recording(60.0), 0.0, 200.0, 0.05, 0.5)).at(
+        np.array([105.0])
+    ).tolist() == [-1]
 
 
 def test_walk_has_no_rest_but_at_its_end():
-    """Oracle: the recording's description (nearly still for the last 25 s only) and the receiver's RTK speed."""
+    """Oracle: the recording's description (nearly still for the last 25 s only) and the receiver's
+    RTK speed.
+    """
     if not (DATA / "tilt_rtk_walk").is_dir():
         pytest.skip("the recording tilt_rtk_walk is not here")
     imu = read_imu(DATA / "tilt_rtk_walk" / "imu.aimu", quantity="instant_rate")
@@ -150,13 +176,22 @@ def test_walk_has_no_rest_but_at_its_end():
 
 
 def test_fixed_wing_rests_on_the_ground_only():
-    """Oracle: the receiver's height and speed: airborne 351 s above 260 m, on the ground before and after."""
+    """Oracle: the receiver's height and speed: airborne 351 s above 260 m, on the ground before and
+    after.
+    """
     path = DATA / "umn_thor75" / "thor_flight75_2012_10_10.mat"
     if not path.is_file():
         pytest.skip("the recording umn_thor75 is not here")
     common = {"variable": "flight_data", "gps_week": 1709}
     imu = read_imu(path, columns=IMU_COLUMNS, quantity="instant_rate", **common)
-    gnss = read_gnss(path, columns=GNSS_COLUMNS, repeat_column="GPS_TOW", sigma_m=[1.5, 1.5, 3.0], sigma_velocity=[0.3, 0.3, 0.5], **common)
+    gnss = read_gnss(
+        path,
+        columns=GNSS_COLUMNS,
+        repeat_column="GPS_TOW",
+        sigma_m=[1.5, 1.5, 3.0],
+        sigma_velocity=[0.3, 0.3, 0.5],
+        **common,
+    )
     speed = np.linalg.norm(gnss.velocity_ned, axis=1)
     for fixes in (gnss, None):
         found = still_stretches(imu, fixes)

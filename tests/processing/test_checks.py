@@ -1,4 +1,6 @@
-"""Decisions of a run that numbers make: what is refused, what is told, what is taken into the stamps."""
+"""Decisions of a run that numbers make: what is refused, what is told, what is taken into the
+stamps.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,12 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from insgnss.base.errors import DataError, InputError
 from insgnss.diagnosis.time_offset import offset_to_apply
-from insgnss.errors import DataError, InputError
 from insgnss.flight import load_flight
 from insgnss.navigation.codes import REJECTED, USED, VELOCITY_CONSTRAINT
 from insgnss.orient.mounting import Mounting
-from insgnss.processing.checks import check_motion, check_mounting, check_stationary, refuse_contradictions, refuse_unobservable
+from insgnss.processing.checks import (
+    check_motion,
+    check_mounting,
+    check_stationary,
+    refuse_contradictions,
+    refuse_unobservable,
+)
 from insgnss.processing.input_files import stationary_fixes
 from insgnss.processing.orientation import _origin
 from insgnss.processing.recording import read_recording
@@ -43,7 +51,9 @@ def path_of(sigma_deg: list[float]) -> Trajectory:
 def test_attitude_that_half_of_the_rows_do_not_have_is_refused() -> None:
     """Oracle: 10 deg in the median, the limit that the refusal names."""
     refuse_unobservable(FLIGHT, path_of([9.0, 9.5, 90.0]))
-    with pytest.raises(DataError, match=r"its standard deviation is 11 deg in the median \(limit 10\)"):
+    with pytest.raises(
+        DataError, match=r"its standard deviation is 11 deg in the median \(limit 10\)"
+    ):
         refuse_unobservable(FLIGHT, path_of([1.0, 11.0, 12.0]))
 
 
@@ -67,7 +77,9 @@ def test_motion_that_is_not_as_said_is_a_contradiction() -> None:
     ("offset_s", "sigma_s", "moved"),
     [(0.006, 0.001, True), (0.004, 0.001, False), (0.006, 0.0031, False), (-0.02, 0.001, True)],
 )
-def test_a_time_offset_is_taken_into_the_stamps(offset_s: float, sigma_s: float, moved: bool) -> None:
+def test_a_time_offset_is_taken_into_the_stamps(
+    offset_s: float, sigma_s: float, moved: bool
+) -> None:
     """Oracle: more than 5 ms and two sigma (a d^2 / 2 of what is left is below 0.1 mm), signed."""
     P = np.zeros((2, 11, 11))
     P[-1, 10, 10] = sigma_s**2
@@ -108,7 +120,9 @@ def test_fixes_of_a_known_place() -> None:
     ("imu_m", "turn_deg", "verdict"),
     [(2.9, 9.9, "ok"), (3.1, 0.0, "note"), (0.1, 10.1, "note"), (0.0, 0.0, "note")],
 )
-def test_long_lever_arms_and_large_boresights_are_told(imu_m: float, turn_deg: float, verdict: str) -> None:
+def test_long_lever_arms_and_large_boresights_are_told(
+    imu_m: float, turn_deg: float, verdict: str
+) -> None:
     """Oracle: 3 m and 10 deg, the limits of the note; and none of either, which is told as well."""
     c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
     mounting = Mounting(

@@ -1,4 +1,6 @@
-"""Where the products go: which files are the inputs, and where the solution of raw observations is kept, whole or not at all."""
+"""Where the products go: which files are the inputs, and where the solution of raw observations is
+kept, whole or not at all.
+"""
 
 import hashlib
 import json
@@ -13,21 +15,29 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.flight import load_flight
 from insgnss.formats import read_gnss
-from insgnss.formats.gnss_text import read_image_positions
+from insgnss.formats.gnss.gnss_text import read_image_positions
 from insgnss.geodesy.frames import TangentPlane
-from insgnss.gnss import flown
+from insgnss.gnss import from_flight_file as flown
 from insgnss.gnss.ppk import PpkResult
 from insgnss.processing import products
 from insgnss.processing.input_files import input_files
 from insgnss.processing.pipeline import process
 from insgnss.processing.products import PPK_PRODUCTS, ppk_directory
 from insgnss.records import CameraEvents
-from insgnss.simulate.dataset import write_dataset
+from insgnss.simulation.dataset import write_dataset
 
-OF_THE_ENGINE = ("engine", "ppk", "velocity", "ionosphere", "troposphere", "quality", "signals")  # modules of gnss
+OF_THE_ENGINE = (
+    "engine",
+    "ppk",
+    "velocity",
+    "ionosphere",
+    "troposphere",
+    "quality",
+    "signals",
+)  # modules of gnss
 READY = "02_Processed/GPS-PPK/AntennaPos_WGS84.txt"
 EVENTS = "01_Observations/Camera/Data/Events.txt"
 
@@ -43,7 +53,8 @@ def simulated(tmp_path_factory):
     shutil.rmtree(root / "02_Processed")
     text = (root / "flight.toml").read_text()
     raw = (
-        'rover = "r.obs"\nbase = "b.obs"\nnavigation = ["n.nav"]\nantex = "igs.atx"\nbase_position = [46.5, 6.5, 500.0]\nbase_point = "arp"'
+        'rover = "r.obs"\nbase = "b.obs"\nnavigation = ["n.nav"]\nantex = "igs.atx"\nbase_position'
+        ' = [46.5, 6.5, 500.0]\nbase_point = "arp"'
     )
     (root / "flight.toml").write_text(text.replace(f'file = "{READY}"', raw))
     return root
@@ -51,20 +62,28 @@ def simulated(tmp_path_factory):
 
 @pytest.fixture
 def flight(simulated, tmp_path, monkeypatch):
-    """A copy of the flight with an engine that answers with the simulated fixes and, of the rover's file, the exposures."""
+    """A copy of the flight with an engine that answers with the simulated fixes and, of the rover's
+    file, the exposures.
+    """
     shutil.copytree(simulated, tmp_path / "ign8")
 
     def solve(given):
-        fixes = replace(read_gnss(tmp_path / "ign8" / "truth" / "fixes.txt", gps_week=2008), source="r.obs")
+        fixes = replace(
+            read_gnss(tmp_path / "ign8" / "truth" / "fixes.txt", gps_week=2008), source="r.obs"
+        )
         return PpkResult(fixes, None, (), "good", {"fix_rate": 1.0}, {}, {}, "fake", 0.0)
 
     monkeypatch.setattr(flown, "solve_ppk", solve)
-    monkeypatch.setattr("insgnss.report.page.write_report", lambda path, *_: path.write_text("report"))
+    monkeypatch.setattr(
+        "insgnss.report.page.write_report", lambda path, *_: path.write_text("report")
+    )
     return load_flight(tmp_path / "ign8")
 
 
 def test_every_file_that_the_result_depends_on_is_an_input(flight):
-    """Oracle: the flight file, which names rover, base, navigation, phase centres, a list of images, samples and events."""
+    """Oracle: the flight file, which names rover, base, navigation, phase centres, a list of
+    images, samples and events.
+    """
     root = flight.path.parent
     (root / "images.txt").write_text("a.tif\n")
     (root / "geoid.gtx").write_bytes(b"grid")
@@ -81,12 +100,16 @@ def test_every_file_that_the_result_depends_on_is_an_input(flight):
 
 
 def test_the_solution_stands_where_the_published_tree_has_it(flight):
-    """Oracle: Figure 9 of paper 000, the readers of the files, the tangent plane of eo.json, and hashlib."""
+    """Oracle: Figure 9 of paper 000, the readers of the files, the tangent plane of eo.json, and
+    hashlib.
+    """
     result = process(flight)
     root = flight.path.parent
     place = root / "02_Processed" / "GPS-PPK"
     assert {path.name for path in place.iterdir()} == set(PPK_PRODUCTS)
-    assert {path for path in result.files if path.parent == place} == {place / name for name in PPK_PRODUCTS}
+    assert {path for path in result.files if path.parent == place} == {
+        place / name for name in PPK_PRODUCTS
+    }
     assert all(path.is_file() for path in result.files)
     assert {path.name for path in (root / "02_Processed").iterdir()} == {"GPS-INS", "GPS-PPK"}
     truth = read_gnss(root / "truth" / "fixes.txt", gps_week=2008)
@@ -94,15 +117,27 @@ def test_the_solution_stands_where_the_published_tree_has_it(flight):
         fixes = read_gnss(place / name, gps_week=2008)
         assert np.allclose(fixes.time, truth.time, rtol=0, atol=1e-6)
         assert np.allclose(fixes.height, truth.height, rtol=0, atol=1e-4)
-    geodetic, plane = (read_image_positions(place / f"AntennaPos_Img_WGS84{end}.txt") for end in ("", "_tangentplane"))
+    geodetic, plane = (
+        read_image_positions(place / f"AntennaPos_Img_WGS84{end}.txt")
+        for end in ("", "_tangentplane")
+    )
     assert geodetic.images == plane.images == result.eo.images
     expected = TangentPlane(*result.eo.origin).position_from_geodetic(*geodetic.position.T)
     assert np.abs(expected - plane.position).max() < 2e-4
-    assert np.abs(np.linalg.norm(plane.position - result.eo.position_m, axis=1) - np.linalg.norm(flight.mounting.antenna_m)).max() < 0.2
+    assert (
+        np.abs(
+            np.linalg.norm(plane.position - result.eo.position_m, axis=1)
+            - np.linalg.norm(flight.mounting.antenna_m)
+        ).max()
+        < 0.2
+    )
     report = json.loads((flight.output.directory / "report.json").read_text())
     assert report["ppk"]["directory"] == "../GPS-PPK"
     assert report["ppk"]["notes"] == []
-    assert report["inputs_sha256"]["igs.atx"] == hashlib.sha256((root / "igs.atx").read_bytes()).hexdigest()
+    assert (
+        report["inputs_sha256"]["igs.atx"]
+        == hashlib.sha256((root / "igs.atx").read_bytes()).hexdigest()
+    )
 
 
 def test_it_stands_within_a_directory_of_another_name(flight, tmp_path):
@@ -114,7 +149,9 @@ def test_it_stands_within_a_directory_of_another_name(flight, tmp_path):
 
 
 def test_positions_of_others_are_left_alone(tmp_path, monkeypatch):
-    """Oracle: the rule: positions without a ppk.pos beside them are not of insgnss, and those with one are replaced."""
+    """Oracle: the rule: positions without a ppk.pos beside them are not of insgnss, and those with
+    one are replaced.
+    """
     out, beside = tmp_path / "GPS-INS", tmp_path / "GPS-PPK"
     assert ppk_directory(out) == beside
     beside.mkdir()
@@ -168,8 +205,14 @@ def test_what_is_in_the_way_of_the_solution_is_refused_before_the_work(flight, w
         (place / "AntennaPos_WGS84.txt").mkdir()
     if what == "input":
         (place / "AntennaPos_WGS84.txt").write_text("1.0\n")
-        given = replace(flight, camera=replace(flight.camera, events=place / "AntennaPos_WGS84.txt"))
-    words = {"directory": "is a directory and in the way", "file": "is a file, a directory is expected", "input": "overwrite the input"}
+        given = replace(
+            flight, camera=replace(flight.camera, events=place / "AntennaPos_WGS84.txt")
+        )
+    words = {
+        "directory": "is a directory and in the way",
+        "file": "is a file, a directory is expected",
+        "input": "overwrite the input",
+    }
     with pytest.raises(InputError, match=rf"output\.directory: .*{words[what]}"):
         products.output_directory(given, None)
 
@@ -179,7 +222,11 @@ def test_exposures_without_fixes_around_them_are_told_and_the_rest_is_written(fl
     fixes = read_gnss(flight.path.parent / "truth" / "fixes.txt", gps_week=2008)
     solved = PpkResult(fixes, None, (), "good", {}, {}, {}, "fake", 0.0)
     shots = fixes.time[0] + np.array([20.03, 40.05, 60.07])
-    for late, told, files in ((0, "", 4), (1, "1 of 3 images have no fixes around them: c", 4), (3, "none of the 3 exposures", 2)):
+    for late, told, files in (
+        (0, "", 4),
+        (1, "1 of 3 images have no fixes around them: c", 4),
+        (3, "none of the 3 exposures", 2),
+    ):
         time = shots + 1e4 * (np.arange(3) >= 3 - late)
         out = tmp_path / str(late)
         out.mkdir()
@@ -190,18 +237,28 @@ def test_exposures_without_fixes_around_them_are_told_and_the_rest_is_written(fl
 
 
 def test_positions_at_exposures_are_on_the_clock_of_the_fixes(flight, tmp_path):
-    """Oracle: an exposure at the instant of a fix, whose stamps the flight file moves by half a second."""
+    """Oracle: an exposure at the instant of a fix, whose stamps the flight file moves by half a
+    second.
+    """
     fixes = read_gnss(flight.path.parent / "truth" / "fixes.txt", gps_week=2008)
     solved = PpkResult(fixes, None, (), "good", {}, {}, {}, "fake", 0.0)
     moved = replace(flight, gnss=replace(flight.gnss, time_offset_s=0.5))
     recorded = SimpleNamespace(events=CameraEvents(("a",), fixes.time[[100]] + 0.5, 2008))
     assert products._write_solution(moved, recorded, solved, None, tmp_path) == []
     (place,) = read_image_positions(tmp_path / "AntennaPos_Img_WGS84.txt").position
-    assert np.allclose(place, [fixes.lat[100], fixes.lon[100], fixes.height[100]], rtol=0.0, atol=[1e-11, 1e-11, 1e-4])
+    assert np.allclose(
+        place,
+        [fixes.lat[100], fixes.lon[100], fixes.height[100]],
+        rtol=0.0,
+        atol=[1e-11, 1e-11, 1e-4],
+    )
 
 
 def test_a_run_without_raw_observations_does_not_load_what_solves_them():
     """Oracle: sys.modules of a fresh interpreter."""
-    code = f"import sys, insgnss.processing.pipeline; print([m for m in {OF_THE_ENGINE} if 'insgnss.gnss.' + m in sys.modules])"
+    code = (
+        f"import sys, insgnss.processing.pipeline; print([m for m in {OF_THE_ENGINE} if"
+        " 'insgnss.gnss.' + m in sys.modules])"
+    )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.split() == ["[]"]

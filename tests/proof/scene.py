@@ -1,14 +1,32 @@
-"""The scene of the proofs: four images of one site, points in space, and the pixels where they must be. Elementary matrices only.
+"""The scene of the proofs: four images of one site, points in space, and the pixels where they must
+be. Elementary matrices only.
 
-The camera stands in space by formats.md section 0, R_enu^c = T B R_ned^b S at its own place, which pyproj takes to ECEF; a point at X in
-ECEF is seen at f (x/z, y/z) + principal point of R^T (X - X0). The record that the exports start from is made of these.
+The camera stands in space by formats.md section 0, R_enu^c = T B R_ned^b S at its own place, which
+pyproj takes to ECEF; a point at X in ECEF is seen at f (x/z, y/z) + principal point of R^T (X -
+X0). The record that the exports start from is made of these.
 
-The site lies 3 km from the origin of its tangent plane, so that the axes there differ from the local ones by 1.5 minutes of arc (2.6 px),
-140 m above ground; the convergence of the meridian is -0.63 deg in LV95 and -1.76 deg in UTM 32N.
+The site lies 3 km from the origin of its tangent plane, so that the axes there differ from the
+local ones by 1.5 minutes of arc (2.6 px), 140 m above ground; the convergence of the meridian is
+-0.63 deg in LV95 and -1.76 deg in UTM 32N.
 """
 
 import numpy as np
-from readers.geometry import TO_ECEF, Array, Frame, Geocentric, Poses, Projected, Rx, Ry, Rz, S, Tangent, ned, turn, up_axes
+from readers.geometry import (
+    TO_ECEF,
+    Array,
+    Frame,
+    Geocentric,
+    Poses,
+    Projected,
+    Rx,
+    Ry,
+    Rz,
+    S,
+    Tangent,
+    ned,
+    turn,
+    up_axes,
+)
 
 from insgnss.geodesy.projection import MapProjection
 from insgnss.orient.frame import in_frame
@@ -21,8 +39,19 @@ B = Rx(-0.657) @ Ry(0.574) @ Rz(-0.513)
 LEVER_C = np.array([0.462, -0.001, -0.065])  # camera to antenna, in the camera's axes
 UNDULATION_M = 49.63
 NAMES = ["8001.tif", "8002.tif", "8003.tif", "8004.tif"]
-ROLL, PITCH, YAW = np.array([3.0, -4.1, 1.2, -2.2]), np.array([-2.0, 3.3, -5.0, 4.4]), np.array([47.0, 227.6, 136.2, -38.7])
-CAMERAS = np.array([[2391.0, 1806.0, 252.0], [2412.0, 1793.0, 249.5], [2406.0, 1811.0, 246.0], [2395.0, 1790.0, 254.3]])
+ROLL, PITCH, YAW = (
+    np.array([3.0, -4.1, 1.2, -2.2]),
+    np.array([-2.0, 3.3, -5.0, 4.4]),
+    np.array([47.0, 227.6, 136.2, -38.7]),
+)
+CAMERAS = np.array(
+    [
+        [2391.0, 1806.0, 252.0],
+        [2412.0, 1793.0, 249.5],
+        [2406.0, 1811.0, 246.0],
+        [2395.0, 1790.0, 254.3],
+    ]
+)
 POINTS = np.array(
     [
         [2385.0, 1785.0, 112.3],
@@ -49,7 +78,11 @@ def true_poses() -> Poses:
     """The cameras in ECEF."""
     place = PLANE.geographic(CAMERAS)
     R_enu_c = T @ B @ turn(ned(ROLL, PITCH, YAW)) @ S
-    return Poses(NAMES, np.column_stack(TO_ECEF.transform(*place.T)), up_axes(place[:, 0], place[:, 1]) @ turn(R_enu_c))
+    return Poses(
+        NAMES,
+        np.column_stack(TO_ECEF.transform(*place.T)),
+        up_axes(place[:, 0], place[:, 1]) @ turn(R_enu_c),
+    )
 
 
 def project(poses: Poses, points: Array) -> tuple[Array, Array]:
@@ -67,7 +100,9 @@ ANTENNA = TRUTH.centre + TRUTH.axes @ LEVER_C
 
 
 def residuals(poses: Poses) -> Array:
-    """Pixels (k,) by which the visible points miss their places; infinite behind the camera. Attitude and images not told are the true."""
+    """Pixels (k,) by which the visible points miss their places; infinite behind the camera.
+    Attitude and images not told are the true.
+    """
     row = [NAMES.index(name) for name in poses.names]
     axes = TRUTH.axes[row] if poses.axes is None else poses.axes
     pixels, depth = project(Poses(poses.names, poses.centre, axes), GROUND)

@@ -1,7 +1,9 @@
-"""Every export, read by a reader that knows nothing of its writer, puts the points of the scene on their pixels within 0.01 px.
+"""Every export, read by a reader that knows nothing of its writer, puts the points of the scene on
+their pixels within 0.01 px.
 
-`CASES` says, for each way to read a format, the writer's name in the registry, the reader, and in which frames. Each mistake of
-`readers.mistakes` that the format allows must cost more than `NOTICED_PX`, so that the scene would show it.
+`CASES` says, for each way to read a format, the writer's name in the registry, the reader, and in
+which frames. Each mistake of `readers.mistakes` that the format allows must cost more than
+`NOTICED_PX`, so that the scene would show it.
 """
 
 import struct
@@ -37,10 +39,17 @@ from readers import (
 )
 from readers.geometry import Frame, Poses, Table, turn, up_axes
 
-from insgnss.formats._exports import _function
+from insgnss.formats.exports import _function
 
 LIMIT_PX, NOTICED_PX = 0.01, 1.0
-LOCAL, GLOBE, SPACE, LV95, UTM, NORTH_FIRST = "tangent plane", "geographic", "geocentric", "EPSG:2056", "EPSG:32632", "EPSG:3044"
+LOCAL, GLOBE, SPACE, LV95, UTM, NORTH_FIRST = (
+    "tangent plane",
+    "geographic",
+    "geocentric",
+    "EPSG:2056",
+    "EPSG:32632",
+    "EPSG:3044",
+)
 GRIDS = (LV95, UTM)
 CAMERA = "PINHOLE 5120 3840 5607 5607 2590.4 1971.9"
 XYZ = ("x", "y", "z")
@@ -50,8 +59,11 @@ XYZ = ("x", "y", "z")
 class Case:
     """One way to read one format.
 
-    writer, product : module and function in `insgnss.formats`, file name.   read, poses : of the reader.   frames : to be proven in.
-    attitude : key of `mistakes.of_attitude`.   place : columns of the coordinates.   own_north : angles count from the frame's axes.
+    writer, product : module and function in `insgnss.formats`, file name.   read, poses : of the reader.
+    frames : to be proven in.
+    attitude : key of `mistakes.of_attitude`.
+    place : columns of the coordinates.
+    own_north : angles count from the frame's axes.
     """
 
     writer: str
@@ -69,7 +81,16 @@ def _generic(columns: str, frames: tuple[str, ...], kind: str, **options: Any) -
     place = ("lon", "lat", "h") if columns.startswith("image llh") else XYZ
     options |= {"columns": columns}
     writer = "generic_ascii:write_generic_ascii"
-    return Case(writer, "table.txt", generic.read, partial(generic.poses, body=body), frames, kind, place, options)
+    return Case(
+        writer,
+        "table.txt",
+        generic.read,
+        partial(generic.poses, body=body),
+        frames,
+        kind,
+        place,
+        options,
+    )
 
 
 def _at_sea(poses: Callable[..., Poses]) -> Callable[[Table, Frame], Poses]:
@@ -82,18 +103,62 @@ SEA = {"undulation_m": scene.UNDULATION_M}
 OPF = {"camera": CAMERA, "pixel_size_um": 1.4}
 LEVER = {"lever_m": scene.LEVER_C}
 CASES: dict[str, Case] = {
-    "eo_local_plane": Case("eo_local_plane:write_eo_local_plane", "eo.txt", local_plane.read, local_plane.poses, (LOCAL,), "opk"),
-    "metashape": Case("metashape:write_metashape", "m.csv", metashape.read, metashape.poses, (LOCAL, GLOBE, *GRIDS), "ypr"),
-    "metashape_opk": Case("metashape:write_metashape_opk", "m.csv", metashape.read_opk, metashape.poses_opk, EARTH, "opk"),
+    "eo_local_plane": Case(
+        "eo_local_plane:write_eo_local_plane",
+        "eo.txt",
+        local_plane.read,
+        local_plane.poses,
+        (LOCAL,),
+        "opk",
+    ),
+    "metashape": Case(
+        "metashape:write_metashape",
+        "m.csv",
+        metashape.read,
+        metashape.poses,
+        (LOCAL, GLOBE, *GRIDS),
+        "ypr",
+    ),
+    "metashape_opk": Case(
+        "metashape:write_metashape_opk",
+        "m.csv",
+        metashape.read_opk,
+        metashape.poses_opk,
+        EARTH,
+        "opk",
+    ),
     "metashape_offset": Case(
-        "metashape:write_metashape_offset", "m.csv", metashape.read_offset, metashape.poses_offset, (LOCAL, GLOBE, *GRIDS), "ypr"
+        "metashape:write_metashape_offset",
+        "m.csv",
+        metashape.read_offset,
+        metashape.poses_offset,
+        (LOCAL, GLOBE, *GRIDS),
+        "ypr",
     ),
     "pix4d_matic": Case(
-        "pix4d:write_pix4d_matic", "p.csv", pix4d.read, pix4d.poses, (GLOBE, *GRIDS, NORTH_FIRST), "ypr", ("first", "second", "z")
+        "pix4d:write_pix4d_matic",
+        "p.csv",
+        pix4d.read,
+        pix4d.poses,
+        (GLOBE, *GRIDS, NORTH_FIRST),
+        "ypr",
+        ("first", "second", "z"),
     ),
-    "pix4d_mapper": Case("pix4d:write_pix4d_mapper", "p.csv", pix4d.read_mapper, pix4d.poses_mapper, (LOCAL, *GRIDS), "opk"),
+    "pix4d_mapper": Case(
+        "pix4d:write_pix4d_mapper",
+        "p.csv",
+        pix4d.read_mapper,
+        pix4d.poses_mapper,
+        (LOCAL, *GRIDS),
+        "opk",
+    ),
     "pix4d_mapper_accuracy": Case(
-        "experimental.pix4d_accuracy:write_pix4d_mapper_accuracy", "p.csv", pix4d.read_mapper, pix4d.poses_mapper, (LOCAL, *GRIDS), "opk"
+        "experimental.pix4d_accuracy:write_pix4d_mapper_accuracy",
+        "p.csv",
+        pix4d.read_mapper,
+        pix4d.poses_mapper,
+        (LOCAL, *GRIDS),
+        "opk",
     ),
     "pix4d_mapper_accuracy geographic": Case(
         "experimental.pix4d_accuracy:write_pix4d_mapper_accuracy",
@@ -104,11 +169,33 @@ CASES: dict[str, Case] = {
         "opk",
     ),
     "odm": Case("odm:write_odm_geo", "geo.txt", odm.read, odm.poses, (GLOBE, *GRIDS)),
-    "opensfm": Case("opensfm:write_opensfm", "exif_overrides.json", opensfm.read, opensfm.poses, (LOCAL,), "opk", ("lon", "lat", "z")),
-    "micmac": Case("micmac:write_micmac", "m.txt", micmac.read, micmac.poses, (LOCAL, SPACE), "opk"),
-    "micmac_xml": Case("micmac:write_micmac_xml", "Ori-Nav", micmac.read_xml, micmac.poses_xml, (LOCAL, SPACE), "matrix"),
+    "opensfm": Case(
+        "opensfm:write_opensfm",
+        "exif_overrides.json",
+        opensfm.read,
+        opensfm.poses,
+        (LOCAL,),
+        "opk",
+        ("lon", "lat", "z"),
+    ),
+    "micmac": Case(
+        "micmac:write_micmac", "m.txt", micmac.read, micmac.poses, (LOCAL, SPACE), "opk"
+    ),
+    "micmac_xml": Case(
+        "micmac:write_micmac_xml",
+        "Ori-Nav",
+        micmac.read_xml,
+        micmac.poses_xml,
+        (LOCAL, SPACE),
+        "matrix",
+    ),
     "realitycapture": Case(
-        "realitycapture:write_realitycapture", "r.csv", realitycapture.read, realitycapture.poses, (LOCAL, GLOBE), "ypr"
+        "realitycapture:write_realitycapture",
+        "r.csv",
+        realitycapture.read,
+        realitycapture.poses,
+        (LOCAL, GLOBE),
+        "ypr",
     ),
     "realitycapture_accuracy": Case(
         "experimental.realitycapture_accuracy:write_realitycapture_accuracy",
@@ -128,28 +215,100 @@ CASES: dict[str, Case] = {
         "matrix",
         options={"focal_mm": 7.85, "ground_m": 518.0},
     ),
-    "inpho_ascii": Case("inpho:write_inpho_ascii", "i.txt", inpho.read, inpho.poses, (LOCAL, *GRIDS), "opk"),
-    "patb": Case("experimental.patb:write_patb", "p.ori", patb.read, patb.poses, (LOCAL, *GRIDS), "matrix"),
+    "inpho_ascii": Case(
+        "inpho:write_inpho_ascii", "i.txt", inpho.read, inpho.poses, (LOCAL, *GRIDS), "opk"
+    ),
+    "patb": Case(
+        "experimental.patb:write_patb", "p.ori", patb.read, patb.poses, (LOCAL, *GRIDS), "matrix"
+    ),
     "generic_ascii": _generic("image xyz opk", EVERY, "opk"),
     "generic_ascii pok": _generic("image xyz pok", EVERY, "pok", unit="gon", delimiter="comma"),
-    "generic_ascii ypr": _generic("image xyz ypr", (LOCAL, GLOBE, *GRIDS), "ypr", delimiter="semicolon"),
+    "generic_ascii ypr": _generic(
+        "image xyz ypr", (LOCAL, GLOBE, *GRIDS), "ypr", delimiter="semicolon"
+    ),
     "generic_ascii grid ypr": _generic("image xyz ypr", (LOCAL, *GRIDS), "ypr", north="frame"),
     "generic_ascii ned": _generic("image llh xyz ned", (LOCAL, GLOBE, *GRIDS), "ned", unit="rad"),
     "generic_ascii gimbal": _generic("image xyz gimbal", (LOCAL, GLOBE, *GRIDS), "ned"),
-    "generic_ascii inverse": _generic("image xyz opk", EVERY, "opk", attitude="frame to camera", camera_axes="CV", decimals_angle=8),
+    "generic_ascii inverse": _generic(
+        "image xyz opk",
+        EVERY,
+        "opk",
+        attitude="frame to camera",
+        camera_axes="CV",
+        decimals_angle=8,
+    ),
     "generic_ascii matrix": _generic("image xyz matrix", EVERY, "matrix", delimiter="tab"),
     "generic_ascii quaternion": _generic("image xyz quaternion", EVERY, "matrix", camera_axes="CV"),
-    "bingo": Case("experimental.table_presets:write_bingo", "t.txt", generic.read_bingo, generic.poses, (LOCAL, *GRIDS), "pok"),
-    "bluh": Case("experimental.table_presets:write_bluh", "t.txt", generic.read_bluh, generic.poses, (LOCAL, *GRIDS), "pok"),
-    "orima": Case("experimental.table_presets:write_orima", "t.txt", generic.read_orima, generic.poses, (LOCAL, *GRIDS), "opk"),
-    "xpro": Case("experimental.table_presets:write_xpro", "t.txt", generic.read_xpro, generic.poses, (LOCAL, *GRIDS), "opk"),
-    "simactive": Case("experimental.table_presets:write_simactive", "t.txt", generic.read_xpro, generic.poses, (LOCAL, *GRIDS), "opk"),
-    "dji_terra": Case("experimental.table_presets:write_dji_terra", "t.csv", generic.read_dji_terra, generic.poses, (GLOBE,), "ypr"),
-    "eo_json": Case("eo_json:write_eo_json", "eo.json", master.read, master.poses, ("master",), "matrix"),
-    "eo_json quaternion": Case("eo_json:write_eo_json", "eo.json", master.read, master.poses_quaternion, ("master",), "quaternion"),
-    "eo_json ecef": Case("eo_json:write_eo_json", "eo.json", master.read, master.poses_ecef, ("master",), "", ()),  # type: ignore[arg-type]
+    "bingo": Case(
+        "experimental.table_presets:write_bingo",
+        "t.txt",
+        generic.read_bingo,
+        generic.poses,
+        (LOCAL, *GRIDS),
+        "pok",
+    ),
+    "bluh": Case(
+        "experimental.table_presets:write_bluh",
+        "t.txt",
+        generic.read_bluh,
+        generic.poses,
+        (LOCAL, *GRIDS),
+        "pok",
+    ),
+    "orima": Case(
+        "experimental.table_presets:write_orima",
+        "t.txt",
+        generic.read_orima,
+        generic.poses,
+        (LOCAL, *GRIDS),
+        "opk",
+    ),
+    "xpro": Case(
+        "experimental.table_presets:write_xpro",
+        "t.txt",
+        generic.read_xpro,
+        generic.poses,
+        (LOCAL, *GRIDS),
+        "opk",
+    ),
+    "simactive": Case(
+        "experimental.table_presets:write_simactive",
+        "t.txt",
+        generic.read_xpro,
+        generic.poses,
+        (LOCAL, *GRIDS),
+        "opk",
+    ),
+    "dji_terra": Case(
+        "experimental.table_presets:write_dji_terra",
+        "t.csv",
+        generic.read_dji_terra,
+        generic.poses,
+        (GLOBE,),
+        "ypr",
+    ),
+    "eo_json": Case(
+        "eo_json:write_eo_json", "eo.json", master.read, master.poses, ("master",), "matrix"
+    ),
+    "eo_json quaternion": Case(
+        "eo_json:write_eo_json",
+        "eo.json",
+        master.read,
+        master.poses_quaternion,
+        ("master",),
+        "quaternion",
+    ),
+    "eo_json ecef": Case(
+        "eo_json:write_eo_json", "eo.json", master.read, master.poses_ecef, ("master",), "", ()
+    ),  # type: ignore[arg-type]
     "colmap": Case(
-        "colmap:write_colmap", "model", colmap.read, colmap.poses, (LOCAL, SPACE, *GRIDS), "quaternion", options={"camera": CAMERA}
+        "colmap:write_colmap",
+        "model",
+        colmap.read,
+        colmap.poses,
+        (LOCAL, SPACE, *GRIDS),
+        "quaternion",
+        options={"camera": CAMERA},
     ),
     "colmap_priors": Case(
         "colmap:write_colmap_priors",
@@ -159,13 +318,42 @@ CASES: dict[str, Case] = {
         (LOCAL, GLOBE, SPACE, *GRIDS),
         options={"camera": CAMERA},
     ),
-    "opf": Case("opf:write_opf", "opf", opf.read, opf.poses, GRIDS, "opk", ("lon", "lat", "h"), OPF),
-    "opf projected": Case("opf:write_opf", "opf", opf.read_projected, opf.poses_projected, (UTM,), "opk", XYZ, OPF),
-    "tum": Case("tum:write_tum", "t.tum", graphs.read_tum, graphs.poses, (LOCAL, SPACE, *GRIDS), "quaternion"),
-    "g2o": Case("g2o:write_g2o", "g.g2o", graphs.read_g2o, graphs.poses, (LOCAL, SPACE, *GRIDS), "quaternion"),
-    "g2o edges": Case("g2o:write_g2o", "g.g2o", graphs.read_g2o, graphs.poses_by_edges, (LOCAL, SPACE), "quaternion"),
-    "geojson": Case("geojson:write_geojson", "g.geojson", gis.read_geojson, gis.poses_geojson, EVERY, "ypr"),
-    "geojson opk": Case("geojson:write_geojson", "g.geojson", gis.read_geojson, gis.poses_geojson_opk, EVERY, "opk"),
+    "opf": Case(
+        "opf:write_opf", "opf", opf.read, opf.poses, GRIDS, "opk", ("lon", "lat", "h"), OPF
+    ),
+    "opf projected": Case(
+        "opf:write_opf", "opf", opf.read_projected, opf.poses_projected, (UTM,), "opk", XYZ, OPF
+    ),
+    "tum": Case(
+        "tum:write_tum",
+        "t.tum",
+        graphs.read_tum,
+        graphs.poses,
+        (LOCAL, SPACE, *GRIDS),
+        "quaternion",
+    ),
+    "g2o": Case(
+        "g2o:write_g2o",
+        "g.g2o",
+        graphs.read_g2o,
+        graphs.poses,
+        (LOCAL, SPACE, *GRIDS),
+        "quaternion",
+    ),
+    "g2o edges": Case(
+        "g2o:write_g2o",
+        "g.g2o",
+        graphs.read_g2o,
+        graphs.poses_by_edges,
+        (LOCAL, SPACE),
+        "quaternion",
+    ),
+    "geojson": Case(
+        "geojson:write_geojson", "g.geojson", gis.read_geojson, gis.poses_geojson, EVERY, "ypr"
+    ),
+    "geojson opk": Case(
+        "geojson:write_geojson", "g.geojson", gis.read_geojson, gis.poses_geojson_opk, EVERY, "opk"
+    ),
     "geojson orthority": Case(
         "geojson:write_geojson",
         "g.geojson",
@@ -176,7 +364,15 @@ CASES: dict[str, Case] = {
         ("X", "Y", "Z"),
         {"dialect": "orthority"},
     ),
-    "kml": Case("kml:write_kml", "k.kml", gis.read_kml, _at_sea(gis.poses_kml), (GLOBE, LV95), "kml", options=SEA),
+    "kml": Case(
+        "kml:write_kml",
+        "k.kml",
+        gis.read_kml,
+        _at_sea(gis.poses_kml),
+        (GLOBE, LV95),
+        "kml",
+        options=SEA,
+    ),
     "geopackage": Case(
         "geopackage:write_geopackage",
         "g.gpkg",
@@ -186,33 +382,91 @@ CASES: dict[str, Case] = {
         "quaternion",
     ),
     "geopackage opk": Case(
-        "geopackage:write_geopackage", "g.gpkg", gis.read_geopackage, gis.poses_geopackage_opk, (LOCAL, GLOBE, *GRIDS), "opk"
+        "geopackage:write_geopackage",
+        "g.gpkg",
+        gis.read_geopackage,
+        gis.poses_geopackage_opk,
+        (LOCAL, GLOBE, *GRIDS),
+        "opk",
     ),
     "geopackage ypr": Case(
-        "geopackage:write_geopackage", "g.gpkg", gis.read_geopackage, gis.poses_geopackage_ypr, (LOCAL, GLOBE, *GRIDS), "ypr"
+        "geopackage:write_geopackage",
+        "g.gpkg",
+        gis.read_geopackage,
+        gis.poses_geopackage_ypr,
+        (LOCAL, GLOBE, *GRIDS),
+        "ypr",
     ),
-    "image_tags": Case("image_tags:write_image_tags", "tagged", tags.read, _at_sea(tags.poses), (GLOBE, LV95), "ypr"),
+    "image_tags": Case(
+        "image_tags:write_image_tags",
+        "tagged",
+        tags.read,
+        _at_sea(tags.poses),
+        (GLOBE, LV95),
+        "ypr",
+    ),
     "image_tags sea level": Case(
-        "image_tags:write_image_tags", "tagged", tags.read, _at_sea(tags.poses), (GLOBE,), "ypr", options=SEA | {"heights": "sea level"}
+        "image_tags:write_image_tags",
+        "tagged",
+        tags.read,
+        _at_sea(tags.poses),
+        (GLOBE,),
+        "ypr",
+        options=SEA | {"heights": "sea level"},
     ),
     "image_tags gimbal": Case(
-        "image_tags:write_image_tags", "tagged", tags.read, _at_sea(tags.poses_gimbal), (GLOBE,), options={"gimbal": "exact"}
+        "image_tags:write_image_tags",
+        "tagged",
+        tags.read,
+        _at_sea(tags.poses_gimbal),
+        (GLOBE,),
+        options={"gimbal": "exact"},
     ),
-    "rtklib_pos": Case("rtklib_pos_write:write_antenna_pos", "a.pos", rtklib.read, rtklib.poses, (GLOBE, LV95), options=LEVER),
+    "rtklib_pos": Case(
+        "rtklib_pos_write:write_antenna_pos",
+        "a.pos",
+        rtklib.read,
+        rtklib.poses,
+        (GLOBE, LV95),
+        options=LEVER,
+    ),
 }
-PLACES = [pytest.param(name, where, id=f"{name} {where}") for name, case in CASES.items() for where in case.frames]
+PLACES = [
+    pytest.param(name, where, id=f"{name} {where}")
+    for name, case in CASES.items()
+    for where in case.frames
+]
 
 
 def tiny_tiff() -> bytes:
     """One grey pixel."""
-    entries = [(256, 3, 1), (257, 3, 1), (258, 3, 8), (259, 3, 1), (262, 3, 1), (273, 4, 8), (277, 3, 1), (278, 3, 1), (279, 4, 1)]
+    entries = [
+        (256, 3, 1),
+        (257, 3, 1),
+        (258, 3, 8),
+        (259, 3, 1),
+        (262, 3, 1),
+        (273, 4, 8),
+        (277, 3, 1),
+        (278, 3, 1),
+        (279, 4, 1),
+    ]
     head = b"II*\0" + struct.pack("<I", 10) + b"\x80\0"
-    return head + struct.pack("<H", len(entries)) + b"".join(struct.pack("<HHII", tag, kind, 1, v) for tag, kind, v in entries) + b"\0" * 4
+    return (
+        head
+        + struct.pack("<H", len(entries))
+        + b"".join(struct.pack("<HHII", tag, kind, 1, v) for tag, kind, v in entries)
+        + b"\0" * 4
+    )
 
 
 def tiny_jpeg() -> bytes:
     """Its head, which is all that a writer of tags looks at: JFIF, then a table of quantisation."""
-    return b"\xff\xd8\xff\xe0\0\x10JFIF\0\1\1\0\0\1\0\1\0\0\xff\xdb\0\x43\0" + bytes(range(1, 65)) + b"\xff\xd9"
+    return (
+        b"\xff\xd8\xff\xe0\0\x10JFIF\0\1\1\0\0\1\0\1\0\0\xff\xdb\0\x43\0"
+        + bytes(range(1, 65))
+        + b"\xff\xd9"
+    )
 
 
 def written(case: Case, where: str, directory: Path) -> Table:
@@ -225,7 +479,9 @@ def written(case: Case, where: str, directory: Path) -> Table:
             (images / name).write_bytes(tiny_jpeg() if k % 2 else tiny_tiff())
         options["images"] = images
     path = directory / case.product
-    _function(case.writer)(scene.master() if where == "master" else scene.framed(where), path, **options)
+    _function(case.writer)(
+        scene.master() if where == "master" else scene.framed(where), path, **options
+    )
     return case.read(path)
 
 
@@ -248,24 +504,37 @@ def test_points_fall_on_their_pixels(name: str, where: str, tmp_path: Path) -> N
 
 
 def costs(name: str, where: str, directory: Path) -> Iterator[tuple[str, float]]:
-    """Each mistake that the format allows in this frame, and the median of the residuals that it makes, px."""
+    """Each mistake that the format allows in this frame, and the median of the residuals that it
+    makes, px.
+    """
     case = CASES[name]
     table = written(case, where, directory)
-    changes = [*mistakes.of_attitude(case.attitude), *(mistakes.of_place(case.place) if case.place else ())]
+    changes = [
+        *mistakes.of_attitude(case.attitude),
+        *(mistakes.of_place(case.place) if case.place else ()),
+    ]
     for what, change in changes:
         if where != "geocentric" or not what.startswith("height"):
             yield what, float(np.median(scene.residuals(seen(case, change(table), where))))
     right = seen(case, table, where)
     wrong = {
-        "grid north for true north, or the plane's axes for the place's": mistakes.other_north(right, scene.FRAMES.get(where, Frame())),
+        "grid north for true north, or the plane's axes for the place's": mistakes.other_north(
+            right, scene.FRAMES.get(where, Frame())
+        ),
         "image turned by 90 deg": mistakes.quarter_turn(right),
         "bore-sight left out": mistakes.without_boresight(right, scene.B, scene.T),
         "lever arm applied twice": mistakes.shifted(right, scene.LEVER_C, scene.TRUTH.axes),
     }
-    yield from ((what, float(np.median(scene.residuals(poses)))) for what, poses in wrong.items() if poses is not None)
+    yield from (
+        (what, float(np.median(scene.residuals(poses))))
+        for what, poses in wrong.items()
+        if poses is not None
+    )
 
 
-@pytest.mark.parametrize(("name", "where"), [place for place in PLACES if place.values[0] != "g2o edges"])  # its vertices are in g2o
+@pytest.mark.parametrize(
+    ("name", "where"), [place for place in PLACES if place.values[0] != "g2o edges"]
+)  # its vertices are in g2o
 def test_wrong_conventions_are_noticed(name: str, where: str, tmp_path: Path) -> None:
     """Oracle: a hundred times the limit."""
     found = dict(costs(name, where, tmp_path))

@@ -30,11 +30,17 @@ from insgnss.geodesy.projection import MapProjection
 from insgnss.orient.frame import in_frame
 
 PLACE = np.array([[6.54, 46.57, 0.0]])
-SEED_B = [[0.999909, 0.008952, 0.010018], [-0.009067, 0.999893, 0.011465], [-0.009914, -0.011555, 0.999884]]
+SEED_B = [
+    [0.999909, 0.008952, 0.010018],
+    [-0.009067, 0.999893, 0.011465],
+    [-0.009914, -0.011555, 0.999884],
+]
 
 
 def worked() -> Array:
-    """formats.md 0.2: R_enu^c of roll 3, pitch -2, yaw 47 and the published bore-sight, made orthonormal."""
+    """formats.md 0.2: R_enu^c of roll 3, pitch -2, yaw 47 and the published bore-sight, made
+    orthonormal.
+    """
     U, _, Vt = np.linalg.svd(SEED_B)
     return scene.T @ (U @ Vt) @ ned(3.0, -2.0, 47.0).T @ S
 
@@ -59,7 +65,9 @@ def test_metashape_prints_this_matrix() -> None:
 def test_boresight_as_an_offset() -> None:
     """Oracle: formats.md B1.4, yaw -0.5130, pitch 0.6621, roll 0.5681 of the published bore-sight."""
     G = D @ scene.T
-    assert_allclose(np.concatenate(ypr_of((G @ scene.B @ G.T)[None])), [-0.5130, 0.6621, 0.5681], atol=1e-4)
+    assert_allclose(
+        np.concatenate(ypr_of((G @ scene.B @ G.T)[None])), [-0.5130, 0.6621, 0.5681], atol=1e-4
+    )
 
 
 def test_gimbal() -> None:
@@ -76,7 +84,9 @@ def test_angles_and_their_rotation(name: str) -> None:
     assert_allclose(compose(*decompose(R)), R, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize(("code", "degrees"), [("EPSG:2056", -0.6574), ("EPSG:32632", -1.7870), ("EPSG:32631", 2.5724)])
+@pytest.mark.parametrize(
+    ("code", "degrees"), [("EPSG:2056", -0.6574), ("EPSG:32632", -1.7870), ("EPSG:32631", 2.5724)]
+)
 def test_convergence(code: str, degrees: float) -> None:
     """Oracle: formats.md C3.1; LV95 within what its datum turns (2 seconds of arc)."""
     grid = Projected(code)
@@ -84,7 +94,16 @@ def test_convergence(code: str, degrees: float) -> None:
     assert_allclose(grid.convergence(x), degrees, atol=7e-4)
 
 
-@pytest.mark.parametrize("frame", [Frame(), Geocentric(), Tangent(6.5, 46.5, 400.0), Projected("EPSG:2056"), Projected("EPSG:32632")])
+@pytest.mark.parametrize(
+    "frame",
+    [
+        Frame(),
+        Geocentric(),
+        Tangent(6.5, 46.5, 400.0),
+        Projected("EPSG:2056"),
+        Projected("EPSG:32632"),
+    ],
+)
 def test_frames_and_back(frame: Frame) -> None:
     """Oracle: round trip through ECEF, 1e-8 m; axes are rotations."""
     ecef = np.column_stack(TO_ECEF.transform(*(PLACE + [[0.01, 0.02, 600.0]]).T))
@@ -103,7 +122,9 @@ def test_every_point_is_seen_by_three_images_at_least() -> None:
 
 
 def as_cartesian(code: str, ground_m: float | None) -> Array:
-    """Residuals, px, of a tool that takes coordinates of a projected CRS for Cartesian ones, camera and points alike."""
+    """Residuals, px, of a tool that takes coordinates of a projected CRS for Cartesian ones, camera
+    and points alike.
+    """
     eo = in_frame(scene.master(), "projected", MapProjection(code), ground_m)
     points = Projected(code).coordinates(scene.GROUND)
     x = (points[None] - eo.coordinates[:, None]) @ eo.C_fc
@@ -112,13 +133,14 @@ def as_cartesian(code: str, ground_m: float | None) -> Array:
 
 
 @pytest.mark.parametrize(
-    ("code", "plain_px", "scaled_px"), [("EPSG:2056", 0.25, 0.15), ("EPSG:32632", 0.1, 0.01), ("EPSG:32631", 0.7, 0.05)]
+    ("code", "plain_px", "scaled_px"),
+    [("EPSG:2056", 0.25, 0.15), ("EPSG:32632", 0.1, 0.01), ("EPSG:32631", 0.7, 0.05)],
 )
 def test_a_grid_taken_for_cartesian(code: str, plain_px: float, scaled_px: float) -> None:
     """Oracle: formats.md C3: what is left is the scale, which scaled heights take away.
 
-    In LV95 0.14 px stay, the same in all the image: 5 seconds of arc between the normals of Bessel's ellipsoid, on which its plan stands,
-    and of that of WGS84, above which the heights are.
+    In LV95 0.14 px stay, the same in all the image: 5 seconds of arc between the normals of
+    Bessel's ellipsoid, on which its plan stands, and of that of WGS84, above which the heights are.
     """
     ground = float(scene.PLANE.geographic(scene.POINTS)[:, 2].mean())
     plain, scaled = as_cartesian(code, None), as_cartesian(code, ground)

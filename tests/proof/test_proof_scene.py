@@ -1,4 +1,6 @@
-"""What `write_proof` gives to a user: read back by readers that know nothing of the writers, and looked at."""
+"""What `write_proof` gives to a user: read back by readers that know nothing of the writers, and
+looked at.
+"""
 
 import re
 from collections.abc import Iterator
@@ -12,10 +14,10 @@ from readers.geometry import Array, Frame, Geocentric, Poses, Projected, Tangent
 from readers.lines import comments, rows
 from test_proof_formats import CASES
 
-from insgnss.errors import InputError, InsgnssError, UsageError
+from insgnss.base.errors import InputError, InsgnssError, UsageError
 from insgnss.exporting.export import Target, export
 from insgnss.formats import EXPORTS
-from insgnss.formats._exports import PROJECTED
+from insgnss.formats.exports import PROJECTED
 from insgnss.proof import pictures, write
 from insgnss.proof.scene import make_scene, terrain
 from insgnss.proof.write import write_proof
@@ -41,17 +43,27 @@ def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
 def geoid(tmp_path: Path) -> Path:
     """The same undulation everywhere."""
     grid = tmp_path / "geoid.gtx"
-    head = np.array([40.0, 0.0, 1.0, 1.0]).astype(">f8").tobytes() + np.array([20, 20]).astype(">i4").tobytes()
+    head = (
+        np.array([40.0, 0.0, 1.0, 1.0]).astype(">f8").tobytes()
+        + np.array([20, 20]).astype(">i4").tobytes()
+    )
     grid.write_bytes(head + np.full(400, scene.UNDULATION_M).astype(">f4").tobytes())
     return grid
 
 
 def points_of(directory: Path, crs: str | None) -> tuple[list[str], Array, Frame]:
-    """Names, places in ECEF and the frame of points.csv, whose heights in a projected CRS may be above the geoid."""
+    """Names, places in ECEF and the frame of points.csv, whose heights in a projected CRS may be
+    above the geoid.
+    """
     *words, columns = comments(directory / "points.csv")
     origin = re.search(r"(\S+) deg, longitude (\S+) deg, (\S+) m", words[0])
     plane = Tangent(float(origin[2]), float(origin[1]), float(origin[3])) if origin else PLANE
-    frames = {"E_m": plane, "X_m": Geocentric(), "longitude_deg": Frame(), "easting_m": Projected(crs or "EPSG:32632")}
+    frames = {
+        "E_m": plane,
+        "X_m": Geocentric(),
+        "longitude_deg": Frame(),
+        "easting_m": Projected(crs or "EPSG:32632"),
+    }
     lines = rows(directory / "points.csv", ",")
     frame = frames[columns.split(",")[1]]
     x = np.array([line[1:] for line in lines], dtype=float)
@@ -61,9 +73,14 @@ def points_of(directory: Path, crs: str | None) -> tuple[list[str], Array, Frame
 
 
 def residuals(directory: Path, crs: str | None, poses: Poses) -> Array:
-    """Pixels by which the points of points.csv miss those of pixels.csv, with the camera of camera.txt."""
+    """Pixels by which the points of points.csv miss those of pixels.csv, with the camera of
+    camera.txt.
+    """
     names, places, _ = points_of(directory, crs)
-    said = {line[0]: [float(x) for x in line[1:] if x[0].isdigit()] for line in rows(directory / "camera.txt")}
+    said = {
+        line[0]: [float(x) for x in line[1:] if x[0].isdigit()]
+        for line in rows(directory / "camera.txt")
+    }
     assert poses.axes is not None
     off = []
     for image, point, x, y in rows(directory / "pixels.csv", ","):
@@ -71,7 +88,11 @@ def residuals(directory: Path, crs: str | None, poses: Poses) -> Array:
             k = poses.names.index(image)
             seen = poses.axes[k].T @ (places[names.index(point)] - poses.centre[k])
             assert seen[2] > 0.0
-            off.append(said["focal_px"][0] * seen[:2] / seen[2] + said["principal_point_px"] - [float(x), float(y)])
+            off.append(
+                said["focal_px"][0] * seen[:2] / seen[2]
+                + said["principal_point_px"]
+                - [float(x), float(y)]
+            )
     return np.linalg.norm(off, axis=1)
 
 
@@ -92,7 +113,9 @@ def places() -> Iterator[tuple[str, str | None]]:
 def test_every_format_has_a_proof(name: str, crs: str | None, tmp_path: Path, geoid: Path) -> None:
     """Oracle: points.csv, pixels.csv and camera.txt, with the poses of an independent reader."""
     form, directory = EXPORTS[name], tmp_path / "proof"
-    product, readme, *_ = write_proof(name, directory, crs, geoid if form.heights == "sea level" else None)
+    product, readme, *_ = write_proof(
+        name, directory, crs, geoid if form.heights == "sea level" else None
+    )
     assert readme.is_file()
     assert product == directory / form.product
     true = truth(tmp_path)
@@ -106,17 +129,26 @@ def test_every_format_has_a_proof(name: str, crs: str | None, tmp_path: Path, ge
         poses = Poses(poses.names, poses.centre - lever, true.axes)
     off = residuals(directory, crs, poses)
     assert off.size > (10 if name == "relative" else 27)
-    assert off.max() < LIMIT_PX + (0.01 if name == "relative" and crs else 0.0)  # a difference of grid coordinates is no offset in space
+    assert off.max() < LIMIT_PX + (
+        0.01 if name == "relative" and crs else 0.0
+    )  # a difference of grid coordinates is no offset in space
 
 
 @pytest.mark.usefixtures("sketched")
 def test_the_points_of_bentley_are_in_its_own_frame(tmp_path: Path) -> None:
-    """Oracle: the SRS of the file, whose origin lies on the ellipsoid, for both; points.csv taken by its columns alone."""
+    """Oracle: the SRS of the file, whose origin lies on the ellipsoid, for both; points.csv taken
+    by its columns alone.
+    """
     write_proof("bentley", tmp_path / "proof")
     poses = bentley.poses(bentley.read(tmp_path / "proof" / "blocks.xml"), Frame())
     names, _, _ = points_of(tmp_path / "proof", None)
     x = np.array([line[1:] for line in rows(tmp_path / "proof" / "points.csv", ",")], dtype=float)
-    globe = Frame().ecef(np.array([line[1:] for line in rows(tmp_path / "proof" / "points_geographic.csv", ",")], dtype=float))
+    globe = Frame().ecef(
+        np.array(
+            [line[1:] for line in rows(tmp_path / "proof" / "points_geographic.csv", ",")],
+            dtype=float,
+        )
+    )
     assert len(names) == 9
     assert np.abs(Tangent(6.54, 46.57, 0.0).ecef(x) - globe).max() < 1e-3
     assert residuals(tmp_path / "proof", None, poses).max() < LIMIT_PX
@@ -155,7 +187,9 @@ def test_every_export_is_read_by_somebody_else() -> None:
 @pytest.mark.usefixtures("sketched")
 @pytest.mark.parametrize("crs", ["EPSG:32733", "EPSG:2051"])
 def test_a_crs_elsewhere_takes_the_scene_along(crs: str, tmp_path: Path) -> None:
-    """Oracle: the independent reader, on the other half of the Earth; EPSG:2051 counts west and south."""
+    """Oracle: the independent reader, on the other half of the Earth; EPSG:2051 counts west and
+    south.
+    """
     write_proof("bentley", tmp_path / "south", crs)
     poses = bentley.poses(bentley.read(tmp_path / "south" / "blocks.xml"), Frame())
     assert residuals(tmp_path / "south", crs, poses).max() < LIMIT_PX
@@ -171,7 +205,9 @@ def test_the_crosses_stand_where_the_file_says(tmp_path: Path) -> None:
     for name in made.eo.images:
         data = (tmp_path / "proof" / "images" / name).read_bytes()
         assert data[:4] == b"II*\0"
-        picture[name] = np.frombuffer(data[-1280 * 960 :], dtype=np.uint8).reshape(960, 1280).astype(float)
+        picture[name] = (
+            np.frombuffer(data[-1280 * 960 :], dtype=np.uint8).reshape(960, 1280).astype(float)
+        )
     checked = 0
     for image, point, x, y in rows(tmp_path / "proof" / "pixels.csv", ","):
         x, y = float(x), float(y)
@@ -202,11 +238,15 @@ def test_the_readme_says_what_mistakes_cost(tmp_path: Path) -> None:
     """Oracle: the order of magnitude of each, from focal length, angles and heights."""
     write_proof("metashape_opk", tmp_path / "proof", "EPSG:32632")
     text = (tmp_path / "proof" / "README.txt").read_text(encoding="utf-8")
-    costs = {line[13:]: float(line[:8]) for line in text.splitlines() if re.match(r" *[\d.]+ px  ", line)}
+    costs = {
+        line[13:]: float(line[:8]) for line in text.splitlines() if re.match(r" *[\d.]+ px  ", line)
+    }
     assert len(costs) >= 14
     assert min(costs.values()) > 0.5
     (turned,) = [px for what, px in costs.items() if what.startswith("the heading of the aircraft")]
-    (boresight,) = [px for what, px in costs.items() if what.startswith("the bore-sight is left out")]
+    (boresight,) = [
+        px for what, px in costs.items() if what.startswith("the bore-sight is left out")
+    ]
     assert 300.0 < turned < 1000.0
     assert boresight == pytest.approx(1400.0 * np.radians(np.hypot(0.657, 0.574)), rel=0.1)
     assert "EPSG:32632" in text

@@ -1,4 +1,6 @@
-"""The recogniser on real recordings, which are not part of the project; where they are absent the tests say so and skip."""
+"""The recogniser on real recordings, which are not part of the project; where they are absent the
+tests say so and skip.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -37,19 +39,26 @@ def samples(time, gyro, accel):
 
 
 def tilt_rtk_walk():
-    from insgnss.formats.aimu import read_aimu
-    from insgnss.formats.nmea import read_nmea
+    from insgnss.formats.gnss.nmea import read_nmea
+    from insgnss.formats.imu.aimu import read_aimu
 
     if not (DATA / "tilt_rtk_walk").is_dir():
         pytest.skip("the recording tilt_rtk_walk is not here")
-    return read_aimu(DATA / "tilt_rtk_walk" / "imu.aimu", "instant_rate"), read_nmea(DATA / "tilt_rtk_walk" / "gnss.nmea")
+    return read_aimu(DATA / "tilt_rtk_walk" / "imu.aimu", "instant_rate"), read_nmea(
+        DATA / "tilt_rtk_walk" / "gnss.nmea"
+    )
 
 
 def umn_thor75():
     m = table("umn_thor75", "thor_flight75_2012_10_10.mat")["flight_data"]
     new = np.concatenate([[False], np.diff(m.GPS_TOW) != 0.0]) & (m.GPS_TOW > 0.0) & (m.time > 22.0)
-    gnss = fixes(m.time[new], m.lat[new], m.lon[new], m.alt[new], np.column_stack([m.vn, m.ve, m.vd])[new])
-    return samples(m.time, np.column_stack([m.p, m.q, m.r]), np.column_stack([m.ax, m.ay, m.az])), gnss
+    gnss = fixes(
+        m.time[new], m.lat[new], m.lon[new], m.alt[new], np.column_stack([m.vn, m.ve, m.vd])[new]
+    )
+    return (
+        samples(m.time, np.column_stack([m.p, m.q, m.r]), np.column_stack([m.ax, m.ay, m.az])),
+        gnss,
+    )
 
 
 def apm_test_log_2():
@@ -57,7 +66,9 @@ def apm_test_log_2():
     imu, gps = m["IMU"], m["GPS"][m["GPS"][:, 1] == 3.0]
     course, speed = np.radians(gps[:, 11]), gps[:, 10]
     velocity = np.column_stack([speed * np.cos(course), speed * np.sin(course), gps[:, 12]])
-    return samples(1e-3 * imu[:, 1], imu[:, 2:5], imu[:, 5:8]), fixes(1e-3 * gps[:, 13], gps[:, 6], gps[:, 7], gps[:, 9], velocity)
+    return samples(1e-3 * imu[:, 1], imu[:, 2:5], imu[:, 5:8]), fixes(
+        1e-3 * gps[:, 13], gps[:, 6], gps[:, 7], gps[:, 9], velocity
+    )
 
 
 def apm_swiss_log_1():
@@ -65,7 +76,9 @@ def apm_swiss_log_1():
     course, speed = m["CourseDeg"].astype(float), m["GndSpd"]  # rad, whatever it is called
     velocity = np.column_stack([speed * np.cos(course), speed * np.sin(course), m["VelD"]])
     imu = samples(m["IMUtime"].astype(float), m["angRate"].astype(float), m["accel"].astype(float))
-    return imu, fixes(m["GPStime"].astype(float), m["LatDeg"], m["LngDeg"], m["Hgt"].astype(float), velocity)
+    return imu, fixes(
+        m["GPStime"].astype(float), m["LatDeg"], m["LngDeg"], m["Hgt"].astype(float), velocity
+    )
 
 
 def hipnuc_car():
@@ -77,9 +90,10 @@ def hipnuc_car():
     )
 
 
-# axes of the README of each recording; the latency and its origin: coherence of the 2 Hz steps (within 15 ms); innovations of the
-# project's own filter, smallest at -0.05 to -0.075 s; innovations of another filter (0.2 to 0.3 s); delays that the log's author
-# used (velocity 0.23 s, position 0.21 s); none known, but late by up to 0.3 s in a sister recording
+# axes of the README of each recording; the latency and its origin: coherence of the 2 Hz steps
+# (within 15 ms); innovations of the project's own filter, smallest at -0.05 to -0.075 s;
+# innovations of another filter (0.2 to 0.3 s); delays that the log's author used (velocity 0.23 s,
+# position 0.21 s); none known, but late by up to 0.3 s in a sister recording
 RECORDINGS = {
     tilt_rtk_walk: ("forward right down", 0.0, 0.03),
     umn_thor75: ("forward right down", -0.065, 0.03),
@@ -95,16 +109,25 @@ def test_recording_is_recognised(recording):
     imu, gnss = recording()
     axes, latency, within = RECORDINGS[recording]
     found = recognise(imu, gnss)
-    assert (found.quantity, found.gyro_unit, found.accel_unit, found.accel_sign) == ("mean_rate", "rad/s", "m/s^2", 1)
+    assert (found.quantity, found.gyro_unit, found.accel_unit, found.accel_sign) == (
+        "mean_rate",
+        "rad/s",
+        "m/s^2",
+        1,
+    )
     assert (found.axes, found.time_scale) == (axes, "same")
     assert abs(found.time_offset_s - latency) < within, found.finding("time offset").evidence
     turns = np.isfinite(found.curves["turn_gnss"])
-    assert np.corrcoef(found.curves["turn_gnss"][turns], found.curves["turn_gyro"][turns])[0, 1] > 0.75
+    assert (
+        np.corrcoef(found.curves["turn_gnss"][turns], found.curves["turn_gyro"][turns])[0, 1] > 0.75
+    )
 
 
 @pytest.mark.parametrize("recording", RECORDINGS)
 def test_no_piece_of_a_recording_is_taken_for_something_else(recording):
-    """Oracle: the README of the recording, for each 100 s alone: what is said must be right, most of it may be left unsaid."""
+    """Oracle: the README of the recording, for each 100 s alone: what is said must be right, most
+    of it may be left unsaid.
+    """
     imu, gnss = recording()
     axes = RECORDINGS[recording][0]
     nose, below = axes.split().index("forward"), "-z down" if axes.endswith("up") else "+z down"
@@ -122,7 +145,11 @@ def test_no_piece_of_a_recording_is_taken_for_something_else(recording):
     begin, end = max(imu.time[0], gnss.time[0]), min(imu.time[-1], gnss.time[-1])
     for start in np.arange(begin, end - 60.0, 100.0):
         k, j = ((time >= start) & (time < start + 100.0) for time in (imu.time, gnss.time))
-        names = [n for n in ("time", "lat", "lon", "height", "cov_ned", "velocity_ned", "velocity_cov_ned") if getattr(gnss, n) is not None]
+        names = [
+            n
+            for n in ("time", "lat", "lon", "height", "cov_ned", "velocity_ned", "velocity_cov_ned")
+            if getattr(gnss, n) is not None
+        ]
         piece = replace(gnss, quality=None, **{name: getattr(gnss, name)[j] for name in names})
         found = recognise(ImuSamples(imu.time[k], imu.gyro[k], imu.accel[k], imu.quantity), piece)
         said = {f.name: f.value for f in found.findings if f.confidence > 0.0 and f.name in truth}

@@ -1,4 +1,6 @@
-"""Exposures against the turns that GNSS saw. The turn rates of gyro and GNSS are held against wrong files in test_wrong_input."""
+"""Exposures against the turns that GNSS saw. The turn rates of gyro and GNSS are held against wrong
+files in test_wrong_input.
+"""
 
 from dataclasses import replace
 
@@ -7,7 +9,7 @@ import pytest
 
 from insgnss.recognise.plausibility import check_heading
 from insgnss.recognise.turns import _forces_agree, _judge_turns, check_events
-from insgnss.simulate.scenario import ImuOptions, simulate_flight
+from insgnss.simulation.scenario import ImuOptions, simulate_flight
 
 
 @pytest.fixture(scope="module", params=["ign8", "ign6x1"])
@@ -26,7 +28,10 @@ def test_events_of_another_time_scale_lie_in_turns(flown, late):
 def test_events_on_lines_are_believed(flown):
     """Oracle: the simulator's own events, and with half a second of delay, which cannot be told."""
     for late in (0.0, 0.5):
-        assert check_events(replace(flown.events, time=flown.events.time + late), flown.gnss).verdict == "ok"
+        assert (
+            check_events(replace(flown.events, time=flown.events.time + late), flown.gnss).verdict
+            == "ok"
+        )
 
 
 def test_a_few_images_or_a_short_flight_tell_nothing(flown):
@@ -36,7 +41,9 @@ def test_a_few_images_or_a_short_flight_tell_nothing(flown):
 
 
 def test_a_lag_within_the_interval_of_the_fixes_is_not_told(flown):
-    """Oracle: fixes a second apart cannot tell a second, nor 0.98 from 0.97; ten times less left unexplained at 3 s is told."""
+    """Oracle: fixes a second apart cannot tell a second, nor 0.98 from 0.97; ten times less left
+    unexplained at 3 s is told.
+    """
     for lag, here in ((1.0, 0.97), (3.0, 0.97)):
         assert _judge_turns(1.0, lag, 0.98, here, flown.imu, 0.05, 1.0) == ("ok", "")
     verdict, advice = _judge_turns(1.0, 3.0, 0.998, 0.97, flown.imu, 0.05, 1.0)
@@ -61,7 +68,9 @@ def test_forces_speak_for_a_drone_whose_nose_does_not_follow_its_course():
 
 
 def test_a_nose_across_a_single_course_tells_nothing_of_the_axes():
-    """Oracle: a multirotor may fly one line with its nose anywhere; across two courses the same angle is a matter of the axes."""
+    """Oracle: a multirotor may fly one line with its nose anywhere; across two courses the same
+    angle is a matter of the axes.
+    """
     time = np.arange(400)
     for other, verdict in ((0.0, "note"), (2.5, "contradiction")):
         course = np.where(time < 200, 0.5, 0.5 + other)

@@ -1,6 +1,8 @@
-"""The compiled core against the reference twin: every measurement, every optional state, every decision, each by itself.
+"""The compiled core against the reference twin: every measurement, every optional state, every
+decision, each by itself.
 
-Oracle of all: `insgnss.reference`, which shares no kernel with the core and takes its derivatives by central differences.
+Oracle of all: `insgnss.reference`, which shares no kernel with the core and takes its derivatives
+by central differences.
 """
 
 from dataclasses import dataclass, replace
@@ -9,7 +11,14 @@ import numpy as np
 import pytest
 from posed import Pose, posed
 
-from insgnss.navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, USED, VELOCITY_CONSTRAINT
+from insgnss.navigation.codes import (
+    COVARIANCE_RESET,
+    NOT_MEASURED,
+    POSITION,
+    REJECTED,
+    USED,
+    VELOCITY_CONSTRAINT,
+)
 from insgnss.navigation.filter import gate_from_sigma
 from insgnss.navigation.layout import FixErrors
 from insgnss.navigation.solution import solve
@@ -19,21 +28,26 @@ from insgnss.stochastic.model import AxisNoise, GaussMarkov
 
 ALL = ("velocity", "zero velocity", "non-holonomic", "zero rate")
 G, A = AxisNoise(white_noise=5e-5), AxisNoise(white_noise=5e-4)
-EVERY_G = AxisNoise(5e-5, 1e-5, 5e-3, 1e-4, 1e-3, (GaussMarkov(2.5, 2e-3), GaussMarkov(72.0, 1e-3)), 3e-2, 3e-2)
+EVERY_G = AxisNoise(
+    5e-5, 1e-5, 5e-3, 1e-4, 1e-3, (GaussMarkov(2.5, 2e-3), GaussMarkov(72.0, 1e-3)), 3e-2, 3e-2
+)
 EVERY_A = AxisNoise(5e-4, 1e-4, 5e-2, 1e-3, 1e-2, (GaussMarkov(1.5, 2e-2),), 3e-2, 3e-2)
 EVERY_FIX = FixErrors(0.3, None, None, (0.8, 0.7, 0.6), 5.0, (0.6, 0.6, 0.7), 1.0, 30.0, 0.4)
 FIVE_SIGMA, TWO_SIGMA = gate_from_sigma(5.0), gate_from_sigma(2.0)
 SCALE, MISALIGNMENT = {"scale_factor": True}, {"misalignment": True}
 
-# Largest difference in sigmas. What the core leaves out within a block of 50 ms grows with the size of the errors, which are some
-# hundred times those of a real sensor here so that four seconds determine them; a bridged gap is one block of 0.1 s.
+# Largest difference in sigmas. What the core leaves out within a block of 50 ms grows with the size
+# of the errors, which are some hundred times those of a real sensor here so that four seconds
+# determine them; a bridged gap is one block of 0.1 s.
 TIGHT, USUAL, COARSE = 5e-4, 0.01, 0.06
 RATIO = 0.15  # difference of the standard deviations, as a share of the tolerance
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is posed; the states whose sigma the data must halve in one at least, so that no two priors are compared; the tolerance."""
+    """What is posed; the states whose sigma the data must halve in one at least, so that no two
+    priors are compared; the tolerance.
+    """
 
     pose: Pose
     determined: str = ""
@@ -53,29 +67,68 @@ CASES = {
     "zero angular rate": Case(Pose(replace(G, turn_on_bias=5e-3), motion=("zero rate",)), "gyro"),
     "bridged gap": Case(Pose(gap=True, motion=("velocity",)), sigmas=COARSE),
     "quantization": Case(Pose(replace(G, quantization=1e-4), replace(A, quantization=1e-3))),
-    "turn-on bias": Case(Pose(replace(G, turn_on_bias=5e-3), replace(A, turn_on_bias=5e-2), motion=ALL), "bias", USUAL),
+    "turn-on bias": Case(
+        Pose(replace(G, turn_on_bias=5e-3), replace(A, turn_on_bias=5e-2), motion=ALL),
+        "bias",
+        USUAL,
+    ),
     "random walk": Case(
-        Pose(replace(G, turn_on_bias=5e-3, random_walk=1e-3), replace(A, turn_on_bias=5e-2, random_walk=2e-2), motion=ALL), "bias", USUAL
+        Pose(
+            replace(G, turn_on_bias=5e-3, random_walk=1e-3),
+            replace(A, turn_on_bias=5e-2, random_walk=2e-2),
+            motion=ALL,
+        ),
+        "bias",
+        USUAL,
     ),
     "drift": Case(Pose(replace(G, drift=1e-3), replace(A, drift=2e-2), motion=ALL), "drift", USUAL),
     "Gauss-Markov": Case(
-        Pose(replace(G, gauss_markov=(GaussMarkov(1.0, 5e-3),)), replace(A, gauss_markov=(GaussMarkov(2.0, 0.1),)), motion=ALL),
+        Pose(
+            replace(G, gauss_markov=(GaussMarkov(1.0, 5e-3),)),
+            replace(A, gauss_markov=(GaussMarkov(2.0, 0.1),)),
+            motion=ALL,
+        ),
         "GM",
         USUAL,
     ),
-    "scale factor": Case(Pose(replace(G, scale_factor=0.05), replace(A, scale_factor=0.05), SCALE, motion=ALL), "scale", USUAL),
-    "misalignment": Case(Pose(replace(G, misalignment=0.05), replace(A, misalignment=0.05), MISALIGNMENT, motion=ALL), "from", USUAL),
+    "scale factor": Case(
+        Pose(replace(G, scale_factor=0.05), replace(A, scale_factor=0.05), SCALE, motion=ALL),
+        "scale",
+        USUAL,
+    ),
+    "misalignment": Case(
+        Pose(
+            replace(G, misalignment=0.05), replace(A, misalignment=0.05), MISALIGNMENT, motion=ALL
+        ),
+        "from",
+        USUAL,
+    ),
     "lever arm": Case(Pose(fixes=FixErrors(lever_arm_m=0.3), motion=("velocity",)), "lever"),
-    "time offset": Case(Pose(fixes=FixErrors(time_offset_s=0.1), motion=("velocity",)), "offset", USUAL),
-    "clock rate": Case(Pose(fixes=FixErrors(time_offset_s=0.1, clock_rate=0.01), motion=("velocity",)), "rate", USUAL),
-    # (K.1) leaves out what a time offset adds to the derivative by lever arm and psi; with these terms it comes down to TIGHT
-    "lever arm and time offset": Case(Pose(fixes=FixErrors(0.3, 0.03), motion=("velocity",)), "lever", 2.0 * COARSE),
+    "time offset": Case(
+        Pose(fixes=FixErrors(time_offset_s=0.1), motion=("velocity",)), "offset", USUAL
+    ),
+    "clock rate": Case(
+        Pose(fixes=FixErrors(time_offset_s=0.1, clock_rate=0.01), motion=("velocity",)),
+        "rate",
+        USUAL,
+    ),
+    # (K.1) leaves out what a time offset adds to the derivative by lever arm and psi; with these
+    # terms it comes down to TIGHT
+    "lever arm and time offset": Case(
+        Pose(fixes=FixErrors(0.3, 0.03), motion=("velocity",)), "lever", 2.0 * COARSE
+    ),
     "time-correlated errors": Case(Pose(fixes=both("one")), ""),
     "two groups of fixes": Case(Pose(fixes=both("two")), "unfixed"),
-    "everything but the clock": Case(Pose(EVERY_G, EVERY_A, SCALE | MISALIGNMENT, EVERY_FIX, ALL, gap=True), "unfixed", COARSE),
+    "everything but the clock": Case(
+        Pose(EVERY_G, EVERY_A, SCALE | MISALIGNMENT, EVERY_FIX, ALL, gap=True), "unfixed", COARSE
+    ),
     "gate": Case(Pose(problem={"gate": FIVE_SIGMA}, displaced=(12, 12, 3.0))),
-    "robust weight": Case(Pose(problem={"gate": FIVE_SIGMA, "huber_threshold": TWO_SIGMA}, displaced=(12, 14, 0.08))),
-    "covariance reset": Case(Pose(motion=("velocity",), problem={"gate": FIVE_SIGMA}, displaced=(10, 40, 5.0))),
+    "robust weight": Case(
+        Pose(problem={"gate": FIVE_SIGMA, "huber_threshold": TWO_SIGMA}, displaced=(12, 14, 0.08))
+    ),
+    "covariance reset": Case(
+        Pose(motion=("velocity",), problem={"gate": FIVE_SIGMA}, displaced=(10, 40, 5.0))
+    ),
     "feedback held back": Case(Pose(heading_deg=8.0, motion=("velocity",))),
     "read against time": Case(Pose(problem={"backward": True}, motion=("velocity",))),
 }
@@ -83,7 +136,9 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_states_and_covariances_are_the_twins(name):
-    """Oracle: the reference twin, one pass with feedback; every state at every epoch, and the gate's decisions."""
+    """Oracle: the reference twin, one pass with feedback; every state at every epoch, and the
+    gate's decisions.
+    """
     case = CASES[name]
     problem, start = posed(case.pose)
     core, twin = solve(problem, start, "off", separations=0), solve_twin(problem, start)
@@ -98,10 +153,16 @@ def test_states_and_covariances_are_the_twins(name):
 
 @pytest.mark.parametrize(
     ("name", "expected"),
-    [("gate", {USED: 40, REJECTED: 1}), ("robust weight", {USED: 41}), ("covariance reset", {USED: 30, REJECTED: 10, COVARIANCE_RESET: 1})],
+    [
+        ("gate", {USED: 40, REJECTED: 1}),
+        ("robust weight", {USED: 41}),
+        ("covariance reset", {USED: 30, REJECTED: 10, COVARIANCE_RESET: 1}),
+    ],
 )
 def test_the_twin_decides_as_was_planted(name, expected):
-    """Oracle: the displaced fixes, counted by hand; a reset comes when a second of fixes at 10 Hz has been rejected."""
+    """Oracle: the displaced fixes, counted by hand; a reset comes when a second of fixes at 10 Hz
+    has been rejected.
+    """
     problem, start = posed(CASES[name].pose)
     forward = solve_twin(problem, start).forward
     assert np.nanmax(forward.nis) > min(problem.huber_threshold, problem.gate)

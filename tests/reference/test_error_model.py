@@ -1,4 +1,6 @@
-"""Strapdown, error model and measurements of the reference room, each against something that is neither the core nor itself."""
+"""Strapdown, error model and measurements of the reference room, each against something that is
+neither the core nor itself.
+"""
 
 from dataclasses import replace
 
@@ -17,13 +19,20 @@ from insgnss.stochastic.model import AxisNoise, GaussMarkov
 
 NOISE_G = AxisNoise(5e-5, 0.0, 5e-3, 1e-4, 1e-4, (GaussMarkov(2.5, 2e-4),), 1e-2, 1e-2)
 NOISE_A = AxisNoise(5e-4, 0.0, 5e-2, 1e-3, 1e-3, (GaussMarkov(1.5, 2e-3),), 1e-2, 1e-2)
-EVERY = Pose(NOISE_G, NOISE_A, {"scale_factor": True, "misalignment": True}, FixErrors(0.3, 0.02, 1e-3, (0.8, 0.7, 0.6), 5.0))
+EVERY = Pose(
+    NOISE_G,
+    NOISE_A,
+    {"scale_factor": True, "misalignment": True},
+    FixErrors(0.3, 0.02, 1e-3, (0.8, 0.7, 0.6), 5.0),
+)
 
 
 def test_strapdown_follows_the_exact_motion():
-    """Oracle: closed-form motion of the simulator and its ideal IMU at 200 Hz, 12 s of lines and a turn, without aiding.
+    """Oracle: closed-form motion of the simulator and its ideal IMU at 200 Hz, 12 s of lines and a
+    turn, without aiding.
 
-    Measured 6 micrometres, 6e-8 m/s and 6e-12 rad; without the Earth's half turn of (T.5) 80 micrometres.
+    Measured 6 micrometres, 6e-8 m/s and 6e-12 rad; without the Earth's half turn of (T.5) 80
+    micrometres.
     """
     flown = without_noise(fly(12.0, seed=2, imu_hz=200.0, noise=None))
     truth = flown.true_nav()
@@ -44,18 +53,36 @@ def test_rotation_and_its_integral():
         C, J = rotation(np.array(phi))
         assert_allclose(C, Rotation.from_rotvec(phi).as_matrix(), rtol=0.0, atol=1e-14)
         middles = (np.arange(2000) + 0.5) / 2000.0
-        assert_allclose(J, Rotation.from_rotvec(np.outer(middles, phi)).as_matrix().mean(axis=0), rtol=0.0, atol=1e-7)
-    assert_allclose(rotation(np.array([0.0, 0.0, 0.5 * np.pi]))[0] @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
+        assert_allclose(
+            J,
+            Rotation.from_rotvec(np.outer(middles, phi)).as_matrix().mean(axis=0),
+            rtol=0.0,
+            atol=1e-7,
+        )
+    assert_allclose(
+        rotation(np.array([0.0, 0.0, 0.5 * np.pi]))[0] @ [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        atol=1e-15,
+    )
 
 
 def test_transition_is_the_derivative_of_the_strapdown():
-    """Oracle: central differences of the nominal carried over a tenth of a second in a turn; steps of 1 m, 0.1 m/s, 1e-4 rad, a sigma."""
+    """Oracle: central differences of the nominal carried over a tenth of a second in a turn; steps
+    of 1 m, 0.1 m/s, 1e-4 rad, a sigma.
+    """
     problem, start = posed(EVERY)
-    state = State.from_arrays(start.nav, 0.3 * problem.layout.sigma0 * np.cos(np.arange(start.x.size)))
+    state = State.from_arrays(
+        start.nav, 0.3 * problem.layout.sigma0 * np.cos(np.arange(start.x.size))
+    )
     steps = np.concatenate([np.repeat([1.0, 0.1, 1e-4], 3), problem.layout.sigma0])
     numeric = np.column_stack(
         [
-            (propagate(problem, 5, state.plus(step)).state.minus(propagate(problem, 5, state.plus(-step)).state)) / 2.0
+            (
+                propagate(problem, 5, state.plus(step)).state.minus(
+                    propagate(problem, 5, state.plus(-step)).state
+                )
+            )
+            / 2.0
             for step in np.diag(steps)
         ]
     )
@@ -70,7 +97,12 @@ def test_transition_and_noise_of_one_sample_are_van_loans():
     """Oracle: filterpy's van_loan_discretization of the continuous model, constant over the sample."""
     problem, start = posed(EVERY)
     layout, inc = problem.layout, problem.inc
-    one = replace(problem, epochs=problem.epochs._replace(stop=np.arange(problem.epochs.stop.size), time=inc.dt[0] * np.arange(41.0)))
+    one = replace(
+        problem,
+        epochs=problem.epochs._replace(
+            stop=np.arange(problem.epochs.stop.size), time=inc.dt[0] * np.arange(41.0)
+        ),
+    )
     state = State.from_arrays(start.nav, start.x)
     got = propagate(one, 1, state)
     rates = np.concatenate([inc.dtheta[0], inc.dvel[0]]) / inc.dt[0]
@@ -83,8 +115,12 @@ def test_transition_and_noise_of_one_sample_are_van_loans():
     assert (np.abs(got.Phi - Phi) * size / size[:, None]).max() < 1e-6
     driven = np.diag(Q) > 0.0
     sigma = np.sqrt(np.diag(Q))
-    error = (np.abs(got.Q - Q) / np.outer(np.where(driven, sigma, 1.0), np.where(driven, sigma, 1.0)))[3:, 3:]
-    assert error.max() < 1e-3  # measured 3e-4; of position, which one sample moves by nanometres, the trapezoid keeps the size only
+    error = (
+        np.abs(got.Q - Q) / np.outer(np.where(driven, sigma, 1.0), np.where(driven, sigma, 1.0))
+    )[3:, 3:]
+    assert (
+        error.max() < 1e-3
+    )  # measured 3e-4; of position, which one sample moves by nanometres, the trapezoid keeps the size only
 
 
 def test_smoothed_flight_is_batch_least_squares():

@@ -1,4 +1,6 @@
-"""Filter, smoother and batch least squares of the reference room on tiny linear problems that know nothing of navigation."""
+"""Filter, smoother and batch least squares of the reference room on tiny linear problems that know
+nothing of navigation.
+"""
 
 import numpy as np
 import pytest
@@ -10,23 +12,42 @@ EPOCHS, STATES = 12, 3
 
 @pytest.fixture(scope="module")
 def problem() -> LinearProblem:
-    """Three states of different size; transitions, noise and gaps that change from epoch to epoch; a constant among the states."""
+    """Three states of different size; transitions, noise and gaps that change from epoch to epoch;
+    a constant among the states.
+    """
     rng = np.random.default_rng(4)
     size = np.array([1.0, 1e-3, 50.0])
-    Phi = np.eye(STATES) + 0.3 * rng.standard_normal((EPOCHS, STATES, STATES)) * np.outer(size, 1.0 / size)
+    Phi = np.eye(STATES) + 0.3 * rng.standard_normal((EPOCHS, STATES, STATES)) * np.outer(
+        size, 1.0 / size
+    )
     Phi[:, 1] = [0.0, 1.0, 0.0]
     root = 0.2 * rng.standard_normal((EPOCHS, STATES, 2)) * size[:, None]
     root[:, 1] = 0.0
     gap = rng.standard_normal((EPOCHS, STATES)) * size
     measured = []
     for k in range(EPOCHS):
-        rows = [(rng.standard_normal((2, STATES)) / size, rng.standard_normal(2), np.array([[0.5, 0.1], [0.1, 0.3]]))]
+        rows = [
+            (
+                rng.standard_normal((2, STATES)) / size,
+                rng.standard_normal(2),
+                np.array([[0.5, 0.1], [0.1, 0.3]]),
+            )
+        ]
         measured.append(rows * (k % 3))
-    return LinearProblem(rng.standard_normal(STATES) * size, np.diag(size**2), Phi, root @ np.swapaxes(root, 1, 2), gap, measured)
+    return LinearProblem(
+        rng.standard_normal(STATES) * size,
+        np.diag(size**2),
+        Phi,
+        root @ np.swapaxes(root, 1, 2),
+        gap,
+        measured,
+    )
 
 
 def normal_equations(problem: LinearProblem) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (m n,) and covariance (m n, m n) of all errors, from the joint normal distribution, by conditioning on all measurements."""
+    """Mean (m n,) and covariance (m n, m n) of all errors, from the joint normal distribution, by
+    conditioning on all measurements.
+    """
     n = STATES
     A, mean = np.zeros((EPOCHS * n, EPOCHS * n)), np.zeros(EPOCHS * n)
     noise = np.zeros_like(A)
@@ -50,7 +71,9 @@ def normal_equations(problem: LinearProblem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_smoother_and_batch_are_the_conditional_distribution(problem):
-    """Oracle: the joint normal distribution of all errors, conditioned on all measurements by one matrix equation."""
+    """Oracle: the joint normal distribution of all errors, conditioned on all measurements by one
+    matrix equation.
+    """
     mean, P = normal_equations(problem)
     smooth, least_squares = smoothed(problem, filtered(problem)), batch(problem)
     sigma = np.sqrt(np.diag(P)).reshape(EPOCHS, STATES)
@@ -69,19 +92,30 @@ def test_filter_is_the_smoother_of_what_came_before(problem):
     found = filtered(problem)
     for k in range(3, EPOCHS):
         cut = LinearProblem(
-            problem.mean, problem.P, problem.Phi[: k + 1], problem.Q[: k + 1], problem.gap[: k + 1], problem.measured[: k + 1]
+            problem.mean,
+            problem.P,
+            problem.Phi[: k + 1],
+            problem.Q[: k + 1],
+            problem.gap[: k + 1],
+            problem.measured[: k + 1],
         )
         expected = batch(cut)
         sigma = np.sqrt(np.diag(expected.covariance(k, k)))
         assert np.abs((found.mean[k] - expected.mean[k]) / sigma).max() < 1e-9
-        assert (np.abs(found.P[k] - expected.covariance(k, k)) / np.outer(sigma, sigma)).max() < 1e-9
+        assert (
+            np.abs(found.P[k] - expected.covariance(k, k)) / np.outer(sigma, sigma)
+        ).max() < 1e-9
 
 
 def test_filterpys_function_of_the_same_name_would_be_wrong(problem):
-    """Oracle: the conditional distribution; why the method is taken: the function takes the transition of the epoch before."""
+    """Oracle: the conditional distribution; why the method is taken: the function takes the
+    transition of the epoch before.
+    """
     from filterpy.kalman import rts_smoother
 
-    flat = LinearProblem(problem.mean, problem.P, problem.Phi, problem.Q, 0.0 * problem.gap, problem.measured)
+    flat = LinearProblem(
+        problem.mean, problem.P, problem.Phi, problem.Q, 0.0 * problem.gap, problem.measured
+    )
     right = filtered(flat)
     mean, *_ = rts_smoother(right.mean[..., None], right.P, flat.Phi, flat.Q)
     expected = batch(flat)

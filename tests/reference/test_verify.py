@@ -1,4 +1,6 @@
-"""The verb `verify`: a simulated flight passes, a defect of the core is found, exit codes and texts."""
+"""The verb `verify`: a simulated flight passes, a defect of the core is found, exit codes and
+texts.
+"""
 
 import json
 from dataclasses import replace
@@ -11,13 +13,15 @@ from insgnss.cli import main
 from insgnss.flight import load_flight
 from insgnss.reference import verify as module
 from insgnss.reference.verify import LIMIT_SIGMAS, verify, verify_problem
-from insgnss.simulate.dataset import write_dataset
+from insgnss.simulation.dataset import write_dataset
 
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
     """Three minutes at 100 Hz, the first of them at rest before the take-off."""
-    return write_dataset(tmp_path_factory.mktemp("verified") / "ign8", "ign8", 3.0, imu_rate=100.0, seed=3)
+    return write_dataset(
+        tmp_path_factory.mktemp("verified") / "ign8", "ign8", 3.0, imu_rate=100.0, seed=3
+    )
 
 
 @pytest.fixture(scope="module")
@@ -34,14 +38,33 @@ def test_a_simulated_flight_passes(flight_file, capsys):
     assert abs(found["sigma_ratio"]) < 1e-3
     assert found["decided_otherwise"] == 0
     assert found["epochs"] > 240
-    assert {d["quantity"] for d in found["differences"]} >= {"position", "velocity", "attitude", "gyro bias", "accelerometer bias"}
+    assert {d["quantity"] for d in found["differences"]} >= {
+        "position",
+        "velocity",
+        "attitude",
+        "gyro bias",
+        "accelerometer bias",
+    }
     assert found["core_s"] < found["twin_s"]
 
 
 def test_the_part_is_where_it_is_asked_for_and_the_headline_says_the_result(dataset, capsys):
     """Oracle: the options, and the first instant of the simulated flight."""
     first = dataset.simulated.flight.motion.start
-    assert main(["verify", str(dataset.flight_file), "--minutes", "0.3", "--start", str(first + 120.0), "-q"]) == 0
+    assert (
+        main(
+            [
+                "verify",
+                str(dataset.flight_file),
+                "--minutes",
+                "0.3",
+                "--start",
+                str(first + 120.0),
+                "-q",
+            ]
+        )
+        == 0
+    )
     out = capsys.readouterr().out
     assert out.splitlines()[0].startswith("core and reference twin agree: largest difference")
     assert f"{first + 120.0:.1f} to {first + 138.0:.1f} s" in out
@@ -60,7 +83,9 @@ def test_the_part_is_where_it_is_asked_for_and_the_headline_says_the_result(data
     ids=str,
 )
 def test_simulated_flights_pass_with_every_option(flight_file, changes):
-    """Oracle: the two implementations; a wheeled vehicle is what a drone is not, and its measurements are rejected by both alike."""
+    """Oracle: the two implementations; a wheeled vehicle is what a drone is not, and its
+    measurements are rejected by both alike.
+    """
     flight = load_flight(flight_file)
     found = verify(replace(flight, filter=replace(flight.filter, **changes)), 0.5)
     assert found.passed, found.summary()
@@ -68,7 +93,9 @@ def test_simulated_flights_pass_with_every_option(flight_file, changes):
 
 
 def test_a_defect_of_the_core_is_found(monkeypatch):
-    """Oracle: a planted one: the core is given a lever arm that is 20 mm longer, which moves the IMU by less than a sigma of a fix."""
+    """Oracle: a planted one: the core is given a lever arm that is 20 mm longer, which moves the
+    IMU by less than a sigma of a fix.
+    """
     from insgnss.navigation import solution
 
     problem, start = posed(Pose(motion=("velocity",)))
@@ -76,7 +103,11 @@ def test_a_defect_of_the_core_is_found(monkeypatch):
     right = solution.solve
 
     def wrong(problem, *rest, **more):
-        return right(replace(problem, antenna_lever_b=problem.antenna_lever_b + [0.02, 0.0, 0.0]), *rest, **more)
+        return right(
+            replace(problem, antenna_lever_b=problem.antenna_lever_b + [0.02, 0.0, 0.0]),
+            *rest,
+            **more,
+        )
 
     monkeypatch.setattr(solution, "solve", wrong)
     found = verify_problem(problem, start)
@@ -86,7 +117,9 @@ def test_a_defect_of_the_core_is_found(monkeypatch):
 
 
 def test_what_does_not_agree_is_exit_code_4_with_the_table(flight_file, monkeypatch, capsys):
-    """Oracle: the command line's contract: the result on standard output, one line on standard error."""
+    """Oracle: the command line's contract: the result on standard output, one line on standard
+    error.
+    """
     monkeypatch.setattr(module, "LIMIT_SIGMAS", 1e-9)
     assert main(["verify", str(flight_file), "--minutes", "0.3", "-q"]) == 4
     out, err = capsys.readouterr()
@@ -105,7 +138,9 @@ def test_what_does_not_agree_is_exit_code_4_with_the_table(flight_file, monkeypa
     ],
 )
 def test_parts_that_cannot_be_verified(argv, code, says, flight_file, capsys):
-    """Oracle: the command line's contract; a start before the flight is its start, where the vehicle rests."""
+    """Oracle: the command line's contract; a start before the flight is its start, where the
+    vehicle rests.
+    """
     given = argv if "--minutes" in argv else [*argv, "--minutes", "0.3"]
     assert main(["verify", str(flight_file), *given, "-q"]) == code
     out, err = capsys.readouterr()
@@ -114,7 +149,9 @@ def test_parts_that_cannot_be_verified(argv, code, says, flight_file, capsys):
 
 
 def test_sigmas_of_zero_are_not_estimated():
-    """Oracle: hand calculation; a model without bias states has biases and sigmas of zero, and the comparison says 0, not nan."""
+    """Oracle: hand calculation; a model without bias states has biases and sigmas of zero, and the
+    comparison says 0, not nan.
+    """
     problem, start = posed(Pose())
     assert problem.layout.size == 9
     found = verify_problem(problem, start)

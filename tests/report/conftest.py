@@ -1,4 +1,6 @@
-"""A run in closed form: a circle flown once, white innovations of known sigma, constant sigmas of the states."""
+"""A run in closed form: a circle flown once, white innovations of known sigma, constant sigmas of
+the states.
+"""
 
 import dataclasses
 from collections.abc import Callable
@@ -18,7 +20,9 @@ PSI_SIGMA = np.radians([0.003, 0.004, 0.02])
 
 
 def make_diagnostics(scale: float = 1.0, **changes: Any) -> Diagnostics:
-    """Diagnostics whose innovations are white with `scale` times the sigma they claim; `changes` replace fields."""
+    """Diagnostics whose innovations are white with `scale` times the sigma they claim; `changes`
+    replace fields.
+    """
     rng = np.random.default_rng(4)
     time = START + 0.1 * np.arange(EPOCHS)
     angle = np.linspace(0.0, 2.0 * np.pi, EPOCHS)
@@ -28,14 +32,24 @@ def make_diagnostics(scale: float = 1.0, **changes: Any) -> Diagnostics:
     separation_sigma = 3.0 * sigma[::10]
     fields: dict[str, Any] = {
         "time": time,
-        "position": np.stack([200 * np.sin(angle), 200 * np.cos(angle), np.full(EPOCHS, -120.0)], axis=1),
+        "position": np.stack(
+            [200 * np.sin(angle), 200 * np.cos(angle), np.full(EPOCHS, -120.0)], axis=1
+        ),
         "velocity": np.stack([10 * np.cos(angle), -10 * np.sin(angle), np.zeros(EPOCHS)], axis=1),
         "rpy": np.stack([np.full(EPOCHS, 0.3), np.full(EPOCHS, 0.05), -angle], axis=1),
         "event": np.linspace(300, 1100, IMAGES).astype(np.int64),
         "filter_sigma": 3.0 * sigma,
         "smoothed_sigma": sigma,
-        "bias": np.tile(np.concatenate([np.radians([36.0, -72.0, 108.0]) / 3600.0, np.array([1.0, -2.0, 3.0]) * 9.80665e-3]), (EPOCHS, 1)),
-        "bias_sigma": np.tile(np.concatenate([np.radians(np.full(3, 9.0)) / 3600.0, np.full(3, 0.1) * 9.80665e-3]), (EPOCHS, 1)),
+        "bias": np.tile(
+            np.concatenate(
+                [np.radians([36.0, -72.0, 108.0]) / 3600.0, np.array([1.0, -2.0, 3.0]) * 9.80665e-3]
+            ),
+            (EPOCHS, 1),
+        ),
+        "bias_sigma": np.tile(
+            np.concatenate([np.radians(np.full(3, 9.0)) / 3600.0, np.full(3, 0.1) * 9.80665e-3]),
+            (EPOCHS, 1),
+        ),
         "fix_time": time,
         "innovation": innovation,
         "innovation_sigma": fix_sigma,
@@ -50,9 +64,14 @@ def make_diagnostics(scale: float = 1.0, **changes: Any) -> Diagnostics:
 
 
 def make_eo(first_heading_deg: float = 0.02) -> ExteriorOrientation:
-    """Images at the exposures, sigmas east 2, north 3, up 4 mm and 0.004, 0.003, 0.02 deg, but for the heading of the first."""
+    """Images at the exposures, sigmas east 2, north 3, up 4 mm and 0.004, 0.003, 0.02 deg, but for
+    the heading of the first.
+    """
     d = make_diagnostics()
-    cov = np.tile(np.diag(np.concatenate([[0.002, 0.003, 0.004], np.radians([0.004, 0.003, 0.02])]) ** 2), (IMAGES, 1, 1))
+    cov = np.tile(
+        np.diag(np.concatenate([[0.002, 0.003, 0.004], np.radians([0.004, 0.003, 0.02])]) ** 2),
+        (IMAGES, 1, 1),
+    )
     cov[0, 5, 5] = np.radians(first_heading_deg) ** 2
     north_east_down = d.position[d.event]
     return ExteriorOrientation(
@@ -69,10 +88,24 @@ def make_eo(first_heading_deg: float = 0.02) -> ExteriorOrientation:
     )
 
 
-def summarise(diagnostics: Diagnostics, eo: ExteriorOrientation | None, name: str = "ign8") -> dict[str, Any]:
+def summarise(
+    diagnostics: Diagnostics, eo: ExteriorOrientation | None, name: str = "ign8"
+) -> dict[str, Any]:
     """Summary with a small flight file around it."""
-    flight = {"name": name, "gps_week": 2008, "imu": {"file": "imu.csv", "units": {"gyro": "rad/s"}, "columns": None}}
-    return run_summary(diagnostics, eo, flight, {"imu.csv": "ab" * 32}, {"insgnss": "0.1.0"}, {"filter": 0.5}, ("smoothed",))
+    flight = {
+        "name": name,
+        "gps_week": 2008,
+        "imu": {"file": "imu.csv", "units": {"gyro": "rad/s"}, "columns": None},
+    }
+    return run_summary(
+        diagnostics,
+        eo,
+        flight,
+        {"imu.csv": "ab" * 32},
+        {"insgnss": "0.1.0"},
+        {"filter": 0.5},
+        ("smoothed",),
+    )
 
 
 @pytest.fixture
@@ -96,21 +129,37 @@ def odd_cases() -> dict[str, tuple[Diagnostics, ExteriorOrientation | None]]:
     d = make_diagnostics()
     nothing = np.zeros(EPOCHS, dtype=bool)
     some = np.arange(EPOCHS) % 7 != 0
-    empty = {"fix_time": np.empty(0), "innovation": np.empty((0, 3)), "innovation_sigma": np.empty((0, 3))}
+    empty = {
+        "fix_time": np.empty(0),
+        "innovation": np.empty((0, 3)),
+        "innovation_sigma": np.empty((0, 3)),
+    }
     empty |= {"nis": np.empty(0), "used": np.empty(0, dtype=bool)}
-    unseparated = {"separation_time": np.empty(0), "separation": np.empty((0, 9)), "separation_sigma": np.empty((0, 9))}
+    unseparated = {
+        "separation_time": np.empty(0),
+        "separation": np.empty((0, 9)),
+        "separation_sigma": np.empty((0, 9)),
+    }
     velocity = {"velocity_nis": d.nis[:500], "velocity_used": some[:500]}
     check = Check("event spacing", "1.1 s <b>", "1.3 s & more", "note", "look for a double trigger")
     return {
         "no camera": (d, None),
-        "everything rejected": (make_diagnostics(used=nothing, nis=np.full(EPOCHS, 1e4)), make_eo()),
+        "everything rejected": (
+            make_diagnostics(used=nothing, nis=np.full(EPOCHS, 1e4)),
+            make_eo(),
+        ),
         "some rejected, velocities": (make_diagnostics(used=some, **velocity), make_eo()),
         "no fix": (make_diagnostics(**empty), make_eo()),
         "no separation": (make_diagnostics(**unseparated), make_eo()),
-        "separation undetermined": (make_diagnostics(separation=np.full((EPOCHS // 10, 9), np.nan)), make_eo()),
+        "separation undetermined": (
+            make_diagnostics(separation=np.full((EPOCHS // 10, 9), np.nan)),
+            make_eo(),
+        ),
         "not a number": (make_diagnostics(nis=np.where(some, d.nis, np.nan)), make_eo()),
         "gaps, checks, resets": (
-            make_diagnostics(gaps=((START + 5, 0.03),), checks=(check,), covariance_resets=np.array([START + 9])),
+            make_diagnostics(
+                gaps=((START + 5, 0.03),), checks=(check,), covariance_resets=np.array([START + 9])
+            ),
             make_eo(),
         ),
         "one image": (d, dataclasses.replace(make_eo(), **_first_only(make_eo()))),
@@ -118,15 +167,23 @@ def odd_cases() -> dict[str, tuple[Diagnostics, ExteriorOrientation | None]]:
 
 
 def _first_only(eo: ExteriorOrientation) -> dict[str, Any]:
-    first = {name: getattr(eo, name)[:1] for name in ("images", "time", "position_m", "C_mc", "cov")}
+    first = {
+        name: getattr(eo, name)[:1] for name in ("images", "time", "position_m", "C_mc", "cov")
+    }
     return first | {"cross": np.zeros((0, 6, 6))}
 
 
-LEG_S, TURN_S, LEG_SPEED = 20.0, 10.0, 10.0  # of the block: four lines north and south, half-circles between them
+LEG_S, TURN_S, LEG_SPEED = (
+    20.0,
+    10.0,
+    10.0,
+)  # of the block: four lines north and south, half-circles between them
 
 
 def make_block(**changes: Any) -> Diagnostics:
-    """Four lines of `LEG_S` at `LEG_SPEED` that a half-circle of `TURN_S` joins, 110 s, then on without turn; heading is the course."""
+    """Four lines of `LEG_S` at `LEG_SPEED` that a half-circle of `TURN_S` joins, 110 s, then on
+    without turn; heading is the course.
+    """
     time = 0.1 * np.arange(EPOCHS)
     in_period = np.mod(time, LEG_S + TURN_S)
     turns = np.floor(time / (LEG_S + TURN_S)) + np.clip((in_period - LEG_S) / TURN_S, 0.0, 1.0)

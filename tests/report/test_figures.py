@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from insgnss.report._style import MOST_POINTS, thin
-from insgnss.report.figures import pictures
-from insgnss.report.figures_support import _normal_mixture
+from insgnss.report.figures.run import pictures
+from insgnss.report.figures.style import MOST_POINTS, thin
+from insgnss.report.figures.support import _normal_mixture
 from insgnss.report.marks import OUTAGE_SHADE, REST_SHADE, marks_of
 
 START = 205200.0
@@ -25,7 +25,9 @@ def test_thinned_line_keeps_its_extremes() -> None:
     assert (np.diff(keep) > 0).all()
     assert {0, 5000, 20001, y.size - 1} <= set(keep.tolist())
     stretch = np.searchsorted(keep, np.arange(0, y.size, 1000))
-    assert all(y[keep[a:b]].max() > 1.5 for a, b in itertools.pairwise(stretch))  # of 1000 normal numbers, surely
+    assert all(
+        y[keep[a:b]].max() > 1.5 for a, b in itertools.pairwise(stretch)
+    )  # of 1000 normal numbers, surely
 
 
 def test_thinned_line_stays_broken_where_it_was() -> None:
@@ -43,10 +45,16 @@ def test_short_line_is_kept_whole() -> None:
 
 
 def test_expected_density_is_one_in_sum() -> None:
-    """Oracle: closed form; a density integrates to one, and that of one normal variable is known at zero."""
+    """Oracle: closed form; a density integrates to one, and that of one normal variable is known at
+    zero.
+    """
     x = np.linspace(-2, 2, 4001)
-    assert np.trapezoid(_normal_mixture(x, np.array([0.1, 0.2, 0.3])), x) == pytest.approx(1.0, abs=1e-6)
-    assert _normal_mixture(np.zeros(1), np.full(500, 0.5))[0] == pytest.approx(1 / (0.5 * np.sqrt(2 * np.pi)))
+    assert np.trapezoid(_normal_mixture(x, np.array([0.1, 0.2, 0.3])), x) == pytest.approx(
+        1.0, abs=1e-6
+    )
+    assert _normal_mixture(np.zeros(1), np.full(500, 0.5))[0] == pytest.approx(
+        1 / (0.5 * np.sqrt(2 * np.pi))
+    )
 
 
 def test_pictures_are_drawn(diagnostics, eo) -> None:
@@ -66,15 +74,21 @@ def test_every_run_has_its_pictures(odd_cases) -> None:
     missing = {"no fix": "innovations", "separation undetermined": "separation"}
     for name in ("no camera", "everything rejected", *missing):
         d, images = odd_cases[name]
-        assert [picture.name for picture in pictures(d, images)] == [p for p in ALL if p != missing.get(name)], name
+        assert [picture.name for picture in pictures(d, images)] == [
+            p for p in ALL if p != missing.get(name)
+        ], name
 
 
 def test_marks_are_where_they_belong(block) -> None:
-    """Oracle: by hand; minutes from the start of lines, of a rest that began before, of fixes lacking from 30 to 50 s, of two parts."""
+    """Oracle: by hand; minutes from the start of lines, of a rest that began before, of fixes
+    lacking from 30 to 50 s, of two parts.
+    """
     d = block()
     used = (d.fix_time <= START + 30) | (d.fix_time >= START + 50)
     parts = ((START, START + 60.0), (START + 90.0, START + 119.9))
-    marks = marks_of(block(used=used, rests=np.array([[START - 9, START + 6]]), segments=parts), None)
+    marks = marks_of(
+        block(used=used, rests=np.array([[START - 9, START + 6]]), segments=parts), None
+    )
     assert 60 * marks.rests == pytest.approx(np.array([[0.0, 6.0]]), abs=1e-6)
     assert 60 * marks.outages == pytest.approx(np.array([[30.0, 50.0]]), abs=1e-6)
     assert 60 * marks.nothing == pytest.approx(np.array([[60.0, 90.0]]), abs=1e-6)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from insgnss.gnss.covariance import BELIEVED, CLASSES
-from insgnss.report import gnss
-from insgnss.report.gnss import draw_quality, pictures
+from insgnss.gnss.quality.covariance import BELIEVED, CLASSES
+from insgnss.report.figures import gnss
+from insgnss.report.figures.gnss import draw_quality, pictures
 
 
 @pytest.fixture
@@ -59,7 +59,15 @@ def test_the_separation_is_drawn_where_it_is(series):
 
 def test_unknown_things_have_no_row(series):
     """Oracle: a ready solution without observations and without a second run."""
-    for name in ("separation_m", "separation_sigma_m", "strength", "strength_time", "slip_time", "slip_satellite", "gaps"):
+    for name in (
+        "separation_m",
+        "separation_sigma_m",
+        "strength",
+        "strength_time",
+        "slip_time",
+        "slip_satellite",
+        "gaps",
+    ):
         series.pop(name)
     drawn = pictures(series)
     assert [picture.name for picture in drawn] == ["gnss_solution"]
@@ -74,7 +82,9 @@ def test_every_class_has_a_name_and_a_colour():
 
 def test_hampered_fixes_are_drawn_apart_and_count_as_fixed(series):
     """Oracle: the first 200 epochs named so; the share of confirmed fixes stays at 100 %."""
-    series["kind"] = np.where(np.arange(600) < 200, CLASSES.index("degraded"), CLASSES.index("fixed"))
+    series["kind"] = np.where(
+        np.arange(600) < 200, CLASSES.index("degraded"), CLASSES.index("fixed")
+    )
     figure = gnss._draw(series, gnss._solution_panels(series))
     axes = {ax.get_ylabel(): ax for ax in figure.axes}
     assert {"fixed", "fixed, hampered"} <= {drawn.get_label() for drawn in axes["satellites"].lines}
@@ -83,6 +93,10 @@ def test_hampered_fixes_are_drawn_apart_and_count_as_fixed(series):
 
 def test_times_without_epochs_break_nothing(series):
     """Oracle: no warning, where all separations are unknown and no slip was found."""
-    series |= {"separation_m": np.full((600, 3), np.nan), "separation_sigma_m": np.full((600, 3), np.nan), "slip_time": np.zeros(0)}
+    series |= {
+        "separation_m": np.full((600, 3), np.nan),
+        "separation_sigma_m": np.full((600, 3), np.nan),
+        "slip_time": np.zeros(0),
+    }
     series |= {"slip_satellite": []}
     assert [picture.name for picture in pictures(series)] == ["gnss_solution", "gnss_signals"]

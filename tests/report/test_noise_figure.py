@@ -1,4 +1,6 @@
-"""The pictures of a sensor's noise: what is drawn, in which units, and that all shapes of input give a picture."""
+"""The pictures of a sensor's noise: what is drawn, in which units, and that all shapes of input
+give a picture.
+"""
 
 import io
 
@@ -8,14 +10,22 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 from insgnss.records import WaveletVariance, chi_square_interval
-from insgnss.report import noise
-from insgnss.report.noise import NoisePanel, SpectrumPanel, draw_noise, draw_psd, process_label
+from insgnss.report.figures import noise
+from insgnss.report.figures.noise import (
+    NoisePanel,
+    SpectrumPanel,
+    draw_noise,
+    draw_psd,
+    process_label,
+)
 
 DEG_H = np.pi / 180.0 / 3600.0
 RATE = 100.0
 LEVEL = np.arange(1, 17)
 TAU = 2.0 ** (LEVEL - 1) / RATE
-WHITE = (10.0 * DEG_H) ** 2 / (2.0 * TAU)  # wavelet variance of 10 deg/h/sqrt(Hz): deviation 10 deg/h at 1 s
+WHITE = (10.0 * DEG_H) ** 2 / (
+    2.0 * TAU
+)  # wavelet variance of 10 deg/h/sqrt(Hz): deviation 10 deg/h at 1 s
 
 
 def curve(variance, samples=200_000):
@@ -26,9 +36,16 @@ def curve(variance, samples=200_000):
 
 def panel(curves, levels=None, modelled=WHITE, words=("J test p = 0.3",)):
     labels = [f"static_{k}" for k in range(len(curves))]
-    parts = {"white_noise": 0.9 * modelled, "gauss_markov_1": 0.1 * modelled} if modelled.size else {}
-    told = {"white_noise": "white noise  9.5 deg/h", "gauss_markov_1": "Gauss-Markov  2.5 s, 20 deg/h"}
-    return NoisePanel("x", curves, labels, TAU[: modelled.size], modelled, parts, told, levels, words)
+    parts = (
+        {"white_noise": 0.9 * modelled, "gauss_markov_1": 0.1 * modelled} if modelled.size else {}
+    )
+    told = {
+        "white_noise": "white noise  9.5 deg/h",
+        "gauss_markov_1": "Gauss-Markov  2.5 s, 20 deg/h",
+    }
+    return NoisePanel(
+        "x", curves, labels, TAU[: modelled.size], modelled, parts, told, levels, words
+    )
 
 
 def drawn(one):
@@ -49,13 +66,17 @@ def test_white_noise_of_ten_degrees_an_hour_is_drawn_as_such():
     for label in ("static_0, 95 %", "fitted sum of"):
         tau, deviation = lines[label].get_data()
         assert_allclose(deviation, 10.0 / np.sqrt(tau), rtol=1e-9)
-    assert_allclose(lines["white noise  9.5 deg/h"].get_ydata(), np.sqrt(0.9) * 10.0 / np.sqrt(TAU), rtol=1e-12)
+    assert_allclose(
+        lines["white noise  9.5 deg/h"].get_ydata(), np.sqrt(0.9) * 10.0 / np.sqrt(TAU), rtol=1e-12
+    )
     assert "left out of the fit" not in lines
     assert not any("off by" in label for label in lines)
 
 
 def test_scales_left_out_are_grey_and_those_that_do_not_fit_are_ringed():
-    """Oracle: the levels that were left out, and the one that was moved by 30 % where its interval is 1 %."""
+    """Oracle: the levels that were left out, and the one that was moved by 30 % where its interval
+    is 1 %.
+    """
     variance = WHITE.copy()
     variance[4] *= 1.3**2
     lines = drawn(panel([curve(variance)], levels=range(3, 15)))
@@ -80,14 +101,18 @@ def test_several_recordings_share_one_entry_of_the_legend():
     ],
 )
 def test_picture_is_a_png_that_grows_with_its_words(panels, subtitle, height):
-    """Oracle: the image library; 11 inches at 100 points, 2.75 a panel (0.9 more where it is alone), 0.22 and 0.17 a line of words."""
+    """Oracle: the image library; 11 inches at 100 points, 2.75 a panel (0.9 more where it is
+    alone), 0.22 and 0.17 a line of words.
+    """
     width, got = size_of(draw_noise("gyro", panels, "white noise fits", subtitle))
     assert width == 1100
     assert abs(got - height) <= 1
 
 
 def test_limits_hold_the_curve_and_hours_run_along_the_top():
-    """Oracle: the smallest and largest deviation; the minute and the ten minutes within 0.01 to 330 s."""
+    """Oracle: the smallest and largest deviation; the minute and the ten minutes within 0.01 to 330
+    s.
+    """
     low, high = noise._heights(panel([curve(WHITE)]), 1.0 / DEG_H)
     assert low < 10.0 / np.sqrt(TAU[-1])
     assert high > 10.0 / np.sqrt(TAU[0])
@@ -120,20 +145,28 @@ def test_processes_are_named_in_the_units_of_data_sheets(arguments, words):
 def spectrum(sensor, axis, lines=(43.6, 87.2)):
     f = np.fft.rfftfreq(400, 1.0 / 200.0)
     density = np.full(f.size, 30.0 * DEG_H)
-    return SpectrumPanel(sensor, axis, f, density, [("static model", density / 3.0), ("tuned", density)], lines)
+    return SpectrumPanel(
+        sensor, axis, f, density, [("static model", density / 3.0), ("tuned", density)], lines
+    )
 
 
 def test_spectra_stand_in_a_column_a_sensor():
-    """Oracle: the image library; three rows of 2.3 inches and their head, whether there are six channels, three or four."""
+    """Oracle: the image library; three rows of 2.3 inches and their head, whether there are six
+    channels, three or four.
+    """
     six = [spectrum(sensor, axis) for sensor in ("gyro", "accel") for axis in "xyz"]
     for panels in (six, six[:3], six[:4]):
-        width, height = size_of(draw_psd(panels, "vibration triples the white noise", "212 s of straight flight"))
+        width, height = size_of(
+            draw_psd(panels, "vibration triples the white noise", "212 s of straight flight")
+        )
         assert width == 1100
         assert abs(height - 858) <= 1
 
 
 def test_spectrum_is_drawn_beside_its_models():
-    """Oracle: the densities that were put in, 30 and 10 deg/h/sqrt(Hz); lines that are close share a label."""
+    """Oracle: the densities that were put in, 30 and 10 deg/h/sqrt(Hz); lines that are close share
+    a label.
+    """
     ax = Figure().subplots()
     noise._spectrum(ax, spectrum("gyro", "x", (43.6, 44.0, 87.2)), first=True)
     lines = {line.get_label(): line for line in ax.get_lines()}

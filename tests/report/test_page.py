@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import insgnss.report.page as page_module
-from insgnss.errors import UsageError
+from insgnss.base.errors import UsageError
 from insgnss.records import Check, StateVerdict, TimeCorrelatedError
-from insgnss.report.figures import Picture
+from insgnss.report.figures.run import Picture
 from insgnss.report.page import page, write_report, write_report_json
 from insgnss.report.summary import run_summary
 
@@ -75,7 +75,9 @@ def test_every_run_has_a_page(odd_cases, summary) -> None:
 def test_text_of_others_is_escaped(odd_cases, summary) -> None:
     """Oracle: html.parser; a script in a name is text, no tag."""
     evil = "<script>alert('x')</script>"
-    reader = Reader("".join(page(summary(*odd_cases["gaps, checks, resets"], name=evil), [PICTURE])))
+    reader = Reader(
+        "".join(page(summary(*odd_cases["gaps, checks, resets"], name=evil), [PICTURE]))
+    )
     assert "script" not in reader.tags
     assert "b" not in reader.tags
     assert evil in reader.text
@@ -99,12 +101,16 @@ def test_page_says_what_a_surveyor_asks(diagnostics, eo, summary) -> None:
 
 
 def test_limits_stand_first_with_what_would_help(diagnostics, eo, summary) -> None:
-    """Oracle: by hand; the section comes before all others, in the order of the ranks, remarks behind the line that opens them."""
+    """Oracle: by hand; the section comes before all others, in the order of the ranks, remarks
+    behind the line that opens them.
+    """
     checks = tuple(Check(f"rate {k}", "one <i>", "two", "note", "look there") for k in range(4))
     s = summary(diagnostics(2.0, checks=checks), eo(0.31))
     whole = "".join(page(s, []))
     text = Reader(whole).text
-    assert whole.index("What limits this flight") < whole.index("<h2>", whole.index("What limits this flight"))
+    assert whole.index("What limits this flight") < whole.index(
+        "<h2>", whole.index("What limits this flight")
+    )
     assert whole.count("<h2>", 0, whole.index("What limits this flight")) == 1
     places = [text.index(limit["text"][1:]) for limit in s["limits"]]
     assert places == sorted(places)
@@ -113,21 +119,45 @@ def test_limits_stand_first_with_what_would_help(diagnostics, eo, summary) -> No
 
 
 def test_lines_and_constants_have_their_tables(block, summary) -> None:
-    """Oracle: by hand; four lines, the worst heading in bold; a time offset in ms, observed, a lever arm in m, not observed."""
+    """Oracle: by hand; four lines, the worst heading in bold; a time offset in ms, observed, a
+    lever arm in m, not observed.
+    """
     sigma = block().smoothed_sigma.copy()
     sigma[300:500, 8] = np.radians(0.123)
     states = (
         StateVerdict("GNSS time offset", 0.0125, 0.0009, 0.1, 0.014, True),
         StateVerdict("antenna lever arm down", -0.05, 0.28, 0.3, 0.28, False),
     )
-    lasting = (TimeCorrelatedError(15.0, 1200, (0.018, 0.018, 0.027), (0.9, 0.9, 0.9), (0.4, 0.4, 0.4)),)
+    lasting = (
+        TimeCorrelatedError(15.0, 1200, (0.018, 0.018, 0.027), (0.9, 0.9, 0.9), (0.4, 0.4, 0.4)),
+    )
     rests = np.array([[205200.0, 205204.0]])
     parts = ((205200.0, 205240.0), (205270.0, 205319.9))
-    s = summary(block(smoothed_sigma=sigma, states=states, time_correlated=lasting, rests=rests, segments=parts), None)
+    s = summary(
+        block(
+            smoothed_sigma=sigma,
+            states=states,
+            time_correlated=lasting,
+            rests=rests,
+            segments=parts,
+        ),
+        None,
+    )
     whole = "".join(page(s, []))
     text = Reader(whole).text
     assert whole.count("<b>0.123</b>") == 1
-    for words in ("Line by line", "12.50 ms", "0.90 ms", "± 100 ms", "14.0 mm", "-0.0500 m", "280 mm", "yes", "no", "last for 15.0 s"):
+    for words in (
+        "Line by line",
+        "12.50 ms",
+        "0.90 ms",
+        "± 100 ms",
+        "14.0 mm",
+        "-0.0500 m",
+        "280 mm",
+        "yes",
+        "no",
+        "last for 15.0 s",
+    ):
         assert words in text
     assert "Solved by themselves, TOW: 205200.0 to 205240.0 s, 205270.0 to 205319.9 s." in text
     assert "1 rest, 4 s in all" in text
@@ -136,7 +166,9 @@ def test_lines_and_constants_have_their_tables(block, summary) -> None:
 def test_page_of_a_standing_sensor_has_no_innovations(diagnostics, tmp_path: Path) -> None:
     """Oracle: by hand; where the fixes were made up neither words nor pictures speak of them."""
     d = diagnostics()
-    s = run_summary(d, None, {"name": "s", "gnss": {"stationary": [46.0, 7.0, 400.0]}}, {}, {}, {}, ())
+    s = run_summary(
+        d, None, {"name": "s", "gnss": {"stationary": [46.0, 7.0, 400.0]}}, {}, {}, {}, ()
+    )
     text = write_report(tmp_path, s, d, None).read_text(encoding="utf-8")
     assert 'id="innovations"' not in text
     assert 'id="map"' not in text
@@ -152,7 +184,9 @@ def test_mood_follows_the_innovations(diagnostics, eo, summary, scale: float, mo
     assert ("class", f"headline {mood}") in reader.attributes
 
 
-def test_nothing_is_left_of_a_page_that_failed(tmp_path: Path, monkeypatch, diagnostics, eo, summary) -> None:
+def test_nothing_is_left_of_a_page_that_failed(
+    tmp_path: Path, monkeypatch, diagnostics, eo, summary
+) -> None:
     """Oracle: the directory; a failure in the middle of writing leaves the former page as it was."""
     (tmp_path / "report.html").write_text("former")
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from insgnss.report.recognition import _verdict, _window, recognition_picture
+from insgnss.report.figures.recognition import _verdict, _window, recognition_picture
 
 WORDS = [f"orientation {k}" for k in range(24)]
 
@@ -56,10 +56,17 @@ def test_picture_is_a_png_of_readable_size():
 
 
 @pytest.mark.parametrize(
-    "missing", [("time", "force_gnss", "force_imu", "turn_gnss", "turn_gyro"), ("orientation", "orientation_score"), ("lag_s", "lag_score")]
+    "missing",
+    [
+        ("time", "force_gnss", "force_imu", "turn_gnss", "turn_gyro"),
+        ("orientation", "orientation_score"),
+        ("lag_s", "lag_score"),
+    ],
 )
 def test_what_is_not_known_leaves_its_place_empty(missing):
-    """Oracle: the picture is drawn all the same, of the same size; the recogniser gives no curves where nothing fits."""
+    """Oracle: the picture is drawn all the same, of the same size; the recogniser gives no curves
+    where nothing fits.
+    """
     some = {name: value for name, value in curves().items() if name not in missing}
     assert size_of(recognition_picture(some, FINDINGS, WORDS, "flight")) == (1200, 740)
 
@@ -71,7 +78,9 @@ def test_a_receiver_too_slow_for_a_course_is_drawn():
 
 
 def test_the_liveliest_stretch_is_shown_and_a_wrong_fix_is_not_lively():
-    """Oracle: the motion that was put in, at 300 to 360 s; a fix that is off by kilometres, at 50 s."""
+    """Oracle: the motion that was put in, at 300 to 360 s; a fix that is off by kilometres, at 50
+    s.
+    """
     known = curves()
     known["force_gnss"][50] = [1e4, 0.0, 0.0]
     shown = known["time"][_window(known)] - 1000.0

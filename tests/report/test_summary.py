@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from insgnss.report.rules.verdict import NOTHING_STANDS_OUT
+from insgnss.report.rules.wording import degrees, lengths, millimetres
 from insgnss.report.summary import MOST_LISTED, plain
-from insgnss.report.verdict import NOTHING_STANDS_OUT
-from insgnss.report.wording import degrees, lengths, millimetres
 
 START = 205200.0
 
@@ -40,7 +40,9 @@ def test_figures_are_those_put_in(diagnostics, eo, summary) -> None:
 
 
 def test_white_run_is_consistent_and_has_no_limit(diagnostics, eo, summary) -> None:
-    """Oracle: closed form; white innovations and separations of the sigma they claim leave nothing to say."""
+    """Oracle: closed form; white innovations and separations of the sigma they claim leave nothing
+    to say.
+    """
     s = summary(diagnostics(), eo())
     assert s["consistency"]["position"]["verdict"] == "consistent"
     assert s["innovations"]["rms_mm"] == pytest.approx([20, 20, 30], rel=4 / math.sqrt(2 * 1200))
@@ -56,24 +58,30 @@ def test_wrong_sigmas_are_said(diagnostics, eo, summary, scale: float, word: str
     """Oracle: closed form; innovations twice (half) their sigma."""
     s = summary(diagnostics(scale), eo())
     assert s["consistency"]["position"]["verdict"] == word
-    assert s["consistency"]["position"]["size"] == pytest.approx(scale, rel=4 * math.sqrt(0.5 / 3600))
+    assert s["consistency"]["position"]["size"] == pytest.approx(
+        scale, rel=4 * math.sqrt(0.5 / 3600)
+    )
     assert len(s["verdict"]) == 1
     assert s["verdict"][0].startswith(word)
 
 
 def test_a_difference_that_only_a_test_can_see_is_no_limit(diagnostics, eo, summary) -> None:
-    """Oracle: closed form; sigmas wrong by 10 % are outside the bounds of 1200 fixes, and of no matter to their user."""
+    """Oracle: closed form; sigmas wrong by 10 % are outside the bounds of 1200 fixes, and of no
+    matter to their user.
+    """
     s = summary(diagnostics(1.1), eo())
     assert s["consistency"]["position"]["verdict"] == "overconfident"
     assert s["verdict"] == [NOTHING_STANDS_OUT]
 
 
 def test_poor_heading_of_the_first_image_is_said_with_its_reason(diagnostics, eo, summary) -> None:
-    """Oracle: by hand; a quarter of the circle, 90 deg, is flown before the first image, nothing where heading stands still."""
+    """Oracle: by hand; a quarter of the circle, 90 deg, is flown before the first image, nothing
+    where heading stands still.
+    """
     turned = summary(diagnostics(), eo(0.31))["verdict"]
     assert turned == [
-        "heading sigma 0.31 deg at the first image, 0.02 deg in the median: although the heading turned over 90 deg before it; "
-        "fly a turn or a figure of eight before the first line"
+        "heading sigma 0.31 deg at the first image, 0.02 deg in the median: although the heading"
+        " turned over 90 deg before it; fly a turn or a figure of eight before the first line"
     ]
     straight = summary(diagnostics(rpy=np.zeros((1200, 3))), eo(0.31))["verdict"]
     assert straight == [
@@ -89,11 +97,16 @@ def test_lasting_and_biased_innovations_are_said(diagnostics, eo, summary) -> No
     innovation[:, 0] += 0.03 * np.sin(np.arange(1200) / 50)
     innovation[:, 2] += 0.04
     said = summary(diagnostics(innovation=innovation), eo())["verdict"]
-    assert [text.split(" with")[0][:27] for text in said] == ["innovations down have a mea", "innovations north correlate"]
+    assert [text.split(" with")[0][:27] for text in said] == [
+        "innovations down have a mea",
+        "innovations north correlate",
+    ]
 
 
 def test_rejections_outages_and_disagreement_are_said(diagnostics, eo, summary) -> None:
-    """Oracle: by hand; 60 of 1200 fixes, 6 s on end, rejected; separation thrice its sigma in all states."""
+    """Oracle: by hand; 60 of 1200 fixes, 6 s on end, rejected; separation thrice its sigma in all
+    states.
+    """
     used = np.ones(1200, dtype=bool)
     used[600:660] = False
     d = diagnostics()
@@ -121,18 +134,31 @@ def test_every_case_is_json_without_nan(odd_cases, summary) -> None:
     for name, (d, images) in odd_cases.items():
         s = summary(d, images)
         assert json.loads(json.dumps(s, allow_nan=False)) == s, name
-        assert all(leaf is None or isinstance(leaf, str | int | float | bool) for leaf in leaves(s)), name
+        assert all(
+            leaf is None or isinstance(leaf, str | int | float | bool) for leaf in leaves(s)
+        ), name
         assert s["verdict"], name
 
 
 def test_plain_keeps_numbers_and_drops_what_is_none() -> None:
     """Oracle: by hand."""
-    mixed = {"a": np.array([1.0, np.nan]), 2: (np.float64(np.inf), np.int64(3), np.bool_(True), None, "x")}
+    mixed = {
+        "a": np.array([1.0, np.nan]),
+        2: (np.float64(np.inf), np.int64(3), np.bool_(True), None, "x"),
+    }
     assert plain(mixed) == {"a": [1.0, None], "2": [None, 3, True, None, "x"]}
 
 
 def test_numbers_in_sentences() -> None:
     """Oracle: by hand."""
-    assert [millimetres(x) for x in (2.34, -0.01, 123.4, 12345.0)] == ["2.3 mm", "0.0 mm", "123 mm", "12.3 m"]
-    assert [lengths(x) for x in ((2.0, 3.04, 140.0), (2361.0, 900.0, 4476.0))] == ["2.0 / 3.0 / 140 mm", "2.36 / 0.90 / 4.48 m"]
+    assert [millimetres(x) for x in (2.34, -0.01, 123.4, 12345.0)] == [
+        "2.3 mm",
+        "0.0 mm",
+        "123 mm",
+        "12.3 m",
+    ]
+    assert [lengths(x) for x in ((2.0, 3.04, 140.0), (2361.0, 900.0, 4476.0))] == [
+        "2.0 / 3.0 / 140 mm",
+        "2.36 / 0.90 / 4.48 m",
+    ]
     assert [degrees(x) for x in (0.0212, 0.31, 33.3)] == ["0.021 deg", "0.31 deg", "33 deg"]

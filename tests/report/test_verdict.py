@@ -1,4 +1,6 @@
-"""The rules on what limits a flight: each is said of a flight made so, with its numbers, and not of a good one."""
+"""The rules on what limits a flight: each is said of a flight made so, with its numbers, and not of
+a good one.
+"""
 
 import dataclasses
 from typing import Any
@@ -7,8 +9,8 @@ import numpy as np
 import pytest
 
 from insgnss.records import Check, StateVerdict, TimeCorrelatedError
+from insgnss.report.rules.verdict import MOST_SAID, NOTHING_STANDS_OUT
 from insgnss.report.summary import run_summary
-from insgnss.report.verdict import MOST_SAID, NOTHING_STANDS_OUT
 
 START = 205200.0
 STANDING = {"name": "laser", "gnss": {"stationary": [60.0, 8.0, 400.0]}}
@@ -33,7 +35,12 @@ def with_sigma(d: Any, rows: slice, column: int, sigma: float) -> np.ndarray:
 def test_limits_are_in_order_and_the_verdict_is_their_beginning(diagnostics, eo) -> None:
     """Oracle: definition; ranks fall, and the verdict holds the first sentences with their help."""
     checks = tuple(Check(f"check {k}", "a", "b", "note", "look") for k in range(12))
-    s = run(diagnostics(2.0, checks=checks, gaps=((START + 5, 0.5),), covariance_resets=np.array([START + 9])), eo(0.31))
+    s = run(
+        diagnostics(
+            2.0, checks=checks, gaps=((START + 5, 0.5),), covariance_resets=np.array([START + 9])
+        ),
+        eo(0.31),
+    )
     ranks = [limit["rank"] for limit in s["limits"]]
     assert ranks == sorted(ranks, reverse=True)
     assert len(s["verdict"]) == MOST_SAID < len(s["limits"])
@@ -47,9 +54,14 @@ def test_remarks_alone_leave_nothing_that_stands_out(diagnostics, eo) -> None:
     assert s["verdict"] == [NOTHING_STANDS_OUT, "rate: found a, expected b"]
 
 
-@pytest.mark.parametrize(("rows", "line", "why"), [(slice(0, 220), 1, "no turn before it"), (slice(880, 1200), 4, "no turn after it")])
+@pytest.mark.parametrize(
+    ("rows", "line", "why"),
+    [(slice(0, 220), 1, "no turn before it"), (slice(880, 1200), 4, "no turn after it")],
+)
 def test_weak_line_is_named_with_its_reason(block, rows: slice, line: int, why: str) -> None:
-    """Oracle: exact motion; heading sigma 0.12 deg on the first or last of four lines, 0.02 deg on the others."""
+    """Oracle: exact motion; heading sigma 0.12 deg on the first or last of four lines, 0.02 deg on
+    the others.
+    """
     d = block()
     limit = said(run(block(smoothed_sigma=with_sigma(d, rows, 8, np.radians(0.12)))), "heading")
     assert limit["text"].startswith(f"heading sigma 0.12 deg on line {line} (TOW ")
@@ -62,7 +74,10 @@ def test_weak_line_in_an_outage_is_told_so(block) -> None:
     """Oracle: by hand; the fixes of 30 to 50 s are missing, where line 2 is."""
     d = block()
     used = (d.time < START + 30) | (d.time > START + 50)
-    limit = said(run(block(used=used, smoothed_sigma=with_sigma(d, slice(300, 500), 8, np.radians(0.12)))), "heading")
+    limit = said(
+        run(block(used=used, smoothed_sigma=with_sigma(d, slice(300, 500), 8, np.radians(0.12)))),
+        "heading",
+    )
     assert "on line 2" in limit["text"]
     assert "no used fix for 20." in limit["text"]
     assert limit["help"] == "fly the line again"
@@ -82,10 +97,12 @@ def test_outage_names_its_images_and_sigmas(diagnostics, eo) -> None:
     sigma = with_sigma(d, slice(520, 930), 0, 0.6)
     s = run(diagnostics(used=used, smoothed_sigma=sigma), eo())
     limit = said(s, "outage")
-    inside = [name for name, t in zip(eo().images, eo().time, strict=True) if START + 50 < t < START + 95]
+    inside = [
+        name for name, t in zip(eo().images, eo().time, strict=True) if START + 50 < t < START + 95
+    ]
     assert (
-        f"no used fix for 45.0 s from TOW 205250.0 s on (449 were rejected), images {inside[0]} to {inside[-1]} ({len(inside)})"
-        in limit["text"]
+        f"no used fix for 45.0 s from TOW 205250.0 s on (449 were rejected), images {inside[0]} to"
+        f" {inside[-1]} ({len(inside)})" in limit["text"]
     )
     assert "smoothed sigmas reach 600 mm horizontally" in limit["text"]
     assert limit["rank"] == s["limits"][0]["rank"] or limit["rank"] > 20
@@ -97,38 +114,75 @@ def test_time_between_parts_is_no_outage(diagnostics) -> None:
     """Oracle: by hand; between two parts, solved by themselves, there is neither fix nor solution."""
     d = diagnostics()
     inside = (d.time > START + 40) & (d.time < START + 70)
-    fields = {name: getattr(d, name)[~inside] for name in ("fix_time", "innovation", "innovation_sigma", "nis", "used")}
+    fields = {
+        name: getattr(d, name)[~inside]
+        for name in ("fix_time", "innovation", "innovation_sigma", "nis", "used")
+    }
     apart = run(diagnostics(**fields, segments=((START, START + 40), (START + 70, START + 119.9))))
     assert apart["outages"] == []
-    assert "2 segments that know nothing of each other (30 s between them" in said(apart, "segments")["text"]
+    assert (
+        "2 segments that know nothing of each other (30 s between them"
+        in said(apart, "segments")["text"]
+    )
     assert len(run(diagnostics(**fields))["outages"]) == 1
 
 
 def test_time_correlated_errors_say_what_neighbours_share(diagnostics, eo) -> None:
-    """Oracle: closed form; neighbours of variance 9, 4, 16 mm^2 that share three quarters of it differ by half that."""
+    """Oracle: closed form; neighbours of variance 9, 4, 16 mm^2 that share three quarters of it
+    differ by half that.
+    """
     e = eo()
     e = dataclasses.replace(e, cross=0.75 * e.cov[:-1])
-    s = run(diagnostics(time_correlated=(TimeCorrelatedError(15.0, 1200, (0.018, 0.018, 0.027), (0.9, 0.9, 0.9), (0.4, 0.4, 0.4)),)), e)
+    s = run(
+        diagnostics(
+            time_correlated=(
+                TimeCorrelatedError(
+                    15.0, 1200, (0.018, 0.018, 0.027), (0.9, 0.9, 0.9), (0.4, 0.4, 0.4)
+                ),
+            )
+        ),
+        e,
+    )
     assert s["neighbours"]["position_mm"] == pytest.approx(np.sqrt(0.5) * np.array([2, 3, 4]))
     text = said(s, "time-correlated errors")["text"]
-    assert "the receiver's errors last 15 s and are 0.90 of its sigmas (18.0 / 18.0 / 27.0 mm, N / E / D)" in text
-    assert "known to 1.4 / 2.1 / 2.8 mm relative to each other, to 2.0 / 3.0 / 4.0 mm absolutely" in text
+    assert (
+        "the receiver's errors last 15 s and are 0.90 of its sigmas (18.0 / 18.0 / 27.0 mm, N / E"
+        " / D)" in text
+    )
+    assert (
+        "known to 1.4 / 2.1 / 2.8 mm relative to each other, to 2.0 / 3.0 / 4.0 mm absolutely"
+        in text
+    )
 
 
 def test_code_positions_are_said_to_be_absolute_and_relative(diagnostics) -> None:
-    """Oracle: closed form; a Gauss-Markov error of 2.5 m that lasts 600 s changes by 2.5 sqrt(2 (1 - exp(-0.1))) m in a minute."""
+    """Oracle: closed form; a Gauss-Markov error of 2.5 m that lasts 600 s changes by 2.5 sqrt(2 (1
+    - exp(-0.1))) m in a minute.
+    """
     sigma = diagnostics().smoothed_sigma.copy()
     sigma[:, :3] = 2.4, 2.4, 4.5
-    s = run(diagnostics(smoothed_sigma=sigma, time_correlated=(TimeCorrelatedError(600.0, 1200, (2.5, 2.5, 5.0), (1, 1, 1), (1, 1, 1)),)))
+    s = run(
+        diagnostics(
+            smoothed_sigma=sigma,
+            time_correlated=(
+                TimeCorrelatedError(600.0, 1200, (2.5, 2.5, 5.0), (1, 1, 1), (1, 1, 1)),
+            ),
+        )
+    )
     text = said(s, "absolute position")["text"]
     change = np.sqrt(2 * (1 - np.exp(-0.1)))
     assert "known to 3.39 m horizontally and 4.50 m in height only" in text
-    assert f"from one minute to the next positions agree to {2.5 * np.sqrt(2) * change:.2f} m and {5 * change:.2f} m" in text
+    assert (
+        f"from one minute to the next positions agree to {2.5 * np.sqrt(2) * change:.2f} m and"
+        f" {5 * change:.2f} m" in text
+    )
     assert s["headline"].startswith("trajectory: median sigmas 2.40 / 2.40 / 4.50 m (N, E, D)")
 
 
 def test_constants_that_are_not_observed_limit_the_flight(diagnostics) -> None:
-    """Oracle: by hand; a lever arm of sigma 0.28 m (0.30 before) moves 280 mm of 4 mm; a time offset of 12.5 ms is a remark."""
+    """Oracle: by hand; a lever arm of sigma 0.28 m (0.30 before) moves 280 mm of 4 mm; a time
+    offset of 12.5 ms is a remark.
+    """
     states = (
         StateVerdict("antenna lever arm forward", 0.01, 0.28, 0.3, 0.28, False),
         StateVerdict("GNSS time offset", 0.0125, 0.0009, 0.1, 0.014, True),
@@ -136,15 +190,22 @@ def test_constants_that_are_not_observed_limit_the_flight(diagnostics) -> None:
     )
     s = run(diagnostics(states=states))
     lever, *others = [limit for limit in s["limits"] if limit["topic"] == "constants"]
-    assert "antenna lever arm forward is not observed: sigma 0.28 m of 0.3 m before the flight, 280 mm of position" in lever["text"]
+    assert (
+        "antenna lever arm forward is not observed: sigma 0.28 m of 0.3 m before the flight, 280 mm"
+        " of position" in lever["text"]
+    )
     assert lever["rank"] == pytest.approx(70.0)
     assert any("GNSS time offset +12.5 +- 0.9 ms" in limit["text"] for limit in others)
-    assert any("not observed by this flight: gyro x scale factor" in limit["text"] for limit in others)
+    assert any(
+        "not observed by this flight: gyro x scale factor" in limit["text"] for limit in others
+    )
     assert max(limit["rank"] for limit in others) < 1.0
 
 
 def test_standing_says_nothing_of_fixes_that_were_made_up(diagnostics) -> None:
-    """Oracle: closed form; at 60 deg latitude half of the Earth's rotation is level, and 0.02 deg of heading is 0.0026 deg/h of it."""
+    """Oracle: closed form; at 60 deg latitude half of the Earth's rotation is level, and 0.02 deg
+    of heading is 0.0026 deg/h of it.
+    """
     check = Check("turn rate, gyro against GNSS course", "no turns", "some", "note")
     d = diagnostics(0.1, rests=np.array([[START, START + 100]]), checks=(check,))
     s = run(d, flight=STANDING)
@@ -159,8 +220,12 @@ def test_weak_attitude_heights_and_gyros_are_said(diagnostics) -> None:
     sigma = diagnostics().smoothed_sigma.copy()
     sigma[:, 2] = 0.009
     sigma[:, 6:] = np.radians([0.2, 0.2, 0.6])
-    s = run(diagnostics(smoothed_sigma=sigma, bias_sigma=np.radians(np.full((1200, 6), 90.0)) / 3600.0))
-    assert "heading sigma 0.6 deg in the median, 3.0 times that of tilt" in said(s, "heading")["text"]
+    s = run(
+        diagnostics(smoothed_sigma=sigma, bias_sigma=np.radians(np.full((1200, 6), 90.0)) / 3600.0)
+    )
+    assert (
+        "heading sigma 0.6 deg in the median, 3.0 times that of tilt" in said(s, "heading")["text"]
+    )
     assert "a level accelerometer's bias of 3.5 mg" in said(s, "tilt")["text"]
     assert "3.0 x the horizontal sigmas (9.0 mm against 3.0 mm)" in said(s, "heights")["text"]
     assert "90 deg/h only at the end, 1.5 deg a minute" in said(s, "gyro bias")["text"]

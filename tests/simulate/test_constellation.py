@@ -1,4 +1,6 @@
-"""The made-up constellation: one orbit and one clock behind all messages of a satellite, its shape, and another library's view of it."""
+"""The made-up constellation: one orbit and one clock behind all messages of a satellite, its shape,
+and another library's view of it.
+"""
 
 import importlib.util
 import json
@@ -10,12 +12,31 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from insgnss.errors import UsageError
+from insgnss.base.errors import UsageError
 from insgnss.geodesy.frames import geodetic_to_ecef
-from insgnss.gnss.navigation_message import AF0, AF1, COLUMNS, ECC, GLONASS, I0, KIND, ROOT_A, STATE, TOE, Navigation
-from insgnss.gnss.orbits import ranges, satellite_states, select_messages, sky
-from insgnss.simulate.constellation import GLONASS_CHANNELS, PZ90_A, PZ90_J2, PZ90_MU, PZ90_RATE, constellation
-from insgnss.simulate.rinex_files import write_navigation
+from insgnss.gnss.rinex.navigation_message import (
+    AF0,
+    AF1,
+    COLUMNS,
+    ECC,
+    GLONASS,
+    I0,
+    KIND,
+    ROOT_A,
+    STATE,
+    TOE,
+    Navigation,
+)
+from insgnss.gnss.satellites.orbits import ranges, satellite_states, select_messages, sky
+from insgnss.simulation.raw_gnss.constellation import (
+    GLONASS_CHANNELS,
+    PZ90_A,
+    PZ90_J2,
+    PZ90_MU,
+    PZ90_RATE,
+    constellation,
+)
+from insgnss.simulation.raw_gnss.rinex_files import write_navigation
 
 WEEK, START, END = 2008, 205200.0, 212400.0  # two hours
 RTKLIB = """
@@ -42,7 +63,9 @@ def navigation():
 
 
 def seams(navigation):
-    """States of each satellite in the middle between two of its messages, by the one and by the other."""
+    """States of each satellite in the middle between two of its messages, by the one and by the
+    other.
+    """
     codes, before, after, time = [], [], [], []
     for code in np.unique(navigation.satellite):
         for a, b in pairwise(np.flatnonzero(navigation.satellite == code)):
@@ -50,11 +73,16 @@ def seams(navigation):
             before.append(a)
             after.append(b)
             time.append(navigation.table[[a, b], TOE].mean())
-    return np.array(codes), *(satellite_states(navigation, codes, np.array(time), np.array(rows)) for rows in (before, after))
+    return np.array(codes), *(
+        satellite_states(navigation, codes, np.array(time), np.array(rows))
+        for rows in (before, after)
+    )
 
 
 def test_messages_of_a_satellite_are_one_orbit_and_one_clock(navigation):
-    """Oracle: the neighbouring message, half its interval away; Kepler's elements agree to rounding, GLONASS to its steps of 60 s."""
+    """Oracle: the neighbouring message, half its interval away; Kepler's elements agree to
+    rounding, GLONASS to its steps of 60 s.
+    """
     codes, before, after = seams(navigation)
     gps = np.char.startswith(codes, "G")
     assert gps.sum() >= 31
@@ -87,7 +115,8 @@ def test_messages_reach_all_of_the_flight(span):
 
 
 def test_glonass_moves_by_the_equations_of_the_icd():
-    """Oracle: the package's Runge-Kutta from the first message, an independent integration; and the Jacobi integral of the state.
+    """Oracle: the package's Runge-Kutta from the first message, an independent integration; and the
+    Jacobi integral of the state.
 
     The integral is that of the rotating field with J2, kept where Sun and Moon do not act.
     """
@@ -97,9 +126,14 @@ def test_glonass_moves_by_the_equations_of_the_icd():
         rows = np.flatnonzero(navigation.satellite == code)
         first, last = navigation.table[rows[0]], navigation.table[rows[-1]]
         state = satellite_states(navigation, [code], last[[TOE]], rows[:1])
-        assert np.linalg.norm(state.position[0] - last[STATE : STATE + 3]) < 0.02  # 60 s steps over more than an hour
+        assert (
+            np.linalg.norm(state.position[0] - last[STATE : STATE + 3]) < 0.02
+        )  # 60 s steps over more than an hour
         pull = first[STATE + 6 : STATE + 9]
-        energies = [jacobi(row[STATE : STATE + 3], row[STATE + 3 : STATE + 6], pull) for row in navigation.table[rows]]
+        energies = [
+            jacobi(row[STATE : STATE + 3], row[STATE + 3 : STATE + 6], pull)
+            for row in navigation.table[rows]
+        ]
         assert_allclose(energies, energies[0], rtol=1e-11)
 
 
@@ -107,16 +141,26 @@ def jacobi(r, v, pull):
     """Energy per mass in axes that turn with the Earth, in a field of J2 and of a constant pull."""
     size = np.linalg.norm(r)
     oblate = 0.5 * PZ90_J2 * PZ90_MU * PZ90_A**2 / size**3 * (1.0 - 3.0 * (r[2] / size) ** 2)
-    return 0.5 * v @ v - PZ90_MU / size - oblate - 0.5 * PZ90_RATE**2 * (r[0] ** 2 + r[1] ** 2) - pull @ r
+    return (
+        0.5 * v @ v
+        - PZ90_MU / size
+        - oblate
+        - 0.5 * PZ90_RATE**2 * (r[0] ** 2 + r[1] ** 2)
+        - pull @ r
+    )
 
 
 def test_shape_is_that_of_the_real_systems(navigation):
-    """Oracle: numbers of the interface documents: inclination, period, eccentricity, frequency numbers of antipodes."""
+    """Oracle: numbers of the interface documents: inclination, period, eccentricity, frequency
+    numbers of antipodes.
+    """
     gps = navigation.table[np.char.startswith(navigation.satellite, "G")]
     assert np.abs(np.degrees(gps[:, I0]) - 55.0).max() < 3.0
     assert (gps[:, ECC] >= 1e-3).all()
     assert (gps[:, ECC] <= 2e-2).all()
-    assert_allclose(2.0 * np.pi * np.sqrt(gps[:, ROOT_A] ** 6 / 3.986005e14), 43082.0, atol=30.0)  # half a sidereal day
+    assert_allclose(
+        2.0 * np.pi * np.sqrt(gps[:, ROOT_A] ** 6 / 3.986005e14), 43082.0, atol=30.0
+    )  # half a sidereal day
     assert np.abs(gps[:, AF0]).max() < 1e-3
     assert np.abs(gps[:, AF1]).max() < 1e-10
     channels = navigation.channels()
@@ -127,16 +171,25 @@ def test_shape_is_that_of_the_real_systems(navigation):
     codes = [code for pair in sharing for code in pair]
     position = satellite_states(navigation, codes, np.full(24, START)).position.reshape(12, 2, 3)
     unit = position / np.linalg.norm(position, axis=2, keepdims=True)
-    assert (np.einsum("ki,ki->k", unit[:, 0], unit[:, 1]) < np.cos(np.radians(170.0))).all()  # never above one horizon
+    assert (
+        np.einsum("ki,ki->k", unit[:, 0], unit[:, 1]) < np.cos(np.radians(170.0))
+    ).all()  # never above one horizon
 
 
 def test_enough_satellites_stand_over_any_place():
-    """Oracle: what the full constellations offer, eight GPS and six GLONASS satellites above 15 degrees on average."""
+    """Oracle: what the full constellations offer, eight GPS and six GLONASS satellites above 15
+    degrees on average.
+    """
     counts = []
     for seed in range(3):
         navigation = constellation(WEEK, START, END, seed=seed)
         codes = np.unique(navigation.satellite)
-        for lat, lon, time in ((0.81, 0.11, START), (-0.6, 2.4, END), (0.0, -1.2, START), (1.1, 0.4, END)):
+        for lat, lon, time in (
+            (0.81, 0.11, START),
+            (-0.6, 2.4, END),
+            (0.0, -1.2, START),
+            (1.1, 0.4, END),
+        ):
             place = geodetic_to_ecef(lat, lon, 500.0)
             state = satellite_states(navigation, codes, np.full(codes.size, time))
             high = sky(ranges(state.position, place)[1], place)[1] > np.radians(15.0)
@@ -172,15 +225,21 @@ def test_impossible_requests_are_refused():
             constellation(WEEK, *span, systems, seed)
 
 
-@pytest.mark.skipif(importlib.util.find_spec("pyrtklib5") is None, reason="pyrtklib5 (extra ppk) is not installed")
+@pytest.mark.skipif(
+    importlib.util.find_spec("pyrtklib5") is None, reason="pyrtklib5 (extra ppk) is not installed"
+)
 def test_rtklib_sees_the_same_satellites(navigation, tmp_path):
-    """Oracle: RTKLIB, satpos() from the written files; its own constants of GLONASS move a satellite by millimetres in 15 minutes."""
+    """Oracle: RTKLIB, satpos() from the written files; its own constants of GLONASS move a
+    satellite by millimetres in 15 minutes.
+    """
     files = [str(tmp_path / name) for name in ("sim.18n", "sim.18g")]
     write_navigation(*files, navigation)
     codes = np.unique(navigation.satellite)
     wanted = [(str(code), time) for time in (START, START + 3000.5, END) for code in codes]
     asked = json.dumps([files, WEEK, wanted])
-    run = subprocess.run([sys.executable, "-c", RTKLIB], input=asked, capture_output=True, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, "-c", RTKLIB], input=asked, capture_output=True, text=True, check=True
+    )
     theirs = np.array(json.loads(run.stdout))
     assert (theirs[:, 0] == 1).all()
     assert (theirs[:, 1] == 0).all()
@@ -190,5 +249,7 @@ def test_rtklib_sees_the_same_satellites(navigation, tmp_path):
     apart = np.linalg.norm(theirs[:, 2:5] - ours.position, axis=1)
     assert apart[gps].max() < 1e-3  # the twelve digits of the file
     assert apart[~gps].max() < 5e-3
-    assert np.linalg.norm(theirs[:, 5:8] - ours.velocity, axis=1).max() < 5e-3  # RTKLIB's of GPS: difference over a millisecond
+    assert (
+        np.linalg.norm(theirs[:, 5:8] - ours.velocity, axis=1).max() < 5e-3
+    )  # RTKLIB's of GPS: difference over a millisecond
     assert_allclose(theirs[:, 8], ours.clock_s, rtol=0.0, atol=1e-13)

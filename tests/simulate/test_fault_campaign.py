@@ -1,4 +1,6 @@
-"""The judge of the fault campaign (scripts/fault_campaign.py), on errors whose distribution is known."""
+"""The judge of the fault campaign (scripts/fault_campaign.py), on errors whose distribution is
+known.
+"""
 
 import importlib.util
 from pathlib import Path
@@ -24,7 +26,9 @@ def campaign():
 
 
 def chain(n: int, rho: float) -> ExteriorOrientation:
-    """n images whose errors are a first-order autoregression with the correlation rho of neighbours, six components alike."""
+    """n images whose errors are a first-order autoregression with the correlation rho of
+    neighbours, six components alike.
+    """
     cov = np.broadcast_to(np.diag([4.0, 1.0, 9.0, 1e-4, 1e-4, 1e-2]), (n, 6, 6))
     return ExteriorOrientation(
         tuple(str(k) for k in range(n)),
@@ -42,7 +46,9 @@ def chain(n: int, rho: float) -> ExteriorOrientation:
 
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9, 1.0])
 def test_effective_samples_of_an_autoregression(campaign, rho):
-    """Oracle: closed form, n^2 / sum over i, j of rho^(2 |i - j|); n of them without correlation, one with a whole one."""
+    """Oracle: closed form, n^2 / sum over i, j of rho^(2 |i - j|); n of them without correlation,
+    one with a whole one.
+    """
     n = 30
     lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     expected = n * n / (rho ** (2.0 * lag) if rho else (lag == 0)).sum()
@@ -55,7 +61,9 @@ def run_of(campaign, rng, scale=1.0, n=40):
 
 
 def test_verdicts_follow_the_errors(campaign):
-    """Oracle: errors drawn as large as, half and three times as large as claimed, and one single image far off."""
+    """Oracle: errors drawn as large as, half and three times as large as claimed, and one single
+    image far off.
+    """
     rng = np.random.default_rng(0)
     case, one = campaign.Case("x"), np.ones(6)
 
@@ -71,23 +79,42 @@ def test_verdicts_follow_the_errors(campaign):
     far = run_of(campaign, rng)
     far.nees[7] = 60.0
     assert word(far) == "FAILED"
-    assert campaign.conclude(campaign.Case("x", beyond="no trace"), [far], one).word == "not covered, no trace"
+    assert (
+        campaign.conclude(campaign.Case("x", beyond="no trace"), [far], one).word
+        == "not covered, no trace"
+    )
 
 
 def test_honest_verdicts_are_rarely_failures(campaign):
-    """Oracle: the error rate that the bounds claim, 1 % for the means and 1 % for the worst image; 300 cases, four sigma of binomial."""
+    """Oracle: the error rate that the bounds claim, 1 % for the means and 1 % for the worst image;
+    300 cases, four sigma of binomial.
+    """
     rng = np.random.default_rng(1)
-    words = [campaign.conclude(campaign.Case("x"), [run_of(campaign, rng) for _ in range(4)], np.ones(6)).word for _ in range(300)]
+    words = [
+        campaign.conclude(
+            campaign.Case("x"), [run_of(campaign, rng) for _ in range(4)], np.ones(6)
+        ).word
+        for _ in range(300)
+    ]
     assert sum(word != "covered" for word in words) / 300 < 0.02 + 4.0 * np.sqrt(0.02 / 300)
 
 
 @pytest.mark.parametrize("scale", [1.0, 3.0])
 def test_the_confirmed_share_is_that_of_what_images_share(campaign, scale):
-    """Oracle: closed form: half of the images a copy of the others halves the samples, whatever the size of the errors; 400 runs, 10 %."""
+    """Oracle: closed form: half of the images a copy of the others halves the samples, whatever the
+    size of the errors; 400 runs, 10 %.
+    """
     rng = np.random.default_rng(3)
     single = [run_of(campaign, rng, scale, 20) for _ in range(400)]
-    doubled = [campaign.Run("done", "", np.vstack([run.z, run.z]), np.tile(run.nees, 2), 2.0 * run.n_eff, run.rms) for run in single]
-    np.testing.assert_allclose(campaign.confirmed_share([single[:200], single[200:]]), 1.0, atol=0.15)
+    doubled = [
+        campaign.Run(
+            "done", "", np.vstack([run.z, run.z]), np.tile(run.nees, 2), 2.0 * run.n_eff, run.rms
+        )
+        for run in single
+    ]
+    np.testing.assert_allclose(
+        campaign.confirmed_share([single[:200], single[200:]]), 1.0, atol=0.15
+    )
     np.testing.assert_allclose(campaign.confirmed_share([doubled]), 0.5, atol=0.08)
 
 
@@ -103,10 +130,13 @@ def test_a_row_says_how_the_runs_ended(campaign):
 
 def test_a_traceback_is_a_defect_and_an_error_a_stop(campaign, monkeypatch):
     """Oracle: exceptions raised on purpose in place of the main job."""
-    from insgnss.errors import DataError
+    from insgnss.base.errors import DataError
 
     options = {"flight": campaign.LONG.changed(minutes=0.4)}
-    for error, exit_ in ((ZeroDivisionError("no"), "defect"), (DataError("/tmp/x/imu.csv:8: gap"), "stopped")):
+    for error, exit_ in (
+        (ZeroDivisionError("no"), "defect"),
+        (DataError("/tmp/x/imu.csv:8: gap"), "stopped"),
+    ):
 
         def fail(_flight, error=error):
             raise error

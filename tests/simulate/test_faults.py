@@ -7,13 +7,13 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import periodogram
 
-from insgnss.errors import UsageError
-from insgnss.simulate.dataset import write_dataset
-from insgnss.simulate.description import FIXES
-from insgnss.simulate.faults import CHANNELS, ImuFaults, RowFaults, Stuck, Vibration
-from insgnss.simulate.flights import block_flight
-from insgnss.simulate.scenario import simulate_flight
-from insgnss.simulate.sensors import ImuOptions, SecondImu
+from insgnss.base.errors import UsageError
+from insgnss.simulation.dataset import write_dataset
+from insgnss.simulation.description import FIXES
+from insgnss.simulation.faults import CHANNELS, ImuFaults, RowFaults, Stuck, Vibration
+from insgnss.simulation.flights import block_flight
+from insgnss.simulation.scenario import simulate_flight
+from insgnss.simulation.sensors import ImuOptions, SecondImu
 
 SHORT = {"minutes": 1.5, "imu_rate": 50.0, "start_in_air": True, "seed": 3}
 IMU_FILE = "01_Observations/IMU/Data/Pre_calibrated/f8_{}_sob.csv"
@@ -40,7 +40,9 @@ def test_no_fault_changes_nothing(ideal):
 
 
 def test_gaps_take_samples_and_nothing_else(ideal):
-    """Oracle: the clock: 0.5 s of 100 Hz are 50 samples, 2 s are 200; those that stay are the ones that were there."""
+    """Oracle: the clock: 0.5 s of 100 Hz are 50 samples, 2 s are 200; those that stay are the ones
+    that were there.
+    """
     cut = applied(ideal, gaps=((10.0, 0.5), (30.0, 2.0)))
     step = np.diff(cut.time)
     assert_allclose(step[step > 0.015], [0.51, 2.01], atol=1e-6)
@@ -84,7 +86,8 @@ def test_clock_and_sign(ideal):
 
 @pytest.mark.parametrize("quantity", ["mean_rate", "increments", "instant_rate"])
 def test_vibration_is_a_line_of_its_frequency(quantity):
-    """Oracle: scipy's periodogram: the energy lies within 10 % of 30 Hz, amplitudes within half and all of what is asked, mean zero.
+    """Oracle: scipy's periodogram: the energy lies within 10 % of 30 Hz, amplitudes within half and
+    all of what is asked, mean zero.
 
     The mean over an interval of 5 ms takes sinc(30 / 200), 3.7 %, of the amplitude away.
     """
@@ -99,7 +102,9 @@ def test_vibration_is_a_line_of_its_frequency(quantity):
         on = line[1010:8990]
         f, power = periodogram(on, 200.0, axis=0)
         assert (power[(f > 27.0) & (f < 33.0)].sum(axis=0) > 0.99 * power.sum(axis=0)).all()
-        size = np.sqrt(2.0) * on.std(axis=0) / (1.0 if quantity == "instant_rate" else np.sinc(0.15))
+        size = (
+            np.sqrt(2.0) * on.std(axis=0) / (1.0 if quantity == "instant_rate" else np.sinc(0.15))
+        )
         assert (0.49 * amplitude < size).all()
         assert (size < 1.01 * amplitude).all()
         assert_allclose(on.mean(axis=0), 0.0, atol=0.01 * amplitude)
@@ -115,14 +120,22 @@ def test_truth_does_not_know_of_the_faults():
     assert np.array_equal(plain.truth.trajectory.lat, faulty.truth.trajectory.lat)
     assert np.array_equal(plain.gnss.lat, faulty.gnss.lat)
     assert faulty.imu.time.size == plain.imu.time.size - 100
-    assert np.array_equal(faulty.imu.accel, plain.imu.accel[np.isin(plain.imu.time, faulty.imu.time + 18.0)])
+    assert np.array_equal(
+        faulty.imu.accel, plain.imu.accel[np.isin(plain.imu.time, faulty.imu.time + 18.0)]
+    )
 
 
 def test_rows_in_disorder_are_the_same_rows(tmp_path):
-    """Oracle: sets and counts of the lines of the undisturbed file; binomial bounds of 4 sigma on the shares."""
+    """Oracle: sets and counts of the lines of the undisturbed file; binomial bounds of 4 sigma on
+    the shares.
+    """
     plain = write_dataset(tmp_path / "a", **SHORT)
-    mixed = write_dataset(tmp_path / "b", **SHORT, imu_rows=RowFaults(duplicated=0.02, reordered=0.03, reach=3))
-    before, after = ((d.directory / IMU_FILE.format(1)).read_text().splitlines() for d in (plain, mixed))
+    mixed = write_dataset(
+        tmp_path / "b", **SHORT, imu_rows=RowFaults(duplicated=0.02, reordered=0.03, reach=3)
+    )
+    before, after = (
+        (d.directory / IMU_FILE.format(1)).read_text().splitlines() for d in (plain, mixed)
+    )
     assert before[0] == after[0]
     assert set(before) == set(after)
     n = len(before) - 1
@@ -135,7 +148,9 @@ def test_rows_in_disorder_are_the_same_rows(tmp_path):
 
 
 def test_late_stamps_are_late_and_the_readings_as_they_were(tmp_path):
-    """Oracle: the undisturbed file; delays lie between zero and the limit, and only the stamps differ."""
+    """Oracle: the undisturbed file; delays lie between zero and the limit, and only the stamps
+    differ.
+    """
     plain = write_dataset(tmp_path / "a", **SHORT)
     late = write_dataset(tmp_path / "b", **SHORT, gnss_rows=RowFaults(late=0.1, late_s=0.05))
     before, after = (table(d.directory / FIXES) for d in (plain, late))
@@ -147,7 +162,9 @@ def test_late_stamps_are_late_and_the_readings_as_they_were(tmp_path):
 
 
 def test_a_wrong_flight_file_differs_in_what_is_asked_and_nothing_else(tmp_path):
-    """Oracle: tomllib on both files; None takes a key away, a new table is added, the data are the same."""
+    """Oracle: tomllib on both files; None takes a key away, a new table is added, the data are the
+    same.
+    """
     plain = write_dataset(tmp_path / "a", **SHORT)
     wrong = {
         "mounting": {"antenna_m": [0.8, 0.0, 0.0]},
@@ -164,26 +181,54 @@ def test_a_wrong_flight_file_differs_in_what_is_asked_and_nothing_else(tmp_path)
     assert right.pop("tangent_plane")
     assert right["imu"].pop("noise") == "navchip"
     assert left == right
-    assert (plain.directory / IMU_FILE.format(1)).read_bytes() == (other.directory / IMU_FILE.format(1)).read_bytes()
+    assert (plain.directory / IMU_FILE.format(1)).read_bytes() == (
+        other.directory / IMU_FILE.format(1)
+    ).read_bytes()
 
 
 def test_a_second_imu_has_errors_and_a_file_of_its_own(tmp_path):
-    """Oracle: exact motion at the second place, in words its axes; noises differ; the first IMU's file is the one without a second."""
+    """Oracle: exact motion at the second place, in words its axes; noises differ; the first IMU's
+    file is the one without a second.
+    """
     plain = write_dataset(tmp_path / "a", **SHORT)
     quiet = SecondImu(ImuOptions(50.0, None, "right backward down"), (0.313, 0.020, 0.0))
     both = write_dataset(tmp_path / "b", **SHORT, second_imu=quiet)
-    assert (plain.directory / IMU_FILE.format(1)).read_bytes() == (both.directory / IMU_FILE.format(1)).read_bytes()
+    assert (plain.directory / IMU_FILE.format(1)).read_bytes() == (
+        both.directory / IMU_FILE.format(1)
+    ).read_bytes()
     second = table(both.directory / IMU_FILE.format(2), delimiter=",", skiprows=1)
     simulated = both.simulated
     lever = simulated.rig.C_cb.T @ [0.2, 0.0, 0.0]  # second less first, camera axes to body axes
     body = simulated.flight.motion.imu(50.0, lever_b=lever)
-    assert_allclose(second[:, 1:4], np.stack([body.gyro[:, 1], -body.gyro[:, 0], body.gyro[:, 2]], axis=-1), rtol=0, atol=1e-9)
-    assert_allclose(second[:, 4:], np.stack([body.accel[:, 1], -body.accel[:, 0], body.accel[:, 2]], axis=-1), rtol=0, atol=1e-8)
+    assert_allclose(
+        second[:, 1:4],
+        np.stack([body.gyro[:, 1], -body.gyro[:, 0], body.gyro[:, 2]], axis=-1),
+        rtol=0,
+        atol=1e-9,
+    )
+    assert_allclose(
+        second[:, 4:],
+        np.stack([body.accel[:, 1], -body.accel[:, 0], body.accel[:, 2]], axis=-1),
+        rtol=0,
+        atol=1e-8,
+    )
     twin = simulate_flight(
-        minutes=0.3, seed=3, imu=ImuOptions(50.0), second_imu=SecondImu(ImuOptions(50.0), (0.113, 0.020, 0.0)), start_in_air=True
+        minutes=0.3,
+        seed=3,
+        imu=ImuOptions(50.0),
+        second_imu=SecondImu(ImuOptions(50.0), (0.113, 0.020, 0.0)),
+        start_in_air=True,
     )
     assert twin.second_imu is not None
-    assert abs(np.corrcoef((twin.second_imu[0].samples.accel - twin.flight.motion.imu(50.0).accel)[:, 0], twin.imu.accel[:, 0])[0, 1]) < 0.5
+    assert (
+        abs(
+            np.corrcoef(
+                (twin.second_imu[0].samples.accel - twin.flight.motion.imu(50.0).accel)[:, 0],
+                twin.imu.accel[:, 0],
+            )[0, 1]
+        )
+        < 0.5
+    )
     assert not np.array_equal(twin.second_imu[0].samples.accel, twin.imu.accel)
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.errors import UsageError
-from insgnss.simulate.flights import Flight, block_flight, corridor_flight
-from insgnss.simulate.layout import BLOCK
+from insgnss.base.errors import UsageError
+from insgnss.simulation.flights import Flight, block_flight, corridor_flight
+from insgnss.simulation.layout import BLOCK
 
 PER_HEIGHT = 6.4e-6 / 0.035  # ground sampling distance per metre of height
 
@@ -23,12 +23,18 @@ def corridor() -> Flight:
 
 def on_lines(flight):
     """Times at which the aircraft is between the first and the last exposure of a line."""
-    parts = [np.arange(t[0], t[-1], 0.25) for k in np.unique(flight.line) if (t := flight.time[flight.line == k]).size > 2]
+    parts = [
+        np.arange(t[0], t[-1], 0.25)
+        for k in np.unique(flight.line)
+        if (t := flight.time[flight.line == k]).size > 2
+    ]
     return np.concatenate(parts)
 
 
 def test_block_has_the_lines_and_images_of_ign8(block):
-    """Oracle: Tables 6 and 7 of paper 000: 26 lines, two levels at 140 and 180 m, 440 images, 45 min endurance."""
+    """Oracle: Tables 6 and 7 of paper 000: 26 lines, two levels at 140 and 180 m, 440 images, 45
+    min endurance.
+    """
     assert np.unique(block.line).size == 26
     assert len(block.images) == pytest.approx(440, abs=15)
     assert block.images[:2] == ("8001.tif", "8002.tif")
@@ -61,7 +67,9 @@ def test_levels_of_the_block_cross_at_right_angles(block):
 
 @pytest.mark.parametrize(("name", "overlap"), [("block", 0.65), ("corridor", 0.70)])
 def test_forward_overlap_is_as_specified(name, overlap, request):
-    """Oracle: footprint of 5120 pixels; trigger delays of 20 ms at 18 m/s move an exposure by 0.36 m at most."""
+    """Oracle: footprint of 5120 pixels; trigger delays of 20 ms at 18 m/s move an exposure by 0.36
+    m at most.
+    """
     flight = request.getfixturevalue(name)
     position = flight.motion.position(flight.time)
     same = np.diff(flight.line) == 0
@@ -92,7 +100,9 @@ def test_side_overlap_is_as_specified(block):
 
 @pytest.mark.parametrize("name", ["block", "corridor"])
 def test_the_aircraft_does_what_a_small_fixed_wing_can(name, request):
-    """Oracle: limits of the task: bank 40 deg, 60 deg/s, load factor below 1.5, nothing below ground."""
+    """Oracle: limits of the task: bank 40 deg, 60 deg/s, load factor below 1.5, nothing below
+    ground.
+    """
     motion = request.getfixturevalue(name).motion
     t = np.arange(motion.start, motion.end, 0.05)
     assert np.degrees(np.abs(motion.angles(t)[:, 0])).max() < 40.0
@@ -108,7 +118,10 @@ def test_the_aircraft_does_what_a_small_fixed_wing_can(name, request):
 def test_it_stands_still_before_launch_and_after_landing(block):
     """Oracle: the plan; 60 s before and 20 s after, less the 3 s over which smoothing reaches."""
     motion = block.motion
-    for t in (np.linspace(motion.start, motion.start + 57.0, 200), np.linspace(motion.end - 16.0, motion.end, 50)):
+    for t in (
+        np.linspace(motion.start, motion.start + 57.0, 200),
+        np.linspace(motion.end - 16.0, motion.end, 50),
+    ):
         assert np.abs(motion.velocity(t)).max() < 1e-9
         assert np.abs(motion.omega_lb_b(t)).max() < 1e-9
     launch = motion.position(np.array([motion.start, motion.end]))
@@ -117,7 +130,9 @@ def test_it_stands_still_before_launch_and_after_landing(block):
 
 @pytest.mark.parametrize("name", ["block", "corridor"])
 def test_airspeed_and_crab_follow_the_wind_triangle(name, request):
-    """Oracle: air velocity = ground velocity - wind has 14 m/s and the heading's direction; gusts: 0.3 m/s and a degree."""
+    """Oracle: air velocity = ground velocity - wind has 14 m/s and the heading's direction; gusts:
+    0.3 m/s and a degree.
+    """
     flight = request.getfixturevalue(name)
     t = on_lines(flight)
     air = flight.motion.velocity(t) - flight.wind_l
@@ -132,7 +147,9 @@ def test_airspeed_and_crab_follow_the_wind_triangle(name, request):
 
 
 def test_calm_air_and_no_turbulence_give_straight_lines():
-    """Oracle: geometry; without gusts the line is straight, level and without crab but for smoothing at its ends."""
+    """Oracle: geometry; without gusts the line is straight, level and without crab but for
+    smoothing at its ends.
+    """
     flight = block_flight(3.0, start_in_air=True, wind_ms=0.0, turbulence=0.0)
     t = flight.time[flight.line == 1][1:-1]
     position, angles = flight.motion.position(t), flight.motion.angles(t)
@@ -149,7 +166,9 @@ def test_a_grounded_flight_lasts_as_long_as_asked_and_lands(minutes):
     """Oracle: the clock, and the launch place."""
     flight = block_flight(minutes)
     assert flight.motion.end - flight.motion.start == pytest.approx(60.0 * minutes, abs=1e-6)
-    assert_allclose(flight.motion.position(flight.motion.end), [(*BLOCK.launch, 0.0)], rtol=0, atol=1e-6)
+    assert_allclose(
+        flight.motion.position(flight.motion.end), [(*BLOCK.launch, 0.0)], rtol=0, atol=1e-6
+    )
     heights = np.unique(np.round(-flight.motion.position(flight.time)[:, 2], -1))
     assert {140.0, 180.0} <= set(heights)  # both levels, trimmed or not
 
@@ -167,7 +186,9 @@ def test_a_short_flight_ends_in_the_air_and_an_airborne_one_never_stands():
 
 
 def test_the_seed_decides():
-    """Oracle: repetition; the same seed gives the same motion and times, another seed others of the same plan."""
+    """Oracle: repetition; the same seed gives the same motion and times, another seed others of the
+    same plan.
+    """
     a, b, c = (block_flight(1.0, start_in_air=True, seed=seed) for seed in (3, 3, 4))
     assert np.array_equal(a.motion.control, b.motion.control)
     assert np.array_equal(a.time, b.time)

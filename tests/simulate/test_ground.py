@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.errors import UsageError
-from insgnss.simulate.dataset import write_simulated
-from insgnss.simulate.flights import Flight
-from insgnss.simulate.ground import CAR, drive, walk
-from insgnss.simulate.scenario import observe
-from insgnss.simulate.sensors import ImuOptions
+from insgnss.base.errors import UsageError
+from insgnss.simulation.dataset import write_simulated
+from insgnss.simulation.flights import Flight
+from insgnss.simulation.ground import CAR, drive, walk
+from insgnss.simulation.scenario import observe
+from insgnss.simulation.sensors import ImuOptions
 
 
 @pytest.fixture(scope="module")
@@ -21,14 +21,20 @@ def state(flight):
     """Times, velocity in body axes (n, 3), speed (n,)."""
     time = np.arange(flight.motion.start, flight.motion.end - 0.01, 0.02)
     velocity = flight.motion.velocity(time)
-    return time, np.einsum("nji,nj->ni", flight.motion.C_lb(time), velocity), np.linalg.norm(velocity, axis=1)
+    return (
+        time,
+        np.einsum("nji,nj->ni", flight.motion.C_lb(time), velocity),
+        np.linalg.norm(velocity, axis=1),
+    )
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_car_moves_where_it_points(seed):
-    """Oracle: velocity in body axes; the constraint that a filter may use is good to 1 cm/s across, but for the roughness of the road.
+    """Oracle: velocity in body axes; the constraint that a filter may use is good to 1 cm/s across,
+    but for the roughness of the road.
 
-    A height of 1.2 mm over 0.12 s makes 1 cm/s up and down, rolled by some degrees a tenth of it across.
+    A height of 1.2 mm over 0.12 s makes 1 cm/s up and down, rolled by some degrees a tenth of it
+    across.
     """
     _, v_b, speed = state(drive(5.0, seed=seed))
     assert np.abs(v_b[:, 1]).max() < 0.01
@@ -43,16 +49,22 @@ def test_a_stop_is_a_stop(car):
     time, _, speed = state(car)
     rest = speed < 1e-9
     assert rest[time < car.motion.start + 12.0].all()
-    runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[0], rest.astype(int), [0]]))))[::2] * 0.02
+    runs = (
+        np.diff(np.flatnonzero(np.diff(np.concatenate([[0], rest.astype(int), [0]]))))[::2] * 0.02
+    )
     assert (runs > 4.0).sum() >= 3
     assert np.abs(car.motion.omega_lb_b(time[rest])).max() < 1e-2
-    still = rest & (np.convolve(rest, np.ones(301), "same") > 300.5)  # three seconds from both ends of a stop
+    still = rest & (
+        np.convolve(rest, np.ones(301), "same") > 300.5
+    )  # three seconds from both ends of a stop
     assert still.any()
     assert np.abs(car.motion.velocity(time[still])).max() < 1e-9
 
 
 def test_the_dynamics_are_those_of_a_car(car):
-    """Oracle: the gait: acceleration along within 1.5, across within 2.5 m/s^2, both smoothed, and turns to both sides."""
+    """Oracle: the gait: acceleration along within 1.5, across within 2.5 m/s^2, both smoothed, and
+    turns to both sides.
+    """
     time, v_b, _ = state(car)
     acceleration = np.einsum("nji,nj->ni", car.motion.C_lb(time), car.motion.acceleration(time))
     assert np.abs(acceleration[:, 0]).max() < 1.6
@@ -60,11 +72,15 @@ def test_the_dynamics_are_those_of_a_car(car):
     yaw_rate = car.motion.omega_lb_b(time)[:, 2]
     assert yaw_rate.min() < -0.2
     assert yaw_rate.max() > 0.2
-    assert_allclose(acceleration[:, 1], yaw_rate * v_b[:, 0], atol=0.05)  # what a turn costs, and nothing else
+    assert_allclose(
+        acceleration[:, 1], yaw_rate * v_b[:, 0], atol=0.05
+    )  # what a turn costs, and nothing else
 
 
 def test_a_walk_sways_and_steps():
-    """Oracle: a walking person: under 2 m/s, steps at 1.8 Hz in the height, a body that does not point where it goes."""
+    """Oracle: a walking person: under 2 m/s, steps at 1.8 Hz in the height, a body that does not
+    point where it goes.
+    """
     flight = walk(3.0, seed=1)
     time, v_b, speed = state(flight)
     assert 1.0 < np.median(speed[speed > 0.3]) < 1.8

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.simulate.path import Route, _words, advance, shortest_way
+from insgnss.simulation.path import Route, _words, advance, shortest_way
 
 PI = np.pi
 
@@ -14,20 +14,28 @@ def test_a_segment_is_the_integral_of_its_course():
     s = np.linspace(0.0, 90.0, 200001)
     course = 0.7 - s / 40.0
     x, y = (np.trapezoid(f(course), s) for f in (np.cos, np.sin))
-    assert_allclose(advance((5.0, -3.0, 0.7), -1 / 40.0, 90.0), (5.0 + x, -3.0 + y, 0.7 - 90.0 / 40.0), atol=1e-7)
+    assert_allclose(
+        advance((5.0, -3.0, 0.7), -1 / 40.0, 90.0),
+        (5.0 + x, -3.0 + y, 0.7 - 90.0 / 40.0),
+        atol=1e-7,
+    )
 
 
 def test_every_word_ends_at_its_goal():
     """Oracle: walking along it; 300 random goals, all six words must occur."""
     rng = np.random.default_rng(2)
     seen = set()
-    for d, a, b in zip(rng.uniform(0.0, 6.0, 300), rng.uniform(-4, 4, 300), rng.uniform(-4, 4, 300), strict=True):
+    for d, a, b in zip(
+        rng.uniform(0.0, 6.0, 300), rng.uniform(-4, 4, 300), rng.uniform(-4, 4, 300), strict=True
+    ):
         for turns, lengths in _words(d, a, b):
             pose = (0.0, 0.0, a)
             for turn, length in zip(turns, lengths, strict=True):
                 assert length >= 0.0
                 pose = advance(pose, turn, length)
-            assert_allclose([pose[0], pose[1], np.sin(0.5 * (pose[2] - b))], [d, 0.0, 0.0], atol=1e-9)
+            assert_allclose(
+                [pose[0], pose[1], np.sin(0.5 * (pose[2] - b))], [d, 0.0, 0.0], atol=1e-9
+            )
             seen.add(turns)
     assert len(seen) == 6
 
@@ -46,22 +54,32 @@ def test_every_word_ends_at_its_goal():
 )
 def test_shortest_way_has_the_length_that_geometry_gives(goal, length):
     """Oracle: elementary geometry, turns of 50 m."""
-    assert sum(part for _, part in shortest_way((0.0, 0.0, 0.0), goal, 50.0)) == pytest.approx(length, abs=1e-9)
+    assert sum(part for _, part in shortest_way((0.0, 0.0, 0.0), goal, 50.0)) == pytest.approx(
+        length, abs=1e-9
+    )
 
 
 def test_climb_takes_as_many_circles_as_the_gradient_needs():
-    """Oracle: arithmetic; 100 m of height at 0.2 take 500 m of way, 300 m are there, one circle of 314 m is added."""
+    """Oracle: arithmetic; 100 m of height at 0.2 take 500 m of way, 300 m are there, one circle of
+    314 m is added.
+    """
     route = Route((0.0, 0.0, 0.0), 10.0)
     route.connect((300.0, 0.0, 0.0), 110.0, 50.0, 0.2)
     path = route.path()
     assert path.total == pytest.approx(300.0 + 100.0 * PI)
     position, course = path.at(np.array([0.0, 100.0 * PI, path.total]))
-    assert_allclose(position, [[0, 0, -10], [0, 0, -10 - 100 * 100 * PI / path.total], [300, 0, -110]], atol=1e-9)
+    assert_allclose(
+        position,
+        [[0, 0, -10], [0, 0, -10 - 100 * 100 * PI / path.total], [300, 0, -110]],
+        atol=1e-9,
+    )
     assert_allclose(course, [0.0, 2.0 * PI, 2.0 * PI], atol=1e-12)
 
 
 def test_a_path_is_continuous():
-    """Oracle: no step is longer than the path walked, and none shorter than its chord on the tightest turn."""
+    """Oracle: no step is longer than the path walked, and none shorter than its chord on the
+    tightest turn.
+    """
     route = Route((0.0, 0.0, 1.0), 0.0)
     for goal in ((200.0, 50.0, 2.0), (0.0, 0.0, -1.0), (30.0, 0.0, 3.0)):
         route.connect(goal, route.height + 5.0, 40.0, 0.2)

@@ -1,4 +1,6 @@
-"""A simulated flight with the raw observations of its receivers: the files of the data set, and the way from them to the exposures."""
+"""A simulated flight with the raw observations of its receivers: the files of the data set, and the
+way from them to the exposures.
+"""
 
 import json
 import sys
@@ -12,15 +14,15 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
+from insgnss.base.errors import UsageError
 from insgnss.cli import main
-from insgnss.errors import UsageError
-from insgnss.formats.eo_json import read_eo_json
+from insgnss.formats.orientation.eo_json import read_eo_json
 from insgnss.geodesy.frames import geodetic_to_ecef
-from insgnss.gnss.navigation_message import TOE, read_navigation
-from insgnss.gnss.rinex import read_observations
-from insgnss.simulate import dataset as writing
-from insgnss.simulate.dataset import Dataset, write_dataset
-from insgnss.simulate.raw_gnss import SIGNALS, RawGnssOptions
+from insgnss.gnss.rinex.navigation_message import TOE, read_navigation
+from insgnss.gnss.rinex.observations import read_observations
+from insgnss.simulation import dataset as writing
+from insgnss.simulation.dataset import Dataset, write_dataset
+from insgnss.simulation.raw_gnss.scenario import SIGNALS, RawGnssOptions
 
 SHORT = {"minutes": 2.0, "imu_rate": 100.0, "start_in_air": True, "seed": 3}
 ROVER = "01_Observations/GPS/Data/Rover/rov01840.18"
@@ -31,15 +33,23 @@ BAND_2 = {"G": "W", "R": "P"}  # attribute of what RINEX 2 calls P2
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory) -> Dataset:
-    return write_dataset(tmp_path_factory.mktemp("raw") / "ign8", **SHORT, raw_gnss=RawGnssOptions(rate_hz=5.0))
+    return write_dataset(
+        tmp_path_factory.mktemp("raw") / "ign8", **SHORT, raw_gnss=RawGnssOptions(rate_hz=5.0)
+    )
 
 
 def files(directory: Path) -> dict[str, Path]:
-    return {path.relative_to(directory).as_posix(): path for path in directory.rglob("*") if path.is_file()}
+    return {
+        path.relative_to(directory).as_posix(): path
+        for path in directory.rglob("*")
+        if path.is_file()
+    }
 
 
 def test_all_else_is_as_without_raw_observations(data, tmp_path):
-    """Oracle: the same flight without them, file by file; flight file and readmes, which name them, apart."""
+    """Oracle: the same flight without them, file by file; flight file and readmes, which name them,
+    apart.
+    """
     plain = files(write_dataset(tmp_path / "plain", **SHORT).directory)
     found = files(data.directory)
     assert set(found) - set(plain) == RAW
@@ -50,7 +60,10 @@ def test_all_else_is_as_without_raw_observations(data, tmp_path):
 def test_the_same_seed_writes_the_same_files(data, tmp_path):
     """Oracle: a second run; another seed writes others."""
     receivers = {"raw_gnss": RawGnssOptions(rate_hz=5.0)}
-    again, other = (files(write_dataset(tmp_path / str(seed), **{**SHORT, "seed": seed}, **receivers).directory) for seed in (3, 4))
+    again, other = (
+        files(write_dataset(tmp_path / str(seed), **{**SHORT, "seed": seed}, **receivers).directory)
+        for seed in (3, 4)
+    )
     for name, path in files(data.directory).items():
         if name in RAW and path.suffix != ".npz":
             assert again[name].read_bytes() == path.read_bytes(), name
@@ -59,7 +72,9 @@ def test_the_same_seed_writes_the_same_files(data, tmp_path):
 
 @pytest.mark.parametrize("name", ["rover", "base"])
 def test_observations_are_those_that_were_simulated(data, name):
-    """Oracle: the arrays of the simulation, to half of a file's last digit; events in the rover's file alone."""
+    """Oracle: the arrays of the simulation, to half of a file's last digit; events in the rover's
+    file alone.
+    """
     raw = data.simulated.raw_gnss
     simulated = getattr(raw, name)
     found = read_observations(data.directory / (f"{ROVER}o" if name == "rover" else MASTER))
@@ -71,10 +86,21 @@ def test_observations_are_those_that_were_simulated(data, name):
         rows = found.satellite.astype("U1") == letter
         assert rows.sum() > 4 * found.time.size
         for k, signal in enumerate(SIGNALS):
-            code = signal[0].replace("P", "C") + signal[1] + ("C" if signal[1] == "1" else attribute)
-            assert_allclose(found.of(code)[rows], simulated.values[rows, k], rtol=0.0, atol=0.501e-3, err_msg=code)
+            code = (
+                signal[0].replace("P", "C") + signal[1] + ("C" if signal[1] == "1" else attribute)
+            )
+            assert_allclose(
+                found.of(code)[rows],
+                simulated.values[rows, k],
+                rtol=0.0,
+                atol=0.501e-3,
+                err_msg=code,
+            )
             if signal[0] == "L":
-                assert_array_equal(found.loss_of_lock[rows, found.column(code)], simulated.loss_of_lock[rows, int(signal[1]) - 1])
+                assert_array_equal(
+                    found.loss_of_lock[rows, found.column(code)],
+                    simulated.loss_of_lock[rows, int(signal[1]) - 1],
+                )
     assert_allclose(found.events, raw.events if name == "rover" else [], rtol=0.0, atol=0.5e-7)
 
 
@@ -84,8 +110,15 @@ def test_events_are_those_of_the_camera_by_the_clock_of_the_rover(data):
     events = data.simulated.events.time
     clock = np.interp(events, truth["rover_time"], truth["rover_clock_s"])
     assert events.size > 10
-    assert_allclose(read_observations(data.directory / f"{ROVER}o").events, events + clock, rtol=0.0, atol=1.5e-7)
-    assert_allclose(truth["rover_stamp"], truth["rover_time"] + truth["rover_clock_s"], rtol=0.0, atol=1e-9)
+    assert_allclose(
+        read_observations(data.directory / f"{ROVER}o").events,
+        events + clock,
+        rtol=0.0,
+        atol=1.5e-7,
+    )
+    assert_allclose(
+        truth["rover_stamp"], truth["rover_time"] + truth["rover_clock_s"], rtol=0.0, atol=1e-9
+    )
 
 
 def test_messages_are_those_that_were_simulated(data):
@@ -108,7 +141,12 @@ def test_flight_file_names_the_raw_files_and_the_base(data):
     lat, lon, height = table["base_position"]
     place = geodetic_to_ecef(np.radians(lat), np.radians(lon), height)
     assert_allclose(place, data.simulated.raw_gnss.base_position_m, rtol=0.0, atol=1e-4)
-    assert_allclose(read_observations(data.directory / MASTER).header.approx_position_m, place, rtol=0.0, atol=2e-4)
+    assert_allclose(
+        read_observations(data.directory / MASTER).header.approx_position_m,
+        place,
+        rtol=0.0,
+        atol=2e-4,
+    )
     assert table["base_point"] == "apc"
     assert table["atmosphere"] == vars(data.simulated.raw_gnss.weather)
 
@@ -128,9 +166,9 @@ def test_nothing_is_left_where_writing_fails(tmp_path, monkeypatch):
 def test_the_verb_asks_for_raw_observations(tmp_path, monkeypatch):
     """Oracle: the options of `RawGnssOptions` by default, and none without the word."""
     seen = []
-    module = types.ModuleType("insgnss.simulate.dataset")
+    module = types.ModuleType("insgnss.simulation.dataset")
     module.write_dataset = lambda directory, **options: seen.append(options)
-    monkeypatch.setitem(sys.modules, "insgnss.simulate.dataset", module)
+    monkeypatch.setitem(sys.modules, "insgnss.simulation.dataset", module)
     assert main(["simulate", "-q", "d", "--raw-gnss"]) == 0
     assert main(["simulate", "-q", "d"]) == 0
     assert seen[0]["raw_gnss"] == RawGnssOptions()
@@ -139,8 +177,9 @@ def test_the_verb_asks_for_raw_observations(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_from_raw_observations_to_the_exposures(data, tmp_path, capsys):
-    """Oracle: the truth of the simulation. Every fix fixed; two minutes hold one or two independent errors of the atmosphere and of
-    reflections (3 mm and 10 mm claimed), so exposures lie within four standard deviations of truth, and within 3 cm in any case."""
+    """Oracle: the truth of the simulation. Every fix fixed; two minutes hold one or two independent
+    errors of the atmosphere and of reflections (3 mm and 10 mm claimed), so exposures lie within
+    four standard deviations of truth, and within 3 cm in any case."""
     if find_spec("pyrtklib5") is None:
         pytest.skip("pyrtklib5 is not installed")
     assert main(["process", "-q", str(data.flight_file), "--out", str(tmp_path / "out")]) == 0

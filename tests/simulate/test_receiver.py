@@ -1,4 +1,6 @@
-"""The receiver on an exact motion: statistics of its errors, outages, outliers, latency, episodes of another quality."""
+"""The receiver on an exact motion: statistics of its errors, outages, outliers, latency, episodes
+of another quality.
+"""
 
 import numpy as np
 import pyproj
@@ -6,15 +8,16 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import chi2
 
-from insgnss.errors import UsageError
-from insgnss.formats.gnss_text import read_gnss_text, write_gnss_text
+from insgnss.base.errors import UsageError
+from insgnss.formats.gnss.gnss_text import read_gnss_text, write_gnss_text
 from insgnss.records.qualities import Quality
-from insgnss.simulate.flights import block_flight
-from insgnss.simulate.receiver import FixEpisode, GnssOptions, simulate_gnss
-from insgnss.simulate.sensors import Rig, antenna_states
+from insgnss.simulation.flights import block_flight
+from insgnss.simulation.raw_gnss.receiver import FixEpisode, GnssOptions, simulate_gnss
+from insgnss.simulation.sensors import Rig, antenna_states
 
 TOPOCENTRIC = pyproj.Transformer.from_pipeline(
-    "+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 +lat_0=46.57 +lon_0=6.54 +h_0=0"
+    "+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 +lat_0=46.57"
+    " +lon_0=6.54 +h_0=0"
 )
 EXACT = {"sigma_m": (1e-6, 1e-6, 1e-6)}
 
@@ -42,11 +45,15 @@ def fixes_of(flight, **options):
 def off_the_truth(flight, fixes, at):
     """Errors north, east, down (n, 3) against the antenna at `at`, by pyproj."""
     truth, _ = antenna_states(flight.motion, Rig().antenna_lever_b, at)
-    return ned(fixes.lat, fixes.lon, fixes.height) - ned(*flight.motion.frame.geodetic_from_position(truth))
+    return ned(fixes.lat, fixes.lon, fixes.height) - ned(
+        *flight.motion.frame.geodetic_from_position(truth)
+    )
 
 
 def residuals(flight, options, seed=0):
-    """Errors north, east, down (n, 3), by pyproj in the tangent plane (its north is that of the site to 2e-4), and the fixes."""
+    """Errors north, east, down (n, 3), by pyproj in the tangent plane (its north is that of the
+    site to 2e-4), and the fixes.
+    """
     fixes, outlier = simulate_gnss(flight, Rig(), options, np.random.default_rng(seed))
     return off_the_truth(flight, fixes, fixes.time), fixes, outlier
 
@@ -64,18 +71,29 @@ def test_fixes_scatter_as_they_claim(flight):
 
 
 def test_correlated_errors_have_their_correlation_time(flight):
-    """Oracle: autocorrelation exp(-lag/T) of a Gauss-Markov process, variance sum of both; 600 s hold 300 times T, hence 25 %."""
-    error, fixes, _ = residuals(flight, GnssOptions(sigma_m=(1e-4,) * 3, correlated_sigma_m=(0.03, 0.0, 0.05), correlation_time_s=2.0))
+    """Oracle: autocorrelation exp(-lag/T) of a Gauss-Markov process, variance sum of both; 600 s
+    hold 300 times T, hence 25 %.
+    """
+    error, fixes, _ = residuals(
+        flight,
+        GnssOptions(
+            sigma_m=(1e-4,) * 3, correlated_sigma_m=(0.03, 0.0, 0.05), correlation_time_s=2.0
+        ),
+    )
     for k, sigma in ((0, 0.03), (2, 0.05)):
         assert error[:, k].std() == pytest.approx(sigma, rel=0.2)
-        assert np.corrcoef(error[20:, k], error[:-20, k])[0, 1] == pytest.approx(np.exp(-1.0), abs=0.2)
+        assert np.corrcoef(error[20:, k], error[:-20, k])[0, 1] == pytest.approx(
+            np.exp(-1.0), abs=0.2
+        )
         assert fixes.cov_ned[0, k, k] == pytest.approx(sigma**2 + 1e-8)
     assert error[:, 1].std() == pytest.approx(1e-4, rel=0.05)
 
 
 def test_outliers_are_as_many_and_as_large_as_asked(flight):
     """Oracle: binomial share (3.5 sigma) and the range of sizes."""
-    error, _, outlier = residuals(flight, GnssOptions(sigma_m=(1e-3,) * 3, outlier_fraction=0.05, outlier_m=(1.0, 4.0)))
+    error, _, outlier = residuals(
+        flight, GnssOptions(sigma_m=(1e-3,) * 3, outlier_fraction=0.05, outlier_m=(1.0, 4.0))
+    )
     assert outlier.mean() == pytest.approx(0.05, abs=0.01)
     size = np.linalg.norm(error, axis=1)
     assert size[~outlier].max() < 0.01
@@ -101,7 +119,9 @@ def test_velocities_scatter_as_they_claim(flight):
     _, fixes, _ = residuals(flight, GnssOptions(velocity_sigma_ms=(0.03, 0.04, 0.05), phase_s=0.03))
     inner = fixes.time[1:-1]
     assert_allclose(fixes.time * 10 % 1.0, 0.3, atol=1e-5)
-    ahead, behind = (antenna_states(flight.motion, Rig().antenna_lever_b, inner + e)[0] for e in (1e-3, -1e-3))
+    ahead, behind = (
+        antenna_states(flight.motion, Rig().antenna_lever_b, inner + e)[0] for e in (1e-3, -1e-3)
+    )
     error = fixes.velocity_ned[1:-1] - (ahead - behind) / 2e-3
     for k, sigma in enumerate((0.03, 0.04, 0.05)):
         assert same((error[:, k] ** 2).mean(), sigma**2, inner.size)
@@ -110,7 +130,9 @@ def test_velocities_scatter_as_they_claim(flight):
 
 @pytest.mark.parametrize("latency", [0.0, -0.3, 0.02, 0.137, -18.0])
 def test_a_fix_belongs_to_its_stamp_less_the_latency(flight, latency):
-    """Oracle: pyproj and the exact antenna at stamp - latency; stamps stay on the receiver's grid, 10 micrometres."""
+    """Oracle: pyproj and the exact antenna at stamp - latency; stamps stay on the receiver's grid,
+    10 micrometres.
+    """
     fixes = fixes_of(flight, latency_s=latency, **EXACT)
     at = fixes.time - latency
     assert_allclose(fixes.time * 10 - np.round(fixes.time * 10), 0.0, atol=1e-5)
@@ -129,7 +151,9 @@ def test_velocities_are_late_as_well(flight):
 
 
 def test_an_episode_has_its_own_error_claim_and_quality(flight):
-    """Oracle: counting, the exact antenna, and the sample variance: 100 s hold 20 times 5 s, hence 50 %."""
+    """Oracle: counting, the exact antenna, and the sample variance: 100 s hold 20 times 5 s, hence
+    50 %.
+    """
     stretches = (
         FixEpisode(100.0, 100.0, Quality.FLOAT, (0.3, 0.3, 0.5), 5.0),
         FixEpisode(300.0, 100.0, Quality.SINGLE, (2.0, 2.0, 4.0), 5.0, (0.02, 0.02, 0.03)),
@@ -145,7 +169,10 @@ def test_an_episode_has_its_own_error_claim_and_quality(flight):
         assert here.sum() == 1000
         assert (fixes.quality[here] == code).all()
         assert_allclose(error[here].std(axis=0), sigma, rtol=0.5)
-        assert_allclose(np.sqrt(np.diagonal(fixes.cov_ned[here], axis1=1, axis2=2)), np.broadcast_to(claim, (1000, 3)))
+        assert_allclose(
+            np.sqrt(np.diagonal(fixes.cov_ned[here], axis1=1, axis2=2)),
+            np.broadcast_to(claim, (1000, 3)),
+        )
         assert np.corrcoef(error[here][1:, 0], error[here][:-1, 0])[0, 1] > 0.95
     rest = fixes.quality == 1
     assert rest.sum() == 4001
@@ -177,7 +204,9 @@ def test_the_quality_gets_through_a_file(flight, tmp_path):
     assert np.array_equal(read_gnss_text(tmp_path / "fixes.txt").quality, fixes.quality)
 
 
-@pytest.mark.parametrize("wrong", [{"duration_s": 0.0}, {"sigma_m": (0.0, 1.0, 1.0)}, {"correlation_time_s": -1.0}])
+@pytest.mark.parametrize(
+    "wrong", [{"duration_s": 0.0}, {"sigma_m": (0.0, 1.0, 1.0)}, {"correlation_time_s": -1.0}]
+)
 def test_an_episode_that_is_none_is_refused(wrong):
     """Oracle: the contract."""
     with pytest.raises(UsageError, match="must be positive"):

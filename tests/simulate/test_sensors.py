@@ -9,16 +9,17 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import chi2
 
-from insgnss.errors import UsageError
-from insgnss.simulate.flights import block_flight
-from insgnss.simulate.receiver import GnssOptions
-from insgnss.simulate.scenario import SimulatedFlight, simulate_flight, true_eo
-from insgnss.simulate.sensors import ImuOptions, Rig, antenna_states, axes_matrix, simulate_imu
+from insgnss.base.errors import UsageError
+from insgnss.simulation.flights import block_flight
+from insgnss.simulation.raw_gnss.receiver import GnssOptions
+from insgnss.simulation.scenario import SimulatedFlight, simulate_flight, true_eo
+from insgnss.simulation.sensors import ImuOptions, Rig, antenna_states, axes_matrix, simulate_imu
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel
 
 S = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 TOPOCENTRIC = pyproj.Transformer.from_pipeline(
-    "+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 +lat_0=46.57 +lon_0=6.54 +h_0=0"
+    "+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 +lat_0=46.57"
+    " +lon_0=6.54 +h_0=0"
 )
 
 
@@ -43,7 +44,9 @@ def same(variance, expected, n):
 
 
 def test_mounting_is_that_of_the_paper():
-    """Oracle: Table 1 by hand: the antenna lies 0.349 m behind the IMU, 0.02 m to its right and 0.065 m above, bore-sight apart."""
+    """Oracle: Table 1 by hand: the antenna lies 0.349 m behind the IMU, 0.02 m to its right and
+    0.065 m above, bore-sight apart.
+    """
     rig = replace(Rig(), boresight=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
     assert_allclose(rig.antenna_lever_b, [-0.349, 0.021, -0.065], atol=1e-15)
     assert_allclose(rig.camera_lever_b, [0.113, 0.020, 0.0], atol=1e-15)
@@ -53,7 +56,9 @@ def test_mounting_is_that_of_the_paper():
 
 
 def test_true_orientation_is_equation_1_of_the_paper(simulated):
-    """Oracle: R_enu^c = T B R_ned^b S with the attitude in l, whose axes are those of the tangent plane at the same origin."""
+    """Oracle: R_enu^c = T B R_ned^b S with the attitude in l, whose axes are those of the tangent
+    plane at the same origin.
+    """
     eo, flight = simulated.truth.eo, simulated.flight
     T, B = np.diag([-1.0, -1.0, 1.0]), np.array(simulated.rig.boresight)
     R_ned_b = np.swapaxes(flight.motion.C_lb(flight.time), -1, -2)
@@ -61,7 +66,9 @@ def test_true_orientation_is_equation_1_of_the_paper(simulated):
 
 
 def test_camera_and_antenna_are_one_lever_apart(simulated):
-    """Oracle: X_camera = X_antenna - R_c^m a_c (`formats.md` 0), antenna positions through pyproj; 10 micrometres."""
+    """Oracle: X_camera = X_antenna - R_c^m a_c (`formats.md` 0), antenna positions through pyproj;
+    10 micrometres.
+    """
     flight, rig, eo = simulated.flight, simulated.rig, simulated.truth.eo
     p_l, _ = antenna_states(flight.motion, rig.antenna_lever_b, flight.time)
     antenna = enu(*flight.motion.frame.geodetic_from_position(p_l))
@@ -80,9 +87,15 @@ def test_cameras_look_down(simulated):
 
 def test_antenna_velocity_is_the_derivative_of_its_position(flight):
     """Oracle: central difference over 2 ms."""
-    t, d, lever = np.linspace(flight.motion.start + 1, flight.motion.end - 1, 100), 1e-3, np.array([3.0, -2.0, 1.0])
+    t, d, lever = (
+        np.linspace(flight.motion.start + 1, flight.motion.end - 1, 100),
+        1e-3,
+        np.array([3.0, -2.0, 1.0]),
+    )
     ahead, behind = (antenna_states(flight.motion, lever, t + e)[0] for e in (d, -d))
-    assert_allclose(antenna_states(flight.motion, lever, t)[1], (ahead - behind) / (2 * d), atol=1e-5)
+    assert_allclose(
+        antenna_states(flight.motion, lever, t)[1], (ahead - behind) / (2 * d), atol=1e-5
+    )
 
 
 def quiet(**processes) -> NoiseModel:
@@ -93,29 +106,50 @@ def quiet(**processes) -> NoiseModel:
 def test_an_ideal_imu_reads_the_motion_in_its_own_axes(flight):
     """Oracle: the words: x right, y backward, z down reads (body y, minus body x, body z)."""
     body = flight.motion.imu(50.0)
-    imu = simulate_imu(flight, ImuOptions(50.0, None, "right backward down"), np.random.default_rng(0))
-    assert_allclose(imu.samples.gyro, np.stack([body.gyro[:, 1], -body.gyro[:, 0], body.gyro[:, 2]], axis=-1), atol=0)
-    assert_allclose(imu.samples.accel, np.stack([body.accel[:, 1], -body.accel[:, 0], body.accel[:, 2]], axis=-1), atol=0)
+    imu = simulate_imu(
+        flight, ImuOptions(50.0, None, "right backward down"), np.random.default_rng(0)
+    )
+    assert_allclose(
+        imu.samples.gyro,
+        np.stack([body.gyro[:, 1], -body.gyro[:, 0], body.gyro[:, 2]], axis=-1),
+        atol=0,
+    )
+    assert_allclose(
+        imu.samples.accel,
+        np.stack([body.accel[:, 1], -body.accel[:, 0], body.accel[:, 2]], axis=-1),
+        atol=0,
+    )
     assert imu.samples.gps_week == 2008
 
 
 @pytest.mark.parametrize("quantity", ["mean_rate", "increments", "instant_rate"])
 def test_white_noise_has_its_density(flight, quantity):
-    """Oracle: root density q over an interval dt has the variance q^2/dt as a rate and q^2 dt as an increment."""
+    """Oracle: root density q over an interval dt has the variance q^2/dt as a rate and q^2 dt as an
+    increment.
+    """
     q, dt = 1e-3, 0.02
-    imu = simulate_imu(flight, ImuOptions(50.0, quiet(white_noise=q), quantity=quantity), np.random.default_rng(3))
+    imu = simulate_imu(
+        flight, ImuOptions(50.0, quiet(white_noise=q), quantity=quantity), np.random.default_rng(3)
+    )
     error = imu.samples.gyro - flight.motion.imu(50.0, quantity).gyro
-    assert same((error**2).mean(), q * q * dt if quantity == "increments" else q * q / dt, error.size)
+    assert same(
+        (error**2).mean(), q * q * dt if quantity == "increments" else q * q / dt, error.size
+    )
     assert not imu.gyro_bias.any()
 
 
 @pytest.mark.parametrize("quantity", ["mean_rate", "increments"])
 def test_vibration_multiplies_white_noise_in_motion_only(quantity):
-    """Oracle: variance q^2/dt (q^2 dt of an increment) at rest and nine times that in flight, the slow errors the same to the bit."""
+    """Oracle: variance q^2/dt (q^2 dt of an increment) at rest and nine times that in flight, the
+    slow errors the same to the bit.
+    """
     q, dt = 1e-3, 0.02
     whole = block_flight(4.0, seed=2)  # stands for a minute
     options = ImuOptions(50.0, quiet(white_noise=q, turn_on_bias=0.01), quantity=quantity)
-    calm, shaken = (simulate_imu(whole, replace(options, vibration=v), np.random.default_rng(3)) for v in (1.0, 3.0))
+    calm, shaken = (
+        simulate_imu(whole, replace(options, vibration=v), np.random.default_rng(3))
+        for v in (1.0, 3.0)
+    )
     ideal = whole.motion.imu(50.0, quantity)
     bias = shaken.accel_bias * (dt if quantity == "increments" else 1.0)
     error = shaken.samples.accel - ideal.accel - bias
@@ -128,10 +162,14 @@ def test_vibration_multiplies_white_noise_in_motion_only(quantity):
 
 
 def test_slow_errors_are_the_bias_and_belong_to_the_body(flight):
-    """Oracle: constants; reading minus motion, turned into the body, is the bias that the truth states, one unit in all quantities."""
+    """Oracle: constants; reading minus motion, turned into the body, is the bias that the truth
+    states, one unit in all quantities.
+    """
     model = quiet(turn_on_bias=0.1, gauss_markov=(GaussMarkov.from_sigma(100.0, 0.01),))
     for quantity, unit in (("mean_rate", 1.0), ("increments", 0.02)):
-        imu = simulate_imu(flight, ImuOptions(50.0, model, "up right forward", quantity), np.random.default_rng(4))
+        imu = simulate_imu(
+            flight, ImuOptions(50.0, model, "up right forward", quantity), np.random.default_rng(4)
+        )
         body = flight.motion.imu(50.0, quantity)
         error = imu.samples.accel @ np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]]) - body.accel
         assert_allclose(error, unit * imu.accel_bias, atol=1e-12)
@@ -140,8 +178,14 @@ def test_slow_errors_are_the_bias_and_belong_to_the_body(flight):
 
 
 def test_scale_factor_and_misalignment_are_linear_in_the_motion(flight):
-    """Oracle: least squares of reading on motion finds a constant matrix of the size that the model says, and nothing is left."""
-    imu = simulate_imu(flight, ImuOptions(50.0, quiet(scale_factor=0.01, misalignment=0.003)), np.random.default_rng(5))
+    """Oracle: least squares of reading on motion finds a constant matrix of the size that the model
+    says, and nothing is left.
+    """
+    imu = simulate_imu(
+        flight,
+        ImuOptions(50.0, quiet(scale_factor=0.01, misalignment=0.003)),
+        np.random.default_rng(5),
+    )
     body = flight.motion.imu(50.0)
     for reading, truth in ((imu.samples.gyro, body.gyro), (imu.samples.accel, body.accel)):
         M = np.linalg.lstsq(truth, reading, rcond=None)[0].T - np.eye(3)
@@ -151,7 +195,14 @@ def test_scale_factor_and_misalignment_are_linear_in_the_motion(flight):
 
 
 @pytest.mark.parametrize(
-    "words", ["forward left down", "forward right", "forward forward down", "north right down", "forward backward down"]
+    "words",
+    [
+        "forward left down",
+        "forward right",
+        "forward forward down",
+        "north right down",
+        "forward backward down",
+    ],
 )
 def test_axes_that_are_none_are_refused(words):
     """Oracle: the contract; left-handed, incomplete, doubled, unknown and opposite directions."""
@@ -165,7 +216,14 @@ def test_simulation_is_a_function_of_its_seed(simulated):
     assert np.array_equal(again.imu.gyro, simulated.imu.gyro)
     assert np.array_equal(again.gnss.lat, simulated.gnss.lat)
     assert again.events.images == simulated.events.images
-    other = simulate_flight("ign8", 2.0, seed=1, imu=ImuOptions(rate_hz=100.0), gnss=GnssOptions(rate_hz=5.0), start_in_air=True)
+    other = simulate_flight(
+        "ign8",
+        2.0,
+        seed=1,
+        imu=ImuOptions(rate_hz=100.0),
+        gnss=GnssOptions(rate_hz=5.0),
+        start_in_air=True,
+    )
     assert np.array_equal(other.imu.gyro, simulated.imu.gyro)
     assert other.gnss.time.size == 601
     changed = simulate_flight("ign8", 2.0, seed=2, imu=ImuOptions(rate_hz=100.0), start_in_air=True)
@@ -173,8 +231,12 @@ def test_simulation_is_a_function_of_its_seed(simulated):
 
 
 def test_missing_events_stay_in_the_truth():
-    """Oracle: counting; events are a part of the exposures with unchanged names and times, and times fall off the IMU's stamps."""
-    s = simulate_flight("ign6x1", 5.0, seed=3, imu=ImuOptions(rate_hz=50.0), missing_events=0.2, start_in_air=True)
+    """Oracle: counting; events are a part of the exposures with unchanged names and times, and
+    times fall off the IMU's stamps.
+    """
+    s = simulate_flight(
+        "ign6x1", 5.0, seed=3, imu=ImuOptions(rate_hz=50.0), missing_events=0.2, start_in_air=True
+    )
     exposed = dict(zip(s.truth.eo.images, s.truth.eo.time, strict=True))
     assert 0.6 * len(exposed) < len(s.events.images) < 0.95 * len(exposed)
     assert all(exposed[name] == t for name, t in zip(s.events.images, s.events.time, strict=True))
@@ -183,7 +245,9 @@ def test_missing_events_stay_in_the_truth():
 
 
 def test_true_trajectory_carries_state_and_biases(simulated):
-    """Oracle: pyproj for position, finite differences of it for velocity, the difference of readings for the bias (noise averaged)."""
+    """Oracle: pyproj for position, finite differences of it for velocity, the difference of
+    readings for the bias (noise averaged).
+    """
     truth, path = simulated.truth, simulated.truth.trajectory
     p = enu(path.lat, path.lon, path.height)
     velocity = (p[2:] - p[:-2]) / (path.time[2:] - path.time[:-2])[:, None]
@@ -208,7 +272,15 @@ def test_true_trajectory_carries_state_and_biases(simulated):
 def test_wrong_use_is_refused(arguments, words):
     """Oracle: the contract; UsageError that names the value."""
     with pytest.raises(UsageError, match=words):
-        simulate_flight(**{"flight": "ign8", "minutes": 0.2, "imu": ImuOptions(rate_hz=10.0), "start_in_air": True, **arguments})
+        simulate_flight(
+            **{
+                "flight": "ign8",
+                "minutes": 0.2,
+                "imu": ImuOptions(rate_hz=10.0),
+                "start_in_air": True,
+                **arguments,
+            }
+        )
 
 
 def test_vibration_that_takes_noise_away_or_has_none_is_refused():
@@ -220,7 +292,9 @@ def test_vibration_that_takes_noise_away_or_has_none_is_refused():
 
 
 def test_a_short_flight_simulates_at_once():
-    """Oracle: the clock, generously; Monte Carlo runs need a simulation of two minutes in about 0.1 s."""
+    """Oracle: the clock, generously; Monte Carlo runs need a simulation of two minutes in about 0.1
+    s.
+    """
     start = clock.process_time()
     simulate_flight("ign8", 2.0, seed=8, imu=ImuOptions(rate_hz=200.0), start_in_air=True)
     assert clock.process_time() - start < 1.0

@@ -1,4 +1,6 @@
-"""Covariance of a sampled noise axis from the autocovariances of its processes, and the quadratic forms of the estimates: oracles."""
+"""Covariance of a sampled noise axis from the autocovariances of its processes, and the quadratic
+forms of the estimates: oracles.
+"""
 
 import math
 
@@ -19,7 +21,9 @@ AXES = {
 
 
 def covariance(axis: AxisNoise, n: int, rate_hz: float, sampling: str) -> np.ndarray:
-    """Covariance (n, n) of the samples without drift and turn-on bias, autocovariances integrated by hand for means."""
+    """Covariance (n, n) of the samples without drift and turn-on bias, autocovariances integrated
+    by hand for means.
+    """
     i, j = np.indices((n, n))
     lag, first = np.abs(i - j), np.minimum(i, j)
     C = np.where(lag == 0, axis.white_noise**2 * rate_hz, 0.0)

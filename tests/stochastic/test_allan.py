@@ -1,4 +1,6 @@
-"""Allan family against allantools: deviations, degrees of freedom, intervals, kinds of noise; and against brute force where it has none."""
+"""Allan family against allantools: deviations, degrees of freedom, intervals, kinds of noise; and
+against brute force where it has none.
+"""
 
 import math
 
@@ -9,8 +11,13 @@ from allantools.ci import autocorr_noise_id, confidence_interval, edf_greenhall
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from insgnss.errors import DataError, InputError, UsageError
-from insgnss.stochastic.moments.allan import NOISES, allan_deviation, averaging_factors, identify_noise
+from insgnss.base.errors import DataError, InputError, UsageError
+from insgnss.stochastic.moments.allan import (
+    NOISES,
+    allan_deviation,
+    averaging_factors,
+    identify_noise,
+)
 from insgnss.stochastic.moments.edf import ORDER, degrees_of_freedom, lowest_alpha
 from insgnss.stochastic.moments.wavelet import wavelet_variance
 
@@ -19,7 +26,9 @@ OTHERS = {"allan": allantools.oadev, "modified": allantools.mdev, "hadamard": al
 
 
 def series(alpha, n, seed=1):
-    """Rate samples whose spectrum is near f^alpha for even alpha: differences and sums of white noise."""
+    """Rate samples whose spectrum is near f^alpha for even alpha: differences and sums of white
+    noise.
+    """
     x = np.random.default_rng(seed).standard_normal(n + 2)
     x = {2: np.diff, 0: lambda x: x, -2: np.cumsum, -4: lambda x: np.cumsum(np.cumsum(x))}[alpha](x)
     return x[:n]
@@ -40,11 +49,15 @@ def test_deviation_is_that_of_allantools(kind, alpha, spacing):
 
 @pytest.mark.parametrize("kind", OTHERS)
 def test_octaves_and_decades_are_those_of_allantools(kind):
-    """Oracle: the averaging times that allantools chooses by name, without those of a single difference that it leaves out."""
+    """Oracle: the averaging times that allantools chooses by name, without those of a single
+    difference that it leaves out.
+    """
     x = series(0, 3000)
     for spacing in ("octave", "decade"):
         tau, _, _, _ = OTHERS[kind](x, rate=RATE, data_type="freq", taus=spacing)
-        assert_allclose(allan_deviation(x, RATE, kind=kind, spacing=spacing).tau_s[: tau.size], tau, rtol=1e-12)
+        assert_allclose(
+            allan_deviation(x, RATE, kind=kind, spacing=spacing).tau_s[: tau.size], tau, rtol=1e-12
+        )
     dense = averaging_factors(3000, kind, 4)
     assert set(averaging_factors(3000, kind, "octave")) <= set(dense)
     assert (np.diff(np.log2(dense[dense > 16])) < 0.3).all()
@@ -58,16 +71,22 @@ def test_degrees_of_freedom_are_those_of_allantools(kind, n):
     for alpha in range(2, lowest_alpha(kind) - 1, -1):
         for m in averaging_factors(n, kind, 3):
             try:
-                wanted = edf_greenhall(alpha, ORDER[kind], int(m), n + 1, overlapping=True, modified=kind == "modified")
+                wanted = edf_greenhall(
+                    alpha, ORDER[kind], int(m), n + 1, overlapping=True, modified=kind == "modified"
+                )
             except (NotImplementedError, AssertionError):
-                continue  # quantization at the last tau, and the reddest noise, whose row of its table is not reached
+                # quantization at the last tau, and the reddest noise, whose row of its table is not
+                # reached
+                continue
             assert_allclose(degrees_of_freedom(kind, alpha, int(m), n), wanted, rtol=1e-10)
             compared += 1
     assert compared > 4 * averaging_factors(n, kind, 3).size
 
 
 def brute_force_freedom(taps, terms):
-    """2 (E V)^2 / var V of the mean of squares of `terms` consecutive outputs of a filter of white noise."""
+    """2 (E V)^2 / var V of the mean of squares of `terms` consecutive outputs of a filter of white
+    noise.
+    """
     R = np.correlate(taps, taps, mode="full")[taps.size - 1 :]
     R = np.concatenate([R, np.zeros(max(terms - R.size, 0))])[:terms]
     weight = 2.0 * (1.0 - np.arange(terms) / terms)
@@ -76,21 +95,37 @@ def brute_force_freedom(taps, terms):
 
 
 @pytest.mark.parametrize(
-    ("kind", "n", "m"), [("allan", 64, 20), ("allan", 64, 31), ("allan", 64, 8), ("hadamard", 90, 25), ("hadamard", 90, 6)]
+    ("kind", "n", "m"),
+    [
+        ("allan", 64, 20),
+        ("allan", 64, 31),
+        ("allan", 64, 8),
+        ("hadamard", 90, 25),
+        ("hadamard", 90, 6),
+    ],
 )
 def test_freedom_of_quantization_is_exact(kind, n, m):
-    """Oracle: the covariance of the differences of white phase, summed; at the last averaging times allantools has no formula."""
+    """Oracle: the covariance of the differences of white phase, summed; at the last averaging times
+    allantools has no formula.
+    """
     binomial = np.array([1.0, -2.0, 1.0] if kind == "allan" else [1.0, -3.0, 3.0, -1.0])
     taps = np.zeros((binomial.size - 1) * m + 1)
     taps[::m] = binomial
-    assert_allclose(degrees_of_freedom(kind, 2, m, n), brute_force_freedom(taps, n + 1 - (taps.size - 1)), rtol=1e-12 if m > 8 else 0.02)
+    assert_allclose(
+        degrees_of_freedom(kind, 2, m, n),
+        brute_force_freedom(taps, n + 1 - (taps.size - 1)),
+        rtol=1e-12 if m > 8 else 0.02,
+    )
 
 
-@pytest.mark.parametrize(("n", "m"), [(200, 4), (200, 16), (200, 50), (200, 90), (2000, 64), (2000, 300)])
+@pytest.mark.parametrize(
+    ("n", "m"), [(200, 4), (200, 16), (200, 50), (200, 90), (2000, 64), (2000, 300)]
+)
 def test_freedom_of_white_noise_is_near_the_exact_one(n, m):
     """Oracle: the covariance of the second differences of integrated white noise, summed.
 
-    The formulas take each phase as a mean over a sample, which at small m counts up to 12 % too few; at large m they are good to 4 %.
+    The formulas take each phase as a mean over a sample, which at small m counts up to 12 % too
+    few; at large m they are good to 4 %.
     """
     taps = np.concatenate([np.full(m, -1.0), np.full(m, 1.0)])
     ratio = degrees_of_freedom("allan", 0, m, n) / brute_force_freedom(taps, n + 1 - 2 * m)
@@ -105,7 +140,9 @@ def test_interval_is_that_of_allantools():
 
 
 def test_intervals_cover():
-    """Oracle: the true deviation of 400 simulated white series, 95 % within 3.5 binomial deviations."""
+    """Oracle: the true deviation of 400 simulated white series, 95 % within 3.5 binomial
+    deviations.
+    """
     x = np.random.default_rng(3).standard_normal((400, 600))
     curves = [allan_deviation(row, 1.0, noise="white_noise") for row in x]
     truth = 1.0 / np.sqrt(curves[0].tau_s)
@@ -116,7 +153,9 @@ def test_intervals_cover():
 @pytest.mark.parametrize("alpha", [2, 0, -2, -4])
 @pytest.mark.parametrize("m", [1, 7, 50])
 def test_kind_of_noise_is_that_of_allantools(alpha, m):
-    """Oracle: allantools autocorr_noise_id of the same means, 1e-6 of the exponent: its detrending is that of numpy.polyfit."""
+    """Oracle: allantools autocorr_noise_id of the same means, 1e-6 of the exponent: its detrending
+    is that of numpy.polyfit.
+    """
     x = series(alpha, 2003, seed=5)
     for most in (2, 3):
         whole, found = identify_noise(x[: x.size // m * m].reshape(-1, m).mean(axis=1), most)
@@ -125,7 +164,9 @@ def test_kind_of_noise_is_that_of_allantools(alpha, m):
         assert_allclose(found, wanted[1], atol=1e-6)
 
 
-@pytest.mark.parametrize(("alpha", "kind"), [(2, "allan"), (0, "modified"), (-2, "allan"), (-4, "hadamard")])
+@pytest.mark.parametrize(
+    ("alpha", "kind"), [(2, "allan"), (0, "modified"), (-2, "allan"), (-4, "hadamard")]
+)
 def test_kind_of_noise_is_what_was_simulated(alpha, kind):
     """Oracle: the simulated exponent, at all averaging times with 200 means or more."""
     own = allan_deviation(series(alpha, 60_000, seed=7), RATE, kind=kind)
@@ -133,10 +174,14 @@ def test_kind_of_noise_is_what_was_simulated(alpha, kind):
 
 
 def test_kind_of_noise_follows_tau():
-    """Oracle: quantization below a second, random walk above 20 s, whose Allan variances 3 Q^2/tau^2 and q^2 tau/3 were set so."""
+    """Oracle: quantization below a second, random walk above 20 s, whose Allan variances 3
+    Q^2/tau^2 and q^2 tau/3 were set so.
+    """
     rng = np.random.default_rng(9)
     n, Q, q = 400_000, 1.0, 0.02
-    x = np.diff(rng.standard_normal(n + 1)) * Q * RATE + np.cumsum(rng.standard_normal(n)) * q / math.sqrt(RATE)
+    x = np.diff(rng.standard_normal(n + 1)) * Q * RATE + np.cumsum(
+        rng.standard_normal(n)
+    ) * q / math.sqrt(RATE)
     own = allan_deviation(x, RATE)
     assert (own.alpha[own.tau_s < 1.0] == 2).all()
     assert (own.alpha[(own.tau_s > 40.0) & (own.tau_s < 300.0)] == -2).all()
@@ -149,12 +194,19 @@ def test_kind_of_noise_follows_tau():
 
 
 def test_noise_may_be_named():
-    """Oracle: degrees of freedom by the exponent itself; the redder the noise, the wider the interval at long tau."""
+    """Oracle: degrees of freedom by the exponent itself; the redder the noise, the wider the
+    interval at long tau.
+    """
     x = series(0, 1000)
-    by_name, by_number = allan_deviation(x, RATE, noise="random_walk"), allan_deviation(x, RATE, noise=-2)
+    by_name, by_number = (
+        allan_deviation(x, RATE, noise="random_walk"),
+        allan_deviation(x, RATE, noise=-2),
+    )
     assert by_name.low.tolist() == by_number.low.tolist()
     assert by_name.edf[0] == degrees_of_freedom("allan", NOISES["random_walk"], 1, 1000)
-    assert_allclose(by_name.deviation[:8] ** 2, 2.0 * wavelet_variance(x, RATE).variance, rtol=1e-12)
+    assert_allclose(
+        by_name.deviation[:8] ** 2, 2.0 * wavelet_variance(x, RATE).variance, rtol=1e-12
+    )
     assert stats.chi2.ppf(0.5, by_name.edf[0]) > 0.0
 
 

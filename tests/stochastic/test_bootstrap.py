@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from insgnss.errors import UsageError
+from insgnss.base.errors import UsageError
 from insgnss.records import WaveletVariance
 from insgnss.stochastic.estimation.bootstrap import (
     bootstrap,
@@ -31,50 +31,79 @@ AXES = {
     "walk": AxisNoise(random_walk=0.1),
     "short": AxisNoise(gauss_markov=(GaussMarkov(0.05, 2.0),)),  # of one sample
     "clear": AxisNoise(white_noise=0.3, gauss_markov=(GaussMarkov(5.0, 0.3),)),
-    "long": AxisNoise(white_noise=0.3, gauss_markov=(GaussMarkov(3.0, 0.2), GaussMarkov(100.0, 0.05))),
+    "long": AxisNoise(
+        white_noise=0.3, gauss_markov=(GaussMarkov(3.0, 0.2), GaussMarkov(100.0, 0.05))
+    ),
 }
 
 
 def series_fit(n: int, axis: AxisNoise, composition: str) -> Fit:
     """A fit to one simulated series; the processes drawn from are the fitted ones."""
-    return fit(wavelet_variance(simulate_axis(axis, n, RATE, np.random.default_rng(3)), RATE), composition)
+    return fit(
+        wavelet_variance(simulate_axis(axis, n, RATE, np.random.default_rng(3)), RATE), composition
+    )
 
 
 @pytest.mark.parametrize("sampling", ["point", "mean"])
 @pytest.mark.parametrize("name", AXES)
 def test_series_have_the_wavelet_variance_of_theory(name, sampling):
-    """Oracle: the theoretical wavelet variance; means of 40 series within 4.5 of their standard errors."""
+    """Oracle: the theoretical wavelet variance; means of 40 series within 4.5 of their standard
+    errors.
+    """
     curves = np.array(
         [
-            wavelet_variance(simulate_axis(AXES[name], 4096, RATE, np.random.default_rng([1, k]), sampling), RATE, levels=8).variance
+            wavelet_variance(
+                simulate_axis(AXES[name], 4096, RATE, np.random.default_rng([1, k]), sampling),
+                RATE,
+                levels=8,
+            ).variance
             for k in range(40)
         ]
     )
     expected = haar_variance(AXES[name], np.arange(1, 9), RATE, sampling)
-    assert (np.abs(curves.mean(axis=0) - expected) < 4.5 * curves.std(axis=0, ddof=1) / math.sqrt(40)).all()
+    assert (
+        np.abs(curves.mean(axis=0) - expected) < 4.5 * curves.std(axis=0, ddof=1) / math.sqrt(40)
+    ).all()
 
 
 def test_the_drift_is_a_slope_of_known_size():
     """Oracle: closed form, w m / (2 rate) for every coefficient of a line."""
     x = simulate_axis(AxisNoise(drift=0.5, turn_on_bias=3.0), 1024, RATE, np.random.default_rng(0))
     assert_allclose(np.diff(x), 0.5 / RATE, rtol=1e-9)
-    assert_allclose(wavelet_variance(x, RATE).variance, (0.5 * 2.0 ** np.arange(9) / (2.0 * RATE)) ** 2, rtol=1e-6)
+    assert_allclose(
+        wavelet_variance(x, RATE).variance,
+        (0.5 * 2.0 ** np.arange(9) / (2.0 * RATE)) ** 2,
+        rtol=1e-6,
+    )
 
 
 @pytest.mark.parametrize("sampling", [pytest.param("point", marks=pytest.mark.slow), "mean"])
 def test_reduced_draws_are_those_of_whole_series(sampling):
-    """Oracle: simulation of all samples; mean, standard deviation, skewness and correlation within what 160 draws scatter."""
+    """Oracle: simulation of all samples; mean, standard deviation, skewness and correlation within
+    what 160 draws scatter.
+    """
     fitted = replace(series_fit(2**17, AXES["long"], "WN+2GM"), sampling=sampling)
-    a, b = (draw_variances(fitted, 160, method=method, seed=4)[0] / fitted.modelled[0] for method in ("series", "reduced"))
+    a, b = (
+        draw_variances(fitted, 160, method=method, seed=4)[0] / fitted.modelled[0]
+        for method in ("series", "reduced")
+    )
     sigma = np.hypot(a.std(axis=0, ddof=1), b.std(axis=0, ddof=1)) / math.sqrt(160)
     assert (np.abs(a.mean(axis=0) - b.mean(axis=0)) < 4.0 * sigma).all()
-    assert_allclose(a.std(axis=0) / b.std(axis=0), 1.0, atol=0.3)  # of skewed distributions; 0.06 of normal ones
-    assert_allclose(np.quantile(a[:, -3:], [0.1, 0.5, 0.9], axis=0), np.quantile(b[:, -3:], [0.1, 0.5, 0.9], axis=0), rtol=0.3)
+    assert_allclose(
+        a.std(axis=0) / b.std(axis=0), 1.0, atol=0.3
+    )  # of skewed distributions; 0.06 of normal ones
+    assert_allclose(
+        np.quantile(a[:, -3:], [0.1, 0.5, 0.9], axis=0),
+        np.quantile(b[:, -3:], [0.1, 0.5, 0.9], axis=0),
+        rtol=0.3,
+    )
     assert_allclose(np.corrcoef(a.T), np.corrcoef(b.T), atol=0.35)
 
 
 def test_seeds_decide_all():
-    """Oracle: the contract; draws do not depend on how many threads there are or how many draws follow."""
+    """Oracle: the contract; draws do not depend on how many threads there are or how many draws
+    follow.
+    """
     fitted = series_fit(2**12, AXES["long"], "WN+GM")
     first, again, other = (draw_variances(fitted, 6, seed=s)[0] for s in (1, 1, 2))
     assert_array_equal(first, again)
@@ -120,7 +149,9 @@ def test_refits_follow_the_manner_of_the_fit():
 
 def robust_curve(efficiency: float, decomposition: str = "modwt") -> WaveletVariance:
     x = np.random.default_rng(2).standard_normal(2**12)
-    return wavelet_variance(x, RATE, robust=True, efficiency=efficiency, decomposition=decomposition)
+    return wavelet_variance(
+        x, RATE, robust=True, efficiency=efficiency, decomposition=decomposition
+    )
 
 
 @pytest.mark.parametrize("decomposition", ["modwt", "dwt"])
@@ -133,11 +164,15 @@ def test_the_efficiency_of_a_robust_curve_is_in_its_intervals(decomposition):
 @pytest.mark.slow
 @pytest.mark.parametrize("decomposition", ["modwt", "dwt"])
 def test_robust_draws_are_robust(decomposition):
-    """Oracle: the definition of efficiency; the variance of the robust estimate at the shortest scale is 1/0.6 of the plain one's."""
+    """Oracle: the definition of efficiency; the variance of the robust estimate at the shortest
+    scale is 1/0.6 of the plain one's.
+    """
     curve = robust_curve(0.6, decomposition)
     fitted = fit(curve, "WN")
     robust = draw_variances(fitted, 150, seed=1)[0][:, 0]
-    plain = draw_variances(replace(fitted, curves=(replace(curve, robust=False),)), 150, method="series", seed=1)[0][:, 0]
+    plain = draw_variances(
+        replace(fitted, curves=(replace(curve, robust=False),)), 150, method="series", seed=1
+    )[0][:, 0]
     assert_allclose(robust.var() / plain.var(), 1.0 / 0.6, rtol=0.5)
     assert_allclose(robust.mean() / fitted.modelled[0][0], 1.0, atol=0.01)
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from insgnss.errors import InputError, UsageError
+from insgnss.base.errors import InputError, UsageError
 from insgnss.stochastic.composition import Composition, composition_of, families
 from insgnss.stochastic.model import AxisNoise, GaussMarkov
 
@@ -17,7 +17,11 @@ from insgnss.stochastic.model import AxisNoise, GaussMarkov
 def axes(draw):
     """An axis of a random sum of processes, none of them absent."""
     size = st.floats(min_value=1e-6, max_value=1e3)
-    own = {name: draw(size) for name in ("white_noise", "quantization", "random_walk", "drift") if draw(st.booleans())}
+    own = {
+        name: draw(size)
+        for name in ("white_noise", "quantization", "random_walk", "drift")
+        if draw(st.booleans())
+    }
     times = draw(st.lists(size, min_size=0 if own else 1, max_size=5))
     return AxisNoise(**own, gauss_markov=tuple(GaussMarkov(time, draw(size)) for time in times))
 
@@ -28,18 +32,31 @@ def axes(draw):
         (
             "WN+3GM",
             "WN+3GM",
-            "white_noise correlation_time_1 driving_noise_1 correlation_time_2 driving_noise_2 correlation_time_3 driving_noise_3",
+            (
+                "white_noise correlation_time_1 driving_noise_1 correlation_time_2 driving_noise_2"
+                " correlation_time_3 driving_noise_3"
+            ),
         ),
         (
             " rw + 2 gm+wn +QN",
             "QN+WN+2GM+RW",
-            "quantization white_noise correlation_time_1 driving_noise_1 correlation_time_2 driving_noise_2 random_walk",
+            (
+                "quantization white_noise correlation_time_1 driving_noise_1 correlation_time_2"
+                " driving_noise_2 random_walk"
+            ),
         ),
-        ("GM+AR1+wn", "WN+2GM", "white_noise correlation_time_1 driving_noise_1 correlation_time_2 driving_noise_2"),
+        (
+            "GM+AR1+wn",
+            "WN+2GM",
+            "white_noise correlation_time_1 driving_noise_1 correlation_time_2 driving_noise_2",
+        ),
         (
             "3*AR1()+WN()",
             "WN+3GM",
-            "white_noise correlation_time_1 driving_noise_1 correlation_time_2 driving_noise_2 correlation_time_3 driving_noise_3",
+            (
+                "white_noise correlation_time_1 driving_noise_1 correlation_time_2 driving_noise_2"
+                " correlation_time_3 driving_noise_3"
+            ),
         ),
         ("DR+1GM", "GM+DR", "correlation_time_1 driving_noise_1 drift"),
     ],
@@ -93,10 +110,14 @@ def test_processes_are_put_in_order_of_their_times():
     """Oracle: two processes swapped by hand."""
     composition = Composition.parse("WN+2GM")
     axis = composition.axis([0.1, 50.0, 2.0, 3.0, 4.0])
-    assert axis == AxisNoise(white_noise=0.1, gauss_markov=(GaussMarkov(3.0, 4.0), GaussMarkov(50.0, 2.0)))
+    assert axis == AxisNoise(
+        white_noise=0.1, gauss_markov=(GaussMarkov(3.0, 4.0), GaussMarkov(50.0, 2.0))
+    )
 
 
-@pytest.mark.parametrize(("largest", "count"), [("WN+3GM", 7), ("QN+WN+2GM+RW", 23), ("QN+WN+5GM+RW+DR", 95), ("DR", 1)])
+@pytest.mark.parametrize(
+    ("largest", "count"), [("WN+3GM", 7), ("QN+WN+2GM+RW", 23), ("QN+WN+5GM+RW+DR", 95), ("DR", 1)]
+)
 def test_the_family_holds_every_smaller_sum_once(largest, count):
     """Oracle: the count, 2^(processes without a time) x (Gauss-Markov processes + 1) - 1."""
     family = families(Composition.parse(largest))

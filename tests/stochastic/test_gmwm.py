@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import minimize, nnls
 from scipy.stats import chi2
 
-from insgnss.errors import DataError, UsageError
+from insgnss.base.errors import DataError, UsageError
 from insgnss.records import WaveletVariance
 from insgnss.stochastic.composition import Composition
 from insgnss.stochastic.estimation._matching import Group, Moments
@@ -24,15 +24,22 @@ from insgnss.stochastic.processes import simulate_noise
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 DEG_PER_HOUR = math.pi / 180.0 / 3600.0
-LSB = np.array([0.05 * math.pi / 180.0] * 3 + [0.00333 * 9.80665] * 3)  # of the ADIS16405, rad/s and m/s^2
+LSB = np.array(
+    [0.05 * math.pi / 180.0] * 3 + [0.00333 * 9.80665] * 3
+)  # of the ADIS16405, rad/s and m/s^2
 TRUTH = AxisNoise(0.1, 0.004, 0.0, 0.02, 0.0, (GaussMarkov(0.3, 1.0), GaussMarkov(20.0, 0.1)))
 
 
 def textbook(axis, levels, rate_hz):
-    """Wavelet variance of a sampled axis by the formulas of Guerrier et al. (2013), tau = 2^j: they cancel for long correlation times."""
+    """Wavelet variance of a sampled axis by the formulas of Guerrier et al. (2013), tau = 2^j: they
+    cancel for long correlation times.
+    """
     tau = 2.0 ** np.asarray(levels, dtype=np.longdouble)
     out = axis.white_noise**2 * rate_hz / tau + 6.0 * (axis.quantization * rate_hz) ** 2 / tau**2
-    out += axis.random_walk**2 / rate_hz * (tau**2 + 2.0) / (12.0 * tau) + (axis.drift / rate_hz) ** 2 * tau**2 / 16.0
+    out += (
+        axis.random_walk**2 / rate_hz * (tau**2 + 2.0) / (12.0 * tau)
+        + (axis.drift / rate_hz) ** 2 * tau**2 / 16.0
+    )
     for process in axis.gauss_markov:
         phi, h = np.exp(-1.0 / np.longdouble(rate_hz * process.correlation_time_s)), tau / 2.0
         innovation = process.sigma**2 * (1.0 - phi**2)
@@ -48,7 +55,13 @@ def curve_of(variance, samples, rate_hz, levels=None):
     eta = np.maximum(count / 2.0**level, 1.0)
     variance = np.asarray(variance)
     return WaveletVariance(
-        level, variance, eta * variance / chi2.ppf(0.975, eta), eta * variance / chi2.ppf(0.025, eta), count, rate_hz, samples
+        level,
+        variance,
+        eta * variance / chi2.ppf(0.975, eta),
+        eta * variance / chi2.ppf(0.025, eta),
+        count,
+        rate_hz,
+        samples,
     )
 
 
@@ -72,7 +85,9 @@ def scattered(axis, samples, rate_hz, seed):
     ],
 )
 def test_exact_curves_give_their_parameters_back(name, axis):
-    """Oracle: the parameters that the textbook formulas made the curve of; 1e-7 of them is what the formulas lose by cancellation."""
+    """Oracle: the parameters that the textbook formulas made the curve of; 1e-7 of them is what the
+    formulas lose by cancellation.
+    """
     fitted = fit(curve_of(textbook(axis, np.arange(1, 19), 100.0), 10**6, 100.0), name)
     assert_allclose(fitted.parameters, Composition.parse(name).values(axis), rtol=1e-6)
     assert fitted.axis == fitted.composition.axis(fitted.parameters)
@@ -81,33 +96,57 @@ def test_exact_curves_give_their_parameters_back(name, axis):
 
 
 def reference_q(theta, names, levels, variance, weights):
-    """The objective in the reference's parameters at 1 Hz: log variances, logit of phi and log of the innovations' variance."""
+    """The objective in the reference's parameters at 1 Hz: log variances, logit of phi and log of
+    the innovations' variance.
+    """
     axis, i, processes = {}, 0, []
     for name in names:
         if name == "GM":
             u = math.log1p(math.exp(-theta[i]))  # -log phi
-            processes.append(GaussMarkov(1.0 / u, math.sqrt(2.0 * u * math.exp(theta[i + 1]) / -math.expm1(-2.0 * u))))
+            processes.append(
+                GaussMarkov(
+                    1.0 / u, math.sqrt(2.0 * u * math.exp(theta[i + 1]) / -math.expm1(-2.0 * u))
+                )
+            )
             i += 2
         else:
-            axis[{"WN": "white_noise", "QN": "quantization", "RW": "random_walk"}[name]] = math.exp(0.5 * theta[i])
+            axis[{"WN": "white_noise", "QN": "quantization", "RW": "random_walk"}[name]] = math.exp(
+                0.5 * theta[i]
+            )
             i += 1
     d = variance - textbook(AxisNoise(**axis, gauss_markov=tuple(processes)), levels, 1.0)
     return float(d @ (weights * d))
 
 
-@pytest.mark.parametrize(("name", "seed"), [("WN+GM", 1), pytest.param("WN+2GM", 2, marks=pytest.mark.slow), ("QN+WN+GM+RW", 3)])
+@pytest.mark.parametrize(
+    ("name", "seed"),
+    [("WN+GM", 1), pytest.param("WN+2GM", 2, marks=pytest.mark.slow), ("QN+WN+GM+RW", 3)],
+)
 def test_no_other_minimiser_finds_a_lower_objective(name, seed):
-    """Oracle: Nelder-Mead of scipy from many random starts, on the textbook formulas in the reference's parameters."""
-    curve = scattered(AxisNoise(1.0, 0.3, 0.0, 0.002, 0.0, (GaussMarkov(30.0, 0.1),)), 20000, 1.0, seed)
+    """Oracle: Nelder-Mead of scipy from many random starts, on the textbook formulas in the
+    reference's parameters.
+    """
+    curve = scattered(
+        AxisNoise(1.0, 0.3, 0.0, 0.002, 0.0, (GaussMarkov(30.0, 0.1),)), 20000, 1.0, seed
+    )
     names = name.replace("2GM", "GM+GM").split("+")
     arguments = (names, curve.level, curve.variance, np.diag(interval_weights(curve)))
     rng, best = np.random.default_rng(seed), math.inf
     for _ in range(6):
         start = np.concatenate(
-            [[rng.uniform(-1.0, 9.0), rng.uniform(-12.0, 0.0)] if n == "GM" else [rng.uniform(-9.0, 0.0)] for n in names]
+            [
+                (
+                    [rng.uniform(-1.0, 9.0), rng.uniform(-12.0, 0.0)]
+                    if n == "GM"
+                    else [rng.uniform(-9.0, 0.0)]
+                )
+                for n in names
+            ]
         )
         options = {"maxiter": 1500, "maxfev": 1500, "xatol": 1e-7, "fatol": 1e-11, "adaptive": True}
-        best = min(best, minimize(reference_q, start, arguments, method="Nelder-Mead", options=options).fun)
+        best = min(
+            best, minimize(reference_q, start, arguments, method="Nelder-Mead", options=options).fun
+        )
     found = fit(curve, name).objective
     assert found <= best * (1.0 + 1e-9)
     assert found > 0.9 * best  # the other minimiser was near: the comparison means something
@@ -115,7 +154,9 @@ def test_no_other_minimiser_finds_a_lower_objective(name, seed):
 
 @pytest.mark.parametrize("name", ["WN+GM", "WN+2GM", "QN+WN+2GM+RW", "WN+4GM"])
 def test_objective_is_stationary_at_the_solution(name):
-    """Oracle: central differences of the objective in the logarithms of the parameters, which put its minimum within 1e-6 of each."""
+    """Oracle: central differences of the objective in the logarithms of the parameters, which put
+    its minimum within 1e-6 of each.
+    """
     curve = scattered(TRUTH, 10**6, 100.0, 4)
     fitted = fit(curve, name)
     names, values = fitted.composition.parameters, fitted.parameters
@@ -125,10 +166,16 @@ def test_objective_is_stationary_at_the_solution(name):
             moved = values.copy()
             moved[i] = moved[i] * math.exp(h) if moved[i] else abs(h) * values[0]
             sides.append(objective(fitted.composition.axis(moved), [curve], fitted.weights))
-        if parameter in fitted.at_bound or parameter.replace("correlation_time", "driving_noise") in fitted.at_bound:
+        if (
+            parameter in fitted.at_bound
+            or parameter.replace("correlation_time", "driving_noise") in fitted.at_bound
+        ):
             assert min(sides) >= fitted.objective * (1.0 - 1e-9), parameter
         else:
-            slope, curvature = (sides[0] - sides[1]) / 2e-4, (sum(sides) - 2.0 * fitted.objective) / 1e-8
+            slope, curvature = (
+                (sides[0] - sides[1]) / 2e-4,
+                (sum(sides) - 2.0 * fitted.objective) / 1e-8,
+            )
             assert curvature > 0.0, parameter
             assert abs(slope) < 1e-6 * curvature, parameter
 
@@ -144,15 +191,27 @@ def test_curvature_is_the_derivative_of_the_minimum_over_the_variances():
         step = h * (np.arange(2) == k)
         above, below = moments.at(np.exp(t + step)), moments.at(np.exp(t - step))
         assert_allclose(g[k], (above.value - below.value) / (2.0 * h), rtol=1e-5)
-        assert_allclose(G[k], (moments.curvature(above)[0] - moments.curvature(below)[0]) / (2.0 * h), rtol=1e-5, atol=1e-7 * abs(G).max())
+        assert_allclose(
+            G[k],
+            (moments.curvature(above)[0] - moments.curvature(below)[0]) / (2.0 * h),
+            rtol=1e-5,
+            atol=1e-7 * abs(G).max(),
+        )
 
 
 def test_fit_without_correlation_times_is_non_negative_least_squares():
-    """Oracle: nnls of scipy on the textbook columns, with the full covariance of the estimates as weights."""
+    """Oracle: nnls of scipy on the textbook columns, with the full covariance of the estimates as
+    weights.
+    """
     axis = AxisNoise(0.1, 0.0, 0.0, 0.02, 0.0)
     curve = scattered(axis, 10**5, 100.0, 6)
     omega = np.linalg.inv(haar_covariance(axis, curve.level, 10**5, 100.0))
-    unit = [AxisNoise(quantization=1.0), AxisNoise(white_noise=1.0), AxisNoise(random_walk=1.0), AxisNoise(drift=1.0)]
+    unit = [
+        AxisNoise(quantization=1.0),
+        AxisNoise(white_noise=1.0),
+        AxisNoise(random_walk=1.0),
+        AxisNoise(drift=1.0),
+    ]
     root = np.linalg.cholesky(omega).T
     columns = root @ np.array([textbook(a, curve.level, 100.0) for a in unit]).T
     length = np.linalg.norm(columns, axis=0)
@@ -160,26 +219,38 @@ def test_fit_without_correlation_times_is_non_negative_least_squares():
     fitted = fit(curve, "QN+WN+RW+DR", weights=[omega])
     assert_allclose(fitted.parameters, np.sqrt(x / length), rtol=1e-6)
     assert_allclose(fitted.objective, residual**2, rtol=1e-6)
-    assert set(fitted.at_bound) == {n for n, v in zip(fitted.composition.parameters, x, strict=True) if v == 0.0}
+    assert set(fitted.at_bound) == {
+        n for n, v in zip(fitted.composition.parameters, x, strict=True) if v == 0.0
+    }
 
 
 def test_units_do_not_matter():
-    """Oracle: densities scale with the square root of the variances; 1e-9 is what the search may leave."""
+    """Oracle: densities scale with the square root of the variances; 1e-9 is what the search may
+    leave.
+    """
     curve = scattered(TRUTH, 10**6, 100.0, 7)
     small = 1e-14
-    scaled = replace(curve, variance=curve.variance * small, low=curve.low * small, high=curve.high * small)
+    scaled = replace(
+        curve, variance=curve.variance * small, low=curve.low * small, high=curve.high * small
+    )
     first, second = fit(curve, "WN+2GM"), fit(scaled, "WN+2GM")
     times = np.array([name.startswith("correlation_time") for name in first.composition.parameters])
-    assert_allclose(second.parameters, first.parameters * np.where(times, 1.0, math.sqrt(small)), rtol=1e-8)
+    assert_allclose(
+        second.parameters, first.parameters * np.where(times, 1.0, math.sqrt(small)), rtol=1e-8
+    )
     assert_allclose(second.objective, first.objective, rtol=1e-10)
 
 
 def test_replicates_share_one_set_of_parameters():
-    """Oracle: the objective of each curve by the textbook formulas, summed; the minimum is below each replicate's own solution."""
+    """Oracle: the objective of each curve by the textbook formulas, summed; the minimum is below
+    each replicate's own solution.
+    """
     curves = [scattered(TRUTH, 10**6, 100.0, seed) for seed in range(8, 12)]
     joint = fit(curves, "WN+2GM+RW")
     parts = [
-        (c.variance - textbook(joint.axis, c.level, 100.0)) @ interval_weights(c) @ (c.variance - textbook(joint.axis, c.level, 100.0))
+        (c.variance - textbook(joint.axis, c.level, 100.0))
+        @ interval_weights(c)
+        @ (c.variance - textbook(joint.axis, c.level, 100.0))
         for c in curves
     ]
     assert_allclose(joint.objective, sum(parts), rtol=1e-9)
@@ -200,15 +271,28 @@ def test_recordings_of_other_lengths_and_rates_share_the_processes():
     fitted = fit(curves, "WN+2GM")
     assert_allclose(fitted.parameters, fitted.composition.values(axis), rtol=1e-6)
     assert [len(levels) for levels in fitted.levels] == [18, 15, 12]
-    assert all(np.abs(r / c.variance).max() < 1e-6 for r, c in zip(fitted.residuals, curves, strict=True))
+    assert all(
+        np.abs(r / c.variance).max() < 1e-6 for r, c in zip(fitted.residuals, curves, strict=True)
+    )
 
 
 def test_processes_that_are_not_there_are_reported_at_their_bounds():
     """Oracle: curves of white noise and of a random walk, which need one process and no more."""
-    white = fit(curve_of(textbook(AxisNoise(0.1), np.arange(1, 19), 100.0), 10**6, 100.0), "WN+2GM+RW")
-    assert white.at_bound == ("correlation_time_1", "driving_noise_1", "correlation_time_2", "driving_noise_2", "random_walk")
+    white = fit(
+        curve_of(textbook(AxisNoise(0.1), np.arange(1, 19), 100.0), 10**6, 100.0), "WN+2GM+RW"
+    )
+    assert white.at_bound == (
+        "correlation_time_1",
+        "driving_noise_1",
+        "correlation_time_2",
+        "driving_noise_2",
+        "random_walk",
+    )
     assert_allclose(white.axis.white_noise, 0.1, rtol=1e-9)
-    walk = fit(curve_of(textbook(AxisNoise(0.1, random_walk=0.02), np.arange(1, 19), 100.0), 10**6, 100.0), "WN+GM")
+    walk = fit(
+        curve_of(textbook(AxisNoise(0.1, random_walk=0.02), np.arange(1, 19), 100.0), 10**6, 100.0),
+        "WN+GM",
+    )
     assert walk.at_bound == ("correlation_time_1",)
     assert_allclose(walk.parameters[2], 0.02, rtol=1e-4)
     short = fit(curve_of(textbook(AxisNoise(0.1), np.arange(1, 19), 100.0), 10**6, 100.0), "GM")
@@ -217,7 +301,9 @@ def test_processes_that_are_not_there_are_reported_at_their_bounds():
 
 
 def test_levels_and_times_can_be_limited():
-    """Oracle: the curve without those levels; a process shorter than allowed, whose time then ends at the limit."""
+    """Oracle: the curve without those levels; a process shorter than allowed, whose time then ends
+    at the limit.
+    """
     curve = scattered(TRUTH, 10**6, 100.0, 13)
     chosen = fit(curve, "WN+2GM", levels=range(4, 17))
     assert_array_equal(chosen.parameters, fit(curve.selected(range(4, 17)), "WN+2GM").parameters)
@@ -233,12 +319,28 @@ def test_wrong_use_is_refused_in_one_line():
     curve = scattered(TRUTH, 1000, 100.0, 14)
     J = curve.level.size
     for options, error, message in (
-        ({"composition": "QN+WN+3GM+RW"}, DataError, "8 scales for the 9 parameters of QN.WN.3GM.RW"),
+        (
+            {"composition": "QN+WN+3GM+RW"},
+            DataError,
+            "8 scales for the 9 parameters of QN.WN.3GM.RW",
+        ),
         ({"levels": [1, 2, 30]}, UsageError, "level 30 is in no curve; theirs are 1 to 8"),
         ({"weights": []}, UsageError, "0 weight matrices for 1 curves"),
-        ({"weights": [np.eye(J + 1)]}, UsageError, r"weights of curve 1: shape \(9, 9\), expected \(8, 8\)"),
-        ({"weights": [np.eye(J) - 2.0 * np.eye(J)[::-1]]}, UsageError, "weights of curve 1: not positive definite"),
-        ({"weights": [np.triu(np.ones((J, J)))]}, UsageError, "weights of curve 1: not a symmetric matrix"),
+        (
+            {"weights": [np.eye(J + 1)]},
+            UsageError,
+            r"weights of curve 1: shape \(9, 9\), expected \(8, 8\)",
+        ),
+        (
+            {"weights": [np.eye(J) - 2.0 * np.eye(J)[::-1]]},
+            UsageError,
+            "weights of curve 1: not positive definite",
+        ),
+        (
+            {"weights": [np.triu(np.ones((J, J)))]},
+            UsageError,
+            "weights of curve 1: not a symmetric matrix",
+        ),
         ({"weights": [-np.eye(J)]}, UsageError, "weights of curve 1: .* with a positive diagonal"),
         ({"times_s": (5.0, 1.0)}, UsageError, "correlation times from 5 to 1 s"),
         ({"sampling": "points"}, UsageError, "sampling 'points'"),
@@ -253,28 +355,40 @@ def test_wrong_use_is_refused_in_one_line():
 
 
 def test_simulated_recording_of_table_5_is_recovered():
-    """Oracle: Table 5 of paper 000, simulated exactly for 4 h at 250 Hz; limits are three times the scatter seen over 60 recordings."""
+    """Oracle: Table 5 of paper 000, simulated exactly for 4 h at 250 Hz; limits are three times the
+    scatter seen over 60 recordings.
+    """
     model = load_noise_model("navchip")
     series = simulate_noise(model.gyro[0], 3_600_000, 0.004, np.random.default_rng(4))
     fitted = fit(wavelet_variance(series, 250.0), "WN+2GM", sampling="mean", levels=range(1, 18))
     process = fitted.axis.gauss_markov
     assert_allclose(fitted.axis.white_noise, model.gyro[0].white_noise, rtol=2e-3)
     assert_allclose(process[0].correlation_time_s, 2.5, rtol=0.2)
-    assert_allclose(process[0].driving_noise, model.gyro[0].gauss_markov[0].driving_noise, rtol=0.06)
-    assert 40.0 < process[1].correlation_time_s < 200.0  # the process of 4737 s, which is not named, goes into it
+    assert_allclose(
+        process[0].driving_noise, model.gyro[0].gauss_markov[0].driving_noise, rtol=0.06
+    )
+    assert (
+        40.0 < process[1].correlation_time_s < 200.0
+    )  # the process of 4737 s, which is not named, goes into it
 
 
 def test_simulated_replicates_of_table_5_are_recovered_jointly():
     """Oracle: Table 5 of paper 000, three records simulated exactly for 4 h.
 
-    In six of eight such sets T is within 0.7 to 1.1 of the truth; in two the least objective spends a process on scales below 2 s.
+    In six of eight such sets T is within 0.7 to 1.1 of the truth; in two the least objective spends
+    a process on scales below 2 s.
     """
     axis = load_noise_model("navchip").accel[0]
-    curves = [wavelet_variance(simulate_noise(axis, 3_600_000, 0.004, np.random.default_rng(seed)), 250.0) for seed in range(3)]
+    curves = [
+        wavelet_variance(simulate_noise(axis, 3_600_000, 0.004, np.random.default_rng(seed)), 250.0)
+        for seed in range(3)
+    ]
     fitted = fit(curves, "WN+2GM", sampling="mean")
     assert_allclose(fitted.axis.white_noise, axis.white_noise, rtol=2e-3)
     assert_allclose(fitted.axis.gauss_markov[0].correlation_time_s, 45.0, rtol=0.4)
-    assert_allclose(fitted.axis.gauss_markov[0].driving_noise, axis.gauss_markov[0].driving_noise, rtol=0.1)
+    assert_allclose(
+        fitted.axis.gauss_markov[0].driving_noise, axis.gauss_markov[0].driving_noise, rtol=0.1
+    )
 
 
 def navchip(axis):
@@ -284,25 +398,47 @@ def navchip(axis):
     record = json.loads(path.read_text())["navchip_wv"]["navchip_wv"]
     table, n = record["wvar"][axis], int(record["n"][0])
     level = np.arange(1, len(table["variance"]) + 1)
-    return WaveletVariance(level, table["variance"], table["ci_low"], table["ci_high"], n - 2**level + 1, record["freq"][0], n)
+    return WaveletVariance(
+        level,
+        table["variance"],
+        table["ci_low"],
+        table["ci_high"],
+        n - 2**level + 1,
+        record["freq"][0],
+        n,
+    )
 
 
-@pytest.mark.parametrize(("axis", "expected"), [("Gyro. Y", (2.05, 16.1, 77.0, 3.7)), ("Gyro. Z", (1.70, 17.5, 74.0, 4.0))])
+@pytest.mark.parametrize(
+    ("axis", "expected"),
+    [("Gyro. Y", (2.05, 16.1, 77.0, 3.7)), ("Gyro. Z", (1.70, 17.5, 74.0, 4.0))],
+)
 def test_published_variances_of_a_navchip_give_its_processes(axis, expected):
-    """Oracle: the processes that the issue names, from a fit of scales from 64 samples on (below, the sensor is quantized)."""
+    """Oracle: the processes that the issue names, from a fit of scales from 64 samples on (below,
+    the sensor is quantized).
+    """
     fitted = fit(navchip(axis), "WN+2GM", levels=range(6, 21))
     first, second = fitted.axis.gauss_markov
-    found = [first.correlation_time_s, first.driving_noise / DEG_PER_HOUR, second.correlation_time_s, second.driving_noise / DEG_PER_HOUR]
+    found = [
+        first.correlation_time_s,
+        first.driving_noise / DEG_PER_HOUR,
+        second.correlation_time_s,
+        second.driving_noise / DEG_PER_HOUR,
+    ]
     assert_allclose(found, expected, rtol=0.01)
     assert fitted.objective < 2.0  # a good fit; over all scales it is 4e4
 
 
 def test_minimum_of_real_recordings_jointly_and_singly():
-    """Oracle: differential evolution of scipy with descents from it, on the reference's parameters (stored; six axes in benchmarks)."""
+    """Oracle: differential evolution of scipy with descents from it, on the reference's parameters
+    (stored; six axes in benchmarks).
+    """
     paths = [DATA / "adis16405_static" / f"adis_16405_imu{k}.npy" for k in (1, 4)]
     if not all(path.is_file() for path in paths):
         pytest.skip("the ADIS16405 recordings are not here")
-    curves = [wavelet_variance(np.load(path, mmap_mode="r")[:, 3] * LSB[3], 100.0) for path in paths]
+    curves = [
+        wavelet_variance(np.load(path, mmap_mode="r")[:, 3] * LSB[3], 100.0) for path in paths
+    ]
     for name, stored in (
         ("WN+GM", (205.348306, 208.704589)),
         ("WN+2GM", (127.113965, 97.715283)),
@@ -322,5 +458,10 @@ def test_minimum_has_no_more_processes_than_it_takes():
     fewer = fit(curve, f"WN+{5 - idle}GM")
     assert_allclose(fewer.objective, many.objective, rtol=1e-10)
     assert not any(name.startswith("driving_noise") for name in fewer.at_bound)
-    moments = Moments([Group(curve.level, 100.0, np.sqrt(interval_weights(curve)), curve.variance)], many.composition, "point", (2e-4, 1e9))
+    moments = Moments(
+        [Group(curve.level, 100.0, np.sqrt(interval_weights(curve)), curve.variance)],
+        many.composition,
+        "point",
+        (2e-4, 1e9),
+    )
     assert (minimum(moments).x[-idle:] == 0.0).all()

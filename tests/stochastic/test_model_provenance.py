@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from numpy.testing import assert_allclose
 
-from insgnss.errors import InputError
+from insgnss.base.errors import InputError
 from insgnss.stochastic.model import (
     AxisNoise,
     GaussMarkov,
@@ -52,23 +52,39 @@ def path(tmp_path):
 
 
 def test_what_the_file_says_of_its_making(path):
-    """Oracle: the file's numbers, converted by hand; what an axis gives anew loses the error of the value it replaces."""
+    """Oracle: the file's numbers, converted by hand; what an axis gives anew loses the error of the
+    value it replaces.
+    """
     model = load_noise_model(path)
     assert model.recordings == (RecordingSource("one.npy", "00ff", 1000, 250.0),)
     x, y, z = (dict(axis.standard_error) for axis in model.gyro)
     assert set(x) == {"white_noise", "correlation_time_1", "driving_noise_1"}
-    assert_allclose([x["white_noise"] / DEG_H, x["correlation_time_1"], x["driving_noise_1"] / DEG_H], [0.02, 0.1, 0.3], rtol=1e-12)
+    assert_allclose(
+        [x["white_noise"] / DEG_H, x["correlation_time_1"], x["driving_noise_1"] / DEG_H],
+        [0.02, 0.1, 0.3],
+        rtol=1e-12,
+    )
     assert set(y) == {"correlation_time_1", "driving_noise_1"}
     assert set(z) == {"white_noise"}
     assert model.accel[0].standard_error == ()
 
 
 def test_a_model_with_its_making_comes_back(path, tmp_path):
-    """Oracle: equality to the last bit, where axes share values but not errors, with comments above."""
+    """Oracle: equality to the last bit, where axes share values but not errors, with comments
+    above.
+    """
     model = load_noise_model(path)
     alike = replace(model.gyro[0], standard_error={"white_noise": 3e-9, "driving_noise_1": 1e-7})
-    twice = AxisNoise(1e-4, gauss_markov=(GaussMarkov(3.0, 1e-5), GaussMarkov(60.0, 1e-6)), standard_error={"correlation_time_2": 2.0})
-    model = replace(model, gyro=(model.gyro[0], alike, twice), recordings=(*model.recordings, RecordingSource('b "2".csv', "aa", 7, 99.9)))
+    twice = AxisNoise(
+        1e-4,
+        gauss_markov=(GaussMarkov(3.0, 1e-5), GaussMarkov(60.0, 1e-6)),
+        standard_error={"correlation_time_2": 2.0},
+    )
+    model = replace(
+        model,
+        gyro=(model.gyro[0], alike, twice),
+        recordings=(*model.recordings, RecordingSource('b "2".csv', "aa", 7, 99.9)),
+    )
     for triad in (model.gyro, (twice, twice, twice)):
         same = replace(model, gyro=triad)
         write_noise_model(same, tmp_path / "copy.toml", ["a remark " * 30, "and = 1"])
@@ -83,7 +99,9 @@ def test_combined_models_keep_their_recordings(path):
     """Oracle: by definition; a recording that serves both stands once."""
     model = load_noise_model(path)
     other = replace(model, recordings=(RecordingSource("two.npy", "01", 5, 100.0),))
-    assert [r.file for r in weighted_model([model, model, other], [(1 / 3, 1 / 3)] * 3).recordings] == ["one.npy", "two.npy"]
+    assert [
+        r.file for r in weighted_model([model, model, other], [(1 / 3, 1 / 3)] * 3).recordings
+    ] == ["one.npy", "two.npy"]
 
 
 @pytest.mark.parametrize(
@@ -92,8 +110,16 @@ def test_combined_models_keep_their_recordings(path):
         ("[[recording]]", "[recording]", ":2: recording: write \\[\\[recording\\]\\]"),
         ('"0.25 1/ms"', '"4 ms"', ":6: recording.0.sampling_rate: '4 ms' is of dimension time"),
         ('"0.25 1/ms"', "250", ":6: recording.0.sampling_rate: 250 has no unit"),
-        ("samples = 1000", 'samples = "1000"', ":5: recording.0.samples: samples '1000', expected a whole number"),
-        ('sha256 = "00ff"', 'sha = "00ff"', ":4: recording.0.sha: unknown key; did you mean 'sha256'"),
+        (
+            "samples = 1000",
+            'samples = "1000"',
+            ":5: recording.0.samples: samples '1000', expected a whole number",
+        ),
+        (
+            'sha256 = "00ff"',
+            'sha = "00ff"',
+            ":4: recording.0.sha: unknown key; did you mean 'sha256'",
+        ),
         ('sha256 = "00ff"\n', "", ":2: recording.0: sha256 None, expected a text"),
         (
             '{ white_noise = "0.02 deg/h/sqrt(Hz)" }',
@@ -106,19 +132,37 @@ def test_combined_models_keep_their_recordings(path):
             '{ wite_noise = "0.02',
             ":9: gyro.standard_error.wite_noise: unknown key; did you mean 'white_noise'",
         ),
-        ('{ correlation_time = "0.1 s",', '{ sigma = "0.1 s",', ":13: gyro.gauss_markov.0.standard_error.sigma: unknown key"),
-        ('"0.1 s"', '"-0.1 s"', ":13: gyro.gauss_markov.0.standard_error.correlation_time: '-0.1 s' is negative"),
+        (
+            '{ correlation_time = "0.1 s",',
+            '{ sigma = "0.1 s",',
+            ":13: gyro.gauss_markov.0.standard_error.sigma: unknown key",
+        ),
+        (
+            '"0.1 s"',
+            '"-0.1 s"',
+            ":13: gyro.gauss_markov.0.standard_error.correlation_time: '-0.1 s' is negative",
+        ),
     ],
 )
 def test_wrong_provenance_is_refused_with_file_and_line(path, old, new, message):
-    """Oracle: by contract (design.md 4 and 5), one line that names file, line, key and what is expected."""
+    """Oracle: by contract (design.md 4 and 5), one line that names file, line, key and what is
+    expected.
+    """
     assert old in FILE
     path.write_text(FILE.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(InputError, match=message):
         load_noise_model(path)
 
 
-@pytest.mark.parametrize("errors", [{"driving_noise_1": 1.0}, {"white_noise": -1.0}, {"white_noise": float("nan")}, {"colour": 1.0}])
+@pytest.mark.parametrize(
+    "errors",
+    [
+        {"driving_noise_1": 1.0},
+        {"white_noise": -1.0},
+        {"white_noise": float("nan")},
+        {"colour": 1.0},
+    ],
+)
 def test_impossible_standard_errors_are_refused_at_birth(errors):
     """Oracle: by definition; an error is of a parameter that is there, finite and not negative."""
     with pytest.raises(InputError, match="standard_error"):

@@ -1,4 +1,6 @@
-"""Information criterion, cross-validation and near-stationarity against closed forms of linear models and simulated recordings."""
+"""Information criterion, cross-validation and near-stationarity against closed forms of linear
+models and simulated recordings.
+"""
 
 import math
 from dataclasses import replace
@@ -8,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from insgnss.errors import UsageError
+from insgnss.base.errors import UsageError
 from insgnss.records import WaveletVariance
 from insgnss.stochastic.estimation.bootstrap import simulate_axis
 from insgnss.stochastic.estimation.estimates import Linearised
@@ -40,19 +42,31 @@ def moved(axis: AxisNoise, sigmas: np.ndarray | float, levels: int = 11) -> Wave
     nu = haar_variance(axis, level, RATE) + sigmas * np.sqrt(np.diag(V))
     eta = np.maximum((N - 2**level + 1) / 2.0**level, 1.0)
     return WaveletVariance(
-        level, nu, eta * nu / stats.chi2.ppf(0.975, eta), eta * nu / stats.chi2.ppf(0.025, eta), N - 2**level + 1, RATE, N
+        level,
+        nu,
+        eta * nu / stats.chi2.ppf(0.975, eta),
+        eta * nu / stats.chi2.ppf(0.025, eta),
+        N - 2**level + 1,
+        RATE,
+        N,
     )
 
 
 @pytest.mark.parametrize("weights", ["efficient", "interval"])
 def test_penalty_of_a_linear_model(weights):
-    """Oracle: closed form, 2 tr(Omega A (A' Omega A)^-1 A' Omega V), which is twice the number of parameters for Omega = V^-1."""
+    """Oracle: closed form, 2 tr(Omega A (A' Omega A)^-1 A' Omega V), which is twice the number of
+    parameters for Omega = V^-1.
+    """
     w = moved(WALK, 0.3 * np.random.default_rng(1).standard_normal(11))
     candidate = rank([w], ["WN+RW"], weights=weights).candidates[0]
     V = covariances(efficient(fit(w, "WN+RW")) if weights == "efficient" else fit(w, "WN+RW"))[0]
     A = np.array([unit("white_noise", w.level), unit("random_walk", w.level)]).T
     W = candidate.fit.weights[0]
-    assert_allclose(candidate.optimism, 2.0 * np.trace(W @ A @ np.linalg.inv(A.T @ W @ A) @ A.T @ W @ V), rtol=1e-4)
+    assert_allclose(
+        candidate.optimism,
+        2.0 * np.trace(W @ A @ np.linalg.inv(A.T @ W @ A) @ A.T @ W @ V),
+        rtol=1e-4,
+    )
     if weights == "efficient":
         assert_allclose(candidate.optimism, 4.0, rtol=1e-4)
     assert_allclose(candidate.wic, candidate.fit.objective + candidate.optimism, rtol=1e-12)
@@ -75,16 +89,31 @@ def test_penalty_where_the_model_does_not_fit():
 
 
 def test_drawn_penalty_agrees_with_the_closed_one():
-    """Oracle: the closed form; 300 draws of a chi-square of two degrees of freedom scatter by 8 %, skewness adds some."""
+    """Oracle: the closed form; 300 draws of a chi-square of two degrees of freedom scatter by 8 %,
+    skewness adds some.
+    """
     w = recording(WALK, 1)
-    closed, drawn = (rank([w], ["WN+RW"], draws=draws, seed=3).candidates[0].optimism for draws in (0, 300))
+    closed, drawn = (
+        rank([w], ["WN+RW"], draws=draws, seed=3).candidates[0].optimism for draws in (0, 300)
+    )
     assert_allclose(drawn, closed, rtol=0.4)
 
 
-@pytest.mark.parametrize(("axis", "truth"), [(SLOW, "WN+GM"), (WALK, "WN+RW"), (AxisNoise(white_noise=1.0), "WN")])
+@pytest.mark.parametrize(
+    ("axis", "truth"), [(SLOW, "WN+GM"), (WALK, "WN+RW"), (AxisNoise(white_noise=1.0), "WN")]
+)
 def test_the_true_model_is_chosen(axis, truth):
-    """Oracle: simulation. The criterion takes one parameter too many in a sixth of cases, as Akaike's; never one too few here."""
-    chosen = [str(rank([recording(axis, seed)], ["WN", "GM", "WN+GM", "WN+RW", "QN+WN", "WN+2GM"]).chosen.composition) for seed in range(3)]
+    """Oracle: simulation. The criterion takes one parameter too many in a sixth of cases, as
+    Akaike's; never one too few here.
+    """
+    chosen = [
+        str(
+            rank(
+                [recording(axis, seed)], ["WN", "GM", "WN+GM", "WN+RW", "QN+WN", "WN+2GM"]
+            ).chosen.composition
+        )
+        for seed in range(3)
+    ]
     assert chosen.count(truth) >= 2
     rankings = [rank([recording(axis, seed)], "QN+WN+2GM+RW") for seed in range(3)]
     assert [str(ranking.chosen.composition) for ranking in rankings].count(truth) >= 2
@@ -111,14 +140,18 @@ def test_cross_validation_leaves_out_one_recording_after_the_other():
     assert str(best.composition) == "WN+GM"
     for k, held_out in enumerate(best.held_out):
         others = fit([c for i, c in enumerate(curves) if i != k], "WN+GM")
-        assert_allclose(held_out, objective(others.axis, [curves[k]], [interval_weights(curves[k])]), rtol=1e-6)
+        assert_allclose(
+            held_out, objective(others.axis, [curves[k]], [interval_weights(curves[k])]), rtol=1e-6
+        )
     assert_allclose(best.cross_validated, best.held_out.mean(), rtol=1e-12)
     grouped = rank(curves, ["WN+GM"], recordings=[0, 0, 1, 1]).candidates[0]
     assert grouped.held_out.shape == (2,)
 
 
 def test_wilcoxon_decides_which_models_are_equivalent():
-    """Oracle: the signed-rank distribution; of five recordings that all get worse p is 1/32 < 5 %, of four 1/16."""
+    """Oracle: the signed-rank distribution; of five recordings that all get worse p is 1/32 < 5 %,
+    of four 1/16.
+    """
     for count, told_apart in ((5, True), (4, False)):
         curves = [recording(SLOW, k) for k in range(10, 10 + count)]
         ranking = rank(curves, ["WN", "WN+GM"], criterion="CVWVIC")
@@ -126,7 +159,9 @@ def test_wilcoxon_decides_which_models_are_equivalent():
 
 
 def test_near_stationarity_of_a_linear_model_is_cochrans_statistic():
-    """Oracle: closed form of the heterogeneity of independent estimates, sum (v_i - mean)^2 / var v."""
+    """Oracle: closed form of the heterogeneity of independent estimates, sum (v_i - mean)^2 / var
+    v.
+    """
     curves = [moved(AxisNoise(white_noise=1.0), s) for s in (0.5, -0.2, 0.1, -0.6)]
     test = near_stationarity(fit(curves, "WN"), draws=0)
     W = test.joint.weights[0]
@@ -144,14 +179,18 @@ def test_near_stationarity_of_a_linear_model_is_cochrans_statistic():
 
 
 def test_near_stationarity_tells_a_disturbed_recording():
-    """Oracle: construction; the third recording has half more driving noise, several times its standard error."""
+    """Oracle: construction; the third recording has half more driving noise, several times its
+    standard error.
+    """
     disturbed = AxisNoise(white_noise=1.0, gauss_markov=(GaussMarkov(10.0, 0.9),))
     alike = [recording(SLOW, k) for k in range(20, 24)]
     calm = near_stationarity(fit(alike, "WN+GM"), draws=30, seed=1)
     assert calm.bootstrapped > 0.05
     assert abs(calm.bootstrapped - calm.p_value) < 4.0 * max(calm.bootstrapped_error, 0.05)
     assert "serves all 4 recordings" in calm.sentence
-    test = near_stationarity(fit([*alike[:2], recording(disturbed, 30), alike[3]], "WN+GM"), draws=30, seed=1)
+    test = near_stationarity(
+        fit([*alike[:2], recording(disturbed, 30), alike[3]], "WN+GM"), draws=30, seed=1
+    )
     assert test.bootstrapped < 0.05
     assert int(np.argmax(test.shares)) == 2
     assert "recording 3 has" in test.sentence

@@ -1,4 +1,6 @@
-"""Haar wavelet variance against its definition, the Allan variance of allantools, closed forms, and the reference's recorded values."""
+"""Haar wavelet variance against its definition, the Allan variance of allantools, closed forms, and
+the reference's recorded values.
+"""
 
 import json
 from pathlib import Path
@@ -9,10 +11,15 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import integrate, optimize, stats
 
-from insgnss.errors import DataError, InputError, UsageError
+from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.stochastic.model import AxisNoise, GaussMarkov
 from insgnss.stochastic.moments.theory import haar_variance
-from insgnss.stochastic.moments.wavelet import biweight_constants, default_levels, wavelet_variance, wavelet_variances
+from insgnss.stochastic.moments.wavelet import (
+    biweight_constants,
+    default_levels,
+    wavelet_variance,
+    wavelet_variances,
+)
 from insgnss.stochastic.processes import simulate_noise
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
@@ -27,7 +34,9 @@ def coefficients(x, level, stride=1):
 
 @pytest.mark.parametrize("n", [4, 5, 63, 64, 65, 1000, 1024, 9001])
 def test_variance_is_that_of_the_convolution(n):
-    """Oracle: numpy.convolve with the filter; lengths around powers of two and around the kernel's blocks."""
+    """Oracle: numpy.convolve with the filter; lengths around powers of two and around the kernel's
+    blocks.
+    """
     x = np.random.default_rng(n).standard_normal(n) + 100.0
     overlapping, discrete = wavelet_variance(x, 2.0), wavelet_variance(x, 2.0, decomposition="dwt")
     assert overlapping.level.tolist() == list(range(1, default_levels(n) + 1))
@@ -50,7 +59,11 @@ def test_number_of_scales_is_the_references(n):
 def test_levels_may_be_chosen():
     """Oracle: the default's first levels; the last that exists has a single coefficient."""
     x = np.random.default_rng(3).standard_normal(64)
-    assert_allclose(wavelet_variance(x, 1.0, levels=2).variance, wavelet_variance(x, 1.0).variance[:2], rtol=1e-15)
+    assert_allclose(
+        wavelet_variance(x, 1.0, levels=2).variance,
+        wavelet_variance(x, 1.0).variance[:2],
+        rtol=1e-15,
+    )
     assert wavelet_variance(x, 1.0, levels=6).count.tolist()[-1] == 1
     picked = wavelet_variance(x, 4.0).selected([4, 2, 9])
     assert picked.level.tolist() == [2, 4]
@@ -63,7 +76,9 @@ def test_twice_the_variance_is_the_allan_variance():
     """Oracle: allantools.oadev."""
     x = np.cumsum(np.random.default_rng(5).standard_normal(5000))
     own = wavelet_variance(x, 100.0)
-    _, deviation, _, _ = allantools.oadev(x, rate=100.0, data_type="freq", taus=own.averaging_time_s)
+    _, deviation, _, _ = allantools.oadev(
+        x, rate=100.0, data_type="freq", taus=own.averaging_time_s
+    )
     assert_allclose(2.0 * own.variance, deviation**2, rtol=1e-10)
 
 
@@ -77,7 +92,9 @@ def test_interval_is_chi_square_with_the_stated_freedom():
 
 
 def test_offset_and_trend_cost_no_digits():
-    """Oracle: the definition in extended precision, noise of 1e-6 on 9.8 with a trend of 1000 times the noise; 1e-9 is 1e-3 of any use."""
+    """Oracle: the definition in extended precision, noise of 1e-6 on 9.8 with a trend of 1000 times
+    the noise; 1e-9 is 1e-3 of any use.
+    """
     n = 200_000
     x = 9.8 + 1e-3 * np.arange(n) / n + 1e-6 * np.random.default_rng(9).standard_normal(n)
     own = wavelet_variance(x, 250.0)
@@ -88,13 +105,20 @@ def test_offset_and_trend_cost_no_digits():
         assert_allclose(own.variance[k], float(np.mean(w**2)), rtol=1e-9)
 
 
-CLOSED = {"white_noise": lambda m: 100.0 / (2.0 * m), "quantization": lambda m: 1.5 * 100.0**2 / m**2}  # nu at 100 Hz of unit strength
+CLOSED = {
+    "white_noise": lambda m: 100.0 / (2.0 * m),
+    "quantization": lambda m: 1.5 * 100.0**2 / m**2,
+}  # nu at 100 Hz of unit strength
 
 
 @pytest.mark.parametrize("process", ["white_noise", "quantization"])
 def test_simulated_process_has_its_theoretical_variance(process):
-    """Oracle: closed form of white noise q^2 rate / (2m), of quantization 1.5 Q^2 rate^2 / m^2; 4 standard errors by twice the freedom."""
-    x = simulate_noise(AxisNoise(**{"white_noise": 0.0, process: 0.3}), 400_000, 0.01, np.random.default_rng(11))
+    """Oracle: closed form of white noise q^2 rate / (2m), of quantization 1.5 Q^2 rate^2 / m^2; 4
+    standard errors by twice the freedom.
+    """
+    x = simulate_noise(
+        AxisNoise(**{"white_noise": 0.0, process: 0.3}), 400_000, 0.01, np.random.default_rng(11)
+    )
     own = wavelet_variance(x, 100.0, levels=10)
     expected = 0.09 * CLOSED[process](2.0 ** (own.level - 1))
     freedom = own.count / 2.0**own.level
@@ -103,16 +127,28 @@ def test_simulated_process_has_its_theoretical_variance(process):
 
 def test_simulated_sum_has_its_theoretical_variance():
     """Oracle: theory of the mean-sampled sum, on a simulation of the continuous processes."""
-    axis = AxisNoise(white_noise=0.02, random_walk=0.01, gauss_markov=(GaussMarkov.from_sigma(0.5, 0.3), GaussMarkov.from_sigma(30.0, 0.2)))
-    x = np.stack([simulate_noise(axis, 100_000, 0.01, np.random.default_rng(seed)) for seed in range(12)], axis=1)
+    axis = AxisNoise(
+        white_noise=0.02,
+        random_walk=0.01,
+        gauss_markov=(GaussMarkov.from_sigma(0.5, 0.3), GaussMarkov.from_sigma(30.0, 0.2)),
+    )
+    x = np.stack(
+        [simulate_noise(axis, 100_000, 0.01, np.random.default_rng(seed)) for seed in range(12)],
+        axis=1,
+    )
     own = wavelet_variances(x, 100.0, levels=13)
     mean = np.mean([curve.variance for curve in own], axis=0)
     freedom = 12 * own[0].count / 2.0 ** own[0].level
-    assert (np.abs(mean / haar_variance(axis, own[0].level, 100.0, "mean") - 1.0) < 4.0 * np.sqrt(2.0 / freedom)).all()
+    assert (
+        np.abs(mean / haar_variance(axis, own[0].level, 100.0, "mean") - 1.0)
+        < 4.0 * np.sqrt(2.0 / freedom)
+    ).all()
 
 
 def test_intervals_cover_and_are_cautious():
-    """Oracle: white noise of 600 simulated series; eta3 counts less than there is, so 95 % at least, within 3 binomial deviations."""
+    """Oracle: white noise of 600 simulated series; eta3 counts less than there is, so 95 % at
+    least, within 3 binomial deviations.
+    """
     x = np.random.default_rng(13).standard_normal((512, 600))
     curves = wavelet_variances(x, 1.0)
     truth = 0.5 / 2.0 ** (curves[0].level - 1)
@@ -129,7 +165,12 @@ def test_biweight_constants_are_those_of_quadrature(efficiency):
     c, a = biweight_constants(efficiency)
 
     def mean(f):
-        return 2.0 * integrate.quad(lambda r: f(r) * stats.norm.pdf(r), 0.0, c, epsabs=0.0, epsrel=1e-11)[0]
+        return (
+            2.0
+            * integrate.quad(lambda r: f(r) * stats.norm.pdf(r), 0.0, c, epsabs=0.0, epsrel=1e-11)[
+                0
+            ]
+        )
 
     def psi(r):
         return r**2 * (1.0 - (r / c) ** 2) ** 4
@@ -140,7 +181,9 @@ def test_biweight_constants_are_those_of_quadrature(efficiency):
 
 
 def test_robust_variance_solves_its_equation_as_the_reference_seeks_it():
-    """Oracle: Brent's search of the squared mismatch over (0, 2] plain variances, what R's optimize does; 1e-3 is its tolerance."""
+    """Oracle: Brent's search of the squared mismatch over (0, 2] plain variances, what R's optimize
+    does; 1e-3 is its tolerance.
+    """
     x = np.random.default_rng(15).standard_t(4, 20_000)
     own = wavelet_variance(x, 1.0, levels=8, robust=True)
     c, a = biweight_constants(0.6)
@@ -157,32 +200,51 @@ def test_robust_variance_solves_its_equation_as_the_reference_seeks_it():
 
 
 def test_robust_variance_is_unbiased_in_normal_noise_and_has_its_efficiency():
-    """Oracle: the wanted efficiency, of the discrete coefficients of 400 white series; the ratio's own deviation is 0.04."""
+    """Oracle: the wanted efficiency, of the discrete coefficients of 400 white series; the ratio's
+    own deviation is 0.04.
+    """
     x = np.random.default_rng(17).standard_normal((2000, 400))
-    plain = np.array([c.variance[0] for c in wavelet_variances(x, 1.0, levels=1, decomposition="dwt")])
-    robust = np.array([c.variance[0] for c in wavelet_variances(x, 1.0, levels=1, decomposition="dwt", robust=True)])
-    assert abs(robust.mean() / 0.5 - 1.0) < 4.0 * robust.std() / 0.5 / 20.0 + 2e-3  # 2e-3: bias of order 1/n
+    plain = np.array(
+        [c.variance[0] for c in wavelet_variances(x, 1.0, levels=1, decomposition="dwt")]
+    )
+    robust = np.array(
+        [
+            c.variance[0]
+            for c in wavelet_variances(x, 1.0, levels=1, decomposition="dwt", robust=True)
+        ]
+    )
+    assert (
+        abs(robust.mean() / 0.5 - 1.0) < 4.0 * robust.std() / 0.5 / 20.0 + 2e-3
+    )  # 2e-3: bias of order 1/n
     assert abs(np.var(np.log(plain)) / np.var(np.log(robust)) - 0.6) < 0.12
 
 
 def test_outliers_hardly_move_the_robust_variance():
-    """Oracle: the clean series. One sample in 200 is 50 sigma off: 1 % of the coefficients at level 1, 4 % at level 3."""
+    """Oracle: the clean series. One sample in 200 is 50 sigma off: 1 % of the coefficients at level
+    1, 4 % at level 3.
+    """
     rng = np.random.default_rng(19)
     clean = rng.standard_normal(100_000)
     spoiled = clean.copy()
     spoiled[rng.integers(0, clean.size, 500)] += 50.0
     truth = wavelet_variance(clean, 1.0, levels=3)
     assert (wavelet_variance(spoiled, 1.0, levels=3).variance > 5.0 * truth.variance).all()
-    assert_allclose(wavelet_variance(spoiled, 1.0, levels=3, robust=True).variance, truth.variance, rtol=0.12)
+    assert_allclose(
+        wavelet_variance(spoiled, 1.0, levels=3, robust=True).variance, truth.variance, rtol=0.12
+    )
 
 
 def test_robust_interval_is_the_references():
-    """Oracle: its formula, plain interval relative to the estimate times 1 / sqrt(efficiency), half the estimate where below zero."""
+    """Oracle: its formula, plain interval relative to the estimate times 1 / sqrt(efficiency), half
+    the estimate where below zero.
+    """
     x = np.random.default_rng(21).standard_normal(512)
     plain, own = wavelet_variance(x, 1.0), wavelet_variance(x, 1.0, robust=True)
     wider = np.sqrt(1.0 / 0.6)
     low = own.variance * (1.0 - (1.0 - plain.low / plain.variance) * wider)
-    assert_allclose(own.high, own.variance * (1.0 + (plain.high / plain.variance - 1.0) * wider), rtol=1e-12)
+    assert_allclose(
+        own.high, own.variance * (1.0 + (plain.high / plain.variance - 1.0) * wider), rtol=1e-12
+    )
     assert_allclose(own.low[low > 0.0], low[low > 0.0], rtol=1e-12)
     below = np.flatnonzero(low <= 0.0)
     assert below.tolist() == [7]
@@ -211,11 +273,21 @@ NAN = np.array([1.0, 2.0, np.nan, 4.0, 5.0])
         (np.full(100, 0.1), {}, DataError, "all 100 samples are 0.1"),
         (np.arange(3.0), {}, DataError, "3 samples; at least 4"),
         (np.tile([1.0, -1.0], 50), {}, DataError, "no variance at level 2"),
-        (np.repeat([0.0, 1.0, 0.0], 1000), {"robust": True}, DataError, "most coefficients are zero"),
+        (
+            np.repeat([0.0, 1.0, 0.0], 1000),
+            {"robust": True},
+            DataError,
+            "most coefficients are zero",
+        ),
         (np.arange(9.0), {"levels": 4}, UsageError, "4 levels of 9 samples; give 1 to 3"),
         (np.arange(9.0), {"rate_hz": 0.0}, UsageError, "rate 0.0 Hz"),
         (np.arange(9.0), {"decomposition": "fft"}, UsageError, "neither"),
-        (np.random.default_rng(1).standard_normal(64), {"robust": True, "efficiency": 1.0}, UsageError, "efficiency"),
+        (
+            np.random.default_rng(1).standard_normal(64),
+            {"robust": True, "efficiency": 1.0},
+            UsageError,
+            "efficiency",
+        ),
         (np.ones((3, 3)), {}, UsageError, "one axis"),
     ],
 )
@@ -237,8 +309,13 @@ def test_refusal_names_the_column():
 
 
 def test_recorded_variances_of_the_reference():
-    """Oracle: wavelet variances and intervals that R package wv published of the first ADIS16405 recording, to 1e-8."""
-    file, recording = DATA / "imu_variances" / "variances.json", DATA / "adis16405_static" / "adis_16405_imu1.npy"
+    """Oracle: wavelet variances and intervals that R package wv published of the first ADIS16405
+    recording, to 1e-8.
+    """
+    file, recording = (
+        DATA / "imu_variances" / "variances.json",
+        DATA / "adis16405_static" / "adis_16405_imu1.npy",
+    )
     if not file.is_file() or not recording.is_file():
         pytest.skip("the ADIS16405 recording and its published variances are not here")
     published = json.loads(file.read_text())["adis_wv"]["adis_wv"]["wvar"]

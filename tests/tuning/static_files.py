@@ -9,7 +9,9 @@ from insgnss.stochastic.processes import simulate_noise
 
 RATE, MINUTES = 50.0, 12
 DEG_H, UG = np.pi / 180.0 / 3600.0, 9.80665e-6
-GYRO = AxisNoise(white_noise=10.0 * DEG_H, gauss_markov=(GaussMarkov.from_sigma(4.0, 25.0 * DEG_H),))
+GYRO = AxisNoise(
+    white_noise=10.0 * DEG_H, gauss_markov=(GaussMarkov.from_sigma(4.0, 25.0 * DEG_H),)
+)
 ACCEL = AxisNoise(white_noise=50.0 * UG, gauss_markov=(GaussMarkov.from_sigma(6.0, 120.0 * UG),))
 BIAS = np.array([0.01, -0.02, 0.005])
 GRAVITY = np.array([0.1, -0.2, -9.8])

@@ -1,4 +1,6 @@
-"""The verb `tune` on static recordings, from files to files, against simulated noise and by contract."""
+"""The verb `tune` on static recordings, from files to files, against simulated noise and by
+contract.
+"""
 
 import hashlib
 import json
@@ -39,42 +41,65 @@ def tuned(folder):
 @pytest.fixture
 def no_pictures(monkeypatch):
     """Pictures are drawn and looked at elsewhere."""
-    monkeypatch.setattr("insgnss.tuning.figures.sensor_figure", lambda result, sensor: b"")
+    monkeypatch.setattr("insgnss.tuning.products.figures.sensor_figure", lambda result, sensor: b"")
 
 
 def truth(sensor):
     axis = GYRO if sensor == "gyro" else ACCEL
     (process,) = axis.gauss_markov
-    return {"white_noise": axis.white_noise, "correlation_time_1": process.correlation_time_s, "driving_noise_1": process.driving_noise}
+    return {
+        "white_noise": axis.white_noise,
+        "correlation_time_1": process.correlation_time_s,
+        "driving_noise_1": process.driving_noise,
+    }
 
 
 def test_intervals_hold_the_simulated_noise(tuned):
-    """Oracle: the parameters simulated; of 18 intervals of 95 % at least 14 hold them (fewer: 1 in 500)."""
-    held = [e.low < truth(t.sensor)[e.name] < e.high for t in tuned.tuned for e in t.inference.estimates]
+    """Oracle: the parameters simulated; of 18 intervals of 95 % at least 14 hold them (fewer: 1 in
+    500).
+    """
+    held = [
+        e.low < truth(t.sensor)[e.name] < e.high for t in tuned.tuned for e in t.inference.estimates
+    ]
     assert len(held) == 18
     assert sum(held) >= 14
     assert all(t.inference.goodness.p_value > 1e-4 for t in tuned.tuned)
 
 
 def test_the_noise_model_says_what_was_found_and_of_what(tuned, folder):
-    """Oracle: the result's own estimates to the digits of the file, hashlib, and the means put in (Earth's rotation is not simulated)."""
+    """Oracle: the result's own estimates to the digits of the file, hashlib, and the means put in
+    (Earth's rotation is not simulated).
+    """
     model = load_noise_model(folder / "imu.toml")
     assert model == tuned.model
     for t in tuned.tuned:
         axis = getattr(model, t.sensor)[t.axes[0]]
         errors = dict(axis.standard_error)
         assert_allclose(axis.white_noise, t.inference["white_noise"].value, rtol=1e-5)
-        assert_allclose(axis.gauss_markov[0].correlation_time_s, t.inference["correlation_time_1"].value, rtol=1e-5)
-        assert_allclose(errors["driving_noise_1"], t.inference["driving_noise_1"].standard_error, rtol=0.05)
+        assert_allclose(
+            axis.gauss_markov[0].correlation_time_s,
+            t.inference["correlation_time_1"].value,
+            rtol=1e-5,
+        )
+        assert_allclose(
+            errors["driving_noise_1"], t.inference["driving_noise_1"].standard_error, rtol=0.05
+        )
     assert [r.file for r in model.recordings] == ["rest1.npy", "rest2.npy"]
-    assert model.recordings[0].sha256 == hashlib.sha256((folder / "rest1.npy").read_bytes()).hexdigest()
+    assert (
+        model.recordings[0].sha256
+        == hashlib.sha256((folder / "rest1.npy").read_bytes()).hexdigest()
+    )
     assert {(r.samples, r.sampling_rate_hz) for r in model.recordings} == {(36_000, RATE)}
     assert_allclose(model.gyro[0].turn_on_bias, np.sqrt(np.mean(BIAS**2)), rtol=0.01)
-    assert_allclose(model.accel[0].turn_on_bias, max(abs(np.linalg.norm(GRAVITY) - 9.80665), 0.015), rtol=0.05)
+    assert_allclose(
+        model.accel[0].turn_on_bias, max(abs(np.linalg.norm(GRAVITY) - 9.80665), 0.015), rtol=0.05
+    )
 
 
 def test_the_table_for_machines(tuned, folder):
-    """Oracle: the wavelet variance of the samples, and the file's own sums: parts make the model, both fits have their objective."""
+    """Oracle: the wavelet variance of the samples, and the file's own sums: parts make the model,
+    both fits have their objective.
+    """
     table = json.loads((folder / "imu.json").read_text())
     fit = table["fits"][4]
     assert (fit["sensor"], fit["axes"], fit["composition"]) == ("accel", ["y"], "WN+GM")
@@ -82,12 +107,22 @@ def test_the_table_for_machines(tuned, folder):
         assert (curve["recording"], curve["axis"]) == (recording, "y")
         expected = wavelet_variance(np.load(folder / recording)[:, 4], RATE)
         assert_allclose(curve["wavelet_variance"], expected.variance, rtol=1e-12)
-        assert_allclose(np.sum(list(curve["parts"].values()), axis=0), curve["modelled"], rtol=1e-12)
+        assert_allclose(
+            np.sum(list(curve["parts"].values()), axis=0), curve["modelled"], rtol=1e-12
+        )
     width = np.subtract(fit["curves"][0]["high"], fit["curves"][0]["low"])
     assert np.all(width > 0)
     assert fit["diagonal_weights"]["objective"] > 0
-    assert set(fit["diagonal_weights"]["parameters"]) == {"white_noise", "correlation_time_1", "driving_noise_1"}
-    assert [e["name"] for e in fit["estimates"]] == ["white_noise", "correlation_time_1", "driving_noise_1"]
+    assert set(fit["diagonal_weights"]["parameters"]) == {
+        "white_noise",
+        "correlation_time_1",
+        "driving_noise_1",
+    }
+    assert [e["name"] for e in fit["estimates"]] == [
+        "white_noise",
+        "correlation_time_1",
+        "driving_noise_1",
+    ]
     assert table["recordings"][0]["checks"][0]["name"] == "sampling"
     for sensor in ("gyro", "accel"):
         picture = (folder / f"imu_{sensor}.png").read_bytes()
@@ -96,21 +131,29 @@ def test_the_table_for_machines(tuned, folder):
 
 
 def test_joint_axes_are_tighter(tuned, folder, no_pictures):
-    """Oracle: three axes of the same noise; the standard error of one fit to all falls by about sqrt(3), between 1.3 and 2.3."""
+    """Oracle: three axes of the same noise; the standard error of one fit to all falls by about
+    sqrt(3), between 1.3 and 2.3.
+    """
     joint = tune_static(
-        [folder / "rest1.npy", folder / "rest2.npy"], TuneOptions(**{**OPTIONS.__dict__, "axes": "joint"}), folder / "joint.toml"
+        [folder / "rest1.npy", folder / "rest2.npy"],
+        TuneOptions(**{**OPTIONS.__dict__, "axes": "joint"}),
+        folder / "joint.toml",
     )
     assert [t.name for t in joint.tuned] == ["gyro xyz", "accel xyz"]
     for t in joint.tuned:
         for name in truth(t.sensor):
-            single = np.mean([s.inference[name].log_error for s in tuned.tuned if s.sensor == t.sensor])
+            single = np.mean(
+                [s.inference[name].log_error for s in tuned.tuned if s.sensor == t.sensor]
+            )
             assert 1.3 < single / t.inference[name].log_error < 2.3
     assert joint.model is not None
     assert "[gyro.x]" not in (folder / "joint.toml").read_text()
 
 
 def test_what_a_person_reads(tuned):
-    """Oracle: by contract; units of Table 5, intervals, fit, turn-on bias and files are there, no line is endless."""
+    """Oracle: by contract; units of Table 5, intervals, fit, turn-on bias and files are there, no
+    line is endless.
+    """
     text = tuned.summary()
     for said in (
         "rest1.npy: 36000 samples at 50 Hz",
@@ -136,7 +179,9 @@ def test_wrong_use_is_refused_before_anything_is_read(tuned, folder, tmp_path, c
     """Oracle: design.md 5, exit code 2 and a line that says what to do."""
     rest, out = folder / "rest1.npy", ["--out", tmp_path / "x.toml"]
     rows = "".join(f"gyro_x,{2.0**j / RATE},{1e-9 / 2**j}\n" for j in range(1, 9))
-    (folder / "nameless.csv").write_text(f"# rate_hz = {RATE}\n# samples = 36000\naxis,scale_s,wavelet_variance\n{rows}")
+    (folder / "nameless.csv").write_text(
+        f"# rate_hz = {RATE}\n# samples = 36000\naxis,scale_s,wavelet_variance\n{rows}"
+    )
     for argv, said in (
         ([], "give static recordings, or --flight FLIGHT"),
         ([rest, "--flight", "flight.toml"], "both static recordings"),
@@ -146,20 +191,35 @@ def test_wrong_use_is_refused_before_anything_is_read(tuned, folder, tmp_path, c
         ([rest, *UNITS, "--skip", "-1", *out], "'-1' is no number from 0"),
         ([rest, *UNITS, "--out", "/proc/x.toml"], "/proc/x.toml: cannot be written"),
         ([rest, *UNITS, "--parameters", "gyro.white_noise"], "--parameters belongs to --flight"),
-        (["--flight", "flight.toml", "--model", "WN"], "with --flight only --parameters, --out and --force have a meaning"),
+        (
+            ["--flight", "flight.toml", "--model", "WN"],
+            "with --flight only --parameters, --out and --force have a meaning",
+        ),
         ([rest, *UNITS, "--model", "WN+2GN", *out], "unknown process 'GN', did you mean 'GM'?"),
         ([rest, *UNITS, "--model", "WN", "--levels", "3:", *out], "is no level"),
         ([rest, *UNITS, "--model", "WN", "--levels", "40-", *out], "no such level; there are 1 to"),
-        ([rest, "--rate", "50", *out], "nothing says the unit of the gyro columns; give --gyro-unit"),
-        ([rest, "--rate", "50", "--gyro-unit", "rad/s", *out], "nothing says the unit of the accel columns; give --accel-unit"),
+        (
+            [rest, "--rate", "50", *out],
+            "nothing says the unit of the gyro columns; give --gyro-unit",
+        ),
+        (
+            [rest, "--rate", "50", "--gyro-unit", "rad/s", *out],
+            "nothing says the unit of the accel columns; give --accel-unit",
+        ),
         ([rest, *UNITS[:4], *out], "give the sensor's rate in samples a second, --rate HZ"),
         ([rest, rest, *UNITS, *out], "given twice"),
         ([rest, *UNITS, "--out", tmp_path / "nowhere" / "x.toml"], "the directory does not exist"),
         ([rest, *UNITS, "--out", tmp_path / "x.txt"], "end its name with .toml"),
         ([rest, *UNITS, "--out", folder / "imu.toml"], "are there already"),
-        ([rest, *UNITS, "--columns", "gx=1,gy", *out], "give names in the order of the columns, or every one as in"),
+        (
+            [rest, *UNITS, "--columns", "gx=1,gy", *out],
+            "give names in the order of the columns, or every one as in",
+        ),
         ([rest, *UNITS, "--columns", "gx,gy,gz,ax,ay,ax", *out], "names ax twice"),
-        ([folder / "nameless.csv", *out], "nothing says the unit that the gyro variances are of; give --gyro-unit, such as rad/s"),
+        (
+            [folder / "nameless.csv", *out],
+            "nothing says the unit that the gyro variances are of; give --gyro-unit, such as rad/s",
+        ),
         ([rest, *UNITS, "--bootstrap", "1", *out], "give 2 replicates at least"),
         ([rest, *UNITS, "--seed", "-1", *out], "give a whole number from 0"),
         ([rest, *UNITS, "--accept", "colour", "--model", "WN", *out], "no such check"),
@@ -177,8 +237,14 @@ def test_recordings_that_do_not_support_an_answer_are_refused(tmp_path, capsys):
     faults = {
         "short": (rest[:2_500], "length: 50.0 s without interruption; expected 60 s and more"),
         "constant": (rest * [1, 0, 1, 1, 1, 1], "constant channel: gyro y is 0 throughout"),
-        "moving": (rest + np.sin(2.0 * t) * [0.2, 0, 0, 3, 0, 0], "if it was at rest, check the units: it scatters by 0.14 rad/s, 2.1"),
-        "in_g": (rest / [1, 1, 1, 9.8, 9.8, 9.8], "the values look like g: give --accel-unit g; gravity must be in them; --accept units"),
+        "moving": (
+            rest + np.sin(2.0 * t) * [0.2, 0, 0, 3, 0, 0],
+            "if it was at rest, check the units: it scatters by 0.14 rad/s, 2.1",
+        ),
+        "in_g": (
+            rest / [1, 1, 1, 9.8, 9.8, 9.8],
+            "the values look like g: give --accel-unit g; gravity must be in them; --accept units",
+        ),
     }
     for name, (values, said) in faults.items():
         path = save(tmp_path / f"{name}.npy", values)
@@ -186,15 +252,22 @@ def test_recordings_that_do_not_support_an_answer_are_refused(tmp_path, capsys):
         assert code == 4
         assert f"{name}.npy: " in line
         assert said in line
-    for more, said in ((["--model", "DR"], "a drift without noise"), (["--skip", "3"], "nothing from 180 s on")):
-        code, line = refusal(capsys, save(tmp_path / "rest.npy", rest), *UNITS, *more, "--out", tmp_path / "x.toml")
+    for more, said in (
+        (["--model", "DR"], "a drift without noise"),
+        (["--skip", "3"], "nothing from 180 s on"),
+    ):
+        code, line = refusal(
+            capsys, save(tmp_path / "rest.npy", rest), *UNITS, *more, "--out", tmp_path / "x.toml"
+        )
         assert code == 4
         assert said in line
     assert {path.suffix for path in tmp_path.iterdir()} == {".npy"}
 
 
 def test_damaged_files_are_refused(folder, tmp_path, capsys):
-    """Oracle: design.md 5, exit code 3; a value that is no number, a file that is none, a copy under another name."""
+    """Oracle: design.md 5, exit code 3; a value that is no number, a file that is none, a copy
+    under another name.
+    """
     values = samples(3, 2)
     values[77, 3] = math.nan
     code, line = refusal(capsys, save(tmp_path / "nan.npy", values), *UNITS)
@@ -204,20 +277,46 @@ def test_damaged_files_are_refused(folder, tmp_path, capsys):
     assert code == 3
     assert "none.npy: cannot be read" in line
     (tmp_path / "copy.npy").write_bytes((folder / "rest1.npy").read_bytes())
-    code, line = refusal(capsys, folder / "rest1.npy", tmp_path / "copy.npy", *UNITS, "--out", tmp_path / "x.toml")
+    code, line = refusal(
+        capsys, folder / "rest1.npy", tmp_path / "copy.npy", *UNITS, "--out", tmp_path / "x.toml"
+    )
     assert code == 2
     assert "the same bytes as rest1.npy" in line
 
 
 @pytest.mark.slow
 def test_published_variances_will_do(folder, tmp_path, capsys, no_pictures):
-    """Oracle: the recording that the published table is of; the same estimates to the digits printed."""
-    lines = [f"# rate_hz = {RATE}", "# samples = 36000", "# gyro_unit = rad/s", "axis,scale_s,wavelet_variance"]
+    """Oracle: the recording that the published table is of; the same estimates to the digits
+    printed.
+    """
+    lines = [
+        f"# rate_hz = {RATE}",
+        "# samples = 36000",
+        "# gyro_unit = rad/s",
+        "axis,scale_s,wavelet_variance",
+    ]
     for k, letter in enumerate("xyz"):
         curve = wavelet_variance(np.load(folder / "rest1.npy")[:, k], RATE)
-        lines += [f"gyro_{letter},{s:.9g},{v:.12g}" for s, v in zip(curve.scale_s, curve.variance, strict=True)]
+        lines += [
+            f"gyro_{letter},{s:.9g},{v:.12g}"
+            for s, v in zip(curve.scale_s, curve.variance, strict=True)
+        ]
     (tmp_path / "table.csv").write_text("\n".join(lines) + "\n")
-    assert cli.main(["tune", str(tmp_path / "table.csv"), "--model", "WN+GM", "--out", str(tmp_path / "t.toml"), "--json", "-q"]) == 0
+    assert (
+        cli.main(
+            [
+                "tune",
+                str(tmp_path / "table.csv"),
+                "--model",
+                "WN+GM",
+                "--out",
+                str(tmp_path / "t.toml"),
+                "--json",
+                "-q",
+            ]
+        )
+        == 0
+    )
     document = json.loads(capsys.readouterr().out)
     alone = tune_static([folder / "rest1.npy"], OPTIONS, tmp_path / "alone.toml")
     for fit, t in zip(document["fits"], alone.tuned[:3], strict=True):
@@ -230,26 +329,63 @@ def test_published_variances_will_do(folder, tmp_path, capsys, no_pictures):
 def test_text_with_units_in_its_header_needs_no_options(tmp_path, capsys, no_pictures):
     """Oracle: the same samples as an array; white noise agrees to the digits of the text."""
     values = samples(5, 3)
-    head = "tow[s]," + ",".join(f"g{c}[deg/s]" for c in "xyz") + "," + ",".join(f"a{c}[mg]" for c in "xyz")
-    table = np.column_stack([1000.0 + np.arange(len(values)) / RATE, np.degrees(values[:, :3]), values[:, 3:] / 9.80665e-3])
+    head = (
+        "tow[s],"
+        + ",".join(f"g{c}[deg/s]" for c in "xyz")
+        + ","
+        + ",".join(f"a{c}[mg]" for c in "xyz")
+    )
+    table = np.column_stack(
+        [
+            1000.0 + np.arange(len(values)) / RATE,
+            np.degrees(values[:, :3]),
+            values[:, 3:] / 9.80665e-3,
+        ]
+    )
     np.savetxt(tmp_path / "rest.csv", table, fmt="%.9g", delimiter=",", header=head, comments="")
     assert (
-        cli.main(["tune", str(tmp_path / "rest.csv"), "--model", "WN", "--weights", "diagonal", "--out", str(tmp_path / "a.toml"), "-q"])
+        cli.main(
+            [
+                "tune",
+                str(tmp_path / "rest.csv"),
+                "--model",
+                "WN",
+                "--weights",
+                "diagonal",
+                "--out",
+                str(tmp_path / "a.toml"),
+                "-q",
+            ]
+        )
         == 0
     )
     capsys.readouterr()
     save(tmp_path / "rest.npy", values)
     array = tune_static(
-        [tmp_path / "rest.npy"], TuneOptions(**{**OPTIONS.__dict__, "model": "WN", "weights": "diagonal"}), tmp_path / "b.toml"
+        [tmp_path / "rest.npy"],
+        TuneOptions(**{**OPTIONS.__dict__, "model": "WN", "weights": "diagonal"}),
+        tmp_path / "b.toml",
     )
     assert array.model is not None
     for sensor in ("gyro", "accel"):
         text = getattr(load_noise_model(tmp_path / "a.toml"), sensor)
-        assert_allclose([a.white_noise for a in text], [a.white_noise for a in getattr(array.model, sensor)], rtol=1e-4)
+        assert_allclose(
+            [a.white_noise for a in text],
+            [a.white_noise for a in getattr(array.model, sensor)],
+            rtol=1e-4,
+        )
 
 
 @pytest.mark.parametrize(
-    ("text", "levels"), [("3-", (3, 4, 5, 6)), ("2-4", (2, 3, 4)), ("1, 5-", (1, 5, 6)), ("4", (4,)), ("-2", (1, 2)), (None, None)]
+    ("text", "levels"),
+    [
+        ("3-", (3, 4, 5, 6)),
+        ("2-4", (2, 3, 4)),
+        ("1, 5-", (1, 5, 6)),
+        ("4", (4,)),
+        ("-2", (1, 2)),
+        (None, None),
+    ],
 )
 def test_levels_in_words(text, levels):
     """Oracle: by definition, of six levels."""
@@ -257,30 +393,51 @@ def test_levels_in_words(text, levels):
 
 
 @pytest.mark.slow
-def test_a_filtered_sensor_is_told_from_which_scale_on_the_model_fits(folder, tmp_path, no_pictures):
-    """Oracle: the mean of neighbouring samples, which takes three quarters of the finest scale of white noise and little of the others."""
+def test_a_filtered_sensor_is_told_from_which_scale_on_the_model_fits(
+    folder, tmp_path, no_pictures
+):
+    """Oracle: the mean of neighbouring samples, which takes three quarters of the finest scale of
+    white noise and little of the others.
+    """
     values = np.load(folder / "rest1.npy")
     save(tmp_path / "filtered.npy", 0.5 * (values[1:] + values[:-1]))
     result = tune_static([tmp_path / "filtered.npy"], OPTIONS, tmp_path / "imu.toml")
     for t in result.tuned:
         assert t.goodness.p_value < 1e-9
-        assert any(remark.startswith("from scale 0.") and "--levels" in remark for remark in t.remarks)
+        assert any(
+            remark.startswith("from scale 0.") and "--levels" in remark for remark in t.remarks
+        )
     text = result.summary()
     assert "does not fit (J" in text
     assert "weights of the intervals kept" in text
-    advised = {t.name: re.search(r"fits \(p = (\S+)\): --levels (\d+-)", t.remarks[-1]) for t in result.tuned}
+    advised = {
+        t.name: re.search(r"fits \(p = (\S+)\): --levels (\d+-)", t.remarks[-1])
+        for t in result.tuned
+    }
     (levels,) = {match[2] for match in advised.values()}
-    followed = tune_static([tmp_path / "filtered.npy"], TuneOptions(**{**OPTIONS.__dict__, "levels": levels}), tmp_path / "followed.toml")
+    followed = tune_static(
+        [tmp_path / "filtered.npy"],
+        TuneOptions(**{**OPTIONS.__dict__, "levels": levels}),
+        tmp_path / "followed.toml",
+    )
     for t in followed.tuned:  # what is promised is what comes, to the two digits said
         assert_allclose(t.goodness.p_value, float(advised[t.name][1]), rtol=0.05)
         assert t.goodness.p_value >= 0.05
-    again = tune_static([tmp_path / "filtered.npy"], TuneOptions(**{**OPTIONS.__dict__, "levels": "7-"}), tmp_path / "fits.toml")
-    held = [e.low < truth(t.sensor)[e.name] < e.high for t in again.tuned for e in t.inference.estimates]
+    again = tune_static(
+        [tmp_path / "filtered.npy"],
+        TuneOptions(**{**OPTIONS.__dict__, "levels": "7-"}),
+        tmp_path / "fits.toml",
+    )
+    held = [
+        e.low < truth(t.sensor)[e.name] < e.high for t in again.tuned for e in t.inference.estimates
+    ]
     assert sum(held) >= 14
 
 
 def test_a_slow_misfit_is_not_blamed_on_fine_scales(tmp_path, no_pictures):
-    """Oracle: a slow Gauss-Markov process put in beside the one of the model; the advice is that process, not fewer fine scales."""
+    """Oracle: a slow Gauss-Markov process put in beside the one of the model; the advice is that
+    process, not fewer fine scales.
+    """
     rng = np.random.default_rng(6)
     n = int(40 * 60 * RATE)
     slow = GaussMarkov.from_sigma(150.0, 60.0 * DEG_H)
@@ -298,7 +455,9 @@ def test_a_slow_misfit_is_not_blamed_on_fine_scales(tmp_path, no_pictures):
 
 
 def test_models_compete_where_none_is_named(folder, tmp_path, no_pictures, capsys):
-    """Oracle: the processes simulated, which no smaller and no larger model of the list matches; the ranking is told."""
+    """Oracle: the processes simulated, which no smaller and no larger model of the list matches;
+    the ranking is told.
+    """
     argv = [
         "tune",
         str(folder / "rest1.npy"),
@@ -321,7 +480,9 @@ def test_models_compete_where_none_is_named(folder, tmp_path, no_pictures, capsy
 
 @pytest.mark.slow
 def test_recordings_of_different_sensors_are_told_apart(folder, tmp_path, no_pictures):
-    """Oracle: a recording whose noise is half as large again; near-stationarity is refused, and of two neither is blamed."""
+    """Oracle: a recording whose noise is half as large again; near-stationarity is refused, and of
+    two neither is blamed.
+    """
     values = np.load(folder / "rest2.npy")
     mean = values.mean(axis=0)
     save(tmp_path / "other.npy", mean + 1.5 * (values - mean))
@@ -338,7 +499,9 @@ def test_recordings_of_different_sensors_are_told_apart(folder, tmp_path, no_pic
 
 
 def test_a_warm_up_is_told_with_what_to_skip(folder, tmp_path, no_pictures):
-    """Oracle: 400 deg/h put in, settling with a minute; three time constants are three minutes, and without them there is no trend."""
+    """Oracle: 400 deg/h put in, settling with a minute; three time constants are three minutes, and
+    without them there is no trend.
+    """
     values = np.load(folder / "rest1.npy")
     t = np.arange(len(values)) / RATE
     values[:, 1] += 400.0 * DEG_H * np.exp(-t / 60.0)
@@ -349,15 +512,35 @@ def test_a_warm_up_is_told_with_what_to_skip(folder, tmp_path, no_pictures):
     there = [(t.name, trend) for t in cold.tuned for _, _, trend in t.trends if trend.is_there]
     assert [name for name, _ in there] == ["gyro y"]
     assert 30.0 < there[0][1].time_s < 120.0
-    warm = tune_static([tmp_path / "cold.npy"], TuneOptions(**{**OPTIONS.__dict__, "skip_s": 240.0}), tmp_path / "warm.toml")
+    warm = tune_static(
+        [tmp_path / "cold.npy"],
+        TuneOptions(**{**OPTIONS.__dict__, "skip_s": 240.0}),
+        tmp_path / "warm.toml",
+    )
     assert "warm-up" not in warm.summary()
     assert warm.recordings[0].begin_s == 240.0
 
 
 @pytest.mark.slow
-def test_bootstrap_and_robust_variances_are_there_for_the_asking(folder, tmp_path, no_pictures, capsys):
-    """Oracle: theory's own interval of white noise, half to twice; the table says how both were made."""
-    argv = ["tune", str(folder / "rest1.npy"), *UNITS, "--model", "WN", "--levels", "-3", "--axes", "joint", "-q", "--json"]
+def test_bootstrap_and_robust_variances_are_there_for_the_asking(
+    folder, tmp_path, no_pictures, capsys
+):
+    """Oracle: theory's own interval of white noise, half to twice; the table says how both were
+    made.
+    """
+    argv = [
+        "tune",
+        str(folder / "rest1.npy"),
+        *UNITS,
+        "--model",
+        "WN",
+        "--levels",
+        "-3",
+        "--axes",
+        "joint",
+        "-q",
+        "--json",
+    ]
     assert cli.main([*argv, "--bootstrap", "100", "--out", str(tmp_path / "x.toml")]) == 0
     fit = json.loads(capsys.readouterr().out)["fits"][0]
     assert fit["intervals"] == "bootstrap"

@@ -14,18 +14,20 @@ from insgnss.stochastic.estimation.gmwm import fit
 from insgnss.stochastic.estimation.inference import infer
 from insgnss.stochastic.model import NOISE_UNITS, AxisNoise, GaussMarkov, RecordingSource
 from insgnss.stochastic.moments.theory import haar_variance
+from insgnss.tuning.products.table import _interval, plus_minus, printed, unit_text
+from insgnss.tuning.products.words import with_names
 from insgnss.tuning.recordings import StaticRecording
-from insgnss.tuning.table import _interval, plus_minus, printed, unit_text
 from insgnss.tuning.turn_on import turn_on_bias
 from insgnss.tuning.usable import rounded_axis, usable_axis
-from insgnss.tuning.words import with_names
 
 RATE, SAMPLES = 100.0, 400_000
 DEG_H = np.pi / 180.0 / 3600.0
 
 
 def curve_of(axis, sampling="point"):
-    """The wavelet variance that theory gives for an axis, with intervals as of a recording of that length."""
+    """The wavelet variance that theory gives for an axis, with intervals as of a recording of that
+    length.
+    """
     level = np.arange(1, 17)
     nu = haar_variance(axis, level, RATE, sampling)
     count = SAMPLES - 2**level + 1
@@ -34,22 +36,32 @@ def curve_of(axis, sampling="point"):
 
 
 def test_a_process_shorter_than_a_sample_is_white_to_a_filter():
-    """Oracle: 2000 sums over 1000 samples of the AR(1) series itself; their variance over their time, to 3.2 % by chance."""
+    """Oracle: 2000 sums over 1000 samples of the AR(1) series itself; their variance over their
+    time, to 3.2 % by chance.
+    """
     sigma, T = 1e-3, 0.004
-    inference = infer(fit(curve_of(AxisNoise(gauss_markov=(GaussMarkov.from_sigma(T, sigma),))), "GM"))
+    inference = infer(
+        fit(curve_of(AxisNoise(gauss_markov=(GaussMarkov.from_sigma(T, sigma),))), "GM")
+    )
     noise, remarks = usable_axis(inference)
     assert noise.gauss_markov == ()
     assert "white noise, and stands in the model as such" in remarks[0]
     from scipy.signal import lfilter
 
     phi = np.exp(-1.0 / (RATE * T))
-    x = lfilter([sigma * np.sqrt(1.0 - phi**2)], [1.0, -phi], np.random.default_rng(1).standard_normal(2_000_000))
+    x = lfilter(
+        [sigma * np.sqrt(1.0 - phi**2)],
+        [1.0, -phi],
+        np.random.default_rng(1).standard_normal(2_000_000),
+    )
     sums = x.reshape(2000, 1000).sum(axis=1) / RATE
     assert_allclose(noise.white_noise**2, np.var(sums) / (1000 / RATE), rtol=0.12)
 
 
 def test_a_process_without_end_is_a_random_walk():
-    """Oracle: the random walk whose variances it was fitted to, and which it replaces to a per mille."""
+    """Oracle: the random walk whose variances it was fitted to, and which it replaces to a per
+    mille.
+    """
     inference = infer(fit(curve_of(AxisNoise(white_noise=1e-4, random_walk=1e-6)), "WN+GM"))
     noise, remarks = usable_axis(inference)
     assert noise.gauss_markov == ()
@@ -60,34 +72,58 @@ def test_a_process_without_end_is_a_random_walk():
 
 def test_what_is_told_is_kept():
     """Oracle: the process of the curve itself."""
-    inference = infer(fit(curve_of(AxisNoise(white_noise=1e-4, gauss_markov=(GaussMarkov(20.0, 1e-5),))), "WN+GM"))
+    inference = infer(
+        fit(curve_of(AxisNoise(white_noise=1e-4, gauss_markov=(GaussMarkov(20.0, 1e-5),))), "WN+GM")
+    )
     noise, remarks = usable_axis(inference)
     assert remarks == ()
     assert_allclose(noise.gauss_markov[0].correlation_time_s, 20.0, rtol=1e-3)
-    assert set(dict(noise.standard_error)) == {"white_noise", "correlation_time_1", "driving_noise_1"}
+    assert set(dict(noise.standard_error)) == {
+        "white_noise",
+        "correlation_time_1",
+        "driving_noise_1",
+    }
 
 
 def test_a_number_that_is_hardly_known_is_told():
-    """Oracle: a process far below the scatter of the curve; said of its two parameters unless a verdict says so already."""
+    """Oracle: a process far below the scatter of the curve; said of its two parameters unless a
+    verdict says so already.
+    """
     weak = AxisNoise(white_noise=1e-4, gauss_markov=(GaussMarkov.from_sigma(2.0, 8e-6),))
     inference = infer(fit(curve_of(weak), "WN+GM"), intervals="sandwich")
-    trusted = replace(inference, verdicts=tuple(replace(v, identifiable=True, reason="") for v in inference.verdicts))
+    trusted = replace(
+        inference,
+        verdicts=tuple(replace(v, identifiable=True, reason="") for v in inference.verdicts),
+    )
     (remark,) = usable_axis(trusted)[1]
-    assert remark.startswith("correlation time 1 and driving noise 1: known to worse than a factor of e")
-    doubted = replace(inference, verdicts=tuple(replace(v, identifiable=False, reason="strength") for v in inference.verdicts))
+    assert remark.startswith(
+        "correlation time 1 and driving noise 1: known to worse than a factor of e"
+    )
+    doubted = replace(
+        inference,
+        verdicts=tuple(
+            replace(v, identifiable=False, reason="strength") for v in inference.verdicts
+        ),
+    )
     assert usable_axis(doubted)[1] == ()
 
 
 def test_numbers_of_recordings_become_names_once():
     """Oracle: names that look like numbers themselves."""
     recordings = [SimpleNamespace(name="recording 12.npy"), SimpleNamespace(name="curve 9.npy")]
-    said = with_names("curve 1 and recording 2 of 3 recordings", SimpleNamespace(axes=(0,)), recordings)
+    said = with_names(
+        "curve 1 and recording 2 of 3 recordings", SimpleNamespace(axes=(0,)), recordings
+    )
     assert said == "recording 12.npy and curve 9.npy of 3 recordings"
 
 
 def test_digits_of_the_file():
     """Oracle: the decimal digits in the units of the file, six and two."""
-    axis = AxisNoise(1.23456789e-4, gauss_markov=(GaussMarkov(7.123456789, 1e-5),), standard_error={"white_noise": 1.2345e-6})
+    axis = AxisNoise(
+        1.23456789e-4,
+        gauss_markov=(GaussMarkov(7.123456789, 1e-5),),
+        standard_error={"white_noise": 1.2345e-6},
+    )
     short = rounded_axis(axis, NOISE_UNITS["gyro"])
     assert f"{short.white_noise / DEG_H:.10g}" == f"{1.23456789e-4 / DEG_H:.6g}"
     assert short.gauss_markov[0].correlation_time_s == 7.12346
@@ -101,8 +137,12 @@ def recording(gyro, accel):
 
 
 def test_turn_on_bias_of_the_means():
-    """Oracle: by hand; rms of the rates, excess of the force, the Earth's rotation where it is seen, and nothing of variances."""
-    values, told = turn_on_bias([recording([3e-3, 0, 0], [0, 0, 9.9]), recording([0, 4e-3, 0], [0, 0, 9.7])])
+    """Oracle: by hand; rms of the rates, excess of the force, the Earth's rotation where it is
+    seen, and nothing of variances.
+    """
+    values, told = turn_on_bias(
+        [recording([3e-3, 0, 0], [0, 0, 9.9]), recording([0, 4e-3, 0], [0, 0, 9.7])]
+    )
     assert_allclose(values["gyro"], np.sqrt((9e-6 + 16e-6) / 6.0))
     assert_allclose(values["accel"], np.sqrt(np.mean(np.square([9.9 - 9.80665, 9.7 - 9.80665]))))
     assert "over 2 recordings the means spread by" in told[0]
@@ -133,12 +173,21 @@ def test_values_with_their_errors(value, error, text):
 
 def test_intervals_without_an_end_are_said_to_have_none():
     """Oracle: by hand, 1 s to 2 s, and the words for infinity."""
-    for low, high, text in ((1.0, 2.0, "1 to 2"), (1.0, math.inf, "from 1, not bounded"), (0.0, math.inf, "not bounded")):
-        assert _interval("gyro", Estimate("correlation_time_1", 1.5, 0.1, low, high, high, False)) == text
+    for low, high, text in (
+        (1.0, 2.0, "1 to 2"),
+        (1.0, math.inf, "from 1, not bounded"),
+        (0.0, math.inf, "not bounded"),
+    ):
+        assert (
+            _interval("gyro", Estimate("correlation_time_1", 1.5, 0.1, low, high, high, False))
+            == text
+        )
 
 
 def test_printed_units_are_those_of_table_5():
-    """Oracle: Table 5 of paper 000; 4.943 of 1e-3 deg/s^2/sqrt(Hz), 10.825 deg/h/sqrt(Hz), 6.546 ug/s/sqrt(Hz)."""
+    """Oracle: Table 5 of paper 000; 4.943 of 1e-3 deg/s^2/sqrt(Hz), 10.825 deg/h/sqrt(Hz), 6.546
+    ug/s/sqrt(Hz).
+    """
     assert_allclose(printed("gyro", "driving_noise_1", np.radians(4.943e-3)), 4.943)
     assert_allclose(printed("gyro", "white_noise", 10.825 * DEG_H), 10.825)
     assert_allclose(printed("accel", "driving_noise_2", 6.546 * 9.80665e-6), 6.546)

@@ -1,8 +1,9 @@
 """PATB orientation file, data_specs/patb.md.
 
-Three records a photo in Fortran's fixed columns: I16,16X,3F16.5 number, X, Y, Z; 5F16.12 a11 a12 a13 a21 a22; 4F16.12 a23 a31 a32 a33.
-The matrix is written as Rx(omega) Ry(phi) Rz(kappa), camera right-up-back to the frame; that PATB means this direction could not be
-checked: sin(phi) must stand at a13. Photos have numbers, which are the file names without ending where all of these are numbers,
+Three records a photo in Fortran's fixed columns: I16,16X,3F16.5 number, X, Y, Z; 5F16.12 a11 a12
+a13 a21 a22; 4F16.12 a23 a31 a32 a33. The matrix is written as Rx(omega) Ry(phi) Rz(kappa), camera
+right-up-back to the frame; that PATB means this direction could not be checked: sin(phi) must stand
+at a13. Photos have numbers, which are the file names without ending where all of these are numbers,
 else 1, 2, ...; a table beside the file says which is which. Standard deviations have no place.
 """
 
@@ -10,11 +11,11 @@ from pathlib import Path, PurePath
 
 import numpy as np
 
-from ...files import atomic_write
+from ...base.files import atomic_write
 from ...records import FramedOrientation
 from ...records.framed import PROJECTED, TANGENT
-from .._eo import check_frame, check_names, frame_attitude, said, table_text
-from .._text import Source
+from ..orientation.exported import check_frame, check_names, frame_attitude, said, table_text
+from ..text.text import Source
 
 WIDEST = 10**15
 FORM = "%16d" + 16 * " " + "%16.5f" * 3 + "\n" + "%16.12f" * 5 + "\n" + "%16.12f" * 4 + "\n"
@@ -23,14 +24,19 @@ FORM = "%16d" + 16 * " " + "%16.5f" * 3 + "\n" + "%16.12f" * 5 + "\n" + "%16.12f
 def write_patb(eo: FramedOrientation, path: Source) -> None:
     """Write a projected or tangent-plane frame, and <name>_ids.txt beside it.
 
-    Metres with 5 decimals, matrices with 12. Raises UsageError for another frame, InputError for names with line ends.
+    Metres with 5 decimals, matrices with 12. Raises UsageError for another frame, InputError for
+    names with line ends.
     """
     check_frame(eo, "patb", PROJECTED, TANGENT)
     check_names(eo.images, "\n")
     numbers = photo_numbers(eo.images)
     R, _ = frame_attitude(eo)
     atomic_write(path, table_text("", numbers, FORM, np.hstack([eo.coordinates, R.reshape(-1, 9)])))
-    head = said(eo, "experimental: PATB's direction of the matrix is unverified; here it takes right-up-back to the frame")
+    head = said(
+        eo,
+        "experimental: PATB's direction of the matrix is unverified; here it takes right-up-back to"
+        " the frame",
+    )
     path = Path(path)
     beside = "".join(f"{number} {name}\n" for number, name in zip(numbers, eo.images, strict=True))
     atomic_write(path.with_name(f"{path.stem}_ids.txt"), head + "# number image\n" + beside)

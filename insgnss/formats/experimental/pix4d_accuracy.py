@@ -1,14 +1,15 @@
 """PIX4Dmapper's geolocation with accuracies, data_specs/pix4d.md.
 
-Where mapper expects accuracies behind angles, and what its omega, phi, kappa count from with latitude and longitude, is not documented.
+Where mapper expects accuracies behind angles, and what its omega, phi, kappa count from with
+latitude and longitude, is not documented.
 """
 
 import numpy as np
 
-from ...files import atomic_write
+from ...base.files import atomic_write
 from ...records import FramedOrientation
 from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT
-from .._eo import (
+from ..orientation.exported import (
     OPK,
     angles_of,
     check_frame,
@@ -21,11 +22,13 @@ from .._eo import (
     plan_and_height_sigma,
     table_text,
 )
-from .._text import Source
+from ..text.text import Source
 
 
 def write_pix4d_mapper_accuracy(eo: FramedOrientation, path: Source) -> None:
-    """Write as `write_pix4d_mapper` does with horizontal and vertical accuracy at the end; also latitude, longitude, height."""
+    """Write as `write_pix4d_mapper` does with horizontal and vertical accuracy at the end; also
+    latitude, longitude, height.
+    """
     check_frame(eo, "pix4d_mapper_accuracy", PROJECTED, TANGENT, GEOGRAPHIC)
     check_names(eo.images, ",")
     opk, _ = angles_of(eo, *frame_attitude(eo), OPK)

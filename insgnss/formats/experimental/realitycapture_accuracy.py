@@ -1,19 +1,25 @@
 """Flight log of RealityCapture with accuracies, data_specs/realitycapture.md.
 
-What the columns of accuracies are called in an import format, and from which north yaw counts in a projected CRS, could not be checked.
-The standard deviations are those of the axes, correlations have no place.
+What the columns of accuracies are called in an import format, and from which north yaw counts in a
+projected CRS, could not be checked. The standard deviations are those of the axes, correlations
+have no place.
 """
 
 from ...records import FramedOrientation
 from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT
-from .._eo import check_frame
-from .._text import Source
-from ..realitycapture import write_log
+from ..bundle.realitycapture import write_log
+from ..orientation.exported import check_frame
+from ..text.text import Source
 
-UNVERIFIED = "experimental: the accuracies' names in an import format, and the north of yaw in a projected CRS, are unverified"
+UNVERIFIED = (
+    "experimental: the accuracies' names in an import format, and the north of yaw in a projected"
+    " CRS, are unverified"
+)
 
 
 def write_realitycapture_accuracy(eo: FramedOrientation, path: Source) -> None:
-    """Write accuracies along x (east), y (north), altitude in m and of yaw, pitch, roll in deg beside the pose; also projected frames."""
+    """Write accuracies along x (east), y (north), altitude in m and of yaw, pitch, roll in deg
+    beside the pose; also projected frames.
+    """
     check_frame(eo, "realitycapture_accuracy", GEOGRAPHIC, TANGENT, PROJECTED)
     write_log(eo, path, UNVERIFIED)

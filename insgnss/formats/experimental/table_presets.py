@@ -1,7 +1,8 @@
-"""Templates of the generic ASCII table for tools whose layouts could not be checked, data_specs/generic_ascii.md.
+"""Templates of the generic ASCII table for tools whose layouts could not be checked,
+data_specs/generic_ascii.md.
 
-Every file says that it is unverified. The tools' importers let columns be assigned, or a template of one's own is given to
-`write_generic_ascii`.
+Every file says that it is unverified. The tools' importers let columns be assigned, or a template
+of one's own is given to `write_generic_ascii`.
 """
 
 from functools import partial
@@ -9,9 +10,9 @@ from typing import Any
 
 from ...records import FramedOrientation
 from ...records.framed import GEOGRAPHIC, PROJECTED, TANGENT
-from .._eo import check_frame
-from .._text import Source
-from ..generic_ascii import write_generic_ascii
+from ..orientation.exported import check_frame
+from ..orientation.generic_ascii import write_generic_ascii
+from ..text.text import Source
 
 PRESETS: dict[str, dict[str, Any]] = {
     "bingo": {"columns": "image xyz pok", "unit": "gon"},  # phi first
@@ -24,10 +25,16 @@ PRESETS: dict[str, dict[str, Any]] = {
 
 
 def write_preset(name: str, eo: FramedOrientation, path: Source) -> None:
-    """Write the table of the tool `name` of `PRESETS`. Raises UsageError for a frame that it cannot carry."""
+    """Write the table of the tool `name` of `PRESETS`. Raises UsageError for a frame that it cannot
+    carry.
+    """
     kinds = (GEOGRAPHIC,) if name == "dji_terra" else (PROJECTED, TANGENT)
     check_frame(eo, name, *kinds)
-    write_generic_ascii(eo, path, note=f"experimental: this layout for {name} is unverified", **PRESETS[name])
+    write_generic_ascii(
+        eo, path, note=f"experimental: this layout for {name} is unverified", **PRESETS[name]
+    )
 
 
-write_bingo, write_bluh, write_orima, write_xpro, write_simactive, write_dji_terra = (partial(write_preset, name) for name in PRESETS)
+write_bingo, write_bluh, write_orima, write_xpro, write_simactive, write_dji_terra = (
+    partial(write_preset, name) for name in PRESETS
+)

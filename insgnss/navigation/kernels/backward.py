@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...compilation import njit
+from ...base.compilation import njit
 from ..codes import ABSENT, IMU0, N_NAV
 
 

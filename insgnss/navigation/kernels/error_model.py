@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...compilation import njit
+from ...base.compilation import njit
 from ..codes import (
     ACCEL0,
     AX,
@@ -58,7 +58,11 @@ def channel_columns(integrals, B, column):
         column[PX, a], column[PY, a], column[PZ, a] = B / 6.0 * t0, B / 6.0 * t1, B / 6.0 * t2
         column[VX, a], column[VY, a], column[VZ, a] = 0.5 * t0, 0.5 * t1, 0.5 * t2
         column[AX, a], column[AY, a], column[AZ, a] = -e0, -e1, -e2
-        column[PX, ACCEL0 + a], column[PY, ACCEL0 + a], column[PZ, ACCEL0 + a] = -0.5 * B * e0, -0.5 * B * e1, -0.5 * B * e2
+        column[PX, ACCEL0 + a], column[PY, ACCEL0 + a], column[PZ, ACCEL0 + a] = (
+            -0.5 * B * e0,
+            -0.5 * B * e1,
+            -0.5 * B * e2,
+        )
         column[VX, ACCEL0 + a], column[VY, ACCEL0 + a], column[VZ, ACCEL0 + a] = -e0, -e1, -e2
         column[AX, ACCEL0 + a], column[AY, ACCEL0 + a], column[AZ, ACCEL0 + a] = 0.0, 0.0, 0.0
 

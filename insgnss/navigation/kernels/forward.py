@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...compilation import njit
+from ...base.compilation import njit
 from ..codes import (
     ABSENT,
     AX,
@@ -45,7 +45,11 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
     One function, not three: a record that is handed to a function costs two atomic operations for
     each of its arrays, and with one call an epoch more the filter ran a tenth slower.
     """
-    closed_loop, threshold, reset_after = options.closed_loop, options.feedback_threshold, options.reset_after
+    closed_loop, threshold, reset_after = (
+        options.closed_loop,
+        options.feedback_threshold,
+        options.reset_after,
+    )
     ns = model.channel.size
     n = N_NAV + ns
     wide = history.H.shape[2]
@@ -56,7 +60,12 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
     rejected_since = ABSENT
     work, triple = make_interval_work(ns), make_triple(ns)
     H, nu, R = triple.H, triple.nu, triple.R
-    X, W, Qbb, nine = np.zeros((N_NAV, n)), np.zeros((N_NAV, n)), np.zeros(ns), np.zeros((N_NAV, N_NAV))
+    X, W, Qbb, nine = (
+        np.zeros((N_NAV, n)),
+        np.zeros((N_NAV, n)),
+        np.zeros(ns),
+        np.zeros((N_NAV, N_NAV)),
+    )
     scratch, gap, acceleration = np.zeros(n), np.zeros(n), np.zeros(3)
     L, S3, innovation = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((2, 3))
     for e in range(epochs.stop.size):
@@ -98,7 +107,9 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
             b = history.slot[kind]
             if b == ABSENT:
                 continue
-            if not measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth, triple):
+            if not measured_triple(
+                kind, e, epochs, nav, x, lever_b, acceleration, model, earth, triple
+            ):
                 continue
             used = history.used[b]
             for i in range(3):
@@ -129,7 +140,9 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
             forward_solve3(L, nu)
             for i in range(3):
                 history.H[e, b + i] = H[i, :wide]
-                S, y = scalar_update(P, m, H[i], nu[i, 0], used, history.K[e, b + i], cross, track_cross)
+                S, y = scalar_update(
+                    P, m, H[i], nu[i, 0], used, history.K[e, b + i], cross, track_cross
+                )
                 history.S[e, b + i] = S
                 history.y[e, b + i] = y
         fed_back = fed_back or max(P[AX, AX], P[AY, AY], P[AZ, AZ]) < threshold * threshold

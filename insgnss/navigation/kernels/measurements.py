@@ -1,6 +1,6 @@
 """The measurements (K.1, K.2, K.8-K.10): innovation and derivative of each kind of triple."""
 
-from ...compilation import njit
+from ...base.compilation import njit
 from ...geodesy._kernels import quat_to_matrix
 from ..codes import (
     ACCEL0,
@@ -84,7 +84,8 @@ def body_rate(nav, x, elapsed, rate, model, earth, triple):
 def position_rows(nav, x, elapsed, lever_b, model, acceleration, z, sigma, group, triple):
     """(K.1): the antenna's position z (3,).
 
-    acceleration (3,): of the IMU in l; with the rate in the triple, for the velocity at the fix's own time.
+    acceleration (3,): of the IMU in l; with the rate in the triple, for the velocity at the fix's
+    own time.
     sigma (3,): the unit of the fix's time-correlated errors.   group: of the fix.
     """
     antenna(nav, x, lever_b, model, triple)
@@ -238,7 +239,9 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
         if not epochs.has_velocity[e]:
             return False
         body_rate(nav, x, epochs.time[e], epochs.rate[e], model, earth, triple)
-        velocity_rows(nav, x, epochs.time[e], lever_b, model, acceleration, epochs.velocity[e], triple)
+        velocity_rows(
+            nav, x, epochs.time[e], lever_b, model, acceleration, epochs.velocity[e], triple
+        )
         R[:] = epochs.velocity_cov[e]
     elif kind == VELOCITY_CONSTRAINT:
         if epochs.constraint[e] == NO_CONSTRAINT:

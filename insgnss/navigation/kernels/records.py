@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...compilation import njit
+from ...base.compilation import njit
 from ..codes import N_CHANNELS, N_NAV
 
 

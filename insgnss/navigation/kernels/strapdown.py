@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...compilation import njit
+from ...base.compilation import njit
 from ...geodesy._kernels import gravity_ecef
 from ..codes import ACCEL0, N_CHANNELS, N_NOMINAL, PX, PY, PZ, QW, QX, QY, QZ, VX, VY, VZ
 from .records import make_integrals
@@ -126,7 +126,17 @@ def strapdown_block(intervals, i0, i1, B, nav, earth, bias, scale, has_scale, in
         m21 = 2.0 * (y * z + w * x)
         m22 = 1.0 - 2.0 * (x * x + y * y)
         if first:
-            f00, f01, f02, f10, f11, f12, f20, f21, f22 = m00, m01, m02, m10, m11, m12, m20, m21, m22
+            f00, f01, f02, f10, f11, f12, f20, f21, f22 = (
+                m00,
+                m01,
+                m02,
+                m10,
+                m11,
+                m12,
+                m20,
+                m21,
+                m22,
+            )
             first = False
         c00 += h * m00
         c01 += h * m01
@@ -169,7 +179,9 @@ def strapdown_block(intervals, i0, i1, B, nav, earth, bias, scale, has_scale, in
         s = 0.25 * (px_ * px_ + py_ * py_ + pz_ * pz_)
         if s < 0.01:
             cw = 1.0 - s * (0.5 - s * (1.0 / 24.0 - s * (1.0 / 720.0 - s / 40320.0)))
-            k = 0.5 * (1.0 - s * (1.0 / 6.0 - s * (1.0 / 120.0 - s * (1.0 / 5040.0 - s / 362880.0))))
+            k = 0.5 * (
+                1.0 - s * (1.0 / 6.0 - s * (1.0 / 120.0 - s * (1.0 / 5040.0 - s / 362880.0)))
+            )
         else:
             r = np.sqrt(s)
             cw = np.cos(r)
@@ -248,5 +260,7 @@ def run_between(intervals, stop, nav, bias, earth, out):
         b2[0] = bias[e]
         b2[1] = bias[e]
         for i in range(stop[e], stop[e + 1]):
-            strapdown_block(intervals, i, i + 1, intervals.dt[i], state, earth, b2, scale, False, integrals)
+            strapdown_block(
+                intervals, i, i + 1, intervals.dt[i], state, earth, b2, scale, False, integrals
+            )
             out[i - stop[0]] = state

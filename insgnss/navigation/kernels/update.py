@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...compilation import njit
+from ...base.compilation import njit
 from ..codes import AX, AY, AZ, IMU0, N_NAV, PSI0, QW, QX, QY, QZ, VEL0
 from .error_model import GRAVITY
 from .strapdown import rotate_left

@@ -1,1 +1,3 @@
-"""Composite models from wavelet variances (GMWM): fit, standard errors, tests of fit, the choice among models."""
+"""Composite models from wavelet variances (GMWM): fit, standard errors, tests of fit, the choice
+among models.
+"""

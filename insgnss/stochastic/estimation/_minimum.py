@@ -2,14 +2,17 @@ r"""The global minimum of the wavelet moments over correlation times.
 
 Three stages, each of which leaves less to the next:
 
-1. Beam. The best places of one process are found on a grid of times; beside each of the best few, the best places of one more,
-   and so on. Every tuple settles to its minimum between the grid's times before it is compared: a grid alone would imitate one
-   time between two candidates by both of them, and prefer that to a second process that is there.
+1. Beam. The best places of one process are found on a grid of times; beside each of the best few,
+    the best places of one more,
+   and so on. Every tuple settles to its minimum between the grid's times before it is compared: a
+   grid alone would imitate one time between two candidates by both of them, and prefer that to a
+   second process that is there.
 2. Exchange. One process after the other is taken out and sought again, until nothing improves.
 3. Descent. Newton's method on the exact columns, until the gradient vanishes to rounding.
 
-A minimum may need fewer processes than it is allowed: least squares with non-negative coefficients over a continuum of columns
-ends with finitely many (Caratheodory), so that there is a number beyond which no process is of use. Those are taken out.
+A minimum may need fewer processes than it is allowed: least squares with non-negative coefficients
+over a continuum of columns ends with finitely many (Caratheodory), so that there is a number beyond
+which no process is of use. Those are taken out.
 """
 
 from collections.abc import Sequence
@@ -24,7 +27,9 @@ _PER_DECADE = 12  # candidate times
 _BEAM = 4  # minima with k processes to which one more is added
 _PEAKS = 4  # places tried for one more
 _DESCENTS = 2  # minima that Newton's method starts from
-_BETTER = 1e-6  # of Q, what an exchange must gain; what is between the interpolated and the exact columns is left to Newton's method
+# of Q, what an exchange must gain; what is between the interpolated and the exact columns is left
+# to Newton's method
+_BETTER = 1e-6
 _LARGEST_STEP = 1.5  # of log T
 _CLOSE = 1e-13  # of Q, the gain of a step that Q cannot tell from rounding, though its gradient can
 _FLOOR = 1e-30  # of |y|^2, rounding of Q where the fit is exact
@@ -35,7 +40,9 @@ def minimum(moments: Moments) -> Solution:
     """The minimum over times and variances, of as few processes as it takes."""
     if moments.K == 0:
         return moments.at(np.empty(0))
-    return without_idle(moments, min((descend(moments, times) for times in search(moments)), key=lambda s: s.value))
+    return without_idle(
+        moments, min((descend(moments, times) for times in search(moments)), key=lambda s: s.value)
+    )
 
 
 def search(moments: Moments) -> list[Array]:
@@ -43,7 +50,9 @@ def search(moments: Moments) -> list[Array]:
     grid, K = Grid(moments), moments.K
     beam = [np.empty(0)]
     for _ in range(K):
-        beam = grid.settled([np.append(at, place) for at in beam for place in grid.places(at)])[:_BEAM]
+        beam = grid.settled([np.append(at, place) for at in beam for place in grid.places(at)])[
+            :_BEAM
+        ]
     best, k, unchanged = beam[0], 0, 0
     while unchanged < K:
         others = np.delete(best, k)
@@ -70,7 +79,11 @@ def descend(moments: Moments, times: Array) -> Solution:
         if close:
             slope, curvature = moments.curvature(trial)
             last -= 1
-            if last < 0 or np.abs(slope).max() >= np.abs(g).max() or trial.value > now.value * (1.0 + _CLOSE) + _FLOOR:
+            if (
+                last < 0
+                or np.abs(slope).max() >= np.abs(g).max()
+                or trial.value > now.value * (1.0 + _CLOSE) + _FLOOR
+            ):
                 break
             now, g, G = trial, slope, curvature
         elif trial.value < now.value:
@@ -84,7 +97,9 @@ def descend(moments: Moments, times: Array) -> Solution:
 
 
 def newton_step(t: Array, g: Array, G: Array, bounds: Array) -> Array:
-    """Step (K,) of log T downhill, zero for times that the gradient holds on a bound and for processes without variance."""
+    """Step (K,) of log T downhill, zero for times that the gradient holds on a bound and for
+    processes without variance.
+    """
     low, high = bounds
     free = ~(((t <= low + EDGE) & (g > 0.0)) | ((t >= high - EDGE) & (g < 0.0)) | (g == 0.0))
     step = np.zeros(t.size)
@@ -98,7 +113,8 @@ def newton_step(t: Array, g: Array, G: Array, bounds: Array) -> Array:
 def without_idle(moments: Moments, solution: Solution) -> Solution:
     """The same minimum with as few processes as it takes.
 
-    Processes that change nothing get variance zero and the longest time; a time that may as well lie on a bound is put there.
+    Processes that change nothing get variance zero and the longest time; a time that may as well
+    lie on a bound is put there.
     """
     limit = solution.value * (1.0 + _EQUAL) + _FLOOR
     L = len(moments.linear)
@@ -120,7 +136,9 @@ def without_idle(moments: Moments, solution: Solution) -> Solution:
 
 
 class Grid:
-    """Columns of the candidate times, evenly spaced in log T, and the search among and between them; a place is an index with fraction."""
+    """Columns of the candidate times, evenly spaced in log T, and the search among and between
+    them; a place is an index with fraction.
+    """
 
     def __init__(self, moments: Moments) -> None:
         low, high = moments.bounds
@@ -141,7 +159,9 @@ class Grid:
         return self.values[at.tobytes()]
 
     def places(self, at: Array) -> list[float]:
-        """The best places (a few) of one more process beside those at `at`: the peaks of its profile."""
+        """The best places (a few) of one more process beside those at `at`: the peaks of its
+        profile.
+        """
         gain = np.empty(self.T.size)
         profile(at, self.linear, self.D, self.slope, self.y, gain)
         inner = np.concatenate([[-np.inf], gain, [-np.inf]])

@@ -1,36 +1,47 @@
-"""Kernels of the search for correlation times: non-negative least squares, and descent between the times of a grid.
+"""Kernels of the search for correlation times: non-negative least squares, and descent between the
+times of a grid.
 
-Given the times, the weighted fit is least squares in non-negative variances x, so a choice of times has one value. With columns
-of unit length in the rows of A, H = A A' and b = A y:
+Given the times, the weighted fit is least squares in non-negative variances x, so a choice of times
+has one value. With columns of unit length in the rows of A, H = A A' and b = A y:
 
     Q(times) = y'y - max over x >= 0 of (2 b'x - x'H x),   and the maximum is b'x where it is reached                   (S.1)
 
-Columns change smoothly with log T, over a factor of three or more. Between candidate times, of which there are twelve a decade, they are
-interpolated by cubic polynomials from values and derivatives at both (to a part in a million), so that the minimum over continuous
-times costs microseconds. A place on the grid is an index with fraction. Matrix products are written out: matrices have a few rows.
+Columns change smoothly with log T, over a factor of three or more. Between candidate times, of
+which there are twelve a decade, they are interpolated by cubic polynomials from values and
+derivatives at both (to a part in a million), so that the minimum over continuous times costs
+microseconds. A place on the grid is an index with fraction. Matrix products are written out:
+matrices have a few rows.
 """
 
 import math
 
 import numpy as np
 
-from ...compilation import njit
+from ...base.compilation import njit
 from ...records import Array
 
-_PIVOT = 1e-13  # squared length that columns before it leave of a unit column; below, it is rounding
+_PIVOT = (
+    1e-13  # squared length that columns before it leave of a unit column; below, it is rounding
+)
 _GRADIENT = 1e-14  # of |y|; below, a variance of zero may stay so
 _STRIDE = 6.0  # candidates, half a decade: longest step of a descent
-_ENOUGH = 1e-9  # of Q, gain of a step after which a descent ends; Newton's method on the exact columns does the rest
+# of Q, gain of a step after which a descent ends; Newton's method on the exact columns does the
+# rest
+_ENOUGH = 1e-9
 
 
 @njit(cache=True)
 def nonnegative(H: Array, b: Array, x: Array, work: Array) -> float:
-    """b'x at the maximum of (S.1): active sets of Lawson and Hanson (1974), chapter 23, after a trial with all columns in use.
+    """b'x at the maximum of (S.1): active sets of Lawson and Hanson (1974), chapter 23, after a
+    trial with all columns in use.
 
     H (p, p), b (p,) : inner products.   x (p,) : result.   work (p + 2, p) : scratch.
     """
     p = b.size
-    z, state = work[p], work[p + 1]  # state: 1 in use, 0 at zero, -1 refused as dependent on those in use
+    z, state = (
+        work[p],
+        work[p + 1],
+    )  # state: 1 in use, 0 at zero, -1 refused as dependent on those in use
     for i in range(p):
         x[i], state[i] = 0.0, 1.0
     done = _solve(H, b, state, z, work)
@@ -49,7 +60,9 @@ def nonnegative(H: Array, b: Array, x: Array, work: Array) -> float:
 
 @njit(cache=True)
 def _active_sets(H: Array, b: Array, state: Array, x: Array, z: Array, work: Array) -> None:
-    """Takes in, one by one, the column whose variance gains most, and gives up those that reach zero."""
+    """Takes in, one by one, the column whose variance gains most, and gives up those that reach
+    zero.
+    """
     p = b.size
     for i in range(p):
         state[i] = 0.0
@@ -76,7 +89,9 @@ def _active_sets(H: Array, b: Array, state: Array, x: Array, z: Array, work: Arr
 
 @njit(cache=True)
 def _step_back(H: Array, b: Array, state: Array, x: Array, z: Array, work: Array) -> None:
-    """From x towards the unconstrained solution z, giving up the columns that reach zero on the way."""
+    """From x towards the unconstrained solution z, giving up the columns that reach zero on the
+    way.
+    """
     p = b.size
     while True:
         step, first = 1.0, -1
@@ -96,7 +111,9 @@ def _step_back(H: Array, b: Array, state: Array, x: Array, z: Array, work: Array
 
 @njit(cache=True)
 def _solve(H: Array, b: Array, state: Array, z: Array, L: Array) -> bool:
-    """Solution z (p,) of H z = b over the columns in use, zero for the others, by Cholesky; False where they are dependent."""
+    """Solution z (p,) of H z = b over the columns in use, zero for the others, by Cholesky; False
+    where they are dependent.
+    """
     p = b.size
     for i in range(p):
         z[i] = 0.0
@@ -158,13 +175,20 @@ def _interpolate(at: float, D: Array, slope: Array, d: Array, d1: Array, d2: Arr
 
 @njit(cache=True)
 def profile(at: Array, linear: Array, D: Array, slope: Array, y: Array, gain: Array) -> None:
-    """b'x of (S.1) with one more process at each candidate, beside those at places `at` (K,) and without a time, into gain (t,).
+    """b'x of (S.1) with one more process at each candidate, beside those at places `at` (K,) and
+    without a time, into gain (t,).
 
-    linear (L, M), D (t, M) : unit columns of processes without a time and of the candidates; slope (t, M) : derivative of D a candidate.
+    linear (L, M), D (t, M) : unit columns of processes without a time and of the candidates; slope
+        (t, M) : derivative of D a candidate.
     """
     fixed, last = linear.shape[0], linear.shape[0] + at.size
     A, unused = np.empty((last + 1, y.size)), np.empty((2, y.size))
-    H, b, x, work = np.empty((last + 1, last + 1)), np.empty(last + 1), np.empty(last + 1), np.empty((last + 3, last + 1))
+    H, b, x, work = (
+        np.empty((last + 1, last + 1)),
+        np.empty(last + 1),
+        np.empty(last + 1),
+        np.empty((last + 3, last + 1)),
+    )
     for i in range(last):
         if i < fixed:
             _copy(linear[i], A[i])
@@ -183,8 +207,21 @@ def profile(at: Array, linear: Array, D: Array, slope: Array, y: Array, gain: Ar
 
 
 @njit(cache=True)
-def _evaluate(at: Array, D: Array, slope: Array, y: Array, A: Array, A1: Array, A2: Array, H: Array, x: Array, r: Array) -> float:
-    """Q at places `at` (K,). Fills the last K columns of A (p, M), A1, A2 (K, M), H (p, p), the variances x and the residual r (M,)."""
+def _evaluate(
+    at: Array,
+    D: Array,
+    slope: Array,
+    y: Array,
+    A: Array,
+    A1: Array,
+    A2: Array,
+    H: Array,
+    x: Array,
+    r: Array,
+) -> float:
+    """Q at places `at` (K,). Fills the last K columns of A (p, M), A1, A2 (K, M), H (p, p), the
+    variances x and the residual r (M,).
+    """
     p = A.shape[0]
     fixed = p - at.size
     b, work = np.empty(p), np.empty((p + 2, p))
@@ -204,8 +241,12 @@ def _evaluate(at: Array, D: Array, slope: Array, y: Array, A: Array, A1: Array, 
 
 
 @njit(cache=True)
-def _curvature(A: Array, A1: Array, A2: Array, H: Array, x: Array, r: Array, g: Array, G: Array) -> None:
-    """Half the gradient g (K,) and Hessian G (K, K), by the places, of the minimum over the variances (M.2, M.3 of `_matching`)."""
+def _curvature(
+    A: Array, A1: Array, A2: Array, H: Array, x: Array, r: Array, g: Array, G: Array
+) -> None:
+    """Half the gradient g (K,) and Hessian G (K, K), by the places, of the minimum over the
+    variances (M.2, M.3 of `_matching`).
+    """
     p, K = A.shape[0], A1.shape[0]
     fixed = p - K
     state, work, z, B = np.empty(p), np.empty((p + 2, p)), np.empty((K, p)), np.empty((K, p))
@@ -225,8 +266,12 @@ def _curvature(A: Array, A1: Array, A2: Array, H: Array, x: Array, r: Array, g: 
 
 
 @njit(cache=True)
-def _move(at: Array, g: Array, G: Array, damping: float, last: float, trial: Array, work: Array) -> bool:
-    """Damped Newton step from `at` (K,) to `trial`; False where none leads downhill. Places that the gradient holds at an end stay."""
+def _move(
+    at: Array, g: Array, G: Array, damping: float, last: float, trial: Array, work: Array
+) -> bool:
+    """Damped Newton step from `at` (K,) to `trial`; False where none leads downhill. Places that
+    the gradient holds at an end stay.
+    """
     K = at.size
     state, step, size = work[K], work[K + 1], 0.0
     for k in range(K):
@@ -254,10 +299,19 @@ def _move(at: Array, g: Array, G: Array, damping: float, last: float, trial: Arr
 
 @njit(cache=True)
 def settle(at: Array, linear: Array, D: Array, slope: Array, y: Array) -> float:
-    """Descent from places `at` (K,) to a minimum of Q, in place; returns Q. linear, D, slope, y as in `profile`."""
+    """Descent from places `at` (K,) to a minimum of Q, in place; returns Q. linear, D, slope, y as
+    in `profile`.
+    """
     fixed, K, M = linear.shape[0], at.size, y.size
     p, last = fixed + K, D.shape[0] - 1.0
-    A, A1, A2, H, x, r = np.empty((p, M)), np.empty((K, M)), np.empty((K, M)), np.empty((p, p)), np.empty(p), np.empty(M)
+    A, A1, A2, H, x, r = (
+        np.empty((p, M)),
+        np.empty((K, M)),
+        np.empty((K, M)),
+        np.empty((p, p)),
+        np.empty(p),
+        np.empty(M),
+    )
     g, G, trial, work = np.empty(K), np.empty((K, K)), np.empty(K), np.empty((K + 2, K))
     for i in range(fixed):
         _copy(linear[i], A[i])

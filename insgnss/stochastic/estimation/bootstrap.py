@@ -1,19 +1,24 @@
-r"""Parametric bootstrap of wavelet variances and of fits: what would other recordings of the fitted processes have given?
+r"""Parametric bootstrap of wavelet variances and of fits: what would other recordings of the fitted
+processes have given?
 
 Two ways to draw the wavelet variances of a recording of n samples:
 
-"series"    simulates all n samples and takes their wavelet variance as that of the recording was taken. What it says is exact.
-"reduced"   simulates means over blocks of 2^k samples, 2^15 to 2^16 blocks, exactly, and takes the levels from k + 4 on from them. With a
-            stride of 2^k instead of one sample, an eighth of m or less, they have the distribution of the full estimate to a few per
-            thousand, be it ever so skewed. The levels below have degrees of freedom in the thousands and are
-            drawn as normal given the others, from the exact covariance V of all levels (s small, l large levels):
+"series"    simulates all n samples and takes their wavelet variance as that of the recording was
+            taken. What it says is exact.
+"reduced"   simulates means over blocks of 2^k samples, 2^15 to 2^16 blocks, exactly, and takes the
+            levels from k + 4 on from them. With a stride of 2^k instead of one sample, an eighth of
+            m or less, they have the distribution of the full estimate to a few per thousand, be it
+            ever so skewed. The levels below have degrees of freedom in the thousands and are drawn
+            as normal given the others, from the exact covariance V of all levels (s small, l large
+            levels):
 
                 nu_s = E nu_s + V_sl V_ll^-1 (nu_l - E nu_l) + normal of covariance V_ss - V_sl V_ll^-1 V_ls        (B.1)
 
             A few milliseconds instead of a tenth of a second per million samples.
 
-The interval of a bootstrapped fit is either "percentile", the quantiles of the re-fitted parameters, or "basic", these mirrored at
-the estimate on the logarithmic scale, which takes out the bias that the re-fits show (Davison and Hinkley 1997, chapter 5).
+The interval of a bootstrapped fit is either "percentile", the quantiles of the re-fitted
+parameters, or "basic", these mirrored at the estimate on the logarithmic scale, which takes out the
+bias that the re-fits show (Davison and Hinkley 1997, chapter 5).
 """
 
 from collections.abc import Iterator
@@ -22,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import UsageError
+from ...base.errors import UsageError
 from ...records import Array, WaveletVariance
 from ..model import AxisNoise
 from ..moments.haar_covariance import haar_covariance
@@ -49,7 +54,9 @@ class Bootstrap:
     objective: Array
 
     def interval(self, kind: str = "basic", level: float = 0.95) -> tuple[Array, Array]:
-        """Lower and upper limits (p,), SI. Raises UsageError for a kind other than "basic" and "percentile"."""
+        """Lower and upper limits (p,), SI. Raises UsageError for a kind other than "basic" and
+        "percentile".
+        """
         low, high = np.quantile(self.parameters, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
         if kind == "percentile":
             return low, high
@@ -57,22 +64,40 @@ class Bootstrap:
             raise UsageError(f"interval {kind!r} is neither 'basic' nor 'percentile'")
         square = self.fit.parameters**2
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(high > 0.0, square / high, 0.0), np.where(low > 0.0, square / low, np.inf)
+            return np.where(high > 0.0, square / high, 0.0), np.where(
+                low > 0.0, square / low, np.inf
+            )
 
     @property
     def log_error(self) -> Array:
-        """(p,) standard deviation of the logarithms of the re-fitted parameters, over those that are positive."""
+        """(p,) standard deviation of the logarithms of the re-fitted parameters, over those that
+        are positive.
+        """
         logs = np.log(np.where(self.parameters > 0.0, self.parameters, np.nan))
-        return np.array([np.nanstd(column, ddof=1) if np.isfinite(column).sum() > 1 else np.nan for column in logs.T])
+        return np.array(
+            [
+                np.nanstd(column, ddof=1) if np.isfinite(column).sum() > 1 else np.nan
+                for column in logs.T
+            ]
+        )
 
 
-def simulate_axis(axis: AxisNoise, n: int, rate_hz: float, rng: np.random.Generator, sampling: Sampling = "point") -> Array:
-    """One series (n,), X, of which `theory.haar_variance` with the same `sampling` is the wavelet variance.
+def simulate_axis(
+    axis: AxisNoise, n: int, rate_hz: float, rng: np.random.Generator, sampling: Sampling = "point"
+) -> Array:
+    """One series (n,), X, of which `theory.haar_variance` with the same `sampling` is the wavelet
+    variance.
 
-    All of it is normal, rounding errors too, as `haar_covariance` has it. The drift is a slope of known size, and the turn-on bias,
-    which no wavelet variance shows, is left out.
+    All of it is normal, rounding errors too, as `haar_covariance` has it. The drift is a slope of
+    known size, and the turn-on bias, which no wavelet variance shows, is left out.
     """
-    out = simulate_noise(replace(axis, quantization=0.0, drift=0.0, turn_on_bias=0.0), n, 1.0 / rate_hz, rng, sampling)
+    out = simulate_noise(
+        replace(axis, quantization=0.0, drift=0.0, turn_on_bias=0.0),
+        n,
+        1.0 / rate_hz,
+        rng,
+        sampling,
+    )
     if axis.quantization:
         out += axis.quantization * rate_hz * np.diff(rng.standard_normal(n + 1))
     if axis.drift:
@@ -80,12 +105,17 @@ def simulate_axis(axis: AxisNoise, n: int, rate_hz: float, rng: np.random.Genera
     return out
 
 
-def draw_variances(fitted: Fit, draws: int, *, method: str = "auto", seed: int = 0) -> tuple[Array, ...]:
-    """Wavelet variances (draws, J_i) of each curve, X^2, at the levels of the fit, from recordings of the fitted processes.
+def draw_variances(
+    fitted: Fit, draws: int, *, method: str = "auto", seed: int = 0
+) -> tuple[Array, ...]:
+    """Wavelet variances (draws, J_i) of each curve, X^2, at the levels of the fit, from recordings
+    of the fitted processes.
 
-    method : "series", "reduced", or "auto", which is "reduced" for plain maximal-overlap curves of more than 2^17 samples.
+    method : "series", "reduced", or "auto", which is "reduced" for plain maximal-overlap curves of
+        more than 2^17 samples.
 
-    Raises UsageError for fewer than one draw, another method, and "reduced" for robust or "dwt" curves.
+    Raises UsageError for fewer than one draw, another method, and "reduced" for robust or "dwt"
+    curves.
     """
     if draws < 1:
         raise UsageError(f"{draws} draws; give at least 1")
@@ -95,8 +125,13 @@ def draw_variances(fitted: Fit, draws: int, *, method: str = "auto", seed: int =
     for i, curve in enumerate(fitted.curves):
         plain = curve.decomposition == "modwt" and not curve.robust
         if method == "reduced" and not plain:
-            raise UsageError("robust and 'dwt' wavelet variances cannot be drawn from block means; take method 'series'")
-        reduced = plain and (method == "reduced" or (method == "auto" and curve.samples > 2 ** (_BLOCKS + 2)))
+            raise UsageError(
+                "robust and 'dwt' wavelet variances cannot be drawn from block means; take method"
+                " 'series'"
+            )
+        reduced = plain and (
+            method == "reduced" or (method == "auto" and curve.samples > 2 ** (_BLOCKS + 2))
+        )
         rows = _reduced if reduced and curve.samples >= 2 ** (_BLOCKS + 1) else _series
         out.append(rows(fitted, curve, draws, (seed, i)))
     return tuple(out)
@@ -109,8 +144,16 @@ def _series(fitted: Fit, curve: WaveletVariance, draws: int, seed: tuple[int, in
         options |= {"robust": True, "efficiency": robust_efficiency(curve)}
 
     def one(k: int) -> Array:
-        x = simulate_axis(fitted.axis, curve.samples, curve.rate_hz, np.random.default_rng([*seed, k]), fitted.sampling)
-        return wavelet_variance(x, curve.rate_hz, levels=highest, **options).variance[curve.level - 1]
+        x = simulate_axis(
+            fitted.axis,
+            curve.samples,
+            curve.rate_hz,
+            np.random.default_rng([*seed, k]),
+            fitted.sampling,
+        )
+        return wavelet_variance(x, curve.rate_hz, levels=highest, **options).variance[
+            curve.level - 1
+        ]
 
     return np.array(in_threads(one, draws))
 
@@ -126,8 +169,13 @@ def _reduced(fitted: Fit, curve: WaveletVariance, draws: int, seed: tuple[int, i
         ratio = expected[large] / haar_variance(fitted.axis, inner, 1.0 / block_s, "mean")
 
         def one(i: int) -> Array:
-            x = simulate_axis(fitted.axis, blocks, 1.0 / block_s, np.random.default_rng([*seed, i]), "mean")
-            return wavelet_variance(x, 1.0 / block_s, levels=int(inner[-1])).variance[inner - 1] * ratio
+            x = simulate_axis(
+                fitted.axis, blocks, 1.0 / block_s, np.random.default_rng([*seed, i]), "mean"
+            )
+            return (
+                wavelet_variance(x, 1.0 / block_s, levels=int(inner[-1])).variance[inner - 1]
+                * ratio
+            )
 
         out[:, large] = in_threads(one, draws)
     if not large.all():
@@ -135,45 +183,79 @@ def _reduced(fitted: Fit, curve: WaveletVariance, draws: int, seed: tuple[int, i
         gain = np.linalg.solve(V[np.ix_(large, large)], V[np.ix_(large, ~large)])
         rest = V[np.ix_(~large, ~large)] - V[np.ix_(~large, large)] @ gain
         normal = np.random.default_rng([*seed, draws]).standard_normal((draws, int((~large).sum())))
-        out[:, ~large] = expected[~large] + (out[:, large] - expected[large]) @ gain + normal @ np.linalg.cholesky(rest).T  # (B.1)
+        out[:, ~large] = (
+            expected[~large]
+            + (out[:, large] - expected[large]) @ gain
+            + normal @ np.linalg.cholesky(rest).T
+        )  # (B.1)
     return out
 
 
 def robust_efficiency(curve: WaveletVariance) -> float:
-    """Efficiency of a robust curve, from how much its intervals are wider than those of the plain estimate; 1 for a plain one."""
+    """Efficiency of a robust curve, from how much its intervals are wider than those of the plain
+    estimate; 1 for a plain one.
+    """
     from scipy.special import chdtri
 
     if not curve.robust:
         return 1.0
-    eta = max(curve.count[0] / 2.0 ** curve.level[0], 1.0) if curve.decomposition == "modwt" else float(curve.count[0])
-    return float(((eta / chdtri(eta, 0.975) - 1.0) / (curve.high[0] / curve.variance[0] - 1.0)) ** 2)
+    eta = (
+        max(curve.count[0] / 2.0 ** curve.level[0], 1.0)
+        if curve.decomposition == "modwt"
+        else float(curve.count[0])
+    )
+    return float(
+        ((eta / chdtri(eta, 0.975) - 1.0) / (curve.high[0] / curve.variance[0] - 1.0)) ** 2
+    )
 
 
 def redrawn(fitted: Fit, variances: tuple[Array, ...]) -> Iterator[tuple[WaveletVariance, ...]]:
     """The fit's curves with each row of `variances` in place of theirs, intervals in proportion."""
     for rows in zip(*variances, strict=True):
         yield tuple(
-            replace(curve, variance=row, low=curve.low * row / curve.variance, high=curve.high * row / curve.variance)
+            replace(
+                curve,
+                variance=row,
+                low=curve.low * row / curve.variance,
+                high=curve.high * row / curve.variance,
+            )
             for curve, row in zip(fitted.curves, rows, strict=True)
         )
 
 
 def has_interval_weights(fitted: Fit) -> bool:
     """Whether the fit's weights are those of the intervals of its curves."""
-    return all(np.allclose(omega, interval_weights(curve), rtol=1e-9) for omega, curve in zip(fitted.weights, fitted.curves, strict=True))
+    return all(
+        np.allclose(omega, interval_weights(curve), rtol=1e-9)
+        for omega, curve in zip(fitted.weights, fitted.curves, strict=True)
+    )
 
 
 def refit(fitted: Fit, curves: tuple[WaveletVariance, ...]) -> Fit:
-    """Fit of other curves in the manner of `fitted`: interval weights are those of the new curves, other weights stay."""
+    """Fit of other curves in the manner of `fitted`: interval weights are those of the new curves,
+    other weights stay.
+    """
     weights = None if has_interval_weights(fitted) else fitted.weights
-    return fit(curves, fitted.composition, weights=weights, sampling=fitted.sampling, times_s=fitted.times_s)
+    return fit(
+        curves,
+        fitted.composition,
+        weights=weights,
+        sampling=fitted.sampling,
+        times_s=fitted.times_s,
+    )
 
 
 def bootstrap(fitted: Fit, draws: int = 100, *, method: str = "auto", seed: int = 0) -> Bootstrap:
-    """Draw wavelet variances of the fitted processes and re-fit each draw, in the manner of the fit.
+    """Draw wavelet variances of the fitted processes and re-fit each draw, in the manner of the
+    fit.
 
     method, seed : as in `draw_variances`, and the errors too.
     """
     variances = draw_variances(fitted, draws, method=method, seed=seed)
     fits = [refit(fitted, curves) for curves in redrawn(fitted, variances)]
-    return Bootstrap(fitted, variances, np.array([f.parameters for f in fits]), np.array([f.objective for f in fits]))
+    return Bootstrap(
+        fitted,
+        variances,
+        np.array([f.parameters for f in fits]),
+        np.array([f.objective for f in fits]),
+    )

@@ -1,15 +1,19 @@
-r"""Estimates of a fit: values with standard errors and 95 % intervals, by the sandwich, by the profile, or by re-fits.
+r"""Estimates of a fit: values with standard errors and 95 % intervals, by the sandwich, by the
+profile, or by re-fits.
 
-With D = d nu/d x of all curves below each other, Omega their weights and V the covariance of nu_hat, both block diagonal over the
-recordings, which are independent (Guerrier et al. 2013, theorem 2):
+With D = d nu/d x of all curves below each other, Omega their weights and V the covariance of
+nu_hat, both block diagonal over the recordings, which are independent (Guerrier et al. 2013,
+theorem 2):
 
-    x_hat - x = B (nu_hat - nu),   B = (D' Omega D)^-1 D' Omega,      cov x_hat = B V B'                  (E.1)
+    x_hat - x = B (nu_hat - nu),   B = (D' Omega D)^-1 D' Omega,      cov x_hat = B V B'       (E.1)
 
-x are the coordinates of `_profile`: logarithms where a parameter is determined. All parameters are positive, so standard errors are
-those of logarithms and the intervals of the sandwich are exp(log value -+ 1.96 error). Where a parameter is at its edge the interval starts
-there and has the length 1.96 errors of its coordinate, of a density 1.96 errors of its square. For Omega = V^-1 the covariance is
-(D' V^-1 D)^-1, the least that these moments allow, and Q behaves as minus twice a log-likelihood: then its profile gives intervals
-that are right where (E.1) is not, for the long correlation times of which a recording shows few.
+x are the coordinates of `_profile`: logarithms where a parameter is determined. All parameters are
+positive, so standard errors are those of logarithms and the intervals of the sandwich are exp(log
+value -+ 1.96 error). Where a parameter is at its edge the interval starts there and has the length
+1.96 errors of its coordinate, of a density 1.96 errors of its square. For Omega = V^-1 the
+covariance is (D' V^-1 D)^-1, the least that these moments allow, and Q behaves as minus twice a
+log-likelihood: then its profile gives intervals that are right where (E.1) is not, for the long
+correlation times of which a recording shows few.
 """
 
 import math
@@ -30,7 +34,8 @@ _UNBOUNDED = 1e3  # times the value: an interval that reaches so far has no end
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter: value in SI, standard error of its logarithm, 95 % interval, and upper limit of the 99 % interval.
+    """One parameter: value in SI, standard error of its logarithm, 95 % interval, and upper limit
+    of the 99 % interval.
 
     log_error : NaN where the value is zero or at the edge of what is admissible (`at_bound`).   low may be 0, high infinite.
     """
@@ -56,13 +61,23 @@ class Linearised:
         self.local = Local(fitted)
         self.x = self.local.coordinates(fitted.parameters)
         names = fitted.composition.parameters
-        idle = np.array([name.startswith("correlation_time") and fitted.parameters[i + 1] == 0.0 for i, name in enumerate(names)])
+        idle = np.array(
+            [
+                name.startswith("correlation_time") and fitted.parameters[i + 1] == 0.0
+                for i, name in enumerate(names)
+            ]
+        )
         self.free = np.flatnonzero(~idle)
         self.D = self.local.derivative(self.x)[:, self.free]
         self.V, self.Omega = _stacked(V), _stacked(fitted.weights)
         A = self.D.T @ self.Omega @ self.D
         size = np.sqrt(np.diag(A))
-        self.B = np.linalg.pinv(A / np.outer(size, size), rcond=1e-12) / np.outer(size, size) @ self.D.T @ self.Omega
+        self.B = (
+            np.linalg.pinv(A / np.outer(size, size), rcond=1e-12)
+            / np.outer(size, size)
+            @ self.D.T
+            @ self.Omega
+        )
 
     def covariance(self) -> Array:
         """(p, p) of x; NaN for the time of a process without driving noise."""
@@ -77,7 +92,8 @@ class Linearised:
         return float(self.local.parameters(x)[i])
 
     def scatter(self, inside: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """(M,) standard deviation of the distance of nu_hat from the fit, and eigenvalues lambda (M,) of P' Omega P V.
+        """(M,) standard deviation of the distance of nu_hat from the fit, and eigenvalues lambda
+        (M,) of P' Omega P V.
 
         inside : which of the free parameters take part in the fit, those that are not at an edge.
         """
@@ -90,13 +106,20 @@ class Linearised:
         return np.sqrt(np.maximum(variance, 1e-12 * np.diag(self.V))), np.maximum(weight, 0.0)
 
 
-def estimates(fitted: Fit, linear: Linearised, kind: str, resampled: Bootstrap | None = None) -> tuple[tuple[Estimate, ...], Array]:
+def estimates(
+    fitted: Fit, linear: Linearised, kind: str, resampled: Bootstrap | None = None
+) -> tuple[tuple[Estimate, ...], Array]:
     """All parameters with intervals of a kind, and the covariance (p, p) of their logarithms.
 
-    kind : "sandwich", "profile", for efficient weights, or "bootstrap", for which the re-fits `resampled` are needed.
+    kind : "sandwich", "profile", for efficient weights, or "bootstrap", for which the re-fits
+        `resampled` are needed.
     """
     C = linear.covariance()
-    factor = np.where(np.isin(fitted.composition.parameters, fitted.at_bound), np.nan, linear.local.logarithmic(linear.x))
+    factor = np.where(
+        np.isin(fitted.composition.parameters, fitted.at_bound),
+        np.nan,
+        linear.local.logarithmic(linear.x),
+    )
     log_covariance = C * np.outer(factor, factor)
     log_error = np.sqrt(np.diag(log_covariance))
     if kind == "bootstrap" and resampled is not None:
@@ -105,9 +128,23 @@ def estimates(fitted: Fit, linear: Linearised, kind: str, resampled: Bootstrap |
         ends = np.array([linear.local.profile(fitted.parameters, i) for i in range(len(C))])
     else:
         ends = np.array([_sandwich(linear, C, log_error, i) for i in range(len(C))])
-    ends = np.array([_bounded(linear, i, (row[0], row[1], row[2]), kind == "sandwich") for i, row in enumerate(ends.tolist())])
-    rows = zip(fitted.composition.parameters, fitted.parameters.tolist(), log_error.tolist(), ends.tolist(), strict=True)
-    found = [Estimate(name, value, error, low, high, far, name in fitted.at_bound) for name, value, error, (low, high, far) in rows]
+    ends = np.array(
+        [
+            _bounded(linear, i, (row[0], row[1], row[2]), kind == "sandwich")
+            for i, row in enumerate(ends.tolist())
+        ]
+    )
+    rows = zip(
+        fitted.composition.parameters,
+        fitted.parameters.tolist(),
+        log_error.tolist(),
+        ends.tolist(),
+        strict=True,
+    )
+    found = [
+        Estimate(name, value, error, low, high, far, name in fitted.at_bound)
+        for name, value, error, (low, high, far) in rows
+    ]
     return tuple(found), log_covariance
 
 
@@ -122,22 +159,35 @@ def _sandwich(linear: Linearised, C: Array, log_error: Array, i: int) -> tuple[f
     if linear.local.time[i] and linear.x[i] >= linear.local.high[i]:
         return linear.parameter(i, -_Z_95 * math.sqrt(C[i, i])), math.inf, math.inf
     if linear.local.time[i]:
-        return 0.0, linear.parameter(i, _Z_95 * math.sqrt(C[i, i])), linear.parameter(i, _Z_99 * math.sqrt(C[i, i]))
-    variance_error = 2.0 * linear.local.s[i] * math.sqrt(C[i, i])  # of v in (L.1), which is linear at zero
+        return (
+            0.0,
+            linear.parameter(i, _Z_95 * math.sqrt(C[i, i])),
+            linear.parameter(i, _Z_99 * math.sqrt(C[i, i])),
+        )
+    variance_error = (
+        2.0 * linear.local.s[i] * math.sqrt(C[i, i])
+    )  # of v in (L.1), which is linear at zero
     return 0.0, math.sqrt(_Z_95 * variance_error), math.sqrt(_Z_99 * variance_error)
 
 
-def _bounded(linear: Linearised, i: int, ends: tuple[float, float, float], by_error: bool) -> tuple[float, float, float]:
+def _bounded(
+    linear: Linearised, i: int, ends: tuple[float, float, float], by_error: bool
+) -> tuple[float, float, float]:
     """An interval and the limit beyond, with ends that mean nothing put at zero and infinity.
 
-    A limit `_UNBOUNDED` times the value and more is none, nor is that of a density whose part alone would be so much of the variance at
-    every scale. by_error : the interval is symmetric in the logarithm, so that its low end means as little then.
+    A limit `_UNBOUNDED` times the value and more is none, nor is that of a density whose part alone
+    would be so much of the variance at
+    every scale. by_error : the interval is symmetric in the logarithm, so that its low end means as
+        little then.
     """
     low, high, far = ends
     value = float(linear.local.parameters(linear.x)[i])
     most = _UNBOUNDED * value if value > 0.0 else math.inf
     if i in linear.local.linear:
-        alone = [g.mean / unit for g, unit in zip(linear.local.groups, linear.local.linear[i], strict=True)]
+        alone = [
+            g.mean / unit
+            for g, unit in zip(linear.local.groups, linear.local.linear[i], strict=True)
+        ]
         most = min(most, _UNBOUNDED * math.sqrt(max(float(np.abs(part).max()) for part in alone)))
     if not high > most:
         return low, high, far if far <= most else math.inf

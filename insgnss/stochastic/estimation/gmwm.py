@@ -1,15 +1,19 @@
-r"""Generalised method of wavelet moments (GMWM): processes fitted to wavelet variances; several curves at once (M-GMWM).
+r"""Generalised method of wavelet moments (GMWM): processes fitted to wavelet variances; several
+curves at once (M-GMWM).
 
-Guerrier, Skaloud, Stebler and Victoria-Feser (2013) fit nu(theta), the wavelet variance of a sum of processes, to estimates nu_hat
-by weighted least squares; Bakalli, Radi, Nassar, Guerrier, Zhang and Molinari (2018) add up the objectives of replicates:
+Guerrier, Skaloud, Stebler and Victoria-Feser (2013) fit nu(theta), the wavelet variance of a sum of
+processes, to estimates nu_hat by weighted least squares; Bakalli, Radi, Nassar, Guerrier, Zhang and
+Molinari (2018) add up the objectives of replicates:
 
-    Q(theta) = sum_i (nu_hat_i - nu_i(theta))' Omega_i (nu_hat_i - nu_i(theta))                              (G.1)
+    Q(theta) = sum_i (nu_hat_i - nu_i(theta))' Omega_i (nu_hat_i - nu_i(theta))                (G.1)
 
-One mechanism serves both. Curves may differ in length, rate and levels, since theta is of continuous time. The weights are
-Omega_i = diag(1 / (high - low)^2) of the 95 % intervals, or given. How the minimum is found: `_matching`, `_minimum`.
+One mechanism serves both. Curves may differ in length, rate and levels, since theta is of
+continuous time. The weights are Omega_i = diag(1 / (high - low)^2) of the 95 % intervals, or given.
+How the minimum is found: `_matching`, `_minimum`.
 
-A minimum may lie on the edge of what is admissible: a density of zero, or a correlation time so short that the process is white
-from sample to sample, or so long that it is a random walk within the recording. `Fit.at_bound` names such parameters.
+A minimum may lie on the edge of what is admissible: a density of zero, or a correlation time so
+short that the process is white from sample to sample, or so long that it is a random walk within
+the recording. `Fit.at_bound` names such parameters.
 """
 
 from collections.abc import Sequence
@@ -17,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import DataError, UsageError
+from ...base.errors import DataError, UsageError
 from ...records import Array, WaveletVariance
 from ..composition import Composition
 from ..model import AxisNoise
@@ -32,8 +36,8 @@ class Fit:
 
     parameters (p,) : SI, in the order of `composition.parameters`.   curves : as fitted, of the selected levels only.
     weights : Omega_i (J_i, J_i) of each curve, 1/X^4.   objective : Q of (G.1).   sampling : "point" or "mean".
-    at_bound : names of the parameters on the edge of the admissible; the time of a Gauss-Markov process without driving noise
-        is arbitrary and stands at its upper bound.
+    at_bound : names of the parameters on the edge of the admissible; the time of a Gauss-Markov
+        process without driving noise is arbitrary and stands at its upper bound.
     times_s : limits of the correlation times that the caller set, s.
     """
 
@@ -55,23 +59,39 @@ class Fit:
     @property
     def modelled(self) -> tuple[Array, ...]:
         """nu_i(theta) (J_i,) at the levels of each curve, X^2."""
-        return tuple(haar_variance(self.axis, curve.level, curve.rate_hz, self.sampling) for curve in self.curves)
+        return tuple(
+            haar_variance(self.axis, curve.level, curve.rate_hz, self.sampling)
+            for curve in self.curves
+        )
 
     @property
     def residuals(self) -> tuple[Array, ...]:
         """nu_hat_i - nu_i(theta) (J_i,) of each curve, X^2."""
-        return tuple(curve.variance - modelled for curve, modelled in zip(self.curves, self.modelled, strict=True))
+        return tuple(
+            curve.variance - modelled
+            for curve, modelled in zip(self.curves, self.modelled, strict=True)
+        )
 
 
 def interval_weights(curve: WaveletVariance) -> Array:
-    """Diagonal Omega (J, J), 1/X^4: one over the squared width of each 95 % interval. Raises DataError where one has no width."""
+    """Diagonal Omega (J, J), 1/X^4: one over the squared width of each 95 % interval. Raises
+    DataError where one has no width.
+    """
     width = curve.high - curve.low
     if not (width > 1e-140).all():  # its inverse square is finite
-        raise DataError(f"level {int(curve.level[np.argmin(width)])}: the interval of the wavelet variance has no width; give weights")
+        raise DataError(
+            f"level {int(curve.level[np.argmin(width)])}: the interval of the wavelet variance has"
+            " no width; give weights"
+        )
     return np.diag(1.0 / width**2)
 
 
-def objective(axis: AxisNoise, curves: Sequence[WaveletVariance], weights: Sequence[Array], sampling: Sampling = "point") -> float:
+def objective(
+    axis: AxisNoise,
+    curves: Sequence[WaveletVariance],
+    weights: Sequence[Array],
+    sampling: Sampling = "point",
+) -> float:
     """Q (G.1) of the processes of an axis."""
     total = 0.0
     for curve, omega in zip(curves, weights, strict=True):
@@ -91,45 +111,72 @@ def fit(
 ) -> Fit:
     """The processes of `composition` that minimise Q (G.1) over all curves.
 
-    curves : wavelet variances of one or several recordings and axes that one set of parameters is to serve.
+    curves : wavelet variances of one or several recordings and axes that one set of parameters is
+        to serve.
     composition : or its name, such as "WN+3GM".
-    weights : one symmetric positive definite Omega (J, J), 1/X^4, a curve, for the levels that remain; None: `interval_weights`.
+    weights : one symmetric positive definite Omega (J, J), 1/X^4, a curve, for the levels that
+        remain; None: `interval_weights`.
     sampling : "point" or "mean", what a sample is of the continuous process (`theory`).
     levels : those to fit; None: all.
-    times_s : admissible correlation times, shortest and longest, s; None: from white to random walk (`_matching`).
+    times_s : admissible correlation times, shortest and longest, s; None: from white to random walk
+        (`_matching`).
 
-    Raises UsageError where curves, levels or weights do not fit together, and DataError where there are fewer levels than parameters.
+    Raises UsageError where curves, levels or weights do not fit together, and DataError where there
+    are fewer levels than parameters.
     """
     composition = Composition.parse(composition) if isinstance(composition, str) else composition
     chosen = _chosen([curves] if isinstance(curves, WaveletVariance) else curves, levels)
-    omegas = tuple(interval_weights(c) for c in chosen) if weights is None else _checked(weights, chosen)
+    omegas = (
+        tuple(interval_weights(c) for c in chosen) if weights is None else _checked(weights, chosen)
+    )
     different = {(j, c.rate_hz) for c in chosen for j in c.level.tolist()}
     if len(different) < composition.size:
         parameters = f"the {composition.size} parameters of {composition}"
-        raise DataError(f"{len(different)} scales for {parameters}; name fewer processes or record longer")
+        raise DataError(
+            f"{len(different)} scales for {parameters}; name fewer processes or record longer"
+        )
     moments = Moments(pooled(chosen, omegas), composition, sampling, _admissible(times_s, chosen))
     values = _parameters(moments, composition, minimum(moments))
     values.flags.writeable = False
     axis = composition.axis(values)
     value = objective(axis, chosen, omegas, sampling)
-    return Fit(composition, axis, values, chosen, omegas, value, sampling, _at_bound(moments, composition, values), times_s)
+    return Fit(
+        composition,
+        axis,
+        values,
+        chosen,
+        omegas,
+        value,
+        sampling,
+        _at_bound(moments, composition, values),
+        times_s,
+    )
 
 
-def _chosen(curves: Sequence[WaveletVariance], levels: Sequence[int] | None) -> tuple[WaveletVariance, ...]:
+def _chosen(
+    curves: Sequence[WaveletVariance], levels: Sequence[int] | None
+) -> tuple[WaveletVariance, ...]:
     if not curves:
         raise UsageError("no wavelet variance to fit; give at least one curve")
     if levels is None:
         return tuple(curves)
     known = {int(j) for curve in curves for j in curve.level}
     if unknown := sorted(set(levels) - known):
-        raise UsageError(f"level {unknown[0]} is in no curve; theirs are {min(known)} to {max(known)}")
+        raise UsageError(
+            f"level {unknown[0]} is in no curve; theirs are {min(known)} to {max(known)}"
+        )
     for i, curve in enumerate(curves, start=1):
         if not np.isin(curve.level, list(levels)).any():
-            raise UsageError(f"curve {i} has none of the levels to fit, only {curve.level[0]} to {curve.level[-1]}; leave it out")
+            raise UsageError(
+                f"curve {i} has none of the levels to fit, only {curve.level[0]} to"
+                f" {curve.level[-1]}; leave it out"
+            )
     return tuple(curve.selected(list(levels)) for curve in curves)
 
 
-def _admissible(times_s: tuple[float, float] | None, curves: tuple[WaveletVariance, ...]) -> tuple[float, float]:
+def _admissible(
+    times_s: tuple[float, float] | None, curves: tuple[WaveletVariance, ...]
+) -> tuple[float, float]:
     """Bounds of the correlation times, s."""
     low = SHORTEST / max(c.rate_hz for c in curves)
     high = LONGEST * max(c.samples / c.rate_hz for c in curves)
@@ -137,21 +184,35 @@ def _admissible(times_s: tuple[float, float] | None, curves: tuple[WaveletVarian
         return low, high
     shortest, longest = float(times_s[0]), float(times_s[1])
     if not (low <= shortest < longest):
-        raise UsageError(f"correlation times from {shortest:g} to {longest:g} s; give at least {low:g} s, and then a longer one")
+        raise UsageError(
+            f"correlation times from {shortest:g} to {longest:g} s; give at least {low:g} s, and"
+            " then a longer one"
+        )
     return shortest, min(longest, high)
 
 
 def _checked(weights: Sequence[Array], curves: tuple[WaveletVariance, ...]) -> tuple[Array, ...]:
     if len(weights) != len(curves):
-        raise UsageError(f"{len(weights)} weight matrices for {len(curves)} curves; give one a curve")
+        raise UsageError(
+            f"{len(weights)} weight matrices for {len(curves)} curves; give one a curve"
+        )
     checked = []
     for i, (omega, curve) in enumerate(zip(weights, curves, strict=True), start=1):
         a, J = np.array(omega, dtype=np.float64), curve.level.size
         if a.shape != (J, J):
-            raise UsageError(f"weights of curve {i}: shape {a.shape}, expected ({J}, {J}), its levels")
+            raise UsageError(
+                f"weights of curve {i}: shape {a.shape}, expected ({J}, {J}), its levels"
+            )
         size = np.sqrt(np.maximum(np.diag(a), 0.0))
-        if not (np.isfinite(a).all() and size.min() > 0.0 and (np.abs(a - a.T) <= 1e-6 * np.outer(size, size)).all()):
-            raise UsageError(f"weights of curve {i}: not a symmetric matrix of finite numbers with a positive diagonal")
+        if not (
+            np.isfinite(a).all()
+            and size.min() > 0.0
+            and (np.abs(a - a.T) <= 1e-6 * np.outer(size, size)).all()
+        ):
+            raise UsageError(
+                f"weights of curve {i}: not a symmetric matrix of finite numbers with a positive"
+                " diagonal"
+            )
         checked.append(0.5 * (a + a.T))
     return tuple(checked)
 
@@ -171,4 +232,8 @@ def _parameters(moments: Moments, composition: Composition, solution: Solution) 
 def _at_bound(moments: Moments, composition: Composition, parameters: Array) -> tuple[str, ...]:
     """Names of the parameters on the edge: times on a bound of the search, densities of zero."""
     named = zip(composition.parameters, parameters.tolist(), strict=True)
-    return tuple(name for name, value in named if value in (moments.bounds if name.startswith("correlation_time") else (0.0,)))
+    return tuple(
+        name
+        for name, value in named
+        if value in (moments.bounds if name.startswith("correlation_time") else (0.0,))
+    )

@@ -1,13 +1,15 @@
 r"""Does the model fit, and where not: the J test and the scales that misfit.
 
-With P = 1 - D B of `estimates` the distance d = nu_hat - nu(theta_hat) has the covariance P V P', so that Q = d' Omega d is a sum of
-squares of unit normals times the eigenvalues lambda of P' Omega P V. With the mean and the variance of that sum,
+With P = 1 - D B of `estimates` the distance d = nu_hat - nu(theta_hat) has the covariance P V P',
+so that Q = d' Omega d is a sum of squares of unit normals times the eigenvalues lambda of P' Omega
+P V. With the mean and the variance of that sum,
 
     J = Q / c ~ chi-square(f),   c = sum lambda^2 / sum lambda,   f = (sum lambda)^2 / sum lambda^2        (J.1)
 
-At the efficient fit all lambda are 1 or 0, J is Q and f the number of moments less that of parameters: the J test (Hansen 1982). At the
-longest scales nu_hat is far from normal; the bootstrapped p-value compares Q with that of re-fits to recordings of the
-fitted processes. d over its standard deviation says which scales misfit.
+At the efficient fit all lambda are 1 or 0, J is Q and f the number of moments less that of
+parameters: the J test (Hansen 1982). At the longest scales nu_hat is far from normal; the
+bootstrapped p-value compares Q with that of re-fits to recordings of the fitted processes. d over
+its standard deviation says which scales misfit.
 """
 
 import math
@@ -27,8 +29,11 @@ _ODD = 3.0  # standard deviations of a scale that misfits
 class GoodnessOfFit:
     """The J test (J.1), and which scales misfit.
 
-    statistic, degrees : J and f of (J.1).   p_value : asymptotic.   bootstrapped : p-value over `draws` re-fits, with its Monte Carlo
-    standard deviation `bootstrapped_error`; NaN for no draws.   residuals : (J_i,) of each curve, standardised.
+    statistic, degrees : J and f of (J.1).
+    p_value : asymptotic.
+    bootstrapped : p-value over `draws` re-fits, with its Monte Carlo
+    standard deviation `bootstrapped_error`; NaN for no draws.
+    residuals : (J_i,) of each curve, standardised.
     misfits : (curve from 0, level) of those beyond 3, worst first.   sentence : the verdict.
     """
 
@@ -48,7 +53,9 @@ def p_text(p: float) -> str:
     return "p < 1e-99" if p < 1e-99 else f"p = {p:.2g}"
 
 
-def goodness_of_fit(fitted: Fit, linear: Linearised, resampled: Bootstrap | None = None) -> GoodnessOfFit:
+def goodness_of_fit(
+    fitted: Fit, linear: Linearised, resampled: Bootstrap | None = None
+) -> GoodnessOfFit:
     """The J test of a fit, bootstrapped where there are re-fits."""
     from scipy.special import chdtrc
 
@@ -72,12 +79,19 @@ def goodness_of_fit(fitted: Fit, linear: Linearised, resampled: Bootstrap | None
         if abs(z) > _ODD
     ]
     misfits = tuple((i, j) for _, i, j in sorted(odd, reverse=True))
-    sentence = _misfit_sentence(fitted, statistic, degrees, p if resampled is not None else p_value, residuals, misfits)
+    sentence = _misfit_sentence(
+        fitted, statistic, degrees, p if resampled is not None else p_value, residuals, misfits
+    )
     return GoodnessOfFit(statistic, degrees, p_value, p, error, draws, residuals, misfits, sentence)
 
 
 def _misfit_sentence(
-    fitted: Fit, J: float, degrees: float, p: float, residuals: tuple[Array, ...], misfits: tuple[tuple[int, int], ...]
+    fitted: Fit,
+    J: float,
+    degrees: float,
+    p: float,
+    residuals: tuple[Array, ...],
+    misfits: tuple[tuple[int, int], ...],
 ) -> str:
     """Whether the model fits, and where not."""
     tested = f"J {J:.1f} for {degrees:.4g} degrees of freedom, {p_text(p)}"
@@ -91,6 +105,13 @@ def _misfit_sentence(
             where += f" of curve {i + 1}"
         worst.append(f"{where} ({residuals[i][k]:+.1f} sigma)")
     more = f" and {len(misfits) - 4} more" if len(misfits) > 4 else ""
-    where = f"worst at {', '.join(worst)}{more}" if worst else "no scale stands out, the misfit is spread"
+    where = (
+        f"worst at {', '.join(worst)}{more}"
+        if worst
+        else "no scale stands out, the misfit is spread"
+    )
     advice = "take another model or leave these scales out" if worst else "take another model"
-    return f"{fitted.composition} does not fit: {tested}; {where}; standard errors hold where a model fits, {advice}"
+    return (
+        f"{fitted.composition} does not fit: {tested}; {where}; standard errors hold where a model"
+        f" fits, {advice}"
+    )

@@ -1,17 +1,21 @@
-r"""How well a fit's parameters are determined, and whether the model fits: the efficient second step, and all that is said of a fit.
+r"""How well a fit's parameters are determined, and whether the model fits: the efficient second
+step, and all that is said of a fit.
 
-V, the covariance of nu_hat at the fitted processes, is exact for Gaussian noise (`haar_covariance`), times 1/efficiency for robust
-curves, or of a parametric bootstrap; recordings are independent of each other.
+V, the covariance of nu_hat at the fitted processes, is exact for Gaussian noise
+(`haar_covariance`), times 1/efficiency for robust curves, or of a parametric bootstrap; recordings
+are independent of each other.
 
-Efficient weights are V^-1 at the fit itself, fit and weights in turn repeated until they agree: the estimate solves
-D' V^-1(theta) (nu_hat - nu(theta)) = 0, whose mean at the true theta is zero. In one of six recordings with slow processes that has
-two solutions, and the global minimum jumps between them; then that of the larger normal likelihood of nu_hat, the smaller
+Efficient weights are V^-1 at the fit itself, fit and weights in turn repeated until they agree: the
+estimate solves D' V^-1(theta) (nu_hat - nu(theta)) = 0, whose mean at the true theta is zero. In
+one of six recordings with slow processes that has two solutions, and the global minimum jumps
+between them; then that of the larger normal likelihood of nu_hat, the smaller
 
-    log det V(theta) + (nu_hat - nu(theta))' V^-1(theta) (nu_hat - nu(theta)),                           (I.1)
+    log det V(theta) + (nu_hat - nu(theta))' V^-1(theta) (nu_hat - nu(theta)),                 (I.1)
 
 is taken and followed. Weights from nu_hat itself, as those of the intervals,
-favour scales that came out small by chance and pull the long-scale variances down: over 100 simulated 4-hour recordings of the NavChip 95 %
-sandwich intervals of such fits held the second correlation time of the gyroscope in 61 cases, profiles of the efficient fit in 95.
+favour scales that came out small by chance and pull the long-scale variances down: over 100
+simulated 4-hour recordings of the NavChip 95 % sandwich intervals of such fits held the second
+correlation time of the gyroscope in 61 cases, profiles of the efficient fit in 95.
 """
 
 import math
@@ -20,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import DataError, UsageError
+from ...base.errors import DataError, UsageError
 from ...records import Array
 from ..moments.haar_covariance import haar_covariance
 from ._profile import polished
@@ -39,7 +43,8 @@ _SETTLED = 0.03  # standard errors by which repeated weights may still move the 
 class Inference:
     """What a fit is worth.
 
-    covariance (p, p) : of the logarithms of the parameters; NaN for those at an edge.   intervals : "sandwich", "profile" or "bootstrap".
+    covariance (p, p) : of the logarithms of the parameters; NaN for those at an edge.
+    intervals : "sandwich", "profile" or "bootstrap".
     """
 
     fit: Fit
@@ -54,17 +59,22 @@ class Inference:
         return next(e for e in self.estimates if e.name == name)
 
 
-def covariances(fitted: Fit, *, method: str = "exact", draws: int = 200, seed: int = 0) -> tuple[Array, ...]:
+def covariances(
+    fitted: Fit, *, method: str = "exact", draws: int = 200, seed: int = 0
+) -> tuple[Array, ...]:
     """V (J_i, J_i), X^4, of the wavelet variances of each curve at the fitted processes.
 
-    method : "exact", or "bootstrap" from `draws` simulated recordings, which serves "dwt" curves too.
+    method : "exact", or "bootstrap" from `draws` simulated recordings, which serves "dwt" curves
+        too.
 
-    Raises UsageError for another method, "exact" for a "dwt" curve, and fewer draws than twice the levels.
+    Raises UsageError for another method, "exact" for a "dwt" curve, and fewer draws than twice the
+    levels.
     """
     if method == "bootstrap":
         if draws < 2 * max(c.level.size for c in fitted.curves):
             raise UsageError(
-                f"{draws} draws for a covariance of {max(c.level.size for c in fitted.curves)} scales; give twice as many at least"
+                f"{draws} draws for a covariance of {max(c.level.size for c in fitted.curves)}"
+                " scales; give twice as many at least"
             )
         return tuple(np.cov(rows.T) for rows in draw_variances(fitted, draws, seed=seed))
     if method != "exact":
@@ -73,16 +83,23 @@ def covariances(fitted: Fit, *, method: str = "exact", draws: int = 200, seed: i
     out = []
     for curve in fitted.curves:
         if curve.decomposition != "modwt":
-            raise UsageError(f"the exact covariance is that of 'modwt' wavelet variances, not of {curve.decomposition!r}; take 'bootstrap'")
+            raise UsageError(
+                "the exact covariance is that of 'modwt' wavelet variances, not of"
+                f" {curve.decomposition!r}; take 'bootstrap'"
+            )
         key = (curve.samples, curve.rate_hz, *curve.level.tolist())
         if key not in known:
-            known[key] = haar_covariance(fitted.axis, curve.level, curve.samples, curve.rate_hz, fitted.sampling)
+            known[key] = haar_covariance(
+                fitted.axis, curve.level, curve.samples, curve.rate_hz, fitted.sampling
+            )
         out.append(known[key] / robust_efficiency(curve))
     return tuple(out)
 
 
 def inverse(V: Array) -> Array:
-    """V^-1 of a covariance matrix (J, J) of any magnitude; an all-NaN matrix where its correlations are singular to ten digits."""
+    """V^-1 of a covariance matrix (J, J) of any magnitude; an all-NaN matrix where its correlations
+    are singular to ten digits.
+    """
     size = np.sqrt(np.diag(V))
     if not (np.isfinite(V).all() and size.min() > 0.0):
         return np.full(V.shape, np.nan)
@@ -93,12 +110,17 @@ def inverse(V: Array) -> Array:
     return np.asarray(0.5 * (W + W.T))
 
 
-def second_step(first: Fit, *, covariance: str = "exact", iterations: int = 6, draws: int = 200, seed: int = 0) -> tuple[Fit, str]:
-    """Fit with the weights V^-1 of the fit before, repeated until it moves by less than 0.03 standard errors.
+def second_step(
+    first: Fit, *, covariance: str = "exact", iterations: int = 6, draws: int = 200, seed: int = 0
+) -> tuple[Fit, str]:
+    """Fit with the weights V^-1 of the fit before, repeated until it moves by less than 0.03
+    standard errors.
 
-    covariance, draws, seed : as in `covariances`.   iterations : at most so many; then the best by (I.1) goes on in its basin.
+    covariance, draws, seed : as in `covariances`.   iterations : at most so many; then the best by
+                                                     (I.1) goes on in its basin.
 
-    Returns the fit and how it went; where V cannot be inverted, the last fit that could be made, and why.
+    Returns the fit and how it went; where V cannot be inverted, the last fit that could be made,
+    and why.
     """
     fitted = first
     seen: list[tuple[float, Fit]] = []
@@ -111,11 +133,20 @@ def second_step(first: Fit, *, covariance: str = "exact", iterations: int = 6, d
         if singular:
             return (
                 fitted,
-                f"the covariance of the wavelet variance of curve {singular[0]} is singular at step {step}; weights of the step before",
+                (
+                    f"the covariance of the wavelet variance of curve {singular[0]} is singular at"
+                    f" step {step}; weights of the step before"
+                ),
             )
         seen += [(_pseudo_likelihood(fitted, V, weights), fitted)] if step > 1 else []
         if step <= iterations:
-            after = fit(first.curves, first.composition, weights=weights, sampling=first.sampling, times_s=first.times_s)
+            after = fit(
+                first.curves,
+                first.composition,
+                weights=weights,
+                sampling=first.sampling,
+                times_s=first.times_s,
+            )
         else:
             after = polished(fitted, weights)
         moved, fitted = _distance(fitted, after), after
@@ -131,7 +162,9 @@ def _pseudo_likelihood(fitted: Fit, V: Sequence[Array], weights: Sequence[Array]
 
 
 def efficient(first: Fit, *, covariance: str = "exact", iterations: int = 8) -> Fit:
-    """The fit of `second_step`: weights are the inverse covariance of the wavelet variance at the fit; `first` where that is singular."""
+    """The fit of `second_step`: weights are the inverse covariance of the wavelet variance at the
+    fit; `first` where that is singular.
+    """
     return second_step(first, covariance=covariance, iterations=iterations)[0]
 
 
@@ -151,12 +184,14 @@ def infer(
 ) -> Inference:
     """Standard errors, 95 % intervals, J test and a verdict on each process.
 
-    intervals : "sandwich" (E.1); "profile" of Q, for efficient weights; "bootstrap", basic, of `draws` re-fits; "auto" is profile for
-        efficient weights and sandwich for others.
-    covariance : V, "exact" or "bootstrap".   draws : of the bootstrapped J test, 0 for none.   seed : of all draws.
+    intervals : "sandwich" (E.1); "profile" of Q, for efficient weights; "bootstrap", basic, of
+        `draws` re-fits; "auto" is profile for efficient weights and sandwich for others.
+    covariance : V, "exact" or "bootstrap".
+    draws : of the bootstrapped J test, 0 for none.
+    seed : of all draws.
 
-    Raises UsageError for other words, "profile" without efficient weights, and "bootstrap" without draws; as `covariances`;
-    DataError for a fit that has no random process.
+    Raises UsageError for other words, "profile" without efficient weights, and "bootstrap" without
+    draws; as `covariances`; DataError for a fit that has no random process.
     """
     if intervals not in INTERVALS:
         raise UsageError(f"intervals {intervals!r} are none of {', '.join(INTERVALS)}")
@@ -164,17 +199,24 @@ def infer(
         raise UsageError(f"{draws} draws for bootstrapped intervals; give 100 or more")
     V = covariances(fitted, method=covariance, draws=max(draws, 200), seed=seed)
     if not all(np.diag(block).all() for block in V):
-        raise DataError(f"{fitted.composition}: the fit is a drift without noise, which tells nothing; add WN to the model")
+        raise DataError(
+            f"{fitted.composition}: the fit is a drift without noise, which tells nothing; add WN"
+            " to the model"
+        )
     sharp = is_efficient(fitted, V)
     if intervals == "profile" and not sharp:
-        raise UsageError("intervals of a profile need a fit with efficient weights; take efficient(fit) first")
+        raise UsageError(
+            "intervals of a profile need a fit with efficient weights; take efficient(fit) first"
+        )
     kind = ("profile" if sharp else "sandwich") if intervals == "auto" else intervals
     linear = Linearised(fitted, V)
     resampled = bootstrap(fitted, draws, seed=seed) if draws else None
     found, log_covariance = estimates(fitted, linear, kind, resampled)
     weights = fitted.weights if sharp else tuple(inverse(block) for block in V)
     goodness = goodness_of_fit(fitted, linear, resampled)
-    return Inference(fitted, found, log_covariance, goodness, verdicts(fitted, found, weights), kind)
+    return Inference(
+        fitted, found, log_covariance, goodness, verdicts(fitted, found, weights), kind
+    )
 
 
 def is_efficient(fitted: Fit, V: Sequence[Array]) -> bool:

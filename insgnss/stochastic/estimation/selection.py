@@ -1,37 +1,44 @@
 r"""Which model to take, and whether one model serves all recordings.
 
-Model selection (Guerrier, Radi, Molinari and co-workers; Radi et al. 2019 for IMUs). The objective of a fit is smaller than that of the
-same parameters on another recording, by the optimism of having been fitted to this one. With Q = d' Omega d, an independent
-nu_hat0 of the same covariance V, and theta_hat a function of nu_hat,
+Model selection (Guerrier, Radi, Molinari and co-workers; Radi et al. 2019 for IMUs). The objective
+of a fit is smaller than that of the same parameters on another recording, by the optimism of having
+been fitted to this one. With Q = d' Omega d, an independent nu_hat0 of the same covariance V, and
+theta_hat a function of nu_hat,
 
-    E Q0 - E Q = 2 tr(Omega cov(nu_hat, nu(theta_hat)))                                                  (S.1)
+    E Q0 - E Q = 2 tr(Omega cov(nu_hat, nu(theta_hat)))                                        (S.1)
 
-To first order nu(theta_hat) moves by D H^-1 D' Omega (nu_hat - nu), where H is half the Hessian of Q at the fit,
-H = D' Omega D - sum_j (Omega d)_j d^2 nu_j, whose second part is that of a model that does not fit. So the wavelet information criterion is
+To first order nu(theta_hat) moves by D H^-1 D' Omega (nu_hat - nu), where H is half the Hessian of
+Q at the fit, H = D' Omega D - sum_j (Omega d)_j d^2 nu_j, whose second part is that of a model that
+does not fit. So the wavelet information criterion is
 
-    WIC = Q + 2 tr(H^-1 D' Omega V Omega D)                                                              (S.2)
+    WIC = Q + 2 tr(H^-1 D' Omega V Omega D)                                                    (S.2)
 
-and for Omega = V^-1 and a model that fits the penalty is twice the number of parameters, as Akaike's. V and Omega must be the same for
-all models; they are taken at the largest of the family. Parameters at an edge count for nothing. With re-fits of drawn curves,
-(S.1) is the covariance of nu* and nu(theta*), edges and all.
+and for Omega = V^-1 and a model that fits the penalty is twice the number of parameters, as
+Akaike's. V and Omega must be the same for all models; they are taken at the largest of the family.
+Parameters at an edge count for nothing. With re-fits of drawn curves, (S.1) is the covariance of
+nu* and nu(theta*), edges and all.
 
-The relative curvatures of H against D' Omega D are kept above one half: below, the quadratic picture of Q has ended.
+The relative curvatures of H against D' Omega D are kept above one half: below, the quadratic
+picture of Q has ended.
 
-With several recordings the objective on a recording that the fit has not seen can be had itself: each is left out in turn, and the mean
-objective on those left out is the cross-validated criterion CVWVIC of R package mgmwm (there half of the recordings are left out).
+With several recordings the objective on a recording that the fit has not seen can be had itself:
+each is left out in turn, and the mean objective on those left out is the cross-validated criterion
+CVWVIC of R package mgmwm (there half of the recordings are left out).
 
-By WIC, models within 2 of the least are equivalent to it, the usual measure for Akaike's criterion. By CVWVIC those are that Wilcoxon's
-signed-rank test over the recordings does not tell from the best (5 %), as in mgmwm; six recordings are few for that test, and WIC uses
-them all at once. Of the equivalent models those go first whose parameters are all determined, none at an edge and each to a factor of e,
-and of these the smallest is chosen.
+By WIC, models within 2 of the least are equivalent to it, the usual measure for Akaike's criterion.
+By CVWVIC those are that Wilcoxon's signed-rank test over the recordings does not tell from the best
+(5 %), as in mgmwm; six recordings are few for that test, and WIC uses them all at once. Of the
+equivalent models those go first whose parameters are all determined, none at an edge and each to a
+factor of e, and of these the smallest is chosen.
 
-Near-stationarity (Bakalli et al. 2018): do all recordings have the same parameters? With efficient weights the joint fit is worse than
-the single ones by
+Near-stationarity (Bakalli et al. 2018): do all recordings have the same parameters? With efficient
+weights the joint fit is worse than the single ones by
 
-    S = Q(theta_joint) - sum_i Q_i(theta_i) ~ chi-square(p (R - 1))                                       (S.3)
+    S = Q(theta_joint) - sum_i Q_i(theta_i) ~ chi-square(p (R - 1))                            (S.3)
 
-for R recordings; since slow processes are far from that limit, the distribution is bootstrapped: draws from the joint fit, re-fitted
-jointly and singly. Each recording's share of S says which of them differs.
+for R recordings; since slow processes are far from that limit, the distribution is bootstrapped:
+draws from the joint fit, re-fitted jointly and singly. Each recording's share of S says which of
+them differs.
 """
 
 import math
@@ -40,7 +47,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...errors import UsageError
+from ...base.errors import UsageError
 from ...records import Array, WaveletVariance
 from ..composition import Composition, families
 from ..moments.theory import Sampling
@@ -59,10 +66,13 @@ _FACTOR_E = 1.0  # standard error of a logarithm
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """One model of a family. wic = objective + optimism; difference : to the least.   p_value : of the J test, asymptotic.
+    """One model of a family. wic = objective + optimism; difference : to the least.
+    p_value : of the J test, asymptotic.
 
-    held_out (R,) : objective on each recording when it is left out, or None.   equivalent : not told from the best by its criterion.
-    determined : whether no parameter is at an edge and each is known to a factor of e.   remarks : what is odd about the fit.
+    held_out (R,) : objective on each recording when it is left out, or None.
+    equivalent : not told from the best by its criterion.
+    determined : whether no parameter is at an edge and each is known to a factor of e.
+    remarks : what is odd about the fit.
     """
 
     fit: Fit
@@ -99,23 +109,30 @@ class Ranking:
 
     def table(self) -> str:
         """One line a model, best first."""
-        rows = [f"{'model':<16}{'par':>4}{'Q':>10}{'WIC':>10}{'diff':>9}{'CV':>10}{'J p':>8}  remarks"]
+        rows = [
+            f"{'model':<16}{'par':>4}{'Q':>10}{'WIC':>10}{'diff':>9}{'CV':>10}{'J p':>8}  remarks"
+        ]
         for c in self.candidates:
             mark = "* " if c is self.chosen else "= " if c.equivalent else "  "
             cv = "" if c.held_out is None else f"{c.cross_validated:.4g}"
             rows.append(
-                f"{mark + str(c.composition):<16}{c.composition.size:>4}{c.fit.objective:>10.4g}{c.wic:>10.4g}{c.difference:>9.3g}{cv:>10}"
-                f"{c.p_value:>8.2g}  {'; '.join(c.remarks)}".rstrip()
+                f"{mark + str(c.composition):<16}{c.composition.size:>4}{c.fit.objective:>10.4g}{c.wic:>10.4g}{c.difference:>9.3g}{cv:>10}{c.p_value:>8.2g}"
+                f"  {'; '.join(c.remarks)}".rstrip()
             )
         return "\n".join(rows)
 
 
 @dataclass(frozen=True, eq=False)
 class NearStationarity:
-    """The test (S.3). shares (R,) : of the statistic by recording.   single : fit of each.   joint : fit of all.
+    """The test (S.3). shares (R,) : of the statistic by recording.
+    single : fit of each.
+    joint : fit of all.
 
-    p_value : asymptotic.   bootstrapped : over `draws`, with its Monte Carlo standard deviation `bootstrapped_error`; NaN for no draws.
-    spread : of each parameter the standard deviation of its logarithm over the recordings, and what it is by chance; NaN at edges.
+    p_value : asymptotic.
+    bootstrapped : over `draws`, with its Monte Carlo standard deviation `bootstrapped_error`; NaN
+        for no draws.
+    spread : of each parameter the standard deviation of its logarithm over the recordings, and what
+        it is by chance; NaN at edges.
     """
 
     statistic: float
@@ -144,12 +161,15 @@ def rank(
 ) -> Ranking:
     """Fit all models to the curves and rank them.
 
-    curves : of one or several recordings.   models : compositions, or one, which stands for itself and all that it contains.
+    curves : of one or several recordings.
+    models : compositions, or one, which stands for itself and all that it contains.
     weights : "efficient", the inverse covariance at the largest model, or "interval".   recordings : number of the recording of each
-    curve, where one has several (axes); None: each its own.   criterion : "WIC", or "CVWVIC" of two and more recordings.
+    curve, where one has several (axes); None: each its own.
+    criterion : "WIC", or "CVWVIC" of two and more recordings.
     draws, seed : re-fits for the bootstrapped optimism, 0 for (S.2).
 
-    Raises UsageError for other weights or criteria, no model, and recording numbers that do not go with the curves.
+    Raises UsageError for other weights or criteria, no model, and recording numbers that do not go
+    with the curves.
     """
     curves = tuple(curves)
     if weights not in ("efficient", "interval"):
@@ -158,15 +178,23 @@ def rank(
     if criterion not in ("WIC", "CVWVIC"):
         raise UsageError(f"criterion {criterion!r} is neither 'WIC' nor 'CVWVIC'")
     if criterion == "CVWVIC" and np.unique(groups).size < 2:
-        raise UsageError("CVWVIC leaves out one recording after the other and needs two at least; take 'WIC'")
+        raise UsageError(
+            "CVWVIC leaves out one recording after the other and needs two at least; take 'WIC'"
+        )
     compositions = _compositions(models)
     largest = max(compositions, key=lambda c: c.size)
     reference = fit(curves, largest, sampling=sampling)
     reference = efficient(reference) if weights == "efficient" else reference
     V = covariances(reference)
-    Omega = tuple(inverse(block) for block in V) if weights == "efficient" else tuple(interval_weights(c) for c in curves)
+    Omega = (
+        tuple(inverse(block) for block in V)
+        if weights == "efficient"
+        else tuple(interval_weights(c) for c in curves)
+    )
     if not all(np.isfinite(W).all() for W in Omega):
-        raise UsageError("the covariance of the wavelet variances is singular; take weights='interval'")
+        raise UsageError(
+            "the covariance of the wavelet variances is singular; take weights='interval'"
+        )
     drawn = tuple(redrawn(reference, draw_variances(reference, draws, seed=seed))) if draws else ()
     candidates = [_candidate(curves, c, Omega, V, groups, sampling, drawn) for c in compositions]
     return _ranked(candidates, criterion)
@@ -176,11 +204,15 @@ def _groups(curves: Sequence[WaveletVariance], recordings: Sequence[int] | None)
     """Number of the recording of each curve."""
     groups = np.arange(len(curves)) if recordings is None else np.asarray(recordings)
     if groups.size != len(curves):
-        raise UsageError(f"{groups.size} recording numbers for {len(curves)} curves; give one a curve")
+        raise UsageError(
+            f"{groups.size} recording numbers for {len(curves)} curves; give one a curve"
+        )
     return groups
 
 
-def _compositions(models: Composition | str | Sequence[Composition | str]) -> tuple[Composition, ...]:
+def _compositions(
+    models: Composition | str | Sequence[Composition | str],
+) -> tuple[Composition, ...]:
     if isinstance(models, str | Composition):
         return families(Composition.parse(models) if isinstance(models, str) else models)
     found = tuple(dict.fromkeys(Composition.parse(m) if isinstance(m, str) else m for m in models))
@@ -207,10 +239,23 @@ def _candidate(
     if test.p_value < _TOLD_APART and test.misfits:
         i, level = test.misfits[0]
         scale_s = 2.0**level / curves[i].rate_hz
-        remarks.append(f"misfit, worst at scale {scale_s:.3g} s" + (f" of curve {i + 1}" if len(curves) > 1 else ""))
+        remarks.append(
+            f"misfit, worst at scale {scale_s:.3g} s"
+            + (f" of curve {i + 1}" if len(curves) > 1 else "")
+        )
     errors = np.sqrt(np.diag(linear.covariance())) * linear.local.logarithmic(linear.x)
     determined = not fitted.at_bound and bool((errors < _FACTOR_E).all())
-    return Candidate(fitted, fitted.objective + optimism, optimism, math.nan, test.p_value, held_out, False, determined, tuple(remarks))
+    return Candidate(
+        fitted,
+        fitted.objective + optimism,
+        optimism,
+        math.nan,
+        test.p_value,
+        held_out,
+        False,
+        determined,
+        tuple(remarks),
+    )
 
 
 def closed_optimism(fitted: Fit, linear: Linearised) -> float:
@@ -230,7 +275,9 @@ def closed_optimism(fitted: Fit, linear: Linearised) -> float:
     scaled = np.linalg.solve(L, np.linalg.solve(L, 0.5 * (H + H.T) / np.outer(size, size)).T)
     curvature, E = np.linalg.eigh(0.5 * (scaled + scaled.T))
     F = E.T @ np.linalg.solve(L, (D / size).T @ linear.Omega)
-    return 2.0 * float(np.sum(np.einsum("ij,jk,ik->i", F, linear.V, F) / np.maximum(curvature, _LEAST_CURVATURE)))
+    return 2.0 * float(
+        np.sum(np.einsum("ij,jk,ik->i", F, linear.V, F) / np.maximum(curvature, _LEAST_CURVATURE))
+    )
 
 
 def _drawn_optimism(fitted: Fit, drawn: tuple[tuple[WaveletVariance, ...], ...]) -> float:
@@ -250,8 +297,20 @@ def _held_out(fitted: Fit, groups: np.ndarray) -> Array:
     for recording in np.unique(groups):
         inside, outside = np.flatnonzero(groups != recording), np.flatnonzero(groups == recording)
         weights = [fitted.weights[i] for i in inside]
-        others = fit([fitted.curves[i] for i in inside], fitted.composition, weights=weights, sampling=fitted.sampling)
-        out.append(objective(others.axis, [fitted.curves[i] for i in outside], [fitted.weights[i] for i in outside], fitted.sampling))
+        others = fit(
+            [fitted.curves[i] for i in inside],
+            fitted.composition,
+            weights=weights,
+            sampling=fitted.sampling,
+        )
+        out.append(
+            objective(
+                others.axis,
+                [fitted.curves[i] for i in outside],
+                [fitted.weights[i] for i in outside],
+                fitted.sampling,
+            )
+        )
     return np.array(out)
 
 
@@ -262,8 +321,14 @@ def _ranked(candidates: list[Candidate], criterion: str) -> Ranking:
 
     least, best = min(c.wic for c in candidates), min(candidates, key=key)
     equivalent = _not_told_apart if criterion == "CVWVIC" else _within
-    marked = [replace(c, difference=c.wic - least, equivalent=c is best or equivalent(c, best)) for c in sorted(candidates, key=key)]
-    chosen = min((c for c in marked if c.equivalent), key=lambda c: (not c.determined, c.composition.size, key(c)))
+    marked = [
+        replace(c, difference=c.wic - least, equivalent=c is best or equivalent(c, best))
+        for c in sorted(candidates, key=key)
+    ]
+    chosen = min(
+        (c for c in marked if c.equivalent),
+        key=lambda c: (not c.determined, c.composition.size, key(c)),
+    )
     return Ranking(tuple(marked), criterion, chosen)
 
 
@@ -272,21 +337,34 @@ def _within(candidate: Candidate, best: Candidate) -> bool:
 
 
 def _not_told_apart(candidate: Candidate, best: Candidate) -> bool:
-    """Whether Wilcoxon's signed-rank test over the recordings left out keeps the hypothesis that a model is as good as the best."""
+    """Whether Wilcoxon's signed-rank test over the recordings left out keeps the hypothesis that a
+    model is as good as the best.
+    """
     from scipy.stats import wilcoxon
 
-    if candidate.held_out is None or best.held_out is None or np.allclose(candidate.held_out, best.held_out, rtol=1e-9):
+    if (
+        candidate.held_out is None
+        or best.held_out is None
+        or np.allclose(candidate.held_out, best.held_out, rtol=1e-9)
+    ):
         return True
-    return float(wilcoxon(candidate.held_out, best.held_out, alternative="greater").pvalue) > _TOLD_APART
+    return (
+        float(wilcoxon(candidate.held_out, best.held_out, alternative="greater").pvalue)
+        > _TOLD_APART
+    )
 
 
-def near_stationarity(joint: Fit, *, recordings: Sequence[int] | None = None, draws: int = 100, seed: int = 0) -> NearStationarity:
+def near_stationarity(
+    joint: Fit, *, recordings: Sequence[int] | None = None, draws: int = 100, seed: int = 0
+) -> NearStationarity:
     """Whether one parameter set serves all recordings (S.3).
 
-    joint : fit of all curves; its weights are replaced by efficient ones.   recordings : number of the recording of each curve, where one
+    joint : fit of all curves; its weights are replaced by efficient ones.
+    recordings : number of the recording of each curve, where one
     has several (axes); None: each its own.   draws, seed : of the bootstrap.
 
-    Raises UsageError for fewer than two recordings and as many recording numbers as there are not curves.
+    Raises UsageError for fewer than two recordings and as many recording numbers as there are not
+    curves.
     """
     from scipy.special import chdtrc
 
@@ -298,19 +376,30 @@ def near_stationarity(joint: Fit, *, recordings: Sequence[int] | None = None, dr
     degrees = joint.composition.size * (len(single) - 1)
     p, error = math.nan, math.nan
     if draws:
-        null = [_excess(_with(joint, curves), groups)[0] for curves in redrawn(joint, draw_variances(joint, draws, seed=seed))]
+        null = [
+            _excess(_with(joint, curves), groups)[0]
+            for curves in redrawn(joint, draw_variances(joint, draws, seed=seed))
+        ]
         p = (1.0 + float((np.array(null) >= statistic).sum())) / (draws + 1.0)
         error = math.sqrt(p * (1.0 - p) / draws)
     asymptotic = float(chdtrc(degrees, statistic))
     decisive = p if draws else asymptotic
     sentence = _stationarity_sentence(statistic, decisive, shares)
     spread = _spread(joint, single, groups)
-    return NearStationarity(statistic, degrees, asymptotic, p, error, draws, shares, joint, single, spread, sentence)
+    return NearStationarity(
+        statistic, degrees, asymptotic, p, error, draws, shares, joint, single, spread, sentence
+    )
 
 
 def _with(fitted: Fit, curves: tuple[WaveletVariance, ...]) -> Fit:
     """Fit of other curves with the same weights."""
-    return fit(curves, fitted.composition, weights=fitted.weights, sampling=fitted.sampling, times_s=fitted.times_s)
+    return fit(
+        curves,
+        fitted.composition,
+        weights=fitted.weights,
+        sampling=fitted.sampling,
+        times_s=fitted.times_s,
+    )
 
 
 def _excess(joint: Fit, groups: np.ndarray) -> tuple[float, Array, tuple[Fit, ...]]:
@@ -319,17 +408,29 @@ def _excess(joint: Fit, groups: np.ndarray) -> tuple[float, Array, tuple[Fit, ..
     for recording in np.unique(groups):
         members = np.flatnonzero(groups == recording)
         curves, weights = [joint.curves[i] for i in members], [joint.weights[i] for i in members]
-        own = fit(curves, joint.composition, weights=weights, sampling=joint.sampling, times_s=joint.times_s)
+        own = fit(
+            curves,
+            joint.composition,
+            weights=weights,
+            sampling=joint.sampling,
+            times_s=joint.times_s,
+        )
         single.append(own)
         shares.append(objective(joint.axis, curves, weights, joint.sampling) - own.objective)
     return float(np.sum(shares)), np.array(shares), tuple(single)
 
 
-def _spread(joint: Fit, single: tuple[Fit, ...], groups: np.ndarray) -> tuple[tuple[str, float, float], ...]:
+def _spread(
+    joint: Fit, single: tuple[Fit, ...], groups: np.ndarray
+) -> tuple[tuple[str, float, float], ...]:
     out = []
     V = covariances(joint)
     members = np.flatnonzero(groups == groups[0])
-    alone = replace(joint, curves=tuple(joint.curves[i] for i in members), weights=tuple(joint.weights[i] for i in members))
+    alone = replace(
+        joint,
+        curves=tuple(joint.curves[i] for i in members),
+        weights=tuple(joint.weights[i] for i in members),
+    )
     linear = Linearised(alone, [V[i] for i in members])
     expected = np.sqrt(np.diag(linear.covariance())) * linear.local.logarithmic(linear.x)
     for i, name in enumerate(joint.composition.parameters):
@@ -342,14 +443,20 @@ def _spread(joint: Fit, single: tuple[Fit, ...], groups: np.ndarray) -> tuple[tu
 def _stationarity_sentence(statistic: float, p: float, shares: Array) -> str:
     R = shares.size
     if p >= 0.05:
-        return f"one parameter set serves all {R} recordings: they fit together {statistic:.1f} worse than singly, {p_text(p)}"
+        return (
+            f"one parameter set serves all {R} recordings: they fit together {statistic:.1f} worse"
+            f" than singly, {p_text(p)}"
+        )
     if R == 2:
-        return f"one parameter set does not serve both recordings: they differ, {p_text(p)}; tune them singly and compare"
+        return (
+            f"one parameter set does not serve both recordings: they differ, {p_text(p)}; tune them"
+            " singly and compare"
+        )
     worst = int(np.argmax(shares))
     share = 100.0 * shares[worst] / statistic
     return (
-        f"one parameter set does not serve all {R} recordings: {p_text(p)}; recording {worst + 1} has {share:.0f} % of the difference; "
-        "look at it, or leave it out"
+        f"one parameter set does not serve all {R} recordings: {p_text(p)}; recording {worst + 1}"
+        f" has {share:.0f} % of the difference; look at it, or leave it out"
     )
 
 

@@ -1,16 +1,20 @@
-"""Kernels of `haar_covariance`: the lag covariance of two Haar levels, and its weighted sum over all lags. Labels as there."""
+"""Kernels of `haar_covariance`: the lag covariance of two Haar levels, and its weighted sum over
+all lags. Labels as there.
+"""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...compilation import njit
+from ...base.compilation import njit
 
 Array = NDArray[np.float64]
 
 DIRECT = 16  # lags of the innermost panels, which are summed one by one
-_HALF_NODES = np.array([0.1834346424956498, 0.525532409916329, 0.7966664774136267, 0.9602898564975363])  # Gauss-Legendre, 8 nodes
+_HALF_NODES = np.array(
+    [0.1834346424956498, 0.525532409916329, 0.7966664774136267, 0.9602898564975363]
+)  # Gauss-Legendre, 8 nodes
 _NODES = 8
 
 
@@ -50,7 +54,9 @@ def _polynomials(h: float, m_j: float, m_k: float, a_1: float, a_3: float) -> fl
 
 @njit(cache=True)
 def _slow(h: float, m_j: float, m_k: float, u: float, P: float, B: float) -> float:
-    """(H.4, H.5) of a Gauss-Markov process whose correlation time is longer than the averaging time m_j."""
+    """(H.4, H.5) of a Gauss-Markov process whose correlation time is longer than the averaging time
+    m_j.
+    """
     s_j, s_k = 2.0 * math.sinh(0.5 * u * m_j), 2.0 * math.sinh(0.5 * u * m_k)
     base = -P * (s_j * s_k) ** 2 * math.exp(-u * h)
     total, y = 0.0, m_j - h
@@ -79,9 +85,11 @@ def _row(y: float, m_k: float, u: float, P: float, B: float, c: float) -> float:
 
 @njit(cache=True)
 def lag_covariance(h: float, m_j: float, m_k: float, a_1: float, a_3: float, gm: Array) -> float:
-    """Covariance of W_j and W_k, without quantization, at centre distance h >= 0, for m_j >= m_k (H.2).
+    """Covariance of W_j and W_k, without quantization, at centre distance h >= 0, for m_j >= m_k
+    (H.2).
 
-    a_1, a_3 : polynomial part of K (H.3).   gm : (processes, 4) u, and sigma^2 times P, B and c (G.1).
+    a_1, a_3 : polynomial part of K (H.3).   gm : (processes, 4) u, and sigma^2 times P, B and c
+                                             (G.1).
     """
     total = _polynomials(h, m_j, m_k, a_1, a_3)
     for i in range(gm.shape[0]):
@@ -89,7 +97,11 @@ def lag_covariance(h: float, m_j: float, m_k: float, a_1: float, a_3: float, gm:
         if u * m_j < 1.0:
             total += _slow(h, m_j, m_k, u, P, B)
         else:
-            rows = _row(h + m_j, m_k, u, P, B, c) - 2.0 * _row(h, m_k, u, P, B, c) + _row(abs(h - m_j), m_k, u, P, B, c)
+            rows = (
+                _row(h + m_j, m_k, u, P, B, c)
+                - 2.0 * _row(h, m_k, u, P, B, c)
+                + _row(abs(h - m_j), m_k, u, P, B, c)
+            )
             total -= rows
     return total / (4.0 * m_j * m_k)
 
@@ -101,8 +113,20 @@ def _term(h: float, M: float, C: float, m_j: float, m_k: float, drift: float) ->
 
 
 @njit(cache=True)
-def _panel(first: float, size: int, M: float, m_j: float, m_k: float, a_1: float, a_3: float, gm: Array, drift: float) -> float:
-    """Sum over the lags first, first + 1, ... (size of them), by the Gauss rule of the discrete sum (H.7)."""
+def _panel(
+    first: float,
+    size: int,
+    M: float,
+    m_j: float,
+    m_k: float,
+    a_1: float,
+    a_3: float,
+    gm: Array,
+    drift: float,
+) -> float:
+    """Sum over the lags first, first + 1, ... (size of them), by the Gauss rule of the discrete sum
+    (H.7).
+    """
     total = 0.0
     if size <= DIRECT:
         for i in range(size):
@@ -126,12 +150,24 @@ def _panel(first: float, size: int, M: float, m_j: float, m_k: float, a_1: float
                 break
         for side in (-1.0, 1.0):
             h = centre + side * half * t
-            total += weight * _term(h, M, lag_covariance(h, m_j, m_k, a_1, a_3, gm), m_j, m_k, drift)
+            total += weight * _term(
+                h, M, lag_covariance(h, m_j, m_k, a_1, a_3, gm), m_j, m_k, drift
+            )
     return total
 
 
 @njit(cache=True)
-def _between(lo: float, hi: float, M: float, m_j: float, m_k: float, a_1: float, a_3: float, gm: Array, drift: float) -> float:
+def _between(
+    lo: float,
+    hi: float,
+    M: float,
+    m_j: float,
+    m_k: float,
+    a_1: float,
+    a_3: float,
+    gm: Array,
+    drift: float,
+) -> float:
     """Sum over the lags strictly between two breaks; panels grow from both ends to the middle."""
     total, left, right, size = 0.0, lo + 1.0, hi - 1.0, DIRECT
     while left <= right:
@@ -147,7 +183,16 @@ def _between(lo: float, hi: float, M: float, m_j: float, m_k: float, a_1: float,
 
 
 @njit(cache=True)
-def pair_covariance(n: int, m_j: float, m_k: float, a_1: float, a_3: float, quantized: float, gm: Array, drift: float) -> float:
+def pair_covariance(
+    n: int,
+    m_j: float,
+    m_k: float,
+    a_1: float,
+    a_3: float,
+    quantized: float,
+    gm: Array,
+    drift: float,
+) -> float:
     """(H.1) for m_j >= m_k."""
     M, M_k = n - 2.0 * m_j + 1.0, n - 2.0 * m_k + 1.0
     end = M + m_j - m_k  # the first lag without overlap
@@ -171,7 +216,9 @@ def pair_covariance(n: int, m_j: float, m_k: float, a_1: float, a_3: float, quan
 
 
 @njit(cache=True, nogil=True)
-def all_pairs(n: int, m: Array, a_1: float, a_3: float, quantized: float, gm: Array, drift: float, out: Array) -> None:
+def all_pairs(
+    n: int, m: Array, a_1: float, a_3: float, quantized: float, gm: Array, drift: float, out: Array
+) -> None:
     """Fill the symmetric matrix over the averaging factors `m`, in any order."""
     for j in range(m.size):
         for k in range(j + 1):

@@ -1,14 +1,17 @@
-"""Loops over a whole recording: cumulated samples, powers of their differences, and the biweight's moments.
+"""Loops over a whole recording: cumulated samples, powers of their differences, and the biweight's
+moments.
 
-Compiled without fastmath a running sum cannot be vectorised, an addition of arrays can; hence sums over a block go into a
-row of partial sums first. All release the interpreter's lock, so that axes run in threads.
+Compiled without fastmath a running sum cannot be vectorised, an addition of arrays can; hence sums
+over a block go into a row of partial sums first. All release the interpreter's lock, so that axes
+run in threads.
 """
 
 import numpy as np
 
-from ...compilation import njit
+from ...base.compilation import njit
 
-BLOCK = 4096  # samples whose differences are formed for all averaging factors before the next are touched
+# samples whose differences are formed for all averaging factors before the next are touched
+BLOCK = 4096
 LANES = 128  # partial sums
 
 
@@ -42,10 +45,13 @@ def cumulate(s, mean):
 
 @njit(cache=True, nogil=True)
 def second_difference_power(s, m, stride, power):
-    """Sum over t = 0, stride[k], ... of (s[t + 2 m] - 2 s[t + m] + s[t])^2 for every averaging factor m[k], into power[k].
+    """Sum over t = 0, stride[k], ... of (s[t + 2 m] - 2 s[t + m] + s[t])^2 for every averaging
+    factor m[k], into power[k].
 
-    s (n + 1,).   m, stride, power (K,).   Blocks of t are finished for all m in turn: for octaves of m the end of one
-    filter is the middle of the next and still in the cache, so that a block is loaded K + 2 and not 3 K times.
+    s (n + 1,).   m, stride, power (K,).   Blocks of t are finished for all m in turn: for octaves
+                                           of m the end of one
+    filter is the middle of the next and still in the cache, so that a block is loaded K + 2 and not
+    3 K times.
     """
     lanes = np.empty(LANES)
     last = s.size - 2 * m
@@ -57,7 +63,12 @@ def second_difference_power(s, m, stride, power):
                 continue
             step = stride[k]
             if step == 1:
-                power[k] += _second(s[start:stop], s[start + m[k] : stop + m[k]], s[start + 2 * m[k] : stop + 2 * m[k]], lanes)
+                power[k] += _second(
+                    s[start:stop],
+                    s[start + m[k] : stop + m[k]],
+                    s[start + 2 * m[k] : stop + 2 * m[k]],
+                    lanes,
+                )
             else:
                 part = 0.0
                 for t in range(-(-start // step) * step, stop, step):
@@ -84,7 +95,9 @@ def _second(a, b, c, lanes):
 
 @njit(cache=True, nogil=True)
 def haar_squares(s, m, stride, out):
-    """Square of the Haar coefficients of averaging factor m at t = 0, stride, ..., from s of `cumulate`, into out."""
+    """Square of the Haar coefficients of averaging factor m at t = 0, stride, ..., from s of
+    `cumulate`, into out.
+    """
     scale = 0.5 / m
     for i in range(out.size):
         t = i * stride
@@ -94,7 +107,9 @@ def haar_squares(s, m, stride, out):
 
 @njit(cache=True, nogil=True)
 def biweight_mean(q, k):
-    """Mean over q (n,) of y (1 - y)^4 where y = k q < 1, else 0, and its derivative with respect to log k."""
+    """Mean over q (n,) of y (1 - y)^4 where y = k q < 1, else 0, and its derivative with respect to
+    log k.
+    """
     lanes = np.zeros((2, LANES))
     value, slope = lanes[0], lanes[1]
     full = q.size // LANES * LANES
@@ -116,7 +131,9 @@ def biweight_mean(q, k):
 
 @njit(cache=True, nogil=True)
 def third_difference_power(s, m, power):
-    """Sum over t of (s[t + 3 m] - 3 s[t + 2 m] + 3 s[t + m] - s[t])^2 for every m[k], into power[k]; blocks as above."""
+    """Sum over t of (s[t + 3 m] - 3 s[t + 2 m] + 3 s[t + m] - s[t])^2 for every m[k], into
+    power[k]; blocks as above.
+    """
     lanes = np.empty(LANES)
     power[:] = 0.0
     for start in range(0, s.size, BLOCK):
@@ -125,7 +142,11 @@ def third_difference_power(s, m, power):
             if stop > start:
                 one, two, three = m[k], 2 * m[k], 3 * m[k]
                 power[k] += _third(
-                    s[start:stop], s[start + one : stop + one], s[start + two : stop + two], s[start + three : stop + three], lanes
+                    s[start:stop],
+                    s[start + one : stop + one],
+                    s[start + two : stop + two],
+                    s[start + three : stop + three],
+                    lanes,
                 )
 
 
@@ -147,7 +168,9 @@ def _third(a, b, c, d, lanes):
 
 @njit(cache=True, nogil=True)
 def modified_power(s, m):
-    """Sum over t of the square of the sum of m consecutive second differences of span m, for one averaging factor."""
+    """Sum over t of the square of the sum of m consecutive second differences of span m, for one
+    averaging factor.
+    """
     v = 0.0
     for t in range(m):
         v += (s[t + 2 * m] - s[t + m]) - (s[t + m] - s[t])

@@ -1,22 +1,26 @@
-r"""Equivalent degrees of freedom of the Allan, modified Allan and Hadamard variance in power-law noise.
+r"""Equivalent degrees of freedom of the Allan, modified Allan and Hadamard variance in power-law
+noise.
 
-A variance estimate V from M terms z_i^2, z stationary normal of covariance R(i), has the degrees of freedom of the chi-square that it
-resembles, 2 (E V)^2 / var V:
+A variance estimate V from M terms z_i^2, z stationary normal of covariance R(i), has the degrees of
+freedom of the chi-square that it resembles, 2 (E V)^2 / var V:
 
-    1/edf = (1/M) sum over |i| < M of (1 - |i|/M) (R(i)/R(0))^2                                          (E.1)
+    1/edf = (1/M) sum over |i| < M of (1 - |i|/M) (R(i)/R(0))^2                                (E.1)
 
-Greenhall and Riley (2003, Uncertainty of stability variances based on finite differences, 35th PTTI) evaluate it for phase noise
-whose frequency has the spectrum f^alpha, by the generalised covariance of continuous phase
+Greenhall and Riley (2003, Uncertainty of stability variances based on finite differences, 35th
+PTTI) evaluate it for phase noise whose frequency has the spectrum f^alpha, by the generalised
+covariance of continuous phase
 
     s_w(t) = |t|, t^2 ln|t|, |t|^3, t^4 ln|t|, |t|^5 ...  for alpha = 2, 1, 0, -1, -2 ..., up to a sign that R(i)/R(0) does not see   (E.2)
     s_x(t) = F^2 (2 s_w(t) - s_w(t - 1/F) - s_w(t + 1/F)),   for F without end s_w(t) of alpha + 2                        (E.3)
-    s_z(t) = differences of order 2 d of s_x at unit spacing,     d = 2 (Allan), 3 (Hadamard)                             (E.4)
+    s_z(t) = differences of order 2 d of s_x at unit spacing,     d = 2 (Allan), 3 (Hadamard)  (E.4)
 
-with t in units of tau, F = m filter steps (1 for the modified variance), S = m estimates per tau and M terms. The sum of (E.1) is cut
-at J = min(M, (d + 1) S) terms, beyond which z is as good as uncorrelated. Where J exceeds 100 it is taken as (a0 - a1/r)/r, r = M/S,
-with their tabulated integrals. White phase noise (alpha = 2, quantization of an inertial sensor) is correlated at multiples of m:
+with t in units of tau, F = m filter steps (1 for the modified variance), S = m estimates per tau
+and M terms. The sum of (E.1) is cut at J = min(M, (d + 1) S) terms, beyond which z is as good as
+uncorrelated. Where J exceeds 100 it is taken as (a0 - a1/r)/r, r = M/S, with their tabulated
+integrals. White phase noise (alpha = 2, quantization of an inertial sensor) is correlated at
+multiples of m:
 
-    R(k m)/R(0) = (-1)^k C(2d, d - k) / C(2d, d)                                                         (E.5)
+    R(k m)/R(0) = (-1)^k C(2d, d - k) / C(2d, d)                                               (E.5)
 """
 
 import math
@@ -31,9 +35,16 @@ Kind = Literal["allan", "modified", "hadamard"]
 MOST_TERMS = 100
 ORDER: dict[str, int] = {"allan": 2, "modified": 2, "hadamard": 3}  # of the differences of phase
 
-# Greenhall and Riley, Tables 1 and 2: (a0, a1) by alpha, for d = 2 and d = 3; Table 3: (b0, b1) of alpha = 1
+# Greenhall and Riley, Tables 1 and 2: (a0, a1) by alpha, for d = 2 and d = 3; Table 3: (b0, b1) of
+# alpha = 1
 _TABLE_MODIFIED: dict[int, dict[int, tuple[float, float]]] = {
-    2: {2: (7.0 / 9.0, 0.5), 1: (0.997, 0.616), 0: (1.033, 0.607), -1: (1.048, 0.534), -2: (1.302, 0.535)},
+    2: {
+        2: (7.0 / 9.0, 0.5),
+        1: (0.997, 0.616),
+        0: (1.033, 0.607),
+        -1: (1.048, 0.534),
+        -2: (1.302, 0.535),
+    },
 }
 _TABLE: dict[int, dict[int, tuple[float, float]]] = {
     2: {1: (790.0, 410.0), 0: (2.0 / 3.0, 1.0 / 3.0), -1: (0.852, 0.375), -2: (1.079, 0.368)},
@@ -55,9 +66,11 @@ def lowest_alpha(kind: Kind) -> int:
 
 
 def degrees_of_freedom(kind: Kind, alpha: int, m: int, samples: int) -> float:
-    """Equivalent degrees of freedom of the overlapping estimate at averaging factor m from n rate samples (E.1).
+    """Equivalent degrees of freedom of the overlapping estimate at averaging factor m from n rate
+    samples (E.1).
 
-    alpha : exponent of the rate's spectrum, 2 (quantization) ... 0 (white) ... -2 (random walk), to -4 for the Hadamard variance.
+    alpha : exponent of the rate's spectrum, 2 (quantization) ... 0 (white) ... -2 (random walk), to
+        -4 for the Hadamard variance.
     """
     d = ORDER[kind]
     length = m + m * d if kind == "modified" else 1 + m * d
@@ -84,7 +97,9 @@ def _unmodified(alpha: int, d: int, m: int, terms: int) -> float:
     r = terms / m
     cut = min(terms, (d + 1) * m)
     if cut <= MOST_TERMS:
-        return 1.0 / _basic_sum(cut, terms, m, m if m * (d + 1) <= MOST_TERMS else math.inf, alpha, d)
+        return 1.0 / _basic_sum(
+            cut, terms, m, m if m * (d + 1) <= MOST_TERMS else math.inf, alpha, d
+        )
     if r > d + 1:
         return _integral(_TABLE[d][alpha], r)
     return 1.0 / _basic_sum(MOST_TERMS, MOST_TERMS, MOST_TERMS / r, math.inf, alpha, d)
@@ -140,7 +155,10 @@ def _s_x(t: Array, steps: float, alpha: int) -> Array:
     """(E.3)."""
     if math.isinf(steps):
         return _s_w(t, alpha + 2)
-    return np.asarray(steps**2 * (2.0 * _s_w(t, alpha) - _s_w(t - 1.0 / steps, alpha) - _s_w(t + 1.0 / steps, alpha)))
+    return np.asarray(
+        steps**2
+        * (2.0 * _s_w(t, alpha) - _s_w(t - 1.0 / steps, alpha) - _s_w(t + 1.0 / steps, alpha))
+    )
 
 
 def _s_w(t: Array, alpha: int) -> Array:

@@ -1,13 +1,18 @@
-r"""What each noise process does to a sampled series: Allan family, Haar wavelet variance, power spectral density.
+r"""What each noise process does to a sampled series: Allan family, Haar wavelet variance, power
+spectral density.
 
-Parameters are the continuous-time ones of `AxisNoise` (X = rad/s or m/s^2), the series has `rate` samples a second, and a sample is
+Parameters are the continuous-time ones of `AxisNoise` (X = rad/s or m/s^2), the series has `rate`
+samples a second, and a sample is
 
-    "point"   the value of the process at the sample time: what an AR(1) with phi = exp(-1/(rate T)) and cumulated innovations are
-    "mean"    the mean of the process over the interval that ends there: what an IMU gives that integrates internally
+    "point"   the value of the process at the sample time: what an AR(1) with phi = exp(-1/(rate T))
+              and cumulated innovations are
+    "mean"    the mean of the process over the interval that ends there: what an IMU gives that
+              integrates internally
 
-White noise is of variance q^2 rate in both, quantization the first difference of a white sequence of standard deviation Q rate, and
-the drift a line of known slope w. m is the averaging factor in samples, tau = m/rate, s^2 = q^2/rate the variance of a random walk's
-innovation, b = Q rate. Variances in X^2:
+White noise is of variance q^2 rate in both, quantization the first difference of a white sequence
+of standard deviation Q rate, and the drift a line of known slope w. m is the averaging factor in
+samples, tau = m/rate, s^2 = q^2/rate the variance of a random walk's innovation, b = Q rate.
+Variances in X^2:
 
                  Haar nu_j, m = 2^(j-1)      Allan   modified Allan                      Hadamard
     white        q^2 rate / (2 m)            2 nu    q^2 rate (m^2 + 1)/(2 m^3)          q^2 rate / m
@@ -17,14 +22,17 @@ innovation, b = Q rate. Variances in X^2:
     drift        w^2 m^2 / (4 rate^2)        2 nu    w^2 m^2 / (2 rate^2)                0
     Gauss-Markov `gauss_markov`
 
-The power spectral density is two-sided (X^2/Hz, its integral over -rate/2 ... rate/2 is the variance; a one-sided one is twice that) and
-that of the sampled series, so with all that folds over. With p = sin^2(pi f/rate), and P, B, c of `gauss_markov` (A = 4 P):
+The power spectral density is two-sided (X^2/Hz, its integral over -rate/2 ... rate/2 is the
+variance; a one-sided one is twice that) and that of the sampled series, so with all that folds
+over. With p = sin^2(pi f/rate), and P, B, c of `gauss_markov` (A = 4 P):
 
     white  q^2,     quantization  4 p b^2/rate,     walk  s^2/(4 p rate) (point),  s^2 (1/(4 p) - 1/6)/rate (mean),
-    Gauss-Markov  sigma^2/rate c/(1 + A p) (point),  sigma^2/rate (2/u) (1 - p B/u)/(1 + A p) with the B and A of point (mean).
+    Gauss-Markov  sigma^2/rate c/(1 + A p) (point),  sigma^2/rate (2/u) (1 - p B/u)/(1 + A p) with
+                                                     the B and A of point (mean).
 
-A line has no power spectral density; the drift adds nothing to it. Guerrier et al. (2013), "Wavelet-variance-based estimation for
-composite stochastic processes", J. Am. Stat. Assoc. 108, 1021, give the Haar column for "point", IEEE Std 952 annex C Allan's for "mean".
+A line has no power spectral density; the drift adds nothing to it. Guerrier et al. (2013),
+"Wavelet-variance-based estimation for composite stochastic processes", J. Am. Stat. Assoc. 108,
+1021, give the Haar column for "point", IEEE Std 952 annex C Allan's for "mean".
 """
 
 from collections.abc import Callable
@@ -33,7 +41,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...errors import UsageError
+from ...base.errors import UsageError
 from ..gauss_markov import (
     check_rate,
     gauss_markov_allan,
@@ -62,7 +70,11 @@ Array = NDArray[np.float64]
 Sampling = Literal["point", "mean"]
 Kind = Literal["allan", "modified", "hadamard"]
 
-_GAUSS_MARKOV = {"allan": gauss_markov_allan, "modified": gauss_markov_modified, "hadamard": gauss_markov_hadamard}
+_GAUSS_MARKOV = {
+    "allan": gauss_markov_allan,
+    "modified": gauss_markov_modified,
+    "hadamard": gauss_markov_hadamard,
+}
 _WHITE: dict[str, Callable[[Array], Array]] = {
     "allan": lambda m: 1.0 / m,
     "modified": lambda m: (m**2 + 1.0) / (2.0 * m**3),
@@ -83,36 +95,60 @@ _WALK: dict[tuple[str, bool], Callable[[Array], Array]] = {
 }
 
 
-def haar_variance(axis: AxisNoise, level: ArrayLike, rate_hz: float, sampling: Sampling = "point") -> Array:
-    """Haar wavelet variance, X^2, at `level` (whole numbers from 1; filter of 2^level samples), of the same shape."""
+def haar_variance(
+    axis: AxisNoise, level: ArrayLike, rate_hz: float, sampling: Sampling = "point"
+) -> Array:
+    """Haar wavelet variance, X^2, at `level` (whole numbers from 1; filter of 2^level samples), of
+    the same shape.
+    """
     return 0.5 * allan_variance(axis, _factor_of(level), rate_hz, sampling)
 
 
-def haar_variance_parts(axis: AxisNoise, level: ArrayLike, rate_hz: float, sampling: Sampling = "point") -> dict[str, Array]:
-    """The same by process: "white_noise", "quantization", "random_walk", "drift", "gauss_markov_1", ..., those that the axis has."""
+def haar_variance_parts(
+    axis: AxisNoise, level: ArrayLike, rate_hz: float, sampling: Sampling = "point"
+) -> dict[str, Array]:
+    """The same by process: "white_noise", "quantization", "random_walk", "drift", "gauss_markov_1",
+    ..., those that the axis has.
+    """
     parts = variance_parts("allan", axis, _factor_of(level), rate_hz, sampling)
     return {name: 0.5 * part for name, part in parts.items()}
 
 
-def allan_variance(axis: AxisNoise, m: ArrayLike, rate_hz: float, sampling: Sampling = "point") -> Array:
-    """Allan variance, X^2, at averaging factors `m` (whole numbers from 1, tau = m/rate_hz), of the same shape."""
+def allan_variance(
+    axis: AxisNoise, m: ArrayLike, rate_hz: float, sampling: Sampling = "point"
+) -> Array:
+    """Allan variance, X^2, at averaging factors `m` (whole numbers from 1, tau = m/rate_hz), of the
+    same shape.
+    """
     return _total("allan", axis, m, rate_hz, sampling)
 
 
-def modified_allan_variance(axis: AxisNoise, m: ArrayLike, rate_hz: float, sampling: Sampling = "point") -> Array:
-    """Modified Allan variance, X^2, at averaging factors `m` (whole numbers from 1), of the same shape."""
+def modified_allan_variance(
+    axis: AxisNoise, m: ArrayLike, rate_hz: float, sampling: Sampling = "point"
+) -> Array:
+    """Modified Allan variance, X^2, at averaging factors `m` (whole numbers from 1), of the same
+    shape.
+    """
     return _total("modified", axis, m, rate_hz, sampling)
 
 
-def hadamard_variance(axis: AxisNoise, m: ArrayLike, rate_hz: float, sampling: Sampling = "point") -> Array:
-    """Hadamard variance, X^2, at averaging factors `m` (whole numbers from 1), of the same shape; the drift does not enter."""
+def hadamard_variance(
+    axis: AxisNoise, m: ArrayLike, rate_hz: float, sampling: Sampling = "point"
+) -> Array:
+    """Hadamard variance, X^2, at averaging factors `m` (whole numbers from 1), of the same shape;
+    the drift does not enter.
+    """
     return _total("hadamard", axis, m, rate_hz, sampling)
 
 
-def variance_parts(kind: Kind, axis: AxisNoise, m: ArrayLike, rate_hz: float, sampling: Sampling = "point") -> dict[str, Array]:
-    """Variances of one `kind` by process, X^2, at averaging factors `m`; names as in `haar_variance_parts`.
+def variance_parts(
+    kind: Kind, axis: AxisNoise, m: ArrayLike, rate_hz: float, sampling: Sampling = "point"
+) -> dict[str, Array]:
+    """Variances of one `kind` by process, X^2, at averaging factors `m`; names as in
+    `haar_variance_parts`.
 
-    Raises UsageError for another kind or sampling, an m that is no whole number from 1, and a rate that is not positive.
+    Raises UsageError for another kind or sampling, an m that is no whole number from 1, and a rate
+    that is not positive.
     """
     if kind not in _GAUSS_MARKOV:
         raise UsageError(f"variance {kind!r} is unknown; known are {', '.join(_GAUSS_MARKOV)}")
@@ -134,11 +170,15 @@ def variance_parts(kind: Kind, axis: AxisNoise, m: ArrayLike, rate_hz: float, sa
 
 
 def psd(axis: AxisNoise, f_hz: ArrayLike, rate_hz: float, sampling: Sampling = "point") -> Array:
-    """Two-sided power spectral density of the sampled series, X^2/Hz, at 0 < f_hz <= rate_hz/2, of the same shape."""
+    """Two-sided power spectral density of the sampled series, X^2/Hz, at 0 < f_hz <= rate_hz/2, of
+    the same shape.
+    """
     return sum(psd_parts(axis, f_hz, rate_hz, sampling).values(), np.zeros(np.shape(f_hz)))
 
 
-def psd_parts(axis: AxisNoise, f_hz: ArrayLike, rate_hz: float, sampling: Sampling = "point") -> dict[str, Array]:
+def psd_parts(
+    axis: AxisNoise, f_hz: ArrayLike, rate_hz: float, sampling: Sampling = "point"
+) -> dict[str, Array]:
     """The same by process, names as in `haar_variance_parts`; the drift, a line, has none.
 
     Raises UsageError for a frequency outside 0 < f_hz <= rate_hz/2.
@@ -146,7 +186,10 @@ def psd_parts(axis: AxisNoise, f_hz: ArrayLike, rate_hz: float, sampling: Sampli
     f, point = np.asarray(f_hz, float), is_point(sampling)
     check_rate(rate_hz)
     if not ((f > 0.0) & (f <= 0.5 * rate_hz)).all():
-        raise UsageError(f"frequencies from {f.min():g} to {f.max():g} Hz; give them above 0 and up to half the rate, {0.5 * rate_hz:g} Hz")
+        raise UsageError(
+            f"frequencies from {f.min():g} to {f.max():g} Hz; give them above 0 and up to half the"
+            f" rate, {0.5 * rate_hz:g} Hz"
+        )
     p = np.sin(np.pi * f / rate_hz) ** 2
     parts = {}
     if axis.white_noise:
@@ -154,7 +197,9 @@ def psd_parts(axis: AxisNoise, f_hz: ArrayLike, rate_hz: float, sampling: Sampli
     if axis.quantization:
         parts["quantization"] = 4.0 * axis.quantization**2 * rate_hz * p
     if axis.random_walk:
-        parts["random_walk"] = (axis.random_walk / rate_hz) ** 2 * (0.25 / p - (0.0 if point else 1.0 / 6.0))
+        parts["random_walk"] = (axis.random_walk / rate_hz) ** 2 * (
+            0.25 / p - (0.0 if point else 1.0 / 6.0)
+        )
     for i, process in enumerate(axis.gauss_markov, start=1):
         u = 1.0 / (process.correlation_time_s * rate_hz)
         P, B, c = gauss_markov_coefficients(1.0 / u)

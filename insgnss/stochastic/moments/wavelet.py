@@ -1,37 +1,45 @@
 r"""Haar wavelet variance of a series, with its interval, and the same robustly.
 
-At level j, with m = 2^(j - 1), the coefficients of the maximal-overlap Haar transform without those that reach over the ends are
+At level j, with m = 2^(j - 1), the coefficients of the maximal-overlap Haar transform without those
+that reach over the ends are
 
-    W_j(t) = (mean of x(t + m .. t + 2m) - mean of x(t .. t + m)) / 2,      t = 0 .. n - 2m             (W.1)
+    W_j(t) = (mean of x(t + m .. t + 2m) - mean of x(t .. t + m)) / 2,      t = 0 .. n - 2m    (W.1)
 
-so that with the cumulated series S, S(0) = 0, W_j(t) = (S(t + 2m) - 2 S(t + m) + S(t)) / (2m). All levels come from the one S,
-blocks of t at a time; taking the mean off x first keeps S small and leaves (W.1) as it is. The discrete transform
-("dwt") keeps t = 0, 2m, 4m ... only. The estimate over the M_j coefficients and its relation to the Allan variance over m samples are
+so that with the cumulated series S, S(0) = 0, W_j(t) = (S(t + 2m) - 2 S(t + m) + S(t)) / (2m). All
+levels come from the one S, blocks of t at a time; taking the mean off x first keeps S small and
+leaves (W.1) as it is. The discrete transform ("dwt") keeps t = 0, 2m, 4m ... only. The estimate
+over the M_j coefficients and its relation to the Allan variance over m samples are
 
-    nu_j = mean of W_j^2,      avar(m / rate) = 2 nu_j                                                   (W.2)
+    nu_j = mean of W_j^2,      avar(m / rate) = 2 nu_j                                         (W.2)
 
-There are J = floor(log2 n) - 1 levels where no other number is asked for, as R package wv has it: the last has n/2 coefficients or more.
-The interval takes eta nu_hat / nu as chi-square with eta degrees of freedom (Percival 1995, his eta_3; also in R package wv):
+There are J = floor(log2 n) - 1 levels where no other number is asked for, as R package wv has it:
+the last has n/2 coefficients or more. The interval takes eta nu_hat / nu as chi-square with eta
+degrees of freedom (Percival 1995, his eta_3; also in R package wv):
 
-    eta = max(M_j / 2^j, 1)                                                                              (W.3)
+    eta = max(M_j / 2^j, 1)                                                                    (W.3)
 
-which is cautious: it counts stretches that do not overlap. Coefficients of the discrete transform do not overlap, there eta = M_j.
-The numbers of R package wv for "dwt" are of orthonormal coefficients, 2^j times these.
+which is cautious: it counts stretches that do not overlap. Coefficients of the discrete transform
+do not overlap, there eta = M_j. The numbers of R package wv for "dwt" are of orthonormal
+coefficients, 2^j times these.
 
-Robust: the biweight M-estimate of scale of Mondal and Percival (2012) and Guerrier and Molinari (2016). nu solves
+Robust: the biweight M-estimate of scale of Mondal and Percival (2012) and Guerrier and Molinari
+(2016). nu solves
 
-    mean of psi(W / sqrt(nu)) = a(c),      psi(r) = r^2 (1 - r^2/c^2)^4 for |r| < c, else 0              (W.4)
+    mean of psi(W / sqrt(nu)) = a(c),      psi(r) = r^2 (1 - r^2/c^2)^4 for |r| < c, else 0    (W.4)
 
-a(c) is the mean of psi for normal W. With y = W^2/(c^2 nu) it reads: mean of y (1 - y)^4 over y < 1 = a(c) / c^2. The logarithm of nu
-has in independent normal coefficients the variance 4 Q/(n M^2), Q = var psi and M = E[(r^2 - 1) psi], against 2/n for the plain mean: c
-follows from the wanted efficiency M^2/(2 Q), 4.40 for 0.6. With moments mu_2k = E[r^2k; |r| < c] = (2k - 1)!! P(k + 1/2, c^2/2), P the
-regularised incomplete gamma function, expanding the powers of (1 - r^2/c^2) gives
+a(c) is the mean of psi for normal W. With y = W^2/(c^2 nu) it reads: mean of y (1 - y)^4 over y < 1
+= a(c) / c^2. The logarithm of nu has in independent normal coefficients the variance 4 Q/(n M^2), Q
+= var psi and M = E[(r^2 - 1) psi], against 2/n for the plain mean: c follows from the wanted
+efficiency M^2/(2 Q), 4.40 for 0.6. With moments mu_2k = E[r^2k; |r| < c] = (2k - 1)!! P(k + 1/2,
+c^2/2), P the regularised incomplete gamma function, expanding the powers of (1 - r^2/c^2) gives
 
     E psi = sum_i C(4, i) (-c^-2)^i mu_(2 + 2i),      E psi^2 = sum_i C(8, i) (-c^-2)^i mu_(4 + 2i)       (W.5)
 
-The robust interval widens that of the plain estimate, relative to the estimate, by 1/sqrt(efficiency) on either side. At
-the last two or three levels only a handful of coefficients is independent, the majority that (W.4) follows is a matter of chance, and the
-estimate may be many times smaller than the plain one: levels above floor(log2 n) - 3 are better left out of a robust fit.
+The robust interval widens that of the plain estimate, relative to the estimate, by
+1/sqrt(efficiency) on either side. At the last two or three levels only a handful of coefficients is
+independent, the majority that (W.4) follows is a matter of chance, and the estimate may be many
+times smaller than the plain one: levels above floor(log2 n) - 3 are better left out of a robust
+fit.
 """
 
 import math
@@ -43,11 +51,17 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...errors import DataError, InputError, InsgnssError, UsageError
+from ...base.errors import DataError, InputError, InsgnssError, UsageError
 from ...records import WaveletVariance, chi_square_interval
 from ._kernels import biweight_mean, copy_sum, cumulate, haar_squares, second_difference_power
 
-__all__ = ["WaveletVariance", "cumulated", "default_levels", "wavelet_variance", "wavelet_variances"]
+__all__ = [
+    "WaveletVariance",
+    "cumulated",
+    "default_levels",
+    "wavelet_variance",
+    "wavelet_variances",
+]
 
 Array = NDArray[np.float64]
 Decomposition = Literal["modwt", "dwt"]
@@ -58,7 +72,9 @@ _SAMPLE = 10_000  # coefficients that the search for the robust solution starts 
 
 
 def default_levels(samples: int) -> int:
-    """Number of levels J = floor(log2 n) - 1, exact powers of two included: at least half of the series' length in coefficients."""
+    """Number of levels J = floor(log2 n) - 1, exact powers of two included: at least half of the
+    series' length in coefficients.
+    """
     return int(samples).bit_length() - 2
 
 
@@ -73,11 +89,13 @@ def wavelet_variance(
 ) -> WaveletVariance:
     """Haar wavelet variance of one axis at levels 1 to J with 95 % intervals (W.1 to W.5).
 
-    x : (n,) rate samples, X, without gaps.   levels : J, by default floor(log2 n) - 1, at most floor(log2 n).
+    x : (n,) rate samples, X, without gaps.
+    levels : J, by default floor(log2 n) - 1, at most floor(log2 n).
     efficiency : of the robust estimate against the plain one in normal noise, 0.2 to 0.99.
 
-    Raises InputError for a value that is not finite, DataError for fewer than 4 samples, a constant series or a robust estimate of
-    coefficients that are mostly zero, UsageError for options that make no sense.
+    Raises InputError for a value that is not finite, DataError for fewer than 4 samples, a constant
+    series or a robust estimate of coefficients that are mostly zero, UsageError for options that
+    make no sense.
     """
     if decomposition not in ("modwt", "dwt"):
         raise UsageError(f"decomposition {decomposition!r} is neither 'modwt' nor 'dwt'")
@@ -95,13 +113,20 @@ def wavelet_variance(
     second_difference_power(s, m, stride, power)
     variance = power / (4.0 * m * m * count)
     if variance.min() <= 0.0:
-        raise DataError(f"no variance at level {level[np.argmin(variance)]}; the series is periodic or constant but for its ends")
-    low, high = chi_square_interval(variance, np.maximum(count / 2.0**level, 1.0) if overlap else count.astype(np.float64))
+        raise DataError(
+            f"no variance at level {level[np.argmin(variance)]}; the series is periodic or constant"
+            " but for its ends"
+        )
+    low, high = chi_square_interval(
+        variance, np.maximum(count / 2.0**level, 1.0) if overlap else count.astype(np.float64)
+    )
     if robust:
         estimate = _robust(s, m, stride, count, efficiency)
         low, high = _robust_interval(estimate, low / variance, high / variance, efficiency)
         variance = estimate
-    return WaveletVariance(level, variance, low, high, count, float(rate_hz), n, robust, decomposition)
+    return WaveletVariance(
+        level, variance, low, high, count, float(rate_hz), n, robust, decomposition
+    )
 
 
 def wavelet_variances(
@@ -113,11 +138,18 @@ def wavelet_variances(
     efficiency: float = 0.6,
     decomposition: Decomposition = "modwt",
 ) -> tuple[WaveletVariance, ...]:
-    """`wavelet_variance` of every column of x (n, k), two columns at a time. Errors name the column, counted from 1."""
+    """`wavelet_variance` of every column of x (n, k), two columns at a time. Errors name the
+    column, counted from 1.
+    """
     columns = np.asarray(x)
     if columns.ndim != 2:
         raise UsageError(f"samples of shape {columns.shape}; columns (n, k) are expected")
-    options: dict[str, Any] = {"levels": levels, "robust": robust, "efficiency": efficiency, "decomposition": decomposition}
+    options: dict[str, Any] = {
+        "levels": levels,
+        "robust": robust,
+        "efficiency": efficiency,
+        "decomposition": decomposition,
+    }
 
     def one(k: int) -> WaveletVariance:
         try:
@@ -137,32 +169,45 @@ def in_threads(work: Callable[[int], Any], count: int) -> tuple[Any, ...]:
 
 
 def cumulated(x: ArrayLike, rate_hz: float) -> Array:
-    """(n + 1,) cumulated sum of x (n,) less its mean, from 0; refuses what no variance can be taken of (see `wavelet_variance`)."""
+    """(n + 1,) cumulated sum of x (n,) less its mean, from 0; refuses what no variance can be taken
+    of (see `wavelet_variance`).
+    """
     series = np.asarray(x, dtype=np.float64)
     if not (0.0 < rate_hz < math.inf):
         raise UsageError(f"rate {rate_hz} Hz; it must be greater than zero")
     if series.ndim != 1:
         raise UsageError(f"a series of shape {series.shape}; one axis (n,) is expected")
     if series.size < 4:
-        raise DataError(f"{series.size} samples; at least 4 are needed, and hours of them for slow processes")
+        raise DataError(
+            f"{series.size} samples; at least 4 are needed, and hours of them for slow processes"
+        )
     s = np.empty(series.size + 1)
     total, same = copy_sum(series, s)
     if not math.isfinite(total):
         bad = ~np.isfinite(series)
         if not bad.any():
             raise InputError(f"samples of up to {np.abs(series).max():g} overflow; check the unit")
-        raise InputError(f"sample {int(np.argmax(bad)) + 1} of {series.size} is {series[np.argmax(bad)]}; fill or cut such gaps first")
+        raise InputError(
+            f"sample {int(np.argmax(bad)) + 1} of {series.size} is {series[np.argmax(bad)]}; fill"
+            " or cut such gaps first"
+        )
     if same:
-        raise DataError(f"all {series.size} samples are {series[0]:g}, a dead channel; choose the columns that hold the sensor")
+        raise DataError(
+            f"all {series.size} samples are {series[0]:g}, a dead channel; choose the columns that"
+            " hold the sensor"
+        )
     cumulate(s, total / series.size)
     return s
 
 
-def _robust_interval(estimate: Array, low: Array, high: Array, efficiency: float) -> tuple[Array, Array]:
+def _robust_interval(
+    estimate: Array, low: Array, high: Array, efficiency: float
+) -> tuple[Array, Array]:
     """The plain interval, given relative to its estimate, widened about the robust one.
 
-    Where that would reach below zero, as at levels with one or two degrees of freedom, the lower end is half of the estimate, or
-    the smallest lower end of the levels before if that is less: so in R package wv, whose figures these are to compare with.
+    Where that would reach below zero, as at levels with one or two degrees of freedom, the lower
+    end is half of the estimate, or the smallest lower end of the levels before if that is less: so
+    in R package wv, whose figures these are to compare with.
     """
     wider = math.sqrt(1.0 / efficiency)
     bottom = estimate * (1.0 - (1.0 - low) * wider)
@@ -171,7 +216,13 @@ def _robust_interval(estimate: Array, low: Array, high: Array, efficiency: float
     return bottom, estimate * (1.0 + (high - 1.0) * wider)
 
 
-def _robust(s: Array, m: NDArray[np.int64], stride: NDArray[np.int64], count: NDArray[np.int64], efficiency: float) -> Array:
+def _robust(
+    s: Array,
+    m: NDArray[np.int64],
+    stride: NDArray[np.int64],
+    count: NDArray[np.int64],
+    efficiency: float,
+) -> Array:
     """(J,) the solutions of (W.4)."""
     c, a = biweight_constants(efficiency)
     squares = np.empty(count[0])
@@ -186,22 +237,33 @@ def _robust(s: Array, m: NDArray[np.int64], stride: NDArray[np.int64], count: ND
 def _biweight_scale(q: Array, wanted: float, level: int) -> float:
     """1/k for the smallest k that makes the mean of y (1 - y)^4, y = k q, equal to `wanted`.
 
-    The mean rises with k from zero, may rise and fall for outliers, rises when the bulk of the coefficients comes near y = 1/5, where
-    its top is, and falls. A scan of some coefficients from the left, where the mean is surely smaller, finds the place, and Newton's method
-    in log k on all of them the solution. Few independent coefficients, at the longest scales, may leave none: then the nearest k.
+    The mean rises with k from zero, may rise and fall for outliers, rises when the bulk of the
+    coefficients comes near y = 1/5, where its top is, and falls. A scan of some coefficients from
+    the left, where the mean is surely smaller, finds the place, and Newton's method in log k on all
+    of them the solution. Few independent coefficients, at the longest scales, may leave none: then
+    the nearest k.
     """
     some = q[:: -(-q.size // _SAMPLE)].copy()
     if (middle := float(np.median(some))) == 0.0:
-        raise DataError(f"level {level}: most coefficients are zero, of a coarsely quantized channel; leave out robust, it has no answer")
+        raise DataError(
+            f"level {level}: most coefficients are zero, of a coarsely quantized channel; leave out"
+            " robust, it has no answer"
+        )
     k = np.geomspace(low := wanted / float(some.mean()), max(2.0 * low, 1.0 / middle), 100)
     value = np.array([biweight_mean(some, each)[0] for each in k])
     first = int(np.argmax(value >= wanted)) or int(np.argmax(value))
     solution = _newton(q, k[first], wanted)
-    return 1.0 / (_bracketed(q, k[max(first - 1, 0)], k[min(first + 1, 99)], wanted) if solution is None else solution)
+    return 1.0 / (
+        _bracketed(q, k[max(first - 1, 0)], k[min(first + 1, 99)], wanted)
+        if solution is None
+        else solution
+    )
 
 
 def _newton(q: Array, k: float, wanted: float) -> float | None:
-    """The k near the given one at which the mean of `biweight_mean` rises through `wanted`; None where it does not."""
+    """The k near the given one at which the mean of `biweight_mean` rises through `wanted`; None
+    where it does not.
+    """
     for _ in range(30):
         value, slope = biweight_mean(q, k)
         if slope <= 0.0:
@@ -224,11 +286,16 @@ def _bracketed(q: Array, low: float, high: float, wanted: float) -> float:
 
 
 def biweight_constants(efficiency: float) -> tuple[float, float]:
-    """c, and the mean a(c) of psi for normal coefficients, of a wanted efficiency, 0.2 to 0.99 (W.4, W.5)."""
+    """c, and the mean a(c) of psi for normal coefficients, of a wanted efficiency, 0.2 to 0.99
+    (W.4, W.5).
+    """
     from scipy.optimize import brentq
 
     if not _EFFICIENCIES[0] <= efficiency <= _EFFICIENCIES[1]:
-        raise UsageError(f"efficiency {efficiency} of the robust estimate; give {_EFFICIENCIES[0]} to {_EFFICIENCIES[1]}")
+        raise UsageError(
+            f"efficiency {efficiency} of the robust estimate; give {_EFFICIENCIES[0]} to"
+            f" {_EFFICIENCIES[1]}"
+        )
 
     def excess(c: float) -> float:
         mean, square, score = _biweight_moments(c)

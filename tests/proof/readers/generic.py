@@ -1,7 +1,9 @@
-"""Tables whose columns and conventions somebody says: the generic ASCII table by its header, and the presets by formats.md B10.
+"""Tables whose columns and conventions somebody says: the generic ASCII table by its header, and
+the presets by formats.md B10.
 
-Angle sets C1: opk and pok take the camera's axes into the frame's or back; ypr, ned and gimbal count from north: ned of the body (forward,
-right, down), of which the camera is C = R T-and-bore-sight, gimbal of (view, right, down) of the camera.
+Angle sets C1: opk and pok take the camera's axes into the frame's or back; ypr, ned and gimbal
+count from north: ned of the body (forward, right, down), of which the camera is C = R
+T-and-bore-sight, gimbal of (view, right, down) of the camera.
 """
 
 from pathlib import Path
@@ -21,26 +23,55 @@ def read(path: Path) -> Table:
     said = dict(line.split(": ", 1) for line in head if ": " in line)
     separator = next((s for s in (",", ";", "\t") if s in last), None)
     columns = [name.strip() for name in last.split(separator)]
-    names, values = named(rows(path, separator), " ".join("name" if c == "image" else c for c in columns))
+    names, values = named(
+        rows(path, separator), " ".join("name" if c == "image" else c for c in columns)
+    )
     factor = UNITS[said["angle unit"]]
     plain = ("x", "y", "z", "lat", "lon", "h", "tow", "week", "number", "qw", "qx", "qy", "qz")
-    values = {c: v if c in plain or c.startswith(("s", "r1", "r2", "r3")) else v * factor for c, v in values.items()}
+    values = {
+        c: v if c in plain or c.startswith(("s", "r1", "r2", "r3")) else v * factor
+        for c, v in values.items()
+    }
     if "r11" in values:
-        values["R"] = np.column_stack([values[f"r{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3)]).reshape(-1, 3, 3)
+        values["R"] = np.column_stack(
+            [values[f"r{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3)]
+        ).reshape(-1, 3, 3)
     if "qw" in values:
         values["R"] = quaternion(np.column_stack([values[f"q{c}"] for c in "wxyz"]))
     for long, short in (("_pok", ""), ("_ned", ""), ("gimbal_", "")):
-        values |= {c.replace(long, short): v for c, v in values.items() if long in c and not c.startswith("s_")}
-    kind = "ypr" if "yaw" in columns else "ned" if "yaw_ned" in columns else "gimbal" if "gimbal_yaw" in columns else ""
+        values |= {
+            c.replace(long, short): v
+            for c, v in values.items()
+            if long in c and not c.startswith("s_")
+        }
+    kind = (
+        "ypr"
+        if "yaw" in columns
+        else "ned"
+        if "yaw_ned" in columns
+        else "gimbal"
+        if "gimbal_yaw" in columns
+        else ""
+    )
     kind = kind or ("R" if "R" in values else "pok" if "phi_pok" in columns else "opk")
     return Table(names, values, said | {"kind": kind})
 
 
 def _preset(path: Path, columns: str, unit: str = "deg", separator: str | None = None) -> Table:
     names, values = named(rows(path, separator), columns)
-    angles = {c: v * UNITS[unit] for c, v in values.items() if c in ("omega", "phi", "kappa", "yaw", "pitch", "roll")}
+    angles = {
+        c: v * UNITS[unit]
+        for c, v in values.items()
+        if c in ("omega", "phi", "kappa", "yaw", "pitch", "roll")
+    }
     said = {"camera axes": "RUB (", "attitude": "camera to frame", "north": "true"}
-    kind = "ypr" if "yaw" in values else "pok" if columns.index("phi") < columns.index("omega") else "opk"
+    kind = (
+        "ypr"
+        if "yaw" in values
+        else "pok"
+        if columns.index("phi") < columns.index("omega")
+        else "opk"
+    )
     return Table(names, values | angles, said | {"kind": kind})
 
 
@@ -76,16 +107,28 @@ def poses(table: Table, frame: Frame, body: np.ndarray | None = None) -> Poses:
     north = frame.axes(x) if table.said["north"] == "frame" else frame.north(x)
     kind = table.said["kind"]
     if kind == "ypr":
-        return Poses(table.names, centre, north @ ypr(table["yaw"], table["pitch"], table["roll"]) @ D)
+        return Poses(
+            table.names, centre, north @ ypr(table["yaw"], table["pitch"], table["roll"]) @ D
+        )
     if kind == "gimbal":
-        return Poses(table.names, centre, north @ S @ ned(table["roll"], table["pitch"], table["yaw"]) @ GIMBAL.T)
+        return Poses(
+            table.names,
+            centre,
+            north @ S @ ned(table["roll"], table["pitch"], table["yaw"]) @ GIMBAL.T,
+        )
     if kind == "ned":
         assert body is not None
-        return Poses(table.names, centre, north @ S @ ned(table["roll"], table["pitch"], table["yaw"]) @ body)
+        return Poses(
+            table.names, centre, north @ S @ ned(table["roll"], table["pitch"], table["yaw"]) @ body
+        )
     if kind == "R":
         R = table["R"]
     else:
         columns, compose, _ = SETS[kind]
         R = compose(*(table[c] for c in columns))
     R = R if table.said["attitude"] == "camera to frame" else turn(R)
-    return Poses(table.names, centre, frame.axes(x) @ (R @ D if table.said["camera axes"].startswith("RUB") else R))
+    return Poses(
+        table.names,
+        centre,
+        frame.axes(x) @ (R @ D if table.said["camera axes"].startswith("RUB") else R),
+    )

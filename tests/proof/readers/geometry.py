@@ -1,14 +1,19 @@
-"""Elementary matrices, angle sets and frames of formats.md sections 0 and C, for readers that share nothing with the writers.
+"""Elementary matrices, angle sets and frames of formats.md sections 0 and C, for readers that share
+nothing with the writers.
 
-Angles are degrees, positions metres. R of an angle set and its angles are inverse to each other; `SETS` lists them by name. A frame turns
-what a file says of a place into ECEF, and gives the axes (columns, in ECEF) that its angles count from:
+Angles are degrees, positions metres. R of an angle set and its angles are inverse to each other;
+`SETS` lists them by name. A frame turns what a file says of a place into ECEF, and gives the axes
+(columns, in ECEF) that its angles count from:
 
-    axes    of the coordinates: the plane's, the grid's, east north up at the place of geographic coordinates
-    north   what yaw counts from: true north, in a tangent plane (a LOCAL coordinate system) the plane's own
+    axes    of the coordinates: the plane's, the grid's, east north up at the place of geographic
+            coordinates
+    north   what yaw counts from: true north, in a tangent plane (a LOCAL coordinate system) the
+            plane's own
     local   east, north, up at the place
 
-A projected frame is left through the projection: the place by inverting PROJ's forward transformation in three dimensions, the
-axes by the azimuth on the grid of a small way north. So neither scale nor curvature enters: the poses are those in space.
+A projected frame is left through the projection: the place by inverting PROJ's forward
+transformation in three dimensions, the axes by the azimuth on the grid of a small way north. So
+neither scale nor curvature enters: the poses are those in space.
 """
 
 from collections.abc import Callable
@@ -22,7 +27,9 @@ Array = np.ndarray
 
 D = np.diag([1.0, -1.0, -1.0])
 S = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-GIMBAL = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # columns: view, right, down of the camera in its CV axes
+GIMBAL = np.array(
+    [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
+)  # columns: view, right, down of the camera in its CV axes
 TO_ECEF = Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
 
 
@@ -32,7 +39,12 @@ def elementary(axis: int, degrees: Array | float) -> Array:
     j, k = (axis + 1) % 3, (axis + 2) % 3
     out = np.zeros((*a.shape, 3, 3))
     out[..., axis, axis] = 1.0
-    out[..., j, j], out[..., k, k], out[..., k, j], out[..., j, k] = np.cos(a), np.cos(a), np.sin(a), -np.sin(a)
+    out[..., j, j], out[..., k, k], out[..., k, j], out[..., j, k] = (
+        np.cos(a),
+        np.cos(a),
+        np.sin(a),
+        -np.sin(a),
+    )
     return out
 
 
@@ -72,7 +84,9 @@ def ned(r: Array, p: Array, y: Array) -> Array:
 
 
 def kml(heading: Array, tilt: Array, roll: Array) -> Array:
-    """A camera that looks along its -z with y up, turned about z, x, z; right, up, back into east, north, up."""
+    """A camera that looks along its -z with y up, turned about z, x, z; right, up, back into east,
+    north, up.
+    """
     return Rz(-np.asarray(heading)) @ Rx(tilt) @ Rz(roll)
 
 
@@ -90,26 +104,48 @@ def _deg(*angles: Array) -> tuple[Array, ...]:
 
 
 def opk_of(R: Array) -> tuple[Array, ...]:
-    return _deg(np.arctan2(-R[:, 1, 2], R[:, 2, 2]), np.arcsin(R[:, 0, 2]), np.arctan2(-R[:, 0, 1], R[:, 0, 0]))
+    return _deg(
+        np.arctan2(-R[:, 1, 2], R[:, 2, 2]),
+        np.arcsin(R[:, 0, 2]),
+        np.arctan2(-R[:, 0, 1], R[:, 0, 0]),
+    )
 
 
 def pok_of(R: Array) -> tuple[Array, ...]:
-    return _deg(np.arctan2(R[:, 0, 2], R[:, 2, 2]), np.arcsin(-R[:, 1, 2]), np.arctan2(R[:, 1, 0], R[:, 1, 1]))
+    return _deg(
+        np.arctan2(R[:, 0, 2], R[:, 2, 2]),
+        np.arcsin(-R[:, 1, 2]),
+        np.arctan2(R[:, 1, 0], R[:, 1, 1]),
+    )
 
 
 def ypr_of(R: Array) -> tuple[Array, ...]:
-    return _deg(np.arctan2(R[:, 0, 1], R[:, 1, 1]), np.arcsin(R[:, 2, 1]), np.arctan2(-R[:, 2, 0], R[:, 2, 2]))
+    return _deg(
+        np.arctan2(R[:, 0, 1], R[:, 1, 1]),
+        np.arcsin(R[:, 2, 1]),
+        np.arctan2(-R[:, 2, 0], R[:, 2, 2]),
+    )
 
 
 def ned_of(R: Array) -> tuple[Array, ...]:
-    return _deg(np.arctan2(R[:, 2, 1], R[:, 2, 2]), np.arcsin(-R[:, 2, 0]), np.arctan2(R[:, 1, 0], R[:, 0, 0]))
+    return _deg(
+        np.arctan2(R[:, 2, 1], R[:, 2, 2]),
+        np.arcsin(-R[:, 2, 0]),
+        np.arctan2(R[:, 1, 0], R[:, 0, 0]),
+    )
 
 
 def kml_of(R: Array) -> tuple[Array, ...]:
-    return _deg(np.arctan2(-R[:, 0, 2], -R[:, 1, 2]), np.arccos(R[:, 2, 2]), np.arctan2(R[:, 2, 0], R[:, 2, 1]))
+    return _deg(
+        np.arctan2(-R[:, 0, 2], -R[:, 1, 2]),
+        np.arccos(R[:, 2, 2]),
+        np.arctan2(R[:, 2, 0], R[:, 2, 1]),
+    )
 
 
-SETS: dict[str, tuple[tuple[str, ...], Callable[..., Array], Callable[[Array], tuple[Array, ...]]]] = {
+SETS: dict[
+    str, tuple[tuple[str, ...], Callable[..., Array], Callable[[Array], tuple[Array, ...]]]
+] = {
     "opk": (("omega", "phi", "kappa"), opk, opk_of),
     "pok": (("phi", "omega", "kappa"), pok, pok_of),
     "ypr": (("yaw", "pitch", "roll"), ypr, ypr_of),
@@ -140,7 +176,9 @@ class Table:
 
 @dataclass(frozen=True)
 class Poses:
-    """Projection centres (n, 3) in ECEF, and the camera's axes (right, down, view), columns, in ECEF (n, 3, 3), None where not told."""
+    """Projection centres (n, 3) in ECEF, and the camera's axes (right, down, view), columns, in
+    ECEF (n, 3, 3), None where not told.
+    """
 
     names: list[str]
     centre: Array
@@ -242,9 +280,14 @@ class Projected(Frame):
         step = 1e-5
         place = np.column_stack([*self._there.transform(*x.T, direction="INVERSE")[:2], x[:, 2]])
         for _ in range(4):
-            sides = [(self.forward(place + s) - self.forward(place - s)) / (2 * step) for s in step * np.eye(3)[:2]]
+            sides = [
+                (self.forward(place + s) - self.forward(place - s)) / (2 * step)
+                for s in step * np.eye(3)[:2]
+            ]
             J = np.stack(sides, axis=-1)
-            place[:, :2] += np.linalg.solve(J, (x[:, :2] - self.forward(place))[:, :, None])[:, :, 0]
+            place[:, :2] += np.linalg.solve(J, (x[:, :2] - self.forward(place))[:, :, None])[
+                :, :, 0
+            ]
         return place
 
     def convergence(self, x: Array) -> Array:

@@ -32,7 +32,8 @@ def read_g2o(path: Path) -> Table:
     values = np.array(vertices, dtype=float)
     columns = dict(zip("xyz", values[:, 1:4].T, strict=True)) | {"q": _q(values[:, 4:])}
     return Table(
-        [name[row[0]] for row in vertices], columns | {"pair": edges[:, :2].astype(int), "d": edges[:, 2:5], "dq": _q(edges[:, 5:])}
+        [name[row[0]] for row in vertices],
+        columns | {"pair": edges[:, :2].astype(int), "d": edges[:, 2:5], "dq": _q(edges[:, 5:])},
     )
 
 

@@ -11,12 +11,20 @@ from .geometry import Array
 def rows(path: Path, separator: str | None = None) -> list[list[str]]:
     """Fields of the lines that are neither empty nor comments (#)."""
     lines = path.read_text(encoding="utf-8").splitlines()
-    return [[x.strip() for x in line.split(separator)] for line in lines if line.strip() and not line.startswith("#")]
+    return [
+        [x.strip() for x in line.split(separator)]
+        for line in lines
+        if line.strip() and not line.startswith("#")
+    ]
 
 
 def comments(path: Path) -> list[str]:
     """The lines behind #."""
-    return [line.lstrip("# ").rstrip() for line in path.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
+    return [
+        line.lstrip("# ").rstrip()
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if line.startswith("#")
+    ]
 
 
 def named(table: list[list[str]], columns: str) -> tuple[list[str], dict[str, Array]]:

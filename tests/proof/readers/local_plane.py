@@ -1,4 +1,6 @@
-"""EO_local-plane.txt, formats.md A.8 candidate (i): image E N U omega phi kappa; Rx(o) Ry(p) Rz(k) takes right-up-back into the plane."""
+"""EO_local-plane.txt, formats.md A.8 candidate (i): image E N U omega phi kappa; Rx(o) Ry(p) Rz(k)
+takes right-up-back into the plane.
+"""
 
 from pathlib import Path
 
@@ -16,4 +18,8 @@ def poses(table: Table, frame: Frame) -> Poses:
     lat, lon, height = numbers(table.said["origin"])
     plane = Tangent(lon, lat, height)
     x = table.place()
-    return Poses(table.names, plane.ecef(x), plane.axes(x) @ opk(table["omega"], table["phi"], table["kappa"]) @ D)
+    return Poses(
+        table.names,
+        plane.ecef(x),
+        plane.axes(x) @ opk(table["omega"], table["phi"], table["kappa"]) @ D,
+    )

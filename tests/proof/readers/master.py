@@ -1,4 +1,6 @@
-"""eo.json, formats.md E1: camera axes right, down, view; the tangent plane and, for a check, quaternions w x y z and ECEF."""
+"""eo.json, formats.md E1: camera axes right, down, view; the tangent plane and, for a check,
+quaternions w x y z and ECEF.
+"""
 
 import json
 from pathlib import Path
@@ -19,7 +21,10 @@ def read(path: Path) -> Table:
         return np.array(values)
 
     lat, lon, height = content["tangent_plane"]["origin_lat_lon_rad_height_m"]
-    columns = dict(zip("xyz", column("position_m").T, strict=True)) | {"R": column("C_mc"), "q": column("quaternion_wxyz")}
+    columns = dict(zip("xyz", column("position_m").T, strict=True)) | {
+        "R": column("C_mc"),
+        "q": column("quaternion_wxyz"),
+    }
     columns |= {"ecef": column("ecef", "position_m"), "q_ecef": column("ecef", "quaternion_wxyz")}
     columns["origin"] = np.array([np.degrees(lon), np.degrees(lat), height])
     return Table([image["image"] for image in images], columns)

@@ -1,8 +1,9 @@
 """MicMac, formats.md B5.
 
-text   the first line names the columns behind #F=; W P K are omega, phi, kappa (eConvAngPhotoMDegre): Rx Ry Rz D takes the camera
+text   the first line names the columns behind #F=; W P K are omega, phi, kappa
+       (eConvAngPhotoMDegre): Rx Ry Rz D takes the camera (right, down, view) into the world
+xml    Orientation-<image>.xml: eConvApero_DistM2C, rows L1 L2 L3 of the matrix of the camera
        (right, down, view) into the world
-xml    Orientation-<image>.xml: eConvApero_DistM2C, rows L1 L2 L3 of the matrix of the camera (right, down, view) into the world
 """
 
 from pathlib import Path
@@ -13,7 +14,18 @@ import numpy as np
 from .geometry import D, Frame, Poses, Table, opk
 from .lines import named, numbers, rows
 
-LETTERS = {"N": "name", "X": "x", "Y": "y", "Z": "z", "W": "omega", "P": "phi", "K": "kappa", "Ix": "sx", "Iy": "sy", "Iz": "sz"}
+LETTERS = {
+    "N": "name",
+    "X": "x",
+    "Y": "y",
+    "Z": "z",
+    "W": "omega",
+    "P": "phi",
+    "K": "kappa",
+    "Ix": "sx",
+    "Iy": "sy",
+    "Iz": "sz",
+}
 
 
 def read(path: Path) -> Table:
@@ -24,7 +36,11 @@ def read(path: Path) -> Table:
 
 def poses(table: Table, frame: Frame) -> Poses:
     x = table.place()
-    return Poses(table.names, frame.ecef(x), frame.axes(x) @ opk(table["omega"], table["phi"], table["kappa"]) @ D)
+    return Poses(
+        table.names,
+        frame.ecef(x),
+        frame.axes(x) @ opk(table["omega"], table["phi"], table["kappa"]) @ D,
+    )
 
 
 def read_xml(path: Path) -> Table:
@@ -35,8 +51,12 @@ def read_xml(path: Path) -> Table:
         assert outer.findtext("KnownConv") == "eConvApero_DistM2C"
         names.append(file.name.removeprefix("Orientation-").removesuffix(".xml"))
         centres.append(numbers(outer.findtext("Centre", "")))
-        matrices.append([numbers(outer.findtext(f"ParamRotation/CodageMatr/L{i}", "")) for i in (1, 2, 3)])
-    return Table(names, dict(zip("xyz", np.array(centres).T, strict=True)) | {"R": np.array(matrices)})
+        matrices.append(
+            [numbers(outer.findtext(f"ParamRotation/CodageMatr/L{i}", "")) for i in (1, 2, 3)]
+        )
+    return Table(
+        names, dict(zip("xyz", np.array(centres).T, strict=True)) | {"R": np.array(matrices)}
+    )
 
 
 def poses_xml(table: Table, frame: Frame) -> Poses:

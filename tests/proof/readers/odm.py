@@ -1,4 +1,6 @@
-"""OpenDroneMap's geo.txt, formats.md B3: the CRS in line 1, then name x y z, angles NaN where absent, accuracies; positions only."""
+"""OpenDroneMap's geo.txt, formats.md B3: the CRS in line 1, then name x y z, angles NaN where
+absent, accuracies; positions only.
+"""
 
 from pathlib import Path
 
@@ -10,7 +12,9 @@ from .lines import named, rows
 
 def read(path: Path) -> Table:
     head, *lines = rows(path)
-    return Table(*named(lines, "name x y z yaw pitch roll horizontal vertical"), {"crs": " ".join(head)})
+    return Table(
+        *named(lines, "name x y z yaw pitch roll horizontal vertical"), {"crs": " ".join(head)}
+    )
 
 
 def poses(table: Table, frame: Frame) -> Poses:

@@ -1,4 +1,5 @@
-"""OpenSfM's exif_overrides.json and reference_lla.json, formats.md B4: world to camera (right, down, view) is D Rz(-k) Ry(-p) Rx(-o).
+"""OpenSfM's exif_overrides.json and reference_lla.json, formats.md B4: world to camera (right,
+down, view) is D Rz(-k) Ry(-p) Rx(-o).
 
 The world is east, north, up of the reference.
 """
@@ -16,13 +17,17 @@ def read(path: Path) -> Table:
     reference = json.loads((path.parent / "reference_lla.json").read_text(encoding="utf-8"))
     fields = {"lon": ("gps", "longitude"), "lat": ("gps", "latitude"), "z": ("gps", "altitude")}
     fields |= {name: ("opk", name) for name in ("omega", "phi", "kappa")}
-    columns = {key: np.array([shot[a][b] for shot in overrides.values()]) for key, (a, b) in fields.items()}
+    columns = {
+        key: np.array([shot[a][b] for shot in overrides.values()]) for key, (a, b) in fields.items()
+    }
     columns |= {f"reference_{key}": np.array([value]) for key, value in reference.items()}
     return Table(list(overrides), columns)
 
 
 def poses(table: Table, frame: Frame) -> Poses:
-    reference = Tangent(*(float(table[f"reference_{key}"][0]) for key in ("longitude", "latitude", "altitude")))
+    reference = Tangent(
+        *(float(table[f"reference_{key}"][0]) for key in ("longitude", "latitude", "altitude"))
+    )
     x = table.place("lon", "lat", "z")
     world_to_camera = D @ Rz(-table["kappa"]) @ Ry(-table["phi"]) @ Rx(-table["omega"])
     return Poses(table.names, Frame().ecef(x), reference.axes(x) @ turn(world_to_camera))

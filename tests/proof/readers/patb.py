@@ -1,4 +1,6 @@
-"""PATB, formats.md B10: I16,16X,3F16.5; 5F16.12; 4F16.12. That the matrix is image to ground is the assumption under test there [U]."""
+"""PATB, formats.md B10: I16,16X,3F16.5; 5F16.12; 4F16.12. That the matrix is image to ground is the
+assumption under test there [U].
+"""
 
 from pathlib import Path
 
@@ -22,7 +24,9 @@ def read(path: Path) -> Table:
         assert one[16:32].isspace()
         x.append(_fields(one, 3, 32))
         R.append(_fields(two, 5) + _fields(three, 4))
-    return Table(names, dict(zip("xyz", np.array(x).T, strict=True)) | {"R": np.array(R).reshape(-1, 3, 3)})
+    return Table(
+        names, dict(zip("xyz", np.array(x).T, strict=True)) | {"R": np.array(R).reshape(-1, 3, 3)}
+    )
 
 
 def poses(table: Table, frame: Frame) -> Poses:

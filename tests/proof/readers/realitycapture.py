@@ -1,4 +1,6 @@
-"""RealityCapture's flight log, formats.md B7: name, latitude, longitude, altitude, yaw, pitch, roll; angles as Metashape's."""
+"""RealityCapture's flight log, formats.md B7: name, latitude, longitude, altitude, yaw, pitch,
+roll; angles as Metashape's.
+"""
 
 from pathlib import Path
 
@@ -7,11 +9,19 @@ from .lines import named, rows
 
 
 def read(path: Path) -> Table:
-    """x, y in a tangent plane or a projected CRS, latitude, longitude in a geographic one; the line of column names says which."""
-    geographic = any(line.startswith("#name,latitude") for line in path.read_text(encoding="utf-8").splitlines())
+    """x, y in a tangent plane or a projected CRS, latitude, longitude in a geographic one; the line
+    of column names says which.
+    """
+    geographic = any(
+        line.startswith("#name,latitude") for line in path.read_text(encoding="utf-8").splitlines()
+    )
     return Table(*named(rows(path, ","), f"name {'y x' if geographic else 'x y'} z yaw pitch roll"))
 
 
 def poses(table: Table, frame: Frame) -> Poses:
     x = table.place()
-    return Poses(table.names, frame.ecef(x), frame.north(x) @ ypr(table["yaw"], table["pitch"], table["roll"]) @ D)
+    return Poses(
+        table.names,
+        frame.ecef(x),
+        frame.north(x) @ ypr(table["yaw"], table["pitch"], table["roll"]) @ D,
+    )

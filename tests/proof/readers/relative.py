@@ -1,4 +1,5 @@
-"""relative.csv (paper 003, equations 3 and 4): pairs i, j with an offset and a rotation, quaternion w x y z.
+"""relative.csv (paper 003, equations 3 and 4): pairs i, j with an offset and a rotation, quaternion
+w x y z.
 
 mapping   X_j - X_i in the frame's axes, C_j C_i^T;      camera   C_i^T (X_j - X_i), C_i^T C_j: the pose of j in the axes of i
 """
@@ -16,14 +17,19 @@ def read(path: Path) -> Table:
     head, *lines = rows(path, ",")
     column = dict(zip(head, zip(*lines, strict=True), strict=True))
     (form,) = set(column["form"])
-    values = {name: np.array(column[name], dtype=float) for name in ("dx", "dy", "dz", "qw", "qx", "qy", "qz")}
+    values = {
+        name: np.array(column[name], dtype=float)
+        for name in ("dx", "dy", "dz", "qw", "qx", "qy", "qz")
+    }
     q = np.column_stack([values[f"q{c}"] for c in "wxyz"])
     said = {"form": form} | dict(zip(column["image_j"], column["image_i"], strict=True))
     return Table(list(column["image_j"]), values | {"q": q}, said)
 
 
 def poses(table: Table, frame: Frame, known: Poses) -> Poses:
-    """Each second image from its first one, whose pose is known; of a Cartesian frame, and of a projected one over short ways."""
+    """Each second image from its first one, whose pose is known; of a Cartesian frame, and of a
+    projected one over short ways.
+    """
     first = [known.names.index(table.said[name]) for name in table.names]
     x = frame.coordinates(known.centre)[first]
     assert known.axes is not None

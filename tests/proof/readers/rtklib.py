@@ -1,4 +1,6 @@
-"""RTKLIB .pos, formats.md B11: comments %, week tow, latitude, longitude, height (the header says ellipsoidal), Q, ns, deviations; GPST."""
+"""RTKLIB .pos, formats.md B11: comments %, week tow, latitude, longitude, height (the header says
+ellipsoidal), Q, ns, deviations; GPST.
+"""
 
 from pathlib import Path
 

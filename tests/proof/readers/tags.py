@@ -1,8 +1,9 @@
 """Exif and XMP of TIFF and JPEG files, formats.md B13, B2.3 and B10.
 
-Exif   GPS directory 0x8825: references 1, 3, 5, values 2, 4 (degrees, minutes, seconds), 6; GPSAltitudeRef of Exif 3.0: 0 ellipsoid, 2 sea
-       level, of older ones 0 sea level
-XMP    Camera:Yaw, Pitch, Roll of Pix4D as Metashape's; drone-dji:Gimbal... of (view, right, down) of the camera in north, east, down
+Exif   GPS directory 0x8825: references 1, 3, 5, values 2, 4 (degrees, minutes, seconds), 6;
+       GPSAltitudeRef of Exif 3.0: 0 ellipsoid, 2 sea level, of older ones 0 sea level
+XMP    Camera:Yaw, Pitch, Roll of Pix4D as Metashape's; drone-dji:Gimbal... of (view, right, down)
+       of the camera in north, east, down
 """
 
 import re
@@ -42,7 +43,11 @@ def _exif_and_xmp(data: bytes) -> tuple[bytes, str]:
     while data[at + 1] in (0xE0, 0xE1):
         content = data[at + 4 : at + 2 + struct.unpack_from(">H", data, at + 2)[0]]
         exif = content[6:] if content.startswith(b"Exif\0\0") else exif
-        xmp = content.partition(b"\0")[2].decode("utf-8") if content.startswith(b"http://ns.adobe.com/xap/1.0/\0") else xmp
+        xmp = (
+            content.partition(b"\0")[2].decode("utf-8")
+            if content.startswith(b"http://ns.adobe.com/xap/1.0/\0")
+            else xmp
+        )
         at += 2 + struct.unpack_from(">H", data, at + 2)[0]
     return exif, xmp
 
@@ -67,7 +72,18 @@ def read(path: Path) -> Table:
         for name in ("Yaw", "Pitch", "Roll"):
             row.append(float(re.search(rf'drone-dji:Gimbal{name}Degree="([^"]*)"', xmp)[1]))  # type: ignore[index]
         rows.append(row)
-    names = ["x", "y", "z", "sea_level", "yaw", "pitch", "roll", "gimbal_yaw", "gimbal_pitch", "gimbal_roll"]
+    names = [
+        "x",
+        "y",
+        "z",
+        "sea_level",
+        "yaw",
+        "pitch",
+        "roll",
+        "gimbal_yaw",
+        "gimbal_pitch",
+        "gimbal_roll",
+    ]
     return Table([file.name for file in files], dict(zip(names, np.array(rows).T, strict=True)))
 
 
@@ -77,7 +93,11 @@ def _place(table: Table, undulation_m: float) -> Array:
 
 def poses(table: Table, frame: Frame, undulation_m: float) -> Poses:
     x = _place(table, undulation_m)
-    return Poses(table.names, Frame().ecef(x), Frame().axes(x) @ ypr(table["yaw"], table["pitch"], table["roll"]) @ D)
+    return Poses(
+        table.names,
+        Frame().ecef(x),
+        Frame().axes(x) @ ypr(table["yaw"], table["pitch"], table["roll"]) @ D,
+    )
 
 
 def poses_gimbal(table: Table, frame: Frame, undulation_m: float) -> Poses:

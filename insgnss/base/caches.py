@@ -1,0 +1,95 @@
+"""Where numba keeps the compiled kernels and matplotlib its fonts, for a user without a home
+directory.
+
+numba looks for a place when a kernel is defined: NUMBA_CACHE_DIR, `__pycache__` beside the source,
+the user's cache directory. On an installation that is not to be written such a user has none of
+them, and a kernel could not even be defined; matplotlib complains of the same in lines of its own.
+Both then get a directory of that user within the temporary one. What lies there is code: it has to
+be the user's own, closed to others.
+"""
+
+import os
+import stat
+import sys
+from functools import cache
+from pathlib import Path
+
+KERNELS, FONTS = "NUMBA_CACHE_DIR", "MPLCONFIGDIR"
+
+
+@cache
+def settle() -> str:
+    """Set the variables of numba and matplotlib where these would find no place; a line that says
+    so, "" where there is nothing to say.
+
+    Has to run before a kernel is defined. Where not even a temporary directory can be written, the
+    variables stay unset.
+    """
+    if os.name == "nt" or _writable(_cache_home()):
+        return ""
+    kept = bool(os.environ.get(KERNELS)) or _writable_installation()
+    advice = f"set {KERNELS} to a directory that is kept and that you can write"
+    try:
+        place = _own_directory()
+    except OSError as error:
+        return (
+            ""
+            if kept
+            else (
+                f"there is no place for the compiled functions: {error.strerror or error}; {advice}"
+            )
+        )
+    os.environ.setdefault(FONTS, os.path.join(place, "matplotlib"))
+    if kept:
+        return ""
+    os.environ[KERNELS] = place
+    if "numba" in sys.modules:
+        sys.modules["numba"].config.reload_config()
+    return (
+        "neither the home directory nor the installation can be written: compiled functions are"
+        f" kept in {place}; {advice}"
+    )
+
+
+def _cache_home() -> Path:
+    """The user's cache directory as numba finds it."""
+    if sys.platform == "darwin":
+        return Path(os.path.expanduser("~/Library/Caches"))
+    return Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
+
+
+def _writable_installation() -> bool:
+    """Whether numba could keep code beside every source of the package."""
+    folders = {file.parent for file in Path(__file__).parents[1].rglob("*.py")}
+    return all(_writable(folder / "__pycache__") for folder in folders)
+
+
+def _writable(directory: Path) -> bool:
+    """Whether files can be made in a directory, which itself may have to be made."""
+    there = next((d for d in (directory, *directory.parents) if os.path.exists(d)), None)
+    return (
+        directory.is_absolute()
+        and there is not None
+        and there.is_dir()
+        and os.access(there, os.W_OK | os.X_OK)
+    )
+
+
+def _own_directory() -> str:
+    """A directory that stays, or where others took its name, one for this process. Raises OSError
+    where none can be made.
+    """
+    import atexit
+    import contextlib
+    import shutil
+    import tempfile
+
+    place = os.path.join(tempfile.gettempdir(), f"insgnss-{os.getuid()}")
+    with contextlib.suppress(FileExistsError):
+        os.mkdir(place, 0o700)
+    found = os.lstat(place)
+    if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o077:
+        return place
+    place = tempfile.mkdtemp(prefix="insgnss-")
+    atexit.register(shutil.rmtree, place, ignore_errors=True)
+    return place

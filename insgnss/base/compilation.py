@@ -1,0 +1,112 @@
+"""Compiled functions (kernels): `numba.njit` whose cache on disk notices every change.
+
+numba keeps the compiled code of a function on disk and takes it again as long as the file in which
+that function stands is the same. The code of the functions that it calls and the values of its
+constants are compiled into it; where they come from another file, numba does not notice that they
+changed, and yesterday's results come back. Here the compiled code belongs to the content of the
+function's file *and of every module of the package that this file imports, at its top, directly or
+through others*: whatever a kernel can refer to stands in one of them.
+
+Where the code is kept is numba's own choice (`NUMBA_CACHE_DIR`, `__pycache__` beside the source,
+the user's cache directory; see `insgnss.base.caches`). Outdated code is overwritten in its place,
+so that nothing has to be cleaned up, and several processes may compile at the same time, as numba
+replaces whole files only.
+
+Every kernel of the package is defined with the decorator of this module;
+`tests/test_architecture.py` sees to it.
+"""
+
+import hashlib
+import re
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+import numpy as np
+
+F = TypeVar("F", bound=Callable[..., Any])
+_COMMENT = re.compile(r"#[^\n]*")
+_IMPORT = re.compile(r"^from (\.+)([\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+
+
+def njit(**options: Any) -> Callable[[F], F]:
+    """Return a decorator that compiles a function when it is first called and keeps it on disk.
+
+    Parameters
+    ----------
+    **options
+        What `numba.njit` takes, such as ``nogil`` or ``error_model``. With ``cache=True`` the
+        compiled code is kept on disk for the next process.
+
+    Returns
+    -------
+    Callable
+        The decorator; what it returns is numba's dispatcher, or the function itself where numba is
+        switched off (``NUMBA_DISABLE_JIT``).
+    """
+
+    def define(function: F) -> F:
+        compiled: F = numba.njit(**options)(function)
+        if not options.get("cache") or compiled is function:
+            return compiled
+        entry = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+        if entry is None or not hasattr(entry, "_source_stamp"):
+            # A numba with other inner names: compiling in every process is slow, never outdated.
+            uncached: F = numba.njit(**options | {"cache": False})(function)
+            return uncached
+        sources = digest(Path(function.__code__.co_filename))
+        entry._source_stamp = (entry._source_stamp, np.__version__, sources)
+        return compiled
+
+    return define
+
+
+@cache
+def digest(source: Path) -> str:
+    """Return one digest of the contents of a source file and of all that it imports (`closure`)."""
+    state = hashlib.sha256()
+    for path in sorted(closure(source)):
+        state.update(f"{path.name} {len(_text(path))}\n".encode())
+        state.update(_text(path).encode())
+    return state.hexdigest()
+
+
+def closure(source: Path) -> set[Path]:
+    """Return a source file and those of the package that it imports, directly or through others."""
+    seen: set[Path] = set()
+    todo = [source]
+    while todo:
+        path = todo.pop()
+        if path not in seen:
+            seen.add(path)
+            todo += imported(path)
+    return seen
+
+
+@cache
+def imported(source: Path) -> tuple[Path, ...]:
+    """Return the files of the package that one source file imports at its top.
+
+    The package imports its own modules by relative names only, one statement from the first column
+    on; what is imported within functions or for type checkers alone does not reach a kernel.
+    """
+    found: list[Path] = []
+    for dots, module, names in _IMPORT.findall(_COMMENT.sub("", _text(source))):
+        stem = source.parents[len(dots) - 1].joinpath(*filter(None, module.split(".")))
+        inner = (stem / name.split()[0] for name in names.strip("() \n").split(",") if name.strip())
+        for path in (stem, *inner):
+            found += (
+                file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()
+            )
+    return tuple(found)
+
+
+@cache
+def _text(path: Path) -> str:
+    """Return a source file's content, "" where it lies in an archive or cannot be read."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError:
+        return ""

@@ -1,0 +1,74 @@
+"""The one family of errors, each with the exit code that the command line gives for it.
+
+The message is one line that names file and line, time, value, limit and the next thing to try, as
+far as they apply.
+"""
+
+from collections.abc import Iterable
+from typing import Any
+
+from .wording import named, setting
+
+_ABSENT: Any = object()
+
+
+class InsgnssError(Exception):
+    """Root of all errors that the package raises on purpose."""
+
+    exit_code = 1
+
+
+class UsageError(InsgnssError):
+    """The command or the flight file asks for something that does not exist."""
+
+    exit_code = 2
+
+
+class OptionError(UsageError):
+    """An option has a value that it cannot have, or does not go with another one.
+
+    The message names the option as the caller writes it (`insgnss.base.wording`). A border that
+    knows more, such as the line of a flight file, takes `key` and `problem` and says it by itself.
+
+    Parameters
+    ----------
+    key : str
+        The option by its key in the flight file, such as "gnss.max_age_s".
+    problem : str
+        What is wrong, and what to do.
+    value : Any
+        The value, where the message is to show it.
+    """
+
+    def __init__(self, key: str, problem: str, value: Any = _ABSENT) -> None:
+        self.key, self.problem = key, problem
+        what = named(key) if value is _ABSENT else setting(key, value)
+        super().__init__(f"{what}: {problem}")
+
+
+class InputError(InsgnssError):
+    """An input file or a value in it is wrong."""
+
+    exit_code = 3
+
+    @classmethod
+    def at(cls, path: object, line: int | None, what: str) -> "InputError":
+        """Error that names the file, and the line counted from 1 where one is known."""
+        return cls(f"{path}:{line}: {what}" if line is not None else f"{path}: {what}")
+
+
+class DataError(InsgnssError):
+    """The input is well formed, but the data do not support the answer."""
+
+    exit_code = 4
+
+
+def near(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
+    """Advice for a word that is not known: the nearest of the known ones, or all of them."""
+    import difflib
+
+    names = list(known)
+    close = difflib.get_close_matches(
+        word, names, n=1, cutoff=likeness
+    ) or difflib.get_close_matches(word.lower(), names, n=1)
+    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(names)}"

@@ -1,0 +1,42 @@
+"""Files appear whole or not at all; and what JSON takes."""
+
+import math
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from .errors import UsageError
+
+
+def atomic_write(
+    path: str | os.PathLike[str], content: str | bytes | Iterable[str | bytes]
+) -> None:
+    """Write a file whole or not at all: into a temporary one beside it, which then takes its place."""
+    path = Path(path)
+    parts = [content] if isinstance(content, str | bytes) else content
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("wb") as stream:
+            for part in parts:
+                stream.write(part.encode("utf-8") if isinstance(part, str) else part)
+        os.replace(temporary, path)
+    except FileNotFoundError:
+        raise UsageError(f"{path}: the directory does not exist; create it first") from None
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def json_ready(value: Any) -> Any:
+    """`value` with arrays as lists, paths as text and numbers that are not finite as null."""
+    if isinstance(value, dict):
+        return {str(key): json_ready(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_ready(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, str | int | None):
+        return value
+    return json_ready(value.tolist()) if hasattr(value, "tolist") else str(value)

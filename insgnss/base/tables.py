@@ -1,0 +1,250 @@
+"""Reading a TOML file so that every refusal names its line: tables whose values are checked as they
+are taken.
+"""
+
+import math
+import re
+import reprlib
+import sys
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError, near
+
+Columns = tuple[str, ...] | Mapping[str, str] | None
+
+_TYPE_NAMES = {
+    bool: "true/false",
+    int: "a number",
+    float: "a number",
+    str: "a text",
+    list: "a list",
+    dict: "a table",
+}
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of the file: its checked values by key, and errors that know the line. Default
+    ``...`` means required.
+    """
+
+    path: Path
+    lines: Mapping[str, int]
+    keys: Mapping[str, tuple[str, ...]]
+    name: str
+    data: Mapping[str, Any]
+
+    def error(self, key: str, what: str) -> InputError:
+        """Error at the line of `key`, of its table where the key is absent."""
+        full = ".".join(filter(None, (self.name, key)))
+        line, place = None, full
+        while place and line is None:
+            line, place = self.lines.get(place), place.rpartition(".")[0]
+        return InputError.at(self.path, line, f"{full}: {what}")
+
+    def check_keys(self) -> None:
+        """Refuse a key that this table does not know, naming the nearest one or the table it
+        belongs to.
+        """
+        known = self.keys[self.name]
+        for key in self.data:
+            if key not in known:
+                homes = [
+                    table for table, keys in self.keys.items() if key in keys and "." not in table
+                ]
+                advice = near(key, known)
+                if len(homes) == 1:
+                    advice = (
+                        f"it belongs into [{homes[0]}]"
+                        if homes[0]
+                        else "it belongs to the top, before the first [table]"
+                    )
+                raise self.error(key, f"unknown {'key' if self.name else 'table or key'}; {advice}")
+
+    def table(self, key: str) -> "Table":
+        """Sub-table, empty where it is absent, its keys checked."""
+        value = self.value(key, dict, {})
+        sub = Table(
+            self.path, self.lines, self.keys, ".".join(filter(None, (self.name, key))), value
+        )
+        sub.check_keys()
+        return sub
+
+    def tables(self, key: str) -> "list[Table]":
+        """Array of sub-tables ([[name]]), empty where it is absent, their keys checked."""
+        found = self.value(key, list, [])
+        if not all(isinstance(item, dict) for item in found):
+            raise self.error(
+                key,
+                f"{reprlib.repr(found)}, expected [[{'.'.join(filter(None, (self.name, key)))}]]"
+                " tables",
+            )
+        name = ".".join(filter(None, (self.name, key)))
+        subs = [Table(self.path, self.lines, self.keys, name, item) for item in found]
+        for sub in subs:
+            sub.check_keys()
+        return subs
+
+    def value(self, key: str, kind: type, default: Any) -> Any:
+        """Value of `key` if it is of TOML type `kind`; where it is absent, `default`."""
+        if key not in self.data:
+            if default is ...:
+                raise self.error(key, "is missing; it has no default")
+            return default
+        value = self.data[key]
+        if isinstance(value, bool) is not (kind is bool) or not isinstance(
+            value, (int, float) if kind is float else kind
+        ):
+            got = _TYPE_NAMES.get(type(value), "a date or time")
+            raise self.error(key, f"{reprlib.repr(value)} is {got}, expected {_TYPE_NAMES[kind]}")
+        return value
+
+    def flag(self, key: str, default: bool) -> bool:
+        """true or false."""
+        return bool(self.value(key, bool, default))
+
+    def text(self, key: str, default: Any = ...) -> Any:
+        """A text that is not empty."""
+        value = self.value(key, str, default)
+        if value == "":
+            raise self.error(key, "is an empty text")
+        return value
+
+    def choice(self, key: str, known: Sequence[str], default: str) -> Any:
+        """One of the `known` words."""
+        value = self.text(key, default)
+        if value not in known:
+            raise self.error(key, f"{value!r} is unknown; {near(value, known)}")
+        return value
+
+    def number(
+        self, key: str, default: Any = ..., low: float = -math.inf, high: float = math.inf
+    ) -> Any:
+        """A finite number within [low, high]."""
+        value = self.value(key, float, default)
+        if value is None:
+            return None
+        if not (is_number(value) and low <= value <= high):
+            raise self.error(key, f"{value} is outside {low:g} to {high:g}")
+        return float(value)
+
+    def numbers(self, key: str, count: int, default: Any = ...) -> Any:
+        """A tuple of `count` finite numbers."""
+        values = self.value(key, list, default)
+        if values is default:
+            return values
+        if len(values) != count or not all(is_number(v) for v in values):
+            raise self.error(key, f"{reprlib.repr(values)}, expected {count} finite numbers")
+        return tuple(float(v) for v in values)
+
+    def sigmas(self, key: str, default: Any) -> Any:
+        """Three standard deviations greater than zero."""
+        values = self.numbers(key, 3, default)
+        if values is not None and min(values) <= 0:
+            raise self.error(key, f"{list(values)}: a standard deviation must be greater than zero")
+        return values
+
+    def matrix(self, key: str) -> NDArray[np.float64]:
+        """(3, 3) finite numbers."""
+        rows = self.value(key, list, ...)
+        if len(rows) != 3 or not all(
+            isinstance(row, list) and len(row) == 3 and all(is_number(v) for v in row)
+            for row in rows
+        ):
+            raise self.error(key, f"{reprlib.repr(rows)}, expected 3 rows of 3 finite numbers")
+        return np.array(rows, dtype=np.float64)
+
+    def texts(self, key: str, default: Any) -> Any:
+        """A tuple of texts, none empty."""
+        values = self.value(key, list, list(default))
+        if not all(isinstance(v, str) and v for v in values):
+            raise self.error(key, f"{reprlib.repr(values)}, expected a list of texts")
+        return tuple(values)
+
+    def columns(self) -> Columns:
+        """`columns`, a list of names or a table { canonical = "name in the file" }; None where
+        absent.
+        """
+        value = self.data.get("columns")
+        if isinstance(value, dict):
+            if not value or not all(isinstance(v, str) and v for v in value.values()):
+                raise self.error(
+                    "columns",
+                    f"{reprlib.repr(value)}, expected {{ canonical = 'name in the file' }}",
+                )
+            return dict(value)
+        if value == []:
+            raise self.error("columns", "is an empty list")
+        return None if value is None else self.texts("columns", ())
+
+    def resolve(self, name: str) -> Path:
+        """Path of a name given relative to the file."""
+        return self.path.parent / name
+
+    def file(self, key: str) -> Path:
+        """Path of a file that is there and not empty."""
+        name = self.text(key)
+        path = self.resolve(name)
+        if path.is_dir():
+            raise self.error(key, f"{name} is a directory, a file is expected")
+        if not path.is_file():
+            raise self.error(
+                key, f"{name} does not exist; the path is relative to {self.path.name}"
+            )
+        if path.stat().st_size == 0:
+            raise self.error(key, f"{name} is empty; copy the recording again")
+        return path
+
+
+def is_number(value: object) -> bool:
+    """Whether `value` is a finite number that fits into a float; true and false are none."""
+    return (
+        isinstance(value, (int, float))
+        and not isinstance(value, bool)
+        and abs(value) <= sys.float_info.max
+    )
+
+
+def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
+    """The whole file as a table, with the lines of its keys; `keys` names those that each table may
+    hold.
+    """
+    if not path.is_file():
+        raise InputError.at(
+            path,
+            None,
+            "does not exist; give the flight file, or the directory that holds flight.toml",
+        )
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+        data = tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        raise InputError.at(
+            path, None, f"not UTF-8 at byte {error.start}; save it as UTF-8"
+        ) from None
+    except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
+        at = re.search(r"at line (\d+)", str(error))
+        raise InputError.at(path, int(at[1]) if at else None, f"not TOML: {error}") from None
+    return Table(path, _key_lines(text), keys, "", data)
+
+
+def _key_lines(text: str) -> dict[str, int]:
+    """Line, counted from 1, of every table header and of every key that begins a line, by its
+    dotted name.
+    """
+    lines: dict[str, int] = {}
+    table = ""
+    for number, line in enumerate(text.splitlines(), 1):
+        if header := re.match(r"\s*\[\[?([\w.\- ]+)\]\]?\s*(#.*)?$", line):
+            table = header[1].replace(" ", "")
+            lines.setdefault(table, number)
+        elif key := re.match(r"""\s*["']?([\w.\-]+)["']?\s*=""", line):
+            lines.setdefault(".".join(filter(None, (table, key[1]))), number)
+    return lines

@@ -1,0 +1,233 @@
+"""Quantities with units in text: "10.825 deg/h/sqrt(Hz)" to SI.
+
+    quantity = number unit            unit   = factor { ("*" | "/") factor }
+    factor   = base [ "^" exponent ]  base   = name | "1" | "sqrt(" unit ")" | "(" unit ")"
+
+Dimensions are tracked over angle, length and time with exact rational exponents. Angle is a
+dimension, so that a gyroscope's unit is never taken for an accelerometer's; Hz is 1/s, so that
+deg/h/sqrt(Hz) and deg/sqrt(h) are of one dimension. There are no prefixes beyond the names of
+`UNITS`; ppt is parts per thousand; g is the standard 9.80665 m/s^2.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+
+from .errors import InputError, near
+
+STANDARD_GRAVITY = 9.80665  # m/s^2, CGPM 1901
+FOOT_M = 0.3048  # m, the international foot
+
+_NAMES = ("angle", "length", "time")
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Scale to SI (rad, m, s) and exponents of angle, length and time."""
+
+    scale: float
+    exponents: tuple[Fraction, Fraction, Fraction] = (Fraction(0), Fraction(0), Fraction(0))
+
+    def __mul__(self, other: "Unit") -> "Unit":
+        a, b = self.exponents, other.exponents
+        return Unit(self.scale * other.scale, (a[0] + b[0], a[1] + b[1], a[2] + b[2]))
+
+    def __truediv__(self, other: "Unit") -> "Unit":
+        a, b = self.exponents, other.exponents
+        return Unit(self.scale / other.scale, (a[0] - b[0], a[1] - b[1], a[2] - b[2]))
+
+    def __pow__(self, exponent: Fraction) -> "Unit":
+        a = self.exponents
+        scale = (
+            math.sqrt(self.scale) if exponent == Fraction(1, 2) else self.scale ** float(exponent)
+        )
+        return Unit(scale, (a[0] * exponent, a[1] * exponent, a[2] * exponent))
+
+    @property
+    def dimension(self) -> str:
+        """In words: "angle time^-1/2", or "1" where there is none."""
+        named = [(name, e) for name, e in zip(_NAMES, self.exponents, strict=True) if e]
+        return " ".join(name if e == 1 else f"{name}^{e}" for name, e in named) or "1"
+
+
+def _base(scale: float, angle: int = 0, length: int = 0, time: int = 0) -> Unit:
+    return Unit(scale, (Fraction(angle), Fraction(length), Fraction(time)))
+
+
+_DEG = math.pi / 180.0
+UNITS: dict[str, Unit] = {
+    **{
+        name: _base(scale)
+        for name, scale in (("1", 1.0), ("%", 1e-2), ("ppt", 1e-3), ("ppm", 1e-6))
+    },
+    **{
+        name: _base(scale, angle=1)
+        for name, scale in (("rad", 1.0), ("mrad", 1e-3), ("urad", 1e-6))
+    },
+    **{
+        name: _base(scale, angle=1)
+        for name, scale in (("deg", _DEG), ("arcmin", _DEG / 60.0), ("arcsec", _DEG / 3600.0))
+    },
+    **{
+        name: _base(scale, length=1)
+        for name, scale in (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("km", 1e3))
+    },
+    **{
+        name: _base(scale, time=1)
+        for name, scale in (("s", 1.0), ("ms", 1e-3), ("min", 60.0), ("day", 86400.0))
+    },
+    **{name: _base(3600.0, time=1) for name in ("h", "hr")},
+    "Hz": _base(1.0, time=-1),
+    **{
+        name: _base(scale * STANDARD_GRAVITY, length=1, time=-2)
+        for name, scale in (("g", 1.0), ("mg", 1e-3), ("ug", 1e-6))
+    },
+    **{name: _base(scale, length=1, time=-2) for name, scale in (("Gal", 1e-2), ("mGal", 1e-5))},
+}
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)")
+_TOKEN = re.compile(r"\s*([A-Za-z%]+|[-+]?\d+(?:\.\d+)?|[*/^()])")
+
+
+class _Parser:
+    """Recursive descent over the tokens of one unit."""
+
+    def __init__(self, text: str, quantity: str) -> None:
+        self.quantity = quantity
+        self.tokens: list[str] = []
+        position = 0
+        text = text.rstrip()
+        while position < len(text):
+            match = _TOKEN.match(text, position)
+            if match is None:
+                raise InputError(
+                    f"{quantity!r}: {text[position:].strip()!r} does not belong in a unit; write as"
+                    " in 'deg/h/sqrt(Hz)'"
+                )
+            self.tokens.append(match.group(1))
+            position = match.end()
+
+    def _next(self) -> str:
+        return self.tokens.pop(0) if self.tokens else ""
+
+    def _expect(self, token: str) -> None:
+        found = self._next()
+        if found != token:
+            raise InputError(
+                f"{self.quantity!r}: {token!r} expected, found {found or 'the end'!r}; write as in"
+                " 'deg/h/sqrt(Hz)'"
+            )
+
+    def whole(self) -> Unit:
+        unit = self.product()
+        if self.tokens:
+            raise InputError(
+                f"{self.quantity!r}: {self.tokens[0]!r} is not joined by * or /; write as in"
+                " 'deg/h/sqrt(Hz)'"
+            )
+        return unit
+
+    def product(self) -> Unit:
+        unit = self.factor()
+        while self.tokens and self.tokens[0] in "*/":
+            unit = unit * self.factor() if self._next() == "*" else unit / self.factor()
+        return unit
+
+    def factor(self) -> Unit:
+        unit = self.base()
+        if self.tokens and self.tokens[0] == "^":
+            self._next()
+            exponent = self._next()
+            if not re.fullmatch(r"[-+]?\d+(\.\d+)?", exponent):
+                raise InputError(
+                    f"{self.quantity!r}: {exponent or 'the end'!r} is no exponent; write as in"
+                    " 's^2' or 's^-0.5'"
+                )
+            unit = unit ** Fraction(exponent)
+        return unit
+
+    def base(self) -> Unit:
+        name = self._next()
+        if name == "sqrt" or name == "(":
+            if name == "sqrt":
+                self._expect("(")
+            unit = self.product()
+            self._expect(")")
+            return unit ** Fraction(1, 2) if name == "sqrt" else unit
+        if name in UNITS:
+            return UNITS[name]
+        if not name[:1].isalpha():
+            raise InputError(
+                f"{self.quantity!r}: a unit is expected where {name or 'the end'!r} stands; write"
+                " as in 'deg/h/sqrt(Hz)'"
+            )
+        raise InputError(f"{self.quantity!r}: unknown unit {name!r}; {near(name, UNITS, 0.5)}")
+
+
+def parse_unit(text: str) -> Unit:
+    """Unit of an expression such as "deg/s^2/sqrt(Hz)". Raises InputError, naming the nearest unit
+    where one is unknown.
+    """
+    return _Parser(_plain(text), text).whole()
+
+
+def parse_quantity(text: object, dimension: str) -> float:
+    """Value in SI (rad, m, s) of a number with its unit.
+
+    text : such as "0.24 deg/sqrt(h)".
+    dimension : any unit of the wanted dimension, such as "deg/h/sqrt(Hz)"; the error message shows
+        it as the example.
+
+    Raises InputError where the number or its unit is missing, the unit is unknown or of another
+    dimension.
+    """
+    wanted = parse_unit(dimension)
+    example = f"{wanted.dimension} is expected, as in '1 {dimension}'"
+    if not isinstance(text, str):
+        raise InputError(f"{text!r} has no unit; {example}")
+    match = _NUMBER.match(text)
+    if match is None:
+        raise InputError(f"{text!r} does not start with a number; {example}")
+    value, rest = float(match.group(1)), _plain(text[match.end() :])
+    if not math.isfinite(value):
+        raise InputError(f"{text!r} is not finite; {example}")
+    if not rest.strip():
+        if wanted.exponents != UNITS["1"].exponents:
+            raise InputError(f"{text!r} has no unit; {example}")
+        return value
+    unit = _Parser(rest, text).whole()
+    if unit.exponents != wanted.exponents:
+        raise InputError(f"{text!r} is of dimension {unit.dimension}; {example}")
+    return value * unit.scale
+
+
+def rounded(value: float, unit: str, digits: int) -> float:
+    """`value` (SI) with so many digits in `unit`, in SI: what `parse_quantity` makes of the text."""
+    return parse_quantity(f"{value / parse_unit(unit).scale:.{digits}g} {unit}", unit)
+
+
+def format_quantity(value: float, unit: str) -> str:
+    """Shortest text in `unit` that `parse_quantity` turns back into exactly `value` (SI), in SI
+    digits where no text in `unit` does.
+    """
+    scale = parse_unit(unit).scale
+    for digits in range(1, 18):
+        number = float(f"{value / scale:.{digits}g}")
+        if number * scale == value:
+            return f"{number!r} {unit}".replace(".0 ", " ")
+    return f"{value!r} {_si(parse_unit(unit))}"
+
+
+def _si(unit: Unit) -> str:
+    """The same dimension written in rad, m and s."""
+    parts = [
+        name if e == 1 else f"{name}^{float(e):g}"
+        for name, e in zip(("rad", "m", "s"), unit.exponents, strict=True)
+        if e
+    ]
+    return "*".join(parts) or "1"
+
+
+def _plain(text: str) -> str:
+    return text.replace("\u00b5", "u").replace("\u03bc", "u")

@@ -1,0 +1,1 @@
+"""Files of named arrays (MATLAB, numpy), read by a column map."""

@@ -1,0 +1,148 @@
+"""IMU samples and fixes from content by a column map: what MATLAB and numpy files have in common.
+
+A file that holds the last fix until the next comes is read by `repeat_column`, the quantity that
+changes with each new fix: a fix is taken at the row where it changes to something that is neither
+zero nor not-a-number, and it is stamped with that row's time.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...base.errors import InputError, UsageError
+from ...records import GnssFixes, ImuSamples, Quantity
+from ..gnss.fixes import fixes_from_columns
+from ..gnss.gnss_text import ALIASES, REQUIRED, UNIT_COLUMNS, fix_scales
+from ..gnss.gnss_text import UNIT_KEYS as GNSS_UNIT_KEYS
+from ..imu.imu_csv import ALIASES as IMU_ALIASES
+from ..imu.imu_csv import TRIADS, UNIT_KEYS, imu_from_columns, required_columns, scales_of
+from ..text.order import Lines, NumberedRows, Picked
+from ..text.units import check_units
+from .content import Content, take_columns
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, str] | Sequence[str]
+
+REPEATED_LIMIT = 0.5
+
+
+def _taken(
+    path: object,
+    content: Content,
+    columns: Columns,
+    variable: str | None,
+    required: Sequence[str],
+    known: Sequence[str],
+) -> dict[str, Array]:
+    names = list(columns)
+    if isinstance(columns, Mapping) and (odd := [name for name in names if name not in known]):
+        raise UsageError(f"{path}: columns: {odd[0]!r} is none of {', '.join(known)}")
+    cols = {
+        name: column
+        for name, column in take_columns(path, content, columns, variable).items()
+        if name in known
+    }
+    if missing := [name for name in required if name not in cols]:
+        raise InputError(
+            f"{path}: columns does not name {', '.join(missing)}; give it a name or a place in the"
+            " file"
+        )
+    return cols
+
+
+def _finite(table: Mapping[str, Array], lines: Lines) -> None:
+    for name, column in table.items():
+        if (bad := ~np.isfinite(column)).any():
+            raise lines.at(
+                int(np.argmax(bad)), f"{name} is {column[int(np.argmax(bad))]}; it must be finite"
+            )
+
+
+def imu_of_content(
+    path: object,
+    content: Content,
+    columns: Columns,
+    variable: str | None = None,
+    units: Mapping[str, str] | None = None,
+    quantity: Quantity = "mean_rate",
+    gps_week: int | None = None,
+    rate_hz: float | None = None,
+) -> ImuSamples:
+    """Samples in SI; columns as in `_content`, names, units (that fields' names end in as well),
+    quantity and rate_hz as in `imu_csv`.
+    """
+    units = check_units(units, UNIT_KEYS)
+    cols = _taken(path, content, columns, variable, required_columns(rate_hz), tuple(IMU_ALIASES))
+    lines = NumberedRows(str(path))
+    _finite(cols, lines)
+    fields = {key: _fields(columns, names) for key, names in TRIADS.items()}
+    scales, notes = scales_of(str(path), None, fields, units, quantity, rate_hz)
+    return imu_from_columns(cols, lines, str(path), scales, quantity, gps_week, notes)
+
+
+def _fields(columns: Columns, names: Sequence[str]) -> list[str]:
+    """What the file calls the columns `names`; nothing of a list, which names the columns of a
+    matrix itself.
+    """
+    return (
+        [columns[name] for name in names if name in columns] if isinstance(columns, Mapping) else []
+    )
+
+
+def gnss_of_content(
+    path: object,
+    content: Content,
+    columns: Columns,
+    variable: str | None = None,
+    repeat_column: str | None = None,
+    sigma_m: ArrayLike | None = None,
+    sigma_velocity: ArrayLike | None = None,
+    units: Mapping[str, str] | None = None,
+    gps_week: int | None = None,
+    undulation_m: float = 0.0,
+) -> GnssFixes:
+    """Fixes; columns as in `_content`, names and units (that fields' names end in as well) as in
+    `gnss_text`.
+
+    undulation_m : geoid above the ellipsoid, m, added to heights that are above the geoid.
+
+    repeat_column : path (or canonical name) of what changes with each new fix; None takes every row
+        for a fix, and is refused where more than half of them repeat the one before.
+    """
+    units = check_units(units, GNSS_UNIT_KEYS)
+    said = {key: _fields(columns, names) for key, names in UNIT_COLUMNS.items()}
+    scales, notes = fix_scales(str(path), None, said, units)
+    table = _taken(path, content, columns, variable, REQUIRED, tuple(ALIASES))
+    lines: Lines = NumberedRows(str(path))
+    if repeat_column is not None:
+        mark = (
+            table[repeat_column]
+            if repeat_column in table
+            else take_columns(path, content, {"mark": repeat_column}, variable)["mark"]
+        )
+        if mark.size != table["tow"].size:
+            raise InputError(
+                f"{path}: {repeat_column} has {mark.size} rows, the columns have"
+                f" {table['tow'].size}; name a field of the same recording"
+            )
+        rows = (
+            np.flatnonzero(np.isfinite(mark[1:]) & (mark[1:] != 0.0) & (mark[1:] != mark[:-1])) + 1
+        )
+        if rows.size == 0:
+            raise InputError(
+                f"{path}: {repeat_column} never changes to a new value; no fix; set repeat_column"
+                " to what changes with each fix, or None"
+            )
+        table, lines = {name: column[rows] for name, column in table.items()}, Picked(lines, rows)
+    elif (
+        table["tow"].size > 1
+        and np.mean((np.diff(table["lat"]) == 0.0) & (np.diff(table["lon"]) == 0.0))
+        > REPEATED_LIMIT
+    ):
+        found = "more than half of the positions repeat the one before"
+        raise InputError(f"{path}: {found}; set repeat_column to what changes with each new fix")
+    _finite(table, lines)
+    return fixes_from_columns(
+        table, lines, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m, notes
+    )

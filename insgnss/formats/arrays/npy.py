@@ -1,0 +1,55 @@
+"""Arrays of numpy (.npy, .npz), data_specs/npy.md: samples by a column map, raw counts by units
+with the value of one count.
+
+A `.npy` is one array (n, m), or a record array whose fields name the columns; a `.npz` holds
+several by name. Objects are not loaded.
+"""
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import InputError
+from ..text.layout import printable
+from ..text.text import Source
+from .content import Content, Matrix
+
+
+def load_numpy(path: Source) -> Content:
+    """Arrays of a file by name; the one of a .npy under an empty name, the fields of a record array
+    as a mapping.
+    """
+    if not Path(path).is_file():
+        raise InputError.at(path, None, "no such file; check the path in the flight file")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            with Path(path).open("rb") as stream:
+                packed = stream.read(2) == b"PK"
+            if packed:
+                with (
+                    Path(path).open("rb") as stream,
+                    np.load(stream, allow_pickle=False) as archive,
+                ):
+                    return {printable(name): _plain(archive[name]) for name in archive.files}
+            array = np.lib.format.open_memmap(path, mode="r")
+            if array.offset + array.nbytes != Path(path).stat().st_size:
+                raise ValueError(
+                    f"{Path(path).stat().st_size} bytes, expected {array.offset + array.nbytes}"
+                )
+    except Exception as error:  # a damaged file makes the library fail in any way
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise InputError.at(
+            path, None, f"is no whole numpy file ({why[:120]}); copy it again from its source"
+        ) from None
+    if array.dtype.names:
+        return _plain(array)
+    return {"": _plain(array)}
+
+
+def _plain(array: Any) -> Any:
+    if array.dtype.names:
+        return {printable(name): np.asarray(array[name]).reshape(-1) for name in array.dtype.names}
+    return Matrix(np.asarray(array)) if array.ndim == 2 else np.asarray(array)

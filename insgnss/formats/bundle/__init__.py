@@ -1,0 +1,1 @@
+"""Exterior orientations for programs of bundle adjustment, one module a program."""

@@ -1,0 +1,86 @@
+"""A calibrated camera in the words of COLMAP: `MODEL WIDTH HEIGHT PARAMETERS`, pixels from the
+outer corner of the first one.
+"""
+
+import math
+from dataclasses import dataclass
+
+from ...base.errors import UsageError
+
+PARAMETERS = {
+    "SIMPLE_PINHOLE": 3,
+    "PINHOLE": 4,
+    "SIMPLE_RADIAL": 4,
+    "RADIAL": 5,
+    "OPENCV": 8,
+    "OPENCV_FISHEYE": 8,
+    "FULL_OPENCV": 12,
+    "FOV": 5,
+    "SIMPLE_RADIAL_FISHEYE": 4,
+    "RADIAL_FISHEYE": 5,
+    "THIN_PRISM_FISHEYE": 12,
+}
+HOW = (
+    "give MODEL WIDTH HEIGHT PARAMETERS as in COLMAP's cameras.txt, such as --set camera='PINHOLE"
+    " 5120 3840 5607 5607 2560 1920' (fx fy cx cy)"
+)
+ONE_FOCAL = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Model, size in pixels, parameters in the model's order (focal lengths, principal point,
+    distortion).
+    """
+
+    model: str
+    width: int
+    height: int
+    parameters: tuple[float, ...]
+
+    @property
+    def line(self) -> str:
+        """As cameras.txt has it."""
+        return " ".join(
+            [self.model, str(self.width), str(self.height), *(f"{p:.10g}" for p in self.parameters)]
+        )
+
+    @property
+    def focal(self) -> tuple[float, float]:
+        """Focal lengths, pixels, along x and y."""
+        f = self.parameters
+        return (f[0], f[0]) if self.model in ONE_FOCAL else (f[0], f[1])
+
+    @property
+    def principal_point(self) -> tuple[float, float]:
+        """Pixels from the image's upper left corner."""
+        first = 1 if self.model in ONE_FOCAL else 2
+        return self.parameters[first], self.parameters[first + 1]
+
+
+def camera_of(text: str | None, who: str) -> Camera:
+    """The camera of `text`; UsageError where it is missing, of another model, or of another number
+    of parameters.
+    """
+    if not text:
+        raise UsageError(f"{who} holds a calibrated camera; {HOW}")
+    words = str(text).replace(",", " ").split()
+    if words[0] not in PARAMETERS:
+        raise UsageError(f"camera model {words[0]!r} is none of COLMAP's; {HOW}")
+    try:
+        width, height = (int(w) for w in words[1:3])
+        parameters = tuple(float(w) for w in words[3:])
+    except ValueError:
+        raise UsageError(f"camera {text!r} is not a model and numbers; {HOW}") from None
+    if len(parameters) != PARAMETERS[words[0]]:
+        raise UsageError(
+            f"camera {words[0]}: {len(parameters)} parameters, it has {PARAMETERS[words[0]]}; {HOW}"
+        )
+    camera = Camera(words[0], width, height, parameters)
+    if (
+        min(width, height) <= 0
+        or min(camera.focal) <= 0.0
+        or not all(map(math.isfinite, parameters))
+    ):
+        raise UsageError(f"camera {text!r}: size and focal lengths must be positive; {HOW}")
+    return camera

@@ -1,0 +1,229 @@
+"""COLMAP: the text model with known poses, and a database with pose priors, data_specs/colmap.md.
+
+    images.txt    IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME     R = C_fc', the frame into the camera; T = -R X
+    pose prior    position, its full 3 x 3 covariance, gravity = C_Ec' (0, 0, -1): down, in the
+                  camera's axes
+
+The camera's axes are ours (x right, y down, z viewing direction). A prior has no place for the
+heading, nor for the correlation of position and attitude. Coordinates beyond `FAR_M` lose digits in
+single precision: a shift is subtracted and said in the files.
+"""
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import InputError, UsageError
+from ...base.files import atomic_write
+from ...geodesy.rotation import quaternion_from_rotation
+from ...records import Array, FramedOrientation
+from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
+from ..orientation.exported import check_frame, check_names, check_only, said
+from ..orientation.poses import staged, vector
+from ..text.text import Source
+from .camera import Camera, camera_of
+
+FAR_M, NEAR_M = 1e5, 1e4
+ROUND_M = 1e3
+CARTESIAN = (TANGENT, PROJECTED, GEOCENTRIC)
+MODEL = ("cameras.txt", "images.txt", "points3D.txt")
+PARTS = (
+    "cameras",
+    "images",
+    "points3D",
+    "frames",
+    "rigs",
+)  # COLMAP takes a binary model before a text
+
+
+def write_colmap(
+    eo: FramedOrientation,
+    path: Source,
+    camera: str | None = None,
+    shift: str | Sequence[float] | None = None,
+) -> None:
+    """Write cameras.txt, images.txt and points3D.txt (empty) into the directory `path`, which is
+    made.
+
+    camera : "MODEL WIDTH HEIGHT PARAMETERS", COLMAP's words.
+    shift : (3,) m, or text with commas, subtracted from the positions;
+    by default whole kilometres where these exceed 100 km, else none.
+    Raises UsageError for a frame that is not Cartesian, a missing camera and a `path` with another
+    model (binary, or with rigs), InputError for names with blanks.
+    """
+    check_frame(eo, "colmap", *CARTESIAN)
+    check_names(eo.images, None)
+    model = camera_of(camera, "colmap")
+    offset = _shift(eo, shift)
+    R = eo.C_fc.swapaxes(1, 2)
+    T = -(R @ (eo.coordinates - offset)[:, :, None])[:, :, 0]
+    number = np.arange(1, len(eo.images) + 1)
+    table = np.column_stack([quaternion_from_rotation(R), T])
+    form = "%s" + " %.12f" * 4 + " %.6f" * 3 + " 1 %s\n\n"
+    rows = [
+        (form % (i, *row, name))
+        for i, row, name in zip(number.tolist(), table.tolist(), eo.images, strict=True)
+    ]
+    directory = Path(path)
+    check_only(
+        directory,
+        MODEL,
+        lambda file: PurePath(file).stem in PARTS and file.endswith((".txt", ".bin")),
+        "a model",
+    )
+    directory.mkdir(parents=True, exist_ok=True)
+    subtracted = (
+        f"shift: {offset[0]:.4f} {offset[1]:.4f} {offset[2]:.4f} m was subtracted from the"
+        " positions"
+    )
+    head = said(
+        eo, subtracted, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then a line of its points"
+    )
+    atomic_write(
+        directory / "cameras.txt", f"# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n1 {model.line}\n"
+    )
+    atomic_write(directory / "points3D.txt", "# POINT3D_ID X Y Z R G B ERROR TRACK[]; none yet\n")
+    atomic_write(directory / "images.txt", [head, *rows])
+
+
+def _shift(eo: FramedOrientation, shift: str | Sequence[float] | None) -> Array:
+    if shift is None:
+        if not eo.images or np.abs(eo.coordinates).max() <= FAR_M:
+            return np.zeros(3)
+        whole = np.round(eo.coordinates.mean(axis=0) / ROUND_M) * ROUND_M
+        return np.where(np.abs(whole) > NEAR_M, whole, 0.0)
+    return vector(shift, "shift")
+
+
+def write_colmap_priors(
+    eo: FramedOrientation,
+    path: Source,
+    camera: str | None = None,
+    database: Source | None = None,
+    shift: str | Sequence[float] | None = None,
+) -> None:
+    """Write pose priors through pycolmap into a new database, or into a copy of `database`, which
+    stays as it is.
+
+    camera : of a new database, in COLMAP's words.
+    shift : (3,) m subtracted from the positions, none by default, since a database
+    has no place to say so; a geographic frame (latitude, longitude, height above the ellipsoid,
+    covariances east, north, up) takes none. In a copy, images are found by name, and their priors
+    replaced. Raises UsageError where pycolmap is missing, InputError where the database lacks an
+    image or cannot be read.
+    """
+    pycolmap = _pycolmap()
+    check_frame(eo, "colmap_priors", *CARTESIAN, GEOGRAPHIC)
+    if eo.frame.kind == "geographic" and shift is not None:
+        raise UsageError("shift: latitude and longitude are not shifted; leave it out")
+    model = camera_of(camera, "a new database of colmap_priors") if database is None else None
+    with staged(path) as work:
+        if database is not None:
+            _copy(database, work)
+        db = _open(pycolmap, work, database)
+        try:
+            ids = (
+                _new_images(pycolmap, db, eo, model)
+                if model is not None
+                else _known_images(db, eo, database)
+            )
+            _write_priors(pycolmap, db, eo, ids, shift)
+        finally:
+            db.close()
+
+
+def _pycolmap() -> Any:
+    try:
+        import pycolmap
+    except ImportError:
+        raise UsageError(
+            "colmap_priors needs pycolmap, which is not installed; pip install pycolmap, or export"
+            " colmap"
+        ) from None
+    return pycolmap
+
+
+def _copy(database: Source, work: Path) -> None:
+    try:
+        shutil.copyfile(database, work)
+    except OSError as error:
+        raise InputError.at(database, None, f"cannot be read: {error.strerror or error}") from None
+
+
+def _open(pycolmap: Any, work: Path, database: Source | None) -> Any:
+    try:
+        return pycolmap.Database.open(work)
+    except Exception as error:  # pycolmap raises what its C++ does
+        raise InputError.at(
+            database,
+            None,
+            f"is no database of COLMAP: {' '.join(str(error).split())[:120]}; give its database.db",
+        ) from None
+
+
+def _new_images(pycolmap: Any, db: Any, eo: FramedOrientation, model: Camera) -> list[Any]:
+    """Camera and images in a new database; the data ids of the images."""
+    camera = pycolmap.Camera(
+        model=model.model, width=model.width, height=model.height, params=list(model.parameters)
+    )
+    camera.has_prior_focal_length = True
+    camera_id = db.write_camera(camera)
+    ids = []
+    with pycolmap.DatabaseTransaction(db):
+        for name in eo.images:
+            image = pycolmap.Image(name=name, camera_id=camera_id)
+            image.image_id = db.write_image(image)
+            ids.append(image.data_id)
+    return ids
+
+
+def _known_images(db: Any, eo: FramedOrientation, database: Source | None) -> list[Any]:
+    known = {image.name: image.data_id for image in db.read_all_images()}
+    missing = [name for name in eo.images if name not in known]
+    if missing:
+        what = (
+            f"has no image {missing[0]!r} ({len(missing)} of {len(eo.images)} are missing); extract"
+            " features of all images first"
+        )
+        raise InputError.at(database, None, what)
+    return [known[name] for name in eo.images]
+
+
+def _write_priors(
+    pycolmap: Any,
+    db: Any,
+    eo: FramedOrientation,
+    ids: list[Any],
+    shift: str | Sequence[float] | None,
+) -> None:
+    system = pycolmap.PosePriorCoordinateSystem
+    if eo.frame.kind == "geographic":
+        position, kind = (
+            np.column_stack([np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2]]),
+            system.WGS84,
+        )
+    else:
+        position, kind = (
+            eo.coordinates - _shift(eo, (0.0, 0.0, 0.0) if shift is None else shift),
+            system.CARTESIAN,
+        )
+    gravity = -eo.C_Ec[:, 2]
+    earlier = {
+        (p.corr_data_id.sensor_id.id, p.corr_data_id.id): p.pose_prior_id
+        for p in db.read_all_pose_priors()
+    }
+    with pycolmap.DatabaseTransaction(db):
+        for k, data_id in enumerate(ids):
+            prior = pycolmap.PosePrior()
+            prior.corr_data_id = data_id
+            prior.position, prior.position_covariance = position[k], eo.cov[k, :3, :3]
+            prior.gravity, prior.coordinate_system = gravity[k], kind
+            known = earlier.get((data_id.sensor_id.id, data_id.id))
+            if known is None:
+                db.write_pose_prior(prior)
+            else:
+                prior.pose_prior_id = known
+                db.update_pose_prior(prior)

@@ -1,0 +1,141 @@
+"""MicMac: the text that OriConvert reads, and a directory of Orientation-<image>.xml,
+data_specs/micmac.md.
+
+    text   #F=N X Y Z W P K Ix Iy Iz     W P K = omega phi kappa, degrees (eConvAngPhotoMDegre): R =
+                                         Rx(omega) Ry(phi) Rz(kappa) takes the camera (right, up,
+                                         back) to the frame; Ix Iy Iz standard deviations, m
+    xml    the matrix C_fc by rows: camera (right, down, viewing direction) to the frame
+           (eConvApero_DistM2C)
+
+MicMac takes the frame for Euclidean: a tangent plane or geocentric coordinates, no projected CRS.
+Standard deviations of angles have no place. An orientation in xml names the calibration file of its
+camera, which MicMac looks for when it uses one.
+"""
+
+import os
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from ...base.errors import InputError, UsageError
+from ...base.files import atomic_write
+from ...records import FramedOrientation
+from ...records.framed import GEOCENTRIC, TANGENT
+from ..orientation.exported import (
+    OPK,
+    angles_of,
+    check_frame,
+    check_names,
+    check_only,
+    frame_attitude,
+    position_sigma,
+    said,
+    table_text,
+)
+from ..text.text import Source
+
+XML = """<?xml version="1.0" ?>
+<ExportAPERO>
+     <OrientationConique>
+          <OrIntImaM2C>
+               <I00>0 0</I00>
+               <V10>1 0</V10>
+               <V01>0 1</V01>
+          </OrIntImaM2C>
+          <TypeProj>eProjStenope</TypeProj>
+          <ZoneUtileInPixel>true</ZoneUtileInPixel>
+{interior}          <Externe>
+               <KnownConv>eConvApero_DistM2C</KnownConv>
+               <Centre>%.4f %.4f %.4f</Centre>
+               <IncCentre>%.5f %.5f %.5f</IncCentre>
+               <ParamRotation>
+                    <CodageMatr>
+                         <L1>%.12f %.12f %.12f</L1>
+                         <L2>%.12f %.12f %.12f</L2>
+                         <L3>%.12f %.12f %.12f</L3>
+                    </CodageMatr>
+               </ParamRotation>
+          </Externe>
+          <ConvOri>
+               <KnownConv>eConvApero_DistM2C</KnownConv>
+          </ConvOri>
+     </OrientationConique>
+</ExportAPERO>
+"""
+
+
+def write_micmac(eo: FramedOrientation, path: Source) -> None:
+    """Write the text: metres with 4 decimals, degrees with 6, standard deviations with 5.
+
+    Raises UsageError for a frame that is not Euclidean, InputError for names with blanks, DataError
+    where phi is +-90 deg.
+    """
+    check_frame(eo, "micmac", TANGENT, GEOCENTRIC)
+    check_names(eo.images, None)
+    opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
+    form = "%s" + " %.4f" * 3 + " %.6f" * 3 + " %.5f" * 3 + "\n"
+    words = said(
+        eo,
+        "angles: omega phi kappa, deg (eConvAngPhotoMDegre); R = Rx(omega) Ry(phi) Rz(kappa) takes"
+        " right-up-back to the frame",
+    )
+    table = np.hstack([eo.coordinates, np.degrees(opk), position_sigma(eo)])
+    atomic_write(path, table_text(f"#F=N X Y Z W P K Ix Iy Iz\n{words}", eo.images, form, table))
+
+
+def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "") -> None:
+    """Write Orientation-<image>.xml of every image into the directory `path`, which is made where
+    it is missing.
+
+    calibration : the camera's calibration file as MicMac is to find it; left out where empty.
+        Metres with 4 decimals, matrices with 12.
+    Raises UsageError for a frame that is not Euclidean, a `path` that is a file or holds
+    orientations of other images; InputError for names that make no file name.
+    """
+    check_frame(eo, "micmac_xml", TANGENT, GEOCENTRIC)
+    check_names(eo.images, "/")
+    unfit = next((name for name in eo.images if "\\" in name or "\0" in name), None)
+    if unfit is not None:
+        raise InputError(
+            f"image name {unfit!r} makes no file name Orientation-<image>.xml; rename the image"
+        )
+    directory = Path(path)
+    own = {f"Orientation-{name}.xml" for name in eo.images}
+    check_only(
+        directory,
+        own,
+        lambda file: file.startswith("Orientation-") and file.endswith(".xml"),
+        "orientations",
+    )
+    interior = (
+        f"          <FileInterne>{escape(calibration)}</FileInterne>\n" if calibration else ""
+    )
+    form = XML.replace("{interior}", interior.replace("%", "%%"))
+    table = np.hstack([eo.coordinates, position_sigma(eo), eo.C_fc.reshape(-1, 9)])
+    files = (
+        (f"Orientation-{name}.xml", form % tuple(row))
+        for name, row in zip(eo.images, table.tolist(), strict=True)
+    )
+    _into(directory, files)
+
+
+def _into(directory: Path, files: Iterable[tuple[str, str]]) -> None:
+    """Write files beside `directory`, and once they are all there, move them into it."""
+    beside = directory.with_name(f".{directory.name}.{os.getpid()}.tmp")
+    try:
+        beside.mkdir()
+        for name, text in files:
+            with open(f"{beside}{os.sep}{name}", "w", encoding="utf-8", newline="\n") as stream:
+                stream.write(text)
+        if directory.exists():
+            for name in os.listdir(beside):
+                os.replace(beside / name, directory / name)
+        else:
+            beside.rename(directory)
+    except OSError as error:
+        raise UsageError(f"{directory}: cannot be written: {error.strerror or error}") from None
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)

@@ -1,0 +1,70 @@
+"""OpenSfM's exif_overrides.json with reference_lla.json beside it, data_specs/opensfm.md.
+
+omega, phi, kappa, R = Rx(omega) Ry(phi) Rz(kappa), take the camera (right, up, back) to east,
+north, up of the reconstruction's reference, not of the image: 32 seconds of arc a kilometre. So the
+frame is a tangent plane, and its origin is written as the reference, which OpenSfM would otherwise
+choose itself. `dop` and `accuracy` are single numbers: root mean squares of three standard
+deviations, of the position in m and of psi in degrees.
+"""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from ...base.errors import UsageError
+from ...base.files import atomic_write
+from ...records import FramedOrientation
+from ...records.framed import TANGENT
+from ..orientation.exported import CHUNK, OPK, angles_of, check_frame, frame_attitude
+from ..text.text import Source
+
+REFERENCE = "reference_lla.json"
+
+
+def write_opensfm(eo: FramedOrientation, path: Source) -> None:
+    """Write positions, angles and their accuracies of a tangent plane, and its origin into
+    reference_lla.json beside `path`.
+
+    Degrees with 10 decimals (position) and 6 (angles), metres with 4. Raises UsageError for another
+    frame or where another reference_lla.json stands there, DataError where phi is +-90 deg.
+    """
+    check_frame(eo, "opensfm", TANGENT)
+    lat, lon, height = (float(x) for x in eo.frame.origin)
+    reference = json.dumps(
+        {
+            "latitude": float(np.degrees(lat)),
+            "longitude": float(np.degrees(lon)),
+            "altitude": height,
+        },
+        indent=1,
+    )
+    beside = Path(path).with_name(REFERENCE)
+    if beside.exists() and beside.read_text(encoding="utf-8") != reference:
+        raise UsageError(
+            f"{beside}: another reference stands there, and the angles are to hold in this"
+            " export's; delete it or export elsewhere"
+        )
+    opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
+    sigma = np.sqrt(
+        np.diagonal(eo.cov, axis1=1, axis2=2).reshape(-1, 2, 3).mean(axis=2)
+    )  # of position, of psi
+    place = np.column_stack([np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2]])
+    table = np.hstack([place, sigma[:, :1], np.degrees(opk), np.degrees(sigma[:, 1:])])
+    atomic_write(path, _entries(eo.images, table))
+    atomic_write(beside, reference)
+
+
+def _entries(images: tuple[str, ...], table: np.ndarray) -> Iterable[str]:
+    gps = '{"gps": {"latitude": %.10f, "longitude": %.10f, "altitude": %.4f, "dop": %.5f}'
+    form = "%s: " + gps + ', "opk": {"omega": %.6f, "phi": %.6f, "kappa": %.6f, "accuracy": %.6f}}'
+    yield "{\n"
+    for first in range(0, len(images), CHUNK):
+        part = slice(first, first + CHUNK)
+        text = [
+            form % (json.dumps(name), *values)
+            for name, values in zip(images[part], table[part].tolist(), strict=True)
+        ]
+        yield (",\n" if first else "") + ",\n".join(text)
+    yield "\n}\n"

@@ -1,0 +1,62 @@
+"""Flight log of RealityCapture, trajectory of RealityScan, data_specs/realitycapture.md.
+
+    name, latitude, longitude, altitude, yaw, pitch, roll          (in a tangent plane x, y for latitude, longitude)
+
+R = Rz(-yaw) Rx(pitch) Ry(roll) takes the camera (right, up, back) to east, north, up at the image,
+as Metashape's. Lines that begin with `#` are skipped by the program. Its own omega, phi, kappa are
+another set of angles than everybody's (formats.md B7), so they are not written. With accuracies the
+log is unverified: `experimental.realitycapture_accuracy`.
+"""
+
+import numpy as np
+
+from ...base.files import atomic_write
+from ...records import FramedOrientation
+from ...records.framed import GEOGRAPHIC, TANGENT
+from ..orientation.exported import (
+    YPR,
+    angles_of,
+    check_frame,
+    check_names,
+    north_attitude,
+    place_form,
+    places,
+    position_sigma,
+    said,
+    table_text,
+)
+from ..text.text import Source
+
+ANGLES = (
+    "angles: yaw pitch roll, deg; R = Rz(-yaw) Rx(pitch) Ry(roll) takes the camera (x right, y up,"
+    " z back) to east north up, true north"
+)
+
+
+def write_realitycapture(eo: FramedOrientation, path: Source) -> None:
+    """Write a geographic or tangent-plane frame: degrees with 10 decimals (position) and 6
+    (angles), metres with 4.
+
+    Raises UsageError for another frame, InputError for names with commas, DataError where pitch is
+    +-90 deg.
+    """
+    check_frame(eo, "realitycapture", GEOGRAPHIC, TANGENT)
+    write_log(eo, path)
+
+
+def write_log(eo: FramedOrientation, path: Source, accuracies: str = "") -> None:
+    """Write the log; with standard deviations where `accuracies` says in words what there is to
+    know of them.
+    """
+    check_names(eo.images, ",")
+    ypr, sigma = angles_of(eo, *north_attitude(eo), YPR)
+    geographic = eo.frame.kind == GEOGRAPHIC
+    table = np.hstack([places(eo)[:, [1, 0, 2] if geographic else [0, 1, 2]], np.degrees(ypr)])
+    form = f"%s,{place_form(eo, ',')}" + ",%.6f" * 3
+    columns = f"#name,{'latitude,longitude' if geographic else 'x,y'},altitude,yaw,pitch,roll"
+    if accuracies:
+        table = np.hstack([table, position_sigma(eo), np.degrees(sigma)])
+        form += ",%.5f" * 3 + ",%.6f" * 3
+        columns += ",accX,accY,accZ,accYaw,accPitch,accRoll"
+    head = said(eo, *([accuracies] if accuracies else []), ANGLES) + columns + "\n"
+    atomic_write(path, table_text(head, eo.images, form + "\n", table))

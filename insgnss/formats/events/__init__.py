@@ -1,0 +1,1 @@
+"""Camera events, one module a format."""

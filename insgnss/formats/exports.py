@@ -1,0 +1,345 @@
+"""The formats that an exterior orientation is written to: each registered here once, with the
+frames that it can carry.
+
+A writer is a pure function of a `FramedOrientation` in one of its frames and a path; what it needs
+besides are its options. `eo_json` is the master and takes the `ExteriorOrientation` itself.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, Literal
+
+from ..records import FramedOrientation
+from ..records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
+
+Heights = Literal["", "ellipsoid", "sea level"]
+
+
+@dataclass(frozen=True)
+class Export:
+    """One format.
+
+    product : its usual file name.
+    what : one line for people.
+    writer : module and function in `formats`.
+    frames : kinds of frame that it can carry, by default the first that needs no CRS; none for the
+        master.
+    heights : to what its consumer takes heights: what the frame says (""), or always above the
+        ellipsoid of WGS84, or above sea level.
+    options : what the writer takes besides.
+    reader : module and function that read it back; empty where the format cannot be.
+    experimental : why not all of the convention could be checked; empty where it could.
+    several : a directory of files.
+    needs : those of the options that have no default.
+    crs_order : whether coordinates stand in the order that the CRS itself has; in all others
+        easting comes first.
+    frame : module and function that turn a frame into the one that the file is really in; empty
+        where it stays.
+    relative : whether the writer takes relative control (`orient.relative`) in place of the
+        orientation.
+    """
+
+    product: str
+    what: str
+    writer: str
+    frames: tuple[str, ...]
+    heights: Heights = ""
+    options: tuple[str, ...] = ()
+    reader: str = ""
+    experimental: str = ""
+    several: bool = False
+    needs: tuple[str, ...] = ()
+    crs_order: bool = False
+    relative: bool = False
+    frame: str = ""
+
+    @property
+    def write(self) -> Callable[..., Any]:
+        """The writer."""
+        return _function(self.writer)
+
+    @property
+    def page(self) -> str:
+        """The page of `data_specs` that states the format."""
+        module = self.writer.partition(":")[0].rpartition(".")[2].removesuffix("_accuracy")
+        return "generic_ascii" if module == "table_presets" else module
+
+    def in_own_frame(self, eo: FramedOrientation) -> FramedOrientation:
+        """`eo` in the frame that the file is really in."""
+        return _function(self.frame)(eo) if self.frame else eo
+
+    @property
+    def read(self) -> Callable[..., Any] | None:
+        """The reader, None where there is none."""
+        return _function(self.reader) if self.reader else None
+
+
+def _function(place: str) -> Callable[..., Any]:
+    module, _, name = place.partition(":")
+    function: Callable[..., Any] = getattr(import_module(f".{module}", __package__), name)
+    return function
+
+
+_REFERENCE = "Metashape camera reference: "
+EXPORTS: dict[str, Export] = {
+    "eo_local_plane": Export(
+        "EO_local-plane.txt",
+        "tangent plane, omega phi kappa, standard deviations; blank separated text",
+        "orientation.eo_local_plane:write_eo_local_plane",
+        (TANGENT,),
+        reader="orientation.eo_local_plane:read_eo_local_plane",
+    ),
+    "metashape": Export(
+        "metashape.csv",
+        _REFERENCE + "longitude latitude height, yaw pitch roll (true north), accuracies",
+        "bundle.metashape:write_metashape",
+        (GEOGRAPHIC, PROJECTED, TANGENT),
+        reader="bundle.metashape:read_metashape",
+    ),
+    "metashape_opk": Export(
+        "metashape_opk.csv",
+        _REFERENCE + "omega phi kappa of the grid",
+        "bundle.metashape:write_metashape_opk",
+        (PROJECTED, GEOGRAPHIC, TANGENT),
+    ),
+    "metashape_offset": Export(
+        "metashape_offset.csv",
+        _REFERENCE + "bore-sight as GPS/INS offset beside, not in the angles",
+        "bundle.metashape:write_metashape_offset",
+        (GEOGRAPHIC, PROJECTED, TANGENT),
+    ),
+    "pix4d_matic": Export(
+        "pix4d_matic.csv",
+        "PIX4Dmatic geolocation and orientation",
+        "bundle.pix4d:write_pix4d_matic",
+        (GEOGRAPHIC, PROJECTED),
+        crs_order=True,
+    ),
+    "pix4d_mapper": Export(
+        "pix4d_mapper.csv",
+        "PIX4Dmapper: X Y Z omega phi kappa",
+        "bundle.pix4d:write_pix4d_mapper",
+        (PROJECTED, TANGENT),
+    ),
+    "odm": Export(
+        "geo.txt",
+        "OpenDroneMap: positions and accuracies",
+        "bundle.odm:write_odm_geo",
+        (GEOGRAPHIC, PROJECTED),
+    ),
+    "opensfm": Export(
+        "exif_overrides.json",
+        "OpenSfM: positions and omega phi kappa, reference_lla.json beside",
+        "bundle.opensfm:write_opensfm",
+        (TANGENT,),
+        heights="ellipsoid",
+    ),
+    "micmac": Export(
+        "micmac.txt", "MicMac OriConvert text", "bundle.micmac:write_micmac", (TANGENT, GEOCENTRIC)
+    ),
+    "micmac_xml": Export(
+        "Ori-Nav",
+        "MicMac Orientation-*.xml, one an image",
+        "bundle.micmac:write_micmac_xml",
+        (TANGENT, GEOCENTRIC),
+        options=("calibration",),
+        several=True,
+    ),
+    "realitycapture": Export(
+        "realitycapture.csv",
+        "RealityCapture/RealityScan flight log, yaw pitch roll",
+        "bundle.realitycapture:write_realitycapture",
+        (GEOGRAPHIC, TANGENT),
+    ),
+    "bentley": Export(
+        "blocks.xml",
+        "BlocksExchange XML of ContextCapture",
+        "bundle.bentley:write_bentley",
+        (PROJECTED, TANGENT, GEOGRAPHIC),
+        options=("width_px", "height_px", "focal_px"),
+        frame="bundle.bentley:on_ellipsoid",
+    ),
+    "inpho_prj": Export(
+        "inpho.prj",
+        "Inpho photo blocks",
+        "bundle.inpho:write_inpho_prj",
+        (PROJECTED, TANGENT),
+        options=("focal_mm", "ground_m", "camera"),
+        needs=("focal_mm", "ground_m"),
+    ),
+    "inpho_ascii": Export(
+        "inpho.txt", "Inpho GNSS/INS table", "bundle.inpho:write_inpho_ascii", (PROJECTED, TANGENT)
+    ),
+    "generic_ascii": Export(
+        "eo_table.txt",
+        "a table by template: columns, angle set, units, delimiter",
+        "orientation.generic_ascii:write_generic_ascii",
+        (TANGENT, PROJECTED, GEOGRAPHIC, GEOCENTRIC),
+        options=(
+            "columns",
+            "delimiter",
+            "header",
+            "unit",
+            "camera_axes",
+            "attitude",
+            "north",
+            "decimals_m",
+            "decimals_angle",
+        ),
+        reader="orientation.generic_ascii:read_generic_ascii",
+    ),
+    "colmap": Export(
+        "colmap",
+        "COLMAP text model with known poses",
+        "bundle.colmap:write_colmap",
+        (TANGENT, PROJECTED, GEOCENTRIC),
+        options=("camera", "shift"),
+        several=True,
+        needs=("camera",),
+    ),
+    "colmap_priors": Export(
+        "database.db",
+        "COLMAP database with pose priors: full position covariance, gravity (pycolmap)",
+        "bundle.colmap:write_colmap_priors",
+        (TANGENT, PROJECTED, GEOCENTRIC, GEOGRAPHIC),
+        options=("camera", "database", "shift"),
+        needs=("camera",),
+    ),
+    "opf": Export(
+        "opf",
+        "OPF project of Pix4D: omega phi kappa, full covariance",
+        "bundle.opf:write_opf",
+        (PROJECTED,),
+        options=("camera", "pixel_size_um", "pixel_type", "bands", "images"),
+        several=True,
+        needs=("camera", "pixel_size_um"),
+        crs_order=True,
+    ),
+    "tum": Export(
+        "eo.tum",
+        "TUM trajectory, for evo",
+        "trajectory.tum:write_tum",
+        (TANGENT, PROJECTED, GEOCENTRIC),
+        options=("time",),
+    ),
+    "g2o": Export(
+        "eo.g2o",
+        "pose graph: neighbours with full 6x6 information",
+        "orientation.g2o:write_g2o",
+        (TANGENT, PROJECTED, GEOCENTRIC),
+        options=("max_gap_s", "rotation"),
+    ),
+    "relative": Export(
+        "relative.csv",
+        "relative position and attitude of neighbouring images, three weightings side by side",
+        "orientation.relative_csv:write_relative_csv",
+        (TANGENT, PROJECTED, GEOCENTRIC),
+        options=("noise", "form", "gap_s"),
+        reader="orientation.relative_csv:read_relative_csv",
+        needs=("noise",),
+        relative=True,
+    ),
+    "geojson": Export(
+        "eo.geojson",
+        "GeoJSON, or orthority's dialect",
+        "gis.geojson:write_geojson",
+        (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
+        heights="ellipsoid",
+        options=("dialect", "camera"),
+    ),
+    "kml": Export(
+        "eo.kml",
+        "KML: track and photographs above sea level",
+        "gis.kml:write_kml",
+        (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
+        heights="sea level",
+    ),
+    "geopackage": Export(
+        "eo.gpkg",
+        "GeoPackage: images and track",
+        "gis.geopackage:write_geopackage",
+        (GEOGRAPHIC, PROJECTED, TANGENT),
+    ),
+    "image_tags": Export(
+        "tagged_images",
+        "copies of the images with Exif GPS and XMP",
+        "images.image_tags:write_image_tags",
+        (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
+        options=("images", "missing", "heights", "gimbal", "rtk_flag"),
+        several=True,
+        needs=("images",),
+    ),
+    "rtklib_pos": Export(
+        "antenna.pos",
+        "RTKLIB .pos of the antenna at the exposures",
+        "gnss.rtklib_pos_write:write_antenna_pos",
+        (GEOGRAPHIC, PROJECTED, TANGENT, GEOCENTRIC),
+        heights="ellipsoid",
+        options=("lever_m", "quality"),
+        reader="gnss.rtklib_pos:read_rtklib_pos",
+        needs=("lever_m",),
+    ),
+    "eo_json": Export(
+        "eo.json",
+        "master: full covariances, cross-covariances of neighbours, ECEF and tangent plane",
+        "orientation.eo_json:write_eo_json",
+        (),
+        options=("noise", "form", "gap_s"),
+    ),
+}
+
+_UNVERIFIED = (
+    "no file of the program was at hand; the layout is that of its handbook as others tell it"
+)
+EXPERIMENTAL: dict[str, Export] = {
+    "pix4d_mapper_accuracy": Export(
+        "pix4d_mapper_experimental.csv",
+        "PIX4Dmapper with accuracies",
+        "experimental.pix4d_accuracy:write_pix4d_mapper_accuracy",
+        (PROJECTED, TANGENT, GEOGRAPHIC),
+        experimental="place of the accuracies and meaning of angles with latitude, longitude",
+    ),
+    "realitycapture_accuracy": Export(
+        "realitycapture_experimental.csv",
+        "RealityCapture/RealityScan flight log with accuracies",
+        "experimental.realitycapture_accuracy:write_realitycapture_accuracy",
+        (GEOGRAPHIC, TANGENT, PROJECTED),
+        experimental="names of accuracies; north of yaw in a projected CRS",
+    ),
+    "patb": Export(
+        "patb_experimental.ori",
+        "PATB orientations",
+        "experimental.patb:write_patb",
+        (PROJECTED, TANGENT),
+        experimental="direction of the matrix",
+    ),
+    **{
+        name: Export(
+            f"{name}_experimental.txt",
+            f"table for {tool}",
+            f"experimental.table_presets:write_{name}",
+            (PROJECTED, TANGENT),
+            reader="orientation.generic_ascii:read_generic_ascii",
+            experimental=_UNVERIFIED,
+        )
+        for name, tool in (
+            ("bingo", "BINGO"),
+            ("bluh", "BLUH"),
+            ("orima", "ORIMA"),
+            ("xpro", "XPro"),
+            ("simactive", "SimActive"),
+        )
+    },
+    "dji_terra": Export(
+        "dji_terra_experimental.csv",
+        "table for DJI Terra",
+        "experimental.table_presets:write_dji_terra",
+        (GEOGRAPHIC,),
+        reader="orientation.generic_ascii:read_generic_ascii",
+        experimental=_UNVERIFIED,
+    ),
+}
+"""Formats that could not be held against a file of their program: `formats.experimental`."""
+
+EXPORTS |= EXPERIMENTAL

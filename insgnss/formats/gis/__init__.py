@@ -1,0 +1,1 @@
+"""Exterior orientations for geographic information systems and globes."""

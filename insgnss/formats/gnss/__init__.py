@@ -1,0 +1,1 @@
+"""Antenna positions, one module a format."""

@@ -1,0 +1,226 @@
+"""Fixes from named columns, for all readers that have such: units, clock, order, velocity, ranges,
+standard deviations.
+
+Speed s and course c of the ground track stand for the horizontal velocity: vn = s cos c, ve = s sin
+c. Where nothing says how fast the antenna rises, its vertical velocity is given as 0 with a
+standard deviation of `UNKNOWN_MPS`, which is none.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...base.errors import InputError, UsageError
+from ...records import Check, GnssFixes
+from ...records.observations import UNKNOWN_MPS
+from ..text.columns import clock_of, gps_time
+from ..text.order import Lines, Picked, put_in_order
+
+Array = NDArray[np.float64]
+
+SIGMA, VELOCITY, VELOCITY_SIGMA = (
+    ("sd_n", "sd_e", "sd_u"),
+    ("vn", "ve", "vd", "vu"),
+    ("sd_vn", "sd_ve", "sd_vd"),
+)
+QUALITY_CODES = ("rtklib", "nmea")
+VARIANCE = {"var_n", "var_e", "var_u"}
+MOST_QUALITY = 7  # of RTKLIB
+NMEA_QUALITY = {
+    0: 0,
+    1: 5,
+    2: 4,
+    3: 5,
+    4: 1,
+    5: 2,
+    6: 0,
+    7: 0,
+    8: 0,
+    9: 3,
+}  # GGA: single, DGPS, PPS, fixed, float; else unknown
+LARGEST = 1e7  # m, m/s; beyond it no antenna is
+
+
+@dataclass(frozen=True)
+class FixScales:
+    """Factors of the columns to SI and radians, and the unit of time."""
+
+    angle: float = 1.0
+    length: float = 1.0
+    velocity: float = 1.0
+    course: float = 1.0
+    time: str = "s"
+    quality: str = "rtklib"
+
+
+def fixes_from_columns(
+    cols: Mapping[str, Array],
+    lines: Lines,
+    source: str,
+    scales: FixScales,
+    gps_week: int | None,
+    sigma_m: ArrayLike | None,
+    sigma_velocity: ArrayLike | None,
+    undulation_m: float = 0.0,
+    notes: tuple[Check, ...] = (),
+) -> GnssFixes:
+    """Fixes of columns (n,) by canonical name, each stamp once, in order; `notes` are told before
+    those of the order.
+
+    sigma_m, sigma_velocity : standard deviations north, east, down where no columns hold them, m
+        and m/s.
+    Raises InputError at the first row with a value that cannot be, and where no standard deviation
+    is to be had.
+    """
+    time, gps_week = gps_time(lines, clock_of(cols), cols.get("week"), gps_week, scales.time)
+    rows, told = put_in_order(
+        lines,
+        time,
+        lambda i, k: all(column[i] == column[k] for column in cols.values()),
+        "GNSS rows",
+    )
+    if rows is not None:
+        time, lines = time[rows], Picked(lines, rows)
+        cols = {name: column[rows] for name, column in cols.items()}
+    lat, lon = cols["lat"] * scales.angle, cols["lon"] * scales.angle
+    for name, value, limit in (("lat", lat, 0.5 * np.pi), ("lon", lon, 2.0 * np.pi)):
+        if (beyond := np.abs(value) > limit + 1e-12).any():
+            row = int(np.argmax(beyond))
+            what = (
+                f"{name} {np.degrees(value[row]):.6f} deg exceeds {np.degrees(limit):.0f}; check"
+                " the columns and their unit"
+            )
+            raise lines.at(row, what)
+    height = cols["h"] * scales.length + undulation_m
+    _within(lines, "height", height, "m")
+    cov = _covariance(cols, SIGMA, scales.length, lines, source, sigma_m, "sigma_m")
+    velocity, velocity_cov = _velocity(cols, scales, lines, source, sigma_velocity)
+    quality = _quality(cols, lines, scales.quality) if "q" in cols else None
+    return GnssFixes(
+        time,
+        lat,
+        lon,
+        height,
+        cov,
+        velocity,
+        velocity_cov,
+        quality,
+        gps_week,
+        source,
+        (*notes, *told),
+    )
+
+
+def _within(lines: Lines, name: str, value: Array, unit: str) -> None:
+    if (beyond := np.abs(value) > LARGEST).any():
+        row = int(np.argmax(beyond))
+        raise lines.at(
+            row,
+            f"{name} {value[row]:g} {unit} exceeds {LARGEST:g}; check the columns and their unit",
+        )
+
+
+def _quality(cols: Mapping[str, Array], lines: Lines, codes: str) -> NDArray[np.int64]:
+    """RTKLIB's codes of the column q in `codes`."""
+    if codes not in QUALITY_CODES:
+        raise UsageError(f"units: quality = {codes!r} is none of {', '.join(QUALITY_CODES)}")
+    q = cols["q"]
+    known = NMEA_QUALITY if codes == "nmea" else range(MOST_QUALITY + 1)
+    if (odd := ~np.isin(q, list(known))).any():
+        row = int(np.argmax(odd))
+        raise lines.at(
+            row,
+            f"quality {q[row]:g} is no code of {codes}; check the columns, or set units = {{"
+            ' quality = "nmea" }',
+        )
+    return (
+        np.array([NMEA_QUALITY[k] for k in q.astype(np.int64).tolist()], dtype=np.int64)
+        if codes == "nmea"
+        else q.astype(np.int64)
+    )
+
+
+def _velocity(
+    cols: Mapping[str, Array],
+    scales: FixScales,
+    lines: Lines,
+    source: str,
+    sigma_velocity: ArrayLike | None,
+) -> tuple[Array | None, Array | None]:
+    """Velocity (n, 3) north, east, down and its covariances, or None where the columns hold none."""
+    up = "vu" if "vu" in cols else "vd"
+    named = [name for name in ("vn", "ve", "speed", "course", up) if name in cols]
+    if not named:
+        return None, None
+    polar = "speed" in cols or "course" in cols
+    needed = ("speed", "course") if polar else ("vn", "ve", up)
+    if missing := [name for name in needed if name not in cols]:
+        raise InputError(
+            f"{source}: velocity without {' '.join(missing)}; name vn ve vd, or speed course and"
+            " vd, or '-' to leave all out"
+        )
+    if polar:
+        course = cols["course"] * scales.course
+        north, east = cols["speed"] * np.cos(course), cols["speed"] * np.sin(course)
+    else:
+        north, east = cols["vn"], cols["ve"]
+    known = up in cols
+    down = np.zeros(north.size) if not known else cols["vd"] if up == "vd" else -cols["vu"]
+    velocity = scales.velocity * np.column_stack([north, east, down])
+    _within(lines, "velocity", np.abs(velocity).max(axis=1, initial=0.0), "m/s")
+    cov = _covariance(
+        cols, VELOCITY_SIGMA, scales.velocity, lines, source, sigma_velocity, "sigma_velocity"
+    )
+    if not known:
+        cov[:, 2, 2] = UNKNOWN_MPS**2
+    return velocity, cov
+
+
+def _covariance(
+    cols: Mapping[str, Array],
+    names: tuple[str, ...],
+    factor: float,
+    lines: Lines,
+    source: str,
+    given: ArrayLike | None,
+    option: str,
+) -> Array:
+    """Diagonal covariances (n, 3, 3) of the file's standard deviations times `factor`, else of the
+    `given` three.
+    """
+    n = cols["tow"].size
+    present = [name for name in names if name in cols]
+    if len(present) == 3:
+        sigma = factor * np.column_stack([cols[name] for name in names])
+    elif names == SIGMA and {"sd_ne", "sd_u"} <= cols.keys():
+        sigma = factor * np.column_stack([cols["sd_ne"], cols["sd_ne"], cols["sd_u"]])
+    elif names == SIGMA and cols.keys() >= VARIANCE:
+        sigma = factor * np.sqrt(
+            np.maximum(np.column_stack([cols["var_n"], cols["var_e"], cols["var_u"]]), 0.0)
+        )
+    elif present or given is None:
+        missing = " ".join(name for name in names if name not in cols)
+        raise InputError(
+            f"{source}: no standard deviations {missing}; name their columns, or set {option} ="
+            " [north, east, down]"
+        )
+    else:
+        sigma = np.broadcast_to(np.asarray(given, dtype=np.float64), (n, 3))
+        if not (np.isfinite(sigma) & (sigma > 0.0)).all():
+            raise InputError(f"{option}: {np.asarray(given).tolist()} must be positive")
+    bad = ~((sigma > 0.0) & (sigma <= LARGEST))
+    if bad.any():
+        row, k = (int(i) for i in np.argwhere(bad)[0])
+        limit = (
+            f"must be positive and at most {LARGEST:g}"
+            if sigma[row, k] > 0.0
+            else "must be positive"
+        )
+        raise lines.at(
+            row,
+            f"standard deviation {names[k]} is {sigma[row, k]:g}; it {limit}; leave the fix out or"
+            " correct it",
+        )
+    return np.asarray((sigma**2)[:, :, None] * np.eye(3))

@@ -1,0 +1,241 @@
+"""Antenna positions as a text table: `tow lat lon h [sd_n sd_e sd_u [Q]]`, data_specs/gnss_text.md.
+
+Latitude and longitude in degrees, heights above the ellipsoid and standard deviations along north,
+east and up in m, unless the caller or the header says another unit, in brackets or behind the name
+(`_heads`); where both give one and they differ, a note says so. Correlations have no place in this
+format; RTKLIB's .pos has one for them.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...base.errors import InputError
+from ...base.files import atomic_write
+from ...records import Check, GnssFixes
+from ..orientation.exported import check_names
+from ..text.columns import FINE, TIME, Aliases, Columns, columns_of, fields_of, sigma_aliases
+from ..text.headers import Kinds, settled_units
+from ..text.order import open_end
+from ..text.text import Source, format_rows, read_table, read_text_table
+from ..text.units import check_units
+from .fixes import SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
+
+Array = NDArray[np.float64]
+
+REQUIRED = ("tow", "lat", "lon", "h")
+UNIT_COLUMNS = {
+    "angle": ("lat", "lon"),
+    "time": ("tow",),
+    "length": ("h", *SIGMA, "sd_ne"),
+    "velocity": (*VELOCITY, *VELOCITY_SIGMA, "speed"),
+    "course": ("course",),
+}
+UNIT_KINDS = {key: "angle" if key == "course" else key for key in UNIT_COLUMNS}
+UNIT_KEYS = (*UNIT_COLUMNS, "quality")
+KINDS: Kinds = {name: (UNIT_KINDS[key],) for key, names in UNIT_COLUMNS.items() for name in names}
+DEFAULTS = (
+    REQUIRED,
+    (*REQUIRED, *SIGMA),
+    (*REQUIRED, *SIGMA, "q"),
+    (*REQUIRED, *SIGMA, "vn", "ve", "vd", *VELOCITY_SIGMA),  # KF-GINS, positions and velocities
+    (
+        "week",
+        *REQUIRED,
+        "vn",
+        "ve",
+        "vd",
+        "roll",
+        "pitch",
+        "yaw",
+    ),  # KF-GINS, navigation result (.nav)
+)
+ALIASES: Aliases = {
+    **TIME,
+    "lat": ("lat", "latitude", "lat_deg", "phi_deg", "b"),
+    "lon": ("lon", "long", "lng", "longitude", "lon_deg", "lambda", "l"),
+    "h": (
+        "h",
+        "height",
+        "ellheight",
+        "ell_height",
+        "ellipsoid_height",
+        "ellipsoidal_height",
+        "alt",
+        "altitude",
+        "hgt",
+        "h_ell",
+        "h_m",
+        "up_ell",
+    ),
+    "sd_n": sigma_aliases("n", "north", "lat", "latitude", "n_m"),
+    "sd_e": sigma_aliases("e", "east", "lon", "longitude", "e_m"),
+    "sd_u": sigma_aliases("u", "up", "d", "down", "h", "height", "alt", "u_m"),
+    **dict.fromkeys(("sd_ne", "var_n", "var_e", "var_u"), ()),  # only `columns` can name these
+    **FINE,
+    "q": ("q", "quality", "fix_quality"),
+    "vn": ("vn", "v_n", "vel_n", "v_north", "north_velocity", "velocity_north", "vnorth"),
+    "ve": ("ve", "v_e", "vel_e", "v_east", "east_velocity", "velocity_east", "veast"),
+    "vd": ("vd", "v_d", "vel_d", "v_down", "down_velocity", "velocity_down", "vdown"),
+    "vu": ("vu", "v_u", "vel_u", "v_up", "up_velocity", "velocity_up", "vup"),
+    "sd_vn": sigma_aliases("vn", "v_n", "vel_n"),
+    "sd_ve": sigma_aliases("ve", "v_e", "vel_e"),
+    "sd_vd": sigma_aliases("vd", "v_d", "vel_d", "vu", "v_u", "vel_u"),
+    "speed": ("speed", "spd", "ground_speed", "gndspd", "gnd_speed", "sog", "hspeed"),
+    "course": ("course", "cog", "gcrs", "track", "course_over_ground", "ground_course"),
+}
+IMAGE_ALIASES: Aliases = {
+    "image": ("image", "img", "photo", "name", "label", "filename", "file", "event", "id"),
+    **{name: ALIASES[name] for name in ("lat", "lon", "h")},
+    "e": ("e", "east", "easting", "x"),
+    "n": ("n", "north", "northing", "y"),
+    "u": ("u", "up", "z", "height"),
+}
+IMAGE_KINDS: Kinds = {
+    name: ("angle",) if name in ("lat", "lon") else ("length",)
+    for name in IMAGE_ALIASES
+    if name != "image"
+}
+
+
+@dataclass(frozen=True, eq=False)
+class ImagePositions:
+    """Antenna positions at exposures: (n, 3) latitude rad, longitude rad, height m, or east, north,
+    up m of a tangent plane.
+    """
+
+    images: tuple[str, ...]
+    position: Array
+    frame: str  # "geodetic" | "tangent_plane"
+
+
+def read_gnss_text(
+    path: Source,
+    columns: Columns = None,
+    sigma_m: ArrayLike | None = None,
+    gps_week: int | None = None,
+    sigma_velocity: ArrayLike | None = None,
+    units: Mapping[str, str] | None = None,
+    undulation_m: float = 0.0,
+) -> GnssFixes:
+    """Read antenna positions, and velocities where there are.
+
+    columns : name of each column out of the keys of `ALIASES`; any other name leaves a column out;
+        or a table of them to the header's.
+    sigma_m, sigma_velocity : standard deviations north, east, down where the file carries none, m
+        and m/s.
+    units : of "angle" (latitude and longitude: deg, rad), "time", "length", "velocity", "course"
+        (deg, rad) and "quality" (rtklib, nmea). A header's own unit that is another is told in a
+        note.
+    In `columns`, sd_ne with sd_u stands for sd_n and sd_e alike, and var_n var_e var_u for the
+    squares of sd_n sd_e sd_u.
+    undulation_m : geoid above the ellipsoid, m, added to heights that are above the geoid.
+    Raises InputError with file and line for a bad value, and where no standard deviation is to be
+    had.
+    """
+    units = check_units(units, UNIT_KEYS)
+    table = read_table(path, whole=False)
+    index = columns_of(table, ALIASES, REQUIRED, DEFAULTS, columns, KINDS)
+    said = {key: fields_of(table.layout, index, names) for key, names in UNIT_COLUMNS.items()}
+    scales, told = fix_scales(str(path), table.layout.header_line, said, units)
+    cols = {name: np.ascontiguousarray(table.values[:, i]) for name, i in index.items()}
+    notes = (*open_end("GNSS rows", table.complete), *told)
+    return fixes_from_columns(
+        cols, table, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m, notes
+    )
+
+
+def fix_scales(
+    path: str, line: int | None, fields: Mapping[str, Sequence[str]], units: Mapping[str, str]
+) -> tuple[FixScales, tuple[Check, ...]]:
+    """Factors of fixes: of the caller's `units`, else of those that the `fields` of their columns
+    give, else of deg, m, m/s and s.
+
+    Returns with them a note for each of the caller's units where the fields give another one.
+    Raises InputError and UsageError with `path` and the `line` of the header.
+    """
+    taken, factors, notes = settled_units(
+        path, line, UNIT_COLUMNS, UNIT_KINDS, fields, units, "GNSS"
+    )
+    scales = FixScales(
+        angle=factors["angle"],
+        length=factors["length"],
+        velocity=factors["velocity"],
+        course=factors["course"],
+        time=taken["time"],
+        quality=units.get("quality", "rtklib"),
+    )
+    return scales, notes
+
+
+def write_gnss_text(fixes: GnssFixes, path: Source) -> None:
+    """Write antenna positions (AntennaPos_WGS84.txt): degrees with 10 decimals, m with 4;
+    correlations are left out.
+    """
+    sigma = np.sqrt(np.diagonal(fixes.cov_ned, axis1=1, axis2=2))
+    head = ["tow[s]", "lat[deg]", "lon[deg]", "h[m]", *(f"{name}[m]" for name in SIGMA)]
+    form = "%.6f %.10f %.10f %.4f" + " %.5f" * 3
+    parts = [fixes.time, np.degrees(fixes.lat), np.degrees(fixes.lon), fixes.height, sigma]
+    if fixes.quality is not None:
+        head, form = [*head, "Q"], form + " %d"
+        parts.append(fixes.quality)
+    if fixes.velocity_ned is not None and fixes.velocity_cov_ned is not None:
+        head += [f"{name}[m/s]" for name in ("vn", "ve", "vd", *VELOCITY_SIGMA)]
+        form += " %.5f" * 6
+        parts += [
+            fixes.velocity_ned,
+            np.sqrt(np.diagonal(fixes.velocity_cov_ned, axis1=1, axis2=2)),
+        ]
+    atomic_write(
+        path, ["# " + " ".join(head) + "\n", *format_rows(form + "\n", np.column_stack(parts))]
+    )
+
+
+def write_image_positions(positions: ImagePositions, path: Source) -> None:
+    """Write antenna positions at exposures: AntennaPos_Img_WGS84.txt or
+    AntennaPos_Img_WGS84_tangentplane.txt by their frame.
+    """
+    check_names(positions.images, None)
+    geodetic = positions.frame == "geodetic"
+    head = "# image lat[deg] lon[deg] h[m]\n" if geodetic else "# image e[m] n[m] u[m]\n"
+    form = "%s %.10f %.10f %.4f\n" if geodetic else "%s %.4f %.4f %.4f\n"
+    values = positions.position * (
+        [180.0 / np.pi, 180.0 / np.pi, 1.0] if geodetic else [1.0, 1.0, 1.0]
+    )
+    atomic_write(
+        path,
+        [
+            head,
+            *(
+                form % (name, *row)
+                for name, row in zip(positions.images, values.tolist(), strict=True)
+            ),
+        ],
+    )
+
+
+def read_image_positions(path: Source, columns: Columns = None) -> ImagePositions:
+    """Read antenna positions at exposures; a header or `columns` must say whether lat lon h or e n
+    u; units as in `read_gnss_text`.
+    """
+    table = read_text_table(path)
+    index = columns_of(table, IMAGE_ALIASES, ("image",), (), columns, IMAGE_KINDS)
+    frame, names = (
+        ("geodetic", ("lat", "lon", "h")) if "lat" in index else ("tangent_plane", ("e", "n", "u"))
+    )
+    if missing := [name for name in names if name not in index]:
+        raise InputError.at(
+            table.path,
+            table.layout.header_line,
+            f"no column {' '.join(missing)}; set columns = [...] of {', '.join(IMAGE_ALIASES)}",
+        )
+    groups = {"angle": names[:2], "length": names[2:]} if frame == "geodetic" else {"length": names}
+    said = {key: fields_of(table.layout, index, of_key) for key, of_key in groups.items()}
+    _, factors, _ = settled_units(
+        str(path), table.layout.header_line, groups, {key: key for key in groups}, said, {}, "image"
+    )
+    scales = [factors[key] for key, of_key in groups.items() for _ in of_key]
+    position = np.column_stack([table.floats(index[name]) for name in names]) * scales
+    return ImagePositions(table.strings(index["image"]), position, frame)

@@ -1,0 +1,168 @@
+"""What the header of an RTKLIB .pos says, and what stands in its place where there is none.
+
+RTKLIB writes legend lines (`% (lat/lon/height=WGS84/ellipsoidal,...)`), options, and the line that
+names the columns, whose first name is the time scale. Separators stand between all values, angles
+of degrees, minutes and seconds being three, but not between date and time of day. Without header
+(out-outhead = off) its layouts are told by the number of fields: 15, or 24 with velocities.
+"""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from ..text.layout import NUMBER, decode, is_comment, shown
+from ..text.text import Source
+
+DATE = re.compile(rb"^([ \t]*\d{4})/(\d\d?)/(\d\d?)[ \t]+(\d\d?):(\d\d?):", re.MULTILINE)
+POSITION = {
+    "latitude": ("latitude", "longitude", "height"),
+    "x-ecef": ("x-ecef", "y-ecef", "z-ecef"),
+    "e-baseline": ("e-baseline", "n-baseline", "u-baseline"),
+}
+ROOTS = {
+    "latitude": ("sdn", "sde", "sdu", "sdne", "sdeu", "sdun"),
+    "x-ecef": ("sdx", "sdy", "sdz", "sdxy", "sdyz", "sdzx"),
+    "e-baseline": ("sde", "sdn", "sdu", "sden", "sdnu", "sdue"),
+}
+VELOCITY = {
+    "latitude": ("vn", "ve", "vu"),
+    "x-ecef": ("vx", "vy", "vz"),
+    "e-baseline": ("ve", "vn", "vu"),
+}
+VELOCITY_ROOTS = {kind: tuple(f"sdv{name[2:]}" for name in names) for kind, names in ROOTS.items()}
+_OTHER_NAMES = {"latitude": {"sdue": "sdun", "sdvue": "sdvun"}}  # RTKLIB's own older spelling
+_WEEK_TOW = re.compile(r"\s*\d{1,4}[\s,;]+\d{1,6}\.\d*[\s,;]")
+SCALES = ("GPST", "UTC", "JST")
+PLAIN_FIELDS = (15, 24)
+
+
+@dataclass(frozen=True)
+class Header:
+    """Kind of coordinates (a key of `POSITION`), column names, time scale, whether heights are
+    above the ellipsoid, angles are in degrees, minutes and seconds, and time is a date; the base's
+    position (3,) as the header gives it, or None; whether there is a header."""
+
+    kind: str
+    names: tuple[str, ...]
+    scale: str
+    ellipsoidal: bool
+    sexagesimal: bool
+    dated: bool
+    base: tuple[float, ...] | None
+    given: bool = True
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the fields: year ... second or week, tow; parts of sexagesimal angles apart."""
+        names = (
+            ["year", "month", "day", "hour", "minute", "second"] if self.dated else ["week", "tow"]
+        )
+        for name in self.names:
+            split = self.sexagesimal and name in ("latitude", "longitude")
+            names += (
+                [f"{name}:{part}" for part in "dms"]
+                if split
+                else [_OTHER_NAMES.get(self.kind, {}).get(name, name)]
+            )
+        return names
+
+
+def is_rtklib_pos(head: bytes) -> bool:
+    """Whether the first bytes of a file are RTKLIB's: a header that names its columns, or lines
+    laid out as it does without one.
+    """
+    text = decode(head)
+    lines = [line for line in text.splitlines() if line.strip()]
+    if any(line.startswith("%") and _names_position(line) for line in lines):
+        return True
+    data = [line for line in lines if not is_comment(line)]
+    return bool(data) and _plain_layout(data[0]) is not None
+
+
+def _names_position(line: str) -> bool:
+    return any(f"{name}(" in line for name in POSITION)
+
+
+def _plain_layout(line: str) -> bool | None:
+    """Whether a line of RTKLIB without header begins with a date; None where it is no such line."""
+    dated = DATE.match(line.encode("utf-8", "replace")) is not None
+    if not dated and not _WEEK_TOW.match(line):
+        return None
+    fields = re.split(r"[\s,;]+", line.strip())
+    if (
+        len(fields) not in PLAIN_FIELDS
+        or not all(NUMBER.fullmatch(field) for field in fields[2:])
+        or not re.fullmatch(r"[0-7]", fields[5])
+        or not re.fullmatch(r"\d{1,3}", fields[6])
+    ):
+        return None
+    return dated
+
+
+def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
+    """Header of the file in `buf`; InputError where it has none and its lines are not RTKLIB's, and
+    where two of its headers differ.
+    """
+    data = buf.tobytes()
+    comments = [decode(line) for line in re.findall(rb"^[ \t]*%[^\r\n]*", data, re.MULTILINE)]
+    said = [line for line in comments if _names_position(line)]
+    found = next((m for m in re.finditer(rb"^[ \t]*[^\s%][^\r\n]*", data, re.MULTILINE)), None)
+    first = decode(found[0]) if found else ""
+    if not said:
+        return _without_header(path, first)
+    if len({" ".join(line.split()) for line in said}) > 1:
+        raise InputError.at(
+            path,
+            None,
+            f"holds {len(said)} headers that differ; was it put together from two files? split it",
+        )
+    kind = next(name for name in POSITION if f"{name}(" in said[0])
+    tokens = (
+        re.sub(r"\([^)]*\)", "", said[0].strip().lstrip("% "))
+        .replace(",", " ")
+        .replace(";", " ")
+        .split()
+    )
+    geodetic = any("WGS84/geodetic" in line for line in comments)
+    dated = DATE.match(first.encode("utf-8", "replace")) is not None
+    if tokens[0] not in SCALES:
+        raise InputError.at(
+            path,
+            None,
+            f"time scale {shown(tokens[0])} is none of {', '.join(SCALES)}; let RTKLIB write GPST",
+        )
+    return Header(
+        kind,
+        tuple(tokens[1:]),
+        tokens[0],
+        not geodetic,
+        "(d'\")" in said[0],
+        dated,
+        _base(comments),
+    )
+
+
+def _without_header(path: Source, first: str) -> Header:
+    dated = _plain_layout(first)
+    if dated is None:
+        what = (
+            "no RTKLIB header (% GPST latitude(deg) ...); write it (out-outhead = on), or rename"
+            " the file to .txt"
+        )
+        raise InputError.at(path, None, what)
+    fields = re.split(r"[\s,;]+", first.strip())
+    kind = "x-ecef" if max(abs(float(v)) for v in fields[2:5]) > 1e5 else "latitude"
+    names = [*POSITION[kind], "Q", "ns", *ROOTS[kind], "age", "ratio"]
+    if len(fields) == PLAIN_FIELDS[1]:
+        names += [*VELOCITY[kind], *VELOCITY_ROOTS[kind]]
+    return Header(kind, tuple(names), "GPST", True, False, dated, None, given=False)
+
+
+def _base(comments: list[str]) -> tuple[float, ...] | None:
+    """Numbers of `% ref pos :`, or None."""
+    line = next((line for line in comments if re.match(r"\s*%\s*ref pos\s*:", line)), None)
+    numbers = re.findall(r"[+-]?\d+(?:\.\d*)?", line.partition(":")[2]) if line else []
+    return tuple(float(v) for v in numbers) if len(numbers) in (3, 7) else None

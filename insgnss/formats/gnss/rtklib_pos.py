@@ -1,0 +1,505 @@
+"""Positions of RTKLIB (.pos) with their full covariance, data_specs/rtklib_pos.md.
+
+RTKLIB writes a covariance c as its signed root s, c = sign(s) s^2, over north, east, up:
+
+    sdn sde sdu sdne sdeu sdun    or over ECEF    sdx sdy sdz sdxy sdyz sdzx
+
+and down is minus up, so cov(n, d) = -cov(u, n), cov(e, d) = -cov(e, u). Baselines (east, north, up
+at the base, `sde sdn sdu sden sdnu sdue`) become positions where the header gives the base: r =
+r_base + C_e,enu b. Four decimals of the roots can leave a matrix of strong correlations not quite
+positive definite: such epochs keep their standard deviations, lose their correlations, and are
+counted in a note.
+"""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...base.errors import InputError
+from ...base.files import atomic_write
+from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
+from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, gps_from_calendar, leap_seconds
+from ...records import Check, GnssFixes
+from ..text.layout import sniff
+from ..text.order import note, open_end, put_in_order
+from ..text.sentences import BAD_SHARE_LIMIT
+from ..text.text import Source, Table, format_rows, load, parse
+from .pos_header import (
+    DATE,
+    POSITION,
+    ROOTS,
+    VELOCITY,
+    VELOCITY_ROOTS,
+    Header,
+    is_rtklib_pos,
+    read_header,
+)
+
+__all__ = ["PosRows", "is_rtklib_pos", "read_pos_rows", "read_rtklib_pos", "write_rtklib_pos"]
+
+Array = NDArray[np.float64]
+SINGULAR = 1e-12  # of the trace: an eigenvalue below is rounding
+
+NED = np.diag([1.0, 1.0, -1.0])
+ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+JST_S = 9 * 3600.0
+LARGEST_ROOT = 1e7
+
+
+@dataclass(frozen=True, eq=False)
+class PosRows:
+    """The rows of a `.pos`, each stamp once and in order, and what was done for that.
+
+    columns : arrays (n,) by RTKLIB's name.
+    time : (n,) GPST, s of `gps_week`.
+    complete : whether the last line ends.
+    """
+
+    header: Header
+    table: Table
+    columns: dict[str, Array]
+    time: Array
+    gps_week: int
+    complete: bool
+    told: tuple[Check, ...]
+
+    @property
+    def base_ecef(self) -> Array | None:
+        """ECEF position (3,) m of the base, None where the header has none. It is geocentric in a
+        file of geocentric positions.
+        """
+        if self.header.base is None:
+            return None
+        return (
+            np.array(self.header.base)
+            if self.header.kind == "x-ecef"
+            else _base_frame(self.table, self.header)[0]
+        )
+
+
+def read_pos_rows(path: Source, gps_week: int | None = None) -> PosRows:
+    """Read the columns of a `.pos` as they stand. Raises InputError with file and line."""
+    buf, complete = load(path)
+    header = read_header(path, buf)
+    if header.dated:
+        buf = _dates_apart(buf)
+    table = parse(path, buf, complete, sniff(path, buf))
+    columns = _columns(table, header)
+    time, week = _time(table, columns, header)
+    if gps_week is not None and week != gps_week:
+        raise table.at(
+            0,
+            f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or"
+            " the file",
+        )
+    rows, told = put_in_order(
+        table, time, lambda i, k: bool((table.values[i] == table.values[k]).all()), "GNSS rows"
+    )
+    if rows is not None:
+        table = Table(table.path, table.layout, table.values[rows], table.lines[rows])
+        time, columns = time[rows], {name: column[rows] for name, column in columns.items()}
+    return PosRows(header, table, columns, time, week, complete, tuple(told))
+
+
+def read_rtklib_pos(
+    path: Source,
+    undulation_m: float | None = None,
+    gps_week: int | None = None,
+    sigma_m: ArrayLike | None = None,
+) -> GnssFixes:
+    """Read fixes with full covariance, and velocities where the file has them.
+
+    undulation_m : geoid height above the ellipsoid, m, to add to a file of `geodetic` heights,
+        which is refused without it.
+    sigma_m : standard deviations north, east, down of epochs whose six roots are all zero, which
+        RTKLIB writes for unknown.
+    Raises InputError with file and line; what could not be taken as it stands is counted in the
+    notes.
+    """
+    read = read_pos_rows(path, gps_week)
+    header, table, cols = read.header, read.table, read.columns
+    notes = [*open_end("GNSS rows", read.complete)] + (
+        []
+        if header.given
+        else [
+            note(
+                "GNSS rows",
+                f"no header; read as {header.scale}, heights above the ellipsoid",
+                "RTKLIB's header",
+                "check both",
+            )
+        ]
+    )
+    lat, lon, height, C = _position(table, cols, header, undulation_m)
+    cov = _covariance(table, cols, ROOTS[header.kind], C, notes, sigma_m)
+    velocity, velocity_cov = _velocity(table, cols, header, C, notes)
+    quality = _quality(table, cols["Q"]) if "Q" in cols else None
+    return GnssFixes(
+        read.time,
+        lat,
+        lon,
+        height,
+        cov,
+        velocity,
+        velocity_cov,
+        quality,
+        read.gps_week,
+        str(path),
+        (*notes, *read.told),
+    )
+
+
+def _dates_apart(buf: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The file with its dates and times of day as six fields, separated as the others."""
+    data = buf.tobytes()
+    first = DATE.search(data)
+    line = data[first.start() :].partition(b"\n")[0] if first else b""
+    sign = next((sign for sign in (b"\t", b";", b",") if sign in line), b" ")
+    return np.frombuffer(
+        bytearray(DATE.sub(sign.join([rb"\1", rb"\2", rb"\3", rb"\4", rb"\5", b""]), data)),
+        dtype=np.uint8,
+    )
+
+
+def _columns(table: Table, header: Header) -> dict[str, Array]:
+    """Columns by RTKLIB's name; time as year ... second or week, tow, sexagesimal angles joined."""
+    names = header.columns
+    if len(names) != table.values.shape[1]:
+        what = (
+            f"{table.values.shape[1]} fields, but the header names {len(names)}:"
+            f" {' '.join(names)[:400]}; is it two files?"
+        )
+        raise table.at(0, what)
+    needed = [
+        name if not header.sexagesimal or name == "height" else f"{name}:d"
+        for name in POSITION[header.kind]
+    ]
+    if missing := [name for name in needed if name not in names] + [
+        name for name in names if names.count(name) > 1
+    ]:
+        raise InputError.at(
+            table.path,
+            None,
+            f"the header does not name {missing[0][:80]} once: {' '.join(names)[:400]}",
+        )
+    cols = {name: np.ascontiguousarray(table.values[:, i]) for i, name in enumerate(names)}
+    if header.sexagesimal:
+        for name in ("latitude", "longitude"):
+            d, m, s = (cols[f"{name}:{part}"] for part in "dms")
+            cols[name] = np.copysign(np.abs(d) + m / 60.0 + s / 3600.0, d)
+    return cols
+
+
+def _time(table: Table, cols: dict[str, Array], header: Header) -> tuple[Array, int]:
+    """GPST seconds of the first epoch's week, and that week."""
+    shift = JST_S if header.scale == "JST" else 0.0
+    if header.dated:
+        ymd = np.column_stack([cols["year"], cols["month"], cols["day"]])
+        days, back = np.unique(ymd, axis=0, return_inverse=True)
+        try:
+            starts = [
+                gps_from_calendar(datetime(int(day[0]), int(day[1]), int(day[2])), "gpst")
+                for day in days
+            ]
+        except ValueError as error:
+            raise InputError.at(table.path, None, f"a date is none: {error}") from None
+        seconds = np.array([week * WEEK_S + tow for week, tow in starts])[back.reshape(-1)]
+        tod = cols["hour"] * 3600.0 + cols["minute"] * 60.0 + cols["second"] - shift
+        _refuse(
+            table,
+            (cols["hour"] > 24.0) | (cols["minute"] > 60.0) | (cols["second"] > 61.0),
+            tod,
+            "{:.3f} s is no time of day",
+        )
+    else:
+        _refuse(
+            table,
+            (cols["week"] < 0.0) | (cols["week"] > 9999.0) | (cols["week"] % 1.0 != 0.0),
+            cols["week"],
+            "{:g} is no GPS week",
+        )
+        _refuse(
+            table,
+            (cols["tow"] < 0.0) | (cols["tow"] > 2.0 * WEEK_S),
+            cols["tow"],
+            "{:.3f} s is no time of week",
+        )
+        seconds, tod = cols["week"] * WEEK_S, cols["tow"] - shift
+    if header.scale != "GPST":
+        tod = tod + leap_seconds(seconds + GPS_EPOCH_UNIX_S + np.floor(tod))
+    week = int((seconds[0] + tod[0]) // WEEK_S)
+    return (seconds - week * WEEK_S) + tod, week
+
+
+def _refuse(table: Table, bad: NDArray[np.bool_], value: Array, what: str) -> None:
+    """Refuse the first bad row; `what` holds a place for its value."""
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise table.at(row, f"{what.format(value[row])}; check the columns")
+
+
+def _position(
+    table: Table, cols: dict[str, Array], header: Header, undulation_m: float | None
+) -> tuple[Array, Array, Array, Array]:
+    """Latitude, longitude, height, and the rotations (n, 3, 3) of the axes in which the file gives
+    vectors into north, east, down.
+    """
+    given = _stack(cols, POSITION[header.kind])
+    if header.kind == "latitude":
+        n = len(given)
+        for name, limit in (("latitude", 90.0), ("longitude", 360.0)):
+            _refuse(
+                table,
+                np.abs(cols[name]) > limit,
+                cols[name],
+                f"{name} {{:.6f}} deg exceeds {limit:.0f}",
+            )
+        lat, lon, height = (
+            np.radians(given[:, 0]),
+            np.radians(given[:, 1]),
+            _above_ellipsoid(table, header, given[:, 2], undulation_m),
+        )
+        return lat, lon, height, np.broadcast_to(NED, (n, 3, 3))
+    C_e = np.eye(3)
+    if header.kind == "e-baseline":
+        origin, C_e = _base_frame(table, header)
+        given = origin + given @ C_e.T
+    radius = np.linalg.norm(given, axis=1)
+    _refuse(
+        table,
+        (radius < 6e6) | (radius > 6e7),
+        radius,
+        "{:.0f} m from the Earth's centre is no antenna",
+    )
+    lat, lon, height = ecef_to_geodetic(given)
+    return lat, lon, height, np.swapaxes(rotation_en(lat, lon), 1, 2) @ C_e
+
+
+def _above_ellipsoid(
+    table: Table, header: Header, height: Array, undulation_m: float | None
+) -> Array:
+    _refuse(table, np.abs(height) > 1e7, height, "{:g} m is no height")
+    if header.ellipsoidal:
+        return height
+    if undulation_m is None:
+        what = (
+            "heights are above the geoid (geodetic); let RTKLIB write them above the ellipsoid, or"
+            " give the geoid's height above it"
+        )
+        what += ", gnss.undulation_m (compare: --undulation-a, --undulation-b)"
+        raise InputError.at(table.path, None, what)
+    return height + undulation_m
+
+
+def _base_frame(table: Table, header: Header) -> tuple[Array, Array]:
+    """ECEF position (3,) of the base that the header gives, and the rotation (3, 3) of east, north,
+    up there into ECEF.
+    """
+    base = header.base
+    if base is None:
+        what = (
+            "holds baselines, and its header no base (% ref pos : latitude longitude height); let"
+            " RTKLIB write out-solformat = llh"
+        )
+        raise InputError.at(table.path, None, what)
+    if len(base) == 7:
+        d = [
+            np.copysign(abs(base[k]) + base[k + 1] / 60.0 + base[k + 2] / 3600.0, base[k])
+            for k in (0, 3)
+        ]
+        base = (*d, base[6])
+    if abs(base[0]) > 90.0 or abs(base[1]) > 360.0:
+        raise InputError.at(
+            table.path,
+            None,
+            f"the base at {base[0]:g} {base[1]:g} {base[2]:g} is no latitude, longitude, height;"
+            " check % ref pos",
+        )
+    lat, lon = np.radians(base[0]), np.radians(base[1])
+    return geodetic_to_ecef(lat, lon, np.float64(base[2])), rotation_en(lat, lon) @ ENU_FROM_NED.T
+
+
+def _quality(table: Table, q: Array) -> NDArray[np.int64]:
+    _refuse(table, ~np.isin(q, range(8)), q, "{:g} is no quality of RTKLIB (0 to 7)")
+    return q.astype(np.int64)
+
+
+def _velocity(
+    table: Table, cols: dict[str, Array], header: Header, C: Array, notes: list[Check]
+) -> tuple[Array | None, Array | None]:
+    """Velocity and covariances in north, east, down, where the file has them and estimated them."""
+    names, roots = VELOCITY[header.kind], VELOCITY_ROOTS[header.kind]
+    if names[0] not in cols:
+        return None, None
+    if not all(name in cols for name in (*names, *roots)) or not cols[roots[0]].any():
+        found = (
+            "velocities without standard deviations, or of zero, were not estimated and are"
+            " left out"
+        )
+        notes.append(
+            note(
+                "GNSS rows",
+                found,
+                "velocities with their standard deviations",
+                "let RTKLIB use Doppler, or leave velocities out",
+            )
+        )
+        return None, None
+    velocity = np.einsum("nij,nj->ni", C, _stack(cols, names))
+    fastest = np.abs(velocity).max(axis=1, initial=0.0)
+    _refuse(table, fastest > LARGEST_ROOT, fastest, "{:g} m/s is no velocity")
+    return velocity, _covariance(table, cols, roots, C, notes, None)
+
+
+def _stack(cols: dict[str, Array], names: tuple[str, ...]) -> Array:
+    return np.column_stack([cols[name] for name in names])
+
+
+def _covariance(
+    table: Table,
+    cols: dict[str, Array],
+    names: tuple[str, ...],
+    C: Array,
+    notes: list[Check],
+    sigma: ArrayLike | None,
+) -> Array:
+    """Covariances (n, 3, 3) of signed roots, taken by C (n, 3, 3) into north, east, down; of roots
+    that are all zero `sigma`'s.
+    """
+    missing = [name for name in names if name not in cols]
+    if missing:
+        raise InputError.at(
+            table.path,
+            None,
+            f"the header does not name {' '.join(missing)}; let RTKLIB write standard deviations"
+            " (out-outstd)",
+        )
+    roots = _stack(cols, names)
+    unknown = np.asarray(
+        (roots == 0.0).all(axis=1) if sigma is not None else np.zeros(len(roots)), dtype=np.bool_
+    )
+    zero = (
+        ((roots[:, :3] <= 0.0) & ~unknown[:, None])
+        | (np.abs(roots[:, 3:]) > LARGEST_ROOT)
+        | (roots[:, :3] > LARGEST_ROOT)
+    )
+    if zero.any():
+        row, k = (int(i) for i in np.argwhere(zero)[0])
+        what = (
+            f"standard deviation {names[k]} is {roots[row, k]:g}; it must be positive; is it a"
+            " solution with a covariance?"
+        )
+        raise table.at(row, what)
+    c = np.sign(roots) * roots**2
+    P = np.empty((len(c), 3, 3))
+    P[:, 0, 0], P[:, 1, 1], P[:, 2, 2] = c[:, 0], c[:, 1], c[:, 2]
+    P[:, 0, 1] = P[:, 1, 0] = c[:, 3]
+    P[:, 1, 2] = P[:, 2, 1] = c[:, 4]
+    P[:, 0, 2] = P[:, 2, 0] = c[:, 5]
+    P[unknown] = np.eye(3)
+    _drop_odd_correlations(table, P, names, notes)
+    P = np.asarray(C @ P @ np.swapaxes(C, 1, 2))
+    if unknown.any():
+        P[unknown] = np.diag(np.asarray(sigma, dtype=np.float64) ** 2)
+        notes.append(
+            note(
+                "GNSS rows",
+                f"{unknown.sum()} of {len(P)} epochs without standard deviations have sigma_m",
+                "a covariance each",
+                "sigma_m must suit them",
+            )
+        )
+    return P
+
+
+def _drop_odd_correlations(
+    table: Table, P: Array, names: tuple[str, ...], notes: list[Check]
+) -> None:
+    """Take the correlations out of matrices that are not positive definite, where they are few."""
+    bad = without_inverse(P)
+    if not bad.any():
+        return
+    row = int(np.argmax(bad))
+    what = (
+        f"{bad.sum()} of {len(P)} covariances of {names[0]} ... {names[5]} are not positive"
+        " definite"
+    )
+    if bad.mean() > BAD_SHARE_LIMIT:
+        raise table.at(
+            row, f"{what} (limit {BAD_SHARE_LIMIT:.0%}); write more decimals or check the columns"
+        )
+    P[bad] *= np.eye(3)
+    found = (
+        f"{what}, the first in line {table.lines[row]}; these keep their standard deviations only"
+    )
+    notes.append(
+        note("GNSS rows", found, "covariances that are positive definite", "write more decimals")
+    )
+
+
+def without_inverse(P: Array) -> NDArray[np.bool_]:
+    """Where covariances (n, 3, 3) are not positive definite (n,).
+
+    The least eigenvalue of a singular matrix is rounding of either sign, so that the limit is
+    `SINGULAR` of the trace and not zero.
+    """
+    return np.asarray(np.linalg.eigvalsh(P)[:, 0] <= SINGULAR * np.trace(P, axis1=1, axis2=2))
+
+
+def signed_roots(P: Array) -> Array:
+    """Signed roots (n, 6) of covariances (n, 3, 3) in north, east, down, in RTKLIB's order over
+    north, east, up.
+    """
+    U = NED @ P @ NED
+    c = np.stack([U[:, 0, 0], U[:, 1, 1], U[:, 2, 2], U[:, 0, 1], U[:, 1, 2], U[:, 2, 0]], axis=1)
+    return np.sign(c) * np.sqrt(np.abs(c))
+
+
+def write_rtklib_pos(
+    fixes: GnssFixes,
+    path: Source,
+    satellites: Array | None = None,
+    age_s: Array | None = None,
+    ratio: Array | None = None,
+) -> None:
+    """Write fixes as RTKLIB does: week, time of week, degrees, height above the ellipsoid, signed
+    roots (6 decimals, against 4).
+
+    satellites, age_s, ratio : (n,) by RTKLIB's columns ns, age (of the base's observations) and
+        ratio, which it reads by their place;
+    0 where not known.   Raises InputError without a GPS week.
+    """
+    if fixes.gps_week is None:
+        raise InputError(
+            f"{fixes.source or 'GnssFixes'}: no GPS week, which .pos carries; set gps_week"
+        )
+    n = fixes.time.size
+    quality, ns, age, ratios = (
+        np.zeros(n) if column is None else column
+        for column in (fixes.quality, satellites, age_s, ratio)
+    )
+    beyond = np.floor(fixes.time / WEEK_S)
+    parts = [
+        fixes.gps_week + beyond,
+        fixes.time - WEEK_S * beyond,
+        np.degrees(fixes.lat),
+        np.degrees(fixes.lon),
+        fixes.height,
+    ]
+    table = [*parts, quality, ns, signed_roots(fixes.cov_ned), age, ratios]
+    head = (
+        "%  GPST  latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m)"
+        " sdun(m) age(s) ratio"
+    )
+    form = "%4d %10.6f %14.10f %15.10f %10.4f %3d %3d" + " %10.6f" * 6 + " %6.2f %6.1f"
+    if fixes.velocity_ned is not None and fixes.velocity_cov_ned is not None:
+        head += " vn(m/s) ve(m/s) vu(m/s) sdvn sdve sdvu sdvne sdveu sdvun"
+        form += " %10.5f" * 3 + " %9.6f" * 6
+        table += [fixes.velocity_ned @ NED, signed_roots(fixes.velocity_cov_ned)]
+    legend = (
+        "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of"
+        " satellites)\n"
+    )
+    atomic_write(path, [legend, head + "\n", *format_rows(form + "\n", np.column_stack(table))])

@@ -1,0 +1,1 @@
+"""Position and attitude inside the images: Exif, XMP, JPEG and TIFF structures."""

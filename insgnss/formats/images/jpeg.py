@@ -1,0 +1,95 @@
+"""The Exif and XMP segments of a JPEG, read or replaced; everything else stays byte by byte.
+
+A JPEG is a chain of segments (marker, length, content) up to the scan, which is not looked into.
+Exif and XMP are APP1 segments told by how they begin. The new ones stand behind the JFIF segment,
+where there is one, Exif before XMP: before a segment of several pictures (MPF), which counts from
+its own place and must not have its pictures pushed away.
+"""
+
+from collections.abc import Callable
+
+from ...base.errors import InputError
+
+EXIF, PACKET = b"Exif\x00\x00", b"http://ns.adobe.com/xap/1.0/\x00"
+MOST = 0xFFFF - 2
+APP0, APP1 = 0xE0, 0xE1
+Read = Callable[[int, int], bytes]
+Change = Callable[[bytes | None], bytes]
+
+
+def with_tags(read: Read, size: int, who: str, exif: Change, xmp: Change) -> tuple[bytes, int]:
+    """The head of the new file, and where in the old one its rest begins.
+
+    exif, xmp : the new content of the segment from the old one, which is None where there is none.
+    Raises InputError where the chain is broken, a segment stands twice, or a new one is too long
+    for a JPEG.
+    """
+    segments, rest = _segments(read, size, who)
+    for start, change, what in ((EXIF, exif, "Exif"), (PACKET, xmp, "XMP")):
+        places = [
+            k
+            for k, (marker, content) in enumerate(segments)
+            if marker == APP1 and content.startswith(start)
+        ]
+        if len(places) > 1:
+            raise InputError(
+                f"{who}: has {len(places)} segments of {what}; which one holds cannot be told;"
+                " remove the others"
+            )
+        content = start + change(segments.pop(places[0])[1][len(start) :] if places else None)
+        if len(content) > MOST:
+            raise InputError(
+                f"{who}: its {what} would need {len(content)} bytes (limit {MOST}); remove the"
+                " thumbnail or the makers' note"
+            )
+        segments.insert(_place(segments, start), (APP1, content))
+    parts = [
+        b"\xff" + bytes([marker]) + (len(content) + 2).to_bytes(2, "big") + content
+        for marker, content in segments
+    ]
+    return b"\xff\xd8" + b"".join(parts), rest
+
+
+def exif_of(read: Read, size: int, who: str) -> bytes:
+    """The TIFF within the first Exif segment, empty without one. Raises InputError where the chain
+    is broken.
+    """
+    segments, _ = _segments(read, size, who)
+    return next(
+        (
+            content[len(EXIF) :]
+            for marker, content in segments
+            if marker == APP1 and content.startswith(EXIF)
+        ),
+        b"",
+    )
+
+
+def _place(segments: list[tuple[int, bytes]], start: bytes) -> int:
+    """Behind JFIF; XMP behind Exif."""
+    before = [
+        marker == APP0 or (marker == APP1 and start == PACKET and content.startswith(EXIF))
+        for marker, content in segments
+    ]
+    return before.index(False) if False in before else len(before)
+
+
+def _segments(read: Read, size: int, who: str) -> tuple[list[tuple[int, bytes]], int]:
+    """Markers and contents up to the first segment that is not of the head, and where that begins."""
+    at = 2
+    found: list[tuple[int, bytes]] = []
+    while True:
+        head = read(at, 4)
+        while head[:2] == b"\xff\xff":  # fill bytes
+            at += 1
+            head = read(at, 4)
+        length = int.from_bytes(head[2:4], "big")
+        if len(head) < 4 or head[0] != 0xFF or length < 2 or at + 2 + length > size:
+            raise InputError(
+                f"{who}: no JPEG from byte {at} of {size} on; it was cut off; copy it again from"
+                " its source"
+            )
+        if not (APP0 <= head[1] <= 0xEF or head[1] == 0xFE):
+            return found, at
+        found.append((head[1], read(at + 4, length - 2)))
+        at += 2 + length

@@ -1,0 +1,227 @@
+"""IMU samples as a text table: `tow gx gy gz ax ay az`, data_specs/imu_csv.md.
+
+The unit of a triad is the caller's, else the one that the header gives, in brackets or behind the
+name (`_heads`), else SI; where both give one and they differ, a note says so. A file without a
+column of time has the caller's rate, and its time starts at zero.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError, UsageError
+from ...base.files import atomic_write
+from ...records import Check, ImuSamples, Quantity
+from ..text.columns import (
+    FINE,
+    TIME,
+    Aliases,
+    Columns,
+    axis_aliases,
+    clock_of,
+    columns_of,
+    fields_of,
+    gps_time,
+    reversed_names,
+)
+from ..text.headers import Kinds, kinds_like, settled_units
+from ..text.order import Lines, note, open_end, put_in_order
+from ..text.text import Source, format_rows, read_table
+from ..text.units import check_units, imu_kinds, usual_unit
+
+Array = NDArray[np.float64]
+
+GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
+COLUMNS = ("tow", *GYRO, *ACCEL)
+GYRO_STEMS = (
+    "g",
+    "gyro",
+    "gyr",
+    "gyroscope",
+    "w",
+    "omega",
+    "rate",
+    "angular_rate",
+    "angular_velocity",
+    "dtheta",
+)
+ACCEL_STEMS = (
+    "a",
+    "acc",
+    "accel",
+    "accelerometer",
+    "f",
+    "acceleration",
+    "linear_acceleration",
+    "dv",
+    "dvel",
+)
+ALIASES: Aliases = {
+    **TIME,
+    **{f"g{c}": axis_aliases(c, *GYRO_STEMS) for c in "xyz"},
+    **{f"a{c}": axis_aliases(c, *ACCEL_STEMS) for c in "xyz"},
+    **FINE,
+}
+TRIADS = {"gyro": GYRO, "accel": ACCEL, "time": ("tow",)}
+UNIT_KEYS = tuple(TRIADS)
+KINDS: Kinds = {name: kinds_like(key) for key, names in TRIADS.items() for name in names}
+MAX_RATE_HZ = 1e5
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Factors of the gyro and the accelerometer columns to SI, the unit of time, and the rate where
+    there is no column of time.
+
+    units : of gyro and accel, by name; empty where the format fixes them.
+    """
+
+    gyro: float
+    accel: float
+    time: str = "s"
+    rate_hz: float | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+def read_imu_csv(
+    path: Source,
+    columns: Columns = None,
+    units: Mapping[str, str] | None = None,
+    quantity: Quantity = "mean_rate",
+    gps_week: int | None = None,
+    rate_hz: float | None = None,
+) -> ImuSamples:
+    """Read IMU samples into SI.
+
+    columns : name of each column out of tow week gx gy gz ax ay az; any other name leaves a column
+        out; or a table of them to the header's names or to places, "[1]" for the first.
+    A column whose name begins with a minus (-YAccel) holds the reverse of its axis: it is turned
+    round, and a note says so.
+    units : of "gyro" (rad/s, deg/s, deg/h; rad, deg, arcsec for increments), "accel" (m/s^2, g, mg,
+        ug; m/s, g*s for increments), each with the value of one count before it where need be, and
+        "time".
+    quantity : "mean_rate", "increments" or "instant_rate".
+    rate_hz : samples a second, where the file has no column of time; time then starts at zero.
+    Raises InputError with file and line, UsageError for a unit that does not exist.
+    """
+    units = check_units(units, UNIT_KEYS)
+    required = required_columns(rate_hz)
+    table = read_table(path, whole=False)
+    index = columns_of(table, ALIASES, required, (required,), columns, KINDS)
+    said = {key: fields_of(table.layout, index, names) for key, names in TRIADS.items()}
+    scales, told = scales_of(str(path), table.layout.header_line, said, units, quantity, rate_hz)
+    cols = {name: table.values[:, i] for name, i in index.items()}
+    notes = (*open_end("IMU rows", table.complete), *told)
+    if backward := [
+        name for name in reversed_names(table.layout, index) if name in (*GYRO, *ACCEL)
+    ]:
+        cols |= {name: -cols[name] for name in backward}
+        fields = ", ".join(
+            str((table.layout.header_fields or ())[index[name]]) for name in backward
+        )
+        advice = (
+            f"rename {'it' if len(backward) == 1 else 'them'} in the header if the values are not"
+            " reversed"
+        )
+        notes = (
+            *notes,
+            note(
+                "IMU columns",
+                f"{fields} taken with the sign reversed",
+                "names without a sign",
+                advice,
+            ),
+        )
+    return imu_from_columns(cols, table, str(path), scales, quantity, gps_week, notes)
+
+
+def scales_of(
+    path: str,
+    line: int | None,
+    fields: Mapping[str, Sequence[str]],
+    units: Mapping[str, str],
+    quantity: Quantity,
+    rate_hz: float | None,
+) -> tuple[Scales, tuple[Check, ...]]:
+    """Units of gyro, accel and time: the caller's `units`, else those that the `fields` of their
+    columns give, else SI.
+
+    Returns with them a note for each of the caller's units where the fields give another one.
+    Raises InputError and UsageError with `path` and the `line` of the header.
+    """
+    kinds = dict(zip(UNIT_KEYS, (*imu_kinds(quantity), "time"), strict=True))
+    taken, factors, notes = settled_units(path, line, TRIADS, kinds, fields, units, "IMU")
+    names = {key: usual_unit(taken[key], kinds[key]) for key in ("gyro", "accel")}
+    return Scales(factors["gyro"], factors["accel"], taken["time"], rate_hz, names), notes
+
+
+def required_columns(rate_hz: float | None) -> tuple[str, ...]:
+    """What a table of samples must hold, with or without a column of time."""
+    if rate_hz is not None and not 0.0 < rate_hz <= MAX_RATE_HZ:
+        raise UsageError(f"rate_hz = {rate_hz:g} is not between 0 and {MAX_RATE_HZ:g}")
+    return COLUMNS if rate_hz is None else (*GYRO, *ACCEL)
+
+
+def imu_from_columns(
+    cols: Mapping[str, Array],
+    lines: Lines,
+    source: str,
+    scales: Scales,
+    quantity: Quantity,
+    gps_week: int | None,
+    notes: tuple[Check, ...] = (),
+) -> ImuSamples:
+    """Samples of columns (n,) by canonical name, each stamp once, in order; `notes` are told before
+    those of the order.
+    """
+    n = cols["gx"].size
+    if scales.rate_hz is not None:
+        if "tow" in cols:
+            raise InputError(
+                f"{source}: rate_hz is given, but there is a column of time; leave rate_hz out, or"
+                " leave the column out of columns"
+            )
+        time = np.arange(n) / scales.rate_hz
+    else:
+        time, gps_week = gps_time(lines, clock_of(cols), cols.get("week"), gps_week, scales.time)
+    rows, told = put_in_order(
+        lines,
+        time,
+        lambda i, k: all(column[i] == column[k] for column in cols.values()),
+        "IMU rows",
+    )
+    gyro, accel = _triad(cols, GYRO, scales.gyro), _triad(cols, ACCEL, scales.accel)
+    if rows is not None:
+        time, gyro, accel = time[rows], gyro[rows], accel[rows]
+    return ImuSamples(time, gyro, accel, quantity, gps_week, source, (*notes, *told), scales.units)
+
+
+def _triad(cols: Mapping[str, Array], names: tuple[str, ...], factor: float) -> Array:
+    out = np.empty((cols[names[0]].size, 3))
+    for k, name in enumerate(names):
+        np.multiply(cols[name], factor, out=out[:, k])
+    return out
+
+
+def write_imu_csv(imu: ImuSamples, path: Source) -> None:
+    """Write IMU samples in SI, times with 7 decimals, rates with 9 and specific forces with 8 (half
+    a unit is below any sensor's).
+    """
+    units = ("rad", "m/s") if imu.quantity == "increments" else ("rad/s", "m/s^2")
+    gyro, accel = (12, 11) if imu.quantity == "increments" else (9, 8)
+    head = ",".join(
+        [
+            "tow[s]",
+            *(f"{name}[{units[0]}]" for name in GYRO),
+            *(f"{name}[{units[1]}]" for name in ACCEL),
+        ]
+    )
+    form = "%.7f" + f",%.{gyro}f" * 3 + f",%.{accel}f" * 3 + "\n"
+
+    def parts() -> Iterator[str]:
+        yield head + "\n"
+        yield from format_rows(form, np.column_stack([imu.time, imu.gyro, imu.accel]))
+
+    atomic_write(path, parts())

@@ -1,0 +1,1 @@
+"""Logs of autopilots: IMU, GNSS and camera messages in one file."""

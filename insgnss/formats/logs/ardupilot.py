@@ -1,0 +1,466 @@
+"""Logs of ArduPilot (DataFlash: .bin, and .log as text), data_specs/ardupilot.md; formats of
+messages by pymavlink.
+
+A binary log is a chain of messages A3 95 kind ..., each of the length that an FMT message gave its
+kind; the chain is walked here, so that a cut or damaged log is noticed, and the fields are taken by
+pymavlink's table of types and multipliers. In a text log FMT lines name the columns. Messages of
+several sensors become tables of their own: IMU, IMU2, ... and GPS, GPS2, ...
+
+IMU: TimeUS (or TimeMS), GyrX.. rad/s, AccX.. m/s^2, forward right down. GPS: week and time of week,
+degrees, metres above the geoid, ground speed, course, velocity down; GPA of the same stamp:
+standard deviations, and Und, the geoid below the ellipsoid (Alt - Und is the height above the
+ellipsoid). CAM: shutter instants. All stamps are taken to GPST by `_bootclock`.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...base.errors import InputError, UsageError
+from ...records import CameraEvents, Check, GnssFixes, ImuSamples, Quantity
+from ..events.events import events_in_order
+from ..gnss.fixes import FixScales, fixes_from_columns
+from ..imu.imu_csv import ACCEL, GYRO, Scales, imu_from_columns
+from ..text.layout import decode, printable
+from ..text.order import NumberedRows, note
+from ..text.text import Source, load, load_bytes
+from ..text.units import DEG
+from .boot_clock import LONGEST_S, BootClock, fit_clock
+
+Array = NDArray[np.float64]
+Tables = dict[str, dict[str, Array]]
+
+MISSING = (
+    "needs pymavlink, which reads ArduPilot logs; it is not installed: pip install insgnss[logs]"
+)
+FMT = 128
+LOST_LIMIT = 0.01
+QUALITY = {
+    2: 5,
+    3: 5,
+    4: 4,
+    5: 2,
+    6: 1,
+}  # GPS.Status to RTKLIB's codes: 2D, 3D, DGPS, RTK float, RTK fixed
+LEAST_STATUS = 3
+IMU_MESSAGES = ("IMU", "IMU2", "IMU3", "GYR")
+IMU_FIELDS = ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
+
+
+@dataclass(frozen=True)
+class Log:
+    """Tables of a log by message, their columns as float64, and what was odd in the file."""
+
+    path: str
+    tables: Tables
+    odd: tuple[str, ...] = ()
+
+    def notes(self, name: str) -> tuple[Check, ...]:
+        """Notes of a record of this log."""
+        return tuple(
+            note(name, text, "a whole log", "copy it again from the card") for text in self.odd
+        )
+
+    def table(
+        self, names: tuple[str, ...], variable: str | None, fields: tuple[str, ...]
+    ) -> tuple[str, dict[str, Array]]:
+        """The message `variable`, else the first of `names` that is there, which must have the
+        fields.
+        """
+        chosen = variable or next((name for name in names if name in self.tables), None)
+        if chosen is None or chosen not in self.tables:
+            raise InputError(
+                f"{self.path}: no message {chosen or ' or '.join(names)}; there are"
+                f" {', '.join(sorted(self.tables)) or 'none'}"
+            )
+        if missing := [field for field in fields if field not in self.tables[chosen]]:
+            raise InputError(
+                f"{self.path}: {chosen} has no {' '.join(missing)}; it has"
+                f" {' '.join(self.tables[chosen])}"
+            )
+        return chosen, self.tables[chosen]
+
+
+def load_ardupilot(path: Source) -> Tables:
+    """Tables of a log by message."""
+    return read_log(path).tables
+
+
+def read_log(path: Source) -> Log:
+    """Read all messages of a log; InputError where more than 1 % of it is no message."""
+    head = load_bytes(path)
+    return _binary(path, head) if head[:1].tobytes() == b"\xa3" else _text(path)
+
+
+def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
+    from ..text import _kernels
+
+    try:
+        from pymavlink.DFReader import FORMAT_TO_STRUCT
+    except ImportError:
+        raise InputError.at(path, None, MISSING) from None
+    lengths = np.zeros(256, dtype=np.int64)
+    lengths[FMT] = 89
+    kinds, places = (
+        np.empty(buf.size // 3 + 1, dtype=np.int64),
+        np.empty(buf.size // 3 + 1, dtype=np.int64),
+    )
+    n, lost, cut, wrong = _kernels.dataflash_messages(buf, lengths, kinds, places)
+    if wrong >= 0 or n == 0:
+        raise InputError.at(
+            path,
+            None,
+            f"is no ArduPilot log: no right message at byte {max(wrong, 0)}; copy it again from the"
+            " card",
+        )
+    if lost > LOST_LIMIT * buf.size:
+        raise InputError.at(
+            path,
+            None,
+            f"{lost} of {buf.size} bytes are no message (limit {LOST_LIMIT:.0%}); copy it again"
+            " from the card",
+        )
+    kinds, places = kinds[:n], places[:n]
+    tables: Tables = {}
+    for name, labels, form, kind in _formats(buf, places[kinds == FMT]):
+        at = places[kinds == kind]
+        names, types = (
+            [label for label, _ in zip(labels, form, strict=False)],
+            [FORMAT_TO_STRUCT.get(c) for c in form],
+        )
+        if kind == FMT or at.size == 0 or None in types or len(labels) != len(form):
+            continue
+        dtype = np.dtype([(f"f{i}", _numpy_type(t[0])) for i, t in enumerate(types)])
+        if dtype.itemsize + 3 != lengths[kind]:
+            continue
+        rows = buf[at[:, None] + np.arange(3, 3 + dtype.itemsize)].view(dtype).reshape(-1)
+        table = {
+            label: as_float(rows[f"f{i}"]) * (types[i][1] or 1.0)
+            for i, label in enumerate(names)
+            if dtype[i].kind in "iuf"
+        }
+        _by_instance(tables, name, table)
+    odd = [f"{lost} bytes that are no message left out"] if lost else []
+    odd += [f"the file ends within a message at byte {cut}, which is left out"] if cut >= 0 else []
+    return Log(str(path), tables, tuple(odd))
+
+
+def _numpy_type(code: str) -> str:
+    """Type of numpy for one of the struct module's."""
+    return {
+        "b": "i1",
+        "B": "u1",
+        "h": "<i2",
+        "H": "<u2",
+        "i": "<i4",
+        "I": "<u4",
+        "q": "<i8",
+        "Q": "<u8",
+        "f": "<f4",
+        "d": "<f8",
+        "e": "<f2",
+    }.get(code, f"S{code[:-1]}")
+
+
+def _formats(
+    buf: NDArray[np.uint8], places: NDArray[np.int64]
+) -> list[tuple[str, list[str], str, int]]:
+    """Name, labels, format and kind of each FMT message, the last one of a kind."""
+    found: dict[int, tuple[str, list[str], str, int]] = {}
+    for place in places.tolist():
+        body = buf[place + 3 : place + 89].tobytes()
+        name, form, labels = (
+            printable(part.split(b"\0")[0].decode("ascii", "replace"))
+            for part in (body[2:6], body[6:22], body[22:86])
+        )
+        found[body[0]] = (name, labels.split(","), form, body[0])
+    return list(found.values())
+
+
+def _text(path: Source) -> Log:
+    """A log as text: `FMT, kind, length, name, format, labels` lines, then `name, values`."""
+    buf, complete = load(path)
+    labels: dict[str, list[str]] = {}
+    rows: dict[str, list[list[float]]] = {}
+    odd, lines = 0, decode(bytes(buf[:-1])).split("\n")
+    for text in lines:
+        name, *fields = (field.strip() for field in text.split(","))
+        if name == "FMT" and len(fields) > 4 and fields[2] not in rows:
+            labels[fields[2]] = [printable(field) for field in fields[4:]]
+        elif name in labels and len(fields) == len(labels[name]):
+            rows.setdefault(name, []).append([_float(field) for field in fields])
+        elif text.strip() and not (
+            name == "FMT" and labels.get(fields[2] if len(fields) > 2 else "") == fields[4:]
+        ):
+            odd += 1
+    whole = [line for line in lines if line.strip()]
+    if odd > LOST_LIMIT * len(whole) or not rows:
+        raise InputError.at(
+            path,
+            None,
+            f"{odd} of {len(whole)} lines are no message (limit {LOST_LIMIT:.0%}); is it an"
+            " ArduPilot log?",
+        )
+    tables: Tables = {}
+    for name, values in rows.items():
+        _by_instance(tables, name, dict(zip(labels[name], np.array(values).T.copy(), strict=True)))
+    told = [f"{odd} lines that are no message left out"] if odd else []
+    told += [] if complete else ["the last line has no end"]
+    return Log(str(path), tables, tuple(told))
+
+
+def as_float(column: NDArray[Any]) -> Array:
+    """Column as float64; what is not a number in it stays so, without a word."""
+    with np.errstate(invalid="ignore"):
+        return column.astype(np.float64)
+
+
+def _float(field: str) -> float:
+    try:
+        return float(field)
+    except ValueError:
+        return np.nan
+
+
+def _by_instance(tables: Tables, name: str, table: dict[str, Array]) -> None:
+    """Add a message's table, those of further sensors (field I: 1, 2, ...) under names with a
+    number.
+    """
+    instance = table.get("I")
+    if instance is None or (instance == 0).all():
+        tables[name] = table
+        return
+    for k in np.unique(instance[(instance >= 0.0) & (instance < 256.0)]).astype(np.int64).tolist():
+        tables[name if k == 0 else f"{name}{k + 1}"] = {
+            label: column[instance == k] for label, column in table.items()
+        }
+
+
+def _boot(table: dict[str, Array], path: str, name: str) -> Array:
+    """Stamps of the autopilot, s."""
+    for label, unit in (("TimeUS", 1e-6), ("TimeMS", 1e-3), ("T", 1e-3)):
+        if label in table and not (label == "TimeMS" and "T" in table):
+            return table[label] * unit
+    raise InputError(f"{path}: {name} has no TimeUS or TimeMS")
+
+
+def _gps(
+    log: Log, variable: str | None = None
+) -> tuple[str, dict[str, Array], Array, Array, Array]:
+    """A GPS message's name, its columns where there is a fix, and of these the autopilot's stamps,
+    week and time of week.
+    """
+    name, table = log.table(("GPS", "GPS2"), variable, ("Status", "Lat", "Lng", "Alt"))
+    week, ms = ("GWk", "GMS") if "GWk" in table else ("Week", "TimeMS")
+    if week not in table or ms not in table:
+        raise InputError(f"{log.path}: {name} has no GPS week and time; it has {' '.join(table)}")
+    boot = _boot(table, log.path, name)
+    fixed = (
+        (table["Status"] >= LEAST_STATUS)
+        & (table["Status"] < 256.0)
+        & (table[week] > 0.0)
+        & (table[week] < 1e4)
+    )
+    fixed &= (table[ms] >= 0.0) & (table[ms] < 1e9) & (boot >= 0.0) & (boot < LONGEST_S)
+    if not fixed.any():
+        raise InputError(f"{log.path}: none of {fixed.size} {name} messages has a fix")
+    kept = {label: column[fixed] for label, column in table.items()}
+    return name, kept, boot[fixed], kept[week], 1e-3 * kept[ms]
+
+
+def _clock(log: Log) -> BootClock:
+    _, _, boot, week, tow = _gps(log)
+    return fit_clock(log.path, boot, week, tow)
+
+
+def _agree(path: str, week: int, gps_week: int | None) -> None:
+    if gps_week is not None and week != gps_week:
+        raise InputError(
+            f"{path}: GPS week {week}, but the flight is said to be of week {gps_week}; check"
+            " gps_week or the file"
+        )
+
+
+def read_imu_ardupilot(
+    path: Source,
+    variable: str | None = None,
+    quantity: Quantity = "instant_rate",
+    gps_week: int | None = None,
+) -> ImuSamples:
+    """Read the samples of one IMU, forward right down, on GPST. variable : IMU (the default), IMU2,
+    ..., GYR (with its ACC).
+    """
+    if quantity == "increments":
+        raise UsageError(
+            f"{path}: an ArduPilot log holds rates; set quantity to instant_rate or mean_rate"
+        )
+    log = read_log(path)
+    raw = (variable or next((name for name in IMU_MESSAGES if name in log.tables), "")).startswith(
+        "GYR"
+    )
+    name, table = log.table(IMU_MESSAGES, variable, IMU_FIELDS[:3] if raw else IMU_FIELDS)
+    notes: tuple[Check, ...] = ()
+    if raw:
+        table, notes = _raw_pair(log, name, table)
+    clock = _clock(log)
+    _agree(str(path), clock.gps_week, gps_week)
+    lines = NumberedRows(str(path), name)
+    cols = {"tow": clock.gpst(lines, _boot(table, log.path, name))}
+    cols |= {short: table[field] for short, field in zip((*GYRO, *ACCEL), IMU_FIELDS, strict=True)}
+    _finite(log, name, cols)
+    notes = (clock.note("IMU rows"), *notes, *log.notes("IMU rows"))
+    return imu_from_columns(
+        cols, lines, str(path), Scales(1.0, 1.0), quantity, clock.gps_week, notes
+    )
+
+
+def _raw_pair(
+    log: Log, name: str, gyro: dict[str, Array]
+) -> tuple[dict[str, Array], tuple[Check, ...]]:
+    """Columns of a raw gyro message with those of its accelerometer, interpolated to the gyro's
+    stamps, where both are there.
+    """
+    other, accel = log.table((name.replace("GYR", "ACC"),), None, ("SampleUS", *IMU_FIELDS[3:]))
+    if "SampleUS" not in gyro:
+        raise InputError(f"{log.path}: {name} has no SampleUS; it has {' '.join(gyro)}")
+    for message, table, fields in ((name, gyro, IMU_FIELDS[:3]), (other, accel, IMU_FIELDS[3:])):
+        _finite(log, message, {field: table[field] for field in ("SampleUS", *fields)})
+    stamp, first = np.unique(accel["SampleUS"], return_index=True)
+    inside = (gyro["SampleUS"] >= stamp[0]) & (gyro["SampleUS"] <= stamp[-1])
+    columns = {"TimeUS": gyro["SampleUS"][inside]} | {
+        field: gyro[field][inside] for field in IMU_FIELDS[:3]
+    }
+    columns |= {
+        field: np.interp(columns["TimeUS"], stamp, accel[field][first]) for field in IMU_FIELDS[3:]
+    }
+    return columns, (
+        note(
+            "IMU rows",
+            f"{other} interpolated to the stamps of {name}",
+            "one message for both",
+            "or take variable = IMU",
+        ),
+    )
+
+
+def read_gnss_ardupilot(
+    path: Source,
+    variable: str | None = None,
+    sigma_m: ArrayLike | None = None,
+    sigma_velocity: ArrayLike | None = None,
+    gps_week: int | None = None,
+    undulation_m: float | None = None,
+) -> GnssFixes:
+    """Read the fixes of one receiver at their GPS times; standard deviations of GPA, else sigma_m
+    and sigma_velocity.
+
+    undulation_m : geoid above the ellipsoid, m, where GPA does not hold it; without both the
+        heights stay above the geoid, with a note.
+    """
+    log = read_log(path)
+    name, table, boot, week, tow = _gps(log, variable)
+    _agree(str(path), int(week[0]), gps_week)
+    notes = list(log.notes("GNSS rows"))
+    if left := log.tables[name]["Status"].size - boot.size:
+        notes.append(note("GNSS rows", f"{left} messages without a fix left out", "a fix each", ""))
+    cols: dict[str, Any] = {
+        "tow": tow,
+        "week": week,
+        "lat": table["Lat"],
+        "lon": table["Lng"],
+        "h": table["Alt"],
+    }
+    cols["q"] = np.array(
+        [QUALITY.get(int(status), 0) for status in table["Status"]], dtype=np.float64
+    )
+    accuracy = _accuracy(log, name, table)
+    geoid = accuracy.pop("Und", None)
+    if geoid is not None and geoid.any():
+        cols["h"] = cols["h"] - geoid
+    elif undulation_m is None:
+        notes.append(
+            note(
+                "GNSS rows",
+                "heights are above the geoid",
+                "heights above the ellipsoid",
+                "set undulation_m",
+            )
+        )
+    cols |= accuracy if sigma_m is None else {}
+    if {"Spd", "GCrs", "VZ"} <= table.keys() and (sigma_velocity is not None or "sd_vn" in cols):
+        cols |= {"speed": table["Spd"], "course": table["GCrs"], "vd": table["VZ"]}
+    else:
+        cols = {label: column for label, column in cols.items() if not label.startswith("sd_v")}
+    _finite(log, name, cols)
+    above = undulation_m if undulation_m is not None and (geoid is None or not geoid.any()) else 0.0
+    scales = FixScales(angle=DEG, course=DEG)
+    return fixes_from_columns(
+        cols,
+        NumberedRows(str(path), name),
+        str(path),
+        scales,
+        None,
+        sigma_m,
+        sigma_velocity,
+        above,
+        tuple(notes),
+    )
+
+
+def _accuracy(log: Log, name: str, table: dict[str, Array]) -> dict[str, Array]:
+    """Standard deviations, and Und, of the GPA message of each fix's stamp, where every fix has one
+    with values.
+    """
+    gpa = log.tables.get(name.replace("GPS", "GPA"))
+    if (
+        gpa is None
+        or "TimeUS" not in gpa
+        or "TimeUS" not in table
+        or not {"HAcc", "VAcc", "SAcc"} <= gpa.keys()
+    ):
+        return {}
+    stamp, first = np.unique(gpa["TimeUS"], return_index=True)
+    at = np.searchsorted(stamp, table["TimeUS"]).clip(max=stamp.size - 1)
+    rows = first[at]
+    if (
+        not (stamp[at] == table["TimeUS"]).all()
+        or not (gpa["HAcc"][rows] > 0.0).all()
+        or not (gpa["VAcc"][rows] > 0.0).all()
+    ):
+        return {}
+    out = {"sd_n": gpa["HAcc"][rows], "sd_e": gpa["HAcc"][rows], "sd_u": gpa["VAcc"][rows]}
+    if (gpa["SAcc"][rows] > 0.0).all():
+        out |= dict.fromkeys(("sd_vn", "sd_ve", "sd_vd"), gpa["SAcc"][rows])
+    return out | ({"Und": gpa["Und"][rows]} if "Und" in gpa else {})
+
+
+def _finite(log: Log, name: str, cols: dict[str, Array]) -> None:
+    for label, column in cols.items():
+        if not np.isfinite(column).all():
+            row = int(np.argmin(np.isfinite(column)))
+            raise InputError(
+                f"{log.path}: {name} {row + 1}: {label} is {column[row]}; it must be finite"
+            )
+
+
+def read_events_ardupilot(
+    path: Source, variable: str | None = None, gps_week: int | None = None
+) -> CameraEvents:
+    """Read the shutter instants on GPST; CAM (feedback or shot), else TRIG. Images are named by
+    Img, where it is there.
+    """
+    log = read_log(path)
+    name, table = log.table(("CAM", "TRIG"), variable, ())
+    clock = _clock(log)
+    _agree(str(path), clock.gps_week, gps_week)
+    lines = NumberedRows(str(path), name)
+    time = clock.gpst(lines, _boot(table, log.path, name))
+    images = (
+        tuple(str(int(k)) for k in table["Img"])
+        if "Img" in table and np.isfinite(table["Img"]).all()
+        else None
+    )
+    notes = (clock.note("event rows"), *log.notes("event rows"))
+    return events_in_order(images, time, lines, str(path), clock.gps_week, notes)

@@ -1,0 +1,1 @@
+"""Exterior orientations independent of a program: the master eo.json, tables, relative control."""

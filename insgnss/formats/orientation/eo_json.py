@@ -1,0 +1,220 @@
+"""eo.json: the master exterior orientation, from which every other export follows without loss,
+data_specs/eo_json.md.
+
+Numbers are written so that they read back bit by bit. Attitude stands three times: as the matrix
+C_mc, which is what is read back, as its quaternion in the tangent plane, which must agree with it,
+and as the quaternion in ECEF.
+"""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import __version__
+from ...base.errors import InputError
+from ...base.files import atomic_write
+from ...geodesy.frames import TangentPlane
+from ...geodesy.rotation import is_rotation, quaternion_from_rotation, rotation_from_quaternion
+from ...records import ExteriorOrientation
+from ...records.relative import RelativeControl
+from ..text.text import Source
+from .relative_csv import relative_member
+
+Array = NDArray[np.float64]
+
+FORMAT = "insgnss exterior orientation"
+FORMAT_VERSION = 1
+AGREEMENT = 1e-9  # rad
+CONVENTIONS = {
+    "position_m": "projection centre, m, east north up of the tangent plane",
+    "C_mc": (
+        "rows of the matrix that takes camera axes (x image right, y image down, z viewing"
+        " direction) into the tangent plane"
+    ),
+    "quaternion_wxyz": "Hamilton, w x y z, of C_mc",
+    "cov6": (
+        "covariance of (dE, dN, dU, psi_E, psi_N, psi_U), m and rad, tangent-plane axes; "
+        "error = truth - estimate, C_mc(true) = exp([psi x]) C_mc(estimate)"
+    ),
+    "cross_cov6_next": (
+        "covariance of this image's error (rows) with that of the next image (columns), same order;"
+        " null for the last"
+    ),
+    "ecef": "the same projection centre and camera-to-frame quaternion in ECEF (EPSG:4978)",
+    "time_s": "seconds of gps_week, GPST; past the week's end they go on counting",
+}
+
+
+def write_eo_json(
+    eo: ExteriorOrientation, path: Source, relative: RelativeControl | None = None
+) -> None:
+    """Write the master file. relative : relative control of neighbours in the tangent plane, for
+    its member of that name.
+    """
+    content = {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "software": f"insgnss {__version__}",
+        "gps_week": eo.gps_week,
+        "time_scale": "GPST",
+        "tangent_plane": {
+            "datum": "WGS84 (EPSG:4979)",
+            "origin_lat_lon_rad_height_m": eo.origin.tolist(),
+            "origin_deg": np.degrees(eo.origin[:2]).tolist(),
+        },
+        "conventions": CONVENTIONS,
+        "height_system": "above the ellipsoid of WGS84",
+        "image_up": _image_up(eo.camera_from_body),
+        "applied": {
+            "lever_arm": "applied: positions are those of the projection centre",
+            "boresight": eo.boresight.tolist(),
+            "camera_from_body": eo.camera_from_body.tolist(),
+        },
+        "history": list(eo.history),
+    }
+    if relative is not None:
+        content["relative"] = relative_member(relative)
+    # the head is for people; one line an image
+    head = json.dumps(content, indent=1, allow_nan=False).removesuffix("\n}")
+    images = ",\n  ".join(_images(eo))
+    atomic_write(path, f'{head},\n "images": [\n  {images}\n ]\n}}\n')
+
+
+def _image_up(camera_from_body: Array) -> str:
+    """Which way of the body the image's top points, by the nominal mounting."""
+    up = camera_from_body.T @ [0.0, -1.0, 0.0]
+    axis = int(np.argmax(np.abs(up)))
+    way = (("forward", "backward"), ("right", "left"), ("down", "up"))[axis][int(up[axis] < 0.0)]
+    return (
+        f"the top of the image (camera -y) points {way} in the body, whose axes are forward right"
+        " down"
+    )
+
+
+def _images(eo: ExteriorOrientation) -> Iterator[str]:
+    """Each image as JSON, by a compiled encoder: a hundred thousand have 15 million numbers."""
+    import orjson
+
+    plane = TangentPlane(*eo.origin)
+    ecef = plane.origin_ecef + eo.position_m @ plane.C_em.T
+    quaternion, quaternion_ecef = (
+        quaternion_from_rotation(eo.C_mc),
+        quaternion_from_rotation(plane.C_em @ eo.C_mc),
+    )
+    for k, name in enumerate(eo.images):
+        image = {
+            "image": name,
+            "time_s": float(eo.time[k]),
+            "position_m": eo.position_m[k],
+            "C_mc": eo.C_mc[k],
+            "quaternion_wxyz": quaternion[k],
+            "cov6": eo.cov[k],
+            "cross_cov6_next": eo.cross[k] if k < len(eo.cross) else None,
+            "ecef": {"position_m": ecef[k], "quaternion_wxyz": quaternion_ecef[k]},
+        }
+        yield orjson.dumps(image, option=orjson.OPT_SERIALIZE_NUMPY).decode()
+
+
+def read_eo_json(path: Source) -> ExteriorOrientation:
+    """Read the master file back, bit by bit; InputError for another format or version, a missing
+    key, attitudes that disagree.
+    """
+    content = _content(path)
+    try:
+        images = content["images"]
+        quaternion = np.array(
+            [image["quaternion_wxyz"] for image in images], dtype=np.float64
+        ).reshape(-1, 4)
+        eo = ExteriorOrientation(
+            images=tuple(str(image["image"]) for image in images),
+            time=_array(images, "time_s", ()),
+            gps_week=int(content["gps_week"]),
+            origin=np.array(
+                content["tangent_plane"]["origin_lat_lon_rad_height_m"], dtype=np.float64
+            ),
+            position_m=_array(images, "position_m", (3,)),
+            C_mc=_array(images, "C_mc", (3, 3)),
+            cov=_array(images, "cov6", (6, 6)),
+            cross=_array(images[:-1], "cross_cov6_next", (6, 6)),
+            boresight=np.array(content["applied"]["boresight"], dtype=np.float64),
+            camera_from_body=np.array(content["applied"]["camera_from_body"], dtype=np.float64),
+            history=tuple(content["history"]),
+        )
+    except KeyError as error:
+        raise InputError.at(path, None, f"no {error.args[0]}; export the file again") from None
+    except (TypeError, ValueError) as error:
+        raise InputError.at(
+            path, None, f"a value is not what the format asks for ({error}); export the file again"
+        ) from None
+    if unsound := _unsound(eo):
+        raise InputError.at(path, None, f"{unsound}; the file was edited; export it again")
+    off = (
+        np.abs(rotation_from_quaternion(quaternion) - eo.C_mc).max(axis=(1, 2), initial=0.0)
+        > AGREEMENT
+    )
+    if off.any() or not is_rotation(eo.C_mc):
+        name = eo.images[int(np.argmax(off))]
+        raise InputError.at(
+            path,
+            None,
+            f"image {name}: C_mc and quaternion disagree, or C_mc is no rotation; the file was"
+            " edited; export it again",
+        )
+    return eo
+
+
+def _unsound(eo: ExteriorOrientation) -> str:
+    """What is wrong with times or covariances; an empty text where nothing is."""
+    if (np.diff(eo.time) <= 0.0).any():
+        return (
+            f"image {eo.images[int(np.argmax(np.diff(eo.time) <= 0.0)) + 1]}: its time does not"
+            " follow that of the image before"
+        )
+    variances = np.diagonal(eo.cov, axis1=1, axis2=2)
+    scale = np.sqrt(np.maximum(variances[:, :, None] * variances[:, None, :], 0.0))
+    bad = (variances <= 0.0).any(axis=1)
+    bad |= (np.abs(eo.cov - np.swapaxes(eo.cov, 1, 2)) > AGREEMENT * scale).any(axis=(1, 2)) | (
+        np.abs(eo.cov) > (1.0 + 1e-6) * scale
+    ).any(axis=(1, 2))
+    if bad.any():
+        return (
+            f"image {eo.images[int(np.argmax(bad))]}: cov6 is no covariance, it has a variance that"
+            " is not positive or is not symmetric"
+        )
+    return ""
+
+
+def _array(images: list[dict[str, Any]], key: str, shape: tuple[int, ...]) -> Array:
+    return np.array([image[key] for image in images], dtype=np.float64).reshape(-1, *shape)
+
+
+def _content(path: Source) -> dict[str, Any]:
+    import orjson
+
+    try:
+        text = Path(path).read_bytes()
+        content = orjson.loads(text)
+    except OSError as error:
+        raise InputError.at(path, None, f"cannot be read: {error.strerror or error}") from None
+    except orjson.JSONDecodeError as error:
+        if "UTF-8" in error.msg:
+            raise InputError.at(path, None, "is no UTF-8 text; is it an eo.json?") from None
+        raise InputError.at(
+            path, error.lineno, f"is no whole JSON: {error.msg}; export it again"
+        ) from None
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise InputError.at(
+            path, None, "is no master EO of insgnss; give the eo.json of an output directory"
+        )
+    if content.get("format_version") != FORMAT_VERSION:
+        raise InputError.at(
+            path,
+            None,
+            f"format_version {content.get('format_version')!r}, this version reads"
+            f" {FORMAT_VERSION}; export it again",
+        )
+    return content

@@ -1,0 +1,242 @@
+r"""What the exports of attitude share: frames and names that a format can hold, attitudes and
+angles with their standard deviations.
+
+With psi = E d(angles) the covariance of angles is E^-1 P E^-T, P the covariance of psi in the same
+axes (formats.md C4).
+
+Angles that count from the frame's axes (omega phi kappa) come from C_fc and the P of the record.
+Angles that count from true north (yaw pitch roll) come from C_Ec and C_fE^T P C_fE; in a tangent
+plane, whose axes have no true north but at its origin, from those of the plane.
+"""
+
+import os
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import __version__
+from ...base.errors import DataError, InputError, UsageError
+from ...geodesy.rotation import (
+    CV_RUB,
+    opk_from_rotation,
+    opk_jacobian,
+    pok_from_rotation,
+    pok_jacobian,
+    rpy_from_rotation,
+    rpy_jacobian,
+    ypr_from_rotation,
+    ypr_jacobian,
+)
+from ...records import FramedOrientation
+from ...records.framed import GEOGRAPHIC, TANGENT
+
+Array = NDArray[np.float64]
+
+LEAST_COSINE = 1e-6
+COMMENTS = ("#", "%", "!", ";", "//", '"', "'")
+CHUNK = 20_000  # rows formatted at once
+
+
+@dataclass(frozen=True)
+class AngleSet:
+    """Three angles of a rotation: their names, how to take them, and the Jacobian E; the second is
+    that of its singularity.
+    """
+
+    names: str
+    from_rotation: Callable[[Array], Array]
+    jacobian: Callable[[Array], Array]
+
+
+OPK = AngleSet("omega phi kappa", opk_from_rotation, opk_jacobian)
+POK = AngleSet("phi omega kappa", pok_from_rotation, pok_jacobian)
+YPR = AngleSet("yaw pitch roll", ypr_from_rotation, ypr_jacobian)
+RPY = AngleSet("roll pitch yaw", rpy_from_rotation, rpy_jacobian)
+
+
+def check_names(images: Sequence[str], separator: str | None) -> None:
+    """Refuse image names that a table with this separator (None: blanks), or a comment sign, would
+    not give back.
+    """
+    for name in images:
+        wrong = _unfit(name, separator)
+        if wrong:
+            raise InputError(
+                f"image name {name!r} {wrong}, which this format cannot hold; rename the image"
+            )
+
+
+def _unfit(name: str, separator: str | None) -> str:
+    """Why a name does not fit, or nothing."""
+    if not name:
+        return "is empty"
+    if sign := next((sign for sign in COMMENTS if name.startswith(sign)), ""):
+        return f"begins with {sign}"
+    if separator is None:
+        return "has a blank" if any(c.isspace() for c in name) else ""
+    if "\n" in name:
+        return "has a line end"
+    if separator in name:
+        return f"has {separator!r}"
+    return "begins or ends with a blank" if name != name.strip() else ""
+
+
+def check_only(
+    directory: Path, own: Collection[str], alike: Callable[[str], bool], what: str
+) -> None:
+    """Refuse a file, and a directory with files like those to be written that are not among `own`:
+    they would pass for this export's.
+    """
+    if directory.exists() and not directory.is_dir():
+        raise UsageError(f"{directory}: is a file, a directory is written; give another name")
+    other = (
+        sorted(file for file in os.listdir(directory) if alike(file) and file not in own)
+        if directory.is_dir()
+        else []
+    )
+    if other:
+        raise UsageError(
+            f"{directory}: holds {what} of another export ({other[0]}); give a new directory"
+        )
+
+
+def check_frame(eo: FramedOrientation, form: str, *kinds: str) -> None:
+    """Refuse a frame whose kind is none of `kinds`, with UsageError."""
+    if eo.frame.kind not in kinds:
+        raise UsageError(
+            f"{form} cannot carry a {eo.frame.kind} frame ({eo.frame.name}); it takes"
+            f" {', '.join(kinds)}"
+        )
+
+
+def angle_sigma(
+    angles: Array,
+    jacobian: Callable[[Array], Array],
+    middle: int,
+    P: Array,
+    who: Sequence[str] | Callable[[int], str],
+    set_name: str,
+) -> Array:
+    """Standard deviations (n, 3), rad, of angles (n, 3) whose psi has the covariances P (n, 3, 3).
+
+    middle : index of the angle at whose right angles the set is singular there; DataError names the
+        first, by `who`.
+    """
+    flat = np.cos(angles[:, middle]) < LEAST_COSINE
+    if flat.any():
+        row = int(np.argmax(flat))
+        name = who(row) if callable(who) else f"image {who[row]}"
+        degrees = np.degrees(angles[row, middle])
+        what = f"the middle angle of {set_name} is {degrees:.4f} deg, where the set is singular"
+        raise DataError(
+            f"{name}: {what}; export a format without angles: bentley, colmap, g2o or eo_json"
+        )
+    F = np.linalg.inv(jacobian(angles))
+    return np.sqrt(np.einsum("nij,njk,nik->ni", F, P, F))
+
+
+def angles_of(
+    eo: FramedOrientation, R: Array, P: Array, angle_set: AngleSet
+) -> tuple[Array, Array]:
+    """Angles and standard deviations (n, 3), rad, of rotations R (n, 3, 3) whose psi, in left-hand
+    axes, has the covariances P.
+    """
+    angles = angle_set.from_rotation(R)
+    return angles, angle_sigma(angles, angle_set.jacobian, 1, P, eo.images, angle_set.names)
+
+
+def frame_attitude(eo: FramedOrientation) -> tuple[Array, Array]:
+    """Camera (x right, y up, z back) to the frame's axes, and the covariances of psi there, (n, 3,
+    3) each.
+    """
+    return eo.C_fc @ CV_RUB, eo.cov[:, 3:, 3:]
+
+
+def north_attitude(eo: FramedOrientation) -> tuple[Array, Array]:
+    """Camera (x right, y up, z back) to east, north, up, true north (of a tangent plane: to its
+    axes), and the covariances of psi there.
+    """
+    if eo.frame.kind == TANGENT:
+        return frame_attitude(eo)
+    C_Ef = eo.C_fE.swapaxes(1, 2)
+    return eo.C_Ec @ CV_RUB, C_Ef @ eo.cov[:, 3:, 3:] @ eo.C_fE
+
+
+def places(eo: FramedOrientation) -> Array:
+    """Coordinates (n, 3) as files have them: longitude and latitude in degrees, everything else in
+    m.
+    """
+    if eo.frame.kind != GEOGRAPHIC:
+        return eo.coordinates
+    return np.column_stack([np.degrees(eo.coordinates[:, :2]), eo.coordinates[:, 2]])
+
+
+def place_form(eo: FramedOrientation, separator: str) -> str:
+    """% format of `places`: 10 decimals of a degree, 4 of a metre."""
+    first = "%.10f" if eo.frame.kind == GEOGRAPHIC else "%.4f"
+    return separator.join((first, first, "%.4f"))
+
+
+def position_sigma(eo: FramedOrientation) -> Array:
+    """Standard deviations (n, 3), m, along the frame's axes."""
+    return np.sqrt(np.diagonal(eo.cov, axis1=1, axis2=2)[:, :3])
+
+
+def plan_and_height_sigma(eo: FramedOrientation) -> Array:
+    """(n, 2) m: root mean square of the two horizontal standard deviations, and the vertical one;
+    not of a geocentric frame.
+    """
+    s = position_sigma(eo)
+    return np.column_stack([np.sqrt(0.5 * (s[:, 0] ** 2 + s[:, 1] ** 2)), s[:, 2]])
+
+
+def table_text(
+    head: str, images: Sequence[str] | Sequence[int], form: str, table: Array, at: int = 0
+) -> Iterable[str]:
+    """`head`, then lines of names, in column `at`, and numbers (n, m) by the % format of one of
+    them (with its newline), in pieces.
+    """
+    yield head
+    for first in range(0, len(images), CHUNK):
+        part = slice(first, first + CHUNK)
+        yield "".join(
+            [
+                form % (*row[:at], name, *row[at:])
+                for name, row in zip(images[part], table[part].tolist(), strict=True)
+            ]
+        )
+
+
+def one_line(text: str) -> str:
+    """Text on one line, without commas, to stand in a table's header."""
+    return " ".join(text.replace(",", " ").split())
+
+
+def frame_words(eo: FramedOrientation) -> str:
+    """Frame and heights in words."""
+    heights = f", heights {eo.frame.heights}" if eo.frame.heights else ""
+    if eo.frame.scaled_from_m is not None:
+        heights += f", scaled from the ground at {eo.frame.scaled_from_m:.2f} m"
+    return " ".join(f"{eo.frame.name}{heights}".split())
+
+
+def said(
+    eo: FramedOrientation, *more: str, applied: str = "lever arm and bore-sight applied"
+) -> str:
+    """Comment lines: what this is, in which frame, what was `applied`, `more`, and what was done to
+    get it.
+    """
+    lines = [
+        (
+            f"insgnss {__version__}: exterior orientation of {len(eo.images)} images, GPS week"
+            f" {eo.gps_week}"
+        ),
+        f"frame: {frame_words(eo)}",
+        f"position: projection centre; {applied}",
+        *more,
+        *(f"done: {' '.join(sentence.split())}" for sentence in eo.history),
+    ]
+    return "".join(f"# {line}\n" for line in lines)

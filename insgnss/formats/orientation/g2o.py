@@ -1,0 +1,116 @@
+r"""A pose graph in g2o's text format: the cameras, and what is known of each relative to the next,
+data_specs/g2o.md.
+
+    VERTEX_SE3:QUAT id  x y z  qx qy qz qw                        camera to frame: T = (p, R)
+    EDGE_SE3:QUAT i j   dx dy dz  qx qy qz qw   information       Z = T_i^-1 T_j, upper triangle of 6 x 6
+
+g2o's error of an edge is e = (t, v) of Z^-1 T_i^-1 T_j, v the vector part of its quaternion: half
+its rotation vector. With the truth p + dp, exp([psi x]) R in the frame's axes, and a = p_j - p_i,
+
+    T_i^-1 T_j = ( R_i' (a + dp_j - dp_i + [a x] psi_i),  R_i' R_j exp([R_j' (psi_j - psi_i) x]) )                              (G.1)
+
+to first order, so that the error of the estimate Z is
+
+    e = J_i (dp_i, psi_i) + J_j (dp_j, psi_j),   J_i = [ -R_j'  R_j' [a x] ; 0  -R_j'/2 ],   J_j = [ R_j'  0 ; 0  R_j'/2 ]        (G.2)
+    P = J_i P_ii J_i' + J_j P_jj J_j' + J_i P_ij J_j' + (J_i P_ij J_j')',   information P^-1   (G.3)
+
+with P_ij the cross-covariance of the smoother: what both poses err alike drops out. The half in
+(G.2) makes the information of the rotation four times that of the rotation vector, which GTSAM
+takes in its place when it reads the file; `rotation = "vector"` leaves the half out for it. The
+order (t, R) is the file's; GTSAM turns it into its own.
+"""
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import UsageError
+from ...base.files import atomic_write
+from ...geodesy.rotation import skew
+from ...records import Array, FramedOrientation
+from ...records.framed import GEOCENTRIC, PROJECTED, TANGENT
+from ...records.relative import GAP_S
+from ..text.text import Source, format_rows
+from ..trajectory.tum import wxyz_last
+from .exported import check_frame, check_names, said
+from .poses import inverse_covariance, positive
+
+ROTATIONS = {"quaternion": 0.5, "vector": 1.0}
+WORDS = {
+    "quaternion": "quaternion vector (half the rotation vector)",
+    "vector": "rotation vector (GTSAM)",
+}
+
+
+def write_g2o(
+    eo: FramedOrientation,
+    path: Source,
+    max_gap_s: float = GAP_S,
+    rotation: Literal["quaternion", "vector"] = "quaternion",
+) -> None:
+    """Write vertices, numbered from 0 in the order of the images, and edges between neighbours.
+
+    max_gap_s : exposures farther apart than this are not joined.
+    rotation : what the information of rotations belongs to (G.2).
+    Raises UsageError for a frame that is not Cartesian and wrong options, DataError for a pair
+    whose covariance has no inverse.
+    """
+    check_frame(eo, "g2o", TANGENT, PROJECTED, GEOCENTRIC)
+    check_names(eo.images, "\n")
+    if rotation not in ROTATIONS:
+        raise UsageError(f"rotation {rotation!r} is none of {', '.join(ROTATIONS)}")
+    first = np.flatnonzero(np.diff(eo.time) <= positive(max_gap_s, "max_gap_s", "seconds"))
+    measured, P = relative_pose(eo, first, ROTATIONS[rotation])
+    pairs = [f"images {eo.images[k]} and {eo.images[k + 1]}" for k in first]
+    information = inverse_covariance(P, "the covariance of their relative pose", pairs)
+    upper = information[:, *np.triu_indices(6)]
+    head = said(
+        eo,
+        "VERTEX_SE3:QUAT id x y z qx qy qz qw: camera (x right, y down, z forward) to the frame's"
+        " axes",
+        "EDGE_SE3:QUAT i j dx dy dz qx qy qz qw + upper triangle of the information, order"
+        " translation, rotation,",
+        f"of g2o's error of Z^-1 T_i^-1 T_j, the rotation as {WORDS[rotation]}; neighbours within"
+        f" {max_gap_s:g} s",
+    )
+    names = "".join(f"# {k} {name}\n" for k, name in enumerate(eo.images))
+    vertices = np.column_stack([np.arange(len(eo.images)), eo.coordinates, wxyz_last(eo.C_fc)])
+    edges = np.column_stack([first, first + 1, measured, upper])
+    pose = " %.6f" * 3 + " %.10f" * 4
+    atomic_write(
+        path,
+        [
+            head,
+            names,
+            *format_rows(f"VERTEX_SE3:QUAT %d{pose}\n", vertices),
+            *format_rows(f"EDGE_SE3:QUAT %d %d{pose}" + " %.9g" * 21 + "\n", edges),
+        ],
+    )
+
+
+def relative_pose(
+    eo: FramedOrientation, first: NDArray[np.int64], factor: float
+) -> tuple[Array, Array]:
+    """Pose (m, 7) x y z qx qy qz qw of each image after `first` (m,) in that image, and the
+    covariance (m, 6, 6) of its error (G.3).
+
+    factor : 1/2 for the vector of the quaternion, 1 for the rotation vector.
+    """
+    i, j = first, first + 1
+    R_i_t, R_j_t = eo.C_fc[i].swapaxes(1, 2), eo.C_fc[j].swapaxes(1, 2)
+    a = eo.coordinates[j] - eo.coordinates[i]
+    J_i, J_j = np.zeros((2, len(first), 6, 6))
+    J_i[:, :3, :3], J_i[:, :3, 3:], J_i[:, 3:, 3:] = (
+        -R_j_t,
+        R_j_t @ skew(a),
+        -factor * R_j_t,
+    )  # (G.2)
+    J_j[:, :3, :3], J_j[:, 3:, 3:] = R_j_t, factor * R_j_t
+    J_i_t, J_j_t = J_i.swapaxes(1, 2), J_j.swapaxes(1, 2)
+    shared = J_i @ eo.cross[i] @ J_j_t
+    P = J_i @ eo.cov[i] @ J_i_t + J_j @ eo.cov[j] @ J_j_t + shared + shared.swapaxes(1, 2)  # (G.3)
+    translation = (R_i_t @ a[:, :, None])[:, :, 0]
+    return np.column_stack([translation, wxyz_last(R_i_t @ eo.C_fc[j])]), 0.5 * (
+        P + P.swapaxes(1, 2)
+    )

@@ -1,0 +1,1 @@
+"""Text tables: their layout, columns, headers, units and order; byte kernels that parse them."""

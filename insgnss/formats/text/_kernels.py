@@ -1,0 +1,311 @@
+"""Byte kernels: tables of decimal numbers, checksummed NMEA sentences, and the messages of
+ArduPilot logs.
+
+A decimal is an integer mantissa m and a power of ten, x = m 10^e. With m < 2^53 and |e| <= 22 both
+are exact doubles and one multiplication or division rounds correctly. Otherwise m = h + l and 10^e
+= H + L are taken as unevaluated sums of two doubles (Dekker 1971) and
+
+    x = hH + (err(hH) + hL + lH)                                                               (K.1)
+
+is within one unit in the last place. At most 18 significant digits enter m; what follows weighs
+less than 1e-17 of x.
+"""
+
+import numpy as np
+
+from ...base.compilation import njit
+
+EXPONENT_LIMIT = 280
+
+OK, BAD_NUMBER, TOO_FEW, TOO_MANY = 0, 1, 2, 3
+WHITESPACE = 256  # as a delimiter: runs of blanks and tabs
+
+_NEWLINE, _BLANK = 10, 32
+_BLANKS = (32, 9, 13)  # blank, tab, carriage return
+_SPLIT = 134217729.0  # 2^27 + 1
+
+
+def _powers_of_ten():
+    from fractions import Fraction
+
+    exponents = range(-EXPONENT_LIMIT - 20, EXPONENT_LIMIT + 21)
+    high = [float(f"1e{e}") for e in exponents]
+    low = [float(Fraction(10) ** e - Fraction(x)) for e, x in zip(exponents, high, strict=True)]
+    return np.array(high), np.array(low)
+
+
+_TEN, _TEN_LOW = _powers_of_ten()
+_TEN_ZERO = EXPONENT_LIMIT + 20
+
+
+@njit(cache=True)
+def _scaled(m, e):
+    """m 10^e for 0 <= m < 10^18 and any e within the table."""
+    if m < 9007199254740992 and -22 <= e <= 22:
+        if e < 0:
+            return np.float64(m) / _TEN[_TEN_ZERO - e]
+        return np.float64(m) * _TEN[_TEN_ZERO + e]
+    h = np.float64(m)
+    l = np.float64(m - np.int64(h))
+    H, L = _TEN[_TEN_ZERO + e], _TEN_LOW[_TEN_ZERO + e]
+    p = h * H
+    s = _SPLIT * h
+    h1 = s - (s - h)
+    h2 = h - h1
+    s = _SPLIT * H
+    H1 = s - (s - H)
+    H2 = H - H1
+    err = ((h1 * H1 - p) + h1 * H2 + h2 * H1) + h2 * H2
+    return p + (err + h * L + l * H)  # (K.1)
+
+
+@njit(cache=True)
+def _long_mantissa(buf, i, decimal):
+    """Mantissa of up to 18 significant digits from i on, and the power of ten that stands for the
+    digits after them.
+    """
+    m, kept, e, fraction = np.int64(0), 0, 0, False
+    while True:
+        c = np.int64(buf[i])
+        if c == decimal:
+            fraction = True
+        else:
+            d = c - 48
+            if d < 0 or d > 9:
+                return m, e
+            if kept < 18:
+                m = 10 * m + d
+                if m > 0:
+                    kept += 1
+                if fraction:
+                    e -= 1
+            elif not fraction:
+                e += 1
+        i += 1
+
+
+@njit(cache=True)
+def _exponent(buf, i):
+    """Signed exponent at i behind its letter, the place after it, and whether it was one."""
+    negative = buf[i] == 45
+    if negative or buf[i] == 43:
+        i += 1
+    start, e = i, np.int64(0)
+    d = np.int64(buf[i]) - 48
+    while 0 <= d <= 9:
+        if e < 10000:
+            e = 10 * e + d
+        i += 1
+        d = np.int64(buf[i]) - 48
+    return (-e if negative else e), i, i > start
+
+
+@njit(cache=True)
+def _number(buf, i, decimal):
+    """Number at i, the place after it, and whether it was one; a number beyond 10^+-280 is none."""
+    negative = buf[i] == 45
+    if negative or buf[i] == 43:
+        i += 1
+    start, m = i, np.int64(0)
+    d = np.int64(buf[i]) - 48
+    while 0 <= d <= 9:
+        m = 10 * m + d
+        i += 1
+        d = np.int64(buf[i]) - 48
+    digits, e = i - start, 0
+    if buf[i] == decimal:
+        i += 1
+        point = i
+        d = np.int64(buf[i]) - 48
+        while 0 <= d <= 9:
+            m = 10 * m + d
+            i += 1
+            d = np.int64(buf[i]) - 48
+        e = point - i
+        digits -= e
+    if digits == 0:
+        return 0.0, i, False
+    if digits > 18:
+        m, e = _long_mantissa(buf, start, decimal)
+    if buf[i] == 101 or buf[i] == 69:
+        exponent, i, fine = _exponent(buf, i + 1)
+        if not fine:
+            return 0.0, i, False
+        e += exponent
+    if m == 0:
+        return (-0.0 if negative else 0.0), i, True
+    if abs(e) > EXPONENT_LIMIT:
+        return 0.0, i, False
+    x = _scaled(m, e)
+    return (-x if negative else x), i, True
+
+
+@njit(cache=True)
+def count_newlines(buf):
+    """Number of newlines in `buf`."""
+    n = 0
+    for c in buf:
+        n += c == _NEWLINE
+    return n
+
+
+@njit(cache=True)
+def _field_end(buf, i, delimiter):
+    """Place of the delimiter or newline behind the field at i; of blanks the last place before the
+    next field.
+    """
+    if delimiter == WHITESPACE:
+        while buf[i] > _BLANK:
+            i += 1
+        while buf[i] in _BLANKS:
+            i += 1
+        return i
+    while buf[i] != delimiter and buf[i] != _NEWLINE:
+        i += 1
+    return i
+
+
+@njit(cache=True)
+def parse_rows(buf, i, line, delimiter, decimal, values, lines, bad):
+    """Parse data lines of `buf`, which ends in a newline, from place i in line `line` on, into
+    `values` and their `lines`.
+
+    bad (m, 2), -1 before : place and line of the first field of each column that is no number;
+        not-a-number stands for such a field.
+    Returns (rows, status, place, line): a status other than OK with the place and the line of what
+    was found wrong.
+    """
+    end, n_fields, row = buf.size, values.shape[1], 0
+    while i < end:
+        k = i
+        while buf[k] in _BLANKS:
+            k += 1
+        c = buf[k]
+        if c == _NEWLINE:
+            i = k + 1
+            line += 1
+            continue
+        if c == 35 or c == 37 or c == 33 or c == 59 or (c == 47 and buf[k + 1] == 47):
+            while buf[k] != _NEWLINE:
+                k += 1
+            i = k
+            continue
+        while buf[i] in _BLANKS and buf[i] != delimiter:
+            i += 1
+        for col in range(n_fields):
+            start = i
+            x, i, fine = _number(buf, i, decimal)
+            c = buf[i]
+            while c in _BLANKS and c != delimiter:
+                i += 1
+                c = buf[i]
+            apart = delimiter == WHITESPACE and i > start and buf[i - 1] <= _BLANK
+            if not fine or not (c in (delimiter, _NEWLINE) or apart):
+                if bad[col, 0] < 0:
+                    bad[col, 0], bad[col, 1] = start, line
+                x, i = np.nan, _field_end(buf, start, delimiter)
+                c = buf[i]
+            values[row, col] = x
+            if col + 1 < n_fields:
+                if c == _NEWLINE:
+                    return row, TOO_FEW, start, line
+                if c == delimiter:
+                    i += 1
+                    while buf[i] in _BLANKS and buf[i] != delimiter:
+                        i += 1
+                    if buf[i] == _NEWLINE:
+                        return row, TOO_FEW, start, line
+        if c == delimiter:  # one delimiter may close a line
+            i += 1
+            while buf[i] in _BLANKS:
+                i += 1
+        if buf[i] != _NEWLINE:
+            return row, TOO_MANY, i, line
+        lines[row] = line
+        row += 1
+        i += 1
+        line += 1
+    return row, OK, end, line
+
+
+@njit(cache=True)
+def nmea_sentences(buf, starts, stars, lines):
+    """For every line of `buf` that is not blank: its place, the place of the '*' before a right
+    checksum or 0, and its number.
+
+    A sentence opens with '$'; the checksum is the exclusive or of the bytes up to '*', in two
+    hexadecimal digits. Returns the count.
+    """
+    n, i, line = 0, 0, 0
+    while i < buf.size:
+        first = i
+        line += 1
+        while buf[i] != _NEWLINE:
+            i += 1
+        if i > first and buf[first] > _BLANK:
+            check, k = np.int64(0), first + 1
+            while k < i and buf[k] != 42:
+                check ^= np.int64(buf[k])
+                k += 1
+            right = (
+                buf[first] == 36
+                and k + 2 < i
+                and 16 * _hex_digit(buf[k + 1]) + _hex_digit(buf[k + 2]) == check
+            )
+            starts[n], stars[n], lines[n] = first, (k if right else 0), line
+            n += 1
+        i += 1
+    return n
+
+
+@njit(cache=True)
+def _hex_digit(c):
+    if 48 <= c <= 57:
+        return np.int64(c) - 48
+    if 65 <= c <= 70:
+        return np.int64(c) - 55
+    if 97 <= c <= 102:
+        return np.int64(c) - 87
+    return -1000
+
+
+@njit(cache=True)
+def dataflash_messages(buf, lengths, kinds, places):
+    """Messages of an ArduPilot log: kind and place of each, with the count of bytes between them
+    that belong to none.
+
+    lengths (256,) of the kinds, zero of those not known yet, is filled by the FMT messages (kind
+    128: kind, length, ...). Returns (count, bytes of no message, place of a message that the file's
+    end cuts or -1, place of an FMT that is none or -1).
+    """
+    n, i, lost, size = 0, 0, 0, buf.size
+    while i + 3 <= size:
+        kind = np.int64(buf[i + 2])
+        length = lengths[kind]
+        if buf[i] != 0xA3 or buf[i + 1] != 0x95 or length == 0:
+            lost += 1
+            i += 1
+            continue
+        if i + length > size:
+            return n, lost, i, -1
+        if kind == 128:
+            if buf[i + 4] < 3:
+                return n, lost, -1, i
+            lengths[np.int64(buf[i + 3])] = np.int64(buf[i + 4])
+        kinds[n], places[n] = kind, i
+        n += 1
+        i += length
+    return n, lost + size - i, -1, -1
+
+
+@njit(cache=True)
+def ulog_end(buf, i):
+    """Place of the first message of a PX4 log, from place i on, that its length does not fit the
+    file; the file's size where all do.
+    """
+    while i + 3 <= buf.size:
+        following = i + 3 + np.int64(buf[i]) + 256 * np.int64(buf[i + 1])
+        if following > buf.size:
+            return i
+        i = following
+    return i

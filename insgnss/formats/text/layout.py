@@ -1,0 +1,185 @@
+"""How a text table is written: the rules by which its delimiter, decimal sign, header and number of
+fields are found.
+
+Rules, the same for all formats
+    UTF-8 with or without byte order mark, else Latin-1. A line is a comment where its first
+    character is one of # % ! ; or where it begins with //. The delimiter is the first of tab,
+    semicolon, comma and blanks that separates the first 20 data lines; a decimal comma is one where
+    the delimiter is no comma and no field has a point. The header is the first line without any
+    number, else the last comment line before the data that has as many fields as they. Everything
+    else is data: every line has the same number of fields, and the first that has not, or that is
+    no number where a number must stand, is refused with its line. Nothing is skipped and nothing is
+    filled in.
+"""
+
+import os
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+
+COMMENTS = ("#", "%", "!", ";", "//")
+SAMPLE_LINES = 20
+LONGEST_HEADER = 1 << 14
+BINARY = "the file is binary, packed or damaged; copy it again or convert it to text"
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
+
+NUMBER = re.compile(
+    r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE
+)
+_NAME = re.compile(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?")
+_DELIMITERS = ("\t", ";", ",", None)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a text table is written: delimiter (None: blanks), decimal sign, fields a line, header as
+    it stands, first data line.
+    """
+
+    delimiter: str | None
+    decimal: str
+    n_fields: int
+    header: str | None
+    header_fields: tuple[str, ...] | None
+    header_line: int | None
+    skip_to: int
+    first_line: int
+
+
+def decode(data: bytes) -> str:
+    """UTF-8 text, else Latin-1."""
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def shown(text: str | None, limit: int = 80) -> str:
+    """Text of a file as a message shows it, in quotation marks, cut where it is long."""
+    text = text or ""
+    return repr(text if len(text) <= limit else text[: limit - 3] + "...")
+
+
+def printable(name: str) -> str:
+    """Name out of a binary file with a question mark for each character that would break a
+    message's line.
+    """
+    return name if name.isprintable() else "".join(c if c.isprintable() else "?" for c in name)
+
+
+def split_fields(text: str, delimiter: str | None) -> list[str]:
+    """Fields of a line; one delimiter may close it."""
+    text = text.strip(" \r\n") if delimiter == "\t" else text.strip()
+    if delimiter is None:
+        return text.split()
+    return [field.strip() for field in text.removesuffix(delimiter).split(delimiter)]
+
+
+def is_comment(text: str) -> bool:
+    """Whether a line is a comment."""
+    return text.lstrip().startswith(COMMENTS)
+
+
+def is_binary(text: str) -> bool:
+    """Whether a line holds a character that no text has."""
+    return _CONTROL.search(text) is not None
+
+
+def _has_number(text: str) -> bool:
+    return any(
+        NUMBER.fullmatch(token.strip("\"'")) for token in re.split(r"[\t;,\s]+", text) if token
+    )
+
+
+def _sample(buf: NDArray[np.uint8]) -> tuple[list[tuple[int, int, str]], list[tuple[int, str]]]:
+    """First data lines (line, place, text) and the comments (line, text) before the first of them."""
+    size = 1 << 16
+    while True:
+        raw = bytes(buf[:size]).split(b"\n")[:-1]
+        data: list[tuple[int, int, str]] = []
+        comments: list[tuple[int, str]] = []
+        place = 0
+        for line, chunk in enumerate(raw, start=1):
+            text = decode(chunk)
+            if is_comment(text):
+                if not data:
+                    comments.append((line, text.strip()))
+            elif text.strip():
+                data.append((line, place, text))
+            place += len(chunk) + 1
+            if len(data) > SAMPLE_LINES:
+                break
+        if len(data) > SAMPLE_LINES or size >= buf.size:
+            return data, comments
+        size *= 8
+
+
+def _separates(lines: Sequence[str], delimiter: str | None) -> bool:
+    if delimiter is None:
+        return True
+    if not all(delimiter in text for text in lines):
+        return False
+    if delimiter != ",":
+        return True
+    # 1,5 2,5 is two numbers with decimal commas, not three fields
+    return not any(
+        len(f.split()) > 1 and all(map(NUMBER.fullmatch, f.split()))
+        for text in lines
+        for f in split_fields(text, ",")
+    )
+
+
+def _header_fields(text: str, delimiter: str | None, n_fields: int) -> tuple[str, ...] | None:
+    text = re.sub(r"^\s*(?:[#%!;]+|//)\s*", "", text)
+    if len(text) > LONGEST_HEADER:
+        return None
+    for sign in dict.fromkeys((delimiter, ",", ";", "\t", None)):
+        fields = _NAME.findall(text) if sign is None else split_fields(text, sign)
+        if len(fields) == n_fields:
+            return tuple(fields)
+    return None
+
+
+def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8]) -> Layout:
+    """Layout of the table in `buf` by the rules above; InputError where there is no data line."""
+    data, comments = _sample(buf)
+    head = data.pop(0) if data and not _has_number(data[0][2]) else None
+    if head is not None and is_binary(head[2]):
+        raise InputError.at(path, head[0], f"is no text; {BINARY}")
+    if not data:
+        raise InputError.at(
+            path, None, "holds no data line; check that the recording was copied whole"
+        )
+    texts = [text for _, _, text in data[:SAMPLE_LINES]]
+    delimiter = next(sign for sign in _DELIMITERS if _separates(texts, sign))
+    fields = [split_fields(text, delimiter) for text in texts]
+    flat = [f for row in fields for f in row if NUMBER.fullmatch(f)]
+    decimal = (
+        ","
+        if delimiter != "," and any("," in f for f in flat) and not any("." in f for f in flat)
+        else "."
+    )
+    n_fields = Counter(len(row) for row in fields).most_common(1)[0][0]
+    line, place, _ = data[0]
+    if head is not None:
+        return Layout(
+            delimiter,
+            decimal,
+            n_fields,
+            head[2].strip(),
+            _header_fields(head[2], delimiter, n_fields),
+            head[0],
+            place,
+            line,
+        )
+    if comments and (names := _header_fields(comments[-1][1], delimiter, n_fields)):
+        return Layout(
+            delimiter, decimal, n_fields, comments[-1][1], names, comments[-1][0], place, line
+        )
+    return Layout(delimiter, decimal, n_fields, None, None, None, place, line)

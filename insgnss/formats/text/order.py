@@ -1,0 +1,157 @@
+"""Each stamp once, and in order: the one rule for rows that are double, late or contradict each
+other, in all readers.
+
+    a row like an earlier one in every value      left out and counted
+    a row before its place, by less than 1 s      put in order and counted, where these are fewer
+                                                  than 1 % of the rows
+    another row of a stamp that is there already  left out and counted, where these are fewer than 1
+                                                  % of the rows
+
+and everything beyond is refused at the first such row. What was done is a note of the record.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from ...records import Check
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+LATE_LIMIT_S, SHARE_LIMIT = 1.0, 0.01
+
+
+class Lines(Protocol):
+    """What can say where a row stands."""
+
+    def at(self, row: int, what: str) -> InputError:
+        """The error `what` at the line of `row`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Picked:
+    """The places of rows that were picked out of others."""
+
+    lines: Lines
+    rows: Rows
+
+    def at(self, row: int, what: str) -> InputError:
+        """The error `what` at the place of `row`."""
+        return self.lines.at(int(self.rows[row]), what)
+
+
+@dataclass(frozen=True)
+class NumberedRows:
+    """Rows of a table without lines: records of a binary file, messages of a log; counted from 1."""
+
+    path: str
+    kind: str = "row"
+
+    def at(self, row: int, what: str) -> InputError:
+        """The error `what` at a row."""
+        return InputError(f"{self.path}: {self.kind} {row + 1}: {what}")
+
+
+def note(
+    name: str,
+    found: str,
+    expected: str = "each stamp once, in order",
+    advice: str = "check the logger, or how the file was put together",
+) -> Check:
+    """What a reader left out or put in order."""
+    return Check(name, found, expected, "note", advice)
+
+
+def open_end(name: str, complete: bool) -> tuple[Check, ...]:
+    """The note of a text file whose last line has no end, so that it may have been cut in a number;
+    none where it has.
+    """
+    if complete:
+        return ()
+    return (
+        note(
+            name,
+            "the last line has no end, so it may be cut",
+            "a line's end",
+            "compare it with the line before; end the file properly",
+        ),
+    )
+
+
+def put_in_order(
+    lines: Lines, time: Array, same: Callable[[int, int], bool], name: str
+) -> tuple[Rows | None, tuple[Check, ...]]:
+    """Rows to take, in order of time (n,), s, or None for all as they stand; and the notes of the
+    record.
+
+    same : whether two rows agree in every value.   name : of the notes, "IMU rows", say.
+    Raises InputError at the first row beyond the limits.
+    """
+    if time.size < 2 or (np.diff(time) > 0.0).all():
+        return None, ()
+    order = np.argsort(time, kind="stable")
+    keep, clashes, doubles, first = np.ones(time.size, dtype=bool), [], 0, int(order[0])
+    for row in order[1:].tolist():
+        if time[row] != time[first]:
+            first = row
+            continue
+        keep[row] = False
+        if same(first, row):
+            doubles += 1
+        else:
+            clashes.append((row, first))
+    _refuse_late(lines, time, keep)
+    if len(clashes) >= SHARE_LIMIT * time.size:
+        row, first = min(clashes)
+        what = (
+            f"time {time[row]:.6f} s follows {time[first]:.6f} s with other values, as in"
+            f" {len(clashes)} of {time.size} rows"
+        )
+        raise lines.at(
+            row,
+            f"{what} (limit {SHARE_LIMIT:.0%}); time must increase; keep one row a stamp, or read"
+            " the file by another clock",
+        )
+    told = [f"{doubles} double rows left out"] if doubles else []
+    told += (
+        [f"{len(clashes)} rows that contradict an earlier one of their stamp left out"]
+        if clashes
+        else []
+    )
+    late = keep & (time < np.maximum.accumulate(np.where(keep, time, -np.inf)))
+    told += [f"{late.sum()} late rows put in order"] if late.any() else []
+    return order[keep[order]], (note(name, f"{', '.join(told)}, of {time.size}"),)
+
+
+def _refuse_late(lines: Lines, time: Array, keep: NDArray[np.bool_]) -> None:
+    """Refuse rows that stand behind later ones by too much, or too many."""
+    rows = np.flatnonzero(keep)
+    kept = time[rows]
+    by = np.maximum.accumulate(kept) - kept
+    late = by > 0.0
+    if not late.any():
+        return
+    worst = int(np.argmax(by))
+    if by[worst] >= LATE_LIMIT_S or late.sum() >= SHARE_LIMIT * time.size:
+        k = (
+            int(np.argmax(by >= LATE_LIMIT_S))
+            if by[worst] >= LATE_LIMIT_S
+            else int(np.argmax(late))
+        )
+        before = float(np.maximum.accumulate(kept)[k])
+        what = (
+            f"time {kept[k]:.6f} s follows {before:.6f} s; time must increase; {late.sum()} of"
+            f" {time.size} rows are late"
+        )
+        limits = f"limits {LATE_LIMIT_S:.0f} s and {SHARE_LIMIT:.0%}"
+        raise lines.at(
+            int(rows[k]),
+            f"{what}, by up to {by[worst]:.3f} s ({limits}); sort the file, or split it where the"
+            " clock was set",
+        )

@@ -1,0 +1,88 @@
+"""Checksummed sentences ($...*hh) of NMEA 0183 and its relatives."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from .layout import decode
+from .text import Source, load
+
+# of a file's lines or rows: fewer damaged ones are left out and told, more make another format of
+# it
+BAD_SHARE_LIMIT = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Sentences:
+    """The sentences of a file with a right checksum, in order, and the count of lines that have
+    none.
+    """
+
+    path: str
+    buf: NDArray[np.uint8]
+    starts: NDArray[np.int64]
+    stars: NDArray[np.int64]
+    lines: NDArray[np.int64]
+    n_bad: int
+
+    def fields(self, *kinds: bytes) -> Iterator[tuple[int, list[str]]]:
+        """Line and fields of each sentence whose name ends in one of three letters, the first field
+        without its '$'.
+        """
+        data = self.buf.tobytes()
+        for start, star, line in zip(
+            self.starts.tolist(), self.stars.tolist(), self.lines.tolist(), strict=True
+        ):
+            if data[start + 3 : start + 6] in kinds:
+                yield line, data[start + 1 : star].decode("ascii", "replace").split(",")
+
+    def bodies(self, opening: bytes) -> tuple[list[bytes], list[int]]:
+        """What stands between `opening` and '*' in the sentences that begin so, and their lines."""
+        data, size = self.buf.tobytes(), len(opening)
+        pairs = zip(self.starts.tolist(), self.stars.tolist(), self.lines.tolist(), strict=True)
+        found = [
+            (data[start + size : star], line)
+            for start, star, line in pairs
+            if data.startswith(opening, start)
+        ]
+        return [body for body, _ in found], [line for _, line in found]
+
+
+def read_sentences(path: Source) -> Sentences:
+    """Read a log; InputError with the first line without a right checksum where they are more than
+    1 %.
+    """
+    from . import _kernels
+
+    buf, _ = load(path)
+    n = _kernels.count_newlines(buf)
+    starts, stars, lines = (np.zeros(n, dtype=np.int64) for _ in range(3))
+    n = _kernels.nmea_sentences(buf, starts, stars, lines)
+    if n == 0:
+        raise InputError.at(path, None, "holds no line; check that the recording was copied whole")
+    good = stars[:n] > 0
+    n_bad = int(n - good.sum())
+    if n_bad > BAD_SHARE_LIMIT * n:
+        first = int(np.argmin(good))
+        text = decode(buf[starts[first] : starts[first] + 60].tobytes()).partition("\n")[0].strip()
+        what = (
+            f"no right checksum in {text!r}, as in {n_bad} of {n} lines (limit"
+            f" {BAD_SHARE_LIMIT:.0%}); record or copy the log again"
+        )
+        raise InputError.at(path, int(lines[first]), what)
+    return Sentences(str(path), buf, starts[:n][good], stars[:n][good], lines[:n][good], n_bad)
+
+
+@dataclass(frozen=True)
+class SentenceLines:
+    """Lines that rows were taken from."""
+
+    path: str
+    lines: list[int]
+
+    def at(self, row: int, what: str) -> InputError:
+        """The error `what` at the line of `row`."""
+        return InputError.at(self.path, self.lines[row], what)

@@ -1,0 +1,309 @@
+"""Text tables in and whole files out: what every text format here stands on; the rules are those of
+`_layout`.
+"""
+
+import math
+import mmap
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from .layout import (
+    BINARY,
+    NUMBER,
+    Layout,
+    decode,
+    is_binary,
+    is_comment,
+    shown,
+    sniff,
+    split_fields,
+)
+
+Array = NDArray[np.float64]
+Source = str | os.PathLike[str]
+MAP_FROM = 1 << 22  # bytes; smaller files are simply read
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Numbers of a text table: values (n, m), the line (n,) each row stands in, counted from 1, and
+    whether the last one has its end.
+
+    bad : for each column with a field that is no number, its place in the row from 0, what is to be
+        said of the first such field, in
+    the order of the file; the values of these fields are not-a-number.
+    """
+
+    path: str
+    layout: Layout
+    values: Array
+    lines: NDArray[np.int64]
+    complete: bool = True
+    bad: Mapping[int, InputError] = field(default_factory=dict)
+
+    def refuse_text(self, columns: Iterable[int]) -> None:
+        """Raise InputError at the first field in these columns that is no number."""
+        taken = set(columns)
+        for column, refusal in self.bad.items():
+            if column in taken:
+                raise refusal
+
+    def at(self, row: int, what: str) -> InputError:
+        """The error `what` at the line of `row`."""
+        return InputError.at(self.path, int(self.lines[row]), what)
+
+
+@dataclass(frozen=True, eq=False)
+class TextTable:
+    """Fields of a text table as they stand; numbers are taken from single columns."""
+
+    path: str
+    layout: Layout
+    rows: list[list[str]]
+    lines: list[int]
+    complete: bool = True
+
+    def at(self, row: int, what: str) -> InputError:
+        """The error `what` at the line of `row`."""
+        return InputError.at(self.path, self.lines[row], what)
+
+    def strings(self, column: int) -> tuple[str, ...]:
+        """Column as text, without quotation marks."""
+        return tuple(row[column].strip("\"'") for row in self.rows)
+
+    def floats(self, column: int) -> Array:
+        """Column as numbers (n,); InputError with the line for what is none."""
+        out = np.empty(len(self.rows))
+        for i, row in enumerate(self.rows):
+            out[i] = number(row[column].strip("\"'"), self.path, self.lines[i], self.layout.decimal)
+        return out
+
+
+def number(field: str, path: object, line: int, decimal: str = ".") -> float:
+    """Finite float of `field`, or InputError that names file, line and what stood there."""
+    text = field.strip()
+    if decimal == ",":
+        text = text.replace(",", ".")
+    if NUMBER.fullmatch(text) and "," not in text and math.isfinite(x := float(text)):
+        return x
+    raise InputError.at(
+        path,
+        line,
+        f"{shown(field)} where a finite number must stand; correct the line or choose another"
+        " column",
+    )
+
+
+def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
+    """Bytes of a text file with a newline behind them, a byte order mark turned to blanks, and
+    whether its last line was complete.
+    """
+    mapped = _mapped(path)
+    if mapped is not None:
+        return mapped, True
+    buf = load_bytes(path, 1)
+    if bytes(buf[:2]) in (b"\xff\xfe", b"\xfe\xff"):
+        raise InputError.at(path, 1, "is UTF-16 text; save it as UTF-8")
+    if bytes(buf[:3]) == b"\xef\xbb\xbf":
+        buf[:3] = ord(" ")
+    buf[-1] = ord("\n")
+    return buf, bool(buf[-2] == ord("\n"))
+
+
+def _mapped(path: Source) -> NDArray[np.uint8] | None:
+    """A large file that starts without byte order mark and ends in a newline, mapped privately: no
+    copy of it is made.
+    """
+    try:
+        with Path(path).open("rb") as stream:
+            if os.fstat(stream.fileno()).st_size < MAP_FROM:
+                return None
+            buf = np.frombuffer(
+                mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_COPY), dtype=np.uint8
+            )
+    except (OSError, ValueError):
+        return None
+    plain = buf[-1] == ord("\n") and bytes(buf[:2]) not in (b"\xff\xfe", b"\xfe\xff", b"\xef\xbb")
+    return buf if plain else None
+
+
+def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
+    """Bytes of a file, not empty, with `room` more behind them."""
+    path = Path(path)
+    try:
+        with path.open("rb") as stream:
+            size = os.fstat(stream.fileno()).st_size
+            buf = np.empty(size + room, dtype=np.uint8)
+            stream.readinto(buf.data[:size])
+    except FileNotFoundError:
+        raise InputError.at(path, None, "no such file; check the path in the flight file") from None
+    except OSError as error:
+        raise InputError.at(path, None, f"cannot be read: {error.strerror or error}") from None
+    if size == 0:
+        raise InputError.at(path, None, "is empty; copy it again from its source")
+    return buf
+
+
+def read_table(path: Source, whole: bool = True) -> Table:
+    """Read a table of numbers; InputError with the first bad line.
+
+    whole : every field must be a number; else only rows of another length are refused, and
+        `Table.bad` tells what is no number.
+    """
+    buf, complete = load(path)
+    return parse(path, buf, complete, sniff(path, buf), whole)
+
+
+def parse(
+    path: Source, buf: NDArray[np.uint8], complete: bool, layout: Layout, whole: bool = True
+) -> Table:
+    """Parse the numbers of `buf`, which ends in a newline, from the layout's first data line on."""
+    from . import _kernels
+
+    n = _kernels.count_newlines(buf)
+    values = np.empty((n, layout.n_fields))
+    lines, bad = np.empty(n, dtype=np.int64), np.full((layout.n_fields, 2), -1, dtype=np.int64)
+    delimiter = _kernels.WHITESPACE if layout.delimiter is None else ord(layout.delimiter)
+    with np.errstate(
+        over="ignore"
+    ):  # without the compiler: a mantissa of more than 18 digits wraps and is taken again
+        rows, status, place, line = _kernels.parse_rows(
+            buf,
+            layout.skip_to,
+            layout.first_line,
+            delimiter,
+            ord(layout.decimal),
+            values,
+            lines,
+            bad,
+        )
+    at_fault = sorted((int(bad[k, 0]), int(k)) for k in np.flatnonzero(bad[:, 0] >= 0))
+    refused = {
+        k: _refusal(path, buf, complete, layout, _kernels.BAD_NUMBER, at, int(bad[k, 1]))
+        for at, k in at_fault
+    }
+    if refused and whole:
+        raise next(iter(refused.values()))
+    if status != _kernels.OK:
+        raise _refusal(path, buf, complete, layout, status, place, line)
+    if not complete:
+        tail = decode(bytes(buf[-8192:])).splitlines()
+        _refuse_short_end(path, tail[buf.size > 8192 :], layout, line - 1)
+    return Table(str(path), layout, values[:rows], lines[:rows], complete, refused)
+
+
+def _refusal(
+    path: Source,
+    buf: NDArray[np.uint8],
+    complete: bool,
+    layout: Layout,
+    status: int,
+    place: int,
+    line: int,
+) -> InputError:
+    """What is wrong with the line around `place`."""
+    from . import _kernels
+
+    near = max(0, place - 4096)
+    before = bytes(buf[near:place]).rpartition(b"\n")[2]
+    after = bytes(buf[place : place + 4096])
+    rest = after.partition(b"\n")[0]
+    text = decode(before + rest).strip("\r\n")
+    fields = split_fields(text, layout.delimiter)
+    seen, advice = shown(text), "correct or delete the line"
+    if is_binary(text):
+        seen, advice = ascii(text[:10]) + "...", BINARY
+    last = place + len(rest) + 1 >= buf.size and not complete
+    if (
+        last
+        and not is_binary(text)
+        and len(fields) <= layout.n_fields
+        and status != _kernels.TOO_MANY
+    ):
+        return InputError.at(
+            path,
+            line,
+            f"truncated: the file ends within this line, {seen}; copy it again or delete the line",
+        )
+    if status != _kernels.BAD_NUMBER or len(fields) != layout.n_fields:
+        return InputError.at(
+            path, line, f"{len(fields)} fields, expected {layout.n_fields}: {seen}; {advice}"
+        )
+    prefix = decode(before)
+    column = len(prefix.split()) if layout.delimiter is None else prefix.count(layout.delimiter)
+    what = (
+        f"{shown(fields[column])} in field {column + 1}"
+        if fields[column]
+        else f"nothing in field {column + 1}"
+    )
+    return InputError.at(path, line, f"{what} where a finite number must stand: {seen}; {advice}")
+
+
+def _refuse_short_end(path: Source, tail: list[str], layout: Layout, line: int) -> None:
+    """Refuse a last line without newline whose last number has fewer decimals than in all of the
+    ten lines before.
+    """
+    fields = [
+        split_fields(text, layout.delimiter)[-1]
+        for text in tail
+        if text.strip() and not is_comment(text)
+    ]
+    *earlier, last = [field for field in fields if NUMBER.fullmatch(field)] or [""]
+    decimals = {len(field.partition(layout.decimal)[2]) for field in earlier[-10:]}
+    if (
+        len(decimals) == 1
+        and len(earlier) >= 2
+        and len(last.partition(layout.decimal)[2]) < decimals.pop()
+    ):
+        what = (
+            f"truncated: the file ends within a number, {shown(last)} after {shown(earlier[-1])};"
+            " copy it again or delete the line"
+        )
+        raise InputError.at(path, line, what)
+
+
+def read_text_table(path: Source) -> TextTable:
+    """Read a table some of whose columns are text, such as image names; for files of some thousand
+    lines.
+    """
+    buf, complete = load(path)
+    layout = sniff(path, buf)
+    rows, lines = [], []
+    raw = decode(bytes(buf[layout.skip_to : -1])).split("\n")
+    for line, text in enumerate(raw, start=layout.first_line):
+        if not text.strip() or is_comment(text):
+            continue
+        fields = split_fields(text, layout.delimiter)
+        if len(fields) != layout.n_fields:
+            cut = (
+                not complete
+                and line == layout.first_line + len(raw) - 1
+                and len(fields) < layout.n_fields
+            )
+            what = (
+                "truncated: the file ends within this line,"
+                if cut
+                else f"{len(fields)} fields, expected {layout.n_fields}:"
+            )
+            seen, advice = shown(text.strip()), "correct or delete the line"
+            if is_binary(text):
+                seen, advice = ascii(text[:10]) + "...", BINARY
+            raise InputError.at(path, line, f"{what} {seen}; {advice}")
+        rows.append(fields)
+        lines.append(line)
+    if not complete:
+        _refuse_short_end(path, raw, layout, lines[-1])
+    return TextTable(str(path), layout, rows, lines, complete)
+
+
+def format_rows(form: str, table: Array, chunk: int = 20000) -> Iterable[str]:
+    """Rows of `table` (n, m) by the % format of one row (with its newline), in chunks."""
+    for first in range(0, len(table), chunk):
+        part = table[first : first + chunk]
+        yield form * len(part) % tuple(part.ravel().tolist())

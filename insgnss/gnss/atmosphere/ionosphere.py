@@ -1,0 +1,400 @@
+"""What the ionosphere between base and rover does to a relative position: measured on the flight
+itself, and taken off.
+
+The relative mode of the engine models no ionosphere (a broadcast model, `pos1-ionoopt`, is of its
+single points alone): phases of a carrier f arrive by kappa I early, kappa = (f_1 / f)^2, and what
+I, of L1, differs by between the two antennas is left in the differences.
+
+The model. A shell at 400 km holds the vertical delay V of L1, linear around the base. A ray that
+pierces it at the distances n and e, north and east of the base, where it makes the angle z' with
+the shell's normal, is delayed by
+
+    I = (V + G_n n + G_e e) / cos z',   dI = I_rover - I_base = D (V, G_n, G_e)^T              (I.1)
+
+D being the difference of (1, n, e) / cos z' between the two ends. A gradient G makes a rover at the
+distance d look higher or lower, by 1 to 2 G d. V acts by the two ends seeing a satellite at
+elevations that differ by about d / R: it shortens baselines (Beutler et al. 1988), on L1 by 0.4
+mm/km for each metre of V (6 10^16 electrons per m^2). V and G change linearly between knots 10
+minutes apart.
+
+Observations. Rounding takes the integers out of the phases y_1, y_2 of two bands at positions that
+are fixed (`resolved_phases`). Of equal noise, their difference and their mean are independent. With
+the direction u to the satellite, c constants of a system in an epoch, x the error of the epoch's
+position and t an error of what the air between the heights delays, per metre of zenith,
+
+    y_1 - y_2 = (kappa_2 - kappa_1) dI + h sin E + c                                           (I.2)
+    (y_1 + y_2) / 2 = -u x - (kappa_1 + kappa_2) / 2 dI + t (h_r - h_b) m(E) + c               (I.3)
+
+(I.2) is free of geometry, but has little of dI, and h, by which the phase centres of L1 and L2 lie
+farther apart in one antenna than in the other (up to centimetres; without it 23 mm of two geodetic
+antennas pass for a delay that raises the rover by 46 mm, as they do for the engine's own
+`pos1-ionoopt` est-stec). (I.3) has four times as much of dI, and loses most of it with x and c,
+which are eliminated from the normal equations of every epoch: the rest is what no position
+explains. Either gives V and G about as well, with errors of its own; both are taken together, with
+weights w = sin^2 E / sigma^2 of their own scale, cut by Huber's function. What is eliminated of an
+epoch leaves a residual r, of weight w and row a among the N = A^T P A of the epoch, the redundancy
+
+    rho = 1 - w a N^-1 a^T                                                                     (I.4)
+
+of its variance, and sigma is the median of |r| sin E / sqrt(rho), as a normal distribution has it:
+epochs of five satellites, or in which systems come and go, have sigmas of their own size. Residuals
+that last are counted by their sums over blocks of each satellite,
+
+    q = sum over blocks of (sum of sqrt(w) r)^2 / sum of w r^2                                 (I.5)
+
+is 1 for white noise; weights are divided by it, and by no less than what errors that last for
+`LASTING_S` make of it. Reflections of 20 s leave 2 mm of height to 45 minutes; less than `LEAST_S`
+is not tried. Expected beforehand are V = 2 +- 2 m and G = 0 +- 1.5 mm/km (means of the flight),
+changes in 10 minutes of 0.15 m and 0.5 mm/km, h = 0 +- 20 mm, t = 0 +- 2 mm over 100 m.
+
+Taking it off. What is early by the mean kappa of the bands that the engine takes of a satellite
+moves a position (`estimator`, E.2) by
+
+    displacement -(A^T P A)^-1 A^T P kappa dI                                                  (I.6)
+
+which is taken off fixed positions. Their covariance grows by that of V and G, and by a tenth of the
+correction for the shell and the plane. A float position takes the delay up in its ambiguities and
+stays as it is, as does one farther from the base than `FAR_M`, where the delay may pass for a
+cycle.
+
+Ten simulated flights of 45 minutes (1 to 2.5 km; noise of 1.5 mm, reflections of 1.2 mm over 20 s,
+G of 1.5 mm/km): the mean error of height was 2.8 mm rms and 4.3 mm at most, with the correction 1.5
+and 2.3 mm; of the length 1.6 and 0.5 mm rms. Two held out: 0.1 and 1.4 mm of height. These had a
+shell of a simpler geometry. Eight held out with that of `simulate.raw_air` (5 Hz): of height 2.3 mm
+rms and 4.4 mm at most, with the correction 2.1 and 4.2 mm, horizontally 1.9 and 0.9 mm rms, so that
+it takes off little of the height where reflections leave as much. 57 minutes of standing receivers
+(3.3 km), which have no truth to a millimetre: moved by 5.9 mm north and 2.5 mm west, by the
+engine's own estimate of the ionosphere 8.3 and 3.6 mm. What remains is that antennas of unlike
+patterns have more than h that depends on the elevation: a millimetre of it is one of some
+millimetres of height.
+
+Beutler, Bauersima, Gurtner, Rothacher, Schildknecht, Geiger (1988): Atmospheric refraction and
+other important biases in GPS carrier phase observations. IS-GPS-200 20.3.3.5.2.5 (Klobuchar) for
+the shell. RTKLIB manual, E.7, for the differences.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
+from ...records import GnssFixes
+from ...records.variances import MAD_TO_SIGMA
+from ..engine.options import EngineOptions
+from ..phase.double_differences import Differences, differences, measurable
+from ..rinex.navigation_message import Navigation
+from ..satellites.frequencies import ENGINE_BANDS, kappa, rows_of_systems
+from ..satellites.satellite_geometry import Sky, common_bands
+from .engine_weighting import displacement
+from .troposphere import Atmosphere, mapping
+
+if TYPE_CHECKING:
+    from ..rinex.observations import Observations
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+RADIUS_M, SHELL_M = 6.371e6, 4.0e5
+# of a satellite from the Earth's centre; only the parallax of the two receivers depends on it
+ORBIT_M = 2.66e7
+KNOT_S = 600.0
+VERTICAL_M = (2.0, 2.0)  # V expected, and its standard deviation
+GRADIENT, OFFSET_M, AIR = 1.5e-6, 2e-2, 2e-5  # standard deviations: G m/m, h m, t m/m
+CHANGE = np.array([0.15, 5e-7, 5e-7])  # of V and G in `KNOT_S`
+UNITS = np.array([1.0, 1e-6, 1e-6])  # by which columns of V and G are of one size
+LEAST_EPOCHS, LEAST_S = 60, 600.0
+BLOCK_S, LASTING_S = 300.0, 30.0
+HUBER = 2.0
+ITERATIONS = 4
+RIDGE = 1e-9
+LEAST_REDUNDANCY = 1e-3
+SHAPE_SHARE = 0.1
+MODELLED = {
+    "3",
+    "dual-freq",
+    "4",
+    "est-stec",
+}  # values of pos1-ionoopt by which the engine's relative mode knows of an ionosphere
+
+
+@dataclass(frozen=True, eq=False)
+class Ionosphere:
+    """V m, G_n, G_e m/m at knots: time (k,) s, value (k, 3), cov (3 k, 3 k), of the differences of
+    `epochs`.
+
+    offset_m, air : h, t, each with its standard deviation.
+    sigma_m : of (I.2) and (I.3) at the zenith.
+    lasting : q of (I.5) of them.
+    """
+
+    time: Array
+    value: Array
+    cov: Array
+    offset_m: tuple[float, float]
+    air: tuple[float, float]
+    epochs: int
+    sigma_m: tuple[float, float]
+    lasting: tuple[float, float]
+
+    def at(self, time: ArrayLike) -> tuple[Array, Array]:
+        """Value (n, 3) and covariance (n, 3, 3) at times (n,) s."""
+        H = hats(self.time, np.asarray(time, dtype=np.float64))
+        k = self.time.size
+        half = np.tensordot(H, self.cov.reshape(k, 3, k, 3), axes=(1, 0))
+        return H @ self.value, np.einsum("niaj,na->nij", half, H)
+
+
+@dataclass(frozen=True, eq=False)
+class IonosphereCorrection:
+    """What is to be added to positions (n,), north, east, down.
+
+    correction_ned : (n, 3) m, zero where the fix is not fixed, or far.
+    cov_ned : (n, 3, 3) m^2.
+    ionosphere : what it is made of.
+    """
+
+    correction_ned: Array
+    cov_ned: Array
+    ionosphere: Ionosphere
+
+
+def ionosphere_correction(
+    fixes: GnssFixes,
+    rover: "Observations",
+    base: "Observations",
+    navigation: Navigation,
+    base_position_m: ArrayLike,
+    satellites: Sky,
+    air: Atmosphere | None = None,
+    frequencies: int = 2,
+) -> IonosphereCorrection | None:
+    """Correction of fixed positions for the ionosphere between base and rover; None where
+    `LEAST_EPOCHS`, `LEAST_S` do not measure it.
+
+    base_position_m : (3,) m ECEF.   satellites : of the epochs of `fixes` (`sky.common_sky`).   air : at the base, None for the
+    standard one.   frequencies : of the engine.
+    """
+    place = np.asarray(base_position_m, dtype=np.float64)
+    design = shell_design(fixes, satellites, place)
+    found = fit(differences(fixes, rover, base, navigation, place, satellites, design, air))
+    if found is None:
+        return None
+    value, cov = found.at(fixes.time)
+    early = mean_kappa(rover, base, satellites, frequencies)[:, None] * design
+    each = np.stack(
+        [displacement(satellites, early[:, j], fixes.time.size) for j in range(3)], axis=2
+    )
+    corrected = measurable(fixes, place) & np.isfinite(each).all(axis=(1, 2))
+    each = np.where(corrected[:, None, None], each, 0.0)
+    correction = np.einsum("nij,nj->ni", each, value)
+    spread = (
+        each @ cov @ each.transpose(0, 2, 1)
+        + SHAPE_SHARE**2 * correction[:, :, None] * correction[:, None, :]
+    )
+    return IonosphereCorrection(correction, spread, found)
+
+
+def engine_models_it(options: EngineOptions) -> bool:
+    """Whether `more` has the engine estimate the ionosphere or combine the bands against it."""
+    return str(options.rtklib_options.get("pos1-ionoopt", "")) in MODELLED
+
+
+def shell_design(fixes: GnssFixes, satellites: Sky, base: Array) -> Array:
+    """D (m, 3) of (I.1) for each of the satellites.   base : (3,) m ECEF."""
+    cos = np.cos(satellites.elevation)
+    ned = np.column_stack(
+        [
+            cos * np.cos(satellites.azimuth),
+            cos * np.sin(satellites.azimuth),
+            -np.sin(satellites.elevation),
+        ]
+    )
+    sight = np.einsum("mij,mj->mi", rotation_en(fixes.lat, fixes.lon)[satellites.epoch], ned)
+    antenna = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)[satellites.epoch]
+    lat, lon, _ = ecef_to_geodetic(base)
+    axes = rotation_en(lat, lon)
+    centre = base + RADIUS_M * axes[:, 2]
+    other = _reach(antenna - centre, sight, ORBIT_M)[:, None] * sight + (antenna - base)
+    other /= np.linalg.norm(other, axis=1)[:, None]
+    here, there = antenna - centre, np.broadcast_to(base - centre, antenna.shape)
+    return _pierced(here, sight, axes, base - centre) - _pierced(there, other, axes, base - centre)
+
+
+def _reach(place: Array, sight: Array, radius: float) -> Array:
+    """Distance (m,) along rays (m, 3) from places (m, 3) to a sphere around the origin."""
+    along = np.einsum("mi,mi->m", place, sight)
+    return np.asarray(np.sqrt(radius**2 - np.einsum("mi,mi->m", place, place) + along**2) - along)
+
+
+def _pierced(place: Array, sight: Array, axes: Array, base: Array) -> Array:
+    """(1, n, e) / cos z' (m, 3) of rays; places (m, 3) and the base (3,) from the shell's centre."""
+    point = place + _reach(place, sight, RADIUS_M + SHELL_M)[:, None] * sight
+    slant = (RADIUS_M + SHELL_M) / np.einsum("mi,mi->m", point, sight)
+    return np.column_stack([slant, slant[:, None] * ((point - base) @ axes[:, :2])])
+
+
+def fit(found: Differences) -> Ionosphere | None:
+    """V, G, h and t of both kinds of observations; None where epochs are fewer than `LEAST_EPOCHS`
+    or within less than `LEAST_S`.
+    """
+    d = found
+    epochs = np.unique(d.time)
+    if epochs.size < LEAST_EPOCHS or np.ptp(epochs) < LEAST_S:
+        return None
+    knots = np.linspace(epochs[0], epochs[-1], 1 + int(np.ceil(np.ptp(epochs) / KNOT_S)))
+    units = np.concatenate([np.tile(UNITS, knots.size), [1e-3, 1e-5]])
+    expected, information = expectation(knots)
+    least = max(LASTING_S / float(np.median(np.diff(epochs))), 1.0)
+    N, b, kinds = (
+        information * units[:, None] * units,
+        units * (information @ expected),
+        _kinds(d, knots, units),
+    )
+    sigma, lasting = [], []
+    for kind in kinds:
+        X, y, weight, sd, q = kind.weighted(d, least)
+        N, b = N + X.T @ (weight[:, None] * X), b + X.T @ (weight * y)
+        sigma.append(sd)
+        lasting.append(q)
+    cov = np.linalg.inv(N)
+    x, cov = units * (cov @ b), cov * units[:, None] * units
+    (h, t), sd_h, sd_t = x[-2:].tolist(), float(cov[-2, -2] ** 0.5), float(cov[-1, -1] ** 0.5)
+    value, of_value = x[:-2].reshape(-1, 3), cov[:-2, :-2]
+    return Ionosphere(
+        knots,
+        value,
+        of_value,
+        (h, sd_h),
+        (t, sd_t),
+        epochs.size,
+        (sigma[0], sigma[1]),
+        (lasting[0], lasting[1]),
+    )
+
+
+def hats(knots: Array, time: Array) -> Array:
+    """Weights (n, k) of the knots for values that are linear between them and stay beyond the last
+    ones.
+    """
+    return np.column_stack([np.interp(time, knots, row) for row in np.eye(knots.size)])
+
+
+def expectation(knots: Array) -> tuple[Array, Array]:
+    """What is expected of V and G at k knots, h and t (3 k + 2,), and its information matrix: of
+    the knots' mean, and their changes.
+    """
+    k = knots.size
+    step = np.diff(np.eye(k), axis=0)
+    information = np.diag(np.concatenate([np.zeros(3 * k), [OFFSET_M**-2, AIR**-2]]))
+    for j, sd in enumerate((VERTICAL_M[1], GRADIENT, GRADIENT)):
+        at = np.arange(j, 3 * k, 3)
+        change = CHANGE[j] ** 2 * np.diff(knots) / KNOT_S
+        information[np.ix_(at, at)] = (k * sd) ** -2.0 + step.T @ (step / change[:, None])
+    return np.concatenate([np.tile([VERTICAL_M[0], 0.0, 0.0], k), [0.0, 0.0]]), information
+
+
+@dataclass(frozen=True, eq=False)
+class _Kind:
+    """Observations (m,) m of one kind: y = X (3 k + 2 columns, of size one) + A times unknowns of
+    each group (m,) + noise.
+    """
+
+    X: Array
+    y: Array
+    A: Array
+    group: Index
+
+    def weighted(self, d: Differences, least: float) -> tuple[Array, Array, Array, float, float]:
+        """X and y without the unknowns of groups, weights (m,) 1/m^2, the standard deviation at the
+        zenith, m, and q, `least` at least.
+        """
+        sine = np.sin(d.elevation)
+        weight, all_of_it = sine**2, np.column_stack([self.X, self.y])
+        for _ in range(ITERATIONS):
+            left, redundancy = _eliminated(all_of_it, self.A, self.group, weight)
+            X, y, root = left[:, :-1], left[:, -1], np.sqrt(weight)
+            x, _, rank, _ = np.linalg.lstsq(root[:, None] * X, root * y, rcond=1e-9)
+            residual, tells = y - X @ x, redundancy > LEAST_REDUNDANCY
+            size = np.abs(residual) * sine
+            weight = sine**2 * np.minimum(
+                1.0, HUBER * _spread(size[tells]) / np.maximum(size, 1e-9)
+            )
+        free = float(redundancy.sum())
+        sigma = (
+            _spread(size[tells] / np.sqrt(redundancy[tells]))
+            * (free / max(free - rank, 1.0)) ** 0.5
+        )
+        q = max(_lasting(np.sqrt(weight) * residual, d), least)
+        return X, y, weight / (q * sigma**2), float(sigma), q
+
+
+def _spread(size: Array) -> float:
+    """Standard deviation of normal values, m, of which these are the sizes."""
+    return max(MAD_TO_SIGMA * float(np.median(size)), 1e-6) if size.size else 1e-6
+
+
+def _kinds(d: Differences, knots: Array, units: Array) -> tuple[_Kind, _Kind]:
+    """(I.2) and (I.3)."""
+    sine, cos = np.sin(d.elevation), np.cos(d.elevation)
+    H = (hats(knots, d.time)[:, :, None] * d.design[:, None, :]).reshape(d.time.size, -1)
+    none = np.zeros(d.time.size)
+    clocks = (d.system[:, None] == np.unique(d.system)).astype(np.float64)
+    difference = np.column_stack([(d.kappa[:, 1] - d.kappa[:, 0])[:, None] * H, sine, none]) * units
+    mean = (
+        np.column_stack([-d.kappa.mean(axis=1)[:, None] * H, none, d.rise * mapping(d.elevation)])
+        * units
+    )
+    sight = np.column_stack([-cos * np.cos(d.azimuth), -cos * np.sin(d.azimuth), sine])
+    return (
+        _Kind(difference, d.parts[:, 0] - d.parts[:, 1], clocks, d.epoch),
+        _Kind(mean, d.parts.mean(axis=1), np.column_stack([sight, clocks]), d.epoch),
+    )
+
+
+def _eliminated(values: Array, A: Array, group: Index, weight: Array) -> tuple[Array, Array]:
+    """Values (m, c) less what weighted least squares of each group gives them of the columns A (m,
+    p), and redundancies (m,) of (I.4).
+    """
+    n, p = int(group.max()) + 1, A.shape[1]
+    WA = A * weight[:, None]
+    N = np.stack(
+        [
+            np.stack([np.bincount(group, WA[:, i] * A[:, j], n) for j in range(p)], axis=1)
+            for i in range(p)
+        ],
+        axis=1,
+    )
+    b = np.stack(
+        [
+            np.stack([np.bincount(group, WA[:, i] * column, n) for column in values.T], axis=1)
+            for i in range(p)
+        ],
+        axis=1,
+    )
+    inverse = np.linalg.inv(N + RIDGE * np.eye(p))
+    redundancy = 1.0 - np.einsum("mi,mij,mj->m", WA, inverse[group], A)
+    return values - np.einsum("mi,mic->mc", A, (inverse @ b)[group]), redundancy
+
+
+def _lasting(weighted: Array, d: Differences) -> float:
+    """q of (I.5) of residuals (m,) times the roots of their weights."""
+    block = ((d.time - d.time.min()) / BLOCK_S).astype(np.int64)
+    block = np.unique(d.satellite * (int(block.max()) + 1) + block, return_inverse=True)[1]
+    return float((np.bincount(block, weighted) ** 2).sum() / (weighted**2).sum())
+
+
+def mean_kappa(
+    rover: "Observations", base: "Observations", satellites: Sky, frequencies: int = 2
+) -> Array:
+    """Mean kappa (m,) of the bands that the engine takes of each satellite: of those in which rover
+    and base have a phase.
+    """
+    taken = common_bands(rover, base, frequencies)[satellites.row]
+    total = np.zeros(satellites.row.size)
+    for letter, of in rows_of_systems(rover.satellite[satellites.row]).items():
+        total[of] = taken[of] @ np.array(
+            [kappa(letter, bands[0]) for bands in ENGINE_BANDS[letter][:frequencies]]
+        )
+    return np.asarray(total / taken.sum(axis=1))

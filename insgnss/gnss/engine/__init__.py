@@ -1,0 +1,1 @@
+"""The PPK engine (RTKLIB): options, checks before the run, its processes."""

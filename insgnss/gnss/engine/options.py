@@ -1,0 +1,253 @@
+"""What the engine is asked for, as the option file that RTKLIB's postpos() and rnx2rtkp both read.
+
+Values of choices are written as numbers, because their words differ between versions (l1+2, l1+l2).
+The defaults were found on real and simulated sets with RTKLIB EX 2.5.0, moving receivers of 0.1 to
+1 s:
+
+    armode=continuous             `instantaneous` hardly ever fixes
+    gloarmode=fix-and-hold        2.5.0 ignores `off`; without a hold this one leaves the
+                                  ambiguities of GLONASS real numbers
+    timeinterp=off                where the base has epochs every 5 s or faster. Between two of them
+                                  RTKLIB interpolates the satellites that both have; one that the
+                                  base has just found again enters with the base's clock of another
+                                  instant. With a clock that drifts by 3e-8 that cost up to 10 % of
+                                  the fixed epochs of simulated 45-minute flights with a base of 1
+                                  Hz, and one was fixed 0.24 m off; without, all eight flights are
+                                  fixed throughout
+    prnaccelh=3, prnaccelv=1      m/s^2, what a drone does; with RTKLIB's own 0.1 and 0.01 the
+                                  forward and backward solutions of a turning drone stay centimetres
+                                  apart, and the combined one calls 22 % of a simulated flight
+                                  float, not 0 %
+
+Dynamics. With them the rover's position at an epoch is predicted from the one before, T earlier;
+white noise of `prnaccelh` a, m/s^2 per root second, in the acceleration makes the standard
+deviation of that prediction
+
+    sigma = a T^(5/2) / sqrt(20)                                                               (O.1)
+
+Beyond the 30 m at which RTKLIB gives a prediction up and starts again from codes, they help
+nothing, and its covariances of the restarts are impossible ones (71 of 120 epochs of a recording
+every 30 s): dynamics are off from a T of 4.6 s on, unless `rtklib_options` sets pos1-dynamics.
+
+The antenna of the base. RTKLIB relates phases to the position it is given, plus a vector from there
+to the antenna reference point (ARP), plus the offset of the phase centre (APC) where it knows the
+antenna:
+
+    r_apc = r_given + delta + offset                                                           (B.1)
+
+`apc`: delta = offset = 0. `arp`: delta = 0, the offset from an ANTEX file. `marker`: delta of the
+header (ANTENNA: DELTA H/E/N), too. The rover has neither delta nor offset: positions are of its
+phase centre.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from ...base.errors import InputError, OptionError
+from ...base.wording import named, setting
+from ...config.ppk_options import EngineSettings, Point
+from ...records import Check
+from ..rinex.header import RinexHeader
+
+Direction = Literal["combined", "forward", "backward"]
+
+DIRECTIONS: tuple[Direction, ...] = ("combined", "forward", "backward")
+SOLUTION_TYPE = {"forward": 0, "backward": 1, "combined": 2}
+SYSTEM_BITS = {"G": 1, "R": 4, "E": 8, "J": 16, "C": 32}
+KINEMATIC = 2
+DYNAMICS = "pos1-dynamics"
+RESTART_M = 30.0  # VAR_POS of RTKLIB's rtkpos.c
+# between epochs of the base, beyond which the clocks of satellites wander by millimetres meanwhile
+INTERPOLATED_S = 5.0
+ANTENNAS = "antennas.atx"
+OUTPUT = {
+    "out-solformat": 0,
+    "out-outhead": 1,
+    "out-outopt": 1,
+    "out-outvel": 0,
+    "out-timesys": 0,
+    "out-timeform": 0,
+    "out-timendec": 9,
+    "out-degform": 0,
+    "out-height": 0,
+    "out-outstat": 0,
+}
+
+
+@dataclass(frozen=True)
+class EngineOptions(EngineSettings):
+    """Options of the three runs: those that a user gives, and where the base stands.
+
+    Parameters
+    ----------
+    base_position_m : tuple of float, optional
+        ECEF, m; None for the header's APPROX POSITION XYZ. What stands there, `base_point`, is
+        needed with a position.
+
+    Raises
+    ------
+    OptionError
+        For a value that cannot be.
+    """
+
+    base_position_m: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.base_position_m is None:
+            return
+        if self.base_point is None:
+            what = (
+                f"needs {named('gnss.base_point')}: is it the antenna's phase centre (apc), arp or"
+                " marker"
+            )
+            raise OptionError("gnss.base_position", what)
+        radius = sum(x * x for x in self.base_position_m) ** 0.5
+        if not 6.3e6 < radius < 6.4e6:
+            what = f"is {radius:.0f} m from the Earth's centre (6300 to 6400 km)"
+            raise OptionError("gnss.base_position", f"{what}; ECEF coordinates in m are needed")
+
+
+def base_position(
+    options: EngineOptions, base: RinexHeader
+) -> tuple[tuple[float, float, float], Point]:
+    """Coordinates (ECEF, m) of the base and the point that they are of; InputError where neither
+    options nor header give any.
+    """
+    if options.base_position_m is not None and options.base_point is not None:
+        return options.base_position_m, options.base_point
+    approx = base.approx_position_m
+    if approx is None:
+        what = (
+            f"no APPROX POSITION XYZ in the header and no {named('gnss.base_position')}; give the"
+            " base's coordinates"
+        )
+        raise InputError.at(base.path, None, what)
+    return (float(approx[0]), float(approx[1]), float(approx[2])), options.base_point or "marker"
+
+
+def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
+    """Options of the base's antenna after (B.1); InputError where the ANTEX file does not know it."""
+    _, point = base_position(options, base)
+    up, east, north = (
+        (float(x) for x in base.antenna_delta_m) if point == "marker" else (0.0, 0.0, 0.0)
+    )
+    lines = {
+        "ant2-anttype": "",
+        "ant2-antdele": f"{east:.4f}",
+        "ant2-antdeln": f"{north:.4f}",
+        "ant2-antdelu": f"{up:.4f}",
+    }
+    if options.antex is None or point == "apc":
+        return lines
+    try:
+        known = "\n" + Path(options.antex).read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise InputError.at(
+            options.antex,
+            None,
+            f"cannot be read: {error.strerror or error}; check {named('gnss.antex')}",
+        ) from None
+    kind = base.antenna.split()[0] if base.antenna.split() else ""
+    if not kind or f"\n{kind}" not in known:
+        what = (
+            f"does not know the base's antenna {base.antenna!r} of {base.path}; give another, or"
+            f" {setting('gnss.base_point', 'apc')}"
+        )
+        raise InputError.at(options.antex, None, what)
+    return lines | {"ant2-anttype": base.antenna, "file-rcvantfile": ANTENNAS}
+
+
+def prediction_sd(options: EngineOptions, interval_s: float) -> float:
+    """Standard deviation, m, of a rover's horizontal position that is predicted over an interval
+    (O.1).
+    """
+    return float(options.acceleration_mps2[0] * interval_s**2.5 / 20.0**0.5)
+
+
+def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Check, ...]:
+    """A note where the rover's epochs, every interval_s, are too rare for dynamics; none where the
+    user says whether to have them.
+    """
+    sd = prediction_sd(options, interval_s)
+    if DYNAMICS in options.rtklib_options or sd <= RESTART_M:
+        return ()
+    longest = (RESTART_M * 20.0**0.5 / options.acceleration_mps2[0]) ** 0.4
+    found = (
+        f"off: epochs every {interval_s:g} s, over which {options.acceleration_mps2[0]:g} m/s^2"
+        f" predict a position to {sd:.0f} m"
+    )
+    advice = (
+        f"every epoch stands for itself; log faster in flight, or set {DYNAMICS} in"
+        f" {named('gnss.rtklib_options')}"
+    )
+    return (
+        Check(
+            "engine dynamics",
+            found,
+            f"on, with epochs every {longest:.1f} s at most",
+            "note",
+            advice,
+        ),
+    )
+
+
+def option_file(
+    options: EngineOptions,
+    base: RinexHeader,
+    direction: Direction,
+    interval_s: float,
+    base_interval_s: float,
+) -> str:
+    """Text of the option file of one run; interval_s, base_interval_s : between epochs of rover and
+    base.
+    """
+    horizontal, vertical = options.acceleration_mps2
+    lines: dict[str, object] = {
+        "pos1-posmode": KINEMATIC,
+        "pos1-frequency": options.frequencies,
+        "pos1-soltype": SOLUTION_TYPE[direction],
+        "pos1-elmask": options.elevation_mask_deg,
+        DYNAMICS: int(prediction_sd(options, interval_s) <= RESTART_M),
+        "pos1-ionoopt": 1,
+        "pos1-tropopt": 1,
+        "pos1-sateph": 0,
+        "pos1-navsys": _systems(options),
+        "pos2-armode": 1,
+        "pos2-gloarmode": 3,
+        "pos2-bdsarmode": 1,
+        "pos2-arthres": options.ratio,
+        "pos2-arthresmin": options.ratio,
+        "pos2-arthresmax": options.ratio,
+        "pos2-maxage": options.max_age_s,
+        "stats-prnaccelh": horizontal,
+        "stats-prnaccelv": vertical,
+        "misc-timeinterp": int(base_interval_s > INTERPOLATED_S),
+        "ant2-postype": 1,
+    }
+    position, _ = base_position(options, base)
+    place = {f"ant2-pos{k}": f"{x:.5f}" for k, x in enumerate(position, start=1)}
+    return _text(
+        lines | place | base_antenna(options, base) | dict(options.rtklib_options) | OUTPUT
+    )
+
+
+def single_point_file(options: EngineOptions) -> str:
+    """Text of the option file of a run that finds where a receiver stands, from codes alone."""
+    models: dict[str, object] = {
+        "pos1-elmask": 10,
+        "pos1-ionoopt": 1,
+        "pos1-tropopt": 1,
+        "pos1-navsys": _systems(options),
+    }
+    return _text({"pos1-posmode": 0, "pos1-frequency": 1, "pos1-soltype": 0} | models | OUTPUT)
+
+
+def _systems(options: EngineOptions) -> int:
+    return sum(SYSTEM_BITS[letter] for letter in set(options.systems))
+
+
+def _text(lines: Mapping[str, object]) -> str:
+    return "".join(f"{name}={value}\n" for name, value in lines.items())

@@ -1,0 +1,1 @@
+"""The time of camera events by the rover's clock."""

@@ -1,0 +1,60 @@
+"""The raw observations of a flight file: solved, as the fixes and exposures that a reader of ready
+positions would give.
+"""
+
+from dataclasses import fields, replace
+from math import radians
+
+from ..config.ppk_options import RawGnss
+from ..exposures.naming import ImageMatch
+from ..geodesy.frames import geodetic_to_ecef
+from .engine.options import EngineOptions
+from .ppk import PpkInput, PpkResult, solve_ppk
+from .quality.covariance import MODEL, CovarianceModel
+from .rinex.camera_events import RoverEvents
+
+
+def solve_flown(
+    raw: RawGnss,
+    covariance: CovarianceModel = MODEL,
+    exposures: tuple[RoverEvents, ImageMatch] | bool | None = None,
+) -> PpkResult:
+    """The result with the exposures of the rover's file, and of the checks those that no record
+    tells by itself.
+
+    exposures : which of the rover's events there must be, and their images; None: those that there
+        are; False: another file has them.
+    Raises what `ppk.solve_ppk` raises.
+    """
+    given = replace(_input(raw), covariance=covariance)
+    if isinstance(exposures, tuple):
+        given = replace(given, events=True, rover_events=exposures[0], match=exposures[1])
+    else:
+        given = replace(given, events=exposures)
+    result = solve_ppk(given)
+    told = () if result.events is None else result.events.notes
+    return replace(result, checks=tuple(check for check in result.checks if check not in told))
+
+
+def _input(raw: RawGnss) -> PpkInput:
+    same = {
+        f.name: getattr(raw, f.name) for f in fields(EngineOptions) if f.name != "base_position_m"
+    }
+    options = EngineOptions(
+        base_position_m=None if raw.base_position is None else _ecef(raw.base_position), **same
+    )
+    return PpkInput(
+        raw.rover,
+        raw.base,
+        raw.navigation,
+        options,
+        wet_delay=raw.wet_delay,
+        ionosphere=raw.ionosphere,
+        atmosphere=raw.atmosphere,
+        velocity=raw.phase_velocity,
+    )
+
+
+def _ecef(place: tuple[float, ...]) -> tuple[float, float, float]:
+    x, y, z = geodetic_to_ecef(radians(place[0]), radians(place[1]), place[2]).tolist()
+    return x, y, z

@@ -1,0 +1,270 @@
+"""Phases of rover and base at positions that are fixed: their differences without integers, by
+which errors of millimetres show.
+
+A fixed position is known to millimetres, so that with ranges, satellite clocks and the troposphere
+taken from them the differences d_b of the phases of band b, between the receivers and to the
+highest satellite of the system, are integers but for a part of a cycle:
+
+    N_b = round(d_b),   |d_b - N_b| < 1/4,   y_b = lambda_b (d_b - N_b)                        (P.1)
+
+in each epoch by itself: no arc, no slip and no ambiguity outlives it. What is common to the
+satellites of a system in an epoch is arbitrary. GLONASS, of which every satellite has its own
+wavelength, has no such integers and is left out. Farther than `FAR_M` from the base the ionosphere
+may pass for a cycle.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef
+from ...geodesy.gpstime import WEEK_S
+from ...records import GnssFixes
+from ..atmosphere.troposphere import (
+    FIXED,
+    Atmosphere,
+    hydrostatic_layer,
+    mapping,
+    standard_atmosphere,
+    standard_slant_delay,
+    wet_layer,
+)
+from ..rinex.navigation_message import Navigation
+from ..satellites.frequencies import ENGINE_BANDS, HERTZ, rows_of_systems
+from ..satellites.orbits import LIGHT, emission_states, ranges, sky, unique_satellites
+from ..satellites.satellite_geometry import LARGEST_OFFSET_S, Sky, base_rows
+from .time_differences import code_ranges
+
+if TYPE_CHECKING:
+    from ..rinex.observations import Observations
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+SYSTEMS = "GEJC"  # whose satellites share their carriers
+LOWER_HERTZ = (
+    1.3e9  # carriers above it are too near to the first one for the ionosphere to part them
+)
+LARGEST_PART = 0.25  # cycle
+MOST_EPOCHS = 3000
+LEAST_SATELLITES = 3  # of a system in an epoch
+FAR_M = 1e4
+
+
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """Phases of fixed epochs after (P.1), rows (m,), by epoch.
+
+    time : s.   epoch, system, satellite : numbers from 0.
+    parts : (m, 2) m, y of the two bands.
+    kappa : (m, 2) of these.
+    design : (m, 3) of `ionosphere.shell_design`.   azimuth, elevation : rad.
+    rise : m, of the rover above the base.
+    """
+
+    time: Array
+    epoch: Index
+    system: Index
+    satellite: Index
+    parts: Array
+    kappa: Array
+    design: Array
+    azimuth: Array
+    elevation: Array
+    rise: Array
+
+
+def differences(
+    fixes: GnssFixes,
+    rover: "Observations",
+    base: "Observations",
+    navigation: Navigation,
+    place: Array,
+    satellites: Sky,
+    design: Array,
+    air: Atmosphere | None = None,
+) -> Differences:
+    """What (P.1) leaves at measurable positions of which the base has an epoch, at most
+    `MOST_EPOCHS`.
+
+    place : (3,) m ECEF, of the base.
+    design : (m, 3) of `ionosphere.shell_design`.
+    air : at the base.
+    """
+    theirs = base_rows(rover, base)[satellites.row]
+    at = _usable(fixes, rover, base, satellites, theirs, place)
+    mine, theirs = satellites.row[at], theirs[at]
+    if at.size == 0:
+        return _nothing()
+    bands, hertz = _two_bands(rover, base, mine, theirs)
+    antenna = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)[satellites.epoch[at]]
+    navigation = navigation.of_week(rover.gps_week)
+    apart = _geometry(rover, mine, navigation, antenna, 0.0)
+    apart -= _geometry(
+        base, theirs, navigation, np.broadcast_to(place, antenna.shape), _weeks(rover, base)
+    )
+    rise = fixes.height[satellites.epoch[at]] - float(ecef_to_geodetic(place)[2])
+    apart += _other_air(air, rise, place) * mapping(satellites.elevation[at])
+    length = LIGHT / hertz
+    d = _phases(rover, mine, bands) - _phases(base, theirs, bands) - apart[:, None] / length
+    there = np.flatnonzero(np.isfinite(d).all(axis=1))
+    if there.size == 0:
+        return _nothing()
+    group = np.unique(
+        satellites.epoch[at[there]] * 100 + satellites.system[at[there]], return_inverse=True
+    )[1]
+    part = _without_integers(d[there], group, satellites.elevation[at[there]])
+    whole = (np.abs(part) < LARGEST_PART).all(axis=1)
+    many = whole & (np.bincount(group, whole)[group] >= LEAST_SATELLITES)
+    kept, part, length = at[there[many]], part[many], length[there[many]]
+    _, epoch = np.unique(satellites.epoch[kept], return_inverse=True)
+    _, satellite = unique_satellites(rover.satellite[satellites.row[kept]])
+    kappa = (HERTZ["G"]["1"] * length / LIGHT) ** 2
+    return Differences(
+        fixes.time[satellites.epoch[kept]],
+        epoch,
+        satellites.system[kept],
+        satellite,
+        part * length,
+        kappa,
+        design[kept],
+        satellites.azimuth[kept],
+        satellites.elevation[kept],
+        rise[there[many]],
+    )
+
+
+def _nothing() -> Differences:
+    none, number = np.empty(0), np.empty(0, dtype=np.int64)
+    return Differences(
+        none,
+        number,
+        number,
+        number,
+        np.empty((0, 2)),
+        np.empty((0, 2)),
+        np.empty((0, 3)),
+        none,
+        none,
+        none,
+    )
+
+
+def measurable(fixes: GnssFixes, place: Array) -> NDArray[np.bool_]:
+    """Fixed positions (n,) up to `FAR_M` from the base."""
+    near = (
+        np.linalg.norm(geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - place, axis=1)
+        <= FAR_M
+    )
+    return np.asarray(near if fixes.quality is None else near & (fixes.quality == FIXED))
+
+
+def _weeks(rover: "Observations", base: "Observations") -> float:
+    """What brings the base's times into the rover's week, s."""
+    return (base.gps_week - rover.gps_week) * WEEK_S
+
+
+def _other_air(air: Atmosphere | None, rise: Array, place: Array) -> Array:
+    """Delay in zenith (m,) m that the air between the heights takes less than the standard one: of
+    the rover minus the base.
+    """
+    lat, _, height = (float(x) for x in ecef_to_geodetic(place))
+    usual = standard_atmosphere(height)
+    layers = [
+        hydrostatic_layer(a, rise, lat, height) + wet_layer(a, rise) for a in (usual, air or usual)
+    ]
+    return np.asarray(layers[0] - layers[1])
+
+
+def _usable(
+    fixes: GnssFixes,
+    rover: "Observations",
+    base: "Observations",
+    satellites: Sky,
+    theirs: Index,
+    place: Array,
+) -> Index:
+    """Rows of `satellites` at measurable positions and epochs of the base, of systems with two
+    bands, of at most `MOST_EPOCHS` epochs.
+    """
+    apart = (
+        base.time[base.epoch[theirs]]
+        + _weeks(rover, base)
+        - rover.time[rover.epoch[satellites.row]]
+    )
+    shared = np.isin(rover.satellite[satellites.row].astype("U1"), list(SYSTEMS))
+    good = (theirs >= 0) & (np.abs(apart) <= LARGEST_OFFSET_S) & shared
+    at = np.flatnonzero(good & measurable(fixes, place)[satellites.epoch])
+    epochs = np.unique(satellites.epoch[at])
+    return at[np.isin(satellites.epoch[at], epochs[:: max(1, -(-epochs.size // MOST_EPOCHS))])]
+
+
+def _two_bands(
+    rover: "Observations", base: "Observations", mine: Index, theirs: Index
+) -> tuple[NDArray[np.str_], Array]:
+    """The first band of the system of each row and the second one that most of its rows have (m,
+    2), and their carriers, Hz.
+    """
+    bands, hertz = np.full((mine.size, 2), "", dtype="U1"), np.full((mine.size, 2), np.nan)
+    for letter, of in rows_of_systems(rover.satellite[mine]).items():
+        first, *further = _bands(letter)
+        both = {
+            b: np.isfinite(_phase(rover, mine[of], b) + _phase(base, theirs[of], b)).mean()
+            for b in further
+        }
+        for k, band in enumerate((first, max(further, key=lambda b: both[b]))):
+            bands[of, k], hertz[of, k] = band, HERTZ[letter][band]
+    return bands, hertz
+
+
+def _bands(letter: str) -> list[str]:
+    """Bands of a system: the engine's, and those that it leaves out."""
+    first, *further = ENGINE_BANDS[letter]
+    return [
+        first,
+        *further,
+        *(
+            b
+            for b, hertz in HERTZ[letter].items()
+            if b not in (first, *further) and hertz < LOWER_HERTZ
+        ),
+    ]
+
+
+def _phase(observations: "Observations", rows: Index, band: str) -> Array:
+    """Phase (m,), cycles, of the first signal of the band that each row has."""
+    out = np.full(rows.size, np.nan)
+    for k, signal in enumerate(observations.signals):
+        if signal[0] == "L" and signal[1] == band:
+            out = np.where(np.isnan(out), observations.values[rows, k], out)
+    return out
+
+
+def _phases(observations: "Observations", rows: Index, bands: NDArray[np.str_]) -> Array:
+    """Phases (m, 2), cycles, of rows in bands (m, 2)."""
+    out = np.full(bands.shape, np.nan)
+    for band in np.unique(bands).tolist():
+        out = np.where(bands == band, _phase(observations, rows, band)[:, None], out)
+    return out
+
+
+def _geometry(
+    o: "Observations", rows: Index, navigation: Navigation, antenna: Array, shift: float
+) -> Array:
+    """rho - c dt_s + T (m,) m of rows at antennas (m, 3)."""
+    states = emission_states(
+        navigation, o.satellite[rows], o.time[o.epoch[rows]] + shift, code_ranges(o)[rows]
+    )
+    rho, sight = ranges(states.position, antenna)
+    lat, _, height = ecef_to_geodetic(antenna)
+    return rho - LIGHT * states.clock_s + standard_slant_delay(lat, height, sky(sight, antenna)[1])
+
+
+def _without_integers(d: Array, group: Index, elevation: Array) -> Array:
+    """What (P.1) leaves (m, 2), cycles, against the highest satellite of each group."""
+    order = np.lexsort((-elevation, group))
+    first = order[np.diff(group[order], prepend=-1) > 0]
+    apart = d - d[first[group]]
+    return np.asarray(apart - np.round(apart))

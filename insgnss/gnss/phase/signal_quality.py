@@ -1,0 +1,264 @@
+"""What the rover's observations say of themselves: cycle slips, gaps, strength, multipath.
+
+By band (L1 and the second band, with wavelengths l1 and l2 and a = (l2 / l1)^2 = (f1 / f2)^2):
+
+    geometry-free    l1 L1 - l2 L2                                                             (Q.1)
+    multipath        C1 - l1 L1 - 2 / (a - 1) (l1 L1 - l2 L2)                                  (Q.2)
+
+A cycle slip is a flag of the receiver (bit 0 of the loss-of-lock indicator) in a satellite's
+running arc, or a step of (Q.1) by more than `STEP_M`, and `STEP_NOISE` times the median step of the
+satellite, from one epoch to the next. (Q.2) holds code multipath and noise, and a constant of each
+arc, whose mean is taken away; it is computed where the frequencies are known, of GLONASS only where
+the header gives its slots. Observations of all elevations count.
+
+Estey and Meertens (1999), TEQC: the multi-purpose toolkit for GPS/GLONASS data, GPS Solutions 3(1),
+for (Q.1) and (Q.2).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import DataError
+from ...records import Array
+from ..rinex.observations import Observations
+from ..satellites.frequencies import CHANNEL_HERTZ, HERTZ
+from ..satellites.orbits import LIGHT
+from .time_differences import LOST
+
+Index = NDArray[np.int64]
+
+BANDS = {
+    "G": ("1", "25"),
+    "J": ("1", "25"),
+    "E": ("1", "57"),
+    "R": ("1", "2"),
+    "C": ("21", "76"),
+}  # first, and those that may be second
+STEP_M, STEP_NOISE = 0.05, 10.0
+GAP_INTERVALS = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """What the rover observed. interval_s : of its epochs.   gaps : (g, 2) s, begin and end.
+
+    slip_time (s,), slip_satellite (s,) : cycle slips; flagged : (s,) by the receiver.
+    hours : of satellite tracking.
+    strength : by band, (k,) median dB-Hz at strength_time (k,).   multipath_m : by system and code, of all arcs.
+    """
+
+    interval_s: float
+    gaps: Array
+    slip_time: Array
+    slip_satellite: NDArray[np.str_]
+    flagged: NDArray[np.bool_]
+    hours: float
+    strength_time: Array
+    strength: Mapping[str, Array]
+    multipath_m: Mapping[str, float]
+
+
+def signals_of(observations: Observations) -> Signals:
+    """Slips, gaps, strength and multipath of all satellites. Raises DataError for fewer than two
+    epochs.
+    """
+    o = observations
+    if o.time.size < 2:
+        raise DataError(
+            f"{o.header.path}: {o.time.size} epoch of observations; at least 2 are needed, copy the"
+            " file again"
+        )
+    step = np.diff(o.time)
+    interval = float(np.median(step))
+    wide = np.flatnonzero(step > GAP_INTERVALS * interval)
+    gaps = np.column_stack([o.time[wide], o.time[wide + 1]])
+    satellite, tracks = np.unique(o.satellite, return_inverse=True)
+    rows = np.lexsort((o.epoch, tracks))
+    slips: list[Index] = []
+    multipath: dict[str, float] = {}
+    hours = 0.0
+    systems = np.array([name[0] for name in satellite])
+    for system in np.unique(systems):
+        of = rows[systems[tracks[rows]] == system]
+        arcs = _Arcs.of(o, of, tracks, str(system), interval)
+        if arcs is None:
+            continue
+        slips.append(np.column_stack([of[arcs.slip], arcs.flagged[arcs.slip]]))
+        multipath |= arcs.multipath()
+        hours += arcs.tracked * interval / 3600.0
+    found = np.concatenate(slips) if slips else np.zeros((0, 2), dtype=np.int64)
+    found = found[np.argsort(o.epoch[found[:, 0]], kind="stable")]
+    at = found[:, 0]
+    when, strength = _strength(o)
+    return Signals(
+        interval,
+        gaps,
+        o.time[o.epoch[at]],
+        o.satellite[at],
+        found[:, 1] > 0,
+        hours,
+        when,
+        strength,
+        multipath,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Arcs:
+    """Rows of one system by satellite and epoch: phase, code (n, 2) m of the two bands, their loss
+    of lock (n,), wavelengths (n, 2) m.
+
+    track : (n,) number of the satellite.
+    begins : (n,) whether the row begins an arc.
+    names : of the two code signals.
+    tracked : number of rows with a phase on the first band.
+    """
+
+    names: tuple[str, ...]
+    phase: Array
+    code: Array
+    flagged: NDArray[np.bool_]
+    length: Array
+    track: Index
+    begins: NDArray[np.bool_]
+    tracked: int
+
+    @classmethod
+    def of(
+        cls, o: Observations, rows: Index, tracks: Index, system: str, interval: float
+    ) -> "_Arcs | None":
+        """The arcs of `system`, or None where it has no phase."""
+        first, second = BANDS.get(system, ("1", "2"))
+        one, two = _busiest(o, rows, "L", first), _busiest(o, rows, "L", second)
+        if one is None:
+            return None
+        columns = [one, two if two is not None else one]
+        length = np.column_stack([_wavelength(o, rows, system, o.signals[k][1]) for k in columns])
+        phase = length * o.values[rows][:, columns]
+        if two is None:
+            phase[:, 1] = np.nan
+        codes = [_busiest(o, rows, "C", o.signals[k][1]) for k in columns]
+        code = np.column_stack(
+            [o.values[rows, k] if k is not None else np.full(rows.size, np.nan) for k in codes]
+        )
+        time, track = o.time[o.epoch[rows]], tracks[rows]
+        there = np.isfinite(o.values[rows, one])
+        before = np.roll(there, 1)
+        begins = (
+            (track != np.roll(track, 1))
+            | (time - np.roll(time, 1) > GAP_INTERVALS * interval)
+            | ~before
+        )
+        begins[0] = True
+        flagged = ((o.loss_of_lock[rows][:, columns] & LOST) > 0).any(axis=1) & there
+        names = tuple(f"{system} {o.signals[k]}" if k is not None else "" for k in codes)
+        return cls(names, phase, code, flagged, length, track, begins, int(there.sum()))
+
+    @property
+    def slip(self) -> NDArray[np.bool_]:
+        """(n,) slips within an arc: flagged, or a step of (Q.1)."""
+        free = self.phase[:, 0] - self.phase[:, 1]
+        step = np.where(self.begins, np.nan, np.abs(free - np.roll(free, 1)))
+        known = np.isfinite(step)
+        usual = (
+            _medians(step[known], self.track[known], int(self.track.max()) + 1)
+            if known.any()
+            else np.zeros(int(self.track.max()) + 1)
+        )
+        return ~self.begins & (
+            self.flagged | (step > np.maximum(STEP_M, STEP_NOISE * usual[self.track]))
+        )
+
+    def multipath(self) -> dict[str, float]:
+        """Rms (Q.2) of both bands, m, by system and code; arcs end at slips."""
+        new = self.begins | self.slip
+        out = {}
+        for k, name in enumerate(self.names):
+            own, other = self.phase[:, k], self.phase[:, 1 - k]
+            a = (self.length[:, 1 - k] / self.length[:, k]) ** 2
+            with np.errstate(divide="ignore", invalid="ignore"):
+                mp = self.code[:, k] - own - 2.0 / (a - 1.0) * (own - other)
+            good = np.isfinite(mp)
+            arc = np.cumsum(new)[good]
+            if not name or good.sum() < 2:
+                continue
+            count = np.maximum(np.bincount(arc), 1)
+            rest = mp[good] - (np.bincount(arc, mp[good]) / count)[arc]
+            out[name] = float(np.sqrt(np.sum(rest**2) / max(rest.size - np.unique(arc).size, 1)))
+        return out
+
+
+def _busiest(o: Observations, rows: Index, kind: str, bands: str) -> int | None:
+    """Column of the signal of `kind` with the most values in `rows`, of the first of `bands` that
+    has any.
+    """
+    for band in bands:
+        columns = [k for k, name in enumerate(o.signals) if name.startswith(kind + band)]
+        count = [int(np.isfinite(o.values[rows, k]).sum()) for k in columns]
+        if any(count):
+            return columns[int(np.argmax(count))]
+    return None
+
+
+def _wavelength(o: Observations, rows: Index, system: str, band: str) -> Array:
+    """Wavelength (n,) m of rows of one system; NaN where it is not known."""
+    hertz = np.full(rows.size, HERTZ.get(system, {}).get(band, np.nan))
+    if system == "R":
+        slots = o.header.glonass_slots
+        hertz += CHANNEL_HERTZ.get(band, 0.0) * np.array(
+            [slots.get(name, np.nan) for name in o.satellite[rows].tolist()]
+        )
+    return LIGHT / hertz
+
+
+def _strength(o: Observations) -> tuple[Array, dict[str, Array]]:
+    """Time (k,) and the median of all satellites (k,) by band, each second or epoch."""
+    seconds, place = np.unique(np.floor(o.time[o.epoch]), return_inverse=True)
+    out = {}
+    for band in sorted({name[1] for name in o.signals if name.startswith("S")}):
+        level = np.column_stack(
+            [o.values[:, k] for k, name in enumerate(o.signals) if name.startswith("S" + band)]
+        )
+        best = np.fmax.reduce(level, axis=1)
+        good = np.isfinite(best)
+        if good.any():
+            out[f"band {band}"] = _medians(best[good], place[good], seconds.size)
+    return seconds, out
+
+
+def _medians(x: Array, group: Index, count: int) -> Array:
+    """Median (count,) of x by group; NaN of an empty one."""
+    order = np.lexsort((x, group))
+    x, size = x[order], np.bincount(group, minlength=count)
+    first = np.cumsum(size) - size
+    low, high = first + np.maximum(size - 1, 0) // 2, first + size // 2
+    middle = 0.5 * (x[np.minimum(low, x.size - 1)] + x[np.minimum(high, x.size - 1)])
+    return np.where(size > 0, middle, np.nan)
+
+
+def signal_numbers(signals: Signals) -> dict[str, Any]:
+    """Figures of merit of the observations, plain numbers."""
+    gap = signals.gaps[:, 1] - signals.gaps[:, 0]
+    return {
+        "interval_s": signals.interval_s,
+        "gaps": int(gap.size),
+        "longest_gap_s": float(gap.max(initial=0.0)),
+        "cycle_slips": {
+            "flagged": int(signals.flagged.sum()),
+            "unflagged": int((~signals.flagged).sum()),
+        },
+        "cycle_slips_per_satellite_hour": (
+            signals.slip_time.size / signals.hours if signals.hours > 0.0 else None
+        ),
+        "strength_dbhz": {band: _middle(level) for band, level in signals.strength.items()},
+        "multipath_m": dict(signals.multipath_m),
+    }
+
+
+def _middle(x: Array) -> float | None:
+    x = x[np.isfinite(x)]
+    return float(np.median(x)) if x.size else None

@@ -1,0 +1,329 @@
+"""Pairs of carrier phases of one satellite in two neighbouring epochs, less all that ephemerides,
+positions and models say of them.
+
+What is left is (V.2) of :mod:`insgnss.gnss.phase.velocity`: displacement, clock, noise, and the
+ionosphere, which advances a phase of frequency f by I kappa, kappa = (f_1 / f)^2, with f_1 that of
+GPS L1. Where a satellite has two bands or more, the change dI of a pair is the slope of its rows
+over kappa, with the sign turned; its rate is averaged over `SMOOTHING_S` on either side, by which
+its noise falls to 0.2 mm/s, and taken off every band (P.1). Otherwise it stays, and the standard
+deviation says so.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef
+from ...geodesy.gpstime import WEEK_S
+from ...records import GnssFixes
+from ...records.variances import MAD_TO_SIGMA
+from ..atmosphere.troposphere import standard_slant_delay
+from ..rinex.navigation_message import Navigation
+from ..rinex.observations import Observations
+from ..satellites.frequencies import CHANNEL_HERTZ, HERTZ
+from ..satellites.orbits import (
+    LIGHT,
+    SatelliteStates,
+    emission_states,
+    ranges,
+    sky,
+    unique_satellites,
+)
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+ACCELERATION = 3.0  # m/s^2, of a rover between given positions that stand apart
+LOWEST_RAD = 0.05
+LOST, HALF_CYCLE = 1, 2  # bits of the loss-of-lock indicator
+SMOOTHING_S = 15.0
+LEAST_SMOOTHED_S = 5.0
+OUTLIER_SIGMAS = 5.0
+FREE_IONOSPHERE = 2e-3  # m/s in zenith, of an ionosphere that is not seen in two bands
+
+
+@dataclass(frozen=True)
+class VelocityOptions:
+    """Limits of what a velocity is made of, of the pairs and of the least squares of `velocity`.
+
+    mask_deg : lowest elevation.
+    longest_s : longest interval.
+    fewest : satellites.
+    limit : of the normalised residual.
+    rate : m/s in zenith, of air and satellite clocks that the model leaves.
+    largest_sd : m/s, of the three components together.
+    excess : chi-square over redundancy beyond which an interval is given up.
+    reach_s : of epochs before the first or after the last
+    position.
+    position_sd : m, largest of a position, with what it may be off between those given (3 m/s^2).
+    """
+
+    mask_deg: float = 10.0
+    longest_s: float = 2.0
+    fewest: int = 5
+    limit: float = 4.0
+    rate: float = 5e-4
+    largest_sd: float = 0.5
+    excess: float = 9.0
+    reach_s: float = 1.0
+    position_sd: float = 50.0
+
+
+@dataclass(frozen=True, eq=False)
+class Antenna:
+    """Of each epoch: true time (n,) s, ECEF position (n, 3) m and its standard deviation (n,),
+    receiver clock (n,) s; NaN if unknown.
+    """
+
+    time: Array
+    position: Array
+    sd: Array
+    clock: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Pairs of phases (m,), in the order of epochs and satellites: place of the later epoch,
+    satellite, A (m, 4), y (m,) m of (V.2), sine of the elevation, rate of the air left in it, m/s,
+    and its group of noise among `groups`."""
+
+    epoch: Index
+    satellite: Index
+    A: Array
+    y: Array
+    sine: Array
+    air: Array
+    group: Index
+    groups: tuple[str, ...]
+
+
+def code_ranges(observations: Observations) -> Array:
+    """A code range of each row (m,), m, of the first signal that has one; NaN where none has."""
+    columns = sorted((name[1], k) for k, name in enumerate(observations.signals) if name[0] == "C")
+    code = np.full(observations.satellite.size, np.nan)
+    for _, k in columns:
+        code = np.where(np.isnan(code), observations.values[:, k], code)
+    return code
+
+
+def antenna_states(
+    observations: Observations,
+    navigation: Navigation,
+    positions: GnssFixes,
+    code: Array,
+    options: VelocityOptions,
+) -> tuple[Antenna, SatelliteStates]:
+    """The antenna at each epoch, and the satellites of each row at emission."""
+    stamp, epoch = observations.time, observations.epoch
+    given = (
+        positions.time
+        + ((positions.gps_week or observations.gps_week) - observations.gps_week) * WEEK_S
+    )
+    fixed = geodetic_to_ecef(positions.lat, positions.lon, positions.height)
+    states = emission_states(navigation, observations.satellite, stamp[epoch], code)
+    position = _interpolate(stamp, given, fixed)
+    rho, _ = ranges(states.position, position[epoch])
+    clock = _medians((code - rho) / LIGHT + states.clock_s, epoch, stamp.size)
+    time = stamp - clock
+    position = _interpolate(time, given, fixed)
+    after = np.clip(np.searchsorted(given, time), 1, max(given.size - 1, 1))
+    since, until = time - given[after - 1], given[np.minimum(after, given.size - 1)] - time
+    bend = 0.5 * ACCELERATION * np.maximum(since, 0.0) * np.maximum(until, 0.0)
+    variance = np.trace(positions.cov_ned, axis1=1, axis2=2)
+    sd = np.sqrt(np.interp(time, given, variance)) + bend
+    inside = (
+        (time >= given[0] - options.reach_s)
+        & (time <= given[-1] + options.reach_s)
+        & (sd <= options.position_sd)
+    )
+    return Antenna(time, np.where(inside[:, None], position, np.nan), sd, clock), states
+
+
+def _interpolate(time: Array, given: Array, values: Array) -> Array:
+    return np.column_stack([np.interp(time, given, values[:, axis]) for axis in range(3)])
+
+
+def _medians(values: Array, epoch: Index, n: int) -> Array:
+    """Median (n,) of the finite values (m,) of each epoch, epochs not decreasing; NaN where there
+    is none.
+    """
+    finite = np.isfinite(values)
+    values, epoch = values[finite], epoch[finite]
+    values = values[np.lexsort((values, epoch))]
+    count = np.bincount(epoch, minlength=n)
+    start = np.concatenate([[0], np.cumsum(count)[:-1]])
+    out = np.full(n, np.nan)
+    there = count > 0
+    low, high = start[there] + (count[there] - 1) // 2, start[there] + count[there] // 2
+    out[there] = 0.5 * (values[low] + values[high])
+    return out
+
+
+def neighbours(
+    observations: Observations, antenna: Antenna, options: VelocityOptions
+) -> tuple[Index, Index]:
+    """Rows of one satellite in an epoch and the next, by epoch and satellite."""
+    epoch = observations.epoch
+    _, satellite = unique_satellites(observations.satellite)
+    order = np.lexsort((epoch, satellite))
+    first, second = order[:-1], order[1:]
+    length = np.diff(observations.time, prepend=-np.inf)
+    apart = (satellite[first] == satellite[second]) & (epoch[second] == epoch[first] + 1)
+    apart &= (length[epoch[second]] <= options.longest_s) & (observations.flag[epoch[second]] == 0)
+    known = np.isfinite(antenna.position[:, 0])
+    apart &= known[epoch[first]] & known[epoch[second]]
+    first, second = first[apart], second[apart]
+    order = np.lexsort((satellite[second], epoch[second]))
+    return first[order], second[order]
+
+
+@dataclass(frozen=True, eq=False)
+class Modelled:
+    """Rows of a satellite in two neighbouring epochs (m,): their places, the change of rho - c dt_s
+    + T, m, direction, elevation, rad.
+    """
+
+    first: Index
+    second: Index
+    change: Array
+    sight: Array
+    elevation: Array
+
+
+def modelled_pairs(
+    observations: Observations,
+    navigation: Navigation,
+    antenna: Antenna,
+    code: Array,
+    states: SatelliteStates,
+    first: Index,
+    second: Index,
+) -> Modelled:
+    """What the ephemerides and the positions say of the pairs of rows."""
+    message = states.message[second]
+    position, clock = states.position[first], states.clock_s[first]
+    other = np.flatnonzero(states.message[first] != message)
+    again = first[other]
+    kept = emission_states(
+        navigation,
+        observations.satellite[again],
+        observations.time[observations.epoch[again]],
+        code[again],
+        message[other],
+    )
+    position[other], clock[other] = kept.position, kept.clock_s
+    before, sight_before, _ = _range(antenna, observations.epoch[first], position, clock)
+    after, sight_after, elevation = _range(
+        antenna, observations.epoch[second], states.position[second], states.clock_s[second]
+    )
+    return Modelled(first, second, after - before, 0.5 * (sight_before + sight_after), elevation)
+
+
+def _range(
+    antenna: Antenna, epoch: Index, satellite: Array, clock: Array
+) -> tuple[Array, Array, Array]:
+    """rho - c dt_s + T, m, direction to the satellite and elevation, rad."""
+    receiver = antenna.position[epoch]
+    rho, sight = ranges(satellite, receiver)
+    _, elevation = sky(sight, receiver)
+    lat, _, height = ecef_to_geodetic(antenna.position)
+    delay = standard_slant_delay(lat[epoch], height[epoch], np.maximum(elevation, LOWEST_RAD))
+    return rho - LIGHT * clock + delay, sight, elevation
+
+
+def phase_pairs(
+    observations: Observations, navigation: Navigation, modelled: Modelled, options: VelocityOptions
+) -> Pairs:
+    """Pairs of phases above the mask that no flag forbids: of each satellite the first signal of
+    each band that has one.
+    """
+    first, second = modelled.first, modelled.second
+    codes, satellite = unique_satellites(observations.satellite[second])
+    bands = sorted({signal[1] for signal in observations.signals if signal[0] == "L"})
+    hertz = _carriers(
+        codes, bands, dict(observations.header.glonass_slots) | navigation.channels()
+    )[satellite]
+    phase = np.full((second.size, len(bands)), np.nan)
+    free = np.ones(phase.shape, dtype=np.bool_)
+    for k, signal in enumerate(observations.signals):
+        if signal[0] != "L":
+            continue
+        place = bands.index(signal[1])
+        flags, before = observations.loss_of_lock[second, k], observations.loss_of_lock[first, k]
+        kept = ((flags & LOST) == 0) & (((flags ^ before) & HALF_CYCLE) == 0)
+        change = observations.values[second, k] - observations.values[first, k]
+        here = free[:, place] & np.isfinite(change)
+        phase[here & kept, place] = change[here & kept]
+        free[here, place] = False
+    high = np.isfinite(modelled.change) & (modelled.elevation >= np.radians(options.mask_deg))
+    y = phase * LIGHT / hertz - np.where(high, modelled.change, np.nan)[:, None]
+    length = (
+        observations.time[observations.epoch[second]] - observations.time[observations.epoch[first]]
+    )
+    kappa = (HERTZ["G"]["1"] / hertz) ** 2
+    rate = _ionosphere_rate(
+        y, kappa, satellite, observations.time[observations.epoch[second]], length
+    )
+    y += kappa * (np.nan_to_num(rate) * length)[:, None]
+    air = np.where(np.isnan(rate), FREE_IONOSPHERE, options.rate)
+    at, band = np.nonzero(np.isfinite(y))
+    names = np.char.add(np.array([code[0] for code in codes])[satellite[at]], np.array(bands)[band])
+    groups, group = np.unique(names, return_inverse=True)
+    A = np.column_stack([-modelled.sight[at], np.ones(at.size)])
+    epoch = observations.epoch[second[at]]
+    sine = np.sin(modelled.elevation[at])
+    return Pairs(
+        epoch,
+        satellite[at],
+        A,
+        y[at, band],
+        sine,
+        air[at],
+        group,
+        tuple(str(name) for name in groups),
+    )
+
+
+def _ionosphere_rate(y: Array, kappa: Array, satellite: Index, time: Array, length: Array) -> Array:
+    """Rate of the ionospheric delay on GPS L1, m/s, of each pair (m,) (P.1); NaN where two bands do
+    not show it.
+    """
+    there = np.isfinite(y)
+    count = np.maximum(there.sum(axis=1, keepdims=True), 1)
+    y, kappa = np.where(there, y, 0.0), np.where(there, kappa, 0.0)
+    centred = np.where(there, kappa - kappa.sum(axis=1, keepdims=True) / count, 0.0)
+    spread = (centred**2).sum(axis=1)
+    two = spread > 1e-3
+    change = -(centred * y).sum(axis=1) / np.where(two, spread, 1.0)
+    out = np.full(length.size, np.nan)
+    for k in range(int(satellite.max(initial=-1)) + 1):
+        rows = np.flatnonzero((satellite == k) & two)
+        if rows.size == 0:
+            continue
+        off = np.abs(change[rows] - np.median(change[rows]))
+        rows = rows[off <= OUTLIER_SIGMAS * MAD_TO_SIGMA * np.median(off)]
+        sums = np.concatenate(
+            [np.zeros((1, 2)), np.cumsum(np.column_stack([change[rows], length[rows]]), axis=0)]
+        )
+        mine = np.flatnonzero(satellite == k)
+        low = np.searchsorted(time[rows], time[mine] - SMOOTHING_S)
+        high = np.searchsorted(time[rows], time[mine] + SMOOTHING_S, side="right")
+        total = sums[high] - sums[low]
+        out[mine] = np.where(
+            total[:, 1] >= LEAST_SMOOTHED_S, total[:, 0] / np.maximum(total[:, 1], 1e-3), np.nan
+        )
+    return out
+
+
+def _carriers(codes: list[str], bands: list[str], channels: dict[str, int]) -> Array:
+    """Carrier frequencies (codes, bands), Hz; NaN where a satellite has none, or its GLONASS
+    channel is unknown.
+    """
+    out = np.full((len(codes), len(bands)), np.nan)
+    for i, code in enumerate(codes):
+        for k, band in enumerate(bands):
+            out[i, k] = HERTZ.get(code[0], {}).get(band, np.nan)
+            if code[0] == "R" and band in CHANNEL_HERTZ:
+                out[i, k] += CHANNEL_HERTZ[band] * channels.get(code, np.nan)
+    return out

@@ -1,0 +1,386 @@
+"""Covariances of an engine's positions, made to cover their errors.
+
+An engine computes its covariance from what it assumes of white phase noise. What it leaves out
+(multipath, the atmosphere between base and rover, coordinates of the base) grows neither with the
+noise nor with its correlations, so that with K = diag(k), d the distance to the base and C the
+covariance of the engine
+
+    C' = K C K + diag(floor^2 + (ppm d)^2)                                                     (V.1)
+
+which is sigma'^2 = (k sigma)^2 + floor^2 + (ppm d)^2 along each axis and keeps the engine's
+correlations. k and floor are those of a class, and the class is the engine's quality flag as far as
+it can be believed:
+
+    fixed     by `least_satellites` satellites at least, where `support_share` of all epochs within
+              `support_s`, and five, are so too. Among buildings the ratio test passes on wrong integers for single epochs and with few satellites.               (V.2)
+    degraded  what is so, where fewer than `degraded_share` of all epochs within `degraded_s` are.                             (V.5)
+              Epochs before the first and after the last of them do not count.
+    float     what is float, or is not believed to be fixed, and has a believed epoch within
+              `support_s`.
+    isolated  the same without one: ambiguities that nothing confirms, code multipath in full.
+    unsupported  the same by fewer than `unsupported_satellites`: nothing in the epoch itself
+                 contradicts a reflected signal.
+
+A fix that is not believed is handed on as float (quality 2). Where the engine ran forward and
+backward by itself, and the two differ by s with s^T (C'_f + C'_b)^-1 s above `gate`, one of them
+has wrong ambiguities: the epoch is no longer fixed, and
+
+    C'' = C' + s s^T                                                                           (V.3)
+
+covers the whole difference. The same holds for a single fixed epoch that strays by s from the line
+between the fixed ones before and after it, times T1 and T2 away, by more than an acceleration a of
+the vehicle and three sigma explain: on any axis
+
+    |s| > a T1 T2 / 2 + 3 sigma_s                                                              (V.4)
+
+Both runs see the same noise, so that s of two right ones is far smaller than its covariance here.
+
+What keeps ambiguities from being fixed (reflections, diffraction, an atmosphere that differs) also
+lengthens the phases of those that are, by up to a quarter of a wavelength (5 cm) each, and lasts
+for minutes where the antenna stands: the integers are right, the position is off by centimetres,
+and nothing in the epoch tells. How many epochs of the minutes around are fixed does tell, but for
+those before integers are found at first, or after they are given up: a filter's first minutes are
+float under an open sky, too. Phases of hampered epochs are taken to be off by 1 to 2 cm where the
+engine has 3 to 6 mm (k = 4); the floor is for what does not shrink with the geometry. Belief and
+(V.4) are judged with k of fixed epochs, since what lasts does not part neighbours; nor does it part
+two runs of one receiver, and runs that are to be compared are calibrated by a model whose
+`degraded_share` is 0.
+
+The numbers of `MODEL` are measured. Fixed epochs, none of them hampered, after the corrections of
+`troposphere` and `ionosphere` (errors rms, north, east, down, and their mean normalised square,
+which is 1 where sigmas are right):
+
+    10 simulated flights of 45 minutes, 1 to 2.5 km          2.8, 2.2, 5.4 mm    0.53 to 0.76
+    2 held out, with other seeds                             2.7, 1.9, 5.0 mm    0.53, 0.59
+    the ten without the correction of the ionosphere         3.2, 2.4, 5.9 mm    0.68 to 1.01
+    simulated flight by others, 1.4 km, 6 minutes            2.3, 3.3, 4.3 mm    1.09    (too short for that correction)
+    standing antenna solved as moving, 5.3 km, 60 epochs     1.2, 0.8, 4.8 mm    0.17    (likewise)
+
+With the engine's own sigmas (k = 1, a floor of 2 mm down) the ten have 0.36 to 0.53: it takes
+phases for worse than they are, more so where the sky is open. k of 0.7 would bring them to 0.6 to
+0.9, but k is also what forward and backward runs are compared with: of a rover that moves slowly
+among houses (5.3 km, 360 epochs) 0.75 believes 351 fixes, 0.7 349, 0.65 340, and half the ppm 336.
+The ppm stays what the air leaves where it is not corrected, and for orbits and coordinates of the
+base.
+
+The others: a car in a city (5 Hz, 9 km from its base, an inertial reference beside it). Of its 1793
+fixed epochs 108 are off by 0.6 to 52 m, and none of these is believed; 1464 are, so that the belief
+costs 221 right ones. Of the epochs within 180 s of these 1464 (28 % of the drive) 4 to 82 % are
+believed: all are hampered, and have 33, 33, 58 mm instead of 11, 11, 14 mm (medians). Against the
+reference, taken as exact and no datum removed, 0.4 % of all 5213 epochs lie beyond three sigma on
+any axis; without the class 28 % do. The normalised square of the believed is 1.5.
+
+Rule and numbers were chosen on this one drive. Much of what the class covers there may be the
+reference's or the base's: the median error is 8 mm south, 55 mm east, 48 mm down, and two
+standstills of minutes, each steady to 4 mm horizontally, differ by 28 mm east and 79 mm down. Of
+the floors tried with k = 4 the least that serves the second half (10, 10, 20 mm: 1.1 %) leaves 7.7
+% of the first; the least that serves the first (20, 20, 40 mm: 0.4 %) leaves 0.5 % of the second.
+The numbers here leave 0.3 and 0.5 %, and of a second solution of the drive (1 Hz, integers of each
+epoch by itself, 110 of 531 epochs believed) nothing. k of lone epochs is that of its worse half (20
+would do for the other, and leave 17 % of this one), and (V.2) asks for five epochs since that
+second solution had a wrong one.
+
+Errors of fixed epochs last (correlation 0.3 to 0.8 over 10 s): (V.1) is of one epoch, and a filter
+that takes many must estimate the time-correlated part (`gnss.gm_sigma` of the flight file).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...config.covariance import CLASSES, MODEL, CovarianceModel
+from ...geodesy.frames import geodetic_to_ecef, rotation_en
+from ...records import Array, Check, GnssFixes
+
+Index = NDArray[np.int64]
+
+FIXED, HAMPERED, FLOAT, LONE, WEAK, SBAS, DGPS, SINGLE, PPP = range(len(CLASSES))
+BELIEVED = (FIXED, HAMPERED)
+CLASS_OF_QUALITY = (
+    SINGLE,
+    FIXED,
+    FLOAT,
+    SBAS,
+    DGPS,
+    SINGLE,
+    PPP,
+    SINGLE,
+)  # RTKLIB's 0 to 7; of what is unknown the largest
+FLOAT_QUALITY = 2
+# fixed ones that are needed, and epochs to either side that count where they are rarer than in
+# `support_s`
+SUPPORT_EPOCHS = 5
+# half the last digit of RTKLIB's standard deviations: one that is written as zero is below it
+SMALLEST_M = 5e-5
+UNKNOWN_SIGMA_M = (10.0, 10.0, 20.0)  # of an epoch whose covariance the engine did not estimate
+# s, between times of one epoch in two solutions of one rover: engines write them to a millisecond
+SAME_EPOCH_S = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Separation:
+    """Backward minus forward: ned (n, 3) m, north, east, down, NaN where one of them has no epoch;
+    cov (n, 3, 3) m^2, C'_f + C'_b there.
+
+    fixed : (n,) where both are believed to be fixed.
+    """
+
+    ned: Array
+    cov: Array
+    fixed: NDArray[np.bool_]
+
+    def beyond(self, gate: float) -> NDArray[np.bool_]:
+        """(n,) where s^T cov^-1 s exceeds `gate`."""
+        known: NDArray[np.bool_] = np.asarray(np.isfinite(self.ned).all(axis=1))
+        s = np.where(known[:, None], self.ned, 0.0)
+        cov = np.where(known[:, None, None], self.cov, np.eye(3))
+        return np.asarray(
+            np.einsum("ni,ni->n", s, np.linalg.solve(cov, s[:, :, None])[:, :, 0]) > gate
+        )
+
+
+def calibrate(
+    fixes: GnssFixes,
+    satellites: ArrayLike | None,
+    distance_m: ArrayLike,
+    separation: Separation | None = None,
+    model: CovarianceModel = MODEL,
+) -> tuple[GnssFixes, Index]:
+    """Fixes with covariances of (V.1) to (V.5), unbelieved ones with quality 2, and the class (n,)
+    of each as its place in `CLASSES`.
+
+    satellites : (n,) used in each epoch, None where nothing says it.
+    distance_m : (n,) to the base.
+    separation : of the runs at the fixes, from `forward_backward`. A note says how many fixes were
+        not believed.
+    """
+    quality = np.zeros(fixes.time.size, dtype=np.int64) if fixes.quality is None else fixes.quality
+    fixed = quality == 1
+    apart = (
+        np.zeros(fixes.time.size, dtype=np.bool_)
+        if separation is None
+        else separation.beyond(model.gate)
+    )
+    doubtful = (
+        np.zeros((fixes.time.size, 3))
+        if separation is None
+        else np.where(apart[:, None], separation.ned, 0.0)
+    )
+    kind = classes(fixes.time, np.where(fixed & apart, FLOAT_QUALITY, quality), satellites, model)
+    off, stray = strays(fixes, kind == FIXED, scaled(fixes.cov_ned, kind, distance_m, model), model)
+    if stray.any():
+        doubtful[stray] = off[stray]
+        kind = classes(
+            fixes.time, np.where(fixed & (apart | stray), FLOAT_QUALITY, quality), satellites, model
+        )
+    lost = fixed & (kind != FIXED)
+    kind = hampered(fixes.time, kind, model)
+    cov = (
+        scaled(fixes.cov_ned, kind, distance_m, model) + doubtful[:, :, None] * doubtful[:, None, :]
+    )
+    trusted = None if fixes.quality is None else np.where(lost, FLOAT_QUALITY, quality)
+    return (
+        replace(
+            fixes,
+            cov_ned=cov,
+            quality=trusted,
+            notes=(*fixes.notes, _note(fixed, lost, apart, stray, kind, model)),
+        ),
+        kind,
+    )
+
+
+def strays(
+    fixes: GnssFixes, believed: NDArray[np.bool_], cov: Array, model: CovarianceModel = MODEL
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Distance (n, 3) m, north, east, down, of believed fixes from the line between their believed
+    neighbours, and those (n,) by (V.4).
+
+    Of neighbours that both stray only the one that does so more is named: the other may do so for
+    its sake.
+    """
+    off, worst = np.zeros((fixes.time.size, 3)), np.zeros(fixes.time.size)
+    at = np.flatnonzero(believed)
+    if at.size < 3:
+        return off, worst > 0.0
+    t, place = fixes.time[at], geodetic_to_ecef(fixes.lat[at], fixes.lon[at], fixes.height[at])
+    before, after = (t[1:-1] - t[:-2])[:, None], (t[2:] - t[1:-1])[:, None]
+    share = before / (before + after)
+    middle = at[1:-1]
+    line = (1.0 - share) * place[:-2] + share * place[2:]
+    off[middle] = np.einsum(
+        "nji,nj->ni", rotation_en(fixes.lat[middle], fixes.lon[middle]), place[1:-1] - line
+    )
+    variance = np.diagonal(cov[at], axis1=1, axis2=2)
+    sigma = np.sqrt(variance[1:-1] + (1.0 - share) ** 2 * variance[:-2] + share**2 * variance[2:])
+    limit = 0.5 * np.array(model.acceleration_mps2) * before * after + 3.0 * sigma
+    worst[middle] = (np.abs(off[middle]) / limit).max(axis=1)
+    size = worst[at]
+    beside = np.maximum(np.append(size[1:], 0.0), np.append(0.0, size[:-1]))
+    stray = np.zeros(fixes.time.size, dtype=np.bool_)
+    stray[at] = (size > 1.0) & (size >= beside)
+    return off, stray
+
+
+def classes(
+    time: Array, quality: Index, satellites: ArrayLike | None, model: CovarianceModel = MODEL
+) -> Index:
+    """Class (n,) of epochs by (V.2), as places in `CLASSES`. time : (n,) s, increasing.
+    quality : (n,) RTKLIB's codes.
+    """
+    kind = np.array(CLASS_OF_QUALITY, dtype=np.int64)[
+        np.clip(quality, 0, len(CLASS_OF_QUALITY) - 1)
+    ]
+    fixed = kind == FIXED
+    count = np.full(time.size, 99) if satellites is None else np.asarray(satellites)
+    reach = _reach(time, model.support_s)
+    supporting, share = _support(time, fixed, reach)
+    believed = (
+        fixed
+        & (count >= model.least_satellites)
+        & (supporting >= SUPPORT_EPOCHS)
+        & (share >= model.support_share)
+    )
+    ambiguous = (fixed | (kind == FLOAT)) & ~believed
+    alone = np.where(count < model.unsupported_satellites, WEAK, LONE)
+    kind[ambiguous] = np.where(_support(time, believed, reach)[0] > 0, FLOAT, alone)[ambiguous]
+    return kind
+
+
+def hampered(time: Array, kind: Index, model: CovarianceModel = MODEL) -> Index:
+    """Classes (n,) with the fixed ones of (V.5) named. time : (n,) s, increasing.
+    kind : (n,) of `classes`.
+    """
+    at = np.flatnonzero(kind == FIXED)
+    if at.size == 0:
+        return kind
+    within = slice(at[0], at[-1] + 1)
+    fixed = kind[within] == FIXED
+    _, share = _support(time[within], fixed, model.degraded_s + SAME_EPOCH_S)
+    found = kind.copy()
+    found[within][fixed & (share < model.degraded_share)] = HAMPERED
+    return found
+
+
+def scaled(
+    cov_ned: Array, kind: Index, distance_m: ArrayLike, model: CovarianceModel = MODEL
+) -> Array:
+    """Covariances (n, 3, 3) of (V.1) from those of the engine and the classes (n,); none is smaller
+    than what the engine can write.
+    """
+    k = np.array([model.scale[name] for name in CLASSES])[kind]
+    floor = np.array([model.floor_m[name] for name in CLASSES])[kind]
+    added = (
+        floor**2
+        + (1e-6 * np.asarray(distance_m, dtype=np.float64)[:, None] * np.array(model.ppm)) ** 2
+    )
+    missing = np.maximum(SMALLEST_M**2 - np.diagonal(cov_ned, axis1=1, axis2=2), 0.0)
+    return np.asarray(
+        k[:, :, None] * (cov_ned + missing[:, :, None] * np.eye(3)) * k[:, None, :]
+        + added[:, :, None] * np.eye(3)
+    )
+
+
+def base_distance(fixes: GnssFixes, base_ecef: ArrayLike) -> Array:
+    """Distance (n,) m of the fixes from the base, ECEF (3,) m."""
+    return np.asarray(
+        np.linalg.norm(
+            geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - np.asarray(base_ecef), axis=1
+        )
+    )
+
+
+def forward_backward(time: Array, forward: GnssFixes, backward: GnssFixes) -> Separation:
+    """Separation of two runs, each calibrated by itself, at `time` (n,) s."""
+    ned, cov = np.full((time.size, 3), np.nan), np.full((time.size, 3, 3), np.nan)
+    i, j = (_at(time, run.time) for run in (forward, backward))
+    both = (i >= 0) & (j >= 0)
+    f, b = i[both], j[both]
+    apart = geodetic_to_ecef(backward.lat[b], backward.lon[b], backward.height[b])
+    apart -= geodetic_to_ecef(forward.lat[f], forward.lon[f], forward.height[f])
+    ned[both] = np.einsum("nji,nj->ni", rotation_en(forward.lat[f], forward.lon[f]), apart)
+    cov[both] = forward.cov_ned[f] + backward.cov_ned[b]
+    fixed = np.zeros(time.size, dtype=np.bool_)
+    fixed[both] = _fixed(forward, f) & _fixed(backward, b)
+    return Separation(ned, cov, fixed)
+
+
+def _fixed(fixes: GnssFixes, rows: Index) -> NDArray[np.bool_]:
+    return (
+        np.zeros(rows.size, dtype=np.bool_)
+        if fixes.quality is None
+        else np.asarray(fixes.quality[rows] == 1)
+    )
+
+
+def _at(time: Array, of: Array) -> Index:
+    """Row of `of` at each `time`, -1 where there is none within `SAME_EPOCH_S`."""
+    row = np.clip(np.searchsorted(of, time), 1, max(of.size - 1, 1))
+    row = np.where(
+        np.abs(of[row - 1] - time) <= np.abs(of[np.minimum(row, of.size - 1)] - time), row - 1, row
+    )
+    row = np.minimum(row, of.size - 1)
+    return np.where(np.abs(of[row] - time) <= SAME_EPOCH_S, row, -1)
+
+
+def _reach(time: Array, support_s: float) -> float:
+    """Half the window of support, s."""
+    interval = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    return max(support_s, SUPPORT_EPOCHS * interval) + SAME_EPOCH_S
+
+
+def _support(time: Array, which: NDArray[np.bool_], reach: float) -> tuple[Index, Array]:
+    """Number (n,) of `which`, and their share (n,), among the epochs within `reach` s of each."""
+    count = np.concatenate([[0], np.cumsum(which)])
+    first, after = (
+        np.searchsorted(time, time - reach),
+        np.searchsorted(time, time + reach, side="right"),
+    )
+    supporting = count[after] - count[first]
+    return supporting, np.asarray(supporting / (after - first))
+
+
+def _note(
+    fixed: NDArray[np.bool_],
+    lost: NDArray[np.bool_],
+    apart: NDArray[np.bool_],
+    stray: NDArray[np.bool_],
+    kind: Index,
+    model: CovarianceModel,
+) -> Check:
+    found, expected = (
+        f"{int(fixed.sum() - lost.sum())} of {int(fixed.sum())} fixed epochs are believed",
+        "fixed epochs that others confirm",
+    )
+    counts = {
+        "because forward and backward runs contradict each other": lost & apart,
+        "because they stray from the path": lost & stray & ~apart,
+        f"for fewer than {model.least_satellites} satellites or because fewer than {100 * model.support_share:.0f} % of the epochs around them are fixed": (
+            lost & ~apart & ~stray
+        ),
+    }
+    reasons = ", ".join(f"{int(which.sum())} {why}" for why, which in counts.items() if which.any())
+    found += f"; not {reasons}" if reasons else ""
+    advice = (
+        ["the unbelieved are taken as float, with standard deviations that suit"] if reasons else []
+    )
+    if of_them := int((kind == HAMPERED).sum()):
+        found += (
+            f"; {of_them} of the believed are hampered: of the epochs within {model.degraded_s:g} s"
+            " fewer than "
+        )
+        found += f"{100 * model.degraded_share:g} % are fixed"
+        advice.append(
+            "the hampered have standard deviations of centimetres, for reflections that nothing"
+            " else tells"
+        )
+    if not advice:
+        return Check("GNSS covariance", found, expected)
+    return Check(
+        "GNSS covariance",
+        found,
+        expected,
+        "note",
+        f"{'; '.join(advice)}; look at the figure of satellites and ratio",
+    )

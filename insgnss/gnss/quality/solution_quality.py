@@ -1,0 +1,463 @@
+"""What an engine's solution says of itself: numbers, series for figures, a verdict in words.
+
+Epochs by class (`gnss.covariance`), satellites, ratio, age of the base's observations, distance to
+the base, forward against backward; and, with the rover's observations, slips, strength and
+multipath (`gnss.signals`). Each cause has a check with a limit and an advice; the verdict is that
+of the share of the rover's epochs that are fixed and confirmed, and names the checks that have
+something to say. An epoch that the engine leaves out counts as one that is not fixed. What shifts
+all positions together shows in no share: a doubt of the base (`BASE_CHECKS`), or a contradiction
+between inputs, makes of "good" a "usable with care".
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from ...formats.gnss.pos_header import ROOTS
+from ...formats.gnss.rtklib_pos import PosRows, read_pos_rows, read_rtklib_pos, without_inverse
+from ...formats.text.text import Source, load
+from ...records import Array, Check, GnssFixes
+from ...records.qualities import Quality
+from ..phase.signal_quality import Signals
+from .covariance import BELIEVED, CLASSES, HAMPERED, LONE, UNKNOWN_SIGMA_M, WEAK, Index, Separation
+
+GOOD_RATE, FAIR_RATE = 0.99, 0.90
+FEW_SATELLITES, MUCH_MULTIPATH_M = 8, 0.8
+WEAK_DBHZ, WEAK_SECOND_DBHZ = (
+    38.0,
+    30.0,
+)  # on band 1, and on the others, where GPS L2 is tracked without its code
+MANY_SLIPS = 20.0  # an hour and satellite
+LONG_BASELINE_M, OLD_S = 15e3, 5.0
+# s without a position: longer ones leave the receiver's clock and the path between to guesses
+LONG_GAP_S = 2.0
+APART_SHARE = 0.005
+BASE_CHECKS = ("base coordinates", "base point", "base antenna")
+BESIDE = ("ns", "age", "ratio")  # columns of a solution
+DATE_FIELDS = 4  # by which year to second exceed date and time of day
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A `.pos` of an engine: fixes as it gives them, and satellites, age of the base's observations
+    (s) and ratio (n,) of each.
+    """
+
+    fixes: GnssFixes
+    satellites: Array
+    age_s: Array
+    ratio: Array
+
+
+def read_solution(path: Source) -> Solution:
+    """Read a `.pos`. Raises InputError with file and line as `formats.rtklib_pos` does.
+
+    Engines that lose their numbers (dynamics at rare epochs) write standard deviations of zero, and
+    roots that belong to no covariance: such epochs get `UNKNOWN_SIGMA_M`, are single (quality 5),
+    and counted in a note.
+    """
+    rows = read_pos_rows(path)
+    columns, roots = rows.columns, ROOTS[rows.header.kind]
+    if missing := [name for name in (*roots, *BESIDE) if name not in columns]:
+        raise InputError.at(
+            path, None, f"the header does not name {missing[0]}; is it a solution of an engine?"
+        )
+    odd = _without_covariance(np.column_stack([columns[name] for name in roots]))
+    fixes = _readable(path, rows, odd) if odd.any() else read_rtklib_pos(path)
+    if fixes.quality is not None:
+        fixes = replace(fixes, quality=np.where(odd, Quality.SINGLE, fixes.quality))
+    return Solution(fixes, *(columns[name] for name in BESIDE))
+
+
+def _without_covariance(roots: Array) -> NDArray[np.bool_]:
+    """(n,) where signed roots (n, 6) are those of no covariance."""
+    c = np.sign(roots) * roots**2
+    P = c[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
+    bad = (roots[:, :3] <= 0.0).any(axis=1)
+    P[bad] = np.eye(3)
+    return np.asarray(bad | without_inverse(P))
+
+
+def _readable(path: Source, rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
+    """The fixes of the file, the six roots of the rows `odd` (n,) zero: unknown."""
+    lines = load(path)[0].tobytes().split(b"\n")
+    first = rows.header.columns.index(ROOTS[rows.header.kind][0]) - (
+        DATE_FIELDS if rows.header.dated else 0
+    )
+    for line in rows.table.lines[odd].tolist():
+        fields = lines[line - 1].split()
+        fields[first : first + 6] = [b"0.0"] * 6
+        lines[line - 1] = b" ".join(fields)
+    with TemporaryDirectory(prefix="insgnss-pos-") as scratch:
+        copy = Path(scratch) / Path(path).name
+        copy.write_bytes(b"\n".join(lines))
+        fixes = read_rtklib_pos(copy, sigma_m=UNKNOWN_SIGMA_M)
+    found = (
+        f"{int(odd.sum())} epochs have no covariance: standard deviations of zero, or correlations"
+        " beyond one"
+    )
+    size = ", ".join(f"{s:g}" for s in UNKNOWN_SIGMA_M)
+    advice = (
+        f"they get {size} m and count as single; dynamics of an engine need epochs every second"
+        " or so"
+    )
+    note = Check("GNSS covariance", found, "a covariance each", "note", advice)
+    others = tuple(check for check in fixes.notes if "sigma_m" not in check.advice)
+    return replace(fixes, source=str(path), notes=(*others, note))
+
+
+def solution_series(
+    solution: Solution,
+    kind: Index,
+    distance_m: Array,
+    height_difference_m: Array,
+    separation: Separation | None,
+    signals: Signals | None,
+) -> dict[str, Any]:
+    """Arrays by name, as `report.gnss` draws them."""
+    series: dict[str, Any] = {
+        "time": solution.fixes.time,
+        "kind": kind,
+        "satellites": solution.satellites,
+        "ratio": solution.ratio,
+    }
+    series |= {
+        "age_s": solution.age_s,
+        "distance_m": distance_m,
+        "height_difference_m": height_difference_m,
+    }
+    if separation is not None:
+        sigma = np.sqrt(np.diagonal(separation.cov, axis1=1, axis2=2))
+        series |= {"separation_m": separation.ned, "separation_sigma_m": sigma}
+    if signals is not None:
+        series |= {
+            "gaps": signals.gaps,
+            "slip_time": signals.slip_time,
+            "slip_satellite": signals.slip_satellite.tolist(),
+        }
+        series |= {"strength_time": signals.strength_time, "strength": dict(signals.strength)}
+    return series
+
+
+def solution_numbers(
+    solution: Solution,
+    calibrated: GnssFixes,
+    kind: Index,
+    distance_m: Array,
+    height_difference_m: Array,
+    separation: Separation | None,
+    gate: float,
+) -> dict[str, Any]:
+    """Figures of merit of the solution, plain numbers: epochs and fix_rate are of the solved epochs
+    (`coverage_numbers`: of the rover's).
+
+    calibrated : the fixes with the covariances of `gnss.covariance`.
+    """
+    fixes = solution.fixes
+    quality = np.zeros(kind.size, dtype=np.int64) if fixes.quality is None else fixes.quality
+    sigma = np.sqrt(np.diagonal(calibrated.cov_ned, axis1=1, axis2=2))
+    fixed = np.isin(kind, BELIEVED)
+    numbers: dict[str, Any] = {
+        "epochs": kind.size,
+        "span_s": [float(fixes.time[0]), float(fixes.time[-1])],
+        "engine_fixed": int((quality == Quality.FIXED).sum()),
+        "classes": {name: int((kind == k).sum()) for k, name in enumerate(CLASSES)},
+        "fix_rate": float(fixed.mean()),
+        "satellites": {
+            "median": float(np.median(solution.satellites)),
+            "least": int(solution.satellites.min()),
+        },
+        "ratio_median": _median(solution.ratio[fixed]),
+        "age_s": {
+            "median": float(np.median(solution.age_s)),
+            "largest": float(np.abs(solution.age_s).max()),
+        },
+        "base_distance_m": {"least": float(distance_m.min()), "largest": float(distance_m.max())},
+        "height_above_base_m": [float(height_difference_m.min()), float(height_difference_m.max())],
+        "sigma_m": {
+            "fixed_median": [_median(s) for s in sigma[fixed].T],
+            "largest": sigma.max(axis=0).tolist(),
+        },
+        "longest_gap_s": float(np.diff(fixes.time).max(initial=0.0)),
+    }
+    if separation is not None:
+        numbers["separation"] = _separation_numbers(separation, gate)
+    return numbers
+
+
+def coverage_numbers(
+    time: Array, solved: NDArray[np.bool_], fixed: NDArray[np.bool_]
+) -> dict[str, Any]:
+    """What of the rover's epochs has a solution, plain numbers.
+
+    time : (n,) s of the rover's epochs.   solved, fixed : (n,) those in the solution, and those
+                                           fixed and confirmed.
+    unsolved_s : first and last epoch of the longest stretch without a solution, None without any.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~solved, [False]])))
+    first, last = edges[::2], edges[1::2] - 1
+    longest = int(np.argmax(time[last] - time[first])) if first.size else 0
+    return {
+        "epochs_observed": time.size,
+        "unsolved": int((~solved).sum()),
+        "unsolved_share": float((~solved).mean()),
+        "unsolved_stretches": first.size,
+        "unsolved_s": (
+            [float(time[first[longest]]), float(time[last[longest]])] if first.size else None
+        ),
+        "fix_rate_observed": float(fixed.mean()),
+        "longest_without_fixed_s": longest_without(time, fixed),
+    }
+
+
+def _separation_numbers(separation: Separation, gate: float) -> dict[str, Any]:
+    known = np.isfinite(separation.ned).all(axis=1)
+    apart = separation.ned[separation.fixed]
+    return {
+        "epochs": int(known.sum()),
+        "both_fixed": int(separation.fixed.sum()),
+        "contradicting": int(separation.beyond(gate).sum()),
+        "fixed_rms_m": np.sqrt(np.mean(apart**2, axis=0)).tolist() if apart.size else None,
+        "fixed_largest_m": np.abs(apart).max(axis=0).tolist() if apart.size else None,
+    }
+
+
+def _median(x: Array) -> float | None:
+    x = x[np.isfinite(x)]
+    return float(np.median(x)) if x.size else None
+
+
+def longest_without(time: Array, good: NDArray[np.bool_]) -> float:
+    """Longest time, s, within the epochs `time` (n,), without a `good` one."""
+    marks = np.concatenate([time[:1], time[good], time[-1:]])
+    return float(np.diff(marks).max(initial=0.0))
+
+
+def verdict(
+    numbers: Mapping[str, Any], before: Iterable[Check] = ()
+) -> tuple[str, tuple[Check, ...]]:
+    """One sentence for the whole, and a check for each of its causes.
+
+    numbers : of `solution_numbers` and `coverage_numbers`, `signal_numbers` under "signals".   before : checks of inputs and steps.
+    """
+    checks = [_check_rate(numbers), _check_unsolved(numbers), _check_hampered(numbers)]
+    checks += [_check_satellites(numbers), _check_distance(numbers), _check_age(numbers)]
+    if "separation" in numbers:
+        checks.append(_check_separation(numbers["separation"], numbers["epochs"]))
+    if "signals" in numbers:
+        checks += _check_signals(numbers["signals"])
+    doubts = [
+        c
+        for c in before
+        if c.verdict == "contradiction" or (c.verdict == "note" and c.name in BASE_CHECKS)
+    ]
+    rate = numbers["fix_rate_observed"]
+    word = (
+        "poor" if rate < FAIR_RATE else "usable with care" if rate < GOOD_RATE or doubts else "good"
+    )
+    told = (
+        f"{word}: {100 * rate:.1f} % of {numbers['epochs_observed']} epochs are fixed and confirmed"
+    )
+    if hampered := numbers["classes"][CLASSES[HAMPERED]]:
+        told += f", {hampered} of them hampered"
+    told += f", {numbers['unsolved']} have no solution" if numbers["unsolved"] else ""
+    if sigma := numbers["sigma_m"]["fixed_median"]:
+        told += (
+            ""
+            if None in sigma
+            else ", standard deviations north, east, down "
+            + ", ".join(f"{1e3 * s:.0f}" for s in sigma)
+            + " mm"
+        )
+    others = [
+        c.name.removeprefix("GNSS ")
+        for c in (*doubts, *checks)
+        if c.verdict != "ok" and c.name != "GNSS fix rate"
+    ]
+    return told + (f"; look at {', '.join(dict.fromkeys(others))}" if others else ""), tuple(checks)
+
+
+def _check(name: str, found: str, expected: str, bad: bool, advice: str) -> Check:
+    return Check(name, found, expected, "note" if bad else "ok", advice if bad else "")
+
+
+def _check_rate(n: Mapping[str, Any]) -> Check:
+    lone = n["classes"][CLASSES[LONE]] + n["classes"][CLASSES[WEAK]]
+    found = f"{100 * n['fix_rate_observed']:.2f} % fixed, {lone} lone epochs"
+    found += f", longest time without a fixed epoch {n['longest_without_fixed_s']:.1f} s"
+    advice = (
+        "check base coordinates, antenna, navigation files and the mask; float epochs carry"
+        " decimetres, and the IMU must bridge them"
+    )
+    return _check(
+        "GNSS fix rate",
+        found,
+        f"{100 * GOOD_RATE:.0f} % at least",
+        n["fix_rate_observed"] < GOOD_RATE,
+        advice,
+    )
+
+
+def _check_unsolved(n: Mapping[str, Any]) -> Check:
+    name, expected = (
+        "GNSS epochs",
+        f"{100 * GOOD_RATE:.0f} % with one at least, and no {LONG_GAP_S:.0f} s without",
+    )
+    found, stretches = (
+        f"{n['unsolved']} of {n['epochs_observed']} epochs have no solution",
+        n["unsolved_stretches"],
+    )
+    if n["unsolved_s"] is None:
+        return Check(name, found, expected)
+    first, last = n["unsolved_s"]
+    found += (
+        f", {'' if stretches == 1 else f'in {stretches} stretches, the longest '}from {first:.1f} s"
+        f" to {last:.1f} s"
+    )
+    bad = n["unsolved_share"] > 1.0 - GOOD_RATE or last - first > LONG_GAP_S
+    return _check(
+        name,
+        found,
+        expected,
+        bad,
+        "too few satellites, or no epoch of the base within max_age_s: does its file last as long?",
+    )
+
+
+def _check_hampered(n: Mapping[str, Any]) -> Check:
+    hampered = n["classes"][CLASSES[HAMPERED]]
+    found = f"{hampered} fixed epochs, in minutes of which a good part is not fixed"
+    advice = (
+        "what obstructs or reflects there also moves what is fixed, by centimetres: they have"
+        " standard deviations of such size"
+    )
+    return _check("GNSS hampered fixes", found, "none", hampered > 0, advice)
+
+
+def _check_satellites(n: Mapping[str, Any]) -> Check:
+    s = n["satellites"]
+    found = f"{s['median']:.0f} in the median, {s['least']} at least"
+    advice = (
+        "few satellites make wrong fixes likely: use all systems that rover and base have in"
+        " common, or a lower mask"
+    )
+    return _check(
+        "GNSS satellites", found, f"{FEW_SATELLITES} at least", s["least"] < FEW_SATELLITES, advice
+    )
+
+
+def _check_distance(n: Mapping[str, Any]) -> Check:
+    d = n["base_distance_m"]
+    low, high = n["height_above_base_m"]
+    found = (
+        f"{1e-3 * d['least']:.2f} to {1e-3 * d['largest']:.2f} km, {low:.0f} to {high:.0f} m above"
+        " the base"
+    )
+    advice = (
+        "the atmosphere differs over such a distance: use a nearer or a virtual reference station"
+    )
+    return _check(
+        "GNSS base distance",
+        found,
+        f"below {1e-3 * LONG_BASELINE_M:.0f} km",
+        d["largest"] > LONG_BASELINE_M,
+        advice,
+    )
+
+
+def _check_age(n: Mapping[str, Any]) -> Check:
+    found = f"base observations at most {n['age_s']['largest']:.1f} s from the rover's"
+    advice = "the base has gaps, or its rate is low: the atmosphere changes between its epochs"
+    return _check(
+        "GNSS base age", found, f"below {OLD_S:.0f} s", n["age_s"]["largest"] > OLD_S, advice
+    )
+
+
+def _check_separation(s: Mapping[str, Any], epochs: int) -> Check:
+    rms = s["fixed_rms_m"]
+    found = f"{s['contradicting']} of {s['epochs']} epochs contradict each other"
+    found += (
+        ""
+        if rms is None
+        else ", rms where both are fixed "
+        + ", ".join(f"{1e3 * x:.0f}" for x in rms)
+        + " mm north, east, down"
+    )
+    advice = (
+        "one of the two runs had wrong integers there: these epochs are weighed down by their whole"
+        " difference"
+    )
+    return _check(
+        "GNSS forward and backward",
+        found,
+        f"{100 * APART_SHARE:.1f} % at most",
+        s["contradicting"] > APART_SHARE * epochs,
+        advice,
+    )
+
+
+def _check_signals(n: Mapping[str, Any]) -> list[Check]:
+    rate, slips = n["cycle_slips_per_satellite_hour"], n["cycle_slips"]
+    told = f"{slips['flagged']} flagged by the receiver, {slips['unflagged']} seen in L1 - L2 alone"
+    told += "" if rate is None else f", {rate:.1f} an hour and satellite"
+    advice = (
+        "vibration, shading by the airframe or interference: look at when and on which satellites"
+        " they come"
+    )
+    checks = [
+        _check(
+            "GNSS cycle slips",
+            told,
+            f"{MANY_SLIPS:.0f} an hour and satellite at most",
+            (rate or 0.0) > MANY_SLIPS,
+            advice,
+        )
+    ]
+    gaps = "1 gap" if n["gaps"] == 1 else f"{n['gaps']} gaps"
+    found = (
+        f"{gaps}, the longest {n['longest_gap_s']:.1f} s, at an interval of {n['interval_s']:g} s"
+    )
+    advice = (
+        "observations are missing in the file: was the memory too slow, or was the receiver"
+        " restarted?"
+    )
+    checks.append(
+        _check(
+            "GNSS gaps",
+            found,
+            f"{LONG_GAP_S:.0f} s at most",
+            n["longest_gap_s"] > LONG_GAP_S,
+            advice,
+        )
+    )
+    levels = {band: level for band, level in n["strength_dbhz"].items() if level is not None}
+    if levels:
+        found = (
+            ", ".join(f"{band} {level:.1f}" for band, level in levels.items())
+            + " dB-Hz in the median"
+        )
+        advice = (
+            "antenna, its ground plane and cable, or a transmitter aboard (video link, USB 3,"
+            " payload)"
+        )
+        bad = any(
+            level < (WEAK_DBHZ if band == "band 1" else WEAK_SECOND_DBHZ)
+            for band, level in levels.items()
+        )
+        expected = f"{WEAK_DBHZ:.0f} dB-Hz on band 1 and {WEAK_SECOND_DBHZ:.0f} on others at least"
+        checks.append(_check("GNSS signal strength", found, expected, bad, advice))
+    if n["multipath_m"]:
+        found = (
+            ", ".join(f"{code} {size:.2f}" for code, size in n["multipath_m"].items())
+            + " m rms of code"
+        )
+        advice = "reflections near the antenna, or a weak signal"
+        bad = max(n["multipath_m"].values()) > MUCH_MULTIPATH_M
+        checks.append(_check("GNSS multipath", found, f"below {MUCH_MULTIPATH_M:g} m", bad, advice))
+    return checks

@@ -1,0 +1,1 @@
+"""RINEX files: observations, headers, navigation messages, camera events."""

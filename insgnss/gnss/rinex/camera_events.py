@@ -1,0 +1,140 @@
+"""Camera events of RINEX event records.
+
+A receiver stamps the pulse of the camera (u-blox: TIM-TM2, a mark for each rising edge) and its
+converter writes an external event, flag 5, before the epoch that follows. The stamp is the pulse's.
+
+RTKLIB's convbin writes the marks of a u-blox receiver that had no valid time, too, with the comment
+"Time mark is not valid": their stamps may be off by anything. They are left out unless they are
+asked for, and told.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...base.errors import InputError
+from ...base.wording import named, setting
+from ...config.camera_options import RoverEvents
+from ...formats.events.events import numbered
+from ...formats.text.layout import shown
+from ...formats.text.order import note, put_in_order
+from ...records import CameraEvents, Check
+from .observations import EventRecord, Observations
+
+NOT_VALID = "time mark is not valid"
+MOST_TOLD = 5
+
+Records = tuple[EventRecord, ...]
+
+
+ALL_VALID = RoverEvents()
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """Where the events stand, for refusals."""
+
+    path: str
+    records: Records
+
+    def at(self, row: int, what: str) -> InputError:
+        return InputError.at(self.path, self.records[row].line, what)
+
+
+def camera_events(observations: Observations, wanted: RoverEvents = ALL_VALID) -> CameraEvents:
+    """Stamps of a file's external events, numbered from 1, each once, in order.
+
+    Raises InputError where there is no such event, or time falls.
+    """
+    path = observations.header.path
+    records, told = _taken(observations, wanted)
+    time = np.array([record.time for record in records], dtype=np.float64)
+    rows, odd = put_in_order(_Lines(path, records), time, lambda i, k: True, "camera events")
+    time = time if rows is None else time[rows]
+    notes = (*told, *odd)
+    span = observations.time
+    if outside := int(np.sum((time < span[0]) | (time > span[-1]))):
+        found = (
+            f"{outside} of {time.size} lie outside of the epochs, {span[0]:.3f} to {span[-1]:.3f} s"
+        )
+        notes += (
+            note(
+                "camera events",
+                found,
+                "epochs before and behind each",
+                "they get no position; leave these images out",
+            ),
+        )
+    names, unnamed = numbered(time.size)
+    return CameraEvents(names, time, observations.gps_week, path, (*notes, unnamed))
+
+
+def unasked_events(observations: Observations) -> tuple[CameraEvents | None, tuple[Check, ...]]:
+    """Events of a file where none are asked for: None without any, and None with a note where all
+    are marked as not valid.
+    """
+    records, invalid = _chosen(observations, ALL_VALID)
+    if len(invalid) < len(records):
+        return camera_events(observations), ()
+    found = f"{_those(records, invalid)}, and are left out: there are no exposures"
+    return None, (note("time marks", found, "valid ones", _keep()),) if invalid else ()
+
+
+def _keep() -> str:
+    return f"{setting('camera.invalid_events', True)} takes them"
+
+
+def _chosen(observations: Observations, wanted: RoverEvents) -> tuple[Records, Records]:
+    """Events whose record lines hold the text, and which of them are marked as not valid."""
+    events = (record for record in observations.records if record.flag == 5)
+    records = tuple(
+        record for record in events if wanted.events_containing in "\n".join(record.records)
+    )
+    return records, tuple(
+        record for record in records if any(NOT_VALID in line.lower() for line in record.records)
+    )
+
+
+def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tuple[Check, ...]]:
+    """Events that are exposures, and what was left out."""
+    path = observations.header.path
+    records, invalid = _chosen(observations, wanted)
+    if not records and observations.events.size:
+        what = (
+            f"no external event has a record line with {shown(wanted.events_containing)}; read the"
+            " lines of the events"
+        )
+        raise InputError.at(path, None, what)
+    if not records:
+        what = (
+            "holds no external event (flag 5); convert the receiver's log with its events (time"
+            " marks), or give a file of events"
+        )
+        raise InputError.at(path, None, what)
+    if not invalid:
+        return records, ()
+    those = _those(records, invalid)
+    if wanted.invalid_events:
+        return records, (
+            note(
+                "time marks",
+                f"{those}, and are taken",
+                "valid ones",
+                "their stamps may be off by anything",
+            ),
+        )
+    if len(invalid) == len(records):
+        raise InputError.at(path, invalid[0].line, f"camera events: {those}; {_keep()}")
+    advice = (
+        f"{_keep()}; where they are exposures and their stamps are wrong, name their images in"
+        f" {named('camera.skip_images')}"
+    )
+    valid = tuple(record for record in records if record not in invalid)
+    return valid, (note("time marks", f"{those}, and are left out", "valid ones", advice),)
+
+
+def _those(records: Records, invalid: Records) -> str:
+    times = ", ".join(f"{record.time:.3f}" for record in invalid[:MOST_TOLD]) + (
+        " ..." if len(invalid) > MOST_TOLD else ""
+    )
+    return f"{len(invalid)} of {len(records)} are marked as not valid by the receiver, at {times} s"

@@ -1,0 +1,410 @@
+"""Header of a RINEX observation file, versions 2 and 3 (RINEX 2.11, 2012; RINEX 3.05, 2020), and
+the bytes behind it.
+
+A record is 80 columns, its label in columns 61 to 80. Codes of observations are those of RINEX 3:
+kind (C code, L phase, D Doppler, S strength), band, attribute. RINEX 2 has no attribute: C1 is the
+open code of its band (1C, L2C 2X, GLONASS 2C), P1 and P2 the precise one (GPS 1W 2W, GLONASS 1P
+2P), other bands and systems have X where nothing more is known. Phase, Doppler and strength take
+the attribute of the code that the file lists for their band: the open one on band 1, the precise
+one on band 2, if both are there. What has no such code keeps the name it has. RINEX 3.02 calls
+BeiDou's B1 band 1, all others band 2.
+"""
+
+import math
+import re
+import warnings
+import zipfile
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from ...formats.text.layout import decode, shown
+from ...formats.text.text import Source, load
+from ...records import Array
+
+LABEL = 60
+SYSTEMS = "GRECJIS"
+SYSTEM_NAMES = {
+    "G": "GPS",
+    "R": "GLONASS",
+    "E": "Galileo",
+    "C": "BeiDou",
+    "J": "QZSS",
+    "I": "NavIC",
+    "S": "SBAS",
+}
+CLOCKS = {"G": "GPS", "R": "GLO", "E": "GAL", "C": "BDT", "J": "QZS", "I": "IRN", "S": "GPS"}
+TYPES_2, TYPES_3 = "# / TYPES OF OBSERV", "SYS / # / OBS TYPES"
+KINDS = {
+    "N": "navigation data",
+    "G": "GLONASS navigation data",
+    "H": "SBAS navigation data",
+    "M": "meteorological data",
+    "C": "clock data",
+}
+PACKED = (b"\x1f\x8b", b"\x1f\x9d", b"BZ", b"PK")
+_OPEN = {
+    "G1": "1C",
+    "R1": "1C",
+    "S1": "1C",
+    "J1": "1C",
+    "G2": "2X",
+    "R2": "2C",
+    "J2": "2X",
+    "C1": "2I",
+    "C2": "2I",
+    "C6": "6I",
+    "C7": "7I",
+}
+_PRECISE = {"G1": "1W", "G2": "2W", "R1": "1P", "R2": "2P"}
+
+Record = tuple[int, str, str]  # line, label, columns 1 to 60
+
+
+@dataclass(frozen=True, eq=False)
+class RinexHeader:
+    """What the header says; None where it does not say it.
+
+    version : 2.11, say.
+    system : letter of the header, M for mixed.
+    clock : GPS, GLO, GAL, BDT, QZS or IRN, of the stamps.
+    approx_position_m : (3,) m ECEF, None also where it is zero.
+    antenna_delta_m : (3,) m up, east, north, from the marker to the
+    antenna reference point.   antenna, receiver : type as it stands, radome included.
+    interval_s : s.
+    leap_seconds : GPST - UTC.
+    glonass_slots : frequency number by satellite.
+    glonass_bias_m : m by code, subtracted or not as RINEX 3 says.
+    phase_shifts : cycles by system and code, ("G", "L2W").   scale : factor by system and code that numbers are to be divided by.
+    types : codes by system, as the file has them; of RINEX 2 for the system "".   clock_offset_applied : of the receiver.
+    records : columns 1 to 60 of all records by label.   lines : of the header.
+    """
+
+    path: str
+    version: float
+    system: str
+    clock: str | None
+    marker: str
+    receiver: str
+    antenna: str
+    approx_position_m: Array | None
+    antenna_delta_m: Array
+    interval_s: float | None
+    leap_seconds: int | None
+    types: Mapping[str, tuple[str, ...]]
+    glonass_slots: Mapping[str, int] = field(default_factory=dict)
+    glonass_bias_m: Mapping[str, float] = field(default_factory=dict)
+    phase_shifts: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    scale: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    clock_offset_applied: bool = False
+    records: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    lines: int = 0
+
+
+def read_header(path: Source) -> RinexHeader:
+    """Header of a RINEX observation file, plain or packed; InputError for what is none, or another
+    version than 2 and 3.
+    """
+    buf, _, _ = load_rinex(path)
+    return header_of(path, buf)[0]
+
+
+def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
+    """Bytes of the file, unpacked (gzip, compress, bzip2, zip, Hatanaka), with a newline at their
+    end; whether the last line had its end; and what the unpacking complained of."""
+    buf, complete = load(path)
+    if complete and buf.size > Path(path).stat().st_size:
+        buf = buf[:-1]  # a line's end behind the last one would be a line without observations
+    head = bytes(buf[:100])
+    if not head.startswith(PACKED) and b"COMPACT RINEX" not in head:
+        return buf, complete, ()
+    try:
+        import hatanaka
+    except ImportError:
+        raise InputError.at(
+            path,
+            None,
+            "is packed; install the package hatanaka (extra [ppk]), or unpack the file first",
+        ) from None
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        try:
+            content = hatanaka.decompress(Path(path).read_bytes())
+        except (
+            hatanaka.HatanakaException,
+            ValueError,
+            OSError,
+            EOFError,
+            zlib.error,
+            zipfile.BadZipFile,
+        ) as error:
+            raise InputError.at(
+                path, None, f"cannot be unpacked: {_one_line(error)}; copy it again from its source"
+            ) from None
+    complete = content.endswith(b"\n")
+    out = np.frombuffer(bytearray(content if complete else content + b"\n"), dtype=np.uint8)
+    return out, complete, tuple(_one_line(item.message) for item in told)
+
+
+def _one_line(what: object) -> str:
+    return " ".join(str(what).split())[:200]
+
+
+def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
+    """The header at the start of `buf`, and the place behind it."""
+    version, system = _first_line(path, decode(bytes(buf[:400])).split("\n")[0].rstrip("\r"))
+    records: list[Record] = []
+    place = 0
+    while not records or records[-1][1] != "END OF HEADER":
+        if place >= buf.size:
+            raise InputError.at(
+                path,
+                len(records),
+                "truncated: the file ends without END OF HEADER; copy it again from its source",
+            )
+        text, place = line_at(buf, place)
+        records.append((len(records) + 1, text[LABEL:].strip(), text[:LABEL]))
+        if records[-1][1] == "" and text.strip():
+            if place >= buf.size:
+                raise InputError.at(
+                    path,
+                    len(records),
+                    "truncated: the file ends within its header; copy it again from its source",
+                )
+            raise InputError.at(
+                path,
+                len(records),
+                f"no header record: {shown(text.strip())}; complete the header, or copy the file"
+                " again",
+            )
+    return _header(path, version, system, records), place
+
+
+def line_at(buf: NDArray[np.uint8], place: int) -> tuple[str, int]:
+    """The line at a place, without its end, and the place of the next; `buf` ends in a newline."""
+    size = 128
+    while not (ends := np.flatnonzero(buf[place : place + size] == ord("\n"))).size:
+        size *= 4
+    return decode(bytes(buf[place : place + int(ends[0])])).rstrip("\r"), place + int(ends[0]) + 1
+
+
+def _first_line(path: Source, text: str) -> tuple[float, str]:
+    """Version and system; InputError for what cannot be read here."""
+    if "RINEX VERSION / TYPE" not in text[LABEL:]:
+        what = "is not RINEX: line 1 has no RINEX VERSION / TYPE in columns 61 to 80"
+        raise InputError.at(
+            path,
+            1,
+            f"{what}; give a RINEX 2 or 3 observation file (convert a receiver's own format first)",
+        )
+    version, kind = text[:9].strip(), text[20:21].upper()
+    if not re.fullmatch(r"\d(\.\d+)?", version):
+        raise InputError.at(
+            path, 1, f"RINEX version {shown(version)} is no number; copy the file again"
+        )
+    if version[0] not in "23":
+        raise InputError.at(
+            path,
+            1,
+            f"RINEX {version}; versions 2 and 3 are read here; convert it to RINEX 3 (gfzrnx -vo 3,"
+            " convbin -v 3)",
+        )
+    if kind != "O":
+        what = KINDS.get(kind, f"type {shown(kind)}")
+        raise InputError.at(
+            path, 1, f"holds {what} where observations must stand; give the observation file here"
+        )
+    letter = text[40:41].upper().strip() or "G"
+    if letter not in SYSTEMS + "M":
+        raise InputError.at(
+            path,
+            1,
+            f"satellite system {letter!r} is none of {', '.join(SYSTEMS)}, M; correct the header",
+        )
+    return float(version), letter
+
+
+def _header(path: Source, version: float, system: str, records: Sequence[Record]) -> RinexHeader:
+    by_label: dict[str, list[str]] = {}
+    for _, label, text in records:
+        by_label.setdefault(label, []).append(text)
+    types = types_of(path, version, records)
+    if not types:
+        raise InputError.at(
+            path,
+            len(records),
+            f"the header has no {TYPES_2 if version < 3 else TYPES_3}; copy the file again",
+        )
+
+    def said(label: str, start: int = 0, stop: int = LABEL) -> str:
+        return by_label[label][-1][start:stop].strip() if label in by_label else ""
+
+    def numbers(label: str, count: int) -> Array | None:
+        return _numbers(path, records, label, count) if label in by_label else None
+
+    approx, delta, interval = (
+        numbers(label, n)
+        for label, n in (("APPROX POSITION XYZ", 3), ("ANTENNA: DELTA H/E/N", 3), ("INTERVAL", 1))
+    )
+    leap = numbers("LEAP SECONDS", 1)
+    clock = said("TIME OF FIRST OBS", 48, 51) or CLOCKS.get(system)
+    if clock is not None and clock not in CLOCKS.values():
+        raise InputError.at(
+            path,
+            None,
+            f"the header's time system {clock!r} is none of {', '.join(CLOCKS.values())}; correct"
+            " the header",
+        )
+    return RinexHeader(
+        str(path),
+        version,
+        system,
+        clock,
+        said("MARKER NAME"),
+        said("REC # / TYPE / VERS", 20, 40),
+        " ".join(said("ANT # / TYPE", 20, 40).split()),
+        approx if approx is not None and approx.any() else None,
+        delta if delta is not None else np.zeros(3),
+        float(interval[0]) if interval is not None and interval[0] > 0 else None,
+        int(leap[0]) if leap is not None else None,
+        types,
+        _slots(by_label.get("GLONASS SLOT / FRQ #", ())),
+        _biases(by_label.get("GLONASS COD/PHS/BIS", [*by_label.get("GLONASS COD/PHS/BIS#", ())])),
+        _shifts(by_label.get("SYS / PHASE SHIFT", by_label.get("SYS / PHASE SHIFTS", ()))),
+        scale_of(by_label.get("SYS / SCALE FACTOR", ()), types),
+        said("RCV CLOCK OFFS APPL") == "1",
+        {label: tuple(lines) for label, lines in by_label.items()},
+        len(records),
+    )
+
+
+def _numbers(path: Source, records: Iterable[Record], label: str, count: int) -> Array:
+    """The first `count` numbers of the last record of a label; InputError with its line."""
+    line, _, text = [record for record in records if record[1] == label][-1]
+    fields = text.split()[:count]
+    if len(fields) < count:  # numbers of 14 columns may touch
+        fields = [text[14 * k : 14 * (k + 1)] for k in range(count)]
+    try:
+        values = np.array([float(item) for item in fields])
+    except ValueError:
+        values = np.empty(0)
+    if values.size == 0 and not text.strip():
+        return np.zeros(count)
+    if values.size != count or not np.isfinite(values).all():
+        raise InputError.at(
+            path,
+            line,
+            f"{label}: {shown(text.strip())}, expected {count} number{'s' * (count > 1)}; correct"
+            " the header",
+        )
+    return values
+
+
+def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[str, tuple[str, ...]]:
+    """Observation codes by system as the records list them, of RINEX 2 for the system ""; empty
+    where they list none.
+    """
+    label, width, size = (TYPES_2, 9, 6) if version < 3 else (TYPES_3, 13, 4)
+    types: dict[str, list[str]] = {}
+    missing, system, last = 0, "", 0
+    for line, found, text in records:
+        if found != label:
+            continue
+        count = text[:6] if version < 3 else text[1:6]
+        if count.strip():
+            if missing:
+                raise InputError.at(
+                    path, line, f"{label}: {missing} codes fewer than announced; correct the header"
+                )
+            system = "" if version < 3 else text[0].upper()
+            if not count.strip().isdigit() or (version >= 3 and system not in SYSTEMS):
+                raise InputError.at(
+                    path,
+                    line,
+                    f"{label}: {shown(text.rstrip())}, expected a system and a number of codes;"
+                    " correct the header",
+                )
+            missing, types[system] = int(count), []
+        codes = [
+            text[6 + size * k : 6 + size * (k + 1)].strip() for k in range(min(width, missing))
+        ]
+        if not all(codes) or not types:
+            raise InputError.at(
+                path,
+                line,
+                f"{label}: fewer codes than announced: {shown(text.rstrip())}; correct the header",
+            )
+        types[system] += codes
+        missing, last = missing - len(codes), line
+    if missing:
+        raise InputError.at(
+            path, last, f"{label}: {missing} codes fewer than announced; correct the header"
+        )
+    return {name: tuple(codes) for name, codes in types.items()}
+
+
+def codes_of(version: float, system: str, types: Sequence[str]) -> tuple[str, ...]:
+    """RINEX 3 codes of what a file of this version calls `types`, of one system; a name that has no
+    code, or whose code is taken, stays.
+    """
+    if version >= 3:
+        old = version == 3.02 and system == "C"
+        codes = [
+            f"{name[0]}2{name[2:]}" if old and name[1:] in ("1I", "1Q", "1X") else name
+            for name in types
+        ]
+    else:
+        codes = [_code(system, name, types) for name in types]
+    return tuple(code if codes.index(code) == k else types[k] for k, code in enumerate(codes))
+
+
+def _code(system: str, name: str, types: Sequence[str]) -> str:
+    if len(name) != 2 or name[0] not in "CPLDS" or not name[1].isdigit():
+        return name
+    band = name[1]
+    opened = _OPEN.get(system + band, "" if system == "C" else f"{band}X")
+    precise = _PRECISE.get(system + band, "")
+    first, second = ("C", "P") if band == "1" else ("P", "C")
+    listed = next((kind for kind in (first, second) if kind + band in types), first)
+    kind = name[0] if name[0] in "CP" else listed
+    tail = precise if kind == "P" and precise else opened
+    if not tail or (name[0] == "P" and not precise):
+        return name
+    return ("C" if name[0] == "P" else name[0]) + tail
+
+
+def _slots(lines: Iterable[str]) -> dict[str, int]:
+    pairs = [pair for text in lines for pair in re.findall(r"R\s?(\d{1,2})\s+([+-]?\d+)", text[3:])]
+    return {f"R{int(slot):02d}": int(number) for slot, number in pairs}
+
+
+def _biases(lines: Iterable[str]) -> dict[str, float]:
+    return {
+        code: float(value)
+        for text in lines
+        for code, value in re.findall(r"(C\d[A-Z])\s+([+-]?\d*\.\d+)", text)
+    }
+
+
+def _shifts(lines: Iterable[str]) -> dict[tuple[str, str], float]:
+    found = (re.match(r"([A-Z]) (L\d[A-Z])\s+([+-]?\d*\.\d+)", text) for text in lines)
+    return {(hit[1], hit[2]): float(hit[3]) for hit in found if hit}
+
+
+def scale_of(
+    lines: Iterable[str], types: Mapping[str, tuple[str, ...]]
+) -> dict[tuple[str, str], float]:
+    """Factors of RINEX 3; a record without codes is of all codes of its system."""
+    factors: dict[tuple[str, str], float] = {}
+    system, factor = "", math.nan
+    for text in lines:
+        if hit := re.match(r"([A-Z]) +(\d+)", text[:6]):
+            system, factor = hit[1], float(hit[2])
+        for code in text[10:].split() or (types.get(system, ()) if hit else ()):
+            factors[system, code] = factor
+    return factors

@@ -1,0 +1,336 @@
+"""Broadcast ephemerides of RINEX navigation files into one table of messages: GPS, QZSS, Galileo,
+BeiDou, GLONASS.
+
+Read are RINEX 2 (GPS `.n`, GLONASS `.g`) and RINEX 3 (one system or mixed), plain or packed (gzip;
+others through hatanaka). Messages of SBAS and NavIC are left out and counted, as are those of
+satellites that call themselves unhealthy (GPS, QZSS, BeiDou and GLONASS by their health word,
+Galileo by the bits of the signal whose message it is). Times become GPST seconds of one GPS week:
+those of GPS, QZSS and Galileo as they stand, BeiDou time + 14 s, GLONASS from UTC by the leap
+seconds. The week of a time of ephemeris is the one that brings it nearest to the time of clock; the
+week number of the message, of which writers make different things, is not used.
+
+RINEX 2.11, tables A4 and A10; RINEX 3.04, tables A5 to A15. Where Galileo's I/NAV and F/NAV give
+the same elements they differ in the clock by the delay between the bands; I/NAV stands first.
+"""
+
+import gzip
+import math
+import zlib
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from ...geodesy.gpstime import WEEK_S, gps_from_calendar
+from .header import PACKED, load_rinex
+
+Array = NDArray[np.float64]
+Source = str | Path
+
+# columns of a message; of GLONASS the nine from STATE on are position, velocity, acceleration of
+# Sun and Moon (m, m/s, m/s^2)
+KIND, TOE, TOC, AF0, AF1, AF2 = 0, 1, 2, 3, 4, 5
+ROOT_A, ECC, M0, DELTA_N, I0, I_DOT, NODE0, NODE_DOT, PERIGEE = 6, 7, 8, 9, 10, 11, 12, 13, 14
+CUC, CUS, CRC, CRS, CIC, CIS = 15, 16, 17, 18, 19, 20
+MU, RATE, SOW = 21, 22, 23
+COLUMNS = 24
+STATE = 6
+KEPLER, GEOSTATIONARY, GLONASS = 0.0, 1.0, 2.0  # what KIND holds
+
+# place of each Kepler element among the numbers of a RINEX message, the clock's three first
+PLACES = {
+    AF0: 0,
+    AF1: 1,
+    AF2: 2,
+    CRS: 4,
+    DELTA_N: 5,
+    M0: 6,
+    CUC: 7,
+    ECC: 8,
+    CUS: 9,
+    ROOT_A: 10,
+    SOW: 11,
+    CIC: 12,
+    NODE0: 13,
+}
+PLACES |= {CIS: 14, I0: 15, CRC: 16, PERIGEE: 17, NODE_DOT: 18, I_DOT: 19}
+SOURCE, HEALTH = 20, 24
+# gravitational constant, m^3/s^2, and rotation of the Earth, rad/s, that the interface documents
+# prescribe
+CONSTANTS = {
+    "G": (3.986005e14, 7.2921151467e-5),
+    "J": (3.986005e14, 7.2921151467e-5),
+    "E": (3.986004418e14, 7.2921151467e-5),
+    "C": (3.986004418e14, 7.292115e-5),
+}
+LINES = {"G": 8, "J": 8, "E": 8, "C": 8, "R": 4}
+LEFT_OUT = {"S": "SBAS", "I": "NavIC"}
+BEIDOU_LAG_S = 14.0
+GZIP = b"\x1f\x8b"
+F_NAV = 0b10
+GALILEO_UNHEALTHY = {
+    True: 0b000_111_000,
+    False: 0b111_000_111,
+}  # of F/NAV: E5a; of I/NAV: E1-B and E5b
+
+
+@dataclass(frozen=True, eq=False)
+class Navigation:
+    """Broadcast messages, sorted by time of ephemeris.
+
+    satellite : (k,) such as "G05".   table : (k, COLUMNS), times in GPST seconds of `gps_week`.
+    channel : (k,) frequency number of a GLONASS satellite, else 0.   left_out : what was not taken, by its reason, with counts.
+    """
+
+    satellite: NDArray[np.str_]
+    table: Array
+    channel: NDArray[np.int64]
+    gps_week: int
+    source: str = ""
+    left_out: tuple[tuple[str, int], ...] = ()
+
+    def of_week(self, gps_week: int) -> "Navigation":
+        """The same messages with their times in seconds of another GPS week."""
+        table = self.table.copy()
+        table[:, [TOE, TOC]] += (self.gps_week - gps_week) * WEEK_S
+        return replace(self, table=table, gps_week=gps_week)
+
+    def channels(self) -> dict[str, int]:
+        """Frequency number of each GLONASS satellite, of its last message."""
+        glonass = self.table[:, KIND] == GLONASS
+        return {
+            str(code): int(k)
+            for code, k in zip(self.satellite[glonass], self.channel[glonass], strict=True)
+        }
+
+
+@dataclass(frozen=True)
+class _Message:
+    satellite: str
+    toc: datetime
+    values: list[float]
+    line: int
+
+
+def read_navigation(paths: Source | Iterable[Source]) -> Navigation:
+    """Messages of one or several RINEX 2 or 3 navigation files.
+
+    Raises InputError with file and line for what is no navigation file, is of RINEX 4, is cut
+    short, or holds an impossible element.
+    """
+    paths = [paths] if isinstance(paths, str | Path) else list(paths)
+    left_out: Counter[str] = Counter()
+    rows: list[tuple[str, Array, int]] = []
+    week = None
+    for path in paths:
+        for message in _messages(path):
+            system = message.satellite[0]
+            if system in LEFT_OUT:
+                left_out[LEFT_OUT[system]] += 1
+            elif not _healthy(message):
+                left_out["unhealthy"] += 1
+            else:
+                week = gps_from_calendar(message.toc, "gpst")[0] if week is None else week
+                rows.append(
+                    (
+                        message.satellite,
+                        _row(path, message, week),
+                        int(message.values[10]) if system == "R" else 0,
+                    )
+                )
+    source = " ".join(str(path) for path in paths)
+    if week is None:
+        raise InputError(
+            f"{source or 'navigation'}: no message of a healthy satellite (GPS, Galileo, GLONASS,"
+            " BeiDou, QZSS)"
+        )
+    rows.sort(key=lambda row: row[1][TOE])
+    satellite, table, channel = (list(column) for column in zip(*rows, strict=True))
+    return Navigation(
+        np.array(satellite),
+        np.array(table),
+        np.array(channel),
+        week,
+        source,
+        tuple(sorted(left_out.items())),
+    )
+
+
+def _messages(path: Source) -> Iterator[_Message]:
+    lines = _text(path).splitlines()
+    version, system, start = _header(path, lines)
+    first = [i for i in range(start, len(lines)) if lines[i][:3].strip()]
+    for at, after in pairwise([*first, len(lines)]):
+        line = lines[at]
+        satellite = (
+            f"{line[0]}{line[1:3].replace(' ', '0')}"
+            if version >= 3.0
+            else f"{system}{line[:2].replace(' ', '0')}"
+        )
+        if satellite[0] not in (*LINES, *LEFT_OUT) or not satellite[1:].isdigit():
+            raise InputError.at(
+                path,
+                at + 1,
+                f"{line[:8]!r} begins no message of a known satellite; is the file damaged?",
+            )
+        if satellite[0] in LEFT_OUT:
+            yield _Message(satellite, datetime.min, [], at + 1)
+            continue
+        needed = LINES[satellite[0]]
+        if after - at < needed:
+            what = (
+                f"message of {satellite} has {after - at} lines of {needed}; the file is cut short"
+                " or damaged, fetch it again"
+            )
+            raise InputError.at(path, at + 1, what)
+        width = 23 if version >= 3.0 else 22
+        fields = [line[width + 19 * k : width + 19 * (k + 1)] for k in range(3)]
+        for more in lines[at + 1 : at + needed]:
+            fields += [more[width - 19 + 19 * k : width + 19 * k] for k in range(4)]
+        values = [_number(path, at, width, k, field) for k, field in enumerate(fields)]
+        yield _Message(
+            satellite,
+            _stamp(path, at + 1, line[3:width] if version >= 3.0 else line[2:width]),
+            values,
+            at + 1,
+        )
+
+
+def _text(path: Source) -> str:
+    try:
+        data = Path(path).read_bytes()
+        if data.startswith(GZIP):
+            data = gzip.decompress(data)
+        elif data.startswith(PACKED):
+            data = bytes(load_rinex(path)[0])
+        return data.decode("latin-1")
+    except FileNotFoundError:
+        raise InputError.at(
+            path, None, "no such file; check the path of the navigation file"
+        ) from None
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from None
+
+
+def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:
+    """Version, system of a RINEX 2 file, and the place of the first line after the header."""
+    first = lines[0] if lines else ""
+    if first[60:80].strip() != "RINEX VERSION / TYPE" or first[20:21] not in "NGH":
+        raise InputError.at(
+            path,
+            1,
+            "no RINEX navigation file (RINEX VERSION / TYPE with N or G); are the files in the"
+            " right places?",
+        )
+    version = _number(path, 0, 19, 0, first[:9].strip())
+    if not 2.0 <= version < 4.0:
+        raise InputError.at(path, 1, f"RINEX {version:.2f}; 2 and 3 are read, convert it to 3.04")
+    if version < 3.0 and first[20] == "H":
+        raise InputError.at(
+            path, 1, "messages of SBAS satellites alone; give GPS or GLONASS messages"
+        )
+    end = next((i for i, line in enumerate(lines) if line[60:80].strip() == "END OF HEADER"), None)
+    if end is None:
+        raise InputError.at(
+            path, len(lines), "the header has no end; the file is cut short, fetch it again"
+        )
+    return version, "R" if first[20] == "G" else "G", end + 1
+
+
+def _number(path: Source, at: int, width: int, k: int, field: str) -> float:
+    """Number k of the message that begins at line `at` (from 0); a blank one, which only a spare
+    field may be, is not-a-number.
+    """
+    text = field.strip()
+    if not text:
+        return math.nan
+    try:
+        return float(text.replace("D", "E").replace("d", "e"))
+    except ValueError:
+        raise InputError.at(
+            path, at + 1 + (k + 1) // 4, f"{field!r} is no number; is the file damaged?"
+        ) from None
+
+
+def _stamp(path: Source, line: int, field: str) -> datetime:
+    """Calendar date of year, month, day, hour, minute, second; two digits of the year from 80 on
+    are of the last century.
+    """
+    try:
+        year, month, day, hour, minute = (int(part) for part in field.split()[:5])
+        second = float(field.split()[5])
+        year += 0 if year > 99 else 1900 if year >= 80 else 2000
+        return datetime(year, month, day) + timedelta(hours=hour, minutes=minute, seconds=second)
+    except (ValueError, IndexError):
+        raise InputError.at(
+            path, line, f"{field.strip()!r} is no date and time of a clock; is the file damaged?"
+        ) from None
+
+
+def _healthy(message: _Message) -> bool:
+    system, values = message.satellite[0], message.values
+    if system == "R":
+        return values[6] == 0.0
+    if system == "E":
+        return not int(values[HEALTH]) & GALILEO_UNHEALTHY[bool(int(values[SOURCE]) & F_NAV)]
+    return values[HEALTH] == 0.0
+
+
+def _row(path: Source, message: _Message, week: int) -> Array:
+    """The message as a row of the table, its times in seconds of `week`."""
+    system, values = message.satellite[0], message.values
+    row = np.zeros(COLUMNS)
+    toc_week, toc = gps_from_calendar(message.toc, "utc" if system == "R" else "gpst")
+    if system == "R":
+        row[KIND], row[AF0], row[AF1] = GLONASS, values[0], values[1]
+        row[STATE : STATE + 9] = 1e3 * np.array(
+            [values[3 + 4 * axis + order] for order in range(3) for axis in range(3)]
+        )
+        row[TOC] = row[TOE] = toc + (toc_week - week) * WEEK_S
+    else:
+        row[[*PLACES]] = [values[place] for place in PLACES.values()]
+        row[KIND] = GEOSTATIONARY if system == "C" and _geostationary(message.satellite) else KEPLER
+        row[MU], row[RATE] = CONSTANTS[system]
+        since = (row[SOW] - toc + 0.5 * WEEK_S) % WEEK_S - 0.5 * WEEK_S
+        lag = BEIDOU_LAG_S if system == "C" else 0.0
+        row[TOC] = toc + (toc_week - week) * WEEK_S + lag
+        row[TOE] = row[TOC] + since
+    _check(path, message, row)
+    return row
+
+
+def _geostationary(satellite: str) -> bool:
+    number = int(satellite[1:])
+    return number <= 5 or number >= 59
+
+
+def _check(path: Source, message: _Message, row: Array) -> None:
+    """Raise InputError where an element is missing or out of all bounds."""
+    if not np.isfinite(row).all():
+        raise InputError.at(
+            path,
+            message.line,
+            f"message of {message.satellite} lacks a number; the file is damaged, fetch it again",
+        )
+    if message.satellite[0] == "R":
+        size, low, high, what = (
+            float(np.linalg.norm(row[STATE : STATE + 3])),
+            2.4e7,
+            2.7e7,
+            "distance from the Earth's centre, m",
+        )
+    else:
+        size, low, high, what = float(row[ROOT_A]), 5e3, 7e3, "root of the semi-major axis, m^1/2"
+    if not low < size < high or (message.satellite[0] != "R" and not 0.0 <= row[ECC] < 0.5):
+        raise InputError.at(
+            path,
+            message.line,
+            f"message of {message.satellite}: {what}, {size:g} (eccentricity {row[ECC]:g}) is no"
+            " orbit",
+        )

@@ -1,0 +1,549 @@
+"""Observations at rate from RINEX 2 and 3: values, loss of lock, events, everything that stands
+between the epochs.
+
+A file is epochs in order of time. Between them stand event records: 2 the antenna starts to move, 3
+a new site, 4 header records follow, 5 an external event at its own stamp, each with as many records
+as it announces; and 6, cycle slips that the receiver found and repaired, written like an epoch.
+Header records behind an event hold from there on: observation types and scale factors change how
+the following epochs are read; all others are kept and told in a note.
+
+Missing values are not-a-number; RINEX writes them blank or 0.0, whichever the kind. Stamps are
+those of the receiver, in GPST: GPS, Galileo, QZSS and NavIC time as they stand, BeiDou time + 14 s,
+GLONASS time (UTC) + leap seconds.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from ...formats.text.layout import decode, shown
+from ...formats.text.order import note
+from ...formats.text.text import Source
+from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
+from ...records import Array, Check
+from .header import (
+    LABEL,
+    SYSTEM_NAMES,
+    SYSTEMS,
+    Record,
+    RinexHeader,
+    codes_of,
+    header_of,
+    line_at,
+    load_rinex,
+    scale_of,
+    types_of,
+)
+
+TICKS_PER_WEEK = 6_048_000_000_000
+BDT_BEHIND_S = 14
+SLIPS = 6
+SAMPLE = 1 << 18  # bytes by which the number of lines is guessed
+MEANINGS = {
+    2: "the antenna starts to move",
+    3: "a new site is occupied",
+    4: "header records follow",
+    5: "external event",
+}
+DAMAGED = "copy the file again, or convert it again from the receiver's own format"
+
+
+@dataclass(frozen=True)
+class EventRecord:
+    """An event between the epochs.
+
+    flag : 2 to 5.
+    time : s, GPST, None where it has none.
+    line : of the file, from 1.
+    records : the lines that belong to it.
+    """
+
+    flag: int
+    time: float | None
+    line: int
+    records: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class CycleSlips:
+    """Cycle slips that the receiver found and repaired: time (n,) s, satellite (n,), slip (n, k)
+    cycles in the order of the signals.
+    """
+
+    time: Array
+    satellite: NDArray[np.str_]
+    slip: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Observations of n epochs, m satellites in them, k signals.
+
+    gps_week : of the first epoch.
+    time : (n,) s, GPST of that week as stamped by the receiver; past the week's end it counts on.
+    flag : (n,) 0, or 1 after a power failure.
+    clock_offset_s : (n,) s of the receiver's clock as the file has it, else NaN.
+    epoch : (m,) place of the row's epoch in `time`, not decreasing.
+    satellite : (m,) such as "G05".
+    signals : RINEX 3 codes ("C1C", "L2W").   values : (m, k) m, cycles, Hz or dB-Hz, NaN where
+                                              missing, scale factors taken out.
+    loss_of_lock : (m, k) 0 to 7: 1 lock lost since the last epoch, 2 half-cycle ambiguity, 4
+        anti-spoofing.
+    strength : (m, k) 0 to 9.
+    events : (e,) s, of the external events (flag 5), as they stand in the file.
+    records : all events.
+    notes : of the reader.
+    """
+
+    header: RinexHeader
+    gps_week: int
+    time: Array
+    flag: NDArray[np.int8]
+    clock_offset_s: Array
+    epoch: NDArray[np.int64]
+    satellite: NDArray[np.str_]
+    signals: tuple[str, ...]
+    values: Array
+    loss_of_lock: NDArray[np.int8]
+    strength: NDArray[np.int8]
+    events: Array
+    records: tuple[EventRecord, ...] = ()
+    slips: CycleSlips | None = None
+    notes: tuple[Check, ...] = ()
+
+    def of(self, signal: str) -> Array:
+        """Values (m,) of a signal; InputError where the file does not have it."""
+        return self.values[:, self.column(signal)]
+
+    def column(self, signal: str) -> int:
+        """Place of a signal among the columns."""
+        if signal not in self.signals:
+            raise InputError.at(
+                self.header.path, None, f"has no {signal}; there are {', '.join(self.signals)}"
+            )
+        return self.signals.index(signal)
+
+
+def read_observations(path: Source) -> Observations:
+    """Read a RINEX 2 or 3 observation file, plain or packed (gzip, compress, Hatanaka).
+
+    Raises InputError with file and line: another format or version, navigation data, a header or an
+    epoch that is not whole, a number, satellite or stamp that is none, a satellite twice in an
+    epoch, time that does not increase.
+    """
+    buf, complete, told = load_rinex(path)
+    header, place = header_of(path, buf)
+    reading = _Reading(path, header, buf, complete, place)
+    reading.read()
+    found = reading.observations()
+    notes = tuple(
+        note("unpacking", what, "no complaint", "compare the file with its source") for what in told
+    )
+    return replace(found, notes=notes + found.notes)
+
+
+def without_events(observations: Observations) -> bytes:
+    """The file of these observations, unpacked, without its external events and their record lines;
+    all else as it stands.
+    """
+    buf, _, _ = load_rinex(observations.header.path)
+    starts = np.concatenate([[0], np.flatnonzero(buf == ord("\n")) + 1])
+    gone = [
+        (record.line - 1, record.line + len(record.records))
+        for record in observations.records
+        if record.flag == 5
+    ]
+    edges = [0, *(int(starts[line]) for span in gone for line in span), buf.size]
+    return b"".join(buf[a:b].tobytes() for a, b in zip(edges[::2], edges[1::2], strict=True))
+
+
+class _Reading:
+    """The arrays that a file is read into, and how its lines stand at the place where the reading
+    is.
+    """
+
+    def __init__(
+        self, path: Source, header: RinexHeader, buf: NDArray[np.uint8], complete: bool, place: int
+    ) -> None:
+        from . import _kernels
+
+        self.kernels = _kernels
+        self.path, self.header, self.buf, self.complete = path, header, buf, complete
+        self.signals: list[str] = []
+        self.types = dict(header.types)
+        self.scales = dict(header.scale)
+        self.widths = np.full(len(SYSTEMS), -1, dtype=np.int64)
+        self.columns = np.zeros((len(SYSTEMS), 1), dtype=np.int64)
+        self.scale = np.ones((len(SYSTEMS), 1))
+        self.state = np.zeros(_kernels.STATE_SIZE, dtype=np.int64)
+        self.state[_kernels.PLACE], self.state[_kernels.LINE] = place, header.lines + 1
+        self.sats = np.empty(1000, dtype=np.int64)
+        self.seen = np.full(100 * len(SYSTEMS), -1, dtype=np.int64)
+        self.found: list[tuple[int, int, int, tuple[str, ...]]] = []  # flag, ticks, line, records
+        self.notes: list[Check] = []
+        if header.version >= 3:
+            for system in self.types:
+                self.learn(system)
+        sample = buf[place : place + SAMPLE]
+        lines = (
+            1.05 * np.count_nonzero(sample == ord("\n")) * (buf.size - place) / max(sample.size, 1)
+        )
+        a_satellite = -(-len(self.types[""]) // 5) if header.version < 3 else 1
+        self.allocate(int(lines / a_satellite / 4) + 16, int(lines / a_satellite) + 16)
+
+    def allocate(self, epochs: int, rows: int) -> None:
+        """Make room, keeping what there is."""
+        n, m, k = (
+            int(self.state[self.kernels.EPOCHS]),
+            int(self.state[self.kernels.ROWS]),
+            len(self.signals),
+        )
+        old = self.__dict__.copy()
+        self.ticks, self.lines = np.empty(epochs, dtype=np.int64), np.empty(epochs, dtype=np.int64)
+        self.flags, self.clock = np.empty(epochs, dtype=np.int8), np.empty(epochs)
+        self.epoch, self.satellite = np.empty(rows, dtype=np.int64), np.empty(rows, dtype=np.int16)
+        self.values = np.empty((rows, k))
+        self.lock, self.strength = (
+            np.empty((rows, k), dtype=np.int8),
+            np.empty((rows, k), dtype=np.int8),
+        )
+        if n == 0:
+            return
+        for name, size in {
+            "ticks": n,
+            "lines": n,
+            "flags": n,
+            "clock": n,
+            "epoch": m,
+            "satellite": m,
+        }.items():
+            getattr(self, name)[:size] = old[name][:size]
+        for name, missing in {"values": np.nan, "lock": 0, "strength": 0}.items():
+            width = old[name].shape[1]
+            getattr(self, name)[:m, :width] = old[name][:m]
+            getattr(self, name)[:m, width:] = missing
+
+    def learn(self, system: str) -> None:
+        """Take the present types of a system into the columns."""
+        types = self.types[system if self.header.version >= 3 else ""]
+        codes = codes_of(self.header.version, system, types)
+        self.signals += [code for code in codes if code not in self.signals]
+        s, width = SYSTEMS.index(system), max(self.columns.shape[1], len(types))
+        for name, filled in (
+            ("columns", np.zeros((len(SYSTEMS), width), dtype=np.int64)),
+            ("scale", np.ones((len(SYSTEMS), width))),
+        ):
+            old = getattr(self, name)
+            filled[:, : old.shape[1]] = old
+            setattr(self, name, filled)
+        self.widths[s] = len(types)
+        self.columns[s, : len(types)] = [self.signals.index(code) for code in codes]
+        self.scale[s, : len(types)] = [self.scales.get((system, name), 1.0) for name in types]
+
+    def read(self) -> None:
+        """Parse to the end, event by event."""
+        k = self.kernels
+        three, blank = (
+            self.header.version >= 3,
+            SYSTEMS.find(self.header.system if self.header.system in SYSTEMS else "G"),
+        )
+        while True:
+            status = k.parse(
+                *(
+                    self.buf,
+                    three,
+                    blank,
+                    self.widths,
+                    self.columns,
+                    self.scale,
+                    self.state,
+                    self.sats,
+                    self.seen,
+                ),
+                *(
+                    self.ticks,
+                    self.flags,
+                    self.clock,
+                    self.lines,
+                    self.epoch,
+                    self.satellite,
+                    self.values,
+                    self.lock,
+                    self.strength,
+                ),
+            )
+            if status == k.DONE:
+                break
+            if status == k.EVENT:
+                self.take_event()
+            elif status == k.FULL:
+                self.allocate(2 * self.ticks.size + 1000, 2 * self.satellite.size + 1000)
+            elif status == k.NEW_SYSTEM and not three:
+                self.learn(SYSTEMS[int(self.state[k.SYSTEM])])
+                self.seen[:] = -1
+                self.allocate(self.ticks.size, self.satellite.size)
+            elif not (status == k.BAD_EPOCH and self.skip_comment()):
+                raise self.refusal(int(status))
+        self.refuse_cut_line()
+
+    def take_event(self) -> None:
+        """The records of the event before the state's place, and what they change."""
+        k, state = self.kernels, self.state
+        flag, line, place = int(state[k.FLAG]), int(state[k.AT_LINE]), int(state[k.PLACE])
+        lines: list[str] = []
+        for number in range(line + 1, line + 1 + int(state[k.COUNT])):
+            if place >= self.buf.size:
+                raise InputError.at(
+                    self.path,
+                    line,
+                    f"truncated: {len(lines)} of {state[k.COUNT]} records of this event; copy it"
+                    " again",
+                )
+            text, place = line_at(self.buf, place)
+            if text.startswith(">") or (flag < 5 and not text[LABEL:].strip()):
+                what = (
+                    f"{shown(text)} where record {len(lines) + 1} of {state[k.COUNT]} of the event"
+                    f" in line {line} must stand"
+                )
+                raise InputError.at(
+                    self.path, number, f"{what}; correct the event's number of records"
+                )
+            lines.append(text.rstrip())
+        if flag == 5 and state[k.TICKS] < 0:
+            raise InputError.at(
+                self.path, line, "an external event without a stamp; delete it or give it one"
+            )
+        state[k.PLACE], state[k.LINE] = place, line + 1 + len(lines)
+        self.found.append((flag, int(state[k.TICKS]), line, tuple(lines)))
+        records = [
+            (line + 1 + i, text[LABEL:].strip(), text[:LABEL]) for i, text in enumerate(lines)
+        ]
+        self.change(line, flag, [record for record in records if record[1] != "COMMENT"])
+
+    def change(self, line: int, flag: int, records: Sequence[Record]) -> None:
+        """Let header records behind an event hold from here on."""
+        types = types_of(self.path, self.header.version, records)
+        if types or any(label == "SYS / SCALE FACTOR" for _, label, _ in records):
+            self.types |= types
+            self.scales |= scale_of(
+                [text for _, label, text in records if label == "SYS / SCALE FACTOR"], self.types
+            )
+            known = [s for s in SYSTEMS if self.widths[SYSTEMS.index(s)] >= 0 or s in types]
+            for system in known:
+                self.learn(system)
+            self.allocate(self.ticks.size, self.satellite.size)
+        if flag < 5 and (flag != 4 or records):
+            labels = ", ".join(dict.fromkeys(label for _, label, _ in records))
+            what = f"line {line}: {MEANINGS[flag]}" + (f" ({labels})" if labels else "")
+            self.notes.append(
+                note(
+                    "event records",
+                    what,
+                    "one site and one header",
+                    "see whether the antenna or its height changed there",
+                )
+            )
+
+    def skip_comment(self) -> bool:
+        """Step over a comment between two epochs, which belongs to no event; whether it was one."""
+        text, behind = line_at(self.buf, int(self.state[self.kernels.PLACE]))
+        if text[LABEL:].strip() != "COMMENT":
+            return False
+        self.state[self.kernels.PLACE] = behind
+        self.state[self.kernels.LINE] += 1
+        return True
+
+    def refusal(self, status: int) -> InputError:
+        """What is wrong at the state's fault."""
+        k, state = self.kernels, self.state
+        text, behind = (
+            line_at(self.buf, int(state[k.AT]))
+            if state[k.AT] < self.buf.size
+            else ("", self.buf.size)
+        )
+        line, seen = int(state[k.AT_LINE]), shown(text.strip())
+        if status == k.CUT or (behind >= self.buf.size and not self.complete):
+            start, _ = line_at(self.buf, int(state[k.PLACE]))
+            epoch = f"the epoch of line {state[k.LINE]} ({start[:32].strip(' >')})"
+            return InputError.at(
+                self.path,
+                line,
+                f"truncated: the file ends within {epoch}; copy it again, or delete the lines from"
+                f" {state[k.LINE]} on",
+            )
+        if status == k.BAD_EPOCH and "RINEX VERSION" in text[LABEL:]:
+            return InputError.at(
+                self.path,
+                line,
+                "a second header: files were put together; give one of them, or join them with"
+                " gfzrnx or teqc",
+            )
+        if status == k.BAD_EPOCH:
+            return InputError.at(self.path, line, f"{seen} where an epoch must begin; {DAMAGED}")
+        if status == k.BAD_SATELLITE:
+            return InputError.at(
+                self.path,
+                line,
+                f"{seen} names no satellite of the epoch in line {state[k.LINE]}; {DAMAGED}",
+            )
+        if status == k.NEW_SYSTEM:
+            name = SYSTEM_NAMES[SYSTEMS[int(state[k.SYSTEM])]]
+            return InputError.at(
+                self.path,
+                line,
+                f"{seen}: the header lists no types of observation of {name}; complete the header",
+            )
+        if status == k.TWICE:
+            return InputError.at(
+                self.path,
+                line,
+                f"{seen}: this satellite stands twice in the epoch of line {state[k.LINE]};"
+                f" {DAMAGED}",
+            )
+        what = (
+            "a field of 14 columns is no number with a decimal point, or something stands behind"
+            " the last type"
+        )
+        return InputError.at(self.path, line, f"{what}: {seen}; {DAMAGED}")
+
+    def refuse_cut_line(self) -> None:
+        """Refuse a last line without an end whose last number is not whole, and note one that is."""
+        if self.complete:
+            return
+        tail = decode(bytes(self.buf[-4096:-1])).rpartition("\n")[2]
+        width = len(tail.rstrip()) - (3 if self.header.version >= 3 else 0)
+        if width > 0 and width % 16 not in (14, 15, 0):
+            line = int(self.state[self.kernels.LINE]) - 1
+            raise InputError.at(
+                self.path,
+                line,
+                f"truncated: the file ends within a number: {shown(tail.strip())}; copy it again",
+            )
+        self.notes.append(
+            note(
+                "end of the file",
+                "the last line has no end, so the file may be cut",
+                "a line's end",
+                "copy it again",
+            )
+        )
+
+    def observations(self) -> Observations:
+        """What was read; epochs that repeat the one before are left out and counted."""
+        k = self.kernels
+        n, m = int(self.state[k.EPOCHS]), int(self.state[k.ROWS])
+        ticks, flags = self.ticks[:n], self.flags[:n]
+        real = flags < SLIPS
+        if not real.any():
+            raise InputError.at(
+                self.path, None, "holds no epoch; check that the recording was copied whole"
+            )
+        stamps = _gpst(
+            self.path,
+            self.header,
+            self.notes,
+            ticks,
+            flags,
+            [ticks for _, ticks, _, _ in self.found],
+        )
+        week = int(stamps[0][np.argmax(real)] // TICKS_PER_WEEK)
+        time, when = ((part - week * TICKS_PER_WEEK) / k.TICKS_PER_S for part in stamps)
+        epoch, rows = self.epoch[:m], slice(0, m)
+        names = np.array([f"{s}{number:02d}" for s in SYSTEMS for number in range(100)])
+        satellite = names[self.satellite[rows]]
+        slips = None
+        if not real.all():
+            slip = ~real[epoch]
+            slips = CycleSlips(time[epoch[slip]], satellite[slip], self.values[rows][slip])
+        taken = self.increasing(time, real, epoch, satellite)
+        values, lock, strength = self.values[rows], self.lock[rows], self.strength[rows]
+        if not taken.all():
+            kept = taken[epoch]
+            place = np.cumsum(taken) - 1
+            epoch, satellite = place[epoch][kept], satellite[kept]
+            values, lock, strength = values[kept], lock[kept], strength[kept]
+        records = tuple(
+            EventRecord(flag, float(t) if stamp >= 0 else None, line, lines)
+            for t, (flag, stamp, line, lines) in zip(when, self.found, strict=True)
+        )
+        events = np.array([record.time for record in records if record.flag == 5], dtype=np.float64)
+        return Observations(
+            *(
+                self.header,
+                week,
+                time[taken],
+                flags[taken],
+                self.clock[:n][taken],
+                epoch,
+                satellite,
+                tuple(self.signals),
+            ),
+            *(values, lock, strength, events, records, slips, tuple(self.notes)),
+        )
+
+    def increasing(
+        self,
+        time: Array,
+        real: NDArray[np.bool_],
+        epoch: NDArray[np.int64],
+        satellite: NDArray[np.str_],
+    ) -> NDArray[np.bool_]:
+        """Which epochs to take: observations, each stamp once; InputError where time falls, or a
+        stamp comes again with other values.
+        """
+        places = np.flatnonzero(real)
+        bad = np.flatnonzero(np.diff(time[places]) <= 0)
+        taken = real.copy()
+        for b in bad:
+            first, again = int(places[b]), int(places[b + 1])
+            one, other = (slice(*np.searchsorted(epoch, (e, e + 1))) for e in (first, again))
+            alike = time[first] == time[again] and np.array_equal(satellite[one], satellite[other])
+            if not alike or not np.array_equal(
+                self.values[one], self.values[other], equal_nan=True
+            ):
+                what = (
+                    f"time {time[again]:.7f} s follows {time[first]:.7f} s in line"
+                    f" {self.lines[first]}; time must increase"
+                )
+                raise InputError.at(
+                    self.path, int(self.lines[again]), f"{what}; sort the file or split it here"
+                )
+            taken[again] = False
+        if bad.size:
+            self.notes.append(
+                note(
+                    "epochs",
+                    f"{bad.size} of {places.size} epochs repeat the one before and were left out",
+                )
+            )
+        return taken
+
+
+def _gpst(
+    path: Source,
+    header: RinexHeader,
+    notes: list[Check],
+    ticks: NDArray[np.int64],
+    flags: NDArray[np.int8],
+    events: Sequence[int],
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Ticks of epochs and events since 1980-01-06, GPST."""
+    second = TICKS_PER_WEEK // int(WEEK_S)
+    found = np.array(events, dtype=np.int64)
+    if header.clock is None:
+        notes.append(
+            note(
+                "clock of the stamps",
+                "the header names none; taken for GPS time",
+                "a time system in TIME OF FIRST OBS",
+                "check it",
+            )
+        )
+    if header.clock == "GLO":
+        leap = int(leap_seconds(float(ticks[flags < SLIPS][0]) / second + GPS_EPOCH_UNIX_S))
+        return ticks + leap * second, found + leap * second
+    shift = BDT_BEHIND_S * second if header.clock == "BDT" else 0
+    return ticks + shift, found + shift

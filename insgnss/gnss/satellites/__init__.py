@@ -1,0 +1,1 @@
+"""Satellites: broadcast orbits, the geometry seen by rover and base, carrier frequencies."""

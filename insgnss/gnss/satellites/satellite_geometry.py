@@ -1,0 +1,128 @@
+"""What rover and base observe in common: their epochs, and the satellites that carry the engine's
+positions.
+
+A fix belongs to the nearest epoch of the rover, a rover's epoch to the nearest one of the base.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.errors import InputError
+from ...geodesy.frames import geodetic_to_ecef
+from ...geodesy.gpstime import WEEK_S
+from ...records import GnssFixes
+from ..atmosphere.engine_weighting import GLONASS_WEIGHT, carrying_systems
+from ..engine.options import EngineOptions
+from ..rinex.navigation_message import Navigation
+from .frequencies import engine_phases
+from .orbits import ranges, satellite_states, sky, unique_satellites
+from .visible_satellites import Sky
+
+if TYPE_CHECKING:
+    from ..rinex.observations import Observations
+
+Array = NDArray[np.float64]
+
+AS_USUAL = EngineOptions()
+# s, between the stamp of an epoch and its position's, or the base's: clocks that receivers do not
+# steer
+LARGEST_OFFSET_S = 0.02
+
+
+def common_sky(
+    rover: "Observations",
+    base: "Observations",
+    navigation: Navigation,
+    fixes: GnssFixes,
+    options: EngineOptions = AS_USUAL,
+) -> Sky:
+    """Satellites that carry the engine's positions at each of `fixes`: of `carrying_systems`, with
+    an ephemeris, above the mask, whose phases rover and base both observe.
+
+    Raises InputError where fixes and observations are of different times.
+    """
+    at = epochs_of(fixes, rover)
+    bands = common_bands(rover, base, options.frequencies).sum(axis=1)
+    codes, which = unique_satellites(rover.satellite)
+    carries = np.array([code[0] in carrying_systems(options) for code in codes], dtype=np.bool_)[
+        which
+    ]
+    rows = np.flatnonzero(carries & (bands > 0))
+    start = np.searchsorted(rover.epoch[rows], at)
+    count = np.searchsorted(rover.epoch[rows], at, side="right") - start
+    epoch = np.repeat(np.arange(at.size), count)
+    taken = rows[np.arange(epoch.size) - np.repeat(np.cumsum(count) - count, count) + start[epoch]]
+    satellite = rover.satellite[taken]
+    states = satellite_states(
+        navigation.of_week(rover.gps_week), satellite, rover.time[rover.epoch[taken]]
+    )
+    antenna = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)[epoch]
+    azimuth, elevation = sky(ranges(states.position, antenna)[1], antenna)
+    high = elevation >= np.radians(options.elevation_mask_deg)
+    codes, which = unique_satellites(satellite[high])
+    letters = sorted({code[0] for code in codes})
+    system = np.array([letters.index(code[0]) for code in codes], dtype=np.int64)[which]
+    weight = np.where(
+        np.array([code[0] == "R" for code in codes], dtype=np.bool_), GLONASS_WEIGHT, 1.0
+    )[which]
+    return Sky(
+        epoch[high],
+        azimuth[high],
+        elevation[high],
+        system,
+        weight * bands[taken][high],
+        taken[high],
+    )
+
+
+def epochs_of(fixes: GnssFixes, rover: "Observations") -> NDArray[np.int64]:
+    """Epoch of the rover of each fix (n,), the nearest; InputError where there is none within
+    `LARGEST_OFFSET_S`.
+    """
+    shift = (fixes.gps_week - rover.gps_week) * WEEK_S if fixes.gps_week is not None else 0.0
+    at = _nearest(rover.time, fixes.time + shift)
+    if (off := np.abs(rover.time[at] - fixes.time - shift) > LARGEST_OFFSET_S).any():
+        first = fixes.time[int(np.argmax(off))]
+        what = (
+            f"{int(off.sum())} of {off.size} positions, the first at {first:.3f} s, are not at"
+            " epochs of the rover"
+        )
+        raise InputError(
+            f"{fixes.source or 'positions'}: {what} (limit {LARGEST_OFFSET_S:g} s); are they of"
+            " this flight?"
+        )
+    return at
+
+
+def _nearest(grid: Array, time: Array) -> NDArray[np.int64]:
+    """Place in the increasing `grid` (n,) nearest to each of `time`."""
+    return np.searchsorted(0.5 * (grid[1:] + grid[:-1]), time)
+
+
+def base_rows(rover: "Observations", base: "Observations") -> NDArray[np.int64]:
+    """Row (m,) of the base of the same satellite at the base's epoch nearest to that of each row of
+    the rover, or -1.
+    """
+    near = _nearest(base.time + (base.gps_week - rover.gps_week) * WEEK_S, rover.time)
+    _, which = unique_satellites(np.concatenate([rover.satellite, base.satellite]))
+    mine = which[: rover.satellite.size] * base.time.size + near[rover.epoch]
+    theirs = which[rover.satellite.size :] * base.time.size + base.epoch
+    order = np.argsort(theirs)
+    row = order[np.minimum(np.searchsorted(theirs[order], mine), theirs.size - 1)]
+    return np.where(theirs[row] == mine, row, -1)
+
+
+def common_bands(
+    rover: "Observations", base: "Observations", frequencies: int
+) -> NDArray[np.bool_]:
+    """Whether each row of the rover and its satellite's at the base have a phase in each of the
+    engine's frequencies (m, frequencies).
+    """
+    row = base_rows(rover, base)
+    return (
+        engine_phases(rover, frequencies)
+        & engine_phases(base, frequencies)[row]
+        & (row >= 0)[:, None]
+    )

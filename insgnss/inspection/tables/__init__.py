@@ -1,0 +1,1 @@
+"""Unknown tables: which column is what, which clock, which units."""

@@ -1,0 +1,110 @@
+"""The tables inside a file as grids of numbers: of text, MATLAB and numpy, named as the file names
+them.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...formats import load_content
+from ...records import Array
+from .clocks import seconds_and_nanoseconds
+from .names import Grid
+
+FEWEST_ROWS = 20
+DAY_FIRST, YEAR_FIRST = (
+    re.compile(r"\b\d{1,2}-[A-Z][a-z]{2}-\d{4}\b"),
+    re.compile(r"\b\d{4}-\d{2}-\d{2}\b"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A grid inside a file: what the file calls its columns, and the variable that holds them,
+    where it has variables.
+    """
+
+    grid: Grid
+    fields: tuple[str, ...]
+    variable: str | None = None
+
+
+def tables_of_file(path: Path) -> Iterator[Table]:
+    """Tables of numbers that a file holds; InputError where it cannot be read."""
+    suffix = path.suffix.lower()
+    form = {".mat": "matlab", ".npy": "npy", ".npz": "npy"}.get(suffix)
+    if form is not None:
+        yield from _content_tables(path, load_content(form, path))
+    else:
+        yield from _text_tables(path)
+
+
+def _content_tables(path: Path, content: Any) -> Iterator[Table]:
+    """Matrices, structs of columns, and variables of one length."""
+    from ...formats.arrays.content import tables_of, take_columns
+
+    for info in tables_of(content):
+        if info.rows < FEWEST_ROWS or not info.columns:
+            continue
+        columns = take_columns(
+            path, content, {name: name for name in info.columns}, info.name or None
+        )
+        names = tuple(None if name.startswith("[") else name for name in info.columns)
+        yield Table(
+            Grid(np.column_stack(list(columns.values())), names), info.columns, info.name or None
+        )
+
+
+def _text_tables(path: Path) -> Iterator[Table]:
+    from ...formats.text.text import read_table
+
+    table = read_table(path, whole=False)
+    yield _text_table(table.layout, table.values)
+
+
+def _text_table(layout: Any, values: Array) -> Table:
+    names = layout.header_fields or (None,) * layout.n_fields
+    nanos = {}
+    for whole, fine in seconds_and_nanoseconds(names).items():
+        if (
+            values[:, fine].min() >= 0.0
+            and values[:, fine].max() < 1e9
+            and np.ptp(values[:, fine]) > 0.0
+        ):
+            nanos[whole] = fine
+    if nanos:
+        values = values.copy()
+        for whole, fine in nanos.items():
+            values[:, whole] += 1e-9 * values[:, fine]
+    return Table(Grid(values, tuple(names), nanos), tuple(name or "" for name in names))
+
+
+def date_in(path: Path) -> np.datetime64 | None:
+    """A date among the texts of a MATLAB file, such as 10-Oct-2012 or 2012-10-10; None without
+    exactly one.
+    """
+    if path.suffix.lower() != ".mat":
+        return None
+    from ...formats.arrays.matlab import load_matlab
+
+    found: set[np.datetime64] = set()
+
+    def visit(node: Any) -> None:
+        if isinstance(node, Mapping):
+            for value in node.values():
+                visit(value)
+        elif isinstance(node, str):
+            for pattern, form in (DAY_FIRST, "%d-%b-%Y"), (YEAR_FIRST, "%Y-%m-%d"):
+                for text in pattern.findall(node):
+                    try:
+                        found.add(np.datetime64(datetime.strptime(text, form).date()))
+                    except ValueError:
+                        continue
+
+    visit(load_matlab(path))
+    return found.pop() if len(found) == 1 else None

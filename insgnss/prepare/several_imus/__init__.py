@@ -1,0 +1,1 @@
+"""Several IMUs on one rigid body: combined into one, and compared."""

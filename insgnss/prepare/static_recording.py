@@ -1,0 +1,427 @@
+"""Is a recording fit to tell the noise of its sensor: at rest, whole, alive, in the right units,
+finer than its own rounding?
+
+Blocks of a second carry what tells: their means and variances. A sensor at rest has noise and a
+bias that wanders, and both are Gaussian, so in each channel
+
+    log of the variance in a block, difference of two neighbouring means, difference of two neighbouring means of ten blocks      (S.1)
+
+scatter about their medians like normal deviates whose sigma is 1.4826 median |deviation|. One that
+is beyond eight sigma is no noise: it is a knock, a person walking by, a tilt of the table, or a
+jump of the bias (a step, where only the means of ten blocks show it). Slow wander of the bias does
+not trigger it, since its own differences are the scale. Rest itself is judged by `still`, with
+limits of its own.
+
+Rounding to a step s adds s^2/12 of white noise as long as the noise before it exceeds half a step
+(Widrow and Kollar 2008, chapter 5); below that the rounding error follows the signal, and no
+variance tells the sensor's noise any more.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import DataError
+from ..base.units import STANDARD_GRAVITY
+from ..records import Array, Check, ImuSamples, Verdict
+from ..records.variances import MAD_TO_SIGMA
+from .gaps import LACKING, find_gaps, nominal_interval
+from .stationarity import MAX_BIAS, NORM_HIGH, NORM_LOW, Stretches, still_stretches
+from .stuck_channels import CHANNELS, LONGER, constant_runs
+
+LEAST_S = 60.0
+STUCK_S, STUCK_SAMPLES = 5.0, 10
+BLOCK_S, LEAST_IN_BLOCK, LONG_BLOCKS = 1.0, 20, 10
+SIGMAS, STRONG = 8.0, 20.0
+NEAR = 0.1  # of the mean force to gravity, for a unit to be told
+LEAST_RISE = 0.3  # of the log of a variance: what a thermal fan does to it is not worth a word
+REST_SHARE = 0.9
+FINE = 1.5  # samples scatter by so many steps of their rounding
+ROUNDED = 0.5  # below it the rounding hides the noise
+PROBED = 200_000
+RAIL_RUN, RAIL_SIGMAS = 3, 6.0
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """What is no noise of the sensor: begin and length in s from the recording's start, channel,
+    kind, size in robust sigmas.
+    """
+
+    begin_s: float
+    length_s: float
+    channel: str
+    kind: str
+    sigmas: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.kind} at {self.begin_s:.0f} s for {self.length_s:.0f} s ({self.channel},"
+            f" {self.sigmas:.0f} sigma)"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class StaticSpan:
+    """The samples that serve, as mean rates in SI at equal intervals, and what the checks say.
+
+    gyro, accel : (n, 3) rad/s and m/s^2.
+    rate_hz : samples a second.
+    begin_s : of the span, from the recording's first sample.
+    filled : samples that stand for missing ones.   disturbances : the strongest first.
+    """
+
+    gyro: Array
+    accel: Array
+    rate_hz: float
+    begin_s: float
+    filled: int
+    checks: tuple[Check, ...]
+    disturbances: tuple[Disturbance, ...]
+
+    @property
+    def length_s(self) -> float:
+        """Length, s."""
+        return len(self.gyro) / self.rate_hz
+
+
+def static_span(
+    imu: ImuSamples, skip_s: float = 0.0, keep_s: float = np.inf, bridge_s: float = 0.0
+) -> StaticSpan:
+    """The longest unbroken span of a recording and its checks; a check that says "contradiction"
+    makes it unfit.
+
+    skip_s, keep_s : what is left out at the beginning, and how much is taken from there on.
+    bridge_s : gaps up to this length are filled by the straight line between their ends.
+    """
+    nominal = nominal_interval(imu.time)
+    time = imu.time - imu.time[0]
+    lo, hi = (int(k) for k in np.searchsorted(time, [skip_s - 1e-9, skip_s + keep_s - 1e-9]))
+    if hi - lo < 2:
+        raise DataError(
+            f"{imu.source}: nothing from {skip_s:g} s on; the recording is {time[-1]:.1f} s long;"
+            " skip less"
+        )
+    first, last, whole = _unbroken(time, lo, hi, nominal, bridge_s)
+    place = _places(time[first:last], nominal)
+    filled = int(place[-1]) + 1 - place.size
+    scale = 1.0 / nominal if imu.quantity == "increments" else 1.0
+    gyro, accel = (
+        _even(triad[first:last], place, filled, scale) for triad in (imu.gyro, imu.accel)
+    )
+    rate = float(place[-1] / (time[last - 1] - time[first]))
+    checks = [_rate(time[lo:hi], nominal), whole, _length(len(gyro) / rate)]
+    checks += _channels([*gyro.T, *accel.T], rate)
+    checks.append(_units(gyro, accel))
+    disturbances: tuple[Disturbance, ...] = ()
+    if all(check.verdict != "contradiction" for check in checks):
+        disturbances, rest = _at_rest(gyro, accel, float(time[first]), rate)
+        checks.append(rest)
+    return StaticSpan(
+        gyro, accel, rate, float(time[first]), filled, (*imu.notes, *checks), disturbances
+    )
+
+
+def _length(length_s: float) -> Check:
+    verdict: Verdict = "contradiction" if length_s < LEAST_S else "ok"
+    expected, advice = (
+        f"{LEAST_S:.0f} s and more",
+        "record for longer: hours, where slow processes are to be told",
+    )
+    return Check("length", f"{length_s:.1f} s without interruption", expected, verdict, advice)
+
+
+def _rate(time: Array, nominal: float) -> Check:
+    """Stamps that come in bunches make no rate."""
+    mean = float(time[-1] - time[0]) / max(time.size - 1, 1)
+    found = f"{1.0 / nominal:.6g} Hz, {time[-1] - time[0]:.1f} s, {time.size} samples"
+    if nominal < 0.5 * mean:
+        advice = (
+            "the stamps come in bunches: leave their column out and give the sensor's rate"
+            " (--columns, --rate)"
+        )
+        return Check(
+            "sampling",
+            f"{found}; median interval {nominal:.3g} s, mean {mean:.3g} s",
+            "even stamps",
+            "contradiction",
+            advice,
+        )
+    return Check("sampling", found, "even stamps")
+
+
+def _unbroken(
+    time: Array, lo: int, hi: int, nominal: float, bridge_s: float
+) -> tuple[int, int, Check]:
+    """First sample, the one after the last of the longest span without a gap that is not bridged,
+    and what to say of the gaps.
+    """
+    expected = "no interval over 1.5 nominal ones"
+    gaps = find_gaps(time[lo:hi], nominal)
+    if not gaps:
+        return lo, hi, Check("missing samples", "none", expected)
+    step = np.diff(time[lo:hi])
+    cuts = np.flatnonzero(step > max(LACKING * nominal, bridge_s + 1.001 * nominal))
+    edges = np.concatenate([[0], cuts + 1, [hi - lo]])
+    longest = int(np.argmax(np.diff(edges)))
+    first, last = lo + int(edges[longest]), lo + int(edges[longest + 1])
+    worst = max(gaps, key=lambda gap: gap[1])
+    found = f"{len(gaps)} gaps, the longest of {worst[1]:.3g} s at {worst[0]:.1f} s"
+    if cuts.size:
+        share = (last - first) / (hi - lo)
+        found += (
+            f"; used is the longest span without, {time[first]:.1f} to {time[last - 1]:.1f} s,"
+            f" {share:.0%} of the samples"
+        )
+    if bridge_s:
+        found += f"; gaps up to {bridge_s:g} s are filled by straight lines"
+    return (
+        first,
+        last,
+        Check(
+            "missing samples",
+            found,
+            expected,
+            "note",
+            "" if bridge_s else "--bridge SECONDS fills short gaps instead",
+        ),
+    )
+
+
+def _places(time: Array, nominal: float) -> NDArray[np.int64]:
+    """Number of each sample on a grid of equal intervals."""
+    step = np.diff(time)
+    whole = np.where(step > LACKING * nominal, np.rint(step / nominal), 1.0)
+    return np.concatenate([[0], np.cumsum(whole)]).astype(np.int64)
+
+
+def _even(values: Array, place: NDArray[np.int64], filled: int, scale: float) -> Array:
+    """(n, 3) on the grid, in rates."""
+    if filled:
+        grid = np.arange(place[-1] + 1)
+        values = np.column_stack([np.interp(grid, place, column) for column in values.T])
+    return values if scale == 1.0 else values * scale
+
+
+def _channels(columns: list[Array], rate: float) -> list[Check]:
+    """Channels that hang, rails and rounding."""
+    named = list(zip(CHANNELS, columns, strict=True))
+    expected = f"no channel constant for over {STUCK_S:.0f} s"
+    if stuck := [f"{name} {how}" for name, column in named if (how := _stuck(column, rate))]:
+        advice = "the sensor is dead, its column is wrong, or its driver hides small values"
+        return [Check("constant channel", "; ".join(stuck), expected, "contradiction", advice)]
+    checks = [Check("constant channel", "every channel alive", expected)]
+    size = max(LEAST_IN_BLOCK, round(BLOCK_S * rate))
+    coarse = [(name, *found) for name, column in named if (found := _rounding(column, size))]
+    if coarse:
+        names, steps = (
+            ", ".join(name for name, _, _ in coarse),
+            ", ".join(f"{n:.2g}" for _, n, _ in coarse),
+        )
+        shares = ", ".join(f"{100 / 12 / n**2:.0f}" for _, n, _ in coarse)
+        what = (
+            f"{names} scatter by {steps} steps of their resolution, {shares} % of the variance is"
+            " rounding"
+        )
+        hidden = min(n for _, n, _ in coarse) < ROUNDED
+        verdict: Verdict = "contradiction" if hidden else "note"
+        advice = (
+            "the rounding hides the noise: record with a finer range"
+            if hidden
+            else "the white noise found contains the rounding"
+        )
+        checks.append(
+            Check("rounding", what, f"samples scatter by {FINE} steps and more", verdict, advice)
+        )
+    if rails := [f"{name} {how}" for name, column in named if (how := _rail(column))]:
+        checks.append(
+            Check(
+                "range",
+                "; ".join(rails),
+                "no reading at the end of the range",
+                "note",
+                "a knock, or a range too small",
+            )
+        )
+    return checks
+
+
+def _stuck(column: Array, rate: float) -> str:
+    """How a channel hangs, or nothing."""
+    if column.min() == column.max():
+        return f"is {column[0]:z.6g} throughout"
+    probed = column[:PROBED]
+    p = min(max(float(np.mean(probed[1:] == probed[:-1])), 1e-6), 0.9999)
+    shortest = int(
+        max(STUCK_SAMPLES, STUCK_S * rate, LONGER * np.log(column.size) / np.log(1.0 / p))
+    )
+    runs = constant_runs(column, shortest + 1)
+    if not runs:
+        return ""
+    first, last = max(runs, key=lambda run: run[1] - run[0])
+    return (
+        f"stays at {column[first]:z.6g} for {(last - first + 1) / rate:.1f} s from"
+        f" {first / rate:.1f} s on"
+    )
+
+
+def _units(gyro: Array, accel: Array) -> Check:
+    """Gravity and the smallness of the rate at rest against the units."""
+    name, expected = (
+        "units",
+        (
+            f"|mean force| {NORM_LOW} to {NORM_HIGH} m/s^2, mean rate below"
+            f" {np.degrees(MAX_BIAS):.1f} deg/s"
+        ),
+    )
+    force, rate = float(np.linalg.norm(accel.mean(axis=0))), float(np.abs(gyro.mean(axis=0)).max())
+    found = f"|mean force| {force:.4g} m/s^2, mean rate {np.degrees(rate):.3g} deg/s"
+    if not NORM_LOW < force < NORM_HIGH:
+        factors = {"g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY}
+        near = [
+            unit
+            for unit, factor in factors.items()
+            if abs(force * factor / STANDARD_GRAVITY - 1.0) < NEAR
+        ]
+        one = f"{STANDARD_GRAVITY / max(force, 1e-12):.4g} m/s^2"
+        advice = (
+            f"the values look like {near[0]}: give --accel-unit {near[0]}"
+            if near
+            else f"if these are counts, --accel-unit {one!r}"
+        )
+        return Check(name, found, expected, "contradiction", f"{advice}; gravity must be in them")
+    if rate > MAX_BIAS:
+        return Check(
+            name,
+            found,
+            expected,
+            "contradiction",
+            "it turns, or the unit is another: give --gyro-unit, deg/s or that of a count",
+        )
+    return Check(name, found, expected)
+
+
+def _rounding(column: Array, size: int) -> tuple[float, float] | None:
+    """Scatter of the samples in steps of their resolution, and the step, where that is coarse."""
+    probed = column[: min(PROBED, len(column) // size * size) // size * size]
+    values = np.unique(probed)
+    if values.size < 2 or values.size > probed.size // 4:
+        return None
+    step = float(np.quantile(np.diff(values), 0.2))
+    scatter = float(np.sqrt(np.median(probed.reshape(-1, size).var(axis=1))))
+    return None if scatter > FINE * step else (max(scatter / step, 1e-3), step)
+
+
+def _rail(column: Array) -> str:
+    """A reading at the end of the range: the same extreme value, far off, several times in a row."""
+    mean, sigma = float(column.mean()), float(column.std())
+    for extreme in (column.min(), column.max()):
+        if abs(extreme - mean) > RAIL_SIGMAS * sigma:
+            at = np.flatnonzero(column == extreme)
+            if (
+                at.size >= RAIL_RUN
+                and (at[RAIL_RUN - 1 :] - at[: 1 - RAIL_RUN] == RAIL_RUN - 1).any()
+            ):
+                return f"stands at {extreme:.4g} {at.size} times"
+    return ""
+
+
+def _at_rest(
+    gyro: Array, accel: Array, begin: float, rate: float
+) -> tuple[tuple[Disturbance, ...], Check]:
+    """Disturbances, and what to say of rest."""
+    length = len(gyro) / rate
+    still = still_stretches(ImuSamples(np.arange(len(gyro)) / rate, gyro, accel))
+    share = float(np.sum(still.time[:, 1] - still.time[:, 0]) / length)
+    name, expected = "motion", f"at rest for {REST_SHARE:.0%} of the time and more"
+    if share < REST_SHARE:
+        scatter = ", ".join(
+            f"{x.std(axis=0).max():.2g} {unit}" for x, unit in ((gyro, "rad/s"), (accel, "m/s^2"))
+        )
+        advice = (
+            "a moving sensor shows its motion, not its noise: give a recording at rest, or cut one"
+            " out with --skip and --keep; if it was at rest, check the units: it scatters by"
+            f" {scatter}"
+        )
+        return (), Check(
+            name,
+            f"at rest for {share:.0%} of the time{_longest(still, begin)}",
+            expected,
+            "contradiction",
+            advice,
+        )
+    found = _disturbances(np.column_stack([gyro, accel]), begin, rate)
+    if not found:
+        return (), Check(name, "at rest throughout", expected)
+    more = f" and {len(found) - 3} more" if len(found) > 3 else ""
+    how = "disturbed" if found[0].sigmas > STRONG else "slightly disturbed"
+    advice = (
+        "leave the recording out, cut it with --skip and --keep, or fit with --robust"
+        if found[0].sigmas > STRONG
+        else ""
+    )
+    return found, Check(
+        name, f"{how}: {'; '.join(map(str, found[:3]))}{more}", "nothing but noise", "note", advice
+    )
+
+
+def _longest(still: Stretches, begin: float) -> str:
+    if not len(still):
+        return ""
+    lo, hi = still.time[int(np.argmax(still.time[:, 1] - still.time[:, 0]))] + begin
+    return f", longest from {lo:.0f} to {hi:.0f} s"
+
+
+def _disturbances(x: Array, begin: float, rate: float) -> tuple[Disturbance, ...]:
+    """All beyond `SIGMAS` (S.1), merged where they touch."""
+    size = max(LEAST_IN_BLOCK, round(BLOCK_S * rate))
+    blocks = len(x) // size
+    if blocks < 4 * LONG_BLOCKS:
+        return ()
+    cut = x[: blocks * size].reshape(blocks, size, -1)
+    mean, power = cut.mean(axis=1), np.log(np.maximum(cut.var(axis=1), 1e-300))
+    long = _moving_mean(mean, LONG_BLOCKS)
+    scores = np.zeros((3, blocks, x.shape[1]))
+    scores[0] = _score(power, LEAST_RISE / SIGMAS)
+    scores[1, 1:] = _score(np.diff(mean, axis=0), 0.0)
+    half = long.shape[0] - LONG_BLOCKS
+    scores[2, LONG_BLOCKS : LONG_BLOCKS + half] = _score(long[LONG_BLOCKS:] - long[:half], 0.0)
+    scores[0] = np.maximum(scores[0], 0.0)
+    beyond = np.flatnonzero((np.abs(scores) > SIGMAS).any(axis=(0, 2)))
+    if not beyond.size:
+        return ()
+    found = []
+    for run in np.split(beyond, np.flatnonzero(np.diff(beyond) > LONG_BLOCKS) + 1):
+        part = np.abs(scores[:, run[0] : run[-1] + 1])
+        channel = int(np.argmax(part.max(axis=(0, 1))))
+        quick = bool(part[:2].max() > SIGMAS)
+        lo, hi = _quick_span(part[:2], run[0]) if quick else (run[0], run[-1] + 1)
+        kind = "shaken" if quick else "step"
+        found.append(
+            Disturbance(
+                begin + lo * size / rate,
+                (hi - lo) * size / rate,
+                CHANNELS[channel],
+                kind,
+                float(part.max()),
+            )
+        )
+    return tuple(sorted(found, key=lambda d: -d.sigmas))
+
+
+def _quick_span(part: Array, first: int) -> tuple[int, int]:
+    at = np.flatnonzero((part > SIGMAS).any(axis=(0, 2)))
+    return first + int(at[0]), first + int(at[-1]) + 1
+
+
+def _moving_mean(x: Array, width: int) -> Array:
+    total = np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(x, axis=0)])
+    return np.asarray((total[width:] - total[:-width]) / width)
+
+
+def _score(x: Array, least: float) -> Array:
+    """Deviations from the median in robust sigmas, column by column."""
+    off = x - np.median(x, axis=0)
+    sigma = np.maximum(MAD_TO_SIGMA * np.median(np.abs(off), axis=0), least)
+    return np.asarray(off / np.where(sigma > 0.0, sigma, np.inf))

@@ -1,0 +1,205 @@
+"""Rules on how well the flight as a whole is known, and why.
+
+Each compares a sigma with that of a good flight (an RTK fix every 0.1 to 1 s, turns between the
+lines, an IMU of the class of a NavChip); the limits stand below.
+"""
+
+import math
+from collections.abc import Iterator
+
+from .wording import Figures, Limit, degrees, millimetres, tilt
+
+GOOD_HORIZONTAL_MM, GOOD_TILT_DEG, GOOD_HEADING_DEG = 50.0, 0.05, 0.15
+GOOD_GYRO_DEG_H = 60.0
+CODE_MM = 500.0  # horizontal sigma beyond which no ambiguities were fixed
+HEIGHT_RATIO = 2.0  # of the vertical to one horizontal sigma
+OF_FIXES = 0.7  # of that ratio, from which on the fixes themselves explain it
+MINUTE_S = 60.0
+SIGNIFICANT = 3.0  # sigmas of an estimated constant
+REMARK, MOST_NAMED = 0.5, 4
+EARTH_RATE_DEG_H = 15.041
+
+
+def standing(f: Figures) -> Iterator[Limit]:
+    """A sensor at a given place."""
+    if not f["standing"]:
+        return
+    attitude, bias = (
+        f["trajectory"]["attitude_deg"]["median"],
+        max(f["biases"]["gyro_sigma_deg_h"][:2]),
+    )
+    level = EARTH_RATE_DEG_H * math.cos(math.radians(f["flight"]["gnss"]["stationary"][0]))
+    rate = level * math.radians(attitude[2])
+    told = (
+        "standing at a given place: attitude from the Earth's rotation and gravity; heading sigma"
+        f" {degrees(attitude[2])}, a level rate known to {rate:.2g} of the Earth's {level:.1f}"
+        f" deg/h, gyro biases to {bias:.2g} deg/h; tilt sigma {degrees(tilt(attitude))}"
+    )
+    turn = "repeat it turned by 180 deg about the vertical, which separates gyro bias and heading"
+    yield Limit(
+        "standing",
+        20.0,
+        told,
+        turn if bias > 0.5 * rate else "stand for longer: the gyros' noise averages out",
+    )
+
+
+def code(f: Figures) -> Iterator[Limit]:
+    """Absolute position where no ambiguities were fixed."""
+    north, east, down = f["trajectory"]["position_mm"]["median"]
+    horizontal = math.hypot(north, east)
+    if horizontal < CODE_MM:
+        return
+    told = (
+        f"absolute position is known to {millimetres(horizontal)} horizontally and"
+        f" {millimetres(down)} in height only"
+    )
+    if f["time_correlated_errors"]:
+        slowest = max(error["time_s"] for error in f["time_correlated_errors"])
+        told += (
+            f": the receiver's slow errors stay for {slowest / MINUTE_S:.0f} minutes and no"
+            " averaging removes them"
+        )
+        minute = [_relative_mm(f, axis) for axis in range(3)]
+        if math.hypot(*minute[:2]) < horizontal and minute[2] < down:
+            at_worst = (
+                f"{millimetres(math.hypot(*minute[:2]))} and {millimetres(minute[2])} at the worst"
+            )
+            told += f"; from one minute to the next positions agree to {at_worst}"
+    yield Limit(
+        "absolute position",
+        horizontal / GOOD_HORIZONTAL_MM,
+        told,
+        "process the raw GNSS data with those of a base station (PPK), or fly with RTK",
+    )
+
+
+def _relative_mm(f: Figures, axis: int) -> float:
+    """Sigma of the change in a minute of Gauss-Markov errors, 2 s^2 (1 - exp(-t / T)) each: a bound
+    for what uses the IMU as well.
+    """
+    changes = [
+        2.0 * error["sigma_m"][axis] ** 2 * -math.expm1(-MINUTE_S / error["time_s"])
+        for error in f["time_correlated_errors"]
+    ]
+    return 1e3 * math.sqrt(sum(changes))
+
+
+def heights(f: Figures) -> Iterator[Limit]:
+    """Heights that are much weaker than the rest."""
+    north, east, down = f["trajectory"]["position_mm"]["median"]
+    ratio = down / max(north, east)
+    if ratio < HEIGHT_RATIO or f["standing"]:
+        return
+    sigma = f["innovations"]["median_sigma_mm"]
+    of_fixes = sigma is not None and sigma[2] > OF_FIXES * ratio * max(sigma[:2])
+    told = (
+        f"heights: {ratio:.1f} x the horizontal sigmas ({millimetres(down)} against"
+        f" {millimetres(max(north, east))})"
+    )
+    why, help_ = "the lever arm or the IMU weakens them", "look at the antenna's lever arm down"
+    if of_fixes:
+        why, help_ = (
+            "the fixes are that much weaker there, all satellites being above",
+            "let a control point or two carry the heights",
+        )
+    yield Limit("heights", ratio / HEIGHT_RATIO, f"{told}, because {why}", help_)
+
+
+def overall_attitude(f: Figures) -> Iterator[Limit]:
+    """Heading and tilt of the whole flight against what a good flight shows."""
+    if f["standing"]:
+        return
+    median = (f["exposures"] or f["trajectory"])["attitude_deg"]["median"]
+    if median[2] > GOOD_HEADING_DEG:
+        times = (
+            f"{median[2] / tilt(median):.1f} times that of tilt"
+            if tilt(median) > 0.0
+            else "tilt being known"
+        )
+        told = (
+            f"heading sigma {degrees(median[2])} in the median, {times}: only changes of horizontal"
+            " velocity show it to this IMU"
+        )
+        help_ = "fly sharper and more frequent turns, or use a better gyro or two antennas"
+        yield Limit("heading", median[2] / GOOD_HEADING_DEG, told, help_)
+    if tilt(median) > GOOD_TILT_DEG:
+        same, accel = 1e3 * math.radians(tilt(median)), max(f["biases"]["accel_sigma_mg"][:2])
+        told = (
+            f"tilt sigma {degrees(tilt(median))} in the median, as a level accelerometer's bias of"
+            f" {same:.2g} mg makes it"
+        )
+        told += f"; these biases are known to {accel:.2g} mg at the end"
+        yield Limit(
+            "tilt",
+            tilt(median) / GOOD_TILT_DEG,
+            told,
+            "turn between all lines, or use better fixes or a better IMU",
+        )
+
+
+def gyro_bias(f: Figures) -> Iterator[Limit]:
+    """Gyro biases that the flight left unknown."""
+    sigma = f["biases"]["gyro_sigma_deg_h"]
+    worst = max(range(3), key=lambda k: sigma[k])
+    if sigma[worst] < GOOD_GYRO_DEG_H:
+        return
+    of_minute = degrees(sigma[worst] * MINUTE_S / 3600.0)
+    told = (
+        f"gyro bias {f['biases']['axes'][worst]} known to {sigma[worst]:.0f} deg/h only at the end,"
+        f" {of_minute} a minute"
+    )
+    yield Limit(
+        "gyro bias",
+        sigma[worst] / GOOD_GYRO_DEG_H,
+        told,
+        "record a minute at rest before or after the flight, or fly longer",
+    )
+
+
+def states(f: Figures) -> Iterator[Limit]:
+    """Constants that the flight was to estimate: those it does not determine, and what came out of
+    the others.
+    """
+    typical = max(f["trajectory"]["position_mm"]["median"])
+    of_imu, found = [], []
+    for state in f["states"]:
+        factor, unit = state["per_unit"], state["unit"]
+        if not state["observed"] and state["moves_m"] is None:
+            of_imu.append(state["name"])
+        elif not state["observed"]:
+            told = (
+                f"{state['name']} is not observed: sigma {state['sigma'] * factor:.2g} {unit} of"
+                f" {state['prior'] * factor:.2g} {unit} before the flight,"
+                f" {millimetres(1e3 * state['moves_m'])} of position"
+            )
+            help_ = (
+                "fly changes of speed"
+                if unit == "ms"
+                else "measure it, or turn on the spot and fly figures of eight"
+            )
+            yield Limit("constants", max(1.0, 1e3 * state["moves_m"] / typical), told, help_)
+        elif abs(state["value"]) > SIGNIFICANT * state["sigma"]:
+            found.append(
+                f"{state['name']} {state['value'] * factor:+.3g} +- {state['sigma'] * factor:.2g}"
+                f" {unit}"
+            )
+    if found:
+        yield Limit(
+            "constants",
+            REMARK,
+            f"estimated from the flight, beside what the flight file has: {_some(found)}",
+        )
+    if of_imu:
+        yield Limit(
+            "constants",
+            REMARK,
+            f"not observed by this flight: {_some(of_imu)}",
+            "they may as well not be estimated",
+        )
+
+
+def _some(items: list[str]) -> str:
+    return ", ".join(items[:MOST_NAMED]) + (
+        f" and {len(items) - MOST_NAMED} more" if len(items) > MOST_NAMED else ""
+    )

@@ -1,0 +1,196 @@
+"""Rules on where the result is weakest: a line, an image, an outage, a gap; each against the rest
+of the same flight.
+"""
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+
+from .wording import Figures, Limit, degrees, image_range, millimetres, span, tilt
+
+FIRST_IMAGE_RATIO, LINE_RATIO, WORST_IMAGE_RATIO, OUTAGE_RATIO = (
+    1.5,
+    1.5,
+    3.0,
+    2.0,
+)  # of a sigma over the median
+FEWEST_LINES = 3  # that have a median to be compared with
+TURN_DEG = 60.0  # heading range that counts as a turn
+LONG_IMU_GAP_S = 0.2
+REMARK = 0.5
+
+
+def attitude(f: Figures) -> Iterator[Limit]:
+    """The line, and else the first image, whose heading or tilt is weak, with what was flown before
+    it.
+    """
+    for name in ("heading", "tilt"):
+        line = _weakest(f, f"{name}_deg")
+        if line is not None and (name == "heading" or _ratio(f, line, f"{name}_deg") > 1.0):
+            yield from _on_line(f, line, name, f"{name}_deg", degrees)
+        if line is None or _ratio(f, line, f"{name}_deg") <= 1.0:
+            yield from _first_image(f, name)
+
+
+def position(f: Figures) -> Iterator[Limit]:
+    """The line whose position is weak, but for an outage, which has a rule of its own."""
+    line = _weakest(f, "horizontal_mm")
+    if line is not None and _ratio(f, line, "horizontal_mm") > 1.0 and _outage_on(f, line) is None:
+        yield from _on_line(f, line, "horizontal", "horizontal_mm", millimetres)
+
+
+def _weakest(f: Figures, key: str) -> Figures | None:
+    """The line with the largest of that sigma, where there are enough to compare."""
+    lines: Sequence[Figures] = f["lines"]
+    return max(lines, key=lambda line: float(line[key])) if len(lines) >= FEWEST_LINES else None
+
+
+def _ratio(f: Figures, line: Figures, key: str) -> float:
+    """Sigma of a line over the median of all lines and LINE_RATIO."""
+    median = _median([other[key] for other in f["lines"]])
+    return float(line[key]) / median / LINE_RATIO if median > 0.0 else 0.0
+
+
+def _on_line(
+    f: Figures, line: Figures, name: str, key: str, told: Callable[[float], str]
+) -> Iterator[Limit]:
+    median = _median([other[key] for other in f["lines"]])
+    images = f", {image_range(line)}" if line["images"] else ""
+    where = f"line {line['line']} ({span(line['start_s'], line['end_s'])}{images})"
+    why, help_ = _why(f, line)
+    text = f"{name} sigma {told(line[key])} on {where}, {told(median)} in the median of the lines"
+    rank = _ratio(f, line, key)
+    yield (
+        Limit(name, rank, f"{text}: {why}", help_)
+        if rank > 1.0
+        else Limit(name, rank, f"weakest line: {text}")
+    )
+
+
+def _why(f: Figures, line: Figures) -> tuple[str, str]:
+    """Why a line is weak, and what would help."""
+    outage = _outage_on(f, line)
+    if outage is not None:
+        return (
+            f"no used fix for {outage['length_s']:.1f} s from TOW {outage['time_s']:.1f} s on",
+            "fly the line again",
+        )
+    if line["turned_before_deg"] < TURN_DEG:
+        return "no turn before it", f"fly a turn or a figure of eight before line {line['line']}"
+    if line["turned_after_deg"] < TURN_DEG:
+        return "no turn after it", f"fly a turn or a figure of eight after line {line['line']}"
+    before = f"although the heading turned over {line['turned_before_deg']:.0f} deg before it"
+    return before, "fly faster turns close to the line"
+
+
+def _outage_on(f: Figures, line: Figures) -> Figures | None:
+    """The longest outage that overlaps a line."""
+    at = [
+        o
+        for o in f["outages"]
+        if o["time_s"] < line["end_s"] and o["time_s"] + o["length_s"] > line["start_s"]
+    ]
+    return max(at, key=lambda o: float(o["length_s"]), default=None)
+
+
+def _first_image(f: Figures, name: str) -> Iterator[Limit]:
+    e = f["exposures"]
+    if e is None:
+        return
+    first, median = e["attitude_deg"]["first"], e["attitude_deg"]["median"]
+    at, usual = (first[2], median[2]) if name == "heading" else (tilt(first), tilt(median))
+    if at <= FIRST_IMAGE_RATIO * usual:
+        return
+    turn = e["heading_range_before_first_deg"]
+    turned = f"although the heading turned over {turn:.0f} deg before it"
+    why = (
+        "too little flight before it"
+        if name == "tilt"
+        else "no turn before it"
+        if turn < TURN_DEG
+        else turned
+    )
+    text = f"{name} sigma {degrees(at)} at the first image, {degrees(usual)} in the median: {why}"
+    yield Limit(
+        name,
+        at / usual / FIRST_IMAGE_RATIO,
+        text,
+        "fly a turn or a figure of eight before the first line",
+    )
+
+
+def worst_image(f: Figures) -> Iterator[Limit]:
+    """An image that is much weaker than the others, but for the first."""
+    e = f["exposures"]
+    if e is None:
+        return
+    for name, told, key in (
+        ("position", millimetres, "position_mm"),
+        ("attitude", degrees, "attitude_deg"),
+    ):
+        worst, median = e[key]["worst"], e[key]["median"]
+        ratio = max(worst["sigma"]) / max(median)
+        if ratio > WORST_IMAGE_RATIO and worst["image"] != e["first_image"]:
+            sigmas = f"{told(max(worst['sigma']))} against {told(max(median))} in the median"
+            text = (
+                f"worst {name} at image {worst['image']} (TOW {worst['time_s']:.1f} s): sigma"
+                f" {sigmas}"
+            )
+            yield Limit(
+                "image",
+                ratio / WORST_IMAGE_RATIO,
+                text,
+                "weigh it by its covariance in the adjustment",
+            )
+
+
+def outage(f: Figures) -> Iterator[Limit]:
+    """Times without fixes: the one in which the sigmas grow most, and how many others there are."""
+    if not f["outages"] or f["standing"]:
+        return
+    worst = max(f["outages"], key=lambda o: (float(o["horizontal_mm"]), float(o["length_s"])))
+    median = max(f["trajectory"]["position_mm"]["median"][:2])
+    grown = (
+        f"smoothed sigmas reach {millimetres(worst['horizontal_mm'])} horizontally,"
+        f" {millimetres(worst['down_mm'])} down there"
+    )
+    told = f"no used fix for {worst['length_s']:.1f} s from TOW {worst['time_s']:.1f} s on"
+    if worst["rejected"]:
+        told += f" ({worst['rejected']} were rejected)"
+    if worst["images"]:
+        told += f", {image_range(worst)} in it"
+    others = len(f["outages"]) - 1
+    more = f"; {others} more such {'time' if others == 1 else 'times'}" if others else ""
+    rank = max(1.0, worst["horizontal_mm"] / 2**0.5 / median / OUTAGE_RATIO)
+    help_ = "turn on both sides of an outage" if worst["length_s"] > 10.0 else ""
+    yield Limit("outage", rank, f"{told}: {grown}{more}", help_)
+
+
+def segments(f: Figures) -> Iterator[Limit]:
+    """Segments that were solved by themselves."""
+    spans = f["segments"]
+    if len(spans) > 1:
+        lost = sum(after[0] - before[1] for before, after in itertools.pairwise(spans))
+        text = (
+            f"the flight falls into {len(spans)} segments that know nothing of each other"
+            f" ({lost:.0f} s between them without solution)"
+        )
+        yield Limit("segments", float(len(spans)), text, "find why the IMU's recording breaks off")
+
+
+def gaps(f: Figures) -> Iterator[Limit]:
+    """Missing samples of the IMU."""
+    found = f["imu_gaps"]
+    if found:
+        longest = max(found, key=lambda gap: float(gap["length_s"]))
+        told = (
+            "1 gap of the IMU was bridged,"
+            if len(found) == 1
+            else f"{len(found)} gaps of the IMU were bridged, the longest"
+        )
+        text = f"{told} of {longest['length_s']:.3f} s at TOW {longest['time_s']:.1f} s"
+        yield Limit("IMU gaps", max(REMARK, longest["length_s"] / LONG_IMU_GAP_S), text, "")
+
+
+def _median(x: Sequence[float]) -> float:
+    ordered = sorted(x)
+    return 0.5 * (ordered[(len(x) - 1) // 2] + ordered[len(x) // 2])

@@ -1,0 +1,91 @@
+"""What limits a flight, in plain sentences with numbers, the most important first, from the figures
+of `summary`.
+
+Every rule looks at the figures and yields what it has to say, with a rank: how many times a figure
+exceeds what a good flight shows. The rules and their limits are in `rules_fixes`, `rules_accuracy`
+and `rules_places`.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+
+from . import accuracy as rules_accuracy
+from . import fixes as rules_fixes
+from . import places as rules_places
+from .fixes import contradicted, judged
+from .wording import Figures, Limit, degrees, lengths, tilt
+
+MOST_SAID = 8
+NOTHING_STANDS_OUT = (
+    "nothing stands out: innovations, forward/backward separation and the sigmas of all images are"
+    " those of a good flight"
+)
+
+Rule = Callable[[Figures], Iterator[Limit]]
+
+ON_FIXES: tuple[Rule, ...] = (
+    rules_fixes.rejected,
+    rules_fixes.covariance_resets,
+    rules_fixes.nis,
+    rules_fixes.whiteness,
+    rules_fixes.separation,
+    rules_fixes.time_correlated,
+)
+ON_THE_REST: tuple[Rule, ...] = (
+    rules_accuracy.standing,
+    rules_accuracy.code,
+    rules_places.attitude,
+    rules_places.position,
+    rules_places.worst_image,
+    rules_places.outage,
+    rules_places.segments,
+    rules_places.gaps,
+    rules_accuracy.overall_attitude,
+    rules_accuracy.heights,
+    rules_accuracy.states,
+    rules_accuracy.gyro_bias,
+    rules_fixes.checks,
+)
+
+
+def headline(figures: Figures) -> str:
+    """One line: what accuracy the run claims, and whether its innovations support the claim."""
+    images, fixes = figures["exposures"], figures["counts"]
+    claim = figures["trajectory"] if images is None else images
+    position, attitude = lengths(claim["position_mm"]["median"]), claim["attitude_deg"]["median"]
+    what = "trajectory" if images is None else f"{images['count']} images"
+    told = (
+        f"{what}: median sigmas {position} ({', '.join(claim['axes'])}), tilt"
+        f" {degrees(tilt(attitude))}, heading {degrees(attitude[2])}"
+    )
+    if figures["standing"]:
+        return f"{told}; the sensor stands at a given place, no fixes support them"
+    support = {
+        "consistent": "the innovations agree with them",
+        "overconfident": "the innovations are larger than they say",
+        "conservative": "the innovations are smaller than they say",
+        "unknown": "no fix supports them",
+    }[judged(figures["consistency"]["position"])]
+    if contradicted(figures):
+        support = "but parts of the flight contradict them"
+    return f"{told}; {support} ({fixes['fixes_used']} of {fixes['fixes']} fixes used)"
+
+
+def limits(figures: Figures) -> list[Limit]:
+    """All that limits the flight, and remarks, by falling rank."""
+    rules = ON_THE_REST if figures["standing"] else ON_FIXES + ON_THE_REST
+    return sorted(
+        (limit for rule in rules for limit in rule(figures)), key=lambda limit: -limit.rank
+    )
+
+
+def verdict(found: Sequence[Limit]) -> list[str]:
+    """The first sentences of `limits`; where none of them is more than a remark, one that says so
+    stands before them.
+    """
+    said = [limit.sentence for limit in found[:MOST_SAID]]
+    return said if stands_out(found) else [NOTHING_STANDS_OUT, *said]
+
+
+def stands_out(found: Sequence[Limit]) -> bool:
+    """Whether anything is more than a remark."""
+    return any(limit.rank >= 1.0 for limit in found)

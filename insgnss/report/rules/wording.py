@@ -1,0 +1,78 @@
+"""How limits are said: one sentence with its rank, and numbers as a surveyor reads them."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ...base.units import STANDARD_GRAVITY
+
+Figures = Mapping[str, Any]
+
+DEG_H_PER_RAD_S = math.degrees(1.0) * 3600.0
+MG_PER_M_S2 = 1e3 / STANDARD_GRAVITY
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One thing that limits a flight.
+
+    topic : what it is about, one word or two.
+    rank : how many times it exceeds what a good flight shows; below 1 it is a remark.
+    text : what, how much, where and why.   help : what would help, or nothing.
+    """
+
+    topic: str
+    rank: float
+    text: str
+    help: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """Text and help in one."""
+        return f"{self.text}; {self.help}" if self.help else self.text
+
+
+def millimetres(x: float, unit: bool = True) -> str:
+    """Length in mm with two significant digits at least, in m from 1 m on where the unit is told."""
+    if unit and abs(x) >= 1e3:
+        return f"{x / 1e3:.2f} m" if abs(x) < 1e4 else f"{x / 1e3:.1f} m"
+    return f"{x:z.1f}{' mm' if unit else ''}" if abs(x) < 100 else f"{x:.0f}{' mm' if unit else ''}"
+
+
+def lengths(x: Sequence[float]) -> str:
+    """Lengths given in mm side by side, with their common unit."""
+    if max(abs(value) for value in x) >= 1e3:
+        return " / ".join(f"{value / 1e3:.2f}" for value in x) + " m"
+    return " / ".join(millimetres(value, unit=False) for value in x) + " mm"
+
+
+def degrees(x: float) -> str:
+    """Angle in deg with two significant digits."""
+    return f"{x:.2g} deg" if abs(x) < 10 else f"{x:.0f} deg"
+
+
+def span(start: float, end: float) -> str:
+    """A piece of the flight by its time of week."""
+    return f"TOW {start:.1f} to {end:.1f} s"
+
+
+def tilt(attitude: Sequence[float]) -> float:
+    """The larger of the two level angles of an attitude's sigmas."""
+    return max(attitude[:2])
+
+
+def image_range(piece: Figures) -> str:
+    """The images of a piece of the flight: their names and number."""
+    if piece["images"] == 1:
+        return f"image {piece['first_image']}"
+    return f"images {piece['first_image']} to {piece['last_image']} ({piece['images']})"
+
+
+def state_unit(name: str) -> tuple[float, str]:
+    """Factor and unit in which a constant of that name is read."""
+    if name.endswith("scale factor"):
+        return 1e6, "ppm"
+    if " from " in name:
+        return 1e3, "mrad"
+    return (1e3, "ms") if name.endswith("time offset") else (1.0, "m")

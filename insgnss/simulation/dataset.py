@@ -1,0 +1,378 @@
+"""A simulated flight as a data set: the published tree (Figure 9 of paper 000), `flight.toml`, and
+the truth beside it.
+
+    flight.toml  README.md  FLIGHT.md
+    01_Observations/Camera/Data/Events.txt
+    01_Observations/Camera/GCPs/WGS84.txt, WGS84_tangentplane.txt
+    01_Observations/GPS/Data/Rover/rov01840.18o, .18n, .18g and Master/tr2b0703a.18o                where raw GNSS is asked for
+    01_Observations/IMU/Data/Pre_calibrated/f8_1_sob.csv
+    02_Processed/GPS-PPK/AntennaPos_WGS84.txt, AntennaPos_Img_WGS84.txt,
+    AntennaPos_Img_WGS84_tangentplane.txt truth/EO_local-plane.txt, eo.npz, trajectory.npz,
+    raw_gnss.npz
+
+There are no images, no virtual reference station and no raw IMU files: nothing of theirs is
+simulated.
+"""
+
+import os
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import UsageError
+from ..formats.events.events import write_events
+from ..formats.gnss.gnss_text import ImagePositions, write_gnss_text, write_image_positions
+from ..formats.text.text import format_rows
+from ..geodesy.rotation import CV_RUB, opk_from_rotation
+from ..records import ImuSamples, Quantity
+from ..stochastic.model import NoiseModel, load_noise_model, shipped_models, write_noise_model
+from .description import (
+    EVENTS,
+    FIXES,
+    IMU,
+    PPK,
+    RinexNames,
+    Tables,
+    Units,
+    flight_md,
+    flight_toml,
+    imu_file,
+    readme,
+    true_tables,
+)
+from .faults import ImuFaults, RowFaults
+from .layout import FlightPlan
+from .raw_gnss.receiver import GnssOptions
+from .raw_gnss.rinex_files import ObservationTable, Station, write_navigation, write_observations
+from .raw_gnss.scenario import SIGNALS, RawGnss, RawGnssOptions, RawObservations
+from .scenario import SimulatedFlight, simulate_flight
+from .sensors import ImuOptions, Rig, SecondImu, antenna_states
+
+Array = NDArray[np.float64]
+
+TARGETS = "01_Observations/Camera/GCPs"
+_TARGETS = 40
+_RELIEF_M = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """A written data set: its directory, its flight file, and what it was made of."""
+
+    directory: Path
+    flight_file: Path
+    simulated: SimulatedFlight
+
+
+def write_dataset(
+    directory: str | os.PathLike[str],
+    flight: str | FlightPlan = "ign8",
+    minutes: float | None = None,
+    *,
+    imu_rate: float = 500.0,
+    seed: int = 0,
+    noise: str | NoiseModel | None = "navchip",
+    imu_axes: str = "forward right down",
+    gyro_unit: str | None = None,
+    accel_unit: str | None = None,
+    quantity: Quantity = "mean_rate",
+    imu_faults: ImuFaults | None = None,
+    vibration: float = 1.0,
+    gnss: GnssOptions | None = None,
+    raw_gnss: RawGnssOptions | None = None,
+    rig: Rig | None = None,
+    second_imu: SecondImu | None = None,
+    missing_events: float = 0.0,
+    imu_rows: RowFaults | None = None,
+    gnss_rows: RowFaults | None = None,
+    flight_file: Tables | None = None,
+    **changes: Any,
+) -> Dataset:
+    """Simulate a flight and write it as a data set that `flight.toml` describes; whole or not at
+    all.
+
+    Parameters
+    ----------
+    directory : is created; it may exist if it is empty.
+    flight, minutes, seed, gnss, rig, second_imu, missing_events, changes : as in `simulate_flight`.
+    raw_gnss : RINEX of rover and master, which the flight file then names in place of the
+        positions; None: none.
+    imu_rate : Hz.   noise, imu_faults, vibration : as in `ImuOptions`; the flight file names the
+                     noise.
+    imu_axes, gyro_unit, accel_unit, quantity, imu_rows, gnss_rows, flight_file : as in
+    `write_simulated`; SI units by default.
+
+    Raises
+    ------
+    UsageError : the directory is not empty or cannot be written, the flight cannot be flown, or it
+        has no exposure.
+    InputError : a unit does not exist or is of another dimension.
+    """
+    target = _target(directory)
+    units = Units.of(quantity, gyro_unit, accel_unit)
+    imu = ImuOptions(
+        imu_rate, noise, imu_axes, quantity, faults=imu_faults or ImuFaults(), vibration=vibration
+    )
+    simulated = simulate_flight(
+        *(flight, minutes),
+        seed=seed,
+        imu=imu,
+        gnss=gnss,
+        raw_gnss=raw_gnss,
+        rig=rig,
+        second_imu=second_imu,
+        missing_events=missing_events,
+        **changes,
+    )
+    return write_simulated(
+        target,
+        simulated,
+        seed=seed,
+        units=units,
+        imu_rows=imu_rows,
+        gnss_rows=gnss_rows,
+        flight_file=flight_file,
+    )
+
+
+def write_simulated(
+    directory: str | os.PathLike[str],
+    simulated: SimulatedFlight,
+    *,
+    seed: int = 0,
+    units: "Units | None" = None,
+    imu_rows: RowFaults | None = None,
+    gnss_rows: RowFaults | None = None,
+    flight_file: Tables | None = None,
+) -> Dataset:
+    """Write what was simulated as a data set; whole or not at all.
+
+    seed : of targets, row faults and the antenna's errors at the images.
+    units : of the IMU file, SI by default.
+    imu_rows, gnss_rows : disorder of the rows of the IMU and the GNSS file.
+    flight_file : tables of keys that take the place of the true ones, to write a wrong flight file
+        or to ask for more in it.
+
+    Raises UsageError where the directory is not empty or cannot be written, or the flight has no
+    exposure.
+    """
+    target = _target(directory)
+    if not simulated.events.images:
+        raise UsageError("no exposure in this flight; ask for more minutes, or start in the air")
+    units = units or Units.of(simulated.imu_options.quantity, None, None)
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    draws = np.random.default_rng([seed, 1])
+    try:
+        temporary.mkdir(parents=True)
+        _write_tree(temporary, simulated, units, draws, flight_file or {})
+        for rows, file in ((imu_rows, imu_file(simulated)), (gnss_rows, FIXES)):
+            if rows is not None:
+                rows.disturb(temporary / file, draws.spawn(1)[0])
+        if target.exists():
+            target.rmdir()
+        temporary.rename(target)
+    except OSError as error:
+        raise UsageError(f"{target}: cannot be written: {error.strerror or error}") from None
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    return Dataset(target, target / "flight.toml", simulated)
+
+
+def _target(directory: str | os.PathLike[str]) -> Path:
+    target = Path(directory).resolve()
+    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+        raise UsageError(f"{target}: exists and is not an empty directory; give another one")
+    return target
+
+
+def _write_tree(
+    root: Path,
+    simulated: SimulatedFlight,
+    units: Units,
+    rng: np.random.Generator,
+    flight_file: Tables,
+) -> None:
+    for folder in (Path(EVENTS).parent, TARGETS, IMU, PPK, "truth"):
+        (root / folder).mkdir(parents=True, exist_ok=True)
+    write_events(simulated.events, root / EVENTS)
+    _write_imu(root / imu_file(simulated), simulated.imu, units)
+    write_gnss_text(simulated.gnss, root / FIXES)
+    _write_antenna_at_images(root / PPK, simulated, rng)
+    _write_targets(root / TARGETS, simulated, rng)
+    _write_truth(root / "truth", simulated)
+    if simulated.raw_gnss is not None:
+        _write_raw_gnss(root, RinexNames.of(simulated), simulated.raw_gnss)
+    tables = true_tables(simulated, units, _noise_name(root, simulated.imu_options.noise))
+    if simulated.second_imu is not None:
+        recorded, other = simulated.second_imu
+        _write_imu(
+            root / imu_file(simulated, 2),
+            recorded.samples,
+            Units.of(other.options.quantity, None, None),
+        )
+    texts = {
+        "flight.toml": flight_toml(tables, flight_file),
+        "README.md": readme(simulated),
+        "FLIGHT.md": flight_md(simulated),
+    }
+    for name, text in texts.items():
+        (root / name).write_text(text, encoding="utf-8", newline="\n")
+
+
+def _write_imu(path: Path, samples: ImuSamples, units: Units) -> None:
+    with path.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.writelines(_imu_lines(samples, units))
+
+
+def _imu_lines(imu: ImuSamples, units: Units) -> Iterator[str]:
+    columns = [f"g{c}[{units.gyro}]" for c in "xyz"] + [f"a{c}[{units.accel}]" for c in "xyz"]
+    yield ",".join(["tow[s]", *columns]) + "\n"
+    row = units.row()
+    table = np.column_stack([imu.time, imu.gyro / units.gyro_si, imu.accel / units.accel_si])
+    yield from format_rows(row, table)
+
+
+def _write_raw_gnss(root: Path, names: RinexNames, raw: RawGnss) -> None:
+    """RINEX of both receivers and of the satellites; the receivers' true places, clocks and slips."""
+    for file in (names.rover, names.base):
+        (root / file).parent.mkdir(parents=True, exist_ok=True)
+    approximate = tuple(raw.rover.position[0].round().tolist())
+    rover = Station("rover", approximate, interval_s=1.0 / raw.options.rate_hz)
+    base = Station(
+        "master", tuple(raw.base_position_m.tolist()), interval_s=1.0 / raw.options.base_rate_hz
+    )
+    write_observations(root / names.rover, rover, _table(raw.rover, raw.events))
+    write_observations(root / names.base, base, _table(raw.base, np.empty(0)))
+    write_navigation(root / names.gps, root / names.glonass, raw.navigation)
+    moved = {"rover_position": raw.rover.position, "rover_velocity": raw.rover.velocity}
+    truth: dict[str, NDArray[Any]] = {
+        "base_position": raw.base_position_m,
+        "events_by_receiver": raw.events,
+        **moved,
+    }
+    for name, receiver, slips in (
+        ("rover", raw.rover, raw.rover_slips),
+        ("base", raw.base, raw.base_slips),
+    ):
+        truth |= {f"{name}_{key}": getattr(receiver, key) for key in ("time", "stamp", "clock_s")}
+        truth |= {
+            f"{name}_slip_{key}": getattr(slips, key)
+            for key in ("stamp", "satellite", "cycles", "reported")
+        }
+    np.savez(root / "truth/raw_gnss.npz", allow_pickle=False, **truth)
+
+
+def _table(observed: RawObservations, events: Array) -> ObservationTable:
+    """What a receiver observed, as a RINEX file has it: loss of lock beside the phases."""
+    lock = np.zeros(observed.values.shape, dtype=np.int8)
+    lock[:, [SIGNALS.index(name) for name in ("L1", "L2")]] = observed.loss_of_lock
+    rows = (observed.epoch, observed.satellite, SIGNALS, observed.values, lock)
+    return ObservationTable(observed.gps_week, observed.stamp, *rows, events)
+
+
+def _write_antenna_at_images(
+    folder: Path, simulated: SimulatedFlight, rng: np.random.Generator
+) -> None:
+    """Antenna at the events with the white error of the fixes, in both frames."""
+    motion, plane = simulated.flight.motion, simulated.tangent_plane
+    position, _ = antenna_states(motion, simulated.rig.antenna_lever_b, simulated.events.time)
+    error = rng.standard_normal(position.shape) * simulated.gnss_options.sigma_m
+    lat, lon, height = motion.frame.geodetic_from_position(
+        position + np.einsum("nij,nj->ni", motion.frame.C_ln_at(position), error)
+    )
+    images = simulated.events.images
+    write_image_positions(
+        ImagePositions(images, np.column_stack([lat, lon, height]), "geodetic"),
+        folder / "AntennaPos_Img_WGS84.txt",
+    )
+    enu = ImagePositions(images, plane.position_from_geodetic(lat, lon, height), "tangent_plane")
+    write_image_positions(enu, folder / "AntennaPos_Img_WGS84_tangentplane.txt")
+
+
+def _write_targets(folder: Path, simulated: SimulatedFlight, rng: np.random.Generator) -> None:
+    """Ground targets scattered under exposures all over the flight, on a ground of little relief."""
+    flight, plane = simulated.flight, simulated.tangent_plane
+    place = flight.motion.position(flight.time)[
+        np.linspace(0, flight.time.size - 1, _TARGETS).round().astype(int)
+    ]
+    place[:, :2] += 0.12 * -place[:, 2:] * rng.standard_normal((_TARGETS, 2))
+    place[:, 2] = _RELIEF_M * rng.standard_normal(_TARGETS)
+    lat, lon, height = flight.motion.frame.geodetic_from_position(place)
+    enu = plane.position_from_geodetic(lat, lon, height)
+    numbers = np.arange(1, _TARGETS + 1)
+    tables = (
+        (
+            "WGS84.txt",
+            "# id lat[deg] lon[deg] h[m]\n",
+            "%d %.10f %.10f %.4f\n",
+            np.column_stack([numbers, np.degrees(lat), np.degrees(lon), height]),
+        ),
+        (
+            "WGS84_tangentplane.txt",
+            "# id e[m] n[m] u[m]\n",
+            "%d %.4f %.4f %.4f\n",
+            np.column_stack([numbers, enu]),
+        ),
+    )
+    for name, head, form, table in tables:
+        (folder / name).write_text(
+            head + "".join(form % tuple(row) for row in table.tolist()),
+            encoding="utf-8",
+            newline="\n",
+        )
+
+
+def _write_truth(folder: Path, simulated: SimulatedFlight) -> None:
+    truth, eo, path = simulated.truth, simulated.truth.eo, simulated.truth.trajectory
+    angles = np.degrees(opk_from_rotation(eo.C_mc @ CV_RUB))
+    head = (
+        "# truth of a simulation: projection centre in the tangent plane (east north up), origin"
+        f" {np.degrees(eo.origin[0]):.10f} {np.degrees(eo.origin[1]):.10f} deg {eo.origin[2]:.4f}"
+        " m; R = Rx(omega) Ry(phi) Rz(kappa)\n# image E[m] N[m] U[m] omega[deg] phi[deg]"
+        " kappa[deg] sE sN sU sOmega sPhi sKappa\n"
+    )
+    form = "%s %.4f %.4f %.4f %.6f %.6f %.6f 0 0 0 0 0 0\n"
+    rows = (
+        form % (name, *values)
+        for name, values in zip(eo.images, np.hstack([eo.position_m, angles]).tolist(), strict=True)
+    )
+    (folder / "EO_local-plane.txt").write_text(head + "".join(rows), encoding="utf-8", newline="\n")
+    np.savez(
+        folder / "eo.npz",
+        images=np.array(eo.images),
+        tow=eo.time,
+        position_enu=eo.position_m,
+        C_mc=eo.C_mc,
+        origin=eo.origin,
+    )
+    np.savez(
+        folder / "trajectory.npz",
+        tow=path.time,
+        lat=path.lat,
+        lon=path.lon,
+        h=path.height,
+        v_ned=path.velocity_ned,
+        C_nb=path.C_nb,
+        gyro_bias=truth.gyro_bias,
+        accel_bias=truth.accel_bias,
+        gnss_outlier=truth.outlier,
+    )
+
+
+def _noise_name(root: Path, noise: str | NoiseModel | None) -> str:
+    """What the flight file calls the noise model: a shipped name, or the file that is written here.
+    An ideal sensor is called navchip.
+    """
+    if noise is None:
+        return "navchip"
+    if isinstance(noise, str) and noise in shipped_models():
+        return noise
+    write_noise_model(
+        load_noise_model(noise) if isinstance(noise, str) else noise, root / "noise.toml"
+    )
+    return "noise.toml"

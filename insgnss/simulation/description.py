@@ -1,0 +1,235 @@
+"""What is written beside a simulated flight's observations: where the files lie, their units, the
+flight file and the two readmes.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ..base.units import parse_quantity
+from ..geodesy.frames import ecef_to_geodetic
+from ..geodesy.gpstime import calendar_from_gps
+from ..records import Quantity
+from .scenario import SimulatedFlight
+
+Tables = Mapping[str, Any]
+
+EVENTS = "01_Observations/Camera/Data/Events.txt"
+IMU = "01_Observations/IMU/Data/Pre_calibrated"
+PPK = "02_Processed/GPS-PPK"
+FIXES = f"{PPK}/AntennaPos_WGS84.txt"
+RINEX = "01_Observations/GPS/Data"
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of the IMU file and their factors to SI."""
+
+    gyro: str
+    accel: str
+    gyro_si: float
+    accel_si: float
+    more_digits: int
+
+    @classmethod
+    def of(cls, quantity: Quantity, gyro: str | None, accel: str | None) -> "Units":
+        """Of gyro and accelerometer, SI where None. Raises InputError for a unit that does not
+        exist or is of another dimension.
+        """
+        increments = quantity == "increments"
+        gyro_si, accel_si = ("rad", "m/s") if increments else ("rad/s", "m/s^2")
+        gyro, accel = gyro or gyro_si, accel or accel_si
+        factors = parse_quantity(f"1 {gyro}", gyro_si), parse_quantity(f"1 {accel}", accel_si)
+        return cls(gyro, accel, *factors, 3 if increments else 0)
+
+    def row(self) -> str:
+        """Format of one line: a step of 1e-9 rad/s and 1e-8 m/s^2 or less (1e-12 rad and 1e-11 m/s
+        of increments).
+        """
+        gyro = max(0, int(np.ceil(9 + self.more_digits + np.log10(self.gyro_si))))
+        accel = max(0, int(np.ceil(8 + self.more_digits + np.log10(self.accel_si))))
+        return "%.7f" + f",%.{gyro}f" * 3 + f",%.{accel}f" * 3 + "\n"
+
+
+def imu_file(simulated: SimulatedFlight, number: int = 1) -> str:
+    """The paper's name: f, number of the flight, 1 for NC1, sob for the deterministic calibration
+    applied.
+    """
+    plan = simulated.flight.plan
+    return f"{IMU}/f{plan.first_image // 1000 if plan else 1}_{number}_sob.csv"
+
+
+@dataclass(frozen=True)
+class RinexNames:
+    """Paths of the RINEX files, named as the paper's are: day of the year of the rover's, month and
+    day of the master's.
+    """
+
+    rover: str
+    base: str
+    gps: str
+    glonass: str
+
+    @classmethod
+    def of(cls, simulated: SimulatedFlight) -> "RinexNames":
+        """Of the day on which the record begins."""
+        day = calendar_from_gps(simulated.flight.gps_week, simulated.flight.motion.start, "gpst")
+        rover = f"{RINEX}/Rover/rov0{day:%j}0.{day:%y}"
+        return cls(
+            f"{rover}o", f"{RINEX}/Master/tr2b{day:%m%d}a.{day:%y}o", f"{rover}n", f"{rover}g"
+        )
+
+
+def _gnss_table(simulated: SimulatedFlight) -> dict[str, Any]:
+    """Table [gnss]: the RINEX files where there are some, with place and weather of the base, else
+    the positions.
+    """
+    if (raw := simulated.raw_gnss) is None:
+        return {"file": FIXES}
+    names = RinexNames.of(simulated)
+    lat, lon, height = ecef_to_geodetic(raw.base_position_m)
+    return {
+        "rover": names.rover,
+        "base": names.base,
+        "navigation": [names.gps, names.glonass],
+        "base_position": [*np.degrees([lat, lon]).round(10).tolist(), round(float(height), 5)],
+        "base_point": "apc",
+        "atmosphere": asdict(raw.weather),
+    }
+
+
+def true_tables(simulated: SimulatedFlight, units: Units, noise: str) -> dict[str, Any]:
+    """The flight file's keys and values, as the simulation has them."""
+    options, rig, plane = simulated.imu_options, simulated.rig, simulated.tangent_plane
+    return {
+        "name": simulated.flight.name,
+        "gps_week": simulated.flight.gps_week,
+        "imu": {
+            "file": imu_file(simulated),
+            "units": {"gyro": units.gyro, "accel": units.accel},
+            "quantity": options.quantity,
+            "axes": options.axes,
+            "noise": noise,
+        },
+        "gnss": _gnss_table(simulated),
+        "camera": {"events": EVENTS},
+        "mounting": {
+            "antenna_m": list(rig.antenna_m),
+            "imu_m": list(rig.imu_m),
+            "camera_from_body": [list(row) for row in rig.camera_from_body],
+            "boresight": [list(row) for row in rig.boresight],
+        },
+        "tangent_plane": {
+            "origin": [*np.degrees([plane.lat, plane.lon]).round(10).tolist(), plane.height]
+        },
+        "output": {"directory": "02_Processed/GPS-INS", "formats": ["eo_local_plane", "metashape"]},
+    }
+
+
+def flight_toml(tables: Tables, changes: Tables) -> str:
+    """TOML of tables; `changes` take the place of single values or bring further ones, None takes a
+    value away.
+    """
+    merged = dict(tables)
+    for key, value in changes.items():
+        merged[key] = {**merged.get(key, {}), **value} if isinstance(value, Mapping) else value
+    top = [
+        f"{key} = {_toml(value)}"
+        for key, value in merged.items()
+        if not isinstance(value, Mapping) and value is not None
+    ]
+    parts = ["\n".join(top)]
+    for name, table in merged.items():
+        if isinstance(table, Mapping):
+            rows = [f"{key} = {_toml(value)}" for key, value in table.items() if value is not None]
+            parts.append("\n".join([f"[{name}]", *rows]))
+    return "\n\n".join(parts) + "\n"
+
+
+def _toml(value: Any) -> str:
+    """A value in one line of TOML."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_toml(inner)}" for key, inner in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_toml(inner) for inner in value) + "]"
+    return json.dumps(value, ensure_ascii=False)
+
+
+_README = """\
+# Simulated flight
+
+No sensor recorded these data: they are a simulation in the tree of the open data of J. Skaloud, D. A. Cucci and K. J. Paul,
+"Fixed-wing micro UAV open data with digicam and raw INS/GNSS". {absent} are not part of it.
+
+- `flight.toml`: what is where, for `insgnss process flight.toml`.
+- `01_Observations/Camera/Data/Events.txt`: mid-exposure times, GPS time of week.
+- `01_Observations/Camera/GCPs`: ground targets, WGS84 (degrees, ellipsoidal height) and tangent plane (east, north, up).
+{raw}- `01_Observations/IMU/Data/Pre_calibrated`: IMU samples; units are in the header, axes and kind of sample in `flight.toml`.
+- `02_Processed/GPS-PPK`: antenna phase centre, all epochs and at the events{own}.
+- `truth`: exterior orientation, trajectory of the IMU (radians, NED) and biases in body axes, all without error{more}.
+"""
+_RAW = """\
+- `01_Observations/GPS/Data`: RINEX 2.11 of rover and master (GPS and GLONASS, two bands), navigation beside the rover; the rover's file
+  holds the exposures as events, in the time of its clock.
+"""
+
+
+def readme(simulated: SimulatedFlight) -> str:
+    """README.md of the data set."""
+    if simulated.raw_gnss is None:
+        return _README.format(absent="Images, RINEX and raw IMU files", raw="", own="", more="")
+    own = (
+        ", with errors of their own, not\n  those of the RINEX files, which `flight.toml` names in"
+        " their place"
+    )
+    more = ";\n  antenna (ECEF), clocks and cycle slips of the receivers"
+    return _README.format(
+        absent="Images, a virtual reference station and raw IMU files", raw=_RAW, own=own, more=more
+    )
+
+
+def flight_md(simulated: SimulatedFlight) -> str:
+    """FLIGHT.md of the data set."""
+    flight, plan = simulated.flight, simulated.flight.plan
+    lines = [
+        f"# {flight.name} (simulated)",
+        "",
+        (
+            f"- Date: 3 July 2018, GPS week {flight.gps_week}, time of week"
+            f" {flight.motion.start:.1f} to {flight.motion.end:.1f} s"
+        ),
+    ]
+    if plan is not None:
+        levels = ", ".join(f"{level.height_m:g} m ({level.lines} lines)" for level in plan.levels)
+        lines += [
+            (
+                f"- Levels above ground in the full plan: {levels}; ground at"
+                f" {flight.motion.frame.height:g} m above the ellipsoid"
+            ),
+            (
+                f"- Lines with exposures: {np.unique(flight.line).size}; exposures:"
+                f" {flight.time.size}; events: {len(simulated.events.images)}"
+            ),
+            (
+                f"- Overlap: {100 * plan.forward_overlap:g} % forward, {100 * plan.side_overlap:g}"
+                " % sideways"
+            ),
+            (
+                f"- Airspeed {plan.airspeed_ms:g} m/s, wind {plan.wind_ms:g} m/s from"
+                f" {plan.wind_from_deg:g} deg"
+            ),
+        ]
+    lines.append(
+        f"- IMU {simulated.imu_options.rate_hz:g} Hz, GNSS {simulated.gnss_options.rate_hz:g} Hz"
+        f" ({simulated.gnss.time.size} fixes)"
+    )
+    if (raw := simulated.raw_gnss) is not None:
+        rates = f"rover {raw.options.rate_hz:g} Hz, master {raw.options.base_rate_hz:g} Hz"
+        distance = np.linalg.norm(raw.rover.position - raw.base_position_m, axis=1)
+        lines.append(
+            f"- RINEX: {rates}, {distance.min() / 1e3:.1f} to {distance.max() / 1e3:.1f} km apart"
+        )
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,186 @@
+"""What goes wrong between a sensor and its file: gaps, stuck channels, clocks, signs, vibration,
+and rows in disorder.
+
+`ImuFaults` act on the samples, `RowFaults` on the rows of a written text file, which no record of
+the package could hold (time that does not increase). Everything random comes from the generator
+that is handed in.
+
+Vibration of an engine is a line of slowly wandering frequency, the same in all channels but for
+amplitude and phase,
+
+    a(t) = A sin(theta(t) + phase),   theta' = 2 pi f (1 + e(t))                               (V.1)
+
+with e a Gauss-Markov process of 2 % and 5 s. A mean rate or an increment takes the mean of (V.1)
+over its interval from theta_0 to theta_1, A (cos theta_0 - cos theta_1) / (theta_1 - theta_0), an
+instantaneous rate its value, which aliases in full. The true motion does not move with it, as a
+housing that trembles moves by micrometres, A / (2 pi f)^2.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import UsageError
+from ..records import ImuSamples, Quantity
+from ..stochastic.model import AxisNoise, GaussMarkov
+from ..stochastic.processes import simulate_noise
+
+Array = NDArray[np.float64]
+
+CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
+_WANDER = GaussMarkov.from_sigma(5.0, 0.02)
+
+
+@dataclass(frozen=True)
+class Stuck:
+    """A channel (of `CHANNELS`, sensor axes) that from `start_s` after the record's start on
+    repeats `value`; None: its last reading.
+    """
+
+    channel: str
+    start_s: float
+    value: float | None = None
+    duration_s: float = np.inf
+
+    def __post_init__(self) -> None:
+        if self.channel not in CHANNELS:
+            raise UsageError(f"stuck channel {self.channel!r} is none of {', '.join(CHANNELS)}")
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """Engine vibration (V.1) from `start_s` after the record's start for `duration_s`; amplitudes
+    in m/s^2 and rad/s.
+    """
+
+    accel_ms2: float = 2.0
+    gyro_rad_s: float = 0.02
+    frequency_hz: float = 83.0
+    start_s: float = 0.0
+    duration_s: float = np.inf
+
+
+@dataclass(frozen=True)
+class ImuFaults:
+    """Faults of an IMU recording; times are s after the record's start.
+
+    gaps : (start, length) without samples.
+    random_gaps : number of further gaps at random, each `random_gap_s` (shortest, longest).
+    stuck : channels that hang.
+    vibration : of an engine.
+    reversed_accel : the file holds minus the specific force.
+    clock_offset_s : stamp minus GPS time; -18 for a clock in UTC.
+    """
+
+    gaps: tuple[tuple[float, float], ...] = ()
+    random_gaps: int = 0
+    random_gap_s: tuple[float, float] = (0.5, 0.5)
+    stuck: tuple[Stuck, ...] = ()
+    vibration: Vibration | None = None
+    reversed_accel: bool = False
+    clock_offset_s: float = 0.0
+
+    def apply(self, ideal: ImuSamples, rng: np.random.Generator) -> ImuSamples:
+        """The samples as they are recorded. Raises UsageError where gaps leave fewer than two."""
+        elapsed = ideal.time - ideal.time[0]
+        table = np.hstack([ideal.gyro, ideal.accel])
+        shaken, dropped = rng.spawn(2)
+        if self.vibration is not None:
+            table += _shake(self.vibration, elapsed, ideal.quantity, shaken)
+        for stuck in self.stuck:
+            _hold(table[:, CHANNELS.index(stuck.channel)], elapsed, stuck)
+        if self.reversed_accel:
+            table[:, 3:] *= -1.0
+        keep = self._kept(elapsed, dropped)
+        if keep.sum() < 2:
+            raise UsageError(f"IMU gaps {self.gaps} leave {keep.sum()} samples; shorten them")
+        return replace(
+            ideal,
+            time=ideal.time[keep] + self.clock_offset_s,
+            gyro=table[keep, :3],
+            accel=table[keep, 3:],
+        )
+
+    def _kept(self, elapsed: Array, rng: np.random.Generator) -> NDArray[np.bool_]:
+        keep = np.ones(elapsed.size, dtype=bool)
+        length = rng.uniform(*self.random_gap_s, self.random_gaps)
+        start = rng.uniform(0.0, 1.0, self.random_gaps) * (elapsed[-1] - length)
+        for first, size in (*self.gaps, *zip(start, length, strict=True)):
+            keep &= (elapsed < first) | (elapsed >= first + size)
+        return keep
+
+
+def _shake(
+    vibration: Vibration, elapsed: Array, quantity: Quantity, rng: np.random.Generator
+) -> Array:
+    """(n, 6) readings of the vibration (V.1)."""
+    dt = float(np.median(np.diff(elapsed)))
+    wander = simulate_noise(AxisNoise(gauss_markov=(_WANDER,)), elapsed.size, dt, rng)
+    step = 2.0 * np.pi * vibration.frequency_hz * (1.0 + wander) * dt
+    amplitude = np.repeat([vibration.gyro_rad_s, vibration.accel_ms2], 3) * rng.uniform(0.5, 1.0, 6)
+    theta = np.cumsum(step)[:, None] + rng.uniform(0.0, 2.0 * np.pi, 6)
+    if quantity == "instant_rate":
+        line = amplitude * np.sin(theta)
+    else:
+        line = amplitude * (np.cos(theta - step[:, None]) - np.cos(theta)) / step[:, None]
+    on = (elapsed >= vibration.start_s) & (elapsed < vibration.start_s + vibration.duration_s)
+    return np.where(on[:, None], line * (dt if quantity == "increments" else 1.0), 0.0)
+
+
+def _hold(column: Array, elapsed: Array, stuck: Stuck) -> None:
+    on = (elapsed >= stuck.start_s) & (elapsed < stuck.start_s + stuck.duration_s)
+    if on.any():
+        column[on] = column[max(int(np.argmax(on)) - 1, 0)] if stuck.value is None else stuck.value
+
+
+@dataclass(frozen=True)
+class RowFaults:
+    """Disorder of the rows of a text file, each as a share of the rows.
+
+    duplicated : rows written twice.   reordered : rows that come one to `reach` places late.
+    late : rows whose stamp is up to `late_s` later than it should be.
+    """
+
+    duplicated: float = 0.0
+    reordered: float = 0.0
+    reach: int = 3
+    late: float = 0.0
+    late_s: float = 0.02
+
+    def __post_init__(self) -> None:
+        for name in ("duplicated", "reordered", "late"):
+            if not 0.0 <= getattr(self, name) < 1.0:
+                raise UsageError(
+                    f"{name} rows: a share of {getattr(self, name)}; it lies between 0 and 1"
+                )
+        if self.reach < 1 or self.late_s < 0.0:
+            raise UsageError(
+                f"rows {self.reach} places and {self.late_s} s late; use one place or more and no"
+                " negative time"
+            )
+
+    def disturb(self, path: Path, rng: np.random.Generator) -> None:
+        """Rewrite a text file whose rows begin with their time; its header (`#`, or letters) stays
+        in place.
+        """
+        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+        head = next(k for k, line in enumerate(lines) if line[:1].isdigit())
+        rows = np.array(lines[head:], dtype=object)
+        late = np.flatnonzero(rng.random(rows.size) < self.late)
+        for k, delay in zip(late, rng.uniform(0.0, self.late_s, late.size), strict=True):
+            rows[k] = _stamped(rows[k], delay)
+        place = np.arange(rows.size) + (rng.random(rows.size) < self.reordered) * (
+            0.5 + rng.integers(1, self.reach + 1, rows.size)
+        )
+        order = np.argsort(place, kind="stable")
+        order = np.repeat(order, 1 + (rng.random(rows.size) < self.duplicated))
+        path.write_text("".join([*lines[:head], *rows[order]]), encoding="utf-8", newline="\n")
+
+
+def _stamped(row: str, delay: float) -> str:
+    """The row with its first field later by `delay`, in as many digits."""
+    width = next(k for k, c in enumerate(row) if not (c.isdigit() or c == "."))
+    digits = len(row[:width].partition(".")[2])
+    return f"{float(row[:width]) + delay:.{digits}f}{row[width:]}"

@@ -1,0 +1,210 @@
+"""Survey flights of a small fixed wing: from a plan to an exact motion and the exposures along its
+lines.
+
+A flight is laid out over ground (`layout`) at a speed that wind and acceleration allow, sampled at
+the knots of a `Motion`, moved by gusts, and smoothed over 0.7 s, which gives turns and climbs their
+onset. Attitude follows from the motion as in coordinated flight: the nose points along the velocity
+through the air (so the aircraft crabs in wind), and the bank is the one at which no specific force
+is felt sideways,
+
+    heading = direction of p' - wind,      roll = atan2(f_right, -f_down),   f = p'' - g       (F.1)
+    pitch   = climb angle through the air + angle of attack, which grows with the load factor  (F.2)
+
+plus turbulence in all three angles. On the ground the aircraft stands still.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import UsageError
+from ..geodesy.frames import LocalFrame
+from .layout import BLOCK, CORRIDOR, FlightPlan, lay_out
+from .motion import Motion
+from .path import Path
+
+Array = NDArray[np.float64]
+
+GPS_WEEK = 2008
+START_TOW = 205200.0  # Tuesday 3 July 2018, 09:00 GPST
+SITE = LocalFrame(float(np.radians(46.57)), float(np.radians(6.54)), 510.0)
+
+KNOT_S = 0.1
+SETTLE_S = 4.0  # beyond both ends of the record: longer than the smoothing reaches
+ONSET_S = 0.7
+_G = 9.81
+_ATTACK = np.radians(4.0)
+_STANDING = np.radians([1.2, 3.0])  # roll and pitch on the ground
+_FLYING_MS = 6.0  # from here up the aircraft is carried by the air
+_FREE_M = 15.0  # height above ground of full gusts
+# gusts: standard deviation and time scale of smoothed white noise
+_LATERAL_M, _HEIGHT_M = ((0.8, 4.0), (0.03, 0.25)), ((0.5, 3.0), (0.03, 0.25))
+_ROLL, _PITCH, _YAW = (
+    ((1.8, 0.6), (0.3, 0.12)),
+    ((1.0, 0.6), (0.2, 0.12)),
+    ((0.8, 0.8), (0.2, 0.12)),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """An exact motion (of the IMU's navigation centre) and the exposures along it; `plan` is None
+    where it was not a survey.
+
+    images : names; time : (n,) s, mid-exposure; line : (n,) number of the flight line, counted from
+        1; spacing_m : (n,) m between
+    exposures on that line as planned.   wind_l : (3,) m/s.
+    """
+
+    name: str
+    plan: FlightPlan | None
+    motion: Motion
+    images: tuple[str, ...]
+    time: Array
+    line: NDArray[np.int64]
+    spacing_m: Array
+    wind_l: Array
+    gps_week: int = GPS_WEEK
+
+
+def block_flight(minutes: float | None = None, *, seed: int = 0, **changes: Any) -> Flight:
+    """Flight in the shape of ign8: two levels of perpendicular lines over a block. `changes` :
+    fields of `FlightPlan`.
+    """
+    return fly(BLOCK.changed(minutes=minutes, **changes), seed)
+
+
+def corridor_flight(minutes: float | None = None, *, seed: int = 0, **changes: Any) -> Flight:
+    """Flight in the shape of ign6x1: two levels of two lines along a corridor. `changes` : fields
+    of `FlightPlan`.
+    """
+    return fly(CORRIDOR.changed(minutes=minutes, **changes), seed)
+
+
+def fly(
+    plan: FlightPlan,
+    seed: int | np.random.SeedSequence = 0,
+    *,
+    frame: LocalFrame = SITE,
+    start_tow: float = START_TOW,
+) -> Flight:
+    """Fly a plan.
+
+    Parameters
+    ----------
+    plan : see `layout`.   seed : of gusts and trigger delays.
+    frame : local frame whose origin lies on the ground of the site; heights above ground are
+        heights in it.
+    start_tow : s, time of the first instant.
+
+    Raises
+    ------
+    UsageError : the exposures of the plan follow each other faster than the camera can.
+    """
+    source = np.random.SeedSequence(seed) if isinstance(seed, int) else seed
+    gusts, trigger = (np.random.default_rng(child) for child in source.spawn(2))
+    layout = lay_out(plan)
+    pieces = int(np.ceil(layout.duration_s / KNOT_S - 1e-6))
+    reach = round(SETTLE_S / KNOT_S)
+    clock = (
+        np.arange(-reach, pieces + 5 + reach) - 2.0
+    ) * KNOT_S  # of the control points and beyond both ends
+    control = _control_points(
+        layout.path, np.interp(clock + layout.clock_offset_s, layout.time, layout.s), plan, gusts
+    )
+    motion = Motion(frame, start_tow, KNOT_S, control[reach : reach + pieces + 5])
+    time, line, spacing = _exposures(
+        layout.path,
+        layout.s,
+        layout.time - layout.clock_offset_s,
+        plan,
+        motion.end - motion.start,
+        trigger,
+    )
+    names = tuple(f"{plan.first_image + i}.tif" for i in range(time.size))
+    return Flight(plan.name, plan, motion, names, start_tow + time, line, spacing, plan.wind_l)
+
+
+def _control_points(path: Path, s: Array, plan: FlightPlan, rng: np.random.Generator) -> Array:
+    """(n, 6) control points of position and attitude at path lengths `s`, m, one a knot."""
+    from scipy.ndimage import gaussian_filter1d
+
+    position, course = path.at(s)
+    ahead = np.stack([np.cos(course), np.sin(course), np.zeros_like(course)], axis=-1)
+    carried = _smoothstep(np.gradient(s, KNOT_S) / _FLYING_MS) * _smoothstep(
+        -position[:, 2] / _FREE_M
+    )
+    gust = [
+        _gusts(bands, s.size, rng) * carried * plan.turbulence
+        for bands in (_LATERAL_M, _HEIGHT_M, _ROLL, _PITCH, _YAW)
+    ]
+    position[:, 0] -= ahead[:, 1] * gust[0]
+    position[:, 1] += ahead[:, 0] * gust[0]
+    position[:, 2] -= gust[1]
+    base = position[0].copy()
+    position = base + gaussian_filter1d(position - base, ONSET_S / KNOT_S, axis=0, mode="nearest")
+    angles = _coordinated(position, ahead, plan.wind_l)
+    return np.hstack([position, angles + np.radians(np.stack(gust[2:], axis=-1))])
+
+
+def _coordinated(position: Array, ahead: Array, wind: Array) -> Array:
+    """(n, 3) roll, pitch, unwrapped yaw (F.1, F.2) of positions a knot apart; `ahead` : unit
+    vectors along the path, for the stand.
+    """
+    velocity = np.gradient(position, KNOT_S, axis=0)
+    force = np.gradient(velocity, KNOT_S, axis=0) - [0.0, 0.0, _G]
+    carried = _smoothstep(np.hypot(velocity[:, 0], velocity[:, 1]) / _FLYING_MS)[:, None]
+    air = velocity + (1.0 - carried) * ahead - carried * wind
+    level = np.hypot(air[:, 0], air[:, 1])
+    right = (-air[:, 1] * force[:, 0] + air[:, 0] * force[:, 1]) / level
+    roll = np.arctan2(right, -force[:, 2])
+    pitch = np.arctan2(-air[:, 2], level) + _ATTACK * np.hypot(right, force[:, 2]) / _G
+    tilt = _STANDING + carried * (np.stack([roll, pitch], axis=-1) - _STANDING)
+    return np.column_stack([tilt, np.unwrap(np.arctan2(air[:, 1], air[:, 0]))])
+
+
+def _gusts(bands: tuple[tuple[float, float], ...], n: int, rng: np.random.Generator) -> Array:
+    """(n,) sum of white noises smoothed by Gaussians; (standard deviation, width in s) of each."""
+    from scipy.ndimage import gaussian_filter1d
+
+    total = np.zeros(n)
+    for sigma, width in bands:
+        knots = width / KNOT_S
+        smooth = gaussian_filter1d(rng.standard_normal(n), knots, mode="wrap")
+        total += sigma * np.sqrt(2.0 * np.sqrt(np.pi) * knots) * smooth
+    return total
+
+
+def _smoothstep(x: Array) -> Array:
+    x = np.clip(x, 0.0, 1.0)
+    return x * x * (3.0 - 2.0 * x)
+
+
+def _exposures(
+    path: Path, s: Array, clock: Array, plan: FlightPlan, duration: float, rng: np.random.Generator
+) -> tuple[Array, NDArray[np.int64], Array]:
+    """Times (s from the start), line numbers and planned spacings (m) of the exposures within the
+    record.
+    """
+    where, line, spacing = [], [], []
+    for i in np.flatnonzero(path.line > 0):
+        base = plan.camera.base(path.height0[i], plan.forward_overlap)
+        marks = np.arange(
+            path.s0[i] + plan.lead_m, path.s0[i] + path.length[i] - plan.lead_m + 1e-6, base
+        )
+        where.append(marks)
+        line.append(np.full(marks.size, path.line[i]))
+        spacing.append(np.full(marks.size, base))
+    at = np.interp(np.concatenate(where), s, clock)
+    at += rng.uniform(0.0, plan.trigger_delay_s, at.size)
+    keep = (at > 0.0) & (at < duration)
+    at, number, base_m = at[keep], np.concatenate(line)[keep], np.concatenate(spacing)[keep]
+    if at.size > 1 and np.diff(at).min() < plan.camera.min_interval_s:
+        k = int(np.argmin(np.diff(at)))
+        raise UsageError(
+            f"exposures {k + 1} and {k + 2} are {at[k + 1] - at[k]:.2f} s apart, the camera needs"
+            f" {plan.camera.min_interval_s} s; lower the overlap or the speed, or fly higher"
+        )
+    return at, number, base_m

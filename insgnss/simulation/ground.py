@@ -1,0 +1,187 @@
+"""Vehicles on the ground: a car that drives and stops without side slip, and a person who carries
+the rig.
+
+The car's body point is the middle of its rear axle, which moves where the car points: yaw and pitch
+are those of the velocity,
+
+    yaw = atan2(v_east, v_north),   pitch = atan2(-v_down, |v_horizontal|)                     (G.1)
+
+and of the road where it stands. The speed obeys v^2(s) <= v^2(s') + 2 a |s - s'| between stops and
+v^2 <= a_side / |curvature|, the path is smoothed over 0.4 s, which rounds the onset of bends. Side
+slip that remains is that between a spline of (G.1) and (G.1) of the spline, below 1 cm/s. The road
+shakes the car in roll and, by millimetres, up and down (some cm/s), as long as it drives.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import UsageError
+from .emulate import flight_along
+from .flights import KNOT_S, SITE, START_TOW, Flight
+from .motion import Motion
+from .path import Path, Route
+
+Array = NDArray[np.float64]
+
+_STEP_M = 0.1  # of the timetable
+_ROUND_S = 0.4  # of smoothing
+_BEYOND = round(3.0 / KNOT_S)  # knots past the end, farther than the smoothing reaches
+_REST_MS = 0.3  # below this the road gives the heading
+_SHAKE_S, _SHAKE_ROLL, _SHAKE_M = (
+    0.12,
+    0.004,
+    0.0012,
+)  # of the road: time scale, standard deviations of roll and height
+
+
+@dataclass(frozen=True)
+class Gait:
+    """How a vehicle goes: speed m/s, acceleration along and across m/s^2, straights and radius of
+    bends m (shortest, longest).
+
+    stop_share : of the bends with a halt before them, of stop_s (shortest, longest) s.
+    """
+
+    speed_ms: float
+    along_ms2: float
+    across_ms2: float
+    straight_m: tuple[float, float]
+    radius_m: tuple[float, float]
+    stop_share: float = 0.5
+    stop_s: tuple[float, float] = (8.0, 20.0)
+
+
+CAR = Gait(12.0, 1.5, 2.5, (60.0, 250.0), (8.0, 20.0))
+WALKER = Gait(1.35, 0.8, 1.0, (10.0, 40.0), (0.8, 3.0))
+
+
+def drive(
+    minutes: float,
+    *,
+    seed: int = 0,
+    stand_s: float = 15.0,
+    rough: float = 1.0,
+    gait: Gait = CAR,
+    start_tow: float = START_TOW,
+) -> Flight:
+    """A car in a town, without side slip, with stops; it stands for `stand_s` first. rough : factor
+    on how the road shakes it.
+    """
+    rng = np.random.default_rng(seed)
+    path, s = _journey(gait, minutes, stand_s, rng)
+    position, course, moving = _smoothed(path, s)
+    velocity = np.gradient(position, KNOT_S, axis=0)
+    level = np.hypot(velocity[:, 0], velocity[:, 1])
+    yaw = np.where(level > _REST_MS, np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0])), course)
+    yaw += 2.0 * np.pi * np.round((course - yaw) / (2.0 * np.pi))
+    pitch = np.where(level > _REST_MS, np.arctan2(-velocity[:, 2], level), 0.0)
+    roll = (
+        0.01 * _swing(s.size, 2.0, rng) + rough * _SHAKE_ROLL * _swing(s.size, _SHAKE_S, rng)
+    ) * moving
+    position[:, 2] += rough * _SHAKE_M * _swing(s.size, _SHAKE_S, rng) * moving
+    return _flight("drive", position, np.column_stack([roll, pitch, yaw]), start_tow)
+
+
+def walk(
+    minutes: float,
+    *,
+    seed: int = 0,
+    stand_s: float = 15.0,
+    gait: Gait = WALKER,
+    start_tow: float = START_TOW,
+) -> Flight:
+    """A person who carries the rig in the hand: steps, sway, and a heading that wanders about the
+    way; it stands for `stand_s` first.
+    """
+    rng = np.random.default_rng(seed)
+    path, s = _journey(gait, minutes, stand_s, rng)
+    position, course, moving = _smoothed(path, s)
+    step = 2.0 * np.pi * np.cumsum(moving) * KNOT_S * 0.9  # a pair of steps lasts 1.1 s
+    position[:, 0] += -np.sin(course) * 0.03 * moving * np.sin(step)
+    position[:, 1] += np.cos(course) * 0.03 * moving * np.sin(step)
+    position[:, 2] += 0.025 * moving * np.sin(2.0 * step)
+    swing = [0.06 * np.sin(step), 0.05 * np.sin(2.0 * step + 1.0), 0.04 * np.sin(step + 2.0)]
+    angles = [moving * (part + 0.05 * _swing(s.size, 1.5, rng)) for part in swing]
+    return _flight(
+        "walk", position, np.column_stack([angles[0], angles[1], course + angles[2]]), start_tow
+    )
+
+
+def _flight(name: str, position: Array, angles: Array, start_tow: float) -> Flight:
+    return flight_along(
+        Motion(SITE, start_tow, KNOT_S, np.hstack([position, angles])[:-_BEYOND]), name, 5.0
+    )
+
+
+def _journey(
+    gait: Gait, minutes: float, stand_s: float, rng: np.random.Generator
+) -> tuple[Path, Array]:
+    """A path with bends of a quarter turn, about as many to the right as to the left, and the
+    length travelled at each knot.
+    """
+    if not minutes > 0.5 or stand_s < 0.0:
+        raise UsageError(
+            f"{minutes} minutes with {stand_s} s of standing; give more than half a minute and no"
+            " negative time"
+        )
+    route, halts = Route((0.0, 0.0, float(rng.uniform(0.0, 2.0 * np.pi))), 1.5), []
+    done = 0.0
+    while done < 60.0 * minutes * gait.speed_ms:
+        straight = rng.uniform(*gait.straight_m)
+        route.add(0.0, straight, 1.5 + rng.uniform(-0.02, 0.02) * straight)
+        if rng.random() < gait.stop_share:
+            halts.append((done + 0.8 * straight, rng.uniform(*gait.stop_s)))
+        radius = rng.uniform(*gait.radius_m)
+        route.add(rng.choice([-1.0, 1.0]) / radius, 0.5 * np.pi * radius)
+        done += straight + 0.5 * np.pi * radius
+    path = route.path()
+    time, s = _timetable(path, gait, halts)
+    knots = int(np.ceil(60.0 * minutes / KNOT_S)) + 5 + _BEYOND
+    return path, np.interp((np.arange(knots) - 2.0) * KNOT_S - stand_s, time, s)
+
+
+def _timetable(path: Path, gait: Gait, halts: list[tuple[float, float]]) -> tuple[Array, Array]:
+    """Times, with the halts as pauses, and path lengths, from a stand."""
+    s = np.arange(0.0, path.total, _STEP_M)
+    k = np.abs(
+        path.curvature[np.clip(np.searchsorted(path.s0, s, side="right") - 1, 0, path.s0.size - 1)]
+    )
+    square = np.minimum(gait.speed_ms**2, gait.across_ms2 / np.maximum(k, 1e-9))
+    at = np.array([round(place / _STEP_M) for place, _ in halts], dtype=np.int64)
+    square[[0, *at]] = 0.0
+    slope = 2.0 * gait.along_ms2 * s
+    square = np.minimum.accumulate(square - slope) + slope
+    square = np.minimum.accumulate((square + slope)[::-1])[::-1] - slope
+    speed = np.sqrt(np.maximum(square, 0.0))
+    time = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(s) / (speed[1:] + speed[:-1]))])
+    node = np.insert(np.arange(s.size), at + 1, at)  # a halt is reached and left at the same place
+    wait = np.zeros(node.size)
+    wait[at + 1 + np.arange(at.size)] = [length for _, length in halts]
+    return time[node] + np.cumsum(wait), s[node]
+
+
+def _smoothed(path: Path, s: Array) -> tuple[Array, Array, Array]:
+    """Position (n, 3), course (n,), unwrapped, and (n,) between 0 at rest and 1 on the move, at the
+    knots.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    position, course = path.at(s)
+    base = position[0].copy()
+    width = _ROUND_S / KNOT_S
+    position = base + gaussian_filter1d(position - base, width, axis=0, mode="nearest")
+    course = course[0] + gaussian_filter1d(np.unwrap(course) - course[0], width, mode="nearest")
+    moving = gaussian_filter1d((np.gradient(s, KNOT_S) > 0.2).astype(float), width, mode="nearest")
+    return position, course, moving
+
+
+def _swing(n: int, width_s: float, rng: np.random.Generator) -> Array:
+    """(n,) smooth noise of unit standard deviation."""
+    from scipy.ndimage import gaussian_filter1d
+
+    knots = width_s / KNOT_S
+    return np.sqrt(2.0 * np.sqrt(np.pi) * knots) * gaussian_filter1d(
+        rng.standard_normal(n), knots, mode="wrap"
+    )

@@ -1,0 +1,1 @@
+"""Raw GNSS observations of rover and base, as RINEX, on the exact motion."""

@@ -1,0 +1,210 @@
+"""A whole simulated flight in memory: what the sensors recorded, and the truth about it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import UsageError
+from ..geodesy.frames import TangentPlane
+from ..records import CameraEvents, ExteriorOrientation, GnssFixes, ImuSamples, Trajectory
+from .flights import START_TOW, Flight, fly
+from .layout import PLANS, FlightPlan
+from .motion import Motion
+from .raw_gnss.receiver import GnssOptions, simulate_gnss
+from .raw_gnss.scenario import RawGnss, RawGnssOptions, simulate_raw_gnss
+from .sensors import ImuOptions, Rig, SecondImu, SimulatedImu, simulate_events, simulate_imu
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """The truth of a flight.
+
+    eo : exterior orientation of every exposure, those without an event too; covariances zero.
+    trajectory : of the IMU's navigation centre, covariances zero.
+    gyro_bias, accel_bias : (n, 3) rad/s, m/s^2, body axes, at the trajectory's times: all errors
+        but white and quantization noise.
+    outlier : (m,) which GNSS fixes are outliers.
+    """
+
+    eo: ExteriorOrientation
+    trajectory: Trajectory
+    gyro_bias: Array
+    accel_bias: Array
+    outlier: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedFlight:
+    """Observations of a flight, in SI units (IMUs in their own axes), with the options that made
+    them, and the truth.
+
+    second_imu : samples of a second IMU and its options, or None.
+    raw_gnss : what the receivers of rover and base measured, or None.
+    """
+
+    flight: Flight
+    imu: ImuSamples
+    gnss: GnssFixes
+    events: CameraEvents
+    rig: Rig
+    imu_options: ImuOptions
+    gnss_options: GnssOptions
+    tangent_plane: TangentPlane
+    truth: Truth
+    second_imu: tuple[SimulatedImu, SecondImu] | None = None
+    raw_gnss: RawGnss | None = None
+
+
+def simulate_flight(
+    flight: str | FlightPlan = "ign8",
+    minutes: float | None = None,
+    *,
+    seed: int = 0,
+    imu: ImuOptions | None = None,
+    gnss: GnssOptions | None = None,
+    raw_gnss: RawGnssOptions | None = None,
+    rig: Rig | None = None,
+    second_imu: SecondImu | None = None,
+    missing_events: float = 0.0,
+    truth_hz: float = 10.0,
+    start_tow: float = START_TOW,
+    **changes: Any,
+) -> SimulatedFlight:
+    """Simulate a flight; the same arguments give the same numbers.
+
+    Parameters
+    ----------
+    flight : "ign8", "ign6x1" or a plan.   minutes : of the record; None for the plan's own.
+    seed : of everything random: gusts, trigger delays, errors of each sensor (independent streams).
+    imu, gnss, raw_gnss, rig, second_imu, missing_events, truth_hz : as in `observe`.   start_tow : s, of the first instant, GPS week 2008.
+    changes : fields of `FlightPlan`, such as start_in_air, wind_ms, turbulence, ground_s or
+        line_length_m.
+
+    Raises
+    ------
+    UsageError : unknown flight or field, or a plan that cannot be flown.
+    """
+    if isinstance(flight, str) and flight not in PLANS:
+        raise UsageError(f"flight {flight!r} is unknown; use one of {', '.join(PLANS)}")
+    plan = PLANS[flight] if isinstance(flight, str) else flight
+    path_seed, sensor_seed = _seeds(seed)
+    if minutes is not None:
+        changes["minutes"] = minutes
+    flown = fly(plan.changed(**changes), path_seed, start_tow=start_tow)
+    return observe(
+        *(flown, sensor_seed),
+        imu=imu,
+        gnss=gnss,
+        raw_gnss=raw_gnss,
+        rig=rig,
+        second_imu=second_imu,
+        missing_events=missing_events,
+        truth_hz=truth_hz,
+    )
+
+
+def observe(
+    flown: Flight,
+    seed: int | np.random.SeedSequence = 0,
+    *,
+    imu: ImuOptions | None = None,
+    gnss: GnssOptions | None = None,
+    raw_gnss: RawGnssOptions | None = None,
+    rig: Rig | None = None,
+    second_imu: SecondImu | None = None,
+    missing_events: float = 0.0,
+    truth_hz: float = 10.0,
+) -> SimulatedFlight:
+    """What the sensors record of a flight, however its motion came about, and the truth.
+
+    seed : of the errors of each sensor (independent streams).
+    imu, gnss, rig : options of the sensors and their mounting.
+    second_imu : another IMU with errors of its own.
+    raw_gnss : of rover and base, whose errors have nothing to do with those of the positions that
+        `gnss` describes; None: none.
+    missing_events : share of exposures without event.   truth_hz : rate of the true trajectory.
+    """
+    imu, gnss, rig = imu or ImuOptions(), gnss or GnssOptions(), rig or Rig()
+    sensor_seed = _seeds(seed)[1] if isinstance(seed, int) else seed
+    inertial, receiver, camera, other, raw = np.random.default_rng(sensor_seed).spawn(5)
+    recorded = simulate_imu(flown, imu, inertial)
+    fixes, outlier = simulate_gnss(flown, rig, gnss, receiver)
+    events = simulate_events(flown, missing_events, camera)
+    observed = None if raw_gnss is None else simulate_raw_gnss(flown, rig, events, raw_gnss, raw)
+    second = None
+    if second_imu is not None:
+        lever_b = rig.C_cb.T @ (np.array(second_imu.imu_m) - np.array(rig.imu_m))
+        second = simulate_imu(flown, second_imu.options, other, lever_b), second_imu
+    trajectory = true_trajectory(flown.motion, _times(flown.motion, truth_hz), flown.gps_week)
+    plane = TangentPlane(flown.motion.frame.lat, flown.motion.frame.lon, 0.0)
+    truth = Truth(
+        true_eo(flown, rig, plane), trajectory, *_biases(recorded, trajectory.time), outlier
+    )
+    return SimulatedFlight(
+        flown, recorded.samples, fixes, events, rig, imu, gnss, plane, truth, second, observed
+    )
+
+
+def _seeds(seed: int) -> list[np.random.SeedSequence]:
+    """Of the path, and of the sensors."""
+    if seed < 0:
+        raise UsageError(f"seed {seed}; it must not be negative")
+    return np.random.SeedSequence(seed).spawn(2)
+
+
+def true_eo(flight: Flight, rig: Rig, plane: TangentPlane) -> ExteriorOrientation:
+    """Exterior orientation of every exposure of a flight, without error and with zero covariance."""
+    motion, n = flight.motion, flight.time.size
+    C_ml = plane.C_em.T @ motion.frame.C_el
+    C_mb = C_ml @ motion.C_lb(flight.time)
+    origin = C_ml @ motion.frame.position_from_geodetic(
+        plane.lat, plane.lon, plane.height
+    )  # of m from l, in m
+    position = motion.position(flight.time) @ C_ml.T - origin + C_mb @ rig.camera_lever_b
+    return ExteriorOrientation(
+        flight.images,
+        flight.time,
+        flight.gps_week,
+        np.array([plane.lat, plane.lon, plane.height]),
+        position,
+        C_mb @ rig.C_cb.T,
+        np.zeros((n, 6, 6)),
+        np.zeros((max(n - 1, 0), 6, 6)),
+        np.array(rig.boresight),
+        np.array(rig.camera_from_body),
+        ("truth of a simulation",),
+    )
+
+
+def true_trajectory(motion: Motion, time: Array, gps_week: int) -> Trajectory:
+    """State of the IMU's navigation centre at `time` (n,), without error and with zero covariance."""
+    lat, lon, height = motion.geodetic(time)
+    C_nl = motion.C_nl(time)
+    velocity = np.einsum("nij,nj->ni", C_nl, motion.velocity(time))
+    return Trajectory(
+        time,
+        lat,
+        lon,
+        height,
+        velocity,
+        C_nl @ motion.C_lb(time),
+        np.zeros((time.size, 9, 9)),
+        gps_week,
+    )
+
+
+def _times(motion: Motion, rate_hz: float) -> Array:
+    if not rate_hz > 0.0:
+        raise UsageError(f"true trajectory at {rate_hz} Hz; the rate must be positive")
+    n = int(np.floor((motion.end - motion.start) * rate_hz + 1e-6))
+    return motion.start + np.arange(n + 1) / rate_hz
+
+
+def _biases(imu: SimulatedImu, time: Array) -> tuple[Array, Array]:
+    """Slow errors of the samples that cover `time`."""
+    k = np.clip(np.searchsorted(imu.time, time - 1e-7), 0, imu.time.size - 1)
+    return imu.gyro_bias[k], imu.accel_bias[k]

@@ -1,0 +1,263 @@
+"""Sensors on an exact motion: IMU and camera, with their errors and their mounting, and the
+antenna's place (`receiver` measures it).
+
+Body axes b are the IMU's, turned to forward-right-down; T and B of paper 000 (equation 1) take them
+to the camera's,
+
+    C_cb = T B,   r_ba_b = C_cb^T (a_c - b_c),   r_bc_b = -C_cb^T b_c                          (S.1)
+
+with a_c, b_c from the camera to antenna and IMU in camera axes (Table 1). The motion's position is
+that of the IMU. With r = r_ba_b the antenna is at, and moves with,
+
+    p_a = p + C_lb r,   v_a = v + C_lb (omega_lb_b x r)                                        (S.2)
+
+An IMU reads, in body axes and then in its own, the truth plus the errors of its noise model,
+
+    reading = (I + M) truth + slow errors + white and quantization noise                       (S.3)
+
+where M, drawn once, holds scale factors on its diagonal and misalignments off it. The slow errors
+are the truth for the biases that a filter estimates. An airframe that shakes the sensor adds
+broad-band noise as soon as it moves: white noise then is `vibration` times the model's (lines of an
+engine are `faults.Vibration`).
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..base.errors import UsageError
+from ..geodesy.rotation import nearest_rotation
+from ..records import CameraEvents, ImuSamples, Quantity
+from ..stochastic.model import AxisNoise, NoiseModel, load_noise_model
+from ..stochastic.processes import simulate_noise
+from .faults import ImuFaults
+from .flights import Flight
+from .motion import Motion
+
+Array = NDArray[np.float64]
+
+MOVES_MS = 1.0
+_PAPER_T = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
+_PAPER_B = (
+    (0.999909, 0.008952, 0.010018),
+    (-0.009067, 0.999893, 0.011465),
+    (-0.009914, -0.011555, 0.999884),
+)
+_DIRECTIONS = {
+    word: (line, sense)
+    for line, pair in enumerate((("forward", "backward"), ("right", "left"), ("down", "up")))
+    for word, sense in zip(pair, (1.0, -1.0), strict=True)
+}
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Mounting of IMU, antenna and camera; the paper's by default (Tables 1 and 2, B
+    re-orthonormalised).
+
+    antenna_m, imu_m : (3) m, from the camera in camera axes.   camera_from_body, boresight : 3 x 3, T and B.
+    """
+
+    antenna_m: tuple[float, ...] = (0.462, -0.001, -0.065)
+    imu_m: tuple[float, ...] = (0.113, 0.020, 0.000)
+    camera_from_body: tuple[tuple[float, ...], ...] = _PAPER_T
+    boresight: tuple[tuple[float, ...], ...] = tuple(
+        tuple(row) for row in nearest_rotation(_PAPER_B).tolist()
+    )
+
+    @property
+    def C_cb(self) -> Array:
+        """(3, 3), body into camera (S.1)."""
+        return np.array(self.camera_from_body) @ np.array(self.boresight)
+
+    @property
+    def antenna_lever_b(self) -> Array:
+        """(3,) m, IMU to antenna in body axes (S.1)."""
+        return self.C_cb.T @ (np.array(self.antenna_m) - np.array(self.imu_m))
+
+    @property
+    def camera_lever_b(self) -> Array:
+        """(3,) m, IMU to projection centre in body axes (S.1)."""
+        return -self.C_cb.T @ np.array(self.imu_m)
+
+
+@dataclass(frozen=True)
+class ImuOptions:
+    """How the IMU samples and errs.
+
+    noise : shipped model, path, `NoiseModel`, or None for an ideal sensor; its x, y, z act on the
+        body's forward, right, down.
+    axes : body directions of the sensor's x, y, z.
+    phase_s : of the stamps against the record's start.
+    vibration : factor of the white noise while the vehicle moves, against the model's, which knows
+        nothing of it.
+    faults : of the recording.
+    """
+
+    rate_hz: float = 500.0
+    noise: str | NoiseModel | None = "navchip"
+    axes: str = "forward right down"
+    quantity: Quantity = "mean_rate"
+    phase_s: float = 0.0
+    faults: ImuFaults = field(default_factory=ImuFaults)
+    vibration: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 1.0 <= self.vibration < np.inf:
+            raise UsageError(
+                f"vibration {self.vibration:g}; it is a factor of the white noise, one or more"
+            )
+        if self.vibration > 1.0 and self.noise is None:
+            raise UsageError(
+                f"vibration {self.vibration:g} of an ideal sensor, which has no white noise to"
+                " multiply; name a noise model"
+            )
+
+
+@dataclass(frozen=True)
+class SecondImu:
+    """Another IMU on the same body; imu_m : (3) m, from the camera in camera axes, as in `Rig`.
+    `options.axes` turn it to the body.
+    """
+
+    options: ImuOptions = field(default_factory=ImuOptions)
+    imu_m: tuple[float, ...] = (0.113, 0.060, 0.000)
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedImu:
+    """Samples in the sensor's own axes as recorded, and the slow errors (n, 3) in body axes, rad/s
+    and m/s^2.
+
+    time : (n,) s GPST, ends of the intervals that the slow errors are of; faults of the recording
+        do not touch them.
+    """
+
+    samples: ImuSamples
+    time: Array
+    gyro_bias: Array
+    accel_bias: Array
+
+
+def axes_matrix(words: str) -> Array:
+    """C_bs (3, 3), sensor into body, of the body directions of the sensor's x, y, z. Raises
+    UsageError unless they are right-handed.
+    """
+    C = np.zeros((3, 3))
+    given = words.split()
+    if len(given) == 3 and all(word in _DIRECTIONS for word in given):
+        for k, word in enumerate(given):
+            line, sense = _DIRECTIONS[word]
+            C[line, k] = sense
+    if abs(np.linalg.det(C) - 1.0) > 1e-9:
+        raise UsageError(
+            f"IMU axes {words!r} are no right-handed three of {', '.join(_DIRECTIONS)}; e.g. 'right"
+            " backward down'"
+        )
+    return C
+
+
+def simulate_imu(
+    flight: Flight,
+    options: ImuOptions,
+    rng: np.random.Generator,
+    lever_b: ArrayLike = (0.0, 0.0, 0.0),
+) -> SimulatedImu:
+    """Samples of an IMU over a whole flight (S.3), at `lever_b` (3,) m in body axes from the
+    motion's point.
+    """
+    C_bs = axes_matrix(options.axes)
+    ideal = flight.motion.imu(
+        options.rate_hz, options.quantity, phase_s=options.phase_s, lever_b=lever_b
+    )
+    model = load_noise_model(options.noise) if isinstance(options.noise, str) else options.noise
+    dt = 1.0 / options.rate_hz
+    readings, slow = [], []
+    *streams, faults = rng.spawn(3)
+    shaken = _shaken(flight.motion, ideal.time, options.vibration)
+    shakes = rng.spawn(2)
+    triads = (model.gyro, model.accel) if model else ((), ())
+    for truth, axes, stream, shake in zip(
+        (ideal.gyro, ideal.accel), triads, streams, shakes, strict=True
+    ):
+        reading, bias = _erroneous(truth, axes, dt, options.quantity, stream)
+        if options.vibration > 1.0:
+            white = np.array([axis.white_noise for axis in axes])
+            unit = np.sqrt(dt) if options.quantity == "increments" else 1.0 / np.sqrt(dt)
+            reading = reading + unit * shaken[:, None] * white * shake.standard_normal(
+                reading.shape
+            )
+        readings.append(reading @ C_bs)
+        slow.append(bias)
+    samples = replace(
+        ideal, gyro=readings[0], accel=readings[1], gps_week=flight.gps_week, source="simulated IMU"
+    )
+    return SimulatedImu(options.faults.apply(samples, faults), ideal.time, slow[0], slow[1])
+
+
+def _shaken(motion: Motion, time: Array, vibration: float) -> Array:
+    """(n,) what vibration adds to white noise, in units of the model's: independent, so that the
+    sum is `vibration` times as large.
+    """
+    moving = (
+        np.linalg.norm(motion.velocity(np.clip(time, motion.start, motion.end)), axis=1) > MOVES_MS
+    )
+    return np.sqrt(vibration**2 - 1.0) * moving
+
+
+def _erroneous(
+    truth: Array,
+    axes: tuple[AxisNoise, ...],
+    dt: float,
+    quantity: Quantity,
+    rng: np.random.Generator,
+) -> tuple[Array, Array]:
+    """Reading in the quantity's unit, and slow error as a rate, both (n, 3), of three axes (S.3)."""
+    if not axes:
+        return truth, np.zeros_like(truth)
+    unit = dt if quantity == "increments" else 1.0
+    bias = np.empty_like(truth)
+    reading = np.empty_like(truth)
+    M = np.array(
+        [
+            rng.standard_normal(3)
+            * [axis.scale_factor if j == i else axis.misalignment for j in range(3)]
+            for i, axis in enumerate(axes)
+        ]
+    )
+    for i, axis in enumerate(axes):
+        fast = AxisNoise(white_noise=axis.white_noise, quantization=axis.quantization)
+        bias[:, i] = simulate_noise(
+            replace(axis, white_noise=0.0, quantization=0.0), len(truth), dt, rng
+        )
+        reading[:, i] = (
+            truth[:, i]
+            + truth @ M[i]
+            + unit * (bias[:, i] + simulate_noise(fast, len(truth), dt, rng))
+        )
+    return reading, bias
+
+
+def antenna_states(motion: Motion, lever_b: ArrayLike, time: Array) -> tuple[Array, Array]:
+    """Position (n, 3) m and velocity (n, 3) m/s in l of a point at `lever_b` (3,) m in body axes
+    (S.2).
+    """
+    C_lb, lever = motion.C_lb(time), np.asarray(lever_b, dtype=np.float64)
+    turn = np.cross(motion.omega_lb_b(time), lever)
+    return motion.position(time) + C_lb @ lever, motion.velocity(time) + np.einsum(
+        "nij,nj->ni", C_lb, turn
+    )
+
+
+def simulate_events(
+    flight: Flight, missing_fraction: float, rng: np.random.Generator
+) -> CameraEvents:
+    """Mid-exposure events of a flight; a share of them, drawn at random, is missing. Raises
+    UsageError when the share is not in [0, 1).
+    """
+    if not 0.0 <= missing_fraction < 1.0:
+        raise UsageError(f"a share of {missing_fraction} missing events; it lies between 0 and 1")
+    keep = rng.random(flight.time.size) >= missing_fraction
+    names = tuple(name for name, kept in zip(flight.images, keep, strict=True) if kept)
+    return CameraEvents(names, flight.time[keep], flight.gps_week, "simulated camera")

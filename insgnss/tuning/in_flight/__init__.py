@@ -1,0 +1,1 @@
+"""Noise from the innovations of a flight."""

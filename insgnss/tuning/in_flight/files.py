@@ -1,0 +1,154 @@
+"""What tuning on a flight leaves behind: the noise model where it is accepted, and the evidence, a
+table for machines and a spectrum.
+"""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...base.errors import UsageError
+from ...base.files import atomic_write
+from ...base.units import rounded
+from ...config.flight_file import Flight
+from ...prepare.gaps import nominal_interval
+from ...processing.input_files import input_files, sha256
+from ...processing.recording import Recording
+from ...stochastic.model import (
+    NOISE_UNITS,
+    AxisNoise,
+    NoiseModel,
+    RecordingSource,
+    write_noise_model,
+)
+from ..targets import check_target, refuse_present
+
+if TYPE_CHECKING:
+    from ...calibrate.innovation_noise import InFlightNoise
+    from .result import FlightTuning
+
+DEFAULT = "in_flight_noise.toml"
+LINES_SHOWN = 4
+
+
+def planned(flight: Flight, out: Path | None, force: bool) -> Path:
+    """Where the noise model goes; raises UsageError where it cannot, would take an input's place,
+    or a file is there already.
+    """
+    target = check_target(flight.path.parent / DEFAULT if out is None else Path(out))
+    inputs = {file.resolve() for file in (flight.path, *input_files(flight))}
+    files = (target, *beside(target))
+    taken = [str(file) for file in files if file.resolve() in inputs]
+    if taken:
+        raise UsageError(
+            f"{taken[0]}: is an input of this flight and stays as it is; give another --out FILE"
+        )
+    if not force:
+        refuse_present(files)
+    return target
+
+
+def beside(target: Path) -> tuple[Path, Path]:
+    """Table and picture that stand beside a noise model."""
+    return target.with_suffix(".json"), target.with_name(f"{target.stem}_spectrum.png")
+
+
+def write(tuning: "FlightTuning", target: Path) -> "FlightTuning":
+    """Write the files, the noise model last and only where it is accepted; the result that names
+    them.
+    """
+    table, picture = beside(target)
+    drawn = spectrum_figure(tuning)
+    files = (*((target,) if tuning.accepted else ()), table, *((picture,) if drawn else ()))
+    tuning = replace(tuning, files=files)
+    if drawn:
+        atomic_write(picture, drawn)
+    atomic_write(table, json.dumps(tuning.as_dict(), indent=1, allow_nan=False) + "\n")
+    if tuning.accepted:
+        write_noise_model(tuning.model, target, tuning.reasons)
+    return tuning
+
+
+def spectrum_figure(tuning: "FlightTuning") -> bytes:
+    """PNG of the IMU's spectrum in straight flight beside white noise of the static model and as
+    found; empty without one.
+    """
+    from ...report.figures.noise import SpectrumPanel, draw_psd
+
+    s = tuning.straight
+    if s is None:
+        return b""
+    panels = []
+    for c in range(6):
+        sensor, axis = ("gyro", "accel")[c // 3], c % 3
+        static, found = (
+            getattr(model, sensor)[axis].white_noise for model in (tuning.static, tuning.model)
+        )
+        level = np.ones(s.frequency_hz.size)
+        models = [("white noise, static model", static * level)] + (
+            [("by the innovations", found * level)] if found != static else []
+        )
+        own = sorted(
+            (line for line in s.lines if line.channel == f"{sensor} {'xyz'[axis]}"),
+            key=lambda line: -line.rms,
+        )
+        at = [line.frequency_hz for line in own[:LINES_SHOWN]]
+        panels.append(
+            SpectrumPanel(
+                "gyro" if c < 3 else "accel", "xyz"[axis], s.frequency_hz, s.density[c], models, at
+            )
+        )
+    told = (
+        f"{s.duration_s:.0f} s of straight, level flight, {s.windows} windows; below"
+        f" {s.lowest_hz:g} Hz the vehicle's own motion"
+    )
+    return draw_psd(panels, f"{tuning.name}: {tuning.headline}", told)
+
+
+def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise") -> NoiseModel:
+    """The static model with the factors found, and what is known of it."""
+    from .words import NAMES
+
+    f, static = noise.imu_factors(), recording.noise
+    told = ", ".join(
+        f"{NAMES[name]} x {f[name]:.3f} +- {noise.sigma(name):.3f}"
+        for name in f
+        if noise.sigma(name) > 0.0
+    )
+    source = f"{static.source}; by the innovations of flight {flight.name} {told or 'nothing else'}"
+    rate = round(1.0 / nominal_interval(recording.imu.time), 3)
+    imu = RecordingSource(
+        Path(flight.imu.file).name, sha256(flight.imu.file), recording.imu.time.size, rate
+    )
+    gx, gy, gz = (_scaled(axis, "gyro", noise) for axis in static.gyro)
+    ax, ay, az = (_scaled(axis, "accel", noise) for axis in static.accel)
+    return NoiseModel(
+        f"{static.name} in flight", source, (gx, gy, gz), (ax, ay, az), (*static.recordings, imu)
+    )
+
+
+def _scaled(axis: AxisNoise, sensor: str, noise: "InFlightNoise") -> AxisNoise:
+    """One axis with its triad's factors; standard errors of what was estimated take the place of
+    the static model's.
+    """
+    factors, error = noise.imu_factors(), dict(axis.standard_error)
+
+    def times(value: float, name: str, quantity: str, number: str = "") -> float:
+        unit = NOISE_UNITS[sensor][quantity]
+        if value and noise.sigma(name) > 0.0:
+            error[quantity + number] = rounded(value * noise.sigma(name), unit, 2)
+        return rounded(value * factors[name], unit, 6) if factors[name] != 1.0 else value
+
+    for name in factors.keys() & {f"{sensor}.white_noise", "white_noise"}:
+        axis = replace(axis, white_noise=times(axis.white_noise, name, "white_noise"))
+    if (name := f"{sensor}.driving_noise") in factors:
+        processes = tuple(
+            replace(gm, driving_noise=times(gm.driving_noise, name, "driving_noise", f"_{k}"))
+            for k, gm in enumerate(axis.gauss_markov, start=1)
+        )
+        axis = replace(
+            axis, random_walk=times(axis.random_walk, name, "random_walk"), gauss_markov=processes
+        )
+    return replace(axis, standard_error=tuple(error.items()))

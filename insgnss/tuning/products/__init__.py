@@ -1,0 +1,1 @@
+"""What a tuning leaves: noise model, tables, figures, words."""

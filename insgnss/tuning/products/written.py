@@ -1,0 +1,97 @@
+"""The files of a tuning: noise model, table for machines, a figure a sensor. Each appears whole or
+not at all, the noise model last.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ...base.files import atomic_write
+from ...stochastic.model import NOISE_UNITS, AxisNoise, NoiseModel, write_noise_model
+from ..recordings import SENSORS, StaticRecording
+from ..result import Tuned, TuneResult
+from ..targets import check_target, refuse_present
+from ..usable import rounded_axis
+from .words import verdict
+
+DEFAULT = Path("imu_noise.toml")
+
+
+def planned(out: Path | None, force: bool) -> Path:
+    """Where the noise model goes. Raises UsageError where it cannot, or where one of the files is
+    there already.
+    """
+    target = check_target(out or DEFAULT)
+    if not force:
+        refuse_present((target, *_beside(target)))
+    return target
+
+
+def _beside(target: Path) -> list[Path]:
+    return [
+        target.with_suffix(".json"),
+        *(target.with_name(f"{target.stem}_{sensor}.png") for sensor in SENSORS),
+    ]
+
+
+def noise_model(
+    name: str,
+    recordings: Sequence[StaticRecording],
+    tuned: Sequence[Tuned],
+    turn_on: Mapping[str, float],
+) -> NoiseModel | None:
+    """Noise of all six axes; None where one was not tuned."""
+    axes: dict[tuple[str, int], AxisNoise] = {}
+    for t in tuned:
+        noise = rounded_axis(
+            replace(t.noise, turn_on_bias=turn_on.get(t.sensor, 0.0)), NOISE_UNITS[t.sensor]
+        )
+        axes |= {(t.sensor, k): noise for k in t.axes}
+    if len(axes) < 6:
+        return None
+    triads = {sensor: (axes[sensor, 0], axes[sensor, 1], axes[sensor, 2]) for sensor in SENSORS}
+    said = {
+        sensor: ", ".join(
+            dict.fromkeys(str(t.kept.composition) for t in tuned if t.sensor == sensor)
+        )
+        for sensor in SENSORS
+    }
+    source = f"insgnss tune: gyro {said['gyro']}; accel {said['accel']}"
+    return NoiseModel(
+        name, source, triads["gyro"], triads["accel"], tuple(r.source for r in recordings)
+    )
+
+
+def write(result: TuneResult, target: Path) -> TuneResult:
+    """Write all files; the result that names them."""
+    from .figures import sensor_figure
+
+    table, *figures = _beside(target)
+    drawn = {
+        path: png
+        for path, sensor in zip(figures, SENSORS, strict=True)
+        if (png := sensor_figure(result, sensor))
+    }
+    files = (*((target,) if result.model is not None else ()), table, *drawn)
+    notes = result.notes
+    if result.model is None:
+        notes = (
+            *notes,
+            "no noise model was written: it needs three gyroscopes and three accelerometers",
+        )
+    result = replace(result, files=files, notes=notes)
+    for path, png in drawn.items():
+        atomic_write(path, png)
+    atomic_write(table, json.dumps(result.as_dict(), indent=1, allow_nan=False) + "\n")
+    if result.model is not None:
+        write_noise_model(result.model, target, _remarks(result))
+    return result
+
+
+def _remarks(result: TuneResult) -> tuple[str, ...]:
+    """What a person who opens the noise model should know."""
+    return (
+        *result.turn_on,
+        *(f"{t.name}: {text}" for t in result.tuned for text in verdict(t, result.recordings)),
+    )
