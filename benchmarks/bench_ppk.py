@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 from common import one_thread
 
-from insgnss.gnss.engine.options import EngineOptions
 from insgnss.gnss.engine.rtklib import solve
+from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.ppk import PpkInput, solve_ppk
 
 

@@ -163,7 +163,7 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
     """
     from ..config.load import read_covariance
     from ..geodesy.frames import geodetic_to_ecef
-    from ..gnss.engine.options import EngineOptions
+    from ..gnss.options import EngineOptions
     from ..gnss.ppk import PpkInput
     from ..gnss.quality.covariance import MODEL
 

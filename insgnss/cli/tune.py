@@ -89,6 +89,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--force", action="store_true", help="take the place of files that are there"
     )
+    _add_model(parser)
+    _add_reading(parser)
+
+
+def _add_model(parser: argparse.ArgumentParser) -> None:
+    """Add what chooses and fits the model."""
     fit = parser.add_argument_group("model")
     models = f"such as WN+3GM, or several with commas to choose from (default: {' '.join(FAMILY)})"
     fit.add_argument("--model", metavar="SUM", help=f"processes QN WN GM RW DR, {models}")
@@ -134,6 +140,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     fit.add_argument(
         "--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)"
     )
+
+
+def _add_reading(parser: argparse.ArgumentParser) -> None:
+    """Add how the recordings are read."""
     read = parser.add_argument_group("reading")
     read.add_argument(
         "--columns",

@@ -13,8 +13,8 @@ from typing import Any
 
 from ..base.errors import UsageError
 from ..records import CameraEvents, GnssFixes, ImuSamples
-from ._detect import LOADERS, by_bytes, head_of, load_content
 from .arrays.content import TableInfo
+from .detect import LOADERS, by_bytes, head_of, load_content
 from .exports import EXPORTS
 from .text.units import UNITS, split_unit, unit_factor
 
@@ -198,7 +198,7 @@ def describe(path: str | Path) -> list[TableInfo]:
     table its one, by header or places "[1]"; of a log of sentences or messages one a kind. Raises
     InputError for a file that cannot be read.
     """
-    from .text.describe import tables_in
+    from .describe import tables_in
 
     return tables_in(path)
 

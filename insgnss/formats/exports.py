@@ -219,7 +219,7 @@ EXPORTS: dict[str, Export] = {
     "tum": Export(
         "eo.tum",
         "TUM trajectory, for evo",
-        "trajectory.tum:write_tum",
+        "orientation.tum:write_tum",
         (TANGENT, PROJECTED, GEOCENTRIC),
         options=("time",),
     ),

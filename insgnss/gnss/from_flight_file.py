@@ -8,7 +8,7 @@ from math import radians
 from ..config.ppk_options import RawGnss
 from ..exposures.naming import ImageMatch
 from ..geodesy.frames import geodetic_to_ecef
-from .engine.options import EngineOptions
+from .options import EngineOptions
 from .ppk import PpkInput, PpkResult, solve_ppk
 from .quality.covariance import MODEL, CovarianceModel
 from .rinex.camera_events import RoverEvents

@@ -34,20 +34,20 @@ from ..geodesy.gpstime import WEEK_S
 from ..records import Array, CameraEvents, Check, GnssFixes
 from ..records.qualities import Quality
 from .antenna_files import SOLUTION
-from .atmosphere.ionosphere import LEAST_EPOCHS, LEAST_S, engine_models_it, ionosphere_correction
-from .atmosphere.troposphere import (
+from .engine.preflight import check_base_point
+from .engine.rtklib import EngineRun, Progress, solve
+from .exposures.event_times import check_beside, check_camera_delay
+from .exposures.receiver_clock import to_gpst
+from .options import EngineOptions, base_position
+from .phase.double_differences import FAR_M
+from .phase.ionosphere import LEAST_EPOCHS, LEAST_S, engine_models_it, ionosphere_correction
+from .phase.signal_quality import signal_numbers, signals_of
+from .phase.troposphere import (
     Atmosphere,
     displacement_per_delay,
     standard_atmosphere,
     wet_delay_correction,
 )
-from .engine.options import EngineOptions, base_position
-from .engine.preflight import check_base_point
-from .engine.rtklib import EngineRun, Progress, solve
-from .exposures.event_times import check_beside, check_camera_delay
-from .exposures.receiver_clock import to_gpst
-from .phase.double_differences import FAR_M
-from .phase.signal_quality import signal_numbers, signals_of
 from .phase.velocity import at_stamps, time_differenced_velocity
 from .quality.covariance import (
     BELIEVED,

@@ -10,10 +10,9 @@ import numpy as np
 
 from ..base.errors import DataError, InputError
 from ..config.flight_file import Flight
-from ..records import Array, Check, ImuSamples, Trajectory
+from ..records import Array, CameraEvents, Check, ImuSamples, Trajectory
 
 if TYPE_CHECKING:
-    from .recording import Recording
     from .segment import Segment
 
 LONG_LEVER_M = 3.0  # a lever arm that few drones have room for
@@ -199,13 +198,13 @@ def check_motion(flight: Flight, segments: "Sequence[Segment]") -> list[Check]:
     ]
 
 
-def check_images(recording: "Recording", segments: "Sequence[Segment]") -> list[Check]:
+def check_images(events: CameraEvents | None, segments: "Sequence[Segment]") -> list[Check]:
     """Note the exposures that have no orientation.
 
     Parameters
     ----------
-    recording : Recording
-        The recording.
+    events : CameraEvents, optional
+        The exposures of the recording.
     segments : sequence of Segment
         The solved segments.
 
@@ -214,9 +213,9 @@ def check_images(recording: "Recording", segments: "Sequence[Segment]") -> list[
     list of Check
         The note "images" where there are such.
     """
-    if recording.events is None:
+    if events is None:
         return []
-    images = recording.events.images
+    images = events.images
     oriented = np.concatenate([segment.at_event for segment in segments])
     lost = np.setdiff1d(np.arange(len(images)), oriented)
     if not lost.size:

@@ -141,7 +141,7 @@ def _solve(
     checks = [check for segment in segments for check in segment.checks]
     checks += check_motion(flight, segments)
     refuse_contradictions(flight, checks)
-    return segments, (*recording.checks, *checks, *gaps, *check_images(recording, segments))
+    return segments, (*recording.checks, *checks, *gaps, *check_images(recording.events, segments))
 
 
 def _report(

@@ -22,7 +22,7 @@ from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.formats.bundle.colmap import write_colmap, write_colmap_priors
 from insgnss.formats.bundle.opf import write_opf
 from insgnss.formats.orientation.g2o import write_g2o
-from insgnss.formats.trajectory.tum import write_tum
+from insgnss.formats.orientation.tum import write_tum
 from insgnss.records import FramedOrientation
 
 CARTESIAN = ["tangent plane", "geocentric", "EPSG:2056", "EPSG:32632"]

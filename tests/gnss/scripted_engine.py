@@ -8,8 +8,8 @@ import sys
 
 from written_rinex import epoch2, header2, record
 
-from insgnss.gnss.engine.options import EngineOptions
 from insgnss.gnss.engine.rtklib import solve
+from insgnss.gnss.options import EngineOptions
 
 BASE = (3774096.81, -601661.65, 5089318.44)
 BASE_LLH = (53.2804, -9.0578, 70.0)

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from insgnss.gnss.engine.options import EngineOptions
 from insgnss.gnss.engine.preflight import satellites_with_phases
+from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.satellites.frequencies import ENGINE_BANDS, HERTZ, engine_phases, kappa
 
 

@@ -11,8 +11,8 @@ import pytest
 
 from insgnss.base.errors import UsageError
 from insgnss.geodesy.frames import LocalFrame, ecef_to_geodetic, geodetic_to_ecef, rotation_en
-from insgnss.gnss.engine.options import EngineOptions
 from insgnss.gnss.engine.rtklib import solve
+from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.quality.covariance import (
     BELIEVED,
     CLASSES,

@@ -16,7 +16,9 @@ from written_rinex import epoch3, header3, record
 
 from insgnss.base.errors import DataError, UsageError
 from insgnss.base.wording import spoken_as
-from insgnss.gnss.engine.options import (
+from insgnss.gnss.engine.preflight import satellites_with_phases
+from insgnss.gnss.engine.rtklib import INSTALL, check_names, engine_command
+from insgnss.gnss.options import (
     EngineOptions,
     base_antenna,
     check_dynamics,
@@ -24,8 +26,6 @@ from insgnss.gnss.engine.options import (
     prediction_sd,
     single_point_file,
 )
-from insgnss.gnss.engine.preflight import satellites_with_phases
-from insgnss.gnss.engine.rtklib import INSTALL, check_names, engine_command
 from insgnss.gnss.rinex.header import read_header
 from insgnss.gnss.rinex.observations import read_observations
 

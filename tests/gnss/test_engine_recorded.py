@@ -17,8 +17,8 @@ from written_rinex import record
 from insgnss.base.errors import InputError, UsageError
 from insgnss.formats.gnss.rtklib_pos import read_rtklib_pos
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
-from insgnss.gnss.engine.options import EngineOptions
 from insgnss.gnss.engine.rtklib import solve
+from insgnss.gnss.options import EngineOptions
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 MILLIMETRE = 1e-3

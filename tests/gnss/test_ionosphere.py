@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
-from insgnss.gnss.atmosphere import ionosphere as room
-from insgnss.gnss.atmosphere.engine_weighting import displacement
-from insgnss.gnss.atmosphere.ionosphere import (
+from insgnss.gnss.options import EngineOptions
+from insgnss.gnss.phase import ionosphere as room
+from insgnss.gnss.phase.double_differences import Differences, _two_bands, differences
+from insgnss.gnss.phase.ionosphere import (
     GRADIENT,
     LEAST_S,
     SHELL_M,
@@ -21,11 +22,10 @@ from insgnss.gnss.atmosphere.ionosphere import (
     mean_kappa,
     shell_design,
 )
-from insgnss.gnss.atmosphere.troposphere import Atmosphere, mapping
-from insgnss.gnss.engine.options import EngineOptions
-from insgnss.gnss.phase.double_differences import Differences, _two_bands, differences
+from insgnss.gnss.phase.troposphere import Atmosphere, mapping
 from insgnss.gnss.ppk import PpkInput, _without_ionosphere
 from insgnss.gnss.rinex.observations import read_observations
+from insgnss.gnss.satellites.engine_weighting import displacement
 from insgnss.gnss.satellites.satellite_geometry import Sky, common_bands, common_sky
 from insgnss.records import GnssFixes
 from insgnss.simulation.flights import fly

@@ -28,8 +28,8 @@ from insgnss.geodesy.frames import (
 )
 from insgnss.gnss import ppk
 from insgnss.gnss.antenna_files import ALL, IMAGES, PLANE, positions_at, write_antenna_files
-from insgnss.gnss.engine.options import EngineOptions
 from insgnss.gnss.engine.rtklib import EngineRun
+from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.ppk import PpkInput, solve_ppk
 from insgnss.gnss.quality.covariance import MODEL
 from insgnss.gnss.rinex.camera_events import RoverEvents

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from insgnss.base.errors import InputError
-from insgnss.gnss.engine.options import EngineOptions
 from insgnss.gnss.exposures.receiver_clock import clock_error, error_at, to_gpst
+from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.ppk import PpkInput, solve_ppk
 from insgnss.gnss.rinex.camera_events import camera_events
 from insgnss.gnss.rinex.observations import read_observations

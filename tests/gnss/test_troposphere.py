@@ -9,8 +9,10 @@ from scipy.interpolate import CubicSpline
 from insgnss.base.errors import DataError, InputError
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from insgnss.geodesy.gpstime import WEEK_S
-from insgnss.gnss.atmosphere.engine_weighting import carrying_systems
-from insgnss.gnss.atmosphere.troposphere import (
+from insgnss.gnss.engine.rtklib import solve
+from insgnss.gnss.options import EngineOptions
+from insgnss.gnss.phase.time_differences import code_ranges
+from insgnss.gnss.phase.troposphere import (
     Atmosphere,
     displacement_per_delay,
     engine_layer,
@@ -21,12 +23,10 @@ from insgnss.gnss.atmosphere.troposphere import (
     wet_delay_correction,
     wet_layer,
 )
-from insgnss.gnss.engine.options import EngineOptions
-from insgnss.gnss.engine.rtklib import solve
-from insgnss.gnss.phase.time_differences import code_ranges
 from insgnss.gnss.quality.solution_quality import read_solution
 from insgnss.gnss.rinex.navigation_message import read_navigation
 from insgnss.gnss.rinex.observations import read_observations
+from insgnss.gnss.satellites.engine_weighting import carrying_systems
 from insgnss.gnss.satellites.frequencies import CHANNEL_HERTZ, HERTZ
 from insgnss.gnss.satellites.orbits import LIGHT, emission_states, ranges, satellite_states, sky
 from insgnss.gnss.satellites.satellite_geometry import Sky, common_sky

@@ -12,9 +12,9 @@ from insgnss.base.errors import DataError
 from insgnss.flight import load_flight
 from insgnss.formats.gnss.rtklib_pos import write_rtklib_pos
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
-from insgnss.gnss.atmosphere.troposphere import standard_slant_delay
 from insgnss.gnss.phase import _velocity_kernels
 from insgnss.gnss.phase.time_differences import VelocityOptions
+from insgnss.gnss.phase.troposphere import standard_slant_delay
 from insgnss.gnss.phase.velocity import (
     UNKNOWN_JERK,
     UNSEEN_JERK,

@@ -9,8 +9,8 @@ import pytest
 
 from insgnss.formats.gnss.rtklib_pos import read_rtklib_pos
 from insgnss.geodesy.frames import geodetic_to_ecef
-from insgnss.gnss.engine.options import EngineOptions
 from insgnss.gnss.engine.rtklib import solve
+from insgnss.gnss.options import EngineOptions
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.raw_gnss.errors import Tracking
 from insgnss.simulation.raw_gnss.scenario import RawGnssOptions

@@ -16,8 +16,8 @@ from scipy.stats import chi2, poisson
 
 from insgnss.base.errors import UsageError
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
-from insgnss.gnss.atmosphere.troposphere import Atmosphere
-from insgnss.gnss.engine.options import EngineOptions
+from insgnss.gnss.options import EngineOptions
+from insgnss.gnss.phase.troposphere import Atmosphere
 from insgnss.gnss.ppk import PpkInput, solve_ppk
 from insgnss.records import CameraEvents
 from insgnss.simulation.flights import block_flight

@@ -32,9 +32,9 @@ from ...records import Array, FramedOrientation
 from ...records.framed import GEOCENTRIC, PROJECTED, TANGENT
 from ...records.relative import GAP_S
 from ..text.text import Source, format_rows
-from ..trajectory.tum import wxyz_last
 from .exported import check_frame, check_names, said
 from .poses import inverse_covariance, positive
+from .tum import wxyz_last
 
 ROTATIONS = {"quaternion": 0.5, "vector": 1.0}
 WORDS = {

@@ -30,13 +30,13 @@ from ...base.wording import named, setting
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
 from ...records import Array, Check, GnssFixes
+from ..options import EngineOptions, base_position
 from ..phase.time_differences import VelocityOptions
 from ..phase.velocity import time_differenced_velocity
 from ..rinex.header import RinexHeader
 from ..rinex.navigation_message import TOE, Navigation
 from ..rinex.observations import Observations
 from ..satellites.frequencies import engine_phases
-from .options import EngineOptions, base_position
 
 FEWEST_SATELLITES = 4
 FEWEST_SHARE = 0.5

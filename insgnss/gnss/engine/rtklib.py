@@ -36,10 +36,7 @@ from ...base.files import atomic_write
 from ...base.wording import named
 from ...formats.gnss.rtklib_pos import read_rtklib_pos
 from ...records import Check, GnssFixes
-from ..rinex.header import load_rinex
-from ..rinex.navigation_message import read_navigation
-from ..rinex.observations import Observations, read_observations, without_events
-from .options import (
+from ..options import (
     ANTENNAS,
     DIRECTIONS,
     EngineOptions,
@@ -47,6 +44,9 @@ from .options import (
     option_file,
     single_point_file,
 )
+from ..rinex.header import load_rinex
+from ..rinex.navigation_message import read_navigation
+from ..rinex.observations import Observations, read_observations, without_events
 from .preflight import (
     Whereabouts,
     absolute,

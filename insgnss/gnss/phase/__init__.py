@@ -1,3 +1,4 @@
-"""Carrier phases: differences in time (TDCP) and double differences, velocity, cycle slips and
-C/N0.
+"""Carrier phases and the delays on their way: time differences (TDCP), double differences, velocity.
+
+Cycle slips and C/N0 are judged here, too; the ionosphere is measured on double differences.
 """

@@ -22,7 +22,12 @@ from numpy.typing import NDArray
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef
 from ...geodesy.gpstime import WEEK_S
 from ...records import GnssFixes
-from ..atmosphere.troposphere import (
+from ..rinex.navigation_message import Navigation
+from ..satellites.frequencies import ENGINE_BANDS, HERTZ, rows_of_systems
+from ..satellites.orbits import LIGHT, emission_states, ranges, sky, unique_satellites
+from ..satellites.satellite_geometry import LARGEST_OFFSET_S, Sky, base_rows
+from .time_differences import code_ranges
+from .troposphere import (
     FIXED,
     Atmosphere,
     hydrostatic_layer,
@@ -31,11 +36,6 @@ from ..atmosphere.troposphere import (
     standard_slant_delay,
     wet_layer,
 )
-from ..rinex.navigation_message import Navigation
-from ..satellites.frequencies import ENGINE_BANDS, HERTZ, rows_of_systems
-from ..satellites.orbits import LIGHT, emission_states, ranges, sky, unique_satellites
-from ..satellites.satellite_geometry import LARGEST_OFFSET_S, Sky, base_rows
-from .time_differences import code_ranges
 
 if TYPE_CHECKING:
     from ..rinex.observations import Observations

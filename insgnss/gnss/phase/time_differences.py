@@ -18,7 +18,6 @@ from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef
 from ...geodesy.gpstime import WEEK_S
 from ...records import GnssFixes
 from ...records.variances import MAD_TO_SIGMA
-from ..atmosphere.troposphere import standard_slant_delay
 from ..rinex.navigation_message import Navigation
 from ..rinex.observations import Observations
 from ..satellites.frequencies import CHANNEL_HERTZ, HERTZ
@@ -30,6 +29,7 @@ from ..satellites.orbits import (
     sky,
     unique_satellites,
 )
+from .troposphere import standard_slant_delay
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

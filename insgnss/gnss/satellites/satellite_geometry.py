@@ -13,9 +13,9 @@ from ...base.errors import InputError
 from ...geodesy.frames import geodetic_to_ecef
 from ...geodesy.gpstime import WEEK_S
 from ...records import GnssFixes
-from ..atmosphere.engine_weighting import GLONASS_WEIGHT, carrying_systems
-from ..engine.options import EngineOptions
+from ..options import EngineOptions
 from ..rinex.navigation_message import Navigation
+from .engine_weighting import GLONASS_WEIGHT, carrying_systems
 from .frequencies import engine_phases
 from .orbits import ranges, satellite_states, sky, unique_satellites
 from .visible_satellites import Sky

@@ -82,12 +82,12 @@ from numpy.typing import ArrayLike, NDArray
 from ...geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from ...records import GnssFixes
 from ...records.variances import MAD_TO_SIGMA
-from ..engine.options import EngineOptions
-from ..phase.double_differences import Differences, differences, measurable
+from ..options import EngineOptions
 from ..rinex.navigation_message import Navigation
+from ..satellites.engine_weighting import displacement
 from ..satellites.frequencies import ENGINE_BANDS, kappa, rows_of_systems
 from ..satellites.satellite_geometry import Sky, common_bands
-from .engine_weighting import displacement
+from .double_differences import Differences, differences, measurable
 from .troposphere import Atmosphere, mapping
 
 if TYPE_CHECKING:

@@ -24,8 +24,8 @@ sin^2 E), of GLONASS 1 / 1.5^2 of that,
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine.options import EngineOptions
-from ..satellites.visible_satellites import Sky
+from ..options import EngineOptions
+from .visible_satellites import Sky
 
 Array = NDArray[np.float64]
 

@@ -49,8 +49,8 @@ from ...config.ppk_options import Air
 from ...config.schema import declared
 from ...geodesy.frames import ecef_to_geodetic
 from ...records import GnssFixes
+from ..satellites.engine_weighting import displacement
 from ..satellites.satellite_geometry import Sky
-from .engine_weighting import displacement
 
 Array = NDArray[np.float64]
 

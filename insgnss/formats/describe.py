@@ -3,12 +3,12 @@
 from collections import Counter
 from pathlib import Path
 
-from ...base.errors import InputError
-from .._detect import by_bytes, head_of, load_content
-from ..arrays.content import TableInfo, tables_of
-from .headers import kinds_like, unit_in
-from .sentences import read_sentences
-from .text import read_table, read_text_table
+from ..base.errors import InputError
+from .arrays.content import TableInfo, tables_of
+from .detect import by_bytes, head_of, load_content
+from .text.headers import kinds_like, unit_in
+from .text.sentences import read_sentences
+from .text.text import read_table, read_text_table
 
 
 def tables_in(path: str | Path) -> list[TableInfo]:
@@ -18,15 +18,15 @@ def tables_in(path: str | Path) -> list[TableInfo]:
     if form in ("matlab", "npy"):
         return list(tables_of(load_content(form, path)))
     if form == "ardupilot":
-        from ..logs.ardupilot import load_ardupilot
+        from .logs.ardupilot import load_ardupilot
 
         return list(tables_of(load_ardupilot(path)))
     if form == "ulog":
-        from ..logs.ulog import load_ulog
+        from .logs.ulog import load_ulog
 
         return list(tables_of(load_ulog(path)))
     if form == "sbet":
-        from ..trajectory.sbet import FIELDS, read_sbet
+        from .trajectory.sbet import FIELDS, read_sbet
 
         return [TableInfo("", FIELDS, read_sbet(path).time.size)]
     if head.lstrip().startswith(b"$") or b"\n$G" in head:

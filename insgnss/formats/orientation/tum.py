@@ -16,9 +16,9 @@ from ...base.files import atomic_write
 from ...geodesy.rotation import quaternion_from_rotation
 from ...records import Array, FramedOrientation
 from ...records.framed import GEOCENTRIC, PROJECTED, TANGENT
-from ..orientation.exported import check_frame, said
-from ..orientation.poses import unix_seconds
 from ..text.text import Source, format_rows
+from .exported import check_frame, said
+from .poses import unix_seconds
 
 SCALES = {
     "tow": "seconds of the GPS week, GPST, going on past its end",

@@ -45,11 +45,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ...base.errors import InputError, OptionError
-from ...base.wording import named, setting
-from ...config.ppk_options import EngineSettings, Point
-from ...records import Check
-from ..rinex.header import RinexHeader
+from ..base.errors import InputError, OptionError
+from ..base.wording import named, setting
+from ..config.ppk_options import EngineSettings, Point
+from ..records import Check
+from .rinex.header import RinexHeader
 
 Direction = Literal["combined", "forward", "backward"]
 

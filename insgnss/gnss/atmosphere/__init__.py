@@ -1,1 +1,0 @@
-"""Delays of troposphere and ionosphere between base and rover, and their corrections."""
