@@ -220,7 +220,7 @@ def test_the_reader_of_imports_sees_all_kinds() -> None:
         "config.flight_file",
         "navigation.solution",
         "prepare.gaps",
-    } <= inner_imports("processing.segment")
+    } <= inner_imports("processing.solve_segments")
     assert "processing.pipeline" in inner_imports("cli.process")
     assert "processing.pipeline" not in inner_imports("cli.process", only_at_import=True)
     assert {"numpy", "insgnss.base.compilation"} <= set(imports("navigation.kernels.update"))

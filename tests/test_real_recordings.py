@@ -16,7 +16,7 @@ from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion, rpy_from_rotation, skew
 from insgnss.processing.pipeline import process
 from insgnss.processing.recording import read_recording
-from insgnss.processing.segment import solve_segments
+from insgnss.processing.solve_segments import solve_segments
 
 pytestmark = pytest.mark.slow
 

@@ -35,7 +35,8 @@ from .orientation import orient_images, output_trajectory
 from .products import RunResult, output_directory, write_products
 from .progress import Progress, StepClock, quiet
 from .recording import Recording, read_recording
-from .segment import Segment, solve_segments
+from .segment import Segment
+from .solve_segments import solve_segments
 
 
 @dataclass(frozen=True)

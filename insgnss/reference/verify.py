@@ -184,7 +184,7 @@ def verify(
         Where the flight cannot be processed, or the part does not give an attitude.
     """
     from ..processing.recording import read_recording
-    from ..processing.segment import solve_segments
+    from ..processing.solve_segments import solve_segments
 
     progress("read")
     recording = read_recording(flight)

@@ -92,7 +92,7 @@ def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> Fli
     DataError as `tune_flight` does.
     """
     from ...calibrate.straight_flight import straight_flight, straight_segments
-    from ...processing.segment import solve_segments
+    from ...processing.solve_segments import solve_segments
 
     progress("read")
     recording = _read(flight)
@@ -192,7 +192,7 @@ def _lost_again(flight: Flight, recording: Recording, offered: int, progress: Pr
     """Fixes of `offered` that are lost with another noise, all those of a segment that cannot be
     solved with it.
     """
-    from ...processing.segment import solve_segments
+    from ...processing.solve_segments import solve_segments
 
     try:
         again, lost = _lost(solve_segments(flight, recording, progress)[0])

@@ -1,0 +1,245 @@
+"""Each segment of a flight, solved: prepare -> align -> filter -> smooth.
+
+A flight is one segment unless its IMU has gaps longer than `prepare.gaps` bridges; then each
+segment is solved on its own.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from ..align.initial import given_attitude, initial_state
+from ..base.errors import DataError, InputError
+from ..config.flight_file import Flight
+from ..diagnosis.decision import ErrorModelSearch, diagnose, explain_failure
+from ..diagnosis.time_offset import ROUNDS, offset_to_apply
+from ..diagnosis.turn_on_bias import check_biases_in_innovations, with_turn_on, without_turn_on
+from ..geodesy.frames import LocalFrame
+from ..navigation.codes import NAV
+from ..navigation.problem import EstimationProblem, InitialState
+from ..navigation.solution import Solution, solve
+from ..prepare import gaps
+from ..prepare.clock import SHORTEST_S, common_span
+from ..records import Check
+from .checks import check_segments, sentence
+from .estimation_problem import PreparedSegment, layout_factory, prepare_segment
+from .progress import Progress
+from .recording import Recording
+from .segment import Segment
+
+
+def solve_segments(
+    flight: Flight, recording: Recording, step: Progress
+) -> tuple[list[Segment], list[Check]]:
+    """Solve every segment of a flight that can be solved.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    recording : Recording
+        The recording.
+    step : Progress
+        Receives the name of each step.
+
+    Returns
+    -------
+    tuple of list of Segment and list of Check
+        The solved segments, and, where the IMU has gaps, the check that says what became of the
+        rest.
+
+    Raises
+    ------
+    InputError, DataError
+        As `solve_segment` does; where no segment can be solved, the error of the longest.
+    """
+    fixes = recording.gnss
+    lo, hi = common_span(recording.imu, fixes, flight.start_tow, flight.end_tow)
+    first = int(np.searchsorted(fixes.time, lo))
+    frame = LocalFrame(*(float(x[first]) for x in (fixes.lat, fixes.lon, fixes.height)))
+    spans = gaps.segments(recording.imu.time, lo, hi)
+    solved: list[Segment] = []
+    failures: list[tuple[tuple[float, float], DataError]] = []
+    for span in spans:
+        # a given attitude is that of the flight's first fix
+        own = flight if span == spans[0] else replace(flight, initial=None)
+        try:
+            _refuse_short(recording, span)
+            solved.append(solve_segment(own, recording, span, frame, step))
+        except DataError as error:
+            failures.append((span, error))
+    if not solved:
+        raise max(failures, key=lambda failure: failure[0][1] - failure[0][0])[1]
+    return solved, [check_segments(solved, failures)] if len(spans) > 1 else []
+
+
+def solve_segment(
+    flight: Flight,
+    recording: Recording,
+    span: tuple[float, float],
+    frame: LocalFrame,
+    step: Progress,
+) -> Segment:
+    """Solve one segment, from the recording to the smoothed states.
+
+    A large estimated time offset goes into the stamps of the fixes, and the segment is solved
+    again.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    recording : Recording
+        The recording.
+    span : (float, float)
+        First and last instant of the segment, s.
+    frame : LocalFrame
+        The local frame of the flight.
+    step : Progress
+        Receives the name of each step.
+
+    Returns
+    -------
+    Segment
+        The solved segment.
+
+    Raises
+    ------
+    InputError, DataError
+        Where the data contradict themselves or do not support the answer.
+    """
+    moved_s, solved = 0.0, _solve(flight, recording, span, frame, step)
+    for _ in range(ROUNDS):
+        offset = offset_to_apply(solved.solution)
+        if offset == 0.0:
+            break
+        moved_s += offset
+        step(f"the fixes moved by {moved_s:+.4f} s")
+        fixes = replace(recording.gnss, time=recording.gnss.time + moved_s)
+        moved = replace(recording, gnss=fixes)
+        solved = _solve(flight, moved, span, frame, step, -moved_s)
+        solved = replace(solved, time_offset_s=moved_s)
+    return solved
+
+
+def _solve(
+    flight: Flight,
+    recording: Recording,
+    span: tuple[float, float],
+    frame: LocalFrame,
+    step: Progress,
+    expected_offset: float = 0.0,
+) -> Segment:
+    """Prepare, align, filter and smooth a segment, and look for its error model."""
+    step("prepare")
+    prepared = prepare_segment(flight, recording, span, frame)
+    search = ErrorModelSearch(
+        prepared.requested_errors,
+        prepared.layout_factory,
+        flight.mounting,
+        flight.gnss.gm_sigma == "auto",
+        flight.filter.second_pass,
+        step,
+    )
+    step("align")
+    try:
+        start, how = _align(flight, prepared.problem)
+        start = _expecting(start, prepared.problem.layout.offset, expected_offset)
+        solution = solve(prepared.problem, start, flight.filter.second_pass, step)
+    except DataError as error:
+        step("what would explain it")
+        _refuse_what_explains(flight, recording, prepared, search, error)
+        raise
+    biases = _missing_biases(flight, recording, prepared, solution, step)
+    if biases is not None and biases.name not in flight.accept:
+        raise InputError(
+            f'{flight.path}: {sentence(biases)}; accept = ["{biases.name}"] in the flight file '
+            "overrules"
+        )
+    checks = () if biases is None else (biases,)
+    history: tuple[str, ...] = (how,)
+    if flight.gnss.stationary is None:
+        diagnosis = diagnose(search, start, solution)
+        solution = diagnosis.solution
+        checks, history = (*checks, *diagnosis.checks), (*history, *diagnosis.history)
+    return Segment(solution, prepared.fixes, prepared.grid, prepared.at_event, history, checks)
+
+
+def _align(flight: Flight, problem: EstimationProblem) -> tuple[InitialState, str]:
+    """Return the initial state of a problem, and how it was found."""
+    if flight.initial is not None:
+        given = flight.initial
+        rpy = np.radians([given.roll_deg, given.pitch_deg, given.heading_deg])
+        start = given_attitude(problem, rpy, np.radians(given.sigma_deg))
+        return start, "initial attitude from the flight file"
+    alignment = initial_state(problem)
+    first, last = alignment.window
+    sigma = np.degrees(alignment.heading_sigma)
+    return (
+        alignment.start,
+        (
+            f"initial attitude from the motion between {first:.1f} and {last:.1f} s (heading to "
+            f"{sigma:.2f} deg there), filtered back to the first fix"
+        ),
+    )
+
+
+def _expecting(start: InitialState, offset_state: int, offset_s: float) -> InitialState:
+    """Expect a time offset: the prior belongs to the stamps of the file, before they were moved."""
+    if offset_state < 0:
+        return start
+    mean = start.mean.copy()
+    mean[NAV.stop + offset_state] += offset_s
+    return replace(start, mean=mean)
+
+
+def _aligned_by(flight: Flight) -> Callable[[EstimationProblem], InitialState]:
+    """Return what gives the initial state of a problem of this flight."""
+    return lambda problem: _align(flight, problem)[0]
+
+
+def _refuse_what_explains(
+    flight: Flight,
+    recording: Recording,
+    prepared: PreparedSegment,
+    search: ErrorModelSearch,
+    error: DataError,
+) -> None:
+    """Raise InputError with the cause of `error`, where the flight shows one."""
+    biases = _missing_biases(flight, recording, prepared, None, search.progress)
+    if biases is not None:
+        raise InputError(f"{flight.path}: {sentence(biases)}") from None
+    cause = explain_failure(search, prepared.problem, _aligned_by(flight))
+    if cause is not None:
+        raise InputError(
+            f"{flight.path}: {sentence(cause)}; as the flight file is, {error}"
+        ) from None
+
+
+def _missing_biases(
+    flight: Flight,
+    recording: Recording,
+    prepared: PreparedSegment,
+    solution: Solution | None,
+    step: Progress,
+) -> Check | None:
+    """Check whether the innovations show the turn-on biases that the noise model lacks."""
+    noise = recording.noise
+    if not without_turn_on(noise):
+        return None
+    step("turn-on biases, which the noise model lacks")
+    layout = layout_factory(flight, with_turn_on(noise))(prepared.requested_errors)
+    problem = replace(prepared.problem, layout=layout)
+    align, second_pass = _aligned_by(flight), flight.filter.second_pass
+    return check_biases_in_innovations(
+        noise, solution, lambda: solve(problem, align(problem), second_pass, separations=0)
+    )
+
+
+def _refuse_short(recording: Recording, span: tuple[float, float]) -> None:
+    """Raise DataError where a segment holds too few fixes."""
+    time = recording.gnss.time[(recording.gnss.time >= span[0]) & (recording.gnss.time <= span[1])]
+    length = float(time[-1] - time[0]) if time.size else 0.0
+    if time.size < 2 or length < SHORTEST_S:
+        raise DataError(f"{time.size} fixes over {length:.1f} s, limit {SHORTEST_S:.0f} s")
