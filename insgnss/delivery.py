@@ -71,13 +71,13 @@ def ppk_directory(out: Path) -> Path:
 def inputs_of(flight: Flight) -> list[Path]:
     """Every file that the result depends on."""
     imus = (flight.imu, *flight.imu.more)
-    files = [flight.path, *(imu.file for imu in imus), *(imu.calibration for imu in imus if imu.calibration is not None)]
-    if flight.gnss.file is not None:
-        files.append(flight.gnss.file)
+    of_imus = [file for imu in imus for file in (imu.file, imu.calibration)]
+    given = [flight.path if flight.path.exists() else None, *of_imus, flight.gnss.file]
+    files = [file for file in given if isinstance(file, Path)]  # what was given as an object has no file
     if flight.gnss.raw is not None:
         files += flight.gnss.raw.files
     if flight.camera is not None:
-        files += [*([] if flight.camera.events is None else [flight.camera.events]), *flight.camera.match.files]
+        files += [*([flight.camera.events] if isinstance(flight.camera.events, Path) else []), *flight.camera.match.files]
     files += [imu.noise for imu in imus if isinstance(imu.noise, Path)]
     if flight.output.geoid is not None:
         files.append(flight.output.geoid)

@@ -105,6 +105,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from .changes import with_changes
 from .errors import InputError, UsageError
 from .exposures.naming import ImageMatch, image_match
 from .formats._fixes import QUALITY_CODES
@@ -118,7 +119,8 @@ from .gnss.events import RoverEvents
 from .gnss.flight_table import AIR, RawGnss, raw_gnss
 from .orient.mounting import ANGLE_SETS, PAPER_CAMERA_FROM_BODY, Mounting, boresight_from_angles
 from .prepare.axes import parse_axes
-from .records import QUANTITIES, Array, Quantity
+from .records import QUANTITIES, Array, CameraEvents, GnssFixes, ImuSamples, Quantity, Rows
+from .stochastic.model import NoiseModel
 from .tables import Columns, Table, near, read_toml
 
 SHIPPED_MODELS = Path(__file__).parent / "stochastic" / "models"
@@ -133,14 +135,16 @@ class ImuInput:
     """Table [imu]. `noise` is the name of a shipped model or the path of a file.
 
     `units` has the keys gyro, accel and time as far as they are given, None without any; the file's header, else SI, decides on the others.
+    In Python `file` may be samples and `noise` a noise model; then columns, units, quantity, variable and rate_hz, which say how to read a
+    file, are not looked at.
     """
 
-    file: Path
+    file: Path | ImuSamples
     columns: Columns
     units: Mapping[str, str] | None
     quantity: Quantity
     axes: str
-    noise: str | Path
+    noise: str | Path | NoiseModel
     time_offset_s: float
     variable: str | None
     rate_hz: float | None = None
@@ -157,9 +161,12 @@ class ImuInput:
 
 @dataclass(frozen=True)
 class GnssInput:
-    """Table [gnss]. Standard deviations are north, east, down, m and m/s; `units` has keys of `gnss_text`, or is None."""
+    """Table [gnss]. Standard deviations are north, east, down, m and m/s; `units` has keys of `gnss_text`, or is None.
 
-    file: Path | None
+    In Python `file` may be fixes; then what says how to read a file, sigma_m and calibrated included, is not looked at.
+    """
+
+    file: Path | GnssFixes | None
     columns: Columns
     units: Mapping[str, str] | None
     undulation_m: float | None
@@ -181,9 +188,12 @@ class GnssInput:
 
 @dataclass(frozen=True)
 class CameraInput:
-    """Table [camera]; `events` is None where the rover's file holds them, those of `rover_events`; `match`: the images' names for them."""
+    """Table [camera]; `events` is None where the rover's file holds them, those of `rover_events`; `match`: the images' names for them.
 
-    events: Path | None
+    In Python `events` may be camera events, in the place of a file.
+    """
+
+    events: Path | CameraEvents | None
     columns: Columns
     time_offset_s: float
     match: ImageMatch = field(default_factory=ImageMatch)
@@ -242,7 +252,7 @@ class FilterOptions:
     robust: bool = False
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Flight:
     """A flight file, read, checked and complete; `path` is the file itself."""
 
@@ -260,6 +270,29 @@ class Flight:
     initial: InitialAttitude | None
     filter: FilterOptions = field(default_factory=FilterOptions)
     accept: tuple[str, ...] = ()
+
+    def with_(self, **changes: Any) -> "Flight":
+        """Return the flight with other values, such as ``flight.with_(imu__noise=model, filter__robust=True)``.
+
+        Parameters
+        ----------
+        **changes : value by field of this record; two underscores go into a table. Where a file may
+            stand, a record may: `ImuSamples` for imu.file, `GnssFixes` for gnss.file, `CameraEvents`
+            for camera.events, a `NoiseModel` for imu.noise.
+
+        Returns
+        -------
+        The new flight; the old one stays as it is.
+
+        Raises
+        ------
+        UsageError : there is no such field; the nearest one is told.
+        """
+        return with_changes(self, changes)
+
+    def __repr__(self) -> str:
+        """Return name and file in one line."""
+        return f"<Flight {self.name}, {self.path}>"
 
     def resolved(self) -> dict[str, Any]:
         """Every value with its default filled in, as plain JSON types; paths are relative to the flight file where they lie below it."""
@@ -606,7 +639,9 @@ def _filter(table: Table) -> FilterOptions:
 
 
 def _plain(value: Any, base: Path) -> Any:
-    """`value` in JSON types."""
+    """`value` in JSON types; what was given as an object in the place of a file is told as such."""
+    if isinstance(value, Rows | NoiseModel):
+        return f"given as object: {value!r}"
     if is_dataclass(value):
         return {f.name: _plain(getattr(value, f.name), base) for f in fields(value)}
     if isinstance(value, Path):

@@ -19,7 +19,7 @@ from .errors import DataError, InputError
 from .files import json_ready
 from .flight import Flight, load_flight
 from .recording import Progress, Recording, quiet, read_recording, sentence
-from .records import Array, Check, Diagnostics, ExteriorOrientation, GnssFixes, StateVerdict, Trajectory
+from .records import Array, Check, Diagnostics, ExteriorOrientation, GnssFixes, ImuBiases, Innovations, StateVerdict, Trajectory
 from .stretch import EPOCH_HZ, Stretch, check_images, check_motion, solve_stretches
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ REPORT_ROWS = 4000
 HOPELESS_RAD = np.radians(20.0)  # of attitude: beyond it neither the linearisation nor a user can do anything with the result
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ProcessResult:
     """Products of a run. report: what report.json holds. eo: None without camera events."""
 
@@ -38,6 +38,30 @@ class ProcessResult:
     eo: ExteriorOrientation | None
     trajectory: Trajectory
     diagnostics: Diagnostics
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Every check of the run, those that found nothing wrong among them."""
+        return self.diagnostics.checks
+
+    @property
+    def states(self) -> tuple[StateVerdict, ...]:
+        """Constants that were estimated besides biases: scale factors, lever arm, time offset."""
+        return self.diagnostics.states
+
+    @property
+    def biases(self) -> ImuBiases:
+        """Biases of the IMU over time, with standard deviations."""
+        return replace(self.diagnostics.biases, gps_week=self.trajectory.gps_week)
+
+    @property
+    def innovations(self) -> Innovations:
+        """Position fixes against what the filter predicted of them."""
+        return replace(self.diagnostics.innovations, gps_week=self.trajectory.gps_week)
+
+    def __repr__(self) -> str:
+        """Return what there is and the headline of the report."""
+        return f"<ProcessResult {self.trajectory!r}, {self.eo!r}: {self.report['headline']}>"
 
     def summary(self) -> str:
         """A few lines for the terminal."""
@@ -64,13 +88,13 @@ class _Clock:
             self.progress(name)
 
 
-def process(flight: Flight, out: Path | None = None, progress: Progress = quiet) -> ProcessResult:
+def process(flight: Flight, out: Path | None = None, progress: Progress = quiet, write: bool = True) -> ProcessResult:
     """The main job: from a flight file to the exterior orientation of every image and its report.
 
-    out : directory of the products instead of the flight file's.
+    out : directory of the products instead of the flight file's.   write : whether to write them at all.
     Raises InputError where the input is wrong or contradicts itself, DataError where it does not support the answer.
     """
-    directory = target(flight, out)
+    directory = target(flight, out) if write else None
     clock = _Clock(progress)
     clock.step("read")
     recording = read_recording(flight)
@@ -96,8 +120,8 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = quiet)
     report = _summary(flight, diagnostics, eo, history, clock, recording.imu.time.size, epochs)
     if recording.ppk is not None:
         report["ppk"] = {"engine": recording.ppk.engine, "verdict": recording.ppk.verdict, "quality": json_ready(recording.ppk.quality)}
-    clock.step("write")
-    files = deliver(flight, directory, eo, path, report, diagnostics, recording)
+    clock.step("write" if write else "")
+    files = () if directory is None else deliver(flight, directory, eo, path, report, diagnostics, recording)
     clock.step("")
     return ProcessResult(report, files, eo, path, diagnostics)
 

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .errors import DataError, InputError, InsgnssError, UsageError
 from .flight import QUALITIES, Flight, ImuInput
-from .records import Array, CameraEvents, Check, GnssFixes, ImuSamples
+from .records import Array, CameraEvents, Check, GnssFixes, ImuSamples, camera_events, gnss_fixes, imu_samples
 from .units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
@@ -144,7 +145,9 @@ def _read_files(flight: Flight) -> "tuple[ImuSamples, GnssFixes, CameraEvents | 
     imu = _read_imu(flight.imu, flight.gps_week)
     events = None
     if camera is not None and camera.events is not None:
-        events = named(read_events(camera.events, columns=camera.columns, gps_week=flight.gps_week), camera.match)
+        given, week = camera.events, flight.gps_week
+        events = read_events(given, columns=camera.columns, gps_week=week) if isinstance(given, Path) else camera_events(given, week)
+        events = named(events, camera.match)
     if g.raw is not None:
         from .gnss.flown import solve_flown
 
@@ -153,8 +156,9 @@ def _read_files(flight: Flight) -> "tuple[ImuSamples, GnssFixes, CameraEvents | 
         return imu, ppk.fixes, ppk.events if events is None else events, ppk
     if g.stationary is not None:
         gnss = standing_fixes(g.stationary, g.sigma_m or STANDING_SIGMA_M, imu)
+    elif not isinstance(g.file, Path):
+        gnss = gnss_fixes(g.file, gps_week=flight.gps_week)
     else:
-        assert g.file is not None
         gnss = read_gnss(
             g.file,
             columns=g.columns,
@@ -180,7 +184,11 @@ def _read_imu(i: ImuInput, gps_week: int | None) -> ImuSamples:
     from .prepare.hanging import without_hangs
     from .recognise.plausibility import STILL_S
 
-    imu = read_imu(i.file, columns=i.columns, units=i.units, quantity=i.quantity, gps_week=gps_week, variable=i.variable, rate_hz=i.rate_hz)
+    if isinstance(i.file, Path):
+        how = {"columns": i.columns, "units": i.units, "variable": i.variable, "rate_hz": i.rate_hz}
+        imu = read_imu(i.file, quantity=i.quantity, gps_week=gps_week, **how)
+    else:
+        imu = imu_samples(i.file, i.quantity, gps_week)
     imu = without_hangs(imu, STILL_S)
     if i.accel_sign < 0:
         imu = replace(imu, accel=-imu.accel)

@@ -33,12 +33,13 @@ STANDS_ON = {  # the table of the design, room by room; what is below all is not
     "calibrate": BELOW_ALL | {"navigation", "orient", "prepare"},
     "adjust": BELOW_ALL | {"orient"},
     # formats: a simulated flight is written as a data set; gnss: a simulated receiver flies under broadcast orbits
-    "simulate": BELOW_ALL | {"stochastic", "formats", "gnss"},
+    "simulate": BELOW_ALL | {"stochastic", "formats", "gnss", "orient"},
     "report": BELOW_ALL,
 }
 ROOMS = set(STANDS_ON)
 STANDS_ON |= {
-    "flight": ROOMS,
+    "changes": {"errors"},
+    "flight": ROOMS | {"changes"},
     "recording": ROOMS | {"flight"},
     "exporting": ROOMS,
     "comparison": ROOMS,
@@ -51,7 +52,8 @@ STANDS_ON |= {
     "cli": ROOMS | {"flight", "recording", "pipeline", "inspection", "tuning", "exporting", "comparison", "proof", "console", "caches"},
     "console": {"errors"},
     "caches": set(),
-    "__init__": {"caches"},
+    "api": ROOMS | {"flight", "recording", "pipeline", "inspection", "tuning", "exporting", "comparison"},
+    "__init__": ROOMS | {"api", "caches", "flight", "pipeline", "tuning"},  # loaded when a public name is first used
     "__main__": {"cli"},
 }
 

@@ -9,6 +9,7 @@ from ..errors import InputError, InsgnssError, UsageError
 from ..recording import InspectResult, Progress, quiet
 
 if TYPE_CHECKING:
+    from ..flight import Flight
     from ..recognise.findings import Finding
 
 
@@ -51,15 +52,15 @@ def flight_file(sources: Sequence[Path], write: bool) -> Path | None:
     return sources[0] if inside else None
 
 
-def inspect_flight(path: Path, progress: Progress = quiet) -> FlightInspection:
+def inspect_flight(path: "Path | Flight", progress: Progress = quiet) -> FlightInspection:
     """Check a flight file's recording, and recognise it beside: where claim and data disagree, a check says so.
 
     Raises InputError where the flight file or its inputs cannot be read.
     """
-    from ..flight import load_flight
+    from ..flight import Flight, load_flight
     from ..recording import inspect, read_recording
 
-    flight = load_flight(path)
+    flight = path if isinstance(path, Flight) else load_flight(path)
     progress("reading")
     recording = read_recording(flight)
     result = inspect(flight, progress, recording)

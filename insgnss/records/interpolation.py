@@ -86,9 +86,7 @@ def _before(trajectory: "Trajectory", time: Array, tolerance_s: float) -> np.nda
     outside = (time < begin - tolerance_s) | (time > end + tolerance_s)
     if outside.any():
         at = time[int(np.argmax(outside))]
-        raise DataError(
-            f"Trajectory: {at:.6f} s is outside {begin:.6f} to {end:.6f} s; choose instants within"
-        )
+        raise DataError(f"Trajectory: {at:.6f} s is outside {begin:.6f} to {end:.6f} s; choose instants within")
     after = np.searchsorted(trajectory.time, time, side="right")
     return np.clip(after - 1, 0, max(len(trajectory) - 2, 0))
 

@@ -166,9 +166,7 @@ class Rows:
                 trailing[1] += "_2"
             variables[field] = ((row, *trailing), value)
         coordinates = {"image": list(getattr(self, self._NAMES))} if self._NAMES else {}
-        return xarray.Dataset(
-            variables, coordinates, {"gps_week": str(getattr(self, "gps_week", ""))}
-        )
+        return xarray.Dataset(variables, coordinates, {"gps_week": str(getattr(self, "gps_week", ""))})
 
     def __repr__(self) -> str:
         """Return kind, number of rows, span and week in one line."""

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._checked import Array, frozen, increasing
 from .rows import Rows
+from .series import ImuBiases, Innovations
 from .verdicts import Check, LastingError, StateVerdict
 
 
@@ -265,6 +266,17 @@ class Diagnostics:
     states: tuple[StateVerdict, ...] = ()
     stretches: tuple[tuple[float, float], ...] = ()
     lasting: tuple[LastingError, ...] = ()
+
+    @property
+    def biases(self) -> ImuBiases:
+        """Biases of the IMU at `time`, a few thousand epochs at most."""
+        b, s = self.bias, self.bias_sigma
+        return ImuBiases(self.time, b[:, :3], b[:, 3:], s[:, :3], s[:, 3:])
+
+    @property
+    def innovations(self) -> Innovations:
+        """Innovations of the position fixes, all of them."""
+        return Innovations(self.fix_time, self.innovation, self.innovation_sigma, self.nis, self.used)
 
     @classmethod
     def joined(cls, parts: "Sequence[Diagnostics]") -> "Diagnostics":

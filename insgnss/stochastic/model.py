@@ -123,9 +123,29 @@ class RecordingSource:
     sampling_rate_hz: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class NoiseModel:
-    """Noise of three gyroscopes and three accelerometers, in the order of the sensor's x, y, z, and what it was estimated from."""
+    """Noise of three gyroscopes and three accelerometers, and what it was estimated from.
+
+    Parameters
+    ----------
+    name : of the sensor, for reports.
+    source : where the numbers come from, in words.
+    gyro, accel : noise of the x, y and z axis of the sensor, SI.
+    recordings : what the model was estimated from, if it was.
+
+    Raises
+    ------
+    InputError : there are not three axes.
+
+    Examples
+    --------
+    >>> import insgnss
+    >>> gyro = insgnss.AxisNoise(white_noise=5e-5, turn_on_bias=5e-4)  # rad/s/sqrt(Hz), rad/s
+    >>> accel = insgnss.AxisNoise(white_noise=5e-4, turn_on_bias=0.02)  # m/s^2/sqrt(Hz), m/s^2
+    >>> insgnss.NoiseModel.of_alike_axes("mine", gyro, accel)
+    <NoiseModel mine, gyro WN+bias, accel WN+bias>
+    """
 
     name: str
     source: str
@@ -140,6 +160,40 @@ class NoiseModel:
             if len(axes) != 3:
                 raise InputError(f"noise model {self.name!r}: {len(axes)} {sensor} axes, expected 3")
             object.__setattr__(self, sensor, axes)
+
+    @classmethod
+    def of_alike_axes(
+        cls, name: str, gyro: AxisNoise, accel: AxisNoise, source: str = ""
+    ) -> "NoiseModel":
+        """Return the model of a sensor whose axes are alike.
+
+        Parameters
+        ----------
+        name, source : as in `NoiseModel`.
+        gyro, accel : noise of every gyroscope and of every accelerometer, SI.
+
+        Returns
+        -------
+        The model.
+        """
+        return cls(name, source, (gyro, gyro, gyro), (accel, accel, accel))
+
+    def __repr__(self) -> str:
+        """Return the name and the processes of both sensors in one line."""
+        processes = ", ".join(f"{s} {_processes(getattr(self, s))}" for s in ("gyro", "accel"))
+        return f"<NoiseModel {self.name}, {processes}>"
+
+
+def _processes(axes: tuple[AxisNoise, ...]) -> str:
+    """Short names of the processes that any of the axes has."""
+    words = (
+        *(("quantization", "QN"), ("white_noise", "WN"), ("random_walk", "RW"), ("drift", "DR")),
+        ("turn_on_bias", "bias"),
+    )
+    named = [word for name, word in words if any(getattr(axis, name) > 0.0 for axis in axes)]
+    count = max(len(axis.gauss_markov) for axis in axes)
+    gauss_markov = [f"{count}GM" if count > 1 else "GM"] if count else []
+    return "+".join([*named, *gauss_markov]) or "none"
 
 
 def shipped_models() -> tuple[str, ...]:
@@ -180,12 +234,24 @@ def _weighted_axis(axes: list[AxisNoise], w: list[float]) -> AxisNoise:
     return AxisNoise(gauss_markov=processes, **plain)
 
 
-def load_noise_model(name_or_path: str | os.PathLike[str]) -> NoiseModel:
-    """Noise model of a shipped name, such as "navchip", or of a file.
+def load_noise_model(name_or_path: str | os.PathLike[str] | NoiseModel) -> NoiseModel:
+    """Return the noise model of a shipped name, such as "navchip", or of a file.
 
-    Raises InputError, with file and line, for a file that is missing or no TOML, an unknown key or table (naming the
-    nearest), and a quantity that is negative, without unit or of another dimension.
+    Parameters
+    ----------
+    name_or_path : name, path, or a model, which is returned as it is.
+
+    Returns
+    -------
+    The model.
+
+    Raises
+    ------
+    InputError : with file and line, for a file that is missing or no TOML, an unknown key or table
+        (naming the nearest), and a quantity that is negative, without unit or of another dimension.
     """
+    if isinstance(name_or_path, NoiseModel):
+        return name_or_path
     shipped = shipped_models()
     name = os.fspath(name_or_path)
     path = MODELS / f"{name}.toml" if name in shipped else Path(name)
