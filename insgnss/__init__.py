@@ -10,14 +10,17 @@ none of them: each is loaded when it is first used.
 
 Run
     `estimate` (arrays in, result out), `process` (a flight file), `inspect`, `tune`, `calibrate_imu`, `ppk`, `export`, `compare`,
-    `simulate`; the results `ProcessResult` of the first two.
+    `simulate`; the result of the first two is a `ProcessResult`. `relative_control` between images.
 Read
     `read_imu`, `read_gnss`, `read_events`, `read_eo`, `read_trajectory`, `load_flight`, `load_noise_model`, `write_noise_model`.
 Records
-    `ImuSamples`, `GnssFixes`, `CameraEvents`, `Trajectory`, `ExteriorOrientation`, `ImuBiases`, `Innovations`, `Check`.
+    `ImuSamples`, `GnssFixes`, `CameraEvents`, `Trajectory`, `ExteriorOrientation`, `ImuBiases`, `Innovations`, `Check`,
+    `RelativeControl`.
 Say how
     `Flight`, `Mounting`, `boresight_from_angles`, `FilterOptions`, `InitialAttitude`, `NoiseModel`, `AxisNoise`, `GaussMarkov`,
     `TuneOptions`, `EngineOptions`.
+Noise
+    `simulate_noise`, `wavelet_variance` of samples, `haar_variance` of a model, `WaveletVariance`.
 Errors
     `InsgnssError`, of it `UsageError`, `InputError` and `DataError`.
 
@@ -53,7 +56,7 @@ from .caches import settle as _settle
 
 if _TYPE_CHECKING:
     from .api.estimation import estimate
-    from .api.products import compare, export, ppk
+    from .api.products import compare, export, ppk, relative_control
     from .api.readers import read_eo, read_trajectory
     from .api.verbs import calibrate_imu, inspect, process, simulate, tune
     from .errors import DataError, InputError, InsgnssError, UsageError
@@ -62,8 +65,22 @@ if _TYPE_CHECKING:
     from .gnss.options import EngineOptions
     from .orient.mounting import Mounting, boresight_from_angles
     from .pipeline import ProcessResult
-    from .records import CameraEvents, Check, ExteriorOrientation, GnssFixes, ImuBiases, ImuSamples, Innovations, Trajectory
+    from .records import (
+        CameraEvents,
+        Check,
+        ExteriorOrientation,
+        GnssFixes,
+        ImuBiases,
+        ImuSamples,
+        Innovations,
+        Trajectory,
+        WaveletVariance,
+    )
+    from .records.relative import RelativeControl
     from .stochastic.model import AxisNoise, GaussMarkov, NoiseModel, load_noise_model, write_noise_model
+    from .stochastic.moments.theory import haar_variance
+    from .stochastic.moments.wavelet import wavelet_variance
+    from .stochastic.processes import simulate_noise
     from .tuning.options import TuneOptions
 
 _settle()
@@ -72,7 +89,7 @@ __version__ = "0.1.0"
 
 _ROOMS = {  # where each public name is defined; loaded when it is first used
     "api.estimation": ("estimate",),
-    "api.products": ("compare", "export", "ppk"),
+    "api.products": ("compare", "export", "ppk", "relative_control"),
     "api.readers": ("read_eo", "read_trajectory"),
     "api.verbs": ("calibrate_imu", "inspect", "process", "simulate", "tune"),
     "errors": ("DataError", "InputError", "InsgnssError", "UsageError"),
@@ -83,9 +100,13 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
     "pipeline": ("ProcessResult",),
     "records": (
         *("CameraEvents", "Check", "ExteriorOrientation", "GnssFixes"),
-        *("ImuBiases", "ImuSamples", "Innovations", "Trajectory"),
+        *("ImuBiases", "ImuSamples", "Innovations", "Trajectory", "WaveletVariance"),
     ),
+    "records.relative": ("RelativeControl",),
     "stochastic.model": ("AxisNoise", "GaussMarkov", "NoiseModel", "load_noise_model", "write_noise_model"),
+    "stochastic.moments.theory": ("haar_variance",),
+    "stochastic.moments.wavelet": ("wavelet_variance",),
+    "stochastic.processes": ("simulate_noise",),
     "tuning.options": ("TuneOptions",),
 }
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
@@ -110,15 +131,18 @@ __all__ = [
     "Mounting",
     "NoiseModel",
     "ProcessResult",
+    "RelativeControl",
     "Trajectory",
     "TuneOptions",
     "UsageError",
+    "WaveletVariance",
     "__version__",
     "boresight_from_angles",
     "calibrate_imu",
     "compare",
     "estimate",
     "export",
+    "haar_variance",
     "inspect",
     "load_flight",
     "load_noise_model",
@@ -129,8 +153,11 @@ __all__ = [
     "read_gnss",
     "read_imu",
     "read_trajectory",
+    "relative_control",
     "simulate",
+    "simulate_noise",
     "tune",
+    "wavelet_variance",
     "write_noise_model",
 ]
 

@@ -228,7 +228,13 @@ class Output:
 
 @dataclass(frozen=True)
 class InitialAttitude:
-    """Table [initial]; `sigma_deg` of roll, pitch, heading."""
+    """Attitude at the first fix, where one is known: table [initial].
+
+    Parameters
+    ----------
+    roll_deg, pitch_deg, heading_deg : of the body forward-right-down, heading from true north, deg.
+    sigma_deg : (3,) standard deviations of roll, pitch, heading, deg.
+    """
 
     roll_deg: float
     pitch_deg: float
@@ -238,7 +244,21 @@ class InitialAttitude:
 
 @dataclass(frozen=True)
 class FilterOptions:
-    """Table [filter]."""
+    """States and constraints of the filter beside the usual ones: table [filter].
+
+    Parameters
+    ----------
+    scale_factor : whether scale factors of gyroscopes and accelerometers are states.
+    misalignment : whether their misalignments are states.
+    second_pass : "auto", "on" or "off": linearise again about the smoothed flight.
+    time_offset : whether a time offset of the fixes and its rate are states.
+    time_offset_sigma_s : a-priori standard deviation of the time offset, s.
+    lever_arm : whether the error of the lever arm from IMU to antenna is a state.
+    lever_arm_sigma_m : a-priori standard deviation of each of its components, m.
+    zero_velocity : "auto" or "off": zero-velocity and zero-angular-rate updates at rest.
+    wheels : non-holonomic constraint of a wheeled vehicle: no velocity across its forward axis.
+    robust : Huber weights of suspicious fixes in the place of all or nothing.
+    """
 
     scale_factor: bool = False
     misalignment: bool = False
@@ -254,7 +274,22 @@ class FilterOptions:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Flight:
-    """A flight file, read, checked and complete; `path` is the file itself."""
+    """A flight file, read, checked and complete; `load_flight` reads one, `with_` changes it.
+
+    Parameters
+    ----------
+    path : the file; names in its directory are told relative to it.
+    name : of the data set, in titles and reports.
+    gps_week : where the files carry only the time of week, else None.
+    start_tow, end_tow : s; data outside are cut away; None: nothing is.
+    imu, gnss, camera : tables of that name; the camera is None where there is none.
+    mounting : lever arms and bore-sight.
+    tangent_plane : table of that name; None: its origin is at the first fix.
+    output : table of that name.
+    initial : attitude at the first fix; None: it is found in the motion.
+    filter : states and constraints of the filter.
+    accept : checks whose contradiction does not stop `process`.
+    """
 
     path: Path
     name: str
@@ -305,6 +340,10 @@ def load_flight(path: str | Path) -> Flight:
     Parameters
     ----------
     path : the file, or the directory that holds its `flight.toml`.
+
+    Returns
+    -------
+    The flight, with every default filled in.
 
     Raises
     ------

@@ -31,7 +31,16 @@ HOPELESS_RAD = np.radians(20.0)  # of attitude: beyond it neither the linearisat
 
 @dataclass(frozen=True, repr=False)
 class ProcessResult:
-    """Products of a run. report: what report.json holds. eo: None without camera events."""
+    """What a run found.
+
+    Parameters
+    ----------
+    report : what report.json holds: figures of merit, checks, the resolved flight file, versions.
+    files : that were written.
+    eo : exterior orientation of the images; None without camera events.
+    trajectory : of the IMU's navigation centre, at the rate that was asked for.
+    diagnostics : series for the report: filter and smoothed sigmas, innovations, biases.
+    """
 
     report: dict[str, Any]
     files: tuple[Path, ...]

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from ..comparison.result import Comparison
     from ..exporting.export import Exported
     from ..gnss.ppk import PpkResult
+    from ..records.relative import RelativeControl
+    from ..stochastic.model import NoiseModel
 
 Source = str | os.PathLike[str]
 FRAMES = {"tangent": "tangent plane", "geocentric": "geocentric", "geographic": "geographic"}
@@ -61,6 +63,38 @@ def export(
     target = Target(crs, None if geoid is None else Path(geoid), kind, ground_m)
     orientation = eo if isinstance(eo, ExteriorOrientation) else read_eo(eo)
     return write(orientation, format, Path(path), target, **options)
+
+
+def relative_control(
+    eo: ExteriorOrientation,
+    noise: "str | os.PathLike[str] | NoiseModel" = "navchip",
+    *,
+    form: Literal["mapping", "camera"] = "mapping",
+    gap_s: float = 10.0,
+) -> "RelativeControl":
+    """Return the relative control between neighbouring images of the same flight line.
+
+    Parameters
+    ----------
+    eo : the exterior orientation, in the tangent plane.
+    noise : model by whose gyroscopes one of the three weightings goes.
+    form : "mapping": offsets and rotations in the frame's axes; "camera": pose of one camera in the
+        other.
+    gap_s : greatest time between the images of a pair, s.
+
+    Returns
+    -------
+    The relative poses with three weightings side by side.
+
+    Raises
+    ------
+    UsageError : the form is unknown, or the gap is not positive.
+    InputError : the covariances between neighbours are not known, or the noise model is wrong.
+    """
+    from ..exporting.export import relative_of
+    from ..orient.frame import in_frame
+
+    return relative_of(in_frame(eo, FRAMES["tangent"]), eo, noise, form=form, gap_s=gap_s)
 
 
 def compare(

@@ -31,7 +31,7 @@ def read_eo(path: str | os.PathLike[str]) -> ExteriorOrientation:
 
 
 def read_trajectory(path: str | os.PathLike[str], gps_week: int | None = None) -> Trajectory:
-    """Read a trajectory.
+    """Read a trajectory with its standard deviations.
 
     Parameters
     ----------
@@ -41,8 +41,8 @@ def read_trajectory(path: str | os.PathLike[str], gps_week: int | None = None) -
 
     Returns
     -------
-    The trajectory. The files hold standard deviations, so covariances are diagonal, those of the
-    attitude by way of roll, pitch and heading; without standard deviations they are zero.
+    The trajectory. The files hold standard deviations, so its covariances are diagonal, those of
+    the attitude by way of roll, pitch and heading; without standard deviations they are zero.
 
     Raises
     ------

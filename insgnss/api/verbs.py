@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ..inspection.run import Inspection
     from ..pipeline import ProcessResult
     from ..simulate.dataset import Dataset
+    from ..simulate.faults import ImuFaults
     from ..simulate.scenario import SimulatedFlight
     from ..stochastic.model import NoiseModel
     from ..tuning.in_flight import FlightTuning
@@ -211,6 +212,7 @@ def simulate(
     gnss_sigma_m: tuple[float, float, float] = (0.02, 0.02, 0.03),
     gnss_sigma_velocity_mps: tuple[float, float, float] | None = None,
     vibration: float = 1.0,
+    imu_faults: "ImuFaults | None" = None,
     seed: int = 0,
     **changes: Any,
 ) -> "SimulatedFlight": ...
@@ -228,6 +230,7 @@ def simulate(
     gnss_sigma_m: tuple[float, float, float] = (0.02, 0.02, 0.03),
     gnss_sigma_velocity_mps: tuple[float, float, float] | None = None,
     vibration: float = 1.0,
+    imu_faults: "ImuFaults | None" = None,
     seed: int = 0,
     **changes: Any,
 ) -> "Dataset": ...
@@ -244,6 +247,7 @@ def simulate(
     gnss_sigma_m: tuple[float, float, float] = (0.02, 0.02, 0.03),
     gnss_sigma_velocity_mps: tuple[float, float, float] | None = None,
     vibration: float = 1.0,
+    imu_faults: "ImuFaults | None" = None,
     seed: int = 0,
     **changes: Any,
 ) -> "SimulatedFlight | Dataset":
@@ -262,6 +266,7 @@ def simulate(
     gnss_sigma_m : standard deviations of the fixes north, east, down, m.
     gnss_sigma_velocity_mps : the same of their velocities, m/s; None: no velocities.
     vibration : factor of the IMU's white noise in motion against the model.
+    imu_faults : of the IMU's recording, fields of `insgnss.simulate.faults.ImuFaults`; None: none.
     seed : of everything random; the same arguments give the same numbers.
     **changes : of a flight fields of its plan, such as ``start_in_air=True`` or ``wind_ms=8.0``; of
         a drive ``stand_s``.
@@ -284,12 +289,14 @@ def simulate(
     <ImuSamples 6000 samples, TOW 205200.0 to 205260.0 s, week 2008, 100 Hz, mean_rate>
     """
     from ..simulate.dataset import write_simulated
+    from ..simulate.faults import ImuFaults
     from ..simulate.ground import drive, walk
     from ..simulate.receiver import GnssOptions
     from ..simulate.scenario import observe, simulate_flight
     from ..simulate.sensors import ImuOptions
 
-    imu = ImuOptions(imu_rate_hz, noise, imu_axes, imu_quantity, vibration=vibration)
+    faults = imu_faults or ImuFaults()
+    imu = ImuOptions(imu_rate_hz, noise, imu_axes, imu_quantity, vibration=vibration, faults=faults)
     gnss = GnssOptions(gnss_rate_hz, gnss_sigma_m, velocity_sigma_ms=gnss_sigma_velocity_mps)
     if flight in VEHICLES:
         journey = drive if flight == "car" else walk

@@ -85,14 +85,27 @@ RANGES = {
 
 @dataclass(frozen=True)
 class EngineOptions:
-    """Options of the three runs; UsageError for a value that cannot be.
+    """Options of the engine that solves antenna positions.
 
-    base_position_m : ECEF, m, None for the header's APPROX POSITION XYZ.   base_point : what stands there, needed with a position:
-    the antenna's phase centre, its reference point, or the marker below.   antex : file of phase centres, for `arp` and `marker`.
-    frequencies : 1 (L1), 2 (with L2, Galileo E5b), 3 (with L5).   systems : of G R E J C.
-    elevation_mask_deg.   ratio : of the ambiguity test.   max_age_s : of the base's epoch.   acceleration_mps2 : process noise of the
-    rover's acceleration, horizontal and vertical.   more : further options of RTKLIB by name ("pos2-arminfix": "10").
-    engine : "auto" (pyrtklib5, else rnx2rtkp on PATH), "pyrtklib5", or the path of an rnx2rtkp.   timeout_s : of one run.
+    Parameters
+    ----------
+    base_position_m : (3,) ECEF, m; None: the header's APPROX POSITION XYZ.
+    base_point : what stands there, needed with a position: the antenna's phase centre ("apc"), its
+        reference point ("arp") or the "marker" below.
+    antex : file of phase centres, for "arp" and "marker".
+    frequencies : 1 (L1), 2 (with L2, Galileo E5b) or 3 (with L5).
+    systems : letters of GPS G, GLONASS R, Galileo E, QZSS J, BeiDou C.
+    elevation_mask_deg : lowest elevation, 0 to 60 deg.
+    ratio : of the ambiguity test, 1 to 100.
+    max_age_s : longest time to the base's epoch, s.
+    acceleration_mps2 : (2,) process noise of the rover's acceleration, horizontal and vertical, m/s^2.
+    more : further options of RTKLIB by name, such as {"pos2-arminfix": "10"}.
+    engine : "auto" (pyrtklib5, else rnx2rtkp on PATH), "pyrtklib5", or the path of an rnx2rtkp.
+    timeout_s : longest time of one of the engine's three runs, s.
+
+    Raises
+    ------
+    UsageError : a value is beyond its range or none of those known.
     """
 
     base_position_m: tuple[float, float, float] | None = None

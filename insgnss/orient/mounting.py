@@ -59,13 +59,17 @@ ANGLE_SETS = tuple(_ANGLE_SETS)
 
 
 def boresight_from_angles(angle_set: str, angles_deg: ArrayLike, camera_from_body: ArrayLike = PAPER_CAMERA_FROM_BODY) -> Array:
-    """Bore-sight matrix B_b^b' of three angles.
+    """Return the bore-sight matrix B_b^b' of three angles.
 
     Parameters
     ----------
     angle_set : ``"opk"``, ``"rpy"`` or ``"metashape_ypr"``, (M.4) to (M.6).
     angles_deg : (3,) degrees, in the order of the set's letters.
     camera_from_body : (3, 3), T; only ``"metashape_ypr"`` depends on it.
+
+    Returns
+    -------
+    (3, 3) rotation from the IMU's body axes to those that the camera realises.
 
     Raises
     ------
@@ -81,12 +85,31 @@ def boresight_from_angles(angle_set: str, angles_deg: ArrayLike, camera_from_bod
 
 @dataclass(frozen=True, eq=False)
 class Mounting:
-    """Vectors and turns between camera, IMU and antenna; the matrices are re-orthonormalised at birth.
+    """Lever arms and rotations between camera, IMU and antenna.
 
-    antenna_m, imu_m : (3,) m, from the camera's projection centre, in camera axes.
-    camera_from_body : (3, 3), T_b'^c.   boresight : (3, 3), B_b^b'.
+    The matrices are re-orthonormalised. Without a camera give `antenna_m` alone: the vector from
+    the IMU in camera axes, which by default are those of the sample data (x backward, y left, z
+    down); with ``camera_from_body=numpy.eye(3)`` they are the body's (forward right down).
 
-    Raises InputError where a vector is not three finite numbers or a matrix is farther than 1e-4 from a rotation.
+    Parameters
+    ----------
+    antenna_m : (3,) from the camera's projection centre to the antenna's phase centre, camera axes, m.
+    imu_m : (3,) from the camera's projection centre to the IMU, camera axes, m.
+    camera_from_body : (3, 3) T_b'^c, nominal body axes to camera (x image right, y image down, z
+        viewing direction).
+    boresight : (3, 3) B_b^b', the IMU's body axes to those that the camera realises.
+
+    Raises
+    ------
+    InputError : a vector is not three finite numbers, or a matrix is farther than 1e-4 from a
+        rotation.
+
+    Examples
+    --------
+    >>> import insgnss, numpy as np
+    >>> mounting = insgnss.Mounting(antenna_m=[0.1, 0.0, -1.2], camera_from_body=np.eye(3))
+    >>> mounting.antenna_lever_b.tolist()
+    [0.1, 0.0, -1.2]
     """
 
     antenna_m: Array = field(default_factory=lambda: np.zeros(3))

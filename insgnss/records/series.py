@@ -25,6 +25,10 @@ class ImuBiases(Rows):
     gyro_sigma : (n, 3) standard deviation of `gyro`, rad/s.
     accel_sigma : (n, 3) standard deviation of `accel`, m/s^2.
     gps_week : GPS week of `time`.
+
+    Raises
+    ------
+    InputError : a shape is wrong, a value is not finite, or time does not increase.
     """
 
     _ROWS: ClassVar[tuple[str, ...]] = ("time", "gyro", "accel", "gyro_sigma", "accel_sigma")
@@ -63,6 +67,10 @@ class Innovations(Rows):
     nis : (n,) normalised innovation squared, three degrees of freedom.
     used : (n,) bool, whether the fix passed the gate.
     gps_week : GPS week of `time`.
+
+    Raises
+    ------
+    InputError : a shape is wrong, a value is not finite, or time does not increase.
     """
 
     _ROWS: ClassVar[tuple[str, ...]] = ("time", "position", "sigma", "nis", "used")

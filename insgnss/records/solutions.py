@@ -125,7 +125,16 @@ class Trajectory(Rows):
 
     @classmethod
     def joined(cls, parts: "Sequence[Trajectory]") -> "Trajectory":
-        """The parts, in the order of time, as one; errors of different parts are independent."""
+        """Return the parts as one; errors of different parts are independent.
+
+        Parameters
+        ----------
+        parts : trajectories in the order of time.
+
+        Returns
+        -------
+        The whole.
+        """
         if len(parts) == 1:
             return parts[0]
         rows = {

@@ -60,7 +60,24 @@ GM_KEYS = ("correlation_time", "driving_noise")
 
 @dataclass(frozen=True)
 class GaussMarkov:
-    """First-order Gauss-Markov process de/dt = -e/T + xi, xi white of root density `driving_noise`, X/s/sqrt(Hz)."""
+    """First-order Gauss-Markov process de/dt = -e/T + xi; X is rad/s or m/s^2.
+
+    Parameters
+    ----------
+    correlation_time_s : T, s.
+    driving_noise : root power spectral density of the white noise xi, X/s/sqrt(Hz).
+
+    Raises
+    ------
+    InputError : the correlation time is not positive and finite, or the noise is negative.
+
+    Examples
+    --------
+    >>> import insgnss
+    >>> process = insgnss.GaussMarkov.from_sigma(100.0, 2e-4)
+    >>> round(process.sigma, 10)
+    0.0002
+    """
 
     correlation_time_s: float
     driving_noise: float
@@ -73,7 +90,17 @@ class GaussMarkov:
 
     @classmethod
     def from_sigma(cls, correlation_time_s: float, sigma: float) -> "GaussMarkov":
-        """Process of the stationary standard deviation `sigma`, X."""
+        """Return the process of a stationary standard deviation.
+
+        Parameters
+        ----------
+        correlation_time_s : s.
+        sigma : stationary standard deviation, X.
+
+        Returns
+        -------
+        The process.
+        """
         return cls(correlation_time_s, sigma * math.sqrt(2.0 / correlation_time_s) if correlation_time_s > 0.0 else math.nan)
 
     @property
@@ -86,8 +113,22 @@ class GaussMarkov:
 class AxisNoise:
     """Processes of one axis in SI, X = rad/s or m/s^2; zero means absent.
 
-    standard_error : (name, standard deviation in SI) of what is estimated and how well; names are those of the quantities, and
-        correlation_time_1, driving_noise_1, ... of the Gauss-Markov processes in order. A mapping will do at construction.
+    Parameters
+    ----------
+    white_noise : root power spectral density, X/sqrt(Hz) (angle or velocity random walk).
+    quantization : standard deviation of the rounding of the cumulated angle or velocity, X s.
+    turn_on_bias : standard deviation of a constant, X.
+    random_walk : root power spectral density of the driving noise, X/s/sqrt(Hz).
+    drift : standard deviation of a constant slope, X/s.
+    gauss_markov : first-order Gauss-Markov processes.
+    scale_factor : standard deviation, 1; used where the filter estimates it.
+    misalignment : standard deviation, rad; used where the filter estimates it.
+    standard_error : standard deviation in SI by name of what was estimated; names are those of the
+        quantities, and correlation_time_1, driving_noise_1, ... of the Gauss-Markov processes.
+
+    Raises
+    ------
+    InputError : a quantity is negative or not finite, or a standard error is of nothing here.
     """
 
     white_noise: float = 0.0
@@ -169,8 +210,9 @@ class NoiseModel:
 
         Parameters
         ----------
-        name, source : as in `NoiseModel`.
+        name : of the sensor, for reports.
         gyro, accel : noise of every gyroscope and of every accelerometer, SI.
+        source : where the numbers come from, in words.
 
         Returns
         -------
@@ -266,9 +308,17 @@ def load_noise_model(name_or_path: str | os.PathLike[str] | NoiseModel) -> Noise
 
 
 def write_noise_model(model: NoiseModel, path: str | os.PathLike[str], remarks: Sequence[str] = ()) -> None:
-    """Write `model` as a noise-model file that `load_noise_model` turns back into the same model; whole or not at all.
+    """Write a noise-model file, which `load_noise_model` turns back into the same model.
 
-    remarks : sentences that stand above it as comments.   Raises UsageError where the path cannot be written.
+    Parameters
+    ----------
+    model : what to write.
+    path : of the file; it appears whole or not at all.
+    remarks : sentences that stand above it as comments.
+
+    Raises
+    ------
+    UsageError : the path cannot be written.
     """
     from .noise_file import text_of_model
 
