@@ -245,8 +245,7 @@ class GnssFixes(Rows):
             if (beyond := np.abs(angle) > limit).any():
                 row = int(np.argmax(beyond))
                 raise InputError(
-                    f"{source}: {name} {angle[row]:.6f} in row {row} is beyond {limit:.0f} deg; are "
-                    "latitude and longitude swapped?"
+                    f"{source}: {name} {angle[row]:.6f} in row {row} is beyond {limit:.0f} deg; are latitude and longitude swapped?"
                 )
         velocity_cov = None
         if velocity_ned_mps is not None:

@@ -108,7 +108,7 @@ class Trajectory(Rows):
         place = {"lat_deg": np.degrees(self.lat), "lon_deg": np.degrees(self.lon), "h_m": self.height}
         velocity = zip(("vn", "ve", "vd"), self.velocity_ned.T, strict=True)
         rpy = np.degrees(self.rpy)
-        rpy[:, 2] %= 360.0
+        rpy[:, 2] = np.where((heading := rpy[:, 2] % 360.0) < 360.0, heading, 0.0)  # -1e-15 % 360 is 360
         angles = zip(("roll_deg", "pitch_deg", "heading_deg"), rpy.T, strict=True)
         return {"tow": self.time, **place, **dict(velocity), **dict(angles), **self._sigmas()}
 

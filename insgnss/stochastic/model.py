@@ -203,9 +203,7 @@ class NoiseModel:
             object.__setattr__(self, sensor, axes)
 
     @classmethod
-    def of_alike_axes(
-        cls, name: str, gyro: AxisNoise, accel: AxisNoise, source: str = ""
-    ) -> "NoiseModel":
+    def of_alike_axes(cls, name: str, gyro: AxisNoise, accel: AxisNoise, source: str = "") -> "NoiseModel":
         """Return the model of a sensor whose axes are alike.
 
         Parameters
