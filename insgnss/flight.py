@@ -98,7 +98,7 @@ are errors that name file, line, key and the way out. Only `imu.file` and `gnss.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -119,7 +119,18 @@ from .gnss.events import RoverEvents
 from .gnss.flight_table import AIR, RawGnss, raw_gnss
 from .orient.mounting import ANGLE_SETS, PAPER_CAMERA_FROM_BODY, Mounting, boresight_from_angles
 from .prepare.axes import parse_axes
-from .records import QUANTITIES, Array, CameraEvents, GnssFixes, ImuSamples, Quantity, Rows
+from .records import (
+    QUANTITIES,
+    Array,
+    CameraEvents,
+    GnssFixes,
+    ImuSamples,
+    Quantity,
+    Rows,
+    camera_events,
+    gnss_fixes,
+    imu_samples,
+)
 from .stochastic.model import NoiseModel
 from .tables import Columns, Table, near, read_toml
 
@@ -135,8 +146,8 @@ class ImuInput:
     """Table [imu]. `noise` is the name of a shipped model or the path of a file.
 
     `units` has the keys gyro, accel and time as far as they are given, None without any; the file's header, else SI, decides on the others.
-    In Python `file` may be samples and `noise` a noise model; then columns, units, quantity, variable and rate_hz, which say how to read a
-    file, are not looked at.
+    In Python `file` may be samples, or an array or table of them (see `insgnss.estimate`), and `noise` a noise model; then columns, units,
+    variable and rate_hz, which say how to read a file, are not looked at.
     """
 
     file: Path | ImuSamples
@@ -153,6 +164,9 @@ class ImuInput:
     lever_m: tuple[float, ...] = (0.0, 0.0, 0.0)
     more: "tuple[ImuInput, ...]" = ()
 
+    def __post_init__(self) -> None:
+        _given(self, "file", lambda file: imu_samples(file, self.quantity))
+
     @property
     def C_b_imu(self) -> Array:
         """(3, 3), IMU axes to body forward-right-down."""
@@ -163,7 +177,8 @@ class ImuInput:
 class GnssInput:
     """Table [gnss]. Standard deviations are north, east, down, m and m/s; `units` has keys of `gnss_text`, or is None.
 
-    In Python `file` may be fixes; then what says how to read a file, sigma_m and calibrated included, is not looked at.
+    In Python `file` may be fixes, or an array or table of them, which takes sigma_m where it has none; what else says how to read a file
+    is not looked at.
     """
 
     file: Path | GnssFixes | None
@@ -185,6 +200,14 @@ class GnssInput:
     covariance: CovarianceModel = MODEL
     raw: RawGnss | None = None
 
+    def __post_init__(self) -> None:
+        own = isinstance(self.file, GnssFixes)
+        sigma = (None, None) if own else (self.sigma_m, self.sigma_velocity_mps)
+        _given(self, "file", lambda file: gnss_fixes(file, *sigma))
+        if isinstance(self.file, GnssFixes) and (self.raw is not None or self.stationary is not None):
+            other = "raw" if self.raw is not None else "stationary"
+            raise InputError(f"gnss.file is given as an object, and gnss.{other} as well; set gnss__{other}=None")
+
 
 @dataclass(frozen=True)
 class CameraInput:
@@ -198,6 +221,9 @@ class CameraInput:
     time_offset_s: float
     match: ImageMatch = field(default_factory=ImageMatch)
     rover_events: RoverEvents = field(default_factory=RoverEvents)
+
+    def __post_init__(self) -> None:
+        _given(self, "events", camera_events)
 
 
 @dataclass(frozen=True)
@@ -312,8 +338,9 @@ class Flight:
         Parameters
         ----------
         **changes : value by field of this record; two underscores go into a table. Where a file may
-            stand, a record may: `ImuSamples` for imu.file, `GnssFixes` for gnss.file, `CameraEvents`
-            for camera.events, a `NoiseModel` for imu.noise.
+            stand, a record may, or an array or table as `insgnss.estimate` takes it: `ImuSamples`
+            for imu.file, `GnssFixes` for gnss.file, `CameraEvents` for camera.events, a
+            `NoiseModel` for imu.noise.
 
         Returns
         -------
@@ -322,6 +349,7 @@ class Flight:
         Raises
         ------
         UsageError : there is no such field; the nearest one is told.
+        InputError : an array or a table is not what a record can be made of.
         """
         return with_changes(self, changes)
 
@@ -332,6 +360,15 @@ class Flight:
     def resolved(self) -> dict[str, Any]:
         """Every value with its default filled in, as plain JSON types; paths are relative to the flight file where they lie below it."""
         return {f.name: _plain(getattr(self, f.name), self.path.parent) for f in fields(self)}
+
+
+def _given(table: Any, name: str, record_of: Callable[[Any], Rows]) -> None:
+    """Turn what stands in the place of a file into a record, a text into a path."""
+    value = getattr(table, name)
+    if isinstance(value, str):
+        object.__setattr__(table, name, Path(value))
+    elif value is not None and not isinstance(value, Path):
+        object.__setattr__(table, name, record_of(value))
 
 
 def load_flight(path: str | Path) -> Flight:

@@ -9,7 +9,7 @@ import numpy as np
 
 from .errors import DataError, InputError, InsgnssError, UsageError
 from .flight import QUALITIES, Flight, ImuInput
-from .records import Array, CameraEvents, Check, GnssFixes, ImuSamples, camera_events, gnss_fixes, imu_samples
+from .records import Array, CameraEvents, Check, GnssFixes, ImuSamples
 from .units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ def _read_files(flight: Flight) -> "tuple[ImuSamples, GnssFixes, CameraEvents | 
     events = None
     if camera is not None and camera.events is not None:
         given, week = camera.events, flight.gps_week
-        events = read_events(given, columns=camera.columns, gps_week=week) if isinstance(given, Path) else camera_events(given, week)
+        events = read_events(given, columns=camera.columns, gps_week=week) if isinstance(given, Path) else given
         events = named(events, camera.match)
     if g.raw is not None:
         from .gnss.flown import solve_flown
@@ -156,9 +156,10 @@ def _read_files(flight: Flight) -> "tuple[ImuSamples, GnssFixes, CameraEvents | 
         return imu, ppk.fixes, ppk.events if events is None else events, ppk
     if g.stationary is not None:
         gnss = standing_fixes(g.stationary, g.sigma_m or STANDING_SIGMA_M, imu)
-    elif not isinstance(g.file, Path):
-        gnss = gnss_fixes(g.file, gps_week=flight.gps_week)
+    elif isinstance(g.file, GnssFixes):
+        gnss = g.file
     else:
+        assert g.file is not None
         gnss = read_gnss(
             g.file,
             columns=g.columns,
@@ -188,7 +189,7 @@ def _read_imu(i: ImuInput, gps_week: int | None) -> ImuSamples:
         how = {"columns": i.columns, "units": i.units, "variable": i.variable, "rate_hz": i.rate_hz}
         imu = read_imu(i.file, quantity=i.quantity, gps_week=gps_week, **how)
     else:
-        imu = imu_samples(i.file, i.quantity, gps_week)
+        imu = i.file
     imu = without_hangs(imu, STILL_S)
     if i.accel_sign < 0:
         imu = replace(imu, accel=-imu.accel)

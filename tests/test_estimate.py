@@ -127,6 +127,20 @@ def test_a_flight_takes_objects_for_files_and_the_report_says_so(records, flight
     assert list(result.report["inputs_sha256"]) == ["flight.toml"]
 
 
+def test_a_flight_takes_arrays_and_tables_and_refuses_what_is_none(records, flight, processed):
+    """Oracle: `process` of the files; the fixes take sigma_m of the flight file."""
+    imu, gnss, events = records
+    samples = np.column_stack([imu.time, imu.gyro, imu.accel])
+    fixes = np.column_stack([gnss.time, np.degrees(gnss.lat), np.degrees(gnss.lon), gnss.height])
+    given = flight.with_(imu__file=samples, gnss__file=fixes, gnss__sigma_m=SIGMA_M, camera__events=events.to_pandas())
+    assert in_sigmas(insgnss.process(given, write=False), processed) < DEGREES
+    assert given.resolved()["imu"]["file"].startswith("given as object: <ImuSamples 18000")
+    with pytest.raises(insgnss.InputError, match=r"expected \(n, 7\)"):
+        flight.with_(imu__file=samples[:, :5])
+    with pytest.raises(insgnss.InputError, match="set gnss__stationary=None"):
+        flight.with_(gnss__file=gnss, gnss__stationary=(46.5, 6.5, 500.0))
+
+
 def test_products_of_objects_can_be_written_and_read_back(records, flight, processed, tmp_path):
     """Oracle: the result in memory; eo.json holds it bit by bit, trajectory.csv to its digits (1e-10 deg, 1e-4 m)."""
     result = insgnss.process(flight.with_(imu__file=records[0]), tmp_path)

@@ -87,9 +87,8 @@ def boresight_from_angles(angle_set: str, angles_deg: ArrayLike, camera_from_bod
 class Mounting:
     """Lever arms and rotations between camera, IMU and antenna.
 
-    The matrices are re-orthonormalised. Without a camera give `antenna_m` alone: the vector from
-    the IMU in camera axes, which by default are those of the sample data (x backward, y left, z
-    down); with ``camera_from_body=numpy.eye(3)`` they are the body's (forward right down).
+    The matrices are re-orthonormalised. `Mounting.from_body` takes lever arms from the IMU in body
+    axes instead.
 
     Parameters
     ----------
@@ -104,12 +103,6 @@ class Mounting:
     InputError : a vector is not three finite numbers, or a matrix is farther than 1e-4 from a
         rotation.
 
-    Examples
-    --------
-    >>> import insgnss, numpy as np
-    >>> mounting = insgnss.Mounting(antenna_m=[0.1, 0.0, -1.2], camera_from_body=np.eye(3))
-    >>> mounting.antenna_lever_b.tolist()
-    [0.1, 0.0, -1.2]
     """
 
     antenna_m: Array = field(default_factory=lambda: np.zeros(3))
@@ -122,6 +115,42 @@ class Mounting:
             self._freeze(name, _as_vector(name, getattr(self, name)))
         for name in ("camera_from_body", "boresight"):
             self._freeze(name, _as_rotation(name, getattr(self, name)))
+
+    @classmethod
+    def from_body(
+        cls,
+        antenna_lever_b: ArrayLike,
+        camera_lever_b: ArrayLike = (0.0, 0.0, 0.0),
+        camera_from_body: ArrayLike = PAPER_CAMERA_FROM_BODY,
+        boresight: ArrayLike = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    ) -> "Mounting":
+        """Return the mounting of lever arms that start at the IMU and stand in body axes.
+
+        Parameters
+        ----------
+        antenna_lever_b : (3,) IMU to the antenna's phase centre, forward right down, m.
+        camera_lever_b : (3,) IMU to the camera's projection centre, forward right down, m.
+        camera_from_body, boresight : (3, 3) as in `Mounting`.
+
+        Returns
+        -------
+        The mounting.
+
+        Raises
+        ------
+        InputError : as `Mounting`.
+
+        Examples
+        --------
+        >>> import insgnss
+        >>> mounting = insgnss.Mounting.from_body([0.1, 0.0, -1.2])  # an antenna on the roof
+        >>> mounting.antenna_lever_b.tolist()
+        [0.1, 0.0, -1.2]
+        """
+        T, B = _as_rotation("camera_from_body", camera_from_body), _as_rotation("boresight", boresight)
+        imu_m = T @ B @ -_as_vector("camera_lever_b", camera_lever_b)
+        antenna_m = T @ B @ _as_vector("antenna_lever_b", antenna_lever_b) + imu_m
+        return cls(antenna_m, imu_m, T, B)
 
     def _freeze(self, name: str, value: Array) -> None:
         value.flags.writeable = False
