@@ -12,21 +12,16 @@ with the model found, where with the static model they did not.
 """
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
-from insgnss.flight import Flight, load_flight
+import insgnss
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.processing.pipeline import process
-from insgnss.records import ExteriorOrientation
-from insgnss.simulate.dataset import write_dataset
 from insgnss.simulate.faults import ImuFaults, Vibration
-from insgnss.simulate.receiver import GnssOptions
-from insgnss.tuning.in_flight import FlightTuning, tune_flight
 
 TRIPLED = 3.0
 APART_S = 60.0
@@ -37,10 +32,10 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
 
     # 1. A flight: raw data and the flight file that describes them, the IMU by its static model.
-    flight = load_flight(options.flight or simulate(options.out, options.quick))
+    flight = insgnss.load_flight(options.flight or simulate(options.out, options.quick))
 
     # 2. Tuning on its innovations.
-    tuning = tune_flight(flight, options.out / "in_flight_noise.toml", None, print, force=True)
+    tuning = insgnss.tune(flight, out=options.out / "in_flight_noise.toml", force=True, progress=print)
     print(tuning.summary())
 
     # 3. The flight processed with the static model and with the one found; errors against the truth where there is one.
@@ -48,7 +43,7 @@ def main() -> None:
     nees = None
     if eo_file.exists():
         models = [flight.imu.noise, *([str(tuning.file)] if tuning.file else [])]
-        runs = [process(replace(flight, imu=replace(flight.imu, noise=m)), options.out / f"run{k}") for k, m in enumerate(models)]
+        runs = [insgnss.process(flight.with_(imu__noise=m), options.out / f"run{k}") for k, m in enumerate(models)]
         nees = [errors_squared(run.eo, eo_file) for run in runs]
 
     # 4. A figure, beside the spectrum that the tuning has drawn.
@@ -73,13 +68,13 @@ def simulate(out: Path, quick: bool) -> Path:
     directory = out / ("flight_quick" if quick else "flight")
     if not directory.exists():
         propeller = ImuFaults(vibration=Vibration(accel_ms2=1.0, gyro_rad_s=0.01, frequency_hz=83.0, start_s=60.0))
-        fixes = GnssOptions(sigma_m=(0.005, 0.005, 0.008)) if quick else None
-        small = {"minutes": 12.0, "start_in_air": True} if quick else {}
-        write_dataset(directory, "ign8", imu_rate=250.0, seed=1, vibration=TRIPLED, imu_faults=propeller, gnss=fixes, **small)
+        small = {"minutes": 12.0, "start_in_air": True, "gnss_sigma_m": (0.005, 0.005, 0.008)} if quick else {}
+        shaken = {"vibration": TRIPLED, "imu_faults": propeller}
+        insgnss.simulate("ign8", directory=directory, imu_rate_hz=250.0, seed=1, **shaken, **small)
     return directory / "flight.toml"
 
 
-def errors_squared(eo: ExteriorOrientation, truth_file: Path) -> tuple[np.ndarray, np.ndarray]:
+def errors_squared(eo: insgnss.ExteriorOrientation, truth_file: Path) -> tuple[np.ndarray, np.ndarray]:
     """Time and NEES, of six degrees of freedom, of images `APART_S` apart."""
     truth = np.load(truth_file)
     row = {image: k for k, image in enumerate(truth["images"].tolist())}
@@ -94,7 +89,7 @@ def errors_squared(eo: ExteriorOrientation, truth_file: Path) -> tuple[np.ndarra
     return eo.time[chosen], np.einsum("ni,nij,nj->n", error[chosen], np.linalg.inv(eo.cov[chosen]), error[chosen])
 
 
-def check(tuning: FlightTuning, flight: Flight, nees: list[tuple[np.ndarray, np.ndarray]], within: float) -> None:
+def check(tuning: Any, flight: insgnss.Flight, nees: list[tuple[np.ndarray, np.ndarray]], within: float) -> None:
     """Hold the result against the simulation."""
     assert tuning.accepted, tuning.verdict
     for name, factor in tuning.noise.imu_factors().items():
@@ -107,7 +102,7 @@ def check(tuning: FlightTuning, flight: Flight, nees: list[tuple[np.ndarray, np.
     assert low < after < high, "the covariances do not fit the errors"
 
 
-def draw(tuning: FlightTuning, nees: list[tuple[np.ndarray, np.ndarray]] | None, path: Path) -> None:
+def draw(tuning: Any, nees: list[tuple[np.ndarray, np.ndarray]] | None, path: Path) -> None:
     """Left the factors with two standard errors, right the errors of the images over what their covariances say."""
     figure = Figure(figsize=(11.0, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.4))

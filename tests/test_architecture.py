@@ -33,18 +33,19 @@ STANDS_ON = {  # the table of the design, room by room; what is below all is not
     "align": BELOW_ALL | {"navigation"},
     "orient": BELOW_ALL,
     # what a user can ask for; values are checked by the rooms that know them
-    "config": BELOW_ALL | {"formats", "prepare", "orient", "recognise"},
+    "config": BELOW_ALL | {"changes", "formats", "prepare", "orient", "recognise", "stochastic"},
     "exposures": BELOW_ALL | {"formats", "config"},  # which event is which image
     "gnss": BELOW_ALL | {"formats", "exposures", "config"},
     "calibrate": BELOW_ALL | {"navigation", "orient", "prepare"},
     "diagnosis": BELOW_ALL | {"navigation", "orient", "stochastic"},  # which error model explains the innovations
     "adjust": BELOW_ALL | {"orient"},
     # formats: a simulated flight is written as a data set; gnss: a simulated receiver flies under broadcast orbits
-    "simulate": BELOW_ALL | {"stochastic", "formats", "gnss"},
+    "simulate": BELOW_ALL | {"stochastic", "formats", "gnss", "orient"},
     "report": BELOW_ALL,
 }
 ROOMS = set(STANDS_ON)
 STANDS_ON |= {
+    "changes": {"errors"},
     "flight": {"config"},  # the short name of its reader
     "exporting": ROOMS,
     "comparison": ROOMS,
@@ -56,7 +57,8 @@ STANDS_ON |= {
     "pipeline": {"processing"},  # an alias of the module's place before
     "cli": ROOMS | {"processing", "inspection", "tuning", "reference", "exporting", "comparison", "proof", "caches"},
     "caches": set(),
-    "__init__": {"caches"},
+    "api": ROOMS | {"processing", "inspection", "tuning", "exporting", "comparison"},
+    "__init__": ROOMS | {"api", "caches", "processing", "tuning"},  # loaded when a public name is first used
     "__main__": {"cli"},
 }
 
@@ -65,8 +67,7 @@ LOCAL_ONLY = {"matplotlib", "scipy", "pandas", "pyproj", "georinex", "filterpy",
 LOCAL_ONLY |= {"orjson", "pycolmap", "pyceres", "pyrtklib5", "hatanaka"}
 
 MODULE_LINES, FUNCTION_LINES, KERNEL_LINES = 400, 60, 200
-LONG_MODULES = {
-}
+LONG_MODULES = {}
 LONG_FUNCTIONS: dict[str, str] = {}
 
 
@@ -181,12 +182,14 @@ def lines(module: str) -> int:
 
 
 def functions(module: str) -> Iterator[tuple[str, int, int]]:
-    """Name, length and limit of each function."""
+    """Name, length and limit of each function; documentation, which has sections of its own, is not counted."""
     compiled = module.split(".")[-1] == "_kernels" or "kernels" in module.split(".")[:-1]
     limit = KERNEL_LINES if compiled else FUNCTION_LINES
     for node in ast.walk(tree(module)):
         if isinstance(node, ast.FunctionDef):
-            yield f"{module}.{node.name}", (node.end_lineno or node.lineno) - node.lineno + 1, limit
+            words = node.body[0] if ast.get_docstring(node) else None
+            documented = 0 if words is None else (words.end_lineno or words.lineno) - words.lineno
+            yield f"{module}.{node.name}", (node.end_lineno or node.lineno) - node.lineno + 1 - documented, limit
 
 
 @pytest.mark.parametrize("module", MODULES)

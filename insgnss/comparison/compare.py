@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError
+from ..records import ExteriorOrientation, Trajectory
 from .attitude import attitude, turn_between
 from .clock import by_motion, by_names
 from .hints import Hints, Origin
@@ -24,8 +25,8 @@ ROUNDS = 2  # findings that may be taken off one part, one after the other
 
 
 def compare_files(
-    a: str | Path,
-    b: str | Path,
+    a: str | Path | ExteriorOrientation | Trajectory,
+    b: str | Path | ExteriorOrientation | Trajectory,
     *,
     form_a: str | None = None,
     form_b: str | None = None,
@@ -38,7 +39,7 @@ def compare_files(
 ) -> Comparison:
     """Compare two exterior orientations or trajectories; b minus a.
 
-    a, b : files of any format of `reading.FORMS`.   form_a, form_b : theirs, where a file does not show it.
+    a, b : files of any format of `reading.FORMS`, or records.   form_a, form_b : theirs, where a file does not show it.
     undulation_m : of a, of b, to be added to the heights of positions of GNSS that are above the geoid.
     origin : latitude, longitude, deg, and ellipsoidal height, m, of a tangent plane whose file does not give it; without it that of the
     other file is taken, and told.   crs, geoid : of projected coordinates.   gps_week : of files with the time of week only.
@@ -50,7 +51,9 @@ def compare_files(
     return compare_poses(*read, time_shift_s=time_shift_s, notes=notes)
 
 
-def _read_both(given: Sequence[tuple[str | Path, str | None]], hints: Sequence[Hints]) -> tuple[tuple[Poses, Poses], tuple[str, ...]]:
+def _read_both(
+    given: Sequence[tuple[str | Path | ExteriorOrientation | Trajectory, str | None]], hints: Sequence[Hints]
+) -> tuple[tuple[Poses, Poses], tuple[str, ...]]:
     """Both files, of path, format and hints; a tangent plane without origin gets that of the other one."""
     read: list[Poses | None] = [None, None]
     late: list[tuple[int, NoOriginError]] = []

@@ -13,15 +13,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from ..changes import with_changes
+from ..errors import OptionError
 from .camera_options import CameraInput, ImageMatch, RoverEvents
 from .covariance import CovarianceModel
+from .given import imu_record, take_record
 from .gnss_options import BY_HEADER, GnssInput
 from .ppk_options import Air, RawGnss
-from .schema import Place, Words, option
+from .schema import Place, Words, check, is_place, option, swapped
 
 if TYPE_CHECKING:
     from ..orient.mounting import Mounting
-    from ..records import Array, Quantity
+    from ..records import Array, ImuSamples, Quantity
+    from ..stochastic.model import NoiseModel
     from ..tables import Columns
 
 MAX_LEVER_M = 100.0
@@ -57,9 +61,19 @@ class ImuInput:
     """Table [imu]; `noise` is the name of a shipped model or the path of a file.
 
     `units` has the keys gyro, accel and time as far as they are given, and is None without any.
+    In Python `file` may be samples, or an array or table of them (see `insgnss.estimate`), and
+    `noise` a noise model; then columns, units, variable and rate_hz, which say how to read a file,
+    are not looked at.
+
+    Raises
+    ------
+    OptionError
+        For a value that cannot be.
+    InputError
+        Where `file` is neither a path nor samples.
     """
 
-    file: Path = option(..., "file of the IMU samples")
+    file: "Path | ImuSamples" = option(..., "file of the IMU samples", kind="file")
     columns: "Columns" = option(
         None,
         'list of names, or table { canonical = "name in the file" }',
@@ -77,13 +91,12 @@ class ImuInput:
     )
     quantity: "Quantity" = option(
         "mean_rate",
-        "what a sample is: the mean rate or the increment over the "
-        "interval that ends at the stamp, or the rate at the stamp",
+        "what a sample is: the mean rate or the increment over the interval that ends at the stamp, or the rate at the stamp",
         kind="choice",
         choices=_quantities,
     )
     axes: str = option("forward right down", "body directions of the IMU's x, y and z", kind="axes")
-    noise: str | Path = option(
+    noise: "str | Path | NoiseModel" = option(
         "navchip", "a shipped noise model, or the path of a noise-model file", kind="noise"
     )
     time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
@@ -103,8 +116,7 @@ class ImuInput:
     )
     calibration: Path | None = option(
         None,
-        "file of bias, scale and non-orthogonality in the IMU's axes (`insgnss calibrate`, "
-        "imu_calibration.md)",
+        "file of bias, scale and non-orthogonality in the IMU's axes (`insgnss calibrate`, imu_calibration.md)",
     )
     lever_m: Place = option(
         (0.0, 0.0, 0.0),
@@ -114,13 +126,16 @@ class ImuInput:
     )
     further: "tuple[ImuInput, ...]" = option(
         (),
-        "`[[imu.further]]`, further IMUs on the same body, combined with this one: the keys of "
-        "[imu], and `lever_m`",
+        "`[[imu.further]]`, further IMUs on the same body, combined with this one: the keys of [imu], and `lever_m`",
         kind="tables",
         form="tables",
         only="imu",
         retired=("more",),
     )
+
+    def __post_init__(self) -> None:
+        check(self, "imu")
+        take_record(self, "file", lambda given: imu_record(given, self.quantity))
 
     @property
     def C_b_imu(self) -> "Array":
@@ -154,8 +169,7 @@ class MountingTable:
     )
     boresight_deg: tuple[str, Place] | None = option(
         None,
-        "the same as angles, { opk = [..] }, { rpy = [..] } or { metashape_ypr = [..] } "
-        "(`orient.mounting`)",
+        "the same as angles, { opk = [..] }, { rpy = [..] } or { metashape_ypr = [..] } (`orient.mounting`)",
         kind="angles",
         unit="deg",
         members=_angle_sets,
@@ -169,6 +183,12 @@ class TangentPlane:
     lat_deg: float
     lon_deg: float
     height_m: float
+
+    def __post_init__(self) -> None:
+        place = (self.lat_deg, self.lon_deg, self.height_m)
+        if not is_place(*place):
+            what = f"is no latitude, longitude, ellipsoidal height; {swapped(*place[:2])}"
+            raise OptionError("tangent_plane.origin", what, list(place))
 
     @property
     def origin(self) -> "Array":
@@ -199,8 +219,7 @@ class Output:
 
     directory: Path = option(
         Path("02_Processed/GPS-INS"),
-        "made where it is not there; with gnss.rover the solution goes into `GPS-PPK` beside it, "
-        "below",
+        "made where it is not there; with gnss.rover the solution goes into `GPS-PPK` beside it, below",
         kind="directory",
         form="directory",
     )
@@ -223,8 +242,7 @@ class Output:
     )
     geoid: Path | None = option(
         None,
-        "grid of geoid heights (GeoTIFF, .gtx), for heights above sea level; without it they are "
-        "those above the ellipsoid of WGS84",
+        "grid of geoid heights (GeoTIFF, .gtx), for heights above sea level; without it they are those above the ellipsoid of WGS84",
     )
     ground_m: float | None = option(
         None,
@@ -235,10 +253,26 @@ class Output:
         high=9000.0,
     )
 
+    def __post_init__(self) -> None:
+        check(self, "output")
+
 
 @dataclass(frozen=True)
 class InitialAttitude:
-    """Table [initial]: an attitude that is known, all three angles of it."""
+    """Attitude at the first fix, where one is known: table [initial].
+
+    Parameters
+    ----------
+    roll_deg, pitch_deg, heading_deg : float
+        Of the body forward-right-down, heading from true north, deg.
+    sigma_deg : tuple of float
+        Standard deviations of roll, pitch and heading, deg.
+
+    Raises
+    ------
+    UsageError
+        For a value that cannot be.
+    """
 
     roll_deg: float = option(
         ..., "initial roll, where an attitude is known", unit="deg", low=-180.0, high=180.0
@@ -252,10 +286,42 @@ class InitialAttitude:
         unit="deg",
     )
 
+    def __post_init__(self) -> None:
+        check(self, "initial")
+
 
 @dataclass(frozen=True)
 class FilterOptions:
-    """Table [filter]."""
+    """States and constraints of the filter beside the usual ones: table [filter].
+
+    Parameters
+    ----------
+    scale_factor : bool
+        Whether scale factors of gyroscopes and accelerometers are states.
+    misalignment : bool
+        Whether their misalignments are states.
+    second_pass : str
+        "auto", "on" or "off": linearise again about the smoothed flight.
+    time_offset : bool
+        Whether a time offset of the fixes and its rate are states.
+    time_offset_sigma_s : float
+        A-priori standard deviation of the time offset, s.
+    lever_arm : bool
+        Whether the error of the lever arm from IMU to antenna is a state.
+    lever_arm_sigma_m : float
+        A-priori standard deviation of each of its components, m.
+    zero_velocity : str
+        "auto" or "off": zero-velocity and zero-angular-rate updates in stationary periods.
+    non_holonomic : bool
+        Non-holonomic constraint of a wheeled vehicle: no velocity across its forward axis.
+    robust : bool
+        Huber weights of suspicious fixes in the place of all or nothing.
+
+    Raises
+    ------
+    UsageError
+        For a value that cannot be.
+    """
 
     scale_factor: bool = option(False, "scale-factor states of gyros and accelerometers")
     misalignment: bool = option(False, "misalignment states")
@@ -264,8 +330,7 @@ class FilterOptions:
     )
     time_offset: bool = option(
         False,
-        "estimate what is missing in the stamps of the fixes, and the rate of the one clock "
-        "against the other",
+        "estimate what is missing in the stamps of the fixes, and the rate of the one clock against the other",
     )
     time_offset_sigma_s: float = option(
         0.1, "its a-priori standard deviation", unit="s", low=1e-4, high=10.0
@@ -276,23 +341,55 @@ class FilterOptions:
     )
     zero_velocity: Literal["auto", "off"] = option(
         "auto",
-        "zero-velocity and zero-angular-rate updates (ZUPT, ZARU) in stationary periods, "
-        "where they are detected",
+        "zero-velocity and zero-angular-rate updates (ZUPT, ZARU) in stationary periods, where they are detected",
     )
     non_holonomic: bool = option(
         False,
-        "non-holonomic constraint (NHC) of a wheeled vehicle with the body's forward axis "
-        "along its own: no velocity across it",
+        "non-holonomic constraint (NHC) of a wheeled vehicle with the body's forward axis along its own: no velocity across it",
         retired=("wheels",),
     )
     robust: bool = option(
         False, "take suspicious fixes with a larger covariance instead of all or nothing"
     )
 
+    def __post_init__(self) -> None:
+        check(self, "filter")
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Flight:
-    """A flight file, read, checked and complete; `path` is the file itself."""
+    """A flight file, read, checked and complete; `load_flight` reads one, `with_` changes it.
+
+    Parameters
+    ----------
+    path : Path
+        The file; names in its directory are told relative to it.
+    gps_week : int or None
+        The GPS week, where the files carry only the time of week.
+    start_tow, end_tow : float or None
+        Data outside are cut away, s; None: nothing is.
+    accept : tuple of str
+        Checks whose contradiction does not stop `process`.
+    filter : FilterOptions
+        States and constraints of the filter.
+    name : str
+        Of the data set, in titles and reports.
+    imu, gnss, camera : ImuInput, GnssInput, CameraInput or None
+        Tables of that name; the camera is None where there is none.
+    mounting : Mounting
+        Lever arms and bore-sight.
+    tangent_plane : TangentPlane or None
+        Table of that name; None: its origin is at the first fix.
+    output : Output
+        Table of that name.
+    initial : InitialAttitude or None
+        Attitude at the first fix; None: it is found in the motion.
+
+    Raises
+    ------
+    UsageError
+        For a value that cannot be.
+    """
 
     path: Path
     name: str = option(
@@ -325,6 +422,38 @@ class Flight:
     output: Output = field(kw_only=True)
     initial: InitialAttitude | None = field(kw_only=True)
     filter: FilterOptions = field(default_factory=FilterOptions)
+
+    def __post_init__(self) -> None:
+        check(self, "")
+
+    def with_(self, **changes: Any) -> "Flight":
+        """Return the flight with other values: ``flight.with_(imu__noise=model, filter__robust=True)``.
+
+        Parameters
+        ----------
+        **changes : Any
+            Value by field of this record; two underscores go into a table. Where a file may stand,
+            a record may, or an array or table as `insgnss.estimate` takes it: `ImuSamples` for
+            imu.file, `GnssFixes` for gnss.file, `CameraEvents` for camera.events, a `NoiseModel`
+            for imu.noise.
+
+        Returns
+        -------
+        Flight
+            The new flight; the old one stays as it is.
+
+        Raises
+        ------
+        UsageError
+            There is no such field (the nearest one is told), or a value cannot be.
+        InputError
+            An array or a table is not what a record can be made of.
+        """
+        return with_changes(self, changes)
+
+    def __repr__(self) -> str:
+        """Return name and file in one line."""
+        return f"<Flight {self.name}, {self.path}>"
 
     def resolved(self) -> dict[str, Any]:
         """Every value with its default filled in, as plain JSON types (`config.resolve`)."""

@@ -1,5 +1,6 @@
 """What tuning on a flight leaves behind: the noise model where it is accepted, and the evidence, a table for machines and a spectrum."""
 
+import hashlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from ..files import atomic_write
 from ..prepare.gaps import nominal_interval
 from ..processing.input_files import input_files, sha256
 from ..processing.recording import Recording
+from ..records import ImuSamples
 from ..stochastic.model import NOISE_UNITS, AxisNoise, NoiseModel, RecordingSource, write_noise_model
 from ..units import rounded
 from .targets import check_target, refuse_present
@@ -85,10 +87,21 @@ def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise"
     told = ", ".join(f"{NAMES[name]} x {f[name]:.3f} +- {noise.sigma(name):.3f}" for name in f if noise.sigma(name) > 0.0)
     source = f"{static.source}; by the innovations of flight {flight.name} {told or 'nothing else'}"
     rate = round(1.0 / nominal_interval(recording.imu.time), 3)
-    imu = RecordingSource(Path(flight.imu.file).name, sha256(flight.imu.file), recording.imu.time.size, rate)
+    name, digest = _identity(flight.imu.file)
+    imu = RecordingSource(name, digest, recording.imu.time.size, rate)
     gx, gy, gz = (_scaled(axis, "gyro", noise) for axis in static.gyro)
     ax, ay, az = (_scaled(axis, "accel", noise) for axis in static.accel)
     return NoiseModel(f"{static.name} in flight", source, (gx, gy, gz), (ax, ay, az), (*static.recordings, imu))
+
+
+def _identity(given: Path | ImuSamples) -> tuple[str, str]:
+    """Name and hash of a file of samples, or of samples that were given as an object."""
+    if isinstance(given, Path):
+        return given.name, sha256(given)
+    digest = hashlib.sha256()
+    for field in (given.time, given.gyro, given.accel):
+        digest.update(field.tobytes())
+    return given.source or "given as object", digest.hexdigest()
 
 
 def _scaled(axis: AxisNoise, sensor: str, noise: "InFlightNoise") -> AxisNoise:
