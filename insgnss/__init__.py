@@ -59,7 +59,8 @@ if _TYPE_CHECKING:
     from .api.products import compare, export, ppk, relative_control
     from .api.readers import read_eo, read_trajectory
     from .api.verbs import calibrate_imu, inspect, process, simulate, tune
-    from .config.flight_file import FilterOptions, Flight, InitialAttitude
+    from .config.filter_options import FilterOptions, InitialAttitude
+    from .config.flight_file import Flight
     from .config.load import load_flight
     from .errors import DataError, InputError, InsgnssError, UsageError
     from .formats import read_events, read_gnss, read_imu
@@ -93,7 +94,8 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
     "api.products": ("compare", "export", "ppk", "relative_control"),
     "api.readers": ("read_eo", "read_trajectory"),
     "api.verbs": ("calibrate_imu", "inspect", "process", "simulate", "tune"),
-    "config.flight_file": ("FilterOptions", "Flight", "InitialAttitude"),
+    "config.filter_options": ("FilterOptions", "InitialAttitude"),
+    "config.flight_file": ("Flight",),
     "config.load": ("load_flight",),
     "errors": ("DataError", "InputError", "InsgnssError", "UsageError"),
     "formats": ("read_events", "read_gnss", "read_imu"),

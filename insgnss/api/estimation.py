@@ -12,7 +12,8 @@ from ..errors import UsageError
 from ..records import CameraEvents, Check, GnssFixes, ImuSamples, Quantity, camera_events, gnss_fixes, imu_samples
 
 if TYPE_CHECKING:
-    from ..config.flight_file import FilterOptions, Flight, InitialAttitude
+    from ..config.filter_options import FilterOptions, InitialAttitude
+    from ..config.flight_file import Flight
     from ..orient.mounting import Mounting
     from ..processing.pipeline import ProcessResult
     from ..stochastic.model import NoiseModel
@@ -129,8 +130,9 @@ def _flight(
 ) -> "Flight":
     """The flight file that says so, with records in the place of files."""
     from ..config.camera_options import CameraInput
-    from ..config.flight_file import Flight, ImuInput, Output
+    from ..config.flight_file import Flight, Output
     from ..config.gnss_options import GnssInput
+    from ..config.imu_options import ImuInput
     from ..orient.mounting import Mounting
     from ..prepare.axes import parse_axes
     from ..stochastic.model import load_noise_model, shipped_models

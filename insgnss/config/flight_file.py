@@ -2,7 +2,8 @@
 sensors are mounted.
 
 Each table is a dataclass whose fields are its keys (`schema`); those of [gnss] and [camera] stand
-in `gnss_options`, `ppk_options` and `camera_options`, and `TABLES` has them all. Paths are relative
+in `imu_options`, `gnss_options`, `ppk_options`, `camera_options` and `filter_options`, and `TABLES`
+has them all. Paths are relative
 to the file. Only `imu.file` and `gnss.file` (or what stands in its place) have no default.
 data_specs/flight_file.md is rendered from here.
 """
@@ -11,37 +12,24 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from ..changes import with_changes
 from ..errors import OptionError
 from .camera_options import CameraInput, ImageMatch, RoverEvents
 from .covariance import CovarianceModel
-from .given import imu_record, take_record
-from .gnss_options import BY_HEADER, GnssInput
+from .filter_options import FilterOptions, InitialAttitude
+from .gnss_options import GnssInput
+from .imu_options import ImuInput
 from .ppk_options import Air, RawGnss
 from .schema import Place, Words, check, is_place, option, swapped
 
 if TYPE_CHECKING:
     from ..orient.mounting import Mounting
-    from ..records import Array, ImuSamples, Quantity
-    from ..stochastic.model import NoiseModel
-    from ..tables import Columns
+    from ..records import Array
 
 MAX_LEVER_M = 100.0
 Matrix = tuple[Place, Place, Place]
-
-
-def _quantities() -> Words:
-    from ..records import QUANTITIES
-
-    return QUANTITIES
-
-
-def _imu_unit_keys() -> tuple[str, ...]:
-    from ..formats.imu_csv import UNIT_KEYS
-
-    return UNIT_KEYS
 
 
 def _angle_sets() -> tuple[str, ...]:
@@ -54,95 +42,6 @@ def _checks() -> Words:
     from ..recognise.plausibility import NAMES
 
     return NAMES
-
-
-@dataclass(frozen=True)
-class ImuInput:
-    """Table [imu]; `noise` is the name of a shipped model or the path of a file.
-
-    `units` has the keys gyro, accel and time as far as they are given, and is None without any.
-    In Python `file` may be samples, or an array or table of them (see `insgnss.estimate`), and
-    `noise` a noise model; then columns, units, variable and rate_hz, which say how to read a file,
-    are not looked at.
-
-    Raises
-    ------
-    OptionError
-        For a value that cannot be.
-    InputError
-        Where `file` is neither a path nor samples.
-    """
-
-    file: "Path | ImuSamples" = option(..., "file of the IMU samples", kind="file")
-    columns: "Columns" = option(
-        None,
-        'list of names, or table { canonical = "name in the file" }',
-        kind="columns",
-        usual=BY_HEADER,
-    )
-    units: Mapping[str, str] | None = option(
-        None,
-        "gyro: rad/s, deg/s, deg/h; accel: m/s^2, g, mg, ug; time: s, ms, us, ns, unix, gps; of "
-        "increments rad, deg, arcsec; m/s, g\\*s, mg\\*s, ug\\*s; a number before the unit is what "
-        'one count means ("0.05 deg/s")',
-        kind="imu_units",
-        members=_imu_unit_keys,
-        usual="by header (imu_csv.md), else SI",
-    )
-    quantity: "Quantity" = option(
-        "mean_rate",
-        "what a sample is: the mean rate or the increment over the interval that ends at the stamp, or the rate at the stamp",
-        kind="choice",
-        choices=_quantities,
-    )
-    axes: str = option("forward right down", "body directions of the IMU's x, y and z", kind="axes")
-    noise: "str | Path | NoiseModel" = option(
-        "navchip", "a shipped noise model, or the path of a noise-model file", kind="noise"
-    )
-    time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
-    variable: str | None = option(None, "struct or table inside a MATLAB file")
-    rate_hz: float | None = option(
-        None,
-        "samples a second, counted from 0, where the file has no time",
-        unit="Hz",
-        low=1.0,
-        high=1e5,
-    )
-    accel_sign: float = option(
-        1.0,
-        "-1 where the accelerometers give the reverse of the specific force",
-        kind="sign",
-        form="1 or -1",
-    )
-    calibration: Path | None = option(
-        None,
-        "file of bias, scale and non-orthogonality in the IMU's axes (`insgnss calibrate`, imu_calibration.md)",
-    )
-    lever_m: Place = option(
-        (0.0, 0.0, 0.0),
-        "from the first IMU to this one, in body axes",
-        unit="m",
-        only="imu.further",
-    )
-    further: "tuple[ImuInput, ...]" = option(
-        (),
-        "`[[imu.further]]`, further IMUs on the same body, combined with this one: the keys of [imu], and `lever_m`",
-        kind="tables",
-        form="tables",
-        only="imu",
-        retired=("more",),
-    )
-
-    def __post_init__(self) -> None:
-        check(self, "imu")
-        take_record(self, "file", lambda given: imu_record(given, self.quantity))
-
-    @property
-    def C_b_imu(self) -> "Array":
-        """(3, 3), IMU axes to body forward-right-down."""
-        from ..prepare.axes import parse_axes
-
-        return parse_axes(self.axes)
 
 
 @dataclass(frozen=True)
@@ -255,105 +154,6 @@ class Output:
 
     def __post_init__(self) -> None:
         check(self, "output")
-
-
-@dataclass(frozen=True)
-class InitialAttitude:
-    """Attitude at the first fix, where one is known: table [initial].
-
-    Parameters
-    ----------
-    roll_deg, pitch_deg, heading_deg : float
-        Of the body forward-right-down, heading from true north, deg.
-    sigma_deg : tuple of float
-        Standard deviations of roll, pitch and heading, deg.
-
-    Raises
-    ------
-    UsageError
-        For a value that cannot be.
-    """
-
-    roll_deg: float = option(
-        ..., "initial roll, where an attitude is known", unit="deg", low=-180.0, high=180.0
-    )
-    pitch_deg: float = option(..., "initial pitch", unit="deg", low=-90.0, high=90.0)
-    heading_deg: float = option(..., "initial heading", unit="deg", low=-180.0, high=360.0)
-    sigma_deg: Place = option(
-        (2.0, 2.0, 5.0),
-        "standard deviations of roll, pitch and heading",
-        kind="sigmas",
-        unit="deg",
-    )
-
-    def __post_init__(self) -> None:
-        check(self, "initial")
-
-
-@dataclass(frozen=True)
-class FilterOptions:
-    """States and constraints of the filter beside the usual ones: table [filter].
-
-    Parameters
-    ----------
-    scale_factor : bool
-        Whether scale factors of gyroscopes and accelerometers are states.
-    misalignment : bool
-        Whether their misalignments are states.
-    second_pass : str
-        "auto", "on" or "off": linearise again about the smoothed flight.
-    time_offset : bool
-        Whether a time offset of the fixes and its rate are states.
-    time_offset_sigma_s : float
-        A-priori standard deviation of the time offset, s.
-    lever_arm : bool
-        Whether the error of the lever arm from IMU to antenna is a state.
-    lever_arm_sigma_m : float
-        A-priori standard deviation of each of its components, m.
-    zero_velocity : str
-        "auto" or "off": zero-velocity and zero-angular-rate updates in stationary periods.
-    non_holonomic : bool
-        Non-holonomic constraint of a wheeled vehicle: no velocity across its forward axis.
-    robust : bool
-        Huber weights of suspicious fixes in the place of all or nothing.
-
-    Raises
-    ------
-    UsageError
-        For a value that cannot be.
-    """
-
-    scale_factor: bool = option(False, "scale-factor states of gyros and accelerometers")
-    misalignment: bool = option(False, "misalignment states")
-    second_pass: Literal["auto", "on", "off"] = option(
-        "auto", "relinearise about the smoothed flight"
-    )
-    time_offset: bool = option(
-        False,
-        "estimate what is missing in the stamps of the fixes, and the rate of the one clock against the other",
-    )
-    time_offset_sigma_s: float = option(
-        0.1, "its a-priori standard deviation", unit="s", low=1e-4, high=10.0
-    )
-    lever_arm: bool = option(False, "estimate the error of the lever arm from IMU to antenna")
-    lever_arm_sigma_m: float = option(
-        0.3, "its a-priori standard deviation, each component", unit="m", low=1e-3, high=10.0
-    )
-    zero_velocity: Literal["auto", "off"] = option(
-        "auto",
-        "zero-velocity and zero-angular-rate updates (ZUPT, ZARU) in stationary periods, where they are detected",
-    )
-    non_holonomic: bool = option(
-        False,
-        "non-holonomic constraint (NHC) of a wheeled vehicle with the body's forward axis along its own: no velocity across it",
-        retired=("wheels",),
-    )
-    robust: bool = option(
-        False, "take suspicious fixes with a larger covariance instead of all or nothing"
-    )
-
-    def __post_init__(self) -> None:
-        check(self, "filter")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

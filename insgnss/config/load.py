@@ -14,18 +14,17 @@ from ..orient.mounting import PAPER_CAMERA_FROM_BODY, Mounting, boresight_from_a
 from ..tables import Table, read_toml
 from .camera_options import CameraInput, ImageMatch, RoverEvents
 from .covariance import CovarianceModel
+from .filter_options import FilterOptions, InitialAttitude
 from .flight_file import (
     TABLES,
-    FilterOptions,
     Flight,
-    ImuInput,
-    InitialAttitude,
     MountingTable,
     Output,
     TangentPlane,
     TangentPlaneTable,
 )
 from .gnss_options import QUALITY_SIGMA_M, GnssInput
+from .imu_options import ImuInput
 from .ppk_options import OF_POSITIONS, RawGnss
 from .retired import renewed
 from .schema import declared, options_of

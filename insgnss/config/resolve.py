@@ -7,11 +7,10 @@ from typing import Any
 
 from ..records import Rows
 from ..stochastic.noise_model import NoiseModel
-from .flight_file import Flight
 
 
-def resolved(flight: Flight) -> dict[str, Any]:
-    """Every value of a flight with its default filled in, as plain JSON types.
+def resolved(flight: Any) -> dict[str, Any]:
+    """Every value of a `Flight` with its default filled in, as plain JSON types.
 
     Paths are relative to the flight file where they lie below its directory.
     """

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..config.flight_file import Flight, GnssInput, ImuInput
+from ..config.flight_file import Flight
+from ..config.gnss_options import GnssInput
+from ..config.imu_options import ImuInput
 from ..errors import InputError
 from ..records import CameraEvents, Check, GnssFixes, ImuSamples
 
@@ -84,10 +86,10 @@ def read_files(
     imu = read_imu_file(flight.imu, flight.gps_week)
     events = None
     if camera is not None and camera.events is not None:
-        events = camera.events
-        if isinstance(events, Path):
-            events = read_events(events, columns=camera.columns, gps_week=flight.gps_week)
-        events = named(events, camera.match)
+        given = camera.events
+        if isinstance(given, Path):
+            given = read_events(given, columns=camera.columns, gps_week=flight.gps_week)
+        events = named(given, camera.match)
     if raw is not None:
         from ..gnss.flown import solve_flown
 

@@ -16,7 +16,10 @@ from insgnss.prepare.gaps import edges
 from insgnss.prepare.increments import body_increments, merge_marks
 from insgnss.stochastic.model import AxisNoise, NoiseModel
 
-BEGIN_S, LENGTH_S = 10.0, 4.0  # of the flight, in the air: the end of a turn of 90 degrees and the line behind it
+BEGIN_S, LENGTH_S = (
+    10.0,
+    4.0,
+)  # of the flight, in the air: the end of a turn of 90 degrees and the line behind it
 SIGMA = np.array([0.3, 0.3, 0.3, 0.2, 0.2, 0.2, *np.radians([0.3, 0.3, 0.8])])
 OFFSET = np.array([0.1, -0.2, 0.1, 0.1, 0.1, -0.1, *np.radians([0.2, -0.1, 0.5])])
 WHITE = (AxisNoise(white_noise=5e-5), AxisNoise(white_noise=5e-4))
@@ -46,7 +49,11 @@ def flown() -> Flown:
 
 def posed(pose: Pose) -> tuple[EstimationProblem, InitialState]:
     """The problem, and a start that is OFFSET from the truth, with an a-priori mean that is not zero."""
-    layout = state_layout(NoiseModel("posed", "made up", (pose.gyro,) * 3, (pose.accel,) * 3), fixes=pose.fixes, **pose.layout)
+    layout = state_layout(
+        NoiseModel("posed", "made up", (pose.gyro,) * 3, (pose.accel,) * 3),
+        fixes=pose.fixes,
+        **pose.layout,
+    )
     problem = replace(_with_gap(flown()) if pose.gap else flown().problem, layout=layout)
     first, last = np.searchsorted(problem.epochs.time, [BEGIN_S - 1e-6, BEGIN_S + LENGTH_S])
     truth = flown().sim.flight.motion
@@ -66,7 +73,9 @@ def _heading(pose: Pose) -> np.ndarray:
 def _nav(motion, time: np.ndarray) -> np.ndarray:
     from insgnss.geodesy.rotation import quaternion_from_rotation
 
-    return np.hstack([motion.position(time), motion.velocity(time), quaternion_from_rotation(motion.C_lb(time))])
+    return np.hstack(
+        [motion.position(time), motion.velocity(time), quaternion_from_rotation(motion.C_lb(time))]
+    )
 
 
 def _measured(problem: EstimationProblem, pose: Pose) -> Any:
@@ -93,7 +102,13 @@ def _measured(problem: EstimationProblem, pose: Pose) -> Any:
     rate = np.broadcast_to([1e-3, -2e-3, 1.5e-3], (m, 3)).copy()
     group = (np.arange(m) // 10) % 2
     return ep._replace(
-        has_velocity=has_velocity, constraint=motion, constraint_cov=cov, zaru_variance=still, zaru_rate=rate, group=group, position=position
+        has_velocity=has_velocity,
+        constraint=motion,
+        constraint_cov=cov,
+        zaru_variance=still,
+        zaru_rate=rate,
+        group=group,
+        position=position,
     )
 
 
