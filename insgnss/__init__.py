@@ -1,8 +1,30 @@
 """insgnss: raw IMU and GNSS of a mapping drone to the exterior orientation of every image.
 
 The data flow read -> prepare -> align -> filter -> smooth -> orient -> export; each step is a room
-of this package and rooms hand each other the frozen records of :mod:`insgnss.records`. Importing
-the package only sees to it that kernels can be compiled (:mod:`insgnss.base.caches`).
+of this package and rooms hand each other the frozen records of :mod:`insgnss.records`.
+
+Public names
+------------
+Everything that a program needs is a name of `insgnss` itself; rooms may move, these names stay.
+Importing the package loads none of them: each is loaded when it is first used.
+
+Run
+    `estimate` (arrays in, result out), `process` (a flight file), `inspect`, `tune`,
+    `calibrate_imu`, `ppk`, `export`, `compare`, `simulate`; the result of the first two is a
+    `ProcessResult`. `relative_control` between images.
+Read
+    `read_imu`, `read_gnss`, `read_events`, `read_eo`, `read_trajectory`, `load_flight`,
+    `load_noise_model`, `write_noise_model`.
+Records
+    `ImuSamples`, `GnssFixes`, `CameraEvents`, `Trajectory`, `ExteriorOrientation`, `ImuBiases`,
+    `Innovations`, `Check`, `RelativeControl`.
+Say how
+    `Flight`, `Mounting`, `boresight_from_angles`, `FilterOptions`, `InitialAttitude`, `NoiseModel`,
+    `AxisNoise`, `GaussMarkov`, `TuneOptions`, `EngineOptions`.
+Noise
+    `simulate_noise`, `wavelet_variance` of samples, `haar_variance` of a model, `WaveletVariance`.
+Errors
+    `InsgnssError`, of it `UsageError`, `InputError` and `DataError`.
 
 Conventions, stated here once
 -----------------------------
@@ -32,8 +54,145 @@ Time
     back).
 """
 
-from .base.caches import settle
+from typing import TYPE_CHECKING as _TYPE_CHECKING
+from typing import Any as _Any
 
-settle()
+from .base.caches import settle as _settle
+
+if _TYPE_CHECKING:
+    from .api.estimation import estimate
+    from .api.products import compare, export, ppk, relative_control
+    from .api.readers import read_eo, read_trajectory
+    from .api.verbs import calibrate_imu, inspect, process, simulate, tune
+    from .base.errors import DataError, InputError, InsgnssError, UsageError
+    from .config.filter_options import FilterOptions, InitialAttitude
+    from .config.flight_file import Flight
+    from .config.load import load_flight
+    from .formats import read_events, read_gnss, read_imu
+    from .gnss.options import EngineOptions
+    from .orient.mounting import Mounting, boresight_from_angles
+    from .processing.pipeline import ProcessResult
+    from .records import (
+        CameraEvents,
+        Check,
+        ExteriorOrientation,
+        GnssFixes,
+        ImuBiases,
+        ImuSamples,
+        Innovations,
+        Trajectory,
+        WaveletVariance,
+    )
+    from .records.relative import RelativeControl
+    from .stochastic.model import (
+        AxisNoise,
+        GaussMarkov,
+        NoiseModel,
+        load_noise_model,
+        write_noise_model,
+    )
+    from .stochastic.moments.theory import haar_variance
+    from .stochastic.moments.wavelet import wavelet_variance
+    from .stochastic.processes import simulate_noise
+    from .tuning.options import TuneOptions
+
+_settle()
 
 __version__ = "0.1.0"
+
+_ROOMS = {  # where each public name is defined; loaded when it is first used
+    "api.estimation": ("estimate",),
+    "api.products": ("compare", "export", "ppk", "relative_control"),
+    "api.readers": ("read_eo", "read_trajectory"),
+    "api.verbs": ("calibrate_imu", "inspect", "process", "simulate", "tune"),
+    "config.filter_options": ("FilterOptions", "InitialAttitude"),
+    "config.flight_file": ("Flight",),
+    "config.load": ("load_flight",),
+    "base.errors": ("DataError", "InputError", "InsgnssError", "UsageError"),
+    "formats": ("read_events", "read_gnss", "read_imu"),
+    "gnss.options": ("EngineOptions",),
+    "orient.mounting": ("Mounting", "boresight_from_angles"),
+    "processing.pipeline": ("ProcessResult",),
+    "records": (
+        *("CameraEvents", "Check", "ExteriorOrientation", "GnssFixes"),
+        *("ImuBiases", "ImuSamples", "Innovations", "Trajectory", "WaveletVariance"),
+    ),
+    "records.relative": ("RelativeControl",),
+    "stochastic.model": (
+        "AxisNoise",
+        "GaussMarkov",
+        "NoiseModel",
+        "load_noise_model",
+        "write_noise_model",
+    ),
+    "stochastic.moments.theory": ("haar_variance",),
+    "stochastic.moments.wavelet": ("wavelet_variance",),
+    "stochastic.processes": ("simulate_noise",),
+    "tuning.options": ("TuneOptions",),
+}
+_HOME = {name: room for room, names in _ROOMS.items() for name in names}
+
+__all__ = [
+    "AxisNoise",
+    "CameraEvents",
+    "Check",
+    "DataError",
+    "EngineOptions",
+    "ExteriorOrientation",
+    "FilterOptions",
+    "Flight",
+    "GaussMarkov",
+    "GnssFixes",
+    "ImuBiases",
+    "ImuSamples",
+    "InitialAttitude",
+    "Innovations",
+    "InputError",
+    "InsgnssError",
+    "Mounting",
+    "NoiseModel",
+    "ProcessResult",
+    "RelativeControl",
+    "Trajectory",
+    "TuneOptions",
+    "UsageError",
+    "WaveletVariance",
+    "__version__",
+    "boresight_from_angles",
+    "calibrate_imu",
+    "compare",
+    "estimate",
+    "export",
+    "haar_variance",
+    "inspect",
+    "load_flight",
+    "load_noise_model",
+    "ppk",
+    "process",
+    "read_eo",
+    "read_events",
+    "read_gnss",
+    "read_imu",
+    "read_trajectory",
+    "relative_control",
+    "simulate",
+    "simulate_noise",
+    "tune",
+    "wavelet_variance",
+    "write_noise_model",
+]
+
+
+def __getattr__(name: str) -> _Any:
+    """Load a public name when it is first used."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'insgnss' has no attribute {name!r}")
+    from importlib import import_module
+
+    value = globals()[name] = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return sorted(__all__)

@@ -5,15 +5,10 @@ What a flight file may say stands in `insgnss.config.flight_file`, its reader in
 """
 
 from .config.camera_options import CameraInput
-from .config.flight_file import (
-    FilterOptions,
-    Flight,
-    ImuInput,
-    InitialAttitude,
-    Output,
-    TangentPlane,
-)
+from .config.filter_options import FilterOptions, InitialAttitude
+from .config.flight_file import Flight, Output, TangentPlane
 from .config.gnss_options import GnssInput
+from .config.imu_options import ImuInput
 from .config.load import load_flight
 from .config.ppk_options import RawGnss
 

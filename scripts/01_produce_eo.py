@@ -19,10 +19,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from insgnss.flight import load_flight
+import insgnss
 from insgnss.formats.orientation.eo_local_plane import LocalPlaneEo, read_eo_local_plane
-from insgnss.processing.pipeline import process
-from insgnss.simulation.dataset import write_dataset
 
 NAMES = ("E", "N", "U", "omega", "phi", "kappa")
 
@@ -35,7 +33,7 @@ def main() -> None:
     flight_file = options.flight or simulate(options.out, options.quick)
 
     # 2. The whole way from raw data to products.
-    result = process(load_flight(flight_file), options.out, progress=print)
+    result = insgnss.process(flight_file, options.out, progress=print)
     print(result.summary())
 
     # 3. What a bundle adjustment reads, against the truth where there is one.
@@ -83,8 +81,8 @@ def simulate(out: Path, quick: bool) -> Path:
     """Flight file of a simulated data set, made anew unless it is there."""
     directory = out / ("flight_quick" if quick else "flight")
     if not directory.exists():
-        small = {"imu_rate": 100.0, "start_in_air": True} if quick else {"imu_rate": 500.0}
-        write_dataset(directory, "ign8", 6.0 if quick else 15.0, seed=1, **small)
+        small = {"imu_rate_hz": 100.0, "start_in_air": True} if quick else {"imu_rate_hz": 500.0}
+        insgnss.simulate("ign8", 6.0 if quick else 15.0, directory=directory, seed=1, **small)
     return directory / "flight.toml"
 
 

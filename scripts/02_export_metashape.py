@@ -34,11 +34,7 @@ from matplotlib.figure import Figure
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
-from insgnss.exporting.export import export
-from insgnss.flight import load_flight
-from insgnss.formats.orientation.eo_json import read_eo_json
-from insgnss.processing.pipeline import process
-from insgnss.simulation.dataset import write_dataset
+import insgnss
 
 FOCAL_PX, WIDTH_PX, HEIGHT_PX = (
     0.035 / 6.4e-6,
@@ -54,12 +50,12 @@ def main() -> None:
 
     # 1. A processed flight: its eo.json is the master from which every export derives.
     flight_file = options.flight or simulate(options.out, options.quick)
-    process(load_flight(flight_file), options.out)
-    master = read_eo_json(options.out / "eo.json")
+    insgnss.process(flight_file, options.out)
+    master = insgnss.read_eo(options.out / "eo.json")
 
     # 2. The export.
     name = "metashape.csv"
-    export(master, "metashape", options.out / name)
+    insgnss.export(master, "metashape", options.out / name)
     print(f"wrote {options.out / name}")
 
     # 3. Ground targets through both files.
@@ -115,13 +111,9 @@ def simulate(out: Path, quick: bool) -> Path:
     """Flight file of a simulated data set, made anew unless it is there."""
     directory = out / ("flight_quick" if quick else "flight")
     if not directory.exists():
-        write_dataset(
-            directory,
-            "ign8",
-            3.0 if quick else 5.0,
-            imu_rate=100.0 if quick else 500.0,
-            seed=2,
-            start_in_air=True,
+        rate, minutes = (100.0, 3.0) if quick else (500.0, 5.0)
+        insgnss.simulate(
+            "ign8", minutes, directory=directory, imu_rate_hz=rate, seed=2, start_in_air=True
         )
     return directory / "flight.toml"
 

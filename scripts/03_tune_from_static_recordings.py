@@ -14,17 +14,14 @@ the process of 4737 s is declared beyond what such recordings tell.
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+import insgnss
 from insgnss.stochastic.composition import Composition
-from insgnss.stochastic.model import AxisNoise, load_noise_model
-from insgnss.stochastic.moments.theory import haar_variance, haar_variance_parts
-from insgnss.stochastic.processes import simulate_noise
-from insgnss.tuning.options import TuneOptions
-from insgnss.tuning.result import Tuned, TuneResult
-from insgnss.tuning.static import tune_static
+from insgnss.stochastic.moments.theory import haar_variance_parts
 
 MODELS = {"gyro": "WN+3GM", "accel": "WN+2GM"}
 UNIT = {"gyro": ("deg/h", np.pi / 180.0 / 3600.0), "accel": ("ug", 9.80665e-6)}
@@ -45,12 +42,14 @@ def main() -> None:
         {} if options.static else {"rate_hz": rate, "gyro_unit": "rad/s", "accel_unit": "m/s^2"}
     )
     models = {f"{sensor}_model": options.model or model for sensor, model in MODELS.items()}
-    result = tune_static(
+    result = insgnss.tune(
         paths,
-        TuneOptions(axes="joint", **models, **reading),
-        options.out / "navchip.toml",
+        out=options.out / "navchip.toml",
         force=True,
         progress=print,
+        axes="joint",
+        **models,
+        **reading,
     )
     print(result.summary())
     found = {t.sensor: t for t in result.tuned}
@@ -59,7 +58,7 @@ def main() -> None:
     truth = (
         None
         if options.static
-        else {sensor: getattr(load_noise_model("navchip"), sensor)[0] for sensor in MODELS}
+        else {sensor: getattr(insgnss.load_noise_model("navchip"), sensor)[0] for sensor in MODELS}
     )
     draw(found, truth, options.out / "tune_from_static.png")
     print(f"wrote {options.out / 'tune_from_static.png'}")
@@ -89,16 +88,16 @@ def simulate(path: Path, rate: float, minutes: float, seed: int) -> Path:
     is there.
     """
     if not path.exists():
-        model, rng = load_noise_model("navchip"), np.random.default_rng(seed)
+        model, rng = insgnss.load_noise_model("navchip"), np.random.default_rng(seed)
         columns = [
-            simulate_noise(axis, int(60 * minutes * rate), 1.0 / rate, rng)
+            insgnss.simulate_noise(axis, int(60 * minutes * rate), 1.0 / rate, rng)
             for axis in (*model.gyro, *model.accel)
         ]
         np.save(path, np.column_stack(columns) + [0.0, 0.0, 0.0, 0.05, -0.1, -9.806])
     return path
 
 
-def draw(found: dict[str, Tuned], truth: dict[str, AxisNoise] | None, path: Path) -> None:
+def draw(found: dict[str, Any], truth: dict[str, insgnss.AxisNoise] | None, path: Path) -> None:
     """Allan deviation, root of twice the wavelet variance, of every axis and recording with the fit
     and its parts.
     """
@@ -123,7 +122,7 @@ def draw(found: dict[str, Tuned], truth: dict[str, AxisNoise] | None, path: Path
             label=f"{t.kept.composition}, fitted",
         )
         if truth is not None:
-            known = haar_variance(truth[sensor], level, rate, "mean")
+            known = insgnss.haar_variance(truth[sensor], level, rate, "mean")
             axes.plot(
                 tau, np.sqrt(2.0 * known) / scale, ":", color="black", lw=2, label="simulated"
             )
@@ -141,12 +140,12 @@ def draw(found: dict[str, Tuned], truth: dict[str, AxisNoise] | None, path: Path
     figure.savefig(path, dpi=110)
 
 
-def check(result: TuneResult, found: dict[str, Tuned], truth: dict[str, AxisNoise] | None) -> None:
+def check(result: Any, found: dict[str, Any], truth: dict[str, insgnss.AxisNoise] | None) -> None:
     """The truth in the intervals, the slowest process out of reach, and a noise model that can be
     read.
     """
     assert result.model is not None
-    assert load_noise_model(result.files[0]) == result.model, (
+    assert insgnss.load_noise_model(result.files[0]) == result.model, (
         "the noise model does not come back from its file"
     )
     if truth is None:

@@ -19,22 +19,14 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from insgnss.formats import read_imu
-from insgnss.records import WaveletVariance
+import insgnss
 from insgnss.stochastic.estimation.selection import Ranking, rank
-from insgnss.stochastic.model import AxisNoise, GaussMarkov
-from insgnss.stochastic.moments.theory import haar_variance
-from insgnss.stochastic.moments.wavelet import wavelet_variance
-from insgnss.stochastic.processes import simulate_noise
 
 DEG_H = np.pi / 180.0 / 3600.0
-TRUTH = AxisNoise(
-    10.8 * DEG_H,
-    gauss_markov=(
-        GaussMarkov.from_sigma(2.5, 20.0 * DEG_H),
-        GaussMarkov.from_sigma(72.0, 22.0 * DEG_H),
-    ),
+WANDERING = tuple(
+    insgnss.GaussMarkov.from_sigma(*of) for of in ((2.5, 20.0 * DEG_H), (72.0, 22.0 * DEG_H))
 )
+TRUTH = insgnss.AxisNoise(10.8 * DEG_H, gauss_markov=WANDERING)
 MODELS = ("WN", "WN+RW", "WN+GM", "WN+GM+RW", "WN+2GM", "WN+2GM+RW", "WN+3GM")
 CLEAR = 30  # independent differences of means: fewer do not tell a deviation to a seventh
 
@@ -101,33 +93,35 @@ def parse_options() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def curve_of(path: Path, axis: str) -> WaveletVariance:
+def curve_of(path: Path, axis: str) -> insgnss.WaveletVariance:
     """Wavelet variance of one gyroscope of a recording."""
-    imu = read_imu(path)
-    return wavelet_variance(
+    imu = insgnss.read_imu(path)
+    return insgnss.wavelet_variance(
         imu.gyro[:, "xyz".index(axis[1])], (imu.time.size - 1) / (imu.time[-1] - imu.time[0])
     )
 
 
-def simulated(quick: bool) -> list[WaveletVariance]:
+def simulated(quick: bool) -> list[insgnss.WaveletVariance]:
     """Wavelet variances of six recordings."""
     rate, minutes = (20.0, 30.0) if quick else (100.0, 120.0)
     rng = np.random.default_rng(4)
     return [
-        wavelet_variance(simulate_noise(TRUTH, int(60 * minutes * rate), 1.0 / rate, rng), rate)
+        insgnss.wavelet_variance(
+            insgnss.simulate_noise(TRUTH, int(60 * minutes * rate), 1.0 / rate, rng), rate
+        )
         for _ in range(6)
     ]
 
 
-def predicted(axis: AxisNoise, curve: WaveletVariance) -> np.ndarray:
+def predicted(axis: insgnss.AxisNoise, curve: insgnss.WaveletVariance) -> np.ndarray:
     """(J,) deviation that a model predicts over that of a recording."""
-    return np.sqrt(haar_variance(axis, curve.level, curve.rate_hz) / curve.variance)
+    return np.sqrt(insgnss.haar_variance(axis, curve.level, curve.rate_hz) / curve.variance)
 
 
 def draw(
-    seen: list[WaveletVariance],
+    seen: list[insgnss.WaveletVariance],
     ranking: Ranking,
-    unseen: WaveletVariance,
+    unseen: insgnss.WaveletVariance,
     ratio: dict[str, np.ndarray],
     path: Path,
 ) -> None:
@@ -159,7 +153,7 @@ def draw(
             if c is ranking.chosen
             else (1.0, f"{name}, WIC {c.difference:+.3g}")
         )
-        modelled = haar_variance(c.fit.axis, unseen.level, unseen.rate_hz)
+        modelled = insgnss.haar_variance(c.fit.axis, unseen.level, unseen.rate_hz)
         left.plot(tau, np.sqrt(2.0 * modelled) / DEG_H, lw=width, label=label)
         right.plot(tau, ratio[name], lw=width, label=name)
     left.set(

@@ -15,21 +15,16 @@ they did not.
 """
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
-from insgnss.flight import Flight, load_flight
+import insgnss
 from insgnss.geodesy.rotation import vector_from_rotation
-from insgnss.processing.pipeline import process
-from insgnss.records import ExteriorOrientation
-from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.faults import ImuFaults, Vibration
-from insgnss.simulation.raw_gnss.receiver import GnssOptions
-from insgnss.tuning.in_flight.estimation import FlightTuning, tune_flight
 
 TRIPLED = 3.0
 APART_S = 60.0
@@ -40,10 +35,12 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
 
     # 1. A flight: raw data and the flight file that describes them, the IMU by its static model.
-    flight = load_flight(options.flight or simulate(options.out, options.quick))
+    flight = insgnss.load_flight(options.flight or simulate(options.out, options.quick))
 
     # 2. Tuning on its innovations.
-    tuning = tune_flight(flight, options.out / "in_flight_noise.toml", None, print, force=True)
+    tuning = insgnss.tune(
+        flight, out=options.out / "in_flight_noise.toml", force=True, progress=print
+    )
     print(tuning.summary())
 
     # 3. The flight processed with the static model and with the one found; errors against the truth
@@ -53,7 +50,7 @@ def main() -> None:
     if eo_file.exists():
         models = [flight.imu.noise, *([str(tuning.file)] if tuning.file else [])]
         runs = [
-            process(replace(flight, imu=replace(flight.imu, noise=m)), options.out / f"run{k}")
+            insgnss.process(flight.with_(imu__noise=m), options.out / f"run{k}")
             for k, m in enumerate(models)
         ]
         nees = [errors_squared(run.eo, eo_file) for run in runs]
@@ -89,22 +86,21 @@ def simulate(out: Path, quick: bool) -> Path:
         propeller = ImuFaults(
             vibration=Vibration(accel_ms2=1.0, gyro_rad_s=0.01, frequency_hz=83.0, start_s=60.0)
         )
-        fixes = GnssOptions(sigma_m=(0.005, 0.005, 0.008)) if quick else None
-        small = {"minutes": 12.0, "start_in_air": True} if quick else {}
-        write_dataset(
-            directory,
-            "ign8",
-            imu_rate=250.0,
-            seed=1,
-            vibration=TRIPLED,
-            imu_faults=propeller,
-            gnss=fixes,
-            **small,
+        small = (
+            {"minutes": 12.0, "start_in_air": True, "gnss_sigma_m": (0.005, 0.005, 0.008)}
+            if quick
+            else {}
+        )
+        shaken = {"vibration": TRIPLED, "imu_faults": propeller}
+        insgnss.simulate(
+            "ign8", directory=directory, imu_rate_hz=250.0, seed=1, **shaken, **small
         )
     return directory / "flight.toml"
 
 
-def errors_squared(eo: ExteriorOrientation, truth_file: Path) -> tuple[np.ndarray, np.ndarray]:
+def errors_squared(
+    eo: insgnss.ExteriorOrientation, truth_file: Path
+) -> tuple[np.ndarray, np.ndarray]:
     """Time and NEES, of six degrees of freedom, of images `APART_S` apart."""
     truth = np.load(truth_file)
     row = {image: k for k, image in enumerate(truth["images"].tolist())}
@@ -122,7 +118,7 @@ def errors_squared(eo: ExteriorOrientation, truth_file: Path) -> tuple[np.ndarra
 
 
 def check(
-    tuning: FlightTuning, flight: Flight, nees: list[tuple[np.ndarray, np.ndarray]], within: float
+    tuning: Any, flight: insgnss.Flight, nees: list[tuple[np.ndarray, np.ndarray]], within: float
 ) -> None:
     """Hold the result against the simulation."""
     assert tuning.accepted, tuning.verdict
@@ -139,9 +135,7 @@ def check(
     assert low < after < high, "the covariances do not fit the errors"
 
 
-def draw(
-    tuning: FlightTuning, nees: list[tuple[np.ndarray, np.ndarray]] | None, path: Path
-) -> None:
+def draw(tuning: Any, nees: list[tuple[np.ndarray, np.ndarray]] | None, path: Path) -> None:
     """Left the factors with two standard errors, right the errors of the images over what their
     covariances say.
     """

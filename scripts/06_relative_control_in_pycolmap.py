@@ -57,17 +57,9 @@ except ImportError:
     sys.exit("this story needs pycolmap and pyceres: pip install pycolmap pyceres")
 from matplotlib.figure import Figure
 
-from insgnss.flight import load_flight
-from insgnss.formats.orientation.eo_json import read_eo_json
+import insgnss
 from insgnss.formats.orientation.relative_csv import write_relative_csv
 from insgnss.geodesy.rotation import skew, vector_from_rotation
-from insgnss.orient.frame import in_frame
-from insgnss.orient.relative import gyro_figures, relative_control
-from insgnss.processing.pipeline import process
-from insgnss.records import ExteriorOrientation
-from insgnss.records.relative import RelativeControl
-from insgnss.simulation.dataset import write_dataset
-from insgnss.stochastic.model import load_noise_model
 
 WAYS = ("diagonal", "absolute", "relative", "both", "chained")
 COLOURS = dict(zip(WAYS, ("#8A8F98", "#0072B2", "#E69F00", "#D55E00", "#009E73"), strict=True))
@@ -99,7 +91,7 @@ class Block:
     cross: np.ndarray
     true_position: np.ndarray
     true_C: np.ndarray
-    relative: RelativeControl
+    relative: insgnss.RelativeControl
     rows: np.ndarray
     points: np.ndarray
     seen: Seen
@@ -174,23 +166,13 @@ def fly(out: Path, seed: int, quick: bool) -> Block:
     directory = out / f"flight_{seed}{'_quick' * quick}"
     if not directory.exists():
         minutes = 2.0 if quick else 3.0
-        write_dataset(
-            directory,
-            "ign8",
-            minutes,
-            imu_rate=100.0,
-            seed=seed,
-            start_in_air=True,
-            line_length_m=500.0,
+        plan = {"start_in_air": True, "line_length_m": 500.0}
+        insgnss.simulate(
+            "ign8", minutes, directory=directory, imu_rate_hz=100.0, seed=seed, **plan
         )
-    process(load_flight(directory / "flight.toml"), directory / "out")
-    eo = read_eo_json(directory / "out" / "eo.json")
-    axes = load_noise_model("navchip").gyro
-    wandering = np.array(
-        [[p.sigma for p in axis.gauss_markov if p.correlation_time_s < 180.0] for axis in axes]
-    )
-    gyro = gyro_figures(np.array([axis.white_noise for axis in axes]), wandering)
-    relative = relative_control(in_frame(eo, "tangent plane"), gyro, "camera")
+    insgnss.process(directory, directory / "out")
+    eo = insgnss.read_eo(directory / "out")
+    relative = insgnss.relative_control(eo, "navchip", form="camera")
     with np.load(directory / "truth" / "eo.npz") as truth:
         row = {str(image): k for k, image in enumerate(truth["images"])}
         at = [row[image] for image in eo.images]
@@ -200,10 +182,10 @@ def fly(out: Path, seed: int, quick: bool) -> Block:
 
 
 def block_of(
-    eo: ExteriorOrientation,
+    eo: insgnss.ExteriorOrientation,
     X: np.ndarray,
     C: np.ndarray,
-    relative: RelativeControl,
+    relative: insgnss.RelativeControl,
     rng: np.random.Generator,
 ) -> Block:
     """The images of the line with most pairs, their true poses X, C, and simulated tie points on

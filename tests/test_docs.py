@@ -23,9 +23,16 @@ SPECS = ROOT / "data_specs"
 
 
 def _public(node: ast.Module | ast.ClassDef) -> Iterator[ast.FunctionDef | ast.ClassDef]:
-    """Public functions and classes of a module, methods of a class that overrides no other's."""
+    """Public functions and classes of a module, methods of a class that overrides no other's; not
+    the forms of an overloaded one.
+    """
     for child in node.body:
         if isinstance(child, ast.FunctionDef | ast.ClassDef) and not child.name.startswith("_"):
+            if any(
+                isinstance(mark, ast.Name) and mark.id == "overload"
+                for mark in child.decorator_list
+            ):
+                continue
             yield child
             if isinstance(child, ast.ClassDef) and not child.bases:
                 yield from _public(child)

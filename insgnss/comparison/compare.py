@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import DataError
+from ..records import ExteriorOrientation, Trajectory
 from .attitude import attitude, turn_between
 from .clock import by_motion, by_names
 from .hints import Hints, Origin
@@ -26,8 +27,8 @@ ROUNDS = 2  # findings that may be taken off one part, one after the other
 
 
 def compare_files(
-    a: str | Path,
-    b: str | Path,
+    a: str | Path | ExteriorOrientation | Trajectory,
+    b: str | Path | ExteriorOrientation | Trajectory,
     *,
     form_a: str | None = None,
     form_b: str | None = None,
@@ -40,8 +41,7 @@ def compare_files(
 ) -> Comparison:
     """Compare two exterior orientations or trajectories; b minus a.
 
-    a, b : files of any format of `reading.FORMS`.   form_a, form_b : theirs, where a file does not
-                                                     show it.
+    a, b : files of any format of `reading.FORMS`, or records.   form_a, form_b : theirs, where a file does not show it.
     undulation_m : of a, of b, to be added to the heights of positions of GNSS that are above the
         geoid.
     origin : latitude, longitude, deg, and ellipsoidal height, m, of a tangent plane whose file does
@@ -61,7 +61,8 @@ def compare_files(
 
 
 def _read_both(
-    given: Sequence[tuple[str | Path, str | None]], hints: Sequence[Hints]
+    given: Sequence[tuple[str | Path | ExteriorOrientation | Trajectory, str | None]],
+    hints: Sequence[Hints],
 ) -> tuple[tuple[Poses, Poses], tuple[str, ...]]:
     """Both files, of path, format and hints; a tangent plane without origin gets that of the other
     one.

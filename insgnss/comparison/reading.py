@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError, UsageError
-from ..geodesy.frames import TangentPlane
 from ..geodesy.projection import MapProjection
 from ..geodesy.rotation import (
     CV_RUB,
@@ -21,8 +20,10 @@ from ..geodesy.rotation import (
     rotation_from_rpy,
     rpy_jacobian,
 )
+from ..records import ExteriorOrientation, Trajectory
 from ..records.observations import UNKNOWN_MPS
 from .hints import HEAD, Hints, diagonal, origin_in, turned
+from .of_records import poses_of
 from .poses import NoOriginError, Place, Poses
 from .tables import read_table_poses
 
@@ -50,13 +51,21 @@ UNKNOWN_M = (
 )  # stands in for fixes without standard deviations, and is left out again
 
 
-def read_poses(path: str | Path, form: str | None = None, hints: Hints | None = None) -> Poses:
-    """Poses of a file.
+def read_poses(
+    path: str | Path | ExteriorOrientation | Trajectory,
+    form: str | None = None,
+    hints: Hints | None = None,
+) -> Poses:
+    """Poses of a file, or of a record.
 
     form : one of `FORMS` where the file does not show its format.
     hints : what the file does not say.
     Raises InputError with file and line, UsageError for an unknown format.
     """
+    if isinstance(path, ExteriorOrientation | Trajectory):
+        if form is not None:
+            raise UsageError(f"format {form!r} belongs to a file, but a record is given")
+        return poses_of(path)
     if form is not None and form not in FORMS:
         raise UsageError(f"format {form!r} cannot be compared; it is one of {', '.join(FORMS)}")
     form, hints = form or sniff_poses(path), hints or Hints()
@@ -112,33 +121,7 @@ def sniff_poses(path: str | Path) -> str:
 def _eo_json(path: Path, hints: Hints) -> Poses:
     from ..formats.orientation.eo_json import read_eo_json
 
-    eo = read_eo_json(path)
-    plane = TangentPlane(*eo.origin)
-    lat, lon, h, C_fE = Place("tangent plane", plane).resolved(eo.position_m, path)
-    C_Ef = np.swapaxes(C_fE, 1, 2)
-    return Poses(
-        str(path),
-        "eo_json",
-        "projection centre",
-        lat,
-        lon,
-        h,
-        images=eo.images,
-        time=eo.time,
-        gps_week=eo.gps_week,
-        C_Ex=C_Ef @ eo.C_mc,
-        camera_from_body=eo.camera_from_body @ eo.boresight,
-        cov_position=_given(turned(C_Ef, eo.cov[:, :3, :3])),
-        cov_attitude=_given(turned(C_Ef, eo.cov[:, 3:, 3:])),
-        C_fE=C_fE,
-        local=eo.position_m,
-        plane=plane,
-    )
-
-
-def _given(P: Array | None) -> Array | None:
-    """Covariances, None where they are zero."""
-    return P if P is not None and (np.diagonal(P, axis1=1, axis2=2) > 0.0).all() else None
+    return poses_of(read_eo_json(path), str(path))
 
 
 def _eo_local_plane(path: Path, hints: Hints) -> Poses:

@@ -4,11 +4,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .given import event_record, take_record
 from .gnss_options import BY_HEADER
-from .schema import option
+from .schema import check, option
 
 if TYPE_CHECKING:
     from ..base.tables import Columns
+    from ..records import CameraEvents
 
 
 @dataclass(frozen=True)
@@ -72,12 +74,23 @@ class RoverEvents:
 
 @dataclass(frozen=True)
 class CameraInput:
-    """Table [camera]; `events` is None where the rover's file holds them (`rover_events`)."""
+    """Table [camera]; `events` is None where the rover's file holds them (`rover_events`).
 
-    events: Path | None = option(
+    In Python `events` may be camera events, or an array or table of them, in the place of a file.
+
+    Raises
+    ------
+    OptionError
+        For a value that cannot be.
+    InputError
+        Where `events` is neither a path nor events.
+    """
+
+    events: "Path | CameraEvents | None" = option(
         ...,
         "mid-exposure instants; without the table the product is the trajectory alone; with "
         "gnss.rover by default those of the rover's RINEX",
+        kind="file",
         cli="--events",
         metavar="FILE",
         cli_meaning="camera events (.MRK, text) in the place of those of the rover's file",
@@ -92,3 +105,7 @@ class CameraInput:
     )
     match: ImageMatch = field(default_factory=ImageMatch)
     rover_events: RoverEvents = field(default_factory=RoverEvents)
+
+    def __post_init__(self) -> None:
+        check(self, "camera")
+        take_record(self, "events", event_record)

@@ -2,7 +2,8 @@
 sensors are mounted.
 
 Each table is a dataclass whose fields are its keys (`schema`); those of [gnss] and [camera] stand
-in `gnss_options`, `ppk_options` and `camera_options`, and `TABLES` has them all. Paths are relative
+in `imu_options`, `gnss_options`, `ppk_options`, `camera_options` and `filter_options`, and `TABLES`
+has them all. Paths are relative
 to the file. Only `imu.file` and `gnss.file` (or what stands in its place) have no default.
 data_specs/flight_file.md is rendered from here.
 """
@@ -11,33 +12,24 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
+from ..base.changes import with_changes
+from ..base.errors import OptionError
 from .camera_options import CameraInput, ImageMatch, RoverEvents
 from .covariance import CovarianceModel
-from .gnss_options import BY_HEADER, GnssInput
+from .filter_options import FilterOptions, InitialAttitude
+from .gnss_options import GnssInput
+from .imu_options import ImuInput
 from .ppk_options import Air, RawGnss
-from .schema import Place, Words, option
+from .schema import Place, Words, check, is_place, option, swapped
 
 if TYPE_CHECKING:
-    from ..base.tables import Columns
     from ..orient.mounting import Mounting
-    from ..records import Array, Quantity
+    from ..records import Array
 
 MAX_LEVER_M = 100.0
 Matrix = tuple[Place, Place, Place]
-
-
-def _quantities() -> Words:
-    from ..records import QUANTITIES
-
-    return QUANTITIES
-
-
-def _imu_unit_keys() -> tuple[str, ...]:
-    from ..formats.imu.imu_csv import UNIT_KEYS
-
-    return UNIT_KEYS
 
 
 def _angle_sets() -> tuple[str, ...]:
@@ -50,84 +42,6 @@ def _checks() -> Words:
     from ..recognise.plausibility import NAMES
 
     return NAMES
-
-
-@dataclass(frozen=True)
-class ImuInput:
-    """Table [imu]; `noise` is the name of a shipped model or the path of a file.
-
-    `units` has the keys gyro, accel and time as far as they are given, and is None without any.
-    """
-
-    file: Path = option(..., "file of the IMU samples")
-    columns: "Columns" = option(
-        None,
-        'list of names, or table { canonical = "name in the file" }',
-        kind="columns",
-        usual=BY_HEADER,
-    )
-    units: Mapping[str, str] | None = option(
-        None,
-        "gyro: rad/s, deg/s, deg/h; accel: m/s^2, g, mg, ug; time: s, ms, us, ns, unix, gps; of "
-        "increments rad, deg, arcsec; m/s, g\\*s, mg\\*s, ug\\*s; a number before the unit is what "
-        'one count means ("0.05 deg/s")',
-        kind="imu_units",
-        members=_imu_unit_keys,
-        usual="by header (imu_csv.md), else SI",
-    )
-    quantity: "Quantity" = option(
-        "mean_rate",
-        "what a sample is: the mean rate or the increment over the "
-        "interval that ends at the stamp, or the rate at the stamp",
-        kind="choice",
-        choices=_quantities,
-    )
-    axes: str = option("forward right down", "body directions of the IMU's x, y and z", kind="axes")
-    noise: str | Path = option(
-        "navchip", "a shipped noise model, or the path of a noise-model file", kind="noise"
-    )
-    time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
-    variable: str | None = option(None, "struct or table inside a MATLAB file")
-    rate_hz: float | None = option(
-        None,
-        "samples a second, counted from 0, where the file has no time",
-        unit="Hz",
-        low=1.0,
-        high=1e5,
-    )
-    accel_sign: float = option(
-        1.0,
-        "-1 where the accelerometers give the reverse of the specific force",
-        kind="sign",
-        form="1 or -1",
-    )
-    calibration: Path | None = option(
-        None,
-        "file of bias, scale and non-orthogonality in the IMU's axes (`insgnss calibrate`, "
-        "imu_calibration.md)",
-    )
-    lever_m: Place = option(
-        (0.0, 0.0, 0.0),
-        "from the first IMU to this one, in body axes",
-        unit="m",
-        only="imu.further",
-    )
-    further: "tuple[ImuInput, ...]" = option(
-        (),
-        "`[[imu.further]]`, further IMUs on the same body, combined with this one: the keys of "
-        "[imu], and `lever_m`",
-        kind="tables",
-        form="tables",
-        only="imu",
-        retired=("more",),
-    )
-
-    @property
-    def C_b_imu(self) -> "Array":
-        """(3, 3), IMU axes to body forward-right-down."""
-        from ..prepare.axes import parse_axes
-
-        return parse_axes(self.axes)
 
 
 @dataclass(frozen=True)
@@ -154,8 +68,8 @@ class MountingTable:
     )
     boresight_deg: tuple[str, Place] | None = option(
         None,
-        "the same as angles, { opk = [..] }, { rpy = [..] } or { metashape_ypr = [..] } "
-        "(`orient.mounting`)",
+        "the same as angles, { opk = [..] }, { rpy = [..] } or { metashape_ypr = [..] }"
+        " (`orient.mounting`)",
         kind="angles",
         unit="deg",
         members=_angle_sets,
@@ -169,6 +83,12 @@ class TangentPlane:
     lat_deg: float
     lon_deg: float
     height_m: float
+
+    def __post_init__(self) -> None:
+        place = (self.lat_deg, self.lon_deg, self.height_m)
+        if not is_place(*place):
+            what = f"is no latitude, longitude, ellipsoidal height; {swapped(*place[:2])}"
+            raise OptionError("tangent_plane.origin", what, list(place))
 
     @property
     def origin(self) -> "Array":
@@ -199,8 +119,8 @@ class Output:
 
     directory: Path = option(
         Path("02_Processed/GPS-INS"),
-        "made where it is not there; with gnss.rover the solution goes into `GPS-PPK` beside it, "
-        "below",
+        "made where it is not there; with gnss.rover the solution goes into `GPS-PPK` beside it,"
+        " below",
         kind="directory",
         form="directory",
     )
@@ -223,8 +143,8 @@ class Output:
     )
     geoid: Path | None = option(
         None,
-        "grid of geoid heights (GeoTIFF, .gtx), for heights above sea level; without it they are "
-        "those above the ellipsoid of WGS84",
+        "grid of geoid heights (GeoTIFF, .gtx), for heights above sea level; without it they are"
+        " those above the ellipsoid of WGS84",
     )
     ground_m: float | None = option(
         None,
@@ -235,64 +155,44 @@ class Output:
         high=9000.0,
     )
 
-
-@dataclass(frozen=True)
-class InitialAttitude:
-    """Table [initial]: an attitude that is known, all three angles of it."""
-
-    roll_deg: float = option(
-        ..., "initial roll, where an attitude is known", unit="deg", low=-180.0, high=180.0
-    )
-    pitch_deg: float = option(..., "initial pitch", unit="deg", low=-90.0, high=90.0)
-    heading_deg: float = option(..., "initial heading", unit="deg", low=-180.0, high=360.0)
-    sigma_deg: Place = option(
-        (2.0, 2.0, 5.0),
-        "standard deviations of roll, pitch and heading",
-        kind="sigmas",
-        unit="deg",
-    )
+    def __post_init__(self) -> None:
+        check(self, "output")
 
 
-@dataclass(frozen=True)
-class FilterOptions:
-    """Table [filter]."""
-
-    scale_factor: bool = option(False, "scale-factor states of gyros and accelerometers")
-    misalignment: bool = option(False, "misalignment states")
-    second_pass: Literal["auto", "on", "off"] = option(
-        "auto", "relinearise about the smoothed flight"
-    )
-    time_offset: bool = option(
-        False,
-        "estimate what is missing in the stamps of the fixes, and the rate of the one clock "
-        "against the other",
-    )
-    time_offset_sigma_s: float = option(
-        0.1, "its a-priori standard deviation", unit="s", low=1e-4, high=10.0
-    )
-    lever_arm: bool = option(False, "estimate the error of the lever arm from IMU to antenna")
-    lever_arm_sigma_m: float = option(
-        0.3, "its a-priori standard deviation, each component", unit="m", low=1e-3, high=10.0
-    )
-    zero_velocity: Literal["auto", "off"] = option(
-        "auto",
-        "zero-velocity and zero-angular-rate updates (ZUPT, ZARU) in stationary periods, "
-        "where they are detected",
-    )
-    non_holonomic: bool = option(
-        False,
-        "non-holonomic constraint (NHC) of a wheeled vehicle with the body's forward axis "
-        "along its own: no velocity across it",
-        retired=("wheels",),
-    )
-    robust: bool = option(
-        False, "take suspicious fixes with a larger covariance instead of all or nothing"
-    )
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Flight:
-    """A flight file, read, checked and complete; `path` is the file itself."""
+    """A flight file, read, checked and complete; `load_flight` reads one, `with_` changes it.
+
+    Parameters
+    ----------
+    path : Path
+        The file; names in its directory are told relative to it.
+    gps_week : int or None
+        The GPS week, where the files carry only the time of week.
+    start_tow, end_tow : float or None
+        Data outside are cut away, s; None: nothing is.
+    accept : tuple of str
+        Checks whose contradiction does not stop `process`.
+    filter : FilterOptions
+        States and constraints of the filter.
+    name : str
+        Of the data set, in titles and reports.
+    imu, gnss, camera : ImuInput, GnssInput, CameraInput or None
+        Tables of that name; the camera is None where there is none.
+    mounting : Mounting
+        Lever arms and bore-sight.
+    tangent_plane : TangentPlane or None
+        Table of that name; None: its origin is at the first fix.
+    output : Output
+        Table of that name.
+    initial : InitialAttitude or None
+        Attitude at the first fix; None: it is found in the motion.
+
+    Raises
+    ------
+    UsageError
+        For a value that cannot be.
+    """
 
     path: Path
     name: str = option(
@@ -325,6 +225,39 @@ class Flight:
     output: Output = field(kw_only=True)
     initial: InitialAttitude | None = field(kw_only=True)
     filter: FilterOptions = field(default_factory=FilterOptions)
+
+    def __post_init__(self) -> None:
+        check(self, "")
+
+    def with_(self, **changes: Any) -> "Flight":
+        """Return the flight with other values: ``flight.with_(imu__noise=model,
+        filter__robust=True)``.
+
+        Parameters
+        ----------
+        **changes : Any
+            Value by field of this record; two underscores go into a table. Where a file may stand,
+            a record may, or an array or table as `insgnss.estimate` takes it: `ImuSamples` for
+            imu.file, `GnssFixes` for gnss.file, `CameraEvents` for camera.events, a `NoiseModel`
+            for imu.noise.
+
+        Returns
+        -------
+        Flight
+            The new flight; the old one stays as it is.
+
+        Raises
+        ------
+        UsageError
+            There is no such field (the nearest one is told), or a value cannot be.
+        InputError
+            An array or a table is not what a record can be made of.
+        """
+        return with_changes(self, changes)
+
+    def __repr__(self) -> str:
+        """Return name and file in one line."""
+        return f"<Flight {self.name}, {self.path}>"
 
     def resolved(self) -> dict[str, Any]:
         """Every value with its default filled in, as plain JSON types (`config.resolve`)."""

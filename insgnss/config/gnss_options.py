@@ -8,12 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from ..base.errors import InputError
 from .covariance import MODEL, CovarianceModel
+from .given import gnss_record, take_record
 from .ppk_options import RawGnss
-from .schema import Place, option
+from .schema import Place, check, option
 
 if TYPE_CHECKING:
     from ..base.tables import Columns
+    from ..records import GnssFixes
 
 QUALITIES = ("float", "sbas", "dgps", "single", "ppp")
 """Names, in small letters, of the qualities (`records.qualities.Quality`) that have floors."""
@@ -35,15 +38,28 @@ def _unit_keys() -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class GnssInput:
-    """Table [gnss]; standard deviations are north, east, down; `raw` instead of a file for PPK."""
+    """Table [gnss]; standard deviations are north, east, down; `raw` instead of a file for PPK.
 
-    file: Path | None = option(
-        ..., "antenna positions; or gnss.stationary, or gnss.rover, base and navigation"
+    In Python `file` may be fixes, or an array or table of them, which takes sigma_m where it has
+    none; what else says how to read a file is not looked at.
+
+    Raises
+    ------
+    OptionError
+        For a value that cannot be.
+    InputError
+        Where `file` is neither a path nor fixes, or something else stands in its place as well.
+    """
+
+    file: "Path | GnssFixes | None" = option(
+        ...,
+        "antenna positions; or gnss.stationary, or gnss.rover, base and navigation",
+        kind="file",
     )
     stationary: Place | None = option(
         None,
-        "place of a sensor that stands there throughout, in the place of gnss.file; a fix a "
-        "second, gnss.sigma_m 0.1 by default",
+        "place of a sensor that stands there throughout, in the place of gnss.file; a fix a second,"
+        " gnss.sigma_m 0.1 by default",
         kind="place",
     )
     columns: "Columns" = option(
@@ -138,8 +154,19 @@ class GnssInput:
         cli="--covariance",
         metavar="FILE",
         cli_meaning=(
-            "TOML file of changes to the covariance model, the keys of gnss.covariance at "
-            "its top (data_specs/flight_file.md)"
+            "TOML file of changes to the covariance model, the keys of gnss.covariance at its top"
+            " (data_specs/flight_file.md)"
         ),
     )
     raw: RawGnss | None = None
+
+    def __post_init__(self) -> None:
+        check(self, "gnss")
+        sigma = (self.sigma_m, self.sigma_velocity_mps)
+        take_record(self, "file", lambda given: gnss_record(given, *sigma))
+        if self.file is None or isinstance(self.file, Path):
+            return
+        others = (name for name in ("raw", "stationary") if getattr(self, name) is not None)
+        if other := next(others, ""):
+            what = f"gnss.{other} as well; set gnss__{other}=None"
+            raise InputError(f"gnss.file is given as an object, and {what}")

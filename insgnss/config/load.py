@@ -14,18 +14,10 @@ from ..base.tables import Table, read_toml
 from ..orient.mounting import PAPER_CAMERA_FROM_BODY, Mounting, boresight_from_angles
 from .camera_options import CameraInput, ImageMatch, RoverEvents
 from .covariance import CovarianceModel
-from .flight_file import (
-    TABLES,
-    FilterOptions,
-    Flight,
-    ImuInput,
-    InitialAttitude,
-    MountingTable,
-    Output,
-    TangentPlane,
-    TangentPlaneTable,
-)
+from .filter_options import FilterOptions, InitialAttitude
+from .flight_file import TABLES, Flight, MountingTable, Output, TangentPlane, TangentPlaneTable
 from .gnss_options import QUALITY_SIGMA_M, GnssInput
+from .imu_options import ImuInput
 from .ppk_options import OF_POSITIONS, RawGnss
 from .retired import renewed
 from .schema import declared, options_of

@@ -5,11 +5,12 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from .flight_file import Flight
+from ..records import Rows
+from ..stochastic.noise_model import NoiseModel
 
 
-def resolved(flight: Flight) -> dict[str, Any]:
-    """Every value of a flight with its default filled in, as plain JSON types.
+def resolved(flight: Any) -> dict[str, Any]:
+    """Every value of a `Flight` with its default filled in, as plain JSON types.
 
     Paths are relative to the flight file where they lie below its directory.
     """
@@ -18,7 +19,9 @@ def resolved(flight: Flight) -> dict[str, Any]:
 
 
 def _plain(value: Any, base: Path) -> Any:
-    """`value` in JSON types."""
+    """`value` in JSON types; what was given as an object in the place of a file is told as such."""
+    if isinstance(value, Rows | NoiseModel):
+        return f"given as object: {value!r}"
     if is_dataclass(value):
         return {f.name: _plain(getattr(value, f.name), base) for f in fields(value)}
     if isinstance(value, Path):

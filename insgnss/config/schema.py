@@ -19,11 +19,12 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
+from numbers import Real
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
-from ..base.errors import OptionError
+from ..base.errors import OptionError, near
 
 Words = tuple[str, ...] | tuple[int, ...]
 Place = tuple[float, float, float]
@@ -209,20 +210,97 @@ def check(instance: Any, table: str) -> None:
     for name, item in declared(instance.__class__).items():
         value = getattr(instance, name)
         if value is not None and (problem := _problem(item, value)):
-            raise OptionError(f"{table}.{name}", problem, value)
+            raise OptionError(f"{table}.{name}".removeprefix("."), problem, value)
 
 
 def _problem(item: Declared, value: Any) -> str:
     """What is wrong with a value, empty where nothing is."""
-    if item.choices and item.kind in ("choice", "whole") and value not in item.choices:
+    if item.kind == "gm_sigma" and not isinstance(value, str):
+        return _out_of_range(item, value)
+    if item.choices and item.kind in ("choice", "whole", "gm_sigma") and value not in item.choices:
         return f"must be {listed(item.choices)}"
-    if item.kind in ("whole", "number") and not in_range(item, value):
-        return f"must be {item.option.low:g} to {item.option.high:g}"
-    if item.kind == "letters" and not (value and set(value) <= set(item.choices)):
-        return f"must be letters of {''.join(map(str, item.choices))}"
-    if item.kind == "numbers" and item.option.positive and min(value) <= 0.0:
-        return f"must be {('', 'a', 'two', 'three')[item.count]} positive numbers"
+    return _CHECKS[item.kind](item, value) if item.kind in _CHECKS else ""
+
+
+def _out_of_range(item: Declared, value: Any) -> str:
+    if not is_number(value):
+        return "must be a number"
+    if item.kind == "whole" and value != int(value):
+        return "must be a whole number"
+    low, high = item.option.low, item.option.high
+    if in_range(item, value):
+        return ""
+    return f"must be {low:g} to {high:g}" if high < math.inf else f"must be {low:g} or more"
+
+
+def _no_flag(item: Declared, value: Any) -> str:
+    return "" if isinstance(value, bool) else "must be true or false"
+
+
+def _no_sign(item: Declared, value: Any) -> str:
+    return "" if is_number(value) and abs(value) == 1.0 else "must be 1 or -1"
+
+
+def _no_letters(item: Declared, value: Any) -> str:
+    known = "".join(map(str, item.choices))
+    right = isinstance(value, str) and value and set(value) <= set(known)
+    return "" if right else f"must be letters of {known}"
+
+
+def _no_numbers(item: Declared, value: Any) -> str:
+    count = ("", "a number", "two numbers", "three numbers")[item.count]
+    positive = item.option.positive or item.kind == "sigmas"
+    if not _are_numbers(value, item.count) or (positive and min(value) <= 0.0):
+        return f"must be {count} greater than zero" if positive else f"must be {count}"
     return ""
+
+
+def _no_place(item: Declared, value: Any) -> str:
+    right = _are_numbers(value, 3) and is_place(*value)
+    return "" if right else "must be latitude, longitude (deg), ellipsoidal height (m)"
+
+
+def _no_quality_sigmas(item: Declared, value: Any) -> str:
+    known = item.option.members() if item.option.members else ()
+    if odd := [name for name in value if name not in known]:
+        return f"{odd[0]!r} is no quality; {near(str(odd[0]), known)}"
+    wrong = [name for name in value if not _are_numbers(value[name], 3) or min(value[name]) <= 0.0]
+    return f"{wrong[0]}: must be three numbers greater than zero" if wrong else ""
+
+
+def _no_names(item: Declared, value: Any) -> str:
+    known = tuple(map(str, item.choices))
+    odd = [name for name in value if name not in known]
+    return f"{odd[0]!r} is no check; {near(str(odd[0]), known)}" if odd else ""
+
+
+_CHECKS: dict[str, Callable[[Declared, Any], str]] = {
+    "flag": _no_flag,
+    "letters": _no_letters,
+    "names": _no_names,
+    "number": _out_of_range,
+    "numbers": _no_numbers,
+    "place": _no_place,
+    "quality_sigmas": _no_quality_sigmas,
+    "rate": _out_of_range,
+    "sigmas": _no_numbers,
+    "sign": _no_sign,
+    "whole": _out_of_range,
+}
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a real number, true and false not among them."""
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _are_numbers(value: Any, count: int) -> bool:
+    """Whether a value is so many finite numbers."""
+    try:
+        parts = tuple(value)
+    except TypeError:
+        return False
+    return len(parts) == count and all(is_number(x) and math.isfinite(x) for x in parts)
 
 
 def in_range(item: Declared, value: float) -> bool:

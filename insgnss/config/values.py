@@ -12,7 +12,8 @@ from ..base.tables import Table, near
 from ..formats import UNITS, unit_factor
 from ..formats.text.units import imu_kinds
 from .covariance import CovarianceModel, triple
-from .flight_file import MAX_LEVER_M, ImuInput
+from .flight_file import MAX_LEVER_M
+from .imu_options import ImuInput
 from .kinds import PLAIN, choice, number, numbers, texts
 from .ppk_options import Air, rtklib_problem
 from .schema import Declared, declared, options_of

@@ -4,6 +4,7 @@
 in either.
 """
 
+import os
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -136,7 +137,19 @@ def _relative(
             f"export: {name} weighs by the gyroscopes too; name their noise model, such as --set"
             " noise=navchip"
         )
-    model = noise if isinstance(noise, NoiseModel) else load_noise_model(noise)
+    return relative_of(framed, eo, noise, **options)
+
+
+def relative_of(
+    framed: FramedOrientation,
+    eo: ExteriorOrientation,
+    noise: str | os.PathLike[str] | NoiseModel,
+    **how: Any,
+) -> RelativeControl:
+    """Relative control of `eo` in its frame, weighed by the gyroscopes of a noise model besides;
+    how : of `relative_control`.
+    """
+    model = load_noise_model(noise)
     length = float(eo.time[-1] - eo.time[0])
     wandering = [
         [gm.sigma for gm in axis.gauss_markov if gm.correlation_time_s < length]
@@ -147,7 +160,7 @@ def _relative(
         np.array([axis.white_noise for axis in model.gyro]),
         np.array([own + [0.0] * (most - len(own)) for own in wandering]),
     )
-    return relative_control(framed, figures, **options)
+    return relative_control(framed, figures, **how)
 
 
 def _kind(name: str, form: Export, target: Target) -> str:

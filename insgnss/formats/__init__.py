@@ -168,21 +168,71 @@ def _read(kind: str, form: str, path: str | Path, options: dict[str, Any]) -> An
 
 
 def read_imu(path: str | Path, **spec: Any) -> ImuSamples:
-    """Read an IMU file of any format here; `spec` are the options of `IMU_OPTIONS`."""
+    """Read IMU samples of a file of any readable format.
+
+    Parameters
+    ----------
+    path : text, MATLAB, npy, $AIMU, PSINS, ArduPilot or PX4 log; its bytes tell which.
+    **spec : what the file does not say, as far as its format takes it: `columns` (names in their
+        order, or a mapping), `units` (gyro, accel, time), `quantity`, `gps_week`, `variable` (a
+        table inside the file), `rate_hz`.
+
+    Returns
+    -------
+    The samples, SI, in the sensor's own axes.
+
+    Raises
+    ------
+    InputError : with file and line, for what cannot be read.
+    UsageError : the format does not take an option, or needs one.
+    """
     form = sniff_imu(path)
     imu: ImuSamples = _read("imu", form, path, _options(path, form, IMU_OPTIONS[form], spec))
     return imu
 
 
 def read_gnss(path: str | Path, **spec: Any) -> GnssFixes:
-    """Read a GNSS file of any format here; `spec` are the options of `GNSS_OPTIONS`."""
+    """Read antenna positions of a file of any readable format.
+
+    Parameters
+    ----------
+    path : text, RTKLIB .pos, NMEA, MATLAB, npy, SBET, ArduPilot or PX4 log; its bytes tell which.
+    **spec : what the file does not say, as far as its format takes it: `columns`, `units` (angle,
+        length, velocity, time, ...), `sigma_m` and `sigma_velocity` (north, east, down),
+        `undulation_m`, `gps_week`, `variable`, `repeat_column`.
+
+    Returns
+    -------
+    The fixes, heights above the ellipsoid.
+
+    Raises
+    ------
+    InputError : with file and line, for what cannot be read, and without standard deviations.
+    UsageError : the format does not take an option, or needs one.
+    """
     form = sniff_gnss(path)
     fixes: GnssFixes = _read("gnss", form, path, _options(path, form, GNSS_OPTIONS[form], spec))
     return fixes
 
 
 def read_events(path: str | Path, **spec: Any) -> CameraEvents:
-    """Read camera events of any format here; `spec` are the options of `EVENT_OPTIONS`."""
+    """Read mid-exposure instants of a file of any readable format.
+
+    Parameters
+    ----------
+    path : text, .MRK of DJI or Autel, ArduPilot or PX4 log; its bytes tell which.
+    **spec : what the file does not say, as far as its format takes it: `columns`, `units`,
+        `gps_week`, `variable`.
+
+    Returns
+    -------
+    The events; without names of images they are numbered from 1, with a note.
+
+    Raises
+    ------
+    InputError : with file and line, for what cannot be read, and an image that occurs twice.
+    UsageError : the format does not take an option.
+    """
     form = sniff_events(path)
     events: CameraEvents = _read(
         "events", form, path, _options(path, form, EVENT_OPTIONS[form], spec)

@@ -25,7 +25,7 @@ ALL, IMAGES, PLANE = (
     "AntennaPos_Img_WGS84.txt",
     "AntennaPos_Img_WGS84_tangentplane.txt",
 )
-ANTENNA_FILES = (ALL, IMAGES, PLANE)
+ANTENNA_FILES: tuple[str, ...] = (ALL, IMAGES, PLANE)
 LONGEST_S = 1.5  # between neighbouring fixes, for an exposure between them
 LONGEST_INTERVALS = 2.5  # the same in intervals of the fixes, where they are rarer
 FEW = 4  # fixes that a cubic needs

@@ -78,13 +78,35 @@ OUTPUT = {
 
 @dataclass(frozen=True)
 class EngineOptions(EngineSettings):
-    """Options of the three runs: those that a user gives, and where the base stands.
+    """Options of the engine that solves antenna positions.
 
     Parameters
     ----------
+    base_point : "apc", "arp" or "marker", optional
+        What stands at the base position: the antenna's phase centre, its reference point or the
+        marker below; needed with a position.
+    antex : Path, optional
+        File of phase centres, for "arp" and "marker".
+    systems : str
+        Letters of GPS G, GLONASS R, Galileo E, QZSS J, BeiDou C.
+    frequencies : int
+        1 (L1), 2 (with L2, Galileo E5b) or 3 (with L5).
+    elevation_mask_deg : float
+        Lowest elevation, 0 to 60 deg.
+    ratio : float
+        Of the ambiguity test, 1 to 100.
+    engine : str
+        "auto" (pyrtklib5, else rnx2rtkp on PATH), "pyrtklib5", or the path of an rnx2rtkp.
+    max_age_s : float
+        Longest time to the base's epoch, s.
+    timeout_s : float
+        Longest time of one of the engine's three runs, s.
+    acceleration_mps2 : tuple of float
+        Process noise of the rover's acceleration, horizontal and vertical, m/s^2.
+    rtklib_options : Mapping
+        Further options of RTKLIB by name, such as {"pos2-arminfix": "10"}.
     base_position_m : tuple of float, optional
-        ECEF, m; None for the header's APPROX POSITION XYZ. What stands there, `base_point`, is
-        needed with a position.
+        ECEF, m; None for the header's APPROX POSITION XYZ.
 
     Raises
     ------

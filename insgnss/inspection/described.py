@@ -12,6 +12,7 @@ from ..processing.inspect import InspectResult
 from ..processing.progress import Progress, quiet
 
 if TYPE_CHECKING:
+    from ..config.flight_file import Flight
     from ..recognise.findings import Finding
 
 
@@ -73,17 +74,18 @@ def flight_file(sources: Sequence[Path], write: bool) -> Path | None:
     return sources[0] if inside else None
 
 
-def inspect_flight(path: Path, progress: Progress = quiet) -> FlightInspection:
+def inspect_flight(path: "Path | Flight", progress: Progress = quiet) -> FlightInspection:
     """Check a flight file's recording, and recognise it beside: where claim and data disagree, a
     check says so.
 
     Raises InputError where the flight file or its inputs cannot be read.
     """
+    from ..config.flight_file import Flight
     from ..config.load import load_flight
     from ..processing.inspect import inspect
     from ..processing.recording import read_recording
 
-    flight = load_flight(path)
+    flight = path if isinstance(path, Flight) else load_flight(path)
     progress("reading")
     recording = read_recording(flight)
     result = inspect(flight, progress, recording)

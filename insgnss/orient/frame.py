@@ -84,7 +84,9 @@ def in_frame(
         coordinates=x,
         C_fc=C_fm @ eo.C_mc,
         cov=J @ eo.cov @ J_t,
-        cross=J[:-1] @ eo.cross @ J_t[1:] if len(eo.images) > 1 else eo.cross,
+        cross=(
+            J[:-1] @ eo.cross @ J_t[1:] if eo.cross is not None and len(eo.images) > 1 else eo.cross
+        ),
         geodetic=np.column_stack([lat, lon, h]),
         C_fE=C_fm @ plane.C_mn(lat, lon) @ NED_ENU,
         boresight=eo.boresight,

@@ -76,13 +76,17 @@ ANGLE_SETS = tuple(_ANGLE_SETS)
 def boresight_from_angles(
     angle_set: str, angles_deg: ArrayLike, camera_from_body: ArrayLike = PAPER_CAMERA_FROM_BODY
 ) -> Array:
-    """Bore-sight matrix B_b^b' of three angles.
+    """Return the bore-sight matrix B_b^b' of three angles.
 
     Parameters
     ----------
     angle_set : ``"opk"``, ``"rpy"`` or ``"metashape_ypr"``, (M.4) to (M.6).
     angles_deg : (3,) degrees, in the order of the set's letters.
     camera_from_body : (3, 3), T; only ``"metashape_ypr"`` depends on it.
+
+    Returns
+    -------
+    (3, 3) rotation from the IMU's body axes to those that the camera realises.
 
     Raises
     ------
@@ -102,14 +106,25 @@ def boresight_from_angles(
 
 @dataclass(frozen=True, eq=False)
 class Mounting:
-    """Vectors and turns between camera, IMU and antenna; the matrices are re-orthonormalised at
-    birth.
+    """Lever arms and rotations between camera, IMU and antenna.
 
-    antenna_m, imu_m : (3,) m, from the camera's projection centre, in camera axes.
-    camera_from_body : (3, 3), T_b'^c.   boresight : (3, 3), B_b^b'.
+    The matrices are re-orthonormalised. `Mounting.from_body` takes lever arms from the IMU in body
+    axes instead.
 
-    Raises InputError where a vector is not three finite numbers or a matrix is farther than 1e-4
-    from a rotation.
+    Parameters
+    ----------
+    antenna_m : (3,) from the camera's projection centre to the antenna's phase centre, camera axes,
+        m.
+    imu_m : (3,) from the camera's projection centre to the IMU, camera axes, m.
+    camera_from_body : (3, 3) T_b'^c, nominal body axes to camera (x image right, y image down, z
+        viewing direction).
+    boresight : (3, 3) B_b^b', the IMU's body axes to those that the camera realises.
+
+    Raises
+    ------
+    InputError : a vector is not three finite numbers, or a matrix is farther than 1e-4 from a
+        rotation.
+
     """
 
     antenna_m: Array = field(default_factory=lambda: np.zeros(3))
@@ -122,6 +137,45 @@ class Mounting:
             self._freeze(name, _as_vector(name, getattr(self, name)))
         for name in ("camera_from_body", "boresight"):
             self._freeze(name, _as_rotation(name, getattr(self, name)))
+
+    @classmethod
+    def from_body(
+        cls,
+        antenna_lever_b: ArrayLike,
+        camera_lever_b: ArrayLike = (0.0, 0.0, 0.0),
+        camera_from_body: ArrayLike = PAPER_CAMERA_FROM_BODY,
+        boresight: ArrayLike = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    ) -> "Mounting":
+        """Return the mounting of lever arms that start at the IMU and stand in body axes.
+
+        Parameters
+        ----------
+        antenna_lever_b : (3,) IMU to the antenna's phase centre, forward right down, m.
+        camera_lever_b : (3,) IMU to the camera's projection centre, forward right down, m.
+        camera_from_body, boresight : (3, 3) as in `Mounting`.
+
+        Returns
+        -------
+        The mounting.
+
+        Raises
+        ------
+        InputError : as `Mounting`.
+
+        Examples
+        --------
+        >>> import insgnss
+        >>> mounting = insgnss.Mounting.from_body([0.1, 0.0, -1.2])  # an antenna on the roof
+        >>> mounting.antenna_lever_b.tolist()
+        [0.1, 0.0, -1.2]
+        """
+        T, B = (
+            _as_rotation("camera_from_body", camera_from_body),
+            _as_rotation("boresight", boresight),
+        )
+        imu_m = T @ B @ -_as_vector("camera_lever_b", camera_lever_b)
+        antenna_m = T @ B @ _as_vector("antenna_lever_b", antenna_lever_b) + imu_m
+        return cls(antenna_m, imu_m, T, B)
 
     def _freeze(self, name: str, value: Array) -> None:
         value.flags.writeable = False

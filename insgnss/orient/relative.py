@@ -164,7 +164,7 @@ def relative_control(
     J_i, J_j = jacobians(form, C_i, C_j, d)
     J_it, J_jt = np.swapaxes(J_i, 1, 2), np.swapaxes(J_j, 1, 2)
     independent = _symmetric(J_i @ eo.cov[i] @ J_it + J_j @ eo.cov[i + 1] @ J_jt)
-    shared = J_i @ eo.cross[i] @ J_jt if i.size else np.zeros((0, 6, 6))
+    shared = J_i @ eo.known_cross[i] @ J_jt if i.size else np.zeros((0, 6, 6))
     C_if = np.swapaxes(C_i, 1, 2)
     axes = eo.C_fE[i] if form == "mapping" else C_if @ eo.C_fE[i]
     return RelativeControl(

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..base.errors import InputError
-from ..config.flight_file import Flight, GnssInput, ImuInput
+from ..config.flight_file import Flight
+from ..config.gnss_options import GnssInput
+from ..config.imu_options import ImuInput
 from ..records import CameraEvents, Check, GnssFixes, ImuSamples
 
 if TYPE_CHECKING:
@@ -30,17 +32,16 @@ def input_files(flight: Flight) -> list[Path]:
     Returns
     -------
     list of Path
-        The flight file itself first, none twice.
+        The flight file itself first, where there is one, none twice.
     """
     imus = (flight.imu, *flight.imu.further)
-    files = [flight.path, *(imu.file for imu in imus)]
-    files += [imu.calibration for imu in imus if imu.calibration is not None]
-    if flight.gnss.file is not None:
-        files.append(flight.gnss.file)
+    of_imus = [*(imu.file for imu in imus), *(imu.calibration for imu in imus)]
+    given = [flight.path if flight.path.exists() else None, *of_imus, flight.gnss.file]
+    files = [file for file in given if isinstance(file, Path)]  # an object has no file
     if flight.gnss.raw is not None:
         files += flight.gnss.raw.files
     if flight.camera is not None:
-        if flight.camera.events is not None:
+        if isinstance(flight.camera.events, Path):
             files.append(flight.camera.events)
         files += flight.camera.match.files
     files += [imu.noise for imu in imus if isinstance(imu.noise, Path)]
@@ -85,7 +86,9 @@ def read_files(
     imu = read_imu_file(flight.imu, flight.gps_week)
     events = None
     if camera is not None and camera.events is not None:
-        given = read_events(camera.events, columns=camera.columns, gps_week=flight.gps_week)
+        given = camera.events
+        if isinstance(given, Path):
+            given = read_events(given, columns=camera.columns, gps_week=flight.gps_week)
         events = named(given, camera.match)
     if raw is not None:
         from ..gnss.from_flight_file import solve_flown
@@ -97,7 +100,7 @@ def read_files(
 
 
 def read_imu_file(options: ImuInput, gps_week: int | None) -> ImuSamples:
-    """Read the samples of one IMU.
+    """Read the samples of one IMU, or take those that were given as an object.
 
     Parameters
     ----------
@@ -116,15 +119,17 @@ def read_imu_file(options: ImuInput, gps_week: int | None) -> ImuSamples:
     from ..prepare.stuck_channels import without_hangs
     from ..recognise.plausibility import STILL_S
 
-    imu = read_imu(
-        options.file,
-        columns=options.columns,
-        units=options.units,
-        quantity=options.quantity,
-        gps_week=gps_week,
-        variable=options.variable,
-        rate_hz=options.rate_hz,
-    )
+    imu = options.file
+    if isinstance(imu, Path):
+        imu = read_imu(
+            imu,
+            columns=options.columns,
+            units=options.units,
+            quantity=options.quantity,
+            gps_week=gps_week,
+            variable=options.variable,
+            rate_hz=options.rate_hz,
+        )
     imu = without_hangs(imu, STILL_S)
     if options.accel_sign < 0:
         imu = replace(imu, accel=-imu.accel)
@@ -180,12 +185,14 @@ def combine_imus(
 
 
 def _read_fixes(options: GnssInput, gps_week: int | None, imu: ImuSamples) -> GnssFixes:
-    """Read ready positions, or make those of a sensor that stands."""
+    """Read ready positions, take those given as an object, or make those of a sensor that stands."""
     from ..formats import read_gnss
 
     if options.stationary is not None:
         sigma_m = options.sigma_m or STATIONARY_SIGMA_M
         return stationary_fixes(options.stationary, sigma_m, imu)
+    if isinstance(options.file, GnssFixes):
+        return options.file
     assert options.file is not None
     fixes = read_gnss(
         options.file,

@@ -9,7 +9,7 @@
 import os
 import platform
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,15 @@ from .. import __version__
 from ..base.files import json_ready
 from ..config.flight_file import Flight
 from ..prepare.clock import common_span, refuse_outside
-from ..records import Check, Diagnostics, ExteriorOrientation, Trajectory
+from ..records import (
+    Check,
+    Diagnostics,
+    ExteriorOrientation,
+    ImuBiases,
+    Innovations,
+    StateVerdict,
+    Trajectory,
+)
 from ..report.summary import run_summary
 from .checks import (
     check_heading,
@@ -39,22 +47,22 @@ from .segment import Segment
 from .solve_segments import solve_segments
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ProcessResult:
-    """The products of a run.
+    """The products of a run, and what it found on the way.
 
     Parameters
     ----------
     report : dict
-        What report.json holds.
+        What report.json holds: figures of merit, checks, the resolved flight file, versions.
     files : tuple of Path
         The files that were written.
     eo : ExteriorOrientation or None
         The orientation of the images; None without camera events.
     trajectory : Trajectory
-        The trajectory on the output grid.
+        The trajectory of the IMU's navigation centre, on the output grid.
     diagnostics : Diagnostics
-        What the report shows.
+        What the report shows: filter and smoothed sigmas, innovations, biases.
     """
 
     report: dict[str, Any]
@@ -62,6 +70,30 @@ class ProcessResult:
     eo: ExteriorOrientation | None
     trajectory: Trajectory
     diagnostics: Diagnostics
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Every check of the run, those that found nothing wrong among them."""
+        return self.diagnostics.checks
+
+    @property
+    def states(self) -> tuple[StateVerdict, ...]:
+        """Constants that were estimated besides biases: scale factors, lever arm, time offset."""
+        return self.diagnostics.states
+
+    @property
+    def biases(self) -> ImuBiases:
+        """Biases of the IMU over time, with standard deviations."""
+        return replace(self.diagnostics.biases, gps_week=self.trajectory.gps_week)
+
+    @property
+    def innovations(self) -> Innovations:
+        """Position fixes against what the filter predicted of them."""
+        return replace(self.diagnostics.innovations, gps_week=self.trajectory.gps_week)
+
+    def __repr__(self) -> str:
+        """Return what there is and the headline of the report."""
+        return f"<ProcessResult {self.trajectory!r}, {self.eo!r}: {self.report['headline']}>"
 
     def summary(self) -> str:
         """Return a few lines for the terminal."""
@@ -73,7 +105,9 @@ class ProcessResult:
         return "\n".join(lines)
 
 
-def process(flight: Flight, out: Path | None = None, progress: Progress = quiet) -> ProcessResult:
+def process(
+    flight: Flight, out: Path | None = None, progress: Progress = quiet, write: bool = True
+) -> ProcessResult:
     """Process a flight: from its flight file to the orientation of every image and its report.
 
     Parameters
@@ -84,6 +118,8 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = quiet)
         The directory of the products in place of the flight file's.
     progress : Progress
         Receives the name of each step.
+    write : bool
+        Whether to write the products at all.
 
     Returns
     -------
@@ -99,7 +135,7 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = quiet)
     UsageError
         Where the products cannot go into `out`.
     """
-    directory = output_directory(flight, out)
+    directory = output_directory(flight, out) if write else None
     clock = StepClock(progress)
 
     clock.step("read")
@@ -124,9 +160,11 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = quiet)
     diagnostics = run_diagnostics(segments, rows, recording.rests.time, checks)
     report = _report(flight, recording, segments, diagnostics, eo, history, clock)
 
-    clock.step("write")
-    result = RunResult(eo, trajectory, report, diagnostics)
-    files = write_products(flight, directory, result, recording)
+    files: tuple[Path, ...] = ()
+    if directory is not None:
+        clock.step("write")
+        result = RunResult(eo, trajectory, report, diagnostics)
+        files = write_products(flight, directory, result, recording)
     clock.step("")
     return ProcessResult(report, files, eo, trajectory, diagnostics)
 

@@ -8,7 +8,10 @@ before they build (`formats`).
 
 from ._checked import Array
 from .framed import FramedOrientation, MapFrame
+from .from_tables import camera_events, gnss_fixes, imu_samples
 from .observations import QUANTITIES, CameraEvents, GnssFixes, ImuSamples, Increments, Quantity
+from .rows import Rows
+from .series import ImuBiases, Innovations
 from .solutions import Diagnostics, ExteriorOrientation, Trajectory
 from .variances import WaveletVariance, chi_square_interval
 from .verdicts import Check, StateVerdict, TimeCorrelatedError, Verdict
@@ -22,14 +25,20 @@ __all__ = [
     "ExteriorOrientation",
     "FramedOrientation",
     "GnssFixes",
+    "ImuBiases",
     "ImuSamples",
     "Increments",
+    "Innovations",
     "MapFrame",
     "Quantity",
+    "Rows",
     "StateVerdict",
     "TimeCorrelatedError",
     "Trajectory",
     "Verdict",
     "WaveletVariance",
+    "camera_events",
     "chi_square_interval",
+    "gnss_fixes",
+    "imu_samples",
 ]

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from ..base.errors import InputError
 from ._checked import Array, frozen
 
 KINDS = TANGENT, GEOCENTRIC, GEOGRAPHIC, PROJECTED = (
@@ -47,7 +48,8 @@ class FramedOrientation:
     C_fE : (n, 3, 3), east, north, up at the image to the frame's axes at the image.
     cov : (n, 6, 6) of position error (m) and psi (rad), both in the frame's axes at the image;
         R(true) = exp([psi x]) R.
-    cross : (max(n - 1, 0), 6, 6), covariance of the errors of image k with those of image k + 1.
+    cross : (max(n - 1, 0), 6, 6), covariance of the errors of image k with those of image k + 1;
+        None where it is not known.
     geodetic : (n, 3) latitude rad, longitude rad, height m above the ellipsoid of WGS84.
     The rest as in `ExteriorOrientation`.
     """
@@ -60,7 +62,7 @@ class FramedOrientation:
     C_fc: Array
     C_fE: Array
     cov: Array
-    cross: Array
+    cross: Array | None
     geodetic: Array
     boresight: Array
     camera_from_body: Array
@@ -72,15 +74,21 @@ class FramedOrientation:
         shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
             ("coordinates", "geodetic"), (n, 3)
         ) | dict.fromkeys(("C_fc", "C_fE"), (n, 3, 3))
-        shapes |= {
-            "time": (n,),
-            "cov": (n, 6, 6),
-            "cross": (max(n - 1, 0), 6, 6),
-            "boresight": (3, 3),
-            "camera_from_body": (3, 3),
-        }
+        shapes |= {"time": (n,), "cov": (n, 6, 6), "boresight": (3, 3), "camera_from_body": (3, 3)}
+        if self.cross is not None:
+            shapes["cross"] = (max(n - 1, 0), 6, 6)
         for name, shape in shapes.items():
             frozen(self, name, shape)
+
+    @property
+    def known_cross(self) -> Array:
+        """`cross`, for formats that need it. Raises InputError where it is not known."""
+        if self.cross is None:
+            raise InputError(
+                "export: covariances between neighbouring images are not known, since the choice of"
+                " images left some out; choose images in a row, such as eo[10:30], or all of them"
+            )
+        return self.cross
 
     @property
     def C_Ec(self) -> Array:

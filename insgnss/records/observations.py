@@ -1,14 +1,15 @@
 """What was recorded: samples of the IMU and their increments, fixes, exposures."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
 from ._checked import Array, frozen, increasing
+from .rows import Rows
 from .verdicts import Check
 
 Quantity = Literal["mean_rate", "increments", "instant_rate"]
@@ -18,18 +19,41 @@ QUANTITIES = ("mean_rate", "increments", "instant_rate")
 UNKNOWN_MPS = 1000.0
 
 
-@dataclass(frozen=True, eq=False)
-class ImuSamples:
-    """IMU recording in the sensor's own axes or in the body's.
+@dataclass(frozen=True, eq=False, repr=False)
+class ImuSamples(Rows):
+    """Samples of an inertial measurement unit in the sensor's own axes or in the body's.
 
-    time : (n,) s, GPST of `gps_week`; the stamp is the end of the sample's interval (mean rate,
-        increments) or the instant.
-    gyro : (n, 3) rad/s, or rad for increments.
-    accel : (n, 3) m/s^2 specific force, or m/s for increments.
+    Parameters
+    ----------
+    time : (n,) s, GPST of `gps_week`, increasing. The stamp is the end of the sample's interval
+        (mean rate, increments) or the instant (instant rate).
+    gyro : (n, 3) angular rate with respect to inertial space, rad/s; rad for increments.
+    accel : (n, 3) specific force, m/s^2; m/s for increments.
+    quantity : what a sample is, "mean_rate", "increments" or "instant_rate".
+    gps_week : GPS week of `time`, None where it is not known.
+    source : where the samples come from, for messages; the path of a file.
     notes : what the reader found odd and did about it (rows left out or put in order, with counts).
-    units : that the numbers of the file were taken to be in, of "gyro" and "accel"; empty where its
-        format fixes them.
+    units : units that the numbers of the file were taken to be in, of "gyro" and "accel"; empty
+        where the file's format fixes them.
+
+    Raises
+    ------
+    InputError : a shape is wrong, a value is not finite, time does not increase, or there are fewer
+        than two samples; the field, the row and the time are named.
+
+    Examples
+    --------
+    >>> import numpy as np, insgnss
+    >>> time = np.arange(500) / 100.0
+    >>> imu = insgnss.ImuSamples(time, np.zeros((500, 3)), np.tile([0.0, 0.0, -9.81], (500, 1)))
+    >>> imu
+    <ImuSamples 500 samples, TOW 0.0 to 5.0 s, 100 Hz, mean_rate>
+    >>> imu.between(1.0, 2.0)
+    <ImuSamples 101 samples, TOW 1.0 to 2.0 s, 100 Hz, mean_rate>
     """
+
+    _ROWS: ClassVar[tuple[str, ...]] = ("time", "gyro", "accel")
+    _NOUN: ClassVar[str] = "samples"
 
     time: Array
     gyro: Array
@@ -51,6 +75,41 @@ class ImuSamples:
                 f"ImuSamples.quantity: {self.quantity!r} is none of {', '.join(QUANTITIES)}"
             )
         increasing(self, self.time)
+
+    @classmethod
+    def from_array(
+        cls,
+        table: ArrayLike,
+        quantity: Quantity = "mean_rate",
+        gps_week: int | None = None,
+        source: str = "ImuSamples",
+    ) -> "ImuSamples":
+        """Return the samples of a table.
+
+        Parameters
+        ----------
+        table : (n, 7) time s; gyro x y z rad/s; accelerometer x y z m/s^2 (rad, m/s of increments).
+        quantity, gps_week, source : as in `ImuSamples`.
+
+        Returns
+        -------
+        The samples.
+
+        Raises
+        ------
+        InputError : the table has another shape, or what `ImuSamples` refuses.
+        """
+        values = _table(source, table, (7,), "time, gyro x y z, accelerometer x y z")
+        return cls(values[:, 0], values[:, 1:4], values[:, 4:7], quantity, gps_week, source)
+
+    def _details(self) -> list[str]:
+        return [_rate(self.time), self.quantity]
+
+    def _columns(self) -> dict[str, Any]:
+        triads = zip(
+            ("gx", "gy", "gz", "ax", "ay", "az"), (*self.gyro.T, *self.accel.T), strict=True
+        )
+        return {"tow": self.time, **dict(triads)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,17 +145,37 @@ class Increments:
         increasing(self, self.marks)
 
 
-@dataclass(frozen=True, eq=False)
-class GnssFixes:
-    """Positions (and velocities) of the antenna phase centre.
+@dataclass(frozen=True, eq=False, repr=False)
+class GnssFixes(Rows):
+    """Positions, and velocities where there are some, of the antenna's phase centre.
 
-    time : (n,) s, GPST.   lat, lon : (n,) rad; height : (n,) m above the ellipsoid.
-    cov_ned : (n, 3, 3) m^2 in north, east, down at the fix.
-    velocity_ned : (n, 3) m/s and velocity_cov_ned : (n, 3, 3) m^2/s^2, or None.
-    quality : (n,) of RTKLIB's codes (1 fixed, 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP; 0 unknown),
-        or None.
+    `GnssFixes.from_degrees` makes them of degrees and standard deviations.
+
+    Parameters
+    ----------
+    time : (n,) s, GPST of `gps_week`, increasing.
+    lat, lon : (n,) geodetic latitude and longitude, rad, WGS84.
+    height : (n,) m above the ellipsoid.
+    cov_ned : (n, 3, 3) covariance of the position, m^2, in north, east, down at the fix.
+    velocity_ned : (n, 3) m/s, or None.
+    velocity_cov_ned : (n, 3, 3) covariance of the velocity, m^2/s^2, or None without velocity.
+    quality : (n,) RTKLIB's codes (1 fixed, 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP; 0 unknown), or
+        None.
+    gps_week : GPS week of `time`, None where it is not known.
+    source : where the fixes come from, for messages; the path of a file.
     notes : what the reader found odd and did about it.
+
+    Raises
+    ------
+    InputError : a shape is wrong, a value is not finite, time does not increase, or there is no
+        fix; the field, the row and the time are named.
     """
+
+    _ROWS: ClassVar[tuple[str, ...]] = (
+        *("time", "lat", "lon", "height", "cov_ned"),
+        *("velocity_ned", "velocity_cov_ned", "quality"),
+    )
+    _NOUN: ClassVar[str] = "fixes"
 
     time: Array
     lat: Array
@@ -122,12 +201,128 @@ class GnssFixes:
             raise InputError(f"{self.source or 'GnssFixes'}: no fix")
         increasing(self, self.time)
 
+    @classmethod
+    def from_degrees(
+        cls,
+        time: ArrayLike,
+        lat_deg: ArrayLike,
+        lon_deg: ArrayLike,
+        height_m: ArrayLike,
+        *,
+        sigma_m: ArrayLike,
+        velocity_ned_mps: ArrayLike | None = None,
+        sigma_velocity_mps: ArrayLike | None = None,
+        quality: ArrayLike | None = None,
+        gps_week: int | None = None,
+        source: str = "GnssFixes",
+    ) -> "GnssFixes":
+        """Return the fixes of latitudes and longitudes in degrees and of standard deviations.
 
-@dataclass(frozen=True, eq=False)
-class CameraEvents:
-    """Mid-exposure instants. images : n names as the bundle adjustment knows them; time : (n,) s,
-    GPST. notes : of the reader.
+        Parameters
+        ----------
+        time : (n,) s, GPST of `gps_week`, increasing.
+        lat_deg, lon_deg : (n,) geodetic latitude and longitude, deg, WGS84.
+        height_m : (n,) m above the ellipsoid.
+        sigma_m : (3,) or (n, 3) standard deviations north, east, down, m.
+        velocity_ned_mps : (n, 3) north, east, down, m/s, or None.
+        sigma_velocity_mps : (3,) or (n, 3) standard deviations north, east, down, m/s; needed with
+            a velocity.
+        quality : (n,) RTKLIB's codes, or None.
+        gps_week, source : as in `GnssFixes`.
+
+        Returns
+        -------
+        The fixes; errors of different axes are taken as independent.
+
+        Raises
+        ------
+        InputError : an angle is beyond its range, a standard deviation is missing or not positive,
+            or what `GnssFixes` refuses.
+
+        Examples
+        --------
+        >>> import insgnss
+        >>> fixes = insgnss.GnssFixes.from_degrees(
+        ...     [10.0, 11.0], [46.57, 46.5701], [6.54, 6.54], [512.0, 512.1], sigma_m=(0.02, 0.02,
+                0.03)
+        ... )
+        >>> fixes
+        <GnssFixes 2 fixes, TOW 10.0 to 11.0 s, 1 Hz>
+        """
+        stamps, lat, lon = (np.asarray(x, dtype=np.float64) for x in (time, lat_deg, lon_deg))
+        for name, angle, limit in (("lat_deg", lat, 90.0), ("lon_deg", lon, 360.0)):
+            if (beyond := np.abs(angle) > limit).any():
+                row = int(np.argmax(beyond))
+                raise InputError(
+                    f"{source}: {name} {angle[row]:.6f} in row {row} is beyond {limit:.0f} deg; are"
+                    " latitude and longitude swapped?"
+                )
+        velocity_cov = None
+        if velocity_ned_mps is not None:
+            velocity_cov = _diagonal(source, "sigma_velocity_mps", sigma_velocity_mps, stamps.size)
+        return cls(
+            time=stamps,
+            lat=np.radians(lat),
+            lon=np.radians(lon),
+            height=np.asarray(height_m, dtype=np.float64),
+            cov_ned=_diagonal(source, "sigma_m", sigma_m, stamps.size),
+            velocity_ned=(
+                None if velocity_ned_mps is None else np.asarray(velocity_ned_mps, dtype=np.float64)
+            ),
+            velocity_cov_ned=velocity_cov,
+            quality=None if quality is None else np.asarray(quality, dtype=np.int64),
+            gps_week=gps_week,
+            source=source,
+        )
+
+    def _details(self) -> list[str]:
+        velocity = [] if self.velocity_ned is None else ["with velocity"]
+        return [_rate(self.time), *velocity]
+
+    def _columns(self) -> dict[str, Any]:
+        place = {
+            "lat_deg": np.degrees(self.lat),
+            "lon_deg": np.degrees(self.lon),
+            "h_m": self.height,
+        }
+        sigma = np.sqrt(np.diagonal(self.cov_ned, axis1=1, axis2=2))
+        columns = {"tow": self.time, **place}
+        columns |= dict(zip(("sd_n_m", "sd_e_m", "sd_d_m"), sigma.T, strict=True))
+        if self.velocity_ned is not None and self.velocity_cov_ned is not None:
+            columns |= dict(zip(("vn", "ve", "vd"), self.velocity_ned.T, strict=True))
+            sigma = np.sqrt(np.diagonal(self.velocity_cov_ned, axis1=1, axis2=2))
+            columns |= dict(zip(("sd_vn", "sd_ve", "sd_vd"), sigma.T, strict=True))
+        return columns if self.quality is None else columns | {"quality": self.quality}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CameraEvents(Rows):
+    """Mid-exposure instants of the images.
+
+    Parameters
+    ----------
+    images : n names, as the bundle adjustment knows them, none twice.
+    time : (n,) s, GPST of `gps_week`, increasing.
+    gps_week : GPS week of `time`, None where it is not known.
+    source : where the events come from, for messages; the path of a file.
+    notes : what the reader found odd and did about it.
+
+    Raises
+    ------
+    InputError : a time is not finite or does not increase, or an image occurs twice.
+
+    Examples
+    --------
+    >>> import insgnss
+    >>> events = insgnss.CameraEvents(("a.jpg", "b.jpg", "c.jpg"), [10.0, 12.0, 14.0],
+        gps_week=2008)
+    >>> events["b.jpg"]
+    <CameraEvents 1 images, TOW 12.0 to 12.0 s, week 2008>
     """
+
+    _ROWS: ClassVar[tuple[str, ...]] = ("images", "time")
+    _NOUN: ClassVar[str] = "images"
+    _NAMES: ClassVar[str | None] = "images"
 
     images: tuple[str, ...]
     time: Array
@@ -142,3 +337,36 @@ class CameraEvents:
         if len(set(self.images)) != len(self.images):
             twice = next(name for i, name in enumerate(self.images) if name in self.images[:i])
             raise InputError(f"{self.source or 'CameraEvents'}: image {twice} occurs twice")
+
+    def _columns(self) -> dict[str, Any]:
+        return {"image": list(self.images), "tow": self.time}
+
+
+def _table(source: str, table: ArrayLike, widths: Sequence[int], what: str) -> Array:
+    """The table as float64; InputError where its number of columns is none of `widths`."""
+    values = np.asarray(table, dtype=np.float64)
+    if values.ndim != 2 or values.shape[1] not in widths:
+        columns = " or ".join(map(str, widths))
+        raise InputError(
+            f"{source}: a table of shape {values.shape}, expected (n, {columns}): {what}"
+        )
+    return values
+
+
+def _diagonal(source: str, name: str, sigma: ArrayLike | None, count: int) -> Array:
+    """(n, 3, 3) covariances of standard deviations (3,) or (n, 3)."""
+    given = np.asarray([] if sigma is None else sigma, dtype=np.float64)
+    if given.shape not in ((3,), (count, 3)):
+        raise InputError(
+            f"{source}: {name} of shape {given.shape}; give (3,) or ({count}, 3), north east down"
+        )
+    if not (np.isfinite(given) & (given > 0.0)).all():
+        raise InputError(
+            f"{source}: {name} holds {given.min():g}; standard deviations must be positive"
+        )
+    return np.asarray(np.broadcast_to(given**2, (count, 3))[:, :, None] * np.eye(3))
+
+
+def _rate(time: Array) -> str:
+    """The rate of stamps, for people."""
+    return f"{1.0 / float(np.median(np.diff(time))):.4g} Hz" if time.size > 1 else "one instant"

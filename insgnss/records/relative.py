@@ -18,21 +18,35 @@ GAP_S = 10.0
 
 @dataclass(frozen=True, eq=False)
 class RelativeControl:
-    """Relative pose of k pairs of neighbouring images i, j of the same flight line, with three
-    weightings side by side.
+    """Relative pose of k pairs of neighbouring images i, j of the same flight line.
 
+    Its covariances (k, 6, 6) of (offset, psi), m and rad, stand side by side by three weightings,
+    in the axes of the form, with rotation(true) = exp([psi x]) rotation.
+
+    Parameters
+    ----------
+    form : "mapping": offset X_j - X_i and rotation C_fc(j) C_fc(i)^T, both in the frame's axes,
+        free of the bore-sight; "camera": offset C_fc(i)^T (X_j - X_i) and rotation C_fc(i)^T
+        C_fc(j), the pose of camera j in that of camera i.
     images : names of all images of the orientation.
-    time : (n,) s, of all of them.   i, j : (k,) rows of the images of each pair.
-    line : (k,) number of the flight line, from 1.   frame : for people, of the coordinates.   gyro_noise, gyro_drift : rad/sqrt(s), rad/s.
-    form : "mapping"  offset X_j - X_i (m) and rotation C_fc(j) C_fc(i)^T, both in the frame's axes;
-                      free of the bore-sight;
-           "camera"   offset C_fc(i)^T (X_j - X_i) and rotation C_fc(i)^T C_fc(j): the pose of
-                      camera j in that of camera i.
-    offset (k, 3) m, rotation (k, 3, 3).   Covariances (k, 6, 6) of (offset, psi), m and rad, in the
-                                           axes of the form, with
-    rotation(true) = exp([psi x]) rotation:
-    smoothed : with the cross-covariance of both images;   independent : as if both were independent (paper 003, equation 5);
-    gyro : position as `independent` and attitude by the gyroscopes' noise (paper 003, equation 6).
+    time : (n,) s, of all of them.
+    gps_week : of `time`.
+    i, j : (k,) rows of the images of each pair.
+    line : (k,) number of the flight line, from 1.
+    offset : (k, 3) m.
+    rotation : (k, 3, 3).
+    smoothed : (k, 6, 6) with the cross-covariance of both images.
+    independent : (k, 6, 6) as if both were independent (paper 003, equation 5).
+    gyro : (k, 6, 6) position as `independent`, attitude by the gyroscopes (paper 003, equation 6).
+    gyro_noise : rad/sqrt(s).
+    gyro_drift : rad/s.
+    frame : for people, of the coordinates.
+    boresight : (3, 3) that was applied.
+    history : what was done, sentence by sentence.
+
+    Raises
+    ------
+    InputError : a shape is wrong or a value is not finite.
     """
 
     form: Form

@@ -4,28 +4,47 @@ fared.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ._checked import Array, frozen, increasing
+from .rows import Rows
+from .series import ImuBiases, Innovations
 from .verdicts import Check, StateVerdict, TimeCorrelatedError
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Rows):
     """Position, velocity and attitude of the IMU's navigation centre, with covariance.
 
-    time : (n,) s, GPST.   lat, lon : (n,) rad; height : (n,) m above the ellipsoid.
-    velocity_ned : (n, 3) m/s.   C_nb : (n, 3, 3), body FRD to NED at the point.
-    cov : (n, 9, 9) of position (m), velocity (m/s), attitude psi (rad), all in NED axes at the
-        point.
-    acceleration_b, rate_b : (n, 3) m/s^2 and rad/s of the body against the Earth, in body axes, or
-        None.
-    cross : (n - 1, 9, 9), covariance of the errors of row k with those of row k + 1, each in its
-        own axes, or None.
+    Parameters
+    ----------
+    time : (n,) s, GPST of `gps_week`, increasing.
+    lat, lon : (n,) geodetic latitude and longitude, rad, WGS84.
+    height : (n,) m above the ellipsoid.
+    velocity_ned : (n, 3) with respect to the Earth, north, east, down at the point, m/s.
+    C_nb : (n, 3, 3) attitude, body forward-right-down to north-east-down at the point.
+    cov : (n, 9, 9) covariance of position (m), velocity (m/s) and attitude psi (rad), all in north,
+        east, down at the point; C_nb(true) = exp([psi x]) C_nb.
+    gps_week : GPS week of `time`.
+    acceleration_b : (n, 3) of the body with respect to the Earth, body axes, m/s^2, or None.
+    rate_b : (n, 3) angular rate of the body with respect to the Earth, body axes, rad/s, or None.
+    cross : (n - 1, 9, 9) covariance of the errors of row k with those of row k + 1, each in its own
+        axes; None where it is not known.
+
+    Raises
+    ------
+    InputError : a shape is wrong, a value is not finite, or time does not increase.
     """
+
+    _ROWS: ClassVar[tuple[str, ...]] = (
+        *("time", "lat", "lon", "height", "velocity_ned", "C_nb", "cov"),
+        *("acceleration_b", "rate_b"),
+    )
+    _NOUN: ClassVar[str] = "epochs"
+    _CROSS: ClassVar[str | None] = "cross"
 
     time: Array
     lat: Array
@@ -58,9 +77,81 @@ class Trajectory:
                 frozen(self, name, (n, 3))
         increasing(self, self.time)
 
+    @property
+    def rpy(self) -> Array:
+        """(n, 3) roll, pitch, heading, rad: C_nb = Rz(heading) Ry(pitch) Rx(roll)."""
+        from ..geodesy.rotation import rpy_from_rotation
+
+        return rpy_from_rotation(self.C_nb)
+
+    def at(self, time_s: ArrayLike, tolerance_s: float = 0.0) -> "Trajectory":
+        """Return the trajectory at any instants, interpolated between its epochs.
+
+        Position follows the cubic through positions and velocities of both neighbours, attitude
+        turns at the constant rate between theirs, velocity and covariance are linear. What this
+        leaves out grows with the square of the interval: between epochs 0.1 s apart a turn that
+        speeds up by 1 rad/s^2 is 0.07 deg off in the middle. A run with `trajectory_hz = "imu"`
+        holds every sample.
+
+        Parameters
+        ----------
+        time_s : one instant or (k,) increasing instants, s.
+        tolerance_s : by how much an instant may lie before the first epoch or behind the last, s.
+
+        Returns
+        -------
+        The trajectory at these instants; without accelerations, rates and `cross`.
+
+        Raises
+        ------
+        DataError : an instant is outside the trajectory, or in a gap of more than 1 s.
+        """
+        from .interpolation import interpolated
+
+        return interpolated(self, np.atleast_1d(np.asarray(time_s, dtype=np.float64)), tolerance_s)
+
+    def _details(self) -> list[str]:
+        return [f"{1.0 / float(np.median(np.diff(self.time))):.4g} Hz"] if len(self) > 1 else []
+
+    def _columns(self) -> dict[str, Any]:
+        place = {
+            "lat_deg": np.degrees(self.lat),
+            "lon_deg": np.degrees(self.lon),
+            "h_m": self.height,
+        }
+        velocity = zip(("vn", "ve", "vd"), self.velocity_ned.T, strict=True)
+        rpy = np.degrees(self.rpy)
+        rpy[:, 2] = np.where(
+            (heading := rpy[:, 2] % 360.0) < 360.0, heading, 0.0
+        )  # -1e-15 % 360 is 360
+        angles = zip(("roll_deg", "pitch_deg", "heading_deg"), rpy.T, strict=True)
+        return {"tow": self.time, **place, **dict(velocity), **dict(angles), **self._sigmas()}
+
+    def _sigmas(self) -> dict[str, Any]:
+        """Standard deviations, those of the angles by their Jacobian (a heading's is none at the
+        zenith).
+        """
+        from ..geodesy.rotation import rpy_jacobian
+
+        sigma = np.sqrt(np.diagonal(self.cov, axis1=1, axis2=2)[:, :6])
+        F = np.linalg.inv(rpy_jacobian(self.rpy))
+        angles = np.degrees(np.sqrt(np.einsum("nij,njk,nik->ni", F, self.cov[:, 6:, 6:], F)))
+        first = zip(("sd_n_m", "sd_e_m", "sd_d_m", "sd_vn", "sd_ve", "sd_vd"), sigma.T, strict=True)
+        last = zip(("sd_roll_deg", "sd_pitch_deg", "sd_heading_deg"), angles.T, strict=True)
+        return {**dict(first), **dict(last)}
+
     @classmethod
     def joined(cls, parts: "Sequence[Trajectory]") -> "Trajectory":
-        """The parts, in the order of time, as one; errors of different parts are independent."""
+        """Return the parts as one; errors of different parts are independent.
+
+        Parameters
+        ----------
+        parts : trajectories in the order of time.
+
+        Returns
+        -------
+        The whole.
+        """
         if len(parts) == 1:
             return parts[0]
         rows = {
@@ -81,21 +172,36 @@ class Trajectory:
         return cls(gps_week=parts[0].gps_week, cross=cross, **rows)
 
 
-@dataclass(frozen=True, eq=False)
-class ExteriorOrientation:
-    """Projection centre and attitude of every image in the tangent plane: the master from which
-    every export is derived.
+@dataclass(frozen=True, eq=False, repr=False)
+class ExteriorOrientation(Rows):
+    """Projection centre and attitude of every image in the tangent plane.
 
+    It is the master from which every export is derived.
+
+    Parameters
+    ----------
+    images : n names.
+    time : (n,) mid-exposure, s, GPST of `gps_week`.
+    gps_week : GPS week of `time`.
     origin : (3,) latitude rad, longitude rad, ellipsoidal height m of the tangent plane's origin.
-    position_m : (n, 3) m, projection centre, east north up of the tangent plane.
-    C_mc : (n, 3, 3), camera (x image right, y image down, z viewing direction) to the tangent
-        plane.
-    cov : (n, 6, 6) of position error (m) and psi (rad), both in tangent-plane axes; R(true) =
-        exp([psi x]) R.
-    cross : (max(n - 1, 0), 6, 6), covariance of the errors of image k with those of image k + 1.
-    boresight, camera_from_body : (3, 3) that were applied.
+    position_m : (n, 3) projection centre, east, north, up of the tangent plane, m.
+    C_mc : (n, 3, 3) camera (x image right, y image down, z viewing direction) to the tangent plane.
+    cov : (n, 6, 6) covariance of position (m) and attitude psi (rad), both in tangent-plane axes;
+        C_mc(true) = exp([psi x]) C_mc.
+    cross : (max(n - 1, 0), 6, 6) covariance of the errors of image k with those of image k + 1;
+        None where it is not known, as after a choice that leaves images out.
+    boresight, camera_from_body : (3, 3) matrices B and T of the mounting that were applied.
     history : what was done to get it, sentence by sentence.
+
+    Raises
+    ------
+    InputError : a shape is wrong or a value is not finite.
     """
+
+    _ROWS: ClassVar[tuple[str, ...]] = ("images", "time", "position_m", "C_mc", "cov")
+    _NOUN: ClassVar[str] = "images"
+    _NAMES: ClassVar[str | None] = "images"
+    _CROSS: ClassVar[str | None] = "cross"
 
     images: tuple[str, ...]
     time: Array
@@ -104,7 +210,7 @@ class ExteriorOrientation:
     position_m: Array
     C_mc: Array
     cov: Array
-    cross: Array
+    cross: Array | None
     boresight: Array
     camera_from_body: Array
     history: tuple[str, ...] = field(default_factory=tuple)
@@ -112,17 +218,47 @@ class ExteriorOrientation:
     def __post_init__(self) -> None:
         object.__setattr__(self, "images", tuple(self.images))
         n = len(self.images)
-        shapes = {
+        shapes: dict[str, tuple[int, ...]] = {
             "time": (n,),
             "position_m": (n, 3),
             "C_mc": (n, 3, 3),
             "cov": (n, 6, 6),
-            "cross": (max(n - 1, 0), 6, 6),
         }
-        for name, shape in (
-            shapes | {"origin": (3,), "boresight": (3, 3), "camera_from_body": (3, 3)}
-        ).items():
+        shapes |= {"origin": (3,), "boresight": (3, 3), "camera_from_body": (3, 3)}
+        if self.cross is not None:
+            shapes["cross"] = (max(n - 1, 0), 6, 6)
+        for name, shape in shapes.items():
             frozen(self, name, shape)
+
+    @property
+    def opk(self) -> Array:
+        """(n, 3) omega, phi, kappa, rad: Rx Ry Rz takes the camera (right, up, back) to the tangent
+        plane.
+        """
+        from ..geodesy.rotation import CV_RUB, opk_from_rotation
+
+        return opk_from_rotation(self.C_mc @ CV_RUB)
+
+    def _details(self) -> list[str]:
+        lat, lon = np.degrees(self.origin[:2])
+        return [f"tangent plane {lat:.4g} {lon:.4g}"]
+
+    def _columns(self) -> dict[str, Any]:
+        from ..geodesy.rotation import opk_jacobian
+
+        sigma = np.sqrt(np.maximum(np.diagonal(self.cov, axis1=1, axis2=2)[:, :3], 0.0))
+        F = np.linalg.inv(opk_jacobian(self.opk))
+        angles = np.sqrt(np.maximum(np.einsum("nij,njk,nik->ni", F, self.cov[:, 3:, 3:], F), 0.0))
+        columns = {"image": list(self.images), "tow": self.time}
+        blocks = {"{}_m": ("enu", self.position_m), "sd_{}_m": ("enu", sigma)}
+        named = ("omega", "phi", "kappa")
+        degrees = {
+            "{}_deg": (named, np.degrees(self.opk)),
+            "sd_{}_deg": (named, np.degrees(angles)),
+        }
+        for form, (names, block) in (blocks | degrees).items():
+            columns |= {form.format(name): block[:, k] for k, name in enumerate(names)}
+        return columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +310,19 @@ class Diagnostics:
     states: tuple[StateVerdict, ...] = ()
     segments: tuple[tuple[float, float], ...] = ()
     time_correlated: tuple[TimeCorrelatedError, ...] = ()
+
+    @property
+    def biases(self) -> ImuBiases:
+        """Biases of the IMU at `time`, a few thousand epochs at most."""
+        b, s = self.bias, self.bias_sigma
+        return ImuBiases(self.time, b[:, :3], b[:, 3:], s[:, :3], s[:, 3:])
+
+    @property
+    def innovations(self) -> Innovations:
+        """Innovations of the position fixes, all of them."""
+        return Innovations(
+            self.fix_time, self.innovation, self.innovation_sigma, self.nis, self.used
+        )
 
     @classmethod
     def joined(cls, parts: "Sequence[Diagnostics]") -> "Diagnostics":

@@ -21,9 +21,22 @@ def chi_square_interval(variance: Array, freedom: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class WaveletVariance:
-    """Haar wavelet variance of one axis in X^2 (X = rad/s or m/s^2), its 95 % interval and count of
-    coefficients at J levels; all (J,). Level j has a filter of 2^j samples. samples : of the
-    series. decomposition : "modwt" or "dwt".
+    """Haar wavelet variance of one axis at J levels; X is rad/s or m/s^2.
+
+    Parameters
+    ----------
+    level : (J,) whole numbers; level j has a filter of 2^j samples.
+    variance : (J,) X^2.
+    low, high : (J,) 95 % interval of `variance`, X^2.
+    count : (J,) number of coefficients.
+    rate_hz : samples a second.
+    samples : of the series.
+    robust : whether the estimate is the robust one.
+    decomposition : "modwt" or "dwt".
+
+    Raises
+    ------
+    InputError : a shape is wrong, or a value is not finite and above zero.
     """
 
     level: NDArray[np.int64]
@@ -58,7 +71,16 @@ class WaveletVariance:
         return 0.5 * self.scale_s
 
     def selected(self, levels: Sequence[int]) -> "WaveletVariance":
-        """The given levels only, in the order of the record."""
+        """Return some of the levels, in the order of the record.
+
+        Parameters
+        ----------
+        levels : of the record.
+
+        Returns
+        -------
+        The variances of these levels.
+        """
         return replace(
             self,
             **{

@@ -13,8 +13,15 @@ OBSERVED = 1.0 / 3.0
 
 @dataclass(frozen=True)
 class Check:
-    """One plausibility check: what was looked at, what was found, what was expected, and what to do
-    about it.
+    """One plausibility check of a recording or a run.
+
+    Parameters
+    ----------
+    name : what was looked at; `accept` of a flight file takes it.
+    found : what was found, with the number and its unit.
+    expected : what was expected, with the limit.
+    verdict : "ok", "note" or "contradiction"; a contradiction stops `process`.
+    advice : what to do about it.
     """
 
     name: str

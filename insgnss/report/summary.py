@@ -108,7 +108,11 @@ def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
         "longest_outage": longest_outage(d),
         "outages": outage_figures(d, eo),
         "lines": line_figures(d, eo),
-        "neighbours": None if eo is None or len(eo.images) < 2 else _neighbours(eo),
+        "neighbours": (
+            None
+            if eo is None or eo.cross is None or len(eo.images) < 2
+            else _neighbours(eo, eo.cross)
+        ),
         "states": [_state(state) for state in d.states],
         "time_correlated_errors": [asdict(error) for error in d.time_correlated],
         "rests": rests(d),
@@ -224,11 +228,11 @@ def _rejected(d: Diagnostics) -> dict[str, Any]:
     return {"count": rows.size, "nis_limit": float(d.nis_limit), "listed": listed}
 
 
-def _neighbours(eo: ExteriorOrientation) -> dict[str, Any]:
+def _neighbours(eo: ExteriorOrientation, cross: Array) -> dict[str, Any]:
     """Median sigma of the difference of neighbouring images, whose covariance is P_i + P_j - P_ij -
     P_ij' (axes of the tangent plane).
     """
-    difference = eo.cov[:-1] + eo.cov[1:] - eo.cross - np.swapaxes(eo.cross, -1, -2)
+    difference = eo.cov[:-1] + eo.cov[1:] - cross - np.swapaxes(cross, -1, -2)
     sigma = np.median(np.sqrt(np.maximum(np.diagonal(difference, axis1=1, axis2=2), 0.0)), axis=0)
     return {
         "axes": ENU,

@@ -1,7 +1,7 @@
 """A whole simulated flight in memory: what the sensors recorded, and the truth about it."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ from .motion import Motion
 from .raw_gnss.receiver import GnssOptions, simulate_gnss
 from .raw_gnss.scenario import RawGnss, RawGnssOptions, simulate_raw_gnss
 from .sensors import ImuOptions, Rig, SecondImu, SimulatedImu, simulate_events, simulate_imu
+
+if TYPE_CHECKING:
+    from ..orient.mounting import Mounting
 
 Array = NDArray[np.float64]
 
@@ -37,7 +40,7 @@ class Truth:
     outlier: NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SimulatedFlight:
     """Observations of a flight, in SI units (IMUs in their own axes), with the options that made
     them, and the truth.
@@ -57,6 +60,20 @@ class SimulatedFlight:
     truth: Truth
     second_imu: tuple[SimulatedImu, SecondImu] | None = None
     raw_gnss: RawGnss | None = None
+
+    @property
+    def mounting(self) -> "Mounting":
+        """The mounting as `process` and `estimate` take it."""
+        from ..orient.mounting import Mounting
+
+        rig = self.rig
+        return Mounting(
+            *(np.array(x) for x in (rig.antenna_m, rig.imu_m, rig.camera_from_body, rig.boresight))
+        )
+
+    def __repr__(self) -> str:
+        """Return the recordings in one line."""
+        return f"<SimulatedFlight {self.imu!r}, {self.gnss!r}, {self.events!r}>"
 
 
 def simulate_flight(

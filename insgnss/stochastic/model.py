@@ -110,13 +110,24 @@ def _weighted_axis(axes: list[AxisNoise], w: list[float]) -> AxisNoise:
     return AxisNoise(gauss_markov=processes, **plain)
 
 
-def load_noise_model(name_or_path: str | os.PathLike[str]) -> NoiseModel:
-    """Noise model of a shipped name, such as "navchip", or of a file.
+def load_noise_model(name_or_path: str | os.PathLike[str] | NoiseModel) -> NoiseModel:
+    """Return the noise model of a shipped name, such as "navchip", or of a file.
 
-    Raises InputError, with file and line, for a file that is missing or no TOML, an unknown key or
-    table (naming the nearest), and a quantity that is negative, without unit or of another
-    dimension.
+    Parameters
+    ----------
+    name_or_path : name, path, or a model, which is returned as it is.
+
+    Returns
+    -------
+    The model.
+
+    Raises
+    ------
+    InputError : with file and line, for a file that is missing or no TOML, an unknown key or table
+        (naming the nearest), and a quantity that is negative, without unit or of another dimension.
     """
+    if isinstance(name_or_path, NoiseModel):
+        return name_or_path
     shipped = shipped_models()
     name = os.fspath(name_or_path)
     path = MODELS / f"{name}.toml" if name in shipped else Path(name)
@@ -137,10 +148,17 @@ def load_noise_model(name_or_path: str | os.PathLike[str]) -> NoiseModel:
 def write_noise_model(
     model: NoiseModel, path: str | os.PathLike[str], remarks: Sequence[str] = ()
 ) -> None:
-    """Write `model` as a noise-model file that `load_noise_model` turns back into the same model;
-    whole or not at all.
+    """Write a noise-model file, which `load_noise_model` turns back into the same model.
 
-    remarks : sentences that stand above it as comments.   Raises UsageError where the path cannot be written.
+    Parameters
+    ----------
+    model : what to write.
+    path : of the file; it appears whole or not at all.
+    remarks : sentences that stand above it as comments.
+
+    Raises
+    ------
+    UsageError : the path cannot be written.
     """
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")

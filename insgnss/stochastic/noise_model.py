@@ -49,8 +49,23 @@ GM_KEYS = ("correlation_time", "driving_noise")
 
 @dataclass(frozen=True)
 class GaussMarkov:
-    """First-order Gauss-Markov process de/dt = -e/T + xi, xi white of root density `driving_noise`,
-    X/s/sqrt(Hz).
+    """First-order Gauss-Markov process de/dt = -e/T + xi; X is rad/s or m/s^2.
+
+    Parameters
+    ----------
+    correlation_time_s : T, s.
+    driving_noise : root power spectral density of the white noise xi, X/s/sqrt(Hz).
+
+    Raises
+    ------
+    InputError : the correlation time is not positive and finite, or the noise is negative.
+
+    Examples
+    --------
+    >>> import insgnss
+    >>> process = insgnss.GaussMarkov.from_sigma(100.0, 2e-4)
+    >>> round(process.sigma, 10)
+    0.0002
     """
 
     correlation_time_s: float
@@ -70,7 +85,17 @@ class GaussMarkov:
 
     @classmethod
     def from_sigma(cls, correlation_time_s: float, sigma: float) -> "GaussMarkov":
-        """Process of the stationary standard deviation `sigma`, X."""
+        """Return the process of a stationary standard deviation.
+
+        Parameters
+        ----------
+        correlation_time_s : s.
+        sigma : stationary standard deviation, X.
+
+        Returns
+        -------
+        The process.
+        """
         return cls(
             correlation_time_s,
             sigma * math.sqrt(2.0 / correlation_time_s) if correlation_time_s > 0.0 else math.nan,
@@ -86,9 +111,22 @@ class GaussMarkov:
 class AxisNoise:
     """Processes of one axis in SI, X = rad/s or m/s^2; zero means absent.
 
-    standard_error : (name, standard deviation in SI) of what is estimated and how well; names are
-        those of the quantities, and correlation_time_1, driving_noise_1, ... of the Gauss-Markov
-        processes in order. A mapping will do at construction.
+    Parameters
+    ----------
+    white_noise : root power spectral density, X/sqrt(Hz) (angle or velocity random walk).
+    quantization : standard deviation of the rounding of the cumulated angle or velocity, X s.
+    turn_on_bias : standard deviation of a constant, X.
+    random_walk : root power spectral density of the driving noise, X/s/sqrt(Hz).
+    drift : standard deviation of a constant slope, X/s.
+    gauss_markov : first-order Gauss-Markov processes.
+    scale_factor : standard deviation, 1; used where the filter estimates it.
+    misalignment : standard deviation, rad; used where the filter estimates it.
+    standard_error : standard deviation in SI by name of what was estimated; names are those of the
+        quantities, and correlation_time_1, driving_noise_1, ... of the Gauss-Markov processes.
+
+    Raises
+    ------
+    InputError : a quantity is negative or not finite, or a standard error is of nothing here.
     """
 
     white_noise: float = 0.0
@@ -138,10 +176,28 @@ class RecordingSource:
     sampling_rate_hz: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class NoiseModel:
-    """Noise of three gyroscopes and three accelerometers, in the order of the sensor's x, y, z, and
-    what it was estimated from.
+    """Noise of three gyroscopes and three accelerometers, and what it was estimated from.
+
+    Parameters
+    ----------
+    name : of the sensor, for reports.
+    source : where the numbers come from, in words.
+    gyro, accel : noise of the x, y and z axis of the sensor, SI.
+    recordings : what the model was estimated from, if it was.
+
+    Raises
+    ------
+    InputError : there are not three axes.
+
+    Examples
+    --------
+    >>> import insgnss
+    >>> gyro = insgnss.AxisNoise(white_noise=5e-5, turn_on_bias=5e-4)  # rad/s/sqrt(Hz), rad/s
+    >>> accel = insgnss.AxisNoise(white_noise=5e-4, turn_on_bias=0.02)  # m/s^2/sqrt(Hz), m/s^2
+    >>> insgnss.NoiseModel.of_alike_axes("mine", gyro, accel)
+    <NoiseModel mine, gyro WN+bias, accel WN+bias>
     """
 
     name: str
@@ -159,3 +215,38 @@ class NoiseModel:
                     f"noise model {self.name!r}: {len(axes)} {sensor} axes, expected 3"
                 )
             object.__setattr__(self, sensor, axes)
+
+    @classmethod
+    def of_alike_axes(
+        cls, name: str, gyro: AxisNoise, accel: AxisNoise, source: str = ""
+    ) -> "NoiseModel":
+        """Return the model of a sensor whose axes are alike.
+
+        Parameters
+        ----------
+        name : of the sensor, for reports.
+        gyro, accel : noise of every gyroscope and of every accelerometer, SI.
+        source : where the numbers come from, in words.
+
+        Returns
+        -------
+        The model.
+        """
+        return cls(name, source, (gyro, gyro, gyro), (accel, accel, accel))
+
+    def __repr__(self) -> str:
+        """Return the name and the processes of both sensors in one line."""
+        processes = ", ".join(f"{s} {_processes(getattr(self, s))}" for s in ("gyro", "accel"))
+        return f"<NoiseModel {self.name}, {processes}>"
+
+
+def _processes(axes: tuple[AxisNoise, ...]) -> str:
+    """Short names of the processes that any of the axes has."""
+    words = (
+        *(("quantization", "QN"), ("white_noise", "WN"), ("random_walk", "RW"), ("drift", "DR")),
+        ("turn_on_bias", "bias"),
+    )
+    named = [word for name, word in words if any(getattr(axis, name) > 0.0 for axis in axes)]
+    count = max(len(axis.gauss_markov) for axis in axes)
+    gauss_markov = [f"{count}GM" if count > 1 else "GM"] if count else []
+    return "+".join([*named, *gauss_markov]) or "none"

@@ -75,13 +75,28 @@ def simulate_noise(
     rng: np.random.Generator,
     quantity: Literal["mean", "increment", "point"] = "mean",
 ) -> Array:
-    """One realisation (n,) of an axis' errors over n consecutive sample intervals of `dt`, s.
+    """Return one realisation of the errors of an axis.
 
-    quantity : "mean" gives the mean rate error over each interval, X; "increment" its integral, X
-        s; "point" the value at the end of
-    each interval, X, white noise then being of variance q^2/dt and the rounding error divided by
-    dt, as in `theory`.
+    Parameters
+    ----------
+    axis : its noise, X = rad/s or m/s^2.
+    n : consecutive samples.
+    dt : interval of a sample, s.
+    rng : generator of the draws.
+    quantity : "mean" gives the mean rate error over each interval, X; "increment" its integral,
+        X s; "point" the value at the end of each interval, X, white noise then being of variance
+        q^2/dt and the rounding error divided by dt, as in `theory`.
 
+    Returns
+    -------
+    (n,) errors.
+
+    Raises
+    ------
+    UsageError : the quantity is unknown, or there is no sample or no interval.
+
+    Notes
+    -----
     The turn-on bias and the slope of the drift are drawn once, Gauss-Markov processes start
     stationary and the random walk starts at zero; all enter by their exact integral over each
     interval, or by their value at its end. Quantization adds a uniform rounding error to the

@@ -23,16 +23,27 @@ FAMILY = (
 class TuneOptions:
     """How to read static recordings, and how to fit.
 
-    columns, gyro_unit, accel_unit, time_unit, quantity, rate_hz, variable : of `formats.read_imu`;
-    None: what the file says.
-    model : one composition, several with commas between them to choose from, or None for `FAMILY`;
-        gyro_model, accel_model go before it.
-    axes : one model an axis, or one for the three axes of a sensor.
-    levels : scales to fit, None for all.
-    weights : the efficient second step always (full), never (diagonal), or where the model fits
-        (auto).
+    Parameters
+    ----------
+    columns : names of the columns in their order, or a mapping; None: what the file says.
+    gyro_unit, accel_unit, time_unit : units of the columns; None: what the file says, else SI.
+    quantity : what a sample is; None: "mean_rate".
+    rate_hz : samples a second, where there is no column of time.
+    variable : the table inside a file that holds several.
+    model : sum of processes such as "WN+2GM", several with commas to choose from; None: `FAMILY`.
+    gyro_model, accel_model : the same of one sensor, in the place of `model`.
+    axes : "separate" (a model an axis) or "joint" (one for the three axes of a sensor).
+    levels : scales to fit, such as "3-" or "1,2,5-9"; None: all.
+    weights : the efficient second step always ("full"), never ("diagonal"), or where the model
+        fits.
+    robust : whether wavelet variances are taken that a few disturbances do not move.
     sampling : what a sample is of the continuous process, "point" or "mean".
-    skip_s, keep_s, bridge_s : of `prepare.static`.   accept : names of checks that shall not stop.
+    bootstrap : replicates for the J test and, from 100, intervals; 0: none.
+    seed : of the random numbers.
+    skip_s : left out at the beginning, where the sensor warms up, s.
+    keep_s : used from there on, s.
+    bridge_s : gaps up to this length are filled by straight lines, s.
+    accept : names of checks that shall not stop.
     """
 
     columns: tuple[str, ...] | Mapping[str, str] | None = None

@@ -169,3 +169,16 @@ def test_wrong_angles_are_refused(args):
     assert ANGLE_SETS == ("opk", "rpy", "metashape_ypr")
     with pytest.raises(InputError, match=r"boresight|camera_from_body"):
         boresight_from_angles(*args)
+
+
+def test_lever_arms_from_the_imu_in_body_axes_come_back():
+    """Oracle: the lever arms that were given, through a camera that is turned by a bore-sight of
+    some degrees.
+    """
+    B = boresight_from_angles("opk", [3.0, -4.0, 5.0])
+    mounting = Mounting.from_body([0.3, -0.2, -1.1], [0.1, 0.05, 0.2], boresight=B)
+    np.testing.assert_allclose(mounting.antenna_lever_b, [0.3, -0.2, -1.1], atol=1e-15)
+    np.testing.assert_allclose(mounting.camera_lever_b, [0.1, 0.05, 0.2], atol=1e-15)
+    np.testing.assert_allclose(mounting.boresight, B, atol=1e-15)
+    with pytest.raises(InputError, match="antenna_lever_b"):
+        Mounting.from_body([0.3, -0.2])

@@ -113,7 +113,7 @@ def _images(eo: ExteriorOrientation) -> Iterator[str]:
             "C_mc": eo.C_mc[k],
             "quaternion_wxyz": quaternion[k],
             "cov6": eo.cov[k],
-            "cross_cov6_next": eo.cross[k] if k < len(eo.cross) else None,
+            "cross_cov6_next": eo.cross[k] if eo.cross is not None and k < len(eo.cross) else None,
             "ecef": {"position_m": ecef[k], "quaternion_wxyz": quaternion_ecef[k]},
         }
         yield orjson.dumps(image, option=orjson.OPT_SERIALIZE_NUMPY).decode()
@@ -139,7 +139,7 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
             position_m=_array(images, "position_m", (3,)),
             C_mc=_array(images, "C_mc", (3, 3)),
             cov=_array(images, "cov6", (6, 6)),
-            cross=_array(images[:-1], "cross_cov6_next", (6, 6)),
+            cross=_cross(images),
             boresight=np.array(content["applied"]["boresight"], dtype=np.float64),
             camera_from_body=np.array(content["applied"]["camera_from_body"], dtype=np.float64),
             history=tuple(content["history"]),
@@ -190,6 +190,15 @@ def _unsound(eo: ExteriorOrientation) -> str:
 
 def _array(images: list[dict[str, Any]], key: str, shape: tuple[int, ...]) -> Array:
     return np.array([image[key] for image in images], dtype=np.float64).reshape(-1, *shape)
+
+
+def _cross(images: list[dict[str, Any]]) -> Array | None:
+    """Covariances between neighbours; None where the file has none of them, as of images that were
+    no neighbours.
+    """
+    if len(images) > 1 and all(image["cross_cov6_next"] is None for image in images):
+        return None
+    return _array(images[:-1], "cross_cov6_next", (6, 6))
 
 
 def _content(path: Source) -> dict[str, Any]:

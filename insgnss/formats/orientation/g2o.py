@@ -108,7 +108,7 @@ def relative_pose(
     )  # (G.2)
     J_j[:, :3, :3], J_j[:, 3:, 3:] = R_j_t, factor * R_j_t
     J_i_t, J_j_t = J_i.swapaxes(1, 2), J_j.swapaxes(1, 2)
-    shared = J_i @ eo.cross[i] @ J_j_t
+    shared = J_i @ eo.known_cross[i] @ J_j_t
     P = J_i @ eo.cov[i] @ J_i_t + J_j @ eo.cov[j] @ J_j_t + shared + shared.swapaxes(1, 2)  # (G.3)
     translation = (R_i_t @ a[:, :, None])[:, :, 0]
     return np.column_stack([translation, wxyz_last(R_i_t @ eo.C_fc[j])]), 0.5 * (

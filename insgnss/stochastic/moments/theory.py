@@ -98,8 +98,22 @@ _WALK: dict[tuple[str, bool], Callable[[Array], Array]] = {
 def haar_variance(
     axis: AxisNoise, level: ArrayLike, rate_hz: float, sampling: Sampling = "point"
 ) -> Array:
-    """Haar wavelet variance, X^2, at `level` (whole numbers from 1; filter of 2^level samples), of
-    the same shape.
+    """Return the Haar wavelet variance that a noise model has.
+
+    Parameters
+    ----------
+    axis : noise of the axis, X = rad/s or m/s^2.
+    level : whole numbers from 1; the filter of a level has 2^level samples.
+    rate_hz : samples a second.
+    sampling : what a sample is of the continuous process, "point" or "mean".
+
+    Returns
+    -------
+    The variances, X^2, of the shape of `level`.
+
+    Raises
+    ------
+    UsageError : a level is no whole number from 1, or the rate is not positive.
     """
     return 0.5 * allan_variance(axis, _factor_of(level), rate_hz, sampling)
 

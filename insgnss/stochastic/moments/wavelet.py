@@ -87,15 +87,36 @@ def wavelet_variance(
     efficiency: float = 0.6,
     decomposition: Decomposition = "modwt",
 ) -> WaveletVariance:
-    """Haar wavelet variance of one axis at levels 1 to J with 95 % intervals (W.1 to W.5).
+    """Return the Haar wavelet variance of one axis with 95 % intervals (W.1 to W.5).
 
-    x : (n,) rate samples, X, without gaps.
-    levels : J, by default floor(log2 n) - 1, at most floor(log2 n).
+    Parameters
+    ----------
+    x : (n,) rate samples, X = rad/s or m/s^2, without gaps.
+    rate_hz : samples a second.
+    levels : J, the variances are those of levels 1 to J; None: floor(log2 n) - 1.
+    robust : whether a few disturbances shall not move it.
     efficiency : of the robust estimate against the plain one in normal noise, 0.2 to 0.99.
+    decomposition : "modwt" (overlapping filters) or "dwt".
 
-    Raises InputError for a value that is not finite, DataError for fewer than 4 samples, a constant
-    series or a robust estimate of coefficients that are mostly zero, UsageError for options that
-    make no sense.
+    Returns
+    -------
+    The variances at all levels.
+
+    Raises
+    ------
+    InputError : a value is not finite.
+    DataError : there are fewer than 4 samples, the series is constant, or coefficients are mostly
+        zero where a robust estimate is asked for.
+    UsageError : an option makes no sense.
+
+    Examples
+    --------
+    >>> import insgnss, numpy as np
+    >>> axis = insgnss.AxisNoise(white_noise=1e-3)
+    >>> x = insgnss.simulate_noise(axis, 4096, 0.01, np.random.default_rng(1))
+    >>> curve = insgnss.wavelet_variance(x, 100.0)
+    >>> bool(abs(curve.variance[0] / insgnss.haar_variance(axis, 1, 100.0) - 1.0) < 0.1)
+    True
     """
     if decomposition not in ("modwt", "dwt"):
         raise UsageError(f"decomposition {decomposition!r} is neither 'modwt' nor 'dwt'")

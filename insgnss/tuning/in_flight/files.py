@@ -2,6 +2,7 @@
 table for machines and a spectrum.
 """
 
+import hashlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from ...config.flight_file import Flight
 from ...prepare.gaps import nominal_interval
 from ...processing.input_files import input_files, sha256
 from ...processing.recording import Recording
+from ...records import ImuSamples
 from ...stochastic.model import (
     NOISE_UNITS,
     AxisNoise,
@@ -119,14 +121,23 @@ def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise"
     )
     source = f"{static.source}; by the innovations of flight {flight.name} {told or 'nothing else'}"
     rate = round(1.0 / nominal_interval(recording.imu.time), 3)
-    imu = RecordingSource(
-        Path(flight.imu.file).name, sha256(flight.imu.file), recording.imu.time.size, rate
-    )
+    name, digest = _identity(flight.imu.file)
+    imu = RecordingSource(name, digest, recording.imu.time.size, rate)
     gx, gy, gz = (_scaled(axis, "gyro", noise) for axis in static.gyro)
     ax, ay, az = (_scaled(axis, "accel", noise) for axis in static.accel)
     return NoiseModel(
         f"{static.name} in flight", source, (gx, gy, gz), (ax, ay, az), (*static.recordings, imu)
     )
+
+
+def _identity(given: Path | ImuSamples) -> tuple[str, str]:
+    """Name and hash of a file of samples, or of samples that were given as an object."""
+    if isinstance(given, Path):
+        return given.name, sha256(given)
+    digest = hashlib.sha256()
+    for field in (given.time, given.gyro, given.accel):
+        digest.update(field.tobytes())
+    return given.source or "given as object", digest.hexdigest()
 
 
 def _scaled(axis: AxisNoise, sensor: str, noise: "InFlightNoise") -> AxisNoise:

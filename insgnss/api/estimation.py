@@ -1,0 +1,214 @@
+"""The smoother on arrays: everything that `process` does with a flight file, without any file."""
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..base.errors import UsageError
+from ..records import (
+    CameraEvents,
+    Check,
+    GnssFixes,
+    ImuSamples,
+    Quantity,
+    camera_events,
+    gnss_fixes,
+    imu_samples,
+)
+
+if TYPE_CHECKING:
+    from ..config.filter_options import FilterOptions, InitialAttitude
+    from ..config.flight_file import Flight
+    from ..orient.mounting import Mounting
+    from ..processing.pipeline import ProcessResult
+    from ..stochastic.model import NoiseModel
+
+WHO = Path("insgnss.estimate")
+NO_WEEK = 0
+Timed = ImuSamples | GnssFixes | CameraEvents
+
+
+def estimate(
+    imu: Any,
+    gnss: Any,
+    events: Any = None,
+    *,
+    mounting: "Mounting | None" = None,
+    noise: "str | os.PathLike[str] | NoiseModel" = "navchip",
+    gps_week: int | None = None,
+    imu_quantity: Quantity = "mean_rate",
+    imu_axes: str = "forward right down",
+    gnss_sigma_m: Sequence[float] | None = None,
+    gnss_sigma_velocity_mps: Sequence[float] | None = None,
+    tangent_plane: Sequence[float] | None = None,
+    initial_attitude: "InitialAttitude | None" = None,
+    filter_options: "FilterOptions | None" = None,
+    trajectory_hz: float | None = 10.0,
+    accept: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda _: None,
+    **changes: Any,
+) -> "ProcessResult":
+    """Estimate trajectory, biases and exterior orientation from arrays; no file is read or written.
+
+    It runs the checks, the alignment, the filter and the smoother of `process`, and gives the same
+    numbers as a flight file that says the same.
+
+    Parameters
+    ----------
+    imu : `ImuSamples`; (n, 7) array of time s, angular rate x y z rad/s, specific force x y z
+        m/s^2, in the sensor's own axes; or a mapping or pandas table with the columns tow, gx, gy,
+        gz, ax, ay, az.
+    gnss : `GnssFixes`; (m, 4) array of time s, latitude deg, longitude deg, ellipsoidal height m of
+        the antenna's phase centre, or (m, 7) with the standard deviations north, east, down, m; or
+        a mapping or pandas table with the columns tow, lat_deg, lon_deg (or lat_rad, lon_rad), h_m,
+        and as far as known sd_n_m, sd_e_m, sd_d_m, vn, ve, vd, sd_vn, sd_ve, sd_vd, quality.
+    events : mid-exposure instants: `CameraEvents`; (k,) times, s; or a mapping or pandas table with
+        the columns image and tow. None: there is no camera.
+    mounting : lever arms and bore-sight; None: antenna and camera at the IMU.
+    noise : noise model, the name of a shipped one (navchip, tactical, consumer), or a file of one.
+    gps_week : of all times; None: that of the records, else 0 stands in for it, with a note.
+    imu_quantity : what a sample of an array or a table is, "mean_rate", "increments" (both over the
+        interval that ends at the stamp) or "instant_rate".
+    imu_axes : body directions of the sensor's x, y, z.
+    gnss_sigma_m : (3,) standard deviations north, east, down, m, where `gnss` has none.
+    gnss_sigma_velocity_mps : (3,) likewise of velocities, m/s.
+    tangent_plane : (3,) latitude deg, longitude deg, ellipsoidal height m of the origin; None: at
+        the first fix, rounded to 0.01 deg.
+    initial_attitude : of the first fix, where one is known; None: it is found in the motion.
+    filter_options : states and constraints beside the usual ones, such as
+        ``insgnss.FilterOptions(non_holonomic=True)``; None: those of an empty flight file.
+    trajectory_hz : rate of the trajectory, Hz; None: every IMU sample. Images are exact in any
+        case.
+    accept : names of checks whose contradiction does not stop the run.
+    progress : is called with the name of each step.
+    **changes : any other value of a flight file by its key with two underscores for the dot, such
+        as ``gnss__gate_sigma=4.0`` or ``start_tow=205400.0``.
+
+    Returns
+    -------
+    The result: `trajectory`, `eo` (None without events), `biases`, `innovations`, `states`,
+    `checks`, `diagnostics`, `report` (what report.json holds) and `summary()`.
+
+    Raises
+    ------
+    InputError : an array has another shape or holds a value that cannot be, or the data contradict
+        what is said of them (axes, units, clocks, lever arm).
+    DataError : the data do not support an answer, such as a heading without a turn.
+    UsageError : a key of `changes` does not exist, or a value is none of those known.
+
+    Examples
+    --------
+    >>> import insgnss
+    >>> sim = insgnss.simulate("ign8", minutes=1.0, imu_rate_hz=100.0, start_in_air=True)
+    >>> result = insgnss.estimate(sim.imu, sim.gnss, sim.events, mounting=sim.mounting)
+    >>> result.eo.position_m.shape == (len(result.eo), 3)
+    True
+    >>> result.biases.at(result.biases.time[-1]).gyro.shape  # rad/s, forward right down
+    (1, 3)
+    """
+    samples = imu_samples(imu, imu_quantity, gps_week)
+    fixes = gnss_fixes(gnss, gnss_sigma_m, gnss_sigma_velocity_mps, gps_week)
+    exposures = None if events is None else camera_events(events, gps_week)
+    if (
+        all(r is None or r.gps_week is None for r in (samples, fixes, exposures))
+        and gps_week is None
+    ):
+        gps_week = NO_WEEK
+        samples = replace(samples, notes=(*samples.notes, _no_week()))
+    flight = _flight(samples, fixes, exposures, noise, imu_axes, mounting, trajectory_hz)
+    flight = replace(flight, gps_week=gps_week, accept=tuple(accept), initial=initial_attitude)
+    flight = _with_options(flight, filter_options, tangent_plane).with_(**changes)
+    from ..processing.pipeline import process
+
+    return process(flight, progress=progress, write=False)
+
+
+def _no_week() -> Check:
+    found = f"none is given; {NO_WEEK} stands in for it"
+    return Check(
+        "GPS week", found, "gps_week, or a week in the records", "note", "times stay as they are"
+    )
+
+
+def _flight(
+    imu: ImuSamples,
+    gnss: GnssFixes,
+    events: CameraEvents | None,
+    noise: "str | os.PathLike[str] | NoiseModel",
+    axes: str,
+    mounting: "Mounting | None",
+    trajectory_hz: float | None,
+) -> "Flight":
+    """The flight file that says so, with records in the place of files."""
+    from ..config.camera_options import CameraInput
+    from ..config.flight_file import Flight, Output
+    from ..config.gnss_options import GnssInput
+    from ..config.imu_options import ImuInput
+    from ..orient.mounting import Mounting
+    from ..prepare.axes import parse_axes
+    from ..stochastic.model import load_noise_model, shipped_models
+
+    parse_axes(axes)
+    if trajectory_hz is not None and not 0.0 < trajectory_hz <= 1e4:
+        raise UsageError(
+            f"trajectory_hz = {trajectory_hz:g} must be above 0 and at most 10000 Hz, or None"
+        )
+    known = noise if noise in shipped_models() else load_noise_model(noise)
+    return Flight(
+        path=WHO,
+        name="estimate",
+        gps_week=None,
+        start_tow=None,
+        end_tow=None,
+        imu=ImuInput(
+            file=imu,
+            columns=None,
+            units=None,
+            quantity=imu.quantity,
+            axes=axes,
+            noise=known,
+            time_offset_s=0.0,
+            variable=None,
+        ),
+        gnss=GnssInput(
+            file=gnss,
+            columns=None,
+            units=None,
+            undulation_m=None,
+            sigma_m=None,
+            sigma_velocity_mps=None,
+            time_offset_s=0.0,
+            variable=None,
+            gate_sigma=5.0,
+        ),
+        camera=(
+            None if events is None else CameraInput(events=events, columns=None, time_offset_s=0.0)
+        ),
+        mounting=mounting or Mounting(),
+        tangent_plane=None,
+        output=Output(Path(), (), trajectory_hz),
+        initial=None,
+    )
+
+
+def _with_options(
+    flight: "Flight", options: "FilterOptions | None", tangent_plane: Sequence[float] | None
+) -> "Flight":
+    from ..config.flight_file import TangentPlane
+
+    if options is not None:
+        flight = replace(flight, filter=options)
+    if tangent_plane is None:
+        return flight
+    place = np.asarray(tangent_plane, dtype=np.float64)
+    if place.shape != (3,) or not (
+        abs(place[0]) <= 90.0 and abs(place[1]) <= 180.0 and np.isfinite(place[2])
+    ):
+        raise UsageError(
+            f"tangent_plane {place.tolist()} is no latitude deg, longitude deg, height m"
+        )
+    return replace(flight, tangent_plane=TangentPlane(*place.tolist()))

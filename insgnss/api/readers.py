@@ -1,0 +1,100 @@
+"""Products of a run, read back into records."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from ..base.errors import InputError
+from ..records import Array, ExteriorOrientation, Trajectory
+
+
+def read_eo(path: str | os.PathLike[str]) -> ExteriorOrientation:
+    """Read the master exterior orientation, bit by bit as it was written.
+
+    Parameters
+    ----------
+    path : eo.json, or the output directory that holds it.
+
+    Returns
+    -------
+    The exterior orientation, with 6x6 covariances and those between neighbours.
+
+    Raises
+    ------
+    InputError : the file is missing, is of another format, or was edited.
+    """
+    from ..formats.orientation.eo_json import read_eo_json
+
+    place = Path(path)
+    return read_eo_json(place / "eo.json" if place.is_dir() else place)
+
+
+def read_trajectory(path: str | os.PathLike[str], gps_week: int | None = None) -> Trajectory:
+    """Read a trajectory with its standard deviations.
+
+    Parameters
+    ----------
+    path : trajectory.csv, an SBET (standard deviations of the smrmsg beside it), or the output
+        directory that holds trajectory.csv.
+    gps_week : of an SBET, which does not say it; None: 0.
+
+    Returns
+    -------
+    The trajectory. The files hold standard deviations, so its covariances are diagonal, those of
+    the attitude by way of roll, pitch and heading; without standard deviations they are zero.
+
+    Raises
+    ------
+    InputError : the file is missing or of another format.
+    """
+    from ..comparison.reading import sniff_poses
+
+    place = Path(path)
+    place = place / "trajectory.csv" if place.is_dir() else place
+    form = sniff_poses(place)
+    if form == "trajectory_csv":
+        from ..formats.trajectory.trajectory_csv import read_trajectory_csv
+
+        t = read_trajectory_csv(place)
+        cov = _covariance(t.rpy, t.sigma)
+        return Trajectory(t.time, t.lat, t.lon, t.height, t.velocity_ned, t.C_nb, cov, t.gps_week)
+    if form == "sbet":
+        return _read_sbet(place, gps_week)
+    raise InputError.at(place, None, "is no trajectory.csv and no SBET; give one of these")
+
+
+def _read_sbet(path: Path, gps_week: int | None) -> Trajectory:
+    from ..formats.trajectory.sbet import read_sbet, read_smrmsg, smrmsg_beside
+    from ..geodesy.rotation import rotation_from_rpy
+
+    s = read_sbet(path)
+    sigma = np.zeros((s.time.size, 9))
+    if (beside := smrmsg_beside(path)) is not None:
+        errors = read_smrmsg(beside)
+        table = np.column_stack([errors.sigma_position_m, errors.sigma_velocity, errors.sigma_rpy])
+        sigma = np.column_stack([np.interp(s.time, errors.time, column) for column in table.T])
+    return Trajectory(
+        time=s.time,
+        lat=s.lat,
+        lon=s.lon,
+        height=s.height,
+        velocity_ned=s.velocity_ned,
+        C_nb=rotation_from_rpy(s.rpy),
+        cov=_covariance(s.rpy, sigma),
+        gps_week=gps_week or 0,
+        acceleration_b=s.acceleration_b,
+        rate_b=s.rate_b,
+    )
+
+
+def _covariance(rpy: Array, sigma: Array) -> Array:
+    """(n, 9, 9) of standard deviations of position, velocity and roll, pitch, heading."""
+    from ..geodesy.rotation import rpy_jacobian
+
+    cov = np.zeros((sigma.shape[0], 9, 9))
+    diagonal = np.arange(6)
+    cov[:, diagonal, diagonal] = sigma[:, :6] ** 2
+    E = rpy_jacobian(rpy)
+    cov[:, 6:, 6:] = np.einsum("nij,nj,nkj->nik", E, sigma[:, 6:] ** 2, E)
+    return cov

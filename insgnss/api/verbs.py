@@ -1,0 +1,353 @@
+"""The verbs of the command line as functions of Python: process, inspect, tune, calibrate_imu,
+simulate.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+from ..base.errors import UsageError
+from ..records import ImuSamples, Quantity
+
+if TYPE_CHECKING:
+    from ..calibrate.result import MultiPosition
+    from ..config.flight_file import Flight
+    from ..inspection.described import FlightInspection
+    from ..inspection.run import Inspection
+    from ..processing.pipeline import ProcessResult
+    from ..simulation.dataset import Dataset
+    from ..simulation.faults import ImuFaults
+    from ..simulation.scenario import SimulatedFlight
+    from ..stochastic.model import NoiseModel
+    from ..tuning.in_flight.estimation import FlightTuning
+    from ..tuning.result import TuneResult
+    from ..tuning.several import SeveralTuned
+
+Source = str | os.PathLike[str]
+Progress = Callable[[str], None]
+FLIGHT_FILE = "flight.toml"
+VEHICLES = ("car", "walk")
+
+
+def _quiet(_: str) -> None:
+    """No progress."""
+
+
+def process(
+    flight: "Flight | Source",
+    out: Source | None = None,
+    *,
+    write: bool = True,
+    progress: Progress = _quiet,
+) -> "ProcessResult":
+    """Process a flight: raw data in, exterior orientation, trajectory and report out.
+
+    Parameters
+    ----------
+    flight : a flight file, the directory that holds flight.toml, or a `Flight`.
+    out : directory of the products; None: the flight file's output.directory.
+    write : whether to write the products; False: they are in the result only.
+    progress : is called with the name of each step.
+
+    Returns
+    -------
+    The result: `trajectory`, `eo` (None without a camera), `biases`, `innovations`, `states`,
+    `checks`, `diagnostics`, `report` (what report.json holds), `files` and `summary()`.
+
+    Raises
+    ------
+    InputError : the flight file or an input is wrong, or they contradict each other.
+    DataError : the data do not support an answer.
+    UsageError : the products cannot be written into `out`.
+    """
+    from ..config.flight_file import Flight
+    from ..config.load import load_flight
+    from ..processing.pipeline import process as run
+
+    known = flight if isinstance(flight, Flight) else load_flight(Path(flight))
+    return run(known, None if out is None else Path(out), progress, write)
+
+
+def inspect(
+    source: "Flight | Source | Sequence[Source]", *, progress: Progress = _quiet
+) -> "FlightInspection | Inspection":
+    """Say what a recording is, without processing it.
+
+    Parameters
+    ----------
+    source : a flight file or a `Flight`, whose claims are held against the data; or the files of a
+        recording, or their directory, that no flight file describes.
+    progress : is called with the name of each step.
+
+    Returns
+    -------
+    What was found, with `summary()`, `as_dict()`, and `refusal`: the error that `process` would
+    raise, or None. Of an undescribed recording `write(path)` drafts the flight file.
+
+    Raises
+    ------
+    InputError : a file cannot be read, or there is not one recording.
+    DataError : the samples cannot become a flight.
+    """
+    from ..config.flight_file import Flight
+    from ..inspection.described import flight_file, inspect_flight
+    from ..inspection.run import inspect_files
+
+    if isinstance(source, Flight):
+        return inspect_flight(source, progress)
+    paths = (
+        [Path(source)] if isinstance(source, str | os.PathLike) else [Path(path) for path in source]
+    )
+    described = flight_file(paths, False)
+    return (
+        inspect_files(paths, progress) if described is None else inspect_flight(described, progress)
+    )
+
+
+def tune(
+    source: "Flight | Source | Sequence[Source]",
+    *,
+    out: Source | None = None,
+    force: bool = False,
+    parameters: Sequence[str] | None = None,
+    progress: Progress = _quiet,
+    **options: Any,
+) -> "TuneResult | FlightTuning | SeveralTuned":
+    """Estimate a noise model from static recordings of an IMU, or from the innovations of a flight.
+
+    The model is written, with its table and figures beside it.
+
+    Parameters
+    ----------
+    source : one or several static recordings of one IMU, or a file of published variances; or a
+        `Flight`, a flight file (.toml), or a directory that holds flight.toml.
+    out : file of the noise model; None: imu_noise.toml here, of a flight in_flight_noise.toml
+        beside its file.
+    force : whether files that exist are overwritten.
+    parameters : of a flight, what to estimate; None: white noise of gyroscopes and accelerometers.
+    progress : is called with the name of each step.
+    **options : of static recordings, fields of `insgnss.TuneOptions`, such as ``model="WN+2GM"``.
+
+    Returns
+    -------
+    The result, with `model`, `summary()` and `as_dict()`; of several IMUs `tuned`, one for each.
+
+    Raises
+    ------
+    UsageError : an option is unknown or belongs to the other kind of source, or a file exists.
+    InputError : a recording cannot be read.
+    DataError : the recording does not support a model.
+    """
+    from ..config.flight_file import Flight
+    from ..config.load import load_flight
+    from ..tuning.options import TuneOptions
+
+    target = None if out is None else Path(out)
+    if (
+        not isinstance(source, Flight)
+        and isinstance(source, str | os.PathLike)
+        and _is_flight(Path(source))
+    ):
+        source = load_flight(Path(source))
+    if isinstance(source, Flight):
+        if options:
+            raise UsageError(
+                f"tune: {next(iter(options))} belongs to static recordings; the flight says the"
+                " rest"
+            )
+        from ..tuning.several import tune_each
+
+        return tune_each(source, target, parameters, progress, force)
+    if parameters is not None:
+        raise UsageError(
+            "tune: parameters belong to a flight; model names the processes of static recordings"
+        )
+    from ..tuning.static import tune_static
+
+    paths = [source] if isinstance(source, str | os.PathLike) else source
+    chosen = TuneOptions(**_known("tune", options, tuple(f.name for f in fields(TuneOptions))))
+    return tune_static([Path(path) for path in paths], chosen, target, force, progress)
+
+
+def calibrate_imu(
+    imu: ImuSamples | Source,
+    *,
+    latitude_deg: float | None = None,
+    height_m: float = 0.0,
+    out: Source | None = None,
+    **reading: Any,
+) -> "MultiPosition":
+    """Estimate bias, scale factors and non-orthogonality of an IMU at rest in nine positions and
+    more.
+
+    Parameters
+    ----------
+    imu : samples, or a file of them.
+    latitude_deg : of the place, for its gravity; None: 9.80665 m/s^2 with 0.02 m/s^2.
+    height_m : of the place above the ellipsoid.
+    out : file of the calibration, which imu.calibration of a flight file takes; None: none.
+    **reading : of a file, how to read it, as in `insgnss.read_imu`.
+
+    Returns
+    -------
+    The estimates with standard errors, with `calibration`, `summary()` and `as_dict()`.
+
+    Raises
+    ------
+    UsageError : the latitude is none, or `reading` is given with samples.
+    InputError : the file cannot be read.
+    DataError : there are too few positions, or the result is no calibration.
+    """
+    if latitude_deg is not None and not abs(latitude_deg) <= 90.0:
+        raise UsageError(
+            f"calibrate_imu: latitude {latitude_deg} deg is beyond 90; give degrees, north positive"
+        )
+    if reading and isinstance(imu, ImuSamples):
+        raise UsageError(
+            f"calibrate_imu: {next(iter(reading))} says how to read a file, but samples are given"
+        )
+    import numpy as np
+
+    from ..calibrate.multi_position import calibrate_multi_position
+    from ..formats import read_imu
+    from ..prepare.calibration import write_calibration
+
+    samples = imu if isinstance(imu, ImuSamples) else read_imu(Path(imu), **reading)
+    latitude = None if latitude_deg is None else float(np.radians(latitude_deg))
+    result = calibrate_multi_position(samples, latitude, height_m)
+    if out is not None:
+        write_calibration(result.calibration, Path(out), tuple(result.summary().splitlines()))
+    return result
+
+
+@overload
+def simulate(
+    flight: str = "ign8",
+    minutes: float | None = None,
+    *,
+    directory: None = None,
+    imu_rate_hz: float = 500.0,
+    noise: "str | NoiseModel | None" = "navchip",
+    imu_quantity: Quantity = "mean_rate",
+    imu_axes: str = "forward right down",
+    gnss_rate_hz: float = 10.0,
+    gnss_sigma_m: tuple[float, float, float] = (0.02, 0.02, 0.03),
+    gnss_sigma_velocity_mps: tuple[float, float, float] | None = None,
+    vibration: float = 1.0,
+    imu_faults: "ImuFaults | None" = None,
+    seed: int = 0,
+    **changes: Any,
+) -> "SimulatedFlight": ...
+@overload
+def simulate(
+    flight: str = "ign8",
+    minutes: float | None = None,
+    *,
+    directory: Source,
+    imu_rate_hz: float = 500.0,
+    noise: "str | NoiseModel | None" = "navchip",
+    imu_quantity: Quantity = "mean_rate",
+    imu_axes: str = "forward right down",
+    gnss_rate_hz: float = 10.0,
+    gnss_sigma_m: tuple[float, float, float] = (0.02, 0.02, 0.03),
+    gnss_sigma_velocity_mps: tuple[float, float, float] | None = None,
+    vibration: float = 1.0,
+    imu_faults: "ImuFaults | None" = None,
+    seed: int = 0,
+    **changes: Any,
+) -> "Dataset": ...
+def simulate(
+    flight: Literal["ign8", "ign6x1", "car", "walk"] | str = "ign8",
+    minutes: float | None = None,
+    *,
+    directory: Source | None = None,
+    imu_rate_hz: float = 500.0,
+    noise: "str | NoiseModel | None" = "navchip",
+    imu_quantity: Quantity = "mean_rate",
+    imu_axes: str = "forward right down",
+    gnss_rate_hz: float = 10.0,
+    gnss_sigma_m: tuple[float, float, float] = (0.02, 0.02, 0.03),
+    gnss_sigma_velocity_mps: tuple[float, float, float] | None = None,
+    vibration: float = 1.0,
+    imu_faults: "ImuFaults | None" = None,
+    seed: int = 0,
+    **changes: Any,
+) -> "SimulatedFlight | Dataset":
+    """Simulate the recording of a flight or a drive, with its truth.
+
+    Parameters
+    ----------
+    flight : "ign8" (block), "ign6x1" (corridor), "car" (a drive in a town) or "walk".
+    minutes : length of the record; None: that of the plan, of a drive 5.
+    directory : where to write it as a data set with its flight file; None: it stays in memory.
+    imu_rate_hz : IMU samples a second.
+    noise : noise model of the IMU, or the name of a shipped one; None: an ideal sensor.
+    imu_quantity : what a sample is, "mean_rate", "increments" or "instant_rate".
+    imu_axes : body directions of the sensor's x, y, z.
+    gnss_rate_hz : fixes a second.
+    gnss_sigma_m : standard deviations of the fixes north, east, down, m.
+    gnss_sigma_velocity_mps : the same of their velocities, m/s; None: no velocities.
+    vibration : factor of the IMU's white noise in motion against the model.
+    imu_faults : of the IMU's recording, fields of `insgnss.simulation.faults.ImuFaults`; None:
+        none.
+    seed : of everything random; the same arguments give the same numbers.
+    **changes : of a flight fields of its plan, such as ``start_in_air=True`` or ``wind_ms=8.0``; of
+        a drive ``stand_s``.
+
+    Returns
+    -------
+    The flight: `imu`, `gnss`, `events`, `mounting` and `truth` (`eo`, `trajectory`, `gyro_bias`,
+    `accel_bias`); with a directory the data set: `flight_file`, and `simulated`, the flight.
+
+    Raises
+    ------
+    UsageError : the flight or a field is unknown, the plan cannot be flown, or the directory is not
+        empty.
+
+    Examples
+    --------
+    >>> import insgnss
+    >>> sim = insgnss.simulate("ign8", minutes=1.0, imu_rate_hz=100.0, start_in_air=True)
+    >>> sim.imu
+    <ImuSamples 6000 samples, TOW 205200.0 to 205260.0 s, week 2008, 100 Hz, mean_rate>
+    """
+    from ..simulation.dataset import write_simulated
+    from ..simulation.faults import ImuFaults
+    from ..simulation.ground import drive, walk
+    from ..simulation.raw_gnss.receiver import GnssOptions
+    from ..simulation.scenario import observe, simulate_flight
+    from ..simulation.sensors import ImuOptions
+
+    faults = imu_faults or ImuFaults()
+    imu = ImuOptions(imu_rate_hz, noise, imu_axes, imu_quantity, vibration=vibration, faults=faults)
+    gnss = GnssOptions(gnss_rate_hz, gnss_sigma_m, velocity_sigma_ms=gnss_sigma_velocity_mps)
+    if flight in VEHICLES:
+        journey = drive if flight == "car" else walk
+        known = _known("simulate", changes, ("stand_s", "start_tow"))
+        simulated = observe(
+            journey(5.0 if minutes is None else minutes, seed=seed, **known),
+            seed,
+            imu=imu,
+            gnss=gnss,
+        )
+    else:
+        simulated = simulate_flight(flight, minutes, seed=seed, imu=imu, gnss=gnss, **changes)
+    if directory is None:
+        return simulated
+    return write_simulated(directory, simulated, seed=seed)
+
+
+def _is_flight(path: Path) -> bool:
+    return path.suffix.lower() == ".toml" or (path / FLIGHT_FILE).is_file()
+
+
+def _known(who: str, options: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
+    """The options, or a UsageError with the nearest name of one that does not exist."""
+    from ..base.tables import near
+
+    for name in options:
+        if name not in names:
+            raise UsageError(f"{who}: there is no {name}; {near(name, names)}")
+    return options

@@ -1,0 +1,119 @@
+"""Table [imu] of the flight file: the samples of an IMU, how they are read, and its noise."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .given import imu_record, take_record
+from .gnss_options import BY_HEADER
+from .schema import Place, Words, check, option
+
+if TYPE_CHECKING:
+    from ..base.tables import Columns
+    from ..records import Array, ImuSamples, Quantity
+    from ..stochastic.noise_model import NoiseModel
+
+
+def _quantities() -> Words:
+    from ..records import QUANTITIES
+
+    return QUANTITIES
+
+
+def _imu_unit_keys() -> tuple[str, ...]:
+    from ..formats.imu.imu_csv import UNIT_KEYS
+
+    return UNIT_KEYS
+
+
+@dataclass(frozen=True)
+class ImuInput:
+    """Table [imu]; `noise` is the name of a shipped model or the path of a file.
+
+    `units` has the keys gyro, accel and time as far as they are given, and is None without any.
+    In Python `file` may be samples, or an array or table of them (see `insgnss.estimate`), and
+    `noise` a noise model; then columns, units, variable and rate_hz, which say how to read a file,
+    are not looked at.
+
+    Raises
+    ------
+    OptionError
+        For a value that cannot be.
+    InputError
+        Where `file` is neither a path nor samples.
+    """
+
+    file: "Path | ImuSamples" = option(..., "file of the IMU samples", kind="file")
+    columns: "Columns" = option(
+        None,
+        'list of names, or table { canonical = "name in the file" }',
+        kind="columns",
+        usual=BY_HEADER,
+    )
+    units: Mapping[str, str] | None = option(
+        None,
+        "gyro: rad/s, deg/s, deg/h; accel: m/s^2, g, mg, ug; time: s, ms, us, ns, unix, gps; of "
+        "increments rad, deg, arcsec; m/s, g\\*s, mg\\*s, ug\\*s; a number before the unit is what "
+        'one count means ("0.05 deg/s")',
+        kind="imu_units",
+        members=_imu_unit_keys,
+        usual="by header (imu_csv.md), else SI",
+    )
+    quantity: "Quantity" = option(
+        "mean_rate",
+        "what a sample is: the mean rate or the increment over the interval that ends at the stamp,"
+        " or the rate at the stamp",
+        kind="choice",
+        choices=_quantities,
+    )
+    axes: str = option("forward right down", "body directions of the IMU's x, y and z", kind="axes")
+    noise: "str | Path | NoiseModel" = option(
+        "navchip", "a shipped noise model, or the path of a noise-model file", kind="noise"
+    )
+    time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
+    variable: str | None = option(None, "struct or table inside a MATLAB file")
+    rate_hz: float | None = option(
+        None,
+        "samples a second, counted from 0, where the file has no time",
+        unit="Hz",
+        low=1.0,
+        high=1e5,
+    )
+    accel_sign: float = option(
+        1.0,
+        "-1 where the accelerometers give the reverse of the specific force",
+        kind="sign",
+        form="1 or -1",
+    )
+    calibration: Path | None = option(
+        None,
+        "file of bias, scale and non-orthogonality in the IMU's axes (`insgnss calibrate`,"
+        " imu_calibration.md)",
+    )
+    lever_m: Place = option(
+        (0.0, 0.0, 0.0),
+        "from the first IMU to this one, in body axes",
+        unit="m",
+        only="imu.further",
+    )
+    further: "tuple[ImuInput, ...]" = option(
+        (),
+        "`[[imu.further]]`, further IMUs on the same body, combined with this one: the keys of"
+        " [imu], and `lever_m`",
+        kind="tables",
+        form="tables",
+        only="imu",
+        retired=("more",),
+    )
+
+    def __post_init__(self) -> None:
+        check(self, "imu")
+        take_record(self, "file", lambda given: imu_record(given, self.quantity))
+
+    @property
+    def C_b_imu(self) -> "Array":
+        """(3, 3), IMU axes to body forward-right-down."""
+        from ..prepare.axes import parse_axes
+
+        return parse_axes(self.axes)

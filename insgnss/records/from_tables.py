@@ -1,0 +1,217 @@
+"""Records of what a caller has in hand: a record already, a pandas table, a mapping of columns or
+an array.
+
+The names of columns are those that `to_pandas` of the record gives, so a record goes to a table and
+back. A column that has no meaning here (a temperature, say) is not looked at; one that is missing
+is an error, as is an angle without unit: `lat_deg` or `lat_rad`, never `lat`.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..base.errors import InputError
+from ._checked import Array
+from .observations import CameraEvents, GnssFixes, ImuSamples, Quantity
+from .verdicts import Check
+
+TIME = ("tow", "time", "time_s")
+GYRO, ACCEL = ("gx", "gy", "gz"), ("ax", "ay", "az")
+HEIGHT = ("h_m", "height_m")
+SIGMA, VELOCITY, VELOCITY_SIGMA = (
+    ("sd_n_m", "sd_e_m", "sd_d_m"),
+    ("vn", "ve", "vd"),
+    ("sd_vn", "sd_ve", "sd_vd"),
+)
+GNSS_COLUMNS = (4, 7)
+"""Columns of a plain array of fixes: time, latitude, longitude, height, and standard deviations or
+not.
+"""
+
+
+def imu_samples(
+    given: Any, quantity: Quantity = "mean_rate", gps_week: int | None = None
+) -> ImuSamples:
+    """Return IMU samples of what a caller has.
+
+    Parameters
+    ----------
+    given : `ImuSamples`, which are taken as they are; (n, 7) array of time s, gyro rad/s, specific
+        force m/s^2; or a table with columns tow, gx, gy, gz, ax, ay, az, of which `gyro` and
+        `accel` (n, 3) may stand for three each.
+    quantity : what a sample is; of a record its own.
+    gps_week : of the times; of a record its own.
+
+    Returns
+    -------
+    The samples.
+
+    Raises
+    ------
+    InputError : columns are missing, the array has another shape, or `ImuSamples` refuses the
+        values.
+    """
+    if isinstance(given, ImuSamples):
+        return given
+    columns = _columns_of(given)
+    if columns is None:
+        return ImuSamples.from_array(given, quantity, gps_week, "imu")
+    gyro = columns["gyro"] if "gyro" in columns else _block("imu", columns, GYRO)
+    accel = columns["accel"] if "accel" in columns else _block("imu", columns, ACCEL)
+    week = _week(given, gps_week)
+    return ImuSamples(_one_of("imu", columns, TIME), gyro, accel, quantity, week, "imu")
+
+
+def gnss_fixes(
+    given: Any,
+    sigma_m: Sequence[float] | None = None,
+    sigma_velocity_mps: Sequence[float] | None = None,
+    gps_week: int | None = None,
+) -> GnssFixes:
+    """Return fixes of what a caller has.
+
+    Parameters
+    ----------
+    given : `GnssFixes`, which are taken as they are; (m, 4) or (m, 7) array of time s, latitude
+        deg, longitude deg, ellipsoidal height m, and standard deviations north, east, down m; or a
+        table with columns tow, lat_deg, lon_deg (or lat_rad, lon_rad), h_m, and as far as they are
+        known sd_n_m, sd_e_m, sd_d_m, vn, ve, vd, sd_vn, sd_ve, sd_vd, quality.
+    sigma_m, sigma_velocity_mps : (3,) standard deviations north, east, down where `given` has none.
+    gps_week : of the times; of a record its own.
+
+    Returns
+    -------
+    The fixes.
+
+    Raises
+    ------
+    InputError : columns or standard deviations are missing, standard deviations are given twice, or
+        `GnssFixes` refuses the values.
+    """
+    if isinstance(given, GnssFixes):
+        if sigma_m is not None or sigma_velocity_mps is not None:
+            raise InputError("gnss: the fixes have covariances of their own; leave the sigmas out")
+        return given
+    columns = _columns_of(given)
+    if columns is None:
+        columns = _columns_of_fixes(given)
+    sigma = _sigma(columns, SIGMA, sigma_m, "sigma_m")
+    if sigma is None:
+        raise InputError(
+            "gnss: no standard deviations of the positions; give the columns sd_n_m sd_e_m sd_d_m,"
+            " or gnss_sigma_m = (north, east, down) in m"
+        )
+    velocity = _block("gnss", columns, VELOCITY) if "vn" in columns else None
+    speed_sigma = None
+    if velocity is not None:
+        speed_sigma = _sigma(columns, VELOCITY_SIGMA, sigma_velocity_mps, "sigma_velocity_mps")
+    return GnssFixes.from_degrees(
+        _one_of("gnss", columns, TIME),
+        _angle(columns, "lat"),
+        _angle(columns, "lon"),
+        _one_of("gnss", columns, HEIGHT),
+        sigma_m=sigma,
+        velocity_ned_mps=velocity,
+        sigma_velocity_mps=speed_sigma,
+        quality=columns.get("quality"),
+        gps_week=_week(given, gps_week),
+        source="gnss",
+    )
+
+
+def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:
+    """Return camera events of what a caller has.
+
+    Parameters
+    ----------
+    given : `CameraEvents`, which are taken as they are; (n,) times of mid-exposure, s, whose images
+        are then numbered from 1, with a note; or a table with columns image and tow.
+    gps_week : of the times; of a record its own.
+
+    Returns
+    -------
+    The events.
+
+    Raises
+    ------
+    InputError : the column of times is missing, or `CameraEvents` refuses the values.
+    """
+    if isinstance(given, CameraEvents):
+        return given
+    columns = _columns_of(given)
+    time = (
+        np.asarray(given, dtype=np.float64) if columns is None else _one_of("events", columns, TIME)
+    )
+    if columns is not None and "image" in columns:
+        names = tuple(str(name) for name in columns["image"])
+        return CameraEvents(names, time, _week(given, gps_week), "events")
+    names = tuple(str(k + 1) for k in range(time.size))
+    found = f"no image names; the {time.size} events are numbered from 1"
+    note = Check("event names", found, "a name for each event", "note", "give a column image")
+    return CameraEvents(names, time, _week(given, gps_week), "events", (note,))
+
+
+def _columns_of(given: Any) -> dict[str, Any] | None:
+    """Columns of a mapping or a table, the named index of a table among them; None of anything
+    else.
+    """
+    if isinstance(given, Mapping):
+        return dict(given)
+    if not (hasattr(given, "columns") and hasattr(given, "index")):
+        return None
+    columns = {str(name): given[name].to_numpy() for name in given.columns}
+    index = {} if given.index.name is None else {str(given.index.name): given.index.to_numpy()}
+    return index | columns
+
+
+def _columns_of_fixes(given: ArrayLike) -> dict[str, Any]:
+    """Columns of a plain array of fixes, whose angles are degrees."""
+    values = np.asarray(given, dtype=np.float64)
+    if values.ndim != 2 or values.shape[1] not in GNSS_COLUMNS:
+        raise InputError(
+            f"gnss: an array of shape {values.shape}, expected (m, 4) or (m, 7): time s, latitude"
+            " deg, longitude deg, height m, sigma north east down m; for anything else name the"
+            " columns"
+        )
+    names = ("tow", "lat_deg", "lon_deg", "h_m", *SIGMA)
+    return dict(zip(names, values.T, strict=False))
+
+
+def _week(given: Any, gps_week: int | None) -> int | None:
+    """The week, of a table that `to_pandas` made the one that it carries."""
+    attributes = getattr(given, "attrs", {})
+    return gps_week if gps_week is not None else attributes.get("gps_week")
+
+
+def _one_of(who: str, columns: Mapping[str, Any], names: Sequence[str]) -> Array:
+    for name in names:
+        if name in columns:
+            return np.asarray(columns[name], dtype=np.float64)
+    raise InputError(f"{who}: no column {names[0]}; there are {', '.join(map(str, columns))}")
+
+
+def _block(who: str, columns: Mapping[str, Any], names: Sequence[str]) -> Array:
+    return np.column_stack([_one_of(who, columns, (name,)) for name in names])
+
+
+def _angle(columns: Mapping[str, Any], name: str) -> Array:
+    """(n,) degrees."""
+    if f"{name}_rad" in columns:
+        return np.degrees(np.asarray(columns[f"{name}_rad"], dtype=np.float64))
+    if name in columns and f"{name}_deg" not in columns:
+        raise InputError(f"gnss: column {name} without unit; call it {name}_deg or {name}_rad")
+    return _one_of("gnss", columns, (f"{name}_deg",))
+
+
+def _sigma(
+    columns: Mapping[str, Any], names: Sequence[str], given: Sequence[float] | None, option: str
+) -> Array | Sequence[float] | None:
+    """Standard deviations of the columns, or those given beside; InputError where there are both."""
+    present = [name for name in names if name in columns]
+    if present and given is not None:
+        raise InputError(
+            f"gnss: column {present[0]} and {option} are both given; leave one of them out"
+        )
+    return _block("gnss", columns, names) if present else given

@@ -1,0 +1,104 @@
+"""A trajectory between its epochs.
+
+With epochs 0 and 1, h apart, and u from 0 to 1 between them, x position and v velocity in the local
+frame (axes north-east-down at epoch 0 of the trajectory), C attitude there,
+
+    x(u) = (1 - 3u^2 + 2u^3) x_0 + (3u^2 - 2u^3) x_1 + h (u - 2u^2 + u^3) v_0 + h (u^3 - u^2) v_1  (T.1)
+    C(u) = exp(u log(C_1 C_0^T)) C_0                                                           (T.2)
+
+velocity and covariance are linear in u. (T.1) is off by h^4/384 times the fourth derivative of the
+path, (T.2) by h^2/8 times the angular acceleration.
+"""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..base.errors import DataError
+from ..geodesy.frames import LocalFrame
+from ..geodesy.rotation import rotation_from_vector, vector_from_rotation
+from ._checked import Array
+
+if TYPE_CHECKING:
+    from .solutions import Trajectory
+
+LONGEST_S = 1.0
+"""Longest interval that is interpolated: IMU gaps beyond it divide a flight (`prepare.gaps`)."""
+
+
+def interpolated(trajectory: "Trajectory", time: Array, tolerance_s: float) -> "Trajectory":
+    """Return the trajectory at `time` (k,), s, after (T.1) and (T.2).
+
+    Parameters
+    ----------
+    trajectory : at least two epochs, unless every instant is that of the one.
+    time : (k,) s.
+    tolerance_s : by how much an instant may lie outside.
+
+    Returns
+    -------
+    The trajectory at these instants.
+
+    Raises
+    ------
+    DataError : an instant is outside, or between epochs more than `LONGEST_S` apart.
+    """
+    first = _before(trajectory, time, tolerance_s)
+    last = np.minimum(first + 1, len(trajectory) - 1)
+    h = np.where(last > first, trajectory.time[last] - trajectory.time[first], 1.0)
+    u = np.clip((time - trajectory.time[first]) / h, 0.0, 1.0)
+    _refuse_gaps(time, h, u)
+    place = (trajectory.lat, trajectory.lon, trajectory.height)
+    frame = LocalFrame(*(float(x[0]) for x in place))
+    C_ln = frame.C_ln(trajectory.lat, trajectory.lon)
+    x = frame.position_from_geodetic(*place)
+    v = np.einsum("nij,nj->ni", C_ln, trajectory.velocity_ned)
+    C_lb = C_ln @ trajectory.C_nb
+    s, hs = u[:, None], h[:, None]
+    position = (1.0 - 3.0 * s**2 + 2.0 * s**3) * x[first] + (3.0 * s**2 - 2.0 * s**3) * x[last]
+    position += hs * ((s - 2.0 * s**2 + s**3) * v[first] + (s**3 - s**2) * v[last])
+    turn = vector_from_rotation(C_lb[last] @ np.swapaxes(C_lb[first], 1, 2))
+    lat, lon, height = frame.geodetic_from_position(position)
+    C_nl = np.swapaxes(frame.C_ln(lat, lon), 1, 2)
+    velocity = np.einsum("nij,nj->ni", C_nl, v[first] + s * (v[last] - v[first]))
+    P = trajectory.cov
+    return replace(
+        trajectory,
+        time=time,
+        lat=lat,
+        lon=lon,
+        height=height,
+        velocity_ned=velocity,
+        C_nb=C_nl @ rotation_from_vector(s * turn) @ C_lb[first],
+        cov=P[first] + u[:, None, None] * (P[last] - P[first]),
+        acceleration_b=None,
+        rate_b=None,
+        cross=None,
+    )
+
+
+def _before(trajectory: "Trajectory", time: Array, tolerance_s: float) -> np.ndarray:
+    """Index of the epoch before each instant."""
+    if not len(trajectory):
+        raise DataError("Trajectory: it has no epochs")
+    begin, end = trajectory.time[[0, -1]]
+    outside = (time < begin - tolerance_s) | (time > end + tolerance_s)
+    if outside.any():
+        at = time[int(np.argmax(outside))]
+        raise DataError(
+            f"Trajectory: {at:.6f} s is outside {begin:.6f} to {end:.6f} s; choose instants within"
+        )
+    after = np.searchsorted(trajectory.time, time, side="right")
+    return np.clip(after - 1, 0, max(len(trajectory) - 2, 0))
+
+
+def _refuse_gaps(time: Array, h: Array, u: Array) -> None:
+    gap = (h > LONGEST_S) & (u > 0.0) & (u < 1.0)
+    if gap.any():
+        k = int(np.argmax(gap))
+        raise DataError(
+            f"Trajectory: {time[k]:.6f} s lies between epochs {h[k]:.3f} s apart (limit"
+            f" {LONGEST_S:g} s); choose instants beside the gap, or ask for a trajectory of a"
+            " higher rate"
+        )

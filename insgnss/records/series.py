@@ -1,0 +1,105 @@
+"""What the filter estimated of the IMU, and how the fixes agreed with it, row by row."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._checked import Array, frozen, increasing
+from .rows import Rows
+
+DEG_H, MG = np.degrees(1.0) * 3600.0, 1e3 / 9.80665
+"""deg/h in a rad/s, and mg in a m/s^2."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ImuBiases(Rows):
+    """Smoothed biases of the IMU over time, with their standard deviations, in body axes.
+
+    Parameters
+    ----------
+    time : (n,) s, GPST.
+    gyro : (n, 3) bias of the gyroscopes forward, right, down, rad/s: measured minus true.
+    accel : (n, 3) bias of the accelerometers, m/s^2.
+    gyro_sigma : (n, 3) standard deviation of `gyro`, rad/s.
+    accel_sigma : (n, 3) standard deviation of `accel`, m/s^2.
+    gps_week : GPS week of `time`.
+
+    Raises
+    ------
+    InputError : a shape is wrong, a value is not finite, or time does not increase.
+    """
+
+    _ROWS: ClassVar[tuple[str, ...]] = ("time", "gyro", "accel", "gyro_sigma", "accel_sigma")
+    _NOUN: ClassVar[str] = "epochs"
+
+    time: Array
+    gyro: Array
+    accel: Array
+    gyro_sigma: Array
+    accel_sigma: Array
+    gps_week: int | None = None
+
+    def __post_init__(self) -> None:
+        n = frozen(self, "time", (None,)).size
+        for name in self._ROWS[1:]:
+            frozen(self, name, (n, 3))
+        increasing(self, self.time)
+
+    def _columns(self) -> dict[str, Any]:
+        columns: dict[str, Any] = {"tow": self.time}
+        for sensor, unit, factor in (("gyro", "deg_h", DEG_H), ("accel", "mg", MG)):
+            for prefix, values in (
+                ("", getattr(self, sensor)),
+                ("sd_", getattr(self, f"{sensor}_sigma")),
+            ):
+                columns |= {
+                    f"{prefix}{sensor}_{c}_{unit}": factor * values[:, k]
+                    for k, c in enumerate("xyz")
+                }
+        return columns
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Innovations(Rows):
+    """Position fixes against what the filter predicted of them before it used them.
+
+    Parameters
+    ----------
+    time : (n,) s, GPST, of the fixes.
+    position : (n, 3) measured minus predicted, axes north, east, down of the local frame, m.
+    sigma : (n, 3) standard deviation of `position`, m.
+    nis : (n,) normalised innovation squared, three degrees of freedom.
+    used : (n,) bool, whether the fix passed the gate.
+    gps_week : GPS week of `time`.
+
+    Raises
+    ------
+    InputError : a shape is wrong, a value is not finite, or time does not increase.
+    """
+
+    _ROWS: ClassVar[tuple[str, ...]] = ("time", "position", "sigma", "nis", "used")
+    _NOUN: ClassVar[str] = "fixes"
+
+    time: Array
+    position: Array
+    sigma: Array
+    nis: Array
+    used: NDArray[np.bool_]
+    gps_week: int | None = None
+
+    def __post_init__(self) -> None:
+        n = frozen(self, "time", (None,)).size
+        for name, shape in (("position", (n, 3)), ("sigma", (n, 3)), ("nis", (n,))):
+            frozen(self, name, shape)
+        increasing(self, self.time)
+
+    def _details(self) -> list[str]:
+        return [f"{int(np.count_nonzero(self.used))} used"]
+
+    def _columns(self) -> dict[str, Any]:
+        columns: dict[str, Any] = {"tow": self.time}
+        for prefix, values in (("", self.position), ("sd_", self.sigma)):
+            columns |= {f"{prefix}{axis}_m": values[:, k] for k, axis in enumerate("ned")}
+        return columns | {"nis": self.nis, "used": self.used}
