@@ -153,41 +153,13 @@ def _flight(
     from ..stochastic.model import load_noise_model, shipped_models
 
     parse_axes(axes)
-    if trajectory_hz is not None and not 0.0 < trajectory_hz <= 1e4:
-        raise UsageError(
-            f"trajectory_hz = {trajectory_hz:g} must be above 0 and at most 10000 Hz, or None"
-        )
     known = noise if noise in shipped_models() else load_noise_model(noise)
     return Flight(
         path=WHO,
         name="estimate",
-        gps_week=None,
-        start_tow=None,
-        end_tow=None,
-        imu=ImuInput(
-            file=imu,
-            columns=None,
-            units=None,
-            quantity=imu.quantity,
-            axes=axes,
-            noise=known,
-            time_offset_s=0.0,
-            variable=None,
-        ),
-        gnss=GnssInput(
-            file=gnss,
-            columns=None,
-            units=None,
-            undulation_m=None,
-            sigma_m=None,
-            sigma_velocity_mps=None,
-            time_offset_s=0.0,
-            variable=None,
-            gate_sigma=5.0,
-        ),
-        camera=(
-            None if events is None else CameraInput(events=events, columns=None, time_offset_s=0.0)
-        ),
+        imu=ImuInput(file=imu, quantity=imu.quantity, axes=axes, noise=known),
+        gnss=GnssInput(file=gnss),
+        camera=None if events is None else CameraInput(events=events),
         mounting=mounting or Mounting(),
         tangent_plane=None,
         output=Output(Path(), (), trajectory_hz),

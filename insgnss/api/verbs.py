@@ -8,7 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
-from ..base.errors import UsageError
+from ..base.errors import UsageError, near
 from ..records import ImuSamples, Quantity
 
 if TYPE_CHECKING:
@@ -345,8 +345,6 @@ def _is_flight(path: Path) -> bool:
 
 def _known(who: str, options: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
     """The options, or a UsageError with the nearest name of one that does not exist."""
-    from ..base.tables import near
-
     for name in options:
         if name not in names:
             raise UsageError(f"{who}: there is no {name}; {near(name, names)}")

@@ -3,7 +3,7 @@
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar
 
-from .errors import UsageError
+from .errors import UsageError, near
 
 Record = TypeVar("Record")
 
@@ -34,7 +34,7 @@ def with_changes(record: Record, changes: dict[str, Any]) -> Record:
     for key, value in changes.items():
         name, _, rest = key.partition("__")
         if name not in known:
-            raise UsageError(f"{type(record).__name__} has no {name!r}; {_near(name, known)}")
+            raise UsageError(f"{type(record).__name__} has no {name!r}; {near(name, known)}")
         if rest:
             inner.setdefault(name, {})[rest] = value
         else:
@@ -42,10 +42,3 @@ def with_changes(record: Record, changes: dict[str, Any]) -> Record:
     for name, deeper in inner.items():
         own[name] = with_changes(own.get(name, getattr(record, name)), deeper)
     return replace(record, **own)
-
-
-def _near(name: str, known: list[str]) -> str:
-    import difflib
-
-    near = difflib.get_close_matches(name, known, n=1)
-    return f"did you mean {near[0]!r}?" if near else f"it has {', '.join(known)}"

@@ -12,10 +12,10 @@ class InitialAttitude:
 
     Parameters
     ----------
-    roll_deg, pitch_deg, heading_deg : float
-        Of the body forward-right-down, heading from true north, deg.
     sigma_deg : tuple of float
         Standard deviations of roll, pitch and heading, deg.
+    roll_deg, pitch_deg, heading_deg : float
+        Of the body forward-right-down, heading from true north, deg.
 
     Raises
     ------

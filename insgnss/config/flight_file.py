@@ -1,10 +1,9 @@
 """The flight file: one TOML per data set, at its root, that says what the files are and how the
 sensors are mounted.
 
-Each table is a dataclass whose fields are its keys (`schema`); those of [gnss] and [camera] stand
-in `imu_options`, `gnss_options`, `ppk_options`, `camera_options` and `filter_options`, and `TABLES`
-has them all. Paths are relative
-to the file. Only `imu.file` and `gnss.file` (or what stands in its place) have no default.
+Each table is a dataclass whose fields are its keys (`schema`); most stand in `imu_options`,
+`gnss_options`, `ppk_options`, `camera_options` and `filter_options`, and `TABLES` has them all.
+Paths are relative to the file. Only `imu.file` and `gnss.file` (or what stands in its place) have no default.
 data_specs/flight_file.md is rendered from here.
 """
 
