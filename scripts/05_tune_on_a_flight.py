@@ -92,9 +92,7 @@ def simulate(out: Path, quick: bool) -> Path:
             else {}
         )
         shaken = {"vibration": TRIPLED, "imu_faults": propeller}
-        insgnss.simulate(
-            "ign8", directory=directory, imu_rate_hz=250.0, seed=1, **shaken, **small
-        )
+        insgnss.simulate("ign8", directory=directory, imu_rate_hz=250.0, seed=1, **shaken, **small)
     return directory / "flight.toml"
 
 

@@ -167,9 +167,7 @@ def fly(out: Path, seed: int, quick: bool) -> Block:
     if not directory.exists():
         minutes = 2.0 if quick else 3.0
         plan = {"start_in_air": True, "line_length_m": 500.0}
-        insgnss.simulate(
-            "ign8", minutes, directory=directory, imu_rate_hz=100.0, seed=seed, **plan
-        )
+        insgnss.simulate("ign8", minutes, directory=directory, imu_rate_hz=100.0, seed=seed, **plan)
     insgnss.process(directory, directory / "out")
     eo = insgnss.read_eo(directory / "out")
     relative = insgnss.relative_control(eo, "navchip", form="camera")

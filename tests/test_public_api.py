@@ -31,7 +31,16 @@ METHODS = [
     and callable(getattr(value, "__func__", value))
     and value.__class__ is not property
 ]
-HEADINGS = ("Parameters", "Returns", "Raises", "Warns", "Examples", "Notes", "See Also", "Attributes")
+HEADINGS = (
+    "Parameters",
+    "Returns",
+    "Raises",
+    "Warns",
+    "Examples",
+    "Notes",
+    "See Also",
+    "Attributes",
+)
 IMPORT_LIMIT_S = 0.1
 
 
@@ -281,7 +290,9 @@ def twenty_images(names: dict[str, Any]) -> None:
 
 def car(names: dict[str, Any]) -> None:
     """The motion measured itself: the non-holonomic constraint was used."""
-    assert any("non-holonomic constraints" in sentence for sentence in names["result"].report["history"])
+    assert any(
+        "non-holonomic constraints" in sentence for sentence in names["result"].report["history"]
+    )
 
 
 LEFT_BEHIND = {

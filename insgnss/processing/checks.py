@@ -1,27 +1,19 @@
-"""The checks of a run: of the recording against the flight file, and of what its segments say.
+"""The checks of a run: of the recording against the flight file, and of its trajectory.
 
 A check that finds a contradiction stops the run, unless the flight file accepts it by name.
 """
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..base.errors import DataError, InputError
 from ..config.flight_file import Flight
-from ..records import Array, CameraEvents, Check, ImuSamples, Trajectory
-
-if TYPE_CHECKING:
-    from .segment import Segment
+from ..records import Array, Check, ImuSamples, Trajectory
 
 LONG_LEVER_M = 3.0  # a lever arm that few drones have room for
 LARGE_BORESIGHT_DEG = 10.0  # bore-sights are residuals of the mounting, of some degrees
 STATIONARY_SHARE = 0.8  # of the time that a standing sensor must be seen at rest
-MOTION_REJECTED = (
-    0.5  # share of rejected measurements of the motion beyond which it moves otherwise
-)
-MOST_NAMED = 5  # images that a check names
 
 
 def sentence(check: Check) -> str:
@@ -157,91 +149,15 @@ def check_heading(flight: Flight, trajectory: Trajectory) -> Check:
     return plausibility.check_heading(heading, trajectory.velocity_ned, flight.imu.C_b_imu)
 
 
-def check_motion(flight: Flight, segments: "Sequence[Segment]") -> list[Check]:
-    """Check whether the vehicle moves as it is said to.
-
-    Parameters
-    ----------
-    flight : Flight
-        The flight file.
-    segments : sequence of Segment
-        The solved segments.
-
-    Returns
-    -------
-    list of Check
-        The check "motion" where anything is measured of the motion itself: most of it must pass its
-        test.
-    """
-    from ..navigation.codes import NOT_MEASURED, REJECTED, VELOCITY_CONSTRAINT
-
-    verdict = np.concatenate(
-        [segment.solution.verdict[:, VELOCITY_CONSTRAINT] for segment in segments]
-    )
-    offered, rejected = int((verdict != NOT_MEASURED).sum()), int((verdict == REJECTED).sum())
-    if offered == 0:
-        return []
-    bad = rejected > MOTION_REJECTED * offered
-    key = (
-        "filter.non_holonomic = false"
-        if flight.filter.non_holonomic
-        else 'filter.zero_velocity = "off"'
-    )
-    return [
-        Check(
-            "motion",
-            f"{rejected} of {offered} zero-velocity updates or non-holonomic constraints rejected",
-            "most of them used",
-            "contradiction" if bad else "ok",
-            f"it does not move so: {key}" if bad else "",
-        )
-    ]
-
-
-def check_images(events: CameraEvents | None, segments: "Sequence[Segment]") -> list[Check]:
-    """Note the exposures that have no orientation.
-
-    Parameters
-    ----------
-    events : CameraEvents, optional
-        The exposures of the recording.
-    segments : sequence of Segment
-        The solved segments.
-
-    Returns
-    -------
-    list of Check
-        The note "images" where there are such.
-    """
-    if events is None:
-        return []
-    images = events.images
-    oriented = np.concatenate([segment.at_event for segment in segments])
-    lost = np.setdiff1d(np.arange(len(images)), oriented)
-    if not lost.size:
-        return []
-    names = ", ".join(images[k] for k in lost[:MOST_NAMED])
-    names += ", ..." if lost.size > MOST_NAMED else ""
-    return [
-        Check(
-            "images",
-            f"{lost.size} of {len(images)} have no orientation: {names}",
-            "all images within the segments",
-            "note",
-            "they lie in a gap, before the first fix or in a segment left out",
-        )
-    ]
-
-
 def check_segments(
-    segments: "Sequence[Segment]", failures: Sequence[tuple[tuple[float, float], DataError]]
+    times: Sequence[Array], failures: Sequence[tuple[tuple[float, float], DataError]]
 ) -> Check:
     """Note what the gaps of the IMU made of the flight.
 
     Parameters
     ----------
-    segments : sequence of Segment
-        The solved segments.
+    times : sequence of ndarray, each of shape (n,)
+        The epochs of the solved segments, s.
     failures : sequence of ((float, float), DataError)
         The spans, s, that could not be solved, and why.
 
@@ -252,7 +168,6 @@ def check_segments(
     """
     from ..prepare.gaps import BRIDGE_S
 
-    times = [segment.solution.time for segment in segments]
     kept = ", ".join(f"{time[0]:.1f} to {time[-1]:.1f} s" for time in times)
     finding = f"the flight falls into segments of their own, {kept}"
     if failures:

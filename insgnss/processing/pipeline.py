@@ -31,8 +31,6 @@ from ..records import (
 from ..report.summary import run_summary
 from .checks import (
     check_heading,
-    check_images,
-    check_motion,
     refuse_contradictions,
     refuse_unobservable,
 )
@@ -44,6 +42,7 @@ from .products import RunResult, output_directory, write_products
 from .progress import Progress, StepClock, quiet
 from .recording import Recording, read_recording
 from .segment import Segment
+from .segment_checks import check_images, check_motion
 from .solve_segments import solve_segments
 
 
@@ -180,7 +179,7 @@ def _solve(
     checks = [check for segment in segments for check in segment.checks]
     checks += check_motion(flight, segments)
     refuse_contradictions(flight, checks)
-    return segments, (*recording.checks, *checks, *gaps, *check_images(recording.events, segments))
+    return segments, (*recording.checks, *checks, *gaps, *check_images(recording, segments))
 
 
 def _report(

@@ -71,7 +71,9 @@ def solve_segments(
             failures.append((span, error))
     if not solved:
         raise max(failures, key=lambda failure: failure[0][1] - failure[0][0])[1]
-    return solved, [check_segments(solved, failures)] if len(spans) > 1 else []
+    return solved, [check_segments([s.solution.time for s in solved], failures)] if len(
+        spans
+    ) > 1 else []
 
 
 def solve_segment(

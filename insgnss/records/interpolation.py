@@ -11,7 +11,7 @@ path, (T.2) by h^2/8 times the angular acceleration.
 """
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,14 +20,14 @@ from ..geodesy.frames import LocalFrame
 from ..geodesy.rotation import rotation_from_vector, vector_from_rotation
 from ._checked import Array
 
-if TYPE_CHECKING:
-    from .solutions import Trajectory
+Epochs = TypeVar("Epochs", bound=Any)
+"""A `Trajectory` of `solutions`, which calls this module."""
 
 LONGEST_S = 1.0
 """Longest interval that is interpolated: IMU gaps beyond it divide a flight (`prepare.gaps`)."""
 
 
-def interpolated(trajectory: "Trajectory", time: Array, tolerance_s: float) -> "Trajectory":
+def interpolated(trajectory: Epochs, time: Array, tolerance_s: float) -> Epochs:
     """Return the trajectory at `time` (k,), s, after (T.1) and (T.2).
 
     Parameters
@@ -78,7 +78,7 @@ def interpolated(trajectory: "Trajectory", time: Array, tolerance_s: float) -> "
     )
 
 
-def _before(trajectory: "Trajectory", time: Array, tolerance_s: float) -> np.ndarray:
+def _before(trajectory: Any, time: Array, tolerance_s: float) -> np.ndarray:
     """Index of the epoch before each instant."""
     if not len(trajectory):
         raise DataError("Trajectory: it has no epochs")

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from insgnss.errors import InputError, OptionError, UsageError
 
 from insgnss.config.camera_options import CameraInput
 from insgnss.config.filter_options import FilterOptions, InitialAttitude
@@ -12,7 +13,6 @@ from insgnss.config.gnss_options import GnssInput
 from insgnss.config.imu_options import ImuInput
 from insgnss.config.load import load_flight
 from insgnss.config.schema import declared
-from insgnss.errors import InputError, OptionError, UsageError
 from insgnss.records import CameraEvents, GnssFixes, ImuSamples
 
 IMU, GNSS = {"file": Path("imu.csv")}, {"file": Path("gnss.txt")}
@@ -30,33 +30,97 @@ def flight(tmp_path):
 
 
 WRONG = [
-    (FilterOptions, {"second_pass": "sometimes"}, r"filter\.second_pass = 'sometimes': must be auto, on or off"),
-    (FilterOptions, {"lever_arm_sigma_m": -0.3}, r"filter\.lever_arm_sigma_m = -0\.3: must be 0\.001 to 10"),
-    (FilterOptions, {"time_offset_sigma_s": "0.1"}, r"filter\.time_offset_sigma_s = '0\.1': must be a number"),
-    (FilterOptions, {"time_offset_sigma_s": float("nan")}, r"filter\.time_offset_sigma_s = nan: must be"),
+    (
+        FilterOptions,
+        {"second_pass": "sometimes"},
+        r"filter\.second_pass = 'sometimes': must be auto, on or off",
+    ),
+    (
+        FilterOptions,
+        {"lever_arm_sigma_m": -0.3},
+        r"filter\.lever_arm_sigma_m = -0\.3: must be 0\.001 to 10",
+    ),
+    (
+        FilterOptions,
+        {"time_offset_sigma_s": "0.1"},
+        r"filter\.time_offset_sigma_s = '0\.1': must be a number",
+    ),
+    (
+        FilterOptions,
+        {"time_offset_sigma_s": float("nan")},
+        r"filter\.time_offset_sigma_s = nan: must be",
+    ),
     (FilterOptions, {"robust": "yes"}, r"filter\.robust = 'yes': must be true or false"),
-    (GnssInput, GNSS | {"sigma_m": (0.02, -0.02, 0.03)}, r"gnss\.sigma_m .*three numbers greater than zero"),
-    (GnssInput, GNSS | {"sigma_m": (0.02, 0.02)}, r"gnss\.sigma_m .*three numbers greater than zero"),
-    (GnssInput, GNSS | {"sigma_velocity_mps": 0.1}, r"gnss\.sigma_velocity_mps = 0\.1: must be three numbers"),
+    (
+        GnssInput,
+        GNSS | {"sigma_m": (0.02, -0.02, 0.03)},
+        r"gnss\.sigma_m .*three numbers greater than zero",
+    ),
+    (
+        GnssInput,
+        GNSS | {"sigma_m": (0.02, 0.02)},
+        r"gnss\.sigma_m .*three numbers greater than zero",
+    ),
+    (
+        GnssInput,
+        GNSS | {"sigma_velocity_mps": 0.1},
+        r"gnss\.sigma_velocity_mps = 0\.1: must be three numbers",
+    ),
     (GnssInput, GNSS | {"gate_sigma": 1.0}, r"gnss\.gate_sigma = 1\.0: must be 2 to 30"),
     (GnssInput, GNSS | {"gm_sigma": "on"}, r"gnss\.gm_sigma = 'on': must be auto or off"),
     (GnssInput, GNSS | {"gm_sigma": 0.0}, r"gnss\.gm_sigma = 0\.0: must be 0\.01 to 100"),
-    (GnssInput, GNSS | {"quality_sigma_m": {"flaot": (1, 1, 1)}}, r"gnss\.quality_sigma_m .*did you mean 'float'"),
-    (GnssInput, GNSS | {"quality_sigma_m": {"float": (1, 0, 1)}}, r"gnss\.quality_sigma_m .*float: must be three"),
-    (GnssInput, {"file": None, "stationary": (130.0, 6.5, 0.0)}, r"gnss\.stationary .*must be latitude, longitude"),
+    (
+        GnssInput,
+        GNSS | {"quality_sigma_m": {"flaot": (1, 1, 1)}},
+        r"gnss\.quality_sigma_m .*did you mean 'float'",
+    ),
+    (
+        GnssInput,
+        GNSS | {"quality_sigma_m": {"float": (1, 0, 1)}},
+        r"gnss\.quality_sigma_m .*float: must be three",
+    ),
+    (
+        GnssInput,
+        {"file": None, "stationary": (130.0, 6.5, 0.0)},
+        r"gnss\.stationary .*must be latitude, longitude",
+    ),
     (ImuInput, IMU | {"quantity": "rates"}, r"imu\.quantity = 'rates': must be mean_rate, "),
     (ImuInput, IMU | {"accel_sign": 0.5}, r"imu\.accel_sign = 0\.5: must be 1 or -1"),
     (ImuInput, IMU | {"rate_hz": 0.0}, r"imu\.rate_hz = 0\.0: must be 1 to 100000"),
-    (ImuInput, IMU | {"lever_m": (0.1, 0.2)}, r"imu\.lever_m = \(0\.1, 0\.2\): must be three numbers$"),
-    (CameraInput, {"events": None, "time_offset_s": "late"}, r"camera\.time_offset_s = 'late': must be a number"),
+    (
+        ImuInput,
+        IMU | {"lever_m": (0.1, 0.2)},
+        r"imu\.lever_m = \(0\.1, 0\.2\): must be three numbers$",
+    ),
+    (
+        CameraInput,
+        {"events": None, "time_offset_s": "late"},
+        r"camera\.time_offset_s = 'late': must be a number",
+    ),
     (Output, {"trajectory_hz": 0.0}, r"output\.trajectory_hz = 0\.0: must be 0\.001 to 10000"),
-    (InitialAttitude, LEVEL | {"pitch_deg": 91.0}, r"initial\.pitch_deg = 91\.0: must be -90 to 90"),
-    (InitialAttitude, LEVEL | {"sigma_deg": (1.0, 1.0, 0.0)}, r"initial\.sigma_deg .*greater than zero"),
-    (TangentPlane, {"lat_deg": 120.0, "lon_deg": 6.5, "height_m": 0.0}, r"tangent_plane\.origin .*swapped"),
+    (
+        InitialAttitude,
+        LEVEL | {"pitch_deg": 91.0},
+        r"initial\.pitch_deg = 91\.0: must be -90 to 90",
+    ),
+    (
+        InitialAttitude,
+        LEVEL | {"sigma_deg": (1.0, 1.0, 0.0)},
+        r"initial\.sigma_deg .*greater than zero",
+    ),
+    (
+        TangentPlane,
+        {"lat_deg": 120.0, "lon_deg": 6.5, "height_m": 0.0},
+        r"tangent_plane\.origin .*swapped",
+    ),
 ]
 
 
-@pytest.mark.parametrize(("table", "values", "message"), WRONG, ids=lambda x: next(reversed(x)) if isinstance(x, dict) else "")
+@pytest.mark.parametrize(
+    ("table", "values", "message"),
+    WRONG,
+    ids=lambda x: next(reversed(x)) if isinstance(x, dict) else "",
+)
 def test_a_value_that_cannot_be_is_refused_at_construction(table, values, message):
     """Oracle: the range or the words of the option; the same values without the last one pass."""
     with pytest.raises(OptionError, match=message) as refused:

@@ -16,7 +16,6 @@ from insgnss.flight import load_flight
 from insgnss.navigation.codes import REJECTED, USED, VELOCITY_CONSTRAINT
 from insgnss.orient.mounting import Mounting
 from insgnss.processing.checks import (
-    check_motion,
     check_mounting,
     check_stationary,
     refuse_contradictions,
@@ -25,6 +24,7 @@ from insgnss.processing.checks import (
 from insgnss.processing.input_files import stationary_fixes
 from insgnss.processing.orientation import _origin
 from insgnss.processing.recording import read_recording
+from insgnss.processing.segment_checks import check_motion
 from insgnss.records import Check, ImuSamples, Trajectory
 
 FLIGHT: Any = SimpleNamespace(

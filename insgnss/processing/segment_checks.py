@@ -1,0 +1,92 @@
+"""The checks of the solved segments: whether the vehicle moves as it is said to, and what they leave out."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..config.flight_file import Flight
+from ..records import Check
+from .recording import Recording
+from .segment import Segment
+
+MOTION_REJECTED = 0.5
+"""Share of rejected measurements of the motion beyond which it moves otherwise."""
+
+MOST_NAMED = 5
+"""Images that a check names."""
+
+
+def check_motion(flight: Flight, segments: Sequence[Segment]) -> list[Check]:
+    """Check whether the vehicle moves as it is said to.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of Check
+        The check "motion" where anything is measured of the motion itself: most of it must pass its
+        test.
+    """
+    from ..navigation.codes import NOT_MEASURED, REJECTED, VELOCITY_CONSTRAINT
+
+    verdict = np.concatenate(
+        [segment.solution.verdict[:, VELOCITY_CONSTRAINT] for segment in segments]
+    )
+    offered, rejected = int((verdict != NOT_MEASURED).sum()), int((verdict == REJECTED).sum())
+    if offered == 0:
+        return []
+    bad = rejected > MOTION_REJECTED * offered
+    key = (
+        "filter.non_holonomic = false"
+        if flight.filter.non_holonomic
+        else 'filter.zero_velocity = "off"'
+    )
+    return [
+        Check(
+            "motion",
+            f"{rejected} of {offered} zero-velocity updates or non-holonomic constraints rejected",
+            "most of them used",
+            "contradiction" if bad else "ok",
+            f"it does not move so: {key}" if bad else "",
+        )
+    ]
+
+
+def check_images(recording: Recording, segments: Sequence[Segment]) -> list[Check]:
+    """Note the exposures that have no orientation.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording.
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of Check
+        The note "images" where there are such.
+    """
+    if recording.events is None:
+        return []
+    images = recording.events.images
+    oriented = np.concatenate([segment.at_event for segment in segments])
+    lost = np.setdiff1d(np.arange(len(images)), oriented)
+    if not lost.size:
+        return []
+    names = ", ".join(images[k] for k in lost[:MOST_NAMED])
+    names += ", ..." if lost.size > MOST_NAMED else ""
+    return [
+        Check(
+            "images",
+            f"{lost.size} of {len(images)} have no orientation: {names}",
+            "all images within the segments",
+            "note",
+            "they lie in a gap, before the first fix or in a segment left out",
+        )
+    ]
