@@ -129,10 +129,10 @@ def sniff_events(path: str | Path) -> str:
 
 
 def _options(
-    path: str | Path, form: str, known: tuple[str, ...], given: dict[str, Any]
+    path: str | Path, form: str, accepted: tuple[str, ...], given: dict[str, Any]
 ) -> dict[str, Any]:
     options = {key: value for key, value in given.items() if value is not None}
-    extra = [key for key in options if key not in known]
+    extra = [key for key in options if key not in accepted]
     # standard deviations stand in where a file has none; a format that always has them does not
     # need them
     for key in [key for key in extra if key in ("sigma_m", "sigma_velocity")]:
@@ -141,17 +141,19 @@ def _options(
     if extra:
         raise UsageError(
             f"{path}: is of the format {form}, which takes no {', '.join(extra)}; it takes"
-            f" {', '.join(known)}"
+            f" {', '.join(accepted)}"
         )
     if form in ("matlab", "npy") and "columns" not in options:
         tables = "; ".join(
             f"{table.name or 'at the top'}: {' '.join(table.columns)}" for table in describe(path)
         )
-        what = (
+        message = (
             "needs columns = {tow = ..., ...}, and variable where they are fields of a struct or"
             f" labels of a matrix; there are {tables}"
         )
-        raise UsageError(f"{path}: a {'MATLAB' if form == 'matlab' else 'numpy'} file {what[:600]}")
+        raise UsageError(
+            f"{path}: a {'MATLAB' if form == 'matlab' else 'numpy'} file {message[:600]}"
+        )
     return options
 
 
@@ -203,8 +205,8 @@ def describe(path: str | Path) -> list[TableInfo]:
     return tables_in(path)
 
 
-def _function(place: str) -> Callable[..., Any]:
+def _function(location: str) -> Callable[..., Any]:
     """Import what "module:name" names, when it is used."""
-    module, _, name = place.partition(":")
+    module, _, name = location.partition(":")
     function: Callable[..., Any] = getattr(import_module(f".{module}", __name__), name)
     return function

@@ -75,8 +75,8 @@ class Export:
         return _function(self.reader) if self.reader else None
 
 
-def _function(place: str) -> Callable[..., Any]:
-    module, _, name = place.partition(":")
+def _function(location: str) -> Callable[..., Any]:
+    module, _, name = location.partition(":")
     function: Callable[..., Any] = getattr(import_module(f".{module}", __package__), name)
     return function
 

@@ -24,7 +24,7 @@ from ...base.errors import InputError, UsageError
 Array = NDArray[np.float64]
 Content = Mapping[str, Any]
 
-_PLACE = re.compile(r"(.*)\[(\d+)\]", re.DOTALL)
+_INDEXED = re.compile(r"(.*)\[(\d+)\]", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def _joined(variable: str | None, field: str) -> str:
         return field
     return (
         variable + field
-        if _PLACE.fullmatch(field) and field.startswith("[")
+        if _INDEXED.fullmatch(field) and field.startswith("[")
         else f"{variable}.{field}"
     )
 
@@ -100,11 +100,11 @@ def _joined(variable: str | None, field: str) -> str:
 def _reach(path: object, content: Content, name: str) -> Any:
     """The node of a path; InputError that lists what is there."""
     node: Any = content
-    for part in name.split("."):
-        if isinstance(node, Mapping) and part in node:
-            node = node[part]
-        elif isinstance(node, Matrix) and part in node.labels:
-            node = node.values[:, node.labels.index(part)]
+    for step in name.split("."):
+        if isinstance(node, Mapping) and step in node:
+            node = node[step]
+        elif isinstance(node, Matrix) and step in node.labels:
+            node = node.values[:, node.labels.index(step)]
         else:
             raise InputError(
                 f"{path}: no {name}; there are {', '.join(_names(node)) or 'no fields'}"
@@ -121,12 +121,12 @@ def _names(node: Any) -> list[str]:
 def _column(path: object, content: Content, name: str) -> Array:
     if name in content:  # a name that has points or brackets of its own
         return _vector(path, content[name], name)
-    if not (place := _PLACE.fullmatch(name)):
+    if not (match := _INDEXED.fullmatch(name)):
         return _vector(path, _reach(path, content, name), name)
-    matrix = _matrix(path, _reach(path, content, place[1]), place[1])
-    if not 1 <= int(place[2]) <= matrix.shape[1]:
+    matrix = _matrix(path, _reach(path, content, match[1]), match[1])
+    if not 1 <= int(match[2]) <= matrix.shape[1]:
         raise InputError(f"{path}: no {name}; there are {matrix.shape[1]} columns, counted from 1")
-    return np.ascontiguousarray(matrix[:, int(place[2]) - 1])
+    return np.ascontiguousarray(matrix[:, int(match[2]) - 1])
 
 
 def _matrix(path: object, node: Any, name: str) -> Array:

@@ -33,15 +33,15 @@ def _taken(
     columns: Columns,
     variable: str | None,
     required: Sequence[str],
-    known: Sequence[str],
+    accepted: Sequence[str],
 ) -> dict[str, Array]:
     names = list(columns)
-    if isinstance(columns, Mapping) and (odd := [name for name in names if name not in known]):
-        raise UsageError(f"{path}: columns: {odd[0]!r} is none of {', '.join(known)}")
+    if isinstance(columns, Mapping) and (odd := [name for name in names if name not in accepted]):
+        raise UsageError(f"{path}: columns: {odd[0]!r} is none of {', '.join(accepted)}")
     cols = {
         name: column
         for name, column in take_columns(path, content, columns, variable).items()
-        if name in known
+        if name in accepted
     }
     if missing := [name for name in required if name not in cols]:
         raise InputError(
@@ -54,7 +54,7 @@ def _taken(
 def _finite(table: Mapping[str, Array], lines: Lines) -> None:
     for name, column in table.items():
         if (bad := ~np.isfinite(column)).any():
-            raise lines.at(
+            raise lines.error_at(
                 int(np.argmax(bad)), f"{name} is {column[int(np.argmax(bad))]}; it must be finite"
             )
 
@@ -111,8 +111,8 @@ def gnss_of_content(
         for a fix, and is refused where more than half of them repeat the one before.
     """
     units = check_units(units, GNSS_UNIT_KEYS)
-    said = {key: _fields(columns, names) for key, names in UNIT_COLUMNS.items()}
-    scales, notes = fix_scales(str(path), None, said, units)
+    fields = {key: _fields(columns, names) for key, names in UNIT_COLUMNS.items()}
+    scales, notes = fix_scales(str(path), None, fields, units)
     table = _taken(path, content, columns, variable, REQUIRED, tuple(ALIASES))
     lines: Lines = NumberedRows(str(path))
     if repeat_column is not None:
@@ -140,8 +140,8 @@ def gnss_of_content(
         and np.mean((np.diff(table["lat"]) == 0.0) & (np.diff(table["lon"]) == 0.0))
         > REPEATED_LIMIT
     ):
-        found = "more than half of the positions repeat the one before"
-        raise InputError(f"{path}: {found}; set repeat_column to what changes with each new fix")
+        finding = "more than half of the positions repeat the one before"
+        raise InputError(f"{path}: {finding}; set repeat_column to what changes with each new fix")
     _finite(table, lines)
     return fixes_from_columns(
         table, lines, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m, notes

@@ -56,14 +56,14 @@ def read_mat(data: bytes) -> dict[str, Any]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            found = loadmat(io.BytesIO(data), chars_as_strings=True)
+            variables = loadmat(io.BytesIO(data), chars_as_strings=True)
     except Exception as error:  # a damaged file makes the library fail in any way
         raise Damaged(
             printable(" ".join(str(error).split()))[:120] or type(error).__name__
         ) from None
     out = {
         printable(name): _plain(value)
-        for name, value in found.items()
+        for name, value in variables.items()
         if not name.startswith("__") and name != "None"
     }
     if not out:
@@ -117,19 +117,19 @@ def _elements(data: Bytes, order: str) -> Iterator[tuple[int, Bytes]]:
     """Type and content of each element; one of up to 4 bytes stands within its tag, whose upper
     half is its size.
     """
-    place = 0
-    while place < len(data):
-        if place + TAG_BYTES > len(data):
+    offset = 0
+    while offset < len(data):
+        if offset + TAG_BYTES > len(data):
             raise Damaged("it ends within a tag")
-        kind, size = (int(v) for v in np.frombuffer(data, order + "u4", 2, place))
-        start = place + TAG_BYTES
+        kind, size = (int(v) for v in np.frombuffer(data, order + "u4", 2, offset))
+        start = offset + TAG_BYTES
         if kind >> 16:
-            kind, size, start = kind & 0xFFFF, kind >> 16, place + 4
+            kind, size, start = kind & 0xFFFF, kind >> 16, offset + 4
             if size > 4:
                 raise Damaged(f"a short element of {size} bytes")
-            place += TAG_BYTES
+            offset += TAG_BYTES
         else:
-            place = start + size + (0 if kind == COMPRESSED else -size % 8)
+            offset = start + size + (0 if kind == COMPRESSED else -size % 8)
         if start + size > len(data):
             raise Damaged(f"it ends within an element of {size} bytes")
         yield kind, data[start : start + size]

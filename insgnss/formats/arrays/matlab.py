@@ -31,12 +31,12 @@ def load_matlab(path: Source) -> Content:
     if HDF5 in data[:1024]:
         return _labelled(_hdf5(path))
     try:
-        found = read_mat(data)
+        variables = read_mat(data)
     except Damaged as error:
         raise InputError.at(
             path, None, f"is no whole MATLAB file ({error}); copy it again from its source"
         ) from None
-    return _labelled({name: _plain(node) for name, node in found.items()})
+    return _labelled({name: _plain(node) for name, node in variables.items()})
 
 
 def _plain(node: Any) -> Any:
@@ -65,10 +65,10 @@ def _hdf5(path: Source) -> dict[str, Any]:
     try:
         import h5py
     except ImportError:
-        what = (
+        message = (
             "is a MATLAB 7.3 file (HDF5), which needs h5py: pip install h5py; or save it with -v7"
         )
-        raise InputError.at(path, None, what) from None
+        raise InputError.at(path, None, message) from None
 
     def plain(node: Any, depth: int = 0) -> Any:
         if isinstance(node, h5py.Group):

@@ -29,16 +29,16 @@ from ..orientation.exported import (
     CHUNK,
     check_frame,
     check_names,
+    comment_lines,
     frame_words,
     place_form,
     places,
-    said,
 )
 from ..text.text import Source
 
 HEAD = """<?xml version="1.0" encoding="utf-8"?>
 <!--
-{said}-->
+{comment}-->
 <BlocksExchange version="2.1">
  <SpatialReferenceSystems><SRS><Id>0</Id><Name>{name}</Name><Definition>{definition}</Definition></SRS></SpatialReferenceSystems>
  <Block><Name>insgnss</Name><Type>Nadir</Type><SRSId>0</SRSId>
@@ -82,14 +82,16 @@ def write_bentley(
             )
         camera = CAMERA.format(width=width_px, height=height_px, focal=focal_px)
     eo = on_ellipsoid(eo)
-    definition, place = _reference(eo)
-    words = said(
+    definition, coordinates = _reference(eo)
+    words = comment_lines(
         eo, "rotation: matrix of world to camera, x right, y down, z viewing direction"
     ).replace("--", "- -")
     head = HEAD.format(
-        said=words, name=escape(frame_words(eo)), definition=escape(definition), camera=camera
+        comment=words, name=escape(frame_words(eo)), definition=escape(definition), camera=camera
     )
-    atomic_write(path, _text(eo, head, np.hstack([eo.C_fc.swapaxes(1, 2).reshape(-1, 9), place])))
+    atomic_write(
+        path, _text(eo, head, np.hstack([eo.C_fc.swapaxes(1, 2).reshape(-1, 9), coordinates]))
+    )
 
 
 def on_ellipsoid(eo: FramedOrientation) -> FramedOrientation:
@@ -99,11 +101,11 @@ def on_ellipsoid(eo: FramedOrientation) -> FramedOrientation:
     if eo.frame.kind != TANGENT:
         return eo
     lat, lon, h = eo.frame.origin
-    at = (
+    origin = (
         f"latitude {np.degrees(lat):.10f} deg, longitude {np.degrees(lon):.10f} deg, 0.0000 m (on"
         " the ellipsoid)"
     )
-    frame = replace(eo.frame, name=f"tangent plane of WGS84 at {at}", origin=(lat, lon, 0.0))
+    frame = replace(eo.frame, name=f"tangent plane of WGS84 at {origin}", origin=(lat, lon, 0.0))
     return replace(eo, frame=frame, coordinates=eo.coordinates + [0.0, 0.0, h])
 
 

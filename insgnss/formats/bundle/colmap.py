@@ -21,7 +21,7 @@ from ...base.files import atomic_write
 from ...geodesy.rotation import quaternion_from_rotation
 from ...records import Array, FramedOrientation
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
-from ..orientation.exported import check_frame, check_names, check_only, said
+from ..orientation.exported import check_frame, check_names, check_only, comment_lines
 from ..orientation.poses import staged, vector
 from ..text.text import Source
 from .camera import Camera, camera_of
@@ -79,7 +79,7 @@ def write_colmap(
         f"shift: {offset[0]:.4f} {offset[1]:.4f} {offset[2]:.4f} m was subtracted from the"
         " positions"
     )
-    head = said(
+    head = comment_lines(
         eo, subtracted, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then a line of its points"
     )
     atomic_write(
@@ -181,15 +181,15 @@ def _new_images(pycolmap: Any, db: Any, eo: FramedOrientation, model: Camera) ->
 
 
 def _known_images(db: Any, eo: FramedOrientation, database: Source | None) -> list[Any]:
-    known = {image.name: image.data_id for image in db.read_all_images()}
-    missing = [name for name in eo.images if name not in known]
+    ids = {image.name: image.data_id for image in db.read_all_images()}
+    missing = [name for name in eo.images if name not in ids]
     if missing:
-        what = (
+        message = (
             f"has no image {missing[0]!r} ({len(missing)} of {len(eo.images)} are missing); extract"
             " features of all images first"
         )
-        raise InputError.at(database, None, what)
-    return [known[name] for name in eo.images]
+        raise InputError.at(database, None, message)
+    return [ids[name] for name in eo.images]
 
 
 def _write_priors(
@@ -221,9 +221,9 @@ def _write_priors(
             prior.corr_data_id = data_id
             prior.position, prior.position_covariance = position[k], eo.cov[k, :3, :3]
             prior.gravity, prior.coordinate_system = gravity[k], kind
-            known = earlier.get((data_id.sensor_id.id, data_id.id))
-            if known is None:
+            prior_id = earlier.get((data_id.sensor_id.id, data_id.id))
+            if prior_id is None:
                 db.write_pose_prior(prior)
             else:
-                prior.pose_prior_id = known
+                prior.pose_prior_id = prior_id
                 db.update_pose_prior(prior)

@@ -25,8 +25,8 @@ from ..orientation.exported import (
     angles_of,
     check_frame,
     check_names,
+    comment_lines,
     frame_attitude,
-    said,
     table_text,
 )
 from ..text.text import Source
@@ -101,7 +101,7 @@ def write_inpho_ascii(eo: FramedOrientation, path: Source) -> None:
         " up, z back) to the frame"
     )
     head = (
-        said(eo, words, "time: seconds of the GPS week, GPS time")
+        comment_lines(eo, words, "time: seconds of the GPS week, GPS time")
         + "# id E N H omega phi kappa time\n"
     )
     atomic_write(path, table_text(head, ids, "%s" + " %.4f" * 3 + " %.6f" * 3 + " %.6f\n", table))
@@ -127,9 +127,9 @@ def _blocks(
     since = (1000.0 * (WEEK_S * eo.gps_week + eo.time)).round().astype("timedelta64[ms]")
     when = np.datetime_as_string(GPS_EPOCH + since, unit="s")
     for first in range(0, len(ids), CHUNK):
-        part = slice(first, first + CHUNK)
+        chunk = slice(first, first + CHUNK)
         rows = zip(
-            ids[part], eo.images[part], when[part].tolist(), table[part].tolist(), strict=True
+            ids[chunk], eo.images[chunk], when[chunk].tolist(), table[chunk].tolist(), strict=True
         )
         yield "".join(
             [

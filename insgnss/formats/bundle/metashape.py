@@ -40,6 +40,7 @@ from ..orientation.exported import (
     angles_of,
     check_frame,
     check_names,
+    comment_lines,
     frame_attitude,
     frame_words,
     north_attitude,
@@ -47,7 +48,6 @@ from ..orientation.exported import (
     place_form,
     places,
     position_sigma,
-    said,
     table_text,
 )
 from ..text.columns import Aliases, columns_of
@@ -129,7 +129,7 @@ def _offset_text(eo: FramedOrientation) -> str:
         ),
         "the positions are those of the projection centre: the location stays 0",
     )
-    head = said(
+    head = comment_lines(
         eo, *lines, applied="lever arm applied, bore-sight not applied in the angles of the csv"
     )
     return (

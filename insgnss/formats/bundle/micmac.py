@@ -30,9 +30,9 @@ from ..orientation.exported import (
     check_frame,
     check_names,
     check_only,
+    comment_lines,
     frame_attitude,
     position_sigma,
-    said,
     table_text,
 )
 from ..text.text import Source
@@ -77,7 +77,7 @@ def write_micmac(eo: FramedOrientation, path: Source) -> None:
     check_names(eo.images, None)
     opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
     form = "%s" + " %.4f" * 3 + " %.6f" * 3 + " %.5f" * 3 + "\n"
-    words = said(
+    words = comment_lines(
         eo,
         "angles: omega phi kappa, deg (eConvAngPhotoMDegre); R = Rx(omega) Ry(phi) Rz(kappa) takes"
         " right-up-back to the frame",

@@ -19,10 +19,10 @@ from ...records.framed import GEOGRAPHIC, PROJECTED
 from ..orientation.exported import (
     check_frame,
     check_names,
+    comment_lines,
     place_form,
     places,
     plan_and_height_sigma,
-    said,
     table_text,
 )
 from ..text.text import Source
@@ -43,7 +43,7 @@ def write_odm_geo(eo: FramedOrientation, path: Source) -> None:
             " a CRS that has, or geographic"
         )
     form = f"%s {place_form(eo, ' ')} NaN NaN NaN %.5f %.5f\n"
-    head = f"{code}\n{said(eo, 'columns: name x y z yaw pitch roll horizontal vertical; angles left out, since the reader turns them')}"
+    head = f"{code}\n{comment_lines(eo, 'columns: name x y z yaw pitch roll horizontal vertical; angles left out, since the reader turns them')}"
     atomic_write(
         path, table_text(head, eo.images, form, np.hstack([places(eo), plan_and_height_sigma(eo)]))
     )

@@ -50,8 +50,8 @@ def write_opensfm(eo: FramedOrientation, path: Source) -> None:
     sigma = np.sqrt(
         np.diagonal(eo.cov, axis1=1, axis2=2).reshape(-1, 2, 3).mean(axis=2)
     )  # of position, of psi
-    place = np.column_stack([np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2]])
-    table = np.hstack([place, sigma[:, :1], np.degrees(opk), np.degrees(sigma[:, 1:])])
+    position = np.column_stack([np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2]])
+    table = np.hstack([position, sigma[:, :1], np.degrees(opk), np.degrees(sigma[:, 1:])])
     atomic_write(path, _entries(eo.images, table))
     atomic_write(beside, reference)
 
@@ -61,10 +61,10 @@ def _entries(images: tuple[str, ...], table: np.ndarray) -> Iterable[str]:
     form = "%s: " + gps + ', "opk": {"omega": %.6f, "phi": %.6f, "kappa": %.6f, "accuracy": %.6f}}'
     yield "{\n"
     for first in range(0, len(images), CHUNK):
-        part = slice(first, first + CHUNK)
+        chunk = slice(first, first + CHUNK)
         text = [
             form % (json.dumps(name), *values)
-            for name, values in zip(images[part], table[part].tolist(), strict=True)
+            for name, values in zip(images[chunk], table[chunk].tolist(), strict=True)
         ]
         yield (",\n" if first else "") + ",\n".join(text)
     yield "\n}\n"

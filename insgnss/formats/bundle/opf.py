@@ -225,12 +225,12 @@ def _captures(
 ) -> Iterator[str]:
     pixels = f'"pixel_range":{{"min":0,"max":{PIXELS[pixel_type]}}},"pixel_type":"{pixel_type}"'
     camera = f'{{"id":%d,"model_source":"user",{pixels},"sensor_id":{SENSOR}}}'
-    place = '"geolocation":{"crs":{"definition":"EPSG:4979"},"coordinates":[%.10f,%.10f,%.4f],"sigmas":[%.5f,%.5f,%.5f]}'
+    geolocation = '"geolocation":{"crs":{"definition":"EPSG:4979"},"coordinates":[%.10f,%.10f,%.4f],"sigmas":[%.5f,%.5f,%.5f]}'
     turn = '"orientation":{"type":"omega_phi_kappa","crs":' + json.dumps(crs).replace("%", "%%")
     turn += ',"angles_deg":[%.6f,%.6f,%.6f],"sigmas_deg":[%.6f,%.6f,%.6f]}'
     square = ",".join("[" + ",".join(["%.9g"] * 6) + "]" for _ in range(6))
     full = f'"extensions":{{"INSGNSS_covariance":{{"version":"1.0","cov6":[{square}]}}}}'
-    form = f'{{"id":%d,"cameras":[{camera}],"reference_camera_id":%d,"rig_model_source":"not_applicable","time":"%s",{place},{turn},{full}}}'
+    form = f'{{"id":%d,"cameras":[{camera}],"reference_camera_id":%d,"rig_model_source":"not_applicable","time":"%s",{geolocation},{turn},{full}}}'
     sigma = local_sigma(eo)[:, [1, 0, 2]]
     table = np.column_stack(
         [

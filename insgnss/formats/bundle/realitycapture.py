@@ -18,11 +18,11 @@ from ..orientation.exported import (
     angles_of,
     check_frame,
     check_names,
+    comment_lines,
     north_attitude,
     place_form,
     places,
     position_sigma,
-    said,
     table_text,
 )
 from ..text.text import Source
@@ -58,5 +58,5 @@ def write_log(eo: FramedOrientation, path: Source, accuracies: str = "") -> None
         table = np.hstack([table, position_sigma(eo), np.degrees(sigma)])
         form += ",%.5f" * 3 + ",%.6f" * 3
         columns += ",accX,accY,accZ,accYaw,accPitch,accRoll"
-    head = said(eo, *([accuracies] if accuracies else []), ANGLES) + columns + "\n"
+    head = comment_lines(eo, *([accuracies] if accuracies else []), ANGLES) + columns + "\n"
     atomic_write(path, table_text(head, eo.images, form + "\n", table))

@@ -49,9 +49,9 @@ class MrkFile:
     sigma: Array
     quality: NDArray[np.int64]
 
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at the line of `row`."""
-        return InputError.at(self.path, self.lines[row], what)
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at the line of `row`."""
+        return InputError.at(self.path, self.lines[row], message)
 
 
 def is_mrk(head: bytes) -> bool:
@@ -153,11 +153,11 @@ def _values(path: Source, line: int, text: str) -> dict[str, float]:
             unnamed.append(value)
         i += 2 if name in NAMES else 1
     if len(unnamed) not in (LEAST, LEAST + 3):
-        what = (
+        message = (
             f"{len(unnamed)} values without a name, expected number, time of week and three"
             " standard deviations, or the first two"
         )
-        raise InputError.at(path, line, f"{what}: {shown(text.strip())}; copy the file again")
+        raise InputError.at(path, line, f"{message}: {shown(text.strip())}; copy the file again")
     row |= dict(zip(("number", "tow", *SIGMAS), unnamed, strict=False))
     if odd := [
         name

@@ -14,7 +14,13 @@ import numpy as np
 from ...base.files import atomic_write
 from ...records import FramedOrientation
 from ...records.framed import PROJECTED, TANGENT
-from ..orientation.exported import check_frame, check_names, frame_attitude, said, table_text
+from ..orientation.exported import (
+    check_frame,
+    check_names,
+    comment_lines,
+    frame_attitude,
+    table_text,
+)
 from ..text.text import Source
 
 WIDEST = 10**15
@@ -32,7 +38,7 @@ def write_patb(eo: FramedOrientation, path: Source) -> None:
     numbers = photo_numbers(eo.images)
     R, _ = frame_attitude(eo)
     atomic_write(path, table_text("", numbers, FORM, np.hstack([eo.coordinates, R.reshape(-1, 9)])))
-    head = said(
+    head = comment_lines(
         eo,
         "experimental: PATB's direction of the matrix is unverified; here it takes right-up-back to"
         " the frame",

@@ -49,8 +49,8 @@ def write_kml(
     Raises UsageError without it, InputError where it is none.
     """
     height = sea_level(eo, undulation_m, "kml")
-    place = np.column_stack([np.degrees(eo.geodetic[:, [1, 0]]), height])
-    atomic_write(path, _document(eo, place))
+    position = np.column_stack([np.degrees(eo.geodetic[:, [1, 0]]), height])
+    atomic_write(path, _document(eo, position))
 
 
 def camera_angles(R: Array) -> Array:
@@ -66,28 +66,28 @@ def camera_angles(R: Array) -> Array:
     return np.column_stack([heading % (2.0 * np.pi), np.arctan2(across, R[:, 2, 2]), roll])
 
 
-def _document(eo: FramedOrientation, place: Array) -> Iterator[str]:
-    said = escape("\n".join(sentences(eo, "altitudes: above mean sea level")))
+def _document(eo: FramedOrientation, position: Array) -> Iterator[str]:
+    description = escape("\n".join(sentences(eo, "altitudes: above mean sea level")))
     yield (
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml'
         ' xmlns="http://www.opengis.net/kml/2.2">\n<Document>\n'
     )
-    yield f"<name>exterior orientation</name>\n<description>{said}</description>\n"
+    yield f"<name>exterior orientation</name>\n<description>{description}</description>\n"
     yield (
         "<Style"
         ' id="photo"><IconStyle><scale>0.6</scale><Icon><href>http://maps.google.com/mapfiles/kml/shapes/camera.png</href></Icon>'
     )
     yield "</IconStyle><LabelStyle><scale>0</scale></LabelStyle></Style>\n"
-    if len(place) > 1:
-        line = " ".join(f"{x:.10f},{y:.10f},{z:.4f}" for x, y, z in place.tolist())
+    if len(position) > 1:
+        line = " ".join(f"{x:.10f},{y:.10f},{z:.4f}" for x, y, z in position.tolist())
         yield "<Placemark><name>track</name><LineString><altitudeMode>absolute</altitudeMode>"
         yield f"<coordinates>{line}</coordinates></LineString></Placemark>\n"
     yield "<Folder><name>images</name>\n"
-    yield from _placemarks(eo, place)
+    yield from _placemarks(eo, position)
     yield "</Folder>\n</Document>\n</kml>\n"
 
 
-def _placemarks(eo: FramedOrientation, place: Array) -> Iterator[str]:
+def _placemarks(eo: FramedOrientation, position: Array) -> Iterator[str]:
     camera = "<Camera><longitude>%.10f</longitude><latitude>%.10f</latitude><altitude>%.4f</altitude><heading>%.6f</heading>"
     camera += "<tilt>%.6f</tilt><roll>%.6f</roll><altitudeMode>absolute</altitudeMode></Camera>"
     data = "".join(f'<Data name="{name}"><value>%.6f</value></Data>' for name in NAMES)
@@ -97,6 +97,6 @@ def _placemarks(eo: FramedOrientation, place: Array) -> Iterator[str]:
     ypr, _ = true_north_ypr(eo)
     angles = np.degrees(camera_angles(eo.C_Ec @ CV_RUB))
     table = np.column_stack([np.degrees(ypr), local_sigma(eo), eo.geodetic[:, 2]])
-    rows = zip(eo.images, place.tolist(), angles.tolist(), utc(eo), table.tolist(), strict=True)
+    rows = zip(eo.images, position.tolist(), angles.tolist(), utc(eo), table.tolist(), strict=True)
     for name, x, turn, when, row in rows:
         yield form % (escape(name), *x, *turn, when, *row, *x)

@@ -75,7 +75,7 @@ def fixes_from_columns(
     is to be had.
     """
     time, gps_week = gps_time(lines, clock_of(cols), cols.get("week"), gps_week, scales.time)
-    rows, told = put_in_order(
+    rows, order_notes = put_in_order(
         lines,
         time,
         lambda i, k: all(column[i] == column[k] for column in cols.values()),
@@ -88,11 +88,11 @@ def fixes_from_columns(
     for name, value, limit in (("lat", lat, 0.5 * np.pi), ("lon", lon, 2.0 * np.pi)):
         if (beyond := np.abs(value) > limit + 1e-12).any():
             row = int(np.argmax(beyond))
-            what = (
+            message = (
                 f"{name} {np.degrees(value[row]):.6f} deg exceeds {np.degrees(limit):.0f}; check"
                 " the columns and their unit"
             )
-            raise lines.at(row, what)
+            raise lines.error_at(row, message)
     height = cols["h"] * scales.length + undulation_m
     _within(lines, "height", height, "m")
     cov = _covariance(cols, SIGMA, scales.length, lines, source, sigma_m, "sigma_m")
@@ -109,14 +109,14 @@ def fixes_from_columns(
         quality,
         gps_week,
         source,
-        (*notes, *told),
+        (*notes, *order_notes),
     )
 
 
 def _within(lines: Lines, name: str, value: Array, unit: str) -> None:
     if (beyond := np.abs(value) > LARGEST).any():
         row = int(np.argmax(beyond))
-        raise lines.at(
+        raise lines.error_at(
             row,
             f"{name} {value[row]:g} {unit} exceeds {LARGEST:g}; check the columns and their unit",
         )
@@ -127,10 +127,10 @@ def _quality(cols: Mapping[str, Array], lines: Lines, codes: str) -> NDArray[np.
     if codes not in QUALITY_CODES:
         raise UsageError(f"units: quality = {codes!r} is none of {', '.join(QUALITY_CODES)}")
     q = cols["q"]
-    known = NMEA_QUALITY if codes == "nmea" else range(MOST_QUALITY + 1)
-    if (odd := ~np.isin(q, list(known))).any():
+    accepted = NMEA_QUALITY if codes == "nmea" else range(MOST_QUALITY + 1)
+    if (odd := ~np.isin(q, list(accepted))).any():
         row = int(np.argmax(odd))
-        raise lines.at(
+        raise lines.error_at(
             row,
             f"quality {q[row]:g} is no code of {codes}; check the columns, or set units = {{"
             ' quality = "nmea" }',
@@ -166,14 +166,14 @@ def _velocity(
         north, east = cols["speed"] * np.cos(course), cols["speed"] * np.sin(course)
     else:
         north, east = cols["vn"], cols["ve"]
-    known = up in cols
-    down = np.zeros(north.size) if not known else cols["vd"] if up == "vd" else -cols["vu"]
+    has_vertical = up in cols
+    down = np.zeros(north.size) if not has_vertical else cols["vd"] if up == "vd" else -cols["vu"]
     velocity = scales.velocity * np.column_stack([north, east, down])
     _within(lines, "velocity", np.abs(velocity).max(axis=1, initial=0.0), "m/s")
     cov = _covariance(
         cols, VELOCITY_SIGMA, scales.velocity, lines, source, sigma_velocity, "sigma_velocity"
     )
-    if not known:
+    if not has_vertical:
         cov[:, 2, 2] = UNKNOWN_MPS**2
     return velocity, cov
 
@@ -218,7 +218,7 @@ def _covariance(
             if sigma[row, k] > 0.0
             else "must be positive"
         )
-        raise lines.at(
+        raise lines.error_at(
             row,
             f"standard deviation {names[k]} is {sigma[row, k]:g}; it {limit}; leave the fix out or"
             " correct it",

@@ -138,10 +138,10 @@ def read_gnss_text(
     units = check_units(units, UNIT_KEYS)
     table = read_table(path, whole=False)
     index = columns_of(table, ALIASES, REQUIRED, DEFAULTS, columns, KINDS)
-    said = {key: fields_of(table.layout, index, names) for key, names in UNIT_COLUMNS.items()}
-    scales, told = fix_scales(str(path), table.layout.header_line, said, units)
+    fields = {key: fields_of(table.layout, index, names) for key, names in UNIT_COLUMNS.items()}
+    scales, unit_notes = fix_scales(str(path), table.layout.header_line, fields, units)
     cols = {name: np.ascontiguousarray(table.values[:, i]) for name, i in index.items()}
-    notes = (*open_end("GNSS rows", table.complete), *told)
+    notes = (*open_end("GNSS rows", table.complete), *unit_notes)
     return fixes_from_columns(
         cols, table, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m, notes
     )
@@ -232,9 +232,15 @@ def read_image_positions(path: Source, columns: Columns = None) -> ImagePosition
             f"no column {' '.join(missing)}; set columns = [...] of {', '.join(IMAGE_ALIASES)}",
         )
     groups = {"angle": names[:2], "length": names[2:]} if frame == "geodetic" else {"length": names}
-    said = {key: fields_of(table.layout, index, of_key) for key, of_key in groups.items()}
+    fields = {key: fields_of(table.layout, index, of_key) for key, of_key in groups.items()}
     _, factors, _ = settled_units(
-        str(path), table.layout.header_line, groups, {key: key for key in groups}, said, {}, "image"
+        str(path),
+        table.layout.header_line,
+        groups,
+        {key: key for key in groups},
+        fields,
+        {},
+        "image",
     )
     scales = [factors[key] for key, of_key in groups.items() for _ in of_key]
     position = np.column_stack([table.floats(index[name]) for name in names]) * scales

@@ -73,11 +73,11 @@ def read_nmea(
     day = _first_day(path, log)
     missing = [row for row in log.fixes if row[0] not in log.sigma]
     if missing and sigma_m is None and len(missing) > BAD_SHARE_LIMIT * len(log.fixes):
-        what = (
+        message = (
             f"{len(missing)} of {len(log.fixes)} fixes have no GST sentence of their time; set"
             " sigma_m = [north, east, down]"
         )
-        raise InputError.at(path, missing[0][1], what)
+        raise InputError.at(path, missing[0][1], message)
     stand_in = None if sigma_m is None else tuple(np.asarray(sigma_m, dtype=np.float64).tolist())
     fixes = [row for row in log.fixes if stand_in is not None or row[0] in log.sigma]
     lines = SentenceLines(str(path), [row[1] for row in fixes])
@@ -88,7 +88,7 @@ def read_nmea(
     )  # midnight UTC lies in the week before, in the leap seconds before the week's end
     week, time = week + over, time - over * WEEK_S
     if gps_week is not None and week != gps_week:
-        raise lines.at(
+        raise lines.error_at(
             0,
             f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or"
             " the file",
@@ -126,17 +126,17 @@ def _velocity(
     """
     track = np.array([log.track.get(row[0], (np.nan, np.nan)) for row in fixes])
     speed, course = track[:, 0] * KNOT, np.radians(track[:, 1])
-    known = np.isfinite(speed)
+    has_track = np.isfinite(speed)
     north, east, _ = np.broadcast_to(np.asarray(sigma_velocity, dtype=np.float64), 3).tolist()
     zero = np.zeros(speed.size)
     cols = {
-        "vn": np.where(known, speed * np.cos(course), 0.0),
-        "ve": np.where(known, speed * np.sin(course), 0.0),
+        "vn": np.where(has_track, speed * np.cos(course), 0.0),
+        "ve": np.where(has_track, speed * np.sin(course), 0.0),
         "vd": zero,
     }
     return cols | {
-        "sd_vn": np.where(known, north, UNKNOWN_MPS),
-        "sd_ve": np.where(known, east, UNKNOWN_MPS),
+        "sd_vn": np.where(has_track, north, UNKNOWN_MPS),
+        "sd_ve": np.where(has_track, east, UNKNOWN_MPS),
         "sd_vd": zero + UNKNOWN_MPS,
     }
 
@@ -188,11 +188,11 @@ def _fix(
 ) -> tuple[float, float, float, int]:
     separation = fields[11] if len(fields) > 11 else ""
     if not separation and undulation_m is None:
-        what = (
+        message = (
             "GGA without geoid separation; the height above the ellipsoid is not known; let the"
             " receiver write it, or set undulation_m"
         )
-        raise InputError.at(path, line, what)
+        raise InputError.at(path, line, message)
     lat, lon = (
         _degrees(fields[2], fields[3], "NS", path, line),
         _degrees(fields[4], fields[5], "EW", path, line),
@@ -223,7 +223,7 @@ def _degrees(field: str, side: str, sides: str, path: str, line: int) -> float:
 
 def _time_of_day(field: str, path: str, line: int) -> float:
     hms = (
-        [number(part, path, line) for part in (field[:2], field[2:4], field[4:])]
+        [number(text, path, line) for text in (field[:2], field[2:4], field[4:])]
         if len(field) >= 6
         else [np.inf]
     )
@@ -270,14 +270,14 @@ def _first_day(path: Source, log: _Log) -> float:
 def _left_out(n_bad: int, n_void: int, n_without: int, n_fixes: int) -> tuple[Check, ...]:
     if not (n_bad or n_void or n_without):
         return ()
-    found = (
+    finding = (
         f"left out {n_bad} lines without a right checksum, {n_void} epochs without fix, {n_without}"
         f" without GST; {n_fixes} fixes"
     )
     return (
         note(
             "GNSS rows",
-            found,
+            finding,
             "whole sentences, a fix and GST each epoch",
             "check the logger and the receiver's settings",
         ),

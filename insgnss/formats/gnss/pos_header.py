@@ -63,7 +63,7 @@ class Header:
         for name in self.names:
             split = self.sexagesimal and name in ("latitude", "longitude")
             names += (
-                [f"{name}:{part}" for part in "dms"]
+                [f"{name}:{component}" for component in "dms"]
                 if split
                 else [_OTHER_NAMES.get(self.kind, {}).get(name, name)]
             )
@@ -108,20 +108,20 @@ def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
     """
     data = buf.tobytes()
     comments = [decode(line) for line in re.findall(rb"^[ \t]*%[^\r\n]*", data, re.MULTILINE)]
-    said = [line for line in comments if _names_position(line)]
-    found = next((m for m in re.finditer(rb"^[ \t]*[^\s%][^\r\n]*", data, re.MULTILINE)), None)
-    first = decode(found[0]) if found else ""
-    if not said:
+    column_lines = [line for line in comments if _names_position(line)]
+    data_line = next((m for m in re.finditer(rb"^[ \t]*[^\s%][^\r\n]*", data, re.MULTILINE)), None)
+    first = decode(data_line[0]) if data_line else ""
+    if not column_lines:
         return _without_header(path, first)
-    if len({" ".join(line.split()) for line in said}) > 1:
+    if len({" ".join(line.split()) for line in column_lines}) > 1:
         raise InputError.at(
             path,
             None,
-            f"holds {len(said)} headers that differ; was it put together from two files? split it",
+            f"holds {len(column_lines)} headers that differ; was it put together from two files? split it",
         )
-    kind = next(name for name in POSITION if f"{name}(" in said[0])
+    kind = next(name for name in POSITION if f"{name}(" in column_lines[0])
     tokens = (
-        re.sub(r"\([^)]*\)", "", said[0].strip().lstrip("% "))
+        re.sub(r"\([^)]*\)", "", column_lines[0].strip().lstrip("% "))
         .replace(",", " ")
         .replace(";", " ")
         .split()
@@ -139,7 +139,7 @@ def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
         tuple(tokens[1:]),
         tokens[0],
         not geodetic,
-        "(d'\")" in said[0],
+        "(d'\")" in column_lines[0],
         dated,
         _base(comments),
     )
@@ -148,11 +148,11 @@ def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
 def _without_header(path: Source, first: str) -> Header:
     dated = _plain_layout(first)
     if dated is None:
-        what = (
+        message = (
             "no RTKLIB header (% GPST latitude(deg) ...); write it (out-outhead = on), or rename"
             " the file to .txt"
         )
-        raise InputError.at(path, None, what)
+        raise InputError.at(path, None, message)
     fields = re.split(r"[\s,;]+", first.strip())
     kind = "x-ecef" if max(abs(float(v)) for v in fields[2:5]) > 1e5 else "latitude"
     names = [*POSITION[kind], "Q", "ns", *ROOTS[kind], "age", "ratio"]

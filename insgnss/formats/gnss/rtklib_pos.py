@@ -63,7 +63,7 @@ class PosRows:
     time: Array
     gps_week: int
     complete: bool
-    told: tuple[Check, ...]
+    notes: tuple[Check, ...]
 
     @property
     def base_ecef(self) -> Array | None:
@@ -89,18 +89,18 @@ def read_pos_rows(path: Source, gps_week: int | None = None) -> PosRows:
     columns = _columns(table, header)
     time, week = _time(table, columns, header)
     if gps_week is not None and week != gps_week:
-        raise table.at(
+        raise table.error_at(
             0,
             f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or"
             " the file",
         )
-    rows, told = put_in_order(
+    rows, notes = put_in_order(
         table, time, lambda i, k: bool((table.values[i] == table.values[k]).all()), "GNSS rows"
     )
     if rows is not None:
         table = Table(table.path, table.layout, table.values[rows], table.lines[rows])
         time, columns = time[rows], {name: column[rows] for name, column in columns.items()}
-    return PosRows(header, table, columns, time, week, complete, tuple(told))
+    return PosRows(header, table, columns, time, week, complete, tuple(notes))
 
 
 def read_rtklib_pos(
@@ -147,7 +147,7 @@ def read_rtklib_pos(
         quality,
         read.gps_week,
         str(path),
-        (*notes, *read.told),
+        (*notes, *read.notes),
     )
 
 
@@ -167,11 +167,11 @@ def _columns(table: Table, header: Header) -> dict[str, Array]:
     """Columns by RTKLIB's name; time as year ... second or week, tow, sexagesimal angles joined."""
     names = header.columns
     if len(names) != table.values.shape[1]:
-        what = (
+        message = (
             f"{table.values.shape[1]} fields, but the header names {len(names)}:"
             f" {' '.join(names)[:400]}; is it two files?"
         )
-        raise table.at(0, what)
+        raise table.error_at(0, message)
     needed = [
         name if not header.sexagesimal or name == "height" else f"{name}:d"
         for name in POSITION[header.kind]
@@ -187,7 +187,7 @@ def _columns(table: Table, header: Header) -> dict[str, Array]:
     cols = {name: np.ascontiguousarray(table.values[:, i]) for i, name in enumerate(names)}
     if header.sexagesimal:
         for name in ("latitude", "longitude"):
-            d, m, s = (cols[f"{name}:{part}"] for part in "dms")
+            d, m, s = (cols[f"{name}:{component}"] for component in "dms")
             cols[name] = np.copysign(np.abs(d) + m / 60.0 + s / 3600.0, d)
     return cols
 
@@ -233,11 +233,11 @@ def _time(table: Table, cols: dict[str, Array], header: Header) -> tuple[Array, 
     return (seconds - week * WEEK_S) + tod, week
 
 
-def _refuse(table: Table, bad: NDArray[np.bool_], value: Array, what: str) -> None:
-    """Refuse the first bad row; `what` holds a place for its value."""
+def _refuse(table: Table, bad: NDArray[np.bool_], value: Array, message: str) -> None:
+    """Refuse the first bad row; `message` holds a place for its value."""
     if bad.any():
         row = int(np.argmax(bad))
-        raise table.at(row, f"{what.format(value[row])}; check the columns")
+        raise table.error_at(row, f"{message.format(value[row])}; check the columns")
 
 
 def _position(
@@ -284,12 +284,12 @@ def _above_ellipsoid(
     if header.ellipsoidal:
         return height
     if undulation_m is None:
-        what = (
+        message = (
             "heights are above the geoid (geodetic); let RTKLIB write them above the ellipsoid, or"
             " give the geoid's height above it"
         )
-        what += ", gnss.undulation_m (compare: --undulation-a, --undulation-b)"
-        raise InputError.at(table.path, None, what)
+        message += ", gnss.undulation_m (compare: --undulation-a, --undulation-b)"
+        raise InputError.at(table.path, None, message)
     return height + undulation_m
 
 
@@ -299,11 +299,11 @@ def _base_frame(table: Table, header: Header) -> tuple[Array, Array]:
     """
     base = header.base
     if base is None:
-        what = (
+        message = (
             "holds baselines, and its header no base (% ref pos : latitude longitude height); let"
             " RTKLIB write out-solformat = llh"
         )
-        raise InputError.at(table.path, None, what)
+        raise InputError.at(table.path, None, message)
     if len(base) == 7:
         d = [
             np.copysign(abs(base[k]) + base[k + 1] / 60.0 + base[k + 2] / 3600.0, base[k])
@@ -334,14 +334,14 @@ def _velocity(
     if names[0] not in cols:
         return None, None
     if not all(name in cols for name in (*names, *roots)) or not cols[roots[0]].any():
-        found = (
+        finding = (
             "velocities without standard deviations, or of zero, were not estimated and are"
             " left out"
         )
         notes.append(
             note(
                 "GNSS rows",
-                found,
+                finding,
                 "velocities with their standard deviations",
                 "let RTKLIB use Doppler, or leave velocities out",
             )
@@ -387,11 +387,11 @@ def _covariance(
     )
     if zero.any():
         row, k = (int(i) for i in np.argwhere(zero)[0])
-        what = (
+        message = (
             f"standard deviation {names[k]} is {roots[row, k]:g}; it must be positive; is it a"
             " solution with a covariance?"
         )
-        raise table.at(row, what)
+        raise table.error_at(row, message)
     c = np.sign(roots) * roots**2
     P = np.empty((len(c), 3, 3))
     P[:, 0, 0], P[:, 1, 1], P[:, 2, 2] = c[:, 0], c[:, 1], c[:, 2]
@@ -422,20 +422,19 @@ def _drop_odd_correlations(
     if not bad.any():
         return
     row = int(np.argmax(bad))
-    what = (
+    summary = (
         f"{bad.sum()} of {len(P)} covariances of {names[0]} ... {names[5]} are not positive"
         " definite"
     )
     if bad.mean() > BAD_SHARE_LIMIT:
-        raise table.at(
-            row, f"{what} (limit {BAD_SHARE_LIMIT:.0%}); write more decimals or check the columns"
+        raise table.error_at(
+            row,
+            f"{summary} (limit {BAD_SHARE_LIMIT:.0%}); write more decimals or check the columns",
         )
     P[bad] *= np.eye(3)
-    found = (
-        f"{what}, the first in line {table.lines[row]}; these keep their standard deviations only"
-    )
+    finding = f"{summary}, the first in line {table.lines[row]}; these keep their standard deviations only"
     notes.append(
-        note("GNSS rows", found, "covariances that are positive definite", "write more decimals")
+        note("GNSS rows", finding, "covariances that are positive definite", "write more decimals")
     )
 
 

@@ -93,16 +93,18 @@ def write_antenna_pos(
     beyond = np.floor(fixes.time / WEEK_S)
     week = np.full(fixes.time.shape, float(source.gps_week)) + beyond
     zero = np.zeros(fixes.time.shape)
-    place = [
+    leading = [
         week,
         fixes.time - WEEK_S * beyond,
         np.degrees(fixes.lat),
         np.degrees(fixes.lon),
         fixes.height,
     ]
-    table = np.column_stack([*place, zero + quality, zero, signed_roots(fixes.cov_ned), zero, zero])
+    table = np.column_stack(
+        [*leading, zero + quality, zero, signed_roots(fixes.cov_ned), zero, zero]
+    )
     form = "%4d %13.6f %14.10f %15.10f %10.4f %3d %3d" + " %10.6f" * 6 + " %6.2f %6.1f\n"
-    said = (
+    legend = (
         "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of"
         " satellites)\n"
     )
@@ -112,5 +114,11 @@ def write_antenna_pos(
     )
     atomic_write(
         path,
-        ["% program   : insgnss\n", own, said, f"%  GPST  {COLUMNS}\n", *format_rows(form, table)],
+        [
+            "% program   : insgnss\n",
+            own,
+            legend,
+            f"%  GPST  {COLUMNS}\n",
+            *format_rows(form, table),
+        ],
     )

@@ -135,12 +135,12 @@ def write_image_tags(
     45 deg off the nadir with gimbal "nadir".
     """
     source, directory = _directories(images, path)
-    for name, value, known in (
+    for name, value, accepted in (
         ("missing", missing, ("refuse", "skip")),
         ("gimbal", gimbal, ("nadir", "exact", "none")),
     ):
-        if value not in known:
-            raise UsageError(f"{name} {value!r} is none of {', '.join(known)}")
+        if value not in accepted:
+            raise UsageError(f"{name} {value!r} is none of {', '.join(accepted)}")
     if rtk_flag is not None and rtk_flag not in RTK:
         raise UsageError(
             f"rtk_flag {rtk_flag!r} is none of {', '.join(f'{k} ({v})' for k, v in RTK.items())}"
@@ -200,22 +200,22 @@ def _pairs(eo: FramedOrientation, source: Path, skip: bool) -> list[tuple[int, P
     stems: dict[str, list[Path]] = {}
     for file in files.values():
         stems.setdefault(file.stem, []).append(file)
-    pairs, lost = [], []
+    pairs, missing = [], []
     for k, name in enumerate(eo.images):
         bare = stems.get(name, []) if Path(name).suffix.lower() not in SUFFIXES else []
-        found = [files[name]] if name in files else bare
-        if len(found) > 1:
+        matches = [files[name]] if name in files else bare
+        if len(matches) > 1:
             raise InputError(
-                f"{source}: {found[0].name} and {found[1].name} could both be image {name!r}; give"
+                f"{source}: {matches[0].name} and {matches[1].name} could both be image {name!r}; give"
                 " names with suffixes"
             )
-        pairs += [(k, file) for file in found]
-        lost += [] if found else [name]
+        pairs += [(k, file) for file in matches]
+        missing += [] if matches else [name]
     spare = sorted(set(files.values()) - {file for _, file in pairs})
     hint = "correct the names, or skip what does not match: --set missing=skip"
-    if lost and not skip:
+    if missing and not skip:
         raise InputError(
-            f"{source}: has no image {lost[0]!r} ({len(lost)} of {len(eo.images)} orientations lack"
+            f"{source}: has no image {missing[0]!r} ({len(missing)} of {len(eo.images)} orientations lack"
             f" theirs); {hint}"
         )
     if spare and not skip:
@@ -239,7 +239,7 @@ def _tags(
     sigma = local_sigma(eo)
     view = eo.C_Ec[:, :, 2]
     turn, words = _gimbal(eo, ypr, view, gimbal)
-    place = np.column_stack([np.degrees(eo.geodetic[:, :2]), height])
+    position = np.column_stack([np.degrees(eo.geodetic[:, :2]), height])
     elevation = np.degrees(np.arcsin(np.clip(view[:, 2], -1.0, 1.0)))
 
     def triple(a: Array, k: int) -> tuple[float, float, float]:
@@ -248,7 +248,7 @@ def _tags(
 
     def of(k: int) -> Tags:
         return Tags(
-            triple(place, k),
+            triple(position, k),
             triple(sigma, k),
             triple(np.degrees(ypr), k),
             triple(np.degrees(sigma_ypr), k),
@@ -277,11 +277,11 @@ def _gimbal(
     far = tilt > MOST_TILT_DEG
     if far.any():
         k = int(np.argmax(far))
-        what = (
+        message = (
             f"looks {tilt[k]:.1f} deg off the nadir (limit {MOST_TILT_DEG:.0f} deg for gimbal"
             " 'nadir')"
         )
-        raise DataError(f"image {eo.images[k]}: {what}; take gimbal 'exact' or 'none'")
+        raise DataError(f"image {eo.images[k]}: {message}; take gimbal 'exact' or 'none'")
     yaw = (np.degrees(ypr[:, 0]) + 180.0) % 360.0 - 180.0
     turn = np.column_stack([yaw, np.full_like(yaw, -90.0), np.zeros_like(yaw)])
     return (
@@ -336,8 +336,8 @@ def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[b
 
 def _from(stream: BinaryIO, offset: int) -> Iterator[bytes]:
     stream.seek(offset)
-    while part := stream.read(CHUNK):
-        yield part
+    while chunk := stream.read(CHUNK):
+        yield chunk
 
 
 def patched_exif(exif: bytes | None, tags: Tags, who: str) -> bytes:
@@ -350,8 +350,8 @@ def patched_exif(exif: bytes | None, tags: Tags, who: str) -> bytes:
 
 def exif_tags(tiff: Tiff, tags: Tags) -> tuple[Mapping[int, Value], Mapping[int, Value]]:
     """Tags of the Exif and of the GPS directory."""
-    known = tiff.bytes_of(tiff.exif, 0x9000) or b""
-    version = b"0300" if not tags.sea_level else known if known[:4].isdigit() else b"0232"
+    existing = tiff.bytes_of(tiff.exif, 0x9000) or b""
+    version = b"0300" if not tags.sea_level else existing if existing[:4].isdigit() else b"0232"
     third = version >= b"0300"
     lat, lon, height = tags.place
     reference = 2 * (tags.sea_level and third) + (height < 0.0)

@@ -25,7 +25,7 @@ def with_tags(read: Read, size: int, who: str, exif: Change, xmp: Change) -> tup
     for a JPEG.
     """
     segments, rest = _segments(read, size, who)
-    for start, change, what in ((EXIF, exif, "Exif"), (PACKET, xmp, "XMP")):
+    for start, change, kind in ((EXIF, exif, "Exif"), (PACKET, xmp, "XMP")):
         places = [
             k
             for k, (marker, content) in enumerate(segments)
@@ -33,16 +33,16 @@ def with_tags(read: Read, size: int, who: str, exif: Change, xmp: Change) -> tup
         ]
         if len(places) > 1:
             raise InputError(
-                f"{who}: has {len(places)} segments of {what}; which one holds cannot be told;"
+                f"{who}: has {len(places)} segments of {kind}; which one holds cannot be told;"
                 " remove the others"
             )
         content = start + change(segments.pop(places[0])[1][len(start) :] if places else None)
         if len(content) > MOST:
             raise InputError(
-                f"{who}: its {what} would need {len(content)} bytes (limit {MOST}); remove the"
+                f"{who}: its {kind} would need {len(content)} bytes (limit {MOST}); remove the"
                 " thumbnail or the makers' note"
             )
-        segments.insert(_place(segments, start), (APP1, content))
+        segments.insert(_insert_index(segments, start), (APP1, content))
     parts = [
         b"\xff" + bytes([marker]) + (len(content) + 2).to_bytes(2, "big") + content
         for marker, content in segments
@@ -65,7 +65,7 @@ def exif_of(read: Read, size: int, who: str) -> bytes:
     )
 
 
-def _place(segments: list[tuple[int, bytes]], start: bytes) -> int:
+def _insert_index(segments: list[tuple[int, bytes]], start: bytes) -> int:
     """Behind JFIF; XMP behind Exif."""
     before = [
         marker == APP0 or (marker == APP1 and start == PACKET and content.startswith(EXIF))
@@ -76,20 +76,20 @@ def _place(segments: list[tuple[int, bytes]], start: bytes) -> int:
 
 def _segments(read: Read, size: int, who: str) -> tuple[list[tuple[int, bytes]], int]:
     """Markers and contents up to the first segment that is not of the head, and where that begins."""
-    at = 2
-    found: list[tuple[int, bytes]] = []
+    position = 2
+    segments: list[tuple[int, bytes]] = []
     while True:
-        head = read(at, 4)
+        head = read(position, 4)
         while head[:2] == b"\xff\xff":  # fill bytes
-            at += 1
-            head = read(at, 4)
+            position += 1
+            head = read(position, 4)
         length = int.from_bytes(head[2:4], "big")
-        if len(head) < 4 or head[0] != 0xFF or length < 2 or at + 2 + length > size:
+        if len(head) < 4 or head[0] != 0xFF or length < 2 or position + 2 + length > size:
             raise InputError(
-                f"{who}: no JPEG from byte {at} of {size} on; it was cut off; copy it again from"
+                f"{who}: no JPEG from byte {position} of {size} on; it was cut off; copy it again from"
                 " its source"
             )
         if not (APP0 <= head[1] <= 0xEF or head[1] == 0xFE):
-            return found, at
-        found.append((head[1], read(at + 4, length - 2)))
-        at += 2 + length
+            return segments, position
+        segments.append((head[1], read(position + 4, length - 2)))
+        position += 2 + length

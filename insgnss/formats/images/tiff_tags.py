@@ -80,7 +80,7 @@ class Tiff:
         return (
             entry.field[:length]
             if length <= self._bytes
-            else self._at(self._unpack(self._word, entry.field), length)
+            else self._bytes_at(self._unpack(self._word, entry.field), length)
         )
 
     def changed(
@@ -156,13 +156,13 @@ class Tiff:
     def _directory(self, offset: int) -> tuple[dict[int, _Entry], int]:
         """Entries by tag, and the offset of the next directory."""
         width, form = (8, "Q") if self.big else (2, "H")
-        n = self._unpack(form, self._at(offset, width))
+        n = self._unpack(form, self._bytes_at(offset, width))
         if n > MOST_ENTRIES:
             raise self._broken(
                 f"a directory at byte {offset} claims {n} tags (limit {MOST_ENTRIES})"
             )
         step = 4 + 2 * self._bytes
-        block = self._at(offset + width, n * step + self._bytes)
+        block = self._bytes_at(offset + width, n * step + self._bytes)
         entries = {}
         for k in range(n):
             tag, kind, count = struct.unpack_from(f"{self._order}HH{self._word}", block, k * step)
@@ -172,13 +172,13 @@ class Tiff:
     def _unpack(self, form: str, data: bytes) -> int:
         return int(struct.unpack(self._order + form, data)[0])
 
-    def _at(self, offset: int, length: int) -> bytes:
+    def _bytes_at(self, offset: int, length: int) -> bytes:
         if offset <= 0 or offset + length > self._size:
             raise self._broken(f"it points to byte {offset + length} of {self._size}")
         return self._read(offset, length)
 
-    def _broken(self, what: str) -> InputError:
+    def _broken(self, message: str) -> InputError:
         return InputError(
-            f"{self._who}: {what}; its tags are broken or it was cut off; copy it again from its"
+            f"{self._who}: {message}; its tags are broken or it was cut off; copy it again from its"
             " source"
         )

@@ -80,7 +80,7 @@ def _once(text: str, new: Properties, stale: Mapping[str, tuple[str, ...]]) -> b
     return all(seen.get(key) == 1 for key in ours) and not gone & set(seen)
 
 
-def _broken(who: str, what: str) -> InputError:
+def _broken(who: str, message: str) -> InputError:
     return InputError(
-        f"{who}: its XMP packet {what}; remove the packet or copy the image again from its source"
+        f"{who}: its XMP packet {message}; remove the packet or copy the image again from its source"
     )

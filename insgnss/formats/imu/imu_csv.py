@@ -110,10 +110,12 @@ def read_imu_csv(
     required = required_columns(rate_hz)
     table = read_table(path, whole=False)
     index = columns_of(table, ALIASES, required, (required,), columns, KINDS)
-    said = {key: fields_of(table.layout, index, names) for key, names in TRIADS.items()}
-    scales, told = scales_of(str(path), table.layout.header_line, said, units, quantity, rate_hz)
+    unit_fields = {key: fields_of(table.layout, index, names) for key, names in TRIADS.items()}
+    scales, unit_notes = scales_of(
+        str(path), table.layout.header_line, unit_fields, units, quantity, rate_hz
+    )
     cols = {name: table.values[:, i] for name, i in index.items()}
-    notes = (*open_end("IMU rows", table.complete), *told)
+    notes = (*open_end("IMU rows", table.complete), *unit_notes)
     if backward := [
         name for name in reversed_names(table.layout, index) if name in (*GYRO, *ACCEL)
     ]:
@@ -186,7 +188,7 @@ def imu_from_columns(
         time = np.arange(n) / scales.rate_hz
     else:
         time, gps_week = gps_time(lines, clock_of(cols), cols.get("week"), gps_week, scales.time)
-    rows, told = put_in_order(
+    rows, order_notes = put_in_order(
         lines,
         time,
         lambda i, k: all(column[i] == column[k] for column in cols.values()),
@@ -195,7 +197,9 @@ def imu_from_columns(
     gyro, accel = _triad(cols, GYRO, scales.gyro), _triad(cols, ACCEL, scales.accel)
     if rows is not None:
         time, gyro, accel = time[rows], gyro[rows], accel[rows]
-    return ImuSamples(time, gyro, accel, quantity, gps_week, source, (*notes, *told), scales.units)
+    return ImuSamples(
+        time, gyro, accel, quantity, gps_week, source, (*notes, *order_notes), scales.units
+    )
 
 
 def _triad(cols: Mapping[str, Array], names: tuple[str, ...], factor: float) -> Array:

@@ -88,8 +88,8 @@ def read_variances(
     return _read_text(path, comments | {key: (None, value) for key, value in text.items()})
 
 
-def _read_text(path: Source, said: Mapping[str, tuple[int | None, str]]) -> PublishedVariances:
-    """said : line and value of each of `KEYS`, of the file's comments or the caller's."""
+def _read_text(path: Source, stated: Mapping[str, tuple[int | None, str]]) -> PublishedVariances:
+    """stated : line and value of each of `KEYS`, of the file's comments or the caller's."""
     table = read_text_table(path)
     if table.layout.header_fields is None:
         raise InputError.at(
@@ -101,44 +101,44 @@ def _read_text(path: Source, said: Mapping[str, tuple[int | None, str]]) -> Publ
     line = table.layout.header_line
     time, value = _meaning(path, line, index)
     for key in ("rate_hz", "samples"):
-        if key not in said:
+        if key not in stated:
             raise InputError.at(
                 path,
                 line,
                 f"{key} is not said; write it into a comment before the header, as in '# {key} ="
                 " 250'",
             )
-    rate = _positive(path, *said["rate_hz"], "rate_hz")
-    n = _positive(path, *said["samples"], "samples")
-    names = np.array(_axis_names(table, index, said))
+    rate = _positive(path, *stated["rate_hz"], "rate_hz")
+    n = _positive(path, *stated["samples"], "samples")
+    names = np.array(_axis_names(table, index, stated))
     data = {
         name: table.floats(index[name]) for name in (time, value, "low", "high") if name in index
     }
     curves = {}
     for name in dict.fromkeys(names.tolist()):
-        factor = _stated_factor(path, name.partition("_")[0], said)
+        factor = _stated_factor(path, name.partition("_")[0], stated)
         curves[name] = _text_curve(
             table, np.flatnonzero(names == name), data, (time, value), factor, rate, int(n)
         )
-    return PublishedVariances(said["sensor"][1] if "sensor" in said else "", curves)
+    return PublishedVariances(stated["sensor"][1] if "sensor" in stated else "", curves)
 
 
 def _axis_names(
-    table: TextTable, index: Mapping[str, int], said: Mapping[str, tuple[int | None, str]]
+    table: TextTable, index: Mapping[str, int], stated: Mapping[str, tuple[int | None, str]]
 ) -> list[str]:
     """Axis of every row."""
     if "axis" in index:
         return [
-            _axis_name(name, partial(table.at, row))
+            _axis_name(name, partial(table.error_at, row))
             for row, name in enumerate(table.strings(index["axis"]))
         ]
-    if "axis" in said:
-        line, text = said["axis"]
+    if "axis" in stated:
+        line, text = stated["axis"]
         return [_axis_name(text, partial(InputError.at, table.path, line))] * len(table.rows)
-    what = (
+    message = (
         "axis is not said; write it into a comment, as in '# axis = gyro_x', or into a column axis"
     )
-    raise InputError.at(table.path, table.layout.header_line, what)
+    raise InputError.at(table.path, table.layout.header_line, message)
 
 
 def _text_curve(
@@ -165,7 +165,7 @@ def _text_curve(
         nu.get("high"),
         rate_hz,
         samples,
-        lambda k, what: table.at(int(rows[k]), what),
+        lambda k, message: table.error_at(int(rows[k]), message),
     )
 
 
@@ -209,12 +209,12 @@ def _wavelet_variance(values: Array, kind: str) -> Array:
 
 def _comments(text: str) -> dict[str, tuple[int | None, str]]:
     """Line and value of the comments "# key = value" with one of `KEYS`."""
-    found: dict[str, tuple[int | None, str]] = {}
+    comments: dict[str, tuple[int | None, str]] = {}
     for number_, line in enumerate(text.splitlines(), 1):
         match = _COMMENT.fullmatch(line) if is_comment(line) else None
         if match and match[1].lower() in KEYS:
-            found[match[1].lower()] = (number_, match[2])
-    return found
+            comments[match[1].lower()] = (number_, match[2])
+    return comments
 
 
 def _positive(path: Source, line: int | None, text: str, key: str) -> float:
@@ -224,9 +224,11 @@ def _positive(path: Source, line: int | None, text: str, key: str) -> float:
     return value
 
 
-def _stated_factor(path: Source, sensor: str, said: Mapping[str, tuple[int | None, str]]) -> float:
+def _stated_factor(
+    path: Source, sensor: str, stated: Mapping[str, tuple[int | None, str]]
+) -> float:
     """Factor to rad/s or m/s^2, 1 where no unit is said."""
-    line, unit = said.get(f"{sensor}_unit") or said.get("unit") or (None, "")
+    line, unit = stated.get(f"{sensor}_unit") or stated.get("unit") or (None, "")
     try:
         return unit_factor(unit, sensor) if unit else 1.0
     except UsageError as error:
@@ -333,8 +335,8 @@ def _read_json(
     )
 
 
-def _refusal(path: Source, prefix: str, what: str) -> InputError:
-    return InputError.at(path, None, prefix + what)
+def _refusal(path: Source, prefix: str, message: str) -> InputError:
+    return InputError.at(path, None, prefix + message)
 
 
 def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any], str]:
@@ -346,10 +348,10 @@ def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any]
         elif len(content) == 1 and (member is None or not name):
             name = next(iter(content))
         else:
-            known = ", ".join(content)
+            members = ", ".join(content)
             raise UsageError(
                 f"{path}: {f'no member {member!r}' if member else 'several members'}; choose by"
-                f" member one of {known}"
+                f" member one of {members}"
             )
         content = content[name]
     if not isinstance(content, dict):
@@ -388,7 +390,7 @@ def _json_curve(
             None,
             rate_hz,
             samples,
-            lambda _, what: refuse(what),
+            lambda _, message: refuse(message),
         )
     if "alpha" in curve and (alpha := float(_numbers(curve["alpha"], "alpha", refuse)[0])) != 0.05:
         raise refuse(
@@ -402,7 +404,7 @@ def _json_curve(
         factor**2 * high,
         rate_hz,
         samples,
-        lambda _, what: refuse(what),
+        lambda _, message: refuse(message),
     )
 
 

@@ -107,7 +107,7 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
         np.empty(buf.size // 3 + 1, dtype=np.int64),
         np.empty(buf.size // 3 + 1, dtype=np.int64),
     )
-    n, lost, cut, wrong = _kernels.dataflash_messages(buf, lengths, kinds, places)
+    n, n_lost, cut, wrong = _kernels.dataflash_messages(buf, lengths, kinds, places)
     if wrong >= 0 or n == 0:
         raise InputError.at(
             path,
@@ -115,34 +115,34 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
             f"is no ArduPilot log: no right message at byte {max(wrong, 0)}; copy it again from the"
             " card",
         )
-    if lost > LOST_LIMIT * buf.size:
+    if n_lost > LOST_LIMIT * buf.size:
         raise InputError.at(
             path,
             None,
-            f"{lost} of {buf.size} bytes are no message (limit {LOST_LIMIT:.0%}); copy it again"
+            f"{n_lost} of {buf.size} bytes are no message (limit {LOST_LIMIT:.0%}); copy it again"
             " from the card",
         )
     kinds, places = kinds[:n], places[:n]
     tables: Tables = {}
     for name, labels, form, kind in _formats(buf, places[kinds == FMT]):
-        at = places[kinds == kind]
+        starts = places[kinds == kind]
         names, types = (
             [label for label, _ in zip(labels, form, strict=False)],
             [FORMAT_TO_STRUCT.get(c) for c in form],
         )
-        if kind == FMT or at.size == 0 or None in types or len(labels) != len(form):
+        if kind == FMT or starts.size == 0 or None in types or len(labels) != len(form):
             continue
         dtype = np.dtype([(f"f{i}", _numpy_type(t[0])) for i, t in enumerate(types)])
         if dtype.itemsize + 3 != lengths[kind]:
             continue
-        rows = buf[at[:, None] + np.arange(3, 3 + dtype.itemsize)].view(dtype).reshape(-1)
+        rows = buf[starts[:, None] + np.arange(3, 3 + dtype.itemsize)].view(dtype).reshape(-1)
         table = {
             label: as_float(rows[f"f{i}"]) * (types[i][1] or 1.0)
             for i, label in enumerate(names)
             if dtype[i].kind in "iuf"
         }
         _by_instance(tables, name, table)
-    odd = [f"{lost} bytes that are no message left out"] if lost else []
+    odd = [f"{n_lost} bytes that are no message left out"] if n_lost else []
     odd += [f"the file ends within a message at byte {cut}, which is left out"] if cut >= 0 else []
     return Log(str(path), tables, tuple(odd))
 
@@ -168,15 +168,15 @@ def _formats(
     buf: NDArray[np.uint8], places: NDArray[np.int64]
 ) -> list[tuple[str, list[str], str, int]]:
     """Name, labels, format and kind of each FMT message, the last one of a kind."""
-    found: dict[int, tuple[str, list[str], str, int]] = {}
-    for place in places.tolist():
-        body = buf[place + 3 : place + 89].tobytes()
+    formats: dict[int, tuple[str, list[str], str, int]] = {}
+    for start in places.tolist():
+        body = buf[start + 3 : start + 89].tobytes()
         name, form, labels = (
-            printable(part.split(b"\0")[0].decode("ascii", "replace"))
-            for part in (body[2:6], body[6:22], body[22:86])
+            printable(text.split(b"\0")[0].decode("ascii", "replace"))
+            for text in (body[2:6], body[6:22], body[22:86])
         )
-        found[body[0]] = (name, labels.split(","), form, body[0])
-    return list(found.values())
+        formats[body[0]] = (name, labels.split(","), form, body[0])
+    return list(formats.values())
 
 
 def _text(path: Source) -> Log:
@@ -206,9 +206,9 @@ def _text(path: Source) -> Log:
     tables: Tables = {}
     for name, values in rows.items():
         _by_instance(tables, name, dict(zip(labels[name], np.array(values).T.copy(), strict=True)))
-    told = [f"{odd} lines that are no message left out"] if odd else []
-    told += [] if complete else ["the last line has no end"]
-    return Log(str(path), tables, tuple(told))
+    notes = [f"{odd} lines that are no message left out"] if odd else []
+    notes += [] if complete else ["the last line has no end"]
+    return Log(str(path), tables, tuple(notes))
 
 
 def as_float(column: NDArray[Any]) -> Array:
@@ -422,10 +422,10 @@ def _accuracy(log: Log, name: str, table: dict[str, Array]) -> dict[str, Array]:
     ):
         return {}
     stamp, first = np.unique(gpa["TimeUS"], return_index=True)
-    at = np.searchsorted(stamp, table["TimeUS"]).clip(max=stamp.size - 1)
-    rows = first[at]
+    index = np.searchsorted(stamp, table["TimeUS"]).clip(max=stamp.size - 1)
+    rows = first[index]
     if (
-        not (stamp[at] == table["TimeUS"]).all()
+        not (stamp[index] == table["TimeUS"]).all()
         or not (gpa["HAcc"][rows] > 0.0).all()
         or not (gpa["VAcc"][rows] > 0.0).all()
     ):

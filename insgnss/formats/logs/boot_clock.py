@@ -47,7 +47,7 @@ class BootClock:
         """
         if (odd := ~((boot_s >= 0.0) & (boot_s < LONGEST_S))).any():
             row = int(np.argmax(odd))
-            raise lines.at(
+            raise lines.error_at(
                 row,
                 f"stamp {boot_s[row]:g} s of the autopilot; it must be between 0 and"
                 f" {LONGEST_S:g} s",
@@ -56,13 +56,13 @@ class BootClock:
 
     def note(self, name: str) -> Check:
         """What was done, for the record's notes."""
-        found = (
+        finding = (
             f"{self.messages} messages tie its clock to GPST: drift {1e6 * self.drift:+.0f} ppm,"
             f" spread {1e3 * self.spread_s:.0f} ms"
         )
         return note(
             name,
-            found,
+            finding,
             "one clock",
             "the receiver's mean latency stays in it; time_offset_s takes it out",
         )
@@ -78,24 +78,24 @@ def fit_clock(path: object, boot_s: Array, week: Array, tow: Array) -> BootClock
         )
     first = int(week[0])
     difference = (week - first) * WEEK_S + tow - boot_s
-    at = float(np.median(boot_s))
+    reference_s = float(np.median(boot_s))
     drift = 0.0
     pick = np.unique(np.linspace(0, boot_s.size - 1, PAIRS).astype(np.int64))
     i, k = np.triu_indices(pick.size, 1)
     apart = boot_s[pick[k]] - boot_s[pick[i]]
     if (far := apart > SHORT_S).any():
         drift = float(np.median((difference[pick[k]] - difference[pick[i]])[far] / apart[far]))
-    residual = difference - drift * (boot_s - at)
+    residual = difference - drift * (boot_s - reference_s)
     offset = float(np.median(residual))
     spread = float(np.median(np.abs(residual - offset)))
     if abs(drift) > DRIFT_LIMIT or spread > SPREAD_LIMIT_S:
-        what = (
+        message = (
             f"GPS times of {boot_s.size} messages do not follow the autopilot's clock: drift"
             f" {1e6 * drift:+.0f} ppm, spread {spread:.3f} s"
         )
         raise InputError(
-            f"{path}: {what} (limits {1e6 * DRIFT_LIMIT:.0f} ppm, {SPREAD_LIMIT_S:.0f} s); split"
+            f"{path}: {message} (limits {1e6 * DRIFT_LIMIT:.0f} ppm, {SPREAD_LIMIT_S:.0f} s); split"
             " the log where the clock was set"
         )
     over = int((offset + boot_s[0]) // WEEK_S)
-    return BootClock(first + over, offset - over * WEEK_S, drift, at, spread, boot_s.size)
+    return BootClock(first + over, offset - over * WEEK_S, drift, reference_s, spread, boot_s.size)

@@ -80,7 +80,7 @@ def write_eo_local_plane(eo: FramedOrientation, path: Source) -> None:
 def header(eo: FramedOrientation) -> str:
     """The comment lines: frame, origin, angle set, what was applied, column names."""
     lat, lon = np.degrees(eo.frame.origin[:2])
-    said = [
+    lines = [
         (
             f"insgnss {__version__}: exterior orientation of {len(eo.images)} images, GPS week"
             f" {eo.gps_week}"
@@ -99,7 +99,7 @@ def header(eo: FramedOrientation) -> str:
         *(f"done: {' '.join(sentence.split())}" for sentence in eo.history),
         " ".join(COLUMNS),
     ]
-    return "".join(f"# {line}\n" for line in said)
+    return "".join(f"# {line}\n" for line in lines)
 
 
 def read_eo_local_plane(path: Source, columns: Columns = None) -> LocalPlaneEo:

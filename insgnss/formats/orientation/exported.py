@@ -85,7 +85,7 @@ def _unfit(name: str, separator: str | None) -> str:
 
 
 def check_only(
-    directory: Path, own: Collection[str], alike: Callable[[str], bool], what: str
+    directory: Path, own: Collection[str], alike: Callable[[str], bool], contents: str
 ) -> None:
     """Refuse a file, and a directory with files like those to be written that are not among `own`:
     they would pass for this export's.
@@ -99,7 +99,7 @@ def check_only(
     )
     if other:
         raise UsageError(
-            f"{directory}: holds {what} of another export ({other[0]}); give a new directory"
+            f"{directory}: holds {contents} of another export ({other[0]}); give a new directory"
         )
 
 
@@ -130,9 +130,9 @@ def angle_sigma(
         row = int(np.argmax(flat))
         name = who(row) if callable(who) else f"image {who[row]}"
         degrees = np.degrees(angles[row, middle])
-        what = f"the middle angle of {set_name} is {degrees:.4f} deg, where the set is singular"
+        message = f"the middle angle of {set_name} is {degrees:.4f} deg, where the set is singular"
         raise DataError(
-            f"{name}: {what}; export a format without angles: bentley, colmap, g2o or eo_json"
+            f"{name}: {message}; export a format without angles: bentley, colmap, g2o or eo_json"
         )
     F = np.linalg.inv(jacobian(angles))
     return np.sqrt(np.einsum("nij,njk,nik->ni", F, P, F))
@@ -194,18 +194,18 @@ def plan_and_height_sigma(eo: FramedOrientation) -> Array:
 
 
 def table_text(
-    head: str, images: Sequence[str] | Sequence[int], form: str, table: Array, at: int = 0
+    head: str, images: Sequence[str] | Sequence[int], form: str, table: Array, name_column: int = 0
 ) -> Iterable[str]:
-    """`head`, then lines of names, in column `at`, and numbers (n, m) by the % format of one of
+    """`head`, then lines of names, in column `name_column`, and numbers (n, m) by the % format of one of
     them (with its newline), in pieces.
     """
     yield head
     for first in range(0, len(images), CHUNK):
-        part = slice(first, first + CHUNK)
+        chunk = slice(first, first + CHUNK)
         yield "".join(
             [
-                form % (*row[:at], name, *row[at:])
-                for name, row in zip(images[part], table[part].tolist(), strict=True)
+                form % (*row[:name_column], name, *row[name_column:])
+                for name, row in zip(images[chunk], table[chunk].tolist(), strict=True)
             ]
         )
 
@@ -223,7 +223,7 @@ def frame_words(eo: FramedOrientation) -> str:
     return " ".join(f"{eo.frame.name}{heights}".split())
 
 
-def said(
+def comment_lines(
     eo: FramedOrientation, *more: str, applied: str = "lever arm and bore-sight applied"
 ) -> str:
     """Comment lines: what this is, in which frame, what was `applied`, `more`, and what was done to

@@ -32,7 +32,7 @@ from ...records import Array, FramedOrientation
 from ...records.framed import GEOCENTRIC, PROJECTED, TANGENT
 from ...records.relative import GAP_S
 from ..text.text import Source, format_rows
-from .exported import check_frame, check_names, said
+from .exported import check_frame, check_names, comment_lines
 from .poses import inverse_covariance, positive
 from .tum import wxyz_last
 
@@ -65,7 +65,7 @@ def write_g2o(
     pairs = [f"images {eo.images[k]} and {eo.images[k + 1]}" for k in first]
     information = inverse_covariance(P, "the covariance of their relative pose", pairs)
     upper = information[:, *np.triu_indices(6)]
-    head = said(
+    head = comment_lines(
         eo,
         "VERTEX_SE3:QUAT id x y z qx qy qz qw: camera (x right, y down, z forward) to the frame's"
         " axes",

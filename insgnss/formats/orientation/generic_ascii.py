@@ -40,7 +40,7 @@ from .ascii_columns import (
     has_plan,
     kind_of,
 )
-from .exported import check_names, said, table_text
+from .exported import check_names, comment_lines, table_text
 
 Array = NDArray[np.float64]
 
@@ -86,10 +86,10 @@ def write_generic_ascii(
     )
     names = _names(columns)
     _check(eo, names, how, delimiter, header)
-    for what, value in (("decimals_m", decimals_m), ("decimals_angle", decimals_angle)):
+    for option, value in (("decimals_m", decimals_m), ("decimals_angle", decimals_angle)):
         if value is not None and not (isinstance(value, int) and 0 <= value <= MOST_DECIMALS):
             raise UsageError(
-                f"generic_ascii: {what} {value!r} is no whole number from 0 to {MOST_DECIMALS};"
+                f"generic_ascii: {option} {value!r} is no whole number from 0 to {MOST_DECIMALS};"
                 " leave it out for the usual ones"
             )
     separator = DELIMITERS[delimiter]
@@ -98,14 +98,16 @@ def write_generic_ascii(
     decimals["angle"] = decimals["angle sigma"] = (
         decimals_angle if decimals_angle is not None else 9 if unit == "rad" else 6
     )
-    at = names.index("image")
+    image_column = names.index("image")
     numbers = [name for name in names if name != "image"]
     fields = [f"%.{decimals[kind_of(name, eo.frame.kind)]}f" for name in numbers]
     table = np.column_stack(_values(eo, numbers, how)) if numbers else np.empty((len(eo.images), 0))
-    form = separator.join([*fields[:at], "%s", *fields[at:]]) + "\n"
+    form = separator.join([*fields[:image_column], "%s", *fields[image_column:]]) + "\n"
     atomic_write(
         path,
-        table_text(_header(eo, names, how, separator, header, note), eo.images, form, table, at),
+        table_text(
+            _header(eo, names, how, separator, header, note), eo.images, form, table, image_column
+        ),
     )
 
 
@@ -123,7 +125,7 @@ def _check(
     eo: FramedOrientation, names: list[str], how: Conventions, delimiter: str, header: str
 ) -> None:
     """Refuse a template that makes no table."""
-    for what, value, known in (
+    for option, value, accepted in (
         ("delimiter", delimiter, tuple(DELIMITERS)),
         ("header", header, HEADERS),
         ("unit", how.unit, tuple(ANGLE_UNITS)),
@@ -131,9 +133,9 @@ def _check(
         ("attitude", how.attitude, DIRECTIONS),
         ("north", how.north, NORTHS),
     ):
-        if value not in known:
+        if value not in accepted:
             raise UsageError(
-                f"generic_ascii: {what} {value!r} is unknown; it is one of {', '.join(known)}"
+                f"generic_ascii: {option} {value!r} is unknown; it is one of {', '.join(accepted)}"
             )
     unknown = [name for name in names if name != "image" and name not in GROUP_OF]
     if unknown:
@@ -198,7 +200,7 @@ def _header(
         f"camera axes: {how.camera_axes} ({CAMERA_AXES[how.camera_axes]})",
     ]
     lines += [f"attitude: {how.attitude}", f"north: {how.north}", f"angle unit: {how.unit}"]
-    return said(eo, *lines) + "#" + (" " if separator == " " else "") + line
+    return comment_lines(eo, *lines) + "#" + (" " if separator == " " else "") + line
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,11 +264,11 @@ def read_generic_ascii(path: Source) -> AsciiOrientation:
         kind, axes = words["frame kind"], words["camera axes"].split()[0]
         how = Conventions(axes, words["attitude"], words["north"], words["angle unit"])
     except KeyError as missing:
-        what = (
+        message = (
             f"has no header line '# {missing.args[0]}: ...'; only tables of generic_ascii with a"
             " full header say their conventions"
         )
-        raise InputError.at(path, None, what) from None
+        raise InputError.at(path, None, message) from None
     if (
         how.unit not in ANGLE_UNITS
         or axes not in CAMERA_AXES

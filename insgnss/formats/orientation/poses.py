@@ -15,7 +15,7 @@ from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
 from ...geodesy.rotation import CV_RUB
 from ...records import Array, FramedOrientation
 from ..text.text import Source
-from .exported import YPR, angles_of, said
+from .exported import YPR, angles_of, comment_lines
 
 EPOCH = np.datetime64("1970-01-01", "us")
 FAR = 110.0  # m, geoid heights lie within -107 and 86 m
@@ -36,7 +36,7 @@ def utc(eo: FramedOrientation, unit: str = "us") -> list[str]:
 
 def sentences(eo: FramedOrientation, *more: str) -> list[str]:
     """What a file says of itself, line by line, where it has no comments."""
-    return [line.removeprefix("# ") for line in said(eo, *more).splitlines()]
+    return [line.removeprefix("# ") for line in comment_lines(eo, *more).splitlines()]
 
 
 def positive(value: object, name: str, unit: str) -> float:
@@ -110,7 +110,7 @@ def sea_level(
     return np.asarray(eo.geodetic[:, 2] - N)
 
 
-def inverse_covariance(P: Array, what: str, who: Sequence[str]) -> Array:
+def inverse_covariance(P: Array, description: str, who: Sequence[str]) -> Array:
     """Inverse (n, d, d) of covariances; DataError names the first, by `who`, that is not positive
     definite.
     """
@@ -124,7 +124,7 @@ def inverse_covariance(P: Array, what: str, who: Sequence[str]) -> Array:
     if bad.any():
         row = int(np.argmax(bad))
         raise DataError(
-            f"{who[row]}: {what} is not positive definite, so that it has no inverse; export"
+            f"{who[row]}: {description} is not positive definite, so that it has no inverse; export"
             " eo_json instead"
         )
     return np.linalg.inv(R) / safe[:, :, None] / safe[:, None, :]

@@ -99,7 +99,7 @@ def write_relative_csv(control: RelativeControl, path: Source) -> None:
 def header(control: RelativeControl) -> str:
     """The comment lines: form, frame, weightings, what was applied, column names."""
     noise, drift = np.degrees(control.gyro_noise), np.degrees(control.gyro_drift)
-    said = [
+    lines = [
         (
             f"insgnss {__version__}: relative control of {control.i.size} pairs of neighbouring"
             f" images, GPS week {control.gps_week}"
@@ -126,7 +126,7 @@ def header(control: RelativeControl) -> str:
         "boresight: " + " ".join(f"{x:.9f}" for x in control.boresight.ravel()),
         *(f"done: {' '.join(sentence.split())}" for sentence in control.history),
     ]
-    return "".join(f"# {line}\n" for line in said) + ",".join(COLUMNS) + "\n"
+    return "".join(f"# {line}\n" for line in lines) + ",".join(COLUMNS) + "\n"
 
 
 def relative_member(control: RelativeControl) -> dict[str, Any]:
@@ -177,7 +177,9 @@ def read_relative_csv(path: Source) -> RelativeTable:
     forms = table.strings(index["form"])
     for row, form in enumerate(forms):
         if form not in FORMS or form != forms[0]:
-            raise table.at(row, f"form {form!r}; it is {' or '.join(FORMS)}, the same in all rows")
+            raise table.error_at(
+                row, f"form {form!r}; it is {' or '.join(FORMS)}, the same in all rows"
+            )
 
     def block(names: tuple[str, ...]) -> Array:
         return np.column_stack([table.floats(index[name]) for name in names])
@@ -186,7 +188,7 @@ def read_relative_csv(path: Source) -> RelativeTable:
     length = np.linalg.norm(q, axis=1)
     if (off := np.abs(length - 1.0) > UNIT_LENGTH).any():
         row = int(np.argmax(off))
-        raise table.at(row, f"the quaternion has the length {length[row]:.7f}; it must be 1")
+        raise table.error_at(row, f"the quaternion has the length {length[row]:.7f}; it must be 1")
     P = np.zeros((len(forms), 6, 6))
     row_of, column_of = np.triu_indices(6)
     P[:, row_of, column_of] = P[:, column_of, row_of] = block(COVARIANCE)

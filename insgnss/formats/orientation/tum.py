@@ -17,7 +17,7 @@ from ...geodesy.rotation import quaternion_from_rotation
 from ...records import Array, FramedOrientation
 from ...records.framed import GEOCENTRIC, PROJECTED, TANGENT
 from ..text.text import Source, format_rows
-from .exported import check_frame, said
+from .exported import check_frame, comment_lines
 from .poses import unix_seconds
 
 SCALES = {
@@ -37,7 +37,7 @@ def write_tum(eo: FramedOrientation, path: Source, time: Literal["tow", "unix"] 
     seconds = eo.time if time == "tow" else unix_seconds(eo)
     order = np.argsort(seconds, kind="stable")
     table = np.column_stack([seconds, eo.coordinates, wxyz_last(eo.C_fc)])[order]
-    head = said(
+    head = comment_lines(
         eo,
         f"time: {SCALES[time]}",
         "time tx ty tz qx qy qz qw: camera (x right, y down, z forward) to the frame's axes",

@@ -278,24 +278,24 @@ def dataflash_messages(buf, lengths, kinds, places):
     128: kind, length, ...). Returns (count, bytes of no message, place of a message that the file's
     end cuts or -1, place of an FMT that is none or -1).
     """
-    n, i, lost, size = 0, 0, 0, buf.size
+    n, i, n_lost, size = 0, 0, 0, buf.size
     while i + 3 <= size:
         kind = np.int64(buf[i + 2])
         length = lengths[kind]
         if buf[i] != 0xA3 or buf[i + 1] != 0x95 or length == 0:
-            lost += 1
+            n_lost += 1
             i += 1
             continue
         if i + length > size:
-            return n, lost, i, -1
+            return n, n_lost, i, -1
         if kind == 128:
             if buf[i + 4] < 3:
-                return n, lost, -1, i
+                return n, n_lost, -1, i
             lengths[np.int64(buf[i + 3])] = np.int64(buf[i + 4])
         kinds[n], places[n] = kind, i
         n += 1
         i += length
-    return n, lost + size - i, -1, -1
+    return n, n_lost + size - i, -1, -1
 
 
 @njit(cache=True)

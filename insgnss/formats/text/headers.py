@@ -85,12 +85,12 @@ def without_unit(field: str, kinds: Sequence[str]) -> Iterator[tuple[str, str]]:
         normalised(text)[0] for text in (field, re.sub(r"(?<=[a-z\d])(?=[A-Z])", "_", field))
     )
     for kind in kinds:
-        known = TIME_UNITS if kind == "time" else UNITS[kind]
+        units = TIME_UNITS if kind == "time" else UNITS[kind]
         for head in dict.fromkeys((plain, humped)):
             for stem, tail in _cuts(head, kind):
                 spelled = unit_name(re.sub(r"_(per_)?", "/", re.sub(r"_(\d)$", r"\1", tail)))
                 spelled = unit_name(_SHORT.get(kind, {}).get(tail, spelled))
-                yield from ((stem, unit) for unit in known if unit_name(unit) == spelled)
+                yield from ((stem, unit) for unit in units if unit_name(unit) == spelled)
 
 
 def _cuts(head: str, kind: str) -> Iterator[tuple[str, str]]:
@@ -113,7 +113,7 @@ def names_of(fields: Sequence[str], names: Mapping[str, str], kinds: Kinds) -> l
     """
     plain = [names.get(normalised(field)[0]) for field in fields]
     return [
-        name or (None if (found := _named(field, names, kinds)) in plain else found)
+        name or (None if (canonical := _named(field, names, kinds)) in plain else canonical)
         for field, name in zip(fields, plain, strict=True)
     ]
 
@@ -122,11 +122,11 @@ def _named(field: str, names: Mapping[str, str], kinds: Kinds) -> str | None:
     """Canonical name of a field with a unit behind its name."""
     every = tuple(dict.fromkeys(kind for of_name in kinds.values() for kind in of_name))
     stems = dict.fromkeys(stem for stem, _ in without_unit(field, every))
-    told = ((names[stem], stem) for stem in stems if stem in names)
+    candidates = ((names[stem], stem) for stem in stems if stem in names)
     return next(
         (
             name
-            for name, stem in told
+            for name, stem in candidates
             if any(stem == other for other, _ in without_unit(field, kinds.get(name, ())))
         ),
         None,
@@ -139,16 +139,16 @@ def agreed_unit(
     """Unit of the kind that `fields` of the columns `names` give, None without one; InputError
     where it is of another kind, or not one.
     """
-    said = [unit for field in fields if (unit := unit_in(field, kinds_like(kind)))]
-    factors = {factor_of(unit, (kind,)) for unit in said}
+    stated = [unit for field in fields if (unit := unit_in(field, kinds_like(kind)))]
+    factors = {factor_of(unit, (kind,)) for unit in stated}
     if len(factors) > 1 or None in factors:
-        units = " and ".join(repr(unit) for unit in dict.fromkeys(said))
-        what = (
+        units = " and ".join(repr(unit) for unit in dict.fromkeys(stated))
+        message = (
             f"the header gives the unit {units} for {' '.join(names)}, which is none of"
             f" {', '.join(UNITS[kind])} for them all; set units"
         )
-        raise InputError.at(path, line, what)
-    return said[0] if said else None
+        raise InputError.at(path, line, message)
+    return stated[0] if stated else None
 
 
 def settled_units(
@@ -170,19 +170,19 @@ def settled_units(
     """
     units, factors, notes = {}, {}, []
     for key, kind in kinds.items():
-        told = given.get(key)
+        requested = given.get(key)
         units[key] = (
-            told
+            requested
             or agreed_unit(path, line, columns[key], fields[key], kind)
             or next(iter(UNITS[kind]))
         )
         factors[key] = _given_factor(path, columns[key], kind, units[key])
-        if told and (said := _other_unit(fields[key], kind, told)):
-            found, advice = (
-                f"the header says {said}, and units {key} = {told} was taken",
+        if requested and (header_unit := _other_unit(fields[key], kind, requested)):
+            finding, advice = (
+                f"the header says {header_unit}, and units {key} = {requested} was taken",
                 f"leave units {key} out if the header is right",
             )
-            notes.append(note(f"{of} units", found, "one unit", advice))
+            notes.append(note(f"{of} units", finding, "one unit", advice))
     return units, factors, tuple(notes)
 
 

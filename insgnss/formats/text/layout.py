@@ -104,15 +104,15 @@ def _sample(buf: NDArray[np.uint8]) -> tuple[list[tuple[int, int, str]], list[tu
         raw = bytes(buf[:size]).split(b"\n")[:-1]
         data: list[tuple[int, int, str]] = []
         comments: list[tuple[int, str]] = []
-        place = 0
+        offset = 0
         for line, chunk in enumerate(raw, start=1):
             text = decode(chunk)
             if is_comment(text):
                 if not data:
                     comments.append((line, text.strip()))
             elif text.strip():
-                data.append((line, place, text))
-            place += len(chunk) + 1
+                data.append((line, offset, text))
+            offset += len(chunk) + 1
             if len(data) > SAMPLE_LINES:
                 break
         if len(data) > SAMPLE_LINES or size >= buf.size:
@@ -166,7 +166,7 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8]) -> Layout:
         else "."
     )
     n_fields = Counter(len(row) for row in fields).most_common(1)[0][0]
-    line, place, _ = data[0]
+    line, offset, _ = data[0]
     if head is not None:
         return Layout(
             delimiter,
@@ -175,11 +175,11 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8]) -> Layout:
             head[2].strip(),
             _header_fields(head[2], delimiter, n_fields),
             head[0],
-            place,
+            offset,
             line,
         )
     if comments and (names := _header_fields(comments[-1][1], delimiter, n_fields)):
         return Layout(
-            delimiter, decimal, n_fields, comments[-1][1], names, comments[-1][0], place, line
+            delimiter, decimal, n_fields, comments[-1][1], names, comments[-1][0], offset, line
         )
-    return Layout(delimiter, decimal, n_fields, None, None, None, place, line)
+    return Layout(delimiter, decimal, n_fields, None, None, None, offset, line)

@@ -29,8 +29,8 @@ LATE_LIMIT_S, SHARE_LIMIT = 1.0, 0.01
 class Lines(Protocol):
     """What can say where a row stands."""
 
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at the line of `row`."""
+    def error_at(self, row: int, message: str, /) -> InputError:
+        """The error `message` at the line of `row`."""
         ...
 
 
@@ -41,9 +41,9 @@ class Picked:
     lines: Lines
     rows: Rows
 
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at the place of `row`."""
-        return self.lines.at(int(self.rows[row]), what)
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at the place of `row`."""
+        return self.lines.error_at(int(self.rows[row]), message)
 
 
 @dataclass(frozen=True)
@@ -53,19 +53,19 @@ class NumberedRows:
     path: str
     kind: str = "row"
 
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at a row."""
-        return InputError(f"{self.path}: {self.kind} {row + 1}: {what}")
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at a row."""
+        return InputError(f"{self.path}: {self.kind} {row + 1}: {message}")
 
 
 def note(
     name: str,
-    found: str,
+    finding: str,
     expected: str = "each stamp once, in order",
     advice: str = "check the logger, or how the file was put together",
 ) -> Check:
     """What a reader left out or put in order."""
-    return Check(name, found, expected, "note", advice)
+    return Check(name, finding, expected, "note", advice)
 
 
 def open_end(name: str, complete: bool) -> tuple[Check, ...]:
@@ -106,52 +106,52 @@ def put_in_order(
             doubles += 1
         else:
             clashes.append((row, first))
-    _refuse_late(lines, time, keep)
+    _refuse_out_of_order(lines, time, keep)
     if len(clashes) >= SHARE_LIMIT * time.size:
         row, first = min(clashes)
-        what = (
+        message = (
             f"time {time[row]:.6f} s follows {time[first]:.6f} s with other values, as in"
             f" {len(clashes)} of {time.size} rows"
         )
-        raise lines.at(
+        raise lines.error_at(
             row,
-            f"{what} (limit {SHARE_LIMIT:.0%}); time must increase; keep one row a stamp, or read"
+            f"{message} (limit {SHARE_LIMIT:.0%}); time must increase; keep one row a stamp, or read"
             " the file by another clock",
         )
-    told = [f"{doubles} double rows left out"] if doubles else []
-    told += (
+    done = [f"{doubles} double rows left out"] if doubles else []
+    done += (
         [f"{len(clashes)} rows that contradict an earlier one of their stamp left out"]
         if clashes
         else []
     )
-    late = keep & (time < np.maximum.accumulate(np.where(keep, time, -np.inf)))
-    told += [f"{late.sum()} late rows put in order"] if late.any() else []
-    return order[keep[order]], (note(name, f"{', '.join(told)}, of {time.size}"),)
+    out_of_order = keep & (time < np.maximum.accumulate(np.where(keep, time, -np.inf)))
+    done += [f"{out_of_order.sum()} late rows put in order"] if out_of_order.any() else []
+    return order[keep[order]], (note(name, f"{', '.join(done)}, of {time.size}"),)
 
 
-def _refuse_late(lines: Lines, time: Array, keep: NDArray[np.bool_]) -> None:
+def _refuse_out_of_order(lines: Lines, time: Array, keep: NDArray[np.bool_]) -> None:
     """Refuse rows that stand behind later ones by too much, or too many."""
     rows = np.flatnonzero(keep)
     kept = time[rows]
     by = np.maximum.accumulate(kept) - kept
-    late = by > 0.0
-    if not late.any():
+    out_of_order = by > 0.0
+    if not out_of_order.any():
         return
     worst = int(np.argmax(by))
-    if by[worst] >= LATE_LIMIT_S or late.sum() >= SHARE_LIMIT * time.size:
+    if by[worst] >= LATE_LIMIT_S or out_of_order.sum() >= SHARE_LIMIT * time.size:
         k = (
             int(np.argmax(by >= LATE_LIMIT_S))
             if by[worst] >= LATE_LIMIT_S
-            else int(np.argmax(late))
+            else int(np.argmax(out_of_order))
         )
         before = float(np.maximum.accumulate(kept)[k])
-        what = (
-            f"time {kept[k]:.6f} s follows {before:.6f} s; time must increase; {late.sum()} of"
+        message = (
+            f"time {kept[k]:.6f} s follows {before:.6f} s; time must increase; {out_of_order.sum()} of"
             f" {time.size} rows are late"
         )
         limits = f"limits {LATE_LIMIT_S:.0f} s and {SHARE_LIMIT:.0%}"
-        raise lines.at(
+        raise lines.error_at(
             int(rows[k]),
-            f"{what}, by up to {by[worst]:.3f} s ({limits}); sort the file, or split it where the"
+            f"{message}, by up to {by[worst]:.3f} s ({limits}); sort the file, or split it where the"
             " clock was set",
         )

@@ -43,12 +43,12 @@ class Sentences:
         """What stands between `opening` and '*' in the sentences that begin so, and their lines."""
         data, size = self.buf.tobytes(), len(opening)
         pairs = zip(self.starts.tolist(), self.stars.tolist(), self.lines.tolist(), strict=True)
-        found = [
+        matches = [
             (data[start + size : star], line)
             for start, star, line in pairs
             if data.startswith(opening, start)
         ]
-        return [body for body, _ in found], [line for _, line in found]
+        return [body for body, _ in matches], [line for _, line in matches]
 
 
 def read_sentences(path: Source) -> Sentences:
@@ -68,11 +68,11 @@ def read_sentences(path: Source) -> Sentences:
     if n_bad > BAD_SHARE_LIMIT * n:
         first = int(np.argmin(good))
         text = decode(buf[starts[first] : starts[first] + 60].tobytes()).partition("\n")[0].strip()
-        what = (
+        message = (
             f"no right checksum in {text!r}, as in {n_bad} of {n} lines (limit"
             f" {BAD_SHARE_LIMIT:.0%}); record or copy the log again"
         )
-        raise InputError.at(path, int(lines[first]), what)
+        raise InputError.at(path, int(lines[first]), message)
     return Sentences(str(path), buf, starts[:n][good], stars[:n][good], lines[:n][good], n_bad)
 
 
@@ -83,6 +83,6 @@ class SentenceLines:
     path: str
     lines: list[int]
 
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at the line of `row`."""
-        return InputError.at(self.path, self.lines[row], what)
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at the line of `row`."""
+        return InputError.at(self.path, self.lines[row], message)

@@ -54,9 +54,9 @@ class Table:
             if column in taken:
                 raise refusal
 
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at the line of `row`."""
-        return InputError.at(self.path, int(self.lines[row]), what)
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at the line of `row`."""
+        return InputError.at(self.path, int(self.lines[row]), message)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +69,9 @@ class TextTable:
     lines: list[int]
     complete: bool = True
 
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at the line of `row`."""
-        return InputError.at(self.path, self.lines[row], what)
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at the line of `row`."""
+        return InputError.at(self.path, self.lines[row], message)
 
     def strings(self, column: int) -> tuple[str, ...]:
         """Column as text, without quotation marks."""
@@ -173,7 +173,7 @@ def parse(
     with np.errstate(
         over="ignore"
     ):  # without the compiler: a mantissa of more than 18 digits wraps and is taken again
-        rows, status, place, line = _kernels.parse_rows(
+        rows, status, offset, line = _kernels.parse_rows(
             buf,
             layout.skip_to,
             layout.first_line,
@@ -185,13 +185,13 @@ def parse(
         )
     at_fault = sorted((int(bad[k, 0]), int(k)) for k in np.flatnonzero(bad[:, 0] >= 0))
     refused = {
-        k: _refusal(path, buf, complete, layout, _kernels.BAD_NUMBER, at, int(bad[k, 1]))
-        for at, k in at_fault
+        k: _refusal(path, buf, complete, layout, _kernels.BAD_NUMBER, start, int(bad[k, 1]))
+        for start, k in at_fault
     }
     if refused and whole:
         raise next(iter(refused.values()))
     if status != _kernels.OK:
-        raise _refusal(path, buf, complete, layout, status, place, line)
+        raise _refusal(path, buf, complete, layout, status, offset, line)
     if not complete:
         tail = decode(bytes(buf[-8192:])).splitlines()
         _refuse_short_end(path, tail[buf.size > 8192 :], layout, line - 1)
@@ -204,22 +204,22 @@ def _refusal(
     complete: bool,
     layout: Layout,
     status: int,
-    place: int,
+    offset: int,
     line: int,
 ) -> InputError:
-    """What is wrong with the line around `place`."""
+    """What is wrong with the line around `offset`."""
     from . import _kernels
 
-    near = max(0, place - 4096)
-    before = bytes(buf[near:place]).rpartition(b"\n")[2]
-    after = bytes(buf[place : place + 4096])
+    near = max(0, offset - 4096)
+    before = bytes(buf[near:offset]).rpartition(b"\n")[2]
+    after = bytes(buf[offset : offset + 4096])
     rest = after.partition(b"\n")[0]
     text = decode(before + rest).strip("\r\n")
     fields = split_fields(text, layout.delimiter)
     seen, advice = shown(text), "correct or delete the line"
     if is_binary(text):
         seen, advice = ascii(text[:10]) + "...", BINARY
-    last = place + len(rest) + 1 >= buf.size and not complete
+    last = offset + len(rest) + 1 >= buf.size and not complete
     if (
         last
         and not is_binary(text)
@@ -237,12 +237,14 @@ def _refusal(
         )
     prefix = decode(before)
     column = len(prefix.split()) if layout.delimiter is None else prefix.count(layout.delimiter)
-    what = (
+    description = (
         f"{shown(fields[column])} in field {column + 1}"
         if fields[column]
         else f"nothing in field {column + 1}"
     )
-    return InputError.at(path, line, f"{what} where a finite number must stand: {seen}; {advice}")
+    return InputError.at(
+        path, line, f"{description} where a finite number must stand: {seen}; {advice}"
+    )
 
 
 def _refuse_short_end(path: Source, tail: list[str], layout: Layout, line: int) -> None:
@@ -261,11 +263,11 @@ def _refuse_short_end(path: Source, tail: list[str], layout: Layout, line: int) 
         and len(earlier) >= 2
         and len(last.partition(layout.decimal)[2]) < decimals.pop()
     ):
-        what = (
+        message = (
             f"truncated: the file ends within a number, {shown(last)} after {shown(earlier[-1])};"
             " copy it again or delete the line"
         )
-        raise InputError.at(path, line, what)
+        raise InputError.at(path, line, message)
 
 
 def read_text_table(path: Source) -> TextTable:
@@ -286,7 +288,7 @@ def read_text_table(path: Source) -> TextTable:
                 and line == layout.first_line + len(raw) - 1
                 and len(fields) < layout.n_fields
             )
-            what = (
+            description = (
                 "truncated: the file ends within this line,"
                 if cut
                 else f"{len(fields)} fields, expected {layout.n_fields}:"
@@ -294,7 +296,7 @@ def read_text_table(path: Source) -> TextTable:
             seen, advice = shown(text.strip()), "correct or delete the line"
             if is_binary(text):
                 seen, advice = ascii(text[:10]) + "...", BINARY
-            raise InputError.at(path, line, f"{what} {seen}; {advice}")
+            raise InputError.at(path, line, f"{description} {seen}; {advice}")
         rows.append(fields)
         lines.append(line)
     if not complete:
@@ -305,5 +307,5 @@ def read_text_table(path: Source) -> TextTable:
 def format_rows(form: str, table: Array, chunk: int = 20000) -> Iterable[str]:
     """Rows of `table` (n, m) by the % format of one row (with its newline), in chunks."""
     for first in range(0, len(table), chunk):
-        part = table[first : first + chunk]
-        yield form * len(part) % tuple(part.ravel().tolist())
+        block = table[first : first + chunk]
+        yield form * len(block) % tuple(block.ravel().tolist())

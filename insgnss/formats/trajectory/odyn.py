@@ -44,7 +44,7 @@ def read_odyn_poses(path: Source) -> OdynPoses:
     """
     table = read_table(path)
     if not table.complete:
-        raise table.at(
+        raise table.error_at(
             len(table.values) - 1, "truncated: the last line has no end; copy the file again"
         )
     index = columns_of(table, ALIASES, POSE, (POSE,))
@@ -55,7 +55,7 @@ def read_odyn_poses(path: Source) -> OdynPoses:
     norm = np.linalg.norm(q, axis=1)
     if (bad := ~(np.abs(norm - 1.0) < NORM_LIMIT)).any():
         row = int(np.argmax(bad))
-        raise table.at(
+        raise table.error_at(
             row,
             f"quaternion of length {norm[row]:.6g}, not 1 (limit {NORM_LIMIT:g}); are the columns t"
             " lat lon h qw qx qy qz?",
@@ -63,7 +63,7 @@ def read_odyn_poses(path: Source) -> OdynPoses:
     for name, limit in (("lat", 90.0), ("lon", 360.0)):
         if (beyond := np.abs(cols[name]) > limit).any():
             row = int(np.argmax(beyond))
-            raise table.at(
+            raise table.error_at(
                 row,
                 f"{name} {cols[name][row]:.6f} deg exceeds {limit:.0f}; are the positions in a"
                 " local frame?",

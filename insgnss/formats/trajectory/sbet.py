@@ -238,17 +238,17 @@ def _sigma_at(path: Path, time: Array) -> Array:
     check_increasing(lines, smrmsg.time)
     sigma = np.column_stack([smrmsg.sigma_position_m, smrmsg.sigma_velocity, smrmsg.sigma_rpy])
     if (bad := (sigma <= 0.0).any(axis=1)).any():
-        raise lines.at(
+        raise lines.error_at(
             int(np.argmax(bad)), "a standard deviation is not positive; is it another format?"
         )
     beyond = max(smrmsg.time[0] - time.min(), time.max() - smrmsg.time[-1])
     if beyond > OVERHANG_S:
         span = f"{smrmsg.time[0]:.3f} to {smrmsg.time[-1]:.3f} s"
-        what = (
+        message = (
             f"accuracies from {span}, but the SBET's times exceed them by {beyond:.3f} s (limit"
             f" {OVERHANG_S} s); is it of another run?"
         )
-        raise InputError.at(path, None, what)
+        raise InputError.at(path, None, message)
     return np.column_stack([np.interp(time, smrmsg.time, column) for column in sigma.T])
 
 
@@ -256,11 +256,11 @@ def _records(path: Source, fields: int) -> Array:
     buf = load_bytes(path)
     size = 8 * fields
     if buf.size % size:
-        what = (
+        message = (
             f"{buf.size} bytes are no whole number of records of {size} bytes; it is cut off, or of"
             " another format"
         )
-        raise InputError.at(path, None, what)
+        raise InputError.at(path, None, message)
     table = np.ascontiguousarray(buf.view("<f8").reshape(-1, fields), dtype=np.float64)
     if (bad := ~np.isfinite(table)).any():
         row, k = (int(i) for i in np.argwhere(bad)[0])

@@ -77,9 +77,9 @@ def write_trajectory_csv(trajectory: Trajectory, path: Source) -> None:
     rpy[:, 2] = np.where((heading := np.round(rpy[:, 2] % 360.0, 6)) < 360.0, heading, 0.0)
     sigma = np.sqrt(np.diagonal(trajectory.cov, axis1=1, axis2=2)[:, :6])
     time = [trajectory.gps_week + weeks, trajectory.time - WEEK_S * weeks]
-    place = [np.degrees(trajectory.lat), np.degrees(trajectory.lon), trajectory.height]
+    position = [np.degrees(trajectory.lat), np.degrees(trajectory.lon), trajectory.height]
     table = np.column_stack(
-        [*time, *place, trajectory.velocity_ned, rpy, sigma, np.degrees(rpy_sigma(trajectory))]
+        [*time, *position, trajectory.velocity_ned, rpy, sigma, np.degrees(rpy_sigma(trajectory))]
     )
     form = "%d,%.6f,%.10f,%.10f,%.4f" + ",%.5f" * 3 + ",%.6f" * 3 + ",%.5f" * 6 + ",%.6f" * 3 + "\n"
     atomic_write(path, [",".join(COLUMNS) + "\n", *format_rows(form, table)])
