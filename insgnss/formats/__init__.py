@@ -94,7 +94,7 @@ _READERS = {
 
 
 def sniff_imu(path: str | Path) -> str:
-    """Name of the format of an IMU file, a key of `IMU_OPTIONS`."""
+    """Return the name of an IMU file's format, a key of `IMU_OPTIONS`."""
     head = head_of(path)
     form = by_bytes(path, head)
     if form in IMU_OPTIONS:
@@ -105,7 +105,7 @@ def sniff_imu(path: str | Path) -> str:
 
 
 def sniff_gnss(path: str | Path) -> str:
-    """Name of the format of a GNSS file, a key of `GNSS_OPTIONS`."""
+    """Return the name of a GNSS file's format, a key of `GNSS_OPTIONS`."""
     head = head_of(path)
     form = by_bytes(path, head)
     if form in GNSS_OPTIONS:
@@ -118,7 +118,7 @@ def sniff_gnss(path: str | Path) -> str:
 
 
 def sniff_events(path: str | Path) -> str:
-    """Name of the format of a file of camera events, a key of `EVENT_OPTIONS`."""
+    """Return the name of the format of a file of camera events, a key of `EVENT_OPTIONS`."""
     head = head_of(path)
     form = by_bytes(path, head)
     if form in EVENT_OPTIONS:
@@ -170,21 +170,81 @@ def _read(kind: str, form: str, path: str | Path, options: dict[str, Any]) -> An
 
 
 def read_imu(path: str | Path, **spec: Any) -> ImuSamples:
-    """Read an IMU file of any format here; `spec` are the options of `IMU_OPTIONS`."""
+    """Read an IMU file, whose format is detected.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    **spec
+        The options of its format, `IMU_OPTIONS`; None is no option.
+
+    Returns
+    -------
+    ImuSamples
+        The samples in SI units.
+
+    Raises
+    ------
+    UsageError
+        An option that the format cannot use.
+    InputError
+        A file that cannot be read.
+    """
     form = sniff_imu(path)
     imu: ImuSamples = _read("imu", form, path, _options(path, form, IMU_OPTIONS[form], spec))
     return imu
 
 
 def read_gnss(path: str | Path, **spec: Any) -> GnssFixes:
-    """Read a GNSS file of any format here; `spec` are the options of `GNSS_OPTIONS`."""
+    """Read a GNSS file, whose format is detected.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    **spec
+        The options of its format, `GNSS_OPTIONS`; None is no option.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    UsageError
+        An option that the format cannot use.
+    InputError
+        A file that cannot be read.
+    """
     form = sniff_gnss(path)
     fixes: GnssFixes = _read("gnss", form, path, _options(path, form, GNSS_OPTIONS[form], spec))
     return fixes
 
 
 def read_events(path: str | Path, **spec: Any) -> CameraEvents:
-    """Read camera events of any format here; `spec` are the options of `EVENT_OPTIONS`."""
+    """Read a file of camera events, whose format is detected.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    **spec
+        The options of its format, `EVENT_OPTIONS`; None is no option.
+
+    Returns
+    -------
+    CameraEvents
+        The events.
+
+    Raises
+    ------
+    UsageError
+        An option that the format cannot use.
+    InputError
+        A file that cannot be read.
+    """
     form = sniff_events(path)
     events: CameraEvents = _read(
         "events", form, path, _options(path, form, EVENT_OPTIONS[form], spec)
@@ -193,12 +253,25 @@ def read_events(path: str | Path, **spec: Any) -> CameraEvents:
 
 
 def describe(path: str | Path) -> list[TableInfo]:
-    """The tables that a file holds: what to set `variable` to, the names that `columns` may use,
-    and rows.
+    """List the tables that a file holds: their names for `variable`, columns and rows.
 
-    Of a MATLAB or numpy file its matrices, and its vectors of equal length together; of a text
-    table its one, by header or places "[1]"; of a log of sentences or messages one a kind. Raises
-    InputError for a file that cannot be read.
+    Of a MATLAB or numpy file these are its matrices, and its vectors of equal length together; of a
+    text table its one, by header or by index "[1]"; of a log of sentences or messages one a kind.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    list of TableInfo
+        The tables.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read.
     """
     from .describe import tables_in
 

@@ -69,8 +69,23 @@ def imu_of_content(
     gps_week: int | None = None,
     rate_hz: float | None = None,
 ) -> ImuSamples:
-    """Samples in SI; columns as in `_content`, names, units (that fields' names end in as well),
-    quantity and rate_hz as in `imu_csv`.
+    """Read IMU samples in SI units from content by a column map.
+
+    Parameters
+    ----------
+    path, content, columns, variable
+        As in `content.take_columns`.
+    units : mapping, optional
+        Units of gyro, accel and time, which fields' names may end in as well.
+    quantity, rate_hz
+        As in `imu_csv`.
+    gps_week : int, optional
+        The week, where no column holds it.
+
+    Returns
+    -------
+    ImuSamples
+        The samples.
     """
     units = check_units(units, UNIT_KEYS)
     cols = _taken(path, content, columns, variable, required_columns(rate_hz), tuple(IMU_ALIASES))
@@ -82,9 +97,7 @@ def imu_of_content(
 
 
 def _fields(columns: Columns, names: Sequence[str]) -> list[str]:
-    """What the file calls the columns `names`; nothing of a list, which names the columns of a
-    matrix itself.
-    """
+    """Return what the file calls the columns `names`; a list of columns gives no names."""
     return (
         [columns[name] for name in names if name in columns] if isinstance(columns, Mapping) else []
     )
@@ -102,13 +115,33 @@ def gnss_of_content(
     gps_week: int | None = None,
     undulation_m: float = 0.0,
 ) -> GnssFixes:
-    """Fixes; columns as in `_content`, names and units (that fields' names end in as well) as in
-    `gnss_text`.
+    """Read fixes from content by a column map.
 
-    undulation_m : geoid above the ellipsoid, m, added to heights that are above the geoid.
+    Parameters
+    ----------
+    path, content, columns, variable
+        As in `content.take_columns`.
+    repeat_column : str, optional
+        Path (or canonical name) of the quantity that changes with each new fix; without it every
+        row is a fix, which is refused where more than half of them repeat the one before.
+    sigma_m, sigma_velocity : array_like, optional
+        Standard deviations north, east, down, m and m/s, where no columns hold them.
+    units : mapping, optional
+        As in `gnss_text`; fields' names may end in a unit as well.
+    gps_week : int, optional
+        The week, where no column holds it.
+    undulation_m : float
+        Geoid above the ellipsoid, m, added to heights that are above the geoid.
 
-    repeat_column : path (or canonical name) of what changes with each new fix; None takes every row
-        for a fix, and is refused where more than half of them repeat the one before.
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        A value that is not finite, repeated positions, or a `repeat_column` that never changes.
     """
     units = check_units(units, GNSS_UNIT_KEYS)
     fields = {key: _fields(columns, names) for key, names in UNIT_COLUMNS.items()}

@@ -1,5 +1,8 @@
-"""Variables of MATLAB files, data_specs/matlab.md: version 4 to 7 by scipy behind the checks of
-`_matfile`, 7.3 (HDF5) by h5py where it is installed.
+"""Variables of MATLAB files, data_specs/matlab.md.
+
+Version 4 to 7 is read by scipy behind the checks of `matfile`, 7.3 (HDF5) by h5py where it is
+installed. There is no default: `columns` says which field, label or column of a matrix holds which
+quantity; `content` states how they are named.
 
 There is no default: `columns` says which field, label or column of a matrix is what; `_content`
 states how they are named.
@@ -24,8 +27,9 @@ DEEPEST = 8  # structs within structs
 
 
 def load_matlab(path: Source) -> Content:
-    """Variables of a file by name; structs as mappings, matrices with the labels of the variable
-    `<name>_label` beside them.
+    """Load the variables of a file by name.
+
+    Structs become mappings; matrices have the labels of the variable `<name>_label` beside them.
     """
     data = load_bytes(path).tobytes()
     if HDF5 in data[:1024]:

@@ -30,13 +30,8 @@ FAR_M, NEAR_M = 1e5, 1e4
 ROUND_M = 1e3
 CARTESIAN = (TANGENT, PROJECTED, GEOCENTRIC)
 MODEL = ("cameras.txt", "images.txt", "points3D.txt")
-PARTS = (
-    "cameras",
-    "images",
-    "points3D",
-    "frames",
-    "rigs",
-)  # COLMAP takes a binary model before a text
+# COLMAP takes a binary model before a text
+PARTS = ("cameras", "images", "points3D", "frames", "rigs")
 
 
 def write_colmap(
@@ -45,14 +40,29 @@ def write_colmap(
     camera: str | None = None,
     shift: str | Sequence[float] | None = None,
 ) -> None:
-    """Write cameras.txt, images.txt and points3D.txt (empty) into the directory `path`, which is
-    made.
+    """Write cameras.txt, images.txt and points3D.txt (empty) into the directory `path`.
 
-    camera : "MODEL WIDTH HEIGHT PARAMETERS", COLMAP's words.
-    shift : (3,) m, or text with commas, subtracted from the positions;
-    by default whole kilometres where these exceed 100 km, else none.
-    Raises UsageError for a frame that is not Cartesian, a missing camera and a `path` with another
-    model (binary, or with rigs), InputError for names with blanks.
+    The directory is made where it is missing.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a Cartesian frame.
+    path : path
+        The directory.
+    camera : str
+        "MODEL WIDTH HEIGHT PARAMETERS", COLMAP's notation.
+    shift : (3,) m, or text with commas
+        Subtracted from the positions; by default whole kilometres where these exceed 100 km, else
+        none.
+
+    Raises
+    ------
+    UsageError
+        A frame that is not Cartesian, a missing camera, or a `path` with another model (binary, or
+        with rigs).
+    InputError
+        Names with blanks.
     """
     check_frame(eo, "colmap", *CARTESIAN)
     check_names(eo.images, None)
@@ -105,15 +115,31 @@ def write_colmap_priors(
     database: Source | None = None,
     shift: str | Sequence[float] | None = None,
 ) -> None:
-    """Write pose priors through pycolmap into a new database, or into a copy of `database`, which
-    stays as it is.
+    """Write pose priors through pycolmap into a new database, or into a copy of `database`.
 
-    camera : of a new database, in COLMAP's words.
-    shift : (3,) m subtracted from the positions, none by default, since a database
-    has no place to say so; a geographic frame (latitude, longitude, height above the ellipsoid,
-    covariances east, north, up) takes none. In a copy, images are found by name, and their priors
-    replaced. Raises UsageError where pycolmap is missing, InputError where the database lacks an
-    image or cannot be read.
+    `database` stays as it is. In the copy, images are found by name, and their priors replaced.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a Cartesian or geographic frame; geographic priors are latitude,
+        longitude, height above the ellipsoid, covariances east, north, up.
+    path : path
+        The database to write.
+    camera : str, optional
+        Camera of a new database, in COLMAP's notation.
+    database : path, optional
+        The database to copy.
+    shift : (3,) m, or text with commas
+        Subtracted from the positions, none by default, since a database cannot state it; a
+        geographic frame takes none.
+
+    Raises
+    ------
+    UsageError
+        pycolmap is missing, or an option does not fit the frame.
+    InputError
+        The database lacks an image or cannot be read.
     """
     pycolmap = _pycolmap()
     check_frame(eo, "colmap_priors", *CARTESIAN, GEOGRAPHIC)
@@ -165,7 +191,7 @@ def _open(pycolmap: Any, work: Path, database: Source | None) -> Any:
 
 
 def _new_images(pycolmap: Any, db: Any, eo: FramedOrientation, model: Camera) -> list[Any]:
-    """Camera and images in a new database; the data ids of the images."""
+    """Write camera and images into a new database; return the data ids of the images."""
     camera = pycolmap.Camera(
         model=model.model, width=model.width, height=model.height, params=list(model.parameters)
     )

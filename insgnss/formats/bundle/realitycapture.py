@@ -34,19 +34,41 @@ ANGLES = (
 
 
 def write_realitycapture(eo: FramedOrientation, path: Source) -> None:
-    """Write a geographic or tangent-plane frame: degrees with 10 decimals (position) and 6
-    (angles), metres with 4.
+    """Write a geographic or tangent-plane frame.
 
-    Raises UsageError for another frame, InputError for names with commas, DataError where pitch is
-    +-90 deg.
+    Degrees have 10 decimals (position) and 6 (angles), metres 4.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+
+    Raises
+    ------
+    UsageError
+        Another frame.
+    InputError
+        Names with commas.
+    DataError
+        Pitch is +-90 deg.
     """
     check_frame(eo, "realitycapture", GEOGRAPHIC, TANGENT)
     write_log(eo, path)
 
 
 def write_log(eo: FramedOrientation, path: Source, accuracies: str = "") -> None:
-    """Write the log; with standard deviations where `accuracies` says in words what there is to
-    know of them.
+    """Write the log, with standard deviations where `accuracies` is not empty.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+    accuracies : str
+        A comment on the accuracies; empty leaves them out.
     """
     check_names(eo.images, ",")
     ypr, sigma = angles_of(eo, *north_attitude(eo), YPR)

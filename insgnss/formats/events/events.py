@@ -41,15 +41,32 @@ def read_events(
     gps_week: int | None = None,
     units: Mapping[str, str] | None = None,
 ) -> CameraEvents:
-    """Read exposure instants; without a column of image names they are numbered from 1, with a
-    note.
+    """Read exposure instants.
 
-    columns : name of each column out of image, week, tow; any other name leaves a column out; or a
-        table of them to the header's.
-    units : of "time", else the one that the header gives, in brackets or behind the name, else s; a
-        note where both differ.
-    Raises InputError with file and line for a bad time, time that does not increase and an image
-    that occurs twice.
+    Without a column of image names they are numbered from 1, with a note.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    columns : sequence or mapping, optional
+        Name of each column out of image, week, tow; any other name leaves a column out; or a table
+        of them to the header's.
+    gps_week : int, optional
+        The week, where no column holds it.
+    units : mapping, optional
+        Unit of "time", else the one that the header gives, in brackets or behind the name, else s;
+        a note where both differ.
+
+    Returns
+    -------
+    CameraEvents
+        The events.
+
+    Raises
+    ------
+    InputError
+        A bad time, time that does not increase, or an image that occurs twice, with file and line.
     """
     units = check_units(units, ("time",))
     table = read_text_table(path)
@@ -79,7 +96,7 @@ def events_in_order(
     gps_week: int | None,
     notes: tuple[Check, ...] = (),
 ) -> CameraEvents:
-    """Events of names, or numbers from 1, and times (n,), s, each stamp once, in order."""
+    """Make events of names, or numbers from 1, and times (n,), s: each stamp once, in order."""
     if images is None:
         images, numbering = numbered(time.size)
         notes = (*notes, numbering)
@@ -100,7 +117,7 @@ def events_in_order(
 
 
 def numbered(count: int) -> tuple[tuple[str, ...], Check]:
-    """Numbers from 1 in the place of names, and the note that says so."""
+    """Return numbers from 1 in place of names, and the note that says so."""
     finding = f"no image names; the {count} events are numbered from 1"
     advice = (
         f"give the images ({named('camera.images')}), or check that none is missing before you join"

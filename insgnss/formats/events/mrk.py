@@ -35,9 +35,27 @@ LEAST = 2  # number and time of week
 
 @dataclass(frozen=True, eq=False)
 class MrkFile:
-    """What the lines hold: number and week (n,) (-1 without a week), time of week s; offset (n, 3)
-    m north east down of the camera from the antenna; position (n, 3) latitude rad, longitude rad,
-    height m; sigma (n, 3) m; quality (n,); NaN (quality -1) where it is not given."""
+    """What the lines hold; NaN (quality -1) where a value is not given.
+
+    Attributes
+    ----------
+    path : str
+        The file.
+    lines : tuple of int
+        The line of each row.
+    number, week : ndarray
+        (n,) number and GPS week (-1 without a week).
+    tow : ndarray
+        (n,) time of week, s.
+    offset_ned : ndarray
+        (n, 3) m, north, east, down, of the camera from the antenna.
+    position : ndarray
+        (n, 3) latitude rad, longitude rad, height m.
+    sigma : ndarray
+        (n, 3) m.
+    quality : ndarray
+        (n,) quality of the fix.
+    """
 
     path: str
     lines: tuple[int, ...]
@@ -55,8 +73,9 @@ class MrkFile:
 
 
 def is_mrk(head: bytes) -> bool:
-    """Whether the first bytes of a file are those of an .MRK: numbers with names behind commas,
-    such as `-26,N`.
+    """Tell whether the first bytes of a file are those of an .MRK.
+
+    Its numbers have names behind commas, such as `-26,N`.
     """
     return (
         re.search(
@@ -69,8 +88,12 @@ def is_mrk(head: bytes) -> bool:
 
 
 def read_mrk(path: Source) -> MrkFile:
-    """Read every line; InputError with file and line for the first that is no event, or of another
-    kind than the first.
+    """Read every line.
+
+    Raises
+    ------
+    InputError
+        The first line that is no event, or of another kind than the first, with file and line.
     """
     buf, complete = load(path)
     rows, lines = [], []
@@ -123,8 +146,9 @@ def read_mrk(path: Source) -> MrkFile:
 
 
 def _values(path: Source, line: int, text: str) -> dict[str, float]:
-    """Values of a line by name; those without a name are number, time of week, and then three
-    standard deviations.
+    """Return the values of a line by name.
+
+    Those without a name are number, time of week, and then three standard deviations.
     """
     if is_binary(text):
         raise InputError.at(path, line, f"is no text; {BINARY}")

@@ -30,8 +30,14 @@ FORM = "%16d" + 16 * " " + "%16.5f" * 3 + "\n" + "%16.12f" * 5 + "\n" + "%16.12f
 def write_patb(eo: FramedOrientation, path: Source) -> None:
     """Write a projected or tangent-plane frame, and <name>_ids.txt beside it.
 
-    Metres with 5 decimals, matrices with 12. Raises UsageError for another frame, InputError for
-    names with line ends.
+    Metres have 5 decimals, matrices 12.
+
+    Raises
+    ------
+    UsageError
+        Another frame.
+    InputError
+        Names with line ends.
     """
     check_frame(eo, "patb", PROJECTED, TANGENT)
     check_names(eo.images, "\n")
@@ -49,7 +55,7 @@ def write_patb(eo: FramedOrientation, path: Source) -> None:
 
 
 def photo_numbers(images: tuple[str, ...]) -> list[int]:
-    """Numbers of photos: those of their names, where all have different ones, else 1, 2, ..."""
+    """Return numbers of photos: those of their names, where all have different ones, else 1, 2, ..."""
     stems = [PurePath(name).stem for name in images]
     if all(stem.isascii() and stem.isdigit() and int(stem) < WIDEST for stem in stems):
         numbers = [int(stem) for stem in stems]

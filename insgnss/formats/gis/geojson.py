@@ -34,9 +34,21 @@ def write_geojson(
 ) -> None:
     """Write degrees with 10 decimals (position) and 6 (angles), metres with 4.
 
-    dialect : "rfc7946", or "orthority", which a projected frame is needed for.
-    camera : the name that orthority's interior has.
-    Raises UsageError for another dialect or a frame that it cannot carry.
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+    dialect : {"rfc7946", "orthority"}
+        "orthority" needs a projected frame.
+    camera : str
+        The name that orthority's interior has.
+
+    Raises
+    ------
+    UsageError
+        Another dialect, or a frame that it cannot carry.
     """
     if dialect not in DIALECTS:
         raise UsageError(f"dialect {dialect!r} is none of {', '.join(DIALECTS)}")

@@ -1,5 +1,4 @@
-"""OGC GeoPackage: images as points, the track as a line, in the frame's own CRS,
-data_specs/geopackage.md.
+"""OGC GeoPackage: images as points and the track in the frame's CRS, data_specs/geopackage.md.
 
 A GeoPackage is an SQLite database with three tables of its own, written here with the standard
 library alone. Geometries are well-known binary with a header (OGC 12-128r17, 2.1.3): x is easting
@@ -42,26 +41,32 @@ REALS = (
 )
 TABLES = f"""
 CREATE TABLE gpkg_spatial_ref_sys (
-  srs_name TEXT NOT NULL, srs_id INTEGER NOT NULL PRIMARY KEY, organization TEXT NOT NULL, organization_coordsys_id INTEGER NOT NULL,
+  srs_name TEXT NOT NULL, srs_id INTEGER NOT NULL PRIMARY KEY, organization TEXT NOT NULL, \
+organization_coordsys_id INTEGER NOT NULL,
   definition TEXT NOT NULL, description TEXT, definition_12_063 TEXT NOT NULL);
 CREATE TABLE gpkg_contents (
-  table_name TEXT NOT NULL PRIMARY KEY, data_type TEXT NOT NULL, identifier TEXT UNIQUE, description TEXT DEFAULT '',
+  table_name TEXT NOT NULL PRIMARY KEY, data_type TEXT NOT NULL, identifier TEXT UNIQUE, \
+description TEXT DEFAULT '',
   last_change DATETIME NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')),
   min_x DOUBLE, min_y DOUBLE, max_x DOUBLE, max_y DOUBLE, srs_id INTEGER,
   CONSTRAINT fk_gc_r_srs_id FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys(srs_id));
 CREATE TABLE gpkg_geometry_columns (
-  table_name TEXT NOT NULL, column_name TEXT NOT NULL, geometry_type_name TEXT NOT NULL, srs_id INTEGER NOT NULL,
+  table_name TEXT NOT NULL, column_name TEXT NOT NULL, geometry_type_name TEXT NOT NULL, \
+srs_id INTEGER NOT NULL,
   z TINYINT NOT NULL, m TINYINT NOT NULL,
-  CONSTRAINT pk_geom_cols PRIMARY KEY (table_name, column_name), CONSTRAINT uk_gc_table_name UNIQUE (table_name),
+  CONSTRAINT pk_geom_cols PRIMARY KEY (table_name, column_name), \
+CONSTRAINT uk_gc_table_name UNIQUE (table_name),
   CONSTRAINT fk_gc_tn FOREIGN KEY (table_name) REFERENCES gpkg_contents(table_name),
   CONSTRAINT fk_gc_srs FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys (srs_id));
 CREATE TABLE gpkg_extensions (
-  table_name TEXT, column_name TEXT, extension_name TEXT NOT NULL, definition TEXT NOT NULL, scope TEXT NOT NULL,
+  table_name TEXT, column_name TEXT, extension_name TEXT NOT NULL, \
+definition TEXT NOT NULL, scope TEXT NOT NULL,
   CONSTRAINT ge_tce UNIQUE (table_name, column_name, extension_name));
 INSERT INTO gpkg_extensions VALUES ('gpkg_spatial_ref_sys', 'definition_12_063', 'gpkg_crs_wkt',
   'http://www.geopackage.org/spec130/#extension_crs_wkt', 'read-write');
 CREATE TABLE images (
-  fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, geom POINT, image TEXT, time_utc DATETIME, gps_week INTEGER, tow_s DOUBLE,
+  fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, geom POINT, image TEXT, time_utc DATETIME, \
+gps_week INTEGER, tow_s DOUBLE,
   {", ".join(f"{name} DOUBLE" for name in REALS)}, cov6 TEXT);
 CREATE TABLE track (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, geom LINESTRING, name TEXT);
 """
@@ -79,10 +84,14 @@ class _Srs:
 
 
 def write_geopackage(eo: FramedOrientation, path: Source) -> None:
-    """Write the tables `images` and `track`; `cov6` is JSON, 6 x 6, of position (m) and psi (rad)
-    in the frame's axes.
+    """Write the tables `images` and `track`.
 
-    Raises UsageError for a geocentric frame and for a path that does not end in .gpkg.
+    `cov6` is JSON, 6 x 6, of position (m) and psi (rad) in the frame's axes.
+
+    Raises
+    ------
+    UsageError
+        A geocentric frame, or a path that does not end in .gpkg.
     """
     check_frame(eo, "geopackage", PROJECTED, GEOGRAPHIC, TANGENT)
     if not str(path).lower().endswith(".gpkg"):
@@ -168,9 +177,7 @@ def _describe(db: sqlite3.Connection, eo: FramedOrientation, coordinates: Array,
 
 
 def _srs(eo: FramedOrientation) -> _Srs:
-    """The row of the frame's CRS: its EPSG code where one code says it all, else a number of our
-    own.
-    """
+    """Return the row of the frame's CRS: its EPSG code where one code states it, else our number."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 

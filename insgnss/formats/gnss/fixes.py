@@ -1,5 +1,4 @@
-"""Fixes from named columns, for all readers that have such: units, clock, order, velocity, ranges,
-standard deviations.
+"""Fixes from named columns: units, clock, order, velocity, ranges, standard deviations.
 
 Speed s and course c of the ground track stand for the horizontal velocity: vn = s cos c, ve = s sin
 c. Where nothing says how fast the antenna rises, its vertical velocity is given as 0 with a
@@ -28,24 +27,14 @@ SIGMA, VELOCITY, VELOCITY_SIGMA = (
 QUALITY_CODES = ("rtklib", "nmea")
 VARIANCE = {"var_n", "var_e", "var_u"}
 MOST_QUALITY = 7  # of RTKLIB
-NMEA_QUALITY = {
-    0: 0,
-    1: 5,
-    2: 4,
-    3: 5,
-    4: 1,
-    5: 2,
-    6: 0,
-    7: 0,
-    8: 0,
-    9: 3,
-}  # GGA: single, DGPS, PPS, fixed, float; else unknown
+# GGA to RTKLIB's codes: single, DGPS, PPS, fixed, float; else unknown
+NMEA_QUALITY = {0: 0, 1: 5, 2: 4, 3: 5, 4: 1, 5: 2, 6: 0, 7: 0, 8: 0, 9: 3}
 LARGEST = 1e7  # m, m/s; beyond it no antenna is
 
 
 @dataclass(frozen=True)
 class FixScales:
-    """Factors of the columns to SI and radians, and the unit of time."""
+    """Factors of the columns to SI and radians, the unit of time and the codes of quality."""
 
     angle: float = 1.0
     length: float = 1.0
@@ -66,13 +55,39 @@ def fixes_from_columns(
     undulation_m: float = 0.0,
     notes: tuple[Check, ...] = (),
 ) -> GnssFixes:
-    """Fixes of columns (n,) by canonical name, each stamp once, in order; `notes` are told before
-    those of the order.
+    """Make fixes of columns, each stamp once, in order.
 
-    sigma_m, sigma_velocity : standard deviations north, east, down where no columns hold them, m
-        and m/s.
-    Raises InputError at the first row with a value that cannot be, and where no standard deviation
-    is to be had.
+    Speed and course take the place of vn and ve where the columns hold these; an unknown vertical
+    velocity has the standard deviation `UNKNOWN_MPS`.
+
+    Parameters
+    ----------
+    cols : mapping
+        Columns (n,) by canonical name.
+    lines : Lines
+        Where the rows stand, for refusals.
+    source : str
+        The file, for messages.
+    scales : FixScales
+        Units of the columns.
+    gps_week : int, optional
+        The week, where no column holds it.
+    sigma_m, sigma_velocity : array_like, optional
+        Standard deviations north, east, down where no columns hold them, m and m/s.
+    undulation_m : float
+        Geoid above the ellipsoid, m, added to the heights.
+    notes : tuple of Check
+        Notes that come before those of the order.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        The first row with an impossible value, or no standard deviation at all.
     """
     time, gps_week = gps_time(lines, clock_of(cols), cols.get("week"), gps_week, scales.time)
     rows, order_notes = put_in_order(
@@ -123,7 +138,7 @@ def _within(lines: Lines, name: str, value: Array, unit: str) -> None:
 
 
 def _quality(cols: Mapping[str, Array], lines: Lines, codes: str) -> NDArray[np.int64]:
-    """RTKLIB's codes of the column q in `codes`."""
+    """Return the column q, whose codes are `codes`, as RTKLIB's codes."""
     if codes not in QUALITY_CODES:
         raise UsageError(f"units: quality = {codes!r} is none of {', '.join(QUALITY_CODES)}")
     q = cols["q"]
@@ -149,7 +164,7 @@ def _velocity(
     source: str,
     sigma_velocity: ArrayLike | None,
 ) -> tuple[Array | None, Array | None]:
-    """Velocity (n, 3) north, east, down and its covariances, or None where the columns hold none."""
+    """Return velocity (n, 3) north, east, down and its covariances, or None without such columns."""
     up = "vu" if "vu" in cols else "vd"
     named = [name for name in ("vn", "ve", "speed", "course", up) if name in cols]
     if not named:
@@ -187,8 +202,9 @@ def _covariance(
     given: ArrayLike | None,
     option: str,
 ) -> Array:
-    """Diagonal covariances (n, 3, 3) of the file's standard deviations times `factor`, else of the
-    `given` three.
+    """Return diagonal covariances (n, 3, 3).
+
+    They are of the file's standard deviations times `factor`, else of the `given` three.
     """
     n = cols["tow"].size
     present = [name for name in names if name in cols]

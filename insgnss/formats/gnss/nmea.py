@@ -1,5 +1,4 @@
-"""Receiver log of NMEA 0183 sentences: GGA, RMC, GST, VTG and ZDA of any talker,
-data_specs/nmea.md.
+"""Receiver log of NMEA 0183: GGA, RMC, GST, VTG and ZDA of any talker, data_specs/nmea.md.
 
 The height above the ellipsoid is GGA's height above mean sea level plus its geoid separation. Time
 of day and date are UTC; an epoch's day counts on where the time of day falls back by more than half
@@ -35,9 +34,21 @@ KINDS = (b"GGA", b"RMC", b"GST", b"VTG", b"ZDA")
 
 @dataclass(frozen=True)
 class _Log:
-    """What the sentences say, by epoch (days since the first, time of day): fixes as rows of epoch,
-    line, latitude, longitude (deg), height, quality; standard deviations; speed and course; lines
-    and dates; count of epochs without fix."""
+    """What the sentences say, by epoch (days since the first, time of day).
+
+    Attributes
+    ----------
+    fixes
+        Rows of epoch, line, latitude, longitude (deg), height, quality.
+    sigma
+        Standard deviations.
+    track
+        Speed and course.
+    dates
+        Lines and dates.
+    void
+        Lines of the epochs without fix.
+    """
 
     fixes: list[tuple[Epoch, int, float, float, float, int]] = field(default_factory=list)
     sigma: dict[Epoch, tuple[float, ...]] = field(default_factory=dict)
@@ -53,14 +64,35 @@ def read_nmea(
     sigma_velocity: ArrayLike | None = None,
     undulation_m: float | None = None,
 ) -> GnssFixes:
-    """Read fixes in GPST. Where an epoch has no GST, sigma_m (north, east, down) stands in, or the
-    epoch is left out.
+    """Read fixes in GPST.
 
-    sigma_velocity : north, east, down, m/s; takes the velocity of RMC or VTG, which is left without
+    The notes count what was left out: lines without a right checksum (at most 1 %), epochs without
+    fix, epochs without standard deviations (at most 1 %).
+
+    Parameters
+    ----------
+    path : path
+        The log.
+    sigma_m : array_like, optional
+        Standard deviations north, east, down, m, of epochs without GST, which are left out without
         it.
-    undulation_m : geoid above the ellipsoid, m, of a GGA without geoid separation.
-    Raises InputError with file and line; the notes count what was left out: lines without a right
-    checksum (at most 1 %), epochs without fix, epochs without standard deviations (at most 1 %).
+    gps_week : int, optional
+        The week that the log must be of.
+    sigma_velocity : array_like, optional
+        Standard deviations north, east, down, m/s; takes the velocity of RMC or VTG, which is left
+        out without it.
+    undulation_m : float, optional
+        Geoid above the ellipsoid, m, for a GGA without geoid separation.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with file and line.
     """
     sentences = read_sentences(path)
     log = _collect(sentences, undulation_m)
@@ -83,9 +115,8 @@ def read_nmea(
     lines = SentenceLines(str(path), [row[1] for row in fixes])
     week, midnight = gps_from_unix_utc(day + DAY_S * np.array([row[0][0] for row in fixes]))
     time = midnight + np.array([row[0][1] for row in fixes])
-    over = int(
-        time[0] // WEEK_S
-    )  # midnight UTC lies in the week before, in the leap seconds before the week's end
+    # midnight UTC lies in the week before, in the leap seconds before the week's end
+    over = int(time[0] // WEEK_S)
     week, time = week + over, time - over * WEEK_S
     if gps_week is not None and week != gps_week:
         raise lines.error_at(
@@ -121,8 +152,9 @@ def read_nmea(
 def _velocity(
     fixes: list[tuple[Epoch, int, float, float, float, int]], log: _Log, sigma_velocity: ArrayLike
 ) -> dict[str, Array]:
-    """Columns of velocity and its standard deviations; those of an epoch without a track are as
-    good as none.
+    """Return columns of velocity and its standard deviations.
+
+    Those of an epoch without a track are `UNKNOWN_MPS`.
     """
     track = np.array([log.track.get(row[0], (np.nan, np.nan)) for row in fixes])
     speed, course = track[:, 0] * KNOT, np.radians(track[:, 1])
@@ -208,7 +240,7 @@ def _fix(
 
 
 def _degrees(field: str, side: str, sides: str, path: str, line: int) -> float:
-    """Degrees of dddmm.mmmm and its hemisphere."""
+    """Return the degrees of dddmm.mmmm and its hemisphere."""
     minutes = number(field, path, line)
     if side not in tuple(sides):
         raise InputError.at(
@@ -243,7 +275,7 @@ def _date(text: str, path: str, line: int) -> datetime:
 
 
 def _first_day(path: Source, log: _Log) -> float:
-    """Unix time of the midnight before the first epoch; every date must agree on it."""
+    """Return the Unix time of the midnight before the first epoch; every date must agree on it."""
     if not log.dates:
         raise InputError.at(
             path,

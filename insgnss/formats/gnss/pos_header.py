@@ -1,4 +1,4 @@
-"""What the header of an RTKLIB .pos says, and what stands in its place where there is none.
+"""The header of an RTKLIB .pos, and the layouts of files without one.
 
 RTKLIB writes legend lines (`% (lat/lon/height=WGS84/ellipsoidal,...)`), options, and the line that
 names the columns, whose first name is the time scale. Separators stand between all values, angles
@@ -41,9 +41,27 @@ PLAIN_FIELDS = (15, 24)
 
 @dataclass(frozen=True)
 class Header:
-    """Kind of coordinates (a key of `POSITION`), column names, time scale, whether heights are
-    above the ellipsoid, angles are in degrees, minutes and seconds, and time is a date; the base's
-    position (3,) as the header gives it, or None; whether there is a header."""
+    """The header of a file.
+
+    Attributes
+    ----------
+    kind : str
+        Kind of coordinates, a key of `POSITION`.
+    names : tuple of str
+        Column names.
+    scale : str
+        Time scale.
+    ellipsoidal : bool
+        Whether heights are above the ellipsoid.
+    sexagesimal : bool
+        Whether angles are in degrees, minutes and seconds.
+    dated : bool
+        Whether time is a date.
+    base : tuple of float, optional
+        The base's position (3,) or, sexagesimal, (7,), as the header gives it.
+    given : bool
+        Whether there is a header.
+    """
 
     kind: str
     names: tuple[str, ...]
@@ -71,8 +89,9 @@ class Header:
 
 
 def is_rtklib_pos(head: bytes) -> bool:
-    """Whether the first bytes of a file are RTKLIB's: a header that names its columns, or lines
-    laid out as it does without one.
+    """Tell whether the first bytes of a file are RTKLIB's.
+
+    They hold a header that names its columns, or lines laid out as RTKLIB does without one.
     """
     text = decode(head)
     lines = [line for line in text.splitlines() if line.strip()]
@@ -87,7 +106,7 @@ def _names_position(line: str) -> bool:
 
 
 def _plain_layout(line: str) -> bool | None:
-    """Whether a line of RTKLIB without header begins with a date; None where it is no such line."""
+    """Tell whether a line of RTKLIB without header begins with a date; None for any other line."""
     dated = DATE.match(line.encode("utf-8", "replace")) is not None
     if not dated and not _WEEK_TOW.match(line):
         return None
@@ -103,8 +122,12 @@ def _plain_layout(line: str) -> bool | None:
 
 
 def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
-    """Header of the file in `buf`; InputError where it has none and its lines are not RTKLIB's, and
-    where two of its headers differ.
+    """Read the header of the file in `buf`.
+
+    Raises
+    ------
+    InputError
+        No header and lines that are not RTKLIB's, or two headers that differ.
     """
     data = buf.tobytes()
     comments = [decode(line) for line in re.findall(rb"^[ \t]*%[^\r\n]*", data, re.MULTILINE)]
@@ -117,7 +140,8 @@ def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
         raise InputError.at(
             path,
             None,
-            f"holds {len(column_lines)} headers that differ; was it put together from two files? split it",
+            f"holds {len(column_lines)} headers that differ; was it put together from two"
+            " files? split it",
         )
     kind = next(name for name in POSITION if f"{name}(" in column_lines[0])
     tokens = (

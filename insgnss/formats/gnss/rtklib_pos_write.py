@@ -1,5 +1,4 @@
-"""Positions of the antenna as RTKLIB writes solutions (.pos), from a trajectory or from images,
-data_specs/rtklib_pos_write.md.
+"""Antenna positions as RTKLIB's .pos, of a trajectory or images, data_specs/rtklib_pos_write.md.
 
 With the lever arm l in the axes of the body (IMU to antenna) or of the camera (projection centre to
 antenna), C into north, east, down:
@@ -37,12 +36,25 @@ COLUMNS = (
 def antenna_fixes(
     source: Trajectory | FramedOrientation, lever_m: str | Sequence[float] | Array
 ) -> GnssFixes:
-    """Positions of the antenna and their covariances (A.1).
+    """Compute positions of the antenna and their covariances (A.1).
 
-    lever_m : (3,) m, or text with commas; of a trajectory from the IMU to the antenna in body axes
-        (`Mounting.antenna_lever_b`), of
-    images from the projection centre to the antenna in camera axes (`Mounting.antenna_m`).
-    Raises UsageError where it is not three numbers.
+    Parameters
+    ----------
+    source : Trajectory or FramedOrientation
+        Where the lever arm starts.
+    lever_m : (3,) m, or text with commas
+        Of a trajectory from the IMU to the antenna in body axes (`Mounting.antenna_lever_b`), of
+        images from the projection centre to the antenna in camera axes (`Mounting.antenna_m`).
+
+    Returns
+    -------
+    GnssFixes
+        The positions.
+
+    Raises
+    ------
+    UsageError
+        `lever_m` is not three numbers.
     """
     lever = vector(lever_m, "lever_m")
     if isinstance(source, Trajectory):
@@ -73,8 +85,21 @@ def write_antenna_pos(
 ) -> None:
     """Write week, time of week with 6 decimals, degrees with 10, metres with 4, roots with 6.
 
-    lever_m : as in `antenna_fixes`.   quality : RTKLIB's Q of every row, 1 to 6.
-    Raises UsageError without a lever arm or for another quality.
+    Parameters
+    ----------
+    source : Trajectory or FramedOrientation
+        Where the lever arm starts.
+    path : path
+        The file.
+    lever_m : (3,) m, or text with commas
+        As in `antenna_fixes`.
+    quality : int
+        RTKLIB's Q of every row, 1 to 6.
+
+    Raises
+    ------
+    UsageError
+        No lever arm, or another quality.
     """
     if lever_m is None:
         whence = (

@@ -18,11 +18,23 @@ Change = Callable[[bytes | None], bytes]
 
 
 def with_tags(read: Read, size: int, who: str, exif: Change, xmp: Change) -> tuple[bytes, int]:
-    """The head of the new file, and where in the old one its rest begins.
+    """Return the head of the new file, and the byte of the old one where its rest begins.
 
-    exif, xmp : the new content of the segment from the old one, which is None where there is none.
-    Raises InputError where the chain is broken, a segment stands twice, or a new one is too long
-    for a JPEG.
+    Parameters
+    ----------
+    read : callable
+        Returns bytes at an offset and of a length.
+    size : int
+        Bytes of the whole.
+    who : str
+        The file, for messages.
+    exif, xmp : callable
+        Makes the new content of the segment from the old one, which is None where there is none.
+
+    Raises
+    ------
+    InputError
+        A broken chain, a segment that stands twice, or a new one too long for a JPEG.
     """
     segments, rest = _segments(read, size, who)
     for start, change, kind in ((EXIF, exif, "Exif"), (PACKET, xmp, "XMP")):
@@ -33,8 +45,8 @@ def with_tags(read: Read, size: int, who: str, exif: Change, xmp: Change) -> tup
         ]
         if len(places) > 1:
             raise InputError(
-                f"{who}: has {len(places)} segments of {kind}; which one holds cannot be told;"
-                " remove the others"
+                f"{who}: has {len(places)} segments of {kind}; which one is valid is"
+                " ambiguous; remove the others"
             )
         content = start + change(segments.pop(places[0])[1][len(start) :] if places else None)
         if len(content) > MOST:
@@ -51,8 +63,12 @@ def with_tags(read: Read, size: int, who: str, exif: Change, xmp: Change) -> tup
 
 
 def exif_of(read: Read, size: int, who: str) -> bytes:
-    """The TIFF within the first Exif segment, empty without one. Raises InputError where the chain
-    is broken.
+    """Return the TIFF within the first Exif segment, empty without one.
+
+    Raises
+    ------
+    InputError
+        A broken chain of segments.
     """
     segments, _ = _segments(read, size, who)
     return next(
@@ -66,7 +82,7 @@ def exif_of(read: Read, size: int, who: str) -> bytes:
 
 
 def _insert_index(segments: list[tuple[int, bytes]], start: bytes) -> int:
-    """Behind JFIF; XMP behind Exif."""
+    """Return where to insert: behind JFIF, and XMP behind Exif."""
     before = [
         marker == APP0 or (marker == APP1 and start == PACKET and content.startswith(EXIF))
         for marker, content in segments
@@ -75,7 +91,7 @@ def _insert_index(segments: list[tuple[int, bytes]], start: bytes) -> int:
 
 
 def _segments(read: Read, size: int, who: str) -> tuple[list[tuple[int, bytes]], int]:
-    """Markers and contents up to the first segment that is not of the head, and where that begins."""
+    """Return markers and contents of the head's segments, and the byte where the rest begins."""
     position = 2
     segments: list[tuple[int, bytes]] = []
     while True:
@@ -86,8 +102,8 @@ def _segments(read: Read, size: int, who: str) -> tuple[list[tuple[int, bytes]],
         length = int.from_bytes(head[2:4], "big")
         if len(head) < 4 or head[0] != 0xFF or length < 2 or position + 2 + length > size:
             raise InputError(
-                f"{who}: no JPEG from byte {position} of {size} on; it was cut off; copy it again from"
-                " its source"
+                f"{who}: no JPEG from byte {position} of {size} on; it was cut off; copy it again"
+                " from its source"
             )
         if not (APP0 <= head[1] <= 0xEF or head[1] == 0xFE):
             return segments, position

@@ -49,10 +49,19 @@ class _Entry:
 class Tiff:
     """The first directory of a TIFF and the Exif and GPS directories under it.
 
-    read : bytes at an offset and of a length.
-    size : bytes of the whole.
-    who : the file, for messages.
-    Raises InputError where it is none or its directories do not hold together.
+    Parameters
+    ----------
+    read : callable
+        Returns bytes at an offset and of a length.
+    size : int
+        Bytes of the whole.
+    who : str
+        The file, for messages.
+
+    Raises
+    ------
+    InputError
+        No TIFF, or directories that do not hold together.
     """
 
     def __init__(self, read: Callable[[int, int], bytes], size: int, who: str) -> None:
@@ -72,7 +81,7 @@ class Tiff:
         self.exif, self.gps = (self._below(tag) for tag in (EXIF_IFD, GPS_IFD))
 
     def bytes_of(self, directory: Mapping[int, _Entry], tag: int) -> bytes | None:
-        """Bytes of a tag's value, or None."""
+        """Return the bytes of a tag's value, or None."""
         entry = directory.get(tag)
         if entry is None:
             return None
@@ -86,9 +95,12 @@ class Tiff:
     def changed(
         self, first: Mapping[int, Value], exif: Mapping[int, Value], gps: Mapping[int, Value]
     ) -> tuple[bytes, bytes]:
-        """New header, and what follows the old end, with these tags set.
+        """Return the new header, and what follows the old end, with these tags set.
 
-        Raises InputError where offsets of 4 bytes do not reach.
+        Raises
+        ------
+        InputError
+            Offsets of 4 bytes do not reach.
         """
         tail = bytearray(b"\x00" * (self._size % 2))
         pointers = {}
@@ -112,7 +124,7 @@ class Tiff:
     def _append(
         self, tail: bytearray, old: Mapping[int, _Entry], new: Mapping[int, Value], following: int
     ) -> int:
-        """Append a directory and the values of its new tags; its offset."""
+        """Append a directory and the values of its new tags; return its offset."""
         entries = dict(old)
         for tag, value in new.items():
             kind, data, count = self._packed(value)

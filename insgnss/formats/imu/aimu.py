@@ -28,8 +28,12 @@ LOCKED = 2
 def read_aimu(
     path: Source, quantity: Quantity = "mean_rate", gps_week: int | None = None
 ) -> ImuSamples:
-    """Read the samples of a locked clock into SI and GPST; InputError with file and line, notes of
-    what was left out.
+    """Read the samples of a locked clock into SI and GPST; notes count what was left out.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with file and line.
     """
     sentences = read_sentences(path)
     bodies, lines = sentences.bodies(b"$AIMU,")
@@ -80,7 +84,7 @@ def read_aimu(
 
 
 def _numbers(path: Source, bodies: list[bytes], lines: list[int]) -> Array:
-    """Numbers (n, 13) of the sentences' bodies; InputError at the first that is wrong."""
+    """Return the numbers (n, 13) of the sentences' bodies; InputError at the first that is wrong."""
     from ..text import _kernels
 
     if not bodies:

@@ -33,9 +33,23 @@ LARGEST_COUNT = 1e9
 
 @dataclass(frozen=True)
 class PsinsHeader:
-    """Header of a log: roll, pitch, heading rad and velocity north east down m/s as first guesses;
-    latitude, longitude rad, height m; t0 s, interval s, g m/s^2; value of a count: gyro (3,) rad,
-    accelerometer (3,) m/s; body directions of x y z."""
+    """The header of a log.
+
+    Attributes
+    ----------
+    rpy, velocity_ned : tuple
+        Roll, pitch, heading rad and velocity north, east, down m/s, first guesses.
+    lat, lon, height : float
+        rad and m.
+    t0, interval_s : float
+        s.
+    gravity : float
+        m/s^2.
+    gyro_lsb, accel_lsb : tuple
+        (3,) value of a count, rad and m/s.
+    axes : str
+        Body directions of x, y, z.
+    """
 
     rpy: tuple[float, ...]
     velocity_ned: tuple[float, ...]
@@ -51,8 +65,12 @@ class PsinsHeader:
 
 
 def read_psins_header(path: Source) -> PsinsHeader:
-    """Read where the recording was made and how its counts are scaled; InputError with file and
-    line.
+    """Read where the recording was made and how its counts are scaled.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with file and line.
     """
     buf, _ = load(path)
     return _header(path, buf)[0]
@@ -61,8 +79,9 @@ def read_psins_header(path: Source) -> PsinsHeader:
 def read_psins(
     path: Source, quantity: Quantity = "increments", gps_week: int | None = None
 ) -> ImuSamples:
-    """Read increments into rad and m/s, or mean rates where `quantity` is "mean_rate"; the axes
-    stay those of the file.
+    """Read increments into rad and m/s, or mean rates where `quantity` is "mean_rate".
+
+    The axes stay those of the file.
     """
     buf, complete = load(path)
     header, offset, line = _header(path, buf)
@@ -87,7 +106,7 @@ def read_psins(
 
 
 def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int]:
-    """Header, place of the first sample and its line."""
+    """Return the header, the offset of the first sample and its line."""
     rows: list[tuple[int, list[float]]] = []
     offset, axes = 0, ""
     data = buf.tobytes()
@@ -151,7 +170,7 @@ def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int
 
 
 def _axes(text: str) -> str:
-    """Body directions that a comment names: `X-Right,Y-Foward,Z-Up`."""
+    """Return the body directions that a comment names: `X-Right,Y-Foward,Z-Up`."""
     match = re.search(r"X-(\w+),\s*Y-(\w+),\s*Z-(\w+)", text)
     return (
         " ".join("forward" if name.lower() == "foward" else name.lower() for name in match.groups())

@@ -37,13 +37,8 @@ MISSING = (
 )
 FMT = 128
 LOST_LIMIT = 0.01
-QUALITY = {
-    2: 5,
-    3: 5,
-    4: 4,
-    5: 2,
-    6: 1,
-}  # GPS.Status to RTKLIB's codes: 2D, 3D, DGPS, RTK float, RTK fixed
+# GPS.Status to RTKLIB's codes: 2D, 3D, DGPS, RTK float, RTK fixed
+QUALITY = {2: 5, 3: 5, 4: 4, 5: 2, 6: 1}
 LEAST_STATUS = 3
 IMU_MESSAGES = ("IMU", "IMU2", "IMU3", "GYR")
 IMU_FIELDS = ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")

@@ -46,9 +46,8 @@ Array = NDArray[np.float64]
 CAMERA_AXES = {"RUB": "x right, y up, z back", "CV": "x right, y down, z viewing direction"}
 DIRECTIONS = ("camera to frame", "frame to camera")
 NORTHS = ("true", "frame")
-GIMBAL_CV: Array = np.array(
-    [[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]
-)  # takes viewing direction, right, down into x, y, z of CV
+# takes viewing direction, right, down into x, y, z of CV
+GIMBAL_CV: Array = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
 
 
 @dataclass(frozen=True)

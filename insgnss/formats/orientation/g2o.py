@@ -101,11 +101,8 @@ def relative_pose(
     R_i_t, R_j_t = eo.C_fc[i].swapaxes(1, 2), eo.C_fc[j].swapaxes(1, 2)
     a = eo.coordinates[j] - eo.coordinates[i]
     J_i, J_j = np.zeros((2, len(first), 6, 6))
-    J_i[:, :3, :3], J_i[:, :3, 3:], J_i[:, 3:, 3:] = (
-        -R_j_t,
-        R_j_t @ skew(a),
-        -factor * R_j_t,
-    )  # (G.2)
+    # (G.2)
+    J_i[:, :3, :3], J_i[:, :3, 3:], J_i[:, 3:, 3:] = -R_j_t, R_j_t @ skew(a), -factor * R_j_t
     J_j[:, :3, :3], J_j[:, 3:, 3:] = R_j_t, factor * R_j_t
     J_i_t, J_j_t = J_i.swapaxes(1, 2), J_j.swapaxes(1, 2)
     shared = J_i @ eo.cross[i] @ J_j_t

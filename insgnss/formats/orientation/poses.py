@@ -30,7 +30,8 @@ def unix_seconds(eo: FramedOrientation) -> Array:
 def utc(eo: FramedOrientation, unit: str = "us") -> list[str]:
     """Instants of the exposures in UTC, ISO 8601 with Z; unit: digits kept, "us" or "ms"."""
     stamp = EPOCH + np.round(1e6 * unix_seconds(eo)).astype("timedelta64[us]")
-    text: list[str] = np.char.add(np.datetime_as_string(stamp, unit=unit), "Z").tolist()  # type: ignore[call-overload]
+    digits = np.datetime_as_string(stamp, unit=unit)  # type: ignore[call-overload]
+    text: list[str] = np.char.add(digits, "Z").tolist()
     return text
 
 

@@ -41,9 +41,9 @@ TIME: Aliases = {
     ),
     "week": ("week", "gpsweek", "gps_week", "wn"),
 }
-FINE: Aliases = {
-    "nsec": ()
-}  # nanoseconds beside the seconds of `tow`, where a clock stands in two columns; only `columns` can name it
+# nanoseconds beside the seconds of `tow`, where a clock stands in two columns; only `columns` can
+# name it
+FINE: Aliases = {"nsec": ()}
 
 
 def sigma_aliases(*axes: str) -> tuple[str, ...]:
@@ -110,8 +110,8 @@ def columns_of(
         why = f"names {twice} twice" if twice else f"does not name {', '.join(missing)}"
         line = None if columns is not None else layout.header_line
         how = (
-            f"set columns = [...] of {choices}, with '-' for what is to be left out, or columns = {{"
-            ' tow = "its name in the file", ... }'
+            f"set columns = [...] of {choices}, with '-' for what is to be left out, or columns ="
+            ' { tow = "its name in the file", ... }'
         )
         raise InputError.at(table.path, line, f"{source} {why}; {how}")
     if isinstance(table, Table):

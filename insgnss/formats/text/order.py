@@ -115,8 +115,8 @@ def put_in_order(
         )
         raise lines.error_at(
             row,
-            f"{message} (limit {SHARE_LIMIT:.0%}); time must increase; keep one row a stamp, or read"
-            " the file by another clock",
+            f"{message} (limit {SHARE_LIMIT:.0%}); time must increase; keep one row a stamp, or"
+            " read the file by another clock",
         )
     done = [f"{doubles} double rows left out"] if doubles else []
     done += (
@@ -125,7 +125,7 @@ def put_in_order(
         else []
     )
     out_of_order = keep & (time < np.maximum.accumulate(np.where(keep, time, -np.inf)))
-    done += [f"{out_of_order.sum()} late rows put in order"] if out_of_order.any() else []
+    done += [f"{out_of_order.sum()} out-of-order rows sorted"] if out_of_order.any() else []
     return order[keep[order]], (note(name, f"{', '.join(done)}, of {time.size}"),)
 
 
@@ -146,12 +146,12 @@ def _refuse_out_of_order(lines: Lines, time: Array, keep: NDArray[np.bool_]) -> 
         )
         before = float(np.maximum.accumulate(kept)[k])
         message = (
-            f"time {kept[k]:.6f} s follows {before:.6f} s; time must increase; {out_of_order.sum()} of"
-            f" {time.size} rows are late"
+            f"time {kept[k]:.6f} s follows {before:.6f} s; time must increase; {out_of_order.sum()}"
+            f" of {time.size} rows are out of order"
         )
         limits = f"limits {LATE_LIMIT_S:.0f} s and {SHARE_LIMIT:.0%}"
         raise lines.error_at(
             int(rows[k]),
-            f"{message}, by up to {by[worst]:.3f} s ({limits}); sort the file, or split it where the"
-            " clock was set",
+            f"{message}, by up to {by[worst]:.3f} s ({limits}); sort the file, or split it where"
+            " the clock was set",
         )

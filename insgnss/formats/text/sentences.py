@@ -10,8 +10,7 @@ from ...base.errors import InputError
 from .layout import decode
 from .text import Source, load
 
-# of a file's lines or rows: fewer damaged ones are left out and told, more make another format of
-# it
+# of a file's lines or rows: fewer damaged ones are left out and noted, more make it another format
 BAD_SHARE_LIMIT = 0.01
 
 

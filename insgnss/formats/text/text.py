@@ -170,9 +170,8 @@ def parse(
     values = np.empty((n, layout.n_fields))
     lines, bad = np.empty(n, dtype=np.int64), np.full((layout.n_fields, 2), -1, dtype=np.int64)
     delimiter = _kernels.WHITESPACE if layout.delimiter is None else ord(layout.delimiter)
-    with np.errstate(
-        over="ignore"
-    ):  # without the compiler: a mantissa of more than 18 digits wraps and is taken again
+    # without the compiler: a mantissa of more than 18 digits wraps and is taken again
+    with np.errstate(over="ignore"):
         rows, status, offset, line = _kernels.parse_rows(
             buf,
             layout.skip_to,
