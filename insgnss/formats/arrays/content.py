@@ -182,7 +182,7 @@ def _numbers(path: object, node: Any, name: str) -> Array:
 
 
 def tables_of(content: Content, prefix: str = "") -> Iterator[TableInfo]:
-    """Yield the tables of content: matrices, vectors of equal length together, tables of structs."""
+    """Yield the tables of content: matrices, vectors of equal length together, those of structs."""
     vectors: dict[int, list[str]] = {}
     for name, node in content.items():
         where = f"{prefix}{name}"

@@ -177,7 +177,7 @@ def _describe(db: sqlite3.Connection, eo: FramedOrientation, coordinates: Array,
 
 
 def _srs(eo: FramedOrientation) -> _Srs:
-    """Return the row of the frame's CRS: its EPSG code where one code states it, else our number."""
+    """Return the row of the frame's CRS: its EPSG code where one code states it, else our own."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 

@@ -57,9 +57,6 @@ def fixes_from_columns(
 ) -> GnssFixes:
     """Make fixes of columns, each stamp once, in order.
 
-    Speed and course take the place of vn and ve where the columns hold these; an unknown vertical
-    velocity has the standard deviation `UNKNOWN_MPS`.
-
     Parameters
     ----------
     cols : mapping
@@ -164,7 +161,7 @@ def _velocity(
     source: str,
     sigma_velocity: ArrayLike | None,
 ) -> tuple[Array | None, Array | None]:
-    """Return velocity (n, 3) north, east, down and its covariances, or None without such columns."""
+    """Return velocity (n, 3) north, east, down and its covariances; None without such columns."""
     up = "vu" if "vu" in cols else "vd"
     named = [name for name in ("vn", "ve", "speed", "course", up) if name in cols]
     if not named:

@@ -84,7 +84,7 @@ def read_aimu(
 
 
 def _numbers(path: Source, bodies: list[bytes], lines: list[int]) -> Array:
-    """Return the numbers (n, 13) of the sentences' bodies; InputError at the first that is wrong."""
+    """Return the numbers (n, 13) of the sentences' bodies; InputError at the first wrong one."""
     from ..text import _kernels
 
     if not bodies:

@@ -266,7 +266,7 @@ def _triad(cols: Mapping[str, Array], names: tuple[str, ...], factor: float) -> 
 def write_imu_csv(imu: ImuSamples, path: Source) -> None:
     """Write IMU samples in SI: times with 7 decimals, rates with 9, specific forces with 8.
 
-    Half a unit of the last digit is below any sensor's noise.
+    Half a unit of the last digit is below any sensor's.
     """
     units = ("rad", "m/s") if imu.quantity == "increments" else ("rad/s", "m/s^2")
     gyro, accel = (12, 11) if imu.quantity == "increments" else (9, 8)

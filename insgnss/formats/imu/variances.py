@@ -174,7 +174,7 @@ def _text_curve(
     rate_hz: float,
     samples: int,
 ) -> WaveletVariance:
-    """Return the curve that stands in `rows`; `names` are those of the columns of time and value."""
+    """Return the curve that stands in `rows`; `names` are the columns of time and value."""
     time, value = names
     scale = data[time][rows] * (2.0 if time == "tau_s" else 1.0)
     nu = {

@@ -1,5 +1,6 @@
-"""Logs of ArduPilot (DataFlash: .bin, and .log as text), data_specs/ardupilot.md; formats of
-messages by pymavlink.
+"""Logs of ArduPilot (DataFlash: .bin, and .log as text), data_specs/ardupilot.md.
+
+The formats of messages are those of pymavlink.
 
 A binary log is a chain of messages A3 95 kind ..., each of the length that an FMT message gave its
 kind; the chain is walked here, so that a cut or damaged log is noticed, and the fields are taken by
@@ -53,7 +54,7 @@ class Log:
     odd: tuple[str, ...] = ()
 
     def notes(self, name: str) -> tuple[Check, ...]:
-        """Notes of a record of this log."""
+        """Return the notes on what was odd in the log, for the record `name`."""
         return tuple(
             note(name, text, "a whole log", "copy it again from the card") for text in self.odd
         )
@@ -61,8 +62,12 @@ class Log:
     def table(
         self, names: tuple[str, ...], variable: str | None, fields: tuple[str, ...]
     ) -> tuple[str, dict[str, Array]]:
-        """The message `variable`, else the first of `names` that is there, which must have the
-        fields.
+        """Return name and columns of the message `variable`, else of the first of `names` in the log.
+
+        Raises
+        ------
+        InputError
+            No such message, or one without the `fields`.
         """
         chosen = variable or next((name for name in names if name in self.tables), None)
         if chosen is None or chosen not in self.tables:
@@ -79,12 +84,18 @@ class Log:
 
 
 def load_ardupilot(path: Source) -> Tables:
-    """Tables of a log by message."""
+    """Load the tables of a log by message."""
     return read_log(path).tables
 
 
 def read_log(path: Source) -> Log:
-    """Read all messages of a log; InputError where more than 1 % of it is no message."""
+    """Read all messages of a log.
+
+    Raises
+    ------
+    InputError
+        More than 1 % of the file is no message.
+    """
     head = load_bytes(path)
     return _binary(path, head) if head[:1].tobytes() == b"\xa3" else _text(path)
 
@@ -143,7 +154,7 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
 
 
 def _numpy_type(code: str) -> str:
-    """Type of numpy for one of the struct module's."""
+    """Return numpy's type for one of the struct module's."""
     return {
         "b": "i1",
         "B": "u1",
@@ -162,7 +173,7 @@ def _numpy_type(code: str) -> str:
 def _formats(
     buf: NDArray[np.uint8], places: NDArray[np.int64]
 ) -> list[tuple[str, list[str], str, int]]:
-    """Name, labels, format and kind of each FMT message, the last one of a kind."""
+    """Return name, labels, format and kind of each FMT message, the last one of a kind."""
     formats: dict[int, tuple[str, list[str], str, int]] = {}
     for start in places.tolist():
         body = buf[start + 3 : start + 89].tobytes()
@@ -175,7 +186,7 @@ def _formats(
 
 
 def _text(path: Source) -> Log:
-    """A log as text: `FMT, kind, length, name, format, labels` lines, then `name, values`."""
+    """Read a log as text: `FMT, kind, length, name, format, labels` lines, then `name, values`."""
     buf, complete = load(path)
     labels: dict[str, list[str]] = {}
     rows: dict[str, list[list[float]]] = {}
@@ -207,7 +218,7 @@ def _text(path: Source) -> Log:
 
 
 def as_float(column: NDArray[Any]) -> Array:
-    """Column as float64; what is not a number in it stays so, without a word."""
+    """Return a column as float64; what is not a number in it stays so, without a warning."""
     with np.errstate(invalid="ignore"):
         return column.astype(np.float64)
 
@@ -220,8 +231,9 @@ def _float(field: str) -> float:
 
 
 def _by_instance(tables: Tables, name: str, table: dict[str, Array]) -> None:
-    """Add a message's table, those of further sensors (field I: 1, 2, ...) under names with a
-    number.
+    """Add a message's table.
+
+    Those of further sensors (field I: 1, 2, ...) stand under names with a number.
     """
     instance = table.get("I")
     if instance is None or (instance == 0).all():
@@ -234,7 +246,7 @@ def _by_instance(tables: Tables, name: str, table: dict[str, Array]) -> None:
 
 
 def _boot(table: dict[str, Array], path: str, name: str) -> Array:
-    """Stamps of the autopilot, s."""
+    """Return the autopilot's stamps, s."""
     for label, unit in (("TimeUS", 1e-6), ("TimeMS", 1e-3), ("T", 1e-3)):
         if label in table and not (label == "TimeMS" and "T" in table):
             return table[label] * unit
@@ -244,8 +256,9 @@ def _boot(table: dict[str, Array], path: str, name: str) -> Array:
 def _gps(
     log: Log, variable: str | None = None
 ) -> tuple[str, dict[str, Array], Array, Array, Array]:
-    """A GPS message's name, its columns where there is a fix, and of these the autopilot's stamps,
-    week and time of week.
+    """Return a GPS message's name, columns, the autopilot's stamps, week and time of week.
+
+    They are those of the rows where there is a fix.
     """
     name, table = log.table(("GPS", "GPS2"), variable, ("Status", "Lat", "Lng", "Alt"))
     week, ms = ("GWk", "GMS") if "GWk" in table else ("Week", "TimeMS")
@@ -284,8 +297,30 @@ def read_imu_ardupilot(
     quantity: Quantity = "instant_rate",
     gps_week: int | None = None,
 ) -> ImuSamples:
-    """Read the samples of one IMU, forward right down, on GPST. variable : IMU (the default), IMU2,
-    ..., GYR (with its ACC).
+    """Read the samples of one IMU, forward right down, on GPST.
+
+    Parameters
+    ----------
+    path : path
+        The log.
+    variable : str, optional
+        IMU (the default), IMU2, ..., GYR (with its ACC).
+    quantity : {"instant_rate", "mean_rate"}
+        What a sample is.
+    gps_week : int, optional
+        The week that the log must be of.
+
+    Returns
+    -------
+    ImuSamples
+        The samples.
+
+    Raises
+    ------
+    UsageError
+        Increments, which such a log does not hold.
+    InputError
+        A log that cannot be read.
     """
     if quantity == "increments":
         raise UsageError(
@@ -314,8 +349,9 @@ def read_imu_ardupilot(
 def _raw_pair(
     log: Log, name: str, gyro: dict[str, Array]
 ) -> tuple[dict[str, Array], tuple[Check, ...]]:
-    """Columns of a raw gyro message with those of its accelerometer, interpolated to the gyro's
-    stamps, where both are there.
+    """Return columns of a raw gyro message with those of its accelerometer.
+
+    The latter are interpolated to the gyro's stamps, where both have data.
     """
     other, accel = log.table((name.replace("GYR", "ACC"),), None, ("SampleUS", *IMU_FIELDS[3:]))
     if "SampleUS" not in gyro:
@@ -348,11 +384,31 @@ def read_gnss_ardupilot(
     gps_week: int | None = None,
     undulation_m: float | None = None,
 ) -> GnssFixes:
-    """Read the fixes of one receiver at their GPS times; standard deviations of GPA, else sigma_m
-    and sigma_velocity.
+    """Read the fixes of one receiver at their GPS times.
 
-    undulation_m : geoid above the ellipsoid, m, where GPA does not hold it; without both the
-        heights stay above the geoid, with a note.
+    Parameters
+    ----------
+    path : path
+        The log.
+    variable : str, optional
+        GPS (the default) or GPS2.
+    sigma_m, sigma_velocity : array_like, optional
+        Standard deviations north, east, down, m and m/s, instead of those of GPA.
+    gps_week : int, optional
+        The week that the log must be of.
+    undulation_m : float, optional
+        Geoid above the ellipsoid, m, where GPA does not hold it; without both the heights stay
+        above the geoid, with a note.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        A log that cannot be read.
     """
     log = read_log(path)
     name, table, boot, week, tow = _gps(log, variable)
@@ -405,8 +461,9 @@ def read_gnss_ardupilot(
 
 
 def _accuracy(log: Log, name: str, table: dict[str, Array]) -> dict[str, Array]:
-    """Standard deviations, and Und, of the GPA message of each fix's stamp, where every fix has one
-    with values.
+    """Return standard deviations, and Und, of the GPA message of each fix's stamp.
+
+    They are empty unless every fix has one with values.
     """
     gpa = log.tables.get(name.replace("GPS", "GPA"))
     if (
@@ -443,8 +500,9 @@ def _finite(log: Log, name: str, cols: dict[str, Array]) -> None:
 def read_events_ardupilot(
     path: Source, variable: str | None = None, gps_week: int | None = None
 ) -> CameraEvents:
-    """Read the shutter instants on GPST; CAM (feedback or shot), else TRIG. Images are named by
-    Img, where it is there.
+    """Read the shutter instants on GPST: CAM (feedback or shot), else TRIG.
+
+    Images are named by Img, where the message has it.
     """
     log = read_log(path)
     name, table = log.table(("CAM", "TRIG"), variable, ())

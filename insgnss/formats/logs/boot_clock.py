@@ -1,5 +1,4 @@
-"""From an autopilot's clock, which counts from its start, to GPST, by the stamps of its GNSS
-receiver's messages.
+"""From an autopilot's boot clock to GPST, by the stamps of its GNSS receiver's messages.
 
 A fix is taken at GPST g and its message comes in at b on the autopilot's clock, a latency l >= 0
 later: b = (g + l - o) (1 + d) with the offset o and the drift d of the autopilot's crystal. A
@@ -30,8 +29,9 @@ SPREAD_LIMIT_S = 1.0
 
 @dataclass(frozen=True)
 class BootClock:
-    """GPST = boot + offset_s + drift (boot - at_s), in seconds of `gps_week`; `spread_s`: median
-    absolute distance of the messages.
+    """GPST = boot + offset_s + drift (boot - at_s), in seconds of `gps_week`.
+
+    `spread_s` is the median absolute distance of the messages.
     """
 
     gps_week: int
@@ -42,8 +42,12 @@ class BootClock:
     messages: int
 
     def gpst(self, lines: Lines, boot_s: Array) -> Array:
-        """Seconds of the week of stamps (n,) of the autopilot, s, to the microsecond; InputError at
-        the first that cannot be one.
+        """Return seconds of the week of stamps (n,) of the autopilot, s, to the microsecond.
+
+        Raises
+        ------
+        InputError
+            The first stamp that cannot be one.
         """
         if (odd := ~((boot_s >= 0.0) & (boot_s < LONGEST_S))).any():
             row = int(np.argmax(odd))
@@ -55,7 +59,7 @@ class BootClock:
         return np.round(boot_s + self.offset_s + self.drift * (boot_s - self.at_s), 6)
 
     def note(self, name: str) -> Check:
-        """What was done, for the record's notes."""
+        """Return the note on the clock, for the record `name`."""
         finding = (
             f"{self.messages} messages tie its clock to GPST: drift {1e6 * self.drift:+.0f} ppm,"
             f" spread {1e3 * self.spread_s:.0f} ms"
@@ -69,8 +73,26 @@ class BootClock:
 
 
 def fit_clock(path: object, boot_s: Array, week: Array, tow: Array) -> BootClock:
-    """Clock by stamps boot_s (n,) s of messages of fixes at GPS week and time of week; InputError
-    where they do not follow a clock.
+    """Fit the clock to stamps of messages of fixes.
+
+    Parameters
+    ----------
+    path
+        The log, for messages.
+    boot_s : ndarray
+        (n,) stamps of the autopilot, s.
+    week, tow : ndarray
+        (n,) GPS week and time of week, s, of their fixes.
+
+    Returns
+    -------
+    BootClock
+        The clock.
+
+    Raises
+    ------
+    InputError
+        Stamps that do not follow a clock.
     """
     if boot_s.size == 0:
         raise InputError(

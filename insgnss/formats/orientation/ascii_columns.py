@@ -1,5 +1,4 @@
-r"""The columns that a generic ASCII table of exterior orientations may have: what they mean, and
-where their numbers come from.
+r"""The columns of a generic ASCII table of exterior orientations, and how they are computed.
 
 Columns come in groups that are computed together; a template names single columns or whole groups.
 With X the axes of the camera, CV (right, down, viewing direction) or RUB (right, up, back), and f
@@ -52,9 +51,7 @@ GIMBAL_CV: Array = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
 
 @dataclass(frozen=True)
 class Conventions:
-    """What angles and matrices of a table mean: axes of the camera, direction, north of yaw, unit
-    of angles.
-    """
+    """What angles and matrices of a table mean: camera axes, direction, north of yaw, unit of angles."""
 
     camera_axes: str = "RUB"
     attitude: str = DIRECTIONS[0]
@@ -64,8 +61,9 @@ class Conventions:
 
 @dataclass(frozen=True)
 class Group:
-    """Columns that are computed together; kind: "metre", "place", "sigma", "angle", "angle sigma",
-    "matrix", "second" or "whole".
+    """Columns that are computed together.
+
+    `kind` is "metre", "place", "sigma", "angle", "angle sigma", "matrix", "second" or "whole".
     """
 
     columns: tuple[str, ...]
@@ -74,7 +72,10 @@ class Group:
 
 
 def in_camera_axes(eo: FramedOrientation, how: Conventions) -> tuple[Array, Array]:
-    """Rotation of the frame's attitude by `how`, and the covariances of its psi, (n, 3, 3) each."""
+    """Return the rotation of the frame's attitude by `how`, and the covariances of its psi.
+
+    Both are (n, 3, 3).
+    """
     R, P = eo.C_fc @ (CV_RUB if how.camera_axes == "RUB" else np.eye(3)), eo.cov[:, 3:, 3:]
     if how.attitude == DIRECTIONS[0]:
         return R, P
@@ -83,7 +84,10 @@ def in_camera_axes(eo: FramedOrientation, how: Conventions) -> tuple[Array, Arra
 
 
 def to_north(eo: FramedOrientation, how: Conventions) -> tuple[Array, Array]:
-    """Camera (CV) to east, north, up by `how`, and the covariances of psi there, (n, 3, 3) each."""
+    """Return the rotation of the camera (CV) to east, north, up, and the covariances of psi there.
+
+    Both are (n, 3, 3); `how` says which north.
+    """
     if how.north == "frame":
         return eo.C_fc, eo.cov[:, 3:, 3:]
     return eo.C_Ec, eo.C_fE.swapaxes(1, 2) @ eo.cov[:, 3:, 3:] @ eo.C_fE
@@ -159,8 +163,9 @@ OF_NORTH = ("ypr", "ned", "gimbal")
 
 
 def kind_of(column: str, frame_kind: str) -> str:
-    """What a number of this column is: "degree", "metre", "sigma", "angle", "angle sigma",
-    "matrix", "second" or "whole".
+    """Return what a number of this column is.
+
+    It is "degree", "metre", "sigma", "angle", "angle sigma", "matrix", "second" or "whole".
     """
     kind = GROUPS[GROUP_OF[column]].kind
     if kind == "time":
@@ -171,5 +176,5 @@ def kind_of(column: str, frame_kind: str) -> str:
 
 
 def has_plan(frame_kind: str) -> bool:
-    """Whether the frame tells horizontal from vertical."""
+    """Tell whether the frame has a horizontal and a vertical."""
     return frame_kind != GEOCENTRIC

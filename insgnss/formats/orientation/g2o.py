@@ -1,5 +1,4 @@
-r"""A pose graph in g2o's text format: the cameras, and what is known of each relative to the next,
-data_specs/g2o.md.
+r"""A pose graph in g2o's text format: cameras and relative poses, data_specs/g2o.md.
 
     VERTEX_SE3:QUAT id  x y z  qx qy qz qw                        camera to frame: T = (p, R)
     EDGE_SE3:QUAT i j   dx dy dz  qx qy qz qw   information       Z = T_i^-1 T_j, upper triangle of 6 x 6
@@ -51,10 +50,23 @@ def write_g2o(
 ) -> None:
     """Write vertices, numbered from 0 in the order of the images, and edges between neighbours.
 
-    max_gap_s : exposures farther apart than this are not joined.
-    rotation : what the information of rotations belongs to (G.2).
-    Raises UsageError for a frame that is not Cartesian and wrong options, DataError for a pair
-    whose covariance has no inverse.
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a Cartesian frame.
+    path : path
+        The file.
+    max_gap_s : float
+        Exposures farther apart than this are not joined, s.
+    rotation : {"quaternion", "vector"}
+        What the information of rotations belongs to (G.2).
+
+    Raises
+    ------
+    UsageError
+        A frame that is not Cartesian, or wrong options.
+    DataError
+        A pair whose covariance has no inverse.
     """
     check_frame(eo, "g2o", TANGENT, PROJECTED, GEOCENTRIC)
     check_names(eo.images, "\n")
@@ -92,10 +104,23 @@ def write_g2o(
 def relative_pose(
     eo: FramedOrientation, first: NDArray[np.int64], factor: float
 ) -> tuple[Array, Array]:
-    """Pose (m, 7) x y z qx qy qz qw of each image after `first` (m,) in that image, and the
-    covariance (m, 6, 6) of its error (G.3).
+    """Return the pose of each image after `first` in that image, and its covariance (G.3).
 
-    factor : 1/2 for the vector of the quaternion, 1 for the rotation vector.
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation.
+    first : ndarray
+        (m,) indices of the first images.
+    factor : float
+        1/2 for the vector of the quaternion, 1 for the rotation vector.
+
+    Returns
+    -------
+    pose : ndarray
+        (m, 7) x y z qx qy qz qw.
+    cov : ndarray
+        (m, 6, 6) covariance of its error.
     """
     i, j = first, first + 1
     R_i_t, R_j_t = eo.C_fc[i].swapaxes(1, 2), eo.C_fc[j].swapaxes(1, 2)

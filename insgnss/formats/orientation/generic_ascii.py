@@ -1,5 +1,4 @@
-"""A table of exterior orientations by template: columns, units, delimiter, header,
-data_specs/generic_ascii.md.
+"""A table of exterior orientations by template, data_specs/generic_ascii.md.
 
 The columns are those of `_ascii_columns`. The header says all conventions, so that the file reads
 back without being told anything (`read_generic_ascii`); without a header nobody can know them, and
@@ -68,18 +67,41 @@ def write_generic_ascii(
 ) -> None:
     """Write a table in any frame.
 
-    columns : names of columns and groups, `image` among them once.
-    delimiter : blank, comma, semicolon, tab.
-    header : full, names (one line of names without `#`) or none.
-    unit : of angles, deg, gon, rad.
-    camera_axes : RUB or CV.
-    attitude : "camera to frame" or "frame to camera", of omega phi kappa, matrix and quaternion.
-    north : "true" or "frame", of yaw; by default true but in a tangent plane.
-    decimals_m, decimals_angle : 0 to 12; standard deviations of lengths have one more; angles 6, of
-        radians 9, by default.
-    note : a further line of the full header.
-    Raises UsageError for a template that makes no table, InputError for names that break it,
-    DataError where a set is singular.
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+    columns : str or sequence
+        Names of columns and groups, `image` among them once.
+    delimiter : {"blank", "comma", "semicolon", "tab"}
+        What separates the columns.
+    header : {"full", "names", "none"}
+        "names" is one line of names without `#`.
+    unit : {"deg", "gon", "rad"}
+        Unit of angles.
+    camera_axes : {"RUB", "CV"}
+        Axes of the camera.
+    attitude : {"camera to frame", "frame to camera"}
+        Of omega phi kappa, matrix and quaternion.
+    north : {"true", "frame"}, optional
+        Of yaw; by default true but in a tangent plane.
+    decimals_m : int
+        0 to 12; standard deviations of lengths have one more.
+    decimals_angle : int, optional
+        0 to 12; by default 6, of radians 9.
+    note : str
+        A further line of the full header.
+
+    Raises
+    ------
+    UsageError
+        A template that makes no table.
+    InputError
+        Names that break it.
+    DataError
+        An angle set that is singular.
     """
     how = Conventions(
         camera_axes, attitude, north or ("frame" if eo.frame.kind == TANGENT else "true"), unit
@@ -112,7 +134,7 @@ def write_generic_ascii(
 
 
 def _names(columns: str | Sequence[str]) -> list[str]:
-    """Single columns of a template."""
+    """Return the single columns of a template."""
     tokens = re.split(r"[\s,]+", columns.strip()) if isinstance(columns, str) else list(columns)
     return [
         name
@@ -168,7 +190,7 @@ def _is_of_north(name: str) -> bool:
 
 
 def _values(eo: FramedOrientation, numbers: list[str], how: Conventions) -> list[Array]:
-    """Columns (n,) in the units of the file."""
+    """Return the columns (n,) in the units of the file."""
     blocks = {
         name: GROUPS[name].compute(eo, how)
         for name in dict.fromkeys(GROUP_OF[column] for column in numbers)
@@ -205,8 +227,18 @@ def _header(
 
 @dataclass(frozen=True, eq=False)
 class AsciiOrientation:
-    """What a table holds: the columns (n,) by name, m, s and rad (also longitude and latitude), and
-    the conventions of its header.
+    """What a table holds.
+
+    Attributes
+    ----------
+    images : tuple of str
+        Image names.
+    frame_kind : str
+        Kind of its frame.
+    how : Conventions
+        The conventions of its header.
+    columns : dict
+        Columns (n,) by name, m, s and rad (also longitude and latitude).
     """
 
     images: tuple[str, ...]
@@ -215,7 +247,7 @@ class AsciiOrientation:
     columns: dict[str, Array]
 
     def block(self, group: str) -> Array | None:
-        """Columns (n, k) of a group, None where not all are there."""
+        """Return the columns (n, k) of a group, None where the table lacks any."""
         names = GROUPS[group].columns
         return (
             np.column_stack([self.columns[name] for name in names])
@@ -225,8 +257,9 @@ class AsciiOrientation:
 
     @property
     def C_fc(self) -> Array | None:
-        """(n, 3, 3), camera (x right, y down, z viewing direction) to the frame's axes; None where
-        no columns tell.
+        """(n, 3, 3) rotations of camera axes to the frame's; None where no columns give them.
+
+        Camera axes are x right, y down, z viewing direction.
         """
         if (a := self.block("matrix")) is not None:
             R = a.reshape(-1, 3, 3)
@@ -244,8 +277,9 @@ class AsciiOrientation:
 
     @property
     def C_Ec(self) -> Array | None:
-        """(n, 3, 3), camera as in `C_fc` to east, north, up by `how.north`; None where no columns
-        tell.
+        """(n, 3, 3) rotations of camera axes to east, north, up; None where no columns give them.
+
+        Camera axes are those of `C_fc`; north is that of `how.north`.
         """
         if (a := self.block("ypr")) is not None:
             return np.asarray(rotation_from_ypr(a) @ CV_RUB)
@@ -255,8 +289,12 @@ class AsciiOrientation:
 
 
 def read_generic_ascii(path: Source) -> AsciiOrientation:
-    """Read a table that was written with a full header; InputError with file and line for another,
-    or a column it does not know.
+    """Read a table that was written with a full header.
+
+    Raises
+    ------
+    InputError
+        Another header, or an unknown column, with file and line.
     """
     table = read_text_table(path)
     words = _header_words(path)
@@ -300,7 +338,7 @@ def _column(table: TextTable, k: int, name: str, frame_kind: str, how: Conventio
 
 
 def _header_words(path: Source) -> dict[str, str]:
-    """What the comment lines before the table say, by key."""
+    """Return what the comment lines before the table state, by key."""
     words: dict[str, str] = {}
     with Path(path).open(encoding="utf-8", errors="replace") as stream:
         for line in stream:

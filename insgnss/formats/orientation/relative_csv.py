@@ -1,5 +1,4 @@
-"""relative.csv: relative position and attitude of neighbouring images of a flight line,
-data_specs/relative_csv.md.
+"""relative.csv: relative pose of neighbouring images, data_specs/relative_csv.md.
 
 One row a pair: its value, the standard deviations of the three weightings side by side, and the
 full covariance of the third, P = cov(offset, psi) with rotation(true) = exp([psi x]) rotation,
@@ -46,8 +45,9 @@ _IN_WORDS = {
 
 @dataclass(frozen=True, eq=False)
 class RelativeTable:
-    """The content of the file, of k pairs: as `records.relative.RelativeControl`; sigma: (k, 6) m
-    and rad of each of `WEIGHTINGS`.
+    """The content of the file, of k pairs: as `records.relative.RelativeControl`.
+
+    `sigma` is (k, 6), m and rad, of each of `WEIGHTINGS`.
     """
 
     form: str
@@ -61,8 +61,10 @@ class RelativeTable:
 
 
 def write_relative_csv(control: RelativeControl, path: Source) -> None:
-    """Write metres with 5 decimals, quaternions with 12, standard deviations with 6 (m) and 8
-    (deg), covariances with 10 digits.
+    """Write relative control.
+
+    Metres have 5 decimals, quaternions 12, standard deviations 6 (m) and 8 (deg), covariances 10
+    digits.
     """
     check_names(control.images, ",")
     sigmas = [
@@ -97,7 +99,7 @@ def write_relative_csv(control: RelativeControl, path: Source) -> None:
 
 
 def header(control: RelativeControl) -> str:
-    """The comment lines: form, frame, weightings, what was applied, column names."""
+    """Return the comment lines: form, frame, weightings, what was applied, column names."""
     noise, drift = np.degrees(control.gyro_noise), np.degrees(control.gyro_drift)
     lines = [
         (
@@ -130,8 +132,9 @@ def header(control: RelativeControl) -> str:
 
 
 def relative_member(control: RelativeControl) -> dict[str, Any]:
-    """The same as the member `relative` of eo.json: form, conventions and one object a pair;
-    numbers read back bit by bit.
+    """Return the same as the member `relative` of eo.json: form, conventions and one object a pair.
+
+    Its numbers read back bit by bit.
     """
     q = quaternion_from_rotation(control.rotation)
     sigma = {
@@ -169,8 +172,12 @@ def relative_member(control: RelativeControl) -> dict[str, Any]:
 
 
 def read_relative_csv(path: Source) -> RelativeTable:
-    """Read the file back; InputError with file and line, also for a form that is unknown or
-    changes, and a quaternion without length 1.
+    """Read the file back.
+
+    Raises
+    ------
+    InputError
+        A form that is unknown or changes, or a quaternion without length 1, with file and line.
     """
     table = read_text_table(path)
     index = columns_of(table, ALIASES, COLUMNS, (COLUMNS,))

@@ -1,5 +1,4 @@
-"""Poses as the TUM RGB-D benchmark writes them, which evo and many SLAM tools read,
-data_specs/tum.md.
+"""Poses of the TUM RGB-D benchmark, for evo and many SLAM tools, data_specs/tum.md.
 
     time tx ty tz qx qy qz qw
 
@@ -29,7 +28,19 @@ SCALES = {
 def write_tum(eo: FramedOrientation, path: Source, time: Literal["tow", "unix"] = "tow") -> None:
     """Write seconds with 6 decimals, metres with 6, quaternions with 10, in the order of time.
 
-    time : seconds of the GPS week, or since 1970 (UTC).   Raises UsageError for a frame that is not Cartesian or another scale.
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a Cartesian frame.
+    path : path
+        The file.
+    time : {"tow", "unix"}
+        Seconds of the GPS week, or since 1970 (UTC).
+
+    Raises
+    ------
+    UsageError
+        A frame that is not Cartesian, or another scale.
     """
     check_frame(eo, "tum", TANGENT, PROJECTED, GEOCENTRIC)
     if time not in SCALES:
@@ -47,5 +58,5 @@ def write_tum(eo: FramedOrientation, path: Source, time: Literal["tow", "unix"] 
 
 
 def wxyz_last(C: Array) -> Array:
-    """Quaternions (n, 4) x, y, z, w of rotations (n, 3, 3)."""
+    """Return quaternions (n, 4) x, y, z, w of rotations (n, 3, 3)."""
     return np.roll(quaternion_from_rotation(C), -1, axis=-1)

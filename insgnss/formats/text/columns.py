@@ -47,13 +47,13 @@ FINE: Aliases = {"nsec": ()}
 
 
 def sigma_aliases(*axes: str) -> tuple[str, ...]:
-    """Header names of a standard deviation along an axis of these names."""
+    """Return header names of a standard deviation along an axis of these names."""
     heads = ("sd", "std", "sigma", "rms", "acc", "stdev")
     return tuple(f"{head}{glue}{axis}" for head, glue, axis in product(heads, ("_", ""), axes))
 
 
 def axis_aliases(letter: str, *stems: str) -> tuple[str, ...]:
-    """Header names of the component x, y or z of a triad with these stems."""
+    """Return header names of the component x, y or z of a triad with these stems."""
     return tuple(f"{stem}{glue}{letter}" for stem, glue in product(stems, ("_", "")))
 
 
@@ -65,15 +65,28 @@ def columns_of(
     columns: Columns = None,
     kinds: Kinds | None = None,
 ) -> dict[str, int]:
-    """Index of every known column by its canonical name, the keys of `aliases`.
+    """Return the index of every known column by its canonical name, the keys of `aliases`.
 
-    columns : canonical name of each column, "-" or any other name leaving one out; or canonical
-        name to name in the header, or to its place, "[1]" for the first.
-    defaults : the documented layouts of a file without header, told apart by their number of
-        columns.
-    kinds : of the units that may stand behind the names of a header, by canonical name.
-    Raises InputError where a required name is missing, ambiguous, or the number of fields does not
-    fit.
+    Parameters
+    ----------
+    table : Table or TextTable
+        The table.
+    aliases : mapping
+        Header names by canonical name.
+    required : sequence of str
+        Canonical names that the table must have.
+    defaults : sequence
+        The documented layouts of a file without header, distinguished by their number of columns.
+    columns : sequence or mapping, optional
+        Canonical name of each column, "-" or any other name leaving one out; or canonical name to
+        name in the header, or to its index, "[1]" for the first.
+    kinds : mapping, optional
+        Kinds of the units that may stand behind the names of a header, by canonical name.
+
+    Raises
+    ------
+    InputError
+        A required name that is missing or ambiguous, or a number of fields that does not fit.
     """
     layout, choices = table.layout, ", ".join(aliases)
     if isinstance(columns, Mapping):
@@ -175,9 +188,7 @@ def _from_mapping(
 
 
 def reversed_names(layout: Layout, index: Mapping[str, int]) -> list[str]:
-    """Of the columns `index` those that the header calls by the reverse of their axis, such as
-    -YAccel.
-    """
+    """Return the columns that the header calls by the reverse of their axis, such as -YAccel."""
     fields = layout.header_fields or ()
     return [
         name for name, k in index.items() if fields and re.match(r"[\"'\s]*-\s*[A-Za-z]", fields[k])
@@ -185,7 +196,7 @@ def reversed_names(layout: Layout, index: Mapping[str, int]) -> list[str]:
 
 
 def fields_of(layout: Layout, index: Mapping[str, int], names: Sequence[str]) -> list[str]:
-    """Fields of the header for the columns `names`, as far as there are any."""
+    """Return the fields of the header for the columns `names`, as far as there are any."""
     return (
         [layout.header_fields[index[name]] for name in names if name in index]
         if layout.header_fields
@@ -206,7 +217,7 @@ def check_increasing(lines: Lines, time: Array) -> None:
 
 
 def clock_of(cols: Mapping[str, Array]) -> Array:
-    """Readings of the column of time, with the nanoseconds of `nsec` where there is such a column."""
+    """Return readings of the column of time, with the nanoseconds of `nsec` where it exists."""
     tow = np.ascontiguousarray(cols["tow"])
     return tow + 1e-9 * cols["nsec"] if "nsec" in cols else tow
 
@@ -214,13 +225,25 @@ def clock_of(cols: Mapping[str, Array]) -> Array:
 def gps_time(
     lines: Lines, tow: Array, week: Array | None, gps_week: int | None, unit: str = "s"
 ) -> tuple[Array, int | None]:
-    """Seconds of the first week, and that week; from times of week and either a column of weeks or
-    the caller's week.
+    """Return seconds of the first week, and that week.
 
-    week : of zeros is taken for none.
-    unit : of `tow`, of UNITS["time"]; of a clock with an epoch (unix, gps) the week follows.
-    Raises InputError with the line for a time that is none, and where a week contradicts the
-    caller's.
+    Parameters
+    ----------
+    lines : Lines
+        Where the rows stand, for refusals.
+    tow : ndarray
+        (n,) times of week, or of a clock with an epoch.
+    week : ndarray, optional
+        (n,) a column of weeks; zeros are taken for none.
+    gps_week : int, optional
+        The caller's week.
+    unit : str
+        Unit of `tow`, of UNITS["time"]; of a clock with an epoch (unix, gps) the week follows.
+
+    Raises
+    ------
+    InputError
+        A time that is none, or a week that contradicts the caller's, with the line.
     """
     factor, epoch = unit_factor(unit, "time"), split_unit(unit)[1]
     seconds = tow if factor == 1.0 else tow * factor
@@ -254,8 +277,9 @@ def gps_time(
 
 
 def _of_epoch(lines: Lines, seconds: Array, epoch: str, gps_week: int | None) -> tuple[Array, int]:
-    """Seconds of the first week, to the microsecond, and that week, of a clock that counts on from
-    its epoch.
+    """Return seconds of the first week, to the microsecond, and that week.
+
+    The clock counts on from its epoch.
     """
     if epoch == "gps":
         if seconds.size == 0 or not seconds.min() >= 0.0:

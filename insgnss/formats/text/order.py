@@ -1,5 +1,4 @@
-"""Each stamp once, and in order: the one rule for rows that are double, late or contradict each
-other, in all readers.
+"""Each stamp once, and in order: one rule for double, late or contradicting rows in all readers.
 
     a row like an earlier one in every value      left out and counted
     a row before its place, by less than 1 s      put in order and counted, where these are fewer
@@ -27,34 +26,34 @@ LATE_LIMIT_S, SHARE_LIMIT = 1.0, 0.01
 
 
 class Lines(Protocol):
-    """What can say where a row stands."""
+    """What reports errors at the line of a row."""
 
     def error_at(self, row: int, message: str, /) -> InputError:
-        """The error `message` at the line of `row`."""
+        """Return the error `message` at the line of `row`."""
         ...
 
 
 @dataclass(frozen=True)
 class Picked:
-    """The places of rows that were picked out of others."""
+    """Rows that were picked out of others."""
 
     lines: Lines
     rows: Rows
 
     def error_at(self, row: int, message: str) -> InputError:
-        """The error `message` at the place of `row`."""
+        """Return the error `message` at the line of `row`."""
         return self.lines.error_at(int(self.rows[row]), message)
 
 
 @dataclass(frozen=True)
 class NumberedRows:
-    """Rows of a table without lines: records of a binary file, messages of a log; counted from 1."""
+    """Rows of a table without lines (records, messages of a log), counted from 1."""
 
     path: str
     kind: str = "row"
 
     def error_at(self, row: int, message: str) -> InputError:
-        """The error `message` at a row."""
+        """Return the error `message` at a row."""
         return InputError(f"{self.path}: {self.kind} {row + 1}: {message}")
 
 
@@ -64,13 +63,14 @@ def note(
     expected: str = "each stamp once, in order",
     advice: str = "check the logger, or how the file was put together",
 ) -> Check:
-    """What a reader left out or put in order."""
+    """Return a note on what a reader left out or sorted."""
     return Check(name, finding, expected, "note", advice)
 
 
 def open_end(name: str, complete: bool) -> tuple[Check, ...]:
-    """The note of a text file whose last line has no end, so that it may have been cut in a number;
-    none where it has.
+    """Return the note on a text file whose last line has no end; none where it has.
+
+    Such a line may have been cut in a number.
     """
     if complete:
         return ()
@@ -87,11 +87,23 @@ def open_end(name: str, complete: bool) -> tuple[Check, ...]:
 def put_in_order(
     lines: Lines, time: Array, same: Callable[[int, int], bool], name: str
 ) -> tuple[Rows | None, tuple[Check, ...]]:
-    """Rows to take, in order of time (n,), s, or None for all as they stand; and the notes of the
-    record.
+    """Return the rows to take, in order of time, or None for all as they stand; and the notes.
 
-    same : whether two rows agree in every value.   name : of the notes, "IMU rows", say.
-    Raises InputError at the first row beyond the limits.
+    Parameters
+    ----------
+    lines : Lines
+        Where the rows stand, for refusals.
+    time : ndarray
+        (n,) s.
+    same : callable
+        Tells whether two rows agree in every value.
+    name : str
+        Name of the notes, such as "IMU rows".
+
+    Raises
+    ------
+    InputError
+        The first row beyond the limits.
     """
     if time.size < 2 or (np.diff(time) > 0.0).all():
         return None, ()

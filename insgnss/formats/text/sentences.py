@@ -16,9 +16,7 @@ BAD_SHARE_LIMIT = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Sentences:
-    """The sentences of a file with a right checksum, in order, and the count of lines that have
-    none.
-    """
+    """The sentences of a file with a right checksum, and the count of lines that have none."""
 
     path: str
     buf: NDArray[np.uint8]
@@ -28,8 +26,9 @@ class Sentences:
     n_bad: int
 
     def fields(self, *kinds: bytes) -> Iterator[tuple[int, list[str]]]:
-        """Line and fields of each sentence whose name ends in one of three letters, the first field
-        without its '$'.
+        """Yield line and fields of each sentence whose name ends in one of three letters.
+
+        The first field stands without its '$'.
         """
         data = self.buf.tobytes()
         for start, star, line in zip(
@@ -39,7 +38,9 @@ class Sentences:
                 yield line, data[start + 1 : star].decode("ascii", "replace").split(",")
 
     def bodies(self, opening: bytes) -> tuple[list[bytes], list[int]]:
-        """What stands between `opening` and '*' in the sentences that begin so, and their lines."""
+        """Return what stands between `opening` and '*' in the sentences that begin so, and their
+        lines.
+        """
         data, size = self.buf.tobytes(), len(opening)
         pairs = zip(self.starts.tolist(), self.stars.tolist(), self.lines.tolist(), strict=True)
         matches = [
@@ -51,8 +52,12 @@ class Sentences:
 
 
 def read_sentences(path: Source) -> Sentences:
-    """Read a log; InputError with the first line without a right checksum where they are more than
-    1 %.
+    """Read a log.
+
+    Raises
+    ------
+    InputError
+        More than 1 % of the lines have no right checksum; the first of them is named.
     """
     from . import _kernels
 

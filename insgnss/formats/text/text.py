@@ -1,5 +1,6 @@
-"""Text tables in and whole files out: what every text format here stands on; the rules are those of
-`_layout`.
+"""Text tables in and whole files out: the base of every text format.
+
+The rules are those of `layout`.
 """
 
 import math
@@ -32,12 +33,23 @@ MAP_FROM = 1 << 22  # bytes; smaller files are simply read
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Numbers of a text table: values (n, m), the line (n,) each row stands in, counted from 1, and
-    whether the last one has its end.
+    """Numbers of a text table.
 
-    bad : for each column with a field that is no number, its place in the row from 0, what is to be
-        said of the first such field, in
-    the order of the file; the values of these fields are not-a-number.
+    Attributes
+    ----------
+    path : str
+        The file.
+    layout : Layout
+        How it is written.
+    values : ndarray
+        (n, m) numbers; not-a-number where a field is none.
+    lines : ndarray
+        (n,) the line of each row, counted from 1.
+    complete : bool
+        Whether the last line has its end.
+    bad : mapping
+        For each column (from 0) with a field that is no number, the error of the first such field,
+        in the order of the file.
     """
 
     path: str
@@ -74,11 +86,11 @@ class TextTable:
         return InputError.at(self.path, self.lines[row], message)
 
     def strings(self, column: int) -> tuple[str, ...]:
-        """Column as text, without quotation marks."""
+        """Return a column as text, without quotation marks."""
         return tuple(row[column].strip("\"'") for row in self.rows)
 
     def floats(self, column: int) -> Array:
-        """Column as numbers (n,); InputError with the line for what is none."""
+        """Return a column as numbers (n,); InputError with the line for what is none."""
         out = np.empty(len(self.rows))
         for i, row in enumerate(self.rows):
             out[i] = number(row[column].strip("\"'"), self.path, self.lines[i], self.layout.decimal)
@@ -86,7 +98,7 @@ class TextTable:
 
 
 def number(field: str, path: object, line: int, decimal: str = ".") -> float:
-    """Finite float of `field`, or InputError that names file, line and what stood there."""
+    """Return the finite float of `field`; InputError names file, line and the field."""
     text = field.strip()
     if decimal == ",":
         text = text.replace(",", ".")
@@ -101,8 +113,9 @@ def number(field: str, path: object, line: int, decimal: str = ".") -> float:
 
 
 def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
-    """Bytes of a text file with a newline behind them, a byte order mark turned to blanks, and
-    whether its last line was complete.
+    """Return the bytes of a text file with a newline behind them, and whether its last line ended.
+
+    A byte order mark is turned to blanks.
     """
     mapped = _mapped(path)
     if mapped is not None:
@@ -117,8 +130,9 @@ def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
 
 
 def _mapped(path: Source) -> NDArray[np.uint8] | None:
-    """A large file that starts without byte order mark and ends in a newline, mapped privately: no
-    copy of it is made.
+    """Map a large file privately: no copy of it is made.
+
+    It must start without byte order mark and end in a newline, else None.
     """
     try:
         with Path(path).open("rb") as stream:
@@ -134,7 +148,7 @@ def _mapped(path: Source) -> NDArray[np.uint8] | None:
 
 
 def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
-    """Bytes of a file, not empty, with `room` more behind them."""
+    """Return the bytes of a file, not empty, with `room` more behind them."""
     path = Path(path)
     try:
         with path.open("rb") as stream:
@@ -153,8 +167,13 @@ def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
 def read_table(path: Source, whole: bool = True) -> Table:
     """Read a table of numbers; InputError with the first bad line.
 
-    whole : every field must be a number; else only rows of another length are refused, and
-        `Table.bad` tells what is no number.
+    Parameters
+    ----------
+    path : path
+        The file.
+    whole : bool
+        Every field must be a number; else only rows of another length are refused, and `Table.bad`
+        reports what is no number.
     """
     buf, complete = load(path)
     return parse(path, buf, complete, sniff(path, buf), whole)
@@ -206,7 +225,7 @@ def _refusal(
     offset: int,
     line: int,
 ) -> InputError:
-    """What is wrong with the line around `offset`."""
+    """Return what is wrong with the line around `offset`."""
     from . import _kernels
 
     near = max(0, offset - 4096)
@@ -247,8 +266,9 @@ def _refusal(
 
 
 def _refuse_short_end(path: Source, tail: list[str], layout: Layout, line: int) -> None:
-    """Refuse a last line without newline whose last number has fewer decimals than in all of the
-    ten lines before.
+    """Refuse a last line without newline whose last number seems cut.
+
+    It has fewer decimals than in all of the ten lines before.
     """
     fields = [
         split_fields(text, layout.delimiter)[-1]
@@ -270,9 +290,7 @@ def _refuse_short_end(path: Source, tail: list[str], layout: Layout, line: int) 
 
 
 def read_text_table(path: Source) -> TextTable:
-    """Read a table some of whose columns are text, such as image names; for files of some thousand
-    lines.
-    """
+    """Read a table with columns of text, such as image names; for files of some thousand lines."""
     buf, complete = load(path)
     layout = sniff(path, buf)
     rows, lines = [], []
@@ -304,7 +322,7 @@ def read_text_table(path: Source) -> TextTable:
 
 
 def format_rows(form: str, table: Array, chunk: int = 20000) -> Iterable[str]:
-    """Rows of `table` (n, m) by the % format of one row (with its newline), in chunks."""
+    """Yield rows of `table` (n, m) by the % format of one row (with its newline), in chunks."""
     for first in range(0, len(table), chunk):
         block = table[first : first + chunk]
         yield form * len(block) % tuple(block.ravel().tolist())

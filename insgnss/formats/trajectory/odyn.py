@@ -27,8 +27,16 @@ NORM_LIMIT = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class OdynPoses:
-    """Time (n,) s, GPST; latitude, longitude rad, height m (n,); C_nb (n, 3, 3), body (of the IMU
-    file) to north, east, down.
+    """Poses of a file.
+
+    Attributes
+    ----------
+    time : ndarray
+        (n,) s, GPST.
+    lat, lon, height : ndarray
+        (n,) rad, m.
+    C_nb : ndarray
+        (n, 3, 3) rotations of body axes (of the IMU file) to north, east, down.
     """
 
     time: Array
@@ -39,8 +47,12 @@ class OdynPoses:
 
 
 def read_odyn_poses(path: Source) -> OdynPoses:
-    """Read initial_guess.txt or reference.txt; InputError with file and line for a quaternion that
-    is not of length one.
+    """Read initial_guess.txt or reference.txt.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, or a quaternion that is not of length one, with file and line.
     """
     table = read_table(path)
     if not table.complete:
