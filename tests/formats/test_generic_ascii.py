@@ -313,7 +313,8 @@ def test_templates_that_make_no_table(
 ) -> None:
     """Oracle: the page of the format; one line, and nothing written."""
     with pytest.raises(UsageError, match=message) as refusal:
-        write_generic_ascii(framed(block(1), "geocentric"), tmp_path / "x", **options)  # type: ignore[arg-type]
+        eo = framed(block(1), "geocentric")
+        write_generic_ascii(eo, tmp_path / "x", **options)  # type: ignore[arg-type]
     assert "\n" not in str(refusal.value)
     assert not list(tmp_path.iterdir())
 

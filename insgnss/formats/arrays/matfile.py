@@ -30,7 +30,7 @@ HEADS = {
     OBJECT: [INT32, INT8, INT8, INT32, INT8],
     OPAQUE: [INT8, INT8, INT8],
 }
-"""Element types between flags and content: dimensions, name; of structs width and names of fields."""
+"""Element types between flags and content: dimensions, name; of structs the fields' names."""
 COMPLEX = 0x800  # of the flags
 DEEPEST = 16  # structs within structs; those of recordings have three or four
 

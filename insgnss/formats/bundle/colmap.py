@@ -1,6 +1,7 @@
 """COLMAP: the text model with known poses, and a database with pose priors, data_specs/colmap.md.
 
-    images.txt    IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME     R = C_fc', the frame into the camera; T = -R X
+    images.txt    IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME: R = C_fc', the frame into the
+                  camera; T = -R X
     pose prior    position, its full 3 x 3 covariance, gravity = C_Ec' (0, 0, -1): down, in the
                   camera's axes
 

@@ -1,6 +1,8 @@
 """Flight log of RealityCapture, trajectory of RealityScan, data_specs/realitycapture.md.
 
-    name, latitude, longitude, altitude, yaw, pitch, roll          (in a tangent plane x, y for latitude, longitude)
+    name, latitude, longitude, altitude, yaw, pitch, roll
+
+with x, y for latitude, longitude in a tangent plane.
 
 R = Rz(-yaw) Rx(pitch) Ry(roll) takes the camera (right, up, back) to east, north, up at the image,
 as Metashape's. Lines that begin with `#` are skipped by the program. Its own omega, phi, kappa are

@@ -4,7 +4,8 @@ One line an exposure: number, time of week, [week], offsets of the camera from t
 east, down (mm), latitude, longitude, height of the camera, standard deviations north, east, up and
 the quality of the fix, each value with or without its name:
 
-    1  275295.301059  [2024]  -26,N  19,E  191,V  -36.41144502,Lat  174.63075195,Lon  170.415,Ellh  1.492559, 1.368525, 3.180128  16,Q
+    1  275295.301059  [2024]  -26,N  19,E  191,V  -36.41144502,Lat  174.63075195,Lon
+        170.415,Ellh  1.492559, 1.368525, 3.180128  16,Q
 
 The line is read as its numbers and names, whatever separates them. What the drone computed at the
 exposure is kept beside the events (`MrkFile`) and used by nothing here: positions come from

@@ -1,4 +1,4 @@
-r"""KML for Google Earth and other globes: a camera for each image, and the track, data_specs/kml.md.
+r"""KML for Google Earth and other globes: images with cameras, and the track, data_specs/kml.md.
 
 `altitudeMode` absolute means above mean sea level, for which the geoid's heights N are needed: H =
 h - N.

@@ -2,7 +2,7 @@
 
 Latitude and longitude in degrees, heights above the ellipsoid and standard deviations along north,
 east and up in m, unless the caller or the header says another unit, in brackets or behind the name
-(`_heads`); where both give one and they differ, a note says so. Correlations have no place in this
+(`headers`); where both give one and they differ, a note says so. Correlations have no place in this
 format; RTKLIB's .pos has one for them.
 """
 

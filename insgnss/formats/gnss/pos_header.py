@@ -3,7 +3,7 @@
 RTKLIB writes legend lines (`% (lat/lon/height=WGS84/ellipsoidal,...)`), options, and the line that
 names the columns, whose first name is the time scale. Separators stand between all values, angles
 of degrees, minutes and seconds being three, but not between date and time of day. Without header
-(out-outhead = off) its layouts are told by the number of fields: 15, or 24 with velocities.
+(out-outhead = off) its layouts are known by the number of fields: 15, or 24 with velocities.
 """
 
 import re

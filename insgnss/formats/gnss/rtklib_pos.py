@@ -336,7 +336,10 @@ def _above_ellipsoid(
 
 
 def _base_frame(table: Table, header: Header) -> tuple[Array, Array]:
-    """Return the base's ECEF position (3,), and the rotation (3, 3) of its east, north, up to ECEF."""
+    """Return the base's ECEF position (3,), and the rotation (3, 3) of its east, north, up.
+
+    The rotation takes them into ECEF.
+    """
     base = header.base
     if base is None:
         message = (

@@ -22,7 +22,7 @@ angles of the definition, with (x view, y right, z down) of the camera in north,
     C_nE C_Ec [[0,1,0],[0,0,1],[1,0,0]] = Rz(yaw) Ry(pitch) Rx(roll)                           (I.1)
 
 Nothing is decoded: of a JPEG the segments of Exif and XMP are replaced, to a TIFF a directory is
-appended (`_tiff_tags`).
+appended (`tiff_tags`).
 """
 
 import math
@@ -257,8 +257,8 @@ def _pairs(eo: FramedOrientation, source: Path, skip: bool) -> list[tuple[int, P
     hint = "correct the names, or skip what does not match: --set missing=skip"
     if missing and not skip:
         raise InputError(
-            f"{source}: has no image {missing[0]!r} ({len(missing)} of {len(eo.images)} orientations"
-            f" lack theirs); {hint}"
+            f"{source}: has no image {missing[0]!r} ({len(missing)} of {len(eo.images)}"
+            f" orientations lack theirs); {hint}"
         )
     if spare and not skip:
         raise InputError(

@@ -1,7 +1,7 @@
 """The Exif and XMP segments of a JPEG, read or replaced; everything else stays byte by byte.
 
 A JPEG is a chain of segments (marker, length, content) up to the scan, which is not looked into.
-Exif and XMP are APP1 segments told by how they begin. The new ones stand behind the JFIF segment,
+Exif and XMP are APP1 segments, known by how they begin. The new ones stand behind the JFIF segment,
 where there is one, Exif before XMP: before a segment of several pictures (MPF), which counts from
 its own place and must not have its pictures pushed away.
 """

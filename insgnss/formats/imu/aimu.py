@@ -4,8 +4,8 @@
 
 Gyro deg/s, accelerometer m/s^2, axes forward right down; time is Unix time (UTC). Samples with sync
 1 were stamped before the clock was locked to the receiver's pulse and are left out by rule; their
-number is told in a note. A float64 Unix time holds 0.24 microseconds, so GPST is rounded to whole
-microseconds.
+number is reported in a note. A float64 Unix time holds 0.24 microseconds, so GPST is rounded to
+whole microseconds.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """IMU samples as a text table: `tow gx gy gz ax ay az`, data_specs/imu_csv.md.
 
 The unit of a triad is the caller's, else the one that the header gives, in brackets or behind the
-name (`_heads`), else SI; where both give one and they differ, a note says so. A file without a
+name (`headers`), else SI; where both give one and they differ, a note says so. A file without a
 column of time has the caller's rate, and its time starts at zero.
 """
 

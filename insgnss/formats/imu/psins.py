@@ -1,6 +1,7 @@
 """IMU log of the PSINS toolbox (lasergyro.imu), data_specs/psins.md.
 
-    line 1   pitch roll yaw deg, velocity east north up m/s          first guess of the attitude, yaw positive to the west
+    line 1   pitch roll yaw deg, velocity east north up m/s
+             first guess of the attitude, yaw positive to the west
     line 2   latitude longitude deg, height m, t0 s, ts ms, g m/s^2
     line 3   value of one count: gyro x y z arcsec, accelerometer x y z ug s
     then     gyro x y z, accelerometer x y z, counts: increments over the interval of ts that ends

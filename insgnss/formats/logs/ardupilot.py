@@ -10,7 +10,7 @@ several sensors become tables of their own: IMU, IMU2, ... and GPS, GPS2, ...
 IMU: TimeUS (or TimeMS), GyrX.. rad/s, AccX.. m/s^2, forward right down. GPS: week and time of week,
 degrees, metres above the geoid, ground speed, course, velocity down; GPA of the same stamp:
 standard deviations, and Und, the geoid below the ellipsoid (Alt - Und is the height above the
-ellipsoid). CAM: shutter instants. All stamps are taken to GPST by `_bootclock`.
+ellipsoid). CAM: shutter instants. All stamps are taken to GPST by `boot_clock`.
 """
 
 from dataclasses import dataclass
@@ -62,7 +62,7 @@ class Log:
     def table(
         self, names: tuple[str, ...], variable: str | None, fields: tuple[str, ...]
     ) -> tuple[str, dict[str, Array]]:
-        """Return name and columns of the message `variable`, else of the first of `names` in the log.
+        """Return name and columns of the message `variable`, else of the first of `names` there is.
 
         Raises
         ------

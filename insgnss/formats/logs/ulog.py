@@ -5,7 +5,7 @@ IMU: sensor_combined (rates and specific forces of the selected sensor), else ve
 vehicle_gps_position, whose time_utc_usec is UTC; heights above the ellipsoid, eph, epv and
 s_variance_m_s as standard deviations. Camera: camera_capture (feedback of the camera), else
 camera_trigger. All stamps count from the start of the autopilot and are taken to GPST by
-`_bootclock`. Axes forward right down.
+`boot_clock`. Axes forward right down.
 """
 
 import contextlib

@@ -6,7 +6,8 @@ the frame,
 
     omega phi kappa ...      C_fX = Rx(omega) Ry(phi) Rz(kappa), or its inverse where the attitude
                              is "frame to camera"
-    phi_pok omega_pok kappa_pok      the same of Ry(phi) Rx(omega) Rz(kappa);       r11 ... r33, qw qx qy qz  the same rotation
+    phi_pok omega_pok kappa_pok      the same of Ry(phi) Rx(omega) Rz(kappa)
+    r11 ... r33, qw qx qy qz         the same rotation
     yaw pitch roll           C_EX = Rz(-yaw) Rx(pitch) Ry(roll), X = RUB always
     roll_ned pitch_ned yaw_ned       C_nb of the body forward right down: NED_ENU C_Ec T B, T
                                      nominal mounting, B bore-sight
@@ -51,7 +52,19 @@ GIMBAL_CV: Array = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
 
 @dataclass(frozen=True)
 class Conventions:
-    """What angles and matrices of a table mean: camera axes, direction, north of yaw, unit of angles."""
+    """What angles and matrices of a table mean.
+
+    Attributes
+    ----------
+    camera_axes : str
+        Axes of the camera, a key of `CAMERA_AXES`.
+    attitude : str
+        Direction of the rotation, one of `DIRECTIONS`.
+    north : str
+        North of yaw, one of `NORTHS`.
+    unit : str
+        Unit of angles.
+    """
 
     camera_axes: str = "RUB"
     attitude: str = DIRECTIONS[0]

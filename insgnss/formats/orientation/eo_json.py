@@ -103,7 +103,7 @@ def _image_up(camera_from_body: Array) -> str:
 
 
 def _images(eo: ExteriorOrientation) -> Iterator[str]:
-    """Yield each image as JSON, by a compiled encoder: a hundred thousand have 15 million numbers."""
+    """Yield each image as JSON, by a compiled encoder: 100 000 images have 15 million numbers."""
     import orjson
 
     plane = TangentPlane(*eo.origin)

@@ -289,7 +289,7 @@ def frame_words(eo: FramedOrientation) -> str:
 def comment_lines(
     eo: FramedOrientation, *more: str, applied: str = "lever arm and bore-sight applied"
 ) -> str:
-    """Return comment lines: what this is, its frame, what was `applied`, `more`, and the history."""
+    """Return comment lines: the content, its frame, what was `applied`, `more`, the history."""
     lines = [
         (
             f"insgnss {__version__}: exterior orientation of {len(eo.images)} images, GPS week"

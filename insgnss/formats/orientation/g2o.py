@@ -1,17 +1,21 @@
 r"""A pose graph in g2o's text format: cameras and relative poses, data_specs/g2o.md.
 
     VERTEX_SE3:QUAT id  x y z  qx qy qz qw                        camera to frame: T = (p, R)
-    EDGE_SE3:QUAT i j   dx dy dz  qx qy qz qw   information       Z = T_i^-1 T_j, upper triangle of 6 x 6
+    EDGE_SE3:QUAT i j   dx dy dz  qx qy qz qw   information       Z = T_i^-1 T_j, upper triangle
+                                                                  of 6 x 6
 
 g2o's error of an edge is e = (t, v) of Z^-1 T_i^-1 T_j, v the vector part of its quaternion: half
 its rotation vector. With the truth p + dp, exp([psi x]) R in the frame's axes, and a = p_j - p_i,
 
-    T_i^-1 T_j = ( R_i' (a + dp_j - dp_i + [a x] psi_i),  R_i' R_j exp([R_j' (psi_j - psi_i) x]) )                              (G.1)
+    T_i^-1 T_j = ( R_i' (a + dp_j - dp_i + [a x] psi_i),
+                   R_i' R_j exp([R_j' (psi_j - psi_i) x]) )                                    (G.1)
 
 to first order, so that the error of the estimate Z is
 
-    e = J_i (dp_i, psi_i) + J_j (dp_j, psi_j),   J_i = [ -R_j'  R_j' [a x] ; 0  -R_j'/2 ],   J_j = [ R_j'  0 ; 0  R_j'/2 ]        (G.2)
-    P = J_i P_ii J_i' + J_j P_jj J_j' + J_i P_ij J_j' + (J_i P_ij J_j')',   information P^-1   (G.3)
+    e = J_i (dp_i, psi_i) + J_j (dp_j, psi_j)                                                  (G.2)
+    J_i = [ -R_j'  R_j' [a x] ; 0  -R_j'/2 ],   J_j = [ R_j'  0 ; 0  R_j'/2 ]
+    P = J_i P_ii J_i' + J_j P_jj J_j' + J_i P_ij J_j' + (J_i P_ij J_j')'                       (G.3)
+    information P^-1
 
 with P_ij the cross-covariance of the smoother: what both poses err alike drops out. The half in
 (G.2) makes the information of the rotation four times that of the rotation vector, which GTSAM

@@ -1,7 +1,7 @@
 """A table of exterior orientations by template, data_specs/generic_ascii.md.
 
-The columns are those of `_ascii_columns`. The header says all conventions, so that the file reads
-back without being told anything (`read_generic_ascii`); without a header nobody can know them, and
+The columns are those of `ascii_columns`. The header says all conventions, so that the file reads
+back without any option (`read_generic_ascii`); without a header nobody can know them, and
 the reader refuses.
 """
 

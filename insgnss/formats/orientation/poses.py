@@ -20,7 +20,7 @@ FAR = 110.0  # m, geoid heights lie within -107 and 86 m
 
 
 def unix_seconds(eo: FramedOrientation) -> Array:
-    """Return Unix times (n,), s, of the exposures: UTC, which lags behind GPST by the leap seconds."""
+    """Return Unix times (n,), s, of the exposures: UTC, that is GPST less the leap seconds."""
     gps = GPS_EPOCH_UNIX_S + WEEK_S * eo.gps_week + eo.time
     return np.asarray(gps - leap_seconds(gps - leap_seconds(gps)))
 

@@ -86,7 +86,7 @@ def _long_mantissa(buf, i, decimal):
 
 @njit(cache=True)
 def _exponent(buf, i):
-    """Return the signed exponent at i behind its letter, the index after it, and whether it was one."""
+    """Return the signed exponent at i behind its letter, the index after it, whether it was one."""
     negative = buf[i] == 45
     if negative or buf[i] == 43:
         i += 1

@@ -1,6 +1,7 @@
 """What a field of a header says: its quantity, and a unit in brackets or behind the name.
 
-    Gyro X (deg/s)   gyro_x [dps]   gyro_x_deg_s   GyroX_deg_per_s   Acc_Z [m/s^2]   acc_z_m_s2   ax_mg
+    Gyro X (deg/s)   gyro_x [dps]   gyro_x_deg_s   GyroX_deg_per_s   Acc_Z [m/s^2]   acc_z_m_s2
+    ax_mg
     time_us   TimeUS   lat_rad   latRad   pos_rad[1]   alt_mm   vn_cm_s   speed_kmh   course_deg
 
 A unit in brackets is the unit of the field, whatever it is. Behind a name, where anything may

@@ -38,9 +38,7 @@ class Sentences:
                 yield line, data[start + 1 : star].decode("ascii", "replace").split(",")
 
     def bodies(self, opening: bytes) -> tuple[list[bytes], list[int]]:
-        """Return what stands between `opening` and '*' in the sentences that begin so, and their
-        lines.
-        """
+        """Return the text between `opening` and '*' in sentences that begin so, and their lines."""
         data, size = self.buf.tobytes(), len(opening)
         pairs = zip(self.starts.tolist(), self.stars.tolist(), self.lines.tolist(), strict=True)
         matches = [

@@ -282,7 +282,7 @@ def smrmsg_beside(path: Source) -> Path | None:
 
 
 def _sigma_at(path: Path, time: Array) -> Array:
-    """Return standard deviations (n, 9) of an smrmsg at times (n,), s; positive, within its span."""
+    """Return standard deviations (n, 9) of an smrmsg at times (n,), s, positive, in its span."""
     smrmsg = read_smrmsg(path)
     lines = NumberedRows(str(path), "record")
     check_increasing(lines, smrmsg.time)
