@@ -75,8 +75,8 @@ def test_later_contradiction_is_left_out_and_counted(tmp_path: Path) -> None:
     [
         (
             np.roll(TABLE[:, :], 1, axis=0),
-            r"imu.csv:2: time 200000.000000 s follows 200009.990000 s; .*999 of 1000 rows are out of"
-            " order",
+            r"imu.csv:2: time 200000.000000 s follows 200009.990000 s; .*999 of 1000 rows are out"
+            " of order",
         ),
         (
             np.insert(TABLE[1:], 101, TABLE[0], axis=0),

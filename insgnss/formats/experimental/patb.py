@@ -55,7 +55,7 @@ def write_patb(eo: FramedOrientation, path: Source) -> None:
 
 
 def photo_numbers(images: tuple[str, ...]) -> list[int]:
-    """Return numbers of photos: those of their names where all have different ones, else 1, 2, .."""
+    """Return numbers of photos: those of their names where all differ, else 1, 2, ..."""
     stems = [PurePath(name).stem for name in images]
     if all(stem.isascii() and stem.isdigit() and int(stem) < WIDEST for stem in stems):
         numbers = [int(stem) for stem in stems]
