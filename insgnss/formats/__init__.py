@@ -94,7 +94,7 @@ _READERS = {
 
 
 def sniff_imu(path: str | Path) -> str:
-    """Name of the format of an IMU file, a key of `IMU_OPTIONS`."""
+    """Return the name of an IMU file's format, a key of `IMU_OPTIONS`."""
     head = head_of(path)
     form = by_bytes(path, head)
     if form in IMU_OPTIONS:
@@ -105,7 +105,7 @@ def sniff_imu(path: str | Path) -> str:
 
 
 def sniff_gnss(path: str | Path) -> str:
-    """Name of the format of a GNSS file, a key of `GNSS_OPTIONS`."""
+    """Return the name of a GNSS file's format, a key of `GNSS_OPTIONS`."""
     head = head_of(path)
     form = by_bytes(path, head)
     if form in GNSS_OPTIONS:
@@ -118,7 +118,7 @@ def sniff_gnss(path: str | Path) -> str:
 
 
 def sniff_events(path: str | Path) -> str:
-    """Name of the format of a file of camera events, a key of `EVENT_OPTIONS`."""
+    """Return the name of the format of a file of camera events, a key of `EVENT_OPTIONS`."""
     head = head_of(path)
     form = by_bytes(path, head)
     if form in EVENT_OPTIONS:
@@ -129,10 +129,10 @@ def sniff_events(path: str | Path) -> str:
 
 
 def _options(
-    path: str | Path, form: str, known: tuple[str, ...], given: dict[str, Any]
+    path: str | Path, form: str, accepted: tuple[str, ...], given: dict[str, Any]
 ) -> dict[str, Any]:
     options = {key: value for key, value in given.items() if value is not None}
-    extra = [key for key in options if key not in known]
+    extra = [key for key in options if key not in accepted]
     # standard deviations stand in where a file has none; a format that always has them does not
     # need them
     for key in [key for key in extra if key in ("sigma_m", "sigma_velocity")]:
@@ -141,17 +141,19 @@ def _options(
     if extra:
         raise UsageError(
             f"{path}: is of the format {form}, which takes no {', '.join(extra)}; it takes"
-            f" {', '.join(known)}"
+            f" {', '.join(accepted)}"
         )
     if form in ("matlab", "npy") and "columns" not in options:
         tables = "; ".join(
             f"{table.name or 'at the top'}: {' '.join(table.columns)}" for table in describe(path)
         )
-        what = (
+        message = (
             "needs columns = {tow = ..., ...}, and variable where they are fields of a struct or"
             f" labels of a matrix; there are {tables}"
         )
-        raise UsageError(f"{path}: a {'MATLAB' if form == 'matlab' else 'numpy'} file {what[:600]}")
+        raise UsageError(
+            f"{path}: a {'MATLAB' if form == 'matlab' else 'numpy'} file {message[:600]}"
+        )
     return options
 
 
@@ -241,20 +243,33 @@ def read_events(path: str | Path, **spec: Any) -> CameraEvents:
 
 
 def describe(path: str | Path) -> list[TableInfo]:
-    """The tables that a file holds: what to set `variable` to, the names that `columns` may use,
-    and rows.
+    """List the tables that a file holds: their names for `variable`, columns and rows.
 
-    Of a MATLAB or numpy file its matrices, and its vectors of equal length together; of a text
-    table its one, by header or places "[1]"; of a log of sentences or messages one a kind. Raises
-    InputError for a file that cannot be read.
+    Of a MATLAB or numpy file these are its matrices, and its vectors of equal length together; of a
+    text table its one, by header or by index "[1]"; of a log of sentences or messages one a kind.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    list of TableInfo
+        The tables.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read.
     """
     from .describe import tables_in
 
     return tables_in(path)
 
 
-def _function(place: str) -> Callable[..., Any]:
+def _function(location: str) -> Callable[..., Any]:
     """Import what "module:name" names, when it is used."""
-    module, _, name = place.partition(":")
+    module, _, name = location.partition(":")
     function: Callable[..., Any] = getattr(import_module(f".{module}", __name__), name)
     return function

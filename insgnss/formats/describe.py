@@ -12,7 +12,7 @@ from .text.text import read_table, read_text_table
 
 
 def tables_in(path: str | Path) -> list[TableInfo]:
-    """As `formats.describe` tells."""
+    """List the tables of a file, as `formats.describe` states."""
     head = head_of(path)
     form = by_bytes(path, head)
     if form in ("matlab", "npy"):

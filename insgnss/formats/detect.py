@@ -18,8 +18,9 @@ _BY_ENDING = {
 
 
 def by_bytes(path: str | Path, head: bytes) -> str:
-    """Format by the first bytes or, of binary formats that have no such, by the ending; an empty
-    text for all others.
+    """Return the format by the first bytes, or by the ending; an empty text for all others.
+
+    The ending decides for binary formats that have no such bytes.
     """
     if head.startswith(b"ULog\x01\x12\x35"):
         return "ulog"
@@ -51,5 +52,5 @@ def head_of(path: str | Path) -> bytes:
 
 
 def load_content(form: str, path: str | Path) -> Any:
-    """The named arrays of a file of the formats that are read by a column map."""
+    """Load the named arrays of a file of the formats that are read by a column map."""
     return getattr(import_module(f".arrays.{form}", __package__), LOADERS[form])(path)

@@ -1,5 +1,4 @@
-"""The formats that an exterior orientation is written to: each registered here once, with the
-frames that it can carry.
+"""The formats that an exterior orientation is written to, with the frames that each can carry.
 
 A writer is a pure function of a `FramedOrientation` in one of its frames and a path; what it needs
 besides are its options. `eo_json` is the master and takes the `ExteriorOrientation` itself.
@@ -20,24 +19,38 @@ Heights = Literal["", "ellipsoid", "sea level"]
 class Export:
     """One format.
 
-    product : its usual file name.
-    what : one line for people.
-    writer : module and function in `formats`.
-    frames : kinds of frame that it can carry, by default the first that needs no CRS; none for the
+    Attributes
+    ----------
+    product : str
+        Its usual file name.
+    what : str
+        One line of description for users.
+    writer : str
+        Module and function in `formats`.
+    frames : tuple of str
+        Kinds of frame that it can carry, by default the first that needs no CRS; none for the
         master.
-    heights : to what its consumer takes heights: what the frame says (""), or always above the
-        ellipsoid of WGS84, or above sea level.
-    options : what the writer takes besides.
-    reader : module and function that read it back; empty where the format cannot be.
-    experimental : why not all of the convention could be checked; empty where it could.
-    several : a directory of files.
-    needs : those of the options that have no default.
-    crs_order : whether coordinates stand in the order that the CRS itself has; in all others
-        easting comes first.
-    frame : module and function that turn a frame into the one that the file is really in; empty
-        where it stays.
-    relative : whether the writer takes relative control (`orient.relative`) in place of the
-        orientation.
+    heights : str
+        What its consumer counts heights from: what the frame says (""), or always the ellipsoid of
+        WGS84, or sea level.
+    options : tuple of str
+        What the writer takes besides.
+    reader : str
+        Module and function that read it back; empty where the format cannot be.
+    experimental : str
+        Why not all of the convention could be checked; empty where it could.
+    several : bool
+        Whether it is a directory of files.
+    needs : tuple of str
+        Those of the options that have no default.
+    crs_order : bool
+        Whether coordinates stand in the order that the CRS itself has; in all others easting comes
+        first.
+    relative : bool
+        Whether the writer takes relative control (`orient.relative`) instead of the orientation.
+    frame : str
+        Module and function that turn a frame into the one that the file is really in; empty where
+        it stays.
     """
 
     product: str
@@ -66,7 +79,7 @@ class Export:
         return "generic_ascii" if module == "table_presets" else module
 
     def in_own_frame(self, eo: FramedOrientation) -> FramedOrientation:
-        """`eo` in the frame that the file is really in."""
+        """Return `eo` in the frame that the file is really in."""
         return _function(self.frame)(eo) if self.frame else eo
 
     @property
@@ -75,8 +88,8 @@ class Export:
         return _function(self.reader) if self.reader else None
 
 
-def _function(place: str) -> Callable[..., Any]:
-    module, _, name = place.partition(":")
+def _function(location: str) -> Callable[..., Any]:
+    module, _, name = location.partition(":")
     function: Callable[..., Any] = getattr(import_module(f".{module}", __package__), name)
     return function
 

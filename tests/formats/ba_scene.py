@@ -153,7 +153,8 @@ class Place:
         if where == "geographic":
             return float(x[0]), float(x[1]), float(x[2])
         if where == "geocentric":
-            return Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True).transform(*x)  # type: ignore[no-any-return]
+            to_geodetic = Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True)
+            return to_geodetic.transform(*x)  # type: ignore[no-any-return]
         if where == "tangent plane":
             return self._geodetic("geocentric", to_ecef(LON0, LAT0, H0) + enu_axes(LAT0, LON0) @ x)
         inverse, _ = self._crs(where)

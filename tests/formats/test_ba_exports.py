@@ -88,7 +88,8 @@ def read_offset(path: Path, where: str) -> Read:
     taken off again.
     """
     text = path.with_name(f"{path.stem}_gps_ins_offset.txt").read_text()
-    angles = [float(x) for x in re.search(r"Yaw, Pitch, Roll \(deg\): (.*)", text)[1].split(",")]  # type: ignore[index]
+    stated = re.search(r"Yaw, Pitch, Roll \(deg\): (.*)", text)
+    angles = [float(x) for x in stated[1].split(",")]  # type: ignore[index]
     offset = ypr(angles) @ D
     return [
         (place, C @ D @ offset.T @ D, north) for place, C, north in read_metashape_ypr(path, where)
@@ -137,7 +138,8 @@ def read_micmac_xml(path: Path, where: str) -> Read:
         outer = ET.parse(file).getroot().find("OrientationConique/Externe")
         assert outer is not None
         centre = np.array(outer.findtext("Centre").split(), dtype=float)  # type: ignore[union-attr]
-        rows = [outer.findtext(f"ParamRotation/CodageMatr/L{i}").split() for i in (1, 2, 3)]  # type: ignore[union-attr]
+        texts = [outer.findtext(f"ParamRotation/CodageMatr/L{i}") for i in (1, 2, 3)]
+        rows = [text.split() for text in texts]  # type: ignore[union-attr]
         out.append((Place(where, centre), np.array(rows, dtype=float), False))
     return out
 
@@ -309,7 +311,8 @@ def test_nominal_camera_and_offset_of_metashape(tmp_path: Path) -> None:
     write_metashape_offset(worked(), tmp_path / "ms.csv")
     assert_allclose(numbers(tmp_path / "ms.csv")[0][3:6], [137.1048, -2.9982, -2.0027], atol=6e-5)
     text = (tmp_path / "ms_gps_ins_offset.txt").read_text()
-    offset = [float(x) for x in re.search(r"Yaw, Pitch, Roll \(deg\): (.*)", text)[1].split(",")]  # type: ignore[index]
+    stated = re.search(r"Yaw, Pitch, Roll \(deg\): (.*)", text)
+    offset = [float(x) for x in stated[1].split(",")]  # type: ignore[index]
     assert_allclose(offset, [-0.5130, 0.6621, 0.5681], atol=6e-5)
     published = np.array([-0.513, 0.657, 0.574])
     assert_allclose(

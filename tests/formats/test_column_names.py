@@ -11,7 +11,10 @@ from numpy.testing import assert_allclose
 from insgnss.base.errors import InputError
 from insgnss.formats import read_gnss, read_imu
 
-PX4 = "timestamp,gyro_rad[0],gyro_rad[1],gyro_rad[2],accelerometer_m_s2[0],accelerometer_m_s2[1],accelerometer_m_s2[2]\n"
+PX4 = (
+    "timestamp,gyro_rad[0],gyro_rad[1],gyro_rad[2],accelerometer_m_s2[0],"
+    "accelerometer_m_s2[1],accelerometer_m_s2[2]\n"
+)
 GYRO = {name: f"gyro_rad[{k}]" for k, name in enumerate(("gx", "gy", "gz"))}
 ACCEL = {name: f"accelerometer_m_s2[{k}]" for k, name in enumerate(("ax", "ay", "az"))}
 PX4_COLUMNS = {"tow": "timestamp"} | GYRO | ACCEL

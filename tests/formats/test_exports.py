@@ -95,7 +95,7 @@ def test_worked_example_omega_phi_kappa(tmp_path: Path) -> None:
 
 
 def test_worked_example_metashape(tmp_path: Path) -> None:
-    """Oracle: formats.md 0.2; on the vertical of the origin, where both frames have the same axes."""
+    """Oracle: formats.md 0.2; on the vertical of the origin both frames have the same axes."""
     eo = exterior(worked_example()[None], np.array([[0.0, 0.0, 630.0]]))
     write_metashape(in_frame(eo, "geographic"), tmp_path / "ms.csv")
     head, row = (tmp_path / "ms.csv").read_text().splitlines()
@@ -429,7 +429,7 @@ def test_what_is_experimental_says_so_in_its_file_name() -> None:
 
 @pytest.mark.parametrize("name", EXPORTS)
 def test_every_export_writes_in_every_frame_that_it_claims(name: str, tmp_path: Path) -> None:
-    """Oracle: the registry; the file names the images, and a frame that is not claimed is refused."""
+    """Oracle: the registry; the file names the images, a frame that is not claimed is refused."""
     form = EXPORTS[name]
     if form.heights == "sea level" or form.several:
         pytest.skip("needs a geoid, or writes a directory: has a test of its own")

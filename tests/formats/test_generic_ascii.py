@@ -312,8 +312,9 @@ def test_templates_that_make_no_table(
     options: dict[str, str], message: str, tmp_path: Path
 ) -> None:
     """Oracle: the page of the format; one line, and nothing written."""
+    eo = framed(block(1), "geocentric")
     with pytest.raises(UsageError, match=message) as refusal:
-        write_generic_ascii(framed(block(1), "geocentric"), tmp_path / "x", **options)  # type: ignore[arg-type]
+        write_generic_ascii(eo, tmp_path / "x", **options)  # type: ignore[arg-type]
     assert "\n" not in str(refusal.value)
     assert not list(tmp_path.iterdir())
 

@@ -123,8 +123,9 @@ def test_geojson_refusals(tmp_path: Path) -> None:
     """Oracle: orthority's frame and the two dialects."""
     with pytest.raises(UsageError, match="geojson of orthority cannot carry a geographic frame"):
         write_geojson(framed(block(), "geographic"), tmp_path / "x", dialect="orthority")
+    eo = framed(block(), "geographic")
     with pytest.raises(UsageError, match="dialect 'geo' is none of"):
-        write_geojson(framed(block(), "geographic"), tmp_path / "x", dialect="geo")  # type: ignore[arg-type]
+        write_geojson(eo, tmp_path / "x", dialect="geo")  # type: ignore[arg-type]
     eo = framed(block(), "EPSG:2056")
     with pytest.raises(UsageError, match="names northing first"):
         write_geojson(

@@ -269,7 +269,7 @@ def shift_of(path: Path) -> Array:
 
 @pytest.mark.parametrize("where", CARTESIAN)
 def test_colmap_reprojects(tmp_path: Path, where: str) -> None:
-    """Oracle: scipy's quaternion of world to camera, C = -R' T, plus the shift that the file tells."""
+    """Oracle: scipy's quaternion of world to camera, C = -R' T, plus the shift in the file."""
     eo = block()
     write_colmap(framed(eo, where), tmp_path, camera=CAMERA)
     shift, read = shift_of(tmp_path / "images.txt"), []

@@ -43,7 +43,8 @@ OLD_XMP = (
     b' xmlns:exif="http://ns.adobe.com/exif/1.0/" xmlns:tiff="http://ns.adobe.com/tiff/1.0/"'
     b' drone-dji:GimbalYawDegree="+1.00" drone-dji:RelativeAltitude="+30.00" drone-dji:RtkFlag="16"'
     b' exif:GPSAltitude="1/1"'
-    b' tiff:Make="M&amp;M"><drone-dji:GimbalRollDegree>3</drone-dji:GimbalRollDegree></rdf:Description></rdf:RDF></x:xmpmeta><?xpacket'
+    b' tiff:Make="M&amp;M"><drone-dji:GimbalRollDegree>3</drone-dji:GimbalRollDegree>'
+    b"</rdf:Description></rdf:RDF></x:xmpmeta><?xpacket"
     b" end='w'?>"
 )
 
@@ -129,7 +130,7 @@ def test_tags_reproject(photos: Path, tmp_path: Path, where: str) -> None:
 
 
 def test_pixels_and_everything_else_stay(photos: Path, tmp_path: Path) -> None:
-    """Oracle: Pillow's pixels, the originals byte by byte, what the tags held that is none of ours."""
+    """Oracle: Pillow's pixels, the originals byte by byte, tags that are none of ours."""
     before = {path.name: path.read_bytes() for path in photos.iterdir()}
     write_image_tags(flight(), tmp_path / "out", images=photos)
     assert {path.name: path.read_bytes() for path in photos.iterdir()} == before
@@ -171,7 +172,7 @@ def test_time_is_utc(photos: Path, tmp_path: Path) -> None:
 
 
 def test_ellipsoidal_heights_go_with_exif_3(photos: Path, tmp_path: Path) -> None:
-    """Oracle: Exif 3.0, 4.6.7: GPSAltitudeRef 0 above, 1 below the ellipsoid; GPSVersionID 2.4.0.0."""
+    """Oracle: Exif 3.0, 4.6.7: GPSAltitudeRef 0 above, 1 below ellipsoid; GPSVersionID 2.4.0.0."""
     eo = flight()
     low = eo.geodetic.copy()
     low[2, 2] = -3.25
@@ -405,7 +406,7 @@ def two_pages(order: str, big: bool) -> bytes:
 
 
 def test_images_and_orientations_that_do_not_match(photos: Path, tmp_path: Path) -> None:
-    """Oracle: the directory: one image more, one less; copies of those that match only where asked."""
+    """Oracle: the directory: one image more, one less; copies of those that match by option."""
     eo = replace(flight(), images=("8001.tif", "8002.jpg", "9009.jpg"))
     with pytest.raises(
         InputError,

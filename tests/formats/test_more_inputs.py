@@ -198,7 +198,8 @@ def test_odyn_directory(tmp_path: Path) -> None:
     assert events.images == ("8001", "8002")
     s = np.sqrt(0.5)
     (tmp_path / "reference.txt").write_text(
-        f"10.0,46.57,6.54,630.0,0,{s:.12f},{s:.12f},0\n11.0,46.57,6.54,630.0,{s:.12f},{s:.12f},0,0\n"
+        f"10.0,46.57,6.54,630.0,0,{s:.12f},{s:.12f},0\n"
+        f"11.0,46.57,6.54,630.0,{s:.12f},{s:.12f},0,0\n"
     )
     poses = read_odyn_poses(tmp_path / "reference.txt")
     assert_allclose(poses.C_nb[0], np.eye(3), rtol=0, atol=1e-12)
@@ -271,7 +272,7 @@ def test_nmea_recorded_velocity() -> None:
 
 
 def test_nmea_date_of_zda_and_undulation_of_the_caller(tmp_path: Path) -> None:
-    """Oracle: datetime arithmetic, 18 leap seconds; h = H + N. A void RMC's date is not believed."""
+    """Oracle: datetime arithmetic, 18 leap seconds; h = H + N. A void RMC's date is not used."""
     void = rmc("100000.0", status="V").replace("030718", "060180")
     (tmp_path / "x.nmea").write_text(
         nmea("GPZDA,100000.0,03,07,2018,00,00") + gga("100000.0", separation="")

@@ -55,7 +55,7 @@ def test_whole_recording_comes_back(
     assert np.array_equal(np.column_stack([imu.gyro, imu.accel]), TABLE[:, 1:])
     told = "".join(note.found for note in imu.notes)
     assert (f"{len(double)} double rows left out" in told) == bool(double)
-    assert (f"{len(late)} late rows put in order" in told) == bool(late)
+    assert (f"{len(late)} out-of-order rows sorted" in told) == bool(late)
     assert [note.name for note in imu.notes] == ["IMU rows"] * bool(late or double)
 
 
@@ -75,7 +75,8 @@ def test_later_contradiction_is_left_out_and_counted(tmp_path: Path) -> None:
     [
         (
             np.roll(TABLE[:, :], 1, axis=0),
-            r"imu.csv:2: time 200000.000000 s follows 200009.990000 s; .*999 of 1000 rows are late",
+            r"imu.csv:2: time 200000.000000 s follows 200009.990000 s; .*999 of 1000 rows are out"
+            " of order",
         ),
         (
             np.insert(TABLE[1:], 101, TABLE[0], axis=0),
@@ -96,7 +97,7 @@ def test_beyond_the_limits_the_first_row_is_refused(
 
 
 def late(rows: int, by_s: float = 0.05) -> np.ndarray:
-    """The recording with `rows` rows, 60 apart, moved behind others by a little less than `by_s`."""
+    """The recording with `rows` rows, 60 apart, moved behind others by a bit less than `by_s`."""
     order = np.arange(N, dtype=float)
     order[np.arange(rows) * 60] += 100.0 * by_s - 0.5
     return TABLE[np.argsort(order)]
@@ -110,7 +111,7 @@ def contradicting(rows: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("rows", "word"), [(late, "late rows put in order"), (contradicting, "rows that contradict")]
+    ("rows", "word"), [(late, "out-of-order rows sorted"), (contradicting, "rows that contradict")]
 )
 def test_one_percent_is_the_limit(
     tmp_path: Path, rows: Callable[[int], np.ndarray], word: str
@@ -130,7 +131,7 @@ def test_one_second_is_the_limit_of_a_late_row(tmp_path: Path) -> None:
     it is refused.
     """
     (told,) = read_imu(imu_file(tmp_path, late(1, by_s=1.0))).notes
-    assert "1 late rows put in order" in told.found
+    assert "1 out-of-order rows sorted" in told.found
     with pytest.raises(InputError, match=r"by up to 1\.000 s \(limits 1 s and 1%\)"):
         read_imu(imu_file(tmp_path, late(1, by_s=1.01)))
 
@@ -148,7 +149,7 @@ def test_fixes_and_events_follow_the_same_rule(tmp_path: Path) -> None:
     lines[100:102] = [lines[101].replace("101.0 46", "100.5 46"), lines[100]]
     (tmp_path / "gnss.txt").write_text("".join([*lines, lines[50]]))
     fixes = read_gnss(tmp_path / "gnss.txt")
-    assert fixes.notes[0].found == "1 double rows left out, 1 late rows put in order, of 201"
+    assert fixes.notes[0].found == "1 double rows left out, 1 out-of-order rows sorted, of 201"
     assert fixes.height[100:103].tolist() == [600.0, 601.0, 602.0]
     lines = [f"{k}.tif {k}.0\n" for k in range(200)]
     (tmp_path / "events.txt").write_text(

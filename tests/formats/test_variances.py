@@ -101,7 +101,7 @@ def test_rounded_scales_are_taken(tmp_path):
 
 
 def test_json_page(tmp_path, page):
-    """Oracle: the page's numbers, plain, as a member, and as R's JSON has single values, in lists."""
+    """Oracle: the page's numbers, plain, as a member, and in lists, as R's JSON has them."""
     lists = {**page, "freq": [100.0], "n": [1000000], "sensor": ["demo"]}
     for content, member in (
         (page, None),

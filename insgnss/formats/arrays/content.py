@@ -1,5 +1,4 @@
-"""Columns out of files that hold variables: matrices, vectors, structs; of MATLAB, numpy, or a
-log's messages.
+"""Columns out of files that hold variables (MATLAB, numpy, a log): matrices, vectors, structs.
 
 Content is a mapping of names to arrays and further mappings. A column is named by a path into it:
 
@@ -24,12 +23,12 @@ from ...base.errors import InputError, UsageError
 Array = NDArray[np.float64]
 Content = Mapping[str, Any]
 
-_PLACE = re.compile(r"(.*)\[(\d+)\]", re.DOTALL)
+_INDEXED = re.compile(r"(.*)\[(\d+)\]", re.DOTALL)
 
 
 @dataclass(frozen=True)
 class Matrix:
-    """A matrix (n, m) and the names of its columns, as far as it has any."""
+    """A matrix (n, m), and the names of its columns as far as it has any."""
 
     values: NDArray[Any]
     labels: tuple[str, ...] = ()
@@ -37,10 +36,18 @@ class Matrix:
 
 @dataclass(frozen=True)
 class TableInfo:
-    """A table inside a file: what to set `variable` to (empty: nothing), the names that `columns`
-    may use, rows, and what it is.
+    """A table inside a file.
 
-    units : unit of each column where the file says one, else an empty text.
+    Attributes
+    ----------
+    name : str
+        What to set `variable` to; empty where nothing is needed.
+    columns : tuple of str
+        The names that `columns` may use.
+    rows : int
+        The number of rows.
+    units : tuple of str
+        The unit of each column where the file gives one, else an empty text.
     """
 
     name: str
@@ -52,11 +59,31 @@ class TableInfo:
 def take_columns(
     path: object, content: Content, columns: Mapping[str, str] | Sequence[str], variable: str | None
 ) -> dict[str, Array]:
-    """Arrays (n,) by canonical name.
+    """Take columns out of content, by canonical name.
 
-    columns : canonical name to path, or for a matrix `variable` the canonical name of each of its
-        columns in order, "-" leaving one out.
-    Raises InputError that lists what is there where something is not.
+    Parameters
+    ----------
+    path
+        The file, for messages.
+    content : mapping
+        Its variables.
+    columns : mapping or sequence
+        Canonical name to path; or for a matrix `variable` the canonical name of each of its columns
+        in order, "-" leaving one out.
+    variable : str, optional
+        The struct or matrix that the paths start from.
+
+    Returns
+    -------
+    dict
+        Arrays (n,) by canonical name.
+
+    Raises
+    ------
+    InputError
+        A path that does not exist; the message lists the names that do.
+    UsageError
+        A list of columns without `variable`, or with a name twice.
     """
     if isinstance(columns, Mapping):
         table = {
@@ -92,19 +119,19 @@ def _joined(variable: str | None, field: str) -> str:
         return field
     return (
         variable + field
-        if _PLACE.fullmatch(field) and field.startswith("[")
+        if _INDEXED.fullmatch(field) and field.startswith("[")
         else f"{variable}.{field}"
     )
 
 
 def _reach(path: object, content: Content, name: str) -> Any:
-    """The node of a path; InputError that lists what is there."""
+    """Return the node of a path; InputError lists the names that exist."""
     node: Any = content
-    for part in name.split("."):
-        if isinstance(node, Mapping) and part in node:
-            node = node[part]
-        elif isinstance(node, Matrix) and part in node.labels:
-            node = node.values[:, node.labels.index(part)]
+    for step in name.split("."):
+        if isinstance(node, Mapping) and step in node:
+            node = node[step]
+        elif isinstance(node, Matrix) and step in node.labels:
+            node = node.values[:, node.labels.index(step)]
         else:
             raise InputError(
                 f"{path}: no {name}; there are {', '.join(_names(node)) or 'no fields'}"
@@ -121,12 +148,12 @@ def _names(node: Any) -> list[str]:
 def _column(path: object, content: Content, name: str) -> Array:
     if name in content:  # a name that has points or brackets of its own
         return _vector(path, content[name], name)
-    if not (place := _PLACE.fullmatch(name)):
+    if not (match := _INDEXED.fullmatch(name)):
         return _vector(path, _reach(path, content, name), name)
-    matrix = _matrix(path, _reach(path, content, place[1]), place[1])
-    if not 1 <= int(place[2]) <= matrix.shape[1]:
+    matrix = _matrix(path, _reach(path, content, match[1]), match[1])
+    if not 1 <= int(match[2]) <= matrix.shape[1]:
         raise InputError(f"{path}: no {name}; there are {matrix.shape[1]} columns, counted from 1")
-    return np.ascontiguousarray(matrix[:, int(place[2]) - 1])
+    return np.ascontiguousarray(matrix[:, int(match[2]) - 1])
 
 
 def _matrix(path: object, node: Any, name: str) -> Array:
@@ -155,9 +182,7 @@ def _numbers(path: object, node: Any, name: str) -> Array:
 
 
 def tables_of(content: Content, prefix: str = "") -> Iterator[TableInfo]:
-    """The tables that content holds: its matrices, its vectors of equal length together, and what
-    is in its structs.
-    """
+    """Yield the tables of content: matrices, vectors of equal length together, those of structs."""
     vectors: dict[int, list[str]] = {}
     for name, node in content.items():
         where = f"{prefix}{name}"

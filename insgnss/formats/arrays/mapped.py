@@ -33,15 +33,15 @@ def _taken(
     columns: Columns,
     variable: str | None,
     required: Sequence[str],
-    known: Sequence[str],
+    accepted: Sequence[str],
 ) -> dict[str, Array]:
     names = list(columns)
-    if isinstance(columns, Mapping) and (odd := [name for name in names if name not in known]):
-        raise UsageError(f"{path}: columns: {odd[0]!r} is none of {', '.join(known)}")
+    if isinstance(columns, Mapping) and (odd := [name for name in names if name not in accepted]):
+        raise UsageError(f"{path}: columns: {odd[0]!r} is none of {', '.join(accepted)}")
     cols = {
         name: column
         for name, column in take_columns(path, content, columns, variable).items()
-        if name in known
+        if name in accepted
     }
     if missing := [name for name in required if name not in cols]:
         raise InputError(
@@ -54,7 +54,7 @@ def _taken(
 def _finite(table: Mapping[str, Array], lines: Lines) -> None:
     for name, column in table.items():
         if (bad := ~np.isfinite(column)).any():
-            raise lines.at(
+            raise lines.error_at(
                 int(np.argmax(bad)), f"{name} is {column[int(np.argmax(bad))]}; it must be finite"
             )
 
@@ -69,8 +69,23 @@ def imu_of_content(
     gps_week: int | None = None,
     rate_hz: float | None = None,
 ) -> ImuSamples:
-    """Samples in SI; columns as in `_content`, names, units (that fields' names end in as well),
-    quantity and rate_hz as in `imu_csv`.
+    """Read IMU samples in SI units from content by a column map.
+
+    Parameters
+    ----------
+    path, content, columns, variable
+        As in `content.take_columns`.
+    units : mapping, optional
+        Units of gyro, accel and time, which fields' names may end in as well.
+    quantity, rate_hz
+        As in `imu_csv`.
+    gps_week : int, optional
+        The week, where no column holds it.
+
+    Returns
+    -------
+    ImuSamples
+        The samples.
     """
     units = check_units(units, UNIT_KEYS)
     cols = _taken(path, content, columns, variable, required_columns(rate_hz), tuple(IMU_ALIASES))
@@ -82,9 +97,7 @@ def imu_of_content(
 
 
 def _fields(columns: Columns, names: Sequence[str]) -> list[str]:
-    """What the file calls the columns `names`; nothing of a list, which names the columns of a
-    matrix itself.
-    """
+    """Return what the file calls the columns `names`; a list of columns gives no names."""
     return (
         [columns[name] for name in names if name in columns] if isinstance(columns, Mapping) else []
     )
@@ -102,17 +115,37 @@ def gnss_of_content(
     gps_week: int | None = None,
     undulation_m: float = 0.0,
 ) -> GnssFixes:
-    """Fixes; columns as in `_content`, names and units (that fields' names end in as well) as in
-    `gnss_text`.
+    """Read fixes from content by a column map.
 
-    undulation_m : geoid above the ellipsoid, m, added to heights that are above the geoid.
+    Parameters
+    ----------
+    path, content, columns, variable
+        As in `content.take_columns`.
+    repeat_column : str, optional
+        Path (or canonical name) of the quantity that changes with each new fix; without it every
+        row is a fix, which is refused where more than half of them repeat the one before.
+    sigma_m, sigma_velocity : array_like, optional
+        Standard deviations north, east, down, m and m/s, where no columns hold them.
+    units : mapping, optional
+        As in `gnss_text`; fields' names may end in a unit as well.
+    gps_week : int, optional
+        The week, where no column holds it.
+    undulation_m : float
+        Geoid above the ellipsoid, m, added to heights that are above the geoid.
 
-    repeat_column : path (or canonical name) of what changes with each new fix; None takes every row
-        for a fix, and is refused where more than half of them repeat the one before.
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        A value that is not finite, repeated positions, or a `repeat_column` that never changes.
     """
     units = check_units(units, GNSS_UNIT_KEYS)
-    said = {key: _fields(columns, names) for key, names in UNIT_COLUMNS.items()}
-    scales, notes = fix_scales(str(path), None, said, units)
+    fields = {key: _fields(columns, names) for key, names in UNIT_COLUMNS.items()}
+    scales, notes = fix_scales(str(path), None, fields, units)
     table = _taken(path, content, columns, variable, REQUIRED, tuple(ALIASES))
     lines: Lines = NumberedRows(str(path))
     if repeat_column is not None:
@@ -140,8 +173,8 @@ def gnss_of_content(
         and np.mean((np.diff(table["lat"]) == 0.0) & (np.diff(table["lon"]) == 0.0))
         > REPEATED_LIMIT
     ):
-        found = "more than half of the positions repeat the one before"
-        raise InputError(f"{path}: {found}; set repeat_column to what changes with each new fix")
+        finding = "more than half of the positions repeat the one before"
+        raise InputError(f"{path}: {finding}; set repeat_column to what changes with each new fix")
     _finite(table, lines)
     return fixes_from_columns(
         table, lines, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m, notes

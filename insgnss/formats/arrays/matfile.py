@@ -1,5 +1,4 @@
-"""MATLAB's binary formats of version 4 to 7: lengths are checked against the bytes that are there,
-then scipy reads the variables.
+"""MATLAB's binary formats of version 4 to 7: lengths are checked, then scipy reads the variables.
 
 scipy trusts the lengths and dimensions that a file states. A cut or hostile one could therefore
 pass for a shorter recording, or ask for memory that no recording needs. So the elements of a
@@ -31,23 +30,33 @@ HEADS = {
     OBJECT: [INT32, INT8, INT8, INT32, INT8],
     OPAQUE: [INT8, INT8, INT8],
 }
-"""Types of the elements between flags and content: dimensions and name, and of structs the width
-and the names of the fields.
-"""
+"""Element types between flags and content: dimensions, name; of structs the fields' names."""
 COMPLEX = 0x800  # of the flags
 DEEPEST = 16  # structs within structs; those of recordings have three or four
 
 
 class Damaged(ValueError):
-    """The file is not what its lengths state."""
+    """The file does not hold what its lengths state."""
 
 
 def read_mat(data: bytes) -> dict[str, Any]:
     """Read the variables of a file of version 4 to 7.
 
-    Returns them by name: numbers as arrays with their MATLAB shape, texts as str, cells as arrays
-    of objects, structs as dicts, and None for what holds no recording. Raises `Damaged` where the
-    file is cut, damaged, or no MATLAB file.
+    Parameters
+    ----------
+    data : bytes
+        The whole file.
+
+    Returns
+    -------
+    dict
+        Variables by name: numbers as arrays with their MATLAB shape, texts as str, cells as arrays
+        of objects, structs as dicts, and None for what holds no recording.
+
+    Raises
+    ------
+    Damaged
+        A file that is cut, damaged, or no MATLAB file.
     """
     from scipy.io import loadmat
 
@@ -56,14 +65,14 @@ def read_mat(data: bytes) -> dict[str, Any]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            found = loadmat(io.BytesIO(data), chars_as_strings=True)
+            variables = loadmat(io.BytesIO(data), chars_as_strings=True)
     except Exception as error:  # a damaged file makes the library fail in any way
         raise Damaged(
             printable(" ".join(str(error).split()))[:120] or type(error).__name__
         ) from None
     out = {
         printable(name): _plain(value)
-        for name, value in found.items()
+        for name, value in variables.items()
         if not name.startswith("__") and name != "None"
     }
     if not out:
@@ -100,36 +109,36 @@ def _struct(item: Any) -> dict[str, Any]:
 
 def _checked(data: bytes, order: str) -> bytes:
     """The file with its variables inflated, after a look at every length."""
-    parts = [
-        data[:116] + bytes(8) + data[124:HEADER_BYTES]
-    ]  # without the place of MATLAB's own subsystem data, which moves
+    # without the offset of MATLAB's own subsystem data, which moves
+    parts = [data[:116] + bytes(8) + data[124:HEADER_BYTES]]
     for kind, body in _elements(memoryview(data)[HEADER_BYTES:], order):
         if kind == COMPRESSED:
             kind, body = _inflated(body, order)
         if kind != MATRIX:
-            raise Damaged(f"an element of type {kind} in the place of a variable")
+            raise Damaged(f"an element of type {kind} instead of a variable")
         _check_matrix(body, order, 0)
         parts += [np.array([kind, len(body)], order + "u4").tobytes(), bytes(body)]
     return b"".join(parts)
 
 
 def _elements(data: Bytes, order: str) -> Iterator[tuple[int, Bytes]]:
-    """Type and content of each element; one of up to 4 bytes stands within its tag, whose upper
-    half is its size.
+    """Yield type and content of each element.
+
+    One of up to 4 bytes stands within its tag, whose upper half is its size.
     """
-    place = 0
-    while place < len(data):
-        if place + TAG_BYTES > len(data):
+    offset = 0
+    while offset < len(data):
+        if offset + TAG_BYTES > len(data):
             raise Damaged("it ends within a tag")
-        kind, size = (int(v) for v in np.frombuffer(data, order + "u4", 2, place))
-        start = place + TAG_BYTES
+        kind, size = (int(v) for v in np.frombuffer(data, order + "u4", 2, offset))
+        start = offset + TAG_BYTES
         if kind >> 16:
-            kind, size, start = kind & 0xFFFF, kind >> 16, place + 4
+            kind, size, start = kind & 0xFFFF, kind >> 16, offset + 4
             if size > 4:
                 raise Damaged(f"a short element of {size} bytes")
-            place += TAG_BYTES
+            offset += TAG_BYTES
         else:
-            place = start + size + (0 if kind == COMPRESSED else -size % 8)
+            offset = start + size + (0 if kind == COMPRESSED else -size % 8)
         if start + size > len(data):
             raise Damaged(f"it ends within an element of {size} bytes")
         yield kind, data[start : start + size]
@@ -152,8 +161,9 @@ def _inflated(body: Bytes, order: str) -> tuple[int, Bytes]:
 
 
 def _check_matrix(body: Bytes, order: str, depth: int) -> None:
-    """Refuse a variable whose elements are not those of its class and dimensions: scipy does not
-    look, and may crash.
+    """Refuse a variable whose elements are not those of its class and dimensions.
+
+    scipy does not check them, and may crash.
     """
     if depth > DEEPEST:
         raise Damaged("structs within structs beyond reason")
@@ -182,7 +192,7 @@ def _check_matrix(body: Bytes, order: str, depth: int) -> None:
             if kind not in WIDTHS or (form > SPARSE and len(inner) != count * WIDTHS[kind]):
                 raise Damaged(f"{count} values in {len(inner)} bytes of type {kind}")
         elif kind != MATRIX:
-            raise Damaged(f"an element of type {kind} in the place of a cell or a field")
+            raise Damaged(f"an element of type {kind} instead of a cell or a field")
         else:
             _check_matrix(inner, order, depth + 1)
 

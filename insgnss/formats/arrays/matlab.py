@@ -1,5 +1,8 @@
-"""Variables of MATLAB files, data_specs/matlab.md: version 4 to 7 by scipy behind the checks of
-`_matfile`, 7.3 (HDF5) by h5py where it is installed.
+"""Variables of MATLAB files, data_specs/matlab.md.
+
+Version 4 to 7 is read by scipy behind the checks of `matfile`, 7.3 (HDF5) by h5py where it is
+installed. There is no default: `columns` says which field, label or column of a matrix holds which
+quantity; `content` states how they are named.
 
 There is no default: `columns` says which field, label or column of a matrix is what; `_content`
 states how they are named.
@@ -24,19 +27,20 @@ DEEPEST = 8  # structs within structs
 
 
 def load_matlab(path: Source) -> Content:
-    """Variables of a file by name; structs as mappings, matrices with the labels of the variable
-    `<name>_label` beside them.
+    """Load the variables of a file by name.
+
+    Structs become mappings; matrices have the labels of the variable `<name>_label` beside them.
     """
     data = load_bytes(path).tobytes()
     if HDF5 in data[:1024]:
         return _labelled(_hdf5(path))
     try:
-        found = read_mat(data)
+        variables = read_mat(data)
     except Damaged as error:
         raise InputError.at(
             path, None, f"is no whole MATLAB file ({error}); copy it again from its source"
         ) from None
-    return _labelled({name: _plain(node) for name, node in found.items()})
+    return _labelled({name: _plain(node) for name, node in variables.items()})
 
 
 def _plain(node: Any) -> Any:
@@ -65,10 +69,10 @@ def _hdf5(path: Source) -> dict[str, Any]:
     try:
         import h5py
     except ImportError:
-        what = (
+        message = (
             "is a MATLAB 7.3 file (HDF5), which needs h5py: pip install h5py; or save it with -v7"
         )
-        raise InputError.at(path, None, what) from None
+        raise InputError.at(path, None, message) from None
 
     def plain(node: Any, depth: int = 0) -> Any:
         if isinstance(node, h5py.Group):

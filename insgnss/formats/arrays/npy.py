@@ -1,5 +1,6 @@
-"""Arrays of numpy (.npy, .npz), data_specs/npy.md: samples by a column map, raw counts by units
-with the value of one count.
+"""Arrays of numpy (.npy, .npz), data_specs/npy.md: samples by a column map.
+
+Raw counts are scaled by units with the value of one count.
 
 A `.npy` is one array (n, m), or a record array whose fields name the columns; a `.npz` holds
 several by name. Objects are not loaded.
@@ -18,8 +19,9 @@ from .content import Content, Matrix
 
 
 def load_numpy(path: Source) -> Content:
-    """Arrays of a file by name; the one of a .npy under an empty name, the fields of a record array
-    as a mapping.
+    """Load the arrays of a file by name.
+
+    The one array of a .npy has an empty name; the fields of a record array become a mapping.
     """
     if not Path(path).is_file():
         raise InputError.at(path, None, "no such file; check the path in the flight file")

@@ -1,5 +1,4 @@
-"""BlocksExchange XML of Bentley ContextCapture, iTwin Capture: poses as priors,
-data_specs/bentley.md.
+"""BlocksExchange XML of Bentley ContextCapture, iTwin Capture: pose priors, data_specs/bentley.md.
 
 The matrix is C_fc^T, world to camera, with camera axes x right, y down (CameraOrientation
 XRightYDown), under Pose/Metadata, where what navigation devices say has its place. x is easting or
@@ -29,18 +28,19 @@ from ..orientation.exported import (
     CHUNK,
     check_frame,
     check_names,
+    comment_lines,
     frame_words,
     place_form,
     places,
-    said,
 )
 from ..text.text import Source
 
 HEAD = """<?xml version="1.0" encoding="utf-8"?>
 <!--
-{said}-->
+{comment}-->
 <BlocksExchange version="2.1">
- <SpatialReferenceSystems><SRS><Id>0</Id><Name>{name}</Name><Definition>{definition}</Definition></SRS></SpatialReferenceSystems>
+ <SpatialReferenceSystems><SRS><Id>0</Id><Name>{name}</Name>\
+<Definition>{definition}</Definition></SRS></SpatialReferenceSystems>
  <Block><Name>insgnss</Name><Type>Nadir</Type><SRSId>0</SRSId>
   <Photogroups><Photogroup><Name>camera</Name>
 {camera}"""
@@ -62,10 +62,24 @@ def write_bentley(
 ) -> None:
     """Write a projected, geographic or tangent-plane frame.
 
-    width_px, height_px, focal_px : of the images, all or none; without them the program takes the
-        camera from the images' EXIF.
-    Degrees with 10 decimals, metres with 4, matrices with 12. Raises UsageError for another frame,
-    a CRS without code, or a camera that is half given; InputError for names with line ends.
+    Degrees are written with 10 decimals, metres with 4, matrices with 12.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+    width_px, height_px, focal_px
+        Size and focal length of the images, all or none; without them the program takes the camera
+        from the images' EXIF.
+
+    Raises
+    ------
+    UsageError
+        Another frame, a CRS without code, or a camera that is half given.
+    InputError
+        Names with line ends.
     """
     check_frame(eo, "bentley", PROJECTED, GEOGRAPHIC, TANGENT)
     check_names(eo.images, "\n")
@@ -82,33 +96,36 @@ def write_bentley(
             )
         camera = CAMERA.format(width=width_px, height=height_px, focal=focal_px)
     eo = on_ellipsoid(eo)
-    definition, place = _reference(eo)
-    words = said(
+    definition, coordinates = _reference(eo)
+    words = comment_lines(
         eo, "rotation: matrix of world to camera, x right, y down, z viewing direction"
     ).replace("--", "- -")
     head = HEAD.format(
-        said=words, name=escape(frame_words(eo)), definition=escape(definition), camera=camera
+        comment=words, name=escape(frame_words(eo)), definition=escape(definition), camera=camera
     )
-    atomic_write(path, _text(eo, head, np.hstack([eo.C_fc.swapaxes(1, 2).reshape(-1, 9), place])))
+    atomic_write(
+        path, _text(eo, head, np.hstack([eo.C_fc.swapaxes(1, 2).reshape(-1, 9), coordinates]))
+    )
 
 
 def on_ellipsoid(eo: FramedOrientation) -> FramedOrientation:
-    """A tangent plane whose origin is at the height 0, where that of ENU:latitude,longitude is; any
-    other frame as it is.
+    """Move a tangent plane's origin to height 0, where ENU:latitude,longitude has it.
+
+    Any other frame is returned as it is.
     """
     if eo.frame.kind != TANGENT:
         return eo
     lat, lon, h = eo.frame.origin
-    at = (
+    origin = (
         f"latitude {np.degrees(lat):.10f} deg, longitude {np.degrees(lon):.10f} deg, 0.0000 m (on"
         " the ellipsoid)"
     )
-    frame = replace(eo.frame, name=f"tangent plane of WGS84 at {at}", origin=(lat, lon, 0.0))
+    frame = replace(eo.frame, name=f"tangent plane of WGS84 at {origin}", origin=(lat, lon, 0.0))
     return replace(eo, frame=frame, coordinates=eo.coordinates + [0.0, 0.0, h])
 
 
 def _reference(eo: FramedOrientation) -> tuple[str, NDArray[np.float64]]:
-    """Definition of the system of reference, and coordinates in it (n, 3), deg and m."""
+    """Return the definition of the reference system, and coordinates in it (n, 3), deg and m."""
     if eo.frame.kind == TANGENT:
         lat, lon = np.degrees(eo.frame.origin[:2])
         return f"ENU:{lat:.10f},{lon:.10f}", eo.coordinates
@@ -128,7 +145,8 @@ def _text(eo: FramedOrientation, head: str, table: NDArray[np.float64]) -> Itera
         "   <Photo><Id>%d</Id><ImagePath>%s</ImagePath><Pose><Metadata><SRSId>0</SRSId><Rotation>"
         + MATRIX
         + "<Accurate>false</Accurate>"
-        f"</Rotation><Center><x>{x}</x><y>{y}</y><z>{z}</z><Accurate>true</Accurate></Center></Metadata></Pose></Photo>\n"
+        f"</Rotation><Center><x>{x}</x><y>{y}</y><z>{z}</z><Accurate>true</Accurate></Center>"
+        "</Metadata></Pose></Photo>\n"
     )
     yield head
     for first in range(0, len(eo.images), CHUNK):

@@ -1,5 +1,6 @@
-"""A calibrated camera in the words of COLMAP: `MODEL WIDTH HEIGHT PARAMETERS`, pixels from the
-outer corner of the first one.
+"""A calibrated camera in COLMAP's notation: `MODEL WIDTH HEIGHT PARAMETERS`.
+
+Pixels count from the outer corner of the first one.
 """
 
 import math
@@ -29,8 +30,9 @@ ONE_FOCAL = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE
 
 @dataclass(frozen=True)
 class Camera:
-    """Model, size in pixels, parameters in the model's order (focal lengths, principal point,
-    distortion).
+    """Model, size in pixels, and parameters in the model's order.
+
+    The parameters are focal lengths, principal point and distortion.
     """
 
     model: str
@@ -40,27 +42,43 @@ class Camera:
 
     @property
     def line(self) -> str:
-        """As cameras.txt has it."""
+        """The camera as cameras.txt has it."""
         return " ".join(
             [self.model, str(self.width), str(self.height), *(f"{p:.10g}" for p in self.parameters)]
         )
 
     @property
     def focal(self) -> tuple[float, float]:
-        """Focal lengths, pixels, along x and y."""
+        """Focal lengths along x and y, pixels."""
         f = self.parameters
         return (f[0], f[0]) if self.model in ONE_FOCAL else (f[0], f[1])
 
     @property
     def principal_point(self) -> tuple[float, float]:
-        """Pixels from the image's upper left corner."""
+        """Principal point from the image's upper left corner, pixels."""
         first = 1 if self.model in ONE_FOCAL else 2
         return self.parameters[first], self.parameters[first + 1]
 
 
 def camera_of(text: str | None, who: str) -> Camera:
-    """The camera of `text`; UsageError where it is missing, of another model, or of another number
-    of parameters.
+    """Parse the camera of `text`.
+
+    Parameters
+    ----------
+    text : str, optional
+        "MODEL WIDTH HEIGHT PARAMETERS".
+    who : str
+        What needs the camera, for messages.
+
+    Returns
+    -------
+    Camera
+        The camera.
+
+    Raises
+    ------
+    UsageError
+        A camera that is missing, of another model, or with another number of parameters.
     """
     if not text:
         raise UsageError(f"{who} holds a calibrated camera; {HOW}")

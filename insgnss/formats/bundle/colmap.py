@@ -1,6 +1,7 @@
 """COLMAP: the text model with known poses, and a database with pose priors, data_specs/colmap.md.
 
-    images.txt    IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME     R = C_fc', the frame into the camera; T = -R X
+    images.txt    IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME: R = C_fc', the frame into the
+                  camera; T = -R X
     pose prior    position, its full 3 x 3 covariance, gravity = C_Ec' (0, 0, -1): down, in the
                   camera's axes
 
@@ -21,7 +22,7 @@ from ...base.files import atomic_write
 from ...geodesy.rotation import quaternion_from_rotation
 from ...records import Array, FramedOrientation
 from ...records.framed import GEOCENTRIC, GEOGRAPHIC, PROJECTED, TANGENT
-from ..orientation.exported import check_frame, check_names, check_only, said
+from ..orientation.exported import check_frame, check_names, check_only, comment_lines
 from ..orientation.poses import staged, vector
 from ..text.text import Source
 from .camera import Camera, camera_of
@@ -30,13 +31,8 @@ FAR_M, NEAR_M = 1e5, 1e4
 ROUND_M = 1e3
 CARTESIAN = (TANGENT, PROJECTED, GEOCENTRIC)
 MODEL = ("cameras.txt", "images.txt", "points3D.txt")
-PARTS = (
-    "cameras",
-    "images",
-    "points3D",
-    "frames",
-    "rigs",
-)  # COLMAP takes a binary model before a text
+# COLMAP takes a binary model before a text
+PARTS = ("cameras", "images", "points3D", "frames", "rigs")
 
 
 def write_colmap(
@@ -45,14 +41,29 @@ def write_colmap(
     camera: str | None = None,
     shift: str | Sequence[float] | None = None,
 ) -> None:
-    """Write cameras.txt, images.txt and points3D.txt (empty) into the directory `path`, which is
-    made.
+    """Write cameras.txt, images.txt and points3D.txt (empty) into the directory `path`.
 
-    camera : "MODEL WIDTH HEIGHT PARAMETERS", COLMAP's words.
-    shift : (3,) m, or text with commas, subtracted from the positions;
-    by default whole kilometres where these exceed 100 km, else none.
-    Raises UsageError for a frame that is not Cartesian, a missing camera and a `path` with another
-    model (binary, or with rigs), InputError for names with blanks.
+    The directory is made where it is missing.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a Cartesian frame.
+    path : path
+        The directory.
+    camera : str
+        "MODEL WIDTH HEIGHT PARAMETERS", COLMAP's notation.
+    shift : (3,) m, or text with commas
+        Subtracted from the positions; by default whole kilometres where these exceed 100 km, else
+        none.
+
+    Raises
+    ------
+    UsageError
+        A frame that is not Cartesian, a missing camera, or a `path` with another model (binary, or
+        with rigs).
+    InputError
+        Names with blanks.
     """
     check_frame(eo, "colmap", *CARTESIAN)
     check_names(eo.images, None)
@@ -79,7 +90,7 @@ def write_colmap(
         f"shift: {offset[0]:.4f} {offset[1]:.4f} {offset[2]:.4f} m was subtracted from the"
         " positions"
     )
-    head = said(
+    head = comment_lines(
         eo, subtracted, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then a line of its points"
     )
     atomic_write(
@@ -105,15 +116,31 @@ def write_colmap_priors(
     database: Source | None = None,
     shift: str | Sequence[float] | None = None,
 ) -> None:
-    """Write pose priors through pycolmap into a new database, or into a copy of `database`, which
-    stays as it is.
+    """Write pose priors through pycolmap into a new database, or into a copy of `database`.
 
-    camera : of a new database, in COLMAP's words.
-    shift : (3,) m subtracted from the positions, none by default, since a database
-    has no place to say so; a geographic frame (latitude, longitude, height above the ellipsoid,
-    covariances east, north, up) takes none. In a copy, images are found by name, and their priors
-    replaced. Raises UsageError where pycolmap is missing, InputError where the database lacks an
-    image or cannot be read.
+    `database` stays as it is. In the copy, images are found by name, and their priors replaced.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a Cartesian or geographic frame; geographic priors are latitude,
+        longitude, height above the ellipsoid, covariances east, north, up.
+    path : path
+        The database to write.
+    camera : str, optional
+        Camera of a new database, in COLMAP's notation.
+    database : path, optional
+        The database to copy.
+    shift : (3,) m, or text with commas
+        Subtracted from the positions, none by default, since a database cannot state it; a
+        geographic frame takes none.
+
+    Raises
+    ------
+    UsageError
+        pycolmap is missing, or an option does not fit the frame.
+    InputError
+        The database lacks an image or cannot be read.
     """
     pycolmap = _pycolmap()
     check_frame(eo, "colmap_priors", *CARTESIAN, GEOGRAPHIC)
@@ -165,7 +192,7 @@ def _open(pycolmap: Any, work: Path, database: Source | None) -> Any:
 
 
 def _new_images(pycolmap: Any, db: Any, eo: FramedOrientation, model: Camera) -> list[Any]:
-    """Camera and images in a new database; the data ids of the images."""
+    """Write camera and images into a new database; return the data ids of the images."""
     camera = pycolmap.Camera(
         model=model.model, width=model.width, height=model.height, params=list(model.parameters)
     )
@@ -181,15 +208,15 @@ def _new_images(pycolmap: Any, db: Any, eo: FramedOrientation, model: Camera) ->
 
 
 def _known_images(db: Any, eo: FramedOrientation, database: Source | None) -> list[Any]:
-    known = {image.name: image.data_id for image in db.read_all_images()}
-    missing = [name for name in eo.images if name not in known]
+    ids = {image.name: image.data_id for image in db.read_all_images()}
+    missing = [name for name in eo.images if name not in ids]
     if missing:
-        what = (
+        message = (
             f"has no image {missing[0]!r} ({len(missing)} of {len(eo.images)} are missing); extract"
             " features of all images first"
         )
-        raise InputError.at(database, None, what)
-    return [known[name] for name in eo.images]
+        raise InputError.at(database, None, message)
+    return [ids[name] for name in eo.images]
 
 
 def _write_priors(
@@ -221,9 +248,9 @@ def _write_priors(
             prior.corr_data_id = data_id
             prior.position, prior.position_covariance = position[k], eo.cov[k, :3, :3]
             prior.gravity, prior.coordinate_system = gravity[k], kind
-            known = earlier.get((data_id.sensor_id.id, data_id.id))
-            if known is None:
+            prior_id = earlier.get((data_id.sensor_id.id, data_id.id))
+            if prior_id is None:
                 db.write_pose_prior(prior)
             else:
-                prior.pose_prior_id = known
+                prior.pose_prior_id = prior_id
                 db.update_pose_prior(prior)

@@ -1,5 +1,4 @@
-"""Trimble Inpho: photo blocks of a project (.prj), and the ASCII table of its GNSS/INS import,
-data_specs/inpho.md.
+"""Trimble Inpho: photo blocks of a project (.prj), and its GNSS/INS table, data_specs/inpho.md.
 
     prj     $EXT_ORI with focal length (mm), X Y Z and, row by row, (Rx(omega) Ry(phi) Rz(kappa))^T:
             the frame to the camera with axes right, up, back
@@ -25,8 +24,8 @@ from ..orientation.exported import (
     angles_of,
     check_frame,
     check_names,
+    comment_lines,
     frame_attitude,
-    said,
     table_text,
 )
 from ..text.text import Source
@@ -55,14 +54,29 @@ def write_inpho_prj(
     ground_m: float | None = None,
     camera: str = "camera",
 ) -> None:
-    """Write $PHOTO blocks of a projected or tangent-plane frame, to be put into a project that
-    defines `camera`.
+    """Write $PHOTO blocks of a projected or tangent-plane frame.
 
-    focal_mm : focal length.
-    ground_m : height of the terrain in the frame's heights. Metres with 4 decimals, matrices with
-        12.
-    Raises UsageError for another frame or where one of the two is missing; InputError for file
-    names that agree but for their ending.
+    They are to be put into a project that defines `camera`. Metres have 4 decimals, matrices 12.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+    focal_mm : float
+        Focal length, mm.
+    ground_m : float
+        Height of the terrain in the frame's heights, m.
+    camera : str
+        Name of the camera in the project.
+
+    Raises
+    ------
+    UsageError
+        Another frame, or `focal_mm` or `ground_m` missing.
+    InputError
+        File names that agree but for their ending.
     """
     check_frame(eo, "inpho_prj", PROJECTED, TANGENT)
     if (
@@ -85,11 +99,25 @@ def write_inpho_prj(
 
 
 def write_inpho_ascii(eo: FramedOrientation, path: Source) -> None:
-    """Write a projected or tangent-plane frame: metres with 4 decimals, degrees with 6, seconds of
-    the GPS week with 6.
+    """Write the table of a projected or tangent-plane frame.
 
-    Raises UsageError for another frame, InputError for names with blanks or that agree but for
-    their ending, DataError at phi +-90 deg.
+    Metres have 4 decimals, degrees 6, seconds of the GPS week 6.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+
+    Raises
+    ------
+    UsageError
+        Another frame.
+    InputError
+        Names with blanks or that agree but for their ending.
+    DataError
+        phi is +-90 deg.
     """
     check_frame(eo, "inpho_ascii", PROJECTED, TANGENT)
     ids = photo_ids(eo.images)
@@ -101,14 +129,14 @@ def write_inpho_ascii(eo: FramedOrientation, path: Source) -> None:
         " up, z back) to the frame"
     )
     head = (
-        said(eo, words, "time: seconds of the GPS week, GPS time")
+        comment_lines(eo, words, "time: seconds of the GPS week, GPS time")
         + "# id E N H omega phi kappa time\n"
     )
     atomic_write(path, table_text(head, ids, "%s" + " %.4f" * 3 + " %.6f" * 3 + " %.6f\n", table))
 
 
 def photo_ids(images: Sequence[str]) -> tuple[str, ...]:
-    """File names without their endings; InputError where two are alike."""
+    """Return file names without their endings; InputError where two agree."""
     check_names(images, "\n")
     ids = tuple(PurePath(name).stem for name in images)
     seen: dict[str, str] = {}
@@ -127,9 +155,9 @@ def _blocks(
     since = (1000.0 * (WEEK_S * eo.gps_week + eo.time)).round().astype("timedelta64[ms]")
     when = np.datetime_as_string(GPS_EPOCH + since, unit="s")
     for first in range(0, len(ids), CHUNK):
-        part = slice(first, first + CHUNK)
+        chunk = slice(first, first + CHUNK)
         rows = zip(
-            ids[part], eo.images[part], when[part].tolist(), table[part].tolist(), strict=True
+            ids[chunk], eo.images[chunk], when[chunk].tolist(), table[chunk].tolist(), strict=True
         )
         yield "".join(
             [

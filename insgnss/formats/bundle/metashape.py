@@ -40,6 +40,7 @@ from ..orientation.exported import (
     angles_of,
     check_frame,
     check_names,
+    comment_lines,
     frame_attitude,
     frame_words,
     north_attitude,
@@ -47,7 +48,6 @@ from ..orientation.exported import (
     place_form,
     places,
     position_sigma,
-    said,
     table_text,
 )
 from ..text.columns import Aliases, columns_of
@@ -63,8 +63,18 @@ ALIASES: Aliases = {name: (name.lower(),) for name in COLUMNS}
 
 @dataclass(frozen=True, eq=False)
 class MetashapeReference:
-    """The content of the file: (n,) latitude, longitude rad, height m; (n, 3) yaw pitch roll rad,
-    accuracies m (east north up), rad.
+    """The content of the file.
+
+    Attributes
+    ----------
+    images : tuple of str
+        Image names.
+    lat, lon, height : ndarray
+        (n,) rad and m.
+    ypr : ndarray
+        (n, 3) yaw, pitch, roll, rad.
+    accuracy_m, accuracy_ypr : ndarray
+        (n, 3) accuracies, m (east, north, up) and rad.
     """
 
     images: tuple[str, ...]
@@ -77,8 +87,9 @@ class MetashapeReference:
 
     @property
     def C_enu_camera(self) -> Array:
-        """(n, 3, 3), camera (x image right, y image down, z viewing direction) to east, north, up
-        at the camera.
+        """(n, 3, 3) rotations of camera axes into east, north, up at the camera.
+
+        Camera axes are x image right, y image down, z viewing direction.
         """
         return np.asarray(rotation_from_ypr(self.ypr) @ CV_RUB)
 
@@ -86,9 +97,23 @@ class MetashapeReference:
 def write_metashape(eo: FramedOrientation, path: Source) -> None:
     """Write yaw, pitch, roll (M.1) in a geographic, projected or tangent-plane frame.
 
-    Degrees with 10 decimals (position) and 6 (angles), metres with 4, accuracies 5 and 6. Raises
-    UsageError for another frame, InputError for names with commas, DataError where pitch is +-90
-    deg.
+    Degrees have 10 decimals (position) and 6 (angles), metres 4, accuracies 5 and 6.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+
+    Raises
+    ------
+    UsageError
+        Another frame.
+    InputError
+        Names with commas.
+    DataError
+        Pitch is +-90 deg.
     """
     _write(eo, path, north_attitude(eo), YPR, ("Yaw", "Pitch", "Roll"))
 
@@ -99,8 +124,9 @@ def write_metashape_opk(eo: FramedOrientation, path: Source) -> None:
 
 
 def write_metashape_offset(eo: FramedOrientation, path: Source) -> None:
-    """Write yaw, pitch, roll of the nominal camera, and the GPS/INS offset into
-    <name>_gps_ins_offset.txt beside it (M.2).
+    """Write yaw, pitch, roll of the nominal camera, and the GPS/INS offset beside it (M.2).
+
+    The offset stands in <name>_gps_ins_offset.txt.
     """
     R, P = north_attitude(eo)
     T = eo.camera_from_body
@@ -111,7 +137,7 @@ def write_metashape_offset(eo: FramedOrientation, path: Source) -> None:
 
 
 def offset_rotation(boresight: Array, camera_from_body: Array) -> Array:
-    """Yaw, pitch, roll (3,), rad, of Metashape's GPS/INS offset that stands for B and T (M.2)."""
+    """Return yaw, pitch, roll (3,), rad, of the GPS/INS offset that stands for B and T (M.2)."""
     G = CV_RUB @ camera_from_body
     return ypr_from_rotation(G @ boresight @ G.T)
 
@@ -129,7 +155,7 @@ def _offset_text(eo: FramedOrientation) -> str:
         ),
         "the positions are those of the projection centre: the location stays 0",
     )
-    head = said(
+    head = comment_lines(
         eo, *lines, applied="lever arm applied, bore-sight not applied in the angles of the csv"
     )
     return (
@@ -157,8 +183,12 @@ def _write(
 
 
 def read_metashape(path: Source) -> MetashapeReference:
-    """Read the geographic file back; InputError with file and line, also for the other variants,
-    whose columns have other names.
+    """Read the geographic file back.
+
+    Raises
+    ------
+    InputError
+        A bad line, with file and line; also the other variants, whose columns have other names.
     """
     table = read_text_table(path)
     index = columns_of(table, ALIASES, COLUMNS, (COLUMNS,))

@@ -1,5 +1,4 @@
-"""MicMac: the text that OriConvert reads, and a directory of Orientation-<image>.xml,
-data_specs/micmac.md.
+"""MicMac: the text that OriConvert reads, and Orientation-<image>.xml, data_specs/micmac.md.
 
     text   #F=N X Y Z W P K Ix Iy Iz     W P K = omega phi kappa, degrees (eConvAngPhotoMDegre): R =
                                          Rx(omega) Ry(phi) Rz(kappa) takes the camera (right, up,
@@ -30,9 +29,9 @@ from ..orientation.exported import (
     check_frame,
     check_names,
     check_only,
+    comment_lines,
     frame_attitude,
     position_sigma,
-    said,
     table_text,
 )
 from ..text.text import Source
@@ -70,14 +69,27 @@ XML = """<?xml version="1.0" ?>
 def write_micmac(eo: FramedOrientation, path: Source) -> None:
     """Write the text: metres with 4 decimals, degrees with 6, standard deviations with 5.
 
-    Raises UsageError for a frame that is not Euclidean, InputError for names with blanks, DataError
-    where phi is +-90 deg.
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a tangent plane or geocentric.
+    path : path
+        The file.
+
+    Raises
+    ------
+    UsageError
+        A frame that is not Euclidean.
+    InputError
+        Names with blanks.
+    DataError
+        phi is +-90 deg.
     """
     check_frame(eo, "micmac", TANGENT, GEOCENTRIC)
     check_names(eo.images, None)
     opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
     form = "%s" + " %.4f" * 3 + " %.6f" * 3 + " %.5f" * 3 + "\n"
-    words = said(
+    words = comment_lines(
         eo,
         "angles: omega phi kappa, deg (eConvAngPhotoMDegre); R = Rx(omega) Ry(phi) Rz(kappa) takes"
         " right-up-back to the frame",
@@ -87,13 +99,26 @@ def write_micmac(eo: FramedOrientation, path: Source) -> None:
 
 
 def write_micmac_xml(eo: FramedOrientation, path: Source, calibration: str = "") -> None:
-    """Write Orientation-<image>.xml of every image into the directory `path`, which is made where
-    it is missing.
+    """Write Orientation-<image>.xml of every image into the directory `path`.
 
-    calibration : the camera's calibration file as MicMac is to find it; left out where empty.
-        Metres with 4 decimals, matrices with 12.
-    Raises UsageError for a frame that is not Euclidean, a `path` that is a file or holds
-    orientations of other images; InputError for names that make no file name.
+    The directory is made where it is missing. Metres have 4 decimals, matrices 12.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a tangent plane or geocentric.
+    path : path
+        The directory.
+    calibration : str
+        The camera's calibration file as MicMac is to find it; left out where empty.
+
+    Raises
+    ------
+    UsageError
+        A frame that is not Euclidean, a `path` that is a file or holds orientations of other
+        images.
+    InputError
+        Names that make no file name.
     """
     check_frame(eo, "micmac_xml", TANGENT, GEOCENTRIC)
     check_names(eo.images, "/")

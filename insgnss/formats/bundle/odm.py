@@ -19,10 +19,10 @@ from ...records.framed import GEOGRAPHIC, PROJECTED
 from ..orientation.exported import (
     check_frame,
     check_names,
+    comment_lines,
     place_form,
     places,
     plan_and_height_sigma,
-    said,
     table_text,
 )
 from ..text.text import Source
@@ -31,8 +31,21 @@ from ..text.text import Source
 def write_odm_geo(eo: FramedOrientation, path: Source) -> None:
     """Write a geographic frame, or a projected one that has a code.
 
-    Degrees with 10 decimals, metres with 4, accuracies 5. Raises UsageError for another frame or a
-    CRS without code, InputError for names with blanks.
+    Degrees have 10 decimals, metres 4, accuracies 5.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+
+    Raises
+    ------
+    UsageError
+        Another frame, or a CRS without code.
+    InputError
+        Names with blanks.
     """
     check_frame(eo, "odm", GEOGRAPHIC, PROJECTED)
     check_names(eo.images, None)
@@ -43,7 +56,11 @@ def write_odm_geo(eo: FramedOrientation, path: Source) -> None:
             " a CRS that has, or geographic"
         )
     form = f"%s {place_form(eo, ' ')} NaN NaN NaN %.5f %.5f\n"
-    head = f"{code}\n{said(eo, 'columns: name x y z yaw pitch roll horizontal vertical; angles left out, since the reader turns them')}"
+    columns = (
+        "columns: name x y z yaw pitch roll horizontal vertical; angles left out, since the reader"
+        " turns them"
+    )
+    head = f"{code}\n{comment_lines(eo, columns)}"
     atomic_write(
         path, table_text(head, eo.images, form, np.hstack([places(eo), plan_and_height_sigma(eo)]))
     )

@@ -24,11 +24,24 @@ REFERENCE = "reference_lla.json"
 
 
 def write_opensfm(eo: FramedOrientation, path: Source) -> None:
-    """Write positions, angles and their accuracies of a tangent plane, and its origin into
-    reference_lla.json beside `path`.
+    """Write a tangent plane's positions, angles and accuracies, and its origin beside `path`.
 
-    Degrees with 10 decimals (position) and 6 (angles), metres with 4. Raises UsageError for another
-    frame or where another reference_lla.json stands there, DataError where phi is +-90 deg.
+    The origin stands in reference_lla.json. Degrees have 10 decimals (position) and 6 (angles),
+    metres 4.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a tangent plane.
+    path : path
+        The file.
+
+    Raises
+    ------
+    UsageError
+        Another frame, or another reference_lla.json beside `path`.
+    DataError
+        phi is +-90 deg.
     """
     check_frame(eo, "opensfm", TANGENT)
     lat, lon, height = (float(x) for x in eo.frame.origin)
@@ -47,11 +60,10 @@ def write_opensfm(eo: FramedOrientation, path: Source) -> None:
             " export's; delete it or export elsewhere"
         )
     opk, _ = angles_of(eo, *frame_attitude(eo), OPK)
-    sigma = np.sqrt(
-        np.diagonal(eo.cov, axis1=1, axis2=2).reshape(-1, 2, 3).mean(axis=2)
-    )  # of position, of psi
-    place = np.column_stack([np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2]])
-    table = np.hstack([place, sigma[:, :1], np.degrees(opk), np.degrees(sigma[:, 1:])])
+    # of position, of psi
+    sigma = np.sqrt(np.diagonal(eo.cov, axis1=1, axis2=2).reshape(-1, 2, 3).mean(axis=2))
+    position = np.column_stack([np.degrees(eo.geodetic[:, :2]), eo.geodetic[:, 2]])
+    table = np.hstack([position, sigma[:, :1], np.degrees(opk), np.degrees(sigma[:, 1:])])
     atomic_write(path, _entries(eo.images, table))
     atomic_write(beside, reference)
 
@@ -61,10 +73,10 @@ def _entries(images: tuple[str, ...], table: np.ndarray) -> Iterable[str]:
     form = "%s: " + gps + ', "opk": {"omega": %.6f, "phi": %.6f, "kappa": %.6f, "accuracy": %.6f}}'
     yield "{\n"
     for first in range(0, len(images), CHUNK):
-        part = slice(first, first + CHUNK)
+        chunk = slice(first, first + CHUNK)
         text = [
             form % (json.dumps(name), *values)
-            for name, values in zip(images[part], table[part].tolist(), strict=True)
+            for name, values in zip(images[chunk], table[chunk].tolist(), strict=True)
         ]
         yield (",\n" if first else "") + ",\n".join(text)
     yield "\n}\n"

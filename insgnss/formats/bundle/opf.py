@@ -74,13 +74,30 @@ def write_opf(
     bands: str = "rgb",
     images: str = "",
 ) -> None:
-    """Write the project into the directory `path`, which is made.
+    """Write the project into the directory `path`, which is made where it is missing.
 
-    camera : in COLMAP's words, PINHOLE or OPENCV with one focal length.
-    pixel_size_um : of the sensor, micrometres.
-    pixel_type : "uint8", "uint12", "uint16".   bands : "rgb" or "gray".   images : folder of the images, as seen from `path`.
-    Raises UsageError for a frame that is not projected, or whose CRS names northing first or not
-    the heights' zero; a missing camera; a `path` with items of another project.
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a projected frame.
+    path : path
+        The directory.
+    camera : str
+        In COLMAP's notation, PINHOLE or OPENCV with one focal length.
+    pixel_size_um : float
+        Size of the sensor's pixels, micrometres.
+    pixel_type : {"uint8", "uint12", "uint16"}
+        Type of the pixels.
+    bands : {"rgb", "gray"}
+        Bands of the sensor.
+    images : str
+        Folder of the images, as seen from `path`.
+
+    Raises
+    ------
+    UsageError
+        A frame that is not projected, whose CRS names northing first, or whose heights were scaled;
+        a missing camera; a `path` with items of another project.
     """
     check_frame(eo, "opf", PROJECTED)
     definition, horizontal = crs_definition(eo.frame)
@@ -124,9 +141,14 @@ def write_opf(
 
 
 def crs_definition(frame: MapFrame) -> tuple[str | None, str]:
-    """The CRS with its heights, or None where OPF has no words for them, and its horizontal part.
+    """Return the CRS with its heights, and its horizontal part.
 
-    Raises UsageError for a CRS that names northing first, and for heights that were scaled.
+    The first is None where OPF cannot name the heights.
+
+    Raises
+    ------
+    UsageError
+        A CRS that names northing first, or heights that were scaled.
     """
     if frame.northing_first:
         raise UsageError(
@@ -157,7 +179,7 @@ def _horizontal(wkt: str) -> str:
 
 
 def _uid(kind: str, name: str) -> int:
-    """64 bits that belong to a name, the same in every export."""
+    """Return 64 bits that belong to a name, the same in every export."""
     return int.from_bytes(hashlib.blake2b(f"{kind}:{name}".encode(), digest_size=8).digest(), "big")
 
 
@@ -225,12 +247,16 @@ def _captures(
 ) -> Iterator[str]:
     pixels = f'"pixel_range":{{"min":0,"max":{PIXELS[pixel_type]}}},"pixel_type":"{pixel_type}"'
     camera = f'{{"id":%d,"model_source":"user",{pixels},"sensor_id":{SENSOR}}}'
-    place = '"geolocation":{"crs":{"definition":"EPSG:4979"},"coordinates":[%.10f,%.10f,%.4f],"sigmas":[%.5f,%.5f,%.5f]}'
+    geolocation = (
+        '"geolocation":{"crs":{"definition":"EPSG:4979"},"coordinates":[%.10f,%.10f,%.4f],'
+        '"sigmas":[%.5f,%.5f,%.5f]}'
+    )
     turn = '"orientation":{"type":"omega_phi_kappa","crs":' + json.dumps(crs).replace("%", "%%")
     turn += ',"angles_deg":[%.6f,%.6f,%.6f],"sigmas_deg":[%.6f,%.6f,%.6f]}'
     square = ",".join("[" + ",".join(["%.9g"] * 6) + "]" for _ in range(6))
     full = f'"extensions":{{"INSGNSS_covariance":{{"version":"1.0","cov6":[{square}]}}}}'
-    form = f'{{"id":%d,"cameras":[{camera}],"reference_camera_id":%d,"rig_model_source":"not_applicable","time":"%s",{place},{turn},{full}}}'
+    form = f'{{"id":%d,"cameras":[{camera}],"reference_camera_id":%d,'
+    form += f'"rig_model_source":"not_applicable","time":"%s",{geolocation},{turn},{full}}}'
     sigma = local_sigma(eo)[:, [1, 0, 2]]
     table = np.column_stack(
         [

@@ -37,9 +37,23 @@ from ..text.text import Source
 def write_pix4d_matic(eo: FramedOrientation, path: Source) -> None:
     """Write a geographic or projected frame with yaw, pitch, roll and accuracies.
 
-    Degrees with 10 decimals (position) and 6 (angles), metres with 4, accuracies 5. Raises
-    UsageError for another frame, InputError for names with commas, DataError where pitch is +-90
-    deg.
+    Degrees have 10 decimals (position) and 6 (angles), metres 4, accuracies 5.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+
+    Raises
+    ------
+    UsageError
+        Another frame.
+    InputError
+        Names with commas.
+    DataError
+        Pitch is +-90 deg.
     """
     check_frame(eo, "pix4d_matic", GEOGRAPHIC, PROJECTED)
     check_names(eo.images, ",")
@@ -60,8 +74,9 @@ def write_pix4d_matic(eo: FramedOrientation, path: Source) -> None:
 
 
 def write_pix4d_mapper(eo: FramedOrientation, path: Source) -> None:
-    """Write a projected or tangent-plane frame with omega, phi, kappa, without accuracies and
-    header; digits and refusals as matic.
+    """Write a projected or tangent-plane frame with omega, phi, kappa.
+
+    The file has no accuracies and no header; digits and refusals are those of matic.
     """
     check_frame(eo, "pix4d_mapper", PROJECTED, TANGENT)
     check_names(eo.images, ",")

@@ -1,6 +1,8 @@
 """Flight log of RealityCapture, trajectory of RealityScan, data_specs/realitycapture.md.
 
-    name, latitude, longitude, altitude, yaw, pitch, roll          (in a tangent plane x, y for latitude, longitude)
+    name, latitude, longitude, altitude, yaw, pitch, roll
+
+with x, y for latitude, longitude in a tangent plane.
 
 R = Rz(-yaw) Rx(pitch) Ry(roll) takes the camera (right, up, back) to east, north, up at the image,
 as Metashape's. Lines that begin with `#` are skipped by the program. Its own omega, phi, kappa are
@@ -18,11 +20,11 @@ from ..orientation.exported import (
     angles_of,
     check_frame,
     check_names,
+    comment_lines,
     north_attitude,
     place_form,
     places,
     position_sigma,
-    said,
     table_text,
 )
 from ..text.text import Source
@@ -34,19 +36,41 @@ ANGLES = (
 
 
 def write_realitycapture(eo: FramedOrientation, path: Source) -> None:
-    """Write a geographic or tangent-plane frame: degrees with 10 decimals (position) and 6
-    (angles), metres with 4.
+    """Write a geographic or tangent-plane frame.
 
-    Raises UsageError for another frame, InputError for names with commas, DataError where pitch is
-    +-90 deg.
+    Degrees have 10 decimals (position) and 6 (angles), metres 4.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+
+    Raises
+    ------
+    UsageError
+        Another frame.
+    InputError
+        Names with commas.
+    DataError
+        Pitch is +-90 deg.
     """
     check_frame(eo, "realitycapture", GEOGRAPHIC, TANGENT)
     write_log(eo, path)
 
 
 def write_log(eo: FramedOrientation, path: Source, accuracies: str = "") -> None:
-    """Write the log; with standard deviations where `accuracies` says in words what there is to
-    know of them.
+    """Write the log, with standard deviations where `accuracies` is not empty.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+    accuracies : str
+        A comment on the accuracies; empty leaves them out.
     """
     check_names(eo.images, ",")
     ypr, sigma = angles_of(eo, *north_attitude(eo), YPR)
@@ -58,5 +82,5 @@ def write_log(eo: FramedOrientation, path: Source, accuracies: str = "") -> None
         table = np.hstack([table, position_sigma(eo), np.degrees(sigma)])
         form += ",%.5f" * 3 + ",%.6f" * 3
         columns += ",accX,accY,accZ,accYaw,accPitch,accRoll"
-    head = said(eo, *([accuracies] if accuracies else []), ANGLES) + columns + "\n"
+    head = comment_lines(eo, *([accuracies] if accuracies else []), ANGLES) + columns + "\n"
     atomic_write(path, table_text(head, eo.images, form + "\n", table))

@@ -41,33 +41,50 @@ def read_events(
     gps_week: int | None = None,
     units: Mapping[str, str] | None = None,
 ) -> CameraEvents:
-    """Read exposure instants; without a column of image names they are numbered from 1, with a
-    note.
+    """Read exposure instants.
 
-    columns : name of each column out of image, week, tow; any other name leaves a column out; or a
-        table of them to the header's.
-    units : of "time", else the one that the header gives, in brackets or behind the name, else s; a
-        note where both differ.
-    Raises InputError with file and line for a bad time, time that does not increase and an image
-    that occurs twice.
+    Without a column of image names they are numbered from 1, with a note.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    columns : sequence or mapping, optional
+        Name of each column out of image, week, tow; any other name leaves a column out; or a table
+        of them to the header's.
+    gps_week : int, optional
+        The week, where no column holds it.
+    units : mapping, optional
+        Unit of "time", else the one that the header gives, in brackets or behind the name, else s;
+        a note where both differ.
+
+    Returns
+    -------
+    CameraEvents
+        The events.
+
+    Raises
+    ------
+    InputError
+        A bad time, time that does not increase, or an image that occurs twice, with file and line.
     """
     units = check_units(units, ("time",))
     table = read_text_table(path)
     index = columns_of(table, ALIASES, ("tow",), DEFAULTS, columns, KINDS)
-    said = {"time": fields_of(table.layout, index, ("tow",))}
-    taken, _, told = settled_units(
+    fields = {"time": fields_of(table.layout, index, ("tow",))}
+    taken, _, unit_notes = settled_units(
         str(path),
         table.layout.header_line,
         {"time": ("tow",)},
         {"time": "time"},
-        said,
+        fields,
         units,
         "event",
     )
     week = table.floats(index["week"]) if "week" in index else None
     time, gps_week = gps_time(table, table.floats(index["tow"]), week, gps_week, taken["time"])
     images = table.strings(index["image"]) if "image" in index else None
-    notes = (*open_end("event rows", table.complete), *told)
+    notes = (*open_end("event rows", table.complete), *unit_notes)
     return events_in_order(images, time, table, str(path), gps_week, notes)
 
 
@@ -79,10 +96,10 @@ def events_in_order(
     gps_week: int | None,
     notes: tuple[Check, ...] = (),
 ) -> CameraEvents:
-    """Events of names, or numbers from 1, and times (n,), s, each stamp once, in order."""
+    """Make events of names, or numbers from 1, and times (n,), s: each stamp once, in order."""
     if images is None:
-        images, told = numbered(time.size)
-        notes = (*notes, told)
+        images, numbering = numbered(time.size)
+        notes = (*notes, numbering)
     names = images
     rows, odd = put_in_order(lines, time, lambda i, k: names[i] == names[k], "event rows")
     if rows is not None:
@@ -90,24 +107,24 @@ def events_in_order(
     first: dict[str, int] = {}
     for row, name in enumerate(images):
         if first.setdefault(name, row) != row:
-            where = str(lines.at(first[name], "")).removeprefix(source).strip(": ")
-            what = (
+            where = str(lines.error_at(first[name], "")).removeprefix(source).strip(": ")
+            message = (
                 f"image {name[:80]} occurs twice, first in"
                 f" {where if ' ' in where else 'line ' + where}; is the first column the image?"
             )
-            raise lines.at(row, f"{what} else set columns = [...] of image, week, tow")
+            raise lines.error_at(row, f"{message} else set columns = [...] of image, week, tow")
     return CameraEvents(images, time, gps_week, source, (*notes, *odd))
 
 
 def numbered(count: int) -> tuple[tuple[str, ...], Check]:
-    """Numbers from 1 in the place of names, and the note that says so."""
-    found = f"no image names; the {count} events are numbered from 1"
+    """Return numbers from 1 in place of names, and the note that says so."""
+    finding = f"no image names; the {count} events are numbered from 1"
     advice = (
         f"give the images ({named('camera.images')}), or check that none is missing before you join"
         " them by number"
     )
     return tuple(str(k + 1) for k in range(count)), note(
-        UNNAMED, found, "a name for each event", advice
+        UNNAMED, finding, "a name for each event", advice
     )
 
 

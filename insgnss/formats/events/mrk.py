@@ -4,7 +4,8 @@ One line an exposure: number, time of week, [week], offsets of the camera from t
 east, down (mm), latitude, longitude, height of the camera, standard deviations north, east, up and
 the quality of the fix, each value with or without its name:
 
-    1  275295.301059  [2024]  -26,N  19,E  191,V  -36.41144502,Lat  174.63075195,Lon  170.415,Ellh  1.492559, 1.368525, 3.180128  16,Q
+    1  275295.301059  [2024]  -26,N  19,E  191,V  -36.41144502,Lat  174.63075195,Lon
+        170.415,Ellh  1.492559, 1.368525, 3.180128  16,Q
 
 The line is read as its numbers and names, whatever separates them. What the drone computed at the
 exposure is kept beside the events (`MrkFile`) and used by nothing here: positions come from
@@ -35,9 +36,27 @@ LEAST = 2  # number and time of week
 
 @dataclass(frozen=True, eq=False)
 class MrkFile:
-    """What the lines hold: number and week (n,) (-1 without a week), time of week s; offset (n, 3)
-    m north east down of the camera from the antenna; position (n, 3) latitude rad, longitude rad,
-    height m; sigma (n, 3) m; quality (n,); NaN (quality -1) where it is not given."""
+    """What the lines hold; NaN (quality -1) where a value is not given.
+
+    Attributes
+    ----------
+    path : str
+        The file.
+    lines : tuple of int
+        The line of each row.
+    number, week : ndarray
+        (n,) number and GPS week (-1 without a week).
+    tow : ndarray
+        (n,) time of week, s.
+    offset_ned : ndarray
+        (n, 3) m, north, east, down, of the camera from the antenna.
+    position : ndarray
+        (n, 3) latitude rad, longitude rad, height m.
+    sigma : ndarray
+        (n, 3) m.
+    quality : ndarray
+        (n,) quality of the fix.
+    """
 
     path: str
     lines: tuple[int, ...]
@@ -49,14 +68,15 @@ class MrkFile:
     sigma: Array
     quality: NDArray[np.int64]
 
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at the line of `row`."""
-        return InputError.at(self.path, self.lines[row], what)
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at the line of `row`."""
+        return InputError.at(self.path, self.lines[row], message)
 
 
 def is_mrk(head: bytes) -> bool:
-    """Whether the first bytes of a file are those of an .MRK: numbers with names behind commas,
-    such as `-26,N`.
+    """Tell whether the first bytes of a file are those of an .MRK.
+
+    Its numbers have names behind commas, such as `-26,N`.
     """
     return (
         re.search(
@@ -69,8 +89,12 @@ def is_mrk(head: bytes) -> bool:
 
 
 def read_mrk(path: Source) -> MrkFile:
-    """Read every line; InputError with file and line for the first that is no event, or of another
-    kind than the first.
+    """Read every line.
+
+    Raises
+    ------
+    InputError
+        The first line that is no event, or of another kind than the first, with file and line.
     """
     buf, complete = load(path)
     rows, lines = [], []
@@ -123,8 +147,9 @@ def read_mrk(path: Source) -> MrkFile:
 
 
 def _values(path: Source, line: int, text: str) -> dict[str, float]:
-    """Values of a line by name; those without a name are number, time of week, and then three
-    standard deviations.
+    """Return the values of a line by name.
+
+    Those without a name are number, time of week, and then three standard deviations.
     """
     if is_binary(text):
         raise InputError.at(path, line, f"is no text; {BINARY}")
@@ -153,11 +178,11 @@ def _values(path: Source, line: int, text: str) -> dict[str, float]:
             unnamed.append(value)
         i += 2 if name in NAMES else 1
     if len(unnamed) not in (LEAST, LEAST + 3):
-        what = (
+        message = (
             f"{len(unnamed)} values without a name, expected number, time of week and three"
             " standard deviations, or the first two"
         )
-        raise InputError.at(path, line, f"{what}: {shown(text.strip())}; copy the file again")
+        raise InputError.at(path, line, f"{message}: {shown(text.strip())}; copy the file again")
     row |= dict(zip(("number", "tow", *SIGMAS), unnamed, strict=False))
     if odd := [
         name

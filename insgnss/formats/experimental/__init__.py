@@ -1,5 +1,4 @@
-"""Formats of programs of which no file was at hand: what their handbooks, as others tell it, leave
-open could not be checked.
+"""Formats of programs of which no file was at hand, so that open conventions could not be checked.
 
 A format moves out of here when a file that its program wrote, or took, has been held against it.
 Names on the command line stay; the files that are written say in their name and, where comments are

@@ -14,7 +14,13 @@ import numpy as np
 from ...base.files import atomic_write
 from ...records import FramedOrientation
 from ...records.framed import PROJECTED, TANGENT
-from ..orientation.exported import check_frame, check_names, frame_attitude, said, table_text
+from ..orientation.exported import (
+    check_frame,
+    check_names,
+    comment_lines,
+    frame_attitude,
+    table_text,
+)
 from ..text.text import Source
 
 WIDEST = 10**15
@@ -24,15 +30,21 @@ FORM = "%16d" + 16 * " " + "%16.5f" * 3 + "\n" + "%16.12f" * 5 + "\n" + "%16.12f
 def write_patb(eo: FramedOrientation, path: Source) -> None:
     """Write a projected or tangent-plane frame, and <name>_ids.txt beside it.
 
-    Metres with 5 decimals, matrices with 12. Raises UsageError for another frame, InputError for
-    names with line ends.
+    Metres have 5 decimals, matrices 12.
+
+    Raises
+    ------
+    UsageError
+        Another frame.
+    InputError
+        Names with line ends.
     """
     check_frame(eo, "patb", PROJECTED, TANGENT)
     check_names(eo.images, "\n")
     numbers = photo_numbers(eo.images)
     R, _ = frame_attitude(eo)
     atomic_write(path, table_text("", numbers, FORM, np.hstack([eo.coordinates, R.reshape(-1, 9)])))
-    head = said(
+    head = comment_lines(
         eo,
         "experimental: PATB's direction of the matrix is unverified; here it takes right-up-back to"
         " the frame",
@@ -43,7 +55,7 @@ def write_patb(eo: FramedOrientation, path: Source) -> None:
 
 
 def photo_numbers(images: tuple[str, ...]) -> list[int]:
-    """Numbers of photos: those of their names, where all have different ones, else 1, 2, ..."""
+    """Return numbers of photos: those of their names where all differ, else 1, 2, ..."""
     stems = [PurePath(name).stem for name in images]
     if all(stem.isascii() and stem.isdigit() and int(stem) < WIDEST for stem in stems):
         numbers = [int(stem) for stem in stems]

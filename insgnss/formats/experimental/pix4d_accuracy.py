@@ -26,8 +26,9 @@ from ..text.text import Source
 
 
 def write_pix4d_mapper_accuracy(eo: FramedOrientation, path: Source) -> None:
-    """Write as `write_pix4d_mapper` does with horizontal and vertical accuracy at the end; also
-    latitude, longitude, height.
+    """Write as `write_pix4d_mapper` does, with horizontal and vertical accuracy at the end.
+
+    Geographic frames are written as well, as latitude, longitude, height.
     """
     check_frame(eo, "pix4d_mapper_accuracy", PROJECTED, TANGENT, GEOGRAPHIC)
     check_names(eo.images, ",")

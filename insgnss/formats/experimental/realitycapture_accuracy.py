@@ -18,8 +18,9 @@ UNVERIFIED = (
 
 
 def write_realitycapture_accuracy(eo: FramedOrientation, path: Source) -> None:
-    """Write accuracies along x (east), y (north), altitude in m and of yaw, pitch, roll in deg
-    beside the pose; also projected frames.
+    """Write the pose with its accuracies; projected frames as well.
+
+    They are those along x (east), y (north) and altitude in m, and of yaw, pitch, roll in deg.
     """
     check_frame(eo, "realitycapture_accuracy", GEOGRAPHIC, TANGENT, PROJECTED)
     write_log(eo, path, UNVERIFIED)

@@ -1,5 +1,6 @@
-"""Templates of the generic ASCII table for tools whose layouts could not be checked,
-data_specs/generic_ascii.md.
+"""Templates of the generic ASCII table for tools whose layouts could not be checked.
+
+The format is data_specs/generic_ascii.md.
 
 Every file says that it is unverified. The tools' importers let columns be assigned, or a template
 of one's own is given to `write_generic_ascii`.
@@ -25,8 +26,12 @@ PRESETS: dict[str, dict[str, Any]] = {
 
 
 def write_preset(name: str, eo: FramedOrientation, path: Source) -> None:
-    """Write the table of the tool `name` of `PRESETS`. Raises UsageError for a frame that it cannot
-    carry.
+    """Write the table of the tool `name` of `PRESETS`.
+
+    Raises
+    ------
+    UsageError
+        A frame that the table cannot carry.
     """
     kinds = (GEOGRAPHIC,) if name == "dji_terra" else (PROJECTED, TANGENT)
     check_frame(eo, name, *kinds)

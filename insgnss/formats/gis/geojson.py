@@ -34,9 +34,21 @@ def write_geojson(
 ) -> None:
     """Write degrees with 10 decimals (position) and 6 (angles), metres with 4.
 
-    dialect : "rfc7946", or "orthority", which a projected frame is needed for.
-    camera : the name that orthority's interior has.
-    Raises UsageError for another dialect or a frame that it cannot carry.
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+    dialect : {"rfc7946", "orthority"}
+        "orthority" needs a projected frame.
+    camera : str
+        The name that orthority's interior has.
+
+    Raises
+    ------
+    UsageError
+        Another dialect, or a frame that it cannot carry.
     """
     if dialect not in DIALECTS:
         raise UsageError(f"dialect {dialect!r} is none of {', '.join(DIALECTS)}")
@@ -63,7 +75,7 @@ def _collection(head: str, rows: Iterator[str]) -> Iterator[str]:
     yield "\n]}\n"
 
 
-def _place(eo: FramedOrientation) -> Array:
+def _lon_lat_height(eo: FramedOrientation) -> Array:
     """(n, 3) longitude, latitude, deg, height, m."""
     return np.column_stack([np.degrees(eo.geodetic[:, [1, 0]]), eo.geodetic[:, 2]])
 
@@ -89,7 +101,7 @@ def _features(eo: FramedOrientation) -> Iterator[str]:
         + ", ".join(["%.9g"] * 21)
         + "]}}"
     )
-    place = _place(eo)
+    position = _lon_lat_height(eo)
     angles = np.degrees(np.hstack([ypr, sigma_ypr, opk, sigma_opk]))
     table = np.column_stack(
         [
@@ -99,10 +111,12 @@ def _features(eo: FramedOrientation) -> Iterator[str]:
             P[:, *np.triu_indices(6)],
         ]
     )
-    for x, name, when, row in zip(place.tolist(), eo.images, utc(eo), table.tolist(), strict=True):
+    for x, name, when, row in zip(
+        position.tolist(), eo.images, utc(eo), table.tolist(), strict=True
+    ):
         yield form % (*x, json.dumps(name), when, *row)
-    if len(place) > 1:
-        line = ", ".join(f"[{x:.10f}, {y:.10f}, {z:.4f}]" for x, y, z in place.tolist())
+    if len(position) > 1:
+        line = ", ".join(f"[{x:.10f}, {y:.10f}, {z:.4f}]" for x, y, z in position.tolist())
         yield (
             f'{{"type": "Feature", "geometry": {{"type": "LineString", "coordinates": [{line}]}},'
             ' "properties": {"name": "track"}}'
@@ -118,6 +132,9 @@ def _orthority(eo: FramedOrientation, camera: str) -> Iterator[str]:
     )
     form += '"opk": [%.9f, %.9f, %.9f]}}'
     for x, name, row in zip(
-        _place(eo).tolist(), eo.images, np.hstack([eo.coordinates, opk]).tolist(), strict=True
+        _lon_lat_height(eo).tolist(),
+        eo.images,
+        np.hstack([eo.coordinates, opk]).tolist(),
+        strict=True,
     ):
         yield form % (*x, json.dumps(name), *row)

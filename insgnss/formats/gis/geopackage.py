@@ -1,5 +1,4 @@
-"""OGC GeoPackage: images as points, the track as a line, in the frame's own CRS,
-data_specs/geopackage.md.
+"""OGC GeoPackage: images as points and the track in the frame's CRS, data_specs/geopackage.md.
 
 A GeoPackage is an SQLite database with three tables of its own, written here with the standard
 library alone. Geometries are well-known binary with a header (OGC 12-128r17, 2.1.3): x is easting
@@ -42,26 +41,32 @@ REALS = (
 )
 TABLES = f"""
 CREATE TABLE gpkg_spatial_ref_sys (
-  srs_name TEXT NOT NULL, srs_id INTEGER NOT NULL PRIMARY KEY, organization TEXT NOT NULL, organization_coordsys_id INTEGER NOT NULL,
+  srs_name TEXT NOT NULL, srs_id INTEGER NOT NULL PRIMARY KEY, organization TEXT NOT NULL, \
+organization_coordsys_id INTEGER NOT NULL,
   definition TEXT NOT NULL, description TEXT, definition_12_063 TEXT NOT NULL);
 CREATE TABLE gpkg_contents (
-  table_name TEXT NOT NULL PRIMARY KEY, data_type TEXT NOT NULL, identifier TEXT UNIQUE, description TEXT DEFAULT '',
+  table_name TEXT NOT NULL PRIMARY KEY, data_type TEXT NOT NULL, identifier TEXT UNIQUE, \
+description TEXT DEFAULT '',
   last_change DATETIME NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')),
   min_x DOUBLE, min_y DOUBLE, max_x DOUBLE, max_y DOUBLE, srs_id INTEGER,
   CONSTRAINT fk_gc_r_srs_id FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys(srs_id));
 CREATE TABLE gpkg_geometry_columns (
-  table_name TEXT NOT NULL, column_name TEXT NOT NULL, geometry_type_name TEXT NOT NULL, srs_id INTEGER NOT NULL,
+  table_name TEXT NOT NULL, column_name TEXT NOT NULL, geometry_type_name TEXT NOT NULL, \
+srs_id INTEGER NOT NULL,
   z TINYINT NOT NULL, m TINYINT NOT NULL,
-  CONSTRAINT pk_geom_cols PRIMARY KEY (table_name, column_name), CONSTRAINT uk_gc_table_name UNIQUE (table_name),
+  CONSTRAINT pk_geom_cols PRIMARY KEY (table_name, column_name), \
+CONSTRAINT uk_gc_table_name UNIQUE (table_name),
   CONSTRAINT fk_gc_tn FOREIGN KEY (table_name) REFERENCES gpkg_contents(table_name),
   CONSTRAINT fk_gc_srs FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys (srs_id));
 CREATE TABLE gpkg_extensions (
-  table_name TEXT, column_name TEXT, extension_name TEXT NOT NULL, definition TEXT NOT NULL, scope TEXT NOT NULL,
+  table_name TEXT, column_name TEXT, extension_name TEXT NOT NULL, \
+definition TEXT NOT NULL, scope TEXT NOT NULL,
   CONSTRAINT ge_tce UNIQUE (table_name, column_name, extension_name));
 INSERT INTO gpkg_extensions VALUES ('gpkg_spatial_ref_sys', 'definition_12_063', 'gpkg_crs_wkt',
   'http://www.geopackage.org/spec130/#extension_crs_wkt', 'read-write');
 CREATE TABLE images (
-  fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, geom POINT, image TEXT, time_utc DATETIME, gps_week INTEGER, tow_s DOUBLE,
+  fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, geom POINT, image TEXT, time_utc DATETIME, \
+gps_week INTEGER, tow_s DOUBLE,
   {", ".join(f"{name} DOUBLE" for name in REALS)}, cov6 TEXT);
 CREATE TABLE track (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, geom LINESTRING, name TEXT);
 """
@@ -79,15 +84,19 @@ class _Srs:
 
 
 def write_geopackage(eo: FramedOrientation, path: Source) -> None:
-    """Write the tables `images` and `track`; `cov6` is JSON, 6 x 6, of position (m) and psi (rad)
-    in the frame's axes.
+    """Write the tables `images` and `track`.
 
-    Raises UsageError for a geocentric frame and for a path that does not end in .gpkg.
+    `cov6` is JSON, 6 x 6, of position (m) and psi (rad) in the frame's axes.
+
+    Raises
+    ------
+    UsageError
+        A geocentric frame, or a path that does not end in .gpkg.
     """
     check_frame(eo, "geopackage", PROJECTED, GEOGRAPHIC, TANGENT)
     if not str(path).lower().endswith(".gpkg"):
         raise UsageError(f"{path}: a GeoPackage must be named .gpkg, such as --out eo.gpkg")
-    place = places(eo)
+    coordinates = places(eo)
     srs = _srs(eo)
     with staged(path) as work:
         db = sqlite3.connect(work, isolation_level=None)
@@ -98,27 +107,27 @@ def write_geopackage(eo: FramedOrientation, path: Source) -> None:
             db.execute("BEGIN")
             for statement in TABLES.split(";\n"):
                 db.execute(statement)
-            _describe(db, eo, place, srs)
+            _describe(db, eo, coordinates, srs)
             marks = ", ".join("?" * (6 + len(REALS)))
             names = ", ".join(["geom", "image", "time_utc", "gps_week", "tow_s", *REALS, "cov6"])
             db.executemany(
-                f"INSERT INTO images ({names}) VALUES ({marks})", _rows(eo, place, srs.number)
+                f"INSERT INTO images ({names}) VALUES ({marks})", _rows(eo, coordinates, srs.number)
             )
-            if len(place) > 1:
+            if len(coordinates) > 1:
                 db.execute(
                     "INSERT INTO track (geom, name) VALUES (?, 'track')",
-                    (_line(place, srs.number),),
+                    (_line(coordinates, srs.number),),
                 )
             db.execute("COMMIT")
         finally:
             db.close()
 
 
-def _describe(db: sqlite3.Connection, eo: FramedOrientation, place: Array, srs: _Srs) -> None:
+def _describe(db: sqlite3.Connection, eo: FramedOrientation, coordinates: Array, srs: _Srs) -> None:
     from pyproj import CRS
 
     wgs84 = CRS.from_epsg(4326)
-    known = [
+    required = [
         _Srs(
             "Undefined Cartesian",
             CARTESIAN,
@@ -141,17 +150,17 @@ def _describe(db: sqlite3.Connection, eo: FramedOrientation, place: Array, srs: 
             wgs84.to_wkt(),
         ),
     ]
-    rows = {row.number: row for row in (*known, srs)}.values()
+    rows = {row.number: row for row in (*required, srs)}.values()
     fields = [
         (r.name, r.number, r.organization, r.code, r.wkt1, r.description, r.wkt2) for r in rows
     ]
     db.executemany("INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?, ?)", fields)
     box = (
-        [*place[:, :2].min(axis=0).tolist(), *place[:, :2].max(axis=0).tolist()]
-        if len(place)
+        [*coordinates[:, :2].min(axis=0).tolist(), *coordinates[:, :2].max(axis=0).tolist()]
+        if len(coordinates)
         else [None] * 4
     )
-    said = "; ".join(sentences(eo))
+    description = "; ".join(sentences(eo))
     contents = (
         "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, min_x, min_y,"
         " max_x, max_y, srs_id)"
@@ -159,7 +168,7 @@ def _describe(db: sqlite3.Connection, eo: FramedOrientation, place: Array, srs: 
     for table, kind in (("images", "POINT"), ("track", "LINESTRING")):
         db.execute(
             f"{contents} VALUES (?, 'features', ?, ?, ?, ?, ?, ?, ?)",
-            (table, table, said, *box, srs.number),
+            (table, table, description, *box, srs.number),
         )
         db.execute(
             "INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, 1, 0)",
@@ -168,9 +177,7 @@ def _describe(db: sqlite3.Connection, eo: FramedOrientation, place: Array, srs: 
 
 
 def _srs(eo: FramedOrientation) -> _Srs:
-    """The row of the frame's CRS: its EPSG code where one code says it all, else a number of our
-    own.
-    """
+    """Return the row of the frame's CRS: its EPSG code where one code states it, else our own."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
@@ -205,27 +212,29 @@ def _header(srs: int, flags: int) -> np.ndarray:
     )
 
 
-def _points(place: Array, srs: int) -> Iterator[bytes]:
+def _points(coordinates: Array, srs: int) -> Iterator[bytes]:
     """Geometries of points with z, little endian, without envelope."""
     kind = np.dtype([("head", "u1", 8), ("order", "u1"), ("type", "<u4"), ("xyz", "<f8", 3)])
-    out = np.zeros(len(place), dtype=kind)
-    out["head"], out["order"], out["type"], out["xyz"] = _header(srs, 1), 1, 1001, place
+    out = np.zeros(len(coordinates), dtype=kind)
+    out["head"], out["order"], out["type"], out["xyz"] = _header(srs, 1), 1, 1001, coordinates
     data, size = out.tobytes(), kind.itemsize
     return (data[k : k + size] for k in range(0, len(data), size))
 
 
-def _line(place: Array, srs: int) -> bytes:
+def _line(coordinates: Array, srs: int) -> bytes:
     """Geometry of a line with z, little endian, with its envelope in x and y."""
-    box = np.stack([place[:, :2].min(axis=0), place[:, :2].max(axis=0)], axis=1).astype("<f8")
+    box = np.stack([coordinates[:, :2].min(axis=0), coordinates[:, :2].max(axis=0)], axis=1).astype(
+        "<f8"
+    )
     wkb = (
         b"\x01"
-        + np.array([1002, len(place)], dtype="<u4").tobytes()
-        + place.astype("<f8").tobytes()
+        + np.array([1002, len(coordinates)], dtype="<u4").tobytes()
+        + coordinates.astype("<f8").tobytes()
     )
     return _header(srs, 3).tobytes() + box.tobytes() + wkb
 
 
-def _rows(eo: FramedOrientation, place: Array, srs: int) -> Iterator[tuple[object, ...]]:
+def _rows(eo: FramedOrientation, coordinates: Array, srs: int) -> Iterator[tuple[object, ...]]:
     ypr, sigma_ypr = true_north_ypr(eo)
     opk, sigma_opk = angles_of(eo, *frame_attitude(eo), OPK)
     angles = np.degrees(np.hstack([ypr, sigma_ypr, opk, sigma_opk]))
@@ -234,7 +243,7 @@ def _rows(eo: FramedOrientation, place: Array, srs: int) -> Iterator[tuple[objec
     )
     form = json.dumps([["%.9g"] * 6] * 6).replace('"', "")
     for geometry, name, when, tow, row, P in zip(
-        _points(place, srs),
+        _points(coordinates, srs),
         eo.images,
         utc(eo, "ms"),
         eo.time.tolist(),

@@ -1,5 +1,4 @@
-r"""KML for Google Earth and other globes: a placemark with its camera for each image, and the
-track, data_specs/kml.md.
+r"""KML for Google Earth and other globes: images with cameras, and the track, data_specs/kml.md.
 
 `altitudeMode` absolute means above mean sea level, for which the geoid's heights N are needed: H =
 h - N.
@@ -42,20 +41,38 @@ NAMES = (
 def write_kml(
     eo: FramedOrientation, path: Source, undulation_m: float | Sequence[float] | Array | None = None
 ) -> None:
-    """Write degrees with 10 decimals (position) and 6 (angles), metres with 4, in any frame: KML's
-    own is WGS84.
+    """Write degrees with 10 decimals (position) and 6 (angles), metres with 4, in any frame.
 
-    undulation_m : heights of the geoid above the ellipsoid at the images, (n,) or one for all, m.
-    Raises UsageError without it, InputError where it is none.
+    KML's own frame is WGS84.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation.
+    path : path
+        The file.
+    undulation_m : float or (n,)
+        Heights of the geoid above the ellipsoid at the images, or one for all, m.
+
+    Raises
+    ------
+    UsageError
+        `undulation_m` is missing.
+    InputError
+        `undulation_m` is no height of a geoid.
     """
     height = sea_level(eo, undulation_m, "kml")
-    place = np.column_stack([np.degrees(eo.geodetic[:, [1, 0]]), height])
-    atomic_write(path, _document(eo, place))
+    position = np.column_stack([np.degrees(eo.geodetic[:, [1, 0]]), height])
+    atomic_write(path, _document(eo, position))
 
 
 def camera_angles(R: Array) -> Array:
-    """Heading (0 to 2 pi), tilt (0 to pi), roll (n, 3), rad, of rotations R (n, 3, 3) of right, up,
-    back into east, north, up (K.1).
+    """Return heading (0 to 2 pi), tilt (0 to pi), roll (n, 3), rad, of a KML camera (K.1).
+
+    Parameters
+    ----------
+    R : ndarray
+        (n, 3, 3) rotations of right, up, back into east, north, up.
     """
     across = np.hypot(R[:, 0, 2], R[:, 1, 2])
     flat = across < NADIR
@@ -66,37 +83,38 @@ def camera_angles(R: Array) -> Array:
     return np.column_stack([heading % (2.0 * np.pi), np.arctan2(across, R[:, 2, 2]), roll])
 
 
-def _document(eo: FramedOrientation, place: Array) -> Iterator[str]:
-    said = escape("\n".join(sentences(eo, "altitudes: above mean sea level")))
+def _document(eo: FramedOrientation, position: Array) -> Iterator[str]:
+    description = escape("\n".join(sentences(eo, "altitudes: above mean sea level")))
     yield (
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml'
         ' xmlns="http://www.opengis.net/kml/2.2">\n<Document>\n'
     )
-    yield f"<name>exterior orientation</name>\n<description>{said}</description>\n"
-    yield (
-        "<Style"
-        ' id="photo"><IconStyle><scale>0.6</scale><Icon><href>http://maps.google.com/mapfiles/kml/shapes/camera.png</href></Icon>'
-    )
+    yield f"<name>exterior orientation</name>\n<description>{description}</description>\n"
+    yield '<Style id="photo"><IconStyle><scale>0.6</scale><Icon>'
+    yield "<href>http://maps.google.com/mapfiles/kml/shapes/camera.png</href></Icon>"
     yield "</IconStyle><LabelStyle><scale>0</scale></LabelStyle></Style>\n"
-    if len(place) > 1:
-        line = " ".join(f"{x:.10f},{y:.10f},{z:.4f}" for x, y, z in place.tolist())
+    if len(position) > 1:
+        line = " ".join(f"{x:.10f},{y:.10f},{z:.4f}" for x, y, z in position.tolist())
         yield "<Placemark><name>track</name><LineString><altitudeMode>absolute</altitudeMode>"
         yield f"<coordinates>{line}</coordinates></LineString></Placemark>\n"
     yield "<Folder><name>images</name>\n"
-    yield from _placemarks(eo, place)
+    yield from _placemarks(eo, position)
     yield "</Folder>\n</Document>\n</kml>\n"
 
 
-def _placemarks(eo: FramedOrientation, place: Array) -> Iterator[str]:
-    camera = "<Camera><longitude>%.10f</longitude><latitude>%.10f</latitude><altitude>%.4f</altitude><heading>%.6f</heading>"
+def _placemarks(eo: FramedOrientation, position: Array) -> Iterator[str]:
+    camera = "<Camera><longitude>%.10f</longitude><latitude>%.10f</latitude>"
+    camera += "<altitude>%.4f</altitude><heading>%.6f</heading>"
     camera += "<tilt>%.6f</tilt><roll>%.6f</roll><altitudeMode>absolute</altitudeMode></Camera>"
     data = "".join(f'<Data name="{name}"><value>%.6f</value></Data>' for name in NAMES)
-    point = "<Point><altitudeMode>absolute</altitudeMode><coordinates>%.10f,%.10f,%.4f</coordinates></Point>"
-    form = f"<Placemark><name>%s</name>{camera}<TimeStamp><when>%s</when></TimeStamp><styleUrl>#photo</styleUrl>"
+    point = "<Point><altitudeMode>absolute</altitudeMode>"
+    point += "<coordinates>%.10f,%.10f,%.4f</coordinates></Point>"
+    form = f"<Placemark><name>%s</name>{camera}<TimeStamp><when>%s</when></TimeStamp>"
+    form += "<styleUrl>#photo</styleUrl>"
     form += f"<ExtendedData>{data}</ExtendedData>{point}</Placemark>\n"
     ypr, _ = true_north_ypr(eo)
     angles = np.degrees(camera_angles(eo.C_Ec @ CV_RUB))
     table = np.column_stack([np.degrees(ypr), local_sigma(eo), eo.geodetic[:, 2]])
-    rows = zip(eo.images, place.tolist(), angles.tolist(), utc(eo), table.tolist(), strict=True)
+    rows = zip(eo.images, position.tolist(), angles.tolist(), utc(eo), table.tolist(), strict=True)
     for name, x, turn, when, row in rows:
         yield form % (escape(name), *x, *turn, when, *row, *x)

@@ -1,5 +1,4 @@
-"""Fixes from named columns, for all readers that have such: units, clock, order, velocity, ranges,
-standard deviations.
+"""Fixes from named columns: units, clock, order, velocity, ranges, standard deviations.
 
 Speed s and course c of the ground track stand for the horizontal velocity: vn = s cos c, ve = s sin
 c. Where nothing says how fast the antenna rises, its vertical velocity is given as 0 with a
@@ -28,24 +27,14 @@ SIGMA, VELOCITY, VELOCITY_SIGMA = (
 QUALITY_CODES = ("rtklib", "nmea")
 VARIANCE = {"var_n", "var_e", "var_u"}
 MOST_QUALITY = 7  # of RTKLIB
-NMEA_QUALITY = {
-    0: 0,
-    1: 5,
-    2: 4,
-    3: 5,
-    4: 1,
-    5: 2,
-    6: 0,
-    7: 0,
-    8: 0,
-    9: 3,
-}  # GGA: single, DGPS, PPS, fixed, float; else unknown
+# GGA to RTKLIB's codes: single, DGPS, PPS, fixed, float; else unknown
+NMEA_QUALITY = {0: 0, 1: 5, 2: 4, 3: 5, 4: 1, 5: 2, 6: 0, 7: 0, 8: 0, 9: 3}
 LARGEST = 1e7  # m, m/s; beyond it no antenna is
 
 
 @dataclass(frozen=True)
 class FixScales:
-    """Factors of the columns to SI and radians, and the unit of time."""
+    """Factors of the columns to SI and radians, the unit of time and the codes of quality."""
 
     angle: float = 1.0
     length: float = 1.0
@@ -66,16 +55,39 @@ def fixes_from_columns(
     undulation_m: float = 0.0,
     notes: tuple[Check, ...] = (),
 ) -> GnssFixes:
-    """Fixes of columns (n,) by canonical name, each stamp once, in order; `notes` are told before
-    those of the order.
+    """Make fixes of columns, each stamp once, in order.
 
-    sigma_m, sigma_velocity : standard deviations north, east, down where no columns hold them, m
-        and m/s.
-    Raises InputError at the first row with a value that cannot be, and where no standard deviation
-    is to be had.
+    Parameters
+    ----------
+    cols : mapping
+        Columns (n,) by canonical name.
+    lines : Lines
+        Where the rows stand, for refusals.
+    source : str
+        The file, for messages.
+    scales : FixScales
+        Units of the columns.
+    gps_week : int, optional
+        The week, where no column holds it.
+    sigma_m, sigma_velocity : array_like, optional
+        Standard deviations north, east, down where no columns hold them, m and m/s.
+    undulation_m : float
+        Geoid above the ellipsoid, m, added to the heights.
+    notes : tuple of Check
+        Notes that come before those of the order.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        The first row with an impossible value, or no standard deviation at all.
     """
     time, gps_week = gps_time(lines, clock_of(cols), cols.get("week"), gps_week, scales.time)
-    rows, told = put_in_order(
+    rows, order_notes = put_in_order(
         lines,
         time,
         lambda i, k: all(column[i] == column[k] for column in cols.values()),
@@ -88,11 +100,11 @@ def fixes_from_columns(
     for name, value, limit in (("lat", lat, 0.5 * np.pi), ("lon", lon, 2.0 * np.pi)):
         if (beyond := np.abs(value) > limit + 1e-12).any():
             row = int(np.argmax(beyond))
-            what = (
+            message = (
                 f"{name} {np.degrees(value[row]):.6f} deg exceeds {np.degrees(limit):.0f}; check"
                 " the columns and their unit"
             )
-            raise lines.at(row, what)
+            raise lines.error_at(row, message)
     height = cols["h"] * scales.length + undulation_m
     _within(lines, "height", height, "m")
     cov = _covariance(cols, SIGMA, scales.length, lines, source, sigma_m, "sigma_m")
@@ -109,28 +121,28 @@ def fixes_from_columns(
         quality,
         gps_week,
         source,
-        (*notes, *told),
+        (*notes, *order_notes),
     )
 
 
 def _within(lines: Lines, name: str, value: Array, unit: str) -> None:
     if (beyond := np.abs(value) > LARGEST).any():
         row = int(np.argmax(beyond))
-        raise lines.at(
+        raise lines.error_at(
             row,
             f"{name} {value[row]:g} {unit} exceeds {LARGEST:g}; check the columns and their unit",
         )
 
 
 def _quality(cols: Mapping[str, Array], lines: Lines, codes: str) -> NDArray[np.int64]:
-    """RTKLIB's codes of the column q in `codes`."""
+    """Return the column q, whose codes are `codes`, as RTKLIB's codes."""
     if codes not in QUALITY_CODES:
         raise UsageError(f"units: quality = {codes!r} is none of {', '.join(QUALITY_CODES)}")
     q = cols["q"]
-    known = NMEA_QUALITY if codes == "nmea" else range(MOST_QUALITY + 1)
-    if (odd := ~np.isin(q, list(known))).any():
+    accepted = NMEA_QUALITY if codes == "nmea" else range(MOST_QUALITY + 1)
+    if (odd := ~np.isin(q, list(accepted))).any():
         row = int(np.argmax(odd))
-        raise lines.at(
+        raise lines.error_at(
             row,
             f"quality {q[row]:g} is no code of {codes}; check the columns, or set units = {{"
             ' quality = "nmea" }',
@@ -149,7 +161,7 @@ def _velocity(
     source: str,
     sigma_velocity: ArrayLike | None,
 ) -> tuple[Array | None, Array | None]:
-    """Velocity (n, 3) north, east, down and its covariances, or None where the columns hold none."""
+    """Return velocity (n, 3) north, east, down and its covariances; None without such columns."""
     up = "vu" if "vu" in cols else "vd"
     named = [name for name in ("vn", "ve", "speed", "course", up) if name in cols]
     if not named:
@@ -166,14 +178,14 @@ def _velocity(
         north, east = cols["speed"] * np.cos(course), cols["speed"] * np.sin(course)
     else:
         north, east = cols["vn"], cols["ve"]
-    known = up in cols
-    down = np.zeros(north.size) if not known else cols["vd"] if up == "vd" else -cols["vu"]
+    has_vertical = up in cols
+    down = np.zeros(north.size) if not has_vertical else cols["vd"] if up == "vd" else -cols["vu"]
     velocity = scales.velocity * np.column_stack([north, east, down])
     _within(lines, "velocity", np.abs(velocity).max(axis=1, initial=0.0), "m/s")
     cov = _covariance(
         cols, VELOCITY_SIGMA, scales.velocity, lines, source, sigma_velocity, "sigma_velocity"
     )
-    if not known:
+    if not has_vertical:
         cov[:, 2, 2] = UNKNOWN_MPS**2
     return velocity, cov
 
@@ -187,8 +199,9 @@ def _covariance(
     given: ArrayLike | None,
     option: str,
 ) -> Array:
-    """Diagonal covariances (n, 3, 3) of the file's standard deviations times `factor`, else of the
-    `given` three.
+    """Return diagonal covariances (n, 3, 3).
+
+    They are of the file's standard deviations times `factor`, else of the `given` three.
     """
     n = cols["tow"].size
     present = [name for name in names if name in cols]
@@ -218,7 +231,7 @@ def _covariance(
             if sigma[row, k] > 0.0
             else "must be positive"
         )
-        raise lines.at(
+        raise lines.error_at(
             row,
             f"standard deviation {names[k]} is {sigma[row, k]:g}; it {limit}; leave the fix out or"
             " correct it",

@@ -2,7 +2,7 @@
 
 Latitude and longitude in degrees, heights above the ellipsoid and standard deviations along north,
 east and up in m, unless the caller or the header says another unit, in brackets or behind the name
-(`_heads`); where both give one and they differ, a note says so. Correlations have no place in this
+(`headers`); where both give one and they differ, a note says so. Correlations have no place in this
 format; RTKLIB's .pos has one for them.
 """
 
@@ -41,16 +41,8 @@ DEFAULTS = (
     (*REQUIRED, *SIGMA),
     (*REQUIRED, *SIGMA, "q"),
     (*REQUIRED, *SIGMA, "vn", "ve", "vd", *VELOCITY_SIGMA),  # KF-GINS, positions and velocities
-    (
-        "week",
-        *REQUIRED,
-        "vn",
-        "ve",
-        "vd",
-        "roll",
-        "pitch",
-        "yaw",
-    ),  # KF-GINS, navigation result (.nav)
+    # KF-GINS, navigation result (.nav)
+    ("week", *REQUIRED, "vn", "ve", "vd", "roll", "pitch", "yaw"),
 )
 ALIASES: Aliases = {
     **TIME,
@@ -102,8 +94,16 @@ IMAGE_KINDS: Kinds = {
 
 @dataclass(frozen=True, eq=False)
 class ImagePositions:
-    """Antenna positions at exposures: (n, 3) latitude rad, longitude rad, height m, or east, north,
-    up m of a tangent plane.
+    """Antenna positions at exposures.
+
+    Attributes
+    ----------
+    images : tuple of str
+        Image names.
+    position : ndarray
+        (n, 3) latitude rad, longitude rad, height m; or east, north, up m of a tangent plane.
+    frame : {"geodetic", "tangent_plane"}
+        Which of both.
     """
 
     images: tuple[str, ...]
@@ -120,28 +120,45 @@ def read_gnss_text(
     units: Mapping[str, str] | None = None,
     undulation_m: float = 0.0,
 ) -> GnssFixes:
-    """Read antenna positions, and velocities where there are.
+    """Read antenna positions, and velocities where the file has them.
 
-    columns : name of each column out of the keys of `ALIASES`; any other name leaves a column out;
-        or a table of them to the header's.
-    sigma_m, sigma_velocity : standard deviations north, east, down where the file carries none, m
-        and m/s.
-    units : of "angle" (latitude and longitude: deg, rad), "time", "length", "velocity", "course"
-        (deg, rad) and "quality" (rtklib, nmea). A header's own unit that is another is told in a
-        note.
     In `columns`, sd_ne with sd_u stands for sd_n and sd_e alike, and var_n var_e var_u for the
     squares of sd_n sd_e sd_u.
-    undulation_m : geoid above the ellipsoid, m, added to heights that are above the geoid.
-    Raises InputError with file and line for a bad value, and where no standard deviation is to be
-    had.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    columns : sequence or mapping, optional
+        Name of each column out of the keys of `ALIASES`; any other name leaves a column out; or a
+        table of them to the header's.
+    sigma_m, sigma_velocity : array_like, optional
+        Standard deviations north, east, down where the file has none, m and m/s.
+    gps_week : int, optional
+        The week, where no column holds it.
+    units : mapping, optional
+        Units of "angle" (latitude and longitude: deg, rad), "time", "length", "velocity", "course"
+        (deg, rad) and "quality" (rtklib, nmea). A note reports a header's own unit that is another.
+    undulation_m : float
+        Geoid above the ellipsoid, m, added to heights that are above the geoid.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        A bad value, with file and line, or no standard deviation at all.
     """
     units = check_units(units, UNIT_KEYS)
     table = read_table(path, whole=False)
     index = columns_of(table, ALIASES, REQUIRED, DEFAULTS, columns, KINDS)
-    said = {key: fields_of(table.layout, index, names) for key, names in UNIT_COLUMNS.items()}
-    scales, told = fix_scales(str(path), table.layout.header_line, said, units)
+    fields = {key: fields_of(table.layout, index, names) for key, names in UNIT_COLUMNS.items()}
+    scales, unit_notes = fix_scales(str(path), table.layout.header_line, fields, units)
     cols = {name: np.ascontiguousarray(table.values[:, i]) for name, i in index.items()}
-    notes = (*open_end("GNSS rows", table.complete), *told)
+    notes = (*open_end("GNSS rows", table.complete), *unit_notes)
     return fixes_from_columns(
         cols, table, str(path), scales, gps_week, sigma_m, sigma_velocity, undulation_m, notes
     )
@@ -150,11 +167,30 @@ def read_gnss_text(
 def fix_scales(
     path: str, line: int | None, fields: Mapping[str, Sequence[str]], units: Mapping[str, str]
 ) -> tuple[FixScales, tuple[Check, ...]]:
-    """Factors of fixes: of the caller's `units`, else of those that the `fields` of their columns
-    give, else of deg, m, m/s and s.
+    """Settle the units of fixes: the caller's, else those that the header gives, else the defaults.
 
-    Returns with them a note for each of the caller's units where the fields give another one.
-    Raises InputError and UsageError with `path` and the `line` of the header.
+    Parameters
+    ----------
+    path : str
+        The file, for messages.
+    line : int, optional
+        The header's line.
+    fields : mapping
+        What the file calls the columns of each of `UNIT_COLUMNS`.
+    units : mapping
+        The caller's units; deg, m, m/s and s where neither says.
+
+    Returns
+    -------
+    FixScales
+        The factors.
+    tuple of Check
+        A note for each of the caller's units where the fields give another one.
+
+    Raises
+    ------
+    InputError, UsageError
+        A unit that is none, with `path` and `line`.
     """
     taken, factors, notes = settled_units(
         path, line, UNIT_COLUMNS, UNIT_KINDS, fields, units, "GNSS"
@@ -171,8 +207,9 @@ def fix_scales(
 
 
 def write_gnss_text(fixes: GnssFixes, path: Source) -> None:
-    """Write antenna positions (AntennaPos_WGS84.txt): degrees with 10 decimals, m with 4;
-    correlations are left out.
+    """Write antenna positions (AntennaPos_WGS84.txt): degrees with 10 decimals, m with 4.
+
+    Correlations are left out.
     """
     sigma = np.sqrt(np.diagonal(fixes.cov_ned, axis1=1, axis2=2))
     head = ["tow[s]", "lat[deg]", "lon[deg]", "h[m]", *(f"{name}[m]" for name in SIGMA)]
@@ -194,8 +231,9 @@ def write_gnss_text(fixes: GnssFixes, path: Source) -> None:
 
 
 def write_image_positions(positions: ImagePositions, path: Source) -> None:
-    """Write antenna positions at exposures: AntennaPos_Img_WGS84.txt or
-    AntennaPos_Img_WGS84_tangentplane.txt by their frame.
+    """Write antenna positions at exposures.
+
+    By their frame this is AntennaPos_Img_WGS84.txt or AntennaPos_Img_WGS84_tangentplane.txt.
     """
     check_names(positions.images, None)
     geodetic = positions.frame == "geodetic"
@@ -217,8 +255,10 @@ def write_image_positions(positions: ImagePositions, path: Source) -> None:
 
 
 def read_image_positions(path: Source, columns: Columns = None) -> ImagePositions:
-    """Read antenna positions at exposures; a header or `columns` must say whether lat lon h or e n
-    u; units as in `read_gnss_text`.
+    """Read antenna positions at exposures.
+
+    A header or `columns` must say whether they are lat lon h or e n u; units are as in
+    `read_gnss_text`.
     """
     table = read_text_table(path)
     index = columns_of(table, IMAGE_ALIASES, ("image",), (), columns, IMAGE_KINDS)
@@ -232,9 +272,15 @@ def read_image_positions(path: Source, columns: Columns = None) -> ImagePosition
             f"no column {' '.join(missing)}; set columns = [...] of {', '.join(IMAGE_ALIASES)}",
         )
     groups = {"angle": names[:2], "length": names[2:]} if frame == "geodetic" else {"length": names}
-    said = {key: fields_of(table.layout, index, of_key) for key, of_key in groups.items()}
+    fields = {key: fields_of(table.layout, index, of_key) for key, of_key in groups.items()}
     _, factors, _ = settled_units(
-        str(path), table.layout.header_line, groups, {key: key for key in groups}, said, {}, "image"
+        str(path),
+        table.layout.header_line,
+        groups,
+        {key: key for key in groups},
+        fields,
+        {},
+        "image",
     )
     scales = [factors[key] for key, of_key in groups.items() for _ in of_key]
     position = np.column_stack([table.floats(index[name]) for name in names]) * scales

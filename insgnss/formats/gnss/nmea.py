@@ -1,5 +1,4 @@
-"""Receiver log of NMEA 0183 sentences: GGA, RMC, GST, VTG and ZDA of any talker,
-data_specs/nmea.md.
+"""Receiver log of NMEA 0183: GGA, RMC, GST, VTG and ZDA of any talker, data_specs/nmea.md.
 
 The height above the ellipsoid is GGA's height above mean sea level plus its geoid separation. Time
 of day and date are UTC; an epoch's day counts on where the time of day falls back by more than half
@@ -35,9 +34,21 @@ KINDS = (b"GGA", b"RMC", b"GST", b"VTG", b"ZDA")
 
 @dataclass(frozen=True)
 class _Log:
-    """What the sentences say, by epoch (days since the first, time of day): fixes as rows of epoch,
-    line, latitude, longitude (deg), height, quality; standard deviations; speed and course; lines
-    and dates; count of epochs without fix."""
+    """What the sentences say, by epoch (days since the first, time of day).
+
+    Attributes
+    ----------
+    fixes
+        Rows of epoch, line, latitude, longitude (deg), height, quality.
+    sigma
+        Standard deviations.
+    track
+        Speed and course.
+    dates
+        Lines and dates.
+    void
+        Lines of the epochs without fix.
+    """
 
     fixes: list[tuple[Epoch, int, float, float, float, int]] = field(default_factory=list)
     sigma: dict[Epoch, tuple[float, ...]] = field(default_factory=dict)
@@ -53,14 +64,35 @@ def read_nmea(
     sigma_velocity: ArrayLike | None = None,
     undulation_m: float | None = None,
 ) -> GnssFixes:
-    """Read fixes in GPST. Where an epoch has no GST, sigma_m (north, east, down) stands in, or the
-    epoch is left out.
+    """Read fixes in GPST.
 
-    sigma_velocity : north, east, down, m/s; takes the velocity of RMC or VTG, which is left without
+    The notes count what was left out: lines without a right checksum (at most 1 %), epochs without
+    fix, epochs without standard deviations (at most 1 %).
+
+    Parameters
+    ----------
+    path : path
+        The log.
+    sigma_m : array_like, optional
+        Standard deviations north, east, down, m, of epochs without GST, which are left out without
         it.
-    undulation_m : geoid above the ellipsoid, m, of a GGA without geoid separation.
-    Raises InputError with file and line; the notes count what was left out: lines without a right
-    checksum (at most 1 %), epochs without fix, epochs without standard deviations (at most 1 %).
+    gps_week : int, optional
+        The week that the log must be of.
+    sigma_velocity : array_like, optional
+        Standard deviations north, east, down, m/s; takes the velocity of RMC or VTG, which is left
+        out without it.
+    undulation_m : float, optional
+        Geoid above the ellipsoid, m, for a GGA without geoid separation.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with file and line.
     """
     sentences = read_sentences(path)
     log = _collect(sentences, undulation_m)
@@ -73,22 +105,21 @@ def read_nmea(
     day = _first_day(path, log)
     missing = [row for row in log.fixes if row[0] not in log.sigma]
     if missing and sigma_m is None and len(missing) > BAD_SHARE_LIMIT * len(log.fixes):
-        what = (
+        message = (
             f"{len(missing)} of {len(log.fixes)} fixes have no GST sentence of their time; set"
             " sigma_m = [north, east, down]"
         )
-        raise InputError.at(path, missing[0][1], what)
+        raise InputError.at(path, missing[0][1], message)
     stand_in = None if sigma_m is None else tuple(np.asarray(sigma_m, dtype=np.float64).tolist())
     fixes = [row for row in log.fixes if stand_in is not None or row[0] in log.sigma]
     lines = SentenceLines(str(path), [row[1] for row in fixes])
     week, midnight = gps_from_unix_utc(day + DAY_S * np.array([row[0][0] for row in fixes]))
     time = midnight + np.array([row[0][1] for row in fixes])
-    over = int(
-        time[0] // WEEK_S
-    )  # midnight UTC lies in the week before, in the leap seconds before the week's end
+    # midnight UTC lies in the week before, in the leap seconds before the week's end
+    over = int(time[0] // WEEK_S)
     week, time = week + over, time - over * WEEK_S
     if gps_week is not None and week != gps_week:
-        raise lines.at(
+        raise lines.error_at(
             0,
             f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or"
             " the file",
@@ -121,22 +152,23 @@ def read_nmea(
 def _velocity(
     fixes: list[tuple[Epoch, int, float, float, float, int]], log: _Log, sigma_velocity: ArrayLike
 ) -> dict[str, Array]:
-    """Columns of velocity and its standard deviations; those of an epoch without a track are as
-    good as none.
+    """Return columns of velocity and its standard deviations.
+
+    Those of an epoch without a track are `UNKNOWN_MPS`.
     """
     track = np.array([log.track.get(row[0], (np.nan, np.nan)) for row in fixes])
     speed, course = track[:, 0] * KNOT, np.radians(track[:, 1])
-    known = np.isfinite(speed)
+    has_track = np.isfinite(speed)
     north, east, _ = np.broadcast_to(np.asarray(sigma_velocity, dtype=np.float64), 3).tolist()
     zero = np.zeros(speed.size)
     cols = {
-        "vn": np.where(known, speed * np.cos(course), 0.0),
-        "ve": np.where(known, speed * np.sin(course), 0.0),
+        "vn": np.where(has_track, speed * np.cos(course), 0.0),
+        "ve": np.where(has_track, speed * np.sin(course), 0.0),
         "vd": zero,
     }
     return cols | {
-        "sd_vn": np.where(known, north, UNKNOWN_MPS),
-        "sd_ve": np.where(known, east, UNKNOWN_MPS),
+        "sd_vn": np.where(has_track, north, UNKNOWN_MPS),
+        "sd_ve": np.where(has_track, east, UNKNOWN_MPS),
         "sd_vd": zero + UNKNOWN_MPS,
     }
 
@@ -188,11 +220,11 @@ def _fix(
 ) -> tuple[float, float, float, int]:
     separation = fields[11] if len(fields) > 11 else ""
     if not separation and undulation_m is None:
-        what = (
+        message = (
             "GGA without geoid separation; the height above the ellipsoid is not known; let the"
             " receiver write it, or set undulation_m"
         )
-        raise InputError.at(path, line, what)
+        raise InputError.at(path, line, message)
     lat, lon = (
         _degrees(fields[2], fields[3], "NS", path, line),
         _degrees(fields[4], fields[5], "EW", path, line),
@@ -208,7 +240,7 @@ def _fix(
 
 
 def _degrees(field: str, side: str, sides: str, path: str, line: int) -> float:
-    """Degrees of dddmm.mmmm and its hemisphere."""
+    """Return the degrees of dddmm.mmmm and its hemisphere."""
     minutes = number(field, path, line)
     if side not in tuple(sides):
         raise InputError.at(
@@ -223,7 +255,7 @@ def _degrees(field: str, side: str, sides: str, path: str, line: int) -> float:
 
 def _time_of_day(field: str, path: str, line: int) -> float:
     hms = (
-        [number(part, path, line) for part in (field[:2], field[2:4], field[4:])]
+        [number(text, path, line) for text in (field[:2], field[2:4], field[4:])]
         if len(field) >= 6
         else [np.inf]
     )
@@ -243,7 +275,7 @@ def _date(text: str, path: str, line: int) -> datetime:
 
 
 def _first_day(path: Source, log: _Log) -> float:
-    """Unix time of the midnight before the first epoch; every date must agree on it."""
+    """Return the Unix time of the midnight before the first epoch; every date must agree on it."""
     if not log.dates:
         raise InputError.at(
             path,
@@ -270,14 +302,14 @@ def _first_day(path: Source, log: _Log) -> float:
 def _left_out(n_bad: int, n_void: int, n_without: int, n_fixes: int) -> tuple[Check, ...]:
     if not (n_bad or n_void or n_without):
         return ()
-    found = (
+    finding = (
         f"left out {n_bad} lines without a right checksum, {n_void} epochs without fix, {n_without}"
         f" without GST; {n_fixes} fixes"
     )
     return (
         note(
             "GNSS rows",
-            found,
+            finding,
             "whole sentences, a fix and GST each epoch",
             "check the logger and the receiver's settings",
         ),

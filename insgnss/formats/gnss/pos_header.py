@@ -1,9 +1,9 @@
-"""What the header of an RTKLIB .pos says, and what stands in its place where there is none.
+"""The header of an RTKLIB .pos, and the layouts of files without one.
 
 RTKLIB writes legend lines (`% (lat/lon/height=WGS84/ellipsoidal,...)`), options, and the line that
 names the columns, whose first name is the time scale. Separators stand between all values, angles
 of degrees, minutes and seconds being three, but not between date and time of day. Without header
-(out-outhead = off) its layouts are told by the number of fields: 15, or 24 with velocities.
+(out-outhead = off) its layouts are known by the number of fields: 15, or 24 with velocities.
 """
 
 import re
@@ -41,9 +41,27 @@ PLAIN_FIELDS = (15, 24)
 
 @dataclass(frozen=True)
 class Header:
-    """Kind of coordinates (a key of `POSITION`), column names, time scale, whether heights are
-    above the ellipsoid, angles are in degrees, minutes and seconds, and time is a date; the base's
-    position (3,) as the header gives it, or None; whether there is a header."""
+    """The header of a file.
+
+    Attributes
+    ----------
+    kind : str
+        Kind of coordinates, a key of `POSITION`.
+    names : tuple of str
+        Column names.
+    scale : str
+        Time scale.
+    ellipsoidal : bool
+        Whether heights are above the ellipsoid.
+    sexagesimal : bool
+        Whether angles are in degrees, minutes and seconds.
+    dated : bool
+        Whether time is a date.
+    base : tuple of float, optional
+        The base's position (3,) or, sexagesimal, (7,), as the header gives it.
+    given : bool
+        Whether there is a header.
+    """
 
     kind: str
     names: tuple[str, ...]
@@ -63,7 +81,7 @@ class Header:
         for name in self.names:
             split = self.sexagesimal and name in ("latitude", "longitude")
             names += (
-                [f"{name}:{part}" for part in "dms"]
+                [f"{name}:{component}" for component in "dms"]
                 if split
                 else [_OTHER_NAMES.get(self.kind, {}).get(name, name)]
             )
@@ -71,8 +89,9 @@ class Header:
 
 
 def is_rtklib_pos(head: bytes) -> bool:
-    """Whether the first bytes of a file are RTKLIB's: a header that names its columns, or lines
-    laid out as it does without one.
+    """Tell whether the first bytes of a file are RTKLIB's.
+
+    They hold a header that names its columns, or lines laid out as RTKLIB does without one.
     """
     text = decode(head)
     lines = [line for line in text.splitlines() if line.strip()]
@@ -87,7 +106,7 @@ def _names_position(line: str) -> bool:
 
 
 def _plain_layout(line: str) -> bool | None:
-    """Whether a line of RTKLIB without header begins with a date; None where it is no such line."""
+    """Tell whether a line of RTKLIB without header begins with a date; None for any other line."""
     dated = DATE.match(line.encode("utf-8", "replace")) is not None
     if not dated and not _WEEK_TOW.match(line):
         return None
@@ -103,25 +122,30 @@ def _plain_layout(line: str) -> bool | None:
 
 
 def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
-    """Header of the file in `buf`; InputError where it has none and its lines are not RTKLIB's, and
-    where two of its headers differ.
+    """Read the header of the file in `buf`.
+
+    Raises
+    ------
+    InputError
+        No header and lines that are not RTKLIB's, or two headers that differ.
     """
     data = buf.tobytes()
     comments = [decode(line) for line in re.findall(rb"^[ \t]*%[^\r\n]*", data, re.MULTILINE)]
-    said = [line for line in comments if _names_position(line)]
-    found = next((m for m in re.finditer(rb"^[ \t]*[^\s%][^\r\n]*", data, re.MULTILINE)), None)
-    first = decode(found[0]) if found else ""
-    if not said:
+    column_lines = [line for line in comments if _names_position(line)]
+    data_line = next((m for m in re.finditer(rb"^[ \t]*[^\s%][^\r\n]*", data, re.MULTILINE)), None)
+    first = decode(data_line[0]) if data_line else ""
+    if not column_lines:
         return _without_header(path, first)
-    if len({" ".join(line.split()) for line in said}) > 1:
+    if len({" ".join(line.split()) for line in column_lines}) > 1:
         raise InputError.at(
             path,
             None,
-            f"holds {len(said)} headers that differ; was it put together from two files? split it",
+            f"holds {len(column_lines)} headers that differ; was it put together from two"
+            " files? split it",
         )
-    kind = next(name for name in POSITION if f"{name}(" in said[0])
+    kind = next(name for name in POSITION if f"{name}(" in column_lines[0])
     tokens = (
-        re.sub(r"\([^)]*\)", "", said[0].strip().lstrip("% "))
+        re.sub(r"\([^)]*\)", "", column_lines[0].strip().lstrip("% "))
         .replace(",", " ")
         .replace(";", " ")
         .split()
@@ -139,7 +163,7 @@ def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
         tuple(tokens[1:]),
         tokens[0],
         not geodetic,
-        "(d'\")" in said[0],
+        "(d'\")" in column_lines[0],
         dated,
         _base(comments),
     )
@@ -148,11 +172,11 @@ def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
 def _without_header(path: Source, first: str) -> Header:
     dated = _plain_layout(first)
     if dated is None:
-        what = (
+        message = (
             "no RTKLIB header (% GPST latitude(deg) ...); write it (out-outhead = on), or rename"
             " the file to .txt"
         )
-        raise InputError.at(path, None, what)
+        raise InputError.at(path, None, message)
     fields = re.split(r"[\s,;]+", first.strip())
     kind = "x-ecef" if max(abs(float(v)) for v in fields[2:5]) > 1e5 else "latitude"
     names = [*POSITION[kind], "Q", "ns", *ROOTS[kind], "age", "ratio"]

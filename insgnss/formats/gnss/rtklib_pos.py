@@ -52,9 +52,22 @@ LARGEST_ROOT = 1e7
 class PosRows:
     """The rows of a `.pos`, each stamp once and in order, and what was done for that.
 
-    columns : arrays (n,) by RTKLIB's name.
-    time : (n,) GPST, s of `gps_week`.
-    complete : whether the last line ends.
+    Attributes
+    ----------
+    header : Header
+        The header.
+    table : Table
+        The rows as they stand.
+    columns : dict
+        Arrays (n,) by RTKLIB's name.
+    time : ndarray
+        (n,) GPST, s of `gps_week`.
+    gps_week : int
+        The week of the first row.
+    complete : bool
+        Whether the last line has its end.
+    notes : tuple of Check
+        Notes on rows left out or sorted.
     """
 
     header: Header
@@ -63,12 +76,13 @@ class PosRows:
     time: Array
     gps_week: int
     complete: bool
-    told: tuple[Check, ...]
+    notes: tuple[Check, ...]
 
     @property
     def base_ecef(self) -> Array | None:
-        """ECEF position (3,) m of the base, None where the header has none. It is geocentric in a
-        file of geocentric positions.
+        """ECEF position (3,) m of the base, None where the header has none.
+
+        In a file of geocentric positions the header's is geocentric.
         """
         if self.header.base is None:
             return None
@@ -80,7 +94,13 @@ class PosRows:
 
 
 def read_pos_rows(path: Source, gps_week: int | None = None) -> PosRows:
-    """Read the columns of a `.pos` as they stand. Raises InputError with file and line."""
+    """Read the columns of a `.pos` as they stand.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with file and line.
+    """
     buf, complete = load(path)
     header = read_header(path, buf)
     if header.dated:
@@ -89,18 +109,18 @@ def read_pos_rows(path: Source, gps_week: int | None = None) -> PosRows:
     columns = _columns(table, header)
     time, week = _time(table, columns, header)
     if gps_week is not None and week != gps_week:
-        raise table.at(
+        raise table.error_at(
             0,
             f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or"
             " the file",
         )
-    rows, told = put_in_order(
+    rows, notes = put_in_order(
         table, time, lambda i, k: bool((table.values[i] == table.values[k]).all()), "GNSS rows"
     )
     if rows is not None:
         table = Table(table.path, table.layout, table.values[rows], table.lines[rows])
         time, columns = time[rows], {name: column[rows] for name, column in columns.items()}
-    return PosRows(header, table, columns, time, week, complete, tuple(told))
+    return PosRows(header, table, columns, time, week, complete, tuple(notes))
 
 
 def read_rtklib_pos(
@@ -111,12 +131,30 @@ def read_rtklib_pos(
 ) -> GnssFixes:
     """Read fixes with full covariance, and velocities where the file has them.
 
-    undulation_m : geoid height above the ellipsoid, m, to add to a file of `geodetic` heights,
-        which is refused without it.
-    sigma_m : standard deviations north, east, down of epochs whose six roots are all zero, which
-        RTKLIB writes for unknown.
-    Raises InputError with file and line; what could not be taken as it stands is counted in the
-    notes.
+    The notes count what could not be taken as it stands.
+
+    Parameters
+    ----------
+    path : path
+        The `.pos`.
+    undulation_m : float, optional
+        Geoid above the ellipsoid, m, to add to a file of `geodetic` heights, which is refused
+        without it.
+    gps_week : int, optional
+        The week that the file must be of.
+    sigma_m : array_like, optional
+        Standard deviations north, east, down of epochs whose six roots are all zero, which RTKLIB
+        writes for unknown.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with file and line.
     """
     read = read_pos_rows(path, gps_week)
     header, table, cols = read.header, read.table, read.columns
@@ -147,12 +185,12 @@ def read_rtklib_pos(
         quality,
         read.gps_week,
         str(path),
-        (*notes, *read.told),
+        (*notes, *read.notes),
     )
 
 
 def _dates_apart(buf: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The file with its dates and times of day as six fields, separated as the others."""
+    """Return the file with its dates and times of day as six fields, separated as the others."""
     data = buf.tobytes()
     first = DATE.search(data)
     line = data[first.start() :].partition(b"\n")[0] if first else b""
@@ -164,14 +202,17 @@ def _dates_apart(buf: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def _columns(table: Table, header: Header) -> dict[str, Array]:
-    """Columns by RTKLIB's name; time as year ... second or week, tow, sexagesimal angles joined."""
+    """Return columns by RTKLIB's name, sexagesimal angles joined.
+
+    Time stands as year ... second or week, tow.
+    """
     names = header.columns
     if len(names) != table.values.shape[1]:
-        what = (
+        message = (
             f"{table.values.shape[1]} fields, but the header names {len(names)}:"
             f" {' '.join(names)[:400]}; is it two files?"
         )
-        raise table.at(0, what)
+        raise table.error_at(0, message)
     needed = [
         name if not header.sexagesimal or name == "height" else f"{name}:d"
         for name in POSITION[header.kind]
@@ -187,13 +228,13 @@ def _columns(table: Table, header: Header) -> dict[str, Array]:
     cols = {name: np.ascontiguousarray(table.values[:, i]) for i, name in enumerate(names)}
     if header.sexagesimal:
         for name in ("latitude", "longitude"):
-            d, m, s = (cols[f"{name}:{part}"] for part in "dms")
+            d, m, s = (cols[f"{name}:{component}"] for component in "dms")
             cols[name] = np.copysign(np.abs(d) + m / 60.0 + s / 3600.0, d)
     return cols
 
 
 def _time(table: Table, cols: dict[str, Array], header: Header) -> tuple[Array, int]:
-    """GPST seconds of the first epoch's week, and that week."""
+    """Return GPST seconds of the first epoch's week, and that week."""
     shift = JST_S if header.scale == "JST" else 0.0
     if header.dated:
         ymd = np.column_stack([cols["year"], cols["month"], cols["day"]])
@@ -233,18 +274,19 @@ def _time(table: Table, cols: dict[str, Array], header: Header) -> tuple[Array, 
     return (seconds - week * WEEK_S) + tod, week
 
 
-def _refuse(table: Table, bad: NDArray[np.bool_], value: Array, what: str) -> None:
-    """Refuse the first bad row; `what` holds a place for its value."""
+def _refuse(table: Table, bad: NDArray[np.bool_], value: Array, message: str) -> None:
+    """Refuse the first bad row; `message` has a format field for its value."""
     if bad.any():
         row = int(np.argmax(bad))
-        raise table.at(row, f"{what.format(value[row])}; check the columns")
+        raise table.error_at(row, f"{message.format(value[row])}; check the columns")
 
 
 def _position(
     table: Table, cols: dict[str, Array], header: Header, undulation_m: float | None
 ) -> tuple[Array, Array, Array, Array]:
-    """Latitude, longitude, height, and the rotations (n, 3, 3) of the axes in which the file gives
-    vectors into north, east, down.
+    """Return latitude, longitude, height, and rotations (n, 3, 3) into north, east, down.
+
+    The rotations are of the axes in which the file gives vectors.
     """
     given = _stack(cols, POSITION[header.kind])
     if header.kind == "latitude":
@@ -284,26 +326,27 @@ def _above_ellipsoid(
     if header.ellipsoidal:
         return height
     if undulation_m is None:
-        what = (
+        message = (
             "heights are above the geoid (geodetic); let RTKLIB write them above the ellipsoid, or"
             " give the geoid's height above it"
         )
-        what += ", gnss.undulation_m (compare: --undulation-a, --undulation-b)"
-        raise InputError.at(table.path, None, what)
+        message += ", gnss.undulation_m (compare: --undulation-a, --undulation-b)"
+        raise InputError.at(table.path, None, message)
     return height + undulation_m
 
 
 def _base_frame(table: Table, header: Header) -> tuple[Array, Array]:
-    """ECEF position (3,) of the base that the header gives, and the rotation (3, 3) of east, north,
-    up there into ECEF.
+    """Return the base's ECEF position (3,), and the rotation (3, 3) of its east, north, up.
+
+    The rotation takes them into ECEF.
     """
     base = header.base
     if base is None:
-        what = (
+        message = (
             "holds baselines, and its header no base (% ref pos : latitude longitude height); let"
             " RTKLIB write out-solformat = llh"
         )
-        raise InputError.at(table.path, None, what)
+        raise InputError.at(table.path, None, message)
     if len(base) == 7:
         d = [
             np.copysign(abs(base[k]) + base[k + 1] / 60.0 + base[k + 2] / 3600.0, base[k])
@@ -329,19 +372,19 @@ def _quality(table: Table, q: Array) -> NDArray[np.int64]:
 def _velocity(
     table: Table, cols: dict[str, Array], header: Header, C: Array, notes: list[Check]
 ) -> tuple[Array | None, Array | None]:
-    """Velocity and covariances in north, east, down, where the file has them and estimated them."""
+    """Return velocity and covariances in north, east, down, where the file has estimated them."""
     names, roots = VELOCITY[header.kind], VELOCITY_ROOTS[header.kind]
     if names[0] not in cols:
         return None, None
     if not all(name in cols for name in (*names, *roots)) or not cols[roots[0]].any():
-        found = (
+        finding = (
             "velocities without standard deviations, or of zero, were not estimated and are"
             " left out"
         )
         notes.append(
             note(
                 "GNSS rows",
-                found,
+                finding,
                 "velocities with their standard deviations",
                 "let RTKLIB use Doppler, or leave velocities out",
             )
@@ -365,8 +408,9 @@ def _covariance(
     notes: list[Check],
     sigma: ArrayLike | None,
 ) -> Array:
-    """Covariances (n, 3, 3) of signed roots, taken by C (n, 3, 3) into north, east, down; of roots
-    that are all zero `sigma`'s.
+    """Return covariances (n, 3, 3) of signed roots, taken by C (n, 3, 3) into north, east, down.
+
+    Roots that are all zero have those of `sigma`.
     """
     missing = [name for name in names if name not in cols]
     if missing:
@@ -387,11 +431,11 @@ def _covariance(
     )
     if zero.any():
         row, k = (int(i) for i in np.argwhere(zero)[0])
-        what = (
+        message = (
             f"standard deviation {names[k]} is {roots[row, k]:g}; it must be positive; is it a"
             " solution with a covariance?"
         )
-        raise table.at(row, what)
+        raise table.error_at(row, message)
     c = np.sign(roots) * roots**2
     P = np.empty((len(c), 3, 3))
     P[:, 0, 0], P[:, 1, 1], P[:, 2, 2] = c[:, 0], c[:, 1], c[:, 2]
@@ -422,25 +466,27 @@ def _drop_odd_correlations(
     if not bad.any():
         return
     row = int(np.argmax(bad))
-    what = (
+    summary = (
         f"{bad.sum()} of {len(P)} covariances of {names[0]} ... {names[5]} are not positive"
         " definite"
     )
     if bad.mean() > BAD_SHARE_LIMIT:
-        raise table.at(
-            row, f"{what} (limit {BAD_SHARE_LIMIT:.0%}); write more decimals or check the columns"
+        raise table.error_at(
+            row,
+            f"{summary} (limit {BAD_SHARE_LIMIT:.0%}); write more decimals or check the columns",
         )
     P[bad] *= np.eye(3)
-    found = (
-        f"{what}, the first in line {table.lines[row]}; these keep their standard deviations only"
+    finding = (
+        f"{summary}, the first in line {table.lines[row]}; these keep their standard deviations"
+        " only"
     )
     notes.append(
-        note("GNSS rows", found, "covariances that are positive definite", "write more decimals")
+        note("GNSS rows", finding, "covariances that are positive definite", "write more decimals")
     )
 
 
 def without_inverse(P: Array) -> NDArray[np.bool_]:
-    """Where covariances (n, 3, 3) are not positive definite (n,).
+    """Tell where covariances (n, 3, 3) are not positive definite (n,).
 
     The least eigenvalue of a singular matrix is rounding of either sign, so that the limit is
     `SINGULAR` of the trace and not zero.
@@ -449,8 +495,9 @@ def without_inverse(P: Array) -> NDArray[np.bool_]:
 
 
 def signed_roots(P: Array) -> Array:
-    """Signed roots (n, 6) of covariances (n, 3, 3) in north, east, down, in RTKLIB's order over
-    north, east, up.
+    """Return signed roots (n, 6) of covariances (n, 3, 3) in north, east, down.
+
+    Their order is RTKLIB's over north, east, up.
     """
     U = NED @ P @ NED
     c = np.stack([U[:, 0, 0], U[:, 1, 1], U[:, 2, 2], U[:, 0, 1], U[:, 1, 2], U[:, 2, 0]], axis=1)
@@ -464,12 +511,24 @@ def write_rtklib_pos(
     age_s: Array | None = None,
     ratio: Array | None = None,
 ) -> None:
-    """Write fixes as RTKLIB does: week, time of week, degrees, height above the ellipsoid, signed
-    roots (6 decimals, against 4).
+    """Write fixes as RTKLIB does, the signed roots with 6 decimals instead of 4.
 
-    satellites, age_s, ratio : (n,) by RTKLIB's columns ns, age (of the base's observations) and
-        ratio, which it reads by their place;
-    0 where not known.   Raises InputError without a GPS week.
+    The columns are week, time of week, degrees, height above the ellipsoid, signed roots.
+
+    Parameters
+    ----------
+    fixes : GnssFixes
+        The fixes.
+    path : path
+        The file.
+    satellites, age_s, ratio : ndarray, optional
+        (n,) RTKLIB's columns ns, age (of the base's observations) and ratio, which it reads by
+        position; 0 where not given.
+
+    Raises
+    ------
+    InputError
+        Fixes without a GPS week.
     """
     if fixes.gps_week is None:
         raise InputError(

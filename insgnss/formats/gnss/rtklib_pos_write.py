@@ -1,5 +1,4 @@
-"""Positions of the antenna as RTKLIB writes solutions (.pos), from a trajectory or from images,
-data_specs/rtklib_pos_write.md.
+"""Antenna positions as RTKLIB's .pos, of a trajectory or images, data_specs/rtklib_pos_write.md.
 
 With the lever arm l in the axes of the body (IMU to antenna) or of the camera (projection centre to
 antenna), C into north, east, down:
@@ -37,12 +36,25 @@ COLUMNS = (
 def antenna_fixes(
     source: Trajectory | FramedOrientation, lever_m: str | Sequence[float] | Array
 ) -> GnssFixes:
-    """Positions of the antenna and their covariances (A.1).
+    """Compute positions of the antenna and their covariances (A.1).
 
-    lever_m : (3,) m, or text with commas; of a trajectory from the IMU to the antenna in body axes
-        (`Mounting.antenna_lever_b`), of
-    images from the projection centre to the antenna in camera axes (`Mounting.antenna_m`).
-    Raises UsageError where it is not three numbers.
+    Parameters
+    ----------
+    source : Trajectory or FramedOrientation
+        Where the lever arm starts.
+    lever_m : (3,) m, or text with commas
+        Of a trajectory from the IMU to the antenna in body axes (`Mounting.antenna_lever_b`), of
+        images from the projection centre to the antenna in camera axes (`Mounting.antenna_m`).
+
+    Returns
+    -------
+    GnssFixes
+        The positions.
+
+    Raises
+    ------
+    UsageError
+        `lever_m` is not three numbers.
     """
     lever = vector(lever_m, "lever_m")
     if isinstance(source, Trajectory):
@@ -73,8 +85,21 @@ def write_antenna_pos(
 ) -> None:
     """Write week, time of week with 6 decimals, degrees with 10, metres with 4, roots with 6.
 
-    lever_m : as in `antenna_fixes`.   quality : RTKLIB's Q of every row, 1 to 6.
-    Raises UsageError without a lever arm or for another quality.
+    Parameters
+    ----------
+    source : Trajectory or FramedOrientation
+        Where the lever arm starts.
+    path : path
+        The file.
+    lever_m : (3,) m, or text with commas
+        As in `antenna_fixes`.
+    quality : int
+        RTKLIB's Q of every row, 1 to 6.
+
+    Raises
+    ------
+    UsageError
+        No lever arm, or another quality.
     """
     if lever_m is None:
         whence = (
@@ -93,16 +118,18 @@ def write_antenna_pos(
     beyond = np.floor(fixes.time / WEEK_S)
     week = np.full(fixes.time.shape, float(source.gps_week)) + beyond
     zero = np.zeros(fixes.time.shape)
-    place = [
+    leading = [
         week,
         fixes.time - WEEK_S * beyond,
         np.degrees(fixes.lat),
         np.degrees(fixes.lon),
         fixes.height,
     ]
-    table = np.column_stack([*place, zero + quality, zero, signed_roots(fixes.cov_ned), zero, zero])
+    table = np.column_stack(
+        [*leading, zero + quality, zero, signed_roots(fixes.cov_ned), zero, zero]
+    )
     form = "%4d %13.6f %14.10f %15.10f %10.4f %3d %3d" + " %10.6f" * 6 + " %6.2f %6.1f\n"
-    said = (
+    legend = (
         "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of"
         " satellites)\n"
     )
@@ -112,5 +139,11 @@ def write_antenna_pos(
     )
     atomic_write(
         path,
-        ["% program   : insgnss\n", own, said, f"%  GPST  {COLUMNS}\n", *format_rows(form, table)],
+        [
+            "% program   : insgnss\n",
+            own,
+            legend,
+            f"%  GPST  {COLUMNS}\n",
+            *format_rows(form, table),
+        ],
     )

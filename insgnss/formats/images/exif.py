@@ -1,5 +1,7 @@
-"""When an image was taken, by its Exif: DateTimeOriginal to a second and, where the camera writes
-it, SubSecTimeOriginal behind it.
+"""When an image was taken, by its Exif.
+
+DateTimeOriginal gives it to a second and, where the camera writes it, SubSecTimeOriginal its
+fraction.
 
 In JPEG, TIFF and the raw formats that are TIFF; nothing but the tags is read.
 """
@@ -14,8 +16,14 @@ ORIGINAL, FRACTION = 0x9003, 0x9291
 
 
 def time_taken(stream: BinaryIO, who: str) -> datetime:
-    """Time of an image by its camera's clock. Raises ValueError where it tells none, InputError
-    where its tags are broken.
+    """Return the time of an image by its camera's clock.
+
+    Raises
+    ------
+    ValueError
+        The image has no time.
+    InputError
+        Its tags are broken.
     """
     size = stream.seek(0, 2)
 

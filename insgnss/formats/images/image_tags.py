@@ -1,5 +1,4 @@
-r"""Position and attitude in the images themselves: Exif and XMP of copies of JPEG and TIFF files,
-data_specs/image_tags.md.
+r"""Position and attitude in JPEG and TIFF copies: Exif and XMP tags, data_specs/image_tags.md.
 
 Exif GPS has one pair of numbers for a height and two meanings. Up to Exif 2.32 GPSAltitudeRef 0 and
 1 are above and below *sea level*; in Exif 3.0 they are above and below the *ellipsoid*, and 2 and 3
@@ -23,7 +22,7 @@ angles of the definition, with (x view, y right, z down) of the camera in north,
     C_nE C_Ec [[0,1,0],[0,0,1],[1,0,0]] = Rz(yaw) Ry(pitch) Rx(roll)                           (I.1)
 
 Nothing is decoded: of a JPEG the segments of Exif and XMP are replaced, to a TIFF a directory is
-appended (`_tiff_tags`).
+appended (`tiff_tags`).
 """
 
 import math
@@ -90,8 +89,30 @@ CHUNK = 1 << 22
 
 @dataclass(frozen=True, eq=False)
 class Tags:
-    """Of one image: m, degrees; `gimbal` yaw pitch roll or None; UTC; heights above sea level or
-    the ellipsoid.
+    """The tags of one image, in m and degrees.
+
+    Attributes
+    ----------
+    place : tuple
+        Latitude, longitude, height above sea level or the ellipsoid.
+    sigma : tuple
+        Standard deviations east, north, up.
+    ypr, sigma_ypr : tuple
+        Yaw, pitch, roll and their standard deviations.
+    elevation : float
+        Elevation of the viewing direction.
+    gimbal : tuple, optional
+        Yaw, pitch, roll of the gimbal.
+    gimbal_words : str
+        What the gimbal's angles mean.
+    when : datetime
+        The exposure, UTC.
+    sea_level : bool
+        Whether the height is above sea level.
+    frame : str
+        The frame and its heights in words.
+    rtk_flag : int, optional
+        RtkFlag of drone-dji.
     """
 
     place: tuple[float, float, float]
@@ -122,25 +143,45 @@ def write_image_tags(
     gimbal: Literal["nadir", "exact", "none"] = "nadir",
     rtk_flag: int | None = None,
 ) -> None:
-    """Copy the images of the directory `images`, with their tags, into the directory `path`, which
-    is made.
+    """Copy the images of the directory `images`, with their tags, into the directory `path`.
 
-    missing : what to do about images without orientation and orientations without image.
-    heights : of Exif and drone-dji.
-    undulation_m : geoid heights (n,) or one, m, for sea level.
-    gimbal : see above.
-    rtk_flag : RtkFlag of drone-dji, 0, 16, 34, 50.
-    Raises UsageError for wrong options and for a `path` that is `images` or holds other images,
-    InputError for images that do not match or are none, DataError for a camera that looks more than
-    45 deg off the nadir with gimbal "nadir".
+    `path` is made where it is missing.
+
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation.
+    path : path
+        Directory of the copies.
+    images : path
+        Directory of the images.
+    missing : {"refuse", "skip"}
+        What to do about images without orientation and orientations without image.
+    heights : {"ellipsoid", "sea level"}
+        Heights of Exif and drone-dji.
+    undulation_m : float or (n,), optional
+        Geoid heights, m, for sea level.
+    gimbal : {"nadir", "exact", "none"}
+        See the module's description.
+    rtk_flag : {0, 16, 34, 50}, optional
+        RtkFlag of drone-dji.
+
+    Raises
+    ------
+    UsageError
+        Wrong options, or a `path` that is `images` or holds other images.
+    InputError
+        Images that do not match or are none.
+    DataError
+        A camera that looks more than 45 deg off the nadir with gimbal "nadir".
     """
     source, directory = _directories(images, path)
-    for name, value, known in (
+    for name, value, accepted in (
         ("missing", missing, ("refuse", "skip")),
         ("gimbal", gimbal, ("nadir", "exact", "none")),
     ):
-        if value not in known:
-            raise UsageError(f"{name} {value!r} is none of {', '.join(known)}")
+        if value not in accepted:
+            raise UsageError(f"{name} {value!r} is none of {', '.join(accepted)}")
     if rtk_flag is not None and rtk_flag not in RTK:
         raise UsageError(
             f"rtk_flag {rtk_flag!r} is none of {', '.join(f'{k} ({v})' for k, v in RTK.items())}"
@@ -189,8 +230,9 @@ def _heights(
 
 
 def _pairs(eo: FramedOrientation, source: Path, skip: bool) -> list[tuple[int, Path]]:
-    """Rows and image files that belong together: by name, or by name without suffix where the
-    orientation's has none.
+    """Return rows and image files that belong together.
+
+    They match by name, or by name without suffix where the orientation's has none.
     """
     files = {
         file.name: file
@@ -200,23 +242,23 @@ def _pairs(eo: FramedOrientation, source: Path, skip: bool) -> list[tuple[int, P
     stems: dict[str, list[Path]] = {}
     for file in files.values():
         stems.setdefault(file.stem, []).append(file)
-    pairs, lost = [], []
+    pairs, missing = [], []
     for k, name in enumerate(eo.images):
         bare = stems.get(name, []) if Path(name).suffix.lower() not in SUFFIXES else []
-        found = [files[name]] if name in files else bare
-        if len(found) > 1:
+        matches = [files[name]] if name in files else bare
+        if len(matches) > 1:
             raise InputError(
-                f"{source}: {found[0].name} and {found[1].name} could both be image {name!r}; give"
-                " names with suffixes"
+                f"{source}: {matches[0].name} and {matches[1].name} could both be image {name!r};"
+                " give names with suffixes"
             )
-        pairs += [(k, file) for file in found]
-        lost += [] if found else [name]
+        pairs += [(k, file) for file in matches]
+        missing += [] if matches else [name]
     spare = sorted(set(files.values()) - {file for _, file in pairs})
     hint = "correct the names, or skip what does not match: --set missing=skip"
-    if lost and not skip:
+    if missing and not skip:
         raise InputError(
-            f"{source}: has no image {lost[0]!r} ({len(lost)} of {len(eo.images)} orientations lack"
-            f" theirs); {hint}"
+            f"{source}: has no image {missing[0]!r} ({len(missing)} of {len(eo.images)}"
+            f" orientations lack theirs); {hint}"
         )
     if spare and not skip:
         raise InputError(
@@ -234,12 +276,12 @@ def _pairs(eo: FramedOrientation, source: Path, skip: bool) -> list[tuple[int, P
 def _tags(
     eo: FramedOrientation, height: Array, at_sea: bool, gimbal: str, rtk_flag: int | None
 ) -> Callable[[int], Tags]:
-    """The tags of a row."""
+    """Return a function that makes the tags of a row."""
     ypr, sigma_ypr = true_north_ypr(eo)
     sigma = local_sigma(eo)
     view = eo.C_Ec[:, :, 2]
     turn, words = _gimbal(eo, ypr, view, gimbal)
-    place = np.column_stack([np.degrees(eo.geodetic[:, :2]), height])
+    position = np.column_stack([np.degrees(eo.geodetic[:, :2]), height])
     elevation = np.degrees(np.arcsin(np.clip(view[:, 2], -1.0, 1.0)))
 
     def triple(a: Array, k: int) -> tuple[float, float, float]:
@@ -248,7 +290,7 @@ def _tags(
 
     def of(k: int) -> Tags:
         return Tags(
-            triple(place, k),
+            triple(position, k),
             triple(sigma, k),
             triple(np.degrees(ypr), k),
             triple(np.degrees(sigma_ypr), k),
@@ -267,7 +309,7 @@ def _tags(
 def _gimbal(
     eo: FramedOrientation, ypr: Array, view: Array, gimbal: str
 ) -> tuple[Array | None, str]:
-    """Yaw, pitch, roll (n, 3), deg, of DJI, and what they are."""
+    """Return yaw, pitch, roll (n, 3), deg, of DJI, and what they mean."""
     if gimbal == "none":
         return None, "left out"
     if gimbal == "exact":
@@ -277,11 +319,11 @@ def _gimbal(
     far = tilt > MOST_TILT_DEG
     if far.any():
         k = int(np.argmax(far))
-        what = (
+        message = (
             f"looks {tilt[k]:.1f} deg off the nadir (limit {MOST_TILT_DEG:.0f} deg for gimbal"
             " 'nadir')"
         )
-        raise DataError(f"image {eo.images[k]}: {what}; take gimbal 'exact' or 'none'")
+        raise DataError(f"image {eo.images[k]}: {message}; take gimbal 'exact' or 'none'")
     yaw = (np.degrees(ypr[:, 0]) + 180.0) % 360.0 - 180.0
     turn = np.column_stack([yaw, np.full_like(yaw, -90.0), np.zeros_like(yaw)])
     return (
@@ -336,12 +378,12 @@ def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[b
 
 def _from(stream: BinaryIO, offset: int) -> Iterator[bytes]:
     stream.seek(offset)
-    while part := stream.read(CHUNK):
-        yield part
+    while chunk := stream.read(CHUNK):
+        yield chunk
 
 
 def patched_exif(exif: bytes | None, tags: Tags, who: str) -> bytes:
-    """The TIFF within a JPEG's Exif segment, or a new one, with the tags."""
+    """Return the TIFF within a JPEG's Exif segment, or a new one, with the tags."""
     old = exif or b"II\x2a\x00\x00\x00\x00\x00"
     tiff = Tiff(lambda offset, length: old[offset : offset + length], len(old), who)
     header, tail = tiff.changed({}, *exif_tags(tiff, tags))
@@ -349,9 +391,9 @@ def patched_exif(exif: bytes | None, tags: Tags, who: str) -> bytes:
 
 
 def exif_tags(tiff: Tiff, tags: Tags) -> tuple[Mapping[int, Value], Mapping[int, Value]]:
-    """Tags of the Exif and of the GPS directory."""
-    known = tiff.bytes_of(tiff.exif, 0x9000) or b""
-    version = b"0300" if not tags.sea_level else known if known[:4].isdigit() else b"0232"
+    """Return the tags of the Exif and of the GPS directory."""
+    existing = tiff.bytes_of(tiff.exif, 0x9000) or b""
+    version = b"0300" if not tags.sea_level else existing if existing[:4].isdigit() else b"0232"
     third = version >= b"0300"
     lat, lon, height = tags.place
     reference = 2 * (tags.sea_level and third) + (height < 0.0)
@@ -384,13 +426,13 @@ def exif_tags(tiff: Tiff, tags: Tags) -> tuple[Mapping[int, Value], Mapping[int,
 
 
 def _sexagesimal(degrees: float) -> list[tuple[int, int]]:
-    """Degrees, minutes, seconds to a millionth of a second, 0.03 mm."""
+    """Return degrees, minutes, seconds to a millionth of a second, 0.03 mm."""
     minutes, rest = divmod(round(abs(degrees) * 3.6e9), 60_000_000)
     return [(minutes // 60, 1), (minutes % 60, 1), (rest, 1_000_000)]
 
 
 def packet(xmp: bytes | None, tags: Tags, who: str) -> bytes:
-    """The XMP packet with the tags."""
+    """Return the XMP packet with the tags."""
     lat, lon, height = tags.place
     east, north, up = tags.sigma
     camera = dict(zip(("Yaw", "Pitch", "Roll"), (f"{a:.6f}" for a in tags.ypr), strict=True))

@@ -49,10 +49,19 @@ class _Entry:
 class Tiff:
     """The first directory of a TIFF and the Exif and GPS directories under it.
 
-    read : bytes at an offset and of a length.
-    size : bytes of the whole.
-    who : the file, for messages.
-    Raises InputError where it is none or its directories do not hold together.
+    Parameters
+    ----------
+    read : callable
+        Returns bytes at an offset and of a length.
+    size : int
+        Bytes of the whole.
+    who : str
+        The file, for messages.
+
+    Raises
+    ------
+    InputError
+        No TIFF, or directories that do not hold together.
     """
 
     def __init__(self, read: Callable[[int, int], bytes], size: int, who: str) -> None:
@@ -72,7 +81,7 @@ class Tiff:
         self.exif, self.gps = (self._below(tag) for tag in (EXIF_IFD, GPS_IFD))
 
     def bytes_of(self, directory: Mapping[int, _Entry], tag: int) -> bytes | None:
-        """Bytes of a tag's value, or None."""
+        """Return the bytes of a tag's value, or None."""
         entry = directory.get(tag)
         if entry is None:
             return None
@@ -80,15 +89,18 @@ class Tiff:
         return (
             entry.field[:length]
             if length <= self._bytes
-            else self._at(self._unpack(self._word, entry.field), length)
+            else self._bytes_at(self._unpack(self._word, entry.field), length)
         )
 
     def changed(
         self, first: Mapping[int, Value], exif: Mapping[int, Value], gps: Mapping[int, Value]
     ) -> tuple[bytes, bytes]:
-        """New header, and what follows the old end, with these tags set.
+        """Return the new header, and what follows the old end, with these tags set.
 
-        Raises InputError where offsets of 4 bytes do not reach.
+        Raises
+        ------
+        InputError
+            Offsets of 4 bytes do not reach.
         """
         tail = bytearray(b"\x00" * (self._size % 2))
         pointers = {}
@@ -112,7 +124,7 @@ class Tiff:
     def _append(
         self, tail: bytearray, old: Mapping[int, _Entry], new: Mapping[int, Value], following: int
     ) -> int:
-        """Append a directory and the values of its new tags; its offset."""
+        """Append a directory and the values of its new tags; return its offset."""
         entries = dict(old)
         for tag, value in new.items():
             kind, data, count = self._packed(value)
@@ -156,13 +168,13 @@ class Tiff:
     def _directory(self, offset: int) -> tuple[dict[int, _Entry], int]:
         """Entries by tag, and the offset of the next directory."""
         width, form = (8, "Q") if self.big else (2, "H")
-        n = self._unpack(form, self._at(offset, width))
+        n = self._unpack(form, self._bytes_at(offset, width))
         if n > MOST_ENTRIES:
             raise self._broken(
                 f"a directory at byte {offset} claims {n} tags (limit {MOST_ENTRIES})"
             )
         step = 4 + 2 * self._bytes
-        block = self._at(offset + width, n * step + self._bytes)
+        block = self._bytes_at(offset + width, n * step + self._bytes)
         entries = {}
         for k in range(n):
             tag, kind, count = struct.unpack_from(f"{self._order}HH{self._word}", block, k * step)
@@ -172,13 +184,13 @@ class Tiff:
     def _unpack(self, form: str, data: bytes) -> int:
         return int(struct.unpack(self._order + form, data)[0])
 
-    def _at(self, offset: int, length: int) -> bytes:
+    def _bytes_at(self, offset: int, length: int) -> bytes:
         if offset <= 0 or offset + length > self._size:
             raise self._broken(f"it points to byte {offset + length} of {self._size}")
         return self._read(offset, length)
 
-    def _broken(self, what: str) -> InputError:
+    def _broken(self, message: str) -> InputError:
         return InputError(
-            f"{self._who}: {what}; its tags are broken or it was cut off; copy it again from its"
+            f"{self._who}: {message}; its tags are broken or it was cut off; copy it again from its"
             " source"
         )

@@ -25,10 +25,23 @@ Properties = Mapping[tuple[str, str], Mapping[str, str]]
 def set_properties(
     packet: bytes | None, new: Properties, stale: Mapping[str, tuple[str, ...]], who: str
 ) -> bytes:
-    """The packet with these properties, and without those that `stale` names by the URI of their
-    namespace.
+    """Return the packet with the `new` properties, and without those that `stale` names.
 
-    Raises InputError, with the image `who`, for a packet that is no UTF-8 or not well formed.
+    Parameters
+    ----------
+    packet : bytes, optional
+        The old packet.
+    new : mapping
+        Values by name, by namespace (prefix, URI).
+    stale : mapping
+        Names by the URI of their namespace.
+    who : str
+        The image, for messages.
+
+    Raises
+    ------
+    InputError
+        A packet that is no UTF-8 or not well formed.
     """
     try:
         text = EMPTY if packet is None else packet.rstrip(b"\x00").decode("utf-8")
@@ -39,9 +52,8 @@ def set_properties(
     ours = [(prefix, uri, (*values, *stale.get(uri, ()))) for (prefix, uri), values in new.items()]
     for own, uri, names in [*ours, *((None, uri, names) for uri, names in stale.items())]:
         bound = set(re.findall(rf'xmlns:([\w.-]+)\s*=\s*["\']{re.escape(uri)}["\']', text))
-        for prefix in bound | (
-            {own} if own else set()
-        ):  # ours as well where it stands for a sibling of the namespace
+        # ours as well where it stands for a sibling of the namespace
+        for prefix in bound | ({own} if own else set()):
             text = _without(text, prefix, names)
     rdf = next(iter(re.findall(rf'xmlns:([\w.-]+)\s*=\s*["\']{re.escape(RDF)}["\']', text)), "rdf")
     about = re.search(rf'{rdf}:about\s*=\s*("[^"]*"|\'[^\']*\')', text)
@@ -60,7 +72,7 @@ def set_properties(
 
 
 def _without(text: str, prefix: str, names: tuple[str, ...]) -> str:
-    """`text` without attributes and elements of these names."""
+    """Return `text` without attributes and elements of these names."""
     name = rf"{re.escape(prefix)}:(?:{'|'.join(map(re.escape, names))})"
     text = re.sub(rf"<({name})(?:\s[^<>]*)?(?:/>|>.*?</\1\s*>)\s*", "", text, flags=re.DOTALL)
     return re.sub(rf"\s+{name}\s*=\s*(?:\"[^\"]*\"|'[^']*')", "", text)
@@ -80,7 +92,8 @@ def _once(text: str, new: Properties, stale: Mapping[str, tuple[str, ...]]) -> b
     return all(seen.get(key) == 1 for key in ours) and not gone & set(seen)
 
 
-def _broken(who: str, what: str) -> InputError:
+def _broken(who: str, message: str) -> InputError:
     return InputError(
-        f"{who}: its XMP packet {what}; remove the packet or copy the image again from its source"
+        f"{who}: its XMP packet {message}; remove the packet or copy the image again from its"
+        " source"
     )

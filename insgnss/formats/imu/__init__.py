@@ -1,1 +1,1 @@
-"""IMU samples, one module a format; and published variances in the place of a recording."""
+"""IMU samples, one module a format; and published variances instead of a recording."""

@@ -4,8 +4,8 @@
 
 Gyro deg/s, accelerometer m/s^2, axes forward right down; time is Unix time (UTC). Samples with sync
 1 were stamped before the clock was locked to the receiver's pulse and are left out by rule; their
-number is told in a note. A float64 Unix time holds 0.24 microseconds, so GPST is rounded to whole
-microseconds.
+number is reported in a note. A float64 Unix time holds 0.24 microseconds, so GPST is rounded to
+whole microseconds.
 """
 
 import numpy as np
@@ -28,59 +28,63 @@ LOCKED = 2
 def read_aimu(
     path: Source, quantity: Quantity = "mean_rate", gps_week: int | None = None
 ) -> ImuSamples:
-    """Read the samples of a locked clock into SI and GPST; InputError with file and line, notes of
-    what was left out.
+    """Read the samples of a locked clock into SI and GPST; notes count what was left out.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with file and line.
     """
     sentences = read_sentences(path)
     bodies, lines = sentences.bodies(b"$AIMU,")
     table = _numbers(path, bodies, lines)
     locked = table[:, SYNC] == LOCKED
     if not locked.any():
-        what = (
+        message = (
             f"none of {len(table)} $AIMU samples has a locked clock (sync {LOCKED}); start moving"
             " only after the receiver's lock"
         )
-        raise InputError.at(path, None, what)
+        raise InputError.at(path, None, message)
     table = table[locked]
     kept = SentenceLines(str(path), np.array(lines)[locked].tolist())
     try:
         week, time = gps_from_unix_utc(table[:, TIME])
     except InputError as refusal:
-        raise kept.at(int(np.argmin(table[:, TIME])), str(refusal)) from None
+        raise kept.error_at(int(np.argmin(table[:, TIME])), str(refusal)) from None
     time = np.round(time, 6)
     if gps_week is not None and week != gps_week:
-        raise kept.at(
+        raise kept.error_at(
             0,
             f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or"
             " the file",
         )
-    rows, told = put_in_order(
+    rows, notes = put_in_order(
         kept, time, lambda i, k: bool((table[i] == table[k]).all()), "IMU rows"
     )
     if rows is not None:
         table, time = table[rows], time[rows]
     n_free = int(locked.size - locked.sum())
     if n_free or sentences.n_bad:
-        found = (
+        finding = (
             f"{n_free} samples before the clock was locked and {sentences.n_bad} lines without a"
             " right checksum left out"
         )
-        told = (
+        notes = (
             note(
                 "IMU rows",
-                found,
+                finding,
                 "a locked clock, whole sentences",
                 "start moving only after the receiver's lock",
             ),
-            *told,
+            *notes,
         )
     return ImuSamples(
-        time, np.radians(table[:, GYRO]), table[:, ACCEL], quantity, week, str(path), told
+        time, np.radians(table[:, GYRO]), table[:, ACCEL], quantity, week, str(path), notes
     )
 
 
 def _numbers(path: Source, bodies: list[bytes], lines: list[int]) -> Array:
-    """Numbers (n, 13) of the sentences' bodies; InputError at the first that is wrong."""
+    """Return the numbers (n, 13) of the sentences' bodies; InputError at the first wrong one."""
     from ..text import _kernels
 
     if not bodies:

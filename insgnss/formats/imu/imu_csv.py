@@ -1,7 +1,7 @@
 """IMU samples as a text table: `tow gx gy gz ax ay az`, data_specs/imu_csv.md.
 
 The unit of a triad is the caller's, else the one that the header gives, in brackets or behind the
-name (`_heads`), else SI; where both give one and they differ, a note says so. A file without a
+name (`headers`), else SI; where both give one and they differ, a note says so. A file without a
 column of time has the caller's rate, and its time starts at zero.
 """
 
@@ -72,10 +72,18 @@ MAX_RATE_HZ = 1e5
 
 @dataclass(frozen=True)
 class Scales:
-    """Factors of the gyro and the accelerometer columns to SI, the unit of time, and the rate where
-    there is no column of time.
+    """Factors of the gyro and the accelerometer columns to SI, and the clock.
 
-    units : of gyro and accel, by name; empty where the format fixes them.
+    Attributes
+    ----------
+    gyro, accel : float
+        Factors to rad/s and m/s^2, of increments to rad and m/s.
+    time : str
+        Unit of time.
+    rate_hz : float, optional
+        The rate where there is no column of time.
+    units : mapping
+        Units of gyro and accel, by name; empty where the format fixes them.
     """
 
     gyro: float
@@ -95,25 +103,49 @@ def read_imu_csv(
 ) -> ImuSamples:
     """Read IMU samples into SI.
 
-    columns : name of each column out of tow week gx gy gz ax ay az; any other name leaves a column
-        out; or a table of them to the header's names or to places, "[1]" for the first.
-    A column whose name begins with a minus (-YAccel) holds the reverse of its axis: it is turned
-    round, and a note says so.
-    units : of "gyro" (rad/s, deg/s, deg/h; rad, deg, arcsec for increments), "accel" (m/s^2, g, mg,
-        ug; m/s, g*s for increments), each with the value of one count before it where need be, and
-        "time".
-    quantity : "mean_rate", "increments" or "instant_rate".
-    rate_hz : samples a second, where the file has no column of time; time then starts at zero.
-    Raises InputError with file and line, UsageError for a unit that does not exist.
+    A column whose name begins with a minus (-YAccel) holds the reverse of its axis: its sign is
+    reversed, and a note says so.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    columns : sequence or mapping, optional
+        Name of each column out of tow week gx gy gz ax ay az; any other name leaves a column out;
+        or a table of them to the header's names or to indices, "[1]" for the first.
+    units : mapping, optional
+        Units of "gyro" (rad/s, deg/s, deg/h; rad, deg, arcsec for increments), "accel" (m/s^2, g,
+        mg, ug; m/s, g*s for increments), each with the value of one count before it where need be,
+        and "time".
+    quantity : {"mean_rate", "increments", "instant_rate"}
+        What a sample is.
+    gps_week : int, optional
+        The week, where no column holds it.
+    rate_hz : float, optional
+        Samples a second, where the file has no column of time; time then starts at zero.
+
+    Returns
+    -------
+    ImuSamples
+        The samples.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with file and line.
+    UsageError
+        A unit that does not exist.
     """
     units = check_units(units, UNIT_KEYS)
     required = required_columns(rate_hz)
     table = read_table(path, whole=False)
     index = columns_of(table, ALIASES, required, (required,), columns, KINDS)
-    said = {key: fields_of(table.layout, index, names) for key, names in TRIADS.items()}
-    scales, told = scales_of(str(path), table.layout.header_line, said, units, quantity, rate_hz)
+    unit_fields = {key: fields_of(table.layout, index, names) for key, names in TRIADS.items()}
+    scales, unit_notes = scales_of(
+        str(path), table.layout.header_line, unit_fields, units, quantity, rate_hz
+    )
     cols = {name: table.values[:, i] for name, i in index.items()}
-    notes = (*open_end("IMU rows", table.complete), *told)
+    notes = (*open_end("IMU rows", table.complete), *unit_notes)
     if backward := [
         name for name in reversed_names(table.layout, index) if name in (*GYRO, *ACCEL)
     ]:
@@ -145,11 +177,34 @@ def scales_of(
     quantity: Quantity,
     rate_hz: float | None,
 ) -> tuple[Scales, tuple[Check, ...]]:
-    """Units of gyro, accel and time: the caller's `units`, else those that the `fields` of their
-    columns give, else SI.
+    """Settle the units of gyro, accel and time: the caller's, else those of the header, else SI.
 
-    Returns with them a note for each of the caller's units where the fields give another one.
-    Raises InputError and UsageError with `path` and the `line` of the header.
+    Parameters
+    ----------
+    path : str
+        The file, for messages.
+    line : int, optional
+        The header's line.
+    fields : mapping
+        What the file calls the columns of each of `TRIADS`.
+    units : mapping
+        The caller's units.
+    quantity : str
+        What a sample is.
+    rate_hz : float, optional
+        The rate where there is no column of time.
+
+    Returns
+    -------
+    Scales
+        The factors.
+    tuple of Check
+        A note for each of the caller's units where the fields give another one.
+
+    Raises
+    ------
+    InputError, UsageError
+        A unit that is none, with `path` and `line`.
     """
     kinds = dict(zip(UNIT_KEYS, (*imu_kinds(quantity), "time"), strict=True))
     taken, factors, notes = settled_units(path, line, TRIADS, kinds, fields, units, "IMU")
@@ -158,7 +213,7 @@ def scales_of(
 
 
 def required_columns(rate_hz: float | None) -> tuple[str, ...]:
-    """What a table of samples must hold, with or without a column of time."""
+    """Return what a table of samples must hold, with or without a column of time."""
     if rate_hz is not None and not 0.0 < rate_hz <= MAX_RATE_HZ:
         raise UsageError(f"rate_hz = {rate_hz:g} is not between 0 and {MAX_RATE_HZ:g}")
     return COLUMNS if rate_hz is None else (*GYRO, *ACCEL)
@@ -173,8 +228,9 @@ def imu_from_columns(
     gps_week: int | None,
     notes: tuple[Check, ...] = (),
 ) -> ImuSamples:
-    """Samples of columns (n,) by canonical name, each stamp once, in order; `notes` are told before
-    those of the order.
+    """Make samples of columns (n,) by canonical name, each stamp once, in order.
+
+    `notes` come before those of the order.
     """
     n = cols["gx"].size
     if scales.rate_hz is not None:
@@ -186,7 +242,7 @@ def imu_from_columns(
         time = np.arange(n) / scales.rate_hz
     else:
         time, gps_week = gps_time(lines, clock_of(cols), cols.get("week"), gps_week, scales.time)
-    rows, told = put_in_order(
+    rows, order_notes = put_in_order(
         lines,
         time,
         lambda i, k: all(column[i] == column[k] for column in cols.values()),
@@ -195,7 +251,9 @@ def imu_from_columns(
     gyro, accel = _triad(cols, GYRO, scales.gyro), _triad(cols, ACCEL, scales.accel)
     if rows is not None:
         time, gyro, accel = time[rows], gyro[rows], accel[rows]
-    return ImuSamples(time, gyro, accel, quantity, gps_week, source, (*notes, *told), scales.units)
+    return ImuSamples(
+        time, gyro, accel, quantity, gps_week, source, (*notes, *order_notes), scales.units
+    )
 
 
 def _triad(cols: Mapping[str, Array], names: tuple[str, ...], factor: float) -> Array:
@@ -206,8 +264,9 @@ def _triad(cols: Mapping[str, Array], names: tuple[str, ...], factor: float) -> 
 
 
 def write_imu_csv(imu: ImuSamples, path: Source) -> None:
-    """Write IMU samples in SI, times with 7 decimals, rates with 9 and specific forces with 8 (half
-    a unit is below any sensor's).
+    """Write IMU samples in SI: times with 7 decimals, rates with 9, specific forces with 8.
+
+    Half a unit of the last digit is below any sensor's.
     """
     units = ("rad", "m/s") if imu.quantity == "increments" else ("rad/s", "m/s^2")
     gyro, accel = (12, 11) if imu.quantity == "increments" else (9, 8)

@@ -1,6 +1,7 @@
 """IMU log of the PSINS toolbox (lasergyro.imu), data_specs/psins.md.
 
-    line 1   pitch roll yaw deg, velocity east north up m/s          first guess of the attitude, yaw positive to the west
+    line 1   pitch roll yaw deg, velocity east north up m/s
+             first guess of the attitude, yaw positive to the west
     line 2   latitude longitude deg, height m, t0 s, ts ms, g m/s^2
     line 3   value of one count: gyro x y z arcsec, accelerometer x y z ug s
     then     gyro x y z, accelerometer x y z, counts: increments over the interval of ts that ends
@@ -33,9 +34,23 @@ LARGEST_COUNT = 1e9
 
 @dataclass(frozen=True)
 class PsinsHeader:
-    """Header of a log: roll, pitch, heading rad and velocity north east down m/s as first guesses;
-    latitude, longitude rad, height m; t0 s, interval s, g m/s^2; value of a count: gyro (3,) rad,
-    accelerometer (3,) m/s; body directions of x y z."""
+    """The header of a log.
+
+    Attributes
+    ----------
+    rpy, velocity_ned : tuple
+        Roll, pitch, heading rad and velocity north, east, down m/s, first guesses.
+    lat, lon, height : float
+        rad and m.
+    t0, interval_s : float
+        s.
+    gravity : float
+        m/s^2.
+    gyro_lsb, accel_lsb : tuple
+        (3,) value of a count, rad and m/s.
+    axes : str
+        Body directions of x, y, z.
+    """
 
     rpy: tuple[float, ...]
     velocity_ned: tuple[float, ...]
@@ -51,8 +66,12 @@ class PsinsHeader:
 
 
 def read_psins_header(path: Source) -> PsinsHeader:
-    """Read where the recording was made and how its counts are scaled; InputError with file and
-    line.
+    """Read where the recording was made and how its counts are scaled.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with file and line.
     """
     buf, _ = load(path)
     return _header(path, buf)[0]
@@ -61,23 +80,24 @@ def read_psins_header(path: Source) -> PsinsHeader:
 def read_psins(
     path: Source, quantity: Quantity = "increments", gps_week: int | None = None
 ) -> ImuSamples:
-    """Read increments into rad and m/s, or mean rates where `quantity` is "mean_rate"; the axes
-    stay those of the file.
+    """Read increments into rad and m/s, or mean rates where `quantity` is "mean_rate".
+
+    The axes stay those of the file.
     """
     buf, complete = load(path)
-    header, place, line = _header(path, buf)
-    layout = Layout(None, ".", FIELDS, None, None, None, place, line)
+    header, offset, line = _header(path, buf)
+    layout = Layout(None, ".", FIELDS, None, None, None, offset, line)
     table = parse(path, buf, complete, layout)
     if not len(table.values):
         raise InputError.at(path, None, "ends behind its header; copy it again")
     if not complete:
-        raise table.at(
+        raise table.error_at(
             len(table.values) - 1,
             "truncated: the file ends within this line; copy it again or delete the line",
         )
     if (beyond := np.abs(table.values).max(axis=1, initial=0.0) > LARGEST_COUNT).any():
         row = int(np.argmax(beyond))
-        raise table.at(row, f"a count exceeds {LARGEST_COUNT:g}; correct or delete the line")
+        raise table.error_at(row, f"a count exceeds {LARGEST_COUNT:g}; correct or delete the line")
     time = header.t0 + header.interval_s * np.arange(1.0, len(table.values) + 1.0)
     time, gps_week = gps_time(table, time, None, gps_week)
     increments = table.values * [*header.gyro_lsb, *header.accel_lsb]
@@ -87,16 +107,16 @@ def read_psins(
 
 
 def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int]:
-    """Header, place of the first sample and its line."""
+    """Return the header, the offset of the first sample and its line."""
     rows: list[tuple[int, list[float]]] = []
-    place, axes = 0, ""
+    offset, axes = 0, ""
     data = buf.tobytes()
     line = 0
-    while len(rows) < HEAD_LINES and place < len(data):
+    while len(rows) < HEAD_LINES and offset < len(data):
         line += 1
-        end = data.index(b"\n", place)
-        text = decode(data[place:end])
-        place = end + 1
+        end = data.index(b"\n", offset)
+        text = decode(data[offset:end])
+        offset = end + 1
         if is_comment(text):
             axes = axes or _axes(text)
         elif text.strip():
@@ -115,7 +135,7 @@ def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int
         raise InputError.at(
             path, None, f"ends within its header, {len(rows)} of {HEAD_LINES} lines; copy it again"
         )
-    (_, first), (at, site), (scale_at, scale) = rows
+    (_, first), (site_line, site), (scale_at, scale) = rows
     if (
         abs(site[0]) > 90.0
         or abs(site[1]) > 360.0
@@ -125,7 +145,7 @@ def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int
     ):
         raise InputError.at(
             path,
-            at,
+            site_line,
             "latitude, longitude, height, t0, interval (ms) and g do not stand here; is it a PSINS"
             " log?",
         )
@@ -145,16 +165,16 @@ def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int
         PsinsHeader(
             rpy, (first[4], first[3], -first[5]), *place_of, tuple(gyro), tuple(accel), axes or AXES
         ),
-        place,
+        offset,
         line + 1,
     )
 
 
 def _axes(text: str) -> str:
-    """Body directions that a comment names: `X-Right,Y-Foward,Z-Up`."""
-    found = re.search(r"X-(\w+),\s*Y-(\w+),\s*Z-(\w+)", text)
+    """Return the body directions that a comment names: `X-Right,Y-Foward,Z-Up`."""
+    match = re.search(r"X-(\w+),\s*Y-(\w+),\s*Z-(\w+)", text)
     return (
-        " ".join("forward" if name.lower() == "foward" else name.lower() for name in found.groups())
-        if found
+        " ".join("forward" if name.lower() == "foward" else name.lower() for name in match.groups())
+        if match
         else ""
     )

@@ -1,5 +1,6 @@
-"""Published Haar wavelet or Allan variances of an IMU in the place of its recording,
-data_specs/variances.md.
+"""Published Haar wavelet or Allan variances of an IMU instead of its recording.
+
+The format is data_specs/variances.md.
 
 A JSON file as the R packages of SMAC-Group hold them (class `imu_wvar` or `imu_avar` written out),
 or a text table with its rate and length in comment lines. Levels follow from the scales: 2^j
@@ -49,8 +50,14 @@ _COMMENT = re.compile(r"\s*[#%!;/]+\s*(\w+)\s*[=:]\s*(.*?)\s*")
 
 @dataclass(frozen=True)
 class PublishedVariances:
-    """Curves by axis, "gyro_x" ... "accel_z", those of them that the file has, in rad/s and m/s^2;
-    sensor : its name, or "".
+    """Published curves of one sensor.
+
+    Attributes
+    ----------
+    sensor : str
+        Its name, or "".
+    curves : mapping
+        Curves by axis, "gyro_x" ... "accel_z", those that the file has, in rad/s and m/s^2.
     """
 
     sensor: str
@@ -68,11 +75,28 @@ def read_variances(
 ) -> PublishedVariances:
     """Read published variances, JSON or text table.
 
-    member : which of the sensors of a JSON file.
-    units : of `gyro` and `accel`, rad/s and m/s^2 where neither caller nor file says.
-    rate_hz, samples, axis : of a text table whose comments do not say.
-    Raises InputError at the first thing that is wrong, UsageError for a member that is not there
-    and for what is no unit.
+    Parameters
+    ----------
+    path : path
+        The file.
+    member : str, optional
+        Which of the sensors of a JSON file.
+    units : mapping, optional
+        Units of `gyro` and `accel`, rad/s and m/s^2 where neither caller nor file says.
+    rate_hz, samples, axis
+        Of a text table whose comments do not say.
+
+    Returns
+    -------
+    PublishedVariances
+        The curves.
+
+    Raises
+    ------
+    InputError
+        The first thing that is wrong.
+    UsageError
+        A member that does not exist, or what is no unit.
     """
     check_units(units, ("gyro", "accel"))
     raw = bytes(load_bytes(path)).removeprefix(b"\xef\xbb\xbf")
@@ -88,8 +112,8 @@ def read_variances(
     return _read_text(path, comments | {key: (None, value) for key, value in text.items()})
 
 
-def _read_text(path: Source, said: Mapping[str, tuple[int | None, str]]) -> PublishedVariances:
-    """said : line and value of each of `KEYS`, of the file's comments or the caller's."""
+def _read_text(path: Source, stated: Mapping[str, tuple[int | None, str]]) -> PublishedVariances:
+    """Read a text table; `stated` holds line and value of each of `KEYS`, of comments or caller."""
     table = read_text_table(path)
     if table.layout.header_fields is None:
         raise InputError.at(
@@ -101,44 +125,44 @@ def _read_text(path: Source, said: Mapping[str, tuple[int | None, str]]) -> Publ
     line = table.layout.header_line
     time, value = _meaning(path, line, index)
     for key in ("rate_hz", "samples"):
-        if key not in said:
+        if key not in stated:
             raise InputError.at(
                 path,
                 line,
                 f"{key} is not said; write it into a comment before the header, as in '# {key} ="
                 " 250'",
             )
-    rate = _positive(path, *said["rate_hz"], "rate_hz")
-    n = _positive(path, *said["samples"], "samples")
-    names = np.array(_axis_names(table, index, said))
+    rate = _positive(path, *stated["rate_hz"], "rate_hz")
+    n = _positive(path, *stated["samples"], "samples")
+    names = np.array(_axis_names(table, index, stated))
     data = {
         name: table.floats(index[name]) for name in (time, value, "low", "high") if name in index
     }
     curves = {}
     for name in dict.fromkeys(names.tolist()):
-        factor = _stated_factor(path, name.partition("_")[0], said)
+        factor = _stated_factor(path, name.partition("_")[0], stated)
         curves[name] = _text_curve(
             table, np.flatnonzero(names == name), data, (time, value), factor, rate, int(n)
         )
-    return PublishedVariances(said["sensor"][1] if "sensor" in said else "", curves)
+    return PublishedVariances(stated["sensor"][1] if "sensor" in stated else "", curves)
 
 
 def _axis_names(
-    table: TextTable, index: Mapping[str, int], said: Mapping[str, tuple[int | None, str]]
+    table: TextTable, index: Mapping[str, int], stated: Mapping[str, tuple[int | None, str]]
 ) -> list[str]:
-    """Axis of every row."""
+    """Return the axis of every row."""
     if "axis" in index:
         return [
-            _axis_name(name, partial(table.at, row))
+            _axis_name(name, partial(table.error_at, row))
             for row, name in enumerate(table.strings(index["axis"]))
         ]
-    if "axis" in said:
-        line, text = said["axis"]
+    if "axis" in stated:
+        line, text = stated["axis"]
         return [_axis_name(text, partial(InputError.at, table.path, line))] * len(table.rows)
-    what = (
+    message = (
         "axis is not said; write it into a comment, as in '# axis = gyro_x', or into a column axis"
     )
-    raise InputError.at(table.path, table.layout.header_line, what)
+    raise InputError.at(table.path, table.layout.header_line, message)
 
 
 def _text_curve(
@@ -150,7 +174,7 @@ def _text_curve(
     rate_hz: float,
     samples: int,
 ) -> WaveletVariance:
-    """The curve that stands in `rows`; names : of the columns of time and value."""
+    """Return the curve that stands in `rows`; `names` are the columns of time and value."""
     time, value = names
     scale = data[time][rows] * (2.0 if time == "tau_s" else 1.0)
     nu = {
@@ -165,13 +189,14 @@ def _text_curve(
         nu.get("high"),
         rate_hz,
         samples,
-        lambda k, what: table.at(int(rows[k]), what),
+        lambda k, message: table.error_at(int(rows[k]), message),
     )
 
 
 def _meaning(path: Source, line: int | None, index: dict[str, int]) -> tuple[str, str]:
-    """Names of the column of time and of the column of values; "variance" is one of wavelets beside
-    scale_s alone.
+    """Return the names of the column of time and of the column of values.
+
+    "variance" beside scale_s alone is one of wavelets.
     """
     time = [name for name in ("scale_s", "tau_s") if name in index]
     if "variance" in index and time == ["scale_s"]:
@@ -199,8 +224,9 @@ def _meaning(path: Source, line: int | None, index: dict[str, int]) -> tuple[str
 
 
 def _wavelet_variance(values: Array, kind: str) -> Array:
-    """nu of a wavelet variance, of an Allan variance 2 nu or of its root; what is negative stays
-    so.
+    """Return nu of a wavelet variance, of an Allan variance 2 nu or of its root.
+
+    Negative values stay negative.
     """
     if kind == "wavelet_variance":
         return values
@@ -208,13 +234,13 @@ def _wavelet_variance(values: Array, kind: str) -> Array:
 
 
 def _comments(text: str) -> dict[str, tuple[int | None, str]]:
-    """Line and value of the comments "# key = value" with one of `KEYS`."""
-    found: dict[str, tuple[int | None, str]] = {}
+    """Return line and value of the comments "# key = value" with one of `KEYS`."""
+    comments: dict[str, tuple[int | None, str]] = {}
     for number_, line in enumerate(text.splitlines(), 1):
         match = _COMMENT.fullmatch(line) if is_comment(line) else None
         if match and match[1].lower() in KEYS:
-            found[match[1].lower()] = (number_, match[2])
-    return found
+            comments[match[1].lower()] = (number_, match[2])
+    return comments
 
 
 def _positive(path: Source, line: int | None, text: str, key: str) -> float:
@@ -224,9 +250,11 @@ def _positive(path: Source, line: int | None, text: str, key: str) -> float:
     return value
 
 
-def _stated_factor(path: Source, sensor: str, said: Mapping[str, tuple[int | None, str]]) -> float:
-    """Factor to rad/s or m/s^2, 1 where no unit is said."""
-    line, unit = said.get(f"{sensor}_unit") or said.get("unit") or (None, "")
+def _stated_factor(
+    path: Source, sensor: str, stated: Mapping[str, tuple[int | None, str]]
+) -> float:
+    """Return the factor to rad/s or m/s^2, 1 where no unit is stated."""
+    line, unit = stated.get(f"{sensor}_unit") or stated.get("unit") or (None, "")
     try:
         return unit_factor(unit, sensor) if unit else 1.0
     except UsageError as error:
@@ -251,8 +279,9 @@ def _curve(
     samples: int,
     refuse: RowRefusal,
 ) -> WaveletVariance:
-    """The record, after a look at all values; with the interval of `stochastic.wavelet` (W.3) where
-    none is given.
+    """Return the record, after a check of all values.
+
+    Without intervals it has those of `stochastic.wavelet` (W.3).
     """
     exact = np.log2(np.maximum(scale_s * rate_hz, 1e-300))
     level = np.rint(exact).astype(np.int64)
@@ -333,12 +362,12 @@ def _read_json(
     )
 
 
-def _refusal(path: Source, prefix: str, what: str) -> InputError:
-    return InputError.at(path, None, prefix + what)
+def _refusal(path: Source, prefix: str, message: str) -> InputError:
+    return InputError.at(path, None, prefix + message)
 
 
 def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any], str]:
-    """The object that holds wvar or avar, and the name of the member it belongs to."""
+    """Return the object that holds wvar or avar, and the name of the member it belongs to."""
     name, content = "", tree
     while isinstance(content, dict) and "wvar" not in content and "avar" not in content:
         if member in content:
@@ -346,10 +375,10 @@ def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any]
         elif len(content) == 1 and (member is None or not name):
             name = next(iter(content))
         else:
-            known = ", ".join(content)
+            members = ", ".join(content)
             raise UsageError(
                 f"{path}: {f'no member {member!r}' if member else 'several members'}; choose by"
-                f" member one of {known}"
+                f" member one of {members}"
             )
         content = content[name]
     if not isinstance(content, dict):
@@ -367,8 +396,9 @@ def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any]
 def _json_curve(
     curve: dict[str, Any], allan: bool, factor: float, rate_hz: float, samples: int, refuse: Refusal
 ) -> WaveletVariance:
-    """A curve of wv::wvar (variance, ci_low, ci_high, scales) or of avar::avar (allan, levels:
-    averaging times).
+    """Return a curve of wv::wvar (variance, ci_low, ci_high, scales) or of avar::avar.
+
+    The latter has allan and levels, the averaging times.
     """
     for key, wanted in (("decomp", "modwt"), ("filter", "haar"), ("type", "mo")):
         if key in curve and (got := _strings(curve[key], key, refuse)[0]) != wanted:
@@ -388,7 +418,7 @@ def _json_curve(
             None,
             rate_hz,
             samples,
-            lambda _, what: refuse(what),
+            lambda _, message: refuse(message),
         )
     if "alpha" in curve and (alpha := float(_numbers(curve["alpha"], "alpha", refuse)[0])) != 0.05:
         raise refuse(
@@ -402,12 +432,12 @@ def _json_curve(
         factor**2 * high,
         rate_hz,
         samples,
-        lambda _, what: refuse(what),
+        lambda _, message: refuse(message),
     )
 
 
 def _numbers(value: Any, key: str, refuse: Refusal) -> Array:
-    """Finite numbers (k,), k > 0, of a JSON number, list or list of lists of one."""
+    """Return finite numbers (k,), k > 0, of a JSON number, list or list of lists of one."""
     try:
         numbers = np.array(value, dtype=np.float64).ravel()
     except (TypeError, ValueError):
@@ -418,7 +448,7 @@ def _numbers(value: Any, key: str, refuse: Refusal) -> Array:
 
 
 def _strings(value: Any, key: str, refuse: Refusal) -> list[str]:
-    """Texts of a JSON text or list of texts, one or more."""
+    """Return the texts of a JSON text or list of texts, one or more."""
     texts = [value] if isinstance(value, str) else value
     if not isinstance(texts, list) or not texts or not all(isinstance(text, str) for text in texts):
         raise refuse(f"{key} {shown(json.dumps(value))}; text is expected")

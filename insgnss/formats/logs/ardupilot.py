@@ -1,5 +1,6 @@
-"""Logs of ArduPilot (DataFlash: .bin, and .log as text), data_specs/ardupilot.md; formats of
-messages by pymavlink.
+"""Logs of ArduPilot (DataFlash: .bin, and .log as text), data_specs/ardupilot.md.
+
+The formats of messages are those of pymavlink.
 
 A binary log is a chain of messages A3 95 kind ..., each of the length that an FMT message gave its
 kind; the chain is walked here, so that a cut or damaged log is noticed, and the fields are taken by
@@ -9,7 +10,7 @@ several sensors become tables of their own: IMU, IMU2, ... and GPS, GPS2, ...
 IMU: TimeUS (or TimeMS), GyrX.. rad/s, AccX.. m/s^2, forward right down. GPS: week and time of week,
 degrees, metres above the geoid, ground speed, course, velocity down; GPA of the same stamp:
 standard deviations, and Und, the geoid below the ellipsoid (Alt - Und is the height above the
-ellipsoid). CAM: shutter instants. All stamps are taken to GPST by `_bootclock`.
+ellipsoid). CAM: shutter instants. All stamps are taken to GPST by `boot_clock`.
 """
 
 from dataclasses import dataclass
@@ -37,13 +38,8 @@ MISSING = (
 )
 FMT = 128
 LOST_LIMIT = 0.01
-QUALITY = {
-    2: 5,
-    3: 5,
-    4: 4,
-    5: 2,
-    6: 1,
-}  # GPS.Status to RTKLIB's codes: 2D, 3D, DGPS, RTK float, RTK fixed
+# GPS.Status to RTKLIB's codes: 2D, 3D, DGPS, RTK float, RTK fixed
+QUALITY = {2: 5, 3: 5, 4: 4, 5: 2, 6: 1}
 LEAST_STATUS = 3
 IMU_MESSAGES = ("IMU", "IMU2", "IMU3", "GYR")
 IMU_FIELDS = ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
@@ -58,7 +54,7 @@ class Log:
     odd: tuple[str, ...] = ()
 
     def notes(self, name: str) -> tuple[Check, ...]:
-        """Notes of a record of this log."""
+        """Return the notes on what was odd in the log, for the record `name`."""
         return tuple(
             note(name, text, "a whole log", "copy it again from the card") for text in self.odd
         )
@@ -66,8 +62,12 @@ class Log:
     def table(
         self, names: tuple[str, ...], variable: str | None, fields: tuple[str, ...]
     ) -> tuple[str, dict[str, Array]]:
-        """The message `variable`, else the first of `names` that is there, which must have the
-        fields.
+        """Return name and columns of the message `variable`, else of the first of `names` there is.
+
+        Raises
+        ------
+        InputError
+            No such message, or one without the `fields`.
         """
         chosen = variable or next((name for name in names if name in self.tables), None)
         if chosen is None or chosen not in self.tables:
@@ -84,12 +84,18 @@ class Log:
 
 
 def load_ardupilot(path: Source) -> Tables:
-    """Tables of a log by message."""
+    """Load the tables of a log by message."""
     return read_log(path).tables
 
 
 def read_log(path: Source) -> Log:
-    """Read all messages of a log; InputError where more than 1 % of it is no message."""
+    """Read all messages of a log.
+
+    Raises
+    ------
+    InputError
+        More than 1 % of the file is no message.
+    """
     head = load_bytes(path)
     return _binary(path, head) if head[:1].tobytes() == b"\xa3" else _text(path)
 
@@ -107,7 +113,7 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
         np.empty(buf.size // 3 + 1, dtype=np.int64),
         np.empty(buf.size // 3 + 1, dtype=np.int64),
     )
-    n, lost, cut, wrong = _kernels.dataflash_messages(buf, lengths, kinds, places)
+    n, n_lost, cut, wrong = _kernels.dataflash_messages(buf, lengths, kinds, places)
     if wrong >= 0 or n == 0:
         raise InputError.at(
             path,
@@ -115,40 +121,40 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
             f"is no ArduPilot log: no right message at byte {max(wrong, 0)}; copy it again from the"
             " card",
         )
-    if lost > LOST_LIMIT * buf.size:
+    if n_lost > LOST_LIMIT * buf.size:
         raise InputError.at(
             path,
             None,
-            f"{lost} of {buf.size} bytes are no message (limit {LOST_LIMIT:.0%}); copy it again"
+            f"{n_lost} of {buf.size} bytes are no message (limit {LOST_LIMIT:.0%}); copy it again"
             " from the card",
         )
     kinds, places = kinds[:n], places[:n]
     tables: Tables = {}
     for name, labels, form, kind in _formats(buf, places[kinds == FMT]):
-        at = places[kinds == kind]
+        starts = places[kinds == kind]
         names, types = (
             [label for label, _ in zip(labels, form, strict=False)],
             [FORMAT_TO_STRUCT.get(c) for c in form],
         )
-        if kind == FMT or at.size == 0 or None in types or len(labels) != len(form):
+        if kind == FMT or starts.size == 0 or None in types or len(labels) != len(form):
             continue
         dtype = np.dtype([(f"f{i}", _numpy_type(t[0])) for i, t in enumerate(types)])
         if dtype.itemsize + 3 != lengths[kind]:
             continue
-        rows = buf[at[:, None] + np.arange(3, 3 + dtype.itemsize)].view(dtype).reshape(-1)
+        rows = buf[starts[:, None] + np.arange(3, 3 + dtype.itemsize)].view(dtype).reshape(-1)
         table = {
             label: as_float(rows[f"f{i}"]) * (types[i][1] or 1.0)
             for i, label in enumerate(names)
             if dtype[i].kind in "iuf"
         }
         _by_instance(tables, name, table)
-    odd = [f"{lost} bytes that are no message left out"] if lost else []
+    odd = [f"{n_lost} bytes that are no message left out"] if n_lost else []
     odd += [f"the file ends within a message at byte {cut}, which is left out"] if cut >= 0 else []
     return Log(str(path), tables, tuple(odd))
 
 
 def _numpy_type(code: str) -> str:
-    """Type of numpy for one of the struct module's."""
+    """Return numpy's type for one of the struct module's."""
     return {
         "b": "i1",
         "B": "u1",
@@ -167,20 +173,20 @@ def _numpy_type(code: str) -> str:
 def _formats(
     buf: NDArray[np.uint8], places: NDArray[np.int64]
 ) -> list[tuple[str, list[str], str, int]]:
-    """Name, labels, format and kind of each FMT message, the last one of a kind."""
-    found: dict[int, tuple[str, list[str], str, int]] = {}
-    for place in places.tolist():
-        body = buf[place + 3 : place + 89].tobytes()
+    """Return name, labels, format and kind of each FMT message, the last one of a kind."""
+    formats: dict[int, tuple[str, list[str], str, int]] = {}
+    for start in places.tolist():
+        body = buf[start + 3 : start + 89].tobytes()
         name, form, labels = (
-            printable(part.split(b"\0")[0].decode("ascii", "replace"))
-            for part in (body[2:6], body[6:22], body[22:86])
+            printable(text.split(b"\0")[0].decode("ascii", "replace"))
+            for text in (body[2:6], body[6:22], body[22:86])
         )
-        found[body[0]] = (name, labels.split(","), form, body[0])
-    return list(found.values())
+        formats[body[0]] = (name, labels.split(","), form, body[0])
+    return list(formats.values())
 
 
 def _text(path: Source) -> Log:
-    """A log as text: `FMT, kind, length, name, format, labels` lines, then `name, values`."""
+    """Read a log as text: `FMT, kind, length, name, format, labels` lines, then `name, values`."""
     buf, complete = load(path)
     labels: dict[str, list[str]] = {}
     rows: dict[str, list[list[float]]] = {}
@@ -206,13 +212,13 @@ def _text(path: Source) -> Log:
     tables: Tables = {}
     for name, values in rows.items():
         _by_instance(tables, name, dict(zip(labels[name], np.array(values).T.copy(), strict=True)))
-    told = [f"{odd} lines that are no message left out"] if odd else []
-    told += [] if complete else ["the last line has no end"]
-    return Log(str(path), tables, tuple(told))
+    notes = [f"{odd} lines that are no message left out"] if odd else []
+    notes += [] if complete else ["the last line has no end"]
+    return Log(str(path), tables, tuple(notes))
 
 
 def as_float(column: NDArray[Any]) -> Array:
-    """Column as float64; what is not a number in it stays so, without a word."""
+    """Return a column as float64; what is not a number in it stays so, without a warning."""
     with np.errstate(invalid="ignore"):
         return column.astype(np.float64)
 
@@ -225,8 +231,9 @@ def _float(field: str) -> float:
 
 
 def _by_instance(tables: Tables, name: str, table: dict[str, Array]) -> None:
-    """Add a message's table, those of further sensors (field I: 1, 2, ...) under names with a
-    number.
+    """Add a message's table.
+
+    Those of further sensors (field I: 1, 2, ...) stand under names with a number.
     """
     instance = table.get("I")
     if instance is None or (instance == 0).all():
@@ -239,7 +246,7 @@ def _by_instance(tables: Tables, name: str, table: dict[str, Array]) -> None:
 
 
 def _boot(table: dict[str, Array], path: str, name: str) -> Array:
-    """Stamps of the autopilot, s."""
+    """Return the autopilot's stamps, s."""
     for label, unit in (("TimeUS", 1e-6), ("TimeMS", 1e-3), ("T", 1e-3)):
         if label in table and not (label == "TimeMS" and "T" in table):
             return table[label] * unit
@@ -249,8 +256,9 @@ def _boot(table: dict[str, Array], path: str, name: str) -> Array:
 def _gps(
     log: Log, variable: str | None = None
 ) -> tuple[str, dict[str, Array], Array, Array, Array]:
-    """A GPS message's name, its columns where there is a fix, and of these the autopilot's stamps,
-    week and time of week.
+    """Return a GPS message's name, columns, the autopilot's stamps, week and time of week.
+
+    They are those of the rows where there is a fix.
     """
     name, table = log.table(("GPS", "GPS2"), variable, ("Status", "Lat", "Lng", "Alt"))
     week, ms = ("GWk", "GMS") if "GWk" in table else ("Week", "TimeMS")
@@ -289,8 +297,30 @@ def read_imu_ardupilot(
     quantity: Quantity = "instant_rate",
     gps_week: int | None = None,
 ) -> ImuSamples:
-    """Read the samples of one IMU, forward right down, on GPST. variable : IMU (the default), IMU2,
-    ..., GYR (with its ACC).
+    """Read the samples of one IMU, forward right down, on GPST.
+
+    Parameters
+    ----------
+    path : path
+        The log.
+    variable : str, optional
+        IMU (the default), IMU2, ..., GYR (with its ACC).
+    quantity : {"instant_rate", "mean_rate"}
+        What a sample is.
+    gps_week : int, optional
+        The week that the log must be of.
+
+    Returns
+    -------
+    ImuSamples
+        The samples.
+
+    Raises
+    ------
+    UsageError
+        Increments, which such a log does not hold.
+    InputError
+        A log that cannot be read.
     """
     if quantity == "increments":
         raise UsageError(
@@ -319,8 +349,9 @@ def read_imu_ardupilot(
 def _raw_pair(
     log: Log, name: str, gyro: dict[str, Array]
 ) -> tuple[dict[str, Array], tuple[Check, ...]]:
-    """Columns of a raw gyro message with those of its accelerometer, interpolated to the gyro's
-    stamps, where both are there.
+    """Return columns of a raw gyro message with those of its accelerometer.
+
+    The latter are interpolated to the gyro's stamps, where both have data.
     """
     other, accel = log.table((name.replace("GYR", "ACC"),), None, ("SampleUS", *IMU_FIELDS[3:]))
     if "SampleUS" not in gyro:
@@ -353,11 +384,31 @@ def read_gnss_ardupilot(
     gps_week: int | None = None,
     undulation_m: float | None = None,
 ) -> GnssFixes:
-    """Read the fixes of one receiver at their GPS times; standard deviations of GPA, else sigma_m
-    and sigma_velocity.
+    """Read the fixes of one receiver at their GPS times.
 
-    undulation_m : geoid above the ellipsoid, m, where GPA does not hold it; without both the
-        heights stay above the geoid, with a note.
+    Parameters
+    ----------
+    path : path
+        The log.
+    variable : str, optional
+        GPS (the default) or GPS2.
+    sigma_m, sigma_velocity : array_like, optional
+        Standard deviations north, east, down, m and m/s, instead of those of GPA.
+    gps_week : int, optional
+        The week that the log must be of.
+    undulation_m : float, optional
+        Geoid above the ellipsoid, m, where GPA does not hold it; without both the heights stay
+        above the geoid, with a note.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        A log that cannot be read.
     """
     log = read_log(path)
     name, table, boot, week, tow = _gps(log, variable)
@@ -410,8 +461,9 @@ def read_gnss_ardupilot(
 
 
 def _accuracy(log: Log, name: str, table: dict[str, Array]) -> dict[str, Array]:
-    """Standard deviations, and Und, of the GPA message of each fix's stamp, where every fix has one
-    with values.
+    """Return standard deviations, and Und, of the GPA message of each fix's stamp.
+
+    They are empty unless every fix has one with values.
     """
     gpa = log.tables.get(name.replace("GPS", "GPA"))
     if (
@@ -422,10 +474,10 @@ def _accuracy(log: Log, name: str, table: dict[str, Array]) -> dict[str, Array]:
     ):
         return {}
     stamp, first = np.unique(gpa["TimeUS"], return_index=True)
-    at = np.searchsorted(stamp, table["TimeUS"]).clip(max=stamp.size - 1)
-    rows = first[at]
+    index = np.searchsorted(stamp, table["TimeUS"]).clip(max=stamp.size - 1)
+    rows = first[index]
     if (
-        not (stamp[at] == table["TimeUS"]).all()
+        not (stamp[index] == table["TimeUS"]).all()
         or not (gpa["HAcc"][rows] > 0.0).all()
         or not (gpa["VAcc"][rows] > 0.0).all()
     ):
@@ -448,8 +500,9 @@ def _finite(log: Log, name: str, cols: dict[str, Array]) -> None:
 def read_events_ardupilot(
     path: Source, variable: str | None = None, gps_week: int | None = None
 ) -> CameraEvents:
-    """Read the shutter instants on GPST; CAM (feedback or shot), else TRIG. Images are named by
-    Img, where it is there.
+    """Read the shutter instants on GPST: CAM (feedback or shot), else TRIG.
+
+    Images are named by Img, where the message has it.
     """
     log = read_log(path)
     name, table = log.table(("CAM", "TRIG"), variable, ())

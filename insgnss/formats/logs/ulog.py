@@ -5,7 +5,7 @@ IMU: sensor_combined (rates and specific forces of the selected sensor), else ve
 vehicle_gps_position, whose time_utc_usec is UTC; heights above the ellipsoid, eph, epv and
 s_variance_m_s as standard deviations. Camera: camera_capture (feedback of the camera), else
 camera_trigger. All stamps count from the start of the autopilot and are taken to GPST by
-`_bootclock`. Axes forward right down.
+`boot_clock`. Axes forward right down.
 """
 
 import contextlib
@@ -46,8 +46,9 @@ _HEADS = {  # place: new names and the factor of the older integers
 
 
 class _Stream(io.BytesIO):
-    """A file that cannot be read again and again: pyulog's search for the next message may go back
-    behind where it began.
+    """A file with a limit to reading again.
+
+    pyulog's search for the next message may go back behind where it began.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -55,7 +56,7 @@ class _Stream(io.BytesIO):
         self._left = READ_AGAIN * len(data) + 4096
 
     def read(self, size: int | None = -1) -> bytes:
-        """As of any file, up to a limit of bytes in all."""
+        """Read as of any file, up to a limit of bytes in all."""
         data = super().read(size)
         self._left -= len(data) + 1
         if self._left < 0:
@@ -64,12 +65,12 @@ class _Stream(io.BytesIO):
 
 
 def load_ulog(path: Source) -> Tables:
-    """Topics of a log by name; of further sensors with their number behind: sensor_gps_1."""
+    """Load the topics of a log by name; further sensors have their number behind: sensor_gps_1."""
     return _load(path)[0]
 
 
 def _load(path: Source) -> tuple[Tables, tuple[str, ...]]:
-    """Topics, and what was odd in the file."""
+    """Return the topics, and what was odd in the file."""
     from ..text import _kernels
 
     try:
@@ -139,8 +140,9 @@ def _fields(
 def _gnss(
     path: Source, tables: Tables, variable: str | None
 ) -> tuple[str, dict[str, Array], Array, int, Array]:
-    """Topic of the receiver, its columns where there is a fix, the autopilot's stamps of these, GPS
-    week and seconds.
+    """Return the receiver's topic, columns, the autopilot's stamps, GPS week and seconds.
+
+    They are those of the rows where there is a fix.
     """
     name, table = _topic(path, tables, GNSS_TOPICS, variable)
     stamp, utc, fix = _fields(path, name, table, ("timestamp", "time_utc_usec", "fix_type"))
@@ -174,8 +176,30 @@ def read_imu_ulog(
     quantity: Quantity = "mean_rate",
     gps_week: int | None = None,
 ) -> ImuSamples:
-    """Read the samples of one IMU on GPST. variable : sensor_combined (the default) or vehicle_imu,
-    vehicle_imu_1, ...
+    """Read the samples of one IMU on GPST.
+
+    Parameters
+    ----------
+    path : path
+        The log.
+    variable : str, optional
+        sensor_combined (the default) or vehicle_imu, vehicle_imu_1, ...
+    quantity : {"mean_rate", "instant_rate"}
+        What a sample is.
+    gps_week : int, optional
+        The week that the log must be of.
+
+    Returns
+    -------
+    ImuSamples
+        The samples.
+
+    Raises
+    ------
+    UsageError
+        Increments, which are not read here.
+    InputError
+        A log that cannot be read.
     """
     if quantity == "increments":
         raise UsageError(
@@ -221,8 +245,28 @@ def read_gnss_ulog(
     sigma_velocity: ArrayLike | None = None,
     gps_week: int | None = None,
 ) -> GnssFixes:
-    """Read the fixes of one receiver at their own times, with its standard deviations, else sigma_m
-    and sigma_velocity.
+    """Read the fixes of one receiver at their own times.
+
+    Parameters
+    ----------
+    path : path
+        The log.
+    variable : str, optional
+        The receiver's topic.
+    sigma_m, sigma_velocity : array_like, optional
+        Standard deviations north, east, down, m and m/s, instead of the receiver's.
+    gps_week : int, optional
+        The week that the log must be of.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
+
+    Raises
+    ------
+    InputError
+        A log that cannot be read.
     """
     tables, odd = _load(path)
     name, table, _, week, seconds = _gnss(path, tables, variable)

@@ -1,5 +1,4 @@
-r"""The columns that a generic ASCII table of exterior orientations may have: what they mean, and
-where their numbers come from.
+r"""The columns of a generic ASCII table of exterior orientations, and how they are computed.
 
 Columns come in groups that are computed together; a template names single columns or whole groups.
 With X the axes of the camera, CV (right, down, viewing direction) or RUB (right, up, back), and f
@@ -7,7 +6,8 @@ the frame,
 
     omega phi kappa ...      C_fX = Rx(omega) Ry(phi) Rz(kappa), or its inverse where the attitude
                              is "frame to camera"
-    phi_pok omega_pok kappa_pok      the same of Ry(phi) Rx(omega) Rz(kappa);       r11 ... r33, qw qx qy qz  the same rotation
+    phi_pok omega_pok kappa_pok      the same of Ry(phi) Rx(omega) Rz(kappa)
+    r11 ... r33, qw qx qy qz         the same rotation
     yaw pitch roll           C_EX = Rz(-yaw) Rx(pitch) Ry(roll), X = RUB always
     roll_ned pitch_ned yaw_ned       C_nb of the body forward right down: NED_ENU C_Ec T B, T
                                      nominal mounting, B bore-sight
@@ -46,15 +46,24 @@ Array = NDArray[np.float64]
 CAMERA_AXES = {"RUB": "x right, y up, z back", "CV": "x right, y down, z viewing direction"}
 DIRECTIONS = ("camera to frame", "frame to camera")
 NORTHS = ("true", "frame")
-GIMBAL_CV: Array = np.array(
-    [[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]
-)  # takes viewing direction, right, down into x, y, z of CV
+# takes viewing direction, right, down into x, y, z of CV
+GIMBAL_CV: Array = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
 
 
 @dataclass(frozen=True)
 class Conventions:
-    """What angles and matrices of a table mean: axes of the camera, direction, north of yaw, unit
-    of angles.
+    """What angles and matrices of a table mean.
+
+    Attributes
+    ----------
+    camera_axes : str
+        Axes of the camera, a key of `CAMERA_AXES`.
+    attitude : str
+        Direction of the rotation, one of `DIRECTIONS`.
+    north : str
+        North of yaw, one of `NORTHS`.
+    unit : str
+        Unit of angles.
     """
 
     camera_axes: str = "RUB"
@@ -65,8 +74,9 @@ class Conventions:
 
 @dataclass(frozen=True)
 class Group:
-    """Columns that are computed together; kind: "metre", "place", "sigma", "angle", "angle sigma",
-    "matrix", "second" or "whole".
+    """Columns that are computed together.
+
+    `kind` is "metre", "place", "sigma", "angle", "angle sigma", "matrix", "second" or "whole".
     """
 
     columns: tuple[str, ...]
@@ -75,7 +85,10 @@ class Group:
 
 
 def in_camera_axes(eo: FramedOrientation, how: Conventions) -> tuple[Array, Array]:
-    """Rotation of the frame's attitude by `how`, and the covariances of its psi, (n, 3, 3) each."""
+    """Return the rotation of the frame's attitude by `how`, and the covariances of its psi.
+
+    Both are (n, 3, 3).
+    """
     R, P = eo.C_fc @ (CV_RUB if how.camera_axes == "RUB" else np.eye(3)), eo.cov[:, 3:, 3:]
     if how.attitude == DIRECTIONS[0]:
         return R, P
@@ -84,7 +97,10 @@ def in_camera_axes(eo: FramedOrientation, how: Conventions) -> tuple[Array, Arra
 
 
 def to_north(eo: FramedOrientation, how: Conventions) -> tuple[Array, Array]:
-    """Camera (CV) to east, north, up by `how`, and the covariances of psi there, (n, 3, 3) each."""
+    """Return the rotation of the camera (CV) to east, north, up, and the covariances of psi there.
+
+    Both are (n, 3, 3); `how` says which north.
+    """
     if how.north == "frame":
         return eo.C_fc, eo.cov[:, 3:, 3:]
     return eo.C_Ec, eo.C_fE.swapaxes(1, 2) @ eo.cov[:, 3:, 3:] @ eo.C_fE
@@ -160,8 +176,9 @@ OF_NORTH = ("ypr", "ned", "gimbal")
 
 
 def kind_of(column: str, frame_kind: str) -> str:
-    """What a number of this column is: "degree", "metre", "sigma", "angle", "angle sigma",
-    "matrix", "second" or "whole".
+    """Return what a number of this column is.
+
+    It is "degree", "metre", "sigma", "angle", "angle sigma", "matrix", "second" or "whole".
     """
     kind = GROUPS[GROUP_OF[column]].kind
     if kind == "time":
@@ -172,5 +189,5 @@ def kind_of(column: str, frame_kind: str) -> str:
 
 
 def has_plan(frame_kind: str) -> bool:
-    """Whether the frame tells horizontal from vertical."""
+    """Tell whether the frame has a horizontal and a vertical."""
     return frame_kind != GEOCENTRIC

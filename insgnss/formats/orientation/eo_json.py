@@ -1,5 +1,4 @@
-"""eo.json: the master exterior orientation, from which every other export follows without loss,
-data_specs/eo_json.md.
+"""eo.json: the master exterior orientation, source of every other export, data_specs/eo_json.md.
 
 Numbers are written so that they read back bit by bit. Attitude stands three times: as the matrix
 C_mc, which is what is read back, as its quaternion in the tangent plane, which must agree with it,
@@ -52,8 +51,16 @@ CONVENTIONS = {
 def write_eo_json(
     eo: ExteriorOrientation, path: Source, relative: RelativeControl | None = None
 ) -> None:
-    """Write the master file. relative : relative control of neighbours in the tangent plane, for
-    its member of that name.
+    """Write the master file.
+
+    Parameters
+    ----------
+    eo : ExteriorOrientation
+        The orientation.
+    path : path
+        The file.
+    relative : RelativeControl, optional
+        Relative control of neighbours in the tangent plane, for the member of that name.
     """
     content = {
         "format": FORMAT,
@@ -85,7 +92,7 @@ def write_eo_json(
 
 
 def _image_up(camera_from_body: Array) -> str:
-    """Which way of the body the image's top points, by the nominal mounting."""
+    """Return which way of the body the image's top points, by the nominal mounting."""
     up = camera_from_body.T @ [0.0, -1.0, 0.0]
     axis = int(np.argmax(np.abs(up)))
     way = (("forward", "backward"), ("right", "left"), ("down", "up"))[axis][int(up[axis] < 0.0)]
@@ -96,7 +103,7 @@ def _image_up(camera_from_body: Array) -> str:
 
 
 def _images(eo: ExteriorOrientation) -> Iterator[str]:
-    """Each image as JSON, by a compiled encoder: a hundred thousand have 15 million numbers."""
+    """Yield each image as JSON, by a compiled encoder: 100 000 images have 15 million numbers."""
     import orjson
 
     plane = TangentPlane(*eo.origin)
@@ -120,8 +127,12 @@ def _images(eo: ExteriorOrientation) -> Iterator[str]:
 
 
 def read_eo_json(path: Source) -> ExteriorOrientation:
-    """Read the master file back, bit by bit; InputError for another format or version, a missing
-    key, attitudes that disagree.
+    """Read the master file back, bit by bit.
+
+    Raises
+    ------
+    InputError
+        Another format or version, a missing key, or attitudes that disagree.
     """
     content = _content(path)
     try:
@@ -168,7 +179,7 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
 
 
 def _unsound(eo: ExteriorOrientation) -> str:
-    """What is wrong with times or covariances; an empty text where nothing is."""
+    """Return what is wrong with times or covariances; an empty text where nothing is."""
     if (np.diff(eo.time) <= 0.0).any():
         return (
             f"image {eo.images[int(np.argmax(np.diff(eo.time) <= 0.0)) + 1]}: its time does not"

@@ -1,5 +1,4 @@
-"""EO_local-plane.txt: exterior orientation in the tangent plane, one line an image,
-data_specs/eo_local_plane.md.
+"""EO_local-plane.txt: orientation in the tangent plane, data_specs/eo_local_plane.md.
 
     image E N U omega phi kappa sE sN sU sOmega sPhi sKappa
 
@@ -44,8 +43,9 @@ ALIASES: Aliases = {
 
 @dataclass(frozen=True, eq=False)
 class LocalPlaneEo:
-    """The content of the file: (n, 3) each; m and rad; the standard deviations are None where the
-    file has none.
+    """The content of the file: arrays (n, 3), m and rad.
+
+    The standard deviations are None where the file has none.
     """
 
     images: tuple[str, ...]
@@ -56,18 +56,24 @@ class LocalPlaneEo:
 
     @property
     def C_mc(self) -> Array:
-        """(n, 3, 3), camera (x image right, y image down, z viewing direction) to the tangent
-        plane.
+        """(n, 3, 3) rotations of camera axes into the tangent plane.
+
+        Camera axes are x image right, y image down, z viewing direction.
         """
         return np.asarray(rotation_from_opk(self.opk) @ CV_RUB)
 
 
 def write_eo_local_plane(eo: FramedOrientation, path: Source) -> None:
-    """Write metres with 4 decimals (standard deviations 5), degrees with 6; the frame is a tangent
-    plane.
+    """Write a tangent plane: metres with 4 decimals (standard deviations 5), degrees with 6.
 
-    Raises UsageError for another frame, InputError for names with blanks, DataError where phi is
-    +-90 deg.
+    Raises
+    ------
+    UsageError
+        Another frame.
+    InputError
+        Names with blanks.
+    DataError
+        phi is +-90 deg.
     """
     check_frame(eo, "eo_local_plane", TANGENT)
     check_names(eo.images, None)
@@ -78,9 +84,9 @@ def write_eo_local_plane(eo: FramedOrientation, path: Source) -> None:
 
 
 def header(eo: FramedOrientation) -> str:
-    """The comment lines: frame, origin, angle set, what was applied, column names."""
+    """Return the comment lines: frame, origin, angle set, what was applied, column names."""
     lat, lon = np.degrees(eo.frame.origin[:2])
-    said = [
+    lines = [
         (
             f"insgnss {__version__}: exterior orientation of {len(eo.images)} images, GPS week"
             f" {eo.gps_week}"
@@ -99,11 +105,17 @@ def header(eo: FramedOrientation) -> str:
         *(f"done: {' '.join(sentence.split())}" for sentence in eo.history),
         " ".join(COLUMNS),
     ]
-    return "".join(f"# {line}\n" for line in said)
+    return "".join(f"# {line}\n" for line in lines)
 
 
 def read_eo_local_plane(path: Source, columns: Columns = None) -> LocalPlaneEo:
-    """Read the file back, with or without standard deviations; InputError with file and line."""
+    """Read the file back, with or without standard deviations.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, with file and line.
+    """
     table = read_text_table(path)
     index = columns_of(table, ALIASES, COLUMNS[:7], (COLUMNS, COLUMNS[:7]), columns)
 

@@ -1,5 +1,4 @@
-r"""What the exports of attitude share: frames and names that a format can hold, attitudes and
-angles with their standard deviations.
+r"""What the exports of attitude share: frames, names, attitudes, angles and their sigmas.
 
 With psi = E d(angles) the covariance of angles is E^-1 P E^-T, P the covariance of psi in the same
 axes (formats.md C4).
@@ -42,8 +41,9 @@ CHUNK = 20_000  # rows formatted at once
 
 @dataclass(frozen=True)
 class AngleSet:
-    """Three angles of a rotation: their names, how to take them, and the Jacobian E; the second is
-    that of its singularity.
+    """Three angles of a rotation: their names, how to compute them, and the Jacobian E.
+
+    The second angle is that of the singularity.
     """
 
     names: str
@@ -58,8 +58,19 @@ RPY = AngleSet("roll pitch yaw", rpy_from_rotation, rpy_jacobian)
 
 
 def check_names(images: Sequence[str], separator: str | None) -> None:
-    """Refuse image names that a table with this separator (None: blanks), or a comment sign, would
-    not give back.
+    """Refuse image names that a table with this separator would not give back.
+
+    Parameters
+    ----------
+    images : sequence of str
+        The names.
+    separator : str, optional
+        None stands for blanks. Comment signs are refused as well.
+
+    Raises
+    ------
+    InputError
+        The first such name.
     """
     for name in images:
         wrong = _unfit(name, separator)
@@ -70,7 +81,7 @@ def check_names(images: Sequence[str], separator: str | None) -> None:
 
 
 def _unfit(name: str, separator: str | None) -> str:
-    """Why a name does not fit, or nothing."""
+    """Return why a name does not fit, or an empty text."""
     if not name:
         return "is empty"
     if sign := next((sign for sign in COMMENTS if name.startswith(sign)), ""):
@@ -85,10 +96,27 @@ def _unfit(name: str, separator: str | None) -> str:
 
 
 def check_only(
-    directory: Path, own: Collection[str], alike: Callable[[str], bool], what: str
+    directory: Path, own: Collection[str], alike: Callable[[str], bool], contents: str
 ) -> None:
-    """Refuse a file, and a directory with files like those to be written that are not among `own`:
-    they would pass for this export's.
+    """Refuse a file, and a directory that holds similar files of another export.
+
+    They would pass for this export's.
+
+    Parameters
+    ----------
+    directory : Path
+        The directory to be written.
+    own : collection of str
+        Names of the files to be written.
+    alike : callable
+        Tells whether a name is like these.
+    contents : str
+        What the files are, for the message.
+
+    Raises
+    ------
+    UsageError
+        A file, or a directory with other files like these.
     """
     if directory.exists() and not directory.is_dir():
         raise UsageError(f"{directory}: is a file, a directory is written; give another name")
@@ -99,7 +127,7 @@ def check_only(
     )
     if other:
         raise UsageError(
-            f"{directory}: holds {what} of another export ({other[0]}); give a new directory"
+            f"{directory}: holds {contents} of another export ({other[0]}); give a new directory"
         )
 
 
@@ -120,19 +148,36 @@ def angle_sigma(
     who: Sequence[str] | Callable[[int], str],
     set_name: str,
 ) -> Array:
-    """Standard deviations (n, 3), rad, of angles (n, 3) whose psi has the covariances P (n, 3, 3).
+    """Return standard deviations (n, 3), rad, of angles whose psi has the covariances P.
 
-    middle : index of the angle at whose right angles the set is singular there; DataError names the
-        first, by `who`.
+    Parameters
+    ----------
+    angles : ndarray
+        (n, 3) rad.
+    jacobian : callable
+        E of the angles.
+    middle : int
+        Index of the angle at whose right angles the set is singular.
+    P : ndarray
+        (n, 3, 3) covariances of psi.
+    who : sequence or callable
+        Image names, or what names a row.
+    set_name : str
+        Names of the angles.
+
+    Raises
+    ------
+    DataError
+        The first row at the singularity.
     """
     flat = np.cos(angles[:, middle]) < LEAST_COSINE
     if flat.any():
         row = int(np.argmax(flat))
         name = who(row) if callable(who) else f"image {who[row]}"
         degrees = np.degrees(angles[row, middle])
-        what = f"the middle angle of {set_name} is {degrees:.4f} deg, where the set is singular"
+        message = f"the middle angle of {set_name} is {degrees:.4f} deg, where the set is singular"
         raise DataError(
-            f"{name}: {what}; export a format without angles: bentley, colmap, g2o or eo_json"
+            f"{name}: {message}; export a format without angles: bentley, colmap, g2o or eo_json"
         )
     F = np.linalg.inv(jacobian(angles))
     return np.sqrt(np.einsum("nij,njk,nik->ni", F, P, F))
@@ -141,23 +186,27 @@ def angle_sigma(
 def angles_of(
     eo: FramedOrientation, R: Array, P: Array, angle_set: AngleSet
 ) -> tuple[Array, Array]:
-    """Angles and standard deviations (n, 3), rad, of rotations R (n, 3, 3) whose psi, in left-hand
-    axes, has the covariances P.
+    """Return angles and standard deviations (n, 3), rad, of rotations R (n, 3, 3).
+
+    P is the covariance of their psi, in left-hand axes.
     """
     angles = angle_set.from_rotation(R)
     return angles, angle_sigma(angles, angle_set.jacobian, 1, P, eo.images, angle_set.names)
 
 
 def frame_attitude(eo: FramedOrientation) -> tuple[Array, Array]:
-    """Camera (x right, y up, z back) to the frame's axes, and the covariances of psi there, (n, 3,
-    3) each.
+    """Return the rotation of the camera to the frame's axes, and the covariances of psi there.
+
+    Both are (n, 3, 3); camera axes are x right, y up, z back.
     """
     return eo.C_fc @ CV_RUB, eo.cov[:, 3:, 3:]
 
 
 def north_attitude(eo: FramedOrientation) -> tuple[Array, Array]:
-    """Camera (x right, y up, z back) to east, north, up, true north (of a tangent plane: to its
-    axes), and the covariances of psi there.
+    """Return the rotation of the camera to east, north, up, and the covariances of psi there.
+
+    Both are (n, 3, 3); camera axes are x right, y up, z back; north is true north, in a tangent
+    plane that of its axes.
     """
     if eo.frame.kind == TANGENT:
         return frame_attitude(eo)
@@ -166,8 +215,9 @@ def north_attitude(eo: FramedOrientation) -> tuple[Array, Array]:
 
 
 def places(eo: FramedOrientation) -> Array:
-    """Coordinates (n, 3) as files have them: longitude and latitude in degrees, everything else in
-    m.
+    """Return coordinates (n, 3) as files have them.
+
+    Longitude and latitude are in degrees, everything else in m.
     """
     if eo.frame.kind != GEOGRAPHIC:
         return eo.coordinates
@@ -175,60 +225,71 @@ def places(eo: FramedOrientation) -> Array:
 
 
 def place_form(eo: FramedOrientation, separator: str) -> str:
-    """% format of `places`: 10 decimals of a degree, 4 of a metre."""
+    """Return the % format of `places`: 10 decimals of a degree, 4 of a metre."""
     first = "%.10f" if eo.frame.kind == GEOGRAPHIC else "%.4f"
     return separator.join((first, first, "%.4f"))
 
 
 def position_sigma(eo: FramedOrientation) -> Array:
-    """Standard deviations (n, 3), m, along the frame's axes."""
+    """Return standard deviations (n, 3), m, along the frame's axes."""
     return np.sqrt(np.diagonal(eo.cov, axis1=1, axis2=2)[:, :3])
 
 
 def plan_and_height_sigma(eo: FramedOrientation) -> Array:
-    """(n, 2) m: root mean square of the two horizontal standard deviations, and the vertical one;
-    not of a geocentric frame.
+    """Return horizontal and vertical standard deviations (n, 2), m.
+
+    The horizontal one is the root mean square of both; not of a geocentric frame.
     """
     s = position_sigma(eo)
     return np.column_stack([np.sqrt(0.5 * (s[:, 0] ** 2 + s[:, 1] ** 2)), s[:, 2]])
 
 
 def table_text(
-    head: str, images: Sequence[str] | Sequence[int], form: str, table: Array, at: int = 0
+    head: str, images: Sequence[str] | Sequence[int], form: str, table: Array, name_column: int = 0
 ) -> Iterable[str]:
-    """`head`, then lines of names, in column `at`, and numbers (n, m) by the % format of one of
-    them (with its newline), in pieces.
+    """Yield `head`, then lines of names and numbers, in chunks.
+
+    Parameters
+    ----------
+    head : str
+        What stands before.
+    images : sequence
+        The names.
+    form : str
+        % format of a line, with its newline.
+    table : ndarray
+        (n, m) the numbers.
+    name_column : int
+        Column of the name.
     """
     yield head
     for first in range(0, len(images), CHUNK):
-        part = slice(first, first + CHUNK)
+        chunk = slice(first, first + CHUNK)
         yield "".join(
             [
-                form % (*row[:at], name, *row[at:])
-                for name, row in zip(images[part], table[part].tolist(), strict=True)
+                form % (*row[:name_column], name, *row[name_column:])
+                for name, row in zip(images[chunk], table[chunk].tolist(), strict=True)
             ]
         )
 
 
 def one_line(text: str) -> str:
-    """Text on one line, without commas, to stand in a table's header."""
+    """Return text on one line, without commas, to stand in a table's header."""
     return " ".join(text.replace(",", " ").split())
 
 
 def frame_words(eo: FramedOrientation) -> str:
-    """Frame and heights in words."""
+    """Return frame and heights in words."""
     heights = f", heights {eo.frame.heights}" if eo.frame.heights else ""
     if eo.frame.scaled_from_m is not None:
         heights += f", scaled from the ground at {eo.frame.scaled_from_m:.2f} m"
     return " ".join(f"{eo.frame.name}{heights}".split())
 
 
-def said(
+def comment_lines(
     eo: FramedOrientation, *more: str, applied: str = "lever arm and bore-sight applied"
 ) -> str:
-    """Comment lines: what this is, in which frame, what was `applied`, `more`, and what was done to
-    get it.
-    """
+    """Return comment lines: the content, its frame, what was `applied`, `more`, the history."""
     lines = [
         (
             f"insgnss {__version__}: exterior orientation of {len(eo.images)} images, GPS week"

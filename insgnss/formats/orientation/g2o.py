@@ -1,18 +1,21 @@
-r"""A pose graph in g2o's text format: the cameras, and what is known of each relative to the next,
-data_specs/g2o.md.
+r"""A pose graph in g2o's text format: cameras and relative poses, data_specs/g2o.md.
 
     VERTEX_SE3:QUAT id  x y z  qx qy qz qw                        camera to frame: T = (p, R)
-    EDGE_SE3:QUAT i j   dx dy dz  qx qy qz qw   information       Z = T_i^-1 T_j, upper triangle of 6 x 6
+    EDGE_SE3:QUAT i j   dx dy dz  qx qy qz qw   information       Z = T_i^-1 T_j, upper triangle
+                                                                  of 6 x 6
 
 g2o's error of an edge is e = (t, v) of Z^-1 T_i^-1 T_j, v the vector part of its quaternion: half
 its rotation vector. With the truth p + dp, exp([psi x]) R in the frame's axes, and a = p_j - p_i,
 
-    T_i^-1 T_j = ( R_i' (a + dp_j - dp_i + [a x] psi_i),  R_i' R_j exp([R_j' (psi_j - psi_i) x]) )                              (G.1)
+    T_i^-1 T_j = ( R_i' (a + dp_j - dp_i + [a x] psi_i),
+                   R_i' R_j exp([R_j' (psi_j - psi_i) x]) )                                    (G.1)
 
 to first order, so that the error of the estimate Z is
 
-    e = J_i (dp_i, psi_i) + J_j (dp_j, psi_j),   J_i = [ -R_j'  R_j' [a x] ; 0  -R_j'/2 ],   J_j = [ R_j'  0 ; 0  R_j'/2 ]        (G.2)
-    P = J_i P_ii J_i' + J_j P_jj J_j' + J_i P_ij J_j' + (J_i P_ij J_j')',   information P^-1   (G.3)
+    e = J_i (dp_i, psi_i) + J_j (dp_j, psi_j)                                                  (G.2)
+    J_i = [ -R_j'  R_j' [a x] ; 0  -R_j'/2 ],   J_j = [ R_j'  0 ; 0  R_j'/2 ]
+    P = J_i P_ii J_i' + J_j P_jj J_j' + J_i P_ij J_j' + (J_i P_ij J_j')'                       (G.3)
+    information P^-1
 
 with P_ij the cross-covariance of the smoother: what both poses err alike drops out. The half in
 (G.2) makes the information of the rotation four times that of the rotation vector, which GTSAM
@@ -32,7 +35,7 @@ from ...records import Array, FramedOrientation
 from ...records.framed import GEOCENTRIC, PROJECTED, TANGENT
 from ...records.relative import GAP_S
 from ..text.text import Source, format_rows
-from .exported import check_frame, check_names, said
+from .exported import check_frame, check_names, comment_lines
 from .poses import inverse_covariance, positive
 from .tum import wxyz_last
 
@@ -51,10 +54,23 @@ def write_g2o(
 ) -> None:
     """Write vertices, numbered from 0 in the order of the images, and edges between neighbours.
 
-    max_gap_s : exposures farther apart than this are not joined.
-    rotation : what the information of rotations belongs to (G.2).
-    Raises UsageError for a frame that is not Cartesian and wrong options, DataError for a pair
-    whose covariance has no inverse.
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a Cartesian frame.
+    path : path
+        The file.
+    max_gap_s : float
+        Exposures farther apart than this are not joined, s.
+    rotation : {"quaternion", "vector"}
+        What the information of rotations belongs to (G.2).
+
+    Raises
+    ------
+    UsageError
+        A frame that is not Cartesian, or wrong options.
+    DataError
+        A pair whose covariance has no inverse.
     """
     check_frame(eo, "g2o", TANGENT, PROJECTED, GEOCENTRIC)
     check_names(eo.images, "\n")
@@ -65,7 +81,7 @@ def write_g2o(
     pairs = [f"images {eo.images[k]} and {eo.images[k + 1]}" for k in first]
     information = inverse_covariance(P, "the covariance of their relative pose", pairs)
     upper = information[:, *np.triu_indices(6)]
-    head = said(
+    head = comment_lines(
         eo,
         "VERTEX_SE3:QUAT id x y z qx qy qz qw: camera (x right, y down, z forward) to the frame's"
         " axes",
@@ -92,20 +108,30 @@ def write_g2o(
 def relative_pose(
     eo: FramedOrientation, first: NDArray[np.int64], factor: float
 ) -> tuple[Array, Array]:
-    """Pose (m, 7) x y z qx qy qz qw of each image after `first` (m,) in that image, and the
-    covariance (m, 6, 6) of its error (G.3).
+    """Return the pose of each image after `first` in that image, and its covariance (G.3).
 
-    factor : 1/2 for the vector of the quaternion, 1 for the rotation vector.
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation.
+    first : ndarray
+        (m,) indices of the first images.
+    factor : float
+        1/2 for the vector of the quaternion, 1 for the rotation vector.
+
+    Returns
+    -------
+    pose : ndarray
+        (m, 7) x y z qx qy qz qw.
+    cov : ndarray
+        (m, 6, 6) covariance of its error.
     """
     i, j = first, first + 1
     R_i_t, R_j_t = eo.C_fc[i].swapaxes(1, 2), eo.C_fc[j].swapaxes(1, 2)
     a = eo.coordinates[j] - eo.coordinates[i]
     J_i, J_j = np.zeros((2, len(first), 6, 6))
-    J_i[:, :3, :3], J_i[:, :3, 3:], J_i[:, 3:, 3:] = (
-        -R_j_t,
-        R_j_t @ skew(a),
-        -factor * R_j_t,
-    )  # (G.2)
+    # (G.2)
+    J_i[:, :3, :3], J_i[:, :3, 3:], J_i[:, 3:, 3:] = -R_j_t, R_j_t @ skew(a), -factor * R_j_t
     J_j[:, :3, :3], J_j[:, 3:, 3:] = R_j_t, factor * R_j_t
     J_i_t, J_j_t = J_i.swapaxes(1, 2), J_j.swapaxes(1, 2)
     shared = J_i @ eo.known_cross[i] @ J_j_t

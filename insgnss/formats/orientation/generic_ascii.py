@@ -1,8 +1,7 @@
-"""A table of exterior orientations by template: columns, units, delimiter, header,
-data_specs/generic_ascii.md.
+"""A table of exterior orientations by template, data_specs/generic_ascii.md.
 
-The columns are those of `_ascii_columns`. The header says all conventions, so that the file reads
-back without being told anything (`read_generic_ascii`); without a header nobody can know them, and
+The columns are those of `ascii_columns`. The header says all conventions, so that the file reads
+back without any option (`read_generic_ascii`); without a header nobody can know them, and
 the reader refuses.
 """
 
@@ -40,7 +39,7 @@ from .ascii_columns import (
     has_plan,
     kind_of,
 )
-from .exported import check_names, said, table_text
+from .exported import check_names, comment_lines, table_text
 
 Array = NDArray[np.float64]
 
@@ -68,28 +67,51 @@ def write_generic_ascii(
 ) -> None:
     """Write a table in any frame.
 
-    columns : names of columns and groups, `image` among them once.
-    delimiter : blank, comma, semicolon, tab.
-    header : full, names (one line of names without `#`) or none.
-    unit : of angles, deg, gon, rad.
-    camera_axes : RUB or CV.
-    attitude : "camera to frame" or "frame to camera", of omega phi kappa, matrix and quaternion.
-    north : "true" or "frame", of yaw; by default true but in a tangent plane.
-    decimals_m, decimals_angle : 0 to 12; standard deviations of lengths have one more; angles 6, of
-        radians 9, by default.
-    note : a further line of the full header.
-    Raises UsageError for a template that makes no table, InputError for names that break it,
-    DataError where a set is singular.
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in its frame.
+    path : path
+        The file.
+    columns : str or sequence
+        Names of columns and groups, `image` among them once.
+    delimiter : {"blank", "comma", "semicolon", "tab"}
+        What separates the columns.
+    header : {"full", "names", "none"}
+        "names" is one line of names without `#`.
+    unit : {"deg", "gon", "rad"}
+        Unit of angles.
+    camera_axes : {"RUB", "CV"}
+        Axes of the camera.
+    attitude : {"camera to frame", "frame to camera"}
+        Of omega phi kappa, matrix and quaternion.
+    north : {"true", "frame"}, optional
+        Of yaw; by default true but in a tangent plane.
+    decimals_m : int
+        0 to 12; standard deviations of lengths have one more.
+    decimals_angle : int, optional
+        0 to 12; by default 6, of radians 9.
+    note : str
+        A further line of the full header.
+
+    Raises
+    ------
+    UsageError
+        A template that makes no table.
+    InputError
+        Names that break it.
+    DataError
+        An angle set that is singular.
     """
     how = Conventions(
         camera_axes, attitude, north or ("frame" if eo.frame.kind == TANGENT else "true"), unit
     )
     names = _names(columns)
     _check(eo, names, how, delimiter, header)
-    for what, value in (("decimals_m", decimals_m), ("decimals_angle", decimals_angle)):
+    for option, value in (("decimals_m", decimals_m), ("decimals_angle", decimals_angle)):
         if value is not None and not (isinstance(value, int) and 0 <= value <= MOST_DECIMALS):
             raise UsageError(
-                f"generic_ascii: {what} {value!r} is no whole number from 0 to {MOST_DECIMALS};"
+                f"generic_ascii: {option} {value!r} is no whole number from 0 to {MOST_DECIMALS};"
                 " leave it out for the usual ones"
             )
     separator = DELIMITERS[delimiter]
@@ -98,19 +120,21 @@ def write_generic_ascii(
     decimals["angle"] = decimals["angle sigma"] = (
         decimals_angle if decimals_angle is not None else 9 if unit == "rad" else 6
     )
-    at = names.index("image")
+    image_column = names.index("image")
     numbers = [name for name in names if name != "image"]
     fields = [f"%.{decimals[kind_of(name, eo.frame.kind)]}f" for name in numbers]
     table = np.column_stack(_values(eo, numbers, how)) if numbers else np.empty((len(eo.images), 0))
-    form = separator.join([*fields[:at], "%s", *fields[at:]]) + "\n"
+    form = separator.join([*fields[:image_column], "%s", *fields[image_column:]]) + "\n"
     atomic_write(
         path,
-        table_text(_header(eo, names, how, separator, header, note), eo.images, form, table, at),
+        table_text(
+            _header(eo, names, how, separator, header, note), eo.images, form, table, image_column
+        ),
     )
 
 
 def _names(columns: str | Sequence[str]) -> list[str]:
-    """Single columns of a template."""
+    """Return the single columns of a template."""
     tokens = re.split(r"[\s,]+", columns.strip()) if isinstance(columns, str) else list(columns)
     return [
         name
@@ -123,7 +147,7 @@ def _check(
     eo: FramedOrientation, names: list[str], how: Conventions, delimiter: str, header: str
 ) -> None:
     """Refuse a template that makes no table."""
-    for what, value, known in (
+    for option, value, accepted in (
         ("delimiter", delimiter, tuple(DELIMITERS)),
         ("header", header, HEADERS),
         ("unit", how.unit, tuple(ANGLE_UNITS)),
@@ -131,9 +155,9 @@ def _check(
         ("attitude", how.attitude, DIRECTIONS),
         ("north", how.north, NORTHS),
     ):
-        if value not in known:
+        if value not in accepted:
             raise UsageError(
-                f"generic_ascii: {what} {value!r} is unknown; it is one of {', '.join(known)}"
+                f"generic_ascii: {option} {value!r} is unknown; it is one of {', '.join(accepted)}"
             )
     unknown = [name for name in names if name != "image" and name not in GROUP_OF]
     if unknown:
@@ -166,7 +190,7 @@ def _is_of_north(name: str) -> bool:
 
 
 def _values(eo: FramedOrientation, numbers: list[str], how: Conventions) -> list[Array]:
-    """Columns (n,) in the units of the file."""
+    """Return the columns (n,) in the units of the file."""
     blocks = {
         name: GROUPS[name].compute(eo, how)
         for name in dict.fromkeys(GROUP_OF[column] for column in numbers)
@@ -198,13 +222,23 @@ def _header(
         f"camera axes: {how.camera_axes} ({CAMERA_AXES[how.camera_axes]})",
     ]
     lines += [f"attitude: {how.attitude}", f"north: {how.north}", f"angle unit: {how.unit}"]
-    return said(eo, *lines) + "#" + (" " if separator == " " else "") + line
+    return comment_lines(eo, *lines) + "#" + (" " if separator == " " else "") + line
 
 
 @dataclass(frozen=True, eq=False)
 class AsciiOrientation:
-    """What a table holds: the columns (n,) by name, m, s and rad (also longitude and latitude), and
-    the conventions of its header.
+    """What a table holds.
+
+    Attributes
+    ----------
+    images : tuple of str
+        Image names.
+    frame_kind : str
+        Kind of its frame.
+    how : Conventions
+        The conventions of its header.
+    columns : dict
+        Columns (n,) by name, m, s and rad (also longitude and latitude).
     """
 
     images: tuple[str, ...]
@@ -213,7 +247,7 @@ class AsciiOrientation:
     columns: dict[str, Array]
 
     def block(self, group: str) -> Array | None:
-        """Columns (n, k) of a group, None where not all are there."""
+        """Return the columns (n, k) of a group, None where the table lacks any."""
         names = GROUPS[group].columns
         return (
             np.column_stack([self.columns[name] for name in names])
@@ -223,8 +257,9 @@ class AsciiOrientation:
 
     @property
     def C_fc(self) -> Array | None:
-        """(n, 3, 3), camera (x right, y down, z viewing direction) to the frame's axes; None where
-        no columns tell.
+        """(n, 3, 3) rotations of camera axes to the frame's; None where no columns give them.
+
+        Camera axes are x right, y down, z viewing direction.
         """
         if (a := self.block("matrix")) is not None:
             R = a.reshape(-1, 3, 3)
@@ -242,8 +277,9 @@ class AsciiOrientation:
 
     @property
     def C_Ec(self) -> Array | None:
-        """(n, 3, 3), camera as in `C_fc` to east, north, up by `how.north`; None where no columns
-        tell.
+        """(n, 3, 3) rotations of camera axes to east, north, up; None where no columns give them.
+
+        Camera axes are those of `C_fc`; north is that of `how.north`.
         """
         if (a := self.block("ypr")) is not None:
             return np.asarray(rotation_from_ypr(a) @ CV_RUB)
@@ -253,8 +289,12 @@ class AsciiOrientation:
 
 
 def read_generic_ascii(path: Source) -> AsciiOrientation:
-    """Read a table that was written with a full header; InputError with file and line for another,
-    or a column it does not know.
+    """Read a table that was written with a full header.
+
+    Raises
+    ------
+    InputError
+        Another header, or an unknown column, with file and line.
     """
     table = read_text_table(path)
     words = _header_words(path)
@@ -262,11 +302,11 @@ def read_generic_ascii(path: Source) -> AsciiOrientation:
         kind, axes = words["frame kind"], words["camera axes"].split()[0]
         how = Conventions(axes, words["attitude"], words["north"], words["angle unit"])
     except KeyError as missing:
-        what = (
+        message = (
             f"has no header line '# {missing.args[0]}: ...'; only tables of generic_ascii with a"
             " full header say their conventions"
         )
-        raise InputError.at(path, None, what) from None
+        raise InputError.at(path, None, message) from None
     if (
         how.unit not in ANGLE_UNITS
         or axes not in CAMERA_AXES
@@ -298,7 +338,7 @@ def _column(table: TextTable, k: int, name: str, frame_kind: str, how: Conventio
 
 
 def _header_words(path: Source) -> dict[str, str]:
-    """What the comment lines before the table say, by key."""
+    """Return what the comment lines before the table state, by key."""
     words: dict[str, str] = {}
     with Path(path).open(encoding="utf-8", errors="replace") as stream:
         for line in stream:

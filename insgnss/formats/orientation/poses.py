@@ -1,6 +1,4 @@
-"""What the exports of poses share: instants in UTC, true north whatever the frame, heights above
-sea level, inverses.
-"""
+"""What the exports of poses share: UTC instants, true north, heights above sea level, inverses."""
 
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -15,40 +13,45 @@ from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S, leap_seconds
 from ...geodesy.rotation import CV_RUB
 from ...records import Array, FramedOrientation
 from ..text.text import Source
-from .exported import YPR, angles_of, said
+from .exported import YPR, angles_of, comment_lines
 
 EPOCH = np.datetime64("1970-01-01", "us")
 FAR = 110.0  # m, geoid heights lie within -107 and 86 m
 
 
 def unix_seconds(eo: FramedOrientation) -> Array:
-    """Unix times (n,), s, of the exposures: UTC, which lags behind GPST by the leap seconds."""
+    """Return Unix times (n,), s, of the exposures: UTC, that is GPST less the leap seconds."""
     gps = GPS_EPOCH_UNIX_S + WEEK_S * eo.gps_week + eo.time
     return np.asarray(gps - leap_seconds(gps - leap_seconds(gps)))
 
 
 def utc(eo: FramedOrientation, unit: str = "us") -> list[str]:
-    """Instants of the exposures in UTC, ISO 8601 with Z; unit: digits kept, "us" or "ms"."""
+    """Return the exposures in UTC, ISO 8601 with Z; `unit` is the digits kept, "us" or "ms"."""
     stamp = EPOCH + np.round(1e6 * unix_seconds(eo)).astype("timedelta64[us]")
-    text: list[str] = np.char.add(np.datetime_as_string(stamp, unit=unit), "Z").tolist()  # type: ignore[call-overload]
+    digits = np.datetime_as_string(stamp, unit=unit)  # type: ignore[call-overload]
+    text: list[str] = np.char.add(digits, "Z").tolist()
     return text
 
 
 def sentences(eo: FramedOrientation, *more: str) -> list[str]:
-    """What a file says of itself, line by line, where it has no comments."""
-    return [line.removeprefix("# ") for line in said(eo, *more).splitlines()]
+    """Return what a file states of itself, line by line, where it has no comments."""
+    return [line.removeprefix("# ") for line in comment_lines(eo, *more).splitlines()]
 
 
 def positive(value: object, name: str, unit: str) -> float:
-    """An option that is a positive number; UsageError for anything else."""
+    """Return an option that is a positive number; UsageError for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < np.inf:
         raise UsageError(f"{name}: {value!r} is no positive number of {unit}")
     return float(value)
 
 
 def vector(value: str | Sequence[float] | Array, name: str) -> Array:
-    """An option of three numbers in m, or text with commas between them; UsageError for anything
-    else.
+    """Return an option of three numbers in m, or of text with commas between them.
+
+    Raises
+    ------
+    UsageError
+        Anything else.
     """
     try:
         v = np.array(value.split(",") if isinstance(value, str) else value, dtype=np.float64)
@@ -62,7 +65,7 @@ def vector(value: str | Sequence[float] | Array, name: str) -> Array:
 
 
 def local_covariance(eo: FramedOrientation) -> Array:
-    """Covariances (n, 6, 6) in east, north, up at the images, true north."""
+    """Return covariances (n, 6, 6) in east, north, up at the images, true north."""
     C = eo.C_fE.swapaxes(1, 2)
     J = np.zeros((len(C), 6, 6))
     J[:, :3, :3] = J[:, 3:, 3:] = C
@@ -70,13 +73,14 @@ def local_covariance(eo: FramedOrientation) -> Array:
 
 
 def local_sigma(eo: FramedOrientation) -> Array:
-    """Standard deviations (n, 3), m, of the positions in east, north, up at the images."""
+    """Return standard deviations (n, 3), m, of the positions in east, north, up at the images."""
     return np.sqrt(np.diagonal(local_covariance(eo), axis1=1, axis2=2)[:, :3])
 
 
 def true_north_ypr(eo: FramedOrientation) -> tuple[Array, Array]:
-    """Yaw (0 to 2 pi), pitch, roll and their standard deviations, each (n, 3) rad: the image's top
-    to true north, nadir zero.
+    """Return yaw (0 to 2 pi), pitch, roll and their standard deviations, each (n, 3) rad.
+
+    They are of the image's top to true north, with zero in the nadir.
     """
     ypr, sigma = angles_of(eo, eo.C_Ec @ CV_RUB, local_covariance(eo)[:, 3:, 3:], YPR)
     ypr[:, 0] %= 2.0 * np.pi
@@ -86,7 +90,15 @@ def true_north_ypr(eo: FramedOrientation) -> tuple[Array, Array]:
 def sea_level(
     eo: FramedOrientation, undulation_m: float | Sequence[float] | Array | None, name: str
 ) -> Array:
-    """Heights (n,), m, above mean sea level: those above the ellipsoid less the geoid's."""
+    """Return heights (n,), m, above mean sea level: those above the ellipsoid less the geoid's.
+
+    Raises
+    ------
+    UsageError
+        `undulation_m` is missing.
+    InputError
+        `undulation_m` is no height of a geoid, or of another number of images.
+    """
     if undulation_m is None:
         raise UsageError(
             f"{name} takes heights above mean sea level; give the geoid's heights above the"
@@ -110,9 +122,13 @@ def sea_level(
     return np.asarray(eo.geodetic[:, 2] - N)
 
 
-def inverse_covariance(P: Array, what: str, who: Sequence[str]) -> Array:
-    """Inverse (n, d, d) of covariances; DataError names the first, by `who`, that is not positive
-    definite.
+def inverse_covariance(P: Array, description: str, who: Sequence[str]) -> Array:
+    """Return the inverses (n, d, d) of covariances.
+
+    Raises
+    ------
+    DataError
+        The first covariance, by `who`, that is not positive definite.
     """
     scale: Array = np.sqrt(np.maximum(np.diagonal(P, axis1=1, axis2=2), 0.0))
     if not len(P):
@@ -124,7 +140,7 @@ def inverse_covariance(P: Array, what: str, who: Sequence[str]) -> Array:
     if bad.any():
         row = int(np.argmax(bad))
         raise DataError(
-            f"{who[row]}: {what} is not positive definite, so that it has no inverse; export"
+            f"{who[row]}: {description} is not positive definite, so that it has no inverse; export"
             " eo_json instead"
         )
     return np.linalg.inv(R) / safe[:, :, None] / safe[:, None, :]
@@ -132,8 +148,9 @@ def inverse_covariance(P: Array, what: str, who: Sequence[str]) -> Array:
 
 @contextmanager
 def staged(path: Source) -> Iterator[Path]:
-    """A path beside `path` for a library that writes files itself; what stands there in the end
-    takes its place, whole or not at all.
+    """Yield a path beside `path` for a library that writes files itself.
+
+    The file written there replaces `path` at the end, whole or not at all.
     """
     path = Path(path)
     try:

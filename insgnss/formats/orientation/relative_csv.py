@@ -1,5 +1,4 @@
-"""relative.csv: relative position and attitude of neighbouring images of a flight line,
-data_specs/relative_csv.md.
+"""relative.csv: relative pose of neighbouring images, data_specs/relative_csv.md.
 
 One row a pair: its value, the standard deviations of the three weightings side by side, and the
 full covariance of the third, P = cov(offset, psi) with rotation(true) = exp([psi x]) rotation,
@@ -46,8 +45,9 @@ _IN_WORDS = {
 
 @dataclass(frozen=True, eq=False)
 class RelativeTable:
-    """The content of the file, of k pairs: as `records.relative.RelativeControl`; sigma: (k, 6) m
-    and rad of each of `WEIGHTINGS`.
+    """The content of the file, of k pairs: as `records.relative.RelativeControl`.
+
+    `sigma` is (k, 6), m and rad, of each of `WEIGHTINGS`.
     """
 
     form: str
@@ -61,8 +61,10 @@ class RelativeTable:
 
 
 def write_relative_csv(control: RelativeControl, path: Source) -> None:
-    """Write metres with 5 decimals, quaternions with 12, standard deviations with 6 (m) and 8
-    (deg), covariances with 10 digits.
+    """Write relative control.
+
+    Metres have 5 decimals, quaternions 12, standard deviations 6 (m) and 8 (deg), covariances 10
+    digits.
     """
     check_names(control.images, ",")
     sigmas = [
@@ -97,9 +99,9 @@ def write_relative_csv(control: RelativeControl, path: Source) -> None:
 
 
 def header(control: RelativeControl) -> str:
-    """The comment lines: form, frame, weightings, what was applied, column names."""
+    """Return the comment lines: form, frame, weightings, what was applied, column names."""
     noise, drift = np.degrees(control.gyro_noise), np.degrees(control.gyro_drift)
-    said = [
+    lines = [
         (
             f"insgnss {__version__}: relative control of {control.i.size} pairs of neighbouring"
             f" images, GPS week {control.gps_week}"
@@ -126,12 +128,13 @@ def header(control: RelativeControl) -> str:
         "boresight: " + " ".join(f"{x:.9f}" for x in control.boresight.ravel()),
         *(f"done: {' '.join(sentence.split())}" for sentence in control.history),
     ]
-    return "".join(f"# {line}\n" for line in said) + ",".join(COLUMNS) + "\n"
+    return "".join(f"# {line}\n" for line in lines) + ",".join(COLUMNS) + "\n"
 
 
 def relative_member(control: RelativeControl) -> dict[str, Any]:
-    """The same as the member `relative` of eo.json: form, conventions and one object a pair;
-    numbers read back bit by bit.
+    """Return the same as the member `relative` of eo.json: form, conventions and one object a pair.
+
+    Its numbers read back bit by bit.
     """
     q = quaternion_from_rotation(control.rotation)
     sigma = {
@@ -169,15 +172,21 @@ def relative_member(control: RelativeControl) -> dict[str, Any]:
 
 
 def read_relative_csv(path: Source) -> RelativeTable:
-    """Read the file back; InputError with file and line, also for a form that is unknown or
-    changes, and a quaternion without length 1.
+    """Read the file back.
+
+    Raises
+    ------
+    InputError
+        A form that is unknown or changes, or a quaternion without length 1, with file and line.
     """
     table = read_text_table(path)
     index = columns_of(table, ALIASES, COLUMNS, (COLUMNS,))
     forms = table.strings(index["form"])
     for row, form in enumerate(forms):
         if form not in FORMS or form != forms[0]:
-            raise table.at(row, f"form {form!r}; it is {' or '.join(FORMS)}, the same in all rows")
+            raise table.error_at(
+                row, f"form {form!r}; it is {' or '.join(FORMS)}, the same in all rows"
+            )
 
     def block(names: tuple[str, ...]) -> Array:
         return np.column_stack([table.floats(index[name]) for name in names])
@@ -186,7 +195,7 @@ def read_relative_csv(path: Source) -> RelativeTable:
     length = np.linalg.norm(q, axis=1)
     if (off := np.abs(length - 1.0) > UNIT_LENGTH).any():
         row = int(np.argmax(off))
-        raise table.at(row, f"the quaternion has the length {length[row]:.7f}; it must be 1")
+        raise table.error_at(row, f"the quaternion has the length {length[row]:.7f}; it must be 1")
     P = np.zeros((len(forms), 6, 6))
     row_of, column_of = np.triu_indices(6)
     P[:, row_of, column_of] = P[:, column_of, row_of] = block(COVARIANCE)

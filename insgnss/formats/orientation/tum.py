@@ -1,5 +1,4 @@
-"""Poses as the TUM RGB-D benchmark writes them, which evo and many SLAM tools read,
-data_specs/tum.md.
+"""Poses of the TUM RGB-D benchmark, for evo and many SLAM tools, data_specs/tum.md.
 
     time tx ty tz qx qy qz qw
 
@@ -17,7 +16,7 @@ from ...geodesy.rotation import quaternion_from_rotation
 from ...records import Array, FramedOrientation
 from ...records.framed import GEOCENTRIC, PROJECTED, TANGENT
 from ..text.text import Source, format_rows
-from .exported import check_frame, said
+from .exported import check_frame, comment_lines
 from .poses import unix_seconds
 
 SCALES = {
@@ -29,7 +28,19 @@ SCALES = {
 def write_tum(eo: FramedOrientation, path: Source, time: Literal["tow", "unix"] = "tow") -> None:
     """Write seconds with 6 decimals, metres with 6, quaternions with 10, in the order of time.
 
-    time : seconds of the GPS week, or since 1970 (UTC).   Raises UsageError for a frame that is not Cartesian or another scale.
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a Cartesian frame.
+    path : path
+        The file.
+    time : {"tow", "unix"}
+        Seconds of the GPS week, or since 1970 (UTC).
+
+    Raises
+    ------
+    UsageError
+        A frame that is not Cartesian, or another scale.
     """
     check_frame(eo, "tum", TANGENT, PROJECTED, GEOCENTRIC)
     if time not in SCALES:
@@ -37,7 +48,7 @@ def write_tum(eo: FramedOrientation, path: Source, time: Literal["tow", "unix"] 
     seconds = eo.time if time == "tow" else unix_seconds(eo)
     order = np.argsort(seconds, kind="stable")
     table = np.column_stack([seconds, eo.coordinates, wxyz_last(eo.C_fc)])[order]
-    head = said(
+    head = comment_lines(
         eo,
         f"time: {SCALES[time]}",
         "time tx ty tz qx qy qz qw: camera (x right, y down, z forward) to the frame's axes",
@@ -47,5 +58,5 @@ def write_tum(eo: FramedOrientation, path: Source, time: Literal["tow", "unix"] 
 
 
 def wxyz_last(C: Array) -> Array:
-    """Quaternions (n, 4) x, y, z, w of rotations (n, 3, 3)."""
+    """Return quaternions (n, 4) x, y, z, w of rotations (n, 3, 3)."""
     return np.roll(quaternion_from_rotation(C), -1, axis=-1)

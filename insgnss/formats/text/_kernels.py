@@ -1,5 +1,4 @@
-"""Byte kernels: tables of decimal numbers, checksummed NMEA sentences, and the messages of
-ArduPilot logs.
+"""Byte kernels: tables of decimal numbers, NMEA sentences, messages of ArduPilot logs.
 
 A decimal is an integer mantissa m and a power of ten, x = m 10^e. With m < 2^53 and |e| <= 22 both
 are exact doubles and one multiplication or division rounds correctly. Otherwise m = h + l and 10^e
@@ -61,8 +60,9 @@ def _scaled(m, e):
 
 @njit(cache=True)
 def _long_mantissa(buf, i, decimal):
-    """Mantissa of up to 18 significant digits from i on, and the power of ten that stands for the
-    digits after them.
+    """Return the mantissa of up to 18 significant digits from i on, and the power of ten after it.
+
+    The power stands for the digits that follow these.
     """
     m, kept, e, fraction = np.int64(0), 0, 0, False
     while True:
@@ -86,7 +86,7 @@ def _long_mantissa(buf, i, decimal):
 
 @njit(cache=True)
 def _exponent(buf, i):
-    """Signed exponent at i behind its letter, the place after it, and whether it was one."""
+    """Return the signed exponent at i behind its letter, the index after it, whether it was one."""
     negative = buf[i] == 45
     if negative or buf[i] == 43:
         i += 1
@@ -102,7 +102,10 @@ def _exponent(buf, i):
 
 @njit(cache=True)
 def _number(buf, i, decimal):
-    """Number at i, the place after it, and whether it was one; a number beyond 10^+-280 is none."""
+    """Return the number at i, the index after it, and whether it was one.
+
+    A number beyond 10^+-280 is none.
+    """
     negative = buf[i] == 45
     if negative or buf[i] == 43:
         i += 1
@@ -142,7 +145,7 @@ def _number(buf, i, decimal):
 
 @njit(cache=True)
 def count_newlines(buf):
-    """Number of newlines in `buf`."""
+    """Return the number of newlines in `buf`."""
     n = 0
     for c in buf:
         n += c == _NEWLINE
@@ -151,8 +154,9 @@ def count_newlines(buf):
 
 @njit(cache=True)
 def _field_end(buf, i, delimiter):
-    """Place of the delimiter or newline behind the field at i; of blanks the last place before the
-    next field.
+    """Return the index of the delimiter or newline behind the field at i.
+
+    Of blanks it is the last one before the next field.
     """
     if delimiter == WHITESPACE:
         while buf[i] > _BLANK:
@@ -167,13 +171,26 @@ def _field_end(buf, i, delimiter):
 
 @njit(cache=True)
 def parse_rows(buf, i, line, delimiter, decimal, values, lines, bad):
-    """Parse data lines of `buf`, which ends in a newline, from place i in line `line` on, into
-    `values` and their `lines`.
+    """Parse data lines of `buf` into `values` and their `lines`.
 
-    bad (m, 2), -1 before : place and line of the first field of each column that is no number;
+    Parameters
+    ----------
+    buf
+        Bytes that end in a newline.
+    i, line
+        Index and line of the first data line.
+    delimiter, decimal
+        Bytes.
+    values, lines
+        (n, m) and (n,) outputs.
+    bad
+        (m, 2), -1 before: index and line of the first field of each column that is no number;
         not-a-number stands for such a field.
-    Returns (rows, status, place, line): a status other than OK with the place and the line of what
-    was found wrong.
+
+    Returns
+    -------
+    rows, status, index, line
+        A status other than OK with the index and the line of the error.
     """
     end, n_fields, row = buf.size, values.shape[1], 0
     while i < end:
@@ -230,11 +247,11 @@ def parse_rows(buf, i, line, delimiter, decimal, values, lines, bad):
 
 @njit(cache=True)
 def nmea_sentences(buf, starts, stars, lines):
-    """For every line of `buf` that is not blank: its place, the place of the '*' before a right
-    checksum or 0, and its number.
+    """Find the sentences: for every line of `buf` that is not blank its start, star and number.
 
-    A sentence opens with '$'; the checksum is the exclusive or of the bytes up to '*', in two
-    hexadecimal digits. Returns the count.
+    The star is the index of the '*' before a right checksum, or 0. A sentence opens with '$'; the
+    checksum is the exclusive or of the bytes up to '*', in two hexadecimal digits. Returns the
+    count.
     """
     n, i, line = 0, 0, 0
     while i < buf.size:
@@ -271,37 +288,42 @@ def _hex_digit(c):
 
 @njit(cache=True)
 def dataflash_messages(buf, lengths, kinds, places):
-    """Messages of an ArduPilot log: kind and place of each, with the count of bytes between them
-    that belong to none.
+    """Find the messages of an ArduPilot log: kind and index of each.
 
-    lengths (256,) of the kinds, zero of those not known yet, is filled by the FMT messages (kind
-    128: kind, length, ...). Returns (count, bytes of no message, place of a message that the file's
-    end cuts or -1, place of an FMT that is none or -1).
+    `lengths` (256,) of the kinds, zero of those not known yet, is filled by the FMT messages (kind
+    128: kind, length, ...).
+
+    Returns
+    -------
+    tuple
+        Count, bytes of no message, index of a message that the file's end cuts or -1, index of an
+        FMT that is none or -1.
     """
-    n, i, lost, size = 0, 0, 0, buf.size
+    n, i, n_lost, size = 0, 0, 0, buf.size
     while i + 3 <= size:
         kind = np.int64(buf[i + 2])
         length = lengths[kind]
         if buf[i] != 0xA3 or buf[i + 1] != 0x95 or length == 0:
-            lost += 1
+            n_lost += 1
             i += 1
             continue
         if i + length > size:
-            return n, lost, i, -1
+            return n, n_lost, i, -1
         if kind == 128:
             if buf[i + 4] < 3:
-                return n, lost, -1, i
+                return n, n_lost, -1, i
             lengths[np.int64(buf[i + 3])] = np.int64(buf[i + 4])
         kinds[n], places[n] = kind, i
         n += 1
         i += length
-    return n, lost + size - i, -1, -1
+    return n, n_lost + size - i, -1, -1
 
 
 @njit(cache=True)
 def ulog_end(buf, i):
-    """Place of the first message of a PX4 log, from place i on, that its length does not fit the
-    file; the file's size where all do.
+    """Return the index of the first message of a PX4 log, from i on, whose length exceeds the file.
+
+    It is the file's size where all fit.
     """
     while i + 3 <= buf.size:
         following = i + 3 + np.int64(buf[i]) + 256 * np.int64(buf[i + 1])

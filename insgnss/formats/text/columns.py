@@ -41,19 +41,19 @@ TIME: Aliases = {
     ),
     "week": ("week", "gpsweek", "gps_week", "wn"),
 }
-FINE: Aliases = {
-    "nsec": ()
-}  # nanoseconds beside the seconds of `tow`, where a clock stands in two columns; only `columns` can name it
+# nanoseconds beside the seconds of `tow`, where a clock stands in two columns; only `columns` can
+# name it
+FINE: Aliases = {"nsec": ()}
 
 
 def sigma_aliases(*axes: str) -> tuple[str, ...]:
-    """Header names of a standard deviation along an axis of these names."""
+    """Return header names of a standard deviation along an axis of these names."""
     heads = ("sd", "std", "sigma", "rms", "acc", "stdev")
     return tuple(f"{head}{glue}{axis}" for head, glue, axis in product(heads, ("_", ""), axes))
 
 
 def axis_aliases(letter: str, *stems: str) -> tuple[str, ...]:
-    """Header names of the component x, y or z of a triad with these stems."""
+    """Return header names of the component x, y or z of a triad with these stems."""
     return tuple(f"{stem}{glue}{letter}" for stem, glue in product(stems, ("_", "")))
 
 
@@ -65,19 +65,32 @@ def columns_of(
     columns: Columns = None,
     kinds: Kinds | None = None,
 ) -> dict[str, int]:
-    """Index of every known column by its canonical name, the keys of `aliases`.
+    """Return the index of every known column by its canonical name, the keys of `aliases`.
 
-    columns : canonical name of each column, "-" or any other name leaving one out; or canonical
-        name to name in the header, or to its place, "[1]" for the first.
-    defaults : the documented layouts of a file without header, told apart by their number of
-        columns.
-    kinds : of the units that may stand behind the names of a header, by canonical name.
-    Raises InputError where a required name is missing, ambiguous, or the number of fields does not
-    fit.
+    Parameters
+    ----------
+    table : Table or TextTable
+        The table.
+    aliases : mapping
+        Header names by canonical name.
+    required : sequence of str
+        Canonical names that the table must have.
+    defaults : sequence
+        The documented layouts of a file without header, distinguished by their number of columns.
+    columns : sequence or mapping, optional
+        Canonical name of each column, "-" or any other name leaving one out; or canonical name to
+        name in the header, or to its index, "[1]" for the first.
+    kinds : mapping, optional
+        Kinds of the units that may stand behind the names of a header, by canonical name.
+
+    Raises
+    ------
+    InputError
+        A required name that is missing or ambiguous, or a number of fields that does not fit.
     """
-    layout, known = table.layout, ", ".join(aliases)
+    layout, choices = table.layout, ", ".join(aliases)
     if isinstance(columns, Mapping):
-        found, what = (
+        assigned, source = (
             _from_mapping(table.path, layout, aliases, columns),
             f"columns = {dict(columns)}",
         )
@@ -88,32 +101,32 @@ def columns_of(
                 layout.first_line,
                 f"{layout.n_fields} fields, but columns names {len(columns)}: {list(columns)}",
             )
-        found = [name if name in aliases else None for name in columns]
-        what = f"columns = {list(columns)}"
+        assigned = [name if name in aliases else None for name in columns]
+        source = f"columns = {list(columns)}"
     elif layout.header is not None:
-        found = _from_header(table.path, layout, aliases, kinds or {})
-        what = f"the header {shown(layout.header, 400)}"
+        assigned = _from_header(table.path, layout, aliases, kinds or {})
+        source = f"the header {shown(layout.header, 400)}"
     else:
         default = next((names for names in defaults if len(names) == layout.n_fields), None)
         if default is None:
             sizes = "; ".join(" ".join(names) for names in defaults)
-            what = (
+            message = (
                 f"{layout.n_fields} fields and no header; without one the columns are {sizes}; name"
-                f" them by columns = [...] of {known}"
+                f" them by columns = [...] of {choices}"
             )
-            raise InputError.at(table.path, layout.first_line, what)
-        found, what = [name if name in aliases else None for name in default], "the default"
-    index = {name: i for i, name in enumerate(found) if name is not None}
-    twice = next((name for name in index if found.count(name) > 1), None)
+            raise InputError.at(table.path, layout.first_line, message)
+        assigned, source = [name if name in aliases else None for name in default], "the default"
+    index = {name: i for i, name in enumerate(assigned) if name is not None}
+    twice = next((name for name in index if assigned.count(name) > 1), None)
     missing = [name for name in required if name not in index]
     if twice or missing:
         why = f"names {twice} twice" if twice else f"does not name {', '.join(missing)}"
         line = None if columns is not None else layout.header_line
         how = (
-            f"set columns = [...] of {known}, with '-' for what is to be left out, or columns = {{"
-            ' tow = "its name in the file", ... }'
+            f"set columns = [...] of {choices}, with '-' for what is to be left out, or columns ="
+            ' { tow = "its name in the file", ... }'
         )
-        raise InputError.at(table.path, line, f"{what} {why}; {how}")
+        raise InputError.at(table.path, line, f"{source} {why}; {how}")
     if isinstance(table, Table):
         table.refuse_text(index.values())
     return index
@@ -121,15 +134,15 @@ def columns_of(
 
 def _from_header(path: str, layout: Layout, aliases: Aliases, kinds: Kinds) -> list[str | None]:
     if layout.header_fields is None:
-        what = (
+        message = (
             f"the header {shown(layout.header, 400)} does not have the {layout.n_fields} fields of"
             " the data; set columns = [...]"
         )
         if layout.delimiter == "," and layout.n_fields == 2 * len(str(layout.header).split(",")):
-            what += (
+            message += (
                 ", or, where these are decimal commas between commas, write the numbers with points"
             )
-        raise InputError.at(path, layout.header_line, what)
+        raise InputError.at(path, layout.header_line, message)
     canonical = {alias: name for name, names in aliases.items() for alias in names}
     return names_of(layout.header_fields, canonical, kinds)
 
@@ -137,14 +150,14 @@ def _from_header(path: str, layout: Layout, aliases: Aliases, kinds: Kinds) -> l
 def _from_mapping(
     path: str, layout: Layout, aliases: Aliases, columns: Mapping[str, str]
 ) -> list[str | None]:
-    found: list[str | None] = [None] * layout.n_fields
+    assigned: list[str | None] = [None] * layout.n_fields
     names = [normalised(field)[0] for field in layout.header_fields or ()]
     for canonical, field in columns.items():
         if canonical not in aliases:
             raise UsageError(f"{path}: columns: {canonical!r} is none of {', '.join(aliases)}")
-        if place := re.fullmatch(r"\[(\d+)\]", field):
-            at = int(place[1]) - 1
-            if not 0 <= at < layout.n_fields:
+        if match := re.fullmatch(r"\[(\d+)\]", field):
+            index = int(match[1]) - 1
+            if not 0 <= index < layout.n_fields:
                 raise InputError.at(
                     path,
                     layout.first_line,
@@ -152,30 +165,30 @@ def _from_mapping(
                     " from 1",
                 )
         elif layout.header_fields is None:
-            what = (
+            message = (
                 f"columns names fields of the header, but there is none of {layout.n_fields}"
                 " fields; give their places, [1] for the first"
             )
-            raise InputError.at(path, layout.first_line, what)
+            raise InputError.at(path, layout.first_line, message)
         elif layout.header_fields.count(field) == 1:
-            at = layout.header_fields.index(field)
+            index = layout.header_fields.index(field)
         elif names.count(normalised(field)[0]) != 1:
-            what = (
+            message = (
                 f"columns: {field!r} does not stand once in the header {shown(layout.header, 400)}"
             )
-            raise InputError.at(path, layout.header_line, what)
+            raise InputError.at(path, layout.header_line, message)
         else:
-            at = names.index(normalised(field)[0])
-        if found[at] is not None:
-            raise UsageError(f"{path}: columns: {field!r} is both {found[at]} and {canonical}")
-        found[at] = canonical
-    return found
+            index = names.index(normalised(field)[0])
+        if assigned[index] is not None:
+            raise UsageError(
+                f"{path}: columns: {field!r} is both {assigned[index]} and {canonical}"
+            )
+        assigned[index] = canonical
+    return assigned
 
 
 def reversed_names(layout: Layout, index: Mapping[str, int]) -> list[str]:
-    """Of the columns `index` those that the header calls by the reverse of their axis, such as
-    -YAccel.
-    """
+    """Return the columns that the header calls by the reverse of their axis, such as -YAccel."""
     fields = layout.header_fields or ()
     return [
         name for name, k in index.items() if fields and re.match(r"[\"'\s]*-\s*[A-Za-z]", fields[k])
@@ -183,7 +196,7 @@ def reversed_names(layout: Layout, index: Mapping[str, int]) -> list[str]:
 
 
 def fields_of(layout: Layout, index: Mapping[str, int], names: Sequence[str]) -> list[str]:
-    """Fields of the header for the columns `names`, as far as there are any."""
+    """Return the fields of the header for the columns `names`, as far as there are any."""
     return (
         [layout.header_fields[index[name]] for name in names if name in index]
         if layout.header_fields
@@ -196,15 +209,15 @@ def check_increasing(lines: Lines, time: Array) -> None:
     step = np.diff(time)
     if (step <= 0.0).any():
         row = int(np.argmax(step <= 0.0)) + 1
-        what = (
+        message = (
             f"time {time[row]:.6f} s follows {time[row - 1]:.6f} s; time must increase; sort the"
             " file or take out the double line"
         )
-        raise lines.at(row, what)
+        raise lines.error_at(row, message)
 
 
 def clock_of(cols: Mapping[str, Array]) -> Array:
-    """Readings of the column of time, with the nanoseconds of `nsec` where there is such a column."""
+    """Return readings of the column of time, with the nanoseconds of `nsec` where it exists."""
     tow = np.ascontiguousarray(cols["tow"])
     return tow + 1e-9 * cols["nsec"] if "nsec" in cols else tow
 
@@ -212,13 +225,25 @@ def clock_of(cols: Mapping[str, Array]) -> Array:
 def gps_time(
     lines: Lines, tow: Array, week: Array | None, gps_week: int | None, unit: str = "s"
 ) -> tuple[Array, int | None]:
-    """Seconds of the first week, and that week; from times of week and either a column of weeks or
-    the caller's week.
+    """Return seconds of the first week, and that week.
 
-    week : of zeros is taken for none.
-    unit : of `tow`, of UNITS["time"]; of a clock with an epoch (unix, gps) the week follows.
-    Raises InputError with the line for a time that is none, and where a week contradicts the
-    caller's.
+    Parameters
+    ----------
+    lines : Lines
+        Where the rows stand, for refusals.
+    tow : ndarray
+        (n,) times of week, or of a clock with an epoch.
+    week : ndarray, optional
+        (n,) a column of weeks; zeros are taken for none.
+    gps_week : int, optional
+        The caller's week.
+    unit : str
+        Unit of `tow`, of UNITS["time"]; of a clock with an epoch (unix, gps) the week follows.
+
+    Raises
+    ------
+    InputError
+        A time that is none, or a week that contradicts the caller's, with the line.
     """
     factor, epoch = unit_factor(unit, "time"), split_unit(unit)[1]
     seconds = tow if factor == 1.0 else tow * factor
@@ -232,7 +257,7 @@ def gps_time(
             | (np.abs(week - week[0]) > 1.0)
         ).any():
             row = int(np.argmax(odd))
-            raise lines.at(
+            raise lines.error_at(
                 row,
                 f"GPS week {week[row]:g} after {week[0]:g}; check the columns, or split the file",
             )
@@ -243,21 +268,22 @@ def gps_time(
         time = unwrap_week(seconds)
     if seconds.size and (seconds.min() < 0.0 or seconds.max() > 2.0 * WEEK_S):
         row = int(np.argmax((seconds < 0.0) | (seconds > 2.0 * WEEK_S)))
-        what = (
+        message = (
             f"time {seconds[row]:.3f} s is no GPS time of week (0 to {WEEK_S:.0f} s); check the"
             " column and units = { time = ... } "
         )
-        raise lines.at(row, f"{what}({', '.join(UNITS['time'])}), or convert the clock")
+        raise lines.error_at(row, f"{message}({', '.join(UNITS['time'])}), or convert the clock")
     return time, gps_week
 
 
 def _of_epoch(lines: Lines, seconds: Array, epoch: str, gps_week: int | None) -> tuple[Array, int]:
-    """Seconds of the first week, to the microsecond, and that week, of a clock that counts on from
-    its epoch.
+    """Return seconds of the first week, to the microsecond, and that week.
+
+    The clock counts on from its epoch.
     """
     if epoch == "gps":
         if seconds.size == 0 or not seconds.min() >= 0.0:
-            raise lines.at(
+            raise lines.error_at(
                 int(np.argmin(seconds)),
                 f"time {seconds.min():.3f} s lies before the start of GPS time; check units = {{"
                 " time = ... }",
@@ -268,14 +294,14 @@ def _of_epoch(lines: Lines, seconds: Array, epoch: str, gps_week: int | None) ->
         try:
             first, time = gps_from_unix_utc(seconds)
         except InputError as refusal:
-            raise lines.at(int(np.argmin(seconds)), str(refusal)) from None
+            raise lines.error_at(int(np.argmin(seconds)), str(refusal)) from None
     _agree(lines, first, gps_week)
     return np.round(time, 6), first
 
 
 def _agree(lines: Lines, week: int, gps_week: int | None) -> None:
     if gps_week is not None and week != gps_week:
-        raise lines.at(
+        raise lines.error_at(
             0,
             f"GPS week {week}, but the flight is said to be of week {gps_week}; check gps_week or"
             " the file",

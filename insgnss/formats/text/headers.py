@@ -1,7 +1,7 @@
-"""What a field of a header says: its quantity, and a unit in brackets or behind the name; the one
-table of units behind names.
+"""What a field of a header says: its quantity, and a unit in brackets or behind the name.
 
-    Gyro X (deg/s)   gyro_x [dps]   gyro_x_deg_s   GyroX_deg_per_s   Acc_Z [m/s^2]   acc_z_m_s2   ax_mg
+    Gyro X (deg/s)   gyro_x [dps]   gyro_x_deg_s   GyroX_deg_per_s   Acc_Z [m/s^2]   acc_z_m_s2
+    ax_mg
     time_us   TimeUS   lat_rad   latRad   pos_rad[1]   alt_mm   vn_cm_s   speed_kmh   course_deg
 
 A unit in brackets is the unit of the field, whatever it is. Behind a name, where anything may
@@ -42,8 +42,9 @@ _SAME = 1e-6  # of two factors
 
 
 def normalised(name: str) -> tuple[str, str | None]:
-    """Header name in lower case with underscores, and the unit in its brackets; a number in
-    brackets is an index, part of the name.
+    """Return a header name in lower case with underscores, and the unit in its brackets.
+
+    A number in brackets is an index, part of the name.
     """
     name = re.sub(r"[(\[](\d+)[)\]]", r"_\1", name)
     match = re.fullmatch(r"\s*[\"']?\s*([^(\[]*?)\s*(?:[(\[]([^)\]]*)[)\]])?\s*[\"']?\s*", name)
@@ -52,9 +53,9 @@ def normalised(name: str) -> tuple[str, str | None]:
 
 
 def kinds_like(kind: str) -> tuple[str, ...]:
-    """Kinds of the units that may stand behind a name where one of `kind` is looked for.
+    """Return the kinds of units that may stand behind a name where one of `kind` is looked for.
 
-    A sensor's rates and its increments; lengths and the angles that standard deviations of a
+    A sensor has rates and increments; lengths go with the angles that standard deviations of a
     latitude are sometimes given in.
     """
     sensor = kind.partition(" ")[0]
@@ -68,8 +69,9 @@ def kinds_like(kind: str) -> tuple[str, ...]:
 
 
 def unit_in(field: str, kinds: Sequence[str]) -> str | None:
-    """Unit that a field gives, in brackets as it stands there, or behind its name where it is of
-    one of `kinds`; else None.
+    """Return the unit that a field gives, else None.
+
+    It stands in brackets, or behind the name where it is of one of `kinds`.
     """
     unit = normalised(field)[1]
     return unit or next(
@@ -78,23 +80,24 @@ def unit_in(field: str, kinds: Sequence[str]) -> str | None:
 
 
 def without_unit(field: str, kinds: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Name and unit of a field whose name ends in a unit of one of `kinds`; the name in lower case
-    with underscores.
+    """Yield name and unit of a field whose name ends in a unit of one of `kinds`.
+
+    The name is in lower case with underscores.
     """
     plain, humped = (
         normalised(text)[0] for text in (field, re.sub(r"(?<=[a-z\d])(?=[A-Z])", "_", field))
     )
     for kind in kinds:
-        known = TIME_UNITS if kind == "time" else UNITS[kind]
+        units = TIME_UNITS if kind == "time" else UNITS[kind]
         for head in dict.fromkeys((plain, humped)):
             for stem, tail in _cuts(head, kind):
                 spelled = unit_name(re.sub(r"_(per_)?", "/", re.sub(r"_(\d)$", r"\1", tail)))
                 spelled = unit_name(_SHORT.get(kind, {}).get(tail, spelled))
-                yield from ((stem, unit) for unit in known if unit_name(unit) == spelled)
+                yield from ((stem, unit) for unit in units if unit_name(unit) == spelled)
 
 
 def _cuts(head: str, kind: str) -> Iterator[tuple[str, str]]:
-    """Where a normalised name may end and a unit of a kind begin."""
+    """Yield where a normalised name may end and a unit of a kind begin."""
     if kind.partition(" ")[0] in SENSORS:
         if match := _OF_AXIS.fullmatch(head):
             yield match[1], match[2]
@@ -105,28 +108,36 @@ def _cuts(head: str, kind: str) -> Iterator[tuple[str, str]]:
 
 
 def names_of(fields: Sequence[str], names: Mapping[str, str], kinds: Kinds) -> list[str | None]:
-    """Canonical name of each field, None where it has none.
+    """Return the canonical name of each field, None where it has none.
 
     A field with a unit behind its name is one only where no field bears that name as it is: of
     `lat` and `lat_rad` it is `lat`.
-    names : canonical name by alias.   kinds : of the units that may stand behind a canonical name.
+
+    Parameters
+    ----------
+    fields : sequence of str
+        Fields of the header.
+    names : mapping
+        Canonical name by alias.
+    kinds : mapping
+        Kinds of the units that may stand behind a canonical name.
     """
     plain = [names.get(normalised(field)[0]) for field in fields]
     return [
-        name or (None if (found := _named(field, names, kinds)) in plain else found)
+        name or (None if (canonical := _named(field, names, kinds)) in plain else canonical)
         for field, name in zip(fields, plain, strict=True)
     ]
 
 
 def _named(field: str, names: Mapping[str, str], kinds: Kinds) -> str | None:
-    """Canonical name of a field with a unit behind its name."""
+    """Return the canonical name of a field with a unit behind its name."""
     every = tuple(dict.fromkeys(kind for of_name in kinds.values() for kind in of_name))
     stems = dict.fromkeys(stem for stem, _ in without_unit(field, every))
-    told = ((names[stem], stem) for stem in stems if stem in names)
+    candidates = ((names[stem], stem) for stem in stems if stem in names)
     return next(
         (
             name
-            for name, stem in told
+            for name, stem in candidates
             if any(stem == other for other, _ in without_unit(field, kinds.get(name, ())))
         ),
         None,
@@ -136,19 +147,23 @@ def _named(field: str, names: Mapping[str, str], kinds: Kinds) -> str | None:
 def agreed_unit(
     path: object, line: int | None, names: Sequence[str], fields: Sequence[str], kind: str
 ) -> str | None:
-    """Unit of the kind that `fields` of the columns `names` give, None without one; InputError
-    where it is of another kind, or not one.
+    """Return the unit that `fields` of the columns `names` give, None without one.
+
+    Raises
+    ------
+    InputError
+        A unit that is not of the kind.
     """
-    said = [unit for field in fields if (unit := unit_in(field, kinds_like(kind)))]
-    factors = {factor_of(unit, (kind,)) for unit in said}
+    stated = [unit for field in fields if (unit := unit_in(field, kinds_like(kind)))]
+    factors = {factor_of(unit, (kind,)) for unit in stated}
     if len(factors) > 1 or None in factors:
-        units = " and ".join(repr(unit) for unit in dict.fromkeys(said))
-        what = (
+        units = " and ".join(repr(unit) for unit in dict.fromkeys(stated))
+        message = (
             f"the header gives the unit {units} for {' '.join(names)}, which is none of"
             f" {', '.join(UNITS[kind])} for them all; set units"
         )
-        raise InputError.at(path, line, what)
-    return said[0] if said else None
+        raise InputError.at(path, line, message)
+    return stated[0] if stated else None
 
 
 def settled_units(
@@ -160,34 +175,55 @@ def settled_units(
     given: Mapping[str, str],
     of: str,
 ) -> tuple[dict[str, str], dict[str, float], tuple[Check, ...]]:
-    """Unit and factor of each key of `columns`: the caller's, else the one that its `fields` give,
-    else the first of its kind.
+    """Settle units: the caller's, else those that the fields give, else the first of their kind.
 
-    columns, kinds, fields : of each key the canonical names of its columns, the kind of its unit,
-        what the file calls them.
-    Returns with them a note `of` the record for each of the caller's units where the fields give
-    another one. Raises InputError and UsageError with `path` and the `line` of the header.
+    Parameters
+    ----------
+    path, line
+        File and line of the header, for messages.
+    columns : mapping
+        Canonical names of the columns of each key.
+    kinds : mapping
+        Kind of the unit of each key.
+    fields : mapping
+        What the file calls the columns of each key.
+    given : mapping
+        The caller's units.
+    of : str
+        The record, for notes.
+
+    Returns
+    -------
+    units, factors : dict
+        By key.
+    notes : tuple of Check
+        One for each of the caller's units where the fields give another one.
+
+    Raises
+    ------
+    InputError, UsageError
+        A unit that is none, with `path` and `line`.
     """
     units, factors, notes = {}, {}, []
     for key, kind in kinds.items():
-        told = given.get(key)
+        requested = given.get(key)
         units[key] = (
-            told
+            requested
             or agreed_unit(path, line, columns[key], fields[key], kind)
             or next(iter(UNITS[kind]))
         )
         factors[key] = _given_factor(path, columns[key], kind, units[key])
-        if told and (said := _other_unit(fields[key], kind, told)):
-            found, advice = (
-                f"the header says {said}, and units {key} = {told} was taken",
+        if requested and (header_unit := _other_unit(fields[key], kind, requested)):
+            finding, advice = (
+                f"the header says {header_unit}, and units {key} = {requested} was taken",
                 f"leave units {key} out if the header is right",
             )
-            notes.append(note(f"{of} units", found, "one unit", advice))
+            notes.append(note(f"{of} units", finding, "one unit", advice))
     return units, factors, tuple(notes)
 
 
 def _given_factor(path: object, names: Sequence[str], kind: str, given: str) -> float:
-    """Factor of a unit for the columns `names`; UsageError that names them."""
+    """Return the factor of a unit for the columns `names`; UsageError names them."""
     try:
         return unit_factor(given, kind)
     except UsageError as refusal:
@@ -195,8 +231,9 @@ def _given_factor(path: object, names: Sequence[str], kind: str, given: str) -> 
 
 
 def _other_unit(fields: Sequence[str], kind: str, given: str) -> str | None:
-    """Unit that one of `fields` gives where it is another than the caller's; what is no unit of
-    such a column says nothing.
+    """Return the unit that one of `fields` gives where it is another than the caller's.
+
+    What is no unit of such a column gives none.
     """
     taken = unit_factor(given, kind)
     for unit in filter(None, (unit_in(field, kinds_like(kind)) for field in fields)):
@@ -211,7 +248,7 @@ def _other_unit(fields: Sequence[str], kind: str, given: str) -> str | None:
 
 
 def factor_of(unit: str, kinds: Sequence[str]) -> float | None:
-    """Factor of a unit of the first of `kinds` that has it, None where none has."""
+    """Return the factor of a unit of the first of `kinds` that has it, None where none has."""
     for kind in kinds:
         try:
             return unit_factor(unit, kind)

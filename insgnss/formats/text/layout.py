@@ -1,5 +1,4 @@
-"""How a text table is written: the rules by which its delimiter, decimal sign, header and number of
-fields are found.
+"""How a text table is written: its delimiter, decimal sign, header and number of fields.
 
 Rules, the same for all formats
     UTF-8 with or without byte order mark, else Latin-1. A line is a comment where its first
@@ -38,8 +37,26 @@ _DELIMITERS = ("\t", ";", ",", None)
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text table is written: delimiter (None: blanks), decimal sign, fields a line, header as
-    it stands, first data line.
+    """How a text table is written.
+
+    Attributes
+    ----------
+    delimiter : str, optional
+        None stands for blanks.
+    decimal : str
+        Decimal sign.
+    n_fields : int
+        Fields a line.
+    header : str, optional
+        The header as it stands.
+    header_fields : tuple of str, optional
+        Its fields.
+    header_line : int, optional
+        Its line.
+    skip_to : int
+        Byte of the first data line.
+    first_line : int
+        The first data line.
     """
 
     delimiter: str | None
@@ -53,7 +70,7 @@ class Layout:
 
 
 def decode(data: bytes) -> str:
-    """UTF-8 text, else Latin-1."""
+    """Decode UTF-8 text, else Latin-1."""
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError:
@@ -61,20 +78,21 @@ def decode(data: bytes) -> str:
 
 
 def shown(text: str | None, limit: int = 80) -> str:
-    """Text of a file as a message shows it, in quotation marks, cut where it is long."""
+    """Return text of a file as a message shows it, in quotation marks, cut where it is long."""
     text = text or ""
     return repr(text if len(text) <= limit else text[: limit - 3] + "...")
 
 
 def printable(name: str) -> str:
-    """Name out of a binary file with a question mark for each character that would break a
-    message's line.
+    """Return a name out of a binary file without what would break a message's line.
+
+    A question mark stands for each such character.
     """
     return name if name.isprintable() else "".join(c if c.isprintable() else "?" for c in name)
 
 
 def split_fields(text: str, delimiter: str | None) -> list[str]:
-    """Fields of a line; one delimiter may close it."""
+    """Return the fields of a line; one delimiter may close it."""
     text = text.strip(" \r\n") if delimiter == "\t" else text.strip()
     if delimiter is None:
         return text.split()
@@ -82,12 +100,12 @@ def split_fields(text: str, delimiter: str | None) -> list[str]:
 
 
 def is_comment(text: str) -> bool:
-    """Whether a line is a comment."""
+    """Tell whether a line is a comment."""
     return text.lstrip().startswith(COMMENTS)
 
 
 def is_binary(text: str) -> bool:
-    """Whether a line holds a character that no text has."""
+    """Tell whether a line holds a character that no text has."""
     return _CONTROL.search(text) is not None
 
 
@@ -98,21 +116,21 @@ def _has_number(text: str) -> bool:
 
 
 def _sample(buf: NDArray[np.uint8]) -> tuple[list[tuple[int, int, str]], list[tuple[int, str]]]:
-    """First data lines (line, place, text) and the comments (line, text) before the first of them."""
+    """Return the first data lines (line, byte, text) and the comments (line, text) before them."""
     size = 1 << 16
     while True:
         raw = bytes(buf[:size]).split(b"\n")[:-1]
         data: list[tuple[int, int, str]] = []
         comments: list[tuple[int, str]] = []
-        place = 0
+        offset = 0
         for line, chunk in enumerate(raw, start=1):
             text = decode(chunk)
             if is_comment(text):
                 if not data:
                     comments.append((line, text.strip()))
             elif text.strip():
-                data.append((line, place, text))
-            place += len(chunk) + 1
+                data.append((line, offset, text))
+            offset += len(chunk) + 1
             if len(data) > SAMPLE_LINES:
                 break
         if len(data) > SAMPLE_LINES or size >= buf.size:
@@ -147,7 +165,7 @@ def _header_fields(text: str, delimiter: str | None, n_fields: int) -> tuple[str
 
 
 def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8]) -> Layout:
-    """Layout of the table in `buf` by the rules above; InputError where there is no data line."""
+    """Return the layout of the table in `buf`; InputError where there is no data line."""
     data, comments = _sample(buf)
     head = data.pop(0) if data and not _has_number(data[0][2]) else None
     if head is not None and is_binary(head[2]):
@@ -166,7 +184,7 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8]) -> Layout:
         else "."
     )
     n_fields = Counter(len(row) for row in fields).most_common(1)[0][0]
-    line, place, _ = data[0]
+    line, offset, _ = data[0]
     if head is not None:
         return Layout(
             delimiter,
@@ -175,11 +193,11 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8]) -> Layout:
             head[2].strip(),
             _header_fields(head[2], delimiter, n_fields),
             head[0],
-            place,
+            offset,
             line,
         )
     if comments and (names := _header_fields(comments[-1][1], delimiter, n_fields)):
         return Layout(
-            delimiter, decimal, n_fields, comments[-1][1], names, comments[-1][0], place, line
+            delimiter, decimal, n_fields, comments[-1][1], names, comments[-1][0], offset, line
         )
-    return Layout(delimiter, decimal, n_fields, None, None, None, place, line)
+    return Layout(delimiter, decimal, n_fields, None, None, None, offset, line)

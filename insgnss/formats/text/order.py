@@ -1,5 +1,4 @@
-"""Each stamp once, and in order: the one rule for rows that are double, late or contradict each
-other, in all readers.
+"""Each stamp once, and in order: one rule for double, late or contradicting rows in all readers.
 
     a row like an earlier one in every value      left out and counted
     a row before its place, by less than 1 s      put in order and counted, where these are fewer
@@ -27,50 +26,51 @@ LATE_LIMIT_S, SHARE_LIMIT = 1.0, 0.01
 
 
 class Lines(Protocol):
-    """What can say where a row stands."""
+    """What reports errors at the line of a row."""
 
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at the line of `row`."""
+    def error_at(self, row: int, message: str, /) -> InputError:
+        """Return the error `message` at the line of `row`."""
         ...
 
 
 @dataclass(frozen=True)
 class Picked:
-    """The places of rows that were picked out of others."""
+    """Rows that were picked out of others."""
 
     lines: Lines
     rows: Rows
 
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at the place of `row`."""
-        return self.lines.at(int(self.rows[row]), what)
+    def error_at(self, row: int, message: str) -> InputError:
+        """Return the error `message` at the line of `row`."""
+        return self.lines.error_at(int(self.rows[row]), message)
 
 
 @dataclass(frozen=True)
 class NumberedRows:
-    """Rows of a table without lines: records of a binary file, messages of a log; counted from 1."""
+    """Rows of a table without lines (records, messages of a log), counted from 1."""
 
     path: str
     kind: str = "row"
 
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at a row."""
-        return InputError(f"{self.path}: {self.kind} {row + 1}: {what}")
+    def error_at(self, row: int, message: str) -> InputError:
+        """Return the error `message` at a row."""
+        return InputError(f"{self.path}: {self.kind} {row + 1}: {message}")
 
 
 def note(
     name: str,
-    found: str,
+    finding: str,
     expected: str = "each stamp once, in order",
     advice: str = "check the logger, or how the file was put together",
 ) -> Check:
-    """What a reader left out or put in order."""
-    return Check(name, found, expected, "note", advice)
+    """Return a note on what a reader left out or sorted."""
+    return Check(name, finding, expected, "note", advice)
 
 
 def open_end(name: str, complete: bool) -> tuple[Check, ...]:
-    """The note of a text file whose last line has no end, so that it may have been cut in a number;
-    none where it has.
+    """Return the note on a text file whose last line has no end; none where it has.
+
+    Such a line may have been cut in a number.
     """
     if complete:
         return ()
@@ -87,11 +87,23 @@ def open_end(name: str, complete: bool) -> tuple[Check, ...]:
 def put_in_order(
     lines: Lines, time: Array, same: Callable[[int, int], bool], name: str
 ) -> tuple[Rows | None, tuple[Check, ...]]:
-    """Rows to take, in order of time (n,), s, or None for all as they stand; and the notes of the
-    record.
+    """Return the rows to take, in order of time, or None for all as they stand; and the notes.
 
-    same : whether two rows agree in every value.   name : of the notes, "IMU rows", say.
-    Raises InputError at the first row beyond the limits.
+    Parameters
+    ----------
+    lines : Lines
+        Where the rows stand, for refusals.
+    time : ndarray
+        (n,) s.
+    same : callable
+        Tells whether two rows agree in every value.
+    name : str
+        Name of the notes, such as "IMU rows".
+
+    Raises
+    ------
+    InputError
+        The first row beyond the limits.
     """
     if time.size < 2 or (np.diff(time) > 0.0).all():
         return None, ()
@@ -106,52 +118,52 @@ def put_in_order(
             doubles += 1
         else:
             clashes.append((row, first))
-    _refuse_late(lines, time, keep)
+    _refuse_out_of_order(lines, time, keep)
     if len(clashes) >= SHARE_LIMIT * time.size:
         row, first = min(clashes)
-        what = (
+        message = (
             f"time {time[row]:.6f} s follows {time[first]:.6f} s with other values, as in"
             f" {len(clashes)} of {time.size} rows"
         )
-        raise lines.at(
+        raise lines.error_at(
             row,
-            f"{what} (limit {SHARE_LIMIT:.0%}); time must increase; keep one row a stamp, or read"
-            " the file by another clock",
+            f"{message} (limit {SHARE_LIMIT:.0%}); time must increase; keep one row a stamp, or"
+            " read the file by another clock",
         )
-    told = [f"{doubles} double rows left out"] if doubles else []
-    told += (
+    done = [f"{doubles} double rows left out"] if doubles else []
+    done += (
         [f"{len(clashes)} rows that contradict an earlier one of their stamp left out"]
         if clashes
         else []
     )
-    late = keep & (time < np.maximum.accumulate(np.where(keep, time, -np.inf)))
-    told += [f"{late.sum()} late rows put in order"] if late.any() else []
-    return order[keep[order]], (note(name, f"{', '.join(told)}, of {time.size}"),)
+    out_of_order = keep & (time < np.maximum.accumulate(np.where(keep, time, -np.inf)))
+    done += [f"{out_of_order.sum()} out-of-order rows sorted"] if out_of_order.any() else []
+    return order[keep[order]], (note(name, f"{', '.join(done)}, of {time.size}"),)
 
 
-def _refuse_late(lines: Lines, time: Array, keep: NDArray[np.bool_]) -> None:
+def _refuse_out_of_order(lines: Lines, time: Array, keep: NDArray[np.bool_]) -> None:
     """Refuse rows that stand behind later ones by too much, or too many."""
     rows = np.flatnonzero(keep)
     kept = time[rows]
     by = np.maximum.accumulate(kept) - kept
-    late = by > 0.0
-    if not late.any():
+    out_of_order = by > 0.0
+    if not out_of_order.any():
         return
     worst = int(np.argmax(by))
-    if by[worst] >= LATE_LIMIT_S or late.sum() >= SHARE_LIMIT * time.size:
+    if by[worst] >= LATE_LIMIT_S or out_of_order.sum() >= SHARE_LIMIT * time.size:
         k = (
             int(np.argmax(by >= LATE_LIMIT_S))
             if by[worst] >= LATE_LIMIT_S
-            else int(np.argmax(late))
+            else int(np.argmax(out_of_order))
         )
         before = float(np.maximum.accumulate(kept)[k])
-        what = (
-            f"time {kept[k]:.6f} s follows {before:.6f} s; time must increase; {late.sum()} of"
-            f" {time.size} rows are late"
+        message = (
+            f"time {kept[k]:.6f} s follows {before:.6f} s; time must increase; {out_of_order.sum()}"
+            f" of {time.size} rows are out of order"
         )
         limits = f"limits {LATE_LIMIT_S:.0f} s and {SHARE_LIMIT:.0%}"
-        raise lines.at(
+        raise lines.error_at(
             int(rows[k]),
-            f"{what}, by up to {by[worst]:.3f} s ({limits}); sort the file, or split it where the"
-            " clock was set",
+            f"{message}, by up to {by[worst]:.3f} s ({limits}); sort the file, or split it where"
+            " the clock was set",
         )

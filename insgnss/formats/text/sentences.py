@@ -10,16 +10,13 @@ from ...base.errors import InputError
 from .layout import decode
 from .text import Source, load
 
-# of a file's lines or rows: fewer damaged ones are left out and told, more make another format of
-# it
+# of a file's lines or rows: fewer damaged ones are left out and noted, more make it another format
 BAD_SHARE_LIMIT = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Sentences:
-    """The sentences of a file with a right checksum, in order, and the count of lines that have
-    none.
-    """
+    """The sentences of a file with a right checksum, and the count of lines that have none."""
 
     path: str
     buf: NDArray[np.uint8]
@@ -29,8 +26,9 @@ class Sentences:
     n_bad: int
 
     def fields(self, *kinds: bytes) -> Iterator[tuple[int, list[str]]]:
-        """Line and fields of each sentence whose name ends in one of three letters, the first field
-        without its '$'.
+        """Yield line and fields of each sentence whose name ends in one of three letters.
+
+        The first field stands without its '$'.
         """
         data = self.buf.tobytes()
         for start, star, line in zip(
@@ -40,20 +38,24 @@ class Sentences:
                 yield line, data[start + 1 : star].decode("ascii", "replace").split(",")
 
     def bodies(self, opening: bytes) -> tuple[list[bytes], list[int]]:
-        """What stands between `opening` and '*' in the sentences that begin so, and their lines."""
+        """Return the text between `opening` and '*' in sentences that begin so, and their lines."""
         data, size = self.buf.tobytes(), len(opening)
         pairs = zip(self.starts.tolist(), self.stars.tolist(), self.lines.tolist(), strict=True)
-        found = [
+        matches = [
             (data[start + size : star], line)
             for start, star, line in pairs
             if data.startswith(opening, start)
         ]
-        return [body for body, _ in found], [line for _, line in found]
+        return [body for body, _ in matches], [line for _, line in matches]
 
 
 def read_sentences(path: Source) -> Sentences:
-    """Read a log; InputError with the first line without a right checksum where they are more than
-    1 %.
+    """Read a log.
+
+    Raises
+    ------
+    InputError
+        More than 1 % of the lines have no right checksum; the first of them is named.
     """
     from . import _kernels
 
@@ -68,11 +70,11 @@ def read_sentences(path: Source) -> Sentences:
     if n_bad > BAD_SHARE_LIMIT * n:
         first = int(np.argmin(good))
         text = decode(buf[starts[first] : starts[first] + 60].tobytes()).partition("\n")[0].strip()
-        what = (
+        message = (
             f"no right checksum in {text!r}, as in {n_bad} of {n} lines (limit"
             f" {BAD_SHARE_LIMIT:.0%}); record or copy the log again"
         )
-        raise InputError.at(path, int(lines[first]), what)
+        raise InputError.at(path, int(lines[first]), message)
     return Sentences(str(path), buf, starts[:n][good], stars[:n][good], lines[:n][good], n_bad)
 
 
@@ -83,6 +85,6 @@ class SentenceLines:
     path: str
     lines: list[int]
 
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at the line of `row`."""
-        return InputError.at(self.path, self.lines[row], what)
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at the line of `row`."""
+        return InputError.at(self.path, self.lines[row], message)

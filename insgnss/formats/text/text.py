@@ -1,5 +1,6 @@
-"""Text tables in and whole files out: what every text format here stands on; the rules are those of
-`_layout`.
+"""Text tables in and whole files out: the base of every text format.
+
+The rules are those of `layout`.
 """
 
 import math
@@ -32,12 +33,23 @@ MAP_FROM = 1 << 22  # bytes; smaller files are simply read
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Numbers of a text table: values (n, m), the line (n,) each row stands in, counted from 1, and
-    whether the last one has its end.
+    """Numbers of a text table.
 
-    bad : for each column with a field that is no number, its place in the row from 0, what is to be
-        said of the first such field, in
-    the order of the file; the values of these fields are not-a-number.
+    Attributes
+    ----------
+    path : str
+        The file.
+    layout : Layout
+        How it is written.
+    values : ndarray
+        (n, m) numbers; not-a-number where a field is none.
+    lines : ndarray
+        (n,) the line of each row, counted from 1.
+    complete : bool
+        Whether the last line has its end.
+    bad : mapping
+        For each column (from 0) with a field that is no number, the error of the first such field,
+        in the order of the file.
     """
 
     path: str
@@ -54,9 +66,9 @@ class Table:
             if column in taken:
                 raise refusal
 
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at the line of `row`."""
-        return InputError.at(self.path, int(self.lines[row]), what)
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at the line of `row`."""
+        return InputError.at(self.path, int(self.lines[row]), message)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,16 +81,16 @@ class TextTable:
     lines: list[int]
     complete: bool = True
 
-    def at(self, row: int, what: str) -> InputError:
-        """The error `what` at the line of `row`."""
-        return InputError.at(self.path, self.lines[row], what)
+    def error_at(self, row: int, message: str) -> InputError:
+        """The error `message` at the line of `row`."""
+        return InputError.at(self.path, self.lines[row], message)
 
     def strings(self, column: int) -> tuple[str, ...]:
-        """Column as text, without quotation marks."""
+        """Return a column as text, without quotation marks."""
         return tuple(row[column].strip("\"'") for row in self.rows)
 
     def floats(self, column: int) -> Array:
-        """Column as numbers (n,); InputError with the line for what is none."""
+        """Return a column as numbers (n,); InputError with the line for what is none."""
         out = np.empty(len(self.rows))
         for i, row in enumerate(self.rows):
             out[i] = number(row[column].strip("\"'"), self.path, self.lines[i], self.layout.decimal)
@@ -86,7 +98,7 @@ class TextTable:
 
 
 def number(field: str, path: object, line: int, decimal: str = ".") -> float:
-    """Finite float of `field`, or InputError that names file, line and what stood there."""
+    """Return the finite float of `field`; InputError names file, line and the field."""
     text = field.strip()
     if decimal == ",":
         text = text.replace(",", ".")
@@ -101,8 +113,9 @@ def number(field: str, path: object, line: int, decimal: str = ".") -> float:
 
 
 def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
-    """Bytes of a text file with a newline behind them, a byte order mark turned to blanks, and
-    whether its last line was complete.
+    """Return the bytes of a text file with a newline behind them, and whether its last line ended.
+
+    A byte order mark is turned to blanks.
     """
     mapped = _mapped(path)
     if mapped is not None:
@@ -117,8 +130,9 @@ def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
 
 
 def _mapped(path: Source) -> NDArray[np.uint8] | None:
-    """A large file that starts without byte order mark and ends in a newline, mapped privately: no
-    copy of it is made.
+    """Map a large file privately: no copy of it is made.
+
+    It must start without byte order mark and end in a newline, else None.
     """
     try:
         with Path(path).open("rb") as stream:
@@ -134,7 +148,7 @@ def _mapped(path: Source) -> NDArray[np.uint8] | None:
 
 
 def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
-    """Bytes of a file, not empty, with `room` more behind them."""
+    """Return the bytes of a file, not empty, with `room` more behind them."""
     path = Path(path)
     try:
         with path.open("rb") as stream:
@@ -153,8 +167,13 @@ def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
 def read_table(path: Source, whole: bool = True) -> Table:
     """Read a table of numbers; InputError with the first bad line.
 
-    whole : every field must be a number; else only rows of another length are refused, and
-        `Table.bad` tells what is no number.
+    Parameters
+    ----------
+    path : path
+        The file.
+    whole : bool
+        Every field must be a number; else only rows of another length are refused, and `Table.bad`
+        reports what is no number.
     """
     buf, complete = load(path)
     return parse(path, buf, complete, sniff(path, buf), whole)
@@ -170,10 +189,9 @@ def parse(
     values = np.empty((n, layout.n_fields))
     lines, bad = np.empty(n, dtype=np.int64), np.full((layout.n_fields, 2), -1, dtype=np.int64)
     delimiter = _kernels.WHITESPACE if layout.delimiter is None else ord(layout.delimiter)
-    with np.errstate(
-        over="ignore"
-    ):  # without the compiler: a mantissa of more than 18 digits wraps and is taken again
-        rows, status, place, line = _kernels.parse_rows(
+    # without the compiler: a mantissa of more than 18 digits wraps and is taken again
+    with np.errstate(over="ignore"):
+        rows, status, offset, line = _kernels.parse_rows(
             buf,
             layout.skip_to,
             layout.first_line,
@@ -185,13 +203,13 @@ def parse(
         )
     at_fault = sorted((int(bad[k, 0]), int(k)) for k in np.flatnonzero(bad[:, 0] >= 0))
     refused = {
-        k: _refusal(path, buf, complete, layout, _kernels.BAD_NUMBER, at, int(bad[k, 1]))
-        for at, k in at_fault
+        k: _refusal(path, buf, complete, layout, _kernels.BAD_NUMBER, start, int(bad[k, 1]))
+        for start, k in at_fault
     }
     if refused and whole:
         raise next(iter(refused.values()))
     if status != _kernels.OK:
-        raise _refusal(path, buf, complete, layout, status, place, line)
+        raise _refusal(path, buf, complete, layout, status, offset, line)
     if not complete:
         tail = decode(bytes(buf[-8192:])).splitlines()
         _refuse_short_end(path, tail[buf.size > 8192 :], layout, line - 1)
@@ -204,22 +222,22 @@ def _refusal(
     complete: bool,
     layout: Layout,
     status: int,
-    place: int,
+    offset: int,
     line: int,
 ) -> InputError:
-    """What is wrong with the line around `place`."""
+    """Return what is wrong with the line around `offset`."""
     from . import _kernels
 
-    near = max(0, place - 4096)
-    before = bytes(buf[near:place]).rpartition(b"\n")[2]
-    after = bytes(buf[place : place + 4096])
+    near = max(0, offset - 4096)
+    before = bytes(buf[near:offset]).rpartition(b"\n")[2]
+    after = bytes(buf[offset : offset + 4096])
     rest = after.partition(b"\n")[0]
     text = decode(before + rest).strip("\r\n")
     fields = split_fields(text, layout.delimiter)
     seen, advice = shown(text), "correct or delete the line"
     if is_binary(text):
         seen, advice = ascii(text[:10]) + "...", BINARY
-    last = place + len(rest) + 1 >= buf.size and not complete
+    last = offset + len(rest) + 1 >= buf.size and not complete
     if (
         last
         and not is_binary(text)
@@ -237,17 +255,20 @@ def _refusal(
         )
     prefix = decode(before)
     column = len(prefix.split()) if layout.delimiter is None else prefix.count(layout.delimiter)
-    what = (
+    description = (
         f"{shown(fields[column])} in field {column + 1}"
         if fields[column]
         else f"nothing in field {column + 1}"
     )
-    return InputError.at(path, line, f"{what} where a finite number must stand: {seen}; {advice}")
+    return InputError.at(
+        path, line, f"{description} where a finite number must stand: {seen}; {advice}"
+    )
 
 
 def _refuse_short_end(path: Source, tail: list[str], layout: Layout, line: int) -> None:
-    """Refuse a last line without newline whose last number has fewer decimals than in all of the
-    ten lines before.
+    """Refuse a last line without newline whose last number seems cut.
+
+    It has fewer decimals than in all of the ten lines before.
     """
     fields = [
         split_fields(text, layout.delimiter)[-1]
@@ -261,17 +282,15 @@ def _refuse_short_end(path: Source, tail: list[str], layout: Layout, line: int) 
         and len(earlier) >= 2
         and len(last.partition(layout.decimal)[2]) < decimals.pop()
     ):
-        what = (
+        message = (
             f"truncated: the file ends within a number, {shown(last)} after {shown(earlier[-1])};"
             " copy it again or delete the line"
         )
-        raise InputError.at(path, line, what)
+        raise InputError.at(path, line, message)
 
 
 def read_text_table(path: Source) -> TextTable:
-    """Read a table some of whose columns are text, such as image names; for files of some thousand
-    lines.
-    """
+    """Read a table with columns of text, such as image names; for files of some thousand lines."""
     buf, complete = load(path)
     layout = sniff(path, buf)
     rows, lines = [], []
@@ -286,7 +305,7 @@ def read_text_table(path: Source) -> TextTable:
                 and line == layout.first_line + len(raw) - 1
                 and len(fields) < layout.n_fields
             )
-            what = (
+            description = (
                 "truncated: the file ends within this line,"
                 if cut
                 else f"{len(fields)} fields, expected {layout.n_fields}:"
@@ -294,7 +313,7 @@ def read_text_table(path: Source) -> TextTable:
             seen, advice = shown(text.strip()), "correct or delete the line"
             if is_binary(text):
                 seen, advice = ascii(text[:10]) + "...", BINARY
-            raise InputError.at(path, line, f"{what} {seen}; {advice}")
+            raise InputError.at(path, line, f"{description} {seen}; {advice}")
         rows.append(fields)
         lines.append(line)
     if not complete:
@@ -303,7 +322,7 @@ def read_text_table(path: Source) -> TextTable:
 
 
 def format_rows(form: str, table: Array, chunk: int = 20000) -> Iterable[str]:
-    """Rows of `table` (n, m) by the % format of one row (with its newline), in chunks."""
+    """Yield rows of `table` (n, m) by the % format of one row (with its newline), in chunks."""
     for first in range(0, len(table), chunk):
-        part = table[first : first + chunk]
-        yield form * len(part) % tuple(part.ravel().tolist())
+        block = table[first : first + chunk]
+        yield form * len(block) % tuple(block.ravel().tolist())

@@ -1,5 +1,6 @@
-"""Units of what files hold, with their factors to SI and radians; a unit may carry a number: "0.05
-deg/s" is what one count means.
+"""Units of what files hold, with their factors to SI and radians.
+
+A unit may carry a number: "0.05 deg/s" is what one count means.
 
 Standard gravity 9.80665 m/s^2 is what g, mg and ug mean, wherever the sensor stands. A time may be
 of a clock that counts on from an epoch: `unix` (UTC, 1970-01-01, every day 86400 s) and `gps`
@@ -101,23 +102,32 @@ _RAISED = str.maketrans("⁻¹²", "-12")
 
 
 def unit_name(unit: str) -> str:
-    """One spelling for each unit: m/s^2, m/s**2, m/s² and m s^-2 are m/s2."""
+    """Return one spelling for each unit: m/s^2, m/s**2, m/s² and m s^-2 are m/s2."""
     plain = re.sub(r"[\s*^·]", "", unit.lower()).translate(_RAISED)
     return _SPELLINGS.get(plain, plain)
 
 
 def split_unit(text: str) -> tuple[float, str]:
-    """The number before a unit (1 without one), and the unit in one spelling."""
+    """Return the number before a unit (1 without one), and the unit in one spelling."""
     match = _NUMBER.fullmatch(text)
     number, unit = match.groups() if match else (None, text)
     return (1.0 if number is None else float(number)), unit_name(unit)
 
 
 def unit_factor(text: str, kind: str) -> float:
-    """Factor that takes a value in the unit `text`, which a number may precede, to SI or radians.
+    """Return the factor that takes a value in the unit `text` to SI or radians.
 
-    kind : one of the keys of `UNITS`.   Raises UsageError for what is no such unit, and for a
-                                         number that is not positive.
+    Parameters
+    ----------
+    text : str
+        The unit, which a number may precede.
+    kind : str
+        One of the keys of `UNITS`.
+
+    Raises
+    ------
+    UsageError
+        What is no such unit, or a number that is not positive.
     """
     number, unit = split_unit(text)
     factor = next((factor for name, factor in UNITS[kind].items() if unit_name(name) == unit), None)
@@ -132,20 +142,21 @@ def unit_factor(text: str, kind: str) -> float:
 
 
 def usual_unit(text: str, kind: str) -> str:
-    """The unit `text` as `UNITS` spells it; as it stands with a number before it, and where it is
-    none of the kind.
+    """Return the unit `text` as `UNITS` spells it.
+
+    It stays as it stands with a number before it, and where it is none of the kind.
     """
     number, unit = split_unit(text)
     return next((name for name in UNITS[kind] if number == 1.0 and unit_name(name) == unit), text)
 
 
 def imu_kinds(quantity: str) -> tuple[str, str]:
-    """Kinds of the units of the gyro and the accelerometer columns of a quantity."""
+    """Return the kinds of units of the gyro and the accelerometer columns of a quantity."""
     return ("gyro increment", "accel increment") if quantity == "increments" else ("gyro", "accel")
 
 
 def check_units(units: Mapping[str, str] | None, keys: tuple[str, ...]) -> Mapping[str, str]:
-    """The caller's units, after a look at their keys."""
+    """Return the caller's units; UsageError for an unknown key."""
     unknown = next((key for key in units or {} if key not in keys), None)
     if unknown is not None:
         raise UsageError(f"units: {unknown!r} is none of {', '.join(keys)}")

@@ -27,8 +27,16 @@ NORM_LIMIT = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class OdynPoses:
-    """Time (n,) s, GPST; latitude, longitude rad, height m (n,); C_nb (n, 3, 3), body (of the IMU
-    file) to north, east, down.
+    """Poses of a file.
+
+    Attributes
+    ----------
+    time : ndarray
+        (n,) s, GPST.
+    lat, lon, height : ndarray
+        (n,) rad, m.
+    C_nb : ndarray
+        (n, 3, 3) rotations of body axes (of the IMU file) to north, east, down.
     """
 
     time: Array
@@ -39,12 +47,16 @@ class OdynPoses:
 
 
 def read_odyn_poses(path: Source) -> OdynPoses:
-    """Read initial_guess.txt or reference.txt; InputError with file and line for a quaternion that
-    is not of length one.
+    """Read initial_guess.txt or reference.txt.
+
+    Raises
+    ------
+    InputError
+        What cannot be read, or a quaternion that is not of length one, with file and line.
     """
     table = read_table(path)
     if not table.complete:
-        raise table.at(
+        raise table.error_at(
             len(table.values) - 1, "truncated: the last line has no end; copy the file again"
         )
     index = columns_of(table, ALIASES, POSE, (POSE,))
@@ -55,7 +67,7 @@ def read_odyn_poses(path: Source) -> OdynPoses:
     norm = np.linalg.norm(q, axis=1)
     if (bad := ~(np.abs(norm - 1.0) < NORM_LIMIT)).any():
         row = int(np.argmax(bad))
-        raise table.at(
+        raise table.error_at(
             row,
             f"quaternion of length {norm[row]:.6g}, not 1 (limit {NORM_LIMIT:g}); are the columns t"
             " lat lon h qw qx qy qz?",
@@ -63,7 +75,7 @@ def read_odyn_poses(path: Source) -> OdynPoses:
     for name, limit in (("lat", 90.0), ("lon", 360.0)):
         if (beyond := np.abs(cols[name]) > limit).any():
             row = int(np.argmax(beyond))
-            raise table.at(
+            raise table.error_at(
                 row,
                 f"{name} {cols[name][row]:.6f} deg exceeds {limit:.0f}; are the positions in a"
                 " local frame?",

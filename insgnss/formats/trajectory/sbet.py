@@ -62,8 +62,21 @@ ARC_MINUTE = np.pi / 180.0 / 60.0
 
 @dataclass(frozen=True, eq=False)
 class Sbet:
-    """The content of an SBET: (n,) time s, latitude, longitude rad, height m; (n, 3) velocity north
-    east down m/s, roll pitch (true) heading rad, body acceleration m/s^2, body rate rad/s."""
+    """The content of an SBET.
+
+    Attributes
+    ----------
+    time : ndarray
+        (n,) s.
+    lat, lon, height : ndarray
+        (n,) rad, m.
+    velocity_ned : ndarray
+        (n, 3) m/s.
+    rpy : ndarray
+        (n, 3) roll, pitch, (true) heading, rad.
+    acceleration_b, rate_b : ndarray
+        (n, 3) body acceleration m/s^2, body rate rad/s.
+    """
 
     time: Array
     lat: Array
@@ -82,8 +95,14 @@ class Sbet:
 
 @dataclass(frozen=True, eq=False)
 class Smrmsg:
-    """The content of an smrmsg: (n,) time s; (n, 3) standard deviations of position m, velocity m/s
-    (NED), roll pitch heading rad.
+    """The content of an smrmsg.
+
+    Attributes
+    ----------
+    time : ndarray
+        (n,) s.
+    sigma_position_m, sigma_velocity, sigma_rpy : ndarray
+        (n, 3) standard deviations of position m, velocity m/s (NED), roll pitch heading rad.
     """
 
     time: Array
@@ -121,7 +140,7 @@ def write_smrmsg(trajectory: Trajectory, path: Source) -> None:
 
 
 def rpy_sigma(trajectory: Trajectory) -> Array:
-    """Standard deviations (n, 3), rad, of roll, pitch, heading."""
+    """Return standard deviations (n, 3), rad, of roll, pitch, heading."""
     rpy = rpy_from_rotation(trajectory.C_nb)
     return angle_sigma(
         rpy,
@@ -166,10 +185,23 @@ def read_gnss_sbet(
     sigma_velocity: ArrayLike | None = None,
     gps_week: int | None = None,
 ) -> GnssFixes:
-    """Positions and velocities of an SBET as fixes; standard deviations of the smrmsg beside it,
-    else sigma_m and sigma_velocity.
+    """Read positions and velocities of an SBET as fixes.
 
     The point is the SBET's own, which is mostly the IMU's navigation centre and not the antenna.
+
+    Parameters
+    ----------
+    path : path
+        The SBET.
+    sigma_m, sigma_velocity : array_like, optional
+        Standard deviations north, east, down, m and m/s, where no smrmsg stands beside it.
+    gps_week : int, optional
+        The week.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes.
     """
     sbet = read_sbet(path)
     cols = {"tow": sbet.time, "lat": sbet.lat, "lon": sbet.lon, "h": sbet.height}
@@ -191,8 +223,26 @@ def read_gnss_sbet(
 
 
 def read_sbet_trajectory(path: Source, gps_week: int, smrmsg: Source | None = None) -> Trajectory:
-    """An SBET with the standard deviations of its smrmsg (beside it where none is named);
-    InputError where there is none.
+    """Read an SBET with the standard deviations of its smrmsg.
+
+    Parameters
+    ----------
+    path : path
+        The SBET.
+    gps_week : int
+        Its week.
+    smrmsg : path, optional
+        The accuracies; those beside the SBET by default.
+
+    Returns
+    -------
+    Trajectory
+        The trajectory.
+
+    Raises
+    ------
+    InputError
+        No smrmsg, or a file that cannot be read.
     """
     sbet = read_sbet(path)
     beside = Path(smrmsg) if smrmsg is not None else smrmsg_beside(path)
@@ -221,7 +271,7 @@ def read_sbet_trajectory(path: Source, gps_week: int, smrmsg: Source | None = No
 
 
 def smrmsg_beside(path: Source) -> Path | None:
-    """The accuracies that stand beside an SBET, by their name; None where there are none."""
+    """Return the accuracies that stand beside an SBET, by their name; None where there are none."""
     path = Path(path)
     names = [
         path.with_suffix(".smrmsg"),
@@ -232,23 +282,23 @@ def smrmsg_beside(path: Source) -> Path | None:
 
 
 def _sigma_at(path: Path, time: Array) -> Array:
-    """Standard deviations (n, 9) of an smrmsg at times (n,), s; positive, within its span."""
+    """Return standard deviations (n, 9) of an smrmsg at times (n,), s, positive, in its span."""
     smrmsg = read_smrmsg(path)
     lines = NumberedRows(str(path), "record")
     check_increasing(lines, smrmsg.time)
     sigma = np.column_stack([smrmsg.sigma_position_m, smrmsg.sigma_velocity, smrmsg.sigma_rpy])
     if (bad := (sigma <= 0.0).any(axis=1)).any():
-        raise lines.at(
+        raise lines.error_at(
             int(np.argmax(bad)), "a standard deviation is not positive; is it another format?"
         )
     beyond = max(smrmsg.time[0] - time.min(), time.max() - smrmsg.time[-1])
     if beyond > OVERHANG_S:
         span = f"{smrmsg.time[0]:.3f} to {smrmsg.time[-1]:.3f} s"
-        what = (
+        message = (
             f"accuracies from {span}, but the SBET's times exceed them by {beyond:.3f} s (limit"
             f" {OVERHANG_S} s); is it of another run?"
         )
-        raise InputError.at(path, None, what)
+        raise InputError.at(path, None, message)
     return np.column_stack([np.interp(time, smrmsg.time, column) for column in sigma.T])
 
 
@@ -256,11 +306,11 @@ def _records(path: Source, fields: int) -> Array:
     buf = load_bytes(path)
     size = 8 * fields
     if buf.size % size:
-        what = (
+        message = (
             f"{buf.size} bytes are no whole number of records of {size} bytes; it is cut off, or of"
             " another format"
         )
-        raise InputError.at(path, None, what)
+        raise InputError.at(path, None, message)
     table = np.ascontiguousarray(buf.view("<f8").reshape(-1, fields), dtype=np.float64)
     if (bad := ~np.isfinite(table)).any():
         row, k = (int(i) for i in np.argwhere(bad)[0])

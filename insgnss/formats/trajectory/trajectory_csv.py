@@ -1,5 +1,4 @@
-"""trajectory.csv: the navigation solution with its standard deviations,
-data_specs/trajectory_csv.md.
+"""trajectory.csv: the navigation solution and its sigmas, data_specs/trajectory_csv.md.
 
 Position is that of the IMU's navigation centre, velocity and standard deviations are along north,
 east, down, heading is in [0, 360) deg from true north, the week is that of the row.
@@ -50,8 +49,10 @@ ALIASES: Aliases = {name: (name,) for name in COLUMNS}
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryTable:
-    """The content of the file: as `records.Trajectory`, with standard deviations (n, 9) of position
-    m, velocity m/s, roll pitch heading rad in the place of the covariance."""
+    """The content of the file: as `records.Trajectory`, with `sigma` instead of the covariance.
+
+    `sigma` is (n, 9): standard deviations of position m, velocity m/s, roll pitch heading rad.
+    """
 
     time: Array
     lat: Array
@@ -69,17 +70,18 @@ class TrajectoryTable:
 
 
 def write_trajectory_csv(trajectory: Trajectory, path: Source) -> None:
-    """Write times with 6 decimals, degrees of position with 10, metres 4, m/s 5, degrees of
-    attitude 6.
+    """Write a trajectory.
+
+    Times have 6 decimals, degrees of position 10, metres 4, m/s 5, degrees of attitude 6.
     """
     weeks = np.floor(trajectory.time / WEEK_S)
     rpy = np.degrees(rpy_from_rotation(trajectory.C_nb))
     rpy[:, 2] = np.where((heading := np.round(rpy[:, 2] % 360.0, 6)) < 360.0, heading, 0.0)
     sigma = np.sqrt(np.diagonal(trajectory.cov, axis1=1, axis2=2)[:, :6])
     time = [trajectory.gps_week + weeks, trajectory.time - WEEK_S * weeks]
-    place = [np.degrees(trajectory.lat), np.degrees(trajectory.lon), trajectory.height]
+    position = [np.degrees(trajectory.lat), np.degrees(trajectory.lon), trajectory.height]
     table = np.column_stack(
-        [*time, *place, trajectory.velocity_ned, rpy, sigma, np.degrees(rpy_sigma(trajectory))]
+        [*time, *position, trajectory.velocity_ned, rpy, sigma, np.degrees(rpy_sigma(trajectory))]
     )
     form = "%d,%.6f,%.10f,%.10f,%.4f" + ",%.5f" * 3 + ",%.6f" * 3 + ",%.5f" * 6 + ",%.6f" * 3 + "\n"
     atomic_write(path, [",".join(COLUMNS) + "\n", *format_rows(form, table)])

@@ -37,7 +37,7 @@ class _Lines:
     path: str
     records: Records
 
-    def at(self, row: int, what: str) -> InputError:
+    def error_at(self, row: int, what: str) -> InputError:
         return InputError.at(self.path, self.records[row].line, what)
 
 
