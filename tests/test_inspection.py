@@ -638,7 +638,7 @@ def test_white_noise_is_measured_at_rest_and_under_motion():
     moving = sense(
         _samples(1e-4, 1e-3, motion=0.3)
     )  # 0.3 rad/s at 0.5 Hz: its third difference is 1e-5 rad/s
-    assert not len(moving.still)
+    assert not len(moving.stationary)
     np.testing.assert_allclose(moving.moving_gyro, 1e-4, rtol=0.05)
     np.testing.assert_allclose(moving.moving_accel, 1e-3, rtol=0.05)
 

@@ -124,7 +124,7 @@ def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]
         "at rest",
         f"{sensing.rest_s:.0f} s",
         MOST if share > 0.0 else 0.9,
-        f"{share:.0%} of the recording, {len(sensing.still)} stretches",
+        f"{share:.0%} of the recording, {len(sensing.stationary)} stretches",
     )
     if not sensing.rest_s:
         return (rest,)

@@ -36,13 +36,13 @@ class FlightInspection:
         """What a person reads."""
         from .text import finding_lines
 
-        said = (
+        lines = (
             finding_lines(self.findings)
             if self.findings
             else [f"not recognised: {self.unrecognised}"]
         )
         return "\n".join(
-            [self.result.summary(), "", "what the data say, read as the flight file says", *said]
+            [self.result.summary(), "", "what the data say, read as the flight file says", *lines]
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -61,12 +61,12 @@ def flight_file(sources: Sequence[Path], write: bool) -> Path | None:
     """
     tomls = [path for path in sources if path.suffix.lower() == ".toml"]
     if tomls and (write or len(sources) > 1):
-        what = (
+        problem = (
             "is a flight file already; give --write the files of the recording"
             if write
             else "is a flight file; inspect it alone"
         )
-        raise UsageError(f"{tomls[0]}: {what}")
+        raise UsageError(f"{tomls[0]}: {problem}")
     if tomls:
         return tomls[0]
     inside = len(sources) == 1 and not write and (sources[0] / "flight.toml").is_file()

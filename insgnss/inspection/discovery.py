@@ -93,14 +93,14 @@ def discover(paths: Sequence[Path]) -> Discovery:
         files = [path] if path.is_file() else list(_walk(path))
         for file in files:
             try:
-                found = sources_of(file)
+                file_sources = sources_of(file)
             except InsgnssError as error:
                 if path.is_file():
                     raise
                 left_out.append((file, str(error)))
                 continue
-            sources += found
-            if not found:
+            sources += file_sources
+            if not file_sources:
                 left_out.append((file, _why_not(file)))
     return Discovery(tuple(sources), tuple(left_out))
 
@@ -145,9 +145,9 @@ def sources_of(path: Path) -> list[Source]:
         raise InputError.at(path, None, "is empty; copy the recording again")
     if path.name.lower() in OWN_PRODUCTS or path.suffix.lower() in NO_RECORDINGS | RAW_OBSERVATIONS:
         return []
-    known = _known_log(path)
-    if known is not None:
-        return known
+    log_sources = _known_log(path)
+    if log_sources is not None:
+        return log_sources
     return [source for table in tables_of_file(path) for source in sources_of_table(path, table)]
 
 

@@ -37,7 +37,7 @@ DATA_KEYS = (
     "sigma_m",
     "undulation_m",
 )
-MOST_LISTED, MOST_SAID = 6, 300  # files in a message, and characters of the reason of each
+MOST_LISTED, REASON_LENGTH = 6, 300  # files in a message, and characters of the reason of each
 NO_WEEK = 0
 LARGEST, SPARSEST = (
     1e12,
@@ -64,15 +64,15 @@ class Inspection(InspectionData):
         from ..recognise.axes import axes_words
         from ..report.figures.recognition import recognition_picture
 
-        found = self.recognition
-        if found is None:
+        recognition = self.recognition
+        if recognition is None:
             return None
         words = (
-            [axes_words(C) for C in found.curves["orientation"]]
-            if "orientation" in found.curves
+            [axes_words(C) for C in recognition.curves["orientation"]]
+            if "orientation" in recognition.curves
             else []
         )
-        return recognition_picture(found.curves, found.findings, words, self.name)
+        return recognition_picture(recognition.curves, recognition.findings, words, self.name)
 
     def summary(self) -> str:
         """What a person reads."""
@@ -92,8 +92,8 @@ def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspecti
     from .content import in_units_of_file
 
     progress("looking")
-    found = discover(paths)
-    imu_source, gnss_source, events_source = _choose(found, paths)
+    discovery = discover(paths)
+    imu_source, gnss_source, events_source = _choose(discovery, paths)
     if gnss_source is not None:
         imu_source, gnss_source = on_one_clock(imu_source, gnss_source)
     progress("reading")
@@ -111,16 +111,18 @@ def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspecti
         recognition = in_units_of_file(imu_source, recognition)
     progress("measuring noise")
     return _inspection(
-        _name(paths), sources, found, imu, gnss, events, recognition, unrecognised, known_week
+        _name(paths), sources, discovery, imu, gnss, events, recognition, unrecognised, known_week
     )
 
 
-def _choose(found: Discovery, paths: Sequence[Path]) -> tuple[Source, Source | None, Source | None]:
+def _choose(
+    discovery: Discovery, paths: Sequence[Path]
+) -> tuple[Source, Source | None, Source | None]:
     """The one source of samples, and the one of fixes and exposures that belong to it."""
     where = ", ".join(map(str, paths))
-    samples = found.of("imu")
+    samples = discovery.of("imu")
     if not samples:
-        there = _listed(found) or "no files that could be a recording"
+        there = _listed(discovery) or "no files that could be a recording"
         raise InputError(
             f"{where}: no samples of an IMU found; there are {there}; name its file, or say its"
             " columns in a flight file"
@@ -133,39 +135,43 @@ def _choose(found: Discovery, paths: Sequence[Path]) -> tuple[Source, Source | N
             " them ([[imu.further]] joins others)"
         )
     imu = samples[0]
-    return imu, _belonging(found, "gnss", imu, where), _belonging(found, "events", imu, where)
+    return (
+        imu,
+        _belonging(discovery, "gnss", imu, where),
+        _belonging(discovery, "events", imu, where),
+    )
 
 
-def _listed(found: Discovery) -> str:
+def _listed(discovery: Discovery) -> str:
     """What there is: the files that could not be read first, with the reason."""
     damaged = [
-        f"{path.name} ({why.removeprefix(str(path)).strip(': ')[:MOST_SAID]})"
-        for path, why in found.left_out
+        f"{path.name} ({why.removeprefix(str(path)).strip(': ')[:REASON_LENGTH]})"
+        for path, why in discovery.left_out
         if str(path) in why
     ]
-    others = [path.name for path, why in found.left_out if str(path) not in why]
+    others = [path.name for path, why in discovery.left_out if str(path) not in why]
     names = [
         *damaged,
-        *(f"{source.path.name} ({source.what})" for source in found.sources),
+        *(f"{source.path.name} ({source.what})" for source in discovery.sources),
         *others,
     ]
     more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
     return "; ".join(names[:MOST_LISTED]) + more
 
 
-def _belonging(found: Discovery, role: Role, imu: Source, where: str) -> Source | None:
+def _belonging(discovery: Discovery, role: Role, imu: Source, where: str) -> Source | None:
     """The one source of a role; of several the one in the IMU's file."""
-    candidates = found.of(role)
+    candidates = discovery.of(role)
     if role == "events":  # any column that increases could be one of exposures, but for its times
         candidates = tuple(source for source in candidates if overlap(source.span, imu.span) >= 0.0)
     if len(candidates) > 1:
         inside = tuple(source for source in candidates if source.path == imu.path)
         candidates = inside or candidates
     if len(candidates) > 1:
-        what = {"gnss": "files of fixes", "events": "files of exposures"}.get(role, role)
+        kind = {"gnss": "files of fixes", "events": "files of exposures"}.get(role, role)
         names = ", ".join(source.title for source in candidates[:MOST_LISTED])
         raise InputError(
-            f"{where}: {len(candidates)} {what}: {names}; name the files of one flight"
+            f"{where}: {len(candidates)} {kind}: {names}; name the files of one flight"
         )
     return candidates[0] if candidates else None
 
@@ -257,7 +263,7 @@ def _name(paths: Sequence[Path]) -> str:
 def _inspection(
     name: str,
     sources: tuple[Source, ...],
-    found: Discovery,
+    discovery: Discovery,
     imu: ImuSamples,
     gnss: GnssFixes | None,
     events: CameraEvents | None,
@@ -268,16 +274,23 @@ def _inspection(
     from ..prepare.axes import parse_axes
     from ..recognise.plausibility import check_recording
     from .alone import Alone, by_gravity, rest_findings
-    from .content import assumed_rate, draft_flight, in_si, likely_axes, said_units, strangers
+    from .content import (
+        assumed_rate,
+        draft_flight,
+        in_si,
+        likely_axes,
+        unit_contradictions,
+        strangers,
+    )
     from .content import counts as in_counts
     from .sensing import sense
 
     raw, alone = imu, Alone(imu, {}, ())
     if recognition is None:
-        alone = by_gravity(imu, sources[0].units_said == {})
+        alone = by_gravity(imu, sources[0].header_units == {})
     imu = alone.imu if recognition is None else in_si(raw, recognition)
-    late = 0.0 if recognition is None else recognition.time_offset_s
-    stamped = None if gnss is None else replace(gnss, time=gnss.time + late)
+    time_offset = 0.0 if recognition is None else recognition.time_offset_s
+    stamped = None if gnss is None else replace(gnss, time=gnss.time + time_offset)
     sensing = sense(imu, stamped)
     axes, counts = likely_axes(sources[0], imu, recognition), alone.gyro_counts
     findings = (
@@ -294,17 +307,17 @@ def _inspection(
         checks += assumed_rate(sources[0])
     if recognition is not None:
         checks += [
-            *said_units(sources[0], recognition),
+            *unit_contradictions(sources[0], recognition),
             *in_counts(sources[0], recognition),
             *strangers(recognition),
         ]
     draft, missing = draft_flight(name, sources, raw, gnss, sensing, recognition, axes, week, alone)
-    if missing and (damaged := [why for path, why in found.left_out if str(path) in why]):
+    if missing and (damaged := [why for path, why in discovery.left_out if str(path) in why]):
         missing += f"; not taken: {damaged[0]}"
     return Inspection(
         name,
         sources,
-        found.left_out,
+        discovery.left_out,
         imu,
         stamped,
         events,

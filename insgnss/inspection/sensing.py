@@ -23,7 +23,7 @@ import numpy as np
 from ..base.units import STANDARD_GRAVITY, rounded
 from ..geodesy.earth import EARTH_RATE
 from ..prepare.gaps import nominal_interval
-from ..prepare.stationarity import Stretches, still_stretches
+from ..prepare.stationarity import StationaryPeriods, stationary_periods
 from ..records import Array, GnssFixes, ImuSamples
 from ..stochastic.model import AxisNoise, GaussMarkov, NoiseModel, load_noise_model, shipped_models
 
@@ -61,7 +61,7 @@ class Sensing:
 
     rate_hz: float
     length_s: float
-    still: Stretches
+    stationary: StationaryPeriods
     rest_s: float
     mean_gyro: Array
     mean_accel: Array
@@ -106,22 +106,22 @@ def sense(imu: ImuSamples, gnss: GnssFixes | None = None) -> Sensing:
     dt = nominal_interval(imu.time)
     scale = 1.0 / dt if imu.quantity == "increments" else 1.0
     values = np.column_stack([imu.gyro, imu.accel]) * scale
-    still = still_stretches(imu, gnss)
-    rest = float(np.sum(still.time[:, 1] - still.time[:, 0])) if len(still) else 0.0
-    if len(still):
+    periods = stationary_periods(imu, gnss)
+    rest = float(np.sum(periods.time[:, 1] - periods.time[:, 0])) if len(periods) else 0.0
+    if len(periods):
         mean = [
-            np.average(m, axis=0, weights=still.samples)
-            for m in (still.gyro_mean, still.accel_mean)
+            np.average(m, axis=0, weights=periods.samples)
+            for m in (periods.gyro_mean, periods.accel_mean)
         ]
     else:
         mean = [np.full(3, np.nan), np.full(3, np.nan)]
-    quiet = _rest_noise(imu.time, values, still, dt)
-    moving = np.maximum(quiet, _moving_noise(imu.time, values, still, dt))
+    quiet = _rest_noise(imu.time, values, periods, dt)
+    moving = np.maximum(quiet, _moving_noise(imu.time, values, periods, dt))
     length = float(imu.time[-1] - imu.time[0])
     return Sensing(
         1.0 / dt,
         length,
-        still,
+        periods,
         rest,
         mean[0],
         mean[1],
@@ -132,13 +132,13 @@ def sense(imu: ImuSamples, gnss: GnssFixes | None = None) -> Sensing:
     )
 
 
-def _rest_noise(time: Array, values: Array, still: Stretches, dt: float) -> Array:
+def _rest_noise(time: Array, values: Array, periods: StationaryPeriods, dt: float) -> Array:
     """Root density (6,) over the longest stretch at rest, else over the quietest ten seconds by
     single samples (S.1).
     """
-    if len(still):
-        longest = int(np.argmax(still.time[:, 1] - still.time[:, 0]))
-        lo, hi = np.searchsorted(time, still.time[longest])
+    if len(periods):
+        longest = int(np.argmax(periods.time[:, 1] - periods.time[:, 0]))
+        lo, hi = np.searchsorted(time, periods.time[longest])
         if (hi - lo) * dt > 4.0 * REST_TAU_S:
             spans = [
                 m
@@ -152,9 +152,9 @@ def _rest_noise(time: Array, values: Array, still: Stretches, dt: float) -> Arra
     return _third_differences(time, values, dt, lambda blocks: np.min(blocks, axis=0))
 
 
-def _moving_noise(time: Array, values: Array, still: Stretches, dt: float) -> Array:
+def _moving_noise(time: Array, values: Array, periods: StationaryPeriods, dt: float) -> Array:
     """Root density (6,) outside the stretches at rest (S.1); zero without any such."""
-    outside = still.at(time) < 0
+    outside = periods.index_of(time) < 0
     if outside.mean() < STATIC_SHARE or outside.sum() * dt < QUIETEST_S:
         return np.zeros(6)
     return _third_differences(
@@ -199,9 +199,9 @@ def fitting_model(sensing: Sensing) -> str | None:
             float(np.max(sensing.moving_gyro)) / max(axis.white_noise for axis in model.gyro),
             float(np.max(sensing.moving_accel)) / max(axis.white_noise for axis in model.accel),
         ]
-        known = sensing.rest_s > 0.0
+        has_rest = sensing.rest_s > 0.0
         small = (
-            not known
+            not has_rest
             or float(np.abs(sensing.mean_gyro).max()) < SIGMAS * model.gyro[0].turn_on_bias
         )
         if all(FITS[0] < ratio < FITS[1] for ratio in ratios) and small:

@@ -15,7 +15,7 @@ NO_SIGMA = (
     "no standard deviations in the file: those of a single-point receiver; of RTK they are 0.02,"
     " 0.02, 0.04"
 )
-STEP_TOLD = "the clock's usual step is"
+STEP_REASON = "the clock's usual step is"
 SAME_LENGTH = 0.1
 OVERLAP = 0.3  # of the shorter recording, for two clocks to be the same
 
@@ -27,7 +27,7 @@ class Source:
     span : first and last stamp, s, on the file's own clock, where a table gives them.
     what : in a few words.
     other_clocks : the same source stamped by another of its clocks.
-    units_said : of gyro and accel, as far as the file gives them;
+    header_units : of gyro and accel, as far as the file gives them;
     None where the format fixes them.
     free_height : nothing says what the heights are above.
     axes : of the format's convention.
@@ -41,7 +41,7 @@ class Source:
     why: dict[str, str] = field(default_factory=dict)
     span: tuple[float, float] | None = None
     other_clocks: tuple["Source", ...] = ()
-    units_said: dict[str, str] | None = None
+    header_units: dict[str, str] | None = None
     free_height: bool = False
     axes: str = ""
     site: tuple[float, float, float] | None = None
@@ -71,7 +71,7 @@ def as_long_as(imu: Source, samples: ImuSamples, fixes: GnssFixes) -> Source:
     suggest, where only so it runs as long as the fixes: within `SAME_LENGTH` of the logarithm to
     base ten. A unit that the header gives is kept."""
     unit = imu.keys.get("units", {}).get("time", "s")
-    if STEP_TOLD not in imu.why.get("units", "") or unit not in ("s", "ms", "us", "ns"):
+    if STEP_REASON not in imu.why.get("units", "") or unit not in ("s", "ms", "us", "ns"):
         return imu
     ratio = np.log10(
         (samples.time[-1] - samples.time[0]) / max(fixes.time[-1] - fixes.time[0], 1e-3)
@@ -79,12 +79,12 @@ def as_long_as(imu: Source, samples: ImuSamples, fixes: GnssFixes) -> Source:
     decade = round(float(ratio))
     if decade == 0 or abs(ratio - decade) > SAME_LENGTH:
         return imu
-    told = f"in {unit} the samples would last {10.0**ratio:.3g} times as long as the fixes"
+    comparison = f"in {unit} the samples would last {10.0**ratio:.3g} times as long as the fixes"
     units = {**imu.keys["units"], "time": f"{10.0**-decade:g} {unit}"}
     return replace(
         imu,
         keys=imu.keys | {"units": units},
-        why=imu.why | {"units": f"{imu.why['units']}; {told}"},
+        why=imu.why | {"units": f"{imu.why['units']}; {comparison}"},
     )
 
 

@@ -78,8 +78,8 @@ def sensor_lines(sensing: Sensing, gyro_counts: float | None = None) -> list[str
         unit, factor = "counts", gyro_counts
     lines = [f"sensor    {s.rate_hz:.5g} Hz for {s.length_s:.0f} s, {s.grade} class"]
     noise = "          white noise {:<9} gyro {} {}/sqrt(Hz), accelerometer {} mg/sqrt(Hz)"
-    at = "at rest:" if s.rest_s else "quietest:"
-    lines.append(noise.format(at, _three(s.rest_gyro / factor), unit, _three(s.rest_accel / MG)))
+    state = "at rest:" if s.rest_s else "quietest:"
+    lines.append(noise.format(state, _three(s.rest_gyro / factor), unit, _three(s.rest_accel / MG)))
     if not s.is_static:
         lines.append(
             noise.format(
@@ -91,7 +91,7 @@ def sensor_lines(sensing: Sensing, gyro_counts: float | None = None) -> list[str
     axis = int(np.argmax(np.abs(s.mean_accel)))
     sense = "up" if s.mean_accel[axis] > 0 else "down"
     lines.append(
-        f"          at rest {s.rest_s:.0f} s in {len(s.still)}"
+        f"          at rest {s.rest_s:.0f} s in {len(s.stationary)}"
         f" stretches{', all of it' if s.is_static else ''}: |f| {s.gravity:.5g} m/s^2,"
         f" {'xyz'[axis]} points {sense}; mean rate {_three(s.mean_gyro / factor)} {unit}"
     )

@@ -132,11 +132,11 @@ def build_segments(
             d = b - a
             if d > 0.0 and m > 0:
                 mid = 0.5 * (a + b) - 0.5 * (t0 + t1)
-                part = (d / h) ** 2  # the bracket term of a piece of length d goes with d^3
+                share = (d / h) ** 2  # the bracket term of a piece of length d goes with d^3
                 dt[n] = d
                 for c in range(3):
-                    dtheta[n, c] = d * (r[2, c] + part * extra[c] + slope[c] * mid)
-                    dvel[n, c] = d * (r[2, 3 + c] + part * extra[3 + c] + slope[3 + c] * mid)
+                    dtheta[n, c] = d * (r[2, c] + share * extra[c] + slope[c] * mid)
+                    dvel[n, c] = d * (r[2, 3 + c] + share * extra[3 + c] + slope[3 + c] * mid)
                 n += 1
             a = b
             if not is_mark:

@@ -88,8 +88,8 @@ class ImuCalibration:
     def __post_init__(self) -> None:
         for sensor in ("gyro", "accel"):
             triad: TriadCalibration = getattr(self, sensor)
-            if what := _implausible(sensor, triad):
-                raise InputError(f"calibration {self.name!r}: {sensor} {what}")
+            if fault := _implausible(sensor, triad):
+                raise InputError(f"calibration {self.name!r}: {sensor} {fault}")
 
     def apply(self, imu: ImuSamples) -> ImuSamples:
         """Calibrated samples in the same quantity (C.2), with a note that says what was applied."""
@@ -160,8 +160,8 @@ def load_calibration(path: str | os.PathLike[str]) -> ImuCalibration:
     for sensor in ("gyro", "accel"):
         table = top.table(sensor)
         triads[sensor] = _triad(table, sensor)
-        if what := _implausible(sensor, triads[sensor]):
-            key, _, why = what.partition(": ")
+        if fault := _implausible(sensor, triads[sensor]):
+            key, _, why = fault.partition(": ")
             raise table.error(
                 next((k for k in (key, "scale_factor", "misalignment") if k in table.data), key),
                 why,
@@ -226,8 +226,8 @@ def _assembled(diagonal: Array | None, off: Array | None) -> Array:
     """(3, 3) of a diagonal and of the three or six values beside it."""
     out = np.diag(np.zeros(3) if diagonal is None else diagonal)
     if off is not None:
-        for place, value in zip(LOWER if off.size == 3 else OFF_DIAGONAL, off, strict=True):
-            out[place] = value
+        for cell, value in zip(LOWER if off.size == 3 else OFF_DIAGONAL, off, strict=True):
+            out[cell] = value
     return out
 
 
@@ -256,12 +256,12 @@ def write_calibration(
 
 
 def _response_lines(values: Array, suffix: str) -> list[str]:
-    places = (
+    cells = (
         LOWER
-        if not any(values[place] for place in OFF_DIAGONAL if place not in LOWER)
+        if not any(values[cell] for cell in OFF_DIAGONAL if cell not in LOWER)
         else OFF_DIAGONAL
     )
-    off = np.array([values[place] for place in places])
+    off = np.array([values[cell] for cell in cells])
     return [
         _line(f"scale_factor{suffix}", np.diag(values), "ppm"),
         _line(f"misalignment{suffix}", off, "mrad"),

@@ -23,8 +23,8 @@ def common_clock(
     The week is `gps_week`, else the first one that a record knows; a record without a week is taken
     to be of it. Raises InputError where no record knows the week and none is given.
     """
-    known = [r.gps_week for r in (imu, gnss, events) if r is not None and r.gps_week is not None]
-    week = gps_week if gps_week is not None else (known[0] if known else None)
+    weeks = [r.gps_week for r in (imu, gnss, events) if r is not None and r.gps_week is not None]
+    week = gps_week if gps_week is not None else (weeks[0] if weeks else None)
     if week is None:
         raise InputError(
             f"{imu.source}: no file says the GPS week; give gps_week in the flight file"
@@ -57,22 +57,22 @@ def common_span(
     lo = max(imu.time[0], -np.inf if start is None else start)
     hi = min(imu.time[-1], np.inf if end is None else end)
     inside = gnss.time[(gnss.time >= lo) & (gnss.time <= hi)]
-    told = (
+    spans = (
         f"{gnss.source}: fixes from {gnss.time[0]:.1f} to {gnss.time[-1]:.1f} s, {imu.source}:"
         f" samples from {imu.time[0]:.1f} to {imu.time[-1]:.1f} s of week {imu.gps_week}"
     )
     for key, value in (("start_tow", start), ("end_tow", end)):
-        told += "" if value is None else f", {key} = {value:.1f} s"
+        spans += "" if value is None else f", {key} = {value:.1f} s"
     if gnss.time[-1] < lo or gnss.time[0] > hi:
         raise InputError(
-            f"{told}: they do not overlap; check gps_week, the day, start_tow and end_tow,"
+            f"{spans}: they do not overlap; check gps_week, the day, start_tow and end_tow,"
             " time_offset_s, seconds against milliseconds"
         )
     length = inside[-1] - inside[0] if inside.size else 0.0
     if inside.size < 2 or length < SHORTEST_S:
         fixes = f"{inside.size} fix{'' if inside.size == 1 else 'es'}"
         raise DataError(
-            f"{told}: {fixes} over {length:.1f} s in common (limit {SHORTEST_S:.0f} s); give the"
+            f"{spans}: {fixes} over {length:.1f} s in common (limit {SHORTEST_S:.0f} s); give the"
             " whole recordings, or check their clocks"
         )
     return float(inside[0]), float(hi)
@@ -118,10 +118,12 @@ def cut_events(events: CameraEvents, start: float | None, end: float | None) -> 
     return take_events(events, np.flatnonzero(keep))
 
 
-def take_events(events: CameraEvents, at: np.ndarray) -> CameraEvents:
-    """The events of the indices `at`."""
+def take_events(events: CameraEvents, indices: np.ndarray) -> CameraEvents:
+    """The events of the indices `indices`."""
     return replace(
-        events, images=tuple(np.array(events.images, dtype=object)[at]), time=events.time[at]
+        events,
+        images=tuple(np.array(events.images, dtype=object)[indices]),
+        time=events.time[indices],
     )
 
 

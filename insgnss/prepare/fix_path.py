@@ -39,16 +39,16 @@ def sound_fixes(gnss: GnssFixes) -> NDArray[np.bool_]:
     p = np.column_stack([north_east(gnss), -gnss.height])
     sound = np.ones(gnss.time.size, dtype=bool)
     for _ in range(4):
-        at = np.flatnonzero(sound)
-        if at.size < 10:
+        rows = np.flatnonzero(sound)
+        if rows.size < 10:
             break
-        q = p[at]
-        off = np.zeros(at.size)
+        q = p[rows]
+        off = np.zeros(rows.size)
         off[2:-2] = np.linalg.norm(
             q[2:-2] - (4.0 * (q[1:-3] + q[3:-1]) - q[:-4] - q[4:]) / 6.0, axis=1
         )
-        even = np.zeros(at.size, dtype=bool)
-        step = np.diff(gnss.time[at])
+        even = np.zeros(rows.size, dtype=bool)
+        step = np.diff(gnss.time[rows])
         around = np.column_stack([step[:-3], step[1:-2], step[2:-1], step[3:]])
         even[2:-2] = around.max(axis=1) < 1.5 * np.median(step)
         off[~even] = 0.0
@@ -60,5 +60,5 @@ def sound_fixes(gnss: GnssFixes) -> NDArray[np.bool_]:
         bad = (off > limit) & (off == peak)
         if not bad.any():
             break
-        sound[at[bad]] = False
+        sound[rows[bad]] = False
     return sound

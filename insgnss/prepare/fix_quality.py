@@ -34,7 +34,7 @@ def with_floors(gnss: GnssFixes, floors: Mapping[int, tuple[float, ...]]) -> Gns
             changed.append(f"{raised} of quality {code} to {' / '.join(f'{s:g}' for s in floor)} m")
     if not changed:
         return gnss
-    found = f"standard deviations raised: {', '.join(changed)}"
+    statement = f"standard deviations raised: {', '.join(changed)}"
     codes = "of RTKLIB's codes 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP"
-    note = Check("GNSS quality", found, codes, "note", "gnss.quality_sigma_m sets them")
+    note = Check("GNSS quality", statement, codes, "note", "gnss.quality_sigma_m sets them")
     return replace(gnss, cov_ned=cov, notes=(*gnss.notes, note))

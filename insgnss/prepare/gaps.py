@@ -82,9 +82,9 @@ def bridged_variance(
     seen = _Seen(imu, C_b_imu)
     for t, length in gaps:
         first, last = np.searchsorted(marks, t, side="right"), np.searchsorted(marks, t + length)
-        at = np.arange(max(int(first), 1), min(int(last) + 1, marks.size))
-        overlap = np.minimum(marks[at], t + length) - np.maximum(marks[at - 1], t)
-        out[at] += seen.variance(t, length) * np.maximum(overlap, 0.0)[:, None] / length
+        rows = np.arange(max(int(first), 1), min(int(last) + 1, marks.size))
+        overlap = np.minimum(marks[rows], t + length) - np.maximum(marks[rows - 1], t)
+        out[rows] += seen.variance(t, length) * np.maximum(overlap, 0.0)[:, None] / length
     return out
 
 

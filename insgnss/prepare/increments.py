@@ -49,8 +49,8 @@ def merge_marks(*times: Array) -> tuple[Array, list[np.ndarray]]:
     every = np.sort(np.concatenate(times))
     keep = np.concatenate([[True], np.diff(every) > SNAP_S])
     union = every[keep]
-    place = [np.searchsorted(union, t + SNAP_S, side="right") - 1 for t in times]
-    return union, place
+    indices = [np.searchsorted(union, t + SNAP_S, side="right") - 1 for t in times]
+    return union, indices
 
 
 def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array) -> Increments:

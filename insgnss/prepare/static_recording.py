@@ -27,7 +27,7 @@ from ..base.units import STANDARD_GRAVITY
 from ..records import Array, Check, ImuSamples, Verdict
 from ..records.variances import MAD_TO_SIGMA
 from .gaps import LACKING, find_gaps, nominal_interval
-from .stationarity import MAX_BIAS, NORM_HIGH, NORM_LOW, Stretches, still_stretches
+from .stationarity import MAX_BIAS, NORM_HIGH, NORM_LOW, StationaryPeriods, stationary_periods
 from .stuck_channels import CHANNELS, LONGER, constant_runs
 
 LEAST_S = 60.0
@@ -104,13 +104,13 @@ def static_span(
             " skip less"
         )
     first, last, whole = _unbroken(time, lo, hi, nominal, bridge_s)
-    place = _places(time[first:last], nominal)
-    filled = int(place[-1]) + 1 - place.size
+    cells = _places(time[first:last], nominal)
+    filled = int(cells[-1]) + 1 - cells.size
     scale = 1.0 / nominal if imu.quantity == "increments" else 1.0
     gyro, accel = (
-        _even(triad[first:last], place, filled, scale) for triad in (imu.gyro, imu.accel)
+        _even(triad[first:last], cells, filled, scale) for triad in (imu.gyro, imu.accel)
     )
-    rate = float(place[-1] / (time[last - 1] - time[first]))
+    rate = float(cells[-1] / (time[last - 1] - time[first]))
     checks = [_rate(time[lo:hi], nominal), whole, _length(len(gyro) / rate)]
     checks += _channels([*gyro.T, *accel.T], rate)
     checks.append(_units(gyro, accel))
@@ -135,7 +135,7 @@ def _length(length_s: float) -> Check:
 def _rate(time: Array, nominal: float) -> Check:
     """Stamps that come in bunches make no rate."""
     mean = float(time[-1] - time[0]) / max(time.size - 1, 1)
-    found = f"{1.0 / nominal:.6g} Hz, {time[-1] - time[0]:.1f} s, {time.size} samples"
+    finding = f"{1.0 / nominal:.6g} Hz, {time[-1] - time[0]:.1f} s, {time.size} samples"
     if nominal < 0.5 * mean:
         advice = (
             "the stamps come in bunches: leave their column out and give the sensor's rate"
@@ -143,12 +143,12 @@ def _rate(time: Array, nominal: float) -> Check:
         )
         return Check(
             "sampling",
-            f"{found}; median interval {nominal:.3g} s, mean {mean:.3g} s",
+            f"{finding}; median interval {nominal:.3g} s, mean {mean:.3g} s",
             "even stamps",
             "contradiction",
             advice,
         )
-    return Check("sampling", found, "even stamps")
+    return Check("sampling", finding, "even stamps")
 
 
 def _unbroken(
@@ -167,21 +167,21 @@ def _unbroken(
     longest = int(np.argmax(np.diff(edges)))
     first, last = lo + int(edges[longest]), lo + int(edges[longest + 1])
     worst = max(gaps, key=lambda gap: gap[1])
-    found = f"{len(gaps)} gaps, the longest of {worst[1]:.3g} s at {worst[0]:.1f} s"
+    finding = f"{len(gaps)} gaps, the longest of {worst[1]:.3g} s at {worst[0]:.1f} s"
     if cuts.size:
         share = (last - first) / (hi - lo)
-        found += (
+        finding += (
             f"; used is the longest span without, {time[first]:.1f} to {time[last - 1]:.1f} s,"
             f" {share:.0%} of the samples"
         )
     if bridge_s:
-        found += f"; gaps up to {bridge_s:g} s are filled by straight lines"
+        finding += f"; gaps up to {bridge_s:g} s are filled by straight lines"
     return (
         first,
         last,
         Check(
             "missing samples",
-            found,
+            finding,
             expected,
             "note",
             "" if bridge_s else "--bridge SECONDS fills short gaps instead",
@@ -196,11 +196,11 @@ def _places(time: Array, nominal: float) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(whole)]).astype(np.int64)
 
 
-def _even(values: Array, place: NDArray[np.int64], filled: int, scale: float) -> Array:
+def _even(values: Array, cells: NDArray[np.int64], filled: int, scale: float) -> Array:
     """(n, 3) on the grid, in rates."""
     if filled:
-        grid = np.arange(place[-1] + 1)
-        values = np.column_stack([np.interp(grid, place, column) for column in values.T])
+        grid = np.arange(cells[-1] + 1)
+        values = np.column_stack([np.interp(grid, cells, column) for column in values.T])
     return values if scale == 1.0 else values * scale
 
 
@@ -213,14 +213,14 @@ def _channels(columns: list[Array], rate: float) -> list[Check]:
         return [Check("constant channel", "; ".join(stuck), expected, "contradiction", advice)]
     checks = [Check("constant channel", "every channel alive", expected)]
     size = max(LEAST_IN_BLOCK, round(BLOCK_S * rate))
-    coarse = [(name, *found) for name, column in named if (found := _rounding(column, size))]
+    coarse = [(name, *rounding) for name, column in named if (rounding := _rounding(column, size))]
     if coarse:
         names, steps = (
             ", ".join(name for name, _, _ in coarse),
             ", ".join(f"{n:.2g}" for _, n, _ in coarse),
         )
         shares = ", ".join(f"{100 / 12 / n**2:.0f}" for _, n, _ in coarse)
-        what = (
+        finding = (
             f"{names} scatter by {steps} steps of their resolution, {shares} % of the variance is"
             " rounding"
         )
@@ -232,7 +232,7 @@ def _channels(columns: list[Array], rate: float) -> list[Check]:
             else "the white noise found contains the rounding"
         )
         checks.append(
-            Check("rounding", what, f"samples scatter by {FINE} steps and more", verdict, advice)
+            Check("rounding", finding, f"samples scatter by {FINE} steps and more", verdict, advice)
         )
     if rails := [f"{name} {how}" for name, column in named if (how := _rail(column))]:
         checks.append(
@@ -276,7 +276,7 @@ def _units(gyro: Array, accel: Array) -> Check:
         ),
     )
     force, rate = float(np.linalg.norm(accel.mean(axis=0))), float(np.abs(gyro.mean(axis=0)).max())
-    found = f"|mean force| {force:.4g} m/s^2, mean rate {np.degrees(rate):.3g} deg/s"
+    finding = f"|mean force| {force:.4g} m/s^2, mean rate {np.degrees(rate):.3g} deg/s"
     if not NORM_LOW < force < NORM_HIGH:
         factors = {"g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY}
         near = [
@@ -290,16 +290,16 @@ def _units(gyro: Array, accel: Array) -> Check:
             if near
             else f"if these are counts, --accel-unit {one!r}"
         )
-        return Check(name, found, expected, "contradiction", f"{advice}; gravity must be in them")
+        return Check(name, finding, expected, "contradiction", f"{advice}; gravity must be in them")
     if rate > MAX_BIAS:
         return Check(
             name,
-            found,
+            finding,
             expected,
             "contradiction",
             "it turns, or the unit is another: give --gyro-unit, deg/s or that of a count",
         )
-    return Check(name, found, expected)
+    return Check(name, finding, expected)
 
 
 def _rounding(column: Array, size: int) -> tuple[float, float] | None:
@@ -318,12 +318,12 @@ def _rail(column: Array) -> str:
     mean, sigma = float(column.mean()), float(column.std())
     for extreme in (column.min(), column.max()):
         if abs(extreme - mean) > RAIL_SIGMAS * sigma:
-            at = np.flatnonzero(column == extreme)
+            rows = np.flatnonzero(column == extreme)
             if (
-                at.size >= RAIL_RUN
-                and (at[RAIL_RUN - 1 :] - at[: 1 - RAIL_RUN] == RAIL_RUN - 1).any()
+                rows.size >= RAIL_RUN
+                and (rows[RAIL_RUN - 1 :] - rows[: 1 - RAIL_RUN] == RAIL_RUN - 1).any()
             ):
-                return f"stands at {extreme:.4g} {at.size} times"
+                return f"stands at {extreme:.4g} {rows.size} times"
     return ""
 
 
@@ -332,8 +332,8 @@ def _at_rest(
 ) -> tuple[tuple[Disturbance, ...], Check]:
     """Disturbances, and what to say of rest."""
     length = len(gyro) / rate
-    still = still_stretches(ImuSamples(np.arange(len(gyro)) / rate, gyro, accel))
-    share = float(np.sum(still.time[:, 1] - still.time[:, 0]) / length)
+    periods = stationary_periods(ImuSamples(np.arange(len(gyro)) / rate, gyro, accel))
+    share = float(np.sum(periods.time[:, 1] - periods.time[:, 0]) / length)
     name, expected = "motion", f"at rest for {REST_SHARE:.0%} of the time and more"
     if share < REST_SHARE:
         scatter = ", ".join(
@@ -346,30 +346,34 @@ def _at_rest(
         )
         return (), Check(
             name,
-            f"at rest for {share:.0%} of the time{_longest(still, begin)}",
+            f"at rest for {share:.0%} of the time{_longest(periods, begin)}",
             expected,
             "contradiction",
             advice,
         )
-    found = _disturbances(np.column_stack([gyro, accel]), begin, rate)
-    if not found:
+    disturbances = _disturbances(np.column_stack([gyro, accel]), begin, rate)
+    if not disturbances:
         return (), Check(name, "at rest throughout", expected)
-    more = f" and {len(found) - 3} more" if len(found) > 3 else ""
-    how = "disturbed" if found[0].sigmas > STRONG else "slightly disturbed"
+    more = f" and {len(disturbances) - 3} more" if len(disturbances) > 3 else ""
+    how = "disturbed" if disturbances[0].sigmas > STRONG else "slightly disturbed"
     advice = (
         "leave the recording out, cut it with --skip and --keep, or fit with --robust"
-        if found[0].sigmas > STRONG
+        if disturbances[0].sigmas > STRONG
         else ""
     )
-    return found, Check(
-        name, f"{how}: {'; '.join(map(str, found[:3]))}{more}", "nothing but noise", "note", advice
+    return disturbances, Check(
+        name,
+        f"{how}: {'; '.join(map(str, disturbances[:3]))}{more}",
+        "nothing but noise",
+        "note",
+        advice,
     )
 
 
-def _longest(still: Stretches, begin: float) -> str:
-    if not len(still):
+def _longest(periods: StationaryPeriods, begin: float) -> str:
+    if not len(periods):
         return ""
-    lo, hi = still.time[int(np.argmax(still.time[:, 1] - still.time[:, 0]))] + begin
+    lo, hi = periods.time[int(np.argmax(periods.time[:, 1] - periods.time[:, 0]))] + begin
     return f", longest from {lo:.0f} to {hi:.0f} s"
 
 
@@ -391,28 +395,28 @@ def _disturbances(x: Array, begin: float, rate: float) -> tuple[Disturbance, ...
     beyond = np.flatnonzero((np.abs(scores) > SIGMAS).any(axis=(0, 2)))
     if not beyond.size:
         return ()
-    found = []
+    disturbances = []
     for run in np.split(beyond, np.flatnonzero(np.diff(beyond) > LONG_BLOCKS) + 1):
-        part = np.abs(scores[:, run[0] : run[-1] + 1])
-        channel = int(np.argmax(part.max(axis=(0, 1))))
-        quick = bool(part[:2].max() > SIGMAS)
-        lo, hi = _quick_span(part[:2], run[0]) if quick else (run[0], run[-1] + 1)
+        run_scores = np.abs(scores[:, run[0] : run[-1] + 1])
+        channel = int(np.argmax(run_scores.max(axis=(0, 1))))
+        quick = bool(run_scores[:2].max() > SIGMAS)
+        lo, hi = _quick_span(run_scores[:2], run[0]) if quick else (run[0], run[-1] + 1)
         kind = "shaken" if quick else "step"
-        found.append(
+        disturbances.append(
             Disturbance(
                 begin + lo * size / rate,
                 (hi - lo) * size / rate,
                 CHANNELS[channel],
                 kind,
-                float(part.max()),
+                float(run_scores.max()),
             )
         )
-    return tuple(sorted(found, key=lambda d: -d.sigmas))
+    return tuple(sorted(disturbances, key=lambda d: -d.sigmas))
 
 
-def _quick_span(part: Array, first: int) -> tuple[int, int]:
-    at = np.flatnonzero((part > SIGMAS).any(axis=(0, 2)))
-    return first + int(at[0]), first + int(at[-1]) + 1
+def _quick_span(scores: Array, first: int) -> tuple[int, int]:
+    blocks = np.flatnonzero((scores > SIGMAS).any(axis=(0, 2)))
+    return first + int(blocks[0]), first + int(blocks[-1]) + 1
 
 
 def _moving_mean(x: Array, width: int) -> Array:

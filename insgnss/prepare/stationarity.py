@@ -64,7 +64,7 @@ MOVING, UNKNOWN, CONFIRMED = -1, 0, 1
 
 
 @dataclass(frozen=True, eq=False)
-class Stretches:
+class StationaryPeriods:
     """k stretches at rest, in the order of time; means and standard deviations of a sample are in
     the IMU's own axes.
 
@@ -82,7 +82,7 @@ class Stretches:
     def __len__(self) -> int:
         return len(self.time)
 
-    def at(self, time: Array) -> NDArray[np.int64]:
+    def index_of(self, time: Array) -> NDArray[np.int64]:
         """(n,) index of the stretch that holds each of the instants `time` (n,) s, -1 outside all
         of them.
         """
@@ -91,13 +91,15 @@ class Stretches:
         k = np.searchsorted(self.time[:, 0], time, side="right") - 1
         return np.where((k >= 0) & (np.asarray(time) <= self.time[np.maximum(k, 0), 1]), k, -1)
 
-    def within(self, begin: float, end: float) -> "Stretches":
+    def within(self, begin: float, end: float) -> "StationaryPeriods":
         """Those that lie wholly between two instants, s."""
         return self.where((self.time[:, 0] >= begin) & (self.time[:, 1] <= end))
 
-    def where(self, which: NDArray[np.bool_]) -> "Stretches":
+    def where(self, which: NDArray[np.bool_]) -> "StationaryPeriods":
         """Those for which `which` (k,) is true."""
-        return Stretches(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+        return StationaryPeriods(
+            *(getattr(self, name)[which] for name in self.__dataclass_fields__)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,8 +135,8 @@ class _Sums:
         return np.maximum(_between(self.first * mean, lo, hi) / n - middle**2, 0.0)
 
 
-def still_stretches(imu: ImuSamples, gnss: GnssFixes | None = None) -> Stretches:
-    """Stretches of a second and more in which the sensor neither moves nor turns (Z.1, Z.2).
+def stationary_periods(imu: ImuSamples, gnss: GnssFixes | None = None) -> StationaryPeriods:
+    """StationaryPeriods of a second and more in which the sensor neither moves nor turns (Z.1, Z.2).
 
     imu : samples in any axes.
     gnss : fixes on the same clock, None without; they confirm rest and exclude a smooth cruise.
@@ -142,22 +144,22 @@ def still_stretches(imu: ImuSamples, gnss: GnssFixes | None = None) -> Stretches
     sums = _block_sums(imu)
     blocks = sums.count.size
     if blocks < WINDOW_BLOCKS:
-        return _stretches(sums, np.empty((0, 2), dtype=np.int64))
+        return _periods_of(sums, np.empty((0, 2), dtype=np.int64))
     lo = np.arange(blocks - WINDOW_BLOCKS + 1)
     hi = lo + WINDOW_BLOCKS
     full = _between((sums.count < 0.5 * np.median(sums.count)).astype(np.float64), lo, hi) == 0.0
     seen = _seen_by_gnss(gnss, sums.edge(lo), sums.edge(hi))
     quiet = _quiet(sums, lo, hi, full & (seen != MOVING), seen)
-    stretches = _stretches(sums, _runs(quiet, sums))
-    time = stretches.time
+    periods = _periods_of(sums, _runs(quiet, sums))
+    time = periods.time
     stands = _seen_by_gnss(gnss, time[:, 0], time[:, 1]) != MOVING
     if stands.any():
         usual = np.median(
-            np.repeat(stretches.gyro_mean[stands], stretches.samples[stands] // 50 + 1, axis=0),
+            np.repeat(periods.gyro_mean[stands], periods.samples[stands] // 50 + 1, axis=0),
             axis=0,
         )
-        stands &= np.abs(stretches.gyro_mean - usual).max(axis=1) < BIAS_SPREAD
-    return stretches.where(stands)
+        stands &= np.abs(periods.gyro_mean - usual).max(axis=1) < BIAS_SPREAD
+    return periods.where(stands)
 
 
 def _between(x: Array, lo: NDArray[np.int64], hi: NDArray[np.int64]) -> Array:
@@ -243,10 +245,10 @@ def _runs(quiet: NDArray[np.bool_], sums: _Sums) -> NDArray[np.int64]:
     )
 
 
-def _stretches(sums: _Sums, runs: NDArray[np.int64]) -> Stretches:
+def _periods_of(sums: _Sums, runs: NDArray[np.int64]) -> StationaryPeriods:
     n, mean, variance = sums.over(runs[:, 0], runs[:, 1])
     std = np.asarray(np.sqrt(variance), dtype=np.float64)
-    return Stretches(
+    return StationaryPeriods(
         sums.edge(runs), mean[:, :3], mean[:, 3:], std[:, :3], std[:, 3:], n.astype(np.int64)
     )
 
@@ -262,25 +264,31 @@ def _seen_by_gnss(gnss: GnssFixes | None, begin: Array, end: Array) -> NDArray[n
     position = frame.position_from_geodetic(gnss.lat, gnss.lon, gnss.height)
     sigma = np.sqrt(np.diagonal(gnss.cov_ned, axis1=1, axis2=2))
     length = (end - begin)[:, None]
-    moved = _at(gnss.time, position, end) - _at(gnss.time, position, begin)
+    moved = _interpolated(gnss.time, position, end) - _interpolated(gnss.time, position, begin)
     speeds = [
         (
             moved / length,
-            np.hypot(_at(gnss.time, sigma, begin), _at(gnss.time, sigma, end)) / length,
+            np.hypot(_interpolated(gnss.time, sigma, begin), _interpolated(gnss.time, sigma, end))
+            / length,
         )
     ]
     if gnss.velocity_ned is not None and gnss.velocity_cov_ned is not None:
         sigma_v = np.sqrt(np.diagonal(gnss.velocity_cov_ned, axis1=1, axis2=2))
         middle = 0.5 * (begin + end)
-        speeds.append((_at(gnss.time, gnss.velocity_ned, middle), _at(gnss.time, sigma_v, middle)))
-    known = _covered(gnss.time, begin, end)
+        speeds.append(
+            (
+                _interpolated(gnss.time, gnss.velocity_ned, middle),
+                _interpolated(gnss.time, sigma_v, middle),
+            )
+        )
+    covered = _covered(gnss.time, begin, end)
     for speed, deviation in speeds:
-        seen[known & (seen == UNKNOWN) & (SIGMAS * deviation.max(axis=1) < USEFUL_MS)] = CONFIRMED
-        seen[known & (np.abs(speed) > SIGMAS * deviation + WANDER_MS).any(axis=1)] = MOVING
+        seen[covered & (seen == UNKNOWN) & (SIGMAS * deviation.max(axis=1) < USEFUL_MS)] = CONFIRMED
+        seen[covered & (np.abs(speed) > SIGMAS * deviation + WANDER_MS).any(axis=1)] = MOVING
     return seen
 
 
-def _at(time: Array, values: Array, instants: Array) -> Array:
+def _interpolated(time: Array, values: Array, instants: Array) -> Array:
     """(w, 3) linear interpolation of values (n, 3)."""
     return np.stack([np.interp(instants, time, column) for column in values.T], axis=1)
 

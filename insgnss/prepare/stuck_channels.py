@@ -5,7 +5,7 @@ recording itself shows; in n samples the longest run to be expected is log n / l
 that is three times as long, while another channel of the triad changes, is a register that was not
 renewed. Its samples are no measurements: they are left out, which makes a gap of them (`gaps`), and
 counted. Gyros of some devices read exactly zero as long as they hardly turn; that is no hang. A
-channel that hangs for longer than `plausibility.STILL_S` is a dead sensor, for a person to look at.
+channel that hangs for longer than `plausibility.STUCK_S` is a dead sensor, for a person to look at.
 """
 
 from dataclasses import replace
@@ -46,13 +46,13 @@ def constant_runs(column: Array, shortest: int) -> list[tuple[int, int]]:
     return runs
 
 
-def without_hangs(imu: ImuSamples, longest_s: float) -> ImuSamples:
+def without_stuck_channels(imu: ImuSamples, longest_s: float) -> ImuSamples:
     """The samples without those at which a channel hangs, for at most `longest_s`; a note says
     which.
     """
     dt = nominal_interval(imu.time)
     drop = np.zeros(imu.time.size, dtype=np.bool_)
-    told = []
+    runs = []
     for triad, offset in ((imu.gyro, 0), (imu.accel, 3)):
         for c in range(3):
             for first, last in constant_runs(triad[:, c], _shortest(triad[:, c], dt)):
@@ -65,19 +65,19 @@ def without_hangs(imu: ImuSamples, longest_s: float) -> ImuSamples:
                     and not (offset == 0 and dead_band(imu, c, first, last))
                 ):
                     drop[first + 1 : last + 1] = True
-                    told.append(
+                    runs.append(
                         f"{CHANNELS[offset + c]} from {imu.time[first]:.2f} s for {length:.2f} s"
                     )
-    if not told:
+    if not runs:
         return imu
     keep = ~drop
-    found = (
+    finding = (
         f"{int(drop.sum())} samples left out where a channel hangs:"
-        f" {', '.join(told[:5])}{', ...' if told[5:] else ''}"
+        f" {', '.join(runs[:5])}{', ...' if runs[5:] else ''}"
     )
     note = Check(
         "IMU rows",
-        found,
+        finding,
         "every channel renewed with every sample",
         "note",
         "look at the sensor's connection and logger",

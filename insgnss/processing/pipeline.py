@@ -121,7 +121,7 @@ def process(flight: Flight, out: Path | None = None, progress: Progress = quiet)
         refuse_unobservable(flight, sampled)
 
     clock.step("report")
-    diagnostics = run_diagnostics(segments, rows, recording.rests.time, checks)
+    diagnostics = run_diagnostics(segments, rows, recording.stationary.time, checks)
     report = _report(flight, recording, segments, diagnostics, eo, history, clock)
 
     clock.step("write")

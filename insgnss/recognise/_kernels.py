@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 @njit(cache=True)
-def carry(dtheta: Array, dvel: Array, step: float, C: Array, V: Array, S: Array) -> None:
+def propagate(dtheta: Array, dvel: Array, step: float, C: Array, V: Array, S: Array) -> None:
     """Attitude C (n + 1, 3, 3) against the first instant and integrals V, S (n + 1, 3) of the force
     in its axes (R.1).
 
@@ -55,12 +55,12 @@ def carry(dtheta: Array, dvel: Array, step: float, C: Array, V: Array, S: Array)
 
 
 @njit(cache=True)
-def interpolate(at: float, X: Array, dX: Array, step: float, out: Array) -> None:
-    """Cubic Hermite interpolation out (3,) of X (n, 3) with derivative dX at `at` s after the first
+def interpolate(instant: float, X: Array, dX: Array, step: float, out: Array) -> None:
+    """Cubic Hermite interpolation out (3,) of X (n, 3) with derivative dX at `instant` s after the first
     row, which lies inside.
     """
-    i = min(max(int(at / step), 0), X.shape[0] - 2)
-    p = at / step - i
+    i = min(max(int(instant / step), 0), X.shape[0] - 2)
+    p = instant / step - i
     q = 1.0 - p
     h0, h1 = q * q * (1.0 + 2.0 * p), p * p * (3.0 - 2.0 * p)
     g0, g1 = p * q * q * step, -p * p * q * step

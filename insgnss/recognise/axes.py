@@ -67,19 +67,20 @@ def poses(relation: Relation, gnss: GnssFixes, sound: NDArray[np.bool_]) -> Pose
     """Attitude (R.8) at the rows of the relation's fit, and the velocity between `sound` fixes
     around them.
     """
-    carried, fit, acc = relation.carried, relation.fit, relation.acc
+    propagated, fit, acc = relation.propagated, relation.fit, relation.acc
     assert fit is not None
     window = acc.window[fit.used]
-    C_ns = fit.C[window] @ rotation_from_vector(fit.turned) @ carried.C[fit.middle]
-    at, width = acc.time[fit.used], max(LEAST_WIDTH_S, acc.span_s)
+    C_ns = fit.C[window] @ rotation_from_vector(fit.turned) @ propagated.C[fit.middle]
+    instants, width = acc.time[fit.used], max(LEAST_WIDTH_S, acc.span_s)
     v1, v2 = (
-        _velocity(gnss, sound, at + shift, 0.5 * width) for shift in (-0.25 * width, 0.25 * width)
+        _velocity(gnss, sound, instants + shift, 0.5 * width)
+        for shift in (-0.25 * width, 0.25 * width)
     )
     fast = np.minimum(np.abs(v1), np.abs(v2)) > SLOWEST_MS
     course_rate = np.where(fast, np.angle(v2 * np.conj(v1)) / (0.5 * width), np.nan)
     v = 0.5 * (v1 + v2)
     return Pose(
-        at + fit.theta[0],
+        instants + fit.theta[0],
         C_ns,
         fit.yaw_sigma[window],
         np.column_stack([v.real, v.imag]),
@@ -89,15 +90,18 @@ def poses(relation: Relation, gnss: GnssFixes, sound: NDArray[np.bool_]) -> Pose
 
 
 def _velocity(
-    gnss: GnssFixes, sound: NDArray[np.bool_], at: Array, width: float
+    gnss: GnssFixes, sound: NDArray[np.bool_], instants: Array, width: float
 ) -> NDArray[np.complex128]:
-    """North + i east velocity, m/s, at `at` (m,) s, of the receiver or over `width` s."""
+    """North + i east velocity, m/s, at `instants` (m,) s, of the receiver or over `width` s."""
     t = gnss.time[sound]
     if gnss.velocity_ned is not None:
         v = gnss.velocity_ned[sound, :2] @ np.array([1.0, 1j])
-        return np.asarray(np.interp(at, t, v), dtype=np.complex128)
+        return np.asarray(np.interp(instants, t, v), dtype=np.complex128)
     p = north_east(gnss)[sound] @ np.array([1.0, 1j])
-    before, after = np.clip(at - 0.5 * width, t[0], t[-1]), np.clip(at + 0.5 * width, t[0], t[-1])
+    before, after = (
+        np.clip(instants - 0.5 * width, t[0], t[-1]),
+        np.clip(instants + 0.5 * width, t[0], t[-1]),
+    )
     return np.asarray(
         (np.interp(after, t, p) - np.interp(before, t, p)) / np.maximum(after - before, 1e-3),
         dtype=np.complex128,
@@ -166,7 +170,7 @@ def forward(pose: Pose, vertical: Direction) -> Forward:
     spacing = float(np.median(np.diff(pose.time))) if pose.time.size > 1 else INDEPENDENT_S
     share = min(1.0, spacing / INDEPENDENT_S)
     moving = np.abs(v) > MOVING * np.quantile(np.abs(v), 0.9)
-    known = moving & (pose.yaw_sigma < 0.5)
+    heading_known = moving & (pose.yaw_sigma < 0.5)
     rest, scale = (
         np.zeros(v.size),
         max(float(np.median(np.abs(v[moving]))) if moving.any() else 0.0, GUST_MS),
@@ -177,7 +181,9 @@ def forward(pose: Pose, vertical: Direction) -> Forward:
         N = (A.conj().T * weight) @ A + prior
         c, wind = np.linalg.solve(N, (A.conj().T * weight) @ v)
         rest = np.abs(v - c * h - wind)
-        scale = max(1.2 * float(np.median(rest[known])) if known.any() else scale, GUST_MS)
+        scale = max(
+            1.2 * float(np.median(rest[heading_known])) if heading_known.any() else scale, GUST_MS
+        )
     sigma = float(np.sqrt(np.linalg.inv(N)[0, 0].real))
     along = (c.real * e + c.imag * np.cross(d, e)) / abs(c) if abs(c) > 1e-9 else e
     angle = math.hypot(sigma / max(abs(c), 1e-9), CRAB_RAD)

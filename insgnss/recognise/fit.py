@@ -14,7 +14,7 @@ from ..geodesy.rotation import rotation_from_vector, skew
 from ..records import Array
 from ..records.variances import MAD_TO_SIGMA
 from ._kernels import scan
-from .signal import LEAST_ROWS, Accelerations, Carried
+from .signal import LEAST_ROWS, Accelerations, PropagatedForce
 
 CAUTION = 0.1  # of the logarithms of likelihood ratios: residuals are neither white nor normal
 USUAL_S, UNUSUAL = (
@@ -78,20 +78,24 @@ class Scan:
 
     def against(self, other: float) -> float:
         """Logarithm of the likelihood of the best lag against a fit of score `other`."""
-        at = self.best
-        if not self.score[at] > max(other, 0.0):
+        index = self.best
+        if not self.score[index] > max(other, 0.0):
             return 0.0
         return float(
             0.5
-            * self.samples[at]
-            * np.log((1.0 - max(other, -1.0)) / max(1.0 - self.score[at], 1e-6))
+            * self.samples[index]
+            * np.log((1.0 - max(other, -1.0)) / max(1.0 - self.score[index], 1e-6))
         )
 
 
-def scan_lags(carried: Carried, acc: Accelerations, lags: Array, any_clock: bool = False) -> Scan:
+def scan_lags(
+    propagated: PropagatedForce, acc: Accelerations, lags: Array, any_clock: bool = False
+) -> Scan:
     """Wahba's problem in every window at every lag (R.4)."""
-    grid = carried.grid
-    X, dX = (carried.S, carried.V) if acc.kind == "position" else (carried.V, carried.force)
+    grid = propagated.grid
+    X, dX = (
+        (propagated.S, propagated.V) if acc.kind == "position" else (propagated.V, propagated.force)
+    )
     out = np.zeros((lags.size, acc.window.max(initial=0) + 1, 16))
     scan(
         acc.nodes,
@@ -165,15 +169,15 @@ class Fit:
 class _Model:
     """Rows of the least squares (R.6) and their derivatives."""
 
-    def __init__(self, carried: Carried, acc: Accelerations, sign: int) -> None:
-        self.carried, self.acc, self.sign = carried, acc, sign
+    def __init__(self, propagated: PropagatedForce, acc: Accelerations, sign: int) -> None:
+        self.propagated, self.acc, self.sign = propagated, acc, sign
         if acc.kind == "position":
-            self.X, self.dX, self.E = carried.S, carried.V, carried.C
+            self.X, self.dX, self.E = propagated.S, propagated.V, propagated.C
         else:
-            self.X, self.dX, self.E = carried.V, carried.force, carried.C_rate
+            self.X, self.dX, self.E = propagated.V, propagated.force, propagated.C_rate
 
     def inside(self, lag: float) -> NDArray[np.bool_]:
-        grid = self.carried.grid
+        grid = self.propagated.grid
         first, last = (
             self.acc.nodes[:, 0] + lag - grid.start,
             self.acc.nodes[:, 2] + lag - grid.start,
@@ -191,7 +195,7 @@ class _Model:
         """u (k, 3) of (R.6), its derivative (k, 3, 8) by theta, the grid row (k,) of each middle,
         what gyro errors turn it by (k, 3).
         """
-        grid, lag = self.carried.grid, theta[0]
+        grid, lag = self.propagated.grid, theta[0]
         nodes, coef, window = self.acc.nodes[use], self.acc.coef[use], self.acc.window[use]
         a, da, D = (
             np.zeros((len(nodes), 3)),
@@ -199,9 +203,9 @@ class _Model:
             np.zeros((len(nodes), 3, 3)),
         )
         for n in range(3):
-            at = (nodes[:, n] + lag - grid.start) / grid.step
-            i = np.clip(at.astype(np.int64), 0, grid.broken.size - 2)
-            p = (at - i)[:, None]
+            cell = (nodes[:, n] + lag - grid.start) / grid.step
+            i = np.clip(cell.astype(np.int64), 0, grid.broken.size - 2)
+            p = (cell - i)[:, None]
             c = coef[:, n, None]
             q = 1.0 - p
             h = grid.step
@@ -215,8 +219,8 @@ class _Model:
         middle = np.rint((0.5 * (nodes[:, 0] + nodes[:, 2]) + lag - grid.start) / grid.step).astype(
             np.int64
         )
-        turn = _about_window_mean(self.carried.turned[middle], window)
-        drift = _about_window_mean(self.carried.drifted[middle].reshape(-1, 9), window).reshape(
+        turn = _about_window_mean(self.propagated.turned[middle], window)
+        drift = _about_window_mean(self.propagated.drifted[middle].reshape(-1, 9), window).reshape(
             -1, 3, 3
         )
         a, da = self.sign * a, self.sign * da
@@ -246,11 +250,11 @@ def _wahba(z: Array, a: Array, weight: Array, window: NDArray[np.int64], windows
     return U @ Vt
 
 
-def fit(carried: Carried, acc: Accelerations, lag: float, sign: int) -> Fit | None:
+def fit(propagated: PropagatedForce, acc: Accelerations, lag: float, sign: int) -> Fit | None:
     """Least squares (R.6) from a lag of the scan on; None where it runs away from it, or out of the
     recording.
     """
-    model = _Model(carried, acc, sign)
+    model = _Model(propagated, acc, sign)
     theta = np.zeros(8)
     theta[0] = lag
     windows = int(acc.window.max()) + 1

@@ -215,16 +215,16 @@ def _recognised(
         of_ahead.confidence if axes else 0.0,
         f"{of_down.evidence}; {of_ahead.evidence}",
     )
-    known, per_sample = (
+    unit_is_known, per_sample = (
         of_unit.confidence > 0.0,
         interval if force.quantity == "increments" else 1.0,
     )
     factor = relation.factors[relation.best]
     return Recognition(
         force.quantity,
-        gyro_unit(factor, force.quantity, interval) if known else _plain_gyro_unit(force),
+        gyro_unit(factor, force.quantity, interval) if unit_is_known else _plain_gyro_unit(force),
         force.unit,
-        factor * per_sample if known else 1.0,
+        factor * per_sample if unit_is_known else 1.0,
         force.factor * per_sample,
         axes,
         sign if of_force.confidence else 1,
@@ -298,7 +298,7 @@ def _orientations(vertical: Direction, ahead: Forward) -> dict[str, Array]:
 
 def _motion(relation: Relation, pose: Pose, C_b_imu: Array) -> dict[str, Array]:
     """Specific force and turn rate, of GNSS and of the IMU."""
-    fit, moved = relation.fit, relation.carried
+    fit, moved = relation.fit, relation.propagated
     assert fit is not None
     C_bn = C_b_imu @ np.swapaxes(pose.C_ns, 1, 2)
     reach = max(1, round(0.25 * pose.width / moved.grid.step))
@@ -320,7 +320,7 @@ def _motion(relation: Relation, pose: Pose, C_b_imu: Array) -> dict[str, Array]:
 
 
 def compare(
-    found: Recognition,
+    recognition: Recognition,
     C_b_imu: Array,
     *,
     quantity: str = "mean_rate",
@@ -331,7 +331,7 @@ def compare(
 ) -> list[Check]:
     """Where the flight file's claim and the data disagree.
 
-    found : of the records as the claim makes them: converted to SI from the claimed units, force
+    recognition : of the records as the claim makes them: converted to SI from the claimed units, force
         with the claimed sign, GNSS with the claimed time offset, IMU in its own axes (so that what
         is found has factor 1, sign +1 and no offset if the claim is right).
     C_b_imu (3, 3), quantity, gyro_unit, accel_unit, accel_sign (+1, -1), time_offset_s (GNSS minus
@@ -343,14 +343,16 @@ def compare(
     more than `LATE_S`), "note" where they cannot tell or say so less surely, "ok" otherwise.
     """
     return [
-        _compare_units(found, quantity, gyro_unit, accel_unit),
-        _compare_axes(found, C_b_imu),
-        _compare_sign(found, accel_sign),
-        _compare_clock(found, time_offset_s),
+        _compare_units(recognition, quantity, gyro_unit, accel_unit),
+        _compare_axes(recognition, C_b_imu),
+        _compare_sign(recognition, accel_sign),
+        _compare_clock(recognition, time_offset_s),
     ]
 
 
-def _compare_units(found: Recognition, quantity: str, gyro_unit: str, accel_unit: str) -> Check:
+def _compare_units(
+    recognition: Recognition, quantity: str, gyro_unit: str, accel_unit: str
+) -> Check:
     """Factors other than 1 say by what the claim is wrong, and so what is right."""
     name, expected = (
         "recognised units",
@@ -359,27 +361,27 @@ def _compare_units(found: Recognition, quantity: str, gyro_unit: str, accel_unit
     sensors = (
         (
             "gyro",
-            found.finding("gyro unit"),
-            found.gyro_factor,
+            recognition.finding("gyro unit"),
+            recognition.gyro_factor,
             GYRO_UNITS | INCREMENT_UNITS,
             gyro_unit,
         ),
         (
             "accel",
-            found.finding("accelerometer unit"),
-            found.accel_factor,
+            recognition.finding("accelerometer unit"),
+            recognition.accel_factor,
             ACCEL_UNITS | INCREMENT_UNITS,
             accel_unit,
         ),
     )
-    wrong_quantity = (quantity == "increments") != (found.quantity == "increments")
-    advice, sure, told = [], 1.0, []
+    wrong_quantity = (quantity == "increments") != (recognition.quantity == "increments")
+    advice, sure, evidence = [], 1.0, []
     for sensor, finding, factor, units, claimed in sensors:
-        told.append(f"{finding.name} {finding.value}: {finding.evidence}")
+        evidence.append(f"{finding.name} {finding.value}: {finding.evidence}")
         if not finding.confidence or (abs(np.log(factor)) < 1e-6 and not wrong_quantity):
             continue
         true = factor * units[claimed]
-        of_quantity = INCREMENT_UNITS if found.quantity == "increments" else units
+        of_quantity = INCREMENT_UNITS if recognition.quantity == "increments" else units
         unit = next(
             (
                 u
@@ -393,25 +395,27 @@ def _compare_units(found: Recognition, quantity: str, gyro_unit: str, accel_unit
             look if unit else f"the numbers are off by {factor:.4g}, check imu.units {sensor}"
         )
         sure = min(sure, finding.confidence)
-    if wrong_quantity and found.finding("quantity").confidence:
-        advice.append(f'they look like imu.quantity = "{found.quantity}"')
+    if wrong_quantity and recognition.finding("quantity").confidence:
+        advice.append(f'they look like imu.quantity = "{recognition.quantity}"')
     if advice:
         verdict: Verdict = "contradiction" if sure > SURE else "note"
-        return Check(name, "; ".join(told), expected, verdict, "; ".join(advice))
+        return Check(name, "; ".join(evidence), expected, verdict, "; ".join(advice))
     silent = [finding.name for _, finding, *_ in sensors if not finding.confidence]
     return Check(
         name,
-        "; ".join(told),
+        "; ".join(evidence),
         expected,
         "note" if silent else "ok",
         f"the data do not tell the {' and '.join(silent)}" if silent else "",
     )
 
 
-def _compare_axes(found: Recognition, C_b_imu: Array) -> Check:
+def _compare_axes(recognition: Recognition, C_b_imu: Array) -> Check:
     """The whole orientation where it is known, else its vertical axis, else the gyros' sense alone."""
     name, claimed = "recognised axes", axes_words(C_b_imu)
-    finding, vertical, triads = (found.finding(n) for n in ("axes", "vertical axis", "gyro triad"))
+    finding, vertical, triads = (
+        recognition.finding(n) for n in ("axes", "vertical axis", "gyro triad")
+    )
     if triads.value not in ("aligned", "unknown"):
         advice = (
             f"about the accelerometers' x y z turn {triads.value}: correct imu.columns or the signs"
@@ -424,21 +428,23 @@ def _compare_axes(found: Recognition, C_b_imu: Array) -> Check:
             "contradiction" if triads.confidence > SURE else "note",
             advice,
         )
-    told = f"{found.axes or 'unknown'} ({finding.evidence})"
-    if found.axes == claimed:
-        return Check(name, told, claimed)
+    statement = f"{recognition.axes or 'unknown'} ({finding.evidence})"
+    if recognition.axes == claimed:
+        return Check(name, statement, claimed)
     down_word = vertical.value.split()[0]
     if vertical.confidence > SURE and down_word != _imu_word(C_b_imu[2]):
         hint = (
-            f'imu.axes = "{found.axes}"'
-            if found.axes
+            f'imu.axes = "{recognition.axes}"'
+            if recognition.axes
             else f"imu.axes must have the IMU's {down_word} down"
         )
-        return Check(name, told, claimed, "contradiction", f"the data look like {hint}")
-    if found.axes is None:
-        return Check(name, told, claimed, "note", "the data do not tell which axis is forward")
+        return Check(name, statement, claimed, "contradiction", f"the data look like {hint}")
+    if recognition.axes is None:
+        return Check(name, statement, claimed, "note", "the data do not tell which axis is forward")
     verdict: Verdict = "contradiction" if finding.confidence > SURE else "note"
-    return Check(name, told, claimed, verdict, f'the data look like imu.axes = "{found.axes}"')
+    return Check(
+        name, statement, claimed, verdict, f'the data look like imu.axes = "{recognition.axes}"'
+    )
 
 
 def _imu_word(direction: Array) -> str:
@@ -446,45 +452,47 @@ def _imu_word(direction: Array) -> str:
     return ("+" if direction[k] > 0 else "-") + "xyz"[k]
 
 
-def _compare_sign(found: Recognition, accel_sign: int) -> Check:
-    name, finding = "recognised sign", found.finding("force sign")
+def _compare_sign(recognition: Recognition, accel_sign: int) -> Check:
+    name, finding = "recognised sign", recognition.finding("force sign")
     expected = "specific force (up at rest)" + (
         ", with the sign of the claim" if accel_sign < 0 else ""
     )
-    told = f"{finding.value}: {finding.evidence}"
-    if found.exchanged:
-        return Check(name, told, expected, "contradiction", EXCHANGED_ADVICE)
+    statement = f"{finding.value}: {finding.evidence}"
+    if recognition.exchanged:
+        return Check(name, statement, expected, "contradiction", EXCHANGED_ADVICE)
     if not finding.confidence:
-        return Check(name, told, expected, "note", "the data do not tell the sign of the force")
-    if found.accel_sign > 0:
-        return Check(name, told, expected)
+        return Check(
+            name, statement, expected, "note", "the data do not tell the sign of the force"
+        )
+    if recognition.accel_sign > 0:
+        return Check(name, statement, expected)
     verdict: Verdict = "contradiction" if finding.confidence > SURE else "note"
     advice = (
         f"the accelerometers report the reverse: imu.accel_sign = {-accel_sign}; or latitude and"
         " longitude are exchanged"
     )
-    return Check(name, told, expected, verdict, advice)
+    return Check(name, statement, expected, verdict, advice)
 
 
-def _compare_clock(found: Recognition, time_offset_s: float) -> Check:
-    name, finding = "recognised clock", found.finding("time offset")
-    expected, told = (
+def _compare_clock(recognition: Recognition, time_offset_s: float) -> Check:
+    name, finding = "recognised clock", recognition.finding("time offset")
+    expected, statement = (
         f"GNSS on the IMU's clock within {LATE_S} s",
         f"{finding.value}: {finding.evidence}",
     )
     if not finding.confidence:
-        return Check(name, told, expected, "note", "the data do not tell the time offset")
-    offset, sigma = found.time_offset_s, found.time_offset_sigma_s
+        return Check(name, statement, expected, "note", "the data do not tell the time offset")
+    offset, sigma = recognition.time_offset_s, recognition.time_offset_sigma_s
     if abs(offset) < max(3.0 * sigma, LEAST_LATE_S):
-        return Check(name, told, expected)
+        return Check(name, statement, expected)
     advice = (
         f"gnss.time_offset_s = {time_offset_s + offset:.3f} would put the fixes on the IMU's clock"
     )
-    if found.time_scale in ("GNSS in UTC", "IMU in UTC"):
-        advice += f" ({found.time_scale}, leap seconds)"
+    if recognition.time_scale in ("GNSS in UTC", "IMU in UTC"):
+        advice += f" ({recognition.time_scale}, leap seconds)"
     return Check(
         name,
-        told,
+        statement,
         expected,
         "contradiction" if abs(offset) > LATE_S and finding.confidence > SURE else "note",
         advice,

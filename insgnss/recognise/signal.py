@@ -15,7 +15,7 @@ from ..geodesy.earth import normal_gravity
 from ..prepare.fix_path import north_east
 from ..prepare.gaps import nominal_interval
 from ..records import Array, GnssFixes, ImuSamples
-from ._kernels import carry
+from ._kernels import propagate
 
 GRID_S = 0.02  # a drone turns some degrees in it at most; finer than any lag that is looked for
 BROKEN_S = (
@@ -61,10 +61,10 @@ def imu_grid(imu: ImuSamples) -> ImuGrid:
     weight = np.full(width.size, dt) if imu.quantity == "increments" else width
     step = max(GRID_S, dt)
     n = max(1, int((imu.time[-1] - imu.time[0]) / step))
-    at = imu.time[0] + step * np.arange(n + 1)
+    instants = imu.time[0] + step * np.arange(n + 1)
     # place of each instant in the samples, once for all seven columns
-    k = np.clip(np.searchsorted(imu.time, at, side="right") - 1, 0, width.size - 1)
-    share = ((at - imu.time[k]) / width[k])[:, None]
+    k = np.clip(np.searchsorted(imu.time, instants, side="right") - 1, 0, width.size - 1)
+    share = ((instants - imu.time[k]) / width[k])[:, None]
     readings = []
     for values in (imu.gyro, imu.accel):
         mean = 0.5 * (values[1:] + values[:-1]) if imu.quantity == "instant_rate" else values[1:]
@@ -87,8 +87,8 @@ def _without_spikes(x: Array) -> Array:
     beyond = off > SPIKE * float(np.quantile(off, 0.9)) + 1e-12
     beyond[1:] &= off[1:] >= off[:-1]
     beyond[:-1] &= off[:-1] >= off[1:]
-    at = np.flatnonzero(beyond)
-    x[at + 1] = mean[at]
+    rows = np.flatnonzero(beyond)
+    x[rows + 1] = mean[rows]
     return x
 
 
@@ -112,7 +112,7 @@ def dead_channel(imu: ImuSamples) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Carried:
+class PropagatedForce:
     """Specific force in the axes 0 that the sensor had at the grid's start (R.1): C (n, 3, 3)
     sensor into 0, V, S (n, 3).
     """
@@ -152,12 +152,12 @@ class Carried:
         )
 
 
-def carried(grid: ImuGrid, gyro_factor: float, accel_factor: float) -> Carried:
+def propagate_force(grid: ImuGrid, gyro_factor: float, accel_factor: float) -> PropagatedForce:
     """Integrate (R.1) with readings times the factors."""
     n = grid.broken.size
     C, V, S = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3))
-    carry(grid.dtheta * gyro_factor, grid.dvel * accel_factor, grid.step, C, V, S)
-    return Carried(grid, gyro_factor, C, V, S)
+    propagate(grid.dtheta * gyro_factor, grid.dvel * accel_factor, grid.step, C, V, S)
+    return PropagatedForce(grid, gyro_factor, C, V, S)
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,15 +246,15 @@ def _most_moved(acc: Accelerations, every: int) -> Accelerations:
     pieces = np.split(rows, first[1:])
     change = [
         (
-            np.median(np.abs(acc.z[at, :2] - np.median(acc.z[at, :2], axis=0)))
-            if at.size >= LEAST_ROWS
+            np.median(np.abs(acc.z[piece, :2] - np.median(acc.z[piece, :2], axis=0)))
+            if piece.size >= LEAST_ROWS
             else -1.0
         )
-        for at in pieces
+        for piece in pieces
     ]
     kept: list[NDArray[np.int64]] = []
     for k in np.argsort(change)[::-1]:
-        if change[k] >= 0.0 and sum(at.size for at in kept) < MOST_ROWS:
+        if change[k] >= 0.0 and sum(piece.size for piece in kept) < MOST_ROWS:
             kept.append(pieces[k])
     rows = np.sort(np.concatenate(kept)) if kept else rows[:0]
     window = np.unique(acc.window[rows], return_inverse=True)[1]

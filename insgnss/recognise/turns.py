@@ -60,13 +60,13 @@ def check_events(events: CameraEvents, gnss: GnssFixes) -> Check:
     """
     name, expected = "camera events", "in the time scale of the fixes: on lines, not in turns"
     step = np.diff(events.time)
-    found = f"{len(events.images)} images from {events.time[0]:.2f} to {events.time[-1]:.2f} s"
+    finding = f"{len(events.images)} images from {events.time[0]:.2f} to {events.time[-1]:.2f} s"
     if step.size:
-        found += f", shortest interval {step.min():.2f} s"
+        finding += f", shortest interval {step.min():.2f} s"
     grid = np.arange(gnss.time[0], gnss.time[-1], STEP_S)
     width = _width(gnss, grid)
     if len(events.images) < ENOUGH_IMAGES or grid.size < max(200, 5 * width):
-        return Check(name, found, expected)
+        return Check(name, finding, expected)
     rate, moving = _course_rate(gnss, grid, width)
     here, shifted = (
         _turning(events.time, grid, rate, moving),
@@ -74,27 +74,27 @@ def check_events(events: CameraEvents, gnss: GnssFixes) -> Check:
     )
     best = min(shifted, key=lambda s: shifted[s])
     if np.isfinite(here) and here > TURNING and here > STRAIGHTER * shifted[best]:
-        found += (
+        finding += (
             f"; mean course rate there {np.degrees(here):.1f} deg/s, {best:+.0f} s away"
             f" {np.degrees(shifted[best]):.1f} deg/s"
         )
         return Check(
             name,
-            found,
+            finding,
             expected,
             "contradiction",
             f"the events look like UTC or another clock: camera.time_offset_s = {best:.0f} would"
             " put them on lines",
         )
-    return Check(name, found, expected)
+    return Check(name, finding, expected)
 
 
 def _turning(time: Array, grid: Array, rate: Array, moving: np.ndarray) -> float:
     """Mean size of the course rate at `time`, rad/s; infinite where less than half of it is known."""
     inside = (time >= grid[0]) & (time <= grid[-1])
-    at = np.clip(np.rint((time - grid[0]) / STEP_S).astype(np.int64), 0, grid.size - 1)
-    known = inside & moving[at]
-    return float(np.mean(np.abs(rate[at[known]]))) if known.sum() > 0.5 * time.size else np.inf
+    cells = np.clip(np.rint((time - grid[0]) / STEP_S).astype(np.int64), 0, grid.size - 1)
+    usable = inside & moving[cells]
+    return float(np.mean(np.abs(rate[cells[usable]]))) if usable.sum() > 0.5 * time.size else np.inf
 
 
 def _width(gnss: GnssFixes, grid: Array) -> int:
@@ -135,18 +135,18 @@ def check_turns(
         return Check(name, "no turns at speed to compare", expected, "note")
     lag, best, here = _best_lag(gyro, course_rate, moving)
     ratio = float(np.sum(gyro[moving] * course_rate[moving]) / np.sum(course_rate[moving] ** 2))
-    found = f"ratio {ratio:.3g}, correlation {here:.2f} at no lag, {best:.2f} at {lag:+.1f} s"
+    finding = f"ratio {ratio:.3g}, correlation {here:.2f} at no lag, {best:.2f} at {lag:+.1f} s"
     spacing = float(np.median(np.diff(gnss.time)))
     verdict, advice = _judge_turns(ratio, lag, best, here, imu, dt, max(LATE_S, spacing))
     if verdict == "contradiction" and (agreed := _forces_agree(imu, gnss)):
         return Check(
             name,
-            f"{found}; {agreed}",
+            f"{finding}; {agreed}",
             expected,
             "note",
             "its nose does not follow its course, so the turns tell nothing",
         )
-    return Check(name, found, expected, verdict, advice)
+    return Check(name, finding, expected, verdict, advice)
 
 
 def _forces_agree(imu: ImuSamples, gnss: GnssFixes) -> str:
@@ -158,17 +158,17 @@ def _forces_agree(imu: ImuSamples, gnss: GnssFixes) -> str:
     """
     from .recognition import recognise_liveliest
 
-    found = recognise_liveliest(imu, gnss)
+    recognition = recognise_liveliest(imu, gnss)
     clock, sure = (
-        found.finding("time offset"),
-        min(found.finding(n).confidence for n in ("gyro unit", "gyro triad", "time offset")),
+        recognition.finding("time offset"),
+        min(recognition.finding(n).confidence for n in ("gyro unit", "gyro triad", "time offset")),
     )
     right = (
-        found.finding("gyro triad").value == "aligned"
-        and abs(np.log(found.gyro_factor)) < 1e-6
-        and found.accel_sign > 0
+        recognition.finding("gyro triad").value == "aligned"
+        and abs(np.log(recognition.gyro_factor)) < 1e-6
+        and recognition.accel_sign > 0
     )
-    if sure < SURE or not right or abs(found.time_offset_s) > AT_ONCE_S:
+    if sure < SURE or not right or abs(recognition.time_offset_s) > AT_ONCE_S:
         return ""
     return f"but the forces agree at {clock.value}"
 
@@ -179,7 +179,7 @@ def _judge_turns(
     """Verdict and advice. least_lag : s, the shortest lag that fixes so far apart can tell; 1 - r^2
     is what a correlation r leaves.
     """
-    late, shift = (
+    offset, shift = (
         f"IMU time is about {lag:+.1f} s off GNSS time",
         f"add {lag:+.1f} s to gnss.time_offset_s or {-lag:+.1f} s to imu.time_offset_s",
     )
@@ -187,7 +187,7 @@ def _judge_turns(
         if abs(lag) > MAX_LAG_S - 2.0 * STEP_S or abs(best) < CLEAR_CORRELATION:
             return "contradiction", STRANGERS
         hint = "GPS against UTC (18 s)" if LEAP_S[0] <= abs(lag) <= LEAP_S[1] else "a wrong clock"
-        return "contradiction", f"{late}: {hint}; {shift}"
+        return "contradiction", f"{offset}: {hint}; {shift}"
     if abs(best) < UNLIKE:
         return "contradiction", STRANGERS
     if here < -ALIKE:
@@ -202,7 +202,7 @@ def _judge_turns(
         return "contradiction", _gyro_unit_advice(ratio, imu, dt)
     tells = 1.0 - best**2 < LATE_GAIN * (1.0 - here**2)
     if best > LATE_CORRELATION and abs(lag) > least_lag + 0.5 * STEP_S and tells:
-        return "note", f"{late}; {shift}"
+        return "note", f"{offset}; {shift}"
     return ("ok" if here > ALIKE else "note"), ""
 
 

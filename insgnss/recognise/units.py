@@ -48,11 +48,11 @@ def force_unit(grid: ImuGrid) -> ForceUnit:
     n = len(grid.dvel) // k
     mean = grid.dvel[: n * k].reshape(n, k, 3).mean(axis=1) / grid.step
     size = max(float(np.median(np.linalg.norm(mean, axis=1))), 1e-12)
-    known: list[tuple[float, str, Quantity]] = [
+    candidates: list[tuple[float, str, Quantity]] = [
         (f, unit, "mean_rate") for unit, f in ACCEL_UNITS.items()
     ]
-    known += [(1.0 / grid.interval, "m/s", "increments")]
-    (off, factor, unit, quantity), second = _nearest(known, size)
+    candidates += [(1.0 / grid.interval, "m/s", "increments")]
+    (off, factor, unit, quantity), second = _nearest(candidates, size)
     if off > FAR:
         (off, factor, unit, quantity), second = _nearest(
             [(f, "", "mean_rate") for f in ACCEL_BY_CLAIM], size
@@ -91,29 +91,32 @@ def unknown_force(factor: float, why: str) -> ForceUnit:
 
 
 def _nearest(
-    known: list[tuple[float, str, Quantity]], size: float
+    candidates: list[tuple[float, str, Quantity]], size: float
 ) -> tuple[tuple[float, float, str, Quantity], float]:
     """Of factor, unit and quantity those in which `size` is most like gravity, with the logarithm
     it is off by, and that of the next.
     """
     ranked = sorted(
-        (abs(float(np.log(size * f / G))), f, unit, quantity) for f, unit, quantity in known
+        (abs(float(np.log(size * f / G))), f, unit, quantity) for f, unit, quantity in candidates
     )
     return ranked[0], ranked[1][0]
 
 
 def gyro_factors(grid: ImuGrid, quantity: str) -> list[float]:
     """Factors to rad/s that make the readings rates that a drone can have and a gyro can show."""
-    known = [*GYRO_UNITS.values(), *GYRO_BY_CLAIM]
+    candidates = [*GYRO_UNITS.values(), *GYRO_BY_CLAIM]
     if quantity == "increments":
-        known = [f / grid.interval for f in known]
+        candidates = [f / grid.interval for f in candidates]
     size = np.linalg.norm(grid.dtheta, axis=1) / grid.step
     typical, most = float(np.median(size)), float(np.quantile(size, 0.99))
-    return [f for f in known if typical * f > LEAST_RATE and most * f < MOST_RATE]
+    return [f for f in candidates if typical * f > LEAST_RATE and most * f < MOST_RATE]
 
 
 def gyro_unit(factor: float, quantity: str, interval: float) -> str:
     """Name of the unit with that factor, "" where a wrong claim made it."""
     f = abs(factor) * (interval if quantity == "increments" else 1.0)
-    name = next((unit for unit, known in GYRO_UNITS.items() if abs(np.log(f / known)) < 1e-6), "")
+    name = next(
+        (unit for unit, unit_factor in GYRO_UNITS.items() if abs(np.log(f / unit_factor)) < 1e-6),
+        "",
+    )
     return name.removesuffix("/s") if quantity == "increments" else name

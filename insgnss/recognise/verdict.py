@@ -61,31 +61,31 @@ def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Find
         if scan.score[scan.best] > LEAST_SCORE
         else 0.0
     )
-    told = (
+    evidence = (
         f"as {value} the gyros carry the force so that it explains"
         f" {_percent(scan.score[scan.best])} of the accelerations of GNSS"
     )
     if others:
-        told += f", as the next best unit {_percent(max(others))}"
+        evidence += f", as the next best unit {_percent(max(others))}"
     if fit is not None:
         scale, sigma = 1.0 + float(fit.theta[4]), float(np.sqrt(fit.cov[4, 4]))
-        told += f"; scale fitted {scale:.3f} with sigma {sigma:.3f}"
+        evidence += f"; scale fitted {scale:.3f} with sigma {sigma:.3f}"
         if abs(scale - 1.0) > max(COUNT_OFF, COUNT_SIGMAS * sigma):
             count = size * scale * (interval if force.quantity == "increments" else 1.0)
-            told += (
+            evidence += (
                 f"; no gyro is that far off, so these may be counts of about {count:.4g}"
                 f" {gyro_unit(1.0, force.quantity, 1.0)}"
             )
             sure = 0.0
         sure = 0.0 if abs(scale - 1.0) > SCALE_OFF or sigma > SCALE_SIGMA else sure
-    of_unit = Finding("gyro unit", value if sure else "unknown", sure, told)
+    of_unit = Finding("gyro unit", value if sure else "unknown", sure, evidence)
     triads = min(odds(CAUTION * scan.against(relation.rival)), sure)
-    told = (
+    evidence = (
         f"explained {_percent(scan.score[scan.best])}, with the gyros' sense reversed"
         f" {_percent(relation.rival)}"
     )
     return of_unit, Finding(
-        "gyro triad", triads_words(relation.triads) if triads else "unknown", triads, told
+        "gyro triad", triads_words(relation.triads) if triads else "unknown", triads, evidence
     )
 
 
@@ -106,12 +106,12 @@ def of_sign(relation: Relation, also: float, mirrored: float) -> tuple[int, Find
     mirrored : what specific force would explain if latitude and longitude were exchanged, which
         turns its sign round; -inf if not tried.
     """
-    scan, at = relation.scan, relation.scan.best
-    up, down = float(scan.up[at]), float(scan.down[at])
+    scan, index = relation.scan, relation.scan.best
+    up, down = float(scan.up[index]), float(scan.down[index])
     sign = 1 if up >= down else -1
     this, other = max(up, down), min(up, down)
     ratio = (
-        0.5 * scan.samples[at] * math.log((1.0 - max(other, -1.0)) / max(1.0 - this, 1e-6))
+        0.5 * scan.samples[index] * math.log((1.0 - max(other, -1.0)) / max(1.0 - this, 1e-6))
         if this > 0.0
         else 0.0
     )
@@ -120,13 +120,15 @@ def of_sign(relation: Relation, also: float, mirrored: float) -> tuple[int, Find
         if relation.fit is None or relation.fit.sign == sign
         else 0.0
     )
-    told = f"explained {_percent(up)} as specific force, {_percent(down)} as its reverse"
+    evidence = f"explained {_percent(up)} as specific force, {_percent(down)} as its reverse"
     if np.isfinite(mirrored):
-        told += f", {_percent(mirrored)} as specific force with latitude and longitude exchanged"
+        evidence += (
+            f", {_percent(mirrored)} as specific force with latitude and longitude exchanged"
+        )
         x = exchange_odds(relation, mirrored)
         sure = 0.0 if x > TELLING else min(sure, 0.5) if x > HINT else sure
     value = ("specific force" if sign > 0 else "reversed") if sure else "unknown"
-    return sign, Finding("force sign", value, sure, told)
+    return sign, Finding("force sign", value, sure, evidence)
 
 
 def exchange_odds(relation: Relation, mirrored: float) -> float:
@@ -141,28 +143,28 @@ def exchange_odds(relation: Relation, mirrored: float) -> float:
 def of_vertical(vertical: Direction, also: float) -> Finding:
     """Which axis points down."""
     sure = min(MOST, vertical.confidence) * also
-    told = f"down is on average {np.degrees(vertical.off):.0f} deg from {vertical.word}"
+    evidence = f"down is on average {np.degrees(vertical.off):.0f} deg from {vertical.word}"
     return Finding(
         "vertical axis",
         f"{vertical.word} down" if sure > 0.5 else "unknown",
         sure if sure > 0.5 else 0.0,
-        told,
+        evidence,
     )
 
 
 def of_forward(ahead: Forward, also: float) -> Finding:
     """Which axis points forward."""
     sure = ahead.direction.confidence * (SLOW if ahead.speed < SLOW_MS else NOSE_FIRST) * also
-    told = f"moves at {ahead.speed:.1f} m/s (sigma {ahead.speed_sigma:.1f}) "
-    told += f"{np.degrees(ahead.direction.off):.0f} deg from {ahead.direction.word}"
-    told += f", in wind or drift of {np.hypot(*ahead.wind):.1f} m/s"
+    evidence = f"moves at {ahead.speed:.1f} m/s (sigma {ahead.speed_sigma:.1f}) "
+    evidence += f"{np.degrees(ahead.direction.off):.0f} deg from {ahead.direction.word}"
+    evidence += f", in wind or drift of {np.hypot(*ahead.wind):.1f} m/s"
     if ahead.speed < SLOW_MS:
-        told += "; so slow that forward is a matter of how it was carried"
+        evidence += "; so slow that forward is a matter of how it was carried"
     return Finding(
         "forward axis",
         f"{ahead.direction.word} forward" if sure > 0.5 else "unknown",
         sure if sure > 0.5 else 0.0,
-        told,
+        evidence,
     )
 
 
@@ -200,24 +202,27 @@ def of_clock(relation: Relation, week: int | None, also: float, shift: float) ->
         return Clock(0.0, np.inf, "same", *nothing(("time offset", "time scale"), why))
     offset, sigma = shift + float(fit.theta[0]), relation.lag_sigma
     leap = DEFAULT_LEAP_S if week is None else float(leap_seconds(GPS_EPOCH_UNIX_S + week * WEEK_S))
-    known = {"same": 0.0, "GNSS in UTC": leap, "IMU in UTC": -leap}
-    scale = next((name for name, at in known.items() if abs(offset - at) < WHOLE_S), "other")
-    told = (
+    offsets = {"same": 0.0, "GNSS in UTC": leap, "IMU in UTC": -leap}
+    scale = next(
+        (name for name, scale_offset in offsets.items() if abs(offset - scale_offset) < WHOLE_S),
+        "other",
+    )
+    evidence = (
         f"add {offset:+.3f} s (sigma {sigma:.3f} s) to the GNSS stamps; explained"
         f" {_percent(scan.score[scan.best])} there, "
     )
-    told += (
+    evidence += (
         f"{_percent(far.max(initial=0.0))} at best over {max(NEAR_S, 2.0 * scan.acc.span_s):.1f} s"
         " away"
     )
     whole = f"offset {offset:+.3f} s; leap seconds {leap:.0f}"
     if scale in ("GNSS in UTC", "IMU in UTC"):
-        whole += f", {offset - known[scale]:+.3f} s besides"
+        whole += f", {offset - offsets[scale]:+.3f} s besides"
     return Clock(
         offset,
         sigma,
         scale,
-        Finding("time offset", f"{offset:+.3f} s", sure, told),
+        Finding("time offset", f"{offset:+.3f} s", sure, evidence),
         Finding("time scale", scale, sure, whole),
     )
 

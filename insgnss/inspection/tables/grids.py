@@ -92,7 +92,7 @@ def date_in(path: Path) -> np.datetime64 | None:
         return None
     from ...formats.arrays.matlab import load_matlab
 
-    found: set[np.datetime64] = set()
+    dates: set[np.datetime64] = set()
 
     def visit(node: Any) -> None:
         if isinstance(node, Mapping):
@@ -102,9 +102,9 @@ def date_in(path: Path) -> np.datetime64 | None:
             for pattern, form in (DAY_FIRST, "%d-%b-%Y"), (YEAR_FIRST, "%Y-%m-%d"):
                 for text in pattern.findall(node):
                     try:
-                        found.add(np.datetime64(datetime.strptime(text, form).date()))
+                        dates.add(np.datetime64(datetime.strptime(text, form).date()))
                     except ValueError:
                         continue
 
     visit(load_matlab(path))
-    return found.pop() if len(found) == 1 else None
+    return dates.pop() if len(dates) == 1 else None

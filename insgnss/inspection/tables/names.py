@@ -26,12 +26,12 @@ def spellings(name: str) -> list[str]:
     """Squashed name, and without what stands before its dots (`field.header.stamp` is `stamp` too)
     or slashes (`/imu/data/gyro/x`).
     """
-    return [squashed(part) for part in _parts(name)]
+    return [squashed(suffix) for suffix in _parts(name)]
 
 
 def bare(name: str, kinds: Sequence[str]) -> list[str]:
     """Spellings of a name without the unit of one of `kinds` behind it, where there is one."""
-    return [squashed(stem) for part in _parts(name) for stem, _ in without_unit(part, kinds)]
+    return [squashed(stem) for suffix in _parts(name) for stem, _ in without_unit(suffix, kinds)]
 
 
 def _parts(name: str) -> list[str]:
@@ -243,22 +243,22 @@ class Grid:
     @property
     def named(self) -> dict[str, int]:
         """Index by squashed name; the first of equal names."""
-        found: dict[str, int] = {}
+        columns: dict[str, int] = {}
         for k, name in enumerate(self.names):
             if name is not None:
-                found.setdefault(squashed(name), k)
+                columns.setdefault(squashed(name), k)
         for k, name in enumerate(self.names):
             for short in spellings(name)[1:] if name is not None else ():
-                found.setdefault(short, k)
+                columns.setdefault(short, k)
         for k, name in enumerate(self.names):
             for short in bare(name, OF_VALUES) if name is not None else ():
-                found.setdefault(short, k)
-        return found
+                columns.setdefault(short, k)
+        return columns
 
     def unit_of(self, column: int, kind: str) -> str | None:
         """Unit of a kind that the name of a column gives, in brackets or behind it, as the readers
         take it; None without one.
         """
         name = self.names[column]
-        said = None if name is None else unit_in(name, (kind,))
-        return None if said is None or factor_of(said, (kind,)) is None else usual_unit(said, kind)
+        unit = None if name is None else unit_in(name, (kind,))
+        return None if unit is None or factor_of(unit, (kind,)) is None else usual_unit(unit, kind)

@@ -114,7 +114,7 @@ def combine(
         checks.append(check)
         stack[j], there[j] = tracks[j].over(base, offset[j])
         if not there[j].all():
-            found = (
+            finding = (
                 f"{names[j]} lacks {np.mean(~there[j]):.1%} of the samples; the others stand alone"
                 " there"
             )
@@ -124,15 +124,15 @@ def combine(
                 " end_tow"
             )
             checks.append(
-                Check("IMU overlap", found, "all IMUs over the whole recording", verdict, advice)
+                Check("IMU overlap", finding, "all IMUs over the whole recording", verdict, advice)
             )
     weight = 1.0 / np.square(np.array(sigma, dtype=np.float64))
     for reading, lever in zip(stack, lever_b, strict=True):
         _remove_lever(reading, base.time, np.asarray(lever, dtype=np.float64))
     parity = parity_of(stack, there, base.time, np.array(sigma, dtype=np.float64), imus, names)
     gyro, accel = (
-        _weighted(stack[:, :, part], there, weight[:, k])
-        for k, part in enumerate((slice(0, 3), slice(3, 6)))
+        _weighted(stack[:, :, axes], there, weight[:, k])
+        for k, axes in enumerate((slice(0, 3), slice(3, 6)))
     )
     total = weight.sum(axis=0)
     noise = 1.0 / np.sqrt(total)
@@ -249,7 +249,7 @@ class _Track:
         running_sum(time, rates, value)
         return cls(time, value, rates, np.diff(time) > LACKING * nominal, False)
 
-    def at(self, instants: Array) -> Array:
+    def values_at(self, instants: Array) -> Array:
         """Values (n, c), cubic interpolation at increasing instants; constant beyond the ends."""
         out = np.empty((instants.size, self.value.shape[1]))
         interpolate(self.time, self.value, self.chord, instants, out)
@@ -276,9 +276,9 @@ class _Track:
         step = np.diff(base.time, prepend=base.time[0] - nominal)
         begin = end if self.instant else end - np.where(step > LACKING * nominal, nominal, step)
         rates = (
-            self.at(end)
+            self.values_at(end)
             if self.instant
-            else (self.at(end) - self.at(begin)) / (end - begin)[:, None]
+            else (self.values_at(end) - self.values_at(begin)) / (end - begin)[:, None]
         )
         breaks = np.concatenate([[0], np.cumsum(self.broken)])
         slack = 1e-6
@@ -294,7 +294,7 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
 
     first, other : running angles.   noise : rad/s/sqrt(Hz), the larger of both.
     """
-    what, expected = "IMU clocks", "stamps of one clock, to 1 ms"
+    check_name, expected = "IMU clocks", "stamps of one clock, to 1 ms"
     grid = np.arange(
         max(first.time[0], other.time[0]), min(first.time[-1], other.time[-1]), COARSE_S
     )
@@ -304,18 +304,20 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
             0.0,
             np.nan,
             Check(
-                what, f"{name}: the body hardly turns; taken as one clock with the first", expected
+                check_name,
+                f"{name}: the body hardly turns; taken as one clock with the first",
+                expected,
             ),
         )
     tau, alike = _coarse_offset(a, b)
     if alike < ALIKE:
-        found = f"{name}: its rates correlate by {alike:.2f} with those of the first"
+        finding = f"{name}: its rates correlate by {alike:.2f} with those of the first"
         return (
             0.0,
             np.nan,
             Check(
-                what,
-                found,
+                check_name,
+                finding,
                 f"{ALIKE} and more of one body",
                 "contradiction",
                 "check imu.further: file, axes and clock",
@@ -337,20 +339,20 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
         if abs(change) < SETTLED_SIGMAS * sigma:
             break
     applied = abs(tau) > max(APPLIED_SIGMAS * sigma, LEAST_OFFSET_S)
-    found = (
+    finding = (
         f"{name}: {1e3 * tau:+.3f} +- {1e3 * sigma:.3f} ms"
         f" {'added' if applied else 'would fit, not added'} to its stamps"
     )
     return (
         tau if applied else 0.0,
         sigma,
-        Check(what, found, expected, "note" if applied and abs(tau) > 1e-3 else "ok"),
+        Check(check_name, finding, expected, "note" if applied and abs(tau) > 1e-3 else "ok"),
     )
 
 
 def _grid_rates(angles: _Track, grid: Array) -> Array:
     """(n - 1, 3) mean rates between the instants of the grid, smoothed, free of their mean."""
-    rates = np.diff(angles.at(grid), axis=0) / COARSE_S
+    rates = np.diff(angles.values_at(grid), axis=0) / COARSE_S
     reach = round(0.5 * SMOOTH_S / COARSE_S)
     kernel = 1.0 + np.cos(np.pi * np.arange(-reach, reach + 1) / (reach + 1))
     padded = np.pad(rates - rates.mean(axis=0), ((reach, reach), (0, 0)), mode="edge")

@@ -161,10 +161,10 @@ def _pair(
     ratio, matrix = np.full((2, windows), np.nan), np.zeros((2, 3, 3))
     if full.sum() < 2 * WINDOW_BLOCKS:
         return _Pair(ratio, matrix)
-    for k, part in enumerate((slice(0, 3), slice(3, 6))):
+    for k, axes in enumerate((slice(0, 3), slice(3, 6))):
         d, signal = (
-            mean[j, full, part] - mean[i, full, part],
-            0.5 * (mean[j, full, part] + mean[i, full, part]),
+            mean[j, full, axes] - mean[i, full, axes],
+            0.5 * (mean[j, full, axes] + mean[i, full, axes]),
         )
         d, signal = d - _slow(d), signal - _slow(signal)
         noise = np.asarray((sigma[i, k] ** 2 + sigma[j, k] ** 2) / duration[full], dtype=np.float64)
@@ -214,20 +214,20 @@ def _agreement(
     turned : (p,) rad, of one IMU's axes against the other's.
     """
     worst, k = np.sqrt(level.max(axis=0)), int(np.argmax(turned))
-    found = (
+    finding = (
         f"pairs differ by {worst[0]:.1f} (gyro) and {worst[1]:.1f} (accelerometer) times their"
         " noise at most"
     )
     expected = "all pairs agree within their noise"
     if turned[k] < TURN_NOTE:
-        return Check("IMU parity", found, expected)
-    found += (
+        return Check("IMU parity", finding, expected)
+    finding += (
         f"; {names[pairs[k][1]]} is turned by {np.degrees(turned[k]):.1f} deg against"
         f" {names[pairs[k][0]]}"
     )
     return Check(
         "IMU parity",
-        found,
+        finding,
         expected,
         "note",
         "a calibration file with a common reference for both takes it off",
