@@ -14,7 +14,7 @@ OUTLYING, LEAST_M = (
 
 
 def north_east(gnss: GnssFixes) -> Array:
-    """North and east of the first fix, (n, 2) m."""
+    """Return north and east from the first fix, shape (n, 2), m."""
     M, N = curvature_radii(gnss.lat[0])
     return np.column_stack(
         [(gnss.lat - gnss.lat[0]) * M, (gnss.lon - gnss.lon[0]) * N * np.cos(gnss.lat[0])]
@@ -22,7 +22,13 @@ def north_east(gnss: GnssFixes) -> Array:
 
 
 def liveliest(gnss: GnssFixes, length_s: float) -> tuple[float, float]:
-    """Begin and end, s, of the `length_s` seconds in which the fixes draw the longest path."""
+    """Find the `length_s` seconds in which the fixes draw the longest path.
+
+    Returns
+    -------
+    tuple of float, s
+        Begin and end.
+    """
     step = np.minimum(
         np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1), FASTEST_MS * np.diff(gnss.time)
     )
@@ -33,8 +39,13 @@ def liveliest(gnss: GnssFixes, length_s: float) -> tuple[float, float]:
 
 
 def sound_fixes(gnss: GnssFixes) -> NDArray[np.bool_]:
-    """Fixes that lie on a smooth path with their two neighbours on either side; single gross ones
-    do not.
+    """Find the fixes that lie on a smooth path with their two neighbours on either side.
+
+    Single gross fixes, the outliers of the path, do not.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
     """
     p = np.column_stack([north_east(gnss), -gnss.height])
     sound = np.ones(gnss.time.size, dtype=bool)

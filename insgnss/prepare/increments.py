@@ -43,8 +43,18 @@ SNAP_S = 1e-7
 
 
 def merge_marks(*times: Array) -> tuple[Array, list[np.ndarray]]:
-    """Sorted union of instants and, for each input, the index of its instants in the union; closer
-    than `SNAP_S` is one.
+    """Merge sorted instants; instants closer than `SNAP_S` are one.
+
+    Parameters
+    ----------
+    *times : ndarray, shape (n_i,), s
+
+    Returns
+    -------
+    union : ndarray, shape (m,), s
+        The sorted union.
+    indices : list of ndarray of int, shape (n_i,)
+        For each input, the index of its instants in the union.
     """
     every = np.sort(np.concatenate(times))
     keep = np.concatenate([[True], np.diff(every) > SNAP_S])
@@ -54,12 +64,26 @@ def merge_marks(*times: Array) -> tuple[Array, list[np.ndarray]]:
 
 
 def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array) -> Increments:
-    """Body increments from the first to the last mark, split at every mark.
+    """Integrate samples into body increments from the first to the last mark, split at every mark.
 
-    imu : samples in the sensor's axes.   C_b_imu : (3, 3), sensor axes to body.
-    marks : (m,) s, increasing, within the recording.
-    Raises DataError where a gap between the first and the last mark is too long to be bridged, or
-    nothing tells how well it is.
+    Parameters
+    ----------
+    imu : ImuSamples
+        Samples in the sensor's axes.
+    C_b_imu : ndarray, shape (3, 3)
+        Sensor axes to body.
+    marks : ndarray, shape (m,), s
+        Increasing instants within the recording.
+
+    Returns
+    -------
+    Increments
+
+    Raises
+    ------
+    DataError
+        Where a gap between the first and the last mark is too long to be bridged, or the recording
+        does not show how well it is bridged.
     """
     from ._kernels import build_segments
 
@@ -95,7 +119,7 @@ def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array) -> Increments
 
 
 def _snap_to_samples(marks: Array, time: Array) -> Array:
-    """Marks within `SNAP_S` of a sample moved onto it, so that no segment is shorter than that."""
+    """Move marks within `SNAP_S` of a sample onto it, so that no interval is shorter than that."""
     i = np.clip(np.searchsorted(time, marks), 1, time.size - 1)
     nearest = np.where(marks - time[i - 1] < time[i] - marks, time[i - 1], time[i])
     return np.where(np.abs(nearest - marks) < SNAP_S, nearest, marks)

@@ -1,20 +1,21 @@
-"""Is a recording fit to tell the noise of its sensor: at rest, whole, alive, in the right units,
-finer than its own rounding?
+"""Checks of a static recording: is it fit to show the noise of its sensor?
 
-Blocks of a second carry what tells: their means and variances. A sensor at rest has noise and a
-bias that wanders, and both are Gaussian, so in each channel
+It must be stationary, whole, alive, in the right units and finer than its own rounding. Blocks of a
+second show that: their means and variances. A sensor at rest has noise and a bias that wanders, and
+both are Gaussian, so in each channel the values
 
-    log of the variance in a block, difference of two neighbouring means, difference of two neighbouring means of ten blocks      (S.1)
+    log of the variance in a block, difference of two neighbouring means,
+    difference of two neighbouring means of ten blocks                                         (S.1)
 
 scatter about their medians like normal deviates whose sigma is 1.4826 median |deviation|. One that
 is beyond eight sigma is no noise: it is a knock, a person walking by, a tilt of the table, or a
 jump of the bias (a step, where only the means of ten blocks show it). Slow wander of the bias does
-not trigger it, since its own differences are the scale. Rest itself is judged by `still`, with
-limits of its own.
+not trigger it, since its own differences are the scale. `stationarity` decides whether the sensor
+is stationary, with limits of its own.
 
 Rounding to a step s adds s^2/12 of white noise as long as the noise before it exceeds half a step
 (Widrow and Kollar 2008, chapter 5); below that the rounding error follows the signal, and no
-variance tells the sensor's noise any more.
+variance shows the sensor's noise any more.
 """
 
 from dataclasses import dataclass
@@ -34,8 +35,8 @@ LEAST_S = 60.0
 STUCK_S, STUCK_SAMPLES = 5.0, 10
 BLOCK_S, LEAST_IN_BLOCK, LONG_BLOCKS = 1.0, 20, 10
 SIGMAS, STRONG = 8.0, 20.0
-NEAR = 0.1  # of the mean force to gravity, for a unit to be told
-LEAST_RISE = 0.3  # of the log of a variance: what a thermal fan does to it is not worth a word
+NEAR = 0.1  # of the mean force to gravity, to suggest a unit
+LEAST_RISE = 0.3  # of the log of a variance: what a thermal fan does to it is not reported
 REST_SHARE = 0.9
 FINE = 1.5  # samples scatter by so many steps of their rounding
 ROUNDED = 0.5  # below it the rounding hides the noise
@@ -45,8 +46,18 @@ RAIL_RUN, RAIL_SIGMAS = 3, 6.0
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What is no noise of the sensor: begin and length in s from the recording's start, channel,
-    kind, size in robust sigmas.
+    """A disturbance of a static recording, which is no noise of the sensor.
+
+    Parameters
+    ----------
+    begin_s : float, s
+        From the recording's start.
+    length_s : float, s
+    channel : str
+    kind : str
+        "shaken" or "step".
+    sigmas : float
+        Size in robust standard deviations.
     """
 
     begin_s: float
@@ -64,12 +75,20 @@ class Disturbance:
 
 @dataclass(frozen=True, eq=False)
 class StaticSpan:
-    """The samples that serve, as mean rates in SI at equal intervals, and what the checks say.
+    """The samples that serve, as mean rates in SI at equal intervals, with the checks.
 
-    gyro, accel : (n, 3) rad/s and m/s^2.
-    rate_hz : samples a second.
-    begin_s : of the span, from the recording's first sample.
-    filled : samples that stand for missing ones.   disturbances : the strongest first.
+    Parameters
+    ----------
+    gyro : ndarray, shape (n, 3), rad/s
+    accel : ndarray, shape (n, 3), m/s^2
+    rate_hz : float, Hz
+    begin_s : float, s
+        Begin of the span, from the recording's first sample.
+    filled : int
+        Number of interpolated samples in the place of missing ones.
+    checks : tuple of Check
+    disturbances : tuple of Disturbance
+        The strongest first.
     """
 
     gyro: Array
@@ -82,18 +101,35 @@ class StaticSpan:
 
     @property
     def length_s(self) -> float:
-        """Length, s."""
+        """Length of the span, s."""
         return len(self.gyro) / self.rate_hz
 
 
 def static_span(
     imu: ImuSamples, skip_s: float = 0.0, keep_s: float = np.inf, bridge_s: float = 0.0
 ) -> StaticSpan:
-    """The longest unbroken span of a recording and its checks; a check that says "contradiction"
-    makes it unfit.
+    """Find the longest unbroken span of a recording and check it.
 
-    skip_s, keep_s : what is left out at the beginning, and how much is taken from there on.
-    bridge_s : gaps up to this length are filled by the straight line between their ends.
+    A check with the verdict "contradiction" makes the recording unfit.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+    skip_s : float, s
+        Time left out at the beginning.
+    keep_s : float, s
+        Time taken from there on.
+    bridge_s : float, s
+        Gaps up to this length are filled by the straight line between their ends.
+
+    Returns
+    -------
+    StaticSpan
+
+    Raises
+    ------
+    DataError
+        Where nothing is left from `skip_s` on.
     """
     nominal = nominal_interval(imu.time)
     time = imu.time - imu.time[0]
@@ -127,7 +163,7 @@ def _length(length_s: float) -> Check:
     verdict: Verdict = "contradiction" if length_s < LEAST_S else "ok"
     expected, advice = (
         f"{LEAST_S:.0f} s and more",
-        "record for longer: hours, where slow processes are to be told",
+        "record for longer: hours, to resolve slow processes",
     )
     return Check("length", f"{length_s:.1f} s without interruption", expected, verdict, advice)
 
@@ -154,9 +190,7 @@ def _rate(time: Array, nominal: float) -> Check:
 def _unbroken(
     time: Array, lo: int, hi: int, nominal: float, bridge_s: float
 ) -> tuple[int, int, Check]:
-    """First sample, the one after the last of the longest span without a gap that is not bridged,
-    and what to say of the gaps.
-    """
+    """First sample, the one after the last of the longest unbroken span, and the check."""
     expected = "no interval over 1.5 nominal ones"
     gaps = find_gaps(time[lo:hi], nominal)
     if not gaps:
@@ -205,7 +239,7 @@ def _even(values: Array, cells: NDArray[np.int64], filled: int, scale: float) ->
 
 
 def _channels(columns: list[Array], rate: float) -> list[Check]:
-    """Channels that hang, rails and rounding."""
+    """Check for stuck channels, rails and rounding."""
     named = list(zip(CHANNELS, columns, strict=True))
     expected = f"no channel constant for over {STUCK_S:.0f} s"
     if stuck := [f"{name} {how}" for name, column in named if (how := _stuck(column, rate))]:
@@ -248,7 +282,7 @@ def _channels(columns: list[Array], rate: float) -> list[Check]:
 
 
 def _stuck(column: Array, rate: float) -> str:
-    """How a channel hangs, or nothing."""
+    """Describe how a channel is stuck; empty where it is not."""
     if column.min() == column.max():
         return f"is {column[0]:z.6g} throughout"
     probed = column[:PROBED]
@@ -267,7 +301,7 @@ def _stuck(column: Array, rate: float) -> str:
 
 
 def _units(gyro: Array, accel: Array) -> Check:
-    """Gravity and the smallness of the rate at rest against the units."""
+    """Check the units against gravity and the smallness of the rate at rest."""
     name, expected = (
         "units",
         (
@@ -314,7 +348,10 @@ def _rounding(column: Array, size: int) -> tuple[float, float] | None:
 
 
 def _rail(column: Array) -> str:
-    """A reading at the end of the range: the same extreme value, far off, several times in a row."""
+    """Describe a reading at the end of the range; empty where there is none.
+
+    That is the same extreme value, far off, several times in a row.
+    """
     mean, sigma = float(column.mean()), float(column.std())
     for extreme in (column.min(), column.max()):
         if abs(extreme - mean) > RAIL_SIGMAS * sigma:
@@ -323,14 +360,14 @@ def _rail(column: Array) -> str:
                 rows.size >= RAIL_RUN
                 and (rows[RAIL_RUN - 1 :] - rows[: 1 - RAIL_RUN] == RAIL_RUN - 1).any()
             ):
-                return f"stands at {extreme:.4g} {rows.size} times"
+                return f"reads {extreme:.4g} in {rows.size} samples"
     return ""
 
 
 def _at_rest(
     gyro: Array, accel: Array, begin: float, rate: float
 ) -> tuple[tuple[Disturbance, ...], Check]:
-    """Disturbances, and what to say of rest."""
+    """Find the disturbances, and check that the sensor is stationary."""
     length = len(gyro) / rate
     periods = stationary_periods(ImuSamples(np.arange(len(gyro)) / rate, gyro, accel))
     share = float(np.sum(periods.time[:, 1] - periods.time[:, 0]) / length)

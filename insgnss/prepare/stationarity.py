@@ -1,24 +1,23 @@
-"""Where the sensor stood: stretches of zero velocity and zero rotation, found from the IMU and
-confirmed by GNSS.
+"""Stationarity detection: periods of zero velocity and zero rotation, from the IMU and GNSS.
 
-A sensor at rest feels a constant. With the mean of a window unknown (it holds bias, gravity and
-Earth rate), the generalised likelihood ratio of "constant" against "anything" is the variance about
-the window's own mean over the sensor's noise (Skog, Haendel, Nilsson, Rantakokko 2010, with bias
-and attitude unknown):
+The periods found here become zero-velocity updates (ZUPT) of the filter. A sensor at rest feels a
+constant. With the mean of a window unknown (it holds bias, gravity and Earth rate), the generalised
+likelihood ratio of "constant" against "anything" is the variance about the window's own mean over
+the sensor's noise (Skog, Haendel, Nilsson, Rantakokko 2010, with bias and attitude unknown):
 
     T = (1/3N) sum over samples and axes of (x - mean)^2 / sigma^2,   at rest about 1          (Z.1)
 
 for each triad; both must be quiet. The noise is the recording's own: sigma^2 is taken from its
 quietest windows, those that GNSS confirms where it can. What counts as quiet has an upper limit all
-the same (`MAX_...`), so that a recording that never rests has no rest. White noise makes the means
-of sub-windows vary by sigma^2 / n only; what they vary beyond that is slow motion:
+the same (`MAX_...`), so that a recording that never stands has no stationary period. White noise
+makes the means of sub-windows vary by sigma^2 / n only; what they vary beyond that is slow motion:
 
     s^2 = var(block means) - var(samples) (blocks - 1) / samples                               (Z.2)
 
-A smooth cruise at constant velocity looks like rest to an IMU. GNSS tells it: the displacement over
-the window, and the velocity where the receiver gives one, must be zero within three of their
-standard deviations. A hovering drone stands still for GNSS but vibrates; (Z.1) and its upper limits
-tell. Where GNSS is absent or too poor to tell, the IMU alone decides.
+A smooth cruise at constant velocity looks stationary to an IMU. GNSS excludes it: the displacement
+over the window, and the velocity where the receiver gives one, must be zero within three of their
+standard deviations. A hovering drone is stationary for GNSS but vibrates; (Z.1) and its upper
+limits exclude it. Where GNSS is absent or too poor to decide, the IMU alone decides.
 
 Skog, Haendel, Nilsson, Rantakokko (2010) "Zero-velocity detection - an algorithm evaluation", IEEE
 Trans. Biomed. Eng. 57(11).
@@ -52,12 +51,12 @@ MAX_SLOW_GYRO, MAX_SLOW_ACCEL = 3e-3, 0.05  # rad/s, m/s^2, of (Z.2)
 MAX_BIAS, BIAS_SPREAD = (
     0.1,
     0.01,
-)  # rad/s: of the mean rate, and of its difference to that of the other stretches
+)  # rad/s: of the mean rate, and of its difference to that of the other periods
 NORM_LOW, NORM_HIGH = (
     9.0,
     10.6,
 )  # m/s^2, mean specific force of a sensor at rest: gravity, biases and scale factors
-SIGMAS, WANDER_MS = 3.0, 0.1  # GNSS: errors of a standing receiver wander at a few cm/s
+SIGMAS, WANDER_MS = 3.0, 0.1  # GNSS: errors of a stationary receiver wander at a few cm/s
 USEFUL_MS = 1.5  # m/s, a GNSS that cannot exclude more than this confirms nothing
 
 MOVING, UNKNOWN, CONFIRMED = -1, 0, 1
@@ -65,11 +64,21 @@ MOVING, UNKNOWN, CONFIRMED = -1, 0, 1
 
 @dataclass(frozen=True, eq=False)
 class StationaryPeriods:
-    """k stretches at rest, in the order of time; means and standard deviations of a sample are in
+    """The k stationary periods of a recording, with statistics of their samples.
+
+    They stand in the order of time. Means and standard deviations are those of single samples in
     the IMU's own axes.
 
-    time : (k, 2) s, start and end.   gyro_mean, gyro_std : (k, 3) rad/s.   accel_mean, accel_std : (k, 3) m/s^2.
-    samples : (k,) number of samples.
+    Parameters
+    ----------
+    time : ndarray, shape (k, 2), s
+        Start and end.
+    gyro_mean : ndarray, shape (k, 3), rad/s
+    accel_mean : ndarray, shape (k, 3), m/s^2
+    gyro_std : ndarray, shape (k, 3), rad/s
+    accel_std : ndarray, shape (k, 3), m/s^2
+    samples : ndarray of int, shape (k,)
+        Number of samples.
     """
 
     time: Array
@@ -83,8 +92,9 @@ class StationaryPeriods:
         return len(self.time)
 
     def index_of(self, time: Array) -> NDArray[np.int64]:
-        """(n,) index of the stretch that holds each of the instants `time` (n,) s, -1 outside all
-        of them.
+        """Return the index of the period that holds each of the instants `time` (n,) s.
+
+        It is -1 outside all of them.
         """
         if not len(self):
             return np.full(np.shape(time), -1, dtype=np.int64)
@@ -92,11 +102,11 @@ class StationaryPeriods:
         return np.where((k >= 0) & (np.asarray(time) <= self.time[np.maximum(k, 0), 1]), k, -1)
 
     def within(self, begin: float, end: float) -> "StationaryPeriods":
-        """Those that lie wholly between two instants, s."""
+        """Return the periods that lie wholly between two instants, s."""
         return self.where((self.time[:, 0] >= begin) & (self.time[:, 1] <= end))
 
     def where(self, which: NDArray[np.bool_]) -> "StationaryPeriods":
-        """Those for which `which` (k,) is true."""
+        """Return the periods for which `which` (k,) is true."""
         return StationaryPeriods(
             *(getattr(self, name)[which] for name in self.__dataclass_fields__)
         )
@@ -104,8 +114,9 @@ class StationaryPeriods:
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """Counts (b,), sums and sums of squares (b, 6) about `reference` (6,) of the samples in each
-    block of `length` s from `start` on.
+    """Counts, sums and sums of squares of the samples in blocks of `length` s from `start` on.
+
+    count is (b,); first and second are (b, 6), about `reference` (6,).
     """
 
     start: float
@@ -120,9 +131,7 @@ class _Sums:
         return np.asarray(self.start + self.length * block, dtype=np.float64)
 
     def over(self, lo: NDArray[np.int64], hi: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-        """Number of samples (w,), mean and variance (w, 6) of the blocks lo to hi - 1 of each
-        window.
-        """
+        """Number of samples (w,), mean and variance (w, 6) of windows of blocks lo to hi - 1."""
         n, s1, s2 = (_between(x, lo, hi) for x in (self.count, self.first, self.second))
         per = np.maximum(n, 1.0)[:, None]
         return n, s1 / per + self.reference, np.maximum(s2 / per - (s1 / per) ** 2, 0.0)
@@ -136,10 +145,18 @@ class _Sums:
 
 
 def stationary_periods(imu: ImuSamples, gnss: GnssFixes | None = None) -> StationaryPeriods:
-    """StationaryPeriods of a second and more in which the sensor neither moves nor turns (Z.1, Z.2).
+    """Detect the stationary periods, of a second and longer (Z.1, Z.2).
 
-    imu : samples in any axes.
-    gnss : fixes on the same clock, None without; they confirm rest and exclude a smooth cruise.
+    Parameters
+    ----------
+    imu : ImuSamples
+        Samples in any axes.
+    gnss : GnssFixes, optional
+        Fixes on the same clock; they confirm that the vehicle stands and exclude a smooth cruise.
+
+    Returns
+    -------
+    StationaryPeriods
     """
     sums = _block_sums(imu)
     blocks = sums.count.size
@@ -196,7 +213,7 @@ def _quiet(
     allowed: NDArray[np.bool_],
     seen: NDArray[np.int8],
 ) -> NDArray[np.bool_]:
-    """Which windows are at rest, of those `allowed`."""
+    """Which windows are stationary, of those `allowed`."""
     n, mean, variance = sums.over(lo, hi)
     slow = (
         sums.between_blocks(lo, hi) - variance * ((WINDOW_BLOCKS - 1) / np.maximum(n, 1.0))[:, None]
@@ -229,8 +246,9 @@ def _quiet(
 
 
 def _runs(quiet: NDArray[np.bool_], sums: _Sums) -> NDArray[np.int64]:
-    """(k, 2) first block and block after the last of every run of quiet windows, ends cut, long
-    enough.
+    """First block and block after the last (k, 2) of every long enough run of quiet windows.
+
+    The ends of each run are cut by `EDGE_BLOCKS`.
     """
     covered = np.zeros(sums.count.size + 1)
     np.add.at(covered, np.flatnonzero(quiet), 1.0)
@@ -254,7 +272,7 @@ def _periods_of(sums: _Sums, runs: NDArray[np.int64]) -> StationaryPeriods:
 
 
 def _seen_by_gnss(gnss: GnssFixes | None, begin: Array, end: Array) -> NDArray[np.int8]:
-    """MOVING, UNKNOWN or CONFIRMED to stand, (w,), in the windows begin to end, (w,) s each."""
+    """MOVING, UNKNOWN or CONFIRMED stationary, (w,), in the windows begin to end, (w,) s each."""
     seen = np.full(begin.size, UNKNOWN, dtype=np.int8)
     if gnss is None or gnss.time.size < 2 or not begin.size:
         return seen

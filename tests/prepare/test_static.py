@@ -218,7 +218,7 @@ def test_a_rail_is_told(still):
         a[300:305, 0] = 5.0
 
     assert (
-        "gyro x stands at 5 5 times" in found(static_span(changed(still, gyro=rail)), "range").found
+        "gyro x reads 5 in 5 samples" in found(static_span(changed(still, gyro=rail)), "range").found
     )
 
 
