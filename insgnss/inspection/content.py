@@ -1,4 +1,4 @@
-"""What the flight file of an inspected recording says, key by key, and why.
+"""The keys of the flight file of an inspected recording, each with the evidence for it.
 
 Recognised values are written where their confidence exceeds `SURE`, else as comments with the
 reason. Numbers that a file's own header gives a unit for are not given another one unless the data
@@ -27,7 +27,7 @@ SAME = 0.02  # of a factor
 UPRIGHT = 0.85  # of |f|, along the axis that is vertical
 SENSORS = {"gyro": "gyro unit", "accel": "accelerometer unit"}
 REMARKS = (
-    "Drafted by insgnss inspect from the recording itself; above each key stands its evidence.",
+    "Drafted by insgnss inspect from the recording itself; the evidence is above each key.",
     "Keys that are commented out are not settled by the data: check these by hand.",
 )
 NEEDS_FIXES = "no fixes of a receiver: give its file as well, the samples alone have no position"
@@ -39,8 +39,9 @@ NEEDS_POSITION = (
 
 @dataclass(frozen=True)
 class Axes:
-    """Axes in words with the evidence; `sure` where at least the vertical is, so that they are
-    better than the default.
+    """Axes in words with the evidence.
+
+    `sure` is set where at least the vertical is certain, so that they are better than the default.
     """
 
     words: str
@@ -49,7 +50,7 @@ class Axes:
 
 
 def in_si(imu: ImuSamples, recognition: "Recognition") -> ImuSamples:
-    """Samples as rates in rad/s and m/s^2 of specific force, by what was recognised."""
+    """Return the samples as rates in rad/s and m/s^2 of specific force, by what was recognised."""
     rate = 1.0 / nominal_interval(imu.time) if recognition.quantity == "increments" else 1.0
     gyro, accel = (
         recognition.gyro_factor * rate,
@@ -69,7 +70,28 @@ def draft_flight(
     week: tuple[int, str] | None,
     alone: Alone,
 ) -> tuple[Draft | None, str]:
-    """The draft, or None and what is missing for one. alone : what was found without a receiver."""
+    """Draft the flight file.
+
+    Parameters
+    ----------
+    name : str
+    sources : tuple of Source
+    raw : ImuSamples
+        As the file has them.
+    gnss : GnssFixes or None
+    sensing : Sensing
+    recognition : Recognition or None
+    axes : Axes
+    week : tuple of int, str, or None
+        The GPS week with its origin, where no file gives it.
+    alone : Alone
+        What was found without a receiver.
+
+    Returns
+    -------
+    tuple of Draft or None, str
+        The draft, or None and what is missing for one.
+    """
     by_role = {source.role: source for source in sources}
     site = by_role["imu"].site
     if gnss is None and site is None:
@@ -86,7 +108,7 @@ def draft_flight(
             "stationary",
             list(site),
             "latitude deg, longitude deg, height m of the site in the file's header; the sensor"
-            " stands",
+            " is stationary",
         )
     else:
         _gnss(draft, by_role["gnss"], gnss, recognition)
@@ -100,7 +122,7 @@ def draft_flight(
 
 
 def _missing(source: Source, sensing: Sensing, alone: Alone) -> str:
-    """What samples without a position lack to become a flight."""
+    """Name what samples without a position lack to become a flight."""
     open_questions = (
         [f"no clock ({source.keys['rate_hz']:g} Hz assumed)"] if "rate_hz" in source.keys else []
     )
@@ -189,9 +211,7 @@ def _header_units_of_kind(source: Source, quantity: str) -> dict[str, str]:
 
 
 def _unit_of_numbers(source: Source, recognition: "Recognition", key: str) -> str | None:
-    """Unit of a sensor's numbers in the file, where the data tell it and the file does not, or says
-    another one.
-    """
+    """Unit of a sensor's numbers, where the data show it and the file gives none or another."""
     from ..formats import UNITS
     from ..formats.text.headers import factor_of, kinds_like
 
@@ -211,8 +231,9 @@ def _unit_of_numbers(source: Source, recognition: "Recognition", key: str) -> st
 
 
 def unit_contradictions(source: Source, recognition: "Recognition") -> list[Check]:
-    """Where the data contradict the units that the file gives: a note where the draft can follow
-    the data, else a contradiction.
+    """Check the units that the file gives against the data.
+
+    A contradiction is a note where the draft can follow the data.
     """
     checks = []
     for key, name in SENSORS.items():
@@ -254,8 +275,9 @@ def unit_contradictions(source: Source, recognition: "Recognition") -> list[Chec
 
 
 def counts(source: Source, recognition: "Recognition") -> list[Check]:
-    """A contradiction for a sensor whose numbers are in no unit that is known: the flight file must
-    say what one count is worth.
+    """Return a contradiction for each sensor whose numbers are in no known unit.
+
+    The flight file must give what one count is worth.
     """
     checks = []
     for key, name in SENSORS.items():
@@ -286,9 +308,7 @@ def counts(source: Source, recognition: "Recognition") -> list[Check]:
 
 
 def assumed_rate(source: Source) -> list[Check]:
-    """A contradiction where samples without a clock would be held against fixes at a rate that
-    nothing tells.
-    """
+    """Return a contradiction where samples without a clock would meet fixes at an assumed rate."""
     if "rate_hz" not in source.keys:
         return []
     advice = (
@@ -302,7 +322,7 @@ def assumed_rate(source: Source) -> list[Check]:
 
 
 def strangers(recognition: "Recognition") -> list[Check]:
-    """Whether samples and fixes are of one recording, and latitude and longitude in their order."""
+    """Check that samples and fixes are of one recording, latitude and longitude in their order."""
     from ..recognise.recognition import EXCHANGED_ADVICE
 
     if recognition.exchanged:
@@ -334,9 +354,7 @@ def strangers(recognition: "Recognition") -> list[Check]:
 
 
 def in_units_of_file(source: Source, recognition: "Recognition") -> "Recognition":
-    """The same with the units of the findings as the file's header gives them, where the data agree
-    with it.
-    """
+    """Return the findings with the units of the file's header, where the data agree with it."""
     findings = {finding.name: finding for finding in recognition.findings}
     for key, name in SENSORS.items():
         factor = recognition.gyro_factor if key == "gyro" else recognition.accel_factor
@@ -353,10 +371,20 @@ def in_units_of_file(source: Source, recognition: "Recognition") -> "Recognition
 
 
 def likely_axes(source: Source, imu: ImuSamples, recognition: "Recognition | None") -> Axes:
-    """Axes as recognised, else as the format has them, else the vertical as gravity shows it with
-    forward chosen freely.
+    """Choose the axes as recognised, else as the format has them, else the vertical by gravity.
 
-    imu : in m/s^2 of specific force.
+    With the vertical alone forward is chosen freely.
+
+    Parameters
+    ----------
+    source : Source
+    imu : ImuSamples
+        In m/s^2 of specific force.
+    recognition : Recognition or None
+
+    Returns
+    -------
+    Axes
     """
     if recognition is not None and recognition.axes is not None:
         finding, vertical = recognition.finding("axes"), recognition.finding("vertical axis")
@@ -375,14 +403,18 @@ def likely_axes(source: Source, imu: ImuSamples, recognition: "Recognition | Non
     )
     why = (
         f"gravity lies along the IMU's {axis} axis; which of the others points forward is NOT"
-        " KNOWN: the data do not tell"
+        " KNOWN: the data do not show it"
     )
     return Axes(words, why, steady)
 
 
 def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:
-    """Axes in words, the vertical by the specific force at rest (3,), forward chosen freely; and
-    the axis that is vertical.
+    """Choose axes by the specific force at rest (3,): the vertical is certain, forward is free.
+
+    Returns
+    -------
+    tuple of str
+        The axes in words, and the IMU axis that is vertical.
     """
     from ..prepare.axes import DIRECTIONS
 
@@ -428,13 +460,13 @@ def _noise(draft: Draft, sensing: Sensing) -> None:
     bias = (
         "the mean rate at rest sets the turn-on bias of the gyros"
         if sensing.rest_s > 0.0
-        else "no rest: turn-on biases are a-priori"
+        else "no stationary period: turn-on biases are a-priori"
     )
     draft.noise_why = (
         f"Drafted by insgnss inspect. {measured[0].upper()}{measured[1:]}; the largest is taken.",
         (
             f"{bias[0].upper()}{bias[1:]}; Gauss-Markov processes a-priori of a {sensing.grade}"
-            " sensor. Static recordings tell it better: insgnss tune."
+            " sensor. Static recordings show it better: insgnss tune."
         ),
     )
 
@@ -455,7 +487,7 @@ def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: "Recogniti
         draft.add("gnss", "undulation_m", 0.0, why, sure=False)
     if recognition is None or not np.isfinite(recognition.time_offset_sigma_s):
         why = (
-            "the data do not tell the latency"
+            "the data do not determine the latency"
             if recognition is None
             else _evidence(recognition.finding("time offset"))
         )
@@ -509,7 +541,9 @@ def _filter(draft: Draft, recognition: "Recognition | None") -> None:
         "the lever arm is not known; the filter estimates it where the flight lets it",
     )
     draft.add("filter", "lever_arm_sigma_m", LEVER_SIGMA_M)
-    draft.add("filter", "robust", True, "fixes of unknown quality: the doubtful are weighed down")
+    draft.add(
+        "filter", "robust", True, "fixes of unknown quality: outliers get less weight (Huber)"
+    )
 
 
 def _evidence(finding: Any) -> str:

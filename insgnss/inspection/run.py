@@ -1,11 +1,11 @@
-"""Find the files, read them, recognise them, say what they are, and draft the flight file.
+"""Inspection of files: find, read and recognise them, and draft the flight file.
 
-    discovery   which files are samples, fixes, exposures; which columns they have (roles)
+    discovery   which files are samples, fixes, exposures; which columns they have (tables)
     recognise   units, axes, sign of force and clock, from the motion that both sensors saw
-    sensing     rest, white noise, gravity, Earth rate: the class of the sensor and its noise model
+    sensing     stationarity, white noise, gravity, Earth rate: class and noise model of the sensor
     content     the flight file with the evidence beside each key (draft writes it)
 
-Where there is no receiver the inspection still says what the samples are, and drafts what they
+Where there is no receiver the inspection still shows what the samples are, and drafts what they
 allow.
 """
 
@@ -50,7 +50,7 @@ class Inspection(InspectionData):
     """What was found, with its draft, picture and texts."""
 
     def write(self, path: Path, force: bool = False) -> "Inspection":
-        """Write the draft and what belongs beside it; the same inspection with the files written."""
+        """Write the draft and the files beside it; return the inspection with the files written."""
         from .draft import write_draft
 
         assert self.draft is not None
@@ -60,7 +60,7 @@ class Inspection(InspectionData):
         )
 
     def picture(self) -> bytes | None:
-        """PNG that shows what was recognised; None without a receiver."""
+        """Return a PNG of what was recognised; None without a receiver."""
         from ..recognise.axes import axes_words
         from ..report.figures.recognition import recognition_picture
 
@@ -75,19 +75,31 @@ class Inspection(InspectionData):
         return recognition_picture(recognition.curves, recognition.findings, words, self.name)
 
     def summary(self) -> str:
-        """What a person reads."""
+        """Return the text for the terminal."""
         return summary(self)
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Return the inspection for JSON output."""
         return document(self)
 
 
 def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspection:
     """Inspect files and directories that no flight file describes.
 
-    Raises InputError where nothing, or not one recording, is found, and where a file cannot be
-    read; DataError where the samples cannot become a flight for want of a position.
+    Parameters
+    ----------
+    paths : sequence of Path
+    progress : Progress
+        Receives the name of each step.
+
+    Returns
+    -------
+    Inspection
+
+    Raises
+    ------
+    InputError
+        Where nothing, or not one recording, is found, and where a file cannot be read.
     """
     from .content import in_units_of_file
 
@@ -143,7 +155,7 @@ def _choose(
 
 
 def _listed(discovery: Discovery) -> str:
-    """What there is: the files that could not be read first, with the reason."""
+    """The files found; those that could not be read first, with the reason."""
     damaged = [
         f"{path.name} ({why.removeprefix(str(path)).strip(': ')[:REASON_LENGTH]})"
         for path, why in discovery.left_out
@@ -215,7 +227,7 @@ def _one_week(
 
 
 def _week_by_date(path: Path) -> tuple[int, str]:
-    """GPS week by a date that the file tells, else 0; and the evidence."""
+    """GPS week by a date in the file, else 0; and the evidence."""
     from .tables.grids import date_in
 
     date = date_in(path)
@@ -223,7 +235,7 @@ def _week_by_date(path: Path) -> tuple[int, str]:
         return (
             NO_WEEK,
             (
-                "nothing in the files tells the week; 0 stands in for it, and the times in the"
+                "nothing in the files gives the week; 0 takes its place, and the times in the"
                 " products are those of the logger"
             ),
         )
@@ -232,7 +244,7 @@ def _week_by_date(path: Path) -> tuple[int, str]:
 
 
 def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> "tuple[Recognition | None, str]":
-    """What the samples are, or None and why that cannot be told."""
+    """Recognise the samples; None and the reason where that cannot be done."""
     from ..prepare.gaps import nominal_interval
     from ..recognise.recognition import recognise
 
@@ -247,14 +259,15 @@ def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> "tuple[Recognition | 
             None,
             f"the stamps span {span:.0f} s, the samples fill {kept:.0f} s of them: the clock jumps",
         )
-    if imu.gps_week == NO_WEEK:  # a stand-in that must not tell the leap seconds
+    if imu.gps_week == NO_WEEK:  # no real week, so it must not give the leap seconds
         imu, gnss = replace(imu, gps_week=None), replace(gnss, gps_week=None)
     return recognise(imu, gnss), ""
 
 
 def _name(paths: Sequence[Path]) -> str:
-    """Of the directory or the one file given; of several files that of the directory which holds
-    the first.
+    """Name of the directory or of the one file given.
+
+    Of several files it is that of the directory which holds the first.
     """
     first = paths[0].absolute()
     return first.name if first.is_dir() else first.stem if len(paths) == 1 else first.parent.name
@@ -279,8 +292,8 @@ def _inspection(
         draft_flight,
         in_si,
         likely_axes,
-        unit_contradictions,
         strangers,
+        unit_contradictions,
     )
     from .content import counts as in_counts
     from .sensing import sense

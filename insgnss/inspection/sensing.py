@@ -1,12 +1,11 @@
-"""What an IMU shows of itself: rates, rest, white noise at rest and in motion, gravity, Earth rate,
-and the class it seems to be of.
+"""What an IMU shows of itself: stationary periods, white noise, gravity, Earth rate, class.
 
 White noise of root density q (X/sqrt(Hz)) in samples x of interval dt has the Allan variance q^2 /
 tau. At rest q is the least of sigma_A(tau) sqrt(tau) over tau from 0.5 s on: at shorter ones
-rounding and the sway of what it stands on lie above it, at longer ones the drift of the bias. In
-motion the sensor's own noise, the vibration of the carrier and what the sampling folds down look
-alike to the filter; the third difference of neighbouring samples takes the smooth motion away and
-leaves 20 variances of what is independent from sample to sample:
+rounding and the sway of the support lie above it, at longer ones the drift of the bias. In motion
+the sensor's own noise, the vibration of the vehicle and what the sampling folds down look alike to
+the filter; the third difference of neighbouring samples takes the smooth motion away and leaves 20
+variances of what is independent from sample to sample:
 
     q^2 = mean(d3^2) / 20 dt                                                                   (S.1)
 
@@ -52,11 +51,21 @@ FITS = (0.5, 1.6)  # measured white noise over a shipped model's, each of the tw
 
 @dataclass(frozen=True, eq=False)
 class Sensing:
-    """Rates in Hz and s; root densities (3,) in X/sqrt(Hz), X = rad/s and m/s^2, at rest (or at its
-    quietest) and in motion.
+    """What an IMU shows of itself. X is rad/s for gyros, m/s^2 for accelerometers.
 
-    still : stretches at rest.
-    rest_s : their length.   mean_gyro, mean_accel : (3,) over them, NaN without any.
+    Parameters
+    ----------
+    rate_hz : float, Hz
+    length_s : float, s
+    stationary : StationaryPeriods
+    rest_s : float, s
+        Total length of the stationary periods.
+    mean_gyro, mean_accel : ndarray, shape (3,), X
+        Means over them; NaN without any.
+    rest_gyro, rest_accel : ndarray, shape (3,), X/sqrt(Hz)
+        Root densities at rest, or where the recording is quietest.
+    moving_gyro, moving_accel : ndarray, shape (3,), X/sqrt(Hz)
+        Root densities in motion.
     """
 
     rate_hz: float
@@ -72,12 +81,12 @@ class Sensing:
 
     @property
     def is_static(self) -> bool:
-        """Whether all but a tenth of the recording is at rest."""
+        """Whether all but a tenth of the recording is stationary."""
         return self.rest_s > (1.0 - STATIC_SHARE) * self.length_s
 
     @property
     def gravity(self) -> float:
-        """|f| at rest, m/s^2; NaN without rest."""
+        """|f| at rest, m/s^2; NaN without a stationary period."""
         return float(np.linalg.norm(self.mean_accel))
 
     @property
@@ -102,7 +111,7 @@ class Sensing:
 
 
 def sense(imu: ImuSamples, gnss: GnssFixes | None = None) -> Sensing:
-    """What the samples, in SI, show; the fixes confirm rest."""
+    """Measure what the samples, in SI, show; the fixes confirm stationary periods."""
     dt = nominal_interval(imu.time)
     scale = 1.0 / dt if imu.quantity == "increments" else 1.0
     values = np.column_stack([imu.gyro, imu.accel]) * scale
@@ -133,8 +142,9 @@ def sense(imu: ImuSamples, gnss: GnssFixes | None = None) -> Sensing:
 
 
 def _rest_noise(time: Array, values: Array, periods: StationaryPeriods, dt: float) -> Array:
-    """Root density (6,) over the longest stretch at rest, else over the quietest ten seconds by
-    single samples (S.1).
+    """Root density (6,) over the longest stationary period.
+
+    Without one it is that of the quietest ten seconds by single samples (S.1).
     """
     if len(periods):
         longest = int(np.argmax(periods.time[:, 1] - periods.time[:, 0]))
@@ -153,7 +163,7 @@ def _rest_noise(time: Array, values: Array, periods: StationaryPeriods, dt: floa
 
 
 def _moving_noise(time: Array, values: Array, periods: StationaryPeriods, dt: float) -> Array:
-    """Root density (6,) outside the stretches at rest (S.1); zero without any such."""
+    """Root density (6,) outside the stationary periods (S.1); zero without any motion."""
     outside = periods.index_of(time) < 0
     if outside.mean() < STATIC_SHARE or outside.sum() * dt < QUIETEST_S:
         return np.zeros(6)
@@ -163,8 +173,9 @@ def _moving_noise(time: Array, values: Array, periods: StationaryPeriods, dt: fl
 
 
 def _allan(values: Array, m: int, dt: float) -> Array:
-    """sigma_A(tau) sqrt(tau) at tau = m dt, of the smallest 95 % of the differences: a knock or the
-    first step does not move it.
+    """sigma_A(tau) sqrt(tau) at tau = m dt, of the smallest 95 % of the differences.
+
+    So a knock or the first step does not move it.
     """
     n = len(values) // m
     step = np.sort(np.diff(values[: n * m].reshape(n, m, -1).mean(axis=1), axis=0) ** 2, axis=0)
@@ -175,8 +186,9 @@ def _allan(values: Array, m: int, dt: float) -> Array:
 def _third_differences(
     time: Array, values: Array, dt: float, pick: Callable[[Array], Array]
 ) -> Array:
-    """Root density (6,) by (S.1) in blocks of `QUIETEST_S`, of which `pick` takes one; gaps are
-    left out.
+    """Root density (6,) by (S.1) in blocks of `QUIETEST_S`, of which `pick` takes one.
+
+    Gaps are left out.
     """
     d3 = values[3:] - 3.0 * values[2:-1] + 3.0 * values[1:-2] - values[:-3]
     whole = time[3:] - time[:-3] < 4.5 * dt
@@ -190,8 +202,9 @@ def _third_differences(
 
 
 def fitting_model(sensing: Sensing) -> str | None:
-    """Name of a shipped noise model whose white noise and biases are those of the recording, or
-    None.
+    """Return the name of a shipped noise model that fits the recording; None without one.
+
+    Its white noise and biases are those of the recording.
     """
     for name in shipped_models():
         model = load_noise_model(name)
@@ -210,8 +223,10 @@ def fitting_model(sensing: Sensing) -> str | None:
 
 
 def noise_model(sensing: Sensing, name: str) -> NoiseModel:
-    """Noise model of the recording: white noise measured in motion, biases from rest where there is
-    any, else by class.
+    """Make a noise model of the recording.
+
+    White noise is that measured in motion; biases are those of the stationary periods where there
+    are any, else by class.
     """
     turn_gyro, turn_accel, sigma_gyro, sigma_accel, tau = _CLASSES[sensing.grade]
     if sensing.rest_s > 0.0 and sensing.grade != "navigation":
@@ -237,8 +252,9 @@ def noise_model(sensing: Sensing, name: str) -> NoiseModel:
 def _axes(
     white: Array, turn_on: float, sigma: float, tau: float, units: tuple[str, str, str]
 ) -> tuple[AxisNoise, AxisNoise, AxisNoise]:
-    """The three axes alike, with the largest white noise of them; two digits in the units of white
-    noise, bias and driving noise.
+    """The three axes alike, with the largest white noise of them.
+
+    Two digits are kept in the units of white noise, bias and driving noise.
     """
     values = (float(white.max()), turn_on, GaussMarkov.from_sigma(tau, sigma).driving_noise)
     density, bias, driving = (

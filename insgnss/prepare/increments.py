@@ -16,7 +16,8 @@ which the strapdown adds after the bias is taken off. The second term holds what
 and sculling. The slope that this needs to fifth order comes from the means of the four neighbouring
 intervals (the whole flight is there, so both sides are known):
 
-    a1* h = (82 (r[k+1] - r[k-1]) - 11 (r[k+2] - r[k-2])) / 120,   a2 h^2 = (r[k+1] + r[k-1]) / 2 - r[k] (I.3)
+    a1* h = (82 (r[k+1] - r[k-1]) - 11 (r[k+2] - r[k-2])) / 120,
+    a2 h^2 = (r[k+1] + r[k-1]) / 2 - r[k]                                                      (I.3)
 
 Where the five intervals are not alike (ends, gaps, jitter over one percent), the slope is the
 difference of the two neighbours over the time between their middles and a2 is left out. A time mark

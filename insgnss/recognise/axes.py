@@ -1,6 +1,6 @@
 """From the attitude in every window to the axes: which way is down, and which way is forward.
 
-Mathematics: `recognise`, (R.8) and (R.9).
+Mathematics: the package's docstring, (R.8) and (R.9).
 """
 
 import math
@@ -32,15 +32,24 @@ WORDS = (("forward", "backward"), ("right", "left"), ("down", "up"))
 
 
 def axes_words(C_b_imu: Array) -> str:
-    """Words of `axes` for a signed permutation."""
+    """Return the words of `axes` for a signed permutation (3, 3)."""
     return " ".join(
         WORDS[int(np.argmax(np.abs(column)))][int(column.sum() < 0.0)] for column in C_b_imu.T
     )
 
 
 def scores(towards: Array, ahead: Array) -> Array:
-    """Of the 24 orientations, -1 to 1: mean cosine of their down and forward against those found,
-    (3,) of length 1 at most.
+    """Score the 24 orientations, -1 to 1.
+
+    Parameters
+    ----------
+    towards, ahead : ndarray, shape (3,)
+        Down and forward as found in the IMU's axes, of length 1 at most.
+
+    Returns
+    -------
+    ndarray, shape (24,)
+        Mean cosine of the orientation's down and forward against those found.
     """
     C = orientations()
     return 0.5 * (C[:, 2] @ towards + C[:, 0] @ ahead)
@@ -48,11 +57,21 @@ def scores(towards: Array, ahead: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Attitude C_ns (m, 3, 3) of the IMU's axes at `time` (m,) s of its clock, with yaw_sigma (m,)
-    rad.
+    """Attitude of the IMU's axes and velocity of GNSS at m instants.
 
-    velocity (m, 2) m/s, north and east, and course_rate (m,) rad/s (NaN below `SLOWEST_MS`) of GNSS
-    over `width` s around it.
+    Parameters
+    ----------
+    time : ndarray, shape (m,), s
+        On the IMU's clock.
+    C_ns : ndarray, shape (m, 3, 3)
+        IMU axes into north, east, down.
+    yaw_sigma : ndarray, shape (m,), rad
+    velocity : ndarray, shape (m, 2), m/s
+        North and east.
+    course_rate : ndarray, shape (m,), rad/s
+        NaN below `SLOWEST_MS`.
+    width : float, s
+        Length over which the velocity is averaged.
     """
 
     time: Array
@@ -64,8 +83,9 @@ class Pose:
 
 
 def poses(relation: Relation, gnss: GnssFixes, sound: NDArray[np.bool_]) -> Pose:
-    """Attitude (R.8) at the rows of the relation's fit, and the velocity between `sound` fixes
-    around them.
+    """Return the attitude (R.8) and the velocity at the rows of the relation's fit.
+
+    The velocity is that between the `sound` fixes (n,) around each row.
     """
     propagated, fit, acc = relation.propagated, relation.fit, relation.acc
     assert fit is not None
@@ -110,8 +130,18 @@ def _velocity(
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """A direction of the IMU's axes: unit vector (3,), nearest signed axis (3,), angle between,
-    rad, and confidence in the axis.
+    """A direction in the IMU's axes.
+
+    Parameters
+    ----------
+    vector : ndarray, shape (3,)
+        Of length 1.
+    axis : ndarray, shape (3,)
+        The nearest signed axis.
+    off : float, rad
+        The angle between both.
+    confidence : float
+        Of the axis.
     """
 
     vector: Array
@@ -121,14 +151,16 @@ class Direction:
 
     @property
     def word(self) -> str:
-        """The axis, such as "-y"."""
+        """The axis in words, such as "-y"."""
         k = int(np.argmax(np.abs(self.axis)))
         return ("+" if self.axis[k] > 0 else "-") + "xyz"[k]
 
 
 def _direction(vector: Array, sigma: float) -> Direction:
-    """Confidence: that an angle of standard deviation `sigma` does not reach the border to the next
-    axis, 45 deg away.
+    """The direction with its confidence.
+
+    That is the probability that an angle of standard deviation `sigma`, rad, does not reach the
+    border to the next axis, 45 deg away.
     """
     axis = np.zeros(3)
     k = int(np.argmax(np.abs(vector)))
@@ -139,15 +171,23 @@ def _direction(vector: Array, sigma: float) -> Direction:
 
 
 def down(pose: Pose) -> Direction:
-    """Mean of down in the IMU's axes."""
+    """Return the mean direction of down in the IMU's axes."""
     mean = pose.C_ns[:, 2, :].mean(axis=0)
     return _direction(mean, MOUNT_RAD / max(float(np.linalg.norm(mean)), 0.1))
 
 
 @dataclass(frozen=True, eq=False)
 class Forward:
-    """Forward in the IMU's axes, with the speed through the air along it and the wind (north,
-    east), m/s (R.9).
+    """Forward in the IMU's axes, with airspeed and wind (R.9).
+
+    Parameters
+    ----------
+    direction : Direction
+    speed : float, m/s
+        Through the air, along the direction.
+    speed_sigma : float, m/s
+    wind : ndarray, shape (2,), m/s
+        North and east.
     """
 
     direction: Direction
@@ -157,7 +197,7 @@ class Forward:
 
 
 def forward(pose: Pose, vertical: Direction) -> Forward:
-    """Regression (R.9) of the velocity on the heading of one axis across the vertical."""
+    """Find forward by regression (R.9) of the velocity on the heading of a level axis."""
     d = vertical.axis
     e = np.roll(np.abs(d), 1)
     ahead = pose.C_ns @ e

@@ -1,7 +1,7 @@
-"""What the data themselves say about units, axes and clocks, against what the flight file says.
+"""Plausibility: what the data show of units, axes and clocks, against the flight file.
 
-A contradiction says what to change. Checks stand in the order in which they are to be believed: a
-dead sensor or a single impossible reading upsets what is computed from it further down.
+A contradiction says what to change. Checks stand in the order in which to act on them: a dead
+sensor or a single impossible reading upsets what is computed from it further down.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ ONE_COURSE = 0.95
 GYRO_LIMIT, ACCEL_LIMIT = (
     100.0,
     1000.0,
-)  # rad/s, m/s^2: 5700 deg/s and 100 g, beyond every sensor that a drone carries
+)  # rad/s, m/s^2: 5700 deg/s and 100 g, beyond every sensor on a drone
 LOWEST_M, HIGHEST_M = -1000.0, 10000.0
 FORCE = (
     8.8,
@@ -76,8 +76,22 @@ def check_recording(
     events: CameraEvents | None,
     origin: Array | None,
 ) -> list[Check]:
-    """All checks that need no navigation solution. origin : (3,) rad, rad, m of the tangent plane,
-    or None.
+    """Make all checks that need no navigation solution.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+    C_b_imu : ndarray, shape (3, 3)
+        IMU axes to body, as the flight file has it.
+    gnss : GnssFixes
+    events : CameraEvents or None
+    origin : ndarray, shape (3,), rad, rad, m, or None
+        Origin of the tangent plane.
+
+    Returns
+    -------
+    list of Check
+        In the order of `NAMES`.
     """
     dt = nominal_interval(imu.time)
     checks = [_imu_rate(imu, dt), _silent(imu, dt), _readings(imu, dt)]
@@ -94,8 +108,18 @@ def check_recording(
 
 
 def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
-    """Smoothed heading against the course over ground while fast: (n,) rad and (n, 3) m/s; C_b_imu
-    (3, 3) as the flight file has it.
+    """Check the smoothed heading against the course over ground while fast.
+
+    Parameters
+    ----------
+    heading : ndarray, shape (n,), rad
+    velocity_ned : ndarray, shape (n, 3), m/s
+    C_b_imu : ndarray, shape (3, 3)
+        IMU axes to body, as the flight file has it.
+
+    Returns
+    -------
+    Check
     """
     name, expected = "heading against course", "median within 60 deg (a drone crabs in wind)"
     speed = np.hypot(velocity_ned[:, 0], velocity_ned[:, 1])
@@ -111,7 +135,7 @@ def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
     if abs(np.mean(np.exp(1j * course))) > ONE_COURSE:
         return Check(
             name,
-            f"{finding}, all on one course: that tells nothing of the axes",
+            f"{finding}, all on one course, which does not determine the axes",
             expected,
             "note" if abs(median) > 30.0 else "ok",
         )
@@ -146,7 +170,7 @@ def _imu_rate(imu: ImuSamples, dt: float) -> Check:
 
 
 def _silent(imu: ImuSamples, dt: float) -> Check:
-    """Channels that repeat one value for longer than `STUCK_S`."""
+    """Check for channels that repeat one value for longer than `STUCK_S`."""
     names = [f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"]
     limit = max(int(STUCK_S / dt), 10)
     dead, band, how = [], [], ""
@@ -161,7 +185,8 @@ def _silent(imu: ImuSamples, dt: float) -> Check:
         dead.append(name)
         how = (
             how
-            or f"stays at {column[first]:z.6g} for {(last - first + 1) * dt:.1f} s from {imu.time[first]:.2f} s on"
+            or f"stays at {column[first]:z.6g} for {(last - first + 1) * dt:.1f} s"
+            f" from {imu.time[first]:.2f} s on"
         )
     expected = f"no channel constant for over {STUCK_S:.0f} s"
     if dead:
@@ -185,7 +210,7 @@ def _silent(imu: ImuSamples, dt: float) -> Check:
 
 
 def _readings(imu: ImuSamples, dt: float) -> Check:
-    """Readings that no sensor can give: a few are spikes of the recording, many are a wrong unit."""
+    """Check for readings that no sensor can give: few are spikes, many are a wrong unit."""
     scale = 1.0 / dt if imu.quantity == "increments" else 1.0
     name, expected = "IMU readings", f"within {GYRO_LIMIT:.0f} rad/s and {ACCEL_LIMIT:.0f} m/s^2"
     findings, worst = [], 0

@@ -1,7 +1,6 @@
-"""Units that the size of the readings allows: gravity fixes that of the accelerometers, the
-possible leaves few for the gyros.
+"""Units that the size of the readings allows.
 
-Mathematics: `recognise`, (R.1).
+Gravity fixes that of the accelerometers, the possible leaves few for the gyros.
 """
 
 from dataclasses import dataclass
@@ -29,8 +28,15 @@ NEAR, FAR, APART = (
 
 @dataclass(frozen=True, eq=False)
 class ForceUnit:
-    """Unit of the accelerometers: factor to m/s^2 of the readings taken as rates, unit, quantity,
-    and the two findings.
+    """Unit of the accelerometers.
+
+    Parameters
+    ----------
+    factor : float
+        To m/s^2, of the readings taken as rates.
+    unit : str
+    quantity : str
+    of_quantity, of_unit : Finding
     """
 
     factor: float
@@ -41,8 +47,9 @@ class ForceUnit:
 
 
 def force_unit(grid: ImuGrid) -> ForceUnit:
-    """Unit and quantity from the typical size of the specific force, which is gravity's in all that
-    flies, drives or stands.
+    """Find unit and quantity from the typical size of the specific force.
+
+    That size is gravity's in all that flies, drives or stands.
     """
     k = min(max(1, round(SIZE_S / grid.step)), len(grid.dvel))
     n = len(grid.dvel) // k
@@ -72,7 +79,7 @@ def force_unit(grid: ImuGrid) -> ForceUnit:
     evidence = (
         f"median size {size:.4g} over {SIZE_S} s, where gravity is {G / factor:.4g} {unit}".rstrip()
     )
-    kind = "rates, mean or instantaneous: the data cannot tell which"
+    kind = "rates, mean or instantaneous: the data do not show which"
     if quantity == "increments":
         evidence, kind = f"{evidence} in {grid.interval:.4g} s", "increments"
     of_quantity = Finding(
@@ -83,7 +90,7 @@ def force_unit(grid: ImuGrid) -> ForceUnit:
 
 
 def unknown_force(factor: float, why: str) -> ForceUnit:
-    """Abstention."""
+    """Return the abstention, with the reason `why`."""
     of_quantity, of_unit = (
         Finding(name, "unknown", 0.0, why) for name in ("quantity", "accelerometer unit")
     )
@@ -93,8 +100,10 @@ def unknown_force(factor: float, why: str) -> ForceUnit:
 def _nearest(
     candidates: list[tuple[float, str, Quantity]], size: float
 ) -> tuple[tuple[float, float, str, Quantity], float]:
-    """Of factor, unit and quantity those in which `size` is most like gravity, with the logarithm
-    it is off by, and that of the next.
+    """The candidate in which `size` is most like gravity, with the logarithm it is off by.
+
+    The second value is that logarithm of the next candidate. A candidate is factor, unit and
+    quantity.
     """
     ranked = sorted(
         (abs(float(np.log(size * f / G))), f, unit, quantity) for f, unit, quantity in candidates
@@ -103,7 +112,7 @@ def _nearest(
 
 
 def gyro_factors(grid: ImuGrid, quantity: str) -> list[float]:
-    """Factors to rad/s that make the readings rates that a drone can have and a gyro can show."""
+    """Return the factors to rad/s that make the readings rates that a drone and a gyro can have."""
     candidates = [*GYRO_UNITS.values(), *GYRO_BY_CLAIM]
     if quantity == "increments":
         candidates = [f / grid.interval for f in candidates]
@@ -113,7 +122,7 @@ def gyro_factors(grid: ImuGrid, quantity: str) -> list[float]:
 
 
 def gyro_unit(factor: float, quantity: str, interval: float) -> str:
-    """Name of the unit with that factor, "" where a wrong claim made it."""
+    """Return the name of the unit with that factor; empty where a wrong claim made the factor."""
     f = abs(factor) * (interval if quantity == "increments" else 1.0)
     name = next(
         (unit for unit, unit_factor in GYRO_UNITS.items() if abs(np.log(f / unit_factor)) < 1e-6),

@@ -1,6 +1,6 @@
 """From the relation of IMU and GNSS to answers, each with a confidence and the numbers behind it.
 
-Mathematics: `recognise`, (R.10).
+Mathematics: the package's docstring, (R.10).
 """
 
 import math
@@ -21,36 +21,39 @@ LEAST_SCORE = 0.3  # less is explained by motions that have nothing in common bu
 SCALE_OFF, SCALE_SIGMA = (
     0.25,
     0.1,
-)  # relative error of a gyro factor that no gyro has; sigma above which the turns do not tell it
+)  # relative error of a gyro factor that no gyro has; sigma above which the turns do not show it
 # times that the right time offset leaves less unexplained than any far from it; less have motions
 # of two flights
 DISTINCT = 1.3
-HINT = 0.7  # odds of 2 to 1, as a logarithm: more makes another answer doubtful
+HINT = 0.7  # odds of 2 to 1, as a logarithm: more makes another answer uncertain
 COUNT_OFF, COUNT_SIGMAS = (
     0.12,
     8.0,
-)  # relative error of a gyro, and its ratio to its sigma, beyond which the unit is none of the known
+)  # relative error of a gyro, and its ratio to its sigma, beyond which no known unit fits
 SLOW_MS, SLOW, NOSE_FIRST = (
     3.0,
     0.95,
     0.995,
-)  # who moves slower may carry the IMU as he likes; who flies, mostly flies nose first
+)  # who moves slower may hold the IMU as he likes; who flies, mostly flies nose first
 NEAR_S, WHOLE_S = 1.0, 0.5  # lags that count as the same, s; and tolerance of whole seconds
 DEFAULT_LEAP_S = 18.0
 
 
 def odds(x: float) -> float:
-    """Probability for the logarithm x of a likelihood ratio; 0 where it does not tell."""
+    """Return the probability of the logarithm x of a likelihood ratio (R.10); 0 below `TELLING`."""
     return min(MOST, 1.0 / (1.0 + math.exp(-min(x, 50.0)))) if x > TELLING else 0.0
 
 
 def nothing(names: tuple[str, ...], why: str) -> list[Finding]:
-    """Abstentions."""
+    """Return abstentions of these names, with the reason `why`."""
     return [Finding(name, "unknown", 0.0, why) for name in names]
 
 
 def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Finding, Finding]:
-    """Unit, and arrangement against the accelerometers."""
+    """Return the findings of the gyros: unit, and arrangement against the accelerometers.
+
+    `interval`, s, is the nominal one of the samples.
+    """
     scan, fit = relation.scan, relation.fit
     size = relation.factors[relation.best]
     others = [float(s.score.max()) for s in relation.scans if s is not scan]
@@ -62,7 +65,7 @@ def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Find
         else 0.0
     )
     evidence = (
-        f"as {value} the gyros carry the force so that it explains"
+        f"as {value} the gyros propagate the force so that it explains"
         f" {_percent(scan.score[scan.best])} of the accelerations of GNSS"
     )
     if others:
@@ -90,7 +93,7 @@ def of_gyro(relation: Relation, force: ForceUnit, interval: float) -> tuple[Find
 
 
 def triads_words(triads: Array) -> str:
-    """ "aligned", or which gyro readings, signs and all, turn about the accelerometers' x, y and z."""
+    """Return "aligned", or which signed gyro readings turn about the accelerometers' axes."""
     if np.array_equal(triads, np.eye(3)):
         return "aligned"
     return "gyro " + " ".join(
@@ -101,10 +104,21 @@ def triads_words(triads: Array) -> str:
 
 
 def of_sign(relation: Relation, also: float, mirrored: float) -> tuple[int, Finding]:
-    """Sign of the force. also : confidence of what it rests on.
+    """Find the sign of the force.
 
-    mirrored : what specific force would explain if latitude and longitude were exchanged, which
-        turns its sign round; -inf if not tried.
+    Parameters
+    ----------
+    relation : Relation
+    also : float
+        Confidence of the findings that it is based on.
+    mirrored : float
+        What specific force would explain if latitude and longitude were exchanged, which reverses
+        its sign; -inf if that was not tried.
+
+    Returns
+    -------
+    tuple of int, Finding
+        +1 for specific force, -1 for its reverse.
     """
     scan, index = relation.scan, relation.scan.best
     up, down = float(scan.up[index]), float(scan.down[index])
@@ -132,8 +146,9 @@ def of_sign(relation: Relation, also: float, mirrored: float) -> tuple[int, Find
 
 
 def exchange_odds(relation: Relation, mirrored: float) -> float:
-    """Logarithm of the odds that latitude and longitude are exchanged, against a reversed force;
-    above `TELLING` they are.
+    """Return the logarithm of the odds that latitude and longitude are exchanged.
+
+    The alternative is a reversed force; above `TELLING` they are exchanged.
     """
     scan = relation.scan
     left = (1.0 - float(scan.score[scan.best])) / max(1.0 - mirrored, 1e-6)
@@ -141,7 +156,7 @@ def exchange_odds(relation: Relation, mirrored: float) -> float:
 
 
 def of_vertical(vertical: Direction, also: float) -> Finding:
-    """Which axis points down."""
+    """Return the finding which axis points down; `also` is the confidence of its basis."""
     sure = min(MOST, vertical.confidence) * also
     evidence = f"down is on average {np.degrees(vertical.off):.0f} deg from {vertical.word}"
     return Finding(
@@ -153,13 +168,13 @@ def of_vertical(vertical: Direction, also: float) -> Finding:
 
 
 def of_forward(ahead: Forward, also: float) -> Finding:
-    """Which axis points forward."""
+    """Return the finding which axis points forward; `also` is the confidence of its basis."""
     sure = ahead.direction.confidence * (SLOW if ahead.speed < SLOW_MS else NOSE_FIRST) * also
     evidence = f"moves at {ahead.speed:.1f} m/s (sigma {ahead.speed_sigma:.1f}) "
     evidence += f"{np.degrees(ahead.direction.off):.0f} deg from {ahead.direction.word}"
     evidence += f", in wind or drift of {np.hypot(*ahead.wind):.1f} m/s"
     if ahead.speed < SLOW_MS:
-        evidence += "; so slow that forward is a matter of how it was carried"
+        evidence += "; so slow that forward depends on how it was held"
     return Finding(
         "forward axis",
         f"{ahead.direction.word} forward" if sure > 0.5 else "unknown",
@@ -170,7 +185,16 @@ def of_forward(ahead: Forward, also: float) -> Finding:
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """Offset, its sigma, s, the time scale, and the findings about them."""
+    """The clocks of IMU and GNSS.
+
+    Parameters
+    ----------
+    offset_s, sigma_s : float, s
+        Time offset and its sigma.
+    scale : str
+        Time scale.
+    of_offset, of_scale : Finding
+    """
 
     offset_s: float
     sigma_s: float
@@ -180,8 +204,21 @@ class Clock:
 
 
 def of_clock(relation: Relation, week: int | None, also: float, shift: float) -> Clock:
-    """Time offset and time scale. week : GPS week of the recording, if known.
-    shift : s, added to the GNSS stamps beforehand.
+    """Find time offset and time scale.
+
+    Parameters
+    ----------
+    relation : Relation
+    week : int or None
+        GPS week of the recording, if known.
+    also : float
+        Confidence of the findings that it is based on.
+    shift : float, s
+        Added to the GNSS stamps beforehand.
+
+    Returns
+    -------
+    Clock
     """
     scan, fit = relation.scan, relation.fit
     lag = float(scan.lags[scan.best])

@@ -1,7 +1,7 @@
 """Which columns of an unknown table are its clocks, and in which unit they count.
 
-A name tells the candidates where one is known, else a column that increases in nearly equal steps
-is one; the step tells the unit. A counter of rows or packets runs as evenly and is none.
+A known name gives the candidates, else a column that increases in nearly equal steps is one; the
+step gives the unit. A counter of rows or packets runs as evenly and is none.
 """
 
 import re
@@ -26,10 +26,19 @@ SECONDS, NANOSECONDS = (
 
 
 def clocks(grid: Grid, longest_step: float) -> dict[int, str]:
-    """Columns that are clocks and their units; a name tells the candidates where there are names,
-    the step the unit.
+    """Find the columns that are clocks, and their units.
 
-    longest_step : s, of the sensor; 0.5 for an IMU, 30 for GNSS.
+    Parameters
+    ----------
+    grid : Grid
+        Names give the candidates where there are any; the step gives the unit.
+    longest_step : float, s
+        Of the sensor; 0.5 for an IMU, 30 for GNSS.
+
+    Returns
+    -------
+    dict of int to str
+        Unit by column, the best clock first.
     """
     named = any(name is not None for name in grid.names)
     fine = seconds_and_nanoseconds(grid.names).values()
@@ -55,8 +64,9 @@ def clocks(grid: Grid, longest_step: float) -> dict[int, str]:
 
 
 def clocks_by_values(grid: Grid, longest_step: float, taken: set[int]) -> dict[int, str]:
-    """Columns that no name calls a clock but that run like one; a counter of rows or packets is
-    none.
+    """Find the columns that no name calls a clock but that run like one.
+
+    A counter of rows or packets is none.
     """
     units: dict[int, str] = {}
     for k, name in enumerate(grid.names):
@@ -83,14 +93,15 @@ def _best_first(grid: Grid, units: dict[int, str]) -> dict[int, str]:
 
 
 def tick(unit: str) -> float:
-    """Seconds of a unit of time, which a number may precede."""
+    """Return the seconds of a unit of time, which a number may precede."""
     number, _, name = unit.rpartition(" ")
     return float(number or 1.0) * TIME_FACTORS[name]
 
 
 def seconds_and_nanoseconds(names: Sequence[str | None]) -> dict[int, int]:
-    """Pairs of columns of one clock by their names: `stamp.secs` and `stamp.nsecs`, `sec` and
-    `nanosec`.
+    """Find pairs of columns of one clock by their names.
+
+    Such are `stamp.secs` and `stamp.nsecs`, `sec` and `nanosec`.
     """
     pairs = {}
     for fine, name in enumerate(names):
@@ -131,7 +142,7 @@ def _clock_unit(column: Array, longest_step: float, strict: bool) -> str | None:
 
 
 def weeks(grid: Grid) -> list[int]:
-    """Columns that are GPS weeks."""
+    """Find the columns that are GPS weeks."""
     out = []
     for k, name in enumerate(grid.names):
         column = grid.values[:, k]
@@ -148,5 +159,5 @@ def weeks(grid: Grid) -> list[int]:
 
 
 def week_column(grid: Grid) -> int | None:
-    """First column that is a GPS week, or None."""
+    """Return the first column that is a GPS week, or None."""
     return next(iter(weeks(grid)), None)

@@ -2,7 +2,7 @@
 do.
 
 A name decides where there is one that is known (`names`). Values decide only for `insgnss inspect`,
-which says what it found and why; the readers never guess. By values
+which reports what it found and why; the readers never guess. By values
 
     a clock      increases from row to row in nearly equal steps
     a GPS week   is a whole number of 500 to 4000, the same in all rows or one more after a while
@@ -40,14 +40,15 @@ FOLLOWS, SLOPE = (
     0.8,
     (0.75, 1.3),
 )  # correlation and slope of a velocity against the differences of the positions
-PLACE_BY_VALUES = "by their values: a place on Earth that moves as its velocity says"
+PLACE_BY_VALUES = "by their values: a position on Earth that moves as its velocity says"
 APART = 4.0  # times that the ratio of the accelerometer exceeds that of the gyro
 
 
 @dataclass(frozen=True)
 class Roles:
-    """Columns by canonical name, the clocks that may stamp them (column and factor to seconds),
-    units, and why.
+    """Columns by canonical name, the clocks that may stamp them, units, and the reason.
+
+    A clock is a column and its unit.
     """
 
     columns: dict[str, int]
@@ -59,7 +60,7 @@ class Roles:
 
 
 def imu_roles(grid: Grid) -> Roles | None:
-    """Gyro and accelerometer of a table, or None where it has none."""
+    """Find gyro and accelerometer of a table; None where it has none."""
     names = grid.named
     named_columns: dict[str, int] = {}
     for canonical, spellings in ((GYRO, GYRO_NAMES), (ACCEL, ACCEL_NAMES)):
@@ -95,7 +96,7 @@ def imu_roles(grid: Grid) -> Roles | None:
 
 
 def triads_named(grid: Grid) -> list[str]:
-    """Which of gyros and accelerometers the names of the columns tell."""
+    """Return which of gyros and accelerometers the names of the columns show."""
     names = grid.named
     sensors = (("gyros", GYRO_NAMES), ("accelerometers", ACCEL_NAMES))
     return [
@@ -106,9 +107,7 @@ def triads_named(grid: Grid) -> list[str]:
 
 
 def _two_triads(values: Array, taken: set[int]) -> tuple[int, int] | None:
-    """First column of the gyro's and of the accelerometer's triad among the columns that change, or
-    None.
-    """
+    """First column of the gyro's and of the accelerometer's triad among the columns that change."""
     rows = values[:: max(1, len(values) // 20000)]
     alive = [k not in taken and float(np.ptp(rows[:, k])) > 0.0 for k in range(values.shape[1])]
     best: tuple[float, int, int] | None = None
@@ -135,7 +134,7 @@ def _steadiness(triad: Array) -> float:
 
 
 def gnss_roles(grid: Grid) -> Roles | None:
-    """Positions and what else a receiver says, or None where the table has no positions."""
+    """Find positions and what else a receiver gives; None where the table has no positions."""
     names = grid.named
     columns = {
         role: names[name]
@@ -187,8 +186,10 @@ def _completed(grid: Grid, columns: dict[str, int]) -> Roles:
 
 
 def _angle_unit(grid: Grid, lat: int, lon: int) -> str:
-    """By values that could be neither degrees nor radians, else by the header, else radians where
-    no value could be none.
+    """Unit of latitude and longitude.
+
+    It is found by values that could be neither degrees nor radians, else by the header, else it is
+    radians where all values could be such.
     """
     largest = (np.abs(grid.values[:, lat]).max(), np.abs(grid.values[:, lon]).max())
     if max(largest) > LARGEST_DEGREES and largest[0] <= 90e7 and largest[1] <= 360e7:
@@ -199,8 +200,9 @@ def _angle_unit(grid: Grid, lat: int, lon: int) -> str:
 
 
 def _no_sigmas(grid: Grid, columns: dict[str, int]) -> set[str]:
-    """Roles of standard deviations that are of no use: not positive, or double where those of
-    north, east and up are there.
+    """Roles of standard deviations that are of no use.
+
+    They are not positive, or double where those of north, east and up exist.
     """
     bad = {
         role
@@ -216,7 +218,7 @@ def _no_sigmas(grid: Grid, columns: dict[str, int]) -> set[str]:
 
 
 def gnss_by_values(grid: Grid) -> Roles | None:
-    """Positions and what else a receiver says by the values alone, or None."""
+    """Find positions and what else a receiver gives by the values alone; None without any."""
     ticks = clocks(grid, 30.0) or clocks_by_values(grid, 30.0, set())
     for clock, unit in ticks.items():  # a latitude along which one flies evenly runs like a clock
         columns = _place_by_values(grid, clock, tick(unit))
@@ -236,8 +238,9 @@ def gnss_by_values(grid: Grid) -> Roles | None:
 
 
 def _place_by_values(grid: Grid, clock: int, factor: float) -> dict[str, int] | None:
-    """Columns of a place that moves, its velocity and sigmas, by one clock with its factor to
-    seconds; None without such a place.
+    """Columns of a position that moves, its velocity and sigmas; None without such.
+
+    `clock` is the column of time, `factor` its factor to seconds.
     """
     taken, time = {clock, *weeks(grid)}, grid.values[:, clock] * factor
     firsts = range(grid.values.shape[1] - 2)
@@ -257,7 +260,7 @@ def _place_by_values(grid: Grid, clock: int, factor: float) -> dict[str, int] | 
 
 
 def _metres(grid: Grid, position: dict[str, int], factor: float) -> Array | None:
-    """North, east, down (n, 3), m, of the first row; None where the columns are no place on Earth."""
+    """North, east, down (n, 3), m, of the first row; None where the columns are no position."""
     lat, lon, h = (grid.values[:, position[name]] for name in ("lat", "lon", "h"))
     lat, lon = lat * factor, lon * factor
     if (
@@ -272,9 +275,7 @@ def _metres(grid: Grid, position: dict[str, int], factor: float) -> Array | None
 
 
 def _travels(time: Array, metres: Array) -> bool:
-    """Whether the position changes, and never at more than the speed of an aircraft but for a few
-    rows.
-    """
+    """Whether the position changes, and but for a few rows never faster than an aircraft."""
     step = np.maximum(np.diff(time), 1e-3)
     speed = np.linalg.norm(np.diff(metres[:, :2], axis=0), axis=1) / step
     whole = (metres == np.round(metres)).all()
@@ -294,9 +295,7 @@ _ORDERS = {
 
 
 def _velocity_and_sigmas(values: Array, time: Array, metres: Array, first: int) -> dict[str, int]:
-    """Columns of velocity and of standard deviations behind the position, as far as they show
-    themselves.
-    """
+    """Columns of velocity and of standard deviations behind the position, as far as found."""
     step = np.maximum(np.diff(time), 1e-3)
     seen = np.diff(metres, axis=0) / step[:, None]
     usable = (np.linalg.norm(seen, axis=1) < FASTEST_MS) & (step < 5.0 * np.median(step))

@@ -1,7 +1,7 @@
-"""From the table inside a file to the inputs it holds: which columns, which clock, which units, as
-the flight file will say them.
+"""From the table inside a file to the inputs it holds, in the keys of the flight file.
 
-A table whose columns the reader knows by itself gets no `columns`; any other gets them spelled out.
+These are its columns, clock and units. A table whose columns the reader knows by itself gets no
+`columns`; any other gets them spelled out.
 """
 
 import re
@@ -37,6 +37,7 @@ ATTITUDE = re.compile(
     r"(roll|pitch|yaw|heading|phi|theta|psi)(deg|rad)?|(att|attitude|rpy|ypr|euler)[xyz1-3]?"
 )
 UNIT_COLUMNS = {"angle": "lat", "course": "course", "length": "h"}
+ANGLES = {"course": "a course"}
 UNIT_REASONS = {
     "1e-7 deg": "values far beyond 360",
     "deg": "values beyond what a course in rad can be",
@@ -49,7 +50,7 @@ GPS_EPOCH_UNIX = GPS_EPOCH_UNIX_S - 18.0  # with the leap seconds since 2017
 
 
 def sources_of_table(path: Path, table: Table) -> list[Source]:
-    """IMU, fixes or exposures in one table."""
+    """Return IMU, fixes or exposures in one table."""
     grid = table.grid
     sources: list[Source] = []
     named = any(name is not None for name in grid.names)
@@ -87,9 +88,7 @@ def sources_of_table(path: Path, table: Table) -> list[Source]:
 
 
 def _incomplete(table: Table, fixes: Roles | None, samples: Roles | None) -> str:
-    """What a table that holds something of a sensor lacks to be of use; empty where it holds
-    nothing of one, or lacks nothing.
-    """
+    """What a table of a sensor lacks to be of use; empty where it holds none, or lacks nothing."""
     names = " ".join(name or f"[{k + 1}]" for k, name in enumerate(table.grid.names))
     if samples is not None and not samples.clocks:
         return (
@@ -144,11 +143,10 @@ def _imu(path: Path, table: Table, roles: Roles) -> Source:
 def _header_units(
     grid: Grid, columns: dict[str, int], keys: dict[str, Any], why: dict[str, str]
 ) -> dict[str, str]:
-    """Units of gyro and accel that the names of the columns give, as the reader takes them, and
-    with them the quantity.
+    """Units of gyro and accel that the names of the columns give, and with them the quantity.
 
     One that no reader knows is none, nor that of an increment beside that of a rate: the numbers
-    are then read as SI, and that is told.
+    are then read as SI, and that is noted.
     """
     header_units: dict[str, str] = {}
     for key, names in (("gyro", GYRO), ("accel", ACCEL)):
@@ -217,7 +215,7 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
                     key,
                     value,
                     UNIT_REASONS.get(value)
-                    or f"no value exceeds what {'a course' if key == 'course' else 'latitude and longitude'} in rad can be",
+                    or f"no value exceeds what {ANGLES.get(key, 'latitude and longitude')} in rad can be",
                 )
         if roles.repeat_column is not None:
             keys["repeat_column"] = table.fields[roles.repeat_column]
@@ -281,9 +279,7 @@ def _events(path: Path, table: Table) -> list[Source]:
 
 
 def _clock_columns(grid: Grid, clock: int, week: int | None) -> dict[str, int]:
-    """Columns of the time: those of the seconds, of their nanoseconds and of the week, as far as
-    there are any.
-    """
+    """Columns of the time: seconds, nanoseconds and week, as far as there are any."""
     columns = {"tow": clock, "nsec": grid.nanos.get(clock), "week": week}
     return {name: k for name, k in columns.items() if k is not None}
 

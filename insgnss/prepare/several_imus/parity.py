@@ -18,8 +18,8 @@ Which one. With three IMUs and more the faulty one is in every pair that contrad
 without it agree: a vote in every window, the majority of the votes decides. With two the data of
 each must speak for itself: an axis that repeats one value while the other's moves, single samples
 far off their neighbours, noise far beyond what is stated while the other keeps to it. A scale
-factor or a bias that changes is not self-evident; the contradiction is then reported without a name,
-and processing each alone may show which.
+factor or a bias that changes is not self-evident; the contradiction is then reported without a
+name, and processing each alone may show which.
 """
 
 from collections.abc import Sequence
@@ -166,7 +166,7 @@ def parity_of(
 
 @dataclass(frozen=True, eq=False)
 class _Pair:
-    """Comparison of two IMUs: ratio (2, w), q of (J.1) of gyro and accelerometer, matrix (2, 3, 3)."""
+    """Comparison of two IMUs: ratio (2, w), q of (J.1) of both triads, and matrix (2, 3, 3)."""
 
     ratio: Array
     matrix: Array
@@ -220,7 +220,7 @@ def _robust_matrix(d: Array, signal: Array, noise: Array) -> Array:
 
 
 def _slow(x: Array) -> Array:
-    """Running median (b, 3) over `SLOW_S` once a window, its running mean over the same, interpolated.
+    """Slow part (b, 3): running median over `SLOW_S` once a window, its running mean, interpolated.
 
     A median alone follows a step.
     """
@@ -317,8 +317,8 @@ def _self_evident(
         return (
             j,
             (
-                f"{spikes[j]} of its samples are outliers against their neighbours, {spikes[1 - j]} of the"
-                " other's"
+                f"{spikes[j]} of its samples are outliers against their neighbours,"
+                f" {spikes[1 - j]} of the other's"
             ),
         )
     stated = [np.repeat(2.0 * s**2 / dt, 3) for s, dt in zip(sigma, steps, strict=True)]
