@@ -37,7 +37,6 @@ ATTITUDE = re.compile(
     r"(roll|pitch|yaw|heading|phi|theta|psi)(deg|rad)?|(att|attitude|rpy|ypr|euler)[xyz1-3]?"
 )
 UNIT_COLUMNS = {"angle": "lat", "course": "course", "length": "h"}
-ANGLES = {"course": "a course"}
 UNIT_REASONS = {
     "1e-7 deg": "values far beyond 360",
     "deg": "values beyond what a course in rad can be",
@@ -209,13 +208,13 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
                 roles.columns[UNIT_COLUMNS[key]], "length" if key == "length" else "angle"
             )
             if value != (header_unit or "deg"):
+                quantity = "a course" if key == "course" else "latitude and longitude"
                 _unit(
                     keys,
                     why,
                     key,
                     value,
-                    UNIT_REASONS.get(value)
-                    or f"no value exceeds what {ANGLES.get(key, 'latitude and longitude')} in rad can be",
+                    UNIT_REASONS.get(value) or f"no value exceeds what {quantity} in rad can be",
                 )
         if roles.repeat_column is not None:
             keys["repeat_column"] = table.fields[roles.repeat_column]
