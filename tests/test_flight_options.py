@@ -387,8 +387,8 @@ def test_wheels_and_rests_hold_the_drive(car):
     assert (np.array(heading["wheels"]) < 0.9 * np.array(heading["plain"])).all()
     assert (np.array(stand["plain"]) < 0.4 * np.array(stand["off"])).all()
     assert told == {"wheels": True, "plain": True, "off": False}
-    assert len(car.recording("rests").rests) > 0
-    assert len(car.recording("no_rests", filter={"zero_velocity": "off"}).rests) == 0
+    assert len(car.recording("rests").stationary) > 0
+    assert len(car.recording("no_rests", filter={"zero_velocity": "off"}).stationary) == 0
 
 
 def test_a_sensor_that_stands_needs_no_fixes(tmp_path):

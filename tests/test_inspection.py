@@ -119,7 +119,7 @@ def test_existing_files_are_not_overwritten(flown, drafted, capsys):
     """Oracle: the bytes before; exit code 2 of the contract."""
     before = drafted.read_bytes()
     assert main(["inspect", str(flown), "--write", str(drafted), "-q"]) == 2
-    assert "there already" in capsys.readouterr().err
+    assert "already exist" in capsys.readouterr().err
     assert drafted.read_bytes() == before
     assert main(["inspect", str(flown), "--write", str(drafted), "--force", "-q"]) == 0
 
@@ -198,7 +198,7 @@ def test_a_truncated_file_is_refused_with_its_line(flown, tmp_path, capsys):
 
 
 def test_a_damaged_receiver_log_is_named_where_it_is_missing(flown, tmp_path, capsys):
-    """Oracle: exit code 4, samples without fixes; the reason why the file of fixes was not taken."""
+    """Oracle: exit code 4, samples without fixes; why the file of fixes was not taken."""
     _copy(flown, tmp_path, IMU, GNSS)
     path = tmp_path / "AntennaPos_WGS84.txt"
     path.write_bytes(path.read_bytes()[:-30])
@@ -638,7 +638,7 @@ def test_white_noise_is_measured_at_rest_and_under_motion():
     moving = sense(
         _samples(1e-4, 1e-3, motion=0.3)
     )  # 0.3 rad/s at 0.5 Hz: its third difference is 1e-5 rad/s
-    assert not len(moving.still)
+    assert not len(moving.stationary)
     np.testing.assert_allclose(moving.moving_gyro, 1e-4, rtol=0.05)
     np.testing.assert_allclose(moving.moving_accel, 1e-3, rtol=0.05)
 
@@ -655,7 +655,7 @@ def test_earth_rate_is_seen_by_gyros_that_are_good_enough():
 
 
 def test_a_shipped_model_fits_its_own_noise_only():
-    """Oracle: the densities of the shipped navchip model (paper 000, Table 5), and ten times them."""
+    """Oracle: the densities of the shipped navchip model (paper 000, Table 5), and ten times."""
     gyro, accel = np.radians(10.825 / 3600.0), 51.514e-6 * G
     assert fitting_model(sense(_samples(gyro, accel))) == "navchip"
     assert fitting_model(sense(_samples(10.0 * gyro, 10.0 * accel))) != "navchip"

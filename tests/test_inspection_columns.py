@@ -209,7 +209,7 @@ def test_inspect_and_the_reader_read_one_table_of_units(tmp_path, gyro, accel, c
     ]
     assert source.role == "imu"
     drafted = read_imu(path, columns=source.keys.get("columns"), units=source.keys.get("units"))
-    assert drafted.units == source.units_said
+    assert drafted.units == source.header_units
     assert drafted.notes == ()
     np.testing.assert_allclose(drafted.time, 200.0 + 0.01 * np.arange(N), rtol=0, atol=1e-9)
 

@@ -45,7 +45,7 @@ from ..geodesy.earth import EARTH_RATE, normal_gravity
 from ..geodesy.rotation import rotation_from_vector, skew
 from ..prepare.calibration import LOWER
 from ..prepare.gaps import LACKING, nominal_interval
-from ..prepare.stationarity import Stretches, still_stretches
+from ..prepare.stationarity import StationaryPeriods, stationary_periods
 from ..records import Array, ImuSamples
 from .groups import Group, solve_groups
 from .result import POSSIBLE, MultiPosition, TriadEstimate, blind_directions, places, sizes
@@ -94,7 +94,7 @@ def calibrate_multi_position(
     Raises DataError where fewer were found, or where the outcome is beyond what a calibration may
     be.
     """
-    stretches = still_stretches(imu)
+    stretches = stationary_periods(imu)
     positions = distinct_positions(stretches)
     if positions < POSITIONS:
         raise DataError(
@@ -122,7 +122,7 @@ def calibrate_multi_position(
     return result
 
 
-def distinct_positions(stretches: Stretches) -> int:
+def distinct_positions(stretches: StationaryPeriods) -> int:
     """Number of positions whose verticals differ by `DISTINCT` and more."""
     seen: list[Array] = []
     for u in _unit(stretches.accel_mean):
@@ -141,7 +141,7 @@ def local_gravity(latitude: float | None, height: float) -> tuple[float, float]:
 
 
 def calibrate_accelerometers(
-    stretches: Stretches, gravity: float, gravity_sigma: float
+    stretches: StationaryPeriods, gravity: float, gravity_sigma: float
 ) -> TriadEstimate:
     """Nine parameters of the accelerometers (P.1). gravity, gravity_sigma : m/s^2."""
     mean, at = stretches.accel_mean, places(ACCEL_NAMES)
@@ -171,7 +171,7 @@ def calibrate_accelerometers(
 
 
 def calibrate_gyroscopes(
-    stretches: Stretches, turns: list[Turn], accel: TriadEstimate, latitude: float | None
+    stretches: StationaryPeriods, turns: list[Turn], accel: TriadEstimate, latitude: float | None
 ) -> TriadEstimate:
     """Twelve parameters of the gyroscopes (P.2, P.3), the Earth's rate a nuisance. accel : of the
     accelerometers, on the same stretches.
@@ -233,7 +233,7 @@ def calibrate_gyroscopes(
     )
 
 
-def find_turns(imu: ImuSamples, stretches: Stretches) -> list[Turn]:
+def find_turns(imu: ImuSamples, stretches: StationaryPeriods) -> list[Turn]:
     """Ways from each stretch to the next that were recorded without a gap."""
     nominal = nominal_interval(imu.time)
     step = np.diff(imu.time)
@@ -262,7 +262,7 @@ def _coned(delta: Array) -> Array:
 
 
 def _turn_covariance(
-    stretches: Stretches, turns: list[Turn], accel: TriadEstimate, up: Array, basis: Array
+    stretches: StationaryPeriods, turns: list[Turn], accel: TriadEstimate, up: Array, basis: Array
 ) -> Array:
     """(2 t, 2 t) of the residuals of (P.3): white noise of the gyros, and verticals that two turns
     share, of one calibration.
@@ -295,7 +295,7 @@ def _turn_covariance(
 
 
 def _attitudes(
-    stretches: Stretches, turns: list[Turn], up: Array
+    stretches: StationaryPeriods, turns: list[Turn], up: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
     """(k, 3, 3) C_i, levelled by the accelerometers, their headings carried by the gyros as they
     are; (k,) whether they are known.

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..base.units import STANDARD_GRAVITY
 from ..prepare.calibration import ImuCalibration, TriadCalibration
-from ..prepare.stationarity import Stretches
+from ..prepare.stationarity import StationaryPeriods
 from ..records import Array
 from ..records.verdicts import OBSERVED
 
@@ -126,7 +126,7 @@ class MultiPosition:
 
     accel: TriadEstimate
     gyro: TriadEstimate
-    stretches: Stretches
+    stretches: StationaryPeriods
     positions: int
     turns: int
     gravity: float

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.errors import DataError
 from ..base.units import STANDARD_GRAVITY
 from ..geodesy.earth import EARTH_RATE, normal_gravity
-from ..prepare.stationarity import Stretches
+from ..prepare.stationarity import StationaryPeriods
 from ..records import Array
 
 LEAST_SIGMA = {
@@ -76,14 +76,14 @@ def _three(values: Array) -> str:
 
 
 def turn_on_bias(
-    stretches: Stretches,
+    stretches: StationaryPeriods,
     C_b_imu: ArrayLike,
     latitude: float,
     height: float,
     gyro_prior: ArrayLike,
     accel_prior: ArrayLike,
 ) -> TurnOnBias:
-    """Bias from stretches at rest in one attitude (select them with `Stretches.within`).
+    """Bias from stretches at rest in one attitude (select them with `StationaryPeriods.within`).
 
     C_b_imu : (3, 3), IMU axes to body.   latitude : rad; height : m above the ellipsoid.
     gyro_prior, accel_prior : (3,) rad/s, m/s^2, standard deviations before, body axes.

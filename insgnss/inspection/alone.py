@@ -1,10 +1,9 @@
-"""What samples without a receiver say of themselves: gravity gives the unit of force and the
-vertical, the Earth the unit of rate.
+"""What samples without a receiver show: gravity gives the unit of force and the vertical.
 
-|f| at rest is 9.78 to 9.83 m/s^2 wherever it is measured, so its median tells m/s^2, g and mg
-apart; a value between is what one count is worth if the sensor is free of scale errors, which it is
+|f| at rest is 9.78 to 9.83 m/s^2 wherever it is measured, so its median distinguishes m/s^2, g and
+mg; a value between is what one count is worth if the sensor is free of scale errors, which it is
 to some per cent. The gyros of a sensor at rest see the Earth, 7.3e-5 rad/s, and only the best of
-them above their bias: for all others the recording does not tell the unit, and they are read as
+them above their bias: for all others the recording does not show the unit, and they are read as
 rad/s, or as deg/s where at rest they scatter by more than any sensor does in rad/s.
 """
 
@@ -20,7 +19,7 @@ from ..recognise.units import ACCEL_UNITS
 from ..records import Array, ImuSamples
 from .sensing import DEG_S, Sensing
 
-NEAR = 0.1  # of |f| to gravity, for a unit to be told
+NEAR = 0.1  # of |f| to gravity, to suggest a unit
 STEADY = 0.03  # scatter of |f| over its median at rest
 NOISIEST_GYRO, QUIET_GYRO = (
     0.015,
@@ -29,19 +28,27 @@ NOISIEST_GYRO, QUIET_GYRO = (
 
 
 def gyro_scatter(imu: ImuSamples) -> float:
-    """Standard deviation of a gyro sample about its neighbours, in the file's unit, the largest
-    axis.
+    """Return the standard deviation of a gyro sample about its neighbours, in the file's unit.
+
+    It is that of the axis with the largest one.
     """
     return float(np.sqrt(0.5 * np.mean(np.diff(imu.gyro, axis=0) ** 2, axis=0)).max())
 
 
 @dataclass(frozen=True, eq=False)
 class Alone:
-    """Samples in SI as rates, the units found (keys gyro and accel where they are not SI), and the
-    findings.
+    """What samples without a receiver show.
 
-    gyro_counts : (rad/s) that one unit of the gyro was taken for where nothing tells it, else None;
-        an assumption to find rest by.
+    Parameters
+    ----------
+    imu : ImuSamples
+        In SI, as rates.
+    units : dict of str to str
+        The units found, keys gyro and accel, where they are not SI.
+    findings : tuple of Finding
+    gyro_counts : float or None, rad/s
+        What one unit of the gyro was taken for where the recording does not show it, else None; an
+        assumption for stationarity detection.
     """
 
     imu: ImuSamples
@@ -51,9 +58,18 @@ class Alone:
 
 
 def by_gravity(imu: ImuSamples, free: bool) -> Alone:
-    """Units by gravity and the Earth.
+    """Find the units by gravity and the Earth rate.
 
-    free : nothing in the file says the units.
+    Parameters
+    ----------
+    imu : ImuSamples
+        Samples in the file's units.
+    free : bool
+        Whether nothing in the file gives the units; else they are kept.
+
+    Returns
+    -------
+    Alone
     """
     dt = nominal_interval(imu.time)
     if imu.quantity == "increments":
@@ -73,7 +89,10 @@ def by_gravity(imu: ImuSamples, free: bool) -> Alone:
     gyro_factor, gyro = (
         _gyro_unit(imu)
         if steady
-        else (1.0, Finding("gyro unit", "unknown", 0.0, "the sensor moves, and nothing tells how"))
+        else (
+            1.0,
+            Finding("gyro unit", "unknown", 0.0, "the sensor moves, and no receiver shows how"),
+        )
     )
     findings.append(gyro)
     if gyro_factor == DEG_S:
@@ -94,14 +113,14 @@ def _force_unit(typical: float) -> tuple[str, float, float]:
 
 
 def _gyro_unit(imu: ImuSamples) -> tuple[float, Finding]:
-    """Factor to rad/s, an assumption but for the Earth rate, and what is to be said of it."""
+    """Factor to rad/s, an assumption but for the Earth rate, and the finding."""
     scatter = gyro_scatter(imu)
     mean = float(np.linalg.norm(imu.gyro.mean(axis=0)))
     if abs(mean / EARTH_RATE - 1.0) < NEAR:
         evidence = f"mean rate {mean:.4g}: the Earth's in rad/s is {EARTH_RATE:.4g}"
         return 1.0, Finding("gyro unit", "rad/s", 0.95, evidence)
     unknown = (
-        f"scatter of a sample {scatter:.3g}; at rest nothing tells the unit but the Earth rate,"
+        f"scatter of a sample {scatter:.3g}; at rest only the Earth rate shows the unit,"
         f" which the mean ({mean:.3g}) does not show"
     )
     if scatter < NOISIEST_GYRO:
@@ -118,13 +137,16 @@ def _gyro_unit(imu: ImuSamples) -> tuple[float, Finding]:
 
 
 def rest_findings(sensing: Sensing, counts: bool = False) -> tuple[Finding, ...]:
-    """Vertical, rest and Earth rate; counts : the gyro's unit is not known."""
+    """Return the findings of vertical, stationary periods and Earth rate.
+
+    `counts` : whether the gyro's unit is unknown.
+    """
     share = sensing.rest_s / sensing.length_s
     rest = Finding(
         "at rest",
         f"{sensing.rest_s:.0f} s",
         MOST if share > 0.0 else 0.9,
-        f"{share:.0%} of the recording, {len(sensing.still)} stretches",
+        f"{share:.0%} of the recording, {len(sensing.stationary)} stationary periods",
     )
     if not sensing.rest_s:
         return (rest,)

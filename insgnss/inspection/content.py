@@ -1,4 +1,4 @@
-"""What the flight file of an inspected recording says, key by key, and why.
+"""The keys of the flight file of an inspected recording, each with the evidence for it.
 
 Recognised values are written where their confidence exceeds `SURE`, else as comments with the
 reason. Numbers that a file's own header gives a unit for are not given another one unless the data
@@ -27,7 +27,7 @@ SAME = 0.02  # of a factor
 UPRIGHT = 0.85  # of |f|, along the axis that is vertical
 SENSORS = {"gyro": "gyro unit", "accel": "accelerometer unit"}
 REMARKS = (
-    "Drafted by insgnss inspect from the recording itself; above each key stands its evidence.",
+    "Drafted by insgnss inspect from the recording itself; the evidence is above each key.",
     "Keys that are commented out are not settled by the data: check these by hand.",
 )
 NEEDS_FIXES = "no fixes of a receiver: give its file as well, the samples alone have no position"
@@ -39,8 +39,9 @@ NEEDS_POSITION = (
 
 @dataclass(frozen=True)
 class Axes:
-    """Axes in words with the evidence; `sure` where at least the vertical is, so that they are
-    better than the default.
+    """Axes in words with the evidence.
+
+    `sure` is set where at least the vertical is certain, so that they are better than the default.
     """
 
     words: str
@@ -48,10 +49,13 @@ class Axes:
     sure: bool
 
 
-def in_si(imu: ImuSamples, found: "Recognition") -> ImuSamples:
-    """Samples as rates in rad/s and m/s^2 of specific force, by what was recognised."""
-    rate = 1.0 / nominal_interval(imu.time) if found.quantity == "increments" else 1.0
-    gyro, accel = found.gyro_factor * rate, found.accel_factor * found.accel_sign * rate
+def in_si(imu: ImuSamples, recognition: "Recognition") -> ImuSamples:
+    """Return the samples as rates in rad/s and m/s^2 of specific force, by what was recognised."""
+    rate = 1.0 / nominal_interval(imu.time) if recognition.quantity == "increments" else 1.0
+    gyro, accel = (
+        recognition.gyro_factor * rate,
+        recognition.accel_factor * recognition.accel_sign * rate,
+    )
     return replace(imu, gyro=imu.gyro * gyro, accel=imu.accel * accel, quantity="mean_rate")
 
 
@@ -61,12 +65,33 @@ def draft_flight(
     raw: ImuSamples,
     gnss: GnssFixes | None,
     sensing: Sensing,
-    found: "Recognition | None",
+    recognition: "Recognition | None",
     axes: Axes,
     week: tuple[int, str] | None,
     alone: Alone,
 ) -> tuple[Draft | None, str]:
-    """The draft, or None and what is missing for one. alone : what was found without a receiver."""
+    """Draft the flight file.
+
+    Parameters
+    ----------
+    name : str
+    sources : tuple of Source
+    raw : ImuSamples
+        As the file has them.
+    gnss : GnssFixes or None
+    sensing : Sensing
+    recognition : Recognition or None
+    axes : Axes
+    week : tuple of int, str, or None
+        The GPS week with its origin, where no file gives it.
+    alone : Alone
+        What was found without a receiver.
+
+    Returns
+    -------
+    tuple of Draft or None, str
+        The draft, or None and what is missing for one.
+    """
     by_role = {source.role: source for source in sources}
     site = by_role["imu"].site
     if gnss is None and site is None:
@@ -75,7 +100,7 @@ def draft_flight(
     draft.add("", "name", name)
     if week is not None:
         draft.add("", "gps_week", week[0], week[1])
-    _imu(draft, by_role["imu"], raw, sensing, found, axes, alone.units)
+    _imu(draft, by_role["imu"], raw, sensing, recognition, axes, alone.units)
     if gnss is None:
         assert site is not None
         draft.add(
@@ -83,21 +108,21 @@ def draft_flight(
             "stationary",
             list(site),
             "latitude deg, longitude deg, height m of the site in the file's header; the sensor"
-            " stands",
+            " is stationary",
         )
     else:
-        _gnss(draft, by_role["gnss"], gnss, found)
+        _gnss(draft, by_role["gnss"], gnss, recognition)
     if "events" in by_role:
         draft.add("camera", "events", by_role["events"].path, f"{by_role['events'].what}")
     _mounting(draft, "events" in by_role)
     if gnss is not None:
-        _filter(draft, found)
+        _filter(draft, recognition)
     draft.add("output", "directory", "results")
     return draft, ""
 
 
 def _missing(source: Source, sensing: Sensing, alone: Alone) -> str:
-    """What samples without a position lack to become a flight."""
+    """Name what samples without a position lack to become a flight."""
     open_questions = (
         [f"no clock ({source.keys['rate_hz']:g} Hz assumed)"] if "rate_hz" in source.keys else []
     )
@@ -111,7 +136,7 @@ def _imu(
     source: Source,
     raw: ImuSamples,
     sensing: Sensing,
-    found: "Recognition | None",
+    recognition: "Recognition | None",
     axes: Axes,
     units: dict[str, str],
 ) -> None:
@@ -122,7 +147,7 @@ def _imu(
             draft.add("imu", key, source.keys[key], source.why.get(key, ""), key != "rate_hz")
     if "columns" in source.keys:
         draft.add("imu", "columns", source.keys["columns"], source.why["columns"])
-    _units(draft, source, raw, found, units)
+    _units(draft, source, raw, recognition, units)
     draft.add("imu", "axes", axes.words, axes.why, axes.sure)
     _noise(draft, sensing)
 
@@ -131,15 +156,17 @@ def _units(
     draft: Draft,
     source: Source,
     raw: ImuSamples,
-    found: "Recognition | None",
+    recognition: "Recognition | None",
     alone: dict[str, str],
 ) -> None:
     """Quantity, units and sign of the force."""
-    said = _said_of_kind(source, raw.quantity if found is None else found.quantity)
-    units = said | source.keys.get("units", {})
+    header = _header_units_of_kind(
+        source, raw.quantity if recognition is None else recognition.quantity
+    )
+    units = header | source.keys.get("units", {})
     why = [source.why["units"]] if "units" in source.why else []
-    why += [f"the header gives {' and '.join(said.values())}"] if said else []
-    if found is None:
+    why += [f"the header gives {' and '.join(header.values())}"] if header else []
+    if recognition is None:
         if raw.quantity != "mean_rate":
             draft.add("imu", "quantity", raw.quantity, source.why.get("quantity", ""))
         if units | alone:
@@ -151,89 +178,88 @@ def _units(
             )
         return
     for key, name in SENSORS.items():
-        why.append(_evidence(found.finding(name)))
-        unit = _unit_of_numbers(source, found, key)
+        why.append(_evidence(recognition.finding(name)))
+        unit = _unit_of_numbers(source, recognition, key)
         if unit is not None:
             units[key] = unit
-    finding = found.finding("quantity")
+    finding = recognition.finding("quantity")
     draft.add(
         "imu",
         "quantity",
-        found.quantity,
+        recognition.quantity,
         _evidence(finding),
-        finding.confidence > SURE or found.quantity == "mean_rate",
+        finding.confidence > SURE or recognition.quantity == "mean_rate",
     )
     if units:
         draft.add("imu", "units", units, "; ".join(why))
-    sign = found.finding("force sign")
-    if found.accel_sign < 0:
+    sign = recognition.finding("force sign")
+    if recognition.accel_sign < 0:
         mirrored = "exchanged latitude and longitude would look the same: check their order"
         draft.add("imu", "accel_sign", -1, f"{_evidence(sign)}; {mirrored}", sign.confidence > SURE)
 
 
-def _said_of_kind(source: Source, quantity: str) -> dict[str, str]:
+def _header_units_of_kind(source: Source, quantity: str) -> dict[str, str]:
     """Units of gyro and accel that the file's header gives, as far as they are of the quantity."""
     from ..formats.text.headers import factor_of
 
     kinds = {key: f"{key} increment" if quantity == "increments" else key for key in SENSORS}
     return {
         key: unit
-        for key, unit in (source.units_said or {}).items()
+        for key, unit in (source.header_units or {}).items()
         if factor_of(unit, (kinds[key],)) is not None
     }
 
 
-def _unit_of_numbers(source: Source, found: "Recognition", key: str) -> str | None:
-    """Unit of a sensor's numbers in the file, where the data tell it and the file does not, or says
-    another one.
-    """
+def _unit_of_numbers(source: Source, recognition: "Recognition", key: str) -> str | None:
+    """Unit of a sensor's numbers, where the data show it and the file gives none or another."""
     from ..formats import UNITS
     from ..formats.text.headers import factor_of, kinds_like
 
-    factor = found.gyro_factor if key == "gyro" else found.accel_factor
-    if source.units_said is None or not found.finding(SENSORS[key]).confidence > SURE:
+    factor = recognition.gyro_factor if key == "gyro" else recognition.accel_factor
+    if source.header_units is None or not recognition.finding(SENSORS[key]).confidence > SURE:
         return None
-    said = source.units_said.get(key)
-    kind = f"{key} increment" if found.quantity == "increments" else key
-    if said is not None:
-        if abs(factor - 1.0) < SAME and key in _said_of_kind(source, found.quantity):
+    header_unit = source.header_units.get(key)
+    kind = f"{key} increment" if recognition.quantity == "increments" else key
+    if header_unit is not None:
+        if abs(factor - 1.0) < SAME and key in _header_units_of_kind(source, recognition.quantity):
             return None
-        factor *= factor_of(said, kinds_like(key)) or 1.0
+        factor *= factor_of(header_unit, kinds_like(key)) or 1.0
     unit, base = next(
         ((name, f) for name, f in UNITS[kind].items() if abs(factor / f - 1.0) < SAME), (None, 1.0)
     )
     return unit if unit is not None else f"{factor / base:.8g} {next(iter(UNITS[kind]))}"
 
 
-def said_units(source: Source, found: "Recognition") -> list[Check]:
-    """Where the data contradict the units that the file gives: a note where the draft can follow
-    the data, else a contradiction.
+def unit_contradictions(source: Source, recognition: "Recognition") -> list[Check]:
+    """Check the units that the file gives against the data.
+
+    A contradiction is a note where the draft can follow the data.
     """
     checks = []
     for key, name in SENSORS.items():
-        finding = found.finding(name)
-        factor = found.gyro_factor if key == "gyro" else found.accel_factor
+        finding = recognition.finding(name)
+        factor = recognition.gyro_factor if key == "gyro" else recognition.accel_factor
         if (
-            source.units_said == {}
-            or key not in (source.units_said or SENSORS)
+            source.header_units == {}
+            or key not in (source.header_units or SENSORS)
             or finding.confidence <= SURE
             or abs(factor - 1.0) < SAME
         ):
             continue
-        said = (
+        unit_source = (
             "its format"
-            if source.units_said is None
-            else f"{source.units_said[key]}, as its header says"
+            if source.header_units is None
+            else f"{source.header_units[key]}, as its header says"
         )
-        told, expected = (
+        finding_text, expected = (
             f"{factor:.4g} times what the file says: {finding.evidence}",
-            f"the {key} values in the unit of {said}",
+            f"the {key} values in the unit of {unit_source}",
         )
-        if source.units_said is None:
+        if source.header_units is None:
             checks.append(
                 Check(
                     f"unit of {key}",
-                    told,
+                    finding_text,
                     expected,
                     "contradiction",
                     "the file is not what its format says; convert it",
@@ -241,23 +267,30 @@ def said_units(source: Source, found: "Recognition") -> list[Check]:
             )
         else:
             checks.append(
-                Check(f"unit of {key}", told, expected, "note", "the draft follows the data")
+                Check(
+                    f"unit of {key}", finding_text, expected, "note", "the draft follows the data"
+                )
             )
     return checks
 
 
-def counts(source: Source, found: "Recognition") -> list[Check]:
-    """A contradiction for a sensor whose numbers are in no unit that is known: the flight file must
-    say what one count is worth.
+def counts(source: Source, recognition: "Recognition") -> list[Check]:
+    """Return a contradiction for each sensor whose numbers are in no known unit.
+
+    The flight file must give what one count is worth.
     """
     checks = []
     for key, name in SENSORS.items():
-        finding = found.finding(name)
-        told = (
-            key == "accel" and abs(found.accel_factor - 1.0) > SAME
+        finding = recognition.finding(name)
+        counts_likely = (
+            key == "accel" and abs(recognition.accel_factor - 1.0) > SAME
         ) or "may be counts" in finding.evidence
-        if finding.confidence == 0.0 and told:
-            worth = f" (gravity makes it about {found.accel_factor:.4g})" if key == "accel" else ""
+        if finding.confidence == 0.0 and counts_likely:
+            worth = (
+                f" (gravity makes it about {recognition.accel_factor:.4g})"
+                if key == "accel"
+                else ""
+            )
             advice = (
                 f"say what one count is in imu.units {key}{worth}, as the maker of the sensor gives"
                 " it, and whether they are increments"
@@ -275,35 +308,35 @@ def counts(source: Source, found: "Recognition") -> list[Check]:
 
 
 def assumed_rate(source: Source) -> list[Check]:
-    """A contradiction where samples without a clock would be held against fixes at a rate that
-    nothing tells.
-    """
+    """Return a contradiction where samples without a clock would meet fixes at an assumed rate."""
     if "rate_hz" not in source.keys:
         return []
     advice = (
         "set imu.rate_hz to the true rate of the sensor, to 1e-5 of it, or name the column of time"
         " in imu.columns"
     )
-    found = f"no column of time; {source.keys['rate_hz']:g} Hz assumed"
-    return [Check("IMU rate", found, "a clock, or the rate of the sensor", "contradiction", advice)]
+    finding = f"no column of time; {source.keys['rate_hz']:g} Hz assumed"
+    return [
+        Check("IMU rate", finding, "a clock, or the rate of the sensor", "contradiction", advice)
+    ]
 
 
-def strangers(found: "Recognition") -> list[Check]:
-    """Whether samples and fixes are of one recording, and latitude and longitude in their order."""
+def strangers(recognition: "Recognition") -> list[Check]:
+    """Check that samples and fixes are of one recording, latitude and longitude in their order."""
     from ..recognise.recognition import EXCHANGED_ADVICE
 
-    if found.exchanged:
+    if recognition.exchanged:
         return [
             Check(
                 "GNSS position",
-                found.finding("force sign").evidence,
+                recognition.finding("force sign").evidence,
                 "latitude and longitude in their order",
                 "contradiction",
                 EXCHANGED_ADVICE,
             )
         ]
-    clock = found.finding("time offset")
-    if clock.confidence or not found.finding("gyro unit").evidence.startswith("as "):
+    clock = recognition.finding("time offset")
+    if clock.confidence or not recognition.finding("gyro unit").evidence.startswith("as "):
         return []
     advice = (
         "if it moved, check that samples and fixes are of one recording; no time offset is better"
@@ -320,39 +353,47 @@ def strangers(found: "Recognition") -> list[Check]:
     ]
 
 
-def in_units_of_file(source: Source, found: "Recognition") -> "Recognition":
-    """The same with the units of the findings as the file's header gives them, where the data agree
-    with it.
-    """
-    findings = {finding.name: finding for finding in found.findings}
+def in_units_of_file(source: Source, recognition: "Recognition") -> "Recognition":
+    """Return the findings with the units of the file's header, where the data agree with it."""
+    findings = {finding.name: finding for finding in recognition.findings}
     for key, name in SENSORS.items():
-        factor = found.gyro_factor if key == "gyro" else found.accel_factor
-        said, finding = (source.units_said or {}).get(key), findings[name]
+        factor = recognition.gyro_factor if key == "gyro" else recognition.accel_factor
+        header_unit, finding = (source.header_units or {}).get(key), findings[name]
         if (
-            said is not None
+            header_unit is not None
             and finding.confidence > 0.0
             and abs(factor - 1.0) < SAME
-            and said != finding.value
+            and header_unit != finding.value
         ):
-            evidence = f"converted from {said}, as the header says, {finding.evidence}"
-            findings[name] = replace(finding, value=said, evidence=evidence)
-    return replace(found, findings=tuple(findings.values()))
+            evidence = f"converted from {header_unit}, as the header says, {finding.evidence}"
+            findings[name] = replace(finding, value=header_unit, evidence=evidence)
+    return replace(recognition, findings=tuple(findings.values()))
 
 
-def likely_axes(source: Source, imu: ImuSamples, found: "Recognition | None") -> Axes:
-    """Axes as recognised, else as the format has them, else the vertical as gravity shows it with
-    forward chosen freely.
+def likely_axes(source: Source, imu: ImuSamples, recognition: "Recognition | None") -> Axes:
+    """Choose the axes as recognised, else as the format has them, else the vertical by gravity.
 
-    imu : in m/s^2 of specific force.
+    With the vertical alone forward is chosen freely.
+
+    Parameters
+    ----------
+    source : Source
+    imu : ImuSamples
+        In m/s^2 of specific force.
+    recognition : Recognition or None
+
+    Returns
+    -------
+    Axes
     """
-    if found is not None and found.axes is not None:
-        finding, vertical = found.finding("axes"), found.finding("vertical axis")
+    if recognition is not None and recognition.axes is not None:
+        finding, vertical = recognition.finding("axes"), recognition.finding("vertical axis")
         unsure = (
             ""
             if finding.confidence > SURE
             else "; the likeliest, but NOT SURE: check which way it was mounted"
         )
-        return Axes(found.axes, _evidence(finding) + unsure, vertical.confidence > SURE)
+        return Axes(recognition.axes, _evidence(finding) + unsure, vertical.confidence > SURE)
     if source.axes:
         return Axes(source.axes, "by the convention of the format", True)
     up = np.median(imu.accel, axis=0)
@@ -362,14 +403,18 @@ def likely_axes(source: Source, imu: ImuSamples, found: "Recognition | None") ->
     )
     why = (
         f"gravity lies along the IMU's {axis} axis; which of the others points forward is NOT"
-        " KNOWN: the data do not tell"
+        " KNOWN: the data do not show it"
     )
     return Axes(words, why, steady)
 
 
 def vertical_axes(mean_force: np.ndarray) -> tuple[str, str]:
-    """Axes in words, the vertical by the specific force at rest (3,), forward chosen freely; and
-    the axis that is vertical.
+    """Choose axes by the specific force at rest (3,): the vertical is certain, forward is free.
+
+    Returns
+    -------
+    tuple of str
+        The axes in words, and the IMU axis that is vertical.
     """
     from ..prepare.axes import DIRECTIONS
 
@@ -397,8 +442,8 @@ def _noise(draft: Draft, sensing: Sensing) -> None:
         f" {sensing.rest_accel.max() / MG:.2g} mg/sqrt(Hz)"
     )
     moving = f"{sensing.moving_gyro.max() / DEG_S:.2g} and {sensing.moving_accel.max() / MG:.2g}"
-    at = "at rest" if sensing.rest_s > 0.0 else "where it is quietest"
-    measured = f"white noise measured: {quiet} {at}"
+    state = "at rest" if sensing.rest_s > 0.0 else "where it is quietest"
+    measured = f"white noise measured: {quiet} {state}"
     if not sensing.is_static:
         measured += f", {moving} in motion, where vibration counts"
     name = fitting_model(sensing)
@@ -415,18 +460,18 @@ def _noise(draft: Draft, sensing: Sensing) -> None:
     bias = (
         "the mean rate at rest sets the turn-on bias of the gyros"
         if sensing.rest_s > 0.0
-        else "no rest: turn-on biases are a-priori"
+        else "no stationary period: turn-on biases are a-priori"
     )
     draft.noise_why = (
         f"Drafted by insgnss inspect. {measured[0].upper()}{measured[1:]}; the largest is taken.",
         (
             f"{bias[0].upper()}{bias[1:]}; Gauss-Markov processes a-priori of a {sensing.grade}"
-            " sensor. Static recordings tell it better: insgnss tune."
+            " sensor. Static recordings show it better: insgnss tune."
         ),
     )
 
 
-def _gnss(draft: Draft, source: Source, gnss: GnssFixes, found: "Recognition | None") -> None:
+def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: "Recognition | None") -> None:
     step = float(np.median(np.diff(gnss.time))) if gnss.time.size > 1 else np.nan
     draft.add(
         "gnss", "file", source.path, f"{source.what}: {gnss.time.size} fixes, {1.0 / step:.3g} Hz"
@@ -440,25 +485,25 @@ def _gnss(draft: Draft, source: Source, gnss: GnssFixes, found: "Recognition | N
             " here"
         )
         draft.add("gnss", "undulation_m", 0.0, why, sure=False)
-    if found is None or not np.isfinite(found.time_offset_sigma_s):
+    if recognition is None or not np.isfinite(recognition.time_offset_sigma_s):
         why = (
-            "the data do not tell the latency"
-            if found is None
-            else _evidence(found.finding("time offset"))
+            "the data do not determine the latency"
+            if recognition is None
+            else _evidence(recognition.finding("time offset"))
         )
         draft.add("gnss", "time_offset_s", 0.0, why, sure=False)
         return
-    scale = found.finding("time scale")
-    why = _evidence(found.finding("time offset")) + (
-        f"; time scale {scale.value}: {scale.evidence}" if found.time_scale != "same" else ""
+    scale = recognition.finding("time scale")
+    why = _evidence(recognition.finding("time offset")) + (
+        f"; time scale {scale.value}: {scale.evidence}" if recognition.time_scale != "same" else ""
     )
-    told = abs(found.time_offset_s) > 2.0 * found.time_offset_sigma_s
+    significant = abs(recognition.time_offset_s) > 2.0 * recognition.time_offset_sigma_s
     draft.add(
         "gnss",
         "time_offset_s",
-        round(found.time_offset_s, 4),
-        why if told else f"{why}; that is none within its sigma",
-        told,
+        round(recognition.time_offset_s, 4),
+        why if significant else f"{why}; that is none within its sigma",
+        significant,
     )
 
 
@@ -480,15 +525,15 @@ def _mounting(draft: Draft, camera: bool) -> None:
         )
 
 
-def _filter(draft: Draft, found: "Recognition | None") -> None:
-    sigma = np.inf if found is None else found.time_offset_sigma_s
+def _filter(draft: Draft, recognition: "Recognition | None") -> None:
+    sigma = np.inf if recognition is None else recognition.time_offset_sigma_s
     if not sigma < KNOWN_S:
-        known = (
+        latency = (
             f"the latency is known to {1e3 * sigma:.0f} ms only"
             if np.isfinite(sigma)
             else "the latency is not known"
         )
-        draft.add("filter", "time_offset", True, f"{known}; the filter estimates what remains")
+        draft.add("filter", "time_offset", True, f"{latency}; the filter estimates what remains")
     draft.add(
         "filter",
         "lever_arm",
@@ -496,7 +541,9 @@ def _filter(draft: Draft, found: "Recognition | None") -> None:
         "the lever arm is not known; the filter estimates it where the flight lets it",
     )
     draft.add("filter", "lever_arm_sigma_m", LEVER_SIGMA_M)
-    draft.add("filter", "robust", True, "fixes of unknown quality: the doubtful are weighed down")
+    draft.add(
+        "filter", "robust", True, "fixes of unknown quality: outliers get less weight (Huber)"
+    )
 
 
 def _evidence(finding: Any) -> str:

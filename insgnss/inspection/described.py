@@ -1,6 +1,4 @@
-"""A flight file's recording: its checks, and what the data say of themselves when they are read as
-the file says.
-"""
+"""A flight file's recording: its checks, and what the data show when read as the file says."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class FlightInspection:
-    """Checks of a flight file's recording, with what the data say of themselves."""
+    """Checks of a flight file's recording, with what the data show of themselves."""
 
     result: InspectResult
     findings: "tuple[Finding, ...]"
@@ -26,7 +24,7 @@ class FlightInspection:
 
     @property
     def refusal(self) -> InsgnssError | None:
-        """The contradictions."""
+        """The contradictions as an error; None where there are none."""
         return (
             InputError("; ".join(self.result.contradictions))
             if self.result.contradictions
@@ -34,20 +32,20 @@ class FlightInspection:
         )
 
     def summary(self) -> str:
-        """What a person reads."""
+        """Return the text for the terminal."""
         from .text import finding_lines
 
-        said = (
+        lines = (
             finding_lines(self.findings)
             if self.findings
             else [f"not recognised: {self.unrecognised}"]
         )
         return "\n".join(
-            [self.result.summary(), "", "what the data say, read as the flight file says", *said]
+            [self.result.summary(), "", "what the data show, read as the flight file says", *lines]
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Return the inspection for JSON output."""
         from .text import finding_documents
 
         return self.result.as_dict() | {
@@ -57,17 +55,27 @@ class FlightInspection:
 
 
 def flight_file(sources: Sequence[Path], write: bool) -> Path | None:
-    """The flight file among what is to be inspected, or None where there is none. write : a flight
-    file is asked for.
+    """Find the flight file among the paths to be inspected; None where there is none.
+
+    Parameters
+    ----------
+    sources : sequence of Path
+    write : bool
+        Whether a flight file is to be written.
+
+    Raises
+    ------
+    UsageError
+        Where a flight file is to be written from a flight file, or stands beside other paths.
     """
     tomls = [path for path in sources if path.suffix.lower() == ".toml"]
     if tomls and (write or len(sources) > 1):
-        what = (
+        problem = (
             "is a flight file already; give --write the files of the recording"
             if write
             else "is a flight file; inspect it alone"
         )
-        raise UsageError(f"{tomls[0]}: {what}")
+        raise UsageError(f"{tomls[0]}: {problem}")
     if tomls:
         return tomls[0]
     inside = len(sources) == 1 and not write and (sources[0] / "flight.toml").is_file()
@@ -75,10 +83,12 @@ def flight_file(sources: Sequence[Path], write: bool) -> Path | None:
 
 
 def inspect_flight(path: "Path | Flight", progress: Progress = quiet) -> FlightInspection:
-    """Check a flight file's recording, and recognise it beside: where claim and data disagree, a
-    check says so.
+    """Check a flight file's recording and recognise it; checks report where they differ.
 
-    Raises InputError where the flight file or its inputs cannot be read.
+    Raises
+    ------
+    InputError
+        Where the flight file or its inputs cannot be read.
     """
     from ..config.flight_file import Flight
     from ..config.load import load_flight
@@ -90,7 +100,7 @@ def inspect_flight(path: "Path | Flight", progress: Progress = quiet) -> FlightI
     recording = read_recording(flight)
     result = inspect(flight, progress, recording)
     if flight.gnss.stationary is not None:
-        return FlightInspection(result, (), "the sensor stands")
+        return FlightInspection(result, (), "the sensor is stationary")
     if recording.recognition is None:
         return FlightInspection(
             result, (), "not recognised while a check contradicts the flight file"

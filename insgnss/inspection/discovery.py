@@ -1,8 +1,8 @@
-"""What lies in a directory, or in the files given: which of them are samples, fixes and exposures,
-and how a flight file names them.
+"""Auto-detection of inputs: which files are samples, fixes and exposures.
 
-A file is judged by what it holds (`formats` recognises the logs, `roles` the columns of tables),
-never by its name alone; what is left out is told with the reason.
+A file is judged by what it holds (`formats` recognises the logs, `tables.roles` the columns of
+tables), never by its name alone; what is left out is reported with the reason. The sources say how
+a flight file names the inputs.
 """
 
 from collections.abc import Iterator, Sequence
@@ -73,13 +73,17 @@ class Discovery:
     left_out: tuple[tuple[Path, str], ...]
 
     def of(self, role: Role) -> tuple[Source, ...]:
-        """Candidates for a role."""
+        """Return the candidates for a role."""
         return tuple(source for source in self.sources if source.role == role)
 
 
 def discover(paths: Sequence[Path]) -> Discovery:
-    """Look into the files and directories; InputError where a path does not exist, or a file that
-    was named cannot be read.
+    """Look into the files and directories.
+
+    Raises
+    ------
+    InputError
+        Where a path does not exist, or a file that was named cannot be read.
     """
     sources: list[Source] = []
     left_out: list[tuple[Path, str]] = []
@@ -93,14 +97,14 @@ def discover(paths: Sequence[Path]) -> Discovery:
         files = [path] if path.is_file() else list(_walk(path))
         for file in files:
             try:
-                found = sources_of(file)
+                file_sources = sources_of(file)
             except InsgnssError as error:
                 if path.is_file():
                     raise
                 left_out.append((file, str(error)))
                 continue
-            sources += found
-            if not found:
+            sources += file_sources
+            if not file_sources:
                 left_out.append((file, _why_not(file)))
     return Discovery(tuple(sources), tuple(left_out))
 
@@ -140,14 +144,20 @@ def _why_not(path: Path) -> str:
 
 
 def sources_of(path: Path) -> list[Source]:
-    """What a file holds; InputError where it cannot be read."""
+    """Return what a file holds.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read.
+    """
     if path.stat().st_size == 0:
         raise InputError.at(path, None, "is empty; copy the recording again")
     if path.name.lower() in OWN_PRODUCTS or path.suffix.lower() in NO_RECORDINGS | RAW_OBSERVATIONS:
         return []
-    known = _known_log(path)
-    if known is not None:
-        return known
+    log_sources = _known_log(path)
+    if log_sources is not None:
+        return log_sources
     return [source for table in tables_of_file(path) for source in sources_of_table(path, table)]
 
 
@@ -173,7 +183,7 @@ def _known_log(path: Path) -> list[Source] | None:
 
 
 def _psins(path: Path) -> Source:
-    """A log of increments whose header tells the site and the axes."""
+    """A log of increments whose header gives the site and the axes."""
     from ..formats.imu.psins import read_psins_header
 
     header = read_psins_header(path)

@@ -1,8 +1,7 @@
-"""A ready flight file out of what an inspection found: every key with its evidence above it, unsure
-ones commented out.
+"""A flight file drafted from an inspection: every key with its evidence, unsure ones as comments.
 
-Nothing is overwritten unless asked; the noise model and the picture go beside the flight file,
-which is written last, so that it never names a file that is not there.
+Files are overwritten only on request; the noise model and the picture go beside the flight file,
+which is written last, so that it never names a file that does not exist.
 """
 
 import os
@@ -23,9 +22,7 @@ WRAPPED = 100  # a list longer than this takes a line an item
 
 @dataclass(frozen=True)
 class Entry:
-    """One key of a flight file with the evidence for its value; one that is not sure is written as
-    a comment.
-    """
+    """One key of a flight file with the evidence for its value; an unsure one becomes a comment."""
 
     key: str
     value: Any
@@ -35,8 +32,9 @@ class Entry:
 
 @dataclass
 class Draft:
-    """Tables of a flight file in order, the top one under an empty name; the noise model and
-    picture (PNG) that go beside it.
+    """Tables of a flight file in order, with the noise model and the picture (PNG) beside it.
+
+    The top table has an empty name.
     """
 
     tables: dict[str, list[Entry]] = field(default_factory=dict)
@@ -46,12 +44,13 @@ class Draft:
     remarks: tuple[str, ...] = ()
 
     def add(self, table: str, key: str, value: Any, why: str = "", sure: bool = True) -> None:
-        """Append an entry."""
+        """Append an entry to a table."""
         self.tables.setdefault(table, []).append(Entry(key, value, why, sure))
 
     def text(self, folder: Path) -> str:
-        """The flight file for a place in `folder`: paths below it are written relative to it,
-        others in full.
+        """Return the text of the flight file for a path in `folder`.
+
+        Paths below it are written relative to it, others in full.
         """
         lines: list[str] = []
         for remark in self.remarks:
@@ -65,12 +64,22 @@ class Draft:
 
 
 def write_draft(draft: Draft, path: Path, force: bool = False) -> list[Path]:
-    """Write flight file, noise model and picture; the files written. Beside another name than
-    flight.toml the other two bear it as well.
+    """Write flight file, noise model and picture; return the files written.
 
-    path : of the flight file, or the directory that shall hold flight.toml.
-    Raises UsageError where one of them is there already and `force` is not given, and where they
-    cannot be written.
+    Beside another name than flight.toml the other two bear it as well.
+
+    Parameters
+    ----------
+    draft : Draft
+    path : Path
+        Of the flight file, or the directory that shall hold flight.toml.
+    force : bool
+        Whether to overwrite existing files.
+
+    Raises
+    ------
+    UsageError
+        Where one of them exists already and `force` is not given, and where they cannot be written.
     """
     path = path / "flight.toml" if path.is_dir() else path
     parts: dict[Path, Any] = {}
@@ -84,10 +93,10 @@ def write_draft(draft: Draft, path: Path, force: bool = False) -> list[Path]:
     )
     there = [str(file) for file in parts if file.exists()]
     if there and not force:
-        verb = "is" if len(there) == 1 else "are"
+        verb = "exists" if len(there) == 1 else "exist"
         raise UsageError(
-            f"{', '.join(there)} {verb} there already; nothing written; give another place with"
-            " --write FLIGHT, or --force"
+            f"{', '.join(there)} already {verb}; nothing written; give another path with"
+            " --write FLIGHT, or overwrite with --force"
         )
     for file, content in parts.items():
         if isinstance(content, NoiseModel):
@@ -118,7 +127,7 @@ def _comment(text: str) -> list[str]:
 
 
 def _relative(path: Path, folder: Path) -> str:
-    """As seen from `folder` where the file lies below it, or below its parent; in full otherwise."""
+    """Path relative to `folder` where it lies below it or below its parent; in full otherwise."""
     full = Path(os.path.abspath(path))
     if full.is_relative_to(folder):
         return full.relative_to(folder).as_posix()
@@ -127,7 +136,7 @@ def _relative(path: Path, folder: Path) -> str:
 
 
 def toml(value: Any) -> str:
-    """A value as TOML."""
+    """Return a value as TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

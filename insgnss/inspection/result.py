@@ -1,4 +1,4 @@
-"""What an inspection found, as a record; `run.Inspection` adds its texts and its picture."""
+"""The record of an inspection; `run.Inspection` adds its texts and its picture."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,12 +18,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class InspectionData:
-    """What was found. recognition is None where there is no receiver, or where `unrecognised` says
-    why.
+    """What an inspection found.
 
-    imu : in rad/s and m/s^2, as recognised, in the sensor's axes.
-    gnss : on the IMU's clock.
-    missing : what a flight file lacks.
+    Parameters
+    ----------
+    imu : ImuSamples
+        In rad/s and m/s^2, as recognised, in the sensor's axes.
+    gnss : GnssFixes or None
+        On the IMU's clock.
+    gyro_counts : float or None, rad/s
+        As in `alone.Alone`.
+    recognition : Recognition or None
+        None where there is no receiver, or for the reason `unrecognised`.
+    missing : str
+        What a flight file lacks.
     """
 
     name: str

@@ -1,11 +1,11 @@
-"""Find the files, read them, recognise them, say what they are, and draft the flight file.
+"""Inspection of files: find, read and recognise them, and draft the flight file.
 
-    discovery   which files are samples, fixes, exposures; which columns they have (roles)
+    discovery   which files are samples, fixes, exposures; which columns they have (tables)
     recognise   units, axes, sign of force and clock, from the motion that both sensors saw
-    sensing     rest, white noise, gravity, Earth rate: the class of the sensor and its noise model
+    sensing     stationarity, white noise, gravity, Earth rate: class and noise model of the sensor
     content     the flight file with the evidence beside each key (draft writes it)
 
-Where there is no receiver the inspection still says what the samples are, and drafts what they
+Where there is no receiver the inspection still shows what the samples are, and drafts what they
 allow.
 """
 
@@ -37,7 +37,7 @@ DATA_KEYS = (
     "sigma_m",
     "undulation_m",
 )
-MOST_LISTED, MOST_SAID = 6, 300  # files in a message, and characters of the reason of each
+MOST_LISTED, REASON_LENGTH = 6, 300  # files in a message, and characters of the reason of each
 NO_WEEK = 0
 LARGEST, SPARSEST = (
     1e12,
@@ -50,7 +50,7 @@ class Inspection(InspectionData):
     """What was found, with its draft, picture and texts."""
 
     def write(self, path: Path, force: bool = False) -> "Inspection":
-        """Write the draft and what belongs beside it; the same inspection with the files written."""
+        """Write the draft and the files beside it; return the inspection with the files written."""
         from .draft import write_draft
 
         assert self.draft is not None
@@ -60,40 +60,52 @@ class Inspection(InspectionData):
         )
 
     def picture(self) -> bytes | None:
-        """PNG that shows what was recognised; None without a receiver."""
+        """Return a PNG of what was recognised; None without a receiver."""
         from ..recognise.axes import axes_words
         from ..report.figures.recognition import recognition_picture
 
-        found = self.recognition
-        if found is None:
+        recognition = self.recognition
+        if recognition is None:
             return None
         words = (
-            [axes_words(C) for C in found.curves["orientation"]]
-            if "orientation" in found.curves
+            [axes_words(C) for C in recognition.curves["orientation"]]
+            if "orientation" in recognition.curves
             else []
         )
-        return recognition_picture(found.curves, found.findings, words, self.name)
+        return recognition_picture(recognition.curves, recognition.findings, words, self.name)
 
     def summary(self) -> str:
-        """What a person reads."""
+        """Return the text for the terminal."""
         return summary(self)
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Return the inspection for JSON output."""
         return document(self)
 
 
 def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspection:
     """Inspect files and directories that no flight file describes.
 
-    Raises InputError where nothing, or not one recording, is found, and where a file cannot be
-    read; DataError where the samples cannot become a flight for want of a position.
+    Parameters
+    ----------
+    paths : sequence of Path
+    progress : Progress
+        Receives the name of each step.
+
+    Returns
+    -------
+    Inspection
+
+    Raises
+    ------
+    InputError
+        Where nothing, or not one recording, is found, and where a file cannot be read.
     """
     from .content import in_units_of_file
 
     progress("looking")
-    found = discover(paths)
-    imu_source, gnss_source, events_source = _choose(found, paths)
+    discovery = discover(paths)
+    imu_source, gnss_source, events_source = _choose(discovery, paths)
     if gnss_source is not None:
         imu_source, gnss_source = on_one_clock(imu_source, gnss_source)
     progress("reading")
@@ -111,16 +123,18 @@ def inspect_files(paths: Sequence[Path], progress: Progress = quiet) -> Inspecti
         recognition = in_units_of_file(imu_source, recognition)
     progress("measuring noise")
     return _inspection(
-        _name(paths), sources, found, imu, gnss, events, recognition, unrecognised, known_week
+        _name(paths), sources, discovery, imu, gnss, events, recognition, unrecognised, known_week
     )
 
 
-def _choose(found: Discovery, paths: Sequence[Path]) -> tuple[Source, Source | None, Source | None]:
+def _choose(
+    discovery: Discovery, paths: Sequence[Path]
+) -> tuple[Source, Source | None, Source | None]:
     """The one source of samples, and the one of fixes and exposures that belong to it."""
     where = ", ".join(map(str, paths))
-    samples = found.of("imu")
+    samples = discovery.of("imu")
     if not samples:
-        there = _listed(found) or "no files that could be a recording"
+        there = _listed(discovery) or "no files that could be a recording"
         raise InputError(
             f"{where}: no samples of an IMU found; there are {there}; name its file, or say its"
             " columns in a flight file"
@@ -133,39 +147,43 @@ def _choose(found: Discovery, paths: Sequence[Path]) -> tuple[Source, Source | N
             " them ([[imu.further]] joins others)"
         )
     imu = samples[0]
-    return imu, _belonging(found, "gnss", imu, where), _belonging(found, "events", imu, where)
+    return (
+        imu,
+        _belonging(discovery, "gnss", imu, where),
+        _belonging(discovery, "events", imu, where),
+    )
 
 
-def _listed(found: Discovery) -> str:
-    """What there is: the files that could not be read first, with the reason."""
+def _listed(discovery: Discovery) -> str:
+    """The files found; those that could not be read first, with the reason."""
     damaged = [
-        f"{path.name} ({why.removeprefix(str(path)).strip(': ')[:MOST_SAID]})"
-        for path, why in found.left_out
+        f"{path.name} ({why.removeprefix(str(path)).strip(': ')[:REASON_LENGTH]})"
+        for path, why in discovery.left_out
         if str(path) in why
     ]
-    others = [path.name for path, why in found.left_out if str(path) not in why]
+    others = [path.name for path, why in discovery.left_out if str(path) not in why]
     names = [
         *damaged,
-        *(f"{source.path.name} ({source.what})" for source in found.sources),
+        *(f"{source.path.name} ({source.what})" for source in discovery.sources),
         *others,
     ]
     more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
     return "; ".join(names[:MOST_LISTED]) + more
 
 
-def _belonging(found: Discovery, role: Role, imu: Source, where: str) -> Source | None:
+def _belonging(discovery: Discovery, role: Role, imu: Source, where: str) -> Source | None:
     """The one source of a role; of several the one in the IMU's file."""
-    candidates = found.of(role)
+    candidates = discovery.of(role)
     if role == "events":  # any column that increases could be one of exposures, but for its times
         candidates = tuple(source for source in candidates if overlap(source.span, imu.span) >= 0.0)
     if len(candidates) > 1:
         inside = tuple(source for source in candidates if source.path == imu.path)
         candidates = inside or candidates
     if len(candidates) > 1:
-        what = {"gnss": "files of fixes", "events": "files of exposures"}.get(role, role)
+        kind = {"gnss": "files of fixes", "events": "files of exposures"}.get(role, role)
         names = ", ".join(source.title for source in candidates[:MOST_LISTED])
         raise InputError(
-            f"{where}: {len(candidates)} {what}: {names}; name the files of one flight"
+            f"{where}: {len(candidates)} {kind}: {names}; name the files of one flight"
         )
     return candidates[0] if candidates else None
 
@@ -209,7 +227,7 @@ def _one_week(
 
 
 def _week_by_date(path: Path) -> tuple[int, str]:
-    """GPS week by a date that the file tells, else 0; and the evidence."""
+    """GPS week by a date in the file, else 0; and the evidence."""
     from .tables.grids import date_in
 
     date = date_in(path)
@@ -217,7 +235,7 @@ def _week_by_date(path: Path) -> tuple[int, str]:
         return (
             NO_WEEK,
             (
-                "nothing in the files tells the week; 0 stands in for it, and the times in the"
+                "nothing in the files gives the week; 0 takes its place, and the times in the"
                 " products are those of the logger"
             ),
         )
@@ -226,7 +244,7 @@ def _week_by_date(path: Path) -> tuple[int, str]:
 
 
 def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> "tuple[Recognition | None, str]":
-    """What the samples are, or None and why that cannot be told."""
+    """Recognise the samples; None and the reason where that cannot be done."""
     from ..prepare.gaps import nominal_interval
     from ..recognise.recognition import recognise
 
@@ -241,14 +259,15 @@ def recognised(imu: ImuSamples, gnss: GnssFixes | None) -> "tuple[Recognition | 
             None,
             f"the stamps span {span:.0f} s, the samples fill {kept:.0f} s of them: the clock jumps",
         )
-    if imu.gps_week == NO_WEEK:  # a stand-in that must not tell the leap seconds
+    if imu.gps_week == NO_WEEK:  # no real week, so it must not give the leap seconds
         imu, gnss = replace(imu, gps_week=None), replace(gnss, gps_week=None)
     return recognise(imu, gnss), ""
 
 
 def _name(paths: Sequence[Path]) -> str:
-    """Of the directory or the one file given; of several files that of the directory which holds
-    the first.
+    """Name of the directory or of the one file given.
+
+    Of several files it is that of the directory which holds the first.
     """
     first = paths[0].absolute()
     return first.name if first.is_dir() else first.stem if len(paths) == 1 else first.parent.name
@@ -257,7 +276,7 @@ def _name(paths: Sequence[Path]) -> str:
 def _inspection(
     name: str,
     sources: tuple[Source, ...],
-    found: Discovery,
+    discovery: Discovery,
     imu: ImuSamples,
     gnss: GnssFixes | None,
     events: CameraEvents | None,
@@ -268,16 +287,23 @@ def _inspection(
     from ..prepare.axes import parse_axes
     from ..recognise.plausibility import check_recording
     from .alone import Alone, by_gravity, rest_findings
-    from .content import assumed_rate, draft_flight, in_si, likely_axes, said_units, strangers
+    from .content import (
+        assumed_rate,
+        draft_flight,
+        in_si,
+        likely_axes,
+        strangers,
+        unit_contradictions,
+    )
     from .content import counts as in_counts
     from .sensing import sense
 
     raw, alone = imu, Alone(imu, {}, ())
     if recognition is None:
-        alone = by_gravity(imu, sources[0].units_said == {})
+        alone = by_gravity(imu, sources[0].header_units == {})
     imu = alone.imu if recognition is None else in_si(raw, recognition)
-    late = 0.0 if recognition is None else recognition.time_offset_s
-    stamped = None if gnss is None else replace(gnss, time=gnss.time + late)
+    time_offset = 0.0 if recognition is None else recognition.time_offset_s
+    stamped = None if gnss is None else replace(gnss, time=gnss.time + time_offset)
     sensing = sense(imu, stamped)
     axes, counts = likely_axes(sources[0], imu, recognition), alone.gyro_counts
     findings = (
@@ -294,17 +320,17 @@ def _inspection(
         checks += assumed_rate(sources[0])
     if recognition is not None:
         checks += [
-            *said_units(sources[0], recognition),
+            *unit_contradictions(sources[0], recognition),
             *in_counts(sources[0], recognition),
             *strangers(recognition),
         ]
     draft, missing = draft_flight(name, sources, raw, gnss, sensing, recognition, axes, week, alone)
-    if missing and (damaged := [why for path, why in found.left_out if str(path) in why]):
+    if missing and (damaged := [why for path, why in discovery.left_out if str(path) in why]):
         missing += f"; not taken: {damaged[0]}"
     return Inspection(
         name,
         sources,
-        found.left_out,
+        discovery.left_out,
         imu,
         stamped,
         events,

@@ -1,12 +1,11 @@
-"""What an IMU shows of itself: rates, rest, white noise at rest and in motion, gravity, Earth rate,
-and the class it seems to be of.
+"""What an IMU shows of itself: stationary periods, white noise, gravity, Earth rate, class.
 
 White noise of root density q (X/sqrt(Hz)) in samples x of interval dt has the Allan variance q^2 /
 tau. At rest q is the least of sigma_A(tau) sqrt(tau) over tau from 0.5 s on: at shorter ones
-rounding and the sway of what it stands on lie above it, at longer ones the drift of the bias. In
-motion the sensor's own noise, the vibration of the carrier and what the sampling folds down look
-alike to the filter; the third difference of neighbouring samples takes the smooth motion away and
-leaves 20 variances of what is independent from sample to sample:
+rounding and the sway of the support lie above it, at longer ones the drift of the bias. In motion
+the sensor's own noise, the vibration of the vehicle and what the sampling folds down look alike to
+the filter; the third difference of neighbouring samples takes the smooth motion away and leaves 20
+variances of what is independent from sample to sample:
 
     q^2 = mean(d3^2) / 20 dt                                                                   (S.1)
 
@@ -23,7 +22,7 @@ import numpy as np
 from ..base.units import STANDARD_GRAVITY, rounded
 from ..geodesy.earth import EARTH_RATE
 from ..prepare.gaps import nominal_interval
-from ..prepare.stationarity import Stretches, still_stretches
+from ..prepare.stationarity import StationaryPeriods, stationary_periods
 from ..records import Array, GnssFixes, ImuSamples
 from ..stochastic.model import AxisNoise, GaussMarkov, NoiseModel, load_noise_model, shipped_models
 
@@ -52,16 +51,26 @@ FITS = (0.5, 1.6)  # measured white noise over a shipped model's, each of the tw
 
 @dataclass(frozen=True, eq=False)
 class Sensing:
-    """Rates in Hz and s; root densities (3,) in X/sqrt(Hz), X = rad/s and m/s^2, at rest (or at its
-    quietest) and in motion.
+    """What an IMU shows of itself. X is rad/s for gyros, m/s^2 for accelerometers.
 
-    still : stretches at rest.
-    rest_s : their length.   mean_gyro, mean_accel : (3,) over them, NaN without any.
+    Parameters
+    ----------
+    rate_hz : float, Hz
+    length_s : float, s
+    stationary : StationaryPeriods
+    rest_s : float, s
+        Total length of the stationary periods.
+    mean_gyro, mean_accel : ndarray, shape (3,), X
+        Means over them; NaN without any.
+    rest_gyro, rest_accel : ndarray, shape (3,), X/sqrt(Hz)
+        Root densities at rest, or where the recording is quietest.
+    moving_gyro, moving_accel : ndarray, shape (3,), X/sqrt(Hz)
+        Root densities in motion.
     """
 
     rate_hz: float
     length_s: float
-    still: Stretches
+    stationary: StationaryPeriods
     rest_s: float
     mean_gyro: Array
     mean_accel: Array
@@ -72,12 +81,12 @@ class Sensing:
 
     @property
     def is_static(self) -> bool:
-        """Whether all but a tenth of the recording is at rest."""
+        """Whether all but a tenth of the recording is stationary."""
         return self.rest_s > (1.0 - STATIC_SHARE) * self.length_s
 
     @property
     def gravity(self) -> float:
-        """|f| at rest, m/s^2; NaN without rest."""
+        """|f| at rest, m/s^2; NaN without a stationary period."""
         return float(np.linalg.norm(self.mean_accel))
 
     @property
@@ -102,26 +111,26 @@ class Sensing:
 
 
 def sense(imu: ImuSamples, gnss: GnssFixes | None = None) -> Sensing:
-    """What the samples, in SI, show; the fixes confirm rest."""
+    """Measure what the samples, in SI, show; the fixes confirm stationary periods."""
     dt = nominal_interval(imu.time)
     scale = 1.0 / dt if imu.quantity == "increments" else 1.0
     values = np.column_stack([imu.gyro, imu.accel]) * scale
-    still = still_stretches(imu, gnss)
-    rest = float(np.sum(still.time[:, 1] - still.time[:, 0])) if len(still) else 0.0
-    if len(still):
+    periods = stationary_periods(imu, gnss)
+    rest = float(np.sum(periods.time[:, 1] - periods.time[:, 0])) if len(periods) else 0.0
+    if len(periods):
         mean = [
-            np.average(m, axis=0, weights=still.samples)
-            for m in (still.gyro_mean, still.accel_mean)
+            np.average(m, axis=0, weights=periods.samples)
+            for m in (periods.gyro_mean, periods.accel_mean)
         ]
     else:
         mean = [np.full(3, np.nan), np.full(3, np.nan)]
-    quiet = _rest_noise(imu.time, values, still, dt)
-    moving = np.maximum(quiet, _moving_noise(imu.time, values, still, dt))
+    quiet = _rest_noise(imu.time, values, periods, dt)
+    moving = np.maximum(quiet, _moving_noise(imu.time, values, periods, dt))
     length = float(imu.time[-1] - imu.time[0])
     return Sensing(
         1.0 / dt,
         length,
-        still,
+        periods,
         rest,
         mean[0],
         mean[1],
@@ -132,13 +141,14 @@ def sense(imu: ImuSamples, gnss: GnssFixes | None = None) -> Sensing:
     )
 
 
-def _rest_noise(time: Array, values: Array, still: Stretches, dt: float) -> Array:
-    """Root density (6,) over the longest stretch at rest, else over the quietest ten seconds by
-    single samples (S.1).
+def _rest_noise(time: Array, values: Array, periods: StationaryPeriods, dt: float) -> Array:
+    """Root density (6,) over the longest stationary period.
+
+    Without one it is that of the quietest ten seconds by single samples (S.1).
     """
-    if len(still):
-        longest = int(np.argmax(still.time[:, 1] - still.time[:, 0]))
-        lo, hi = np.searchsorted(time, still.time[longest])
+    if len(periods):
+        longest = int(np.argmax(periods.time[:, 1] - periods.time[:, 0]))
+        lo, hi = np.searchsorted(time, periods.time[longest])
         if (hi - lo) * dt > 4.0 * REST_TAU_S:
             spans = [
                 m
@@ -152,9 +162,9 @@ def _rest_noise(time: Array, values: Array, still: Stretches, dt: float) -> Arra
     return _third_differences(time, values, dt, lambda blocks: np.min(blocks, axis=0))
 
 
-def _moving_noise(time: Array, values: Array, still: Stretches, dt: float) -> Array:
-    """Root density (6,) outside the stretches at rest (S.1); zero without any such."""
-    outside = still.at(time) < 0
+def _moving_noise(time: Array, values: Array, periods: StationaryPeriods, dt: float) -> Array:
+    """Root density (6,) outside the stationary periods (S.1); zero without any motion."""
+    outside = periods.index_of(time) < 0
     if outside.mean() < STATIC_SHARE or outside.sum() * dt < QUIETEST_S:
         return np.zeros(6)
     return _third_differences(
@@ -163,8 +173,9 @@ def _moving_noise(time: Array, values: Array, still: Stretches, dt: float) -> Ar
 
 
 def _allan(values: Array, m: int, dt: float) -> Array:
-    """sigma_A(tau) sqrt(tau) at tau = m dt, of the smallest 95 % of the differences: a knock or the
-    first step does not move it.
+    """sigma_A(tau) sqrt(tau) at tau = m dt, of the smallest 95 % of the differences.
+
+    So a knock or the first step does not move it.
     """
     n = len(values) // m
     step = np.sort(np.diff(values[: n * m].reshape(n, m, -1).mean(axis=1), axis=0) ** 2, axis=0)
@@ -175,8 +186,9 @@ def _allan(values: Array, m: int, dt: float) -> Array:
 def _third_differences(
     time: Array, values: Array, dt: float, pick: Callable[[Array], Array]
 ) -> Array:
-    """Root density (6,) by (S.1) in blocks of `QUIETEST_S`, of which `pick` takes one; gaps are
-    left out.
+    """Root density (6,) by (S.1) in blocks of `QUIETEST_S`, of which `pick` takes one.
+
+    Gaps are left out.
     """
     d3 = values[3:] - 3.0 * values[2:-1] + 3.0 * values[1:-2] - values[:-3]
     whole = time[3:] - time[:-3] < 4.5 * dt
@@ -190,8 +202,9 @@ def _third_differences(
 
 
 def fitting_model(sensing: Sensing) -> str | None:
-    """Name of a shipped noise model whose white noise and biases are those of the recording, or
-    None.
+    """Return the name of a shipped noise model that fits the recording; None without one.
+
+    Its white noise and biases are those of the recording.
     """
     for name in shipped_models():
         model = load_noise_model(name)
@@ -199,9 +212,9 @@ def fitting_model(sensing: Sensing) -> str | None:
             float(np.max(sensing.moving_gyro)) / max(axis.white_noise for axis in model.gyro),
             float(np.max(sensing.moving_accel)) / max(axis.white_noise for axis in model.accel),
         ]
-        known = sensing.rest_s > 0.0
+        has_rest = sensing.rest_s > 0.0
         small = (
-            not known
+            not has_rest
             or float(np.abs(sensing.mean_gyro).max()) < SIGMAS * model.gyro[0].turn_on_bias
         )
         if all(FITS[0] < ratio < FITS[1] for ratio in ratios) and small:
@@ -210,8 +223,10 @@ def fitting_model(sensing: Sensing) -> str | None:
 
 
 def noise_model(sensing: Sensing, name: str) -> NoiseModel:
-    """Noise model of the recording: white noise measured in motion, biases from rest where there is
-    any, else by class.
+    """Make a noise model of the recording.
+
+    White noise is that measured in motion; biases are those of the stationary periods where there
+    are any, else by class.
     """
     turn_gyro, turn_accel, sigma_gyro, sigma_accel, tau = _CLASSES[sensing.grade]
     if sensing.rest_s > 0.0 and sensing.grade != "navigation":
@@ -237,8 +252,9 @@ def noise_model(sensing: Sensing, name: str) -> NoiseModel:
 def _axes(
     white: Array, turn_on: float, sigma: float, tau: float, units: tuple[str, str, str]
 ) -> tuple[AxisNoise, AxisNoise, AxisNoise]:
-    """The three axes alike, with the largest white noise of them; two digits in the units of white
-    noise, bias and driving noise.
+    """The three axes alike, with the largest white noise of them.
+
+    Two digits are kept in the units of white noise, bias and driving noise.
     """
     values = (float(white.max()), turn_on, GaussMarkov.from_sigma(tau, sigma).driving_noise)
     density, bias, driving = (

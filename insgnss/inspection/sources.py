@@ -15,7 +15,7 @@ NO_SIGMA = (
     "no standard deviations in the file: those of a single-point receiver; of RTK they are 0.02,"
     " 0.02, 0.04"
 )
-STEP_TOLD = "the clock's usual step is"
+STEP_REASON = "the clock's usual step is"
 SAME_LENGTH = 0.1
 OVERLAP = 0.3  # of the shorter recording, for two clocks to be the same
 
@@ -24,14 +24,26 @@ OVERLAP = 0.3  # of the shorter recording, for two clocks to be the same
 class Source:
     """One input as the flight file will name it: keys of its table, each with the reason.
 
-    span : first and last stamp, s, on the file's own clock, where a table gives them.
-    what : in a few words.
-    other_clocks : the same source stamped by another of its clocks.
-    units_said : of gyro and accel, as far as the file gives them;
-    None where the format fixes them.
-    free_height : nothing says what the heights are above.
-    axes : of the format's convention.
-    site : (latitude deg, longitude deg, height m) that the file gives for a sensor that stands.
+    Parameters
+    ----------
+    role : str
+    path : Path
+    what : str
+        A short description.
+    keys, why : dict
+        Keys of the flight file's table, and the reason of each.
+    span : tuple of float, s, or None
+        First and last stamp on the file's own clock, where a table gives them.
+    other_clocks : tuple of Source
+        The same source stamped by another of its clocks.
+    header_units : dict of str to str, or None
+        Of gyro and accel, as far as the file gives them; None where the format fixes them.
+    free_height : bool
+        Whether nothing in the file gives what the heights are above.
+    axes : str
+        Of the format's convention.
+    site : tuple of float, or None
+        Latitude deg, longitude deg, height m that the file gives for a stationary sensor.
     """
 
     role: Role
@@ -41,7 +53,7 @@ class Source:
     why: dict[str, str] = field(default_factory=dict)
     span: tuple[float, float] | None = None
     other_clocks: tuple["Source", ...] = ()
-    units_said: dict[str, str] | None = None
+    header_units: dict[str, str] | None = None
     free_height: bool = False
     axes: str = ""
     site: tuple[float, float, float] | None = None
@@ -55,8 +67,9 @@ class Source:
 
 
 def on_one_clock(imu: Source, gnss: Source) -> tuple[Source, Source]:
-    """Samples and fixes by those of their clocks that run together; by their first ones where none
-    do, or where it is not known.
+    """Choose the clocks of samples and fixes that run together.
+
+    Their first clocks are taken where none do, or where it is not known.
     """
     pairs = [(i, g) for g in (gnss, *gnss.other_clocks) for i in (imu, *imu.other_clocks)]
     best = max(pairs, key=lambda pair: overlap(pair[0].span, pair[1].span))
@@ -67,11 +80,14 @@ def on_one_clock(imu: Source, gnss: Source) -> tuple[Source, Source]:
 
 
 def as_long_as(imu: Source, samples: ImuSamples, fixes: GnssFixes) -> Source:
-    """The samples' source with its clock in tens, hundreds ... or tenths of the unit that its steps
-    suggest, where only so it runs as long as the fixes: within `SAME_LENGTH` of the logarithm to
-    base ten. A unit that the header gives is kept."""
+    """Correct the unit of the samples' clock where they would run ten or more times off the fixes.
+
+    The unit becomes tens, hundreds ... or tenths of that which its steps suggest, where only so it
+    runs as long as the fixes: within `SAME_LENGTH` of the logarithm to base ten. A unit that the
+    header gives is kept.
+    """
     unit = imu.keys.get("units", {}).get("time", "s")
-    if STEP_TOLD not in imu.why.get("units", "") or unit not in ("s", "ms", "us", "ns"):
+    if STEP_REASON not in imu.why.get("units", "") or unit not in ("s", "ms", "us", "ns"):
         return imu
     ratio = np.log10(
         (samples.time[-1] - samples.time[0]) / max(fixes.time[-1] - fixes.time[0], 1e-3)
@@ -79,18 +95,19 @@ def as_long_as(imu: Source, samples: ImuSamples, fixes: GnssFixes) -> Source:
     decade = round(float(ratio))
     if decade == 0 or abs(ratio - decade) > SAME_LENGTH:
         return imu
-    told = f"in {unit} the samples would last {10.0**ratio:.3g} times as long as the fixes"
+    comparison = f"in {unit} the samples would last {10.0**ratio:.3g} times as long as the fixes"
     units = {**imu.keys["units"], "time": f"{10.0**-decade:g} {unit}"}
     return replace(
         imu,
         keys=imu.keys | {"units": units},
-        why=imu.why | {"units": f"{imu.why['units']}; {told}"},
+        why=imu.why | {"units": f"{imu.why['units']}; {comparison}"},
     )
 
 
 def overlap(a: tuple[float, float] | None, b: tuple[float, float] | None) -> float:
-    """Common time over the length of the shorter one, at most 1, negative without any; 0 where one
-    is not known.
+    """Return the common time over the length of the shorter span, at most 1.
+
+    It is negative without any, and 0 where one span is not known.
     """
     if a is None or b is None:
         return 0.0

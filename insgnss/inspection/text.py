@@ -1,4 +1,4 @@
-"""An inspection in words for the terminal, and as a document for machines."""
+"""An inspection in words for the terminal, and as JSON output."""
 
 import textwrap
 from dataclasses import asdict
@@ -17,7 +17,7 @@ EVIDENCE_WIDTH = 100
 
 
 def summary(result: "InspectionData") -> str:
-    """Sources, findings with confidence, what the sensor shows, checks, and what to do next."""
+    """Return sources, findings, what the sensor shows, checks, and what to do next."""
     lines = [result.name]
     for source in result.sources:
         lines.append(f"  {source.role:<6}  {source.title}: {source.what}")
@@ -51,7 +51,7 @@ def summary(result: "InspectionData") -> str:
 
 
 def finding_lines(findings: Any) -> list[str]:
-    """A table of findings, the evidence folded."""
+    """Return a table of findings, the evidence folded."""
     width, wide = max(len(f.name) for f in findings), max(len(f.value) for f in findings)
     lines = [f"{'finding':<{width}}  {'value':<{wide}}  confidence  evidence"]
     for f in findings:
@@ -64,7 +64,7 @@ def finding_lines(findings: Any) -> list[str]:
 
 
 def finding_documents(findings: Any) -> list[dict[str, Any]]:
-    """JSON-able findings."""
+    """Return the findings for JSON output."""
     return [
         {"name": f.name, "value": f.value, "confidence": f.confidence, "evidence": f.evidence}
         for f in findings
@@ -72,14 +72,14 @@ def finding_documents(findings: Any) -> list[dict[str, Any]]:
 
 
 def sensor_lines(sensing: Sensing, gyro_counts: float | None = None) -> list[str]:
-    """What the IMU shows of itself; gyro_counts as in `alone.Alone`."""
+    """Return what the IMU shows of itself; gyro_counts as in `alone.Alone`."""
     s, unit, factor = sensing, "deg/s", DEG_S
     if gyro_counts is not None:
         unit, factor = "counts", gyro_counts
     lines = [f"sensor    {s.rate_hz:.5g} Hz for {s.length_s:.0f} s, {s.grade} class"]
     noise = "          white noise {:<9} gyro {} {}/sqrt(Hz), accelerometer {} mg/sqrt(Hz)"
-    at = "at rest:" if s.rest_s else "quietest:"
-    lines.append(noise.format(at, _three(s.rest_gyro / factor), unit, _three(s.rest_accel / MG)))
+    state = "at rest:" if s.rest_s else "quietest:"
+    lines.append(noise.format(state, _three(s.rest_gyro / factor), unit, _three(s.rest_accel / MG)))
     if not s.is_static:
         lines.append(
             noise.format(
@@ -87,12 +87,12 @@ def sensor_lines(sensing: Sensing, gyro_counts: float | None = None) -> list[str
             )
         )
     if not s.rest_s:
-        return [*lines, "          at rest nowhere for a second"]
+        return [*lines, "          no stationary period of a second"]
     axis = int(np.argmax(np.abs(s.mean_accel)))
     sense = "up" if s.mean_accel[axis] > 0 else "down"
     lines.append(
-        f"          at rest {s.rest_s:.0f} s in {len(s.still)}"
-        f" stretches{', all of it' if s.is_static else ''}: |f| {s.gravity:.5g} m/s^2,"
+        f"          at rest {s.rest_s:.0f} s in {len(s.stationary)}"
+        f" stationary periods{', all of it' if s.is_static else ''}: |f| {s.gravity:.5g} m/s^2,"
         f" {'xyz'[axis]} points {sense}; mean rate {_three(s.mean_gyro / factor)} {unit}"
     )
     if s.sees_earth:
@@ -109,7 +109,7 @@ def _three(x: np.ndarray) -> str:
 
 
 def check_lines(checks: Any) -> list[str]:
-    """Checks, those that are not in order with what was expected."""
+    """Return the checks, those that are not in order with what was expected."""
     if not checks:
         return []
     width = max(len(c.name) for c in checks)
@@ -125,7 +125,7 @@ def check_lines(checks: Any) -> list[str]:
 
 
 def document(result: "InspectionData") -> dict[str, Any]:
-    """JSON-able."""
+    """Return the inspection for JSON output."""
     s = result.sensing
     numbers = {
         name: np.asarray(getattr(s, name)).tolist()

@@ -1,5 +1,6 @@
-"""Numba kernel that turns IMU samples into body increments between time marks. Mathematics:
-`increments`.
+"""Numba kernel that turns IMU samples into body increments between time marks.
+
+Mathematics: `increments`.
 """
 
 import numpy as np
@@ -31,8 +32,9 @@ def sample_rate(time, gyro, accel, quantity, i, nominal, bridge, out):
 
 @njit(cache=True)
 def interval_mean(a, i, c, long):
-    """Mean of samples over [i, i + 1]: cubic through four samples (I.1), trapezoid at the ends and
-    over gaps.
+    """Mean of samples over [i, i + 1]: cubic through four samples (I.1), else the trapezoid.
+
+    The trapezoid serves at the two ends of the recording and over gaps.
     """
     if long or i == 0 or i + 2 >= a.shape[0]:
         return 0.5 * (a[i, c] + a[i + 1, c])
@@ -41,6 +43,7 @@ def interval_mean(a, i, c, long):
 
 @njit(cache=True)
 def rotate(C, v, out):
+    """Rotate rate and specific force v (6,) by C (3, 3) into out (6,)."""
     for r in range(3):
         out[r] = C[r, 0] * v[0] + C[r, 1] * v[1] + C[r, 2] * v[2]
         out[3 + r] = C[r, 0] * v[3] + C[r, 1] * v[4] + C[r, 2] * v[5]
@@ -81,10 +84,10 @@ def bracket(a, b, k, out):
 def build_segments(
     time, gyro, accel, quantity, C, nominal, bridge, marks, dt, dtheta, dvel, stop, rate
 ):
-    """Fill segments (dt, dtheta, dvel) from marks[0] to marks[-1]; stop (m,) segments before each
-    mark; rate (m, 3) gyro there.
+    """Fill the integration intervals (dt, dtheta, dvel) from marks[0] to marks[-1].
 
-    Every mark lies within [time[0], time[-1]]; marks increase. Returns the number of segments.
+    Every mark lies within [time[0], time[-1]]; marks increase. stop (m,) is the number of intervals
+    before each mark, rate (m, 3) the gyro rate there. Returns the number of intervals.
     """
     last = time.size - 2
     i = 0
@@ -132,11 +135,11 @@ def build_segments(
             d = b - a
             if d > 0.0 and m > 0:
                 mid = 0.5 * (a + b) - 0.5 * (t0 + t1)
-                part = (d / h) ** 2  # the bracket term of a piece of length d goes with d^3
+                share = (d / h) ** 2  # the bracket term of a piece of length d goes with d^3
                 dt[n] = d
                 for c in range(3):
-                    dtheta[n, c] = d * (r[2, c] + part * extra[c] + slope[c] * mid)
-                    dvel[n, c] = d * (r[2, 3 + c] + part * extra[3 + c] + slope[3 + c] * mid)
+                    dtheta[n, c] = d * (r[2, c] + share * extra[c] + slope[c] * mid)
+                    dvel[n, c] = d * (r[2, 3 + c] + share * extra[3 + c] + slope[3 + c] * mid)
                 n += 1
             a = b
             if not is_mark:

@@ -1,4 +1,4 @@
-"""The axes of an IMU, said in words: the body directions of its x, y and z.
+"""The axes of an IMU in words: the body directions of its x, y and z.
 
 The body frame b is x forward, y right, z down. A word names a direction of it, so column k of
 
@@ -29,21 +29,24 @@ _LINES = ("forward or backward", "right or left", "down or up")
 
 
 def parse_axes(words: str) -> Array:
-    """Matrix that takes components in IMU axes into body forward-right-down.
+    """Return the matrix that takes components in IMU axes into body forward-right-down.
 
     Parameters
     ----------
-    words : the body directions of the IMU's x, y and z, such as ``"right backward down"``; blanks
+    words : str
+        The body directions of the IMU's x, y and z, such as ``"right backward down"``, with blanks
         or commas between.
 
     Returns
     -------
-    C_b_imu : (3, 3), a signed permutation with determinant +1; ``v_b = C_b_imu @ v_imu``.
+    C_b_imu : ndarray, shape (3, 3)
+        A signed permutation with determinant +1; ``v_b = C_b_imu @ v_imu``.
 
     Raises
     ------
-    InputError : unknown word, not three, two of them along one line, or a left-handed triple (the
-        message gives the right-handed one).
+    InputError
+        Where a word is unknown, there are not three words, two of them lie along one line, or the
+        triple is left-handed (the message gives the right-handed one).
     """
     given = words.lower().replace(",", " ").split()
     for word in given:

@@ -1,5 +1,4 @@
-"""The deterministic calibration of an IMU: bias, scale factors, non-orthogonality; its file, and
-its application.
+"""The deterministic calibration of an IMU: its model, its file and its application.
 
 A triad whose axes are neither of unit sensitivity nor orthogonal reads, of a vector v in the IMU's
 orthogonal axes,
@@ -50,8 +49,15 @@ KEYS: Mapping[str, tuple[str, ...]] = {
 class TriadCalibration:
     """Calibration of three gyroscopes or three accelerometers (C.1), in the sensor's own axes.
 
-    bias : (3,) rad/s or m/s^2.   response : (3, 3), E.
-    bias_sigma, response_sigma : (3,) and (3, 3), their standard errors; None where not known.
+    Parameters
+    ----------
+    bias : ndarray, shape (3,), rad/s or m/s^2
+    response : ndarray, shape (3, 3)
+        E of (C.1).
+    bias_sigma : ndarray, shape (3,), rad/s or m/s^2, optional
+        Standard errors of the bias; None where they are not known.
+    response_sigma : ndarray, shape (3, 3), optional
+        Standard errors of the response; None where they are not known.
     """
 
     bias: Array = field(default_factory=lambda: np.zeros(3))
@@ -61,17 +67,28 @@ class TriadCalibration:
 
     @property
     def matrix(self) -> Array:
-        """(3, 3), M of (C.2)."""
+        """The correction matrix M of (C.2), shape (3, 3)."""
         return np.asarray(np.linalg.inv(self.response), dtype=np.float64)
 
     @property
     def scale_factor(self) -> Array:
-        """(3,), s of (C.1)."""
+        """The scale-factor errors s of (C.1), shape (3,)."""
         return np.diag(self.response) - 1.0
 
     def correct(self, reading: Array, dt: Array | float = 1.0) -> Array:
-        """(n, 3) calibrated readings (C.2); dt (n, 1) s where the readings are increments over it,
-        1 where they are rates.
+        """Apply the calibration to readings (C.2).
+
+        Parameters
+        ----------
+        reading : ndarray, shape (n, 3)
+            Rates (rad/s or m/s^2) or increments (rad or m/s).
+        dt : ndarray of shape (n, 1), or float, s
+            The interval of each increment; 1 where the readings are rates.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            The calibrated readings in the same quantity.
         """
         return np.ascontiguousarray((reading - self.bias * dt) @ self.matrix.T)
 
@@ -88,11 +105,11 @@ class ImuCalibration:
     def __post_init__(self) -> None:
         for sensor in ("gyro", "accel"):
             triad: TriadCalibration = getattr(self, sensor)
-            if what := _implausible(sensor, triad):
-                raise InputError(f"calibration {self.name!r}: {sensor} {what}")
+            if fault := _implausible(sensor, triad):
+                raise InputError(f"calibration {self.name!r}: {sensor} {fault}")
 
     def apply(self, imu: ImuSamples) -> ImuSamples:
-        """Calibrated samples in the same quantity (C.2), with a note that says what was applied."""
+        """Return calibrated samples in the same quantity (C.2), with a note of what was applied."""
         dt: Array | float = 1.0
         if imu.quantity == "increments":
             nominal = nominal_interval(imu.time)
@@ -111,7 +128,7 @@ class ImuCalibration:
         )
 
     def summary(self) -> str:
-        """Greatest bias, scale-factor error and misalignment of both triads."""
+        """Name the largest bias, scale-factor error and misalignment of both triads."""
         parts = []
         for sensor in ("gyro", "accel"):
             triad: TriadCalibration = getattr(self, sensor)
@@ -148,11 +165,22 @@ def _implausible(sensor: str, triad: TriadCalibration) -> str:
 
 
 def load_calibration(path: str | os.PathLike[str]) -> ImuCalibration:
-    """Calibration of a file.
+    """Read a calibration file.
 
-    Raises InputError, with file and line, for a file that is missing or no TOML, an unknown key, a
-    value without unit or of another dimension, `matrix` beside what it replaces, and values that no
-    IMU has.
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A TOML file (`data_specs/imu_calibration.md`).
+
+    Returns
+    -------
+    ImuCalibration
+
+    Raises
+    ------
+    InputError
+        With file and line, for a file that is missing or no TOML, an unknown key, a value without
+        unit or of another dimension, `matrix` beside what it replaces, and values that no IMU has.
     """
     top = read_toml(Path(path), KEYS)
     top.check_keys()
@@ -160,8 +188,8 @@ def load_calibration(path: str | os.PathLike[str]) -> ImuCalibration:
     for sensor in ("gyro", "accel"):
         table = top.table(sensor)
         triads[sensor] = _triad(table, sensor)
-        if what := _implausible(sensor, triads[sensor]):
-            key, _, why = what.partition(": ")
+        if fault := _implausible(sensor, triads[sensor]):
+            key, _, why = fault.partition(": ")
             raise table.error(
                 next((k for k in (key, "scale_factor", "misalignment") if k in table.data), key),
                 why,
@@ -186,7 +214,7 @@ def _triad(table: Table, sensor: str) -> TriadCalibration:
     if "matrix" in table.data:
         if beside := [key for key in ("scale_factor", "misalignment") if key in table.data]:
             raise table.error(
-                "matrix", f"stands beside {' and '.join(beside)}; it replaces them, keep one"
+                "matrix", f"is given beside {' and '.join(beside)}; it replaces them, keep one"
             )
         matrix = table.matrix("matrix")
         if np.abs(matrix - np.eye(3)).max() > FAR:
@@ -223,19 +251,25 @@ def _quantities(table: Table, key: str, unit: str, sizes: tuple[int, ...]) -> Ar
 
 
 def _assembled(diagonal: Array | None, off: Array | None) -> Array:
-    """(3, 3) of a diagonal and of the three or six values beside it."""
+    """Assemble a (3, 3) matrix of its diagonal and the three or six values beside it."""
     out = np.diag(np.zeros(3) if diagonal is None else diagonal)
     if off is not None:
-        for place, value in zip(LOWER if off.size == 3 else OFF_DIAGONAL, off, strict=True):
-            out[place] = value
+        for cell, value in zip(LOWER if off.size == 3 else OFF_DIAGONAL, off, strict=True):
+            out[cell] = value
     return out
 
 
 def write_calibration(
     calibration: ImuCalibration, path: str | os.PathLike[str], remarks: tuple[str, ...] = ()
 ) -> None:
-    """Write a file that `load_calibration` turns back into the same numbers; `remarks` stand on top
-    as comments.
+    """Write a file that `load_calibration` turns back into the same numbers.
+
+    Parameters
+    ----------
+    calibration : ImuCalibration
+    path : str or os.PathLike
+    remarks : tuple of str
+        Comments at the top of the file.
     """
     lines = [f"# {remark}" for remark in remarks]
     lines += [
@@ -256,12 +290,12 @@ def write_calibration(
 
 
 def _response_lines(values: Array, suffix: str) -> list[str]:
-    places = (
+    cells = (
         LOWER
-        if not any(values[place] for place in OFF_DIAGONAL if place not in LOWER)
+        if not any(values[cell] for cell in OFF_DIAGONAL if cell not in LOWER)
         else OFF_DIAGONAL
     )
-    off = np.array([values[place] for place in places])
+    off = np.array([values[cell] for cell in cells])
     return [
         _line(f"scale_factor{suffix}", np.diag(values), "ppm"),
         _line(f"misalignment{suffix}", off, "mrad"),

@@ -1,6 +1,4 @@
-"""One clock for all sensors: seconds of one GPS week, and the span in which IMU and GNSS both are
-there.
-"""
+"""One clock for all sensors: seconds of one GPS week, and the span that IMU and GNSS share."""
 
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -18,16 +16,32 @@ SHORTEST_S = 10.0
 def common_clock(
     imu: ImuSamples, gnss: GnssFixes, events: CameraEvents | None, gps_week: int | None
 ) -> tuple[ImuSamples, GnssFixes, CameraEvents | None, int]:
-    """The records with their times in seconds of one week, and that week.
+    """Put the times of all records into seconds of one week.
 
-    The week is `gps_week`, else the first one that a record knows; a record without a week is taken
-    to be of it. Raises InputError where no record knows the week and none is given.
+    Parameters
+    ----------
+    imu : ImuSamples
+    gnss : GnssFixes
+    events : CameraEvents or None
+    gps_week : int or None
+        The week; None takes the first one that a record has. A record without a week is taken to be
+        of that week.
+
+    Returns
+    -------
+    tuple of ImuSamples, GnssFixes, CameraEvents or None, int
+        The records and the week.
+
+    Raises
+    ------
+    InputError
+        Where no record has a week and none is given.
     """
-    known = [r.gps_week for r in (imu, gnss, events) if r is not None and r.gps_week is not None]
-    week = gps_week if gps_week is not None else (known[0] if known else None)
+    weeks = [r.gps_week for r in (imu, gnss, events) if r is not None and r.gps_week is not None]
+    week = gps_week if gps_week is not None else (weeks[0] if weeks else None)
     if week is None:
         raise InputError(
-            f"{imu.source}: no file says the GPS week; give gps_week in the flight file"
+            f"{imu.source}: no file gives the GPS week; give gps_week in the flight file"
         )
     return (
         in_week(imu, week),
@@ -38,8 +52,9 @@ def common_clock(
 
 
 def in_week(record: Timed, week: int) -> Timed:
-    """The record with its times in seconds of `week`; without a week of its own it is taken to be
-    of it.
+    """Return the record with its times in seconds of `week`.
+
+    A record without a week of its own is taken to be of that week.
     """
     if record.gps_week in (None, week):
         return replace(record, gps_week=week)
@@ -49,37 +64,54 @@ def in_week(record: Timed, week: int) -> Timed:
 def common_span(
     imu: ImuSamples, gnss: GnssFixes, start: float | None, end: float | None
 ) -> tuple[float, float]:
-    """First fix within the IMU recording, and the end of the recording, both cut to [start, end].
+    """Find the span that IMU and GNSS share.
 
-    Raises InputError where IMU and GNSS do not overlap, DataError where they do by less than
-    `SHORTEST_S`.
+    Parameters
+    ----------
+    imu : ImuSamples
+    gnss : GnssFixes
+    start, end : float or None, s
+        Limits of the flight; None where there is none.
+
+    Returns
+    -------
+    tuple of float, s
+        The first fix within the IMU recording and the end of the recording, both cut to [start,
+        end].
+
+    Raises
+    ------
+    InputError
+        Where IMU and GNSS do not overlap.
+    DataError
+        Where they overlap by less than `SHORTEST_S`.
     """
     lo = max(imu.time[0], -np.inf if start is None else start)
     hi = min(imu.time[-1], np.inf if end is None else end)
     inside = gnss.time[(gnss.time >= lo) & (gnss.time <= hi)]
-    told = (
+    spans = (
         f"{gnss.source}: fixes from {gnss.time[0]:.1f} to {gnss.time[-1]:.1f} s, {imu.source}:"
         f" samples from {imu.time[0]:.1f} to {imu.time[-1]:.1f} s of week {imu.gps_week}"
     )
     for key, value in (("start_tow", start), ("end_tow", end)):
-        told += "" if value is None else f", {key} = {value:.1f} s"
+        spans += "" if value is None else f", {key} = {value:.1f} s"
     if gnss.time[-1] < lo or gnss.time[0] > hi:
         raise InputError(
-            f"{told}: they do not overlap; check gps_week, the day, start_tow and end_tow,"
+            f"{spans}: they do not overlap; check gps_week, the day, start_tow and end_tow,"
             " time_offset_s, seconds against milliseconds"
         )
     length = inside[-1] - inside[0] if inside.size else 0.0
     if inside.size < 2 or length < SHORTEST_S:
         fixes = f"{inside.size} fix{'' if inside.size == 1 else 'es'}"
         raise DataError(
-            f"{told}: {fixes} over {length:.1f} s in common (limit {SHORTEST_S:.0f} s); give the"
+            f"{spans}: {fixes} over {length:.1f} s in common (limit {SHORTEST_S:.0f} s); give the"
             " whole recordings, or check their clocks"
         )
     return float(inside[0]), float(hi)
 
 
 def cut_fixes(gnss: GnssFixes, lo: float, hi: float) -> GnssFixes:
-    """The fixes within [lo, hi]."""
+    """Return the fixes within [lo, hi], s."""
     keep = (gnss.time >= lo) & (gnss.time <= hi)
     optional: dict[str, Any] = {
         name: None if getattr(gnss, name) is None else getattr(gnss, name)[keep]
@@ -92,7 +124,7 @@ def cut_fixes(gnss: GnssFixes, lo: float, hi: float) -> GnssFixes:
 
 
 def cut_samples(imu: ImuSamples, lo: float, hi: float) -> ImuSamples:
-    """The samples within [lo, hi]; all of them where fewer than two are."""
+    """Return the samples within [lo, hi], s; all of them where fewer than two lie within."""
     first, last = np.searchsorted(imu.time, [lo, hi])
     if last - first < 2:
         return imu
@@ -102,8 +134,12 @@ def cut_samples(imu: ImuSamples, lo: float, hi: float) -> ImuSamples:
 
 
 def cut_events(events: CameraEvents, start: float | None, end: float | None) -> CameraEvents:
-    """The events within [start, end], as the flight file cuts the flight. Raises InputError where
-    none is left.
+    """Return the events within [start, end], s, as the flight file cuts the flight.
+
+    Raises
+    ------
+    InputError
+        Where no event is left.
     """
     keep = (events.time >= (-np.inf if start is None else start)) & (
         events.time <= (np.inf if end is None else end)
@@ -118,15 +154,17 @@ def cut_events(events: CameraEvents, start: float | None, end: float | None) -> 
     return take_events(events, np.flatnonzero(keep))
 
 
-def take_events(events: CameraEvents, at: np.ndarray) -> CameraEvents:
-    """The events of the indices `at`."""
+def take_events(events: CameraEvents, indices: np.ndarray) -> CameraEvents:
+    """Return the events of the indices `indices`."""
     return replace(
-        events, images=tuple(np.array(events.images, dtype=object)[at]), time=events.time[at]
+        events,
+        images=tuple(np.array(events.images, dtype=object)[indices]),
+        time=events.time[indices],
     )
 
 
 def refuse_outside(events: CameraEvents, lo: float, hi: float) -> None:
-    """Raise InputError where an exposure lies outside [lo, hi]."""
+    """Raise InputError where an exposure lies outside [lo, hi], s."""
     outside = np.flatnonzero((events.time < lo) | (events.time > hi))
     if outside.size:
         k = int(outside[0])

@@ -14,7 +14,7 @@ OUTLYING, LEAST_M = (
 
 
 def north_east(gnss: GnssFixes) -> Array:
-    """North and east of the first fix, (n, 2) m."""
+    """Return north and east from the first fix, shape (n, 2), m."""
     M, N = curvature_radii(gnss.lat[0])
     return np.column_stack(
         [(gnss.lat - gnss.lat[0]) * M, (gnss.lon - gnss.lon[0]) * N * np.cos(gnss.lat[0])]
@@ -22,7 +22,13 @@ def north_east(gnss: GnssFixes) -> Array:
 
 
 def liveliest(gnss: GnssFixes, length_s: float) -> tuple[float, float]:
-    """Begin and end, s, of the `length_s` seconds in which the fixes draw the longest path."""
+    """Find the `length_s` seconds in which the fixes draw the longest path.
+
+    Returns
+    -------
+    tuple of float, s
+        Begin and end.
+    """
     step = np.minimum(
         np.linalg.norm(np.diff(north_east(gnss), axis=0), axis=1), FASTEST_MS * np.diff(gnss.time)
     )
@@ -33,22 +39,27 @@ def liveliest(gnss: GnssFixes, length_s: float) -> tuple[float, float]:
 
 
 def sound_fixes(gnss: GnssFixes) -> NDArray[np.bool_]:
-    """Fixes that lie on a smooth path with their two neighbours on either side; single gross ones
-    do not.
+    """Find the fixes that lie on a smooth path with their two neighbours on either side.
+
+    Single gross fixes, the outliers of the path, do not.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
     """
     p = np.column_stack([north_east(gnss), -gnss.height])
     sound = np.ones(gnss.time.size, dtype=bool)
     for _ in range(4):
-        at = np.flatnonzero(sound)
-        if at.size < 10:
+        rows = np.flatnonzero(sound)
+        if rows.size < 10:
             break
-        q = p[at]
-        off = np.zeros(at.size)
+        q = p[rows]
+        off = np.zeros(rows.size)
         off[2:-2] = np.linalg.norm(
             q[2:-2] - (4.0 * (q[1:-3] + q[3:-1]) - q[:-4] - q[4:]) / 6.0, axis=1
         )
-        even = np.zeros(at.size, dtype=bool)
-        step = np.diff(gnss.time[at])
+        even = np.zeros(rows.size, dtype=bool)
+        step = np.diff(gnss.time[rows])
         around = np.column_stack([step[:-3], step[1:-2], step[2:-1], step[3:]])
         even[2:-2] = around.max(axis=1) < 1.5 * np.median(step)
         off[~even] = 0.0
@@ -60,5 +71,5 @@ def sound_fixes(gnss: GnssFixes) -> NDArray[np.bool_]:
         bad = (off > limit) & (off == peak)
         if not bad.any():
             break
-        sound[at[bad]] = False
+        sound[rows[bad]] = False
     return sound

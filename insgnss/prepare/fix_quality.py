@@ -1,4 +1,4 @@
-"""The quality of a fix, as far as its file tells it, turned into a least standard deviation.
+"""A least standard deviation of a fix by its quality code.
 
 Receivers and engines state centimetres for float solutions whose ambiguities are decimetres off,
 and standard deviations of the code noise for single-point positions whose error is the ionosphere.
@@ -16,8 +16,18 @@ from ..records import Check, GnssFixes
 
 
 def with_floors(gnss: GnssFixes, floors: Mapping[int, tuple[float, ...]]) -> GnssFixes:
-    """The fixes with at least the standard deviations `floors`, m north, east, down by quality
-    code; a note says how many changed.
+    """Raise the standard deviations of the fixes to least values by quality code.
+
+    Parameters
+    ----------
+    gnss : GnssFixes
+    floors : mapping of int to tuple of float, m
+        Least standard deviations north, east and down by quality code.
+
+    Returns
+    -------
+    GnssFixes
+        The fixes, with a note of how many changed; unchanged where they carry no quality.
     """
     if gnss.quality is None:
         return gnss
@@ -34,7 +44,7 @@ def with_floors(gnss: GnssFixes, floors: Mapping[int, tuple[float, ...]]) -> Gns
             changed.append(f"{raised} of quality {code} to {' / '.join(f'{s:g}' for s in floor)} m")
     if not changed:
         return gnss
-    found = f"standard deviations raised: {', '.join(changed)}"
+    statement = f"standard deviations raised: {', '.join(changed)}"
     codes = "of RTKLIB's codes 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP"
-    note = Check("GNSS quality", found, codes, "note", "gnss.quality_sigma_m sets them")
+    note = Check("GNSS quality", statement, codes, "note", "gnss.quality_sigma_m sets them")
     return replace(gnss, cov_ned=cov, notes=(*gnss.notes, note))

@@ -1,14 +1,13 @@
-"""Gaps of the IMU: bridged where the recording itself shows how well that can be done, else the
-flight is cut there.
+"""Gaps of the IMU: bridged where the recording shows how well that can be done, else cut.
 
 An interval longer than `LACKING` nominal ones lacks samples. Up to `BRIDGE_S` it is bridged by the
 mean of the rates at its two ends (`increments`). What the body did meanwhile is unknown, but the
-minute around the gap tells how far such a bridge is off: over every interval of the same length
+minute around the gap shows how far such a bridge is off: over every interval of the same length
 that has its samples, the bridge is compared with what the sensors saw,
 
     d = (x[j] + x[j + k]) L / 2  -  sum of the increments from j to j + k                      (G.1)
 
-and the mean square of d, channel by channel, is the variance that the filter is told
+and the mean square of d, channel by channel, is the variance that the filter adds
 (`navigation.error_model`, E.8). A standing vehicle is bridged to the noise of its sensors, a
 turning one to degrees. Longer gaps divide the recording into segments that are aligned, filtered
 and smoothed each on its own.
@@ -31,26 +30,30 @@ EDGE_S = 0.1
 
 
 def nominal_interval(time: Array) -> float:
-    """Median sample interval, s."""
+    """Return the median sample interval, s."""
     step = np.diff(time[: min(time.size, 200_001)])
     return float(np.median(step))
 
 
 def find_gaps(time: Array, nominal: float) -> list[tuple[float, float]]:
-    """(time of the last sample before, length) of every interval longer than `LACKING` nominal
-    ones.
+    """Find every interval longer than `LACKING` nominal ones.
+
+    Returns
+    -------
+    list of tuple of float, s
+        The time of the last sample before each gap, and its length.
     """
     step = np.diff(time)
     return [(float(time[i]), float(step[i])) for i in np.flatnonzero(step > LACKING * nominal)]
 
 
 def limit(nominal: float) -> float:
-    """Longest gap that is bridged, s."""
+    """Return the longest gap that is bridged, s."""
     return max(BRIDGE_S, 3.0 * nominal)
 
 
 def segments(time: Array, lo: float, hi: float) -> list[tuple[float, float]]:
-    """The segments of [lo, hi] between the gaps that are not bridged."""
+    """Return begin and end, s, of the segments of [lo, hi] between gaps that are not bridged."""
     nominal = nominal_interval(time)
     cuts = [
         (t, t + length)
@@ -62,7 +65,7 @@ def segments(time: Array, lo: float, hi: float) -> list[tuple[float, float]]:
 
 
 def edges(time: Array, lo: float, hi: float) -> Array:
-    """Instants at both ends of every gap of [lo, hi] longer than `EDGE_S`."""
+    """Return the instants, s, at both ends of every gap of [lo, hi] longer than `EDGE_S`."""
     gaps = [g for g in find_gaps(time, nominal_interval(time)) if g[1] > EDGE_S]
     return np.array([x for t, length in gaps for x in (t, t + length) if lo < x < hi])
 
@@ -70,11 +73,28 @@ def edges(time: Array, lo: float, hi: float) -> Array:
 def bridged_variance(
     imu: ImuSamples, C_b_imu: Array, gaps: list[tuple[float, float]], marks: Array
 ) -> Array:
-    """(m, 6) variance of the increments since the mark before, rad^2 and m^2/s^2 in body axes; 0
-    where no gap is bridged.
+    """Return the variance of the increments that bridged gaps add.
 
-    Raises DataError where the gaps come so often that nowhere the samples of an interval as long as
-    they are there.
+    Parameters
+    ----------
+    imu : ImuSamples
+        Samples in the sensor's axes.
+    C_b_imu : ndarray, shape (3, 3)
+        IMU axes to body.
+    gaps : list of tuple of float, s
+        Begin and length of the gaps.
+    marks : ndarray, shape (m,), s
+
+    Returns
+    -------
+    ndarray, shape (m, 6), rad^2 and m^2/s^2
+        Variance since the mark before, in body axes; 0 where no gap is bridged.
+
+    Raises
+    ------
+    DataError
+        Where the gaps come so often that the recording has no unbroken interval as long as they
+        are.
     """
     out = np.zeros((marks.size, 6))
     if not gaps:
@@ -82,9 +102,9 @@ def bridged_variance(
     seen = _Seen(imu, C_b_imu)
     for t, length in gaps:
         first, last = np.searchsorted(marks, t, side="right"), np.searchsorted(marks, t + length)
-        at = np.arange(max(int(first), 1), min(int(last) + 1, marks.size))
-        overlap = np.minimum(marks[at], t + length) - np.maximum(marks[at - 1], t)
-        out[at] += seen.variance(t, length) * np.maximum(overlap, 0.0)[:, None] / length
+        rows = np.arange(max(int(first), 1), min(int(last) + 1, marks.size))
+        overlap = np.minimum(marks[rows], t + length) - np.maximum(marks[rows - 1], t)
+        out[rows] += seen.variance(t, length) * np.maximum(overlap, 0.0)[:, None] / length
     return out
 
 
@@ -99,8 +119,9 @@ class _Seen:
         self._known: dict[tuple[int, int], Array] = {}
 
     def variance(self, t: float, length: float) -> Array:
-        """(6,) mean square of (G.1) around `t`, once for each length and half minute; DataError
-        where there is nothing to compare.
+        """Return the mean square (6,) of (G.1) around `t`, once for each length and half minute.
+
+        Raises DataError where there is nothing to compare.
         """
         k = max(round(length / self.nominal), 2)
         key = (k, int((t - self.time[0]) / AROUND_S))
@@ -112,7 +133,7 @@ class _Seen:
             if not near.shape[0]:
                 raise DataError(
                     f"gap of {length:.3f} s at {t:.3f} s: nowhere are the samples of an interval"
-                    " that long without a gap, which would tell how well it is bridged; record"
+                    " that long without a gap, to show how well it is bridged; record"
                     " without gaps"
                 )
             self._known[key] = np.mean(near**2, axis=0)

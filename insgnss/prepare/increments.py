@@ -16,7 +16,8 @@ which the strapdown adds after the bias is taken off. The second term holds what
 and sculling. The slope that this needs to fifth order comes from the means of the four neighbouring
 intervals (the whole flight is there, so both sides are known):
 
-    a1* h = (82 (r[k+1] - r[k-1]) - 11 (r[k+2] - r[k-2])) / 120,   a2 h^2 = (r[k+1] + r[k-1]) / 2 - r[k] (I.3)
+    a1* h = (82 (r[k+1] - r[k-1]) - 11 (r[k+2] - r[k-2])) / 120,
+    a2 h^2 = (r[k+1] + r[k-1]) / 2 - r[k]                                                      (I.3)
 
 Where the five intervals are not alike (ends, gaps, jitter over one percent), the slope is the
 difference of the two neighbours over the time between their middles and a2 is left out. A time mark
@@ -43,23 +44,47 @@ SNAP_S = 1e-7
 
 
 def merge_marks(*times: Array) -> tuple[Array, list[np.ndarray]]:
-    """Sorted union of instants and, for each input, the index of its instants in the union; closer
-    than `SNAP_S` is one.
+    """Merge sorted instants; instants closer than `SNAP_S` are one.
+
+    Parameters
+    ----------
+    *times : ndarray, shape (n_i,), s
+
+    Returns
+    -------
+    union : ndarray, shape (m,), s
+        The sorted union.
+    indices : list of ndarray of int, shape (n_i,)
+        For each input, the index of its instants in the union.
     """
     every = np.sort(np.concatenate(times))
     keep = np.concatenate([[True], np.diff(every) > SNAP_S])
     union = every[keep]
-    place = [np.searchsorted(union, t + SNAP_S, side="right") - 1 for t in times]
-    return union, place
+    indices = [np.searchsorted(union, t + SNAP_S, side="right") - 1 for t in times]
+    return union, indices
 
 
 def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array) -> Increments:
-    """Body increments from the first to the last mark, split at every mark.
+    """Integrate samples into body increments from the first to the last mark, split at every mark.
 
-    imu : samples in the sensor's axes.   C_b_imu : (3, 3), sensor axes to body.
-    marks : (m,) s, increasing, within the recording.
-    Raises DataError where a gap between the first and the last mark is too long to be bridged, or
-    nothing tells how well it is.
+    Parameters
+    ----------
+    imu : ImuSamples
+        Samples in the sensor's axes.
+    C_b_imu : ndarray, shape (3, 3)
+        Sensor axes to body.
+    marks : ndarray, shape (m,), s
+        Increasing instants within the recording.
+
+    Returns
+    -------
+    Increments
+
+    Raises
+    ------
+    DataError
+        Where a gap between the first and the last mark is too long to be bridged, or the recording
+        does not show how well it is bridged.
     """
     from ._kernels import build_segments
 
@@ -95,7 +120,7 @@ def body_increments(imu: ImuSamples, C_b_imu: Array, marks: Array) -> Increments
 
 
 def _snap_to_samples(marks: Array, time: Array) -> Array:
-    """Marks within `SNAP_S` of a sample moved onto it, so that no segment is shorter than that."""
+    """Move marks within `SNAP_S` of a sample onto it, so that no interval is shorter than that."""
     i = np.clip(np.searchsorted(time, marks), 1, time.size - 1)
     nearest = np.where(marks - time[i - 1] < time[i] - marks, time[i - 1], time[i])
     return np.where(np.abs(nearest - marks) < SNAP_S, nearest, marks)

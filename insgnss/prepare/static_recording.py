@@ -1,20 +1,21 @@
-"""Is a recording fit to tell the noise of its sensor: at rest, whole, alive, in the right units,
-finer than its own rounding?
+"""Checks of a static recording: is it fit to show the noise of its sensor?
 
-Blocks of a second carry what tells: their means and variances. A sensor at rest has noise and a
-bias that wanders, and both are Gaussian, so in each channel
+It must be stationary, whole, alive, in the right units and finer than its own rounding. Blocks of a
+second show that: their means and variances. A sensor at rest has noise and a bias that wanders, and
+both are Gaussian, so in each channel the values
 
-    log of the variance in a block, difference of two neighbouring means, difference of two neighbouring means of ten blocks      (S.1)
+    log of the variance in a block, difference of two neighbouring means,
+    difference of two neighbouring means of ten blocks                                         (S.1)
 
 scatter about their medians like normal deviates whose sigma is 1.4826 median |deviation|. One that
 is beyond eight sigma is no noise: it is a knock, a person walking by, a tilt of the table, or a
 jump of the bias (a step, where only the means of ten blocks show it). Slow wander of the bias does
-not trigger it, since its own differences are the scale. Rest itself is judged by `still`, with
-limits of its own.
+not trigger it, since its own differences are the scale. `stationarity` decides whether the sensor
+is stationary, with limits of its own.
 
 Rounding to a step s adds s^2/12 of white noise as long as the noise before it exceeds half a step
 (Widrow and Kollar 2008, chapter 5); below that the rounding error follows the signal, and no
-variance tells the sensor's noise any more.
+variance shows the sensor's noise any more.
 """
 
 from dataclasses import dataclass
@@ -27,15 +28,15 @@ from ..base.units import STANDARD_GRAVITY
 from ..records import Array, Check, ImuSamples, Verdict
 from ..records.variances import MAD_TO_SIGMA
 from .gaps import LACKING, find_gaps, nominal_interval
-from .stationarity import MAX_BIAS, NORM_HIGH, NORM_LOW, Stretches, still_stretches
+from .stationarity import MAX_BIAS, NORM_HIGH, NORM_LOW, StationaryPeriods, stationary_periods
 from .stuck_channels import CHANNELS, LONGER, constant_runs
 
 LEAST_S = 60.0
 STUCK_S, STUCK_SAMPLES = 5.0, 10
 BLOCK_S, LEAST_IN_BLOCK, LONG_BLOCKS = 1.0, 20, 10
 SIGMAS, STRONG = 8.0, 20.0
-NEAR = 0.1  # of the mean force to gravity, for a unit to be told
-LEAST_RISE = 0.3  # of the log of a variance: what a thermal fan does to it is not worth a word
+NEAR = 0.1  # of the mean force to gravity, to suggest a unit
+LEAST_RISE = 0.3  # of the log of a variance: what a thermal fan does to it is not reported
 REST_SHARE = 0.9
 FINE = 1.5  # samples scatter by so many steps of their rounding
 ROUNDED = 0.5  # below it the rounding hides the noise
@@ -45,8 +46,18 @@ RAIL_RUN, RAIL_SIGMAS = 3, 6.0
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What is no noise of the sensor: begin and length in s from the recording's start, channel,
-    kind, size in robust sigmas.
+    """A disturbance of a static recording, which is no noise of the sensor.
+
+    Parameters
+    ----------
+    begin_s : float, s
+        From the recording's start.
+    length_s : float, s
+    channel : str
+    kind : str
+        "shaken" or "step".
+    sigmas : float
+        Size in robust standard deviations.
     """
 
     begin_s: float
@@ -64,12 +75,20 @@ class Disturbance:
 
 @dataclass(frozen=True, eq=False)
 class StaticSpan:
-    """The samples that serve, as mean rates in SI at equal intervals, and what the checks say.
+    """The samples that serve, as mean rates in SI at equal intervals, with the checks.
 
-    gyro, accel : (n, 3) rad/s and m/s^2.
-    rate_hz : samples a second.
-    begin_s : of the span, from the recording's first sample.
-    filled : samples that stand for missing ones.   disturbances : the strongest first.
+    Parameters
+    ----------
+    gyro : ndarray, shape (n, 3), rad/s
+    accel : ndarray, shape (n, 3), m/s^2
+    rate_hz : float, Hz
+    begin_s : float, s
+        Begin of the span, from the recording's first sample.
+    filled : int
+        Number of interpolated samples in the place of missing ones.
+    checks : tuple of Check
+    disturbances : tuple of Disturbance
+        The strongest first.
     """
 
     gyro: Array
@@ -82,18 +101,35 @@ class StaticSpan:
 
     @property
     def length_s(self) -> float:
-        """Length, s."""
+        """Length of the span, s."""
         return len(self.gyro) / self.rate_hz
 
 
 def static_span(
     imu: ImuSamples, skip_s: float = 0.0, keep_s: float = np.inf, bridge_s: float = 0.0
 ) -> StaticSpan:
-    """The longest unbroken span of a recording and its checks; a check that says "contradiction"
-    makes it unfit.
+    """Find the longest unbroken span of a recording and check it.
 
-    skip_s, keep_s : what is left out at the beginning, and how much is taken from there on.
-    bridge_s : gaps up to this length are filled by the straight line between their ends.
+    A check with the verdict "contradiction" makes the recording unfit.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+    skip_s : float, s
+        Time left out at the beginning.
+    keep_s : float, s
+        Time taken from there on.
+    bridge_s : float, s
+        Gaps up to this length are filled by the straight line between their ends.
+
+    Returns
+    -------
+    StaticSpan
+
+    Raises
+    ------
+    DataError
+        Where nothing is left from `skip_s` on.
     """
     nominal = nominal_interval(imu.time)
     time = imu.time - imu.time[0]
@@ -104,13 +140,13 @@ def static_span(
             " skip less"
         )
     first, last, whole = _unbroken(time, lo, hi, nominal, bridge_s)
-    place = _places(time[first:last], nominal)
-    filled = int(place[-1]) + 1 - place.size
+    cells = _places(time[first:last], nominal)
+    filled = int(cells[-1]) + 1 - cells.size
     scale = 1.0 / nominal if imu.quantity == "increments" else 1.0
     gyro, accel = (
-        _even(triad[first:last], place, filled, scale) for triad in (imu.gyro, imu.accel)
+        _even(triad[first:last], cells, filled, scale) for triad in (imu.gyro, imu.accel)
     )
-    rate = float(place[-1] / (time[last - 1] - time[first]))
+    rate = float(cells[-1] / (time[last - 1] - time[first]))
     checks = [_rate(time[lo:hi], nominal), whole, _length(len(gyro) / rate)]
     checks += _channels([*gyro.T, *accel.T], rate)
     checks.append(_units(gyro, accel))
@@ -127,7 +163,7 @@ def _length(length_s: float) -> Check:
     verdict: Verdict = "contradiction" if length_s < LEAST_S else "ok"
     expected, advice = (
         f"{LEAST_S:.0f} s and more",
-        "record for longer: hours, where slow processes are to be told",
+        "record for longer: hours, to resolve slow processes",
     )
     return Check("length", f"{length_s:.1f} s without interruption", expected, verdict, advice)
 
@@ -135,7 +171,7 @@ def _length(length_s: float) -> Check:
 def _rate(time: Array, nominal: float) -> Check:
     """Stamps that come in bunches make no rate."""
     mean = float(time[-1] - time[0]) / max(time.size - 1, 1)
-    found = f"{1.0 / nominal:.6g} Hz, {time[-1] - time[0]:.1f} s, {time.size} samples"
+    finding = f"{1.0 / nominal:.6g} Hz, {time[-1] - time[0]:.1f} s, {time.size} samples"
     if nominal < 0.5 * mean:
         advice = (
             "the stamps come in bunches: leave their column out and give the sensor's rate"
@@ -143,20 +179,18 @@ def _rate(time: Array, nominal: float) -> Check:
         )
         return Check(
             "sampling",
-            f"{found}; median interval {nominal:.3g} s, mean {mean:.3g} s",
+            f"{finding}; median interval {nominal:.3g} s, mean {mean:.3g} s",
             "even stamps",
             "contradiction",
             advice,
         )
-    return Check("sampling", found, "even stamps")
+    return Check("sampling", finding, "even stamps")
 
 
 def _unbroken(
     time: Array, lo: int, hi: int, nominal: float, bridge_s: float
 ) -> tuple[int, int, Check]:
-    """First sample, the one after the last of the longest span without a gap that is not bridged,
-    and what to say of the gaps.
-    """
+    """First sample, the one after the last of the longest unbroken span, and the check."""
     expected = "no interval over 1.5 nominal ones"
     gaps = find_gaps(time[lo:hi], nominal)
     if not gaps:
@@ -167,21 +201,21 @@ def _unbroken(
     longest = int(np.argmax(np.diff(edges)))
     first, last = lo + int(edges[longest]), lo + int(edges[longest + 1])
     worst = max(gaps, key=lambda gap: gap[1])
-    found = f"{len(gaps)} gaps, the longest of {worst[1]:.3g} s at {worst[0]:.1f} s"
+    finding = f"{len(gaps)} gaps, the longest of {worst[1]:.3g} s at {worst[0]:.1f} s"
     if cuts.size:
         share = (last - first) / (hi - lo)
-        found += (
+        finding += (
             f"; used is the longest span without, {time[first]:.1f} to {time[last - 1]:.1f} s,"
             f" {share:.0%} of the samples"
         )
     if bridge_s:
-        found += f"; gaps up to {bridge_s:g} s are filled by straight lines"
+        finding += f"; gaps up to {bridge_s:g} s are filled by straight lines"
     return (
         first,
         last,
         Check(
             "missing samples",
-            found,
+            finding,
             expected,
             "note",
             "" if bridge_s else "--bridge SECONDS fills short gaps instead",
@@ -196,16 +230,16 @@ def _places(time: Array, nominal: float) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(whole)]).astype(np.int64)
 
 
-def _even(values: Array, place: NDArray[np.int64], filled: int, scale: float) -> Array:
+def _even(values: Array, cells: NDArray[np.int64], filled: int, scale: float) -> Array:
     """(n, 3) on the grid, in rates."""
     if filled:
-        grid = np.arange(place[-1] + 1)
-        values = np.column_stack([np.interp(grid, place, column) for column in values.T])
+        grid = np.arange(cells[-1] + 1)
+        values = np.column_stack([np.interp(grid, cells, column) for column in values.T])
     return values if scale == 1.0 else values * scale
 
 
 def _channels(columns: list[Array], rate: float) -> list[Check]:
-    """Channels that hang, rails and rounding."""
+    """Check for stuck channels, rails and rounding."""
     named = list(zip(CHANNELS, columns, strict=True))
     expected = f"no channel constant for over {STUCK_S:.0f} s"
     if stuck := [f"{name} {how}" for name, column in named if (how := _stuck(column, rate))]:
@@ -213,14 +247,14 @@ def _channels(columns: list[Array], rate: float) -> list[Check]:
         return [Check("constant channel", "; ".join(stuck), expected, "contradiction", advice)]
     checks = [Check("constant channel", "every channel alive", expected)]
     size = max(LEAST_IN_BLOCK, round(BLOCK_S * rate))
-    coarse = [(name, *found) for name, column in named if (found := _rounding(column, size))]
+    coarse = [(name, *rounding) for name, column in named if (rounding := _rounding(column, size))]
     if coarse:
         names, steps = (
             ", ".join(name for name, _, _ in coarse),
             ", ".join(f"{n:.2g}" for _, n, _ in coarse),
         )
         shares = ", ".join(f"{100 / 12 / n**2:.0f}" for _, n, _ in coarse)
-        what = (
+        finding = (
             f"{names} scatter by {steps} steps of their resolution, {shares} % of the variance is"
             " rounding"
         )
@@ -232,7 +266,7 @@ def _channels(columns: list[Array], rate: float) -> list[Check]:
             else "the white noise found contains the rounding"
         )
         checks.append(
-            Check("rounding", what, f"samples scatter by {FINE} steps and more", verdict, advice)
+            Check("rounding", finding, f"samples scatter by {FINE} steps and more", verdict, advice)
         )
     if rails := [f"{name} {how}" for name, column in named if (how := _rail(column))]:
         checks.append(
@@ -248,7 +282,7 @@ def _channels(columns: list[Array], rate: float) -> list[Check]:
 
 
 def _stuck(column: Array, rate: float) -> str:
-    """How a channel hangs, or nothing."""
+    """Describe how a channel is stuck; empty where it is not."""
     if column.min() == column.max():
         return f"is {column[0]:z.6g} throughout"
     probed = column[:PROBED]
@@ -267,7 +301,7 @@ def _stuck(column: Array, rate: float) -> str:
 
 
 def _units(gyro: Array, accel: Array) -> Check:
-    """Gravity and the smallness of the rate at rest against the units."""
+    """Check the units against gravity and the smallness of the rate at rest."""
     name, expected = (
         "units",
         (
@@ -276,7 +310,7 @@ def _units(gyro: Array, accel: Array) -> Check:
         ),
     )
     force, rate = float(np.linalg.norm(accel.mean(axis=0))), float(np.abs(gyro.mean(axis=0)).max())
-    found = f"|mean force| {force:.4g} m/s^2, mean rate {np.degrees(rate):.3g} deg/s"
+    finding = f"|mean force| {force:.4g} m/s^2, mean rate {np.degrees(rate):.3g} deg/s"
     if not NORM_LOW < force < NORM_HIGH:
         factors = {"g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY}
         near = [
@@ -290,16 +324,16 @@ def _units(gyro: Array, accel: Array) -> Check:
             if near
             else f"if these are counts, --accel-unit {one!r}"
         )
-        return Check(name, found, expected, "contradiction", f"{advice}; gravity must be in them")
+        return Check(name, finding, expected, "contradiction", f"{advice}; gravity must be in them")
     if rate > MAX_BIAS:
         return Check(
             name,
-            found,
+            finding,
             expected,
             "contradiction",
             "it turns, or the unit is another: give --gyro-unit, deg/s or that of a count",
         )
-    return Check(name, found, expected)
+    return Check(name, finding, expected)
 
 
 def _rounding(column: Array, size: int) -> tuple[float, float] | None:
@@ -314,26 +348,29 @@ def _rounding(column: Array, size: int) -> tuple[float, float] | None:
 
 
 def _rail(column: Array) -> str:
-    """A reading at the end of the range: the same extreme value, far off, several times in a row."""
+    """Describe a reading at the end of the range; empty where there is none.
+
+    That is the same extreme value, far off, several times in a row.
+    """
     mean, sigma = float(column.mean()), float(column.std())
     for extreme in (column.min(), column.max()):
         if abs(extreme - mean) > RAIL_SIGMAS * sigma:
-            at = np.flatnonzero(column == extreme)
+            rows = np.flatnonzero(column == extreme)
             if (
-                at.size >= RAIL_RUN
-                and (at[RAIL_RUN - 1 :] - at[: 1 - RAIL_RUN] == RAIL_RUN - 1).any()
+                rows.size >= RAIL_RUN
+                and (rows[RAIL_RUN - 1 :] - rows[: 1 - RAIL_RUN] == RAIL_RUN - 1).any()
             ):
-                return f"stands at {extreme:.4g} {at.size} times"
+                return f"reads {extreme:.4g} in {rows.size} samples"
     return ""
 
 
 def _at_rest(
     gyro: Array, accel: Array, begin: float, rate: float
 ) -> tuple[tuple[Disturbance, ...], Check]:
-    """Disturbances, and what to say of rest."""
+    """Find the disturbances, and check that the sensor is stationary."""
     length = len(gyro) / rate
-    still = still_stretches(ImuSamples(np.arange(len(gyro)) / rate, gyro, accel))
-    share = float(np.sum(still.time[:, 1] - still.time[:, 0]) / length)
+    periods = stationary_periods(ImuSamples(np.arange(len(gyro)) / rate, gyro, accel))
+    share = float(np.sum(periods.time[:, 1] - periods.time[:, 0]) / length)
     name, expected = "motion", f"at rest for {REST_SHARE:.0%} of the time and more"
     if share < REST_SHARE:
         scatter = ", ".join(
@@ -346,30 +383,34 @@ def _at_rest(
         )
         return (), Check(
             name,
-            f"at rest for {share:.0%} of the time{_longest(still, begin)}",
+            f"at rest for {share:.0%} of the time{_longest(periods, begin)}",
             expected,
             "contradiction",
             advice,
         )
-    found = _disturbances(np.column_stack([gyro, accel]), begin, rate)
-    if not found:
+    disturbances = _disturbances(np.column_stack([gyro, accel]), begin, rate)
+    if not disturbances:
         return (), Check(name, "at rest throughout", expected)
-    more = f" and {len(found) - 3} more" if len(found) > 3 else ""
-    how = "disturbed" if found[0].sigmas > STRONG else "slightly disturbed"
+    more = f" and {len(disturbances) - 3} more" if len(disturbances) > 3 else ""
+    how = "disturbed" if disturbances[0].sigmas > STRONG else "slightly disturbed"
     advice = (
         "leave the recording out, cut it with --skip and --keep, or fit with --robust"
-        if found[0].sigmas > STRONG
+        if disturbances[0].sigmas > STRONG
         else ""
     )
-    return found, Check(
-        name, f"{how}: {'; '.join(map(str, found[:3]))}{more}", "nothing but noise", "note", advice
+    return disturbances, Check(
+        name,
+        f"{how}: {'; '.join(map(str, disturbances[:3]))}{more}",
+        "nothing but noise",
+        "note",
+        advice,
     )
 
 
-def _longest(still: Stretches, begin: float) -> str:
-    if not len(still):
+def _longest(periods: StationaryPeriods, begin: float) -> str:
+    if not len(periods):
         return ""
-    lo, hi = still.time[int(np.argmax(still.time[:, 1] - still.time[:, 0]))] + begin
+    lo, hi = periods.time[int(np.argmax(periods.time[:, 1] - periods.time[:, 0]))] + begin
     return f", longest from {lo:.0f} to {hi:.0f} s"
 
 
@@ -391,28 +432,28 @@ def _disturbances(x: Array, begin: float, rate: float) -> tuple[Disturbance, ...
     beyond = np.flatnonzero((np.abs(scores) > SIGMAS).any(axis=(0, 2)))
     if not beyond.size:
         return ()
-    found = []
+    disturbances = []
     for run in np.split(beyond, np.flatnonzero(np.diff(beyond) > LONG_BLOCKS) + 1):
-        part = np.abs(scores[:, run[0] : run[-1] + 1])
-        channel = int(np.argmax(part.max(axis=(0, 1))))
-        quick = bool(part[:2].max() > SIGMAS)
-        lo, hi = _quick_span(part[:2], run[0]) if quick else (run[0], run[-1] + 1)
+        run_scores = np.abs(scores[:, run[0] : run[-1] + 1])
+        channel = int(np.argmax(run_scores.max(axis=(0, 1))))
+        quick = bool(run_scores[:2].max() > SIGMAS)
+        lo, hi = _quick_span(run_scores[:2], run[0]) if quick else (run[0], run[-1] + 1)
         kind = "shaken" if quick else "step"
-        found.append(
+        disturbances.append(
             Disturbance(
                 begin + lo * size / rate,
                 (hi - lo) * size / rate,
                 CHANNELS[channel],
                 kind,
-                float(part.max()),
+                float(run_scores.max()),
             )
         )
-    return tuple(sorted(found, key=lambda d: -d.sigmas))
+    return tuple(sorted(disturbances, key=lambda d: -d.sigmas))
 
 
-def _quick_span(part: Array, first: int) -> tuple[int, int]:
-    at = np.flatnonzero((part > SIGMAS).any(axis=(0, 2)))
-    return first + int(at[0]), first + int(at[-1]) + 1
+def _quick_span(scores: Array, first: int) -> tuple[int, int]:
+    blocks = np.flatnonzero((scores > SIGMAS).any(axis=(0, 2)))
+    return first + int(blocks[0]), first + int(blocks[-1]) + 1
 
 
 def _moving_mean(x: Array, width: int) -> Array:

@@ -1,24 +1,23 @@
-"""Where the sensor stood: stretches of zero velocity and zero rotation, found from the IMU and
-confirmed by GNSS.
+"""Stationarity detection: periods of zero velocity and zero rotation, from the IMU and GNSS.
 
-A sensor at rest feels a constant. With the mean of a window unknown (it holds bias, gravity and
-Earth rate), the generalised likelihood ratio of "constant" against "anything" is the variance about
-the window's own mean over the sensor's noise (Skog, Haendel, Nilsson, Rantakokko 2010, with bias
-and attitude unknown):
+The periods found here become zero-velocity updates (ZUPT) of the filter. A sensor at rest feels a
+constant. With the mean of a window unknown (it holds bias, gravity and Earth rate), the generalised
+likelihood ratio of "constant" against "anything" is the variance about the window's own mean over
+the sensor's noise (Skog, Haendel, Nilsson, Rantakokko 2010, with bias and attitude unknown):
 
     T = (1/3N) sum over samples and axes of (x - mean)^2 / sigma^2,   at rest about 1          (Z.1)
 
 for each triad; both must be quiet. The noise is the recording's own: sigma^2 is taken from its
 quietest windows, those that GNSS confirms where it can. What counts as quiet has an upper limit all
-the same (`MAX_...`), so that a recording that never rests has no rest. White noise makes the means
-of sub-windows vary by sigma^2 / n only; what they vary beyond that is slow motion:
+the same (`MAX_...`), so that a recording that never stands has no stationary period. White noise
+makes the means of sub-windows vary by sigma^2 / n only; what they vary beyond that is slow motion:
 
     s^2 = var(block means) - var(samples) (blocks - 1) / samples                               (Z.2)
 
-A smooth cruise at constant velocity looks like rest to an IMU. GNSS tells it: the displacement over
-the window, and the velocity where the receiver gives one, must be zero within three of their
-standard deviations. A hovering drone stands still for GNSS but vibrates; (Z.1) and its upper limits
-tell. Where GNSS is absent or too poor to tell, the IMU alone decides.
+A smooth cruise at constant velocity looks stationary to an IMU. GNSS excludes it: the displacement
+over the window, and the velocity where the receiver gives one, must be zero within three of their
+standard deviations. A hovering drone is stationary for GNSS but vibrates; (Z.1) and its upper
+limits exclude it. Where GNSS is absent or too poor to decide, the IMU alone decides.
 
 Skog, Haendel, Nilsson, Rantakokko (2010) "Zero-velocity detection - an algorithm evaluation", IEEE
 Trans. Biomed. Eng. 57(11).
@@ -52,24 +51,34 @@ MAX_SLOW_GYRO, MAX_SLOW_ACCEL = 3e-3, 0.05  # rad/s, m/s^2, of (Z.2)
 MAX_BIAS, BIAS_SPREAD = (
     0.1,
     0.01,
-)  # rad/s: of the mean rate, and of its difference to that of the other stretches
+)  # rad/s: of the mean rate, and of its difference to that of the other periods
 NORM_LOW, NORM_HIGH = (
     9.0,
     10.6,
 )  # m/s^2, mean specific force of a sensor at rest: gravity, biases and scale factors
-SIGMAS, WANDER_MS = 3.0, 0.1  # GNSS: errors of a standing receiver wander at a few cm/s
+SIGMAS, WANDER_MS = 3.0, 0.1  # GNSS: errors of a stationary receiver wander at a few cm/s
 USEFUL_MS = 1.5  # m/s, a GNSS that cannot exclude more than this confirms nothing
 
 MOVING, UNKNOWN, CONFIRMED = -1, 0, 1
 
 
 @dataclass(frozen=True, eq=False)
-class Stretches:
-    """k stretches at rest, in the order of time; means and standard deviations of a sample are in
+class StationaryPeriods:
+    """The k stationary periods of a recording, with statistics of their samples.
+
+    They stand in the order of time. Means and standard deviations are those of single samples in
     the IMU's own axes.
 
-    time : (k, 2) s, start and end.   gyro_mean, gyro_std : (k, 3) rad/s.   accel_mean, accel_std : (k, 3) m/s^2.
-    samples : (k,) number of samples.
+    Parameters
+    ----------
+    time : ndarray, shape (k, 2), s
+        Start and end.
+    gyro_mean : ndarray, shape (k, 3), rad/s
+    accel_mean : ndarray, shape (k, 3), m/s^2
+    gyro_std : ndarray, shape (k, 3), rad/s
+    accel_std : ndarray, shape (k, 3), m/s^2
+    samples : ndarray of int, shape (k,)
+        Number of samples.
     """
 
     time: Array
@@ -82,28 +91,32 @@ class Stretches:
     def __len__(self) -> int:
         return len(self.time)
 
-    def at(self, time: Array) -> NDArray[np.int64]:
-        """(n,) index of the stretch that holds each of the instants `time` (n,) s, -1 outside all
-        of them.
+    def index_of(self, time: Array) -> NDArray[np.int64]:
+        """Return the index of the period that holds each of the instants `time` (n,) s.
+
+        It is -1 outside all of them.
         """
         if not len(self):
             return np.full(np.shape(time), -1, dtype=np.int64)
         k = np.searchsorted(self.time[:, 0], time, side="right") - 1
         return np.where((k >= 0) & (np.asarray(time) <= self.time[np.maximum(k, 0), 1]), k, -1)
 
-    def within(self, begin: float, end: float) -> "Stretches":
-        """Those that lie wholly between two instants, s."""
+    def within(self, begin: float, end: float) -> "StationaryPeriods":
+        """Return the periods that lie wholly between two instants, s."""
         return self.where((self.time[:, 0] >= begin) & (self.time[:, 1] <= end))
 
-    def where(self, which: NDArray[np.bool_]) -> "Stretches":
-        """Those for which `which` (k,) is true."""
-        return Stretches(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+    def where(self, which: NDArray[np.bool_]) -> "StationaryPeriods":
+        """Return the periods for which `which` (k,) is true."""
+        return StationaryPeriods(
+            *(getattr(self, name)[which] for name in self.__dataclass_fields__)
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """Counts (b,), sums and sums of squares (b, 6) about `reference` (6,) of the samples in each
-    block of `length` s from `start` on.
+    """Counts, sums and sums of squares of the samples in blocks of `length` s from `start` on.
+
+    count is (b,); first and second are (b, 6), about `reference` (6,).
     """
 
     start: float
@@ -118,9 +131,7 @@ class _Sums:
         return np.asarray(self.start + self.length * block, dtype=np.float64)
 
     def over(self, lo: NDArray[np.int64], hi: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-        """Number of samples (w,), mean and variance (w, 6) of the blocks lo to hi - 1 of each
-        window.
-        """
+        """Number of samples (w,), mean and variance (w, 6) of windows of blocks lo to hi - 1."""
         n, s1, s2 = (_between(x, lo, hi) for x in (self.count, self.first, self.second))
         per = np.maximum(n, 1.0)[:, None]
         return n, s1 / per + self.reference, np.maximum(s2 / per - (s1 / per) ** 2, 0.0)
@@ -133,31 +144,39 @@ class _Sums:
         return np.maximum(_between(self.first * mean, lo, hi) / n - middle**2, 0.0)
 
 
-def still_stretches(imu: ImuSamples, gnss: GnssFixes | None = None) -> Stretches:
-    """Stretches of a second and more in which the sensor neither moves nor turns (Z.1, Z.2).
+def stationary_periods(imu: ImuSamples, gnss: GnssFixes | None = None) -> StationaryPeriods:
+    """Detect the stationary periods, of a second and longer (Z.1, Z.2).
 
-    imu : samples in any axes.
-    gnss : fixes on the same clock, None without; they confirm rest and exclude a smooth cruise.
+    Parameters
+    ----------
+    imu : ImuSamples
+        Samples in any axes.
+    gnss : GnssFixes, optional
+        Fixes on the same clock; they confirm that the vehicle stands and exclude a smooth cruise.
+
+    Returns
+    -------
+    StationaryPeriods
     """
     sums = _block_sums(imu)
     blocks = sums.count.size
     if blocks < WINDOW_BLOCKS:
-        return _stretches(sums, np.empty((0, 2), dtype=np.int64))
+        return _periods_of(sums, np.empty((0, 2), dtype=np.int64))
     lo = np.arange(blocks - WINDOW_BLOCKS + 1)
     hi = lo + WINDOW_BLOCKS
     full = _between((sums.count < 0.5 * np.median(sums.count)).astype(np.float64), lo, hi) == 0.0
     seen = _seen_by_gnss(gnss, sums.edge(lo), sums.edge(hi))
     quiet = _quiet(sums, lo, hi, full & (seen != MOVING), seen)
-    stretches = _stretches(sums, _runs(quiet, sums))
-    time = stretches.time
+    periods = _periods_of(sums, _runs(quiet, sums))
+    time = periods.time
     stands = _seen_by_gnss(gnss, time[:, 0], time[:, 1]) != MOVING
     if stands.any():
         usual = np.median(
-            np.repeat(stretches.gyro_mean[stands], stretches.samples[stands] // 50 + 1, axis=0),
+            np.repeat(periods.gyro_mean[stands], periods.samples[stands] // 50 + 1, axis=0),
             axis=0,
         )
-        stands &= np.abs(stretches.gyro_mean - usual).max(axis=1) < BIAS_SPREAD
-    return stretches.where(stands)
+        stands &= np.abs(periods.gyro_mean - usual).max(axis=1) < BIAS_SPREAD
+    return periods.where(stands)
 
 
 def _between(x: Array, lo: NDArray[np.int64], hi: NDArray[np.int64]) -> Array:
@@ -194,7 +213,7 @@ def _quiet(
     allowed: NDArray[np.bool_],
     seen: NDArray[np.int8],
 ) -> NDArray[np.bool_]:
-    """Which windows are at rest, of those `allowed`."""
+    """Which windows are stationary, of those `allowed`."""
     n, mean, variance = sums.over(lo, hi)
     slow = (
         sums.between_blocks(lo, hi) - variance * ((WINDOW_BLOCKS - 1) / np.maximum(n, 1.0))[:, None]
@@ -227,8 +246,9 @@ def _quiet(
 
 
 def _runs(quiet: NDArray[np.bool_], sums: _Sums) -> NDArray[np.int64]:
-    """(k, 2) first block and block after the last of every run of quiet windows, ends cut, long
-    enough.
+    """First block and block after the last (k, 2) of every long enough run of quiet windows.
+
+    The ends of each run are cut by `EDGE_BLOCKS`.
     """
     covered = np.zeros(sums.count.size + 1)
     np.add.at(covered, np.flatnonzero(quiet), 1.0)
@@ -243,16 +263,16 @@ def _runs(quiet: NDArray[np.bool_], sums: _Sums) -> NDArray[np.int64]:
     )
 
 
-def _stretches(sums: _Sums, runs: NDArray[np.int64]) -> Stretches:
+def _periods_of(sums: _Sums, runs: NDArray[np.int64]) -> StationaryPeriods:
     n, mean, variance = sums.over(runs[:, 0], runs[:, 1])
     std = np.asarray(np.sqrt(variance), dtype=np.float64)
-    return Stretches(
+    return StationaryPeriods(
         sums.edge(runs), mean[:, :3], mean[:, 3:], std[:, :3], std[:, 3:], n.astype(np.int64)
     )
 
 
 def _seen_by_gnss(gnss: GnssFixes | None, begin: Array, end: Array) -> NDArray[np.int8]:
-    """MOVING, UNKNOWN or CONFIRMED to stand, (w,), in the windows begin to end, (w,) s each."""
+    """MOVING, UNKNOWN or CONFIRMED stationary, (w,), in the windows begin to end, (w,) s each."""
     seen = np.full(begin.size, UNKNOWN, dtype=np.int8)
     if gnss is None or gnss.time.size < 2 or not begin.size:
         return seen
@@ -262,25 +282,31 @@ def _seen_by_gnss(gnss: GnssFixes | None, begin: Array, end: Array) -> NDArray[n
     position = frame.position_from_geodetic(gnss.lat, gnss.lon, gnss.height)
     sigma = np.sqrt(np.diagonal(gnss.cov_ned, axis1=1, axis2=2))
     length = (end - begin)[:, None]
-    moved = _at(gnss.time, position, end) - _at(gnss.time, position, begin)
+    moved = _interpolated(gnss.time, position, end) - _interpolated(gnss.time, position, begin)
     speeds = [
         (
             moved / length,
-            np.hypot(_at(gnss.time, sigma, begin), _at(gnss.time, sigma, end)) / length,
+            np.hypot(_interpolated(gnss.time, sigma, begin), _interpolated(gnss.time, sigma, end))
+            / length,
         )
     ]
     if gnss.velocity_ned is not None and gnss.velocity_cov_ned is not None:
         sigma_v = np.sqrt(np.diagonal(gnss.velocity_cov_ned, axis1=1, axis2=2))
         middle = 0.5 * (begin + end)
-        speeds.append((_at(gnss.time, gnss.velocity_ned, middle), _at(gnss.time, sigma_v, middle)))
-    known = _covered(gnss.time, begin, end)
+        speeds.append(
+            (
+                _interpolated(gnss.time, gnss.velocity_ned, middle),
+                _interpolated(gnss.time, sigma_v, middle),
+            )
+        )
+    covered = _covered(gnss.time, begin, end)
     for speed, deviation in speeds:
-        seen[known & (seen == UNKNOWN) & (SIGMAS * deviation.max(axis=1) < USEFUL_MS)] = CONFIRMED
-        seen[known & (np.abs(speed) > SIGMAS * deviation + WANDER_MS).any(axis=1)] = MOVING
+        seen[covered & (seen == UNKNOWN) & (SIGMAS * deviation.max(axis=1) < USEFUL_MS)] = CONFIRMED
+        seen[covered & (np.abs(speed) > SIGMAS * deviation + WANDER_MS).any(axis=1)] = MOVING
     return seen
 
 
-def _at(time: Array, values: Array, instants: Array) -> Array:
+def _interpolated(time: Array, values: Array, instants: Array) -> Array:
     """(w, 3) linear interpolation of values (n, 3)."""
     return np.stack([np.interp(instants, time, column) for column in values.T], axis=1)
 

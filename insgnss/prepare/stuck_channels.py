@@ -1,11 +1,12 @@
-"""Samples of a channel that hangs: the same number again and again while its neighbours move.
+"""Samples of a stuck (frozen) channel: one number again and again while its neighbours move.
 
 A sensor whose noise is finer than its resolution repeats a value with a probability p, which the
 recording itself shows; in n samples the longest run to be expected is log n / log(1 / p). A run
 that is three times as long, while another channel of the triad changes, is a register that was not
 renewed. Its samples are no measurements: they are left out, which makes a gap of them (`gaps`), and
-counted. Gyros of some devices read exactly zero as long as they hardly turn; that is no hang. A
-channel that hangs for longer than `plausibility.STILL_S` is a dead sensor, for a person to look at.
+counted. Gyros of some devices read exactly zero as long as they hardly turn; such a dead band is no
+stuck channel. A channel that is stuck for longer than `plausibility.STUCK_S` is a dead sensor, for
+a person to look at.
 """
 
 from dataclasses import replace
@@ -24,7 +25,13 @@ CHANNELS = ("gyro x", "gyro y", "gyro z", "accelerometer x", "accelerometer y", 
 
 
 def constant_runs(column: Array, shortest: int) -> list[tuple[int, int]]:
-    """(first, last) sample of every run of `shortest` equal values and more."""
+    """Find every run of `shortest` equal values and more.
+
+    Returns
+    -------
+    list of tuple of int
+        First and last sample of each run.
+    """
     step = max(shortest // 2, 1)
     probe = column[::step]
     same = np.flatnonzero(probe[1:] == probe[:-1])
@@ -46,13 +53,24 @@ def constant_runs(column: Array, shortest: int) -> list[tuple[int, int]]:
     return runs
 
 
-def without_hangs(imu: ImuSamples, longest_s: float) -> ImuSamples:
-    """The samples without those at which a channel hangs, for at most `longest_s`; a note says
-    which.
+def without_stuck_channels(imu: ImuSamples, longest_s: float) -> ImuSamples:
+    """Leave out the samples at which a channel is stuck.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+    longest_s : float, s
+        A longer run is kept: that channel is dead.
+
+    Returns
+    -------
+    ImuSamples
+        The samples that are left, with a note that names the runs; `imu` itself where there are
+        none.
     """
     dt = nominal_interval(imu.time)
     drop = np.zeros(imu.time.size, dtype=np.bool_)
-    told = []
+    runs = []
     for triad, offset in ((imu.gyro, 0), (imu.accel, 3)):
         for c in range(3):
             for first, last in constant_runs(triad[:, c], _shortest(triad[:, c], dt)):
@@ -65,19 +83,19 @@ def without_hangs(imu: ImuSamples, longest_s: float) -> ImuSamples:
                     and not (offset == 0 and dead_band(imu, c, first, last))
                 ):
                     drop[first + 1 : last + 1] = True
-                    told.append(
+                    runs.append(
                         f"{CHANNELS[offset + c]} from {imu.time[first]:.2f} s for {length:.2f} s"
                     )
-    if not told:
+    if not runs:
         return imu
     keep = ~drop
-    found = (
-        f"{int(drop.sum())} samples left out where a channel hangs:"
-        f" {', '.join(told[:5])}{', ...' if told[5:] else ''}"
+    finding = (
+        f"{int(drop.sum())} samples left out where a channel is stuck:"
+        f" {', '.join(runs[:5])}{', ...' if runs[5:] else ''}"
     )
     note = Check(
         "IMU rows",
-        found,
+        finding,
         "every channel renewed with every sample",
         "note",
         "look at the sensor's connection and logger",
@@ -92,8 +110,9 @@ def without_hangs(imu: ImuSamples, longest_s: float) -> ImuSamples:
 
 
 def dead_band(imu: ImuSamples, channel: int, first: int, last: int) -> bool:
-    """Whether a gyro reads exactly zero because it hardly turns, as some devices make it: often, or
-    while none of them turns.
+    """Whether a gyro reads exactly zero because it hardly turns, as some devices make it.
+
+    That is so where it reads zero often, or while none of the gyros turns.
     """
     column, per_second = (
         imu.gyro[:, channel],

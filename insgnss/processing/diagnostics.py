@@ -66,7 +66,7 @@ def report_rows(segments: Sequence[Segment], gps_week: int) -> list[ReportRows]:
 def run_diagnostics(
     segments: Sequence[Segment],
     rows: Sequence[ReportRows],
-    rests: Array,
+    stationary: Array,
     checks: tuple[Check, ...],
 ) -> Diagnostics:
     """Gather the diagnostics of a run.
@@ -77,7 +77,7 @@ def run_diagnostics(
         The solved segments.
     rows : sequence of ReportRows
         The rows of each segment that the report shows.
-    rests : ndarray, shape (k, 2), s
+    stationary : ndarray, shape (k, 2), s
         First and last instant of each stationary period.
     checks : tuple of Check
         All checks of the run.
@@ -87,11 +87,11 @@ def run_diagnostics(
     Diagnostics
         Those of all segments, joined.
     """
-    of_segments = [_of_segment(*pair, rests) for pair in zip(segments, rows, strict=True)]
+    of_segments = [_of_segment(*pair, stationary) for pair in zip(segments, rows, strict=True)]
     return replace(Diagnostics.joined(of_segments), checks=checks)
 
 
-def _of_segment(segment: Segment, rows: ReportRows, rests: Array) -> Diagnostics:
+def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagnostics:
     """Gather the diagnostics of one segment."""
     solution, at = segment.solution, rows.at
     bias, bias_sigma = solution.channel_bias(at)
@@ -122,7 +122,7 @@ def _of_segment(segment: Segment, rows: ReportRows, rests: Array) -> Diagnostics
         passes=solution.passes,
         velocity_nis=solution.nis[velocity, 1] if velocity.size else None,
         velocity_used=verdict[velocity, VELOCITY] == USED if velocity.size else None,
-        rests=rests[(rests[:, 1] > time[0]) & (rests[:, 0] < time[-1])],
+        stationary=stationary[(stationary[:, 1] > time[0]) & (stationary[:, 0] < time[-1])],
         states=state_verdicts(solution, segment.time_offset_s),
         segments=((float(time[0]), float(time[-1])),),
         time_correlated=time_correlated_errors(solution),

@@ -94,8 +94,8 @@ def prepare_segment(
     requested, factory = requested_errors(flight, fixes), layout_factory(flight, recording.noise)
     layout = factory(requested)
     epochs = make_epochs(increments, at_fix, fixes, exposed, frame)
-    if len(recording.rests):
-        epochs = with_zupt(epochs, increments, recording.rests.time, layout)
+    if len(recording.stationary):
+        epochs = with_zupt(epochs, increments, recording.stationary.time, layout)
     if flight.filter.non_holonomic:
         epochs = with_nhc(epochs)
     problem = EstimationProblem(

@@ -116,8 +116,8 @@ def read_imu_file(options: ImuInput, gps_week: int | None) -> ImuSamples:
     """
     from ..formats import read_imu
     from ..prepare.calibration import load_calibration
-    from ..prepare.stuck_channels import without_hangs
-    from ..recognise.plausibility import STILL_S
+    from ..prepare.stuck_channels import without_stuck_channels
+    from ..recognise.plausibility import STUCK_S
 
     imu = options.file
     if isinstance(imu, Path):
@@ -130,7 +130,7 @@ def read_imu_file(options: ImuInput, gps_week: int | None) -> ImuSamples:
             variable=options.variable,
             rate_hz=options.rate_hz,
         )
-    imu = without_hangs(imu, STILL_S)
+    imu = without_stuck_channels(imu, STUCK_S)
     if options.accel_sign < 0:
         imu = replace(imu, accel=-imu.accel)
     if options.time_offset_s:

@@ -156,7 +156,7 @@ def process(
         refuse_unobservable(flight, sampled)
 
     clock.step("report")
-    diagnostics = run_diagnostics(segments, rows, recording.rests.time, checks)
+    diagnostics = run_diagnostics(segments, rows, recording.stationary.time, checks)
     report = _report(flight, recording, segments, diagnostics, eo, history, clock)
 
     files: tuple[Path, ...] = ()

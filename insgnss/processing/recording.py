@@ -14,7 +14,7 @@ from .input_files import combine_imus, read_files
 
 if TYPE_CHECKING:
     from ..gnss.ppk import PpkResult
-    from ..prepare.stationarity import Stretches
+    from ..prepare.stationarity import StationaryPeriods
     from ..recognise.recognition import Recognition
     from ..stochastic.model import NoiseModel
 
@@ -36,7 +36,7 @@ class Recording:
         The checks of the recording against the flight file.
     C_b_imu : ndarray, shape (3, 3)
         Takes the axes of the samples into those of the body.
-    rests : Stretches
+    stationary : StationaryPeriods
         The stationary periods.
     noise : NoiseModel
         The noise model of the samples.
@@ -54,7 +54,7 @@ class Recording:
     gps_week: int
     checks: tuple[Check, ...]
     C_b_imu: Array
-    rests: "Stretches"
+    stationary: "StationaryPeriods"
     noise: "NoiseModel"
     turn_on: str = ""
     recognition: "Recognition | None" = None
@@ -81,7 +81,7 @@ def read_recording(flight: Flight) -> Recording:
     """
     from ..prepare.clock import common_clock, cut_events
     from ..prepare.fix_quality import with_floors
-    from ..prepare.stationarity import still_stretches
+    from ..prepare.stationarity import stationary_periods
     from ..stochastic.model import load_noise_model
 
     try:
@@ -110,17 +110,27 @@ def read_recording(flight: Flight) -> Recording:
     if flight.gnss.stationary is None and not contradicted:
         recognition, disagreements = _recognised(flight, imu, C_b_imu, gnss)
         checks += disagreements
-    rests = still_stretches(imu, gnss)
-    first_fix, end_fix = (np.searchsorted(gnss.time, rests.time[:, k]) for k in (0, 1))
-    rests = rests.where(end_fix > first_fix)
+    stationary = stationary_periods(imu, gnss)
+    first_fix, end_fix = (np.searchsorted(gnss.time, stationary.time[:, k]) for k in (0, 1))
+    stationary = stationary.where(end_fix > first_fix)
     if flight.gnss.stationary is not None:
         checks = [check for check in checks if not check.name.startswith("GNSS ")]
-        checks.append(check_stationary(imu, rests.time))
-    turn_on = _turn_on_bias(rests, C_b_imu, noise, gnss) if len(rests) else ""
+        checks.append(check_stationary(imu, stationary.time))
+    turn_on = _turn_on_bias(stationary, C_b_imu, noise, gnss) if len(stationary) else ""
     if flight.filter.zero_velocity == "off":
-        rests = rests.where(np.zeros(len(rests), dtype=np.bool_))
+        stationary = stationary.where(np.zeros(len(stationary), dtype=np.bool_))
     return Recording(
-        imu, gnss, events, week, tuple(checks), C_b_imu, rests, noise, turn_on, recognition, ppk
+        imu,
+        gnss,
+        events,
+        week,
+        tuple(checks),
+        C_b_imu,
+        stationary,
+        noise,
+        turn_on,
+        recognition,
+        ppk,
     )
 
 
@@ -166,7 +176,9 @@ def _images_left_out(events: CameraEvents, within: CameraEvents) -> list[Check]:
     return [Check("start_tow, end_tow", finding, "all images within", "note")]
 
 
-def _turn_on_bias(rests: "Stretches", C_b_imu: Array, noise: "NoiseModel", gnss: GnssFixes) -> str:
+def _turn_on_bias(
+    stationary: "StationaryPeriods", C_b_imu: Array, noise: "NoiseModel", gnss: GnssFixes
+) -> str:
     """Say what the stationary periods tell of the bias, which the filter finds by itself."""
     from ..calibrate.turn_on import turn_on_bias
 
@@ -175,9 +187,9 @@ def _turn_on_bias(rests: "Stretches", C_b_imu: Array, noise: "NoiseModel", gnss:
     )
     latitude, height = float(gnss.lat[0]), float(gnss.height[0])
     try:
-        return turn_on_bias(rests, C_b_imu, latitude, height, gyro, accel).summary()
+        return turn_on_bias(stationary, C_b_imu, latitude, height, gyro, accel).summary()
     except DataError as error:
-        return f"no turn-on bias from the rests: {error}"
+        return f"no turn-on bias from the stationary periods: {error}"
 
 
 def _recognised(

@@ -1,8 +1,7 @@
-"""Numba kernels of the recogniser: specific force carried by the gyros, and its products with GNSS
-accelerations over many lags.
+"""Numba kernels of the recogniser: propagated specific force, and its products with GNSS.
 
-Mathematics: `recognise`. They stand apart from `_kernels` because nothing here is used by the
-filter's way of the data.
+The products are those with the GNSS accelerations over many lags. Mathematics: the package's
+docstring. The kernels are apart from those of `prepare` because the estimation uses none of them.
 """
 
 import math
@@ -16,11 +15,11 @@ Array = NDArray[np.float64]
 
 
 @njit(cache=True)
-def carry(dtheta: Array, dvel: Array, step: float, C: Array, V: Array, S: Array) -> None:
-    """Attitude C (n + 1, 3, 3) against the first instant and integrals V, S (n + 1, 3) of the force
-    in its axes (R.1).
+def propagate(dtheta: Array, dvel: Array, step: float, C: Array, V: Array, S: Array) -> None:
+    """Propagate attitude C (n + 1, 3, 3) and integrals V, S (n + 1, 3) of the specific force (R.1).
 
-    dtheta, dvel (n, 3) rad and m/s over intervals of `step` s, in the sensor's axes.
+    They are against the first instant, in the axes of that instant. dtheta, dvel (n, 3) are rad and
+    m/s over intervals of `step` s, in the sensor's axes.
     """
     for r in range(3):
         for c in range(3):
@@ -55,12 +54,13 @@ def carry(dtheta: Array, dvel: Array, step: float, C: Array, V: Array, S: Array)
 
 
 @njit(cache=True)
-def interpolate(at: float, X: Array, dX: Array, step: float, out: Array) -> None:
-    """Cubic Hermite interpolation out (3,) of X (n, 3) with derivative dX at `at` s after the first
-    row, which lies inside.
+def interpolate(instant: float, X: Array, dX: Array, step: float, out: Array) -> None:
+    """Interpolate X (n, 3) with derivative dX by cubic Hermite polynomials, into out (3,).
+
+    `instant`, s after the first row, lies inside.
     """
-    i = min(max(int(at / step), 0), X.shape[0] - 2)
-    p = at / step - i
+    i = min(max(int(instant / step), 0), X.shape[0] - 2)
+    p = instant / step - i
     q = 1.0 - p
     h0, h1 = q * q * (1.0 + 2.0 * p), p * p * (3.0 - 2.0 * p)
     g0, g1 = p * q * q * step, -p * p * q * step
@@ -83,8 +83,9 @@ def scan(
     step: float,
     out: Array,
 ) -> None:
-    """Sums over each window at each lag: out (lags, windows, 16) of weighted z a' (9), z z, a a, z
-    (3), 1, and a count (R.4).
+    """Sum over each window at each lag (R.4), into out (lags, windows, 16).
+
+    The sums are weighted z a' (9), z z, a a, z (3), 1, and a count.
     """
     end = step * (X.shape[0] - 1)
     x, a = np.empty(3), np.empty(3)

@@ -1,6 +1,6 @@
 """From the attitude in every window to the axes: which way is down, and which way is forward.
 
-Mathematics: `recognise`, (R.8) and (R.9).
+Mathematics: the package's docstring, (R.8) and (R.9).
 """
 
 import math
@@ -32,15 +32,24 @@ WORDS = (("forward", "backward"), ("right", "left"), ("down", "up"))
 
 
 def axes_words(C_b_imu: Array) -> str:
-    """Words of `axes` for a signed permutation."""
+    """Return the words of `axes` for a signed permutation (3, 3)."""
     return " ".join(
         WORDS[int(np.argmax(np.abs(column)))][int(column.sum() < 0.0)] for column in C_b_imu.T
     )
 
 
 def scores(towards: Array, ahead: Array) -> Array:
-    """Of the 24 orientations, -1 to 1: mean cosine of their down and forward against those found,
-    (3,) of length 1 at most.
+    """Score the 24 orientations, -1 to 1.
+
+    Parameters
+    ----------
+    towards, ahead : ndarray, shape (3,)
+        Down and forward as found in the IMU's axes, of length 1 at most.
+
+    Returns
+    -------
+    ndarray, shape (24,)
+        Mean cosine of the orientation's down and forward against those found.
     """
     C = orientations()
     return 0.5 * (C[:, 2] @ towards + C[:, 0] @ ahead)
@@ -48,11 +57,21 @@ def scores(towards: Array, ahead: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Attitude C_ns (m, 3, 3) of the IMU's axes at `time` (m,) s of its clock, with yaw_sigma (m,)
-    rad.
+    """Attitude of the IMU's axes and velocity of GNSS at m instants.
 
-    velocity (m, 2) m/s, north and east, and course_rate (m,) rad/s (NaN below `SLOWEST_MS`) of GNSS
-    over `width` s around it.
+    Parameters
+    ----------
+    time : ndarray, shape (m,), s
+        On the IMU's clock.
+    C_ns : ndarray, shape (m, 3, 3)
+        IMU axes into north, east, down.
+    yaw_sigma : ndarray, shape (m,), rad
+    velocity : ndarray, shape (m, 2), m/s
+        North and east.
+    course_rate : ndarray, shape (m,), rad/s
+        NaN below `SLOWEST_MS`.
+    width : float, s
+        Length over which the velocity is averaged.
     """
 
     time: Array
@@ -64,22 +83,24 @@ class Pose:
 
 
 def poses(relation: Relation, gnss: GnssFixes, sound: NDArray[np.bool_]) -> Pose:
-    """Attitude (R.8) at the rows of the relation's fit, and the velocity between `sound` fixes
-    around them.
+    """Return the attitude (R.8) and the velocity at the rows of the relation's fit.
+
+    The velocity is that between the `sound` fixes (n,) around each row.
     """
-    carried, fit, acc = relation.carried, relation.fit, relation.acc
+    propagated, fit, acc = relation.propagated, relation.fit, relation.acc
     assert fit is not None
     window = acc.window[fit.used]
-    C_ns = fit.C[window] @ rotation_from_vector(fit.turned) @ carried.C[fit.middle]
-    at, width = acc.time[fit.used], max(LEAST_WIDTH_S, acc.span_s)
+    C_ns = fit.C[window] @ rotation_from_vector(fit.turned) @ propagated.C[fit.middle]
+    instants, width = acc.time[fit.used], max(LEAST_WIDTH_S, acc.span_s)
     v1, v2 = (
-        _velocity(gnss, sound, at + shift, 0.5 * width) for shift in (-0.25 * width, 0.25 * width)
+        _velocity(gnss, sound, instants + shift, 0.5 * width)
+        for shift in (-0.25 * width, 0.25 * width)
     )
     fast = np.minimum(np.abs(v1), np.abs(v2)) > SLOWEST_MS
     course_rate = np.where(fast, np.angle(v2 * np.conj(v1)) / (0.5 * width), np.nan)
     v = 0.5 * (v1 + v2)
     return Pose(
-        at + fit.theta[0],
+        instants + fit.theta[0],
         C_ns,
         fit.yaw_sigma[window],
         np.column_stack([v.real, v.imag]),
@@ -89,15 +110,18 @@ def poses(relation: Relation, gnss: GnssFixes, sound: NDArray[np.bool_]) -> Pose
 
 
 def _velocity(
-    gnss: GnssFixes, sound: NDArray[np.bool_], at: Array, width: float
+    gnss: GnssFixes, sound: NDArray[np.bool_], instants: Array, width: float
 ) -> NDArray[np.complex128]:
-    """North + i east velocity, m/s, at `at` (m,) s, of the receiver or over `width` s."""
+    """North + i east velocity, m/s, at `instants` (m,) s, of the receiver or over `width` s."""
     t = gnss.time[sound]
     if gnss.velocity_ned is not None:
         v = gnss.velocity_ned[sound, :2] @ np.array([1.0, 1j])
-        return np.asarray(np.interp(at, t, v), dtype=np.complex128)
+        return np.asarray(np.interp(instants, t, v), dtype=np.complex128)
     p = north_east(gnss)[sound] @ np.array([1.0, 1j])
-    before, after = np.clip(at - 0.5 * width, t[0], t[-1]), np.clip(at + 0.5 * width, t[0], t[-1])
+    before, after = (
+        np.clip(instants - 0.5 * width, t[0], t[-1]),
+        np.clip(instants + 0.5 * width, t[0], t[-1]),
+    )
     return np.asarray(
         (np.interp(after, t, p) - np.interp(before, t, p)) / np.maximum(after - before, 1e-3),
         dtype=np.complex128,
@@ -106,8 +130,18 @@ def _velocity(
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """A direction of the IMU's axes: unit vector (3,), nearest signed axis (3,), angle between,
-    rad, and confidence in the axis.
+    """A direction in the IMU's axes.
+
+    Parameters
+    ----------
+    vector : ndarray, shape (3,)
+        Of length 1.
+    axis : ndarray, shape (3,)
+        The nearest signed axis.
+    off : float, rad
+        The angle between both.
+    confidence : float
+        Of the axis.
     """
 
     vector: Array
@@ -117,14 +151,16 @@ class Direction:
 
     @property
     def word(self) -> str:
-        """The axis, such as "-y"."""
+        """The axis in words, such as "-y"."""
         k = int(np.argmax(np.abs(self.axis)))
         return ("+" if self.axis[k] > 0 else "-") + "xyz"[k]
 
 
 def _direction(vector: Array, sigma: float) -> Direction:
-    """Confidence: that an angle of standard deviation `sigma` does not reach the border to the next
-    axis, 45 deg away.
+    """The direction with its confidence.
+
+    That is the probability that an angle of standard deviation `sigma`, rad, does not reach the
+    border to the next axis, 45 deg away.
     """
     axis = np.zeros(3)
     k = int(np.argmax(np.abs(vector)))
@@ -135,15 +171,23 @@ def _direction(vector: Array, sigma: float) -> Direction:
 
 
 def down(pose: Pose) -> Direction:
-    """Mean of down in the IMU's axes."""
+    """Return the mean direction of down in the IMU's axes."""
     mean = pose.C_ns[:, 2, :].mean(axis=0)
     return _direction(mean, MOUNT_RAD / max(float(np.linalg.norm(mean)), 0.1))
 
 
 @dataclass(frozen=True, eq=False)
 class Forward:
-    """Forward in the IMU's axes, with the speed through the air along it and the wind (north,
-    east), m/s (R.9).
+    """Forward in the IMU's axes, with airspeed and wind (R.9).
+
+    Parameters
+    ----------
+    direction : Direction
+    speed : float, m/s
+        Through the air, along the direction.
+    speed_sigma : float, m/s
+    wind : ndarray, shape (2,), m/s
+        North and east.
     """
 
     direction: Direction
@@ -153,7 +197,7 @@ class Forward:
 
 
 def forward(pose: Pose, vertical: Direction) -> Forward:
-    """Regression (R.9) of the velocity on the heading of one axis across the vertical."""
+    """Find forward by regression (R.9) of the velocity on the heading of a level axis."""
     d = vertical.axis
     e = np.roll(np.abs(d), 1)
     ahead = pose.C_ns @ e
@@ -166,7 +210,7 @@ def forward(pose: Pose, vertical: Direction) -> Forward:
     spacing = float(np.median(np.diff(pose.time))) if pose.time.size > 1 else INDEPENDENT_S
     share = min(1.0, spacing / INDEPENDENT_S)
     moving = np.abs(v) > MOVING * np.quantile(np.abs(v), 0.9)
-    known = moving & (pose.yaw_sigma < 0.5)
+    heading_known = moving & (pose.yaw_sigma < 0.5)
     rest, scale = (
         np.zeros(v.size),
         max(float(np.median(np.abs(v[moving]))) if moving.any() else 0.0, GUST_MS),
@@ -177,7 +221,9 @@ def forward(pose: Pose, vertical: Direction) -> Forward:
         N = (A.conj().T * weight) @ A + prior
         c, wind = np.linalg.solve(N, (A.conj().T * weight) @ v)
         rest = np.abs(v - c * h - wind)
-        scale = max(1.2 * float(np.median(rest[known])) if known.any() else scale, GUST_MS)
+        scale = max(
+            1.2 * float(np.median(rest[heading_known])) if heading_known.any() else scale, GUST_MS
+        )
     sigma = float(np.sqrt(np.linalg.inv(N)[0, 0].real))
     along = (c.real * e + c.imag * np.cross(d, e)) / abs(c) if abs(c) > 1e-9 else e
     angle = math.hypot(sigma / max(abs(c), 1e-9), CRAB_RAD)

@@ -1,4 +1,4 @@
-"""What is said about one property of a recording, and how sure it is."""
+"""One property of a recording as the recogniser finds it, and how sure it is."""
 
 from dataclasses import dataclass
 
@@ -7,10 +7,16 @@ from dataclasses import dataclass
 class Finding:
     """One answer of the recogniser.
 
-    name : what was asked, one of `NAMES`.   value : the answer in the words of the flight file, or
-                                             "unknown".
-    confidence : probability that the value is right, 0 to `MOST`; 0 where the data cannot tell.
-    evidence : the numbers behind it, in plain words.
+    Parameters
+    ----------
+    name : str
+        The property, one of `NAMES`.
+    value : str
+        The answer in the words of the flight file, or "unknown".
+    confidence : float
+        Probability that the value is right, 0 to `MOST`; 0 where the data do not determine it.
+    evidence : str
+        The numbers behind it, in plain words.
     """
 
     name: str

@@ -1,7 +1,7 @@
-"""The fit of carried specific force to what GNSS saw: over all lags by Wahba's problem, then to the
-millisecond by least squares.
+"""The fit of propagated specific force to the accelerations of GNSS: time offset and sign.
 
-Mathematics: `recognise`, (R.4) to (R.7).
+All lags are scanned by Wahba's problem; least squares then fit the lag to the millisecond.
+Mathematics: the package's docstring, (R.4) to (R.7).
 """
 
 from dataclasses import dataclass
@@ -14,30 +14,41 @@ from ..geodesy.rotation import rotation_from_vector, skew
 from ..records import Array
 from ..records.variances import MAD_TO_SIGMA
 from ._kernels import scan
-from .signal import LEAST_ROWS, Accelerations, Carried
+from .signal import LEAST_ROWS, Accelerations, PropagatedForce
 
-CAUTION = 0.1  # of the logarithms of likelihood ratios: residuals are neither white nor normal
+CAUTION = (
+    0.1  # of the logarithms of likelihood ratios: residuals are time-correlated and not normal
+)
 USUAL_S, UNUSUAL = (
     1.0,
     -4.0,
-)  # a survey repeats itself line by line: a lag beyond the first is that much less likely beforehand
+)  # a survey repeats itself line by line: a lag beyond the first is a priori less likely by this
 LEAP_S, LEAP_WITHIN_S, LEAP = 17.0, 1.6, -1.0  # one of the leap seconds since 2012 less so
 RUN_SPANS = 2.0  # of the differences, that the lag may move from where the scan found it
 ROUNDS, FREEDOM = (
     8,
     4.0,
-)  # of the least squares, and of Student's distribution that stands for the residuals
+)  # of the least squares, and of Student's distribution of the residuals
 LEVER, SCALE, BIAS = slice(1, 4), slice(4, 5), slice(5, 8)  # the lag comes first
 PRIOR = np.array([2.0, 0.4, 0.4, 0.4, 0.3, 0.01, 0.01, 0.01])  # s, m, 1, rad/s
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Fit at each of lags (n,) s: score (n,), explained share of the GNSS accelerations, -inf where
-    too few overlap.
+    """Fit at each of n lags.
 
-    up, down (n,) : that share if the force is specific force, or its reverse (R.5).   samples (n,) : independent values behind it.
-    any_clock : no lag is more usual than another.
+    Parameters
+    ----------
+    acc : Accelerations
+    lags : ndarray, shape (n,), s
+    score : ndarray, shape (n,)
+        Explained share of the GNSS accelerations; -inf where too few overlap.
+    up, down : ndarray, shape (n,)
+        That share if the force is specific force, or its reverse (R.4).
+    samples : ndarray, shape (n,)
+        Number of independent values behind the score.
+    any_clock : bool
+        Whether no lag is more usual than another.
     """
 
     acc: Accelerations
@@ -50,9 +61,7 @@ class Scan:
 
     @cached_property
     def posterior(self) -> Array:
-        """(n,) logarithm of the likelihood of each lag, taken with `CAUTION`, and of how usual it
-        is (R.5).
-        """
+        """Logarithm of the posterior (R.5) of each lag, (n,): likelihood and how usual it is."""
         unusual = np.zeros(self.lags.size)
         if not self.any_clock:
             unusual[np.abs(self.lags) > USUAL_S] = UNUSUAL
@@ -68,30 +77,47 @@ class Scan:
         return int(np.argmax(self.posterior))
 
     def margin(self, apart: float) -> float:
-        """How much better it is than all lags further than `apart`, s, from it, as a logarithm."""
+        """Return by how much, as a logarithm, the best lag exceeds all further than `apart`, s."""
         far = np.abs(self.lags - self.lags[self.best]) > apart
         return float(self.posterior[self.best] - self.posterior[far].max(initial=0.0))
 
     def gain(self) -> float:
-        """Logarithm of the likelihood of the best lag against no relation at all."""
+        """Return the logarithm of the likelihood of the best lag against no relation at all."""
         return self.against(0.0)
 
     def against(self, other: float) -> float:
-        """Logarithm of the likelihood of the best lag against a fit of score `other`."""
-        at = self.best
-        if not self.score[at] > max(other, 0.0):
+        """Return the logarithm of the likelihood of the best lag against a fit of score `other`."""
+        index = self.best
+        if not self.score[index] > max(other, 0.0):
             return 0.0
         return float(
             0.5
-            * self.samples[at]
-            * np.log((1.0 - max(other, -1.0)) / max(1.0 - self.score[at], 1e-6))
+            * self.samples[index]
+            * np.log((1.0 - max(other, -1.0)) / max(1.0 - self.score[index], 1e-6))
         )
 
 
-def scan_lags(carried: Carried, acc: Accelerations, lags: Array, any_clock: bool = False) -> Scan:
-    """Wahba's problem in every window at every lag (R.4)."""
-    grid = carried.grid
-    X, dX = (carried.S, carried.V) if acc.kind == "position" else (carried.V, carried.force)
+def scan_lags(
+    propagated: PropagatedForce, acc: Accelerations, lags: Array, any_clock: bool = False
+) -> Scan:
+    """Solve Wahba's problem in every window at every lag (R.4).
+
+    Parameters
+    ----------
+    propagated : PropagatedForce
+    acc : Accelerations
+    lags : ndarray, shape (n,), s
+    any_clock : bool
+        Whether no lag is more usual than another.
+
+    Returns
+    -------
+    Scan
+    """
+    grid = propagated.grid
+    X, dX = (
+        (propagated.S, propagated.V) if acc.kind == "position" else (propagated.V, propagated.force)
+    )
     out = np.zeros((lags.size, acc.window.max(initial=0) + 1, 16))
     scan(
         acc.nodes,
@@ -136,12 +162,27 @@ def scan_lags(carried: Carried, acc: Accelerations, lags: Array, any_clock: bool
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Least squares at the end. theta, cov : of lag s, lever arm m (IMU axes), relative gyro scale
-    error, gyro bias rad/s (R.6).
+    """Least squares at the end (R.6): m rows in w windows.
 
-    C (w, 3, 3) : axes 0 into north, east, down, of each window; yaw_sigma (w,) rad.   used (m,) : rows inside the recording.
-    seen, felt (m, 3) : z, and what the IMU makes of it, m/s^2, north east down.   middle (m,) : row of the carried grid.
-    turned (m, 3) : rotation vector by which the gyro errors turn each row.   sigma (3,) : typical residuals, m/s^2.   sign : of force.
+    Parameters
+    ----------
+    theta, cov : ndarray, shape (8,) and (8, 8)
+        Of lag s, lever arm m (IMU axes), relative gyro scale error, gyro bias rad/s.
+    C : ndarray, shape (w, 3, 3)
+        Axes 0 into north, east, down, of each window.
+    yaw_sigma : ndarray, shape (w,), rad
+    used : ndarray of bool
+        The rows of the accelerations that lie inside the recording.
+    seen, felt : ndarray, shape (m, 3), m/s^2
+        z, and what the IMU makes of it, north, east, down.
+    middle : ndarray of int, shape (m,)
+        Row of the grid of the propagated force.
+    turned : ndarray, shape (m, 3), rad
+        Rotation vector by which the gyro errors turn each row.
+    sigma : ndarray, shape (3,), m/s^2
+        Typical residuals.
+    sign : int
+        Sign of the force.
     """
 
     theta: Array
@@ -165,15 +206,15 @@ class Fit:
 class _Model:
     """Rows of the least squares (R.6) and their derivatives."""
 
-    def __init__(self, carried: Carried, acc: Accelerations, sign: int) -> None:
-        self.carried, self.acc, self.sign = carried, acc, sign
+    def __init__(self, propagated: PropagatedForce, acc: Accelerations, sign: int) -> None:
+        self.propagated, self.acc, self.sign = propagated, acc, sign
         if acc.kind == "position":
-            self.X, self.dX, self.E = carried.S, carried.V, carried.C
+            self.X, self.dX, self.E = propagated.S, propagated.V, propagated.C
         else:
-            self.X, self.dX, self.E = carried.V, carried.force, carried.C_rate
+            self.X, self.dX, self.E = propagated.V, propagated.force, propagated.C_rate
 
     def inside(self, lag: float) -> NDArray[np.bool_]:
-        grid = self.carried.grid
+        grid = self.propagated.grid
         first, last = (
             self.acc.nodes[:, 0] + lag - grid.start,
             self.acc.nodes[:, 2] + lag - grid.start,
@@ -188,10 +229,11 @@ class _Model:
     def rows(
         self, theta: Array, use: NDArray[np.bool_]
     ) -> tuple[Array, Array, NDArray[np.int64], Array]:
-        """u (k, 3) of (R.6), its derivative (k, 3, 8) by theta, the grid row (k,) of each middle,
-        what gyro errors turn it by (k, 3).
+        """u (k, 3) of (R.6), its derivative (k, 3, 8) by theta, grid row (k,) of the middles.
+
+        The last value is the rotation (k, 3) by which gyro errors turn each row.
         """
-        grid, lag = self.carried.grid, theta[0]
+        grid, lag = self.propagated.grid, theta[0]
         nodes, coef, window = self.acc.nodes[use], self.acc.coef[use], self.acc.window[use]
         a, da, D = (
             np.zeros((len(nodes), 3)),
@@ -199,9 +241,9 @@ class _Model:
             np.zeros((len(nodes), 3, 3)),
         )
         for n in range(3):
-            at = (nodes[:, n] + lag - grid.start) / grid.step
-            i = np.clip(at.astype(np.int64), 0, grid.broken.size - 2)
-            p = (at - i)[:, None]
+            cell = (nodes[:, n] + lag - grid.start) / grid.step
+            i = np.clip(cell.astype(np.int64), 0, grid.broken.size - 2)
+            p = (cell - i)[:, None]
             c = coef[:, n, None]
             q = 1.0 - p
             h = grid.step
@@ -215,8 +257,8 @@ class _Model:
         middle = np.rint((0.5 * (nodes[:, 0] + nodes[:, 2]) + lag - grid.start) / grid.step).astype(
             np.int64
         )
-        turn = _about_window_mean(self.carried.turned[middle], window)
-        drift = _about_window_mean(self.carried.drifted[middle].reshape(-1, 9), window).reshape(
+        turn = _about_window_mean(self.propagated.turned[middle], window)
+        drift = _about_window_mean(self.propagated.drifted[middle].reshape(-1, 9), window).reshape(
             -1, 3, 3
         )
         a, da = self.sign * a, self.sign * da
@@ -246,11 +288,24 @@ def _wahba(z: Array, a: Array, weight: Array, window: NDArray[np.int64], windows
     return U @ Vt
 
 
-def fit(carried: Carried, acc: Accelerations, lag: float, sign: int) -> Fit | None:
-    """Least squares (R.6) from a lag of the scan on; None where it runs away from it, or out of the
-    recording.
+def fit(propagated: PropagatedForce, acc: Accelerations, lag: float, sign: int) -> Fit | None:
+    """Fit by least squares (R.6) from a lag of the scan on.
+
+    Parameters
+    ----------
+    propagated : PropagatedForce
+    acc : Accelerations
+    lag : float, s
+        The lag to start from.
+    sign : int
+        Sign of the force.
+
+    Returns
+    -------
+    Fit or None
+        None where the lag runs away from its start, or out of the recording.
     """
-    model = _Model(carried, acc, sign)
+    model = _Model(propagated, acc, sign)
     theta = np.zeros(8)
     theta[0] = lag
     windows = int(acc.window.max()) + 1
@@ -298,8 +353,10 @@ def _solve(
     window: NDArray[np.int64],
     theta: Array,
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """One step: of theta (8,) and psi (w, 3), normal matrix (8, 8), gradients (w, 8) of the
-    windows, sigma of psi's down (w,).
+    """One step of theta (8,) and psi (w, 3), with what the covariance needs.
+
+    That is the normal matrix (8, 8), the gradients (w, 8) of the windows and sigma of psi's down
+    (w,).
     """
     n = C.shape[0]
     scale = np.sqrt(robust)[:, None] / sigma

@@ -1,7 +1,7 @@
-"""What the data themselves say about units, axes and clocks, against what the flight file says.
+"""Plausibility: what the data show of units, axes and clocks, against the flight file.
 
-A contradiction says what to change. Checks stand in the order in which they are to be believed: a
-dead sensor or a single impossible reading upsets what is computed from it further down.
+A contradiction says what to change. Checks stand in the order in which to act on them: a dead
+sensor or a single impossible reading upsets what is computed from it further down.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..prepare.stuck_channels import constant_runs, dead_band
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
 from .turns import STEP_S, check_events, check_turns, quantity_guess
 
-STILL_S = 5.0
+STUCK_S = 5.0
 FAR_M = 50e3
 FAST_MS = 8.0
 # resultant of the courses: nearly all within 20 deg; a multirotor may fly so with its nose anywhere
@@ -22,7 +22,7 @@ ONE_COURSE = 0.95
 GYRO_LIMIT, ACCEL_LIMIT = (
     100.0,
     1000.0,
-)  # rad/s, m/s^2: 5700 deg/s and 100 g, beyond every sensor that a drone carries
+)  # rad/s, m/s^2: 5700 deg/s and 100 g, beyond every sensor on a drone
 LOWEST_M, HIGHEST_M = -1000.0, 10000.0
 FORCE = (
     8.8,
@@ -76,8 +76,22 @@ def check_recording(
     events: CameraEvents | None,
     origin: Array | None,
 ) -> list[Check]:
-    """All checks that need no navigation solution. origin : (3,) rad, rad, m of the tangent plane,
-    or None.
+    """Make all checks that need no navigation solution.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+    C_b_imu : ndarray, shape (3, 3)
+        IMU axes to body, as the flight file has it.
+    gnss : GnssFixes
+    events : CameraEvents or None
+    origin : ndarray, shape (3,), rad, rad, m, or None
+        Origin of the tangent plane.
+
+    Returns
+    -------
+    list of Check
+        In the order of `NAMES`.
     """
     dt = nominal_interval(imu.time)
     checks = [_imu_rate(imu, dt), _silent(imu, dt), _readings(imu, dt)]
@@ -94,8 +108,18 @@ def check_recording(
 
 
 def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
-    """Smoothed heading against the course over ground while fast: (n,) rad and (n, 3) m/s; C_b_imu
-    (3, 3) as the flight file has it.
+    """Check the smoothed heading against the course over ground while fast.
+
+    Parameters
+    ----------
+    heading : ndarray, shape (n,), rad
+    velocity_ned : ndarray, shape (n, 3), m/s
+    C_b_imu : ndarray, shape (3, 3)
+        IMU axes to body, as the flight file has it.
+
+    Returns
+    -------
+    Check
     """
     name, expected = "heading against course", "median within 60 deg (a drone crabs in wind)"
     speed = np.hypot(velocity_ned[:, 0], velocity_ned[:, 1])
@@ -107,11 +131,11 @@ def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
     off = np.degrees(np.arctan2(np.sin(off), np.cos(off)))
     median = float(np.degrees(np.angle(np.mean(np.exp(1j * np.radians(off))))))
     scatter = float(np.median(np.abs((off - median + 180.0) % 360.0 - 180.0)))
-    found = f"median {median:.1f} deg, half of it within {scatter:.1f} deg"
+    finding = f"median {median:.1f} deg, half of it within {scatter:.1f} deg"
     if abs(np.mean(np.exp(1j * course))) > ONE_COURSE:
         return Check(
             name,
-            f"{found}, all on one course: that tells nothing of the axes",
+            f"{finding}, all on one course, which does not determine the axes",
             expected,
             "note" if abs(median) > 30.0 else "ok",
         )
@@ -123,8 +147,8 @@ def check_heading(heading: Array, velocity_ned: Array, C_b_imu: Array) -> Check:
             f"imu.axes looks turned by {90 * quarter} deg about the vertical; if the drone flies"
             f" nose first it is {_axes_words(turned)!r}"
         )
-        return Check(name, found, expected, "contradiction", advice)
-    return Check(name, found, expected, "note" if abs(median) > 30.0 else "ok")
+        return Check(name, finding, expected, "contradiction", advice)
+    return Check(name, finding, expected, "note" if abs(median) > 30.0 else "ok")
 
 
 def _imu_rate(imu: ImuSamples, dt: float) -> Check:
@@ -132,23 +156,23 @@ def _imu_rate(imu: ImuSamples, dt: float) -> Check:
     longest = max((g[1] for g in gaps), default=0.0)
     name, expected = "IMU rate", "no interval over 1.5 nominal ones"
     span = float(imu.time[-1] - imu.time[0])
-    found = f"{1.0 / dt:.2f} Hz, {span:.1f} s, {imu.time.size} samples, {len(gaps)} gaps"
+    finding = f"{1.0 / dt:.2f} Hz, {span:.1f} s, {imu.time.size} samples, {len(gaps)} gaps"
     if gaps:
-        found += f", longest {longest:.3f} s"
+        finding += f", longest {longest:.3f} s"
     if dt < 0.5 * span / (imu.time.size - 1):
-        found += f"; median interval {dt:.3g} s, mean {span / (imu.time.size - 1):.3g} s"
+        finding += f"; median interval {dt:.3g} s, mean {span / (imu.time.size - 1):.3g} s"
         advice = (
             "the stamps come in bunches: they are rounded, or those of the logger; use the sensor's"
             " own clock"
         )
-        return Check(name, found, expected, "contradiction", advice)
-    return Check(name, found, expected, "note" if gaps else "ok")
+        return Check(name, finding, expected, "contradiction", advice)
+    return Check(name, finding, expected, "note" if gaps else "ok")
 
 
 def _silent(imu: ImuSamples, dt: float) -> Check:
-    """Channels that repeat one value for longer than `STILL_S`."""
+    """Check for channels that repeat one value for longer than `STUCK_S`."""
     names = [f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"]
-    limit = max(int(STILL_S / dt), 10)
+    limit = max(int(STUCK_S / dt), 10)
     dead, band, how = [], [], ""
     for c, (name, column) in enumerate(zip(names, [*imu.gyro.T, *imu.accel.T], strict=True)):
         runs = constant_runs(column, limit + 1)
@@ -161,14 +185,15 @@ def _silent(imu: ImuSamples, dt: float) -> Check:
         dead.append(name)
         how = (
             how
-            or f"stays at {column[first]:z.6g} for {(last - first + 1) * dt:.1f} s from {imu.time[first]:.2f} s on"
+            or f"stays at {column[first]:z.6g} for {(last - first + 1) * dt:.1f} s"
+            f" from {imu.time[first]:.2f} s on"
         )
-    expected = f"no channel constant for over {STILL_S:.0f} s"
+    expected = f"no channel constant for over {STUCK_S:.0f} s"
     if dead:
-        found = f"{dead[0]} {how}" + (f", likewise {', '.join(dead[1:])}" if dead[1:] else "")
+        finding = f"{dead[0]} {how}" + (f", likewise {', '.join(dead[1:])}" if dead[1:] else "")
         return Check(
             "silent sensor",
-            found,
+            finding,
             expected,
             "contradiction",
             "a sensor is dead or a column is wrong; check imu.columns",
@@ -185,10 +210,10 @@ def _silent(imu: ImuSamples, dt: float) -> Check:
 
 
 def _readings(imu: ImuSamples, dt: float) -> Check:
-    """Readings that no sensor can give: a few are spikes of the recording, many are a wrong unit."""
+    """Check for readings that no sensor can give: few are spikes, many are a wrong unit."""
     scale = 1.0 / dt if imu.quantity == "increments" else 1.0
     name, expected = "IMU readings", f"within {GYRO_LIMIT:.0f} rad/s and {ACCEL_LIMIT:.0f} m/s^2"
-    found, worst = [], 0
+    findings, worst = [], 0
     for sensor, unit, values, limit in (
         ("gyro", "rad/s", imu.gyro, GYRO_LIMIT),
         ("accelerometer", "m/s^2", imu.accel, ACCEL_LIMIT),
@@ -197,12 +222,12 @@ def _readings(imu: ImuSamples, dt: float) -> Check:
             continue
         beyond = np.flatnonzero((np.abs(values) * scale > limit).any(axis=1))
         first = scale * values[beyond[0]]
-        found.append(
+        findings.append(
             f"{sensor} {first[np.argmax(np.abs(first))]:.4g} {unit} at {imu.time[beyond[0]]:.3f} s,"
             f" {beyond.size} such samples"
         )
         worst = max(worst, beyond.size)
-    if not found:
+    if not findings:
         return Check(name, "all within", expected)
     advice = (
         "spikes of the recording: correct them at their source, or cut them away with start_tow or"
@@ -210,7 +235,7 @@ def _readings(imu: ImuSamples, dt: float) -> Check:
     )
     if worst > MANY * imu.time.size:
         advice = "check imu.units and imu.columns"
-    return Check(name, "; ".join(found), expected, "contradiction", advice)
+    return Check(name, "; ".join(findings), expected, "contradiction", advice)
 
 
 def _thinned(imu: ImuSamples, C_b_imu: Array, dt: float) -> tuple[Array, Array, Array]:
@@ -226,13 +251,13 @@ def _thinned(imu: ImuSamples, C_b_imu: Array, dt: float) -> tuple[Array, Array, 
 def _force_norm(rate: Array, force: Array, imu: ImuSamples, dt: float) -> Check:
     name, expected = "specific force", f"median norm {FORCE[0]} to {FORCE[1]} m/s^2"
     norm = float(np.median(np.linalg.norm(force, axis=1)))
-    found = f"median norm {norm:.4g} m/s^2"
+    finding = f"median norm {norm:.4g} m/s^2"
     if FORCE[0] <= norm <= FORCE[1]:
-        return Check(name, found, expected)
+        return Check(name, finding, expected)
     if norm < FORCE[0] <= np.median(np.linalg.norm(rate, axis=1)) <= FORCE[1]:
         return Check(
             name,
-            found,
+            finding,
             expected,
             "contradiction",
             "gyro and accelerometer look exchanged; correct imu.columns",
@@ -254,7 +279,7 @@ def _force_norm(rate: Array, force: Array, imu: ImuSamples, dt: float) -> Check:
         if close
         else "check imu.columns, imu.units and imu.quantity"
     )
-    return Check(name, found, expected, "contradiction", advice)
+    return Check(name, finding, expected, "contradiction", advice)
 
 
 def _down_axis(force: Array, C_b_imu: Array) -> Check:
@@ -267,7 +292,7 @@ def _down_axis(force: Array, C_b_imu: Array) -> Check:
     if norm == 0.0:
         return Check(name, "no specific force", expected, "contradiction", "check imu.columns")
     angle = float(np.degrees(np.arccos(np.clip(-up[2] / norm, -1.0, 1.0))))
-    found = (
+    finding = (
         f"median ({up[0]:z.2f}, {up[1]:z.2f}, {up[2]:z.2f}) m/s^2 in body axes, {angle:.0f} deg"
         " off -z"
     )
@@ -279,8 +304,8 @@ def _down_axis(force: Array, C_b_imu: Array) -> Check:
             f"the IMU's {'xyz'[axis]} axis points {sense}, imu.axes calls it {called!r}; correct"
             " imu.axes"
         )
-        return Check(name, found, expected, "contradiction", advice)
-    return Check(name, found, expected, "note" if angle > 30.0 else "ok")
+        return Check(name, finding, expected, "contradiction", advice)
+    return Check(name, finding, expected, "note" if angle > 30.0 else "ok")
 
 
 def _axes_words(C_b_imu: Array) -> str:
@@ -296,11 +321,11 @@ def _gnss_rate(gnss: GnssFixes) -> Check:
         return Check("GNSS rate", "a single fix", "no interval over 1.5 nominal ones", "note")
     nominal = float(np.median(step))
     gaps = step > LACKING * nominal
-    found = f"{1.0 / nominal:.2f} Hz, {gnss.time.size} fixes, {int(gaps.sum())} gaps"
+    finding = f"{1.0 / nominal:.2f} Hz, {gnss.time.size} fixes, {int(gaps.sum())} gaps"
     if gaps.any():
-        found += f", longest {step.max():.1f} s"
+        finding += f", longest {step.max():.1f} s"
     return Check(
-        "GNSS rate", found, "no interval over 1.5 nominal ones", "note" if gaps.any() else "ok"
+        "GNSS rate", finding, "no interval over 1.5 nominal ones", "note" if gaps.any() else "ok"
     )
 
 
@@ -314,16 +339,16 @@ def _gnss_speed(gnss: GnssFixes) -> Check:
     speed = np.maximum(distance - 5.0 * (noise[1:] + noise[:-1]), 0.0) / step
     typical = float(np.median(speed))
     fast = int((speed > 100.0).sum())
-    found = f"median {np.median(distance / step):.1f} m/s, {fast} steps over 100 m/s"
+    finding = f"median {np.median(distance / step):.1f} m/s, {fast} steps over 100 m/s"
     if typical > 100.0:
         return Check(
             name,
-            found,
+            finding,
             expected,
             "contradiction",
             "check the columns, angle units and time unit of the GNSS file",
         )
-    return Check(name, found, expected, "note" if fast else "ok")
+    return Check(name, finding, expected, "note" if fast else "ok")
 
 
 def _gnss_position(gnss: GnssFixes) -> Check:
@@ -333,7 +358,7 @@ def _gnss_position(gnss: GnssFixes) -> Check:
         f"away from 0, 0 deg, {LOWEST_M:.0f} to {HIGHEST_M:.0f} m high, changing from fix to fix",
     )
     lat, lon, height = np.degrees(gnss.lat[0]), np.degrees(gnss.lon[0]), float(gnss.height[0])
-    found = f"first fix at {lat:.5f}, {lon:.5f} deg, {height:.1f} m"
+    finding = f"first fix at {lat:.5f}, {lon:.5f} deg, {height:.1f} m"
     if (
         np.abs(np.degrees(gnss.lat)).max() <= 0.5 * np.pi
         and np.abs(np.degrees(gnss.lon)).max() <= np.pi
@@ -342,29 +367,37 @@ def _gnss_position(gnss: GnssFixes) -> Check:
             'that is the Gulf of Guinea: the values look like gnss.units = { angle = "rad" }, or'
             " are zeros"
         )
-        return Check(name, found, expected, "contradiction", advice)
+        return Check(name, finding, expected, "contradiction", advice)
     beyond = np.flatnonzero((gnss.height < LOWEST_M) | (gnss.height > HIGHEST_M))
     if beyond.size:
-        at = (
+        outlying = (
             f"; height {gnss.height[beyond[0]]:.1f} m at {gnss.time[beyond[0]]:.1f} s,"
             f" {beyond.size} such fixes"
         )
         return Check(
             name,
-            found + at,
+            finding + outlying,
             expected,
             "contradiction",
             "check gnss.columns and the unit of the heights, which is m",
         )
     columns = (("latitude", gnss.lat), ("longitude", gnss.lon), ("height", gnss.height))
-    still = [what for what, column in columns if gnss.time.size > 10 and np.ptp(column) == 0.0]
-    if still:
-        what = " and ".join(still)
-        found += f", {what} the same in all {gnss.time.size} fixes"
+    constant = [
+        coordinate
+        for coordinate, column in columns
+        if gnss.time.size > 10 and np.ptp(column) == 0.0
+    ]
+    if constant:
+        coordinate = " and ".join(constant)
+        finding += f", {coordinate} the same in all {gnss.time.size} fixes"
         return Check(
-            name, found, expected, "contradiction", f"{what} must change; check gnss.columns"
+            name,
+            finding,
+            expected,
+            "contradiction",
+            f"{coordinate} must change; check gnss.columns",
         )
-    return Check(name, found, expected)
+    return Check(name, finding, expected)
 
 
 def _origin_distance(gnss: GnssFixes, origin: Array) -> Check:
@@ -372,7 +405,7 @@ def _origin_distance(gnss: GnssFixes, origin: Array) -> Check:
     M, N = curvature_radii(origin[0])
     north, east = (gnss.lat[0] - origin[0]) * M, (gnss.lon[0] - origin[1]) * N * np.cos(origin[0])
     distance = float(np.hypot(north, east))
-    found = (
+    finding = (
         f"first fix at {np.degrees(gnss.lat[0]):.5f}, {np.degrees(gnss.lon[0]):.5f} deg,"
         f" {distance / 1e3:.1f} km from the origin"
     )
@@ -388,5 +421,5 @@ def _origin_distance(gnss: GnssFixes, origin: Array) -> Check:
             if swapped
             else "correct tangent_plane.origin or the GNSS columns"
         )
-        return Check(name, found, expected, "contradiction", advice)
-    return Check(name, found, expected)
+        return Check(name, finding, expected, "contradiction", advice)
+    return Check(name, finding, expected)

@@ -1,5 +1,6 @@
-"""What a recording is: units, axes, sign of force and clock of an IMU, found from its numbers and
-the GNSS fixes alone.
+"""Recognition of a recording: units, axes, sign of force and clock of an IMU.
+
+They are found from its numbers and the GNSS fixes alone.
 """
 
 from dataclasses import dataclass, replace
@@ -32,40 +33,53 @@ EXCHANGED_ADVICE = (
 SURE = 0.99  # a confidence above which a claim is contradicted
 INCREMENT_UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "m/s": 1.0}
 SENSOR_UNITS = {"gyro": (*GYRO_UNITS, "rad", "deg"), "accel": (*ACCEL_UNITS, "m/s")}
-LEAST_LATE_S = 0.02  # a clock error that is told
+LEAST_OFFSET_S = 0.02  # a time offset that is reported
 COMMON_S, WIDE_S = (
     10.0,
     900.0,
 )  # s that clocks must have in common to be one, and how far starts may lie apart if they are not
-LOOKED_AT_S = (
-    300.0  # of the fixes: enough turns and changes of speed to tell all that motion can tell
+LOOKED_AT_S = 300.0  # of the fixes: enough turns and changes of speed for all that motion can show
+OFFSET_LIMIT_S = (
+    0.5  # a time offset that stops the job; below it the filter copes, and a note reports it
 )
-LATE_S = 0.5  # a clock error that stops the job; below it the filter copes, and a note tells
 
 
 @dataclass(frozen=True, eq=False)
 class Recognition:
-    """What the data say about themselves. A field whose finding has confidence 0 holds what the
-    records were read as.
+    """What the data show of themselves.
 
-    quantity : "mean_rate" (also for instantaneous rates, which the data cannot tell from mean ones)
+    A field whose finding has confidence 0 holds what the records were read as.
+
+    Parameters
+    ----------
+    quantity : str
+        "mean_rate" (also for instantaneous rates, which the data do not distinguish from mean ones)
         or "increments".
-    gyro_unit, accel_unit : of the numbers, in the words of the flight file.
-    gyro_factor, accel_factor : by which the numbers must be multiplied to be rad/s and m/s^2, of
-        increments rad and m/s. Numbers that a claim has converted wrongly have factors that belong
-        to no unit; the name of the unit is empty then.
-    axes : body directions of the IMU's x, y and z in the words of `axes`, or None where the data do
-        not tell.
-    accel_sign : +1 where the accelerometers report specific force (up at rest), -1 where they
-        report its reverse.
-    time_offset_s, time_offset_sigma_s : s, what must be added to the GNSS stamps to be on the IMU's
-        clock, and its sigma. (0, inf) where the data do not tell.
-    time_scale : "same", "GNSS in UTC" or "IMU in UTC" where the offset is the leap seconds of the
-        date (18 s without a week) within half a second, "other" where it is larger than half a
-        second otherwise.
-    findings : one for each of `findings.NAMES`, in that order.
-    curves : arrays for a picture (`recognise` lists them).
-    exchanged : latitude and longitude are; the sign of the force and the axes are then abstained
+    gyro_unit, accel_unit : str
+        Units of the numbers, in the words of the flight file.
+    gyro_factor, accel_factor : float
+        Factors by which the numbers must be multiplied to be rad/s and m/s^2, of increments rad and
+        m/s. Numbers that a claim has converted wrongly have factors that belong to no unit; the
+        name of the unit is empty then.
+    axes : str or None
+        Body directions of the IMU's x, y and z in the words of `axes`; None where the data do not
+        determine them.
+    accel_sign : int
+        +1 where the accelerometers report specific force (up at rest), -1 where they report its
+        reverse.
+    time_offset_s, time_offset_sigma_s : float, s
+        Time offset that must be added to the GNSS stamps to be on the IMU's clock, and its sigma.
+        (0, inf) where the data do not determine it.
+    time_scale : str
+        "same", "GNSS in UTC" or "IMU in UTC" where the offset is the leap seconds of the date (18 s
+        without a week) within half a second, "other" where it is larger than half a second
+        otherwise.
+    findings : tuple of Finding
+        One for each of `findings.NAMES`, in that order.
+    curves : dict of str to ndarray
+        Arrays for a picture (`recognise` lists them).
+    exchanged : bool
+        Whether latitude and longitude are; the sign of the force and the axes are then abstained
         from.
     """
 
@@ -84,7 +98,7 @@ class Recognition:
     exchanged: bool = False
 
     def finding(self, name: str) -> Finding:
-        """The finding of that name."""
+        """Return the finding of that name."""
         return next(f for f in self.findings if f.name == name)
 
 
@@ -93,29 +107,38 @@ def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
 
     Parameters
     ----------
-    imu : the numbers as the file has them, in the sensor's own axes, whatever their unit; its
-        `quantity` only tells whether a stamp ends an interval (mean rate, increments) or is an
+    imu : ImuSamples
+        The numbers as the file has them, in the sensor's own axes, whatever their unit; its
+        `quantity` only says whether a stamp ends an interval (mean rate, increments) or is an
         instant.
-    gnss : fixes in rad and m; with velocities where the receiver gives them.
+    gnss : GnssFixes
+        Fixes in rad and m; with velocities where the receiver gives them.
 
     Returns
     -------
-    Recognition. It raises nothing: what too few data cannot tell is abstained from. Its `curves`
-    are, with m rows of the windows in which GNSS saw most motion (all are absent where there is too
-    little to look at, all but the scores of lags and units where nothing fits):
+    Recognition
+        The recogniser raises nothing: what too few data do not determine is abstained from.
 
-    time (m,) s, on the IMU's clock.
-    force_gnss, force_imu (m, 3) m/s^2 : specific force in body axes (in the IMU's where axes is
-    None) from the motion that GNSS
-        saw (gross fixes and all) and from the accelerometers, averaged alike.
-    turn_gnss, turn_gyro (m,) rad/s : rate of turn about the vertical, NaN where GNSS is too slow to
-        have a course.
-    lag_s, lag_score (n,) : s, and the share of the GNSS accelerations that the IMU explains at that
-        time offset (1 all, 0 none,
-        negative worse than nothing).   gyro_factor, gyro_factor_score (h,) : the same for the gyro
-                                        units tried.
-    orientation (24, 3, 3), orientation_score (24,) : C_b_imu of all orientations (words by
-    `axes.axes_words`), -1 to 1.
+    Notes
+    -----
+    The `curves` are the following, with m rows of the windows in which GNSS saw most motion. All
+    are absent where there is too little to look at, all but the scores of lags and units where
+    nothing fits.
+
+    time : (m,), s
+        On the IMU's clock.
+    force_gnss, force_imu : (m, 3), m/s^2
+        Specific force in body axes (in the IMU's where axes is None) from the motion that GNSS saw
+        (gross fixes and all) and from the accelerometers, averaged alike.
+    turn_gnss, turn_gyro : (m,), rad/s
+        Rate of turn about the vertical, NaN where GNSS is too slow to have a course.
+    lag_s, lag_score : (n,), s and 1
+        Share of the GNSS accelerations that the IMU explains at that time offset (1 all, 0 none,
+        negative worse than nothing).
+    gyro_factor, gyro_factor_score : (h,)
+        The same for the candidate gyro units.
+    orientation, orientation_score : (24, 3, 3) and (24,)
+        C_b_imu of all orientations (words by `axes.axes_words`), and a score of -1 to 1.
     """
     grid, sound = imu_grid(imu), sound_fixes(gnss)
     if dead := dead_channel(imu):
@@ -148,8 +171,9 @@ def recognise(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
 
 
 def recognise_liveliest(imu: ImuSamples, gnss: GnssFixes) -> Recognition:
-    """`recognise` of the liveliest `LOOKED_AT_S`, with samples for any time offset that is looked
-    for.
+    """Apply `recognise` to the liveliest `LOOKED_AT_S` of the fixes.
+
+    The samples reach far enough for every time offset that is looked for.
     """
     lo, hi = liveliest(gnss, LOOKED_AT_S)
     return recognise(cut_samples(imu, lo - MAX_LAG_S, hi + MAX_LAG_S), cut_fixes(gnss, lo, hi))
@@ -163,8 +187,9 @@ def _mirrored(
     force: ForceUnit,
     reach: float,
 ) -> float:
-    """What specific force explains with latitude and longitude exchanged; -inf where that need not,
-    or cannot, be looked at.
+    """What specific force explains with latitude and longitude exchanged.
+
+    It is -inf where that need not, or cannot, be looked at.
     """
     scan = relation.scan
     if (
@@ -178,8 +203,10 @@ def _mirrored(
 
 
 def _clocks(imu: ImuSamples, gnss: GnssFixes) -> tuple[float, float]:
-    """What to add to the GNSS stamps before lags are looked for, and how far to look, s: clocks
-    that have nothing in common are set to a common start."""
+    """What to add to the GNSS stamps before lags are looked for, and how far to look, s.
+
+    Clocks that have nothing in common are set to a common start.
+    """
     common = min(imu.time[-1], gnss.time[-1]) - max(imu.time[0], gnss.time[0])
     if common >= COMMON_S:
         return 0.0, MAX_LAG_S
@@ -196,7 +223,7 @@ def _recognised(
     shift: float,
     mirrored: float,
 ) -> Recognition:
-    """All answers, each at most as sure as what it rests on."""
+    """All answers, each at most as sure as the findings that it is based on."""
     of_unit, triads = of_gyro(relation, force, interval)
     trusted = min(force.of_unit.confidence or MOST, of_unit.confidence, triads.confidence)
     clock = of_clock(relation, week, trusted, shift)
@@ -215,16 +242,16 @@ def _recognised(
         of_ahead.confidence if axes else 0.0,
         f"{of_down.evidence}; {of_ahead.evidence}",
     )
-    known, per_sample = (
+    unit_is_known, per_sample = (
         of_unit.confidence > 0.0,
         interval if force.quantity == "increments" else 1.0,
     )
     factor = relation.factors[relation.best]
     return Recognition(
         force.quantity,
-        gyro_unit(factor, force.quantity, interval) if known else _plain_gyro_unit(force),
+        gyro_unit(factor, force.quantity, interval) if unit_is_known else _plain_gyro_unit(force),
         force.unit,
-        factor * per_sample if known else 1.0,
+        factor * per_sample if unit_is_known else 1.0,
         force.factor * per_sample,
         axes,
         sign if of_force.confidence else 1,
@@ -298,7 +325,7 @@ def _orientations(vertical: Direction, ahead: Forward) -> dict[str, Array]:
 
 def _motion(relation: Relation, pose: Pose, C_b_imu: Array) -> dict[str, Array]:
     """Specific force and turn rate, of GNSS and of the IMU."""
-    fit, moved = relation.fit, relation.carried
+    fit, moved = relation.fit, relation.propagated
     assert fit is not None
     C_bn = C_b_imu @ np.swapaxes(pose.C_ns, 1, 2)
     reach = max(1, round(0.25 * pose.width / moved.grid.step))
@@ -320,7 +347,7 @@ def _motion(relation: Relation, pose: Pose, C_b_imu: Array) -> dict[str, Array]:
 
 
 def compare(
-    found: Recognition,
+    recognition: Recognition,
     C_b_imu: Array,
     *,
     quantity: str = "mean_rate",
@@ -329,29 +356,42 @@ def compare(
     accel_sign: int = 1,
     time_offset_s: float = 0.0,
 ) -> list[Check]:
-    """Where the flight file's claim and the data disagree.
+    """Compare the flight file's claim with the data.
 
-    found : of the records as the claim makes them: converted to SI from the claimed units, force
-        with the claimed sign, GNSS with the claimed time offset, IMU in its own axes (so that what
-        is found has factor 1, sign +1 and no offset if the claim is right).
-    C_b_imu (3, 3), quantity, gyro_unit, accel_unit, accel_sign (+1, -1), time_offset_s (GNSS minus
-    IMU offset) : the claim, which
-        goes into the advice.
+    Parameters
+    ----------
+    recognition : Recognition
+        Of the records as the claim makes them: converted to SI from the claimed units, force with
+        the claimed sign, GNSS with the claimed time offset, IMU in its own axes. It has factor 1,
+        sign +1 and no offset if the claim is right.
+    C_b_imu : ndarray, shape (3, 3)
+        The claimed axes; this and the following go into the advice.
+    quantity, gyro_unit, accel_unit : str
+    accel_sign : int
+        +1 or -1.
+    time_offset_s : float, s
+        GNSS minus IMU offset.
 
-    Returns the four checks "recognised units", "recognised axes", "recognised sign", "recognised
-    clock": "contradiction" where the data are surer than `SURE` of something else (of a clock: by
-    more than `LATE_S`), "note" where they cannot tell or say so less surely, "ok" otherwise.
+    Returns
+    -------
+    list of Check
+        "recognised units", "recognised axes", "recognised sign" and "recognised clock":
+        "contradiction" where the data are surer than `SURE` of something else (of a clock: by more
+        than `OFFSET_LIMIT_S`), "note" where they do not determine it or are less sure, "ok"
+        otherwise.
     """
     return [
-        _compare_units(found, quantity, gyro_unit, accel_unit),
-        _compare_axes(found, C_b_imu),
-        _compare_sign(found, accel_sign),
-        _compare_clock(found, time_offset_s),
+        _compare_units(recognition, quantity, gyro_unit, accel_unit),
+        _compare_axes(recognition, C_b_imu),
+        _compare_sign(recognition, accel_sign),
+        _compare_clock(recognition, time_offset_s),
     ]
 
 
-def _compare_units(found: Recognition, quantity: str, gyro_unit: str, accel_unit: str) -> Check:
-    """Factors other than 1 say by what the claim is wrong, and so what is right."""
+def _compare_units(
+    recognition: Recognition, quantity: str, gyro_unit: str, accel_unit: str
+) -> Check:
+    """Compare the units. A factor other than 1 shows by what the claim is wrong."""
     name, expected = (
         "recognised units",
         f"gyro in {gyro_unit}, accelerometer in {accel_unit}, {quantity}",
@@ -359,27 +399,27 @@ def _compare_units(found: Recognition, quantity: str, gyro_unit: str, accel_unit
     sensors = (
         (
             "gyro",
-            found.finding("gyro unit"),
-            found.gyro_factor,
+            recognition.finding("gyro unit"),
+            recognition.gyro_factor,
             GYRO_UNITS | INCREMENT_UNITS,
             gyro_unit,
         ),
         (
             "accel",
-            found.finding("accelerometer unit"),
-            found.accel_factor,
+            recognition.finding("accelerometer unit"),
+            recognition.accel_factor,
             ACCEL_UNITS | INCREMENT_UNITS,
             accel_unit,
         ),
     )
-    wrong_quantity = (quantity == "increments") != (found.quantity == "increments")
-    advice, sure, told = [], 1.0, []
+    wrong_quantity = (quantity == "increments") != (recognition.quantity == "increments")
+    advice, sure, evidence = [], 1.0, []
     for sensor, finding, factor, units, claimed in sensors:
-        told.append(f"{finding.name} {finding.value}: {finding.evidence}")
+        evidence.append(f"{finding.name} {finding.value}: {finding.evidence}")
         if not finding.confidence or (abs(np.log(factor)) < 1e-6 and not wrong_quantity):
             continue
         true = factor * units[claimed]
-        of_quantity = INCREMENT_UNITS if found.quantity == "increments" else units
+        of_quantity = INCREMENT_UNITS if recognition.quantity == "increments" else units
         unit = next(
             (
                 u
@@ -393,25 +433,27 @@ def _compare_units(found: Recognition, quantity: str, gyro_unit: str, accel_unit
             look if unit else f"the numbers are off by {factor:.4g}, check imu.units {sensor}"
         )
         sure = min(sure, finding.confidence)
-    if wrong_quantity and found.finding("quantity").confidence:
-        advice.append(f'they look like imu.quantity = "{found.quantity}"')
+    if wrong_quantity and recognition.finding("quantity").confidence:
+        advice.append(f'they look like imu.quantity = "{recognition.quantity}"')
     if advice:
         verdict: Verdict = "contradiction" if sure > SURE else "note"
-        return Check(name, "; ".join(told), expected, verdict, "; ".join(advice))
+        return Check(name, "; ".join(evidence), expected, verdict, "; ".join(advice))
     silent = [finding.name for _, finding, *_ in sensors if not finding.confidence]
     return Check(
         name,
-        "; ".join(told),
+        "; ".join(evidence),
         expected,
         "note" if silent else "ok",
-        f"the data do not tell the {' and '.join(silent)}" if silent else "",
+        f"the data do not determine the {' and '.join(silent)}" if silent else "",
     )
 
 
-def _compare_axes(found: Recognition, C_b_imu: Array) -> Check:
-    """The whole orientation where it is known, else its vertical axis, else the gyros' sense alone."""
+def _compare_axes(recognition: Recognition, C_b_imu: Array) -> Check:
+    """Compare the orientation where it is known, else its vertical axis, else the gyros' sense."""
     name, claimed = "recognised axes", axes_words(C_b_imu)
-    finding, vertical, triads = (found.finding(n) for n in ("axes", "vertical axis", "gyro triad"))
+    finding, vertical, triads = (
+        recognition.finding(n) for n in ("axes", "vertical axis", "gyro triad")
+    )
     if triads.value not in ("aligned", "unknown"):
         advice = (
             f"about the accelerometers' x y z turn {triads.value}: correct imu.columns or the signs"
@@ -424,21 +466,25 @@ def _compare_axes(found: Recognition, C_b_imu: Array) -> Check:
             "contradiction" if triads.confidence > SURE else "note",
             advice,
         )
-    told = f"{found.axes or 'unknown'} ({finding.evidence})"
-    if found.axes == claimed:
-        return Check(name, told, claimed)
+    statement = f"{recognition.axes or 'unknown'} ({finding.evidence})"
+    if recognition.axes == claimed:
+        return Check(name, statement, claimed)
     down_word = vertical.value.split()[0]
     if vertical.confidence > SURE and down_word != _imu_word(C_b_imu[2]):
         hint = (
-            f'imu.axes = "{found.axes}"'
-            if found.axes
+            f'imu.axes = "{recognition.axes}"'
+            if recognition.axes
             else f"imu.axes must have the IMU's {down_word} down"
         )
-        return Check(name, told, claimed, "contradiction", f"the data look like {hint}")
-    if found.axes is None:
-        return Check(name, told, claimed, "note", "the data do not tell which axis is forward")
+        return Check(name, statement, claimed, "contradiction", f"the data look like {hint}")
+    if recognition.axes is None:
+        return Check(
+            name, statement, claimed, "note", "the data do not determine which axis is forward"
+        )
     verdict: Verdict = "contradiction" if finding.confidence > SURE else "note"
-    return Check(name, told, claimed, verdict, f'the data look like imu.axes = "{found.axes}"')
+    return Check(
+        name, statement, claimed, verdict, f'the data look like imu.axes = "{recognition.axes}"'
+    )
 
 
 def _imu_word(direction: Array) -> str:
@@ -446,46 +492,48 @@ def _imu_word(direction: Array) -> str:
     return ("+" if direction[k] > 0 else "-") + "xyz"[k]
 
 
-def _compare_sign(found: Recognition, accel_sign: int) -> Check:
-    name, finding = "recognised sign", found.finding("force sign")
+def _compare_sign(recognition: Recognition, accel_sign: int) -> Check:
+    name, finding = "recognised sign", recognition.finding("force sign")
     expected = "specific force (up at rest)" + (
         ", with the sign of the claim" if accel_sign < 0 else ""
     )
-    told = f"{finding.value}: {finding.evidence}"
-    if found.exchanged:
-        return Check(name, told, expected, "contradiction", EXCHANGED_ADVICE)
+    statement = f"{finding.value}: {finding.evidence}"
+    if recognition.exchanged:
+        return Check(name, statement, expected, "contradiction", EXCHANGED_ADVICE)
     if not finding.confidence:
-        return Check(name, told, expected, "note", "the data do not tell the sign of the force")
-    if found.accel_sign > 0:
-        return Check(name, told, expected)
+        return Check(
+            name, statement, expected, "note", "the data do not determine the sign of the force"
+        )
+    if recognition.accel_sign > 0:
+        return Check(name, statement, expected)
     verdict: Verdict = "contradiction" if finding.confidence > SURE else "note"
     advice = (
         f"the accelerometers report the reverse: imu.accel_sign = {-accel_sign}; or latitude and"
         " longitude are exchanged"
     )
-    return Check(name, told, expected, verdict, advice)
+    return Check(name, statement, expected, verdict, advice)
 
 
-def _compare_clock(found: Recognition, time_offset_s: float) -> Check:
-    name, finding = "recognised clock", found.finding("time offset")
-    expected, told = (
-        f"GNSS on the IMU's clock within {LATE_S} s",
+def _compare_clock(recognition: Recognition, time_offset_s: float) -> Check:
+    name, finding = "recognised clock", recognition.finding("time offset")
+    expected, statement = (
+        f"GNSS on the IMU's clock within {OFFSET_LIMIT_S} s",
         f"{finding.value}: {finding.evidence}",
     )
     if not finding.confidence:
-        return Check(name, told, expected, "note", "the data do not tell the time offset")
-    offset, sigma = found.time_offset_s, found.time_offset_sigma_s
-    if abs(offset) < max(3.0 * sigma, LEAST_LATE_S):
-        return Check(name, told, expected)
+        return Check(name, statement, expected, "note", "the data do not determine the time offset")
+    offset, sigma = recognition.time_offset_s, recognition.time_offset_sigma_s
+    if abs(offset) < max(3.0 * sigma, LEAST_OFFSET_S):
+        return Check(name, statement, expected)
     advice = (
         f"gnss.time_offset_s = {time_offset_s + offset:.3f} would put the fixes on the IMU's clock"
     )
-    if found.time_scale in ("GNSS in UTC", "IMU in UTC"):
-        advice += f" ({found.time_scale}, leap seconds)"
+    if recognition.time_scale in ("GNSS in UTC", "IMU in UTC"):
+        advice += f" ({recognition.time_scale}, leap seconds)"
     return Check(
         name,
-        told,
+        statement,
         expected,
-        "contradiction" if abs(offset) > LATE_S and finding.confidence > SURE else "note",
+        "contradiction" if abs(offset) > OFFSET_LIMIT_S and finding.confidence > SURE else "note",
         advice,
     )

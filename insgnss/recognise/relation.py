@@ -1,6 +1,6 @@
 """The search for the gyro unit and the lag at which IMU and GNSS fit together, coarse to fine.
 
-Mathematics: `recognise`, (R.4) to (R.7).
+Mathematics: the package's docstring, (R.4) to (R.7).
 """
 
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..records import Array, GnssFixes
 from .fit import Fit, Scan, fit, scan_lags
-from .signal import Accelerations, Carried, ImuGrid, accelerations, carried
+from .signal import Accelerations, ImuGrid, PropagatedForce, accelerations, propagate_force
 from .units import ForceUnit, gyro_factors
 
 MAX_LAG_S, LAG_STEP_S = 30.0, 0.25
@@ -22,7 +22,7 @@ LEAST_ROWS = 10
 # score above which no other arrangement of the gyro axes is looked for, and that one must have
 CLEAR = 0.5
 MANOEUVRE_MS2 = 0.3  # horizontal acceleration that a tenth of the fixes must show for it
-WORTH = 0.3  # share of the largest gain that a fit needs to be believed
+WORTH = 0.3  # share of the largest gain that a fit needs to be accepted
 
 Kind = Literal["position", "velocity"]
 
@@ -31,14 +31,27 @@ Kind = Literal["position", "velocity"]
 class Relation:
     """How IMU and GNSS fit together.
 
-    factors (h,) : gyro factors tried; scans (h,) of them, of one kind of difference; best : index
-        of the best.
-    triads (3, 3) : signed permutation that takes gyro readings into the accelerometers' axes, the
-        identity where both are aligned.
-    rival : best score of another one.   carried : force with the best of all these.
-    fit, acc : the most certain fit, and its accelerations; None where the scans explain nothing.
-    lag_sigma : s, with the
-    spread of the fits of other differences in it.
+    Parameters
+    ----------
+    factors : tuple of float
+        The h gyro factors tried.
+    scans : tuple of Scan
+        Their scans, of one kind of difference.
+    best : int
+        Index of the best factor.
+    triads : ndarray, shape (3, 3)
+        Signed permutation that takes gyro readings into the accelerometers' axes, the identity
+        where both are aligned.
+    rival : float
+        Best score with the gyros' sense reversed.
+    propagated : PropagatedForce
+        With the best of all these.
+    fit : Fit or None
+        The most certain fit; None where the scans explain nothing.
+    acc : Accelerations
+        Those of the fit.
+    lag_sigma : float, s
+        Standard deviation of the lag, with the spread of the fits of other differences in it (R.7).
     """
 
     factors: tuple[float, ...]
@@ -46,14 +59,14 @@ class Relation:
     best: int
     triads: Array
     rival: float
-    carried: Carried
+    propagated: PropagatedForce
     fit: Fit | None
     acc: Accelerations
     lag_sigma: float
 
     @property
     def scan(self) -> Scan:
-        """Of the best factor."""
+        """The scan of the best factor."""
         return self.scans[self.best]
 
 
@@ -64,45 +77,62 @@ def relate(
     force: ForceUnit,
     reach: float = MAX_LAG_S,
 ) -> Relation | None:
-    """Best relation over all gyro factors and lags up to `reach`, s; None where there are too few
-    fixes or readings to look for one.
+    """Find the best relation over all gyro factors and lags.
+
+    Parameters
+    ----------
+    grid : ImuGrid
+    gnss : GnssFixes
+    sound : ndarray of bool, shape (n,)
+        The fixes that are used.
+    force : ForceUnit
+    reach : float, s
+        The largest lag.
+
+    Returns
+    -------
+    Relation or None
+        None where there are too few fixes or readings to look for one.
     """
     if sound.sum() < LEAST_ROWS:
         return None
     factors = gyro_factors(grid, force.quantity)
     halves = HALVES_S if reach <= MAX_LAG_S else HALVES_S[1:]
-    tried = [
+    candidates = [
         accelerations(gnss, sound, kind, half)
         for kind in _kinds(gnss)
         for half in _halves(gnss, halves)
     ]
-    tried = [acc for acc in tried if acc.time.size >= LEAST_ROWS]
-    if not factors or not tried:
+    candidates = [acc for acc in candidates if acc.time.size >= LEAST_ROWS]
+    if not factors or not candidates:
         return None
     triads = np.eye(3)
-    chosen, best = _try_factors(grid, factors, force, tried, reach)
+    chosen, best = _try_factors(grid, factors, force, candidates, reach)
     if _top(chosen[best]) < CLEAR:
         centred = replace(grid, dtheta=grid.dtheta - _usual_rate(grid))
-        others, other = _try_factors(centred, factors, force, tried, reach)
+        others, other = _try_factors(centred, factors, force, candidates, reach)
         if _top(others[other]) > max(_top(chosen[best]), 0.0):
             grid, chosen, best = centred, others, other
     if (
         _top(chosen[best]) < CLEAR
         and reach <= MAX_LAG_S
-        and (turned := _turned_triads(grid, factors, force, tried)) is not None
+        and (turned := _turned_triads(grid, factors, force, candidates)) is not None
     ):
         triads = turned
         grid = replace(grid, dtheta=grid.dtheta @ triads.T)
-        chosen, best = _try_factors(grid, factors, force, tried, reach)
-    rival = _top(_scan(carried(grid, -factors[best], force.factor), chosen[best].acc, 0.0, reach))
-    moved = carried(grid, factors[best], force.factor)
-    found, acc, sigma = _refine(grid, gnss, sound, moved, chosen[best])
-    return Relation(tuple(factors), tuple(chosen), best, triads, rival, moved, found, acc, sigma)
+        chosen, best = _try_factors(grid, factors, force, candidates, reach)
+    rival = _top(
+        _scan(propagate_force(grid, -factors[best], force.factor), chosen[best].acc, 0.0, reach)
+    )
+    moved = propagate_force(grid, factors[best], force.factor)
+    best_fit, acc, sigma = _refine(grid, gnss, sound, moved, chosen[best])
+    return Relation(tuple(factors), tuple(chosen), best, triads, rival, moved, best_fit, acc, sigma)
 
 
 def _usual_rate(grid: ImuGrid) -> Array:
-    """Median (3,) of the gyro increments over a second, per grid interval: a gyro's bias if it is
-    large and most lines are straight.
+    """Median (3,) of the gyro increments over a second, per grid interval.
+
+    It is a gyro's bias if that is large and most lines are straight.
     """
     k = max(1, round(1.0 / grid.step))
     n = max(1, len(grid.dtheta) // k)
@@ -110,43 +140,48 @@ def _usual_rate(grid: ImuGrid) -> Array:
 
 
 def _try_factors(
-    grid: ImuGrid, factors: list[float], force: ForceUnit, tried: list[Accelerations], reach: float
+    grid: ImuGrid,
+    factors: list[float],
+    force: ForceUnit,
+    candidates: list[Accelerations],
+    reach: float,
 ) -> tuple[list[Scan], int]:
-    """Scans of all factors with the differences that tell most, and the index of the best."""
-    moved = [carried(grid, f, force.factor) for f in factors]
-    scans = [[_scan(c, acc, 0.0, reach) for c in moved] for acc in tried]
+    """Scans of all factors with the most informative differences, and the index of the best."""
+    moved = [propagate_force(grid, f, force.factor) for f in factors]
+    scans = [[_scan(c, acc, 0.0, reach) for c in moved] for acc in candidates]
     chosen = max(scans, key=lambda same: max(s.gain() for s in same))
     return chosen, int(np.argmax([_top(s) for s in chosen]))
 
 
 def orientations() -> Array:
-    """(24, 3, 3) all C_b_imu: signed permutations of determinant +1."""
-    found = []
+    """Return all 24 C_b_imu, shape (24, 3, 3): signed permutations of determinant +1."""
+    matrices = []
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
             C = np.zeros((3, 3))
             C[range(3), order] = signs
             if np.linalg.det(C) > 0.0:
-                found.append(C)
-    return np.array(found)
+                matrices.append(C)
+    return np.array(matrices)
 
 
 def _turned_triads(
-    grid: ImuGrid, factors: list[float], force: ForceUnit, tried: list[Accelerations]
+    grid: ImuGrid, factors: list[float], force: ForceUnit, candidates: list[Accelerations]
 ) -> Array | None:
-    """Signed permutation of the gyro readings that makes them carry the force as GNSS saw it; None
-    where none does.
+    """Signed permutation of the gyro readings with which they propagate the force as GNSS saw it.
+
+    None where there is no such permutation.
     """
-    acc = max(tried, key=lambda a: a.span_s)
+    acc = max(candidates, key=lambda a: a.span_s)
     if np.quantile(np.abs(acc.z[:, :2]), 0.9) < MANOEUVRE_MS2:
         return None
-    best, found = CLEAR, None
+    best, permutation = CLEAR, None
     for P in (sense * C for C in orientations() for sense in (1.0, -1.0)):
         turned = replace(grid, dtheta=grid.dtheta @ P.T)
-        score = max(_top(_scan(carried(turned, f, force.factor), acc)) for f in factors)
+        score = max(_top(_scan(propagate_force(turned, f, force.factor), acc)) for f in factors)
         if score > best:
-            best, found = score, P
-    return found
+            best, permutation = score, P
+    return permutation
 
 
 def _top(scan: Scan) -> float:
@@ -158,15 +193,16 @@ def _kinds(gnss: GnssFixes) -> list[Kind]:
 
 
 def _halves(gnss: GnssFixes, wanted: tuple[float, ...]) -> list[float]:
-    """Of the wanted lengths, s, those that the rate of the fixes allows; the interval itself where
-    it is longer than all.
+    """Of the wanted lengths, s, those that the rate of the fixes allows.
+
+    It is the interval itself where that is longer than all.
     """
     interval = float(np.median(np.diff(gnss.time))) if gnss.time.size > 1 else np.inf
     return [half for half in wanted if half > 0.9 * interval] or [interval]
 
 
 def _scan(
-    moved: Carried, acc: Accelerations, around: float = 0.0, reach: float = MAX_LAG_S
+    moved: PropagatedForce, acc: Accelerations, around: float = 0.0, reach: float = MAX_LAG_S
 ) -> Scan:
     width = 0.5 * acc.span_s if acc.kind == "position" else acc.span_s
     step = min(0.5 * width, max(LAG_STEP_S, 0.25 * width))
@@ -177,20 +213,21 @@ def _scan(
 
 
 def _refine(
-    grid: ImuGrid, gnss: GnssFixes, sound: NDArray[np.bool_], moved: Carried, scan: Scan
+    grid: ImuGrid, gnss: GnssFixes, sound: NDArray[np.bool_], moved: PropagatedForce, scan: Scan
 ) -> tuple[Fit | None, Accelerations, float]:
-    """Fits of all differences near the best lag; of those that explain enough, the one that knows
-    the lag best (R.7).
+    """Fit all differences near the best lag; take the one that knows the lag best (R.7).
+
+    Only fits that explain enough take part.
     """
     if scan.gain() == 0.0:
         return None, scan.acc, np.inf
     lag, reach = float(scan.lags[scan.best]), 2.0 * scan.acc.span_s
-    tried = [
+    candidates = [
         accelerations(gnss, sound, kind, half, dense=True)
         for kind in _kinds(gnss)
         for half in _halves(gnss, FINE_HALVES_S)
     ]
-    near = [_scan(moved, acc, lag, reach) for acc in tried if acc.time.size >= LEAST_ROWS]
+    near = [_scan(moved, acc, lag, reach) for acc in candidates if acc.time.size >= LEAST_ROWS]
     most = max((s.gain() for s in near), default=0.0)
     near = [s for s in near if s.gain() > WORTH * most]
     fits = [
@@ -200,7 +237,7 @@ def _refine(
         )
         for s in near
     ]
-    worth = [(found, acc) for found, acc in fits if found is not None]
+    worth = [(candidate, acc) for candidate, acc in fits if candidate is not None]
     if not worth:
         return None, scan.acc, np.inf
     best, acc = min(worth, key=lambda f: f[0].lag_sigma)

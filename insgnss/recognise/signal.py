@@ -1,7 +1,7 @@
-"""The two signals that the recogniser compares: accelerations seen by GNSS, and the specific force
-that the gyros carry.
+"""The two signals of the recogniser: accelerations seen by GNSS, and propagated specific force.
 
-Mathematics: `recognise`, (R.1) to (R.3).
+The gyros propagate the force of the accelerometers. Mathematics: the package's docstring, (R.1) to
+(R.3).
 """
 
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ from ..geodesy.earth import normal_gravity
 from ..prepare.fix_path import north_east
 from ..prepare.gaps import nominal_interval
 from ..records import Array, GnssFixes, ImuSamples
-from ._kernels import carry
+from ._kernels import propagate
 
 GRID_S = 0.02  # a drone turns some degrees in it at most; finer than any lag that is looked for
 BROKEN_S = (
-    0.1  # an IMU interval longer than this, and than 5 nominal ones, holds a motion that nobody saw
+    0.1  # an IMU interval longer than this, and than 5 nominal ones, holds a motion that is unseen
 )
-# in which the gyros carry the attitude: a bias of 0.3 deg/s turns it by 3 deg from its middle to
-# its end
+# in which the gyros propagate the attitude: a bias of 0.3 deg/s turns it by 3 deg from its middle
+# to its end
 WINDOW_S = 20.0
 UNSEEN_MS2 = 0.1  # of the specific force that fixes do not see: vibration, lever arm
 LEAST_ROWS, MOST_ROWS = 5, 1500
@@ -36,11 +36,19 @@ DEAD_S, DEAD_SHARE, ALIVE = (
 
 @dataclass(frozen=True, eq=False)
 class ImuGrid:
-    """Raw increments on an even grid. dtheta, dvel (n, 3) in the file's unit times s, of intervals
-    of `step` s from `start` on.
+    """Raw increments on an even grid of n intervals.
 
-    broken (n + 1,) : number of grid intervals up to each instant that lie in a gap.
-    interval : nominal, s, of the recording.
+    Parameters
+    ----------
+    start : float, s
+    step : float, s
+        Length of an interval.
+    dtheta, dvel : ndarray, shape (n, 3)
+        In the file's unit times s.
+    broken : ndarray, shape (n + 1,)
+        Number of grid intervals up to each instant that lie in a gap.
+    interval : float, s
+        Nominal interval of the recording.
     """
 
     start: float
@@ -52,19 +60,17 @@ class ImuGrid:
 
 
 def imu_grid(imu: ImuSamples) -> ImuGrid:
-    """Integrate the readings, whatever their unit, as if they were rates, and cut the integral
-    evenly.
-    """
+    """Integrate the readings as if they were rates, whatever their unit, and cut evenly."""
     dt = nominal_interval(imu.time)
     width = np.diff(imu.time)
     gap = width > max(BROKEN_S, 5.0 * dt)
     weight = np.full(width.size, dt) if imu.quantity == "increments" else width
     step = max(GRID_S, dt)
     n = max(1, int((imu.time[-1] - imu.time[0]) / step))
-    at = imu.time[0] + step * np.arange(n + 1)
-    # place of each instant in the samples, once for all seven columns
-    k = np.clip(np.searchsorted(imu.time, at, side="right") - 1, 0, width.size - 1)
-    share = ((at - imu.time[k]) / width[k])[:, None]
+    instants = imu.time[0] + step * np.arange(n + 1)
+    # position of each instant among the samples, once for all seven columns
+    k = np.clip(np.searchsorted(imu.time, instants, side="right") - 1, 0, width.size - 1)
+    share = ((instants - imu.time[k]) / width[k])[:, None]
     readings = []
     for values in (imu.gyro, imu.accel):
         mean = 0.5 * (values[1:] + values[:-1]) if imu.quantity == "instant_rate" else values[1:]
@@ -77,8 +83,9 @@ def imu_grid(imu: ImuSamples) -> ImuGrid:
 
 
 def _without_spikes(x: Array) -> Array:
-    """Single rows of increments (n, 3) that lie far off the mean of their neighbours are replaced
-    by it; only the recogniser sees this.
+    """Replace single rows of increments (n, 3) far off the mean of their neighbours by that mean.
+
+    Only the recogniser sees this.
     """
     if len(x) < 3:
         return x
@@ -87,14 +94,15 @@ def _without_spikes(x: Array) -> Array:
     beyond = off > SPIKE * float(np.quantile(off, 0.9)) + 1e-12
     beyond[1:] &= off[1:] >= off[:-1]
     beyond[:-1] &= off[:-1] >= off[1:]
-    at = np.flatnonzero(beyond)
-    x[at + 1] = mean[at]
+    rows = np.flatnonzero(beyond)
+    x[rows + 1] = mean[rows]
     return x
 
 
 def dead_channel(imu: ImuSamples) -> str:
-    """Name of a channel that repeats one value for a large part of the recording while its
-    neighbours change; "" where none does.
+    """Name a channel that repeats one value for a large part of the recording.
+
+    Its neighbours change meanwhile. The name is empty where there is no such channel.
     """
     least = max(DEAD_SHARE * imu.time.size, DEAD_S / nominal_interval(imu.time))
     for sensor, values in (("gyro", imu.gyro), ("accelerometer", imu.accel)):
@@ -112,9 +120,18 @@ def dead_channel(imu: ImuSamples) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Carried:
-    """Specific force in the axes 0 that the sensor had at the grid's start (R.1): C (n, 3, 3)
-    sensor into 0, V, S (n, 3).
+class PropagatedForce:
+    """Specific force in the axes 0 that the sensor had at the grid's start (R.1).
+
+    Parameters
+    ----------
+    grid : ImuGrid
+    gyro_factor : float
+        Factor from the gyro readings to rad/s.
+    C : ndarray, shape (n, 3, 3)
+        Sensor axes into axes 0.
+    V, S : ndarray, shape (n, 3), m/s and m
+        Integrals of the force.
     """
 
     grid: ImuGrid
@@ -125,25 +142,23 @@ class Carried:
 
     @cached_property
     def force(self) -> Array:
-        """(n, 3) m/s^2, derivative of V."""
+        """Derivative of V, shape (n, 3), m/s^2."""
         return np.gradient(self.V, self.grid.step, axis=0)
 
     @cached_property
     def C_rate(self) -> Array:
-        """(n, 3, 3) 1/s, derivative of C."""
+        """Derivative of C, shape (n, 3, 3), 1/s."""
         return np.gradient(self.C, self.grid.step, axis=0)
 
     @cached_property
     def turned(self) -> Array:
-        """(n, 3) rad, integral of C omega: the rotation that a relative error of the gyro factor
-        makes.
-        """
+        """Integral of C omega, (n, 3) rad: the rotation by a relative error of the gyro factor."""
         turn = np.einsum("nij,nj->ni", self.C[:-1], self.grid.dtheta * self.gyro_factor)
         return np.concatenate([np.zeros((1, 3)), np.cumsum(turn, axis=0)])
 
     @cached_property
     def drifted(self) -> Array:
-        """(n, 3, 3) s, integral of C: the rotation that a gyro bias makes."""
+        """Integral of C, shape (n, 3, 3), s: the rotation that a gyro bias makes."""
         return np.concatenate(
             [
                 np.zeros((1, 3, 3)),
@@ -152,22 +167,32 @@ class Carried:
         )
 
 
-def carried(grid: ImuGrid, gyro_factor: float, accel_factor: float) -> Carried:
-    """Integrate (R.1) with readings times the factors."""
+def propagate_force(grid: ImuGrid, gyro_factor: float, accel_factor: float) -> PropagatedForce:
+    """Propagate the specific force (R.1), the readings multiplied by the factors."""
     n = grid.broken.size
     C, V, S = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3))
-    carry(grid.dtheta * gyro_factor, grid.dvel * accel_factor, grid.step, C, V, S)
-    return Carried(grid, gyro_factor, C, V, S)
+    propagate(grid.dtheta * gyro_factor, grid.dvel * accel_factor, grid.step, C, V, S)
+    return PropagatedForce(grid, gyro_factor, C, V, S)
 
 
 @dataclass(frozen=True, eq=False)
 class Accelerations:
-    """Specific force z (m, 3) m/s^2 in north, east, down that GNSS saw as coef (m, 3) applied at
-    times nodes (m, 3) (R.2, R.3).
+    """Specific force in north, east, down that GNSS saw (R.2, R.3).
 
-    weight (m,) : at most 1, less where the receiver says that a fix is worse than its usual ones.   window (m,) : number of its window.
-
-    kind : of "position" or "velocity".   span_s : from first to last node, nominal.
+    Parameters
+    ----------
+    kind : str
+        "position" or "velocity".
+    span_s : float, s
+        From first to last node, nominal.
+    nodes : ndarray, shape (m, 3), s
+    coef : ndarray, shape (m, 3)
+        Coefficients of the differences at the nodes.
+    z : ndarray, shape (m, 3), m/s^2
+    weight : ndarray, shape (m,)
+        At most 1, less where the receiver gives a fix a larger variance than its usual ones.
+    window : ndarray of int, shape (m,)
+        Number of its window.
     """
 
     kind: Literal["position", "velocity"]
@@ -180,7 +205,7 @@ class Accelerations:
 
     @property
     def time(self) -> Array:
-        """(m,) s, middle of the nodes."""
+        """Middle of the nodes, shape (m,), s."""
         return 0.5 * (self.nodes[:, 0] + self.nodes[:, 2])
 
 
@@ -191,11 +216,24 @@ def accelerations(
     half_s: float,
     dense: bool = False,
 ) -> Accelerations:
-    """Differences over `half_s` (velocity) or over twice that (position) between fixes that are
-    `sound`.
+    """Differentiate the fixes: over `half_s` (velocity) or over twice that (position).
 
-    Weights are those of the fixes' errors together with `UNSEEN_MS2`, which no accuracy of the
-    fixes takes away. One begins `half_s` after the other, or as densely as `MOST_ROWS` allows.
+    Parameters
+    ----------
+    gnss : GnssFixes
+    sound : ndarray of bool, shape (n,)
+        The fixes that are used.
+    kind : str
+        "position" or "velocity".
+    half_s : float, s
+    dense : bool
+        Whether differences begin as densely as `MOST_ROWS` allows, else `half_s` after each other.
+
+    Returns
+    -------
+    Accelerations
+        Weights are those of the fixes' errors together with `UNSEEN_MS2`, which no accuracy of the
+        fixes takes away.
     """
     t = gnss.time[sound]
     size = half_s if kind == "velocity" else 2.0 * half_s
@@ -238,23 +276,21 @@ def accelerations(
 
 
 def _most_moved(acc: Accelerations, every: int) -> Accelerations:
-    """Every so many-th row, of at most `MOST_ROWS` in the windows in which GNSS saw the largest
-    changes.
-    """
+    """Thin the rows by `every`, to at most `MOST_ROWS` in the windows of the largest changes."""
     rows = np.arange(0, acc.window.size, every)
     first = np.unique(acc.window[rows], return_index=True)[1]
     pieces = np.split(rows, first[1:])
     change = [
         (
-            np.median(np.abs(acc.z[at, :2] - np.median(acc.z[at, :2], axis=0)))
-            if at.size >= LEAST_ROWS
+            np.median(np.abs(acc.z[piece, :2] - np.median(acc.z[piece, :2], axis=0)))
+            if piece.size >= LEAST_ROWS
             else -1.0
         )
-        for at in pieces
+        for piece in pieces
     ]
     kept: list[NDArray[np.int64]] = []
     for k in np.argsort(change)[::-1]:
-        if change[k] >= 0.0 and sum(at.size for at in kept) < MOST_ROWS:
+        if change[k] >= 0.0 and sum(piece.size for piece in kept) < MOST_ROWS:
             kept.append(pieces[k])
     rows = np.sort(np.concatenate(kept)) if kept else rows[:0]
     window = np.unique(acc.window[rows], return_inverse=True)[1]

@@ -3,12 +3,12 @@
 The course rate of GNSS is compared with the rate of turn about the vertical that the gyros see,
 omega . d with d = -f/|f| smoothed over two seconds: in a coordinated turn with bank phi that is the
 course rate times cos(phi), whatever the axes. Their regression gives the gyro unit, their sign
-tells a mirrored frame (z up, latitude and longitude exchanged), the lag of their largest
-correlation a clock error of the IMU.
+shows a mirrored frame (z up, latitude and longitude exchanged), the lag of their largest
+correlation a time offset of the IMU.
 
 A survey takes its images on lines: the course rate at the exposures is small. Where it is large,
 but small 18 s earlier or later, the events are not in the time scale of the fixes. A camera that
-takes images everywhere tells nothing, nor do errors of a second.
+takes images everywhere does not show that, and no camera shows errors of a second.
 """
 
 import numpy as np
@@ -19,13 +19,12 @@ from .relation import MAX_LAG_S
 
 STEP_S = 0.1
 SMOOTH_S = 2.0
-LATE_S, LATE_CORRELATION = (
+LAG_S, LAG_CORRELATION = (
     0.5,
     0.9,
-)  # a lag that is told, where the correlation is clear enough to tell it
-LATE_GAIN = (
-    0.5  # of what the turns leave unexplained at no lag, the most that a lag which is told leaves
-)
+)  # a lag that is reported, where the correlation is clear enough for it
+# of what the turns leave unexplained at no lag, the most that a lag which is reported leaves
+LAG_GAIN = 0.5
 CLEAR_CORRELATION = 0.8  # of turns at another time, to take it for the right one
 STRANGERS = (
     "IMU and GNSS show no common turn: are they of one flight, one day, one clock (or more than 30"
@@ -55,18 +54,20 @@ ENOUGH_IMAGES = 20
 
 
 def check_events(events: CameraEvents, gnss: GnssFixes) -> Check:
-    """Count and spacing of the exposures, and whether they would lie on straighter lines in another
-    time scale.
+    """Check count and spacing of the exposures, and their time scale.
+
+    The exposures contradict the fixes where they would lie on straighter lines in another time
+    scale.
     """
     name, expected = "camera events", "in the time scale of the fixes: on lines, not in turns"
     step = np.diff(events.time)
-    found = f"{len(events.images)} images from {events.time[0]:.2f} to {events.time[-1]:.2f} s"
+    finding = f"{len(events.images)} images from {events.time[0]:.2f} to {events.time[-1]:.2f} s"
     if step.size:
-        found += f", shortest interval {step.min():.2f} s"
+        finding += f", shortest interval {step.min():.2f} s"
     grid = np.arange(gnss.time[0], gnss.time[-1], STEP_S)
     width = _width(gnss, grid)
     if len(events.images) < ENOUGH_IMAGES or grid.size < max(200, 5 * width):
-        return Check(name, found, expected)
+        return Check(name, finding, expected)
     rate, moving = _course_rate(gnss, grid, width)
     here, shifted = (
         _turning(events.time, grid, rate, moving),
@@ -74,27 +75,27 @@ def check_events(events: CameraEvents, gnss: GnssFixes) -> Check:
     )
     best = min(shifted, key=lambda s: shifted[s])
     if np.isfinite(here) and here > TURNING and here > STRAIGHTER * shifted[best]:
-        found += (
+        finding += (
             f"; mean course rate there {np.degrees(here):.1f} deg/s, {best:+.0f} s away"
             f" {np.degrees(shifted[best]):.1f} deg/s"
         )
         return Check(
             name,
-            found,
+            finding,
             expected,
             "contradiction",
             f"the events look like UTC or another clock: camera.time_offset_s = {best:.0f} would"
             " put them on lines",
         )
-    return Check(name, found, expected)
+    return Check(name, finding, expected)
 
 
 def _turning(time: Array, grid: Array, rate: Array, moving: np.ndarray) -> float:
-    """Mean size of the course rate at `time`, rad/s; infinite where less than half of it is known."""
+    """Mean size of the course rate at `time`, rad/s; infinite where half of it is unknown."""
     inside = (time >= grid[0]) & (time <= grid[-1])
-    at = np.clip(np.rint((time - grid[0]) / STEP_S).astype(np.int64), 0, grid.size - 1)
-    known = inside & moving[at]
-    return float(np.mean(np.abs(rate[at[known]]))) if known.sum() > 0.5 * time.size else np.inf
+    cells = np.clip(np.rint((time - grid[0]) / STEP_S).astype(np.int64), 0, grid.size - 1)
+    usable = inside & moving[cells]
+    return float(np.mean(np.abs(rate[cells[usable]]))) if usable.sum() > 0.5 * time.size else np.inf
 
 
 def _width(gnss: GnssFixes, grid: Array) -> int:
@@ -107,7 +108,7 @@ def _width(gnss: GnssFixes, grid: Array) -> int:
 
 
 def quantity_guess(imu: ImuSamples, dt: float) -> tuple[float, str]:
-    """Factor by which all readings are off where increments and rates are mixed up, and what to do."""
+    """Factor by which readings are off where increments and rates are mixed up, and the advice."""
     if imu.quantity == "increments":
         return 1.0 / dt, 'imu.quantity = "mean_rate"'
     return dt, 'imu.quantity = "increments"'
@@ -116,8 +117,23 @@ def quantity_guess(imu: ImuSamples, dt: float) -> tuple[float, str]:
 def check_turns(
     time: Array, rate: Array, force: Array, gnss: GnssFixes, imu: ImuSamples, dt: float
 ) -> Check:
-    """Gyro unit, handedness and clock. time (k,) s, rate (k, 3) rad/s, force (k, 3) m/s^2 in body
-    axes; dt : IMU interval, s.
+    """Check gyro unit, handedness and clock against the turns of the course.
+
+    Parameters
+    ----------
+    time : ndarray, shape (k,), s
+    rate : ndarray, shape (k, 3), rad/s
+        In body axes.
+    force : ndarray, shape (k, 3), m/s^2
+        In body axes.
+    gnss : GnssFixes
+    imu : ImuSamples
+    dt : float, s
+        Interval of the IMU.
+
+    Returns
+    -------
+    Check
     """
     name, expected = (
         "turn rate, gyro against GNSS course",
@@ -126,7 +142,7 @@ def check_turns(
     grid = np.arange(max(time[0], gnss.time[0]), min(time[-1], gnss.time[-1]), STEP_S)
     width = _width(gnss, grid)
     if grid.size < max(200, 5 * width):
-        return Check(name, "too short or too few fixes to tell", expected, "note")
+        return Check(name, "too short or too few fixes to compare", expected, "note")
     course_rate, moving = _course_rate(gnss, grid, width)
     down = -np.column_stack([_smooth(force[:, c], width) for c in range(3)])
     down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
@@ -135,40 +151,39 @@ def check_turns(
         return Check(name, "no turns at speed to compare", expected, "note")
     lag, best, here = _best_lag(gyro, course_rate, moving)
     ratio = float(np.sum(gyro[moving] * course_rate[moving]) / np.sum(course_rate[moving] ** 2))
-    found = f"ratio {ratio:.3g}, correlation {here:.2f} at no lag, {best:.2f} at {lag:+.1f} s"
+    finding = f"ratio {ratio:.3g}, correlation {here:.2f} at no lag, {best:.2f} at {lag:+.1f} s"
     spacing = float(np.median(np.diff(gnss.time)))
-    verdict, advice = _judge_turns(ratio, lag, best, here, imu, dt, max(LATE_S, spacing))
+    verdict, advice = _judge_turns(ratio, lag, best, here, imu, dt, max(LAG_S, spacing))
     if verdict == "contradiction" and (agreed := _forces_agree(imu, gnss)):
         return Check(
             name,
-            f"{found}; {agreed}",
+            f"{finding}; {agreed}",
             expected,
             "note",
-            "its nose does not follow its course, so the turns tell nothing",
+            "its nose does not follow its course, so the turns do not show the clock",
         )
-    return Check(name, found, expected, verdict, advice)
+    return Check(name, finding, expected, verdict, advice)
 
 
 def _forces_agree(imu: ImuSamples, gnss: GnssFixes) -> str:
-    """What the forces say where they, other than the turns, show that units, senses and clock are
-    right; else nothing.
+    """Say that the forces show units, senses and clock to be right; empty where they do not.
 
     A multirotor's course is not its heading. What it feels when it changes its velocity shows all
     the same whether the records fit.
     """
     from .recognition import recognise_liveliest
 
-    found = recognise_liveliest(imu, gnss)
+    recognition = recognise_liveliest(imu, gnss)
     clock, sure = (
-        found.finding("time offset"),
-        min(found.finding(n).confidence for n in ("gyro unit", "gyro triad", "time offset")),
+        recognition.finding("time offset"),
+        min(recognition.finding(n).confidence for n in ("gyro unit", "gyro triad", "time offset")),
     )
     right = (
-        found.finding("gyro triad").value == "aligned"
-        and abs(np.log(found.gyro_factor)) < 1e-6
-        and found.accel_sign > 0
+        recognition.finding("gyro triad").value == "aligned"
+        and abs(np.log(recognition.gyro_factor)) < 1e-6
+        and recognition.accel_sign > 0
     )
-    if sure < SURE or not right or abs(found.time_offset_s) > AT_ONCE_S:
+    if sure < SURE or not right or abs(recognition.time_offset_s) > AT_ONCE_S:
         return ""
     return f"but the forces agree at {clock.value}"
 
@@ -176,10 +191,12 @@ def _forces_agree(imu: ImuSamples, gnss: GnssFixes) -> str:
 def _judge_turns(
     ratio: float, lag: float, best: float, here: float, imu: ImuSamples, dt: float, least_lag: float
 ) -> tuple[Verdict, str]:
-    """Verdict and advice. least_lag : s, the shortest lag that fixes so far apart can tell; 1 - r^2
-    is what a correlation r leaves.
+    """Verdict and advice.
+
+    least_lag : s, the shortest lag that fixes so far apart can show; 1 - r^2 is what a correlation
+    r leaves.
     """
-    late, shift = (
+    offset, shift = (
         f"IMU time is about {lag:+.1f} s off GNSS time",
         f"add {lag:+.1f} s to gnss.time_offset_s or {-lag:+.1f} s to imu.time_offset_s",
     )
@@ -187,7 +204,7 @@ def _judge_turns(
         if abs(lag) > MAX_LAG_S - 2.0 * STEP_S or abs(best) < CLEAR_CORRELATION:
             return "contradiction", STRANGERS
         hint = "GPS against UTC (18 s)" if LEAP_S[0] <= abs(lag) <= LEAP_S[1] else "a wrong clock"
-        return "contradiction", f"{late}: {hint}; {shift}"
+        return "contradiction", f"{offset}: {hint}; {shift}"
     if abs(best) < UNLIKE:
         return "contradiction", STRANGERS
     if here < -ALIKE:
@@ -200,9 +217,9 @@ def _judge_turns(
         )
     if here > ALIKE and not RATIO[0] < ratio < RATIO[1]:
         return "contradiction", _gyro_unit_advice(ratio, imu, dt)
-    tells = 1.0 - best**2 < LATE_GAIN * (1.0 - here**2)
-    if best > LATE_CORRELATION and abs(lag) > least_lag + 0.5 * STEP_S and tells:
-        return "note", f"{late}; {shift}"
+    explains = 1.0 - best**2 < LAG_GAIN * (1.0 - here**2)
+    if best > LAG_CORRELATION and abs(lag) > least_lag + 0.5 * STEP_S and explains:
+        return "note", f"{offset}; {shift}"
     return ("ok" if here > ALIKE else "note"), ""
 
 
@@ -244,8 +261,9 @@ def _course_rate(gnss: GnssFixes, grid: Array, width: int) -> tuple[Array, np.nd
 
 
 def _best_lag(gyro: Array, course_rate: Array, moving: np.ndarray) -> tuple[float, float, float]:
-    """Lag (s, positive: gyro late), correlation there and at no lag. Sign: as the correlation of
-    largest size.
+    """Lag (s, positive: gyro late), correlation there and at no lag.
+
+    The sign is that of the correlation of largest size.
     """
     most = int(min(MAX_LAG_S / STEP_S, gyro.size // 4))
     lags = np.arange(-most, most + 1)

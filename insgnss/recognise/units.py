@@ -1,7 +1,6 @@
-"""Units that the size of the readings allows: gravity fixes that of the accelerometers, the
-possible leaves few for the gyros.
+"""Units that the size of the readings allows.
 
-Mathematics: `recognise`, (R.1).
+Gravity fixes that of the accelerometers, the possible leaves few for the gyros.
 """
 
 from dataclasses import dataclass
@@ -29,8 +28,15 @@ NEAR, FAR, APART = (
 
 @dataclass(frozen=True, eq=False)
 class ForceUnit:
-    """Unit of the accelerometers: factor to m/s^2 of the readings taken as rates, unit, quantity,
-    and the two findings.
+    """Unit of the accelerometers.
+
+    Parameters
+    ----------
+    factor : float
+        To m/s^2, of the readings taken as rates.
+    unit : str
+    quantity : str
+    of_quantity, of_unit : Finding
     """
 
     factor: float
@@ -41,18 +47,19 @@ class ForceUnit:
 
 
 def force_unit(grid: ImuGrid) -> ForceUnit:
-    """Unit and quantity from the typical size of the specific force, which is gravity's in all that
-    flies, drives or stands.
+    """Find unit and quantity from the typical size of the specific force.
+
+    That size is gravity's in all that flies, drives or stands.
     """
     k = min(max(1, round(SIZE_S / grid.step)), len(grid.dvel))
     n = len(grid.dvel) // k
     mean = grid.dvel[: n * k].reshape(n, k, 3).mean(axis=1) / grid.step
     size = max(float(np.median(np.linalg.norm(mean, axis=1))), 1e-12)
-    known: list[tuple[float, str, Quantity]] = [
+    candidates: list[tuple[float, str, Quantity]] = [
         (f, unit, "mean_rate") for unit, f in ACCEL_UNITS.items()
     ]
-    known += [(1.0 / grid.interval, "m/s", "increments")]
-    (off, factor, unit, quantity), second = _nearest(known, size)
+    candidates += [(1.0 / grid.interval, "m/s", "increments")]
+    (off, factor, unit, quantity), second = _nearest(candidates, size)
     if off > FAR:
         (off, factor, unit, quantity), second = _nearest(
             [(f, "", "mean_rate") for f in ACCEL_BY_CLAIM], size
@@ -72,7 +79,7 @@ def force_unit(grid: ImuGrid) -> ForceUnit:
     evidence = (
         f"median size {size:.4g} over {SIZE_S} s, where gravity is {G / factor:.4g} {unit}".rstrip()
     )
-    kind = "rates, mean or instantaneous: the data cannot tell which"
+    kind = "rates, mean or instantaneous: the data do not show which"
     if quantity == "increments":
         evidence, kind = f"{evidence} in {grid.interval:.4g} s", "increments"
     of_quantity = Finding(
@@ -83,7 +90,7 @@ def force_unit(grid: ImuGrid) -> ForceUnit:
 
 
 def unknown_force(factor: float, why: str) -> ForceUnit:
-    """Abstention."""
+    """Return the abstention, with the reason `why`."""
     of_quantity, of_unit = (
         Finding(name, "unknown", 0.0, why) for name in ("quantity", "accelerometer unit")
     )
@@ -91,29 +98,34 @@ def unknown_force(factor: float, why: str) -> ForceUnit:
 
 
 def _nearest(
-    known: list[tuple[float, str, Quantity]], size: float
+    candidates: list[tuple[float, str, Quantity]], size: float
 ) -> tuple[tuple[float, float, str, Quantity], float]:
-    """Of factor, unit and quantity those in which `size` is most like gravity, with the logarithm
-    it is off by, and that of the next.
+    """The candidate in which `size` is most like gravity, with the logarithm it is off by.
+
+    The second value is that logarithm of the next candidate. A candidate is factor, unit and
+    quantity.
     """
     ranked = sorted(
-        (abs(float(np.log(size * f / G))), f, unit, quantity) for f, unit, quantity in known
+        (abs(float(np.log(size * f / G))), f, unit, quantity) for f, unit, quantity in candidates
     )
     return ranked[0], ranked[1][0]
 
 
 def gyro_factors(grid: ImuGrid, quantity: str) -> list[float]:
-    """Factors to rad/s that make the readings rates that a drone can have and a gyro can show."""
-    known = [*GYRO_UNITS.values(), *GYRO_BY_CLAIM]
+    """Return the factors to rad/s that make the readings rates that a drone and a gyro can have."""
+    candidates = [*GYRO_UNITS.values(), *GYRO_BY_CLAIM]
     if quantity == "increments":
-        known = [f / grid.interval for f in known]
+        candidates = [f / grid.interval for f in candidates]
     size = np.linalg.norm(grid.dtheta, axis=1) / grid.step
     typical, most = float(np.median(size)), float(np.quantile(size, 0.99))
-    return [f for f in known if typical * f > LEAST_RATE and most * f < MOST_RATE]
+    return [f for f in candidates if typical * f > LEAST_RATE and most * f < MOST_RATE]
 
 
 def gyro_unit(factor: float, quantity: str, interval: float) -> str:
-    """Name of the unit with that factor, "" where a wrong claim made it."""
+    """Return the name of the unit with that factor; empty where a wrong claim made the factor."""
     f = abs(factor) * (interval if quantity == "increments" else 1.0)
-    name = next((unit for unit, known in GYRO_UNITS.items() if abs(np.log(f / known)) < 1e-6), "")
+    name = next(
+        (unit for unit, unit_factor in GYRO_UNITS.items() if abs(np.log(f / unit_factor)) < 1e-6),
+        "",
+    )
     return name.removesuffix("/s") if quantity == "increments" else name

@@ -276,7 +276,7 @@ class Diagnostics:
     determined.
     gaps : (time, length) of bridged IMU gaps.   passes : filter passes.
     covariance_resets : times of covariance resets, after a second of rejected fixes.
-    rests : (k, 2) s, times in which the vehicle was taken to stand still.
+    stationary : (k, 2) s, times in which the vehicle was taken to stand still.
     states : constants estimated besides biases.
     segments : first and last instant, s, of each segment that was solved by itself.
     time_correlated : time-correlated GNSS errors.
@@ -306,7 +306,7 @@ class Diagnostics:
     velocity_nis: Array | None = None
     velocity_used: NDArray[np.bool_] | None = None
     checks: tuple[Check, ...] = ()
-    rests: Array | None = None
+    stationary: Array | None = None
     states: tuple[StateVerdict, ...] = ()
     segments: tuple[tuple[float, float], ...] = ()
     time_correlated: tuple[TimeCorrelatedError, ...] = ()

@@ -26,9 +26,9 @@ def segments(d: Diagnostics) -> Array:
 
 def rests(d: Diagnostics) -> Array:
     """(k, 2) s, where the vehicle stood, within the flight."""
-    if d.rests is None:
+    if d.stationary is None:
         return np.zeros((0, 2))
-    within = d.rests[(d.rests[:, 1] > d.time[0]) & (d.rests[:, 0] < d.time[-1])]
+    within = d.stationary[(d.stationary[:, 1] > d.time[0]) & (d.stationary[:, 0] < d.time[-1])]
     return np.clip(within, d.time[0], d.time[-1])
 
 

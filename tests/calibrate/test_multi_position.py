@@ -28,7 +28,7 @@ from insgnss.calibrate.multi_position import (
 )
 from insgnss.calibrate.result import USUAL, sizes
 from insgnss.geodesy.rotation import rotation_from_rpy
-from insgnss.prepare.stationarity import Stretches, still_stretches
+from insgnss.prepare.stationarity import StationaryPeriods, stationary_periods
 
 
 @pytest.fixture(scope="module")
@@ -37,14 +37,14 @@ def ideal():
 
 
 def rested(angles, sigma, samples, seed):
-    """Stretches alone, in given positions, of exact gravity and white noise."""
+    """Stationary periods alone, in given positions, of exact gravity and white noise."""
     rng = np.random.default_rng(seed)
     k = len(angles)
     force = -GRAVITY * rotation_from_rpy(angles)[:, 2, :]
     mean = force @ ACCEL.response.T + ACCEL.bias + rng.normal(0.0, sigma / np.sqrt(samples), (k, 3))
     time = np.arange(k)[:, None] * 10.0 + [0.0, 5.0]
     ones = np.ones((k, 3))
-    return Stretches(time, 0 * ones, mean, 1e-3 * ones, sigma * ones, np.full(k, samples))
+    return StationaryPeriods(time, 0 * ones, mean, 1e-3 * ones, sigma * ones, np.full(k, samples))
 
 
 def accel_truth():
@@ -135,7 +135,7 @@ def test_six_faces_reach_the_closed_form():
     sigma, ones = 1e-3, np.ones((6, 3))
     time = np.arange(6)[:, None] * 10.0 + [0.0, 5.0]
     got = calibrate_accelerometers(
-        Stretches(time, 0 * ones, mean, ones, 0.02 * ones, np.full(6, 400)), GRAVITY, 0.0
+        StationaryPeriods(time, 0 * ones, mean, ones, 0.02 * ones, np.full(6, 400)), GRAVITY, 0.0
     )
     np.testing.assert_allclose(got.values[:6], np.concatenate([b, s]), rtol=0, atol=1e-7)
     np.testing.assert_allclose(got.sigma[:3], sigma / np.sqrt(2.0), rtol=5e-3)
@@ -178,7 +178,7 @@ def test_the_jacobian_of_a_turn_is_its_derivative(ideal):
     from insgnss.calibrate._kernels import carry
 
     imu = recorded(ideal, 4)
-    turn = find_turns(imu, still_stretches(imu))[5]
+    turn = find_turns(imu, stationary_periods(imu))[5]
 
     def carried(p):
         Rt, J = np.empty((3, 3)), np.empty((3, 12))
@@ -198,7 +198,7 @@ def test_the_jacobian_of_a_turn_is_its_derivative(ideal):
 def test_gyroscopes_without_turns_have_their_bias_only(ideal):
     """Oracle: at rest a gyro feels nothing that a scale factor could act on but the Earth's rate."""
     imu = recorded(ideal, 5)
-    found = still_stretches(imu)
+    found = stationary_periods(imu)
     got = calibrate_gyroscopes(
         found, [], calibrate_accelerometers(found, GRAVITY, 0.0), float(LATITUDE)
     )

@@ -8,7 +8,7 @@ from insgnss.base.errors import DataError
 from insgnss.calibrate.turn_on import turn_on_bias
 from insgnss.geodesy.earth import EARTH_RATE, normal_gravity
 from insgnss.geodesy.rotation import rotation_from_rpy
-from insgnss.prepare.stationarity import Stretches, still_stretches
+from insgnss.prepare.stationarity import StationaryPeriods, stationary_periods
 from insgnss.simulation.scenario import ImuOptions, simulate_flight
 
 LATITUDE, HEIGHT = 0.81, 500.0
@@ -17,7 +17,7 @@ GYRO_STD, ACCEL_STD, SAMPLES = 5e-4, 5e-3, 4000
 
 
 def at_rest(rpy, gyro_bias, accel_bias, rng=None, k=1):
-    """Stretches of a body at rest, by (U.1, U.2) and with noise of the means."""
+    """Stationary periods of a body, by (U.1, U.2) and with noise of the means."""
     C_nb = rotation_from_rpy(rpy)
     gyro = C_nb.T @ (EARTH_RATE * np.array([np.cos(LATITUDE), 0.0, -np.sin(LATITUDE)])) + gyro_bias
     accel = C_nb.T @ np.array([0.0, 0.0, -float(normal_gravity(LATITUDE, HEIGHT))])
@@ -27,7 +27,7 @@ def at_rest(rpy, gyro_bias, accel_bias, rng=None, k=1):
     )  # gravity is not quite the normal one
     ones = np.ones((k, 3))
     time = np.arange(k)[:, None] * 50.0 + [0.0, 40.0]
-    return Stretches(
+    return StationaryPeriods(
         time,
         gyro + GYRO_STD * noise[0],
         accel + accel_bias + ACCEL_STD * noise[1],
@@ -86,7 +86,7 @@ def test_scattered_stretches_count_for_their_scatter():
     """
     calm = at_rest([0.0, 0.0, 0.0], np.zeros(3), np.zeros(3), k=3)
     jump = 1e-5 * np.array([[1.0, 0, 0], [0, 0, 1.0], [-1.0, 0, -1.0]])
-    shaken = Stretches(
+    shaken = StationaryPeriods(
         calm.time,
         calm.gyro_mean + jump,
         calm.accel_mean,
@@ -105,10 +105,10 @@ def test_the_stand_of_a_simulated_flight():
     flown = simulate_flight(
         "ign8", 3.0, seed=5, imu=ImuOptions(rate_hz=100.0, axes="right backward down")
     )
-    found = still_stretches(flown.imu, flown.gnss)
+    found = stationary_periods(flown.imu, flown.gnss)
     C = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     got = turn_on_bias(found, C, float(flown.gnss.lat[0]), 500.0, GYRO_PRIOR, ACCEL_PRIOR)
-    stand = found.at(flown.truth.trajectory.time) == 0
+    stand = found.index_of(flown.truth.trajectory.time) == 0
     truth = np.concatenate(
         [flown.truth.gyro_bias[stand].mean(axis=0), flown.truth.accel_bias[stand].mean(axis=0)]
     )
@@ -118,10 +118,10 @@ def test_the_stand_of_a_simulated_flight():
 def test_no_rest_and_no_single_attitude_are_refused():
     """Oracle: the house rule."""
     one, other = (at_rest([roll, 0.0, 0.0], np.zeros(3), np.zeros(3)) for roll in (0.0, 0.3))
-    both = Stretches(
+    both = StationaryPeriods(
         *(
             np.concatenate([getattr(one, n), getattr(other, n)])
-            for n in Stretches.__dataclass_fields__
+            for n in StationaryPeriods.__dataclass_fields__
         )
     )
     with pytest.raises(DataError, match=r"tilted by 8\.\d deg \(limit 5 deg\)"):

@@ -38,7 +38,7 @@ def test_all_24_right_handed_triples_are_read():
 
 
 def test_front_right_down_body_from_a_right_forward_up_sensor():
-    """Oracle: the FRD-RFU matrix S of the exchange conventions, [[0, 1, 0], [1, 0, 0], [0, 0, -1]]."""
+    """Oracle: the FRD-RFU matrix S of the conventions, [[0, 1, 0], [1, 0, 0], [0, 0, -1]]."""
     assert_array_equal(parse_axes("right forward up"), [[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 

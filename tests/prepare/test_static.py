@@ -64,7 +64,7 @@ def test_rest_is_rest(model):
 
 
 def test_a_knock_is_found_where_it_was(still):
-    """Oracle: a decaying vibration of a second put in at 200 s; eight times the noise of one axis."""
+    """Oracle: a decaying vibration of a second at 200 s; eight times the noise of one axis."""
     t = np.arange(50) / RATE
 
     def knock(a):
@@ -218,7 +218,8 @@ def test_a_rail_is_told(still):
         a[300:305, 0] = 5.0
 
     assert (
-        "gyro x stands at 5 5 times" in found(static_span(changed(still, gyro=rail)), "range").found
+        "gyro x reads 5 in 5 samples"
+        in found(static_span(changed(still, gyro=rail)), "range").found
     )
 
 

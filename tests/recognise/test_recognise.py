@@ -113,7 +113,7 @@ def test_all_orientations_units_and_signs(block, corridor, sign, units):
     ],
 )
 def test_latency_within_its_sigma(block, late, velocity):
-    """Oracle: the delay that the test gave the GNSS stamps; 20 ms is a third of a metre in flight."""
+    """Oracle: the delay that the test gave the GNSS stamps; 20 ms is a third of a metre."""
     imu, gnss = block
     gnss = gnss if velocity else without_velocity(gnss)
     found = recognise(imu, replace(gnss, time=gnss.time - late))
@@ -125,7 +125,7 @@ def test_latency_within_its_sigma(block, late, velocity):
 
 
 def test_leap_seconds_are_those_of_the_date(block):
-    """Oracle: IERS Bulletin C: GPST - UTC was 15 s in week 1560 (2009), 18 s in week 2008 (2018)."""
+    """Oracle: IERS Bulletin C: GPST - UTC was 15 s in week 1560 (2009), 18 s in 2008 (2018)."""
     imu, gnss = block
     for week, leap in ((1560, 15.0), (2008, 18.0)):
         shifted = replace(gnss, time=gnss.time - leap, gps_week=week)
@@ -426,7 +426,7 @@ class TestCompare:
         ("late", "verdict"), [(0.0, "ok"), (0.2, "note"), (18.0, "contradiction")]
     )
     def test_clock(self, block, late, verdict):
-        """Oracle: the delay that the test gave; what the claim had added already is in the advice."""
+        """Oracle: the delay that the test gave; the advice holds what the claim had added."""
         imu, gnss = block
         check = self.verdicts(
             recognise(imu, replace(gnss, time=gnss.time - late)), time_offset_s=5.0

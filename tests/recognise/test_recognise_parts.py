@@ -12,7 +12,7 @@ from insgnss.prepare.fix_path import liveliest, sound_fixes
 from insgnss.recognise._kernels import interpolate
 from insgnss.recognise.axes import Pose, axes_words, down, forward, scores
 from insgnss.recognise.relation import orientations
-from insgnss.recognise.signal import accelerations, carried, dead_channel, imu_grid
+from insgnss.recognise.signal import accelerations, dead_channel, imu_grid, propagate_force
 from insgnss.recognise.units import force_unit, gyro_factors, gyro_unit
 from insgnss.recognise.verdict import of_clock
 from insgnss.records import GnssFixes, ImuSamples
@@ -35,10 +35,10 @@ def fixes(time, north, east, height, velocity=None):
     )
 
 
-def test_carried_force_of_a_steady_turn():
+def test_propagated_force_of_a_steady_turn():
     """Oracle: closed form: C = exp(t [w x]) and its integral, Rodrigues' formula term by term."""
     rate, force = np.array([0.1, -0.2, 0.4]), np.array([1.0, 2.0, -9.8])
-    moved = carried(imu_grid(steady(rate, force)), 1.0, 1.0)
+    moved = propagate_force(imu_grid(steady(rate, force)), 1.0, 1.0)
     t = moved.grid.step * np.arange(moved.C.shape[0])
     assert_allclose(moved.C, rotation_from_vector(t[:, None] * rate), atol=MICRO)
     w = np.linalg.norm(rate)

@@ -60,7 +60,7 @@ def test_an_unclear_lag_at_the_edge_is_no_clock_error(flown):
 
 
 def test_forces_speak_for_a_drone_whose_nose_does_not_follow_its_course():
-    """Oracle: the simulator's records fit; with the fixes 4 s late, or in the mirror, they do not."""
+    """Oracle: the simulator's records fit; with fixes 4 s late, or in the mirror, they do not."""
     flown = simulate_flight("ign8", 4.0, seed=3, imu=ImuOptions(rate_hz=50.0), start_in_air=True)
     assert _forces_agree(flown.imu, flown.gnss)
     assert not _forces_agree(flown.imu, replace(flown.gnss, time=flown.gnss.time + 4.0))

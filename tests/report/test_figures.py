@@ -87,7 +87,7 @@ def test_marks_are_where_they_belong(block) -> None:
     used = (d.fix_time <= START + 30) | (d.fix_time >= START + 50)
     parts = ((START, START + 60.0), (START + 90.0, START + 119.9))
     marks = marks_of(
-        block(used=used, rests=np.array([[START - 9, START + 6]]), segments=parts), None
+        block(used=used, stationary=np.array([[START - 9, START + 6]]), segments=parts), None
     )
     assert 60 * marks.rests == pytest.approx(np.array([[0.0, 6.0]]), abs=1e-6)
     assert 60 * marks.outages == pytest.approx(np.array([[30.0, 50.0]]), abs=1e-6)
@@ -101,7 +101,7 @@ def test_rests_and_outages_are_shaded_in_every_figure_over_time(diagnostics) -> 
     """Oracle: Pillow; pixels of the two shades are there where they were asked for, and only then."""
     d = diagnostics()
     used = (d.fix_time <= START + 60) | (d.fix_time >= START + 110)
-    marked = pictures(diagnostics(used=used, rests=np.array([[START, START + 30]])), None)
+    marked = pictures(diagnostics(used=used, stationary=np.array([[START, START + 30]])), None)
     for plain, shaded in zip(pictures(d, None), marked, strict=True):
         for shade in (REST_SHADE, OUTAGE_SHADE):
             assert _pixels(plain.png, shade) == 0, plain.name

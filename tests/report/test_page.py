@@ -138,7 +138,7 @@ def test_lines_and_constants_have_their_tables(block, summary) -> None:
             smoothed_sigma=sigma,
             states=states,
             time_correlated=lasting,
-            rests=rests,
+            stationary=rests,
             segments=parts,
         ),
         None,

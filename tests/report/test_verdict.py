@@ -207,7 +207,7 @@ def test_standing_says_nothing_of_fixes_that_were_made_up(diagnostics) -> None:
     of heading is 0.0026 deg/h of it.
     """
     check = Check("turn rate, gyro against GNSS course", "no turns", "some", "note")
-    d = diagnostics(0.1, rests=np.array([[START, START + 100]]), checks=(check,))
+    d = diagnostics(0.1, stationary=np.array([[START, START + 100]]), checks=(check,))
     s = run(d, flight=STANDING)
     assert [limit["topic"] for limit in s["limits"]] == ["standing"]
     assert "a level rate known to 0.0026 of the Earth's 7.5 deg/h" in s["verdict"][0]

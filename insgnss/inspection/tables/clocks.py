@@ -1,7 +1,7 @@
 """Which columns of an unknown table are its clocks, and in which unit they count.
 
-A name tells the candidates where one is known, else a column that increases in nearly equal steps
-is one; the step tells the unit. A counter of rows or packets runs as evenly and is none.
+A known name gives the candidates, else a column that increases in nearly equal steps is one; the
+step gives the unit. A counter of rows or packets runs as evenly and is none.
 """
 
 import re
@@ -26,16 +26,25 @@ SECONDS, NANOSECONDS = (
 
 
 def clocks(grid: Grid, longest_step: float) -> dict[int, str]:
-    """Columns that are clocks and their units; a name tells the candidates where there are names,
-    the step the unit.
+    """Find the columns that are clocks, and their units.
 
-    longest_step : s, of the sensor; 0.5 for an IMU, 30 for GNSS.
+    Parameters
+    ----------
+    grid : Grid
+        Names give the candidates where there are any; the step gives the unit.
+    longest_step : float, s
+        Of the sensor; 0.5 for an IMU, 30 for GNSS.
+
+    Returns
+    -------
+    dict of int to str
+        Unit by column, the best clock first.
     """
     named = any(name is not None for name in grid.names)
     fine = seconds_and_nanoseconds(grid.names).values()
-    found: dict[int, str] = {}
+    units: dict[int, str] = {}
     for k, name in enumerate(grid.names):
-        known = (
+        clock_names = (
             []
             if name is None
             else [
@@ -44,19 +53,22 @@ def clocks(grid: Grid, longest_step: float) -> dict[int, str]:
                 if short in CLOCK_NAMES
             ]
         )
-        if named and (not known or k in fine):
+        if named and (not clock_names or k in fine):
             continue
         unit = _clock_unit(grid.values[:, k], longest_step, strict=not named)
         if unit is not None:
-            found[k] = next((FIXED_TICKS[short] for short in known if short in FIXED_TICKS), unit)
-    return _best_first(grid, found)
+            units[k] = next(
+                (FIXED_TICKS[short] for short in clock_names if short in FIXED_TICKS), unit
+            )
+    return _best_first(grid, units)
 
 
 def clocks_by_values(grid: Grid, longest_step: float, taken: set[int]) -> dict[int, str]:
-    """Columns that no name calls a clock but that run like one; a counter of rows or packets is
-    none.
+    """Find the columns that no name calls a clock but that run like one.
+
+    A counter of rows or packets is none.
     """
-    found: dict[int, str] = {}
+    units: dict[int, str] = {}
     for k, name in enumerate(grid.names):
         steps = np.diff(grid.values[:, k])
         counts = (steps == 1.0).mean() > 0.5 or (
@@ -66,31 +78,32 @@ def clocks_by_values(grid: Grid, longest_step: float, taken: set[int]) -> dict[i
             continue
         unit = _clock_unit(grid.values[:, k], longest_step, strict=True)
         if unit is not None:
-            found[k] = unit
-    return _best_first(grid, found)
+            units[k] = unit
+    return _best_first(grid, units)
 
 
-def _best_first(grid: Grid, found: dict[int, str]) -> dict[int, str]:
+def _best_first(grid: Grid, units: dict[int, str]) -> dict[int, str]:
     """Clocks that count from 1970 first, then those in seconds."""
 
     def rank(item: tuple[int, str]) -> tuple[bool, bool]:
         k, unit = item
         return not grid.values[0, k] * tick(unit) > UNIX_FROM, unit != "s"
 
-    return dict(sorted(found.items(), key=rank))
+    return dict(sorted(units.items(), key=rank))
 
 
 def tick(unit: str) -> float:
-    """Seconds of a unit of time, which a number may precede."""
+    """Return the seconds of a unit of time, which a number may precede."""
     number, _, name = unit.rpartition(" ")
     return float(number or 1.0) * TIME_FACTORS[name]
 
 
 def seconds_and_nanoseconds(names: Sequence[str | None]) -> dict[int, int]:
-    """Pairs of columns of one clock by their names: `stamp.secs` and `stamp.nsecs`, `sec` and
-    `nanosec`.
+    """Find pairs of columns of one clock by their names.
+
+    Such are `stamp.secs` and `stamp.nsecs`, `sec` and `nanosec`.
     """
-    found = {}
+    pairs = {}
     for fine, name in enumerate(names):
         match = NANOSECONDS.fullmatch(squashed(name or ""))
         if match is None:
@@ -101,8 +114,8 @@ def seconds_and_nanoseconds(names: Sequence[str | None]) -> dict[int, int]:
             if k != fine and (m := SECONDS.fullmatch(squashed(other or ""))) and m[1] == match[1]
         ]
         if len(whole) == 1:
-            found[whole[0]] = fine
-    return found
+            pairs[whole[0]] = fine
+    return pairs
 
 
 def _clock_unit(column: Array, longest_step: float, strict: bool) -> str | None:
@@ -129,7 +142,7 @@ def _clock_unit(column: Array, longest_step: float, strict: bool) -> str | None:
 
 
 def weeks(grid: Grid) -> list[int]:
-    """Columns that are GPS weeks."""
+    """Find the columns that are GPS weeks."""
     out = []
     for k, name in enumerate(grid.names):
         column = grid.values[:, k]
@@ -146,5 +159,5 @@ def weeks(grid: Grid) -> list[int]:
 
 
 def week_column(grid: Grid) -> int | None:
-    """First column that is a GPS week, or None."""
+    """Return the first column that is a GPS week, or None."""
     return next(iter(weeks(grid)), None)

@@ -1,5 +1,6 @@
-"""The tables inside a file as grids of numbers: of text, MATLAB and numpy, named as the file names
-them.
+"""The tables inside a file as grids of numbers, named as the file names them.
+
+Files are text, MATLAB and numpy.
 """
 
 import re
@@ -25,8 +26,9 @@ DAY_FIRST, YEAR_FIRST = (
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A grid inside a file: what the file calls its columns, and the variable that holds them,
-    where it has variables.
+    """A grid inside a file, with the file's names of its columns.
+
+    `variable` is the variable that holds them, where the file has variables.
     """
 
     grid: Grid
@@ -35,7 +37,13 @@ class Table:
 
 
 def tables_of_file(path: Path) -> Iterator[Table]:
-    """Tables of numbers that a file holds; InputError where it cannot be read."""
+    """Yield the tables of numbers that a file holds.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read.
+    """
     suffix = path.suffix.lower()
     form = {".mat": "matlab", ".npy": "npy", ".npz": "npy"}.get(suffix)
     if form is not None:
@@ -85,14 +93,15 @@ def _text_table(layout: Any, values: Array) -> Table:
 
 
 def date_in(path: Path) -> np.datetime64 | None:
-    """A date among the texts of a MATLAB file, such as 10-Oct-2012 or 2012-10-10; None without
-    exactly one.
+    """Find a date among the texts of a MATLAB file, such as 10-Oct-2012 or 2012-10-10.
+
+    It is None without exactly one.
     """
     if path.suffix.lower() != ".mat":
         return None
     from ...formats.arrays.matlab import load_matlab
 
-    found: set[np.datetime64] = set()
+    dates: set[np.datetime64] = set()
 
     def visit(node: Any) -> None:
         if isinstance(node, Mapping):
@@ -102,9 +111,9 @@ def date_in(path: Path) -> np.datetime64 | None:
             for pattern, form in (DAY_FIRST, "%d-%b-%Y"), (YEAR_FIRST, "%Y-%m-%d"):
                 for text in pattern.findall(node):
                     try:
-                        found.add(np.datetime64(datetime.strptime(text, form).date()))
+                        dates.add(np.datetime64(datetime.strptime(text, form).date()))
                     except ValueError:
                         continue
 
     visit(load_matlab(path))
-    return found.pop() if len(found) == 1 else None
+    return dates.pop() if len(dates) == 1 else None

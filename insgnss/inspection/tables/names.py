@@ -1,6 +1,4 @@
-"""Names that columns go by, compared without case, blanks and signs, and the unknown table whose
-columns bear them.
-"""
+"""Names that columns go by, compared without case, blanks and signs, and the unknown table."""
 
 import re
 from collections.abc import Sequence
@@ -18,33 +16,32 @@ OF_VALUES = tuple(
 
 
 def squashed(name: str) -> str:
-    """Name without case, blanks and signs; brackets with a unit are left out."""
+    """Return a name without case, blanks and signs; brackets with a unit are left out."""
     return re.sub(r"[^a-z0-9]", "", re.sub(r"[(\[](?!\d+[)\]])[^)\]]*[)\]]", "", name.lower()))
 
 
 def spellings(name: str) -> list[str]:
-    """Squashed name, and without what stands before its dots (`field.header.stamp` is `stamp` too)
-    or slashes (`/imu/data/gyro/x`).
+    """Return the squashed name, also without the parts before its dots or slashes.
+
+    So `field.header.stamp` is `stamp` too, and `/imu/data/gyro/x` is `x`.
     """
-    return [squashed(part) for part in _parts(name)]
+    return [squashed(suffix) for suffix in _parts(name)]
 
 
 def bare(name: str, kinds: Sequence[str]) -> list[str]:
-    """Spellings of a name without the unit of one of `kinds` behind it, where there is one."""
-    return [squashed(stem) for part in _parts(name) for stem, _ in without_unit(part, kinds)]
+    """Return the spellings of a name without a unit of one of `kinds`, where it has one."""
+    return [squashed(stem) for suffix in _parts(name) for stem, _ in without_unit(suffix, kinds)]
 
 
 def _parts(name: str) -> list[str]:
-    """Name without brackets, and what stands behind each of its dots or slashes."""
+    """Name without brackets, and what follows each of its dots or slashes."""
     plain = re.sub(r"[(\[](?!\d+[)\]])[^)\]]*[)\]]", "", name).strip().strip("\"'")
     parts = re.split(r"[./]", plain) if plain.startswith("/") else plain.split(".")
     return [".".join(parts[k:]) for k in range(len(parts))]
 
 
 def _triad_names(*stems: str) -> list[tuple[str, ...]]:
-    """Names of the x, y and z component of a triad with these stems, in each of the usual
-    spellings.
-    """
+    """Names of the x, y and z component of a triad with these stems, in the usual spellings."""
     places = [("x", "y", "z"), ("1", "2", "3"), ("0", "1", "2")]
     return [
         tuple(f"{stem}{letter}" for letter in letters) for stem, letters in product(stems, places)
@@ -232,8 +229,8 @@ GNSS_NAMES |= {
 class Grid:
     """An unknown table: values (n, m) and the name of each column, or None.
 
-    nanos : of a clock in two columns, that of the seconds and that of the nanoseconds; the values
-        of the former are those of both.
+    `nanos` maps, for a clock in two columns, that of the seconds to that of the nanoseconds; the
+    values of the former are those of both.
     """
 
     values: Array
@@ -243,22 +240,23 @@ class Grid:
     @property
     def named(self) -> dict[str, int]:
         """Index by squashed name; the first of equal names."""
-        found: dict[str, int] = {}
+        columns: dict[str, int] = {}
         for k, name in enumerate(self.names):
             if name is not None:
-                found.setdefault(squashed(name), k)
+                columns.setdefault(squashed(name), k)
         for k, name in enumerate(self.names):
             for short in spellings(name)[1:] if name is not None else ():
-                found.setdefault(short, k)
+                columns.setdefault(short, k)
         for k, name in enumerate(self.names):
             for short in bare(name, OF_VALUES) if name is not None else ():
-                found.setdefault(short, k)
-        return found
+                columns.setdefault(short, k)
+        return columns
 
     def unit_of(self, column: int, kind: str) -> str | None:
-        """Unit of a kind that the name of a column gives, in brackets or behind it, as the readers
-        take it; None without one.
+        """Return the unit of a kind that the name of a column gives, as the readers take it.
+
+        The unit is in brackets or behind the name; None without one.
         """
         name = self.names[column]
-        said = None if name is None else unit_in(name, (kind,))
-        return None if said is None or factor_of(said, (kind,)) is None else usual_unit(said, kind)
+        unit = None if name is None else unit_in(name, (kind,))
+        return None if unit is None or factor_of(unit, (kind,)) is None else usual_unit(unit, kind)

@@ -1,7 +1,7 @@
-"""From the table inside a file to the inputs it holds: which columns, which clock, which units, as
-the flight file will say them.
+"""From the table inside a file to the inputs it holds, in the keys of the flight file.
 
-A table whose columns the reader knows by itself gets no `columns`; any other gets them spelled out.
+These are its columns, clock and units. A table whose columns the reader knows by itself gets no
+`columns`; any other gets them spelled out.
 """
 
 import re
@@ -17,7 +17,7 @@ from ...formats import UNITS
 from ...formats.text.headers import Kinds, factor_of, kinds_like, names_of, unit_in
 from ...formats.text.units import usual_unit
 from ...geodesy.gpstime import GPS_EPOCH_UNIX_S, WEEK_S
-from ..sources import NO_SIGMA, SINGLE_POINT, STEP_TOLD, Role, Source
+from ..sources import NO_SIGMA, SINGLE_POINT, STEP_REASON, Role, Source
 from .clocks import UNIX_FROM, tick
 from .grids import FEWEST_ROWS, Table
 from .names import Grid
@@ -49,7 +49,7 @@ GPS_EPOCH_UNIX = GPS_EPOCH_UNIX_S - 18.0  # with the leap seconds since 2017
 
 
 def sources_of_table(path: Path, table: Table) -> list[Source]:
-    """IMU, fixes or exposures in one table."""
+    """Return IMU, fixes or exposures in one table."""
     grid = table.grid
     sources: list[Source] = []
     named = any(name is not None for name in grid.names)
@@ -87,9 +87,7 @@ def sources_of_table(path: Path, table: Table) -> list[Source]:
 
 
 def _incomplete(table: Table, fixes: Roles | None, samples: Roles | None) -> str:
-    """What a table that holds something of a sensor lacks to be of use; empty where it holds
-    nothing of one, or lacks nothing.
-    """
+    """What a table of a sensor lacks to be of use; empty where it holds none, or lacks nothing."""
     names = " ".join(name or f"[{k + 1}]" for k, name in enumerate(table.grid.names))
     if samples is not None and not samples.clocks:
         return (
@@ -110,7 +108,7 @@ def _incomplete(table: Table, fixes: Roles | None, samples: Roles | None) -> str
 
 def _imu(path: Path, table: Table, roles: Roles) -> Source:
     """Samples by their first clock; by the others in `other_clocks`."""
-    found = []
+    sources = []
     for clock, unit in roles.clocks.items() or [(None, "s")]:
         keys: dict[str, Any] = _named(table)
         why: dict[str, str] = {}
@@ -126,8 +124,8 @@ def _imu(path: Path, table: Table, roles: Roles) -> Source:
             span = _span(table.grid, clock, unit)
             _time_unit(keys, why, table.grid, clock, unit)
         _spell_out(path, table, columns, "imu", keys, why, roles.how)
-        said = _header_units(table.grid, columns, keys, why)
-        found.append(
+        header_units = _header_units(table.grid, columns, keys, why)
+        sources.append(
             Source(
                 "imu",
                 path,
@@ -135,43 +133,50 @@ def _imu(path: Path, table: Table, roles: Roles) -> Source:
                 keys,
                 why,
                 span,
-                units_said=said,
+                header_units=header_units,
             )
         )
-    return replace(found[0], other_clocks=tuple(found[1:]))
+    return replace(sources[0], other_clocks=tuple(sources[1:]))
 
 
 def _header_units(
     grid: Grid, columns: dict[str, int], keys: dict[str, Any], why: dict[str, str]
 ) -> dict[str, str]:
-    """Units of gyro and accel that the names of the columns give, as the reader takes them, and
-    with them the quantity.
+    """Units of gyro and accel that the names of the columns give, and with them the quantity.
 
     One that no reader knows is none, nor that of an increment beside that of a rate: the numbers
-    are then read as SI, and that is told.
+    are then read as SI, and that is noted.
     """
-    known: dict[str, str] = {}
+    header_units: dict[str, str] = {}
     for key, names in (("gyro", GYRO), ("accel", ACCEL)):
         fields = [name for c in names if (name := grid.names[columns[c]]) is not None]
         if unit := next(filter(None, (unit_in(field, kinds_like(key)) for field in fields)), None):
-            known[key] = next(
+            header_units[key] = next(
                 (usual for kind in kinds_like(key) if (usual := usual_unit(unit, kind)) != unit),
                 unit,
             )
-    rates = {key for key, unit in known.items() if factor_of(unit, (key,)) is not None}
+    rates = {key for key, unit in header_units.items() if factor_of(unit, (key,)) is not None}
     increments = {
-        key for key, unit in known.items() if factor_of(unit, (f"{key} increment",)) is not None
+        key
+        for key, unit in header_units.items()
+        if factor_of(unit, (f"{key} increment",)) is not None
     }
-    if increments == known.keys() and known:
+    if increments == header_units.keys() and header_units:
         keys["quantity"], why["quantity"] = (
             "increments",
-            f"the header gives {' and '.join(known.values())}",
+            f"the header gives {' and '.join(header_units.values())}",
         )
-        return known
-    for key in known.keys() - rates:
-        what = "is that of an increment" if key in increments else "is not known"
-        _unit(keys, why, key, next(iter(UNITS[key])), f"the header's unit {known[key]!r} {what}")
-    return {key: unit for key, unit in known.items() if key in rates}
+        return header_units
+    for key in header_units.keys() - rates:
+        problem = "is that of an increment" if key in increments else "is not known"
+        _unit(
+            keys,
+            why,
+            key,
+            next(iter(UNITS[key])),
+            f"the header's unit {header_units[key]!r} {problem}",
+        )
+    return {key: unit for key, unit in header_units.items() if key in rates}
 
 
 def _gnss(path: Path, table: Table, roles: Roles) -> Source:
@@ -183,33 +188,33 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
         and path.suffix.lower() not in VARIABLES
         and "repeat_column" not in GNSS_OPTIONS["gnss_text"]
     ):
-        what = (
+        message = (
             f"holds each fix until the next ({table.fields[roles.repeat_column]} changes with it),"
             " which text tables are not read by"
         )
         raise InputError.at(
             path,
             None,
-            f"{what}; write one row a fix into a file of its own, or the whole as .npy or .mat",
+            f"{message}; write one row a fix into a file of its own, or the whole as .npy or .mat",
         )
-    found = []
+    sources = []
     for clock, unit in roles.clocks.items():
         keys = _named(table)
         why: dict[str, str] = {}
         columns = roles.columns | _clock_columns(table.grid, clock, roles.week)
         _time_unit(keys, why, table.grid, clock, unit)
         for key, value in roles.units.items():
-            said = table.grid.unit_of(
+            header_unit = table.grid.unit_of(
                 roles.columns[UNIT_COLUMNS[key]], "length" if key == "length" else "angle"
             )
-            if value != (said or "deg"):
+            if value != (header_unit or "deg"):
+                quantity = "a course" if key == "course" else "latitude and longitude"
                 _unit(
                     keys,
                     why,
                     key,
                     value,
-                    UNIT_REASONS.get(value)
-                    or f"no value exceeds what {'a course' if key == 'course' else 'latitude and longitude'} in rad can be",
+                    UNIT_REASONS.get(value) or f"no value exceeds what {quantity} in rad can be",
                 )
         if roles.repeat_column is not None:
             keys["repeat_column"] = table.fields[roles.repeat_column]
@@ -230,19 +235,19 @@ def _gnss(path: Path, table: Table, roles: Roles) -> Source:
             if roles.repeat_column is None
             else np.flatnonzero(np.diff(table.grid.values[:, roles.repeat_column]) != 0.0) + 1
         )
-        what = f"fixes, {len(table.grid.values[rows])} of them"
-        found.append(
+        message = f"fixes, {len(table.grid.values[rows])} of them"
+        sources.append(
             Source(
                 "gnss",
                 path,
-                what,
+                message,
                 keys,
                 why,
                 _span(table.grid, clock, unit, rows),
                 free_height=True,
             )
         )
-    return replace(found[0], other_clocks=tuple(found[1:]))
+    return replace(sources[0], other_clocks=tuple(sources[1:]))
 
 
 def _events(path: Path, table: Table) -> list[Source]:
@@ -252,10 +257,10 @@ def _events(path: Path, table: Table) -> list[Source]:
     if any(name is not None for name in table.grid.names):
         from ...formats.events import events
 
-        known = set(_as_reader_names(table, events.ALIASES, events.KINDS))
+        reader_names = set(_as_reader_names(table, events.ALIASES, events.KINDS))
         return (
             [Source("events", path, f"exposures, {len(table.grid.values)} of them")]
-            if {"tow", "image"} <= known
+            if {"tow", "image"} <= reader_names
             else []
         )
     last = table.grid.values[:, -1]
@@ -273,9 +278,7 @@ def _events(path: Path, table: Table) -> list[Source]:
 
 
 def _clock_columns(grid: Grid, clock: int, week: int | None) -> dict[str, int]:
-    """Columns of the time: those of the seconds, of their nanoseconds and of the week, as far as
-    there are any.
-    """
+    """Columns of the time: seconds, nanoseconds and week, as far as there are any."""
     columns = {"tow": clock, "nsec": grid.nanos.get(clock), "week": week}
     return {name: k for name, k in columns.items() if k is not None}
 
@@ -292,11 +295,17 @@ def _time_unit(
     step = float(np.median(np.diff(grid.values[:, clock])[np.diff(grid.values[:, clock]) > 0.0]))
     if unit in EPOCH_UNITS and float(grid.values[0, clock]) * factor > UNIX_FROM:
         unit = EPOCH_UNITS[unit]
-    said = grid.unit_of(clock, "time")
-    told = said == unit
-    if unit == "s" and (told or said is None):
+    header_unit = grid.unit_of(clock, "time")
+    is_stated = header_unit == unit
+    if unit == "s" and (is_stated or header_unit is None):
         return
-    _unit(keys, why, "time", unit, f"the header gives {said}" if told else f"{STEP_TOLD} {step:g}")
+    _unit(
+        keys,
+        why,
+        "time",
+        unit,
+        f"the header gives {header_unit}" if is_stated else f"{STEP_REASON} {step:g}",
+    )
 
 
 def _unit(keys: dict[str, Any], why: dict[str, str], of: str, unit: str, reason: str) -> None:
@@ -326,8 +335,8 @@ def _spell_out(
     names = table.grid.names
     in_text = path.suffix.lower() not in VARIABLES
     if all(name is None for name in names):
-        place = {k: name for name, k in columns.items()}
-        listed = [place.get(k, "-") for k in range(len(names))]
+        name_of = {k: name for name, k in columns.items()}
+        listed = [name_of.get(k, "-") for k in range(len(names))]
         if in_text and _is_default(role, listed):
             return
         keys["columns"] = listed
@@ -354,7 +363,9 @@ def _as_reader_names(
 ) -> list[str | None]:
     """What a reader of text tables with these aliases takes each column for by the header."""
     return names_of(
-        table.fields, {alias: name for name, known in aliases.items() for alias in known}, kinds
+        table.fields,
+        {alias: name for name, spellings in aliases.items() for alias in spellings},
+        kinds,
     )
 
 

@@ -6,8 +6,9 @@ from ...records import Array
 
 @njit(cache=True)
 def running_sum(time: Array, rate: Array, out: Array) -> None:
-    """out (n + 1, c): integral of the mean rates (n, c) over the intervals between the instants
-    time (n + 1,).
+    """Integrate mean rates (n, c) over the intervals between the instants time (n + 1,).
+
+    The integral goes into out (n + 1, c).
     """
     out[0] = 0.0
     for k in range(rate.shape[0]):
@@ -18,11 +19,10 @@ def running_sum(time: Array, rate: Array, out: Array) -> None:
 
 @njit(cache=True)
 def interpolate(time: Array, value: Array, chord: Array, instants: Array, out: Array) -> None:
-    """out (m, c): cubic through value (n, c) at time (n,), at increasing instants (m,); constant
-    beyond the ends.
+    """Interpolate by a cubic through value (n, c) at time (n,) at increasing instants (m,).
 
-    chord : (n - 1, c) mean slopes between the values. The slope at a value is that of the parabola
-        through its neighbours.
+    The result goes into out (m, c); it is constant beyond the ends. chord (n - 1, c) are the mean
+    slopes between the values. The slope at a value is that of the parabola through its neighbours.
     """
     i, last = 0, time.size - 2
     for k in range(instants.size):

@@ -1,4 +1,4 @@
-"""Several IMUs on one rigid body, combined into one at the place of the first.
+"""Several IMUs on one rigid body, combined into one at the position of the first.
 
 All feel one rotation; the specific force at IMU j, at l_j from the first (body axes), differs by
 the motion of the lever arm,
@@ -8,11 +8,13 @@ the motion of the lever arm,
 Each is turned into body axes, put onto the time base of the first, freed of its lever arm and
 weighted by its white noise:
 
-    x = sum w_j x_j / sum w_j,   w_j = 1 / q_j^2;   root density of the result  1 / sqrt(sum w_j)            (K.2)
+    x = sum w_j x_j / sum w_j,   w_j = 1 / q_j^2                                               (K.2)
+
+The root density of the result is 1 / sqrt(sum w_j).
 
 Time base. What a mean rate or an increment integrates is interpolated as a running sum (cubic,
 slopes from the neighbours), so nothing that was turned is lost or counted twice. Clocks may differ
-by a constant: found where the rates correlate best, refined by
+by a constant time offset: found where the rates correlate best, refined by
 
     d = omega_j(t) - omega_1(t) = tau d omega / dt + constant + noise                          (K.3)
 
@@ -20,10 +22,10 @@ both smoothed over `SMOOTH_S` (vibration is not alike), until tau does not chang
 where it passes five of its standard deviations.
 
 alpha is the slope of a least-squares line over `SLOPE_S` of that IMU's own rates (a fault of one
-stays in it): a difference of two samples would carry more gyro noise over a few centimetres than
+stays in it): a difference of two samples would have more gyro noise over a few centimetres than
 the accelerometers have.
 
-The parity of what was put together (`parity`) tells whether one of them is faulty. It is reported,
+The parity of the combined samples (`parity`) shows whether one of them is faulty. It is reported,
 and left in.
 """
 
@@ -49,7 +51,7 @@ APPLIED_SIGMAS, SETTLED_SIGMAS = (
 )  # of an offset that is added, and of the change that ends its refinement
 LEAST_OFFSET_S = 2e-5  # 1 rad/s^2 makes 20 urad/s of it
 ALIKE = 0.7  # least correlation of rates of one body
-TURNING = 0.01  # rad/s, rms: less says nothing of clocks
+TURNING = 0.01  # rad/s, rms: less does not show the clocks
 ROUNDS = 6
 
 
@@ -57,14 +59,25 @@ ROUNDS = 6
 class CombinedImu:
     """Several IMUs as one.
 
-    samples : body axes, at the first IMU's place and stamps.   names : of the IMUs, in their order.
-    offset_s, offset_sigma_s : (m,) what was added to the stamps of each, and its standard deviation
-        (NaN where the rates do not tell).
-    gyro_noise, accel_noise : root densities of the result, rad/s/sqrt(Hz) and m/s^2/sqrt(Hz), for
-        white noise (K.2).
-    weight : (m, 2) shares of each in gyro and accelerometer, sum 1: a process of density q_j in IMU
-        j becomes sqrt(sum (weight q_j)^2).
-    parity : of all.   checks : clocks, gaps and parity.
+    Parameters
+    ----------
+    samples : ImuSamples
+        In body axes, at the first IMU's position and stamps.
+    names : tuple of str
+        Names of the m IMUs, in their order.
+    offset_s : ndarray, shape (m,), s
+        Time offset added to the stamps of each.
+    offset_sigma_s : ndarray, shape (m,), s
+        Its standard deviation; NaN where the rates do not show it.
+    gyro_noise : float, rad/s/sqrt(Hz)
+        Root density of the result for white noise (K.2).
+    accel_noise : float, m/s^2/sqrt(Hz)
+    weight : ndarray, shape (m, 2)
+        Shares of each in gyro and accelerometer, of sum 1: a process of density q_j in IMU j
+        becomes sqrt(sum (weight q_j)^2).
+    parity : Parity
+    checks : tuple of Check
+        Of clocks, gaps and parity.
     """
 
     samples: ImuSamples
@@ -86,13 +99,27 @@ def combine(
 ) -> CombinedImu:
     """Combine two IMUs and more on one body (K.1, K.2).
 
-    imus : m recordings in their own axes, of one GPS week; mean rates and increments may be mixed,
+    Parameters
+    ----------
+    imus : sequence of ImuSamples
+        m recordings in their own axes, of one GPS week; mean rates and increments may be mixed,
         instantaneous rates not with them.
-    C_b_imu : m of (3, 3), IMU axes to body.
-    lever_b : m of (3,) m, from the first IMU to each, body axes; that of the first is zero.
-    sigma : m of white noise root densities (gyro rad/s/sqrt(Hz), accelerometer m/s^2/sqrt(Hz)).
-    Raises InputError for lists of different lengths, mixed quantities, a first lever arm that is
-    not zero and recordings without overlap.
+    C_b_imu : sequence of array, shape (3, 3)
+        IMU axes to body, for each.
+    lever_b : sequence of array, shape (3,), m
+        From the first IMU to each, body axes; that of the first is zero.
+    sigma : sequence of tuple of float
+        White noise root densities of each (gyro rad/s/sqrt(Hz), accelerometer m/s^2/sqrt(Hz)).
+
+    Returns
+    -------
+    CombinedImu
+
+    Raises
+    ------
+    InputError
+        For lists of different lengths, mixed quantities, a first lever arm that is not zero and
+        recordings without overlap.
     """
     names = _checked(imus, C_b_imu, lever_b, sigma)
     base = imus[0]
@@ -114,9 +141,9 @@ def combine(
         checks.append(check)
         stack[j], there[j] = tracks[j].over(base, offset[j])
         if not there[j].all():
-            found = (
-                f"{names[j]} lacks {np.mean(~there[j]):.1%} of the samples; the others stand alone"
-                " there"
+            finding = (
+                f"{names[j]} lacks {np.mean(~there[j]):.1%} of the samples; only the others are"
+                " used there"
             )
             verdict: Verdict = "note" if np.mean(~there[j]) < MOST_LACKING else "contradiction"
             advice = (
@@ -124,15 +151,15 @@ def combine(
                 " end_tow"
             )
             checks.append(
-                Check("IMU overlap", found, "all IMUs over the whole recording", verdict, advice)
+                Check("IMU overlap", finding, "all IMUs over the whole recording", verdict, advice)
             )
     weight = 1.0 / np.square(np.array(sigma, dtype=np.float64))
     for reading, lever in zip(stack, lever_b, strict=True):
         _remove_lever(reading, base.time, np.asarray(lever, dtype=np.float64))
     parity = parity_of(stack, there, base.time, np.array(sigma, dtype=np.float64), imus, names)
     gyro, accel = (
-        _weighted(stack[:, :, part], there, weight[:, k])
-        for k, part in enumerate((slice(0, 3), slice(3, 6)))
+        _weighted(stack[:, :, axes], there, weight[:, k])
+        for k, axes in enumerate((slice(0, 3), slice(3, 6)))
     )
     total = weight.sum(axis=0)
     noise = 1.0 / np.sqrt(total)
@@ -217,12 +244,10 @@ def _body_rates(imu: ImuSamples, C_b_imu: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Track:
-    """Running sums of mean rates at the ends of samples, or instantaneous rates: time (k,), value
-    (k, 6) in body axes.
+    """Running sums of mean rates at the ends of samples, or instantaneous rates, in body axes.
 
-    chord : (k - 1, 6), their mean slopes.
-    broken : (k - 1,) intervals without samples.
-    instant : whether `value` is a rate.
+    time (k,) s, value (k, 6), chord (k - 1, 6) mean slopes of value, broken (k - 1,) intervals
+    without samples; instant says whether `value` is a rate.
     """
 
     time: Array
@@ -249,7 +274,7 @@ class _Track:
         running_sum(time, rates, value)
         return cls(time, value, rates, np.diff(time) > LACKING * nominal, False)
 
-    def at(self, instants: Array) -> Array:
+    def values_at(self, instants: Array) -> Array:
         """Values (n, c), cubic interpolation at increasing instants; constant beyond the ends."""
         out = np.empty((instants.size, self.value.shape[1]))
         interpolate(self.time, self.value, self.chord, instants, out)
@@ -268,17 +293,18 @@ class _Track:
         return _Track(self.time, value, chord, self.broken, False)
 
     def over(self, base: ImuSamples, offset: float) -> tuple[Array, NDArray[np.bool_]]:
-        """Rates (n, 6) over the samples of `base`, and which are there (n,); `offset` s is added to
-        this track's stamps.
+        """Rates (n, 6) over the samples of `base`, and which of them this track covers (n,).
+
+        `offset` s is added to this track's stamps.
         """
         end = base.time - offset
         nominal = nominal_interval(base.time)
         step = np.diff(base.time, prepend=base.time[0] - nominal)
         begin = end if self.instant else end - np.where(step > LACKING * nominal, nominal, step)
         rates = (
-            self.at(end)
+            self.values_at(end)
             if self.instant
-            else (self.at(end) - self.at(begin)) / (end - begin)[:, None]
+            else (self.values_at(end) - self.values_at(begin)) / (end - begin)[:, None]
         )
         breaks = np.concatenate([[0], np.cumsum(self.broken)])
         slack = 1e-6
@@ -289,12 +315,12 @@ class _Track:
 
 
 def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[float, float, Check]:
-    """Seconds to add to the stamps of `other`, their standard deviation (NaN where the rates do not
-    tell), and what was found (K.3).
+    """Time offset to add to the stamps of `other`, its standard deviation, and the check (K.3).
 
-    first, other : running angles.   noise : rad/s/sqrt(Hz), the larger of both.
+    first, other : running angles. noise : rad/s/sqrt(Hz), the larger of both. The standard
+    deviation is NaN where the rates do not show the offset.
     """
-    what, expected = "IMU clocks", "stamps of one clock, to 1 ms"
+    check_name, expected = "IMU clocks", "stamps of one clock, to 1 ms"
     grid = np.arange(
         max(first.time[0], other.time[0]), min(first.time[-1], other.time[-1]), COARSE_S
     )
@@ -304,18 +330,20 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
             0.0,
             np.nan,
             Check(
-                what, f"{name}: the body hardly turns; taken as one clock with the first", expected
+                check_name,
+                f"{name}: the body hardly turns; taken as one clock with the first",
+                expected,
             ),
         )
     tau, alike = _coarse_offset(a, b)
     if alike < ALIKE:
-        found = f"{name}: its rates correlate by {alike:.2f} with those of the first"
+        finding = f"{name}: its rates correlate by {alike:.2f} with those of the first"
         return (
             0.0,
             np.nan,
             Check(
-                what,
-                found,
+                check_name,
+                finding,
                 f"{ALIKE} and more of one body",
                 "contradiction",
                 "check imu.further: file, axes and clock",
@@ -337,20 +365,20 @@ def _offset(first: _Track, other: _Track, noise: float, name: str) -> tuple[floa
         if abs(change) < SETTLED_SIGMAS * sigma:
             break
     applied = abs(tau) > max(APPLIED_SIGMAS * sigma, LEAST_OFFSET_S)
-    found = (
+    finding = (
         f"{name}: {1e3 * tau:+.3f} +- {1e3 * sigma:.3f} ms"
         f" {'added' if applied else 'would fit, not added'} to its stamps"
     )
     return (
         tau if applied else 0.0,
         sigma,
-        Check(what, found, expected, "note" if applied and abs(tau) > 1e-3 else "ok"),
+        Check(check_name, finding, expected, "note" if applied and abs(tau) > 1e-3 else "ok"),
     )
 
 
 def _grid_rates(angles: _Track, grid: Array) -> Array:
     """(n - 1, 3) mean rates between the instants of the grid, smoothed, free of their mean."""
-    rates = np.diff(angles.at(grid), axis=0) / COARSE_S
+    rates = np.diff(angles.values_at(grid), axis=0) / COARSE_S
     reach = round(0.5 * SMOOTH_S / COARSE_S)
     kernel = 1.0 + np.cos(np.pi * np.arange(-reach, reach + 1) / (reach + 1))
     padded = np.pad(rates - rates.mean(axis=0), ((reach, reach), (0, 0)), mode="edge")
@@ -360,8 +388,9 @@ def _grid_rates(angles: _Track, grid: Array) -> Array:
 
 
 def _coarse_offset(a: Array, b: Array) -> tuple[float, float]:
-    """Offset at which rates (n, 3) on one grid correlate best, s, to a fraction of `COARSE_S`; and
-    the correlation there.
+    """Offset at which rates (n, 3) on one grid correlate best, s, and the correlation there.
+
+    It is interpolated to a fraction of `COARSE_S`.
     """
     n = len(a)
     size = 2 ** int(np.ceil(np.log2(2 * n)))
@@ -398,8 +427,9 @@ def _weighted(stack: Array, there: NDArray[np.bool_], weight: Array) -> Array:
 
 
 def _remove_lever(reading: Array, time: Array, lever: Array) -> None:
-    """Take the motion of its lever arm off the specific force of a reading (n, 6), in place, by its
-    own rates (K.1).
+    """Take the motion of its lever arm off the specific force of a reading (n, 6), in place (K.1).
+
+    The motion is that of the reading's own rates.
     """
     if lever.any():
         rate = reading[:, :3]

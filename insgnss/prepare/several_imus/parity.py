@@ -18,8 +18,8 @@ Which one. With three IMUs and more the faulty one is in every pair that contrad
 without it agree: a vote in every window, the majority of the votes decides. With two the data of
 each must speak for itself: an axis that repeats one value while the other's moves, single samples
 far off their neighbours, noise far beyond what is stated while the other keeps to it. A scale
-factor or a bias that changes is not self-evident; the contradiction then stands without a name, and
-what each alone makes of the flight may tell.
+factor or a bias that changes is not self-evident; the contradiction is then reported without a
+name, and processing each alone may show which.
 """
 
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ MATRIX_LIMIT = 0.03  # of scale factors
 TURN_NOTE, TURN_LIMIT = (
     0.01,
     0.1,
-)  # rad, of one IMU's axes against the other's: mounted askew, and not as said
+)  # rad, of one IMU's axes against the other's: mounted askew, and not as declared
 ROOT2 = 2.0**0.5
 LIMIT, LEVEL_LIMIT = 4.0, 25.0
 WINDOWS = 3  # contradicting windows that make a fault
@@ -54,11 +54,22 @@ NOISE_RATIO = 9.0  # of the variance of sample differences over the stated one, 
 class Parity:
     """Agreement of m IMUs.
 
-    pairs : (p,) of indices.
-    time : (w,) s, middles of the windows.   gyro, accel : (p, w) q of (J.1), NaN without data.
-    contradicts : (p, w), which windows do.
-    matrix : (p, 2, 3, 3), difference of response, gyro and accelerometer.
-    faulty : index of the IMU that is named, None.   check : the verdict in words.
+    Parameters
+    ----------
+    pairs : tuple of tuple of int
+        The p pairs of indices.
+    time : ndarray, shape (w,), s
+        Middles of the windows.
+    gyro, accel : ndarray, shape (p, w)
+        q of (J.1); NaN without data.
+    contradicts : ndarray of bool, shape (p, w)
+        The windows in which a pair contradicts.
+    matrix : ndarray, shape (p, 2, 3, 3)
+        Difference of response, gyro and accelerometer.
+    faulty : int or None
+        Index of the faulty IMU; None where none is named.
+    check : Check
+        The verdict.
     """
 
     pairs: tuple[tuple[int, int], ...]
@@ -79,10 +90,23 @@ def parity_of(
     imus: Sequence[ImuSamples],
     names: Sequence[str],
 ) -> Parity:
-    """Parity of readings (m, n, 6) in body axes at one place and on one time base.
+    """Compare readings of several IMUs in body axes at one position and on one time base.
 
-    there : (m, n), which are there.   sigma : (m, 2) root densities of gyro and accelerometer.
-    imus, names : the recordings themselves.
+    Parameters
+    ----------
+    stack : ndarray, shape (m, n, 6)
+    there : ndarray of bool, shape (m, n)
+        Which samples each IMU has.
+    time : ndarray, shape (n,), s
+    sigma : ndarray, shape (m, 2)
+        Root densities of gyro and accelerometer.
+    imus : sequence of ImuSamples
+        The recordings themselves.
+    names : sequence of str
+
+    Returns
+    -------
+    Parity
     """
     m = len(stack)
     starts = _block_starts(time)
@@ -142,7 +166,7 @@ def parity_of(
 
 @dataclass(frozen=True, eq=False)
 class _Pair:
-    """ratio : (2, w) q of (J.1), gyro and accelerometer.   matrix : (2, 3, 3)."""
+    """Comparison of two IMUs: ratio (2, w), q of (J.1) of both triads, and matrix (2, 3, 3)."""
 
     ratio: Array
     matrix: Array
@@ -161,10 +185,10 @@ def _pair(
     ratio, matrix = np.full((2, windows), np.nan), np.zeros((2, 3, 3))
     if full.sum() < 2 * WINDOW_BLOCKS:
         return _Pair(ratio, matrix)
-    for k, part in enumerate((slice(0, 3), slice(3, 6))):
+    for k, axes in enumerate((slice(0, 3), slice(3, 6))):
         d, signal = (
-            mean[j, full, part] - mean[i, full, part],
-            0.5 * (mean[j, full, part] + mean[i, full, part]),
+            mean[j, full, axes] - mean[i, full, axes],
+            0.5 * (mean[j, full, axes] + mean[i, full, axes]),
         )
         d, signal = d - _slow(d), signal - _slow(signal)
         noise = np.asarray((sigma[i, k] ** 2 + sigma[j, k] ** 2) / duration[full], dtype=np.float64)
@@ -180,8 +204,9 @@ def _pair(
 
 
 def _robust_matrix(d: Array, signal: Array, noise: Array) -> Array:
-    """(3, 3) K of d = K signal, by least squares with Huber's weights; a priori 3 %, where the
-    signal hardly moves.
+    """Fit K (3, 3) of d = K signal by least squares with Huber's weights.
+
+    A priori K is zero with a sigma of 3 %, which holds it where the signal hardly moves.
     """
     weight = 1.0 / noise
     K: Array = np.zeros((3, 3))
@@ -195,8 +220,9 @@ def _robust_matrix(d: Array, signal: Array, noise: Array) -> Array:
 
 
 def _slow(x: Array) -> Array:
-    """(b, 3) running median over `SLOW_S` once a window, its running mean over the same (a median
-    alone follows a step), interpolated.
+    """Slow part (b, 3): running median over `SLOW_S` once a window, its running mean, interpolated.
+
+    A median alone follows a step.
     """
     reach = round(0.5 * SLOW_S / BLOCK_S)
     centres = np.arange(0, len(x) + WINDOW_BLOCKS, WINDOW_BLOCKS).clip(max=len(x) - 1)
@@ -210,24 +236,25 @@ def _slow(x: Array) -> Array:
 def _agreement(
     level: Array, turned: Array, pairs: tuple[tuple[int, int], ...], names: Sequence[str]
 ) -> Check:
-    """The check where no pair contradicts. level : (p, 2) of q.
-    turned : (p,) rad, of one IMU's axes against the other's.
+    """The check where no pair contradicts.
+
+    level : (p, 2) of q. turned : (p,) rad, of one IMU's axes against the other's.
     """
     worst, k = np.sqrt(level.max(axis=0)), int(np.argmax(turned))
-    found = (
+    finding = (
         f"pairs differ by {worst[0]:.1f} (gyro) and {worst[1]:.1f} (accelerometer) times their"
         " noise at most"
     )
     expected = "all pairs agree within their noise"
     if turned[k] < TURN_NOTE:
-        return Check("IMU parity", found, expected)
-    found += (
+        return Check("IMU parity", finding, expected)
+    finding += (
         f"; {names[pairs[k][1]]} is turned by {np.degrees(turned[k]):.1f} deg against"
         f" {names[pairs[k][0]]}"
     )
     return Check(
         "IMU parity",
-        found,
+        finding,
         expected,
         "note",
         "a calibration file with a common reference for both takes it off",
@@ -237,8 +264,9 @@ def _agreement(
 def _vote(
     contradicts: NDArray[np.bool_], pairs: tuple[tuple[int, int], ...], m: int, names: Sequence[str]
 ) -> tuple[int | None, str]:
-    """The IMU whose pairs contradict while the pairs without it agree, in the majority of the
-    windows that contradict.
+    """The faulty IMU by vote: its pairs contradict while the pairs without it agree.
+
+    The majority of the windows that contradict decides.
     """
     has = np.array([[j in pair for pair in pairs] for j in range(m)])
     bad = contradicts.any(axis=0)
@@ -289,8 +317,8 @@ def _self_evident(
         return (
             j,
             (
-                f"{spikes[j]} of its samples stand off their neighbours, {spikes[1 - j]} of the"
-                " other's"
+                f"{spikes[j]} of its samples are outliers against their neighbours,"
+                f" {spikes[1 - j]} of the other's"
             ),
         )
     stated = [np.repeat(2.0 * s**2 / dt, 3) for s, dt in zip(sigma, steps, strict=True)]
@@ -311,7 +339,7 @@ def _self_evident(
         None,
         (
             "neither shows a fault of its own; a third IMU, or the misfit of each alone with GNSS,"
-            " would tell"
+            " would show it"
         ),
     )
 

@@ -152,7 +152,7 @@ def _read(flight: Flight) -> Recording:
 def _moving(segment: "Segment", recording: Recording) -> "list[Solution]":
     from ...calibrate.innovation_noise import moving_parts
 
-    return moving_parts(segment.solution, recording.rests.time)
+    return moving_parts(segment.solution, recording.stationary.time)
 
 
 def _estimated(

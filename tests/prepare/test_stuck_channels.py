@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from insgnss.prepare.stuck_channels import constant_runs, without_hangs
+from insgnss.prepare.stuck_channels import constant_runs, without_stuck_channels
 from insgnss.records import ImuSamples
 
 
@@ -30,7 +30,7 @@ def stuck(imu, channel, first, last):
 @pytest.mark.parametrize("channel", range(6))
 def test_a_hang_becomes_a_gap_and_a_note(imu, channel):
     """Oracle: the samples that were held."""
-    out = without_hangs(stuck(imu, channel, 5003, 5152), 5.0)
+    out = without_stuck_channels(stuck(imu, channel, 5003, 5152), 5.0)
     assert_array_equal(out.time, np.delete(imu.time, np.arange(5004, 5153)))
     assert "149 samples left out" in out.notes[0].found
     assert out.notes[0].verdict == "note"
@@ -40,14 +40,14 @@ def test_what_does_not_hang_is_left_alone(imu):
     """Oracle: noise; noise of a third of the resolution; a dead band that holds all three gyros; a
     dead sensor that another check names.
     """
-    assert without_hangs(imu, 5.0) is imu
+    assert without_stuck_channels(imu, 5.0) is imu
     coarse = replace(imu, gyro=np.round(imu.gyro / 0.03) * 0.03)
-    assert without_hangs(coarse, 5.0) is coarse
+    assert without_stuck_channels(coarse, 5.0) is coarse
     still = imu.gyro.copy()
     still[3000:4000] = 0.0
     rest = replace(imu, gyro=still)
-    assert without_hangs(rest, 20.0) is rest
-    assert without_hangs(stuck(imu, 1, 5000, 9000), 5.0).time.size == imu.time.size
+    assert without_stuck_channels(rest, 20.0) is rest
+    assert without_stuck_channels(stuck(imu, 1, 5000, 9000), 5.0).time.size == imu.time.size
 
 
 def test_runs_are_found_at_every_phase():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from insgnss.formats import read_gnss, read_imu
-from insgnss.prepare.stationarity import still_stretches
+from insgnss.prepare.stationarity import stationary_periods
 from insgnss.records import GnssFixes, ImuSamples
 from insgnss.simulation.scenario import GnssOptions, ImuOptions, simulate_flight
 
@@ -60,22 +60,22 @@ def flown():
 @pytest.mark.parametrize("with_gnss", [True, False])
 def test_the_stand_before_take_off_is_found_and_nothing_in_the_air(flown, with_gnss):
     """Oracle: the simulator's exact velocity."""
-    found = still_stretches(flown.imu, flown.gnss if with_gnss else None)
+    found = stationary_periods(flown.imu, flown.gnss if with_gnss else None)
     truth = flown.truth.trajectory
     speed = np.linalg.norm(truth.velocity_ned, axis=1)
     begins_to_move = truth.time[np.argmax(speed > 0.01)]
     assert len(found) == 1
     assert found.time[0, 0] < flown.imu.time[0] + 0.5
     assert begins_to_move - 1.0 < found.time[0, 1] < begins_to_move + 0.3
-    assert speed[found.at(truth.time) == 0].max() < 0.02
+    assert speed[found.index_of(truth.time) == 0].max() < 0.02
 
 
 def test_the_means_of_a_stretch_are_bias_earth_rate_and_gravity(flown):
     """Oracle: exact motion plus the simulated slow errors, within four sigmas of the white noise's
     mean.
     """
-    found = still_stretches(flown.imu)
-    inside = found.at(flown.truth.trajectory.time) == 0
+    found = stationary_periods(flown.imu)
+    inside = found.index_of(flown.truth.trajectory.time) == 0
     bias = flown.truth.gyro_bias[inside].mean(axis=0)
     rate, _ = flown.flight.motion.inertial(np.array([found.time[0].mean()]))
     sigma = found.gyro_std[0] / np.sqrt(found.samples[0])
@@ -86,14 +86,14 @@ def test_the_means_of_a_stretch_are_bias_earth_rate_and_gravity(flown):
 def test_a_smooth_cruise_is_no_rest_where_gnss_is_there():
     """Oracle: constant velocity feels like rest (Newton); the GNSS moves."""
     imu = recording(60.0)
-    assert len(still_stretches(imu)) == 1
-    assert len(still_stretches(imu, standing_gnss(100.0, 160.0))) == 1
-    assert len(still_stretches(imu, standing_gnss(100.0, 160.0, (15.0, 0.0, 0.0)))) == 0
-    assert len(still_stretches(imu, standing_gnss(100.0, 160.0, (0.0, 0.5, 0.0)))) == 0
+    assert len(stationary_periods(imu)) == 1
+    assert len(stationary_periods(imu, standing_gnss(100.0, 160.0))) == 1
+    assert len(stationary_periods(imu, standing_gnss(100.0, 160.0, (15.0, 0.0, 0.0)))) == 0
+    assert len(stationary_periods(imu, standing_gnss(100.0, 160.0, (0.0, 0.5, 0.0)))) == 0
     poor = standing_gnss(
         100.0, 160.0, (0.0, 1.0, 0.0), sigma=3.0
     )  # seen over the whole stretch, in no single second
-    assert len(still_stretches(imu, poor)) == 0
+    assert len(stationary_periods(imu, poor)) == 0
 
 
 def test_a_calm_flight_that_starts_in_the_air_never_rests():
@@ -107,7 +107,7 @@ def test_a_calm_flight_that_starts_in_the_air_never_rests():
         start_in_air=True,
         turbulence=0.0,
     )
-    assert len(still_stretches(calm.imu, calm.gnss)) == 0
+    assert len(stationary_periods(calm.imu, calm.gnss)) == 0
 
 
 def test_hovering_is_no_rest():
@@ -116,9 +116,9 @@ def test_hovering_is_no_rest():
     """
     gnss = standing_gnss(100.0, 160.0)
     hover = shaken(recording(60.0), 110.0, 150.0, 0.05, 0.5)
-    found = still_stretches(hover, gnss)
+    found = stationary_periods(hover, gnss)
     np.testing.assert_allclose(found.time, [[100.2, 109.8], [150.2, 159.8]], rtol=0, atol=0.3)
-    assert len(still_stretches(shaken(recording(60.0), 0.0, 200.0, 0.05, 0.5), gnss)) == 0
+    assert len(stationary_periods(shaken(recording(60.0), 0.0, 200.0, 0.05, 0.5), gnss)) == 0
 
 
 def test_slow_turning_is_no_rest():
@@ -127,10 +127,10 @@ def test_slow_turning_is_no_rest():
     """
     imu = recording(60.0, gyro=5e-3)
     swing = np.radians(1.0) * np.sin(2.0 * np.pi * imu.time / 2.0)[:, None]
-    assert len(still_stretches(replace(imu, gyro=imu.gyro + swing))) == 0
+    assert len(stationary_periods(replace(imu, gyro=imu.gyro + swing))) == 0
     imu = shaken(recording(60.0), 130.0, 131.0, 0.1, 1.0)
     turning = np.where(imu.time > 131.0, np.radians(3.0), 0.0)[:, None] * [0.0, 0.0, 1.0]
-    found = still_stretches(replace(imu, gyro=imu.gyro + turning))
+    found = stationary_periods(replace(imu, gyro=imu.gyro + turning))
     assert found.time.max() < 131.0
     assert len(found) == 1
 
@@ -140,9 +140,9 @@ def test_a_gap_ends_a_stretch_and_increments_are_rates():
     imu = recording(20.0)
     keep = (imu.time < 108.0) | (imu.time > 109.0)
     broken = replace(imu, time=imu.time[keep], gyro=imu.gyro[keep], accel=imu.accel[keep])
-    rates = still_stretches(broken)
+    rates = stationary_periods(broken)
     np.testing.assert_allclose(rates.time, [[100.2, 107.8], [109.2, 119.7]], rtol=0, atol=0.11)
-    summed = still_stretches(
+    summed = stationary_periods(
         replace(broken, gyro=broken.gyro * 0.01, accel=broken.accel * 0.01, quantity="increments")
     )
     np.testing.assert_allclose(summed.gyro_mean, rates.gyro_mean, rtol=0, atol=1e-12)
@@ -151,12 +151,18 @@ def test_a_gap_ends_a_stretch_and_increments_are_rates():
 
 def test_where_an_instant_lies():
     """Oracle: the stretches' own times."""
-    found = still_stretches(shaken(recording(60.0), 110.0, 150.0, 0.05, 0.5))
-    assert found.at(np.array([99.0, 105.0, 130.0, 155.0, 170.0])).tolist() == [-1, 0, -1, 1, -1]
+    found = stationary_periods(shaken(recording(60.0), 110.0, 150.0, 0.05, 0.5))
+    assert found.index_of(np.array([99.0, 105.0, 130.0, 155.0, 170.0])).tolist() == [
+        -1,
+        0,
+        -1,
+        1,
+        -1,
+    ]
     assert len(found.within(100.0, 120.0)) == 1
     assert len(found.within(105.0, 170.0)) == 1
     assert len(found.within(100.0, 170.0)) == 2
-    assert still_stretches(shaken(recording(60.0), 0.0, 200.0, 0.05, 0.5)).at(
+    assert stationary_periods(shaken(recording(60.0), 0.0, 200.0, 0.05, 0.5)).index_of(
         np.array([105.0])
     ).tolist() == [-1]
 
@@ -170,7 +176,7 @@ def test_walk_has_no_rest_but_at_its_end():
     imu = read_imu(DATA / "tilt_rtk_walk" / "imu.aimu", quantity="instant_rate")
     gnss = read_gnss(DATA / "tilt_rtk_walk" / "gnss.nmea")
     for fixes in (gnss, None):
-        found = still_stretches(imu, fixes)
+        found = stationary_periods(imu, fixes)
         assert len(found) >= 1
         assert found.time.min() > imu.time[-1] - 25.0
 
@@ -194,8 +200,8 @@ def test_fixed_wing_rests_on_the_ground_only():
     )
     speed = np.linalg.norm(gnss.velocity_ned, axis=1)
     for fixes in (gnss, None):
-        found = still_stretches(imu, fixes)
+        found = stationary_periods(imu, fixes)
         assert np.diff(found.time, axis=1).sum() > 100.0
-        inside = found.at(gnss.time) >= 0
+        inside = found.index_of(gnss.time) >= 0
         assert gnss.height[inside].max() < 260.0
         assert speed[inside].max() < 1.0
