@@ -97,7 +97,7 @@ def misfit(time: Array, taken: Array) -> Misfit | None:
     """
     interval, n = float(np.median(np.diff(time))), time.size
     whole = bool((taken == np.rint(taken)).all())
-    found = None
+    result = None
     for near in (WHOLE_SECOND_S,) if whole else (share * interval for share in SHARES):
         beyond = _beyond(taken - time, near)
         if not beyond:
@@ -107,8 +107,8 @@ def misfit(time: Array, taken: Array) -> Misfit | None:
         fits = pairs >= max(FEWEST, n - max(1.0, MOST_LONELY * n)) and pairs > n - len(beyond)
         if fits and match.events != match.images and near <= MOST_SHARE * interval:
             return Misfit(near, beyond, match)
-        found = Misfit(near, beyond)
-    return found
+        result = Misfit(near, beyond)
+    return result
 
 
 def _beyond(rest: Array, near: float) -> tuple[int, ...]:

@@ -14,7 +14,7 @@ from .quality.covariance import MODEL, CovarianceModel
 from .rinex.camera_events import RoverEvents
 
 
-def solve_flown(
+def solve_raw_gnss(
     raw: RawGnss,
     covariance: CovarianceModel = MODEL,
     exposures: tuple[RoverEvents, ImageMatch] | bool | None = None,
@@ -32,8 +32,10 @@ def solve_flown(
     else:
         given = replace(given, events=exposures)
     result = solve_ppk(given)
-    told = () if result.events is None else result.events.notes
-    return replace(result, checks=tuple(check for check in result.checks if check not in told))
+    event_notes = () if result.events is None else result.events.notes
+    return replace(
+        result, checks=tuple(check for check in result.checks if check not in event_notes)
+    )
 
 
 def _input(raw: RawGnss) -> PpkInput:
@@ -55,6 +57,6 @@ def _input(raw: RawGnss) -> PpkInput:
     )
 
 
-def _ecef(place: tuple[float, ...]) -> tuple[float, float, float]:
-    x, y, z = geodetic_to_ecef(radians(place[0]), radians(place[1]), place[2]).tolist()
+def _ecef(geodetic: tuple[float, ...]) -> tuple[float, float, float]:
+    x, y, z = geodetic_to_ecef(radians(geodetic[0]), radians(geodetic[1]), geodetic[2]).tolist()
     return x, y, z

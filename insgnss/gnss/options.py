@@ -99,15 +99,15 @@ class EngineOptions(EngineSettings):
         if self.base_position_m is None:
             return
         if self.base_point is None:
-            what = (
+            message = (
                 f"needs {named('gnss.base_point')}: is it the antenna's phase centre (apc), arp or"
                 " marker"
             )
-            raise OptionError("gnss.base_position", what)
+            raise OptionError("gnss.base_position", message)
         radius = sum(x * x for x in self.base_position_m) ** 0.5
         if not 6.3e6 < radius < 6.4e6:
-            what = f"is {radius:.0f} m from the Earth's centre (6300 to 6400 km)"
-            raise OptionError("gnss.base_position", f"{what}; ECEF coordinates in m are needed")
+            message = f"is {radius:.0f} m from the Earth's centre (6300 to 6400 km)"
+            raise OptionError("gnss.base_position", f"{message}; ECEF coordinates in m are needed")
 
 
 def base_position(
@@ -120,11 +120,11 @@ def base_position(
         return options.base_position_m, options.base_point
     approx = base.approx_position_m
     if approx is None:
-        what = (
+        message = (
             f"no APPROX POSITION XYZ in the header and no {named('gnss.base_position')}; give the"
             " base's coordinates"
         )
-        raise InputError.at(base.path, None, what)
+        raise InputError.at(base.path, None, message)
     return (float(approx[0]), float(approx[1]), float(approx[2])), options.base_point or "marker"
 
 
@@ -143,7 +143,7 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
     if options.antex is None or point == "apc":
         return lines
     try:
-        known = "\n" + Path(options.antex).read_text(encoding="utf-8", errors="replace")
+        antennas = "\n" + Path(options.antex).read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise InputError.at(
             options.antex,
@@ -151,12 +151,12 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
             f"cannot be read: {error.strerror or error}; check {named('gnss.antex')}",
         ) from None
     kind = base.antenna.split()[0] if base.antenna.split() else ""
-    if not kind or f"\n{kind}" not in known:
-        what = (
+    if not kind or f"\n{kind}" not in antennas:
+        message = (
             f"does not know the base's antenna {base.antenna!r} of {base.path}; give another, or"
             f" {setting('gnss.base_point', 'apc')}"
         )
-        raise InputError.at(options.antex, None, what)
+        raise InputError.at(options.antex, None, message)
     return lines | {"ant2-anttype": base.antenna, "file-rcvantfile": ANTENNAS}
 
 
@@ -175,7 +175,7 @@ def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Check, ..
     if DYNAMICS in options.rtklib_options or sd <= RESTART_M:
         return ()
     longest = (RESTART_M * 20.0**0.5 / options.acceleration_mps2[0]) ** 0.4
-    found = (
+    finding = (
         f"off: epochs every {interval_s:g} s, over which {options.acceleration_mps2[0]:g} m/s^2"
         f" predict a position to {sd:.0f} m"
     )
@@ -186,7 +186,7 @@ def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Check, ..
     return (
         Check(
             "engine dynamics",
-            found,
+            finding,
             f"on, with epochs every {longest:.1f} s at most",
             "note",
             advice,
@@ -228,9 +228,9 @@ def option_file(
         "ant2-postype": 1,
     }
     position, _ = base_position(options, base)
-    place = {f"ant2-pos{k}": f"{x:.5f}" for k, x in enumerate(position, start=1)}
+    coordinates = {f"ant2-pos{k}": f"{x:.5f}" for k, x in enumerate(position, start=1)}
     return _text(
-        lines | place | base_antenna(options, base) | dict(options.rtklib_options) | OUTPUT
+        lines | coordinates | base_antenna(options, base) | dict(options.rtklib_options) | OUTPUT
     )
 
 

@@ -14,24 +14,24 @@ from insgnss.geodesy.frames import LocalFrame, ecef_to_geodetic, geodetic_to_ece
 from insgnss.gnss.engine.rtklib import solve
 from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.quality.covariance import (
-    BELIEVED,
     CLASSES,
+    DEGRADED,
     FIXED,
     FLOAT,
-    HAMPERED,
-    LONE,
+    ISOLATED,
     MODEL,
     SINGLE,
-    WEAK,
+    UNSUPPORTED,
+    VALIDATED,
     CovarianceModel,
     Separation,
     base_distance,
     calibrate,
     classes,
+    degraded,
     forward_backward,
-    hampered,
+    outliers,
     scaled,
-    strays,
 )
 from insgnss.gnss.quality.solution_quality import read_solution
 from insgnss.records import GnssFixes
@@ -86,14 +86,14 @@ def test_single_fixes_among_floats_are_not_believed_and_lasting_ones_are():
     kind = classes(time, quality, np.full(200, 12))
     assert (kind[:95] == FIXED).all()
     assert not (kind[130:] == FIXED).any()
-    assert (kind[130:] == LONE).all()  # more than 5 s from what is believed
+    assert (kind[130:] == ISOLATED).all()  # more than 5 s from what is believed
     assert (kind[105:120][quality[105:120] == 2] == FLOAT).all()
 
 
 def test_few_satellites_are_no_fix_however_long():
     """Oracle: flags written by hand; five satellites leave one redundant double difference a band."""
     kind = classes(np.arange(60.0), np.ones(60, dtype=np.int64), np.full(60, 5))
-    assert (kind == WEAK).all()
+    assert (kind == UNSUPPORTED).all()
     assert (classes(np.arange(60.0), np.ones(60, dtype=np.int64), np.full(60, 6)) == FIXED).all()
 
 
@@ -104,7 +104,7 @@ def test_a_fix_among_missing_epochs_is_not_believed():
     time = np.concatenate([np.arange(60.0), [75.0, 76.0], 90.0 + np.arange(60.0)])
     quality = np.ones(time.size, dtype=np.int64)
     quality[60] = 2
-    assert classes(time, quality, np.full(time.size, 6))[61] == WEAK
+    assert classes(time, quality, np.full(time.size, 6))[61] == UNSUPPORTED
 
 
 def test_rare_epochs_support_each_other():
@@ -129,7 +129,7 @@ def test_what_is_not_believed_is_handed_on_as_float():
     calibrated, kind = calibrate(
         fixes_of([2] * 50 + [1] + [2] * 50), np.full(101, 14), np.zeros(101)
     )
-    assert kind[50] == LONE
+    assert kind[50] == ISOLATED
     assert calibrated.quality[50] == 2
     assert "0 of 1" in calibrated.notes[-1].found
 
@@ -154,7 +154,7 @@ def test_two_runs_that_contradict_each_other_are_covered_and_no_longer_fixed():
     mixed = Separation(np.where(part[:, None], bad.ned, good.ned), bad.cov, good.fixed)
     calibrated, kind = calibrate(forward, np.full(100, 15), np.zeros(100), mixed)
     assert (kind[:50] == FIXED).all()
-    assert not np.isin(kind[60:], BELIEVED).any()
+    assert not np.isin(kind[60:], VALIDATED).any()
     within = np.einsum(
         "ni,nij,nj->n", mixed.ned[60:], np.linalg.inv(calibrated.cov_ned[60:]), mixed.ned[60:]
     )
@@ -186,7 +186,7 @@ def test_what_a_drone_flies_is_on_its_path():
         lat, lon, height = frame.geodetic_from_position(place)
         cov = np.broadcast_to(np.eye(3) * 1e-6, (200, 3, 3))
         fixes = GnssFixes(time, lat, lon, height, cov, quality=np.ones(200, dtype=np.int64))
-        assert not strays(fixes, np.ones(200, dtype=bool), cov)[1].any()
+        assert not outliers(fixes, np.ones(200, dtype=bool), cov)[1].any()
 
 
 def test_separation_is_unknown_where_a_run_has_no_epoch():
@@ -208,14 +208,14 @@ def test_fixes_of_minutes_with_many_floats_are_hampered():
     time = np.arange(1500.0)
     quality = np.where((time // 300 == 2) & (time % 20 < 8), 2, 1)
     before = classes(time, quality, np.full(1500, 14))
-    kind = hampered(time, before)
+    kind = degraded(time, before)
     for k in range(0, 1500, 7):
         near = np.abs(time - time[k]) <= 180.0
         share = (before[near] == FIXED).mean()
-        assert kind[k] == (HAMPERED if before[k] == FIXED and share < 0.9 else before[k])
+        assert kind[k] == (DEGRADED if before[k] == FIXED and share < 0.9 else before[k])
     assert (kind[:450] == FIXED).all()
     assert (kind[1050:] == FIXED).all()
-    assert set(kind[600:900].tolist()) == {HAMPERED, FLOAT}
+    assert set(kind[600:900].tolist()) == {DEGRADED, FLOAT}
 
 
 def test_scattered_floats_and_short_runs_hamper_nothing():
@@ -224,12 +224,12 @@ def test_scattered_floats_and_short_runs_hamper_nothing():
     """
     quality = np.where(np.arange(6000) % 20 == 7, 2, 1)
     assert not (
-        hampered(0.1 * np.arange(6000), classes(0.1 * np.arange(6000), quality, None)) == HAMPERED
+        degraded(0.1 * np.arange(6000), classes(0.1 * np.arange(6000), quality, None)) == DEGRADED
     ).any()
     _, kind = calibrate(fixes_of([1] * 10), None, np.zeros(10))
     assert (kind == FIXED).all()
     _, kind = calibrate(fixes_of([1] * 5 + [2] * 3 + [1] * 5), None, np.zeros(13))
-    assert (kind == np.where(np.isin(np.arange(13), [5, 6, 7]), FLOAT, HAMPERED)).all()
+    assert (kind == np.where(np.isin(np.arange(13), [5, 6, 7]), FLOAT, DEGRADED)).all()
 
 
 def test_floats_before_the_first_and_after_the_last_fix_hamper_nothing():
@@ -238,13 +238,13 @@ def test_floats_before_the_first_and_after_the_last_fix_hamper_nothing():
     """
     time = 0.2 * np.arange(6000)
     ends = np.where((time < 150.0) | (time >= 1000.0), 2, 1)
-    kind = hampered(time, classes(time, ends, np.full(6000, 14)))
+    kind = degraded(time, classes(time, ends, np.full(6000, 14)))
     assert (kind[ends == 1] == FIXED).all()
     middle = np.where((time >= 500.0) & (time < 650.0), 2, 1)
-    kind = hampered(time, classes(time, middle, np.full(6000, 14)))
+    kind = degraded(time, classes(time, middle, np.full(6000, 14)))
     near = (middle == 1) & (time > 450.0) & (time < 700.0)
-    assert (kind[near] == HAMPERED).all()
-    assert (hampered(time, np.full(6000, FLOAT)) == FLOAT).all()
+    assert (kind[near] == DEGRADED).all()
+    assert (degraded(time, np.full(6000, FLOAT)) == FLOAT).all()
 
 
 def test_hampered_fixes_stay_fixed_with_sigmas_of_centimetres():
@@ -254,7 +254,7 @@ def test_hampered_fixes_stay_fixed_with_sigmas_of_centimetres():
     quality = np.repeat([1, 2, 1], 100)
     fixes, there = fixes_of(quality), quality == 1
     calibrated, kind = calibrate(fixes, np.full(300, 14), np.full(300, 5000.0))
-    assert (kind[there] == HAMPERED).all()
+    assert (kind[there] == DEGRADED).all()
     assert (calibrated.quality == fixes.quality).all()
     sigma = np.sqrt(np.diagonal(calibrated.cov_ned[there], axis1=1, axis2=2))
     assert np.allclose(
@@ -291,7 +291,9 @@ def test_a_vehicle_that_turns_as_hard_as_it_can_does_not_stray(axis, share, stra
         }
         fixes = replace(fixes, time=1000.0 + time, **place)
         return bool(
-            strays(fixes, np.ones(3, dtype=bool), np.tile(np.eye(3) * sigma_m**2, (3, 1, 1)))[1][1]
+            outliers(fixes, np.ones(3, dtype=bool), np.tile(np.eye(3) * sigma_m**2, (3, 1, 1)))[1][
+                1
+            ]
         )
 
     acceleration = share * MODEL.acceleration_mps2[axis]
@@ -311,7 +313,7 @@ def test_a_stray_among_hampered_fixes_is_found_as_among_others():
     lon[30] = moved.lon[0]
     model = replace(MODEL, acceleration_mps2=(1.0, 1.0, 1.0))
     _, kind = calibrate(replace(fixes, lon=lon), np.full(180, 15), np.zeros(180), None, model)
-    assert np.flatnonzero(kind[:60] != HAMPERED).tolist() == [30]
+    assert np.flatnonzero(kind[:60] != DEGRADED).tolist() == [30]
 
 
 @pytest.mark.parametrize(
@@ -375,7 +377,7 @@ def test_wrong_fixes_of_a_car_in_a_city_are_not_believed(car):
     """
     error, _, kind, quality = car
     wrong = (np.hypot(error[:, 0], error[:, 1]) > 0.3) | (np.abs(error[:, 2]) > 0.4)
-    fixed, believed = quality == 1, np.isin(kind, BELIEVED)
+    fixed, believed = quality == 1, np.isin(kind, VALIDATED)
     assert (wrong & fixed).sum() > 100
     assert not (wrong & believed).any()
     assert believed.sum() > 0.8 * (fixed & ~wrong).sum()  # what the belief costs
@@ -395,7 +397,7 @@ def test_calibrated_sigmas_cover_the_errors_of_a_car_in_a_city(car):
     """
     error, cov, kind, _ = car
     beyond, half = beyond_three_sigma(error, cov), 2 * np.arange(len(error)) // len(error)
-    believed = np.isin(kind, BELIEVED)
+    believed = np.isin(kind, VALIDATED)
     for part in (half >= 0, half == 0, half == 1, believed):
         assert beyond[part].mean() < 0.02
     square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(cov), error)[believed] / 3.0
@@ -407,7 +409,7 @@ def test_a_second_solution_of_the_drive_is_covered():
     degrees. It chose no number.
     """
     error, cov, kind, _ = driven("rover_1Hz_rtk.pos")
-    assert np.isin(kind, BELIEVED).sum() > 100
+    assert np.isin(kind, VALIDATED).sum() > 100
     assert beyond_three_sigma(error, cov).mean() < 0.02
 
 

@@ -209,29 +209,33 @@ def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tu
     if command[0] == sys.executable:
         return ()
     binary = _binary(Path(command[0]))
-    asked = [line.split("=")[0] for line in text.splitlines()]
+    requested = [line.split("=")[0] for line in text.splitlines()]
     if OF_ALL_VERSIONS not in binary:
-        found, advice = (
+        finding, advice = (
             f"{command[0]} does not show which it knows",
             "an unknown one is left out without a word; name the program itself",
         )
         names = " ".join(options.rtklib_options)
         return (
-            (Check("engine options", f"{found}: {names}", "options that it knows", "note", advice),)
+            (
+                Check(
+                    "engine options", f"{finding}: {names}", "options that it knows", "note", advice
+                ),
+            )
             if options.rtklib_options
             else ()
         )
-    unknown = [name for name in asked if name.encode() + b"\0" not in binary]
+    unknown = [name for name in requested if name.encode() + b"\0" not in binary]
     if wrong := [name for name in unknown if name in options.rtklib_options]:
-        known = [
-            found.decode()
-            for found in re.findall(
+        available = [
+            option.decode()
+            for option in re.findall(
                 rb"(?:pos[12]|out|stats|ant[12]|misc|file)-[A-Za-z0-9_]+(?=\0)", binary
             )
         ]
         raise OptionError(
             "gnss.rtklib_options",
-            f"{command[0]} has no option {wrong[0]}{nearest(wrong[0], known)}",
+            f"{command[0]} has no option {wrong[0]}{nearest(wrong[0], available)}",
         )
     if not unknown:
         return ()
@@ -277,7 +281,7 @@ class _End(NamedTuple):
     """
 
     cpu_s: float
-    told: str = ""
+    last_line: str = ""
     refused: tuple[str, ...] = ()
 
 
@@ -329,11 +333,13 @@ class _Runs:
                 raise
             if _has_epochs(where):
                 return read_rtklib_pos(where)
-            self._check_program(f"it said: {end.told or 'nothing'}")
-        what = "no position from codes; does the navigation cover its satellites, are there codes?"
-        raise DataError(f"{observations.header.path}: {what}")
+            self._check_program(f"it said: {end.last_line or 'nothing'}")
+        message = (
+            "no position from codes; does the navigation cover its satellites, are there codes?"
+        )
+        raise DataError(f"{observations.header.path}: {message}")
 
-    def _check_program(self, said: str) -> None:
+    def _check_program(self, statement: str) -> None:
         """UsageError where a program has left no output yet and does not hold RTKLIB's options, as
         a wrapper would not either.
         """
@@ -343,8 +349,8 @@ class _Runs:
             and self.command[0] != sys.executable
             and OF_ALL_VERSIONS not in _binary(Path(self.command[0]))
         ):
-            what = "left no solution and shows none of RTKLIB's options: is it an rnx2rtkp?"
-            raise OptionError("gnss.engine", f"{what} {said}", self.command[0])
+            message = "left no solution and shows none of RTKLIB's options: is it an rnx2rtkp?"
+            raise OptionError("gnss.engine", f"{message} {statement}", self.command[0])
 
     def three(
         self, texts: Mapping[str, str], names: Sequence[str], say: Progress
@@ -373,10 +379,12 @@ class _Runs:
             return _End(math.nan)
         end = self.run(direction, names, stop)
         if not stop.is_set() and not _has_epochs(self.scratch / f"{direction}.pos"):
-            what = "the engine gave no epochs, though rover, base and navigation share their time"
+            message = (
+                "the engine gave no epochs, though rover, base and navigation share their time"
+            )
             raise DataError(
-                f"{direction} solution: {what}; are their satellites the same? it said:"
-                f" {end.told or 'nothing'}"
+                f"{direction} solution: {message}; are their satellites the same? it said:"
+                f" {end.last_line or 'nothing'}"
             )
         return end
 
@@ -398,14 +406,14 @@ class _Runs:
                 f"{name}.pos",
                 *files,
             ]
-        with tempfile.TemporaryFile() as said:
+        with tempfile.TemporaryFile() as output:
             process = subprocess.Popen(
                 line,
                 cwd=self.scratch,
                 env=_environment(),
                 stdin=subprocess.DEVNULL,
-                stdout=said,
-                stderr=said,
+                stdout=output,
+                stderr=output,
             )
             try:
                 cpu = _wait(process, time.monotonic() + self.options.timeout_s, stop)
@@ -413,14 +421,14 @@ class _Runs:
                 if process.returncode is None:
                     process.kill()
                     process.wait()
-            told, refused = _tail(said), _refused(said)
+            last_line, refused = _tail(output), _refused(output)
         if wrong := [option for option in refused if option in self.options.rtklib_options]:
             problem = f"the engine refused {wrong[0]} = {self.options.rtklib_options[wrong[0]]}"
             raise OptionError("gnss.rtklib_options", problem)
         if process.returncode == 0 or stop.is_set():
-            return _End(math.nan if cpu is None else cpu, told, refused)
+            return _End(math.nan if cpu is None else cpu, last_line, refused)
         if process.returncode == UNKNOWN_OPTION and self.command[0] == sys.executable:
-            raise OptionError("gnss.rtklib_options", told)
+            raise OptionError("gnss.rtklib_options", last_line)
         of_what = (
             f"position of the {name.removeprefix(WHERE)} by codes"
             if name.startswith(WHERE)
@@ -428,7 +436,7 @@ class _Runs:
         )
         raise DataError(
             f"{of_what}: the engine {self._end(process.returncode, cpu)}; it said:"
-            f" {told or 'nothing'}"
+            f" {last_line or 'nothing'}"
         )
 
     def _end(self, code: int, cpu: float | None) -> str:
@@ -464,24 +472,24 @@ def _wait(
     return None
 
 
-def _tail(said: BinaryIO) -> str:
+def _tail(output: BinaryIO) -> str:
     """The last line that is not empty, of the last 200 characters; RTKLIB ends its lines by
     carriage returns.
     """
-    said.seek(0, os.SEEK_END)
-    said.seek(max(said.tell() - 10 * TAIL, 0))
+    output.seek(0, os.SEEK_END)
+    output.seek(max(output.tell() - 10 * TAIL, 0))
     lines = [
         line.strip()
-        for line in re.split(r"[\r\n]+", said.read().decode("utf-8", errors="replace"))
+        for line in re.split(r"[\r\n]+", output.read().decode("utf-8", errors="replace"))
         if line.strip()
     ]
     return lines[-1][-TAIL:] if lines else ""
 
 
-def _refused(said: BinaryIO) -> tuple[str, ...]:
+def _refused(output: BinaryIO) -> tuple[str, ...]:
     """Options whose values the engine did not take, which it says before anything else."""
-    said.seek(0)
-    return tuple(REFUSED.findall(said.read(HEAD).decode("utf-8", errors="replace")))
+    output.seek(0)
+    return tuple(REFUSED.findall(output.read(HEAD).decode("utf-8", errors="replace")))
 
 
 def _has_epochs(path: Path) -> bool:
@@ -500,7 +508,7 @@ def _in_order(path: Path) -> list[bytes]:
         [line for line in lines if line.startswith(b"%")],
         [line for line in lines if not line.startswith(b"%") and line.strip()],
     )
-    first, last = ([float(part) for part in rows[k].split()[:2]] for k in (0, -1))
+    first, last = ([float(field) for field in rows[k].split()[:2]] for k in (0, -1))
     return head + (rows if first <= last else rows[::-1])
 
 
@@ -508,13 +516,13 @@ def _version(path: Path, command: Sequence[str]) -> str:
     """Engine and version, as it writes them into its output."""
     name = MODULE if command[0] == sys.executable else command[0]
     with path.open(encoding="utf-8", errors="replace") as stream:
-        found = PROGRAM_LINE.match(next(stream, ""))
-    return f"RTKLIB {found[1].strip()} ({name})" if found else f"RTKLIB of unknown version ({name})"
+        match = PROGRAM_LINE.match(next(stream, ""))
+    return f"RTKLIB {match[1].strip()} ({name})" if match else f"RTKLIB of unknown version ({name})"
 
 
 def _check_version(engine: str) -> tuple[Check, ...]:
-    found = EX_VERSION.search(engine)
-    if found and tuple(int(part) for part in found.groups()) >= HOLDS:
+    match = EX_VERSION.search(engine)
+    if match and tuple(int(number) for number in match.groups()) >= HOLDS:
         return ()
     advice = (
         "pip install 'insgnss[ppk]'; 2.4.3 b34 of Debian fixed 0.6 % of a drive with the options by"

@@ -37,24 +37,24 @@ def check_beside(events: CameraEvents, rover: CameraEvents, gps_week: int) -> Ch
     offset, pairs = _constant(events.time, theirs, (0.0, float(-leap)))
     source = events.source or "the file"
     if pairs < max(FEWEST, LEAST_SHARE * fewer):
-        found = (
+        finding = (
             f"no constant brings more than {pairs} of the {events.time.size} events of {source} to"
             f" the {theirs.size} of the rover's"
         )
-        return Check(NAME, found, EXPECTED, "note", "are they of this flight and camera?")
-    found = (
+        return Check(NAME, finding, EXPECTED, "note", "are they of this flight and camera?")
+    finding = (
         f"{pairs} of the {events.time.size} events of {source} and of the {theirs.size} of the"
         " rover's are the same"
     )
     if abs(offset) <= SAME_S:
-        return Check(NAME, f"{found}, {1e3 * offset:+.1f} ms apart", EXPECTED)
+        return Check(NAME, f"{finding}, {1e3 * offset:+.1f} ms apart", EXPECTED)
     utc = abs(offset + leap) <= SAME_S
-    found += f" but for {offset:+.3f} s" + (f", the {leap} leap seconds: UTC?" if utc else "")
+    finding += f" but for {offset:+.3f} s" + (f", the {leap} leap seconds: UTC?" if utc else "")
     advice = (
         f"give them in GPST{'' if utc else ', at the pulses'}, or take those of the rover without"
         " this file"
     )
-    return Check(NAME, found, EXPECTED, "contradiction", advice)
+    return Check(NAME, finding, EXPECTED, "contradiction", advice)
 
 
 def _constant(time: Array, theirs: Array, likely: tuple[float, ...]) -> tuple[float, int]:
@@ -68,8 +68,8 @@ def _constant(time: Array, theirs: Array, likely: tuple[float, ...]) -> tuple[fl
     most = time.size - len(match.images)
     steps = time[0] - theirs
     for constant in (*likely, *steps[np.argsort(np.abs(steps))].tolist()):
-        at = theirs + constant
-        rest = time - at[np.searchsorted(0.5 * (at[1:] + at[:-1]), time)]
+        shifted = theirs + constant
+        rest = time - shifted[np.searchsorted(0.5 * (shifted[1:] + shifted[:-1]), time)]
         rest = rest[np.abs(rest) <= SAME_S]
         if rest.size >= most:
             return constant + float(np.mean(rest)), rest.size
@@ -80,13 +80,13 @@ def check_camera_delay(delay_s: float) -> Check:
     """The delay that is added to the events, s; a note where it is longer than an exposure's start
     takes.
     """
-    found = f"{delay_s:+g} s added to each event, from the pulse to the middle of the exposure"
+    finding = f"{delay_s:+g} s added to each event, from the pulse to the middle of the exposure"
     expected = f"{MOST_DELAY_S:g} s at most"
     if abs(delay_s) <= MOST_DELAY_S:
-        return Check("camera delay", found, expected)
+        return Check("camera delay", finding, expected)
     return Check(
         "camera delay",
-        found,
+        finding,
         expected,
         "note",
         "cameras expose within tenths of a second of their pulse; give it in seconds",

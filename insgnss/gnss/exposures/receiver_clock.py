@@ -49,18 +49,20 @@ def to_gpst(events: CameraEvents, rover: "Observations", fixes: GnssFixes) -> Ca
     """
     stamp, clock = clock_error(rover, fixes)
     if any(MARKS_IN_GPST in line.lower() for line in rover.header.records.get("COMMENT", ())):
-        found = f"{_span(clock)} off GPST, left on the camera events"
-        told = Check(
+        finding = f"{_span(clock)} off GPST, left on the camera events"
+        clock_note = Check(
             "receiver clock",
-            found,
+            finding,
             "time marks of u-blox, as its converter writes them, which are in GPST",
         )
-        return replace(events, notes=(*events.notes, told))
+        return replace(events, notes=(*events.notes, clock_note))
     week = rover.gps_week if events.gps_week is None else events.gps_week
     when = events.time + (week - rover.gps_week) * WEEK_S
-    error, known = error_at(stamp, clock, when)
+    error, surrounded = error_at(stamp, clock, when)
     return replace(
-        events, time=events.time - error, notes=(*events.notes, _told(clock, when[~known]))
+        events,
+        time=events.time - error,
+        notes=(*events.notes, _clock_note(clock, when[~surrounded])),
     )
 
 
@@ -87,25 +89,25 @@ def error_at(stamp: Array, clock: Array, when: Array) -> tuple[Array, NDArray[np
     k = np.clip(np.searchsorted(stamp, when, side="right") - 1, 0, step.size - 1)
     inside = (when >= stamp[0]) & (when <= stamp[-1])
     near = np.where(jumps & (length > LONG_GAP_S), 0.0, drift)[k] * (when - stamp[k]) + clock[k]
-    at = np.where(when < stamp[-1], near, clock[-1])
-    return np.where(when < stamp[0], clock[0], at), inside & (length[k] <= LONG_GAP_S)
+    error = np.where(when < stamp[-1], near, clock[-1])
+    return np.where(when < stamp[0], clock[0], error), inside & (length[k] <= LONG_GAP_S)
 
 
 def _span(clock: Array) -> str:
     return f"{1e3 * clock.min():+.4f} to {1e3 * clock.max():+.4f} ms"
 
 
-def _told(clock: Array, unsure: Array) -> Check:
-    found = f"{_span(clock)} off GPST, taken off the camera events"
+def _clock_note(clock: Array, unsure: Array) -> Check:
+    finding = f"{_span(clock)} off GPST, taken off the camera events"
     if not unsure.size:
-        return Check("receiver clock", found, "below 1 ms")
-    found += (
+        return Check("receiver clock", finding, "below 1 ms")
+    finding += (
         f"; {unsure.size} events, the first at {unsure[0]:.3f} s, have no positions before and"
         f" behind them within {LONG_GAP_S:g} s"
     )
     return Check(
         "receiver clock",
-        found,
+        finding,
         "positions around each event",
         "note",
         "their clock is that of the nearest positions",

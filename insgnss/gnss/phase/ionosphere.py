@@ -43,7 +43,7 @@ that last are counted by their sums over blocks of each satellite,
     q = sum over blocks of (sum of sqrt(w) r)^2 / sum of w r^2                                 (I.5)
 
 is 1 for white noise; weights are divided by it, and by no less than what errors that last for
-`LASTING_S` make of it. Reflections of 20 s leave 2 mm of height to 45 minutes; less than `LEAST_S`
+`CORRELATED_S` make of it. Reflections of 20 s leave 2 mm of height to 45 minutes; less than `LEAST_S`
 is not tried. Expected beforehand are V = 2 +- 2 m and G = 0 +- 1.5 mm/km (means of the flight),
 changes in 10 minutes of 0.15 m and 0.5 mm/km, h = 0 +- 20 mm, t = 0 +- 2 mm over 100 m.
 
@@ -87,7 +87,7 @@ from ..rinex.navigation_message import Navigation
 from ..satellites.engine_weighting import displacement
 from ..satellites.frequencies import ENGINE_BANDS, kappa, rows_of_systems
 from ..satellites.satellite_geometry import Sky, common_bands
-from .double_differences import Differences, differences, measurable
+from .double_differences import DoubleDifferences, double_differences, measurable
 from .troposphere import Atmosphere, mapping
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ GRADIENT, OFFSET_M, AIR = 1.5e-6, 2e-2, 2e-5  # standard deviations: G m/m, h m,
 CHANGE = np.array([0.15, 5e-7, 5e-7])  # of V and G in `KNOT_S`
 UNITS = np.array([1.0, 1e-6, 1e-6])  # by which columns of V and G are of one size
 LEAST_EPOCHS, LEAST_S = 60, 600.0
-BLOCK_S, LASTING_S = 300.0, 30.0
+BLOCK_S, CORRELATED_S = 300.0, 30.0
 HUBER = 2.0
 ITERATIONS = 4
 RIDGE = 1e-9
@@ -136,9 +136,9 @@ class Ionosphere:
     air: tuple[float, float]
     epochs: int
     sigma_m: tuple[float, float]
-    lasting: tuple[float, float]
+    correlation: tuple[float, float]
 
-    def at(self, time: ArrayLike) -> tuple[Array, Array]:
+    def interpolate(self, time: ArrayLike) -> tuple[Array, Array]:
         """Value (n, 3) and covariance (n, 3, 3) at times (n,) s."""
         H = hats(self.time, np.asarray(time, dtype=np.float64))
         k = self.time.size
@@ -176,24 +176,26 @@ def ionosphere_correction(
     base_position_m : (3,) m ECEF.   satellites : of the epochs of `fixes` (`sky.common_sky`).   air : at the base, None for the
     standard one.   frequencies : of the engine.
     """
-    place = np.asarray(base_position_m, dtype=np.float64)
-    design = shell_design(fixes, satellites, place)
-    found = fit(differences(fixes, rover, base, navigation, place, satellites, design, air))
-    if found is None:
+    base_ecef = np.asarray(base_position_m, dtype=np.float64)
+    design = shell_design(fixes, satellites, base_ecef)
+    ionosphere = fit(
+        double_differences(fixes, rover, base, navigation, base_ecef, satellites, design, air)
+    )
+    if ionosphere is None:
         return None
-    value, cov = found.at(fixes.time)
+    value, cov = ionosphere.interpolate(fixes.time)
     early = mean_kappa(rover, base, satellites, frequencies)[:, None] * design
     each = np.stack(
         [displacement(satellites, early[:, j], fixes.time.size) for j in range(3)], axis=2
     )
-    corrected = measurable(fixes, place) & np.isfinite(each).all(axis=(1, 2))
+    corrected = measurable(fixes, base_ecef) & np.isfinite(each).all(axis=(1, 2))
     each = np.where(corrected[:, None, None], each, 0.0)
     correction = np.einsum("nij,nj->ni", each, value)
     spread = (
         each @ cov @ each.transpose(0, 2, 1)
         + SHAPE_SHARE**2 * correction[:, :, None] * correction[:, None, :]
     )
-    return IonosphereCorrection(correction, spread, found)
+    return IonosphereCorrection(correction, spread, ionosphere)
 
 
 def engine_models_it(options: EngineOptions) -> bool:
@@ -222,42 +224,41 @@ def shell_design(fixes: GnssFixes, satellites: Sky, base: Array) -> Array:
     return _pierced(here, sight, axes, base - centre) - _pierced(there, other, axes, base - centre)
 
 
-def _reach(place: Array, sight: Array, radius: float) -> Array:
+def _reach(origin: Array, sight: Array, radius: float) -> Array:
     """Distance (m,) along rays (m, 3) from places (m, 3) to a sphere around the origin."""
-    along = np.einsum("mi,mi->m", place, sight)
-    return np.asarray(np.sqrt(radius**2 - np.einsum("mi,mi->m", place, place) + along**2) - along)
+    along = np.einsum("mi,mi->m", origin, sight)
+    return np.asarray(np.sqrt(radius**2 - np.einsum("mi,mi->m", origin, origin) + along**2) - along)
 
 
-def _pierced(place: Array, sight: Array, axes: Array, base: Array) -> Array:
+def _pierced(origin: Array, sight: Array, axes: Array, base: Array) -> Array:
     """(1, n, e) / cos z' (m, 3) of rays; places (m, 3) and the base (3,) from the shell's centre."""
-    point = place + _reach(place, sight, RADIUS_M + SHELL_M)[:, None] * sight
+    point = origin + _reach(origin, sight, RADIUS_M + SHELL_M)[:, None] * sight
     slant = (RADIUS_M + SHELL_M) / np.einsum("mi,mi->m", point, sight)
     return np.column_stack([slant, slant[:, None] * ((point - base) @ axes[:, :2])])
 
 
-def fit(found: Differences) -> Ionosphere | None:
+def fit(d: DoubleDifferences) -> Ionosphere | None:
     """V, G, h and t of both kinds of observations; None where epochs are fewer than `LEAST_EPOCHS`
     or within less than `LEAST_S`.
     """
-    d = found
     epochs = np.unique(d.time)
     if epochs.size < LEAST_EPOCHS or np.ptp(epochs) < LEAST_S:
         return None
     knots = np.linspace(epochs[0], epochs[-1], 1 + int(np.ceil(np.ptp(epochs) / KNOT_S)))
     units = np.concatenate([np.tile(UNITS, knots.size), [1e-3, 1e-5]])
     expected, information = expectation(knots)
-    least = max(LASTING_S / float(np.median(np.diff(epochs))), 1.0)
+    least = max(CORRELATED_S / float(np.median(np.diff(epochs))), 1.0)
     N, b, kinds = (
         information * units[:, None] * units,
         units * (information @ expected),
         _kinds(d, knots, units),
     )
-    sigma, lasting = [], []
+    sigma, correlation = [], []
     for kind in kinds:
         X, y, weight, sd, q = kind.weighted(d, least)
         N, b = N + X.T @ (weight[:, None] * X), b + X.T @ (weight * y)
         sigma.append(sd)
-        lasting.append(q)
+        correlation.append(q)
     cov = np.linalg.inv(N)
     x, cov = units * (cov @ b), cov * units[:, None] * units
     (h, t), sd_h, sd_t = x[-2:].tolist(), float(cov[-2, -2] ** 0.5), float(cov[-1, -1] ** 0.5)
@@ -270,7 +271,7 @@ def fit(found: Differences) -> Ionosphere | None:
         (t, sd_t),
         epochs.size,
         (sigma[0], sigma[1]),
-        (lasting[0], lasting[1]),
+        (correlation[0], correlation[1]),
     )
 
 
@@ -289,9 +290,9 @@ def expectation(knots: Array) -> tuple[Array, Array]:
     step = np.diff(np.eye(k), axis=0)
     information = np.diag(np.concatenate([np.zeros(3 * k), [OFFSET_M**-2, AIR**-2]]))
     for j, sd in enumerate((VERTICAL_M[1], GRADIENT, GRADIENT)):
-        at = np.arange(j, 3 * k, 3)
+        rows = np.arange(j, 3 * k, 3)
         change = CHANGE[j] ** 2 * np.diff(knots) / KNOT_S
-        information[np.ix_(at, at)] = (k * sd) ** -2.0 + step.T @ (step / change[:, None])
+        information[np.ix_(rows, rows)] = (k * sd) ** -2.0 + step.T @ (step / change[:, None])
     return np.concatenate([np.tile([VERTICAL_M[0], 0.0, 0.0], k), [0.0, 0.0]]), information
 
 
@@ -306,7 +307,9 @@ class _Kind:
     A: Array
     group: Index
 
-    def weighted(self, d: Differences, least: float) -> tuple[Array, Array, Array, float, float]:
+    def weighted(
+        self, d: DoubleDifferences, least: float
+    ) -> tuple[Array, Array, Array, float, float]:
         """X and y without the unknowns of groups, weights (m,) 1/m^2, the standard deviation at the
         zenith, m, and q, `least` at least.
         """
@@ -326,7 +329,7 @@ class _Kind:
             _spread(size[tells] / np.sqrt(redundancy[tells]))
             * (free / max(free - rank, 1.0)) ** 0.5
         )
-        q = max(_lasting(np.sqrt(weight) * residual, d), least)
+        q = max(_correlation(np.sqrt(weight) * residual, d), least)
         return X, y, weight / (q * sigma**2), float(sigma), q
 
 
@@ -335,7 +338,7 @@ def _spread(size: Array) -> float:
     return max(MAD_TO_SIGMA * float(np.median(size)), 1e-6) if size.size else 1e-6
 
 
-def _kinds(d: Differences, knots: Array, units: Array) -> tuple[_Kind, _Kind]:
+def _kinds(d: DoubleDifferences, knots: Array, units: Array) -> tuple[_Kind, _Kind]:
     """(I.2) and (I.3)."""
     sine, cos = np.sin(d.elevation), np.cos(d.elevation)
     H = (hats(knots, d.time)[:, :, None] * d.design[:, None, :]).reshape(d.time.size, -1)
@@ -378,7 +381,7 @@ def _eliminated(values: Array, A: Array, group: Index, weight: Array) -> tuple[A
     return values - np.einsum("mi,mic->mc", A, (inverse @ b)[group]), redundancy
 
 
-def _lasting(weighted: Array, d: Differences) -> float:
+def _correlation(weighted: Array, d: DoubleDifferences) -> float:
     """q of (I.5) of residuals (m,) times the roots of their weights."""
     block = ((d.time - d.time.min()) / BLOCK_S).astype(np.int64)
     block = np.unique(d.satellite * (int(block.max()) + 1) + block, return_inverse=True)[1]

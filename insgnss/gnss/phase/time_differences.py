@@ -36,7 +36,7 @@ Index = NDArray[np.int64]
 
 ACCELERATION = 3.0  # m/s^2, of a rover between given positions that stand apart
 LOWEST_RAD = 0.05
-LOST, HALF_CYCLE = 1, 2  # bits of the loss-of-lock indicator
+LOCK_LOST, HALF_CYCLE = 1, 2  # bits of the loss-of-lock indicator
 SMOOTHING_S = 15.0
 LEAST_SMOOTHED_S = 5.0
 OUTLIER_SIGMAS = 5.0
@@ -171,8 +171,8 @@ def neighbours(
     length = np.diff(observations.time, prepend=-np.inf)
     apart = (satellite[first] == satellite[second]) & (epoch[second] == epoch[first] + 1)
     apart &= (length[epoch[second]] <= options.longest_s) & (observations.flag[epoch[second]] == 0)
-    known = np.isfinite(antenna.position[:, 0])
-    apart &= known[epoch[first]] & known[epoch[second]]
+    has_position = np.isfinite(antenna.position[:, 0])
+    apart &= has_position[epoch[first]] & has_position[epoch[second]]
     first, second = first[apart], second[apart]
     order = np.lexsort((satellite[second], epoch[second]))
     return first[order], second[order]
@@ -249,13 +249,13 @@ def phase_pairs(
     for k, signal in enumerate(observations.signals):
         if signal[0] != "L":
             continue
-        place = bands.index(signal[1])
+        column = bands.index(signal[1])
         flags, before = observations.loss_of_lock[second, k], observations.loss_of_lock[first, k]
-        kept = ((flags & LOST) == 0) & (((flags ^ before) & HALF_CYCLE) == 0)
+        kept = ((flags & LOCK_LOST) == 0) & (((flags ^ before) & HALF_CYCLE) == 0)
         change = observations.values[second, k] - observations.values[first, k]
-        here = free[:, place] & np.isfinite(change)
-        phase[here & kept, place] = change[here & kept]
-        free[here, place] = False
+        here = free[:, column] & np.isfinite(change)
+        phase[here & kept, column] = change[here & kept]
+        free[here, column] = False
     high = np.isfinite(modelled.change) & (modelled.elevation >= np.radians(options.mask_deg))
     y = phase * LIGHT / hertz - np.where(high, modelled.change, np.nan)[:, None]
     length = (
@@ -267,19 +267,21 @@ def phase_pairs(
     )
     y += kappa * (np.nan_to_num(rate) * length)[:, None]
     air = np.where(np.isnan(rate), FREE_IONOSPHERE, options.rate)
-    at, band = np.nonzero(np.isfinite(y))
-    names = np.char.add(np.array([code[0] for code in codes])[satellite[at]], np.array(bands)[band])
+    rows, band = np.nonzero(np.isfinite(y))
+    names = np.char.add(
+        np.array([code[0] for code in codes])[satellite[rows]], np.array(bands)[band]
+    )
     groups, group = np.unique(names, return_inverse=True)
-    A = np.column_stack([-modelled.sight[at], np.ones(at.size)])
-    epoch = observations.epoch[second[at]]
-    sine = np.sin(modelled.elevation[at])
+    A = np.column_stack([-modelled.sight[rows], np.ones(rows.size)])
+    epoch = observations.epoch[second[rows]]
+    sine = np.sin(modelled.elevation[rows])
     return Pairs(
         epoch,
-        satellite[at],
+        satellite[rows],
         A,
-        y[at, band],
+        y[rows, band],
         sine,
-        air[at],
+        air[rows],
         group,
         tuple(str(name) for name in groups),
     )

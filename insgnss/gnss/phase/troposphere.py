@@ -233,14 +233,14 @@ def wet_delay_correction(
     slope = displacement_per_delay(satellites, fixes.time.size)
     quality = np.ones(fixes.time.size, dtype=np.int64) if fixes.quality is None else fixes.quality
     corrected = np.isin(quality, CORRECTED)
-    if (lost := corrected & np.isnan(slope[:, 0])).any():
-        k = int(np.argmax(lost))
-        what = (
-            f"{int(lost.sum())} positions, the first at {fixes.time[k]:.3f} s, have too few"
+    if (uncorrectable := corrected & np.isnan(slope[:, 0])).any():
+        k = int(np.argmax(uncorrectable))
+        message = (
+            f"{int(uncorrectable.sum())} positions, the first at {fixes.time[k]:.3f} s, have too few"
             " satellites common with the base"
         )
         raise DataError(
-            f"{fixes.source or 'positions'}: {what}; check that positions and observations belong"
+            f"{fixes.source or 'positions'}: {message}; check that positions and observations belong"
             " together, or switch it off"
         )
     variance = _variance(atmosphere, rise, lat, height) + (SHAPE_SHARE * zenith) ** 2

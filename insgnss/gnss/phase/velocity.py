@@ -150,12 +150,12 @@ def time_differenced_velocity(
     modelled = modelled_pairs(observations, navigation, antenna, code, states, first, second)
     pairs = phase_pairs(observations, navigation, modelled, options) if first.size else None
     if pairs is None or pairs.y.size == 0:
-        what = (
+        message = (
             "no phase is there in two neighbouring epochs with a position, an ephemeris and no loss"
             " of lock"
         )
         raise DataError(
-            f"{observations.header.path}: {what}; check that positions and navigation are of this"
+            f"{observations.header.path}: {message}; check that positions and navigation are of this"
             " flight"
         )
     return _solve(observations, antenna, pairs, options)
@@ -179,12 +179,12 @@ def _solve(
         & (largest <= options.largest_sd)
     )
     if not good.any():
-        what = (
+        message = (
             f"none of {ends.size} intervals has {options.fewest} satellites that agree to"
             f" {options.largest_sd:g} m/s"
         )
         raise DataError(
-            f"{observations.header.path}: {what}; check that positions and navigation are of this"
+            f"{observations.header.path}: {message}; check that positions and navigation are of this"
             " flight"
         )
     ends, length = ends[good], length[good]
@@ -296,10 +296,10 @@ def at_stamps(velocity: AntennaVelocity, time: ArrayLike) -> StampedVelocity:
     out, cov = np.full((time.size, 3), np.nan), np.full((time.size, 3, 3), np.nan)
     if joined.size == 0:
         return StampedVelocity(out, cov)
-    found, found_cov = _at_ends(velocity, joined)
-    at = np.searchsorted(0.5 * (ends[joined][1:] + ends[joined][:-1]), time)
-    near = np.abs(ends[joined][at] - time) <= SAME_TIME_S
-    out[near], cov[near] = found[at[near]], found_cov[at[near]]
+    end_velocity, end_cov = _at_ends(velocity, joined)
+    index = np.searchsorted(0.5 * (ends[joined][1:] + ends[joined][:-1]), time)
+    near = np.abs(ends[joined][index] - time) <= SAME_TIME_S
+    out[near], cov[near] = end_velocity[index[near]], end_cov[index[near]]
     return StampedVelocity(out, cov)
 
 
@@ -308,7 +308,7 @@ def _at_ends(velocity: AntennaVelocity, joined: Index) -> tuple[Array, Array]:
     the next ones follow.
     """
     T = velocity.interval_s
-    found, cov = np.empty((joined.size, 3)), np.empty((joined.size, 3, 3))
+    out, cov = np.empty((joined.size, 3)), np.empty((joined.size, 3, 3))
     widest = max(round(JERK_S / float(np.median(T))), 2)
     left = np.ones(joined.size, dtype=np.bool_)
     for half in dict.fromkeys((widest, 2, 0)):
@@ -328,13 +328,13 @@ def _at_ends(velocity: AntennaVelocity, joined: Index) -> tuple[Array, Array]:
             of_jerk = (bend / np.mean(T[rows], axis=1) ** 2)[:, None] * jerk_weights(half)
             bent = np.einsum("kj,kjd->kd", of_jerk, velocity.velocity_ned[rows])
             weights -= of_jerk
-        found[these] = np.einsum("kj,kjd->kd", weights, velocity.velocity_ned[rows])
+        out[these] = np.einsum("kj,kjd->kd", weights, velocity.velocity_ned[rows])
         unseen = bend * (UNKNOWN_JERK if half else UNSEEN_JERK)
         cov[these] = (
             _noise(velocity, rows, weights) + MISSED_SHARE**2 * bent[:, :, None] * bent[:, None, :]
         )
         cov[these] += (unseen**2)[:, None, None] * np.eye(3)
-    return found, cov
+    return out, cov
 
 
 def _even(velocity: AntennaVelocity, joined: Index, half: int) -> NDArray[np.bool_]:
@@ -354,8 +354,8 @@ def jerk_weights(half: int) -> Array:
     """Weights (2 half,) of the mean velocities of intervals of length 1, whose sum is the third
     derivative in the middle (V.6).
     """
-    place = np.arange(-half, half + 1, dtype=np.float64)
-    of_position = 6.0 * np.linalg.pinv(np.vander(place, 4, increasing=True))[3]
+    position = np.arange(-half, half + 1, dtype=np.float64)
+    of_position = 6.0 * np.linalg.pinv(np.vander(position, 4, increasing=True))[3]
     return np.asarray(np.cumsum(of_position[::-1])[::-1][1:])
 
 

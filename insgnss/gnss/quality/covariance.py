@@ -95,8 +95,8 @@ from ...records import Array, Check, GnssFixes
 
 Index = NDArray[np.int64]
 
-FIXED, HAMPERED, FLOAT, LONE, WEAK, SBAS, DGPS, SINGLE, PPP = range(len(CLASSES))
-BELIEVED = (FIXED, HAMPERED)
+FIXED, DEGRADED, FLOAT, ISOLATED, UNSUPPORTED, SBAS, DGPS, SINGLE, PPP = range(len(CLASSES))
+VALIDATED = (FIXED, DEGRADED)
 CLASS_OF_QUALITY = (
     SINGLE,
     FIXED,
@@ -132,9 +132,9 @@ class Separation:
 
     def beyond(self, gate: float) -> NDArray[np.bool_]:
         """(n,) where s^T cov^-1 s exceeds `gate`."""
-        known: NDArray[np.bool_] = np.asarray(np.isfinite(self.ned).all(axis=1))
-        s = np.where(known[:, None], self.ned, 0.0)
-        cov = np.where(known[:, None, None], self.cov, np.eye(3))
+        finite: NDArray[np.bool_] = np.asarray(np.isfinite(self.ned).all(axis=1))
+        s = np.where(finite[:, None], self.ned, 0.0)
+        cov = np.where(finite[:, None, None], self.cov, np.eye(3))
         return np.asarray(
             np.einsum("ni,ni->n", s, np.linalg.solve(cov, s[:, :, None])[:, :, 0]) > gate
         )
@@ -168,31 +168,36 @@ def calibrate(
         else np.where(apart[:, None], separation.ned, 0.0)
     )
     kind = classes(fixes.time, np.where(fixed & apart, FLOAT_QUALITY, quality), satellites, model)
-    off, stray = strays(fixes, kind == FIXED, scaled(fixes.cov_ned, kind, distance_m, model), model)
-    if stray.any():
-        doubtful[stray] = off[stray]
+    off, outlier = outliers(
+        fixes, kind == FIXED, scaled(fixes.cov_ned, kind, distance_m, model), model
+    )
+    if outlier.any():
+        doubtful[outlier] = off[outlier]
         kind = classes(
-            fixes.time, np.where(fixed & (apart | stray), FLOAT_QUALITY, quality), satellites, model
+            fixes.time,
+            np.where(fixed & (apart | outlier), FLOAT_QUALITY, quality),
+            satellites,
+            model,
         )
-    lost = fixed & (kind != FIXED)
-    kind = hampered(fixes.time, kind, model)
+    rejected = fixed & (kind != FIXED)
+    kind = degraded(fixes.time, kind, model)
     cov = (
         scaled(fixes.cov_ned, kind, distance_m, model) + doubtful[:, :, None] * doubtful[:, None, :]
     )
-    trusted = None if fixes.quality is None else np.where(lost, FLOAT_QUALITY, quality)
+    trusted = None if fixes.quality is None else np.where(rejected, FLOAT_QUALITY, quality)
     return (
         replace(
             fixes,
             cov_ned=cov,
             quality=trusted,
-            notes=(*fixes.notes, _note(fixed, lost, apart, stray, kind, model)),
+            notes=(*fixes.notes, _note(fixed, rejected, apart, outlier, kind, model)),
         ),
         kind,
     )
 
 
-def strays(
-    fixes: GnssFixes, believed: NDArray[np.bool_], cov: Array, model: CovarianceModel = MODEL
+def outliers(
+    fixes: GnssFixes, validated: NDArray[np.bool_], cov: Array, model: CovarianceModel = MODEL
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Distance (n, 3) m, north, east, down, of believed fixes from the line between their believed
     neighbours, and those (n,) by (V.4).
@@ -201,26 +206,29 @@ def strays(
     its sake.
     """
     off, worst = np.zeros((fixes.time.size, 3)), np.zeros(fixes.time.size)
-    at = np.flatnonzero(believed)
-    if at.size < 3:
+    rows = np.flatnonzero(validated)
+    if rows.size < 3:
         return off, worst > 0.0
-    t, place = fixes.time[at], geodetic_to_ecef(fixes.lat[at], fixes.lon[at], fixes.height[at])
+    t, position = (
+        fixes.time[rows],
+        geodetic_to_ecef(fixes.lat[rows], fixes.lon[rows], fixes.height[rows]),
+    )
     before, after = (t[1:-1] - t[:-2])[:, None], (t[2:] - t[1:-1])[:, None]
     share = before / (before + after)
-    middle = at[1:-1]
-    line = (1.0 - share) * place[:-2] + share * place[2:]
+    middle = rows[1:-1]
+    line = (1.0 - share) * position[:-2] + share * position[2:]
     off[middle] = np.einsum(
-        "nji,nj->ni", rotation_en(fixes.lat[middle], fixes.lon[middle]), place[1:-1] - line
+        "nji,nj->ni", rotation_en(fixes.lat[middle], fixes.lon[middle]), position[1:-1] - line
     )
-    variance = np.diagonal(cov[at], axis1=1, axis2=2)
+    variance = np.diagonal(cov[rows], axis1=1, axis2=2)
     sigma = np.sqrt(variance[1:-1] + (1.0 - share) ** 2 * variance[:-2] + share**2 * variance[2:])
     limit = 0.5 * np.array(model.acceleration_mps2) * before * after + 3.0 * sigma
     worst[middle] = (np.abs(off[middle]) / limit).max(axis=1)
-    size = worst[at]
+    size = worst[rows]
     beside = np.maximum(np.append(size[1:], 0.0), np.append(0.0, size[:-1]))
-    stray = np.zeros(fixes.time.size, dtype=np.bool_)
-    stray[at] = (size > 1.0) & (size >= beside)
-    return off, stray
+    outlier = np.zeros(fixes.time.size, dtype=np.bool_)
+    outlier[rows] = (size > 1.0) & (size >= beside)
+    return off, outlier
 
 
 def classes(
@@ -236,31 +244,31 @@ def classes(
     count = np.full(time.size, 99) if satellites is None else np.asarray(satellites)
     reach = _reach(time, model.support_s)
     supporting, share = _support(time, fixed, reach)
-    believed = (
+    validated = (
         fixed
         & (count >= model.least_satellites)
         & (supporting >= SUPPORT_EPOCHS)
         & (share >= model.support_share)
     )
-    ambiguous = (fixed | (kind == FLOAT)) & ~believed
-    alone = np.where(count < model.unsupported_satellites, WEAK, LONE)
-    kind[ambiguous] = np.where(_support(time, believed, reach)[0] > 0, FLOAT, alone)[ambiguous]
+    ambiguous = (fixed | (kind == FLOAT)) & ~validated
+    alone = np.where(count < model.unsupported_satellites, UNSUPPORTED, ISOLATED)
+    kind[ambiguous] = np.where(_support(time, validated, reach)[0] > 0, FLOAT, alone)[ambiguous]
     return kind
 
 
-def hampered(time: Array, kind: Index, model: CovarianceModel = MODEL) -> Index:
+def degraded(time: Array, kind: Index, model: CovarianceModel = MODEL) -> Index:
     """Classes (n,) with the fixed ones of (V.5) named. time : (n,) s, increasing.
     kind : (n,) of `classes`.
     """
-    at = np.flatnonzero(kind == FIXED)
-    if at.size == 0:
+    rows = np.flatnonzero(kind == FIXED)
+    if rows.size == 0:
         return kind
-    within = slice(at[0], at[-1] + 1)
+    within = slice(rows[0], rows[-1] + 1)
     fixed = kind[within] == FIXED
     _, share = _support(time[within], fixed, model.degraded_s + SAME_EPOCH_S)
-    found = kind.copy()
-    found[within][fixed & (share < model.degraded_share)] = HAMPERED
-    return found
+    out = kind.copy()
+    out[within][fixed & (share < model.degraded_share)] = DEGRADED
+    return out
 
 
 def scaled(
@@ -294,7 +302,7 @@ def base_distance(fixes: GnssFixes, base_ecef: ArrayLike) -> Array:
 def forward_backward(time: Array, forward: GnssFixes, backward: GnssFixes) -> Separation:
     """Separation of two runs, each calibrated by itself, at `time` (n,) s."""
     ned, cov = np.full((time.size, 3), np.nan), np.full((time.size, 3, 3), np.nan)
-    i, j = (_at(time, run.time) for run in (forward, backward))
+    i, j = (_rows_at(time, run.time) for run in (forward, backward))
     both = (i >= 0) & (j >= 0)
     f, b = i[both], j[both]
     apart = geodetic_to_ecef(backward.lat[b], backward.lon[b], backward.height[b])
@@ -314,7 +322,7 @@ def _fixed(fixes: GnssFixes, rows: Index) -> NDArray[np.bool_]:
     )
 
 
-def _at(time: Array, of: Array) -> Index:
+def _rows_at(time: Array, of: Array) -> Index:
     """Row of `of` at each `time`, -1 where there is none within `SAME_EPOCH_S`."""
     row = np.clip(np.searchsorted(of, time), 1, max(of.size - 1, 1))
     row = np.where(
@@ -343,43 +351,43 @@ def _support(time: Array, which: NDArray[np.bool_], reach: float) -> tuple[Index
 
 def _note(
     fixed: NDArray[np.bool_],
-    lost: NDArray[np.bool_],
+    rejected: NDArray[np.bool_],
     apart: NDArray[np.bool_],
-    stray: NDArray[np.bool_],
+    outlier: NDArray[np.bool_],
     kind: Index,
     model: CovarianceModel,
 ) -> Check:
-    found, expected = (
-        f"{int(fixed.sum() - lost.sum())} of {int(fixed.sum())} fixed epochs are believed",
+    finding, expected = (
+        f"{int(fixed.sum() - rejected.sum())} of {int(fixed.sum())} fixed epochs are believed",
         "fixed epochs that others confirm",
     )
     counts = {
-        "because forward and backward runs contradict each other": lost & apart,
-        "because they stray from the path": lost & stray & ~apart,
+        "because forward and backward runs contradict each other": rejected & apart,
+        "because they stray from the path": rejected & outlier & ~apart,
         f"for fewer than {model.least_satellites} satellites or because fewer than {100 * model.support_share:.0f} % of the epochs around them are fixed": (
-            lost & ~apart & ~stray
+            rejected & ~apart & ~outlier
         ),
     }
     reasons = ", ".join(f"{int(which.sum())} {why}" for why, which in counts.items() if which.any())
-    found += f"; not {reasons}" if reasons else ""
+    finding += f"; not {reasons}" if reasons else ""
     advice = (
         ["the unbelieved are taken as float, with standard deviations that suit"] if reasons else []
     )
-    if of_them := int((kind == HAMPERED).sum()):
-        found += (
+    if of_them := int((kind == DEGRADED).sum()):
+        finding += (
             f"; {of_them} of the believed are hampered: of the epochs within {model.degraded_s:g} s"
             " fewer than "
         )
-        found += f"{100 * model.degraded_share:g} % are fixed"
+        finding += f"{100 * model.degraded_share:g} % are fixed"
         advice.append(
             "the hampered have standard deviations of centimetres, for reflections that nothing"
             " else tells"
         )
     if not advice:
-        return Check("GNSS covariance", found, expected)
+        return Check("GNSS covariance", finding, expected)
     return Check(
         "GNSS covariance",
-        found,
+        finding,
         expected,
         "note",
         f"{'; '.join(advice)}; look at the figure of satellites and ratio",

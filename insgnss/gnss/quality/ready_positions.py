@@ -29,23 +29,23 @@ def with_calibrated(fixes: GnssFixes, path: Source, model: CovarianceModel = MOD
     base, satellites = (None, None) if rows is None else (rows.base_ecef, rows.columns.get("ns"))
     if base is None or satellites is None or fixes.quality is None:
         if model != MODEL:
-            what = (
+            message = (
                 "gnss.covariance calibrates positions that tell quality, satellites and base (an"
                 " RTKLIB .pos with ref pos in its header)"
             )
             raise InputError.at(
                 path,
                 None,
-                f"{what}, and this file does not; leave it out, or set gnss.sigma_m or"
+                f"{message}, and this file does not; leave it out, or set gnss.sigma_m or"
                 " gnss.quality_sigma_m",
             )
         return fixes
-    found, _ = calibrate(fixes, satellites, base_distance(fixes, base), None, model)
-    last = found.notes[-1]
+    calibrated, _ = calibrate(fixes, satellites, base_distance(fixes, base), None, model)
+    last = calibrated.notes[-1]
     return replace(
-        found,
+        calibrated,
         notes=(
-            *found.notes[:-1],
+            *calibrated.notes[:-1],
             replace(last, advice=f"{last.advice}; {ADVICE}" if last.advice else ""),
         ),
     )

@@ -131,7 +131,7 @@ def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
             None,
             "is packed; install the package hatanaka (extra [ppk]), or unpack the file first",
         ) from None
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as complaints:
         warnings.simplefilter("always")
         try:
             content = hatanaka.decompress(Path(path).read_bytes())
@@ -148,29 +148,29 @@ def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
             ) from None
     complete = content.endswith(b"\n")
     out = np.frombuffer(bytearray(content if complete else content + b"\n"), dtype=np.uint8)
-    return out, complete, tuple(_one_line(item.message) for item in told)
+    return out, complete, tuple(_one_line(item.message) for item in complaints)
 
 
-def _one_line(what: object) -> str:
-    return " ".join(str(what).split())[:200]
+def _one_line(message: object) -> str:
+    return " ".join(str(message).split())[:200]
 
 
 def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
     """The header at the start of `buf`, and the place behind it."""
     version, system = _first_line(path, decode(bytes(buf[:400])).split("\n")[0].rstrip("\r"))
     records: list[Record] = []
-    place = 0
+    offset = 0
     while not records or records[-1][1] != "END OF HEADER":
-        if place >= buf.size:
+        if offset >= buf.size:
             raise InputError.at(
                 path,
                 len(records),
                 "truncated: the file ends without END OF HEADER; copy it again from its source",
             )
-        text, place = line_at(buf, place)
+        text, offset = line_at(buf, offset)
         records.append((len(records) + 1, text[LABEL:].strip(), text[:LABEL]))
         if records[-1][1] == "" and text.strip():
-            if place >= buf.size:
+            if offset >= buf.size:
                 raise InputError.at(
                     path,
                     len(records),
@@ -182,25 +182,27 @@ def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
                 f"no header record: {shown(text.strip())}; complete the header, or copy the file"
                 " again",
             )
-    return _header(path, version, system, records), place
+    return _header(path, version, system, records), offset
 
 
-def line_at(buf: NDArray[np.uint8], place: int) -> tuple[str, int]:
+def line_at(buf: NDArray[np.uint8], offset: int) -> tuple[str, int]:
     """The line at a place, without its end, and the place of the next; `buf` ends in a newline."""
     size = 128
-    while not (ends := np.flatnonzero(buf[place : place + size] == ord("\n"))).size:
+    while not (ends := np.flatnonzero(buf[offset : offset + size] == ord("\n"))).size:
         size *= 4
-    return decode(bytes(buf[place : place + int(ends[0])])).rstrip("\r"), place + int(ends[0]) + 1
+    return decode(bytes(buf[offset : offset + int(ends[0])])).rstrip("\r"), offset + int(
+        ends[0]
+    ) + 1
 
 
 def _first_line(path: Source, text: str) -> tuple[float, str]:
     """Version and system; InputError for what cannot be read here."""
     if "RINEX VERSION / TYPE" not in text[LABEL:]:
-        what = "is not RINEX: line 1 has no RINEX VERSION / TYPE in columns 61 to 80"
+        content = "is not RINEX: line 1 has no RINEX VERSION / TYPE in columns 61 to 80"
         raise InputError.at(
             path,
             1,
-            f"{what}; give a RINEX 2 or 3 observation file (convert a receiver's own format first)",
+            f"{content}; give a RINEX 2 or 3 observation file (convert a receiver's own format first)",
         )
     version, kind = text[:9].strip(), text[20:21].upper()
     if not re.fullmatch(r"\d(\.\d+)?", version):
@@ -215,9 +217,11 @@ def _first_line(path: Source, text: str) -> tuple[float, str]:
             " convbin -v 3)",
         )
     if kind != "O":
-        what = KINDS.get(kind, f"type {shown(kind)}")
+        content = KINDS.get(kind, f"type {shown(kind)}")
         raise InputError.at(
-            path, 1, f"holds {what} where observations must stand; give the observation file here"
+            path,
+            1,
+            f"holds {content} where observations must stand; give the observation file here",
         )
     letter = text[40:41].upper().strip() or "G"
     if letter not in SYSTEMS + "M":
@@ -241,7 +245,7 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
             f"the header has no {TYPES_2 if version < 3 else TYPES_3}; copy the file again",
         )
 
-    def said(label: str, start: int = 0, stop: int = LABEL) -> str:
+    def text_of(label: str, start: int = 0, stop: int = LABEL) -> str:
         return by_label[label][-1][start:stop].strip() if label in by_label else ""
 
     def numbers(label: str, count: int) -> Array | None:
@@ -252,7 +256,7 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
         for label, n in (("APPROX POSITION XYZ", 3), ("ANTENNA: DELTA H/E/N", 3), ("INTERVAL", 1))
     )
     leap = numbers("LEAP SECONDS", 1)
-    clock = said("TIME OF FIRST OBS", 48, 51) or CLOCKS.get(system)
+    clock = text_of("TIME OF FIRST OBS", 48, 51) or CLOCKS.get(system)
     if clock is not None and clock not in CLOCKS.values():
         raise InputError.at(
             path,
@@ -265,9 +269,9 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
         version,
         system,
         clock,
-        said("MARKER NAME"),
-        said("REC # / TYPE / VERS", 20, 40),
-        " ".join(said("ANT # / TYPE", 20, 40).split()),
+        text_of("MARKER NAME"),
+        text_of("REC # / TYPE / VERS", 20, 40),
+        " ".join(text_of("ANT # / TYPE", 20, 40).split()),
         approx if approx is not None and approx.any() else None,
         delta if delta is not None else np.zeros(3),
         float(interval[0]) if interval is not None and interval[0] > 0 else None,
@@ -277,7 +281,7 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
         _biases(by_label.get("GLONASS COD/PHS/BIS", [*by_label.get("GLONASS COD/PHS/BIS#", ())])),
         _shifts(by_label.get("SYS / PHASE SHIFT", by_label.get("SYS / PHASE SHIFTS", ()))),
         scale_of(by_label.get("SYS / SCALE FACTOR", ()), types),
-        said("RCV CLOCK OFFS APPL") == "1",
+        text_of("RCV CLOCK OFFS APPL") == "1",
         {label: tuple(lines) for label, lines in by_label.items()},
         len(records),
     )
@@ -312,8 +316,8 @@ def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[st
     label, width, size = (TYPES_2, 9, 6) if version < 3 else (TYPES_3, 13, 4)
     types: dict[str, list[str]] = {}
     missing, system, last = 0, "", 0
-    for line, found, text in records:
-        if found != label:
+    for line, record_label, text in records:
+        if record_label != label:
             continue
         count = text[:6] if version < 3 else text[1:6]
         if count.strip():
@@ -392,8 +396,8 @@ def _biases(lines: Iterable[str]) -> dict[str, float]:
 
 
 def _shifts(lines: Iterable[str]) -> dict[tuple[str, str], float]:
-    found = (re.match(r"([A-Z]) (L\d[A-Z])\s+([+-]?\d*\.\d+)", text) for text in lines)
-    return {(hit[1], hit[2]): float(hit[3]) for hit in found if hit}
+    matches = (re.match(r"([A-Z]) (L\d[A-Z])\s+([+-]?\d*\.\d+)", text) for text in lines)
+    return {(hit[1], hit[2]): float(hit[3]) for hit in matches if hit}
 
 
 def scale_of(

@@ -77,6 +77,8 @@ def displacement(satellites: Sky, delay: Array, epochs: int) -> Array:
     for j in range(3, n):
         N[:, j, j] += N[:, j, j] == 0.0  # a system without satellites in the epoch has no clock
     out = np.full((epochs, 3), np.nan)
-    weak = np.linalg.cond(N) > LARGEST_CONDITION
-    out[~weak] = np.linalg.solve(N[~weak], b[~weak][:, :, None])[:, :3, 0]
+    ill_conditioned = np.linalg.cond(N) > LARGEST_CONDITION
+    out[~ill_conditioned] = np.linalg.solve(N[~ill_conditioned], b[~ill_conditioned][:, :, None])[
+        :, :3, 0
+    ]
     return out

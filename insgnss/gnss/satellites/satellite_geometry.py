@@ -43,16 +43,16 @@ def common_sky(
 
     Raises InputError where fixes and observations are of different times.
     """
-    at = epochs_of(fixes, rover)
+    rover_epochs = epochs_of(fixes, rover)
     bands = common_bands(rover, base, options.frequencies).sum(axis=1)
     codes, which = unique_satellites(rover.satellite)
     carries = np.array([code[0] in carrying_systems(options) for code in codes], dtype=np.bool_)[
         which
     ]
     rows = np.flatnonzero(carries & (bands > 0))
-    start = np.searchsorted(rover.epoch[rows], at)
-    count = np.searchsorted(rover.epoch[rows], at, side="right") - start
-    epoch = np.repeat(np.arange(at.size), count)
+    start = np.searchsorted(rover.epoch[rows], rover_epochs)
+    count = np.searchsorted(rover.epoch[rows], rover_epochs, side="right") - start
+    epoch = np.repeat(np.arange(rover_epochs.size), count)
     taken = rows[np.arange(epoch.size) - np.repeat(np.cumsum(count) - count, count) + start[epoch]]
     satellite = rover.satellite[taken]
     states = satellite_states(
@@ -82,18 +82,18 @@ def epochs_of(fixes: GnssFixes, rover: "Observations") -> NDArray[np.int64]:
     `LARGEST_OFFSET_S`.
     """
     shift = (fixes.gps_week - rover.gps_week) * WEEK_S if fixes.gps_week is not None else 0.0
-    at = _nearest(rover.time, fixes.time + shift)
-    if (off := np.abs(rover.time[at] - fixes.time - shift) > LARGEST_OFFSET_S).any():
+    index = _nearest(rover.time, fixes.time + shift)
+    if (off := np.abs(rover.time[index] - fixes.time - shift) > LARGEST_OFFSET_S).any():
         first = fixes.time[int(np.argmax(off))]
-        what = (
+        message = (
             f"{int(off.sum())} of {off.size} positions, the first at {first:.3f} s, are not at"
             " epochs of the rover"
         )
         raise InputError(
-            f"{fixes.source or 'positions'}: {what} (limit {LARGEST_OFFSET_S:g} s); are they of"
+            f"{fixes.source or 'positions'}: {message} (limit {LARGEST_OFFSET_S:g} s); are they of"
             " this flight?"
         )
-    return at
+    return index
 
 
 def _nearest(grid: Array, time: Array) -> NDArray[np.int64]:
