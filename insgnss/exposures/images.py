@@ -1,5 +1,4 @@
-"""What the images of a flight tell of themselves: their names in order, and the time of each by the
-camera's own clock.
+"""Names of the images of a flight in order, and the time of each by the camera's own clock.
 
 That clock may be off by any constant.
 """
@@ -40,12 +39,21 @@ IMAGE_ENDINGS = {
 
 
 def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...]:
-    """Names of the images in a directory, in the order of the numbers in them, or of a list with
-    one name a line, as it stands.
+    """Return the names of images, of a directory or of a list.
 
-    ending : of the files to take, such as ".jpg"; needed where the directory holds the same images
-        in several formats.
-    Raises InputError where there is no image, a name twice, or several formats of the same image.
+    Parameters
+    ----------
+    source : path-like
+        A directory, whose images are taken in the order of the numbers in their names, or a list
+        with one name a line, which is taken as it stands.
+    ending : str, optional
+        Of the files to take, such as ".jpg"; needed where the directory holds the same images in
+        several formats.
+
+    Raises
+    ------
+    InputError
+        Where there is no image, a name twice, or several formats of the same image.
     """
     path = Path(source)
     if path.is_dir():
@@ -95,8 +103,9 @@ def _natural(name: str) -> tuple[tuple[int, int, str], ...]:
 
 
 def image_times(directory: Path, names: Sequence[str]) -> Array | None:
-    """Seconds (n,) from the first image, None where `directory` is no directory or one of its images
-    does not tell its time.
+    """Return the times of images by their camera's clock, s (n,) from the first image.
+
+    None where `directory` is no directory or one of its images holds no time.
     """
     if not directory.is_dir():
         return None

@@ -12,7 +12,7 @@ by the gaps in their numbers; else by the longest interval. The answer is `skip_
 
 Counts agree, too, where one of each is missing. So the images' own times are asked first
 (`clocks`): where they show the order wrong, it is refused; where they fit neither the order nor
-another match, as they may not be those of the exposures, that is told. Times that fall by less than
+another match, as they may not be those of the exposures, that is noted. Times that fall by less than
 a second, from a camera that writes its fractions wrong, are not asked.
 """
 
@@ -45,15 +45,28 @@ def name_events(
     skip_events: Collection[int] = (),
     skip_images: Collection[str] = (),
 ) -> CameraEvents:
-    """Events of any source with the names of `images` in order; without images the events keep
-    their names.
+    """Give events of any source the names of images in order.
 
-    images : names in the order of exposure.
-    taken_s : (n,) s of each image by a clock of its own (Exif), any zero.
-    skip_events : numbers, from 1, of events without an image.
-    skip_images : names without an event.
-    Raises InputError where the events have names of their own as well, events and images are not
-    the same number, or `taken_s` shows another order; UsageError for skipping what is not there.
+    Parameters
+    ----------
+    events : CameraEvents
+        The events; without images they keep their names.
+    images : sequence of str, optional
+        Names in the order of exposure.
+    taken_s : array_like, shape (n,), optional
+        s, of each image by a clock of its own (Exif), any zero.
+    skip_events : collection of int
+        Numbers, from 1, of events without an image.
+    skip_images : collection of str
+        Names without an event.
+
+    Raises
+    ------
+    InputError
+        Where the events have names of their own as well, events and images are not the same number,
+        or `taken_s` shows another order.
+    UsageError
+        For skipping an event or image that does not exist.
     """
     path, count, notes = events.source or "camera events", events.time.size, events.notes
     _check_skipped(path, "events", skip_events, range(1, count + 1))
@@ -72,7 +85,7 @@ def name_events(
 
 
 def check_delay(delay_s: float) -> None:
-    """UsageError for a delay, s, that is no number or beyond 10 s."""
+    """Raise UsageError for a delay, s, that is no number or beyond 10 s."""
     if not abs(delay_s) <= LONGEST_DELAY_S:
         raise UsageError(
             f"camera delay {delay_s} s is outside +-{LONGEST_DELAY_S:g} s; give it in seconds"
@@ -80,8 +93,12 @@ def check_delay(delay_s: float) -> None:
 
 
 def delayed(events: CameraEvents, delay_s: float) -> CameraEvents:
-    """Events at the middles of their exposures, `delay_s` behind the stamps (E.1); UsageError as
-    `check_delay`.
+    """Return the events at the middles of their exposures, `delay_s` behind the stamps (E.1).
+
+    Raises
+    ------
+    UsageError
+        As `check_delay` raises it.
     """
     check_delay(delay_s)
     return replace(events, time=events.time + delay_s)
@@ -144,7 +161,7 @@ def _taken(
 @dataclass(frozen=True)
 class _Match:
     """Events (n,), s and number from 1, and names (m,) that are to belong together, the images' own
-    times (m,) s or None, and what reading the events told."""
+    times (m,) s or None, and the notes of reading the events."""
 
     path: str
     time: Array
@@ -177,7 +194,8 @@ class _Match:
         if discrepancy is not None:
             names = _first_of([self.names[k] for k in discrepancy.images])
             finding = (
-                f"{len(discrepancy.images)} of {len(self.names)} are off by more than {discrepancy.near_s:.2f}"
+                f"{len(discrepancy.images)} of {len(self.names)} are off by more than"
+                f" {discrepancy.near_s:.2f}"
                 f" s: {names}"
             )
             advice = (
@@ -210,15 +228,14 @@ class _Match:
                 " an event"
             )
             raise self.refusal(
-                f"{message}; see that these are images of this flight; if the times are wrong, give a"
+                f"{message}; see that these are images of this flight; if the times are wrong,"
+                " give a"
                 " list of the names"
             )
         return _of_clocks(match, self.number, self.names)
 
     def refusal(self, message: str, joint: str = ", ") -> InputError:
-        """The error `message` behind the counts, with what was left out of the events or is odd about
-        them.
-        """
+        """The error `message` behind the counts, with the notes of reading the events."""
         remarks = "".join(f"; {check.name}: {check.found}" for check in self.event_notes)
         return InputError.at(
             self.path,
@@ -243,7 +260,7 @@ def _of_clocks(match: ClockMatch, number: NDArray[np.int64], names: Sequence[str
 
 
 def _of_numbers(time: Array, number: NDArray[np.int64], names: Sequence[str]) -> str:
-    """What the gaps in the images' numbers say, if they are as many as the events without an image."""
+    """Advice from gaps in the images' numbers, if they are as many as events without an image."""
     gaps = _number_gaps(names)
     if not gaps or len(gaps) != time.size - len(names):
         return ""

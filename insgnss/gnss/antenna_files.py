@@ -32,8 +32,9 @@ FEW = 4  # fixes that a cubic needs
 
 
 def positions_of_others(directory: Path) -> str | None:
-    """Name of a file of antenna positions in a directory without a solution of ours (`SOLUTION`):
-    nothing may take its place.
+    """Return the name of a file of antenna positions that must not be overwritten.
+
+    It lies in a directory without a solution of ours (`SOLUTION`); None where there is none.
     """
     there = next((name for name in (SOLUTION, *ANTENNA_FILES) if (directory / name).exists()), None)
     return None if (directory / SOLUTION).is_file() else there
@@ -42,12 +43,31 @@ def positions_of_others(directory: Path) -> str | None:
 def write_antenna_files(
     fixes: GnssFixes, events: CameraEvents | None, directory: Path, origin: Array | None = None
 ) -> tuple[tuple[Path, ...], Check | None]:
-    """Write the positions of all fixes, and of the images where there are events; paths, and a
-    check of images without position.
+    """Write the positions of all fixes, and of the images where there are events.
 
-    origin : (3,) latitude rad, longitude rad, ellipsoidal height m of the tangent plane; by default
-        the first fix, at height 0.
-    Raises DataError where no exposure lies between fixes.
+    Parameters
+    ----------
+    fixes : GnssFixes
+        Antenna positions.
+    events : CameraEvents, optional
+        Exposures with the names of their images.
+    directory : Path
+        Gets the files.
+    origin : ndarray, shape (3,), optional
+        Latitude rad, longitude rad, ellipsoidal height m of the tangent plane; by default the first
+        fix, at height 0.
+
+    Returns
+    -------
+    paths : tuple of Path
+        The files that were written.
+    check : Check or None
+        Names the images without position.
+
+    Raises
+    ------
+    DataError
+        Where no exposure lies between fixes.
     """
     write_gnss_text(fixes, directory / ALL)
     if events is None:
@@ -55,7 +75,8 @@ def write_antenna_files(
     positions, covered = positions_at(fixes, events.time)
     if not covered.any():
         raise DataError(
-            f"{events.source or 'events'}: none of the {covered.size} exposures ({events.time[0]:.3f}"
+            f"{events.source or 'events'}: none of the {covered.size} exposures"
+            f" ({events.time[0]:.3f}"
             f" to {events.time[-1]:.3f} s) lies between fixes ({fixes.time[0]:.3f} to"
             f" {fixes.time[-1]:.3f} s); are both of one flight and in GPST?"
         )
@@ -74,8 +95,21 @@ def write_antenna_files(
 
 
 def positions_at(fixes: GnssFixes, time: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Antenna positions (m, 3), latitude rad, longitude rad, height m, at `time` (m,) s, NaN where
-    fixes are missing; (m,) where not.
+    """Interpolate antenna positions by the cubic through the four fixes around.
+
+    Parameters
+    ----------
+    fixes : GnssFixes
+        Antenna positions.
+    time : ndarray, shape (m,)
+        s, of the fixes' week.
+
+    Returns
+    -------
+    positions : ndarray, shape (m, 3)
+        Latitude rad, longitude rad, height m; NaN where fixes are missing.
+    covered : ndarray of bool, shape (m,)
+        Where they are not.
     """
     out = np.full((time.size, 3), np.nan)
     if fixes.time.size < FEW:
@@ -100,9 +134,7 @@ def positions_at(fixes: GnssFixes, time: Array) -> tuple[Array, NDArray[np.bool_
 
 
 def _cubic(node: Array, value: Array, time: Array) -> Array:
-    """Values (m, 3) at `time` (m,) of the cubics through the nodes (m, 4) and their values (m, 4, 3),
-    by Lagrange.
-    """
+    """Values (m, 3) at `time` (m,) of Lagrange's cubics through nodes (m, 4), values (m, 4, 3)."""
     out = np.zeros((time.size, 3))
     for k in range(FEW):
         others = [j for j in range(FEW) if j != k]

@@ -19,12 +19,28 @@ def solve_raw_gnss(
     covariance: CovarianceModel = MODEL,
     exposures: tuple[RoverEvents, ImageMatch] | bool | None = None,
 ) -> PpkResult:
-    """The result with the exposures of the rover's file, and of the checks those that no record
-    tells by itself.
+    """Solve the raw observations of a flight file by PPK.
 
-    exposures : which of the rover's events there must be, and their images; None: those that there
-        are; False: another file has them.
-    Raises what `ppk.solve_ppk` raises.
+    Parameters
+    ----------
+    raw : RawGnss
+        Files and options of the flight file.
+    covariance : CovarianceModel
+        Model of `quality.covariance`.
+    exposures : tuple of RoverEvents and ImageMatch, or bool, optional
+        Which of the rover's events there must be, and their images; None: those that there are;
+        False: another file has them.
+
+    Returns
+    -------
+    PpkResult
+        The result with the exposures of the rover's file, and those of the checks that are not
+        notes of these exposures.
+
+    Raises
+    ------
+    InputError, UsageError, DataError
+        As `ppk.solve_ppk` raises them.
     """
     given = replace(_input(raw), covariance=covariance)
     if isinstance(exposures, tuple):

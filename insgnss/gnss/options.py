@@ -1,4 +1,4 @@
-"""What the engine is asked for, as the option file that RTKLIB's postpos() and rnx2rtkp both read.
+"""Options of the engine, as the option file that RTKLIB's postpos() and rnx2rtkp both read.
 
 Values of choices are written as numbers, because their words differ between versions (l1+2, l1+l2).
 The defaults were found on real and simulated sets with RTKLIB EX 2.5.0, moving receivers of 0.1 to
@@ -6,7 +6,7 @@ The defaults were found on real and simulated sets with RTKLIB EX 2.5.0, moving 
 
     armode=continuous             `instantaneous` hardly ever fixes
     gloarmode=fix-and-hold        2.5.0 ignores `off`; without a hold this one leaves the
-                                  ambiguities of GLONASS real numbers
+                                  ambiguities of GLONASS float
     timeinterp=off                where the base has epochs every 5 s or faster. Between two of them
                                   RTKLIB interpolates the satellites that both have; one that the
                                   base has just found again enters with the base's clock of another
@@ -113,8 +113,12 @@ class EngineOptions(EngineSettings):
 def base_position(
     options: EngineOptions, base: RinexHeader
 ) -> tuple[tuple[float, float, float], Point]:
-    """Coordinates (ECEF, m) of the base and the point that they are of; InputError where neither
-    options nor header give any.
+    """Return the coordinates (ECEF, m) of the base and the point that they are of.
+
+    Raises
+    ------
+    InputError
+        Where neither options nor header give any.
     """
     if options.base_position_m is not None and options.base_point is not None:
         return options.base_position_m, options.base_point
@@ -129,7 +133,14 @@ def base_position(
 
 
 def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
-    """Options of the base's antenna after (B.1); InputError where the ANTEX file does not know it."""
+    """Return the options of the base's antenna after (B.1).
+
+    Raises
+    ------
+    InputError
+        Where the ANTEX file cannot be read or does not know the antenna.
+    """
+
     _, point = base_position(options, base)
     up, east, north = (
         (float(x) for x in base.antenna_delta_m) if point == "marker" else (0.0, 0.0, 0.0)
@@ -161,15 +172,14 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
 
 
 def prediction_sd(options: EngineOptions, interval_s: float) -> float:
-    """Standard deviation, m, of a rover's horizontal position that is predicted over an interval
-    (O.1).
-    """
+    """Return the standard deviation, m, of a horizontal position predicted over an interval (O.1)."""
     return float(options.acceleration_mps2[0] * interval_s**2.5 / 20.0**0.5)
 
 
 def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Check, ...]:
-    """A note where the rover's epochs, every interval_s, are too rare for dynamics; none where the
-    user says whether to have them.
+    """Return a note where the rover's epochs, every interval_s, are too rare for dynamics.
+
+    There is none where the user's options say whether to have them.
     """
     sd = prediction_sd(options, interval_s)
     if DYNAMICS in options.rtklib_options or sd <= RESTART_M:
@@ -201,8 +211,18 @@ def option_file(
     interval_s: float,
     base_interval_s: float,
 ) -> str:
-    """Text of the option file of one run; interval_s, base_interval_s : between epochs of rover and
-    base.
+    """Return the text of the option file of one run.
+
+    Parameters
+    ----------
+    options : EngineOptions
+        Options of the user.
+    base : RinexHeader
+        Header of the base's file.
+    direction : str
+        Which of the three runs.
+    interval_s, base_interval_s : float
+        Between epochs of rover and base, s.
     """
     horizontal, vertical = options.acceleration_mps2
     lines: dict[str, object] = {
@@ -235,7 +255,7 @@ def option_file(
 
 
 def single_point_file(options: EngineOptions) -> str:
-    """Text of the option file of a run that finds where a receiver stands, from codes alone."""
+    """Return the text of the option file of a run that positions a receiver by codes alone."""
     models: dict[str, object] = {
         "pos1-elmask": 10,
         "pos1-ionoopt": 1,

@@ -1,15 +1,15 @@
 """From RINEX of rover and base to antenna positions with honest covariances: the order of the
 steps.
 
-    read -> engine forward, backward, combined -> covariance and belief (`covariance`) -> wet delay
-    (`troposphere`)
-         -> ionosphere (`ionosphere`) -> velocity from phase (`velocity`)
-         -> camera events (`events`, `exposures`), in GPST (`receiver_clock`) -> figures and verdict
-         (`quality`, `signals`)
+    read -> engine forward, backward, combined -> covariance and validation (`covariance`)
+         -> wet delay (`troposphere`) -> ionosphere (`ionosphere`)
+         -> velocity from phase (TDCP, `velocity`)
+         -> camera events (`camera_events`, `exposures`), in GPST (`receiver_clock`)
+         -> figures and verdict (`solution_quality`, `signal_quality`)
 
 The combined run gives the positions; the other two run for their difference alone. Wet delay and
-ionosphere are taken off after the belief, which they do not touch: forward and backward share them.
-Of the camera events those of the rover's file are taken, with the names of the images where a
+ionosphere are taken off after the validation, which they do not touch: forward and backward share
+them. Of the camera events those of the rover's file are taken, with the names of the images where a
 directory or a list of them is given.
 
 An epoch without velocity from phase gets that of its neighbours' positions, with their covariance
@@ -81,23 +81,37 @@ MOST_VELOCITIES = 0.9
 
 @dataclass(frozen=True)
 class PpkInput:
-    """What `solve_ppk` is given.
+    """Inputs and options of `solve_ppk`.
 
-    rover, base, navigation : RINEX 2 or 3, plain or packed.
-    options : of the engine, with the base's position.
-    covariance : of `gnss.covariance`.   wet_delay, ionosphere, velocity : whether to correct these
-                                         and to find that.
-    atmosphere : at
-    the base, whole or arguments of `standard_atmosphere` as far as known; None for the standard
-    one.
-    events : whether to take the rover's camera events, None: where it has some; or another file of
+    Parameters
+    ----------
+    rover, base : Path
+        RINEX 2 or 3 observations, plain or packed.
+    navigation : tuple of Path
+        RINEX 2 or 3 navigation files, plain or packed.
+    options : EngineOptions
+        Options of the engine, with the base's position.
+    covariance : CovarianceModel
+        Model of `quality.covariance`.
+    wet_delay, ionosphere : bool
+        Whether to correct these.
+    atmosphere : Atmosphere or mapping, optional
+        Air at the base, whole or arguments of `standard_atmosphere` as far as known; None for the
+        standard one.
+    velocity : bool
+        Whether to take velocities from the carrier phase (TDCP).
+    events : bool or Path, optional
+        Whether to take the rover's camera events, None: where it has some; or another file of
         them (.MRK, text).
-    rover_events : which of the rover's.
-    match : images that name them.
-    camera_delay_s : from the event to the exposure's middle; what
-    differs from the default in these asks for events as well.
-    base_point_chosen : whether somebody said what stands at the base's coordinates; a note where
-        not.
+    rover_events : RoverEvents
+        Which of the rover's events are exposures.
+    match : ImageMatch
+        Images that name them.
+    camera_delay_s : float
+        From the event to the exposure's middle, s. Where this, `rover_events` or `match` differs
+        from its default, events are required.
+    base_point_chosen : bool
+        Whether somebody said what stands at the base's coordinates; a note where not.
     """
 
     rover: Path
@@ -118,15 +132,28 @@ class PpkInput:
 
 @dataclass(frozen=True, eq=False)
 class PpkResult:
-    """Antenna positions, and what is to be known of them.
+    """Antenna positions of `solve_ppk`, their checks and quality.
 
-    fixes : combined, with covariances of `gnss.covariance`, notes empty.
-    events : of the rover's file, None without any.
-    checks : of all steps.
-    verdict : in one sentence.
-    quality : plain numbers.
-    series : arrays for `report.gnss`.
-    files : written, by name.   engine : with its version.   cpu_s : of its runs.
+    Parameters
+    ----------
+    fixes : GnssFixes
+        The combined solution, with covariances of `quality.covariance`; its notes are empty.
+    events : CameraEvents, optional
+        Camera events of the rover's file or of their own, None without any.
+    checks : tuple of Check
+        Checks of all steps.
+    verdict : str
+        The quality in one sentence.
+    quality : dict
+        Figures of merit, plain numbers.
+    series : dict
+        Arrays for `report.figures.gnss`.
+    files : dict of Path
+        Files that were written, by name.
+    engine : str
+        The engine with its version.
+    cpu_s : float
+        CPU time of its runs, s.
     """
 
     fixes: GnssFixes
@@ -140,9 +167,7 @@ class PpkResult:
     cpu_s: float
 
     def write(self, path: Path) -> None:
-        """Write the fixes as a `.pos`, with satellites, age and ratio of the engine's combined
-        solution.
-        """
+        """Write the fixes as a `.pos`, with the combined solution's satellites, age and ratio."""
         write_rtklib_pos(
             self.fixes, path, *(self.series.get(name) for name in ("satellites", "age_s", "ratio"))
         )
@@ -153,9 +178,20 @@ def solve_ppk(
 ) -> PpkResult:
     """Solve a rover against a base.
 
-    directory : gets the three `.pos` of the engine with their options, and `ppk.pos`, the result;
-        None: nothing is kept.
-    Raises InputError, UsageError and DataError of the steps, each in one line.
+    Parameters
+    ----------
+    given : PpkInput
+        Files and options.
+    directory : Path, optional
+        Gets the three `.pos` of the engine with their options, and `ppk.pos`, the result; None:
+        nothing is kept.
+    progress : callable, optional
+        Is called with the name of each step.
+
+    Raises
+    ------
+    InputError, UsageError, DataError
+        Of the steps, each in one line.
     """
     if directory is None:
         with TemporaryDirectory(prefix="insgnss-ppk-") as scratch:
@@ -234,7 +270,7 @@ class _Solved:
         combined, forward, backward = (
             read_solution(path) for path in (run.combined, run.forward, run.backward)
         )
-        plain = replace(model, degraded_share=0.0)  # what hampers both runs does not part them
+        plain = replace(model, degraded_share=0.0)  # what degrades both runs does not part them
         alone = [
             calibrate(s.fixes, s.satellites, base_distance(s.fixes, base_ecef), None, plain)[0]
             for s in (forward, backward)
@@ -288,9 +324,7 @@ def _events(given: PpkInput, rover: Observations) -> tuple[CameraEvents | None, 
 def _checks_of(
     events: CameraEvents, given: PpkInput, rover: Observations, fixes: GnssFixes
 ) -> list[Check]:
-    """What is told of events before their delay: whether those of another file are the rover's, and
-    the delay.
-    """
+    """Checks of events before their delay: whether a file's are the rover's, and the delay."""
     checks = [check_camera_delay(given.camera_delay_s)] if given.camera_delay_s else []
     if isinstance(given.events, Path) and rover.events.size:
         stamps = np.unique(rover.events)
@@ -434,7 +468,7 @@ def _with_velocity(
 
 
 def _from_positions(fixes: GnssFixes) -> tuple[Array, Array]:
-    """Velocities (n, 3) m/s and covariances (n, 3, 3) from the positions before and after each fix."""
+    """Velocities (n, 3) m/s and covariances (n, 3, 3) from the positions beside each fix."""
     n = fixes.time.size
     before, after = np.maximum(np.arange(n) - 1, 0), np.minimum(np.arange(n) + 1, n - 1)
     interval = np.maximum(fixes.time[after] - fixes.time[before], SAME_EPOCH_S)

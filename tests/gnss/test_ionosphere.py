@@ -157,7 +157,7 @@ SEEN = {  # of satellites 5 to 8, which are another system's, by the number of t
 
 
 def made(truth, h=0.0, t=0.0, noise=0.0, seed=0, minutes=45.0, seen=None):
-    """`DoubleDifferences` of a sky that turns, with V, G of `truth` (n, 3), h, t, and noise, m, of each
+    """Double differences of a sky that turns, with V, G of `truth` (n, 3), h, t, and noise, m, of each
     phase at the zenith.
 
     seen : a value of `SEEN`; None for nine satellites of one system throughout.
@@ -260,8 +260,8 @@ def test_outliers_hardly_count():
     spoiled = clean.parts.copy()
     spoiled[(clean.satellite == 5) & (clean.epoch % 10 == 0), 0] += 0.04
     (plain, cov), (other, _) = (
-        fit(clean).at([1000.0]),
-        fit(replace(clean, parts=spoiled)).at([1000.0]),
+        fit(clean).interpolate([1000.0]),
+        fit(replace(clean, parts=spoiled)).interpolate([1000.0]),
     )
     assert (np.abs(other - plain)[0] < 0.5 * np.sqrt(np.diag(cov[0]))).all()
 
@@ -341,7 +341,7 @@ def test_covariance_between_knots():
         (1.0, 1.0),
     )
     J = np.hstack([0.7 * np.eye(3), 0.3 * np.eye(3)])
-    value, cov = iono.at([3.0])
+    value, cov = iono.interpolate([3.0])
     np.testing.assert_allclose(value[0], [0.9, 1.9, 2.9])
     np.testing.assert_allclose(cov[0], J @ root @ root.T @ J.T)
 

@@ -127,7 +127,8 @@ def test_one_epoch_is_refused():
 
 POS = """% program   : RTKLIB ver.EX 2.5.0
 % (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of satellites)
-%  GPST                latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)  sdne(m)  sdeu(m)  sdun(m) age(s)  ratio
+%  GPST                latitude(deg) longitude(deg)  height(m)   Q  ns \
+  sdn(m)   sde(m)   sdu(m)  sdne(m)  sdeu(m)  sdun(m) age(s)  ratio
 """
 
 
@@ -142,7 +143,7 @@ def written(path, rows):
 
 
 def test_columns_beside_the_positions_are_read_by_time(tmp_path):
-    """Oracle: the rows written; the last one stands twice, as engines write at the end of a file."""
+    """Oracle: the rows written; the last stands twice, as engines write at the end of a file."""
     rows = [(1000.0, 1, 14, 0.1, 20.5), (1000.2, 2, 9, -0.3, 1.4), (1000.4, 5, 6, 0.0, 0.0)]
     solution = read_solution(written(tmp_path / "a.pos", [*rows, rows[-1]]))
     assert solution.fixes.quality.tolist() == [1, 2, 5]

@@ -7,7 +7,7 @@ Swapped files show in that the base moves, by its phases (5 mm/s of a receiver t
 from epochs every 30 s) or by its codes; in that it stands elsewhere than its coordinates say, where
 the rover stands; or in that the coordinates are, to a decimetre, those of the rover's header. Codes
 place a receiver to some metres: of two that both stand within `NEAR_M` of each other neither codes
-nor phases tell which is which, nor whether the coordinates are metres off.
+nor phases show which is which, nor whether the coordinates are metres off.
 
 Every position has the error of the base's coordinates, and nothing else shows it. The median of the
 codes at some 60 epochs, with the broadcast ionosphere, lies 0.5 to 3.7 m from the known coordinates
@@ -46,15 +46,24 @@ MOVES_M = 15.0
 MOVES_MPS, MOVES_SHARE = 0.2, 0.05
 SIGMAS = 3.0
 SAME_COORDINATES_M, OTHER_COORDINATES_M = 0.1, 1.0
-ROUGHLY_M = 500.0  # of an epoch between those with a position; its phases then tell 0.08 m/s
+ROUGHLY_M = 500.0  # of an epoch between those with a position; its phases then show 0.08 m/s
 SECOND = "L2, of Galileo E5b, of BeiDou B2"
 
 
 def check_observations(
     rover: Observations, base: Observations, options: EngineOptions
 ) -> tuple[Check, ...]:
-    """Frequencies and common time; InputError or DataError for what cannot give an ambiguity, notes
-    for what stays without base.
+    """Check frequencies and common time of rover and base.
+
+    Returns
+    -------
+    tuple of Check
+        Notes for epochs that stay without base.
+
+    Raises
+    ------
+    InputError, DataError
+        For observations by which no ambiguity can be resolved.
     """
     if rover.header.path == base.header.path:
         raise InputError.at(
@@ -103,12 +112,12 @@ def _check_base_times(
 
 
 def absolute(observations: Observations) -> Array:
-    """Stamps (n,) s since the beginning of GPS time."""
+    """Return the stamps (n,) in s since the beginning of GPS time."""
     return observations.gps_week * WEEK_S + observations.time
 
 
 def interval(observations: Observations) -> float:
-    """Median s between epochs; 1 where there are fewer than two."""
+    """Return the median interval between epochs, s; 1 where there are fewer than two."""
     return float(np.median(np.diff(observations.time))) if observations.time.size > 1 else 1.0
 
 
@@ -191,7 +200,7 @@ def _with_third(observations: Observations, options: EngineOptions) -> set[str]:
 
 
 def satellites_with_phases(observations: Observations, options: EngineOptions) -> NDArray[np.bool_]:
-    """Rows (m,) with phases of the first and, where asked for, a further frequency of the engine."""
+    """Return rows (m,) with phases of the engine's first and, if requested, a further frequency."""
     has = engine_phases(observations, options.frequencies)
     requested = np.isin(observations.satellite.astype("U1"), list(options.systems))
     return np.asarray(
@@ -202,8 +211,17 @@ def satellites_with_phases(observations: Observations, options: EngineOptions) -
 def check_navigation(
     navigation: Navigation, rover: Observations, options: EngineOptions
 ) -> tuple[Check, ...]:
-    """Systems and days of the ephemerides; InputError where none serves the rover or GPS has none,
-    a note for other systems without.
+    """Check systems and days of the ephemerides.
+
+    Returns
+    -------
+    tuple of Check
+        A note for systems other than GPS without ephemerides.
+
+    Raises
+    ------
+    InputError
+        Where no ephemeris serves the rover, or none is of GPS.
     """
     toe = navigation.gps_week * WEEK_S + navigation.table[:, TOE]
     first, last = absolute(rover)[[0, -1]]
@@ -255,9 +273,13 @@ def check_navigation(
 class Whereabouts:
     """Where a receiver is, and whether it moves.
 
-    points : (n, 3) m ECEF, by codes alone.
-    speed : (m,) m/s, by phases between epochs, and sd : (m,) its standard deviation; both empty
-    where no phases are fit for it.
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+        m ECEF, by codes alone.
+    speed, sd : ndarray, shape (m,)
+        m/s, by phases between epochs (TDCP), and its standard deviation; both empty where no phases
+        are fit for it.
     """
 
     points: Array
@@ -268,7 +290,7 @@ class Whereabouts:
     def of(
         cls, fixes: GnssFixes, observations: Observations, navigation: Navigation
     ) -> "Whereabouts":
-        """From positions by codes at some epochs, and the phases."""
+        """Build it from positions by codes at some epochs, and the phases."""
         points = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
         limits = VelocityOptions(
             longest_s=max(2.0, 1.5 * interval(observations)), position_sd=ROUGHLY_M
@@ -282,11 +304,11 @@ class Whereabouts:
 
     @property
     def middle(self) -> Array:
-        """Median of the points (3,)."""
+        """Return the median of the points (3,), m ECEF."""
         return np.asarray(np.median(self.points, axis=0))
 
     def motion(self) -> str:
-        """How it moves, in words; empty where it stands."""
+        """Return how the receiver moves, in words; empty where it stands."""
         moving = self.speed > MOVES_MPS + SIGMAS * self.sd
         if moving.size and moving.mean() > MOVES_SHARE:
             fast = np.quantile(self.speed[moving], 0.9)
@@ -308,11 +330,27 @@ def check_base_place(
     options: EngineOptions,
     whereabouts: Callable[[Observations], Whereabouts],
 ) -> tuple[Check, ...]:
-    """Whether the base stands, and where it is said to stand.
+    """Check whether the base stands, and where its coordinates say.
 
-    whereabouts : of a receiver; the rover is asked for where the base looks wrong.   InputError where the base moves, stands more than
-    `ELSEWHERE_M` off its coordinates, or the rover is where they say; a note where it stands more
-    than `NEAR_M` off.
+    Parameters
+    ----------
+    rover, base : Observations
+        Observations of the two receivers.
+    options : EngineOptions
+        Hold the coordinates of the base.
+    whereabouts : callable
+        Finds where a receiver is; the rover's are computed only where the base looks wrong.
+
+    Returns
+    -------
+    tuple of Check
+        A note where the base stands more than `NEAR_M` off its coordinates.
+
+    Raises
+    ------
+    InputError
+        Where the base moves, stands more than `ELSEWHERE_M` off its coordinates, or the rover is
+        where they say.
     """
     location = whereabouts(base)
     given = np.array(base_position(options, base.header)[0])
@@ -351,15 +389,16 @@ def check_base_place(
 
 
 def in_degrees(ecef: Array) -> str:
-    """Latitude deg, longitude deg, ellipsoidal height m of a place (3,), to the decimetre and as
-    base_position takes them.
+    """Return a position (3,), m ECEF, as text for base_position, to the decimetre.
+
+    It is latitude deg, longitude deg, ellipsoidal height m.
     """
     lat, lon, height = (float(x) for x in ecef_to_geodetic(ecef))
     return f"{np.degrees(lat):.6f},{np.degrees(lon):.6f},{height:.1f}"
 
 
 def _mistaken(given: Array, code_position: Array, options: EngineOptions) -> str:
-    """What mistake makes coordinates (3,) of a place (3,) that codes know, else what to try."""
+    """The mistake that makes coordinates (3,) of the position by codes (3,), else what to try."""
     lat, lon, height = (float(x) for x in ecef_to_geodetic(given))
     if options.base_position_m is None:
         return f"give {_coordinates()}"
@@ -435,8 +474,9 @@ def _is_header_of_rover(given: Array, base: RinexHeader, rover: RinexHeader) -> 
 
 
 def check_base_point(options: EngineOptions, base: RinexHeader, chosen: bool = True) -> Check:
-    """The coordinates that are taken, and of what; a note where they are given and nobody has
-    `chosen` what stands there.
+    """Report the base's coordinates that are taken, and the point that they are of.
+
+    It is a note where they are given and nobody has `chosen` what stands there.
     """
     position, point = base_position(options, base)
     name = {

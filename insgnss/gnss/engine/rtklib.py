@@ -5,9 +5,9 @@ RTKLIB is global state without threads; two processes run at a time. The engine 
 pyrtklib5 (RTKLIB EX 2.5.0; extra [ppk]) or, where it is not installed, any rnx2rtkp on PATH with
 the same option file (`options`). Inputs are put beside each other in a directory that exists as
 long as the runs, under plain names and unpacked, as RTKLIB takes `%` and `*` in paths for its own
-and unpacks by shell. What the engine says is not believed: postpos() and rnx2rtkp return 0 without
+and unpacks by shell. What the engine reports is not trusted: postpos() and rnx2rtkp return 0 without
 inputs, so that each output must exist and have epochs. They return 0, too, where they go on without
-an option. A choice that a version does not know it writes down before it begins, and it is told
+an option. A choice that a version does not know it writes down before it begins, and it is reported
 here; a name that it does not know an rnx2rtkp leaves out without a word, so that names are looked
 for in the program itself (2.4.3 b34 lacks pos2-arthresmin and -arthresmax, which are of EX, and
 refuses gloarmode=fix-and-hold). Choices are given by number, as their words differ between
@@ -81,13 +81,22 @@ HEAD, TAIL = 8192, 200
 
 @dataclass(frozen=True)
 class EngineRun:
-    """What the engine left: the .pos files (week, time of week, degrees, ellipsoidal heights), and
-    how it got them.
+    """Output of the engine and how it was computed.
 
-    engine : with its version as it writes it.
-    cpu_s : of the three runs, NaN where the system does not tell.
-    cpu_of : of each.
-    option_files : by direction.   checks : what is to be told.
+    Parameters
+    ----------
+    combined, forward, backward : Path
+        The .pos files (week, time of week, degrees, ellipsoidal heights).
+    engine : str
+        The engine with its version as it writes it.
+    cpu_s : float
+        CPU time of the three runs, s, NaN where the system does not report it.
+    cpu_of : mapping
+        CPU time of each run, s, by direction.
+    option_files : mapping
+        Option files by direction.
+    checks : tuple of Check
+        Findings to report.
     """
 
     combined: Path
@@ -109,13 +118,34 @@ def solve(
     progress: Progress | None = None,
     observations: tuple[Observations, Observations] | None = None,
 ) -> EngineRun:
-    """Positions of the rover's antenna, written to combined.pos, forward.pos and backward.pos of
-    `directory`, with their option files, all in order of time.
+    """Solve the positions of the rover's antenna by three runs of the engine.
 
-    rover, base, navigation : RINEX 2 or 3, plain or packed.
-    observations : of rover and base, where the caller has read them.
-    Raises UsageError without an engine, InputError for inputs that do not belong together,
-    DataError where the engine gives no epochs, does not finish in options.timeout_s, or stops.
+    They are written to combined.pos, forward.pos and backward.pos of `directory`, with their option
+    files, all in order of time.
+
+    Parameters
+    ----------
+    rover, base : path-like
+        RINEX 2 or 3 observations, plain or packed.
+    navigation : path-like or iterable of these
+        RINEX 2 or 3 navigation files, plain or packed.
+    options : EngineOptions
+        Options of the engine.
+    directory : path-like
+        Gets the files.
+    progress : callable, optional
+        Is called with the name of each step.
+    observations : tuple of Observations, optional
+        Of rover and base, where the caller has read them.
+
+    Raises
+    ------
+    UsageError
+        Without an engine.
+    InputError
+        For inputs that do not belong together.
+    DataError
+        Where the engine gives no epochs, does not finish in options.timeout_s, or stops.
     """
     say = progress or (lambda _: None)
     command = engine_command(options.engine)
@@ -180,8 +210,12 @@ def _made(directory: Path) -> Path:
 
 
 def engine_command(engine: str = "auto") -> list[str]:
-    """Beginning of the command line of the engine: our worker with pyrtklib5, or an rnx2rtkp;
-    UsageError where there is none.
+    """Return the beginning of the engine's command line: our worker with pyrtklib5, or an rnx2rtkp.
+
+    Raises
+    ------
+    UsageError
+        Where there is no engine.
     """
     if engine in ("auto", MODULE) and importlib.util.find_spec(MODULE) is not None:
         return [sys.executable, "-m", "insgnss.gnss.engine.worker"]
@@ -201,10 +235,20 @@ def engine_command(engine: str = "auto") -> list[str]:
 
 
 def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tuple[Check, ...]:
-    """Whether an rnx2rtkp knows the options of an option file, which its binary holds as strings.
+    """Check whether an rnx2rtkp knows the options of an option file.
 
-    OptionError for one of `rtklib_options` that it does not know; a note for those of ours, or
-    where a wrapper does not show what the program holds.
+    Its binary holds them as strings.
+
+    Returns
+    -------
+    tuple of Check
+        A note for options of ours that it does not know, or where a wrapper does not show what the
+        program holds.
+
+    Raises
+    ------
+    OptionError
+        For one of `rtklib_options` that it does not know.
     """
     if command[0] == sys.executable:
         return ()
@@ -276,8 +320,8 @@ def _check_refused(ends: Mapping[str, "_End"]) -> tuple[Check, ...]:
 
 
 class _End(NamedTuple):
-    """How a run ended: CPU seconds (not a number where the system does not tell), what it said
-    last, options whose values it refused.
+    """How a run ended: CPU seconds (not a number where the system does not report them), the last
+    line of its output, options whose values it refused.
     """
 
     cpu_s: float
@@ -316,7 +360,7 @@ class _Runs:
     def single_points(
         self, name: str, navigation: Sequence[str], observations: Observations
     ) -> GnssFixes:
-        """Positions of a receiver by codes alone, at some 60 of its epochs; name.obs is its file."""
+        """Positions of a receiver by codes alone, at some 60 epochs; name.obs is its file."""
         stamps = absolute(observations)
         thinned = next(
             (s for s in (1.0, 5.0, 10.0, 30.0) if s * THINNED > stamps[-1] - stamps[0]), 30.0
@@ -456,8 +500,8 @@ def _environment() -> dict[str, str]:
 def _wait(
     process: "subprocess.Popen[bytes]", deadline: float, stop: threading.Event
 ) -> float | None:
-    """CPU seconds of the process when it has ended, NaN where the system does not tell; None past
-    the deadline or when told to stop.
+    """CPU seconds of the process when it has ended, NaN where the system does not report them; None
+    past the deadline or when `stop` is set.
     """
     while time.monotonic() < deadline and not stop.is_set():
         if not hasattr(os, "wait4"):

@@ -2,9 +2,9 @@
 `python -m insgnss.gnss.engine.worker OPTIONS OUTPUT INTERVAL FILE...`.
 
 RTKLIB keeps its observations in global variables and ends a process that it cannot go on with, so
-that no run shares one with another. INTERVAL in s thins the epochs, 0 takes all. What goes wrong is
-told on standard error, with exit code 1, or 2 for an option that this RTKLIB does not have or whose
-number it would read as 0. A choice that it does not know RTKLIB itself tells, and goes on without.
+that no run shares one with another. INTERVAL in s thins the epochs, 0 takes all. Failures are
+reported on standard error, with exit code 1, or 2 for an option that this RTKLIB does not have or whose
+number it would read as 0. A choice that it does not know RTKLIB itself reports, and goes on without.
 That an output was written, and has epochs, is for the caller to see: postpos() returns 0 without
 them.
 """
@@ -19,7 +19,7 @@ NUMBERS: dict[int, type] = {0: int, 1: float}  # of options by their format; 2 i
 
 
 def main(arguments: list[str]) -> int:
-    """Run postpos() on the arguments; its exit code."""
+    """Run postpos() on the arguments, and return its exit code."""
     import pyrtklib5 as rtklib
 
     option_file, output, interval, *files = arguments
@@ -61,8 +61,9 @@ def main(arguments: list[str]) -> int:
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str:
-    """Advice: the known option most like `name`, of the same group of options where there is one;
-    "" where none is like it.
+    """Return advice: the candidate most like `name`, if possible of the same group of options.
+
+    It is "" where none is like it.
     """
     own = [other for other in candidates if other.partition("-")[0] == name.partition("-")[0]]
     close = [

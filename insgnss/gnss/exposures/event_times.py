@@ -3,8 +3,8 @@ same pulses at the same time.
 
 The two may differ by a constant alone, which is found by matching (`exposures.clocks`): d = t_file
 - t_rover, the rover's stamps with its clock taken off. Events of one pulse agree to what a
-    converter rounds, below `SAME_S`. A larger constant shifts every image along the
-path, 18 s of UTC in the place of GPST by 180 m at 10 m/s, and nothing else tells it.
+converter rounds, below `SAME_S`. A larger constant (time offset) shifts every image along the path,
+18 s of UTC in the place of GPST by 180 m at 10 m/s, and nothing else shows it.
 """
 
 import numpy as np
@@ -21,12 +21,20 @@ MOST_DELAY_S = 0.5
 
 
 def check_beside(events: CameraEvents, rover: CameraEvents, gps_week: int) -> Check | None:
-    """What a file's events and the rover's, both in GPST and without a camera's delay, say of each
-    other.
+    """Compare the events of a file with the rover's, both in GPST and without a camera's delay.
 
-    gps_week : of events that have none.   None for fewer than three of either. A contradiction
-                                           where all are off by a constant, a note
-    where no constant brings half of the fewer ones together.
+    Parameters
+    ----------
+    events, rover : CameraEvents
+        Events of the file and of the rover.
+    gps_week : int
+        GPS week of events that have none.
+
+    Returns
+    -------
+    Check or None
+        None for fewer than three of either; a contradiction where all are off by a constant, a note
+        where no constant brings half of the fewer ones together.
     """
     week, of_rover = (gps_week if e.gps_week is None else e.gps_week for e in (events, rover))
     theirs = rover.time + (of_rover - week) * WEEK_S
@@ -77,9 +85,7 @@ def _constant(time: Array, theirs: Array, likely: tuple[float, ...]) -> tuple[fl
 
 
 def check_camera_delay(delay_s: float) -> Check:
-    """The delay that is added to the events, s; a note where it is longer than an exposure's start
-    takes.
-    """
+    """Report the delay, s, that is added to the events; a note where it exceeds `MOST_DELAY_S`."""
     finding = f"{delay_s:+g} s added to each event, from the pulse to the middle of the exposure"
     expected = f"{MOST_DELAY_S:g} s at most"
     if abs(delay_s) <= MOST_DELAY_S:

@@ -19,7 +19,7 @@ receiver's clock (RXM-RAWX). Files that say so in their header keep their events
 the interface description of u-blox; no recording with both has been seen.
 
 Where epochs are missing, c is linear over the gap, or before a jump in it as at the last epoch;
-outside of the positions it is that of the nearest one. Such events are told.
+outside of the positions it is that of the nearest one. Such events are reported in a check.
 """
 
 from dataclasses import replace
@@ -42,10 +42,21 @@ MARKS_IN_GPST = "format: u-blox"  # in a comment of the header
 
 
 def to_gpst(events: CameraEvents, rover: "Observations", fixes: GnssFixes) -> CameraEvents:
-    """Events of the rover's file, stamped by its clock, at their GPST, with a note of the clock.
+    """Bring events of the rover's file from its clock to GPST, with a note of the clock.
 
-    events : of the rover's week, or of none.   fixes : the engine's, of the same file.
-    Raises InputError where fixes and observations are of different times.
+    Parameters
+    ----------
+    events : CameraEvents
+        Of the rover's week, or of none.
+    rover : Observations
+        Observations of the file.
+    fixes : GnssFixes
+        The engine's positions of the same file.
+
+    Raises
+    ------
+    InputError
+        Where fixes and observations are of different times.
     """
     stamp, clock = clock_error(rover, fixes)
     if any(MARKS_IN_GPST in line.lower() for line in rover.header.records.get("COMMENT", ())):
@@ -67,8 +78,14 @@ def to_gpst(events: CameraEvents, rover: "Observations", fixes: GnssFixes) -> Ca
 
 
 def clock_error(rover: "Observations", fixes: GnssFixes) -> tuple[Array, Array]:
-    """Stamps (n,) s of the epochs that have a position, of the rover's week, and the receiver's
-    clock minus GPST (n,) s there (C.1).
+    """Return the error of the receiver's clock at the epochs that have a position (C.1).
+
+    Returns
+    -------
+    stamp : ndarray, shape (n,)
+        s of the rover's week, of these epochs.
+    clock : ndarray, shape (n,)
+        s, the receiver's clock minus GPST there.
     """
     week = rover.gps_week if fixes.gps_week is None else fixes.gps_week
     stamp = rover.time[epochs_of(fixes, rover)]
@@ -76,8 +93,21 @@ def clock_error(rover: "Observations", fixes: GnssFixes) -> tuple[Array, Array]:
 
 
 def error_at(stamp: Array, clock: Array, when: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Clock minus GPST (k,) s at `when` (k,) s by the receiver's clock, and whether epochs less
-    than `LONG_GAP_S` apart surround it.
+    """Interpolate the clock's error.
+
+    Parameters
+    ----------
+    stamp, clock : ndarray, shape (n,)
+        Of `clock_error`, s.
+    when : ndarray, shape (k,)
+        s by the receiver's clock.
+
+    Returns
+    -------
+    error : ndarray, shape (k,)
+        s, clock minus GPST.
+    surrounded : ndarray of bool, shape (k,)
+        Whether epochs less than `LONG_GAP_S` apart are before and behind.
     """
     if stamp.size == 1:
         return np.full(when.shape, clock[0]), when == stamp[0]

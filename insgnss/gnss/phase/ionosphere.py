@@ -43,9 +43,9 @@ that last are counted by their sums over blocks of each satellite,
     q = sum over blocks of (sum of sqrt(w) r)^2 / sum of w r^2                                 (I.5)
 
 is 1 for white noise; weights are divided by it, and by no less than what errors that last for
-`CORRELATED_S` make of it. Reflections of 20 s leave 2 mm of height to 45 minutes; less than `LEAST_S`
-is not tried. Expected beforehand are V = 2 +- 2 m and G = 0 +- 1.5 mm/km (means of the flight),
-changes in 10 minutes of 0.15 m and 0.5 mm/km, h = 0 +- 20 mm, t = 0 +- 2 mm over 100 m.
+`CORRELATED_S` make of it. Reflections of 20 s leave 2 mm of height to 45 minutes; less than
+`LEAST_S` is not tried. Expected beforehand are V = 2 +- 2 m and G = 0 +- 1.5 mm/km (means of the
+flight), changes in 10 minutes of 0.15 m and 0.5 mm/km, h = 0 +- 20 mm, t = 0 +- 2 mm over 100 m.
 
 Taking it off. What is early by the mean kappa of the bands that the engine takes of a satellite
 moves a position (`estimator`, E.2) by

@@ -236,11 +236,13 @@ def wet_delay_correction(
     if (uncorrectable := corrected & np.isnan(slope[:, 0])).any():
         k = int(np.argmax(uncorrectable))
         message = (
-            f"{int(uncorrectable.sum())} positions, the first at {fixes.time[k]:.3f} s, have too few"
+            f"{int(uncorrectable.sum())} positions, the first at {fixes.time[k]:.3f} s, have too"
+            " few"
             " satellites common with the base"
         )
         raise DataError(
-            f"{fixes.source or 'positions'}: {message}; check that positions and observations belong"
+            f"{fixes.source or 'positions'}: {message}; check that positions and observations"
+            " belong"
             " together, or switch it off"
         )
     variance = _variance(atmosphere, rise, lat, height) + (SHAPE_SHARE * zenith) ** 2

@@ -155,7 +155,8 @@ def time_differenced_velocity(
             " of lock"
         )
         raise DataError(
-            f"{observations.header.path}: {message}; check that positions and navigation are of this"
+            f"{observations.header.path}: {message}; check that positions and navigation are of"
+            " this"
             " flight"
         )
     return _solve(observations, antenna, pairs, options)
@@ -184,7 +185,8 @@ def _solve(
             f" {options.largest_sd:g} m/s"
         )
         raise DataError(
-            f"{observations.header.path}: {message}; check that positions and navigation are of this"
+            f"{observations.header.path}: {message}; check that positions and navigation are of"
+            " this"
             " flight"
         )
     ends, length = ends[good], length[good]

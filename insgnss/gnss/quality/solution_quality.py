@@ -1,9 +1,9 @@
 """What an engine's solution says of itself: numbers, series for figures, a verdict in words.
 
-Epochs by class (`gnss.covariance`), satellites, ratio, age of the base's observations, distance to
-the base, forward against backward; and, with the rover's observations, slips, C/N0 and
-multipath (`gnss.signals`). Each cause has a check with a limit and an advice; the verdict is that
-of the share of the rover's epochs that are fixed and confirmed, and names the checks that have
+Epochs by class (`quality.covariance`), satellites, ratio, age of the base's observations, distance
+to the base, forward against backward; and, with the rover's observations, slips, C/N0 and multipath
+(`phase.signal_quality`). Each cause has a check with a limit and an advice; the verdict is that of
+the share of the rover's epochs that are fixed and confirmed, and names the checks that have
 something to say. An epoch that the engine leaves out counts as one that is not fixed. What shifts
 all positions together shows in no share: a doubt of the base (`BASE_CHECKS`), or a contradiction
 between inputs, makes of "good" a "usable with care".
@@ -38,10 +38,8 @@ from .covariance import (
 
 GOOD_RATE, FAIR_RATE = 0.99, 0.90
 FEW_SATELLITES, MUCH_MULTIPATH_M = 8, 0.8
-WEAK_DBHZ, WEAK_SECOND_DBHZ = (
-    38.0,
-    30.0,
-)  # on band 1, and on the others, where GPS L2 is tracked without its code
+# C/N0 on band 1, and on the others, where GPS L2 is tracked without its code
+LOW_DBHZ, LOW_SECOND_DBHZ = 38.0, 30.0
 MANY_SLIPS = 20.0  # an hour and satellite
 LONG_BASELINE_M, OLD_S = 15e3, 5.0
 # s without a position: longer ones leave the receiver's clock and the path between to guesses
@@ -54,8 +52,14 @@ DATE_FIELDS = 4  # by which year to second exceed date and time of day
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A `.pos` of an engine: fixes as it gives them, and satellites, age of the base's observations
-    (s) and ratio (n,) of each.
+    """A `.pos` of an engine, as it gives it.
+
+    Parameters
+    ----------
+    fixes : GnssFixes
+        The engine's positions.
+    satellites, age_s, ratio : ndarray, shape (n,)
+        Number of satellites, age of the base's observations (s) and ambiguity ratio of each fix.
     """
 
     fixes: GnssFixes
@@ -65,11 +69,16 @@ class Solution:
 
 
 def read_solution(path: Source) -> Solution:
-    """Read a `.pos`. Raises InputError with file and line as `formats.rtklib_pos` does.
+    """Read a `.pos`.
 
     Engines that lose their numbers (dynamics at rare epochs) write standard deviations of zero, and
     roots that belong to no covariance: such epochs get `UNKNOWN_SIGMA_M`, are single (quality 5),
     and counted in a note.
+
+    Raises
+    ------
+    InputError
+        With file and line, as `formats.gnss.rtklib_pos` raises it.
     """
     rows = read_pos_rows(path)
     columns, roots = rows.columns, ROOTS[rows.header.kind]
@@ -129,7 +138,7 @@ def solution_series(
     separation: Separation | None,
     signals: Signals | None,
 ) -> dict[str, Any]:
-    """Arrays by name, as `report.gnss` draws them."""
+    """Return arrays by name, as `report.figures.gnss` draws them."""
     series: dict[str, Any] = {
         "time": solution.fixes.time,
         "kind": kind,
@@ -163,10 +172,24 @@ def solution_numbers(
     separation: Separation | None,
     gate: float,
 ) -> dict[str, Any]:
-    """Figures of merit of the solution, plain numbers: epochs and fix_rate are of the solved epochs
-    (`coverage_numbers`: of the rover's).
+    """Return figures of merit of the solution as plain numbers.
 
-    calibrated : the fixes with the covariances of `gnss.covariance`.
+    Epochs and fix_rate are of the solved epochs (those of `coverage_numbers` are of the rover's).
+
+    Parameters
+    ----------
+    solution : Solution
+        The engine's combined solution.
+    calibrated : GnssFixes
+        Its fixes with the covariances of `quality.covariance`.
+    kind : ndarray of int, shape (n,)
+        Their classes, as indices of `CLASSES`.
+    distance_m, height_difference_m : ndarray, shape (n,)
+        From the base, m.
+    separation : Separation, optional
+        Of the forward and the backward run.
+    gate : float
+        Normalised square of a separation beyond which two runs contradict each other.
     """
     fixes = solution.fixes
     quality = np.zeros(kind.size, dtype=np.int64) if fixes.quality is None else fixes.quality
@@ -203,11 +226,20 @@ def solution_numbers(
 def coverage_numbers(
     time: Array, solved: NDArray[np.bool_], fixed: NDArray[np.bool_]
 ) -> dict[str, Any]:
-    """What of the rover's epochs has a solution, plain numbers.
+    """Return how many of the rover's epochs have a solution, as plain numbers.
 
-    time : (n,) s of the rover's epochs.   solved, fixed : (n,) those in the solution, and those
-                                           fixed and confirmed.
-    unsolved_s : first and last epoch of the longest period without a solution, None without any.
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        s, of the rover's epochs.
+    solved, fixed : ndarray of bool, shape (n,)
+        Which of them are in the solution, and which are fixed and confirmed.
+
+    Returns
+    -------
+    dict
+        Among others `unsolved_s`, first and last epoch of the longest period without a solution,
+        None without any.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], ~solved, [False]])))
     first, last = edges[::2], edges[1::2] - 1
@@ -243,7 +275,7 @@ def _median(x: Array) -> float | None:
 
 
 def longest_without(time: Array, good: NDArray[np.bool_]) -> float:
-    """Longest time, s, within the epochs `time` (n,), without a `good` one."""
+    """Return the longest time, s, within the epochs `time` (n,) without a `good` one."""
     marks = np.concatenate([time[:1], time[good], time[-1:]])
     return float(np.diff(marks).max(initial=0.0))
 
@@ -251,9 +283,14 @@ def longest_without(time: Array, good: NDArray[np.bool_]) -> float:
 def verdict(
     numbers: Mapping[str, Any], before: Iterable[Check] = ()
 ) -> tuple[str, tuple[Check, ...]]:
-    """One sentence for the whole, and a check for each of its causes.
+    """Return one sentence for the whole, and a check for each of its causes.
 
-    numbers : of `solution_numbers` and `coverage_numbers`, `signal_numbers` under "signals".   before : checks of inputs and steps.
+    Parameters
+    ----------
+    numbers : mapping
+        Of `solution_numbers` and `coverage_numbers`, and those of `signal_numbers` under "signals".
+    before : iterable of Check
+        Checks of inputs and steps.
     """
     checks = [_check_rate(numbers), _check_unsolved(numbers), _check_degraded(numbers)]
     checks += [_check_satellites(numbers), _check_distance(numbers), _check_age(numbers)]
@@ -355,7 +392,8 @@ def _check_satellites(n: Mapping[str, Any]) -> Check:
     s = n["satellites"]
     finding = f"{s['median']:.0f} in the median, {s['least']} at least"
     advice = (
-        "few satellites make wrong fixes likely: use all systems that rover and base have in"
+        "few satellites make incorrect ambiguity fixes likely: use all systems that rover and base"
+        " have in"
         " common, or a lower mask"
     )
     return _check(
@@ -405,7 +443,8 @@ def _check_separation(s: Mapping[str, Any], epochs: int) -> Check:
         + " mm north, east, down"
     )
     advice = (
-        "one of the two runs had an incorrect ambiguity fix there: these epochs are weighed down by their whole"
+        "one of the two runs had an incorrect ambiguity fix there: these epochs are weighed down"
+        " by their whole"
         " difference"
     )
     return _check(
@@ -464,17 +503,17 @@ def _check_signals(n: Mapping[str, Any]) -> list[Check]:
             " payload)"
         )
         bad = any(
-            level < (WEAK_DBHZ if band == "band 1" else WEAK_SECOND_DBHZ)
+            level < (LOW_DBHZ if band == "band 1" else LOW_SECOND_DBHZ)
             for band, level in levels.items()
         )
-        expected = f"{WEAK_DBHZ:.0f} dB-Hz on band 1 and {WEAK_SECOND_DBHZ:.0f} on others at least"
+        expected = f"{LOW_DBHZ:.0f} dB-Hz on band 1 and {LOW_SECOND_DBHZ:.0f} on others at least"
         checks.append(_check("GNSS C/N0", finding, expected, bad, advice))
     if n["multipath_m"]:
         finding = (
             ", ".join(f"{code} {size:.2f}" for code, size in n["multipath_m"].items())
             + " m rms of code"
         )
-        advice = "reflections near the antenna, or a weak signal"
+        advice = "reflections near the antenna, or a low C/N0"
         bad = max(n["multipath_m"].values()) > MUCH_MULTIPATH_M
         checks.append(
             _check("GNSS multipath", finding, f"below {MUCH_MULTIPATH_M:g} m", bad, advice)

@@ -202,7 +202,8 @@ def _first_line(path: Source, text: str) -> tuple[float, str]:
         raise InputError.at(
             path,
             1,
-            f"{content}; give a RINEX 2 or 3 observation file (convert a receiver's own format first)",
+            f"{content}; give a RINEX 2 or 3 observation file (convert a receiver's own format"
+            " first)",
         )
     version, kind = text[:9].strip(), text[20:21].upper()
     if not re.fullmatch(r"\d(\.\d+)?", version):

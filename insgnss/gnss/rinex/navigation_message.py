@@ -185,7 +185,8 @@ def _messages(path: Source) -> Iterator[_Message]:
         needed = LINES[satellite[0]]
         if after - begin < needed:
             message = (
-                f"message of {satellite} has {after - begin} lines of {needed}; the file is cut short"
+                f"message of {satellite} has {after - begin} lines of {needed}; the file is cut"
+                " short"
                 " or damaged, fetch it again"
             )
             raise InputError.at(path, begin + 1, message)
@@ -336,6 +337,7 @@ def _check(path: Source, message: _Message, row: Array) -> None:
         raise InputError.at(
             path,
             message.line,
-            f"message of {message.satellite}: {quantity}, {size:g} (eccentricity {row[ECC]:g}) is no"
+            f"message of {message.satellite}: {quantity}, {size:g} (eccentricity {row[ECC]:g}) is"
+            " no"
             " orbit",
         )
