@@ -12,8 +12,8 @@ by the gaps in their numbers; else by the longest interval. The answer is `skip_
 
 Counts agree, too, where one of each is missing. So the images' own times are asked first
 (`clocks`): where they show the order wrong, it is refused; where they fit neither the order nor
-another match, as they may not be those of the exposures, that is noted. Times that fall by less than
-a second, from a camera that writes its fractions wrong, are not asked.
+another match, as they may not be those of the exposures, that is noted.
+Times that fall by less than a second, from a camera that writes its fractions wrong, are not asked.
 """
 
 import re

@@ -172,7 +172,7 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
 
 
 def prediction_sd(options: EngineOptions, interval_s: float) -> float:
-    """Return the standard deviation, m, of a horizontal position predicted over an interval (O.1)."""
+    """Return the standard deviation (O.1), m, of a horizontal position predicted over a time."""
     return float(options.acceleration_mps2[0] * interval_s**2.5 / 20.0**0.5)
 
 

@@ -157,8 +157,9 @@ SEEN = {  # of satellites 5 to 8, which are another system's, by the number of t
 
 
 def made(truth, h=0.0, t=0.0, noise=0.0, seed=0, minutes=45.0, seen=None):
-    """Double differences of a sky that turns, with V, G of `truth` (n, 3), h, t, and noise, m, of each
-    phase at the zenith.
+    """Double differences of a sky that turns, with V, G of `truth` (n, 3), h, t.
+
+    noise : m, of each phase at the zenith.
 
     seen : a value of `SEEN`; None for nine satellites of one system throughout.
     """

@@ -5,12 +5,12 @@ RTKLIB is global state without threads; two processes run at a time. The engine 
 pyrtklib5 (RTKLIB EX 2.5.0; extra [ppk]) or, where it is not installed, any rnx2rtkp on PATH with
 the same option file (`options`). Inputs are put beside each other in a directory that exists as
 long as the runs, under plain names and unpacked, as RTKLIB takes `%` and `*` in paths for its own
-and unpacks by shell. What the engine reports is not trusted: postpos() and rnx2rtkp return 0 without
-inputs, so that each output must exist and have epochs. They return 0, too, where they go on without
-an option. A choice that a version does not know it writes down before it begins, and it is reported
-here; a name that it does not know an rnx2rtkp leaves out without a word, so that names are looked
-for in the program itself (2.4.3 b34 lacks pos2-arthresmin and -arthresmax, which are of EX, and
-refuses gloarmode=fix-and-hold). Choices are given by number, as their words differ between
+and unpacks by shell. What the engine reports is not trusted: postpos() and rnx2rtkp return 0
+without inputs, so that each output must exist and have epochs. They return 0, too, where they go on
+without an option. A choice that a version does not know it writes down before it begins, and it is
+reported here; a name that it does not know an rnx2rtkp leaves out without a word, so that names are
+looked for in the program itself (2.4.3 b34 lacks pos2-arthresmin and -arthresmax, which are of EX,
+and refuses gloarmode=fix-and-hold). Choices are given by number, as their words differ between
 versions.
 """
 

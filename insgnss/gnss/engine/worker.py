@@ -3,10 +3,10 @@
 
 RTKLIB keeps its observations in global variables and ends a process that it cannot go on with, so
 that no run shares one with another. INTERVAL in s thins the epochs, 0 takes all. Failures are
-reported on standard error, with exit code 1, or 2 for an option that this RTKLIB does not have or whose
-number it would read as 0. A choice that it does not know RTKLIB itself reports, and goes on without.
-That an output was written, and has epochs, is for the caller to see: postpos() returns 0 without
-them.
+reported on standard error, with exit code 1, or 2 for an option that this RTKLIB does not have or
+whose number it would read as 0. A choice that it does not know RTKLIB itself reports, and goes on
+without. That an output was written, and has epochs, is for the caller to see: postpos() returns 0
+without them.
 """
 
 import difflib

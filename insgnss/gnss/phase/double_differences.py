@@ -1,8 +1,8 @@
-"""Phases of rover and base at positions that are fixed: their differences without integers, by
-which errors of millimetres show.
+"""Double differences of the phases of rover and base at positions that are fixed: less their
+integer ambiguities, so that errors of millimetres show.
 
 A fixed position is known to millimetres, so that with ranges, satellite clocks and the troposphere
-taken from them the differences d_b of the phases of band b, between the receivers and to the
+taken from them the double differences d_b of the phases of band b, between receivers and to the
 highest satellite of the system, are integers but for a part of a cycle:
 
     N_b = round(d_b),   |d_b - N_b| < 1/4,   y_b = lambda_b (d_b - N_b)                        (P.1)
@@ -44,9 +44,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 SYSTEMS = "GEJC"  # whose satellites share their carriers
-LOWER_HERTZ = (
-    1.3e9  # carriers above it are too near to the first one for the ionosphere to part them
-)
+LOWER_HERTZ = 1.3e9  # carriers above it are too near to the first for the ionosphere to part them
 LARGEST_PART = 0.25  # cycle
 MOST_EPOCHS = 3000
 LEAST_SATELLITES = 3  # of a system in an epoch
@@ -55,13 +53,24 @@ FAR_M = 1e4
 
 @dataclass(frozen=True, eq=False)
 class DoubleDifferences:
-    """Phases of fixed epochs after (P.1), rows (m,), by epoch.
+    """Double differences of fixed epochs after (P.1), m rows, by epoch.
 
-    time : s.   epoch, system, satellite : numbers from 0.
-    parts : (m, 2) m, y of the two bands.
-    kappa : (m, 2) of these.
-    design : (m, 3) of `ionosphere.shell_design`.   azimuth, elevation : rad.
-    rise : m, of the rover above the base.
+    Parameters
+    ----------
+    time : ndarray, shape (m,)
+        s.
+    epoch, system, satellite : ndarray of int, shape (m,)
+        Numbers from 0.
+    parts : ndarray, shape (m, 2)
+        m, y of the two bands.
+    kappa : ndarray, shape (m, 2)
+        Of these bands.
+    design : ndarray, shape (m, 3)
+        Of `ionosphere.shell_design`.
+    azimuth, elevation : ndarray, shape (m,)
+        rad.
+    rise : ndarray, shape (m,)
+        m, of the rover above the base.
     """
 
     time: Array
@@ -86,18 +95,30 @@ def double_differences(
     design: Array,
     air: Atmosphere | None = None,
 ) -> DoubleDifferences:
-    """What (P.1) leaves at measurable positions of which the base has an epoch, at most
-    `MOST_EPOCHS`.
+    """Form the double differences (P.1) at measurable positions, of at most `MOST_EPOCHS` epochs.
 
-    base_ecef : (3,) m ECEF, of the base.
-    design : (m, 3) of `ionosphere.shell_design`.
-    air : at the base.
+    Parameters
+    ----------
+    fixes : GnssFixes
+        Positions of the rover.
+    rover, base : Observations
+        Observations of both; only epochs that the base has, too, are taken.
+    navigation : Navigation
+        Broadcast ephemerides.
+    base_ecef : ndarray, shape (3,)
+        m, position of the base.
+    satellites : Sky
+        Satellites at the epochs of `fixes`.
+    design : ndarray, shape (m, 3)
+        Of `ionosphere.shell_design`.
+    air : Atmosphere, optional
+        At the base, None for the standard one.
     """
     theirs = base_rows(rover, base)[satellites.row]
     rows = _usable(fixes, rover, base, satellites, theirs, base_ecef)
     mine, theirs = satellites.row[rows], theirs[rows]
     if rows.size == 0:
-        return _nothing()
+        return _no_differences()
     bands, hertz = _two_bands(rover, base, mine, theirs)
     antenna = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)[satellites.epoch[rows]]
     navigation = navigation.of_week(rover.gps_week)
@@ -111,7 +132,7 @@ def double_differences(
     d = _phases(rover, mine, bands) - _phases(base, theirs, bands) - apart[:, None] / length
     there = np.flatnonzero(np.isfinite(d).all(axis=1))
     if there.size == 0:
-        return _nothing()
+        return _no_differences()
     group = np.unique(
         satellites.epoch[rows[there]] * 100 + satellites.system[rows[there]], return_inverse=True
     )[1]
@@ -136,7 +157,7 @@ def double_differences(
     )
 
 
-def _nothing() -> DoubleDifferences:
+def _no_differences() -> DoubleDifferences:
     none, number = np.empty(0), np.empty(0, dtype=np.int64)
     return DoubleDifferences(
         none,
@@ -153,7 +174,7 @@ def _nothing() -> DoubleDifferences:
 
 
 def measurable(fixes: GnssFixes, base_ecef: Array) -> NDArray[np.bool_]:
-    """Fixed positions (n,) up to `FAR_M` from the base."""
+    """Return which positions (n,) are fixed and up to `FAR_M` from the base."""
     near = (
         np.linalg.norm(geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - base_ecef, axis=1)
         <= FAR_M

@@ -1,4 +1,4 @@
-"""What the rover's observations say of themselves: cycle slips, gaps, C/N0, multipath.
+"""Quality of the rover's observations: cycle slips, gaps, C/N0, multipath.
 
 By band (L1 and the second band, with wavelengths l1 and l2 and a = (l2 / l1)^2 = (f1 / f2)^2):
 
@@ -31,24 +31,40 @@ from .time_differences import LOCK_LOST
 
 Index = NDArray[np.int64]
 
+# first, and those that may be second
 BANDS = {
     "G": ("1", "25"),
     "J": ("1", "25"),
     "E": ("1", "57"),
     "R": ("1", "2"),
     "C": ("21", "76"),
-}  # first, and those that may be second
+}
 STEP_M, STEP_NOISE = 0.05, 10.0
 GAP_INTERVALS = 1.5
 
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """What the rover observed. interval_s : of its epochs.   gaps : (g, 2) s, begin and end.
+    """Quality of the rover's signals.
 
-    slip_time (s,), slip_satellite (s,) : cycle slips; flagged : (s,) by the receiver.
-    hours : of satellite tracking.
-    cn0 : by band, (k,) median dB-Hz at cn0_time (k,).   multipath_m : by system and code, of all arcs.
+    Parameters
+    ----------
+    interval_s : float
+        Of its epochs, s.
+    gaps : ndarray, shape (g, 2)
+        Begin and end, s.
+    slip_time, slip_satellite : ndarray, shape (s,)
+        Cycle slips.
+    flagged : ndarray of bool, shape (s,)
+        Which of them the receiver flagged.
+    hours : float
+        Of satellite tracking.
+    cn0_time : ndarray, shape (k,)
+        s, each second or epoch.
+    cn0 : mapping of ndarray, shape (k,)
+        Median C/N0 of the satellites at `cn0_time`, dB-Hz, by band.
+    multipath_m : mapping of float
+        Code multipath, rms of all arcs, m, by system and code.
     """
 
     interval_s: float
@@ -63,8 +79,12 @@ class Signals:
 
 
 def signals_of(observations: Observations) -> Signals:
-    """Slips, gaps, C/N0 and multipath of all satellites. Raises DataError for fewer than two
-    epochs.
+    """Measure cycle slips, gaps, C/N0 and multipath of all satellites.
+
+    Raises
+    ------
+    DataError
+        For fewer than two epochs.
     """
     o = observations
     if o.time.size < 2:
@@ -216,7 +236,7 @@ def _wavelength(o: Observations, rows: Index, system: str, band: str) -> Array:
 
 
 def _cn0(o: Observations) -> tuple[Array, dict[str, Array]]:
-    """Time (k,) and the median of all satellites (k,) by band, each second or epoch."""
+    """Time (k,) and the median C/N0 of all satellites (k,) by band, each second or epoch."""
     seconds, index = np.unique(np.floor(o.time[o.epoch]), return_inverse=True)
     out = {}
     for band in sorted({name[1] for name in o.signals if name.startswith("S")}):
@@ -241,7 +261,7 @@ def _medians(x: Array, group: Index, count: int) -> Array:
 
 
 def signal_numbers(signals: Signals) -> dict[str, Any]:
-    """Figures of merit of the observations, plain numbers."""
+    """Return figures of merit of the observations as plain numbers."""
     gap = signals.gaps[:, 1] - signals.gaps[:, 0]
     return {
         "interval_s": signals.interval_s,

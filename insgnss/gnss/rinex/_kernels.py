@@ -227,7 +227,7 @@ def _fault(state, status, offset, line):
 
 @njit(cache=True)
 def _epoch_line(buf, offset, end, three, state):
-    """Flag, number of what follows and stamp of an epoch's line into the state; whether it is one."""
+    """Flag, count of records and stamp of an epoch's line into the state; whether it is one."""
     flag_at = offset + (31 if three else 28)
     if (
         three
@@ -235,9 +235,8 @@ def _epoch_line(buf, offset, end, three, state):
         and buf[flag_at - 1] != _SPACE
         and (end <= flag_at or buf[flag_at] == _SPACE)
     ):
-        flag_at -= (
-            1  # one blank instead of two behind the seconds: a converter in wide use wrote so
-        )
+        # one blank instead of two behind the seconds: a converter in wide use wrote so
+        flag_at -= 1
     if three and buf[offset] != _EPOCH and buf[offset] != _SPACE:
         return False
     flag, count = _whole(buf, flag_at, flag_at + 1, end), _whole(buf, flag_at + 1, flag_at + 4, end)
@@ -252,7 +251,7 @@ def _epoch_line(buf, offset, end, three, state):
 
 @njit(cache=True)
 def _satellite_list(buf, offset, end, line, count, blank, sats, state):
-    """Satellites of an epoch of RINEX 2, which may go on on further lines: status, place and line
+    """Satellites of an epoch of RINEX 2, which may go on on further lines: status, offset and line
     behind them.
     """
     first = offset
@@ -298,8 +297,9 @@ def _field(buf, offset, end, row, column, factor, values, lock, strength):
 
 @njit(cache=True)
 def _observations(buf, offset, row, k, last, columns, scale, values, lock, strength):
-    """Numbers k to last of a satellite, from the field at `offset` on: the place of the line's end, or
-    _BAD for what is no number.
+    """Numbers k to last of a satellite, from the field at `offset` on.
+
+    The result is the offset of the line's end, or _BAD for what is no number.
 
     A field that is whole and followed by others holds no line's end, so the end is looked for only
     where a field is not.
@@ -357,12 +357,12 @@ def parse(
     lock,
     strength,
 ):
-    """Parse from the state's place on until the end (DONE), an event (EVENT: its records are not
-    read), or what the status says.
+    """Parse from the state's offset on until the end (DONE), an event (EVENT) or a fault.
 
-    widths (s,) number of types of each system, negative where unknown; columns, scale (s, w) of
-    each of its types. Only whole epochs count: where the status is not DONE or EVENT the state's
-    place is the start of the epoch at fault, and AT, AT_LINE the fault.
+    The records of an event are not read. widths (s,) is the number of types of each system,
+    negative where unknown; columns, scale (s, w) are of each of its types. Only whole epochs count:
+    where the status is not DONE or EVENT the state's offset is the start of the epoch at fault, and
+    MARK, MARK_LINE the fault.
     """
     offset, line = state[OFFSET], state[LINE]
     while True:

@@ -5,7 +5,7 @@ converter writes an external event, flag 5, before the epoch that follows. The s
 
 RTKLIB's convbin writes the marks of a u-blox receiver that had no valid time, too, with the comment
 "Time mark is not valid": their stamps may be off by anything. They are left out unless they are
-asked for, and told.
+requested, and reported in a note.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,6 @@ MOST_LISTED = 5
 
 Records = tuple[EventRecord, ...]
 
-
 ALL_VALID = RoverEvents()
 
 
@@ -42,9 +41,12 @@ class _Lines:
 
 
 def camera_events(observations: Observations, wanted: RoverEvents = ALL_VALID) -> CameraEvents:
-    """Stamps of a file's external events, numbered from 1, each once, in order.
+    """Return the external events of a file, numbered from 1, each once, in order.
 
-    Raises InputError where there is no such event, or time falls.
+    Raises
+    ------
+    InputError
+        Where there is no such event, or time falls.
     """
     path = observations.header.path
     records, left_out_notes = _taken(observations, wanted)
@@ -70,8 +72,9 @@ def camera_events(observations: Observations, wanted: RoverEvents = ALL_VALID) -
 
 
 def unasked_events(observations: Observations) -> tuple[CameraEvents | None, tuple[Check, ...]]:
-    """Events of a file where none are asked for: None without any, and None with a note where all
-    are marked as not valid.
+    """Return the events of a file where none are requested.
+
+    None without any, and None with a note where all are marked as not valid.
     """
     records, invalid = _chosen(observations, ALL_VALID)
     if len(invalid) < len(records):

@@ -74,18 +74,28 @@ LEFT_OUT = {"S": "SBAS", "I": "NavIC"}
 BEIDOU_LAG_S = 14.0
 GZIP = b"\x1f\x8b"
 F_NAV = 0b10
-GALILEO_UNHEALTHY = {
-    True: 0b000_111_000,
-    False: 0b111_000_111,
-}  # of F/NAV: E5a; of I/NAV: E1-B and E5b
+# of F/NAV: E5a; of I/NAV: E1-B and E5b
+GALILEO_UNHEALTHY = {True: 0b000_111_000, False: 0b111_000_111}
 
 
 @dataclass(frozen=True, eq=False)
 class Navigation:
     """Broadcast messages, sorted by time of ephemeris.
 
-    satellite : (k,) such as "G05".   table : (k, COLUMNS), times in GPST seconds of `gps_week`.
-    channel : (k,) frequency number of a GLONASS satellite, else 0.   left_out : what was not taken, by its reason, with counts.
+    Parameters
+    ----------
+    satellite : ndarray of str, shape (k,)
+        Such as "G05".
+    table : ndarray, shape (k, COLUMNS)
+        Elements, times in GPST seconds of `gps_week`.
+    channel : ndarray of int, shape (k,)
+        Frequency number of a GLONASS satellite, else 0.
+    gps_week : int
+        Week of the times.
+    source : str
+        Files of the messages.
+    left_out : tuple
+        Messages that were not taken, by reason, with counts.
     """
 
     satellite: NDArray[np.str_]
@@ -96,13 +106,13 @@ class Navigation:
     left_out: tuple[tuple[str, int], ...] = ()
 
     def of_week(self, gps_week: int) -> "Navigation":
-        """The same messages with their times in seconds of another GPS week."""
+        """Return the same messages with their times in seconds of another GPS week."""
         table = self.table.copy()
         table[:, [TOE, TOC]] += (self.gps_week - gps_week) * WEEK_S
         return replace(self, table=table, gps_week=gps_week)
 
     def channels(self) -> dict[str, int]:
-        """Frequency number of each GLONASS satellite, of its last message."""
+        """Return the frequency number of each GLONASS satellite, of its last message."""
         glonass = self.table[:, KIND] == GLONASS
         return {
             str(code): int(k)
@@ -119,10 +129,13 @@ class _Message:
 
 
 def read_navigation(paths: Source | Iterable[Source]) -> Navigation:
-    """Messages of one or several RINEX 2 or 3 navigation files.
+    """Read the messages of one or several RINEX 2 or 3 navigation files.
 
-    Raises InputError with file and line for what is no navigation file, is of RINEX 4, is cut
-    short, or holds an impossible element.
+    Raises
+    ------
+    InputError
+        With file and line for a file that is no navigation file, is of RINEX 4, is cut short, or
+        holds an impossible element.
     """
     paths = [paths] if isinstance(paths, str | Path) else list(paths)
     left_out: Counter[str] = Counter()

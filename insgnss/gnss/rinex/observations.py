@@ -5,7 +5,7 @@ A file is epochs in order of time. Between them stand event records: 2 the anten
 a new site, 4 header records follow, 5 an external event at its own stamp, each with as many records
 as it announces; and 6, cycle slips that the receiver found and repaired, written like an epoch.
 Header records behind an event hold from there on: observation types and scale factors change how
-the following epochs are read; all others are kept and told in a note.
+the following epochs are read; all others are kept and reported in a note.
 
 Missing values are not-a-number; RINEX writes them blank or 0.0, whichever the kind. Stamps are
 those of the receiver, in GPST: GPS, Galileo, QZSS and NavIC time as they stand, BeiDou time + 14 s,
@@ -55,10 +55,16 @@ DAMAGED = "copy the file again, or convert it again from the receiver's own form
 class EventRecord:
     """An event between the epochs.
 
-    flag : 2 to 5.
-    time : s, GPST, None where it has none.
-    line : of the file, from 1.
-    records : the lines that belong to it.
+    Parameters
+    ----------
+    flag : int
+        2 to 5.
+    time : float, optional
+        s, GPST, None where it has none.
+    line : int
+        Line of the file, from 1.
+    records : tuple of str
+        The lines that belong to it.
     """
 
     flag: int
@@ -69,8 +75,16 @@ class EventRecord:
 
 @dataclass(frozen=True, eq=False)
 class CycleSlips:
-    """Cycle slips that the receiver found and repaired: time (n,) s, satellite (n,), slip (n, k)
-    cycles in the order of the signals.
+    """Cycle slips that the receiver found and repaired.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        s.
+    satellite : ndarray of str, shape (n,)
+        Such as "G05".
+    slip : ndarray, shape (n, k)
+        Cycles, in the order of the signals.
     """
 
     time: Array
@@ -82,20 +96,38 @@ class CycleSlips:
 class Observations:
     """Observations of n epochs, m satellites in them, k signals.
 
-    gps_week : of the first epoch.
-    time : (n,) s, GPST of that week as stamped by the receiver; past the week's end it counts on.
-    flag : (n,) 0, or 1 after a power failure.
-    clock_offset_s : (n,) s of the receiver's clock as the file has it, else NaN.
-    epoch : (m,) place of the row's epoch in `time`, not decreasing.
-    satellite : (m,) such as "G05".
-    signals : RINEX 3 codes ("C1C", "L2W").   values : (m, k) m, cycles, Hz or dB-Hz, NaN where
-                                              missing, scale factors taken out.
-    loss_of_lock : (m, k) 0 to 7: 1 lock lost since the last epoch, 2 half-cycle ambiguity, 4
-        anti-spoofing.
-    strength : (m, k) 0 to 9.
-    events : (e,) s, of the external events (flag 5), as they stand in the file.
-    records : all events.
-    notes : of the reader.
+    Parameters
+    ----------
+    header : RinexHeader
+        Header of the file.
+    gps_week : int
+        Of the first epoch.
+    time : ndarray, shape (n,)
+        s, GPST of that week as stamped by the receiver; past the week's end it counts on.
+    flag : ndarray of int, shape (n,)
+        0, or 1 after a power failure.
+    clock_offset_s : ndarray, shape (n,)
+        s, of the receiver's clock as the file has it, else NaN.
+    epoch : ndarray of int, shape (m,)
+        Index of the row's epoch in `time`, not decreasing.
+    satellite : ndarray of str, shape (m,)
+        Such as "G05".
+    signals : tuple of str
+        RINEX 3 codes ("C1C", "L2W").
+    values : ndarray, shape (m, k)
+        m, cycles, Hz or dB-Hz, NaN where missing, scale factors taken out.
+    loss_of_lock : ndarray of int, shape (m, k)
+        0 to 7: 1 lock lost since the last epoch, 2 half-cycle ambiguity, 4 anti-spoofing.
+    strength : ndarray of int, shape (m, k)
+        Signal strength indicator (SSI), 0 to 9.
+    events : ndarray, shape (e,)
+        s, of the external events (flag 5), as they stand in the file.
+    records : tuple of EventRecord
+        All events.
+    slips : CycleSlips, optional
+        Cycle slips that the receiver repaired.
+    notes : tuple of Check
+        Of the reader.
     """
 
     header: RinexHeader
@@ -115,11 +147,11 @@ class Observations:
     notes: tuple[Check, ...] = ()
 
     def of(self, signal: str) -> Array:
-        """Values (m,) of a signal; InputError where the file does not have it."""
+        """Return the values (m,) of a signal; raise InputError where the file does not have it."""
         return self.values[:, self.column(signal)]
 
     def column(self, signal: str) -> int:
-        """Place of a signal among the columns."""
+        """Return the index of a signal among the columns."""
         if signal not in self.signals:
             raise InputError.at(
                 self.header.path, None, f"has no {signal}; there are {', '.join(self.signals)}"
@@ -130,9 +162,12 @@ class Observations:
 def read_observations(path: Source) -> Observations:
     """Read a RINEX 2 or 3 observation file, plain or packed (gzip, compress, Hatanaka).
 
-    Raises InputError with file and line: another format or version, navigation data, a header or an
-    epoch that is not whole, a number, satellite or stamp that is none, a satellite twice in an
-    epoch, time that does not increase.
+    Raises
+    ------
+    InputError
+        With file and line: another format or version, navigation data, a header or an epoch that is
+        not whole, a number, satellite or stamp that is none, a satellite twice in an epoch, time
+        that does not increase.
     """
     buf, complete, complaints = load_rinex(path)
     header, offset = header_of(path, buf)
@@ -147,8 +182,9 @@ def read_observations(path: Source) -> Observations:
 
 
 def without_events(observations: Observations) -> bytes:
-    """The file of these observations, unpacked, without its external events and their record lines;
-    all else as it stands.
+    """Return the file of these observations, unpacked, without its external events and their lines.
+
+    All else stays as it stands.
     """
     buf, _, _ = load_rinex(observations.header.path)
     starts = np.concatenate([[0], np.flatnonzero(buf == ord("\n")) + 1])
@@ -162,9 +198,7 @@ def without_events(observations: Observations) -> bytes:
 
 
 class _Reading:
-    """The arrays that a file is read into, and how its lines stand at the place where the reading
-    is.
-    """
+    """The arrays that a file is read into, and how its lines stand where the reading is."""
 
     def __init__(
         self, path: Source, header: RinexHeader, buf: NDArray[np.uint8], complete: bool, offset: int
@@ -413,7 +447,7 @@ class _Reading:
         return InputError.at(self.path, line, f"{message}: {seen}; {DAMAGED}")
 
     def refuse_cut_line(self) -> None:
-        """Refuse a last line without an end whose last number is not whole, and note one that is."""
+        """Refuse a last line without an end whose last number is cut, and note a whole one."""
         if self.complete:
             return
         tail = decode(bytes(self.buf[-4096:-1])).rpartition("\n")[2]

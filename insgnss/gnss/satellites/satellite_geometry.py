@@ -38,10 +38,15 @@ def common_sky(
     fixes: GnssFixes,
     options: EngineOptions = AS_USUAL,
 ) -> Sky:
-    """Satellites that carry the engine's positions at each of `fixes`: of `carrying_systems`, with
-    an ephemeris, above the mask, whose phases rover and base both observe.
+    """Return the satellites that carry the engine's positions at each of `fixes`.
 
-    Raises InputError where fixes and observations are of different times.
+    They are of `carrying_systems`, with an ephemeris, above the mask, and rover and base both
+    observe their phases.
+
+    Raises
+    ------
+    InputError
+        Where fixes and observations are of different times.
     """
     rover_epochs = epochs_of(fixes, rover)
     bands = common_bands(rover, base, options.frequencies).sum(axis=1)
@@ -78,8 +83,12 @@ def common_sky(
 
 
 def epochs_of(fixes: GnssFixes, rover: "Observations") -> NDArray[np.int64]:
-    """Epoch of the rover of each fix (n,), the nearest; InputError where there is none within
-    `LARGEST_OFFSET_S`.
+    """Return the index (n,) of the rover's epoch nearest to each fix.
+
+    Raises
+    ------
+    InputError
+        Where there is none within `LARGEST_OFFSET_S`.
     """
     shift = (fixes.gps_week - rover.gps_week) * WEEK_S if fixes.gps_week is not None else 0.0
     index = _nearest(rover.time, fixes.time + shift)
@@ -97,13 +106,14 @@ def epochs_of(fixes: GnssFixes, rover: "Observations") -> NDArray[np.int64]:
 
 
 def _nearest(grid: Array, time: Array) -> NDArray[np.int64]:
-    """Place in the increasing `grid` (n,) nearest to each of `time`."""
+    """Index in the increasing `grid` (n,) nearest to each of `time`."""
     return np.searchsorted(0.5 * (grid[1:] + grid[:-1]), time)
 
 
 def base_rows(rover: "Observations", base: "Observations") -> NDArray[np.int64]:
-    """Row (m,) of the base of the same satellite at the base's epoch nearest to that of each row of
-    the rover, or -1.
+    """Return the base's row (m,) of the same satellite, nearest in time to each row of the rover.
+
+    It is -1 where there is none.
     """
     near = _nearest(base.time + (base.gps_week - rover.gps_week) * WEEK_S, rover.time)
     _, which = unique_satellites(np.concatenate([rover.satellite, base.satellite]))
@@ -117,8 +127,9 @@ def base_rows(rover: "Observations", base: "Observations") -> NDArray[np.int64]:
 def common_bands(
     rover: "Observations", base: "Observations", frequencies: int
 ) -> NDArray[np.bool_]:
-    """Whether each row of the rover and its satellite's at the base have a phase in each of the
-    engine's frequencies (m, frequencies).
+    """Return whether rover and base have a phase in the engine's frequencies (m, frequencies).
+
+    The rows (m,) are the rover's.
     """
     row = base_rows(rover, base)
     return (
