@@ -1,6 +1,6 @@
 """Which exposure is which image: camera events of any source get the names of the images that
 belong to them.
 
-`images` is what the files of the images tell (names, times), `match` brings events and names
+`images` reads the names and times of the files of the images, `match` brings events and names
 together, by `clocks` where there are times, `naming` does so as a flight file asks.
 """

@@ -11,7 +11,7 @@ where they lie within some constant +- near:
     N = n                                                               the order holds
     else, of a match by times with M pairs,
     M > N, M >= n - max(1, n / 20), and its pairs are of unlike places  the order is wrong
-    else                                                                the times do not tell
+    else                                                                the times do not decide
 
 asked with near = 0.02 and then 0.15 of the median interval, or, of whole seconds, with 0.55 s. The
 order is called wrong by `FEWEST` pairs at least, and where near is below 0.3 of the interval:
@@ -28,9 +28,7 @@ from numpy.typing import NDArray
 from ..records import Array
 
 SHARE_OF_INTERVAL = 0.45
-LEADS = (
-    40  # images at the start whose differences to events are tried as offsets of the images' clock
-)
+LEADS = 40  # images at the start whose differences to events are tried as the clock's offset
 FEWEST = 5
 SHARES = (0.02, 0.15)
 WHOLE_SECOND_S = 0.55
@@ -40,8 +38,16 @@ MOST_LONELY = 0.05
 
 @dataclass(frozen=True)
 class ClockMatch:
-    """Events and images by their times: places from 0 of those without a partner, offset of the
-    images' clock and remainder (rms), s.
+    """Match of events and images by their times.
+
+    Parameters
+    ----------
+    events, images : tuple of int
+        Indices from 0 of those without a partner.
+    offset_s : float
+        Offset of the images' clock, s.
+    rms_s : float
+        Remainder of the pairs, rms, s.
     """
 
     events: tuple[int, ...]
@@ -52,9 +58,17 @@ class ClockMatch:
 
 @dataclass(frozen=True)
 class Misfit:
-    """What speaks against the order of as many events as images: places of the images that lie
-    further than `near_s` from where their events put them, and the match that shows the order
-    wrong, None where the times do not tell."""
+    """Evidence against the order of as many events as images.
+
+    Parameters
+    ----------
+    near_s : float
+        Tolerance, s.
+    images : tuple of int
+        Indices of the images further than `near_s` from where their events put them.
+    better : ClockMatch, optional
+        The match that shows the order wrong, None where the times do not decide.
+    """
 
     near_s: float
     images: tuple[int, ...]
@@ -62,9 +76,16 @@ class Misfit:
 
 
 def match_clocks(time: Array, taken: Array, near: float | None = None) -> ClockMatch:
-    """Which events and images belong together by their times (n,) and (m,), s, none falling.
+    """Match events and images by their times.
 
-    near : s, of a pair; 0.45 of the shortest interval between events where it is not given.
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        s, of the events, not decreasing.
+    taken : ndarray, shape (m,)
+        s, of the images by their own clock, not decreasing.
+    near : float, optional
+        Tolerance of a pair, s; 0.45 of the shortest interval between events where it is not given.
     """
     if near is None:
         near = SHARE_OF_INTERVAL * (float(np.min(np.diff(time))) if time.size > 1 else 1.0)
@@ -92,12 +113,13 @@ def match_clocks(time: Array, taken: Array, near: float | None = None) -> ClockM
 
 
 def misfit(time: Array, taken: Array) -> Misfit | None:
-    """What the times (n,) and (n,), s, say against the order of events and images, n from 3 on;
-    None where they fit.
+    """Return what the times (n,) and (n,), s, show against the order; None where they fit.
+
+    There must be three events and images at least.
     """
     interval, n = float(np.median(np.diff(time))), time.size
     whole = bool((taken == np.rint(taken)).all())
-    found = None
+    result = None
     for near in (WHOLE_SECOND_S,) if whole else (share * interval for share in SHARES):
         beyond = _beyond(taken - time, near)
         if not beyond:
@@ -107,8 +129,8 @@ def misfit(time: Array, taken: Array) -> Misfit | None:
         fits = pairs >= max(FEWEST, n - max(1.0, MOST_LONELY * n)) and pairs > n - len(beyond)
         if fits and match.events != match.images and near <= MOST_SHARE * interval:
             return Misfit(near, beyond, match)
-        found = Misfit(near, beyond)
-    return found
+        result = Misfit(near, beyond)
+    return result
 
 
 def _beyond(rest: Array, near: float) -> tuple[int, ...]:
@@ -123,7 +145,7 @@ def _beyond(rest: Array, near: float) -> tuple[int, ...]:
 def _pairs(
     time: Array, taken: Array, near: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-    """Events and images nearest to each other, both ways, within `near`; and image minus event, s."""
+    """Events and images that are mutually nearest within `near`; and image minus event, s."""
     nearest = _nearest(time, taken)
     back = _nearest(taken, time)
     rest = taken[nearest] - time

@@ -1,5 +1,4 @@
-"""What the images of a flight tell of themselves: their names in order, and the time of each by the
-camera's own clock.
+"""Names of the images of a flight in order, and the time of each by the camera's own clock.
 
 That clock may be off by any constant.
 """
@@ -39,15 +38,24 @@ IMAGE_ENDINGS = {
 }
 
 
-def image_names(place: str | Path, ending: str | None = None) -> tuple[str, ...]:
-    """Names of the images in a directory, in the order of the numbers in them, or of a list with
-    one name a line, as it stands.
+def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...]:
+    """Return the names of images, of a directory or of a list.
 
-    ending : of the files to take, such as ".jpg"; needed where the directory holds the same images
-        in several formats.
-    Raises InputError where there is no image, a name twice, or several formats of the same image.
+    Parameters
+    ----------
+    source : path-like
+        A directory, whose images are taken in the order of the numbers in their names, or a list
+        with one name a line, which is taken as it stands.
+    ending : str, optional
+        Of the files to take, such as ".jpg"; needed where the directory holds the same images in
+        several formats.
+
+    Raises
+    ------
+    InputError
+        Where there is no image, a name twice, or several formats of the same image.
     """
-    path = Path(place)
+    path = Path(source)
     if path.is_dir():
         files = [
             entry.name
@@ -89,21 +97,22 @@ def image_names(place: str | Path, ending: str | None = None) -> tuple[str, ...]
 def _natural(name: str) -> tuple[tuple[int, int, str], ...]:
     """Order in which IMG_9 stands before IMG_10."""
     return tuple(
-        (1, int(part), "") if part.isdigit() else (0, 0, part.lower())
-        for part in re.findall(r"\d+|\D+", name)
+        (1, int(piece), "") if piece.isdigit() else (0, 0, piece.lower())
+        for piece in re.findall(r"\d+|\D+", name)
     )
 
 
-def image_times(place: Path, names: Sequence[str]) -> Array | None:
-    """Seconds (n,) from the first image, None where `place` is no directory or one of its images
-    does not tell its time.
+def image_times(directory: Path, names: Sequence[str]) -> Array | None:
+    """Return the times of images by their camera's clock, s (n,) from the first image.
+
+    None where `directory` is no directory or one of its images holds no time.
     """
-    if not place.is_dir():
+    if not directory.is_dir():
         return None
     times: list[datetime] = []
     for name in names:
         try:
-            with (place / name).open("rb") as stream:
+            with (directory / name).open("rb") as stream:
                 times.append(time_taken(stream, name))
         except (OSError, ValueError, InputError):
             return None

@@ -12,8 +12,8 @@ by the gaps in their numbers; else by the longest interval. The answer is `skip_
 
 Counts agree, too, where one of each is missing. So the images' own times are asked first
 (`clocks`): where they show the order wrong, it is refused; where they fit neither the order nor
-another match, as they may not be those of the exposures, that is told. Times that fall by less than
-a second, from a camera that writes its fractions wrong, are not asked.
+another match, as they may not be those of the exposures, that is noted.
+Times that fall by less than a second, from a camera that writes its fractions wrong, are not asked.
 """
 
 import re
@@ -45,15 +45,28 @@ def name_events(
     skip_events: Collection[int] = (),
     skip_images: Collection[str] = (),
 ) -> CameraEvents:
-    """Events of any source with the names of `images` in order; without images the events keep
-    their names.
+    """Give events of any source the names of images in order.
 
-    images : names in the order of exposure.
-    taken_s : (n,) s of each image by a clock of its own (Exif), any zero.
-    skip_events : numbers, from 1, of events without an image.
-    skip_images : names without an event.
-    Raises InputError where the events have names of their own as well, events and images are not
-    the same number, or `taken_s` shows another order; UsageError for skipping what is not there.
+    Parameters
+    ----------
+    events : CameraEvents
+        The events; without images they keep their names.
+    images : sequence of str, optional
+        Names in the order of exposure.
+    taken_s : array_like, shape (n,), optional
+        s, of each image by a clock of its own (Exif), any zero.
+    skip_events : collection of int
+        Numbers, from 1, of events without an image.
+    skip_images : collection of str
+        Names without an event.
+
+    Raises
+    ------
+    InputError
+        Where the events have names of their own as well, events and images are not the same number,
+        or `taken_s` shows another order.
+    UsageError
+        For skipping an event or image that does not exist.
     """
     path, count, notes = events.source or "camera events", events.time.size, events.notes
     _check_skipped(path, "events", skip_events, range(1, count + 1))
@@ -72,7 +85,7 @@ def name_events(
 
 
 def check_delay(delay_s: float) -> None:
-    """UsageError for a delay, s, that is no number or beyond 10 s."""
+    """Raise UsageError for a delay, s, that is no number or beyond 10 s."""
     if not abs(delay_s) <= LONGEST_DELAY_S:
         raise UsageError(
             f"camera delay {delay_s} s is outside +-{LONGEST_DELAY_S:g} s; give it in seconds"
@@ -80,8 +93,12 @@ def check_delay(delay_s: float) -> None:
 
 
 def delayed(events: CameraEvents, delay_s: float) -> CameraEvents:
-    """Events at the middles of their exposures, `delay_s` behind the stamps (E.1); UsageError as
-    `check_delay`.
+    """Return the events at the middles of their exposures, `delay_s` behind the stamps (E.1).
+
+    Raises
+    ------
+    UsageError
+        As `check_delay` raises it.
     """
     check_delay(delay_s)
     return replace(events, time=events.time + delay_s)
@@ -90,11 +107,13 @@ def delayed(events: CameraEvents, delay_s: float) -> CameraEvents:
 def _refuse_named(path: str, events: CameraEvents) -> None:
     """Refuse events whose names are more than numbers."""
     if own := [name for name in events.images if not name.isdecimal()]:
-        what = (
+        message = (
             f"the events have names of their own ({own[0]}), and images are given that name them as"
             " well; leave the images out"
         )
-        raise InputError.at(path, None, f"{what}, or give the events by columns without the names")
+        raise InputError.at(
+            path, None, f"{message}, or give the events by columns without the names"
+        )
 
 
 def _check_skipped(
@@ -123,7 +142,7 @@ def _taken(
     if taken.size < 2 or (step := np.diff(taken)).min() >= 0.0:
         return taken, ()
     k = int(np.argmin(step))
-    found = (
+    finding = (
         f"image {images[given[k + 1]]} was taken {-step[k]:.3f} s before {images[given[k]]}, by the"
         " images' own times"
     )
@@ -131,25 +150,25 @@ def _taken(
         return None, (
             note(
                 "times of the images",
-                f"{found}; they are not asked",
+                f"{finding}; they are not asked",
                 "times that do not fall",
                 "names go by their order",
             ),
         )
-    raise InputError.at(path, None, f"{found}; order them by exposure, in a list of their names")
+    raise InputError.at(path, None, f"{finding}; order them by exposure, in a list of their names")
 
 
 @dataclass(frozen=True)
 class _Match:
     """Events (n,), s and number from 1, and names (m,) that are to belong together, the images' own
-    times (m,) s or None, and what reading the events told."""
+    times (m,) s or None, and the notes of reading the events."""
 
     path: str
     time: Array
     number: NDArray[np.int64]
     names: Sequence[str]
     taken: Array | None
-    told: Sequence[Check]
+    event_notes: Sequence[Check]
 
     def checked(self) -> tuple[Check, ...]:
         """Notes of the match; InputError with the place where something is missing where there is
@@ -163,33 +182,36 @@ class _Match:
 
     def in_order(self) -> tuple[Check, ...]:
         """Notes of as many images as events; InputError where their times show another order."""
-        told: tuple[Check, ...] = ()
+        notes: tuple[Check, ...] = ()
         timed = self.taken is not None and self.time.size >= FEWEST_TIMES
-        found = misfit(self.time, self.taken) if timed and self.taken is not None else None
-        if found is not None and found.better is not None:
-            better = _of_clocks(found.better, self.number, self.names)
+        discrepancy = misfit(self.time, self.taken) if timed and self.taken is not None else None
+        if discrepancy is not None and discrepancy.better is not None:
+            better = _of_clocks(discrepancy.better, self.number, self.names)
             raise self.refusal(
                 f"but they do not fit in time: {better}; if the times are wrong, give a list of the"
                 " names"
             )
-        if found is not None:
-            names = _first_of([self.names[k] for k in found.images])
-            what = (
-                f"{len(found.images)} of {len(self.names)} are off by more than {found.near_s:.2f}"
+        if discrepancy is not None:
+            names = _first_of([self.names[k] for k in discrepancy.images])
+            finding = (
+                f"{len(discrepancy.images)} of {len(self.names)} are off by more than"
+                f" {discrepancy.near_s:.2f}"
                 f" s: {names}"
             )
             advice = (
                 "names go by order; cameras that stamp the end of writing do so, else see that no"
                 " event or image is missing"
             )
-            told = (
-                note("times of the images", what, "those of the events but for a constant", advice),
+            notes = (
+                note(
+                    "times of the images", finding, "those of the events but for a constant", advice
+                ),
             )
-        if (not timed or told) and (gaps := _number_gaps(self.names)):
-            what = f"as many as events, but their numbers leave out {_first_of(gaps)}"
+        if (not timed or notes) and (gaps := _number_gaps(self.names)):
+            finding = f"as many as events, but their numbers leave out {_first_of(gaps)}"
             advice = "see that no event is missing or too many as well"
-            told += (note("names of the images", what, "numbers without a gap", advice),)
-        return told
+            notes += (note("names of the images", finding, "numbers without a gap", advice),)
+        return notes
 
     def by_clocks(self) -> str:
         """What the images' own times say of another number of events, empty without them or with
@@ -201,45 +223,44 @@ class _Match:
         if 2 * (pairs := self.taken.size - len(match.images)) < min(
             self.time.size, self.taken.size
         ):
-            what = (
+            message = (
                 f"but by the images' own times only {pairs} of {self.taken.size} images pair with"
                 " an event"
             )
             raise self.refusal(
-                f"{what}; see that these are images of this flight; if the times are wrong, give a"
+                f"{message}; see that these are images of this flight; if the times are wrong,"
+                " give a"
                 " list of the names"
             )
         return _of_clocks(match, self.number, self.names)
 
-    def refusal(self, what: str, joint: str = ", ") -> InputError:
-        """The error `what` behind the counts, with what was left out of the events or is odd about
-        them.
-        """
-        told = "".join(f"; {check.name}: {check.found}" for check in self.told)
+    def refusal(self, message: str, joint: str = ", ") -> InputError:
+        """The error `message` behind the counts, with the notes of reading the events."""
+        remarks = "".join(f"; {check.name}: {check.found}" for check in self.event_notes)
         return InputError.at(
             self.path,
             None,
-            f"{self.time.size} camera events and {len(self.names)} images{joint}{what}{told}",
+            f"{self.time.size} camera events and {len(self.names)} images{joint}{message}{remarks}",
         )
 
 
 def _of_clocks(match: ClockMatch, number: NDArray[np.int64], names: Sequence[str]) -> str:
     events = [int(number[k]) for k in match.events]
     images = [names[k] for k in match.images]
-    told = (
+    summary = (
         f"by the images' own times (offset {match.offset_s:.3f} s, remainder {match.rms_s:.3f} s)"
     )
     if events:
-        told += f" no image belongs to event {_first_of(events)}"
+        summary += f" no image belongs to event {_first_of(events)}"
     if images:
-        told += f"{' and' if events else ''} no event to image {_first_of(images)}"
+        summary += f"{' and' if events else ''} no event to image {_first_of(images)}"
     left_out = {"camera.skip_events": events[:8], "camera.skip_images": images[:8]}
     answer = [setting(key, odd) for key, odd in left_out.items() if odd]
-    return f"{told}; if that is so, set {' and '.join(answer)}"
+    return f"{summary}; if that is so, set {' and '.join(answer)}"
 
 
 def _of_numbers(time: Array, number: NDArray[np.int64], names: Sequence[str]) -> str:
-    """What the gaps in the images' numbers say, if they are as many as the events without an image."""
+    """Advice from gaps in the images' numbers, if they are as many as events without an image."""
     gaps = _number_gaps(names)
     if not gaps or len(gaps) != time.size - len(names):
         return ""
@@ -263,8 +284,8 @@ def _of_intervals(time: Array, number: NDArray[np.int64], count: int) -> str:
         step[1::2] if step.size > 1 else step
     ):
         ms = 1e3 * float(np.median(step[::2]))
-        found = f"the events come in pairs {ms:.1f} ms apart, as from both edges of a pulse"
-        return f"{found}; keep the edge you want with {named('camera.skip_events')}"
+        finding = f"the events come in pairs {ms:.1f} ms apart, as from both edges of a pulse"
+        return f"{finding}; keep the edge you want with {named('camera.skip_events')}"
     k = int(np.argmax(step))
     where = (
         f"the longest interval is {step[k]:.3f} s, behind event {number[k]}, the median"
@@ -276,8 +297,8 @@ def _of_intervals(time: Array, number: NDArray[np.int64], count: int) -> str:
 
 def _numbers(names: Sequence[str]) -> list[int]:
     """The last number in the stem of each name, where all have one."""
-    found = [re.findall(r"\d+", Path(name).stem) for name in names]
-    return [int(item[-1]) for item in found] if found and all(found) else []
+    digits = [re.findall(r"\d+", Path(name).stem) for name in names]
+    return [int(item[-1]) for item in digits] if digits and all(digits) else []
 
 
 def _number_gaps(names: Sequence[str]) -> list[int]:
@@ -295,5 +316,5 @@ def _number_gaps(names: Sequence[str]) -> list[int]:
 
 
 def _first_of(items: Sequence[object]) -> str:
-    told = ", ".join(map(str, items[:5]))
-    return told if len(items) <= 5 else f"{told} and {len(items) - 5} more"
+    listed = ", ".join(map(str, items[:5]))
+    return listed if len(items) <= 5 else f"{listed} and {len(items) - 5} more"

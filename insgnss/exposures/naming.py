@@ -12,10 +12,14 @@ __all__ = ["ImageMatch", "named"]
 
 
 def named(events: CameraEvents, wanted: ImageMatch) -> CameraEvents:
-    """The events with the names of the images, matched by the images' own times where they tell
-    them; without images those that are not to be skipped.
+    """Give the events the names of the images, matched by the images' own times if they have some.
 
-    Raises what `image_names` and `name_events` raise.
+    Without images, return the events that are not to be skipped.
+
+    Raises
+    ------
+    InputError, UsageError
+        As `image_names` and `name_events` raise them.
     """
     names = None if wanted.images is None else image_names(wanted.images, wanted.image_ending)
     taken = None if wanted.images is None or names is None else image_times(wanted.images, names)

@@ -32,8 +32,9 @@ FEW = 4  # fixes that a cubic needs
 
 
 def positions_of_others(directory: Path) -> str | None:
-    """Name of a file of antenna positions in a directory without a solution of ours (`SOLUTION`):
-    nothing may take its place.
+    """Return the name of a file of antenna positions that must not be overwritten.
+
+    It lies in a directory without a solution of ours (`SOLUTION`); None where there is none.
     """
     there = next((name for name in (SOLUTION, *ANTENNA_FILES) if (directory / name).exists()), None)
     return None if (directory / SOLUTION).is_file() else there
@@ -42,36 +43,73 @@ def positions_of_others(directory: Path) -> str | None:
 def write_antenna_files(
     fixes: GnssFixes, events: CameraEvents | None, directory: Path, origin: Array | None = None
 ) -> tuple[tuple[Path, ...], Check | None]:
-    """Write the positions of all fixes, and of the images where there are events; paths, and a
-    check of images without position.
+    """Write the positions of all fixes, and of the images where there are events.
 
-    origin : (3,) latitude rad, longitude rad, ellipsoidal height m of the tangent plane; by default
-        the first fix, at height 0.
-    Raises DataError where no exposure lies between fixes.
+    Parameters
+    ----------
+    fixes : GnssFixes
+        Antenna positions.
+    events : CameraEvents, optional
+        Exposures with the names of their images.
+    directory : Path
+        Gets the files.
+    origin : ndarray, shape (3,), optional
+        Latitude rad, longitude rad, ellipsoidal height m of the tangent plane; by default the first
+        fix, at height 0.
+
+    Returns
+    -------
+    paths : tuple of Path
+        The files that were written.
+    check : Check or None
+        Names the images without position.
+
+    Raises
+    ------
+    DataError
+        Where no exposure lies between fixes.
     """
     write_gnss_text(fixes, directory / ALL)
     if events is None:
         return (directory / ALL,), None
-    at, known = positions_at(fixes, events.time)
-    if not known.any():
+    positions, covered = positions_at(fixes, events.time)
+    if not covered.any():
         raise DataError(
-            f"{events.source or 'events'}: none of the {known.size} exposures ({events.time[0]:.3f}"
+            f"{events.source or 'events'}: none of the {covered.size} exposures"
+            f" ({events.time[0]:.3f}"
             f" to {events.time[-1]:.3f} s) lies between fixes ({fixes.time[0]:.3f} to"
             f" {fixes.time[-1]:.3f} s); are both of one flight and in GPST?"
         )
-    names = tuple(name for name, there in zip(events.images, known.tolist(), strict=True) if there)
+    names = tuple(
+        name for name, there in zip(events.images, covered.tolist(), strict=True) if there
+    )
     lat0, lon0, h0 = (fixes.lat[0], fixes.lon[0], 0.0) if origin is None else origin
-    plane = TangentPlane(float(lat0), float(lon0), float(h0)).position_from_geodetic(*at[known].T)
-    write_image_positions(ImagePositions(names, at[known], "geodetic"), directory / IMAGES)
+    plane = TangentPlane(float(lat0), float(lon0), float(h0)).position_from_geodetic(
+        *positions[covered].T
+    )
+    write_image_positions(ImagePositions(names, positions[covered], "geodetic"), directory / IMAGES)
     write_image_positions(ImagePositions(names, plane, "tangent_plane"), directory / PLANE)
     return tuple(directory / name for name in (ALL, IMAGES, PLANE)), _without_position(
-        events, known
+        events, covered
     )
 
 
 def positions_at(fixes: GnssFixes, time: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Antenna positions (m, 3), latitude rad, longitude rad, height m, at `time` (m,) s, NaN where
-    fixes are missing; (m,) where not.
+    """Interpolate antenna positions by the cubic through the four fixes around.
+
+    Parameters
+    ----------
+    fixes : GnssFixes
+        Antenna positions.
+    time : ndarray, shape (m,)
+        s, of the fixes' week.
+
+    Returns
+    -------
+    positions : ndarray, shape (m, 3)
+        Latitude rad, longitude rad, height m; NaN where fixes are missing.
+    covered : ndarray of bool, shape (m,)
+        Where they are not.
     """
     out = np.full((time.size, 3), np.nan)
     if fixes.time.size < FEW:
@@ -79,48 +117,50 @@ def positions_at(fixes: GnssFixes, time: Array) -> tuple[Array, NDArray[np.bool_
     longest = max(LONGEST_S, LONGEST_INTERVALS * float(np.median(np.diff(fixes.time))))
     after = np.clip(np.searchsorted(fixes.time, time), 1, fixes.time.size - 1)
     inside = (time >= fixes.time[0]) & (time <= fixes.time[-1])
-    known = inside & (fixes.time[after] - fixes.time[after - 1] <= longest)
+    covered = inside & (fixes.time[after] - fixes.time[after - 1] <= longest)
     frame = LocalFrame(float(fixes.lat[0]), float(fixes.lon[0]), float(fixes.height[0]))
-    place = frame.position_from_geodetic(fixes.lat, fixes.lon, fixes.height)
-    first = np.clip(after[known] - 2, 0, fixes.time.size - FEW)
+    position = frame.position_from_geodetic(fixes.lat, fixes.lon, fixes.height)
+    first = np.clip(after[covered] - 2, 0, fixes.time.size - FEW)
     rows = first[:, None] + np.arange(FEW)
-    found = _cubic(fixes.time[rows], place[rows], time[known])
+    interpolated = _cubic(fixes.time[rows], position[rows], time[covered])
     linear = (
         fixes.time[first + FEW - 1] - fixes.time[first] > 3.0 * longest
     )  # a gap beside: the cubic would swing
-    found[linear] = _linear(fixes.time, place, time[known][linear], after[known][linear])
-    out[known] = np.stack(frame.geodetic_from_position(found), axis=-1)
-    return out, known
+    interpolated[linear] = _linear(
+        fixes.time, position, time[covered][linear], after[covered][linear]
+    )
+    out[covered] = np.stack(frame.geodetic_from_position(interpolated), axis=-1)
+    return out, covered
 
 
-def _cubic(node: Array, value: Array, at: Array) -> Array:
-    """Values (m, 3) at `at` (m,) of the cubics through the nodes (m, 4) and their values (m, 4, 3),
-    by Lagrange.
-    """
-    out = np.zeros((at.size, 3))
+def _cubic(node: Array, value: Array, time: Array) -> Array:
+    """Values (m, 3) at `time` (m,) of Lagrange's cubics through nodes (m, 4), values (m, 4, 3)."""
+    out = np.zeros((time.size, 3))
     for k in range(FEW):
         others = [j for j in range(FEW) if j != k]
         weight = np.prod(
-            (at[:, None] - node[:, others]) / (node[:, k, None] - node[:, others]), axis=1
+            (time[:, None] - node[:, others]) / (node[:, k, None] - node[:, others]), axis=1
         )
         out += weight[:, None] * value[:, k]
     return out
 
 
-def _linear(node: Array, value: Array, at: Array, after: NDArray[np.int64]) -> Array:
-    share = (at - node[after - 1]) / (node[after] - node[after - 1])
+def _linear(node: Array, value: Array, time: Array, after: NDArray[np.int64]) -> Array:
+    share = (time - node[after - 1]) / (node[after] - node[after - 1])
     return np.asarray(value[after - 1] + share[:, None] * (value[after] - value[after - 1]))
 
 
-def _without_position(events: CameraEvents, known: NDArray[np.bool_]) -> Check | None:
-    if known.all():
+def _without_position(events: CameraEvents, covered: NDArray[np.bool_]) -> Check | None:
+    if covered.all():
         return None
-    missing = [name for name, there in zip(events.images, known.tolist(), strict=True) if not there]
-    told = ", ".join(missing[:5]) + (" ..." if len(missing) > 5 else "")
-    found = f"{len(missing)} of {known.size} images have no fixes around them: {told}"
+    missing = [
+        name for name, there in zip(events.images, covered.tolist(), strict=True) if not there
+    ]
+    listed = ", ".join(missing[:5]) + (" ..." if len(missing) > 5 else "")
+    finding = f"{len(missing)} of {covered.size} images have no fixes around them: {listed}"
     return Check(
         "images without position",
-        found,
+        finding,
         "fixes around every exposure",
         "note",
         "the navigation with the IMU bridges the gap",

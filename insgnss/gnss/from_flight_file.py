@@ -14,17 +14,33 @@ from .quality.covariance import MODEL, CovarianceModel
 from .rinex.camera_events import RoverEvents
 
 
-def solve_flown(
+def solve_raw_gnss(
     raw: RawGnss,
     covariance: CovarianceModel = MODEL,
     exposures: tuple[RoverEvents, ImageMatch] | bool | None = None,
 ) -> PpkResult:
-    """The result with the exposures of the rover's file, and of the checks those that no record
-    tells by itself.
+    """Solve the raw observations of a flight file by PPK.
 
-    exposures : which of the rover's events there must be, and their images; None: those that there
-        are; False: another file has them.
-    Raises what `ppk.solve_ppk` raises.
+    Parameters
+    ----------
+    raw : RawGnss
+        Files and options of the flight file.
+    covariance : CovarianceModel
+        Model of `quality.covariance`.
+    exposures : tuple of RoverEvents and ImageMatch, or bool, optional
+        Which of the rover's events there must be, and their images; None: those that there are;
+        False: another file has them.
+
+    Returns
+    -------
+    PpkResult
+        The result with the exposures of the rover's file, and those of the checks that are not
+        notes of these exposures.
+
+    Raises
+    ------
+    InputError, UsageError, DataError
+        As `ppk.solve_ppk` raises them.
     """
     given = replace(_input(raw), covariance=covariance)
     if isinstance(exposures, tuple):
@@ -32,8 +48,10 @@ def solve_flown(
     else:
         given = replace(given, events=exposures)
     result = solve_ppk(given)
-    told = () if result.events is None else result.events.notes
-    return replace(result, checks=tuple(check for check in result.checks if check not in told))
+    event_notes = () if result.events is None else result.events.notes
+    return replace(
+        result, checks=tuple(check for check in result.checks if check not in event_notes)
+    )
 
 
 def _input(raw: RawGnss) -> PpkInput:
@@ -55,6 +73,6 @@ def _input(raw: RawGnss) -> PpkInput:
     )
 
 
-def _ecef(place: tuple[float, ...]) -> tuple[float, float, float]:
-    x, y, z = geodetic_to_ecef(radians(place[0]), radians(place[1]), place[2]).tolist()
+def _ecef(geodetic: tuple[float, ...]) -> tuple[float, float, float]:
+    x, y, z = geodetic_to_ecef(radians(geodetic[0]), radians(geodetic[1]), geodetic[2]).tolist()
     return x, y, z

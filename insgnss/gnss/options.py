@@ -1,4 +1,4 @@
-"""What the engine is asked for, as the option file that RTKLIB's postpos() and rnx2rtkp both read.
+"""Options of the engine, as the option file that RTKLIB's postpos() and rnx2rtkp both read.
 
 Values of choices are written as numbers, because their words differ between versions (l1+2, l1+l2).
 The defaults were found on real and simulated sets with RTKLIB EX 2.5.0, moving receivers of 0.1 to
@@ -6,7 +6,7 @@ The defaults were found on real and simulated sets with RTKLIB EX 2.5.0, moving 
 
     armode=continuous             `instantaneous` hardly ever fixes
     gloarmode=fix-and-hold        2.5.0 ignores `off`; without a hold this one leaves the
-                                  ambiguities of GLONASS real numbers
+                                  ambiguities of GLONASS float
     timeinterp=off                where the base has epochs every 5 s or faster. Between two of them
                                   RTKLIB interpolates the satellites that both have; one that the
                                   base has just found again enters with the base's clock of another
@@ -121,37 +121,48 @@ class EngineOptions(EngineSettings):
         if self.base_position_m is None:
             return
         if self.base_point is None:
-            what = (
+            message = (
                 f"needs {named('gnss.base_point')}: is it the antenna's phase centre (apc), arp or"
                 " marker"
             )
-            raise OptionError("gnss.base_position", what)
+            raise OptionError("gnss.base_position", message)
         radius = sum(x * x for x in self.base_position_m) ** 0.5
         if not 6.3e6 < radius < 6.4e6:
-            what = f"is {radius:.0f} m from the Earth's centre (6300 to 6400 km)"
-            raise OptionError("gnss.base_position", f"{what}; ECEF coordinates in m are needed")
+            message = f"is {radius:.0f} m from the Earth's centre (6300 to 6400 km)"
+            raise OptionError("gnss.base_position", f"{message}; ECEF coordinates in m are needed")
 
 
 def base_position(
     options: EngineOptions, base: RinexHeader
 ) -> tuple[tuple[float, float, float], Point]:
-    """Coordinates (ECEF, m) of the base and the point that they are of; InputError where neither
-    options nor header give any.
+    """Return the coordinates (ECEF, m) of the base and the point that they are of.
+
+    Raises
+    ------
+    InputError
+        Where neither options nor header give any.
     """
     if options.base_position_m is not None and options.base_point is not None:
         return options.base_position_m, options.base_point
     approx = base.approx_position_m
     if approx is None:
-        what = (
+        message = (
             f"no APPROX POSITION XYZ in the header and no {named('gnss.base_position')}; give the"
             " base's coordinates"
         )
-        raise InputError.at(base.path, None, what)
+        raise InputError.at(base.path, None, message)
     return (float(approx[0]), float(approx[1]), float(approx[2])), options.base_point or "marker"
 
 
 def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
-    """Options of the base's antenna after (B.1); InputError where the ANTEX file does not know it."""
+    """Return the options of the base's antenna after (B.1).
+
+    Raises
+    ------
+    InputError
+        Where the ANTEX file cannot be read or does not know the antenna.
+    """
+
     _, point = base_position(options, base)
     up, east, north = (
         (float(x) for x in base.antenna_delta_m) if point == "marker" else (0.0, 0.0, 0.0)
@@ -165,7 +176,7 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
     if options.antex is None or point == "apc":
         return lines
     try:
-        known = "\n" + Path(options.antex).read_text(encoding="utf-8", errors="replace")
+        antennas = "\n" + Path(options.antex).read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise InputError.at(
             options.antex,
@@ -173,31 +184,30 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
             f"cannot be read: {error.strerror or error}; check {named('gnss.antex')}",
         ) from None
     kind = base.antenna.split()[0] if base.antenna.split() else ""
-    if not kind or f"\n{kind}" not in known:
-        what = (
+    if not kind or f"\n{kind}" not in antennas:
+        message = (
             f"does not know the base's antenna {base.antenna!r} of {base.path}; give another, or"
             f" {setting('gnss.base_point', 'apc')}"
         )
-        raise InputError.at(options.antex, None, what)
+        raise InputError.at(options.antex, None, message)
     return lines | {"ant2-anttype": base.antenna, "file-rcvantfile": ANTENNAS}
 
 
 def prediction_sd(options: EngineOptions, interval_s: float) -> float:
-    """Standard deviation, m, of a rover's horizontal position that is predicted over an interval
-    (O.1).
-    """
+    """Return the standard deviation (O.1), m, of a horizontal position predicted over a time."""
     return float(options.acceleration_mps2[0] * interval_s**2.5 / 20.0**0.5)
 
 
 def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Check, ...]:
-    """A note where the rover's epochs, every interval_s, are too rare for dynamics; none where the
-    user says whether to have them.
+    """Return a note where the rover's epochs, every interval_s, are too rare for dynamics.
+
+    There is none where the user's options say whether to have them.
     """
     sd = prediction_sd(options, interval_s)
     if DYNAMICS in options.rtklib_options or sd <= RESTART_M:
         return ()
     longest = (RESTART_M * 20.0**0.5 / options.acceleration_mps2[0]) ** 0.4
-    found = (
+    finding = (
         f"off: epochs every {interval_s:g} s, over which {options.acceleration_mps2[0]:g} m/s^2"
         f" predict a position to {sd:.0f} m"
     )
@@ -208,7 +218,7 @@ def check_dynamics(options: EngineOptions, interval_s: float) -> tuple[Check, ..
     return (
         Check(
             "engine dynamics",
-            found,
+            finding,
             f"on, with epochs every {longest:.1f} s at most",
             "note",
             advice,
@@ -223,8 +233,18 @@ def option_file(
     interval_s: float,
     base_interval_s: float,
 ) -> str:
-    """Text of the option file of one run; interval_s, base_interval_s : between epochs of rover and
-    base.
+    """Return the text of the option file of one run.
+
+    Parameters
+    ----------
+    options : EngineOptions
+        Options of the user.
+    base : RinexHeader
+        Header of the base's file.
+    direction : str
+        Which of the three runs.
+    interval_s, base_interval_s : float
+        Between epochs of rover and base, s.
     """
     horizontal, vertical = options.acceleration_mps2
     lines: dict[str, object] = {
@@ -250,14 +270,14 @@ def option_file(
         "ant2-postype": 1,
     }
     position, _ = base_position(options, base)
-    place = {f"ant2-pos{k}": f"{x:.5f}" for k, x in enumerate(position, start=1)}
+    coordinates = {f"ant2-pos{k}": f"{x:.5f}" for k, x in enumerate(position, start=1)}
     return _text(
-        lines | place | base_antenna(options, base) | dict(options.rtklib_options) | OUTPUT
+        lines | coordinates | base_antenna(options, base) | dict(options.rtklib_options) | OUTPUT
     )
 
 
 def single_point_file(options: EngineOptions) -> str:
-    """Text of the option file of a run that finds where a receiver stands, from codes alone."""
+    """Return the text of the option file of a run that positions a receiver by codes alone."""
     models: dict[str, object] = {
         "pos1-elmask": 10,
         "pos1-ionoopt": 1,

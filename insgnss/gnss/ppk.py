@@ -1,15 +1,15 @@
 """From RINEX of rover and base to antenna positions with honest covariances: the order of the
 steps.
 
-    read -> engine forward, backward, combined -> covariance and belief (`covariance`) -> wet delay
-    (`troposphere`)
-         -> ionosphere (`ionosphere`) -> velocity from phase (`velocity`)
-         -> camera events (`events`, `exposures`), in GPST (`receiver_clock`) -> figures and verdict
-         (`quality`, `signals`)
+    read -> engine forward, backward, combined -> covariance and validation (`covariance`)
+         -> wet delay (`troposphere`) -> ionosphere (`ionosphere`)
+         -> velocity from phase (TDCP, `velocity`)
+         -> camera events (`camera_events`, `exposures`), in GPST (`receiver_clock`)
+         -> figures and verdict (`solution_quality`, `signal_quality`)
 
 The combined run gives the positions; the other two run for their difference alone. Wet delay and
-ionosphere are taken off after the belief, which they do not touch: forward and backward share them.
-Of the camera events those of the rover's file are taken, with the names of the images where a
+ionosphere are taken off after the validation, which they do not touch: forward and backward share
+them. Of the camera events those of the rover's file are taken, with the names of the images where a
 directory or a list of them is given.
 
 An epoch without velocity from phase gets that of its neighbours' positions, with their covariance
@@ -50,9 +50,9 @@ from .phase.troposphere import (
 )
 from .phase.velocity import at_stamps, time_differenced_velocity
 from .quality.covariance import (
-    BELIEVED,
     MODEL,
     SAME_EPOCH_S,
+    VALIDATED,
     CovarianceModel,
     Index,
     Separation,
@@ -81,23 +81,37 @@ MOST_VELOCITIES = 0.9
 
 @dataclass(frozen=True)
 class PpkInput:
-    """What `solve_ppk` is given.
+    """Inputs and options of `solve_ppk`.
 
-    rover, base, navigation : RINEX 2 or 3, plain or packed.
-    options : of the engine, with the base's position.
-    covariance : of `gnss.covariance`.   wet_delay, ionosphere, velocity : whether to correct these
-                                         and to find that.
-    atmosphere : at
-    the base, whole or arguments of `standard_atmosphere` as far as known; None for the standard
-    one.
-    events : whether to take the rover's camera events, None: where it has some; or another file of
+    Parameters
+    ----------
+    rover, base : Path
+        RINEX 2 or 3 observations, plain or packed.
+    navigation : tuple of Path
+        RINEX 2 or 3 navigation files, plain or packed.
+    options : EngineOptions
+        Options of the engine, with the base's position.
+    covariance : CovarianceModel
+        Model of `quality.covariance`.
+    wet_delay, ionosphere : bool
+        Whether to correct these.
+    atmosphere : Atmosphere or mapping, optional
+        Air at the base, whole or arguments of `standard_atmosphere` as far as known; None for the
+        standard one.
+    velocity : bool
+        Whether to take velocities from the carrier phase (TDCP).
+    events : bool or Path, optional
+        Whether to take the rover's camera events, None: where it has some; or another file of
         them (.MRK, text).
-    rover_events : which of the rover's.
-    match : images that name them.
-    camera_delay_s : from the event to the exposure's middle; what
-    differs from the default in these asks for events as well.
-    base_point_chosen : whether somebody said what stands at the base's coordinates; a note where
-        not.
+    rover_events : RoverEvents
+        Which of the rover's events are exposures.
+    match : ImageMatch
+        Images that name them.
+    camera_delay_s : float
+        From the event to the exposure's middle, s. Where this, `rover_events` or `match` differs
+        from its default, events are required.
+    base_point_chosen : bool
+        Whether somebody said what stands at the base's coordinates; a note where not.
     """
 
     rover: Path
@@ -118,15 +132,28 @@ class PpkInput:
 
 @dataclass(frozen=True, eq=False)
 class PpkResult:
-    """Antenna positions, and what is to be known of them.
+    """Antenna positions of `solve_ppk`, their checks and quality.
 
-    fixes : combined, with covariances of `gnss.covariance`, notes empty.
-    events : of the rover's file, None without any.
-    checks : of all steps.
-    verdict : in one sentence.
-    quality : plain numbers.
-    series : arrays for `report.gnss`.
-    files : written, by name.   engine : with its version.   cpu_s : of its runs.
+    Parameters
+    ----------
+    fixes : GnssFixes
+        The combined solution, with covariances of `quality.covariance`; its notes are empty.
+    events : CameraEvents, optional
+        Camera events of the rover's file or of their own, None without any.
+    checks : tuple of Check
+        Checks of all steps.
+    verdict : str
+        The quality in one sentence.
+    quality : dict
+        Figures of merit, plain numbers.
+    series : dict
+        Arrays for `report.figures.gnss`.
+    files : dict of Path
+        Files that were written, by name.
+    engine : str
+        The engine with its version.
+    cpu_s : float
+        CPU time of its runs, s.
     """
 
     fixes: GnssFixes
@@ -140,9 +167,7 @@ class PpkResult:
     cpu_s: float
 
     def write(self, path: Path) -> None:
-        """Write the fixes as a `.pos`, with satellites, age and ratio of the engine's combined
-        solution.
-        """
+        """Write the fixes as a `.pos`, with the combined solution's satellites, age and ratio."""
         write_rtklib_pos(
             self.fixes, path, *(self.series.get(name) for name in ("satellites", "age_s", "ratio"))
         )
@@ -153,9 +178,20 @@ def solve_ppk(
 ) -> PpkResult:
     """Solve a rover against a base.
 
-    directory : gets the three `.pos` of the engine with their options, and `ppk.pos`, the result;
-        None: nothing is kept.
-    Raises InputError, UsageError and DataError of the steps, each in one line.
+    Parameters
+    ----------
+    given : PpkInput
+        Files and options.
+    directory : Path, optional
+        Gets the three `.pos` of the engine with their options, and `ppk.pos`, the result; None:
+        nothing is kept.
+    progress : callable, optional
+        Is called with the name of each step.
+
+    Raises
+    ------
+    InputError, UsageError, DataError
+        Of the steps, each in one line.
     """
     if directory is None:
         with TemporaryDirectory(prefix="insgnss-ppk-") as scratch:
@@ -172,8 +208,8 @@ def solve_ppk(
     position, _ = base_position(given.options, base.header)
     solved = _Solved.of(run, np.array(position), given.covariance)
     navigation = read_navigation(given.navigation)
-    told_point = check_base_point(given.options, base.header, given.base_point_chosen)
-    fixes, checks = solved.fixes, [*rover.notes, told_point, *run.checks, *solved.fixes.notes]
+    base_point_check = check_base_point(given.options, base.header, given.base_point_chosen)
+    fixes, checks = solved.fixes, [*rover.notes, base_point_check, *run.checks, *solved.fixes.notes]
     if events is not None:
         checks += _checks_of(events, given, rover, fixes)
         events = _at_exposures(events, given, rover, fixes)
@@ -195,7 +231,7 @@ def solve_ppk(
         checks.append(check)
     signals = signals_of(rover)
     numbers = solved.numbers(given.covariance.gate, rover) | {"signals": signal_numbers(signals)}
-    told, causes = verdict(numbers, checks)
+    summary, causes = verdict(numbers, checks)
     fixes = replace(fixes, source=str(given.rover), notes=())
     files = {
         "combined": run.combined,
@@ -209,7 +245,7 @@ def solve_ppk(
     )
     checks += [*causes, *unasked, *(events.notes if events is not None else ())]
     result = PpkResult(
-        fixes, events, tuple(checks), told, numbers, series, files, run.engine, run.cpu_s
+        fixes, events, tuple(checks), summary, numbers, series, files, run.engine, run.cpu_s
     )
     result.write(files["solution"])
     return result
@@ -234,7 +270,7 @@ class _Solved:
         combined, forward, backward = (
             read_solution(path) for path in (run.combined, run.forward, run.backward)
         )
-        plain = replace(model, degraded_share=0.0)  # what hampers both runs does not part them
+        plain = replace(model, degraded_share=0.0)  # what degrades both runs does not part them
         alone = [
             calibrate(s.fixes, s.satellites, base_distance(s.fixes, base_ecef), None, plain)[0]
             for s in (forward, backward)
@@ -254,8 +290,8 @@ class _Solved:
         """Figures of merit, of the solution and of the rover's epochs."""
         week = rover.gps_week if self.fixes.gps_week is None else self.fixes.gps_week
         solved, fixed = np.zeros((2, rover.time.size), dtype=np.bool_)
-        at = epochs_of(self.fixes, rover)
-        solved[at], fixed[at] = True, np.isin(self.kind, BELIEVED)
+        epochs = epochs_of(self.fixes, rover)
+        solved[epochs], fixed[epochs] = True, np.isin(self.kind, VALIDATED)
         numbers = solution_numbers(
             self.combined, self.fixes, self.kind, *self.from_base, self.separation, gate
         )
@@ -288,9 +324,7 @@ def _events(given: PpkInput, rover: Observations) -> tuple[CameraEvents | None, 
 def _checks_of(
     events: CameraEvents, given: PpkInput, rover: Observations, fixes: GnssFixes
 ) -> list[Check]:
-    """What is told of events before their delay: whether those of another file are the rover's, and
-    the delay.
-    """
+    """Checks of events before their delay: whether a file's are the rover's, and the delay."""
     checks = [check_camera_delay(given.camera_delay_s)] if given.camera_delay_s else []
     if isinstance(given.events, Path) and rover.events.size:
         stamps = np.unique(rover.events)
@@ -322,21 +356,21 @@ def _without_wet_delay(
     quality = np.where(
         blind, Quality.SINGLE, Quality.FIXED if fixes.quality is None else fixes.quality
     )  # single: not corrected
-    found = wet_delay_correction(
+    correction = wet_delay_correction(
         replace(fixes, quality=quality), base_ecef, sky, _air(given, base_ecef)
     )
-    down = 1e3 * found.correction_ned[:, 2]
-    told = f"heights raised by {-down.max():.1f} to {-down.min():.1f} mm"
-    if np.isfinite(found.height_per_metre):
-        told += f", {1e3 * found.height_per_metre:+.3f} mm per metre above the base"
-    told += (
+    down = 1e3 * correction.correction_ned[:, 2]
+    finding = f"heights raised by {-down.max():.1f} to {-down.min():.1f} mm"
+    if np.isfinite(correction.height_per_metre):
+        finding += f", {1e3 * correction.height_per_metre:+.3f} mm per metre above the base"
+    finding += (
         f"; {blind.sum()} epochs with too few satellites stay as they are" if blind.any() else ""
     )
     source = "standard atmosphere" if given.atmosphere is None else "given atmosphere"
     check = Check(
-        "GNSS wet delay", told, f"a correction from the {source}; the engine leaves it out"
+        "GNSS wet delay", finding, f"a correction from the {source}; the engine leaves it out"
     )
-    return _moved(fixes, found.correction_ned, found.cov_ned), check
+    return _moved(fixes, correction.correction_ned, correction.cov_ned), check
 
 
 def _without_ionosphere(
@@ -352,9 +386,11 @@ def _without_ionosphere(
     if engine_models_it(given.options):
         return fixes, Check(name, "left to the engine, which models it", expected)
     air, frequencies = _air(given, base_ecef), given.options.frequencies
-    found = ionosphere_correction(fixes, *observed, navigation, base_ecef, sky, air, frequencies)
-    if found is None:
-        what = (
+    correction = ionosphere_correction(
+        fixes, *observed, navigation, base_ecef, sky, air, frequencies
+    )
+    if correction is None:
+        reason = (
             f"left in: fewer than {LEAST_EPOCHS} epochs, or less than {LEAST_S / 60.0:.0f} minutes,"
             " show it"
         )
@@ -362,16 +398,18 @@ def _without_ionosphere(
             "1 to 2 mm/km may be left; two bands of both receivers show it at fixed positions up"
             f" to {FAR_M / 1e3:.0f} km away"
         )
-        return fixes, Check(name, what, expected, "note", advice)
-    vertical, north, east = found.ionosphere.value.mean(axis=0)
-    moved = 1e3 * found.correction_ned[found.correction_ned.any(axis=1)]
+        return fixes, Check(name, reason, expected, "note", advice)
+    vertical, north, east = correction.ionosphere.value.mean(axis=0)
+    moved = 1e3 * correction.correction_ned[correction.correction_ned.any(axis=1)]
     middle = ", ".join(f"{x:+.1f}" for x in np.median(moved, axis=0))
-    told = (
+    finding = (
         f"{vertical:.1f} m in zenith, {1e6 * north:+.1f} mm/km to the north, {1e6 * east:+.1f} to"
         " the east: "
     )
-    told += f"{len(moved)} positions moved by {middle} mm north, east, down in the median"
-    return _moved(fixes, found.correction_ned, found.cov_ned), Check(name, told, expected)
+    finding += f"{len(moved)} positions moved by {middle} mm north, east, down in the median"
+    return _moved(fixes, correction.correction_ned, correction.cov_ned), Check(
+        name, finding, expected
+    )
 
 
 def _air(given: PpkInput, base_ecef: Array) -> Atmosphere | None:
@@ -382,10 +420,10 @@ def _air(given: PpkInput, base_ecef: Array) -> Atmosphere | None:
 
 def _moved(fixes: GnssFixes, ned: Array, cov: Array) -> GnssFixes:
     """Fixes with a correction (n, 3) m and its covariance (n, 3, 3) added."""
-    place = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) + np.einsum(
+    position = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) + np.einsum(
         "nij,nj->ni", rotation_en(fixes.lat, fixes.lon), ned
     )
-    lat, lon, height = ecef_to_geodetic(place)
+    lat, lon, height = ecef_to_geodetic(position)
     return replace(fixes, lat=lat, lon=lon, height=height, cov_ned=fixes.cov_ned + cov)
 
 
@@ -395,11 +433,11 @@ def _with_velocity(
     """Fixes with velocities from phase where there are some, else from positions."""
     velocity, cov = _from_positions(fixes)
     try:
-        found = time_differenced_velocity(rover, navigation, fixes)
-        weeks = 0.0 if fixes.gps_week is None else (fixes.gps_week - found.gps_week) * WEEK_S
-        phase, phase_cov = at_stamps(found, fixes.time + weeks)
-        known = np.isfinite(phase).all(axis=1)
-        if not known.any():
+        intervals = time_differenced_velocity(rover, navigation, fixes)
+        weeks = 0.0 if fixes.gps_week is None else (fixes.gps_week - intervals.gps_week) * WEEK_S
+        phase, phase_cov = at_stamps(intervals, fixes.time + weeks)
+        from_phase = np.isfinite(phase).all(axis=1)
+        if not from_phase.any():
             raise DataError(
                 f"{rover.header.path}: no two neighbouring intervals have a velocity from phase"
             )
@@ -411,17 +449,17 @@ def _with_velocity(
         return replace(fixes, velocity_ned=velocity, velocity_cov_ned=cov), Check(
             "GNSS velocity", str(error), "velocities", "note", advice
         )
-    velocity[known], cov[known] = phase[known], phase_cov[known]
-    sigma = 1e3 * np.sqrt(np.median(np.diagonal(cov[known], axis1=1, axis2=2), axis=0))
-    told = (
-        f"{known.sum()} of {known.size} epochs from phase, standard deviations"
+    velocity[from_phase], cov[from_phase] = phase[from_phase], phase_cov[from_phase]
+    sigma = 1e3 * np.sqrt(np.median(np.diagonal(cov[from_phase], axis1=1, axis2=2), axis=0))
+    finding = (
+        f"{from_phase.sum()} of {from_phase.size} epochs from phase, standard deviations"
         f" {', '.join(f'{s:.0f}' for s in sigma)} mm/s"
     )
-    few = known.mean() < MOST_VELOCITIES
+    few = from_phase.mean() < MOST_VELOCITIES
     advice = "the others have those of the positions; cycle slips or few satellites" if few else ""
     check = Check(
         "GNSS velocity",
-        told,
+        finding,
         f"{100 * MOST_VELOCITIES:.0f} % at least",
         "note" if few else "ok",
         advice,
@@ -430,12 +468,14 @@ def _with_velocity(
 
 
 def _from_positions(fixes: GnssFixes) -> tuple[Array, Array]:
-    """Velocities (n, 3) m/s and covariances (n, 3, 3) from the positions before and after each fix."""
+    """Velocities (n, 3) m/s and covariances (n, 3, 3) from the positions beside each fix."""
     n = fixes.time.size
     before, after = np.maximum(np.arange(n) - 1, 0), np.minimum(np.arange(n) + 1, n - 1)
     interval = np.maximum(fixes.time[after] - fixes.time[before], SAME_EPOCH_S)
-    place = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
-    moved = np.einsum("nji,nj->ni", rotation_en(fixes.lat, fixes.lon), place[after] - place[before])
+    position = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
+    moved = np.einsum(
+        "nji,nj->ni", rotation_en(fixes.lat, fixes.lon), position[after] - position[before]
+    )
     cov = (fixes.cov_ned[after] + fixes.cov_ned[before]) / interval[
         :, None, None
     ] ** 2 + BETWEEN_MPS**2 * np.eye(3)

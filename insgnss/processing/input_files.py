@@ -91,10 +91,10 @@ def read_files(
             given = read_events(given, columns=camera.columns, gps_week=flight.gps_week)
         events = named(given, camera.match)
     if raw is not None:
-        from ..gnss.from_flight_file import solve_flown
+        from ..gnss.from_flight_file import solve_raw_gnss
 
         of_rover = None if camera is None else (camera.rover_events, camera.match)
-        ppk = solve_flown(raw, flight.gnss.covariance, of_rover if events is None else False)
+        ppk = solve_raw_gnss(raw, flight.gnss.covariance, of_rover if events is None else False)
         return imu, ppk.fixes, ppk.events if events is None else events, ppk
     return imu, _read_fixes(flight.gnss, flight.gps_week, imu), events, None
 

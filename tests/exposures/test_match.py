@@ -44,7 +44,7 @@ def test_without_names_events_are_numbered():
 
 @pytest.mark.parametrize("lost", [0, 27, 59])
 def test_an_image_too_few_is_refused_with_its_place(lost):
-    """Oracle: the image that was taken away; by times of a camera clock of whole seconds, 3 h off."""
+    """Oracle: the image taken away; by times of a camera clock of whole seconds, 3 h off."""
     observations = flown(SHOTS)
     names = NAMES[:lost] + NAMES[lost + 1 :]
     taken = np.floor(np.delete(SHOTS, lost) + 10800.37)

@@ -24,7 +24,9 @@ import json, os, sys, time
 words = sys.argv[1:]
 name = words[words.index("-k") + 1].split(".")[0]
 files = words[words.index("-o") + 2:]
-told = dict(words=words, name=name, conf=open(name + ".conf").read(), files=[open(f).read() for f in files], pid=os.getpid())
+texts = [open(f).read() for f in files]
+conf = open(name + ".conf").read()
+told = dict(words=words, name=name, conf=conf, files=texts, pid=os.getpid())
 open({log!r}, "a").write(json.dumps(told) + "\\n")
 do = json.load(open({plan!r})).get(name, {{}})
 time.sleep(do.get("sleep", 0))

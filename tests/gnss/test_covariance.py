@@ -14,24 +14,24 @@ from insgnss.geodesy.frames import LocalFrame, ecef_to_geodetic, geodetic_to_ece
 from insgnss.gnss.engine.rtklib import solve
 from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.quality.covariance import (
-    BELIEVED,
     CLASSES,
+    DEGRADED,
     FIXED,
     FLOAT,
-    HAMPERED,
-    LONE,
+    ISOLATED,
     MODEL,
     SINGLE,
-    WEAK,
+    UNSUPPORTED,
+    VALIDATED,
     CovarianceModel,
     Separation,
     base_distance,
     calibrate,
     classes,
+    degraded,
     forward_backward,
-    hampered,
+    outliers,
     scaled,
-    strays,
 )
 from insgnss.gnss.quality.solution_quality import read_solution
 from insgnss.records import GnssFixes
@@ -79,32 +79,32 @@ def test_sigmas_follow_the_formula_and_keep_the_engines_correlations():
                 assert got[c, i, j] == pytest.approx(expected, rel=1e-12)
 
 
-def test_single_fixes_among_floats_are_not_believed_and_lasting_ones_are():
+def test_single_fixes_among_floats_are_not_validated_and_long_runs_are():
     """Oracle: flags written by hand: 20 s fixed; then one fixed epoch in ten for 20 s."""
     quality = np.array([1] * 100 + [1 if k % 10 == 0 else 2 for k in range(100)])
     time = 0.2 * np.arange(200)
     kind = classes(time, quality, np.full(200, 12))
     assert (kind[:95] == FIXED).all()
     assert not (kind[130:] == FIXED).any()
-    assert (kind[130:] == LONE).all()  # more than 5 s from what is believed
+    assert (kind[130:] == ISOLATED).all()  # more than 5 s from what is validated
     assert (kind[105:120][quality[105:120] == 2] == FLOAT).all()
 
 
 def test_few_satellites_are_no_fix_however_long():
-    """Oracle: flags written by hand; five satellites leave one redundant double difference a band."""
+    """Oracle: flags by hand; five satellites leave one redundant double difference a band."""
     kind = classes(np.arange(60.0), np.ones(60, dtype=np.int64), np.full(60, 5))
-    assert (kind == WEAK).all()
+    assert (kind == UNSUPPORTED).all()
     assert (classes(np.arange(60.0), np.ones(60, dtype=np.int64), np.full(60, 6)) == FIXED).all()
 
 
-def test_a_fix_among_missing_epochs_is_not_believed():
+def test_a_fix_among_missing_epochs_is_not_validated():
     """Oracle: two epochs, one of them fixed, alone within ten seconds, as a car in a street has
     them; it was 13 m off.
     """
     time = np.concatenate([np.arange(60.0), [75.0, 76.0], 90.0 + np.arange(60.0)])
     quality = np.ones(time.size, dtype=np.int64)
     quality[60] = 2
-    assert classes(time, quality, np.full(time.size, 6))[61] == WEAK
+    assert classes(time, quality, np.full(time.size, 6))[61] == UNSUPPORTED
 
 
 def test_rare_epochs_support_each_other():
@@ -124,12 +124,12 @@ def test_no_class_but_fixed_has_centimetres(code):
     assert np.sqrt(np.diagonal(calibrated.cov_ned, axis1=1, axis2=2)).min() >= 0.3
 
 
-def test_what_is_not_believed_is_handed_on_as_float():
+def test_what_is_not_validated_is_handed_on_as_float():
     """Oracle: flags written by hand."""
     calibrated, kind = calibrate(
         fixes_of([2] * 50 + [1] + [2] * 50), np.full(101, 14), np.zeros(101)
     )
-    assert kind[50] == LONE
+    assert kind[50] == ISOLATED
     assert calibrated.quality[50] == 2
     assert "0 of 1" in calibrated.notes[-1].found
 
@@ -154,7 +154,7 @@ def test_two_runs_that_contradict_each_other_are_covered_and_no_longer_fixed():
     mixed = Separation(np.where(part[:, None], bad.ned, good.ned), bad.cov, good.fixed)
     calibrated, kind = calibrate(forward, np.full(100, 15), np.zeros(100), mixed)
     assert (kind[:50] == FIXED).all()
-    assert not np.isin(kind[60:], BELIEVED).any()
+    assert not np.isin(kind[60:], VALIDATED).any()
     within = np.einsum(
         "ni,nij,nj->n", mixed.ned[60:], np.linalg.inv(calibrated.cov_ned[60:]), mixed.ned[60:]
     )
@@ -172,7 +172,7 @@ def test_a_single_fix_beside_the_path_is_covered_and_its_neighbours_stay():
     calibrated, kind = calibrate(replace(fixes, height=height), np.full(60, 15), np.zeros(60))
     assert np.flatnonzero(kind != FIXED).tolist() == [30]
     assert np.sqrt(calibrated.cov_ned[30, 2, 2]) >= 13.0
-    assert "1 because they stray from the path" in calibrated.notes[-1].found
+    assert "1 because they are outliers from the path" in calibrated.notes[-1].found
 
 
 def test_what_a_drone_flies_is_on_its_path():
@@ -186,7 +186,7 @@ def test_what_a_drone_flies_is_on_its_path():
         lat, lon, height = frame.geodetic_from_position(place)
         cov = np.broadcast_to(np.eye(3) * 1e-6, (200, 3, 3))
         fixes = GnssFixes(time, lat, lon, height, cov, quality=np.ones(200, dtype=np.int64))
-        assert not strays(fixes, np.ones(200, dtype=bool), cov)[1].any()
+        assert not outliers(fixes, np.ones(200, dtype=bool), cov)[1].any()
 
 
 def test_separation_is_unknown_where_a_run_has_no_epoch():
@@ -201,21 +201,21 @@ def test_separation_is_unknown_where_a_run_has_no_epoch():
     assert not separation.beyond(MODEL.gate).any()
 
 
-def test_fixes_of_minutes_with_many_floats_are_hampered():
+def test_fixes_of_minutes_with_many_floats_are_degraded():
     """Oracle: the share counted epoch by epoch; 25 minutes at 1 Hz, of which 5 in the middle have 8
     s float of 20.
     """
     time = np.arange(1500.0)
     quality = np.where((time // 300 == 2) & (time % 20 < 8), 2, 1)
     before = classes(time, quality, np.full(1500, 14))
-    kind = hampered(time, before)
+    kind = degraded(time, before)
     for k in range(0, 1500, 7):
         near = np.abs(time - time[k]) <= 180.0
         share = (before[near] == FIXED).mean()
-        assert kind[k] == (HAMPERED if before[k] == FIXED and share < 0.9 else before[k])
+        assert kind[k] == (DEGRADED if before[k] == FIXED and share < 0.9 else before[k])
     assert (kind[:450] == FIXED).all()
     assert (kind[1050:] == FIXED).all()
-    assert set(kind[600:900].tolist()) == {HAMPERED, FLOAT}
+    assert set(kind[600:900].tolist()) == {DEGRADED, FLOAT}
 
 
 def test_scattered_floats_and_short_runs_hamper_nothing():
@@ -224,12 +224,12 @@ def test_scattered_floats_and_short_runs_hamper_nothing():
     """
     quality = np.where(np.arange(6000) % 20 == 7, 2, 1)
     assert not (
-        hampered(0.1 * np.arange(6000), classes(0.1 * np.arange(6000), quality, None)) == HAMPERED
+        degraded(0.1 * np.arange(6000), classes(0.1 * np.arange(6000), quality, None)) == DEGRADED
     ).any()
     _, kind = calibrate(fixes_of([1] * 10), None, np.zeros(10))
     assert (kind == FIXED).all()
     _, kind = calibrate(fixes_of([1] * 5 + [2] * 3 + [1] * 5), None, np.zeros(13))
-    assert (kind == np.where(np.isin(np.arange(13), [5, 6, 7]), FLOAT, HAMPERED)).all()
+    assert (kind == np.where(np.isin(np.arange(13), [5, 6, 7]), FLOAT, DEGRADED)).all()
 
 
 def test_floats_before_the_first_and_after_the_last_fix_hamper_nothing():
@@ -238,23 +238,23 @@ def test_floats_before_the_first_and_after_the_last_fix_hamper_nothing():
     """
     time = 0.2 * np.arange(6000)
     ends = np.where((time < 150.0) | (time >= 1000.0), 2, 1)
-    kind = hampered(time, classes(time, ends, np.full(6000, 14)))
+    kind = degraded(time, classes(time, ends, np.full(6000, 14)))
     assert (kind[ends == 1] == FIXED).all()
     middle = np.where((time >= 500.0) & (time < 650.0), 2, 1)
-    kind = hampered(time, classes(time, middle, np.full(6000, 14)))
+    kind = degraded(time, classes(time, middle, np.full(6000, 14)))
     near = (middle == 1) & (time > 450.0) & (time < 700.0)
-    assert (kind[near] == HAMPERED).all()
-    assert (hampered(time, np.full(6000, FLOAT)) == FLOAT).all()
+    assert (kind[near] == DEGRADED).all()
+    assert (degraded(time, np.full(6000, FLOAT)) == FLOAT).all()
 
 
-def test_hampered_fixes_stay_fixed_with_sigmas_of_centimetres():
+def test_degraded_fixes_stay_fixed_with_sigmas_of_centimetres():
     """Oracle: (V.1) by hand of k = 4, 25, 25, 40 mm and 1 ppm of 5 km; the quality handed on; and a
     share of 0, which names none.
     """
     quality = np.repeat([1, 2, 1], 100)
     fixes, there = fixes_of(quality), quality == 1
     calibrated, kind = calibrate(fixes, np.full(300, 14), np.full(300, 5000.0))
-    assert (kind[there] == HAMPERED).all()
+    assert (kind[there] == DEGRADED).all()
     assert (calibrated.quality == fixes.quality).all()
     sigma = np.sqrt(np.diagonal(calibrated.cov_ned[there], axis1=1, axis2=2))
     assert np.allclose(
@@ -262,7 +262,7 @@ def test_hampered_fixes_stay_fixed_with_sigmas_of_centimetres():
         np.sqrt([20.0**2 + 25.0**2 + 5.0**2] * 2 + [40.0**2 + 40.0**2 + 5.0**2]) * 1e-3,
         rtol=1e-9,
     )
-    assert "200 of the believed are hampered" in calibrated.notes[-1].found
+    assert "200 of the validated are degraded" in calibrated.notes[-1].found
     assert calibrated.notes[-1].verdict == "note"
     plain, kind = calibrate(
         fixes, np.full(300, 14), np.full(300, 5000.0), None, replace(MODEL, degraded_share=0.0)
@@ -273,16 +273,16 @@ def test_hampered_fixes_stay_fixed_with_sigmas_of_centimetres():
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-@pytest.mark.parametrize(("share", "stray"), [(0.97, False), (1.03, True)])
-def test_a_vehicle_that_turns_as_hard_as_it_can_does_not_stray(axis, share, stray):
+@pytest.mark.parametrize(("share", "outlier"), [(0.97, False), (1.03, True)])
+def test_a_vehicle_that_turns_as_hard_as_it_can_is_no_outlier(axis, share, outlier):
     """Oracle: uniform acceleration a from rest, x = a t^2 / 2, whose chord lies a T1 T2 / 2 away.
 
     Three fixes 0.2 and 0.5 s apart with sigmas of 0.01 mm: 3 % less than the model's acceleration
-    is a turn, 3 % more a stray (V.4). And at rest: 3 sigma of the difference, by hand.
+    is a turn, 3 % more an outlier (V.4). And at rest: 3 sigma of the difference, by hand.
     """
     time = np.array([0.0, 0.2, 0.7])
 
-    def middle_is_stray(offset_m, sigma_m):
+    def middle_is_outlier(offset_m, sigma_m):
         fixes = fixes_of([1, 1, 1])
         moved = [fixes_of([1], offset=np.eye(3)[axis] * off) for off in offset_m]
         place = {
@@ -291,19 +291,21 @@ def test_a_vehicle_that_turns_as_hard_as_it_can_does_not_stray(axis, share, stra
         }
         fixes = replace(fixes, time=1000.0 + time, **place)
         return bool(
-            strays(fixes, np.ones(3, dtype=bool), np.tile(np.eye(3) * sigma_m**2, (3, 1, 1)))[1][1]
+            outliers(fixes, np.ones(3, dtype=bool), np.tile(np.eye(3) * sigma_m**2, (3, 1, 1)))[1][
+                1
+            ]
         )
 
     acceleration = share * MODEL.acceleration_mps2[axis]
-    assert middle_is_stray(0.5 * acceleration * time**2, 1e-5) == stray
+    assert middle_is_outlier(0.5 * acceleration * time**2, 1e-5) == outlier
     sigma = np.sqrt(1.0 + (5.0 / 7.0) ** 2 + (2.0 / 7.0) ** 2)
     allowed = 0.5 * MODEL.acceleration_mps2[axis] * 0.2 * 0.5 + 3.0 * 0.1 * sigma
-    assert middle_is_stray([0.0, share * allowed, 0.0], 0.1) == stray
+    assert middle_is_outlier([0.0, share * allowed, 0.0], 0.1) == outlier
 
 
-def test_a_stray_among_hampered_fixes_is_found_as_among_others():
+def test_an_outlier_among_degraded_fixes_is_found_as_among_others():
     """Oracle: a fix 0.2 m to the east at 5 Hz; with sigmas of fixed epochs (V.4) allows 0.09 m,
-    with those of hampered ones 0.33 m.
+    with those of degraded ones 0.33 m.
     """
     fixes = fixes_of([1] * 60 + [2] * 60 + [1] * 60, sigma=(0.02, 0.02, 0.04))
     moved = fixes_of([1], offset=(0.0, 0.2, 0.0))
@@ -311,7 +313,7 @@ def test_a_stray_among_hampered_fixes_is_found_as_among_others():
     lon[30] = moved.lon[0]
     model = replace(MODEL, acceleration_mps2=(1.0, 1.0, 1.0))
     _, kind = calibrate(replace(fixes, lon=lon), np.full(180, 15), np.zeros(180), None, model)
-    assert np.flatnonzero(kind[:60] != HAMPERED).tolist() == [30]
+    assert np.flatnonzero(kind[:60] != DEGRADED).tolist() == [30]
 
 
 @pytest.mark.parametrize(
@@ -369,16 +371,16 @@ def car():
     return driven("rover_rtk.pos")
 
 
-def test_wrong_fixes_of_a_car_in_a_city_are_not_believed(car):
+def test_wrong_fixes_of_a_car_in_a_city_are_not_validated(car):
     """Oracle: an Applanix reference; 108 of 1793 fixed epochs are off by more than 0.3 m (0.4 m in
     height).
     """
     error, _, kind, quality = car
     wrong = (np.hypot(error[:, 0], error[:, 1]) > 0.3) | (np.abs(error[:, 2]) > 0.4)
-    fixed, believed = quality == 1, np.isin(kind, BELIEVED)
+    fixed, validated = quality == 1, np.isin(kind, VALIDATED)
     assert (wrong & fixed).sum() > 100
-    assert not (wrong & believed).any()
-    assert believed.sum() > 0.8 * (fixed & ~wrong).sum()  # what the belief costs
+    assert not (wrong & validated).any()
+    assert validated.sum() > 0.8 * (fixed & ~wrong).sum()  # what the validation costs
 
 
 def beyond_three_sigma(error, cov):
@@ -390,15 +392,15 @@ def test_calibrated_sigmas_cover_the_errors_of_a_car_in_a_city(car):
     """Oracle: an Applanix reference, taken as exact, no datum removed: at most 2 % of the epochs
     lie beyond three sigma on any axis.
 
-    All of the drive, each half, and the believed fixes by themselves; whose sigmas are not far
+    All of the drive, each half, and the validated fixes by themselves; whose sigmas are not far
     larger than the errors (mean square 0.5).
     """
     error, cov, kind, _ = car
     beyond, half = beyond_three_sigma(error, cov), 2 * np.arange(len(error)) // len(error)
-    believed = np.isin(kind, BELIEVED)
-    for part in (half >= 0, half == 0, half == 1, believed):
+    validated = np.isin(kind, VALIDATED)
+    for part in (half >= 0, half == 0, half == 1, validated):
         assert beyond[part].mean() < 0.02
-    square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(cov), error)[believed] / 3.0
+    square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(cov), error)[validated] / 3.0
     assert 0.5 < square.mean() < 2.0
 
 
@@ -407,7 +409,7 @@ def test_a_second_solution_of_the_drive_is_covered():
     degrees. It chose no number.
     """
     error, cov, kind, _ = driven("rover_1Hz_rtk.pos")
-    assert np.isin(kind, BELIEVED).sum() > 100
+    assert np.isin(kind, VALIDATED).sum() > 100
     assert beyond_three_sigma(error, cov).mean() < 0.02
 
 
@@ -415,7 +417,7 @@ def test_a_second_solution_of_the_drive_is_covered():
 def test_fixes_under_an_open_sky_keep_the_engines_sigmas(tmp_path):
     """Oracle: published coordinates of a standing antenna, solved as moving, 5.3 km from its base.
 
-    None is hampered, and errors of 1 to 3 mm lie within the sigmas, of which 5 mm are for the
+    None is degraded, and errors of 1 to 3 mm lie within the sigmas, of which 5 mm are for the
     distance.
     """
     if find_spec("pyrtklib5") is None:

@@ -1,4 +1,4 @@
-"""The engine in its processes: what it is asked, and what is believed of its answer, with a script
+"""The engine in its processes: what it is asked, and what is trusted of its answer, with a script
 in its place.
 """
 
@@ -38,7 +38,7 @@ def fake(tmp_path):
 
 
 def test_options_are_those_that_hold(tmp_path):
-    """Oracle: the list of the issue, with RTKLIB's numbers for its choices (options.c of EX 2.5.0)."""
+    """Oracle: the issue's list, with RTKLIB's numbers for its choices (options.c of EX 2.5.0)."""
     base = header_of(tmp_path, observations(approx=BASE))
     lines = dict(
         line.split("=")

@@ -160,7 +160,7 @@ WRONG_OPTIONS = [
 
 @pytest.mark.parametrize(("name", "value", "what"), WRONG_OPTIONS)
 def test_options_that_rtklib_does_not_take_are_told(tmp_path, name, value, what):
-    """Oracle: RTKLIB's table of options; it goes on without them, and reads a word as the number 0."""
+    """Oracle: RTKLIB's table of options; it goes on without them, and reads a word as 0."""
     rover, base, navigation = moving_set()
     with pytest.raises(UsageError, match=what) as info:
         solve(

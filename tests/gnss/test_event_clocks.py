@@ -1,4 +1,4 @@
-"""Camera events of a file beside the rover's own: equal, off by a constant, or of another flight."""
+"""Camera events of a file beside the rover's: equal, off by a constant, or of another flight."""
 
 import numpy as np
 import pytest

@@ -19,6 +19,8 @@ from insgnss.gnss.rinex.camera_events import RoverEvents
 from insgnss.processing.input_files import read_files
 from insgnss.records import CameraEvents, Check, GnssFixes
 
+Inputs = list[PpkInput]
+
 FIXES = GnssFixes(
     np.array([10.0, 11.0]),
     np.full(2, 0.8),
@@ -46,9 +48,9 @@ ratio = 2.5
 
 
 @pytest.fixture
-def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list:  # type: ignore[type-arg]
+def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Inputs:
     """What the engine was asked for; it answers with `FIXES` and, where it may, `EVENTS`."""
-    given = []
+    given: Inputs = []
 
     def solve(inputs):  # type: ignore[no-untyped-def]
         given.append(inputs)
@@ -67,7 +69,7 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list:  # type: ign
     return given
 
 
-def test_the_engine_is_asked_for_what_the_flight_file_says(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
+def test_the_engine_is_asked_for_what_the_flight_file_says(asked: Inputs, tmp_path: Path) -> None:
     """Oracle: the flight file's own values."""
     (tmp_path / "flight.toml").write_text(FLIGHT)
     _, fixes, events, ppk = read_files(load_flight(tmp_path / "flight.toml"))
@@ -93,7 +95,7 @@ def test_the_engine_is_asked_for_what_the_flight_file_says(asked: list, tmp_path
     assert ppk.checks == (RATE,)  # the note of the events is the record's own
 
 
-def test_nothing_is_asked_for_beyond_the_defaults(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
+def test_nothing_is_asked_for_beyond_the_defaults(asked: Inputs, tmp_path: Path) -> None:
     """Oracle: the defaults of `PpkInput` and `EngineOptions`, which a flight file without further
     keys must not change.
     """
@@ -103,7 +105,7 @@ def test_nothing_is_asked_for_beyond_the_defaults(asked: list, tmp_path: Path) -
     assert inputs == PpkInput(inputs.rover, inputs.base, inputs.navigation)
 
 
-def test_the_frame_around_the_engine_is_asked_for(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
+def test_the_frame_around_the_engine_is_asked_for(asked: Inputs, tmp_path: Path) -> None:
     """Oracle: the flight file's own values."""
     more = (
         "max_age_s = 5\ntimeout_s = 90\nacceleration_mps2 = [6, 2]\nrtklib_options = {"
@@ -140,8 +142,8 @@ def test_the_frame_around_the_engine_is_asked_for(asked: list, tmp_path: Path) -
     assert not asked[1].wet_delay
 
 
-def test_a_camera_without_a_file_needs_the_rovers_events(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
-    """Oracle: the flight file; without [camera] the rover's events are taken where there are some."""
+def test_a_camera_without_a_file_needs_the_rovers_events(asked: Inputs, tmp_path: Path) -> None:
+    """Oracle: the flight file; without [camera] the rover's events are taken where it has some."""
     (tmp_path / "flight.toml").write_text(FLIGHT)
     read_files(load_flight(tmp_path / "flight.toml"))
     (tmp_path / "flight.toml").write_text(FLIGHT + "[camera]\ntime_offset_s = 0.002\n")
@@ -151,7 +153,7 @@ def test_a_camera_without_a_file_needs_the_rovers_events(asked: list, tmp_path: 
     assert events is EVENTS
 
 
-def test_events_of_another_file_come_first(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
+def test_events_of_another_file_come_first(asked: Inputs, tmp_path: Path) -> None:
     """Oracle: the file's two lines."""
     (tmp_path / "events.txt").write_text("image tow\na.tif 10.05\nb.tif 10.10\n")
     (tmp_path / "flight.toml").write_text(FLIGHT + '[camera]\nevents = "events.txt"\n')
@@ -161,7 +163,7 @@ def test_events_of_another_file_come_first(asked: list, tmp_path: Path) -> None:
     assert events.images == ("a.tif", "b.tif")
 
 
-def test_images_name_the_rovers_events(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
+def test_images_name_the_rovers_events(asked: Inputs, tmp_path: Path) -> None:
     """Oracle: the flight file's own value."""
     (tmp_path / "names.txt").write_text("a.tif\nb.tif\n")
     (tmp_path / "flight.toml").write_text(FLIGHT + '[camera]\nimages = "names.txt"\n')
@@ -178,7 +180,7 @@ def test_images_name_the_rovers_events(asked: list, tmp_path: Path) -> None:  # 
     assert asked[1].rover_events == RoverEvents("cam", True)
 
 
-def test_the_images_own_times_tell_which_event_has_no_image(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
+def test_the_images_own_times_tell_which_event_has_no_image(asked: Inputs, tmp_path: Path) -> None:
     """Oracle: the image that was not taken, the fourth of eight; the numbers of the images have no
     gap, the camera's clock is another.
     """
@@ -205,7 +207,7 @@ def test_the_images_own_times_tell_which_event_has_no_image(asked: list, tmp_pat
     assert np.allclose(events.time, 10.0 + np.delete(shots, 3), rtol=0, atol=1e-9)
 
 
-def test_images_name_the_events_of_another_file(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
+def test_images_name_the_events_of_another_file(asked: Inputs, tmp_path: Path) -> None:
     """Oracle: the lists; a count that does not fit is refused before the engine runs, with the way
     out, which then works.
     """
@@ -238,8 +240,8 @@ sigma_m = [0.02, 0.02, 0.03]
 
 
 def test_images_name_the_events_of_ready_positions_by_the_same_rules(
-    asked: list, tmp_path: Path
-) -> None:  # type: ignore[type-arg]
+    asked: Inputs, tmp_path: Path
+) -> None:
     """Oracle: the lists; the same refusal and the same way out as with a rover, and no engine."""
     (tmp_path / "gnss.txt").write_text(
         "".join(f"{10 + 0.1 * k:.1f} 46.5 6.5 500.0\n" for k in range(3))
@@ -263,7 +265,7 @@ def test_images_name_the_events_of_ready_positions_by_the_same_rules(
     assert events.notes == ()
 
 
-def test_events_of_ready_positions_that_have_names_keep_them(asked: list, tmp_path: Path) -> None:  # type: ignore[type-arg]
+def test_events_of_ready_positions_that_have_names_keep_them(asked: Inputs, tmp_path: Path) -> None:
     """Oracle: the file's names; images that name them again are refused."""
     (tmp_path / "gnss.txt").write_text(
         "".join(f"{10 + 0.1 * k:.1f} 46.5 6.5 500.0\n" for k in range(3))

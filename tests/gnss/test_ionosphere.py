@@ -7,7 +7,7 @@ import pytest
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.phase import ionosphere as room
-from insgnss.gnss.phase.double_differences import Differences, _two_bands, differences
+from insgnss.gnss.phase.double_differences import DoubleDifferences, _two_bands, double_differences
 from insgnss.gnss.phase.ionosphere import (
     GRADIENT,
     LEAST_S,
@@ -157,8 +157,9 @@ SEEN = {  # of satellites 5 to 8, which are another system's, by the number of t
 
 
 def made(truth, h=0.0, t=0.0, noise=0.0, seed=0, minutes=45.0, seen=None):
-    """`Differences` of a sky that turns, with V, G of `truth` (n, 3), h, t, and noise, m, of each
-    phase at the zenith.
+    """Double differences of a sky that turns, with V, G of `truth` (n, 3), h, t.
+
+    noise : m, of each phase at the zenith.
 
     seen : a value of `SEEN`; None for nine satellites of one system throughout.
     """
@@ -206,7 +207,7 @@ def made(truth, h=0.0, t=0.0, noise=0.0, seed=0, minutes=45.0, seen=None):
         sky.azimuth,
         sky.elevation,
     )
-    return Differences(*(values[there] for values in (*rows, up[sky.epoch])))
+    return DoubleDifferences(*(values[there] for values in (*rows, up[sky.epoch])))
 
 
 def linear(V, rate, *G):
@@ -219,7 +220,7 @@ def test_what_is_put_in_is_found(seen):
     clocks of any size do not matter.
     """
     found = fit(made(linear(4.0, 1e-4, 1.2e-6, -2.1e-6), h=7e-3, t=1e-5, seen=seen))
-    value, _ = found.at([0.0, 1350.0, 2690.0])
+    value, _ = found.interpolate([0.0, 1350.0, 2690.0])
     np.testing.assert_allclose(
         value,
         [[4.0, 1.2e-6, -2.1e-6], [4.135, 1.2e-6, -2.1e-6], [4.269, 1.2e-6, -2.1e-6]],
@@ -235,9 +236,9 @@ def test_it_is_found_within_its_standard_deviations(monkeypatch, seen):
     squares have the mean 1.
 
     15 draws of 3 values: chi-square of 45 lies between 0.45 and 1.8 of its mean but for 1 in 1000.
-    `LASTING_S` would count white noise of 10 s as three times what it is; here it counts once.
+    `CORRELATED_S` would count white noise of 10 s as three times what it is; here it counts once.
     """
-    monkeypatch.setattr(room, "LASTING_S", 10.0)
+    monkeypatch.setattr(room, "CORRELATED_S", 10.0)
     squares = []
     for seed in range(15):
         V, *G = np.random.default_rng(100 + seed).standard_normal(3) * [
@@ -246,7 +247,7 @@ def test_it_is_found_within_its_standard_deviations(monkeypatch, seen):
             GRADIENT,
         ] + [VERTICAL_M[0], 0.0, 0.0]
         found = fit(made(linear(V, 0.0, *G), noise=2e-3, seed=seed, seen=seen))
-        value, cov = found.at([1350.0])
+        value, cov = found.interpolate([1350.0])
         off = value[0] - [V, *G]
         squares.append(off @ np.linalg.solve(cov[0], off) / 3.0)
     assert 0.45 < np.mean(squares) < 1.8
@@ -260,8 +261,8 @@ def test_outliers_hardly_count():
     spoiled = clean.parts.copy()
     spoiled[(clean.satellite == 5) & (clean.epoch % 10 == 0), 0] += 0.04
     (plain, cov), (other, _) = (
-        fit(clean).at([1000.0]),
-        fit(replace(clean, parts=spoiled)).at([1000.0]),
+        fit(clean).interpolate([1000.0]),
+        fit(replace(clean, parts=spoiled)).interpolate([1000.0]),
     )
     assert (np.abs(other - plain)[0] < 0.5 * np.sqrt(np.diag(cov[0]))).all()
 
@@ -299,9 +300,9 @@ def test_errors_that_last_widen_what_is_found():
         / np.sin(lasting.elevation)[:, None]
     )
     found, plain = fit(replace(lasting, parts=lasting.parts + slow)), fit(white)
-    assert found.lasting[0] > 8.0
-    assert found.lasting[1] > 6.0
-    assert plain.lasting == (pytest.approx(3.0), pytest.approx(3.0))
+    assert found.correlation[0] > 8.0
+    assert found.correlation[1] > 6.0
+    assert plain.correlation == (pytest.approx(3.0), pytest.approx(3.0))
 
 
 def test_short_flights_measure_nothing():
@@ -341,7 +342,7 @@ def test_covariance_between_knots():
         (1.0, 1.0),
     )
     J = np.hstack([0.7 * np.eye(3), 0.3 * np.eye(3)])
-    value, cov = iono.at([3.0])
+    value, cov = iono.interpolate([3.0])
     np.testing.assert_allclose(value[0], [0.9, 1.9, 2.9])
     np.testing.assert_allclose(cov[0], J @ root @ root.T @ J.T)
 
@@ -424,7 +425,7 @@ def test_v_and_g_of_simulated_flights(tmp_path, shells, seed):
     """
     rover, base, navigation, fixes, raw = simulated(tmp_path, seed, **WITH)
     found, _ = found_in(rover, base, navigation, fixes, raw)
-    value, cov = found.ionosphere.at([fixes.time.mean()])
+    value, cov = found.ionosphere.interpolate([fixes.time.mean()])
     assert (np.abs(value[0] - truth_of(shells[0])) < 3.0 * np.sqrt(np.diag(cov[0]))).all()
     sigma = np.sqrt(np.diagonal(found.cov_ned, axis1=1, axis2=2))
     assert (sigma.max(axis=0) < [4e-3, 4e-3, 8e-3]).all()
@@ -442,7 +443,7 @@ def test_the_displacement_of_a_least_squares_position_goes_away(tmp_path, monkey
     rover, base, navigation, fixes, raw = simulated(tmp_path, 5, **WITHOUT)
     found, sky = found_in(rover, base, navigation, fixes, raw)
     place = np.array(raw.base_position_m)
-    d = differences(
+    d = double_differences(
         fixes, rover, base, navigation, place, sky, shell_design(fixes, sky, place), AIR
     )
     moved = displacement(

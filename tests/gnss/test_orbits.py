@@ -241,7 +241,7 @@ def test_the_nearest_healthy_message_in_reach_is_taken(written):
 
 
 def test_no_satellite_has_no_message(written):
-    """Oracle: none asked for, as where rover and base have no system with a correction in common."""
+    """Oracle: none asked for, as where rover and base share no system with a correction."""
     text = header(3.04, "N: GNSS NAV DATA", "G: GPS") + message(
         3.04, "G03", (1.0, 0.0, 0.0), gps_elements(toe=TOW), START
     )

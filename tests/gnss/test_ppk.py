@@ -337,7 +337,7 @@ APC = "taken as the antenna's phase centre (apc)"
 
 
 def test_an_image_too_few_is_found_by_the_images_own_times(flown, again, tmp_path):
-    """Oracle: the picture that is missing, of events in the rover's file; Pillow writes the times."""
+    """Oracle: the missing picture, of events in the rover's file; Pillow writes the times."""
     image = pytest.importorskip("PIL.Image")
     _, truth, _, _ = flown
     for k, t in enumerate(np.delete(truth["events"], 30), start=1):

@@ -335,7 +335,7 @@ def test_a_third_frequency_that_nobody_observes_is_told(fake):
 
 @pytest.mark.parametrize("system", ["R", "G"])
 def test_navigation_of_another_day_beside_the_right_one_is_told(fake, system):
-    """Oracle: a message of two days later for one system, of the day for the other, both observed."""
+    """Oracle: a message of two days later for one system, of the day for another, both observed."""
     found, rover = read_navigation([fake.nav]), read_observations(fake.rover)
     late = found.table.copy()
     late[:, TOE] += 2 * 86400.0

@@ -5,7 +5,7 @@ import pytest
 
 from insgnss.base.errors import DataError, InputError
 from insgnss.gnss.phase.signal_quality import LIGHT, signal_numbers, signals_of
-from insgnss.gnss.quality.covariance import FLOAT, HAMPERED, calibrate, forward_backward
+from insgnss.gnss.quality.covariance import DEGRADED, FLOAT, calibrate, forward_backward
 from insgnss.gnss.quality.solution_quality import (
     coverage_numbers,
     longest_without,
@@ -110,13 +110,13 @@ def test_multipath_is_the_planted_code_error():
         assert np.allclose(list(found.values()), code, rtol=0.05)
 
 
-def test_strength_is_the_median_by_band():
+def test_cn0_is_the_median_by_band():
     """Oracle: 45 and 28 dB-Hz with noise of 1 dB."""
     found = signals_of(observed())
-    assert signal_numbers(found)["strength_dbhz"] == pytest.approx(
+    assert signal_numbers(found)["cn0_dbhz"] == pytest.approx(
         {"band 1": 45.0, "band 2": 28.0}, abs=0.2
     )
-    assert found.strength_time.size == 60
+    assert found.cn0_time.size == 60
 
 
 def test_one_epoch_is_refused():
@@ -127,7 +127,8 @@ def test_one_epoch_is_refused():
 
 POS = """% program   : RTKLIB ver.EX 2.5.0
 % (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of satellites)
-%  GPST                latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)  sdne(m)  sdeu(m)  sdun(m) age(s)  ratio
+%  GPST                latitude(deg) longitude(deg)  height(m)   Q  ns \
+  sdn(m)   sde(m)   sdu(m)  sdne(m)  sdeu(m)  sdun(m) age(s)  ratio
 """
 
 
@@ -142,7 +143,7 @@ def written(path, rows):
 
 
 def test_columns_beside_the_positions_are_read_by_time(tmp_path):
-    """Oracle: the rows written; the last one stands twice, as engines write at the end of a file."""
+    """Oracle: the rows written; the last stands twice, as engines write at the end of a file."""
     rows = [(1000.0, 1, 14, 0.1, 20.5), (1000.2, 2, 9, -0.3, 1.4), (1000.4, 5, 6, 0.0, 0.0)]
     solution = read_solution(written(tmp_path / "a.pos", [*rows, rows[-1]]))
     assert solution.fixes.quality.tolist() == [1, 2, 5]
@@ -225,17 +226,17 @@ def test_the_verdict_says_what_to_look_at(solved):
     """Oracle: a fix rate of 70 %, 7 satellites, and a band of 28 dB-Hz."""
     told, checks = verdict(numbers_of(solved, signals_of(observed())))
     assert told.startswith(
-        "poor: 70.0 % of 200 epochs are fixed and confirmed, 140 of them hampered"
+        "poor: 70.0 % of 200 epochs are fixed and confirmed, 140 of them degraded"
     )
-    assert "hampered fixes" in told.partition("look at")[2]
+    assert "degraded fixes" in told.partition("look at")[2]
     assert "satellites" in told
-    assert "signal strength" in told
+    assert "C/N0" in told
     state = {check.name: check.verdict for check in checks}
     assert (
         state["GNSS fix rate"]
-        == state["GNSS hampered fixes"]
+        == state["GNSS degraded fixes"]
         == state["GNSS satellites"]
-        == state["GNSS signal strength"]
+        == state["GNSS C/N0"]
         == "note"
     )
     assert (
@@ -268,7 +269,7 @@ def test_a_good_solution_is_called_good(fixed):
     """Oracle: all epochs fixed, 14 satellites, a base at 2 km."""
     told, checks = verdict(fixed | of_epochs(200))
     assert told.startswith("good: 100.0 % of 200 epochs")
-    assert "hampered" not in told
+    assert "degraded" not in told
     assert "no solution" not in told
     assert "look at" not in told
     assert {check.verdict for check in checks} == {"ok"}
@@ -289,7 +290,7 @@ def test_epochs_without_solution_count_as_not_fixed(fixed):
         "200 of 400 epochs have no solution, from 1040.0 s to 1079.8 s",
     )
     numbers = of_epochs(203, [0, 7, 8])
-    assert (numbers["unsolved"], numbers["unsolved_stretches"]) == (3, 2)
+    assert (numbers["unsolved"], numbers["unsolved_periods"]) == (3, 2)
     assert numbers["unsolved_s"] == pytest.approx([1001.4, 1001.6])
     assert numbers["unsolved_share"] == pytest.approx(3 / 203)
     assert numbers["longest_without_fixed_s"] == pytest.approx(0.6)
@@ -329,10 +330,10 @@ def test_series_hold_what_the_figures_draw(solved):
         "distance_m",
         "separation_m",
         "separation_sigma_m",
-        "strength",
+        "cn0",
         "slip_time",
     } <= set(series)
-    assert (series["kind"][[0, 150]] == [HAMPERED, FLOAT]).all()
+    assert (series["kind"][[0, 150]] == [DEGRADED, FLOAT]).all()
 
 
 def test_longest_time_without_a_good_epoch_counts_the_ends():

@@ -123,7 +123,7 @@ def test_changes_to_the_model_are_those_of_a_run_of_our_own(tmp_path):
 
 
 def test_changes_to_the_model_are_refused_where_the_file_does_not_tell_what_it_needs(tmp_path):
-    """Oracle: a .pos without base, and a text of positions; without changes both stay as they are."""
+    """Oracle: a .pos without base, and a text of positions; both stay as they are."""
     model = MODEL.with_changes({"gate": 20.0})
     path = written(tmp_path / "a.pos", base="")
     (tmp_path / "gnss.txt").write_text(

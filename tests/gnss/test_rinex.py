@@ -284,7 +284,7 @@ def test_version_3_changes_the_types_of_one_system_only(tmp_path):
 
 
 def test_what_other_events_say_is_noted(tmp_path):
-    """Oracle: what was written: the antenna starts to move, a new site with another antenna height."""
+    """Oracle: what was written: the antenna starts to move, a site with another antenna height."""
     height = w.record(f"{1.5:14.4f}{0.0:14.4f}{0.0:14.4f}", "ANTENNA: DELTA H/E/N")
     text = w.header2(["C1"]) + w.event2(None, 2) + w.epoch2(NOON, {"G01": [1.0]})
     found = reading(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from insgnss.gnss.quality.covariance import BELIEVED, CLASSES
+from insgnss.gnss.quality.covariance import VALIDATED, CLASSES
 from insgnss.report.figures import gnss
 from insgnss.report.figures.gnss import draw_quality, pictures
 
@@ -28,8 +28,8 @@ def series():
         "height_difference_m": np.linspace(0.0, 100.0, n),
         "separation_m": apart,
         "separation_sigma_m": np.full((n, 3), 0.01),
-        "strength_time": np.arange(1000.0, 1120.0),
-        "strength": {"band 1": np.full(120, 45.0), "band 2": np.full(120, 39.0)},
+        "cn0_time": np.arange(1000.0, 1120.0),
+        "cn0": {"band 1": np.full(120, 45.0), "band 2": np.full(120, 39.0)},
         "slip_time": np.array([1010.0, 1010.0, 1090.0]),
         "slip_satellite": ["G05", "R11", "G05"],
         "gaps": np.array([[1060.0, 1063.0]]),
@@ -62,8 +62,8 @@ def test_unknown_things_have_no_row(series):
     for name in (
         "separation_m",
         "separation_sigma_m",
-        "strength",
-        "strength_time",
+        "cn0",
+        "cn0_time",
         "slip_time",
         "slip_satellite",
         "gaps",
@@ -77,17 +77,17 @@ def test_unknown_things_have_no_row(series):
 def test_every_class_has_a_name_and_a_colour():
     """Oracle: the classes of the covariance."""
     assert len(gnss.NAMES) == len(gnss.COLOURS) == len(CLASSES)
-    assert gnss.BELIEVED == BELIEVED
+    assert gnss.VALIDATED == VALIDATED
 
 
-def test_hampered_fixes_are_drawn_apart_and_count_as_fixed(series):
+def test_degraded_fixes_are_drawn_apart_and_count_as_fixed(series):
     """Oracle: the first 200 epochs named so; the share of confirmed fixes stays at 100 %."""
     series["kind"] = np.where(
         np.arange(600) < 200, CLASSES.index("degraded"), CLASSES.index("fixed")
     )
     figure = gnss._draw(series, gnss._solution_panels(series))
     axes = {ax.get_ylabel(): ax for ax in figure.axes}
-    assert {"fixed", "fixed, hampered"} <= {drawn.get_label() for drawn in axes["satellites"].lines}
+    assert {"fixed", "fixed, degraded"} <= {drawn.get_label() for drawn in axes["satellites"].lines}
     assert axes["fixed, %"].lines[0].get_ydata().min() == 100.0
 
 

@@ -7,7 +7,7 @@ Swapped files show in that the base moves, by its phases (5 mm/s of a receiver t
 from epochs every 30 s) or by its codes; in that it stands elsewhere than its coordinates say, where
 the rover stands; or in that the coordinates are, to a decimetre, those of the rover's header. Codes
 place a receiver to some metres: of two that both stand within `NEAR_M` of each other neither codes
-nor phases tell which is which, nor whether the coordinates are metres off.
+nor phases show which is which, nor whether the coordinates are metres off.
 
 Every position has the error of the base's coordinates, and nothing else shows it. The median of the
 codes at some 60 epochs, with the broadcast ionosphere, lies 0.5 to 3.7 m from the known coordinates
@@ -46,15 +46,24 @@ MOVES_M = 15.0
 MOVES_MPS, MOVES_SHARE = 0.2, 0.05
 SIGMAS = 3.0
 SAME_COORDINATES_M, OTHER_COORDINATES_M = 0.1, 1.0
-ROUGHLY_M = 500.0  # of an epoch between those with a position; its phases then tell 0.08 m/s
+ROUGHLY_M = 500.0  # of an epoch between those with a position; its phases then show 0.08 m/s
 SECOND = "L2, of Galileo E5b, of BeiDou B2"
 
 
 def check_observations(
     rover: Observations, base: Observations, options: EngineOptions
 ) -> tuple[Check, ...]:
-    """Frequencies and common time; InputError or DataError for what cannot give an ambiguity, notes
-    for what stays without base.
+    """Check frequencies and common time of rover and base.
+
+    Returns
+    -------
+    tuple of Check
+        Notes for epochs that stay without base.
+
+    Raises
+    ------
+    InputError, DataError
+        For observations by which no ambiguity can be resolved.
     """
     if rover.header.path == base.header.path:
         raise InputError.at(
@@ -78,20 +87,20 @@ def _check_base_times(
         f"raise max_age_s (--max-age) to {pace:g} s at least: the base has epochs every {pace:g} s"
     )
     if not within_pace.any():
-        what = (
+        message = (
             f"{_span(base)}, but the rover {rover.header.path} {_span(rover)}: no common time; is"
             " it the base of another day?"
         )
-        raise InputError.at(base.header.path, None, what)
+        raise InputError.at(base.header.path, None, message)
     if not near.any():
-        what = (
+        message = (
             f"no epoch within max_age_s = {max_age_s:g} s of any of the rover {rover.header.path};"
             f" {rare}"
         )
-        raise InputError.at(base.header.path, None, what)
+        raise InputError.at(base.header.path, None, message)
     if near.all():
         return ()
-    found = f"{near.mean():.1%} of {near.size} epochs; the base's file is {_span(base)}"
+    finding = f"{near.mean():.1%} of {near.size} epochs; the base's file is {_span(base)}"
     inside = (time >= reference[0]) & (time <= reference[-1])
     reasons = {
         rare: inside & within_pace,
@@ -99,16 +108,16 @@ def _check_base_times(
         "give a base of the whole flight": ~inside,
     }
     advice = "; ".join(reason for reason, those in reasons.items() if (those & ~near).any())
-    return (Check("epochs with a base", found, f"all within {max_age_s:g} s", "note", advice),)
+    return (Check("epochs with a base", finding, f"all within {max_age_s:g} s", "note", advice),)
 
 
 def absolute(observations: Observations) -> Array:
-    """Stamps (n,) s since the beginning of GPS time."""
+    """Return the stamps (n,) in s since the beginning of GPS time."""
     return observations.gps_week * WEEK_S + observations.time
 
 
 def interval(observations: Observations) -> float:
-    """Median s between epochs; 1 where there are fewer than two."""
+    """Return the median interval between epochs, s; 1 where there are fewer than two."""
     return float(np.median(np.diff(observations.time))) if observations.time.size > 1 else 1.0
 
 
@@ -168,7 +177,7 @@ def _check_third(
     if have[0] & have[1]:
         return ()
     lacking = [o.header.path for o, systems in zip((rover, base), have, strict=True) if not systems]
-    found = (
+    finding = (
         f"no phases of a third one in {' and '.join(lacking)}"
         if lacking
         else "none whose third one is in both files"
@@ -176,7 +185,7 @@ def _check_third(
     return (
         Check(
             "frequencies",
-            found,
+            finding,
             "systems with three in both",
             "note",
             f"{setting('gnss.frequencies', 2)} says what is solved",
@@ -191,37 +200,46 @@ def _with_third(observations: Observations, options: EngineOptions) -> set[str]:
 
 
 def satellites_with_phases(observations: Observations, options: EngineOptions) -> NDArray[np.bool_]:
-    """Rows (m,) with phases of the first and, where asked for, a further frequency of the engine."""
+    """Return rows (m,) with phases of the engine's first and, if requested, a further frequency."""
     has = engine_phases(observations, options.frequencies)
-    asked = np.isin(observations.satellite.astype("U1"), list(options.systems))
+    requested = np.isin(observations.satellite.astype("U1"), list(options.systems))
     return np.asarray(
-        asked & has[:, 0] & (has[:, 1:].any(axis=1) if options.frequencies > 1 else True)
+        requested & has[:, 0] & (has[:, 1:].any(axis=1) if options.frequencies > 1 else True)
     )
 
 
 def check_navigation(
     navigation: Navigation, rover: Observations, options: EngineOptions
 ) -> tuple[Check, ...]:
-    """Systems and days of the ephemerides; InputError where none serves the rover or GPS has none,
-    a note for other systems without.
+    """Check systems and days of the ephemerides.
+
+    Returns
+    -------
+    tuple of Check
+        A note for systems other than GPS without ephemerides.
+
+    Raises
+    ------
+    InputError
+        Where no ephemeris serves the rover, or none is of GPS.
     """
     toe = navigation.gps_week * WEEK_S + navigation.table[:, TOE]
     first, last = absolute(rover)[[0, -1]]
     current = (toe > first - EPHEMERIS_AGE_S) & (toe < last + EPHEMERIS_AGE_S)
     if not current.any():
-        what = (
+        message = (
             f"ephemerides of {_date(toe.min())} to {_date(toe.max())}, but the rover"
             f" {rover.header.path} is {_span(rover)}"
         )
-        raise InputError(f"{navigation.source}: {what}; give the navigation of that day")
+        raise InputError(f"{navigation.source}: {message}; give the navigation of that day")
     have = set(navigation.satellite[current].astype("U1"))
     seen = set(rover.satellite.astype("U1")) & set(options.systems)
     if not seen & have:
-        what = (
+        message = (
             f"ephemerides of {' '.join(sorted(have))}, but the rover {rover.header.path} observes"
             f" {' '.join(sorted(seen))}"
         )
-        raise InputError(f"{navigation.source}: {what}; give the navigation of these systems")
+        raise InputError(f"{navigation.source}: {message}; give the navigation of these systems")
     missing = sorted(seen - have)
     if not missing:
         return ()
@@ -232,7 +250,7 @@ def check_navigation(
         if of.size
     )
     if "G" in missing:
-        what = (
+        message = (
             f"no ephemerides of GPS for {_span(rover)[3:]}, which the rover {rover.header.path}"
             " observes"
         )
@@ -242,22 +260,26 @@ def check_navigation(
             else "add its navigation file"
         )
         raise InputError(
-            f"{navigation.source}: {what}; {advice}, or leave G out of {named('gnss.systems')}"
+            f"{navigation.source}: {message}; {advice}, or leave G out of {named('gnss.systems')}"
         )
-    found = f"none of {' '.join(missing)} for {_span(rover)[3:]}, which are left out" + (
+    finding = f"none of {' '.join(missing)} for {_span(rover)[3:]}, which are left out" + (
         f"; {given}" if given else ""
     )
     advice = "give the navigation of that day" if given else "add their navigation file"
-    return (Check("navigation", found, "ephemerides of every system observed", "note", advice),)
+    return (Check("navigation", finding, "ephemerides of every system observed", "note", advice),)
 
 
 @dataclass(frozen=True, eq=False)
 class Whereabouts:
     """Where a receiver is, and whether it moves.
 
-    points : (n, 3) m ECEF, by codes alone.
-    speed : (m,) m/s, by phases between epochs, and sd : (m,) its standard deviation; both empty
-    where no phases are fit for it.
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+        m ECEF, by codes alone.
+    speed, sd : ndarray, shape (m,)
+        m/s, by phases between epochs (TDCP), and its standard deviation; both empty where no phases
+        are fit for it.
     """
 
     points: Array
@@ -268,7 +290,7 @@ class Whereabouts:
     def of(
         cls, fixes: GnssFixes, observations: Observations, navigation: Navigation
     ) -> "Whereabouts":
-        """From positions by codes at some epochs, and the phases."""
+        """Build it from positions by codes at some epochs, and the phases."""
         points = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)
         limits = VelocityOptions(
             longest_s=max(2.0, 1.5 * interval(observations)), position_sd=ROUGHLY_M
@@ -282,11 +304,11 @@ class Whereabouts:
 
     @property
     def middle(self) -> Array:
-        """Median of the points (3,)."""
+        """Return the median of the points (3,), m ECEF."""
         return np.asarray(np.median(self.points, axis=0))
 
     def motion(self) -> str:
-        """How it moves, in words; empty where it stands."""
+        """Return how the receiver moves, in words; empty where it stands."""
         moving = self.speed > MOVES_MPS + SIGMAS * self.sd
         if moving.size and moving.mean() > MOVES_SHARE:
             fast = np.quantile(self.speed[moving], 0.9)
@@ -308,58 +330,75 @@ def check_base_place(
     options: EngineOptions,
     whereabouts: Callable[[Observations], Whereabouts],
 ) -> tuple[Check, ...]:
-    """Whether the base stands, and where it is said to stand.
+    """Check whether the base stands, and where its coordinates say.
 
-    whereabouts : of a receiver; the rover is asked for where the base looks wrong.   InputError where the base moves, stands more than
-    `ELSEWHERE_M` off its coordinates, or the rover is where they say; a note where it stands more
-    than `NEAR_M` off.
+    Parameters
+    ----------
+    rover, base : Observations
+        Observations of the two receivers.
+    options : EngineOptions
+        Hold the coordinates of the base.
+    whereabouts : callable
+        Finds where a receiver is; the rover's are computed only where the base looks wrong.
+
+    Returns
+    -------
+    tuple of Check
+        A note where the base stands more than `NEAR_M` off its coordinates.
+
+    Raises
+    ------
+    InputError
+        Where the base moves, stands more than `ELSEWHERE_M` off its coordinates, or the rover is
+        where they say.
     """
-    place = whereabouts(base)
+    location = whereabouts(base)
     given = np.array(base_position(options, base.header)[0])
-    off = float(np.linalg.norm(place.middle - given))
-    if motion := place.motion():
+    off = float(np.linalg.norm(location.middle - given))
+    if motion := location.motion():
         raise InputError.at(
             base.header.path, None, f"the base moves: {motion}; {_of_moving(rover, whereabouts)}"
         )
     if options.base_position_m is not None:
         if _is_header_of_rover(given, base.header, rover.header):
-            what = (
+            message = (
                 f"the base coordinates are those of the header of the rover {rover.header.path},"
                 " not of its own; are the two swapped?"
             )
-            raise InputError.at(base.header.path, None, what)
+            raise InputError.at(base.header.path, None, message)
         if off > NEAR_M and _stands_at(given, off, rover, whereabouts):
-            what = (
+            message = (
                 f"stands {off:.0f} m from the base coordinates, and the rover {rover.header.path}"
                 " stands there: they are swapped"
             )
-            raise InputError.at(base.header.path, None, what)
+            raise InputError.at(base.header.path, None, message)
     if off > ELSEWHERE_M:
         whose = (
             "the base coordinates"
             if options.base_position_m is not None
             else "APPROX POSITION XYZ of its header"
         )
-        what = (
+        message = (
             f"stands {off:.0f} m from {whose} (limit {ELSEWHERE_M:.0f} m), by codes at"
-            f" {in_degrees(place.middle)}"
+            f" {in_degrees(location.middle)}"
         )
         raise InputError.at(
-            base.header.path, None, f"{what}; {_mistaken(given, place.middle, options)}"
+            base.header.path, None, f"{message}; {_mistaken(given, location.middle, options)}"
         )
-    return _told_coordinates(options, base.header, off)
+    return _coordinate_notes(options, base.header, off)
 
 
 def in_degrees(ecef: Array) -> str:
-    """Latitude deg, longitude deg, ellipsoidal height m of a place (3,), to the decimetre and as
-    base_position takes them.
+    """Return a position (3,), m ECEF, as text for base_position, to the decimetre.
+
+    It is latitude deg, longitude deg, ellipsoidal height m.
     """
     lat, lon, height = (float(x) for x in ecef_to_geodetic(ecef))
     return f"{np.degrees(lat):.6f},{np.degrees(lon):.6f},{height:.1f}"
 
 
-def _mistaken(given: Array, place: Array, options: EngineOptions) -> str:
-    """What mistake makes coordinates (3,) of a place (3,) that codes know, else what to try."""
+def _mistaken(given: Array, code_position: Array, options: EngineOptions) -> str:
+    """The mistake that makes coordinates (3,) of the position by codes (3,), else what to try."""
     lat, lon, height = (float(x) for x in ecef_to_geodetic(given))
     if options.base_position_m is None:
         return f"give {_coordinates()}"
@@ -375,11 +414,11 @@ def _mistaken(given: Array, place: Array, options: EngineOptions) -> str:
     for mistake, taken in mistakes.items():
         if (
             abs(taken[0]) <= np.pi / 2.0
-            and np.linalg.norm(geodetic_to_ecef(*taken) - place) < NEAR_M
+            and np.linalg.norm(geodetic_to_ecef(*taken) - code_position) < NEAR_M
         ):
             return f"with {mistake} they agree"
-    above = float(ecef_to_geodetic(place)[2]) - height
-    if np.linalg.norm(geodetic_to_ecef(lat, lon, height + above) - place) < NEAR_M:
+    above = float(ecef_to_geodetic(code_position)[2]) - height
+    if np.linalg.norm(geodetic_to_ecef(lat, lon, height + above) - code_position) < NEAR_M:
         side = "above" if above > 0.0 else "below"
         return (
             f"only the height differs, the codes are {abs(above):.0f} m {side} it: is it above sea"
@@ -414,10 +453,10 @@ def _stands_at(
 ) -> bool:
     """Whether the rover stands where the base is said to, several times closer than the base."""
     try:
-        place = whereabouts(rover)
+        location = whereabouts(rover)
     except DataError:
         return False
-    return not place.motion() and float(np.linalg.norm(place.middle - given)) < off / 3.0
+    return not location.motion() and float(np.linalg.norm(location.middle - given)) < off / 3.0
 
 
 def _is_header_of_rover(given: Array, base: RinexHeader, rover: RinexHeader) -> bool:
@@ -435,8 +474,9 @@ def _is_header_of_rover(given: Array, base: RinexHeader, rover: RinexHeader) -> 
 
 
 def check_base_point(options: EngineOptions, base: RinexHeader, chosen: bool = True) -> Check:
-    """The coordinates that are taken, and of what; a note where they are given and nobody has
-    `chosen` what stands there.
+    """Report the base's coordinates that are taken, and the point that they are of.
+
+    It is a note where they are given and nobody has `chosen` what stands there.
     """
     position, point = base_position(options, base)
     name = {
@@ -445,51 +485,51 @@ def check_base_point(options: EngineOptions, base: RinexHeader, chosen: bool = T
         "marker": "the marker (marker)",
     }[point]
     lat, lon, height = (float(x) for x in ecef_to_geodetic(np.array(position)))
-    found = f"{np.degrees(lat):.9f},{np.degrees(lon):.9f},{height:.4f}, taken as {name}"
+    finding = f"{np.degrees(lat):.9f},{np.degrees(lon):.9f},{height:.4f}, taken as {name}"
     expected = "what stands at the coordinates is said"
     if chosen or options.base_position_m is None:
-        return Check("base point", found, expected)
+        return Check("base point", finding, expected)
     advice = (
         f"give {named('gnss.base_point')}: published coordinates are mostly of a marker or of the"
         " reference point, and as such"
     )
     return Check(
         "base point",
-        f"{found}, as nothing says",
+        f"{finding}, as nothing says",
         expected,
         "note",
         f"{advice} 0.05 to 0.2 m below the phase centre",
     )
 
 
-def _told_coordinates(options: EngineOptions, base: RinexHeader, off: float) -> tuple[Check, ...]:
+def _coordinate_notes(options: EngineOptions, base: RinexHeader, off: float) -> tuple[Check, ...]:
     """Notes on coordinates of the header or far from the codes, and on a phase centre that is not
     applied.
     """
     checks = []
     _, point = base_position(options, base)
     if options.base_position_m is None:
-        found = (
+        finding = (
             f"APPROX POSITION XYZ of {base.path}, {off:.1f} m from its position by codes; taken as"
             f" {point}"
         )
         advice = f"give {_coordinates()}; every position has the error of these coordinates"
         checks.append(
-            Check("base coordinates", found, "coordinates that are known", "note", advice)
+            Check("base coordinates", finding, "coordinates that are known", "note", advice)
         )
     elif off > NEAR_M:
-        found = f"{off:.1f} m from the position of {base.path} by codes"
+        finding = f"{off:.1f} m from the position of {base.path} by codes"
         advice = "check them, their datum and height (ellipsoidal); every position has their error"
-        checks.append(Check("base coordinates", found, f"within {NEAR_M:.0f} m", "note", advice))
+        checks.append(Check("base coordinates", finding, f"within {NEAR_M:.0f} m", "note", advice))
     if (
         point != "apc"
         and options.antex is None
         and base.antenna.split()[:1] not in ([], ["NONE"], ["Unknown"])
     ):
-        found = f"of the {point}, with no ANTEX file for the antenna {base.antenna}"
+        finding = f"of the {point}, with no ANTEX file for the antenna {base.antenna}"
         advice = (
             f"give {named('gnss.antex')}, or the coordinates of the phase centre; heights are off"
             " by its offset, 0.05 to 0.2 m"
         )
-        checks.append(Check("base antenna", found, "the phase centre", "note", advice))
+        checks.append(Check("base antenna", finding, "the phase centre", "note", advice))
     return tuple(checks)

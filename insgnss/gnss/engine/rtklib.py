@@ -5,12 +5,12 @@ RTKLIB is global state without threads; two processes run at a time. The engine 
 pyrtklib5 (RTKLIB EX 2.5.0; extra [ppk]) or, where it is not installed, any rnx2rtkp on PATH with
 the same option file (`options`). Inputs are put beside each other in a directory that exists as
 long as the runs, under plain names and unpacked, as RTKLIB takes `%` and `*` in paths for its own
-and unpacks by shell. What the engine says is not believed: postpos() and rnx2rtkp return 0 without
-inputs, so that each output must exist and have epochs. They return 0, too, where they go on without
-an option. A choice that a version does not know it writes down before it begins, and it is told
-here; a name that it does not know an rnx2rtkp leaves out without a word, so that names are looked
-for in the program itself (2.4.3 b34 lacks pos2-arthresmin and -arthresmax, which are of EX, and
-refuses gloarmode=fix-and-hold). Choices are given by number, as their words differ between
+and unpacks by shell. What the engine reports is not trusted: postpos() and rnx2rtkp return 0
+without inputs, so that each output must exist and have epochs. They return 0, too, where they go on
+without an option. A choice that a version does not know it writes down before it begins, and it is
+reported here; a name that it does not know an rnx2rtkp leaves out without a word, so that names are
+looked for in the program itself (2.4.3 b34 lacks pos2-arthresmin and -arthresmax, which are of EX,
+and refuses gloarmode=fix-and-hold). Choices are given by number, as their words differ between
 versions.
 """
 
@@ -81,13 +81,22 @@ HEAD, TAIL = 8192, 200
 
 @dataclass(frozen=True)
 class EngineRun:
-    """What the engine left: the .pos files (week, time of week, degrees, ellipsoidal heights), and
-    how it got them.
+    """Output of the engine and how it was computed.
 
-    engine : with its version as it writes it.
-    cpu_s : of the three runs, NaN where the system does not tell.
-    cpu_of : of each.
-    option_files : by direction.   checks : what is to be told.
+    Parameters
+    ----------
+    combined, forward, backward : Path
+        The .pos files (week, time of week, degrees, ellipsoidal heights).
+    engine : str
+        The engine with its version as it writes it.
+    cpu_s : float
+        CPU time of the three runs, s, NaN where the system does not report it.
+    cpu_of : mapping
+        CPU time of each run, s, by direction.
+    option_files : mapping
+        Option files by direction.
+    checks : tuple of Check
+        Findings to report.
     """
 
     combined: Path
@@ -109,13 +118,34 @@ def solve(
     progress: Progress | None = None,
     observations: tuple[Observations, Observations] | None = None,
 ) -> EngineRun:
-    """Positions of the rover's antenna, written to combined.pos, forward.pos and backward.pos of
-    `directory`, with their option files, all in order of time.
+    """Solve the positions of the rover's antenna by three runs of the engine.
 
-    rover, base, navigation : RINEX 2 or 3, plain or packed.
-    observations : of rover and base, where the caller has read them.
-    Raises UsageError without an engine, InputError for inputs that do not belong together,
-    DataError where the engine gives no epochs, does not finish in options.timeout_s, or stops.
+    They are written to combined.pos, forward.pos and backward.pos of `directory`, with their option
+    files, all in order of time.
+
+    Parameters
+    ----------
+    rover, base : path-like
+        RINEX 2 or 3 observations, plain or packed.
+    navigation : path-like or iterable of these
+        RINEX 2 or 3 navigation files, plain or packed.
+    options : EngineOptions
+        Options of the engine.
+    directory : path-like
+        Gets the files.
+    progress : callable, optional
+        Is called with the name of each step.
+    observations : tuple of Observations, optional
+        Of rover and base, where the caller has read them.
+
+    Raises
+    ------
+    UsageError
+        Without an engine.
+    InputError
+        For inputs that do not belong together.
+    DataError
+        Where the engine gives no epochs, does not finish in options.timeout_s, or stops.
     """
     say = progress or (lambda _: None)
     command = engine_command(options.engine)
@@ -180,8 +210,12 @@ def _made(directory: Path) -> Path:
 
 
 def engine_command(engine: str = "auto") -> list[str]:
-    """Beginning of the command line of the engine: our worker with pyrtklib5, or an rnx2rtkp;
-    UsageError where there is none.
+    """Return the beginning of the engine's command line: our worker with pyrtklib5, or an rnx2rtkp.
+
+    Raises
+    ------
+    UsageError
+        Where there is no engine.
     """
     if engine in ("auto", MODULE) and importlib.util.find_spec(MODULE) is not None:
         return [sys.executable, "-m", "insgnss.gnss.engine.worker"]
@@ -201,37 +235,51 @@ def engine_command(engine: str = "auto") -> list[str]:
 
 
 def check_names(command: Sequence[str], text: str, options: EngineOptions) -> tuple[Check, ...]:
-    """Whether an rnx2rtkp knows the options of an option file, which its binary holds as strings.
+    """Check whether an rnx2rtkp knows the options of an option file.
 
-    OptionError for one of `rtklib_options` that it does not know; a note for those of ours, or
-    where a wrapper does not show what the program holds.
+    Its binary holds them as strings.
+
+    Returns
+    -------
+    tuple of Check
+        A note for options of ours that it does not know, or where a wrapper does not show what the
+        program holds.
+
+    Raises
+    ------
+    OptionError
+        For one of `rtklib_options` that it does not know.
     """
     if command[0] == sys.executable:
         return ()
     binary = _binary(Path(command[0]))
-    asked = [line.split("=")[0] for line in text.splitlines()]
+    requested = [line.split("=")[0] for line in text.splitlines()]
     if OF_ALL_VERSIONS not in binary:
-        found, advice = (
+        finding, advice = (
             f"{command[0]} does not show which it knows",
             "an unknown one is left out without a word; name the program itself",
         )
         names = " ".join(options.rtklib_options)
         return (
-            (Check("engine options", f"{found}: {names}", "options that it knows", "note", advice),)
+            (
+                Check(
+                    "engine options", f"{finding}: {names}", "options that it knows", "note", advice
+                ),
+            )
             if options.rtklib_options
             else ()
         )
-    unknown = [name for name in asked if name.encode() + b"\0" not in binary]
+    unknown = [name for name in requested if name.encode() + b"\0" not in binary]
     if wrong := [name for name in unknown if name in options.rtklib_options]:
-        known = [
-            found.decode()
-            for found in re.findall(
+        available = [
+            option.decode()
+            for option in re.findall(
                 rb"(?:pos[12]|out|stats|ant[12]|misc|file)-[A-Za-z0-9_]+(?=\0)", binary
             )
         ]
         raise OptionError(
             "gnss.rtklib_options",
-            f"{command[0]} has no option {wrong[0]}{nearest(wrong[0], known)}",
+            f"{command[0]} has no option {wrong[0]}{nearest(wrong[0], available)}",
         )
     if not unknown:
         return ()
@@ -272,12 +320,12 @@ def _check_refused(ends: Mapping[str, "_End"]) -> tuple[Check, ...]:
 
 
 class _End(NamedTuple):
-    """How a run ended: CPU seconds (not a number where the system does not tell), what it said
-    last, options whose values it refused.
+    """How a run ended: CPU seconds (not a number where the system does not report them), the last
+    line of its output, options whose values it refused.
     """
 
     cpu_s: float
-    told: str = ""
+    last_line: str = ""
     refused: tuple[str, ...] = ()
 
 
@@ -312,7 +360,7 @@ class _Runs:
     def single_points(
         self, name: str, navigation: Sequence[str], observations: Observations
     ) -> GnssFixes:
-        """Positions of a receiver by codes alone, at some 60 of its epochs; name.obs is its file."""
+        """Positions of a receiver by codes alone, at some 60 epochs; name.obs is its file."""
         stamps = absolute(observations)
         thinned = next(
             (s for s in (1.0, 5.0, 10.0, 30.0) if s * THINNED > stamps[-1] - stamps[0]), 30.0
@@ -329,11 +377,13 @@ class _Runs:
                 raise
             if _has_epochs(where):
                 return read_rtklib_pos(where)
-            self._check_program(f"it said: {end.told or 'nothing'}")
-        what = "no position from codes; does the navigation cover its satellites, are there codes?"
-        raise DataError(f"{observations.header.path}: {what}")
+            self._check_program(f"it said: {end.last_line or 'nothing'}")
+        message = (
+            "no position from codes; does the navigation cover its satellites, are there codes?"
+        )
+        raise DataError(f"{observations.header.path}: {message}")
 
-    def _check_program(self, said: str) -> None:
+    def _check_program(self, statement: str) -> None:
         """UsageError where a program has left no output yet and does not hold RTKLIB's options, as
         a wrapper would not either.
         """
@@ -343,8 +393,8 @@ class _Runs:
             and self.command[0] != sys.executable
             and OF_ALL_VERSIONS not in _binary(Path(self.command[0]))
         ):
-            what = "left no solution and shows none of RTKLIB's options: is it an rnx2rtkp?"
-            raise OptionError("gnss.engine", f"{what} {said}", self.command[0])
+            message = "left no solution and shows none of RTKLIB's options: is it an rnx2rtkp?"
+            raise OptionError("gnss.engine", f"{message} {statement}", self.command[0])
 
     def three(
         self, texts: Mapping[str, str], names: Sequence[str], say: Progress
@@ -373,10 +423,12 @@ class _Runs:
             return _End(math.nan)
         end = self.run(direction, names, stop)
         if not stop.is_set() and not _has_epochs(self.scratch / f"{direction}.pos"):
-            what = "the engine gave no epochs, though rover, base and navigation share their time"
+            message = (
+                "the engine gave no epochs, though rover, base and navigation share their time"
+            )
             raise DataError(
-                f"{direction} solution: {what}; are their satellites the same? it said:"
-                f" {end.told or 'nothing'}"
+                f"{direction} solution: {message}; are their satellites the same? it said:"
+                f" {end.last_line or 'nothing'}"
             )
         return end
 
@@ -398,14 +450,14 @@ class _Runs:
                 f"{name}.pos",
                 *files,
             ]
-        with tempfile.TemporaryFile() as said:
+        with tempfile.TemporaryFile() as output:
             process = subprocess.Popen(
                 line,
                 cwd=self.scratch,
                 env=_environment(),
                 stdin=subprocess.DEVNULL,
-                stdout=said,
-                stderr=said,
+                stdout=output,
+                stderr=output,
             )
             try:
                 cpu = _wait(process, time.monotonic() + self.options.timeout_s, stop)
@@ -413,14 +465,14 @@ class _Runs:
                 if process.returncode is None:
                     process.kill()
                     process.wait()
-            told, refused = _tail(said), _refused(said)
+            last_line, refused = _tail(output), _refused(output)
         if wrong := [option for option in refused if option in self.options.rtklib_options]:
             problem = f"the engine refused {wrong[0]} = {self.options.rtklib_options[wrong[0]]}"
             raise OptionError("gnss.rtklib_options", problem)
         if process.returncode == 0 or stop.is_set():
-            return _End(math.nan if cpu is None else cpu, told, refused)
+            return _End(math.nan if cpu is None else cpu, last_line, refused)
         if process.returncode == UNKNOWN_OPTION and self.command[0] == sys.executable:
-            raise OptionError("gnss.rtklib_options", told)
+            raise OptionError("gnss.rtklib_options", last_line)
         of_what = (
             f"position of the {name.removeprefix(WHERE)} by codes"
             if name.startswith(WHERE)
@@ -428,7 +480,7 @@ class _Runs:
         )
         raise DataError(
             f"{of_what}: the engine {self._end(process.returncode, cpu)}; it said:"
-            f" {told or 'nothing'}"
+            f" {last_line or 'nothing'}"
         )
 
     def _end(self, code: int, cpu: float | None) -> str:
@@ -448,8 +500,8 @@ def _environment() -> dict[str, str]:
 def _wait(
     process: "subprocess.Popen[bytes]", deadline: float, stop: threading.Event
 ) -> float | None:
-    """CPU seconds of the process when it has ended, NaN where the system does not tell; None past
-    the deadline or when told to stop.
+    """CPU seconds of the process when it has ended, NaN where the system does not report them; None
+    past the deadline or when `stop` is set.
     """
     while time.monotonic() < deadline and not stop.is_set():
         if not hasattr(os, "wait4"):
@@ -464,24 +516,24 @@ def _wait(
     return None
 
 
-def _tail(said: BinaryIO) -> str:
+def _tail(output: BinaryIO) -> str:
     """The last line that is not empty, of the last 200 characters; RTKLIB ends its lines by
     carriage returns.
     """
-    said.seek(0, os.SEEK_END)
-    said.seek(max(said.tell() - 10 * TAIL, 0))
+    output.seek(0, os.SEEK_END)
+    output.seek(max(output.tell() - 10 * TAIL, 0))
     lines = [
         line.strip()
-        for line in re.split(r"[\r\n]+", said.read().decode("utf-8", errors="replace"))
+        for line in re.split(r"[\r\n]+", output.read().decode("utf-8", errors="replace"))
         if line.strip()
     ]
     return lines[-1][-TAIL:] if lines else ""
 
 
-def _refused(said: BinaryIO) -> tuple[str, ...]:
+def _refused(output: BinaryIO) -> tuple[str, ...]:
     """Options whose values the engine did not take, which it says before anything else."""
-    said.seek(0)
-    return tuple(REFUSED.findall(said.read(HEAD).decode("utf-8", errors="replace")))
+    output.seek(0)
+    return tuple(REFUSED.findall(output.read(HEAD).decode("utf-8", errors="replace")))
 
 
 def _has_epochs(path: Path) -> bool:
@@ -500,7 +552,7 @@ def _in_order(path: Path) -> list[bytes]:
         [line for line in lines if line.startswith(b"%")],
         [line for line in lines if not line.startswith(b"%") and line.strip()],
     )
-    first, last = ([float(part) for part in rows[k].split()[:2]] for k in (0, -1))
+    first, last = ([float(field) for field in rows[k].split()[:2]] for k in (0, -1))
     return head + (rows if first <= last else rows[::-1])
 
 
@@ -508,13 +560,13 @@ def _version(path: Path, command: Sequence[str]) -> str:
     """Engine and version, as it writes them into its output."""
     name = MODULE if command[0] == sys.executable else command[0]
     with path.open(encoding="utf-8", errors="replace") as stream:
-        found = PROGRAM_LINE.match(next(stream, ""))
-    return f"RTKLIB {found[1].strip()} ({name})" if found else f"RTKLIB of unknown version ({name})"
+        match = PROGRAM_LINE.match(next(stream, ""))
+    return f"RTKLIB {match[1].strip()} ({name})" if match else f"RTKLIB of unknown version ({name})"
 
 
 def _check_version(engine: str) -> tuple[Check, ...]:
-    found = EX_VERSION.search(engine)
-    if found and tuple(int(part) for part in found.groups()) >= HOLDS:
+    match = EX_VERSION.search(engine)
+    if match and tuple(int(number) for number in match.groups()) >= HOLDS:
         return ()
     advice = (
         "pip install 'insgnss[ppk]'; 2.4.3 b34 of Debian fixed 0.6 % of a drive with the options by"

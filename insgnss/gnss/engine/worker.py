@@ -2,11 +2,11 @@
 `python -m insgnss.gnss.engine.worker OPTIONS OUTPUT INTERVAL FILE...`.
 
 RTKLIB keeps its observations in global variables and ends a process that it cannot go on with, so
-that no run shares one with another. INTERVAL in s thins the epochs, 0 takes all. What goes wrong is
-told on standard error, with exit code 1, or 2 for an option that this RTKLIB does not have or whose
-number it would read as 0. A choice that it does not know RTKLIB itself tells, and goes on without.
-That an output was written, and has epochs, is for the caller to see: postpos() returns 0 without
-them.
+that no run shares one with another. INTERVAL in s thins the epochs, 0 takes all. Failures are
+reported on standard error, with exit code 1, or 2 for an option that this RTKLIB does not have or
+whose number it would read as 0. A choice that it does not know RTKLIB itself reports, and goes on
+without. That an output was written, and has epochs, is for the caller to see: postpos() returns 0
+without them.
 """
 
 import difflib
@@ -19,20 +19,20 @@ NUMBERS: dict[int, type] = {0: int, 1: float}  # of options by their format; 2 i
 
 
 def main(arguments: list[str]) -> int:
-    """Run postpos() on the arguments; its exit code."""
+    """Run postpos() on the arguments, and return its exit code."""
     import pyrtklib5 as rtklib
 
     option_file, output, interval, *files = arguments
     table = rtklib.sysopts
-    asked, formats = _asked(option_file), _formats(table)
-    unknown = sorted(asked.keys() - formats.keys())
+    requested, formats = _options_of(option_file), _formats(table)
+    unknown = sorted(requested.keys() - formats.keys())
     if unknown:
         return _failed(
             f"this version of RTKLIB has no option {unknown[0]}{nearest(unknown[0], formats)}", 2
         )
     wrong = [
         f"{name} = {value}"
-        for name, value in asked.items()
+        for name, value in requested.items()
         if not _is(value, NUMBERS.get(formats[name], str))
     ]
     if wrong:
@@ -60,29 +60,30 @@ def main(arguments: list[str]) -> int:
     return _failed(f"postpos() returned {status}") if status else 0
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """Advice: the known option most like `name`, of the same group of options where there is one;
-    "" where none is like it.
+def nearest(name: str, candidates: Iterable[str]) -> str:
+    """Return advice: the candidate most like `name`, if possible of the same group of options.
+
+    It is "" where none is like it.
     """
-    own = [other for other in known if other.partition("-")[0] == name.partition("-")[0]]
+    own = [other for other in candidates if other.partition("-")[0] == name.partition("-")[0]]
     close = [
         *difflib.get_close_matches(name, own, n=1),
-        *difflib.get_close_matches(name, list(known), n=1),
+        *difflib.get_close_matches(name, list(candidates), n=1),
     ]
     return f"; did you mean {close[0]}?" if close else ""
 
 
-def _asked(option_file: str) -> dict[str, str]:
+def _options_of(option_file: str) -> dict[str, str]:
     lines = Path(option_file).read_text(encoding="utf-8").splitlines()
     return dict(line.split("=", 1) for line in lines)
 
 
 def _formats(table: Any) -> dict[str, int]:
     """Formats of values by name in RTKLIB's table of options, which ends with an empty name."""
-    found: dict[str, int] = {}
-    while name := table[len(found)].name.ptr:
-        found[name] = table[len(found)].format
-    return found
+    formats: dict[str, int] = {}
+    while name := table[len(formats)].name.ptr:
+        formats[name] = table[len(formats)].format
+    return formats
 
 
 def _is(value: str, kind: type) -> bool:
@@ -93,8 +94,8 @@ def _is(value: str, kind: type) -> bool:
     return True
 
 
-def _failed(what: str, code: int = 1) -> int:
-    sys.stderr.write(what + "\n")
+def _failed(message: str, code: int = 1) -> int:
+    sys.stderr.write(message + "\n")
     return code
 
 

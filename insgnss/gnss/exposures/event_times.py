@@ -3,8 +3,8 @@ same pulses at the same time.
 
 The two may differ by a constant alone, which is found by matching (`exposures.clocks`): d = t_file
 - t_rover, the rover's stamps with its clock taken off. Events of one pulse agree to what a
-    converter rounds, below `SAME_S`. A larger constant shifts every image along the
-path, 18 s of UTC in the place of GPST by 180 m at 10 m/s, and nothing else tells it.
+converter rounds, below `SAME_S`. A larger constant (time offset) shifts every image along the path,
+18 s of UTC in the place of GPST by 180 m at 10 m/s, and nothing else shows it.
 """
 
 import numpy as np
@@ -21,12 +21,20 @@ MOST_DELAY_S = 0.5
 
 
 def check_beside(events: CameraEvents, rover: CameraEvents, gps_week: int) -> Check | None:
-    """What a file's events and the rover's, both in GPST and without a camera's delay, say of each
-    other.
+    """Compare the events of a file with the rover's, both in GPST and without a camera's delay.
 
-    gps_week : of events that have none.   None for fewer than three of either. A contradiction
-                                           where all are off by a constant, a note
-    where no constant brings half of the fewer ones together.
+    Parameters
+    ----------
+    events, rover : CameraEvents
+        Events of the file and of the rover.
+    gps_week : int
+        GPS week of events that have none.
+
+    Returns
+    -------
+    Check or None
+        None for fewer than three of either; a contradiction where all are off by a constant, a note
+        where no constant brings half of the fewer ones together.
     """
     week, of_rover = (gps_week if e.gps_week is None else e.gps_week for e in (events, rover))
     theirs = rover.time + (of_rover - week) * WEEK_S
@@ -37,24 +45,24 @@ def check_beside(events: CameraEvents, rover: CameraEvents, gps_week: int) -> Ch
     offset, pairs = _constant(events.time, theirs, (0.0, float(-leap)))
     source = events.source or "the file"
     if pairs < max(FEWEST, LEAST_SHARE * fewer):
-        found = (
+        finding = (
             f"no constant brings more than {pairs} of the {events.time.size} events of {source} to"
             f" the {theirs.size} of the rover's"
         )
-        return Check(NAME, found, EXPECTED, "note", "are they of this flight and camera?")
-    found = (
+        return Check(NAME, finding, EXPECTED, "note", "are they of this flight and camera?")
+    finding = (
         f"{pairs} of the {events.time.size} events of {source} and of the {theirs.size} of the"
         " rover's are the same"
     )
     if abs(offset) <= SAME_S:
-        return Check(NAME, f"{found}, {1e3 * offset:+.1f} ms apart", EXPECTED)
+        return Check(NAME, f"{finding}, {1e3 * offset:+.1f} ms apart", EXPECTED)
     utc = abs(offset + leap) <= SAME_S
-    found += f" but for {offset:+.3f} s" + (f", the {leap} leap seconds: UTC?" if utc else "")
+    finding += f" but for {offset:+.3f} s" + (f", the {leap} leap seconds: UTC?" if utc else "")
     advice = (
         f"give them in GPST{'' if utc else ', at the pulses'}, or take those of the rover without"
         " this file"
     )
-    return Check(NAME, found, EXPECTED, "contradiction", advice)
+    return Check(NAME, finding, EXPECTED, "contradiction", advice)
 
 
 def _constant(time: Array, theirs: Array, likely: tuple[float, ...]) -> tuple[float, int]:
@@ -68,8 +76,8 @@ def _constant(time: Array, theirs: Array, likely: tuple[float, ...]) -> tuple[fl
     most = time.size - len(match.images)
     steps = time[0] - theirs
     for constant in (*likely, *steps[np.argsort(np.abs(steps))].tolist()):
-        at = theirs + constant
-        rest = time - at[np.searchsorted(0.5 * (at[1:] + at[:-1]), time)]
+        shifted = theirs + constant
+        rest = time - shifted[np.searchsorted(0.5 * (shifted[1:] + shifted[:-1]), time)]
         rest = rest[np.abs(rest) <= SAME_S]
         if rest.size >= most:
             return constant + float(np.mean(rest)), rest.size
@@ -77,16 +85,14 @@ def _constant(time: Array, theirs: Array, likely: tuple[float, ...]) -> tuple[fl
 
 
 def check_camera_delay(delay_s: float) -> Check:
-    """The delay that is added to the events, s; a note where it is longer than an exposure's start
-    takes.
-    """
-    found = f"{delay_s:+g} s added to each event, from the pulse to the middle of the exposure"
+    """Report the delay, s, that is added to the events; a note where it exceeds `MOST_DELAY_S`."""
+    finding = f"{delay_s:+g} s added to each event, from the pulse to the middle of the exposure"
     expected = f"{MOST_DELAY_S:g} s at most"
     if abs(delay_s) <= MOST_DELAY_S:
-        return Check("camera delay", found, expected)
+        return Check("camera delay", finding, expected)
     return Check(
         "camera delay",
-        found,
+        finding,
         expected,
         "note",
         "cameras expose within tenths of a second of their pulse; give it in seconds",

@@ -19,7 +19,7 @@ receiver's clock (RXM-RAWX). Files that say so in their header keep their events
 the interface description of u-blox; no recording with both has been seen.
 
 Where epochs are missing, c is linear over the gap, or before a jump in it as at the last epoch;
-outside of the positions it is that of the nearest one. Such events are told.
+outside of the positions it is that of the nearest one. Such events are reported in a check.
 """
 
 from dataclasses import replace
@@ -42,31 +42,50 @@ MARKS_IN_GPST = "format: u-blox"  # in a comment of the header
 
 
 def to_gpst(events: CameraEvents, rover: "Observations", fixes: GnssFixes) -> CameraEvents:
-    """Events of the rover's file, stamped by its clock, at their GPST, with a note of the clock.
+    """Bring events of the rover's file from its clock to GPST, with a note of the clock.
 
-    events : of the rover's week, or of none.   fixes : the engine's, of the same file.
-    Raises InputError where fixes and observations are of different times.
+    Parameters
+    ----------
+    events : CameraEvents
+        Of the rover's week, or of none.
+    rover : Observations
+        Observations of the file.
+    fixes : GnssFixes
+        The engine's positions of the same file.
+
+    Raises
+    ------
+    InputError
+        Where fixes and observations are of different times.
     """
     stamp, clock = clock_error(rover, fixes)
     if any(MARKS_IN_GPST in line.lower() for line in rover.header.records.get("COMMENT", ())):
-        found = f"{_span(clock)} off GPST, left on the camera events"
-        told = Check(
+        finding = f"{_span(clock)} off GPST, left on the camera events"
+        clock_note = Check(
             "receiver clock",
-            found,
+            finding,
             "time marks of u-blox, as its converter writes them, which are in GPST",
         )
-        return replace(events, notes=(*events.notes, told))
+        return replace(events, notes=(*events.notes, clock_note))
     week = rover.gps_week if events.gps_week is None else events.gps_week
     when = events.time + (week - rover.gps_week) * WEEK_S
-    error, known = error_at(stamp, clock, when)
+    error, surrounded = error_at(stamp, clock, when)
     return replace(
-        events, time=events.time - error, notes=(*events.notes, _told(clock, when[~known]))
+        events,
+        time=events.time - error,
+        notes=(*events.notes, _clock_note(clock, when[~surrounded])),
     )
 
 
 def clock_error(rover: "Observations", fixes: GnssFixes) -> tuple[Array, Array]:
-    """Stamps (n,) s of the epochs that have a position, of the rover's week, and the receiver's
-    clock minus GPST (n,) s there (C.1).
+    """Return the error of the receiver's clock at the epochs that have a position (C.1).
+
+    Returns
+    -------
+    stamp : ndarray, shape (n,)
+        s of the rover's week, of these epochs.
+    clock : ndarray, shape (n,)
+        s, the receiver's clock minus GPST there.
     """
     week = rover.gps_week if fixes.gps_week is None else fixes.gps_week
     stamp = rover.time[epochs_of(fixes, rover)]
@@ -74,8 +93,21 @@ def clock_error(rover: "Observations", fixes: GnssFixes) -> tuple[Array, Array]:
 
 
 def error_at(stamp: Array, clock: Array, when: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Clock minus GPST (k,) s at `when` (k,) s by the receiver's clock, and whether epochs less
-    than `LONG_GAP_S` apart surround it.
+    """Interpolate the clock's error.
+
+    Parameters
+    ----------
+    stamp, clock : ndarray, shape (n,)
+        Of `clock_error`, s.
+    when : ndarray, shape (k,)
+        s by the receiver's clock.
+
+    Returns
+    -------
+    error : ndarray, shape (k,)
+        s, clock minus GPST.
+    surrounded : ndarray of bool, shape (k,)
+        Whether epochs less than `LONG_GAP_S` apart are before and behind.
     """
     if stamp.size == 1:
         return np.full(when.shape, clock[0]), when == stamp[0]
@@ -87,25 +119,25 @@ def error_at(stamp: Array, clock: Array, when: Array) -> tuple[Array, NDArray[np
     k = np.clip(np.searchsorted(stamp, when, side="right") - 1, 0, step.size - 1)
     inside = (when >= stamp[0]) & (when <= stamp[-1])
     near = np.where(jumps & (length > LONG_GAP_S), 0.0, drift)[k] * (when - stamp[k]) + clock[k]
-    at = np.where(when < stamp[-1], near, clock[-1])
-    return np.where(when < stamp[0], clock[0], at), inside & (length[k] <= LONG_GAP_S)
+    error = np.where(when < stamp[-1], near, clock[-1])
+    return np.where(when < stamp[0], clock[0], error), inside & (length[k] <= LONG_GAP_S)
 
 
 def _span(clock: Array) -> str:
     return f"{1e3 * clock.min():+.4f} to {1e3 * clock.max():+.4f} ms"
 
 
-def _told(clock: Array, unsure: Array) -> Check:
-    found = f"{_span(clock)} off GPST, taken off the camera events"
+def _clock_note(clock: Array, unsure: Array) -> Check:
+    finding = f"{_span(clock)} off GPST, taken off the camera events"
     if not unsure.size:
-        return Check("receiver clock", found, "below 1 ms")
-    found += (
+        return Check("receiver clock", finding, "below 1 ms")
+    finding += (
         f"; {unsure.size} events, the first at {unsure[0]:.3f} s, have no positions before and"
         f" behind them within {LONG_GAP_S:g} s"
     )
     return Check(
         "receiver clock",
-        found,
+        finding,
         "positions around each event",
         "note",
         "their clock is that of the nearest positions",

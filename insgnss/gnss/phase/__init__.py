@@ -1,4 +1,4 @@
-"""Carrier phases and the delays on their way: time differences (TDCP), double differences, velocity.
+"""Carrier phases and their delays: time differences (TDCP), double differences, velocity.
 
 Cycle slips and C/N0 are judged here, too; the ionosphere is measured on double differences.
 """

@@ -1,8 +1,8 @@
-"""Phases of rover and base at positions that are fixed: their differences without integers, by
-which errors of millimetres show.
+"""Double differences of the phases of rover and base at positions that are fixed: less their
+integer ambiguities, so that errors of millimetres show.
 
 A fixed position is known to millimetres, so that with ranges, satellite clocks and the troposphere
-taken from them the differences d_b of the phases of band b, between the receivers and to the
+taken from them the double differences d_b of the phases of band b, between receivers and to the
 highest satellite of the system, are integers but for a part of a cycle:
 
     N_b = round(d_b),   |d_b - N_b| < 1/4,   y_b = lambda_b (d_b - N_b)                        (P.1)
@@ -44,9 +44,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 SYSTEMS = "GEJC"  # whose satellites share their carriers
-LOWER_HERTZ = (
-    1.3e9  # carriers above it are too near to the first one for the ionosphere to part them
-)
+LOWER_HERTZ = 1.3e9  # carriers above it are too near to the first for the ionosphere to part them
 LARGEST_PART = 0.25  # cycle
 MOST_EPOCHS = 3000
 LEAST_SATELLITES = 3  # of a system in an epoch
@@ -54,14 +52,25 @@ FAR_M = 1e4
 
 
 @dataclass(frozen=True, eq=False)
-class Differences:
-    """Phases of fixed epochs after (P.1), rows (m,), by epoch.
+class DoubleDifferences:
+    """Double differences of fixed epochs after (P.1), m rows, by epoch.
 
-    time : s.   epoch, system, satellite : numbers from 0.
-    parts : (m, 2) m, y of the two bands.
-    kappa : (m, 2) of these.
-    design : (m, 3) of `ionosphere.shell_design`.   azimuth, elevation : rad.
-    rise : m, of the rover above the base.
+    Parameters
+    ----------
+    time : ndarray, shape (m,)
+        s.
+    epoch, system, satellite : ndarray of int, shape (m,)
+        Numbers from 0.
+    parts : ndarray, shape (m, 2)
+        m, y of the two bands.
+    kappa : ndarray, shape (m, 2)
+        Of these bands.
+    design : ndarray, shape (m, 3)
+        Of `ionosphere.shell_design`.
+    azimuth, elevation : ndarray, shape (m,)
+        rad.
+    rise : ndarray, shape (m,)
+        m, of the rover above the base.
     """
 
     time: Array
@@ -76,58 +85,70 @@ class Differences:
     rise: Array
 
 
-def differences(
+def double_differences(
     fixes: GnssFixes,
     rover: "Observations",
     base: "Observations",
     navigation: Navigation,
-    place: Array,
+    base_ecef: Array,
     satellites: Sky,
     design: Array,
     air: Atmosphere | None = None,
-) -> Differences:
-    """What (P.1) leaves at measurable positions of which the base has an epoch, at most
-    `MOST_EPOCHS`.
+) -> DoubleDifferences:
+    """Form the double differences (P.1) at measurable positions, of at most `MOST_EPOCHS` epochs.
 
-    place : (3,) m ECEF, of the base.
-    design : (m, 3) of `ionosphere.shell_design`.
-    air : at the base.
+    Parameters
+    ----------
+    fixes : GnssFixes
+        Positions of the rover.
+    rover, base : Observations
+        Observations of both; only epochs that the base has, too, are taken.
+    navigation : Navigation
+        Broadcast ephemerides.
+    base_ecef : ndarray, shape (3,)
+        m, position of the base.
+    satellites : Sky
+        Satellites at the epochs of `fixes`.
+    design : ndarray, shape (m, 3)
+        Of `ionosphere.shell_design`.
+    air : Atmosphere, optional
+        At the base, None for the standard one.
     """
     theirs = base_rows(rover, base)[satellites.row]
-    at = _usable(fixes, rover, base, satellites, theirs, place)
-    mine, theirs = satellites.row[at], theirs[at]
-    if at.size == 0:
-        return _nothing()
+    rows = _usable(fixes, rover, base, satellites, theirs, base_ecef)
+    mine, theirs = satellites.row[rows], theirs[rows]
+    if rows.size == 0:
+        return _no_differences()
     bands, hertz = _two_bands(rover, base, mine, theirs)
-    antenna = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)[satellites.epoch[at]]
+    antenna = geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height)[satellites.epoch[rows]]
     navigation = navigation.of_week(rover.gps_week)
     apart = _geometry(rover, mine, navigation, antenna, 0.0)
     apart -= _geometry(
-        base, theirs, navigation, np.broadcast_to(place, antenna.shape), _weeks(rover, base)
+        base, theirs, navigation, np.broadcast_to(base_ecef, antenna.shape), _weeks(rover, base)
     )
-    rise = fixes.height[satellites.epoch[at]] - float(ecef_to_geodetic(place)[2])
-    apart += _other_air(air, rise, place) * mapping(satellites.elevation[at])
+    rise = fixes.height[satellites.epoch[rows]] - float(ecef_to_geodetic(base_ecef)[2])
+    apart += _other_air(air, rise, base_ecef) * mapping(satellites.elevation[rows])
     length = LIGHT / hertz
     d = _phases(rover, mine, bands) - _phases(base, theirs, bands) - apart[:, None] / length
     there = np.flatnonzero(np.isfinite(d).all(axis=1))
     if there.size == 0:
-        return _nothing()
+        return _no_differences()
     group = np.unique(
-        satellites.epoch[at[there]] * 100 + satellites.system[at[there]], return_inverse=True
+        satellites.epoch[rows[there]] * 100 + satellites.system[rows[there]], return_inverse=True
     )[1]
-    part = _without_integers(d[there], group, satellites.elevation[at[there]])
-    whole = (np.abs(part) < LARGEST_PART).all(axis=1)
+    fraction = _without_integers(d[there], group, satellites.elevation[rows[there]])
+    whole = (np.abs(fraction) < LARGEST_PART).all(axis=1)
     many = whole & (np.bincount(group, whole)[group] >= LEAST_SATELLITES)
-    kept, part, length = at[there[many]], part[many], length[there[many]]
+    kept, fraction, length = rows[there[many]], fraction[many], length[there[many]]
     _, epoch = np.unique(satellites.epoch[kept], return_inverse=True)
     _, satellite = unique_satellites(rover.satellite[satellites.row[kept]])
     kappa = (HERTZ["G"]["1"] * length / LIGHT) ** 2
-    return Differences(
+    return DoubleDifferences(
         fixes.time[satellites.epoch[kept]],
         epoch,
         satellites.system[kept],
         satellite,
-        part * length,
+        fraction * length,
         kappa,
         design[kept],
         satellites.azimuth[kept],
@@ -136,9 +157,9 @@ def differences(
     )
 
 
-def _nothing() -> Differences:
+def _no_differences() -> DoubleDifferences:
     none, number = np.empty(0), np.empty(0, dtype=np.int64)
-    return Differences(
+    return DoubleDifferences(
         none,
         number,
         number,
@@ -152,10 +173,10 @@ def _nothing() -> Differences:
     )
 
 
-def measurable(fixes: GnssFixes, place: Array) -> NDArray[np.bool_]:
-    """Fixed positions (n,) up to `FAR_M` from the base."""
+def measurable(fixes: GnssFixes, base_ecef: Array) -> NDArray[np.bool_]:
+    """Return which positions (n,) are fixed and up to `FAR_M` from the base."""
     near = (
-        np.linalg.norm(geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - place, axis=1)
+        np.linalg.norm(geodetic_to_ecef(fixes.lat, fixes.lon, fixes.height) - base_ecef, axis=1)
         <= FAR_M
     )
     return np.asarray(near if fixes.quality is None else near & (fixes.quality == FIXED))
@@ -166,11 +187,11 @@ def _weeks(rover: "Observations", base: "Observations") -> float:
     return (base.gps_week - rover.gps_week) * WEEK_S
 
 
-def _other_air(air: Atmosphere | None, rise: Array, place: Array) -> Array:
+def _other_air(air: Atmosphere | None, rise: Array, base_ecef: Array) -> Array:
     """Delay in zenith (m,) m that the air between the heights takes less than the standard one: of
     the rover minus the base.
     """
-    lat, _, height = (float(x) for x in ecef_to_geodetic(place))
+    lat, _, height = (float(x) for x in ecef_to_geodetic(base_ecef))
     usual = standard_atmosphere(height)
     layers = [
         hydrostatic_layer(a, rise, lat, height) + wet_layer(a, rise) for a in (usual, air or usual)
@@ -184,7 +205,7 @@ def _usable(
     base: "Observations",
     satellites: Sky,
     theirs: Index,
-    place: Array,
+    base_ecef: Array,
 ) -> Index:
     """Rows of `satellites` at measurable positions and epochs of the base, of systems with two
     bands, of at most `MOST_EPOCHS` epochs.
@@ -196,9 +217,9 @@ def _usable(
     )
     shared = np.isin(rover.satellite[satellites.row].astype("U1"), list(SYSTEMS))
     good = (theirs >= 0) & (np.abs(apart) <= LARGEST_OFFSET_S) & shared
-    at = np.flatnonzero(good & measurable(fixes, place)[satellites.epoch])
-    epochs = np.unique(satellites.epoch[at])
-    return at[np.isin(satellites.epoch[at], epochs[:: max(1, -(-epochs.size // MOST_EPOCHS))])]
+    rows = np.flatnonzero(good & measurable(fixes, base_ecef)[satellites.epoch])
+    epochs = np.unique(satellites.epoch[rows])
+    return rows[np.isin(satellites.epoch[rows], epochs[:: max(1, -(-epochs.size // MOST_EPOCHS))])]
 
 
 def _two_bands(

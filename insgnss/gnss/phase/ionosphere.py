@@ -18,9 +18,9 @@ mm/km for each metre of V (6 10^16 electrons per m^2). V and G change linearly b
 minutes apart.
 
 Observations. Rounding takes the integers out of the phases y_1, y_2 of two bands at positions that
-are fixed (`resolved_phases`). Of equal noise, their difference and their mean are independent. With
-the direction u to the satellite, c constants of a system in an epoch, x the error of the epoch's
-position and t an error of what the air between the heights delays, per metre of zenith,
+are fixed (`double_differences`). Of equal noise, their difference and their mean are independent.
+With the direction u to the satellite, c constants of a system in an epoch, x the error of the
+epoch's position and t an error of what the air between the heights delays, per metre of zenith,
 
     y_1 - y_2 = (kappa_2 - kappa_1) dI + h sin E + c                                           (I.2)
     (y_1 + y_2) / 2 = -u x - (kappa_1 + kappa_2) / 2 dI + t (h_r - h_b) m(E) + c               (I.3)
@@ -37,18 +37,18 @@ epoch leaves a residual r, of weight w and row a among the N = A^T P A of the ep
     rho = 1 - w a N^-1 a^T                                                                     (I.4)
 
 of its variance, and sigma is the median of |r| sin E / sqrt(rho), as a normal distribution has it:
-epochs of five satellites, or in which systems come and go, have sigmas of their own size. Residuals
-that last are counted by their sums over blocks of each satellite,
+epochs of five satellites, or in which systems come and go, have sigmas of their own size.
+Time-correlated residuals are counted by their sums over blocks of each satellite,
 
     q = sum over blocks of (sum of sqrt(w) r)^2 / sum of w r^2                                 (I.5)
 
-is 1 for white noise; weights are divided by it, and by no less than what errors that last for
-`LASTING_S` make of it. Reflections of 20 s leave 2 mm of height to 45 minutes; less than `LEAST_S`
-is not tried. Expected beforehand are V = 2 +- 2 m and G = 0 +- 1.5 mm/km (means of the flight),
-changes in 10 minutes of 0.15 m and 0.5 mm/km, h = 0 +- 20 mm, t = 0 +- 2 mm over 100 m.
+is 1 for white noise; weights are divided by it, and by no less than what errors correlated over
+`CORRELATED_S` make of it. Reflections of 20 s leave 2 mm of height to 45 minutes; less than
+`LEAST_S` is not tried. Expected beforehand are V = 2 +- 2 m and G = 0 +- 1.5 mm/km (means of the
+flight), changes in 10 minutes of 0.15 m and 0.5 mm/km, h = 0 +- 20 mm, t = 0 +- 2 mm over 100 m.
 
 Taking it off. What is early by the mean kappa of the bands that the engine takes of a satellite
-moves a position (`estimator`, E.2) by
+moves a position (`engine_weighting`, E.2) by
 
     displacement -(A^T P A)^-1 A^T P kappa dI                                                  (I.6)
 
@@ -87,7 +87,7 @@ from ..rinex.navigation_message import Navigation
 from ..satellites.engine_weighting import displacement
 from ..satellites.frequencies import ENGINE_BANDS, kappa, rows_of_systems
 from ..satellites.satellite_geometry import Sky, common_bands
-from .double_differences import Differences, differences, measurable
+from .double_differences import DoubleDifferences, double_differences, measurable
 from .troposphere import Atmosphere, mapping
 
 if TYPE_CHECKING:
@@ -105,28 +105,36 @@ GRADIENT, OFFSET_M, AIR = 1.5e-6, 2e-2, 2e-5  # standard deviations: G m/m, h m,
 CHANGE = np.array([0.15, 5e-7, 5e-7])  # of V and G in `KNOT_S`
 UNITS = np.array([1.0, 1e-6, 1e-6])  # by which columns of V and G are of one size
 LEAST_EPOCHS, LEAST_S = 60, 600.0
-BLOCK_S, LASTING_S = 300.0, 30.0
+BLOCK_S, CORRELATED_S = 300.0, 30.0
 HUBER = 2.0
 ITERATIONS = 4
 RIDGE = 1e-9
 LEAST_REDUNDANCY = 1e-3
 SHAPE_SHARE = 0.1
-MODELLED = {
-    "3",
-    "dual-freq",
-    "4",
-    "est-stec",
-}  # values of pos1-ionoopt by which the engine's relative mode knows of an ionosphere
+# values of pos1-ionoopt by which the engine's relative mode knows of an ionosphere
+MODELLED = {"3", "dual-freq", "4", "est-stec"}
 
 
 @dataclass(frozen=True, eq=False)
 class Ionosphere:
-    """V m, G_n, G_e m/m at knots: time (k,) s, value (k, 3), cov (3 k, 3 k), of the differences of
-    `epochs`.
+    """Ionosphere between base and rover, linear between knots.
 
-    offset_m, air : h, t, each with its standard deviation.
-    sigma_m : of (I.2) and (I.3) at the zenith.
-    lasting : q of (I.5) of them.
+    Parameters
+    ----------
+    time : ndarray, shape (k,)
+        Of the knots, s.
+    value : ndarray, shape (k, 3)
+        V m, G_n, G_e m/m.
+    cov : ndarray, shape (3 k, 3 k)
+        Of the values, knot by knot.
+    offset_m, air : tuple of float
+        h and t, each with its standard deviation.
+    epochs : int
+        Number of epochs of the double differences.
+    sigma_m : tuple of float
+        Of (I.2) and (I.3) at the zenith, m.
+    correlation : tuple of float
+        q of (I.5) of them, the factor for time-correlated errors.
     """
 
     time: Array
@@ -136,10 +144,10 @@ class Ionosphere:
     air: tuple[float, float]
     epochs: int
     sigma_m: tuple[float, float]
-    lasting: tuple[float, float]
+    correlation: tuple[float, float]
 
-    def at(self, time: ArrayLike) -> tuple[Array, Array]:
-        """Value (n, 3) and covariance (n, 3, 3) at times (n,) s."""
+    def interpolate(self, time: ArrayLike) -> tuple[Array, Array]:
+        """Return value (n, 3) and covariance (n, 3, 3) at times (n,), s."""
         H = hats(self.time, np.asarray(time, dtype=np.float64))
         k = self.time.size
         half = np.tensordot(H, self.cov.reshape(k, 3, k, 3), axes=(1, 0))
@@ -148,11 +156,16 @@ class Ionosphere:
 
 @dataclass(frozen=True, eq=False)
 class IonosphereCorrection:
-    """What is to be added to positions (n,), north, east, down.
+    """Correction to be added to n positions, north, east, down.
 
-    correction_ned : (n, 3) m, zero where the fix is not fixed, or far.
-    cov_ned : (n, 3, 3) m^2.
-    ionosphere : what it is made of.
+    Parameters
+    ----------
+    correction_ned : ndarray, shape (n, 3)
+        m, zero where the fix is not fixed, or far.
+    cov_ned : ndarray, shape (n, 3, 3)
+        m^2.
+    ionosphere : Ionosphere
+        The estimate that it is computed from.
     """
 
     correction_ned: Array
@@ -170,39 +183,59 @@ def ionosphere_correction(
     air: Atmosphere | None = None,
     frequencies: int = 2,
 ) -> IonosphereCorrection | None:
-    """Correction of fixed positions for the ionosphere between base and rover; None where
-    `LEAST_EPOCHS`, `LEAST_S` do not measure it.
+    """Correct fixed positions for the ionosphere between base and rover.
 
-    base_position_m : (3,) m ECEF.   satellites : of the epochs of `fixes` (`sky.common_sky`).   air : at the base, None for the
-    standard one.   frequencies : of the engine.
+    Parameters
+    ----------
+    fixes : GnssFixes
+        Positions of the rover.
+    rover, base : Observations
+        Observations of both.
+    navigation : Navigation
+        Broadcast ephemerides.
+    base_position_m : array_like, shape (3,)
+        m ECEF.
+    satellites : Sky
+        Satellites at the epochs of `fixes` (`satellite_geometry.common_sky`).
+    air : Atmosphere, optional
+        At the base, None for the standard one.
+    frequencies : int
+        Number of frequencies of the engine.
+
+    Returns
+    -------
+    IonosphereCorrection or None
+        None where fewer than `LEAST_EPOCHS`, or less than `LEAST_S`, measure it.
     """
-    place = np.asarray(base_position_m, dtype=np.float64)
-    design = shell_design(fixes, satellites, place)
-    found = fit(differences(fixes, rover, base, navigation, place, satellites, design, air))
-    if found is None:
+    base_ecef = np.asarray(base_position_m, dtype=np.float64)
+    design = shell_design(fixes, satellites, base_ecef)
+    ionosphere = fit(
+        double_differences(fixes, rover, base, navigation, base_ecef, satellites, design, air)
+    )
+    if ionosphere is None:
         return None
-    value, cov = found.at(fixes.time)
+    value, cov = ionosphere.interpolate(fixes.time)
     early = mean_kappa(rover, base, satellites, frequencies)[:, None] * design
     each = np.stack(
         [displacement(satellites, early[:, j], fixes.time.size) for j in range(3)], axis=2
     )
-    corrected = measurable(fixes, place) & np.isfinite(each).all(axis=(1, 2))
+    corrected = measurable(fixes, base_ecef) & np.isfinite(each).all(axis=(1, 2))
     each = np.where(corrected[:, None, None], each, 0.0)
     correction = np.einsum("nij,nj->ni", each, value)
     spread = (
         each @ cov @ each.transpose(0, 2, 1)
         + SHAPE_SHARE**2 * correction[:, :, None] * correction[:, None, :]
     )
-    return IonosphereCorrection(correction, spread, found)
+    return IonosphereCorrection(correction, spread, ionosphere)
 
 
 def engine_models_it(options: EngineOptions) -> bool:
-    """Whether `more` has the engine estimate the ionosphere or combine the bands against it."""
+    """Return whether the engine's options model the ionosphere, or combine the bands against it."""
     return str(options.rtklib_options.get("pos1-ionoopt", "")) in MODELLED
 
 
 def shell_design(fixes: GnssFixes, satellites: Sky, base: Array) -> Array:
-    """D (m, 3) of (I.1) for each of the satellites.   base : (3,) m ECEF."""
+    """Return D (m, 3) of (I.1) for each of the satellites; base (3,) in m ECEF."""
     cos = np.cos(satellites.elevation)
     ned = np.column_stack(
         [
@@ -222,42 +255,42 @@ def shell_design(fixes: GnssFixes, satellites: Sky, base: Array) -> Array:
     return _pierced(here, sight, axes, base - centre) - _pierced(there, other, axes, base - centre)
 
 
-def _reach(place: Array, sight: Array, radius: float) -> Array:
-    """Distance (m,) along rays (m, 3) from places (m, 3) to a sphere around the origin."""
-    along = np.einsum("mi,mi->m", place, sight)
-    return np.asarray(np.sqrt(radius**2 - np.einsum("mi,mi->m", place, place) + along**2) - along)
+def _reach(origin: Array, sight: Array, radius: float) -> Array:
+    """Distance (m,) along rays (m, 3) from origins (m, 3) to a sphere around the origin."""
+    along = np.einsum("mi,mi->m", origin, sight)
+    return np.asarray(np.sqrt(radius**2 - np.einsum("mi,mi->m", origin, origin) + along**2) - along)
 
 
-def _pierced(place: Array, sight: Array, axes: Array, base: Array) -> Array:
-    """(1, n, e) / cos z' (m, 3) of rays; places (m, 3) and the base (3,) from the shell's centre."""
-    point = place + _reach(place, sight, RADIUS_M + SHELL_M)[:, None] * sight
+def _pierced(origin: Array, sight: Array, axes: Array, base: Array) -> Array:
+    """(1, n, e) / cos z' (m, 3) of rays; origins (m, 3) and base (3,) from the shell's centre."""
+    point = origin + _reach(origin, sight, RADIUS_M + SHELL_M)[:, None] * sight
     slant = (RADIUS_M + SHELL_M) / np.einsum("mi,mi->m", point, sight)
     return np.column_stack([slant, slant[:, None] * ((point - base) @ axes[:, :2])])
 
 
-def fit(found: Differences) -> Ionosphere | None:
-    """V, G, h and t of both kinds of observations; None where epochs are fewer than `LEAST_EPOCHS`
-    or within less than `LEAST_S`.
+def fit(d: DoubleDifferences) -> Ionosphere | None:
+    """Estimate V, G, h and t from both kinds of observations.
+
+    None where epochs are fewer than `LEAST_EPOCHS` or within less than `LEAST_S`.
     """
-    d = found
     epochs = np.unique(d.time)
     if epochs.size < LEAST_EPOCHS or np.ptp(epochs) < LEAST_S:
         return None
     knots = np.linspace(epochs[0], epochs[-1], 1 + int(np.ceil(np.ptp(epochs) / KNOT_S)))
     units = np.concatenate([np.tile(UNITS, knots.size), [1e-3, 1e-5]])
     expected, information = expectation(knots)
-    least = max(LASTING_S / float(np.median(np.diff(epochs))), 1.0)
+    least = max(CORRELATED_S / float(np.median(np.diff(epochs))), 1.0)
     N, b, kinds = (
         information * units[:, None] * units,
         units * (information @ expected),
         _kinds(d, knots, units),
     )
-    sigma, lasting = [], []
+    sigma, correlation = [], []
     for kind in kinds:
         X, y, weight, sd, q = kind.weighted(d, least)
         N, b = N + X.T @ (weight[:, None] * X), b + X.T @ (weight * y)
         sigma.append(sd)
-        lasting.append(q)
+        correlation.append(q)
     cov = np.linalg.inv(N)
     x, cov = units * (cov @ b), cov * units[:, None] * units
     (h, t), sd_h, sd_t = x[-2:].tolist(), float(cov[-2, -2] ** 0.5), float(cov[-1, -1] ** 0.5)
@@ -270,28 +303,27 @@ def fit(found: Differences) -> Ionosphere | None:
         (t, sd_t),
         epochs.size,
         (sigma[0], sigma[1]),
-        (lasting[0], lasting[1]),
+        (correlation[0], correlation[1]),
     )
 
 
 def hats(knots: Array, time: Array) -> Array:
-    """Weights (n, k) of the knots for values that are linear between them and stay beyond the last
-    ones.
-    """
+    """Return the weights (n, k) of knots for values linear between them and constant beyond."""
     return np.column_stack([np.interp(time, knots, row) for row in np.eye(knots.size)])
 
 
 def expectation(knots: Array) -> tuple[Array, Array]:
-    """What is expected of V and G at k knots, h and t (3 k + 2,), and its information matrix: of
-    the knots' mean, and their changes.
+    """Return the expected V and G at k knots, h and t (3 k + 2,), and the information matrix.
+
+    The information is of the knots' mean, and of their changes.
     """
     k = knots.size
     step = np.diff(np.eye(k), axis=0)
     information = np.diag(np.concatenate([np.zeros(3 * k), [OFFSET_M**-2, AIR**-2]]))
     for j, sd in enumerate((VERTICAL_M[1], GRADIENT, GRADIENT)):
-        at = np.arange(j, 3 * k, 3)
+        rows = np.arange(j, 3 * k, 3)
         change = CHANGE[j] ** 2 * np.diff(knots) / KNOT_S
-        information[np.ix_(at, at)] = (k * sd) ** -2.0 + step.T @ (step / change[:, None])
+        information[np.ix_(rows, rows)] = (k * sd) ** -2.0 + step.T @ (step / change[:, None])
     return np.concatenate([np.tile([VERTICAL_M[0], 0.0, 0.0], k), [0.0, 0.0]]), information
 
 
@@ -306,7 +338,9 @@ class _Kind:
     A: Array
     group: Index
 
-    def weighted(self, d: Differences, least: float) -> tuple[Array, Array, Array, float, float]:
+    def weighted(
+        self, d: DoubleDifferences, least: float
+    ) -> tuple[Array, Array, Array, float, float]:
         """X and y without the unknowns of groups, weights (m,) 1/m^2, the standard deviation at the
         zenith, m, and q, `least` at least.
         """
@@ -326,7 +360,7 @@ class _Kind:
             _spread(size[tells] / np.sqrt(redundancy[tells]))
             * (free / max(free - rank, 1.0)) ** 0.5
         )
-        q = max(_lasting(np.sqrt(weight) * residual, d), least)
+        q = max(_correlation(np.sqrt(weight) * residual, d), least)
         return X, y, weight / (q * sigma**2), float(sigma), q
 
 
@@ -335,7 +369,7 @@ def _spread(size: Array) -> float:
     return max(MAD_TO_SIGMA * float(np.median(size)), 1e-6) if size.size else 1e-6
 
 
-def _kinds(d: Differences, knots: Array, units: Array) -> tuple[_Kind, _Kind]:
+def _kinds(d: DoubleDifferences, knots: Array, units: Array) -> tuple[_Kind, _Kind]:
     """(I.2) and (I.3)."""
     sine, cos = np.sin(d.elevation), np.cos(d.elevation)
     H = (hats(knots, d.time)[:, :, None] * d.design[:, None, :]).reshape(d.time.size, -1)
@@ -378,7 +412,7 @@ def _eliminated(values: Array, A: Array, group: Index, weight: Array) -> tuple[A
     return values - np.einsum("mi,mic->mc", A, (inverse @ b)[group]), redundancy
 
 
-def _lasting(weighted: Array, d: Differences) -> float:
+def _correlation(weighted: Array, d: DoubleDifferences) -> float:
     """q of (I.5) of residuals (m,) times the roots of their weights."""
     block = ((d.time - d.time.min()) / BLOCK_S).astype(np.int64)
     block = np.unique(d.satellite * (int(block.max()) + 1) + block, return_inverse=True)[1]
@@ -388,8 +422,9 @@ def _lasting(weighted: Array, d: Differences) -> float:
 def mean_kappa(
     rover: "Observations", base: "Observations", satellites: Sky, frequencies: int = 2
 ) -> Array:
-    """Mean kappa (m,) of the bands that the engine takes of each satellite: of those in which rover
-    and base have a phase.
+    """Return the mean kappa (m,) of the bands that the engine takes of each satellite.
+
+    These are the ones in which rover and base have a phase.
     """
     taken = common_bands(rover, base, frequencies)[satellites.row]
     total = np.zeros(satellites.row.size)

@@ -1,4 +1,4 @@
-"""What the rover's observations say of themselves: cycle slips, gaps, strength, multipath.
+"""Quality of the rover's observations: cycle slips, gaps, C/N0, multipath.
 
 By band (L1 and the second band, with wavelengths l1 and l2 and a = (l2 / l1)^2 = (f1 / f2)^2):
 
@@ -27,28 +27,44 @@ from ...records import Array
 from ..rinex.observations import Observations
 from ..satellites.frequencies import CHANNEL_HERTZ, HERTZ
 from ..satellites.orbits import LIGHT
-from .time_differences import LOST
+from .time_differences import LOCK_LOST
 
 Index = NDArray[np.int64]
 
+# first, and those that may be second
 BANDS = {
     "G": ("1", "25"),
     "J": ("1", "25"),
     "E": ("1", "57"),
     "R": ("1", "2"),
     "C": ("21", "76"),
-}  # first, and those that may be second
+}
 STEP_M, STEP_NOISE = 0.05, 10.0
 GAP_INTERVALS = 1.5
 
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """What the rover observed. interval_s : of its epochs.   gaps : (g, 2) s, begin and end.
+    """Quality of the rover's signals.
 
-    slip_time (s,), slip_satellite (s,) : cycle slips; flagged : (s,) by the receiver.
-    hours : of satellite tracking.
-    strength : by band, (k,) median dB-Hz at strength_time (k,).   multipath_m : by system and code, of all arcs.
+    Parameters
+    ----------
+    interval_s : float
+        Of its epochs, s.
+    gaps : ndarray, shape (g, 2)
+        Begin and end, s.
+    slip_time, slip_satellite : ndarray, shape (s,)
+        Cycle slips.
+    flagged : ndarray of bool, shape (s,)
+        Which of them the receiver flagged.
+    hours : float
+        Of satellite tracking.
+    cn0_time : ndarray, shape (k,)
+        s, each second or epoch.
+    cn0 : mapping of ndarray, shape (k,)
+        Median C/N0 of the satellites at `cn0_time`, dB-Hz, by band.
+    multipath_m : mapping of float
+        Code multipath, rms of all arcs, m, by system and code.
     """
 
     interval_s: float
@@ -57,14 +73,18 @@ class Signals:
     slip_satellite: NDArray[np.str_]
     flagged: NDArray[np.bool_]
     hours: float
-    strength_time: Array
-    strength: Mapping[str, Array]
+    cn0_time: Array
+    cn0: Mapping[str, Array]
     multipath_m: Mapping[str, float]
 
 
 def signals_of(observations: Observations) -> Signals:
-    """Slips, gaps, strength and multipath of all satellites. Raises DataError for fewer than two
-    epochs.
+    """Measure cycle slips, gaps, C/N0 and multipath of all satellites.
+
+    Raises
+    ------
+    DataError
+        For fewer than two epochs.
     """
     o = observations
     if o.time.size < 2:
@@ -90,19 +110,19 @@ def signals_of(observations: Observations) -> Signals:
         slips.append(np.column_stack([of[arcs.slip], arcs.flagged[arcs.slip]]))
         multipath |= arcs.multipath()
         hours += arcs.tracked * interval / 3600.0
-    found = np.concatenate(slips) if slips else np.zeros((0, 2), dtype=np.int64)
-    found = found[np.argsort(o.epoch[found[:, 0]], kind="stable")]
-    at = found[:, 0]
-    when, strength = _strength(o)
+    slip_table = np.concatenate(slips) if slips else np.zeros((0, 2), dtype=np.int64)
+    slip_table = slip_table[np.argsort(o.epoch[slip_table[:, 0]], kind="stable")]
+    slip_rows = slip_table[:, 0]
+    when, cn0 = _cn0(o)
     return Signals(
         interval,
         gaps,
-        o.time[o.epoch[at]],
-        o.satellite[at],
-        found[:, 1] > 0,
+        o.time[o.epoch[slip_rows]],
+        o.satellite[slip_rows],
+        slip_table[:, 1] > 0,
         hours,
         when,
-        strength,
+        cn0,
         multipath,
     )
 
@@ -154,7 +174,7 @@ class _Arcs:
             | ~before
         )
         begins[0] = True
-        flagged = ((o.loss_of_lock[rows][:, columns] & LOST) > 0).any(axis=1) & there
+        flagged = ((o.loss_of_lock[rows][:, columns] & LOCK_LOST) > 0).any(axis=1) & there
         names = tuple(f"{system} {o.signals[k]}" if k is not None else "" for k in codes)
         return cls(names, phase, code, flagged, length, track, begins, int(there.sum()))
 
@@ -163,10 +183,10 @@ class _Arcs:
         """(n,) slips within an arc: flagged, or a step of (Q.1)."""
         free = self.phase[:, 0] - self.phase[:, 1]
         step = np.where(self.begins, np.nan, np.abs(free - np.roll(free, 1)))
-        known = np.isfinite(step)
+        finite = np.isfinite(step)
         usual = (
-            _medians(step[known], self.track[known], int(self.track.max()) + 1)
-            if known.any()
+            _medians(step[finite], self.track[finite], int(self.track.max()) + 1)
+            if finite.any()
             else np.zeros(int(self.track.max()) + 1)
         )
         return ~self.begins & (
@@ -215,9 +235,9 @@ def _wavelength(o: Observations, rows: Index, system: str, band: str) -> Array:
     return LIGHT / hertz
 
 
-def _strength(o: Observations) -> tuple[Array, dict[str, Array]]:
-    """Time (k,) and the median of all satellites (k,) by band, each second or epoch."""
-    seconds, place = np.unique(np.floor(o.time[o.epoch]), return_inverse=True)
+def _cn0(o: Observations) -> tuple[Array, dict[str, Array]]:
+    """Time (k,) and the median C/N0 of all satellites (k,) by band, each second or epoch."""
+    seconds, index = np.unique(np.floor(o.time[o.epoch]), return_inverse=True)
     out = {}
     for band in sorted({name[1] for name in o.signals if name.startswith("S")}):
         level = np.column_stack(
@@ -226,7 +246,7 @@ def _strength(o: Observations) -> tuple[Array, dict[str, Array]]:
         best = np.fmax.reduce(level, axis=1)
         good = np.isfinite(best)
         if good.any():
-            out[f"band {band}"] = _medians(best[good], place[good], seconds.size)
+            out[f"band {band}"] = _medians(best[good], index[good], seconds.size)
     return seconds, out
 
 
@@ -241,7 +261,7 @@ def _medians(x: Array, group: Index, count: int) -> Array:
 
 
 def signal_numbers(signals: Signals) -> dict[str, Any]:
-    """Figures of merit of the observations, plain numbers."""
+    """Return figures of merit of the observations as plain numbers."""
     gap = signals.gaps[:, 1] - signals.gaps[:, 0]
     return {
         "interval_s": signals.interval_s,
@@ -254,7 +274,7 @@ def signal_numbers(signals: Signals) -> dict[str, Any]:
         "cycle_slips_per_satellite_hour": (
             signals.slip_time.size / signals.hours if signals.hours > 0.0 else None
         ),
-        "strength_dbhz": {band: _middle(level) for band, level in signals.strength.items()},
+        "cn0_dbhz": {band: _middle(level) for band, level in signals.cn0.items()},
         "multipath_m": dict(signals.multipath_m),
     }
 

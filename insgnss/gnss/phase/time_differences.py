@@ -1,5 +1,5 @@
-"""Pairs of carrier phases of one satellite in two neighbouring epochs, less all that ephemerides,
-positions and models say of them.
+"""Time-differenced carrier phases (TDCP): pairs of phases of one satellite in two neighbouring
+epochs, less all that ephemerides, positions and models say of them.
 
 What is left is (V.2) of :mod:`insgnss.gnss.phase.velocity`: displacement, clock, noise, and the
 ionosphere, which advances a phase of frequency f by I kappa, kappa = (f_1 / f)^2, with f_1 that of
@@ -36,7 +36,7 @@ Index = NDArray[np.int64]
 
 ACCELERATION = 3.0  # m/s^2, of a rover between given positions that stand apart
 LOWEST_RAD = 0.05
-LOST, HALF_CYCLE = 1, 2  # bits of the loss-of-lock indicator
+LOCK_LOST, HALF_CYCLE = 1, 2  # bits of the loss-of-lock indicator
 SMOOTHING_S = 15.0
 LEAST_SMOOTHED_S = 5.0
 OUTLIER_SIGMAS = 5.0
@@ -45,18 +45,28 @@ FREE_IONOSPHERE = 2e-3  # m/s in zenith, of an ionosphere that is not seen in tw
 
 @dataclass(frozen=True)
 class VelocityOptions:
-    """Limits of what a velocity is made of, of the pairs and of the least squares of `velocity`.
+    """Limits of the time differences and of the least squares of `velocity`.
 
-    mask_deg : lowest elevation.
-    longest_s : longest interval.
-    fewest : satellites.
-    limit : of the normalised residual.
-    rate : m/s in zenith, of air and satellite clocks that the model leaves.
-    largest_sd : m/s, of the three components together.
-    excess : chi-square over redundancy beyond which an interval is given up.
-    reach_s : of epochs before the first or after the last
-    position.
-    position_sd : m, largest of a position, with what it may be off between those given (3 m/s^2).
+    Parameters
+    ----------
+    mask_deg : float
+        Lowest elevation, deg.
+    longest_s : float
+        Longest interval, s.
+    fewest : int
+        Number of satellites.
+    limit : float
+        Of the normalised residual.
+    rate : float
+        m/s in zenith, of air and satellite clocks that the model leaves.
+    largest_sd : float
+        m/s, of the three components together.
+    excess : float
+        Chi-square over redundancy beyond which an interval is given up.
+    reach_s : float
+        Of epochs before the first or after the last position, s.
+    position_sd : float
+        m, largest of a position, with what it may be off between those given (3 m/s^2).
     """
 
     mask_deg: float = 10.0
@@ -72,8 +82,18 @@ class VelocityOptions:
 
 @dataclass(frozen=True, eq=False)
 class Antenna:
-    """Of each epoch: true time (n,) s, ECEF position (n, 3) m and its standard deviation (n,),
-    receiver clock (n,) s; NaN if unknown.
+    """The antenna at each epoch; NaN where unknown.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        True time, s.
+    position : ndarray, shape (n, 3)
+        m ECEF.
+    sd : ndarray, shape (n,)
+        Standard deviation of the position, m.
+    clock : ndarray, shape (n,)
+        Error of the receiver's clock, s.
     """
 
     time: Array
@@ -84,9 +104,25 @@ class Antenna:
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Pairs of phases (m,), in the order of epochs and satellites: place of the later epoch,
-    satellite, A (m, 4), y (m,) m of (V.2), sine of the elevation, rate of the air left in it, m/s,
-    and its group of noise among `groups`."""
+    """Pairs of phases (m,), in the order of epochs and satellites.
+
+    Parameters
+    ----------
+    epoch : ndarray of int, shape (m,)
+        Index of the later epoch.
+    satellite : ndarray of int, shape (m,)
+        Number of the satellite.
+    A, y : ndarray, shape (m, 4) and (m,)
+        Of (V.2), y in m.
+    sine : ndarray, shape (m,)
+        Sine of the elevation.
+    air : ndarray, shape (m,)
+        Rate of the air left in y, m/s.
+    group : ndarray of int, shape (m,)
+        Group of noise, an index of `groups`.
+    groups : tuple of str
+        Names of the groups, by system and band ("G1").
+    """
 
     epoch: Index
     satellite: Index
@@ -99,7 +135,7 @@ class Pairs:
 
 
 def code_ranges(observations: Observations) -> Array:
-    """A code range of each row (m,), m, of the first signal that has one; NaN where none has."""
+    """Return a code range (m,), m, of each row's first signal that has one; NaN where none has."""
     columns = sorted((name[1], k) for k, name in enumerate(observations.signals) if name[0] == "C")
     code = np.full(observations.satellite.size, np.nan)
     for _, k in columns:
@@ -114,7 +150,7 @@ def antenna_states(
     code: Array,
     options: VelocityOptions,
 ) -> tuple[Antenna, SatelliteStates]:
-    """The antenna at each epoch, and the satellites of each row at emission."""
+    """Return the antenna at each epoch, and the satellites of each row at emission."""
     stamp, epoch = observations.time, observations.epoch
     given = (
         positions.time
@@ -163,7 +199,7 @@ def _medians(values: Array, epoch: Index, n: int) -> Array:
 def neighbours(
     observations: Observations, antenna: Antenna, options: VelocityOptions
 ) -> tuple[Index, Index]:
-    """Rows of one satellite in an epoch and the next, by epoch and satellite."""
+    """Return the rows of one satellite in an epoch and the next, by epoch and satellite."""
     epoch = observations.epoch
     _, satellite = unique_satellites(observations.satellite)
     order = np.lexsort((epoch, satellite))
@@ -171,8 +207,8 @@ def neighbours(
     length = np.diff(observations.time, prepend=-np.inf)
     apart = (satellite[first] == satellite[second]) & (epoch[second] == epoch[first] + 1)
     apart &= (length[epoch[second]] <= options.longest_s) & (observations.flag[epoch[second]] == 0)
-    known = np.isfinite(antenna.position[:, 0])
-    apart &= known[epoch[first]] & known[epoch[second]]
+    has_position = np.isfinite(antenna.position[:, 0])
+    apart &= has_position[epoch[first]] & has_position[epoch[second]]
     first, second = first[apart], second[apart]
     order = np.lexsort((satellite[second], epoch[second]))
     return first[order], second[order]
@@ -180,8 +216,18 @@ def neighbours(
 
 @dataclass(frozen=True, eq=False)
 class Modelled:
-    """Rows of a satellite in two neighbouring epochs (m,): their places, the change of rho - c dt_s
-    + T, m, direction, elevation, rad.
+    """Modelled change of the range between two neighbouring epochs, of m pairs of rows.
+
+    Parameters
+    ----------
+    first, second : ndarray of int, shape (m,)
+        Rows of the satellite in the two epochs.
+    change : ndarray, shape (m,)
+        Of rho - c dt_s + T, m.
+    sight : ndarray, shape (m, 3)
+        Direction to the satellite, ECEF.
+    elevation : ndarray, shape (m,)
+        rad.
     """
 
     first: Index
@@ -200,7 +246,7 @@ def modelled_pairs(
     first: Index,
     second: Index,
 ) -> Modelled:
-    """What the ephemerides and the positions say of the pairs of rows."""
+    """Model the pairs of rows by the ephemerides and the positions."""
     message = states.message[second]
     position, clock = states.position[first], states.clock_s[first]
     other = np.flatnonzero(states.message[first] != message)
@@ -235,8 +281,9 @@ def _range(
 def phase_pairs(
     observations: Observations, navigation: Navigation, modelled: Modelled, options: VelocityOptions
 ) -> Pairs:
-    """Pairs of phases above the mask that no flag forbids: of each satellite the first signal of
-    each band that has one.
+    """Form the time differences of phases above the mask that no flag forbids.
+
+    Of each satellite the first signal of each band that has one is taken.
     """
     first, second = modelled.first, modelled.second
     codes, satellite = unique_satellites(observations.satellite[second])
@@ -249,13 +296,13 @@ def phase_pairs(
     for k, signal in enumerate(observations.signals):
         if signal[0] != "L":
             continue
-        place = bands.index(signal[1])
+        column = bands.index(signal[1])
         flags, before = observations.loss_of_lock[second, k], observations.loss_of_lock[first, k]
-        kept = ((flags & LOST) == 0) & (((flags ^ before) & HALF_CYCLE) == 0)
+        kept = ((flags & LOCK_LOST) == 0) & (((flags ^ before) & HALF_CYCLE) == 0)
         change = observations.values[second, k] - observations.values[first, k]
-        here = free[:, place] & np.isfinite(change)
-        phase[here & kept, place] = change[here & kept]
-        free[here, place] = False
+        here = free[:, column] & np.isfinite(change)
+        phase[here & kept, column] = change[here & kept]
+        free[here, column] = False
     high = np.isfinite(modelled.change) & (modelled.elevation >= np.radians(options.mask_deg))
     y = phase * LIGHT / hertz - np.where(high, modelled.change, np.nan)[:, None]
     length = (
@@ -267,19 +314,21 @@ def phase_pairs(
     )
     y += kappa * (np.nan_to_num(rate) * length)[:, None]
     air = np.where(np.isnan(rate), FREE_IONOSPHERE, options.rate)
-    at, band = np.nonzero(np.isfinite(y))
-    names = np.char.add(np.array([code[0] for code in codes])[satellite[at]], np.array(bands)[band])
+    rows, band = np.nonzero(np.isfinite(y))
+    names = np.char.add(
+        np.array([code[0] for code in codes])[satellite[rows]], np.array(bands)[band]
+    )
     groups, group = np.unique(names, return_inverse=True)
-    A = np.column_stack([-modelled.sight[at], np.ones(at.size)])
-    epoch = observations.epoch[second[at]]
-    sine = np.sin(modelled.elevation[at])
+    A = np.column_stack([-modelled.sight[rows], np.ones(rows.size)])
+    epoch = observations.epoch[second[rows]]
+    sine = np.sin(modelled.elevation[rows])
     return Pairs(
         epoch,
-        satellite[at],
+        satellite[rows],
         A,
-        y[at, band],
+        y[rows, band],
         sine,
-        air[at],
+        air[rows],
         group,
         tuple(str(name) for name in groups),
     )

@@ -5,7 +5,8 @@ The relative mode of the engine models the hydrostatic delay of a standard atmos
 antennas and nothing of the wet one: what the air between the heights h_b of the base and h_r of the
 rover delays beyond that is left in the differences. In zenith it is
 
-    D = -(W + H) + H_0,   W = 1e-6 int (k2' e / T + k3 e / T^2) dh,   H = 2.2768e-3 (P_b - P_r) / f               (T.1)
+    D = -(W + H) + H_0,   W = 1e-6 int (k2' e / T + k3 e / T^2) dh,
+    H = 2.2768e-3 (P_b - P_r) / f                                                              (T.1)
 
 from h_b to h_r, f = 1 - 2.66e-3 cos(2 lat) - 2.8e-7 h_b, H_0 what the engine takes for H (RTKLIB:
 the same with the pressure 1013.25 (1 - 2.2557e-5 h)^5.2568 hPa). With T = T_b - beta (h - h_b), the
@@ -19,8 +20,8 @@ Only the layer between the two antennas counts, so that what a thermometer and a
 base say is nearly all there is to know. A satellite at elevation E sees m(E) D, m = 1.001 /
 sqrt(0.002001 + sin^2 E).
 
-Of m(E), the delay per metre of D, the engine's estimator (`estimator`, E.2) makes a displacement s,
-and
+Of m(E), the delay per metre of D, the engine's estimator (`engine_weighting`, E.2) makes a
+displacement s, and
 
     displacement s D                                                                           (T.4)
 
@@ -71,10 +72,23 @@ FIXED = 1
 
 @dataclass(frozen=True)
 class Atmosphere:
-    """Air at the base, with standard deviations; heights in m above the ellipsoid, as the engine
-    takes them.
+    """Air at the base, with standard deviations.
 
-    pressure_hpa at the antenna, not reduced to sea level; humidity relative, 0 to 1.
+    Parameters
+    ----------
+    pressure_hpa : float
+        At the antenna, not reduced to sea level.
+    temperature_c : float
+        Degrees Celsius.
+    humidity : float
+        Relative, 0 to 1.
+    sd_pressure_hpa, sd_temperature_c, sd_humidity : float
+        Their standard deviations.
+
+    Raises
+    ------
+    InputError
+        For a value outside of its limits.
     """
 
     pressure_hpa: float
@@ -100,7 +114,10 @@ class Atmosphere:
 
     @property
     def vapour_pressure_hpa(self) -> float:
-        """Partial pressure of water vapour: Magnus' formula over water (WMO No. 8, annex 4.B)."""
+        """Return the partial pressure of water vapour, hPa.
+
+        It is Magnus' formula over water (WMO No. 8, annex 4.B).
+        """
         return (
             self.humidity
             * 6.112
@@ -114,9 +131,9 @@ def standard_atmosphere(
     humidity: float | None = None,
     pressure_hpa: float | None = None,
 ) -> Atmosphere:
-    """The standard atmosphere at `height`, m: 1013.25 hPa and 15 C at sea level, humidity 0.7; what
-    is given replaces it.
+    """Return the standard atmosphere at `height`, m above the ellipsoid; what is given replaces it.
 
+    It has 1013.25 hPa and 15 C at sea level, humidity 0.7.
     Its 12 hPa of vapour are the yearly mean of UNB3 at latitude 45 (11.7 hPa).
     Its standard deviations are those of the weather on which flights take place: 10 hPa, 10 K, 0.2;
     of given values the ones of `Atmosphere`.
@@ -133,8 +150,9 @@ def standard_atmosphere(
 
 
 def wet_layer(atmosphere: Atmosphere, rise: ArrayLike) -> Array:
-    """Wet zenith delay W, m, of the layer from the base to `rise`, m, above it (T.3); negative
-    below.
+    """Return the wet zenith delay W, m, of the layer from the base to `rise`, m, above it (T.3).
+
+    It is negative below the base.
     """
     kelvin = atmosphere.temperature_c + CELSIUS_ZERO
     x = 1.0 - LAPSE * np.asarray(rise, dtype=np.float64) / kelvin
@@ -147,8 +165,18 @@ def wet_layer(atmosphere: Atmosphere, rise: ArrayLike) -> Array:
 def hydrostatic_layer(
     atmosphere: Atmosphere, rise: ArrayLike, lat: ArrayLike, height: float
 ) -> Array:
-    """Hydrostatic zenith delay H, m, of the layer from the base, at latitude, rad, and height, m,
-    to `rise`, m, above it.
+    """Return the hydrostatic zenith delay H, m, of the layer from the base to `rise` above it.
+
+    Parameters
+    ----------
+    atmosphere : Atmosphere
+        Air at the base.
+    rise : array_like
+        Height above the base, m.
+    lat : array_like
+        Latitude, rad.
+    height : float
+        Height of the base, m.
     """
     kelvin = atmosphere.temperature_c + CELSIUS_ZERO
     x = 1.0 - LAPSE * np.asarray(rise, dtype=np.float64) / kelvin
@@ -160,13 +188,14 @@ def _site(lat: ArrayLike, height: float) -> Array:
 
 
 def mapping(elevation: ArrayLike) -> Array:
-    """Slant over zenith delay at elevation, rad."""
+    """Return the ratio of slant to zenith delay at an elevation, rad."""
     return np.asarray(1.001 / np.sqrt(0.002001 + np.sin(elevation) ** 2))
 
 
 def standard_slant_delay(lat: ArrayLike, height: ArrayLike, elevation: ArrayLike) -> Array:
-    """Slant delay, m, hydrostatic and wet, of the standard atmosphere at latitudes, rad, heights,
-    m, and elevations, rad, of one shape.
+    """Return the slant delay, m, hydrostatic and wet, of the standard atmosphere.
+
+    Latitudes, rad, heights, m, and elevations, rad, are of one shape.
     """
     top = 4.4e4  # m: what is above has no weight
     base = standard_atmosphere(0.0)
@@ -180,8 +209,9 @@ def standard_slant_delay(lat: ArrayLike, height: ArrayLike, elevation: ArrayLike
 
 
 def engine_layer(rise: ArrayLike, lat: float, height: float) -> Array:
-    """Hydrostatic zenith delay H_0, m, that the engine takes for the layer from the base, at
-    latitude, rad, and height, m, upwards.
+    """Return the hydrostatic zenith delay H_0, m, that the engine takes for the layer.
+
+    The layer is from the base, at latitude, rad, and height, m, to `rise`, m, above it.
     """
 
     def zenith(h: Array) -> Array:
@@ -195,13 +225,23 @@ def engine_layer(rise: ArrayLike, lat: float, height: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class TroposphereCorrection:
-    """What is to be added to positions (n,), north, east, down.
+    """Correction to be added to n positions, north, east, down.
 
-    correction_ned : (n, 3) m, zero where the fix is neither fixed nor float.
-    cov_ned : (n, 3, 3) m^2, of the correction.
-    slope : (n, 3) displacement over zenith delay (T.4).   zenith_m : (n,) D.   atmosphere : at the base.
-    height_per_metre : mean height correction over height difference, m/m; NaN where the rover stays
-        within 1 m of the base's height.
+    Parameters
+    ----------
+    correction_ned : ndarray, shape (n, 3)
+        m, zero where the fix is neither fixed nor float.
+    cov_ned : ndarray, shape (n, 3, 3)
+        m^2, of the correction.
+    slope : ndarray, shape (n, 3)
+        Displacement over zenith delay (T.4).
+    zenith_m : ndarray, shape (n,)
+        D of (T.1), m.
+    atmosphere : Atmosphere
+        Air at the base.
+    height_per_metre : float
+        Mean height correction over height difference, m/m; NaN where the rover stays within 1 m of
+        the base's height.
     """
 
     correction_ned: Array
@@ -218,11 +258,23 @@ def wet_delay_correction(
     satellites: Sky,
     atmosphere: Atmosphere | None = None,
 ) -> TroposphereCorrection:
-    """Correction of the engine's relative positions for the air that it leaves out.
+    """Compute the correction of the engine's relative positions for the air that it leaves out.
 
-    base_position_m : (3,) m ECEF.   satellites : of the epochs of `fixes` (`sky.common_sky`).   atmosphere : at the base, None for the
-    standard one.
-    Raises DataError where an epoch to be corrected has fewer satellites than unknowns.
+    Parameters
+    ----------
+    fixes : GnssFixes
+        The engine's positions.
+    base_position_m : array_like, shape (3,)
+        m ECEF.
+    satellites : Sky
+        Satellites at the epochs of `fixes` (`satellite_geometry.common_sky`).
+    atmosphere : Atmosphere, optional
+        Air at the base, None for the standard one.
+
+    Raises
+    ------
+    DataError
+        Where an epoch to be corrected has fewer satellites than unknowns.
     """
     lat, _, height = (
         float(value) for value in ecef_to_geodetic(np.asarray(base_position_m, dtype=np.float64))
@@ -233,14 +285,16 @@ def wet_delay_correction(
     slope = displacement_per_delay(satellites, fixes.time.size)
     quality = np.ones(fixes.time.size, dtype=np.int64) if fixes.quality is None else fixes.quality
     corrected = np.isin(quality, CORRECTED)
-    if (lost := corrected & np.isnan(slope[:, 0])).any():
-        k = int(np.argmax(lost))
-        what = (
-            f"{int(lost.sum())} positions, the first at {fixes.time[k]:.3f} s, have too few"
+    if (uncorrectable := corrected & np.isnan(slope[:, 0])).any():
+        k = int(np.argmax(uncorrectable))
+        message = (
+            f"{int(uncorrectable.sum())} positions, the first at {fixes.time[k]:.3f} s, have too"
+            " few"
             " satellites common with the base"
         )
         raise DataError(
-            f"{fixes.source or 'positions'}: {what}; check that positions and observations belong"
+            f"{fixes.source or 'positions'}: {message}; check that positions and observations"
+            " belong"
             " together, or switch it off"
         )
     variance = _variance(atmosphere, rise, lat, height) + (SHAPE_SHARE * zenith) ** 2
@@ -279,7 +333,8 @@ def _variance(atmosphere: Atmosphere, rise: Array, lat: float, height: float) ->
 
 
 def displacement_per_delay(satellites: Sky, epochs: int) -> Array:
-    """Displacement (epochs, 3), north, east, down, per metre of delay in zenith (T.4); NaN where
-    satellites are too few.
+    """Return the displacement (epochs, 3), north, east, down, per metre of zenith delay (T.4).
+
+    It is NaN where satellites are too few.
     """
     return displacement(satellites, mapping(satellites.elevation), epochs)

@@ -1,9 +1,10 @@
-"""Velocity of the antenna from the carrier phase of one receiver, differenced in time.
+"""Velocity of the antenna from the time-differenced carrier phase (TDCP) of one receiver.
 
 From epoch a to the next one b, a phase without loss of lock changes by that of the range, the
 clocks and the air:
 
-    lambda (phi_b - phi_a) = [rho - c dt_s + T]_b - [rho - c dt_s + T]_a + c (dt_b - dt_a) + noise                (V.1)
+    lambda (phi_b - phi_a) = [rho - c dt_s + T]_b - [rho - c dt_s + T]_a + c (dt_b - dt_a)
+                             + noise                                                           (V.1)
 
 rho with the Earth's rotation during the flight of the signal, dt_s the satellite's clock with
 relativity, T the standard troposphere, dt the receiver's clock. Satellites are taken at emission
@@ -11,7 +12,8 @@ from one and the same message at both epochs, so that the step from one message 
 enter. With positions p known to metres, r_b - r_a = p_b - p_a + d, u the direction to the
 satellite:
 
-    y = lambda (phi_b - phi_a) - [rho(p) - c dt_s + T]_b + [rho(p) - c dt_s + T]_a = -u d + c (dt_b - dt_a)       (V.2)
+    y = lambda (phi_b - phi_a) - [rho(p) - c dt_s + T]_b + [rho(p) - c dt_s + T]_a
+      = -u d + c (dt_b - dt_a)                                                                 (V.2)
 
 is solved for d and the clock by weighted least squares over all satellites and bands, one clock for
 all systems (their offsets are constant). The result is the mean velocity over the interval, (r_b -
@@ -30,15 +32,15 @@ Covariance. Each pair of phases has its own noise and, with the satellite's othe
 what changes in its air and clock:
 
     sigma^2 = s^2 (1 + 1 / sin^2 E) + common^2,   common = rate (t_b - t_a) / sin E            (V.3)
-    cov = N (sum_i w_i^2 (sigma_i^2 - common_i^2) a_i^T a_i + sum_satellites g^T g) N,   g = sum_i w_i common_i a_i,
-    N = (sum_i w_i a_i^T a_i)^-1,   w = 1 / sigma^2                                            (V.4)
+    cov = N (sum_i w_i^2 (sigma_i^2 - common_i^2) a_i^T a_i + sum_satellites g^T g) N,
+    g = sum_i w_i common_i a_i,   N = (sum_i w_i a_i^T a_i)^-1,   w = 1 / sigma^2              (V.4)
 
 s is the noise at zenith of one phase, estimated from the residuals of the whole recording for every
 system and band; at the end all is scaled by the chi-square of the whole. The ionosphere is taken
-off by `phase_pairs`. What an error of p does (satellites turn by 1.6e-4 rad/s) is added. Errors of
-neighbouring intervals share a phase: they correlate by -1/2, so that sums of displacements do not
-drift faster than the air. A filter that takes the intervals as independent is on the safe side over
-more than one.
+off by `time_differences`. What an error of p does (satellites turn by 1.6e-4 rad/s) is added.
+Errors of neighbouring intervals share a phase: they correlate by -1/2, so that sums of
+displacements do not drift faster than the air. A filter that takes the intervals as independent is
+on the safe side over more than one.
 
 Velocity at an epoch, between intervals T1 and T2 with mean velocities v1 and v2, j = r''' there:
 
@@ -105,16 +107,32 @@ FIRST_NOISE_M = 0.01  # of the phase at zenith, before it is known
 class AntennaVelocity:
     """Mean velocities of the antenna over intervals between neighbouring epochs of the receiver.
 
-    time : (n,) s, GPST of `gps_week`, the middle of the interval.
-    interval_s : (n,) its length.
-    velocity_ned : (n, 3) m/s.
-    cov_ned : (n, 3, 3) m^2/s^2.
-    used : (n,) satellites.
-    consistency : (n,) chi-square over redundancy.
-    epoch : (n,) place of the interval's end among the epochs of the observations.
-    clock_rate : (n,) of the receiver's clock.
-    noise_m : phase noise at zenith that was found, by system and band ("G1").   intervals : that were to be solved.
-    rejected : share of the pairs of phases without flag that were rejected.
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        s, GPST of `gps_week`, the middle of the interval.
+    interval_s : ndarray, shape (n,)
+        Length of the interval, s.
+    velocity_ned : ndarray, shape (n, 3)
+        m/s, north, east, down.
+    cov_ned : ndarray, shape (n, 3, 3)
+        m^2/s^2.
+    used : ndarray of int, shape (n,)
+        Number of satellites.
+    consistency : ndarray, shape (n,)
+        Chi-square over redundancy.
+    epoch : ndarray of int, shape (n,)
+        Index of the interval's end among the epochs of the observations.
+    clock_rate : ndarray, shape (n,)
+        Of the receiver's clock, s/s.
+    noise_m : dict of float
+        Estimated phase noise at zenith, m, by system and band ("G1").
+    gps_week : int
+        Week of the times.
+    intervals : int
+        Number of intervals between the epochs.
+    rejected : float
+        Share of the pairs of phases without flag that were rejected.
     """
 
     time: Array
@@ -137,10 +155,23 @@ def time_differenced_velocity(
     positions: GnssFixes,
     options: VelocityOptions | None = None,
 ) -> AntennaVelocity:
-    """Mean velocities over the intervals between neighbouring epochs of the rover, where its phases
-    and `positions` allow.
+    """Estimate mean velocities between neighbouring epochs of the rover by TDCP.
 
-    positions : of the antenna, to some metres; between them it is interpolated.   Raises DataError where no interval can be solved.
+    Parameters
+    ----------
+    observations : Observations
+        Of the rover.
+    navigation : Navigation
+        Broadcast ephemerides.
+    positions : GnssFixes
+        Of the antenna, to some metres; between them it is interpolated.
+    options : VelocityOptions, optional
+        Limits.
+
+    Raises
+    ------
+    DataError
+        Where no interval can be solved.
     """
     options = options or VelocityOptions()
     navigation = navigation.of_week(observations.gps_week)
@@ -150,12 +181,13 @@ def time_differenced_velocity(
     modelled = modelled_pairs(observations, navigation, antenna, code, states, first, second)
     pairs = phase_pairs(observations, navigation, modelled, options) if first.size else None
     if pairs is None or pairs.y.size == 0:
-        what = (
+        message = (
             "no phase is there in two neighbouring epochs with a position, an ephemeris and no loss"
             " of lock"
         )
         raise DataError(
-            f"{observations.header.path}: {what}; check that positions and navigation are of this"
+            f"{observations.header.path}: {message}; check that positions and navigation are of"
+            " this"
             " flight"
         )
     return _solve(observations, antenna, pairs, options)
@@ -179,12 +211,13 @@ def _solve(
         & (largest <= options.largest_sd)
     )
     if not good.any():
-        what = (
+        message = (
             f"none of {ends.size} intervals has {options.fewest} satellites that agree to"
             f" {options.largest_sd:g} m/s"
         )
         raise DataError(
-            f"{observations.header.path}: {what}; check that positions and navigation are of this"
+            f"{observations.header.path}: {message}; check that positions and navigation are of"
+            " this"
             " flight"
         )
     ends, length = ends[good], length[good]
@@ -254,9 +287,7 @@ def _least_squares(
 
 
 class StampedVelocity(NamedTuple):
-    """Velocities at epochs: velocity_ned (n, 3) m/s, cov_ned (n, 3, 3) m^2/s^2; NaN where there is
-    none.
-    """
+    """Velocities at epochs: velocity_ned (n, 3) m/s, cov_ned (n, 3, 3) m^2/s^2; NaN if missing."""
 
     velocity_ned: Array
     cov_ned: Array
@@ -285,10 +316,10 @@ def _growth(
 
 
 def at_stamps(velocity: AntennaVelocity, time: ArrayLike) -> StampedVelocity:
-    """Velocities at epochs `time` (n,), s, GPST of the velocities' week, by (V.5) to (V.7).
+    """Return velocities at epochs `time` (n,), s, GPST of the velocities' week, by (V.5) to (V.7).
 
-    Not-a-number where the interval before or behind an epoch is missing. Errors of an epoch and the
-    next but one correlate by -1/2, those of neighbours hardly.
+    They are not-a-number where the interval before or behind an epoch is missing. Errors of an
+    epoch and the next but one correlate by -1/2, those of neighbours hardly.
     """
     time = np.asarray(time, dtype=np.float64)
     ends = velocity.time + 0.5 * velocity.interval_s
@@ -296,10 +327,10 @@ def at_stamps(velocity: AntennaVelocity, time: ArrayLike) -> StampedVelocity:
     out, cov = np.full((time.size, 3), np.nan), np.full((time.size, 3, 3), np.nan)
     if joined.size == 0:
         return StampedVelocity(out, cov)
-    found, found_cov = _at_ends(velocity, joined)
-    at = np.searchsorted(0.5 * (ends[joined][1:] + ends[joined][:-1]), time)
-    near = np.abs(ends[joined][at] - time) <= SAME_TIME_S
-    out[near], cov[near] = found[at[near]], found_cov[at[near]]
+    end_velocity, end_cov = _at_ends(velocity, joined)
+    index = np.searchsorted(0.5 * (ends[joined][1:] + ends[joined][:-1]), time)
+    near = np.abs(ends[joined][index] - time) <= SAME_TIME_S
+    out[near], cov[near] = end_velocity[index[near]], end_cov[index[near]]
     return StampedVelocity(out, cov)
 
 
@@ -308,7 +339,7 @@ def _at_ends(velocity: AntennaVelocity, joined: Index) -> tuple[Array, Array]:
     the next ones follow.
     """
     T = velocity.interval_s
-    found, cov = np.empty((joined.size, 3)), np.empty((joined.size, 3, 3))
+    out, cov = np.empty((joined.size, 3)), np.empty((joined.size, 3, 3))
     widest = max(round(JERK_S / float(np.median(T))), 2)
     left = np.ones(joined.size, dtype=np.bool_)
     for half in dict.fromkeys((widest, 2, 0)):
@@ -328,17 +359,17 @@ def _at_ends(velocity: AntennaVelocity, joined: Index) -> tuple[Array, Array]:
             of_jerk = (bend / np.mean(T[rows], axis=1) ** 2)[:, None] * jerk_weights(half)
             bent = np.einsum("kj,kjd->kd", of_jerk, velocity.velocity_ned[rows])
             weights -= of_jerk
-        found[these] = np.einsum("kj,kjd->kd", weights, velocity.velocity_ned[rows])
+        out[these] = np.einsum("kj,kjd->kd", weights, velocity.velocity_ned[rows])
         unseen = bend * (UNKNOWN_JERK if half else UNSEEN_JERK)
         cov[these] = (
             _noise(velocity, rows, weights) + MISSED_SHARE**2 * bent[:, :, None] * bent[:, None, :]
         )
         cov[these] += (unseen**2)[:, None, None] * np.eye(3)
-    return found, cov
+    return out, cov
 
 
 def _even(velocity: AntennaVelocity, joined: Index, half: int) -> NDArray[np.bool_]:
-    """Whether `half` intervals on either side of each end follow each other at the same pace; (k,)."""
+    """(k,) whether `half` intervals on either side of each end follow each other at one pace."""
     if half == 0:
         return np.ones(joined.size, dtype=np.bool_)
     first, last = joined - half + 1, joined + half
@@ -351,11 +382,12 @@ def _even(velocity: AntennaVelocity, joined: Index, half: int) -> NDArray[np.boo
 
 
 def jerk_weights(half: int) -> Array:
-    """Weights (2 half,) of the mean velocities of intervals of length 1, whose sum is the third
-    derivative in the middle (V.6).
+    """Return the weights (2 half,) by which mean velocities of intervals of length 1 give (V.6).
+
+    The weighted sum is the third derivative of the position in the middle.
     """
-    place = np.arange(-half, half + 1, dtype=np.float64)
-    of_position = 6.0 * np.linalg.pinv(np.vander(place, 4, increasing=True))[3]
+    position = np.arange(-half, half + 1, dtype=np.float64)
+    of_position = 6.0 * np.linalg.pinv(np.vander(position, 4, increasing=True))[3]
     return np.asarray(np.cumsum(of_position[::-1])[::-1][1:])
 
 
@@ -366,7 +398,7 @@ def _noise(velocity: AntennaVelocity, rows: Index, weights: Array) -> Array:
     T = velocity.interval_s[rows]
     share = np.pad(weights / T, ((0, 0), (1, 1)))
     phase = np.diff(share, axis=1) ** 2  # of the phase at each epoch
-    phase[:, 1:-1] *= 0.5  # which two intervals tell
+    phase[:, 1:-1] *= 0.5  # which two intervals see
     out = np.zeros((rows.shape[0], 3, 3))
     for j in range(rows.shape[1]):
         of_both = 0.5 * (phase[:, j] + phase[:, j + 1]) * T[:, j] ** 2

@@ -1,7 +1,7 @@
 """Ready positions of an engine, treated as those of our own runs: the same too small standard
-deviations, the same wrong integers.
+deviations, the same incorrect ambiguity fixes.
 
-A `.pos` that tells quality, satellites and base (the header's `ref pos`, which RTKLIB writes in its
+A `.pos` that holds quality, satellites and base (the header's `ref pos`, which RTKLIB writes in its
 relative modes) has all that `covariance` asks for. What lacks one of them, as the files do that
 insgnss itself writes, is left as it is.
 """
@@ -20,32 +20,44 @@ ADVICE = "gnss.calibrate_covariance = false leaves the standard deviations as th
 
 
 def with_calibrated(fixes: GnssFixes, path: Source, model: CovarianceModel = MODEL) -> GnssFixes:
-    """Fixes of the file at `path` with the covariances of `covariance`, where it tells what that
-    needs.
+    """Return the fixes of a file with calibrated covariances, where it holds what that needs.
 
-    model : InputError where it is another than the default one and the file does not tell it.
+    Parameters
+    ----------
+    fixes : GnssFixes
+        The fixes of the file.
+    path : path-like
+        The file.
+    model : CovarianceModel
+        Limits and scale factors of `quality.covariance`.
+
+    Raises
+    ------
+    InputError
+        Where the model is another than the default one and the file does not hold quality,
+        satellites and base.
     """
     rows = read_pos_rows(path) if sniff_gnss(Path(path)) == "rtklib_pos" else None
     base, satellites = (None, None) if rows is None else (rows.base_ecef, rows.columns.get("ns"))
     if base is None or satellites is None or fixes.quality is None:
         if model != MODEL:
-            what = (
-                "gnss.covariance calibrates positions that tell quality, satellites and base (an"
+            message = (
+                "gnss.covariance calibrates positions with quality, satellites and base (an"
                 " RTKLIB .pos with ref pos in its header)"
             )
             raise InputError.at(
                 path,
                 None,
-                f"{what}, and this file does not; leave it out, or set gnss.sigma_m or"
+                f"{message}, and this file does not; leave it out, or set gnss.sigma_m or"
                 " gnss.quality_sigma_m",
             )
         return fixes
-    found, _ = calibrate(fixes, satellites, base_distance(fixes, base), None, model)
-    last = found.notes[-1]
+    calibrated, _ = calibrate(fixes, satellites, base_distance(fixes, base), None, model)
+    last = calibrated.notes[-1]
     return replace(
-        found,
+        calibrated,
         notes=(
-            *found.notes[:-1],
+            *calibrated.notes[:-1],
             replace(last, advice=f"{last.advice}; {ADVICE}" if last.advice else ""),
         ),
     )

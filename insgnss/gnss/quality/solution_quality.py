@@ -1,9 +1,9 @@
 """What an engine's solution says of itself: numbers, series for figures, a verdict in words.
 
-Epochs by class (`gnss.covariance`), satellites, ratio, age of the base's observations, distance to
-the base, forward against backward; and, with the rover's observations, slips, strength and
-multipath (`gnss.signals`). Each cause has a check with a limit and an advice; the verdict is that
-of the share of the rover's epochs that are fixed and confirmed, and names the checks that have
+Epochs by class (`quality.covariance`), satellites, ratio, age of the base's observations, distance
+to the base, forward against backward; and, with the rover's observations, slips, C/N0 and multipath
+(`phase.signal_quality`). Each cause has a check with a limit and an advice; the verdict is that of
+the share of the rover's epochs that are fixed and confirmed, and names the checks that have
 something to say. An epoch that the engine leaves out counts as one that is not fixed. What shifts
 all positions together shows in no share: a doubt of the base (`BASE_CHECKS`), or a contradiction
 between inputs, makes of "good" a "usable with care".
@@ -25,14 +25,21 @@ from ...formats.text.text import Source, load
 from ...records import Array, Check, GnssFixes
 from ...records.qualities import Quality
 from ..phase.signal_quality import Signals
-from .covariance import BELIEVED, CLASSES, HAMPERED, LONE, UNKNOWN_SIGMA_M, WEAK, Index, Separation
+from .covariance import (
+    CLASSES,
+    DEGRADED,
+    ISOLATED,
+    UNKNOWN_SIGMA_M,
+    UNSUPPORTED,
+    VALIDATED,
+    Index,
+    Separation,
+)
 
 GOOD_RATE, FAIR_RATE = 0.99, 0.90
 FEW_SATELLITES, MUCH_MULTIPATH_M = 8, 0.8
-WEAK_DBHZ, WEAK_SECOND_DBHZ = (
-    38.0,
-    30.0,
-)  # on band 1, and on the others, where GPS L2 is tracked without its code
+# C/N0 on band 1, and on the others, where GPS L2 is tracked without its code
+LOW_DBHZ, LOW_SECOND_DBHZ = 38.0, 30.0
 MANY_SLIPS = 20.0  # an hour and satellite
 LONG_BASELINE_M, OLD_S = 15e3, 5.0
 # s without a position: longer ones leave the receiver's clock and the path between to guesses
@@ -45,8 +52,14 @@ DATE_FIELDS = 4  # by which year to second exceed date and time of day
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A `.pos` of an engine: fixes as it gives them, and satellites, age of the base's observations
-    (s) and ratio (n,) of each.
+    """A `.pos` of an engine, as it gives it.
+
+    Parameters
+    ----------
+    fixes : GnssFixes
+        The engine's positions.
+    satellites, age_s, ratio : ndarray, shape (n,)
+        Number of satellites, age of the base's observations (s) and ambiguity ratio of each fix.
     """
 
     fixes: GnssFixes
@@ -56,11 +69,16 @@ class Solution:
 
 
 def read_solution(path: Source) -> Solution:
-    """Read a `.pos`. Raises InputError with file and line as `formats.rtklib_pos` does.
+    """Read a `.pos`.
 
     Engines that lose their numbers (dynamics at rare epochs) write standard deviations of zero, and
     roots that belong to no covariance: such epochs get `UNKNOWN_SIGMA_M`, are single (quality 5),
     and counted in a note.
+
+    Raises
+    ------
+    InputError
+        With file and line, as `formats.gnss.rtklib_pos` raises it.
     """
     rows = read_pos_rows(path)
     columns, roots = rows.columns, ROOTS[rows.header.kind]
@@ -98,7 +116,7 @@ def _readable(path: Source, rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
         copy = Path(scratch) / Path(path).name
         copy.write_bytes(b"\n".join(lines))
         fixes = read_rtklib_pos(copy, sigma_m=UNKNOWN_SIGMA_M)
-    found = (
+    finding = (
         f"{int(odd.sum())} epochs have no covariance: standard deviations of zero, or correlations"
         " beyond one"
     )
@@ -107,7 +125,7 @@ def _readable(path: Source, rows: PosRows, odd: NDArray[np.bool_]) -> GnssFixes:
         f"they get {size} m and count as single; dynamics of an engine need epochs every second"
         " or so"
     )
-    note = Check("GNSS covariance", found, "a covariance each", "note", advice)
+    note = Check("GNSS covariance", finding, "a covariance each", "note", advice)
     others = tuple(check for check in fixes.notes if "sigma_m" not in check.advice)
     return replace(fixes, source=str(path), notes=(*others, note))
 
@@ -120,7 +138,7 @@ def solution_series(
     separation: Separation | None,
     signals: Signals | None,
 ) -> dict[str, Any]:
-    """Arrays by name, as `report.gnss` draws them."""
+    """Return arrays by name, as `report.figures.gnss` draws them."""
     series: dict[str, Any] = {
         "time": solution.fixes.time,
         "kind": kind,
@@ -141,7 +159,7 @@ def solution_series(
             "slip_time": signals.slip_time,
             "slip_satellite": signals.slip_satellite.tolist(),
         }
-        series |= {"strength_time": signals.strength_time, "strength": dict(signals.strength)}
+        series |= {"cn0_time": signals.cn0_time, "cn0": dict(signals.cn0)}
     return series
 
 
@@ -154,15 +172,29 @@ def solution_numbers(
     separation: Separation | None,
     gate: float,
 ) -> dict[str, Any]:
-    """Figures of merit of the solution, plain numbers: epochs and fix_rate are of the solved epochs
-    (`coverage_numbers`: of the rover's).
+    """Return figures of merit of the solution as plain numbers.
 
-    calibrated : the fixes with the covariances of `gnss.covariance`.
+    Epochs and fix_rate are of the solved epochs (those of `coverage_numbers` are of the rover's).
+
+    Parameters
+    ----------
+    solution : Solution
+        The engine's combined solution.
+    calibrated : GnssFixes
+        Its fixes with the covariances of `quality.covariance`.
+    kind : ndarray of int, shape (n,)
+        Their classes, as indices of `CLASSES`.
+    distance_m, height_difference_m : ndarray, shape (n,)
+        From the base, m.
+    separation : Separation, optional
+        Of the forward and the backward run.
+    gate : float
+        Normalised square of a separation beyond which two runs contradict each other.
     """
     fixes = solution.fixes
     quality = np.zeros(kind.size, dtype=np.int64) if fixes.quality is None else fixes.quality
     sigma = np.sqrt(np.diagonal(calibrated.cov_ned, axis1=1, axis2=2))
-    fixed = np.isin(kind, BELIEVED)
+    fixed = np.isin(kind, VALIDATED)
     numbers: dict[str, Any] = {
         "epochs": kind.size,
         "span_s": [float(fixes.time[0]), float(fixes.time[-1])],
@@ -194,11 +226,20 @@ def solution_numbers(
 def coverage_numbers(
     time: Array, solved: NDArray[np.bool_], fixed: NDArray[np.bool_]
 ) -> dict[str, Any]:
-    """What of the rover's epochs has a solution, plain numbers.
+    """Return how many of the rover's epochs have a solution, as plain numbers.
 
-    time : (n,) s of the rover's epochs.   solved, fixed : (n,) those in the solution, and those
-                                           fixed and confirmed.
-    unsolved_s : first and last epoch of the longest stretch without a solution, None without any.
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        s, of the rover's epochs.
+    solved, fixed : ndarray of bool, shape (n,)
+        Which of them are in the solution, and which are fixed and confirmed.
+
+    Returns
+    -------
+    dict
+        Among others `unsolved_s`, first and last epoch of the longest period without a solution,
+        None without any.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], ~solved, [False]])))
     first, last = edges[::2], edges[1::2] - 1
@@ -207,7 +248,7 @@ def coverage_numbers(
         "epochs_observed": time.size,
         "unsolved": int((~solved).sum()),
         "unsolved_share": float((~solved).mean()),
-        "unsolved_stretches": first.size,
+        "unsolved_periods": first.size,
         "unsolved_s": (
             [float(time[first[longest]]), float(time[last[longest]])] if first.size else None
         ),
@@ -217,10 +258,10 @@ def coverage_numbers(
 
 
 def _separation_numbers(separation: Separation, gate: float) -> dict[str, Any]:
-    known = np.isfinite(separation.ned).all(axis=1)
+    finite = np.isfinite(separation.ned).all(axis=1)
     apart = separation.ned[separation.fixed]
     return {
-        "epochs": int(known.sum()),
+        "epochs": int(finite.sum()),
         "both_fixed": int(separation.fixed.sum()),
         "contradicting": int(separation.beyond(gate).sum()),
         "fixed_rms_m": np.sqrt(np.mean(apart**2, axis=0)).tolist() if apart.size else None,
@@ -234,7 +275,7 @@ def _median(x: Array) -> float | None:
 
 
 def longest_without(time: Array, good: NDArray[np.bool_]) -> float:
-    """Longest time, s, within the epochs `time` (n,), without a `good` one."""
+    """Return the longest time, s, within the epochs `time` (n,) without a `good` one."""
     marks = np.concatenate([time[:1], time[good], time[-1:]])
     return float(np.diff(marks).max(initial=0.0))
 
@@ -242,11 +283,16 @@ def longest_without(time: Array, good: NDArray[np.bool_]) -> float:
 def verdict(
     numbers: Mapping[str, Any], before: Iterable[Check] = ()
 ) -> tuple[str, tuple[Check, ...]]:
-    """One sentence for the whole, and a check for each of its causes.
+    """Return one sentence for the whole, and a check for each of its causes.
 
-    numbers : of `solution_numbers` and `coverage_numbers`, `signal_numbers` under "signals".   before : checks of inputs and steps.
+    Parameters
+    ----------
+    numbers : mapping
+        Of `solution_numbers` and `coverage_numbers`, and those of `signal_numbers` under "signals".
+    before : iterable of Check
+        Checks of inputs and steps.
     """
-    checks = [_check_rate(numbers), _check_unsolved(numbers), _check_hampered(numbers)]
+    checks = [_check_rate(numbers), _check_unsolved(numbers), _check_degraded(numbers)]
     checks += [_check_satellites(numbers), _check_distance(numbers), _check_age(numbers)]
     if "separation" in numbers:
         checks.append(_check_separation(numbers["separation"], numbers["epochs"]))
@@ -261,14 +307,14 @@ def verdict(
     word = (
         "poor" if rate < FAIR_RATE else "usable with care" if rate < GOOD_RATE or doubts else "good"
     )
-    told = (
+    summary = (
         f"{word}: {100 * rate:.1f} % of {numbers['epochs_observed']} epochs are fixed and confirmed"
     )
-    if hampered := numbers["classes"][CLASSES[HAMPERED]]:
-        told += f", {hampered} of them hampered"
-    told += f", {numbers['unsolved']} have no solution" if numbers["unsolved"] else ""
+    if degraded := numbers["classes"][CLASSES[DEGRADED]]:
+        summary += f", {degraded} of them degraded"
+    summary += f", {numbers['unsolved']} have no solution" if numbers["unsolved"] else ""
     if sigma := numbers["sigma_m"]["fixed_median"]:
-        told += (
+        summary += (
             ""
             if None in sigma
             else ", standard deviations north, east, down "
@@ -280,24 +326,26 @@ def verdict(
         for c in (*doubts, *checks)
         if c.verdict != "ok" and c.name != "GNSS fix rate"
     ]
-    return told + (f"; look at {', '.join(dict.fromkeys(others))}" if others else ""), tuple(checks)
+    return summary + (f"; look at {', '.join(dict.fromkeys(others))}" if others else ""), tuple(
+        checks
+    )
 
 
-def _check(name: str, found: str, expected: str, bad: bool, advice: str) -> Check:
-    return Check(name, found, expected, "note" if bad else "ok", advice if bad else "")
+def _check(name: str, finding: str, expected: str, bad: bool, advice: str) -> Check:
+    return Check(name, finding, expected, "note" if bad else "ok", advice if bad else "")
 
 
 def _check_rate(n: Mapping[str, Any]) -> Check:
-    lone = n["classes"][CLASSES[LONE]] + n["classes"][CLASSES[WEAK]]
-    found = f"{100 * n['fix_rate_observed']:.2f} % fixed, {lone} lone epochs"
-    found += f", longest time without a fixed epoch {n['longest_without_fixed_s']:.1f} s"
+    isolated = n["classes"][CLASSES[ISOLATED]] + n["classes"][CLASSES[UNSUPPORTED]]
+    finding = f"{100 * n['fix_rate_observed']:.2f} % fixed, {isolated} isolated epochs"
+    finding += f", longest time without a fixed epoch {n['longest_without_fixed_s']:.1f} s"
     advice = (
         "check base coordinates, antenna, navigation files and the mask; float epochs carry"
         " decimetres, and the IMU must bridge them"
     )
     return _check(
         "GNSS fix rate",
-        found,
+        finding,
         f"{100 * GOOD_RATE:.0f} % at least",
         n["fix_rate_observed"] < GOOD_RATE,
         advice,
@@ -309,53 +357,58 @@ def _check_unsolved(n: Mapping[str, Any]) -> Check:
         "GNSS epochs",
         f"{100 * GOOD_RATE:.0f} % with one at least, and no {LONG_GAP_S:.0f} s without",
     )
-    found, stretches = (
+    finding, periods = (
         f"{n['unsolved']} of {n['epochs_observed']} epochs have no solution",
-        n["unsolved_stretches"],
+        n["unsolved_periods"],
     )
     if n["unsolved_s"] is None:
-        return Check(name, found, expected)
+        return Check(name, finding, expected)
     first, last = n["unsolved_s"]
-    found += (
-        f", {'' if stretches == 1 else f'in {stretches} stretches, the longest '}from {first:.1f} s"
+    finding += (
+        f", {'' if periods == 1 else f'in {periods} periods, the longest '}from {first:.1f} s"
         f" to {last:.1f} s"
     )
     bad = n["unsolved_share"] > 1.0 - GOOD_RATE or last - first > LONG_GAP_S
     return _check(
         name,
-        found,
+        finding,
         expected,
         bad,
         "too few satellites, or no epoch of the base within max_age_s: does its file last as long?",
     )
 
 
-def _check_hampered(n: Mapping[str, Any]) -> Check:
-    hampered = n["classes"][CLASSES[HAMPERED]]
-    found = f"{hampered} fixed epochs, in minutes of which a good part is not fixed"
+def _check_degraded(n: Mapping[str, Any]) -> Check:
+    degraded = n["classes"][CLASSES[DEGRADED]]
+    finding = f"{degraded} fixed epochs, in minutes of which a good part is not fixed"
     advice = (
         "what obstructs or reflects there also moves what is fixed, by centimetres: they have"
         " standard deviations of such size"
     )
-    return _check("GNSS hampered fixes", found, "none", hampered > 0, advice)
+    return _check("GNSS degraded fixes", finding, "none", degraded > 0, advice)
 
 
 def _check_satellites(n: Mapping[str, Any]) -> Check:
     s = n["satellites"]
-    found = f"{s['median']:.0f} in the median, {s['least']} at least"
+    finding = f"{s['median']:.0f} in the median, {s['least']} at least"
     advice = (
-        "few satellites make wrong fixes likely: use all systems that rover and base have in"
+        "few satellites make incorrect ambiguity fixes likely: use all systems that rover and base"
+        " have in"
         " common, or a lower mask"
     )
     return _check(
-        "GNSS satellites", found, f"{FEW_SATELLITES} at least", s["least"] < FEW_SATELLITES, advice
+        "GNSS satellites",
+        finding,
+        f"{FEW_SATELLITES} at least",
+        s["least"] < FEW_SATELLITES,
+        advice,
     )
 
 
 def _check_distance(n: Mapping[str, Any]) -> Check:
     d = n["base_distance_m"]
     low, high = n["height_above_base_m"]
-    found = (
+    finding = (
         f"{1e-3 * d['least']:.2f} to {1e-3 * d['largest']:.2f} km, {low:.0f} to {high:.0f} m above"
         " the base"
     )
@@ -364,7 +417,7 @@ def _check_distance(n: Mapping[str, Any]) -> Check:
     )
     return _check(
         "GNSS base distance",
-        found,
+        finding,
         f"below {1e-3 * LONG_BASELINE_M:.0f} km",
         d["largest"] > LONG_BASELINE_M,
         advice,
@@ -372,17 +425,17 @@ def _check_distance(n: Mapping[str, Any]) -> Check:
 
 
 def _check_age(n: Mapping[str, Any]) -> Check:
-    found = f"base observations at most {n['age_s']['largest']:.1f} s from the rover's"
+    finding = f"base observations at most {n['age_s']['largest']:.1f} s from the rover's"
     advice = "the base has gaps, or its rate is low: the atmosphere changes between its epochs"
     return _check(
-        "GNSS base age", found, f"below {OLD_S:.0f} s", n["age_s"]["largest"] > OLD_S, advice
+        "GNSS base age", finding, f"below {OLD_S:.0f} s", n["age_s"]["largest"] > OLD_S, advice
     )
 
 
 def _check_separation(s: Mapping[str, Any], epochs: int) -> Check:
     rms = s["fixed_rms_m"]
-    found = f"{s['contradicting']} of {s['epochs']} epochs contradict each other"
-    found += (
+    finding = f"{s['contradicting']} of {s['epochs']} epochs contradict each other"
+    finding += (
         ""
         if rms is None
         else ", rms where both are fixed "
@@ -390,12 +443,13 @@ def _check_separation(s: Mapping[str, Any], epochs: int) -> Check:
         + " mm north, east, down"
     )
     advice = (
-        "one of the two runs had wrong integers there: these epochs are weighed down by their whole"
+        "one of the two runs had an incorrect ambiguity fix there: these epochs are weighed down"
+        " by their whole"
         " difference"
     )
     return _check(
         "GNSS forward and backward",
-        found,
+        finding,
         f"{100 * APART_SHARE:.1f} % at most",
         s["contradicting"] > APART_SHARE * epochs,
         advice,
@@ -404,8 +458,10 @@ def _check_separation(s: Mapping[str, Any], epochs: int) -> Check:
 
 def _check_signals(n: Mapping[str, Any]) -> list[Check]:
     rate, slips = n["cycle_slips_per_satellite_hour"], n["cycle_slips"]
-    told = f"{slips['flagged']} flagged by the receiver, {slips['unflagged']} seen in L1 - L2 alone"
-    told += "" if rate is None else f", {rate:.1f} an hour and satellite"
+    slip_finding = (
+        f"{slips['flagged']} flagged by the receiver, {slips['unflagged']} seen in L1 - L2 alone"
+    )
+    slip_finding += "" if rate is None else f", {rate:.1f} an hour and satellite"
     advice = (
         "vibration, shading by the airframe or interference: look at when and on which satellites"
         " they come"
@@ -413,14 +469,14 @@ def _check_signals(n: Mapping[str, Any]) -> list[Check]:
     checks = [
         _check(
             "GNSS cycle slips",
-            told,
+            slip_finding,
             f"{MANY_SLIPS:.0f} an hour and satellite at most",
             (rate or 0.0) > MANY_SLIPS,
             advice,
         )
     ]
     gaps = "1 gap" if n["gaps"] == 1 else f"{n['gaps']} gaps"
-    found = (
+    finding = (
         f"{gaps}, the longest {n['longest_gap_s']:.1f} s, at an interval of {n['interval_s']:g} s"
     )
     advice = (
@@ -430,15 +486,15 @@ def _check_signals(n: Mapping[str, Any]) -> list[Check]:
     checks.append(
         _check(
             "GNSS gaps",
-            found,
+            finding,
             f"{LONG_GAP_S:.0f} s at most",
             n["longest_gap_s"] > LONG_GAP_S,
             advice,
         )
     )
-    levels = {band: level for band, level in n["strength_dbhz"].items() if level is not None}
+    levels = {band: level for band, level in n["cn0_dbhz"].items() if level is not None}
     if levels:
-        found = (
+        finding = (
             ", ".join(f"{band} {level:.1f}" for band, level in levels.items())
             + " dB-Hz in the median"
         )
@@ -447,17 +503,19 @@ def _check_signals(n: Mapping[str, Any]) -> list[Check]:
             " payload)"
         )
         bad = any(
-            level < (WEAK_DBHZ if band == "band 1" else WEAK_SECOND_DBHZ)
+            level < (LOW_DBHZ if band == "band 1" else LOW_SECOND_DBHZ)
             for band, level in levels.items()
         )
-        expected = f"{WEAK_DBHZ:.0f} dB-Hz on band 1 and {WEAK_SECOND_DBHZ:.0f} on others at least"
-        checks.append(_check("GNSS signal strength", found, expected, bad, advice))
+        expected = f"{LOW_DBHZ:.0f} dB-Hz on band 1 and {LOW_SECOND_DBHZ:.0f} on others at least"
+        checks.append(_check("GNSS C/N0", finding, expected, bad, advice))
     if n["multipath_m"]:
-        found = (
+        finding = (
             ", ".join(f"{code} {size:.2f}" for code, size in n["multipath_m"].items())
             + " m rms of code"
         )
-        advice = "reflections near the antenna, or a weak signal"
+        advice = "reflections near the antenna, or a low C/N0"
         bad = max(n["multipath_m"].values()) > MUCH_MULTIPATH_M
-        checks.append(_check("GNSS multipath", found, f"below {MUCH_MULTIPATH_M:g} m", bad, advice))
+        checks.append(
+            _check("GNSS multipath", finding, f"below {MUCH_MULTIPATH_M:g} m", bad, advice)
+        )
     return checks

@@ -12,7 +12,7 @@ import numpy as np
 from ...base.compilation import njit
 
 DONE, EVENT, FULL, NEW_SYSTEM, BAD_EPOCH, BAD_SATELLITE, BAD_NUMBER, TWICE, CUT = range(9)
-PLACE, LINE, EPOCHS, ROWS, FLAG, COUNT, TICKS, AT, AT_LINE, SYSTEM = range(10)  # of the state
+OFFSET, LINE, EPOCHS, ROWS, FLAG, COUNT, TICKS, MARK, MARK_LINE, SYSTEM = range(10)  # of the state
 STATE_SIZE = 10
 
 TICKS_PER_S = 10_000_000
@@ -43,12 +43,12 @@ def _text_end(buf, start, stop):
 @njit(cache=True)
 def _whole(buf, a, b, end):
     """Whole number without sign in columns a to b of a text that ends at `end`; _BLANK, or _BAD."""
-    n, seen, closed = 0, False, False
+    n, seen, ended = 0, False, False
     for i in range(a, min(b, end)):
         c = np.int64(buf[i])
         if c == _SPACE:
-            closed = seen
-        elif _ZERO <= c <= _ZERO + 9 and not closed:
+            ended = seen
+        elif _ZERO <= c <= _ZERO + 9 and not ended:
             n = 10 * n + c - _ZERO
             seen = True
         else:
@@ -158,19 +158,22 @@ def _days(year, month, day):
 
 
 @njit(cache=True)
-def _stamp(buf, at, end, three):
-    """Ticks of the calendar stamp of an epoch's line that begins at `at`; _BLANK where all is
+def _stamp(buf, offset, end, three):
+    """Ticks of the calendar stamp of an epoch's line that begins at `offset`; _BLANK where all is
     blank, or _BAD.
     """
     if three:
-        year, at = _whole(buf, at + 1, at + 6, end), at + 6
+        year, offset = _whole(buf, offset + 1, offset + 6, end), offset + 6
     else:
-        year, at = _whole(buf, at + 1, at + 3, end), at + 3
+        year, offset = _whole(buf, offset + 1, offset + 3, end), offset + 3
         if year >= 0:
             year += 1900 if year >= 80 else 2000
-    month, day = _whole(buf, at, at + 3, end), _whole(buf, at + 3, at + 6, end)
-    hour, minute = _whole(buf, at + 6, at + 9, end), _whole(buf, at + 9, at + 12, end)
-    ticks = _seconds(buf, at + 12, at + 23, end)
+    month, day = _whole(buf, offset, offset + 3, end), _whole(buf, offset + 3, offset + 6, end)
+    hour, minute = (
+        _whole(buf, offset + 6, offset + 9, end),
+        _whole(buf, offset + 9, offset + 12, end),
+    )
+    ticks = _seconds(buf, offset + 12, offset + 23, end)
     if (
         year == _BLANK
         and month == _BLANK
@@ -203,69 +206,68 @@ def _stamp(buf, at, end, three):
 
 
 @njit(cache=True)
-def _satellite(buf, at, end, blank):
+def _satellite(buf, offset, end, blank):
     """Hundred times the system's place plus the number of the satellite in three columns; _BAD for
     what is none.
     """
-    if at + 2 > end:
+    if offset + 2 > end:
         return _BAD
-    system = np.int64(blank) if buf[at] == _SPACE else _SYSTEM_OF[buf[at]]
-    number = _whole(buf, at + 1, at + 3, end)
+    system = np.int64(blank) if buf[offset] == _SPACE else _SYSTEM_OF[buf[offset]]
+    number = _whole(buf, offset + 1, offset + 3, end)
     if system < 0 or number < 1:
         return _BAD
     return 100 * system + number
 
 
 @njit(cache=True)
-def _fault(state, status, at, line):
-    state[AT], state[AT_LINE] = at, line
+def _fault(state, status, offset, line):
+    state[MARK], state[MARK_LINE] = offset, line
     return status
 
 
 @njit(cache=True)
-def _epoch_line(buf, place, end, three, state):
-    """Flag, number of what follows and stamp of an epoch's line into the state; whether it is one."""
-    flag_at = place + (31 if three else 28)
+def _epoch_line(buf, offset, end, three, state):
+    """Flag, count of records and stamp of an epoch's line into the state; whether it is one."""
+    flag_at = offset + (31 if three else 28)
     if (
         three
         and end > flag_at - 1
         and buf[flag_at - 1] != _SPACE
         and (end <= flag_at or buf[flag_at] == _SPACE)
     ):
-        flag_at -= (
-            1  # one blank instead of two behind the seconds: a converter in wide use wrote so
-        )
-    if three and buf[place] != _EPOCH and buf[place] != _SPACE:
+        # one blank instead of two behind the seconds: a converter in wide use wrote so
+        flag_at -= 1
+    if three and buf[offset] != _EPOCH and buf[offset] != _SPACE:
         return False
     flag, count = _whole(buf, flag_at, flag_at + 1, end), _whole(buf, flag_at + 1, flag_at + 4, end)
     state[FLAG], state[COUNT] = max(flag, 0), max(count, 0)
-    state[TICKS] = _stamp(buf, place, end, three)
+    state[TICKS] = _stamp(buf, offset, end, three)
     if flag == _BAD or flag > 6 or count == _BAD or state[TICKS] == _BAD or end <= flag_at:
         return False
     if flag >= 2 and flag <= 5:
         return True
-    return count >= 0 and state[TICKS] >= 0 and (not three or buf[place] == _EPOCH)
+    return count >= 0 and state[TICKS] >= 0 and (not three or buf[offset] == _EPOCH)
 
 
 @njit(cache=True)
-def _satellite_list(buf, place, end, line, count, blank, sats, state):
-    """Satellites of an epoch of RINEX 2, which may go on on further lines: status, place and line
+def _satellite_list(buf, offset, end, line, count, blank, sats, state):
+    """Satellites of an epoch of RINEX 2, which may go on on further lines: status, offset and line
     behind them.
     """
-    first = place
+    first = offset
     for k in range(count):
         if k > 0 and k % 12 == 0:
-            place = _end(buf, end) + 1
+            offset = _end(buf, end) + 1
             line += 1
-            if place >= buf.size:
-                return _fault(state, CUT, place, line), place, line
-            first, end = place, _text_end(buf, place, _end(buf, place))
-            for i in range(place, min(place + 32, end)):
+            if offset >= buf.size:
+                return _fault(state, CUT, offset, line), offset, line
+            first, end = offset, _text_end(buf, offset, _end(buf, offset))
+            for i in range(offset, min(offset + 32, end)):
                 if buf[i] != _SPACE:
-                    return _fault(state, BAD_SATELLITE, place, line), place, line
+                    return _fault(state, BAD_SATELLITE, offset, line), offset, line
         sats[k] = _satellite(buf, first + 32 + 3 * (k % 12), end, blank)
         if sats[k] < 0:
-            return _fault(state, BAD_SATELLITE, first, line), place, line
+            return _fault(state, BAD_SATELLITE, first, line), offset, line
     return DONE, _end(buf, end) + 1, line + 1
 
 
@@ -275,60 +277,63 @@ def _is_flag(c):
 
 
 @njit(cache=True)
-def _field(buf, at, end, row, column, factor, values, lock, strength):
-    """One number with its flags from the field at `at`, of a text that ends at `end`; False for
+def _field(buf, offset, end, row, column, factor, values, lock, strength):
+    """One number with its flags from the field at `offset`, of a text that ends at `end`; False for
     what is none.
     """
-    found, x = _number(buf, at, min(at + 14, end))
-    if found < 0:
+    status, x = _number(buf, offset, min(offset + 14, end))
+    if status < 0:
         return False
-    if found == 1 and x != 0.0:
+    if status == 1 and x != 0.0:
         values[row, column] = x / factor
-    if at + 14 < end and buf[at + 14] != _SPACE:
-        lock[row, column] = buf[at + 14] - _ZERO
-    if at + 15 < end and buf[at + 15] != _SPACE:
-        strength[row, column] = buf[at + 15] - _ZERO
-    return (at + 14 >= end or _is_flag(buf[at + 14])) and (at + 15 >= end or _is_flag(buf[at + 15]))
+    if offset + 14 < end and buf[offset + 14] != _SPACE:
+        lock[row, column] = buf[offset + 14] - _ZERO
+    if offset + 15 < end and buf[offset + 15] != _SPACE:
+        strength[row, column] = buf[offset + 15] - _ZERO
+    return (offset + 14 >= end or _is_flag(buf[offset + 14])) and (
+        offset + 15 >= end or _is_flag(buf[offset + 15])
+    )
 
 
 @njit(cache=True)
-def _observations(buf, at, row, k, last, columns, scale, values, lock, strength):
-    """Numbers k to last of a satellite, from the field at `at` on: the place of the line's end, or
-    _BAD for what is no number.
+def _observations(buf, offset, row, k, last, columns, scale, values, lock, strength):
+    """Numbers k to last of a satellite, from the field at `offset` on.
+
+    The result is the offset of the line's end, or _BAD for what is no number.
 
     A field that is whole and followed by others holds no line's end, so the end is looked for only
     where a field is not.
     """
     for j in range(k, last):
-        if at + 16 <= buf.size:
-            last_of_line = buf[at + 14] == _NEWLINE
-            if buf[at + 10] == _POINT and (
-                last_of_line or (_is_flag(buf[at + 14]) and _is_flag(buf[at + 15]))
+        if offset + 16 <= buf.size:
+            last_of_line = buf[offset + 14] == _NEWLINE
+            if buf[offset + 10] == _POINT and (
+                last_of_line or (_is_flag(buf[offset + 14]) and _is_flag(buf[offset + 15]))
             ):
-                fine, x = _f14_3(buf, at)
+                fine, x = _f14_3(buf, offset)
                 if fine:
                     if x != 0.0:
                         values[row, columns[j]] = x if scale[j] == 1.0 else x / scale[j]
                     if last_of_line:
-                        return at + 14
-                    if buf[at + 14] != _SPACE:
-                        lock[row, columns[j]] = buf[at + 14] - _ZERO
-                    if buf[at + 15] != _SPACE:
-                        strength[row, columns[j]] = buf[at + 15] - _ZERO
-                    at += 16
+                        return offset + 14
+                    if buf[offset + 14] != _SPACE:
+                        lock[row, columns[j]] = buf[offset + 14] - _ZERO
+                    if buf[offset + 15] != _SPACE:
+                        strength[row, columns[j]] = buf[offset + 15] - _ZERO
+                    offset += 16
                     continue
-            elif _text_end(buf, at, at + 16) == at:
-                at += 16
+            elif _text_end(buf, offset, offset + 16) == offset:
+                offset += 16
                 continue
-        stop = _end(buf, at)
-        end = _text_end(buf, at, stop)
-        if not _field(buf, at, end, row, columns[j], scale[j], values, lock, strength):
+        stop = _end(buf, offset)
+        end = _text_end(buf, offset, stop)
+        if not _field(buf, offset, end, row, columns[j], scale[j], values, lock, strength):
             return _BAD
-        if end <= at + 16:
+        if end <= offset + 16:
             return stop
-        at += 16
-    stop = _end(buf, at)
-    return stop if _text_end(buf, at, stop) == at else _BAD
+        offset += 16
+    stop = _end(buf, offset)
+    return stop if _text_end(buf, offset, stop) == offset else _BAD
 
 
 @njit(cache=True)
@@ -352,62 +357,62 @@ def parse(
     lock,
     strength,
 ):
-    """Parse from the state's place on until the end (DONE), an event (EVENT: its records are not
-    read), or what the status says.
+    """Parse from the state's offset on until the end (DONE), an event (EVENT) or a fault.
 
-    widths (s,) number of types of each system, negative where unknown; columns, scale (s, w) of
-    each of its types. Only whole epochs count: where the status is not DONE or EVENT the state's
-    place is the start of the epoch at fault, and AT, AT_LINE the fault.
+    The records of an event are not read. widths (s,) is the number of types of each system,
+    negative where unknown; columns, scale (s, w) are of each of its types. Only whole epochs count:
+    where the status is not DONE or EVENT the state's offset is the start of the epoch at fault, and
+    MARK, MARK_LINE the fault.
     """
-    place, line = state[PLACE], state[LINE]
+    offset, line = state[OFFSET], state[LINE]
     while True:
-        state[PLACE], state[LINE] = place, line
-        if place >= buf.size:
+        state[OFFSET], state[LINE] = offset, line
+        if offset >= buf.size:
             return DONE
-        stop = _end(buf, place)
-        end = _text_end(buf, place, stop)
-        if end == place:
-            place, line = stop + 1, line + 1
+        stop = _end(buf, offset)
+        end = _text_end(buf, offset, stop)
+        if end == offset:
+            offset, line = stop + 1, line + 1
             continue
-        if not _epoch_line(buf, place, end, three, state):
-            return _fault(state, BAD_EPOCH, place, line)
+        if not _epoch_line(buf, offset, end, three, state):
+            return _fault(state, BAD_EPOCH, offset, line)
         count, n, m = state[COUNT], state[EPOCHS], state[ROWS]
         if 2 <= state[FLAG] <= 5:
-            state[PLACE], state[LINE] = stop + 1, line + 1
-            state[AT], state[AT_LINE] = place, line
+            state[OFFSET], state[LINE] = stop + 1, line + 1
+            state[MARK], state[MARK_LINE] = offset, line
             return EVENT
         if n >= ticks.size or m + count > satellite.size:
             return FULL
         ticks[n], flags[n], lines[n], clock[n] = state[TICKS], state[FLAG], line, np.nan
-        first = place + (41 if three else 68)
+        first = offset + (41 if three else 68)
         if end > first:
-            found, x = _number(buf, first, min(first + (15 if three else 12), end))
-            if found < 0:
-                return _fault(state, BAD_NUMBER, place, line)
-            if found == 1:
+            given, x = _number(buf, first, min(first + (15 if three else 12), end))
+            if given < 0:
+                return _fault(state, BAD_NUMBER, offset, line)
+            if given == 1:
                 clock[n] = x
         if three:
-            place, line = stop + 1, line + 1
+            offset, line = stop + 1, line + 1
         else:
-            status, place, line = _satellite_list(
-                buf, place, min(end, place + 68), line, count, blank, sats, state
+            status, offset, line = _satellite_list(
+                buf, offset, min(end, offset + 68), line, count, blank, sats, state
             )
             if status != DONE:
                 return status
         for k in range(count):
-            if place >= buf.size:
-                return _fault(state, CUT, place, line)
+            if offset >= buf.size:
+                return _fault(state, CUT, offset, line)
             if three:
-                sats[k] = _satellite(buf, place, min(place + 3, buf.size), _BAD)
+                sats[k] = _satellite(buf, offset, min(offset + 3, buf.size), _BAD)
                 if sats[k] < 0:
-                    return _fault(state, BAD_SATELLITE, place, line)
+                    return _fault(state, BAD_SATELLITE, offset, line)
             system, row = sats[k] // 100, m + k
             width = widths[system]
             if width < 0:
                 state[SYSTEM] = system
-                return _fault(state, NEW_SYSTEM, place, line)
+                return _fault(state, NEW_SYSTEM, offset, line)
             if seen[sats[k]] == n:
-                return _fault(state, TWICE, place, line)
+                return _fault(state, TWICE, offset, line)
             seen[sats[k]] = n
             epoch[row], satellite[row] = n, sats[k]
             for j in range(values.shape[1]):
@@ -415,15 +420,24 @@ def parse(
             done = 0
             while True:
                 last = width if three else min(done + 5, width)
-                at = place + (3 if three else 0)
+                begin = offset + (3 if three else 0)
                 stop = _observations(
-                    buf, at, row, done, last, columns[system], scale[system], values, lock, strength
+                    buf,
+                    begin,
+                    row,
+                    done,
+                    last,
+                    columns[system],
+                    scale[system],
+                    values,
+                    lock,
+                    strength,
                 )
                 if stop < 0:
-                    return _fault(state, BAD_NUMBER, place, line)
-                place, line, done = stop + 1, line + 1, last
+                    return _fault(state, BAD_NUMBER, offset, line)
+                offset, line, done = stop + 1, line + 1, last
                 if done >= width:
                     break
-                if place >= buf.size:
-                    return _fault(state, CUT, place, line)
+                if offset >= buf.size:
+                    return _fault(state, CUT, offset, line)
         state[EPOCHS], state[ROWS] = n + 1, m + count

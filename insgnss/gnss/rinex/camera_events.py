@@ -5,7 +5,7 @@ converter writes an external event, flag 5, before the epoch that follows. The s
 
 RTKLIB's convbin writes the marks of a u-blox receiver that had no valid time, too, with the comment
 "Time mark is not valid": their stamps may be off by anything. They are left out unless they are
-asked for, and told.
+requested, and reported in a note.
 """
 
 from dataclasses import dataclass
@@ -22,10 +22,9 @@ from ...records import CameraEvents, Check
 from .observations import EventRecord, Observations
 
 NOT_VALID = "time mark is not valid"
-MOST_TOLD = 5
+MOST_LISTED = 5
 
 Records = tuple[EventRecord, ...]
-
 
 ALL_VALID = RoverEvents()
 
@@ -37,30 +36,33 @@ class _Lines:
     path: str
     records: Records
 
-    def error_at(self, row: int, what: str) -> InputError:
-        return InputError.at(self.path, self.records[row].line, what)
+    def error_at(self, row: int, message: str) -> InputError:
+        return InputError.at(self.path, self.records[row].line, message)
 
 
 def camera_events(observations: Observations, wanted: RoverEvents = ALL_VALID) -> CameraEvents:
-    """Stamps of a file's external events, numbered from 1, each once, in order.
+    """Return the external events of a file, numbered from 1, each once, in order.
 
-    Raises InputError where there is no such event, or time falls.
+    Raises
+    ------
+    InputError
+        Where there is no such event, or time falls.
     """
     path = observations.header.path
-    records, told = _taken(observations, wanted)
+    records, left_out_notes = _taken(observations, wanted)
     time = np.array([record.time for record in records], dtype=np.float64)
     rows, odd = put_in_order(_Lines(path, records), time, lambda i, k: True, "camera events")
     time = time if rows is None else time[rows]
-    notes = (*told, *odd)
+    notes = (*left_out_notes, *odd)
     span = observations.time
     if outside := int(np.sum((time < span[0]) | (time > span[-1]))):
-        found = (
+        finding = (
             f"{outside} of {time.size} lie outside of the epochs, {span[0]:.3f} to {span[-1]:.3f} s"
         )
         notes += (
             note(
                 "camera events",
-                found,
+                finding,
                 "epochs before and behind each",
                 "they get no position; leave these images out",
             ),
@@ -70,14 +72,15 @@ def camera_events(observations: Observations, wanted: RoverEvents = ALL_VALID) -
 
 
 def unasked_events(observations: Observations) -> tuple[CameraEvents | None, tuple[Check, ...]]:
-    """Events of a file where none are asked for: None without any, and None with a note where all
-    are marked as not valid.
+    """Return the events of a file where none are requested.
+
+    None without any, and None with a note where all are marked as not valid.
     """
     records, invalid = _chosen(observations, ALL_VALID)
     if len(invalid) < len(records):
         return camera_events(observations), ()
-    found = f"{_those(records, invalid)}, and are left out: there are no exposures"
-    return None, (note("time marks", found, "valid ones", _keep()),) if invalid else ()
+    finding = f"{_those(records, invalid)}, and are left out: there are no exposures"
+    return None, (note("time marks", finding, "valid ones", _keep()),) if invalid else ()
 
 
 def _keep() -> str:
@@ -100,17 +103,17 @@ def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tu
     path = observations.header.path
     records, invalid = _chosen(observations, wanted)
     if not records and observations.events.size:
-        what = (
+        message = (
             f"no external event has a record line with {shown(wanted.events_containing)}; read the"
             " lines of the events"
         )
-        raise InputError.at(path, None, what)
+        raise InputError.at(path, None, message)
     if not records:
-        what = (
+        message = (
             "holds no external event (flag 5); convert the receiver's log with its events (time"
             " marks), or give a file of events"
         )
-        raise InputError.at(path, None, what)
+        raise InputError.at(path, None, message)
     if not invalid:
         return records, ()
     those = _those(records, invalid)
@@ -134,7 +137,7 @@ def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tu
 
 
 def _those(records: Records, invalid: Records) -> str:
-    times = ", ".join(f"{record.time:.3f}" for record in invalid[:MOST_TOLD]) + (
-        " ..." if len(invalid) > MOST_TOLD else ""
+    times = ", ".join(f"{record.time:.3f}" for record in invalid[:MOST_LISTED]) + (
+        " ..." if len(invalid) > MOST_LISTED else ""
     )
     return f"{len(invalid)} of {len(records)} are marked as not valid by the receiver, at {times} s"

@@ -2,9 +2,9 @@
 the bytes behind it.
 
 A record is 80 columns, its label in columns 61 to 80. Codes of observations are those of RINEX 3:
-kind (C code, L phase, D Doppler, S strength), band, attribute. RINEX 2 has no attribute: C1 is the
+kind (C code, L phase, D Doppler, S C/N0), band, attribute. RINEX 2 has no attribute: C1 is the
 open code of its band (1C, L2C 2X, GLONASS 2C), P1 and P2 the precise one (GPS 1W 2W, GLONASS 1P
-2P), other bands and systems have X where nothing more is known. Phase, Doppler and strength take
+2P), other bands and systems have X where nothing more is known. Phase, Doppler and C/N0 take
 the attribute of the code that the file lists for their band: the open one on band 1, the precise
 one on band 2, if both are there. What has no such code keeps the name it has. RINEX 3.02 calls
 BeiDou's B1 band 1, all others band 2.
@@ -68,21 +68,46 @@ Record = tuple[int, str, str]  # line, label, columns 1 to 60
 
 @dataclass(frozen=True, eq=False)
 class RinexHeader:
-    """What the header says; None where it does not say it.
+    """Contents of the header; None where it does not hold them.
 
-    version : 2.11, say.
-    system : letter of the header, M for mixed.
-    clock : GPS, GLO, GAL, BDT, QZS or IRN, of the stamps.
-    approx_position_m : (3,) m ECEF, None also where it is zero.
-    antenna_delta_m : (3,) m up, east, north, from the marker to the
-    antenna reference point.   antenna, receiver : type as it stands, radome included.
-    interval_s : s.
-    leap_seconds : GPST - UTC.
-    glonass_slots : frequency number by satellite.
-    glonass_bias_m : m by code, subtracted or not as RINEX 3 says.
-    phase_shifts : cycles by system and code, ("G", "L2W").   scale : factor by system and code that numbers are to be divided by.
-    types : codes by system, as the file has them; of RINEX 2 for the system "".   clock_offset_applied : of the receiver.
-    records : columns 1 to 60 of all records by label.   lines : of the header.
+    Parameters
+    ----------
+    path : str
+        The file.
+    version : float
+        2.11, say.
+    system : str
+        Letter of the header, M for mixed.
+    clock : str, optional
+        GPS, GLO, GAL, BDT, QZS or IRN, of the stamps.
+    marker : str
+        Name of the marker.
+    receiver, antenna : str
+        Type as it stands, radome included.
+    approx_position_m : ndarray, shape (3,), optional
+        m ECEF, None also where it is zero.
+    antenna_delta_m : ndarray, shape (3,)
+        m up, east, north, from the marker to the antenna reference point.
+    interval_s : float, optional
+        s.
+    leap_seconds : int, optional
+        GPST - UTC.
+    types : mapping
+        Codes by system, as the file has them; of RINEX 2 for the system "".
+    glonass_slots : mapping
+        Frequency number by satellite.
+    glonass_bias_m : mapping
+        m by code, subtracted or not as RINEX 3 says.
+    phase_shifts : mapping
+        Cycles by system and code, ("G", "L2W").
+    scale : mapping
+        Factor by system and code that numbers are to be divided by.
+    clock_offset_applied : bool
+        Whether the receiver's clock offset is applied.
+    records : mapping
+        Columns 1 to 60 of all records by label.
+    lines : int
+        Number of lines of the header.
     """
 
     path: str
@@ -107,16 +132,34 @@ class RinexHeader:
 
 
 def read_header(path: Source) -> RinexHeader:
-    """Header of a RINEX observation file, plain or packed; InputError for what is none, or another
-    version than 2 and 3.
+    """Read the header of a RINEX observation file, plain or packed.
+
+    Raises
+    ------
+    InputError
+        For another kind of file, or another version than 2 and 3.
     """
     buf, _, _ = load_rinex(path)
     return header_of(path, buf)[0]
 
 
 def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
-    """Bytes of the file, unpacked (gzip, compress, bzip2, zip, Hatanaka), with a newline at their
-    end; whether the last line had its end; and what the unpacking complained of."""
+    """Load a file, plain or packed (gzip, compress, bzip2, zip, Hatanaka).
+
+    Returns
+    -------
+    buf : ndarray of uint8
+        The bytes, unpacked, with a newline at their end.
+    complete : bool
+        Whether the last line had its end.
+    complaints : tuple of str
+        Warnings of the unpacking.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be unpacked.
+    """
     buf, complete = load(path)
     if complete and buf.size > Path(path).stat().st_size:
         buf = buf[:-1]  # a line's end behind the last one would be a line without observations
@@ -131,7 +174,7 @@ def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
             None,
             "is packed; install the package hatanaka (extra [ppk]), or unpack the file first",
         ) from None
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as complaints:
         warnings.simplefilter("always")
         try:
             content = hatanaka.decompress(Path(path).read_bytes())
@@ -148,29 +191,29 @@ def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
             ) from None
     complete = content.endswith(b"\n")
     out = np.frombuffer(bytearray(content if complete else content + b"\n"), dtype=np.uint8)
-    return out, complete, tuple(_one_line(item.message) for item in told)
+    return out, complete, tuple(_one_line(item.message) for item in complaints)
 
 
-def _one_line(what: object) -> str:
-    return " ".join(str(what).split())[:200]
+def _one_line(message: object) -> str:
+    return " ".join(str(message).split())[:200]
 
 
 def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
-    """The header at the start of `buf`, and the place behind it."""
+    """Return the header at the start of `buf`, and the offset behind it."""
     version, system = _first_line(path, decode(bytes(buf[:400])).split("\n")[0].rstrip("\r"))
     records: list[Record] = []
-    place = 0
+    offset = 0
     while not records or records[-1][1] != "END OF HEADER":
-        if place >= buf.size:
+        if offset >= buf.size:
             raise InputError.at(
                 path,
                 len(records),
                 "truncated: the file ends without END OF HEADER; copy it again from its source",
             )
-        text, place = line_at(buf, place)
+        text, offset = line_at(buf, offset)
         records.append((len(records) + 1, text[LABEL:].strip(), text[:LABEL]))
         if records[-1][1] == "" and text.strip():
-            if place >= buf.size:
+            if offset >= buf.size:
                 raise InputError.at(
                     path,
                     len(records),
@@ -182,25 +225,31 @@ def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
                 f"no header record: {shown(text.strip())}; complete the header, or copy the file"
                 " again",
             )
-    return _header(path, version, system, records), place
+    return _header(path, version, system, records), offset
 
 
-def line_at(buf: NDArray[np.uint8], place: int) -> tuple[str, int]:
-    """The line at a place, without its end, and the place of the next; `buf` ends in a newline."""
+def line_at(buf: NDArray[np.uint8], offset: int) -> tuple[str, int]:
+    """Return the line at an offset, without its end, and the offset of the next one.
+
+    `buf` must end in a newline.
+    """
     size = 128
-    while not (ends := np.flatnonzero(buf[place : place + size] == ord("\n"))).size:
+    while not (ends := np.flatnonzero(buf[offset : offset + size] == ord("\n"))).size:
         size *= 4
-    return decode(bytes(buf[place : place + int(ends[0])])).rstrip("\r"), place + int(ends[0]) + 1
+    return decode(bytes(buf[offset : offset + int(ends[0])])).rstrip("\r"), offset + int(
+        ends[0]
+    ) + 1
 
 
 def _first_line(path: Source, text: str) -> tuple[float, str]:
     """Version and system; InputError for what cannot be read here."""
     if "RINEX VERSION / TYPE" not in text[LABEL:]:
-        what = "is not RINEX: line 1 has no RINEX VERSION / TYPE in columns 61 to 80"
+        content = "is not RINEX: line 1 has no RINEX VERSION / TYPE in columns 61 to 80"
         raise InputError.at(
             path,
             1,
-            f"{what}; give a RINEX 2 or 3 observation file (convert a receiver's own format first)",
+            f"{content}; give a RINEX 2 or 3 observation file (convert a receiver's own format"
+            " first)",
         )
     version, kind = text[:9].strip(), text[20:21].upper()
     if not re.fullmatch(r"\d(\.\d+)?", version):
@@ -215,9 +264,11 @@ def _first_line(path: Source, text: str) -> tuple[float, str]:
             " convbin -v 3)",
         )
     if kind != "O":
-        what = KINDS.get(kind, f"type {shown(kind)}")
+        content = KINDS.get(kind, f"type {shown(kind)}")
         raise InputError.at(
-            path, 1, f"holds {what} where observations must stand; give the observation file here"
+            path,
+            1,
+            f"holds {content} where observations must stand; give the observation file here",
         )
     letter = text[40:41].upper().strip() or "G"
     if letter not in SYSTEMS + "M":
@@ -241,7 +292,7 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
             f"the header has no {TYPES_2 if version < 3 else TYPES_3}; copy the file again",
         )
 
-    def said(label: str, start: int = 0, stop: int = LABEL) -> str:
+    def text_of(label: str, start: int = 0, stop: int = LABEL) -> str:
         return by_label[label][-1][start:stop].strip() if label in by_label else ""
 
     def numbers(label: str, count: int) -> Array | None:
@@ -252,7 +303,7 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
         for label, n in (("APPROX POSITION XYZ", 3), ("ANTENNA: DELTA H/E/N", 3), ("INTERVAL", 1))
     )
     leap = numbers("LEAP SECONDS", 1)
-    clock = said("TIME OF FIRST OBS", 48, 51) or CLOCKS.get(system)
+    clock = text_of("TIME OF FIRST OBS", 48, 51) or CLOCKS.get(system)
     if clock is not None and clock not in CLOCKS.values():
         raise InputError.at(
             path,
@@ -265,9 +316,9 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
         version,
         system,
         clock,
-        said("MARKER NAME"),
-        said("REC # / TYPE / VERS", 20, 40),
-        " ".join(said("ANT # / TYPE", 20, 40).split()),
+        text_of("MARKER NAME"),
+        text_of("REC # / TYPE / VERS", 20, 40),
+        " ".join(text_of("ANT # / TYPE", 20, 40).split()),
         approx if approx is not None and approx.any() else None,
         delta if delta is not None else np.zeros(3),
         float(interval[0]) if interval is not None and interval[0] > 0 else None,
@@ -277,7 +328,7 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
         _biases(by_label.get("GLONASS COD/PHS/BIS", [*by_label.get("GLONASS COD/PHS/BIS#", ())])),
         _shifts(by_label.get("SYS / PHASE SHIFT", by_label.get("SYS / PHASE SHIFTS", ()))),
         scale_of(by_label.get("SYS / SCALE FACTOR", ()), types),
-        said("RCV CLOCK OFFS APPL") == "1",
+        text_of("RCV CLOCK OFFS APPL") == "1",
         {label: tuple(lines) for label, lines in by_label.items()},
         len(records),
     )
@@ -306,14 +357,15 @@ def _numbers(path: Source, records: Iterable[Record], label: str, count: int) ->
 
 
 def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[str, tuple[str, ...]]:
-    """Observation codes by system as the records list them, of RINEX 2 for the system ""; empty
-    where they list none.
+    """Return the observation codes by system as the records list them; empty where they list none.
+
+    Those of RINEX 2 are for the system "".
     """
     label, width, size = (TYPES_2, 9, 6) if version < 3 else (TYPES_3, 13, 4)
     types: dict[str, list[str]] = {}
     missing, system, last = 0, "", 0
-    for line, found, text in records:
-        if found != label:
+    for line, record_label, text in records:
+        if record_label != label:
             continue
         count = text[:6] if version < 3 else text[1:6]
         if count.strip():
@@ -349,8 +401,9 @@ def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[st
 
 
 def codes_of(version: float, system: str, types: Sequence[str]) -> tuple[str, ...]:
-    """RINEX 3 codes of what a file of this version calls `types`, of one system; a name that has no
-    code, or whose code is taken, stays.
+    """Return the RINEX 3 codes of the `types` of one system in a file of this version.
+
+    A name that has no code, or whose code is taken, stays.
     """
     if version >= 3:
         old = version == 3.02 and system == "C"
@@ -392,14 +445,14 @@ def _biases(lines: Iterable[str]) -> dict[str, float]:
 
 
 def _shifts(lines: Iterable[str]) -> dict[tuple[str, str], float]:
-    found = (re.match(r"([A-Z]) (L\d[A-Z])\s+([+-]?\d*\.\d+)", text) for text in lines)
-    return {(hit[1], hit[2]): float(hit[3]) for hit in found if hit}
+    matches = (re.match(r"([A-Z]) (L\d[A-Z])\s+([+-]?\d*\.\d+)", text) for text in lines)
+    return {(hit[1], hit[2]): float(hit[3]) for hit in matches if hit}
 
 
 def scale_of(
     lines: Iterable[str], types: Mapping[str, tuple[str, ...]]
 ) -> dict[tuple[str, str], float]:
-    """Factors of RINEX 3; a record without codes is of all codes of its system."""
+    """Return the scale factors of RINEX 3; a record without codes is of all codes of its system."""
     factors: dict[tuple[str, str], float] = {}
     system, factor = "", math.nan
     for text in lines:

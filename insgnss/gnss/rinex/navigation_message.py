@@ -74,18 +74,28 @@ LEFT_OUT = {"S": "SBAS", "I": "NavIC"}
 BEIDOU_LAG_S = 14.0
 GZIP = b"\x1f\x8b"
 F_NAV = 0b10
-GALILEO_UNHEALTHY = {
-    True: 0b000_111_000,
-    False: 0b111_000_111,
-}  # of F/NAV: E5a; of I/NAV: E1-B and E5b
+# of F/NAV: E5a; of I/NAV: E1-B and E5b
+GALILEO_UNHEALTHY = {True: 0b000_111_000, False: 0b111_000_111}
 
 
 @dataclass(frozen=True, eq=False)
 class Navigation:
     """Broadcast messages, sorted by time of ephemeris.
 
-    satellite : (k,) such as "G05".   table : (k, COLUMNS), times in GPST seconds of `gps_week`.
-    channel : (k,) frequency number of a GLONASS satellite, else 0.   left_out : what was not taken, by its reason, with counts.
+    Parameters
+    ----------
+    satellite : ndarray of str, shape (k,)
+        Such as "G05".
+    table : ndarray, shape (k, COLUMNS)
+        Elements, times in GPST seconds of `gps_week`.
+    channel : ndarray of int, shape (k,)
+        Frequency number of a GLONASS satellite, else 0.
+    gps_week : int
+        Week of the times.
+    source : str
+        Files of the messages.
+    left_out : tuple
+        Messages that were not taken, by reason, with counts.
     """
 
     satellite: NDArray[np.str_]
@@ -96,13 +106,13 @@ class Navigation:
     left_out: tuple[tuple[str, int], ...] = ()
 
     def of_week(self, gps_week: int) -> "Navigation":
-        """The same messages with their times in seconds of another GPS week."""
+        """Return the same messages with their times in seconds of another GPS week."""
         table = self.table.copy()
         table[:, [TOE, TOC]] += (self.gps_week - gps_week) * WEEK_S
         return replace(self, table=table, gps_week=gps_week)
 
     def channels(self) -> dict[str, int]:
-        """Frequency number of each GLONASS satellite, of its last message."""
+        """Return the frequency number of each GLONASS satellite, of its last message."""
         glonass = self.table[:, KIND] == GLONASS
         return {
             str(code): int(k)
@@ -119,10 +129,13 @@ class _Message:
 
 
 def read_navigation(paths: Source | Iterable[Source]) -> Navigation:
-    """Messages of one or several RINEX 2 or 3 navigation files.
+    """Read the messages of one or several RINEX 2 or 3 navigation files.
 
-    Raises InputError with file and line for what is no navigation file, is of RINEX 4, is cut
-    short, or holds an impossible element.
+    Raises
+    ------
+    InputError
+        With file and line for a file that is no navigation file, is of RINEX 4, is cut short, or
+        holds an impossible element.
     """
     paths = [paths] if isinstance(paths, str | Path) else list(paths)
     left_out: Counter[str] = Counter()
@@ -166,8 +179,8 @@ def _messages(path: Source) -> Iterator[_Message]:
     lines = _text(path).splitlines()
     version, system, start = _header(path, lines)
     first = [i for i in range(start, len(lines)) if lines[i][:3].strip()]
-    for at, after in pairwise([*first, len(lines)]):
-        line = lines[at]
+    for begin, after in pairwise([*first, len(lines)]):
+        line = lines[begin]
         satellite = (
             f"{line[0]}{line[1:3].replace(' ', '0')}"
             if version >= 3.0
@@ -176,29 +189,30 @@ def _messages(path: Source) -> Iterator[_Message]:
         if satellite[0] not in (*LINES, *LEFT_OUT) or not satellite[1:].isdigit():
             raise InputError.at(
                 path,
-                at + 1,
+                begin + 1,
                 f"{line[:8]!r} begins no message of a known satellite; is the file damaged?",
             )
         if satellite[0] in LEFT_OUT:
-            yield _Message(satellite, datetime.min, [], at + 1)
+            yield _Message(satellite, datetime.min, [], begin + 1)
             continue
         needed = LINES[satellite[0]]
-        if after - at < needed:
-            what = (
-                f"message of {satellite} has {after - at} lines of {needed}; the file is cut short"
+        if after - begin < needed:
+            message = (
+                f"message of {satellite} has {after - begin} lines of {needed}; the file is cut"
+                " short"
                 " or damaged, fetch it again"
             )
-            raise InputError.at(path, at + 1, what)
+            raise InputError.at(path, begin + 1, message)
         width = 23 if version >= 3.0 else 22
         fields = [line[width + 19 * k : width + 19 * (k + 1)] for k in range(3)]
-        for more in lines[at + 1 : at + needed]:
+        for more in lines[begin + 1 : begin + needed]:
             fields += [more[width - 19 + 19 * k : width + 19 * k] for k in range(4)]
-        values = [_number(path, at, width, k, field) for k, field in enumerate(fields)]
+        values = [_number(path, begin, width, k, field) for k, field in enumerate(fields)]
         yield _Message(
             satellite,
-            _stamp(path, at + 1, line[3:width] if version >= 3.0 else line[2:width]),
+            _stamp(path, begin + 1, line[3:width] if version >= 3.0 else line[2:width]),
             values,
-            at + 1,
+            begin + 1,
         )
 
 
@@ -243,8 +257,8 @@ def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:
     return version, "R" if first[20] == "G" else "G", end + 1
 
 
-def _number(path: Source, at: int, width: int, k: int, field: str) -> float:
-    """Number k of the message that begins at line `at` (from 0); a blank one, which only a spare
+def _number(path: Source, begin: int, width: int, k: int, field: str) -> float:
+    """Number k of the message that begins at line `begin` (from 0); a blank one, which only a spare
     field may be, is not-a-number.
     """
     text = field.strip()
@@ -254,7 +268,7 @@ def _number(path: Source, at: int, width: int, k: int, field: str) -> float:
         return float(text.replace("D", "E").replace("d", "e"))
     except ValueError:
         raise InputError.at(
-            path, at + 1 + (k + 1) // 4, f"{field!r} is no number; is the file damaged?"
+            path, begin + 1 + (k + 1) // 4, f"{field!r} is no number; is the file damaged?"
         ) from None
 
 
@@ -263,7 +277,7 @@ def _stamp(path: Source, line: int, field: str) -> datetime:
     are of the last century.
     """
     try:
-        year, month, day, hour, minute = (int(part) for part in field.split()[:5])
+        year, month, day, hour, minute = (int(number) for number in field.split()[:5])
         second = float(field.split()[5])
         year += 0 if year > 99 else 1900 if year >= 80 else 2000
         return datetime(year, month, day) + timedelta(hours=hour, minutes=minute, seconds=second)
@@ -294,7 +308,7 @@ def _row(path: Source, message: _Message, week: int) -> Array:
         )
         row[TOC] = row[TOE] = toc + (toc_week - week) * WEEK_S
     else:
-        row[[*PLACES]] = [values[place] for place in PLACES.values()]
+        row[[*PLACES]] = [values[column] for column in PLACES.values()]
         row[KIND] = GEOSTATIONARY if system == "C" and _geostationary(message.satellite) else KEPLER
         row[MU], row[RATE] = CONSTANTS[system]
         since = (row[SOW] - toc + 0.5 * WEEK_S) % WEEK_S - 0.5 * WEEK_S
@@ -319,18 +333,24 @@ def _check(path: Source, message: _Message, row: Array) -> None:
             f"message of {message.satellite} lacks a number; the file is damaged, fetch it again",
         )
     if message.satellite[0] == "R":
-        size, low, high, what = (
+        size, low, high, quantity = (
             float(np.linalg.norm(row[STATE : STATE + 3])),
             2.4e7,
             2.7e7,
             "distance from the Earth's centre, m",
         )
     else:
-        size, low, high, what = float(row[ROOT_A]), 5e3, 7e3, "root of the semi-major axis, m^1/2"
+        size, low, high, quantity = (
+            float(row[ROOT_A]),
+            5e3,
+            7e3,
+            "root of the semi-major axis, m^1/2",
+        )
     if not low < size < high or (message.satellite[0] != "R" and not 0.0 <= row[ECC] < 0.5):
         raise InputError.at(
             path,
             message.line,
-            f"message of {message.satellite}: {what}, {size:g} (eccentricity {row[ECC]:g}) is no"
+            f"message of {message.satellite}: {quantity}, {size:g} (eccentricity {row[ECC]:g}) is"
+            " no"
             " orbit",
         )

@@ -5,7 +5,7 @@ A file is epochs in order of time. Between them stand event records: 2 the anten
 a new site, 4 header records follow, 5 an external event at its own stamp, each with as many records
 as it announces; and 6, cycle slips that the receiver found and repaired, written like an epoch.
 Header records behind an event hold from there on: observation types and scale factors change how
-the following epochs are read; all others are kept and told in a note.
+the following epochs are read; all others are kept and reported in a note.
 
 Missing values are not-a-number; RINEX writes them blank or 0.0, whichever the kind. Stamps are
 those of the receiver, in GPST: GPS, Galileo, QZSS and NavIC time as they stand, BeiDou time + 14 s,
@@ -55,10 +55,16 @@ DAMAGED = "copy the file again, or convert it again from the receiver's own form
 class EventRecord:
     """An event between the epochs.
 
-    flag : 2 to 5.
-    time : s, GPST, None where it has none.
-    line : of the file, from 1.
-    records : the lines that belong to it.
+    Parameters
+    ----------
+    flag : int
+        2 to 5.
+    time : float, optional
+        s, GPST, None where it has none.
+    line : int
+        Line of the file, from 1.
+    records : tuple of str
+        The lines that belong to it.
     """
 
     flag: int
@@ -69,8 +75,16 @@ class EventRecord:
 
 @dataclass(frozen=True, eq=False)
 class CycleSlips:
-    """Cycle slips that the receiver found and repaired: time (n,) s, satellite (n,), slip (n, k)
-    cycles in the order of the signals.
+    """Cycle slips that the receiver found and repaired.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        s.
+    satellite : ndarray of str, shape (n,)
+        Such as "G05".
+    slip : ndarray, shape (n, k)
+        Cycles, in the order of the signals.
     """
 
     time: Array
@@ -82,20 +96,38 @@ class CycleSlips:
 class Observations:
     """Observations of n epochs, m satellites in them, k signals.
 
-    gps_week : of the first epoch.
-    time : (n,) s, GPST of that week as stamped by the receiver; past the week's end it counts on.
-    flag : (n,) 0, or 1 after a power failure.
-    clock_offset_s : (n,) s of the receiver's clock as the file has it, else NaN.
-    epoch : (m,) place of the row's epoch in `time`, not decreasing.
-    satellite : (m,) such as "G05".
-    signals : RINEX 3 codes ("C1C", "L2W").   values : (m, k) m, cycles, Hz or dB-Hz, NaN where
-                                              missing, scale factors taken out.
-    loss_of_lock : (m, k) 0 to 7: 1 lock lost since the last epoch, 2 half-cycle ambiguity, 4
-        anti-spoofing.
-    strength : (m, k) 0 to 9.
-    events : (e,) s, of the external events (flag 5), as they stand in the file.
-    records : all events.
-    notes : of the reader.
+    Parameters
+    ----------
+    header : RinexHeader
+        Header of the file.
+    gps_week : int
+        Of the first epoch.
+    time : ndarray, shape (n,)
+        s, GPST of that week as stamped by the receiver; past the week's end it counts on.
+    flag : ndarray of int, shape (n,)
+        0, or 1 after a power failure.
+    clock_offset_s : ndarray, shape (n,)
+        s, of the receiver's clock as the file has it, else NaN.
+    epoch : ndarray of int, shape (m,)
+        Index of the row's epoch in `time`, not decreasing.
+    satellite : ndarray of str, shape (m,)
+        Such as "G05".
+    signals : tuple of str
+        RINEX 3 codes ("C1C", "L2W").
+    values : ndarray, shape (m, k)
+        m, cycles, Hz or dB-Hz, NaN where missing, scale factors taken out.
+    loss_of_lock : ndarray of int, shape (m, k)
+        0 to 7: 1 lock lost since the last epoch, 2 half-cycle ambiguity, 4 anti-spoofing.
+    strength : ndarray of int, shape (m, k)
+        Signal strength indicator (SSI), 0 to 9.
+    events : ndarray, shape (e,)
+        s, of the external events (flag 5), as they stand in the file.
+    records : tuple of EventRecord
+        All events.
+    slips : CycleSlips, optional
+        Cycle slips that the receiver repaired.
+    notes : tuple of Check
+        Of the reader.
     """
 
     header: RinexHeader
@@ -115,11 +147,11 @@ class Observations:
     notes: tuple[Check, ...] = ()
 
     def of(self, signal: str) -> Array:
-        """Values (m,) of a signal; InputError where the file does not have it."""
+        """Return the values (m,) of a signal; raise InputError where the file does not have it."""
         return self.values[:, self.column(signal)]
 
     def column(self, signal: str) -> int:
-        """Place of a signal among the columns."""
+        """Return the index of a signal among the columns."""
         if signal not in self.signals:
             raise InputError.at(
                 self.header.path, None, f"has no {signal}; there are {', '.join(self.signals)}"
@@ -130,24 +162,29 @@ class Observations:
 def read_observations(path: Source) -> Observations:
     """Read a RINEX 2 or 3 observation file, plain or packed (gzip, compress, Hatanaka).
 
-    Raises InputError with file and line: another format or version, navigation data, a header or an
-    epoch that is not whole, a number, satellite or stamp that is none, a satellite twice in an
-    epoch, time that does not increase.
+    Raises
+    ------
+    InputError
+        With file and line: another format or version, navigation data, a header or an epoch that is
+        not whole, a number, satellite or stamp that is none, a satellite twice in an epoch, time
+        that does not increase.
     """
-    buf, complete, told = load_rinex(path)
-    header, place = header_of(path, buf)
-    reading = _Reading(path, header, buf, complete, place)
+    buf, complete, complaints = load_rinex(path)
+    header, offset = header_of(path, buf)
+    reading = _Reading(path, header, buf, complete, offset)
     reading.read()
-    found = reading.observations()
+    observations = reading.observations()
     notes = tuple(
-        note("unpacking", what, "no complaint", "compare the file with its source") for what in told
+        note("unpacking", complaint, "no complaint", "compare the file with its source")
+        for complaint in complaints
     )
-    return replace(found, notes=notes + found.notes)
+    return replace(observations, notes=notes + observations.notes)
 
 
 def without_events(observations: Observations) -> bytes:
-    """The file of these observations, unpacked, without its external events and their record lines;
-    all else as it stands.
+    """Return the file of these observations, unpacked, without its external events and their lines.
+
+    All else stays as it stands.
     """
     buf, _, _ = load_rinex(observations.header.path)
     starts = np.concatenate([[0], np.flatnonzero(buf == ord("\n")) + 1])
@@ -161,12 +198,10 @@ def without_events(observations: Observations) -> bytes:
 
 
 class _Reading:
-    """The arrays that a file is read into, and how its lines stand at the place where the reading
-    is.
-    """
+    """The arrays that a file is read into, and how its lines stand where the reading is."""
 
     def __init__(
-        self, path: Source, header: RinexHeader, buf: NDArray[np.uint8], complete: bool, place: int
+        self, path: Source, header: RinexHeader, buf: NDArray[np.uint8], complete: bool, offset: int
     ) -> None:
         from . import _kernels
 
@@ -179,17 +214,19 @@ class _Reading:
         self.columns = np.zeros((len(SYSTEMS), 1), dtype=np.int64)
         self.scale = np.ones((len(SYSTEMS), 1))
         self.state = np.zeros(_kernels.STATE_SIZE, dtype=np.int64)
-        self.state[_kernels.PLACE], self.state[_kernels.LINE] = place, header.lines + 1
+        self.state[_kernels.OFFSET], self.state[_kernels.LINE] = offset, header.lines + 1
         self.sats = np.empty(1000, dtype=np.int64)
         self.seen = np.full(100 * len(SYSTEMS), -1, dtype=np.int64)
-        self.found: list[tuple[int, int, int, tuple[str, ...]]] = []  # flag, ticks, line, records
+        self.event_records: list[
+            tuple[int, int, int, tuple[str, ...]]
+        ] = []  # flag, ticks, line, records
         self.notes: list[Check] = []
         if header.version >= 3:
             for system in self.types:
                 self.learn(system)
-        sample = buf[place : place + SAMPLE]
+        sample = buf[offset : offset + SAMPLE]
         lines = (
-            1.05 * np.count_nonzero(sample == ord("\n")) * (buf.size - place) / max(sample.size, 1)
+            1.05 * np.count_nonzero(sample == ord("\n")) * (buf.size - offset) / max(sample.size, 1)
         )
         a_satellite = -(-len(self.types[""]) // 5) if header.version < 3 else 1
         self.allocate(int(lines / a_satellite / 4) + 16, int(lines / a_satellite) + 16)
@@ -292,32 +329,32 @@ class _Reading:
     def take_event(self) -> None:
         """The records of the event before the state's place, and what they change."""
         k, state = self.kernels, self.state
-        flag, line, place = int(state[k.FLAG]), int(state[k.AT_LINE]), int(state[k.PLACE])
+        flag, line, offset = int(state[k.FLAG]), int(state[k.MARK_LINE]), int(state[k.OFFSET])
         lines: list[str] = []
         for number in range(line + 1, line + 1 + int(state[k.COUNT])):
-            if place >= self.buf.size:
+            if offset >= self.buf.size:
                 raise InputError.at(
                     self.path,
                     line,
                     f"truncated: {len(lines)} of {state[k.COUNT]} records of this event; copy it"
                     " again",
                 )
-            text, place = line_at(self.buf, place)
+            text, offset = line_at(self.buf, offset)
             if text.startswith(">") or (flag < 5 and not text[LABEL:].strip()):
-                what = (
+                message = (
                     f"{shown(text)} where record {len(lines) + 1} of {state[k.COUNT]} of the event"
                     f" in line {line} must stand"
                 )
                 raise InputError.at(
-                    self.path, number, f"{what}; correct the event's number of records"
+                    self.path, number, f"{message}; correct the event's number of records"
                 )
             lines.append(text.rstrip())
         if flag == 5 and state[k.TICKS] < 0:
             raise InputError.at(
                 self.path, line, "an external event without a stamp; delete it or give it one"
             )
-        state[k.PLACE], state[k.LINE] = place, line + 1 + len(lines)
-        self.found.append((flag, int(state[k.TICKS]), line, tuple(lines)))
+        state[k.OFFSET], state[k.LINE] = offset, line + 1 + len(lines)
+        self.event_records.append((flag, int(state[k.TICKS]), line, tuple(lines)))
         records = [
             (line + 1 + i, text[LABEL:].strip(), text[:LABEL]) for i, text in enumerate(lines)
         ]
@@ -331,17 +368,17 @@ class _Reading:
             self.scales |= scale_of(
                 [text for _, label, text in records if label == "SYS / SCALE FACTOR"], self.types
             )
-            known = [s for s in SYSTEMS if self.widths[SYSTEMS.index(s)] >= 0 or s in types]
-            for system in known:
+            systems = [s for s in SYSTEMS if self.widths[SYSTEMS.index(s)] >= 0 or s in types]
+            for system in systems:
                 self.learn(system)
             self.allocate(self.ticks.size, self.satellite.size)
         if flag < 5 and (flag != 4 or records):
             labels = ", ".join(dict.fromkeys(label for _, label, _ in records))
-            what = f"line {line}: {MEANINGS[flag]}" + (f" ({labels})" if labels else "")
+            finding = f"line {line}: {MEANINGS[flag]}" + (f" ({labels})" if labels else "")
             self.notes.append(
                 note(
                     "event records",
-                    what,
+                    finding,
                     "one site and one header",
                     "see whether the antenna or its height changed there",
                 )
@@ -349,10 +386,10 @@ class _Reading:
 
     def skip_comment(self) -> bool:
         """Step over a comment between two epochs, which belongs to no event; whether it was one."""
-        text, behind = line_at(self.buf, int(self.state[self.kernels.PLACE]))
+        text, behind = line_at(self.buf, int(self.state[self.kernels.OFFSET]))
         if text[LABEL:].strip() != "COMMENT":
             return False
-        self.state[self.kernels.PLACE] = behind
+        self.state[self.kernels.OFFSET] = behind
         self.state[self.kernels.LINE] += 1
         return True
 
@@ -360,13 +397,13 @@ class _Reading:
         """What is wrong at the state's fault."""
         k, state = self.kernels, self.state
         text, behind = (
-            line_at(self.buf, int(state[k.AT]))
-            if state[k.AT] < self.buf.size
+            line_at(self.buf, int(state[k.MARK]))
+            if state[k.MARK] < self.buf.size
             else ("", self.buf.size)
         )
-        line, seen = int(state[k.AT_LINE]), shown(text.strip())
+        line, seen = int(state[k.MARK_LINE]), shown(text.strip())
         if status == k.CUT or (behind >= self.buf.size and not self.complete):
-            start, _ = line_at(self.buf, int(state[k.PLACE]))
+            start, _ = line_at(self.buf, int(state[k.OFFSET]))
             epoch = f"the epoch of line {state[k.LINE]} ({start[:32].strip(' >')})"
             return InputError.at(
                 self.path,
@@ -403,14 +440,14 @@ class _Reading:
                 f"{seen}: this satellite stands twice in the epoch of line {state[k.LINE]};"
                 f" {DAMAGED}",
             )
-        what = (
+        message = (
             "a field of 14 columns is no number with a decimal point, or something stands behind"
             " the last type"
         )
-        return InputError.at(self.path, line, f"{what}: {seen}; {DAMAGED}")
+        return InputError.at(self.path, line, f"{message}: {seen}; {DAMAGED}")
 
     def refuse_cut_line(self) -> None:
-        """Refuse a last line without an end whose last number is not whole, and note one that is."""
+        """Refuse a last line without an end whose last number is cut, and note a whole one."""
         if self.complete:
             return
         tail = decode(bytes(self.buf[-4096:-1])).rpartition("\n")[2]
@@ -447,10 +484,10 @@ class _Reading:
             self.notes,
             ticks,
             flags,
-            [ticks for _, ticks, _, _ in self.found],
+            [ticks for _, ticks, _, _ in self.event_records],
         )
         week = int(stamps[0][np.argmax(real)] // TICKS_PER_WEEK)
-        time, when = ((part - week * TICKS_PER_WEEK) / k.TICKS_PER_S for part in stamps)
+        time, when = ((instants - week * TICKS_PER_WEEK) / k.TICKS_PER_S for instants in stamps)
         epoch, rows = self.epoch[:m], slice(0, m)
         names = np.array([f"{s}{number:02d}" for s in SYSTEMS for number in range(100)])
         satellite = names[self.satellite[rows]]
@@ -462,12 +499,12 @@ class _Reading:
         values, lock, strength = self.values[rows], self.lock[rows], self.strength[rows]
         if not taken.all():
             kept = taken[epoch]
-            place = np.cumsum(taken) - 1
-            epoch, satellite = place[epoch][kept], satellite[kept]
+            index = np.cumsum(taken) - 1
+            epoch, satellite = index[epoch][kept], satellite[kept]
             values, lock, strength = values[kept], lock[kept], strength[kept]
         records = tuple(
             EventRecord(flag, float(t) if stamp >= 0 else None, line, lines)
-            for t, (flag, stamp, line, lines) in zip(when, self.found, strict=True)
+            for t, (flag, stamp, line, lines) in zip(when, self.event_records, strict=True)
         )
         events = np.array([record.time for record in records if record.flag == 5], dtype=np.float64)
         return Observations(
@@ -504,12 +541,12 @@ class _Reading:
             if not alike or not np.array_equal(
                 self.values[one], self.values[other], equal_nan=True
             ):
-                what = (
+                message = (
                     f"time {time[again]:.7f} s follows {time[first]:.7f} s in line"
                     f" {self.lines[first]}; time must increase"
                 )
                 raise InputError.at(
-                    self.path, int(self.lines[again]), f"{what}; sort the file or split it here"
+                    self.path, int(self.lines[again]), f"{message}; sort the file or split it here"
                 )
             taken[again] = False
         if bad.size:
@@ -532,7 +569,7 @@ def _gpst(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Ticks of epochs and events since 1980-01-06, GPST."""
     second = TICKS_PER_WEEK // int(WEEK_S)
-    found = np.array(events, dtype=np.int64)
+    event_ticks = np.array(events, dtype=np.int64)
     if header.clock is None:
         notes.append(
             note(
@@ -544,6 +581,6 @@ def _gpst(
         )
     if header.clock == "GLO":
         leap = int(leap_seconds(float(ticks[flags < SLIPS][0]) / second + GPS_EPOCH_UNIX_S))
-        return ticks + leap * second, found + leap * second
+        return ticks + leap * second, event_ticks + leap * second
     shift = BDT_BEHIND_S * second if header.clock == "BDT" else 0
-    return ticks + shift, found + shift
+    return ticks + shift, event_ticks + shift

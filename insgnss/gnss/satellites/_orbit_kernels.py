@@ -159,9 +159,9 @@ def _glonass(p: Array, t: float, out: Array, work: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def states(table: Array, message: Index, time: Array, pseudorange: Array, out: Array) -> None:
-    """Fill out (m, 8) of the rows `message` (m,) of table (k, COLUMNS); not-a-number where message
-    is negative.
+    """Fill out (m, 8) of the rows `message` (m,) of table (k, COLUMNS).
 
+    It is not-a-number where message is negative.
     time (m,), s: the instants, where pseudorange (0,) is empty; else of reception by the receiver's
     clock, and the instant is that of emission (O.9), pseudorange (m,) m.
     """

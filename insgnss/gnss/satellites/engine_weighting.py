@@ -1,10 +1,10 @@
-"""The engine's estimator: what a delay that lasts makes of a position.
+"""The engine's estimator: what a time-correlated delay makes of a position.
 
 Its filter holds the rover's position, the clocks (by differences between satellites) and the
 ambiguities of all phases; such a delay moves a position to where its gain times the innovation is
 zero. With integer ambiguities that is the weighted least squares of the epoch: the prediction from
-the last one carries no place of its own, and codes have 1/300^2 of the weight of phases. An
-ambiguity that stays a real number takes the delay up by itself: it is known from the positions that
+the last one carries no place of its own, and codes have 1/300^2 of the weight of phases. A
+float ambiguity takes the delay up by itself: it is known from the positions that
 the integers of the others have fixed, so that its satellite agrees with them, whatever they make of
 the delay. It follows with
 
@@ -13,10 +13,10 @@ the delay. It follows with
 R = (7 mm)^2 of the phase, q = (1e-4 cycles)^2/s that the engine gives an ambiguity, dt the
 interval: two minutes at 10 Hz. Such a satellite counts only while the delay changes and as long
 after it, by a millimetre or two. So GLONASS is taken not to count (`gloarmode` fix-and-hold without
-holds, as `options` has it), unless `more` has its ambiguities resolved too. With rows A = (-u, 1
-for the clock of the system), u the direction in north, east, down, of each band of each satellite
-whose ambiguities are integers, delays d of its phases and the engine's weights P = 1 / (1 + 1 /
-sin^2 E), of GLONASS 1 / 1.5^2 of that,
+holds, as `options` has it), unless `rtklib_options` have its ambiguities resolved too. With rows A
+= (-u, 1 for the clock of the system), u the direction in north, east, down, of each band of each
+satellite whose ambiguities are integers, delays d of its phases and the engine's weights P = 1 / (1
++ 1 / sin^2 E), of GLONASS 1 / 1.5^2 of that,
 
     displacement = the first three of (A^T P A)^-1 A^T P d                                     (E.2)
 """
@@ -39,8 +39,9 @@ LARGEST_CONDITION = 1e8
 
 
 def carrying_systems(options: EngineOptions) -> str:
-    """Letters of the systems whose ambiguities the engine resolves, which carry its positions; all
-    where it resolves none.
+    """Return letters of the systems whose ambiguities the engine resolves; all if it resolves none.
+
+    They carry its positions.
     """
     more = {name: str(value) for name, value in options.rtklib_options.items()}
     mode = more.get(ARMODE, "1")
@@ -56,8 +57,9 @@ def carrying_systems(options: EngineOptions) -> str:
 
 
 def displacement(satellites: Sky, delay: Array, epochs: int) -> Array:
-    """Displacement (epochs, 3) m, north, east, down, by delays (m,) m of the satellites' phases;
-    NaN where satellites are too few.
+    """Return the displacement (epochs, 3) m, north, east, down, by delays (m,) m of phases (E.2).
+
+    It is NaN where satellites are too few.
     """
     n = 3 + int(satellites.system.max(initial=0)) + 1
     cos, sin = np.cos(satellites.elevation), np.sin(satellites.elevation)
@@ -77,6 +79,8 @@ def displacement(satellites: Sky, delay: Array, epochs: int) -> Array:
     for j in range(3, n):
         N[:, j, j] += N[:, j, j] == 0.0  # a system without satellites in the epoch has no clock
     out = np.full((epochs, 3), np.nan)
-    weak = np.linalg.cond(N) > LARGEST_CONDITION
-    out[~weak] = np.linalg.solve(N[~weak], b[~weak][:, :, None])[:, :3, 0]
+    ill_conditioned = np.linalg.cond(N) > LARGEST_CONDITION
+    out[~ill_conditioned] = np.linalg.solve(N[~ill_conditioned], b[~ill_conditioned][:, :, None])[
+        :, :3, 0
+    ]
     return out

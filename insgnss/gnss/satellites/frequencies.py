@@ -46,12 +46,12 @@ CHANNEL_HERTZ = {"1": 0.5625e6, "2": 0.4375e6}  # GLONASS, per frequency number
 
 
 def kappa(system: str, band: str) -> float:
-    """Delay of the ionosphere on a carrier over that on L1 of GPS: (f_1 / f)^2."""
+    """Return the ionospheric delay on a carrier over that on L1 of GPS: (f_1 / f)^2."""
     return (HERTZ["G"]["1"] / HERTZ[system][band]) ** 2
 
 
 def engine_phases(observations: "Observations", frequencies: int) -> NDArray[np.bool_]:
-    """Whether each row has a phase in the engine's first, second, third frequency (m, frequencies)."""
+    """Return whether each row has a phase in the engine's frequencies (m, frequencies)."""
     out = np.zeros((observations.satellite.size, frequencies), dtype=np.bool_)
     there = np.isfinite(observations.values) & (observations.values != 0.0)
     for letter, of in rows_of_systems(observations.satellite).items():
@@ -66,7 +66,7 @@ def engine_phases(observations: "Observations", frequencies: int) -> NDArray[np.
 
 
 def rows_of_systems(satellite: NDArray[np.str_]) -> dict[str, NDArray[np.int64]]:
-    """Rows of each system, by its letter, of satellites (m,)."""
+    """Return the rows of each system, by its letter, of satellites (m,)."""
     codes, which = unique_satellites(satellite)
     system = np.array([code[0] for code in codes], dtype="U1")[which]
     return {letter: np.flatnonzero(system == letter) for letter in np.unique(system).tolist()}

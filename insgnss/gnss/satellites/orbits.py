@@ -46,25 +46,26 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 EARTH_RATE = 7.2921151467e-5  # rad/s, of IS-GPS-200
-REACH_S = {
-    "G": 7200.0,
-    "J": 7200.0,
-    "E": 14400.0,
-    "C": 21600.0,
-    "R": 1800.0,
-}  # farthest time from the time of ephemeris
+# farthest time from the time of ephemeris
+REACH_S = {"G": 7200.0, "J": 7200.0, "E": 14400.0, "C": 21600.0, "R": 1800.0}
 
 
 @dataclass(frozen=True, eq=False)
 class SatelliteStates:
     """Satellites in ECEF at given instants; not-a-number where no message reaches.
 
-    position : (m, 3) m.
-    velocity : (m, 3) m/s, relative to the rotating Earth.
-    clock_s : (m,) satellite's clock minus system time,
-    with relativity, without group delay.
-    drift : (m,) its rate.
-    message : (m,) row of the navigation table, or -1.
+    Parameters
+    ----------
+    position : ndarray, shape (m, 3)
+        m.
+    velocity : ndarray, shape (m, 3)
+        m/s, relative to the rotating Earth.
+    clock_s : ndarray, shape (m,)
+        Satellite's clock minus system time, s, with relativity, without group delay.
+    drift : ndarray, shape (m,)
+        Rate of the clock, s/s.
+    message : ndarray of int, shape (m,)
+        Row of the navigation table, or -1.
     """
 
     position: Array
@@ -75,14 +76,22 @@ class SatelliteStates:
 
 
 def select_messages(navigation: Navigation, satellite: ArrayLike, time: ArrayLike) -> Index:
-    """Row (m,) of the message whose time of ephemeris is nearest, or -1 where none is within
-    `REACH_S` of its system.
+    """Return the row (m,) of the message whose time of ephemeris is nearest.
 
-    satellite : (m,) codes such as "G05".   time : (m,) s, GPST of the navigation's week.
+    It is -1 where none is within `REACH_S` of its system.
+
+    Parameters
+    ----------
+    navigation : Navigation
+        Broadcast messages.
+    satellite : array_like of str, shape (m,)
+        Codes such as "G05".
+    time : array_like, shape (m,)
+        s, GPST of the navigation's week.
     """
     satellite, time = np.asarray(satellite, dtype="U3"), np.asarray(time, dtype=np.float64)
     chosen = np.full(time.shape, -1, dtype=np.int64)
-    if satellite.size == 0:  # of which np.split would still make a part
+    if satellite.size == 0:  # of which np.split would still make a piece
         return chosen
     codes, inverse = unique_satellites(satellite)
     order = np.argsort(inverse, kind="stable")
@@ -102,9 +111,7 @@ def select_messages(navigation: Navigation, satellite: ArrayLike, time: ArrayLik
 
 
 def unique_satellites(satellite: NDArray[np.str_]) -> tuple[list[str], Index]:
-    """Satellite codes that occur, sorted, and the place (m,) among them of each of `satellite`
-    (m,).
-    """
+    """Return the codes that occur, sorted, and the index (m,) among them of each of `satellite`."""
     letters = (
         np.ascontiguousarray(satellite, dtype="U3").view(np.uint32).reshape(-1, 3).astype(np.int64)
     )
@@ -119,8 +126,9 @@ def unique_satellites(satellite: NDArray[np.str_]) -> tuple[list[str], Index]:
 def satellite_states(
     navigation: Navigation, satellite: ArrayLike, time: ArrayLike, message: Index | None = None
 ) -> SatelliteStates:
-    """States of satellites (m,) at `time` (m,), s, GPST of the navigation's week; of given rows
-    `message` where one is to be kept.
+    """Return the states of satellites (m,) at `time` (m,), s, GPST of the navigation's week.
+
+    They are of given rows `message` where these are to be kept.
     """
     return _states(navigation, satellite, time, np.empty(0), message)
 
@@ -132,11 +140,20 @@ def emission_states(
     pseudorange: ArrayLike,
     message: Index | None = None,
 ) -> SatelliteStates:
-    """States at the instant of emission (O.9), in the ECEF axes of that instant.
+    """Return the states at the instant of emission (O.9), in the ECEF axes of that instant.
 
-    stamp : (m,) s, GPST of the navigation's week by the receiver's clock.
-    pseudorange : (m,) m, code.
-    message : rows to be kept.
+    Parameters
+    ----------
+    navigation : Navigation
+        Broadcast messages.
+    satellite : array_like of str, shape (m,)
+        Codes such as "G05".
+    stamp : array_like, shape (m,)
+        s, GPST of the navigation's week by the receiver's clock.
+    pseudorange : array_like, shape (m,)
+        m, code.
+    message : ndarray of int, shape (m,), optional
+        Rows of messages to be kept.
     """
     return _states(navigation, satellite, stamp, pseudorange, message)
 
@@ -161,10 +178,16 @@ def _states(
 
 
 def ranges(satellite: Array, receiver: Array) -> tuple[Array, Array]:
-    """Ranges (m,), m, with the Earth's rotation during the flight of the signal (Sagnac), and unit
-    vectors (m, 3) to the satellite.
+    """Return ranges (m,), m, and unit vectors (m, 3) to the satellite.
 
-    satellite : (m, 3) m, ECEF at emission.   receiver : (3,) or (m, 3) m, ECEF at reception.
+    The ranges have the Earth's rotation during the flight of the signal (Sagnac).
+
+    Parameters
+    ----------
+    satellite : ndarray, shape (m, 3)
+        m, ECEF at emission.
+    receiver : ndarray, shape (3,) or (m, 3)
+        m, ECEF at reception.
     """
     apart = satellite - receiver
     distance = np.sqrt(np.einsum("mi,mi->m", apart, apart))
@@ -176,8 +199,9 @@ def ranges(satellite: Array, receiver: Array) -> tuple[Array, Array]:
 
 
 def sky(line_of_sight: Array, receiver: Array) -> tuple[Array, Array]:
-    """Azimuth, from north by east, and elevation (m,), rad, of unit vectors (m, 3), ECEF, at the
-    receiver (3,) or (m, 3), m, ECEF.
+    """Return azimuth, from north by east, and elevation (m,), rad, of unit vectors (m, 3), ECEF.
+
+    The receiver is at (3,) or (m, 3), m, ECEF.
     """
     lat, lon, _ = ecef_to_geodetic(receiver)
     ned = np.einsum("...ij,...i->...j", rotation_en(lat, lon), line_of_sight)

@@ -38,21 +38,26 @@ def common_sky(
     fixes: GnssFixes,
     options: EngineOptions = AS_USUAL,
 ) -> Sky:
-    """Satellites that carry the engine's positions at each of `fixes`: of `carrying_systems`, with
-    an ephemeris, above the mask, whose phases rover and base both observe.
+    """Return the satellites that carry the engine's positions at each of `fixes`.
 
-    Raises InputError where fixes and observations are of different times.
+    They are of `carrying_systems`, with an ephemeris, above the mask, and rover and base both
+    observe their phases.
+
+    Raises
+    ------
+    InputError
+        Where fixes and observations are of different times.
     """
-    at = epochs_of(fixes, rover)
+    rover_epochs = epochs_of(fixes, rover)
     bands = common_bands(rover, base, options.frequencies).sum(axis=1)
     codes, which = unique_satellites(rover.satellite)
     carries = np.array([code[0] in carrying_systems(options) for code in codes], dtype=np.bool_)[
         which
     ]
     rows = np.flatnonzero(carries & (bands > 0))
-    start = np.searchsorted(rover.epoch[rows], at)
-    count = np.searchsorted(rover.epoch[rows], at, side="right") - start
-    epoch = np.repeat(np.arange(at.size), count)
+    start = np.searchsorted(rover.epoch[rows], rover_epochs)
+    count = np.searchsorted(rover.epoch[rows], rover_epochs, side="right") - start
+    epoch = np.repeat(np.arange(rover_epochs.size), count)
     taken = rows[np.arange(epoch.size) - np.repeat(np.cumsum(count) - count, count) + start[epoch]]
     satellite = rover.satellite[taken]
     states = satellite_states(
@@ -78,32 +83,37 @@ def common_sky(
 
 
 def epochs_of(fixes: GnssFixes, rover: "Observations") -> NDArray[np.int64]:
-    """Epoch of the rover of each fix (n,), the nearest; InputError where there is none within
-    `LARGEST_OFFSET_S`.
+    """Return the index (n,) of the rover's epoch nearest to each fix.
+
+    Raises
+    ------
+    InputError
+        Where there is none within `LARGEST_OFFSET_S`.
     """
     shift = (fixes.gps_week - rover.gps_week) * WEEK_S if fixes.gps_week is not None else 0.0
-    at = _nearest(rover.time, fixes.time + shift)
-    if (off := np.abs(rover.time[at] - fixes.time - shift) > LARGEST_OFFSET_S).any():
+    index = _nearest(rover.time, fixes.time + shift)
+    if (off := np.abs(rover.time[index] - fixes.time - shift) > LARGEST_OFFSET_S).any():
         first = fixes.time[int(np.argmax(off))]
-        what = (
+        message = (
             f"{int(off.sum())} of {off.size} positions, the first at {first:.3f} s, are not at"
             " epochs of the rover"
         )
         raise InputError(
-            f"{fixes.source or 'positions'}: {what} (limit {LARGEST_OFFSET_S:g} s); are they of"
+            f"{fixes.source or 'positions'}: {message} (limit {LARGEST_OFFSET_S:g} s); are they of"
             " this flight?"
         )
-    return at
+    return index
 
 
 def _nearest(grid: Array, time: Array) -> NDArray[np.int64]:
-    """Place in the increasing `grid` (n,) nearest to each of `time`."""
+    """Index in the increasing `grid` (n,) nearest to each of `time`."""
     return np.searchsorted(0.5 * (grid[1:] + grid[:-1]), time)
 
 
 def base_rows(rover: "Observations", base: "Observations") -> NDArray[np.int64]:
-    """Row (m,) of the base of the same satellite at the base's epoch nearest to that of each row of
-    the rover, or -1.
+    """Return the base's row (m,) of the same satellite, nearest in time to each row of the rover.
+
+    It is -1 where there is none.
     """
     near = _nearest(base.time + (base.gps_week - rover.gps_week) * WEEK_S, rover.time)
     _, which = unique_satellites(np.concatenate([rover.satellite, base.satellite]))
@@ -117,8 +127,9 @@ def base_rows(rover: "Observations", base: "Observations") -> NDArray[np.int64]:
 def common_bands(
     rover: "Observations", base: "Observations", frequencies: int
 ) -> NDArray[np.bool_]:
-    """Whether each row of the rover and its satellite's at the base have a phase in each of the
-    engine's frequencies (m, frequencies).
+    """Return whether rover and base have a phase in the engine's frequencies (m, frequencies).
+
+    The rows (m,) are the rover's.
     """
     row = base_rows(rover, base)
     return (

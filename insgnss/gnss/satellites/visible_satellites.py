@@ -10,9 +10,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Sky:
-    """Satellites of each of n epochs: rows (m,) with epoch, azimuth and elevation, rad, system, a
-    number from 0, and relative weight (the number of its bands, of GLONASS less); row (m,) of the
-    rover's observations, empty where there are none."""
+    """Satellites of each of n epochs, m rows.
+
+    Parameters
+    ----------
+    epoch : ndarray of int, shape (m,)
+        Index of the epoch.
+    azimuth, elevation : ndarray, shape (m,)
+        rad.
+    system : ndarray of int, shape (m,)
+        Number from 0.
+    weight : ndarray, shape (m,)
+        Relative: the number of the satellite's bands, of GLONASS less.
+    row : ndarray of int, shape (m,)
+        Row of the rover's observations, empty where there are none.
+    """
 
     epoch: NDArray[np.int64]
     azimuth: Array

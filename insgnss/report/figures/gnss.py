@@ -6,7 +6,7 @@ their rows with them:
     time (n,) s; kind (n,) place in CLASSES; satellites, ratio, distance_m, height_difference_m
     (n,); believed (n,) separation_m, separation_sigma_m (n, 3) north, east, down, backward minus
     forward
-    strength : {band: (k,) dB-Hz} over strength_time (k,) s; slip_time (s,) s, slip_satellite (s,)
+    cn0 : {band: (k,) dB-Hz} over cn0_time (k,) s; slip_time (s,) s, slip_satellite (s,)
         names; gaps (g, 2) s, begin and end
 """
 
@@ -37,10 +37,10 @@ Panel = Callable[[Any, Array, Series], None]
 
 NAMES = (
     "fixed",
-    "fixed, hampered",
+    "fixed, degraded",
     "float",
-    "lone float",
-    "weak float",
+    "isolated float",
+    "unsupported float",
     "SBAS",
     "DGPS",
     "single",
@@ -57,7 +57,7 @@ COLOURS = (
     "#7F6A50",
     "#0072B2",
 )
-BELIEVED = (0, 1)  # of these classes those of a confirmed fix
+VALIDATED = (0, 1)  # of these classes those of a confirmed fix
 RATE_WINDOW_S = 30.0
 MOST_RATIO, LEAST_RATIO, MOST_SATELLITES_NAMED = 1000.0, 0.9, 30
 _ROW = 1.25  # inches
@@ -74,7 +74,7 @@ _SEPARATION = (
     " a wrong fix in one of them."
 )
 _SIGNALS = (
-    "Median signal strength of all satellites by band: a drop on one band is interference or a"
+    "Median C/N0 of all satellites by band: a drop on one band is interference or a"
     " cable, one on all bands an obstruction. Dots are cycle slips by satellite; many at one"
     " instant are the receiver's own loss of lock. Red, times without observations."
 )
@@ -121,7 +121,7 @@ def _solution_panels(series: Series) -> list[Panel]:
 
 
 def _signal_panels(series: Series) -> list[Panel]:
-    rows: list[tuple[str, Panel]] = [("strength", _strength), ("slip_time", _slips)]
+    rows: list[tuple[str, Panel]] = [("cn0", _cn0), ("slip_time", _slips)]
     return [draw for name, draw in rows if name in series and len(series[name])]
 
 
@@ -162,7 +162,7 @@ def _by_class(ax: Any, t: Array, y: Array, kind: NDArray[np.int64]) -> None:
 
 def _rate(ax: Any, t: Array, series: Series) -> None:
     """Share of believed fixes within `RATE_WINDOW_S`."""
-    fixed = np.isin(series["kind"], BELIEVED)
+    fixed = np.isin(series["kind"], VALIDATED)
     count = np.concatenate([[0.0], np.cumsum(fixed)])
     half = RATE_WINDOW_S / 120.0
     first, after = np.searchsorted(t, t - half), np.searchsorted(t, t + half, side="right")
@@ -225,18 +225,18 @@ def _distance(ax: Any, t: Array, series: Series) -> None:
             beside.spines[side].set_visible(False)
 
 
-def _strength(ax: Any, t: Array, series: Series) -> None:
+def _cn0(ax: Any, t: Array, series: Series) -> None:
     start = float(series["time"][0])
-    for k, (band, level) in enumerate(series["strength"].items()):
+    for k, (band, level) in enumerate(series["cn0"].items()):
         line(
             ax,
-            _minutes(series["strength_time"], start),
+            _minutes(series["cn0_time"], start),
             np.asarray(level),
             label=band,
             color=COLOURS[(8, 2, 0, 5, 7)[k % 5]],
             lw=0.8,
         )
-    ax.set_ylabel("strength, dB-Hz")
+    ax.set_ylabel("C/N0, dB-Hz")
     legend(ax)
 
 
