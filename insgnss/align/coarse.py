@@ -63,8 +63,8 @@ class CoarseAttitude:
 
 def coarse_attitudes(problem: EstimationProblem) -> list[CoarseAttitude]:
     """Solutions of the most unsteady windows of each length, the most certain first."""
-    tried = [solve_window(problem, at) for at in _candidates(problem)]
-    return sorted(tried, key=lambda c: c.heading_sigma)
+    solutions = [solve_window(problem, window) for window in _candidates(problem)]
+    return sorted(solutions, key=lambda c: c.heading_sigma)
 
 
 def _candidates(problem: EstimationProblem) -> list[np.ndarray]:
@@ -72,22 +72,29 @@ def _candidates(problem: EstimationProblem) -> list[np.ndarray]:
     of velocity.
     """
     ep = problem.epochs
-    at = np.flatnonzero(ep.has_position)
-    found: list[np.ndarray] = []
+    with_position = np.flatnonzero(ep.has_position)
+    windows: list[np.ndarray] = []
     for length in WINDOWS_S:
-        begin = ep.time[at[0]] if at.size else 0.0
+        begin = ep.time[with_position[0]] if with_position.size else 0.0
         scored = []
-        while at.size and begin < ep.time[at[-1]]:
-            lo, hi = np.searchsorted(ep.time[at], [begin, begin + length + 1e-6])
+        while with_position.size and begin < ep.time[with_position[-1]]:
+            lo, hi = np.searchsorted(ep.time[with_position], [begin, begin + length + 1e-6])
             if hi - lo >= 5:
                 scored.append(
-                    (_unsteadiness(ep.time[at[lo:hi]], ep.position[at[lo:hi]]), at[lo:hi])
+                    (
+                        _unsteadiness(
+                            ep.time[with_position[lo:hi]], ep.position[with_position[lo:hi]]
+                        ),
+                        with_position[lo:hi],
+                    )
                 )
             begin += 0.5 * length
         median = np.median([score for score, _ in scored]) if scored else 0.0
         early = [window for score, window in scored if score > median][:1]
-        found += [window for _, window in sorted(scored, key=lambda s: -s[0])[:CANDIDATES]] + early
-    return found
+        windows += [
+            window for _, window in sorted(scored, key=lambda s: -s[0])[:CANDIDATES]
+        ] + early
+    return windows
 
 
 def _unsteadiness(time: Array, position: Array) -> float:
@@ -100,10 +107,10 @@ def _unsteadiness(time: Array, position: Array) -> float:
     return float(np.median(np.abs(rest)))
 
 
-def solve_window(problem: EstimationProblem, at: np.ndarray) -> CoarseAttitude:
-    """Wahba's problem of the window with epochs `at` (A.1, A.2)."""
+def solve_window(problem: EstimationProblem, epochs: np.ndarray) -> CoarseAttitude:
+    """Wahba's problem of the window with epochs `epochs` (A.1, A.2)."""
     ep, inc = problem.epochs, problem.inc
-    thin = at[:: max(1, at.size // 200)]
+    thin = epochs[:: max(1, epochs.size // 200)]
     moved = np.empty((thin.size, 15))
     relative_motion(inc.dt, inc.dtheta, inc.dvel, ep.stop[thin], moved)
     tau = ep.time[thin] - ep.time[thin[0]]
@@ -122,7 +129,7 @@ def solve_window(problem: EstimationProblem, at: np.ndarray) -> CoarseAttitude:
     design, z, a = np.vstack(rows), np.vstack(left), np.vstack(right)
     C, v0, seen, misfit = _robust_wahba(design, z, a)
     cov = _attitude_cov(problem, seen, misfit, tau[-1], weight)
-    return CoarseAttitude(int(at[0]), int(at[-1]), C, v0, cov, misfit)
+    return CoarseAttitude(int(epochs[0]), int(epochs[-1]), C, v0, cov, misfit)
 
 
 def _robust_wahba(design: Array, z: Array, a: Array) -> tuple[Array, Array, Array, float]:

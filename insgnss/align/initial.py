@@ -116,7 +116,7 @@ def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
     """First epoch and smoothed solution of the earliest window whose heading is known well enough,
     else of the best.
     """
-    found: list[tuple[int, Solution]] = []
+    solved: list[tuple[int, Solution]] = []
     standing = standing_attitude(problem)
     for first, window, start in _candidates(problem, standing):
         solution = _estimated(window, start)
@@ -125,22 +125,22 @@ def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
         if np.nanmedian(solution.nis[:, POSITION]) < MISFIT_NIS and np.isfinite(solution.P).all():
             if solution.P[0, AZ, AZ] < GOOD_RAD**2:
                 return first, solution
-            found.append((first, solution))
+            solved.append((first, solution))
     if standing is not None and (
-        not found or min(s.P[0, AZ, AZ] for _, s in found) > HOPELESS_RAD**2
+        not solved or min(s.P[0, AZ, AZ] for _, s in solved) > HOPELESS_RAD**2
     ):
         raise DataError(
-            f"heading not observable: {standing.told()} at best (limit"
+            f"heading not observable: {standing.description()} at best (limit"
             f" {np.degrees(HOPELESS_RAD):.0f} deg), and no motion gives more; include a manoeuvre,"
             " use gyros of a degree an hour, or give [initial] attitude"
         )
-    if not found:
+    if not solved:
         raise DataError(
             "no initial attitude: in no stretch of the recording do GNSS and inertial motion agree,"
             " or it has too few fixes; check axes, units, time scales, sigmas, lever arm and noise"
             " model with `insgnss inspect`, or give [initial] attitude"
         )
-    chosen = min(found, key=lambda f: f[1].P[0, AZ, AZ])
+    chosen = min(solved, key=lambda f: f[1].P[0, AZ, AZ])
     sigma = float(np.sqrt(chosen[1].P[0, AZ, AZ]))
     if not sigma < HOPELESS_RAD:
         raise DataError(
@@ -159,9 +159,9 @@ def _estimated(window: EstimationProblem, start: InitialState) -> Solution | Non
     A start tens of degrees off rejects good fixes, reopens (K.7) and never converges; taken all,
     the fixes turn it round.
     """
-    for tried in (window, replace(window, gate=np.inf, huber_threshold=HUBER_NIS)):
+    for variant in (window, replace(window, gate=np.inf, huber_threshold=HUBER_NIS)):
         try:
-            return solve(tried, start, "on", separations=0)
+            return solve(variant, start, "on", separations=0)
         except DataError:
             continue
     return None
@@ -228,28 +228,30 @@ def _start(
 def _first_velocity(problem: EstimationProblem) -> Array:
     """Velocity at the first epoch from the fixes of the first two seconds, (3,) m/s."""
     ep = problem.epochs
-    at = np.flatnonzero(ep.has_position)
-    if ep.has_velocity[at[0]]:
-        return ep.velocity[at[0]]
-    at = at[: max(2, int(np.searchsorted(ep.time[at], ep.time[at[0]] + 2.0)))]
-    A = np.column_stack([np.ones(at.size), ep.time[at]])
-    return np.linalg.lstsq(A, ep.position[at], rcond=None)[0][1]
+    with_position = np.flatnonzero(ep.has_position)
+    if ep.has_velocity[with_position[0]]:
+        return ep.velocity[with_position[0]]
+    with_position = with_position[
+        : max(2, int(np.searchsorted(ep.time[with_position], ep.time[with_position[0]] + 2.0)))
+    ]
+    A = np.column_stack([np.ones(with_position.size), ep.time[with_position]])
+    return np.linalg.lstsq(A, ep.position[with_position], rcond=None)[0][1]
 
 
 def _reversed(problem: EstimationProblem, last: int) -> EstimationProblem:
     """The epochs last..0 of a problem, read against time."""
-    at = np.arange(last, -1, -1)
+    epochs = np.arange(last, -1, -1)
     inc, end = problem.inc, problem.epochs.stop[last]
     against = Increments(
         inc.dt[:end][::-1],
         -inc.dtheta[:end][::-1],
         inc.dvel[:end][::-1],
-        -inc.marks[at],
-        end - problem.epochs.stop[at],
-        -inc.rate[at],
+        -inc.marks[epochs],
+        end - problem.epochs.stop[epochs],
+        -inc.rate[epochs],
         inc.nominal_s,
     )
-    back = with_epochs(problem, at, against)
+    back = with_epochs(problem, epochs, against)
     ep = back.epochs
     gap = np.concatenate(
         [np.zeros((1, N_CHANNELS)), ep.gap[:-1]]

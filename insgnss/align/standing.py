@@ -44,7 +44,7 @@ class StandingAttitude:
         """Whether the gyros are good enough for it."""
         return self.heading_sigma < USEFUL_RAD
 
-    def told(self) -> str:
+    def description(self) -> str:
         """What it gives, in words."""
         roll, pitch, _ = np.degrees(rpy_from_rotation(self.C_lb))
         return (
@@ -59,11 +59,14 @@ def longest_rest(problem: EstimationProblem) -> tuple[int, int] | None:
     for `SHORTEST_S`.
     """
     ep = problem.epochs
-    at = np.flatnonzero(ep.constraint == ZUPT)
-    if at.size < 2:
+    stationary = np.flatnonzero(ep.constraint == ZUPT)
+    if stationary.size < 2:
         return None
-    apart = np.flatnonzero(np.diff(ep.time[at]) > 2.0)
-    begin, end = at[np.concatenate([[0], apart + 1])], at[np.concatenate([apart, [at.size - 1]])]
+    apart = np.flatnonzero(np.diff(ep.time[stationary]) > 2.0)
+    begin, end = (
+        stationary[np.concatenate([[0], apart + 1])],
+        stationary[np.concatenate([apart, [stationary.size - 1]])],
+    )
     with_fix = np.flatnonzero(ep.has_position)
     begin = with_fix[np.minimum(np.searchsorted(with_fix, begin), with_fix.size - 1)]
     k = int(np.argmax(ep.time[end] - ep.time[begin]))
@@ -85,9 +88,9 @@ def standing_attitude(problem: EstimationProblem) -> StandingAttitude | None:
         return None
     first, last = rest
     inc, stop = problem.inc, problem.epochs.stop
-    part = slice(stop[first], stop[last])
-    length = float(inc.dt[part].sum())
-    rate, force = inc.dtheta[part].sum(axis=0) / length, inc.dvel[part].sum(axis=0) / length
+    samples = slice(stop[first], stop[last])
+    length = float(inc.dt[samples].sum())
+    rate, force = inc.dtheta[samples].sum(axis=0) / length, inc.dvel[samples].sum(axis=0) / length
     C_ln = problem.frame.C_ln_at(problem.epochs.position[first])
     lat = float(problem.frame.geodetic_from_position(problem.epochs.position[first])[0])
     down = -force / np.linalg.norm(force)

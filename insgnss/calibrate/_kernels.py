@@ -62,7 +62,7 @@ def multiply(C, A, out):
 
 
 @njit(cache=True)
-def carry(delta, dt, M, bias, Rt, J):
+def propagate_turn(delta, dt, M, bias, Rt, J):
     """Turn of calibrated increments, axes at its start into axes at its end: Rt (3, 3), and J (3,
     12) of (P.4).
 
@@ -109,7 +109,7 @@ class Linear(NamedTuple):
 
 
 @njit(cache=True)
-def linearise_stretch(intervals, ep, imu, white, drive, earth, lever, nav, x, out):
+def linearise_segment(intervals, ep, imu, white, drive, earth, lever, nav, x, out):
     """Fill `out` about the nominal nav (m, 10), x (m, ns).   white (q, 6), drive (q, ns): PSDs of each part of the noise."""
     n = out.F.shape[2]
     ns = n - N_NAV
@@ -120,15 +120,15 @@ def linearise_stretch(intervals, ep, imu, white, drive, earth, lever, nav, x, ou
     for e in range(ep.stop.size):
         if e > 0:
             first, last, begin = ep.stop[e - 1], ep.stop[e], ep.time[e - 1]
-            for part in range(len(white)):
+            for component in range(len(white)):
                 nav_e[:] = nav[e - 1]
                 x_e[:] = x[e - 1]
                 own = StateModel(
                     imu.channel,
                     imu.factor,
                     imu.beta,
-                    drive[part],
-                    white[part],
+                    drive[component],
+                    white[component],
                     imu.block,
                     imu.lever,
                     imu.offset,
@@ -151,12 +151,12 @@ def linearise_stretch(intervals, ep, imu, white, drive, earth, lever, nav, x, ou
                     Qbb,
                     work,
                 )
-                if part == 0 and ep.gap[e, 0] > 0.0:
+                if component == 0 and ep.gap[e, 0] > 0.0:
                     add_gap_noise(W, work.column, work.last_block[0], ep.gap[e])
-                out.Q[e, part] = W[:, NAV]
-                if part < driven:
-                    out.Q_cross[e, part] = W[:, IMU]
-                    out.Q_states[e, part] = Qbb
+                out.Q[e, component] = W[:, NAV]
+                if component < driven:
+                    out.Q_cross[e, component] = W[:, IMU]
+                    out.Q_states[e, component] = Qbb
             state_difference(nav_e, x_e, nav[e], x[e], out.gap[e])
             for i in range(3):
                 acceleration[i] = (nav_e[VEL0 + i] - nav[e - 1, VEL0 + i]) / (
@@ -177,18 +177,18 @@ def mixed_noise(lin, e, share, W, Qbb):
     """The sum of the parts of the process noise at epoch e, part by part times `share`."""
     W[:] = 0.0
     Qbb[:] = 0.0
-    for part in range(share.size):
-        v = share[part]
+    for component in range(share.size):
+        v = share[component]
         if v == 0.0:
             continue
         for r in range(N_NAV):
             for c in range(N_NAV):
-                W[r, c] += v * lin.Q[e, part, r, c]
-        if part < lin.Q_states.shape[1]:
+                W[r, c] += v * lin.Q[e, component, r, c]
+        if component < lin.Q_states.shape[1]:
             for s in range(Qbb.size):
-                Qbb[s] += v * lin.Q_states[e, part, s]
+                Qbb[s] += v * lin.Q_states[e, component, s]
                 for r in range(N_NAV):
-                    W[r, IMU0 + s] += v * lin.Q_cross[e, part, r, s]
+                    W[r, IMU0 + s] += v * lin.Q_cross[e, component, r, s]
 
 
 @njit(cache=True)
@@ -275,10 +275,10 @@ def run_linear(
     )
     gain, column, slope, dr = np.zeros(n), np.zeros(n), np.zeros((2, p)), np.zeros(p)
     only = np.zeros(share.size)
-    for part in range(len(P0)):
-        P += share[part] * P0[part]
-        if of_part[part] != ABSENT:
-            dP[of_part[part]] += 2.0 * share[part] * P0[part]
+    for component in range(len(P0)):
+        P += share[component] * P0[component]
+        if of_part[component] != ABSENT:
+            dP[of_part[component]] += 2.0 * share[component] * P0[component]
     cost, rejected_since = 0.0, ABSENT
     for e in range(lin.time.size):
         if e > 0:
@@ -286,8 +286,8 @@ def run_linear(
             mixed_noise(lin, e, share, W, Qbb)
             predict_covariance(P, F, D, W, Qbb, X, nine)
             for i in range(p):
-                for part in range(share.size):
-                    only[part] = 2.0 * share[part] if of_part[part] == i else 0.0
+                for component in range(share.size):
+                    only[component] = 2.0 * share[component] if of_part[component] == i else 0.0
                 mixed_noise(lin, e, only, W, Qbb)
                 predict_covariance(dP[i], F, D, W, Qbb, X, nine)
                 propagate_mean(F, D, dm[i], none, new)

@@ -20,14 +20,14 @@ ROUNDS = 6
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """model : parameters (p,) to residual (m,) and its Jacobian (m, p).   carried : number of parameters it mainly determines.
+    """model : parameters (p,) to residual (m,) and its Jacobian (m, p).   determined : number of parameters it mainly determines.
 
     covariance : (m, m) of the residuals, or (m,) variances.
     """
 
     model: Callable[[Array], tuple[Array, Array]]
     covariance: Array
-    carried: int
+    determined: int
 
     def whitening(self) -> Array:
         """(m, m) matrix that makes the residuals white of unit variance."""
@@ -86,7 +86,7 @@ def solve_groups(groups: Mapping[str, Group], prior: Array, prior_sigma: Array) 
         values = prior + prior_sigma * solution.x
         wanted = {}
         for name, group in groups.items():
-            free = len(group.covariance) - group.carried
+            free = len(group.covariance) - group.determined
             square = float(np.sum((white[name] @ group.model(values)[0]) ** 2))
             factor[name] = square / free if free > 0 else 1.0
             wanted[name] = (

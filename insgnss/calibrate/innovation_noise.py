@@ -11,7 +11,7 @@ derivative of -2 log L (`likelihood`), the maximum is searched by scoring with d
 
 from the best of a few starts. The static model is the maximum with the IMU's factors held at one
 and everything else free; the gain between the two is chi-square of as many degrees of freedom as
-factors where the static model holds. A factor known to worse than `KNOWN` that may as well be one,
+factors where the static model holds. A factor known to worse than `KNOWN_SIGMA` that may as well be one,
 and a factor at the edge of the search, are not told by this flight: they are held at one and the
 others are estimated again. What -2 log L loses by that is chi-square, too: a significant loss says
 that the innovations ask for a noise that these factors do not have. Whiteness goes by the
@@ -39,10 +39,10 @@ from .likelihood import (
     OF_FIXES,
     WHITE,
     Evaluated,
-    LinearStretch,
+    LinearSegment,
     available,
     evaluate,
-    linear_stretch,
+    linear_segment,
 )
 
 IMU = (*WHITE, *DRIVEN)
@@ -51,10 +51,10 @@ RANGE, RANGE_OF_FIXES = (
     (1.0 / 300.0, 300.0),
     (0.2, 30.0),
 )  # a fix is not believed to less than a fifth of its sigma
-KNOWN, ONE_SIGMAS = 0.3, 2.0
+KNOWN_SIGMA, ONE_SIGMAS = 0.3, 2.0
 SIGNIFICANT = 1e-3  # chance that the innovations of a true static model ask for another
 STEPS, DONE, LONGEST_STEP = 40, 1e-4, 1.0
-NOTHING_TOLD, RIDGE = (
+LEAST_INFORMATION, RIDGE = (
     1e-6,
     1e-9,
 )  # of the information: standard deviations of a logarithm of 1400 and 45 000
@@ -64,7 +64,7 @@ SHORTEST_S, FEWEST = 20.0, 60  # of a stretch in motion, and its fixes
 LONGEST_MIN = 600.0  # of a flight that is asked for
 OFF_CLAIM, OFF_SIGMAS = 0.1, 3.0  # of the fixes' scale from one, beyond which it is told
 WHITE_ENOUGH = 0.1  # of the autocorrelation at lag one, and of those of all lags together
-COLOURED = 1e-3  # chance of white innovations below which those together count
+CHANCE_OF_WHITE = 1e-3  # chance of white innovations below which those together count
 # gain in -2 log L that a correlated error of the fixes must bring beside free noise of the IMU
 EXPLAINED = 20.0
 
@@ -90,12 +90,12 @@ class Innovations:
     """What a noise makes of the innovations of the positions. nis : mean normalised square a degree
     of freedom, of the used ones.
 
-    lost : fixes rejected, of `fixes`.   cost : -2 log L.
+    rejected : fixes rejected, of `fixes`.   cost : -2 log L.
     """
 
     nis: float
     fixes: int
-    lost: int
+    rejected: int
     cost: float
     whiteness: Whiteness
 
@@ -155,7 +155,7 @@ class InFlightNoise:
         """
         w = self.at_best.whiteness
         near = np.abs(w.lag_one).max() < max(WHITE_ENOUGH, w.bound)
-        return bool(near and ((w.p_value > COLOURED) | (w.together < WHITE_ENOUGH)).all())
+        return bool(near and ((w.p_value > CHANCE_OF_WHITE) | (w.together < WHITE_ENOUGH)).all())
 
     @property
     def asks_for_more(self) -> bool:
@@ -186,33 +186,33 @@ class InFlightNoise:
         return (self.static_at_best, self.at_best) if self.scaled else (self.before, self.after)
 
 
-def moving_parts(solution: Solution, rests: Array) -> list[Solution]:
+def moving_parts(solution: Solution, stationary: Array) -> list[Solution]:
     """What of a solution lies between the rests (k, 2) s, GPST, `SHORTEST_S` and `FEWEST` fixes and
     more: engines stand still there.
     """
     time, fix = solution.time, solution.problem.epochs.has_position
     resting = np.zeros(time.size, dtype=np.bool_)
-    for begin, end in rests:
+    for begin, end in stationary:
         resting |= (time >= begin) & (time <= end)
     edge = np.flatnonzero(np.diff(np.concatenate([[1], resting.astype(np.int64), [1]])))
     parts = []
     for first, stop in edge.reshape(-1, 2):
-        at = first + np.flatnonzero(fix[first:stop])
-        if at.size >= FEWEST and time[at[-1]] - time[at[0]] >= SHORTEST_S:
-            parts.append(_part(solution, int(at[0]), int(at[-1])))
+        fixes = first + np.flatnonzero(fix[first:stop])
+        if fixes.size >= FEWEST and time[fixes[-1]] - time[fixes[0]] >= SHORTEST_S:
+            parts.append(_sub_solution(solution, int(fixes[0]), int(fixes[-1])))
     return parts
 
 
-def _part(solution: Solution, first: int, last: int) -> Solution:
+def _sub_solution(solution: Solution, first: int, last: int) -> Solution:
     """The epochs first..last as a solution of their own, its constants as they are there."""
-    at = slice(first, last + 1)
+    epochs = slice(first, last + 1)
     problem = sub_problem(solution.problem, first, last)
-    x = solution.x[at].copy()
+    x = solution.x[epochs].copy()
     layout = problem.layout
     if layout.rate >= 0:  # time begins anew
         x[:, layout.offset] += x[:, layout.rate] * solution.problem.epochs.time[first]
     arrays = {
-        k: getattr(solution, k)[at]
+        k: getattr(solution, k)[epochs]
         for k in ("nav", "P", "filter_sigma", "innovation", "innovation_sigma", "nis", "verdict")
     }
     return replace(solution, problem=problem, x=x, **arrays)
@@ -248,7 +248,7 @@ def in_flight_noise(
     parameters: Sequence[str] = DEFAULT,
     progress: Callable[[str], None] = lambda _: None,
 ) -> InFlightNoise:
-    """Estimate factors of the IMU's noise from solved stretches in motion.
+    """Estimate factors of the IMU's noise from solved segments in motion.
 
     parameters : of `IMU`.   Raises UsageError for a parameter that the layout of states does not
                              have, DataError for too short a flight.
@@ -261,12 +261,12 @@ def in_flight_noise(
             " or `insgnss tune` on static recordings"
         )
     progress("linearise")
-    known = available(
+    present = available(
         solutions[0].problem.layout, all(s.problem.epochs.has_velocity.any() for s in solutions)
     )
-    names = (*parameters, *(name for name in (*OF_FIXES, CORRELATED) if name in known))
-    stretches = [linear_stretch(s, names) for s in solutions]
-    search = _Search(stretches, names, progress)
+    names = (*parameters, *(name for name in (*OF_FIXES, CORRELATED) if name in present))
+    segments = [linear_segment(s, names) for s in solutions]
+    search = _Search(segments, names, progress)
     imu = np.array([name in IMU for name in names])
     static = search.maximum(~imu)
     held: dict[str, str] = {}
@@ -274,7 +274,7 @@ def in_flight_noise(
     while True:
         free = np.array([name not in held for name in names])
         best = search.maximum(free) if (free & imu).any() else static
-        every = min(every, best.at.cost)
+        every = min(every, best.evaluated.cost)
         sigma, correlation = best.spread(free)
         unknown = {
             name: reason
@@ -288,7 +288,7 @@ def in_flight_noise(
         worst = max(unknown, key=lambda name: sigma[names.index(name)])
         held[worst] = unknown[worst]
     count = int(np.count_nonzero(free & imu))
-    gain = max(static.at.cost - best.at.cost, 0.0)
+    gain = max(static.evaluated.cost - best.evaluated.cost, 0.0)
     only_imu = np.where(imu, best.theta, 0.0)
     return InFlightNoise(
         names,
@@ -299,39 +299,39 @@ def in_flight_noise(
         gain,
         count,
         _chance(gain, count),
-        innovations(evaluate(stretches, np.zeros(len(names)))),
-        innovations(evaluate(stretches, only_imu)),
-        innovations(best.at),
-        innovations(static.at),
+        innovations(evaluate(segments, np.zeros(len(names)))),
+        innovations(evaluate(segments, only_imu)),
+        innovations(best.evaluated),
+        innovations(static.evaluated),
         duration,
-        best.at.cost - every,
+        best.evaluated.cost - every,
     )
 
 
 @dataclass(frozen=True)
 class _Maximum:
     theta: Array
-    at: Evaluated
+    evaluated: Evaluated
 
     def spread(self, free: np.ndarray) -> tuple[Array, Array]:
         """Standard deviations (p,) of theta, infinite where nothing tells it and 0 where it is
         held, and correlations (p, p).
         """
-        A = self.at.information[np.ix_(free, free)]
-        told = np.diag(A) > NOTHING_TOLD
-        at = np.flatnonzero(free)[told]
-        cov = 2.0 * np.linalg.inv(A[np.ix_(told, told)] + RIDGE * np.eye(at.size))
+        A = self.evaluated.information[np.ix_(free, free)]
+        determined = np.diag(A) > LEAST_INFORMATION
+        index = np.flatnonzero(free)[determined]
+        cov = 2.0 * np.linalg.inv(A[np.ix_(determined, determined)] + RIDGE * np.eye(index.size))
         sigma, correlation = np.where(free, np.inf, 0.0), np.eye(free.size)
-        sigma[at] = np.sqrt(np.diag(cov))
-        correlation[np.ix_(at, at)] = cov / np.outer(sigma[at], sigma[at])
+        sigma[index] = np.sqrt(np.diag(cov))
+        correlation[np.ix_(index, index)] = cov / np.outer(sigma[index], sigma[index])
         return sigma, correlation
 
 
 @dataclass
 class _Search:
-    """Maxima of the likelihood of `stretches` over some of the parameters `names`."""
+    """Maxima of the likelihood of `segments` over some of the parameters `names`."""
 
-    stretches: Sequence[LinearStretch]
+    segments: Sequence[LinearSegment]
     names: tuple[str, ...]
     progress: Callable[[str], None]
 
@@ -339,8 +339,8 @@ class _Search:
         """Over the parameters `free` (p,) bool, the others at one, from the best of `STARTS`."""
         moved = np.array([name in IMU for name in self.names]) & free
         starts = [np.where(moved, s, 0.0) for s in (STARTS if moved.any() else STARTS[:1])]
-        first = [_Maximum(theta, evaluate(self.stretches, theta)) for theta in starts]
-        return self._climb(min(first, key=lambda m: m.at.cost), free)
+        first = [_Maximum(theta, evaluate(self.segments, theta)) for theta in starts]
+        return self._climb(min(first, key=lambda m: m.evaluated.cost), free)
 
     def _climb(self, here: _Maximum, free: np.ndarray) -> _Maximum:
         """(N.1)."""
@@ -348,18 +348,21 @@ class _Search:
         damping = 0.0
         for k in range(STEPS):
             self.progress(f"likelihood of the innovations, step {k + 1}")
-            theta, g = here.theta, here.at.gradient
+            theta, g = here.theta, here.evaluated.gradient
             active = free & ~((theta <= low) & (g > 0.0)) & ~((theta >= high) & (g < 0.0))
             if not active.any():
                 break
-            A = here.at.information[np.ix_(active, active)]
+            A = here.evaluated.information[np.ix_(active, active)]
             step = -np.linalg.solve(A + np.diag(damping * np.diag(A) + 1e-6), g[active])
             moved = theta.copy()
             moved[active] += np.clip(step, -LONGEST_STEP, LONGEST_STEP)
             moved = np.clip(moved, low, high)
-            there = _Maximum(moved, evaluate(self.stretches, moved))
-            if there.at.cost <= here.at.cost:
-                small = here.at.cost - there.at.cost < DONE or np.abs(moved - theta).max() < DONE
+            there = _Maximum(moved, evaluate(self.segments, moved))
+            if there.evaluated.cost <= here.evaluated.cost:
+                small = (
+                    here.evaluated.cost - there.evaluated.cost < DONE
+                    or np.abs(moved - theta).max() < DONE
+                )
                 here, damping = there, 0.1 * damping if damping > 1e-3 else 0.0
                 if small:
                     break
@@ -371,11 +374,11 @@ class _Search:
 
 
 def _minutes(static: _Maximum, minutes: float) -> Array:
-    """How long (p,) a flight like this one of `minutes` knows factors near one to `KNOWN`, infinite
+    """How long (p,) a flight like this one of `minutes` knows factors near one to `KNOWN_SIGMA`, infinite
     where that is no question of length.
     """
     sigma = static.spread(np.ones(static.theta.size, dtype=np.bool_))[0]
-    longer = minutes * (sigma / KNOWN) ** 2
+    longer = minutes * (sigma / KNOWN_SIGMA) ** 2
     return np.where((longer > minutes) & (longer < LONGEST_MIN), longer, np.inf)
 
 
@@ -391,11 +394,11 @@ def _untold(theta: float, sigma: float, minutes: float) -> str:
             f"no maximum of the likelihood between 1/{RANGE[1]:g} and {RANGE[1]:g} times the static"
             f" model{longer}"
         )
-    if sigma > KNOWN and abs(theta) < ONE_SIGMAS * sigma:
-        known = np.exp(min(sigma, 9.0))
+    if sigma > KNOWN_SIGMA and abs(theta) < ONE_SIGMAS * sigma:
+        factor = np.exp(min(sigma, 9.0))
         return (
-            f"{np.exp(theta):.2f} by the likelihood, but known to a factor of {known:.2f} only"
-            f" (limit {np.exp(KNOWN):.2f}){longer}"
+            f"{np.exp(theta):.2f} by the likelihood, but known to a factor of {factor:.2f} only"
+            f" (limit {np.exp(KNOWN_SIGMA):.2f}){longer}"
         )
     return ""
 
@@ -406,10 +409,14 @@ def _chance(gain: float, free: int) -> float:
     return float(chdtrc(free, gain)) if free else 1.0
 
 
-def innovations(at: Evaluated) -> Innovations:
+def innovations(evaluated: Evaluated) -> Innovations:
     """Figures of the positions' innovations."""
     return Innovations(
-        float(np.mean(at.white**2)), at.offered, at.rejected, at.cost, whiteness(at.white)
+        float(np.mean(evaluated.white**2)),
+        evaluated.offered,
+        evaluated.rejected,
+        evaluated.cost,
+        whiteness(evaluated.white),
     )
 
 

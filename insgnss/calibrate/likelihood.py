@@ -54,7 +54,7 @@ from ..navigation.layout import StateLayout
 from ..navigation.solution import Solution
 from ..navigation.strapdown import kernel_earth, kernel_intervals
 from ..records import Array
-from ._kernels import Linear, linearise_stretch, run_linear
+from ._kernels import Linear, linearise_segment, run_linear
 
 WHITE = {
     "gyro.white_noise": slice(0, 3),
@@ -78,7 +78,7 @@ class Evaluated:
     """(L.4) at theta, its gradient (p,), and its expected second derivative (p, p).
 
     white : (k, 3) whitened innovations of the used positions, first components first, of all
-        stretches in turn.
+        segments in turn.
     nis : (k,) of all positions.   rejected, offered : numbers of positions.
     """
 
@@ -92,7 +92,7 @@ class Evaluated:
 
 
 @dataclass(frozen=True)
-class LinearStretch:
+class LinearSegment:
     """A stretch linearised about its solution, ready for `evaluate`.
 
     names : parameters, in the order of theta.   of_part, of_kind : the parameter of each part of
@@ -125,7 +125,7 @@ def available(layout: StateLayout, velocity: bool) -> tuple[str, ...]:
     measured.
     """
     driven = {name: _driven(layout, name).any() for name in (*DRIVEN, CORRELATED)}
-    white = {name: bool(layout.white[at].any()) for name, at in WHITE.items()}
+    white = {name: bool(layout.white[channels].any()) for name, channels in WHITE.items()}
     return tuple(
         name
         for name in PARAMETERS
@@ -136,27 +136,27 @@ def available(layout: StateLayout, velocity: bool) -> tuple[str, ...]:
 def _driven(layout: StateLayout, name: str) -> np.ndarray:
     """(ns,) the states whose driving noise parameter `name` scales."""
     if name == CORRELATED:
-        at = np.zeros(len(layout.names), dtype=np.bool_)
+        states = np.zeros(len(layout.names), dtype=np.bool_)
         if layout.gm >= 0:
-            at[layout.gm : layout.gm + 3] = True
-        return at
+            states[layout.gm : layout.gm + 3] = True
+        return states
     return (layout.drive > 0.0) & (layout.factor == BIAS) & np.isin(layout.channel, DRIVEN[name])
 
 
-def linear_stretch(solution: Solution, names: Sequence[str]) -> LinearStretch:
+def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
     """Linearise a solved stretch about its smoothed states, the noise parted by `names` (L.1-L.2).
 
     Raises UsageError for a name that is not among `available`.
     """
     problem = solution.problem
     ep, layout = problem.epochs, problem.layout
-    known = available(layout, bool(ep.has_velocity.any()))
+    possible = available(layout, bool(ep.has_velocity.any()))
     one_factor_each(names)
     for name in names:
-        if name not in known:
+        if name not in possible:
             raise UsageError(
                 f"noise parameter {name!r} is none that this flight's filter has; use"
-                f" {', '.join(known)}"
+                f" {', '.join(possible)}"
             )
     driven = [name for name in names if name in DRIVEN or name == CORRELATED]
     parts = [*driven, *(name for name in names if name in WHITE)]
@@ -170,15 +170,15 @@ def linear_stretch(solution: Solution, names: Sequence[str]) -> LinearStretch:
             white[k, WHITE[name]] = layout.white[WHITE[name]]
             white[0, WHITE[name]] -= layout.white[WHITE[name]]
             continue
-        at = _driven(layout, name)
-        drive[k, at], drive[0, at] = drive[0, at], 0.0
-        stationary = IMU0 + np.flatnonzero(at & (layout.beta > 0.0))
+        states = _driven(layout, name)
+        drive[k, states], drive[0, states] = drive[0, states], 0.0
+        stationary = IMU0 + np.flatnonzero(states & (layout.beta > 0.0))
         P0[k, stationary, stationary] = P0[0, stationary, stationary]
         P0[0, stationary, stationary] = 0.0
     linear = _linear(solution, len(parts) + 1, len(driven) + 1)
     lever = np.array(problem.antenna_lever_b, dtype=np.float64)
     earth = kernel_earth(problem.frame, problem.backward)
-    linearise_stretch(
+    linearise_segment(
         kernel_intervals(problem.inc),
         ep,
         imu,
@@ -190,13 +190,13 @@ def linear_stretch(solution: Solution, names: Sequence[str]) -> LinearStretch:
         solution.x,
         linear,
     )
-    place = {name: i for i, name in enumerate(names)}
-    of_part = np.array([-1, *(place[name] for name in parts)], dtype=np.int64)
-    kinds = {kind: place.get(name, -1) for name, kind in OF_FIXES.items()}
+    index = {name: i for i, name in enumerate(names)}
+    of_part = np.array([-1, *(index[name] for name in parts)], dtype=np.int64)
+    kinds = {kind: index.get(name, -1) for name, kind in OF_FIXES.items()}
     of_kind = np.array([kinds.get(int(kind), -1) for kind in linear.kind], dtype=np.int64)
     mean0 = np.concatenate([np.zeros(N_NAV), -solution.x[0]])
     reset_s = max(RESET_S, RESET_FIXES * problem.aiding_interval_s)
-    return LinearStretch(tuple(names), linear, P0, mean0, of_part, of_kind, problem.gate, reset_s)
+    return LinearSegment(tuple(names), linear, P0, mean0, of_part, of_kind, problem.gate, reset_s)
 
 
 def _start(solution: Solution) -> Array:
@@ -235,15 +235,15 @@ def _linear(solution: Solution, parts: int, driven: int) -> Linear:
     )
 
 
-def evaluate(stretches: Sequence[LinearStretch], theta: Array) -> Evaluated:
-    """(L.4) and (L.5) of all stretches together at theta (p,) (L.3)."""
+def evaluate(segments: Sequence[LinearSegment], theta: Array) -> Evaluated:
+    """(L.4) and (L.5) of all segments together at theta (p,) (L.3)."""
     p = theta.size
     total, cost = np.zeros((1 + p, p)), 0.0
     variance = np.exp(
         2.0 * np.append(theta, 0.0)
     )  # the last, of index -1, is that of what stays as it is
     every: list[tuple[Array, Array, np.ndarray]] = []
-    for s in stretches:
+    for s in segments:
         m, k = s.linear.there.shape
         white, nis, verdict = (
             np.empty((m, k, 3)),
@@ -266,8 +266,8 @@ def evaluate(stretches: Sequence[LinearStretch], theta: Array) -> Evaluated:
             nis,
             verdict,
         )
-        at = verdict[:, POSITION] != NOT_MEASURED
-        every.append((white[at, 0], nis[at, 0], verdict[at, 0]))
-    white, nis, verdict = (np.concatenate([part[i] for part in every]) for i in range(3))
+        measured = verdict[:, POSITION] != NOT_MEASURED
+        every.append((white[measured, 0], nis[measured, 0], verdict[measured, 0]))
+    white, nis, verdict = (np.concatenate([arrays[i] for arrays in every]) for i in range(3))
     rejected = int(np.count_nonzero(verdict == REJECTED))
     return Evaluated(cost, total[0], total[1:], white[verdict == USED], nis, rejected, nis.size)

@@ -94,23 +94,23 @@ def calibrate_multi_position(
     Raises DataError where fewer were found, or where the outcome is beyond what a calibration may
     be.
     """
-    stretches = still_stretches(imu)
-    positions = distinct_positions(stretches)
+    periods = still_stretches(imu)
+    positions = distinct_positions(periods)
     if positions < POSITIONS:
         raise DataError(
-            f"{imu.source or 'IMU'}: {positions} positions at rest found in {len(stretches)}"
+            f"{imu.source or 'IMU'}: {positions} positions at rest found in {len(periods)}"
             f" stretches, {POSITIONS} needed; rest the sensor for 5 s and more in each, faces and"
             " edges up and down"
         )
     gravity, sigma = local_gravity(latitude, height)
-    accel = calibrate_accelerometers(stretches, gravity, sigma)
-    turns = find_turns(imu, stretches)
+    accel = calibrate_accelerometers(periods, gravity, sigma)
+    turns = find_turns(imu, periods)
     try:
-        gyro = calibrate_gyroscopes(stretches, turns, accel, latitude)
+        gyro = calibrate_gyroscopes(periods, turns, accel, latitude)
     except DataError as error:
         raise DataError(f"{imu.source or 'IMU'}: {error}") from None
     result = MultiPosition(
-        accel, gyro, stretches, positions, len(turns), gravity, sigma, imu.source or "IMU"
+        accel, gyro, periods, positions, len(turns), gravity, sigma, imu.source or "IMU"
     )
     try:
         _ = result.calibration
@@ -122,10 +122,10 @@ def calibrate_multi_position(
     return result
 
 
-def distinct_positions(stretches: Stretches) -> int:
+def distinct_positions(periods: Stretches) -> int:
     """Number of positions whose verticals differ by `DISTINCT` and more."""
     seen: list[Array] = []
-    for u in _unit(stretches.accel_mean):
+    for u in _unit(periods.accel_mean):
         if all(u @ other < np.cos(DISTINCT) for other in seen):
             seen.append(u)
     return len(seen)
@@ -141,18 +141,18 @@ def local_gravity(latitude: float | None, height: float) -> tuple[float, float]:
 
 
 def calibrate_accelerometers(
-    stretches: Stretches, gravity: float, gravity_sigma: float
+    periods: Stretches, gravity: float, gravity_sigma: float
 ) -> TriadEstimate:
     """Nine parameters of the accelerometers (P.1). gravity, gravity_sigma : m/s^2."""
-    mean, at = stretches.accel_mean, places(ACCEL_NAMES)
-    sigma = _mean_sigma(stretches.accel_std, stretches.samples, "accel")
+    mean, entries = periods.accel_mean, places(ACCEL_NAMES)
+    sigma = _mean_sigma(periods.accel_std, periods.samples, "accel")
 
     def gravity_norm(p: Array) -> tuple[Array, Array]:
-        M = np.linalg.inv(_response(p[3:], at))
+        M = np.linalg.inv(_response(p[3:], entries))
         f = (mean - p[:3]) @ M.T
         norm = np.linalg.norm(f, axis=1)
         row = (f / norm[:, None]) @ M
-        return norm - gravity, np.column_stack([-row, *(-row[:, j] * f[:, k] for j, k in at)])
+        return norm - gravity, np.column_stack([-row, *(-row[:, j] * f[:, k] for j, k in entries)])
 
     fit = solve_groups(
         {"gravity": Group(gravity_norm, sigma**2, 9)},
@@ -160,7 +160,9 @@ def calibrate_accelerometers(
         sizes(POSSIBLE, "accel", ACCEL_NAMES),
     )
     scale = (
-        np.concatenate([np.zeros(3), [_response(fit.values[3:], at)[place] for place in at]])
+        np.concatenate(
+            [np.zeros(3), [_response(fit.values[3:], entries)[entry] for entry in entries]]
+        )
         / gravity
     )
     covariance = fit.covariance + gravity_sigma**2 * np.outer(scale, scale)
@@ -171,39 +173,39 @@ def calibrate_accelerometers(
 
 
 def calibrate_gyroscopes(
-    stretches: Stretches, turns: list[Turn], accel: TriadEstimate, latitude: float | None
+    periods: Stretches, turns: list[Turn], accel: TriadEstimate, latitude: float | None
 ) -> TriadEstimate:
     """Twelve parameters of the gyroscopes (P.2, P.3), the Earth's rate a nuisance. accel : of the
     accelerometers, on the same stretches.
 
     Raises DataError where the gyros do not carry the vertical from one position to the next.
     """
-    from ._kernels import carry
+    from ._kernels import propagate_turn
 
-    up, at = _unit(accel.triad().correct(stretches.accel_mean)), places(GYRO_NAMES)
-    C, linked = _attitudes(stretches, turns, up)
-    sigma = _mean_sigma(stretches.gyro_std, stretches.samples, "gyro")
+    up, entries = _unit(accel.triad().correct(periods.accel_mean)), places(GYRO_NAMES)
+    C, linked = _attitudes(periods, turns, up)
+    sigma = _mean_sigma(periods.gyro_std, periods.samples, "gyro")
     sigma = np.hypot(
         sigma, np.where(linked, 0.0, EARTH_RATE)
     )  # where the heading is lost, so is the Earth's rate
     basis = np.linalg.svd(up[:, None, :])[2][:, 1:]  # (k, 2, 3), across the vertical
 
     def rest(p: Array) -> tuple[Array, Array]:
-        E, rate = _response(p[3:12], at), np.einsum("kji,j->ki", C, p[12:])
+        E, rate = _response(p[3:12], entries), np.einsum("kji,j->ki", C, p[12:])
         jacobian = np.zeros((len(up), 3, 15))
         jacobian[:, :, :3] = -np.eye(3)
         for a in range(3):
             jacobian[:, a, 3 + 3 * a : 6 + 3 * a] = -rate
         jacobian[:, :, 12:] = -E @ np.swapaxes(C, 1, 2)
-        return (stretches.gyro_mean - p[:3] - rate @ E.T).ravel(), jacobian.reshape(-1, 15)
+        return (periods.gyro_mean - p[:3] - rate @ E.T).ravel(), jacobian.reshape(-1, 15)
 
     def turned(p: Array) -> tuple[Array, Array]:
-        M = np.linalg.inv(_response(p[3:12], at))
+        M = np.linalg.inv(_response(p[3:12], entries))
         residual, jacobian = np.empty((len(turns), 2)), np.zeros((len(turns), 2, 15))
         Rt, J = np.empty((3, 3)), np.empty((3, 12))
         for row, turn in enumerate(turns):
             i, length = turn.first, float(turn.dt.sum())
-            carry(turn.delta, turn.dt, M, p[:3], Rt, J)
+            propagate_turn(turn.delta, turn.dt, M, p[:3], Rt, J)
             v = Rt @ (up[i] + length * np.cross(C[i].T @ p[12:], up[i]))
             residual[row] = basis[i + 1] @ v
             jacobian[row, :, :12] = basis[i + 1] @ skew(v) @ J  # (P.4)
@@ -212,7 +214,7 @@ def calibrate_gyroscopes(
 
     groups = {"rest": Group(rest, np.repeat(sigma**2, 3), 3)}
     if turns:
-        groups["turns"] = Group(turned, _turn_covariance(stretches, turns, accel, up, basis), 9)
+        groups["turns"] = Group(turned, _turn_covariance(periods, turns, accel, up, basis), 9)
     rate, rate_sigma = _earth_prior(latitude)
     fit = solve_groups(
         groups,
@@ -233,7 +235,7 @@ def calibrate_gyroscopes(
     )
 
 
-def find_turns(imu: ImuSamples, stretches: Stretches) -> list[Turn]:
+def find_turns(imu: ImuSamples, periods: Stretches) -> list[Turn]:
     """Ways from each stretch to the next that were recorded without a gap."""
     nominal = nominal_interval(imu.time)
     step = np.diff(imu.time)
@@ -241,11 +243,11 @@ def find_turns(imu: ImuSamples, stretches: Stretches) -> list[Turn]:
     if imu.quantity == "instant_rate":
         delta = 0.5 * (imu.gyro[1:] + imu.gyro[:-1]) * step[:, None]
     turns = []
-    for i in range(len(stretches) - 1):
-        a, b = np.searchsorted(imu.time, [stretches.time[i, 1], stretches.time[i + 1, 0]])
+    for i in range(len(periods) - 1):
+        a, b = np.searchsorted(imu.time, [periods.time[i, 1], periods.time[i + 1, 0]])
         length = imu.time[b] - imu.time[a]
         if b > a and step[a:b].max() < LACKING * nominal and length < LONGEST_TURN_S:
-            sigma = float(np.sqrt(np.mean(stretches.gyro_std[i : i + 2] ** 2) * nominal * length))
+            sigma = float(np.sqrt(np.mean(periods.gyro_std[i : i + 2] ** 2) * nominal * length))
             turns.append(Turn(i, _coned(delta[a:b]), step[a:b].copy(), sigma))
     return turns
 
@@ -262,18 +264,18 @@ def _coned(delta: Array) -> Array:
 
 
 def _turn_covariance(
-    stretches: Stretches, turns: list[Turn], accel: TriadEstimate, up: Array, basis: Array
+    periods: Stretches, turns: list[Turn], accel: TriadEstimate, up: Array, basis: Array
 ) -> Array:
     """(2 t, 2 t) of the residuals of (P.3): white noise of the gyros, and verticals that two turns
     share, of one calibration.
     """
-    from ._kernels import carry
+    from ._kernels import propagate_turn
 
-    bias = np.average(stretches.gyro_mean, axis=0, weights=stretches.samples)
-    noise = _mean_sigma(stretches.accel_std, stretches.samples, "accel") * np.sqrt(
+    bias = np.average(periods.gyro_mean, axis=0, weights=periods.samples)
+    noise = _mean_sigma(periods.accel_std, periods.samples, "accel") * np.sqrt(
         max(1.0, accel.variance_factor["gravity"])
     )
-    by_stretch, by_parameter = (
+    by_period, by_parameter = (
         np.zeros((len(turns), 2, len(up), 3)),
         np.zeros((len(turns), 2, len(accel.names))),
     )
@@ -284,32 +286,30 @@ def _turn_covariance(
     Rt, J = np.empty((3, 3)), np.empty((3, 12))
     for row, turn in enumerate(turns):
         i = turn.first
-        carry(turn.delta, turn.dt, np.eye(3), bias, Rt, J)
+        propagate_turn(turn.delta, turn.dt, np.eye(3), bias, Rt, J)
         ends = {i: basis[i + 1] @ Rt, i + 1: -basis[i + 1]}
-        for stretch, matrix in ends.items():
-            by_stretch[row, :, stretch] = matrix * noise[stretch] / STANDARD_GRAVITY
-            by_parameter[row] += matrix @ effect[stretch]
-    A, D = by_stretch.reshape(2 * len(turns), -1), by_parameter.reshape(2 * len(turns), -1)
+        for period, matrix in ends.items():
+            by_period[row, :, period] = matrix * noise[period] / STANDARD_GRAVITY
+            by_parameter[row] += matrix @ effect[period]
+    A, D = by_period.reshape(2 * len(turns), -1), by_parameter.reshape(2 * len(turns), -1)
     white = np.repeat([turn.sigma**2 + LEAST_TURN**2 for turn in turns], 2)
     return np.asarray(np.diag(white) + A @ A.T + D @ accel.covariance @ D.T, dtype=np.float64)
 
 
-def _attitudes(
-    stretches: Stretches, turns: list[Turn], up: Array
-) -> tuple[Array, NDArray[np.bool_]]:
+def _attitudes(periods: Stretches, turns: list[Turn], up: Array) -> tuple[Array, NDArray[np.bool_]]:
     """(k, 3, 3) C_i, levelled by the accelerometers, their headings carried by the gyros as they
     are; (k,) whether they are known.
     """
-    from ._kernels import carry
+    from ._kernels import propagate_turn
 
-    bias = np.average(stretches.gyro_mean, axis=0, weights=stretches.samples)
+    bias = np.average(periods.gyro_mean, axis=0, weights=periods.samples)
     C, linked = np.empty((len(up), 3, 3)), np.zeros(len(up), dtype=bool)
     ways = {turn.first + 1: turn for turn in turns}
     Rt, J = np.empty((3, 3)), np.empty((3, 12))
     for i, u in enumerate(up):
         rough, linked[i] = np.eye(3), i == 0
         if i in ways:
-            carry(ways[i].delta, ways[i].dt, np.eye(3), bias, Rt, J)
+            propagate_turn(ways[i].delta, ways[i].dt, np.eye(3), bias, Rt, J)
             rough, linked[i] = C[i - 1] @ Rt.T, linked[i - 1]
         C[i] = _to_up(rough @ u) @ rough
     return C, linked
@@ -338,11 +338,11 @@ def _earth_prior(latitude: float | None) -> tuple[Array, Array]:
     )
 
 
-def _response(values: Array, at: list[tuple[int, int]]) -> Array:
+def _response(values: Array, entries: list[tuple[int, int]]) -> Array:
     """(3, 3) E of the parameters after the bias."""
     E = np.eye(3)
-    for place, value in zip(at, values, strict=True):
-        E[place] += value
+    for entry, value in zip(entries, values, strict=True):
+        E[entry] += value
     return E
 
 

@@ -110,11 +110,11 @@ class TriadEstimate:
     def triad(self) -> TriadCalibration:
         """For the calibration file."""
         response, sigma = np.eye(3), np.zeros((3, 3))
-        for place, value, error in zip(
+        for entry, value, error in zip(
             places(self.names), self.values[3:], self.sigma[3:], strict=True
         ):
-            response[place] += value
-            sigma[place] = error
+            response[entry] += value
+            sigma[entry] = error
         return TriadCalibration(self.values[:3].copy(), response, self.sigma[:3], sigma)
 
 
@@ -126,7 +126,7 @@ class MultiPosition:
 
     accel: TriadEstimate
     gyro: TriadEstimate
-    stretches: Stretches
+    stationary: Stretches
     positions: int
     turns: int
     gravity: float
@@ -136,11 +136,13 @@ class MultiPosition:
     @property
     def calibration(self) -> ImuCalibration:
         """To be written with `prepare.calibration.write_calibration`."""
-        what = (
-            f"multi-position, {len(self.stretches)} stretches in {self.positions} positions,"
+        description = (
+            f"multi-position, {len(self.stationary)} stretches in {self.positions} positions,"
             f" gravity {self.gravity:.5f} m/s^2"
         )
-        return ImuCalibration(self.gyro.triad(), self.accel.triad(), Path(self.source).stem, what)
+        return ImuCalibration(
+            self.gyro.triad(), self.accel.triad(), Path(self.source).stem, description
+        )
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -151,7 +153,7 @@ class MultiPosition:
         """A table that a person reads."""
         lines = [
             (
-                f"{self.source}: {len(self.stretches)} stretches at rest in {self.positions}"
+                f"{self.source}: {len(self.stationary)} stretches at rest in {self.positions}"
                 f" positions, {self.turns} turns between them"
             ),
             (
@@ -180,7 +182,7 @@ class MultiPosition:
         """JSON-able: parameters in SI, covariances, residual statistics."""
         document: dict[str, Any] = {
             "source": self.source,
-            "stretches": len(self.stretches),
+            "stretches": len(self.stationary),
             "positions": self.positions,
             "turns": self.turns,
             "gravity": self.gravity,

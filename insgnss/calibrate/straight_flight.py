@@ -145,9 +145,9 @@ def straight_flight(imu: ImuSamples, C_b_imu: Array, segments: Array) -> Straigh
     window = get_window("hann", n)
     power, windows, used = np.zeros((6, n // 2 + 1)), 0, []
     for begin, end in segments:
-        at = slice(*np.searchsorted(imu.time, [begin, end]))
-        time = imu.time[at]
-        x = np.hstack([imu.gyro[at] @ C_b_imu.T, imu.accel[at] @ C_b_imu.T]) / (
+        samples = slice(*np.searchsorted(imu.time, [begin, end]))
+        time = imu.time[samples]
+        x = np.hstack([imu.gyro[samples] @ C_b_imu.T, imu.accel[samples] @ C_b_imu.T]) / (
             dt if imu.quantity == "increments" else 1.0
         )
         before = windows
@@ -242,24 +242,24 @@ def _lines(
     runs = np.flatnonzero(
         np.diff(np.concatenate([[0], (above & (frequency >= LOWEST_HZ)).astype(np.int64), [0]]))
     ).reshape(-1, 2)
-    found = []
+    lines = []
     for first, stop in runs:
-        at = slice(max(first - 1, 0), stop + 1)
-        if S[at].max() < PEAK * max(S[at.start], S[min(stop, S.size - 1)]):
+        bins = slice(max(first - 1, 0), stop + 1)
+        if S[bins].max() < PEAK * max(S[bins.start], S[min(stop, S.size - 1)]):
             continue  # the flank of the vehicle's motion
-        excess = np.maximum(S[at] - floor[at], 0.0)
-        centre = float(np.sum(frequency[at] * excess) / np.sum(excess))
+        excess = np.maximum(S[bins] - floor[bins], 0.0)
+        centre = float(np.sum(frequency[bins] * excess) / np.sum(excess))
         rms = float(np.sqrt(np.sum(excess) * step))
-        found.append(
+        lines.append(
             SpectralLine(
                 channel,
                 centre,
                 rms,
                 rms / (2.0 * np.pi * centre),
-                float(np.sqrt(np.max(S[at] / floor[at]))),
+                float(np.sqrt(np.max(S[bins] / floor[bins]))),
             )
         )
-    return found
+    return lines
 
 
 def _octaves(frequency: Array, S: Array, highest: float) -> tuple[Array, Array, Array]:

@@ -76,7 +76,7 @@ def _three(values: Array) -> str:
 
 
 def turn_on_bias(
-    stretches: Stretches,
+    periods: Stretches,
     C_b_imu: ArrayLike,
     latitude: float,
     height: float,
@@ -90,25 +90,25 @@ def turn_on_bias(
     Raises DataError where there is no stretch, or where the attitudes of the stretches differ by
     more than 5 deg.
     """
-    if not len(stretches):
+    if not len(periods):
         raise DataError(
             "no stretch at rest of a second and more; the turn-on bias needs one before take-off or"
             " after landing"
         )
     C = np.asarray(C_b_imu, dtype=np.float64)
     gyro, gyro_noise = _mean(
-        stretches.gyro_mean @ C.T,
-        stretches.gyro_std @ np.abs(C).T,
-        stretches.samples,
+        periods.gyro_mean @ C.T,
+        periods.gyro_std @ np.abs(C).T,
+        periods.samples,
         LEAST_SIGMA["gyro"],
     )
     accel, accel_noise = _mean(
-        stretches.accel_mean @ C.T,
-        stretches.accel_std @ np.abs(C).T,
-        stretches.samples,
+        periods.accel_mean @ C.T,
+        periods.accel_std @ np.abs(C).T,
+        periods.samples,
         LEAST_SIGMA["accel"],
     )
-    each = stretches.accel_mean @ C.T
+    each = periods.accel_mean @ C.T
     u = accel / np.linalg.norm(accel)
     apart = float(
         np.degrees(np.arccos(np.clip(each @ u / np.linalg.norm(each, axis=1), -1.0, 1.0)).max())
@@ -127,7 +127,7 @@ def turn_on_bias(
     force, force_cov = _updated(
         np.diag(np.square(accel_prior)), u[None, :], size, np.array([[sigma**2]])
     )
-    seconds = float(np.diff(stretches.time, axis=1).sum())
+    seconds = float(np.diff(periods.time, axis=1).sum())
     return TurnOnBias(bias, bias_cov, force, force_cov, seconds)
 
 

@@ -48,9 +48,9 @@ def gps_from_unix_utc(unix_utc_s: ArrayLike) -> tuple[int, Array]:
     """
     unix = np.asarray(unix_utc_s, dtype=np.float64)
     if unix.size == 0 or not unix.min() >= GPS_EPOCH_UNIX_S:
-        what = "no time" if unix.size == 0 else f"Unix time {unix.min():.3f} s"
+        problem = "no time" if unix.size == 0 else f"Unix time {unix.min():.3f} s"
         raise InputError(
-            f"{what}; GPS time starts at Unix time {GPS_EPOCH_UNIX_S:.0f} s (1980-01-06); check the"
+            f"{problem}; GPS time starts at Unix time {GPS_EPOCH_UNIX_S:.0f} s (1980-01-06); check the"
             " column and its unit"
         )
     gps = unix - GPS_EPOCH_UNIX_S + leap_seconds(unix)

@@ -277,8 +277,10 @@ def _transformer(source: str, target: Any) -> Any:
         if "not available" not in why:
             raise InputError(f"CRS {target.name}: {why[:200]}; give another CRS") from None
         grid = why.partition("Grid ")[2].partition(" is not")[0]
-        what = "name a geoid file and a horizontal CRS instead, or install the grid with `projsync`"
-        raise InputError(f"CRS {target.name}: its grid {grid} is not installed; {what}") from None
+        advice = (
+            "name a geoid file and a horizontal CRS instead, or install the grid with `projsync`"
+        )
+        raise InputError(f"CRS {target.name}: its grid {grid} is not installed; {advice}") from None
 
 
 def _run(

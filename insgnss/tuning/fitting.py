@@ -82,10 +82,10 @@ def tune_axes(
     curves = _curves(sensor, axes, recordings, options)
     groups = [i for _ in axes for i in range(len(recordings))]
     ranking: Ranking | None = None
-    told: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     if len(family) > 1:
         progress(f"{name}: {len(family)} models")
-        ranking, told = _ranking(curves, family, groups, options)
+        ranking, notes = _ranking(curves, family, groups, options)
         chosen = ranking.chosen.composition
     else:
         chosen = family[0]
@@ -98,11 +98,11 @@ def tune_axes(
     inference = infer(kept, intervals=intervals, draws=options.bootstrap, seed=options.seed)
     goodness = goodness or inference.goodness
     noise, remarks = usable_axis(inference)
-    asked = f" --{sensor}-model {chosen}" if len(family) > 1 else ""
+    option = f" --{sensor}-model {chosen}" if len(family) > 1 else ""
     remarks = (
-        *told,
+        *notes,
         *remarks,
-        *_finer_scales(first, goodness, inference.goodness.misfits, asked, options),
+        *_finer_scales(first, goodness, inference.goodness.misfits, option, options),
     )
     stationarity = None
     if len(recordings) > 1:
@@ -162,9 +162,9 @@ def _ranking(
     """
     from ..stochastic.estimation.selection import rank
 
-    tried = [c for c in _few_enough(family, curves) if c.size > c.drift] or list(family)
-    out = [str(composition) for composition in family if composition not in tried]
-    told = (
+    candidates = [c for c in _few_enough(family, curves) if c.size > c.drift] or list(family)
+    out = [str(composition) for composition in family if composition not in candidates]
+    notes = (
         (
             (
                 "not tried, for more parameters than the scales tell or no noise at all:"
@@ -175,13 +175,13 @@ def _ranking(
         else ()
     )
     try:
-        return rank(curves, tried, recordings=groups, sampling=options.sampling), told
+        return rank(curves, candidates, recordings=groups, sampling=options.sampling), notes
     except UsageError as error:  # a singular covariance, of scales that hardly differ
         ranking = rank(
-            curves, tried, weights="interval", recordings=groups, sampling=options.sampling
+            curves, candidates, weights="interval", recordings=groups, sampling=options.sampling
         )
         return ranking, (
-            *told,
+            *notes,
             f"the models compete with the weights of the intervals: {str(error).partition(';')[0]}",
         )
 
@@ -192,10 +192,10 @@ def _kept(first: Fit, options: TuneOptions) -> tuple[Fit, str, GoodnessOfFit | N
     """
     if options.weights == "diagonal":
         return first, "weights of the intervals, as asked", None
-    second, said = second_step(first)
+    second, sentence = second_step(first)
     if second is first or options.weights == "full":
-        return second, said, None
-    if "not settled" in said:
+        return second, sentence, None
+    if "not settled" in sentence:
         return (
             first,
             (
@@ -211,14 +211,14 @@ def _kept(first: Fit, options: TuneOptions) -> tuple[Fit, str, GoodnessOfFit | N
             "weights of the intervals kept: efficient ones would trust a model that does not fit",
             goodness,
         )
-    return second, said, None
+    return second, sentence, None
 
 
 def _finer_scales(
     first: Fit,
     goodness: GoodnessOfFit,
     misfits: Sequence[tuple[int, int]],
-    asked: str,
+    model_option: str,
     options: TuneOptions,
 ) -> tuple[str, ...]:
     """From which level on the model fits, by the test and within `CLOSE`, where it does not fit
@@ -226,7 +226,7 @@ def _finer_scales(
 
     misfits : curve and level of the scales that stand out; to start above none of them would be no
         remedy.
-    asked : option that names the model, where it was chosen of several: another might be chosen
+    model_option : option that names the model, where it was chosen of several: another might be chosen
         with other levels.
     """
     if not _tested(goodness) or goodness.p_value >= FITS or options.levels is not None:
@@ -240,15 +240,15 @@ def _finer_scales(
             break
         if misfits and start <= min(j for _, j in misfits):
             continue
-        part = fit(first.curves, first.composition, sampling=first.sampling, levels=levels)
-        scale = f"{float(part.curves[0].scale_s[0]):.3g} s"
-        option = f"--levels {start}-{asked}"
-        if not close and _farthest(part) < CLOSE:
+        coarser = fit(first.curves, first.composition, sampling=first.sampling, levels=levels)
+        scale = f"{float(coarser.curves[0].scale_s[0]):.3g} s"
+        option = f"--levels {start}-{model_option}"
+        if not close and _farthest(coarser) < CLOSE:
             close = (
                 f"from scale {scale} on {name} is within {CLOSE:.0%} of the deviation: {option}"
                 " leaves the finer scales out"
             )
-        if (p := _tested_p(part, options)) >= FITS:
+        if (p := _tested_p(coarser, options)) >= FITS:
             fits = f"from scale {scale} on {name} fits (p = {p:.2g}): {option}"
             return (
                 (close, fits)
@@ -289,15 +289,15 @@ def _slow_misfit(fitted: Fit, misfits: Sequence[tuple[int, int]]) -> str:
     )
 
 
-def _tested_p(part: Fit, options: TuneOptions) -> float:
+def _tested_p(fitted: Fit, options: TuneOptions) -> float:
     """p-value that tuning on these levels would tell; NaN without a test, and that of the weights
     of the intervals where it is small.
     """
-    test = _j_test(part)
+    test = _j_test(fitted)
     if (
         _tested(test) and test.p_value >= MISFIT
     ):  # the efficient test is the better and the dearer one
-        kept, _, goodness = _kept(part, options)
+        kept, _, goodness = _kept(fitted, options)
         test = goodness or _j_test(kept)
     return test.p_value if _tested(test) else float("nan")
 

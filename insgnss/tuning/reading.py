@@ -76,8 +76,8 @@ def read_samples(path: Path, options: TuneOptions) -> ImuSamples:
     return replace(
         imu,
         notes=tuple(
-            replace(told, found=own_text(told.found), advice=own_text(told.advice))
-            for told in imu.notes
+            replace(note, found=own_text(note.found), advice=own_text(note.advice))
+            for note in imu.notes
         ),
     )
 
@@ -132,21 +132,21 @@ def _plain_columns(tables: list[TableInfo], options: TuneOptions) -> tuple[str, 
 
 def _named_columns(tables: Sequence[TableInfo], options: TuneOptions) -> Mapping[str, str] | None:
     """Field of each column by its canonical name; None where they are not all named."""
-    known = {alias: name for name in PLAIN for alias in ALIASES[name]} | {
+    aliases = {alias: name for name in PLAIN for alias in ALIASES[name]} | {
         f"{of}{clock}": "tow" for of in OF_CLOCKS for clock in CLOCKS
     }
     tables = [table for table in tables if options.variable in (None, table.name)]
     if len(tables) != 1:
         return None
-    found: dict[str, str] = {}
+    columns: dict[str, str] = {}
     for field, name in zip(
-        tables[0].columns, names_of(tables[0].columns, known, KINDS), strict=True
+        tables[0].columns, names_of(tables[0].columns, aliases, KINDS), strict=True
     ):
-        if name is None or name in found or (name == "tow" and options.rate_hz is not None):
+        if name is None or name in columns or (name == "tow" and options.rate_hz is not None):
             continue
-        found[name] = field
+        columns[name] = field
     needed = PLAIN if options.rate_hz is None else PLAIN[1:]
-    return found if all(name in found for name in needed) else None
+    return columns if all(name in columns for name in needed) else None
 
 
 def _ask_for_units(path: Path, tables: list[TableInfo], options: TuneOptions) -> None:
@@ -157,8 +157,8 @@ def _ask_for_units(path: Path, tables: list[TableInfo], options: TuneOptions) ->
         ("gyro", options.gyro_unit, "deg/s"),
         ("accel", options.accel_unit, "m/s^2"),
     ):
-        said = filter(None, (unit_in(field, kinds_like(sensor)) for field in fields))
-        if unit is None and not any(factor_of(text, (f"{sensor}{increments}",)) for text in said):
+        units = filter(None, (unit_in(field, kinds_like(sensor)) for field in fields))
+        if unit is None and not any(factor_of(text, (f"{sensor}{increments}",)) for text in units):
             raise UsageError(
                 f"{path}: nothing says the unit of the {sensor} columns; give --{sensor}-unit, such"
                 f" as {example} or that of one count"
@@ -171,12 +171,12 @@ def _refuse_rate(path: Path, imu: ImuSamples, options: TuneOptions) -> None:
     if LEAST_HZ <= rate <= MOST_HZ or "sampling" in options.accept:
         return
     span = float(imu.time[-1] - imu.time[0]) / 3600.0
-    found = (
+    message = (
         f"{path}: {rate:.3g} Hz, {imu.time.size} samples in {span:.3g} h; an IMU has"
         f" {USUAL_HZ[0]:g} to {USUAL_HZ[1]:g} Hz"
     )
     if options.rate_hz is not None:
-        raise InputError(f"{found}; give --rate in samples a second")
+        raise InputError(f"{message}; give --rate in samples a second")
     likely = [
         unit
         for unit, factor in TIME_FACTORS.items()
@@ -189,4 +189,4 @@ def _refuse_rate(path: Path, imu: ImuSamples, options: TuneOptions) -> None:
         )
     else:
         advice = "check the column of time and its unit, --time-unit"
-    raise InputError(f"{found}; {advice}; --accept sampling takes it all the same")
+    raise InputError(f"{message}; {advice}; --accept sampling takes it all the same")

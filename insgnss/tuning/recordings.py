@@ -114,14 +114,14 @@ def _published(path: Path, options: TuneOptions) -> StaticRecording:
         for sensor, unit in (("gyro", options.gyro_unit), ("accel", options.accel_unit))
         if unit
     }
-    found = read_variances(
+    variances = read_variances(
         path, member=options.variable, units=units or None, rate_hz=options.rate_hz
     )
-    said = re.search(rb"(?m)^\W*((gyro|accel)_)?unit\s*[=:]", head)
+    unit_line = re.search(rb"(?m)^\W*((gyro|accel)_)?unit\s*[=:]", head)
     curves = {}
-    for name, curve in found.curves.items():
+    for name, curve in variances.curves.items():
         sensor, _, letter = name.partition("_")
-        if sensor not in units and not said:
+        if sensor not in units and not unit_line:
             example = "rad/s" if sensor == "gyro" else "m/s^2"
             raise UsageError(
                 f"{path}: nothing says the unit that the {sensor} variances are of; give"
@@ -130,11 +130,11 @@ def _published(path: Path, options: TuneOptions) -> StaticRecording:
         curves[sensor, AXES.index(letter)] = curve
     longest = max(curves.values(), key=lambda curve: curve.samples / curve.rate_hz)
     source = RecordingSource(path.name, sha256(path), longest.samples, longest.rate_hz)
-    told = f"{len(curves)} axes of {found.sensor or 'a sensor'}"
+    description = f"{len(curves)} axes of {variances.sensor or 'a sensor'}"
     checks = (
         Check(
             "variances",
-            told,
+            description,
             "samples",
             "note",
             "rest, gaps and disturbances of the recording behind them are not checked",
@@ -145,7 +145,7 @@ def _published(path: Path, options: TuneOptions) -> StaticRecording:
 
 def _refuse(path: Path, span: StaticSpan, accept: tuple[str, ...]) -> None:
     """DataError with the first check that says the recording is unfit."""
-    known = [check.name for check in span.checks]
+    names = [check.name for check in span.checks]
     for check in span.checks:
         if check.verdict == "contradiction" and check.name not in accept:
             advice = (
@@ -156,9 +156,9 @@ def _refuse(path: Path, span: StaticSpan, accept: tuple[str, ...]) -> None:
             raise DataError(
                 f"{path}: {check.name}: {check.found}; expected {check.expected}; {advice}"
             )
-    if unknown := [name for name in accept if name not in (*known, "warm-up", POOLING)]:
+    if unknown := [name for name in accept if name not in (*names, "warm-up", POOLING)]:
         raise UsageError(
-            f"--accept {unknown[0]!r}: no such check; there are {', '.join((*known, POOLING))}"
+            f"--accept {unknown[0]!r}: no such check; there are {', '.join((*names, POOLING))}"
         )
 
 

@@ -57,9 +57,9 @@ def tune_static(
     _same(recordings)
     _alike(recordings, options)
     tuned = _tuned(recordings, family, options, progress)
-    values, told = turn_on_bias(recordings)
+    values, turn_on = turn_on_bias(recordings)
     model = noise_model(target.stem, recordings, tuned, values)
-    result = TuneResult(recordings, tuned, model, told, options)
+    result = TuneResult(recordings, tuned, model, turn_on, options)
     progress("writing")
     return write(result, target)
 
@@ -93,12 +93,12 @@ def _alike(recordings: Sequence[StaticRecording], options: TuneOptions) -> None:
         curves = [r.curves[sensor, k] for r in recordings]
         levels = chosen_levels(options.levels, max(int(curve.level[-1]) for curve in curves))
         fine = [np.isin(c.level, levels or c.level).nonzero()[0][:FINEST] for c in curves]
-        if not all(at.size for at in fine):
+        if not all(index.size for index in fine):
             continue
         size = np.array(
             [
-                np.log(c.variance[at] * c.scale_s[at]).mean() / 2.0
-                for c, at in zip(curves, fine, strict=True)
+                np.log(c.variance[index] * c.scale_s[index]).mean() / 2.0
+                for c, index in zip(curves, fine, strict=True)
             ]
         )
         apart = size - [np.median(np.delete(size, i)) for i in range(size.size)]

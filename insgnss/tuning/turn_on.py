@@ -47,11 +47,11 @@ def turn_on_bias(recordings: Sequence[StaticRecording]) -> tuple[dict[str, float
     excess = float(np.sqrt(np.mean((np.linalg.norm(accel, axis=1) - STANDARD_GRAVITY) ** 2)))
     force = max(excess, GRAVITY_SIGMA)
     seen = f"along the vertical, the only direction that rest shows{_spread(accel, MG, 'mg')}"
-    told = (
+    notes = (
         f"gyro turn_on_bias {bias / DEG_H:.3g} deg/h: {how}",
         f"accel turn_on_bias {force / MG:.3g} mg: {seen}",
     )
-    return {"gyro": bias, "accel": force}, told
+    return {"gyro": bias, "accel": force}, notes
 
 
 def _spread(means: Array, unit: float, name: str) -> str:

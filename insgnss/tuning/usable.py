@@ -46,7 +46,8 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
     errors: Errors = {
         e.name: e.standard_error
         for e in inference.estimates
-        if not e.name.startswith(("correlation_time", "driving_noise")) and _told(e.standard_error)
+        if not e.name.startswith(("correlation_time", "driving_noise"))
+        and _is_known(e.standard_error)
     }
     processes: list[GaussMarkov] = []
     remarks: list[str] = []
@@ -74,14 +75,14 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
             )
         else:
             processes.append(process)
-            at = len(processes)
+            number = len(processes)
             errors |= {
-                f"{e.name.rpartition('_')[0]}_{at}": e.standard_error
+                f"{e.name.rpartition('_')[0]}_{number}": e.standard_error
                 for e in (time, strength)
-                if _told(e.standard_error)
+                if _is_known(e.standard_error)
             }
     remarks += _undetermined(inference)
-    errors = {name: value for name, value in errors.items() if _told(value)}
+    errors = {name: value for name, value in errors.items() if _is_known(value)}
     axis = replace(
         fit.axis,
         white_noise=white,
@@ -96,7 +97,7 @@ def _undetermined(inference: Inference) -> list[str]:
     """A sentence for each process that counts as identifiable and of which a number is hardly known
     all the same.
     """
-    found = []
+    remarks = []
     for v in inference.verdicts:
         number = v.process.rpartition("_")[2]
         pair = f"correlation_time_{number}", f"driving_noise_{number}"
@@ -107,15 +108,15 @@ def _undetermined(inference: Inference) -> list[str]:
             if not np.isfinite(e.high) or e.log_error > 1.0
         ]
         if v.identifiable and poor:
-            what = " and ".join(name.replace("_", " ") for name in poor)
-            found.append(
-                f"{what}: known to worse than a factor of e, so that the number in the model means"
+            quantities = " and ".join(name.replace("_", " ") for name in poor)
+            remarks.append(
+                f"{quantities}: known to worse than a factor of e, so that the number in the model means"
                 " little; take fewer processes"
             )
-    return found
+    return remarks
 
 
-def _told(error: float) -> bool:
+def _is_known(error: float) -> bool:
     return bool(np.isfinite(error) and error > 0.0)
 
 

@@ -12,10 +12,10 @@ from numpy.testing import assert_allclose
 from insgnss.base.errors import UsageError
 from insgnss.calibrate.likelihood import (
     PARAMETERS,
-    LinearStretch,
+    LinearSegment,
     available,
     evaluate,
-    linear_stretch,
+    linear_segment,
 )
 from insgnss.navigation.error_model import linearise_interval
 from insgnss.navigation.filter import BLOCK_S, gate_from_sigma, make_history, run_filter
@@ -62,7 +62,7 @@ def disturbed() -> Solution:
 
 
 def density_of_all(
-    solution: Solution, stretch: LinearStretch, theta: np.ndarray
+    solution: Solution, stretch: LinearSegment, theta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean, covariance and values of all measurements of a stretch, one normal density of them all."""
     factors = np.exp(theta)
@@ -113,7 +113,7 @@ def test_cost_is_the_density_of_all_measurements_at_once(short, theta):
     """Oracle: one normal density of 62 triples, its covariance from transitions and noise of a
     model that has the factors itself.
     """
-    stretch = linear_stretch(short, NAMES)
+    stretch = linear_segment(short, NAMES)
     assert np.count_nonzero(stretch.linear.there) > 55
     mean, covariance, z = density_of_all(short, stretch, theta)
     cost = np.linalg.slogdet(covariance)[1] + (z - mean) @ np.linalg.solve(covariance, z - mean)
@@ -122,7 +122,7 @@ def test_cost_is_the_density_of_all_measurements_at_once(short, theta):
 
 def test_two_stretches_count_twice(short):
     """Oracle: independent data multiply their densities."""
-    stretch = linear_stretch(short, NAMES)
+    stretch = linear_segment(short, NAMES)
     one, two = evaluate([stretch], THETA), evaluate([stretch, stretch], THETA)
     assert two.cost == pytest.approx(2.0 * one.cost)
     assert_allclose(two.gradient, 2.0 * one.gradient)
@@ -133,7 +133,7 @@ def test_gradient_is_the_derivative_of_the_cost(short):
     """Oracle: central difference; its own error is of the third derivative, 1e-6 of the second one
     or so.
     """
-    stretch, h = linear_stretch(short, NAMES), 1e-4
+    stretch, h = linear_segment(short, NAMES), 1e-4
     at = evaluate([stretch], THETA)
     numeric = [
         (evaluate([stretch], THETA + h * d).cost - evaluate([stretch], THETA - h * d).cost)
@@ -153,7 +153,7 @@ def test_expected_information_is_that_of_the_density_of_all_measurements(short):
     column of L adds to it, C = L L'. Both sides agree to 1e-9, what the condition of C, 1e7,
     leaves.
     """
-    stretch, factor = linear_stretch(short, NAMES), 100.0
+    stretch, factor = linear_segment(short, NAMES), 100.0
     mean, C, _ = density_of_all(short, stretch, np.zeros(7))
     scaled_C = [density_of_all(short, stretch, np.log(factor) * d)[1] for d in np.eye(7)]
     slopes = [np.linalg.solve(C, 2.0 * (other - C) / (factor**2 - 1.0)) for other in scaled_C]
@@ -171,7 +171,7 @@ def test_expected_information_is_that_of_the_density_of_all_measurements(short):
     assert share.max() > 0.9
 
 
-def measured(stretch: LinearStretch, z: np.ndarray) -> LinearStretch:
+def measured(stretch: LinearSegment, z: np.ndarray) -> LinearSegment:
     """The stretch with other measurements, in the order of `density_of_all`."""
     nu = stretch.linear.nu.copy()
     nu[..., 0][stretch.linear.there] = z.reshape(-1, 3)
@@ -180,7 +180,7 @@ def measured(stretch: LinearStretch, z: np.ndarray) -> LinearStretch:
 
 def test_innovations_are_those_of_the_filter(disturbed):
     """Oracle: the filter's own pass about the same nominal, outliers rejected as it does."""
-    stretch = linear_stretch(disturbed, ("gyro.white_noise", "fixes.position"))
+    stretch = linear_segment(disturbed, ("gyro.white_noise", "fixes.position"))
     at = evaluate([stretch], np.zeros(2))
     problem = disturbed.problem
     history = make_history(problem.epochs, problem.layout)
@@ -199,7 +199,7 @@ def test_innovations_are_those_of_the_filter(disturbed):
 
 def test_rejected_fixes_cost_their_gate(disturbed):
     """Oracle: (C.1) on the filter's own store."""
-    stretch = linear_stretch(disturbed, ("fixes.position",))
+    stretch = linear_segment(disturbed, ("fixes.position",))
     problem, theta = disturbed.problem, np.log([1.3])
     wide = replace(problem, layout=replace(problem.layout, white_scale=(1.3, 1.3, 1.3)))
     history = make_history(wide.epochs, wide.layout)
@@ -226,6 +226,6 @@ def test_parameters_are_those_that_the_flight_has(short, disturbed):
     assert "fixes.velocity" not in plain
     assert "fixes.correlated" not in plain
     with pytest.raises(UsageError, match=r"fixes\.velocity"):
-        linear_stretch(disturbed, ("fixes.velocity",))
+        linear_segment(disturbed, ("fixes.velocity",))
     with pytest.raises(UsageError, match="both"):
-        linear_stretch(disturbed, ("white_noise", "gyro.white_noise"))
+        linear_segment(disturbed, ("white_noise", "gyro.white_noise"))

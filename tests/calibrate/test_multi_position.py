@@ -175,14 +175,16 @@ def test_unknown_gravity_is_the_scale_factors_error():
 
 def test_the_jacobian_of_a_turn_is_its_derivative(ideal):
     """Oracle: central difference through the kernel, over one turn."""
-    from insgnss.calibrate._kernels import carry
+    from insgnss.calibrate._kernels import propagate_turn
 
     imu = recorded(ideal, 4)
     turn = find_turns(imu, still_stretches(imu))[5]
 
     def carried(p):
         Rt, J = np.empty((3, 3)), np.empty((3, 12))
-        carry(turn.delta, turn.dt, np.linalg.inv(np.eye(3) + p[3:].reshape(3, 3)), p[:3], Rt, J)
+        propagate_turn(
+            turn.delta, turn.dt, np.linalg.inv(np.eye(3) + p[3:].reshape(3, 3)), p[:3], Rt, J
+        )
         return Rt, J
 
     p = gyro_truth()

@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from insgnss import cli
 from insgnss.base.errors import InputError, UsageError
-from insgnss.calibrate.innovation_noise import KNOWN, _Maximum, _minutes, _untold
+from insgnss.calibrate.innovation_noise import KNOWN_SIGMA, _Maximum, _minutes, _untold
 from insgnss.calibrate.likelihood import Evaluated
 from insgnss.calibrate.straight_flight import SpectralLine
 from insgnss.flight import Flight, load_flight
@@ -207,7 +207,7 @@ def test_a_short_flight_says_what_length_would_do():
     """Oracle: the rule that standard errors fall with the root of time; half the length asks for as
     long a flight.
     """
-    sigma = 2.0 * KNOWN
+    sigma = 2.0 * KNOWN_SIGMA
     at = Evaluated(
         0.0, np.zeros(1), np.array([[2.0 / sigma**2]]), np.zeros((0, 3)), np.zeros(0), 0, 0
     )

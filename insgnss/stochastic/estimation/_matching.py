@@ -158,7 +158,7 @@ class Moments:
             x[used] += correction
         return x, self.y - x @ D
 
-    def at(self, times: Array) -> Solution:
+    def solution(self, times: Array) -> Solution:
         """Best variances for these times."""
         times = np.sort(times)
         x, r = self.variances(np.concatenate([self.linear, self.columns(times)[0]]))

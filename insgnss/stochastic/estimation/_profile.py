@@ -273,8 +273,8 @@ def polished(fitted: Fit, weights: Sequence[Array]) -> Fit:
     axis = fitted.composition.axis(local.parameters(x))
     at_bound = tuple(
         name
-        for name, at, low, high in zip(names, x, local.low, local.high, strict=True)
-        if at in (low, high)
+        for name, coordinate, low, high in zip(names, x, local.low, local.high, strict=True)
+        if coordinate in (low, high)
     )
     values = fitted.composition.values(axis)
     Q = objective(axis, fitted.curves, weights, fitted.sampling)

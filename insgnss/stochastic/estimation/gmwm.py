@@ -160,10 +160,10 @@ def _chosen(
         raise UsageError("no wavelet variance to fit; give at least one curve")
     if levels is None:
         return tuple(curves)
-    known = {int(j) for curve in curves for j in curve.level}
-    if unknown := sorted(set(levels) - known):
+    available = {int(j) for curve in curves for j in curve.level}
+    if unknown := sorted(set(levels) - available):
         raise UsageError(
-            f"level {unknown[0]} is in no curve; theirs are {min(known)} to {max(known)}"
+            f"level {unknown[0]} is in no curve; theirs are {min(available)} to {max(available)}"
         )
     for i, curve in enumerate(curves, start=1):
         if not np.isin(curve.level, list(levels)).any():

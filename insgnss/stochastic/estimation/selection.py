@@ -60,7 +60,7 @@ from .inference import covariances, efficient, inverse
 _STEP = 1e-4  # of the coordinates, for second derivatives
 _LEAST_CURVATURE = 0.5
 _WITHIN = 2.0  # of WIC
-_TOLD_APART = 0.05  # p-value
+_SIGNIFICANCE = 0.05  # p-value
 _FACTOR_E = 1.0  # standard error of a logarithm
 
 
@@ -215,10 +215,12 @@ def _compositions(
 ) -> tuple[Composition, ...]:
     if isinstance(models, str | Composition):
         return families(Composition.parse(models) if isinstance(models, str) else models)
-    found = tuple(dict.fromkeys(Composition.parse(m) if isinstance(m, str) else m for m in models))
-    if not found:
+    compositions = tuple(
+        dict.fromkeys(Composition.parse(m) if isinstance(m, str) else m for m in models)
+    )
+    if not compositions:
         raise UsageError("no model to rank; name some, as in 'WN+GM', 'WN+2GM'")
-    return found
+    return compositions
 
 
 def _candidate(
@@ -236,7 +238,7 @@ def _candidate(
     test = goodness_of_fit(fitted, linear)
     held_out = _held_out(fitted, groups) if np.unique(groups).size > 1 else None
     remarks = [f"{_words(name)} at its edge" for name in fitted.at_bound]
-    if test.p_value < _TOLD_APART and test.misfits:
+    if test.p_value < _SIGNIFICANCE and test.misfits:
         i, level = test.misfits[0]
         scale_s = 2.0**level / curves[i].rate_hz
         remarks.append(
@@ -320,7 +322,7 @@ def _ranked(candidates: list[Candidate], criterion: str) -> Ranking:
         return float(f"{value:.9g}"), c.composition.size  # equal to rounding: the smaller first
 
     least, best = min(c.wic for c in candidates), min(candidates, key=key)
-    equivalent = _not_told_apart if criterion == "CVWVIC" else _within
+    equivalent = _indistinguishable if criterion == "CVWVIC" else _within
     marked = [
         replace(c, difference=c.wic - least, equivalent=c is best or equivalent(c, best))
         for c in sorted(candidates, key=key)
@@ -336,7 +338,7 @@ def _within(candidate: Candidate, best: Candidate) -> bool:
     return candidate.wic - best.wic < _WITHIN
 
 
-def _not_told_apart(candidate: Candidate, best: Candidate) -> bool:
+def _indistinguishable(candidate: Candidate, best: Candidate) -> bool:
     """Whether Wilcoxon's signed-rank test over the recordings left out keeps the hypothesis that a
     model is as good as the best.
     """
@@ -350,7 +352,7 @@ def _not_told_apart(candidate: Candidate, best: Candidate) -> bool:
         return True
     return (
         float(wilcoxon(candidate.held_out, best.held_out, alternative="greater").pvalue)
-        > _TOLD_APART
+        > _SIGNIFICANCE
     )
 
 
@@ -435,8 +437,8 @@ def _spread(
     expected = np.sqrt(np.diag(linear.covariance())) * linear.local.logarithmic(linear.x)
     for i, name in enumerate(joint.composition.parameters):
         values = [f.parameters[i] for f in single if name not in f.at_bound]
-        found = float(np.std(np.log(values), ddof=1)) if len(values) > 1 else math.nan
-        out.append((name, found, math.nan if name in joint.at_bound else float(expected[i])))
+        scatter = float(np.std(np.log(values), ddof=1)) if len(values) > 1 else math.nan
+        out.append((name, scatter, math.nan if name in joint.at_bound else float(expected[i])))
     return tuple(out)
 
 

@@ -99,7 +99,7 @@ def allan_deviation(
             f"no variance at {m[np.argmin(variance)] / rate_hz:g} s; the series is periodic or"
             " constant but for its ends"
         )
-    alpha = _found(s, m, kind) if noise is None else np.full(m.size, _named(noise, kind))
+    alpha = _identified(s, m, kind) if noise is None else np.full(m.size, _named(noise, kind))
     edf = np.array(
         [degrees_of_freedom(kind, int(a), int(each), n) for a, each in zip(alpha, m, strict=True)]
     )
@@ -155,7 +155,7 @@ def _variances(s: Array, m: NDArray[np.int64], kind: Kind) -> Array:
     return np.asarray(power / (6.0 * m**2 * (size - 3 * m)))
 
 
-def _found(s: Array, m: NDArray[np.int64], kind: Kind) -> NDArray[np.int64]:
+def _identified(s: Array, m: NDArray[np.int64], kind: Kind) -> NDArray[np.int64]:
     """(k,) exponents of (A.4), those beyond what the deviation exists for taken as the nearest for
     which it does.
     """

@@ -111,7 +111,7 @@ def haar_variance_parts(
     ..., those that the axis has.
     """
     parts = variance_parts("allan", axis, _factor_of(level), rate_hz, sampling)
-    return {name: 0.5 * part for name, part in parts.items()}
+    return {name: 0.5 * variance for name, variance in parts.items()}
 
 
 def allan_variance(

@@ -98,14 +98,14 @@ def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> Fli
     recording = _read(flight)
     light = replace(flight, output=replace(flight.output, trajectory_hz=EPOCH_HZ))
     solved, gaps = solve_segments(light, recording, progress)
-    parts = [part for segment in solved for part in _moving(segment, recording)]
+    parts = [piece for segment in solved for piece in _moving(segment, recording)]
     noise, dropped = _estimated(flight, parts, chosen, progress)
     model = model_in_flight(flight, recording, noise)
-    offered, before = _lost(solved)
+    offered, before = _rejections(solved)
     after = before
     if noise.significant and noise.white:
         progress("solve again")
-        after = _lost_again(light, replace(recording, noise=model), offered, progress)
+        after = _rejections_again(light, replace(recording, noise=model), offered, progress)
     progress("spectrum")
     straight = np.concatenate([straight_segments(segment.solution) for segment in solved])
     spectrum = straight_flight(recording.imu, recording.C_b_imu, straight)
@@ -163,11 +163,12 @@ def _estimated(
     """
     from ...calibrate.innovation_noise import EXPLAINED, in_flight_noise, without_correlated
 
-    adopted = [part.problem.layout.gm >= 0 for part in parts]
+    adopted = [piece.problem.layout.gm >= 0 for piece in parts]
     if not any(adopted) or flight.gnss.gm_sigma != "auto":
         return in_flight_noise(parts, chosen, progress), False
     bare = [
-        without_correlated(part) if has else part for part, has in zip(parts, adopted, strict=True)
+        without_correlated(piece) if has else piece
+        for piece, has in zip(parts, adopted, strict=True)
     ]
     white = in_flight_noise(bare, chosen, progress)
     if not all(adopted):
@@ -178,7 +179,7 @@ def _estimated(
     return with_gm, False
 
 
-def _lost(solved: "list[Segment]") -> tuple[int, int]:
+def _rejections(solved: "list[Segment]") -> tuple[int, int]:
     """Fixes offered, and those rejected or used only after a covariance reset."""
     from ...navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED
 
@@ -188,17 +189,19 @@ def _lost(solved: "list[Segment]") -> tuple[int, int]:
     )
 
 
-def _lost_again(flight: Flight, recording: Recording, offered: int, progress: Progress) -> int:
+def _rejections_again(
+    flight: Flight, recording: Recording, offered: int, progress: Progress
+) -> int:
     """Fixes of `offered` that are lost with another noise, all those of a segment that cannot be
     solved with it.
     """
     from ...processing.solve_segments import solve_segments
 
     try:
-        again, lost = _lost(solve_segments(flight, recording, progress)[0])
+        again, rejections = _rejections(solve_segments(flight, recording, progress)[0])
     except InsgnssError:
         return offered
-    return lost + max(offered - again, 0)
+    return rejections + max(offered - again, 0)
 
 
 def _judged(

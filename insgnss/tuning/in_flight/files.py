@@ -83,28 +83,33 @@ def spectrum_figure(tuning: "FlightTuning") -> bytes:
     panels = []
     for c in range(6):
         sensor, axis = ("gyro", "accel")[c // 3], c % 3
-        static, found = (
+        static, in_flight = (
             getattr(model, sensor)[axis].white_noise for model in (tuning.static, tuning.model)
         )
         level = np.ones(s.frequency_hz.size)
         models = [("white noise, static model", static * level)] + (
-            [("by the innovations", found * level)] if found != static else []
+            [("by the innovations", in_flight * level)] if in_flight != static else []
         )
         own = sorted(
             (line for line in s.lines if line.channel == f"{sensor} {'xyz'[axis]}"),
             key=lambda line: -line.rms,
         )
-        at = [line.frequency_hz for line in own[:LINES_SHOWN]]
+        frequencies = [line.frequency_hz for line in own[:LINES_SHOWN]]
         panels.append(
             SpectrumPanel(
-                "gyro" if c < 3 else "accel", "xyz"[axis], s.frequency_hz, s.density[c], models, at
+                "gyro" if c < 3 else "accel",
+                "xyz"[axis],
+                s.frequency_hz,
+                s.density[c],
+                models,
+                frequencies,
             )
         )
-    told = (
+    subtitle = (
         f"{s.duration_s:.0f} s of straight, level flight, {s.windows} windows; below"
         f" {s.lowest_hz:g} Hz the vehicle's own motion"
     )
-    return draw_psd(panels, f"{tuning.name}: {tuning.headline}", told)
+    return draw_psd(panels, f"{tuning.name}: {tuning.headline}", subtitle)
 
 
 def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise") -> NoiseModel:
@@ -112,12 +117,14 @@ def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise"
     from .words import NAMES
 
     f, static = noise.imu_factors(), recording.noise
-    told = ", ".join(
+    factors = ", ".join(
         f"{NAMES[name]} x {f[name]:.3f} +- {noise.sigma(name):.3f}"
         for name in f
         if noise.sigma(name) > 0.0
     )
-    source = f"{static.source}; by the innovations of flight {flight.name} {told or 'nothing else'}"
+    source = (
+        f"{static.source}; by the innovations of flight {flight.name} {factors or 'nothing else'}"
+    )
     rate = round(1.0 / nominal_interval(recording.imu.time), 3)
     imu = RecordingSource(
         Path(flight.imu.file).name, sha256(flight.imu.file), recording.imu.time.size, rate

@@ -131,7 +131,7 @@ def _length(n: "InFlightNoise") -> list[str]:
 def _innovations(before: "Innovations", after: "Innovations") -> list[str]:
     rows = [
         ("NIS a degree of freedom (1 is honest)", f"{before.nis:.3f}", f"{after.nis:.3f}"),
-        ("fixes rejected", str(before.lost), str(after.lost)),
+        ("fixes rejected", str(before.rejected), str(after.rejected)),
     ]
     for k, axis in enumerate(("north", "east", "down")):
         was, now = (w.whiteness.lag_one[k] for w in (before, after))
@@ -147,7 +147,7 @@ def _innovations(before: "Innovations", after: "Innovations") -> list[str]:
         rows.append(
             (f"chance of white, {before.whiteness.lags} lags, {axis}", f"{was:.2g}", f"{now:.2g}")
         )
-    return [f"  {what:<36} {was:>9} {now:>9}" for what, was, now in rows]
+    return [f"  {label:<36} {was:>9} {now:>9}" for label, was, now in rows]
 
 
 def _advice(n: "InFlightNoise") -> list[str]:
@@ -175,12 +175,12 @@ def _spectrum(straight: "StraightFlight | None", tuning: "FlightTuningData") -> 
         static = np.array([axis.white_noise for axis in getattr(tuning.static, sensor)])
         if not static.all():
             continue
-        at = slice(3 * k, 3 * k + 3)
-        told = (
-            _mean(row[at] / static)
+        triad = slice(3 * k, 3 * k + 3)
+        ratios = (
+            _mean(row[triad] / static)
             for row in (straight.mean_with_lines, straight.mean_without_lines, straight.upper_limit)
         )
-        out.append(f"  {sensor:<8}  " + "".join(f"{ratio:11.2f}" for ratio in told))
+        out.append(f"  {sensor:<8}  " + "".join(f"{ratio:11.2f}" for ratio in ratios))
     out += _limits(straight, tuning)
     strongest = sorted(straight.lines, key=lambda line: -line.above_floor)[:MANY_LINES]
     for line in strongest:
@@ -203,15 +203,18 @@ def _limits(straight: "StraightFlight", tuning: "FlightTuningData") -> list[str]
     """
     out = []
     for k, sensor in enumerate(("gyro", "accel")):
-        at = slice(3 * k, 3 * k + 3)
+        triad = slice(3 * k, 3 * k + 3)
         static = np.array([axis.white_noise for axis in getattr(tuning.static, sensor)])
-        if static.all() and np.isfinite(straight.level[at]).all():
-            level, begin = _mean(straight.level[at] / static), straight.level_from_hz[at].max()
+        if static.all() and np.isfinite(straight.level[triad]).all():
+            level, begin = (
+                _mean(straight.level[triad] / static),
+                straight.level_from_hz[triad].max(),
+            )
             out.append(
                 f"  {sensor}: level from {begin:.1f} Hz on, as white noise {level:.2f} times the"
                 " static model's is"
             )
-        if (ratio := _mean(static / straight.upper_limit[at])) > TOO_MUCH:
+        if (ratio := _mean(static / straight.upper_limit[triad])) > TOO_MUCH:
             out.append(
                 f"  {sensor}: white noise cannot be {ratio:.1f} times the quietest octave, as the"
                 " static model has it"
