@@ -1,8 +1,8 @@
 """The state at the first epoch, from which the flight is filtered.
 
 1. A coarse attitude: of a stationary period, where the gyros are good enough for gyrocompassing
-   (`standing`), or of a manoeuvre (`coarse`), good to some degrees. Where a window rejects its fixes
-   it is solved again with doubtful ones weighed down.
+   (`standing`), or of a manoeuvre (`coarse`), good to some degrees. Where a window rejects its
+   fixes it is solved again with doubtful ones weighed down.
 2. The minute around it is estimated as a small flight of its own by filter and smoother, linearised
    again until it stands (a batch least-squares solution with all IMU states). Of the candidates the
    earliest that knows its heading to two degrees is taken.

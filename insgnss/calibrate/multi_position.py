@@ -1,8 +1,8 @@
-"""Deterministic calibration of an IMU from a recording in which it rests in many positions.
+"""Deterministic calibration of an IMU from a recording that is stationary in many positions.
 
-Accelerometers. At rest in any position the specific force has the magnitude of gravity. With raw =
-E f + b (the convention of `prepare.calibration`, E = I + diag(s) + N, N lower triangular) every
-stretch i of mean reading a_i gives one equation,
+Accelerometers. When stationary in any position the specific force has the magnitude of gravity.
+With raw = E f + b (the convention of `prepare.calibration`, E = I + diag(s) + N, N lower
+triangular) every period i of mean reading a_i gives one equation,
 
     | E^-1 (a_i - b) | = g                                                                     (P.1)
 
@@ -12,26 +12,28 @@ d|f|/dE_jk = -(u^T M)_j f_k. An error of g is an error of all of E: it enters th
 E dg / g.
 
 Gyroscopes. At rest they feel their bias and the Earth's rate w (a constant of the level frame, of
-unknown heading, a nuisance with its prior), and between two positions they must carry the vertical
-u from the one to the next (Tedaldi, Pretto, Menegatti 2014):
+unknown heading, a nuisance with its prior), and between two positions they must propagate the
+vertical u from the one to the next (Tedaldi, Pretto, Menegatti 2014):
 
     gyro_i = b + E C_i^T w                                                                     (P.2)
     u_(i+1) = R_i^T (u_i + T_i (C_i^T w) x u_i),   R_i = prod exp([E^-1 (raw - b) dt] x)       (P.3)
 
-C_i takes the sensor's axes into the level frame of the first stretch; T_i is the duration of the
-turn. Turns about the vertical leave u where it is and tell nothing.
+C_i takes the sensor's axes into the level frame of the first period; T_i is the duration of the
+turn. Turns about the vertical leave u where it is and show nothing.
 
 With v = R_i^T u, a change dp of the calibration moves it by
 
-    dv = v x (J dp),   J dp = sum over samples, in the axes at the turn's end, of -M dE (E^-1 (raw - b) dt) - M db dt      (P.4)
+    dv = v x (J dp),   J dp = sum over samples, in the axes at the turn's end,
+                              of -M dE (E^-1 (raw - b) dt) - M db dt                           (P.4)
 
 The residuals of (P.3) share verticals, turn by turn, and all share the accelerometers' calibration:
 their covariance is a full one.
 
-Each group of residuals is weighted by the noise that the stretches show. Where its variance factor
-(residuals' weighted square sum over the degrees of freedom) passes the 99 % bound of chi-square,
-the group's sigmas are multiplied by its root: biases that wander from one position to the next cost
-that much. Weak priors, as wide as a calibration may be, keep unobserved parameters in place.
+Each group of residuals is weighted by the noise that the stationary periods show. Where its
+variance factor (residuals' weighted square sum over the degrees of freedom) passes the 99 % bound
+of chi-square, the group's sigmas are multiplied by its root: biases that wander from one position
+to the next cost that much. Weak priors, as wide as a calibration may be, keep unobserved parameters
+in place.
 """
 
 from dataclasses import dataclass
@@ -55,10 +57,8 @@ POSITIONS = 9
 ASTRAY = 0.02  # rad, rms: no noise of a hand-held turn makes as much
 LEAST_TURN = 1e-6  # rad, of a turn's interpolation between samples
 DISTINCT = np.radians(15.0)  # positions whose vertical differs by less are one
-GRAVITY_SIGMA, ANYWHERE_SIGMA = (
-    5e-4,
-    0.02,
-)  # m/s^2: normal gravity misses 50 mGal of terrain; 9.80665 misses latitude and height
+# m/s^2: normal gravity misses 50 mGal of terrain; 9.80665 misses latitude and height
+GRAVITY_SIGMA, ANYWHERE_SIGMA = 5e-4, 0.02
 LONGEST_TURN_S = 60.0
 AXES = "xyz"
 ACCEL_NAMES = (
@@ -74,8 +74,18 @@ GYRO_NAMES = (
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """The way from stretch `first` to the next: delta (n, 3) rad raw increments, dt (n,) s; sigma
-    rad, of the white noise over it.
+    """The turn from stationary period `first` to the next.
+
+    Parameters
+    ----------
+    first : int
+        Index of the period before the turn.
+    delta : ndarray, (n, 3)
+        Raw increments of angle, rad.
+    dt : ndarray, (n,)
+        Their intervals, s.
+    sigma : float
+        Standard deviation of the white noise over the turn, rad.
     """
 
     first: int
@@ -87,19 +97,33 @@ class Turn:
 def calibrate_multi_position(
     imu: ImuSamples, latitude: float | None = None, height: float = 0.0
 ) -> MultiPosition:
-    """Calibrate both triads from a recording at rest in many positions.
+    """Calibrate both triads from a recording that is stationary in many positions.
 
-    latitude : rad, and height : m above the ellipsoid, of the place; without, gravity is 9.80665
-        m/s^2 with 0.02 m/s^2.
-    Raises DataError where fewer were found, or where the outcome is beyond what a calibration may
-    be.
+    Parameters
+    ----------
+    imu : ImuSamples
+        The recording.
+    latitude : float, optional
+        Geodetic latitude of the site, rad; without it, gravity is 9.80665 m/s^2 with 0.02 m/s^2.
+    height : float
+        Height of the site above the ellipsoid, m.
+
+    Returns
+    -------
+    MultiPosition
+        Calibration with its standard errors.
+
+    Raises
+    ------
+    DataError
+        For fewer than `POSITIONS` positions, and for an outcome beyond what a calibration may be.
     """
     periods = still_stretches(imu)
     positions = distinct_positions(periods)
     if positions < POSITIONS:
         raise DataError(
-            f"{imu.source or 'IMU'}: {positions} positions at rest found in {len(periods)}"
-            f" stretches, {POSITIONS} needed; rest the sensor for 5 s and more in each, faces and"
+            f"{imu.source or 'IMU'}: {positions} positions found in {len(periods)} stationary"
+            f" periods, {POSITIONS} needed; rest the sensor for 5 s and more in each, faces and"
             " edges up and down"
         )
     gravity, sigma = local_gravity(latitude, height)
@@ -123,7 +147,18 @@ def calibrate_multi_position(
 
 
 def distinct_positions(periods: Stretches) -> int:
-    """Number of positions whose verticals differ by `DISTINCT` and more."""
+    """Count the positions whose verticals differ by `DISTINCT` and more.
+
+    Parameters
+    ----------
+    periods : Stretches
+        The stationary periods.
+
+    Returns
+    -------
+    int
+        Number of positions.
+    """
     seen: list[Array] = []
     for u in _unit(periods.accel_mean):
         if all(u @ other < np.cos(DISTINCT) for other in seen):
@@ -132,8 +167,19 @@ def distinct_positions(periods: Stretches) -> int:
 
 
 def local_gravity(latitude: float | None, height: float) -> tuple[float, float]:
-    """Gravity and its standard deviation, m/s^2, at latitude, rad, and height, m; anywhere for
-    None.
+    """Return gravity at a site and its standard deviation.
+
+    Parameters
+    ----------
+    latitude : float or None
+        Geodetic latitude, rad; None stands for anywhere.
+    height : float
+        Height above the ellipsoid, m.
+
+    Returns
+    -------
+    gravity, sigma : float
+        Gravity and its standard deviation, m/s^2.
     """
     if latitude is None:
         return STANDARD_GRAVITY, ANYWHERE_SIGMA
@@ -143,7 +189,20 @@ def local_gravity(latitude: float | None, height: float) -> tuple[float, float]:
 def calibrate_accelerometers(
     periods: Stretches, gravity: float, gravity_sigma: float
 ) -> TriadEstimate:
-    """Nine parameters of the accelerometers (P.1). gravity, gravity_sigma : m/s^2."""
+    """Estimate the nine parameters of the accelerometers (P.1).
+
+    Parameters
+    ----------
+    periods : Stretches
+        The stationary periods.
+    gravity, gravity_sigma : float
+        Gravity and its standard deviation, m/s^2.
+
+    Returns
+    -------
+    TriadEstimate
+        Bias, scale factors and misalignments.
+    """
     mean, entries = periods.accel_mean, places(ACCEL_NAMES)
     sigma = _mean_sigma(periods.accel_std, periods.samples, "accel")
 
@@ -175,19 +234,38 @@ def calibrate_accelerometers(
 def calibrate_gyroscopes(
     periods: Stretches, turns: list[Turn], accel: TriadEstimate, latitude: float | None
 ) -> TriadEstimate:
-    """Twelve parameters of the gyroscopes (P.2, P.3), the Earth's rate a nuisance. accel : of the
-    accelerometers, on the same stretches.
+    """Estimate the twelve parameters of the gyroscopes (P.2, P.3).
 
-    Raises DataError where the gyros do not carry the vertical from one position to the next.
+    The Earth's rate is a nuisance.
+
+    Parameters
+    ----------
+    periods : Stretches
+        The stationary periods.
+    turns : list of Turn
+        The turns between them.
+    accel : TriadEstimate
+        Estimate of the accelerometers on the same periods.
+    latitude : float or None
+        Geodetic latitude of the site, rad, where known.
+
+    Returns
+    -------
+    TriadEstimate
+        Bias, scale factors and misalignments.
+
+    Raises
+    ------
+    DataError
+        Where the gyros do not propagate the vertical from one position to the next.
     """
     from ._kernels import propagate_turn
 
     up, entries = _unit(accel.triad().correct(periods.accel_mean)), places(GYRO_NAMES)
     C, linked = _attitudes(periods, turns, up)
     sigma = _mean_sigma(periods.gyro_std, periods.samples, "gyro")
-    sigma = np.hypot(
-        sigma, np.where(linked, 0.0, EARTH_RATE)
-    )  # where the heading is lost, so is the Earth's rate
+    # where the heading is unknown, so is the Earth's rate
+    sigma = np.hypot(sigma, np.where(linked, 0.0, EARTH_RATE))
     basis = np.linalg.svd(up[:, None, :])[2][:, 1:]  # (k, 2, 3), across the vertical
 
     def rest(p: Array) -> tuple[Array, Array]:
@@ -236,7 +314,20 @@ def calibrate_gyroscopes(
 
 
 def find_turns(imu: ImuSamples, periods: Stretches) -> list[Turn]:
-    """Ways from each stretch to the next that were recorded without a gap."""
+    """Find the turns from each stationary period to the next that were recorded without a gap.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+        The recording.
+    periods : Stretches
+        The stationary periods.
+
+    Returns
+    -------
+    list of Turn
+        The turns.
+    """
     nominal = nominal_interval(imu.time)
     step = np.diff(imu.time)
     delta = imu.gyro[1:] if imu.quantity == "increments" else imu.gyro[1:] * step[:, None]
@@ -253,8 +344,9 @@ def find_turns(imu: ImuSamples, periods: Stretches) -> list[Turn]:
 
 
 def _coned(delta: Array) -> Array:
-    """(n, 3) rotation vectors of increments: each with the part that turns across its neighbours
-    make (I.2 of `prepare.increments`).
+    """Return rotation vectors (n, 3) of increments, coning included.
+
+    Each takes the part that turns across its neighbours make (I.2 of `prepare.increments`).
     """
     out = delta.copy()
     across = np.cross(delta[:-1], delta[1:]) / 24.0
@@ -266,8 +358,10 @@ def _coned(delta: Array) -> Array:
 def _turn_covariance(
     periods: Stretches, turns: list[Turn], accel: TriadEstimate, up: Array, basis: Array
 ) -> Array:
-    """(2 t, 2 t) of the residuals of (P.3): white noise of the gyros, and verticals that two turns
-    share, of one calibration.
+    """Return the covariance (2 t, 2 t) of the residuals of (P.3).
+
+    It holds the white noise of the gyros, the verticals that two turns share and the
+    accelerometers' calibration that all share.
     """
     from ._kernels import propagate_turn
 
@@ -297,8 +391,9 @@ def _turn_covariance(
 
 
 def _attitudes(periods: Stretches, turns: list[Turn], up: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """(k, 3, 3) C_i, levelled by the accelerometers, their headings carried by the gyros as they
-    are; (k,) whether they are known.
+    """Return C_i (k, 3, 3), and whether their headings are known (k,).
+
+    They are levelled by the accelerometers, their headings propagated by the gyros as they are.
     """
     from ._kernels import propagate_turn
 
@@ -316,7 +411,7 @@ def _attitudes(periods: Stretches, turns: list[Turn], up: Array) -> tuple[Array,
 
 
 def _to_up(v: Array) -> Array:
-    """(3, 3), the shortest rotation of the unit vector v onto (0, 0, -1), up in north-east-down."""
+    """Return the shortest rotation (3, 3) of the unit vector v onto up in north-east-down."""
     up = np.array([0.0, 0.0, -1.0])
     axis, cosine = np.cross(v, up), float(v @ up)
     sine = float(np.linalg.norm(axis))
@@ -326,8 +421,9 @@ def _to_up(v: Array) -> Array:
 
 
 def _earth_prior(latitude: float | None) -> tuple[Array, Array]:
-    """Mean and standard deviation (3,) rad/s of the Earth's rate in a level frame of unknown
-    heading; latitude in rad.
+    """Return mean and standard deviation (3,), rad/s, of the Earth's rate in a level frame.
+
+    The heading of the frame is unknown; latitude is in rad.
     """
     if latitude is None:
         return np.zeros(3), np.full(3, EARTH_RATE / np.sqrt(3.0))
@@ -339,7 +435,7 @@ def _earth_prior(latitude: float | None) -> tuple[Array, Array]:
 
 
 def _response(values: Array, entries: list[tuple[int, int]]) -> Array:
-    """(3, 3) E of the parameters after the bias."""
+    """Return E (3, 3) of the parameters after the bias."""
     E = np.eye(3)
     for entry, value in zip(entries, values, strict=True):
         E[entry] += value
@@ -351,7 +447,7 @@ def _unit(v: Array) -> Array:
 
 
 def _mean_sigma(std: Array, samples: NDArray[np.int64], sensor: str) -> Array:
-    """(k,) standard deviation of the mean of white noise, of any axis."""
+    """Return the standard deviation (k,) of the mean of white noise, of any axis."""
     return np.asarray(
         np.maximum(np.sqrt(np.mean(std**2, axis=1) / samples), LEAST_SIGMA[sensor]),
         dtype=np.float64,

@@ -140,7 +140,8 @@ def write_noise_model(
     """Write `model` as a noise-model file that `load_noise_model` turns back into the same model;
     whole or not at all.
 
-    remarks : sentences that stand above it as comments.   Raises UsageError where the path cannot be written.
+    remarks : sentences that stand above it as comments.
+    Raises UsageError where the path cannot be written.
     """
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")

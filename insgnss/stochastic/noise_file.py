@@ -77,7 +77,7 @@ class _Reader:
         self.lines = dict(_key_lines(self.text))
 
     def error(self, where: str, problem: str) -> InputError:
-        """Error at the line of `where`, or of the table around it where the file does not name it."""
+        """Return the error at the line of `where`, or of the table around it."""
         location = where
         while location and location not in self.lines:
             location = location.rpartition(".")[0]
@@ -294,7 +294,7 @@ def _sensor_lines(sensor: str, axes: tuple[AxisNoise, ...]) -> list[str]:
 
 
 def _errors_of(axis: AxisNoise, name: str) -> tuple[tuple[str, float], ...]:
-    """Standard errors (name, sigma) of one quantity of an axis, or of its Gauss-Markov processes."""
+    """Return the standard errors (name, sigma) of a quantity, or of the Gauss-Markov processes."""
     of_processes = name == GAUSS_MARKOV
     return tuple(
         pair

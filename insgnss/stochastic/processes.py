@@ -7,7 +7,8 @@ dt = u T, phi = exp(-u):
 
 Its integral over the step, y, given both ends (the bridge of the process):
 
-    y = T tanh(u/2) (e(0) + e(dt)) + v,      var v = q^2 T^3 (u - 2 tanh(u/2)),   v independent of w   (P.2)
+    y = T tanh(u/2) (e(0) + e(dt)) + v,
+    var v = q^2 T^3 (u - 2 tanh(u/2)),   v independent of w                                    (P.2)
 
 The difference in (P.2) cancels when u is small, as it is for an IMU (4e-7 at 500 Hz and 4737 s).
 With v = u/2 and Lambert's continued fraction tanh v = v / (1 + c), c = v^2/(3 + v^2/(5 + v^2/(7 +
@@ -15,7 +16,8 @@ With v = u/2 and Lambert's continued fraction tanh v = v / (1 + c), c = v^2/(3 +
 
     u - 2 tanh(u/2) = u c / (1 + c)                                                            (P.3)
 
-The random walk is the limit of large T: var w = q^2 dt,  y = dt (e(0) + e(dt))/2 + v,  var v = q^2 dt^3/12.
+The random walk is the limit of large T: var w = q^2 dt,  y = dt (e(0) + e(dt))/2 + v,  var v =
+q^2 dt^3/12.
 """
 
 import math

@@ -33,14 +33,10 @@ Progress = Callable[[str], None]
 
 LEAST_DRAWS = 100  # of bootstrapped intervals
 MISFIT = 0.001  # p-value below which the second step is not trusted
-DRAWS, DOUBTFUL = (
-    40,
-    1e-6,
-)  # of a bootstrap of near-stationarity, made where its p-value by theory lies between this and `FITS`
-CLOSE, MANY = (
-    0.05,
-    50.0,
-)  # of the deviation, where a recording holds as many filter lengths: it is known to a tenth there
+# of a bootstrap of near-stationarity, made where its p-value by theory lies between this and `FITS`
+DRAWS, DOUBTFUL = 40, 1e-6
+# of the deviation, where a recording holds as many filter lengths: it is known to a tenth there
+CLOSE, MANY = 0.05, 50.0
 LAST_START = 12  # level up to which fine scales may be left out on advice
 
 
@@ -226,8 +222,8 @@ def _finer_scales(
 
     misfits : curve and level of the scales that stand out; to start above none of them would be no
         remedy.
-    model_option : option that names the model, where it was chosen of several: another might be chosen
-        with other levels.
+    model_option : option that names the model, where it was chosen of several: another might be
+        chosen with other levels.
     """
     if not _tested(goodness) or goodness.p_value >= FITS or options.levels is not None:
         return ()

@@ -69,8 +69,8 @@ def chosen_levels(text: str | None, highest: int) -> tuple[int, ...] | None:
         match = re.fullmatch(r"\s*(\d+)?\s*(-)?\s*(\d+)?\s*", piece)
         if match is None or not (match[1] or match[3]) or (match[1] and match[3] and not match[2]):
             raise UsageError(
-                f"--levels {text!r}: {piece!r} is no level; write as in 3-, 2-14 or 1,2,5-9 (level j"
-                " has 2^j samples)"
+                f"--levels {text!r}: {piece!r} is no level; write as in 3-, 2-14 or 1,2,5-9 (level"
+                " j has 2^j samples)"
             )
         low = int(match[1]) if match[1] else 1
         high = int(match[3]) if match[3] else (highest if match[2] else low)

@@ -33,8 +33,10 @@ POOLING = "pooling"  # name of the check that recordings are alike
 class StaticRecording:
     """What is kept of one recording.
 
-    curves : wavelet variance (X^2) by sensor and axis, 0 to 2.   blocks : by sensor, (BLOCKS, 3) means of equal parts in time, None where
-    only variances are known.   begin_s, length_s : of the part that was used.
+    curves : wavelet variance (X^2) by sensor and axis, 0 to 2.
+    blocks : by sensor, (BLOCKS, 3) means of equal parts in time, None where only variances are
+        known.
+    begin_s, length_s : of the part that was used.
     """
 
     source: RecordingSource

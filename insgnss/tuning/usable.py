@@ -6,7 +6,8 @@ random walk of its driving noise. One whose time is or may be below the sampling
 far below the finest scale that was fitted, is white: with phi = e^(-dt/T), the sum of its samples
 grows like that of white noise of root density
 
-    q^2 = sigma^2 dt (1 + phi) / (1 - phi)    (samples of the process),        q^2 = (q_GM T)^2    (means over dt)            (U.1)
+    q^2 = sigma^2 dt (1 + phi) / (1 - phi)    (samples of the process),
+    q^2 = (q_GM T)^2                          (means over dt)                                  (U.1)
 
 A process without strength is left out.
 """
@@ -110,8 +111,8 @@ def _undetermined(inference: Inference) -> list[str]:
         if v.identifiable and poor:
             quantities = " and ".join(name.replace("_", " ") for name in poor)
             remarks.append(
-                f"{quantities}: known to worse than a factor of e, so that the number in the model means"
-                " little; take fewer processes"
+                f"{quantities}: known to worse than a factor of e, so that the number in the model"
+                " means little; take fewer processes"
             )
     return remarks
 

@@ -141,7 +141,7 @@ def without_idle(moments: Moments, solution: Solution) -> Solution:
 
 class Grid:
     """Columns of the candidate times, evenly spaced in log T, and the search among and between
-    them; a place is an index with fraction.
+    them; a position is an index with fraction.
     """
 
     def __init__(self, moments: Moments) -> None:
@@ -155,16 +155,17 @@ class Grid:
         self.values: dict[bytes, float] = {}
 
     def times(self, positions: Array) -> Array:
-        """Correlation times (K,), s, of places."""
+        """Return the correlation times (K,), s, of positions."""
         return np.exp(np.interp(positions, np.arange(self.T.size), np.log(self.T)))
 
     def value(self, positions: Array) -> float:
-        """Q over |y|^2 at places that have settled."""
+        """Return Q over |y|^2 at positions that have settled."""
         return self.values[positions.tobytes()]
 
     def places(self, positions: Array) -> list[float]:
-        """The best places (a few) of one more process beside those at `positions`: the peaks of its
-        profile.
+        """Return the best positions (a few) of one more process beside `positions`.
+
+        They are the peaks of its profile.
         """
         gain = np.empty(self.T.size)
         profile(positions, self.linear, self.D, self.slope, self.y, gain)

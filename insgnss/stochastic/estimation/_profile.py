@@ -257,7 +257,7 @@ class Local:
         return self._end(low, i), self._end(high, i), self._end(farther, i)
 
     def _end(self, x: Array, i: int) -> float:
-        """Parameter i at x, SI; at an edge zero or infinite, or the limit that the fit was given."""
+        """Return parameter i at x, SI; at an edge zero, infinite or the limit given to the fit."""
         if x[i] == self.low[i]:
             return self.ends[0] if self.time[i] else 0.0
         if x[i] == self.high[i]:

@@ -4,12 +4,13 @@ times of a grid.
 Given the times, the weighted fit is least squares in non-negative variances x, so a choice of times
 has one value. With columns of unit length in the rows of A, H = A A' and b = A y:
 
-    Q(times) = y'y - max over x >= 0 of (2 b'x - x'H x),   and the maximum is b'x where it is reached                   (S.1)
+    Q(times) = y'y - max over x >= 0 of (2 b'x - x'H x),
+    and the maximum is b'x where it is reached                                                 (S.1)
 
 Columns change smoothly with log T, over a factor of three or more. Between candidate times, of
 which there are twelve a decade, they are interpolated by cubic polynomials from values and
 derivatives at both (to a part in a million), so that the minimum over continuous times costs
-microseconds. A place on the grid is an index with fraction. Matrix products are written out:
+microseconds. A position on the grid is an index with fraction. Matrix products are written out:
 matrices have a few rows.
 """
 
@@ -162,7 +163,7 @@ def _copy(a: Array, b: Array) -> None:
 
 @njit(cache=True)
 def _interpolate(position: float, D: Array, slope: Array, d: Array, d1: Array, d2: Array) -> None:
-    """Column d (M,) at a place of the grid and its first two derivatives, a candidate being one."""
+    """Write column d (M,) at a grid position and its first two derivatives by it."""
     i = min(int(position), D.shape[0] - 2)
     s = position - i
     for m in range(d.size):
@@ -175,8 +176,9 @@ def _interpolate(position: float, D: Array, slope: Array, d: Array, d1: Array, d
 
 @njit(cache=True)
 def profile(positions: Array, linear: Array, D: Array, slope: Array, y: Array, gain: Array) -> None:
-    """b'x of (S.1) with one more process at each candidate, beside those at places `positions` (K,) and
-    without a time, into gain (t,).
+    """Write b'x of (S.1) with one more process at each candidate into gain (t,).
+
+    The others are those at `positions` (K,) on the grid and those without a time.
 
     linear (L, M), D (t, M) : unit columns of processes without a time and of the candidates; slope
         (t, M) : derivative of D a candidate.
@@ -219,8 +221,10 @@ def _evaluate(
     x: Array,
     r: Array,
 ) -> float:
-    """Q at places `positions` (K,). Fills the last K columns of A (p, M), A1, A2 (K, M), H (p, p), the
-    variances x and the residual r (M,).
+    """Return Q at `positions` (K,) on the grid.
+
+    It fills the last K columns of A (p, M), A1, A2 (K, M), H (p, p), the variances x and the
+    residual r (M,).
     """
     p = A.shape[0]
     fixed = p - positions.size
@@ -269,8 +273,9 @@ def _curvature(
 def _move(
     positions: Array, g: Array, G: Array, damping: float, last: float, trial: Array, work: Array
 ) -> bool:
-    """Damped Newton step from `positions` (K,) to `trial`; False where none leads downhill. Places that
-    the gradient holds at an end stay.
+    """Make a damped Newton step from `positions` (K,) to `trial`; False where none leads downhill.
+
+    Positions that the gradient holds at an end stay.
     """
     K = positions.size
     state, step, size = work[K], work[K + 1], 0.0
@@ -303,8 +308,9 @@ def _move(
 
 @njit(cache=True)
 def settle(positions: Array, linear: Array, D: Array, slope: Array, y: Array) -> float:
-    """Descent from places `positions` (K,) to a minimum of Q, in place; returns Q. linear, D, slope, y as
-    in `profile`.
+    """Descend from `positions` (K,) to a minimum of Q, in place, and return Q.
+
+    linear, D, slope, y are as in `profile`.
     """
     fixed, K, M = linear.shape[0], positions.size, y.size
     p, last = fixed + K, D.shape[0] - 1.0

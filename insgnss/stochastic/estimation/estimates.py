@@ -37,7 +37,8 @@ class Estimate:
     """One parameter: value in SI, standard error of its logarithm, 95 % interval, and upper limit
     of the 99 % interval.
 
-    log_error : NaN where the value is zero or at the edge of what is admissible (`at_bound`).   low may be 0, high infinite.
+    log_error : NaN where the value is zero or at the edge of what is admissible (`at_bound`).
+    low, high : low may be 0, high infinite.
     """
 
     name: str
@@ -55,7 +56,7 @@ class Estimate:
 
 
 class Linearised:
-    """The fit linearised (E.1): everything stacked over the curves, in the coordinates of `Local`."""
+    """The fit linearised (E.1), stacked over the curves, in the coordinates of `Local`."""
 
     def __init__(self, fitted: Fit, V: Sequence[Array]) -> None:
         self.local = Local(fitted)

@@ -34,8 +34,11 @@ from ._minimum import minimum
 class Fit:
     """Processes fitted to wavelet variances.
 
-    parameters (p,) : SI, in the order of `composition.parameters`.   curves : as fitted, of the selected levels only.
-    weights : Omega_i (J_i, J_i) of each curve, 1/X^4.   objective : Q of (G.1).   sampling : "point" or "mean".
+    parameters (p,) : SI, in the order of `composition.parameters`.
+    curves : as fitted, of the selected levels only.
+    weights : Omega_i (J_i, J_i) of each curve, 1/X^4.
+    objective : Q of (G.1).
+    sampling : "point" or "mean".
     at_bound : names of the parameters on the edge of the admissible; the time of a Gauss-Markov
         process without driving noise is arbitrary and stands at its upper bound.
     times_s : limits of the correlation times that the caller set, s.

@@ -70,7 +70,7 @@ class Candidate:
     p_value : of the J test, asymptotic.
 
     held_out (R,) : objective on each recording when it is left out, or None.
-    equivalent : not told from the best by its criterion.
+    equivalent : not distinguishable from the best by its criterion.
     determined : whether no parameter is at an edge and each is known to a factor of e.
     remarks : what is odd about the fit.
     """
@@ -116,7 +116,8 @@ class Ranking:
             mark = "* " if c is self.chosen else "= " if c.equivalent else "  "
             cv = "" if c.held_out is None else f"{c.cross_validated:.4g}"
             rows.append(
-                f"{mark + str(c.composition):<16}{c.composition.size:>4}{c.fit.objective:>10.4g}{c.wic:>10.4g}{c.difference:>9.3g}{cv:>10}{c.p_value:>8.2g}"
+                f"{mark + str(c.composition):<16}{c.composition.size:>4}{c.fit.objective:>10.4g}"
+                f"{c.wic:>10.4g}{c.difference:>9.3g}{cv:>10}{c.p_value:>8.2g}"
                 f"  {'; '.join(c.remarks)}".rstrip()
             )
         return "\n".join(rows)
@@ -163,8 +164,9 @@ def rank(
 
     curves : of one or several recordings.
     models : compositions, or one, which stands for itself and all that it contains.
-    weights : "efficient", the inverse covariance at the largest model, or "interval".   recordings : number of the recording of each
-    curve, where one has several (axes); None: each its own.
+    weights : "efficient", the inverse covariance at the largest model, or "interval".
+    recordings : number of the recording of each curve, where one has several (axes); None: each
+        its own.
     criterion : "WIC", or "CVWVIC" of two and more recordings.
     draws, seed : re-fits for the bootstrapped optimism, 0 for (S.2).
 
@@ -362,8 +364,9 @@ def near_stationarity(
     """Whether one parameter set serves all recordings (S.3).
 
     joint : fit of all curves; its weights are replaced by efficient ones.
-    recordings : number of the recording of each curve, where one
-    has several (axes); None: each its own.   draws, seed : of the bootstrap.
+    recordings : number of the recording of each curve, where one has several (axes); None: each
+        its own.
+    draws, seed : of the bootstrap.
 
     Raises UsageError for fewer than two recordings and as many recording numbers as there are not
     curves.
@@ -405,7 +408,10 @@ def _with(fitted: Fit, curves: tuple[WaveletVariance, ...]) -> Fit:
 
 
 def _excess(joint: Fit, groups: np.ndarray) -> tuple[float, Array, tuple[Fit, ...]]:
-    """S (S.3), its share (R,) by recording, and the single fits, with the weights of the joint one."""
+    """Return S (S.3), its share (R,) by recording, and the single fits.
+
+    These have the weights of the joint fit.
+    """
     single, shares = [], []
     for recording in np.unique(groups):
         members = np.flatnonzero(groups == recording)

@@ -4,8 +4,10 @@ the kind of noise.
 With S the cumulated samples (S(0) = 0), m the averaging factor, tau = m / rate and N = n + 1:
 
     Allan      avar = 1 / (2 m^2 (N - 2m)) sum over t of (S(t + 2m) - 2 S(t + m) + S(t))^2     (A.1)
-    modified   mvar = 1 / (2 m^4 (N - 3m + 1)) sum over t of (sum over i = t .. t + m - 1 of the same difference)^2       (A.2)
-    Hadamard   hvar = 1 / (6 m^2 (N - 3m)) sum over t of (S(t + 3m) - 3 S(t + 2m) + 3 S(t + m) - S(t))^2                 (A.3)
+    modified   mvar = 1 / (2 m^4 (N - 3m + 1)) sum over t
+               of (sum over i = t .. t + m - 1 of the same difference)^2                       (A.2)
+    Hadamard   hvar = 1 / (6 m^2 (N - 3m)) sum over t
+               of (S(t + 3m) - 3 S(t + 2m) + 3 S(t + m) - S(t))^2                              (A.3)
 
 The modified variance tells white noise from what falls faster (quantization), the Hadamard variance
 is blind to a linear drift and exists for noise down to f^-4. The interval takes edf var_hat / var

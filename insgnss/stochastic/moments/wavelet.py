@@ -33,7 +33,8 @@ a(c) is the mean of psi for normal W. With y = W^2/(c^2 nu) it reads: mean of y 
 efficiency M^2/(2 Q), 4.40 for 0.6. With moments mu_2k = E[r^2k; |r| < c] = (2k - 1)!! P(k + 1/2,
 c^2/2), P the regularised incomplete gamma function, expanding the powers of (1 - r^2/c^2) gives
 
-    E psi = sum_i C(4, i) (-c^-2)^i mu_(2 + 2i),      E psi^2 = sum_i C(8, i) (-c^-2)^i mu_(4 + 2i)       (W.5)
+    E psi   = sum_i C(4, i) (-c^-2)^i mu_(2 + 2i),
+    E psi^2 = sum_i C(8, i) (-c^-2)^i mu_(4 + 2i)                                              (W.5)
 
 The robust interval widens that of the plain estimate, relative to the estimate, by
 1/sqrt(efficiency) on either side. At the last two or three levels only a handful of coefficients is

@@ -122,9 +122,7 @@ def duration(seconds: float) -> str:
 def _sensor(
     sensor: str, tuned: Sequence["Tuned"], recordings: Sequence[StaticRecording]
 ) -> Iterator[str]:
-    """Table of one sensor: a row an axis, a column a parameter; then what is to be sentences axis by
-    axis.
-    """
+    """Table of one sensor: a row an axis, a column a parameter; then its sentences axis by axis."""
     for group in _same_composition(tuned):
         yield from _parameters(sensor, group)
     for t in tuned:

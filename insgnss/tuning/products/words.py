@@ -190,7 +190,7 @@ def _repeats(candidate: "Candidate", others: Sequence["Candidate"]) -> bool:
 def trends(
     sensor: str, tuned: Sequence["Tuned"], recordings: Sequence[StaticRecording]
 ) -> Iterator[str]:
-    """Trends at the start that the fitted noise does not explain, of all axes of a sensor together."""
+    """Yield the trends of a sensor's axes that the fitted noise does not explain."""
     length = {r.name: r.length_s for r in recordings}
     there = [(name, k, trend) for t in tuned for name, k, trend in t.trends if trend.is_there]
     settling = [
@@ -210,8 +210,8 @@ def trends(
     if slow:
         description = "drift over the whole recording by more than the noise found explains"
         yield (
-            f"drift: {_where(slow, recordings)} {description}: temperature, tilt, or a slow process that"
-            " the model lacks"
+            f"drift: {_where(slow, recordings)} {description}: temperature, tilt, or a slow process"
+            " that the model lacks"
         )
 
 
