@@ -1,9 +1,9 @@
 """Nonlinear least squares over groups of residuals, each with a variance factor of its own.
 
 A group's residuals r of covariance S give the factor F = r^T S^-1 r / (rows - parameters that it
-mainly determines). Where F passes the 99 % bound of chi-square over the degrees of freedom, S was too small:
-it is multiplied by F and the solution is repeated (a variance component per group, Koch 1999, 3.6).
-A smaller F is chance, and is left alone.
+mainly determines). Where F passes the 99 % bound of chi-square over the degrees of freedom, S was
+too small: it is multiplied by F and the solution is repeated (a variance component per group, Koch
+1999, 3.6). A smaller F is chance, and is left alone.
 """
 
 from collections.abc import Callable, Mapping

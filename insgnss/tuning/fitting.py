@@ -1,5 +1,4 @@
-"""One sensor's axes: choose a model, fit it to all recordings, judge it, and say in words what was
-found.
+"""Choose a model for one sensor's axes, fit it to all recordings, judge it and describe it.
 
 The first fit has the weights of the intervals, as the reference implementation; the second step
 weighs with the inverse covariance of the wavelet variance and is worth more where the model fits.
@@ -41,7 +40,13 @@ LAST_START = 12  # level up to which fine scales may be left out on advice
 
 
 def compositions(options: TuneOptions) -> dict[str, tuple[Composition, ...]]:
-    """The models that compete, by sensor. Raises UsageError for a typo."""
+    """Return the models that compete, by sensor.
+
+    Raises
+    ------
+    UsageError
+        For a typo.
+    """
     own = {"gyro": options.gyro_model, "accel": options.accel_model}
     chosen = {sensor: options.model if names is None else names for sensor, names in own.items()}
     for names in (options.model, options.gyro_model, options.accel_model):
@@ -71,8 +76,32 @@ def tune_axes(
 ) -> Tuned:
     """Fit the axes of a sensor over all recordings with one set of parameters.
 
-    Raises UsageError for levels that are not there, DataError where there are fewer scales than the
-    smallest model has parameters.
+    Parameters
+    ----------
+    sensor : str
+        "gyro" or "accel".
+    axes : tuple of int
+        Axes, 0 to 2.
+    recordings : sequence of StaticRecording
+        The recordings.
+    family : tuple of Composition
+        Models that compete.
+    options : TuneOptions
+        How to fit.
+    progress : callable
+        Takes a line on each step.
+
+    Returns
+    -------
+    Tuned
+        The fit that was kept, and what it is worth.
+
+    Raises
+    ------
+    UsageError
+        For levels that do not exist.
+    DataError
+        For fewer scales than the smallest model has parameters.
     """
     name = f"{sensor} {''.join(AXES[k] for k in axes)}"
     curves = _curves(sensor, axes, recordings, options)
@@ -136,7 +165,7 @@ def _curves(
 def _few_enough(
     family: Sequence[Composition], curves: Sequence[WaveletVariance]
 ) -> list[Composition]:
-    """Those with fewer parameters than there are scales."""
+    """Return the models with fewer parameters than there are scales."""
     scales = max(curve.level.size for curve in curves)
     left = [composition for composition in family if composition.size < scales]
     if not left:
@@ -153,8 +182,9 @@ def _ranking(
     groups: list[int],
     options: TuneOptions,
 ) -> "tuple[Ranking, tuple[str, ...]]":
-    """The models by their criterion, and what is to be said of how; the weights are those of the
-    intervals where V is singular.
+    """Rank the models by their criterion, with notes on how.
+
+    The weights are those of the intervals where V is singular.
     """
     from ..stochastic.estimation.selection import rank
 
@@ -163,7 +193,7 @@ def _ranking(
     notes = (
         (
             (
-                "not tried, for more parameters than the scales tell or no noise at all:"
+                "not tried, for more parameters than the scales determine or no noise at all:"
                 f" {', '.join(out)}"
             ),
         )
@@ -183,11 +213,12 @@ def _ranking(
 
 
 def _kept(first: Fit, options: TuneOptions) -> tuple[Fit, str, GoodnessOfFit | None]:
-    """The fit that is worth more, a sentence that says which, and the test of the efficient one
-    where that was not kept.
+    """Return the fit that is worth more, a sentence that says which, and a test.
+
+    The test is that of the efficient fit where that was not kept.
     """
     if options.weights == "diagonal":
-        return first, "weights of the intervals, as asked", None
+        return first, "weights of the intervals, as requested", None
     second, sentence = second_step(first)
     if second is first or options.weights == "full":
         return second, sentence, None
@@ -217,8 +248,9 @@ def _finer_scales(
     model_option: str,
     options: TuneOptions,
 ) -> tuple[str, ...]:
-    """From which level on the model fits, by the test and within `CLOSE`, where it does not fit
-    them all for the sake of fine scales.
+    """Advise from which level on the model fits, where fine scales keep it from fitting.
+
+    It fits by the test, or within `CLOSE`.
 
     misfits : curve and level of the scales that stand out; to start above none of them would be no
         remedy.
@@ -255,8 +287,9 @@ def _finer_scales(
 
 
 def _slow_misfit(fitted: Fit, misfits: Sequence[tuple[int, int]]) -> str:
-    """What to try where all scales that stand out are long ones, in the upper half of the levels;
-    nothing elsewhere.
+    """Advise what to try where all scales that stand out are long ones; else return nothing.
+
+    Long ones lie in the upper half of the levels.
     """
     middle = float(np.mean([curve.level[[0, -1]].mean() for curve in fitted.curves]))
     if not misfits or min(j for _, j in misfits) <= middle:
@@ -286,8 +319,9 @@ def _slow_misfit(fitted: Fit, misfits: Sequence[tuple[int, int]]) -> str:
 
 
 def _tested_p(fitted: Fit, options: TuneOptions) -> float:
-    """p-value that tuning on these levels would tell; NaN without a test, and that of the weights
-    of the intervals where it is small.
+    """Return the p-value that tuning on these levels would report.
+
+    It is NaN without a test, and that of the weights of the intervals where it is small.
     """
     test = _j_test(fitted)
     if (
@@ -299,8 +333,9 @@ def _tested_p(fitted: Fit, options: TuneOptions) -> float:
 
 
 def _farthest(fitted: Fit) -> float:
-    """Largest relative error of the modelled deviation, over the scales of which a recording holds
-    many.
+    """Return the largest relative error of the modelled deviation.
+
+    It is taken over the scales of which a recording holds many.
     """
     off = [0.0]
     for curve, modelled in zip(fitted.curves, fitted.modelled, strict=True):
@@ -310,7 +345,7 @@ def _farthest(fitted: Fit) -> float:
 
 
 def _j_test(fitted: Fit) -> GoodnessOfFit:
-    """The J test alone of what `infer` says."""
+    """Return the J test alone of all that `infer` gives."""
     return goodness_of_fit(fitted, Linearised(fitted, covariances(fitted)))
 
 

@@ -59,8 +59,24 @@ class TuneOptions:
 
 
 def chosen_levels(text: str | None, highest: int) -> tuple[int, ...] | None:
-    """Levels of a text such as "3-", "2-14" or "1,2,5-9", None for all. Raises UsageError for what
-    is none of these.
+    """Parse levels such as "3-", "2-14" or "1,2,5-9".
+
+    Parameters
+    ----------
+    text : str or None
+        The levels; None stands for all.
+    highest : int
+        Highest level there is.
+
+    Returns
+    -------
+    tuple of int or None
+        Levels in ascending order, None for all.
+
+    Raises
+    ------
+    UsageError
+        For any other text, and where no level remains.
     """
     if text is None:
         return None

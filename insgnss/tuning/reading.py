@@ -1,10 +1,10 @@
-"""From a file of samples and the options of the verb to samples in SI: columns, units, rate, and
-messages in the verb's own words.
+"""From a file of samples and the verb's options to samples in SI.
 
-Where nothing in a file says its units, they must be given: noise numbers are worth nothing without.
-Columns go by the names that the readers know; a clock that is called otherwise (timestamp_us, GPS
-time of week) is found here. A rate that no IMU has means that time is in another unit: milliseconds
-taken for seconds make 0.2 Hz of 200 Hz.
+It settles columns, units and rate, with messages in the verb's own words. Where nothing in a file
+says its units, they must be given: noise numbers are worth nothing without. Columns go by the names
+that the readers know; a clock that is called otherwise (timestamp_us, GPS time of week) is found
+here. A rate that no IMU has means that time is in another unit: milliseconds taken for seconds make
+0.2 Hz of 200 Hz.
 """
 
 import re
@@ -50,7 +50,7 @@ _WORDS = (
 
 @contextmanager
 def own_words() -> Iterator[None]:
-    """Errors of the readers, which speak of flight files, in the words of the options."""
+    """Raise the errors of the readers, which speak of flight files, in the words of the options."""
     try:
         yield
     except (InputError, UsageError) as error:
@@ -58,17 +58,33 @@ def own_words() -> Iterator[None]:
 
 
 def own_text(text: str) -> str:
-    """A message with the verb's options in the place of a flight file's keys."""
+    """Return a message with the verb's options instead of a flight file's keys."""
     for pattern, words in _WORDS:
         text = re.sub(pattern, words, text)
     return text
 
 
 def read_samples(path: Path, options: TuneOptions) -> ImuSamples:
-    """Samples of a file in SI.
+    """Read the samples of a file in SI.
 
-    Raises InputError for a wrong file and a rate that no IMU has, UsageError where units or columns
-    are missing.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    options : TuneOptions
+        Columns, units and rate where the file does not say them.
+
+    Returns
+    -------
+    ImuSamples
+        The samples.
+
+    Raises
+    ------
+    InputError
+        For a wrong file and a rate that no IMU has.
+    UsageError
+        Where units or columns are missing.
     """
     with own_words():
         imu = _read(path, options)
@@ -96,7 +112,7 @@ def _read(path: Path, options: TuneOptions) -> ImuSamples:
 
 
 def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
-    """What `read_imu` is told."""
+    """Return the arguments of `read_imu`."""
     form = sniff_imu(path)
     columns: Any = options.columns
     nameless = columns is None and form == "npy"
@@ -116,7 +132,7 @@ def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
 
 
 def _plain_columns(tables: list[TableInfo], options: TuneOptions) -> tuple[str, ...] | None:
-    """Columns of a matrix of samples, with or without time; None for what is not that simple."""
+    """Return the columns of a matrix of samples, with or without time; None for anything else."""
     simple = (
         len(tables) == 1
         and tables[0].name == ""
@@ -131,7 +147,7 @@ def _plain_columns(tables: list[TableInfo], options: TuneOptions) -> tuple[str, 
 
 
 def _named_columns(tables: Sequence[TableInfo], options: TuneOptions) -> Mapping[str, str] | None:
-    """Field of each column by its canonical name; None where they are not all named."""
+    """Return the field of each column by its canonical name; None where they are not all named."""
     aliases = {alias: name for name in PLAIN for alias in ALIASES[name]} | {
         f"{of}{clock}": "tow" for of in OF_CLOCKS for clock in CLOCKS
     }
@@ -150,7 +166,7 @@ def _named_columns(tables: Sequence[TableInfo], options: TuneOptions) -> Mapping
 
 
 def _ask_for_units(path: Path, tables: list[TableInfo], options: TuneOptions) -> None:
-    """UsageError where neither the file nor an option says a unit."""
+    """Raise UsageError where neither the file nor an option says a unit."""
     fields = [field for table in tables for field in table.columns]
     increments = " increment" if options.quantity == "increments" else ""
     for sensor, unit, example in (
@@ -166,7 +182,7 @@ def _ask_for_units(path: Path, tables: list[TableInfo], options: TuneOptions) ->
 
 
 def _refuse_rate(path: Path, imu: ImuSamples, options: TuneOptions) -> None:
-    """InputError for a rate that no IMU has, with the unit of time that would explain it."""
+    """Raise InputError for a rate that no IMU has, with the unit of time that would explain it."""
     rate = 1.0 / nominal_interval(imu.time)
     if LEAST_HZ <= rate <= MOST_HZ or "sampling" in options.accept:
         return

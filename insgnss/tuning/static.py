@@ -4,7 +4,7 @@ read, check, wavelet variances   each recording (`recordings`)
 choose, fit, infer               each sensor, axis by axis or the three jointly, over all recordings
                                  (`fitting`)
 trends at the start              against the fitted noise (`trend`)
-noise model                      its turn-on bias from the means (`turn_on`), what cannot be told
+noise model                      its turn-on bias from the means (`turn_on`), what cannot be known
                                  written as what it acts like
 files                            noise model, table as JSON, a figure a sensor (`written`)
 """
@@ -37,14 +37,30 @@ def tune_static(
     force: bool = False,
     progress: Progress = lambda step: None,
 ) -> TuneResult:
-    """Tune a noise model from static recordings of one IMU, or files of published variances, and
-    write it with its table and figures.
+    """Tune a noise model from static recordings of one IMU and write its files.
 
-    out : of the noise model; the other files stand beside it.
-    force : take the place of files that are there.
+    Parameters
+    ----------
+    paths : sequence of Path
+        Static recordings, or files of published variances.
+    options : TuneOptions
+        How to read and how to fit.
+    out : Path, optional
+        The noise model; its table and figures stand beside it.
+    force : bool
+        Overwrite files.
+    progress : callable
+        Takes a line on each step.
 
-    Raises UsageError, InputError and DataError as `recordings.read_static` and `fitting` do, and
-    UsageError for files that are there.
+    Returns
+    -------
+    TuneResult
+        The fits, the noise model and the files written.
+
+    Raises
+    ------
+    UsageError, InputError, DataError
+        As `recordings.read_static` and `fitting` do, and UsageError for files that exist already.
     """
     family = compositions(options)
     target = planned(out, force)

@@ -32,10 +32,16 @@ RIDGE = 1e-9  # of the mean variance: a model without white noise makes V nearly
 
 @dataclass(frozen=True)
 class Trend:
-    """The strongest trend of one axis: how often noise alone reaches it, its size and its time.
+    """The strongest trend of one axis.
 
-    amplitude : +- sigma, of the decay from its start, or of the line from end to end, X.
-    time_s : tau, inf for a line.
+    Parameters
+    ----------
+    by_chance : float
+        How often noise alone reaches it.
+    amplitude, sigma : float
+        Size of the decay from its start, or of the line from end to end, and its standard deviation, X.
+    time_s : float
+        Time constant, s; infinite for a line.
     """
 
     by_chance: float
@@ -50,8 +56,23 @@ class Trend:
 
 
 def warm_up(blocks: Array, length_s: float, noise: AxisNoise, rng: np.random.Generator) -> Trend:
-    """The trend of the means `blocks` (K,) of equal parts of a recording of `length_s`, against the
-    fitted noise.
+    """Find the trend of a recording against the fitted noise.
+
+    Parameters
+    ----------
+    blocks : ndarray, (K,)
+        Means of equal parts of the recording, X.
+    length_s : float
+        Length of the recording, s.
+    noise : AxisNoise
+        The fitted noise.
+    rng : Generator
+        Draws how large the statistic becomes by chance.
+
+    Returns
+    -------
+    Trend
+        The strongest trend.
     """
     K = blocks.size
     times, shapes = _shapes(K, length_s)

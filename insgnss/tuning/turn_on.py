@@ -23,14 +23,25 @@ SEES_EARTH = 0.1
 
 
 def turn_on_bias(recordings: Sequence[StaticRecording]) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Standard deviation of the turn-on bias by sensor, SI, and a sentence on each; none where only
-    variances are known.
+    """Return the standard deviation of the turn-on bias from the means of recordings.
+
+    Parameters
+    ----------
+    recordings : sequence of StaticRecording
+        The recordings.
+
+    Returns
+    -------
+    values : dict of str to float
+        Standard deviation by sensor, rad/s and m/s^2; empty where only variances are known.
+    notes : tuple of str
+        A sentence on each.
     """
     blocks = [r.blocks for r in recordings if r.blocks is not None]
     if not blocks:
         return {}, (
             (
-                "variances do not tell the turn-on bias: the noise model has none; set turn_on_bias"
+                "variances do not determine the turn-on bias: the noise model has none; set turn_on_bias"
                 " by hand before processing"
             ),
         )
@@ -55,7 +66,7 @@ def turn_on_bias(recordings: Sequence[StaticRecording]) -> tuple[dict[str, float
 
 
 def _spread(means: Array, unit: float, name: str) -> str:
-    """What changed from recording to recording."""
+    """Return what changed from recording to recording, in words."""
     if len(means) < 2:
         return ""
     sd = means.std(axis=0, ddof=1) / unit

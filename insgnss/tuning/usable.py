@@ -29,8 +29,19 @@ WHITE_BELOW = 0.1
 
 
 def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
-    """Processes of a fit for the noise model, with standard errors, and a sentence for each that
-    was written as another.
+    """Return the processes of a fit for the noise model.
+
+    Parameters
+    ----------
+    inference : Inference
+        The fit and what it is worth.
+
+    Returns
+    -------
+    axis : AxisNoise
+        Processes with standard errors.
+    remarks : tuple of str
+        A sentence for each process that was written as another.
     """
     fit = inference.fit
     named = {e.name: e for e in inference.estimates}
@@ -71,7 +82,7 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
             errors.pop("white_noise", None)
             time_s = f"{process.correlation_time_s:.3g} s"
             remarks.append(
-                f"Gauss-Markov {k} ({time_s}) is too short to be told from white noise, and stands"
+                f"Gauss-Markov {k} ({time_s}) is too short to be distinguished from white noise, and stands"
                 " in the model as such"
             )
         else:
@@ -95,9 +106,7 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
 
 
 def _undetermined(inference: Inference) -> list[str]:
-    """A sentence for each process that counts as identifiable and of which a number is hardly known
-    all the same.
-    """
+    """Return a sentence for each identifiable process of which a number is hardly known."""
     remarks = []
     for v in inference.verdicts:
         number = v.process.rpartition("_")[2]
@@ -122,7 +131,7 @@ def _is_known(error: float) -> bool:
 
 
 def _white_density(process: GaussMarkov, dt: float, sampling: str) -> float:
-    """Root density (U.1), X/sqrt(Hz)."""
+    """Return the root density (U.1), X/sqrt(Hz)."""
     if sampling == "mean":
         return process.driving_noise * process.correlation_time_s
     u = dt / process.correlation_time_s
@@ -130,9 +139,7 @@ def _white_density(process: GaussMarkov, dt: float, sampling: str) -> float:
 
 
 def rounded_axis(axis: AxisNoise, units: Mapping[str, str]) -> AxisNoise:
-    """The axis with six digits, and two of the standard errors, in the units of the noise-model
-    file.
-    """
+    """Round an axis to six digits, its standard errors to two, in the noise-model file's units."""
 
     def digits(value: float, name: str, count: int) -> float:
         return rounded(

@@ -111,7 +111,7 @@ def test_clocks_by_other_names_and_named_fields_need_no_columns(rest, tmp_path):
         np.testing.assert_allclose(np.column_stack([imu.gyro, imu.accel]), rest, rtol=1e-12)
 
 
-def test_a_unit_against_the_header_is_told(rest, tmp_path, capsys):
+def test_a_unit_against_the_header_is_reported(rest, tmp_path, capsys):
     """Oracle: the header says rad/s, the option deg/s; noise is 57 times too small, and the output
     says why.
     """

@@ -215,7 +215,7 @@ def _gauss_markov(
 
 
 def _too_weak(fitted: Fit, process: str, strength: Estimate, inverses: Sequence[Array]) -> str:
-    """Why the strength of a process cannot be told from zero, or nothing."""
+    """Why the strength of a process cannot be distinguished from zero, or nothing."""
     kind = "driving noise" if strength.name.startswith("driving_noise") else "density"
     if strength.value == 0.0:
         return "the best fit has none of it" + (

@@ -9,7 +9,7 @@ With S the cumulated samples (S(0) = 0), m the averaging factor, tau = m / rate 
     Hadamard   hvar = 1 / (6 m^2 (N - 3m)) sum over t
                of (S(t + 3m) - 3 S(t + 2m) + 3 S(t + m) - S(t))^2                              (A.3)
 
-The modified variance tells white noise from what falls faster (quantization), the Hadamard variance
+The modified variance distinguishes white noise from what falls faster (quantization), the Hadamard variance
 is blind to a linear drift and exists for noise down to f^-4. The interval takes edf var_hat / var
 as chi-square; the equivalent degrees of freedom follow from the kind of noise (`edf`), which is
 named by the caller or found at every tau (Riley and Greenhall 2004, Power law noise identification
@@ -163,7 +163,7 @@ def _identified(s: Array, m: NDArray[np.int64], kind: Kind) -> NDArray[np.int64]
     """
     if s.size - 1 < LEAST_MEANS:
         raise DataError(
-            f"{s.size - 1} samples; at least {LEAST_MEANS} are needed to tell the kind of noise, or"
+            f"{s.size - 1} samples; at least {LEAST_MEANS} are needed to identify the kind of noise, or"
             " name it"
         )
     alpha, last = np.empty(m.size, dtype=np.int64), 0

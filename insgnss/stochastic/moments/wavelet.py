@@ -12,13 +12,13 @@ over the M_j coefficients and its relation to the Allan variance over m samples 
 
     nu_j = mean of W_j^2,      avar(m / rate) = 2 nu_j                                         (W.2)
 
-There are J = floor(log2 n) - 1 levels where no other number is asked for, as R package wv has it:
+There are J = floor(log2 n) - 1 levels where no other number is requested, as R package wv has it:
 the last has n/2 coefficients or more. The interval takes eta nu_hat / nu as chi-square with eta
 degrees of freedom (Percival 1995, his eta_3; also in R package wv):
 
     eta = max(M_j / 2^j, 1)                                                                    (W.3)
 
-which is cautious: it counts stretches that do not overlap. Coefficients of the discrete transform
+which is cautious: it counts segments that do not overlap. Coefficients of the discrete transform
 do not overlap, there eta = M_j. The numbers of R package wv for "dwt" are of orthonormal
 coefficients, 2^j times these.
 

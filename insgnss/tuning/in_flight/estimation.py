@@ -2,15 +2,15 @@
 `process` takes.
 
 The flight is solved as `process` would, with the static model of its flight file. The innovations
-between the rests then tell how much larger the noise is in flight (`calibrate.innovation_noise`). A
+between the stationary periods then show how much larger the noise is in flight (`calibrate.innovation_noise`). A
 correlated error of the fixes that the solution adopted on its own is doubted: noise of the IMU that
 is larger than the model says makes innovations correlated, too. Both explanations are tried, and
 the correlated error stays where it gains more than `EXPLAINED` beside free noise of the IMU.
 
 The static model gives way where the gain in likelihood is significant, nothing that is held is
 ruled out, what was estimated leaves the innovations white, their normalised square (NIS) comes no
-further from one, and no more fixes are lost, which solving the flight again with the model found
-tells as `process` will find it. The spectrum of the IMU in straight flight is evidence of another
+further from one, and no more fixes are rejected, which solving the flight again with the model found
+shows as `process` will find it. The spectrum of the IMU in straight flight is evidence of another
 kind: white noise above its quietest octave stands in for errors that wander more slowly, which the
 static model lacks, and is not accepted.
 """
@@ -55,26 +55,30 @@ def tune_flight(
 
     out : the noise-model file, by default in_flight_noise.toml beside the flight file; a table
         (.json) and the spectrum (.png) stand beside
-    it, and are written in any case. `force` lets them take the place of files that are there.
+    it, and are written in any case. `force` lets them overwrite files.
     parameters : of gyro.white_noise, accel.white_noise (these by default), white_noise (one factor
         for both), gyro.driving_noise and
     accel.driving_noise.
-    Raises InputError for wrong input, UsageError for an unknown parameter or a file in the way,
-    DataError where nothing can be told.
+    Raises InputError for wrong input, UsageError for an unknown parameter or a file that exists already,
+    DataError where the flight determines nothing.
     """
     chosen = chosen_parameters(parameters)
     target = planned(flight, out, force)
     if flight.imu.further:
         raise InputError(
-            f"{flight.path}: imu.further: the noise of several IMUs in one cannot be told apart;"
+            f"{flight.path}: imu.further: the noise of several IMUs in one cannot be distinguished;"
             " `tune_each` takes each alone"
         )
     return write(estimate(flight, chosen, progress), target)
 
 
 def chosen_parameters(parameters: Sequence[str] | None) -> tuple[str, ...]:
-    """What is to be estimated, by default white noise. Raises UsageError for an unknown parameter,
-    and for one given twice.
+    """Return the parameters to estimate, by default white noise.
+
+    Raises
+    ------
+    UsageError
+        For an unknown parameter, and for one given twice.
     """
     from ...calibrate.innovation_noise import DEFAULT, IMU
     from ...calibrate.likelihood import one_factor_each
@@ -88,8 +92,26 @@ def chosen_parameters(parameters: Sequence[str] | None) -> tuple[str, ...]:
 
 
 def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> FlightTuning:
-    """What a flight with one IMU says of its noise; nothing is written. Raises InputError and
-    DataError as `tune_flight` does.
+    """Estimate the noise of a flight with one IMU; nothing is written.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight.
+    chosen : tuple of str
+        Parameters to estimate.
+    progress : callable
+        Takes a line on each step.
+
+    Returns
+    -------
+    FlightTuning
+        The estimate and its verdict.
+
+    Raises
+    ------
+    InputError, DataError
+        As `tune_flight` does.
     """
     from ...calibrate.straight_flight import straight_flight, straight_segments
     from ...processing.solve_segments import solve_segments
@@ -132,7 +154,7 @@ def _read(flight: Flight) -> Recording:
     """
     if flight.gnss.stationary is not None:
         raise InputError(
-            f"{flight.path}: gnss.stationary: a standing IMU has no flight; `insgnss tune` takes"
+            f"{flight.path}: gnss.stationary: a stationary IMU has no flight; `insgnss tune` takes"
             " its recording as a static one"
         )
     recording = read_recording(flight)
@@ -192,7 +214,7 @@ def _rejections(solved: "list[Segment]") -> tuple[int, int]:
 def _rejections_again(
     flight: Flight, recording: Recording, offered: int, progress: Progress
 ) -> int:
-    """Fixes of `offered` that are lost with another noise, all those of a segment that cannot be
+    """Fixes of `offered` that are rejected with another noise, all those of a segment that cannot be
     solved with it.
     """
     from ...processing.solve_segments import solve_segments
@@ -214,7 +236,9 @@ def _judged(
     from ...diagnosis.evidence import MORE_LOST
 
     if not noise.free:
-        held = tuple(f"{NAMES[name]} not told by this flight: {why}" for name, why in noise.held)
+        held = tuple(
+            f"{NAMES[name]} not determined by this flight: {why}" for name, why in noise.held
+        )
         return False, (*held, *(_doubts(noise, ()) if noise.asks_for_more else ()))
     gain = (
         f"-2 log L falls by {noise.gain:.1f} with {noise.free}"
@@ -233,7 +257,7 @@ def _judged(
         + (", the fixes scaled as estimated" if noise.scaled else "")
     )
     kept = lost_after <= lost_before + MORE_LOST * before.fixes
-    reasons.append(f"{lost_before} of {before.fixes} fixes lost before, {lost_after} after")
+    reasons.append(f"{lost_before} of {before.fixes} fixes rejected before, {lost_after} after")
     return nearer and kept, tuple(reasons)
 
 
@@ -246,7 +270,7 @@ def _doubts(noise: "InFlightNoise", beyond: Sequence[Beyond]) -> list[str]:
         held = " and ".join(NAMES[name] for name, _ in noise.held)
         doubts.append(
             f"but the innovations rule out {held} as the static model has it, by {noise.loss:.1f}"
-            " in -2 log L, and tell no other"
+            " in -2 log L, and determine no other"
         )
     for name, ratio in beyond:
         doubts.append(

@@ -34,8 +34,12 @@ LINES_SHOWN = 4
 
 
 def planned(flight: Flight, out: Path | None, force: bool) -> Path:
-    """Where the noise model goes; raises UsageError where it cannot, would take an input's place,
-    or a file is there already.
+    """Return the path of the noise model.
+
+    Raises
+    ------
+    UsageError
+        Where the path takes no file, would overwrite an input, or a file exists already.
     """
     target = check_target(flight.path.parent / DEFAULT if out is None else Path(out))
     inputs = {file.resolve() for file in (flight.path, *input_files(flight))}
@@ -51,13 +55,17 @@ def planned(flight: Flight, out: Path | None, force: bool) -> Path:
 
 
 def beside(target: Path) -> tuple[Path, Path]:
-    """Table and picture that stand beside a noise model."""
+    """Return the paths of the table and the picture beside a noise model."""
     return target.with_suffix(".json"), target.with_name(f"{target.stem}_spectrum.png")
 
 
 def write(tuning: "FlightTuning", target: Path) -> "FlightTuning":
-    """Write the files, the noise model last and only where it is accepted; the result that names
-    them.
+    """Write the files, the noise model last and only where it is accepted.
+
+    Returns
+    -------
+    FlightTuning
+        The result, with the files named.
     """
     table, picture = beside(target)
     drawn = spectrum_figure(tuning)
@@ -72,8 +80,9 @@ def write(tuning: "FlightTuning", target: Path) -> "FlightTuning":
 
 
 def spectrum_figure(tuning: "FlightTuning") -> bytes:
-    """PNG of the IMU's spectrum in straight flight beside white noise of the static model and as
-    found; empty without one.
+    """Draw the IMU's spectrum in straight flight as a PNG, empty without one.
+
+    White noise of the static model and of the model in flight stand beside it.
     """
     from ...report.figures.noise import SpectrumPanel, draw_psd
 
@@ -113,7 +122,7 @@ def spectrum_figure(tuning: "FlightTuning") -> bytes:
 
 
 def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise") -> NoiseModel:
-    """The static model with the factors found, and what is known of it."""
+    """Return the static model with the factors estimated, and their provenance."""
     from .words import NAMES
 
     f, static = noise.imu_factors(), recording.noise
@@ -137,8 +146,9 @@ def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise"
 
 
 def _scaled(axis: AxisNoise, sensor: str, noise: "InFlightNoise") -> AxisNoise:
-    """One axis with its triad's factors; standard errors of what was estimated take the place of
-    the static model's.
+    """Return one axis with its triad's factors.
+
+    Standard errors of what was estimated replace those of the static model.
     """
     factors, error = noise.imu_factors(), dict(axis.standard_error)
 

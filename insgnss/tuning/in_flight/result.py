@@ -19,11 +19,11 @@ class FlightTuning(FlightTuningData):
     """What a flight says of its noise, with its texts."""
 
     def summary(self) -> str:
-        """What a person reads."""
+        """Return the text that a person reads."""
         return summary(self)
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Return a JSON-able document."""
         n, s = self.noise, self.straight
         factors = {
             name: {
@@ -64,7 +64,7 @@ def _innovations(innovations: "Innovations") -> dict[str, Any]:
 
 
 def _spectrum(straight: "StraightFlight") -> dict[str, Any]:
-    """All but the curves."""
+    """Return all of the spectrum but the curves."""
     keys = (
         "rate_hz",
         "duration_s",
