@@ -39,7 +39,8 @@ class Trend:
     by_chance : float
         How often noise alone reaches it.
     amplitude, sigma : float
-        Size of the decay from its start, or of the line from end to end, and its standard deviation, X.
+        Size of the decay from its start, or of the line from end to end, and its standard
+        deviation, X.
     time_s : float
         Time constant, s; infinite for a line.
     """

@@ -41,8 +41,8 @@ def turn_on_bias(recordings: Sequence[StaticRecording]) -> tuple[dict[str, float
     if not blocks:
         return {}, (
             (
-                "variances do not determine the turn-on bias: the noise model has none; set turn_on_bias"
-                " by hand before processing"
+                "variances do not determine the turn-on bias: the noise model has none; set"
+                " turn_on_bias by hand before processing"
             ),
         )
     gyro, accel = (

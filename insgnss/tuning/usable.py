@@ -82,8 +82,8 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
             errors.pop("white_noise", None)
             time_s = f"{process.correlation_time_s:.3g} s"
             remarks.append(
-                f"Gauss-Markov {k} ({time_s}) is too short to be distinguished from white noise, and stands"
-                " in the model as such"
+                f"Gauss-Markov {k} ({time_s}) is too short to be distinguished from white noise,"
+                " and stands in the model as such"
             )
         else:
             processes.append(process)

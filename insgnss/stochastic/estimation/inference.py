@@ -202,8 +202,8 @@ def infer(
     V = covariances(fitted, method=covariance, draws=max(draws, 200), seed=seed)
     if not all(np.diag(block).all() for block in V):
         raise DataError(
-            f"{fitted.composition}: the fit is a drift without noise, which determines nothing; add WN"
-            " to the model"
+            f"{fitted.composition}: the fit is a drift without noise, which determines nothing; add"
+            " WN to the model"
         )
     sharp = is_efficient(fitted, V)
     if intervals == "profile" and not sharp:

@@ -9,13 +9,13 @@ With S the cumulated samples (S(0) = 0), m the averaging factor, tau = m / rate 
     Hadamard   hvar = 1 / (6 m^2 (N - 3m)) sum over t
                of (S(t + 3m) - 3 S(t + 2m) + 3 S(t + m) - S(t))^2                              (A.3)
 
-The modified variance distinguishes white noise from what falls faster (quantization), the Hadamard variance
-is blind to a linear drift and exists for noise down to f^-4. The interval takes edf var_hat / var
-as chi-square; the equivalent degrees of freedom follow from the kind of noise (`edf`), which is
-named by the caller or found at every tau (Riley and Greenhall 2004, Power law noise identification
-using the lag 1 autocorrelation): the means over m samples, their straight line taken off, are
-differenced d times until their lag-1 autocorrelation r gives rho = r / (1 + r) < 1/4; the spectrum
-of the rate is near f^alpha there with
+The modified variance distinguishes white noise from what falls faster (quantization), the Hadamard
+variance is blind to a linear drift and exists for noise down to f^-4. The interval takes edf
+var_hat / var as chi-square; the equivalent degrees of freedom follow from the kind of noise
+(`edf`), which is named by the caller or found at every tau (Riley and Greenhall 2004, Power law
+noise identification using the lag 1 autocorrelation): the means over m samples, their straight line
+taken off, are differenced d times until their lag-1 autocorrelation r gives rho = r / (1 + r) <
+1/4; the spectrum of the rate is near f^alpha there with
 
     alpha = -2 (rho + d)                                                                       (A.4)
 
@@ -163,8 +163,8 @@ def _identified(s: Array, m: NDArray[np.int64], kind: Kind) -> NDArray[np.int64]
     """
     if s.size - 1 < LEAST_MEANS:
         raise DataError(
-            f"{s.size - 1} samples; at least {LEAST_MEANS} are needed to identify the kind of noise, or"
-            " name it"
+            f"{s.size - 1} samples; at least {LEAST_MEANS} are needed to identify the kind of"
+            " noise, or name it"
         )
     alpha, last = np.empty(m.size, dtype=np.int64), 0
     for k, each in enumerate(m):

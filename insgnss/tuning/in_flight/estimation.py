@@ -1,18 +1,18 @@
-"""Noise of the IMU from a flight itself: from its flight file to a verdict and a noise model that
-`process` takes.
+"""Noise of the IMU from a flight itself: from its flight file to an accepted noise model.
 
 The flight is solved as `process` would, with the static model of its flight file. The innovations
-between the stationary periods then show how much larger the noise is in flight (`calibrate.innovation_noise`). A
-correlated error of the fixes that the solution adopted on its own is doubted: noise of the IMU that
-is larger than the model says makes innovations correlated, too. Both explanations are tried, and
-the correlated error stays where it gains more than `EXPLAINED` beside free noise of the IMU.
+between the stationary periods then show how much larger the noise is in flight
+(`calibrate.innovation_noise`). A time-correlated error of the fixes that the solution adopted on
+its own is questioned: noise of the IMU that is larger than the model says makes innovations
+correlated, too. Both explanations are tried, and the correlated error stays where it gains more
+than `EXPLAINED` beside free noise of the IMU.
 
 The static model gives way where the gain in likelihood is significant, nothing that is held is
 ruled out, what was estimated leaves the innovations white, their normalised square (NIS) comes no
-further from one, and no more fixes are rejected, which solving the flight again with the model found
-shows as `process` will find it. The spectrum of the IMU in straight flight is evidence of another
-kind: white noise above its quietest octave stands in for errors that wander more slowly, which the
-static model lacks, and is not accepted.
+further from one, and no more fixes are rejected, which solving the flight again with the model
+found shows as `process` will find it. The spectrum of the IMU in straight flight is evidence of
+another kind: white noise above its quietest octave stands in for errors that wander more slowly,
+which the static model lacks, and is not accepted.
 """
 
 import math
@@ -50,17 +50,38 @@ def tune_flight(
     progress: Progress = quiet,
     force: bool = False,
 ) -> FlightTuning:
-    """Estimate noise of a flight's IMU from the innovations of its filter, judge it, and write it
-    where it is accepted.
+    """Estimate noise of a flight's IMU from the innovations of its filter, and judge it.
 
-    out : the noise-model file, by default in_flight_noise.toml beside the flight file; a table
-        (.json) and the spectrum (.png) stand beside
-    it, and are written in any case. `force` lets them overwrite files.
-    parameters : of gyro.white_noise, accel.white_noise (these by default), white_noise (one factor
-        for both), gyro.driving_noise and
-    accel.driving_noise.
-    Raises InputError for wrong input, UsageError for an unknown parameter or a file that exists already,
-    DataError where the flight determines nothing.
+    It is written where it is accepted; a table (.json) and the spectrum (.png) stand beside it and
+    are written in any case.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight.
+    out : Path, optional
+        The noise-model file, by default in_flight_noise.toml beside the flight file.
+    parameters : sequence of str, optional
+        Some of gyro.white_noise, accel.white_noise (these by default), white_noise (one factor for
+        both), gyro.driving_noise and accel.driving_noise.
+    progress : callable
+        Takes a line on each step.
+    force : bool
+        Overwrite files.
+
+    Returns
+    -------
+    FlightTuning
+        The estimate, its verdict and the files written.
+
+    Raises
+    ------
+    InputError
+        For wrong input.
+    UsageError
+        For an unknown parameter or a file that exists already.
+    DataError
+        Where the flight determines nothing.
     """
     chosen = chosen_parameters(parameters)
     target = planned(flight, out, force)
@@ -214,8 +235,9 @@ def _rejections(solved: "list[Segment]") -> tuple[int, int]:
 def _rejections_again(
     flight: Flight, recording: Recording, offered: int, progress: Progress
 ) -> int:
-    """Fixes of `offered` that are rejected with another noise, all those of a segment that cannot be
-    solved with it.
+    """Count the fixes of `offered` that are rejected with another noise.
+
+    All those of a segment that cannot be solved with it count.
     """
     from ...processing.solve_segments import solve_segments
 

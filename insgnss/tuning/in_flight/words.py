@@ -55,7 +55,8 @@ def summary(tuning: "FlightTuningData") -> str:
     lines += _innovations(n.before, n.after)
     if tuning.dropped_correlated:
         lines.append(
-            "  noise of the IMU explains what the solution took for a time-correlated error of the fixes"
+            "  noise of the IMU explains what the solution took for a time-correlated error of the"
+            " fixes"
         )
     lines += [f"  {advice}" for advice in _advice(n)]
     lines += ["", *_spectrum(tuning.straight, tuning)]
