@@ -152,15 +152,22 @@ class Composition:
 
 
 def composition_of(axis: AxisNoise) -> Composition:
-    """The processes that an axis has. Raises UsageError where it has none."""
+    """Return the processes that an axis has.
+
+    Raises
+    ------
+    UsageError
+        Where it has none.
+    """
     return Composition(
         **{p: getattr(axis, p) > 0.0 for p in _LINEAR.values()}, gauss_markov=len(axis.gauss_markov)
     )
 
 
 def families(largest: Composition) -> tuple[Composition, ...]:
-    """All compositions of processes of `largest`, itself included, by number of parameters and then
-    by name.
+    """Return all compositions of processes of `largest`, itself included.
+
+    They are in order of the number of parameters and then of the name.
     """
     compositions = []
     for switch in range(2 ** len(largest.linear)):

@@ -137,11 +137,23 @@ def load_noise_model(name_or_path: str | os.PathLike[str]) -> NoiseModel:
 def write_noise_model(
     model: NoiseModel, path: str | os.PathLike[str], remarks: Sequence[str] = ()
 ) -> None:
-    """Write `model` as a noise-model file that `load_noise_model` turns back into the same model;
-    whole or not at all.
+    """Write a noise-model file, whole or not at all.
 
-    remarks : sentences that stand above it as comments.
-    Raises UsageError where the path cannot be written.
+    `load_noise_model` turns it back into the same model.
+
+    Parameters
+    ----------
+    model : NoiseModel
+        The model.
+    path : path-like
+        The file.
+    remarks : sequence of str
+        Sentences that stand above it as comments.
+
+    Raises
+    ------
+    UsageError
+        Where the path cannot be written.
     """
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")

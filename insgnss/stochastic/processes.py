@@ -77,18 +77,38 @@ def simulate_noise(
     rng: np.random.Generator,
     quantity: Literal["mean", "increment", "point"] = "mean",
 ) -> Array:
-    """One realisation (n,) of an axis' errors over n consecutive sample intervals of `dt`, s.
-
-    quantity : "mean" gives the mean rate error over each interval, X; "increment" its integral, X
-        s; "point" the value at the end of
-    each interval, X, white noise then being of variance q^2/dt and the rounding error divided by
-    dt, as in `theory`.
+    """Realise an axis' errors over n consecutive sample intervals.
 
     The turn-on bias and the slope of the drift are drawn once, Gauss-Markov processes start
     stationary and the random walk starts at zero; all enter by their exact integral over each
     interval, or by their value at its end. Quantization adds a uniform rounding error to the
     cumulated increment. Scale factor and misalignment need the motion and are not in here. One
     generator state gives the same paths of all processes whatever the quantity.
+
+    Parameters
+    ----------
+    axis : AxisNoise
+        The processes.
+    n : int
+        Number of samples.
+    dt : float
+        Sample interval, s.
+    rng : Generator
+        Source of the draws.
+    quantity : {"mean", "increment", "point"}
+        "mean" gives the mean rate error over each interval, X; "increment" its integral, X s;
+        "point" the value at the end of each interval, X, white noise then being of variance q^2/dt
+        and the rounding error divided by dt, as in `theory`.
+
+    Returns
+    -------
+    ndarray, (n,)
+        The errors.
+
+    Raises
+    ------
+    UsageError
+        For another quantity, no sample, or an interval that is not positive.
     """
     if quantity not in ("mean", "increment", "point"):
         raise UsageError(f"quantity {quantity!r} is none of 'mean', 'increment' and 'point'")

@@ -66,13 +66,26 @@ _FACTOR_E = 1.0  # standard error of a logarithm
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """One model of a family. wic = objective + optimism; difference : to the least.
-    p_value : of the J test, asymptotic.
+    """One model of a family.
 
-    held_out (R,) : objective on each recording when it is left out, or None.
-    equivalent : not distinguishable from the best by its criterion.
-    determined : whether no parameter is at an edge and each is known to a factor of e.
-    remarks : what is odd about the fit.
+    Parameters
+    ----------
+    fit : Fit
+        Its fit.
+    wic, optimism : float
+        The criterion, which is objective + optimism, and the optimism.
+    difference : float
+        Difference of the criterion to the least.
+    p_value : float
+        p-value of the J test, asymptotic.
+    held_out : ndarray (R,) or None
+        Objective on each recording when it is left out.
+    equivalent : bool
+        Whether it cannot be distinguished from the best by its criterion.
+    determined : bool
+        Whether no parameter is at an edge and each is known to a factor of e.
+    remarks : tuple of str
+        What is odd about the fit.
     """
 
     fit: Fit
@@ -125,15 +138,27 @@ class Ranking:
 
 @dataclass(frozen=True, eq=False)
 class NearStationarity:
-    """The test (S.3). shares (R,) : of the statistic by recording.
-    single : fit of each.
-    joint : fit of all.
+    """The test of near-stationarity (S.3).
 
-    p_value : asymptotic.
-    bootstrapped : over `draws`, with its Monte Carlo standard deviation `bootstrapped_error`; NaN
-        for no draws.
-    spread : of each parameter the standard deviation of its logarithm over the recordings, and what
-        it is by chance; NaN at edges.
+    Parameters
+    ----------
+    statistic, degrees, p_value : float
+        S, its degrees of freedom, and its asymptotic p-value.
+    bootstrapped, bootstrapped_error : float
+        p-value over `draws` and its Monte Carlo standard deviation; NaN for no draws.
+    draws : int
+        Number of draws.
+    shares : ndarray, (R,)
+        Share of each recording in the statistic.
+    joint : Fit
+        Fit of all recordings.
+    single : tuple of Fit
+        Fit of each.
+    spread : tuple of (str, float, float)
+        Of each parameter the standard deviation of its logarithm over the recordings, and what it
+        is by chance; NaN at edges.
+    sentence : str
+        The verdict.
     """
 
     statistic: float
@@ -162,16 +187,34 @@ def rank(
 ) -> Ranking:
     """Fit all models to the curves and rank them.
 
-    curves : of one or several recordings.
-    models : compositions, or one, which stands for itself and all that it contains.
-    weights : "efficient", the inverse covariance at the largest model, or "interval".
-    recordings : number of the recording of each curve, where one has several (axes); None: each
-        its own.
-    criterion : "WIC", or "CVWVIC" of two and more recordings.
-    draws, seed : re-fits for the bootstrapped optimism, 0 for (S.2).
+    Parameters
+    ----------
+    curves : sequence of WaveletVariance
+        Wavelet variances of one or several recordings and axes.
+    models : Composition, str or sequence of them
+        The models, or one, which stands for itself and all that it contains.
+    weights : {"efficient", "interval"}
+        The inverse covariance at the largest model, or the weights of the intervals.
+    criterion : {"WIC", "CVWVIC"}
+        The criterion; "CVWVIC" needs two and more recordings.
+    recordings : sequence of int, optional
+        Number of the recording of each curve, where one has several (axes); by default each its
+        own.
+    sampling : {"point", "mean"}
+        What a sample is of the continuous process.
+    draws, seed : int
+        Re-fits for the bootstrapped optimism, 0 for (S.2), and the seed of their draws.
 
-    Raises UsageError for other weights or criteria, no model, and recording numbers that do not go
-    with the curves.
+    Returns
+    -------
+    Ranking
+        The candidates, best first.
+
+    Raises
+    ------
+    UsageError
+        For other weights or criteria, no model, and recording numbers that do not go with the
+        curves.
     """
     curves = tuple(curves)
     if weights not in ("efficient", "interval"):
@@ -361,15 +404,27 @@ def _indistinguishable(candidate: Candidate, best: Candidate) -> bool:
 def near_stationarity(
     joint: Fit, *, recordings: Sequence[int] | None = None, draws: int = 100, seed: int = 0
 ) -> NearStationarity:
-    """Whether one parameter set serves all recordings (S.3).
+    """Test whether one parameter set serves all recordings (S.3).
 
-    joint : fit of all curves; its weights are replaced by efficient ones.
-    recordings : number of the recording of each curve, where one has several (axes); None: each
-        its own.
-    draws, seed : of the bootstrap.
+    Parameters
+    ----------
+    joint : Fit
+        Fit of all curves; its weights are replaced by efficient ones.
+    recordings : sequence of int, optional
+        Number of the recording of each curve, where one has several (axes); by default each its
+        own.
+    draws, seed : int
+        Draws of the bootstrap, 0 for none, and their seed.
 
-    Raises UsageError for fewer than two recordings and as many recording numbers as there are not
-    curves.
+    Returns
+    -------
+    NearStationarity
+        The test.
+
+    Raises
+    ------
+    UsageError
+        For fewer than two recordings, and where recording numbers and curves differ in number.
     """
     from scipy.special import chdtrc
 

@@ -59,13 +59,32 @@ Array = NDArray[np.float64]
 def haar_covariance(
     axis: AxisNoise, level: ArrayLike, n: int, rate_hz: float, sampling: Sampling = "point"
 ) -> Array:
-    """Covariance (J, J), X^4, of the MODWT Haar wavelet variances at `level` of one Gaussian series
-    of `n` samples of `axis`.
+    """Return the exact covariance of the MODWT Haar wavelet variances of one Gaussian series.
 
-    level : (J,) whole numbers from 1, each filter of 2^level samples inside the series.
     The drift counts as a line of known slope.
 
-    Raises UsageError for a level whose filter is longer than the series, or as `haar_variance`.
+    Parameters
+    ----------
+    axis : AxisNoise
+        Processes of the series.
+    level : array_like of int, (J,)
+        Levels from 1, each filter of 2^level samples inside the series.
+    n : int
+        Length of the series, samples.
+    rate_hz : float
+        Samples a second.
+    sampling : {"point", "mean"}
+        What a sample is of the continuous process.
+
+    Returns
+    -------
+    ndarray, (J, J)
+        Covariance, X^4.
+
+    Raises
+    ------
+    UsageError
+        For a level whose filter is longer than the series, or as `haar_variance`.
     """
     m = _averaging_factors(level, n)
     haar_variance(axis, level, rate_hz, sampling)  # refuses what is not a level or a rate
