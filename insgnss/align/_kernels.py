@@ -9,8 +9,17 @@ from ..base.compilation import njit
 def relative_motion(dt, dtheta, dvel, stop, out):
     """Integrate specific force in the axes of the body at the first mark (A.1).
 
-    stop (m,): segments before each mark, counted in dt. out (m, 15): integral of f, integral of
-    that, C_b0b row by row.
+    Parameters
+    ----------
+    dt : ndarray, (n,)
+        Lengths of the integration intervals, s.
+    dtheta, dvel : ndarray, (n, 3)
+        Increments of angle, rad, and velocity, m/s, in body axes.
+    stop : ndarray of int, (m,)
+        Number of integration intervals before each mark.
+    out : ndarray, (m, 15)
+        Integral of the specific force, m/s, the integral of that, m, and C_b0b row by row, written
+        here.
     """
     w, x, y, z = 1.0, 0.0, 0.0, 0.0
     v = np.zeros(3)

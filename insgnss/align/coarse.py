@@ -1,7 +1,7 @@
 """Coarse attitude from GNSS motion against integrated inertial motion over one window.
 
 A drone crabs in wind, so its course is not its heading. But the specific force integrated in the
-axes b0 of the body at the window's start, where the gyros alone tell how the body turned since, and
+axes b0 of the body at the window's start, where the gyros alone say how the body turned since, and
 the accelerations seen by GNSS are the same vectors in two frames. With s(t) the double integral of
 the specific force in b0, tau the time since the window's start, l_b the lever arm and g gravity:
 
@@ -42,10 +42,20 @@ MEDIAN_OF_CHI_3 = 1.538  # of the length of three normal variables
 
 @dataclass(frozen=True)
 class CoarseAttitude:
-    """Attitude at the start of one window. first, last: its epochs. C_lb (3, 3) and velocity (3,)
-    m/s in l at the first.
+    """Attitude at the start of one window.
 
-    cov : (3, 3) of psi, rad^2.   misfit : root mean square of the residuals over their sigmas.
+    Parameters
+    ----------
+    first, last : int
+        First and last epoch of the window.
+    C_lb : ndarray, (3, 3)
+        Attitude, body into the local frame l, at the first epoch.
+    velocity : ndarray, (3,)
+        Velocity in l at the first epoch, m/s.
+    cov : ndarray, (3, 3)
+        Covariance of the attitude error psi, rad^2.
+    misfit : float
+        Typical residual over its sigma.
     """
 
     first: int
@@ -57,42 +67,62 @@ class CoarseAttitude:
 
     @property
     def heading_sigma(self) -> float:
-        """Standard deviation of the rotation about the vertical, rad."""
+        """The standard deviation of the rotation about the vertical, rad."""
         return float(np.sqrt(self.cov[2, 2]))
 
 
 def coarse_attitudes(problem: EstimationProblem) -> list[CoarseAttitude]:
-    """Solutions of the most unsteady windows of each length, the most certain first."""
-    tried = [solve_window(problem, at) for at in _candidates(problem)]
-    return sorted(tried, key=lambda c: c.heading_sigma)
+    """Solve the most unsteady windows of each length.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The flight's measurements, increments and layout of states.
+
+    Returns
+    -------
+    list of CoarseAttitude
+        Solutions, the most certain heading first; empty without windows.
+    """
+    solutions = [solve_window(problem, window) for window in _candidates(problem)]
+    return sorted(solutions, key=lambda c: c.heading_sigma)
 
 
 def _candidates(problem: EstimationProblem) -> list[np.ndarray]:
-    """Windows (indices of the epochs with a position) in which GNSS alone shows the largest changes
-    of velocity.
+    """Return the windows in which GNSS alone shows the largest changes of velocity.
+
+    A window holds the indices of its epochs with a position.
     """
     ep = problem.epochs
-    at = np.flatnonzero(ep.has_position)
-    found: list[np.ndarray] = []
+    with_position = np.flatnonzero(ep.has_position)
+    windows: list[np.ndarray] = []
     for length in WINDOWS_S:
-        begin = ep.time[at[0]] if at.size else 0.0
+        begin = ep.time[with_position[0]] if with_position.size else 0.0
         scored = []
-        while at.size and begin < ep.time[at[-1]]:
-            lo, hi = np.searchsorted(ep.time[at], [begin, begin + length + 1e-6])
+        while with_position.size and begin < ep.time[with_position[-1]]:
+            lo, hi = np.searchsorted(ep.time[with_position], [begin, begin + length + 1e-6])
             if hi - lo >= 5:
                 scored.append(
-                    (_unsteadiness(ep.time[at[lo:hi]], ep.position[at[lo:hi]]), at[lo:hi])
+                    (
+                        _unsteadiness(
+                            ep.time[with_position[lo:hi]], ep.position[with_position[lo:hi]]
+                        ),
+                        with_position[lo:hi],
+                    )
                 )
             begin += 0.5 * length
         median = np.median([score for score, _ in scored]) if scored else 0.0
         early = [window for score, window in scored if score > median][:1]
-        found += [window for _, window in sorted(scored, key=lambda s: -s[0])[:CANDIDATES]] + early
-    return found
+        windows += [
+            window for _, window in sorted(scored, key=lambda s: -s[0])[:CANDIDATES]
+        ] + early
+    return windows
 
 
 def _unsteadiness(time: Array, position: Array) -> float:
-    """Median distance, m, of the horizontal position from uniform motion; a few gross fixes do not
-    count.
+    """Return the median distance, m, of the horizontal position from uniform motion.
+
+    The median keeps a few gross fixes out.
     """
     A = np.column_stack([np.ones(time.size), time - time.mean()])
     horizontal = position[:, :2]
@@ -100,10 +130,23 @@ def _unsteadiness(time: Array, position: Array) -> float:
     return float(np.median(np.abs(rest)))
 
 
-def solve_window(problem: EstimationProblem, at: np.ndarray) -> CoarseAttitude:
-    """Wahba's problem of the window with epochs `at` (A.1, A.2)."""
+def solve_window(problem: EstimationProblem, epochs: np.ndarray) -> CoarseAttitude:
+    """Solve Wahba's problem of one window (A.1, A.2).
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The flight's measurements, increments and layout of states.
+    epochs : ndarray of int, (k,)
+        Indices of the window's epochs, each with a position.
+
+    Returns
+    -------
+    CoarseAttitude
+        Attitude and velocity at the first of the epochs.
+    """
     ep, inc = problem.epochs, problem.inc
-    thin = at[:: max(1, at.size // 200)]
+    thin = epochs[:: max(1, epochs.size // 200)]
     moved = np.empty((thin.size, 15))
     relative_motion(inc.dt, inc.dtheta, inc.dvel, ep.stop[thin], moved)
     tau = ep.time[thin] - ep.time[thin[0]]
@@ -122,15 +165,17 @@ def solve_window(problem: EstimationProblem, at: np.ndarray) -> CoarseAttitude:
     design, z, a = np.vstack(rows), np.vstack(left), np.vstack(right)
     C, v0, seen, misfit = _robust_wahba(design, z, a)
     cov = _attitude_cov(problem, seen, misfit, tau[-1], weight)
-    return CoarseAttitude(int(at[0]), int(at[-1]), C, v0, cov, misfit)
+    return CoarseAttitude(int(epochs[0]), int(epochs[-1]), C, v0, cov, misfit)
 
 
 def _robust_wahba(design: Array, z: Array, a: Array) -> tuple[Array, Array, Array, float]:
-    """Attitude C (3, 3), v_0 (3,), the rows C a without what p_0 and v_0 explain, and the typical
-    residual in sigmas.
+    """Solve Wahba's problem with outliers weighed down.
 
     Rows whose residual exceeds `OUTLYING` times the median are weighed down and the problem is
     solved again: a few gross fixes must not turn the attitude.
+
+    Returns the attitude C (3, 3), v_0 (3,), the rows C a without what p_0 and v_0 explain, and the
+    typical residual in sigmas.
     """
     trust = np.ones((z.shape[0], 1))
     for _ in range(ROUNDS):
@@ -148,8 +193,9 @@ def _robust_wahba(design: Array, z: Array, a: Array) -> tuple[Array, Array, Arra
 def _attitude_cov(
     problem: EstimationProblem, seen: Array, misfit: float, length: float, weight: Array
 ) -> Array:
-    """Covariance of psi: noise (A.2), gyro bias over the window, accelerometer bias against the
-    manoeuvre.
+    """Return the covariance (3, 3) of psi, rad^2.
+
+    It sums noise (A.2), gyro bias over the window and accelerometer bias against the manoeuvre.
     """
     information = np.sum(seen**2) * np.eye(3) - seen.T @ seen
     noise = np.linalg.pinv(information, rcond=1e-12) * max(misfit, 1.0) ** 2
@@ -164,7 +210,7 @@ def _attitude_cov(
 
 
 def _gravity(problem: EstimationProblem, position: Array) -> Array:
-    """Gravity in l at a point, (3,) m/s^2."""
+    """Return gravity (3,) in l at a point, m/s^2."""
     lat, _, height = problem.frame.geodetic_from_position(position)
     return problem.frame.C_ln_at(position) @ np.array(
         [0.0, 0.0, float(normal_gravity(lat, height))]

@@ -1,17 +1,14 @@
 """The state at the first epoch, from which the flight is filtered.
 
-1. A coarse attitude: of a rest, where the gyros are good enough for gyrocompassing (`standing`), or
-    of a manoeuvre (`coarse`), good to
-   some degrees.
-   Where a window rejects its fixes it is solved again with doubtful ones weighed down.
+1. A coarse attitude: of a stationary period, where the gyros are good enough for gyrocompassing
+   (`standing`), or of a manoeuvre (`coarse`), good to some degrees. Where a window rejects its
+   fixes it is solved again with doubtful ones weighed down.
 2. The minute around it is estimated as a small flight of its own by filter and smoother, linearised
-    again until it stands (a batch
-   least-squares solution with all IMU states). Of the candidates the earliest that knows its
-   heading to two degrees is taken.
+   again until it stands (a batch least-squares solution with all IMU states). Of the candidates the
+   earliest that knows its heading to two degrees is taken.
 3. From the start of that window the filter runs backwards in time to the first epoch, where it
-    stands with everything that the
-   data up to the manoeuvre say: levelled by the accelerometers on the ground, its heading carried
-   back from the first turn.
+   stands with everything that the data up to the manoeuvre say: levelled by the accelerometers on
+   the ground, its heading propagated back from the first turn.
 
 The motion read backwards in time obeys the same equations with the velocity, the Earth's rotation,
 the gyro rates and their errors of the other sign and the specific force as it is (substitute t ->
@@ -69,15 +66,22 @@ HOPELESS_RAD = np.radians(10.0)
 # of a triple: beyond it a fix is weighed down, from a metre at a sigma of centimetres by ten and
 # more
 HUBER_NIS = 16.0
-MISFIT_NIS = (
-    25.0  # median of a triple, expected 2.4: beyond it the window did not converge to the data
-)
+# median of a triple, expected 2.4: beyond it the window did not converge to the data
+MISFIT_NIS = 25.0
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """Start of the forward filter; time (2,) s, GPST, of the manoeuvre that gave the heading, and
-    its sigma there, rad.
+    """Start of the forward filter.
+
+    Parameters
+    ----------
+    start : InitialState
+        State and covariance at the first epoch.
+    window : tuple of float
+        Begin and end, s, GPST, of the manoeuvre that gave the heading.
+    heading_sigma : float
+        Standard deviation of the heading there, rad.
     """
 
     start: InitialState
@@ -86,7 +90,23 @@ class Alignment:
 
 
 def initial_state(problem: EstimationProblem) -> Alignment:
-    """Align at the first epoch. Raises DataError where the data do not give a heading."""
+    """Align at the first epoch from the data alone.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The flight's measurements, increments and layout of states.
+
+    Returns
+    -------
+    Alignment
+        State and covariance at the first epoch.
+
+    Raises
+    ------
+    DataError
+        Where the data do not give a heading.
+    """
     first, solution = _aligned_window(problem)
     heading_sigma = float(np.sqrt(solution.P[0, AZ, AZ]))
     nav, x, P = solution.nav[0], solution.x[0], solution.P[0]
@@ -102,8 +122,21 @@ def initial_state(problem: EstimationProblem) -> Alignment:
 
 
 def given_attitude(problem: EstimationProblem, rpy: Array, sigma: Array) -> InitialState:
-    """Start from roll, pitch, heading (3,) rad at the first epoch with standard deviations (3,)
-    rad.
+    """Start from a given attitude at the first epoch.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The flight's measurements, increments and layout of states.
+    rpy : ndarray, (3,)
+        Roll, pitch and heading of the body (FRD) against north, east, down, rad.
+    sigma : ndarray, (3,)
+        Their standard deviations, rad.
+
+    Returns
+    -------
+    InitialState
+        State and covariance at the first epoch.
     """
     C_lb = problem.frame.C_ln_at(problem.epochs.position[0]) @ rotation_from_rpy(rpy)
     # roll and pitch sigmas are about body axes turned by the heading; the larger one serves both
@@ -113,10 +146,11 @@ def given_attitude(problem: EstimationProblem, rpy: Array, sigma: Array) -> Init
 
 
 def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
-    """First epoch and smoothed solution of the earliest window whose heading is known well enough,
-    else of the best.
+    """Return the first epoch and the smoothed solution of the window to start from.
+
+    It is the earliest whose heading is known well enough, else the one that knows it best.
     """
-    found: list[tuple[int, Solution]] = []
+    solved: list[tuple[int, Solution]] = []
     standing = standing_attitude(problem)
     for first, window, start in _candidates(problem, standing):
         solution = _estimated(window, start)
@@ -125,26 +159,26 @@ def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
         if np.nanmedian(solution.nis[:, POSITION]) < MISFIT_NIS and np.isfinite(solution.P).all():
             if solution.P[0, AZ, AZ] < GOOD_RAD**2:
                 return first, solution
-            found.append((first, solution))
+            solved.append((first, solution))
     if standing is not None and (
-        not found or min(s.P[0, AZ, AZ] for _, s in found) > HOPELESS_RAD**2
+        not solved or min(s.P[0, AZ, AZ] for _, s in solved) > HOPELESS_RAD**2
     ):
         raise DataError(
-            f"heading not observable: {standing.told()} at best (limit"
+            f"heading not observable: {standing.description()} at best (limit"
             f" {np.degrees(HOPELESS_RAD):.0f} deg), and no motion gives more; include a manoeuvre,"
             " use gyros of a degree an hour, or give [initial] attitude"
         )
-    if not found:
+    if not solved:
         raise DataError(
-            "no initial attitude: in no stretch of the recording do GNSS and inertial motion agree,"
+            "no initial attitude: in no part of the recording do GNSS and inertial motion agree,"
             " or it has too few fixes; check axes, units, time scales, sigmas, lever arm and noise"
             " model with `insgnss inspect`, or give [initial] attitude"
         )
-    chosen = min(found, key=lambda f: f[1].P[0, AZ, AZ])
+    chosen = min(solved, key=lambda f: f[1].P[0, AZ, AZ])
     sigma = float(np.sqrt(chosen[1].P[0, AZ, AZ]))
     if not sigma < HOPELESS_RAD:
         raise DataError(
-            "heading not observable: the best stretch of the recording gives it to"
+            "heading not observable: the best window of the recording gives it to"
             f" {np.degrees(sigma):.0f} deg only (limit {np.degrees(HOPELESS_RAD):.0f}), it holds no"
             " turn or change of speed, or the noise model is far too wide; include a manoeuvre or"
             " give [initial] attitude"
@@ -153,15 +187,14 @@ def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
 
 
 def _estimated(window: EstimationProblem, start: InitialState) -> Solution | None:
-    """The window's solution; where its fixes are rejected, that in which they are weighed down
-    instead (K.11).
+    """Return the window's solution, robust where its fixes are rejected (K.11).
 
-    A start tens of degrees off rejects good fixes, reopens (K.7) and never converges; taken all,
-    the fixes turn it round.
+    A start tens of degrees off rejects good fixes, resets its covariance (K.7) and never converges;
+    taken all, but weighed down, the fixes turn it round.
     """
-    for tried in (window, replace(window, gate=np.inf, huber_threshold=HUBER_NIS)):
+    for variant in (window, replace(window, gate=np.inf, huber_threshold=HUBER_NIS)):
         try:
-            return solve(tried, start, "on", separations=0)
+            return solve(variant, start, "on", separations=0)
         except DataError:
             continue
     return None
@@ -170,7 +203,10 @@ def _estimated(window: EstimationProblem, start: InitialState) -> Solution | Non
 def _candidates(
     problem: EstimationProblem, standing: StandingAttitude | None
 ) -> Iterator[tuple[int, EstimationProblem, InitialState]]:
-    """First epoch, problem and start of the windows to try, a rest that knows its heading first."""
+    """Yield first epoch, problem and start of the windows to try.
+
+    A stationary period that knows its heading goes first.
+    """
     if standing is not None and standing.knows_heading:
         window = sub_problem(problem, standing.first, standing.last)
         sigma = (
@@ -193,8 +229,9 @@ def _candidates(
 
 
 def _coarse_start(window: EstimationProblem, coarse: CoarseAttitude) -> InitialState:
-    """Start of the window: the heading unknown, so that what comes out as its sigma is what the
-    data of the window say.
+    """Return the start of a window with its heading unknown.
+
+    So what comes out as the heading's sigma is what the data of the window say.
     """
     tilt = np.clip(np.sqrt(np.diag(coarse.cov)[:2]) + FLOOR_RAD[:2], None, np.radians(30.0))
     att = np.diag([*tilt, np.pi]) ** 2
@@ -202,7 +239,7 @@ def _coarse_start(window: EstimationProblem, coarse: CoarseAttitude) -> InitialS
 
 
 def _nav(problem: EstimationProblem, epoch: int, C_lb: Array, velocity: Array) -> Array:
-    """State (10,) at an epoch with a fix: the IMU where the antenna's fix puts it."""
+    """Return the state (10,) at an epoch with a fix: the IMU where the antenna's fix puts it."""
     position = problem.epochs.position[epoch] - C_lb @ problem.antenna_lever_b
     return np.concatenate([position, velocity, quaternion_from_rotation(C_lb)])
 
@@ -210,10 +247,10 @@ def _nav(problem: EstimationProblem, epoch: int, C_lb: Array, velocity: Array) -
 def _start(
     problem: EstimationProblem, nav: Array, att: Array, x: Array | None = None
 ) -> InitialState:
-    """Wide position and velocity, the given attitude covariance (3, 3), IMU states as the noise
-    model has them.
+    """Return a start with wide position and velocity and the given attitude covariance (3, 3).
 
-    x (ns,): IMU states to linearise about; their a-priori mean is zero in any case.
+    The IMU states are as the noise model has them; x (ns,) are those to linearise about, their
+    a-priori mean is zero in any case.
     """
     P = np.zeros((problem.layout.size, problem.layout.size))
     spread = np.sqrt(np.trace(problem.epochs.position_cov[0]))
@@ -226,34 +263,35 @@ def _start(
 
 
 def _first_velocity(problem: EstimationProblem) -> Array:
-    """Velocity at the first epoch from the fixes of the first two seconds, (3,) m/s."""
+    """Return the velocity (3,), m/s, from the fixes of the first two seconds."""
     ep = problem.epochs
-    at = np.flatnonzero(ep.has_position)
-    if ep.has_velocity[at[0]]:
-        return ep.velocity[at[0]]
-    at = at[: max(2, int(np.searchsorted(ep.time[at], ep.time[at[0]] + 2.0)))]
-    A = np.column_stack([np.ones(at.size), ep.time[at]])
-    return np.linalg.lstsq(A, ep.position[at], rcond=None)[0][1]
+    with_position = np.flatnonzero(ep.has_position)
+    if ep.has_velocity[with_position[0]]:
+        return ep.velocity[with_position[0]]
+    with_position = with_position[
+        : max(2, int(np.searchsorted(ep.time[with_position], ep.time[with_position[0]] + 2.0)))
+    ]
+    A = np.column_stack([np.ones(with_position.size), ep.time[with_position]])
+    return np.linalg.lstsq(A, ep.position[with_position], rcond=None)[0][1]
 
 
 def _reversed(problem: EstimationProblem, last: int) -> EstimationProblem:
-    """The epochs last..0 of a problem, read against time."""
-    at = np.arange(last, -1, -1)
+    """Return the epochs last..0 of a problem, read against time."""
+    epochs = np.arange(last, -1, -1)
     inc, end = problem.inc, problem.epochs.stop[last]
     against = Increments(
         inc.dt[:end][::-1],
         -inc.dtheta[:end][::-1],
         inc.dvel[:end][::-1],
-        -inc.marks[at],
-        end - problem.epochs.stop[at],
-        -inc.rate[at],
+        -inc.marks[epochs],
+        end - problem.epochs.stop[epochs],
+        -inc.rate[epochs],
         inc.nominal_s,
     )
-    back = with_epochs(problem, at, against)
+    back = with_epochs(problem, epochs, against)
     ep = back.epochs
-    gap = np.concatenate(
-        [np.zeros((1, N_CHANNELS)), ep.gap[:-1]]
-    )  # of the interval that now ends at the epoch
+    # of the interval that now ends at the epoch
+    gap = np.concatenate([np.zeros((1, N_CHANNELS)), ep.gap[:-1]])
     return replace(
         back,
         backward=True,
@@ -264,16 +302,13 @@ def _reversed(problem: EstimationProblem, last: int) -> EstimationProblem:
 def _run_back(
     problem: EstimationProblem, first: int, nav: Array, x: Array, P: Array
 ) -> tuple[Array, Array, Array]:
-    """Filter from epoch `first` with state and covariance there back to epoch 0: the same there, in
-    forward signs.
-    """
+    """Filter from epoch `first` back to epoch 0, with state and covariance in forward signs."""
     layout = problem.layout
     sign = np.ones(layout.size)
     sign[VEL] = -1.0
     gyro = layout.channel < ACCEL0
-    sign[IMU][
-        (gyro & (layout.factor == BIAS)) | (~gyro & (layout.factor == DRIFT))
-    ] = -1.0  # a drift counts time, which turns too
+    # a drift counts time, which turns too
+    sign[IMU][(gyro & (layout.factor == BIAS)) | (~gyro & (layout.factor == DRIFT))] = -1.0
     if layout.offset >= 0:
         sign[IMU0 + layout.offset] = -1.0
     back = _reversed(problem, first)

@@ -1,14 +1,14 @@
-"""Attitude of a vehicle that stands still: level from the specific force, heading from the Earth's
-rotation (gyrocompassing).
+"""Attitude of a stationary vehicle: levelling and gyrocompassing.
 
-At rest f_b = -C_bl g and omega_b = C_bl Omega + b. The two directions down d = -f / |f| and, across
-it, north n ~ (1 - d d') omega are the same in both frames (TRIAD, Black 1964), which gives
+Level comes from the specific force, heading from the Earth's rotation. In a stationary period
+f_b = -C_bl g and omega_b = C_bl Omega + b. The two directions down d = -f / |f| and, across it,
+north n ~ (1 - d d') omega are the same in both frames (TRIAD, Black 1964), which gives
 
     sigma(tilt) = sigma_a / g,      sigma(heading) = sigma_g / (Omega cos(latitude))           (A.3)
 
-with sigma_a, sigma_g what is unknown of the accelerometers and gyros over the rest: turn-on bias,
+with sigma_a, sigma_g what is unknown of the accelerometers and gyros over the period: turn-on bias,
 slow processes, and white noise over its length. 0.1 deg/h gives the heading to half a degree at 45
-deg of latitude, 100 deg/h gives none. From here filter and smoother estimate the rest properly
+deg of latitude, 100 deg/h gives none. From here filter and smoother estimate the period properly
 (`initial`).
 """
 
@@ -28,8 +28,18 @@ USEFUL_RAD = np.radians(20.0)  # of heading
 
 @dataclass(frozen=True)
 class StandingAttitude:
-    """Attitude over the rest from epoch first to last. C_lb (3, 3); tilt_sigma, heading_sigma, rad;
-    rate (3,) rad/s in body axes.
+    """Attitude over one stationary period.
+
+    Parameters
+    ----------
+    first, last : int
+        First and last epoch of the period.
+    C_lb : ndarray, (3, 3)
+        Attitude, body into the local frame l.
+    tilt_sigma, heading_sigma : float
+        Standard deviations (A.3), rad.
+    rate : ndarray, (3,)
+        Mean angular rate in body axes, rad/s.
     """
 
     first: int
@@ -41,11 +51,11 @@ class StandingAttitude:
 
     @property
     def knows_heading(self) -> bool:
-        """Whether the gyros are good enough for it."""
+        """Whether the gyros are good enough for gyrocompassing."""
         return self.heading_sigma < USEFUL_RAD
 
-    def told(self) -> str:
-        """What it gives, in words."""
+    def description(self) -> str:
+        """Return what the period gives, in words."""
         roll, pitch, _ = np.degrees(rpy_from_rotation(self.C_lb))
         return (
             f"standing, roll {roll:.2f} and pitch {pitch:.2f} deg to"
@@ -55,15 +65,27 @@ class StandingAttitude:
 
 
 def longest_rest(problem: EstimationProblem) -> tuple[int, int] | None:
-    """First and last epoch of the longest rest, at most `LONGEST_S` of it, or None where none lasts
-    for `SHORTEST_S`.
+    """Find the longest stationary period, by the epochs with a ZUPT.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The flight's measurements, increments and layout of states.
+
+    Returns
+    -------
+    tuple of int or None
+        First and last epoch, of at most `LONGEST_S`; None where no period lasts for `SHORTEST_S`.
     """
     ep = problem.epochs
-    at = np.flatnonzero(ep.constraint == ZUPT)
-    if at.size < 2:
+    stationary = np.flatnonzero(ep.constraint == ZUPT)
+    if stationary.size < 2:
         return None
-    apart = np.flatnonzero(np.diff(ep.time[at]) > 2.0)
-    begin, end = at[np.concatenate([[0], apart + 1])], at[np.concatenate([apart, [at.size - 1]])]
+    apart = np.flatnonzero(np.diff(ep.time[stationary]) > 2.0)
+    begin, end = (
+        stationary[np.concatenate([[0], apart + 1])],
+        stationary[np.concatenate([apart, [stationary.size - 1]])],
+    )
     with_fix = np.flatnonzero(ep.has_position)
     begin = with_fix[np.minimum(np.searchsorted(with_fix, begin), with_fix.size - 1)]
     k = int(np.argmax(ep.time[end] - ep.time[begin]))
@@ -79,15 +101,26 @@ def longest_rest(problem: EstimationProblem) -> tuple[int, int] | None:
 
 
 def standing_attitude(problem: EstimationProblem) -> StandingAttitude | None:
-    """TRIAD over the longest rest with (A.3); None without a rest."""
+    """Solve TRIAD over the longest stationary period, with the sigmas of (A.3).
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The flight's measurements, increments and layout of states.
+
+    Returns
+    -------
+    StandingAttitude or None
+        None without a stationary period.
+    """
     rest = longest_rest(problem)
     if rest is None:
         return None
     first, last = rest
     inc, stop = problem.inc, problem.epochs.stop
-    part = slice(stop[first], stop[last])
-    length = float(inc.dt[part].sum())
-    rate, force = inc.dtheta[part].sum(axis=0) / length, inc.dvel[part].sum(axis=0) / length
+    samples = slice(stop[first], stop[last])
+    length = float(inc.dt[samples].sum())
+    rate, force = inc.dtheta[samples].sum(axis=0) / length, inc.dvel[samples].sum(axis=0) / length
     C_ln = problem.frame.C_ln_at(problem.epochs.position[first])
     lat = float(problem.frame.geodetic_from_position(problem.epochs.position[first])[0])
     down = -force / np.linalg.norm(force)

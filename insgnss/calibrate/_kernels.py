@@ -1,6 +1,9 @@
-"""Numba kernels: a vector carried through a turn with its sensitivity to the gyro calibration (P,
-`multi_position`), and the likelihood of a stretch's innovations with its slopes in the noise (L,
-`likelihood`)."""
+"""Numba kernels of the calibration.
+
+A vector propagated through a turn with its sensitivity to the gyro calibration (P,
+`multi_position`), and the likelihood of a segment's innovations with its slopes in the noise (L,
+`likelihood`).
+"""
 
 from typing import NamedTuple
 
@@ -40,7 +43,7 @@ from ..navigation.kernels.update import (
 
 @njit(cache=True)
 def minus_half_turn(x, y, z, A):
-    """A (3, 3) = exp(-[d x] / 2), d = (x, y, z)."""
+    """Write A (3, 3) = exp(-[d x] / 2), d = (x, y, z) in rad."""
     x, y, z = -0.5 * x, -0.5 * y, -0.5 * z
     t2 = x * x + y * y + z * z
     if t2 > 1e-8:
@@ -55,18 +58,30 @@ def minus_half_turn(x, y, z, A):
 
 @njit(cache=True)
 def multiply(C, A, out):
-    """out = C A, (3, 3)."""
+    """Write out = C A, all (3, 3)."""
     for i in range(3):
         for j in range(3):
             out[i, j] = C[i, 0] * A[0, j] + C[i, 1] * A[1, j] + C[i, 2] * A[2, j]
 
 
 @njit(cache=True)
-def carry(delta, dt, M, bias, Rt, J):
-    """Turn of calibrated increments, axes at its start into axes at its end: Rt (3, 3), and J (3,
-    12) of (P.4).
+def propagate_turn(delta, dt, M, bias, Rt, J):
+    """Propagate axes through a turn of calibrated increments, with the slopes of (P.4).
 
-    delta : (n, 3) raw increments, rad.   dt : (n,) s.   M : (3, 3).   bias : (3,) rad/s.
+    Parameters
+    ----------
+    delta : ndarray, (n, 3)
+        Raw increments of angle, rad.
+    dt : ndarray, (n,)
+        Their intervals, s.
+    M : ndarray, (3, 3)
+        Inverse response of the gyros.
+    bias : ndarray, (3,)
+        Bias of the gyros, rad/s.
+    Rt : ndarray, (3, 3)
+        Axes at the turn's start into those at its end, written here.
+    J : ndarray, (3, 12)
+        Slopes of (P.4), written here.
     """
     A, C = np.empty((3, 3)), np.empty((3, 3))
     d, x = np.empty(3), np.empty(3)
@@ -89,8 +104,9 @@ def carry(delta, dt, M, bias, Rt, J):
 
 
 class Linear(NamedTuple):
-    """A stretch linearised at its m epochs; q parts of noise, the first the fixed one, d of them
-    with driven states (L.1-L.3).
+    """A segment linearised at its m epochs (L.1 to L.3).
+
+    The noise has q components, the first the fixed one, d of them with driven states.
     """
 
     time: np.ndarray  # (m,) s
@@ -109,8 +125,25 @@ class Linear(NamedTuple):
 
 
 @njit(cache=True)
-def linearise_stretch(intervals, ep, imu, white, drive, earth, lever, nav, x, out):
-    """Fill `out` about the nominal nav (m, 10), x (m, ns).   white (q, 6), drive (q, ns): PSDs of each part of the noise."""
+def linearise_segment(intervals, ep, imu, white, drive, earth, lever, nav, x, out):
+    """Linearise a segment about its nominal, written into `out`.
+
+    Parameters
+    ----------
+    intervals, ep, imu, earth, lever
+        Integration intervals, epochs, state model, Earth and lever arm as the filter's kernels take
+        them.
+    white : ndarray, (q, 6)
+        White noise of each component of the noise, power spectral densities.
+    drive : ndarray, (q, ns)
+        Driving noise of each component, power spectral densities.
+    nav : ndarray, (m, 10)
+        Nominal navigation states.
+    x : ndarray, (m, ns)
+        Nominal IMU states.
+    out : Linear
+        The linearised segment, written here.
+    """
     n = out.F.shape[2]
     ns = n - N_NAV
     driven = out.Q_states.shape[1]
@@ -120,15 +153,15 @@ def linearise_stretch(intervals, ep, imu, white, drive, earth, lever, nav, x, ou
     for e in range(ep.stop.size):
         if e > 0:
             first, last, begin = ep.stop[e - 1], ep.stop[e], ep.time[e - 1]
-            for part in range(len(white)):
+            for component in range(len(white)):
                 nav_e[:] = nav[e - 1]
                 x_e[:] = x[e - 1]
                 own = StateModel(
                     imu.channel,
                     imu.factor,
                     imu.beta,
-                    drive[part],
-                    white[part],
+                    drive[component],
+                    white[component],
                     imu.block,
                     imu.lever,
                     imu.offset,
@@ -151,12 +184,12 @@ def linearise_stretch(intervals, ep, imu, white, drive, earth, lever, nav, x, ou
                     Qbb,
                     work,
                 )
-                if part == 0 and ep.gap[e, 0] > 0.0:
+                if component == 0 and ep.gap[e, 0] > 0.0:
                     add_gap_noise(W, work.column, work.last_block[0], ep.gap[e])
-                out.Q[e, part] = W[:, NAV]
-                if part < driven:
-                    out.Q_cross[e, part] = W[:, IMU]
-                    out.Q_states[e, part] = Qbb
+                out.Q[e, component] = W[:, NAV]
+                if component < driven:
+                    out.Q_cross[e, component] = W[:, IMU]
+                    out.Q_states[e, component] = Qbb
             state_difference(nav_e, x_e, nav[e], x[e], out.gap[e])
             for i in range(3):
                 acceleration[i] = (nav_e[VEL0 + i] - nav[e - 1, VEL0 + i]) / (
@@ -174,29 +207,52 @@ def linearise_stretch(intervals, ep, imu, white, drive, earth, lever, nav, x, ou
 
 @njit(cache=True)
 def mixed_noise(lin, e, share, W, Qbb):
-    """The sum of the parts of the process noise at epoch e, part by part times `share`."""
+    """Sum the components of the process noise at epoch e, each times its `share`."""
     W[:] = 0.0
     Qbb[:] = 0.0
-    for part in range(share.size):
-        v = share[part]
+    for component in range(share.size):
+        v = share[component]
         if v == 0.0:
             continue
         for r in range(N_NAV):
             for c in range(N_NAV):
-                W[r, c] += v * lin.Q[e, part, r, c]
-        if part < lin.Q_states.shape[1]:
+                W[r, c] += v * lin.Q[e, component, r, c]
+        if component < lin.Q_states.shape[1]:
             for s in range(Qbb.size):
-                Qbb[s] += v * lin.Q_states[e, part, s]
+                Qbb[s] += v * lin.Q_states[e, component, s]
                 for r in range(N_NAV):
-                    W[r, IMU0 + s] += v * lin.Q_cross[e, part, r, s]
+                    W[r, IMU0 + s] += v * lin.Q_cross[e, component, r, s]
 
 
 @njit(cache=True)
 def update_with_slopes(P, m, dP, dm, h, z, r, dr, used, gain, column, slope, total):
-    """(K.4) with a scalar of variance r, and (L.5) for each parameter; slope (2, p) takes dS and
-    dy. S and y are returned.
+    """Update with one scalar (K.4), and with it the slopes of (L.5) in each parameter.
 
-    dr (p,): derivative of r.   gain, column (n,): scratch.   total (p + 1, p): cost, gradient and information are added here.
+    Parameters
+    ----------
+    P, m : ndarray, (n, n) and (n,)
+        Covariance and mean, updated here.
+    dP, dm : ndarray, (p, n, n) and (p, n)
+        Their derivatives, updated here.
+    h : ndarray, (n,)
+        Row of the measurement.
+    z, r : float
+        Measurement and its variance.
+    dr : ndarray, (p,)
+        Derivatives of r.
+    used : int
+        Number of leading columns of h that may differ from zero.
+    gain, column : ndarray, (n,)
+        Scratch.
+    slope : ndarray, (2, p)
+        Derivatives of S and y, written here.
+    total : ndarray, (p + 1, p)
+        Gradient and information are added here.
+
+    Returns
+    -------
+    S, y : float
+        Variance of the innovation and the innovation.
     """
     n = P.shape[0]
     S, y = r, z
@@ -247,14 +303,39 @@ def update_with_slopes(P, m, dP, dm, h, z, r, dr, used, gain, column, slope, tot
 def run_linear(
     lin, P0, m0, share, of_part, scale, of_kind, gate, reset, total, white, nis, verdict
 ):
-    """Kalman filter over a linearised stretch: (L.4) is returned, its gradient and information
-    (L.5) go into total (p + 1, p).
+    """Run a Kalman filter over a linearised segment and return (L.4).
 
-    P0 (d, n, n): a-priori covariance, part by part.   share (q,), scale (k,): factors of the parts'
-                                                       variance and of R of each kind.
-    of_part (q,), of_kind (k,): the parameter that is half the logarithm of the factor, or -1.
-    white (m, k, 3), nis (m, k), verdict (m, k): whitened innovations, NaN where there is none, and
-    so on.
+    Parameters
+    ----------
+    lin : Linear
+        The segment.
+    P0 : ndarray, (d, n, n)
+        A-priori covariance, component by component.
+    m0 : ndarray, (n,)
+        A-priori mean about the nominal.
+    share : ndarray, (q,)
+        Factors of the components' variance.
+    of_part : ndarray of int, (q,)
+        The parameter that is half the logarithm of the component's factor, or -1.
+    scale : ndarray, (k,)
+        Factors of R of each kind of measurement.
+    of_kind : ndarray of int, (k,)
+        The parameter that is half the logarithm of the kind's factor, or -1.
+    gate : float
+        Gate of the innovation test.
+    reset : float
+        Time of rejected fixes after which the covariance is reset, s.
+    total : ndarray, (p + 1, p)
+        Gradient and information (L.5) are added here.
+    white : ndarray, (m, k, 3)
+        Whitened innovations, NaN where there is none, written here.
+    nis, verdict : ndarray, (m, k)
+        Normalised innovations squared and verdicts, written here.
+
+    Returns
+    -------
+    float
+        -2 log L.
     """
     n = lin.F.shape[2]
     ns, p = n - N_NAV, total.shape[1]
@@ -275,10 +356,10 @@ def run_linear(
     )
     gain, column, slope, dr = np.zeros(n), np.zeros(n), np.zeros((2, p)), np.zeros(p)
     only = np.zeros(share.size)
-    for part in range(len(P0)):
-        P += share[part] * P0[part]
-        if of_part[part] != ABSENT:
-            dP[of_part[part]] += 2.0 * share[part] * P0[part]
+    for component in range(len(P0)):
+        P += share[component] * P0[component]
+        if of_part[component] != ABSENT:
+            dP[of_part[component]] += 2.0 * share[component] * P0[component]
     cost, rejected_since = 0.0, ABSENT
     for e in range(lin.time.size):
         if e > 0:
@@ -286,8 +367,8 @@ def run_linear(
             mixed_noise(lin, e, share, W, Qbb)
             predict_covariance(P, F, D, W, Qbb, X, nine)
             for i in range(p):
-                for part in range(share.size):
-                    only[part] = 2.0 * share[part] if of_part[part] == i else 0.0
+                for component in range(share.size):
+                    only[component] = 2.0 * share[component] if of_part[component] == i else 0.0
                 mixed_noise(lin, e, only, W, Qbb)
                 predict_covariance(dP[i], F, D, W, Qbb, X, nine)
                 propagate_mean(F, D, dm[i], none, new)

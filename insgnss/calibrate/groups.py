@@ -1,9 +1,9 @@
 """Nonlinear least squares over groups of residuals, each with a variance factor of its own.
 
 A group's residuals r of covariance S give the factor F = r^T S^-1 r / (rows - parameters that it
-carries). Where F passes the 99 % bound of chi-square over the degrees of freedom, S was too small:
-it is multiplied by F and the solution is repeated (a variance component per group, Koch 1999, 3.6).
-A smaller F is chance, and is left alone.
+mainly determines). Where F passes the 99 % bound of chi-square over the degrees of freedom, S was
+too small: it is multiplied by F and the solution is repeated (a variance component per group, Koch
+1999, 3.6). A smaller F is chance, and is left alone.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,17 +20,24 @@ ROUNDS = 6
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """model : parameters (p,) to residual (m,) and its Jacobian (m, p).   carried : number of parameters it mainly determines.
+    """One group of residuals.
 
-    covariance : (m, m) of the residuals, or (m,) variances.
+    Parameters
+    ----------
+    model : callable
+        Maps parameters (p,) to residuals (m,) and their Jacobian (m, p).
+    covariance : ndarray, (m, m) or (m,)
+        Covariance or variances of the residuals.
+    determined : int
+        Number of parameters that the group mainly determines.
     """
 
     model: Callable[[Array], tuple[Array, Array]]
     covariance: Array
-    carried: int
+    determined: int
 
     def whitening(self) -> Array:
-        """(m, m) matrix that makes the residuals white of unit variance."""
+        """Return the matrix (m, m) that makes the residuals white of unit variance."""
         if self.covariance.ndim == 1:
             return np.diag(1.0 / np.sqrt(self.covariance))
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)), dtype=np.float64)
@@ -38,8 +45,18 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """values (p,), covariance (p, p), residual whitened by what was used (all rows), factor of each
-    group over the covariance given.
+    """A solution of all groups.
+
+    Parameters
+    ----------
+    values : ndarray, (p,)
+        Parameters.
+    covariance : ndarray, (p, p)
+        Their covariance.
+    residual : ndarray, (r,)
+        Residuals of all rows, whitened by the covariance that was used.
+    factor : dict of str to float
+        Variance factor of each group over the covariance given.
     """
 
     values: Array
@@ -49,8 +66,24 @@ class Fit:
 
 
 def solve_groups(groups: Mapping[str, Group], prior: Array, prior_sigma: Array) -> Fit:
-    """Parameters that fit all groups; prior, prior_sigma : (p,), where they start and how far they
-    may go.
+    """Fit parameters to all groups.
+
+    Parameters
+    ----------
+    groups : mapping of str to Group
+        Groups of residuals by name.
+    prior, prior_sigma : ndarray, (p,)
+        Where the parameters start and how far they may go.
+
+    Returns
+    -------
+    Fit
+        The solution.
+
+    Raises
+    ------
+    DataError
+        Where the solution does not converge.
     """
     from scipy.optimize import least_squares
     from scipy.stats import chi2
@@ -80,13 +113,13 @@ def solve_groups(groups: Mapping[str, Group], prior: Array, prior_sigma: Array) 
         )
         if not solution.success:
             raise DataError(
-                "calibration does not converge; the stretches at rest contradict each other, look"
+                "calibration does not converge; the stationary periods contradict each other, look"
                 " at units and at the recording"
             )
         values = prior + prior_sigma * solution.x
         wanted = {}
         for name, group in groups.items():
-            free = len(group.covariance) - group.carried
+            free = len(group.covariance) - group.determined
             square = float(np.sum((white[name] @ group.model(values)[0]) ** 2))
             factor[name] = square / free if free > 0 else 1.0
             wanted[name] = (

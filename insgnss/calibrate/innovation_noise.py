@@ -1,24 +1,28 @@
-"""Noise of the IMU in flight by maximum likelihood over the innovations of the filter, and whether
-to believe it.
+"""Noise of the IMU in flight by maximum likelihood over the innovations of the filter.
+
+The estimate comes with what is needed to judge it.
 
 What is asked for (`IMU` parameters, a factor on a static model's root density, one a triad) is
 estimated together with what else shapes the innovations: the scale of the fixes' own sigmas, and of
-their correlated error where it is a state. Fixes that claim too little would otherwise be taken for
-a noisy IMU. With theta the logarithms of all factors, and g, A gradient and expected second
-derivative of -2 log L (`likelihood`), the maximum is searched by scoring with damping d,
+their time-correlated error where it is a state. Fixes that claim too little would otherwise be
+taken for a noisy IMU. With theta the logarithms of all factors, and g, A gradient and expected
+second derivative of -2 log L (`likelihood`), the maximum is searched by scoring with damping d,
 
-    theta <- theta - (A + d diag A)^-1 g,     within the factors of `RANGE`,     cov theta = 2 A^-1 at the maximum     (N.1)
+    theta <- theta - (A + d diag A)^-1 g,     within the factors of `RANGE`,
+    cov theta = 2 A^-1 at the maximum                                                          (N.1)
 
 from the best of a few starts. The static model is the maximum with the IMU's factors held at one
 and everything else free; the gain between the two is chi-square of as many degrees of freedom as
-factors where the static model holds. A factor known to worse than `KNOWN` that may as well be one,
-and a factor at the edge of the search, are not told by this flight: they are held at one and the
-others are estimated again. What -2 log L loses by that is chi-square, too: a significant loss says
-that the innovations ask for a noise that these factors do not have. Whiteness goes by the
+factors where the static model holds. A factor known to worse than `KNOWN_SIGMA` that may as well be
+one, and a factor at the edge of the search, are not determined by this flight: they are held at one
+and the others are estimated again. What -2 log L loses by that is chi-square, too: a significant
+loss says that the innovations ask for a noise that these factors do not have. Whiteness goes by the
 autocorrelations r_l of the whitened innovations: at lag one, and by Ljung and Box's sum Q over L =
 `LAGS` lags of n (n + 2) r_l^2 / (n - l), chi-square of L degrees of freedom, one for each
-direction.
-With many fixes the least correlation is significant; how large it is, all lags together, tells sqrt((Q - L) / n).                  (N.2)
+direction. With many fixes the least correlation is significant; how large it is, all lags together,
+tells
+
+    sqrt((Q - L) / n)                                                                          (N.2)
 """
 
 from collections.abc import Callable, Sequence
@@ -39,42 +43,48 @@ from .likelihood import (
     OF_FIXES,
     WHITE,
     Evaluated,
-    LinearStretch,
+    LinearSegment,
     available,
     evaluate,
-    linear_stretch,
+    linear_segment,
 )
 
 IMU = (*WHITE, *DRIVEN)
 DEFAULT = ("gyro.white_noise", "accel.white_noise")
-RANGE, RANGE_OF_FIXES = (
-    (1.0 / 300.0, 300.0),
-    (0.2, 30.0),
-)  # a fix is not believed to less than a fifth of its sigma
-KNOWN, ONE_SIGMAS = 0.3, 2.0
+# a fix is not trusted to less than a fifth of its sigma
+RANGE, RANGE_OF_FIXES = (1.0 / 300.0, 300.0), (0.2, 30.0)
+KNOWN_SIGMA, ONE_SIGMAS = 0.3, 2.0
 SIGNIFICANT = 1e-3  # chance that the innovations of a true static model ask for another
 STEPS, DONE, LONGEST_STEP = 40, 1e-4, 1.0
-NOTHING_TOLD, RIDGE = (
-    1e-6,
-    1e-9,
-)  # of the information: standard deviations of a logarithm of 1400 and 45 000
+# of the information: standard deviations of a logarithm of 1400 and 45 000
+LEAST_INFORMATION, RIDGE = 1e-6, 1e-9
 STARTS = (0.0, 1.0, -1.0)  # of the logarithms of the IMU's factors
 LAGS = 20
-SHORTEST_S, FEWEST = 20.0, 60  # of a stretch in motion, and its fixes
-LONGEST_MIN = 600.0  # of a flight that is asked for
-OFF_CLAIM, OFF_SIGMAS = 0.1, 3.0  # of the fixes' scale from one, beyond which it is told
+SHORTEST_S, FEWEST = 20.0, 60  # of a segment in motion, and its fixes
+LONGEST_MIN = 600.0  # of a flight that is proposed
+OFF_CLAIM, OFF_SIGMAS = 0.1, 3.0  # of the fixes' scale from one, beyond which it is reported
 WHITE_ENOUGH = 0.1  # of the autocorrelation at lag one, and of those of all lags together
-COLOURED = 1e-3  # chance of white innovations below which those together count
-# gain in -2 log L that a correlated error of the fixes must bring beside free noise of the IMU
+CHANCE_OF_WHITE = 1e-3  # chance of white innovations below which those together count
+# gain in -2 log L that a time-correlated error of the fixes must bring beside free noise of the IMU
 EXPLAINED = 20.0
 
 
 @dataclass(frozen=True)
 class Whiteness:
-    """Of the whitened innovations north, east, down: lag_one (3,) and its 99 % bound, portmanteau
-    (3,) and p_value (3,).
+    """Tests of the whitened innovations north, east, down.
 
-    together : (3,) size of the correlation of all lags (N.2).
+    Parameters
+    ----------
+    lag_one : ndarray, (3,)
+        Autocorrelation at lag one.
+    bound : float
+        Its 99 % bound for white innovations.
+    portmanteau, p_value : ndarray, (3,)
+        Ljung and Box's sum and its probability.
+    lags : int
+        Number of lags in the sum.
+    together : ndarray, (3,)
+        Size of the correlation of all lags (N.2).
     """
 
     lag_one: Array
@@ -87,15 +97,23 @@ class Whiteness:
 
 @dataclass(frozen=True)
 class Innovations:
-    """What a noise makes of the innovations of the positions. nis : mean normalised square a degree
-    of freedom, of the used ones.
+    """What a noise makes of the innovations of the positions.
 
-    lost : fixes rejected, of `fixes`.   cost : -2 log L.
+    Parameters
+    ----------
+    nis : float
+        Mean normalised innovation squared (NIS) a degree of freedom, of the used fixes.
+    fixes, rejected : int
+        Number of fixes, and of those rejected.
+    cost : float
+        -2 log L.
+    whiteness : Whiteness
+        Tests of the whitened innovations.
     """
 
     nis: float
     fixes: int
-    lost: int
+    rejected: int
     cost: float
     whiteness: Whiteness
 
@@ -104,17 +122,35 @@ class Innovations:
 class InFlightNoise:
     """Factors of the noise by a flight's innovations.
 
-    names, factor (p,), log_sigma (p,), correlation (p, p): of what was estimated, the IMU's first;
-    log_sigma is the standard deviation of
-    the logarithm, 0 where the factor is held.
-    held : IMU parameters that the flight does not tell, with the reason.
-    gain : of -2 log L against the static model, chi-square of `free` degrees of freedom under it;
-        chance : its probability.
-    loss : of -2 log L by what is held.
-    before, after : innovations with the static model and with the estimated IMU, the fixes as they
-        claim; at_best : with everything
-    as estimated, static_at_best : with the static IMU and everything else as estimated with it.
-    duration_s : of the motion used.
+    Parameters
+    ----------
+    names : tuple of str
+        Parameters that were estimated, the IMU's first.
+    factor : ndarray, (p,)
+        Their factors on the static model.
+    log_sigma : ndarray, (p,)
+        Standard deviations of the logarithms; 0 where the factor is held.
+    correlation : ndarray, (p, p)
+        Correlations of the logarithms.
+    held : tuple of (str, str)
+        IMU parameters that the flight does not determine, with the reason.
+    gain : float
+        Gain of -2 log L against the static model, under which it is chi-square of `free` degrees of
+        freedom.
+    free : int
+        Number of factors that were estimated.
+    chance : float
+        Probability of the gain under the static model.
+    before, after : Innovations
+        Innovations with the static model and with the estimated IMU, the fixes as they claim.
+    at_best : Innovations
+        Innovations with everything as estimated.
+    static_at_best : Innovations
+        Innovations with the static IMU and everything else as estimated with it.
+    duration_s : float
+        Length of the motion used, s.
+    loss : float
+        Loss of -2 log L by what is held.
     """
 
     names: tuple[str, ...]
@@ -133,12 +169,12 @@ class InFlightNoise:
     loss: float = 0.0
 
     def sigma(self, name: str) -> float:
-        """Standard deviation of a factor, 0 where it is held."""
+        """Return the standard deviation of a factor, 0 where it is held."""
         k = self.names.index(name)
         return float(self.factor[k] * self.log_sigma[k])
 
     def imu_factors(self) -> dict[str, float]:
-        """Factor of each IMU parameter; one where it is held."""
+        """Return the factor of each IMU parameter; one where it is held."""
         return {
             name: float(f) for name, f in zip(self.names, self.factor, strict=True) if name in IMU
         }
@@ -150,12 +186,13 @@ class InFlightNoise:
 
     @property
     def white(self) -> bool:
-        """Whether what was estimated leaves the innovations white: a model of the noise that holds,
-        not one that stands in for another.
+        """Whether what was estimated leaves the innovations white.
+
+        A model of the noise that holds does, one that stands in for another does not.
         """
         w = self.at_best.whiteness
         near = np.abs(w.lag_one).max() < max(WHITE_ENOUGH, w.bound)
-        return bool(near and ((w.p_value > COLOURED) | (w.together < WHITE_ENOUGH)).all())
+        return bool(near and ((w.p_value > CHANCE_OF_WHITE) | (w.together < WHITE_ENOUGH)).all())
 
     @property
     def asks_for_more(self) -> bool:
@@ -180,46 +217,69 @@ class InFlightNoise:
 
     @property
     def compared(self) -> tuple[Innovations, Innovations]:
-        """Before and after as they tell of the IMU: the fixes as they claim, or, where their errors
-        are of another size, as estimated.
+        """The innovations before and after as they describe the IMU.
+
+        The fixes are as they claim or, where their errors are of another size, as estimated.
         """
         return (self.static_at_best, self.at_best) if self.scaled else (self.before, self.after)
 
 
-def moving_parts(solution: Solution, rests: Array) -> list[Solution]:
-    """What of a solution lies between the rests (k, 2) s, GPST, `SHORTEST_S` and `FEWEST` fixes and
-    more: engines stand still there.
+def moving_parts(solution: Solution, stationary: Array) -> list[Solution]:
+    """Cut a solution into its segments in motion: engines stand still in stationary periods.
+
+    Parameters
+    ----------
+    solution : Solution
+        A solved segment.
+    stationary : ndarray, (k, 2)
+        Begin and end of the stationary periods, s, GPST.
+
+    Returns
+    -------
+    list of Solution
+        Segments of `SHORTEST_S` and `FEWEST` fixes and more.
     """
     time, fix = solution.time, solution.problem.epochs.has_position
     resting = np.zeros(time.size, dtype=np.bool_)
-    for begin, end in rests:
+    for begin, end in stationary:
         resting |= (time >= begin) & (time <= end)
     edge = np.flatnonzero(np.diff(np.concatenate([[1], resting.astype(np.int64), [1]])))
     parts = []
     for first, stop in edge.reshape(-1, 2):
-        at = first + np.flatnonzero(fix[first:stop])
-        if at.size >= FEWEST and time[at[-1]] - time[at[0]] >= SHORTEST_S:
-            parts.append(_part(solution, int(at[0]), int(at[-1])))
+        fixes = first + np.flatnonzero(fix[first:stop])
+        if fixes.size >= FEWEST and time[fixes[-1]] - time[fixes[0]] >= SHORTEST_S:
+            parts.append(_sub_solution(solution, int(fixes[0]), int(fixes[-1])))
     return parts
 
 
-def _part(solution: Solution, first: int, last: int) -> Solution:
-    """The epochs first..last as a solution of their own, its constants as they are there."""
-    at = slice(first, last + 1)
+def _sub_solution(solution: Solution, first: int, last: int) -> Solution:
+    """Return the epochs first..last as a solution of their own, its constants as they are there."""
+    epochs = slice(first, last + 1)
     problem = sub_problem(solution.problem, first, last)
-    x = solution.x[at].copy()
+    x = solution.x[epochs].copy()
     layout = problem.layout
     if layout.rate >= 0:  # time begins anew
         x[:, layout.offset] += x[:, layout.rate] * solution.problem.epochs.time[first]
     arrays = {
-        k: getattr(solution, k)[at]
+        k: getattr(solution, k)[epochs]
         for k in ("nav", "P", "filter_sigma", "innovation", "innovation_sigma", "nis", "verdict")
     }
     return replace(solution, problem=problem, x=x, **arrays)
 
 
 def without_correlated(solution: Solution) -> Solution:
-    """The solution less the states of the fixes' correlated error, their sigmas taken as white."""
+    """Remove the states of the fixes' time-correlated (Gauss-Markov) error from a solution.
+
+    Parameters
+    ----------
+    solution : Solution
+        A solution with such states.
+
+    Returns
+    -------
+    Solution
+        The same without them, the fixes' sigmas taken as white.
+    """
     layout = solution.problem.layout
     gone = np.arange(layout.gm, layout.gm + 3)
     states: dict[str, Any] = {
@@ -248,25 +308,43 @@ def in_flight_noise(
     parameters: Sequence[str] = DEFAULT,
     progress: Callable[[str], None] = lambda _: None,
 ) -> InFlightNoise:
-    """Estimate factors of the IMU's noise from solved stretches in motion.
+    """Estimate factors of the IMU's noise from solved segments in motion.
 
-    parameters : of `IMU`.   Raises UsageError for a parameter that the layout of states does not
-                             have, DataError for too short a flight.
+    Parameters
+    ----------
+    solutions : sequence of Solution
+        The segments in motion, of one flight.
+    parameters : sequence of str
+        Parameters of `IMU` to estimate.
+    progress : callable
+        Takes a line on each step.
+
+    Returns
+    -------
+    InFlightNoise
+        The factors and what they make of the innovations.
+
+    Raises
+    ------
+    UsageError
+        For a parameter that the layout of states does not have.
+    DataError
+        For too short a flight.
     """
     duration = sum(float(s.time[-1] - s.time[0]) for s in solutions)
     if not solutions:
         raise DataError(
-            f"no stretch in motion of {SHORTEST_S:g} s and {FEWEST} fixes; the innovations of a"
+            f"no segment in motion of {SHORTEST_S:g} s and {FEWEST} fixes; the innovations of a"
             " standing or very short recording say nothing of the noise in flight: use a flight,"
             " or `insgnss tune` on static recordings"
         )
     progress("linearise")
-    known = available(
+    present = available(
         solutions[0].problem.layout, all(s.problem.epochs.has_velocity.any() for s in solutions)
     )
-    names = (*parameters, *(name for name in (*OF_FIXES, CORRELATED) if name in known))
-    stretches = [linear_stretch(s, names) for s in solutions]
-    search = _Search(stretches, names, progress)
+    names = (*parameters, *(name for name in (*OF_FIXES, CORRELATED) if name in present))
+    segments = [linear_segment(s, names) for s in solutions]
+    search = _Search(segments, names, progress)
     imu = np.array([name in IMU for name in names])
     static = search.maximum(~imu)
     held: dict[str, str] = {}
@@ -274,7 +352,7 @@ def in_flight_noise(
     while True:
         free = np.array([name not in held for name in names])
         best = search.maximum(free) if (free & imu).any() else static
-        every = min(every, best.at.cost)
+        every = min(every, best.evaluated.cost)
         sigma, correlation = best.spread(free)
         unknown = {
             name: reason
@@ -288,7 +366,7 @@ def in_flight_noise(
         worst = max(unknown, key=lambda name: sigma[names.index(name)])
         held[worst] = unknown[worst]
     count = int(np.count_nonzero(free & imu))
-    gain = max(static.at.cost - best.at.cost, 0.0)
+    gain = max(static.evaluated.cost - best.evaluated.cost, 0.0)
     only_imu = np.where(imu, best.theta, 0.0)
     return InFlightNoise(
         names,
@@ -299,67 +377,71 @@ def in_flight_noise(
         gain,
         count,
         _chance(gain, count),
-        innovations(evaluate(stretches, np.zeros(len(names)))),
-        innovations(evaluate(stretches, only_imu)),
-        innovations(best.at),
-        innovations(static.at),
+        innovations(evaluate(segments, np.zeros(len(names)))),
+        innovations(evaluate(segments, only_imu)),
+        innovations(best.evaluated),
+        innovations(static.evaluated),
         duration,
-        best.at.cost - every,
+        best.evaluated.cost - every,
     )
 
 
 @dataclass(frozen=True)
 class _Maximum:
     theta: Array
-    at: Evaluated
+    evaluated: Evaluated
 
     def spread(self, free: np.ndarray) -> tuple[Array, Array]:
-        """Standard deviations (p,) of theta, infinite where nothing tells it and 0 where it is
-        held, and correlations (p, p).
+        """Return standard deviations (p,) of theta and correlations (p, p).
+
+        A standard deviation is infinite where nothing determines the parameter, 0 where it is held.
         """
-        A = self.at.information[np.ix_(free, free)]
-        told = np.diag(A) > NOTHING_TOLD
-        at = np.flatnonzero(free)[told]
-        cov = 2.0 * np.linalg.inv(A[np.ix_(told, told)] + RIDGE * np.eye(at.size))
+        A = self.evaluated.information[np.ix_(free, free)]
+        determined = np.diag(A) > LEAST_INFORMATION
+        index = np.flatnonzero(free)[determined]
+        cov = 2.0 * np.linalg.inv(A[np.ix_(determined, determined)] + RIDGE * np.eye(index.size))
         sigma, correlation = np.where(free, np.inf, 0.0), np.eye(free.size)
-        sigma[at] = np.sqrt(np.diag(cov))
-        correlation[np.ix_(at, at)] = cov / np.outer(sigma[at], sigma[at])
+        sigma[index] = np.sqrt(np.diag(cov))
+        correlation[np.ix_(index, index)] = cov / np.outer(sigma[index], sigma[index])
         return sigma, correlation
 
 
 @dataclass
 class _Search:
-    """Maxima of the likelihood of `stretches` over some of the parameters `names`."""
+    """Maxima of the likelihood of `segments` over some of the parameters `names`."""
 
-    stretches: Sequence[LinearStretch]
+    segments: Sequence[LinearSegment]
     names: tuple[str, ...]
     progress: Callable[[str], None]
 
     def maximum(self, free: np.ndarray) -> _Maximum:
-        """Over the parameters `free` (p,) bool, the others at one, from the best of `STARTS`."""
+        """Maximise over the parameters `free` (p,) bool, the others at one, from the best start."""
         moved = np.array([name in IMU for name in self.names]) & free
         starts = [np.where(moved, s, 0.0) for s in (STARTS if moved.any() else STARTS[:1])]
-        first = [_Maximum(theta, evaluate(self.stretches, theta)) for theta in starts]
-        return self._climb(min(first, key=lambda m: m.at.cost), free)
+        first = [_Maximum(theta, evaluate(self.segments, theta)) for theta in starts]
+        return self._climb(min(first, key=lambda m: m.evaluated.cost), free)
 
     def _climb(self, here: _Maximum, free: np.ndarray) -> _Maximum:
-        """(N.1)."""
+        """Climb to the maximum by (N.1)."""
         low, high = np.log([RANGE if name in IMU else RANGE_OF_FIXES for name in self.names]).T
         damping = 0.0
         for k in range(STEPS):
             self.progress(f"likelihood of the innovations, step {k + 1}")
-            theta, g = here.theta, here.at.gradient
+            theta, g = here.theta, here.evaluated.gradient
             active = free & ~((theta <= low) & (g > 0.0)) & ~((theta >= high) & (g < 0.0))
             if not active.any():
                 break
-            A = here.at.information[np.ix_(active, active)]
+            A = here.evaluated.information[np.ix_(active, active)]
             step = -np.linalg.solve(A + np.diag(damping * np.diag(A) + 1e-6), g[active])
             moved = theta.copy()
             moved[active] += np.clip(step, -LONGEST_STEP, LONGEST_STEP)
             moved = np.clip(moved, low, high)
-            there = _Maximum(moved, evaluate(self.stretches, moved))
-            if there.at.cost <= here.at.cost:
-                small = here.at.cost - there.at.cost < DONE or np.abs(moved - theta).max() < DONE
+            there = _Maximum(moved, evaluate(self.segments, moved))
+            if there.evaluated.cost <= here.evaluated.cost:
+                small = (
+                    here.evaluated.cost - there.evaluated.cost < DONE
+                    or np.abs(moved - theta).max() < DONE
+                )
                 here, damping = there, 0.1 * damping if damping > 1e-3 else 0.0
                 if small:
                     break
@@ -371,18 +453,19 @@ class _Search:
 
 
 def _minutes(static: _Maximum, minutes: float) -> Array:
-    """How long (p,) a flight like this one of `minutes` knows factors near one to `KNOWN`, infinite
-    where that is no question of length.
+    """Return the lengths (p,), min, of such a flight that determine factors to `KNOWN_SIGMA`.
+
+    The factors are near one; a length is infinite where that is no question of length.
     """
     sigma = static.spread(np.ones(static.theta.size, dtype=np.bool_))[0]
-    longer = minutes * (sigma / KNOWN) ** 2
+    longer = minutes * (sigma / KNOWN_SIGMA) ** 2
     return np.where((longer > minutes) & (longer < LONGEST_MIN), longer, np.inf)
 
 
 def _untold(theta: float, sigma: float, minutes: float) -> str:
-    """Why a factor is not told by the flight, and how long a flight would tell it, or ""."""
+    """Return why a flight does not determine a factor, and how long a flight would; or nothing."""
     longer = (
-        f"; a factor near one would be told by {np.ceil(minutes):.0f} min of such a flight"
+        f"; a factor near one would be determined by {np.ceil(minutes):.0f} min of such a flight"
         if np.isfinite(minutes)
         else ""
     )
@@ -391,11 +474,11 @@ def _untold(theta: float, sigma: float, minutes: float) -> str:
             f"no maximum of the likelihood between 1/{RANGE[1]:g} and {RANGE[1]:g} times the static"
             f" model{longer}"
         )
-    if sigma > KNOWN and abs(theta) < ONE_SIGMAS * sigma:
-        known = np.exp(min(sigma, 9.0))
+    if sigma > KNOWN_SIGMA and abs(theta) < ONE_SIGMAS * sigma:
+        factor = np.exp(min(sigma, 9.0))
         return (
-            f"{np.exp(theta):.2f} by the likelihood, but known to a factor of {known:.2f} only"
-            f" (limit {np.exp(KNOWN):.2f}){longer}"
+            f"{np.exp(theta):.2f} by the likelihood, but known to a factor of {factor:.2f} only"
+            f" (limit {np.exp(KNOWN_SIGMA):.2f}){longer}"
         )
     return ""
 
@@ -406,15 +489,41 @@ def _chance(gain: float, free: int) -> float:
     return float(chdtrc(free, gain)) if free else 1.0
 
 
-def innovations(at: Evaluated) -> Innovations:
-    """Figures of the positions' innovations."""
+def innovations(evaluated: Evaluated) -> Innovations:
+    """Summarise the innovations of the positions.
+
+    Parameters
+    ----------
+    evaluated : Evaluated
+        The likelihood at one theta.
+
+    Returns
+    -------
+    Innovations
+        Its figures.
+    """
     return Innovations(
-        float(np.mean(at.white**2)), at.offered, at.rejected, at.cost, whiteness(at.white)
+        float(np.mean(evaluated.white**2)),
+        evaluated.offered,
+        evaluated.rejected,
+        evaluated.cost,
+        whiteness(evaluated.white),
     )
 
 
 def whiteness(white: Array) -> Whiteness:
-    """Of whitened innovations (k, 3) in the order of time, columns one by one."""
+    """Test whether innovations are white, column by column.
+
+    Parameters
+    ----------
+    white : ndarray, (k, 3)
+        Whitened innovations in the order of time.
+
+    Returns
+    -------
+    Whiteness
+        The tests.
+    """
     from scipy.special import chdtrc, ndtri
 
     n = len(white)

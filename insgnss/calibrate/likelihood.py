@@ -1,7 +1,8 @@
-r"""Likelihood of a stretch's innovations as a function of its noise, with exact slopes, cheap to
-evaluate many times.
+r"""Likelihood of a segment's innovations as a function of its noise, with exact slopes.
 
-The stretch is linearised once about its smoothed solution (`navigation.filter`, K.6). Transitions,
+It is cheap to evaluate many times.
+
+The segment is linearised once about its smoothed solution (`navigation.filter`, K.6). Transitions,
 measured rows and the innovations of the nominal then do not depend on the noise, and process noise,
 a-priori covariance and measurement noise are linear in variances v:
 
@@ -11,22 +12,26 @@ a-priori covariance and measurement noise are linear in variances v:
                                 noise alone
     driving noise of a triad    (E.6) with those states' driving noise alone; Gauss-Markov processes
                                 start stationary, so P_0 as well
-    errors of the fixes         R of positions, of velocities; of a correlated error, Q and P_0 of its states            (L.2)
+    errors of the fixes         R of positions, of velocities; of a time-correlated error, Q and P_0
+                                of its states                                                 (L.2)
 
 Parameters are theta_i = log f_i, with f_i the factor of a root density or sigma, v_i = f_i^2. (L.3)
 With S and y the variance and the innovation of each scalar of a triple whitened by R_k0 (Schweppe
 1965), as in (C.1),
 
-    -2 log L = sum over used triples [ log det R_k0 + sum (log S + y^2 / S) ] + (gate + log det R_k) for each rejected     (L.4)
+    -2 log L = sum over used triples [ log det R_k0 + sum (log S + y^2 / S) ]
+               + (gate + log det R_k) for each rejected                                        (L.4)
 
 Slopes go along with the filter (Gupta and Mehra 1974). A scalar update with row h, variance r, gain
 k = P h' / S and b = P' h', primes on P, m, r, S, y being derivatives with respect to one theta:
 
-    S' = h b + r',    y' = -h m',    P' <- P' - k b' - b k' + k S' k',    m' <- m' + (b - k S') y / S + k y'
-    d(-2 log L) = S'/S (1 - y^2/S) + 2 y y'/S,      expected second derivative  S_i' S_j' / S^2 + 2 y_i' y_j' / S      (L.5)
+    S' = h b + r',    y' = -h m',    P' <- P' - k b' - b k' + k S' k',
+    m' <- m' + (b - k S') y / S + k y'
+    d(-2 log L) = S'/S (1 - y^2/S) + 2 y y'/S,
+    expected second derivative  S_i' S_j' / S^2 + 2 y_i' y_j' / S                              (L.5)
 
 Twice the inverse of the latter is the covariance of the maximum's theta. Which triples are
-rejected, and how far the covariance is opened (K.7), is decided at each evaluation as the filter
+rejected, and how far the covariance is reset (K.7), is decided at each evaluation as the filter
 does; (L.5) holds the decisions.
 """
 
@@ -54,7 +59,7 @@ from ..navigation.layout import StateLayout
 from ..navigation.solution import Solution
 from ..navigation.strapdown import kernel_earth, kernel_intervals
 from ..records import Array
-from ._kernels import Linear, linearise_stretch, run_linear
+from ._kernels import Linear, linearise_segment, run_linear
 
 WHITE = {
     "gyro.white_noise": slice(0, 3),
@@ -65,21 +70,28 @@ DRIVEN = {"gyro.driving_noise": (0, 1, 2), "accel.driving_noise": (3, 4, 5)}
 CORRELATED = "fixes.correlated"
 OF_FIXES = {"fixes.position": POSITION, "fixes.velocity": VELOCITY}
 PARAMETERS = (*WHITE, *DRIVEN, *OF_FIXES, CORRELATED)
-WIDEN, FLOOR_RAD, WIDE_M, WIDE_MS = (
-    10.0,
-    np.radians([0.5, 0.5, 1.0]),
-    10.0,
-    5.0,
-)  # of the start, as `align.initial` has it
+# of the start, as `align.initial` has it
+WIDEN, FLOOR_RAD, WIDE_M, WIDE_MS = 10.0, np.radians([0.5, 0.5, 1.0]), 10.0, 5.0
 
 
 @dataclass(frozen=True)
 class Evaluated:
-    """(L.4) at theta, its gradient (p,), and its expected second derivative (p, p).
+    """The likelihood (L.4) at theta, with its slopes.
 
-    white : (k, 3) whitened innovations of the used positions, first components first, of all
-        stretches in turn.
-    nis : (k,) of all positions.   rejected, offered : numbers of positions.
+    Parameters
+    ----------
+    cost : float
+        -2 log L.
+    gradient : ndarray, (p,)
+        Its gradient.
+    information : ndarray, (p, p)
+        Its expected second derivative.
+    white : ndarray, (k, 3)
+        Whitened innovations of the used positions, first components first, of all segments in turn.
+    nis : ndarray, (k,)
+        Normalised innovations squared of all positions.
+    rejected, offered : int
+        Numbers of positions.
     """
 
     cost: float
@@ -92,13 +104,25 @@ class Evaluated:
 
 
 @dataclass(frozen=True)
-class LinearStretch:
-    """A stretch linearised about its solution, ready for `evaluate`.
+class LinearSegment:
+    """A segment linearised about its solution, ready for `evaluate`.
 
-    names : parameters, in the order of theta.   of_part, of_kind : the parameter of each part of
-                                                 the noise and kind of triple, or -1.
-    P0 : (d, n, n) a-priori covariance, part by part.   mean0 : (n,) a-priori mean about the
-                                                        nominal.
+    Parameters
+    ----------
+    names : tuple of str
+        Parameters, in the order of theta.
+    linear : Linear
+        The linearised segment.
+    P0 : ndarray, (d, n, n)
+        A-priori covariance, component by component.
+    mean0 : ndarray, (n,)
+        A-priori mean about the nominal.
+    of_part, of_kind : ndarray of int
+        The parameter of each component of the noise and of each kind of measurement, or -1.
+    gate : float
+        Gate of the innovation test.
+    reset_s : float
+        Time of rejected fixes after which the covariance is reset, s.
     """
 
     names: tuple[str, ...]
@@ -112,7 +136,13 @@ class LinearStretch:
 
 
 def one_factor_each(names: Sequence[str]) -> None:
-    """Raise UsageError where two of `names` are factors of one density."""
+    """Refuse two names that are factors of one density.
+
+    Raises
+    ------
+    UsageError
+        Where two of `names` are factors of one density.
+    """
     if "white_noise" in names and {"gyro.white_noise", "accel.white_noise"} & set(names):
         raise UsageError(
             "noise parameter 'white_noise' is one factor for gyros and accelerometers; ask for it"
@@ -121,11 +151,22 @@ def one_factor_each(names: Sequence[str]) -> None:
 
 
 def available(layout: StateLayout, velocity: bool) -> tuple[str, ...]:
-    """The parameters that a layout of states has, `velocity` telling whether velocities are
-    measured.
+    """Return the parameters that a layout of states has.
+
+    Parameters
+    ----------
+    layout : StateLayout
+        Layout of the filter's states.
+    velocity : bool
+        Whether velocities are measured.
+
+    Returns
+    -------
+    tuple of str
+        Those of `PARAMETERS` that act on it.
     """
     driven = {name: _driven(layout, name).any() for name in (*DRIVEN, CORRELATED)}
-    white = {name: bool(layout.white[at].any()) for name, at in WHITE.items()}
+    white = {name: bool(layout.white[channels].any()) for name, channels in WHITE.items()}
     return tuple(
         name
         for name in PARAMETERS
@@ -134,29 +175,44 @@ def available(layout: StateLayout, velocity: bool) -> tuple[str, ...]:
 
 
 def _driven(layout: StateLayout, name: str) -> np.ndarray:
-    """(ns,) the states whose driving noise parameter `name` scales."""
+    """Return the states (ns,) bool whose driving noise parameter `name` scales."""
     if name == CORRELATED:
-        at = np.zeros(len(layout.names), dtype=np.bool_)
+        states = np.zeros(len(layout.names), dtype=np.bool_)
         if layout.gm >= 0:
-            at[layout.gm : layout.gm + 3] = True
-        return at
+            states[layout.gm : layout.gm + 3] = True
+        return states
     return (layout.drive > 0.0) & (layout.factor == BIAS) & np.isin(layout.channel, DRIVEN[name])
 
 
-def linear_stretch(solution: Solution, names: Sequence[str]) -> LinearStretch:
-    """Linearise a solved stretch about its smoothed states, the noise parted by `names` (L.1-L.2).
+def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
+    """Linearise a solved segment about its smoothed states, its noise parted by `names`.
 
-    Raises UsageError for a name that is not among `available`.
+    Parameters
+    ----------
+    solution : Solution
+        A smoothed solution.
+    names : sequence of str
+        Parameters, in the order of theta (L.1, L.2).
+
+    Returns
+    -------
+    LinearSegment
+        The linearised segment.
+
+    Raises
+    ------
+    UsageError
+        For a name that is not among `available`, and for two factors of one density.
     """
     problem = solution.problem
     ep, layout = problem.epochs, problem.layout
-    known = available(layout, bool(ep.has_velocity.any()))
+    possible = available(layout, bool(ep.has_velocity.any()))
     one_factor_each(names)
     for name in names:
-        if name not in known:
+        if name not in possible:
             raise UsageError(
                 f"noise parameter {name!r} is none that this flight's filter has; use"
-                f" {', '.join(known)}"
+                f" {', '.join(possible)}"
             )
     driven = [name for name in names if name in DRIVEN or name == CORRELATED]
     parts = [*driven, *(name for name in names if name in WHITE)]
@@ -170,15 +226,15 @@ def linear_stretch(solution: Solution, names: Sequence[str]) -> LinearStretch:
             white[k, WHITE[name]] = layout.white[WHITE[name]]
             white[0, WHITE[name]] -= layout.white[WHITE[name]]
             continue
-        at = _driven(layout, name)
-        drive[k, at], drive[0, at] = drive[0, at], 0.0
-        stationary = IMU0 + np.flatnonzero(at & (layout.beta > 0.0))
+        states = _driven(layout, name)
+        drive[k, states], drive[0, states] = drive[0, states], 0.0
+        stationary = IMU0 + np.flatnonzero(states & (layout.beta > 0.0))
         P0[k, stationary, stationary] = P0[0, stationary, stationary]
         P0[0, stationary, stationary] = 0.0
     linear = _linear(solution, len(parts) + 1, len(driven) + 1)
     lever = np.array(problem.antenna_lever_b, dtype=np.float64)
     earth = kernel_earth(problem.frame, problem.backward)
-    linearise_stretch(
+    linearise_segment(
         kernel_intervals(problem.inc),
         ep,
         imu,
@@ -190,18 +246,20 @@ def linear_stretch(solution: Solution, names: Sequence[str]) -> LinearStretch:
         solution.x,
         linear,
     )
-    place = {name: i for i, name in enumerate(names)}
-    of_part = np.array([-1, *(place[name] for name in parts)], dtype=np.int64)
-    kinds = {kind: place.get(name, -1) for name, kind in OF_FIXES.items()}
+    index = {name: i for i, name in enumerate(names)}
+    of_part = np.array([-1, *(index[name] for name in parts)], dtype=np.int64)
+    kinds = {kind: index.get(name, -1) for name, kind in OF_FIXES.items()}
     of_kind = np.array([kinds.get(int(kind), -1) for kind in linear.kind], dtype=np.int64)
     mean0 = np.concatenate([np.zeros(N_NAV), -solution.x[0]])
     reset_s = max(RESET_S, RESET_FIXES * problem.aiding_interval_s)
-    return LinearStretch(tuple(names), linear, P0, mean0, of_part, of_kind, problem.gate, reset_s)
+    return LinearSegment(tuple(names), linear, P0, mean0, of_part, of_kind, problem.gate, reset_s)
 
 
 def _start(solution: Solution) -> Array:
-    """(n, n) a-priori covariance: attitude as the solution has it, widened; position and velocity
-    unknown; IMU as the model has it.
+    """Return the a-priori covariance (n, n).
+
+    The attitude is as the solution has it, widened; position and velocity are unknown; the IMU is
+    as the model has it.
     """
     layout = solution.problem.layout
     P = np.diag(np.concatenate([np.zeros(N_NAV), layout.sigma0]) ** 2)
@@ -213,7 +271,7 @@ def _start(solution: Solution) -> Array:
 
 
 def _linear(solution: Solution, parts: int, driven: int) -> Linear:
-    """Room for the linearised stretch."""
+    """Allocate a linearised segment."""
     ep, layout = solution.problem.epochs, solution.problem.layout
     present, columns = measured_kinds(ep, layout)
     kind = np.flatnonzero(present)
@@ -235,15 +293,28 @@ def _linear(solution: Solution, parts: int, driven: int) -> Linear:
     )
 
 
-def evaluate(stretches: Sequence[LinearStretch], theta: Array) -> Evaluated:
-    """(L.4) and (L.5) of all stretches together at theta (p,) (L.3)."""
+def evaluate(segments: Sequence[LinearSegment], theta: Array) -> Evaluated:
+    """Evaluate (L.4) and (L.5) of all segments together.
+
+    Parameters
+    ----------
+    segments : sequence of LinearSegment
+        The segments.
+    theta : ndarray, (p,)
+        Logarithms of the factors (L.3).
+
+    Returns
+    -------
+    Evaluated
+        The likelihood and its slopes.
+    """
     p = theta.size
     total, cost = np.zeros((1 + p, p)), 0.0
     variance = np.exp(
         2.0 * np.append(theta, 0.0)
     )  # the last, of index -1, is that of what stays as it is
     every: list[tuple[Array, Array, np.ndarray]] = []
-    for s in stretches:
+    for s in segments:
         m, k = s.linear.there.shape
         white, nis, verdict = (
             np.empty((m, k, 3)),
@@ -266,8 +337,8 @@ def evaluate(stretches: Sequence[LinearStretch], theta: Array) -> Evaluated:
             nis,
             verdict,
         )
-        at = verdict[:, POSITION] != NOT_MEASURED
-        every.append((white[at, 0], nis[at, 0], verdict[at, 0]))
-    white, nis, verdict = (np.concatenate([part[i] for part in every]) for i in range(3))
+        measured = verdict[:, POSITION] != NOT_MEASURED
+        every.append((white[measured, 0], nis[measured, 0], verdict[measured, 0]))
+    white, nis, verdict = (np.concatenate([arrays[i] for arrays in every]) for i in range(3))
     rejected = int(np.count_nonzero(verdict == REJECTED))
     return Evaluated(cost, total[0], total[1:], white[verdict == USED], nis, rejected, nis.size)

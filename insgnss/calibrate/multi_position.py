@@ -1,8 +1,8 @@
-"""Deterministic calibration of an IMU from a recording in which it rests in many positions.
+"""Deterministic calibration of an IMU from a recording that is stationary in many positions.
 
-Accelerometers. At rest in any position the specific force has the magnitude of gravity. With raw =
-E f + b (the convention of `prepare.calibration`, E = I + diag(s) + N, N lower triangular) every
-stretch i of mean reading a_i gives one equation,
+Accelerometers. When stationary in any position the specific force has the magnitude of gravity.
+With raw = E f + b (the convention of `prepare.calibration`, E = I + diag(s) + N, N lower
+triangular) every period i of mean reading a_i gives one equation,
 
     | E^-1 (a_i - b) | = g                                                                     (P.1)
 
@@ -12,26 +12,28 @@ d|f|/dE_jk = -(u^T M)_j f_k. An error of g is an error of all of E: it enters th
 E dg / g.
 
 Gyroscopes. At rest they feel their bias and the Earth's rate w (a constant of the level frame, of
-unknown heading, a nuisance with its prior), and between two positions they must carry the vertical
-u from the one to the next (Tedaldi, Pretto, Menegatti 2014):
+unknown heading, a nuisance with its prior), and between two positions they must propagate the
+vertical u from the one to the next (Tedaldi, Pretto, Menegatti 2014):
 
     gyro_i = b + E C_i^T w                                                                     (P.2)
     u_(i+1) = R_i^T (u_i + T_i (C_i^T w) x u_i),   R_i = prod exp([E^-1 (raw - b) dt] x)       (P.3)
 
-C_i takes the sensor's axes into the level frame of the first stretch; T_i is the duration of the
-turn. Turns about the vertical leave u where it is and tell nothing.
+C_i takes the sensor's axes into the level frame of the first period; T_i is the duration of the
+turn. Turns about the vertical leave u where it is and show nothing.
 
 With v = R_i^T u, a change dp of the calibration moves it by
 
-    dv = v x (J dp),   J dp = sum over samples, in the axes at the turn's end, of -M dE (E^-1 (raw - b) dt) - M db dt      (P.4)
+    dv = v x (J dp),   J dp = sum over samples, in the axes at the turn's end,
+                              of -M dE (E^-1 (raw - b) dt) - M db dt                           (P.4)
 
 The residuals of (P.3) share verticals, turn by turn, and all share the accelerometers' calibration:
 their covariance is a full one.
 
-Each group of residuals is weighted by the noise that the stretches show. Where its variance factor
-(residuals' weighted square sum over the degrees of freedom) passes the 99 % bound of chi-square,
-the group's sigmas are multiplied by its root: biases that wander from one position to the next cost
-that much. Weak priors, as wide as a calibration may be, keep unobserved parameters in place.
+Each group of residuals is weighted by the noise that the stationary periods show. Where its
+variance factor (residuals' weighted square sum over the degrees of freedom) passes the 99 % bound
+of chi-square, the group's sigmas are multiplied by its root: biases that wander from one position
+to the next cost that much. Weak priors, as wide as a calibration may be, keep unobserved parameters
+in place.
 """
 
 from dataclasses import dataclass
@@ -55,10 +57,8 @@ POSITIONS = 9
 ASTRAY = 0.02  # rad, rms: no noise of a hand-held turn makes as much
 LEAST_TURN = 1e-6  # rad, of a turn's interpolation between samples
 DISTINCT = np.radians(15.0)  # positions whose vertical differs by less are one
-GRAVITY_SIGMA, ANYWHERE_SIGMA = (
-    5e-4,
-    0.02,
-)  # m/s^2: normal gravity misses 50 mGal of terrain; 9.80665 misses latitude and height
+# m/s^2: normal gravity misses 50 mGal of terrain; 9.80665 misses latitude and height
+GRAVITY_SIGMA, ANYWHERE_SIGMA = 5e-4, 0.02
 LONGEST_TURN_S = 60.0
 AXES = "xyz"
 ACCEL_NAMES = (
@@ -74,8 +74,18 @@ GYRO_NAMES = (
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """The way from stretch `first` to the next: delta (n, 3) rad raw increments, dt (n,) s; sigma
-    rad, of the white noise over it.
+    """The turn from stationary period `first` to the next.
+
+    Parameters
+    ----------
+    first : int
+        Index of the period before the turn.
+    delta : ndarray, (n, 3)
+        Raw increments of angle, rad.
+    dt : ndarray, (n,)
+        Their intervals, s.
+    sigma : float
+        Standard deviation of the white noise over the turn, rad.
     """
 
     first: int
@@ -87,30 +97,44 @@ class Turn:
 def calibrate_multi_position(
     imu: ImuSamples, latitude: float | None = None, height: float = 0.0
 ) -> MultiPosition:
-    """Calibrate both triads from a recording at rest in many positions.
+    """Calibrate both triads from a recording that is stationary in many positions.
 
-    latitude : rad, and height : m above the ellipsoid, of the place; without, gravity is 9.80665
-        m/s^2 with 0.02 m/s^2.
-    Raises DataError where fewer were found, or where the outcome is beyond what a calibration may
-    be.
+    Parameters
+    ----------
+    imu : ImuSamples
+        The recording.
+    latitude : float, optional
+        Geodetic latitude of the site, rad; without it, gravity is 9.80665 m/s^2 with 0.02 m/s^2.
+    height : float
+        Height of the site above the ellipsoid, m.
+
+    Returns
+    -------
+    MultiPosition
+        Calibration with its standard errors.
+
+    Raises
+    ------
+    DataError
+        For fewer than `POSITIONS` positions, and for an outcome beyond what a calibration may be.
     """
-    stretches = stationary_periods(imu)
-    positions = distinct_positions(stretches)
+    periods = stationary_periods(imu)
+    positions = distinct_positions(periods)
     if positions < POSITIONS:
         raise DataError(
-            f"{imu.source or 'IMU'}: {positions} positions at rest found in {len(stretches)}"
-            f" stretches, {POSITIONS} needed; rest the sensor for 5 s and more in each, faces and"
+            f"{imu.source or 'IMU'}: {positions} positions found in {len(periods)} stationary"
+            f" periods, {POSITIONS} needed; rest the sensor for 5 s and more in each, faces and"
             " edges up and down"
         )
     gravity, sigma = local_gravity(latitude, height)
-    accel = calibrate_accelerometers(stretches, gravity, sigma)
-    turns = find_turns(imu, stretches)
+    accel = calibrate_accelerometers(periods, gravity, sigma)
+    turns = find_turns(imu, periods)
     try:
-        gyro = calibrate_gyroscopes(stretches, turns, accel, latitude)
+        gyro = calibrate_gyroscopes(periods, turns, accel, latitude)
     except DataError as error:
         raise DataError(f"{imu.source or 'IMU'}: {error}") from None
     result = MultiPosition(
-        accel, gyro, stretches, positions, len(turns), gravity, sigma, imu.source or "IMU"
+        accel, gyro, periods, positions, len(turns), gravity, sigma, imu.source or "IMU"
     )
     try:
         _ = result.calibration
@@ -122,18 +146,40 @@ def calibrate_multi_position(
     return result
 
 
-def distinct_positions(stretches: StationaryPeriods) -> int:
-    """Number of positions whose verticals differ by `DISTINCT` and more."""
+def distinct_positions(periods: StationaryPeriods) -> int:
+    """Count the positions whose verticals differ by `DISTINCT` and more.
+
+    Parameters
+    ----------
+    periods : StationaryPeriods
+        The stationary periods.
+
+    Returns
+    -------
+    int
+        Number of positions.
+    """
     seen: list[Array] = []
-    for u in _unit(stretches.accel_mean):
+    for u in _unit(periods.accel_mean):
         if all(u @ other < np.cos(DISTINCT) for other in seen):
             seen.append(u)
     return len(seen)
 
 
 def local_gravity(latitude: float | None, height: float) -> tuple[float, float]:
-    """Gravity and its standard deviation, m/s^2, at latitude, rad, and height, m; anywhere for
-    None.
+    """Return gravity at a site and its standard deviation.
+
+    Parameters
+    ----------
+    latitude : float or None
+        Geodetic latitude, rad; None stands for anywhere.
+    height : float
+        Height above the ellipsoid, m.
+
+    Returns
+    -------
+    gravity, sigma : float
+        Gravity and its standard deviation, m/s^2.
     """
     if latitude is None:
         return STANDARD_GRAVITY, ANYWHERE_SIGMA
@@ -141,18 +187,31 @@ def local_gravity(latitude: float | None, height: float) -> tuple[float, float]:
 
 
 def calibrate_accelerometers(
-    stretches: StationaryPeriods, gravity: float, gravity_sigma: float
+    periods: StationaryPeriods, gravity: float, gravity_sigma: float
 ) -> TriadEstimate:
-    """Nine parameters of the accelerometers (P.1). gravity, gravity_sigma : m/s^2."""
-    mean, at = stretches.accel_mean, places(ACCEL_NAMES)
-    sigma = _mean_sigma(stretches.accel_std, stretches.samples, "accel")
+    """Estimate the nine parameters of the accelerometers (P.1).
+
+    Parameters
+    ----------
+    periods : StationaryPeriods
+        The stationary periods.
+    gravity, gravity_sigma : float
+        Gravity and its standard deviation, m/s^2.
+
+    Returns
+    -------
+    TriadEstimate
+        Bias, scale factors and misalignments.
+    """
+    mean, entries = periods.accel_mean, places(ACCEL_NAMES)
+    sigma = _mean_sigma(periods.accel_std, periods.samples, "accel")
 
     def gravity_norm(p: Array) -> tuple[Array, Array]:
-        M = np.linalg.inv(_response(p[3:], at))
+        M = np.linalg.inv(_response(p[3:], entries))
         f = (mean - p[:3]) @ M.T
         norm = np.linalg.norm(f, axis=1)
         row = (f / norm[:, None]) @ M
-        return norm - gravity, np.column_stack([-row, *(-row[:, j] * f[:, k] for j, k in at)])
+        return norm - gravity, np.column_stack([-row, *(-row[:, j] * f[:, k] for j, k in entries)])
 
     fit = solve_groups(
         {"gravity": Group(gravity_norm, sigma**2, 9)},
@@ -160,7 +219,9 @@ def calibrate_accelerometers(
         sizes(POSSIBLE, "accel", ACCEL_NAMES),
     )
     scale = (
-        np.concatenate([np.zeros(3), [_response(fit.values[3:], at)[place] for place in at]])
+        np.concatenate(
+            [np.zeros(3), [_response(fit.values[3:], entries)[entry] for entry in entries]]
+        )
         / gravity
     )
     covariance = fit.covariance + gravity_sigma**2 * np.outer(scale, scale)
@@ -171,39 +232,58 @@ def calibrate_accelerometers(
 
 
 def calibrate_gyroscopes(
-    stretches: StationaryPeriods, turns: list[Turn], accel: TriadEstimate, latitude: float | None
+    periods: StationaryPeriods, turns: list[Turn], accel: TriadEstimate, latitude: float | None
 ) -> TriadEstimate:
-    """Twelve parameters of the gyroscopes (P.2, P.3), the Earth's rate a nuisance. accel : of the
-    accelerometers, on the same stretches.
+    """Estimate the twelve parameters of the gyroscopes (P.2, P.3).
 
-    Raises DataError where the gyros do not carry the vertical from one position to the next.
+    The Earth's rate is a nuisance.
+
+    Parameters
+    ----------
+    periods : StationaryPeriods
+        The stationary periods.
+    turns : list of Turn
+        The turns between them.
+    accel : TriadEstimate
+        Estimate of the accelerometers on the same periods.
+    latitude : float or None
+        Geodetic latitude of the site, rad, where known.
+
+    Returns
+    -------
+    TriadEstimate
+        Bias, scale factors and misalignments.
+
+    Raises
+    ------
+    DataError
+        Where the gyros do not propagate the vertical from one position to the next.
     """
-    from ._kernels import carry
+    from ._kernels import propagate_turn
 
-    up, at = _unit(accel.triad().correct(stretches.accel_mean)), places(GYRO_NAMES)
-    C, linked = _attitudes(stretches, turns, up)
-    sigma = _mean_sigma(stretches.gyro_std, stretches.samples, "gyro")
-    sigma = np.hypot(
-        sigma, np.where(linked, 0.0, EARTH_RATE)
-    )  # where the heading is lost, so is the Earth's rate
+    up, entries = _unit(accel.triad().correct(periods.accel_mean)), places(GYRO_NAMES)
+    C, linked = _attitudes(periods, turns, up)
+    sigma = _mean_sigma(periods.gyro_std, periods.samples, "gyro")
+    # where the heading is unknown, so is the Earth's rate
+    sigma = np.hypot(sigma, np.where(linked, 0.0, EARTH_RATE))
     basis = np.linalg.svd(up[:, None, :])[2][:, 1:]  # (k, 2, 3), across the vertical
 
     def rest(p: Array) -> tuple[Array, Array]:
-        E, rate = _response(p[3:12], at), np.einsum("kji,j->ki", C, p[12:])
+        E, rate = _response(p[3:12], entries), np.einsum("kji,j->ki", C, p[12:])
         jacobian = np.zeros((len(up), 3, 15))
         jacobian[:, :, :3] = -np.eye(3)
         for a in range(3):
             jacobian[:, a, 3 + 3 * a : 6 + 3 * a] = -rate
         jacobian[:, :, 12:] = -E @ np.swapaxes(C, 1, 2)
-        return (stretches.gyro_mean - p[:3] - rate @ E.T).ravel(), jacobian.reshape(-1, 15)
+        return (periods.gyro_mean - p[:3] - rate @ E.T).ravel(), jacobian.reshape(-1, 15)
 
     def turned(p: Array) -> tuple[Array, Array]:
-        M = np.linalg.inv(_response(p[3:12], at))
+        M = np.linalg.inv(_response(p[3:12], entries))
         residual, jacobian = np.empty((len(turns), 2)), np.zeros((len(turns), 2, 15))
         Rt, J = np.empty((3, 3)), np.empty((3, 12))
         for row, turn in enumerate(turns):
             i, length = turn.first, float(turn.dt.sum())
-            carry(turn.delta, turn.dt, M, p[:3], Rt, J)
+            propagate_turn(turn.delta, turn.dt, M, p[:3], Rt, J)
             v = Rt @ (up[i] + length * np.cross(C[i].T @ p[12:], up[i]))
             residual[row] = basis[i + 1] @ v
             jacobian[row, :, :12] = basis[i + 1] @ skew(v) @ J  # (P.4)
@@ -212,7 +292,7 @@ def calibrate_gyroscopes(
 
     groups = {"rest": Group(rest, np.repeat(sigma**2, 3), 3)}
     if turns:
-        groups["turns"] = Group(turned, _turn_covariance(stretches, turns, accel, up, basis), 9)
+        groups["turns"] = Group(turned, _turn_covariance(periods, turns, accel, up, basis), 9)
     rate, rate_sigma = _earth_prior(latitude)
     fit = solve_groups(
         groups,
@@ -233,26 +313,40 @@ def calibrate_gyroscopes(
     )
 
 
-def find_turns(imu: ImuSamples, stretches: StationaryPeriods) -> list[Turn]:
-    """Ways from each stretch to the next that were recorded without a gap."""
+def find_turns(imu: ImuSamples, periods: StationaryPeriods) -> list[Turn]:
+    """Find the turns from each stationary period to the next that were recorded without a gap.
+
+    Parameters
+    ----------
+    imu : ImuSamples
+        The recording.
+    periods : StationaryPeriods
+        The stationary periods.
+
+    Returns
+    -------
+    list of Turn
+        The turns.
+    """
     nominal = nominal_interval(imu.time)
     step = np.diff(imu.time)
     delta = imu.gyro[1:] if imu.quantity == "increments" else imu.gyro[1:] * step[:, None]
     if imu.quantity == "instant_rate":
         delta = 0.5 * (imu.gyro[1:] + imu.gyro[:-1]) * step[:, None]
     turns = []
-    for i in range(len(stretches) - 1):
-        a, b = np.searchsorted(imu.time, [stretches.time[i, 1], stretches.time[i + 1, 0]])
+    for i in range(len(periods) - 1):
+        a, b = np.searchsorted(imu.time, [periods.time[i, 1], periods.time[i + 1, 0]])
         length = imu.time[b] - imu.time[a]
         if b > a and step[a:b].max() < LACKING * nominal and length < LONGEST_TURN_S:
-            sigma = float(np.sqrt(np.mean(stretches.gyro_std[i : i + 2] ** 2) * nominal * length))
+            sigma = float(np.sqrt(np.mean(periods.gyro_std[i : i + 2] ** 2) * nominal * length))
             turns.append(Turn(i, _coned(delta[a:b]), step[a:b].copy(), sigma))
     return turns
 
 
 def _coned(delta: Array) -> Array:
-    """(n, 3) rotation vectors of increments: each with the part that turns across its neighbours
-    make (I.2 of `prepare.increments`).
+    """Return rotation vectors (n, 3) of increments, coning included.
+
+    Each takes the part that turns across its neighbours make (I.2 of `prepare.increments`).
     """
     out = delta.copy()
     across = np.cross(delta[:-1], delta[1:]) / 24.0
@@ -262,18 +356,20 @@ def _coned(delta: Array) -> Array:
 
 
 def _turn_covariance(
-    stretches: StationaryPeriods, turns: list[Turn], accel: TriadEstimate, up: Array, basis: Array
+    periods: StationaryPeriods, turns: list[Turn], accel: TriadEstimate, up: Array, basis: Array
 ) -> Array:
-    """(2 t, 2 t) of the residuals of (P.3): white noise of the gyros, and verticals that two turns
-    share, of one calibration.
-    """
-    from ._kernels import carry
+    """Return the covariance (2 t, 2 t) of the residuals of (P.3).
 
-    bias = np.average(stretches.gyro_mean, axis=0, weights=stretches.samples)
-    noise = _mean_sigma(stretches.accel_std, stretches.samples, "accel") * np.sqrt(
+    It holds the white noise of the gyros, the verticals that two turns share and the
+    accelerometers' calibration that all share.
+    """
+    from ._kernels import propagate_turn
+
+    bias = np.average(periods.gyro_mean, axis=0, weights=periods.samples)
+    noise = _mean_sigma(periods.accel_std, periods.samples, "accel") * np.sqrt(
         max(1.0, accel.variance_factor["gravity"])
     )
-    by_stretch, by_parameter = (
+    by_period, by_parameter = (
         np.zeros((len(turns), 2, len(up), 3)),
         np.zeros((len(turns), 2, len(accel.names))),
     )
@@ -284,39 +380,38 @@ def _turn_covariance(
     Rt, J = np.empty((3, 3)), np.empty((3, 12))
     for row, turn in enumerate(turns):
         i = turn.first
-        carry(turn.delta, turn.dt, np.eye(3), bias, Rt, J)
+        propagate_turn(turn.delta, turn.dt, np.eye(3), bias, Rt, J)
         ends = {i: basis[i + 1] @ Rt, i + 1: -basis[i + 1]}
-        for stretch, matrix in ends.items():
-            by_stretch[row, :, stretch] = matrix * noise[stretch] / STANDARD_GRAVITY
-            by_parameter[row] += matrix @ effect[stretch]
-    A, D = by_stretch.reshape(2 * len(turns), -1), by_parameter.reshape(2 * len(turns), -1)
+        for period, matrix in ends.items():
+            by_period[row, :, period] = matrix * noise[period] / STANDARD_GRAVITY
+            by_parameter[row] += matrix @ effect[period]
+    A, D = by_period.reshape(2 * len(turns), -1), by_parameter.reshape(2 * len(turns), -1)
     white = np.repeat([turn.sigma**2 + LEAST_TURN**2 for turn in turns], 2)
     return np.asarray(np.diag(white) + A @ A.T + D @ accel.covariance @ D.T, dtype=np.float64)
 
 
-def _attitudes(
-    stretches: StationaryPeriods, turns: list[Turn], up: Array
-) -> tuple[Array, NDArray[np.bool_]]:
-    """(k, 3, 3) C_i, levelled by the accelerometers, their headings carried by the gyros as they
-    are; (k,) whether they are known.
-    """
-    from ._kernels import carry
+def _attitudes(periods: StationaryPeriods, turns: list[Turn], up: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return C_i (k, 3, 3), and whether their headings are known (k,).
 
-    bias = np.average(stretches.gyro_mean, axis=0, weights=stretches.samples)
+    They are levelled by the accelerometers, their headings propagated by the gyros as they are.
+    """
+    from ._kernels import propagate_turn
+
+    bias = np.average(periods.gyro_mean, axis=0, weights=periods.samples)
     C, linked = np.empty((len(up), 3, 3)), np.zeros(len(up), dtype=bool)
     ways = {turn.first + 1: turn for turn in turns}
     Rt, J = np.empty((3, 3)), np.empty((3, 12))
     for i, u in enumerate(up):
         rough, linked[i] = np.eye(3), i == 0
         if i in ways:
-            carry(ways[i].delta, ways[i].dt, np.eye(3), bias, Rt, J)
+            propagate_turn(ways[i].delta, ways[i].dt, np.eye(3), bias, Rt, J)
             rough, linked[i] = C[i - 1] @ Rt.T, linked[i - 1]
         C[i] = _to_up(rough @ u) @ rough
     return C, linked
 
 
 def _to_up(v: Array) -> Array:
-    """(3, 3), the shortest rotation of the unit vector v onto (0, 0, -1), up in north-east-down."""
+    """Return the shortest rotation (3, 3) of the unit vector v onto up in north-east-down."""
     up = np.array([0.0, 0.0, -1.0])
     axis, cosine = np.cross(v, up), float(v @ up)
     sine = float(np.linalg.norm(axis))
@@ -326,8 +421,9 @@ def _to_up(v: Array) -> Array:
 
 
 def _earth_prior(latitude: float | None) -> tuple[Array, Array]:
-    """Mean and standard deviation (3,) rad/s of the Earth's rate in a level frame of unknown
-    heading; latitude in rad.
+    """Return mean and standard deviation (3,), rad/s, of the Earth's rate in a level frame.
+
+    The heading of the frame is unknown; latitude is in rad.
     """
     if latitude is None:
         return np.zeros(3), np.full(3, EARTH_RATE / np.sqrt(3.0))
@@ -338,11 +434,11 @@ def _earth_prior(latitude: float | None) -> tuple[Array, Array]:
     )
 
 
-def _response(values: Array, at: list[tuple[int, int]]) -> Array:
-    """(3, 3) E of the parameters after the bias."""
+def _response(values: Array, entries: list[tuple[int, int]]) -> Array:
+    """Return E (3, 3) of the parameters after the bias."""
     E = np.eye(3)
-    for place, value in zip(at, values, strict=True):
-        E[place] += value
+    for entry, value in zip(entries, values, strict=True):
+        E[entry] += value
     return E
 
 
@@ -351,7 +447,7 @@ def _unit(v: Array) -> Array:
 
 
 def _mean_sigma(std: Array, samples: NDArray[np.int64], sensor: str) -> Array:
-    """(k,) standard deviation of the mean of white noise, of any axis."""
+    """Return the standard deviation (k,) of the mean of white noise, of any axis."""
     return np.asarray(
         np.maximum(np.sqrt(np.mean(std**2, axis=1) / samples), LEAST_SIGMA[sensor]),
         dtype=np.float64,

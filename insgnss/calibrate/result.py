@@ -1,5 +1,4 @@
-"""The outcome of a multi-position calibration: parameters with standard errors, and which of them
-the recording observes.
+"""The outcome of a multi-position calibration: parameters, standard errors, observability.
 
 A parameter is observed where its standard error is below a third of what is usual of such sensors
 (`USUAL`), weakly observed below the whole. What is not observed on its own may be known in
@@ -37,8 +36,17 @@ NAMED = 0.3  # least component of a blind direction that is named
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter: rad/s or m/s^2, 1, rad; `verdict` is "observed", "weakly observed" or "not
-    observed".
+    """One parameter of the calibration.
+
+    Parameters
+    ----------
+    sensor, name : str
+        "gyro" or "accel", and the parameter's name.
+    value, sigma : float
+        Value and standard error: a bias in rad/s or m/s^2, a scale factor in 1, a misalignment in
+        rad.
+    verdict : str
+        "observed", "weakly observed" or "not observed".
     """
 
     sensor: str
@@ -49,7 +57,7 @@ class Parameter:
 
     @property
     def shown(self) -> tuple[float, float, str]:
-        """Value and standard error in the unit of the third."""
+        """The value and the standard error in the unit that stands third."""
         if self.name.startswith("bias"):
             factor, unit = (
                 (np.degrees(3600.0), "deg/h")
@@ -63,12 +71,24 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class TriadEstimate:
-    """Estimate of one triad: names (p,), values (p,), covariance (p, p); residuals and what they
-    say.
+    """Estimate of one triad.
 
-    residual : normalised, (r,).
-    variance_factor : of each group, before it was used.
-    blind : directions without information, in words.
+    Parameters
+    ----------
+    sensor : str
+        "gyro" or "accel".
+    names : tuple of str
+        Names of the p parameters.
+    values : ndarray, (p,)
+        Values, SI.
+    covariance : ndarray, (p, p)
+        Their covariance.
+    residual : ndarray, (r,)
+        Normalised residuals.
+    variance_factor : dict of str to float
+        Variance factor of each group, before it was used.
+    blind : tuple of str
+        Directions without information, in words.
     """
 
     sensor: str
@@ -81,17 +101,17 @@ class TriadEstimate:
 
     @property
     def sigma(self) -> Array:
-        """(p,) standard errors."""
+        """The standard errors (p,), SI."""
         return np.asarray(np.sqrt(np.diag(self.covariance)), dtype=np.float64)
 
     @property
     def correlation(self) -> Array:
-        """(p, p)."""
+        """The correlations (p, p)."""
         return self.covariance / np.outer(self.sigma, self.sigma)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """With a verdict on each."""
+        """The parameters, with a verdict on each."""
         out = []
         for name, value, sigma, size in zip(
             self.names, self.values, self.sigma, sizes(USUAL, self.sensor, self.names), strict=True
@@ -108,25 +128,37 @@ class TriadEstimate:
         return tuple(out)
 
     def triad(self) -> TriadCalibration:
-        """For the calibration file."""
+        """Return the estimate for the calibration file."""
         response, sigma = np.eye(3), np.zeros((3, 3))
-        for place, value, error in zip(
+        for entry, value, error in zip(
             places(self.names), self.values[3:], self.sigma[3:], strict=True
         ):
-            response[place] += value
-            sigma[place] = error
+            response[entry] += value
+            sigma[entry] = error
         return TriadCalibration(self.values[:3].copy(), response, self.sigma[:3], sigma)
 
 
 @dataclass(frozen=True, eq=False)
 class MultiPosition:
-    """Calibration from a multi-position recording, and how good it is. gravity, gravity_sigma :
-    m/s^2, used for the scale.
+    """Calibration from a multi-position recording, and how good it is.
+
+    Parameters
+    ----------
+    accel, gyro : TriadEstimate
+        Estimates of the triads.
+    stationary : StationaryPeriods
+        The stationary periods.
+    positions, turns : int
+        Number of distinct positions, and of turns between them.
+    gravity, gravity_sigma : float
+        Gravity used for the scale and its standard deviation, m/s^2.
+    source : str
+        Name of the recording.
     """
 
     accel: TriadEstimate
     gyro: TriadEstimate
-    stretches: StationaryPeriods
+    stationary: StationaryPeriods
     positions: int
     turns: int
     gravity: float
@@ -135,23 +167,25 @@ class MultiPosition:
 
     @property
     def calibration(self) -> ImuCalibration:
-        """To be written with `prepare.calibration.write_calibration`."""
-        what = (
-            f"multi-position, {len(self.stretches)} stretches in {self.positions} positions,"
-            f" gravity {self.gravity:.5f} m/s^2"
+        """The calibration, to be written with `prepare.calibration.write_calibration`."""
+        description = (
+            f"multi-position, {len(self.stationary)} stationary periods in {self.positions}"
+            f" positions, gravity {self.gravity:.5f} m/s^2"
         )
-        return ImuCalibration(self.gyro.triad(), self.accel.triad(), Path(self.source).stem, what)
+        return ImuCalibration(
+            self.gyro.triad(), self.accel.triad(), Path(self.source).stem, description
+        )
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Of both triads."""
+        """The parameters of both triads."""
         return (*self.accel.parameters, *self.gyro.parameters)
 
     def summary(self) -> str:
-        """A table that a person reads."""
+        """Return a table that a person reads."""
         lines = [
             (
-                f"{self.source}: {len(self.stretches)} stretches at rest in {self.positions}"
+                f"{self.source}: {len(self.stationary)} stationary periods in {self.positions}"
                 f" positions, {self.turns} turns between them"
             ),
             (
@@ -177,10 +211,10 @@ class MultiPosition:
         return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON-able: parameters in SI, covariances, residual statistics."""
+        """Return a JSON-able document: parameters in SI, covariances, residual statistics."""
         document: dict[str, Any] = {
             "source": self.source,
-            "stretches": len(self.stretches),
+            "stretches": len(self.stationary),
             "positions": self.positions,
             "turns": self.turns,
             "gravity": self.gravity,
@@ -198,20 +232,33 @@ class MultiPosition:
 
 
 def sizes(table: Mapping[str, float], sensor: str, names: Sequence[str]) -> Array:
-    """(p,) of `USUAL` or `POSSIBLE`, rad/s, m/s^2, 1 or rad."""
+    """Return the sizes (p,) of `USUAL` or `POSSIBLE`, in rad/s, m/s^2, 1 or rad."""
     kinds = [name.split()[0] for name in names]
     return np.array([table[f"bias {sensor}" if kind == "bias" else kind] for kind in kinds])
 
 
 def places(names: tuple[str, ...]) -> list[tuple[int, int]]:
-    """Places in E of the parameters after the bias."""
+    """Return the entries (row, column) of E of the parameters after the bias."""
     words = [name.split()[1] for name in names[3:]]
     return [("xyz".index(word[0]), "xyz".index(word[-1])) for word in words]
 
 
 def blind_directions(sensor: str, names: tuple[str, ...], covariance: Array) -> tuple[str, ...]:
-    """Combinations of parameters that are not observed, in words, each with its standard error in
-    units of the usual.
+    """Name the combinations of parameters that are not observed.
+
+    Parameters
+    ----------
+    sensor : str
+        "gyro" or "accel".
+    names : tuple of str
+        Names of the p parameters.
+    covariance : ndarray, (p, p)
+        Their covariance, SI.
+
+    Returns
+    -------
+    tuple of str
+        Combinations in words, each with its standard error in units of the usual.
     """
     size = sizes(USUAL, sensor, names)
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))

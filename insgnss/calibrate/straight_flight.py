@@ -1,12 +1,12 @@
 """Spectrum of the IMU in straight flight: what the airframe adds, and how much of it is white noise
 to a filter.
 
-Straight, level parts at constant speed are found from the smoothed trajectory; the mean periodogram
-of their samples (Welch 1967, Hann windows of `WINDOW_S`, half overlapping, a line taken off each)
-is given as a root density in the convention of the noise model: two-sided, so that white noise q of
-the model is a level line at q,
+Straight, level segments at constant speed are found from the smoothed trajectory; the mean
+periodogram of their samples (Welch 1967, Hann windows of `WINDOW_S`, half overlapping, a line taken
+off each) is given as a root density in the convention of the noise model: two-sided, so that white
+noise q of the model is a level line at q,
 
-    q(f) = sqrt(S(f) / 2),     S one-sided, the integral of S over 0 to rate/2 being the variance                    (W.1)
+    q(f) = sqrt(S(f) / 2),  S one-sided, the integral of S over 0 to rate/2 being the variance (W.1)
 
 A line of a propeller or an engine stands above the median of its neighbourhood (half an octave on
 both sides). Its variance is what stands above that floor; integrated by the filter it swings the
@@ -38,32 +38,33 @@ from ..prepare.gaps import nominal_interval
 from ..records import Array, ImuSamples
 
 WINDOW_S, SHORTEST_S = 4.0, 8.0
-GRID_S, SMOOTH_S = 0.5, 2.0  # of the course and speed that tell straight flight
-STRAIGHT_RAD_S, LEVEL, STEADY, MOVING_MS = (
-    np.radians(5.0),
-    0.2,
-    0.1,
-    1.0,
-)  # turn; climb and change of speed a second over speed; speed
-LOWEST_HZ, HIGHEST = (
-    2.0,
-    0.25,
-)  # above the vehicle's motion; of the rate, below what filters of sensors cut
-LINE_CHANCE, LEAST_RATIO = (
-    1e-6,
-    3.0,
-)  # that a bin of a level floor is taken for a line; of power, to a floor that is not level
-PEAK, EVEN = (
-    2.0,
-    0.2,
-)  # of a line's power, to that beside it; of the power of octaves that are level
+GRID_S, SMOOTH_S = 0.5, 2.0  # of the course and speed that show straight flight
+# turn; climb and change of speed a second over speed; speed
+STRAIGHT_RAD_S, LEVEL, STEADY, MOVING_MS = np.radians(5.0), 0.2, 0.1, 1.0
+# above the vehicle's motion; of the rate, below what filters of sensors cut
+LOWEST_HZ, HIGHEST = 2.0, 0.25
+# that a bin of a level floor is taken for a line; of power, to a floor that is not level
+LINE_CHANCE, LEAST_RATIO = 1e-6, 3.0
+# of a line's power, to that beside it; of the power of octaves that are level
+PEAK, EVEN = 2.0, 0.2
 
 
 @dataclass(frozen=True)
 class SpectralLine:
-    """A line of one channel. rms : rad/s or m/s^2.
-    swing : (W.2), rad or m/s.
-    above_floor : of its highest bin, in density.
+    """A spectral line of one channel.
+
+    Parameters
+    ----------
+    channel : str
+        Name of the channel.
+    frequency_hz : float
+        Its centre, Hz.
+    rms : float
+        Root mean square, rad/s or m/s^2.
+    swing : float
+        Amplitude after integration (W.2), rad or m/s.
+    above_floor : float
+        Ratio of its highest bin to the floor, in density.
     """
 
     channel: str
@@ -75,14 +76,33 @@ class SpectralLine:
 
 @dataclass(frozen=True)
 class StraightFlight:
-    """Root densities of the six channels (body axes), X/sqrt(Hz) with X rad/s and m/s^2, in
-    straight flight.
+    """Root densities of the six channels (body axes) in straight flight.
 
-    segments (k, 2) s.
-    windows : averaged periodograms.   frequency_hz (n,).   density, floor (6, n).
-    mean_with_lines, mean_without_lines (6,): over `LOWEST_HZ` to rate/2.   upper_limit (6,): least octave mean, of white noise.
-    level, level_from_hz (6,): mean of the highest octaves where two and more are level, and where
-    that begins; NaN where they are not.
+    X stands for rad/s (gyros) and m/s^2 (accelerometers).
+
+    Parameters
+    ----------
+    rate_hz : float
+        Sampling rate, Hz.
+    segments : ndarray, (k, 2)
+        Begin and end of the segments used, s.
+    windows : int
+        Number of averaged periodograms.
+    frequency_hz : ndarray, (n,)
+        Frequencies, Hz.
+    density, floor : ndarray, (6, n)
+        Root density and the median of its neighbourhood, X/sqrt(Hz).
+    lines : tuple of SpectralLine
+        Lines above the floor.
+    mean_with_lines, mean_without_lines : ndarray, (6,)
+        Mean densities over `LOWEST_HZ` to rate/2, X/sqrt(Hz).
+    upper_limit : ndarray, (6,)
+        Least octave mean, an upper limit of white noise, X/sqrt(Hz).
+    level, level_from_hz : ndarray, (6,)
+        Mean of the highest octaves where two and more are level, and where that begins; NaN where
+        they are not.
+    lowest_hz : float
+        Frequency below which the vehicle's own motion hides the noise, Hz.
     """
 
     rate_hz: float
@@ -101,12 +121,23 @@ class StraightFlight:
 
     @property
     def duration_s(self) -> float:
-        """Length of all segments."""
+        """The length of all segments, s."""
         return float(np.sum(self.segments[:, 1] - self.segments[:, 0]))
 
 
 def straight_segments(solution: Solution) -> Array:
-    """(k, 2) s, begin and end of straight, level parts at constant speed, `SHORTEST_S` and longer."""
+    """Find the straight, level segments at constant speed.
+
+    Parameters
+    ----------
+    solution : Solution
+        A smoothed solution.
+
+    Returns
+    -------
+    ndarray, (k, 2)
+        Begin and end of segments of `SHORTEST_S` and longer, s.
+    """
     time, v = solution.time, solution.nav[:, VEL]
     if time[-1] - time[0] < SHORTEST_S:
         return np.zeros((0, 2))
@@ -133,10 +164,21 @@ def straight_segments(solution: Solution) -> Array:
 
 
 def straight_flight(imu: ImuSamples, C_b_imu: Array, segments: Array) -> StraightFlight | None:
-    """Spectrum of the samples within `segments` (k, 2) s; None where none of them holds a window
-    without gaps.
+    """Estimate the spectrum of the samples within straight segments.
 
-    C_b_imu (3, 3): axes of the samples to body.
+    Parameters
+    ----------
+    imu : ImuSamples
+        Samples of the IMU.
+    C_b_imu : ndarray, (3, 3)
+        Rotation of the samples' axes into the body frame.
+    segments : ndarray, (k, 2)
+        Begin and end of the segments, s.
+
+    Returns
+    -------
+    StraightFlight or None
+        None where no segment holds a window without gaps.
     """
     from scipy.signal import get_window
 
@@ -145,9 +187,9 @@ def straight_flight(imu: ImuSamples, C_b_imu: Array, segments: Array) -> Straigh
     window = get_window("hann", n)
     power, windows, used = np.zeros((6, n // 2 + 1)), 0, []
     for begin, end in segments:
-        at = slice(*np.searchsorted(imu.time, [begin, end]))
-        time = imu.time[at]
-        x = np.hstack([imu.gyro[at] @ C_b_imu.T, imu.accel[at] @ C_b_imu.T]) / (
+        samples = slice(*np.searchsorted(imu.time, [begin, end]))
+        time = imu.time[samples]
+        x = np.hstack([imu.gyro[samples] @ C_b_imu.T, imu.accel[samples] @ C_b_imu.T]) / (
             dt if imu.quantity == "increments" else 1.0
         )
         before = windows
@@ -242,24 +284,24 @@ def _lines(
     runs = np.flatnonzero(
         np.diff(np.concatenate([[0], (above & (frequency >= LOWEST_HZ)).astype(np.int64), [0]]))
     ).reshape(-1, 2)
-    found = []
+    lines = []
     for first, stop in runs:
-        at = slice(max(first - 1, 0), stop + 1)
-        if S[at].max() < PEAK * max(S[at.start], S[min(stop, S.size - 1)]):
+        bins = slice(max(first - 1, 0), stop + 1)
+        if S[bins].max() < PEAK * max(S[bins.start], S[min(stop, S.size - 1)]):
             continue  # the flank of the vehicle's motion
-        excess = np.maximum(S[at] - floor[at], 0.0)
-        centre = float(np.sum(frequency[at] * excess) / np.sum(excess))
+        excess = np.maximum(S[bins] - floor[bins], 0.0)
+        centre = float(np.sum(frequency[bins] * excess) / np.sum(excess))
         rms = float(np.sqrt(np.sum(excess) * step))
-        found.append(
+        lines.append(
             SpectralLine(
                 channel,
                 centre,
                 rms,
                 rms / (2.0 * np.pi * centre),
-                float(np.sqrt(np.max(S[at] / floor[at]))),
+                float(np.sqrt(np.max(S[bins] / floor[bins]))),
             )
         )
-    return found
+    return lines
 
 
 def _octaves(frequency: Array, S: Array, highest: float) -> tuple[Array, Array, Array]:

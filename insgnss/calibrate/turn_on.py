@@ -1,6 +1,6 @@
-"""The bias at turn-on, from stretches at rest before take-off or after landing.
+"""The bias at turn-on, from stationary periods before take-off or after landing.
 
-At rest, with u the unit vector upwards in body axes, the mean readings of a stretch are
+With u the unit vector upwards in body axes, the mean readings of a stationary period are
 
     gyro  = b_g + w_e (u sin(lat) + h cos(lat)) + noise                                        (U.1)
     accel = b_a + g u + noise                                                                  (U.2)
@@ -12,7 +12,7 @@ priori.
 
 Each channel's a-priori standard deviation enters as such (the turn-on bias of the noise model), and
 what comes out is the a-posteriori mean and covariance of the bias: a start for the filter. Several
-stretches see one bias plus a wander of their own, taken from the scatter of their means where there
+periods see one bias plus a wander of their own, taken from the scatter of their means where there
 are three and more; the Earth's rate is the same in all, and no mean takes its share away.
 """
 
@@ -27,22 +27,29 @@ from ..geodesy.earth import EARTH_RATE, normal_gravity
 from ..prepare.stationarity import StationaryPeriods
 from ..records import Array
 
-LEAST_SIGMA = {
-    "gyro": 1e-7,
-    "accel": 2e-5,
-}  # rad/s, m/s^2, of the mean of a rest: sensors that round to a constant
-ONE_ATTITUDE_DEG = (
-    5.0  # between verticals of rests: a body that settles on its legs, and not one that was turned
-)
+# rad/s, m/s^2, of the mean of a stationary period: sensors that round to a constant
+LEAST_SIGMA = {"gyro": 1e-7, "accel": 2e-5}
+# between verticals of stationary periods: a body that settles on its legs, not one that was turned
+ONE_ATTITUDE_DEG = 5.0
 GRAVITY_SIGMA = 5e-4  # m/s^2, normal gravity against the true one
 
 
 @dataclass(frozen=True, eq=False)
 class TurnOnBias:
-    """Bias in body axes with its covariance: gyro (3,) rad/s, gyro_cov (3, 3); accel (3,) m/s^2,
-    accel_cov (3, 3).
+    """Bias in body axes with its covariance.
 
-    seconds : length of the stretches used.
+    Parameters
+    ----------
+    gyro : ndarray, (3,)
+        Bias of the gyros, rad/s.
+    gyro_cov : ndarray, (3, 3)
+        Its covariance.
+    accel : ndarray, (3,)
+        Bias of the accelerometers, m/s^2.
+    accel_cov : ndarray, (3, 3)
+        Its covariance.
+    seconds : float
+        Length of the stationary periods used, s.
     """
 
     gyro: Array
@@ -53,16 +60,16 @@ class TurnOnBias:
 
     @property
     def mean(self) -> Array:
-        """(6,) gyro x y z, accelerometer x y z."""
+        """The bias (6,): gyro x y z, accelerometer x y z, SI."""
         return np.concatenate([self.gyro, self.accel])
 
     @property
     def sigma(self) -> Array:
-        """(6,) standard deviations."""
+        """The standard deviations (6,), SI."""
         return np.sqrt(np.concatenate([np.diag(self.gyro_cov), np.diag(self.accel_cov)]))
 
     def summary(self) -> str:
-        """One sentence."""
+        """Return the bias and its standard deviation in one sentence."""
         gyro, accel = np.degrees(3600.0 * self.sigma[:3]), 1e3 * self.sigma[3:] / STANDARD_GRAVITY
         return (
             f"{self.seconds:.0f} s at rest: gyro bias {_three(np.degrees(3600.0 * self.gyro))} +-"
@@ -76,46 +83,64 @@ def _three(values: Array) -> str:
 
 
 def turn_on_bias(
-    stretches: StationaryPeriods,
+    periods: StationaryPeriods,
     C_b_imu: ArrayLike,
     latitude: float,
     height: float,
     gyro_prior: ArrayLike,
     accel_prior: ArrayLike,
 ) -> TurnOnBias:
-    """Bias from stretches at rest in one attitude (select them with `StationaryPeriods.within`).
+    """Estimate the bias from stationary periods in one attitude.
 
-    C_b_imu : (3, 3), IMU axes to body.   latitude : rad; height : m above the ellipsoid.
-    gyro_prior, accel_prior : (3,) rad/s, m/s^2, standard deviations before, body axes.
-    Raises DataError where there is no stretch, or where the attitudes of the stretches differ by
-    more than 5 deg.
+    Parameters
+    ----------
+    periods : StationaryPeriods
+        The stationary periods; select those of one attitude with `within`.
+    C_b_imu : array_like, (3, 3)
+        Rotation of the IMU's axes into the body frame.
+    latitude : float
+        Geodetic latitude, rad.
+    height : float
+        Height above the ellipsoid, m.
+    gyro_prior, accel_prior : array_like, (3,)
+        A-priori standard deviations in body axes, rad/s and m/s^2.
+
+    Returns
+    -------
+    TurnOnBias
+        A-posteriori bias and covariance.
+
+    Raises
+    ------
+    DataError
+        Without a period, and where the attitudes of the periods differ by more than 5 deg.
     """
-    if not len(stretches):
+    if not len(periods):
         raise DataError(
-            "no stretch at rest of a second and more; the turn-on bias needs one before take-off or"
-            " after landing"
+            "no stationary period of a second and more; the turn-on bias needs one before take-off"
+            " or after landing"
         )
     C = np.asarray(C_b_imu, dtype=np.float64)
     gyro, gyro_noise = _mean(
-        stretches.gyro_mean @ C.T,
-        stretches.gyro_std @ np.abs(C).T,
-        stretches.samples,
+        periods.gyro_mean @ C.T,
+        periods.gyro_std @ np.abs(C).T,
+        periods.samples,
         LEAST_SIGMA["gyro"],
     )
     accel, accel_noise = _mean(
-        stretches.accel_mean @ C.T,
-        stretches.accel_std @ np.abs(C).T,
-        stretches.samples,
+        periods.accel_mean @ C.T,
+        periods.accel_std @ np.abs(C).T,
+        periods.samples,
         LEAST_SIGMA["accel"],
     )
-    each = stretches.accel_mean @ C.T
+    each = periods.accel_mean @ C.T
     u = accel / np.linalg.norm(accel)
     apart = float(
         np.degrees(np.arccos(np.clip(each @ u / np.linalg.norm(each, axis=1), -1.0, 1.0)).max())
     )
     if apart > ONE_ATTITUDE_DEG:
         raise DataError(
-            f"stretches at rest tilted by {apart:.1f} deg (limit {ONE_ATTITUDE_DEG:g} deg) against"
+            f"stationary periods tilted by {apart:.1f} deg (limit {ONE_ATTITUDE_DEG:g} deg) against"
             " each other; take those of one attitude"
         )
     level_cov = 0.5 * (EARTH_RATE * np.cos(latitude)) ** 2 * (np.eye(3) - np.outer(u, u))  # (U.1)
@@ -127,15 +152,16 @@ def turn_on_bias(
     force, force_cov = _updated(
         np.diag(np.square(accel_prior)), u[None, :], size, np.array([[sigma**2]])
     )
-    seconds = float(np.diff(stretches.time, axis=1).sum())
+    seconds = float(np.diff(periods.time, axis=1).sum())
     return TurnOnBias(bias, bias_cov, force, force_cov, seconds)
 
 
 def _mean(
     means: Array, std: Array, samples: NDArray[np.int64], least: float
 ) -> tuple[Array, Array]:
-    """Weighted mean (3,) of stretches, and its standard deviation: white noise, and the stretches'
-    own scatter.
+    """Return the weighted mean (3,) of the periods and its standard deviation.
+
+    It holds white noise and the periods' own scatter.
     """
     weight = samples / samples.sum()
     mean = weight @ means
@@ -147,8 +173,9 @@ def _mean(
 
 
 def _updated(P: Array, H: Array, z: Array, R: Array) -> tuple[Array, Array]:
-    """Mean and covariance of a zero-mean state of covariance P after z = H x + noise of covariance
-    R.
+    """Return mean and covariance of a state after z = H x + noise of covariance R.
+
+    Before, its mean is zero and its covariance P.
     """
     K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
     left = np.eye(len(P)) - K @ H

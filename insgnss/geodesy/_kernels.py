@@ -21,7 +21,15 @@ from .earth import CENTRIFUGAL_M, E2, EP2, GRAVITY_EQUATOR, SOMIGLIANA_K, A, B, 
 
 @njit(cache=True)
 def quat_to_matrix(q, out):
-    """Matrix out (3, 3) of the unit quaternion q (4,) w, x, y, z."""
+    """Write the rotation matrix of a unit quaternion.
+
+    Parameters
+    ----------
+    q : ndarray, (4,)
+        Unit quaternion w, x, y, z.
+    out : ndarray, (3, 3)
+        Rotation matrix, written here.
+    """
     w, x, y, z = q[0], q[1], q[2], q[3]
     out[0, 0] = 1.0 - 2.0 * (y * y + z * z)
     out[0, 1] = 2.0 * (x * y - w * z)
@@ -36,10 +44,16 @@ def quat_to_matrix(q, out):
 
 @njit(cache=True)
 def gravity_ecef(x, y, z, out):
-    """Normal gravity out (3,), m/s^2 in ECEF axes, at x, y, z, m: `earth` (E.2) down the
-    ellipsoidal normal.
+    """Write normal gravity at a position: `earth` (E.2) down the ellipsoidal normal.
 
     It holds the centrifugal part; the position must not be the Earth's centre.
+
+    Parameters
+    ----------
+    x, y, z : float
+        Position in ECEF, m.
+    out : ndarray, (3,)
+        Gravity in ECEF axes, m/s^2, written here.
     """
     p = math.sqrt(x * x + y * y)
     num = B * z * (1.0 + EP2 * B / math.sqrt(p * p + z * z))  # (K.1)

@@ -2,8 +2,10 @@
 
 Normal gravity on the ellipsoid (Somigliana) and at height h, with the centrifugal part:
 
-    gamma_0 = gamma_e (1 + k sin^2 lat) / sqrt(1 - e^2 sin^2 lat),   k = b gamma_p / (a gamma_e) - 1      (E.1)
-    gamma   = gamma_0 [1 - 2/a (1 + f + m - 2 f sin^2 lat) h + 3 h^2 / a^2],   m = omega^2 a^2 b / GM     (E.2)
+    gamma_0 = gamma_e (1 + k sin^2 lat) / sqrt(1 - e^2 sin^2 lat)                              (E.1)
+    k       = b gamma_p / (a gamma_e) - 1
+    gamma   = gamma_0 [1 - 2/a (1 + f + m - 2 f sin^2 lat) h + 3 h^2 / a^2]                    (E.2)
+    m       = omega^2 a^2 b / GM
 
 It acts along the ellipsoidal normal, downwards. Its true direction at height leans north by 8.08e-9
 h sin(2 lat) m/s^2 (Groves 2.140), 0.1 micro-g at 120 m, which is left out. The series (E.2) is good
@@ -32,15 +34,37 @@ CENTRIFUGAL_M = EARTH_RATE**2 * A**2 * B / GM
 
 
 def curvature_radii(lat: ArrayLike) -> tuple[Array, Array]:
-    """Radii of curvature (M of the meridian, N of the prime vertical), m, at latitude `lat`, rad."""
+    """Return the radii of curvature of the WGS84 ellipsoid.
+
+    Parameters
+    ----------
+    lat : array_like, (...)
+        Geodetic latitude, rad.
+
+    Returns
+    -------
+    M, N : ndarray, (...)
+        Radii of the meridian and of the prime vertical, m.
+    """
     w2 = 1.0 - E2 * np.sin(lat) ** 2
     N = A / np.sqrt(w2)
     return N * (1.0 - E2) / w2, N
 
 
 def normal_gravity(lat: ArrayLike, h: ArrayLike) -> Array:
-    """Magnitude of normal gravity, m/s^2, at latitude `lat`, rad, and height `h`, m above the
-    ellipsoid (E.1, E.2).
+    """Return the magnitude of normal gravity at a height (E.1, E.2).
+
+    Parameters
+    ----------
+    lat : array_like, (...)
+        Geodetic latitude, rad.
+    h : array_like, (...)
+        Height above the WGS84 ellipsoid, m.
+
+    Returns
+    -------
+    ndarray, (...)
+        Normal gravity with its centrifugal part, m/s^2. It acts down the ellipsoidal normal.
     """
     h = np.asarray(h, dtype=np.float64)
     s2 = np.sin(lat) ** 2

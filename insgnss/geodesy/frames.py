@@ -28,8 +28,19 @@ Array = NDArray[np.float64]
 
 
 def geodetic_to_ecef(lat: ArrayLike, lon: ArrayLike, h: ArrayLike) -> Array:
-    """ECEF coordinates (..., 3), m, of latitude and longitude, rad, and ellipsoidal height, m
-    (F.1).
+    """Convert geodetic to ECEF coordinates (F.1).
+
+    Parameters
+    ----------
+    lat, lon : array_like, (...)
+        Geodetic latitude and longitude, rad.
+    h : array_like, (...)
+        Height above the WGS84 ellipsoid, m.
+
+    Returns
+    -------
+    ndarray, (..., 3)
+        Coordinates x, y, z in ECEF, m, of the arguments' common shape.
     """
     lat, lon, h = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in (lat, lon, h)))
     _, N = curvature_radii(lat)
@@ -38,8 +49,19 @@ def geodetic_to_ecef(lat: ArrayLike, lon: ArrayLike, h: ArrayLike) -> Array:
 
 
 def ecef_to_geodetic(xyz: ArrayLike) -> tuple[Array, Array, Array]:
-    """Latitude, longitude, rad, and ellipsoidal height, m, of ECEF coordinates (..., 3), m, away
-    from the Earth's centre (F.2 to F.4).
+    """Convert ECEF to geodetic coordinates (F.2 to F.4).
+
+    Parameters
+    ----------
+    xyz : array_like, (..., 3)
+        Coordinates in ECEF, m, away from the Earth's centre.
+
+    Returns
+    -------
+    lat, lon : ndarray, (...)
+        Geodetic latitude and longitude, rad.
+    h : ndarray, (...)
+        Height above the WGS84 ellipsoid, m.
     """
     xyz = np.asarray(xyz, dtype=np.float64)
     x, y, z = xyz[..., 0], xyz[..., 1], xyz[..., 2]
@@ -58,7 +80,18 @@ def _normalised(sin: Array, cos: Array) -> tuple[Array, Array]:
 
 
 def rotation_en(lat: ArrayLike, lon: ArrayLike) -> Array:
-    """C_en (..., 3, 3): north, east, down at latitude and longitude, rad, into ECEF."""
+    """Return C_en, the rotation of north, east, down (NED) at a point into ECEF.
+
+    Parameters
+    ----------
+    lat, lon : array_like, (...)
+        Geodetic latitude and longitude, rad.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        Rotation matrices; their columns are north, east and down in ECEF.
+    """
     lat, lon = np.broadcast_arrays(
         np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64)
     )
@@ -71,14 +104,36 @@ def rotation_en(lat: ArrayLike, lon: ArrayLike) -> Array:
 
 
 def rotation_em(lat: ArrayLike, lon: ArrayLike) -> Array:
-    """C_em (..., 3, 3): east, north, up at latitude and longitude, rad, into ECEF."""
+    """Return C_em, the rotation of east, north, up (ENU) at a point into ECEF.
+
+    Parameters
+    ----------
+    lat, lon : array_like, (...)
+        Geodetic latitude and longitude, rad.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        Rotation matrices; their columns are east, north and up in ECEF.
+    """
     return rotation_en(lat, lon) @ NED_ENU
 
 
 @dataclass(frozen=True)
 class _PointFrame(ABC):
-    """Cartesian, Earth-fixed frame with its origin at a geodetic point: latitude and longitude,
-    rad, ellipsoidal height, m.
+    """A Cartesian, Earth-fixed frame with its origin at a geodetic point.
+
+    Parameters
+    ----------
+    lat, lon : float
+        Geodetic latitude and longitude of the origin, rad.
+    height : float
+        Height of the origin above the WGS84 ellipsoid, m.
+
+    Raises
+    ------
+    InputError
+        Where latitude, longitude or height is not finite or beyond what its unit allows.
     """
 
     lat: float
@@ -97,22 +152,44 @@ class _PointFrame(ABC):
 
     @property
     def origin_ecef(self) -> Array:
-        """(3,) m, the origin in ECEF."""
+        """The origin in ECEF, ndarray (3,), m."""
         return geodetic_to_ecef(self.lat, self.lon, self.height)
 
     @abstractmethod
     def _axes(self) -> Array:
-        """(3, 3), this frame's axes into ECEF."""
+        """Return the rotation (3, 3) of this frame's axes into ECEF."""
 
     def position_from_geodetic(self, lat: ArrayLike, lon: ArrayLike, h: ArrayLike) -> Array:
-        """Coordinates (..., 3), m, in this frame of latitude and longitude, rad, and ellipsoidal
-        height, m.
+        """Convert geodetic coordinates to this frame.
+
+        Parameters
+        ----------
+        lat, lon : array_like, (...)
+            Geodetic latitude and longitude, rad.
+        h : array_like, (...)
+            Height above the WGS84 ellipsoid, m.
+
+        Returns
+        -------
+        ndarray, (..., 3)
+            Coordinates in this frame, m.
         """
         return (geodetic_to_ecef(lat, lon, h) - self.origin_ecef) @ self._axes()
 
     def geodetic_from_position(self, position: ArrayLike) -> tuple[Array, Array, Array]:
-        """Latitude, longitude, rad, and ellipsoidal height, m, of coordinates (..., 3), m, in this
-        frame.
+        """Convert coordinates in this frame to geodetic ones.
+
+        Parameters
+        ----------
+        position : array_like, (..., 3)
+            Coordinates in this frame, m.
+
+        Returns
+        -------
+        lat, lon : ndarray, (...)
+            Geodetic latitude and longitude, rad.
+        h : ndarray, (...)
+            Height above the WGS84 ellipsoid, m.
         """
         return ecef_to_geodetic(
             np.asarray(position, dtype=np.float64) @ self._axes().T + self.origin_ecef
@@ -124,8 +201,21 @@ class _PointFrame(ABC):
 
 @dataclass(frozen=True)
 class LocalFrame(_PointFrame):
-    """The flight's frame l: axes north, east, down at the origin, everywhere parallel to
-    themselves.
+    """The flight's local frame l: north, east, down (NED) at its origin.
+
+    The axes are parallel to themselves everywhere.
+
+    Parameters
+    ----------
+    lat, lon : float
+        Geodetic latitude and longitude of the origin, rad.
+    height : float
+        Height of the origin above the WGS84 ellipsoid, m.
+
+    Raises
+    ------
+    InputError
+        Where latitude, longitude or height is not finite or beyond what its unit allows.
     """
 
     def _axes(self) -> Array:
@@ -133,36 +223,84 @@ class LocalFrame(_PointFrame):
 
     @property
     def C_el(self) -> Array:
-        """(3, 3), l into ECEF."""
+        """The rotation of l into ECEF, ndarray (3, 3)."""
         return self._axes()
 
     @property
     def earth_rate_l(self) -> Array:
-        """(3,) rad/s, rotation of the Earth with respect to inertial space, in l."""
+        """The Earth's rotation against inertial space in l, ndarray (3,), rad/s."""
         return EARTH_RATE * np.array([np.cos(self.lat), 0.0, -np.sin(self.lat)])
 
     def C_ln(self, lat: ArrayLike, lon: ArrayLike) -> Array:
-        """(..., 3, 3), north, east, down at latitude and longitude, rad, into l."""
+        """Return C_ln, the rotation of north, east, down (NED) at a point into l.
+
+        Parameters
+        ----------
+        lat, lon : array_like, (...)
+            Geodetic latitude and longitude, rad.
+
+        Returns
+        -------
+        ndarray, (..., 3, 3)
+            Rotation matrices.
+        """
         return self._from_ned(lat, lon)
 
     def C_ln_at(self, p_l: ArrayLike) -> Array:
-        """(..., 3, 3), north, east, down at the points p_l (..., 3), m in l, into l."""
+        """Return C_ln, the rotation of north, east, down (NED) into l, at points given in l.
+
+        Parameters
+        ----------
+        p_l : array_like, (..., 3)
+            Points in l, m.
+
+        Returns
+        -------
+        ndarray, (..., 3, 3)
+            Rotation matrices.
+        """
         lat, lon, _ = self.geodetic_from_position(p_l)
         return self._from_ned(lat, lon)
 
 
 @dataclass(frozen=True)
 class TangentPlane(_PointFrame):
-    """The mapping frame m: axes east, north, up at the origin, everywhere parallel to themselves."""
+    """The mapping frame m: east, north, up (ENU) at its origin.
+
+    The axes are parallel to themselves everywhere.
+
+    Parameters
+    ----------
+    lat, lon : float
+        Geodetic latitude and longitude of the origin, rad.
+    height : float
+        Height of the origin above the WGS84 ellipsoid, m.
+
+    Raises
+    ------
+    InputError
+        Where latitude, longitude or height is not finite or beyond what its unit allows.
+    """
 
     def _axes(self) -> Array:
         return rotation_em(self.lat, self.lon)
 
     @property
     def C_em(self) -> Array:
-        """(3, 3), m into ECEF."""
+        """The rotation of m into ECEF, ndarray (3, 3)."""
         return self._axes()
 
     def C_mn(self, lat: ArrayLike, lon: ArrayLike) -> Array:
-        """(..., 3, 3), north, east, down at latitude and longitude, rad, into m."""
+        """Return C_mn, the rotation of north, east, down (NED) at a point into m.
+
+        Parameters
+        ----------
+        lat, lon : array_like, (...)
+            Geodetic latitude and longitude, rad.
+
+        Returns
+        -------
+        ndarray, (..., 3, 3)
+            Rotation matrices.
+        """
         return self._from_ned(lat, lon)

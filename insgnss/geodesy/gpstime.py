@@ -2,7 +2,7 @@
 
 GPS time (GPST) counts SI seconds from 1980-01-06 00:00:00 UTC and knows no leap seconds; UTC lags
 behind it by the leap seconds since then. Unix time counts UTC as if every day had 86400 s: within
-an inserted leap second it repeats itself, so that one second of UTC cannot be told from the next,
+an inserted leap second it repeats itself, so that one second of UTC equals the next,
 here as in every Unix clock.
 
 Time of week follows the package's rule: seconds of one week, which go on counting past its end.
@@ -36,22 +36,49 @@ _LEAP_GPS_S = _LEAP_UNIX_S - GPS_EPOCH_UNIX_S + np.arange(1, len(LEAP_DAYS) + 1)
 
 
 def leap_seconds(unix_utc_s: ArrayLike) -> NDArray[np.int64]:
-    """GPST - UTC in whole seconds at Unix times, s."""
+    """Return the leap seconds GPST - UTC.
+
+    Parameters
+    ----------
+    unix_utc_s : array_like, (...)
+        Unix times, s.
+
+    Returns
+    -------
+    ndarray of int, (...)
+        Whole seconds.
+    """
     return np.searchsorted(_LEAP_UNIX_S, np.asarray(unix_utc_s, dtype=np.float64), side="right")
 
 
 def gps_from_unix_utc(unix_utc_s: ArrayLike) -> tuple[int, Array]:
-    """GPS week of the first instant, and seconds of that week of all (same shape), of Unix times,
-    s.
+    """Convert Unix times to GPS week and time of week.
 
-    A float64 Unix time of our days resolves 0.24 microseconds. Raises InputError before 1980-01-06.
+    A float64 Unix time of our days resolves 0.24 microseconds.
+
+    Parameters
+    ----------
+    unix_utc_s : array_like, (...)
+        Unix times, s of UTC; one at least.
+
+    Returns
+    -------
+    week : int
+        GPS week of the first instant.
+    tow : ndarray, (...)
+        Seconds of that week, GPST, which go on counting past its end.
+
+    Raises
+    ------
+    InputError
+        Without any time, and for a time before 1980-01-06.
     """
     unix = np.asarray(unix_utc_s, dtype=np.float64)
     if unix.size == 0 or not unix.min() >= GPS_EPOCH_UNIX_S:
-        what = "no time" if unix.size == 0 else f"Unix time {unix.min():.3f} s"
+        problem = "no time" if unix.size == 0 else f"Unix time {unix.min():.3f} s"
         raise InputError(
-            f"{what}; GPS time starts at Unix time {GPS_EPOCH_UNIX_S:.0f} s (1980-01-06); check the"
-            " column and its unit"
+            f"{problem}; GPS time starts at Unix time {GPS_EPOCH_UNIX_S:.0f} s (1980-01-06); check"
+            " the column and its unit"
         )
     gps = unix - GPS_EPOCH_UNIX_S + leap_seconds(unix)
     week = int(gps.flat[0] // WEEK_S)
@@ -59,10 +86,28 @@ def gps_from_unix_utc(unix_utc_s: ArrayLike) -> tuple[int, Array]:
 
 
 def gps_from_calendar(when: datetime, scale: Literal["utc", "gpst"] = "utc") -> tuple[int, float]:
-    """GPS week and time of week, s, of a calendar date, which RINEX gives in GPST and most else in
-    UTC.
+    """Convert a calendar date to GPS week and time of week.
 
-    A date without time zone is taken in `scale` as it stands. Raises InputError before 1980-01-06.
+    RINEX gives its dates in GPST, most other sources in UTC.
+
+    Parameters
+    ----------
+    when : datetime
+        The date; one without time zone is taken in `scale` as it stands.
+    scale : {"utc", "gpst"}
+        Time scale of the date.
+
+    Returns
+    -------
+    week : int
+        GPS week.
+    tow : float
+        Time of week, s, GPST.
+
+    Raises
+    ------
+    InputError
+        For a date before 1980-01-06.
     """
     stamp = when.replace(tzinfo=UTC) if when.tzinfo is None else when.astimezone(UTC)
     elapsed = stamp - GPS_EPOCH
@@ -78,8 +123,21 @@ def gps_from_calendar(when: datetime, scale: Literal["utc", "gpst"] = "utc") -> 
 
 
 def calendar_from_gps(week: int, tow: float, scale: Literal["utc", "gpst"] = "utc") -> datetime:
-    """Calendar date, to the microsecond, of GPS week and time of week, s; in UTC with its time
-    zone, or in GPST without one.
+    """Convert GPS week and time of week to a calendar date.
+
+    Parameters
+    ----------
+    week : int
+        GPS week.
+    tow : float
+        Time of week, s, GPST.
+    scale : {"utc", "gpst"}
+        Time scale of the date.
+
+    Returns
+    -------
+    datetime
+        The date to the microsecond: in UTC with its time zone, or in GPST without one.
     """
     gps = timedelta(weeks=int(week), seconds=float(tow))
     if scale == "gpst":
@@ -89,11 +147,20 @@ def calendar_from_gps(week: int, tow: float, scale: Literal["utc", "gpst"] = "ut
 
 
 def unwrap_week(tow: ArrayLike) -> Array:
-    """Times of week (n,), s, that fall back by a week at its end, as seconds of the first one's
-    week that go on counting.
+    """Let times of week count on past the end of the first one's week.
 
     Only a fall of more than half a week is a week's end; a smaller step back is left for the record
     to refuse.
+
+    Parameters
+    ----------
+    tow : array_like, (n,)
+        Times of week, s, which fall back by a week at its end.
+
+    Returns
+    -------
+    ndarray, (n,)
+        Seconds of the first one's week.
     """
     tow = np.asarray(tow, dtype=np.float64)
     falls = np.diff(tow) < -0.5 * WEEK_S

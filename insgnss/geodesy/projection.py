@@ -43,14 +43,22 @@ HOW = (
 
 
 class MapProjection:
-    """A projected CRS.
+    """A projected CRS: its coordinates, the axes of its grid and its scale (G.1).
 
-    definition : EPSG code ("EPSG:2056", "2056", "EPSG:25832+7837"), WKT or PROJ text, or the path
-        of a file that holds one.
-    geoid : a grid of geoid heights above WGS84's ellipsoid (GeoTIFF, .gtx, ...) where the CRS has
-        no vertical part.
-    Raises UsageError for a CRS that is unknown, not projected, counts in left-handed axes or other
-    units than metres.
+    Parameters
+    ----------
+    definition : str
+        EPSG code ("EPSG:2056", "2056", "EPSG:25832+7837"), WKT or PROJ text, or the path of a file
+        that holds one.
+    geoid : Path, optional
+        Grid of geoid heights above the WGS84 ellipsoid (GeoTIFF, .gtx, ...), for a CRS without a
+        vertical part.
+
+    Raises
+    ------
+    UsageError
+        For a CRS that is unknown, not projected or counts in other units than metres, for a geoid
+        beside a CRS with heights of its own, and for a geoid file that does not exist.
     """
 
     def __init__(self, definition: str, geoid: Path | None = None) -> None:
@@ -72,26 +80,27 @@ class MapProjection:
 
     @property
     def name(self) -> str:
-        """Code and name, such as "EPSG:2056 CH1903+ / LV95"."""
+        """The code and the name of the CRS, such as EPSG:2056 CH1903+ / LV95."""
         return f"{self.code} {self.crs.name}".strip()
 
     @property
     def code(self) -> str:
-        """Authority code of the horizontal part, empty where it has none."""
+        """The authority code of the horizontal part, empty where it has none."""
         code = self.horizontal.to_authority()
         return ":".join(code) if code else ""
 
     @property
     def heights(self) -> str:
-        """What the third coordinate is."""
+        """The name of what the third coordinate is."""
         if self.crs.is_compound:
             return str(self.crs.sub_crs_list[1].name)
         return "above the ellipsoid of WGS84" if self.geoid is None else _above(self.geoid)
 
     @property
     def northing_first(self) -> bool:
-        """Whether the CRS itself names northing before easting; coordinates here are easting,
-        northing all the same.
+        """Whether the CRS itself names northing before easting.
+
+        Coordinates here are easting, northing all the same.
         """
         return bool(self.horizontal.axis_info[0].direction.lower() in ("north", "south"))
 
@@ -107,11 +116,24 @@ class MapProjection:
         return _geoid_transformer(self.geoid)
 
     def forward(self, lat: Array, lon: Array, h: Array) -> Array:
-        """Coordinates (n, 3), m, of latitude, longitude (n,) rad and height (n,) m above WGS84's
-        ellipsoid.
+        """Project geodetic coordinates.
 
-        Raises InputError where the CRS or its grids do not reach, or the grid of heights is not
-        installed.
+        Parameters
+        ----------
+        lat, lon : ndarray, (n,)
+            Geodetic latitude and longitude on WGS84, rad.
+        h : ndarray, (n,)
+            Height above the WGS84 ellipsoid, m.
+
+        Returns
+        -------
+        ndarray, (n, 3)
+            Easting, northing and height of the CRS, m.
+
+        Raises
+        ------
+        InputError
+            Where the CRS or its grids do not reach the points, or a grid is not installed.
         """
         horizontal = self.forward_horizontal(lat, lon, h)
         if not self.crs.is_compound and self.geoid is None:
@@ -120,16 +142,50 @@ class MapProjection:
         return np.column_stack([horizontal, z])
 
     def forward_horizontal(self, lat: Array, lon: Array, h: Array) -> Array:
-        """The first two coordinates (n, 2) of `forward`."""
+        """Project geodetic coordinates to the first two coordinates of `forward`.
+
+        Parameters
+        ----------
+        lat, lon : ndarray, (n,)
+            Geodetic latitude and longitude on WGS84, rad.
+        h : ndarray, (n,)
+            Height above the WGS84 ellipsoid, m.
+
+        Returns
+        -------
+        ndarray, (n, 2)
+            Easting and northing of the CRS, m.
+
+        Raises
+        ------
+        InputError
+            Where the CRS or its grids do not reach the points, or a grid is not installed.
+        """
         x, y, _ = _run(self._horizontal, self.name, np.degrees(lon), np.degrees(lat), h)
         return np.column_stack([x, y])
 
     def inverse(self, coordinates: Array) -> tuple[Array, Array, Array]:
-        """Latitude, longitude, rad, and height above WGS84's ellipsoid, m, of coordinates (n, 3),
-        m.
+        """Convert coordinates of the CRS to geodetic ones.
 
-        Steps of Newton from PROJ's own inverse, since that of a datum with rotations is half a
-        millimetre off what `forward` gives.
+        Steps of Newton start from PROJ's own inverse, since that of a datum with rotations is half
+        a millimetre off what `forward` gives.
+
+        Parameters
+        ----------
+        coordinates : ndarray, (n, 3)
+            Easting, northing and height of the CRS, m.
+
+        Returns
+        -------
+        lat, lon : ndarray, (n,)
+            Geodetic latitude and longitude on WGS84, rad.
+        h : ndarray, (n,)
+            Height above the WGS84 ellipsoid, m.
+
+        Raises
+        ------
+        InputError
+            Where the CRS or its grids do not reach the points, or a grid is not installed.
         """
         x = np.asarray(coordinates, dtype=np.float64)
         lon, lat, _ = _run(self._horizontal, self.name, x[:, 0], x[:, 1], x[:, 2], inverse=True)
@@ -142,11 +198,27 @@ class MapProjection:
         return lat, lon, h
 
     def axes(self, lat: Array, lon: Array, h: Array) -> Array:
-        """G (n, 3, 3) of (G.1): east, north, up at points as in `forward` into the axes of the
-        coordinates.
+        """Return G of (G.1), the rotation of east, north, up into the axes of the grid.
 
-        Raises UsageError where the axes are left-handed or the projection is not conformal: no
-        attitude can be given in them.
+        Parameters
+        ----------
+        lat, lon : ndarray, (n,)
+            Geodetic latitude and longitude on WGS84, rad.
+        h : ndarray, (n,)
+            Height above the WGS84 ellipsoid, m.
+
+        Returns
+        -------
+        ndarray, (n, 3, 3)
+            Rotation matrices.
+
+        Raises
+        ------
+        UsageError
+            Where the axes are left-handed or the projection is not conformal: no attitude can be
+            given in them.
+        InputError
+            Where the CRS or its grids do not reach the points, or a grid is not installed.
         """
         J = self._jacobian(lat, lon, h)
         scale = np.sqrt(np.abs(np.linalg.det(J)))
@@ -168,11 +240,29 @@ class MapProjection:
         return G
 
     def ground_scale(self, lat: Array, lon: Array, h: Array) -> Array:
-        """m (n,) of (G.1) at points as in `forward`."""
+        """Return m of (G.1), the scale of grid distances at the points' height.
+
+        Parameters
+        ----------
+        lat, lon : ndarray, (n,)
+            Geodetic latitude and longitude on WGS84, rad.
+        h : ndarray, (n,)
+            Height above the WGS84 ellipsoid, m.
+
+        Returns
+        -------
+        ndarray, (n,)
+            Metres of the grid for a metre on the ground.
+
+        Raises
+        ------
+        InputError
+            Where the CRS or its grids do not reach the points, or a grid is not installed.
+        """
         return np.asarray(np.sqrt(np.abs(np.linalg.det(self._jacobian(lat, lon, h)))))
 
     def _jacobian(self, lat: Array, lon: Array, h: Array) -> Array:
-        """m G (n, 2, 2), columns east and north."""
+        """Return m G (n, 2, 2), its columns east and north."""
         M, N = curvature_radii(lat)
         half = 0.5 * STEP_RAD
         east, west, north, south = (
@@ -188,8 +278,17 @@ class MapProjection:
         )
 
     def outside(self, lat: Array, lon: Array) -> int:
-        """How many of the points, rad, lie outside the area for which the CRS is made; 0 where the
-        registry names none.
+        """Count the points outside the area for which the CRS is made.
+
+        Parameters
+        ----------
+        lat, lon : ndarray, (n,)
+            Geodetic latitude and longitude, rad.
+
+        Returns
+        -------
+        int
+            Number of points; 0 where the registry names no area.
         """
         area = self.horizontal.area_of_use
         if area is None:
@@ -200,8 +299,14 @@ class MapProjection:
         )
 
     def operation(self) -> tuple[str, float]:
-        """Name of the datum transformation that was last used, and its accuracy, m; negative where
-        unknown.
+        """Return the datum transformation that was last used.
+
+        Returns
+        -------
+        name : str
+            Its name, empty before the first use.
+        accuracy : float
+            Its accuracy, m; negative where unknown.
         """
         try:
             used = self._horizontal.get_last_used_operation()
@@ -225,10 +330,26 @@ def _crs(definition: str) -> Any:
 
 
 def undulation(geoid: Path, lat: Array, lon: Array) -> Array:
-    """Height (n,) m of the geoid of a grid above WGS84's ellipsoid at latitude, longitude (n,) rad.
+    """Return the height of a geoid above the WGS84 ellipsoid.
 
-    Raises UsageError for a grid that is not there, InputError for one that PROJ does not read or
-    that does not reach.
+    Parameters
+    ----------
+    geoid : Path
+        Grid of geoid heights (GeoTIFF, .gtx, ...).
+    lat, lon : ndarray, (n,)
+        Geodetic latitude and longitude, rad.
+
+    Returns
+    -------
+    ndarray, (n,)
+        Geoid undulation, m.
+
+    Raises
+    ------
+    UsageError
+        Where the file does not exist.
+    InputError
+        For a grid that PROJ does not read or that does not reach the points.
     """
     grid = _geoid_file(geoid)
     return -_run(
@@ -249,7 +370,10 @@ def _geoid_file(geoid: Path) -> Path:
 
 
 def _geoid_transformer(geoid: Path) -> Any:
-    """Heights above WGS84's ellipsoid to those above the geoid, at longitude, latitude in degrees."""
+    """Return PROJ's step from ellipsoidal heights to those above the geoid.
+
+    It takes longitude and latitude in degrees.
+    """
     from pyproj import Transformer
     from pyproj.exceptions import ProjError
 
@@ -277,8 +401,10 @@ def _transformer(source: str, target: Any) -> Any:
         if "not available" not in why:
             raise InputError(f"CRS {target.name}: {why[:200]}; give another CRS") from None
         grid = why.partition("Grid ")[2].partition(" is not")[0]
-        what = "name a geoid file and a horizontal CRS instead, or install the grid with `projsync`"
-        raise InputError(f"CRS {target.name}: its grid {grid} is not installed; {what}") from None
+        advice = (
+            "name a geoid file and a horizontal CRS instead, or install the grid with `projsync`"
+        )
+        raise InputError(f"CRS {target.name}: its grid {grid} is not installed; {advice}") from None
 
 
 def _run(

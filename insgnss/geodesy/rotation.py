@@ -46,7 +46,18 @@ CV_RUB.flags.writeable = False
 
 
 def skew(v: ArrayLike) -> Array:
-    """Matrix [v x] with [v x] w = v x w; v (..., 3) to (..., 3, 3)."""
+    """Return the matrix [v x] of a cross product, [v x] w = v x w.
+
+    Parameters
+    ----------
+    v : array_like, (..., 3)
+        Vectors.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        Skew-symmetric matrices.
+    """
     v = np.asarray(v, dtype=np.float64)
     out = np.zeros((*v.shape, 3))
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
@@ -55,7 +66,18 @@ def skew(v: ArrayLike) -> Array:
 
 
 def rotation_from_vector(v: ArrayLike) -> Array:
-    """exp([v x]) (R.1); v (..., 3) rad to (..., 3, 3)."""
+    """Return the rotation matrix exp([v x]) of a rotation vector (R.1).
+
+    Parameters
+    ----------
+    v : array_like, (..., 3)
+        Rotation vectors, rad.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        Rotation matrices.
+    """
     v = np.asarray(v, dtype=np.float64)
     theta = np.linalg.norm(v, axis=-1)[..., None, None]
     first = np.sinc(theta / np.pi)
@@ -65,21 +87,42 @@ def rotation_from_vector(v: ArrayLike) -> Array:
 
 
 def vector_from_rotation(C: ArrayLike) -> Array:
-    """Rotation vector (..., 3), rad, of length at most pi, of the rotations C (..., 3, 3); accurate
-    near 0 and near pi.
+    """Return the rotation vector of a rotation matrix.
+
+    It is accurate near 0 and near pi.
+
+    Parameters
+    ----------
+    C : array_like, (..., 3, 3)
+        Rotation matrices.
+
+    Returns
+    -------
+    ndarray, (..., 3)
+        Rotation vectors of length at most pi, rad.
     """
     q = quaternion_from_rotation(C)
     sine = np.linalg.norm(q[..., 1:], axis=-1)
     small = sine < 1e-8
     angle = 2.0 * np.arctan2(sine, q[..., 0])
-    factor = np.where(
-        small, 2.0, angle / np.where(small, 1.0, sine)
-    )  # angle / sin(angle/2) -> 2, relative error < 1e-16
+    # angle / sin(angle/2) -> 2, relative error < 1e-16
+    factor = np.where(small, 2.0, angle / np.where(small, 1.0, sine))
     return factor[..., None] * q[..., 1:]
 
 
 def quaternion_from_rotation(C: ArrayLike) -> Array:
-    """Unit quaternion (..., 4) w, x, y, z with w >= 0 of the rotations C (..., 3, 3), from (R.2)."""
+    """Return the unit quaternion of a rotation matrix, from (R.2).
+
+    Parameters
+    ----------
+    C : array_like, (..., 3, 3)
+        Rotation matrices.
+
+    Returns
+    -------
+    ndarray, (..., 4)
+        Hamilton quaternions w, x, y, z of the same direction, with w >= 0.
+    """
     C = np.asarray(C, dtype=np.float64)
     d = np.diagonal(C, axis1=-2, axis2=-1)
     K = np.empty((*C.shape[:-2], 4, 4))
@@ -96,7 +139,18 @@ def quaternion_from_rotation(C: ArrayLike) -> Array:
 
 
 def rotation_from_quaternion(q: ArrayLike) -> Array:
-    """Matrix (..., 3, 3) of the unit quaternions q (..., 4) w, x, y, z."""
+    """Return the rotation matrix of a unit quaternion.
+
+    Parameters
+    ----------
+    q : array_like, (..., 4)
+        Unit quaternions w, x, y, z.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        Rotation matrices of the same direction.
+    """
     q = np.asarray(q, dtype=np.float64)
     w, v = q[..., 0, None, None], q[..., 1:]
     V = skew(v)
@@ -114,13 +168,13 @@ def _elementary(axis: int, angle: Array) -> Array:
 
 
 def _compose(angles: Array, axes: tuple[int, int, int]) -> Array:
-    """(R.3) with signs +; angles (..., 3) in the order of the product."""
+    """Return (R.3) with signs +; angles (..., 3) stand in the order of the product."""
     first, second, third = (_elementary(axis, angles[..., i]) for i, axis in enumerate(axes))
     return first @ second @ third
 
 
 def _jacobian(angles: Array, axes: tuple[int, int, int]) -> Array:
-    """(R.4) with signs +; angles (..., 3) and columns in the order of the product."""
+    """Return (R.4) with signs +; angles (..., 3) and columns stand in the order of the product."""
     first = _elementary(axes[0], angles[..., 0])
     E = np.zeros((*angles.shape, 3))
     E[..., axes[0], 0] = 1.0
@@ -138,13 +192,33 @@ _YPR_SIGNS = np.array([-1.0, 1.0, 1.0])
 
 
 def rotation_from_rpy(rpy: ArrayLike) -> Array:
-    """C_nb = Rz(yaw) Ry(pitch) Rx(roll); rpy (..., 3) roll, pitch, yaw in rad to (..., 3, 3)."""
+    """Compose C_nb = Rz(yaw) Ry(pitch) Rx(roll) (R.3).
+
+    Parameters
+    ----------
+    rpy : array_like, (..., 3)
+        Roll, pitch, yaw, rad.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        Rotation matrices, body FRD into NED.
+    """
     return _compose(np.asarray(rpy, dtype=np.float64)[..., ::-1], _ZYX)
 
 
 def rpy_from_rotation(C_nb: ArrayLike) -> Array:
-    """Roll, pitch, yaw (..., 3) in rad of C_nb (..., 3, 3); roll and yaw in (-pi, pi], pitch in
-    [-pi/2, pi/2].
+    """Return roll, pitch, yaw of C_nb = Rz(yaw) Ry(pitch) Rx(roll).
+
+    Parameters
+    ----------
+    C_nb : array_like, (..., 3, 3)
+        Rotation matrices, body FRD into NED.
+
+    Returns
+    -------
+    ndarray, (..., 3)
+        Roll, pitch, yaw, rad. Roll and yaw lie in (-pi, pi], pitch in [-pi/2, pi/2].
     """
     C = np.asarray(C_nb, dtype=np.float64)
     roll, yaw = np.arctan2(C[..., 2, 1], C[..., 2, 2]), np.arctan2(C[..., 1, 0], C[..., 0, 0])
@@ -152,64 +226,185 @@ def rpy_from_rotation(C_nb: ArrayLike) -> Array:
 
 
 def rpy_jacobian(rpy: ArrayLike) -> Array:
-    """E (..., 3, 3) of psi = E d(roll, pitch, yaw), psi in NED axes (R.4)."""
+    """Return E of psi = E d(roll, pitch, yaw), psi in NED axes (R.4).
+
+    Parameters
+    ----------
+    rpy : array_like, (..., 3)
+        Roll, pitch, yaw, rad.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        Jacobians; psi (rad) is the small rotation error of the true matrix exp([psi x]) R.
+    """
     return _jacobian(np.asarray(rpy, dtype=np.float64)[..., ::-1], _ZYX)[..., ::-1]
 
 
 def rotation_from_opk(opk: ArrayLike) -> Array:
-    """R = Rx(omega) Ry(phi) Rz(kappa); opk (..., 3) in rad to (..., 3, 3)."""
+    """Compose R = Rx(omega) Ry(phi) Rz(kappa) (R.3).
+
+    Parameters
+    ----------
+    opk : array_like, (..., 3)
+        Omega, phi, kappa, rad.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        Rotation matrices, camera right-up-back into the map's axes.
+    """
     return _compose(np.asarray(opk, dtype=np.float64), _XYZ)
 
 
 def opk_from_rotation(R: ArrayLike) -> Array:
-    """Omega, phi, kappa (..., 3) in rad of R (..., 3, 3); phi in [-pi/2, pi/2]."""
+    """Return omega, phi, kappa of R = Rx(omega) Ry(phi) Rz(kappa).
+
+    Parameters
+    ----------
+    R : array_like, (..., 3, 3)
+        Rotation matrices, camera right-up-back into the map's axes.
+
+    Returns
+    -------
+    ndarray, (..., 3)
+        Omega, phi, kappa, rad. Phi lies in [-pi/2, pi/2].
+    """
     R = np.asarray(R, dtype=np.float64)
     omega, kappa = np.arctan2(-R[..., 1, 2], R[..., 2, 2]), np.arctan2(-R[..., 0, 1], R[..., 0, 0])
     return np.stack([omega, _arcsin(R[..., 0, 2]), kappa], axis=-1)
 
 
 def opk_jacobian(opk: ArrayLike) -> Array:
-    """E (..., 3, 3) of psi = E d(omega, phi, kappa), psi in the map's axes (R.4)."""
+    """Return E of psi = E d(omega, phi, kappa), psi in the map's axes (R.4).
+
+    Parameters
+    ----------
+    opk : array_like, (..., 3)
+        Omega, phi, kappa, rad.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        Jacobians; psi (rad) is the small rotation error of the true matrix exp([psi x]) R.
+    """
     return _jacobian(np.asarray(opk, dtype=np.float64), _XYZ)
 
 
 def rotation_from_pok(pok: ArrayLike) -> Array:
-    """R = Ry(phi) Rx(omega) Rz(kappa); pok (..., 3) phi, omega, kappa in rad to (..., 3, 3)."""
+    """Compose R = Ry(phi) Rx(omega) Rz(kappa) (R.3).
+
+    Parameters
+    ----------
+    pok : array_like, (..., 3)
+        Phi, omega, kappa, rad.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        Rotation matrices, camera right-up-back into the map's axes.
+    """
     return _compose(np.asarray(pok, dtype=np.float64), _YXZ)
 
 
 def pok_from_rotation(R: ArrayLike) -> Array:
-    """Phi, omega, kappa (..., 3) in rad of R (..., 3, 3); omega in [-pi/2, pi/2]."""
+    """Return phi, omega, kappa of R = Ry(phi) Rx(omega) Rz(kappa).
+
+    Parameters
+    ----------
+    R : array_like, (..., 3, 3)
+        Rotation matrices, camera right-up-back into the map's axes.
+
+    Returns
+    -------
+    ndarray, (..., 3)
+        Phi, omega, kappa, rad. Omega lies in [-pi/2, pi/2].
+    """
     R = np.asarray(R, dtype=np.float64)
     phi, kappa = np.arctan2(R[..., 0, 2], R[..., 2, 2]), np.arctan2(R[..., 1, 0], R[..., 1, 1])
     return np.stack([phi, _arcsin(-R[..., 1, 2]), kappa], axis=-1)
 
 
 def pok_jacobian(pok: ArrayLike) -> Array:
-    """E (..., 3, 3) of psi = E d(phi, omega, kappa), psi in the map's axes (R.4)."""
+    """Return E of psi = E d(phi, omega, kappa), psi in the map's axes (R.4).
+
+    Parameters
+    ----------
+    pok : array_like, (..., 3)
+        Phi, omega, kappa, rad.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        Jacobians; psi (rad) is the small rotation error of the true matrix exp([psi x]) R.
+    """
     return _jacobian(np.asarray(pok, dtype=np.float64), _YXZ)
 
 
 def rotation_from_ypr(ypr: ArrayLike) -> Array:
-    """R = Rz(-yaw) Rx(pitch) Ry(roll); ypr (..., 3) yaw, pitch, roll in rad to (..., 3, 3)."""
+    """Compose R = Rz(-yaw) Rx(pitch) Ry(roll) (R.3).
+
+    Parameters
+    ----------
+    ypr : array_like, (..., 3)
+        Yaw, pitch, roll, rad.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        Rotation matrices, camera right-up-back into ENU.
+    """
     return _compose(np.asarray(ypr, dtype=np.float64) * _YPR_SIGNS, _ZXY)
 
 
 def ypr_from_rotation(R: ArrayLike) -> Array:
-    """Yaw, pitch, roll (..., 3) in rad of R (..., 3, 3); pitch in [-pi/2, pi/2]."""
+    """Return yaw, pitch, roll of R = Rz(-yaw) Rx(pitch) Ry(roll).
+
+    Parameters
+    ----------
+    R : array_like, (..., 3, 3)
+        Rotation matrices, camera right-up-back into ENU.
+
+    Returns
+    -------
+    ndarray, (..., 3)
+        Yaw, pitch, roll, rad. Pitch lies in [-pi/2, pi/2].
+    """
     R = np.asarray(R, dtype=np.float64)
     yaw, roll = np.arctan2(R[..., 0, 1], R[..., 1, 1]), np.arctan2(-R[..., 2, 0], R[..., 2, 2])
     return np.stack([yaw, _arcsin(R[..., 2, 1]), roll], axis=-1)
 
 
 def ypr_jacobian(ypr: ArrayLike) -> Array:
-    """E (..., 3, 3) of psi = E d(yaw, pitch, roll), psi in ENU axes (R.4)."""
+    """Return E of psi = E d(yaw, pitch, roll), psi in ENU axes (R.4).
+
+    Parameters
+    ----------
+    ypr : array_like, (..., 3)
+        Yaw, pitch, roll, rad.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        Jacobians; psi (rad) is the small rotation error of the true matrix exp([psi x]) R.
+    """
     return _jacobian(np.asarray(ypr, dtype=np.float64) * _YPR_SIGNS, _ZXY) * _YPR_SIGNS
 
 
 def nearest_rotation(M: ArrayLike) -> Array:
-    """Rotation nearest to M (..., 3, 3) in the Frobenius norm, determinant +1 (Kabsch: U diag(1, 1,
-    det U V^T) V^T).
+    """Return the rotation nearest to a matrix in the Frobenius norm.
+
+    It is Kabsch's U diag(1, 1, det U V^T) V^T, of determinant +1.
+
+    Parameters
+    ----------
+    M : array_like, (..., 3, 3)
+        Matrices.
+
+    Returns
+    -------
+    ndarray, (..., 3, 3)
+        Rotation matrices.
     """
     U, _, Vt = np.linalg.svd(np.asarray(M, dtype=np.float64))
     sign = np.sign(np.linalg.det(U @ Vt))
@@ -218,8 +413,19 @@ def nearest_rotation(M: ArrayLike) -> Array:
 
 
 def is_rotation(M: ArrayLike, tol: float = 1e-6) -> bool:
-    """Whether every matrix of M (..., 3, 3) is orthonormal within `tol` (greatest entry of M M^T -
-    I) with determinant +1.
+    """Tell whether every matrix is orthonormal with determinant +1.
+
+    Parameters
+    ----------
+    M : array_like, (..., 3, 3)
+        Matrices.
+    tol : float
+        Limit of the greatest entry of M M^T - I.
+
+    Returns
+    -------
+    bool
+        False for another shape and for values that are not finite, too.
     """
     M = np.asarray(M, dtype=np.float64)
     if M.shape[-2:] != (3, 3) or not np.isfinite(M).all():

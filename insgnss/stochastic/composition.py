@@ -136,9 +136,9 @@ class Composition:
         """
         other = [p for p in _LINEAR.values() if getattr(axis, p) and not getattr(self, p)]
         if other or len(axis.gauss_markov) != self.gauss_markov:
-            found = ", ".join([*other, f"{len(axis.gauss_markov)} Gauss-Markov"])
+            present = ", ".join([*other, f"{len(axis.gauss_markov)} Gauss-Markov"])
             raise UsageError(
-                f"an axis with {found} processes is not of {self}; take `composition_of`"
+                f"an axis with {present} processes is not of {self}; take `composition_of`"
             )
         named = {name: getattr(axis, name) for name in self.linear}
         for k, process in enumerate(
@@ -152,27 +152,34 @@ class Composition:
 
 
 def composition_of(axis: AxisNoise) -> Composition:
-    """The processes that an axis has. Raises UsageError where it has none."""
+    """Return the processes that an axis has.
+
+    Raises
+    ------
+    UsageError
+        Where it has none.
+    """
     return Composition(
         **{p: getattr(axis, p) > 0.0 for p in _LINEAR.values()}, gauss_markov=len(axis.gauss_markov)
     )
 
 
 def families(largest: Composition) -> tuple[Composition, ...]:
-    """All compositions of processes of `largest`, itself included, by number of parameters and then
-    by name.
+    """Return all compositions of processes of `largest`, itself included.
+
+    They are in order of the number of parameters and then of the name.
     """
-    found = []
+    compositions = []
     for switch in range(2 ** len(largest.linear)):
         chosen: dict[str, Any] = {
             name: True for i, name in enumerate(largest.linear) if switch >> i & 1
         }
-        found += [
+        compositions += [
             Composition(**chosen, gauss_markov=k)
             for k in range(largest.gauss_markov + 1)
             if k or chosen
         ]
-    return tuple(sorted(found, key=lambda c: (c.size, str(c))))
+    return tuple(sorted(compositions, key=lambda c: (c.size, str(c))))
 
 
 def _term(term: str, text: str) -> tuple[int, str]:
@@ -184,7 +191,7 @@ def _term(term: str, text: str) -> tuple[int, str]:
     name = match[2].strip().upper().removesuffix("()")
     if name not in _ALIASES:
         near = difflib.get_close_matches(name, _ALIASES, n=3, cutoff=0.3)
-        near.sort(key=lambda known: known[0] != name[0])
+        near.sort(key=lambda alias: alias[0] != name[0])
         hint = (
             f"did you mean {near[0]!r}?"
             if near

@@ -6,8 +6,8 @@ and S the cumulated samples, S has the generalised covariance (minus half the va
 S(t), up to a constant)
 
     K(h) = -sigma^2 (P exp(-u|h|) + (c/2) |h|),                                                (G.1)
-    samples of the process ("point", which is an AR(1) of phi = exp(-u)):   P = 1/(4 sinh^2 v),   c = coth v
-    means of the process over the intervals ("mean"):                       P = 1/u^2,            c = 1/v
+    samples of the process ("point", an AR(1) of phi = exp(-u)):  P = 1/(4 sinh^2 v),  c = coth v
+    means of the process over the intervals ("mean"):             P = 1/u^2,           c = 1/v
 
 since minus its second difference (by integration in the second case) is the autocovariance. A
 variance of the Allan family is a high even difference of K at spacing m, over a power of m, as (1,
@@ -22,14 +22,16 @@ f is the tail of the series of x = -log(1 - a) and behaves as x^3/3: it is summe
 in x where the difference would cancel. The textbook form of (G.2) subtracts numbers of size 1/u^3
 there. The derivative is free of the trouble too:
 
-    d(G.2)/d log T = sigma^2 (P/m^2) (2 (1 + L) f - x a^2 - 2 x L),    L = v coth v - 1;  means: sigma^2 (2 f/x^2 - a^2/x)   (G.5)
+    d(G.2)/d log T = sigma^2 (P/m^2) (2 (1 + L) f - x a^2 - 2 x L),    L = v coth v - 1;
+    means:           sigma^2 (2 f/x^2 - a^2/x)                                                 (G.5)
 
 L comes from Lambert's continued fraction v^2/(3 + k), k = v^2/(5 + v^2/(7 + ...)); then P = ((1 +
 L)^2 - v^2)/u^2 and B = (2/v)(v^2 - L (1 + L)). The modified Allan variance needs K summed twice
 more; with r5 = x^3 - f3, y = 1 - v^2/sinh^2 v and z = (3/2)(v coth v - v^2/sinh^2 v)/v^2 - 1 it is
 sigma^2/(2 m^4) times
 
-    point:  m^3 (L + 2 y - y^2)/v + m (L + y - (1 - y) z)/v + 2 P^2 r5;      means:  m^3 y/v - m z/v + 2 P r5/u^2   (G.6)
+    point:  m^3 (L + 2 y - y^2)/v + m (L + y - (1 - y) z)/v + 2 P^2 r5;
+    means:  m^3 y/v - m z/v + 2 P r5/u^2                                                       (G.6)
 
 with the P of point in both. T in samples is 1/u, and the functions give sigma = 1. For T from 0.1
 to 1e9 samples all of them keep 14 digits. The AR(1) case is Zhang's (2008), "Allan variance of time
@@ -59,10 +61,8 @@ _R5_SERIES = np.array(
         for k in range(5, 36)
     ]
 )
-_F_BELOW, _R5_BELOW = (
-    0.75,
-    1.0,
-)  # of x; there the series are exact to rounding, and beyond, the differences are to some ten roundings
+# of x; below, the series are exact to rounding, and above, the differences to some ten roundings
+_F_BELOW, _R5_BELOW = 0.75, 1.0
 
 
 @njit(cache=True)

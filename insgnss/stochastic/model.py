@@ -148,17 +148,23 @@ def load_noise_model(name_or_path: str | os.PathLike[str] | NoiseModel) -> Noise
 def write_noise_model(
     model: NoiseModel, path: str | os.PathLike[str], remarks: Sequence[str] = ()
 ) -> None:
-    """Write a noise-model file, which `load_noise_model` turns back into the same model.
+    """Write a noise-model file, whole or not at all.
+
+    `load_noise_model` turns it back into the same model.
 
     Parameters
     ----------
-    model : what to write.
-    path : of the file; it appears whole or not at all.
-    remarks : sentences that stand above it as comments.
+    model : NoiseModel
+        The model.
+    path : path-like
+        The file.
+    remarks : sequence of str
+        Sentences that stand above it as comments.
 
     Raises
     ------
-    UsageError : the path cannot be written.
+    UsageError
+        Where the path cannot be written.
     """
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")

@@ -76,14 +76,14 @@ class _Reader:
     def __post_init__(self) -> None:
         self.lines = dict(_key_lines(self.text))
 
-    def error(self, where: str, what: str) -> InputError:
-        """Error at the line of `where`, or of the table around it where the file does not name it."""
-        place = where
-        while place and place not in self.lines:
-            place = place.rpartition(".")[0]
-        return InputError.at(self.path, self.lines.get(place), f"{where}: {what}")
+    def error(self, where: str, problem: str) -> InputError:
+        """Return the error at the line of `where`, or of the table around it."""
+        location = where
+        while location and location not in self.lines:
+            location = location.rpartition(".")[0]
+        return InputError.at(self.path, self.lines.get(location), f"{where}: {problem}")
 
-    def known(self, table: Any, where: str, keys: tuple[str, ...]) -> dict[str, Any]:
+    def checked_table(self, table: Any, where: str, keys: tuple[str, ...]) -> dict[str, Any]:
         """`table` when it is one and has no key but `keys`."""
         if not isinstance(table, dict):
             raise self.error(where, f"{table!r} stands where a table [{where}] is expected")
@@ -95,7 +95,7 @@ class _Reader:
         return table
 
     def model(self, tree: dict[str, Any]) -> NoiseModel:
-        self.known(tree, "", ("name", "source", "recording", "gyro", "accel"))
+        self.checked_table(tree, "", ("name", "source", "recording", "gyro", "accel"))
         for key in ("name", "source"):
             if not isinstance(tree.get(key, ""), str):
                 raise self.error(key, f"{tree[key]!r} is not text; put it in quotes")
@@ -118,8 +118,8 @@ class _Reader:
         return tuple(self.recording(entry, f"recording.{i}") for i, entry in enumerate(entries))
 
     def recording(self, entry: Any, where: str) -> RecordingSource:
-        self.known(entry, where, _RECORDING_KEYS)
-        for key, kind, what in (
+        self.checked_table(entry, where, _RECORDING_KEYS)
+        for key, kind, expected in (
             ("file", str, "a text"),
             ("sha256", str, "a text"),
             ("samples", int, "a whole number"),
@@ -127,7 +127,7 @@ class _Reader:
             if not isinstance(entry.get(key), kind) or isinstance(entry[key], bool):
                 raise self.error(
                     f"{where}.{key}" if key in entry else where,
-                    f"{key} {entry.get(key)!r}, expected {what}",
+                    f"{key} {entry.get(key)!r}, expected {expected}",
                 )
         try:
             rate = parse_quantity(entry.get("sampling_rate"), "Hz")
@@ -140,7 +140,9 @@ class _Reader:
             raise InputError.at(
                 self.path, None, f"table [{sensor}] is missing; it needs at least white_noise"
             )
-        table = self.known(tree[sensor], sensor, (*QUANTITIES, GAUSS_MARKOV, _ERROR, *_AXES))
+        table = self.checked_table(
+            tree[sensor], sensor, (*QUANTITIES, GAUSS_MARKOV, _ERROR, *_AXES)
+        )
         common = self.quantities(
             {key: value for key, value in table.items() if key not in _AXES}, sensor, sensor
         )
@@ -150,7 +152,7 @@ class _Reader:
     def axis(self, table: Any, common: dict[str, Any], sensor: str, axis: str) -> AxisNoise:
         where = f"{sensor}.{axis}"
         own = self.quantities(
-            self.known(table, where, (*QUANTITIES, GAUSS_MARKOV, _ERROR)), sensor, where
+            self.checked_table(table, where, (*QUANTITIES, GAUSS_MARKOV, _ERROR)), sensor, where
         )
         replaced = {
             *own,
@@ -204,11 +206,11 @@ class _Reader:
         """Standard errors of the quantities `keys`."""
         return {
             key: self.value(text, sensor, key, f"{where}.{key}")
-            for key, text in self.known(table, where, keys).items()
+            for key, text in self.checked_table(table, where, keys).items()
         }
 
     def gauss_markov(self, entry: Any, sensor: str, where: str) -> GaussMarkov:
-        self.known(entry, where, (*GM_KEYS, "sigma", _ERROR))
+        self.checked_table(entry, where, (*GM_KEYS, "sigma", _ERROR))
         if "correlation_time" not in entry or ("driving_noise" in entry) == ("sigma" in entry):
             raise self.error(
                 where,
@@ -292,7 +294,7 @@ def _sensor_lines(sensor: str, axes: tuple[AxisNoise, ...]) -> list[str]:
 
 
 def _errors_of(axis: AxisNoise, name: str) -> tuple[tuple[str, float], ...]:
-    """Standard errors (name, sigma) of one quantity of an axis, or of its Gauss-Markov processes."""
+    """Return the standard errors (name, sigma) of a quantity, or of the Gauss-Markov processes."""
     of_processes = name == GAUSS_MARKOV
     return tuple(
         pair

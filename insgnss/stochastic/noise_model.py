@@ -152,12 +152,12 @@ class AxisNoise:
             value = getattr(self, name)
             if not (0.0 <= value < math.inf):
                 raise InputError(f"{name} {value:g} must be finite and not negative")
-        known = {
+        quantities = {
             *QUANTITIES,
             *(f"{key}_{k}" for key in GM_KEYS for k in range(1, len(self.gauss_markov) + 1)),
         }
         for name, value in self.standard_error:
-            if name not in known or not (0.0 <= value < math.inf):
+            if name not in quantities or not (0.0 <= value < math.inf):
                 raise InputError(
                     f"standard_error {name} {value:g} must be of a quantity of this axis, finite"
                     " and not negative"

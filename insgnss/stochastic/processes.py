@@ -7,7 +7,8 @@ dt = u T, phi = exp(-u):
 
 Its integral over the step, y, given both ends (the bridge of the process):
 
-    y = T tanh(u/2) (e(0) + e(dt)) + v,      var v = q^2 T^3 (u - 2 tanh(u/2)),   v independent of w   (P.2)
+    y = T tanh(u/2) (e(0) + e(dt)) + v,
+    var v = q^2 T^3 (u - 2 tanh(u/2)),   v independent of w                                    (P.2)
 
 The difference in (P.2) cancels when u is small, as it is for an IMU (4e-7 at 500 Hz and 4737 s).
 With v = u/2 and Lambert's continued fraction tanh v = v / (1 + c), c = v^2/(3 + v^2/(5 + v^2/(7 +
@@ -15,7 +16,8 @@ With v = u/2 and Lambert's continued fraction tanh v = v / (1 + c), c = v^2/(3 +
 
     u - 2 tanh(u/2) = u c / (1 + c)                                                            (P.3)
 
-The random walk is the limit of large T: var w = q^2 dt,  y = dt (e(0) + e(dt))/2 + v,  var v = q^2 dt^3/12.
+The random walk is the limit of large T: var w = q^2 dt,  y = dt (e(0) + e(dt))/2 + v,  var v =
+q^2 dt^3/12.
 """
 
 import math
@@ -75,25 +77,32 @@ def simulate_noise(
     rng: np.random.Generator,
     quantity: Literal["mean", "increment", "point"] = "mean",
 ) -> Array:
-    """Return one realisation of the errors of an axis.
+    """Realise an axis' errors over n consecutive sample intervals.
 
     Parameters
     ----------
-    axis : its noise, X = rad/s or m/s^2.
-    n : consecutive samples.
-    dt : interval of a sample, s.
-    rng : generator of the draws.
-    quantity : "mean" gives the mean rate error over each interval, X; "increment" its integral,
-        X s; "point" the value at the end of each interval, X, white noise then being of variance
-        q^2/dt and the rounding error divided by dt, as in `theory`.
+    axis : AxisNoise
+        The processes.
+    n : int
+        Number of samples.
+    dt : float
+        Sample interval, s.
+    rng : Generator
+        Source of the draws.
+    quantity : {"mean", "increment", "point"}
+        "mean" gives the mean rate error over each interval, X; "increment" its integral, X s;
+        "point" the value at the end of each interval, X, white noise then being of variance q^2/dt
+        and the rounding error divided by dt, as in `theory`.
 
     Returns
     -------
-    (n,) errors.
+    ndarray, (n,)
+        The errors.
 
     Raises
     ------
-    UsageError : the quantity is unknown, or there is no sample or no interval.
+    UsageError
+        For another quantity, no sample, or an interval that is not positive.
 
     Notes
     -----

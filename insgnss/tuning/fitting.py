@@ -1,5 +1,4 @@
-"""One sensor's axes: choose a model, fit it to all recordings, judge it, and say in words what was
-found.
+"""Choose a model for one sensor's axes, fit it to all recordings, judge it and describe it.
 
 The first fit has the weights of the intervals, as the reference implementation; the second step
 weighs with the inverse covariance of the wavelet variance and is worth more where the model fits.
@@ -33,19 +32,21 @@ Progress = Callable[[str], None]
 
 LEAST_DRAWS = 100  # of bootstrapped intervals
 MISFIT = 0.001  # p-value below which the second step is not trusted
-DRAWS, DOUBTFUL = (
-    40,
-    1e-6,
-)  # of a bootstrap of near-stationarity, made where its p-value by theory lies between this and `FITS`
-CLOSE, MANY = (
-    0.05,
-    50.0,
-)  # of the deviation, where a recording holds as many filter lengths: it is known to a tenth there
+# of a bootstrap of near-stationarity, made where its p-value by theory lies between this and `FITS`
+DRAWS, DOUBTFUL = 40, 1e-6
+# of the deviation, where a recording holds as many filter lengths: it is known to a tenth there
+CLOSE, MANY = 0.05, 50.0
 LAST_START = 12  # level up to which fine scales may be left out on advice
 
 
 def compositions(options: TuneOptions) -> dict[str, tuple[Composition, ...]]:
-    """The models that compete, by sensor. Raises UsageError for a typo."""
+    """Return the models that compete, by sensor.
+
+    Raises
+    ------
+    UsageError
+        For a typo.
+    """
     own = {"gyro": options.gyro_model, "accel": options.accel_model}
     chosen = {sensor: options.model if names is None else names for sensor, names in own.items()}
     for names in (options.model, options.gyro_model, options.accel_model):
@@ -75,17 +76,41 @@ def tune_axes(
 ) -> Tuned:
     """Fit the axes of a sensor over all recordings with one set of parameters.
 
-    Raises UsageError for levels that are not there, DataError where there are fewer scales than the
-    smallest model has parameters.
+    Parameters
+    ----------
+    sensor : str
+        "gyro" or "accel".
+    axes : tuple of int
+        Axes, 0 to 2.
+    recordings : sequence of StaticRecording
+        The recordings.
+    family : tuple of Composition
+        Models that compete.
+    options : TuneOptions
+        How to fit.
+    progress : callable
+        Takes a line on each step.
+
+    Returns
+    -------
+    Tuned
+        The fit that was kept, and what it is worth.
+
+    Raises
+    ------
+    UsageError
+        For levels that do not exist.
+    DataError
+        For fewer scales than the smallest model has parameters.
     """
     name = f"{sensor} {''.join(AXES[k] for k in axes)}"
     curves = _curves(sensor, axes, recordings, options)
     groups = [i for _ in axes for i in range(len(recordings))]
     ranking: Ranking | None = None
-    told: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     if len(family) > 1:
         progress(f"{name}: {len(family)} models")
-        ranking, told = _ranking(curves, family, groups, options)
+        ranking, notes = _ranking(curves, family, groups, options)
         chosen = ranking.chosen.composition
     else:
         chosen = family[0]
@@ -98,11 +123,11 @@ def tune_axes(
     inference = infer(kept, intervals=intervals, draws=options.bootstrap, seed=options.seed)
     goodness = goodness or inference.goodness
     noise, remarks = usable_axis(inference)
-    asked = f" --{sensor}-model {chosen}" if len(family) > 1 else ""
+    option = f" --{sensor}-model {chosen}" if len(family) > 1 else ""
     remarks = (
-        *told,
+        *notes,
         *remarks,
-        *_finer_scales(first, goodness, inference.goodness.misfits, asked, options),
+        *_finer_scales(first, goodness, inference.goodness.misfits, option, options),
     )
     stationarity = None
     if len(recordings) > 1:
@@ -140,7 +165,7 @@ def _curves(
 def _few_enough(
     family: Sequence[Composition], curves: Sequence[WaveletVariance]
 ) -> list[Composition]:
-    """Those with fewer parameters than there are scales."""
+    """Return the models with fewer parameters than there are scales."""
     scales = max(curve.level.size for curve in curves)
     left = [composition for composition in family if composition.size < scales]
     if not left:
@@ -157,17 +182,18 @@ def _ranking(
     groups: list[int],
     options: TuneOptions,
 ) -> "tuple[Ranking, tuple[str, ...]]":
-    """The models by their criterion, and what is to be said of how; the weights are those of the
-    intervals where V is singular.
+    """Rank the models by their criterion, with notes on how.
+
+    The weights are those of the intervals where V is singular.
     """
     from ..stochastic.estimation.selection import rank
 
-    tried = [c for c in _few_enough(family, curves) if c.size > c.drift] or list(family)
-    out = [str(composition) for composition in family if composition not in tried]
-    told = (
+    candidates = [c for c in _few_enough(family, curves) if c.size > c.drift] or list(family)
+    out = [str(composition) for composition in family if composition not in candidates]
+    notes = (
         (
             (
-                "not tried, for more parameters than the scales tell or no noise at all:"
+                "not tried, for more parameters than the scales determine or no noise at all:"
                 f" {', '.join(out)}"
             ),
         )
@@ -175,27 +201,28 @@ def _ranking(
         else ()
     )
     try:
-        return rank(curves, tried, recordings=groups, sampling=options.sampling), told
+        return rank(curves, candidates, recordings=groups, sampling=options.sampling), notes
     except UsageError as error:  # a singular covariance, of scales that hardly differ
         ranking = rank(
-            curves, tried, weights="interval", recordings=groups, sampling=options.sampling
+            curves, candidates, weights="interval", recordings=groups, sampling=options.sampling
         )
         return ranking, (
-            *told,
+            *notes,
             f"the models compete with the weights of the intervals: {str(error).partition(';')[0]}",
         )
 
 
 def _kept(first: Fit, options: TuneOptions) -> tuple[Fit, str, GoodnessOfFit | None]:
-    """The fit that is worth more, a sentence that says which, and the test of the efficient one
-    where that was not kept.
+    """Return the fit that is worth more, a sentence that says which, and a test.
+
+    The test is that of the efficient fit where that was not kept.
     """
     if options.weights == "diagonal":
-        return first, "weights of the intervals, as asked", None
-    second, said = second_step(first)
+        return first, "weights of the intervals, as requested", None
+    second, sentence = second_step(first)
     if second is first or options.weights == "full":
-        return second, said, None
-    if "not settled" in said:
+        return second, sentence, None
+    if "not settled" in sentence:
         return (
             first,
             (
@@ -211,23 +238,24 @@ def _kept(first: Fit, options: TuneOptions) -> tuple[Fit, str, GoodnessOfFit | N
             "weights of the intervals kept: efficient ones would trust a model that does not fit",
             goodness,
         )
-    return second, said, None
+    return second, sentence, None
 
 
 def _finer_scales(
     first: Fit,
     goodness: GoodnessOfFit,
     misfits: Sequence[tuple[int, int]],
-    asked: str,
+    model_option: str,
     options: TuneOptions,
 ) -> tuple[str, ...]:
-    """From which level on the model fits, by the test and within `CLOSE`, where it does not fit
-    them all for the sake of fine scales.
+    """Advise from which level on the model fits, where fine scales keep it from fitting.
+
+    It fits by the test, or within `CLOSE`.
 
     misfits : curve and level of the scales that stand out; to start above none of them would be no
         remedy.
-    asked : option that names the model, where it was chosen of several: another might be chosen
-        with other levels.
+    model_option : option that names the model, where it was chosen of several: another might be
+        chosen with other levels.
     """
     if not _tested(goodness) or goodness.p_value >= FITS or options.levels is not None:
         return ()
@@ -240,15 +268,15 @@ def _finer_scales(
             break
         if misfits and start <= min(j for _, j in misfits):
             continue
-        part = fit(first.curves, first.composition, sampling=first.sampling, levels=levels)
-        scale = f"{float(part.curves[0].scale_s[0]):.3g} s"
-        option = f"--levels {start}-{asked}"
-        if not close and _farthest(part) < CLOSE:
+        coarser = fit(first.curves, first.composition, sampling=first.sampling, levels=levels)
+        scale = f"{float(coarser.curves[0].scale_s[0]):.3g} s"
+        option = f"--levels {start}-{model_option}"
+        if not close and _farthest(coarser) < CLOSE:
             close = (
                 f"from scale {scale} on {name} is within {CLOSE:.0%} of the deviation: {option}"
                 " leaves the finer scales out"
             )
-        if (p := _tested_p(part, options)) >= FITS:
+        if (p := _tested_p(coarser, options)) >= FITS:
             fits = f"from scale {scale} on {name} fits (p = {p:.2g}): {option}"
             return (
                 (close, fits)
@@ -259,8 +287,9 @@ def _finer_scales(
 
 
 def _slow_misfit(fitted: Fit, misfits: Sequence[tuple[int, int]]) -> str:
-    """What to try where all scales that stand out are long ones, in the upper half of the levels;
-    nothing elsewhere.
+    """Advise what to try where all scales that stand out are long ones; else return nothing.
+
+    Long ones lie in the upper half of the levels.
     """
     middle = float(np.mean([curve.level[[0, -1]].mean() for curve in fitted.curves]))
     if not misfits or min(j for _, j in misfits) <= middle:
@@ -289,22 +318,24 @@ def _slow_misfit(fitted: Fit, misfits: Sequence[tuple[int, int]]) -> str:
     )
 
 
-def _tested_p(part: Fit, options: TuneOptions) -> float:
-    """p-value that tuning on these levels would tell; NaN without a test, and that of the weights
-    of the intervals where it is small.
+def _tested_p(fitted: Fit, options: TuneOptions) -> float:
+    """Return the p-value that tuning on these levels would report.
+
+    It is NaN without a test, and that of the weights of the intervals where it is small.
     """
-    test = _j_test(part)
+    test = _j_test(fitted)
     if (
         _tested(test) and test.p_value >= MISFIT
     ):  # the efficient test is the better and the dearer one
-        kept, _, goodness = _kept(part, options)
+        kept, _, goodness = _kept(fitted, options)
         test = goodness or _j_test(kept)
     return test.p_value if _tested(test) else float("nan")
 
 
 def _farthest(fitted: Fit) -> float:
-    """Largest relative error of the modelled deviation, over the scales of which a recording holds
-    many.
+    """Return the largest relative error of the modelled deviation.
+
+    It is taken over the scales of which a recording holds many.
     """
     off = [0.0]
     for curve, modelled in zip(fitted.curves, fitted.modelled, strict=True):
@@ -314,7 +345,7 @@ def _farthest(fitted: Fit) -> float:
 
 
 def _j_test(fitted: Fit) -> GoodnessOfFit:
-    """The J test alone of what `infer` says."""
+    """Return the J test alone of all that `infer` gives."""
     return goodness_of_fit(fitted, Linearised(fitted, covariances(fitted)))
 
 

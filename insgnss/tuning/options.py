@@ -70,22 +70,38 @@ class TuneOptions:
 
 
 def chosen_levels(text: str | None, highest: int) -> tuple[int, ...] | None:
-    """Levels of a text such as "3-", "2-14" or "1,2,5-9", None for all. Raises UsageError for what
-    is none of these.
+    """Parse levels such as "3-", "2-14" or "1,2,5-9".
+
+    Parameters
+    ----------
+    text : str or None
+        The levels; None stands for all.
+    highest : int
+        Highest level there is.
+
+    Returns
+    -------
+    tuple of int or None
+        Levels in ascending order, None for all.
+
+    Raises
+    ------
+    UsageError
+        For any other text, and where no level remains.
     """
     if text is None:
         return None
-    found: set[int] = set()
-    for part in text.split(","):
-        match = re.fullmatch(r"\s*(\d+)?\s*(-)?\s*(\d+)?\s*", part)
+    levels: set[int] = set()
+    for piece in text.split(","):
+        match = re.fullmatch(r"\s*(\d+)?\s*(-)?\s*(\d+)?\s*", piece)
         if match is None or not (match[1] or match[3]) or (match[1] and match[3] and not match[2]):
             raise UsageError(
-                f"--levels {text!r}: {part!r} is no level; write as in 3-, 2-14 or 1,2,5-9 (level j"
-                " has 2^j samples)"
+                f"--levels {text!r}: {piece!r} is no level; write as in 3-, 2-14 or 1,2,5-9 (level"
+                " j has 2^j samples)"
             )
         low = int(match[1]) if match[1] else 1
         high = int(match[3]) if match[3] else (highest if match[2] else low)
-        found.update(range(max(low, 1), min(high, highest) + 1))
-    if not found:
+        levels.update(range(max(low, 1), min(high, highest) + 1))
+    if not levels:
         raise UsageError(f"--levels {text!r}: no such level; there are 1 to {highest}")
-    return tuple(sorted(found))
+    return tuple(sorted(levels))

@@ -1,10 +1,10 @@
-"""From a file of samples and the options of the verb to samples in SI: columns, units, rate, and
-messages in the verb's own words.
+"""From a file of samples and the verb's options to samples in SI.
 
-Where nothing in a file says its units, they must be given: noise numbers are worth nothing without.
-Columns go by the names that the readers know; a clock that is called otherwise (timestamp_us, GPS
-time of week) is found here. A rate that no IMU has means that time is in another unit: milliseconds
-taken for seconds make 0.2 Hz of 200 Hz.
+It settles columns, units and rate, with messages in the verb's own words. Where nothing in a file
+says its units, they must be given: noise numbers are worth nothing without. Columns go by the names
+that the readers know; a clock that is called otherwise (timestamp_us, GPS time of week) is found
+here. A rate that no IMU has means that time is in another unit: milliseconds taken for seconds make
+0.2 Hz of 200 Hz.
 """
 
 import re
@@ -50,7 +50,7 @@ _WORDS = (
 
 @contextmanager
 def own_words() -> Iterator[None]:
-    """Errors of the readers, which speak of flight files, in the words of the options."""
+    """Raise the errors of the readers, which speak of flight files, in the words of the options."""
     try:
         yield
     except (InputError, UsageError) as error:
@@ -58,17 +58,33 @@ def own_words() -> Iterator[None]:
 
 
 def own_text(text: str) -> str:
-    """A message with the verb's options in the place of a flight file's keys."""
+    """Return a message with the verb's options instead of a flight file's keys."""
     for pattern, words in _WORDS:
         text = re.sub(pattern, words, text)
     return text
 
 
 def read_samples(path: Path, options: TuneOptions) -> ImuSamples:
-    """Samples of a file in SI.
+    """Read the samples of a file in SI.
 
-    Raises InputError for a wrong file and a rate that no IMU has, UsageError where units or columns
-    are missing.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    options : TuneOptions
+        Columns, units and rate where the file does not say them.
+
+    Returns
+    -------
+    ImuSamples
+        The samples.
+
+    Raises
+    ------
+    InputError
+        For a wrong file and a rate that no IMU has.
+    UsageError
+        Where units or columns are missing.
     """
     with own_words():
         imu = _read(path, options)
@@ -76,8 +92,8 @@ def read_samples(path: Path, options: TuneOptions) -> ImuSamples:
     return replace(
         imu,
         notes=tuple(
-            replace(told, found=own_text(told.found), advice=own_text(told.advice))
-            for told in imu.notes
+            replace(note, found=own_text(note.found), advice=own_text(note.advice))
+            for note in imu.notes
         ),
     )
 
@@ -96,7 +112,7 @@ def _read(path: Path, options: TuneOptions) -> ImuSamples:
 
 
 def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
-    """What `read_imu` is told."""
+    """Return the arguments of `read_imu`."""
     form = sniff_imu(path)
     columns: Any = options.columns
     nameless = columns is None and form == "npy"
@@ -116,7 +132,7 @@ def _how(path: Path, options: TuneOptions) -> dict[str, Any]:
 
 
 def _plain_columns(tables: list[TableInfo], options: TuneOptions) -> tuple[str, ...] | None:
-    """Columns of a matrix of samples, with or without time; None for what is not that simple."""
+    """Return the columns of a matrix of samples, with or without time; None for anything else."""
     simple = (
         len(tables) == 1
         and tables[0].name == ""
@@ -131,34 +147,34 @@ def _plain_columns(tables: list[TableInfo], options: TuneOptions) -> tuple[str, 
 
 
 def _named_columns(tables: Sequence[TableInfo], options: TuneOptions) -> Mapping[str, str] | None:
-    """Field of each column by its canonical name; None where they are not all named."""
-    known = {alias: name for name in PLAIN for alias in ALIASES[name]} | {
+    """Return the field of each column by its canonical name; None where they are not all named."""
+    aliases = {alias: name for name in PLAIN for alias in ALIASES[name]} | {
         f"{of}{clock}": "tow" for of in OF_CLOCKS for clock in CLOCKS
     }
     tables = [table for table in tables if options.variable in (None, table.name)]
     if len(tables) != 1:
         return None
-    found: dict[str, str] = {}
+    columns: dict[str, str] = {}
     for field, name in zip(
-        tables[0].columns, names_of(tables[0].columns, known, KINDS), strict=True
+        tables[0].columns, names_of(tables[0].columns, aliases, KINDS), strict=True
     ):
-        if name is None or name in found or (name == "tow" and options.rate_hz is not None):
+        if name is None or name in columns or (name == "tow" and options.rate_hz is not None):
             continue
-        found[name] = field
+        columns[name] = field
     needed = PLAIN if options.rate_hz is None else PLAIN[1:]
-    return found if all(name in found for name in needed) else None
+    return columns if all(name in columns for name in needed) else None
 
 
 def _ask_for_units(path: Path, tables: list[TableInfo], options: TuneOptions) -> None:
-    """UsageError where neither the file nor an option says a unit."""
+    """Raise UsageError where neither the file nor an option says a unit."""
     fields = [field for table in tables for field in table.columns]
     increments = " increment" if options.quantity == "increments" else ""
     for sensor, unit, example in (
         ("gyro", options.gyro_unit, "deg/s"),
         ("accel", options.accel_unit, "m/s^2"),
     ):
-        said = filter(None, (unit_in(field, kinds_like(sensor)) for field in fields))
-        if unit is None and not any(factor_of(text, (f"{sensor}{increments}",)) for text in said):
+        units = filter(None, (unit_in(field, kinds_like(sensor)) for field in fields))
+        if unit is None and not any(factor_of(text, (f"{sensor}{increments}",)) for text in units):
             raise UsageError(
                 f"{path}: nothing says the unit of the {sensor} columns; give --{sensor}-unit, such"
                 f" as {example} or that of one count"
@@ -166,17 +182,17 @@ def _ask_for_units(path: Path, tables: list[TableInfo], options: TuneOptions) ->
 
 
 def _refuse_rate(path: Path, imu: ImuSamples, options: TuneOptions) -> None:
-    """InputError for a rate that no IMU has, with the unit of time that would explain it."""
+    """Raise InputError for a rate that no IMU has, with the unit of time that would explain it."""
     rate = 1.0 / nominal_interval(imu.time)
     if LEAST_HZ <= rate <= MOST_HZ or "sampling" in options.accept:
         return
     span = float(imu.time[-1] - imu.time[0]) / 3600.0
-    found = (
+    message = (
         f"{path}: {rate:.3g} Hz, {imu.time.size} samples in {span:.3g} h; an IMU has"
         f" {USUAL_HZ[0]:g} to {USUAL_HZ[1]:g} Hz"
     )
     if options.rate_hz is not None:
-        raise InputError(f"{found}; give --rate in samples a second")
+        raise InputError(f"{message}; give --rate in samples a second")
     likely = [
         unit
         for unit, factor in TIME_FACTORS.items()
@@ -189,4 +205,4 @@ def _refuse_rate(path: Path, imu: ImuSamples, options: TuneOptions) -> None:
         )
     else:
         advice = "check the column of time and its unit, --time-unit"
-    raise InputError(f"{found}; {advice}; --accept sampling takes it all the same")
+    raise InputError(f"{message}; {advice}; --accept sampling takes it all the same")

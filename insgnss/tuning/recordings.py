@@ -1,8 +1,7 @@
-"""Static recordings to wavelet variances: read, identified by their digest, checked, and condensed
-to what the fit needs.
+"""Static recordings to wavelet variances.
 
-A recording is let go once its wavelet variances and block means are taken, so that memory holds one
-at a time.
+They are read, identified by their digest, checked, and condensed to what the fit needs. A recording
+is let go once its wavelet variances and block means are taken, so that memory holds one at a time.
 """
 
 import re
@@ -33,8 +32,20 @@ POOLING = "pooling"  # name of the check that recordings are alike
 class StaticRecording:
     """What is kept of one recording.
 
-    curves : wavelet variance (X^2) by sensor and axis, 0 to 2.   blocks : by sensor, (BLOCKS, 3) means of equal parts in time, None where
-    only variances are known.   begin_s, length_s : of the part that was used.
+    Parameters
+    ----------
+    source : RecordingSource
+        File, digest, samples and rate.
+    curves : mapping of (str, int) to WaveletVariance
+        Wavelet variance (X^2) by sensor and axis, 0 to 2.
+    blocks : mapping of str to ndarray (BLOCKS, 3), or None
+        Means of equal parts in time by sensor; None where only variances are known.
+    begin_s, length_s : float
+        Begin and length of the part that was used, s.
+    checks : tuple of Check
+        Checks of the recording.
+    disturbances : tuple of Disturbance
+        Disturbances in it.
     """
 
     source: RecordingSource
@@ -47,16 +58,35 @@ class StaticRecording:
 
     @property
     def name(self) -> str:
-        """Its file's name."""
+        """The name of its file."""
         return self.source.file
 
 
 def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticRecording:
     """Read, check and condense one recording.
 
-    Raises InputError for a wrong file, UsageError where units or columns are missing, and
-    DataError, in one sentence, for a recording that does not show the noise of a sensor at rest;
-    `options.accept` overrules a check.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    options : TuneOptions
+        How to read it; `accept` overrules a check.
+    progress : callable
+        Takes a line on each step.
+
+    Returns
+    -------
+    StaticRecording
+        What the fit needs of it.
+
+    Raises
+    ------
+    InputError
+        For a wrong file.
+    UsageError
+        Where units or columns are missing.
+    DataError
+        For a recording that does not show the noise of a stationary sensor.
     """
     progress(f"reading {path.name}")
     with own_words():
@@ -82,7 +112,7 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
 
 
 def holds_variances(path: Path) -> bool:
-    """Whether a file holds variances, JSON or a table over scales, in the place of samples."""
+    """Tell whether a file holds variances, JSON or a table over scales, instead of samples."""
     try:
         with path.open("rb") as stream:
             head = stream.read(HEAD)
@@ -98,7 +128,7 @@ def holds_variances(path: Path) -> bool:
 
 
 def _published(path: Path, options: TuneOptions) -> StaticRecording:
-    """Curves of a file of published variances."""
+    """Return the curves of a file of published variances."""
     head = path.read_bytes()[:HEAD]
     if re.match(rb'\s*\{\s*"recordings":', head):
         raise InputError(
@@ -114,14 +144,14 @@ def _published(path: Path, options: TuneOptions) -> StaticRecording:
         for sensor, unit in (("gyro", options.gyro_unit), ("accel", options.accel_unit))
         if unit
     }
-    found = read_variances(
+    variances = read_variances(
         path, member=options.variable, units=units or None, rate_hz=options.rate_hz
     )
-    said = re.search(rb"(?m)^\W*((gyro|accel)_)?unit\s*[=:]", head)
+    unit_line = re.search(rb"(?m)^\W*((gyro|accel)_)?unit\s*[=:]", head)
     curves = {}
-    for name, curve in found.curves.items():
+    for name, curve in variances.curves.items():
         sensor, _, letter = name.partition("_")
-        if sensor not in units and not said:
+        if sensor not in units and not unit_line:
             example = "rad/s" if sensor == "gyro" else "m/s^2"
             raise UsageError(
                 f"{path}: nothing says the unit that the {sensor} variances are of; give"
@@ -130,11 +160,11 @@ def _published(path: Path, options: TuneOptions) -> StaticRecording:
         curves[sensor, AXES.index(letter)] = curve
     longest = max(curves.values(), key=lambda curve: curve.samples / curve.rate_hz)
     source = RecordingSource(path.name, sha256(path), longest.samples, longest.rate_hz)
-    told = f"{len(curves)} axes of {found.sensor or 'a sensor'}"
+    description = f"{len(curves)} axes of {variances.sensor or 'a sensor'}"
     checks = (
         Check(
             "variances",
-            told,
+            description,
             "samples",
             "note",
             "rest, gaps and disturbances of the recording behind them are not checked",
@@ -144,8 +174,8 @@ def _published(path: Path, options: TuneOptions) -> StaticRecording:
 
 
 def _refuse(path: Path, span: StaticSpan, accept: tuple[str, ...]) -> None:
-    """DataError with the first check that says the recording is unfit."""
-    known = [check.name for check in span.checks]
+    """Raise DataError with the first check by which the recording is unfit."""
+    names = [check.name for check in span.checks]
     for check in span.checks:
         if check.verdict == "contradiction" and check.name not in accept:
             advice = (
@@ -156,13 +186,13 @@ def _refuse(path: Path, span: StaticSpan, accept: tuple[str, ...]) -> None:
             raise DataError(
                 f"{path}: {check.name}: {check.found}; expected {check.expected}; {advice}"
             )
-    if unknown := [name for name in accept if name not in (*known, "warm-up", POOLING)]:
+    if unknown := [name for name in accept if name not in (*names, "warm-up", POOLING)]:
         raise UsageError(
-            f"--accept {unknown[0]!r}: no such check; there are {', '.join((*known, POOLING))}"
+            f"--accept {unknown[0]!r}: no such check; there are {', '.join((*names, POOLING))}"
         )
 
 
 def _block_means(values: Array) -> Array:
-    """(BLOCKS, 3) means of equal parts."""
+    """Return the means (BLOCKS, 3) of equal parts."""
     size = len(values) // BLOCKS
     return np.asarray(values[: size * BLOCKS].reshape(BLOCKS, size, 3).mean(axis=1))

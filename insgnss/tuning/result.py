@@ -26,7 +26,7 @@ class TuneResult(TuneData):
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able."""
-        told = {
+        document = {
             "recordings": [_recording(r) for r in self.recordings],
             "options": asdict(self.options),
             "fits": [_fit(t, self.recordings) for t in self.tuned],
@@ -34,7 +34,7 @@ class TuneResult(TuneData):
             "notes": list(self.notes),
             "files": self.files,
         }
-        return dict(json_ready(told))
+        return dict(json_ready(document))
 
 
 def _recording(r: StaticRecording) -> dict[str, Any]:
@@ -146,8 +146,8 @@ def _stationarity(
     return {name: getattr(test, name) for name in numbers} | {
         "shares": {r.name: float(share) for r, share in zip(recordings, test.shares, strict=True)},
         "spread": [
-            {"parameter": name, "found": found, "by_chance": chance}
-            for name, found, chance in test.spread
+            {"parameter": name, "found": scatter, "by_chance": chance}
+            for name, scatter, chance in test.spread
         ],
         "sentence": test.sentence,
     }

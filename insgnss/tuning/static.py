@@ -4,7 +4,7 @@ read, check, wavelet variances   each recording (`recordings`)
 choose, fit, infer               each sensor, axis by axis or the three jointly, over all recordings
                                  (`fitting`)
 trends at the start              against the fitted noise (`trend`)
-noise model                      its turn-on bias from the means (`turn_on`), what cannot be told
+noise model                      its turn-on bias from the means (`turn_on`), what cannot be known
                                  written as what it acts like
 files                            noise model, table as JSON, a figure a sensor (`written`)
 """
@@ -37,14 +37,30 @@ def tune_static(
     force: bool = False,
     progress: Progress = lambda step: None,
 ) -> TuneResult:
-    """Tune a noise model from static recordings of one IMU, or files of published variances, and
-    write it with its table and figures.
+    """Tune a noise model from static recordings of one IMU and write its files.
 
-    out : of the noise model; the other files stand beside it.
-    force : take the place of files that are there.
+    Parameters
+    ----------
+    paths : sequence of Path
+        Static recordings, or files of published variances.
+    options : TuneOptions
+        How to read and how to fit.
+    out : Path, optional
+        The noise model; its table and figures stand beside it.
+    force : bool
+        Overwrite files.
+    progress : callable
+        Takes a line on each step.
 
-    Raises UsageError, InputError and DataError as `recordings.read_static` and `fitting` do, and
-    UsageError for files that are there.
+    Returns
+    -------
+    TuneResult
+        The fits, the noise model and the files written.
+
+    Raises
+    ------
+    UsageError, InputError, DataError
+        As `recordings.read_static` and `fitting` do, and UsageError for files that exist already.
     """
     family = compositions(options)
     target = planned(out, force)
@@ -57,9 +73,9 @@ def tune_static(
     _same(recordings)
     _alike(recordings, options)
     tuned = _tuned(recordings, family, options, progress)
-    values, told = turn_on_bias(recordings)
+    values, turn_on = turn_on_bias(recordings)
     model = noise_model(target.stem, recordings, tuned, values)
-    result = TuneResult(recordings, tuned, model, told, options)
+    result = TuneResult(recordings, tuned, model, turn_on, options)
     progress("writing")
     return write(result, target)
 
@@ -93,12 +109,12 @@ def _alike(recordings: Sequence[StaticRecording], options: TuneOptions) -> None:
         curves = [r.curves[sensor, k] for r in recordings]
         levels = chosen_levels(options.levels, max(int(curve.level[-1]) for curve in curves))
         fine = [np.isin(c.level, levels or c.level).nonzero()[0][:FINEST] for c in curves]
-        if not all(at.size for at in fine):
+        if not all(index.size for index in fine):
             continue
         size = np.array(
             [
-                np.log(c.variance[at] * c.scale_s[at]).mean() / 2.0
-                for c, at in zip(curves, fine, strict=True)
+                np.log(c.variance[index] * c.scale_s[index]).mean() / 2.0
+                for c, index in zip(curves, fine, strict=True)
             ]
         )
         apart = size - [np.median(np.delete(size, i)) for i in range(size.size)]

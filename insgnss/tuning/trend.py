@@ -7,7 +7,8 @@ noise makes such shapes too, so x is whitened by the covariance V = L L' of the 
 fitted model,
 
     white noise    q^2/D on the diagonal;   quantization  2 Q^2/D^2 on it and -Q^2/D^2 beside it
-    Gauss-Markov   sigma^2 2 (u - 1 + e^-u)/u^2 on it,  sigma^2 (1 - e^-u)^2/u^2 e^-(|i-j|-1)u off it,     u = D/T        (T.1)
+    Gauss-Markov   sigma^2 2 (u - 1 + e^-u)/u^2 on it,
+                   sigma^2 (1 - e^-u)^2/u^2 e^-(|i-j|-1)u off it,     u = D/T              (T.1)
     random walk    q^2 D (min(i, j) + 1/2) off it,  q^2 D (i + 1/3) on it,     i, j from 0     (T.2)
     drift          X^2 t_i t_j
 
@@ -31,9 +32,17 @@ RIDGE = 1e-9  # of the mean variance: a model without white noise makes V nearly
 
 @dataclass(frozen=True)
 class Trend:
-    """The strongest trend of one axis: how often noise alone reaches it, its size and its time.
+    """The strongest trend of one axis.
 
-    amplitude : +- sigma, of the decay from its start, or of the line from end to end, X.   time_s : tau, inf for a line.
+    Parameters
+    ----------
+    by_chance : float
+        How often noise alone reaches it.
+    amplitude, sigma : float
+        Size of the decay from its start, or of the line from end to end, and its standard
+        deviation, X.
+    time_s : float
+        Time constant, s; infinite for a line.
     """
 
     by_chance: float
@@ -48,8 +57,23 @@ class Trend:
 
 
 def warm_up(blocks: Array, length_s: float, noise: AxisNoise, rng: np.random.Generator) -> Trend:
-    """The trend of the means `blocks` (K,) of equal parts of a recording of `length_s`, against the
-    fitted noise.
+    """Find the trend of a recording against the fitted noise.
+
+    Parameters
+    ----------
+    blocks : ndarray, (K,)
+        Means of equal parts of the recording, X.
+    length_s : float
+        Length of the recording, s.
+    noise : AxisNoise
+        The fitted noise.
+    rng : Generator
+        Draws how large the statistic becomes by chance.
+
+    Returns
+    -------
+    Trend
+        The strongest trend.
     """
     K = blocks.size
     times, shapes = _shapes(K, length_s)
@@ -76,7 +100,10 @@ def warm_up(blocks: Array, length_s: float, noise: AxisNoise, rng: np.random.Gen
 
 
 def covariance_of_means(noise: AxisNoise, K: int, D: float) -> Array:
-    """(K, K) X^2 of the means over K consecutive intervals of D s, without the constant (T.1, T.2)."""
+    """Return the covariance (K, K), X^2, of means over K consecutive intervals of D s (T.1, T.2).
+
+    The constant is left out.
+    """
     lag = np.abs(np.subtract.outer(np.arange(K), np.arange(K)))
     V = np.zeros((K, K))
     for process in noise.gauss_markov:

@@ -23,15 +23,26 @@ SEES_EARTH = 0.1
 
 
 def turn_on_bias(recordings: Sequence[StaticRecording]) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Standard deviation of the turn-on bias by sensor, SI, and a sentence on each; none where only
-    variances are known.
+    """Return the standard deviation of the turn-on bias from the means of recordings.
+
+    Parameters
+    ----------
+    recordings : sequence of StaticRecording
+        The recordings.
+
+    Returns
+    -------
+    values : dict of str to float
+        Standard deviation by sensor, rad/s and m/s^2; empty where only variances are known.
+    notes : tuple of str
+        A sentence on each.
     """
     blocks = [r.blocks for r in recordings if r.blocks is not None]
     if not blocks:
         return {}, (
             (
-                "variances do not tell the turn-on bias: the noise model has none; set turn_on_bias"
-                " by hand before processing"
+                "variances do not determine the turn-on bias: the noise model has none; set"
+                " turn_on_bias by hand before processing"
             ),
         )
     gyro, accel = (
@@ -47,15 +58,15 @@ def turn_on_bias(recordings: Sequence[StaticRecording]) -> tuple[dict[str, float
     excess = float(np.sqrt(np.mean((np.linalg.norm(accel, axis=1) - STANDARD_GRAVITY) ** 2)))
     force = max(excess, GRAVITY_SIGMA)
     seen = f"along the vertical, the only direction that rest shows{_spread(accel, MG, 'mg')}"
-    told = (
+    notes = (
         f"gyro turn_on_bias {bias / DEG_H:.3g} deg/h: {how}",
         f"accel turn_on_bias {force / MG:.3g} mg: {seen}",
     )
-    return {"gyro": bias, "accel": force}, told
+    return {"gyro": bias, "accel": force}, notes
 
 
 def _spread(means: Array, unit: float, name: str) -> str:
-    """What changed from recording to recording."""
+    """Return what changed from recording to recording, in words."""
     if len(means) < 2:
         return ""
     sd = means.std(axis=0, ddof=1) / unit

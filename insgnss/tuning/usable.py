@@ -6,7 +6,8 @@ random walk of its driving noise. One whose time is or may be below the sampling
 far below the finest scale that was fitted, is white: with phi = e^(-dt/T), the sum of its samples
 grows like that of white noise of root density
 
-    q^2 = sigma^2 dt (1 + phi) / (1 - phi)    (samples of the process),        q^2 = (q_GM T)^2    (means over dt)            (U.1)
+    q^2 = sigma^2 dt (1 + phi) / (1 - phi)    (samples of the process),
+    q^2 = (q_GM T)^2                          (means over dt)                                  (U.1)
 
 A process without strength is left out.
 """
@@ -28,8 +29,19 @@ WHITE_BELOW = 0.1
 
 
 def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
-    """Processes of a fit for the noise model, with standard errors, and a sentence for each that
-    was written as another.
+    """Return the processes of a fit for the noise model.
+
+    Parameters
+    ----------
+    inference : Inference
+        The fit and what it is worth.
+
+    Returns
+    -------
+    axis : AxisNoise
+        Processes with standard errors.
+    remarks : tuple of str
+        A sentence for each process that was written as another.
     """
     fit = inference.fit
     named = {e.name: e for e in inference.estimates}
@@ -46,7 +58,8 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
     errors: Errors = {
         e.name: e.standard_error
         for e in inference.estimates
-        if not e.name.startswith(("correlation_time", "driving_noise")) and _told(e.standard_error)
+        if not e.name.startswith(("correlation_time", "driving_noise"))
+        and _is_known(e.standard_error)
     }
     processes: list[GaussMarkov] = []
     remarks: list[str] = []
@@ -69,19 +82,19 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
             errors.pop("white_noise", None)
             time_s = f"{process.correlation_time_s:.3g} s"
             remarks.append(
-                f"Gauss-Markov {k} ({time_s}) is too short to be told from white noise, and stands"
-                " in the model as such"
+                f"Gauss-Markov {k} ({time_s}) is too short to be distinguished from white noise,"
+                " and stands in the model as such"
             )
         else:
             processes.append(process)
-            at = len(processes)
+            number = len(processes)
             errors |= {
-                f"{e.name.rpartition('_')[0]}_{at}": e.standard_error
+                f"{e.name.rpartition('_')[0]}_{number}": e.standard_error
                 for e in (time, strength)
-                if _told(e.standard_error)
+                if _is_known(e.standard_error)
             }
     remarks += _undetermined(inference)
-    errors = {name: value for name, value in errors.items() if _told(value)}
+    errors = {name: value for name, value in errors.items() if _is_known(value)}
     axis = replace(
         fit.axis,
         white_noise=white,
@@ -93,10 +106,8 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
 
 
 def _undetermined(inference: Inference) -> list[str]:
-    """A sentence for each process that counts as identifiable and of which a number is hardly known
-    all the same.
-    """
-    found = []
+    """Return a sentence for each identifiable process of which a number is hardly known."""
+    remarks = []
     for v in inference.verdicts:
         number = v.process.rpartition("_")[2]
         pair = f"correlation_time_{number}", f"driving_noise_{number}"
@@ -107,20 +118,20 @@ def _undetermined(inference: Inference) -> list[str]:
             if not np.isfinite(e.high) or e.log_error > 1.0
         ]
         if v.identifiable and poor:
-            what = " and ".join(name.replace("_", " ") for name in poor)
-            found.append(
-                f"{what}: known to worse than a factor of e, so that the number in the model means"
-                " little; take fewer processes"
+            quantities = " and ".join(name.replace("_", " ") for name in poor)
+            remarks.append(
+                f"{quantities}: known to worse than a factor of e, so that the number in the model"
+                " means little; take fewer processes"
             )
-    return found
+    return remarks
 
 
-def _told(error: float) -> bool:
+def _is_known(error: float) -> bool:
     return bool(np.isfinite(error) and error > 0.0)
 
 
 def _white_density(process: GaussMarkov, dt: float, sampling: str) -> float:
-    """Root density (U.1), X/sqrt(Hz)."""
+    """Return the root density (U.1), X/sqrt(Hz)."""
     if sampling == "mean":
         return process.driving_noise * process.correlation_time_s
     u = dt / process.correlation_time_s
@@ -128,9 +139,7 @@ def _white_density(process: GaussMarkov, dt: float, sampling: str) -> float:
 
 
 def rounded_axis(axis: AxisNoise, units: Mapping[str, str]) -> AxisNoise:
-    """The axis with six digits, and two of the standard errors, in the units of the noise-model
-    file.
-    """
+    """Round an axis to six digits, its standard errors to two, in the noise-model file's units."""
 
     def digits(value: float, name: str, count: int) -> float:
         return rounded(

@@ -74,7 +74,7 @@ def test_too_few_positions_end_with_four(
     """Oracle: the design's exit codes; nothing is written."""
     recording(tmp_path / "hand.csv", 5)
     assert main(["calibrate", str(tmp_path / "hand.csv"), "--quiet"]) == 4
-    assert "5 positions at rest found in 5 stretches, 9 needed" in capsys.readouterr().err
+    assert "5 positions found in 5 stationary periods, 9 needed" in capsys.readouterr().err
     assert not (tmp_path / "calibration.toml").exists()
 
 
@@ -107,7 +107,7 @@ def test_columns_and_units_are_said_on_the_line(
     np.testing.assert_allclose(a.gyro.bias, b.gyro.bias, atol=1e-8)
 
 
-def test_a_unit_against_the_header_is_told(
+def test_a_unit_against_the_header_is_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Oracle: the header says m/s^2, the option mg: a line of what is printed, of the JSON and of

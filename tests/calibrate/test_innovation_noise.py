@@ -171,7 +171,7 @@ def test_a_factor_far_from_one_is_found():
     assert (np.abs(np.log(n.factor[:2] / [120.0, 3.0])) < 3.0 * n.log_sigma[:2]).all()
 
 
-def test_what_is_held_but_ruled_out_is_told():
+def test_what_is_held_but_ruled_out_is_reported():
     """Oracle: an IMU whose accelerometers are a thousandth as loud as the model says: out of the
     search, and not as the model has it.
     """

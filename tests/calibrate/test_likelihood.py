@@ -12,10 +12,10 @@ from numpy.testing import assert_allclose
 from insgnss.base.errors import UsageError
 from insgnss.calibrate.likelihood import (
     PARAMETERS,
-    LinearStretch,
+    LinearSegment,
     available,
     evaluate,
-    linear_stretch,
+    linear_segment,
 )
 from insgnss.navigation.error_model import linearise_interval
 from insgnss.navigation.filter import BLOCK_S, gate_from_sigma, make_history, run_filter
@@ -33,7 +33,7 @@ THETA = np.log([1.5, 0.7, 1.3, 0.8, 1.2, 0.9, 1.4])  # in the order of NAMES
 
 
 def scaled(factors: np.ndarray) -> NoiseModel:
-    """A noise model of every kind of driven state, with the factors of NAMES on its four densities."""
+    """A noise model of every kind of driven state, with NAMES' factors on its four densities."""
     gyro = AxisNoise(
         5e-5 * factors[0], 0.0, 5e-4, 1e-6 * factors[2], 0.0, (GaussMarkov(2.5, 8e-5 * factors[2]),)
     )
@@ -62,20 +62,20 @@ def disturbed() -> Solution:
 
 
 def density_of_all(
-    solution: Solution, stretch: LinearStretch, theta: np.ndarray
+    solution: Solution, segment: LinearSegment, theta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean, covariance and values of all measurements of a stretch, one normal density of them all."""
+    """Mean, covariance and values of all measurements of a segment, as one normal density."""
     factors = np.exp(theta)
     correlated = tuple(c * factors[6] for c in CORRELATED.gm_sigma or ())
     problem, n = solution.problem, solution.problem.layout.size
     layout = state_layout(scaled(factors), fixes=replace(CORRELATED, gm_sigma=correlated))
-    imu, lin = layout.kernel_model(BLOCK_S, problem.aiding_interval_s), stretch.linear
+    imu, lin = layout.kernel_model(BLOCK_S, problem.aiding_interval_s), segment.linear
     intervals, earth, stop = (
         kernel_intervals(problem.inc),
         kernel_earth(problem.frame),
         problem.inc.stop,
     )
-    mean, P = stretch.mean0.copy(), stretch.P0.sum(axis=0)
+    mean, P = segment.mean0.copy(), segment.P0.sum(axis=0)
     P[9:, 9:] = np.diag(layout.sigma0**2)
     cross, rows, means, noise = np.zeros((0, n)), np.zeros((0, 0)), [], []
     z = []
@@ -113,17 +113,17 @@ def test_cost_is_the_density_of_all_measurements_at_once(short, theta):
     """Oracle: one normal density of 62 triples, its covariance from transitions and noise of a
     model that has the factors itself.
     """
-    stretch = linear_stretch(short, NAMES)
-    assert np.count_nonzero(stretch.linear.there) > 55
-    mean, covariance, z = density_of_all(short, stretch, theta)
+    segment = linear_segment(short, NAMES)
+    assert np.count_nonzero(segment.linear.there) > 55
+    mean, covariance, z = density_of_all(short, segment, theta)
     cost = np.linalg.slogdet(covariance)[1] + (z - mean) @ np.linalg.solve(covariance, z - mean)
-    assert evaluate([stretch], theta).cost == pytest.approx(cost, abs=1e-5)
+    assert evaluate([segment], theta).cost == pytest.approx(cost, abs=1e-5)
 
 
-def test_two_stretches_count_twice(short):
+def test_two_segments_count_twice(short):
     """Oracle: independent data multiply their densities."""
-    stretch = linear_stretch(short, NAMES)
-    one, two = evaluate([stretch], THETA), evaluate([stretch, stretch], THETA)
+    segment = linear_segment(short, NAMES)
+    one, two = evaluate([segment], THETA), evaluate([segment, segment], THETA)
     assert two.cost == pytest.approx(2.0 * one.cost)
     assert_allclose(two.gradient, 2.0 * one.gradient)
     assert len(two.white) == 2 * len(one.white)
@@ -133,10 +133,10 @@ def test_gradient_is_the_derivative_of_the_cost(short):
     """Oracle: central difference; its own error is of the third derivative, 1e-6 of the second one
     or so.
     """
-    stretch, h = linear_stretch(short, NAMES), 1e-4
-    at = evaluate([stretch], THETA)
+    segment, h = linear_segment(short, NAMES), 1e-4
+    at = evaluate([segment], THETA)
     numeric = [
-        (evaluate([stretch], THETA + h * d).cost - evaluate([stretch], THETA - h * d).cost)
+        (evaluate([segment], THETA + h * d).cost - evaluate([segment], THETA - h * d).cost)
         / (2.0 * h)
         for d in np.eye(7)
     ]
@@ -153,15 +153,15 @@ def test_expected_information_is_that_of_the_density_of_all_measurements(short):
     column of L adds to it, C = L L'. Both sides agree to 1e-9, what the condition of C, 1e7,
     leaves.
     """
-    stretch, factor = linear_stretch(short, NAMES), 100.0
-    mean, C, _ = density_of_all(short, stretch, np.zeros(7))
-    scaled_C = [density_of_all(short, stretch, np.log(factor) * d)[1] for d in np.eye(7)]
+    segment, factor = linear_segment(short, NAMES), 100.0
+    mean, C, _ = density_of_all(short, segment, np.zeros(7))
+    scaled_C = [density_of_all(short, segment, np.log(factor) * d)[1] for d in np.eye(7)]
     slopes = [np.linalg.solve(C, 2.0 * (other - C) / (factor**2 - 1.0)) for other in scaled_C]
     theory = np.array([[np.sum(a * b.T) for a in slopes] for b in slopes])
-    constant = evaluate([measured(stretch, mean)], np.zeros(7)).information
+    constant = evaluate([measured(segment, mean)], np.zeros(7)).information
     expected = constant.copy()
     for column in np.linalg.cholesky(C).T:
-        expected += evaluate([measured(stretch, mean + column)], np.zeros(7)).information - constant
+        expected += evaluate([measured(segment, mean + column)], np.zeros(7)).information - constant
     scale = np.sqrt(np.diag(theory))
     assert_allclose(
         expected / np.outer(scale, scale), theory / np.outer(scale, scale), rtol=0, atol=1e-7
@@ -171,23 +171,23 @@ def test_expected_information_is_that_of_the_density_of_all_measurements(short):
     assert share.max() > 0.9
 
 
-def measured(stretch: LinearStretch, z: np.ndarray) -> LinearStretch:
-    """The stretch with other measurements, in the order of `density_of_all`."""
-    nu = stretch.linear.nu.copy()
-    nu[..., 0][stretch.linear.there] = z.reshape(-1, 3)
-    return replace(stretch, linear=stretch.linear._replace(nu=nu))
+def measured(segment: LinearSegment, z: np.ndarray) -> LinearSegment:
+    """The segment with other measurements, in the order of `density_of_all`."""
+    nu = segment.linear.nu.copy()
+    nu[..., 0][segment.linear.there] = z.reshape(-1, 3)
+    return replace(segment, linear=segment.linear._replace(nu=nu))
 
 
 def test_innovations_are_those_of_the_filter(disturbed):
     """Oracle: the filter's own pass about the same nominal, outliers rejected as it does."""
-    stretch = linear_stretch(disturbed, ("gyro.white_noise", "fixes.position"))
-    at = evaluate([stretch], np.zeros(2))
+    segment = linear_segment(disturbed, ("gyro.white_noise", "fixes.position"))
+    at = evaluate([segment], np.zeros(2))
     problem = disturbed.problem
     history = make_history(problem.epochs, problem.layout)
     history.nav[:], history.x[:] = disturbed.nav, disturbed.x
     run_filter(
         problem,
-        InitialState(disturbed.nav[0], disturbed.x[0], stretch.mean0, stretch.P0.sum(axis=0)),
+        InitialState(disturbed.nav[0], disturbed.x[0], segment.mean0, segment.P0.sum(axis=0)),
         history,
         closed_loop=False,
     )
@@ -199,14 +199,14 @@ def test_innovations_are_those_of_the_filter(disturbed):
 
 def test_rejected_fixes_cost_their_gate(disturbed):
     """Oracle: (C.1) on the filter's own store."""
-    stretch = linear_stretch(disturbed, ("fixes.position",))
+    segment = linear_segment(disturbed, ("fixes.position",))
     problem, theta = disturbed.problem, np.log([1.3])
     wide = replace(problem, layout=replace(problem.layout, white_scale=(1.3, 1.3, 1.3)))
     history = make_history(wide.epochs, wide.layout)
     history.nav[:], history.x[:] = disturbed.nav, disturbed.x
     run_filter(
         wide,
-        InitialState(disturbed.nav[0], disturbed.x[0], stretch.mean0, stretch.P0.sum(axis=0)),
+        InitialState(disturbed.nav[0], disturbed.x[0], segment.mean0, segment.P0.sum(axis=0)),
         history,
         closed_loop=False,
     )
@@ -214,7 +214,7 @@ def test_rejected_fixes_cost_their_gate(disturbed):
     log_R = np.linalg.slogdet(1.3**2 * problem.epochs.position_cov[used | lost])[1]
     S, y = history.S[used, :3], history.y[used, :3]
     told = np.sum(log_R) + np.sum(np.log(S) + y**2 / S) + lost.sum() * problem.gate
-    assert evaluate([stretch], theta).cost == pytest.approx(told, rel=1e-10)
+    assert evaluate([segment], theta).cost == pytest.approx(told, rel=1e-10)
 
 
 def test_parameters_are_those_that_the_flight_has(short, disturbed):
@@ -226,6 +226,6 @@ def test_parameters_are_those_that_the_flight_has(short, disturbed):
     assert "fixes.velocity" not in plain
     assert "fixes.correlated" not in plain
     with pytest.raises(UsageError, match=r"fixes\.velocity"):
-        linear_stretch(disturbed, ("fixes.velocity",))
+        linear_segment(disturbed, ("fixes.velocity",))
     with pytest.raises(UsageError, match="both"):
-        linear_stretch(disturbed, ("white_noise", "gyro.white_noise"))
+        linear_segment(disturbed, ("white_noise", "gyro.white_noise"))

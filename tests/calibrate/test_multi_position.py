@@ -1,4 +1,4 @@
-"""Calibration from many positions at rest."""
+"""Calibration from stationary periods in many positions."""
 
 from dataclasses import replace
 
@@ -175,14 +175,16 @@ def test_unknown_gravity_is_the_scale_factors_error():
 
 def test_the_jacobian_of_a_turn_is_its_derivative(ideal):
     """Oracle: central difference through the kernel, over one turn."""
-    from insgnss.calibrate._kernels import carry
+    from insgnss.calibrate._kernels import propagate_turn
 
     imu = recorded(ideal, 4)
     turn = find_turns(imu, stationary_periods(imu))[5]
 
     def carried(p):
         Rt, J = np.empty((3, 3)), np.empty((3, 12))
-        carry(turn.delta, turn.dt, np.linalg.inv(np.eye(3) + p[3:].reshape(3, 3)), p[:3], Rt, J)
+        propagate_turn(
+            turn.delta, turn.dt, np.linalg.inv(np.eye(3) + p[3:].reshape(3, 3)), p[:3], Rt, J
+        )
         return Rt, J
 
     p = gyro_truth()
@@ -196,7 +198,7 @@ def test_the_jacobian_of_a_turn_is_its_derivative(ideal):
 
 
 def test_gyroscopes_without_turns_have_their_bias_only(ideal):
-    """Oracle: at rest a gyro feels nothing that a scale factor could act on but the Earth's rate."""
+    """Oracle: at rest a scale factor of a gyro acts on nothing but the Earth's rate."""
     imu = recorded(ideal, 5)
     found = stationary_periods(imu)
     got = calibrate_gyroscopes(
@@ -221,11 +223,11 @@ def test_what_the_model_lacks_widens_the_standard_errors(ideal):
 
 def test_too_few_positions_are_counted():
     """Oracle: six faces, ten times each."""
-    stretches = rested(np.tile(FACES, (10, 1)), 5e-3, 500, 0)
-    assert distinct_positions(stretches) == 6
+    periods = rested(np.tile(FACES, (10, 1)), 5e-3, 500, 0)
+    assert distinct_positions(periods) == 6
     imu = turned_by_hand(FACES, hold_s=3.0)
     with pytest.raises(
-        DataError, match=r"hand: 6 positions at rest found in 6 stretches, 9 needed"
+        DataError, match=r"hand: 6 positions found in 6 stationary periods, 9 needed"
     ):
         calibrate_multi_position(recorded(imu, 0))
 
@@ -245,7 +247,7 @@ def test_gyros_of_other_axes_are_no_calibration(ideal):
 
 
 def test_what_is_shown(ideal):
-    """Oracle: 1 mg = 9.80665e-3 m/s^2, 1 deg/h = 4.848e-6 rad/s; the file holds what was estimated."""
+    """Oracle: 1 mg = 9.80665e-3 m/s^2, 1 deg/h = 4.848e-6 rad/s; the file holds the estimate."""
     got = calibrate_multi_position(recorded(ideal, 7))
     rows = {(p.sensor, p.name): p for p in got.parameters}
     value, sigma, unit = rows["accel", "bias x"].shown
@@ -257,7 +259,7 @@ def test_what_is_shown(ideal):
     np.testing.assert_array_equal(sizes(USUAL, "gyro", ["bias x", "scale_factor x"]), [2e-4, 1e-3])
     np.testing.assert_array_equal(got.calibration.accel.bias, got.accel.values[:3])
     assert got.calibration.gyro.response[0, 1] == got.gyro.values[4]
-    assert "24 stretches at rest in 22 positions, 23 turns between them" in got.summary()
+    assert "24 stationary periods in 22 positions, 23 turns between them" in got.summary()
     document = got.as_dict()
     assert document["gyro"]["parameters"][0]["name"] == "bias x"
     np.testing.assert_allclose(np.diag(document["accel"]["correlation"]), 1.0)

@@ -1,4 +1,4 @@
-"""Spectrum in straight flight: levels and lines that were put in, and the parts it is taken from."""
+"""Spectrum in straight flight: levels and lines that were put in, and its segments."""
 
 from dataclasses import replace
 

@@ -37,8 +37,8 @@ def at_rest(rpy, gyro_bias, accel_bias, rng=None, k=1):
     )
 
 
-def estimate(stretches):
-    return turn_on_bias(stretches, np.eye(3), LATITUDE, HEIGHT, GYRO_PRIOR, ACCEL_PRIOR)
+def estimate(periods):
+    return turn_on_bias(periods, np.eye(3), LATITUDE, HEIGHT, GYRO_PRIOR, ACCEL_PRIOR)
 
 
 def test_errors_are_as_large_as_the_covariance_says():
@@ -80,7 +80,7 @@ def test_what_a_level_stand_tells():
     assert got.mean.tolist() == [*got.gyro, *got.accel]
 
 
-def test_scattered_stretches_count_for_their_scatter():
+def test_scattered_periods_count_for_their_scatter():
     """Oracle: means that jump by 1e-5 rad/s; the standard error of three is sqrt(sum of squares / 2
     / 3).
     """
@@ -126,5 +126,5 @@ def test_no_rest_and_no_single_attitude_are_refused():
     )
     with pytest.raises(DataError, match=r"tilted by 8\.\d deg \(limit 5 deg\)"):
         estimate(both)
-    with pytest.raises(DataError, match="no stretch at rest"):
+    with pytest.raises(DataError, match="no stationary period"):
         estimate(one.within(1e6, 2e6))

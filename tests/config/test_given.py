@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from insgnss.base.errors import InputError, OptionError, UsageError
 
+from insgnss.base.errors import InputError, OptionError, UsageError
 from insgnss.config.camera_options import CameraInput
 from insgnss.config.filter_options import FilterOptions, InitialAttitude
 from insgnss.config.flight_file import Output, TangentPlane

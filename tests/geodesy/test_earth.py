@@ -135,7 +135,7 @@ def test_curvature_radii_are_arc_lengths():
 
 
 def test_constants_cost_no_compiler():
-    """Oracle: sys.modules of a fresh interpreter; the compiled kernel is loaded on first use only."""
+    """Oracle: sys.modules of a fresh interpreter; the kernel is loaded on first use only."""
     import subprocess
     import sys
 

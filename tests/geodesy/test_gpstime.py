@@ -114,7 +114,7 @@ def test_unix_times_over_a_weeks_end_go_on_counting():
 
 
 def test_week_end_is_unwrapped_and_a_clock_error_is_not():
-    """Oracle: a clock that counts on, folded; a step back of 3 s stays, for the record to refuse."""
+    """Oracle: a clock that counts on, folded; a step back of 3 s stays for the record."""
     counting = 604790.0 + 100000.0 * np.arange(20)
     folded = counting % gpstime.WEEK_S
     assert_allclose(gpstime.unwrap_week(folded), counting, rtol=0, atol=1e-9)

@@ -1,4 +1,4 @@
-"""Projected CRS: against PROJ's own factors, published values and plain distances on the ellipsoid."""
+"""Projected CRS against PROJ's factors, published values and distances on the ellipsoid."""
 
 from pathlib import Path
 

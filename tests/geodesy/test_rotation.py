@@ -1,4 +1,4 @@
-"""Rotations and angle sets against scipy, printed matrices of the formats, and central differences."""
+"""Rotations and angle sets against scipy, the formats' matrices and central differences."""
 
 import numpy as np
 import pytest
@@ -126,7 +126,7 @@ def test_rotation_vector_of_a_half_turn():
 
 
 def test_quaternions_are_scipys():
-    """Oracle: scipy, whose quaternion is x, y, z, w; half turns about the axes take every branch."""
+    """Oracle: scipy (quaternion x, y, z, w); half turns about the axes take every branch."""
     q_xyzw = np.vstack([Rotation.random(200, random_state=1).as_quat(canonical=True), np.eye(4)])
     q = q_xyzw[:, [3, 0, 1, 2]]
     C = Rotation.from_quat(q_xyzw).as_matrix()

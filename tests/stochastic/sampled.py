@@ -36,7 +36,7 @@ def covariance(axis: AxisNoise, n: int, rate_hz: float, sampling: str) -> np.nda
 
 
 def autocorrelation(T_samples: float, n: int, sampling: str) -> np.ndarray:
-    """Of a Gauss-Markov process at lags 0 to n - 1, relative to the variance of the process itself."""
+    """Autocovariance at lags 0 to n - 1 over the variance of the Gauss-Markov process."""
     u, lag = 1.0 / T_samples, np.arange(n)
     if sampling == "point":
         return np.exp(-u * lag)

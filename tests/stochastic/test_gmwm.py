@@ -186,10 +186,10 @@ def test_curvature_is_the_derivative_of_the_minimum_over_the_variances():
     group = Group(curve.level, 100.0, np.sqrt(interval_weights(curve)), curve.variance)
     moments = Moments([group], Composition.parse("WN+2GM+RW"), "point", (1e-4, 1e6))
     t, h = np.log([0.2, 30.0]), 1e-4
-    g, G = moments.curvature(moments.at(np.exp(t)))
+    g, G = moments.curvature(moments.solution(np.exp(t)))
     for k in range(2):
         step = h * (np.arange(2) == k)
-        above, below = moments.at(np.exp(t + step)), moments.at(np.exp(t - step))
+        above, below = moments.solution(np.exp(t + step)), moments.at(np.exp(t - step))
         assert_allclose(g[k], (above.value - below.value) / (2.0 * h), rtol=1e-5)
         assert_allclose(
             G[k],

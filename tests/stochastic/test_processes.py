@@ -39,7 +39,7 @@ def test_gauss_markov_step_is_van_loans(T, q, dt):
 
 @pytest.mark.parametrize(("T", "q", "dt"), STEPS)
 def test_the_bridge_is_van_loans(T, q, dt):
-    """Oracle: filterpy van_loan_discretization of (e, integral of e), its regression on both ends."""
+    """Oracle: filterpy van_loan_discretization of (e, integral of e), regressed on both ends."""
     _, Q = van_loan_discretization(
         np.array([[-1.0 / T, 0.0], [1.0, 0.0]]), np.array([[q], [0.0]]), dt
     )

@@ -51,7 +51,7 @@ def test_variance_is_that_of_the_convolution(n):
 
 @pytest.mark.parametrize("n", [4, 7, 8, 9, 15, 16, 1000, 2**19, 10**6, 2**20, 3105250])
 def test_number_of_scales_is_the_references(n):
-    """Oracle: floor(log2(n) - 1) of wv::wvar (R/wvar.R), in integers: 2^(J + 1) <= n < 2^(J + 2)."""
+    """Oracle: floor(log2(n) - 1) of wv::wvar (R/wvar.R), as 2^(J + 1) <= n < 2^(J + 2)."""
     J = default_levels(n)
     assert 2 ** (J + 1) <= n < 2 ** (J + 2)
 

@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from insgnss import cli
 from insgnss.base.errors import InputError, UsageError
-from insgnss.calibrate.innovation_noise import KNOWN, _Maximum, _minutes, _untold
+from insgnss.calibrate.innovation_noise import KNOWN_SIGMA, _Maximum, _minutes, _untold
 from insgnss.calibrate.likelihood import Evaluated
 from insgnss.calibrate.straight_flight import SpectralLine
 from insgnss.flight import Flight, load_flight
@@ -207,7 +207,7 @@ def test_a_short_flight_says_what_length_would_do():
     """Oracle: the rule that standard errors fall with the root of time; half the length asks for as
     long a flight.
     """
-    sigma = 2.0 * KNOWN
+    sigma = 2.0 * KNOWN_SIGMA
     at = Evaluated(
         0.0, np.zeros(1), np.array([[2.0 / sigma**2]]), np.zeros((0, 3)), np.zeros(0), 0, 0
     )
@@ -305,9 +305,9 @@ def test_a_correlated_error_that_was_adopted_is_doubted(monkeypatch, adopted, ga
     assert dropped == white
 
 
-def test_what_is_odd_is_told(tuned):
+def test_what_is_odd_is_reported(tuned):
     """Oracle: the numbers put in: a line of 83 Hz, fixes twice as bad as they claim, no straight
-    flight, a lost stretch.
+    flight, a lost segment.
     """
     assert tuned.straight is not None
     line = SpectralLine("accel z", 83.0, 0.7, 0.7 / (2.0 * np.pi * 83.0), 40.0)
@@ -329,7 +329,7 @@ def test_what_is_odd_is_told(tuned):
         "sigma of the positions: 2.00 +-",
     ):
         assert said in words
-    assert "noise of the IMU explains what the solution took for a correlated error" in words
+    assert "noise of the IMU explains what the solution took for a time-correlated error" in words
     assert "  left out: 3 s" in words
     assert "no straight, level flight" in replace(tuned, straight=None).summary()
 
@@ -383,7 +383,7 @@ def test_each_doubt_keeps_the_static_model(tuned):
             (replace(noise, after=replace(after, nis=1.3), at_best=replace(best, nis=1.3)), 0, 0),
             "1.300 after",
         ),
-        ((noise, 2, 2 + after.fixes // 50), f"2 of {after.fixes} fixes lost before"),
+        ((noise, 2, 2 + after.fixes // 50), f"2 of {after.fixes} fixes rejected before"),
         ((replace(noise, at_best=lasting), 0, 0), "0.02 from fix to fix and 0.42 over 20 fixes"),
         (
             (noise, 0, 0, [("gyro.white_noise", 1.9)]),
@@ -395,7 +395,7 @@ def test_each_doubt_keeps_the_static_model(tuned):
         ),
         (
             (replace(noise, free=0, held=(("gyro.white_noise", "too short"),)), 0, 0),
-            "gyro white noise not told by this flight: too short",
+            "gyro white noise not determined by this flight: too short",
         ),
     )
     assert _judged(noise, 0, 0)[0]

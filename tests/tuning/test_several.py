@@ -19,11 +19,8 @@ from insgnss.tuning.in_flight.estimation import tune_flight
 from insgnss.tuning.several import SeveralTuned, alone, tune_each
 
 RATE, SHAKEN = 100.0, 3.0
-PLACE = (
-    0.113,
-    0.520,
-    -0.300,
-)  # m, of the second IMU from the camera: half a metre from the first, which a wrong lever arm would show
+# m, of the second IMU from the camera: half a metre from the first, so that a wrong lever arm shows
+PLACE = (0.113, 0.520, -0.300)
 
 
 @pytest.fixture(scope="module")

@@ -111,7 +111,7 @@ def test_clocks_by_other_names_and_named_fields_need_no_columns(rest, tmp_path):
         np.testing.assert_allclose(np.column_stack([imu.gyro, imu.accel]), rest, rtol=1e-12)
 
 
-def test_a_unit_against_the_header_is_told(rest, tmp_path, capsys):
+def test_a_unit_against_the_header_is_reported(rest, tmp_path, capsys):
     """Oracle: the header says rad/s, the option deg/s; noise is 57 times too small, and the output
     says why.
     """
@@ -181,7 +181,7 @@ def test_another_imu_is_not_pooled(rest, tmp_path, capsys):
 
 
 def test_files_stand_behind_options_and_columns_begin_with_a_minus(rest, tmp_path, capsys):
-    """Oracle: the same command with the files in front; the first column, left out, is one of time."""
+    """Oracle: the same command with the files in front; the first column left out is time."""
     one, two = save(tmp_path / "one.npy", rest), save(tmp_path / "two.npy", samples(5, 2))
     code, said = run(
         capsys, one, "--rate", RATE, *UNITS, "--skip", "0", two, "--out", tmp_path / "x.toml"

@@ -74,4 +74,4 @@ def test_a_real_navchip_from_its_published_variances(tmp_path, no_pictures):
         T1, q1, T2, q2 = t.kept.parameters[1:]
         assert_allclose([T1, T2], expected[::2], rtol=0.008)
         assert_allclose([q1 / DEG_H, q2 / DEG_H], expected[1::2], rtol=0.015)
-    assert "variances do not tell the turn-on bias" in result.summary()
+    assert "variances do not determine the turn-on bias" in result.summary()

@@ -323,7 +323,7 @@ def test_published_variances_will_do(folder, tmp_path, capsys, no_pictures):
         assert_allclose([e["value"] for e in fit["estimates"]], t.kept.parameters, rtol=1e-6)
     assert not (tmp_path / "t.toml").exists()
     assert "no noise model was written" in document["notes"][0]
-    assert "variances do not tell the turn-on bias" in document["turn_on_bias"][0]
+    assert "variances do not determine the turn-on bias" in document["turn_on_bias"][0]
 
 
 def test_text_with_units_in_its_header_needs_no_options(tmp_path, capsys, no_pictures):

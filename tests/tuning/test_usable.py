@@ -70,7 +70,7 @@ def test_a_process_without_end_is_a_random_walk():
     assert set(dict(noise.standard_error)) == {"white_noise", "random_walk"}
 
 
-def test_what_is_told_is_kept():
+def test_what_is_known_is_kept():
     """Oracle: the process of the curve itself."""
     inference = infer(
         fit(curve_of(AxisNoise(white_noise=1e-4, gauss_markov=(GaussMarkov(20.0, 1e-5),))), "WN+GM")
@@ -85,7 +85,7 @@ def test_what_is_told_is_kept():
     }
 
 
-def test_a_number_that_is_hardly_known_is_told():
+def test_a_number_that_is_hardly_known_is_reported():
     """Oracle: a process far below the scatter of the curve; said of its two parameters unless a
     verdict says so already.
     """

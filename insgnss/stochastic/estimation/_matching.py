@@ -16,7 +16,8 @@ The minimum over x for given T has a gradient and a Hessian in t = log T that fo
 dd_k/dt_k (Golub and Pereyra 1973, variable projection):
 
     g_k = -2 x_k r'd'_k                                                                        (M.2)
-    G = 2 (J'J - diag(x_k r'd''_k) - S'S),    S = U'J - R^-T E,    E_kk = r'd'_k in the row of column k  (M.3)
+    G = 2 (J'J - diag(x_k r'd''_k) - S'S),    S = U'J - R^-T E,
+    E_kk = r'd'_k in the row of column k                                                       (M.3)
 
 d'' is the central difference of the analytic d'; only the number of Newton steps depends on it.
 """
@@ -44,7 +45,12 @@ _DIFFERENCE = 1e-4  # of log T, for d''
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Curves of the same levels and rate, pooled. level (J,).   root (J, J) : L'.   mean (J,) : weighted mean curve, X^2."""
+    """Curves of the same levels and rate, pooled.
+
+    level (J,).
+    root (J, J) : L'.
+    mean (J,) : weighted mean curve, X^2.
+    """
 
     level: np.ndarray
     rate_hz: float
@@ -158,7 +164,7 @@ class Moments:
             x[used] += correction
         return x, self.y - x @ D
 
-    def at(self, times: Array) -> Solution:
+    def solution(self, times: Array) -> Solution:
         """Best variances for these times."""
         times = np.sort(times)
         x, r = self.variances(np.concatenate([self.linear, self.columns(times)[0]]))

@@ -39,7 +39,7 @@ _EQUAL = 1e-12  # of Q, within which two solutions are equal
 def minimum(moments: Moments) -> Solution:
     """The minimum over times and variances, of as few processes as it takes."""
     if moments.K == 0:
-        return moments.at(np.empty(0))
+        return moments.solution(np.empty(0))
     return without_idle(
         moments, min((descend(moments, times) for times in search(moments)), key=lambda s: s.value)
     )
@@ -50,24 +50,28 @@ def search(moments: Moments) -> list[Array]:
     grid, K = Grid(moments), moments.K
     beam = [np.empty(0)]
     for _ in range(K):
-        beam = grid.settled([np.append(at, place) for at in beam for place in grid.places(at)])[
-            :_BEAM
-        ]
+        beam = grid.settled(
+            [
+                np.append(positions, position)
+                for positions in beam
+                for position in grid.places(positions)
+            ]
+        )[:_BEAM]
     best, k, unchanged = beam[0], 0, 0
     while unchanged < K:
         others = np.delete(best, k)
-        new = grid.settled([np.append(others, place) for place in grid.places(others)])[0]
+        new = grid.settled([np.append(others, position) for position in grid.places(others)])[0]
         if grid.value(new) < grid.value(best) * (1.0 - _BETTER):
             best, unchanged = new, 0
         else:
             unchanged += 1
         k = (k + 1) % K
-    return [grid.times(at) for at in [best, *beam[1:_DESCENTS]]]
+    return [grid.times(positions) for positions in [best, *beam[1:_DESCENTS]]]
 
 
 def descend(moments: Moments, times: Array) -> Solution:
     """Newton's method from `times` (K,) to the minimum in its basin, between the bounds."""
-    now, reach, last = moments.at(moments.on_bounds(times)), _LARGEST_STEP, 5
+    now, reach, last = moments.solution(moments.on_bounds(times)), _LARGEST_STEP, 5
     g, G = moments.curvature(now)
     for _ in range(200):
         step = newton_step(np.log(now.times), g, G, np.log(moments.bounds))
@@ -75,7 +79,7 @@ def descend(moments: Moments, times: Array) -> Solution:
             break
         close = -g @ step <= _CLOSE * now.value + _FLOOR
         step *= min(1.0, reach / np.abs(step).max())
-        trial = moments.at(moments.on_bounds(now.times * np.exp(step)))
+        trial = moments.solution(moments.on_bounds(now.times * np.exp(step)))
         if close:
             slope, curvature = moments.curvature(trial)
             last -= 1
@@ -121,14 +125,14 @@ def without_idle(moments: Moments, solution: Solution) -> Solution:
     times = solution.times[solution.x[L:] > 0.0]
     for k in reversed(range(times.size)):
         others = np.delete(times, k)
-        if L + others.size and moments.at(others).value <= limit:
+        if L + others.size and moments.solution(others).value <= limit:
             times = others
     for bound in moments.bounds:
         for k in range(times.size):
             moved = np.sort(np.append(np.delete(times, k), bound))
-            if moments.at(moved).value <= limit:
+            if moments.solution(moved).value <= limit:
                 times = moved
-    active = moments.at(times)
+    active = moments.solution(times)
     used = active.x[L:] > 0.0
     idle = moments.K - int(used.sum())
     x = np.concatenate([active.x[:L], active.x[L:][used], np.zeros(idle)])
@@ -137,7 +141,7 @@ def without_idle(moments: Moments, solution: Solution) -> Solution:
 
 class Grid:
     """Columns of the candidate times, evenly spaced in log T, and the search among and between
-    them; a place is an index with fraction.
+    them; a position is an index with fraction.
     """
 
     def __init__(self, moments: Moments) -> None:
@@ -150,31 +154,32 @@ class Grid:
         self.slope = slope * (np.log(high / low) / (count - 1))
         self.values: dict[bytes, float] = {}
 
-    def times(self, at: Array) -> Array:
-        """Correlation times (K,), s, of places."""
-        return np.exp(np.interp(at, np.arange(self.T.size), np.log(self.T)))
+    def times(self, positions: Array) -> Array:
+        """Return the correlation times (K,), s, of positions."""
+        return np.exp(np.interp(positions, np.arange(self.T.size), np.log(self.T)))
 
-    def value(self, at: Array) -> float:
-        """Q over |y|^2 at places that have settled."""
-        return self.values[at.tobytes()]
+    def value(self, positions: Array) -> float:
+        """Return Q over |y|^2 at positions that have settled."""
+        return self.values[positions.tobytes()]
 
-    def places(self, at: Array) -> list[float]:
-        """The best places (a few) of one more process beside those at `at`: the peaks of its
-        profile.
+    def places(self, positions: Array) -> list[float]:
+        """Return the best positions (a few) of one more process beside `positions`.
+
+        They are the peaks of its profile.
         """
         gain = np.empty(self.T.size)
-        profile(at, self.linear, self.D, self.slope, self.y, gain)
+        profile(positions, self.linear, self.D, self.slope, self.y, gain)
         inner = np.concatenate([[-np.inf], gain, [-np.inf]])
         peaks = np.flatnonzero((gain >= inner[:-2]) & (gain > inner[2:]))
         return [float(i) for i in peaks[np.argsort(-gain[peaks])][:_PEAKS]]
 
     def settled(self, starts: Sequence[Array]) -> list[Array]:
         """Minima reached from `starts`, each once, best first."""
-        found: dict[tuple[int, ...], Array] = {}
+        minima: dict[tuple[int, ...], Array] = {}
         for start in starts:
-            at = np.array(start)
-            value = settle(at, self.linear, self.D, self.slope, self.y)
-            at.sort()
-            self.values[at.tobytes()] = value
-            found.setdefault(tuple(np.round(4.0 * at).astype(int)), at)
-        return sorted(found.values(), key=self.value)
+            positions = np.array(start)
+            value = settle(positions, self.linear, self.D, self.slope, self.y)
+            positions.sort()
+            self.values[positions.tobytes()] = value
+            minima.setdefault(tuple(np.round(4.0 * positions).astype(int)), positions)
+        return sorted(minima.values(), key=self.value)

@@ -257,7 +257,7 @@ class Local:
         return self._end(low, i), self._end(high, i), self._end(farther, i)
 
     def _end(self, x: Array, i: int) -> float:
-        """Parameter i at x, SI; at an edge zero or infinite, or the limit that the fit was given."""
+        """Return parameter i at x, SI; at an edge zero, infinite or the limit given to the fit."""
         if x[i] == self.low[i]:
             return self.ends[0] if self.time[i] else 0.0
         if x[i] == self.high[i]:
@@ -273,8 +273,8 @@ def polished(fitted: Fit, weights: Sequence[Array]) -> Fit:
     axis = fitted.composition.axis(local.parameters(x))
     at_bound = tuple(
         name
-        for name, at, low, high in zip(names, x, local.low, local.high, strict=True)
-        if at in (low, high)
+        for name, coordinate, low, high in zip(names, x, local.low, local.high, strict=True)
+        if coordinate in (low, high)
     )
     values = fitted.composition.values(axis)
     Q = objective(axis, fitted.curves, weights, fitted.sampling)

@@ -4,12 +4,13 @@ times of a grid.
 Given the times, the weighted fit is least squares in non-negative variances x, so a choice of times
 has one value. With columns of unit length in the rows of A, H = A A' and b = A y:
 
-    Q(times) = y'y - max over x >= 0 of (2 b'x - x'H x),   and the maximum is b'x where it is reached                   (S.1)
+    Q(times) = y'y - max over x >= 0 of (2 b'x - x'H x),
+    and the maximum is b'x where it is reached                                                 (S.1)
 
 Columns change smoothly with log T, over a factor of three or more. Between candidate times, of
 which there are twelve a decade, they are interpolated by cubic polynomials from values and
 derivatives at both (to a part in a million), so that the minimum over continuous times costs
-microseconds. A place on the grid is an index with fraction. Matrix products are written out:
+microseconds. A position on the grid is an index with fraction. Matrix products are written out:
 matrices have a few rows.
 """
 
@@ -67,19 +68,19 @@ def _active_sets(H: Array, b: Array, state: Array, x: Array, z: Array, work: Arr
     for i in range(p):
         state[i] = 0.0
     for _ in range(4 * p):
-        best, at = _GRADIENT, -1
+        best, entering = _GRADIENT, -1
         for i in range(p):
             if state[i] == 0.0:
                 w = b[i]
                 for j in range(p):
                     w -= H[i, j] * x[j]
                 if w > best:
-                    best, at = w, i
-        if at < 0:
+                    best, entering = w, i
+        if entering < 0:
             break
-        state[at] = 1.0
-        if not _solve(H, b, state, z, work) or z[at] <= 0.0:
-            state[at] = -1.0
+        state[entering] = 1.0
+        if not _solve(H, b, state, z, work) or z[entering] <= 0.0:
+            state[entering] = -1.0
             continue
         _step_back(H, b, state, x, z, work)
         for i in range(p):
@@ -161,10 +162,10 @@ def _copy(a: Array, b: Array) -> None:
 
 
 @njit(cache=True)
-def _interpolate(at: float, D: Array, slope: Array, d: Array, d1: Array, d2: Array) -> None:
-    """Column d (M,) at a place of the grid and its first two derivatives, a candidate being one."""
-    i = min(int(at), D.shape[0] - 2)
-    s = at - i
+def _interpolate(position: float, D: Array, slope: Array, d: Array, d1: Array, d2: Array) -> None:
+    """Write column d (M,) at a grid position and its first two derivatives by it."""
+    i = min(int(position), D.shape[0] - 2)
+    s = position - i
     for m in range(d.size):
         rise = D[i + 1, m] - D[i, m]
         u, v = slope[i, m] - rise, slope[i + 1, m] - rise
@@ -174,14 +175,15 @@ def _interpolate(at: float, D: Array, slope: Array, d: Array, d1: Array, d2: Arr
 
 
 @njit(cache=True)
-def profile(at: Array, linear: Array, D: Array, slope: Array, y: Array, gain: Array) -> None:
-    """b'x of (S.1) with one more process at each candidate, beside those at places `at` (K,) and
-    without a time, into gain (t,).
+def profile(positions: Array, linear: Array, D: Array, slope: Array, y: Array, gain: Array) -> None:
+    """Write b'x of (S.1) with one more process at each candidate into gain (t,).
+
+    The others are those at `positions` (K,) on the grid and those without a time.
 
     linear (L, M), D (t, M) : unit columns of processes without a time and of the candidates; slope
         (t, M) : derivative of D a candidate.
     """
-    fixed, last = linear.shape[0], linear.shape[0] + at.size
+    fixed, last = linear.shape[0], linear.shape[0] + positions.size
     A, unused = np.empty((last + 1, y.size)), np.empty((2, y.size))
     H, b, x, work = (
         np.empty((last + 1, last + 1)),
@@ -193,7 +195,7 @@ def profile(at: Array, linear: Array, D: Array, slope: Array, y: Array, gain: Ar
         if i < fixed:
             _copy(linear[i], A[i])
         else:
-            _interpolate(at[i - fixed], D, slope, A[i], unused[0], unused[1])
+            _interpolate(positions[i - fixed], D, slope, A[i], unused[0], unused[1])
     for i in range(last):
         b[i] = _dot(A[i], y)
         for j in range(last):
@@ -208,7 +210,7 @@ def profile(at: Array, linear: Array, D: Array, slope: Array, y: Array, gain: Ar
 
 @njit(cache=True)
 def _evaluate(
-    at: Array,
+    positions: Array,
     D: Array,
     slope: Array,
     y: Array,
@@ -219,14 +221,16 @@ def _evaluate(
     x: Array,
     r: Array,
 ) -> float:
-    """Q at places `at` (K,). Fills the last K columns of A (p, M), A1, A2 (K, M), H (p, p), the
-    variances x and the residual r (M,).
+    """Return Q at `positions` (K,) on the grid.
+
+    It fills the last K columns of A (p, M), A1, A2 (K, M), H (p, p), the variances x and the
+    residual r (M,).
     """
     p = A.shape[0]
-    fixed = p - at.size
+    fixed = p - positions.size
     b, work = np.empty(p), np.empty((p + 2, p))
-    for k in range(at.size):
-        _interpolate(at[k], D, slope, A[fixed + k], A1[k], A2[k])
+    for k in range(positions.size):
+        _interpolate(positions[k], D, slope, A[fixed + k], A1[k], A2[k])
     for i in range(p):
         b[i] = _dot(A[i], y)
         for j in range(i + 1):
@@ -267,15 +271,20 @@ def _curvature(
 
 @njit(cache=True)
 def _move(
-    at: Array, g: Array, G: Array, damping: float, last: float, trial: Array, work: Array
+    positions: Array, g: Array, G: Array, damping: float, last: float, trial: Array, work: Array
 ) -> bool:
-    """Damped Newton step from `at` (K,) to `trial`; False where none leads downhill. Places that
-    the gradient holds at an end stay.
+    """Make a damped Newton step from `positions` (K,) to `trial`; False where none leads downhill.
+
+    Positions that the gradient holds at an end stay.
     """
-    K = at.size
+    K = positions.size
     state, step, size = work[K], work[K + 1], 0.0
     for k in range(K):
-        held = g[k] == 0.0 or (at[k] <= 0.0 and g[k] > 0.0) or (at[k] >= last and g[k] < 0.0)
+        held = (
+            g[k] == 0.0
+            or (positions[k] <= 0.0 and g[k] > 0.0)
+            or (positions[k] >= last and g[k] < 0.0)
+        )
         state[k] = 0.0 if held else 1.0
         size = size if held else max(size, abs(G[k, k]))
     if size == 0.0:
@@ -293,16 +302,17 @@ def _move(
         largest = max(largest, abs(step[k]))
     shrink = _STRIDE / largest if largest > _STRIDE else 1.0
     for k in range(K):
-        trial[k] = min(max(at[k] + shrink * step[k], 0.0), last)
+        trial[k] = min(max(positions[k] + shrink * step[k], 0.0), last)
     return True
 
 
 @njit(cache=True)
-def settle(at: Array, linear: Array, D: Array, slope: Array, y: Array) -> float:
-    """Descent from places `at` (K,) to a minimum of Q, in place; returns Q. linear, D, slope, y as
-    in `profile`.
+def settle(positions: Array, linear: Array, D: Array, slope: Array, y: Array) -> float:
+    """Descend from `positions` (K,) to a minimum of Q, in place, and return Q.
+
+    linear, D, slope, y are as in `profile`.
     """
-    fixed, K, M = linear.shape[0], at.size, y.size
+    fixed, K, M = linear.shape[0], positions.size, y.size
     p, last = fixed + K, D.shape[0] - 1.0
     A, A1, A2, H, x, r = (
         np.empty((p, M)),
@@ -315,12 +325,12 @@ def settle(at: Array, linear: Array, D: Array, slope: Array, y: Array) -> float:
     g, G, trial, work = np.empty(K), np.empty((K, K)), np.empty(K), np.empty((K + 2, K))
     for i in range(fixed):
         _copy(linear[i], A[i])
-    value, damping = _evaluate(at, D, slope, y, A, A1, A2, H, x, r), 1e-3
+    value, damping = _evaluate(positions, D, slope, y, A, A1, A2, H, x, r), 1e-3
     for _ in range(60):
         _curvature(A, A1, A2, H, x, r, g, G)
         after = value
         for _ in range(12):
-            if _move(at, g, G, damping, last, trial, work):
+            if _move(positions, g, G, damping, last, trial, work):
                 after = _evaluate(trial, D, slope, y, A, A1, A2, H, x, r)
                 if after < value:
                     break
@@ -329,7 +339,7 @@ def settle(at: Array, linear: Array, D: Array, slope: Array, y: Array) -> float:
             break
         gain, value = value - after, after
         for k in range(K):
-            at[k] = trial[k]
+            positions[k] = trial[k]
         damping = max(0.1 * damping, 1e-9)
         if gain <= _ENOUGH * value:
             break

@@ -12,7 +12,8 @@ Two ways to draw the wavelet variances of a recording of n samples:
             as normal given the others, from the exact covariance V of all levels (s small, l large
             levels):
 
-                nu_s = E nu_s + V_sl V_ll^-1 (nu_l - E nu_l) + normal of covariance V_ss - V_sl V_ll^-1 V_ls        (B.1)
+                nu_s = E nu_s + V_sl V_ll^-1 (nu_l - E nu_l)
+                       + normal of covariance V_ss - V_sl V_ll^-1 V_ls                         (B.1)
 
             A few milliseconds instead of a tenth of a second per million samples.
 
@@ -45,7 +46,9 @@ _FIRST = 4  # level, counted in blocks, from which the block means serve
 class Bootstrap:
     """Re-fits of drawn wavelet variances.
 
-    variances : (B, J_i) of each curve, X^2.   parameters (B, p), SI, in the order of the composition.   objective (B,).
+    variances : (B, J_i) of each curve, X^2.
+    parameters : (B, p), SI, in the order of the composition.
+    objective : (B,).
     """
 
     fit: Fit

@@ -37,7 +37,8 @@ class Estimate:
     """One parameter: value in SI, standard error of its logarithm, 95 % interval, and upper limit
     of the 99 % interval.
 
-    log_error : NaN where the value is zero or at the edge of what is admissible (`at_bound`).   low may be 0, high infinite.
+    log_error : NaN where the value is zero or at the edge of what is admissible (`at_bound`).
+    low, high : low may be 0, high infinite.
     """
 
     name: str
@@ -55,7 +56,7 @@ class Estimate:
 
 
 class Linearised:
-    """The fit linearised (E.1): everything stacked over the curves, in the coordinates of `Local`."""
+    """The fit linearised (E.1), stacked over the curves, in the coordinates of `Local`."""
 
     def __init__(self, fitted: Fit, V: Sequence[Array]) -> None:
         self.local = Local(fitted)
@@ -141,11 +142,11 @@ def estimates(
         ends.tolist(),
         strict=True,
     )
-    found = [
+    results = [
         Estimate(name, value, error, low, high, far, name in fitted.at_bound)
         for name, value, error, (low, high, far) in rows
     ]
-    return tuple(found), log_covariance
+    return tuple(results), log_covariance
 
 
 def _sandwich(linear: Linearised, C: Array, log_error: Array, i: int) -> tuple[float, float, float]:
@@ -188,7 +189,11 @@ def _bounded(
             g.mean / unit
             for g, unit in zip(linear.local.groups, linear.local.linear[i], strict=True)
         ]
-        most = min(most, _UNBOUNDED * math.sqrt(max(float(np.abs(part).max()) for part in alone)))
+        most = min(
+            most,
+            _UNBOUNDED
+            * math.sqrt(max(float(np.abs(contribution).max()) for contribution in alone)),
+        )
     if not high > most:
         return low, high, far if far <= most else math.inf
     return (0.0 if by_error else low), math.inf, math.inf
@@ -198,8 +203,8 @@ def _stacked(blocks: Sequence[Array]) -> Array:
     """Block diagonal matrix."""
     size = [len(block) for block in blocks]
     out = np.zeros((sum(size), sum(size)))
-    at = 0
+    first = 0
     for block, n in zip(blocks, size, strict=True):
-        out[at : at + n, at : at + n] = block
-        at += n
+        out[first : first + n, first : first + n] = block
+        first += n
     return out

@@ -34,11 +34,23 @@ from ._minimum import minimum
 class Fit:
     """Processes fitted to wavelet variances.
 
-    parameters (p,) : SI, in the order of `composition.parameters`.   curves : as fitted, of the selected levels only.
-    weights : Omega_i (J_i, J_i) of each curve, 1/X^4.   objective : Q of (G.1).   sampling : "point" or "mean".
-    at_bound : names of the parameters on the edge of the admissible; the time of a Gauss-Markov
-        process without driving noise is arbitrary and stands at its upper bound.
-    times_s : limits of the correlation times that the caller set, s.
+    Parameters
+    ----------
+    parameters : ndarray, (p,)
+        Values in SI, in the order of `composition.parameters`.
+    curves : tuple of WaveletVariance
+        The curves as fitted, of the selected levels only.
+    weights : tuple of ndarray, (J_i, J_i)
+        Omega_i of each curve, 1/X^4.
+    objective : float
+        Q of (G.1).
+    sampling : {"point", "mean"}
+        What a sample is of the continuous process.
+    at_bound : tuple of str
+        Parameters on the edge of the admissible; the time of a Gauss-Markov process without driving
+        noise is arbitrary and stands at its upper bound.
+    times_s : tuple of float or None
+        Limits of the correlation times that the caller set, s.
     """
 
     composition: Composition
@@ -109,20 +121,36 @@ def fit(
     levels: Sequence[int] | None = None,
     times_s: tuple[float, float] | None = None,
 ) -> Fit:
-    """The processes of `composition` that minimise Q (G.1) over all curves.
+    """Fit the processes of a composition to all curves by minimising Q (G.1).
 
-    curves : wavelet variances of one or several recordings and axes that one set of parameters is
-        to serve.
-    composition : or its name, such as "WN+3GM".
-    weights : one symmetric positive definite Omega (J, J), 1/X^4, a curve, for the levels that
-        remain; None: `interval_weights`.
-    sampling : "point" or "mean", what a sample is of the continuous process (`theory`).
-    levels : those to fit; None: all.
-    times_s : admissible correlation times, shortest and longest, s; None: from white to random walk
+    Parameters
+    ----------
+    curves : sequence of WaveletVariance
+        Wavelet variances of one or several recordings and axes.
+    composition : Composition or str
+        The processes, or their name, such as "WN+3GM".
+    weights : sequence of ndarray (J, J), optional
+        A symmetric positive definite Omega, 1/X^4, for each curve and the levels that remain;
+        `interval_weights` by default.
+    sampling : {"point", "mean"}
+        What a sample is of the continuous process (`theory`).
+    levels : sequence of int, optional
+        Levels to fit, by default all.
+    times_s : tuple of float, optional
+        Shortest and longest admissible correlation time, s; by default from white to random walk
         (`_matching`).
 
-    Raises UsageError where curves, levels or weights do not fit together, and DataError where there
-    are fewer levels than parameters.
+    Returns
+    -------
+    Fit
+        The fitted processes.
+
+    Raises
+    ------
+    UsageError
+        Where curves, levels or weights do not fit together.
+    DataError
+        For fewer levels than parameters.
     """
     composition = Composition.parse(composition) if isinstance(composition, str) else composition
     chosen = _chosen([curves] if isinstance(curves, WaveletVariance) else curves, levels)
@@ -160,10 +188,10 @@ def _chosen(
         raise UsageError("no wavelet variance to fit; give at least one curve")
     if levels is None:
         return tuple(curves)
-    known = {int(j) for curve in curves for j in curve.level}
-    if unknown := sorted(set(levels) - known):
+    available = {int(j) for curve in curves for j in curve.level}
+    if unknown := sorted(set(levels) - available):
         raise UsageError(
-            f"level {unknown[0]} is in no curve; theirs are {min(known)} to {max(known)}"
+            f"level {unknown[0]} is in no curve; theirs are {min(available)} to {max(available)}"
         )
     for i, curve in enumerate(curves, start=1):
         if not np.isin(curve.level, list(levels)).any():

@@ -4,7 +4,8 @@ With P = 1 - D B of `estimates` the distance d = nu_hat - nu(theta_hat) has the 
 so that Q = d' Omega d is a sum of squares of unit normals times the eigenvalues lambda of P' Omega
 P V. With the mean and the variance of that sum,
 
-    J = Q / c ~ chi-square(f),   c = sum lambda^2 / sum lambda,   f = (sum lambda)^2 / sum lambda^2        (J.1)
+    J = Q / c ~ chi-square(f),   c = sum lambda^2 / sum lambda,
+                             f = (sum lambda)^2 / sum lambda^2                                 (J.1)
 
 At the efficient fit all lambda are 1 or 0, J is Q and f the number of moments less that of
 parameters: the J test (Hansen 1982). At the longest scales nu_hat is far from normal; the

@@ -60,15 +60,15 @@ class ProcessVerdict:
 
 
 def verdicts(
-    fitted: Fit, found: Sequence[Estimate], inverses: Sequence[Array]
+    fitted: Fit, results: Sequence[Estimate], inverses: Sequence[Array]
 ) -> tuple[ProcessVerdict, ...]:
     """One verdict a process, in the order of the composition.
 
-    found : estimates of all parameters.   inverses : V^-1 of each curve at the fit, X^-4.
+    results : estimates of all parameters.   inverses : V^-1 of each curve at the fit, X^-4.
     """
     smaller = _smaller(fitted, inverses)
     if smaller is None:
-        return _each(fitted, found, inverses)
+        return _each(fitted, results, inverses)
     clear = [
         _clearness(fitted, f"gauss_markov_{k + 1}", inverses)
         for k in range(fitted.composition.gauss_markov)
@@ -137,10 +137,10 @@ def _time_words(fitted: Fit, time: float) -> str:
 
 
 def _each(
-    fitted: Fit, found: Sequence[Estimate], inverses: Sequence[Array]
+    fitted: Fit, results: Sequence[Estimate], inverses: Sequence[Array]
 ) -> tuple[ProcessVerdict, ...]:
     """Verdicts on processes that all are needed."""
-    named = {e.name: e for e in found}
+    named = {e.name: e for e in results}
     out = []
     for process in _processes(fitted.composition):
         if process.startswith("gauss_markov"):
@@ -215,7 +215,7 @@ def _gauss_markov(
 
 
 def _too_weak(fitted: Fit, process: str, strength: Estimate, inverses: Sequence[Array]) -> str:
-    """Why the strength of a process cannot be told from zero, or nothing."""
+    """Why the strength of a process cannot be distinguished from zero, or nothing."""
     kind = "driving noise" if strength.name.startswith("driving_noise") else "density"
     if strength.value == 0.0:
         return "the best fit has none of it" + (

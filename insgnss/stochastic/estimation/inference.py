@@ -79,7 +79,9 @@ def covariances(
         return tuple(np.cov(rows.T) for rows in draw_variances(fitted, draws, seed=seed))
     if method != "exact":
         raise UsageError(f"covariance {method!r} is neither 'exact' nor 'bootstrap'")
-    known: dict[tuple[object, ...], Array] = {}  # recordings of the same length and rate share it
+    computed: dict[
+        tuple[object, ...], Array
+    ] = {}  # recordings of the same length and rate share it
     out = []
     for curve in fitted.curves:
         if curve.decomposition != "modwt":
@@ -88,11 +90,11 @@ def covariances(
                 f" {curve.decomposition!r}; take 'bootstrap'"
             )
         key = (curve.samples, curve.rate_hz, *curve.level.tolist())
-        if key not in known:
-            known[key] = haar_covariance(
+        if key not in computed:
+            computed[key] = haar_covariance(
                 fitted.axis, curve.level, curve.samples, curve.rate_hz, fitted.sampling
             )
-        out.append(known[key] / robust_efficiency(curve))
+        out.append(computed[key] / robust_efficiency(curve))
     return tuple(out)
 
 
@@ -200,8 +202,8 @@ def infer(
     V = covariances(fitted, method=covariance, draws=max(draws, 200), seed=seed)
     if not all(np.diag(block).all() for block in V):
         raise DataError(
-            f"{fitted.composition}: the fit is a drift without noise, which tells nothing; add WN"
-            " to the model"
+            f"{fitted.composition}: the fit is a drift without noise, which determines nothing; add"
+            " WN to the model"
         )
     sharp = is_efficient(fitted, V)
     if intervals == "profile" and not sharp:
@@ -211,11 +213,11 @@ def infer(
     kind = ("profile" if sharp else "sandwich") if intervals == "auto" else intervals
     linear = Linearised(fitted, V)
     resampled = bootstrap(fitted, draws, seed=seed) if draws else None
-    found, log_covariance = estimates(fitted, linear, kind, resampled)
+    results, log_covariance = estimates(fitted, linear, kind, resampled)
     weights = fitted.weights if sharp else tuple(inverse(block) for block in V)
     goodness = goodness_of_fit(fitted, linear, resampled)
     return Inference(
-        fitted, found, log_covariance, goodness, verdicts(fitted, found, weights), kind
+        fitted, results, log_covariance, goodness, verdicts(fitted, results, weights), kind
     )
 
 

@@ -60,19 +60,32 @@ from .inference import covariances, efficient, inverse
 _STEP = 1e-4  # of the coordinates, for second derivatives
 _LEAST_CURVATURE = 0.5
 _WITHIN = 2.0  # of WIC
-_TOLD_APART = 0.05  # p-value
+_SIGNIFICANCE = 0.05  # p-value
 _FACTOR_E = 1.0  # standard error of a logarithm
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """One model of a family. wic = objective + optimism; difference : to the least.
-    p_value : of the J test, asymptotic.
+    """One model of a family.
 
-    held_out (R,) : objective on each recording when it is left out, or None.
-    equivalent : not told from the best by its criterion.
-    determined : whether no parameter is at an edge and each is known to a factor of e.
-    remarks : what is odd about the fit.
+    Parameters
+    ----------
+    fit : Fit
+        Its fit.
+    wic, optimism : float
+        The criterion, which is objective + optimism, and the optimism.
+    difference : float
+        Difference of the criterion to the least.
+    p_value : float
+        p-value of the J test, asymptotic.
+    held_out : ndarray (R,) or None
+        Objective on each recording when it is left out.
+    equivalent : bool
+        Whether it cannot be distinguished from the best by its criterion.
+    determined : bool
+        Whether no parameter is at an edge and each is known to a factor of e.
+    remarks : tuple of str
+        What is odd about the fit.
     """
 
     fit: Fit
@@ -116,7 +129,8 @@ class Ranking:
             mark = "* " if c is self.chosen else "= " if c.equivalent else "  "
             cv = "" if c.held_out is None else f"{c.cross_validated:.4g}"
             rows.append(
-                f"{mark + str(c.composition):<16}{c.composition.size:>4}{c.fit.objective:>10.4g}{c.wic:>10.4g}{c.difference:>9.3g}{cv:>10}{c.p_value:>8.2g}"
+                f"{mark + str(c.composition):<16}{c.composition.size:>4}{c.fit.objective:>10.4g}"
+                f"{c.wic:>10.4g}{c.difference:>9.3g}{cv:>10}{c.p_value:>8.2g}"
                 f"  {'; '.join(c.remarks)}".rstrip()
             )
         return "\n".join(rows)
@@ -124,15 +138,27 @@ class Ranking:
 
 @dataclass(frozen=True, eq=False)
 class NearStationarity:
-    """The test (S.3). shares (R,) : of the statistic by recording.
-    single : fit of each.
-    joint : fit of all.
+    """The test of near-stationarity (S.3).
 
-    p_value : asymptotic.
-    bootstrapped : over `draws`, with its Monte Carlo standard deviation `bootstrapped_error`; NaN
-        for no draws.
-    spread : of each parameter the standard deviation of its logarithm over the recordings, and what
-        it is by chance; NaN at edges.
+    Parameters
+    ----------
+    statistic, degrees, p_value : float
+        S, its degrees of freedom, and its asymptotic p-value.
+    bootstrapped, bootstrapped_error : float
+        p-value over `draws` and its Monte Carlo standard deviation; NaN for no draws.
+    draws : int
+        Number of draws.
+    shares : ndarray, (R,)
+        Share of each recording in the statistic.
+    joint : Fit
+        Fit of all recordings.
+    single : tuple of Fit
+        Fit of each.
+    spread : tuple of (str, float, float)
+        Of each parameter the standard deviation of its logarithm over the recordings, and what it
+        is by chance; NaN at edges.
+    sentence : str
+        The verdict.
     """
 
     statistic: float
@@ -161,15 +187,34 @@ def rank(
 ) -> Ranking:
     """Fit all models to the curves and rank them.
 
-    curves : of one or several recordings.
-    models : compositions, or one, which stands for itself and all that it contains.
-    weights : "efficient", the inverse covariance at the largest model, or "interval".   recordings : number of the recording of each
-    curve, where one has several (axes); None: each its own.
-    criterion : "WIC", or "CVWVIC" of two and more recordings.
-    draws, seed : re-fits for the bootstrapped optimism, 0 for (S.2).
+    Parameters
+    ----------
+    curves : sequence of WaveletVariance
+        Wavelet variances of one or several recordings and axes.
+    models : Composition, str or sequence of them
+        The models, or one, which stands for itself and all that it contains.
+    weights : {"efficient", "interval"}
+        The inverse covariance at the largest model, or the weights of the intervals.
+    criterion : {"WIC", "CVWVIC"}
+        The criterion; "CVWVIC" needs two and more recordings.
+    recordings : sequence of int, optional
+        Number of the recording of each curve, where one has several (axes); by default each its
+        own.
+    sampling : {"point", "mean"}
+        What a sample is of the continuous process.
+    draws, seed : int
+        Re-fits for the bootstrapped optimism, 0 for (S.2), and the seed of their draws.
 
-    Raises UsageError for other weights or criteria, no model, and recording numbers that do not go
-    with the curves.
+    Returns
+    -------
+    Ranking
+        The candidates, best first.
+
+    Raises
+    ------
+    UsageError
+        For other weights or criteria, no model, and recording numbers that do not go with the
+        curves.
     """
     curves = tuple(curves)
     if weights not in ("efficient", "interval"):
@@ -215,10 +260,12 @@ def _compositions(
 ) -> tuple[Composition, ...]:
     if isinstance(models, str | Composition):
         return families(Composition.parse(models) if isinstance(models, str) else models)
-    found = tuple(dict.fromkeys(Composition.parse(m) if isinstance(m, str) else m for m in models))
-    if not found:
+    compositions = tuple(
+        dict.fromkeys(Composition.parse(m) if isinstance(m, str) else m for m in models)
+    )
+    if not compositions:
         raise UsageError("no model to rank; name some, as in 'WN+GM', 'WN+2GM'")
-    return found
+    return compositions
 
 
 def _candidate(
@@ -236,7 +283,7 @@ def _candidate(
     test = goodness_of_fit(fitted, linear)
     held_out = _held_out(fitted, groups) if np.unique(groups).size > 1 else None
     remarks = [f"{_words(name)} at its edge" for name in fitted.at_bound]
-    if test.p_value < _TOLD_APART and test.misfits:
+    if test.p_value < _SIGNIFICANCE and test.misfits:
         i, level = test.misfits[0]
         scale_s = 2.0**level / curves[i].rate_hz
         remarks.append(
@@ -320,7 +367,7 @@ def _ranked(candidates: list[Candidate], criterion: str) -> Ranking:
         return float(f"{value:.9g}"), c.composition.size  # equal to rounding: the smaller first
 
     least, best = min(c.wic for c in candidates), min(candidates, key=key)
-    equivalent = _not_told_apart if criterion == "CVWVIC" else _within
+    equivalent = _indistinguishable if criterion == "CVWVIC" else _within
     marked = [
         replace(c, difference=c.wic - least, equivalent=c is best or equivalent(c, best))
         for c in sorted(candidates, key=key)
@@ -336,7 +383,7 @@ def _within(candidate: Candidate, best: Candidate) -> bool:
     return candidate.wic - best.wic < _WITHIN
 
 
-def _not_told_apart(candidate: Candidate, best: Candidate) -> bool:
+def _indistinguishable(candidate: Candidate, best: Candidate) -> bool:
     """Whether Wilcoxon's signed-rank test over the recordings left out keeps the hypothesis that a
     model is as good as the best.
     """
@@ -350,21 +397,34 @@ def _not_told_apart(candidate: Candidate, best: Candidate) -> bool:
         return True
     return (
         float(wilcoxon(candidate.held_out, best.held_out, alternative="greater").pvalue)
-        > _TOLD_APART
+        > _SIGNIFICANCE
     )
 
 
 def near_stationarity(
     joint: Fit, *, recordings: Sequence[int] | None = None, draws: int = 100, seed: int = 0
 ) -> NearStationarity:
-    """Whether one parameter set serves all recordings (S.3).
+    """Test whether one parameter set serves all recordings (S.3).
 
-    joint : fit of all curves; its weights are replaced by efficient ones.
-    recordings : number of the recording of each curve, where one
-    has several (axes); None: each its own.   draws, seed : of the bootstrap.
+    Parameters
+    ----------
+    joint : Fit
+        Fit of all curves; its weights are replaced by efficient ones.
+    recordings : sequence of int, optional
+        Number of the recording of each curve, where one has several (axes); by default each its
+        own.
+    draws, seed : int
+        Draws of the bootstrap, 0 for none, and their seed.
 
-    Raises UsageError for fewer than two recordings and as many recording numbers as there are not
-    curves.
+    Returns
+    -------
+    NearStationarity
+        The test.
+
+    Raises
+    ------
+    UsageError
+        For fewer than two recordings, and where recording numbers and curves differ in number.
     """
     from scipy.special import chdtrc
 
@@ -403,7 +463,10 @@ def _with(fitted: Fit, curves: tuple[WaveletVariance, ...]) -> Fit:
 
 
 def _excess(joint: Fit, groups: np.ndarray) -> tuple[float, Array, tuple[Fit, ...]]:
-    """S (S.3), its share (R,) by recording, and the single fits, with the weights of the joint one."""
+    """Return S (S.3), its share (R,) by recording, and the single fits.
+
+    These have the weights of the joint fit.
+    """
     single, shares = [], []
     for recording in np.unique(groups):
         members = np.flatnonzero(groups == recording)
@@ -435,8 +498,8 @@ def _spread(
     expected = np.sqrt(np.diag(linear.covariance())) * linear.local.logarithmic(linear.x)
     for i, name in enumerate(joint.composition.parameters):
         values = [f.parameters[i] for f in single if name not in f.at_bound]
-        found = float(np.std(np.log(values), ddof=1)) if len(values) > 1 else math.nan
-        out.append((name, found, math.nan if name in joint.at_bound else float(expected[i])))
+        scatter = float(np.std(np.log(values), ddof=1)) if len(values) > 1 else math.nan
+        out.append((name, scatter, math.nan if name in joint.at_bound else float(expected[i])))
     return tuple(out)
 
 

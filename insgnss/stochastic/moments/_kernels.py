@@ -24,13 +24,13 @@ def copy_sum(x, out):
     whole = 0.0
     out[0] = 0.0
     for start in range(0, n, BLOCK):
-        part = 0.0
+        partial = 0.0
         for i in range(start, min(start + BLOCK, n)):
             v = x[i]
             out[i + 1] = v
-            part += v
+            partial += v
             same &= v == first
-        whole += part
+        whole += partial
     return whole, same
 
 
@@ -70,11 +70,11 @@ def second_difference_power(s, m, stride, power):
                     lanes,
                 )
             else:
-                part = 0.0
+                partial = 0.0
                 for t in range(-(-start // step) * step, stop, step):
                     d = s[t + 2 * m[k]] - 2.0 * s[t + m[k]] + s[t]
-                    part += d * d
-                power[k] += part
+                    partial += d * d
+                power[k] += partial
 
 
 @njit(cache=True, nogil=True)
@@ -86,11 +86,11 @@ def _second(a, b, c, lanes):
         for j in range(LANES):
             d = (c[i + j] - b[i + j]) - (b[i + j] - a[i + j])
             lanes[j] += d * d
-    part = 0.0
+    partial = 0.0
     for i in range(full, a.size):
         d = (c[i] - b[i]) - (b[i] - a[i])
-        part += d * d
-    return part + lanes.sum()
+        partial += d * d
+    return partial + lanes.sum()
 
 
 @njit(cache=True, nogil=True)
@@ -159,11 +159,11 @@ def _third(a, b, c, d, lanes):
         for j in range(LANES):
             e = (d[i + j] - a[i + j]) - 3.0 * (c[i + j] - b[i + j])
             lanes[j] += e * e
-    part = 0.0
+    partial = 0.0
     for i in range(full, a.size):
         e = (d[i] - a[i]) - 3.0 * (c[i] - b[i])
-        part += e * e
-    return part + lanes.sum()
+        partial += e * e
+    return partial + lanes.sum()
 
 
 @njit(cache=True, nogil=True)
@@ -177,9 +177,9 @@ def modified_power(s, m):
     whole = v * v
     terms = s.size - 3 * m
     for start in range(0, terms, BLOCK):
-        part = 0.0
+        partial = 0.0
         for t in range(start, min(start + BLOCK, terms)):
             v += (s[t + 3 * m] - s[t]) - 3.0 * (s[t + 2 * m] - s[t + m])
-            part += v * v
-        whole += part
+            partial += v * v
+        whole += partial
     return whole

@@ -4,16 +4,18 @@ the kind of noise.
 With S the cumulated samples (S(0) = 0), m the averaging factor, tau = m / rate and N = n + 1:
 
     Allan      avar = 1 / (2 m^2 (N - 2m)) sum over t of (S(t + 2m) - 2 S(t + m) + S(t))^2     (A.1)
-    modified   mvar = 1 / (2 m^4 (N - 3m + 1)) sum over t of (sum over i = t .. t + m - 1 of the same difference)^2       (A.2)
-    Hadamard   hvar = 1 / (6 m^2 (N - 3m)) sum over t of (S(t + 3m) - 3 S(t + 2m) + 3 S(t + m) - S(t))^2                 (A.3)
+    modified   mvar = 1 / (2 m^4 (N - 3m + 1)) sum over t
+               of (sum over i = t .. t + m - 1 of the same difference)^2                       (A.2)
+    Hadamard   hvar = 1 / (6 m^2 (N - 3m)) sum over t
+               of (S(t + 3m) - 3 S(t + 2m) + 3 S(t + m) - S(t))^2                              (A.3)
 
-The modified variance tells white noise from what falls faster (quantization), the Hadamard variance
-is blind to a linear drift and exists for noise down to f^-4. The interval takes edf var_hat / var
-as chi-square; the equivalent degrees of freedom follow from the kind of noise (`edf`), which is
-named by the caller or found at every tau (Riley and Greenhall 2004, Power law noise identification
-using the lag 1 autocorrelation): the means over m samples, their straight line taken off, are
-differenced d times until their lag-1 autocorrelation r gives rho = r / (1 + r) < 1/4; the spectrum
-of the rate is near f^alpha there with
+The modified variance distinguishes white noise from what falls faster (quantization), the Hadamard
+variance is blind to a linear drift and exists for noise down to f^-4. The interval takes edf
+var_hat / var as chi-square; the equivalent degrees of freedom follow from the kind of noise
+(`edf`), which is named by the caller or found at every tau (Riley and Greenhall 2004, Power law
+noise identification using the lag 1 autocorrelation): the means over m samples, their straight line
+taken off, are differenced d times until their lag-1 autocorrelation r gives rho = r / (1 + r) <
+1/4; the spectrum of the rate is near f^alpha there with
 
     alpha = -2 (rho + d)                                                                       (A.4)
 
@@ -99,7 +101,7 @@ def allan_deviation(
             f"no variance at {m[np.argmin(variance)] / rate_hz:g} s; the series is periodic or"
             " constant but for its ends"
         )
-    alpha = _found(s, m, kind) if noise is None else np.full(m.size, _named(noise, kind))
+    alpha = _identified(s, m, kind) if noise is None else np.full(m.size, _named(noise, kind))
     edf = np.array(
         [degrees_of_freedom(kind, int(a), int(each), n) for a, each in zip(alpha, m, strict=True)]
     )
@@ -155,14 +157,14 @@ def _variances(s: Array, m: NDArray[np.int64], kind: Kind) -> Array:
     return np.asarray(power / (6.0 * m**2 * (size - 3 * m)))
 
 
-def _found(s: Array, m: NDArray[np.int64], kind: Kind) -> NDArray[np.int64]:
+def _identified(s: Array, m: NDArray[np.int64], kind: Kind) -> NDArray[np.int64]:
     """(k,) exponents of (A.4), those beyond what the deviation exists for taken as the nearest for
     which it does.
     """
     if s.size - 1 < LEAST_MEANS:
         raise DataError(
-            f"{s.size - 1} samples; at least {LEAST_MEANS} are needed to tell the kind of noise, or"
-            " name it"
+            f"{s.size - 1} samples; at least {LEAST_MEANS} are needed to identify the kind of"
+            " noise, or name it"
         )
     alpha, last = np.empty(m.size, dtype=np.int64), 0
     for k, each in enumerate(m):

@@ -10,8 +10,10 @@ Greenhall and Riley (2003, Uncertainty of stability variances based on finite di
 PTTI) evaluate it for phase noise whose frequency has the spectrum f^alpha, by the generalised
 covariance of continuous phase
 
-    s_w(t) = |t|, t^2 ln|t|, |t|^3, t^4 ln|t|, |t|^5 ...  for alpha = 2, 1, 0, -1, -2 ..., up to a sign that R(i)/R(0) does not see   (E.2)
-    s_x(t) = F^2 (2 s_w(t) - s_w(t - 1/F) - s_w(t + 1/F)),   for F without end s_w(t) of alpha + 2                        (E.3)
+    s_w(t) = |t|, t^2 ln|t|, |t|^3, t^4 ln|t|, |t|^5 ...  for alpha = 2, 1, 0, -1, -2 ...,
+             up to a sign that R(i)/R(0) does not see                                          (E.2)
+    s_x(t) = F^2 (2 s_w(t) - s_w(t - 1/F) - s_w(t + 1/F)),
+             for F without end s_w(t) of alpha + 2                                             (E.3)
     s_z(t) = differences of order 2 d of s_x at unit spacing,     d = 2 (Allan), 3 (Hadamard)  (E.4)
 
 with t in units of tau, F = m filter steps (1 for the modified variance), S = m estimates per tau

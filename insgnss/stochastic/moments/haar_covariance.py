@@ -10,7 +10,8 @@ drift of known slope w, and for Gaussian W (Isserlis)
 In the distance h of the filters' centres C is even, and h occurs M_j times up to |h| = m_j - m_k
 (m_j >= m_k), once less for each lag beyond. With K the generalised covariance of S,
 
-    C_jk(h) = 1/(4 m_j m_k) D K(h),    D = second difference at spacing m_j times second difference at spacing m_k    (H.2)
+    C_jk(h) = 1/(4 m_j m_k) D K(h),    D = second difference at spacing m_j
+                                       times second difference at spacing m_k                  (H.2)
     white  -q^2 rate |h|/2,      random walk  q^2/rate (|h|^3 - |h|)/12 (point), without -|h|
                                               (mean),
     quantization  Q^2 rate^2 at h = 0,      Gauss-Markov  (G.1) of `gauss_markov`              (H.3)
@@ -19,7 +20,8 @@ Nine terms of size K would cancel. Instead K on the positive side is continued a
 D k is taken in closed form, and what K is more than k is added where the argument -y of a term is
 negative; with kappa(y) = (K(y) - k(-y))/2 which is odd:
 
-    D K(h) = D k(h) + 2 sum over y > 0 of c_a c_b kappa(y),     y = -h + a m_j + b m_k,   c = 1, -2, 1                 (H.4)
+    D K(h) = D k(h) + 2 sum over y > 0 of c_a c_b kappa(y),
+    y = -h + a m_j + b m_k,   c = 1, -2, 1                                                     (H.4)
 
 For polynomials D k = 0 and kappa = K. For a Gauss-Markov process D k = -sigma^2 P (4 sinh(u m_j/2)
 sinh(u m_k/2))^2 exp(-u h) and
@@ -28,7 +30,8 @@ sinh(u m_k/2))^2 exp(-u h) and
 
 A full row of three terms (m_j - h >= m_k) is itself a closed second difference. Where u m_j >= 1
 the exponentials would grow instead;
-there the three differences of K at spacing m_k, at h + m_j, h and h - m_j, are closed and are combined as they stand            (H.6).
+there the three differences of K at spacing m_k, at h + m_j, h and h - m_j, are closed and are
+combined as they stand (H.6).
 
 Between the breaks 0, m_k, m_j - m_k, m_j, m_j + m_k, C is a cubic plus exponentials that fall off
 from the breaks. There the sum over the lags uses panels that double from both breaks to the middle,
@@ -56,12 +59,32 @@ Array = NDArray[np.float64]
 def haar_covariance(
     axis: AxisNoise, level: ArrayLike, n: int, rate_hz: float, sampling: Sampling = "point"
 ) -> Array:
-    """Covariance (J, J), X^4, of the MODWT Haar wavelet variances at `level` of one Gaussian series
-    of `n` samples of `axis`.
+    """Return the exact covariance of the MODWT Haar wavelet variances of one Gaussian series.
 
-    level : (J,) whole numbers from 1, each filter of 2^level samples inside the series.   The drift counts as a line of known slope.
+    The drift counts as a line of known slope.
 
-    Raises UsageError for a level whose filter is longer than the series, or as `haar_variance`.
+    Parameters
+    ----------
+    axis : AxisNoise
+        Processes of the series.
+    level : array_like of int, (J,)
+        Levels from 1, each filter of 2^level samples inside the series.
+    n : int
+        Length of the series, samples.
+    rate_hz : float
+        Samples a second.
+    sampling : {"point", "mean"}
+        What a sample is of the continuous process.
+
+    Returns
+    -------
+    ndarray, (J, J)
+        Covariance, X^4.
+
+    Raises
+    ------
+    UsageError
+        For a level whose filter is longer than the series, or as `haar_variance`.
     """
     m = _averaging_factors(level, n)
     haar_variance(axis, level, rate_hz, sampling)  # refuses what is not a level or a rate

@@ -14,19 +14,20 @@ of standard deviation Q rate, and the drift a line of known slope w. m is the av
 samples, tau = m/rate, s^2 = q^2/rate the variance of a random walk's innovation, b = Q rate.
 Variances in X^2:
 
-                 Haar nu_j, m = 2^(j-1)      Allan   modified Allan                      Hadamard
-    white        q^2 rate / (2 m)            2 nu    q^2 rate (m^2 + 1)/(2 m^3)          q^2 rate / m
-    quantization 3 b^2 / (2 m^2)             2 nu    3 b^2 / m^3                         10 b^2 / (3 m^2)
-    walk, point  s^2 (2 m^2 + 1)/(12 m)      2 nu    s^2 (11 m^4 + 5 m^2 + 4)/(40 m^3)   s^2 (m^2 + 1)/(6 m)
-    walk, mean   s^2 m / 6                   2 nu    s^2 (33 m^4 + 5 m^2 + 2)/(120 m^3)  s^2 m / 6
-    drift        w^2 m^2 / (4 rate^2)        2 nu    w^2 m^2 / (2 rate^2)                0
+                 Haar nu_j, m = 2^(j-1) Allan modified Allan                     Hadamard
+    white        q^2 rate / (2 m)       2 nu  q^2 rate (m^2 + 1)/(2 m^3)         q^2 rate / m
+    quantization 3 b^2 / (2 m^2)        2 nu  3 b^2 / m^3                        10 b^2 / (3 m^2)
+    walk, point  s^2 (2 m^2 + 1)/(12 m) 2 nu  s^2 (11 m^4 + 5 m^2 + 4)/(40 m^3)  s^2 (m^2 + 1)/(6 m)
+    walk, mean   s^2 m / 6              2 nu  s^2 (33 m^4 + 5 m^2 + 2)/(120 m^3) s^2 m / 6
+    drift        w^2 m^2 / (4 rate^2)   2 nu  w^2 m^2 / (2 rate^2)               0
     Gauss-Markov `gauss_markov`
 
 The power spectral density is two-sided (X^2/Hz, its integral over -rate/2 ... rate/2 is the
 variance; a one-sided one is twice that) and that of the sampled series, so with all that folds
 over. With p = sin^2(pi f/rate), and P, B, c of `gauss_markov` (A = 4 P):
 
-    white  q^2,     quantization  4 p b^2/rate,     walk  s^2/(4 p rate) (point),  s^2 (1/(4 p) - 1/6)/rate (mean),
+    white  q^2,     quantization  4 p b^2/rate,
+    walk  s^2/(4 p rate) (point),  s^2 (1/(4 p) - 1/6)/rate (mean),
     Gauss-Markov  sigma^2/rate c/(1 + A p) (point),  sigma^2/rate (2/u) (1 - p B/u)/(1 + A p) with
                                                      the B and A of point (mean).
 
@@ -125,7 +126,7 @@ def haar_variance_parts(
     ..., those that the axis has.
     """
     parts = variance_parts("allan", axis, _factor_of(level), rate_hz, sampling)
-    return {name: 0.5 * part for name, part in parts.items()}
+    return {name: 0.5 * variance for name, variance in parts.items()}
 
 
 def allan_variance(

@@ -12,13 +12,13 @@ over the M_j coefficients and its relation to the Allan variance over m samples 
 
     nu_j = mean of W_j^2,      avar(m / rate) = 2 nu_j                                         (W.2)
 
-There are J = floor(log2 n) - 1 levels where no other number is asked for, as R package wv has it:
+There are J = floor(log2 n) - 1 levels where no other number is requested, as R package wv has it:
 the last has n/2 coefficients or more. The interval takes eta nu_hat / nu as chi-square with eta
 degrees of freedom (Percival 1995, his eta_3; also in R package wv):
 
     eta = max(M_j / 2^j, 1)                                                                    (W.3)
 
-which is cautious: it counts stretches that do not overlap. Coefficients of the discrete transform
+which is cautious: it counts segments that do not overlap. Coefficients of the discrete transform
 do not overlap, there eta = M_j. The numbers of R package wv for "dwt" are of orthonormal
 coefficients, 2^j times these.
 
@@ -33,7 +33,8 @@ a(c) is the mean of psi for normal W. With y = W^2/(c^2 nu) it reads: mean of y 
 efficiency M^2/(2 Q), 4.40 for 0.6. With moments mu_2k = E[r^2k; |r| < c] = (2k - 1)!! P(k + 1/2,
 c^2/2), P the regularised incomplete gamma function, expanding the powers of (1 - r^2/c^2) gives
 
-    E psi = sum_i C(4, i) (-c^-2)^i mu_(2 + 2i),      E psi^2 = sum_i C(8, i) (-c^-2)^i mu_(4 + 2i)       (W.5)
+    E psi   = sum_i C(4, i) (-c^-2)^i mu_(2 + 2i),
+    E psi^2 = sum_i C(8, i) (-c^-2)^i mu_(4 + 2i)                                              (W.5)
 
 The robust interval widens that of the plain estimate, relative to the estimate, by
 1/sqrt(efficiency) on either side. At the last two or three levels only a handful of coefficients is

@@ -23,8 +23,8 @@ class FlightTuningData:
         reject.
     straight : spectrum of the IMU in straight flight, None without.
     dropped_correlated : whether noise of the IMU explains what the
-    solution took for a correlated error of the fixes.
-    notes : what became of stretches between gaps of the IMU.
+    solution took for a time-correlated error of the fixes.
+    notes : what became of segments between gaps of the IMU.
     key : of the flight
     file, for the model found.
     """

@@ -1,18 +1,18 @@
-"""Noise of the IMU from a flight itself: from its flight file to a verdict and a noise model that
-`process` takes.
+"""Noise of the IMU from a flight itself: from its flight file to an accepted noise model.
 
 The flight is solved as `process` would, with the static model of its flight file. The innovations
-between the rests then tell how much larger the noise is in flight (`calibrate.innovation_noise`). A
-correlated error of the fixes that the solution adopted on its own is doubted: noise of the IMU that
-is larger than the model says makes innovations correlated, too. Both explanations are tried, and
-the correlated error stays where it gains more than `EXPLAINED` beside free noise of the IMU.
+between the stationary periods then show how much larger the noise is in flight
+(`calibrate.innovation_noise`). A time-correlated error of the fixes that the solution adopted on
+its own is questioned: noise of the IMU that is larger than the model says makes innovations
+correlated, too. Both explanations are tried, and the correlated error stays where it gains more
+than `EXPLAINED` beside free noise of the IMU.
 
 The static model gives way where the gain in likelihood is significant, nothing that is held is
 ruled out, what was estimated leaves the innovations white, their normalised square (NIS) comes no
-further from one, and no more fixes are lost, which solving the flight again with the model found
-tells as `process` will find it. The spectrum of the IMU in straight flight is evidence of another
-kind: white noise above its quietest octave stands in for errors that wander more slowly, which the
-static model lacks, and is not accepted.
+further from one, and no more fixes are rejected, which solving the flight again with the model
+found shows as `process` will find it. The spectrum of the IMU in straight flight is evidence of
+another kind: white noise above its quietest octave stands in for errors that wander more slowly,
+which the static model lacks, and is not accepted.
 """
 
 import math
@@ -50,31 +50,56 @@ def tune_flight(
     progress: Progress = quiet,
     force: bool = False,
 ) -> FlightTuning:
-    """Estimate noise of a flight's IMU from the innovations of its filter, judge it, and write it
-    where it is accepted.
+    """Estimate noise of a flight's IMU from the innovations of its filter, and judge it.
 
-    out : the noise-model file, by default in_flight_noise.toml beside the flight file; a table
-        (.json) and the spectrum (.png) stand beside
-    it, and are written in any case. `force` lets them take the place of files that are there.
-    parameters : of gyro.white_noise, accel.white_noise (these by default), white_noise (one factor
-        for both), gyro.driving_noise and
-    accel.driving_noise.
-    Raises InputError for wrong input, UsageError for an unknown parameter or a file in the way,
-    DataError where nothing can be told.
+    It is written where it is accepted; a table (.json) and the spectrum (.png) stand beside it and
+    are written in any case.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight.
+    out : Path, optional
+        The noise-model file, by default in_flight_noise.toml beside the flight file.
+    parameters : sequence of str, optional
+        Some of gyro.white_noise, accel.white_noise (these by default), white_noise (one factor for
+        both), gyro.driving_noise and accel.driving_noise.
+    progress : callable
+        Takes a line on each step.
+    force : bool
+        Overwrite files.
+
+    Returns
+    -------
+    FlightTuning
+        The estimate, its verdict and the files written.
+
+    Raises
+    ------
+    InputError
+        For wrong input.
+    UsageError
+        For an unknown parameter or a file that exists already.
+    DataError
+        Where the flight determines nothing.
     """
     chosen = chosen_parameters(parameters)
     target = planned(flight, out, force)
     if flight.imu.further:
         raise InputError(
-            f"{flight.path}: imu.further: the noise of several IMUs in one cannot be told apart;"
+            f"{flight.path}: imu.further: the noise of several IMUs in one cannot be distinguished;"
             " `tune_each` takes each alone"
         )
     return write(estimate(flight, chosen, progress), target)
 
 
 def chosen_parameters(parameters: Sequence[str] | None) -> tuple[str, ...]:
-    """What is to be estimated, by default white noise. Raises UsageError for an unknown parameter,
-    and for one given twice.
+    """Return the parameters to estimate, by default white noise.
+
+    Raises
+    ------
+    UsageError
+        For an unknown parameter, and for one given twice.
     """
     from ...calibrate.innovation_noise import DEFAULT, IMU
     from ...calibrate.likelihood import one_factor_each
@@ -88,8 +113,26 @@ def chosen_parameters(parameters: Sequence[str] | None) -> tuple[str, ...]:
 
 
 def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> FlightTuning:
-    """What a flight with one IMU says of its noise; nothing is written. Raises InputError and
-    DataError as `tune_flight` does.
+    """Estimate the noise of a flight with one IMU; nothing is written.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight.
+    chosen : tuple of str
+        Parameters to estimate.
+    progress : callable
+        Takes a line on each step.
+
+    Returns
+    -------
+    FlightTuning
+        The estimate and its verdict.
+
+    Raises
+    ------
+    InputError, DataError
+        As `tune_flight` does.
     """
     from ...calibrate.straight_flight import straight_flight, straight_segments
     from ...processing.solve_segments import solve_segments
@@ -98,14 +141,14 @@ def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> Fli
     recording = _read(flight)
     light = replace(flight, output=replace(flight.output, trajectory_hz=EPOCH_HZ))
     solved, gaps = solve_segments(light, recording, progress)
-    parts = [part for segment in solved for part in _moving(segment, recording)]
+    parts = [piece for segment in solved for piece in _moving(segment, recording)]
     noise, dropped = _estimated(flight, parts, chosen, progress)
     model = model_in_flight(flight, recording, noise)
-    offered, before = _lost(solved)
+    offered, before = _rejections(solved)
     after = before
     if noise.significant and noise.white:
         progress("solve again")
-        after = _lost_again(light, replace(recording, noise=model), offered, progress)
+        after = _rejections_again(light, replace(recording, noise=model), offered, progress)
     progress("spectrum")
     straight = np.concatenate([straight_segments(segment.solution) for segment in solved])
     spectrum = straight_flight(recording.imu, recording.C_b_imu, straight)
@@ -132,7 +175,7 @@ def _read(flight: Flight) -> Recording:
     """
     if flight.gnss.stationary is not None:
         raise InputError(
-            f"{flight.path}: gnss.stationary: a standing IMU has no flight; `insgnss tune` takes"
+            f"{flight.path}: gnss.stationary: a stationary IMU has no flight; `insgnss tune` takes"
             " its recording as a static one"
         )
     recording = read_recording(flight)
@@ -163,11 +206,12 @@ def _estimated(
     """
     from ...calibrate.innovation_noise import EXPLAINED, in_flight_noise, without_correlated
 
-    adopted = [part.problem.layout.gm >= 0 for part in parts]
+    adopted = [piece.problem.layout.gm >= 0 for piece in parts]
     if not any(adopted) or flight.gnss.gm_sigma != "auto":
         return in_flight_noise(parts, chosen, progress), False
     bare = [
-        without_correlated(part) if has else part for part, has in zip(parts, adopted, strict=True)
+        without_correlated(piece) if has else piece
+        for piece, has in zip(parts, adopted, strict=True)
     ]
     white = in_flight_noise(bare, chosen, progress)
     if not all(adopted):
@@ -178,7 +222,7 @@ def _estimated(
     return with_gm, False
 
 
-def _lost(solved: "list[Segment]") -> tuple[int, int]:
+def _rejections(solved: "list[Segment]") -> tuple[int, int]:
     """Fixes offered, and those rejected or used only after a covariance reset."""
     from ...navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED
 
@@ -188,17 +232,20 @@ def _lost(solved: "list[Segment]") -> tuple[int, int]:
     )
 
 
-def _lost_again(flight: Flight, recording: Recording, offered: int, progress: Progress) -> int:
-    """Fixes of `offered` that are lost with another noise, all those of a segment that cannot be
-    solved with it.
+def _rejections_again(
+    flight: Flight, recording: Recording, offered: int, progress: Progress
+) -> int:
+    """Count the fixes of `offered` that are rejected with another noise.
+
+    All those of a segment that cannot be solved with it count.
     """
     from ...processing.solve_segments import solve_segments
 
     try:
-        again, lost = _lost(solve_segments(flight, recording, progress)[0])
+        again, rejections = _rejections(solve_segments(flight, recording, progress)[0])
     except InsgnssError:
         return offered
-    return lost + max(offered - again, 0)
+    return rejections + max(offered - again, 0)
 
 
 def _judged(
@@ -211,7 +258,9 @@ def _judged(
     from ...diagnosis.evidence import MORE_LOST
 
     if not noise.free:
-        held = tuple(f"{NAMES[name]} not told by this flight: {why}" for name, why in noise.held)
+        held = tuple(
+            f"{NAMES[name]} not determined by this flight: {why}" for name, why in noise.held
+        )
         return False, (*held, *(_doubts(noise, ()) if noise.asks_for_more else ()))
     gain = (
         f"-2 log L falls by {noise.gain:.1f} with {noise.free}"
@@ -230,7 +279,7 @@ def _judged(
         + (", the fixes scaled as estimated" if noise.scaled else "")
     )
     kept = lost_after <= lost_before + MORE_LOST * before.fixes
-    reasons.append(f"{lost_before} of {before.fixes} fixes lost before, {lost_after} after")
+    reasons.append(f"{lost_before} of {before.fixes} fixes rejected before, {lost_after} after")
     return nearer and kept, tuple(reasons)
 
 
@@ -243,7 +292,7 @@ def _doubts(noise: "InFlightNoise", beyond: Sequence[Beyond]) -> list[str]:
         held = " and ".join(NAMES[name] for name, _ in noise.held)
         doubts.append(
             f"but the innovations rule out {held} as the static model has it, by {noise.loss:.1f}"
-            " in -2 log L, and tell no other"
+            " in -2 log L, and determine no other"
         )
     for name, ratio in beyond:
         doubts.append(

@@ -36,8 +36,12 @@ LINES_SHOWN = 4
 
 
 def planned(flight: Flight, out: Path | None, force: bool) -> Path:
-    """Where the noise model goes; raises UsageError where it cannot, would take an input's place,
-    or a file is there already.
+    """Return the path of the noise model.
+
+    Raises
+    ------
+    UsageError
+        Where the path takes no file, would overwrite an input, or a file exists already.
     """
     target = check_target(flight.path.parent / DEFAULT if out is None else Path(out))
     inputs = {file.resolve() for file in (flight.path, *input_files(flight))}
@@ -53,13 +57,17 @@ def planned(flight: Flight, out: Path | None, force: bool) -> Path:
 
 
 def beside(target: Path) -> tuple[Path, Path]:
-    """Table and picture that stand beside a noise model."""
+    """Return the paths of the table and the picture beside a noise model."""
     return target.with_suffix(".json"), target.with_name(f"{target.stem}_spectrum.png")
 
 
 def write(tuning: "FlightTuning", target: Path) -> "FlightTuning":
-    """Write the files, the noise model last and only where it is accepted; the result that names
-    them.
+    """Write the files, the noise model last and only where it is accepted.
+
+    Returns
+    -------
+    FlightTuning
+        The result, with the files named.
     """
     table, picture = beside(target)
     drawn = spectrum_figure(tuning)
@@ -74,8 +82,9 @@ def write(tuning: "FlightTuning", target: Path) -> "FlightTuning":
 
 
 def spectrum_figure(tuning: "FlightTuning") -> bytes:
-    """PNG of the IMU's spectrum in straight flight beside white noise of the static model and as
-    found; empty without one.
+    """Draw the IMU's spectrum in straight flight as a PNG, empty without one.
+
+    White noise of the static model and of the model in flight stand beside it.
     """
     from ...report.figures.noise import SpectrumPanel, draw_psd
 
@@ -85,41 +94,48 @@ def spectrum_figure(tuning: "FlightTuning") -> bytes:
     panels = []
     for c in range(6):
         sensor, axis = ("gyro", "accel")[c // 3], c % 3
-        static, found = (
+        static, in_flight = (
             getattr(model, sensor)[axis].white_noise for model in (tuning.static, tuning.model)
         )
         level = np.ones(s.frequency_hz.size)
         models = [("white noise, static model", static * level)] + (
-            [("by the innovations", found * level)] if found != static else []
+            [("by the innovations", in_flight * level)] if in_flight != static else []
         )
         own = sorted(
             (line for line in s.lines if line.channel == f"{sensor} {'xyz'[axis]}"),
             key=lambda line: -line.rms,
         )
-        at = [line.frequency_hz for line in own[:LINES_SHOWN]]
+        frequencies = [line.frequency_hz for line in own[:LINES_SHOWN]]
         panels.append(
             SpectrumPanel(
-                "gyro" if c < 3 else "accel", "xyz"[axis], s.frequency_hz, s.density[c], models, at
+                "gyro" if c < 3 else "accel",
+                "xyz"[axis],
+                s.frequency_hz,
+                s.density[c],
+                models,
+                frequencies,
             )
         )
-    told = (
+    subtitle = (
         f"{s.duration_s:.0f} s of straight, level flight, {s.windows} windows; below"
         f" {s.lowest_hz:g} Hz the vehicle's own motion"
     )
-    return draw_psd(panels, f"{tuning.name}: {tuning.headline}", told)
+    return draw_psd(panels, f"{tuning.name}: {tuning.headline}", subtitle)
 
 
 def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise") -> NoiseModel:
-    """The static model with the factors found, and what is known of it."""
+    """Return the static model with the factors estimated, and their provenance."""
     from .words import NAMES
 
     f, static = noise.imu_factors(), recording.noise
-    told = ", ".join(
+    factors = ", ".join(
         f"{NAMES[name]} x {f[name]:.3f} +- {noise.sigma(name):.3f}"
         for name in f
         if noise.sigma(name) > 0.0
     )
-    source = f"{static.source}; by the innovations of flight {flight.name} {told or 'nothing else'}"
+    source = (
+        f"{static.source}; by the innovations of flight {flight.name} {factors or 'nothing else'}"
+    )
     rate = round(1.0 / nominal_interval(recording.imu.time), 3)
     name, digest = _identity(flight.imu.file)
     imu = RecordingSource(name, digest, recording.imu.time.size, rate)
@@ -141,8 +157,9 @@ def _identity(given: Path | ImuSamples) -> tuple[str, str]:
 
 
 def _scaled(axis: AxisNoise, sensor: str, noise: "InFlightNoise") -> AxisNoise:
-    """One axis with its triad's factors; standard errors of what was estimated take the place of
-    the static model's.
+    """Return one axis with its triad's factors.
+
+    Standard errors of what was estimated replace those of the static model.
     """
     factors, error = noise.imu_factors(), dict(axis.standard_error)
 

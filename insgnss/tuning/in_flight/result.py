@@ -10,6 +10,7 @@ from .data import FlightTuningData
 from .words import summary
 
 if TYPE_CHECKING:
+    from ...calibrate.innovation_noise import Innovations
     from ...calibrate.straight_flight import StraightFlight
 
 
@@ -18,11 +19,11 @@ class FlightTuning(FlightTuningData):
     """What a flight says of its noise, with its texts."""
 
     def summary(self) -> str:
-        """What a person reads."""
+        """Return the text that a person reads."""
         return summary(self)
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Return a JSON-able document."""
         n, s = self.noise, self.straight
         factors = {
             name: {
@@ -32,10 +33,11 @@ class FlightTuning(FlightTuningData):
             }
             for name, f, e in zip(n.names, n.factor, n.log_sigma, strict=True)
         }
-        told = {
-            key: asdict(getattr(n, key)) for key in ("before", "after", "at_best", "static_at_best")
+        innovations = {
+            key: _innovations(getattr(n, key))
+            for key in ("before", "after", "at_best", "static_at_best")
         }
-        told_all = {
+        document = {
             "name": self.name,
             "verdict": "accept" if self.accepted else "keep",
             "reasons": list(self.reasons),
@@ -46,16 +48,23 @@ class FlightTuning(FlightTuningData):
             "likelihood_gain": n.gain,
             "chance": n.chance,
             "duration_s": n.duration_s,
-            "innovations": told,
+            "innovations": innovations,
             "fixes_lost": {"static": self.lost_before, "in_flight": self.lost_after},
             "straight_flight": None if s is None else _spectrum(s),
             "notes": self.notes,
         }
-        return dict(json_ready(told_all))
+        return dict(json_ready(document))
+
+
+def _innovations(innovations: "Innovations") -> dict[str, Any]:
+    """Return the figures of the innovations; the document calls the rejected fixes "lost"."""
+    return {
+        "lost" if key == "rejected" else key: value for key, value in asdict(innovations).items()
+    }
 
 
 def _spectrum(straight: "StraightFlight") -> dict[str, Any]:
-    """All but the curves."""
+    """Return all of the spectrum but the curves."""
     keys = (
         "rate_hz",
         "duration_s",

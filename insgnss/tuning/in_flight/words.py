@@ -1,5 +1,7 @@
-"""What a tuned flight is told as: a verdict, the factors with the units that people know,
-innovations before and after, the spectrum.
+"""The text of a tuned flight.
+
+It holds a verdict, the factors with the units that people know, innovations before and after, and
+the spectrum.
 """
 
 from typing import TYPE_CHECKING
@@ -22,21 +24,21 @@ NAMES = {
     "accel.driving_noise": "accelerometer driving noise",
     "fixes.position": "sigma of the positions",
     "fixes.velocity": "sigma of the velocities",
-    "fixes.correlated": "correlated error of the positions",
+    "fixes.correlated": "time-correlated error of the positions",
 }
 DOUBTFUL = 0.1  # chance below which a longer flight is proposed
-WANTED = 0.05  # standard error of a factor that a longer flight is asked for
+WANTED = 0.05  # standard error of a factor that a longer flight is proposed for
 MANY_LINES = 6
 TOO_MUCH, SURE = (
     1.2,
     2.0,
 )  # white noise over its limit by the spectrum, less so many standard errors
 Beyond = tuple[str, float]  # parameter, and white noise over its limit
-CORRELATES = 0.5  # between two estimates, beyond which it is told
+CORRELATES = 0.5  # between two estimates, beyond which it is reported
 
 
 def summary(tuning: "FlightTuningData") -> str:
-    """A page for a person."""
+    """Return a page for a person."""
     n = tuning.noise
     lines = [
         f"{tuning.name}: {tuning.verdict}",
@@ -53,7 +55,8 @@ def summary(tuning: "FlightTuningData") -> str:
     lines += _innovations(n.before, n.after)
     if tuning.dropped_correlated:
         lines.append(
-            "  noise of the IMU explains what the solution took for a correlated error of the fixes"
+            "  noise of the IMU explains what the solution took for a time-correlated error of the"
+            " fixes"
         )
     lines += [f"  {advice}" for advice in _advice(n)]
     lines += ["", *_spectrum(tuning.straight, tuning)]
@@ -70,7 +73,7 @@ def _factors(tuning: "FlightTuningData") -> list[str]:
     for name, factor, sigma in zip(n.names, n.factor, n.log_sigma, strict=True):
         if sigma == 0.0:
             continue
-        line = f"  {NAMES[name]:<34} x {factor:6.3f} +- {factor * sigma:.3f}"
+        line = f"  {NAMES[name]:<38} x {factor:6.3f} +- {factor * sigma:.3f}"
         for sensor in ("gyro", "accel"):
             if name in ("white_noise", f"{sensor}.white_noise"):
                 was, now = (
@@ -108,8 +111,9 @@ def _correlations(n: "InFlightNoise") -> list[str]:
 
 
 def _length(n: "InFlightNoise") -> list[str]:
-    """How long a flight would be good enough where this one is not: standard errors fall with the
-    root of time.
+    """Return how long a flight would be good enough where this one is not.
+
+    Standard errors fall with the root of time.
     """
     worst = max(
         (
@@ -131,7 +135,7 @@ def _length(n: "InFlightNoise") -> list[str]:
 def _innovations(before: "Innovations", after: "Innovations") -> list[str]:
     rows = [
         ("NIS a degree of freedom (1 is honest)", f"{before.nis:.3f}", f"{after.nis:.3f}"),
-        ("fixes rejected", str(before.lost), str(after.lost)),
+        ("fixes rejected", str(before.rejected), str(after.rejected)),
     ]
     for k, axis in enumerate(("north", "east", "down")):
         was, now = (w.whiteness.lag_one[k] for w in (before, after))
@@ -147,7 +151,7 @@ def _innovations(before: "Innovations", after: "Innovations") -> list[str]:
         rows.append(
             (f"chance of white, {before.whiteness.lags} lags, {axis}", f"{was:.2g}", f"{now:.2g}")
         )
-    return [f"  {what:<36} {was:>9} {now:>9}" for what, was, now in rows]
+    return [f"  {label:<36} {was:>9} {now:>9}" for label, was, now in rows]
 
 
 def _advice(n: "InFlightNoise") -> list[str]:
@@ -175,12 +179,12 @@ def _spectrum(straight: "StraightFlight | None", tuning: "FlightTuningData") -> 
         static = np.array([axis.white_noise for axis in getattr(tuning.static, sensor)])
         if not static.all():
             continue
-        at = slice(3 * k, 3 * k + 3)
-        told = (
-            _mean(row[at] / static)
+        triad = slice(3 * k, 3 * k + 3)
+        ratios = (
+            _mean(row[triad] / static)
             for row in (straight.mean_with_lines, straight.mean_without_lines, straight.upper_limit)
         )
-        out.append(f"  {sensor:<8}  " + "".join(f"{ratio:11.2f}" for ratio in told))
+        out.append(f"  {sensor:<8}  " + "".join(f"{ratio:11.2f}" for ratio in ratios))
     out += _limits(straight, tuning)
     strongest = sorted(straight.lines, key=lambda line: -line.above_floor)[:MANY_LINES]
     for line in strongest:
@@ -198,20 +202,24 @@ def _spectrum(straight: "StraightFlight | None", tuning: "FlightTuningData") -> 
 
 
 def _limits(straight: "StraightFlight", tuning: "FlightTuningData") -> list[str]:
-    """What the spectrum says of white noise: its level where there is one, and that it cannot
-    exceed the quietest octave.
+    """Return what the spectrum says of white noise.
+
+    Its level where there is one, and that it cannot exceed the quietest octave.
     """
     out = []
     for k, sensor in enumerate(("gyro", "accel")):
-        at = slice(3 * k, 3 * k + 3)
+        triad = slice(3 * k, 3 * k + 3)
         static = np.array([axis.white_noise for axis in getattr(tuning.static, sensor)])
-        if static.all() and np.isfinite(straight.level[at]).all():
-            level, begin = _mean(straight.level[at] / static), straight.level_from_hz[at].max()
+        if static.all() and np.isfinite(straight.level[triad]).all():
+            level, begin = (
+                _mean(straight.level[triad] / static),
+                straight.level_from_hz[triad].max(),
+            )
             out.append(
                 f"  {sensor}: level from {begin:.1f} Hz on, as white noise {level:.2f} times the"
                 " static model's is"
             )
-        if (ratio := _mean(static / straight.upper_limit[at])) > TOO_MUCH:
+        if (ratio := _mean(static / straight.upper_limit[triad])) > TOO_MUCH:
             out.append(
                 f"  {sensor}: white noise cannot be {ratio:.1f} times the quietest octave, as the"
                 " static model has it"
@@ -227,8 +235,10 @@ def _limits(straight: "StraightFlight", tuning: "FlightTuningData") -> list[str]
 def beyond_spectrum(
     straight: "StraightFlight | None", model: NoiseModel, noise: "InFlightNoise"
 ) -> list[Beyond]:
-    """White noise by the innovations that is significantly above the quietest octave of straight
-    flight, and by how much.
+    """Return white noise by the innovations that the spectrum rules out.
+
+    It is significantly above the quietest octave of straight flight; by how much stands beside the
+    parameter's name.
     """
     out: list[Beyond] = []
     if straight is None:
@@ -244,8 +254,9 @@ def beyond_spectrum(
 
 
 def longer_flight(noise: "InFlightNoise") -> list[str]:
-    """Where a gain falls short of significance by little: the length at which it would not, since
-    it grows with time.
+    """Propose the length of a flight at which a gain short of significance would show.
+
+    A gain grows with time.
     """
     from scipy.special import chdtri
 
@@ -258,7 +269,7 @@ def longer_flight(noise: "InFlightNoise") -> list[str]:
 
 
 def chance_of(p: float) -> str:
-    """A probability; below what numbers hold it is not zero."""
+    """Return a probability in words; below what numbers hold it is not zero."""
     return f"{p:.1g}" if p > 0.0 else "below 1e-300"
 
 

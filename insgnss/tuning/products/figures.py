@@ -50,14 +50,14 @@ def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:
     longest = max(curves, key=lambda curve: float(curve.scale_s[-1]))
     axis, rate, sampling = t.kept.axis, longest.rate_hz, t.kept.sampling
     parts = {
-        name: part
-        for name, part in haar_variance_parts(axis, longest.level, rate, sampling).items()
-        if part.max() > 0.0
+        name: variance
+        for name, variance in haar_variance_parts(axis, longest.level, rate, sampling).items()
+        if variance.max() > 0.0
     }
     words = {name: _label(t, name) for name in parts}
     p = goodness_p(t)
-    said = [f"J test: {p_text(p)}"] if math.isfinite(p) else []
-    said += [
+    notes = [f"J test: {p_text(p)}"] if math.isfinite(p) else []
+    notes += [
         f"{v.process.replace('_', ' ')}: not identifiable"
         for v in t.inference.verdicts
         if not v.identifiable
@@ -66,7 +66,7 @@ def _panel(t: "Tuned", recordings: tuple[StaticRecording, ...]) -> NoisePanel:
     modelled = haar_variance(axis, longest.level, rate, sampling)
     title = t.name[len(t.sensor) + 1 :]
     return NoisePanel(
-        title, curves, labels, longest.averaging_time_s, modelled, parts, words, used, said
+        title, curves, labels, longest.averaging_time_s, modelled, parts, words, used, notes
     )
 
 

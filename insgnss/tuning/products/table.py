@@ -11,7 +11,7 @@ from ...base.units import parse_unit
 from ...stochastic.estimation.estimates import Estimate
 from ...stochastic.estimation.goodness import p_text
 from ..recordings import StaticRecording
-from .words import FITS, goodness_p, said, trends
+from .words import FITS, goodness_p, sentences, trends
 
 if TYPE_CHECKING:
     from ..fits import Tuned, TuneData
@@ -122,14 +122,12 @@ def duration(seconds: float) -> str:
 def _sensor(
     sensor: str, tuned: Sequence["Tuned"], recordings: Sequence[StaticRecording]
 ) -> Iterator[str]:
-    """Table of one sensor: a row an axis, a column a parameter; then what is to be said axis by
-    axis.
-    """
+    """Table of one sensor: a row an axis, a column a parameter; then its sentences axis by axis."""
     for group in _same_composition(tuned):
         yield from _parameters(sensor, group)
     for t in tuned:
         letters = t.name[len(sensor) + 1 :]
-        for text in said(t, recordings):
+        for text in sentences(t, recordings):
             yield from wrapped(f"{letters}: {text}", "  ")
     for text in trends(sensor, tuned, recordings):
         yield from wrapped(text, "  ")

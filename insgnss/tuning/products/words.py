@@ -26,7 +26,7 @@ SETTLES = 1.0 / 6.0  # of the recording's length: a decay that is slower is call
 SAME = 1e-6  # relative, of objectives
 
 
-def said(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
+def sentences(t: "Tuned", recordings: Sequence[StaticRecording]) -> Iterator[str]:
     """Everything on one model, the most important first."""
     yield from ranked(t)
     yield from verdict(t, recordings)
@@ -190,7 +190,7 @@ def _repeats(candidate: "Candidate", others: Sequence["Candidate"]) -> bool:
 def trends(
     sensor: str, tuned: Sequence["Tuned"], recordings: Sequence[StaticRecording]
 ) -> Iterator[str]:
-    """Trends at the start that the fitted noise does not explain, of all axes of a sensor together."""
+    """Yield the trends of a sensor's axes that the fitted noise does not explain."""
     length = {r.name: r.length_s for r in recordings}
     there = [(name, k, trend) for t in tuned for name, k, trend in t.trends if trend.is_there]
     settling = [
@@ -208,19 +208,21 @@ def trends(
         )
     slow = [item for item in there if item not in settling]
     if slow:
-        what = "drift over the whole recording by more than the noise found explains"
+        description = "drift over the whole recording by more than the noise found explains"
         yield (
-            f"drift: {_where(slow, recordings)} {what}: temperature, tilt, or a slow process that"
-            " the model lacks"
+            f"drift: {_where(slow, recordings)} {description}: temperature, tilt, or a slow process"
+            " that the model lacks"
         )
 
 
-def _where(found: Sequence[tuple[str, int, object]], recordings: Sequence[StaticRecording]) -> str:
+def _where(
+    settling: Sequence[tuple[str, int, object]], recordings: Sequence[StaticRecording]
+) -> str:
     """Which axes of which recordings."""
     if len(recordings) == 1:
-        return f"axis {' '.join(AXES[k] for _, k, _ in found)}"
+        return f"axis {' '.join(AXES[k] for _, k, _ in settling)}"
     parts = []
-    for k in sorted({k for _, k, _ in found}):
-        names = [name for name, axis, _ in found if axis == k]
+    for k in sorted({k for _, k, _ in settling}):
+        names = [name for name, axis, _ in settling if axis == k]
         parts.append(f"{AXES[k]} of {names[0] if len(names) == 1 else f'{len(names)} recordings'}")
     return ", ".join(parts)

@@ -51,13 +51,13 @@ def noise_model(
     if len(axes) < 6:
         return None
     triads = {sensor: (axes[sensor, 0], axes[sensor, 1], axes[sensor, 2]) for sensor in SENSORS}
-    said = {
+    models = {
         sensor: ", ".join(
             dict.fromkeys(str(t.kept.composition) for t in tuned if t.sensor == sensor)
         )
         for sensor in SENSORS
     }
-    source = f"insgnss tune: gyro {said['gyro']}; accel {said['accel']}"
+    source = f"insgnss tune: gyro {models['gyro']}; accel {models['accel']}"
     return NoiseModel(
         name, source, triads["gyro"], triads["accel"], tuple(r.source for r in recordings)
     )
