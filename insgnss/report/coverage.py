@@ -44,16 +44,16 @@ def outages(d: Diagnostics) -> Array:
     interval = median_interval(d)
     if interval is None or not d.used.any():
         return np.zeros((0, 2))
-    found = without_fix(segments(d), d.fix_time, d.used)
-    return found[found[:, 1] > OUTAGE_MATTERS * max(interval, SHORT_OUTAGE_S)]
+    intervals = without_fix(segments(d), d.fix_time, d.used)
+    return intervals[intervals[:, 1] > OUTAGE_MATTERS * max(interval, SHORT_OUTAGE_S)]
 
 
 def longest_outage(d: Diagnostics) -> dict[str, Any]:
     """The longest time without a used fix, and the largest smoothed horizontal and vertical sigma
     within it.
     """
-    found = without_fix(segments(d), d.fix_time, d.used)
-    begin, length = found[int(np.argmax(found[:, 1]))]
+    intervals = without_fix(segments(d), d.fix_time, d.used)
+    begin, length = intervals[int(np.argmax(intervals[:, 1]))]
     return _within(d, float(begin), float(length)) | {"median_interval_s": median_interval(d)}
 
 
@@ -61,12 +61,12 @@ def outage_figures(d: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[
     """Of the longest outages, in the order of time: sigmas in them, fixes that were rejected in
     them, and their images.
     """
-    found = outages(d)
-    found = found[np.sort(np.argsort(-found[:, 1], kind="stable")[:MOST_LISTED])]
+    longest = outages(d)
+    longest = longest[np.sort(np.argsort(-longest[:, 1], kind="stable")[:MOST_LISTED])]
     return [
         _within(d, float(begin), float(length))
         | _contents(d, eo, float(begin), float(begin + length))
-        for begin, length in found
+        for begin, length in longest
     ]
 
 

@@ -163,10 +163,10 @@ def _checks(s: Mapping[str, Any]) -> str:
         return ""
     rows = []
     for check in s["checks"]:
-        name, found, expected, verdict, advice = (
+        name, finding, expected, verdict, advice = (
             escape(check[key]) for key in ("name", "found", "expected", "verdict", "advice")
         )
-        rows.append((name, found, expected, f'<span class="{verdict}">{verdict}</span>', advice))
+        rows.append((name, finding, expected, f'<span class="{verdict}">{verdict}</span>', advice))
     return "<h2>Checks of the input</h2>\n" + table(
         rows, ("Check", "found", "expected", "verdict", "advice")
     )
@@ -186,28 +186,28 @@ def _rejected(s: Mapping[str, Any]) -> str:
         for x in r["listed"]
     ]
     more = f", the first {len(r['listed'])} of them" if r["count"] > len(r["listed"]) else ""
-    told = f"<p>{r['count']} fixes beyond the gate (NIS {r['nis_limit']:.1f}){more}:</p>\n"
+    intro = f"<p>{r['count']} fixes beyond the gate (NIS {r['nis_limit']:.1f}){more}:</p>\n"
     listed = table(rows, ("TOW, s", "minute", "NIS"))
     if len(rows) > 20:
         listed = folded("list", listed)
-    return "<h2>Rejected fixes</h2>\n" + told + listed
+    return "<h2>Rejected fixes</h2>\n" + intro + listed
 
 
 def _gaps(s: Mapping[str, Any]) -> str:
     o = s["longest_outage"]
     sigmas = f"{millimetres(o['horizontal_mm'])} horizontally, {millimetres(o['down_mm'])} down"
-    told = (
+    text = (
         f"<p>Longest time without a used fix: {o['length_s']:.2f} s from TOW {o['time_s']:.2f} s"
         " on; smoothed sigmas at most "
     )
-    told += f"{sigmas} in it.</p>\n"
+    text += f"{sigmas} in it.</p>\n"
     rows = [(f"{gap['time_s']:.3f}", f"{gap['length_s']:.3f}") for gap in s["imu_gaps"]]
     if not rows:
-        return "<h2>Gaps</h2>\n" + told + "<p>No gap of the IMU.</p>\n"
+        return "<h2>Gaps</h2>\n" + text + "<p>No gap of the IMU.</p>\n"
     listed = table(rows, ("IMU gap at TOW, s", "length, s"))
     return (
         "<h2>Gaps</h2>\n"
-        + told
+        + text
         + (folded(f"{len(rows)} gaps of the IMU", listed) if len(rows) > 20 else listed)
     )
 

@@ -18,14 +18,14 @@ def limits(s: Summary) -> str:
     """Sentences on what limits the flight, the most important first, each with what would help;
     many remarks behind a line.
     """
-    found: Sequence[Mapping[str, Any]] = s["limits"]
+    listed: Sequence[Mapping[str, Any]] = s["limits"]
     first = (
         ""
-        if any(x["rank"] >= 1.0 for x in found)
+        if any(x["rank"] >= 1.0 for x in listed)
         else f"<p>{escape(sentence(NOTHING_STANDS_OUT))}</p>\n"
     )
-    matter = [x for x in found if x["rank"] >= 1.0][:MOST_SAID]
-    others = [x for x in found if x not in matter]
+    matter = [x for x in listed if x["rank"] >= 1.0][:MOST_SAID]
+    others = [x for x in listed if x not in matter]
     out = (
         "<h2>What limits this flight</h2>\n"
         + first
@@ -85,11 +85,11 @@ def flight_lines(s: Summary) -> str:
         "tilt, deg",
         "heading, deg",
     )
-    told = (
+    caption = (
         '<p class="soft">Median standard deviations on each straight line, numbered as in the'
         " figures; the largest is in bold.</p>\n"
     )
-    content = told + table(rows, head, numbers=True)
+    content = caption + table(rows, head, numbers=True)
     return "<h2>Line by line</h2>\n" + (
         folded(f"{len(lines)} lines", content) if len(lines) > 30 else content
     )
@@ -149,9 +149,9 @@ def segments_and_rests(s: Summary) -> str:
         out += f"<p>Solved by themselves, TOW: {spans}.</p>\n"
     if s["rests"]:
         lasted = sum(end - start for start, end in s["rests"])
-        rests = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in s["rests"])
+        periods = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in s["rests"])
         count = "1 rest" if len(s["rests"]) == 1 else f"{len(s['rests'])} rests"
-        out += folded(f"{count}, {lasted:.0f} s in all", f"<p>At rest, TOW: {rests}.</p>\n")
+        out += folded(f"{count}, {lasted:.0f} s in all", f"<p>At rest, TOW: {periods}.</p>\n")
     return f"<h2>Segments and rests</h2>\n{out}" if out else ""
 
 
@@ -170,8 +170,8 @@ def key_numbers(s: Summary) -> str:
             f" {n['velocities_rejected']} rejected"
         )
     imu = [
-        f"{n[key]} {what}"
-        for key, what in (("imu_samples", "samples"), ("epochs", "epochs"))
+        f"{n[key]} {noun}"
+        for key, noun in (("imu_samples", "samples"), ("epochs", "epochs"))
         if n[key] is not None
     ]
     rows = [
@@ -207,16 +207,16 @@ def key_numbers(s: Summary) -> str:
 def _agreement(s: Summary) -> list[Row]:
     """What the innovations and the two directions say of the sigmas."""
     rows: list[Row] = [
-        (f"NIS of {what} per degree of freedom", escape(_nis(c)))
-        for what, c in s["consistency"].items()
+        (f"NIS of {quantity} per degree of freedom", escape(_nis(c)))
+        for quantity, c in s["consistency"].items()
         if c is not None
     ]
     ratios = s["separation"]["normalised_rms"]
-    told = (
+    text = (
         f"position {three(ratios['position'], '.2f')}, attitude {three(ratios['attitude'], '.2f')}"
         " (N / E / D; 1 expected)"
     )
-    return [*rows, ("Forward/backward separation over its sigma", told)]
+    return [*rows, ("Forward/backward separation over its sigma", text)]
 
 
 def _plus_minus(biases: Mapping[str, Any], value: str, sigma: str, form: str) -> str:
@@ -258,9 +258,9 @@ def _sigma_table(s: Mapping[str, Any]) -> str:
         near = s["neighbours"]
         label = f"Median of the difference of neighbours ({near['interval_s']:.1f} s apart)"
         rows.append((label, three(near["position_mm"], ".1f"), three(near["attitude_deg"], ".4f")))
-    what = (
+    title = (
         "Standard deviations of the images"
         if s["exposures"]
         else "Smoothed standard deviations of the trajectory"
     )
-    return table(rows, (what, f"position {axes}, mm", f"attitude about {axes}, deg"), numbers=True)
+    return table(rows, (title, f"position {axes}, mm", f"attitude about {axes}, deg"), numbers=True)

@@ -110,9 +110,9 @@ def normalised_rms(x: Array, sigma: Array) -> Array:
     """Root mean square of x / sigma by column over what is determined (finite x, sigma > 0); NaN
     where nothing is.
     """
-    known = np.isfinite(x) & np.isfinite(sigma) & (sigma > 0.0)
-    squares = np.square(np.divide(x, sigma, out=np.zeros_like(x), where=known)).sum(axis=0)
-    count = known.sum(axis=0)
+    determined = np.isfinite(x) & np.isfinite(sigma) & (sigma > 0.0)
+    squares = np.square(np.divide(x, sigma, out=np.zeros_like(x), where=determined)).sum(axis=0)
+    count = determined.sum(axis=0)
     return np.sqrt(np.divide(squares, count, out=np.full(x.shape[1], np.nan), where=count > 0))
 
 
@@ -121,8 +121,8 @@ def without_fix(spans: Array, fix_time: Array, used: Selection) -> Array:
     ends of each of `spans` (k, 2).
     """
     times = fix_time[used]
-    found = []
+    pieces = []
     for start, end in spans:
         edges = np.concatenate([[start], times[(times > start) & (times < end)], [end]])
-        found.append(np.stack([edges[:-1], np.diff(edges)], axis=1))
-    return np.concatenate(found)
+        pieces.append(np.stack([edges[:-1], np.diff(edges)], axis=1))
+    return np.concatenate(pieces)

@@ -62,9 +62,9 @@ def run_summary(
     gnss = flight.get("gnss")
     figures["standing"] = isinstance(gnss, Mapping) and gnss.get("stationary") is not None
     figures = plain(figures)
-    found = limits(figures)
-    told = [asdict(limit) for limit in found]
-    return {"headline": headline(figures), "verdict": verdict(found), "limits": told} | figures
+    ranked = limits(figures)
+    listed = [asdict(limit) for limit in ranked]
+    return {"headline": headline(figures), "verdict": verdict(ranked), "limits": listed} | figures
 
 
 def plain(value: Any) -> Any:

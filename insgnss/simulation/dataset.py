@@ -297,12 +297,12 @@ def _write_antenna_at_images(
 def _write_targets(folder: Path, simulated: SimulatedFlight, rng: np.random.Generator) -> None:
     """Ground targets scattered under exposures all over the flight, on a ground of little relief."""
     flight, plane = simulated.flight, simulated.tangent_plane
-    place = flight.motion.position(flight.time)[
+    position = flight.motion.position(flight.time)[
         np.linspace(0, flight.time.size - 1, _TARGETS).round().astype(int)
     ]
-    place[:, :2] += 0.12 * -place[:, 2:] * rng.standard_normal((_TARGETS, 2))
-    place[:, 2] = _RELIEF_M * rng.standard_normal(_TARGETS)
-    lat, lon, height = flight.motion.frame.geodetic_from_position(place)
+    position[:, :2] += 0.12 * -position[:, 2:] * rng.standard_normal((_TARGETS, 2))
+    position[:, 2] = _RELIEF_M * rng.standard_normal(_TARGETS)
+    lat, lon, height = flight.motion.frame.geodetic_from_position(position)
     enu = plane.position_from_geodetic(lat, lon, height)
     numbers = np.arange(1, _TARGETS + 1)
     tables = (

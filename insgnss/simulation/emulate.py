@@ -166,5 +166,5 @@ def add_recorded_noise(samples: ImuSamples, noise: ArrayLike, first: int = 0) ->
             "recorded noise belongs to whole sample intervals; simulate mean rates or increments"
         )
     unit = float(np.median(np.diff(samples.time))) if samples.quantity == "increments" else 1.0
-    part = unit * noise[first : first + n]
-    return replace(samples, gyro=samples.gyro + part[:, :3], accel=samples.accel + part[:, 3:])
+    error = unit * noise[first : first + n]
+    return replace(samples, gyro=samples.gyro + error[:, :3], accel=samples.accel + error[:, 3:])

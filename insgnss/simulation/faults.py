@@ -90,7 +90,7 @@ class ImuFaults:
         if self.vibration is not None:
             table += _shake(self.vibration, elapsed, ideal.quantity, shaken)
         for stuck in self.stuck:
-            _hold(table[:, CHANNELS.index(stuck.channel)], elapsed, stuck)
+            _freeze(table[:, CHANNELS.index(stuck.channel)], elapsed, stuck)
         if self.reversed_accel:
             table[:, 3:] *= -1.0
         keep = self._kept(elapsed, dropped)
@@ -129,7 +129,7 @@ def _shake(
     return np.where(on[:, None], line * (dt if quantity == "increments" else 1.0), 0.0)
 
 
-def _hold(column: Array, elapsed: Array, stuck: Stuck) -> None:
+def _freeze(column: Array, elapsed: Array, stuck: Stuck) -> None:
     on = (elapsed >= stuck.start_s) & (elapsed < stuck.start_s + stuck.duration_s)
     if on.any():
         column[on] = column[max(int(np.argmax(on)) - 1, 0)] if stuck.value is None else stuck.value
@@ -168,13 +168,13 @@ class RowFaults:
         lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
         head = next(k for k, line in enumerate(lines) if line[:1].isdigit())
         rows = np.array(lines[head:], dtype=object)
-        late = np.flatnonzero(rng.random(rows.size) < self.late)
-        for k, delay in zip(late, rng.uniform(0.0, self.late_s, late.size), strict=True):
+        delayed = np.flatnonzero(rng.random(rows.size) < self.late)
+        for k, delay in zip(delayed, rng.uniform(0.0, self.late_s, delayed.size), strict=True):
             rows[k] = _stamped(rows[k], delay)
-        place = np.arange(rows.size) + (rng.random(rows.size) < self.reordered) * (
+        sort_key = np.arange(rows.size) + (rng.random(rows.size) < self.reordered) * (
             0.5 + rng.integers(1, self.reach + 1, rows.size)
         )
-        order = np.argsort(place, kind="stable")
+        order = np.argsort(sort_key, kind="stable")
         order = np.repeat(order, 1 + (rng.random(rows.size) < self.duplicated))
         path.write_text("".join([*lines[:head], *rows[order]]), encoding="utf-8", newline="\n")
 

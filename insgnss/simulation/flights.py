@@ -133,11 +133,11 @@ def _control_points(path: Path, s: Array, plan: FlightPlan, rng: np.random.Gener
 
     position, course = path.at(s)
     ahead = np.stack([np.cos(course), np.sin(course), np.zeros_like(course)], axis=-1)
-    carried = _smoothstep(np.gradient(s, KNOT_S) / _FLYING_MS) * _smoothstep(
+    airborne = _smoothstep(np.gradient(s, KNOT_S) / _FLYING_MS) * _smoothstep(
         -position[:, 2] / _FREE_M
     )
     gust = [
-        _gusts(bands, s.size, rng) * carried * plan.turbulence
+        _gusts(bands, s.size, rng) * airborne * plan.turbulence
         for bands in (_LATERAL_M, _HEIGHT_M, _ROLL, _PITCH, _YAW)
     ]
     position[:, 0] -= ahead[:, 1] * gust[0]
@@ -155,13 +155,13 @@ def _coordinated(position: Array, ahead: Array, wind: Array) -> Array:
     """
     velocity = np.gradient(position, KNOT_S, axis=0)
     force = np.gradient(velocity, KNOT_S, axis=0) - [0.0, 0.0, _G]
-    carried = _smoothstep(np.hypot(velocity[:, 0], velocity[:, 1]) / _FLYING_MS)[:, None]
-    air = velocity + (1.0 - carried) * ahead - carried * wind
+    airborne = _smoothstep(np.hypot(velocity[:, 0], velocity[:, 1]) / _FLYING_MS)[:, None]
+    air = velocity + (1.0 - airborne) * ahead - airborne * wind
     level = np.hypot(air[:, 0], air[:, 1])
     right = (-air[:, 1] * force[:, 0] + air[:, 0] * force[:, 1]) / level
     roll = np.arctan2(right, -force[:, 2])
     pitch = np.arctan2(-air[:, 2], level) + _ATTACK * np.hypot(right, force[:, 2]) / _G
-    tilt = _STANDING + carried * (np.stack([roll, pitch], axis=-1) - _STANDING)
+    tilt = _STANDING + airborne * (np.stack([roll, pitch], axis=-1) - _STANDING)
     return np.column_stack([tilt, np.unwrap(np.arctan2(air[:, 1], air[:, 0]))])
 
 
@@ -197,14 +197,14 @@ def _exposures(
         where.append(marks)
         line.append(np.full(marks.size, path.line[i]))
         spacing.append(np.full(marks.size, base))
-    at = np.interp(np.concatenate(where), s, clock)
-    at += rng.uniform(0.0, plan.trigger_delay_s, at.size)
-    keep = (at > 0.0) & (at < duration)
-    at, number, base_m = at[keep], np.concatenate(line)[keep], np.concatenate(spacing)[keep]
-    if at.size > 1 and np.diff(at).min() < plan.camera.min_interval_s:
-        k = int(np.argmin(np.diff(at)))
+    time = np.interp(np.concatenate(where), s, clock)
+    time += rng.uniform(0.0, plan.trigger_delay_s, time.size)
+    keep = (time > 0.0) & (time < duration)
+    time, number, base_m = time[keep], np.concatenate(line)[keep], np.concatenate(spacing)[keep]
+    if time.size > 1 and np.diff(time).min() < plan.camera.min_interval_s:
+        k = int(np.argmin(np.diff(time)))
         raise UsageError(
-            f"exposures {k + 1} and {k + 2} are {at[k + 1] - at[k]:.2f} s apart, the camera needs"
+            f"exposures {k + 1} and {k + 2} are {time[k + 1] - time[k]:.2f} s apart, the camera needs"
             f" {plan.camera.min_interval_s} s; lower the overlap or the speed, or fly higher"
         )
-    return at, number, base_m
+    return time, number, base_m

@@ -103,7 +103,7 @@ def walk(
     position[:, 1] += np.cos(course) * 0.03 * moving * np.sin(step)
     position[:, 2] += 0.025 * moving * np.sin(2.0 * step)
     swing = [0.06 * np.sin(step), 0.05 * np.sin(2.0 * step + 1.0), 0.04 * np.sin(step + 2.0)]
-    angles = [moving * (part + 0.05 * _swing(s.size, 1.5, rng)) for part in swing]
+    angles = [moving * (angle + 0.05 * _swing(s.size, 1.5, rng)) for angle in swing]
     return _flight(
         "walk", position, np.column_stack([angles[0], angles[1], course + angles[2]]), start_tow
     )
@@ -149,16 +149,16 @@ def _timetable(path: Path, gait: Gait, halts: list[tuple[float, float]]) -> tupl
         path.curvature[np.clip(np.searchsorted(path.s0, s, side="right") - 1, 0, path.s0.size - 1)]
     )
     square = np.minimum(gait.speed_ms**2, gait.across_ms2 / np.maximum(k, 1e-9))
-    at = np.array([round(place / _STEP_M) for place, _ in halts], dtype=np.int64)
-    square[[0, *at]] = 0.0
+    stops = np.array([round(distance / _STEP_M) for distance, _ in halts], dtype=np.int64)
+    square[[0, *stops]] = 0.0
     slope = 2.0 * gait.along_ms2 * s
     square = np.minimum.accumulate(square - slope) + slope
     square = np.minimum.accumulate((square + slope)[::-1])[::-1] - slope
     speed = np.sqrt(np.maximum(square, 0.0))
     time = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(s) / (speed[1:] + speed[:-1]))])
-    node = np.insert(np.arange(s.size), at + 1, at)  # a halt is reached and left at the same place
+    node = np.insert(np.arange(s.size), stops + 1, stops)  # a halt is reached and left at the same place
     wait = np.zeros(node.size)
-    wait[at + 1 + np.arange(at.size)] = [length for _, length in halts]
+    wait[stops + 1 + np.arange(stops.size)] = [length for _, length in halts]
     return time[node] + np.cumsum(wait), s[node]
 
 

@@ -123,12 +123,12 @@ class FlightPlan:
         UsageError for an unknown field.
         """
         length = changes.pop("line_length_m", None)
-        known = {f.name for f in fields(self)}
+        names = {f.name for f in fields(self)}
         for name in changes:
-            if name not in known:
+            if name not in names:
                 raise UsageError(
                     f"flight plan: {name!r} is unknown; use one of"
-                    f" {', '.join(sorted(known | {'line_length_m'}))}"
+                    f" {', '.join(sorted(names | {'line_length_m'}))}"
                 )
         levels = changes.get("levels", self.levels)
         if length is not None:

@@ -45,12 +45,12 @@ def _words(
     1.
     """
     sa, sb, ca, cb, cab = sin(a), sin(b), cos(a), cos(b), cos(a - b)
-    found: list[tuple[tuple[int, int, int], tuple[float, float, float]]] = []
+    words: list[tuple[tuple[int, int, int], tuple[float, float, float]]] = []
     for s in (1, -1):  # RSR and LSL, one the mirror image of the other
         p2 = 2.0 + d * d - 2.0 * cab + 2.0 * d * s * (sa - sb)
         if p2 >= 0.0:
             way = s * atan2(s * (cb - ca), d + s * (sa - sb))
-            found.append(
+            words.append(
                 ((s, 0, s), (_angle(s * (way * s - a)), sqrt(p2), _angle(s * (b - way * s))))
             )
     for s in (1, -1):  # RSL and LSR
@@ -58,14 +58,14 @@ def _words(
         if p2 >= 0.0:
             p = sqrt(p2)
             way = atan2(-s * (ca + cb), d + s * (sa + sb)) - atan2(-2.0 * s, p)
-            found.append(((s, 0, -s), (_angle(s * (way - a)), p, _angle(s * (way - b)))))
+            words.append(((s, 0, -s), (_angle(s * (way - a)), p, _angle(s * (way - b)))))
     for s in (1, -1):  # RLR and LRL
         cosine = (6.0 - d * d + 2.0 * cab + 2.0 * d * s * (sb - sa)) / 8.0
         if abs(cosine) <= 1.0:
             p = 2.0 * pi - acos(cosine)
             t = _angle(s * (atan2(s * (cb - ca), d + s * (sa - sb)) - a) + 0.5 * p)
-            found.append(((s, -s, s), (t, p, _angle(s * (b - a) - t + p))))
-    return found
+            words.append(((s, -s, s), (t, p, _angle(s * (b - a) - t + p))))
+    return words
 
 
 def shortest_way(start: Pose, goal: Pose, radius: float) -> list[tuple[float, float]]:
@@ -110,7 +110,7 @@ class Route:
         is too short for `gradient`.
         """
         way = shortest_way(self.pose, goal, radius)
-        length = sum(part for _, part in way)
+        length = sum(piece_m for _, piece_m in way)
         if not way and height == self.height:
             return
         circle = 2.0 * pi * radius
@@ -121,9 +121,9 @@ class Route:
             length += circles * circle
         rise, start = (height - self.height) / length, self.height
         done = 0.0
-        for curvature, part in way:
-            done += part
-            self.add(curvature, part, start + rise * done)
+        for curvature, piece_m in way:
+            done += piece_m
+            self.add(curvature, piece_m, start + rise * done)
 
     def path(self) -> "Path":
         """The finished path."""

@@ -94,9 +94,9 @@ def simulate_flight(
     path_seed, sensor_seed = _seeds(seed)
     if minutes is not None:
         changes["minutes"] = minutes
-    flown = fly(plan.changed(**changes), path_seed, start_tow=start_tow)
+    path = fly(plan.changed(**changes), path_seed, start_tow=start_tow)
     return observe(
-        *(flown, sensor_seed),
+        *(path, sensor_seed),
         imu=imu,
         gnss=gnss,
         raw_gnss=raw_gnss,
@@ -108,7 +108,7 @@ def simulate_flight(
 
 
 def observe(
-    flown: Flight,
+    flight: Flight,
     seed: int | np.random.SeedSequence = 0,
     *,
     imu: ImuOptions | None = None,
@@ -131,21 +131,21 @@ def observe(
     imu, gnss, rig = imu or ImuOptions(), gnss or GnssOptions(), rig or Rig()
     sensor_seed = _seeds(seed)[1] if isinstance(seed, int) else seed
     inertial, receiver, camera, other, raw = np.random.default_rng(sensor_seed).spawn(5)
-    recorded = simulate_imu(flown, imu, inertial)
-    fixes, outlier = simulate_gnss(flown, rig, gnss, receiver)
-    events = simulate_events(flown, missing_events, camera)
-    observed = None if raw_gnss is None else simulate_raw_gnss(flown, rig, events, raw_gnss, raw)
+    recorded = simulate_imu(flight, imu, inertial)
+    fixes, outlier = simulate_gnss(flight, rig, gnss, receiver)
+    events = simulate_events(flight, missing_events, camera)
+    observed = None if raw_gnss is None else simulate_raw_gnss(flight, rig, events, raw_gnss, raw)
     second = None
     if second_imu is not None:
         lever_b = rig.C_cb.T @ (np.array(second_imu.imu_m) - np.array(rig.imu_m))
-        second = simulate_imu(flown, second_imu.options, other, lever_b), second_imu
-    trajectory = true_trajectory(flown.motion, _times(flown.motion, truth_hz), flown.gps_week)
-    plane = TangentPlane(flown.motion.frame.lat, flown.motion.frame.lon, 0.0)
+        second = simulate_imu(flight, second_imu.options, other, lever_b), second_imu
+    trajectory = true_trajectory(flight.motion, _times(flight.motion, truth_hz), flight.gps_week)
+    plane = TangentPlane(flight.motion.frame.lat, flight.motion.frame.lon, 0.0)
     truth = Truth(
-        true_eo(flown, rig, plane), trajectory, *_biases(recorded, trajectory.time), outlier
+        true_eo(flight, rig, plane), trajectory, *_biases(recorded, trajectory.time), outlier
     )
     return SimulatedFlight(
-        flown, recorded.samples, fixes, events, rig, imu, gnss, plane, truth, second, observed
+        flight, recorded.samples, fixes, events, rig, imu, gnss, plane, truth, second, observed
     )
 
 

@@ -155,9 +155,9 @@ def _satellites(ax: Any, t: Array, series: Series) -> None:
 
 def _by_class(ax: Any, t: Array, y: Array, kind: NDArray[np.int64]) -> None:
     for k in np.unique(kind):
-        at = np.flatnonzero(kind == k)
-        at = at[:: -(-at.size // 4000)]
-        ax.plot(t[at], y[at], ".", ms=2, color=COLOURS[k], label=NAMES[k])
+        rows = np.flatnonzero(kind == k)
+        rows = rows[:: -(-rows.size // 4000)]
+        ax.plot(t[rows], y[rows], ".", ms=2, color=COLOURS[k], label=NAMES[k])
 
 
 def _rate(ax: Any, t: Array, series: Series) -> None:
@@ -184,18 +184,18 @@ def _ratio(ax: Any, t: Array, series: Series) -> None:
 
 def _separation(ax: Any, t: Array, series: Series) -> None:
     apart, sigma = np.asarray(series["separation_m"]), np.asarray(series["separation_sigma_m"])
-    known = np.isfinite(apart).all(axis=1)
-    typical = float(np.median(sigma[known])) if known.any() else 1.0
+    finite = np.isfinite(apart).all(axis=1)
+    typical = float(np.median(sigma[finite])) if finite.any() else 1.0
     reach = max(
-        4.0 * typical, 1.2 * float(np.quantile(np.abs(apart[known]), 0.99)) if known.any() else 0.0
+        4.0 * typical, 1.2 * float(np.quantile(np.abs(apart[finite]), 0.99)) if finite.any() else 0.0
     )
     factor, unit = length_unit(reach / 4.0)
     for k, axis in enumerate(("north", "east", "down")):
         bounds(
             ax,
-            t[known],
-            np.zeros(int(known.sum())),
-            np.minimum(3.0 * sigma[known, k], reach) * factor,
+            t[finite],
+            np.zeros(int(finite.sum())),
+            np.minimum(3.0 * sigma[finite, k], reach) * factor,
             color=AXIS_COLOURS[k],
             alpha=0.1,
         )
@@ -244,8 +244,8 @@ def _slips(ax: Any, t: Array, series: Series) -> None:
     """Cycle slips: a dot each, a row a satellite."""
     names = sorted(set(series["slip_satellite"]))
     row = {name: k for k, name in enumerate(names)}
-    at = _minutes(series["slip_time"], float(series["time"][0]))
-    ax.plot(at, [row[name] for name in series["slip_satellite"]], ".", color=WARN, ms=3)
+    minutes = _minutes(series["slip_time"], float(series["time"][0]))
+    ax.plot(minutes, [row[name] for name in series["slip_satellite"]], ".", color=WARN, ms=3)
     ax.set_ylim(-1.0, len(names))
     step = -(-len(names) // MOST_SATELLITES_NAMED) if len(names) > 8 else 1
     shown = list(range(0, len(names), max(step, -(-len(names) // 8))))

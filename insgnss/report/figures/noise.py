@@ -177,7 +177,7 @@ def draw_psd(panels: Sequence[SpectrumPanel], title: str, subtitle: str = "") ->
         for ax in figure.axes
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
     }
-    place: dict[str, Any] = {
+    anchor: dict[str, Any] = {
         "loc": "upper right",
         "bbox_to_anchor": (0.985, 1.0 - (head - 0.41) / height),
         "borderaxespad": 0.0,
@@ -189,7 +189,7 @@ def draw_psd(panels: Sequence[SpectrumPanel], title: str, subtitle: str = "") ->
         frameon=False,
         fontsize=8.5,
         handlelength=1.6,
-        **place,
+        **anchor,
     )
     return png(figure)
 
@@ -210,19 +210,19 @@ def _panel(ax: Any, panel: NoisePanel, factor: float) -> None:
             zorder=4,
         )
     colours = iter(PART_COLOURS["gauss_markov"])
-    for name, part in panel.parts.items():
+    for name, variance in panel.parts.items():
         colour = next(colours, FAINT) if name.startswith("gauss_markov") else PART_COLOURS[name]
         ax.plot(
             panel.tau_s,
-            factor * _deviation(part),
+            factor * _deviation(variance),
             color=colour,
             lw=1.1,
             ls=(0, (5, 2)),
             label=panel.part_labels[name],
             zorder=3,
         )
-    place = {"loc": "upper left", "bbox_to_anchor": (1.015, 1.02), "borderaxespad": 0.0}
-    ax.legend(frameon=False, fontsize=8.5, handlelength=2.0, labelspacing=0.45, **place)
+    anchor = {"loc": "upper left", "bbox_to_anchor": (1.015, 1.02), "borderaxespad": 0.0}
+    ax.legend(frameon=False, fontsize=8.5, handlelength=2.0, labelspacing=0.45, **anchor)
     if panel.words:
         ax.text(
             1.022,
@@ -307,22 +307,22 @@ def _spectrum(ax: Any, panel: SpectrumPanel, first: bool) -> None:
     top = 1.8 * float(shown.max())
     _log(ax, (float(f[0]), float(f[-1])), (0.6 * float(shown[shown > 0.0].min()), top))
     lines = sorted(panel.lines_hz)
-    for number, at in enumerate(lines):
+    for number, frequency in enumerate(lines):
         ax.axvline(
-            at,
+            frequency,
             color=WARN,
             lw=0.8,
             ls=":",
             zorder=1,
             label="lines (propellers)" if number == 0 else None,
         )
-    apart = [at for k, at in enumerate(lines) if k == 0 or at > 1.25 * lines[k - 1]]
+    apart = [frequency for k, frequency in enumerate(lines) if k == 0 or frequency > 1.25 * lines[k - 1]]
     unit = _pretty(f"{UNIT[panel.sensor]}/sqrt(Hz)")
     ax.set_ylabel(f"{panel.title}: {unit}", size=9)
-    for at in apart:
+    for frequency in apart:
         ax.annotate(
-            f"{at:.3g} Hz",
-            (at, top),
+            f"{frequency:.3g} Hz",
+            (frequency, top),
             (0, 4),
             textcoords="offset points",
             size=7.5,
@@ -375,7 +375,7 @@ def _clock(ax: Any, tau: tuple[float, float]) -> None:
     from matplotlib.ticker import NullLocator
 
     top = ax.secondary_xaxis("top")
-    shown = {at: words for at, words in TIMES.items() if tau[0] < at < tau[1]}
+    shown = {seconds: words for seconds, words in TIMES.items() if tau[0] < seconds < tau[1]}
     top.set_xticks(list(shown), list(shown.values()), fontsize=8)
     top.xaxis.set_minor_locator(NullLocator())
     top.tick_params(length=3, color=FAINT)

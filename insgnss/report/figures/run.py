@@ -145,7 +145,7 @@ def _map(d: Diagnostics, eo: ExteriorOrientation | None) -> Any:
         factor, unit = length_unit(float(np.median(horizontal)))
         low, high = factor * horizontal.min(), factor * horizontal.max()
         dots = ax.scatter(
-            *_at(d, eo.time),
+            *_east_north(d, eo.time),
             c=factor * horizontal,
             s=14,
             cmap="viridis",
@@ -171,11 +171,11 @@ def _map_marks(ax: Any, d: Diagnostics, lines: tuple[FlightLine, ...]) -> None:
     north, east = d.position[:, 0], d.position[:, 1]
     step = max(1, -(-len(lines) // MOST_NUMBERS))
     for number, x in list(enumerate(lines, 1))[::step]:
-        at = x.first + (x.last - x.first) // 10
+        row = x.first + (x.last - x.first) // 10
         box = {"boxstyle": "round,pad=0.15", "fc": LINE_SHADE, "ec": "none"}
         ax.text(
-            east[at],
-            north[at],
+            east[row],
+            north[row],
             str(number),
             fontsize=8,
             ha="center",
@@ -197,7 +197,7 @@ def _map_marks(ax: Any, d: Diagnostics, lines: tuple[FlightLine, ...]) -> None:
     stood = rests(d)
     if stood.size:
         ax.plot(
-            *_at(d, stood.mean(axis=1)),
+            *_east_north(d, stood.mean(axis=1)),
             "o",
             color="#009E73",
             mfc="none",
@@ -207,7 +207,7 @@ def _map_marks(ax: Any, d: Diagnostics, lines: tuple[FlightLine, ...]) -> None:
         )
     if (~d.used).any():
         ax.plot(
-            *_at(d, d.fix_time[~d.used]),
+            *_east_north(d, d.fix_time[~d.used]),
             "x",
             color=WARN,
             ms=5,
@@ -217,17 +217,17 @@ def _map_marks(ax: Any, d: Diagnostics, lines: tuple[FlightLine, ...]) -> None:
         )
 
 
-def _look_at_all(ax: Any, place: Array) -> None:
-    """Limits of equal scale that hold all of `place` (2, n)."""
+def _look_at_all(ax: Any, positions: Array) -> None:
+    """Limits of equal scale that hold all of `positions` (2, n)."""
     box, (width, height) = ax.get_position(), ax.figure.get_size_inches()
     size = np.array([box.width * width, box.height * height])
-    middle, reach = 0.5 * (place.max(axis=1) + place.min(axis=1)), np.ptp(place, axis=1)
+    middle, reach = 0.5 * (positions.max(axis=1) + positions.min(axis=1)), np.ptp(positions, axis=1)
     half = 0.54 * size * max(float((reach / size).max()), 1e-3)
     ax.set_xlim(middle[0] - half[0], middle[0] + half[0])
     ax.set_ylim(middle[1] - half[1], middle[1] + half[1])
 
 
-def _at(d: Diagnostics, time: Array) -> tuple[Array, Array]:
+def _east_north(d: Diagnostics, time: Array) -> tuple[Array, Array]:
     """East and north at `time`, m."""
     return np.interp(time, d.time, d.position[:, 1]), np.interp(time, d.time, d.position[:, 0])
 

@@ -30,10 +30,10 @@ def thin(y: Array, limit: int = MOST_POINTS) -> NDArray[np.int64]:
         return np.arange(y.size)
     width = -(-y.size // (limit // 2))
     padded = np.pad(y, (0, -y.size % width), mode="edge").reshape(-1, width)
-    known = np.isfinite(padded)
+    finite = np.isfinite(padded)
     first = np.arange(len(padded)) * width
-    low = first + np.argmin(np.where(known, padded, np.inf), axis=1)
-    high = first + np.argmax(np.where(known, padded, -np.inf), axis=1)
+    low = first + np.argmin(np.where(finite, padded, np.inf), axis=1)
+    high = first + np.argmax(np.where(finite, padded, -np.inf), axis=1)
     return np.unique(np.clip(np.concatenate([[0, y.size - 1], low, high]), 0, y.size - 1))
 
 
@@ -46,11 +46,11 @@ def line(
     **style: Any,
 ) -> None:
     """Draw y over t, thinned, each of the `parts` by itself."""
-    for number, part in enumerate(parts):
-        keep = thin(y[part])
+    for number, piece in enumerate(parts):
+        keep = thin(y[piece])
         ax.plot(
-            t[part][keep],
-            y[part][keep],
+            t[piece][keep],
+            y[piece][keep],
             **({"lw": 1.0, "label": None if number else label} | style),
         )
 
@@ -64,11 +64,11 @@ def bounds(
     **style: Any,
 ) -> None:
     """Shade centre +- half_width over t, thinned, each of the `parts` by itself."""
-    for part in parts:
-        c, w = centre[part], half_width[part]
+    for piece in parts:
+        c, w = centre[piece], half_width[piece]
         keep = np.union1d(thin(c), thin(w))
         ax.fill_between(
-            t[part][keep], (c - w)[keep], (c + w)[keep], **({"alpha": 0.22, "lw": 0} | style)
+            t[piece][keep], (c - w)[keep], (c + w)[keep], **({"alpha": 0.22, "lw": 0} | style)
         )
 
 

@@ -32,8 +32,8 @@ def innovations(d: Diagnostics, marks: Marks) -> Any:
     figure, axes = sheet(4, 2, 8.0, sharey="row", gridspec_kw={"width_ratios": [6, 1]})
     figure.subplots_adjust(wspace=0.03)
     t = marks.minutes(d.fix_time)
-    known = np.isfinite(d.innovation.sum(axis=1))
-    kept = known & d.used if (known & d.used).any() else known
+    finite = np.isfinite(d.innovation.sum(axis=1))
+    kept = finite & d.used if (finite & d.used).any() else finite
     reach = max(
         1.5 * float(np.quantile(np.abs(d.innovation[kept]), 0.98)),
         1.15 * float(np.quantile(3 * d.innovation_sigma[kept], 0.9)),
@@ -166,8 +166,8 @@ def separation(d: Diagnostics, marks: Marks) -> Any:
 
 
 def _typical(sigma: Array) -> float:
-    known = sigma[np.isfinite(sigma)]
-    return float(np.median(known)) if known.size else 0.0
+    finite = sigma[np.isfinite(sigma)]
+    return float(np.median(finite)) if finite.size else 0.0
 
 
 def _look_at_the_middle(ax: Any, x: Array, bound: Array) -> None:

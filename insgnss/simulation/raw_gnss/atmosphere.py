@@ -157,12 +157,12 @@ class Ionosphere:
     wave_phase: float
 
     def delay(
-        self, elapsed: Array, place: tuple[Array, Array, Array], azimuth: Array, elevation: Array
+        self, elapsed: Array, receiver: tuple[Array, Array, Array], azimuth: Array, elevation: Array
     ) -> Array:
-        """Delay of the code on L1, m, (n, s), at `elapsed` (n,) s, of receivers at `place`:
+        """Delay of the code on L1, m, (n, s), at `elapsed` (n,) s, of receivers at `receiver`:
         latitude, longitude, rad, height, m, (n,).
         """
-        lat, lon, height = (x[:, None] for x in place)
+        lat, lon, height = (x[:, None] for x in receiver)
         low = (
             (RADIUS_M + height) * np.cos(elevation) / (RADIUS_M + SHELL_M)
         )  # sine of the zenith angle at the shell

@@ -63,9 +63,9 @@ class Tracking:
                     f"tracking: {name} {getattr(self, name):g}; it must be finite and not negative"
                 )
         if self.reported_share > 1.0 or not 0.0 < self.outage_s[0] <= self.outage_s[1] < np.inf:
-            what = f"reported_share {self.reported_share:g}, outage_s {self.outage_s}"
+            given = f"reported_share {self.reported_share:g}, outage_s {self.outage_s}"
             raise UsageError(
-                f"tracking: {what}; the share lies between 0 and 1, outages last from a shorter to"
+                f"tracking: {given}; the share lies between 0 and 1, outages last from a shorter to"
                 " a longer time"
             )
 
@@ -132,7 +132,7 @@ def track(
     """Locks on satellites that could be `visible` (n, s), at a `bank` (n,), rad, of the antenna;
     epochs `interval` s apart.
     """
-    lost, slip = rng.spawn(2)
+    outage, slip = rng.spawn(2)
     n, s = visible.shape
     often = (
         np.where(np.abs(bank) > np.radians(tracking.turn_bank_deg), tracking.turn_factor, 1.0)[
@@ -142,9 +142,9 @@ def track(
         / 3600.0
     )
     held = np.repeat(visible[:, :, None], 2, axis=2)
-    for k, j in np.argwhere(visible & (lost.random((n, s)) < tracking.outages_per_hour * often)):
-        last = k + max(1, round(lost.uniform(*tracking.outage_s) / interval))
-        held[k:last, j, int(lost.random() < LOST_ON_L2_ALONE) :] = False
+    for k, j in np.argwhere(visible & (outage.random((n, s)) < tracking.outages_per_hour * often)):
+        last = k + max(1, round(outage.uniform(*tracking.outage_s) / interval))
+        held[k:last, j, int(outage.random() < LOST_ON_L2_ALONE) :] = False
     before = np.zeros_like(held)
     before[1:] = held[:-1]
     fresh = held & ~before

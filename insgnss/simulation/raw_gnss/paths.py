@@ -85,7 +85,7 @@ class Paths:
 
 def satellites_in_view(
     navigation: Navigation,
-    place: Array,
+    position: Array,
     span: tuple[float, float],
     mask_deg: float,
     error_m: float,
@@ -109,8 +109,8 @@ def satellites_in_view(
         np.repeat(grid, codes.size),
         np.tile(message, grid.size),
     )
-    lat, lon, _ = ecef_to_geodetic(place)
-    away = states.position.reshape(grid.size, codes.size, 3) - place
+    lat, lon, _ = ecef_to_geodetic(position)
+    away = states.position.reshape(grid.size, codes.size, 3) - position
     sine = -(away @ rotation_en(lat, lon)[:, 2]) / np.linalg.norm(away, axis=2)
     seen = sine.max(axis=0) > np.sin(np.radians(mask_deg - MARGIN_DEG))
     error = error_m * rng.standard_normal((int(seen.sum()), 4))

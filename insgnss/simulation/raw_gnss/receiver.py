@@ -96,20 +96,20 @@ def simulate_gnss(
     leave none.
     """
     motion = flight.motion
-    white, coloured, gross, bad = rng.spawn(4)
+    white, correlated, gross, bad = rng.spawn(4)
     stamp = _stamps(motion, options)
-    at = np.clip(stamp - options.latency_s, motion.start, motion.end)
-    position, velocity = antenna_states(motion, rig.antenna_lever_b, at)
+    instant = np.clip(stamp - options.latency_s, motion.start, motion.end)
+    position, velocity = antenna_states(motion, rig.antenna_lever_b, instant)
     C_ln = motion.frame.C_ln_at(position)
-    error = white.standard_normal((at.size, 3)) * options.sigma_m + _correlated(
-        options.correlated_sigma_m, options.correlation_time_s, at.size, options.rate_hz, coloured
+    error = white.standard_normal((instant.size, 3)) * options.sigma_m + _correlated(
+        options.correlated_sigma_m, options.correlation_time_s, instant.size, options.rate_hz, correlated
     )
     claim = (
         np.square(options.sigma_m)
         + np.square(options.correlated_sigma_m) * options.claim_correlated
     )
-    variance = np.broadcast_to(claim, (at.size, 3)).copy()
-    quality = np.full(at.size, Quality.FIXED, dtype=np.int64)
+    variance = np.broadcast_to(claim, (instant.size, 3)).copy()
+    quality = np.full(instant.size, Quality.FIXED, dtype=np.int64)
     for episode, stream in zip(options.episodes, bad.spawn(len(options.episodes)), strict=True):
         inside = _within(stamp - motion.start, (episode.start_s, episode.duration_s))
         error[inside] = _correlated(
@@ -119,13 +119,13 @@ def simulate_gnss(
             episode.sigma_m if episode.claim_m is None else episode.claim_m
         )
         quality[inside] = episode.quality
-    outlier = gross.random(at.size) < options.outlier_fraction
-    direction = gross.standard_normal((at.size, 3))
-    direction *= (gross.uniform(*options.outlier_m, at.size) / np.linalg.norm(direction, axis=1))[
+    outlier = gross.random(instant.size) < options.outlier_fraction
+    direction = gross.standard_normal((instant.size, 3))
+    direction *= (gross.uniform(*options.outlier_m, instant.size) / np.linalg.norm(direction, axis=1))[
         :, None
     ]
     error += outlier[:, None] * direction
-    keep = np.ones(at.size, dtype=bool)
+    keep = np.ones(instant.size, dtype=bool)
     for outage in options.outages:
         keep &= ~_within(stamp - motion.start, outage)
     if not keep.any():
@@ -158,8 +158,8 @@ def _stamps(motion: Motion, options: GnssOptions) -> Array:
     return np.clip(stamps, motion.start + options.latency_s, motion.end + options.latency_s)
 
 
-def _within(elapsed: Array, stretch: tuple[float, float]) -> NDArray[np.bool_]:
-    start, duration = stretch
+def _within(elapsed: Array, period: tuple[float, float]) -> NDArray[np.bool_]:
+    start, duration = period
     return (elapsed >= start) & (elapsed < start + duration)
 
 

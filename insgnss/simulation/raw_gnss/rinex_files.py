@@ -131,19 +131,19 @@ def _observation_lines(path: File, station: Station, table: ObservationTable) ->
     behind = np.searchsorted(
         _ticks(table.time), _ticks(table.events)
     )  # the epoch that an event stands before
-    place = np.searchsorted(behind, np.arange(n + 2))
+    first_event = np.searchsorted(behind, np.arange(n + 2))
     for first in range(0, n, _CHUNK):
         last = min(first + _CHUNK, n)
-        part = slice(rows[first], rows[last])
-        body = _rows(path, table, part)
-        names = np.ascontiguousarray(table.satellite[part], dtype="S3")
+        chunk = slice(rows[first], rows[last])
+        body = _rows(path, table, chunk)
+        names = np.ascontiguousarray(table.satellite[chunk], dtype="S3")
         parts: list[bytes] = []
         for k in range(first, last):
-            parts += events[place[k] : place[k + 1]]
+            parts += events[first_event[k] : first_event[k + 1]]
             own = slice(rows[k] - rows[first], rows[k + 1] - rows[first])
             parts += [_epoch_lines(heads[k], names[own].tobytes()), body[own].tobytes()]
         yield b"".join(parts)
-    yield b"".join(events[place[n] :])
+    yield b"".join(events[first_event[n] :])
 
 
 def _observation_header(station: Station, table: ObservationTable) -> str:
@@ -242,25 +242,25 @@ def _event_records(table: ObservationTable) -> list[bytes]:
     ]
 
 
-def _rows(path: File, table: ObservationTable, part: slice) -> NDArray[np.uint8]:
+def _rows(path: File, table: ObservationTable, chunk: slice) -> NDArray[np.uint8]:
     """The lines of these rows: (m, size of a satellite's lines) letters."""
-    values, k = table.values[part], len(table.types)
+    values, k = table.values[chunk], len(table.types)
     there = np.isfinite(values)
     number = np.rint(np.where(there, values, 0.0) * 1e3)
     if (beyond := (number > LARGEST) | (number < SMALLEST)).any():
         row, column = np.argwhere(beyond)[0]
-        epoch, name = table.epoch[part][row], table.types[column]
-        what = (
-            f"{table.satellite[part][row]} {name} {values[row, column]:.3f} at"
+        epoch, name = table.epoch[chunk][row], table.types[column]
+        entry = (
+            f"{table.satellite[chunk][row]} {name} {values[row, column]:.3f} at"
             f" {table.time[epoch]:.3f} s"
         )
         raise UsageError(
-            f"{path}: {what} is beyond the 14 columns of RINEX 2.11; take whole cycles off the"
+            f"{path}: {entry} is beyond the 14 columns of RINEX 2.11; take whole cycles off the"
             " phases"
         )
     letters = np.full((len(values), k, COLUMNS), ord(" "), dtype=np.uint8)
     _put_numbers(letters, number.astype(np.int64))
-    lock = table.loss_of_lock[part]
+    lock = table.loss_of_lock[chunk]
     letters[:, :, 14] = np.where(lock > 0, ord("0") + lock, ord(" "))
     for column, name in enumerate(table.types):
         band = f"S{name[1:]}"
@@ -325,8 +325,8 @@ def _gps_message(navigation: Navigation, k: int) -> str:
     """Message `k` of the table, eight lines."""
     message = navigation.table[k]
     numbers = [0.0] * 28
-    for column, place in PLACES.items():
-        numbers[place] = float(message[column])
+    for column, position in PLACES.items():
+        numbers[position] = float(message[column])
     issue = float(int(message[SOW]) // 900 % 256)
     numbers[3] = issue
     numbers[21] = navigation.gps_week + message[TOE] // WEEK_S

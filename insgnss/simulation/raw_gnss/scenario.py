@@ -128,11 +128,11 @@ class RawGnssOptions:
                 f"raw GNSS: systems {self.systems!r}; they are of G (GPS) and R (GLONASS)"
             )
         if abs(self.iono_gradient) * SHELL_REACH_M > self.iono_vertical_m:
-            what = (
+            excess = (
                 f"iono_gradient {self.iono_gradient:g} takes more than iono_vertical_m"
                 f" {self.iono_vertical_m:g} over {SHELL_REACH_M:g} m"
             )
-            raise UsageError(f"raw GNSS: {what}; no delay can be negative")
+            raise UsageError(f"raw GNSS: {excess}; no delay can be negative")
         if not 3.0 <= self.elevation_mask_deg < 60.0:
             raise UsageError(
                 f"raw GNSS: elevation_mask_deg {self.elevation_mask_deg:g}; it lies between 3"
@@ -240,20 +240,20 @@ def simulate_raw_gnss(
     """
     common, moving, standing, clocks = rng.spawn(4)
     rover = _rover(flight, rig, options, clocks)
-    place, height = _base_place(flight, options)
-    base = _base(rover, place, options, clocks)
+    position, height = _base_place(flight, options)
+    base = _base(rover, position, options, clocks)
     span = (float(base.time[0]), float(base.time[-1]))
     navigation = constellation(
         flight.gps_week, *span, options.systems, int(common.integers(1 << 31))
     )
     view = satellites_in_view(
-        navigation, place, span, options.elevation_mask_deg, options.broadcast_error_m, common
+        navigation, position, span, options.elevation_mask_deg, options.broadcast_error_m, common
     )
     scene = _Scene(
         flight,
         view,
         Troposphere(options.weather, height),
-        _ionosphere(options, place, common),
+        _ionosphere(options, position, common),
         options,
     )
     rover_data, rover_slips = _observe(
@@ -268,7 +268,7 @@ def simulate_raw_gnss(
         base_data,
         navigation,
         by_rover,
-        place,
+        position,
         options.weather,
         rover_slips,
         base_slips,
@@ -321,15 +321,15 @@ def _base(
     stamp = np.arange(first, last + 1.0) / rate_hz
     offset, rate = _clock(stamp.size, 1.0 / rate_hz, options, rng)
     lat, lon, _ = ecef_to_geodetic(position)
-    still, up = np.zeros((stamp.size, 3)), -rotation_en(lat, lon)[:, 2]
+    zero, up = np.zeros((stamp.size, 3)), -rotation_en(lat, lon)[:, 2]
     return Antenna(
         stamp,
         stamp - offset,
         offset,
         rate,
-        still + position,
-        still,
-        still + up,
+        zero + position,
+        zero,
+        zero + up,
         np.zeros(stamp.size),
     )
 
@@ -362,11 +362,11 @@ def _clock_at(time: Array, receiver: Antenna, jump_s: float) -> Array:
     return np.interp(time, receiver.time, receiver.clock_s - jumps) + jumps[last]
 
 
-def _ionosphere(options: RawGnssOptions, place: Array, rng: np.random.Generator) -> Ionosphere:
+def _ionosphere(options: RawGnssOptions, position: Array, rng: np.random.Generator) -> Ionosphere:
     """The shell around the base's place, ECEF (3,) m."""
     slope, wave, phase = rng.uniform(0.0, 2.0 * np.pi, 3)
     gradient = (options.iono_gradient * np.cos(slope), options.iono_gradient * np.sin(slope))
-    lat, lon, _ = ecef_to_geodetic(place)
+    lat, lon, _ = ecef_to_geodetic(position)
     return Ionosphere(
         (float(lat), float(lon)),
         options.iono_vertical_m,
@@ -390,11 +390,11 @@ def _observe(
     count = visible.sum(axis=1)
     if (count < FEWEST).any():
         least = int(np.argmin(count))
-        what = (
+        shortage = (
             f"{count[least]} satellites above the masks at {antenna.time[least]:.1f} s (limit"
             f" {FEWEST})"
         )
-        raise UsageError(f"raw GNSS: {what}; lower a mask")
+        raise UsageError(f"raw GNSS: {shortage}; lower a mask")
     locks = track(
         visible,
         antenna.bank,
@@ -460,7 +460,7 @@ def _values(
             * options.glonass_code_bias_m
             * own.standard_normal(CHANNELS)[channel + CHANNELS // 2]
         )
-        part = (
+        fraction = (
             own.uniform(0.0, 1.0, 2)[glonass.astype(int)]
             + glonass * channel * receiver.phase_slope_m / wavelength
         )
@@ -483,7 +483,7 @@ def _values(
         )
         out[:, :, 0 + band] = common + dispersed + hardware + code
         out[:, :, 2 + band] = (
-            (common - dispersed + phase) / wavelength + locks.cycles[:, :, band] + part
+            (common - dispersed + phase) / wavelength + locks.cycles[:, :, band] + fraction
         )
         out[:, :, 4 + band] = -doppler / wavelength
         out[:, :, 6 + band] = (
