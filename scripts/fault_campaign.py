@@ -228,7 +228,10 @@ CASES = (
         "IMU and GNSS rows: 5 % out of order",
         {"imu_rows": RowFaults(reordered=0.05), "gnss_rows": RowFaults(reordered=0.05)},
     ),
-    Case("IMU rows: 1 % stamped up to 20 ms late", {"imu_rows": RowFaults(late=0.01, late_s=0.02)}),
+    Case(
+        "IMU rows: 1 % stamped up to 20 ms late",
+        {"imu_rows": RowFaults(delayed=0.01, delay_s=0.02)},
+    ),
     Case("GNSS in UTC as GPS time", gnss(latency_s=-18.0)),
     Case("IMU in UTC as GPS time", imu(clock_offset_s=-18.0)),
     Case("a car, outage of 60 s", {"way": drive, **gnss(outages=((120.0, 60.0),))}),

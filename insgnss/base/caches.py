@@ -30,7 +30,7 @@ def settle() -> str:
     kept = bool(os.environ.get(KERNELS)) or _writable_installation()
     advice = f"set {KERNELS} to a directory that is kept and that you can write"
     try:
-        place = _own_directory()
+        directory = _own_directory()
     except OSError as error:
         return (
             ""
@@ -39,15 +39,15 @@ def settle() -> str:
                 f"there is no place for the compiled functions: {error.strerror or error}; {advice}"
             )
         )
-    os.environ.setdefault(FONTS, os.path.join(place, "matplotlib"))
+    os.environ.setdefault(FONTS, os.path.join(directory, "matplotlib"))
     if kept:
         return ""
-    os.environ[KERNELS] = place
+    os.environ[KERNELS] = directory
     if "numba" in sys.modules:
         sys.modules["numba"].config.reload_config()
     return (
         "neither the home directory nor the installation can be written: compiled functions are"
-        f" kept in {place}; {advice}"
+        f" kept in {directory}; {advice}"
     )
 
 
@@ -84,12 +84,12 @@ def _own_directory() -> str:
     import shutil
     import tempfile
 
-    place = os.path.join(tempfile.gettempdir(), f"insgnss-{os.getuid()}")
+    directory = os.path.join(tempfile.gettempdir(), f"insgnss-{os.getuid()}")
     with contextlib.suppress(FileExistsError):
-        os.mkdir(place, 0o700)
-    found = os.lstat(place)
-    if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o077:
-        return place
-    place = tempfile.mkdtemp(prefix="insgnss-")
-    atexit.register(shutil.rmtree, place, ignore_errors=True)
-    return place
+        os.mkdir(directory, 0o700)
+    status = os.lstat(directory)
+    if stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o077:
+        return directory
+    directory = tempfile.mkdtemp(prefix="insgnss-")
+    atexit.register(shutil.rmtree, directory, ignore_errors=True)
+    return directory

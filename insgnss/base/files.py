@@ -18,8 +18,8 @@ def atomic_write(
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with temporary.open("wb") as stream:
-            for part in parts:
-                stream.write(part.encode("utf-8") if isinstance(part, str) else part)
+            for chunk in parts:
+                stream.write(chunk.encode("utf-8") if isinstance(chunk, str) else chunk)
         os.replace(temporary, path)
     except FileNotFoundError:
         raise UsageError(f"{path}: the directory does not exist; create it first") from None

@@ -41,25 +41,25 @@ class Table:
     name: str
     data: Mapping[str, Any]
 
-    def error(self, key: str, what: str) -> InputError:
+    def error(self, key: str, problem: str) -> InputError:
         """Error at the line of `key`, of its table where the key is absent."""
         full = ".".join(filter(None, (self.name, key)))
-        line, place = None, full
-        while place and line is None:
-            line, place = self.lines.get(place), place.rpartition(".")[0]
-        return InputError.at(self.path, line, f"{full}: {what}")
+        line, prefix = None, full
+        while prefix and line is None:
+            line, prefix = self.lines.get(prefix), prefix.rpartition(".")[0]
+        return InputError.at(self.path, line, f"{full}: {problem}")
 
     def check_keys(self) -> None:
         """Refuse a key that this table does not know, naming the nearest one or the table it
         belongs to.
         """
-        known = self.keys[self.name]
+        own_keys = self.keys[self.name]
         for key in self.data:
-            if key not in known:
+            if key not in own_keys:
                 homes = [
                     table for table, keys in self.keys.items() if key in keys and "." not in table
                 ]
-                advice = near(key, known)
+                advice = near(key, own_keys)
                 if len(homes) == 1:
                     advice = (
                         f"it belongs into [{homes[0]}]"
@@ -79,15 +79,15 @@ class Table:
 
     def tables(self, key: str) -> "list[Table]":
         """Array of sub-tables ([[name]]), empty where it is absent, their keys checked."""
-        found = self.value(key, list, [])
-        if not all(isinstance(item, dict) for item in found):
+        items = self.value(key, list, [])
+        if not all(isinstance(item, dict) for item in items):
             raise self.error(
                 key,
-                f"{reprlib.repr(found)}, expected [[{'.'.join(filter(None, (self.name, key)))}]]"
+                f"{reprlib.repr(items)}, expected [[{'.'.join(filter(None, (self.name, key)))}]]"
                 " tables",
             )
         name = ".".join(filter(None, (self.name, key)))
-        subs = [Table(self.path, self.lines, self.keys, name, item) for item in found]
+        subs = [Table(self.path, self.lines, self.keys, name, item) for item in items]
         for sub in subs:
             sub.check_keys()
         return subs
@@ -117,11 +117,11 @@ class Table:
             raise self.error(key, "is an empty text")
         return value
 
-    def choice(self, key: str, known: Sequence[str], default: str) -> Any:
-        """One of the `known` words."""
+    def choice(self, key: str, choices: Sequence[str], default: str) -> Any:
+        """One of the `choices` words."""
         value = self.text(key, default)
-        if value not in known:
-            raise self.error(key, f"{value!r} is unknown; {near(value, known)}")
+        if value not in choices:
+            raise self.error(key, f"{value!r} is unknown; {near(value, choices)}")
         return value
 
     def number(
@@ -230,8 +230,10 @@ def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
             path, None, f"not UTF-8 at byte {error.start}; save it as UTF-8"
         ) from None
     except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
-        at = re.search(r"at line (\d+)", str(error))
-        raise InputError.at(path, int(at[1]) if at else None, f"not TOML: {error}") from None
+        location = re.search(r"at line (\d+)", str(error))
+        raise InputError.at(
+            path, int(location[1]) if location else None, f"not TOML: {error}"
+        ) from None
     return Table(path, _key_lines(text), keys, "", data)
 
 

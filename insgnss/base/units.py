@@ -112,10 +112,10 @@ class _Parser:
         return self.tokens.pop(0) if self.tokens else ""
 
     def _expect(self, token: str) -> None:
-        found = self._next()
-        if found != token:
+        actual = self._next()
+        if actual != token:
             raise InputError(
-                f"{self.quantity!r}: {token!r} expected, found {found or 'the end'!r}; write as in"
+                f"{self.quantity!r}: {token!r} expected, found {actual or 'the end'!r}; write as in"
                 " 'deg/h/sqrt(Hz)'"
             )
 

@@ -92,11 +92,11 @@ def _verdict(error: BaseException) -> tuple[int, str]:
     own = [
         frame for frame in frames if Path(__file__).parents[1] in Path(frame.filename).parents
     ] or frames
-    place = f"{own[-1].filename}:{own[-1].lineno}"
+    location = f"{own[-1].filename}:{own[-1].lineno}"
     return (
         InsgnssError.exit_code,
         (
-            f"internal error: {type(error).__name__}: {error} (at {place}); this is a defect,"
+            f"internal error: {type(error).__name__}: {error} (at {location}); this is a defect,"
             " --debug shows the traceback"
         ),
     )

@@ -229,10 +229,10 @@ def _files_anywhere(parser: argparse.ArgumentParser) -> None:
                 joined[-1] = f"--columns={text}"
             else:
                 joined.append(text)
-        found, left = plain(joined, namespace)
+        parsed, left = plain(joined, namespace)
         if left and not any(text.startswith("-") for text in left):
-            found.static, left = [*found.static, *map(Path, left)], []
-        return found, left
+            parsed.static, left = [*parsed.static, *map(Path, left)], []
+        return parsed, left
 
     setattr(parser, "parse_known_args", parse)  # noqa: B010
 
@@ -245,11 +245,11 @@ def _columns(text: str | None) -> tuple[str, ...] | dict[str, str] | None:
         raise UsageError(
             "--columns '': give names in the order of the columns, or leave the option out"
         )
-    parts = [part.strip() for part in text.split(",")]
-    if not any("=" in part for part in parts):
+    parts = [word.strip() for word in text.split(",")]
+    if not any("=" in word for word in parts):
         return tuple(parts)
     pairs = [
-        (name.strip(), field.strip()) for name, _, field in (part.partition("=") for part in parts)
+        (name.strip(), field.strip()) for name, _, field in (word.partition("=") for word in parts)
     ]
     if not all(name and field for name, field in pairs):
         raise UsageError(

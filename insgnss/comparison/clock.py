@@ -40,11 +40,14 @@ def by_names(matched: Matched) -> Finding | None:
     a, b = matched.a, matched.b
     if matched.how != "image" or a.time is None or b.time is None:
         return None
-    late = times(a, b)[1] - a.time
-    usual = float(np.median(late))
+    offset = times(a, b)[1] - a.time
+    usual = float(np.median(offset))
     if abs(usual) < LEAST_S:
         return None
-    before, after = float(np.sqrt(np.mean(late**2))), float(np.sqrt(np.mean((late - usual) ** 2)))
+    before, after = (
+        float(np.sqrt(np.mean(offset**2))),
+        float(np.sqrt(np.mean((offset - usual) ** 2))),
+    )
     explained = 1.0 - (after / before) ** 2
     if explained < ENOUGH:
         return None
@@ -59,14 +62,14 @@ def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
     """The shift of b's stamps that explains the differences of poses matched by time, and the match
     with it taken off.
     """
-    at = [
+    scored = [
         (score, shift)
         for shift in range(-WIDEST_S, WIDEST_S + 1)
         if (score := _spread(a, b, float(shift))) is not None
     ]
-    if not at:
+    if not scored:
         return None
-    best = float(min(at)[1])
+    best = float(min(scored)[1])
     for _ in range(ROUNDS):
         step = _step(a, b, best)
         best += step
@@ -134,8 +137,8 @@ def _step(a: Poses, b: Poses, shift: float) -> float:
     if matched is None or v is None:
         return 0.0
     d, beside = _equations(*matched)
-    found = np.linalg.lstsq(np.column_stack([v[:, :2].ravel(), beside]), d, rcond=None)[0]
-    return float(np.clip(found[0], -0.5, 0.5))
+    solution = np.linalg.lstsq(np.column_stack([v[:, :2].ravel(), beside]), d, rcond=None)[0]
+    return float(np.clip(solution[0], -0.5, 0.5))
 
 
 def _sampled(a: Poses, b: Poses, shift: float) -> tuple[Poses, Poses] | None:

@@ -67,14 +67,14 @@ def _read_both(
     one.
     """
     read: list[Poses | None] = [None, None]
-    late: list[tuple[int, NoOriginError]] = []
+    without_origin: list[tuple[int, NoOriginError]] = []
     for k, (path, form) in enumerate(given):
         try:
             read[k] = read_poses(path, form, hints[k])
         except NoOriginError as refusal:
-            late.append((k, refusal))
+            without_origin.append((k, refusal))
     notes: tuple[str, ...] = ()
-    for k, error in late:
+    for k, error in without_origin:
         other = read[1 - k]
         if other is None or other.plane is None:
             raise error
@@ -107,10 +107,10 @@ def compare_poses(
     try:
         first = matched = match(a, b, time_shift_s)
     except DataError:
-        found = by_motion(a, b)
-        if found is None:
+        recognised = by_motion(a, b)
+        if recognised is None:
             raise
-        findings, first, matched = [found[0]], found[1], found[1]
+        findings, first, matched = [recognised[0]], recognised[1], recognised[1]
     else:
         matched, findings = _clock(a, b, first, time_shift_s)
     settled, taken = _explained(matched)
@@ -141,11 +141,11 @@ def _of_one_body(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
         return b, ()
     C_cb = a.camera_from_body if a.camera_from_body is not None else b.camera_from_body
     if C_cb is None:
-        what = (
+        note = (
             f"attitudes are of the {a.x} in a and of the {b.x} in b, and neither file gives the"
             " mounting: they are not compared"
         )
-        return replace(b, C_Ex=None), (what,)
+        return replace(b, C_Ex=None), (note,)
     turned_b = b.C_Ex @ C_cb.T if b.x == "body" else b.C_Ex @ C_cb
     return (
         replace(b, C_Ex=turned_b, x=a.x, angles=None, angle_set=""),
@@ -161,11 +161,11 @@ def _clock(a: Poses, b: Poses, matched: Matched, shift_s: float) -> tuple[Matche
         reordered = by_order(matched)
         findings = [] if reordered is None else [reordered[0]]
         matched = matched if reordered is None else reordered[1]
-        told = by_names(matched)
-        return matched, [*findings, told] if told is not None else findings
+        offset = by_names(matched)
+        return matched, [*findings, offset] if offset is not None else findings
     shifted = b if shift_s == 0.0 or b.time is None else replace(b, time=b.time + shift_s)
-    found = by_motion(a, shifted)
-    return (matched, []) if found is None else (found[1], [found[0]])
+    recognised = by_motion(a, shifted)
+    return (matched, []) if recognised is None else (recognised[1], [recognised[0]])
 
 
 def _explained(matched: Matched) -> tuple[Poses, list[Finding]]:
@@ -174,11 +174,11 @@ def _explained(matched: Matched) -> tuple[Poses, list[Finding]]:
     findings: list[Finding] = []
     for test in (lambda p, q: horizontal(p, q, matched.how == "image"), vertical, attitude):
         for _ in range(ROUNDS):
-            found = test(a, b)
-            if found is None:
+            recognised = test(a, b)
+            if recognised is None:
                 break
-            findings.append(found[0])
-            b = found[1]
+            findings.append(recognised[0])
+            b = recognised[1]
     return b, findings
 
 
@@ -209,10 +209,10 @@ def _sigma(P_a: Array | None, P_b: Array | None) -> Array | None:
     """Standard deviations (n, 3) of the difference of independent errors; of the one file's where
     the other gives none.
     """
-    known = [P for P in (P_a, P_b) if P is not None]
-    if not known:
+    given = [P for P in (P_a, P_b) if P is not None]
+    if not given:
         return None
-    return np.sqrt(sum(np.diagonal(P, axis1=1, axis2=2) for P in known))
+    return np.sqrt(sum(np.diagonal(P, axis1=1, axis2=2) for P in given))
 
 
 def _notes(a: Poses, b: Poses, matched: Matched) -> tuple[str, ...]:

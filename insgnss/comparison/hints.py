@@ -70,12 +70,12 @@ def origin_in(path: Path) -> TangentPlane | None:
     with path.open(encoding="utf-8", errors="replace") as stream:
         head = "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
     number = r"(-?\d+(?:\.\d+)?)"
-    said = re.search(
+    origin = re.search(
         rf"latitude {number}(?: deg)?,? longitude {number} deg,?(?: [a-z]+ height)? {number} m",
         head,
     )
-    said = said or re.search(rf"origin {number} {number} deg {number} m", head)
-    if said is None:
+    origin = origin or re.search(rf"origin {number} {number} deg {number} m", head)
+    if origin is None:
         return None
-    lat, lon, height = (float(number) for number in said.groups())
+    lat, lon, height = (float(number) for number in origin.groups())
     return TangentPlane(np.radians(lat), np.radians(lon), height)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .poses import Poses
-from .result import Finding, Part
+from .result import Aspect, Finding
 
 Array = NDArray[np.float64]
 Measure = Callable[[Poses, Poses], Array]
@@ -50,7 +50,7 @@ def rms(d: Array) -> float:
 
 
 def explain(
-    part: Part,
+    aspect: Aspect,
     a: Poses,
     b: Poses,
     measure: Measure,
@@ -68,14 +68,14 @@ def explain(
     rows = np.unique(np.linspace(0, a.n - 1, min(a.n, MOST)).astype(np.int64))
     some_a, some_b = a.taken(rows), b.taken(rows)
     before = rms(measure(some_a, some_b))
-    tried = [
+    judged = [
         (rms(measure(some_a, trial.taken_off(some_a, some_b))), trial)
         for trial in trials(some_a, some_b)
     ]
-    good = [(left, trial) for left, trial in tried if left**2 <= (1.0 - ENOUGH) * before**2]
+    good = [(left, trial) for left, trial in judged if left**2 <= (1.0 - ENOUGH) * before**2]
     if not good:
         return None
-    unit = "rad" if part == "attitude" else "m"
+    unit = "rad" if aspect == "attitude" else "m"
     left, best = min(
         good, key=lambda pair: ((pair[0] + DIGITS[unit]) * SIMPLER ** pair[1].parameters, pair[0])
     )
@@ -91,7 +91,7 @@ def explain(
         Finding(
             best.name,
             best.statement,
-            part,
+            aspect,
             before,
             left,
             1.0 - (left / before) ** 2,

@@ -57,11 +57,11 @@ def match(a: Poses, b: Poses, shift_s: float = 0.0) -> Matched:
                 a.taken(in_a), b.taken(in_b), "image", a.n - len(common), b.n - len(common), time
             )
         if a.time is None or b.time is None:
-            what = (
+            problem = (
                 f"no image has the same name: {a.images[0]!r} of {a.source}, {b.images[0]!r} of"
                 f" {b.source}"
             )
-            raise DataError(f"{what}; rename them, or give files with times")
+            raise DataError(f"{problem}; rename them, or give files with times")
     return _by_time(a, b, shift_s)
 
 
@@ -84,12 +84,12 @@ def times(a: Poses, b: Poses) -> tuple[Array, Array]:
     for poses in (a, b):
         if poses.time is None:
             other = b if poses is a else a
-            what = (
+            problem = (
                 f"{poses.source} has no times, {other.source}"
                 f" {'other image names' if other.images else 'no image names'}"
             )
             raise DataError(
-                f"{what}: nothing tells which poses belong together; give the eo.json, which has"
+                f"{problem}: nothing tells which poses belong together; give the eo.json, which has"
                 " both"
             )
     assert a.time is not None
@@ -118,13 +118,13 @@ def _by_time(a: Poses, b: Poses, shift_s: float) -> Matched:
         )
     rows = np.flatnonzero(inside)
     sparse, dense = (a, b) if of_a else (b, a)
-    at = interpolated(dense, samples, wanted[rows])
+    partner = interpolated(dense, samples, wanted[rows])
     left_dense = int(((samples < wanted[rows[0]]) | (samples > wanted[rows[-1]])).sum())
     left = (sparse.n - rows.size, left_dense)
     taken = sparse.taken(rows)
     if of_a:
-        return Matched(taken, at, "time", *left, wanted[rows])
-    return Matched(at, taken, "time", left[1], left[0], wanted[rows])
+        return Matched(taken, partner, "time", *left, wanted[rows])
+    return Matched(partner, taken, "time", left[1], left[0], wanted[rows])
 
 
 def covered(samples: Array, wanted: Array) -> NDArray[np.bool_]:
@@ -142,17 +142,17 @@ def interpolated(poses: Poses, samples: Array, wanted: Array) -> Poses:
     count = min(4, samples.size)
     right = np.clip(np.searchsorted(samples, wanted - SAME_S), 1, samples.size - 1)
     first = np.clip(right - count // 2, 0, samples.size - count)
-    at = first[:, None] + np.arange(count)
-    weight = _lagrange(samples[at], wanted)
-    lat, lon, height = ecef_to_geodetic(np.einsum("nk,nki->ni", weight, poses.ecef[at]))
+    rows = first[:, None] + np.arange(count)
+    weight = _lagrange(samples[rows], wanted)
+    lat, lon, height = ecef_to_geodetic(np.einsum("nk,nki->ni", weight, poses.ecef[rows]))
     C = poses.C_Ex
     if C is not None:
-        base = C[at[:, 1 if count > 1 else 0]]
-        turn = vector_from_rotation(C[at] @ np.swapaxes(base, 1, 2)[:, None])
+        base = C[rows[:, 1 if count > 1 else 0]]
+        turn = vector_from_rotation(C[rows] @ np.swapaxes(base, 1, 2)[:, None])
         C = rotation_from_vector(np.einsum("nk,nki->ni", weight, turn)) @ base
     nearest = np.where(samples[right] - wanted < wanted - samples[right - 1], right, right - 1)
     velocity = (
-        None if poses.velocity is None else np.einsum("nk,nki->ni", weight, poses.velocity[at])
+        None if poses.velocity is None else np.einsum("nk,nki->ni", weight, poses.velocity[rows])
     )
     return replace(
         poses.taken(nearest),

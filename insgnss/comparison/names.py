@@ -41,18 +41,18 @@ def by_order(matched: Matched) -> tuple[Finding, Matched] | None:
     before = _spread(a, b)
     if before < LEAST_M:
         return None
-    tried = [
+    judged = [
         (_spread(a.taken(of_a), b.taken(of_b)), words, k, of_a, of_b)
         for words, k, of_a, of_b in _orders(a)
     ]
-    after, words, k, of_a, of_b = min(tried, key=lambda trial: trial[0])
+    after, words, k, of_a, of_b = min(judged, key=lambda trial: trial[0])
     if after**2 > (1.0 - ENOUGH) * before**2 or _otherwise(a, b, before) * BETTER < after:
         return None
     time = None if matched.of_time is None else matched.of_time[of_a]
-    lost = a.n - of_a.size
+    unpaired = a.n - of_a.size
     named = replace(b.taken(of_b), images=a.taken(of_a).images)
     again = Matched(
-        a.taken(of_a), named, "image", matched.left_a + lost, matched.left_b + lost, time
+        a.taken(of_a), named, "image", matched.left_a + unpaired, matched.left_b + unpaired, time
     )
     values = {} if k is None else {"images": float(k)}
     return (
@@ -69,8 +69,8 @@ def _spread(a: Poses, b: Poses) -> float:
 
 def _otherwise(a: Poses, b: Poses, before: float) -> float:
     """rms, m, that the hypotheses on the horizontal leave with the names as they are."""
-    found = horizontal(a, b, True)
-    return before if found is None else _spread(a, found[1]) + DIGITS["m"]
+    explained = horizontal(a, b, True)
+    return before if explained is None else _spread(a, explained[1]) + DIGITS["m"]
 
 
 def _orders(a: Poses) -> Iterator[tuple[str, int | None, Rows, Rows]]:

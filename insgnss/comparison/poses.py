@@ -104,7 +104,7 @@ class Poses:
 
 
 @dataclass(frozen=True)
-class Place:
+class CoordinateFrame:
     """Frame of coordinates in a file: its kind as in `MapFrame`, origin (rad, rad, m) of a tangent
     plane, definition of a projected CRS.
     """
@@ -132,10 +132,10 @@ class Place:
             lat, lon, h = self.projection.inverse(x)
             return lat, lon, h, self.projection.axes(lat, lon, h)
         if self.plane is None:
-            what = (
+            problem = (
                 "has coordinates of a tangent plane without its origin; give latitude, longitude"
                 " (deg), height (m)"
             )
-            raise NoOriginError(f"{path}: {what}")
+            raise NoOriginError(f"{path}: {problem}")
         lat, lon, h = self.plane.geodetic_from_position(x)
         return lat, lon, h, self.plane.C_mn(lat, lon) @ NED_ENU

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from ..base.units import FOOT_M
 from ..geodesy.frames import ecef_to_geodetic
 from .hypotheses import DIGITS, ENOUGH, SIMPLER, Trial, explain, rms
-from .poses import Place, Poses
+from .poses import CoordinateFrame, Poses
 from .result import Finding
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ SMALLEST = 1e-6  # of a turn, rad, or scale; below it there is none
 OF_SHIFT = 1e-3
 # singular values below this part of the largest: a lever arm along the vertical does not show in
 # the horizontal
-WEAK = 0.2
+SMALLEST_SINGULAR = 0.2
 CAMERA_AXES, BODY_AXES = ("right", "down", "view"), ("forward", "right", "down")
 
 
@@ -98,8 +98,8 @@ def _shift(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
     named = list(
         zip("ENU" if also_up else "EN", ("east", "north", "up"), by.tolist(), strict=False)
     )
-    said = " ".join(f"{axis} {value:+.3f}" for axis, _, value in named)
-    words = f"a constant shift of {said} m (another datum, realisation or base station)"
+    shifts = " ".join(f"{axis} {value:+.3f}" for axis, _, value in named)
+    words = f"a constant shift of {shifts} m (another datum, realisation or base station)"
     values = {f"{name}_m": value for _, name, value in named}
 
     def off_ecef(_: Poses, q: Poses) -> Poses:
@@ -119,9 +119,9 @@ def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
         return
     x = a.x if a.C_Ex is not None else b.x
     names = CAMERA_AXES if x == "camera" else BODY_AXES
-    said = " ".join(f"{name} {value:+.3f}" for name, value in zip(names, lever, strict=True))
+    components = " ".join(f"{name} {value:+.3f}" for name, value in zip(names, lever, strict=True))
     words = (
-        f"a lever arm of {said} m in the axes of the {x} (b is of another point than a: antenna,"
+        f"a lever arm of {components} m in the axes of the {x} (b is of another point than a: antenna,"
         " IMU or camera"
     )
     words += "; its vertical part cannot be told from a height shift)" if doubtful else ")"
@@ -151,22 +151,22 @@ def _lever(axes: Array, d: Array) -> tuple[Array, bool, bool]:
     tall, plan = axes.reshape(-1, 3), slice(2)
     beside = np.column_stack([tall, np.tile([0.0, 0.0, 1.0], len(d))])
     alone, joint = (_least_squares(A, d.ravel()) for A in (tall, beside))
-    across, weak = (
+    across, regularised = (
         _least_squares(axes[:, :2].reshape(-1, 3), d[:, :2].ravel(), rcond)
-        for rcond in (None, WEAK)
+        for rcond in (None, SMALLEST_SINGULAR)
     )
     reach = SEPARATE_M * np.sqrt(max(0.0, 1.0 - float(np.sum(axes[:, 2].mean(axis=0) ** 2))))
     least = SIMPLER * left(across, plan)
-    told = left(joint[:3], up=joint[3]) <= reach
+    separable = left(joint[:3], up=joint[3]) <= reach
     if (
         np.linalg.norm(alone) <= LEVER_M
         and left(alone) <= SIMPLER * left(joint[:3], up=joint[3])
         and left(alone, plan) <= least
     ):
-        return alone, True, not told
-    if told and left(joint[:3], plan) <= least:
+        return alone, True, not separable
+    if separable and left(joint[:3], plan) <= least:
         return joint[:3], True, False
-    return (across, False, False) if left(across, plan) <= reach else (weak, False, True)
+    return (across, False, False) if left(across, plan) <= reach else (regularised, False, True)
 
 
 def _least_squares(A: Array, y: Array, rcond: float | None = None) -> Array:
@@ -182,16 +182,16 @@ def _of_block(a: Poses, d: Array) -> Iterator[Trial]:
     centre, C_Ee = a.ecef.mean(axis=0), a.C_eE.mean(axis=0).T
     mean = d.mean(axis=0)
 
-    def place(p: Poses) -> Array:
+    def from_centre(p: Poses) -> Array:
         return np.asarray(((p.ecef - centre) @ C_Ee.T)[:, :2])
 
     def across(p: Poses) -> Array:
-        return place(p)[:, ::-1] * [-1.0, 1.0]
+        return from_centre(p)[:, ::-1] * [-1.0, 1.0]
 
-    size = float(np.sum(place(a) ** 2))
+    size = float(np.sum(from_centre(a) ** 2))
     if size < 1.0:
         return
-    angle, scale = (float(np.sum(x * (d - mean)) / size) for x in (across(a), place(a)))
+    angle, scale = (float(np.sum(x * (d - mean)) / size) for x in (across(a), from_centre(a)))
 
     def taken_off(field: Callable[[Poses], Array], value: float) -> Callable[[Poses, Poses], Poses]:
         return lambda p, q: without(p, q, np.column_stack([mean + value * field(p), np.zeros(p.n)]))
@@ -206,7 +206,7 @@ def _of_block(a: Poses, d: Array) -> Iterator[Trial]:
         words = (
             f"a scale of {1e6 * scale:+.1f} ppm (distances in a grid for distances on the ground)"
         )
-        yield Trial("scale", words, taken_off(place, scale), 3, {"scale": scale})
+        yield Trial("scale", words, taken_off(from_centre, scale), 3, {"scale": scale})
 
 
 def _along_the_way(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
@@ -262,7 +262,7 @@ def _reordered(order: list[int], signs: Array) -> Callable[[Poses, Poses], Poses
     def taken_off(_: Poses, q: Poses) -> Poses:
         assert q.local is not None
         local = q.local[:, order] * signs
-        lat, lon, h, C_fE = Place("tangent plane", q.plane).resolved(local, q.source)
+        lat, lon, h, C_fE = CoordinateFrame("tangent plane", q.plane).resolved(local, q.source)
         C_Ex = q.C_Ex
         if C_Ex is not None and q.C_fE is not None:
             C_Ex = np.swapaxes(C_fE, 1, 2) @ q.C_fE @ C_Ex

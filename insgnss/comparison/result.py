@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Part = Literal["position", "time", "horizontal", "height", "attitude"]
+Aspect = Literal["position", "time", "horizontal", "height", "attitude"]
 
 SCREEN = {"m": (1e3, "mm"), "rad": (float(np.degrees(1.0)), "deg"), "m/s": (1e3, "mm/s")}
 DIGITS = {"mm": 2, "m": 3, "deg": 4, "mm/s": 2, "m/s": 3}
@@ -22,7 +22,7 @@ class Finding:
 
     name : short.
     statement : a sentence.
-    part : of the differences.   before, after : their root mean square without and with it taken
+    aspect : of the differences.   before, after : their root mean square without and with it taken
     off, in `unit`; of time it is that of the stamps of the same images, s, or of the horizontal
     differences less a shift and a lever arm, m; of position it is about their mean.
     explained : share of the sum of squares that it takes off.
@@ -32,7 +32,7 @@ class Finding:
 
     name: str
     statement: str
-    part: Part
+    aspect: Aspect
     before: float
     after: float
     explained: float
@@ -45,10 +45,10 @@ class Finding:
         before, after = quantity(self.before, self.unit), quantity(self.after, self.unit)
         of = (
             "differences of position beside their mean"
-            if self.part == "position"
-            else f"{self.part} differences"
+            if self.aspect == "position"
+            else f"{self.aspect} differences"
         )
-        if self.part == "time":
+        if self.aspect == "time":
             of = (
                 "differences of time"
                 if self.unit == "s"
@@ -65,7 +65,7 @@ class Finding:
         return {
             "name": self.name,
             "statement": self.statement,
-            "part": self.part,
+            "part": self.aspect,
             "unit": self.unit,
             "rms_before": self.before,
             "rms_after": self.after,
@@ -148,14 +148,14 @@ class Comparison:
 
     def summary(self) -> str:
         """For the terminal: a table, and a sentence for each finding and note."""
-        what = (
+        matched = (
             f"{self.n} poses matched by {self.matched_by}; without partner: {self.left_a} of a,"
             f" {self.left_b} of b"
         )
         lines = [
             f"a: {self.a} ({self.form_a}, {self.point_a})",
             f"b: {self.b} ({self.form_b}, {self.point_b})",
-            what,
+            matched,
             "",
         ]
         lines += ["b minus a, axes east, north, up at the point", *table(self.components)]

@@ -36,7 +36,7 @@ from ..geodesy.rotation import (
     ypr_jacobian,
 )
 from .hints import HEAD, Hints, diagonal, origin_in, turned
-from .poses import Place, Poses
+from .poses import CoordinateFrame, Poses
 
 Array = NDArray[np.float64]
 
@@ -90,13 +90,13 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
     head = [field.lower() for field in table.layout.header_fields or ()]
     if head and head[of["x"]].startswith(NORTHINGS):
         x = x[:, [1, 0, 2]]
-    place = _place(path, form, head[of["x"]] if head else "", x, hints)
-    lat, lon, h, C_fE = place.resolved(
-        np.column_stack([np.radians(x[:, :2]), x[:, 2]]) if place.kind == "geographic" else x, path
+    frame = _frame(path, form, head[of["x"]] if head else "", x, hints)
+    lat, lon, h, C_fE = frame.resolved(
+        np.column_stack([np.radians(x[:, :2]), x[:, 2]]) if frame.kind == "geographic" else x, path
     )
     C_Ef = np.swapaxes(C_fE, 1, 2)
     angles, R, E = _attitude(table, of, layout)
-    north = layout.angle_set == "ypr" and place.kind != "tangent plane"
+    north = layout.angle_set == "ypr" and frame.kind != "tangent plane"
     s_position, s_angles = _sigmas(table, of)
     P = diagonal(s_angles, E)
     time, week = _time(path, table, of)
@@ -116,8 +116,8 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
         angle_set="" if angles is None else layout.angle_set,
         angles=angles,
         C_fE=None if north else C_fE,
-        local=x if place.kind == "tangent plane" else None,
-        plane=place.plane,
+        local=x if frame.kind == "tangent plane" else None,
+        plane=frame.plane,
     )
 
 
@@ -128,20 +128,20 @@ def _columns(form: str, table: TextTable, layout: Layout) -> dict[str, int]:
     n, least = table.layout.n_fields, len(layout.columns)
     if n not in (least, least + len(layout.more)):
         more = f", or also {' '.join(layout.more)}" if layout.more else ""
-        what = f"{n} fields, but {form} has {' '.join(layout.columns)}{more}; name its format"
-        raise InputError.at(table.path, table.layout.first_line, what)
+        problem = f"{n} fields, but {form} has {' '.join(layout.columns)}{more}; name its format"
+        raise InputError.at(table.path, table.layout.first_line, problem)
     names = (*layout.columns, *layout.more)[:n]
-    for name, said in zip(names, table.layout.header_fields or (), strict=False):
-        if name in ("yaw", "omega") and said.lower() != name:
+    for name, field in zip(names, table.layout.header_fields or (), strict=False):
+        if name in ("yaw", "omega") and field.lower() != name:
             why = (
                 " (angles of the nominal camera, without the bore-sight: export metashape)"
-                if said.lower().startswith("nominal")
+                if field.lower().startswith("nominal")
                 else ""
             )
             raise InputError.at(
                 table.path,
                 table.layout.header_line,
-                f"{said!r} where {form} has {name}{why}; name its format",
+                f"{field!r} where {form} has {name}{why}; name its format",
             )
     return {name: k for k, name in enumerate(names)}
 
@@ -191,7 +191,7 @@ def _head(path: Path) -> str:
         return "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
 
 
-def _place(path: Path, form: str, first: str, x: Array, hints: Hints) -> Place:
+def _frame(path: Path, form: str, first: str, x: Array, hints: Hints) -> CoordinateFrame:
     """Frame of coordinates x (n, 3): as the header says, else as the caller does. first : name of
     the column of x.
     """
@@ -203,10 +203,10 @@ def _place(path: Path, form: str, first: str, x: Array, hints: Hints) -> Place:
     ):
         kind = "geographic"
     if kind in ("geographic", "geocentric"):
-        return Place(kind)
+        return CoordinateFrame(kind)
     plane = origin_in(path)
     if plane is None and (code is not None or hints.crs is not None):
-        return Place(
+        return CoordinateFrame(
             "projected",
             projection=(
                 MapProjection(code[0], hints.geoid)
@@ -221,4 +221,4 @@ def _place(path: Path, form: str, first: str, x: Array, hints: Hints) -> Place:
             f"does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give it, --crs"
             " EPSG:2056",
         )
-    return Place("tangent plane", hints.plane or plane)
+    return CoordinateFrame("tangent plane", hints.plane or plane)

@@ -59,7 +59,7 @@ def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[s
         turned["grid north and true north are exchanged"] = (
             C_mE @ projection.axes(lat, lon, h) @ C_mE.swapaxes(1, 2) @ C
         )
-    yield from ((what, residual(scene, W, centre)) for what, W in turned.items())
+    yield from ((mistake, residual(scene, W, centre)) for mistake, W in turned.items())
     yield "the lever arm is applied twice", residual(scene, C, centre - C @ LEVER_C)
     yield (
         f"heights of the geoid are taken for heights of the ellipsoid ({GEOID_M:.0f} m)",

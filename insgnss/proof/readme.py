@@ -113,11 +113,11 @@ def readme(
             "What mistakes look like (median residual of the points in this scene, before any"
             " adjustment)"
         ),
-        "\n".join(_line(what, px) for what, px in mistakes(scene, projection)),
+        "\n".join(_line(mistake, px) for mistake, px in mistakes(scene, projection)),
         ADJUSTED,
         *(f"Note: {note}" for note in done.notes),
     ]
-    return "\n\n".join(_wrapped(part) for part in parts if part) + "\n"
+    return "\n\n".join(_wrapped(paragraph) for paragraph in parts if paragraph) + "\n"
 
 
 def _of(words: dict[str, str], name: str) -> str:
@@ -156,8 +156,8 @@ def _expected(scene: Scene, projection: MapProjection | None, ground_m: float | 
     )
 
 
-def _line(what: str, px: float) -> str:
-    return f"{'behind' if np.isinf(px) else f'{px:.1f}':>8} px  {what}"
+def _line(mistake: str, px: float) -> str:
+    return f"{'behind' if np.isinf(px) else f'{px:.1f}':>8} px  {mistake}"
 
 
 def _wrapped(text: str) -> str:

@@ -123,7 +123,7 @@ def _staged(directory: Path) -> Iterator[Path]:
 
 def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
     """What the format asks for, of this scene."""
-    known: dict[str, Any] = {
+    values: dict[str, Any] = {
         "focal_mm": 1e-3 * PIXEL_UM * FOCAL_PX,
         "ground_m": GROUND_M,
         "width_px": WIDTH_PX,
@@ -134,10 +134,10 @@ def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
         "lever_m": LEVER_C,
     }
     if "camera" in form.needs:
-        known["camera"] = CAMERA
+        values["camera"] = CAMERA
     if "noise" in form.needs:
-        known["noise"] = NOISE
-    return {key: known[key] for key in form.options if key in known}
+        values["noise"] = NOISE
+    return {key: values[key] for key in form.options if key in values}
 
 
 def _tangent(scene: Scene, form: Export) -> tuple[str, float]:

@@ -48,7 +48,7 @@ class LinearProblem:
     gap: Array
     measured: list[list[Measurement]]
 
-    def known(self) -> Array:
+    def gap_response(self) -> Array:
         """Return c (m, n), what the gaps alone make of an error that starts at zero."""
         c = np.zeros_like(self.gap)
         for k in range(1, len(c)):
@@ -107,7 +107,7 @@ def smoothed(problem: LinearProblem, filtered: Estimate) -> Estimate:
     problem : whose transitions, noise and gaps are used; the measurements are in the filter's.
     filtered : the filter's estimate of it.
     """
-    kf, c = new_filter(problem.mean, problem.P), problem.known()
+    kf, c = new_filter(problem.mean, problem.P), problem.gap_response()
     x, P, gain, _ = kf.rts_smoother(
         (filtered.mean - c)[..., None], filtered.P, problem.Phi, problem.Q, inv=_inverse
     )

@@ -184,10 +184,10 @@ class _Update:
         used: list[Measurement] = []
         reset = np.zeros_like(kf.P)
         for kind in range(N_KINDS):
-            found = measurement(self.problem, epoch, kind, state, acceleration)
-            if found is None:
+            measured = measurement(self.problem, epoch, kind, state, acceleration)
+            if measured is None:
                 continue
-            H, z, R = found
+            H, z, R = measured
             nu = z - H @ kf.x[:, 0]
             nis = float(nu @ np.linalg.solve(H @ kf.P @ H.T + R, nu))  # (T.22)
             self.nis[epoch, kind] = nis

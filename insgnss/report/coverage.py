@@ -24,7 +24,7 @@ def segments(d: Diagnostics) -> Array:
     return np.array(d.segments or [(d.time[0], d.time[-1])], dtype=np.float64)
 
 
-def rests(d: Diagnostics) -> Array:
+def stationary_periods(d: Diagnostics) -> Array:
     """(k, 2) s, where the vehicle stood, within the flight."""
     if d.rests is None:
         return np.zeros((0, 2))

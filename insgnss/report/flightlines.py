@@ -70,7 +70,9 @@ def _course(d: Diagnostics) -> tuple[Array, NDArray[np.bool_]]:
     """Course over each row's neighbourhood, rad, and whether it is straight there."""
     east, north = d.position[:, 1], d.position[:, 0]
     shifted = [np.clip(d.time + shift, d.time[0], d.time[-1]) for shift in (-HALF_S, HALF_S)]
-    before, after = (np.stack([np.interp(t, d.time, x) for x in (north, east)], axis=1) for t in shifted)
+    before, after = (
+        np.stack([np.interp(t, d.time, x) for x in (north, east)], axis=1) for t in shifted
+    )
     here = np.stack([north, east], axis=1)
     a, b = here - before, after - here
     speed = np.hypot(d.velocity[:, 0], d.velocity[:, 1])

@@ -14,12 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Diagnostics, ExteriorOrientation
-from .coverage import outages, rests, segments
+from .coverage import outages, segments, stationary_periods
 from .flightlines import flight_lines
 
 Array = NDArray[np.float64]
 
-LINE_SHADE, REST_SHADE, OUTAGE_SHADE, NOTHING_SHADE = "#E4ECF5", "#F7F0CC", "#F6C4BC", "#C9CDD3"
+LINE_SHADE, STATIONARY_SHADE, OUTAGE_SHADE, NOTHING_SHADE = (
+    "#E4ECF5",
+    "#F7F0CC",
+    "#F6C4BC",
+    "#C9CDD3",
+)
 NARROWEST = 0.002  # of the flight: what is shorter is drawn so wide, to be seen
 MOST_NUMBERS = 40
 KEY_LEFT, KEY_TOP_IN, KEY_LETTER = (
@@ -41,7 +46,7 @@ class Marks:
     minutes: Callable[[Array], Array]
     label: str
     lines: Array
-    rests: Array
+    stationary: Array
     outages: Array
     nothing: Array
     exposures: Array
@@ -78,7 +83,7 @@ def marks_of(d: Diagnostics, eo: ExteriorOrientation | None) -> Marks:
         minutes,
         f"minutes since TOW {start:.1f} s",
         minutes(lines),
-        minutes(rests(d)),
+        minutes(stationary_periods(d)),
         minutes(np.stack([without[:, 0], without.sum(axis=1)], axis=1)),
         minutes(nothing),
         np.zeros(0) if eo is None else minutes(eo.time),
@@ -91,7 +96,10 @@ def mark(figure: Any, axes: NDArray[Any], marks: Marks, lines: bool = False) -> 
     of exposures on the last.
     """
     kinds = [(marks.lines, LINE_SHADE, "line")] if lines else []
-    kinds += [(marks.rests, REST_SHADE, "at rest"), (marks.outages, OUTAGE_SHADE, "no used fix")]
+    kinds += [
+        (marks.stationary, STATIONARY_SHADE, "at rest"),
+        (marks.outages, OUTAGE_SHADE, "no used fix"),
+    ]
     kinds.append((marks.nothing, NOTHING_SHADE, "no solution"))
     keys = []
     for pieces, colour, name in kinds:

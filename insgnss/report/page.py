@@ -19,7 +19,7 @@ from .figures import gnss
 from .figures.run import Picture, pictures
 from .markup import escape, folded, table
 from .rules.wording import millimetres
-from .sections import constants, flight_lines, key_numbers, limits, segments_and_rests
+from .sections import constants, flight_lines, key_numbers, limits, segments_and_stationary_periods
 from .summary import plain
 
 # mean NIS a degree of freedom: beyond it the sigmas of the result are wrong by more than 40 %
@@ -104,7 +104,7 @@ def page(summary: Mapping[str, Any], drawn: Iterable[Picture]) -> Iterator[str]:
         yield f'">\n<figcaption>{escape(picture.reading)}</figcaption>\n</figure>\n'
     if not summary["standing"]:
         yield from (_innovations(summary), _rejected(summary), _gaps(summary))
-    yield from (segments_and_rests(summary), _checks(summary), _made_from(summary))
+    yield from (segments_and_stationary_periods(summary), _checks(summary), _made_from(summary))
     yield "</main>\n</body>\n</html>\n"
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .markup import Row, escape, folded, sentence, table, three
-from .rules.verdict import MOST_SAID, NOTHING_STANDS_OUT
+from .rules.verdict import MOST_SENTENCES, NOTHING_STANDS_OUT
 from .rules.wording import lengths, millimetres
 
 Summary = Mapping[str, Any]
@@ -24,7 +24,7 @@ def limits(s: Summary) -> str:
         if any(x["rank"] >= 1.0 for x in listed)
         else f"<p>{escape(sentence(NOTHING_STANDS_OUT))}</p>\n"
     )
-    matter = [x for x in listed if x["rank"] >= 1.0][:MOST_SAID]
+    matter = [x for x in listed if x["rank"] >= 1.0][:MOST_SENTENCES]
     others = [x for x in listed if x not in matter]
     out = (
         "<h2>What limits this flight</h2>\n"
@@ -141,7 +141,7 @@ def _constant(state: Mapping[str, Any]) -> Row:
     )
 
 
-def segments_and_rests(s: Summary) -> str:
+def segments_and_stationary_periods(s: Summary) -> str:
     """Segments that were solved by themselves, and where the vehicle stood."""
     out = ""
     if len(s["segments"]) > 1:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Diagnostics, ExteriorOrientation, StateVerdict
-from .coverage import longest_outage, outage_figures, rests, segments
+from .coverage import longest_outage, outage_figures, segments, stationary_periods
 from .flightlines import line_figures
 from .rules.verdict import headline, limits, verdict
 from .rules.wording import DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
@@ -111,7 +111,7 @@ def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
         "neighbours": None if eo is None or len(eo.images) < 2 else _neighbours(eo),
         "states": [_state(state) for state in d.states],
         "time_correlated_errors": [asdict(error) for error in d.time_correlated],
-        "rests": rests(d),
+        "rests": stationary_periods(d),
         "segments": segments(d),
         "imu_gaps": [{"time_s": time, "length_s": length} for time, length in d.gaps],
         "checks": [asdict(check) for check in d.checks],

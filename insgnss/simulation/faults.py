@@ -140,24 +140,24 @@ class RowFaults:
     """Disorder of the rows of a text file, each as a share of the rows.
 
     duplicated : rows written twice.   reordered : rows that come one to `reach` places late.
-    late : rows whose stamp is up to `late_s` later than it should be.
+    delayed : rows whose stamp is up to `delay_s` later than it should be.
     """
 
     duplicated: float = 0.0
     reordered: float = 0.0
     reach: int = 3
-    late: float = 0.0
-    late_s: float = 0.02
+    delayed: float = 0.0
+    delay_s: float = 0.02
 
     def __post_init__(self) -> None:
-        for name in ("duplicated", "reordered", "late"):
+        for name in ("duplicated", "reordered", "delayed"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise UsageError(
                     f"{name} rows: a share of {getattr(self, name)}; it lies between 0 and 1"
                 )
-        if self.reach < 1 or self.late_s < 0.0:
+        if self.reach < 1 or self.delay_s < 0.0:
             raise UsageError(
-                f"rows {self.reach} places and {self.late_s} s late; use one place or more and no"
+                f"rows {self.reach} places and {self.delay_s} s late; use one place or more and no"
                 " negative time"
             )
 
@@ -168,8 +168,8 @@ class RowFaults:
         lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
         head = next(k for k, line in enumerate(lines) if line[:1].isdigit())
         rows = np.array(lines[head:], dtype=object)
-        delayed = np.flatnonzero(rng.random(rows.size) < self.late)
-        for k, delay in zip(delayed, rng.uniform(0.0, self.late_s, delayed.size), strict=True):
+        delayed = np.flatnonzero(rng.random(rows.size) < self.delayed)
+        for k, delay in zip(delayed, rng.uniform(0.0, self.delay_s, delayed.size), strict=True):
             rows[k] = _stamped(rows[k], delay)
         sort_key = np.arange(rows.size) + (rng.random(rows.size) < self.reordered) * (
             0.5 + rng.integers(1, self.reach + 1, rows.size)

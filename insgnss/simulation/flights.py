@@ -131,7 +131,7 @@ def _control_points(path: Path, s: Array, plan: FlightPlan, rng: np.random.Gener
     """(n, 6) control points of position and attitude at path lengths `s`, m, one a knot."""
     from scipy.ndimage import gaussian_filter1d
 
-    position, course = path.at(s)
+    position, course = path.pose_at(s)
     ahead = np.stack([np.cos(course), np.sin(course), np.zeros_like(course)], axis=-1)
     airborne = _smoothstep(np.gradient(s, KNOT_S) / _FLYING_MS) * _smoothstep(
         -position[:, 2] / _FREE_M

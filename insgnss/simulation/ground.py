@@ -156,7 +156,9 @@ def _timetable(path: Path, gait: Gait, halts: list[tuple[float, float]]) -> tupl
     square = np.minimum.accumulate((square + slope)[::-1])[::-1] - slope
     speed = np.sqrt(np.maximum(square, 0.0))
     time = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(s) / (speed[1:] + speed[:-1]))])
-    node = np.insert(np.arange(s.size), stops + 1, stops)  # a halt is reached and left at the same place
+    node = np.insert(
+        np.arange(s.size), stops + 1, stops
+    )  # a halt is reached and left at the same place
     wait = np.zeros(node.size)
     wait[stops + 1 + np.arange(stops.size)] = [length for _, length in halts]
     return time[node] + np.cumsum(wait), s[node]
@@ -168,7 +170,7 @@ def _smoothed(path: Path, s: Array) -> tuple[Array, Array, Array]:
     """
     from scipy.ndimage import gaussian_filter1d
 
-    position, course = path.at(s)
+    position, course = path.pose_at(s)
     base = position[0].copy()
     width = _ROUND_S / KNOT_S
     position = base + gaussian_filter1d(position - base, width, axis=0, mode="nearest")

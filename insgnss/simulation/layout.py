@@ -323,7 +323,7 @@ def _level_lines(
 def _timetable(path: Path, plan: FlightPlan, at_rest: bool) -> tuple[Array, Array]:
     """Path lengths and times; the path is left and reached at rest or at full speed."""
     s = np.linspace(0.0, path.total, int(np.ceil(path.total / _STEP_M)) + 1)
-    square = plan.ground_speed(path.at(s)[1]) ** 2
+    square = plan.ground_speed(path.pose_at(s)[1]) ** 2
     if at_rest:
         square[0] = square[-1] = 0.0
     slope = 2.0 * _ACCELERATION * s

@@ -166,7 +166,7 @@ class Path:
         """Length of the whole path, m."""
         return float(self.s0[-1] + self.length[-1])
 
-    def at(self, s: Array) -> tuple[Array, Array]:
+    def pose_at(self, s: Array) -> tuple[Array, Array]:
         """North, east, down (n, 3), m, and course (n,), rad, after the lengths s (n,), m, held at
         the path's ends (P.1).
         """

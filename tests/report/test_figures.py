@@ -89,7 +89,7 @@ def test_marks_are_where_they_belong(block) -> None:
     marks = marks_of(
         block(used=used, rests=np.array([[START - 9, START + 6]]), segments=parts), None
     )
-    assert 60 * marks.rests == pytest.approx(np.array([[0.0, 6.0]]), abs=1e-6)
+    assert 60 * marks.stationary == pytest.approx(np.array([[0.0, 6.0]]), abs=1e-6)
     assert 60 * marks.outages == pytest.approx(np.array([[30.0, 50.0]]), abs=1e-6)
     assert 60 * marks.nothing == pytest.approx(np.array([[60.0, 90.0]]), abs=1e-6)
     assert len(marks.lines) == 4

@@ -77,7 +77,7 @@ def test_unknown_things_have_no_row(series):
 def test_every_class_has_a_name_and_a_colour():
     """Oracle: the classes of the covariance."""
     assert len(gnss.NAMES) == len(gnss.COLOURS) == len(CLASSES)
-    assert gnss.BELIEVED == BELIEVED
+    assert gnss.VALIDATED == BELIEVED
 
 
 def test_hampered_fixes_are_drawn_apart_and_count_as_fixed(series):
@@ -87,7 +87,7 @@ def test_hampered_fixes_are_drawn_apart_and_count_as_fixed(series):
     )
     figure = gnss._draw(series, gnss._solution_panels(series))
     axes = {ax.get_ylabel(): ax for ax in figure.axes}
-    assert {"fixed", "fixed, hampered"} <= {drawn.get_label() for drawn in axes["satellites"].lines}
+    assert {"fixed", "fixed, degraded"} <= {drawn.get_label() for drawn in axes["satellites"].lines}
     assert axes["fixed, %"].lines[0].get_ydata().min() == 100.0
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from insgnss.records import Check, StateVerdict, TimeCorrelatedError
-from insgnss.report.rules.verdict import MOST_SAID, NOTHING_STANDS_OUT
+from insgnss.report.rules.verdict import MOST_SENTENCES, NOTHING_STANDS_OUT
 from insgnss.report.summary import run_summary
 
 START = 205200.0
@@ -43,7 +43,7 @@ def test_limits_are_in_order_and_the_verdict_is_their_beginning(diagnostics, eo)
     )
     ranks = [limit["rank"] for limit in s["limits"]]
     assert ranks == sorted(ranks, reverse=True)
-    assert len(s["verdict"]) == MOST_SAID < len(s["limits"])
+    assert len(s["verdict"]) == MOST_SENTENCES < len(s["limits"])
     for sentence, limit in zip(s["verdict"], s["limits"], strict=False):
         assert sentence == (f"{limit['text']}; {limit['help']}" if limit["help"] else limit["text"])
 

@@ -37,10 +37,10 @@ Panel = Callable[[Any, Array, Series], None]
 
 NAMES = (
     "fixed",
-    "fixed, hampered",
+    "fixed, degraded",
     "float",
-    "lone float",
-    "weak float",
+    "isolated float",
+    "unsupported float",
     "SBAS",
     "DGPS",
     "single",
@@ -57,7 +57,7 @@ COLOURS = (
     "#7F6A50",
     "#0072B2",
 )
-BELIEVED = (0, 1)  # of these classes those of a confirmed fix
+VALIDATED = (0, 1)  # of these classes those of a confirmed fix
 RATE_WINDOW_S = 30.0
 MOST_RATIO, LEAST_RATIO, MOST_SATELLITES_NAMED = 1000.0, 0.9, 30
 _ROW = 1.25  # inches
@@ -162,7 +162,7 @@ def _by_class(ax: Any, t: Array, y: Array, kind: NDArray[np.int64]) -> None:
 
 def _rate(ax: Any, t: Array, series: Series) -> None:
     """Share of believed fixes within `RATE_WINDOW_S`."""
-    fixed = np.isin(series["kind"], BELIEVED)
+    fixed = np.isin(series["kind"], VALIDATED)
     count = np.concatenate([[0.0], np.cumsum(fixed)])
     half = RATE_WINDOW_S / 120.0
     first, after = np.searchsorted(t, t - half), np.searchsorted(t, t + half, side="right")
@@ -187,7 +187,8 @@ def _separation(ax: Any, t: Array, series: Series) -> None:
     finite = np.isfinite(apart).all(axis=1)
     typical = float(np.median(sigma[finite])) if finite.any() else 1.0
     reach = max(
-        4.0 * typical, 1.2 * float(np.quantile(np.abs(apart[finite]), 0.99)) if finite.any() else 0.0
+        4.0 * typical,
+        1.2 * float(np.quantile(np.abs(apart[finite]), 0.99)) if finite.any() else 0.0,
     )
     factor, unit = length_unit(reach / 4.0)
     for k, axis in enumerate(("north", "east", "down")):

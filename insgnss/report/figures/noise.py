@@ -316,7 +316,9 @@ def _spectrum(ax: Any, panel: SpectrumPanel, first: bool) -> None:
             zorder=1,
             label="lines (propellers)" if number == 0 else None,
         )
-    apart = [frequency for k, frequency in enumerate(lines) if k == 0 or frequency > 1.25 * lines[k - 1]]
+    apart = [
+        frequency for k, frequency in enumerate(lines) if k == 0 or frequency > 1.25 * lines[k - 1]
+    ]
     unit = _pretty(f"{UNIT[panel.sensor]}/sqrt(Hz)")
     ax.set_ylabel(f"{panel.title}: {unit}", size=9)
     for frequency in apart:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...records import Diagnostics, ExteriorOrientation
-from ..coverage import outages, rests
+from ..coverage import outages, stationary_periods
 from ..flightlines import FlightLine, flight_lines
 from ..marks import LINE_SHADE, MOST_NUMBERS, Marks, mark, marks_of
 from ..summary import image_sigmas
@@ -194,7 +194,7 @@ def _map_marks(ax: Any, d: Diagnostics, lines: tuple[FlightLine, ...]) -> None:
             zorder=1.2,
             label=None if number else "no used fix",
         )
-    stood = rests(d)
+    stood = stationary_periods(d)
     if stood.size:
         ax.plot(
             *_east_north(d, stood.mean(axis=1)),

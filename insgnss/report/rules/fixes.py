@@ -74,7 +74,9 @@ def covariance_resets(f: Figures) -> Iterator[Limit]:
     """Where the filter lost the fixes."""
     times = f["covariance_resets_s"]
     if times:
-        instants = ", ".join(f"{time:.1f}" for time in times[:5]) + (" ..." if len(times) > 5 else "")
+        instants = ", ".join(f"{time:.1f}" for time in times[:5]) + (
+            " ..." if len(times) > 5 else ""
+        )
         count = "once" if len(times) == 1 else f"{len(times)} times"
         text = (
             f"the filter lost the fixes, its covariance was reset {count} (TOW {instants} s): only later"
@@ -115,7 +117,9 @@ def nis(f: Figures) -> Iterator[Limit]:
             )
         else:
             rank = min(NIS_MATTERS[0] / max(c["mean_per_dof"], 1e-3), 3.0)
-            yield Limit("innovations", rank, *_why_conservative(f, quantity, f"conservative: {text}"))
+            yield Limit(
+                "innovations", rank, *_why_conservative(f, quantity, f"conservative: {text}")
+            )
 
 
 def _why_conservative(f: Figures, quantity: str, text: str) -> tuple[str, str]:

@@ -109,7 +109,9 @@ def _first_image(f: Figures, name: str) -> Iterator[Limit]:
         if turn < TURN_DEG
         else turned
     )
-    text = f"{name} sigma {degrees(sigma)} at the first image, {degrees(usual)} in the median: {why}"
+    text = (
+        f"{name} sigma {degrees(sigma)} at the first image, {degrees(usual)} in the median: {why}"
+    )
     yield Limit(
         name,
         sigma / usual / FIRST_IMAGE_RATIO,

@@ -102,7 +102,11 @@ def simulate_gnss(
     position, velocity = antenna_states(motion, rig.antenna_lever_b, instant)
     C_ln = motion.frame.C_ln_at(position)
     error = white.standard_normal((instant.size, 3)) * options.sigma_m + _correlated(
-        options.correlated_sigma_m, options.correlation_time_s, instant.size, options.rate_hz, correlated
+        options.correlated_sigma_m,
+        options.correlation_time_s,
+        instant.size,
+        options.rate_hz,
+        correlated,
     )
     claim = (
         np.square(options.sigma_m)
@@ -121,9 +125,9 @@ def simulate_gnss(
         quality[inside] = episode.quality
     outlier = gross.random(instant.size) < options.outlier_fraction
     direction = gross.standard_normal((instant.size, 3))
-    direction *= (gross.uniform(*options.outlier_m, instant.size) / np.linalg.norm(direction, axis=1))[
-        :, None
-    ]
+    direction *= (
+        gross.uniform(*options.outlier_m, instant.size) / np.linalg.norm(direction, axis=1)
+    )[:, None]
     error += outlier[:, None] * direction
     keep = np.ones(instant.size, dtype=bool)
     for outage in options.outages:
