@@ -12,7 +12,7 @@ from .errors import UsageError
 def atomic_write(
     path: str | os.PathLike[str], content: str | bytes | Iterable[str | bytes]
 ) -> None:
-    """Write a file whole or not at all: into a temporary one beside it, which then takes its place."""
+    """Write a file whole or not at all: into a temporary one beside it, which then replaces it."""
     path = Path(path)
     parts = [content] if isinstance(content, str | bytes) else content
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")

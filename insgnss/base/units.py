@@ -203,7 +203,7 @@ def parse_quantity(text: object, dimension: str) -> float:
 
 
 def rounded(value: float, unit: str, digits: int) -> float:
-    """`value` (SI) with so many digits in `unit`, in SI: what `parse_quantity` makes of the text."""
+    """Round `value` (SI) to so many digits in `unit`; SI, as `parse_quantity` reads the text."""
     return parse_quantity(f"{value / parse_unit(unit).scale:.{digits}g} {unit}", unit)
 
 

@@ -25,9 +25,12 @@ if TYPE_CHECKING:
 Draw = Callable[[Mapping[str, Any]], bytes]
 
 EXAMPLE = """\
-  insgnss ppk rover.18o --base master.18o --navigation rover.18n rover.18g --base-position 46.5712345,6.5412345,512.345
-  insgnss ppk rover.obs --base base.obs --navigation base.nav --base-position 35.1347,136.9776,104.85 --base-point apc --images photos
-  insgnss ppk rover.18o.gz --base ref.18d.Z --navigation brdc.18n --origin 46.57,6.54,0 --camera-delay 0.0012"""
+  insgnss ppk rover.18o --base master.18o --navigation rover.18n rover.18g \\
+      --base-position 46.5712345,6.5412345,512.345
+  insgnss ppk rover.obs --base base.obs --navigation base.nav \\
+      --base-position 35.1347,136.9776,104.85 --base-point apc --images photos
+  insgnss ppk rover.18o.gz --base ref.18d.Z --navigation brdc.18n \\
+      --origin 46.57,6.54,0 --camera-delay 0.0012"""
 FIGURE, DOCUMENT = "gnss_quality.png", "ppk.json"
 TABLES = (RawGnss, GnssInput, Air, CameraInput, ImageMatch, RoverEvents, TangentPlaneTable)
 
@@ -94,8 +97,9 @@ class PpkRun:
 def ppk(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun:
     """Do what the parsed command line asks for.
 
-    draw : PNG of the series of a result (`report.gnss.draw_quality`).   Raises UsageError, InputError and DataError of the steps, in
-    the words of the command line.
+    draw : PNG of the series of a result (`report.figures.gnss.draw_quality`).
+
+    Raises UsageError, InputError and DataError of the steps, in the words of the command line.
     """
     with spoken_as(names_of()):
         try:

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 
 EXAMPLE = """\
-  insgnss tune static1.csv static2.csv --gyro-model WN+3GM --accel-model WN+2GM --axes joint --out navchip.toml
+  insgnss tune static1.csv static2.csv --gyro-model WN+3GM --accel-model WN+2GM \\
+      --axes joint --out navchip.toml
   insgnss tune static.npy --rate 100 --gyro-unit "0.05 deg/s" --accel-unit "3.33 mg"
   insgnss tune variances.json --gyro-unit rad/s --accel-unit m/s^2 --model WN+2GM --levels 6-
   insgnss tune --flight flight.toml"""
@@ -86,9 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " flight in_flight_noise.toml)"
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help=where)
-    parser.add_argument(
-        "--force", action="store_true", help="take the place of files that are there"
-    )
+    parser.add_argument("--force", action="store_true", help="overwrite existing files")
     _add_model(parser)
     _add_reading(parser)
 

@@ -2,7 +2,7 @@ r"""What may lie between attitudes: each hypothesis is taken off b, and judged b
 remains to a.
 
     axes of the camera or body    C_b Q^T,       Q one of the 23 rotations by right angles     (A.1)
-    axes of the frame             Q^T C_b        likewise; both, where both are named otherwise         (A.2)
+    axes of the frame             Q^T C_b        likewise; both, where both differ         (A.2)
     inverse                       C_b^T          frame to camera for camera to frame           (A.3)
     angles                        C_b of its angles in another order, with other signs, another unit
                                   or of another set (A.4)
@@ -49,7 +49,7 @@ ENU_AXES = ("east", "north", "up")
 
 @dataclass(frozen=True)
 class _Set:
-    """An angle set: the names of its angles, and how to take them from a rotation and to make it."""
+    """An angle set: the names of its angles, how a rotation gives them, and how they give it."""
 
     names: tuple[str, str, str]
     take: Change
@@ -242,7 +242,7 @@ def _times(factors: Array) -> Change:
 
 
 def _on_angles(take: Change, rotation: Change, change: Change) -> Callable[[Poses, Poses], Poses]:
-    """The change of the angles (n, 3), rad, as the file has them, else as taken from the rotation."""
+    """Apply a change to the angles (n, 3), rad, of the file, else of the rotation."""
 
     def taken_off(_: Poses, b: Poses) -> Poses:
         angles = b.angles if b.angles is not None else take(_of_the_angles(b))

@@ -1,5 +1,5 @@
-"""The comparison itself: read, match, take the differences, take off what is recognised, tell what
-remains.
+"""The comparison itself: read, match, take the differences, take off what is recognised, and report
+what remains.
 """
 
 from collections.abc import Sequence
@@ -40,13 +40,13 @@ def compare_files(
 ) -> Comparison:
     """Compare two exterior orientations or trajectories; b minus a.
 
-    a, b : files of any format of `reading.FORMS`.   form_a, form_b : theirs, where a file does not
-                                                     show it.
+    a, b : files of any format of `reading.FORMS`.
+    form_a, form_b : theirs, where a file does not show it.
     undulation_m : of a, of b, to be added to the heights of positions of GNSS that are above the
         geoid.
     origin : latitude, longitude, deg, and ellipsoidal height, m, of a tangent plane whose file does
-        not give it; without it that of the
-    other file is taken, and told.   crs, geoid : of projected coordinates.
+        not give it; without it that of the other file is taken, and noted.
+    crs, geoid : of projected coordinates.
     gps_week : of files with the time of week only.
     time_shift_s : to be added to the times of b.
     Raises InputError with file and line, UsageError for an unknown format, DataError where nothing

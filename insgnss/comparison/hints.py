@@ -1,4 +1,4 @@
-"""What readers of poses share: what a caller knows beyond the file, and covariances in other axes."""
+"""What readers of poses share: a caller's hints beyond the file, and covariances in other axes."""
 
 import re
 from dataclasses import dataclass

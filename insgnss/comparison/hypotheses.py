@@ -4,7 +4,7 @@ of them it explains.
 Hypotheses are tried on at most `MOST` poses spread over all of them, and the one that is chosen is
 taken off all. Of those that explain `ENOUGH` of the squares the one that leaves least is stated,
 where each parameter that was fitted must pay for itself by a quarter of what is left and of what
-the digits of files leave; others that leave hardly more with no more parameters are told beside it.
+the digits of files leave; others that leave hardly more with no more parameters are stated too.
 """
 
 from collections.abc import Callable, Iterable
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Measure = Callable[[Poses, Poses], Array]
 
 ENOUGH = 0.9  # share of the sum of squares
-AS_GOOD = 1.3  # ratio of what two hypotheses leave, below which both are told
+AS_GOOD = 1.3  # ratio of what two hypotheses leave, below which both are stated
 SIMPLER = 1.25  # by which a hypothesis must leave less for each parameter more
 MOST = 2000
 LEAST_POSES = 5

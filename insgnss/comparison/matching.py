@@ -30,8 +30,10 @@ SAME_S = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Matched:
-    """Row by row the same pose in `a` and `b`. how : "image" or "time".   left_a, left_b : poses without partner.
+    """Row by row the same pose in `a` and `b`.
 
+    how : "image" or "time".
+    left_a, left_b : poses without partner.
     of_time : rows of `a` and of `b` were taken at these times, s of a's week, or None.
     """
 

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 FARTHEST = 5  # images by which names may be off
-LEAST_M = 0.1  # spread below which images are not told apart by their places
+LEAST_M = 0.1  # spread below which positions do not distinguish images
 BETTER = 0.5  # what must be left of what another hypothesis leaves
 
 

@@ -27,15 +27,16 @@ class Poses:
     form : name of the format.
     point : what the positions are of; "" where the file does not say.
     lat, lon (n,) rad, height (n,) m, as the file has them: whether above the ellipsoid, it may not
-    say.
-    images : names, or empty.   time : (n,) s of `gps_week` (None where unknown), or None.
+        say.
+    images : names, or empty.
+    time : (n,) s of `gps_week` (None where unknown), or None.
     C_Ex : (n, 3, 3) attitude into east, north, up at the point, of x = "camera" (right, down,
-        viewing direction) or "body" (forward,
-    right, down), or None.
+        viewing direction) or "body" (forward, right, down), or None.
     camera_from_body : (3, 3) body to camera with the bore-sight, where the file says it.
     velocity : (n, 3) east, north, up m/s, or None.
     cov_position, cov_attitude : (n, 3, 3) m^2 and rad^2 (psi), east, north, up, or None.
-    angle_set, angles : name and (n, 3) rad of the angles as the file has them, or "" and None.   C_fE : axes that they count in.
+    angle_set, angles : name and (n, 3) rad of the angles as the file has them, or "" and None.
+    C_fE : axes that they count in.
     local : (n, 3) coordinates in `plane` as the file has them, or None.
     notes : what a reader should know.
     """

@@ -3,11 +3,11 @@ b.
 
 With d = b - a (n, 3), east, north, up at a's points:
 
-    shift         mean of d, in these axes or in ECEF         datum, base station; of heights: height system
-    lever arm     C_Ex l, l by least squares of all three     antenna, IMU or camera for each other
-    time          v dt, dt by least squares along the way     a trigger delay, where images were matched by name
-    turn, scale   about the block's centre, least squares     grid for true north, distances in the grid for those on the ground
-    exchange      b made anew of other coordinates            east for north, reversed signs, latitude for longitude, feet
+    shift         mean of d, in these axes or in ECEF         datum, base station, height system
+    lever arm     C_Ex l, l by least squares of all three     antenna, IMU, camera for each other
+    time          v dt, dt by least squares along the way     trigger delay (matched by name)
+    turn, scale   about the block's centre, least squares     grid for true north, grid scale
+    exchange      b made anew of other coordinates            east for north, signs, lat for lon, feet
 
 A lever arm stands alone where a shift h of the heights beside it leaves hardly less: of two
 explanations the one. Else both are estimated, d = C_Ex l + (0, 0, h), where the attitude varies
@@ -15,8 +15,8 @@ enough to tell them apart: with c the vertical in the axes of the camera or body
 small over sqrt(1 - |mean c|^2). Where it does not, or the heights err in another way, l is that of
 the horizontal differences, and is taken off them alone.
 
-A shift of the heights is told with that of the horizontal, unless it is as large as a geoid's. A
-turn or scale is told only if it moves the block by what anyone asks about, and by more than a
+A shift of the heights is stated with that of the horizontal, unless it is as large as a geoid's. A
+turn or scale is stated only if it moves the block by what anyone asks about, and by more than a
 constant shift varies over the axes of its points.
 """
 
@@ -35,10 +35,10 @@ from .result import Finding
 Array = NDArray[np.float64]
 
 LEAST_M = 0.005  # rms below which nobody asks why
-GEOID_M = (5.0, 110.0)  # geoid heights that are told as such; they run from -107 to +86 m
+GEOID_M = (5.0, 110.0)  # geoid heights that are stated as such; they run from -107 to +86 m
 GEOID_SPREAD = 0.02  # of them, by which they may vary over a flight
 LEVER_M = 10.0  # no vehicle is longer
-# what a lever arm's vertical part may be in doubt by, where it is told from a height shift
+# what a lever arm's vertical part may be uncertain by, where it is separated from a height shift
 SEPARATE_M = 0.02
 SMALLEST = 1e-6  # of a turn, rad, or scale; below it there is none
 # what a turn or scale must do, of the shift beside it: so much a constant vector turns over 6 km
@@ -124,7 +124,7 @@ def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
         f"a lever arm of {components} m in the axes of the {x} (b is of another point than a: antenna,"
         " IMU or camera"
     )
-    words += "; its vertical part cannot be told from a height shift)" if doubtful else ")"
+    words += "; its vertical part cannot be separated from a height shift)" if doubtful else ")"
 
     def taken_off(p: Poses, q: Poses) -> Poses:
         turned = _axes_of(p, q)

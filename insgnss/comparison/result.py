@@ -116,10 +116,13 @@ class Component:
 class Comparison:
     """Differences b minus a, in the axes east, north, up at a's points.
 
-    a, b : files, as they were called.   form_a, form_b, point_a, point_b : formats, and what their
-                                         positions are of.
-    matched_by : "image" or "time".   labels : images, or empty; time : (n,) s, or None.   left_a, left_b : poses without partner.
-    components : in the order of the tables.   findings : in the order in which they were taken off.
+    a, b : files, as they were called.
+    form_a, form_b, point_a, point_b : formats, and what their positions are of.
+    matched_by : "image" or "time".
+    labels : images, or empty; time : (n,) s, or None.
+    left_a, left_b : poses without partner.
+    components : in the order of the tables.
+    findings : in the order in which they were taken off.
     remaining : the components after it, at `remaining_time`: other poses where the clocks disagree.
     notes : what a reader should know.
     """

@@ -42,9 +42,10 @@ def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[s
         return np.asarray(C_mE @ R_wrong @ CV_RUB)
 
     turned = {
-        "the heading of the aircraft was taken for the yaw of the image (90 deg), or the image is shown turned": (
-            C @ QUARTER
-        ),
+        (
+            "the heading of the aircraft was taken for the yaw of the image (90 deg), or the image is"
+            " shown turned"
+        ): C @ QUARTER,
         "omega and phi (pitch and roll) are exchanged": of(rotation_from_opk(opk[:, [1, 0, 2]])),
         "phi is turned before omega": of(rotation_from_pok(opk[:, [1, 0, 2]])),
         "yaw is counted the other way round": of(rotation_from_ypr(ypr * [-1.0, 1.0, 1.0])),

@@ -1,4 +1,4 @@
-"""The README of a proof: what is there, what to do, what to see, and what each mistake looks like."""
+"""The README of a proof: its files, what to do, what to see, and what each mistake looks like."""
 
 import re
 import textwrap
@@ -73,9 +73,11 @@ SEE = {
     ),
     "eo_json": "The master itself, of which `insgnss export` makes every other format.",
 }
-TO_DO = """1. New project with images/ and the camera of camera.txt, all of it fixed, without distortion.
+TO_DO = """\
+1. New project with images/ and the camera of camera.txt, all of it fixed, without distortion.
 2. Import {file} as data_specs/{spec}.md says; its frame: {frame}.
-3. Import points.csv as ground control in the same frame, pixels.csv as its marks (or set the marks on the crosses).
+3. Import points.csv as ground control in the same frame, pixels.csv as its marks (or set the marks\
+ on the crosses).
 4. Look at the residuals of the points with the orientations as imported, before anything is adjusted."""
 ADJUSTED = (
     "A tool that adjusts orientations hides part of these: then look at the differences between"

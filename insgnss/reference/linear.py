@@ -3,7 +3,7 @@
     error_0 ~ (mean, P),   error_k = Phi_k error_(k-1) + gap_k + noise Q_k          (T.20)
     z = H error_k + noise R   at each epoch k, any number of times                  (T.21)
 
-The gap is known: the nominal of the epoch before, carried forward, less the nominal at this epoch.
+The gap is known: the nominal of the epoch before, propagated, less the nominal at this epoch.
 
 filter   the Kalman filter, by filterpy
 smoother Rauch-Tung-Striebel, x_s = x + K (x_s' - Phi' x - gap'), by filterpy's method

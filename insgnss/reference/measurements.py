@@ -16,7 +16,7 @@ deviations sigma:
     antenna velocity    v + C_lb (omega x l_b) + a d                                       (T.16)
     zero velocity update (ZUPT)        0 = v                                               (T.17)
     non-holonomic constraint (NHC)     0 = right and down of C_bl v                        (T.18)
-    zero angular rate update (ZARU)    0 = omega, of the mean gyro rate of a rest          (T.19)
+    zero angular rate update (ZARU)    0 = omega, of the mean gyro rate at rest            (T.19)
 
 The errors of a fix's own group come in: those of group 1 (float, code) have both correlated errors.
 
@@ -120,7 +120,7 @@ def _velocity(problem: EstimationProblem, epoch: int, acceleration: Array) -> Re
 
 
 def _motion(problem: EstimationProblem, epoch: int, _: Array) -> ResidualModel:
-    """(T.17) of a vehicle at rest, (T.18) of one on wheels."""
+    """(T.17) ZUPT of a vehicle at rest, (T.18) NHC of one that moves along its axis."""
     motion, cov = problem.epochs.constraint[epoch], problem.epochs.constraint_cov[epoch]
     if motion == NOT_MEASURED:
         return None

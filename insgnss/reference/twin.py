@@ -106,7 +106,7 @@ def solve_twin(
     ----------
     problem, start : the estimation problem and its initial state, as the core takes them.
     passes : forward passes, each after the first linearised about the smoothed flight before.
-    progress : told which pass runs.
+    progress : gets which pass runs.
 
     Returns
     -------
@@ -205,7 +205,7 @@ class _Update:
         return used, reset
 
     def _decide(self, epoch: int, kind: int, nis: float) -> int:
-        """`USED`, `REJECTED`, or `COVARIANCE_RESET` for a position after a time of rejected ones."""
+        """Return `USED`, `REJECTED`, or `COVARIANCE_RESET` for a position after rejected ones."""
         time = float(self.problem.epochs.time[epoch])
         if nis <= self.problem.gate:
             decision = USED

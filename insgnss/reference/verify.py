@@ -171,7 +171,7 @@ def verify(
     minutes : length of the part.
     start_tow : where it begins, s of the week; None: the part with the longest path, which gives
         an attitude, or, where the flight file has [initial], the flight's first minutes.
-    progress : told what runs.
+    progress : gets the step that runs.
 
     Returns
     -------
@@ -210,7 +210,7 @@ def verify_problem(
     problem, start : the problem and its initial state.
     second_pass : "auto", "on" or "off", of `navigation.solution.solve`.
     name : of the flight, for the summary.
-    progress : told what runs.
+    progress : gets the step that runs.
     """
     from ..navigation.solution import solve
     from .twin import solve_twin

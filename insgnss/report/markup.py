@@ -30,10 +30,8 @@ def table(rows: Iterable[Row], head: Row = (), numbers: bool = False) -> str:
         )
 
     top = f"<thead>\n{cells(head, 'th')}</thead>\n" if head else ""
-    return (
-        "<div"
-        f' class="wide"><table>\n{top}<tbody>\n{"".join(cells(row, "td") for row in rows)}</tbody>\n</table></div>\n'
-    )
+    body = "".join(cells(row, "td") for row in rows)
+    return f'<div class="wide"><table>\n{top}<tbody>\n{body}</tbody>\n</table></div>\n'
 
 
 def folded(title: str, content: str) -> str:

@@ -6,9 +6,12 @@ fix. The mean over K fixes of d components thus lies within
 
     chi2(alpha / 2; K d) / (K d)  <=  mean NIS / d  <=  chi2(1 - alpha / 2; K d) / (K d)       (T.1)
 
-with probability 1 - alpha, and the lag-1 autocorrelation of each normalised component within +-z(1 - alpha / 2) / sqrt(K)    (T.2).
-Bar-Shalom, Li, Kirubarajan (2001) 5.4.2. Errors of GNSS that last for longer than the interval of
-the fixes break (T.2) first.
+with probability 1 - alpha, and the lag-1 autocorrelation of each normalised component within
+
+    +-z(1 - alpha / 2) / sqrt(K)                                                               (T.2)
+
+Bar-Shalom, Li, Kirubarajan (2001) 5.4.2. Time-correlated errors of GNSS, which last for longer than
+the interval of the fixes, break (T.2) first.
 """
 
 import math

@@ -166,7 +166,7 @@ def _exposures(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
 
 
 def _trajectory(d: Diagnostics) -> dict[str, Any]:
-    """Smoothed sigmas over the epochs of the diagnostics, and how much they gain on the filter's."""
+    """Smoothed sigmas over the epochs of the diagnostics, and their gain on those of the filter."""
     with np.errstate(divide="ignore", invalid="ignore"):
         gain = np.median(d.filter_sigma, axis=0) / np.median(d.smoothed_sigma, axis=0)
     return {

@@ -4,11 +4,12 @@ the truth beside it.
     flight.toml  README.md  FLIGHT.md
     01_Observations/Camera/Data/Events.txt
     01_Observations/Camera/GCPs/WGS84.txt, WGS84_tangentplane.txt
-    01_Observations/GPS/Data/Rover/rov01840.18o, .18n, .18g and Master/tr2b0703a.18o                where raw GNSS is asked for
+    01_Observations/GPS/Data/Rover/rov01840.18o, .18n, .18g          (with raw GNSS only)
+    01_Observations/GPS/Data/Master/tr2b0703a.18o                    (with raw GNSS only)
     01_Observations/IMU/Data/Pre_calibrated/f8_1_sob.csv
     02_Processed/GPS-PPK/AntennaPos_WGS84.txt, AntennaPos_Img_WGS84.txt,
-    AntennaPos_Img_WGS84_tangentplane.txt truth/EO_local-plane.txt, eo.npz, trajectory.npz,
-    raw_gnss.npz
+        AntennaPos_Img_WGS84_tangentplane.txt
+    truth/EO_local-plane.txt, eo.npz, trajectory.npz, raw_gnss.npz
 
 There are no images, no virtual reference station and no raw IMU files: nothing of theirs is
 simulated.
@@ -238,7 +239,7 @@ def _imu_lines(imu: ImuSamples, units: Units) -> Iterator[str]:
 
 
 def _write_raw_gnss(root: Path, names: RinexNames, raw: RawGnss) -> None:
-    """RINEX of both receivers and of the satellites; the receivers' true places, clocks and slips."""
+    """Write RINEX of both receivers and the satellites, and the true positions, clocks and slips."""
     for file in (names.rover, names.base):
         (root / file).parent.mkdir(parents=True, exist_ok=True)
     approximate = tuple(raw.rover.position[0].round().tolist())
@@ -295,7 +296,7 @@ def _write_antenna_at_images(
 
 
 def _write_targets(folder: Path, simulated: SimulatedFlight, rng: np.random.Generator) -> None:
-    """Ground targets scattered under exposures all over the flight, on a ground of little relief."""
+    """Write ground targets scattered under the exposures, on a ground of little relief."""
     flight, plane = simulated.flight, simulated.tangent_plane
     position = flight.motion.position(flight.time)[
         np.linspace(0, flight.time.size - 1, _TARGETS).round().astype(int)

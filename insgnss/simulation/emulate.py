@@ -125,7 +125,7 @@ def _control(elapsed: Array, poses: Array, knot_s: float, pieces: int) -> Array:
 
 
 def flight_along(motion: Motion, name: str, every_s: float) -> Flight:
-    """Any motion as a flight, with an exposure every `every_s`, one second and more from both ends."""
+    """Return any motion as a flight, exposed every `every_s` s, a second or more from both ends."""
     if not every_s > 0.0:
         raise UsageError(f"an exposure every {every_s} s; the interval must be positive")
     time = (
@@ -150,8 +150,9 @@ def add_recorded_noise(samples: ImuSamples, noise: ArrayLike, first: int = 0) ->
     """Samples plus a sensor's recorded errors, row by row.
 
     noise : (m, 6) gyro rad/s and accelerometer m/s^2 of a sensor at rest, its constant part taken
-        off, sampled at the rate of `samples`
-    and in the sensor's axes.   first : row of it that goes to the first sample.
+        off, sampled at the rate of `samples` and in the sensor's axes.
+    first : row of it that goes to the first sample.
+
     Raises UsageError where the recording is shorter than the samples, or `samples` hold
     instantaneous rates.
     """

@@ -2,7 +2,7 @@
 
 Spacing of exposures and lines follows from the camera's footprint at height H above ground:
 
-    base = (1 - forward overlap) H n_x d / f,      line spacing = (1 - side overlap) H n_y d / f             (L.1)
+    base = (1 - forward overlap) H n_x d / f,   line spacing = (1 - side overlap) H n_y d / f  (L.1)
 
 with n_x pixels along and n_y across the flight, pixel d and focal length f. Lines are flown every
 other one first, so that most turns are half circles; the way between lines is the shortest of

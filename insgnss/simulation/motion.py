@@ -134,7 +134,7 @@ class Motion:
         return self.position(time, 2)
 
     def angles(self, time: ArrayLike, derivative: int = 0) -> Array:
-        """(n, 3) roll, pitch, unwrapped yaw of C_lb, rad, or their derivative with respect to time."""
+        """Return roll, pitch, unwrapped yaw (n, 3) of C_lb, rad, or their derivative by time."""
         return self._channels(time, derivative, slice(3, 6))
 
     def C_lb(self, time: ArrayLike) -> Array:

@@ -80,7 +80,8 @@ def simulate_flight(
     ----------
     flight : "ign8", "ign6x1" or a plan.   minutes : of the record; None for the plan's own.
     seed : of everything random: gusts, trigger delays, errors of each sensor (independent streams).
-    imu, gnss, raw_gnss, rig, second_imu, missing_events, truth_hz : as in `observe`.   start_tow : s, of the first instant, GPS week 2008.
+    imu, gnss, raw_gnss, rig, second_imu, missing_events, truth_hz : as in `observe`.
+    start_tow : s, of the first instant, GPS week 2008.
     changes : fields of `FlightPlan`, such as start_in_air, wind_ms, turbulence, ground_s or
         line_length_m.
 
@@ -157,7 +158,7 @@ def _seeds(seed: int) -> list[np.random.SeedSequence]:
 
 
 def true_eo(flight: Flight, rig: Rig, plane: TangentPlane) -> ExteriorOrientation:
-    """Exterior orientation of every exposure of a flight, without error and with zero covariance."""
+    """Return the exterior orientation of every exposure, without error and with zero covariance."""
     motion, n = flight.motion, flight.time.size
     C_ml = plane.C_em.T @ motion.frame.C_el
     C_mb = C_ml @ motion.C_lb(flight.time)
@@ -181,7 +182,7 @@ def true_eo(flight: Flight, rig: Rig, plane: TangentPlane) -> ExteriorOrientatio
 
 
 def true_trajectory(motion: Motion, time: Array, gps_week: int) -> Trajectory:
-    """State of the IMU's navigation centre at `time` (n,), without error and with zero covariance."""
+    """Return the state of the IMU's navigation centre at `time` (n,), without error, covariance 0."""
     lat, lon, height = motion.geodetic(time)
     C_nl = motion.C_nl(time)
     velocity = np.einsum("nij,nj->ni", C_nl, motion.velocity(time))

@@ -213,7 +213,7 @@ def _erroneous(
     quantity: Quantity,
     rng: np.random.Generator,
 ) -> tuple[Array, Array]:
-    """Reading in the quantity's unit, and slow error as a rate, both (n, 3), of three axes (S.3)."""
+    """Reading in the quantity's unit and slow error as a rate, (n, 3) each, of three axes (S.3)."""
     if not axes:
         return truth, np.zeros_like(truth)
     unit = dt if quantity == "increments" else 1.0

@@ -105,7 +105,7 @@ _MAP_IMAGES = (
 _MOTION = (
     "Height, horizontal speed and attitude. Heading that changes is what makes heading and biases"
     " observable; straight flight does not. Shades, in all figures over time: numbered lines,"
-    " rests, times without a used fix."
+    " stationary periods, times without a used fix."
 )
 _SIGMAS = (
     "Standard deviations on a logarithmic scale: pale, the forward filter; full, after smoothing,"
@@ -167,7 +167,7 @@ def _map(d: Diagnostics, eo: ExteriorOrientation | None) -> Any:
 
 
 def _map_marks(ax: Any, d: Diagnostics, lines: tuple[FlightLine, ...]) -> None:
-    """Lines with their numbers, times without fixes, rests, rejected fixes."""
+    """Draw numbered lines, times without fixes, stationary periods and rejected fixes."""
     north, east = d.position[:, 0], d.position[:, 1]
     step = max(1, -(-len(lines) // MOST_NUMBERS))
     for number, x in list(enumerate(lines, 1))[::step]:
@@ -305,7 +305,7 @@ def _sigmas(d: Diagnostics, eo: ExteriorOrientation | None, marks: Marks) -> Any
 
 
 def _image_sigmas(axes: NDArray[Any], eo: ExteriorOrientation, factor: float) -> None:
-    """Sigmas of the images by their number; north keeps its colour, so east and up follow as 1, 2."""
+    """Draw the sigmas of the images by number; each axis keeps its colour, so north is column 1."""
     number = np.arange(1, len(eo.images) + 1)
     for ax, sigma, scale in zip(axes, image_sigmas(eo), (factor, math.degrees(1.0)), strict=True):
         for column, colour, name in ((1, 0, "N"), (0, 1, "E"), (2, 2, "U")):

@@ -95,7 +95,7 @@ def sheet(rows: int, columns: int, height: float, **options: Any) -> tuple[Any, 
 
 
 def dress(ax: Any) -> None:
-    """Thin spines, pale grid, small labels, few ticks: ticks are what drawing spends its time on."""
+    """Give axes thin spines, a pale grid, small labels and few ticks (ticks are slow to draw)."""
     from matplotlib.ticker import MaxNLocator
 
     ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))

@@ -22,7 +22,8 @@ from the Earth's centre away from the receiver (IS-GPS-200 20.3.3.5.2.5, unabrid
 x, north and east of a site in its tangent plane:
 
     sin z' = (R + h) cos E / (R + H),   psi = pi / 2 - E - z'
-    sin phi' = sin phi cos psi + cos phi sin psi cos A,   lambda' = lambda + asin(sin psi sin A / cos phi')  (A.3)
+    sin phi' = sin phi cos psi + cos phi sin psi cos A,
+    lambda' = lambda + asin(sin psi sin A / cos phi')                                          (A.3)
 
     V(x, t) = V0 + V' t + G x + a sin(2 pi (k x / length - t / period) + phase)                (A.4)
 

@@ -4,7 +4,8 @@ one smooth orbit and clock each.
 GPS: 31 satellites in six planes, 60 degrees apart. All messages of a satellite are the same motion,
 written for other times of ephemeris t_k = 7200 s k (symbols of `gnss.orbits`):
 
-    M0_k = M0 + (sqrt(mu / a^3) + dn)(t_k - t_0),   i0_k = i0 + i'(t_k - t_0),   af0_k = af0 + af1 (t_k - t_0)          (C.1)
+    M0_k = M0 + (sqrt(mu / a^3) + dn)(t_k - t_0),   i0_k = i0 + i'(t_k - t_0),
+    af0_k = af0 + af1 (t_k - t_0)                                                              (C.1)
     Omega0_k = Omega0 + Omega'(t_k - t_0) - w (t_k - sow_k)                                    (C.2)
 
 with the other elements unchanged; the last term of (C.2), zero within a week, takes the elements to

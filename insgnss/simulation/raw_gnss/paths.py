@@ -42,7 +42,9 @@ class Antenna:
     time : (n,) s, true.
     clock_s : (n,) stamp - time.
     clock_rate : (n,), jumps left out.
-    position, velocity : (n, 3) m, m/s, ECEF.   up : (n, 3) normal of its plane, ECEF.   bank : (n,) rad.
+    position, velocity : (n, 3) m, m/s, ECEF.
+    up : (n, 3) normal of its plane, ECEF.
+    bank : (n,) rad.
     """
 
     stamp: Array

@@ -6,14 +6,14 @@ Columns are those of the format's tables A1 and A2 (observations), A3 and A4 (GP
 
     epoch          1X,I2.2,4(1X,I2),F11.7,2X,I1,I3,12(A1,I2), continued in column 33 for each
                    further twelve satellites
-    observations   m(F14.3,I1,I1), five a line: number, loss of lock, signal strength; blank where
+    observations   m(F14.3,I1,I1), five a line: number, loss of lock, C/N0 indicator; blank where
                    missing
     GPS            I2,1X,I2.2,4(1X,I2),F5.1,3D19.12, and seven lines of 3X,4D19.12
     GLONASS        the same with the epoch in UTC, and three lines of 3X,4D19.12, in km
 
 An external event (flag 5) stands before the first epoch that is not earlier, in the time of the
-observations' stamps. The strength of a phase is that of its band's S, dB-Hz, in the steps of RINEX
-3: min(max(int(S / 6), 1), 9). A number of 0.000 reads as missing, by the format's own rule. Numbers
+observations' stamps. The C/N0 indicator of a phase is that of its band's S, dB-Hz, in the steps of
+RINEX 3: min(max(int(S / 6), 1), 9). A number of 0.000 reads as missing, by the format's own rule. Numbers
 become digits some epochs at a time, so that memory does not grow with the file.
 """
 
@@ -53,8 +53,11 @@ class ObservationTable:
 
     time : (n,) s, GPST of `gps_week` by the receiver's clock, increasing.
     epoch : (m,) place in `time`, not decreasing.
-    satellite : (m,) such as "G05".   types : (k) names of RINEX 2, such as "L1".   values : (m, k) m, cycles, Hz, dB-Hz; NaN: missing.
-    loss_of_lock : (m, k) 0 to 7.   events : (e,) s as `time`, not decreasing, of external events.
+    satellite : (m,) such as "G05".
+    types : (k) names of RINEX 2, such as "L1".
+    values : (m, k) m, cycles, Hz, dB-Hz; NaN: missing.
+    loss_of_lock : (m, k) 0 to 7.
+    events : (e,) s as `time`, not decreasing, of external events.
     event_records : lines of at most 60 characters for each event, written as comments behind it; ()
         for none at all.
     """
@@ -175,7 +178,8 @@ def _observation_header(station: Station, table: ObservationTable) -> str:
             else [_record(f"{station.interval_s:10.3f}", "INTERVAL")]
         ),
         _record(
-            f"{first.year:6d}{first.month:6d}{first.day:6d}{first.hour:6d}{first.minute:6d}{seconds:13.7f}{'':5}GPS",
+            f"{first.year:6d}{first.month:6d}{first.day:6d}{first.hour:6d}{first.minute:6d}"
+            f"{seconds:13.7f}{'':5}GPS",
             "TIME OF FIRST OBS",
         ),
         _record(f"{_leap(first):6d}", "LEAP SECONDS"),
@@ -303,8 +307,13 @@ def write_navigation(gps_path: File, glonass_path: File, navigation: Navigation)
     all.
 
     What the table of messages does not hold is nominal: a satellite is healthy, claims 2 m, has no
-    group delay and a fit interval of
-    four hours; its issue of data follows from the time of ephemeris.   Raises UsageError where a file cannot be written.
+    group delay and a fit interval of four hours; its issue of data follows from the time of
+    ephemeris.
+
+    Raises
+    ------
+    UsageError
+        Where a file cannot be written.
     """
     first = calendar_from_gps(navigation.gps_week, float(navigation.table[:, TOC].min()), "gpst")
     for path, letter, label, message in (
