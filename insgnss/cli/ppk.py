@@ -29,8 +29,8 @@ EXAMPLE = """\
       --base-position 46.5712345,6.5412345,512.345
   insgnss ppk rover.obs --base base.obs --navigation base.nav \\
       --base-position 35.1347,136.9776,104.85 --base-point apc --images photos
-  insgnss ppk rover.18o.gz --base ref.18d.Z --navigation brdc.18n \\
-      --origin 46.57,6.54,0 --camera-delay 0.0012"""
+  insgnss ppk rover.18o.gz --base ref.18d.Z --navigation brdc.18n \
+--origin 46.57,6.54,0 --camera-delay 0.0012"""
 FIGURE, DOCUMENT = "gnss_quality.png", "ppk.json"
 TABLES = (RawGnss, GnssInput, Air, CameraInput, ImageMatch, RoverEvents, TangentPlaneTable)
 

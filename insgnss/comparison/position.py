@@ -7,7 +7,7 @@ With d = b - a (n, 3), east, north, up at a's points:
     lever arm     C_Ex l, l by least squares of all three     antenna, IMU, camera for each other
     time          v dt, dt by least squares along the way     trigger delay (matched by name)
     turn, scale   about the block's centre, least squares     grid for true north, grid scale
-    exchange      b made anew of other coordinates            east for north, signs, lat for lon, feet
+    exchange      b made anew of other coordinates            axes, signs, lat for lon, feet
 
 A lever arm stands alone where a shift h of the heights beside it leaves hardly less: of two
 explanations the one. Else both are estimated, d = C_Ex l + (0, 0, h), where the attitude varies
@@ -121,8 +121,8 @@ def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
     names = CAMERA_AXES if x == "camera" else BODY_AXES
     components = " ".join(f"{name} {value:+.3f}" for name, value in zip(names, lever, strict=True))
     words = (
-        f"a lever arm of {components} m in the axes of the {x} (b is of another point than a: antenna,"
-        " IMU or camera"
+        f"a lever arm of {components} m in the axes of the {x} (b is of another point than a:"
+        " antenna, IMU or camera"
     )
     words += "; its vertical part cannot be separated from a height shift)" if doubtful else ")"
 
@@ -281,10 +281,10 @@ def _vertical(a: Poses, b: Poses) -> Iterator[Trial]:
         ("metres for feet", "heights of a are in feet where b has metres", 1.0 / FOOT_M),
         ("height reversed", "b counts heights downwards", -1.0),
     ):
-        yield Trial(name, words, _stretched(factor))
+        yield Trial(name, words, _scaled(factor))
 
 
-def _stretched(factor: float) -> Callable[[Poses, Poses], Poses]:
+def _scaled(factor: float) -> Callable[[Poses, Poses], Poses]:
     return lambda _, q: q.moved(q.lat, q.lon, factor * q.height)
 
 

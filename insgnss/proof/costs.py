@@ -43,8 +43,8 @@ def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[s
 
     turned = {
         (
-            "the heading of the aircraft was taken for the yaw of the image (90 deg), or the image is"
-            " shown turned"
+            "the heading of the aircraft was taken for the yaw of the image (90 deg), or the image"
+            " is shown turned"
         ): C @ QUARTER,
         "omega and phi (pitch and roll) are exchanged": of(rotation_from_opk(opk[:, [1, 0, 2]])),
         "phi is turned before omega": of(rotation_from_pok(opk[:, [1, 0, 2]])),

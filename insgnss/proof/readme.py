@@ -78,7 +78,8 @@ TO_DO = """\
 2. Import {file} as data_specs/{spec}.md says; its frame: {frame}.
 3. Import points.csv as ground control in the same frame, pixels.csv as its marks (or set the marks\
  on the crosses).
-4. Look at the residuals of the points with the orientations as imported, before anything is adjusted."""
+4. Look at the residuals of the points with the orientations as imported, before anything is\
+ adjusted."""
 ADJUSTED = (
     "A tool that adjusts orientations hides part of these: then look at the differences between"
     " imported and adjusted angles and positions. Latitude and longitude exchanged put the block on"

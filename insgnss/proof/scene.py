@@ -96,7 +96,7 @@ def project(C_mc: Array, centre: Array, points: Array) -> Array:
 
 
 def make_scene(projection: MapProjection | None = None) -> Scene:
-    """Return the scene at its usual site, or within the area of use of a CRS that ends before it."""
+    """Return the scene at its usual site, or within a CRS's area of use that ends before it."""
     lat, lon = (np.radians(SITE) if projection is None else _site(projection)).tolist()
     field = np.array([*FIELD_M, 0.0])
     C_nb = rotation_from_rpy(np.radians(ATTITUDES_DEG))

@@ -1,4 +1,4 @@
-"""What was without fixes, where the vehicle stood, which segments were solved by themselves, and
+"""Times without fixes, stationary periods, which segments were solved by themselves, and
 which images this concerns.
 """
 
@@ -25,7 +25,7 @@ def segments(d: Diagnostics) -> Array:
 
 
 def stationary_periods(d: Diagnostics) -> Array:
-    """(k, 2) s, where the vehicle stood, within the flight."""
+    """Return the stationary periods (k, 2) s within the flight, by stationarity detection."""
     if d.rests is None:
         return np.zeros((0, 2))
     within = d.rests[(d.rests[:, 1] > d.time[0]) & (d.rests[:, 0] < d.time[-1])]

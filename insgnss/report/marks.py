@@ -1,5 +1,5 @@
-"""What all figures over time mark in the same way: lines with their numbers, rests, times without
-fixes, parts, exposures.
+"""What all figures over time mark in the same way: numbered lines, stationary periods, times
+without fixes, segments, exposures.
 
 Shades run over the whole height of every axis, exposures stand as ticks on the lowest; the key is
 at the figure's top.
@@ -36,8 +36,8 @@ KEY_LEFT, KEY_TOP_IN, KEY_LETTER = (
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """Pieces (k, 2) of the flight, minutes from its start: lines, rests, without fixes, without
-    solution; exposures (n,).
+    """Pieces (k, 2) of the flight, minutes from its start: lines, stationary, without fixes,
+    without solution; exposures (n,).
 
     parts : the rows of the diagnostics of each part that was solved by itself.
     label : of the axis of time.
@@ -97,7 +97,7 @@ def mark(figure: Any, axes: NDArray[Any], marks: Marks, lines: bool = False) -> 
     """
     kinds = [(marks.lines, LINE_SHADE, "line")] if lines else []
     kinds += [
-        (marks.stationary, STATIONARY_SHADE, "at rest"),
+        (marks.stationary, STATIONARY_SHADE, "stationary"),
         (marks.outages, OUTAGE_SHADE, "no used fix"),
     ]
     kinds.append((marks.nothing, NOTHING_SHADE, "no solution"))

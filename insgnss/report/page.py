@@ -237,7 +237,7 @@ def _made_from(s: Mapping[str, Any]) -> str:
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Dotted keys and values of nested tables, as in the flight file; what was left out is told by
+    """Dotted keys and values of nested tables, as in the flight file; what was left out is
     a dash.
     """
     for key, value in table.items():

@@ -1,5 +1,5 @@
 """The sections of the page that answer its first questions: what limits the flight, which line is
-weak, what was estimated.
+least accurate, what was estimated.
 """
 
 from collections.abc import Mapping, Sequence
@@ -101,7 +101,7 @@ def _strong(text: str, strong: bool) -> str:
 
 def constants(s: Summary) -> str:
     """What the flight estimated besides positions and attitudes: constants, and errors of the fixes
-    that last.
+    that are time-correlated.
     """
     out = ""
     if s["states"]:
@@ -117,9 +117,10 @@ def constants(s: Summary) -> str:
     for error in s["time_correlated_errors"]:
         size, white = (" / ".join(f"{x:.2f}" for x in error[key]) for key in ("share", "white"))
         out += (
-            f"<p>Errors of {error['fixes']} fixes last for {error['time_s']:.1f} s: {size} of their"
-            f" sigmas, or {lengths([1e3 * x for x in error['sigma_m']])}, last that long and"
-            f" {white} do not (N / E / D).</p>\n"
+            f"<p>Time-correlated errors of {error['fixes']} fixes, correlation time"
+            f" {error['time_s']:.1f} s: {size} of their sigmas, or"
+            f" {lengths([1e3 * x for x in error['sigma_m']])}, are correlated and {white} are white"
+            " (N / E / D).</p>\n"
         )
     return f"<h2>What was estimated besides</h2>\n{out}" if out else ""
 
@@ -142,7 +143,7 @@ def _constant(state: Mapping[str, Any]) -> Row:
 
 
 def segments_and_stationary_periods(s: Summary) -> str:
-    """Segments that were solved by themselves, and where the vehicle stood."""
+    """Return the section on segments solved by themselves and on stationary periods."""
     out = ""
     if len(s["segments"]) > 1:
         spans = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in s["segments"])
@@ -150,9 +151,10 @@ def segments_and_stationary_periods(s: Summary) -> str:
     if s["rests"]:
         lasted = sum(end - start for start, end in s["rests"])
         periods = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in s["rests"])
-        count = "1 rest" if len(s["rests"]) == 1 else f"{len(s['rests'])} rests"
-        out += folded(f"{count}, {lasted:.0f} s in all", f"<p>At rest, TOW: {periods}.</p>\n")
-    return f"<h2>Segments and rests</h2>\n{out}" if out else ""
+        n = len(s["rests"])
+        count = "1 stationary period" if n == 1 else f"{n} stationary periods"
+        out += folded(f"{count}, {lasted:.0f} s in all", f"<p>Stationary, TOW: {periods}.</p>\n")
+    return f"<h2>Segments and stationary periods</h2>\n{out}" if out else ""
 
 
 def key_numbers(s: Summary) -> str:

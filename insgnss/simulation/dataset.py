@@ -239,7 +239,7 @@ def _imu_lines(imu: ImuSamples, units: Units) -> Iterator[str]:
 
 
 def _write_raw_gnss(root: Path, names: RinexNames, raw: RawGnss) -> None:
-    """Write RINEX of both receivers and the satellites, and the true positions, clocks and slips."""
+    """Write RINEX of both receivers and the satellites, and true positions, clocks and slips."""
     for file in (names.rover, names.base):
         (root / file).parent.mkdir(parents=True, exist_ok=True)
     approximate = tuple(raw.rover.position[0].round().tolist())

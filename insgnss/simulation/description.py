@@ -162,22 +162,23 @@ _README = """\
 # Simulated flight
 
 No sensor recorded these data: they are a simulation in the tree of the open data of J. Skaloud,
-D. A. Cucci and K. J. Paul, "Fixed-wing micro UAV open data with digicam and raw INS/GNSS". {absent}
-are not part of it.
+D. A. Cucci and K. J. Paul, "Fixed-wing micro UAV open data with digicam and raw INS/GNSS".
+{absent} are not part of it.
 
 - `flight.toml`: what is where, for `insgnss process flight.toml`.
 - `01_Observations/Camera/Data/Events.txt`: mid-exposure times, GPS time of week.
 - `01_Observations/Camera/GCPs`: ground targets, WGS84 (degrees, ellipsoidal height) and tangent
   plane (east, north, up).
-{raw}- `01_Observations/IMU/Data/Pre_calibrated`: IMU samples; units are in the header, axes and kind of
-  sample in `flight.toml`.
+{raw}- `01_Observations/IMU/Data/Pre_calibrated`: IMU samples; units are in the header, axes and
+  kind of sample in `flight.toml`.
 - `02_Processed/GPS-PPK`: antenna phase centre, all epochs and at the events{own}.
 - `truth`: exterior orientation, trajectory of the IMU (radians, NED) and biases in body axes, all
   without error{more}.
 """
 _RAW = """\
-- `01_Observations/GPS/Data`: RINEX 2.11 of rover and master (GPS and GLONASS, two bands), navigation
-  beside the rover; the rover's file holds the exposures as events, in the time of its clock.
+- `01_Observations/GPS/Data`: RINEX 2.11 of rover and master (GPS and GLONASS, two bands),
+  navigation beside the rover; the rover's file holds the exposures as events, in the time of its
+  clock.
 """
 
 

@@ -68,7 +68,7 @@ class ImuFaults:
 
     gaps : (start, length) without samples.
     random_gaps : number of further gaps at random, each `random_gap_s` (shortest, longest).
-    stuck : channels that hang.
+    stuck : stuck channels.
     vibration : of an engine.
     reversed_accel : the file holds minus the specific force.
     clock_offset_s : stamp minus GPS time; -18 for a clock in UTC.
@@ -139,8 +139,9 @@ def _freeze(column: Array, elapsed: Array, stuck: Stuck) -> None:
 class RowFaults:
     """Disorder of the rows of a text file, each as a share of the rows.
 
-    duplicated : rows written twice.   reordered : rows that come one to `reach` places late.
-    delayed : rows whose stamp is up to `delay_s` later than it should be.
+    duplicated : rows written twice.
+    reordered : rows that come one to `reach` rows later.
+    delayed : rows whose stamp is up to `delay_s` s later than it should be.
     """
 
     duplicated: float = 0.0

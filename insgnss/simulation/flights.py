@@ -10,7 +10,7 @@ is felt sideways,
     heading = direction of p' - wind,      roll = atan2(f_right, -f_down),   f = p'' - g       (F.1)
     pitch   = climb angle through the air + angle of attack, which grows with the load factor  (F.2)
 
-plus turbulence in all three angles. On the ground the aircraft stands still.
+plus turbulence in all three angles. On the ground the aircraft is stationary.
 """
 
 from dataclasses import dataclass
@@ -204,7 +204,7 @@ def _exposures(
     if time.size > 1 and np.diff(time).min() < plan.camera.min_interval_s:
         k = int(np.argmin(np.diff(time)))
         raise UsageError(
-            f"exposures {k + 1} and {k + 2} are {time[k + 1] - time[k]:.2f} s apart, the camera needs"
-            f" {plan.camera.min_interval_s} s; lower the overlap or the speed, or fly higher"
+            f"exposures {k + 1} and {k + 2} are {time[k + 1] - time[k]:.2f} s apart, the camera"
+            f" needs {plan.camera.min_interval_s} s; lower the overlap or the speed, or fly higher"
         )
     return time, number, base_m

@@ -182,7 +182,7 @@ def true_eo(flight: Flight, rig: Rig, plane: TangentPlane) -> ExteriorOrientatio
 
 
 def true_trajectory(motion: Motion, time: Array, gps_week: int) -> Trajectory:
-    """Return the state of the IMU's navigation centre at `time` (n,), without error, covariance 0."""
+    """Return the true state of the IMU's navigation centre at `time` (n,), zero covariance."""
     lat, lon, height = motion.geodetic(time)
     C_nl = motion.C_nl(time)
     velocity = np.einsum("nij,nj->ni", C_nl, motion.velocity(time))

@@ -56,7 +56,8 @@ class Rig:
     """Mounting of IMU, antenna and camera; the paper's by default (Tables 1 and 2, B
     re-orthonormalised).
 
-    antenna_m, imu_m : (3) m, from the camera in camera axes.   camera_from_body, boresight : 3 x 3, T and B.
+    antenna_m, imu_m : (3) m, from the camera in camera axes.
+    camera_from_body, boresight : 3 x 3, T and B.
     """
 
     antenna_m: tuple[float, ...] = (0.462, -0.001, -0.065)

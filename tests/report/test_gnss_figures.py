@@ -80,7 +80,7 @@ def test_every_class_has_a_name_and_a_colour():
     assert gnss.VALIDATED == BELIEVED
 
 
-def test_hampered_fixes_are_drawn_apart_and_count_as_fixed(series):
+def test_degraded_fixes_are_drawn_apart_and_count_as_fixed(series):
     """Oracle: the first 200 epochs named so; the share of confirmed fixes stays at 100 %."""
     series["kind"] = np.where(
         np.arange(600) < 200, CLASSES.index("degraded"), CLASSES.index("fixed")

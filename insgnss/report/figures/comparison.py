@@ -159,7 +159,7 @@ def _distribution(ax: Any, curve: Curve) -> None:
 
 
 def _parts(x: Array) -> list[slice]:
-    """Stretches without a gap."""
+    """Segments without a gap."""
     step = np.diff(x)
     if step.size == 0:
         return [slice(0, x.size)]

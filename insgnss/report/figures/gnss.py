@@ -3,11 +3,14 @@
 `series` holds what `gnss.quality` found, arrays by name; those that are not known are absent, and
 their rows with them:
 
-    time (n,) s; kind (n,) place in CLASSES; satellites, ratio, distance_m, height_difference_m
-    (n,); believed (n,) separation_m, separation_sigma_m (n, 3) north, east, down, backward minus
-    forward
-    strength : {band: (k,) dB-Hz} over strength_time (k,) s; slip_time (s,) s, slip_satellite (s,)
-        names; gaps (g, 2) s, begin and end
+    time : (n,) s.
+    kind : (n,) index in CLASSES.
+    satellites, ratio, distance_m, height_difference_m : (n,).
+    believed : (n,) whether the fix is validated.
+    separation_m, separation_sigma_m : (n, 3) north, east, down, backward minus forward.
+    strength : C/N0, {band: (k,) dB-Hz} over strength_time (k,) s.
+    slip_time, slip_satellite : (s,) s and names.
+    gaps : (g, 2) s, begin and end.
 """
 
 from collections.abc import Callable, Mapping
@@ -63,18 +66,19 @@ MOST_RATIO, LEAST_RATIO, MOST_SATELLITES_NAMED = 1000.0, 0.9, 30
 _ROW = 1.25  # inches
 
 _SOLUTION = (
-    "Colours: the class of each epoch. The ratio compares the second best integers with the best:"
-    " above the dashed line a fix is accepted, which says little where few satellites are left."
+    "Colours: the class of each epoch. The ratio compares the second best integer ambiguities with"
+    " the best: above the dashed line a fix is accepted, which says little where few satellites are"
+    " left."
     " With them, the share of confirmed fixes within 30 s, and distance and height above the base,"
     " along which the atmosphere differs."
 )
 _SEPARATION = (
     "The run backward minus the run forward, within three standard deviations of their difference:"
-    " two runs that fixed the same integers agree far better than that, and a step of decimetres is"
-    " a wrong fix in one of them."
+    " two runs that fixed the same ambiguities agree far better than that, and a step of decimetres"
+    " is an incorrect ambiguity fix in one of them."
 )
 _SIGNALS = (
-    "Median signal strength of all satellites by band: a drop on one band is interference or a"
+    "Median C/N0 of all satellites by band: a drop on one band is interference or a"
     " cable, one on all bands an obstruction. Dots are cycle slips by satellite; many at one"
     " instant are the receiver's own loss of lock. Red, times without observations."
 )
@@ -121,7 +125,7 @@ def _solution_panels(series: Series) -> list[Panel]:
 
 
 def _signal_panels(series: Series) -> list[Panel]:
-    rows: list[tuple[str, Panel]] = [("strength", _strength), ("slip_time", _slips)]
+    rows: list[tuple[str, Panel]] = [("strength", _carrier_to_noise), ("slip_time", _slips)]
     return [draw for name, draw in rows if name in series and len(series[name])]
 
 
@@ -161,7 +165,7 @@ def _by_class(ax: Any, t: Array, y: Array, kind: NDArray[np.int64]) -> None:
 
 
 def _rate(ax: Any, t: Array, series: Series) -> None:
-    """Share of believed fixes within `RATE_WINDOW_S`."""
+    """Share of validated fixes within `RATE_WINDOW_S`."""
     fixed = np.isin(series["kind"], VALIDATED)
     count = np.concatenate([[0.0], np.cumsum(fixed)])
     half = RATE_WINDOW_S / 120.0
@@ -226,7 +230,7 @@ def _distance(ax: Any, t: Array, series: Series) -> None:
             beside.spines[side].set_visible(False)
 
 
-def _strength(ax: Any, t: Array, series: Series) -> None:
+def _carrier_to_noise(ax: Any, t: Array, series: Series) -> None:
     start = float(series["time"][0])
     for k, (band, level) in enumerate(series["strength"].items()):
         line(
@@ -237,7 +241,7 @@ def _strength(ax: Any, t: Array, series: Series) -> None:
             color=COLOURS[(8, 2, 0, 5, 7)[k % 5]],
             lw=0.8,
         )
-    ax.set_ylabel("strength, dB-Hz")
+    ax.set_ylabel("C/N0, dB-Hz")
     legend(ax)
 
 

@@ -20,7 +20,7 @@ ROWS, SHORTEST_S, LONGEST_S = (
     130,
     20.0,
     150.0,
-)  # what the left-hand side shows: more could not be told apart
+)  # what the left-hand side shows: more could not be distinguished
 LAG_S = 4.0  # on either side of the offset found
 BODY = ("forward", "right", "down")
 GNSS_STYLE = {
@@ -38,7 +38,7 @@ class Finding(Protocol):
 
     @property
     def name(self) -> str:
-        """What was asked."""
+        """The question, such as "axes"."""
 
     @property
     def value(self) -> str:
@@ -55,7 +55,7 @@ def recognition_picture(
     orientations: Sequence[str],
     title: str,
 ) -> bytes:
-    """PNG of the curves that `recognise.recognition` lists; what is absent is said to be so.
+    """PNG of the curves that `recognise.recognition` lists; what is absent is noted.
 
     orientations : words of the 24 orientations of curves["orientation"].
     """
@@ -103,7 +103,7 @@ def _verdict(findings: Sequence[Finding]) -> str:
     unknown = [f.name for f, _ in phrased if not f.confidence]
     least = min((f.confidence for f, _ in phrased if f.confidence), default=0.0)
     parts = [", ".join(certain) + f"   (each at {least:.1%} or more)"] if certain else []
-    return "   ".join([*parts, *([f"not told: {', '.join(unknown)}"] if unknown else [])])
+    return "   ".join([*parts, *([f"not determined: {', '.join(unknown)}"] if unknown else [])])
 
 
 def _window(curves: Mapping[str, Array]) -> NDArray[np.bool_]:
@@ -115,7 +115,7 @@ def _window(curves: Mapping[str, Array]) -> NDArray[np.bool_]:
     if time[-1] - time[0] <= length:
         return np.ones(time.size, dtype=bool)
     moved = np.linalg.norm(force - np.median(force, axis=0), axis=1)
-    odd = moved > 3.0 * np.percentile(moved, 90)  # no motion but a wrong fix
+    odd = moved > 3.0 * np.percentile(moved, 90)  # no motion but an outlier of GNSS
     lively = np.concatenate([[0.0], np.cumsum(np.where(odd, -10.0 * np.median(moved), moved))])
     end = np.searchsorted(time, time + length)
     first = int(np.argmax(lively[end] - lively[:-1]))
@@ -123,7 +123,7 @@ def _window(curves: Mapping[str, Array]) -> NDArray[np.bool_]:
 
 
 def _reach(ax: Any, *series: Array) -> None:
-    """Limits that a few wrong fixes do not stretch."""
+    """Set limits that a few outliers of GNSS do not widen."""
     finite = np.concatenate([x[np.isfinite(x)] for x in series])
     if finite.size:
         low, high = np.percentile(finite, [1, 99])

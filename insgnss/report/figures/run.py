@@ -96,7 +96,7 @@ def pictures(
 
 _MAP = (
     "The line is the flight seen from above, straight lines with their numbers; a cross marks where"
-    " a fix was rejected, red where no fix was used for a while, a green ring where it stood."
+    " a fix was rejected, red where no fix was used for a while, a green ring a stationary period."
 )
 _MAP_IMAGES = (
     " Dots are images, coloured by their horizontal standard deviation. Images that stand out in"
@@ -203,7 +203,7 @@ def _map_marks(ax: Any, d: Diagnostics, lines: tuple[FlightLine, ...]) -> None:
             mfc="none",
             ms=8,
             zorder=3,
-            label="at rest",
+            label="stationary",
         )
     if (~d.used).any():
         ax.plot(

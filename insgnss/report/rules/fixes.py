@@ -1,7 +1,7 @@
-"""Rules on whether the result can be believed: fixes against prediction, forward against backward,
+"""Rules on whether the result can be trusted: fixes against prediction, forward against backward,
 the checks of the input.
 
-A sentence is said where a figure leaves what a good flight shows by enough to matter to its user,
+A sentence is given where a figure leaves what a good flight shows by enough to matter to its user,
 not where a test of a hundred thousand fixes can tell it from perfection; the limits stand below.
 What contradicts the sigmas weighs `TRUST` times what only enlarges them. None of it says anything
 where the fixes were made up for a sensor that stands at a given place.
@@ -79,8 +79,8 @@ def covariance_resets(f: Figures) -> Iterator[Limit]:
         )
         count = "once" if len(times) == 1 else f"{len(times)} times"
         text = (
-            f"the filter lost the fixes, its covariance was reset {count} (TOW {instants} s): only later"
-            " fixes support it there"
+            f"the filter lost the fixes, its covariance was reset {count} (TOW {instants} s): only"
+            " later fixes support it there"
         )
         yield Limit(
             "covariance resets",
@@ -106,8 +106,8 @@ def nis(f: Figures) -> Iterator[Limit]:
                 " arm or a clock is wrong"
             )
             help_ = (
-                f"check lever arm and clock, then raise the sigmas of the {_plural(quantity)} or the"
-                " noise of the IMU"
+                f"check lever arm and clock, then raise the sigmas of the {_plural(quantity)} or"
+                " the noise of the IMU"
             )
             yield Limit(
                 "innovations",
@@ -123,11 +123,11 @@ def nis(f: Figures) -> Iterator[Limit]:
 
 
 def _why_conservative(f: Figures, quantity: str, text: str) -> tuple[str, str]:
-    """Small innovations of fixes whose errors last say nothing of the size of these errors."""
+    """Small innovations say nothing of the size of time-correlated errors."""
     if quantity == "position" and any(
         lag is not None and lag > LAG_ONE_MATTERS for lag in f["innovations"]["lag1"] or ()
     ):
-        return f"{text}; errors that last from fix to fix do not show in them", ""
+        return f"{text}; time-correlated errors do not show in them", ""
     key = "sigma_m" if quantity == "position" else "sigma_velocity_mps"
     help_ = f"set a smaller gnss.{key}, to make use of what the {_plural(quantity)} are worth"
     return f"{text}; the sigmas of GNSS or IMU are too large", help_
@@ -138,7 +138,7 @@ def _plural(quantity: str) -> str:
 
 
 def whiteness(f: Figures) -> Iterator[Limit]:
-    """Innovations that are not of zero mean, or last from fix to fix."""
+    """Yield innovations that are not of zero mean, or time-correlated."""
     i = f["innovations"]
     if i["rms_mm"] is None:
         return
@@ -180,7 +180,7 @@ def _why_correlated(f: Figures, text: str, sign: float) -> tuple[str, str]:
         return f"{text}: the GNSS sigmas are too small", "raise the sigmas of the fixes"
     if f["time_correlated_errors"]:
         return (
-            f"{text}: errors of GNSS last from fix to fix by more than their estimate explains",
+            f"{text}: errors of GNSS are time-correlated by more than their estimate explains",
             "",
         )
     help_ = (
@@ -188,7 +188,7 @@ def _why_correlated(f: Figures, text: str, sign: float) -> tuple[str, str]:
         " relative ones"
     )
     return (
-        f"{text}: errors of GNSS last from fix to fix, which the smoothed sigmas do not know",
+        f"{text}: errors of GNSS are time-correlated, which the smoothed sigmas do not know",
         help_,
     )
 
@@ -214,9 +214,7 @@ def separation(f: Figures) -> Iterator[Limit]:
 
 
 def time_correlated(f: Figures) -> Iterator[Limit]:
-    """Errors of the fixes that were found to last, but for those that stay, which are told with the
-    absolute position.
-    """
+    """Yield time-correlated errors of the fixes; `accuracy.code` reports those that stay."""
     near, fixes = f["neighbours"], f["counts"]["fixes"]
     for error in f["time_correlated_errors"]:
         if error["time_s"] >= STAYS_S or error["fixes"] < FEW_MATTER * fixes:
@@ -232,7 +230,7 @@ def time_correlated(f: Figures) -> Iterator[Limit]:
             f"{max(error['share']):.2f} of {'its' if all_ else 'their'} sigmas"
             f" ({lengths([1e3 * s for s in error['sigma_m']])}, N / E / D)"
         )
-        text = f"{whose} last {seconds} s and are {size}"
+        text = f"{whose} are time-correlated over {seconds} s, {size}"
         if near is not None:
             own = f["exposures"]["position_mm"]["median"]
             text += (

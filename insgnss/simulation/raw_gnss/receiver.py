@@ -1,5 +1,5 @@
 """A GNSS receiver on an exact motion: positions and velocities of its antenna, with errors, claims,
-latency and bad stretches.
+latency and degraded periods.
 
 The position of a fix is that of the antenna (S.2 of `sensors`) at the instant that the fix belongs
 to, its stamp less the latency.
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FixEpisode:
-    """A stretch without fixed ambiguities; times are s after the record's start, directions north,
+    """A period without fixed ambiguities; times are s after the record's start, directions north,
     east, down.
 
     quality : of `records.qualities`.   sigma_m : of the error, which replaces that of the other

@@ -13,8 +13,8 @@ Columns are those of the format's tables A1 and A2 (observations), A3 and A4 (GP
 
 An external event (flag 5) stands before the first epoch that is not earlier, in the time of the
 observations' stamps. The C/N0 indicator of a phase is that of its band's S, dB-Hz, in the steps of
-RINEX 3: min(max(int(S / 6), 1), 9). A number of 0.000 reads as missing, by the format's own rule. Numbers
-become digits some epochs at a time, so that memory does not grow with the file.
+RINEX 3: min(max(int(S / 6), 1), 9). A number of 0.000 reads as missing, by the format's own rule.
+Numbers become digits some epochs at a time, so that memory does not grow with the file.
 """
 
 import os

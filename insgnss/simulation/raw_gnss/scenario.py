@@ -1,4 +1,4 @@
-"""What two GNSS receivers measure: codes, phases, Doppler and signal strength of a rover on an
+"""What two GNSS receivers measure: codes, phases, Doppler and C/N0 of a rover on an
 exact motion and of a base beside it.
 
 A receiver with the clock offset dt writes at T = t + dt of its clock what it receives at t. With
