@@ -19,8 +19,9 @@ KERNELS, FONTS = "NUMBA_CACHE_DIR", "MPLCONFIGDIR"
 
 @cache
 def settle() -> str:
-    """Set the variables of numba and matplotlib where these would find no place; a line that says
-    so, "" where there is nothing to say.
+    """Set the variables of numba and matplotlib where these would find no place.
+
+    A line that says so, "" where there is nothing to say.
 
     Has to run before a kernel is defined. Where not even a temporary directory can be written, the
     variables stay unset.
@@ -76,8 +77,12 @@ def _writable(directory: Path) -> bool:
 
 
 def _own_directory() -> str:
-    """A directory that stays, or where others took its name, one for this process. Raises OSError
-    where none can be made.
+    """A directory that stays, or where others took its name, one for this process.
+
+    Raises
+    ------
+    OSError
+        Where none can be made.
     """
     import atexit
     import contextlib

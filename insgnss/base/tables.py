@@ -31,8 +31,9 @@ _TYPE_NAMES = {
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the file: its checked values by key, and errors that know the line. Default
-    ``...`` means required.
+    """A table of the file: its checked values by key, and errors that know the line.
+
+    Default ``...`` means required.
     """
 
     path: Path
@@ -169,8 +170,9 @@ class Table:
         return tuple(values)
 
     def columns(self) -> Columns:
-        """`columns`, a list of names or a table { canonical = "name in the file" }; None where
-        absent.
+        """`columns`, a list of names or a table { canonical = "name in the file" }.
+
+        The result is None where absent.
         """
         value = self.data.get("columns")
         if isinstance(value, dict):
@@ -213,8 +215,9 @@ def is_number(value: object) -> bool:
 
 
 def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
-    """The whole file as a table, with the lines of its keys; `keys` names those that each table may
-    hold.
+    """The whole file as a table, with the lines of its keys.
+
+    `keys` names those that each table may hold.
     """
     if not path.is_file():
         raise InputError.at(

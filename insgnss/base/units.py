@@ -175,12 +175,16 @@ def parse_unit(text: str) -> Unit:
 def parse_quantity(text: object, dimension: str) -> float:
     """Value in SI (rad, m, s) of a number with its unit.
 
+    Parameters
+    ----------
     text : such as "0.24 deg/sqrt(h)".
     dimension : any unit of the wanted dimension, such as "deg/h/sqrt(Hz)"; the error message shows
         it as the example.
 
-    Raises InputError where the number or its unit is missing, the unit is unknown or of another
-    dimension.
+    Raises
+    ------
+    InputError
+        Where the number or its unit is missing, the unit is unknown or of another dimension.
     """
     wanted = parse_unit(dimension)
     example = f"{wanted.dimension} is expected, as in '1 {dimension}'"

@@ -12,10 +12,14 @@ from ..base.errors import UsageError
 
 
 class Progress:
-    """Says which step runs: one line that renews itself on a terminal, else a line a step; silent
-    where `lines` is None.
+    """Says which step runs: one line that renews itself on a terminal, else a line a step.
 
-    terminal : standard error.   lines : where plain lines go when it is no terminal.
+    Silent where `lines` is None.
+
+    Parameters
+    ----------
+    terminal : standard error.
+    lines : where plain lines go when it is no terminal.
     """
 
     def __init__(self, terminal: TextIO, lines: TextIO | None, quiet: bool = False) -> None:

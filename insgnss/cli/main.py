@@ -51,8 +51,9 @@ def _run_verb(argv: Sequence[str], progress: Progress) -> int:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code; `argv` without the program's name, of the process
-    by default.
+    """Run one command and return its exit code.
+
+    `argv` without the program's name, of the process by default.
     """
     argv = list(sys.argv[1:] if argv is None else argv)
     as_json, debug = "--json" in argv, "--debug" in argv

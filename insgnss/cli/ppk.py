@@ -162,8 +162,9 @@ def _refuse_absent(given: argparse.Namespace) -> None:
 
 
 def input_of(given: argparse.Namespace) -> "PpkInput":
-    """The input that a command line describes; OptionError and UsageError for what it cannot ask
-    for.
+    """The input that a command line describes.
+
+    OptionError and UsageError for what it cannot ask for.
     """
     from ..config.load import read_covariance
     from ..geodesy.frames import geodetic_to_ecef
@@ -233,8 +234,9 @@ def _refuse_contradictions(given: argparse.Namespace, raw: Mapping[str, Any]) ->
 
 
 def _named_values(words: Sequence[str]) -> dict[str, str]:
-    """Options of RTKLIB by name of words NAME=VALUE; OptionError for a word that is none, or one
-    option twice.
+    """Options of RTKLIB by name of words NAME=VALUE.
+
+    OptionError for a word that is none, or one option twice.
     """
     key = "gnss.rtklib_options"
     split = {word: word.partition("=") for word in words}
@@ -247,8 +249,9 @@ def _named_values(words: Sequence[str]) -> dict[str, str]:
 
 
 def geodetic_position(text: str, key: str) -> Any:
-    """Latitude rad, longitude rad, ellipsoidal height m (3,) of "LAT,LON,H" in degrees; OptionError
-    of `key` for what is none.
+    """Latitude rad, longitude rad, ellipsoidal height m (3,) of "LAT,LON,H" in degrees.
+
+    OptionError of `key` for what is none.
     """
     import numpy as np
 

@@ -91,8 +91,9 @@ def show_result(options: argparse.Namespace, progress: Progress, result: Result)
 
 
 def show_judged(options: argparse.Namespace, progress: Progress, result: Any, *files: Path) -> int:
-    """Print a result of `files`; return 0, or the exit code of its refusal, which is one line on
-    standard error.
+    """Print a result of `files`.
+
+    Return 0, or the exit code of its refusal, which is one line on standard error.
     """
     refusal = result.refusal
     if refusal is None:

@@ -40,6 +40,8 @@ def compare_files(
 ) -> Comparison:
     """Compare two exterior orientations or trajectories; b minus a.
 
+    Parameters
+    ----------
     a, b : files of any format of `reading.FORMS`.
     form_a, form_b : theirs, where a file does not show it.
     undulation_m : of a, of b, to be added to the heights of positions of GNSS that are above the
@@ -49,8 +51,15 @@ def compare_files(
     crs, geoid : of projected coordinates.
     gps_week : of files with the time of week only.
     time_shift_s : to be added to the times of b.
-    Raises InputError with file and line, UsageError for an unknown format, DataError where nothing
-    tells which poses belong together.
+
+    Raises
+    ------
+    InputError
+        With file and line.
+    UsageError
+        For an unknown format.
+    DataError
+        Where nothing tells which poses belong together.
     """
     hints = Hints(origin, crs, gps_week, geoid)
     read, notes = _read_both(
@@ -63,8 +72,9 @@ def compare_files(
 def _read_both(
     given: Sequence[tuple[str | Path, str | None]], hints: Sequence[Hints]
 ) -> tuple[tuple[Poses, Poses], tuple[str, ...]]:
-    """Both files, of path, format and hints; a tangent plane without origin gets that of the other
-    one.
+    """Both files, of path, format and hints.
+
+    A tangent plane without origin gets that of the other one.
     """
     read: list[Poses | None] = [None, None]
     without_origin: list[tuple[int, NoOriginError]] = []
@@ -99,8 +109,12 @@ def _read_both(
 def compare_poses(
     a: Poses, b: Poses, *, time_shift_s: float = 0.0, notes: tuple[str, ...] = ()
 ) -> Comparison:
-    """Compare what was read; b minus a. Raises DataError where nothing tells which poses belong
-    together.
+    """Compare what was read; b minus a.
+
+    Raises
+    ------
+    DataError
+        Where nothing tells which poses belong together.
     """
     b, more = _of_one_body(a, b)
     findings: list[Finding] = []
@@ -154,8 +168,9 @@ def _of_one_body(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
 
 
 def _clock(a: Poses, b: Poses, matched: Matched, shift_s: float) -> tuple[Matched, list[Finding]]:
-    """What names and clocks explain, and the match with it taken off; of files matched by name the
-    clocks stay.
+    """What names and clocks explain, and the match with it taken off.
+
+    Of files matched by name the clocks stay.
     """
     if matched.how == "image":
         reordered = by_order(matched)
@@ -183,8 +198,9 @@ def _explained(matched: Matched) -> tuple[Poses, list[Finding]]:
 
 
 def components(a: Poses, b: Poses) -> tuple[Component, ...]:
-    """Differences b minus a: east, north, up; velocities; turns about east, north, up, or roll,
-    pitch, heading of bodies.
+    """Differences b minus a: east, north, up.
+
+    Velocities; turns about east, north, up, or roll, pitch, heading of bodies.
     """
     d, s = difference(a, b), _sigma(a.cov_position, b.cov_position)
     out = [
@@ -206,8 +222,9 @@ def components(a: Poses, b: Poses) -> tuple[Component, ...]:
 
 
 def _sigma(P_a: Array | None, P_b: Array | None) -> Array | None:
-    """Standard deviations (n, 3) of the difference of independent errors; of the one file's where
-    the other gives none.
+    """Standard deviations (n, 3) of the difference of independent errors.
+
+    Of the one file's where the other gives none.
     """
     given = [P for P in (P_a, P_b) if P is not None]
     if not given:

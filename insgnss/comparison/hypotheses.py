@@ -33,8 +33,9 @@ DIGITS = {
 
 @dataclass(frozen=True)
 class Trial:
-    """A hypothesis: b with it taken off, as a function of (a, b); how many parameters were fitted
-    to these poses, and their values.
+    """A hypothesis: b with it taken off, as a function of (a, b).
+
+    How many parameters were fitted to these poses, and their values.
     """
 
     name: str
@@ -59,6 +60,8 @@ def explain(
 ) -> tuple[Finding, Poses] | None:
     """The hypothesis that explains the differences, and b with it taken off; None where none does.
 
+    Parameters
+    ----------
     measure : differences (n, k) of a part.
     trials : hypotheses for some poses.
     least : rms below which nobody asks why.

@@ -32,6 +32,8 @@ SAME_S = 1e-6
 class Matched:
     """Row by row the same pose in `a` and `b`.
 
+    Parameters
+    ----------
     how : "image" or "time".
     left_a, left_b : poses without partner.
     of_time : rows of `a` and of `b` were taken at these times, s of a's week, or None.
@@ -48,7 +50,10 @@ class Matched:
 def match(a: Poses, b: Poses, shift_s: float = 0.0) -> Matched:
     """`a` and `b`, row by row; with `shift_s` added to the times of b.
 
-    Raises DataError where they share neither image names nor times.
+    Raises
+    ------
+    DataError
+        Where they share neither image names nor times.
     """
     if a.images and b.images:
         common = _common(a.images, b.images) or _common(_stems(a.images), _stems(b.images))
@@ -74,8 +79,9 @@ def _common(a: tuple[str, ...], b: tuple[str, ...]) -> list[tuple[int, int]]:
 
 
 def _stems(images: tuple[str, ...]) -> tuple[str, ...]:
-    """Names without directory and ending, in lower case; none of them where two images would become
-    one.
+    """Names without directory and ending, in lower case.
+
+    None of them where two images would become one.
     """
     stems = tuple(PurePosixPath(name.replace("\\", "/")).stem.lower() for name in images)
     return stems if len(set(stems)) == len(stems) else ()

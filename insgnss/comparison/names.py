@@ -32,8 +32,9 @@ BETTER = 0.5  # what must be left of what another hypothesis leaves
 
 
 def by_order(matched: Matched) -> tuple[Finding, Matched] | None:
-    """The order of names in which the poses agree, and the match by it; None where that of the
-    files is as good.
+    """The order of names in which the poses agree, and the match by it.
+
+    The result is None where that of the files is as good.
     """
     a, b = matched.a, matched.b
     if matched.how != "image" or a.n < LEAST_POSES:

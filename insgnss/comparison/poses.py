@@ -23,11 +23,12 @@ class NoOriginError(InputError):
 class Poses:
     """n poses of one file.
 
+    Parameters
+    ----------
     source : path.
     form : name of the format.
-    point : what the positions are of; "" where the file does not say.
-    lat, lon (n,) rad, height (n,) m, as the file has them: whether above the ellipsoid, it may not
-        say.
+    point : what the positions are of; "" where the file does not say. lat, lon (n,) rad, height
+        (n,) m, as the file has them: whether above the ellipsoid, it may not say.
     images : names, or empty.
     time : (n,) s of `gps_week` (None where unknown), or None.
     C_Ex : (n, 3, 3) attitude into east, north, up at the point, of x = "camera" (right, down,
@@ -115,8 +116,9 @@ class CoordinateFrame:
     projection: MapProjection | None = None
 
     def resolved(self, x: Array, path: object) -> tuple[Array, Array, Array, Array]:
-        """Latitude, longitude, rad, height, m (n,), and C_fE (n, 3, 3) of coordinates (n, 3);
-        longitude before latitude, rad.
+        """Latitude, longitude, rad, height, m (n,), and C_fE (n, 3, 3) of coordinates (n, 3).
+
+        Longitude before latitude, rad.
         """
         if self.kind == "geographic":
             return x[:, 1], x[:, 0], x[:, 2], np.broadcast_to(np.eye(3), (len(x), 3, 3))

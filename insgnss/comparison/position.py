@@ -60,8 +60,11 @@ def without(a: Poses, b: Poses, by: Array) -> Poses:
 
 
 def horizontal(a: Poses, b: Poses, of_time: bool) -> tuple[Finding, Poses] | None:
-    """What explains the horizontal differences, and b with it taken off. of_time : whether time is
-    to be tried.
+    """What explains the horizontal differences, and b with it taken off.
+
+    Parameters
+    ----------
+    of_time : whether time is to be tried.
     """
     trials = _horizontal_and_time if of_time else _horizontal
     return explain("horizontal", a, b, lambda x, y: difference(x, y)[:, :2], trials, LEAST_M)
@@ -86,8 +89,9 @@ def _horizontal_and_time(a: Poses, b: Poses) -> Iterator[Trial]:
 
 
 def _shift(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
-    """The same in the axes of each point, and the same in ECEF; with the heights where those are
-    shifted too.
+    """The same in the axes of each point, and the same in ECEF.
+
+    With the heights where those are shifted too.
     """
     mean, up = d.mean(axis=0), d[:, 2]
     also_up = abs(mean[2]) < GEOID_M[0] and float(up.std()) <= max(
@@ -141,8 +145,9 @@ def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
 
 
 def _lever(axes: Array, d: Array) -> tuple[Array, bool, bool]:
-    """Lever arm (3,) m of axes (n, 3, 3); whether it is of all three components; whether its
-    vertical part might be a height shift.
+    """Lever arm (3,) m of axes (n, 3, 3).
+
+    Whether it is of all three components; whether its vertical part might be a height shift.
     """
 
     def left(lever: Array, rows: slice = slice(3), up: float = 0.0) -> float:
@@ -229,8 +234,9 @@ def _along_the_way(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
 
 
 def velocity_of(a: Poses, b: Poses) -> Array | None:
-    """(n, 3) m/s, east, north, up: a's own, else b's, else from a's positions over time; None
-    without time.
+    """(n, 3) m/s, east, north, up: a's own, else b's, else from a's positions over time.
+
+    None without time.
     """
     for poses in (a, b):
         if poses.velocity is not None:

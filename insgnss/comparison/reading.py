@@ -53,9 +53,17 @@ UNKNOWN_M = (
 def read_poses(path: str | Path, form: str | None = None, hints: Hints | None = None) -> Poses:
     """Poses of a file.
 
+    Parameters
+    ----------
     form : one of `FORMS` where the file does not show its format.
     hints : what the file does not say.
-    Raises InputError with file and line, UsageError for an unknown format.
+
+    Raises
+    ------
+    InputError
+        With file and line.
+    UsageError
+        For an unknown format.
     """
     if form is not None and form not in FORMS:
         raise UsageError(f"format {form!r} cannot be compared; it is one of {', '.join(FORMS)}")

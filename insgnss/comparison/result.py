@@ -20,11 +20,14 @@ LARGE = 10.0  # m or m/s, from which thousandths are not shown
 class Finding:
     """A mismatch of convention that explains a part of the differences.
 
+    Parameters
+    ----------
     name : short.
     statement : a sentence.
-    aspect : of the differences.   before, after : their root mean square without and with it taken
-    off, in `unit`; of time it is that of the stamps of the same images, s, or of the horizontal
-    differences less a shift and a lever arm, m; of position it is about their mean.
+    aspect : of the differences.
+    before, after : their root mean square without and with it taken off, in `unit`; of time it is
+        that of the stamps of the same images, s, or of the horizontal differences less a shift and
+        a lever arm, m; of position it is about their mean.
     explained : share of the sum of squares that it takes off.
     values : what was estimated, SI, by name.
     alternatives : statements of other hypotheses that explain as much.
@@ -77,8 +80,9 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Component:
-    """Differences b minus a of one component: (n,) m, rad or m/s; sigma (n,) of them where both
-    files, or one of them, have it.
+    """Differences b minus a of one component: (n,) m, rad or m/s.
+
+    Sigma (n,) of them where both files, or one of them, have it.
     """
 
     name: str
@@ -94,8 +98,9 @@ class Component:
         return SCREEN[self.unit]
 
     def statistics(self) -> dict[str, float]:
-        """mean, median, sd, rms, p95 (of the magnitude), largest, in SI; normalised_rms where there
-        are standard deviations.
+        """mean, median, sd, rms, p95 (of the magnitude), largest, in SI.
+
+        normalised_rms where there are standard deviations.
         """
         d = self.difference
         size = np.abs(d)
@@ -116,6 +121,8 @@ class Component:
 class Comparison:
     """Differences b minus a, in the axes east, north, up at a's points.
 
+    Parameters
+    ----------
     a, b : files, as they were called.
     form_a, form_b, point_a, point_b : formats, and what their positions are of.
     matched_by : "image" or "time".

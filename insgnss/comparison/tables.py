@@ -81,8 +81,11 @@ LAYOUTS = {
 def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
     """Poses of a file of one of `LAYOUTS`.
 
-    Raises InputError with file and line for another table, or where neither the header nor the
-    hints tell the frame.
+    Raises
+    ------
+    InputError
+        With file and line for another table, or where neither the header nor the hints tell the
+        frame.
     """
     table, layout = read_text_table(path), LAYOUTS[form]
     of = _columns(form, table, layout)
@@ -122,8 +125,9 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
 
 
 def _columns(form: str, table: TextTable, layout: Layout) -> dict[str, int]:
-    """Places of the columns; InputError where their number or the header's angles are of another
-    format.
+    """Places of the columns.
+
+    InputError where their number or the header's angles are of another format.
     """
     n, least = table.layout.n_fields, len(layout.columns)
     if n not in (least, least + len(layout.more)):
@@ -192,8 +196,11 @@ def _head(path: Path) -> str:
 
 
 def _frame(path: Path, form: str, first: str, x: Array, hints: Hints) -> CoordinateFrame:
-    """Frame of coordinates x (n, 3): as the header says, else as the caller does. first : name of
-    the column of x.
+    """Frame of coordinates x (n, 3): as the header says, else as the caller does.
+
+    Parameters
+    ----------
+    first : name of the column of x.
     """
     head = _head(path)
     code = re.search(r"EPSG:\d+(?:\+\d+)?", head)

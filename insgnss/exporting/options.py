@@ -14,11 +14,15 @@ from ..orient.relative import relative_control
 
 
 def typed_options(name: str, form: Export, texts: dict[str, str]) -> dict[str, Any]:
-    """The options of format `name`, each of the type that its writer takes; those that it does not
-    take stay as they are.
+    """The options of format `name`, each of the type that its writer takes.
 
-    Raises UsageError for a text that is no such value: a number that is none or not finite, a word
-    that is not one of those known.
+    Those that it does not take stay as they are.
+
+    Raises
+    ------
+    UsageError
+        For a text that is no such value: a number that is none or not finite, a word that is not
+        one of those known.
     """
     parameters = {
         **inspect.signature(relative_control).parameters,

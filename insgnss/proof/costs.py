@@ -29,8 +29,9 @@ QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[str, float]]:
-    """Mistakes in words, and the residual that each makes, px; infinite where most points would lie
-    behind the camera.
+    """Mistakes in words, and the residual that each makes, px.
+
+    Infinite where most points would lie behind the camera.
     """
     C, centre = scene.eo.C_mc, scene.eo.position_m
     C_mE = tangent_axes(scene)

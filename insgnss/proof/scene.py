@@ -60,6 +60,9 @@ POINTS_M = (
 @dataclass(frozen=True, eq=False)
 class Scene:
     """eo : the images.
+
+    Parameters
+    ----------
     points : (m, 3) m, in the tangent plane.
     pixels : (n, m, 2).
     seen : (n, m), whether they lie in the image.

@@ -57,13 +57,20 @@ def write_proof(
     frame: str | None = None,
     ground_m: float | None = None,
 ) -> tuple[Path, ...]:
-    """Write the scene as format `name` into `directory`, which is made: all of it, or nothing; the
-    files, export and README.txt first.
+    """Write the scene as format `name` into `directory`, which is made: all of it, or nothing.
 
+    The files, export and README.txt first.
+
+    Parameters
+    ----------
     crs, geoid, frame, ground_m : as of `Target`; a format that needs a CRS and gets none has that
         of the UTM zone.
-    Raises UsageError for an unknown format, a directory with content and what `export` refuses;
-    InputError where a CRS does not reach.
+
+    Raises
+    ------
+    UsageError
+        For an unknown format, a directory with content and what `export` refuses; InputError where
+        a CRS does not reach.
     """
     form, directory = known_format(name), Path(directory)
     if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):

@@ -60,6 +60,8 @@ class LinearProblem:
 class Estimate:
     """Means (m, n) and covariances (m, n, n) at every epoch.
 
+    Parameters
+    ----------
     gain : (m, n, n) of the smoother, from the epoch after; None of a filter.
     """
 

@@ -140,6 +140,8 @@ def _angular_rate(problem: EstimationProblem, epoch: int, _: Array) -> ResidualM
 def _body_rate(problem: EstimationProblem, epoch: int, measured: Array) -> Residual:
     """Rate of the body against the Earth, (3,) rad/s in body axes, as a function of the state.
 
+    Parameters
+    ----------
     measured : (3,) rad/s, of the gyros.
     """
     rates = np.concatenate([measured, np.zeros(3)])

@@ -83,7 +83,8 @@ class TwinSolution:
 
     Parameters
     ----------
-    nav : (m, 10) position, velocity in l, quaternion q_lb.   x : (m, ns) error states.
+    nav : (m, 10) position, velocity in l, quaternion q_lb.
+    x : (m, ns) error states.
     smoothed : error about the last nominal, its covariance P (m, n, n) and the smoother's gains.
     forward : the last forward pass.
     """

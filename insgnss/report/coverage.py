@@ -18,8 +18,9 @@ MOST_LISTED = 100
 
 
 def segments(d: Diagnostics) -> Array:
-    """(k, 2) s, first and last instant of each segment that was solved by itself; without any
-    given, all is one.
+    """(k, 2) s, first and last instant of each segment that was solved by itself.
+
+    Without any given, all is one.
     """
     return np.array(d.segments or [(d.time[0], d.time[-1])], dtype=np.float64)
 

@@ -26,8 +26,9 @@ BROKEN_S = 2.0  # a step of time beyond it ends a line
 
 @dataclass(frozen=True)
 class FlightLine:
-    """Rows `first` to `last` of the diagnostics; images `image` to `next_image` - 1 of the exterior
-    orientation.
+    """Rows `first` to `last` of the diagnostics.
+
+    Images `image` to `next_image` - 1 of the exterior orientation.
     """
 
     first: int

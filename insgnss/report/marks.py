@@ -39,6 +39,8 @@ class Marks:
     """Pieces (k, 2) of the flight, minutes from its start: lines, stationary, without fixes,
     without solution; exposures (n,).
 
+    Parameters
+    ----------
     parts : the rows of the diagnostics of each part that was solved by itself.
     label : of the axis of time.
     """
@@ -138,8 +140,9 @@ def _shade(ax: Any, pieces: Array, colour: str) -> None:
 
 
 def _key(figure: Any, keys: list[tuple[str, str, str]]) -> None:
-    """Sign and name side by side at the figure's top left; a legend would measure all of its texts
-    first.
+    """Sign and name side by side at the figure's top left.
+
+    A legend would measure all of its texts first.
     """
     x, (_, height) = KEY_LEFT, figure.get_size_inches()
     y = 1.0 - KEY_TOP_IN / height

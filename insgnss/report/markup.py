@@ -17,8 +17,9 @@ def sentence(text: str) -> str:
 
 
 def table(rows: Iterable[Row], head: Row = (), numbers: bool = False) -> str:
-    """Table of cells that are HTML already; `numbers` aligns all columns but the first to the
-    right.
+    """Table of cells that are HTML already.
+
+    `numbers` aligns all columns but the first to the right.
     """
 
     def cells(row: Row, tag: str) -> str:

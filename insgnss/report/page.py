@@ -63,6 +63,8 @@ def write_report(
 ) -> Path:
     """Draw and write the page, whole or not at all; returns where it is.
 
+    Parameters
+    ----------
     path : the file, or a directory that gets report.html.
     summary : of `summary.run_summary`.
     eo : None without a camera.
@@ -237,8 +239,9 @@ def _made_from(s: Mapping[str, Any]) -> str:
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Dotted keys and values of nested tables, as in the flight file; what was left out is
-    a dash.
+    """Dotted keys and values of nested tables, as in the flight file.
+
+    What was left out is a dash.
     """
     for key, value in table.items():
         if isinstance(value, Mapping) and value:

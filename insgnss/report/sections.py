@@ -15,8 +15,9 @@ FEW = 3  # remarks that need not be folded away
 
 
 def limits(s: Summary) -> str:
-    """Sentences on what limits the flight, the most important first, each with what would help;
-    many remarks behind a line.
+    """Sentences on what limits the flight, the most important first, each with what would help.
+
+    Many remarks behind a line.
     """
     listed: Sequence[Mapping[str, Any]] = s["limits"]
     first = (
@@ -43,8 +44,9 @@ def _limit(limit: Mapping[str, Any]) -> str:
 
 
 def flight_lines(s: Summary) -> str:
-    """Table of the straight lines: where, which images, how well they are known. The largest of
-    each sigma stands out.
+    """Table of the straight lines: where, which images, how well they are known.
+
+    The largest of each sigma stands out.
     """
     lines: Sequence[Mapping[str, Any]] = s["lines"]
     if not lines:

@@ -70,8 +70,9 @@ def consistency(nis: Array, used: Selection) -> dict[str, Any]:
 
 
 def lag_one(x: Array) -> Array:
-    """Autocorrelation at lag one, about the mean, of each column of `x` (k, c); NaN where a column
-    has none (k < 3 or constant).
+    """Autocorrelation at lag one, about the mean, of each column of `x` (k, c).
+
+    The result is NaN where a column has none (k < 3 or constant).
     """
     if len(x) < 3:
         return np.full(x.shape[1], np.nan)
@@ -110,8 +111,9 @@ def innovation_figures(innovation: Array, sigma: Array, used: Selection) -> dict
 
 
 def normalised_rms(x: Array, sigma: Array) -> Array:
-    """Root mean square of x / sigma by column over what is determined (finite x, sigma > 0); NaN
-    where nothing is.
+    """Root mean square of x / sigma by column over what is determined (finite x, sigma > 0).
+
+    The result is NaN where nothing is.
     """
     determined = np.isfinite(x) & np.isfinite(sigma) & (sigma > 0.0)
     squares = np.square(np.divide(x, sigma, out=np.zeros_like(x), where=determined)).sum(axis=0)

@@ -47,8 +47,8 @@ def run_summary(
     inputs : SHA-256 by path.
     versions : by package.
     timings : s by step.
-    history : what was done, sentence by sentence.   imu_samples, epochs : numbers of them, where
-                                                     known.
+    history : what was done, sentence by sentence.
+    imu_samples, epochs : numbers of them, where known.
     """
     figures = {"name": str(flight.get("name", ""))} | _judged(diagnostics, eo)
     figures["counts"] = {"imu_samples": imu_samples, "epochs": epochs} | figures["counts"]
@@ -149,8 +149,9 @@ def _spread(x: Array) -> dict[str, Array]:
 
 
 def _exposures(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
-    """Sigmas over the images: smallest, median, largest, first; the worst image of position and of
-    attitude.
+    """Sigmas over the images: smallest, median, largest, first.
+
+    The worst image of position and of attitude.
     """
     position, psi = image_sigmas(eo)
     out: dict[str, Any] = {"axes": ENU, "count": len(eo.images)}

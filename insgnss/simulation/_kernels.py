@@ -78,8 +78,9 @@ def inertial_signals(piece, u, C_el, origin, omega_l, lever, work, out):
 
 @njit(cache=True)
 def sample_signals(coefficients, spacing, elapsed, C_el, origin, omega_l, lever, out):
-    """out (n, 6): the signals at `elapsed` (n,) s from the motion's start; coefficients (pieces, 6,
-    6).
+    """out (n, 6): the signals at `elapsed` (n,) s from the motion's start.
+
+    Coefficients (pieces, 6, 6).
     """
     work = np.empty((4, 3))
     last = coefficients.shape[0] - 1

@@ -94,8 +94,9 @@ def write_dataset(
     flight_file: Tables | None = None,
     **changes: Any,
 ) -> Dataset:
-    """Simulate a flight and write it as a data set that `flight.toml` describes; whole or not at
-    all.
+    """Simulate a flight and write it as a data set that `flight.toml` describes.
+
+    Whole or not at all.
 
     Parameters
     ----------
@@ -103,8 +104,8 @@ def write_dataset(
     flight, minutes, seed, gnss, rig, second_imu, missing_events, changes : as in `simulate_flight`.
     raw_gnss : RINEX of rover and master, which the flight file then names in place of the
         positions; None: none.
-    imu_rate : Hz.   noise, imu_faults, vibration : as in `ImuOptions`; the flight file names the
-                     noise.
+    imu_rate : Hz.
+    noise, imu_faults, vibration : as in `ImuOptions`; the flight file names the noise.
     imu_axes, gyro_unit, accel_unit, quantity, imu_rows, gnss_rows, flight_file : as in
     `write_simulated`; SI units by default.
 
@@ -153,14 +154,18 @@ def write_simulated(
 ) -> Dataset:
     """Write what was simulated as a data set; whole or not at all.
 
+    Parameters
+    ----------
     seed : of targets, row faults and the antenna's errors at the images.
     units : of the IMU file, SI by default.
     imu_rows, gnss_rows : disorder of the rows of the IMU and the GNSS file.
     flight_file : tables of keys that take the place of the true ones, to write a wrong flight file
         or to ask for more in it.
 
-    Raises UsageError where the directory is not empty or cannot be written, or the flight has no
-    exposure.
+    Raises
+    ------
+    UsageError
+        Where the directory is not empty or cannot be written, or the flight has no exposure.
     """
     target = _target(directory)
     if not simulated.events.images:
@@ -367,6 +372,7 @@ def _write_truth(folder: Path, simulated: SimulatedFlight) -> None:
 
 def _noise_name(root: Path, noise: str | NoiseModel | None) -> str:
     """What the flight file calls the noise model: a shipped name, or the file that is written here.
+
     An ideal sensor is called navchip.
     """
     if noise is None:

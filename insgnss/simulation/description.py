@@ -36,8 +36,12 @@ class Units:
 
     @classmethod
     def of(cls, quantity: Quantity, gyro: str | None, accel: str | None) -> "Units":
-        """Of gyro and accelerometer, SI where None. Raises InputError for a unit that does not
-        exist or is of another dimension.
+        """Of gyro and accelerometer, SI where None.
+
+        Raises
+        ------
+        InputError
+            For a unit that does not exist or is of another dimension.
         """
         increments = quantity == "increments"
         gyro_si, accel_si = ("rad", "m/s") if increments else ("rad/s", "m/s^2")
@@ -130,8 +134,9 @@ def true_tables(simulated: SimulatedFlight, units: Units, noise: str) -> dict[st
 
 
 def flight_toml(tables: Tables, changes: Tables) -> str:
-    """TOML of tables; `changes` replace single values or bring further ones, None takes a
-    value away.
+    """TOML of tables.
+
+    `changes` replace single values or bring further ones, None takes a value away.
     """
     merged = dict(tables)
     for key, value in changes.items():

@@ -37,6 +37,8 @@ ENDS = 5
 class Emulation:
     """A motion along sampled poses.
 
+    Parameters
+    ----------
     position_rms_m, attitude_rms_rad : (3,) between spline and samples, in north, east, down and in
         roll, pitch, yaw.
     """
@@ -63,7 +65,9 @@ def emulate_motion(
 
     Parameters
     ----------
-    time : (n,) s of a GPS week.   lat, lon : (n,) rad.   height : (n,) m above the ellipsoid.
+    time : (n,) s of a GPS week.
+    lat, lon : (n,) rad.
+    height : (n,) m above the ellipsoid.
     rpy : (n, 3) rad, roll, pitch, yaw, body forward-right-down to north-east-down.
     knot_s : s, between knots.
 
@@ -149,12 +153,16 @@ def flight_along(motion: Motion, name: str, every_s: float) -> Flight:
 def add_recorded_noise(samples: ImuSamples, noise: ArrayLike, first: int = 0) -> ImuSamples:
     """Samples plus a sensor's recorded errors, row by row.
 
+    Parameters
+    ----------
     noise : (m, 6) gyro rad/s and accelerometer m/s^2 of a sensor at rest, its constant part taken
         off, sampled at the rate of `samples` and in the sensor's axes.
     first : row of it that goes to the first sample.
 
-    Raises UsageError where the recording is shorter than the samples, or `samples` hold
-    instantaneous rates.
+    Raises
+    ------
+    UsageError
+        Where the recording is shorter than the samples, or `samples` hold instantaneous rates.
     """
     noise = np.asarray(noise, dtype=np.float64)
     n = samples.time.size

@@ -51,8 +51,9 @@ class Stuck:
 
 @dataclass(frozen=True)
 class Vibration:
-    """Engine vibration (V.1) from `start_s` after the record's start for `duration_s`; amplitudes
-    in m/s^2 and rad/s.
+    """Engine vibration (V.1) from `start_s` after the record's start for `duration_s`.
+
+    Amplitudes in m/s^2 and rad/s.
     """
 
     accel_ms2: float = 2.0
@@ -66,6 +67,8 @@ class Vibration:
 class ImuFaults:
     """Faults of an IMU recording; times are s after the record's start.
 
+    Parameters
+    ----------
     gaps : (start, length) without samples.
     random_gaps : number of further gaps at random, each `random_gap_s` (shortest, longest).
     stuck : stuck channels.
@@ -139,6 +142,8 @@ def _freeze(column: Array, elapsed: Array, stuck: Stuck) -> None:
 class RowFaults:
     """Disorder of the rows of a text file, each as a share of the rows.
 
+    Parameters
+    ----------
     duplicated : rows written twice.
     reordered : rows that come one to `reach` rows later.
     delayed : rows whose stamp is up to `delay_s` s later than it should be.
@@ -163,8 +168,9 @@ class RowFaults:
             )
 
     def disturb(self, path: Path, rng: np.random.Generator) -> None:
-        """Rewrite a text file whose rows begin with their time; its header (`#`, or letters) stays
-        in place.
+        """Rewrite a text file whose rows begin with their time.
+
+        Its header (`#`, or letters) stays in place.
         """
         lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
         head = next(k for k, line in enumerate(lines) if line[:1].isdigit())

@@ -50,12 +50,15 @@ _ROLL, _PITCH, _YAW = (
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """An exact motion (of the IMU's navigation centre) and the exposures along it; `plan` is None
-    where it was not a survey.
+    """An exact motion (of the IMU's navigation centre) and the exposures along it.
 
+    `plan` is None where it was not a survey.
+
+    Parameters
+    ----------
     images : names; time : (n,) s, mid-exposure; line : (n,) number of the flight line, counted from
-        1; spacing_m : (n,) m between
-    exposures on that line as planned.   wind_l : (3,) m/s.
+        1; spacing_m : (n,) m between exposures on that line as planned.
+    wind_l : (3,) m/s.
     """
 
     name: str
@@ -70,15 +73,21 @@ class Flight:
 
 
 def block_flight(minutes: float | None = None, *, seed: int = 0, **changes: Any) -> Flight:
-    """Flight in the shape of ign8: two levels of perpendicular lines over a block. `changes` :
-    fields of `FlightPlan`.
+    """Flight in the shape of ign8: two levels of perpendicular lines over a block.
+
+    Parameters
+    ----------
+    changes : fields of `FlightPlan`.
     """
     return fly(BLOCK.changed(minutes=minutes, **changes), seed)
 
 
 def corridor_flight(minutes: float | None = None, *, seed: int = 0, **changes: Any) -> Flight:
-    """Flight in the shape of ign6x1: two levels of two lines along a corridor. `changes` : fields
-    of `FlightPlan`.
+    """Flight in the shape of ign6x1: two levels of two lines along a corridor.
+
+    Parameters
+    ----------
+    changes : fields of `FlightPlan`.
     """
     return fly(CORRIDOR.changed(minutes=minutes, **changes), seed)
 
@@ -94,7 +103,8 @@ def fly(
 
     Parameters
     ----------
-    plan : see `layout`.   seed : of gusts and trigger delays.
+    plan : see `layout`.
+    seed : of gusts and trigger delays.
     frame : local frame whose origin lies on the ground of the site; heights above ground are
         heights in it.
     start_tow : s, time of the first instant.
@@ -150,8 +160,11 @@ def _control_points(path: Path, s: Array, plan: FlightPlan, rng: np.random.Gener
 
 
 def _coordinated(position: Array, ahead: Array, wind: Array) -> Array:
-    """(n, 3) roll, pitch, unwrapped yaw (F.1, F.2) of positions a knot apart; `ahead` : unit
-    vectors along the path, for the stand.
+    """(n, 3) roll, pitch, unwrapped yaw (F.1, F.2) of positions a knot apart.
+
+    Parameters
+    ----------
+    ahead : unit vectors along the path, for the stand.
     """
     velocity = np.gradient(position, KNOT_S, axis=0)
     force = np.gradient(velocity, KNOT_S, axis=0) - [0.0, 0.0, _G]

@@ -41,6 +41,8 @@ class Gait:
     """How a vehicle goes: speed m/s, acceleration along and across m/s^2, straights and radius of
     bends m (shortest, longest).
 
+    Parameters
+    ----------
     stop_share : of the bends with a halt before them, of stop_s (shortest, longest) s.
     """
 
@@ -66,8 +68,11 @@ def drive(
     gait: Gait = CAR,
     start_tow: float = START_TOW,
 ) -> Flight:
-    """A car in a town, without side slip, with stops; it stands for `stand_s` first. rough : factor
-    on how the road shakes it.
+    """A car in a town, without side slip, with stops; it stands for `stand_s` first.
+
+    Parameters
+    ----------
+    rough : factor on how the road shakes it.
     """
     rng = np.random.default_rng(seed)
     path, s = _journey(gait, minutes, stand_s, rng)

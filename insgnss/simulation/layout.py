@@ -70,13 +70,16 @@ class Level:
 class FlightPlan:
     """What is to be flown.
 
+    Parameters
+    ----------
     minutes : duration of the record, or None for the plan as it is. A longer record flies lines
         again; a shorter one flies fewer lines (never under four), then shorter ones; if even that
         does not fit, the record ends in the air. `start_in_air` : it begins shortly before the
         first line, has no landing, and is cut at `minutes`.
     ground_s, ground_after_s : standing before take-off and after landing.
     max_bank_deg : in a steady turn downwind.
-    lead_m : part of a line, at both ends, without exposures.   turbulence : factor on all gusts.
+    lead_m : part of a line, at both ends, without exposures.
+    turbulence : factor on all gusts.
     """
 
     name: str
@@ -120,6 +123,7 @@ class FlightPlan:
 
     def changed(self, **changes: Any) -> "FlightPlan":
         """The plan with other values of some fields; `line_length_m` sets that of all lines.
+
         UsageError for an unknown field.
         """
         length = changes.pop("line_length_m", None)
@@ -182,8 +186,9 @@ PLANS = {plan.name: plan for plan in (BLOCK, CORRIDOR)}
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """A path with its timetable: path length s (n,), m, at `time` (n,), s; the record begins at
-    `clock_offset_s` of that clock.
+    """A path with its timetable: path length s (n,), m, at `time` (n,), s.
+
+    The record begins at `clock_offset_s` of that clock.
     """
 
     path: Path
@@ -208,8 +213,9 @@ def lay_out(plan: FlightPlan) -> Layout:
 
 
 def _fitted(plan: FlightPlan, every: int, wanted: float) -> Layout:
-    """Take-off to landing in `wanted` s: as many lines as it takes, a little shortened; cut in the
-    air where nothing fits.
+    """Take-off to landing in `wanted` s: as many lines as it takes, a little shortened.
+
+    Cut in the air where nothing fits.
     """
     count = min(_FEWEST_LINES, every)
     while (full := _grounded(plan, count, 1.0)).duration_s < wanted:
@@ -298,8 +304,9 @@ def _shares(plan: FlightPlan, count: int) -> list[int]:
 def _level_lines(
     plan: FlightPlan, level: Level, count: int, scale: float, here: tuple[float, float]
 ) -> list[Line]:
-    """`count` lines about the block's centre: every other one first, then back; from the corner
-    nearest to `here`.
+    """`count` lines about the block's centre: every other one first, then back.
+
+    From the corner nearest to `here`.
     """
     course, length = float(np.radians(level.course_deg)), level.length_m * scale
     spacing = plan.camera.line_spacing(level.height_m, plan.side_overlap)

@@ -208,7 +208,10 @@ class Motion:
         The stamps are start + phase_s + k / rate_hz, k = 1, 2, ...; a mean rate or an increment
         covers the time since the stamp before (the first: since start + phase_s), between the very
         float64 numbers that the record holds.
-        `nodes` : Gauss-Legendre nodes on an interval. Raises UsageError for an unknown quantity or
+
+        Parameters
+        ----------
+        nodes : Gauss-Legendre nodes on an interval. Raises UsageError for an unknown quantity or
             a phase outside the first sample.
         """
         if quantity not in QUANTITIES:

@@ -86,8 +86,9 @@ def shortest_way(start: Pose, goal: Pose, radius: float) -> list[tuple[float, fl
 
 @dataclass
 class Route:
-    """A path being laid, segment after segment, from `pose` at `height` m; `line` is the number of
-    a flight line, 0 elsewhere.
+    """A path being laid, segment after segment, from `pose` at `height` m.
+
+    `line` is the number of a flight line, 0 elsewhere.
     """
 
     pose: Pose
@@ -106,8 +107,9 @@ class Route:
             self.pose, self.height = advance(self.pose, curvature, length), height
 
     def connect(self, goal: Pose, height: float, radius: float, gradient: float) -> None:
-        """Go the shortest way to `goal`, changing height evenly; circles come first where the way
-        is too short for `gradient`.
+        """Go the shortest way to `goal`, changing height evenly.
+
+        Circles come first where the way is too short for `gradient`.
         """
         way = shortest_way(self.pose, goal, radius)
         length = sum(piece_m for _, piece_m in way)
@@ -134,10 +136,14 @@ class Route:
 class Path:
     """Segments in order, every field (n,).
 
+    Parameters
+    ----------
     x, y, course : where a segment starts, m and rad.
     curvature : 1/m.
-    length : m.   height0, height1 : of its ends, m.
-    line : number of the flight line, 0 elsewhere.   s0 : length of the path before it, m.
+    length : m.
+    height0, height1 : of its ends, m.
+    line : number of the flight line, 0 elsewhere.
+    s0 : length of the path before it, m.
     """
 
     x: Array

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 class Truth:
     """The truth of a flight.
 
+    Parameters
+    ----------
     eo : exterior orientation of every exposure, those without an event too; covariances zero.
     trajectory : of the IMU's navigation centre, covariances zero.
     gyro_bias, accel_bias : (n, 3) rad/s, m/s^2, body axes, at the trajectory's times: all errors
@@ -42,6 +44,8 @@ class SimulatedFlight:
     """Observations of a flight, in SI units (IMUs in their own axes), with the options that made
     them, and the truth.
 
+    Parameters
+    ----------
     second_imu : samples of a second IMU and its options, or None.
     raw_gnss : what the receivers of rover and base measured, or None.
     """
@@ -78,7 +82,8 @@ def simulate_flight(
 
     Parameters
     ----------
-    flight : "ign8", "ign6x1" or a plan.   minutes : of the record; None for the plan's own.
+    flight : "ign8", "ign6x1" or a plan.
+    minutes : of the record; None for the plan's own.
     seed : of everything random: gusts, trigger delays, errors of each sensor (independent streams).
     imu, gnss, raw_gnss, rig, second_imu, missing_events, truth_hz : as in `observe`.
     start_tow : s, of the first instant, GPS week 2008.
@@ -122,12 +127,15 @@ def observe(
 ) -> SimulatedFlight:
     """What the sensors record of a flight, however its motion came about, and the truth.
 
+    Parameters
+    ----------
     seed : of the errors of each sensor (independent streams).
     imu, gnss, rig : options of the sensors and their mounting.
     second_imu : another IMU with errors of its own.
     raw_gnss : of rover and base, whose errors have nothing to do with those of the positions that
         `gnss` describes; None: none.
-    missing_events : share of exposures without event.   truth_hz : rate of the true trajectory.
+    missing_events : share of exposures without event.
+    truth_hz : rate of the true trajectory.
     """
     imu, gnss, rig = imu or ImuOptions(), gnss or GnssOptions(), rig or Rig()
     sensor_seed = _seeds(seed)[1] if isinstance(seed, int) else seed

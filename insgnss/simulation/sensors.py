@@ -53,9 +53,12 @@ _DIRECTIONS = {
 
 @dataclass(frozen=True)
 class Rig:
-    """Mounting of IMU, antenna and camera; the paper's by default (Tables 1 and 2, B
-    re-orthonormalised).
+    """Mounting of IMU, antenna and camera.
 
+    The paper's by default (Tables 1 and 2, B re-orthonormalised).
+
+    Parameters
+    ----------
     antenna_m, imu_m : (3) m, from the camera in camera axes.
     camera_from_body, boresight : 3 x 3, T and B.
     """
@@ -87,6 +90,8 @@ class Rig:
 class ImuOptions:
     """How the IMU samples and errs.
 
+    Parameters
+    ----------
     noise : shipped model, path, `NoiseModel`, or None for an ideal sensor; its x, y, z act on the
         body's forward, right, down.
     axes : body directions of the sensor's x, y, z.
@@ -119,6 +124,7 @@ class ImuOptions:
 @dataclass(frozen=True)
 class SecondImu:
     """Another IMU on the same body; imu_m : (3) m, from the camera in camera axes, as in `Rig`.
+
     `options.axes` turn it to the body.
     """
 
@@ -131,6 +137,8 @@ class SimulatedImu:
     """Samples in the sensor's own axes as recorded, and the slow errors (n, 3) in body axes, rad/s
     and m/s^2.
 
+    Parameters
+    ----------
     time : (n,) s GPST, ends of the intervals that the slow errors are of; faults of the recording
         do not touch them.
     """
@@ -142,8 +150,12 @@ class SimulatedImu:
 
 
 def axes_matrix(words: str) -> Array:
-    """C_bs (3, 3), sensor into body, of the body directions of the sensor's x, y, z. Raises
-    UsageError unless they are right-handed.
+    """C_bs (3, 3), sensor into body, of the body directions of the sensor's x, y, z.
+
+    Raises
+    ------
+    UsageError
+        Unless they are right-handed.
     """
     C = np.zeros((3, 3))
     given = words.split()
@@ -254,8 +266,12 @@ def antenna_states(motion: Motion, lever_b: ArrayLike, time: Array) -> tuple[Arr
 def simulate_events(
     flight: Flight, missing_fraction: float, rng: np.random.Generator
 ) -> CameraEvents:
-    """Mid-exposure events of a flight; a share of them, drawn at random, is missing. Raises
-    UsageError when the share is not in [0, 1).
+    """Mid-exposure events of a flight; a share of them, drawn at random, is missing.
+
+    Raises
+    ------
+    UsageError
+        When the share is not in [0, 1).
     """
     if not 0.0 <= missing_fraction < 1.0:
         raise UsageError(f"a share of {missing_fraction} missing events; it lies between 0 and 1")

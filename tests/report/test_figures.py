@@ -10,7 +10,7 @@ from PIL import Image
 from insgnss.report.figures.run import pictures
 from insgnss.report.figures.style import MOST_POINTS, thin
 from insgnss.report.figures.support import _normal_mixture
-from insgnss.report.marks import OUTAGE_SHADE, REST_SHADE, marks_of
+from insgnss.report.marks import OUTAGE_SHADE, STATIONARY_SHADE, marks_of
 
 START = 205200.0
 ALL = ["map", "motion", "sigmas", "innovations", "biases", "separation"]
@@ -105,7 +105,7 @@ def test_stationary_periods_and_outages_are_shaded_in_every_figure_over_time(dia
     used = (d.fix_time <= START + 60) | (d.fix_time >= START + 110)
     marked = pictures(diagnostics(used=used, rests=np.array([[START, START + 30]])), None)
     for plain, shaded in zip(pictures(d, None), marked, strict=True):
-        for shade in (REST_SHADE, OUTAGE_SHADE):
+        for shade in (STATIONARY_SHADE, OUTAGE_SHADE):
             assert _pixels(plain.png, shade) == 0, plain.name
             assert plain.name == "map" or _pixels(shaded.png, shade) > 2000, plain.name
 

@@ -51,10 +51,12 @@ class NoisePanel:
     """One panel: the curves of one axis, or of axes that share a model, and the model fitted to
     them.
 
-    title : such as "x".   curves, labels : one a recording.
-    levels : those the fit used, all where None.
-    tau_s (k,), modelled (k,) : averaging times and wavelet variance, X^2, of the sum; empty where
-        nothing was fitted.
+    Parameters
+    ----------
+    title : such as "x".
+    curves, labels : one a recording.
+    levels : those the fit used, all where None. tau_s (k,), modelled (k,) : averaging times and
+        wavelet variance, X^2, of the sum; empty where nothing was fitted.
     parts : wavelet variance (k,) of each process by its name as
         `stochastic.theory.haar_variance_parts` has it.
     part_labels : words of each process, such as `process_label` writes.
@@ -78,6 +80,9 @@ class SpectrumPanel:
     q.
 
     frequency_hz, density (n,).
+
+    Parameters
+    ----------
     models : words and density (n,) of each.
     lines_hz : where lines stand out.
     """
@@ -93,6 +98,8 @@ class SpectrumPanel:
 def process_label(sensor: Sensor, process: str, value: float, time_s: float | None = None) -> str:
     """Words of a process with its strength in the units of data sheets.
 
+    Parameters
+    ----------
     process : name of a part, "gauss_markov_1" and the like with their correlation time, s.
     value : SI; of a Gauss-Markov process its stationary standard deviation.
     """
@@ -119,6 +126,8 @@ def draw_noise(
 ) -> bytes:
     """PNG of all panels of a sensor, one under the other.
 
+    Parameters
+    ----------
     title : the verdict in a few words; subtitle : model, recordings, what was left out.
     """
     from matplotlib.figure import Figure
@@ -144,8 +153,9 @@ def draw_noise(
 
 
 def draw_psd(panels: Sequence[SpectrumPanel], title: str, subtitle: str = "") -> bytes:
-    """PNG of spectra beside the noise models they are to be compared with; a column a sensor, in
-    the order of the panels.
+    """PNG of spectra beside the noise models they are to be compared with.
+
+    A column a sensor, in the order of the panels.
     """
     from matplotlib.figure import Figure
 
@@ -244,8 +254,9 @@ def _curve(
     label: str | None,
     light: bool,
 ) -> None:
-    """One recording: dots with their intervals; grey where the fit left them out, ringed where the
-    fit is clearly off.
+    """One recording: dots with their intervals.
+
+    Grey where the fit left them out, ringed where the fit is clearly off.
     """
     tau, deviation = curve.averaging_time_s, factor * _deviation(curve.variance)
     low, high = factor * _deviation(curve.low), factor * _deviation(curve.high)
@@ -385,8 +396,9 @@ def _clock(ax: Any, tau: tuple[float, float]) -> None:
 
 
 def _heights(panel: NoisePanel, factor: float) -> tuple[float, float]:
-    """Limits of the vertical axis: all deviations and the sum; intervals and processes may run out
-    of it.
+    """Limits of the vertical axis: all deviations and the sum.
+
+    Intervals and processes may run out of it.
     """
     shown = np.concatenate(
         [

@@ -57,6 +57,8 @@ def recognition_picture(
 ) -> bytes:
     """PNG of the curves that `recognise.recognition` lists; what is absent is noted.
 
+    Parameters
+    ----------
     orientations : words of the 24 orientations of curves["orientation"].
     """
     from matplotlib.figure import Figure
@@ -203,8 +205,9 @@ def _orientations(
 
 
 def _lag(ax: Any, curves: Mapping[str, Array], offset: str) -> None:
-    """Share of what GNSS saw that the IMU explains, against the time offset; `offset` is the offset
-    found, with its unit.
+    """Share of what GNSS saw that the IMU explains, against the time offset.
+
+    `offset` is the offset found, with its unit.
     """
     dress(ax)
     ax.set_title("Agreement against the time offset", loc="left", size=9)

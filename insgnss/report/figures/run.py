@@ -48,8 +48,11 @@ class Picture:
 def pictures(
     diagnostics: Diagnostics, eo: ExteriorOrientation | None, standing: bool = False
 ) -> tuple[Picture, ...]:
-    """All pictures for which there is something to show. standing : the sensor stood at a given
-    place, and there are no fixes.
+    """All pictures for which there is something to show.
+
+    Parameters
+    ----------
+    standing : the sensor stood at a given place, and there are no fixes.
     """
     d = diagnostics
     images = eo if eo is not None and len(eo.images) > 0 else None

@@ -78,8 +78,9 @@ def length_unit(typical: float) -> tuple[float, str]:
 
 
 def sheet(rows: int, columns: int, height: float, **options: Any) -> tuple[Any, NDArray[Any]]:
-    """Figure 10 inches wide with axes (rows, columns), a restrained grid in each; options go to
-    `Figure.subplots`.
+    """Figure 10 inches wide with axes (rows, columns), a restrained grid in each.
+
+    Options go to `Figure.subplots`.
     """
     from matplotlib.figure import Figure
 

@@ -72,7 +72,8 @@ def _points(ax: Any, t: Array, y: Array, used: NDArray[np.bool_]) -> None:
 
 def _nis(ax: Any, beside: Any, t: Array, d: Diagnostics, kept: NDArray[np.bool_]) -> None:
     """NIS over time on a logarithmic scale, and its distribution by ln NIS, where chi-square with 3
-    degrees of freedom has the density x^(3/2) exp(-x/2) / sqrt(2 pi)."""
+    degrees of freedom has the density x^(3/2) exp(-x/2) / sqrt(2 pi).
+    """
     low, high = 1e-2, 4.0 * max(d.nis_limit, NIS_95)
     shown = np.clip(d.nis, low, high)
     ax.axhline(d.nis_limit, color="black", lw=1.0)

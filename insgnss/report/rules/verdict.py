@@ -79,8 +79,9 @@ def limits(figures: Figures) -> list[Limit]:
 
 
 def verdict(ranked: Sequence[Limit]) -> list[str]:
-    """The first sentences of `limits`; where none of them is more than a remark, one that says so
-    stands before them.
+    """The first sentences of `limits`.
+
+    Where none of them is more than a remark, one that says so stands before them.
     """
     sentences = [limit.sentence for limit in ranked[:MOST_SENTENCES]]
     return sentences if stands_out(ranked) else [NOTHING_STANDS_OUT, *sentences]

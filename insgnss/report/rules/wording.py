@@ -17,9 +17,12 @@ MG_PER_M_S2 = 1e3 / STANDARD_GRAVITY
 class Limit:
     """One thing that limits a flight.
 
+    Parameters
+    ----------
     topic : what it is about, one word or two.
     rank : how many times it exceeds what a good flight shows; below 1 it is a remark.
-    text : what, how much, where and why.   help : what would help, or nothing.
+    text : what, how much, where and why.
+    help : what would help, or nothing.
     """
 
     topic: str

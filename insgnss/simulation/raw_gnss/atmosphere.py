@@ -62,8 +62,9 @@ LOWEST_DEG = 2.0
 
 @dataclass(frozen=True)
 class Weather:
-    """Air at the base's antenna: pressure there, not reduced to sea level; temperature; relative
-    humidity, 0 to 1.
+    """Air at the base's antenna: pressure there, not reduced to sea level.
+
+    Temperature; relative humidity, 0 to 1.
     """
 
     pressure_hpa: float = 957.0
@@ -133,8 +134,9 @@ class Troposphere:
         return 1e-6 * total
 
     def table(self, lowest: float, highest: float, lowest_elevation: float) -> Any:
-        """Spline over height, m, and elevation, rad, of the delay times the sine of the elevation;
-        called with `grid=False`.
+        """Spline over height, m, and elevation, rad, of the delay times the sine of the elevation.
+
+        Called with `grid=False`.
         """
         from scipy.interpolate import RectBivariateSpline
 
@@ -147,7 +149,8 @@ class Troposphere:
 @dataclass(frozen=True)
 class Ionosphere:
     """The shell of (A.4): its site's latitude and longitude, rad, V0 m, V' m/s, G (north, east)
-    m/m, amplitude of the wave m, its direction (north, east), its phase rad."""
+    m/m, amplitude of the wave m, its direction (north, east), its phase rad.
+    """
 
     site: tuple[float, float]
     vertical_m: float

@@ -100,9 +100,15 @@ def constellation(
     their time of ephemeris.
 
     Any instant between is within an hour (GLONASS: a quarter) of a message of each satellite.
+
+    Parameters
+    ----------
     systems : of G and R.
-    Raises UsageError for another system, for times that are none of a flight, and for a negative
-    seed.
+
+    Raises
+    ------
+    UsageError
+        For another system, for times that are none of a flight, and for a negative seed.
     """
     if not systems or set(systems) - set("GR") or seed < 0:
         raise UsageError(

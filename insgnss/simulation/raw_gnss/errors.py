@@ -40,7 +40,10 @@ class Tracking:
     """How often lock suffers: rates per satellite and hour, more often by `turn_factor` where the
     bank exceeds `turn_bank_deg`.
 
-    reported_share : of the slips.   outage_s : shortest and longest loss of a satellite.
+    Parameters
+    ----------
+    reported_share : of the slips.
+    outage_s : shortest and longest loss of a satellite.
     """
 
     slips_per_hour: float = 4.0
@@ -82,6 +85,8 @@ class Tracking:
 class Locks:
     """Locks of n epochs and s satellites on two bands.
 
+    Parameters
+    ----------
     held : (n, s, 2).
     cycles : (n, s, 2) integers to be added to the phase.
     report : (n, s, 2) loss of lock reported.
@@ -97,8 +102,9 @@ class Locks:
 def clock(
     n: int, interval: float, offset_s: float, drift: float, rng: np.random.Generator
 ) -> Array:
-    """(n,) s, clock minus GPST at epochs `interval` s apart; start and drift are drawn, evenly and
-    normally, of these sizes.
+    """(n,) s, clock minus GPST at epochs `interval` s apart.
+
+    Start and drift are drawn, evenly and normally, of these sizes.
     """
     start, rate = rng.uniform(-offset_s, offset_s), drift * rng.standard_normal()
     frequency = rate + np.cumsum(FREQUENCY_WALK * np.sqrt(interval) * rng.standard_normal(n))
@@ -129,8 +135,9 @@ def noise(
 def track(
     visible: Flags, bank: Array, interval: float, tracking: Tracking, rng: np.random.Generator
 ) -> Locks:
-    """Locks on satellites that could be `visible` (n, s), at a `bank` (n,), rad, of the antenna;
-    epochs `interval` s apart.
+    """Locks on satellites that could be `visible` (n, s), at a `bank` (n,), rad, of the antenna.
+
+    Epochs `interval` s apart.
     """
     outage, slip = rng.spawn(2)
     n, s = visible.shape

@@ -38,6 +38,8 @@ MARGIN_DEG = 1.0
 class Antenna:
     """A receiver's antenna at n epochs.
 
+    Parameters
+    ----------
     stamp : (n,) s by its clock.
     time : (n,) s, true.
     clock_s : (n,) stamp - time.
@@ -74,7 +76,8 @@ class Satellites:
 @dataclass(frozen=True, eq=False)
 class Paths:
     """Ways of signals, all (n, s): range m, its rate m/s, satellite clock m and its rate m/s,
-    azimuth and elevation rad, and the sine of the elevation above the antenna's plane."""
+    azimuth and elevation rad, and the sine of the elevation above the antenna's plane.
+    """
 
     distance: Array
     rate: Array
@@ -93,8 +96,11 @@ def satellites_in_view(
     error_m: float,
     rng: np.random.Generator,
 ) -> Satellites:
-    """Satellites that stand above the mask of a place (3,) m, ECEF, within `span`, s; error_m : sd
-    of each axis, and of the clock.
+    """Satellites that stand above the mask of a place (3,) m, ECEF, within `span`, s.
+
+    Parameters
+    ----------
+    error_m : sd of each axis, and of the clock.
     """
     codes = np.unique(navigation.satellite)
     apart = np.abs(navigation.table[:, TOE] - 0.5 * (span[0] + span[1]))

@@ -25,12 +25,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FixEpisode:
-    """A period without fixed ambiguities; times are s after the record's start, directions north,
-    east, down.
+    """A period without fixed ambiguities.
 
-    quality : of `records.qualities`.   sigma_m : of the error, which replaces that of the other
-                                        fixes and has
-    this `correlation_time_s` (0: white).   claim_m : what the fixes say of it; None: the truth.
+    Times are s after the record's start, directions north, east, down.
+
+    Parameters
+    ----------
+    quality : of `records.qualities`.
+    sigma_m : of the error, which replaces that of the other fixes and has this `correlation_time_s`
+        (0: white).
+    claim_m : what the fixes say of it; None: the truth.
     """
 
     start_s: float
@@ -53,10 +57,14 @@ class FixEpisode:
 
 @dataclass(frozen=True)
 class GnssOptions:
-    """How the receiver measures and errs; directions are north, east, down, times s after the
-    record's start.
+    """How the receiver measures and errs.
 
-    sigma_m : white errors.   correlated_sigma_m, correlation_time_s : a Gauss-Markov error on top.
+    Directions are north, east, down, times s after the record's start.
+
+    Parameters
+    ----------
+    sigma_m : white errors.
+    correlated_sigma_m, correlation_time_s : a Gauss-Markov error on top.
     claim_correlated : whether the fixes claim the sum of both, or the white part alone.
     outlier_fraction, outlier_m : share of fixes displaced in a random direction, by a distance in
         this range, beyond their claim.
@@ -92,8 +100,12 @@ class GnssOptions:
 def simulate_gnss(
     flight: Flight, rig: Rig, options: GnssOptions, rng: np.random.Generator
 ) -> tuple[GnssFixes, NDArray[np.bool_]]:
-    """Fixes of the antenna, and which of them are outliers, (n,). Raises UsageError when outages
-    leave none.
+    """Fixes of the antenna, and which of them are outliers, (n,).
+
+    Raises
+    ------
+    UsageError
+        When outages leave none.
     """
     motion = flight.motion
     white, correlated, gross, bad = rng.spawn(4)

@@ -51,6 +51,8 @@ class ObservationTable:
     """What a receiver observed in n epochs: m rows, one for each satellite of an epoch, of k
     observations.
 
+    Parameters
+    ----------
     time : (n,) s, GPST of `gps_week` by the receiver's clock, increasing.
     epoch : (m,) place in `time`, not decreasing.
     satellite : (m,) such as "G05".
@@ -106,8 +108,11 @@ class ObservationTable:
 
 @dataclass(frozen=True)
 class Station:
-    """What a header says of a receiver; position_m : (3) m ECEF of the antenna, approximate or
-    known; the antenna has no offsets.
+    """What a header says of a receiver.
+
+    Parameters
+    ----------
+    position_m : (3) m ECEF of the antenna, approximate or known; the antenna has no offsets.
     """
 
     marker: str
@@ -119,8 +124,11 @@ class Station:
 def write_observations(path: File, station: Station, table: ObservationTable) -> None:
     """Write a RINEX 2.11 observation file; whole or not at all.
 
-    Raises UsageError where it cannot be written, or a number is beyond its 14 columns (add or take
-    off whole cycles from a phase).
+    Raises
+    ------
+    UsageError
+        Where it cannot be written, or a number is beyond its 14 columns (add or take off whole
+        cycles from a phase).
     """
     atomic_write(path, _observation_lines(path, station, table))
 
@@ -193,8 +201,9 @@ def _record(text: str, label: str) -> str:
 
 
 def _program(when: datetime) -> str:
-    """The record of the program; the file is dated by its content, so that the same content is the
-    same file.
+    """The record of the program.
+
+    The file is dated by its content, so that the same content is the same file.
     """
     month = ("JAN", "FEB", "MAR", "APR", "MAY", "JUN", "JUL", "AUG", "SEP", "OCT", "NOV", "DEC")[
         when.month - 1

@@ -62,21 +62,24 @@ class RawGnssOptions:
     """How rover and base measure and err.
 
     rate_hz, base_rate_hz.
+
+    Parameters
+    ----------
     systems : of G and R.
-    base_offset_m : north, east, up of the base from the site's origin, up along the
-        ellipsoidal normal.   elevation_mask_deg; antenna_mask_deg : against the plane of the
-                              antenna, which banks.
+    base_offset_m : north, east, up of the base from the site's origin, up along the ellipsoidal
+        normal.   elevation_mask_deg; antenna_mask_deg : against the plane of the antenna, which
+        banks.
     code_sigma_m, phase_sigma_m : white; code_multipath_m, phase_multipath_m : Gauss-Markov of
-        multipath_s; all at zenith, and over the
-        sine of the elevation.   doppler_sigma_ms : white.
-    iono_vertical_m, iono_rate_ms, iono_gradient (m/m, of random direction), iono_wave_m : of the
-    delay on L1 (`raw_air`). The first alone
-        shortens a baseline, as the engine finds it from L1 and L2, by 0.6 mm/km for each metre; it
-        must outweigh the gradient over the 1500 km to where the lowest rays pierce the shell.
+        multipath_s; all at zenith, and over the sine of the elevation.
+    doppler_sigma_ms : white. iono_vertical_m, iono_rate_ms, iono_gradient (m/m, of random
+        direction), iono_wave_m : of the delay on L1 (`raw_air`). The first alone shortens a
+        baseline, as the engine finds it from L1 and L2, by 0.6 mm/km for each metre; it must
+        outweigh the gradient over the 1500 km to where the lowest rays pierce the shell.
     weather : at the base.
     clock_offset_s, clock_drift : of either receiver, the first drawn evenly up to this, the second
         a standard deviation.
-    clock_jump_s : 0.001 for millisecond jumps, 0 for none.   hardware_bias_m : sd of B.
+    clock_jump_s : 0.001 for millisecond jumps, 0 for none.
+    hardware_bias_m : sd of B.
     glonass_code_bias_m : sd for each frequency number.
     glonass_phase_bias_m : of the rover against the base, times the number.
     broadcast_error_m : sd of each axis of an orbit and of its clock.
@@ -147,6 +150,8 @@ class RawObservations:
     """What one receiver writes, n epochs and m rows (a satellite in an epoch), and the truth at its
     epochs.
 
+    Parameters
+    ----------
     gps_week : of all times.
     stamp : (n,) s, by the receiver's clock, on its grid: the epoch's time in the file.
     epoch : (m,) place of the row's epoch, not decreasing.
@@ -187,10 +192,13 @@ class Slips:
 class RawGnss:
     """Raw GNSS data of a flight.
 
+    Parameters
+    ----------
     rover, base : observations with their truth.
     navigation : the messages.
     events : (e,) s, camera events by the rover's clock.
-    base_position_m : (3,) m, ECEF, of the base's phase centre.   weather : true, at the base.
+    base_position_m : (3,) m, ECEF, of the base's phase centre.
+    weather : true, at the base.
     """
 
     rover: RawObservations
@@ -235,8 +243,14 @@ def simulate_raw_gnss(
 ) -> RawGnss:
     """Raw data of rover and base over a whole flight.
 
-    events : of the same flight, at their true times.   Raises UsageError where the masks leave a
-                                                        receiver fewer than five satellites.
+    Parameters
+    ----------
+    events : of the same flight, at their true times.
+
+    Raises
+    ------
+    UsageError
+        Where the masks leave a receiver fewer than five satellites.
     """
     common, moving, standing, clocks = rng.spawn(4)
     rover = _rover(flight, rig, options, clocks)
