@@ -19,12 +19,10 @@ KERNELS, FONTS = "NUMBA_CACHE_DIR", "MPLCONFIGDIR"
 
 @cache
 def settle() -> str:
-    """Set the variables of numba and matplotlib where these would find no place.
+    """Set the variables of numba and matplotlib where these would find no directory.
 
-    A line that says so, "" where there is nothing to say.
-
-    Has to run before a kernel is defined. Where not even a temporary directory can be written, the
-    variables stay unset.
+    The result is a line that says so, "" where there is nothing to say. It has to run before a
+    kernel is defined. Where not even a temporary directory can be written, the variables stay unset.
     """
     if os.name == "nt" or _writable(_cache_home()):
         return ""

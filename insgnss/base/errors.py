@@ -64,7 +64,7 @@ class DataError(InsgnssError):
 
 
 def near(word: str, choices: Iterable[str], likeness: float = 0.6) -> str:
-    """Advice for a word that is not known: the nearest of the known ones, or all of them."""
+    """Return advice for a word that is not known: the nearest choice, or all of them."""
     import difflib
 
     names = list(choices)

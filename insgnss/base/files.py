@@ -30,7 +30,7 @@ def atomic_write(
 
 
 def json_ready(value: Any) -> Any:
-    """`value` with arrays as lists, paths as text and numbers that are not finite as null."""
+    """Return `value` with arrays as lists, paths as text and not finite numbers as null."""
     if isinstance(value, dict):
         return {str(key): json_ready(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -33,7 +33,7 @@ _TYPE_NAMES = {
 class Table:
     """A table of the file: its checked values by key, and errors that know the line.
 
-    Default ``...`` means required.
+    The default ``...`` means required.
     """
 
     path: Path
@@ -43,7 +43,7 @@ class Table:
     data: Mapping[str, Any]
 
     def error(self, key: str, problem: str) -> InputError:
-        """Error at the line of `key`, of its table where the key is absent."""
+        """Return an error at the line of `key`, of its table where the key is absent."""
         full = ".".join(filter(None, (self.name, key)))
         line, prefix = None, full
         while prefix and line is None:
@@ -51,8 +51,9 @@ class Table:
         return InputError.at(self.path, line, f"{full}: {problem}")
 
     def check_keys(self) -> None:
-        """Refuse a key that this table does not know, naming the nearest one or the table it
-        belongs to.
+        """Refuse a key that this table does not know.
+
+        The error names the nearest key, or the table that it belongs to.
         """
         own_keys = self.keys[self.name]
         for key in self.data:
@@ -70,7 +71,7 @@ class Table:
                 raise self.error(key, f"unknown {'key' if self.name else 'table or key'}; {advice}")
 
     def table(self, key: str) -> "Table":
-        """Sub-table, empty where it is absent, its keys checked."""
+        """Return a sub-table, its keys checked; it is empty where it is absent."""
         value = self.value(key, dict, {})
         sub = Table(
             self.path, self.lines, self.keys, ".".join(filter(None, (self.name, key))), value
@@ -79,7 +80,7 @@ class Table:
         return sub
 
     def tables(self, key: str) -> "list[Table]":
-        """Array of sub-tables ([[name]]), empty where it is absent, their keys checked."""
+        """Return an array of sub-tables ([[name]]), their keys checked, empty where it is absent."""
         items = self.value(key, list, [])
         if not all(isinstance(item, dict) for item in items):
             raise self.error(
@@ -153,7 +154,7 @@ class Table:
         return values
 
     def matrix(self, key: str) -> NDArray[np.float64]:
-        """(3, 3) finite numbers."""
+        """Return (3, 3) finite numbers."""
         rows = self.value(key, list, ...)
         if len(rows) != 3 or not all(
             isinstance(row, list) and len(row) == 3 and all(is_number(v) for v in row)
@@ -163,16 +164,16 @@ class Table:
         return np.array(rows, dtype=np.float64)
 
     def texts(self, key: str, default: Any) -> Any:
-        """A tuple of texts, none empty."""
+        """Return a tuple of texts, none empty."""
         values = self.value(key, list, list(default))
         if not all(isinstance(v, str) and v for v in values):
             raise self.error(key, f"{reprlib.repr(values)}, expected a list of texts")
         return tuple(values)
 
     def columns(self) -> Columns:
-        """`columns`, a list of names or a table { canonical = "name in the file" }.
+        """Return `columns`, a list of names or a table { canonical = "name in the file" }.
 
-        The result is None where absent.
+        The result is None where it is absent.
         """
         value = self.data.get("columns")
         if isinstance(value, dict):
@@ -187,11 +188,11 @@ class Table:
         return None if value is None else self.texts("columns", ())
 
     def resolve(self, name: str) -> Path:
-        """Path of a name given relative to the file."""
+        """Return the path of a name given relative to the file."""
         return self.path.parent / name
 
     def file(self, key: str) -> Path:
-        """Path of a file that is there and not empty."""
+        """Return the path of a file that exists and is not empty."""
         name = self.text(key)
         path = self.resolve(name)
         if path.is_dir():
@@ -241,8 +242,9 @@ def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
 
 
 def _key_lines(text: str) -> dict[str, int]:
-    """Line, counted from 1, of every table header and of every key that begins a line, by its
-    dotted name.
+    """Line, counted from 1, of every table header and of every key that begins a line.
+
+    The keys are dotted names.
     """
     lines: dict[str, int] = {}
     table = ""

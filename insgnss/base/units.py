@@ -166,8 +166,12 @@ class _Parser:
 
 
 def parse_unit(text: str) -> Unit:
-    """Unit of an expression such as "deg/s^2/sqrt(Hz)". Raises InputError, naming the nearest unit
-    where one is unknown.
+    """Return the unit of an expression such as "deg/s^2/sqrt(Hz)".
+
+    Raises
+    ------
+    InputError
+        Where a unit is unknown; the message names the nearest one.
     """
     return _Parser(_plain(text), text).whole()
 
@@ -212,8 +216,9 @@ def rounded(value: float, unit: str, digits: int) -> float:
 
 
 def format_quantity(value: float, unit: str) -> str:
-    """Shortest text in `unit` that `parse_quantity` turns back into exactly `value` (SI), in SI
-    digits where no text in `unit` does.
+    """Return the shortest text in `unit` that `parse_quantity` turns back into exactly `value`.
+
+    `value` is SI; the text has SI units where no text in `unit` does.
     """
     scale = parse_unit(unit).scale
     for digits in range(1, 18):

@@ -36,8 +36,9 @@ TABLES = (RawGnss, GnssInput, Air, CameraInput, ImageMatch, RoverEvents, Tangent
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb: those that the tables of the flight file declare, and where the
-    files go.
+    """Add the options of the verb.
+
+    They are those that the tables of the flight file declare, and where the files go.
     """
     add_options(parser, TABLES, required=("base", "navigation"))
     parser.add_argument(

@@ -216,8 +216,9 @@ def _from_zero(text: str) -> float:
 
 
 def _files_anywhere(parser: argparse.ArgumentParser) -> None:
-    """Let recordings stand behind options, too, and a list of columns begin with the "-" that
-    leaves one out.
+    """Let recordings stand behind options, too.
+
+    A list of columns may begin with the "-" that leaves one out.
     """
     plain = parser.parse_known_args
 

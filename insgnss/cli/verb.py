@@ -115,8 +115,9 @@ def print_json(document: Any) -> None:
 
 
 def report_error(line: str, code: int, as_json: bool) -> None:
-    """Print an error as one line on standard error and, with `as_json`, as a document on standard
-    output.
+    """Print an error as one line on standard error; with `as_json` also as JSON.
+
+    The JSON document goes to standard output.
     """
     line = " ".join(line.split())
     print(f"insgnss: {line}", file=sys.stderr)

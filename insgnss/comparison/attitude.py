@@ -215,8 +215,9 @@ def _angles(b: Poses) -> Iterator[Trial]:
 
 
 def _changes(names: tuple[str, str, str]) -> Iterator[tuple[str, str, Change]]:
-    """Angles in another order, with other signs, or in another unit: name, statement, change of (n,
-    3).
+    """Angles in another order, with other signs, or in another unit.
+
+    Each is name, statement, and change of (n, 3).
     """
     for order in list(permutations(range(3)))[1:]:
         moved = [names[k] for k in range(3) if order[k] != k]
@@ -252,8 +253,9 @@ def _on_angles(take: Change, rotation: Change, change: Change) -> Callable[[Pose
 
 
 def _of_the_angles(b: Poses) -> Array:
-    """The rotation of which the angles of the file are: camera right-up-back into the frame's axes,
-    or body into NED.
+    """The rotation of which the angles of the file are.
+
+    It is camera right-up-back into the frame's axes, or body into NED.
     """
     assert b.C_Ex is not None
     if b.x == "body":

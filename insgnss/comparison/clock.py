@@ -59,8 +59,9 @@ def by_names(matched: Matched) -> Finding | None:
 
 
 def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
-    """The shift of b's stamps that explains the differences of poses matched by time, and the match
-    with it taken off.
+    """Find the shift of b's stamps that explains the differences of poses matched by time.
+
+    The match with it taken off comes with it; None where no shift explains them.
     """
     scored = [
         (score, shift)
@@ -104,8 +105,9 @@ def leap_words(late_s: float) -> str:
 
 
 def _spread(a: Poses, b: Poses, shift: float) -> float | None:
-    """rms, m, of what s and l of (T.1) leave of the horizontal differences, with `shift` added to
-    b's stamps; None where too few meet.
+    """rms, m, of what s and l of (T.1) leave of the horizontal differences.
+
+    `shift` is added to b's stamps. The result is None where too few meet.
     """
     matched = _sampled(a, b, shift)
     if matched is None:

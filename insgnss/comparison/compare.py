@@ -198,9 +198,9 @@ def _explained(matched: Matched) -> tuple[Poses, list[Finding]]:
 
 
 def components(a: Poses, b: Poses) -> tuple[Component, ...]:
-    """Differences b minus a: east, north, up.
+    """Return the differences b minus a, component by component.
 
-    Velocities; turns about east, north, up, or roll, pitch, heading of bodies.
+    They are east, north, up; turns about east, north, up; velocities, where both files have them.
     """
     d, s = difference(a, b), _sigma(a.cov_position, b.cov_position)
     out = [

@@ -107,8 +107,10 @@ class Poses:
 
 @dataclass(frozen=True)
 class CoordinateFrame:
-    """Frame of coordinates in a file: its kind as in `MapFrame`, origin (rad, rad, m) of a tangent
-    plane, definition of a projected CRS.
+    """Frame of the coordinates in a file.
+
+    It has a kind as in `MapFrame`, origin (rad, rad, m) of a tangent plane, definition of a
+    projected CRS.
     """
 
     kind: str
@@ -116,9 +118,9 @@ class CoordinateFrame:
     projection: MapProjection | None = None
 
     def resolved(self, x: Array, path: object) -> tuple[Array, Array, Array, Array]:
-        """Latitude, longitude, rad, height, m (n,), and C_fE (n, 3, 3) of coordinates (n, 3).
+        """Return latitude, longitude, rad, height, m (n,), and C_fE (n, 3, 3) of `x` (n, 3).
 
-        Longitude before latitude, rad.
+        Geographic coordinates are longitude before latitude, rad.
         """
         if self.kind == "geographic":
             return x[:, 1], x[:, 0], x[:, 2], np.broadcast_to(np.eye(3), (len(x), 3, 3))

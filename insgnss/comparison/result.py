@@ -199,9 +199,7 @@ class Comparison:
         }
 
     def figure(self) -> bytes:
-        """PNG of the differences over time, or over the images, and what remains after the
-        findings.
-        """
+        """Draw the differences over time, or over the images, and what remains; return the PNG."""
         from ..report.figures.comparison import ComparisonPanel, Curve, draw_comparison
 
         def curve(c: Component) -> Curve:

@@ -157,8 +157,9 @@ def _block(table: TextTable, of: dict[str, int], names: tuple[str, ...]) -> Arra
 def _attitude(
     table: TextTable, of: dict[str, int], layout: Layout
 ) -> tuple[Array | None, Array, Array | None]:
-    """Angles (n, 3) rad, the camera (right, down, viewing direction) into their axes, and the
-    Jacobian of psi by the angles.
+    """Angles (n, 3) rad, the camera's rotation into their axes, and the Jacobian of psi by them.
+
+    The camera has axes right, down, viewing direction.
     """
     if layout.angle_set == "quaternion":
         return None, rotation_from_quaternion(_block(table, of, ("qw", "qx", "qy", "qz"))), None

@@ -132,8 +132,9 @@ def export(
 def _relative(
     name: str, framed: FramedOrientation, eo: ExteriorOrientation, options: dict[str, Any]
 ) -> RelativeControl:
-    """Relative control by the options noise (a noise model's name, path, or itself), form and
-    gap_s.
+    """Relative control by the options noise, form and gap_s.
+
+    noise is a noise model's name, path, or itself.
     """
     noise = options.pop("noise", None)
     if noise is None:

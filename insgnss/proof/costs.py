@@ -85,8 +85,9 @@ def residual(scene: Scene, C_mc: Array, centre: Array) -> float:
 
 
 def of_the_grid(scene: Scene, projection: MapProjection, ground_m: float | None) -> float:
-    """Greatest residual, px, that a tool finds in the right file because it takes the coordinates
-    of the grid for Cartesian ones.
+    """Return the greatest residual, px, that a tool finds in the right file.
+
+    It arises because the tool takes the coordinates of the grid for Cartesian ones.
     """
     eo = in_frame(scene.eo, "projected", projection, ground_m)
     off = project(eo.C_fc, eo.coordinates, projection.forward(*scene.geodetic.T)) - scene.pixels

@@ -129,8 +129,9 @@ def make_scene(projection: MapProjection | None = None) -> Scene:
 
 
 def _site(projection: MapProjection) -> Array:
-    """Latitude and longitude, rad: the usual place where the CRS reaches it, else one off the
-    middle of the area of use.
+    """Latitude and longitude, rad, of the scene.
+
+    It is the usual site where the CRS reaches it, else one off the middle of the area of use.
     """
     area = projection.horizontal.area_of_use
     lat, lon = SITE

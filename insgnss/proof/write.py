@@ -148,9 +148,7 @@ def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
 
 
 def _tangent(scene: Scene, form: Export) -> tuple[str, float]:
-    """The tangent plane of a format in words, and how far, m, its origin lies below that of the
-    scene.
-    """
+    """The tangent plane of a format in words, and how far, m, its origin lies below the scene's."""
     eo = in_frame(scene.eo, TANGENT)
     own = form.in_own_frame(eo)
     return own.frame.name, eo.frame.origin[2] - own.frame.origin[2]
@@ -159,8 +157,9 @@ def _tangent(scene: Scene, form: Export) -> tuple[str, float]:
 def _beside(
     scene: Scene, kind: str, projection: MapProjection | None, words: str, up: float
 ) -> dict[str, str]:
-    """Points in the frame of the export (a tangent plane `up` m lower) and on the globe, their
-    pixels, the camera: texts by file name.
+    """Points in the frame of the export and on the globe, their pixels, the camera, by file name.
+
+    A tangent plane of the export lies `up` m lower.
     """
     lat, lon, h = scene.geodetic.T
     globe = np.column_stack([np.degrees(lon), np.degrees(lat), h])

@@ -18,9 +18,9 @@ MOST_LISTED = 100
 
 
 def segments(d: Diagnostics) -> Array:
-    """(k, 2) s, first and last instant of each segment that was solved by itself.
+    """Return the first and last instant, (k, 2) s, of each segment that was solved by itself.
 
-    Without any given, all is one.
+    Without any given, all is one segment.
     """
     return np.array(d.segments or [(d.time[0], d.time[-1])], dtype=np.float64)
 
@@ -39,8 +39,9 @@ def median_interval(d: Diagnostics) -> float | None:
 
 
 def outages(d: Diagnostics) -> Array:
-    """(k, 2) s, begin and length of every time without a used fix that is long against the interval
-    of the fixes, in order.
+    """Return begin and length, (k, 2) s, of the times without a used fix, in order.
+
+    Only times that are long against the interval of the fixes count.
     """
     interval = median_interval(d)
     if interval is None or not d.used.any():
@@ -50,8 +51,9 @@ def outages(d: Diagnostics) -> Array:
 
 
 def longest_outage(d: Diagnostics) -> dict[str, Any]:
-    """The longest time without a used fix, and the largest smoothed horizontal and vertical sigma
-    within it.
+    """Return the longest time without a used fix.
+
+    With it come the largest smoothed horizontal and vertical sigma within it.
     """
     intervals = without_fix(segments(d), d.fix_time, d.used)
     begin, length = intervals[int(np.argmax(intervals[:, 1]))]
@@ -59,8 +61,9 @@ def longest_outage(d: Diagnostics) -> dict[str, Any]:
 
 
 def outage_figures(d: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[str, Any]]:
-    """Of the longest outages, in the order of time: sigmas in them, fixes that were rejected in
-    them, and their images.
+    """Return the figures of the longest outages, in the order of time.
+
+    They hold the sigmas, the fixes that were rejected, and the images within each.
     """
     longest = outages(d)
     longest = longest[np.sort(np.argsort(-longest[:, 1], kind="stable")[:MOST_LISTED])]

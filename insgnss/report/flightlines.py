@@ -95,8 +95,9 @@ def _wrapped(angle: float) -> float:
 
 
 def line_figures(d: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[str, Any]]:
-    """One row a line: time, course, length, images, and the median over them (without: over the
-    line) of the sigmas.
+    """Return one row a line: time, course, length, images, and median sigmas.
+
+    The median is over the images, without images over the line.
     """
     turned = np.unwrap(d.rpy[:, 2])
     exposed = np.zeros(d.time.size, dtype=bool)

@@ -36,8 +36,9 @@ KEY_LEFT, KEY_TOP_IN, KEY_LETTER = (
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """Pieces (k, 2) of the flight, minutes from its start: lines, stationary, without fixes,
-    without solution; exposures (n,).
+    """Pieces (k, 2) of the flight, minutes from its start, and exposures (n,).
+
+    The pieces are lines, stationary periods, times without fixes and without solution.
 
     Parameters
     ----------
@@ -94,8 +95,9 @@ def marks_of(d: Diagnostics, eo: ExteriorOrientation | None) -> Marks:
 
 
 def mark(figure: Any, axes: NDArray[Any], marks: Marks, lines: bool = False) -> None:
-    """Shade `axes` (n,), which share their time, number the lines on the first where `lines`, ticks
-    of exposures on the last.
+    """Shade `axes` (n,), which share their time, and mark the exposures on the last.
+
+    Where `lines`, the lines are numbered on the first.
     """
     kinds = [(marks.lines, LINE_SHADE, "line")] if lines else []
     kinds += [

@@ -119,8 +119,9 @@ def page(summary: Mapping[str, Any], drawn: Iterable[Picture]) -> Iterator[str]:
 
 
 def _mood(summary: Mapping[str, Any]) -> str:
-    """good, doubtful or bad: bad for a contradiction, no fix used, or innovations far above their
-    sigmas.
+    """Return good, doubtful or bad.
+
+    It is bad for a contradiction, no fix used, or innovations far above their sigmas.
     """
     position = summary["consistency"]["position"]
     if (

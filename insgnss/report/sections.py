@@ -102,8 +102,9 @@ def _strong(text: str, strong: bool) -> str:
 
 
 def constants(s: Summary) -> str:
-    """What the flight estimated besides positions and attitudes: constants, and errors of the fixes
-    that are time-correlated.
+    """Return the section on what was estimated besides positions and attitudes.
+
+    It holds constants, and time-correlated errors of the fixes.
     """
     out = ""
     if s["states"]:
@@ -160,7 +161,7 @@ def segments_and_stationary_periods(s: Summary) -> str:
 
 
 def key_numbers(s: Summary) -> str:
-    """Sigmas, counts, biases, and what supports them."""
+    """Return the section of sigmas, counts, biases, and what supports them."""
     span, n, biases = s["span"], s["counts"], s["biases"]
     week = "" if span["gps_week"] is None else f"GPS week {span['gps_week']}, "
     minutes = (

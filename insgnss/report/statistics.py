@@ -29,9 +29,7 @@ NIS_95 = 7.814727903251179  # 95 % point of chi-square with 3 degrees of freedom
 
 
 def mean_bounds(dof: int) -> tuple[float, float]:
-    """Two-sided 99 % bounds (T.1) of a chi-square variable of `dof` degrees of freedom divided by
-    `dof`.
-    """
+    """Return the two-sided 99 % bounds (T.1) of a chi-square variable divided by its `dof`."""
     from scipy.special import chdtri
 
     tail = (1.0 - CONFIDENCE) / 2.0
@@ -84,8 +82,9 @@ def lag_one(x: Array) -> Array:
 
 
 def innovation_figures(innovation: Array, sigma: Array, used: Selection) -> dict[str, Any]:
-    """Mean, rms, what 68 % are within, and median sigma (mm) of the used innovations (k, 3) north,
-    east, down; their whiteness (T.2).
+    """Return statistics of the used innovations (k, 3) north, east, down, mm.
+
+    They are mean, rms, the bound of 68 %, the median sigma, and the whiteness (T.2).
     """
     kept = used & np.isfinite(innovation).all(axis=1)
     if not kept.any():
@@ -122,8 +121,9 @@ def normalised_rms(x: Array, sigma: Array) -> Array:
 
 
 def without_fix(spans: Array, fix_time: Array, used: Selection) -> Array:
-    """Begin and length, s, (n, 2), of the times between the used fixes, and between them and the
-    ends of each of `spans` (k, 2).
+    """Return begin and length, s, (n, 2), of the times between the used fixes.
+
+    The ends of each of `spans` (k, 2) count as fixes.
     """
     times = fix_time[used]
     pieces = []

@@ -68,8 +68,9 @@ def run_summary(
 
 
 def plain(value: Any) -> Any:
-    """`value` in JSON types: arrays as lists, numbers that are not finite as None, paths and the
-    like as text.
+    """Return `value` in JSON types.
+
+    Arrays become lists, numbers that are not finite None, paths and the like text.
     """
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
@@ -137,8 +138,9 @@ def _counts(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, int]:
 
 
 def image_sigmas(eo: ExteriorOrientation) -> tuple[Array, Array]:
-    """Standard deviations of the images in tangent-plane axes east, north, up: position (n, 3) m,
-    and psi (n, 3) rad.
+    """Return the standard deviations of the images: position (n, 3) m and psi (n, 3) rad.
+
+    The axes are those of the tangent plane, east, north, up.
     """
     sigma = np.sqrt(np.maximum(np.diagonal(eo.cov, axis1=1, axis2=2), 0.0))
     return sigma[:, :3], sigma[:, 3:]
@@ -190,8 +192,9 @@ def _velocity_consistency(d: Diagnostics) -> dict[str, Any] | None:
 
 
 def _separation(d: Diagnostics) -> dict[str, Any]:
-    """Backward minus forward: root mean square, and the same over its sigma (1 where both filters
-    are honest).
+    """Backward minus forward: root mean square, and the same over its sigma.
+
+    It is 1 where both filters are honest.
     """
     x, one = d.separation, np.ones_like(d.separation)
     rms, ratio = normalised_rms(x, one), normalised_rms(x, d.separation_sigma)
@@ -226,8 +229,9 @@ def _rejected(d: Diagnostics) -> dict[str, Any]:
 
 
 def _neighbours(eo: ExteriorOrientation) -> dict[str, Any]:
-    """Median sigma of the difference of neighbouring images, whose covariance is P_i + P_j - P_ij -
-    P_ij' (axes of the tangent plane).
+    """Median sigma of the difference of neighbouring images (axes of the tangent plane).
+
+    Its covariance is P_i + P_j - P_ij - P_ij'.
     """
     difference = eo.cov[:-1] + eo.cov[1:] - eo.cross - np.swapaxes(eo.cross, -1, -2)
     sigma = np.median(np.sqrt(np.maximum(np.diagonal(difference, axis1=1, axis2=2), 0.0)), axis=0)

@@ -36,7 +36,7 @@ class Units:
 
     @classmethod
     def of(cls, quantity: Quantity, gyro: str | None, accel: str | None) -> "Units":
-        """Of gyro and accelerometer, SI where None.
+        """Return the units of gyro and accelerometer; those that are None are SI.
 
         Raises
         ------
@@ -50,8 +50,9 @@ class Units:
         return cls(gyro, accel, *factors, 3 if increments else 0)
 
     def row(self) -> str:
-        """Format of one line: a step of 1e-9 rad/s and 1e-8 m/s^2 or less (1e-12 rad and 1e-11 m/s
-        of increments).
+        """Return the format of one line.
+
+        Its step is 1e-9 rad/s and 1e-8 m/s^2 or less (1e-12 rad and 1e-11 m/s of increments).
         """
         gyro = max(0, int(np.ceil(9 + self.more_digits + np.log10(self.gyro_si))))
         accel = max(0, int(np.ceil(8 + self.more_digits + np.log10(self.accel_si))))
@@ -59,8 +60,9 @@ class Units:
 
 
 def imu_file(simulated: SimulatedFlight, number: int = 1) -> str:
-    """The paper's name: f, number of the flight, 1 for NC1, sob for the deterministic calibration
-    applied.
+    """Return the path of the IMU file, named as the paper's.
+
+    The name has f, number of the flight, 1 for NC1, sob for the deterministic calibration applied.
     """
     plan = simulated.flight.plan
     return f"{IMU}/f{plan.first_image // 1000 if plan else 1}_{number}_sob.csv"
@@ -68,8 +70,9 @@ def imu_file(simulated: SimulatedFlight, number: int = 1) -> str:
 
 @dataclass(frozen=True)
 class RinexNames:
-    """Paths of the RINEX files, named as the paper's are: day of the year of the rover's, month and
-    day of the master's.
+    """Paths of the RINEX files, named as the paper's are.
+
+    The rover's have the day of the year, the master's month and day.
     """
 
     rover: str
@@ -88,8 +91,9 @@ class RinexNames:
 
 
 def _gnss_table(simulated: SimulatedFlight) -> dict[str, Any]:
-    """Table [gnss]: the RINEX files where there are some, with place and weather of the base, else
-    the positions.
+    """Table [gnss]: the RINEX files where there are some, else the positions.
+
+    Position and weather of the base come with the RINEX files.
     """
     if (raw := simulated.raw_gnss) is None:
         return {"file": FIXES}

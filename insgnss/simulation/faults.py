@@ -35,8 +35,9 @@ _WANDER = GaussMarkov.from_sigma(5.0, 0.02)
 
 @dataclass(frozen=True)
 class Stuck:
-    """A channel (of `CHANNELS`, sensor axes) that from `start_s` after the record's start on
-    repeats `value`; None: its last reading.
+    """A stuck channel (of `CHANNELS`, sensor axes), which repeats `value` from `start_s` on.
+
+    `start_s` counts from the record's start; without a `value` it is the channel's last reading.
     """
 
     channel: str
@@ -53,7 +54,7 @@ class Stuck:
 class Vibration:
     """Engine vibration (V.1) from `start_s` after the record's start for `duration_s`.
 
-    Amplitudes in m/s^2 and rad/s.
+    The amplitudes are in m/s^2 and rad/s.
     """
 
     accel_ms2: float = 2.0

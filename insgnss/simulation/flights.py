@@ -198,9 +198,7 @@ def _smoothstep(x: Array) -> Array:
 def _exposures(
     path: Path, s: Array, clock: Array, plan: FlightPlan, duration: float, rng: np.random.Generator
 ) -> tuple[Array, NDArray[np.int64], Array]:
-    """Times (s from the start), line numbers and planned spacings (m) of the exposures within the
-    record.
-    """
+    """Times (s from the start), line numbers and planned spacings (m) of the record's exposures."""
     where, line, spacing = [], [], []
     for i in np.flatnonzero(path.line > 0):
         base = plan.camera.base(path.height0[i], plan.forward_overlap)

@@ -97,8 +97,9 @@ def walk(
     gait: Gait = WALKER,
     start_tow: float = START_TOW,
 ) -> Flight:
-    """A person who carries the rig in the hand: steps, sway, and a heading that wanders about the
-    way; it stands for `stand_s` first.
+    """Return the motion of a person who carries the rig in the hand.
+
+    The person takes steps, sways, wanders in heading about the way, and stands for `stand_s` first.
     """
     rng = np.random.default_rng(seed)
     path, s = _journey(gait, minutes, stand_s, rng)
@@ -123,8 +124,9 @@ def _flight(name: str, position: Array, angles: Array, start_tow: float) -> Flig
 def _journey(
     gait: Gait, minutes: float, stand_s: float, rng: np.random.Generator
 ) -> tuple[Path, Array]:
-    """A path with bends of a quarter turn, about as many to the right as to the left, and the
-    length travelled at each knot.
+    """A path with bends of a quarter turn, and the length travelled at each knot.
+
+    About as many bends go to the right as to the left.
     """
     if not minutes > 0.5 or stand_s < 0.0:
         raise UsageError(
@@ -170,9 +172,7 @@ def _timetable(path: Path, gait: Gait, halts: list[tuple[float, float]]) -> tupl
 
 
 def _smoothed(path: Path, s: Array) -> tuple[Array, Array, Array]:
-    """Position (n, 3), course (n,), unwrapped, and (n,) between 0 at rest and 1 on the move, at the
-    knots.
-    """
+    """Position (n, 3), unwrapped course (n,), and (n,) 0 at rest to 1 on the move, at the knots."""
     from scipy.ndimage import gaussian_filter1d
 
     position, course = path.pose_at(s)

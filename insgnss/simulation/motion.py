@@ -120,17 +120,18 @@ class Motion:
         return value
 
     def position(self, time: ArrayLike, derivative: int = 0) -> Array:
-        """(n, 3) m in l, or its derivative with respect to time (1 velocity, 2 acceleration, ...),
-        at `time` (n,) s.
+        """Return the position (n, 3) m in l at `time` (n,) s, or its derivative by time.
+
+        Derivative 1 is the velocity, 2 the acceleration, and so on.
         """
         return self._channels(time, derivative, slice(0, 3))
 
     def velocity(self, time: ArrayLike) -> Array:
-        """(n, 3) m/s in l, with respect to the Earth."""
+        """Return the velocity (n, 3) m/s in l, with respect to the Earth."""
         return self.position(time, 1)
 
     def acceleration(self, time: ArrayLike) -> Array:
-        """(n, 3) m/s^2 in l, with respect to the Earth."""
+        """Return the acceleration (n, 3) m/s^2 in l, with respect to the Earth."""
         return self.position(time, 2)
 
     def angles(self, time: ArrayLike, derivative: int = 0) -> Array:

@@ -41,9 +41,7 @@ def _angle(x: float) -> float:
 def _words(
     d: float, a: float, b: float
 ) -> list[tuple[tuple[int, int, int], tuple[float, float, float]]]:
-    """Turn signs and normalised lengths of the words that exist from (0, 0, a) to (d, 0, b), radius
-    1.
-    """
+    """Turn signs and normalised lengths of the words from (0, 0, a) to (d, 0, b), radius 1."""
     sa, sb, ca, cb, cab = sin(a), sin(b), cos(a), cos(b), cos(a - b)
     words: list[tuple[tuple[int, int, int], tuple[float, float, float]]] = []
     for s in (1, -1):  # RSR and LSL, one the mirror image of the other
@@ -173,8 +171,9 @@ class Path:
         return float(self.s0[-1] + self.length[-1])
 
     def pose_at(self, s: Array) -> tuple[Array, Array]:
-        """North, east, down (n, 3), m, and course (n,), rad, after the lengths s (n,), m, held at
-        the path's ends (P.1).
+        """Return north, east, down (n, 3), m, and course (n,), rad, after the lengths s (n,), m.
+
+        Beyond the path's ends the pose is that of the end (P.1).
         """
         s = np.clip(s, 0.0, self.total)
         i = np.clip(np.searchsorted(self.s0, s, side="right") - 1, 0, self.s0.size - 1)

@@ -134,8 +134,9 @@ class SecondImu:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedImu:
-    """Samples in the sensor's own axes as recorded, and the slow errors (n, 3) in body axes, rad/s
-    and m/s^2.
+    """Samples in the sensor's own axes as recorded, and the slow errors of the sensor.
+
+    The slow errors (n, 3) are in body axes, rad/s and m/s^2.
 
     Parameters
     ----------
@@ -210,8 +211,9 @@ def simulate_imu(
 
 
 def _shaken(motion: Motion, time: Array, vibration: float) -> Array:
-    """(n,) what vibration adds to white noise, in units of the model's: independent, so that the
-    sum is `vibration` times as large.
+    """What vibration adds to white noise, (n,), in units of the model's.
+
+    It is independent, so that the sum is `vibration` times as large.
     """
     moving = (
         np.linalg.norm(motion.velocity(np.clip(time, motion.start, motion.end)), axis=1) > MOVES_MS
@@ -253,8 +255,9 @@ def _erroneous(
 
 
 def antenna_states(motion: Motion, lever_b: ArrayLike, time: Array) -> tuple[Array, Array]:
-    """Position (n, 3) m and velocity (n, 3) m/s in l of a point at `lever_b` (3,) m in body axes
-    (S.2).
+    """Return position (n, 3) m and velocity (n, 3) m/s in l of a point of the body (S.2).
+
+    The point is at `lever_b` (3,) m in body axes.
     """
     C_lb, lever = motion.C_lb(time), np.asarray(lever_b, dtype=np.float64)
     turn = np.cross(motion.omega_lb_b(time), lever)

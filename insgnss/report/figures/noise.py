@@ -48,8 +48,7 @@ _LEFT, _RIGHT = 0.075, 0.69
 
 @dataclass(frozen=True, eq=False)
 class NoisePanel:
-    """One panel: the curves of one axis, or of axes that share a model, and the model fitted to
-    them.
+    """One panel: the curves of one axis, or of axes that share a model, and the fitted model.
 
     Parameters
     ----------
@@ -76,10 +75,9 @@ class NoisePanel:
 
 @dataclass(frozen=True, eq=False)
 class SpectrumPanel:
-    """Root density of one channel, X/sqrt(Hz), as the noise model has it: white noise q is level at
-    q.
+    """Root density of one channel, X/sqrt(Hz), as the noise model has it.
 
-    frequency_hz, density (n,).
+    White noise q is level at q. `frequency_hz` and `density` are (n,).
 
     Parameters
     ----------

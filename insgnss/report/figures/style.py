@@ -21,10 +21,10 @@ WHOLE = (slice(None),)
 
 
 def thin(y: Array, limit: int = MOST_POINTS) -> NDArray[np.int64]:
-    """Rows of `y` (n,) that a line needs to look as all of it: smallest and largest of each of
-    limit / 2 intervals, first and last.
+    """Return the rows of `y` (n,) that a line needs to look as all of it.
 
-    An interval without finite value keeps one, so that the line stays broken there.
+    They are the smallest and largest of each of limit / 2 intervals, and the first and last. An
+    interval without finite value keeps one, so that the line stays broken there.
     """
     if y.size <= limit:
         return np.arange(y.size)
@@ -152,9 +152,7 @@ def png(figure: Any) -> bytes:
 
 
 def _place_labels(figure: Any) -> None:
-    """Put axis labels at one distance (inches) from their axes, instead of measuring all tick
-    labels for it.
-    """
+    """Put axis labels at one distance (inches) from their axes, without measuring tick labels."""
     width, height = figure.get_size_inches()
     for ax in figure.axes:
         box = ax.get_position()

@@ -21,7 +21,7 @@ EARTH_RATE_DEG_H = 15.041
 
 
 def standing(f: Figures) -> Iterator[Limit]:
-    """A sensor at a given place."""
+    """Yield the accuracy of a sensor at a given position."""
     if not f["standing"]:
         return
     attitude, bias = (
@@ -45,7 +45,7 @@ def standing(f: Figures) -> Iterator[Limit]:
 
 
 def code(f: Figures) -> Iterator[Limit]:
-    """Absolute position where no ambiguities were fixed."""
+    """Yield the absolute position where no ambiguities were fixed (float ambiguities, code)."""
     north, east, down = f["trajectory"]["position_mm"]["median"]
     horizontal = math.hypot(north, east)
     if horizontal < CODE_MM:
@@ -75,8 +75,9 @@ def code(f: Figures) -> Iterator[Limit]:
 
 
 def _relative_mm(f: Figures, axis: int) -> float:
-    """Sigma of the change in a minute of Gauss-Markov errors, 2 s^2 (1 - exp(-t / T)) each: a bound
-    for what uses the IMU as well.
+    """Sigma of the change in a minute of Gauss-Markov errors, 2 s^2 (1 - exp(-t / T)) each.
+
+    It is a bound for what uses the IMU as well.
     """
     changes = [
         2.0 * error["sigma_m"][axis] ** 2 * -math.expm1(-MINUTE_S / error["time_s"])
@@ -86,7 +87,7 @@ def _relative_mm(f: Figures, axis: int) -> float:
 
 
 def heights(f: Figures) -> Iterator[Limit]:
-    """Heights that are much weaker than the rest."""
+    """Yield heights that are much less accurate than the horizontal."""
     north, east, down = f["trajectory"]["position_mm"]["median"]
     ratio = down / max(north, east)
     if ratio < HEIGHT_RATIO or f["standing"]:
@@ -107,7 +108,7 @@ def heights(f: Figures) -> Iterator[Limit]:
 
 
 def overall_attitude(f: Figures) -> Iterator[Limit]:
-    """Heading and tilt of the whole flight against what a good flight shows."""
+    """Yield heading and tilt of the whole flight against what a good flight shows."""
     if f["standing"]:
         return
     median = (f["exposures"] or f["trajectory"])["attitude_deg"]["median"]
@@ -139,7 +140,7 @@ def overall_attitude(f: Figures) -> Iterator[Limit]:
 
 
 def gyro_bias(f: Figures) -> Iterator[Limit]:
-    """Gyro biases that the flight left unknown."""
+    """Yield gyro biases that the flight left undetermined."""
     sigma = f["biases"]["gyro_sigma_deg_h"]
     worst = max(range(3), key=lambda k: sigma[k])
     if sigma[worst] < GOOD_GYRO_DEG_H:
@@ -158,8 +159,9 @@ def gyro_bias(f: Figures) -> Iterator[Limit]:
 
 
 def states(f: Figures) -> Iterator[Limit]:
-    """Constants that the flight was to estimate: those it does not determine, and what came out of
-    the others.
+    """Yield what became of the constants that the flight was to estimate.
+
+    Those that it does not determine come first, then the values of the others.
     """
     typical = max(f["trajectory"]["position_mm"]["median"])
     of_imu, estimated = [], []

@@ -30,8 +30,9 @@ OVERRULED, REMARK, UNSUPPORTED = (
 
 
 def judged(consistency: Figures) -> str:
-    """Verdict where it matters: within NIS_MATTERS the sigmas agree for all that their user can
-    tell.
+    """Return the verdict where it matters.
+
+    Within NIS_MATTERS the sigmas agree for all that their user can tell.
     """
     ratio = consistency["mean_per_dof"]
     if ratio is not None and NIS_MATTERS[0] <= ratio <= NIS_MATTERS[1]:
@@ -40,15 +41,16 @@ def judged(consistency: Figures) -> str:
 
 
 def contradicted(f: Figures) -> bool:
-    """Whether parts of the flight contradict the sigmas: covariance resets, or forward and backward
-    disagree.
+    """Return whether parts of the flight contradict the sigmas.
+
+    They do where the covariance was reset, or where forward and backward disagree.
     """
     ratios = [r for of in f["separation"]["normalised_rms"].values() for r in of if r]
     return bool(f["covariance_resets_s"]) or any(r > SEPARATION_MATTERS for r in ratios)
 
 
 def rejected(f: Figures) -> Iterator[Limit]:
-    """Fixes and velocities that the gate left out."""
+    """Yield the fixes and velocities that the gate rejected."""
     some, most = [], 0.0
     for total, key in (("fixes", "fixes_rejected"), ("velocities", "velocities_rejected")):
         n, out = f["counts"].get(total, 0), f["counts"].get(key, 0)
@@ -71,7 +73,7 @@ def rejected(f: Figures) -> Iterator[Limit]:
 
 
 def covariance_resets(f: Figures) -> Iterator[Limit]:
-    """Where the filter lost the fixes."""
+    """Yield the covariance resets after rejected fixes."""
     times = f["covariance_resets_s"]
     if times:
         instants = ", ".join(f"{time:.1f}" for time in times[:5]) + (
@@ -91,7 +93,7 @@ def covariance_resets(f: Figures) -> Iterator[Limit]:
 
 
 def nis(f: Figures) -> Iterator[Limit]:
-    """Innovations against their sigmas."""
+    """Yield innovations that do not agree with their sigmas (NIS)."""
     for quantity in ("position", "velocity"):
         c = f["consistency"][quantity]
         if c is None or judged(c) in ("consistent", "unknown"):
@@ -194,7 +196,7 @@ def _why_correlated(f: Figures, text: str, sign: float) -> tuple[str, str]:
 
 
 def separation(f: Figures) -> Iterator[Limit]:
-    """Forward against backward."""
+    """Yield the separation of forward and backward where it exceeds its sigmas."""
     axes, worst = f["separation"]["axes"], []
     for state, ratios in f["separation"]["normalised_rms"].items():
         determined = [(r, axis) for r, axis in zip(ratios, axes, strict=True) if r is not None]
@@ -246,7 +248,7 @@ def time_correlated(f: Figures) -> Iterator[Limit]:
 
 
 def checks(f: Figures) -> Iterator[Limit]:
-    """What the checks of the input found, but for what other rules tell with its effect."""
+    """Yield what the checks of the input found, but for what other rules report with its effect."""
     covered = ["IMU rate"] * bool(f["imu_gaps"] or len(f["segments"]) > 1) + ["GNSS rate"] * bool(
         f["outages"]
     )

@@ -20,8 +20,9 @@ REMARK = 0.5
 
 
 def attitude(f: Figures) -> Iterator[Limit]:
-    """The line, and else the first image, whose heading or tilt is weak, with what was flown before
-    it.
+    """Yield the line, and else the first image, whose heading or tilt is least accurate.
+
+    What was flown before it is the reason given.
     """
     for name in ("heading", "tilt"):
         line = _weakest(f, f"{name}_deg")
@@ -32,7 +33,7 @@ def attitude(f: Figures) -> Iterator[Limit]:
 
 
 def position(f: Figures) -> Iterator[Limit]:
-    """The line whose position is weak, but for an outage, which has a rule of its own."""
+    """Yield the line of the least accurate position, but for an outage, which has its own rule."""
     line = _weakest(f, "horizontal_mm")
     if line is not None and _ratio(f, line, "horizontal_mm") > 1.0 and _outage_on(f, line) is None:
         yield from _on_line(f, line, "horizontal", "horizontal_mm", millimetres)
@@ -121,7 +122,7 @@ def _first_image(f: Figures, name: str) -> Iterator[Limit]:
 
 
 def worst_image(f: Figures) -> Iterator[Limit]:
-    """An image that is much weaker than the others, but for the first."""
+    """Yield an image that is much less accurate than the others, but for the first."""
     e = f["exposures"]
     if e is None:
         return
@@ -146,7 +147,7 @@ def worst_image(f: Figures) -> Iterator[Limit]:
 
 
 def outage(f: Figures) -> Iterator[Limit]:
-    """Times without fixes: the one in which the sigmas grow most, and how many others there are."""
+    """Yield the outage in which the sigmas grow most, and the number of the others."""
     if not f["outages"] or f["standing"]:
         return
     worst = max(f["outages"], key=lambda o: (float(o["horizontal_mm"]), float(o["length_s"])))
@@ -168,7 +169,7 @@ def outage(f: Figures) -> Iterator[Limit]:
 
 
 def segments(f: Figures) -> Iterator[Limit]:
-    """Segments that were solved by themselves."""
+    """Yield the segments that were solved by themselves."""
     spans = f["segments"]
     if len(spans) > 1:
         missing_s = sum(after[0] - before[1] for before, after in itertools.pairwise(spans))
@@ -180,7 +181,7 @@ def segments(f: Figures) -> Iterator[Limit]:
 
 
 def gaps(f: Figures) -> Iterator[Limit]:
-    """Missing samples of the IMU."""
+    """Yield the missing samples of the IMU."""
     bridged = f["imu_gaps"]
     if bridged:
         longest = max(bridged, key=lambda gap: float(gap["length_s"]))

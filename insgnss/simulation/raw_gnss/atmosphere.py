@@ -62,9 +62,9 @@ LOWEST_DEG = 2.0
 
 @dataclass(frozen=True)
 class Weather:
-    """Air at the base's antenna: pressure there, not reduced to sea level.
+    """Air at the base's antenna: pressure, temperature and relative humidity.
 
-    Temperature; relative humidity, 0 to 1.
+    The pressure is that there, not reduced to sea level; the humidity is 0 to 1.
     """
 
     pressure_hpa: float = 957.0
@@ -114,8 +114,9 @@ class Troposphere:
         return np.asarray(77.6890 * (P - e) / T + 71.2952 * e / T + 375463.0 * e / T**2)
 
     def slant_delay(self, height: ArrayLike, elevation: ArrayLike) -> Array:
-        """Delay, m, at heights, m, below the tropopause, and elevations, rad, above 2 degrees, that
-        broadcast with each other (A.2).
+        """Return the delay, m, at heights, m, and elevations, rad, that broadcast (A.2).
+
+        Heights are below the tropopause, elevations above 2 degrees.
         """
         height, elevation = np.broadcast_arrays(
             np.asarray(height, dtype=np.float64), np.asarray(elevation, dtype=np.float64)
@@ -163,8 +164,9 @@ class Ionosphere:
     def delay(
         self, elapsed: Array, receiver: tuple[Array, Array, Array], azimuth: Array, elevation: Array
     ) -> Array:
-        """Delay of the code on L1, m, (n, s), at `elapsed` (n,) s, of receivers at `receiver`:
-        latitude, longitude, rad, height, m, (n,).
+        """Return the ionospheric delay of the code on L1, m, (n, s), at `elapsed` (n,) s.
+
+        `receiver` is latitude, longitude, rad, height, m, (n,).
         """
         lat, lon, height = (x[:, None] for x in receiver)
         low = (

@@ -185,8 +185,9 @@ def _gps_elements(toe: float, rng: np.random.Generator) -> Array:
 
 
 def _kepler_messages(elements: Array, toe: Array) -> Array:
-    """(k, COLUMNS) messages of `elements` (COLUMNS,) at toe (k,) s of the first one's week (C.1,
-    C.2).
+    """Messages (k, COLUMNS) of `elements` (COLUMNS,) at toe (k,) s (C.1, C.2).
+
+    toe is of the first one's week.
     """
     row = np.tile(elements, (toe.size, 1))
     since = toe - elements[TOE]
@@ -227,8 +228,9 @@ def _glonass_messages(toe: Array, rng: np.random.Generator) -> Array:
 
 
 def _glonass_start(rng: np.random.Generator) -> tuple[Array, Array]:
-    """Positions and velocities (24, 3), m and m/s, in the axes of the Earth, of nearly circular
-    orbits (planes by table 4.4 of the ICD).
+    """Positions and velocities (24, 3), m and m/s, in the axes of the Earth, of near circles.
+
+    The planes are those of table 4.4 of the ICD.
     """
     plane, slot = np.divmod(np.arange(24), 8)
     ecc, perigee = rng.uniform(1e-4, 2e-3, 24), rng.uniform(0.0, 2.0 * np.pi, 24)
@@ -266,9 +268,7 @@ def _in_plane(u: Array, incl: Array, node: Array) -> Array:
 
 
 def _integrated(start: Array, lunisolar: Array, elapsed: Array) -> Array:
-    """(n, k, 6) states at `elapsed` (k,) s from 0, in order, of satellites that start with `start`
-    (n, 6).
-    """
+    """States (n, k, 6) at `elapsed` (k,) s from 0, in order, of satellites from `start` (n, 6)."""
     from scipy.integrate import solve_ivp
 
     def rate(_: float, flat: Array) -> Array:

@@ -102,7 +102,7 @@ class Locks:
 def clock(
     n: int, interval: float, offset_s: float, drift: float, rng: np.random.Generator
 ) -> Array:
-    """(n,) s, clock minus GPST at epochs `interval` s apart.
+    """Return the clock minus GPST (n,) s, at epochs `interval` s apart.
 
     Start and drift are drawn, evenly and normally, of these sizes.
     """
@@ -121,8 +121,9 @@ def noise(
     interval: float,
     rng: np.random.Generator,
 ) -> Array:
-    """(n, s) m, white and Gauss-Markov noise of s satellites over the `sine` (n, s) of their
-    elevation.
+    """Return white and Gauss-Markov noise (n, s), m, of s satellites.
+
+    It is over the `sine` (n, s) of their elevation.
     """
     out = white_m * rng.standard_normal(sine.shape)
     if correlated_m > 0.0:
@@ -135,9 +136,9 @@ def noise(
 def track(
     visible: Flags, bank: Array, interval: float, tracking: Tracking, rng: np.random.Generator
 ) -> Locks:
-    """Locks on satellites that could be `visible` (n, s), at a `bank` (n,), rad, of the antenna.
+    """Return the locks on satellites that could be `visible` (n, s), at a `bank` (n,), rad.
 
-    Epochs `interval` s apart.
+    The epochs are `interval` s apart; the bank is that of the antenna.
     """
     outage, slip = rng.spawn(2)
     n, s = visible.shape

@@ -61,8 +61,10 @@ class Antenna:
 
 @dataclass(frozen=True, eq=False)
 class Satellites:
-    """Satellites (s,) in view: row of the navigation, frequency number, and errors of orbit (s, 3)
-    m, ECEF, and clock (s,) m.
+    """Satellites (s,) in view.
+
+    They have a row of the navigation, frequency number, and errors of orbit (s, 3) m, ECEF, and
+    clock (s,) m.
     """
 
     navigation: Navigation
@@ -75,8 +77,10 @@ class Satellites:
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """Ways of signals, all (n, s): range m, its rate m/s, satellite clock m and its rate m/s,
-    azimuth and elevation rad, and the sine of the elevation above the antenna's plane.
+    """Ways of signals, all (n, s).
+
+    They are range m, its rate m/s, satellite clock m and its rate m/s, azimuth and elevation rad,
+    and the sine of the elevation above the antenna's plane.
     """
 
     distance: Array

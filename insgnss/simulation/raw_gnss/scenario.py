@@ -178,8 +178,9 @@ class RawObservations:
 
 @dataclass(frozen=True, eq=False)
 class Slips:
-    """Cycle slips (k,): stamp s, satellite, cycles (k, 2) on L1 and L2, reported (k,) as loss of
-    lock or not.
+    """Cycle slips (k,) of a receiver.
+
+    They have stamp s, satellite, cycles (k, 2) on L1 and L2, reported (k,) as loss of lock or not.
     """
 
     stamp: Array
@@ -225,8 +226,10 @@ class _Scene:
 
 @dataclass(frozen=True)
 class _Receiver:
-    """What is a receiver's own: its rate, its share of the rates of slips and losses, its bias of
-    GLONASS phases for each number, m.
+    """What is a receiver's own.
+
+    It has a rate, a share of the rates of slips and losses, and a bias of GLONASS phases for each
+    number, m.
     """
 
     rate_hz: float
@@ -362,8 +365,9 @@ def _clock(
 
 
 def _clock_at(time: Array, receiver: Antenna, jump_s: float) -> Array:
-    """Clock minus GPST (k,) s at instants (k,) of GPST: linear between epochs but for the jumps,
-    which come with the later epoch.
+    """Clock minus GPST (k,) s at instants (k,) of GPST.
+
+    It is linear between epochs but for the jumps, which come with the later epoch.
     """
     if jump_s == 0.0:
         return np.interp(time, receiver.time, receiver.clock_s)
