@@ -22,7 +22,8 @@ def settle() -> str:
     """Set the variables of numba and matplotlib where these would find no directory.
 
     The result is a line that says so, "" where there is nothing to say. It has to run before a
-    kernel is defined. Where not even a temporary directory can be written, the variables stay unset.
+    kernel is defined. Where not even a temporary directory can be written, the variables stay
+    unset.
     """
     if os.name == "nt" or _writable(_cache_home()):
         return ""

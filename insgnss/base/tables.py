@@ -80,7 +80,7 @@ class Table:
         return sub
 
     def tables(self, key: str) -> "list[Table]":
-        """Return an array of sub-tables ([[name]]), their keys checked, empty where it is absent."""
+        """Return an array of sub-tables ([[name]]), keys checked, empty where it is absent."""
         items = self.value(key, list, [])
         if not all(isinstance(item, dict) for item in items):
             raise self.error(

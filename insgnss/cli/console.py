@@ -44,8 +44,9 @@ class Progress:
 
 
 class Parser(argparse.ArgumentParser):
-    """Parser whose complaints are `UsageError` and whose epilog may be a function, called only
-    where help is asked for.
+    """Parser whose complaints are `UsageError`.
+
+    Its epilog may be a function, called only where help is asked for.
 
     A word that begins as a negative number does is a value, as in "--origin -46.5,6.5,0", and never
     an option.

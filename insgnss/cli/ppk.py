@@ -98,9 +98,14 @@ class PpkRun:
 def ppk(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun:
     """Do what the parsed command line asks for.
 
+    Parameters
+    ----------
     draw : PNG of the series of a result (`report.figures.gnss.draw_quality`).
 
-    Raises UsageError, InputError and DataError of the steps, in the words of the command line.
+    Raises
+    ------
+    UsageError, InputError, DataError
+        Of the steps, in the words of the command line.
     """
     with spoken_as(names_of()):
         try:

@@ -97,8 +97,8 @@ def integrate_signals(
 ):
     """Write the integrals of the signals from elapsed[k] to elapsed[k + 1] to out (n, 6).
 
-    `elapsed` (n + 1,) is in s from the motion's start. Gauss-Legendre (nodes, weights on -1 to 1) on
-    every part of an interval that lies within one piece, where the signals are analytic.
+    `elapsed` (n + 1,) is in s from the motion's start. Gauss-Legendre (nodes, weights on -1 to 1)
+    on every part of an interval that lies within one piece, where the signals are analytic.
     """
     work = np.empty((4, 3))
     signal = np.empty(6)

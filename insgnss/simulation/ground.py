@@ -38,8 +38,10 @@ _SHAKE_S, _SHAKE_ROLL, _SHAKE_M = (
 
 @dataclass(frozen=True)
 class Gait:
-    """How a vehicle goes: speed m/s, acceleration along and across m/s^2, straights and radius of
-    bends m (shortest, longest).
+    """How a vehicle goes.
+
+    Its speed is in m/s, accelerations along and across in m/s^2, straights and radius of bends in m
+    (shortest, longest).
 
     Parameters
     ----------

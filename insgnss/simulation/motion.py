@@ -203,8 +203,9 @@ class Motion:
         lever_b: ArrayLike = (0.0, 0.0, 0.0),
         nodes: int = 4,
     ) -> ImuSamples:
-        """What an ideal inertial sensor in body axes, `lever_b` (3,) m from the body's point,
-        reports from start to end.
+        """Return what an ideal inertial sensor in body axes reports from start to end.
+
+        The sensor is at `lever_b` (3,) m from the body's point.
 
         The stamps are start + phase_s + k / rate_hz, k = 1, 2, ...; a mean rate or an increment
         covers the time since the stamp before (the first: since start + phase_s), between the very

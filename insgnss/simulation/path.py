@@ -67,8 +67,9 @@ def _words(
 
 
 def shortest_way(start: Pose, goal: Pose, radius: float) -> list[tuple[float, float]]:
-    """Curvature (1/m) and length (m) of the three segments of the shortest path from `start` to
-    `goal` with turns of `radius` m.
+    """Return curvature (1/m) and length (m) of the segments of the shortest path.
+
+    It has three segments from `start` to `goal`, with turns of `radius` m.
 
     No segment where start and goal are the same but for rounding, to which a word could answer with
     a full circle.

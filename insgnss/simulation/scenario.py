@@ -41,8 +41,9 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedFlight:
-    """Observations of a flight, in SI units (IMUs in their own axes), with the options that made
-    them, and the truth.
+    """Observations of a flight, with the options that made them, and the truth.
+
+    They are in SI units, IMUs in their own axes.
 
     Parameters
     ----------

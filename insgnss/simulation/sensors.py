@@ -178,8 +178,9 @@ def simulate_imu(
     rng: np.random.Generator,
     lever_b: ArrayLike = (0.0, 0.0, 0.0),
 ) -> SimulatedImu:
-    """Samples of an IMU over a whole flight (S.3), at `lever_b` (3,) m in body axes from the
-    motion's point.
+    """Simulate the samples of an IMU over a whole flight (S.3).
+
+    The IMU is at `lever_b` (3,) m in body axes from the motion's point.
     """
     C_bs = axes_matrix(options.axes)
     ideal = flight.motion.imu(

@@ -149,8 +149,10 @@ class Troposphere:
 
 @dataclass(frozen=True)
 class Ionosphere:
-    """The shell of (A.4): its site's latitude and longitude, rad, V0 m, V' m/s, G (north, east)
-    m/m, amplitude of the wave m, its direction (north, east), its phase rad.
+    """The ionospheric shell of (A.4).
+
+    It has its site's latitude and longitude, rad, V0 m, V' m/s, G (north, east) m/m, amplitude of
+    the wave m, its direction (north, east), its phase rad.
     """
 
     site: tuple[float, float]

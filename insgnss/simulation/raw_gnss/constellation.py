@@ -96,8 +96,9 @@ LONGEST_S = 86400.0
 def constellation(
     gps_week: int, start_tow: float, end_tow: float, systems: str = "GR", seed: int = 0
 ) -> Navigation:
-    """Messages of all satellites from `start_tow` to `end_tow`, s of `gps_week`, GPST, in order of
-    their time of ephemeris.
+    """Return the messages of all satellites in order of their time of ephemeris.
+
+    They are those from `start_tow` to `end_tow`, s of `gps_week`, GPST.
 
     Any instant between is within an hour (GLONASS: a quarter) of a message of each satellite.
 

@@ -37,8 +37,9 @@ LARGEST_RESTART = 100_000  # cycles by which an ambiguity differs when a satelli
 
 @dataclass(frozen=True)
 class Tracking:
-    """How often lock suffers: rates per satellite and hour, more often by `turn_factor` where the
-    bank exceeds `turn_bank_deg`.
+    """How often lock suffers: rates per satellite and hour.
+
+    It suffers more often by `turn_factor` where the bank exceeds `turn_bank_deg`.
 
     Parameters
     ----------

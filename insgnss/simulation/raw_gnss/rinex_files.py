@@ -48,8 +48,9 @@ _EPOCH_DAY = np.datetime64(GPS_EPOCH.date(), "D")
 
 @dataclass(frozen=True, eq=False)
 class ObservationTable:
-    """What a receiver observed in n epochs: m rows, one for each satellite of an epoch, of k
-    observations.
+    """What a receiver observed in n epochs.
+
+    It has m rows, one for each satellite of an epoch, of k observations.
 
     Parameters
     ----------
@@ -312,8 +313,9 @@ def _lines(letters: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def write_navigation(gps_path: File, glonass_path: File, navigation: Navigation) -> None:
-    """Write the messages of GPS and of GLONASS as RINEX 2.11 navigation files, each whole or not at
-    all.
+    """Write the messages of GPS and of GLONASS as RINEX 2.11 navigation files.
+
+    Each file is written whole or not at all.
 
     What the table of messages does not hold is nominal: a satellite is healthy, claims 2 m, has no
     group delay and a fit interval of four hours; its issue of data follows from the time of

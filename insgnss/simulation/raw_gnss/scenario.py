@@ -147,8 +147,9 @@ class RawGnssOptions:
 
 @dataclass(frozen=True, eq=False)
 class RawObservations:
-    """What one receiver writes, n epochs and m rows (a satellite in an epoch), and the truth at its
-    epochs.
+    """What one receiver writes, and the truth at its epochs.
+
+    It has n epochs and m rows (a satellite in an epoch).
 
     Parameters
     ----------
