@@ -1,5 +1,4 @@
-"""Where numba keeps the compiled kernels and matplotlib its fonts, for a user without a home
-directory.
+"""Where numba keeps compiled kernels and matplotlib its fonts for a user without a home directory.
 
 numba looks for a place when a kernel is defined: NUMBA_CACHE_DIR, `__pycache__` beside the source,
 the user's cache directory. On an installation that is not to be written such a user has none of

@@ -1,5 +1,6 @@
-"""Reading a TOML file so that every refusal names its line: tables whose values are checked as they
-are taken.
+"""Reading a TOML file so that every refusal names its line.
+
+The file is tables whose values are checked as they are taken.
 """
 
 import math

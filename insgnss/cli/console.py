@@ -1,5 +1,6 @@
-"""What a person sees of a run while it runs, and a parser that complains as the rest of the program
-does.
+"""What a person sees of a run while it runs, and the parser of the command line.
+
+The parser complains as the rest of the program does.
 """
 
 import argparse

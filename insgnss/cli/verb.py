@@ -1,6 +1,4 @@
-"""What the verbs of the command line have in common: how one is declared, and how its result is
-shown.
-"""
+"""What the verbs of the command line share: their declaration, and how a result is shown."""
 
 import argparse
 import json

@@ -1,5 +1,6 @@
-r"""Whether the clocks of two files agree: stamps of b that are early or late, by seconds or by
-milliseconds.
+r"""Whether the clocks of two files agree.
+
+Stamps of b may be early or late, by seconds or by milliseconds (latency).
 
 Files matched by time are matched anew with whole seconds added to b's stamps; of the shift that
 leaves least of the horizontal differences d the rest follows by least squares, until it does not

@@ -1,5 +1,6 @@
-"""The comparison itself: read, match, take the differences, take off what is recognised, and report
-what remains.
+"""The comparison itself.
+
+It reads, matches, takes the differences, takes off what is recognised, and reports what remains.
 """
 
 from collections.abc import Sequence

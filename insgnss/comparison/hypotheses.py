@@ -1,5 +1,6 @@
-"""How a hypothesis is judged: it is taken off b, and what remains of the differences says how much
-of them it explains.
+"""How a hypothesis is judged.
+
+It is taken off b, and what remains of the differences says how much of them it explains.
 
 Hypotheses are tried on at most `MOST` poses spread over all of them, and the one that is chosen is
 taken off all. Of those that explain `ENOUGH` of the squares the one that leaves least is stated,

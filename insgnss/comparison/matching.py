@@ -1,5 +1,6 @@
-r"""Which pose of one file belongs to which of the other: by image name, else by time, the denser
-file interpolated.
+r"""Which pose of one file belongs to which of the other.
+
+They are matched by image name, else by time, the denser file interpolated.
 
 Names are compared as they are and, where none agrees, without directory and ending.
 

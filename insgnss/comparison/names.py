@@ -1,5 +1,6 @@
-r"""Whether image names stand beside the poses of other images: a list of names and one of poses
-that were joined one line off.
+r"""Whether image names stand beside the poses of other images.
+
+It happens where a list of names and one of poses were joined one line off.
 
 With the images in the order of their times, of the file or of their names, and p their places,
 

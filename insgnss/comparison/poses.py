@@ -1,5 +1,6 @@
-"""What any of the files holds, brought to one form: geodetic positions, attitudes against true
-north, standard deviations where given.
+"""What any of the files holds, brought to one form.
+
+The form is geodetic positions, attitudes against true north, standard deviations where given.
 """
 
 from dataclasses import dataclass, field, replace

@@ -1,5 +1,6 @@
-r"""What may lie between positions: hypotheses on the horizontal and on the height, each taken off
-b.
+r"""What may lie between positions.
+
+There are hypotheses on the horizontal and on the height, each taken off b.
 
 With d = b - a (n, 3), east, north, up at a's points:
 

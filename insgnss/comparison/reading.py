@@ -1,5 +1,6 @@
-"""From a file of any readable format to `Poses`; the format is found by the file's ending and first
-bytes, or given by name.
+"""From a file of any readable format to `Poses`.
+
+The format is found by the file's ending and first bytes, or given by name.
 """
 
 import re

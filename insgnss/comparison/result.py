@@ -1,5 +1,6 @@
-"""What a comparison says: differences with statistics, and the mismatches that it recognised, each
-with its evidence.
+"""What a comparison says.
+
+It has differences with statistics, and the mismatches that it recognised, each with its evidence.
 """
 
 from dataclasses import dataclass, field

@@ -1,5 +1,6 @@
-"""Options of a format as texts, `--set KEY=VALUE`: turned into what the annotations of its writer
-say, or refused in one line.
+"""Options of a format as texts, `--set KEY=VALUE`.
+
+They are turned into what the annotations of its writer say, or refused in one line.
 """
 
 import inspect

@@ -1,5 +1,6 @@
-"""What the usual mistakes would look like in this scene: the median of the residuals, in pixels, of
-the points in the images.
+"""What the usual mistakes would look like in this scene.
+
+The figure is the median of the residuals, in pixels, of the points in the images.
 
 A mistake puts a camera elsewhere or turns it, C_mc to W C_mc or C_mc W, and the points are
 projected again. They are no more than signs to go by: a tool that adjusts the cameras distributes

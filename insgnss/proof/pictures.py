@@ -1,5 +1,6 @@
-"""The images of the scene: mottled ground, a cross on every point, the image's name; grey, 8 bits,
-TIFF without compression.
+"""The images of the scene: mottled ground, a cross on every point, the image's name.
+
+They are grey, 8 bits, TIFF without compression.
 
 Every pixel's ray is followed to the ground, so that tools find the same spots in all images. A
 cross has its middle at the point's pixel coordinates, to a fraction of a pixel: its arms are drawn

@@ -1,5 +1,6 @@
-"""`insgnss export --proof FORMAT DIR`: the scene in a format, with all that a tool needs to show
-its residuals.
+"""`insgnss export --proof FORMAT DIR`, the scene in a format.
+
+It comes with all that a tool needs to show its residuals.
 
 The export goes the way of every other export. Beside it stand the images, the points as ground
 control in the frame of the export, their pixels, the camera, and a README that says what to see.

@@ -1,6 +1,4 @@
-"""Times without fixes, stationary periods, which segments were solved by themselves, and
-which images this concerns.
-"""
+"""Times without fixes, stationary periods, segments solved by themselves, and their images."""
 
 from typing import Any
 

@@ -1,5 +1,6 @@
-"""The straight lines of a flight, numbered, with what is known on each: a surveyor plans, and
-repeats, by the line.
+"""The straight lines of a flight, numbered, with what is known on each.
+
+A surveyor plans, and repeats, by the line.
 
 A row belongs to a line where the chords over the `HALF_S` before and after it differ by less than
 `STRAIGHT_DEG` at more than a part `SLOWEST` of the flight's speed. Rows on end make a line if they

@@ -1,5 +1,6 @@
-"""What all figures over time mark in the same way: numbered lines, stationary periods, times
-without fixes, segments, exposures.
+"""What all figures over time mark in the same way.
+
+Numbered lines, stationary periods, times without fixes, segments, exposures.
 
 Shades run over the whole height of every axis, exposures stand as ticks on the lowest; the key is
 at the figure's top.

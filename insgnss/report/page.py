@@ -1,5 +1,6 @@
-"""report.html: one page without scripts or outside files, for the person who has to trust the
-images.
+"""report.html, one page without scripts or outside files.
+
+It is for the person who has to trust the images.
 
 The order is that of the questions: what accuracy, what limits it, line by line, how it looks, what
 was checked and thrown away, from what it was made. Every text is escaped; the pictures are PNG

@@ -1,5 +1,6 @@
-"""The sections of the page that answer its first questions: what limits the flight, which line is
-least accurate, what was estimated.
+"""The sections of the page that answer its first questions.
+
+What limits the flight, which line is least accurate, what was estimated.
 """
 
 from collections.abc import Mapping, Sequence

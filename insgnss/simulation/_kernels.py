@@ -1,5 +1,6 @@
-"""Compiled evaluation of a motion's inertial signals: rate and specific force in body axes, and
-their integrals over samples.
+"""Compiled evaluation of a motion's inertial signals.
+
+Rate and specific force in body axes, and their integrals over samples.
 
 A motion is six piecewise quintics (three of position in l, then roll, pitch, yaw) over pieces of
 equal length; formulas (M.n) are derived in `motion`.

@@ -1,5 +1,6 @@
-"""A simulated flight as a data set: the published tree (Figure 9 of paper 000), `flight.toml`, and
-the truth beside it.
+"""A simulated flight as a data set.
+
+The published tree (Figure 9 of paper 000), `flight.toml`, and the truth beside it.
 
     flight.toml  README.md  FLIGHT.md
     01_Observations/Camera/Data/Events.txt

@@ -1,5 +1,6 @@
-"""What is written beside a simulated flight's observations: where the files lie, their units, the
-flight file and the two readmes.
+"""What is written beside a simulated flight's observations.
+
+Where the files lie, their units, the flight file and the two readmes.
 """
 
 import json

@@ -1,5 +1,6 @@
-"""A flight from a trajectory that was flown: a spline through sampled poses, which then is the
-truth.
+"""A flight from a trajectory that was flown.
+
+A spline goes through the sampled poses, which then is the truth.
 
 Samples of position and attitude carry noise or rounding, and no accelerations. Their least-squares
 spline of `motion` (quintic, four times differentiable, knots every `knot_s`),

@@ -1,5 +1,6 @@
-"""What goes wrong between a sensor and its file: gaps, stuck channels, clocks, signs, vibration,
-and rows in disorder.
+"""What goes wrong between a sensor and its file.
+
+Gaps, stuck channels, clocks, signs, vibration, and rows in disorder.
 
 `ImuFaults` act on the samples, `RowFaults` on the rows of a written text file, which no record of
 the package could hold (time that does not increase). Everything random comes from the generator

@@ -1,5 +1,4 @@
-"""Survey flights of a small fixed wing: from a plan to an exact motion and the exposures along its
-lines.
+"""Survey flights of a small fixed wing, from a plan to an exact motion and its exposures.
 
 A flight is laid out over ground (`layout`) at a speed that wind and acceleration allow, sampled at
 the knots of a `Motion`, moved by gusts, and smoothed over 0.7 s, which gives turns and climbs their

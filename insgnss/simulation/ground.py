@@ -1,5 +1,6 @@
-"""Vehicles on the ground: a car that drives and stops without side slip, and a person who carries
-the rig.
+"""Vehicles on the ground.
+
+A car that drives and stops without side slip, and a person who carries the rig.
 
 The car's body point is the middle of its rear axle, which moves where the car points: yaw and pitch
 are those of the velocity,

@@ -1,5 +1,7 @@
-"""Exact motion: quintic B-splines of position and attitude, and everything an inertial sensor would
-feel, in closed form.
+"""Exact motion.
+
+Quintic B-splines of position and attitude, and everything an inertial sensor would feel, in closed
+form.
 
 Position p(t) of the body in the Earth-fixed local frame l and its roll, pitch and (unwrapped) yaw
 are quintic B-splines over knots of equal spacing h, four times continuously differentiable. Between

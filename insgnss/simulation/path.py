@@ -1,5 +1,4 @@
-"""Paths over ground made of straight lines and circular arcs, and the shortest way between two
-directed points (Dubins).
+"""Paths over ground of straight lines and circular arcs, and the shortest way (Dubins).
 
 Horizontal coordinates are north x and east y, the course counts from north through east, and a
 positive curvature turns right. From (x0, y0, c0) with curvature k, after the length s,

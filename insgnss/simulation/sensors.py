@@ -1,5 +1,7 @@
-"""Sensors on an exact motion: IMU and camera, with their errors and their mounting, and the
-antenna's place (`receiver` measures it).
+"""Sensors on an exact motion.
+
+IMU and camera, with their errors and their mounting, and the antenna's place (`receiver` measures
+it).
 
 Body axes b are the IMU's, turned to forward-right-down; T and B of paper 000 (equation 1) take them
 to the camera's,

@@ -1,5 +1,7 @@
-"""The picture of a comparison: differences of every component over time or images, with their
-standard deviations, and their distribution.
+"""The picture of a comparison.
+
+Differences of every component over time or images, with their standard deviations, and their
+distribution.
 
 Where a mismatch was recognised, the left column has the differences as they are and the right one
 what remains after it is taken off.

@@ -1,5 +1,6 @@
-"""The picture of one sensor's noise: deviation over averaging time with intervals, the fitted sum,
-and its processes one by one.
+"""The picture of one sensor's noise.
+
+Deviation over averaging time with intervals, the fitted sum, and its processes one by one.
 
 Drawn is the Allan deviation sqrt(2 nu) of the Haar wavelet variance nu, in deg/h or micro-g as data
 sheets have it. White noise falls with the root of time, quantization as time, random walk rises

@@ -1,5 +1,6 @@
-"""The picture that convinces: what the IMU felt against what GNSS saw, once it was recognised what
-the IMU is.
+"""The picture that convinces: what the IMU felt against what GNSS saw.
+
+It is drawn once it was recognised what the IMU is.
 
 Left, turn rate and specific force of both over the liveliest minutes: they lie on each other only
 if units, axes, signs and clock are right. Right, how far the best of the 24 orientations is ahead

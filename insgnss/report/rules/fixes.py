@@ -1,5 +1,6 @@
-"""Rules on whether the result can be trusted: fixes against prediction, forward against backward,
-the checks of the input.
+"""Rules on whether the result can be trusted.
+
+Fixes against prediction, forward against backward, the checks of the input.
 
 A sentence is given where a figure leaves what a good flight shows by enough to matter to its user,
 not where a test of a hundred thousand fixes can tell it from perfection; the limits stand below.

@@ -1,5 +1,6 @@
-"""Rules on where the result is weakest: a line, an image, an outage, a gap; each against the rest
-of the same flight.
+"""Rules on where the result is least accurate: a line, an image, an outage, a gap.
+
+Each is judged against the rest of the same flight.
 """
 
 import itertools

@@ -1,5 +1,6 @@
-"""What limits a flight, in plain sentences with numbers, the most important first, from the figures
-of `summary`.
+"""What limits a flight, in plain sentences with numbers, the most important first.
+
+The numbers are those of `summary`.
 
 Every rule looks at the figures and yields what it has to say, with a rank: how many times a figure
 exceeds what a good flight shows. The rules and their limits are in `rules_fixes`, `rules_accuracy`

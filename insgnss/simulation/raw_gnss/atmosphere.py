@@ -1,5 +1,6 @@
-"""What the air does to a signal of a satellite: the delay of the troposphere by a ray through its
-layers, and of the ionosphere by a shell.
+"""What the air does to a signal of a satellite.
+
+The delay of the troposphere by a ray through its layers, and of the ionosphere by a shell.
 
 Troposphere. Refractivity N of dry air and vapour (Rueger 2002, "best average") of temperature T,
 pressure P and vapour pressure e,

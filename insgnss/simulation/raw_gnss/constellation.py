@@ -1,5 +1,6 @@
-"""A made-up constellation of GPS and GLONASS satellites and what they broadcast: the messages of
-one smooth orbit and clock each.
+"""A made-up constellation of GPS and GLONASS satellites and what they broadcast.
+
+The messages of one smooth orbit and clock each.
 
 GPS: 31 satellites in six planes, 60 degrees apart. All messages of a satellite are the same motion,
 written for other times of ephemeris t_k = 7200 s k (symbols of `gnss.orbits`):

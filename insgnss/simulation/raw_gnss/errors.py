@@ -1,5 +1,6 @@
-"""A receiver's own part in what it measures: its clock, noise and reflections, and what it holds in
-lock.
+"""A receiver's own part in what it measures.
+
+Its clock, noise and reflections, and what it holds in lock.
 
 Clock. Offset dt of the receiver's clock from GPST at its epochs, of a start, a drift, and random
 walks of phase and of frequency. With jumps of J, what is written is dt - J round(dt / J): stamps,

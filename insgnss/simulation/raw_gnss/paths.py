@@ -1,5 +1,6 @@
-"""Ways of satellites' signals to a moving antenna: ranges and their rates, and where in the sky,
-and over the antenna, they come from.
+"""Ways of satellites' signals to a moving antenna.
+
+Ranges and their rates, and where in the sky, and over the antenna, they come from.
 
 A signal received at r_a(t) was sent at t - tau of system time, in axes that have since turned with
 the Earth:

@@ -1,5 +1,6 @@
-"""A GNSS receiver on an exact motion: positions and velocities of its antenna, with errors, claims,
-latency and degraded periods.
+"""A GNSS receiver on an exact motion.
+
+Positions and velocities of its antenna, with errors, claims, latency and degraded periods.
 
 The position of a fix is that of the antenna (S.2 of `sensors`) at the instant that the fix belongs
 to, its stamp less the latency.

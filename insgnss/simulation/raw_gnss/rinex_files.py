@@ -1,5 +1,6 @@
-"""Writing of RINEX 2.11: observations with external events, and the navigation of GPS (`.n`) and of
-GLONASS (`.g`).
+"""Writing of RINEX 2.11.
+
+Observations with external events, and the navigation of GPS (`.n`) and of GLONASS (`.g`).
 
 Columns are those of the format's tables A1 and A2 (observations), A3 and A4 (GPS), A10 and A11
 (GLONASS); RINEX 2.11 of 2012:

@@ -1,5 +1,6 @@
-"""What two GNSS receivers measure: codes, phases, Doppler and C/N0 of a rover on an
-exact motion and of a base beside it.
+"""What two GNSS receivers measure: codes, phases, Doppler and C/N0.
+
+They are a rover on an exact motion and a base beside it.
 
 A receiver with the clock offset dt writes at T = t + dt of its clock what it receives at t. With
 the range rho, and dts the offset of the satellite's clock when the signal was sent (`raw_paths`;
