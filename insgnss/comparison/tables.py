@@ -1,6 +1,6 @@
 """Poses from tables of images that other programs take.
 
-Their columns follow from their order, their frame from the header or by what the caller says.
+Their columns follow from their order, their frame from the header or from what the caller says.
 
     metashape            label, x, y, z, yaw, pitch, roll, and the accuracies of all
     metashape_opk        the same with omega, phi, kappa
