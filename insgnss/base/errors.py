@@ -52,7 +52,7 @@ class InputError(InsgnssError):
     exit_code = 3
 
     @classmethod
-    def at(cls, path: object, line: int | None, problem: str) -> "InputError":
+    def at_line(cls, path: object, line: int | None, problem: str) -> "InputError":
         """Error that names the file, and the line counted from 1 where one is known."""
         return cls(f"{path}:{line}: {problem}" if line is not None else f"{path}: {problem}")
 

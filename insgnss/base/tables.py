@@ -49,7 +49,7 @@ class Table:
         line, prefix = None, full
         while prefix and line is None:
             line, prefix = self.lines.get(prefix), prefix.rpartition(".")[0]
-        return InputError.at(self.path, line, f"{full}: {problem}")
+        return InputError.at_line(self.path, line, f"{full}: {problem}")
 
     def check_keys(self) -> None:
         """Refuse a key that this table does not know.
@@ -222,7 +222,7 @@ def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
     `keys` names those that each table may hold.
     """
     if not path.is_file():
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             "does not exist; give the flight file, or the directory that holds flight.toml",
@@ -231,12 +231,12 @@ def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
         text = path.read_bytes().decode("utf-8-sig")
         data = tomllib.loads(text)
     except UnicodeDecodeError as error:
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"not UTF-8 at byte {error.start}; save it as UTF-8"
         ) from None
     except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
         location = re.search(r"at line (\d+)", str(error))
-        raise InputError.at(
+        raise InputError.at_line(
             path, int(location[1]) if location else None, f"not TOML: {error}"
         ) from None
     return Table(path, _key_lines(text), keys, "", data)

@@ -130,7 +130,7 @@ class CoordinateFrame:
             return lat, lon, h, rotation_em(lat, lon)
         if self.kind == "projected":
             if self.projection is None:
-                raise InputError.at(
+                raise InputError.at_line(
                     path,
                     None,
                     "has coordinates of a projected CRS; name it, such as crs = EPSG:2056",

@@ -94,7 +94,7 @@ def sniff_poses(path: str | Path) -> str:
         with Path(path).open("rb") as stream:
             head = stream.read(HEAD)
     except OSError as error:
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"cannot be read: {error.strerror or error}; check the path"
         ) from None
     text = head.decode("latin-1").lower()
@@ -204,7 +204,7 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
         )
         x = np.column_stack([columns[name] for name in "xyz"])
     else:
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, "has no position; the columns x y z or lat lon h are needed"
         )
     lat, lon, h, C_fE = frame.resolved(x, path)

@@ -134,7 +134,7 @@ def _columns(form: str, table: TextTable, layout: Layout) -> dict[str, int]:
     if n not in (least, least + len(layout.more)):
         more = f", or also {' '.join(layout.more)}" if layout.more else ""
         problem = f"{n} fields, but {form} has {' '.join(layout.columns)}{more}; name its format"
-        raise InputError.at(table.path, table.layout.first_line, problem)
+        raise InputError.at_line(table.path, table.layout.first_line, problem)
     names = (*layout.columns, *layout.more)[:n]
     for name, field in zip(names, table.layout.header_fields or (), strict=False):
         if name in ("yaw", "omega") and field.lower() != name:
@@ -143,7 +143,7 @@ def _columns(form: str, table: TextTable, layout: Layout) -> dict[str, int]:
                 if field.lower().startswith("nominal")
                 else ""
             )
-            raise InputError.at(
+            raise InputError.at_line(
                 table.path,
                 table.layout.header_line,
                 f"{field!r} where {form} has {name}{why}; name its format",
@@ -224,7 +224,7 @@ def _frame(path: Path, form: str, first: str, x: Array, hints: Hints) -> Coordin
             ),
         )
     if plane is None and hints.plane is None and float(np.abs(x[:, :2]).max()) > PLANE_M:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             f"does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give it, --crs"

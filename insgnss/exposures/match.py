@@ -94,7 +94,9 @@ def _refuse_named(path: str, events: CameraEvents) -> None:
             f"the events have names of their own ({own[0]}), and images are given that name them as"
             " well; leave the images out"
         )
-        raise InputError.at(path, None, f"{what}, or give the events by columns without the names")
+        raise InputError.at_line(
+            path, None, f"{what}, or give the events by columns without the names"
+        )
 
 
 def _check_skipped(
@@ -136,7 +138,9 @@ def _taken(
                 "names go by their order",
             ),
         )
-    raise InputError.at(path, None, f"{found}; order them by exposure, in a list of their names")
+    raise InputError.at_line(
+        path, None, f"{found}; order them by exposure, in a list of their names"
+    )
 
 
 @dataclass(frozen=True)
@@ -216,7 +220,7 @@ class _Match:
         them.
         """
         told = "".join(f"; {check.name}: {check.found}" for check in self.told)
-        return InputError.at(
+        return InputError.at_line(
             self.path,
             None,
             f"{self.time.size} camera events and {len(self.names)} images{joint}{what}{told}",

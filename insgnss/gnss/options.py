@@ -124,7 +124,7 @@ def base_position(
             f"no APPROX POSITION XYZ in the header and no {named('gnss.base_position')}; give the"
             " base's coordinates"
         )
-        raise InputError.at(base.path, None, what)
+        raise InputError.at_line(base.path, None, what)
     return (float(approx[0]), float(approx[1]), float(approx[2])), options.base_point or "marker"
 
 
@@ -145,7 +145,7 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
     try:
         known = "\n" + Path(options.antex).read_text(encoding="utf-8", errors="replace")
     except OSError as error:
-        raise InputError.at(
+        raise InputError.at_line(
             options.antex,
             None,
             f"cannot be read: {error.strerror or error}; check {named('gnss.antex')}",
@@ -156,7 +156,7 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
             f"does not know the base's antenna {base.antenna!r} of {base.path}; give another, or"
             f" {setting('gnss.base_point', 'apc')}"
         )
-        raise InputError.at(options.antex, None, what)
+        raise InputError.at_line(options.antex, None, what)
     return lines | {"ant2-anttype": base.antenna, "file-rcvantfile": ANTENNAS}
 
 

@@ -22,7 +22,7 @@ def load_numpy(path: Source) -> Content:
     as a mapping.
     """
     if not Path(path).is_file():
-        raise InputError.at(path, None, "no such file; check the path in the flight file")
+        raise InputError.at_line(path, None, "no such file; check the path in the flight file")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -41,7 +41,7 @@ def load_numpy(path: Source) -> Content:
                 )
     except Exception as error:  # a damaged file makes the library fail in any way
         why = " ".join(str(error).split()) or type(error).__name__
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"is no whole numpy file ({why[:120]}); copy it again from its source"
         ) from None
     if array.dtype.names:

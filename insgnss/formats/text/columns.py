@@ -83,7 +83,7 @@ def columns_of(
         )
     elif columns is not None:
         if len(columns) != layout.n_fields:
-            raise InputError.at(
+            raise InputError.at_line(
                 table.path,
                 layout.first_line,
                 f"{layout.n_fields} fields, but columns names {len(columns)}: {list(columns)}",
@@ -101,7 +101,7 @@ def columns_of(
                 f"{layout.n_fields} fields and no header; without one the columns are {sizes}; name"
                 f" them by columns = [...] of {known}"
             )
-            raise InputError.at(table.path, layout.first_line, what)
+            raise InputError.at_line(table.path, layout.first_line, what)
         found, what = [name if name in aliases else None for name in default], "the default"
     index = {name: i for i, name in enumerate(found) if name is not None}
     twice = next((name for name in index if found.count(name) > 1), None)
@@ -113,7 +113,7 @@ def columns_of(
             f"set columns = [...] of {known}, with '-' for what is to be left out, or columns = {{"
             ' tow = "its name in the file", ... }'
         )
-        raise InputError.at(table.path, line, f"{what} {why}; {how}")
+        raise InputError.at_line(table.path, line, f"{what} {why}; {how}")
     if isinstance(table, Table):
         table.refuse_text(index.values())
     return index
@@ -129,7 +129,7 @@ def _from_header(path: str, layout: Layout, aliases: Aliases, kinds: Kinds) -> l
             what += (
                 ", or, where these are decimal commas between commas, write the numbers with points"
             )
-        raise InputError.at(path, layout.header_line, what)
+        raise InputError.at_line(path, layout.header_line, what)
     canonical = {alias: name for name, names in aliases.items() for alias in names}
     return names_of(layout.header_fields, canonical, kinds)
 
@@ -145,7 +145,7 @@ def _from_mapping(
         if place := re.fullmatch(r"\[(\d+)\]", field):
             at = int(place[1]) - 1
             if not 0 <= at < layout.n_fields:
-                raise InputError.at(
+                raise InputError.at_line(
                     path,
                     layout.first_line,
                     f"columns: there is no field {field}; there are {layout.n_fields}, counted"
@@ -156,14 +156,14 @@ def _from_mapping(
                 f"columns names fields of the header, but there is none of {layout.n_fields}"
                 " fields; give their places, [1] for the first"
             )
-            raise InputError.at(path, layout.first_line, what)
+            raise InputError.at_line(path, layout.first_line, what)
         elif layout.header_fields.count(field) == 1:
             at = layout.header_fields.index(field)
         elif names.count(normalised(field)[0]) != 1:
             what = (
                 f"columns: {field!r} does not stand once in the header {shown(layout.header, 400)}"
             )
-            raise InputError.at(path, layout.header_line, what)
+            raise InputError.at_line(path, layout.header_line, what)
         else:
             at = names.index(normalised(field)[0])
         if found[at] is not None:

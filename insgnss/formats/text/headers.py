@@ -147,7 +147,7 @@ def agreed_unit(
             f"the header gives the unit {units} for {' '.join(names)}, which is none of"
             f" {', '.join(UNITS[kind])} for them all; set units"
         )
-        raise InputError.at(path, line, what)
+        raise InputError.at_line(path, line, what)
     return said[0] if said else None
 
 

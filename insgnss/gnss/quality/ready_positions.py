@@ -33,7 +33,7 @@ def with_calibrated(fixes: GnssFixes, path: Source, model: CovarianceModel = MOD
                 "gnss.covariance calibrates positions that tell quality, satellites and base (an"
                 " RTKLIB .pos with ref pos in its header)"
             )
-            raise InputError.at(
+            raise InputError.at_line(
                 path,
                 None,
                 f"{what}, and this file does not; leave it out, or set gnss.sigma_m or"

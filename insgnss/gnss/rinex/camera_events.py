@@ -38,7 +38,7 @@ class _Lines:
     records: Records
 
     def at(self, row: int, what: str) -> InputError:
-        return InputError.at(self.path, self.records[row].line, what)
+        return InputError.at_line(self.path, self.records[row].line, what)
 
 
 def camera_events(observations: Observations, wanted: RoverEvents = ALL_VALID) -> CameraEvents:
@@ -104,13 +104,13 @@ def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tu
             f"no external event has a record line with {shown(wanted.events_containing)}; read the"
             " lines of the events"
         )
-        raise InputError.at(path, None, what)
+        raise InputError.at_line(path, None, what)
     if not records:
         what = (
             "holds no external event (flag 5); convert the receiver's log with its events (time"
             " marks), or give a file of events"
         )
-        raise InputError.at(path, None, what)
+        raise InputError.at_line(path, None, what)
     if not invalid:
         return records, ()
     those = _those(records, invalid)
@@ -124,7 +124,7 @@ def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tu
             ),
         )
     if len(invalid) == len(records):
-        raise InputError.at(path, invalid[0].line, f"camera events: {those}; {_keep()}")
+        raise InputError.at_line(path, invalid[0].line, f"camera events: {those}; {_keep()}")
     advice = (
         f"{_keep()}; where they are exposures and their stamps are wrong, name their images in"
         f" {named('camera.skip_images')}"
