@@ -1,8 +1,11 @@
 """Story 1: from raw IMU, GNSS and camera events to EO_local-plane.txt, and how good it is.
 
-    python scripts/01_produce_eo.py                          a simulated 15-minute block flight at 500 Hz, with its truth
-    python scripts/01_produce_eo.py --quick                  the same in small: 6 minutes at 100 Hz, begun in the air
-    python scripts/01_produce_eo.py --flight my/flight.toml  your own flight
+    python scripts/01_produce_eo.py
+        a simulated 15-minute block flight at 500 Hz, with its truth
+    python scripts/01_produce_eo.py --quick
+        the same in small: 6 minutes at 100 Hz, begun in the air
+    python scripts/01_produce_eo.py --flight my/flight.toml
+        your own flight
 
 It ends in EO_local-plane.txt (and the other products), a figure, and an assertion. The assertion,
 where there is a truth: each of E, N, U, omega, phi, kappa has a normalised error (error over the

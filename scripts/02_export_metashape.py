@@ -131,7 +131,7 @@ def origin_of(path: Path) -> tuple[float, ...]:
 
 
 def through_local_plane(path: Path, targets: np.ndarray) -> dict[str, np.ndarray]:
-    """Image points (t, 2), px, of the targets (t, 3), E N U, in every image of EO_local-plane.txt."""
+    """Image points (t, 2), px, of targets (t, 3), E N U, in every image of EO_local-plane.txt."""
     points = {}
     for line in path.read_text(encoding="utf-8").splitlines():
         if not line.startswith("#"):

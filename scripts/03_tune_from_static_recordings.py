@@ -1,8 +1,10 @@
 """Story 3: from recordings of an IMU at rest to the noise model that `process` takes, with its
 uncertainty.
 
-    python scripts/03_tune_from_static_recordings.py            four simulated recordings of two hours of a NavChip, 250 Hz
-    python scripts/03_tune_from_static_recordings.py --quick    three of half an hour at 50 Hz
+    python scripts/03_tune_from_static_recordings.py
+        four simulated recordings of two hours of a NavChip, 250 Hz
+    python scripts/03_tune_from_static_recordings.py --quick
+        three of half an hour at 50 Hz
     python scripts/03_tune_from_static_recordings.py --static my1.csv my2.csv --model WN+2GM
 
 The simulated sensor has the noise of Table 5 of the open data set's paper. All three axes have it,

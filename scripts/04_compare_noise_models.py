@@ -1,7 +1,9 @@
 """Story 4: which noise model to take, and what a wrong one would make a filter believe.
 
-    python scripts/04_compare_noise_models.py            six simulated recordings of two hours of one gyroscope, 100 Hz
-    python scripts/04_compare_noise_models.py --quick    six of half an hour at 20 Hz
+    python scripts/04_compare_noise_models.py
+        six simulated recordings of two hours of one gyroscope, 100 Hz
+    python scripts/04_compare_noise_models.py --quick
+        six of half an hour at 20 Hz
     python scripts/04_compare_noise_models.py --static my1.csv my2.csv --axis gz
 
 The simulated gyroscope has white noise and two Gauss-Markov processes, of 2.5 s and 72 s. A family

@@ -1,9 +1,12 @@
 """Story 5: the noise of an IMU in flight, from the innovations of the filter, and what it does to
 the covariances.
 
-    python scripts/05_tune_on_a_flight.py                          a simulated block flight of 40 minutes whose airframe vibrates
-    python scripts/05_tune_on_a_flight.py --quick                  12 minutes, begun in the air, with fixes of half a centimetre
-    python scripts/05_tune_on_a_flight.py --flight my/flight.toml  your own flight
+    python scripts/05_tune_on_a_flight.py
+        a simulated block flight of 40 minutes whose airframe vibrates
+    python scripts/05_tune_on_a_flight.py --quick
+        12 minutes, begun in the air, with fixes of half a centimetre
+    python scripts/05_tune_on_a_flight.py --flight my/flight.toml
+        your own flight
 
 In flight the simulated NavChip has three times the white noise that its model, measured at rest,
 knows, and a line of the propeller at 83 Hz. `insgnss tune --flight` finds the factor of each triad.

@@ -1,8 +1,10 @@
 """Story 6: absolute and relative priors with full covariance in a bundle adjustment, pycolmap's
 own, and what they gain.
 
-    python scripts/06_relative_control_in_pycolmap.py            24 simulated flights of 3 minutes, under a minute of work
-    python scripts/06_relative_control_in_pycolmap.py --quick    4 flights
+    python scripts/06_relative_control_in_pycolmap.py
+        24 simulated flights of 3 minutes, under a minute of work
+    python scripts/06_relative_control_in_pycolmap.py --quick
+        4 flights
 
 Needs `pip install pycolmap pyceres`. Each flight is simulated and processed from its files to
 eo.json. Of its longest line a corridor block is made: tie points are few, as over crops or water,
@@ -27,7 +29,8 @@ of the sensor, rotation before translation (C camera to frame, r offset and psi 
 in the axes of camera i):
 
     absolute      (C^T psi, C^T dx)                    relative   (psi, dr + r x psi)          (S.1)
-    chained       A_j - G A_i,  G = P_ji P_ii^-1,  covariance P_jj - G P_ij,  A the residuals of absolute priors       (S.2)
+    chained       A_j - G A_i,  G = P_ji P_ii^-1,  covariance P_jj - G P_ij,
+                  A the residuals of absolute priors                                           (S.2)
 
 The sign of both residuals of an absolute prior is minus, which leaves its covariance alone; the
 offset of a relative residual is taken after its rotation, which adds r x psi to (R.3) of

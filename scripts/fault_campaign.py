@@ -32,8 +32,10 @@ the worst single image must not exceed the quantile that one of all images of th
 Runs of a case that stop beside others that are covered are counted and the verdict is that of the
 others.
 
-    python scripts/fault_campaign.py --write               all cases, table and figure into benchmarks/
-    python scripts/fault_campaign.py --only latency --runs 2    those whose name holds a word, to the screen
+    python scripts/fault_campaign.py --write
+        all cases, table and figure into benchmarks/
+    python scripts/fault_campaign.py --only latency --runs 2
+        those whose name holds a word, to the screen
 """
 
 import argparse
@@ -228,7 +230,10 @@ CASES = (
         "IMU and GNSS rows: 5 % out of order",
         {"imu_rows": RowFaults(reordered=0.05), "gnss_rows": RowFaults(reordered=0.05)},
     ),
-    Case("IMU rows: 1 % stamped up to 20 ms late", {"imu_rows": RowFaults(late=0.01, late_s=0.02)}),
+    Case(
+        "IMU rows: 1 % stamped up to 20 ms late",
+        {"imu_rows": RowFaults(delayed=0.01, delay_s=0.02)},
+    ),
     Case("GNSS in UTC as GPS time", gnss(latency_s=-18.0)),
     Case("IMU in UTC as GPS time", imu(clock_offset_s=-18.0)),
     Case("a car, outage of 60 s", {"way": drive, **gnss(outages=((120.0, 60.0),))}),
@@ -450,19 +455,26 @@ def page(verdicts: list[Verdict], factor: np.ndarray, runs: int) -> str:
     head = f"""\
 # Fault campaign
 
-Written by `python scripts/fault_campaign.py --write`, which says how it is done. Simulated flights, {runs} seeds a case unless the count
+Written by `python scripts/fault_campaign.py --write`, which says how it is done. \
+Simulated flights, {runs} seeds a case unless the count
 says more; each is written as files with one fault and processed from them.
 
-Cases: {len(verdicts)}. Covered: {counts[0]}; stopped with a reason: {counts[1]}; not covered, because the data cannot show it: {counts[2]};
+Cases: {len(verdicts)}. Covered: {counts[0]}; stopped with a reason: {counts[1]}; \
+not covered, because the data cannot show it: {counts[2]};
 failed: {counts[3]}.
 
-- done / stopped / defect: runs that gave results, that ended with a reason, that ended in a traceback.
-- rms: errors of projection centre (E N U, mm) and attitude (psi about E N U, deg) at the images, over all runs that are done.
-- mean squared z: of the worst position and the worst attitude component, with its bounds at {100 * ERROR_RATE:g} %; 1 is honest, larger
+- done / stopped / defect: runs that gave results, that ended with a reason, \
+that ended in a traceback.
+- rms: errors of projection centre (E N U, mm) and attitude (psi about E N U, deg) \
+at the images, over all runs that are done.
+- mean squared z: of the worst position and the worst attitude component, \
+with its bounds at {100 * ERROR_RATE:g} %; 1 is honest, larger
   is too confident. Share of the effective samples by covariance that Monte Carlo confirms: {share}.
-- worst image: normalised error squared of the six components together, and what the worst image exceeds in {100 * ERROR_RATE:g} % of cases.
+- worst image: normalised error squared of the six components together, \
+and what the worst image exceeds in {100 * ERROR_RATE:g} % of cases.
 
-| fault | done / stopped / defect | position rms | attitude rms | mean squared z | worst image | verdict |
+| fault | done / stopped / defect | position rms | attitude rms | mean squared z \
+| worst image | verdict |
 |---|---|---|---|---|---|---|
 """
     return (

@@ -257,7 +257,8 @@ def _nmea() -> str:
         clock = f"0731{13 + k // 10:02d}.{k % 10}0"
         out.append(
             sentence(
-                f"GNGGA,{clock},4634.2000{k:04d},N,00632.40000000,E,4,34,0.6,580.5000,M,49.5000,M,1.4,74"
+                f"GNGGA,{clock},4634.2000{k:04d},N,00632.40000000,E,4,34,0.6,580.5000,M,49.5000,M,"
+                "1.4,74"
             )
         )
         out.append(
@@ -311,7 +312,8 @@ def text_cases() -> list[Case]:
     )
     aimu = "".join(
         sentence(
-            f"AIMU,2,{1774683140 + 0.01 * k:.3f},{634 + 0.01 * k:.3f},0,0,0,-5.313,+11.600,-6.795,-1.294,-0.924,-8.596,45.8"
+            f"AIMU,2,{1774683140 + 0.01 * k:.3f},{634 + 0.01 * k:.3f},0,0,0,"
+            "-5.313,+11.600,-6.795,-1.294,-0.924,-8.596,45.8"
         )
         for k in range(ROWS)
     )
@@ -620,7 +622,7 @@ def _over(signum: int, frame: FrameType | None) -> None:
 
 
 def judge(case: Case, path: Path, cut_within: bool) -> tuple[str, str]:
-    """Verdict (record, noted, refused, find) on the file at `path`, and what is to be said of it."""
+    """Verdict (record, noted, refused, find) on the file at `path`, and the note on it."""
     said, left = io.StringIO(), []
     sys.unraisablehook = lambda unraisable: left.append(str(unraisable.exc_value))
     signal.alarm(LIMIT_S)

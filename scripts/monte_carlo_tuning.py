@@ -12,7 +12,8 @@ script asserts coverage (90 to 99 % of 100 replicates, binomial bounds of as muc
 and a median bias below a third of the standard error; that the process of 4737 s is declared not
 identifiable from single recordings; and that six recordings shrink the spread as theory says.
 
-    python scripts/monte_carlo_tuning.py --write          100 replicates of 4 hours at 250 Hz: 1200 recordings, about half an hour
+    python scripts/monte_carlo_tuning.py --write
+        100 replicates of 4 hours at 250 Hz: 1200 recordings, about half an hour
     python scripts/monte_carlo_tuning.py --replicates 10 --rate 10
 """
 
@@ -142,7 +143,8 @@ def study(
     p_value = np.array([one.goodness.p_value for one in found])
     reasons = [tuple(v.reason for v in one.verdicts) for one in found]
     return Study(
-        sensor, recordings, names, truth.parameters, theory, identifiable, table["value"], table["log_error"], table["low"], table["high"],
+        sensor, recordings, names, truth.parameters, theory, identifiable,
+        table["value"], table["log_error"], table["low"], table["high"],
         determined, p_value, reasons,
     )  # fmt: skip
 

@@ -1,8 +1,10 @@
 """Every recording of a directory of real ones through `insgnss inspect --write` and
 `insgnss process`, nothing tuned by hand.
 
-    python scripts/real_recordings.py ../shared/data              to the screen
-    python scripts/real_recordings.py ../shared/data --write      the table in benchmarks/real_recordings.md
+    python scripts/real_recordings.py ../shared/data
+        to the screen
+    python scripts/real_recordings.py ../shared/data --write
+        the table in benchmarks/real_recordings.md
 
 The recordings are not part of the project; the table says what came out of each: what the
 inspection recognised, innovations, their normalised square (1 is honest), the solution's own

@@ -60,7 +60,7 @@ def test_without_any_place_kernels_go_to_a_directory_of_the_user(locked, tmp_pat
     directory.
     """
     done = _python(
-        locked, "-c", before + KERNEL, HOME=locked / "insgnss/cli.py/none", TMPDIR=tmp_path
+        locked, "-c", before + KERNEL, HOME=locked / "insgnss/__main__.py/none", TMPDIR=tmp_path
     )
     assert done.returncode == 0, done.stderr
     place = Path(done.stdout.strip())
@@ -77,7 +77,7 @@ def test_without_our_directory_numba_refuses(locked, tmp_path):
         "import sys; sys.modules['insgnss.base.caches'] = type('none', (), {'settle':"
         " staticmethod(str)}); " + KERNEL
     )
-    done = _python(locked, "-c", plain, HOME=locked / "insgnss/cli.py/none", TMPDIR=tmp_path)
+    done = _python(locked, "-c", plain, HOME=locked / "insgnss/__main__.py/none", TMPDIR=tmp_path)
     assert "no locator available" in done.stderr
 
 
@@ -85,7 +85,7 @@ def test_a_directory_that_others_made_or_may_write_is_not_used(locked, tmp_path)
     """Oracle: the other directory, still empty; ours is gone with the process."""
     (tmp_path / f"insgnss-{os.getuid()}").mkdir()
     (tmp_path / f"insgnss-{os.getuid()}").chmod(0o777)
-    done = _python(locked, "-c", KERNEL, HOME=locked / "insgnss/cli.py/none", TMPDIR=tmp_path)
+    done = _python(locked, "-c", KERNEL, HOME=locked / "insgnss/__main__.py/none", TMPDIR=tmp_path)
     assert done.returncode == 0, done.stderr
     assert Path(done.stdout.strip()).parent == tmp_path
     assert [(d.name, list(d.iterdir())) for d in tmp_path.iterdir()] == [
@@ -95,7 +95,7 @@ def test_a_directory_that_others_made_or_may_write_is_not_used(locked, tmp_path)
 
 def test_where_numba_has_a_place_nothing_is_set(locked, tmp_path):
     """Oracle: the three places of numba's documentation; the temporary directory stays empty."""
-    temporary, none = tmp_path / "tmp", locked / "insgnss/cli.py/none"
+    temporary, none = tmp_path / "tmp", locked / "insgnss/__main__.py/none"
     temporary.mkdir()
     assert _python(locked, "-c", PLACE, HOME=tmp_path / "home", TMPDIR=temporary).stdout == "\n"
     assert (
@@ -119,7 +119,7 @@ def test_matplotlib_gets_a_place_without_a_line(locked, tmp_path):
     """Oracle: matplotlib's own function; it says on standard error where it makes itself a place
     for one run.
     """
-    done = _python(locked, "-c", FONTS, HOME=locked / "insgnss/cli.py/none", TMPDIR=tmp_path)
+    done = _python(locked, "-c", FONTS, HOME=locked / "insgnss/__main__.py/none", TMPDIR=tmp_path)
     assert (done.stdout, done.stderr) == (
         f"{tmp_path / f'insgnss-{os.getuid()}' / 'matplotlib'}\n",
         "",
@@ -128,7 +128,7 @@ def test_matplotlib_gets_a_place_without_a_line(locked, tmp_path):
         locked,
         "-c",
         FONTS,
-        HOME=locked / "insgnss/cli.py/none",
+        HOME=locked / "insgnss/__main__.py/none",
         TMPDIR=tmp_path,
         MPLCONFIGDIR=tmp_path / "own",
     )
@@ -137,7 +137,7 @@ def test_matplotlib_gets_a_place_without_a_line(locked, tmp_path):
 
 def test_the_command_says_so_in_one_line_and_help_does_not(locked, tmp_path):
     """Oracle: standard error and exit code."""
-    nowhere = {"HOME": locked / "insgnss/cli.py/none", "TMPDIR": tmp_path}
+    nowhere = {"HOME": locked / "insgnss/__main__.py/none", "TMPDIR": tmp_path}
     assert _python(locked, "-m", "insgnss", "--help", **nowhere).stderr == ""
     (tmp_path / "imu.csv").write_text(
         "tow,gx,gy,gz,ax,ay,az\n"

@@ -1,1 +1,1 @@
-"""What every room stands on: errors, units, whole files, TOML tables, the caches of compiled code."""
+"""What every room stands on: errors, units, whole files, TOML tables, caches of compiled code."""

@@ -1,5 +1,4 @@
-"""Where numba keeps the compiled kernels and matplotlib its fonts, for a user without a home
-directory.
+"""Where numba keeps compiled kernels and matplotlib its fonts for a user without a home directory.
 
 numba looks for a place when a kernel is defined: NUMBA_CACHE_DIR, `__pycache__` beside the source,
 the user's cache directory. On an installation that is not to be written such a user has none of
@@ -19,18 +18,18 @@ KERNELS, FONTS = "NUMBA_CACHE_DIR", "MPLCONFIGDIR"
 
 @cache
 def settle() -> str:
-    """Set the variables of numba and matplotlib where these would find no place; a line that says
-    so, "" where there is nothing to say.
+    """Set the variables of numba and matplotlib where these would find no directory.
 
-    Has to run before a kernel is defined. Where not even a temporary directory can be written, the
-    variables stay unset.
+    The result is a line that says so, "" where there is nothing to say. It has to run before a
+    kernel is defined. Where not even a temporary directory can be written, the variables stay
+    unset.
     """
     if os.name == "nt" or _writable(_cache_home()):
         return ""
     kept = bool(os.environ.get(KERNELS)) or _writable_installation()
     advice = f"set {KERNELS} to a directory that is kept and that you can write"
     try:
-        place = _own_directory()
+        directory = _own_directory()
     except OSError as error:
         return (
             ""
@@ -39,15 +38,15 @@ def settle() -> str:
                 f"there is no place for the compiled functions: {error.strerror or error}; {advice}"
             )
         )
-    os.environ.setdefault(FONTS, os.path.join(place, "matplotlib"))
+    os.environ.setdefault(FONTS, os.path.join(directory, "matplotlib"))
     if kept:
         return ""
-    os.environ[KERNELS] = place
+    os.environ[KERNELS] = directory
     if "numba" in sys.modules:
         sys.modules["numba"].config.reload_config()
     return (
         "neither the home directory nor the installation can be written: compiled functions are"
-        f" kept in {place}; {advice}"
+        f" kept in {directory}; {advice}"
     )
 
 
@@ -76,20 +75,24 @@ def _writable(directory: Path) -> bool:
 
 
 def _own_directory() -> str:
-    """A directory that stays, or where others took its name, one for this process. Raises OSError
-    where none can be made.
+    """A directory that stays, or where others took its name, one for this process.
+
+    Raises
+    ------
+    OSError
+        Where none can be made.
     """
     import atexit
     import contextlib
     import shutil
     import tempfile
 
-    place = os.path.join(tempfile.gettempdir(), f"insgnss-{os.getuid()}")
+    directory = os.path.join(tempfile.gettempdir(), f"insgnss-{os.getuid()}")
     with contextlib.suppress(FileExistsError):
-        os.mkdir(place, 0o700)
-    found = os.lstat(place)
-    if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o077:
-        return place
-    place = tempfile.mkdtemp(prefix="insgnss-")
-    atexit.register(shutil.rmtree, place, ignore_errors=True)
-    return place
+        os.mkdir(directory, 0o700)
+    status = os.lstat(directory)
+    if stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o077:
+        return directory
+    directory = tempfile.mkdtemp(prefix="insgnss-")
+    atexit.register(shutil.rmtree, directory, ignore_errors=True)
+    return directory

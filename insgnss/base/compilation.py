@@ -92,15 +92,15 @@ def imported(source: Path) -> tuple[Path, ...]:
     The package imports its own modules by relative names only, one statement from the first column
     on; what is imported within functions or for type checkers alone does not reach a kernel.
     """
-    found: list[Path] = []
+    files: list[Path] = []
     for dots, module, names in _IMPORT.findall(_COMMENT.sub("", _text(source))):
         stem = source.parents[len(dots) - 1].joinpath(*filter(None, module.split(".")))
         inner = (stem / name.split()[0] for name in names.strip("() \n").split(",") if name.strip())
         for path in (stem, *inner):
-            found += (
+            files += (
                 file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()
             )
-    return tuple(found)
+    return tuple(files)
 
 
 @cache

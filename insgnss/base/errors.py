@@ -42,8 +42,8 @@ class OptionError(UsageError):
 
     def __init__(self, key: str, problem: str, value: Any = _ABSENT) -> None:
         self.key, self.problem = key, problem
-        what = named(key) if value is _ABSENT else setting(key, value)
-        super().__init__(f"{what}: {problem}")
+        option = named(key) if value is _ABSENT else setting(key, value)
+        super().__init__(f"{option}: {problem}")
 
 
 class InputError(InsgnssError):
@@ -52,9 +52,9 @@ class InputError(InsgnssError):
     exit_code = 3
 
     @classmethod
-    def at(cls, path: object, line: int | None, what: str) -> "InputError":
+    def at_line(cls, path: object, line: int | None, problem: str) -> "InputError":
         """Error that names the file, and the line counted from 1 where one is known."""
-        return cls(f"{path}:{line}: {what}" if line is not None else f"{path}: {what}")
+        return cls(f"{path}:{line}: {problem}" if line is not None else f"{path}: {problem}")
 
 
 class DataError(InsgnssError):
@@ -63,11 +63,11 @@ class DataError(InsgnssError):
     exit_code = 4
 
 
-def near(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
-    """Advice for a word that is not known: the nearest of the known ones, or all of them."""
+def near(word: str, choices: Iterable[str], likeness: float = 0.6) -> str:
+    """Return advice for a word that is not known: the nearest choice, or all of them."""
     import difflib
 
-    names = list(known)
+    names = list(choices)
     close = difflib.get_close_matches(
         word, names, n=1, cutoff=likeness
     ) or difflib.get_close_matches(word.lower(), names, n=1)

@@ -12,14 +12,14 @@ from .errors import UsageError
 def atomic_write(
     path: str | os.PathLike[str], content: str | bytes | Iterable[str | bytes]
 ) -> None:
-    """Write a file whole or not at all: into a temporary one beside it, which then takes its place."""
+    """Write a file whole or not at all: into a temporary one beside it, which then replaces it."""
     path = Path(path)
     parts = [content] if isinstance(content, str | bytes) else content
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with temporary.open("wb") as stream:
-            for part in parts:
-                stream.write(part.encode("utf-8") if isinstance(part, str) else part)
+            for chunk in parts:
+                stream.write(chunk.encode("utf-8") if isinstance(chunk, str) else chunk)
         os.replace(temporary, path)
     except FileNotFoundError:
         raise UsageError(f"{path}: the directory does not exist; create it first") from None
@@ -30,7 +30,7 @@ def atomic_write(
 
 
 def json_ready(value: Any) -> Any:
-    """`value` with arrays as lists, paths as text and numbers that are not finite as null."""
+    """Return `value` with arrays as lists, paths as text and not finite numbers as null."""
     if isinstance(value, dict):
         return {str(key): json_ready(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

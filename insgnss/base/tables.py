@@ -1,5 +1,6 @@
-"""Reading a TOML file so that every refusal names its line: tables whose values are checked as they
-are taken.
+"""Reading a TOML file so that every refusal names its line.
+
+The file is tables whose values are checked as they are taken.
 """
 
 import math
@@ -31,8 +32,9 @@ _TYPE_NAMES = {
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the file: its checked values by key, and errors that know the line. Default
-    ``...`` means required.
+    """A table of the file: its checked values by key, and errors that know the line.
+
+    The default ``...`` means required.
     """
 
     path: Path
@@ -41,25 +43,26 @@ class Table:
     name: str
     data: Mapping[str, Any]
 
-    def error(self, key: str, what: str) -> InputError:
-        """Error at the line of `key`, of its table where the key is absent."""
+    def error(self, key: str, problem: str) -> InputError:
+        """Return an error at the line of `key`, of its table where the key is absent."""
         full = ".".join(filter(None, (self.name, key)))
-        line, place = None, full
-        while place and line is None:
-            line, place = self.lines.get(place), place.rpartition(".")[0]
-        return InputError.at(self.path, line, f"{full}: {what}")
+        line, prefix = None, full
+        while prefix and line is None:
+            line, prefix = self.lines.get(prefix), prefix.rpartition(".")[0]
+        return InputError.at_line(self.path, line, f"{full}: {problem}")
 
     def check_keys(self) -> None:
-        """Refuse a key that this table does not know, naming the nearest one or the table it
-        belongs to.
+        """Refuse a key that this table does not know.
+
+        The error names the nearest key, or the table that it belongs to.
         """
-        known = self.keys[self.name]
+        own_keys = self.keys[self.name]
         for key in self.data:
-            if key not in known:
+            if key not in own_keys:
                 homes = [
                     table for table, keys in self.keys.items() if key in keys and "." not in table
                 ]
-                advice = near(key, known)
+                advice = near(key, own_keys)
                 if len(homes) == 1:
                     advice = (
                         f"it belongs into [{homes[0]}]"
@@ -69,7 +72,7 @@ class Table:
                 raise self.error(key, f"unknown {'key' if self.name else 'table or key'}; {advice}")
 
     def table(self, key: str) -> "Table":
-        """Sub-table, empty where it is absent, its keys checked."""
+        """Return a sub-table, its keys checked; it is empty where it is absent."""
         value = self.value(key, dict, {})
         sub = Table(
             self.path, self.lines, self.keys, ".".join(filter(None, (self.name, key))), value
@@ -78,16 +81,16 @@ class Table:
         return sub
 
     def tables(self, key: str) -> "list[Table]":
-        """Array of sub-tables ([[name]]), empty where it is absent, their keys checked."""
-        found = self.value(key, list, [])
-        if not all(isinstance(item, dict) for item in found):
+        """Return an array of sub-tables ([[name]]), keys checked, empty where it is absent."""
+        items = self.value(key, list, [])
+        if not all(isinstance(item, dict) for item in items):
             raise self.error(
                 key,
-                f"{reprlib.repr(found)}, expected [[{'.'.join(filter(None, (self.name, key)))}]]"
+                f"{reprlib.repr(items)}, expected [[{'.'.join(filter(None, (self.name, key)))}]]"
                 " tables",
             )
         name = ".".join(filter(None, (self.name, key)))
-        subs = [Table(self.path, self.lines, self.keys, name, item) for item in found]
+        subs = [Table(self.path, self.lines, self.keys, name, item) for item in items]
         for sub in subs:
             sub.check_keys()
         return subs
@@ -117,11 +120,11 @@ class Table:
             raise self.error(key, "is an empty text")
         return value
 
-    def choice(self, key: str, known: Sequence[str], default: str) -> Any:
-        """One of the `known` words."""
+    def choice(self, key: str, choices: Sequence[str], default: str) -> Any:
+        """One of the `choices` words."""
         value = self.text(key, default)
-        if value not in known:
-            raise self.error(key, f"{value!r} is unknown; {near(value, known)}")
+        if value not in choices:
+            raise self.error(key, f"{value!r} is unknown; {near(value, choices)}")
         return value
 
     def number(
@@ -152,7 +155,7 @@ class Table:
         return values
 
     def matrix(self, key: str) -> NDArray[np.float64]:
-        """(3, 3) finite numbers."""
+        """Return (3, 3) finite numbers."""
         rows = self.value(key, list, ...)
         if len(rows) != 3 or not all(
             isinstance(row, list) and len(row) == 3 and all(is_number(v) for v in row)
@@ -162,15 +165,16 @@ class Table:
         return np.array(rows, dtype=np.float64)
 
     def texts(self, key: str, default: Any) -> Any:
-        """A tuple of texts, none empty."""
+        """Return a tuple of texts, none empty."""
         values = self.value(key, list, list(default))
         if not all(isinstance(v, str) and v for v in values):
             raise self.error(key, f"{reprlib.repr(values)}, expected a list of texts")
         return tuple(values)
 
     def columns(self) -> Columns:
-        """`columns`, a list of names or a table { canonical = "name in the file" }; None where
-        absent.
+        """Return `columns`, a list of names or a table { canonical = "name in the file" }.
+
+        The result is None where it is absent.
         """
         value = self.data.get("columns")
         if isinstance(value, dict):
@@ -185,11 +189,11 @@ class Table:
         return None if value is None else self.texts("columns", ())
 
     def resolve(self, name: str) -> Path:
-        """Path of a name given relative to the file."""
+        """Return the path of a name given relative to the file."""
         return self.path.parent / name
 
     def file(self, key: str) -> Path:
-        """Path of a file that is there and not empty."""
+        """Return the path of a file that exists and is not empty."""
         name = self.text(key)
         path = self.resolve(name)
         if path.is_dir():
@@ -213,11 +217,12 @@ def is_number(value: object) -> bool:
 
 
 def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
-    """The whole file as a table, with the lines of its keys; `keys` names those that each table may
-    hold.
+    """The whole file as a table, with the lines of its keys.
+
+    `keys` names those that each table may hold.
     """
     if not path.is_file():
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             "does not exist; give the flight file, or the directory that holds flight.toml",
@@ -226,18 +231,21 @@ def read_toml(path: Path, keys: Mapping[str, tuple[str, ...]]) -> Table:
         text = path.read_bytes().decode("utf-8-sig")
         data = tomllib.loads(text)
     except UnicodeDecodeError as error:
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"not UTF-8 at byte {error.start}; save it as UTF-8"
         ) from None
     except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
-        at = re.search(r"at line (\d+)", str(error))
-        raise InputError.at(path, int(at[1]) if at else None, f"not TOML: {error}") from None
+        location = re.search(r"at line (\d+)", str(error))
+        raise InputError.at_line(
+            path, int(location[1]) if location else None, f"not TOML: {error}"
+        ) from None
     return Table(path, _key_lines(text), keys, "", data)
 
 
 def _key_lines(text: str) -> dict[str, int]:
-    """Line, counted from 1, of every table header and of every key that begins a line, by its
-    dotted name.
+    """Line, counted from 1, of every table header and of every key that begins a line.
+
+    The keys are dotted names.
     """
     lines: dict[str, int] = {}
     table = ""

@@ -112,10 +112,10 @@ class _Parser:
         return self.tokens.pop(0) if self.tokens else ""
 
     def _expect(self, token: str) -> None:
-        found = self._next()
-        if found != token:
+        actual = self._next()
+        if actual != token:
             raise InputError(
-                f"{self.quantity!r}: {token!r} expected, found {found or 'the end'!r}; write as in"
+                f"{self.quantity!r}: {token!r} expected, found {actual or 'the end'!r}; write as in"
                 " 'deg/h/sqrt(Hz)'"
             )
 
@@ -166,8 +166,12 @@ class _Parser:
 
 
 def parse_unit(text: str) -> Unit:
-    """Unit of an expression such as "deg/s^2/sqrt(Hz)". Raises InputError, naming the nearest unit
-    where one is unknown.
+    """Return the unit of an expression such as "deg/s^2/sqrt(Hz)".
+
+    Raises
+    ------
+    InputError
+        Where a unit is unknown; the message names the nearest one.
     """
     return _Parser(_plain(text), text).whole()
 
@@ -175,12 +179,16 @@ def parse_unit(text: str) -> Unit:
 def parse_quantity(text: object, dimension: str) -> float:
     """Value in SI (rad, m, s) of a number with its unit.
 
+    Parameters
+    ----------
     text : such as "0.24 deg/sqrt(h)".
     dimension : any unit of the wanted dimension, such as "deg/h/sqrt(Hz)"; the error message shows
         it as the example.
 
-    Raises InputError where the number or its unit is missing, the unit is unknown or of another
-    dimension.
+    Raises
+    ------
+    InputError
+        Where the number or its unit is missing, the unit is unknown or of another dimension.
     """
     wanted = parse_unit(dimension)
     example = f"{wanted.dimension} is expected, as in '1 {dimension}'"
@@ -203,13 +211,14 @@ def parse_quantity(text: object, dimension: str) -> float:
 
 
 def rounded(value: float, unit: str, digits: int) -> float:
-    """`value` (SI) with so many digits in `unit`, in SI: what `parse_quantity` makes of the text."""
+    """Round `value` (SI) to so many digits in `unit`; SI, as `parse_quantity` reads the text."""
     return parse_quantity(f"{value / parse_unit(unit).scale:.{digits}g} {unit}", unit)
 
 
 def format_quantity(value: float, unit: str) -> str:
-    """Shortest text in `unit` that `parse_quantity` turns back into exactly `value` (SI), in SI
-    digits where no text in `unit` does.
+    """Return the shortest text in `unit` that `parse_quantity` turns back into exactly `value`.
+
+    `value` is SI; the text has SI units where no text in `unit` does.
     """
     scale = parse_unit(unit).scale
     for digits in range(1, 18):

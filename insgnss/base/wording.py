@@ -56,4 +56,4 @@ def setting(key: str, value: Any) -> str:
     import shlex
 
     parts = value if isinstance(value, list | tuple) else [value]
-    return " ".join([option, *(shlex.quote(str(part)) for part in parts)])
+    return " ".join([option, *(shlex.quote(str(word)) for word in parts)])

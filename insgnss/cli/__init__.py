@@ -1,4 +1,4 @@
-"""The command line: `main` has the parser and the exit codes; beside it stands one module a verb."""
+"""The command line: `main` has the parser and the exit codes; every verb has its own module."""
 
 from .main import build_parser, main, run
 

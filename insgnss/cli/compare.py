@@ -46,11 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             help=f"of {side.upper()}, where it does not show it; one of the formats above",
         )
     for side in "ab":
-        what = (
+        undulation = (
             f"geoid above the ellipsoid, to be added to heights of {side.upper()}, positions of"
             " GNSS that are above the geoid"
         )
-        parser.add_argument(f"--undulation-{side}", type=float, metavar="M", help=what)
+        parser.add_argument(f"--undulation-{side}", type=float, metavar="M", help=undulation)
     parser.add_argument(
         "--origin",
         metavar="LAT,LON,H",

@@ -1,5 +1,6 @@
-"""What a person sees of a run while it runs, and a parser that complains as the rest of the program
-does.
+"""What a person sees of a run while it runs, and the parser of the command line.
+
+The parser complains as the rest of the program does.
 """
 
 import argparse
@@ -12,10 +13,14 @@ from ..base.errors import UsageError
 
 
 class Progress:
-    """Says which step runs: one line that renews itself on a terminal, else a line a step; silent
-    where `lines` is None.
+    """Says which step runs: one line that renews itself on a terminal, else a line a step.
 
-    terminal : standard error.   lines : where plain lines go when it is no terminal.
+    Silent where `lines` is None.
+
+    Parameters
+    ----------
+    terminal : standard error.
+    lines : where plain lines go when it is no terminal.
     """
 
     def __init__(self, terminal: TextIO, lines: TextIO | None, quiet: bool = False) -> None:
@@ -40,8 +45,9 @@ class Progress:
 
 
 class Parser(argparse.ArgumentParser):
-    """Parser whose complaints are `UsageError` and whose epilog may be a function, called only
-    where help is asked for.
+    """Parser whose complaints are `UsageError`.
+
+    Its epilog may be a function, called only where help is asked for.
 
     A word that begins as a negative number does is a value, as in "--origin -46.5,6.5,0", and never
     an option.

@@ -124,7 +124,10 @@ def _settings(texts: list[str]) -> dict[str, str]:
 def proof_verb(given: argparse.Namespace, progress: Callable[[str], None]) -> ExportResult:
     """Write the synthetic scene of `--proof`, whose positional arguments are FORMAT and DIR.
 
-    Raises UsageError for options that have no meaning with it.
+    Raises
+    ------
+    UsageError
+        For options that have no meaning with it.
     """
     from ..exporting.export import known_format
     from ..proof.write import write_proof

@@ -24,9 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--write", type=Path, nargs="?", const=Path("flight.toml"), metavar="FLIGHT", help=where
     )
-    parser.add_argument(
-        "--force", action="store_true", help="let --write take the place of files that are there"
-    )
+    parser.add_argument("--force", action="store_true", help="let --write overwrite existing files")
 
 
 def run(options: argparse.Namespace, progress: Progress) -> int:

@@ -51,8 +51,9 @@ def _run_verb(argv: Sequence[str], progress: Progress) -> int:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code; `argv` without the program's name, of the process
-    by default.
+    """Run one command and return its exit code.
+
+    `argv` without the program's name, of the process by default.
     """
     argv = list(sys.argv[1:] if argv is None else argv)
     as_json, debug = "--json" in argv, "--debug" in argv
@@ -92,11 +93,11 @@ def _verdict(error: BaseException) -> tuple[int, str]:
     own = [
         frame for frame in frames if Path(__file__).parents[1] in Path(frame.filename).parents
     ] or frames
-    place = f"{own[-1].filename}:{own[-1].lineno}"
+    location = f"{own[-1].filename}:{own[-1].lineno}"
     return (
         InsgnssError.exit_code,
         (
-            f"internal error: {type(error).__name__}: {error} (at {place}); this is a defect,"
+            f"internal error: {type(error).__name__}: {error} (at {location}); this is a defect,"
             " --debug shows the traceback"
         ),
     )

@@ -25,16 +25,20 @@ if TYPE_CHECKING:
 Draw = Callable[[Mapping[str, Any]], bytes]
 
 EXAMPLE = """\
-  insgnss ppk rover.18o --base master.18o --navigation rover.18n rover.18g --base-position 46.5712345,6.5412345,512.345
-  insgnss ppk rover.obs --base base.obs --navigation base.nav --base-position 35.1347,136.9776,104.85 --base-point apc --images photos
-  insgnss ppk rover.18o.gz --base ref.18d.Z --navigation brdc.18n --origin 46.57,6.54,0 --camera-delay 0.0012"""
+  insgnss ppk rover.18o --base master.18o --navigation rover.18n rover.18g \\
+      --base-position 46.5712345,6.5412345,512.345
+  insgnss ppk rover.obs --base base.obs --navigation base.nav \\
+      --base-position 35.1347,136.9776,104.85 --base-point apc --images photos
+  insgnss ppk rover.18o.gz --base ref.18d.Z --navigation brdc.18n \
+--origin 46.57,6.54,0 --camera-delay 0.0012"""
 FIGURE, DOCUMENT = "gnss_quality.png", "ppk.json"
 TABLES = (RawGnss, GnssInput, Air, CameraInput, ImageMatch, RoverEvents, TangentPlaneTable)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb: those that the tables of the flight file declare, and where the
-    files go.
+    """Add the options of the verb.
+
+    They are those that the tables of the flight file declare, and where the files go.
     """
     add_options(parser, TABLES, required=("base", "navigation"))
     parser.add_argument(
@@ -57,14 +61,14 @@ class PpkRun:
     def summary(self) -> str:
         """What a person reads."""
         mark = {"ok": "ok  ", "note": "note", "contradiction": "BAD "}
-        width = max(len(told.name) for told in self.result.checks)
+        width = max(len(finding.name) for finding in self.result.checks)
         lines = [self.result.verdict]
-        for told in self.result.checks:
-            lines.append(f"{mark[told.verdict]}  {told.name:<{width}}  {told.found}")
-            if told.verdict != "ok":
+        for finding in self.result.checks:
+            lines.append(f"{mark[finding.verdict]}  {finding.name:<{width}}  {finding.found}")
+            if finding.verdict != "ok":
                 lines.append(
-                    f"      {'':<{width}}  expected: {told.expected}"
-                    + (f"; {told.advice}" if told.advice else "")
+                    f"      {'':<{width}}  expected: {finding.expected}"
+                    + (f"; {finding.advice}" if finding.advice else "")
                 )
         return "\n".join(
             [
@@ -94,8 +98,14 @@ class PpkRun:
 def ppk(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun:
     """Do what the parsed command line asks for.
 
-    draw : PNG of the series of a result (`report.gnss.draw_quality`).   Raises UsageError, InputError and DataError of the steps, in
-    the words of the command line.
+    Parameters
+    ----------
+    draw : PNG of the series of a result (`report.figures.gnss.draw_quality`).
+
+    Raises
+    ------
+    UsageError, InputError, DataError
+        Of the steps, in the words of the command line.
     """
     with spoken_as(names_of()):
         try:
@@ -107,7 +117,7 @@ def ppk(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun:
 def _solved(given: argparse.Namespace, progress: Progress, draw: Draw) -> PpkRun:
     inputs, origin = (
         input_of(given),
-        None if given.origin is None else place(given.origin, "tangent_plane.origin"),
+        None if given.origin is None else geodetic_position(given.origin, "tangent_plane.origin"),
     )
     _refuse_absent(given)
     if given.out.exists() and not given.out.is_dir():
@@ -149,17 +159,18 @@ def _refuse_absent(given: argparse.Namespace) -> None:
     ]
     for option, file in named:
         if not file.is_file():
-            what = (
+            problem = (
                 "is a directory, a file is expected"
                 if file.is_dir()
                 else "does not exist; check the path"
             )
-            raise InputError(f"ppk: {option} {file} {what}")
+            raise InputError(f"ppk: {option} {file} {problem}")
 
 
 def input_of(given: argparse.Namespace) -> "PpkInput":
-    """The input that a command line describes; OptionError and UsageError for what it cannot ask
-    for.
+    """The input that a command line describes.
+
+    OptionError and UsageError for what it cannot ask for.
     """
     from ..config.load import read_covariance
     from ..geodesy.frames import geodetic_to_ecef
@@ -169,13 +180,18 @@ def input_of(given: argparse.Namespace) -> "PpkInput":
 
     settings, raw = given_of(given, EngineSettings), given_of(given, RawGnss)
     _refuse_contradictions(given, raw)
-    at = (
+    base_ecef = (
         None
         if given.base_position is None
-        else geodetic_to_ecef(*place(given.base_position, "gnss.base_position")).tolist()
+        else geodetic_to_ecef(
+            *geodetic_position(given.base_position, "gnss.base_position")
+        ).tolist()
     )
-    if at is not None:
-        settings = {"base_position_m": (at[0], at[1], at[2]), "base_point": "apc"} | settings
+    if base_ecef is not None:
+        settings = {
+            "base_position_m": (base_ecef[0], base_ecef[1], base_ecef[2]),
+            "base_point": "apc",
+        } | settings
     if "systems" in settings:
         settings["systems"] = settings["systems"].upper()
     if "rtklib_options" in settings:
@@ -224,8 +240,9 @@ def _refuse_contradictions(given: argparse.Namespace, raw: Mapping[str, Any]) ->
 
 
 def _named_values(words: Sequence[str]) -> dict[str, str]:
-    """Options of RTKLIB by name of words NAME=VALUE; OptionError for a word that is none, or one
-    option twice.
+    """Options of RTKLIB by name of words NAME=VALUE.
+
+    OptionError for a word that is none, or one option twice.
     """
     key = "gnss.rtklib_options"
     split = {word: word.partition("=") for word in words}
@@ -237,17 +254,18 @@ def _named_values(words: Sequence[str]) -> dict[str, str]:
     return {name: value for name, _, value in split.values()}
 
 
-def place(text: str, key: str) -> Any:
-    """Latitude rad, longitude rad, ellipsoidal height m (3,) of "LAT,LON,H" in degrees; OptionError
-    of `key` for what is none.
+def geodetic_position(text: str, key: str) -> Any:
+    """Latitude rad, longitude rad, ellipsoidal height m (3,) of "LAT,LON,H" in degrees.
+
+    OptionError of `key` for what is none.
     """
     import numpy as np
 
     try:
-        lat, lon, height = (float(part) for part in text.split(","))
+        lat, lon, height = (float(number) for number in text.split(","))
     except ValueError:
-        what = "is no LAT,LON,H in degrees and metres, such as 46.5712345,6.5412345,512.345"
-        raise OptionError(key, f"{text!r} {what}") from None
+        problem = "is no LAT,LON,H in degrees and metres, such as 46.5712345,6.5412345,512.345"
+        raise OptionError(key, f"{text!r} {problem}") from None
     if not is_place(lat, lon, height):
         raise OptionError(
             key, f"{text!r} is no latitude, longitude, ellipsoidal height; {swapped(lat, lon)}"

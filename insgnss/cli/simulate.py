@@ -49,7 +49,7 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     from ..simulation.dataset import write_dataset
 
     progress(f"simulating {options.flight}")
-    flown = {
+    arguments = {
         "flight": options.flight,
         "minutes": options.minutes,
         "vibration": options.vibration,
@@ -58,11 +58,11 @@ def run(options: argparse.Namespace, progress: Progress) -> int:
     if options.raw_gnss:
         from ..simulation.raw_gnss.scenario import RawGnssOptions
 
-        flown["raw_gnss"] = RawGnssOptions()
-    write_dataset(options.directory, imu_rate=options.imu_rate, **flown)
+        arguments["raw_gnss"] = RawGnssOptions()
+    write_dataset(options.directory, imu_rate=options.imu_rate, **arguments)
     flight_file = options.directory / "flight.toml"
-    what = f"{flight_file}\nnext: insgnss process {flight_file}"
-    return show(options, progress, lambda: what, lambda: {"flight": flight_file})
+    message = f"{flight_file}\nnext: insgnss process {flight_file}"
+    return show(options, progress, lambda: message, lambda: {"flight": flight_file})
 
 
 VERB = Verb(

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 
 EXAMPLE = """\
-  insgnss tune static1.csv static2.csv --gyro-model WN+3GM --accel-model WN+2GM --axes joint --out navchip.toml
+  insgnss tune static1.csv static2.csv --gyro-model WN+3GM --accel-model WN+2GM \\
+      --axes joint --out navchip.toml
   insgnss tune static.npy --rate 100 --gyro-unit "0.05 deg/s" --accel-unit "3.33 mg"
   insgnss tune variances.json --gyro-unit rad/s --accel-unit m/s^2 --model WN+2GM --levels 6-
   insgnss tune --flight flight.toml"""
@@ -86,9 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " flight in_flight_noise.toml)"
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help=where)
-    parser.add_argument(
-        "--force", action="store_true", help="take the place of files that are there"
-    )
+    parser.add_argument("--force", action="store_true", help="overwrite existing files")
     _add_model(parser)
     _add_reading(parser)
 
@@ -217,8 +216,9 @@ def _from_zero(text: str) -> float:
 
 
 def _files_anywhere(parser: argparse.ArgumentParser) -> None:
-    """Let recordings stand behind options, too, and a list of columns begin with the "-" that
-    leaves one out.
+    """Let recordings stand behind options, too.
+
+    A list of columns may begin with the "-" that leaves one out.
     """
     plain = parser.parse_known_args
 
@@ -229,10 +229,10 @@ def _files_anywhere(parser: argparse.ArgumentParser) -> None:
                 joined[-1] = f"--columns={text}"
             else:
                 joined.append(text)
-        found, left = plain(joined, namespace)
+        parsed, left = plain(joined, namespace)
         if left and not any(text.startswith("-") for text in left):
-            found.static, left = [*found.static, *map(Path, left)], []
-        return found, left
+            parsed.static, left = [*parsed.static, *map(Path, left)], []
+        return parsed, left
 
     setattr(parser, "parse_known_args", parse)  # noqa: B010
 
@@ -245,11 +245,11 @@ def _columns(text: str | None) -> tuple[str, ...] | dict[str, str] | None:
         raise UsageError(
             "--columns '': give names in the order of the columns, or leave the option out"
         )
-    parts = [part.strip() for part in text.split(",")]
-    if not any("=" in part for part in parts):
+    parts = [word.strip() for word in text.split(",")]
+    if not any("=" in word for word in parts):
         return tuple(parts)
     pairs = [
-        (name.strip(), field.strip()) for name, _, field in (part.partition("=") for part in parts)
+        (name.strip(), field.strip()) for name, _, field in (word.partition("=") for word in parts)
     ]
     if not all(name and field for name, field in pairs):
         raise UsageError(

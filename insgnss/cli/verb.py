@@ -1,6 +1,4 @@
-"""What the verbs of the command line have in common: how one is declared, and how its result is
-shown.
-"""
+"""What the verbs of the command line share: their declaration, and how a result is shown."""
 
 import argparse
 import json
@@ -91,8 +89,9 @@ def show_result(options: argparse.Namespace, progress: Progress, result: Result)
 
 
 def show_judged(options: argparse.Namespace, progress: Progress, result: Any, *files: Path) -> int:
-    """Print a result of `files`; return 0, or the exit code of its refusal, which is one line on
-    standard error.
+    """Print a result of `files`.
+
+    Return 0, or the exit code of its refusal, which is one line on standard error.
     """
     refusal = result.refusal
     if refusal is None:
@@ -114,8 +113,9 @@ def print_json(document: Any) -> None:
 
 
 def report_error(line: str, code: int, as_json: bool) -> None:
-    """Print an error as one line on standard error and, with `as_json`, as a document on standard
-    output.
+    """Print an error as one line on standard error; with `as_json` also as JSON.
+
+    The JSON document goes to standard output.
     """
     line = " ".join(line.split())
     print(f"insgnss: {line}", file=sys.stderr)

@@ -1,8 +1,9 @@
-r"""What may lie between attitudes: each hypothesis is taken off b, and judged by the angle that
-remains to a.
+r"""What may lie between attitudes.
+
+Each hypothesis is taken off b, and judged by the angle that remains to a.
 
     axes of the camera or body    C_b Q^T,       Q one of the 23 rotations by right angles     (A.1)
-    axes of the frame             Q^T C_b        likewise; both, where both are named otherwise         (A.2)
+    axes of the frame             Q^T C_b        likewise; both, where both differ         (A.2)
     inverse                       C_b^T          frame to camera for camera to frame           (A.3)
     angles                        C_b of its angles in another order, with other signs, another unit
                                   or of another set (A.4)
@@ -49,11 +50,11 @@ ENU_AXES = ("east", "north", "up")
 
 @dataclass(frozen=True)
 class _Set:
-    """An angle set: the names of its angles, and how to take them from a rotation and to make it."""
+    """An angle set: the names of its angles, how a rotation gives them, and how they give it."""
 
     names: tuple[str, str, str]
     take: Change
-    make: Change
+    rotation: Change
 
 
 CAMERA_SETS = {
@@ -173,8 +174,8 @@ def _of_the_frame(Q: Array) -> tuple[str, str]:
                 " that of a"
             ),
         )
-    known = " (north, east, down for east, north, up)" if np.array_equal(Q, NED_ENU) else ""
-    return "axes of the frame", f"attitude of b in a frame turned by {_by(Q, ENU_AXES)}{known}"
+    note = " (north, east, down for east, north, up)" if np.array_equal(Q, NED_ENU) else ""
+    return "axes of the frame", f"attitude of b in a frame turned by {_by(Q, ENU_AXES)}{note}"
 
 
 def _by(Q: Array, names: tuple[str, str, str]) -> str:
@@ -199,31 +200,34 @@ def _angles(b: Poses) -> Iterator[Trial]:
     """(A.4)."""
     sets = CAMERA_SETS if b.x == "camera" else BODY_SETS
     own = {b.angle_set: sets[b.angle_set]} if b.angle_set in sets else sets
-    for set_name, known in own.items():
-        for name, words, change in _changes(known.names):
-            yield Trial(name, words, _on_angles(known.take, known.make, change))
+    for set_name, read_as in own.items():
+        for name, words, change in _changes(read_as.names):
+            yield Trial(name, words, _on_angles(read_as.take, read_as.rotation, change))
         for other_name, other in sets.items():
             if other_name != set_name:
                 for order in permutations(range(3)):
-                    said = " ".join(other.names[order.index(k)] for k in range(3))
-                    words = f"angles of b, read as {' '.join(known.names)}, are {said}"
+                    angle_names = " ".join(other.names[order.index(k)] for k in range(3))
+                    words = f"angles of b, read as {' '.join(read_as.names)}, are {angle_names}"
                     yield Trial(
-                        "angle set", words, _on_angles(known.take, other.make, _reordered(order))
+                        "angle set",
+                        words,
+                        _on_angles(read_as.take, other.rotation, _reordered(order)),
                     )
 
 
 def _changes(names: tuple[str, str, str]) -> Iterator[tuple[str, str, Change]]:
-    """Angles in another order, with other signs, or in another unit: name, statement, change of (n,
-    3).
+    """Angles in another order, with other signs, or in another unit.
+
+    Each is name, statement, and change of (n, 3).
     """
     for order in list(permutations(range(3)))[1:]:
         moved = [names[k] for k in range(3) if order[k] != k]
-        what = (
+        exchange = (
             f"{moved[0]} and {moved[1]} exchanged"
             if len(moved) == 2
             else f"{' '.join(names[k] for k in order)} for {' '.join(names)}"
         )
-        yield "angles exchanged", f"b has {what}", _reordered(order)
+        yield "angles exchanged", f"b has {exchange}", _reordered(order)
     for signs in list(product((1.0, -1.0), repeat=3))[1:]:
         which = " and ".join(name for name, sign in zip(names, signs, strict=True) if sign < 0.0)
         yield "sign of angles", f"b has {which} with the other sign", _times(np.array(signs))
@@ -239,19 +243,20 @@ def _times(factors: Array) -> Change:
     return lambda angles: angles * factors
 
 
-def _on_angles(take: Change, make: Change, change: Change) -> Callable[[Poses, Poses], Poses]:
-    """The change of the angles (n, 3), rad, as the file has them, else as taken from the rotation."""
+def _on_angles(take: Change, rotation: Change, change: Change) -> Callable[[Poses, Poses], Poses]:
+    """Apply a change to the angles (n, 3), rad, of the file, else of the rotation."""
 
     def taken_off(_: Poses, b: Poses) -> Poses:
         angles = b.angles if b.angles is not None else take(_of_the_angles(b))
-        return replace(b, C_Ex=_from_the_angles(b, make(change(angles))), angles=None)
+        return replace(b, C_Ex=_from_the_angles(b, rotation(change(angles))), angles=None)
 
     return taken_off
 
 
 def _of_the_angles(b: Poses) -> Array:
-    """The rotation of which the angles of the file are: camera right-up-back into the frame's axes,
-    or body into NED.
+    """The rotation of which the angles of the file are.
+
+    It is camera right-up-back into the frame's axes, or body into NED.
     """
     assert b.C_Ex is not None
     if b.x == "body":
@@ -276,9 +281,9 @@ def _constant(a: Poses, b: Poses) -> Iterator[Trial]:
     up = float(np.arctan2(np.sin(psi[:, 2]).mean(), np.cos(psi[:, 2]).mean()))
     quarters = round(up / (0.5 * np.pi))
     rest = float(np.degrees(up)) - 90.0 * quarters
-    said = f"{90 * quarters:+d} deg and {rest:+.4f} deg" if quarters else f"{rest:+.4f} deg"
+    turn = f"{90 * quarters:+d} deg and {rest:+.4f} deg" if quarters else f"{rest:+.4f} deg"
     words = (
-        f"attitude of b turned by {said} about up (grid, true or magnetic north; meridian"
+        f"attitude of b turned by {turn} about up (grid, true or magnetic north; meridian"
         " convergence)"
     )
     yield Trial(
@@ -305,10 +310,10 @@ def _turn_words(
 ) -> tuple[str, dict[str, float]]:
     """Statement and values of a constant turn."""
     v = vector_from_rotation(Q)
-    said = " ".join(
+    turns = " ".join(
         f"{name} {np.degrees(value):+.4f}" for name, value in zip(names, v, strict=True)
     )
     why = meaning if np.linalg.norm(v) < SMALL_RAD else "another mounting or frame"
-    return f"attitude of b turned about {said} deg ({why})", {
+    return f"attitude of b turned about {turns} deg ({why})", {
         f"{name}_rad": float(value) for name, value in zip(names, v, strict=True)
     }

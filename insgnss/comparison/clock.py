@@ -1,5 +1,6 @@
-r"""Whether the clocks of two files agree: stamps of b that are early or late, by seconds or by
-milliseconds.
+r"""Whether the clocks of two files agree.
+
+Stamps of b may be early or late, by seconds or by milliseconds (latency).
 
 Files matched by time are matched anew with whole seconds added to b's stamps; of the shift that
 leaves least of the horizontal differences d the rest follows by least squares, until it does not
@@ -40,11 +41,14 @@ def by_names(matched: Matched) -> Finding | None:
     a, b = matched.a, matched.b
     if matched.how != "image" or a.time is None or b.time is None:
         return None
-    late = times(a, b)[1] - a.time
-    usual = float(np.median(late))
+    offset = times(a, b)[1] - a.time
+    usual = float(np.median(offset))
     if abs(usual) < LEAST_S:
         return None
-    before, after = float(np.sqrt(np.mean(late**2))), float(np.sqrt(np.mean((late - usual) ** 2)))
+    before, after = (
+        float(np.sqrt(np.mean(offset**2))),
+        float(np.sqrt(np.mean((offset - usual) ** 2))),
+    )
     explained = 1.0 - (after / before) ** 2
     if explained < ENOUGH:
         return None
@@ -56,17 +60,18 @@ def by_names(matched: Matched) -> Finding | None:
 
 
 def by_motion(a: Poses, b: Poses) -> tuple[Finding, Matched] | None:
-    """The shift of b's stamps that explains the differences of poses matched by time, and the match
-    with it taken off.
+    """Find the shift of b's stamps that explains the differences of poses matched by time.
+
+    The match with it taken off comes with it; None where no shift explains them.
     """
-    at = [
+    scored = [
         (score, shift)
         for shift in range(-WIDEST_S, WIDEST_S + 1)
         if (score := _spread(a, b, float(shift))) is not None
     ]
-    if not at:
+    if not scored:
         return None
-    best = float(min(at)[1])
+    best = float(min(scored)[1])
     for _ in range(ROUNDS):
         step = _step(a, b, best)
         best += step
@@ -101,8 +106,9 @@ def leap_words(late_s: float) -> str:
 
 
 def _spread(a: Poses, b: Poses, shift: float) -> float | None:
-    """rms, m, of what s and l of (T.1) leave of the horizontal differences, with `shift` added to
-    b's stamps; None where too few meet.
+    """rms, m, of what s and l of (T.1) leave of the horizontal differences.
+
+    `shift` is added to b's stamps. The result is None where too few meet.
     """
     matched = _sampled(a, b, shift)
     if matched is None:
@@ -134,8 +140,8 @@ def _step(a: Poses, b: Poses, shift: float) -> float:
     if matched is None or v is None:
         return 0.0
     d, beside = _equations(*matched)
-    found = np.linalg.lstsq(np.column_stack([v[:, :2].ravel(), beside]), d, rcond=None)[0]
-    return float(np.clip(found[0], -0.5, 0.5))
+    solution = np.linalg.lstsq(np.column_stack([v[:, :2].ravel(), beside]), d, rcond=None)[0]
+    return float(np.clip(solution[0], -0.5, 0.5))
 
 
 def _sampled(a: Poses, b: Poses, shift: float) -> tuple[Poses, Poses] | None:

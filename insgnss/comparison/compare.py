@@ -1,5 +1,6 @@
-"""The comparison itself: read, match, take the differences, take off what is recognised, tell what
-remains.
+"""The comparison itself.
+
+It reads, matches, takes the differences, takes off what is recognised, and reports what remains.
 """
 
 from collections.abc import Sequence
@@ -41,16 +42,26 @@ def compare_files(
 ) -> Comparison:
     """Compare two exterior orientations or trajectories; b minus a.
 
-    a, b : files of any format of `reading.FORMS`, or records.   form_a, form_b : theirs, where a file does not show it.
+    Parameters
+    ----------
+    a, b : files of any format of `reading.FORMS`, or records.
+    form_a, form_b : theirs, where a file does not show it.
     undulation_m : of a, of b, to be added to the heights of positions of GNSS that are above the
         geoid.
     origin : latitude, longitude, deg, and ellipsoidal height, m, of a tangent plane whose file does
-        not give it; without it that of the
-    other file is taken, and told.   crs, geoid : of projected coordinates.
+        not give it; without it that of the other file is taken, and noted.
+    crs, geoid : of projected coordinates.
     gps_week : of files with the time of week only.
     time_shift_s : to be added to the times of b.
-    Raises InputError with file and line, UsageError for an unknown format, DataError where nothing
-    tells which poses belong together.
+
+    Raises
+    ------
+    InputError
+        With file and line.
+    UsageError
+        For an unknown format.
+    DataError
+        Where nothing tells which poses belong together.
     """
     hints = Hints(origin, crs, gps_week, geoid)
     read, notes = _read_both(
@@ -64,18 +75,19 @@ def _read_both(
     given: Sequence[tuple[str | Path | ExteriorOrientation | Trajectory, str | None]],
     hints: Sequence[Hints],
 ) -> tuple[tuple[Poses, Poses], tuple[str, ...]]:
-    """Both files, of path, format and hints; a tangent plane without origin gets that of the other
-    one.
+    """Both files, of path, format and hints.
+
+    A tangent plane without origin gets that of the other one.
     """
     read: list[Poses | None] = [None, None]
-    late: list[tuple[int, NoOriginError]] = []
+    without_origin: list[tuple[int, NoOriginError]] = []
     for k, (path, form) in enumerate(given):
         try:
             read[k] = read_poses(path, form, hints[k])
         except NoOriginError as refusal:
-            late.append((k, refusal))
+            without_origin.append((k, refusal))
     notes: tuple[str, ...] = ()
-    for k, error in late:
+    for k, error in without_origin:
         other = read[1 - k]
         if other is None or other.plane is None:
             raise error
@@ -100,18 +112,22 @@ def _read_both(
 def compare_poses(
     a: Poses, b: Poses, *, time_shift_s: float = 0.0, notes: tuple[str, ...] = ()
 ) -> Comparison:
-    """Compare what was read; b minus a. Raises DataError where nothing tells which poses belong
-    together.
+    """Compare what was read; b minus a.
+
+    Raises
+    ------
+    DataError
+        Where nothing tells which poses belong together.
     """
     b, more = _of_one_body(a, b)
     findings: list[Finding] = []
     try:
         first = matched = match(a, b, time_shift_s)
     except DataError:
-        found = by_motion(a, b)
-        if found is None:
+        recognised = by_motion(a, b)
+        if recognised is None:
             raise
-        findings, first, matched = [found[0]], found[1], found[1]
+        findings, first, matched = [recognised[0]], recognised[1], recognised[1]
     else:
         matched, findings = _clock(a, b, first, time_shift_s)
     settled, taken = _explained(matched)
@@ -142,11 +158,11 @@ def _of_one_body(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
         return b, ()
     C_cb = a.camera_from_body if a.camera_from_body is not None else b.camera_from_body
     if C_cb is None:
-        what = (
+        note = (
             f"attitudes are of the {a.x} in a and of the {b.x} in b, and neither file gives the"
             " mounting: they are not compared"
         )
-        return replace(b, C_Ex=None), (what,)
+        return replace(b, C_Ex=None), (note,)
     turned_b = b.C_Ex @ C_cb.T if b.x == "body" else b.C_Ex @ C_cb
     return (
         replace(b, C_Ex=turned_b, x=a.x, angles=None, angle_set=""),
@@ -155,18 +171,19 @@ def _of_one_body(a: Poses, b: Poses) -> tuple[Poses, tuple[str, ...]]:
 
 
 def _clock(a: Poses, b: Poses, matched: Matched, shift_s: float) -> tuple[Matched, list[Finding]]:
-    """What names and clocks explain, and the match with it taken off; of files matched by name the
-    clocks stay.
+    """What names and clocks explain, and the match with it taken off.
+
+    Of files matched by name the clocks stay.
     """
     if matched.how == "image":
         reordered = by_order(matched)
         findings = [] if reordered is None else [reordered[0]]
         matched = matched if reordered is None else reordered[1]
-        told = by_names(matched)
-        return matched, [*findings, told] if told is not None else findings
+        offset = by_names(matched)
+        return matched, [*findings, offset] if offset is not None else findings
     shifted = b if shift_s == 0.0 or b.time is None else replace(b, time=b.time + shift_s)
-    found = by_motion(a, shifted)
-    return (matched, []) if found is None else (found[1], [found[0]])
+    recognised = by_motion(a, shifted)
+    return (matched, []) if recognised is None else (recognised[1], [recognised[0]])
 
 
 def _explained(matched: Matched) -> tuple[Poses, list[Finding]]:
@@ -175,17 +192,18 @@ def _explained(matched: Matched) -> tuple[Poses, list[Finding]]:
     findings: list[Finding] = []
     for test in (lambda p, q: horizontal(p, q, matched.how == "image"), vertical, attitude):
         for _ in range(ROUNDS):
-            found = test(a, b)
-            if found is None:
+            recognised = test(a, b)
+            if recognised is None:
                 break
-            findings.append(found[0])
-            b = found[1]
+            findings.append(recognised[0])
+            b = recognised[1]
     return b, findings
 
 
 def components(a: Poses, b: Poses) -> tuple[Component, ...]:
-    """Differences b minus a: east, north, up; velocities; turns about east, north, up, or roll,
-    pitch, heading of bodies.
+    """Return the differences b minus a, component by component.
+
+    They are east, north, up; turns about east, north, up; velocities, where both files have them.
     """
     d, s = difference(a, b), _sigma(a.cov_position, b.cov_position)
     out = [
@@ -207,13 +225,14 @@ def components(a: Poses, b: Poses) -> tuple[Component, ...]:
 
 
 def _sigma(P_a: Array | None, P_b: Array | None) -> Array | None:
-    """Standard deviations (n, 3) of the difference of independent errors; of the one file's where
-    the other gives none.
+    """Standard deviations (n, 3) of the difference of independent errors.
+
+    Of the one file's where the other gives none.
     """
-    known = [P for P in (P_a, P_b) if P is not None]
-    if not known:
+    given = [P for P in (P_a, P_b) if P is not None]
+    if not given:
         return None
-    return np.sqrt(sum(np.diagonal(P, axis1=1, axis2=2) for P in known))
+    return np.sqrt(sum(np.diagonal(P, axis1=1, axis2=2) for P in given))
 
 
 def _notes(a: Poses, b: Poses, matched: Matched) -> tuple[str, ...]:

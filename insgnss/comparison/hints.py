@@ -1,4 +1,4 @@
-"""What readers of poses share: what a caller knows beyond the file, and covariances in other axes."""
+"""What readers of poses share: a caller's hints beyond the file, and covariances in other axes."""
 
 import re
 from dataclasses import dataclass
@@ -18,9 +18,12 @@ HEAD = 16384
 
 @dataclass(frozen=True)
 class Hints:
-    """What a caller knows beyond the file: origin of a tangent plane, deg, deg, m; CRS of projected
-    coordinates; GPS week; geoid grid.
+    """What a caller knows beyond the file: origin of a tangent plane, deg, deg, m.
 
+    CRS of projected coordinates; GPS week; geoid grid.
+
+    Parameters
+    ----------
     undulation_m : of the geoid, to be added to heights of positions of GNSS.
     """
 
@@ -48,8 +51,9 @@ class Hints:
 
 
 def diagonal(sigma: Array | None, E: Array | None = None) -> Array | None:
-    """(n, 3, 3) of standard deviations (n, 3); of angles, whose psi is E d(angles); None where
-    there are none, or where all are zero.
+    """(n, 3, 3) of standard deviations (n, 3).
+
+    Of angles, whose psi is E d(angles); None where there are none, or where all are zero.
     """
     if sigma is None or not (sigma > 0.0).all():
         return None
@@ -64,18 +68,19 @@ def turned(C: Array, P: Array | None) -> Array | None:
 
 
 def origin_in(path: Path) -> TangentPlane | None:
-    """The origin that a header names: `latitude 46.57.. deg, longitude 6.54.. deg, ... height 0 m`,
-    or two angles in deg and a height.
+    """The origin that a header names: `latitude 46.57..
+
+    deg, longitude 6.54.. deg, ... height 0 m`, or two angles in deg and a height.
     """
     with path.open(encoding="utf-8", errors="replace") as stream:
         head = "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
     number = r"(-?\d+(?:\.\d+)?)"
-    said = re.search(
+    origin = re.search(
         rf"latitude {number}(?: deg)?,? longitude {number} deg,?(?: [a-z]+ height)? {number} m",
         head,
     )
-    said = said or re.search(rf"origin {number} {number} deg {number} m", head)
-    if said is None:
+    origin = origin or re.search(rf"origin {number} {number} deg {number} m", head)
+    if origin is None:
         return None
-    lat, lon, height = (float(number) for number in said.groups())
+    lat, lon, height = (float(number) for number in origin.groups())
     return TangentPlane(np.radians(lat), np.radians(lon), height)

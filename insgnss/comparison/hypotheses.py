@@ -1,10 +1,11 @@
-"""How a hypothesis is judged: it is taken off b, and what remains of the differences says how much
-of them it explains.
+"""How a hypothesis is judged.
+
+It is taken off b, and what remains of the differences says how much of them it explains.
 
 Hypotheses are tried on at most `MOST` poses spread over all of them, and the one that is chosen is
 taken off all. Of those that explain `ENOUGH` of the squares the one that leaves least is stated,
 where each parameter that was fitted must pay for itself by a quarter of what is left and of what
-the digits of files leave; others that leave hardly more with no more parameters are told beside it.
+the digits of files leave; others that leave hardly more with no more parameters are stated too.
 """
 
 from collections.abc import Callable, Iterable
@@ -14,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .poses import Poses
-from .result import Finding, Part
+from .result import Aspect, Finding
 
 Array = NDArray[np.float64]
 Measure = Callable[[Poses, Poses], Array]
 
 ENOUGH = 0.9  # share of the sum of squares
-AS_GOOD = 1.3  # ratio of what two hypotheses leave, below which both are told
+AS_GOOD = 1.3  # ratio of what two hypotheses leave, below which both are stated
 SIMPLER = 1.25  # by which a hypothesis must leave less for each parameter more
 MOST = 2000
 LEAST_POSES = 5
@@ -33,8 +34,9 @@ DIGITS = {
 
 @dataclass(frozen=True)
 class Trial:
-    """A hypothesis: b with it taken off, as a function of (a, b); how many parameters were fitted
-    to these poses, and their values.
+    """A hypothesis: b with it taken off, as a function of (a, b).
+
+    How many parameters were fitted to these poses, and their values.
     """
 
     name: str
@@ -50,7 +52,7 @@ def rms(d: Array) -> float:
 
 
 def explain(
-    part: Part,
+    aspect: Aspect,
     a: Poses,
     b: Poses,
     measure: Measure,
@@ -59,6 +61,8 @@ def explain(
 ) -> tuple[Finding, Poses] | None:
     """The hypothesis that explains the differences, and b with it taken off; None where none does.
 
+    Parameters
+    ----------
     measure : differences (n, k) of a part.
     trials : hypotheses for some poses.
     least : rms below which nobody asks why.
@@ -68,14 +72,14 @@ def explain(
     rows = np.unique(np.linspace(0, a.n - 1, min(a.n, MOST)).astype(np.int64))
     some_a, some_b = a.taken(rows), b.taken(rows)
     before = rms(measure(some_a, some_b))
-    tried = [
+    judged = [
         (rms(measure(some_a, trial.taken_off(some_a, some_b))), trial)
         for trial in trials(some_a, some_b)
     ]
-    good = [(left, trial) for left, trial in tried if left**2 <= (1.0 - ENOUGH) * before**2]
+    good = [(left, trial) for left, trial in judged if left**2 <= (1.0 - ENOUGH) * before**2]
     if not good:
         return None
-    unit = "rad" if part == "attitude" else "m"
+    unit = "rad" if aspect == "attitude" else "m"
     left, best = min(
         good, key=lambda pair: ((pair[0] + DIGITS[unit]) * SIMPLER ** pair[1].parameters, pair[0])
     )
@@ -91,7 +95,7 @@ def explain(
         Finding(
             best.name,
             best.statement,
-            part,
+            aspect,
             before,
             left,
             1.0 - (left / before) ** 2,

@@ -1,5 +1,6 @@
-r"""Which pose of one file belongs to which of the other: by image name, else by time, the denser
-file interpolated.
+r"""Which pose of one file belongs to which of the other.
+
+They are matched by image name, else by time, the denser file interpolated.
 
 Names are compared as they are and, where none agrees, without directory and ending.
 
@@ -30,8 +31,12 @@ SAME_S = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Matched:
-    """Row by row the same pose in `a` and `b`. how : "image" or "time".   left_a, left_b : poses without partner.
+    """Row by row the same pose in `a` and `b`.
 
+    Parameters
+    ----------
+    how : "image" or "time".
+    left_a, left_b : poses without partner.
     of_time : rows of `a` and of `b` were taken at these times, s of a's week, or None.
     """
 
@@ -46,7 +51,10 @@ class Matched:
 def match(a: Poses, b: Poses, shift_s: float = 0.0) -> Matched:
     """`a` and `b`, row by row; with `shift_s` added to the times of b.
 
-    Raises DataError where they share neither image names nor times.
+    Raises
+    ------
+    DataError
+        Where they share neither image names nor times.
     """
     if a.images and b.images:
         common = _common(a.images, b.images) or _common(_stems(a.images), _stems(b.images))
@@ -57,11 +65,11 @@ def match(a: Poses, b: Poses, shift_s: float = 0.0) -> Matched:
                 a.taken(in_a), b.taken(in_b), "image", a.n - len(common), b.n - len(common), time
             )
         if a.time is None or b.time is None:
-            what = (
+            problem = (
                 f"no image has the same name: {a.images[0]!r} of {a.source}, {b.images[0]!r} of"
                 f" {b.source}"
             )
-            raise DataError(f"{what}; rename them, or give files with times")
+            raise DataError(f"{problem}; rename them, or give files with times")
     return _by_time(a, b, shift_s)
 
 
@@ -72,8 +80,9 @@ def _common(a: tuple[str, ...], b: tuple[str, ...]) -> list[tuple[int, int]]:
 
 
 def _stems(images: tuple[str, ...]) -> tuple[str, ...]:
-    """Names without directory and ending, in lower case; none of them where two images would become
-    one.
+    """Names without directory and ending, in lower case.
+
+    None of them where two images would become one.
     """
     stems = tuple(PurePosixPath(name.replace("\\", "/")).stem.lower() for name in images)
     return stems if len(set(stems)) == len(stems) else ()
@@ -84,12 +93,12 @@ def times(a: Poses, b: Poses) -> tuple[Array, Array]:
     for poses in (a, b):
         if poses.time is None:
             other = b if poses is a else a
-            what = (
+            problem = (
                 f"{poses.source} has no times, {other.source}"
                 f" {'other image names' if other.images else 'no image names'}"
             )
             raise DataError(
-                f"{what}: nothing tells which poses belong together; give the eo.json, which has"
+                f"{problem}: nothing tells which poses belong together; give the eo.json, which has"
                 " both"
             )
     assert a.time is not None
@@ -118,13 +127,13 @@ def _by_time(a: Poses, b: Poses, shift_s: float) -> Matched:
         )
     rows = np.flatnonzero(inside)
     sparse, dense = (a, b) if of_a else (b, a)
-    at = interpolated(dense, samples, wanted[rows])
+    partner = interpolated(dense, samples, wanted[rows])
     left_dense = int(((samples < wanted[rows[0]]) | (samples > wanted[rows[-1]])).sum())
     left = (sparse.n - rows.size, left_dense)
     taken = sparse.taken(rows)
     if of_a:
-        return Matched(taken, at, "time", *left, wanted[rows])
-    return Matched(at, taken, "time", left[1], left[0], wanted[rows])
+        return Matched(taken, partner, "time", *left, wanted[rows])
+    return Matched(partner, taken, "time", left[1], left[0], wanted[rows])
 
 
 def covered(samples: Array, wanted: Array) -> NDArray[np.bool_]:
@@ -142,17 +151,17 @@ def interpolated(poses: Poses, samples: Array, wanted: Array) -> Poses:
     count = min(4, samples.size)
     right = np.clip(np.searchsorted(samples, wanted - SAME_S), 1, samples.size - 1)
     first = np.clip(right - count // 2, 0, samples.size - count)
-    at = first[:, None] + np.arange(count)
-    weight = _lagrange(samples[at], wanted)
-    lat, lon, height = ecef_to_geodetic(np.einsum("nk,nki->ni", weight, poses.ecef[at]))
+    rows = first[:, None] + np.arange(count)
+    weight = _lagrange(samples[rows], wanted)
+    lat, lon, height = ecef_to_geodetic(np.einsum("nk,nki->ni", weight, poses.ecef[rows]))
     C = poses.C_Ex
     if C is not None:
-        base = C[at[:, 1 if count > 1 else 0]]
-        turn = vector_from_rotation(C[at] @ np.swapaxes(base, 1, 2)[:, None])
+        base = C[rows[:, 1 if count > 1 else 0]]
+        turn = vector_from_rotation(C[rows] @ np.swapaxes(base, 1, 2)[:, None])
         C = rotation_from_vector(np.einsum("nk,nki->ni", weight, turn)) @ base
     nearest = np.where(samples[right] - wanted < wanted - samples[right - 1], right, right - 1)
     velocity = (
-        None if poses.velocity is None else np.einsum("nk,nki->ni", weight, poses.velocity[at])
+        None if poses.velocity is None else np.einsum("nk,nki->ni", weight, poses.velocity[rows])
     )
     return replace(
         poses.taken(nearest),

@@ -1,5 +1,6 @@
-r"""Whether image names stand beside the poses of other images: a list of names and one of poses
-that were joined one line off.
+r"""Whether image names stand beside the poses of other images.
+
+It happens where a list of names and one of poses were joined one line off.
 
 With the images in the order of their times, of the file or of their names, and p their places,
 
@@ -27,13 +28,14 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 FARTHEST = 5  # images by which names may be off
-LEAST_M = 0.1  # spread below which images are not told apart by their places
+LEAST_M = 0.1  # spread below which positions do not distinguish images
 BETTER = 0.5  # what must be left of what another hypothesis leaves
 
 
 def by_order(matched: Matched) -> tuple[Finding, Matched] | None:
-    """The order of names in which the poses agree, and the match by it; None where that of the
-    files is as good.
+    """The order of names in which the poses agree, and the match by it.
+
+    The result is None where that of the files is as good.
     """
     a, b = matched.a, matched.b
     if matched.how != "image" or a.n < LEAST_POSES:
@@ -41,18 +43,18 @@ def by_order(matched: Matched) -> tuple[Finding, Matched] | None:
     before = _spread(a, b)
     if before < LEAST_M:
         return None
-    tried = [
+    judged = [
         (_spread(a.taken(of_a), b.taken(of_b)), words, k, of_a, of_b)
         for words, k, of_a, of_b in _orders(a)
     ]
-    after, words, k, of_a, of_b = min(tried, key=lambda trial: trial[0])
+    after, words, k, of_a, of_b = min(judged, key=lambda trial: trial[0])
     if after**2 > (1.0 - ENOUGH) * before**2 or _otherwise(a, b, before) * BETTER < after:
         return None
     time = None if matched.of_time is None else matched.of_time[of_a]
-    lost = a.n - of_a.size
+    unpaired = a.n - of_a.size
     named = replace(b.taken(of_b), images=a.taken(of_a).images)
     again = Matched(
-        a.taken(of_a), named, "image", matched.left_a + lost, matched.left_b + lost, time
+        a.taken(of_a), named, "image", matched.left_a + unpaired, matched.left_b + unpaired, time
     )
     values = {} if k is None else {"images": float(k)}
     return (
@@ -69,8 +71,8 @@ def _spread(a: Poses, b: Poses) -> float:
 
 def _otherwise(a: Poses, b: Poses, before: float) -> float:
     """rms, m, that the hypotheses on the horizontal leave with the names as they are."""
-    found = horizontal(a, b, True)
-    return before if found is None else _spread(a, found[1]) + DIGITS["m"]
+    explained = horizontal(a, b, True)
+    return before if explained is None else _spread(a, explained[1]) + DIGITS["m"]
 
 
 def _orders(a: Poses) -> Iterator[tuple[str, int | None, Rows, Rows]]:

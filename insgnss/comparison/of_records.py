@@ -5,7 +5,7 @@ import numpy as np
 from ..geodesy.frames import TangentPlane
 from ..geodesy.rotation import NED_ENU
 from ..records import Array, ExteriorOrientation, Trajectory
-from .poses import Place, Poses
+from .poses import CoordinateFrame, Poses
 
 
 def poses_of(record: ExteriorOrientation | Trajectory, source: str = "", form: str = "") -> Poses:
@@ -44,7 +44,7 @@ def poses_of(record: ExteriorOrientation | Trajectory, source: str = "", form: s
 
 def _of_orientation(eo: ExteriorOrientation, source: str, form: str) -> Poses:
     plane = TangentPlane(*eo.origin)
-    lat, lon, h, C_fE = Place("tangent plane", plane).resolved(eo.position_m, source)
+    lat, lon, h, C_fE = CoordinateFrame("tangent plane", plane).resolved(eo.position_m, source)
     C_Ef = np.swapaxes(C_fE, 1, 2)
     return Poses(
         source,

@@ -1,5 +1,6 @@
-"""What any of the files holds, brought to one form: geodetic positions, attitudes against true
-north, standard deviations where given.
+"""What any of the files holds, brought to one form.
+
+The form is geodetic positions, attitudes against true north, standard deviations where given.
 """
 
 from dataclasses import dataclass, field, replace
@@ -23,19 +24,21 @@ class NoOriginError(InputError):
 class Poses:
     """n poses of one file.
 
+    Parameters
+    ----------
     source : path.
     form : name of the format.
-    point : what the positions are of; "" where the file does not say.
-    lat, lon (n,) rad, height (n,) m, as the file has them: whether above the ellipsoid, it may not
-    say.
-    images : names, or empty.   time : (n,) s of `gps_week` (None where unknown), or None.
+    point : what the positions are of; "" where the file does not say. lat, lon (n,) rad, height
+        (n,) m, as the file has them: whether above the ellipsoid, it may not say.
+    images : names, or empty.
+    time : (n,) s of `gps_week` (None where unknown), or None.
     C_Ex : (n, 3, 3) attitude into east, north, up at the point, of x = "camera" (right, down,
-        viewing direction) or "body" (forward,
-    right, down), or None.
+        viewing direction) or "body" (forward, right, down), or None.
     camera_from_body : (3, 3) body to camera with the bore-sight, where the file says it.
     velocity : (n, 3) east, north, up m/s, or None.
     cov_position, cov_attitude : (n, 3, 3) m^2 and rad^2 (psi), east, north, up, or None.
-    angle_set, angles : name and (n, 3) rad of the angles as the file has them, or "" and None.   C_fE : axes that they count in.
+    angle_set, angles : name and (n, 3) rad of the angles as the file has them, or "" and None.
+    C_fE : axes that they count in.
     local : (n, 3) coordinates in `plane` as the file has them, or None.
     notes : what a reader should know.
     """
@@ -104,9 +107,11 @@ class Poses:
 
 
 @dataclass(frozen=True)
-class Place:
-    """Frame of coordinates in a file: its kind as in `MapFrame`, origin (rad, rad, m) of a tangent
-    plane, definition of a projected CRS.
+class CoordinateFrame:
+    """Frame of the coordinates in a file.
+
+    It has a kind as in `MapFrame`, origin (rad, rad, m) of a tangent plane, definition of a
+    projected CRS.
     """
 
     kind: str
@@ -114,8 +119,9 @@ class Place:
     projection: MapProjection | None = None
 
     def resolved(self, x: Array, path: object) -> tuple[Array, Array, Array, Array]:
-        """Latitude, longitude, rad, height, m (n,), and C_fE (n, 3, 3) of coordinates (n, 3);
-        longitude before latitude, rad.
+        """Return latitude, longitude, rad, height, m (n,), and C_fE (n, 3, 3) of `x` (n, 3).
+
+        Geographic coordinates are longitude before latitude, rad.
         """
         if self.kind == "geographic":
             return x[:, 1], x[:, 0], x[:, 2], np.broadcast_to(np.eye(3), (len(x), 3, 3))
@@ -124,7 +130,7 @@ class Place:
             return lat, lon, h, rotation_em(lat, lon)
         if self.kind == "projected":
             if self.projection is None:
-                raise InputError.at(
+                raise InputError.at_line(
                     path,
                     None,
                     "has coordinates of a projected CRS; name it, such as crs = EPSG:2056",
@@ -132,10 +138,10 @@ class Place:
             lat, lon, h = self.projection.inverse(x)
             return lat, lon, h, self.projection.axes(lat, lon, h)
         if self.plane is None:
-            what = (
+            problem = (
                 "has coordinates of a tangent plane without its origin; give latitude, longitude"
                 " (deg), height (m)"
             )
-            raise NoOriginError(f"{path}: {what}")
+            raise NoOriginError(f"{path}: {problem}")
         lat, lon, h = self.plane.geodetic_from_position(x)
         return lat, lon, h, self.plane.C_mn(lat, lon) @ NED_ENU

@@ -1,13 +1,14 @@
-r"""What may lie between positions: hypotheses on the horizontal and on the height, each taken off
-b.
+r"""What may lie between positions.
+
+There are hypotheses on the horizontal and on the height, each taken off b.
 
 With d = b - a (n, 3), east, north, up at a's points:
 
-    shift         mean of d, in these axes or in ECEF         datum, base station; of heights: height system
-    lever arm     C_Ex l, l by least squares of all three     antenna, IMU or camera for each other
-    time          v dt, dt by least squares along the way     a trigger delay, where images were matched by name
-    turn, scale   about the block's centre, least squares     grid for true north, distances in the grid for those on the ground
-    exchange      b made anew of other coordinates            east for north, reversed signs, latitude for longitude, feet
+    shift         mean of d, in these axes or in ECEF         datum, base station, height system
+    lever arm     C_Ex l, l by least squares of all three     antenna, IMU, camera for each other
+    time          v dt, dt by least squares along the way     trigger delay (matched by name)
+    turn, scale   about the block's centre, least squares     grid for true north, grid scale
+    exchange      b made anew of other coordinates            axes, signs, lat for lon, feet
 
 A lever arm stands alone where a shift h of the heights beside it leaves hardly less: of two
 explanations the one. Else both are estimated, d = C_Ex l + (0, 0, h), where the attitude varies
@@ -15,8 +16,8 @@ enough to tell them apart: with c the vertical in the axes of the camera or body
 small over sqrt(1 - |mean c|^2). Where it does not, or the heights err in another way, l is that of
 the horizontal differences, and is taken off them alone.
 
-A shift of the heights is told with that of the horizontal, unless it is as large as a geoid's. A
-turn or scale is told only if it moves the block by what anyone asks about, and by more than a
+A shift of the heights is stated with that of the horizontal, unless it is as large as a geoid's. A
+turn or scale is stated only if it moves the block by what anyone asks about, and by more than a
 constant shift varies over the axes of its points.
 """
 
@@ -29,23 +30,23 @@ from numpy.typing import NDArray
 from ..base.units import FOOT_M
 from ..geodesy.frames import ecef_to_geodetic
 from .hypotheses import DIGITS, ENOUGH, SIMPLER, Trial, explain, rms
-from .poses import Place, Poses
+from .poses import CoordinateFrame, Poses
 from .result import Finding
 
 Array = NDArray[np.float64]
 
 LEAST_M = 0.005  # rms below which nobody asks why
-GEOID_M = (5.0, 110.0)  # geoid heights that are told as such; they run from -107 to +86 m
+GEOID_M = (5.0, 110.0)  # geoid heights that are stated as such; they run from -107 to +86 m
 GEOID_SPREAD = 0.02  # of them, by which they may vary over a flight
 LEVER_M = 10.0  # no vehicle is longer
-# what a lever arm's vertical part may be in doubt by, where it is told from a height shift
+# what a lever arm's vertical part may be uncertain by, where it is separated from a height shift
 SEPARATE_M = 0.02
 SMALLEST = 1e-6  # of a turn, rad, or scale; below it there is none
 # what a turn or scale must do, of the shift beside it: so much a constant vector turns over 6 km
 OF_SHIFT = 1e-3
 # singular values below this part of the largest: a lever arm along the vertical does not show in
 # the horizontal
-WEAK = 0.2
+SMALLEST_SINGULAR = 0.2
 CAMERA_AXES, BODY_AXES = ("right", "down", "view"), ("forward", "right", "down")
 
 
@@ -60,8 +61,11 @@ def without(a: Poses, b: Poses, by: Array) -> Poses:
 
 
 def horizontal(a: Poses, b: Poses, of_time: bool) -> tuple[Finding, Poses] | None:
-    """What explains the horizontal differences, and b with it taken off. of_time : whether time is
-    to be tried.
+    """What explains the horizontal differences, and b with it taken off.
+
+    Parameters
+    ----------
+    of_time : whether time is to be tried.
     """
     trials = _horizontal_and_time if of_time else _horizontal
     return explain("horizontal", a, b, lambda x, y: difference(x, y)[:, :2], trials, LEAST_M)
@@ -86,8 +90,9 @@ def _horizontal_and_time(a: Poses, b: Poses) -> Iterator[Trial]:
 
 
 def _shift(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
-    """The same in the axes of each point, and the same in ECEF; with the heights where those are
-    shifted too.
+    """The same in the axes of each point, and the same in ECEF.
+
+    With the heights where those are shifted too.
     """
     mean, up = d.mean(axis=0), d[:, 2]
     also_up = abs(mean[2]) < GEOID_M[0] and float(up.std()) <= max(
@@ -98,8 +103,8 @@ def _shift(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
     named = list(
         zip("ENU" if also_up else "EN", ("east", "north", "up"), by.tolist(), strict=False)
     )
-    said = " ".join(f"{axis} {value:+.3f}" for axis, _, value in named)
-    words = f"a constant shift of {said} m (another datum, realisation or base station)"
+    shifts = " ".join(f"{axis} {value:+.3f}" for axis, _, value in named)
+    words = f"a constant shift of {shifts} m (another datum, realisation or base station)"
     values = {f"{name}_m": value for _, name, value in named}
 
     def off_ecef(_: Poses, q: Poses) -> Poses:
@@ -119,12 +124,12 @@ def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
         return
     x = a.x if a.C_Ex is not None else b.x
     names = CAMERA_AXES if x == "camera" else BODY_AXES
-    said = " ".join(f"{name} {value:+.3f}" for name, value in zip(names, lever, strict=True))
+    components = " ".join(f"{name} {value:+.3f}" for name, value in zip(names, lever, strict=True))
     words = (
-        f"a lever arm of {said} m in the axes of the {x} (b is of another point than a: antenna,"
-        " IMU or camera"
+        f"a lever arm of {components} m in the axes of the {x} (b is of another point than a:"
+        " antenna, IMU or camera"
     )
-    words += "; its vertical part cannot be told from a height shift)" if doubtful else ")"
+    words += "; its vertical part cannot be separated from a height shift)" if doubtful else ")"
 
     def taken_off(p: Poses, q: Poses) -> Poses:
         turned = _axes_of(p, q)
@@ -141,8 +146,9 @@ def _lever_arm(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
 
 
 def _lever(axes: Array, d: Array) -> tuple[Array, bool, bool]:
-    """Lever arm (3,) m of axes (n, 3, 3); whether it is of all three components; whether its
-    vertical part might be a height shift.
+    """Lever arm (3,) m of axes (n, 3, 3).
+
+    Whether it is of all three components; whether its vertical part might be a height shift.
     """
 
     def left(lever: Array, rows: slice = slice(3), up: float = 0.0) -> float:
@@ -151,22 +157,22 @@ def _lever(axes: Array, d: Array) -> tuple[Array, bool, bool]:
     tall, plan = axes.reshape(-1, 3), slice(2)
     beside = np.column_stack([tall, np.tile([0.0, 0.0, 1.0], len(d))])
     alone, joint = (_least_squares(A, d.ravel()) for A in (tall, beside))
-    across, weak = (
+    across, regularised = (
         _least_squares(axes[:, :2].reshape(-1, 3), d[:, :2].ravel(), rcond)
-        for rcond in (None, WEAK)
+        for rcond in (None, SMALLEST_SINGULAR)
     )
     reach = SEPARATE_M * np.sqrt(max(0.0, 1.0 - float(np.sum(axes[:, 2].mean(axis=0) ** 2))))
     least = SIMPLER * left(across, plan)
-    told = left(joint[:3], up=joint[3]) <= reach
+    separable = left(joint[:3], up=joint[3]) <= reach
     if (
         np.linalg.norm(alone) <= LEVER_M
         and left(alone) <= SIMPLER * left(joint[:3], up=joint[3])
         and left(alone, plan) <= least
     ):
-        return alone, True, not told
-    if told and left(joint[:3], plan) <= least:
+        return alone, True, not separable
+    if separable and left(joint[:3], plan) <= least:
         return joint[:3], True, False
-    return (across, False, False) if left(across, plan) <= reach else (weak, False, True)
+    return (across, False, False) if left(across, plan) <= reach else (regularised, False, True)
 
 
 def _least_squares(A: Array, y: Array, rcond: float | None = None) -> Array:
@@ -182,16 +188,16 @@ def _of_block(a: Poses, d: Array) -> Iterator[Trial]:
     centre, C_Ee = a.ecef.mean(axis=0), a.C_eE.mean(axis=0).T
     mean = d.mean(axis=0)
 
-    def place(p: Poses) -> Array:
+    def from_centre(p: Poses) -> Array:
         return np.asarray(((p.ecef - centre) @ C_Ee.T)[:, :2])
 
     def across(p: Poses) -> Array:
-        return place(p)[:, ::-1] * [-1.0, 1.0]
+        return from_centre(p)[:, ::-1] * [-1.0, 1.0]
 
-    size = float(np.sum(place(a) ** 2))
+    size = float(np.sum(from_centre(a) ** 2))
     if size < 1.0:
         return
-    angle, scale = (float(np.sum(x * (d - mean)) / size) for x in (across(a), place(a)))
+    angle, scale = (float(np.sum(x * (d - mean)) / size) for x in (across(a), from_centre(a)))
 
     def taken_off(field: Callable[[Poses], Array], value: float) -> Callable[[Poses, Poses], Poses]:
         return lambda p, q: without(p, q, np.column_stack([mean + value * field(p), np.zeros(p.n)]))
@@ -206,7 +212,7 @@ def _of_block(a: Poses, d: Array) -> Iterator[Trial]:
         words = (
             f"a scale of {1e6 * scale:+.1f} ppm (distances in a grid for distances on the ground)"
         )
-        yield Trial("scale", words, taken_off(place, scale), 3, {"scale": scale})
+        yield Trial("scale", words, taken_off(from_centre, scale), 3, {"scale": scale})
 
 
 def _along_the_way(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
@@ -229,8 +235,9 @@ def _along_the_way(a: Poses, b: Poses, d: Array) -> Iterator[Trial]:
 
 
 def velocity_of(a: Poses, b: Poses) -> Array | None:
-    """(n, 3) m/s, east, north, up: a's own, else b's, else from a's positions over time; None
-    without time.
+    """(n, 3) m/s, east, north, up: a's own, else b's, else from a's positions over time.
+
+    None without time.
     """
     for poses in (a, b):
         if poses.velocity is not None:
@@ -262,7 +269,7 @@ def _reordered(order: list[int], signs: Array) -> Callable[[Poses, Poses], Poses
     def taken_off(_: Poses, q: Poses) -> Poses:
         assert q.local is not None
         local = q.local[:, order] * signs
-        lat, lon, h, C_fE = Place("tangent plane", q.plane).resolved(local, q.source)
+        lat, lon, h, C_fE = CoordinateFrame("tangent plane", q.plane).resolved(local, q.source)
         C_Ex = q.C_Ex
         if C_Ex is not None and q.C_fE is not None:
             C_Ex = np.swapaxes(C_fE, 1, 2) @ q.C_fE @ C_Ex
@@ -281,10 +288,10 @@ def _vertical(a: Poses, b: Poses) -> Iterator[Trial]:
         ("metres for feet", "heights of a are in feet where b has metres", 1.0 / FOOT_M),
         ("height reversed", "b counts heights downwards", -1.0),
     ):
-        yield Trial(name, words, _stretched(factor))
+        yield Trial(name, words, _scaled(factor))
 
 
-def _stretched(factor: float) -> Callable[[Poses, Poses], Poses]:
+def _scaled(factor: float) -> Callable[[Poses, Poses], Poses]:
     return lambda _, q: q.moved(q.lat, q.lon, factor * q.height)
 
 

@@ -1,5 +1,6 @@
-"""From a file of any readable format to `Poses`; the format is found by the file's ending and first
-bytes, or given by name.
+"""From a file of any readable format to `Poses`.
+
+The format is found by the file's ending and first bytes, or given by name.
 """
 
 import re
@@ -24,7 +25,7 @@ from ..records import ExteriorOrientation, Trajectory
 from ..records.observations import UNKNOWN_MPS
 from .hints import HEAD, Hints, diagonal, origin_in, turned
 from .of_records import poses_of
-from .poses import NoOriginError, Place, Poses
+from .poses import CoordinateFrame, NoOriginError, Poses
 from .tables import read_table_poses
 
 Array = NDArray[np.float64]
@@ -58,9 +59,17 @@ def read_poses(
 ) -> Poses:
     """Poses of a file, or of a record.
 
+    Parameters
+    ----------
     form : one of `FORMS` where the file does not show its format.
     hints : what the file does not say.
-    Raises InputError with file and line, UsageError for an unknown format.
+
+    Raises
+    ------
+    InputError
+        With file and line.
+    UsageError
+        For an unknown format.
     """
     if isinstance(path, ExteriorOrientation | Trajectory):
         if form is not None:
@@ -79,11 +88,11 @@ def read_poses(
     except NoOriginError:
         raise
     except InputError as error:
-        what, advice, _ = str(error).partition("columns = ")
+        problem, advice, _ = str(error).partition("columns = ")
         if not advice:
             raise
         raise InputError(
-            f"{what.rpartition(';')[0]}; give its format, --format-a or --format-b:"
+            f"{problem.rpartition(';')[0]}; give its format, --format-a or --format-b:"
             f" {', '.join(FORMS)}"
         ) from None
 
@@ -94,7 +103,7 @@ def sniff_poses(path: str | Path) -> str:
         with Path(path).open("rb") as stream:
             head = stream.read(HEAD)
     except OSError as error:
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"cannot be read: {error.strerror or error}; check the path"
         ) from None
     text = head.decode("latin-1").lower()
@@ -129,7 +138,7 @@ def _eo_local_plane(path: Path, hints: Hints) -> Poses:
 
     eo = read_eo_local_plane(path)
     plane = hints.plane or origin_in(path)
-    lat, lon, h, C_fE = Place("tangent plane", plane).resolved(eo.position_m, path)
+    lat, lon, h, C_fE = CoordinateFrame("tangent plane", plane).resolved(eo.position_m, path)
     C_Ef = np.swapaxes(C_fE, 1, 2)
     sigma_opk = diagonal(eo.sigma_opk, opk_jacobian(eo.opk))
     return Poses(
@@ -166,23 +175,23 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
     eo = read_generic_ascii(path)
     columns, n = eo.columns, len(eo.images)
     if all(name in columns for name in ("lat", "lon", "h")):
-        place, x = (
-            Place("geographic"),
+        frame, x = (
+            CoordinateFrame("geographic"),
             np.column_stack([columns[name] for name in ("lon", "lat", "h")]),
         )
     elif all(name in columns for name in "xyz"):
-        place = Place(
+        frame = CoordinateFrame(
             eo.frame_kind,
             hints.plane or origin_in(path),
             hints.projection or _crs_in(path, eo.frame_kind, hints),
         )
         x = np.column_stack([columns[name] for name in "xyz"])
     else:
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, "has no position; the columns x y z or lat lon h are needed"
         )
-    lat, lon, h, C_fE = place.resolved(x, path)
-    if place.kind != eo.frame_kind:
+    lat, lon, h, C_fE = frame.resolved(x, path)
+    if frame.kind != eo.frame_kind:
         C_fE = np.broadcast_to(np.eye(3), (n, 3, 3))
     C_Ef, C = np.swapaxes(C_fE, 1, 2), eo.C_Ec
     if eo.C_fc is not None:
@@ -202,8 +211,8 @@ def _generic_ascii(path: Path, hints: Hints) -> Poses:
         C_Ex=C,
         cov_position=turned(C_Ef, diagonal(sigma)),
         C_fE=C_fE,
-        local=x if place.kind == "tangent plane" else None,
-        plane=place.plane,
+        local=x if frame.kind == "tangent plane" else None,
+        plane=frame.plane,
     )
 
 
@@ -212,7 +221,7 @@ def _crs_in(path: Path, kind: str, hints: Hints) -> MapProjection | None:
     if kind != "projected":
         return None
     with path.open(encoding="utf-8", errors="replace") as stream:
-        said = next(
+        code = next(
             (
                 re.search(r"EPSG:\d+(?:\+\d+)?", line)
                 for line in stream
@@ -220,7 +229,7 @@ def _crs_in(path: Path, kind: str, hints: Hints) -> MapProjection | None:
             ),
             None,
         )
-    return None if said is None else MapProjection(said[0], hints.geoid)
+    return None if code is None else MapProjection(code[0], hints.geoid)
 
 
 def _trajectory_csv(path: Path, hints: Hints) -> Poses:
@@ -289,7 +298,7 @@ def _gnss(path: Path, hints: Hints) -> Poses:
     fixes = read_gnss(
         path, gps_week=hints.gps_week, sigma_m=UNKNOWN_M, undulation_m=hints.undulation_m
     )
-    known = (
+    has_sigmas = (
         not (np.diagonal(fixes.cov_ned, axis1=1, axis2=2) == np.square(UNKNOWN_M)).all(axis=1).any()
     )
     notes = tuple(f"{check.name}: {check.found}" for check in fixes.notes)
@@ -310,7 +319,7 @@ def _gnss(path: Path, hints: Hints) -> Poses:
         time=fixes.time,
         gps_week=fixes.gps_week,
         velocity=velocity,
-        cov_position=turned(NED_ENU, fixes.cov_ned) if known else None,
+        cov_position=turned(NED_ENU, fixes.cov_ned) if has_sigmas else None,
         notes=notes,
     )
 

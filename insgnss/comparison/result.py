@@ -1,5 +1,6 @@
-"""What a comparison says: differences with statistics, and the mismatches that it recognised, each
-with its evidence.
+"""What a comparison says.
+
+It has differences with statistics, and the mismatches that it recognised, each with its evidence.
 """
 
 from dataclasses import dataclass, field
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Part = Literal["position", "time", "horizontal", "height", "attitude"]
+Aspect = Literal["position", "time", "horizontal", "height", "attitude"]
 
 SCREEN = {"m": (1e3, "mm"), "rad": (float(np.degrees(1.0)), "deg"), "m/s": (1e3, "mm/s")}
 DIGITS = {"mm": 2, "m": 3, "deg": 4, "mm/s": 2, "m/s": 3}
@@ -20,11 +21,14 @@ LARGE = 10.0  # m or m/s, from which thousandths are not shown
 class Finding:
     """A mismatch of convention that explains a part of the differences.
 
+    Parameters
+    ----------
     name : short.
     statement : a sentence.
-    part : of the differences.   before, after : their root mean square without and with it taken
-    off, in `unit`; of time it is that of the stamps of the same images, s, or of the horizontal
-    differences less a shift and a lever arm, m; of position it is about their mean.
+    aspect : of the differences.
+    before, after : their root mean square without and with it taken off, in `unit`; of time it is
+        that of the stamps of the same images, s, or of the horizontal differences less a shift and
+        a lever arm, m; of position it is about their mean.
     explained : share of the sum of squares that it takes off.
     values : what was estimated, SI, by name.
     alternatives : statements of other hypotheses that explain as much.
@@ -32,7 +36,7 @@ class Finding:
 
     name: str
     statement: str
-    part: Part
+    aspect: Aspect
     before: float
     after: float
     explained: float
@@ -45,10 +49,10 @@ class Finding:
         before, after = quantity(self.before, self.unit), quantity(self.after, self.unit)
         of = (
             "differences of position beside their mean"
-            if self.part == "position"
-            else f"{self.part} differences"
+            if self.aspect == "position"
+            else f"{self.aspect} differences"
         )
-        if self.part == "time":
+        if self.aspect == "time":
             of = (
                 "differences of time"
                 if self.unit == "s"
@@ -65,7 +69,7 @@ class Finding:
         return {
             "name": self.name,
             "statement": self.statement,
-            "part": self.part,
+            "part": self.aspect,
             "unit": self.unit,
             "rms_before": self.before,
             "rms_after": self.after,
@@ -77,8 +81,9 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Component:
-    """Differences b minus a of one component: (n,) m, rad or m/s; sigma (n,) of them where both
-    files, or one of them, have it.
+    """Differences b minus a of one component: (n,) m, rad or m/s.
+
+    Sigma (n,) of them where both files, or one of them, have it.
     """
 
     name: str
@@ -94,8 +99,9 @@ class Component:
         return SCREEN[self.unit]
 
     def statistics(self) -> dict[str, float]:
-        """mean, median, sd, rms, p95 (of the magnitude), largest, in SI; normalised_rms where there
-        are standard deviations.
+        """mean, median, sd, rms, p95 (of the magnitude), largest, in SI.
+
+        normalised_rms where there are standard deviations.
         """
         d = self.difference
         size = np.abs(d)
@@ -116,10 +122,15 @@ class Component:
 class Comparison:
     """Differences b minus a, in the axes east, north, up at a's points.
 
-    a, b : files, as they were called.   form_a, form_b, point_a, point_b : formats, and what their
-                                         positions are of.
-    matched_by : "image" or "time".   labels : images, or empty; time : (n,) s, or None.   left_a, left_b : poses without partner.
-    components : in the order of the tables.   findings : in the order in which they were taken off.
+    Parameters
+    ----------
+    a, b : files, as they were called.
+    form_a, form_b, point_a, point_b : formats, and what their positions are of.
+    matched_by : "image" or "time".
+    labels : images, or empty; time : (n,) s, or None.
+    left_a, left_b : poses without partner.
+    components : in the order of the tables.
+    findings : in the order in which they were taken off.
     remaining : the components after it, at `remaining_time`: other poses where the clocks disagree.
     notes : what a reader should know.
     """
@@ -148,14 +159,14 @@ class Comparison:
 
     def summary(self) -> str:
         """For the terminal: a table, and a sentence for each finding and note."""
-        what = (
+        matched = (
             f"{self.n} poses matched by {self.matched_by}; without partner: {self.left_a} of a,"
             f" {self.left_b} of b"
         )
         lines = [
             f"a: {self.a} ({self.form_a}, {self.point_a})",
             f"b: {self.b} ({self.form_b}, {self.point_b})",
-            what,
+            matched,
             "",
         ]
         lines += ["b minus a, axes east, north, up at the point", *table(self.components)]
@@ -189,9 +200,7 @@ class Comparison:
         }
 
     def figure(self) -> bytes:
-        """PNG of the differences over time, or over the images, and what remains after the
-        findings.
-        """
+        """Draw the differences over time, or over the images, and what remains; return the PNG."""
         from ..report.figures.comparison import ComparisonPanel, Curve, draw_comparison
 
         def curve(c: Component) -> Curve:

@@ -1,5 +1,6 @@
-"""Poses from tables of images that other programs take: their columns by place, their frame by
-header or by what the caller says.
+"""Poses from tables of images that other programs take.
+
+Their columns follow from their order, their frame from the header or from what the caller says.
 
     metashape            label, x, y, z, yaw, pitch, roll, and the accuracies of all
     metashape_opk        the same with omega, phi, kappa
@@ -36,7 +37,7 @@ from ..geodesy.rotation import (
     ypr_jacobian,
 )
 from .hints import HEAD, Hints, diagonal, origin_in, turned
-from .poses import Place, Poses
+from .poses import CoordinateFrame, Poses
 
 Array = NDArray[np.float64]
 
@@ -81,8 +82,11 @@ LAYOUTS = {
 def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
     """Poses of a file of one of `LAYOUTS`.
 
-    Raises InputError with file and line for another table, or where neither the header nor the
-    hints tell the frame.
+    Raises
+    ------
+    InputError
+        With file and line for another table, or where neither the header nor the hints tell the
+        frame.
     """
     table, layout = read_text_table(path), LAYOUTS[form]
     of = _columns(form, table, layout)
@@ -90,13 +94,13 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
     head = [field.lower() for field in table.layout.header_fields or ()]
     if head and head[of["x"]].startswith(NORTHINGS):
         x = x[:, [1, 0, 2]]
-    place = _place(path, form, head[of["x"]] if head else "", x, hints)
-    lat, lon, h, C_fE = place.resolved(
-        np.column_stack([np.radians(x[:, :2]), x[:, 2]]) if place.kind == "geographic" else x, path
+    frame = _frame(path, form, head[of["x"]] if head else "", x, hints)
+    lat, lon, h, C_fE = frame.resolved(
+        np.column_stack([np.radians(x[:, :2]), x[:, 2]]) if frame.kind == "geographic" else x, path
     )
     C_Ef = np.swapaxes(C_fE, 1, 2)
     angles, R, E = _attitude(table, of, layout)
-    north = layout.angle_set == "ypr" and place.kind != "tangent plane"
+    north = layout.angle_set == "ypr" and frame.kind != "tangent plane"
     s_position, s_angles = _sigmas(table, of)
     P = diagonal(s_angles, E)
     time, week = _time(path, table, of)
@@ -116,32 +120,33 @@ def read_table_poses(form: str, path: Path, hints: Hints) -> Poses:
         angle_set="" if angles is None else layout.angle_set,
         angles=angles,
         C_fE=None if north else C_fE,
-        local=x if place.kind == "tangent plane" else None,
-        plane=place.plane,
+        local=x if frame.kind == "tangent plane" else None,
+        plane=frame.plane,
     )
 
 
 def _columns(form: str, table: TextTable, layout: Layout) -> dict[str, int]:
-    """Places of the columns; InputError where their number or the header's angles are of another
-    format.
+    """Places of the columns.
+
+    InputError where their number or the header's angles are of another format.
     """
     n, least = table.layout.n_fields, len(layout.columns)
     if n not in (least, least + len(layout.more)):
         more = f", or also {' '.join(layout.more)}" if layout.more else ""
-        what = f"{n} fields, but {form} has {' '.join(layout.columns)}{more}; name its format"
-        raise InputError.at(table.path, table.layout.first_line, what)
+        problem = f"{n} fields, but {form} has {' '.join(layout.columns)}{more}; name its format"
+        raise InputError.at_line(table.path, table.layout.first_line, problem)
     names = (*layout.columns, *layout.more)[:n]
-    for name, said in zip(names, table.layout.header_fields or (), strict=False):
-        if name in ("yaw", "omega") and said.lower() != name:
+    for name, field in zip(names, table.layout.header_fields or (), strict=False):
+        if name in ("yaw", "omega") and field.lower() != name:
             why = (
                 " (angles of the nominal camera, without the bore-sight: export metashape)"
-                if said.lower().startswith("nominal")
+                if field.lower().startswith("nominal")
                 else ""
             )
-            raise InputError.at(
+            raise InputError.at_line(
                 table.path,
                 table.layout.header_line,
-                f"{said!r} where {form} has {name}{why}; name its format",
+                f"{field!r} where {form} has {name}{why}; name its format",
             )
     return {name: k for k, name in enumerate(names)}
 
@@ -153,8 +158,9 @@ def _block(table: TextTable, of: dict[str, int], names: tuple[str, ...]) -> Arra
 def _attitude(
     table: TextTable, of: dict[str, int], layout: Layout
 ) -> tuple[Array | None, Array, Array | None]:
-    """Angles (n, 3) rad, the camera (right, down, viewing direction) into their axes, and the
-    Jacobian of psi by the angles.
+    """Angles (n, 3) rad, the camera's rotation into their axes, and the Jacobian of psi by them.
+
+    The camera has axes right, down, viewing direction.
     """
     if layout.angle_set == "quaternion":
         return None, rotation_from_quaternion(_block(table, of, ("qw", "qx", "qy", "qz"))), None
@@ -191,9 +197,12 @@ def _head(path: Path) -> str:
         return "".join(line for line in stream.readlines(HEAD) if line.startswith("#"))
 
 
-def _place(path: Path, form: str, first: str, x: Array, hints: Hints) -> Place:
-    """Frame of coordinates x (n, 3): as the header says, else as the caller does. first : name of
-    the column of x.
+def _frame(path: Path, form: str, first: str, x: Array, hints: Hints) -> CoordinateFrame:
+    """Frame of coordinates x (n, 3): as the header says, else as the caller does.
+
+    Parameters
+    ----------
+    first : name of the column of x.
     """
     head = _head(path)
     code = re.search(r"EPSG:\d+(?:\+\d+)?", head)
@@ -203,10 +212,10 @@ def _place(path: Path, form: str, first: str, x: Array, hints: Hints) -> Place:
     ):
         kind = "geographic"
     if kind in ("geographic", "geocentric"):
-        return Place(kind)
+        return CoordinateFrame(kind)
     plane = origin_in(path)
     if plane is None and (code is not None or hints.crs is not None):
-        return Place(
+        return CoordinateFrame(
             "projected",
             projection=(
                 MapProjection(code[0], hints.geoid)
@@ -215,10 +224,10 @@ def _place(path: Path, form: str, first: str, x: Array, hints: Hints) -> Place:
             ),
         )
     if plane is None and hints.plane is None and float(np.abs(x[:, :2]).max()) > PLANE_M:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             f"does not say the CRS of its coordinates, {x[0, 0]:.3f} {x[0, 1]:.3f}; give it, --crs"
             " EPSG:2056",
         )
-    return Place("tangent plane", hints.plane or plane)
+    return CoordinateFrame("tangent plane", hints.plane or plane)

@@ -96,7 +96,7 @@ def read_covariance(path: Path) -> CovarianceModel:
     """
     if not path.is_file():
         what = "does not exist; give a TOML file of the fields of the covariance model"
-        raise InputError.at(path, None, what)
+        raise InputError.at_line(path, None, what)
     start = "gnss.covariance"
     keys = {
         name.removeprefix(start).removeprefix("."): words
@@ -107,7 +107,7 @@ def read_covariance(path: Path) -> CovarianceModel:
     if headed := next((key for key in root.lines if re.match(r"gnss\b|covariance\b", key)), None):
         what = "this file is the table gnss.covariance itself; its keys stand at the top, and"
         what = f"{headed}: {what} [scale] and [floor_m] below them"
-        raise InputError.at(path, root.lines[headed], what)
+        raise InputError.at_line(path, root.lines[headed], what)
     root.check_keys()
     return covariance_of(root)
 

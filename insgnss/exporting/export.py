@@ -29,7 +29,10 @@ ACCURATE_M = 0.1  # of a datum transformation, beyond which an export says so
 class Target:
     """The frame that is asked for.
 
-    crs : projected CRS as `MapProjection` takes it.   geoid : grid of geoid heights.
+    Parameters
+    ----------
+    crs : projected CRS as `MapProjection` takes it.
+    geoid : grid of geoid heights.
     frame : one of `records.framed.KINDS` where no CRS is named; None for the format's own.
     ground_m : height of the ground, from which heights in a projected CRS are scaled.
     """
@@ -67,9 +70,11 @@ def export(
 ) -> Exported:
     """Write `eo` as format `name` to `path`, a directory where the format has several files.
 
+    Parameters
+    ----------
     options : of the format. Raises UsageError for an unknown format, an option that it does not
-        take, a frame that it cannot carry
-    and heights that it needs and does not get; InputError where a CRS does not reach the flight.
+        take, a frame that it cannot carry and heights that it needs and does not get; InputError
+        where a CRS does not reach the flight.
     """
     form, target = known_format(name), target or Target()
     if not eo.images:
@@ -128,8 +133,9 @@ def export(
 def _relative(
     name: str, framed: FramedOrientation, eo: ExteriorOrientation, options: dict[str, Any]
 ) -> RelativeControl:
-    """Relative control by the options noise (a noise model's name, path, or itself), form and
-    gap_s.
+    """Relative control by the options noise, form and gap_s.
+
+    noise is a noise model's name, path, or itself.
     """
     noise = options.pop("noise", None)
     if noise is None:

@@ -1,5 +1,6 @@
-"""Options of a format as texts, `--set KEY=VALUE`: turned into what the annotations of its writer
-say, or refused in one line.
+"""Options of a format as texts, `--set KEY=VALUE`.
+
+They are turned into what the annotations of its writer say, or refused in one line.
 """
 
 import inspect
@@ -14,20 +15,24 @@ from ..orient.relative import relative_control
 
 
 def typed_options(name: str, form: Export, texts: dict[str, str]) -> dict[str, Any]:
-    """The options of format `name`, each of the type that its writer takes; those that it does not
-    take stay as they are.
+    """The options of format `name`, each of the type that its writer takes.
 
-    Raises UsageError for a text that is no such value: a number that is none or not finite, a word
-    that is not one of those known.
+    Those that it does not take stay as they are.
+
+    Raises
+    ------
+    UsageError
+        For a text that is no such value: a number that is none or not finite, a word that is not
+        one of those known.
     """
-    known = {
+    parameters = {
         **inspect.signature(relative_control).parameters,
         **inspect.signature(form.write).parameters,
     }
     return {
         key: (
-            _typed(f"export: {name}: {key}", text, known[key].annotation)
-            if key in form.options and key in known
+            _typed(f"export: {name}: {key}", text, parameters[key].annotation)
+            if key in form.options and key in parameters
             else text
         )
         for key, text in texts.items()
@@ -42,12 +47,12 @@ def _typed(who: str, text: str, annotation: Any) -> Any:
         if text not in words:
             raise UsageError(f"{who} {text!r} is unknown; it is one of {', '.join(words)}")
         return text
-    for kind, read, what in READ:
+    for kind, read, noun in READ:
         if kind in kinds:
             try:
                 return read(text)
             except ValueError:
-                raise UsageError(f"{who} {text!r} is no {what}") from None
+                raise UsageError(f"{who} {text!r} is no {noun}") from None
     return text
 
 

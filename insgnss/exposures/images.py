@@ -68,7 +68,7 @@ def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...
         )
         if len({Path(name).stem for name in names}) < len(names):
             kinds = sorted({Path(name).suffix for name in names})
-            raise InputError.at(
+            raise InputError.at_line(
                 path,
                 None,
                 f"holds the same image as {' and '.join(kinds)}; say which ending to take",
@@ -80,17 +80,17 @@ def image_names(source: str | Path, ending: str | None = None) -> tuple[str, ...
                 for line in decode(path.read_bytes()).removeprefix("\ufeff").splitlines()
             ]
         except OSError as error:
-            raise InputError.at(
+            raise InputError.at_line(
                 path,
                 None,
                 f"cannot be read: {error.strerror or error}; give a directory or a list of names",
             ) from None
         names = [name for name in names if name and not name.startswith("#")]
     if not names:
-        raise InputError.at(path, None, "holds no image; check the path and the ending")
+        raise InputError.at_line(path, None, "holds no image; check the path and the ending")
     if len(set(names)) < len(names):
         twice = next(name for k, name in enumerate(names) if name in names[:k])
-        raise InputError.at(path, None, f"image {shown(twice)} occurs twice; correct the list")
+        raise InputError.at_line(path, None, f"image {shown(twice)} occurs twice; correct the list")
     return tuple(names)
 
 

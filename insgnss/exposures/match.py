@@ -111,7 +111,7 @@ def _refuse_named(path: str, events: CameraEvents) -> None:
             f"the events have names of their own ({own[0]}), and images are given that name them as"
             " well; leave the images out"
         )
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"{message}, or give the events by columns without the names"
         )
 
@@ -155,7 +155,7 @@ def _taken(
                 "names go by their order",
             ),
         )
-    raise InputError.at(path, None, f"{finding}; order them by exposure, in a list of their names")
+    raise InputError.at_line(path, None, f"{finding}; order them by exposure, in a list of their names")
 
 
 @dataclass(frozen=True)
@@ -237,7 +237,7 @@ class _Match:
     def refusal(self, message: str, joint: str = ", ") -> InputError:
         """The error `message` behind the counts, with the notes of reading the events."""
         remarks = "".join(f"; {check.name}: {check.found}" for check in self.event_notes)
-        return InputError.at(
+        return InputError.at_line(
             self.path,
             None,
             f"{self.time.size} camera events and {len(self.names)} images{joint}{message}{remarks}",

@@ -44,7 +44,7 @@ def head_of(path: str | Path) -> bytes:
         with Path(path).open("rb") as stream:
             return stream.read(1 << 14)
     except OSError as error:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             f"cannot be read: {error.strerror or error}; check the path in the flight file",

@@ -150,7 +150,7 @@ def base_position(
             f"no APPROX POSITION XYZ in the header and no {named('gnss.base_position')}; give the"
             " base's coordinates"
         )
-        raise InputError.at(base.path, None, message)
+        raise InputError.at_line(base.path, None, message)
     return (float(approx[0]), float(approx[1]), float(approx[2])), options.base_point or "marker"
 
 
@@ -178,7 +178,7 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
     try:
         antennas = "\n" + Path(options.antex).read_text(encoding="utf-8", errors="replace")
     except OSError as error:
-        raise InputError.at(
+        raise InputError.at_line(
             options.antex,
             None,
             f"cannot be read: {error.strerror or error}; check {named('gnss.antex')}",
@@ -189,7 +189,7 @@ def base_antenna(options: EngineOptions, base: RinexHeader) -> dict[str, str]:
             f"does not know the base's antenna {base.antenna!r} of {base.path}; give another, or"
             f" {setting('gnss.base_point', 'apc')}"
         )
-        raise InputError.at(options.antex, None, message)
+        raise InputError.at_line(options.antex, None, message)
     return lines | {"ant2-anttype": base.antenna, "file-rcvantfile": ANTENNAS}
 
 

@@ -89,7 +89,7 @@ def discover(paths: Sequence[Path]) -> Discovery:
     left_out: list[tuple[Path, str]] = []
     for path in paths:
         if not path.exists():
-            raise InputError.at(
+            raise InputError.at_line(
                 path,
                 None,
                 "does not exist; give a flight file, a directory or the files of a recording",
@@ -124,7 +124,7 @@ def _walk(root: Path) -> Iterator[Path]:
             elif entry.is_file() and entry.suffix.lower() not in NO_RECORDINGS:
                 count += 1
                 if count > MOST_FILES:
-                    raise InputError.at(
+                    raise InputError.at_line(
                         root,
                         None,
                         f"holds more than {MOST_FILES} files; name the files of the recording",
@@ -152,7 +152,7 @@ def sources_of(path: Path) -> list[Source]:
         Where the file cannot be read.
     """
     if path.stat().st_size == 0:
-        raise InputError.at(path, None, "is empty; copy the recording again")
+        raise InputError.at_line(path, None, "is empty; copy the recording again")
     if path.name.lower() in OWN_PRODUCTS or path.suffix.lower() in NO_RECORDINGS | RAW_OBSERVATIONS:
         return []
     log_sources = _known_log(path)

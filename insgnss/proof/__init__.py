@@ -1,3 +1,4 @@
-"""A synthetic scene in any format, for the tool that reads it: where the tool takes the file as it
-is meant, residuals are zero.
+"""A synthetic scene in any format, for the tool that reads it.
+
+Where the tool takes the file as it is meant, residuals are zero.
 """

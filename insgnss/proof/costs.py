@@ -1,5 +1,6 @@
-"""What the usual mistakes would look like in this scene: the median of the residuals, in pixels, of
-the points in the images.
+"""What the usual mistakes would look like in this scene.
+
+The figure is the median of the residuals, in pixels, of the points in the images.
 
 A mistake puts a camera elsewhere or turns it, C_mc to W C_mc or C_mc W, and the points are
 projected again. They are no more than signs to go by: a tool that adjusts the cameras distributes
@@ -29,8 +30,9 @@ QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[str, float]]:
-    """Mistakes in words, and the residual that each makes, px; infinite where most points would lie
-    behind the camera.
+    """Mistakes in words, and the residual that each makes, px.
+
+    Infinite where most points would lie behind the camera.
     """
     C, centre = scene.eo.C_mc, scene.eo.position_m
     C_mE = tangent_axes(scene)
@@ -42,9 +44,10 @@ def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[s
         return np.asarray(C_mE @ R_wrong @ CV_RUB)
 
     turned = {
-        "the heading of the aircraft was taken for the yaw of the image (90 deg), or the image is shown turned": (
-            C @ QUARTER
-        ),
+        (
+            "the heading of the aircraft was taken for the yaw of the image (90 deg), or the image"
+            " is shown turned"
+        ): C @ QUARTER,
         "omega and phi (pitch and roll) are exchanged": of(rotation_from_opk(opk[:, [1, 0, 2]])),
         "phi is turned before omega": of(rotation_from_pok(opk[:, [1, 0, 2]])),
         "yaw is counted the other way round": of(rotation_from_ypr(ypr * [-1.0, 1.0, 1.0])),
@@ -59,7 +62,7 @@ def mistakes(scene: Scene, projection: MapProjection | None) -> Iterator[tuple[s
         turned["grid north and true north are exchanged"] = (
             C_mE @ projection.axes(lat, lon, h) @ C_mE.swapaxes(1, 2) @ C
         )
-    yield from ((what, residual(scene, W, centre)) for what, W in turned.items())
+    yield from ((mistake, residual(scene, W, centre)) for mistake, W in turned.items())
     yield "the lever arm is applied twice", residual(scene, C, centre - C @ LEVER_C)
     yield (
         f"heights of the geoid are taken for heights of the ellipsoid ({GEOID_M:.0f} m)",
@@ -83,8 +86,9 @@ def residual(scene: Scene, C_mc: Array, centre: Array) -> float:
 
 
 def of_the_grid(scene: Scene, projection: MapProjection, ground_m: float | None) -> float:
-    """Greatest residual, px, that a tool finds in the right file because it takes the coordinates
-    of the grid for Cartesian ones.
+    """Return the greatest residual, px, that a tool finds in the right file.
+
+    It arises because the tool takes the coordinates of the grid for Cartesian ones.
     """
     eo = in_frame(scene.eo, "projected", projection, ground_m)
     off = project(eo.C_fc, eo.coordinates, projection.forward(*scene.geodetic.T)) - scene.pixels

@@ -1,5 +1,6 @@
-"""The images of the scene: mottled ground, a cross on every point, the image's name; grey, 8 bits,
-TIFF without compression.
+"""The images of the scene: mottled ground, a cross on every point, the image's name.
+
+They are grey, 8 bits, TIFF without compression.
 
 Every pixel's ray is followed to the ground, so that tools find the same spots in all images. A
 cross has its middle at the point's pixel coordinates, to a fraction of a pixel: its arms are drawn
@@ -91,13 +92,13 @@ def _mottled(values: Array, u: Array, v: Array) -> Array:
 def _cross(picture: Picture, x: float, y: float) -> None:
     """White arms with black edges, the middle at x, y."""
     left, top = max(int(x) - ARM_PX, 0), max(int(y) - ARM_PX, 0)
-    part = picture[top : int(y) + ARM_PX + 1, left : int(x) + ARM_PX + 1]
-    dx = np.abs(left + np.arange(part.shape[1]) + 0.5 - x)
-    dy = np.abs(top + np.arange(part.shape[0]) + 0.5 - y)
+    window = picture[top : int(y) + ARM_PX + 1, left : int(x) + ARM_PX + 1]
+    dx = np.abs(left + np.arange(window.shape[1]) + 0.5 - x)
+    dy = np.abs(top + np.arange(window.shape[0]) + 0.5 - y)
     for half, grey in ((HALF_PX + 1.5, 0.0), (HALF_PX, 255.0)):
         across, along = (np.clip(half + 0.5 - d, 0.0, 1.0) for d in (dx, dy))
         covered = np.maximum(across[None, :], along[:, None])
-        part[:] = (1.0 - covered) * part + covered * grey
+        window[:] = (1.0 - covered) * window + covered * grey
 
 
 def _write(picture: Picture, text: str, x: int, y: int, height: int) -> None:
@@ -109,5 +110,5 @@ def _write(picture: Picture, text: str, x: int, y: int, height: int) -> None:
     edge = height // 4
     field = Image.new("L", (round(right - left) + 2 * edge, round(bottom - top) + 2 * edge), 255)
     ImageDraw.Draw(field).text((edge - left, edge - top), text, fill=0, font=font)
-    part = picture[y : y + field.height, x : x + field.width]
-    part[:] = np.asarray(field)[: part.shape[0], : part.shape[1]]
+    window = picture[y : y + field.height, x : x + field.width]
+    window[:] = np.asarray(field)[: window.shape[0], : window.shape[1]]

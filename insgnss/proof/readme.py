@@ -1,4 +1,4 @@
-"""The README of a proof: what is there, what to do, what to see, and what each mistake looks like."""
+"""The README of a proof: its files, what to do, what to see, and what each mistake looks like."""
 
 import re
 import textwrap
@@ -73,10 +73,13 @@ SEE = {
     ),
     "eo_json": "The master itself, of which `insgnss export` makes every other format.",
 }
-TO_DO = """1. New project with images/ and the camera of camera.txt, all of it fixed, without distortion.
+TO_DO = """\
+1. New project with images/ and the camera of camera.txt, all of it fixed, without distortion.
 2. Import {file} as data_specs/{spec}.md says; its frame: {frame}.
-3. Import points.csv as ground control in the same frame, pixels.csv as its marks (or set the marks on the crosses).
-4. Look at the residuals of the points with the orientations as imported, before anything is adjusted."""
+3. Import points.csv as ground control in the same frame, pixels.csv as its marks (or set the marks\
+ on the crosses).
+4. Look at the residuals of the points with the orientations as imported, before anything is\
+ adjusted."""
 ADJUSTED = (
     "A tool that adjusts orientations hides part of these: then look at the differences between"
     " imported and adjusted angles and positions. Latitude and longitude exchanged put the block on"
@@ -113,11 +116,11 @@ def readme(
             "What mistakes look like (median residual of the points in this scene, before any"
             " adjustment)"
         ),
-        "\n".join(_line(what, px) for what, px in mistakes(scene, projection)),
+        "\n".join(_line(mistake, px) for mistake, px in mistakes(scene, projection)),
         ADJUSTED,
         *(f"Note: {note}" for note in done.notes),
     ]
-    return "\n\n".join(_wrapped(part) for part in parts if part) + "\n"
+    return "\n\n".join(_wrapped(paragraph) for paragraph in parts if paragraph) + "\n"
 
 
 def _of(words: dict[str, str], name: str) -> str:
@@ -156,8 +159,8 @@ def _expected(scene: Scene, projection: MapProjection | None, ground_m: float | 
     )
 
 
-def _line(what: str, px: float) -> str:
-    return f"{'behind' if np.isinf(px) else f'{px:.1f}':>8} px  {what}"
+def _line(mistake: str, px: float) -> str:
+    return f"{'behind' if np.isinf(px) else f'{px:.1f}':>8} px  {mistake}"
 
 
 def _wrapped(text: str) -> str:

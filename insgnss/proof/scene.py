@@ -60,6 +60,9 @@ POINTS_M = (
 @dataclass(frozen=True, eq=False)
 class Scene:
     """eo : the images.
+
+    Parameters
+    ----------
     points : (m, 3) m, in the tangent plane.
     pixels : (n, m, 2).
     seen : (n, m), whether they lie in the image.
@@ -96,7 +99,7 @@ def project(C_mc: Array, centre: Array, points: Array) -> Array:
 
 
 def make_scene(projection: MapProjection | None = None) -> Scene:
-    """The scene at its usual place, or within the area of use of a CRS that does not reach there."""
+    """Return the scene at its usual site, or within a CRS's area of use that ends before it."""
     lat, lon = (np.radians(SITE) if projection is None else _site(projection)).tolist()
     field = np.array([*FIELD_M, 0.0])
     C_nb = rotation_from_rpy(np.radians(ATTITUDES_DEG))
@@ -126,8 +129,9 @@ def make_scene(projection: MapProjection | None = None) -> Scene:
 
 
 def _site(projection: MapProjection) -> Array:
-    """Latitude and longitude, rad: the usual place where the CRS reaches it, else one off the
-    middle of the area of use.
+    """Latitude and longitude, rad, of the scene.
+
+    It is the usual site where the CRS reaches it, else one off the middle of the area of use.
     """
     area = projection.horizontal.area_of_use
     lat, lon = SITE

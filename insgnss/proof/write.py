@@ -1,5 +1,6 @@
-"""`insgnss export --proof FORMAT DIR`: the scene in a format, with all that a tool needs to show
-its residuals.
+"""`insgnss export --proof FORMAT DIR`, the scene in a format.
+
+It comes with all that a tool needs to show its residuals.
 
 The export goes the way of every other export. Beside it stand the images, the points as ground
 control in the frame of the export, their pixels, the camera, and a README that says what to see.
@@ -57,13 +58,20 @@ def write_proof(
     frame: str | None = None,
     ground_m: float | None = None,
 ) -> tuple[Path, ...]:
-    """Write the scene as format `name` into `directory`, which is made: all of it, or nothing; the
-    files, export and README.txt first.
+    """Write the scene as format `name` into `directory`, which is made: all of it, or nothing.
 
+    The files, export and README.txt first.
+
+    Parameters
+    ----------
     crs, geoid, frame, ground_m : as of `Target`; a format that needs a CRS and gets none has that
         of the UTM zone.
-    Raises UsageError for an unknown format, a directory with content and what `export` refuses;
-    InputError where a CRS does not reach.
+
+    Raises
+    ------
+    UsageError
+        For an unknown format, a directory with content and what `export` refuses; InputError where
+        a CRS does not reach.
     """
     form, directory = known_format(name), Path(directory)
     if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
@@ -123,7 +131,7 @@ def _staged(directory: Path) -> Iterator[Path]:
 
 def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
     """What the format asks for, of this scene."""
-    known: dict[str, Any] = {
+    values: dict[str, Any] = {
         "focal_mm": 1e-3 * PIXEL_UM * FOCAL_PX,
         "ground_m": GROUND_M,
         "width_px": WIDTH_PX,
@@ -134,16 +142,14 @@ def _options(name: str, form: Export, images: Path) -> dict[str, Any]:
         "lever_m": LEVER_C,
     }
     if "camera" in form.needs:
-        known["camera"] = CAMERA
+        values["camera"] = CAMERA
     if "noise" in form.needs:
-        known["noise"] = NOISE
-    return {key: known[key] for key in form.options if key in known}
+        values["noise"] = NOISE
+    return {key: values[key] for key in form.options if key in values}
 
 
 def _tangent(scene: Scene, form: Export) -> tuple[str, float]:
-    """The tangent plane of a format in words, and how far, m, its origin lies below that of the
-    scene.
-    """
+    """The tangent plane of a format in words, and how far, m, its origin lies below the scene's."""
     eo = in_frame(scene.eo, TANGENT)
     own = form.in_own_frame(eo)
     return own.frame.name, eo.frame.origin[2] - own.frame.origin[2]
@@ -152,8 +158,9 @@ def _tangent(scene: Scene, form: Export) -> tuple[str, float]:
 def _beside(
     scene: Scene, kind: str, projection: MapProjection | None, words: str, up: float
 ) -> dict[str, str]:
-    """Points in the frame of the export (a tangent plane `up` m lower) and on the globe, their
-    pixels, the camera: texts by file name.
+    """Points in the frame of the export and on the globe, their pixels, the camera, by file name.
+
+    A tangent plane of the export lies `up` m lower.
     """
     lat, lon, h = scene.geodetic.T
     globe = np.column_stack([np.degrees(lon), np.degrees(lat), h])

@@ -52,7 +52,7 @@ class Interval:
 
     Parameters
     ----------
-    state : the nominal at the later epoch, carried from the earlier one.
+    state : the nominal at the later epoch, propagated from the earlier one.
     Phi, Q : (n, n) transition and process noise of the error.
     """
 

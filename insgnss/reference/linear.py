@@ -3,7 +3,7 @@
     error_0 ~ (mean, P),   error_k = Phi_k error_(k-1) + gap_k + noise Q_k          (T.20)
     z = H error_k + noise R   at each epoch k, any number of times                  (T.21)
 
-The gap is known: the nominal of the epoch before, carried forward, less the nominal at this epoch.
+The gap is known: the nominal of the epoch before, propagated, less the nominal at this epoch.
 
 filter   the Kalman filter, by filterpy
 smoother Rauch-Tung-Striebel, x_s = x + K (x_s' - Phi' x - gap'), by filterpy's method
@@ -48,7 +48,7 @@ class LinearProblem:
     gap: Array
     measured: list[list[Measurement]]
 
-    def known(self) -> Array:
+    def gap_response(self) -> Array:
         """Return c (m, n), what the gaps alone make of an error that starts at zero."""
         c = np.zeros_like(self.gap)
         for k in range(1, len(c)):
@@ -60,6 +60,8 @@ class LinearProblem:
 class Estimate:
     """Means (m, n) and covariances (m, n, n) at every epoch.
 
+    Parameters
+    ----------
     gain : (m, n, n) of the smoother, from the epoch after; None of a filter.
     """
 
@@ -107,7 +109,7 @@ def smoothed(problem: LinearProblem, filtered: Estimate) -> Estimate:
     problem : whose transitions, noise and gaps are used; the measurements are in the filter's.
     filtered : the filter's estimate of it.
     """
-    kf, c = new_filter(problem.mean, problem.P), problem.known()
+    kf, c = new_filter(problem.mean, problem.P), problem.gap_response()
     x, P, gain, _ = kf.rts_smoother(
         (filtered.mean - c)[..., None], filtered.P, problem.Phi, problem.Q, inv=_inverse
     )

@@ -16,7 +16,7 @@ deviations sigma:
     antenna velocity    v + C_lb (omega x l_b) + a d                                       (T.16)
     zero velocity update (ZUPT)        0 = v                                               (T.17)
     non-holonomic constraint (NHC)     0 = right and down of C_bl v                        (T.18)
-    zero angular rate update (ZARU)    0 = omega, of the mean gyro rate of a rest          (T.19)
+    zero angular rate update (ZARU)    0 = omega, of the mean gyro rate at rest            (T.19)
 
 The errors of a fix's own group come in: those of group 1 (float, code) have both correlated errors.
 
@@ -51,15 +51,15 @@ def measurement(
     state : the nominal at the epoch.
     acceleration : (3,) of the IMU in l over the last interval, m/s^2.
     """
-    found = {
+    model = {
         POSITION: _position,
         VELOCITY: _velocity,
         VELOCITY_CONSTRAINT: _motion,
         ZARU: _angular_rate,
     }[kind](problem, epoch, acceleration)
-    if found is None:
+    if model is None:
         return None
-    residual, R = found
+    residual, R = model
     return -derivative(residual, state, problem.layout.sigma0), residual(state), R
 
 
@@ -80,10 +80,10 @@ def derivative(residual: Residual, state: State, sigma0: Array) -> Array:
     return np.column_stack(columns)
 
 
-Found = tuple[Residual, Array] | None
+ResidualModel = tuple[Residual, Array] | None
 
 
-def _position(problem: EstimationProblem, epoch: int, acceleration: Array) -> Found:
+def _position(problem: EstimationProblem, epoch: int, acceleration: Array) -> ResidualModel:
     """(T.15)."""
     ep, layout, group = problem.epochs, problem.layout, problem.epochs.group[epoch]
     if not ep.has_position[epoch]:
@@ -93,10 +93,10 @@ def _position(problem: EstimationProblem, epoch: int, acceleration: Array) -> Fo
     body_rate = _body_rate(problem, epoch, ep.rate[epoch])
 
     def residual(state: State) -> Array:
-        lever, late, moved = _lever_arm(problem, state), _delay(problem, epoch, state), np.zeros(3)
+        lever, delay, moved = _lever_arm(problem, state), _delay(problem, epoch, state), np.zeros(3)
         if layout.offset >= 0:
             velocity = state.v + state.C_lb @ cross(body_rate(state), lever)
-            moved = velocity * late + 0.5 * acceleration * late**2
+            moved = velocity * delay + 0.5 * acceleration * delay**2
         e = sum((state.x[rows] for rows in correlated), np.zeros(3))
         return ep.position[epoch] - state.p - state.C_lb @ lever - moved - ep.sigma[epoch] * e
 
@@ -104,7 +104,7 @@ def _position(problem: EstimationProblem, epoch: int, acceleration: Array) -> Fo
     return residual, ep.position_cov[epoch] * np.outer(scale, scale)
 
 
-def _velocity(problem: EstimationProblem, epoch: int, acceleration: Array) -> Found:
+def _velocity(problem: EstimationProblem, epoch: int, acceleration: Array) -> ResidualModel:
     """(T.16)."""
     ep = problem.epochs
     if not ep.has_velocity[epoch]:
@@ -113,14 +113,14 @@ def _velocity(problem: EstimationProblem, epoch: int, acceleration: Array) -> Fo
 
     def residual(state: State) -> Array:
         swing = state.C_lb @ cross(body_rate(state), _lever_arm(problem, state))
-        late = _delay(problem, epoch, state)
-        return ep.velocity[epoch] - state.v - swing - acceleration * late
+        delay = _delay(problem, epoch, state)
+        return ep.velocity[epoch] - state.v - swing - acceleration * delay
 
     return residual, ep.velocity_cov[epoch]
 
 
-def _motion(problem: EstimationProblem, epoch: int, _: Array) -> Found:
-    """(T.17) of a vehicle at rest, (T.18) of one on wheels."""
+def _motion(problem: EstimationProblem, epoch: int, _: Array) -> ResidualModel:
+    """(T.17) ZUPT of a vehicle at rest, (T.18) NHC of one that moves along its axis."""
     motion, cov = problem.epochs.constraint[epoch], problem.epochs.constraint_cov[epoch]
     if motion == NOT_MEASURED:
         return None
@@ -129,7 +129,7 @@ def _motion(problem: EstimationProblem, epoch: int, _: Array) -> Found:
     return lambda state: -(state.C_lb.T @ state.v)[1:], cov[1:, 1:]
 
 
-def _angular_rate(problem: EstimationProblem, epoch: int, _: Array) -> Found:
+def _angular_rate(problem: EstimationProblem, epoch: int, _: Array) -> ResidualModel:
     """(T.19)."""
     rate, variance = problem.epochs.zaru_rate[epoch], problem.epochs.zaru_variance[epoch]
     if variance == 0.0:
@@ -140,6 +140,8 @@ def _angular_rate(problem: EstimationProblem, epoch: int, _: Array) -> Found:
 def _body_rate(problem: EstimationProblem, epoch: int, measured: Array) -> Residual:
     """Rate of the body against the Earth, (3,) rad/s in body axes, as a function of the state.
 
+    Parameters
+    ----------
     measured : (3,) rad/s, of the gyros.
     """
     rates = np.concatenate([measured, np.zeros(3)])

@@ -83,7 +83,8 @@ class TwinSolution:
 
     Parameters
     ----------
-    nav : (m, 10) position, velocity in l, quaternion q_lb.   x : (m, ns) error states.
+    nav : (m, 10) position, velocity in l, quaternion q_lb.
+    x : (m, ns) error states.
     smoothed : error about the last nominal, its covariance P (m, n, n) and the smoother's gains.
     forward : the last forward pass.
     """
@@ -106,7 +107,7 @@ def solve_twin(
     ----------
     problem, start : the estimation problem and its initial state, as the core takes them.
     passes : forward passes, each after the first linearised about the smoothed flight before.
-    progress : told which pass runs.
+    progress : gets which pass runs.
 
     Returns
     -------
@@ -184,10 +185,10 @@ class _Update:
         used: list[Measurement] = []
         reset = np.zeros_like(kf.P)
         for kind in range(N_KINDS):
-            found = measurement(self.problem, epoch, kind, state, acceleration)
-            if found is None:
+            measured = measurement(self.problem, epoch, kind, state, acceleration)
+            if measured is None:
                 continue
-            H, z, R = found
+            H, z, R = measured
             nu = z - H @ kf.x[:, 0]
             nis = float(nu @ np.linalg.solve(H @ kf.P @ H.T + R, nu))  # (T.22)
             self.nis[epoch, kind] = nis
@@ -205,7 +206,7 @@ class _Update:
         return used, reset
 
     def _decide(self, epoch: int, kind: int, nis: float) -> int:
-        """`USED`, `REJECTED`, or `COVARIANCE_RESET` for a position after a time of rejected ones."""
+        """Return `USED`, `REJECTED`, or `COVARIANCE_RESET` for a position after rejected ones."""
         time = float(self.problem.epochs.time[epoch])
         if nis <= self.problem.gate:
             decision = USED

@@ -171,7 +171,7 @@ def verify(
     minutes : length of the part.
     start_tow : where it begins, s of the week; None: the part with the longest path, which gives
         an attitude, or, where the flight file has [initial], the flight's first minutes.
-    progress : told what runs.
+    progress : gets the step that runs.
 
     Returns
     -------
@@ -188,11 +188,11 @@ def verify(
 
     progress("read")
     recording = read_recording(flight)
-    part = _part(flight, recording, 60.0 * minutes, start_tow)
-    solved, _ = solve_segments(part, recording, progress)
+    cut = _cut_flight(flight, recording, 60.0 * minutes, start_tow)
+    solved, _ = solve_segments(cut, recording, progress)
     problem = max(solved, key=lambda one: one.solution.time.size).solution.problem
     return verify_problem(
-        problem, _start(part, problem), part.filter.second_pass, flight.name, progress
+        problem, _start(cut, problem), cut.filter.second_pass, flight.name, progress
     )
 
 
@@ -210,7 +210,7 @@ def verify_problem(
     problem, start : the problem and its initial state.
     second_pass : "auto", "on" or "off", of `navigation.solution.solve`.
     name : of the flight, for the summary.
-    progress : told what runs.
+    progress : gets the step that runs.
     """
     from ..navigation.solution import solve
     from .twin import solve_twin
@@ -254,8 +254,10 @@ def differences(core: "Solution", twin: "TwinSolution") -> tuple[Difference, ...
     bias = (twin.x - core.x) @ M.T
     deg, gyro, accel = 180.0 / np.pi, slice(0, 3), slice(3, 6)
     rows = [
-        _difference(name, scale * of[:, at], unit, *(scale * s[:, at] for s in their_sigmas))
-        for name, of, at, unit, scale, their_sigmas in (
+        _difference(
+            name, scale * of[:, columns], unit, *(scale * s[:, columns] for s in their_sigmas)
+        )
+        for name, of, columns, unit, scale, their_sigmas in (
             ("position", error, POS, "mm", 1e3, sigmas),
             ("velocity", error, VEL, "mm/s", 1e3, sigmas),
             ("attitude", error, PSI, "deg", deg, sigmas),
@@ -289,7 +291,7 @@ def _positive(sigma: Array) -> Array:
     return np.where(sigma > 0.0, sigma, 1.0)
 
 
-def _part(
+def _cut_flight(
     flight: "Flight", recording: "Recording", length_s: float, start_tow: float | None
 ) -> "Flight":
     """The flight cut to the part that is verified."""

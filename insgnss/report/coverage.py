@@ -1,6 +1,4 @@
-"""What was without fixes, where the vehicle stood, which segments were solved by themselves, and
-which images this concerns.
-"""
+"""Times without fixes, stationary periods, segments solved by themselves, and their images."""
 
 from typing import Any
 
@@ -18,14 +16,15 @@ MOST_LISTED = 100
 
 
 def segments(d: Diagnostics) -> Array:
-    """(k, 2) s, first and last instant of each segment that was solved by itself; without any
-    given, all is one.
+    """Return the first and last instant, (k, 2) s, of each segment that was solved by itself.
+
+    Without any given, all is one segment.
     """
     return np.array(d.segments or [(d.time[0], d.time[-1])], dtype=np.float64)
 
 
-def rests(d: Diagnostics) -> Array:
-    """(k, 2) s, where the vehicle stood, within the flight."""
+def stationary_periods(d: Diagnostics) -> Array:
+    """Return the stationary periods (k, 2) s within the flight, by stationarity detection."""
     if d.stationary is None:
         return np.zeros((0, 2))
     within = d.stationary[(d.stationary[:, 1] > d.time[0]) & (d.stationary[:, 0] < d.time[-1])]
@@ -38,35 +37,38 @@ def median_interval(d: Diagnostics) -> float | None:
 
 
 def outages(d: Diagnostics) -> Array:
-    """(k, 2) s, begin and length of every time without a used fix that is long against the interval
-    of the fixes, in order.
+    """Return begin and length, (k, 2) s, of the times without a used fix, in order.
+
+    Only times that are long against the interval of the fixes count.
     """
     interval = median_interval(d)
     if interval is None or not d.used.any():
         return np.zeros((0, 2))
-    found = without_fix(segments(d), d.fix_time, d.used)
-    return found[found[:, 1] > OUTAGE_MATTERS * max(interval, SHORT_OUTAGE_S)]
+    intervals = without_fix(segments(d), d.fix_time, d.used)
+    return intervals[intervals[:, 1] > OUTAGE_MATTERS * max(interval, SHORT_OUTAGE_S)]
 
 
 def longest_outage(d: Diagnostics) -> dict[str, Any]:
-    """The longest time without a used fix, and the largest smoothed horizontal and vertical sigma
-    within it.
+    """Return the longest time without a used fix.
+
+    With it come the largest smoothed horizontal and vertical sigma within it.
     """
-    found = without_fix(segments(d), d.fix_time, d.used)
-    begin, length = found[int(np.argmax(found[:, 1]))]
+    intervals = without_fix(segments(d), d.fix_time, d.used)
+    begin, length = intervals[int(np.argmax(intervals[:, 1]))]
     return _within(d, float(begin), float(length)) | {"median_interval_s": median_interval(d)}
 
 
 def outage_figures(d: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[str, Any]]:
-    """Of the longest outages, in the order of time: sigmas in them, fixes that were rejected in
-    them, and their images.
+    """Return the figures of the longest outages, in the order of time.
+
+    They hold the sigmas, the fixes that were rejected, and the images within each.
     """
-    found = outages(d)
-    found = found[np.sort(np.argsort(-found[:, 1], kind="stable")[:MOST_LISTED])]
+    longest = outages(d)
+    longest = longest[np.sort(np.argsort(-longest[:, 1], kind="stable")[:MOST_LISTED])]
     return [
         _within(d, float(begin), float(length))
         | _contents(d, eo, float(begin), float(begin + length))
-        for begin, length in found
+        for begin, length in longest
     ]
 
 

@@ -1,5 +1,6 @@
-"""The straight lines of a flight, numbered, with what is known on each: a surveyor plans, and
-repeats, by the line.
+"""The straight lines of a flight, numbered, with what is known on each.
+
+A surveyor plans, and repeats, by the line.
 
 A row belongs to a line where the chords over the `HALF_S` before and after it differ by less than
 `STRAIGHT_DEG` at more than a part `SLOWEST` of the flight's speed. Rows on end make a line if they
@@ -26,8 +27,9 @@ BROKEN_S = 2.0  # a step of time beyond it ends a line
 
 @dataclass(frozen=True)
 class FlightLine:
-    """Rows `first` to `last` of the diagnostics; images `image` to `next_image` - 1 of the exterior
-    orientation.
+    """Rows `first` to `last` of the diagnostics.
+
+    Images `image` to `next_image` - 1 of the exterior orientation.
     """
 
     first: int
@@ -45,7 +47,7 @@ def flight_lines(d: Diagnostics, eo: ExteriorOrientation | None) -> tuple[Flight
         [[True], (~straight[1:]) | (~straight[:-1]) | (np.diff(d.time) > BROKEN_S)]
     )
     edges = np.append(np.flatnonzero(starts), d.time.size)
-    found = []
+    lines = []
     for first, last in zip(edges[:-1], edges[1:] - 1, strict=True):
         if d.time[last] - d.time[first] < SHORTEST_S:
             continue
@@ -61,16 +63,18 @@ def flight_lines(d: Diagnostics, eo: ExteriorOrientation | None) -> tuple[Flight
             if eo is None
             else np.searchsorted(eo.time, (d.time[first] - HALF_S, d.time[last] + HALF_S))
         )
-        found.append(FlightLine(int(first), int(last), int(image), int(after)))
-    with_images = [x for x in found if x.next_image > x.image]
-    return tuple(with_images or found)
+        lines.append(FlightLine(int(first), int(last), int(image), int(after)))
+    with_images = [x for x in lines if x.next_image > x.image]
+    return tuple(with_images or lines)
 
 
 def _course(d: Diagnostics) -> tuple[Array, NDArray[np.bool_]]:
     """Course over each row's neighbourhood, rad, and whether it is straight there."""
     east, north = d.position[:, 1], d.position[:, 0]
-    at = [np.clip(d.time + shift, d.time[0], d.time[-1]) for shift in (-HALF_S, HALF_S)]
-    before, after = (np.stack([np.interp(t, d.time, x) for x in (north, east)], axis=1) for t in at)
+    shifted = [np.clip(d.time + shift, d.time[0], d.time[-1]) for shift in (-HALF_S, HALF_S)]
+    before, after = (
+        np.stack([np.interp(t, d.time, x) for x in (north, east)], axis=1) for t in shifted
+    )
     here = np.stack([north, east], axis=1)
     a, b = here - before, after - here
     speed = np.hypot(d.velocity[:, 0], d.velocity[:, 1])
@@ -92,8 +96,9 @@ def _wrapped(angle: float) -> float:
 
 
 def line_figures(d: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[str, Any]]:
-    """One row a line: time, course, length, images, and the median over them (without: over the
-    line) of the sigmas.
+    """Return one row a line: time, course, length, images, and median sigmas.
+
+    The median is over the images, without images over the line.
     """
     turned = np.unwrap(d.rpy[:, 2])
     exposed = np.zeros(d.time.size, dtype=bool)
@@ -101,8 +106,8 @@ def line_figures(d: Diagnostics, eo: ExteriorOrientation | None) -> list[dict[st
     rows = []
     for number, line in enumerate(flight_lines(d, eo), 1):
         of_line = np.arange(line.first, line.last + 1)
-        at = of_line[exposed[of_line]] if exposed[of_line].any() else of_line
-        sigma = d.smoothed_sigma[at]
+        epochs = of_line[exposed[of_line]] if exposed[of_line].any() else of_line
+        sigma = d.smoothed_sigma[epochs]
         tilt = np.max(sigma[:, 6:8], axis=1)
         step = d.position[line.last] - d.position[line.first]
         count = line.next_image - line.image

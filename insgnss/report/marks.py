@@ -1,5 +1,6 @@
-"""What all figures over time mark in the same way: lines with their numbers, rests, times without
-fixes, parts, exposures.
+"""What all figures over time mark in the same way.
+
+Numbered lines, stationary periods, times without fixes, segments, exposures.
 
 Shades run over the whole height of every axis, exposures stand as ticks on the lowest; the key is
 at the figure's top.
@@ -14,12 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Diagnostics, ExteriorOrientation
-from .coverage import outages, rests, segments
+from .coverage import outages, segments, stationary_periods
 from .flightlines import flight_lines
 
 Array = NDArray[np.float64]
 
-LINE_SHADE, REST_SHADE, OUTAGE_SHADE, NOTHING_SHADE = "#E4ECF5", "#F7F0CC", "#F6C4BC", "#C9CDD3"
+LINE_SHADE, STATIONARY_SHADE, OUTAGE_SHADE, NOTHING_SHADE = (
+    "#E4ECF5",
+    "#F7F0CC",
+    "#F6C4BC",
+    "#C9CDD3",
+)
 NARROWEST = 0.002  # of the flight: what is shorter is drawn so wide, to be seen
 MOST_NUMBERS = 40
 KEY_LEFT, KEY_TOP_IN, KEY_LETTER = (
@@ -31,9 +37,12 @@ KEY_LEFT, KEY_TOP_IN, KEY_LETTER = (
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """Pieces (k, 2) of the flight, minutes from its start: lines, rests, without fixes, without
-    solution; exposures (n,).
+    """Pieces (k, 2) of the flight, minutes from its start, and exposures (n,).
 
+    The pieces are lines, stationary periods, times without fixes and without solution.
+
+    Parameters
+    ----------
     parts : the rows of the diagnostics of each part that was solved by itself.
     label : of the axis of time.
     """
@@ -41,7 +50,7 @@ class Marks:
     minutes: Callable[[Array], Array]
     label: str
     lines: Array
-    rests: Array
+    stationary: Array
     outages: Array
     nothing: Array
     exposures: Array
@@ -78,7 +87,7 @@ def marks_of(d: Diagnostics, eo: ExteriorOrientation | None) -> Marks:
         minutes,
         f"minutes since TOW {start:.1f} s",
         minutes(lines),
-        minutes(rests(d)),
+        minutes(stationary_periods(d)),
         minutes(np.stack([without[:, 0], without.sum(axis=1)], axis=1)),
         minutes(nothing),
         np.zeros(0) if eo is None else minutes(eo.time),
@@ -87,11 +96,15 @@ def marks_of(d: Diagnostics, eo: ExteriorOrientation | None) -> Marks:
 
 
 def mark(figure: Any, axes: NDArray[Any], marks: Marks, lines: bool = False) -> None:
-    """Shade `axes` (n,), which share their time, number the lines on the first where `lines`, ticks
-    of exposures on the last.
+    """Shade `axes` (n,), which share their time, and mark the exposures on the last.
+
+    Where `lines`, the lines are numbered on the first.
     """
     kinds = [(marks.lines, LINE_SHADE, "line")] if lines else []
-    kinds += [(marks.rests, REST_SHADE, "at rest"), (marks.outages, OUTAGE_SHADE, "no used fix")]
+    kinds += [
+        (marks.stationary, STATIONARY_SHADE, "stationary"),
+        (marks.outages, OUTAGE_SHADE, "no used fix"),
+    ]
     kinds.append((marks.nothing, NOTHING_SHADE, "no solution"))
     keys = []
     for pieces, colour, name in kinds:
@@ -130,8 +143,9 @@ def _shade(ax: Any, pieces: Array, colour: str) -> None:
 
 
 def _key(figure: Any, keys: list[tuple[str, str, str]]) -> None:
-    """Sign and name side by side at the figure's top left; a legend would measure all of its texts
-    first.
+    """Sign and name side by side at the figure's top left.
+
+    A legend would measure all of its texts first.
     """
     x, (_, height) = KEY_LEFT, figure.get_size_inches()
     y = 1.0 - KEY_TOP_IN / height

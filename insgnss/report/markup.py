@@ -17,8 +17,9 @@ def sentence(text: str) -> str:
 
 
 def table(rows: Iterable[Row], head: Row = (), numbers: bool = False) -> str:
-    """Table of cells that are HTML already; `numbers` aligns all columns but the first to the
-    right.
+    """Table of cells that are HTML already.
+
+    `numbers` aligns all columns but the first to the right.
     """
 
     def cells(row: Row, tag: str) -> str:
@@ -30,10 +31,8 @@ def table(rows: Iterable[Row], head: Row = (), numbers: bool = False) -> str:
         )
 
     top = f"<thead>\n{cells(head, 'th')}</thead>\n" if head else ""
-    return (
-        "<div"
-        f' class="wide"><table>\n{top}<tbody>\n{"".join(cells(row, "td") for row in rows)}</tbody>\n</table></div>\n'
-    )
+    body = "".join(cells(row, "td") for row in rows)
+    return f'<div class="wide"><table>\n{top}<tbody>\n{body}</tbody>\n</table></div>\n'
 
 
 def folded(title: str, content: str) -> str:

@@ -1,5 +1,6 @@
-"""report.html: one page without scripts or outside files, for the person who has to trust the
-images.
+"""report.html, one page without scripts or outside files.
+
+It is for the person who has to trust the images.
 
 The order is that of the questions: what accuracy, what limits it, line by line, how it looks, what
 was checked and thrown away, from what it was made. Every text is escaped; the pictures are PNG
@@ -19,29 +20,37 @@ from .figures import gnss
 from .figures.run import Picture, pictures
 from .markup import escape, folded, table
 from .rules.wording import millimetres
-from .sections import constants, flight_lines, key_numbers, limits, segments_and_rests
+from .sections import constants, flight_lines, key_numbers, limits, segments_and_stationary_periods
 from .summary import plain
 
 # mean NIS a degree of freedom: beyond it the sigmas of the result are wrong by more than 40 %
 FAR_ABOVE = 2.0
 
 _STYLE = """
-:root { color-scheme: light dark; --ink: #1c2430; --paper: #ffffff; --pale: #f3f5f8; --rule: #d5dae1; --soft: #5b6675;
+:root { color-scheme: light dark; --ink: #1c2430; --paper: #ffffff; --pale: #f3f5f8;
+  --rule: #d5dae1; --soft: #5b6675;
   --ok: #00734f; --note: #a65200; --bad: #b3261e; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e4e8ee; --paper: #14181e; --pale: #1e242c; --rule: #38424f; --soft: #9aa6b5;
+@media (prefers-color-scheme: dark) { :root { --ink: #e4e8ee; --paper: #14181e; --pale: #1e242c;
+  --rule: #38424f; --soft: #9aa6b5;
   --ok: #4cc9a0; --note: #f0a35a; --bad: #ff8a80; } }
-body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 1040px; margin: 0 auto;
+body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper);
+  max-width: 1040px; margin: 0 auto;
   padding: 1.5rem 1rem 4rem; overflow-wrap: break-word; }
 h1 { font-size: 1.7rem; margin: 0; } h2 { font-size: 1.15rem; margin: 2.2rem 0 .5rem; }
-.headline { margin: .4rem 0 1.2rem; padding: .7rem 1rem; background: var(--pale); border-left: 4px solid var(--ok); }
+.headline { margin: .4rem 0 1.2rem; padding: .7rem 1rem; background: var(--pale);
+  border-left: 4px solid var(--ok); }
 .headline.doubtful { border-color: var(--note); } .headline.bad { border-color: var(--bad); }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
-td, th { text-align: left; padding: .25rem .9rem .25rem 0; border-bottom: 1px solid var(--rule); vertical-align: top; }
-th { color: var(--soft); font-weight: 600; } td.number { text-align: right; white-space: nowrap; } th.number { text-align: right; }
-.wide { overflow-x: auto; } .ok { color: var(--ok); } .note { color: var(--note); } .contradiction { color: var(--bad); font-weight: 600; }
+td, th { text-align: left; padding: .25rem .9rem .25rem 0; border-bottom: 1px solid var(--rule);
+  vertical-align: top; }
+th { color: var(--soft); font-weight: 600; } td.number { text-align: right; white-space: nowrap; }
+  th.number { text-align: right; }
+.wide { overflow-x: auto; } .ok { color: var(--ok); } .note { color: var(--note); }
+  .contradiction { color: var(--bad); font-weight: 600; }
 figure { margin: 0 0 1.2rem; } figure img { width: 100%; height: auto; background: #fff;
   border: 1px solid var(--rule); border-radius: 4px; }
-figcaption, .soft { color: var(--soft); } code { font: 13px ui-monospace, monospace; overflow-wrap: anywhere; }
+figcaption, .soft { color: var(--soft); } code { font: 13px ui-monospace, monospace;
+  overflow-wrap: anywhere; }
 summary { cursor: pointer; } li { margin: .35rem 0; } .help { color: var(--ok); }
 """.strip()
 
@@ -55,6 +64,8 @@ def write_report(
 ) -> Path:
     """Draw and write the page, whole or not at all; returns where it is.
 
+    Parameters
+    ----------
     path : the file, or a directory that gets report.html.
     summary : of `summary.run_summary`.
     eo : None without a camera.
@@ -104,13 +115,14 @@ def page(summary: Mapping[str, Any], drawn: Iterable[Picture]) -> Iterator[str]:
         yield f'">\n<figcaption>{escape(picture.reading)}</figcaption>\n</figure>\n'
     if not summary["standing"]:
         yield from (_innovations(summary), _rejected(summary), _gaps(summary))
-    yield from (segments_and_rests(summary), _checks(summary), _made_from(summary))
+    yield from (segments_and_stationary_periods(summary), _checks(summary), _made_from(summary))
     yield "</main>\n</body>\n</html>\n"
 
 
 def _mood(summary: Mapping[str, Any]) -> str:
-    """good, doubtful or bad: bad for a contradiction, no fix used, or innovations far above their
-    sigmas.
+    """Return good, doubtful or bad.
+
+    It is bad for a contradiction, no fix used, or innovations far above their sigmas.
     """
     position = summary["consistency"]["position"]
     if (
@@ -163,10 +175,10 @@ def _checks(s: Mapping[str, Any]) -> str:
         return ""
     rows = []
     for check in s["checks"]:
-        name, found, expected, verdict, advice = (
+        name, finding, expected, verdict, advice = (
             escape(check[key]) for key in ("name", "found", "expected", "verdict", "advice")
         )
-        rows.append((name, found, expected, f'<span class="{verdict}">{verdict}</span>', advice))
+        rows.append((name, finding, expected, f'<span class="{verdict}">{verdict}</span>', advice))
     return "<h2>Checks of the input</h2>\n" + table(
         rows, ("Check", "found", "expected", "verdict", "advice")
     )
@@ -186,28 +198,28 @@ def _rejected(s: Mapping[str, Any]) -> str:
         for x in r["listed"]
     ]
     more = f", the first {len(r['listed'])} of them" if r["count"] > len(r["listed"]) else ""
-    told = f"<p>{r['count']} fixes beyond the gate (NIS {r['nis_limit']:.1f}){more}:</p>\n"
+    intro = f"<p>{r['count']} fixes beyond the gate (NIS {r['nis_limit']:.1f}){more}:</p>\n"
     listed = table(rows, ("TOW, s", "minute", "NIS"))
     if len(rows) > 20:
         listed = folded("list", listed)
-    return "<h2>Rejected fixes</h2>\n" + told + listed
+    return "<h2>Rejected fixes</h2>\n" + intro + listed
 
 
 def _gaps(s: Mapping[str, Any]) -> str:
     o = s["longest_outage"]
     sigmas = f"{millimetres(o['horizontal_mm'])} horizontally, {millimetres(o['down_mm'])} down"
-    told = (
+    text = (
         f"<p>Longest time without a used fix: {o['length_s']:.2f} s from TOW {o['time_s']:.2f} s"
         " on; smoothed sigmas at most "
     )
-    told += f"{sigmas} in it.</p>\n"
+    text += f"{sigmas} in it.</p>\n"
     rows = [(f"{gap['time_s']:.3f}", f"{gap['length_s']:.3f}") for gap in s["imu_gaps"]]
     if not rows:
-        return "<h2>Gaps</h2>\n" + told + "<p>No gap of the IMU.</p>\n"
+        return "<h2>Gaps</h2>\n" + text + "<p>No gap of the IMU.</p>\n"
     listed = table(rows, ("IMU gap at TOW, s", "length, s"))
     return (
         "<h2>Gaps</h2>\n"
-        + told
+        + text
         + (folded(f"{len(rows)} gaps of the IMU", listed) if len(rows) > 20 else listed)
     )
 
@@ -229,8 +241,9 @@ def _made_from(s: Mapping[str, Any]) -> str:
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Dotted keys and values of nested tables, as in the flight file; what was left out is told by
-    a dash.
+    """Dotted keys and values of nested tables, as in the flight file.
+
+    What was left out is a dash.
     """
     for key, value in table.items():
         if isinstance(value, Mapping) and value:

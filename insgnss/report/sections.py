@@ -1,12 +1,13 @@
-"""The sections of the page that answer its first questions: what limits the flight, which line is
-weak, what was estimated.
+"""The sections of the page that answer its first questions.
+
+What limits the flight, which line is least accurate, what was estimated.
 """
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .markup import Row, escape, folded, sentence, table, three
-from .rules.verdict import MOST_SAID, NOTHING_STANDS_OUT
+from .rules.verdict import MOST_SENTENCES, NOTHING_STANDS_OUT
 from .rules.wording import lengths, millimetres
 
 Summary = Mapping[str, Any]
@@ -15,17 +16,18 @@ FEW = 3  # remarks that need not be folded away
 
 
 def limits(s: Summary) -> str:
-    """Sentences on what limits the flight, the most important first, each with what would help;
-    many remarks behind a line.
+    """Sentences on what limits the flight, the most important first, each with what would help.
+
+    Many remarks behind a line.
     """
-    found: Sequence[Mapping[str, Any]] = s["limits"]
+    listed: Sequence[Mapping[str, Any]] = s["limits"]
     first = (
         ""
-        if any(x["rank"] >= 1.0 for x in found)
+        if any(x["rank"] >= 1.0 for x in listed)
         else f"<p>{escape(sentence(NOTHING_STANDS_OUT))}</p>\n"
     )
-    matter = [x for x in found if x["rank"] >= 1.0][:MOST_SAID]
-    others = [x for x in found if x not in matter]
+    matter = [x for x in listed if x["rank"] >= 1.0][:MOST_SENTENCES]
+    others = [x for x in listed if x not in matter]
     out = (
         "<h2>What limits this flight</h2>\n"
         + first
@@ -43,8 +45,9 @@ def _limit(limit: Mapping[str, Any]) -> str:
 
 
 def flight_lines(s: Summary) -> str:
-    """Table of the straight lines: where, which images, how well they are known. The largest of
-    each sigma stands out.
+    """Table of the straight lines: where, which images, how well they are known.
+
+    The largest of each sigma stands out.
     """
     lines: Sequence[Mapping[str, Any]] = s["lines"]
     if not lines:
@@ -85,11 +88,11 @@ def flight_lines(s: Summary) -> str:
         "tilt, deg",
         "heading, deg",
     )
-    told = (
+    caption = (
         '<p class="soft">Median standard deviations on each straight line, numbered as in the'
         " figures; the largest is in bold.</p>\n"
     )
-    content = told + table(rows, head, numbers=True)
+    content = caption + table(rows, head, numbers=True)
     return "<h2>Line by line</h2>\n" + (
         folded(f"{len(lines)} lines", content) if len(lines) > 30 else content
     )
@@ -100,8 +103,9 @@ def _strong(text: str, strong: bool) -> str:
 
 
 def constants(s: Summary) -> str:
-    """What the flight estimated besides positions and attitudes: constants, and errors of the fixes
-    that last.
+    """Return the section on what was estimated besides positions and attitudes.
+
+    It holds constants, and time-correlated errors of the fixes.
     """
     out = ""
     if s["states"]:
@@ -117,9 +121,10 @@ def constants(s: Summary) -> str:
     for error in s["time_correlated_errors"]:
         size, white = (" / ".join(f"{x:.2f}" for x in error[key]) for key in ("share", "white"))
         out += (
-            f"<p>Errors of {error['fixes']} fixes last for {error['time_s']:.1f} s: {size} of their"
-            f" sigmas, or {lengths([1e3 * x for x in error['sigma_m']])}, last that long and"
-            f" {white} do not (N / E / D).</p>\n"
+            f"<p>Time-correlated errors of {error['fixes']} fixes, correlation time"
+            f" {error['time_s']:.1f} s: {size} of their sigmas, or"
+            f" {lengths([1e3 * x for x in error['sigma_m']])}, are correlated and {white} are white"
+            " (N / E / D).</p>\n"
         )
     return f"<h2>What was estimated besides</h2>\n{out}" if out else ""
 
@@ -141,22 +146,23 @@ def _constant(state: Mapping[str, Any]) -> Row:
     )
 
 
-def segments_and_rests(s: Summary) -> str:
-    """Segments that were solved by themselves, and where the vehicle stood."""
+def segments_and_stationary_periods(s: Summary) -> str:
+    """Return the section on segments solved by themselves and on stationary periods."""
     out = ""
     if len(s["segments"]) > 1:
         spans = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in s["segments"])
         out += f"<p>Solved by themselves, TOW: {spans}.</p>\n"
     if s["rests"]:
         lasted = sum(end - start for start, end in s["rests"])
-        rests = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in s["rests"])
-        count = "1 rest" if len(s["rests"]) == 1 else f"{len(s['rests'])} rests"
-        out += folded(f"{count}, {lasted:.0f} s in all", f"<p>At rest, TOW: {rests}.</p>\n")
-    return f"<h2>Segments and rests</h2>\n{out}" if out else ""
+        periods = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in s["rests"])
+        n = len(s["rests"])
+        count = "1 stationary period" if n == 1 else f"{n} stationary periods"
+        out += folded(f"{count}, {lasted:.0f} s in all", f"<p>Stationary, TOW: {periods}.</p>\n")
+    return f"<h2>Segments and stationary periods</h2>\n{out}" if out else ""
 
 
 def key_numbers(s: Summary) -> str:
-    """Sigmas, counts, biases, and what supports them."""
+    """Return the section of sigmas, counts, biases, and what supports them."""
     span, n, biases = s["span"], s["counts"], s["biases"]
     week = "" if span["gps_week"] is None else f"GPS week {span['gps_week']}, "
     minutes = (
@@ -170,8 +176,8 @@ def key_numbers(s: Summary) -> str:
             f" {n['velocities_rejected']} rejected"
         )
     imu = [
-        f"{n[key]} {what}"
-        for key, what in (("imu_samples", "samples"), ("epochs", "epochs"))
+        f"{n[key]} {noun}"
+        for key, noun in (("imu_samples", "samples"), ("epochs", "epochs"))
         if n[key] is not None
     ]
     rows = [
@@ -207,16 +213,16 @@ def key_numbers(s: Summary) -> str:
 def _agreement(s: Summary) -> list[Row]:
     """What the innovations and the two directions say of the sigmas."""
     rows: list[Row] = [
-        (f"NIS of {what} per degree of freedom", escape(_nis(c)))
-        for what, c in s["consistency"].items()
+        (f"NIS of {quantity} per degree of freedom", escape(_nis(c)))
+        for quantity, c in s["consistency"].items()
         if c is not None
     ]
     ratios = s["separation"]["normalised_rms"]
-    told = (
+    text = (
         f"position {three(ratios['position'], '.2f')}, attitude {three(ratios['attitude'], '.2f')}"
         " (N / E / D; 1 expected)"
     )
-    return [*rows, ("Forward/backward separation over its sigma", told)]
+    return [*rows, ("Forward/backward separation over its sigma", text)]
 
 
 def _plus_minus(biases: Mapping[str, Any], value: str, sigma: str, form: str) -> str:
@@ -258,9 +264,9 @@ def _sigma_table(s: Mapping[str, Any]) -> str:
         near = s["neighbours"]
         label = f"Median of the difference of neighbours ({near['interval_s']:.1f} s apart)"
         rows.append((label, three(near["position_mm"], ".1f"), three(near["attitude_deg"], ".4f")))
-    what = (
+    title = (
         "Standard deviations of the images"
         if s["exposures"]
         else "Smoothed standard deviations of the trajectory"
     )
-    return table(rows, (what, f"position {axes}, mm", f"attitude about {axes}, deg"), numbers=True)
+    return table(rows, (title, f"position {axes}, mm", f"attitude about {axes}, deg"), numbers=True)

@@ -6,9 +6,12 @@ fix. The mean over K fixes of d components thus lies within
 
     chi2(alpha / 2; K d) / (K d)  <=  mean NIS / d  <=  chi2(1 - alpha / 2; K d) / (K d)       (T.1)
 
-with probability 1 - alpha, and the lag-1 autocorrelation of each normalised component within +-z(1 - alpha / 2) / sqrt(K)    (T.2).
-Bar-Shalom, Li, Kirubarajan (2001) 5.4.2. Errors of GNSS that last for longer than the interval of
-the fixes break (T.2) first.
+with probability 1 - alpha, and the lag-1 autocorrelation of each normalised component within
+
+    +-z(1 - alpha / 2) / sqrt(K)                                                               (T.2)
+
+Bar-Shalom, Li, Kirubarajan (2001) 5.4.2. Time-correlated errors of GNSS, which last for longer than
+the interval of the fixes, break (T.2) first.
 """
 
 import math
@@ -26,9 +29,7 @@ NIS_95 = 7.814727903251179  # 95 % point of chi-square with 3 degrees of freedom
 
 
 def mean_bounds(dof: int) -> tuple[float, float]:
-    """Two-sided 99 % bounds (T.1) of a chi-square variable of `dof` degrees of freedom divided by
-    `dof`.
-    """
+    """Return the two-sided 99 % bounds (T.1) of a chi-square variable divided by its `dof`."""
     from scipy.special import chdtri
 
     tail = (1.0 - CONFIDENCE) / 2.0
@@ -67,8 +68,9 @@ def consistency(nis: Array, used: Selection) -> dict[str, Any]:
 
 
 def lag_one(x: Array) -> Array:
-    """Autocorrelation at lag one, about the mean, of each column of `x` (k, c); NaN where a column
-    has none (k < 3 or constant).
+    """Autocorrelation at lag one, about the mean, of each column of `x` (k, c).
+
+    The result is NaN where a column has none (k < 3 or constant).
     """
     if len(x) < 3:
         return np.full(x.shape[1], np.nan)
@@ -80,8 +82,9 @@ def lag_one(x: Array) -> Array:
 
 
 def innovation_figures(innovation: Array, sigma: Array, used: Selection) -> dict[str, Any]:
-    """Mean, rms, what 68 % are within, and median sigma (mm) of the used innovations (k, 3) north,
-    east, down; their whiteness (T.2).
+    """Return statistics of the used innovations (k, 3) north, east, down, mm.
+
+    They are mean, rms, the bound of 68 %, the median sigma, and the whiteness (T.2).
     """
     kept = used & np.isfinite(innovation).all(axis=1)
     if not kept.any():
@@ -107,22 +110,24 @@ def innovation_figures(innovation: Array, sigma: Array, used: Selection) -> dict
 
 
 def normalised_rms(x: Array, sigma: Array) -> Array:
-    """Root mean square of x / sigma by column over what is determined (finite x, sigma > 0); NaN
-    where nothing is.
+    """Root mean square of x / sigma by column over what is determined (finite x, sigma > 0).
+
+    The result is NaN where nothing is.
     """
-    known = np.isfinite(x) & np.isfinite(sigma) & (sigma > 0.0)
-    squares = np.square(np.divide(x, sigma, out=np.zeros_like(x), where=known)).sum(axis=0)
-    count = known.sum(axis=0)
+    determined = np.isfinite(x) & np.isfinite(sigma) & (sigma > 0.0)
+    squares = np.square(np.divide(x, sigma, out=np.zeros_like(x), where=determined)).sum(axis=0)
+    count = determined.sum(axis=0)
     return np.sqrt(np.divide(squares, count, out=np.full(x.shape[1], np.nan), where=count > 0))
 
 
 def without_fix(spans: Array, fix_time: Array, used: Selection) -> Array:
-    """Begin and length, s, (n, 2), of the times between the used fixes, and between them and the
-    ends of each of `spans` (k, 2).
+    """Return begin and length, s, (n, 2), of the times between the used fixes.
+
+    The ends of each of `spans` (k, 2) count as fixes.
     """
     times = fix_time[used]
-    found = []
+    pieces = []
     for start, end in spans:
         edges = np.concatenate([[start], times[(times > start) & (times < end)], [end]])
-        found.append(np.stack([edges[:-1], np.diff(edges)], axis=1))
-    return np.concatenate(found)
+        pieces.append(np.stack([edges[:-1], np.diff(edges)], axis=1))
+    return np.concatenate(pieces)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Diagnostics, ExteriorOrientation, StateVerdict
-from .coverage import longest_outage, outage_figures, rests, segments
+from .coverage import longest_outage, outage_figures, segments, stationary_periods
 from .flightlines import line_figures
 from .rules.verdict import headline, limits, verdict
 from .rules.wording import DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
@@ -47,8 +47,8 @@ def run_summary(
     inputs : SHA-256 by path.
     versions : by package.
     timings : s by step.
-    history : what was done, sentence by sentence.   imu_samples, epochs : numbers of them, where
-                                                     known.
+    history : what was done, sentence by sentence.
+    imu_samples, epochs : numbers of them, where known.
     """
     figures = {"name": str(flight.get("name", ""))} | _judged(diagnostics, eo)
     figures["counts"] = {"imu_samples": imu_samples, "epochs": epochs} | figures["counts"]
@@ -62,14 +62,15 @@ def run_summary(
     gnss = flight.get("gnss")
     figures["standing"] = isinstance(gnss, Mapping) and gnss.get("stationary") is not None
     figures = plain(figures)
-    found = limits(figures)
-    told = [asdict(limit) for limit in found]
-    return {"headline": headline(figures), "verdict": verdict(found), "limits": told} | figures
+    ranked = limits(figures)
+    listed = [asdict(limit) for limit in ranked]
+    return {"headline": headline(figures), "verdict": verdict(ranked), "limits": listed} | figures
 
 
 def plain(value: Any) -> Any:
-    """`value` in JSON types: arrays as lists, numbers that are not finite as None, paths and the
-    like as text.
+    """Return `value` in JSON types.
+
+    Arrays become lists, numbers that are not finite None, paths and the like text.
     """
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
@@ -115,7 +116,7 @@ def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
         ),
         "states": [_state(state) for state in d.states],
         "time_correlated_errors": [asdict(error) for error in d.time_correlated],
-        "rests": rests(d),
+        "rests": stationary_periods(d),
         "segments": segments(d),
         "imu_gaps": [{"time_s": time, "length_s": length} for time, length in d.gaps],
         "checks": [asdict(check) for check in d.checks],
@@ -141,8 +142,9 @@ def _counts(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, int]:
 
 
 def image_sigmas(eo: ExteriorOrientation) -> tuple[Array, Array]:
-    """Standard deviations of the images in tangent-plane axes east, north, up: position (n, 3) m,
-    and psi (n, 3) rad.
+    """Return the standard deviations of the images: position (n, 3) m and psi (n, 3) rad.
+
+    The axes are those of the tangent plane, east, north, up.
     """
     sigma = np.sqrt(np.maximum(np.diagonal(eo.cov, axis1=1, axis2=2), 0.0))
     return sigma[:, :3], sigma[:, 3:]
@@ -153,8 +155,9 @@ def _spread(x: Array) -> dict[str, Array]:
 
 
 def _exposures(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
-    """Sigmas over the images: smallest, median, largest, first; the worst image of position and of
-    attitude.
+    """Sigmas over the images: smallest, median, largest, first.
+
+    The worst image of position and of attitude.
     """
     position, psi = image_sigmas(eo)
     out: dict[str, Any] = {"axes": ENU, "count": len(eo.images)}
@@ -170,7 +173,7 @@ def _exposures(d: Diagnostics, eo: ExteriorOrientation) -> dict[str, Any]:
 
 
 def _trajectory(d: Diagnostics) -> dict[str, Any]:
-    """Smoothed sigmas over the epochs of the diagnostics, and how much they gain on the filter's."""
+    """Smoothed sigmas over the epochs of the diagnostics, and their gain on those of the filter."""
     with np.errstate(divide="ignore", invalid="ignore"):
         gain = np.median(d.filter_sigma, axis=0) / np.median(d.smoothed_sigma, axis=0)
     return {
@@ -193,8 +196,9 @@ def _velocity_consistency(d: Diagnostics) -> dict[str, Any] | None:
 
 
 def _separation(d: Diagnostics) -> dict[str, Any]:
-    """Backward minus forward: root mean square, and the same over its sigma (1 where both filters
-    are honest).
+    """Backward minus forward: root mean square, and the same over its sigma.
+
+    It is 1 where both filters are honest.
     """
     x, one = d.separation, np.ones_like(d.separation)
     rms, ratio = normalised_rms(x, one), normalised_rms(x, d.separation_sigma)
@@ -229,8 +233,9 @@ def _rejected(d: Diagnostics) -> dict[str, Any]:
 
 
 def _neighbours(eo: ExteriorOrientation, cross: Array) -> dict[str, Any]:
-    """Median sigma of the difference of neighbouring images, whose covariance is P_i + P_j - P_ij -
-    P_ij' (axes of the tangent plane).
+    """Median sigma of the difference of neighbouring images (axes of the tangent plane).
+
+    Its covariance is P_i + P_j - P_ij - P_ij'.
     """
     difference = eo.cov[:-1] + eo.cov[1:] - cross - np.swapaxes(cross, -1, -2)
     sigma = np.median(np.sqrt(np.maximum(np.diagonal(difference, axis1=1, axis2=2), 0.0)), axis=0)

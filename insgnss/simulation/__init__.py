@@ -1,5 +1,6 @@
-"""Exact motion and exact sensors: flights in the shape of the open data set, with the truth beside
-every observation.
+"""Exact motion and exact sensors.
+
+Flights in the shape of the open data set, with the truth beside every observation.
 
 `motion` is exact, `path` and `layout` plan, `flights` flies, `ground` drives and walks, `emulate`
 follows a trajectory that was flown, `sensors` and `receiver` observe, `raw_gnss` measures to a

@@ -1,5 +1,6 @@
-"""Compiled evaluation of a motion's inertial signals: rate and specific force in body axes, and
-their integrals over samples.
+"""Compiled evaluation of a motion's inertial signals.
+
+Rate and specific force in body axes, and their integrals over samples.
 
 A motion is six piecewise quintics (three of position in l, then roll, pitch, yaw) over pieces of
 equal length; formulas (M.n) are derived in `motion`.
@@ -15,11 +16,11 @@ from ..geodesy._kernels import gravity_ecef
 
 @njit(cache=True)
 def inertial_signals(piece, u, C_el, origin, omega_l, lever, work, out):
-    """out (6,) = omega_ib_b (rad/s), f_b (m/s^2) at `u` seconds into one piece (M.4, M.5), with the
-    centripetal part of (M.6).
+    """Write omega_ib_b (rad/s) and f_b (m/s^2) at `u` seconds into one piece to out (6,).
 
-    piece (6, 6): coefficients [power, channel]; work (4, 3) scratch; C_el, origin (ECEF, m) and
-    omega_l (rad/s) of the frame l. lever (3,): m, of the sensor in body axes.
+    It follows (M.4, M.5), with the centripetal part of (M.6). piece (6, 6): coefficients [power,
+    channel]; work (4, 3) scratch; C_el, origin (ECEF, m) and omega_l (rad/s) of the frame l. lever
+    (3,): m, of the sensor in body axes.
     """
     p, v, f, g = work[0], work[1], work[2], work[3]
     for i in range(3):
@@ -78,8 +79,9 @@ def inertial_signals(piece, u, C_el, origin, omega_l, lever, work, out):
 
 @njit(cache=True)
 def sample_signals(coefficients, spacing, elapsed, C_el, origin, omega_l, lever, out):
-    """out (n, 6): the signals at `elapsed` (n,) s from the motion's start; coefficients (pieces, 6,
-    6).
+    """Write the signals at `elapsed` (n,) s from the motion's start to out (n, 6).
+
+    The coefficients are (pieces, 6, 6).
     """
     work = np.empty((4, 3))
     last = coefficients.shape[0] - 1
@@ -94,11 +96,10 @@ def sample_signals(coefficients, spacing, elapsed, C_el, origin, omega_l, lever,
 def integrate_signals(
     coefficients, spacing, elapsed, nodes, weights, C_el, origin, omega_l, lever, out
 ):
-    """out (n, 6): integrals of the signals from elapsed[k] to elapsed[k + 1], elapsed (n + 1,) s
-    from the motion's start.
+    """Write the integrals of the signals from elapsed[k] to elapsed[k + 1] to out (n, 6).
 
-    Gauss-Legendre (nodes, weights on -1 to 1) on every part of an interval that lies within one
-    piece, where the signals are analytic.
+    `elapsed` (n + 1,) is in s from the motion's start. Gauss-Legendre (nodes, weights on -1 to 1)
+    on every part of an interval that lies within one piece, where the signals are analytic.
     """
     work = np.empty((4, 3))
     signal = np.empty(6)

@@ -1,14 +1,16 @@
-"""A simulated flight as a data set: the published tree (Figure 9 of paper 000), `flight.toml`, and
-the truth beside it.
+"""A simulated flight as a data set.
+
+The published tree (Figure 9 of paper 000), `flight.toml`, and the truth beside it.
 
     flight.toml  README.md  FLIGHT.md
     01_Observations/Camera/Data/Events.txt
     01_Observations/Camera/GCPs/WGS84.txt, WGS84_tangentplane.txt
-    01_Observations/GPS/Data/Rover/rov01840.18o, .18n, .18g and Master/tr2b0703a.18o                where raw GNSS is asked for
+    01_Observations/GPS/Data/Rover/rov01840.18o, .18n, .18g          (with raw GNSS only)
+    01_Observations/GPS/Data/Master/tr2b0703a.18o                    (with raw GNSS only)
     01_Observations/IMU/Data/Pre_calibrated/f8_1_sob.csv
     02_Processed/GPS-PPK/AntennaPos_WGS84.txt, AntennaPos_Img_WGS84.txt,
-    AntennaPos_Img_WGS84_tangentplane.txt truth/EO_local-plane.txt, eo.npz, trajectory.npz,
-    raw_gnss.npz
+        AntennaPos_Img_WGS84_tangentplane.txt
+    truth/EO_local-plane.txt, eo.npz, trajectory.npz, raw_gnss.npz
 
 There are no images, no virtual reference station and no raw IMU files: nothing of theirs is
 simulated.
@@ -93,8 +95,9 @@ def write_dataset(
     flight_file: Tables | None = None,
     **changes: Any,
 ) -> Dataset:
-    """Simulate a flight and write it as a data set that `flight.toml` describes; whole or not at
-    all.
+    """Simulate a flight and write it as a data set that `flight.toml` describes.
+
+    Whole or not at all.
 
     Parameters
     ----------
@@ -102,8 +105,8 @@ def write_dataset(
     flight, minutes, seed, gnss, rig, second_imu, missing_events, changes : as in `simulate_flight`.
     raw_gnss : RINEX of rover and master, which the flight file then names in place of the
         positions; None: none.
-    imu_rate : Hz.   noise, imu_faults, vibration : as in `ImuOptions`; the flight file names the
-                     noise.
+    imu_rate : Hz.
+    noise, imu_faults, vibration : as in `ImuOptions`; the flight file names the noise.
     imu_axes, gyro_unit, accel_unit, quantity, imu_rows, gnss_rows, flight_file : as in
     `write_simulated`; SI units by default.
 
@@ -152,14 +155,18 @@ def write_simulated(
 ) -> Dataset:
     """Write what was simulated as a data set; whole or not at all.
 
+    Parameters
+    ----------
     seed : of targets, row faults and the antenna's errors at the images.
     units : of the IMU file, SI by default.
     imu_rows, gnss_rows : disorder of the rows of the IMU and the GNSS file.
     flight_file : tables of keys that take the place of the true ones, to write a wrong flight file
         or to ask for more in it.
 
-    Raises UsageError where the directory is not empty or cannot be written, or the flight has no
-    exposure.
+    Raises
+    ------
+    UsageError
+        Where the directory is not empty or cannot be written, or the flight has no exposure.
     """
     target = _target(directory)
     if not simulated.events.images:
@@ -238,7 +245,7 @@ def _imu_lines(imu: ImuSamples, units: Units) -> Iterator[str]:
 
 
 def _write_raw_gnss(root: Path, names: RinexNames, raw: RawGnss) -> None:
-    """RINEX of both receivers and of the satellites; the receivers' true places, clocks and slips."""
+    """Write RINEX of both receivers and the satellites, and true positions, clocks and slips."""
     for file in (names.rover, names.base):
         (root / file).parent.mkdir(parents=True, exist_ok=True)
     approximate = tuple(raw.rover.position[0].round().tolist())
@@ -295,14 +302,14 @@ def _write_antenna_at_images(
 
 
 def _write_targets(folder: Path, simulated: SimulatedFlight, rng: np.random.Generator) -> None:
-    """Ground targets scattered under exposures all over the flight, on a ground of little relief."""
+    """Write ground targets scattered under the exposures, on a ground of little relief."""
     flight, plane = simulated.flight, simulated.tangent_plane
-    place = flight.motion.position(flight.time)[
+    position = flight.motion.position(flight.time)[
         np.linspace(0, flight.time.size - 1, _TARGETS).round().astype(int)
     ]
-    place[:, :2] += 0.12 * -place[:, 2:] * rng.standard_normal((_TARGETS, 2))
-    place[:, 2] = _RELIEF_M * rng.standard_normal(_TARGETS)
-    lat, lon, height = flight.motion.frame.geodetic_from_position(place)
+    position[:, :2] += 0.12 * -position[:, 2:] * rng.standard_normal((_TARGETS, 2))
+    position[:, 2] = _RELIEF_M * rng.standard_normal(_TARGETS)
+    lat, lon, height = flight.motion.frame.geodetic_from_position(position)
     enu = plane.position_from_geodetic(lat, lon, height)
     numbers = np.arange(1, _TARGETS + 1)
     tables = (
@@ -366,6 +373,7 @@ def _write_truth(folder: Path, simulated: SimulatedFlight) -> None:
 
 def _noise_name(root: Path, noise: str | NoiseModel | None) -> str:
     """What the flight file calls the noise model: a shipped name, or the file that is written here.
+
     An ideal sensor is called navchip.
     """
     if noise is None:

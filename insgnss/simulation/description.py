@@ -1,5 +1,6 @@
-"""What is written beside a simulated flight's observations: where the files lie, their units, the
-flight file and the two readmes.
+"""What is written beside a simulated flight's observations.
+
+Where the files lie, their units, the flight file and the two readmes.
 """
 
 import json
@@ -36,8 +37,12 @@ class Units:
 
     @classmethod
     def of(cls, quantity: Quantity, gyro: str | None, accel: str | None) -> "Units":
-        """Of gyro and accelerometer, SI where None. Raises InputError for a unit that does not
-        exist or is of another dimension.
+        """Return the units of gyro and accelerometer; those that are None are SI.
+
+        Raises
+        ------
+        InputError
+            For a unit that does not exist or is of another dimension.
         """
         increments = quantity == "increments"
         gyro_si, accel_si = ("rad", "m/s") if increments else ("rad/s", "m/s^2")
@@ -46,8 +51,9 @@ class Units:
         return cls(gyro, accel, *factors, 3 if increments else 0)
 
     def row(self) -> str:
-        """Format of one line: a step of 1e-9 rad/s and 1e-8 m/s^2 or less (1e-12 rad and 1e-11 m/s
-        of increments).
+        """Return the format of one line.
+
+        Its step is 1e-9 rad/s and 1e-8 m/s^2 or less (1e-12 rad and 1e-11 m/s of increments).
         """
         gyro = max(0, int(np.ceil(9 + self.more_digits + np.log10(self.gyro_si))))
         accel = max(0, int(np.ceil(8 + self.more_digits + np.log10(self.accel_si))))
@@ -55,8 +61,9 @@ class Units:
 
 
 def imu_file(simulated: SimulatedFlight, number: int = 1) -> str:
-    """The paper's name: f, number of the flight, 1 for NC1, sob for the deterministic calibration
-    applied.
+    """Return the path of the IMU file, named as the paper's.
+
+    The name has f, number of the flight, 1 for NC1, sob for the deterministic calibration applied.
     """
     plan = simulated.flight.plan
     return f"{IMU}/f{plan.first_image // 1000 if plan else 1}_{number}_sob.csv"
@@ -64,8 +71,9 @@ def imu_file(simulated: SimulatedFlight, number: int = 1) -> str:
 
 @dataclass(frozen=True)
 class RinexNames:
-    """Paths of the RINEX files, named as the paper's are: day of the year of the rover's, month and
-    day of the master's.
+    """Paths of the RINEX files, named as the paper's are.
+
+    The rover's have the day of the year, the master's month and day.
     """
 
     rover: str
@@ -84,8 +92,9 @@ class RinexNames:
 
 
 def _gnss_table(simulated: SimulatedFlight) -> dict[str, Any]:
-    """Table [gnss]: the RINEX files where there are some, with place and weather of the base, else
-    the positions.
+    """Table [gnss]: the RINEX files where there are some, else the positions.
+
+    Position and weather of the base come with the RINEX files.
     """
     if (raw := simulated.raw_gnss) is None:
         return {"file": FIXES}
@@ -130,8 +139,9 @@ def true_tables(simulated: SimulatedFlight, units: Units, noise: str) -> dict[st
 
 
 def flight_toml(tables: Tables, changes: Tables) -> str:
-    """TOML of tables; `changes` take the place of single values or bring further ones, None takes a
-    value away.
+    """TOML of tables.
+
+    `changes` replace single values or bring further ones, None takes a value away.
     """
     merged = dict(tables)
     for key, value in changes.items():
@@ -161,19 +171,24 @@ def _toml(value: Any) -> str:
 _README = """\
 # Simulated flight
 
-No sensor recorded these data: they are a simulation in the tree of the open data of J. Skaloud, D. A. Cucci and K. J. Paul,
-"Fixed-wing micro UAV open data with digicam and raw INS/GNSS". {absent} are not part of it.
+No sensor recorded these data: they are a simulation in the tree of the open data of J. Skaloud,
+D. A. Cucci and K. J. Paul, "Fixed-wing micro UAV open data with digicam and raw INS/GNSS".
+{absent} are not part of it.
 
 - `flight.toml`: what is where, for `insgnss process flight.toml`.
 - `01_Observations/Camera/Data/Events.txt`: mid-exposure times, GPS time of week.
-- `01_Observations/Camera/GCPs`: ground targets, WGS84 (degrees, ellipsoidal height) and tangent plane (east, north, up).
-{raw}- `01_Observations/IMU/Data/Pre_calibrated`: IMU samples; units are in the header, axes and kind of sample in `flight.toml`.
+- `01_Observations/Camera/GCPs`: ground targets, WGS84 (degrees, ellipsoidal height) and tangent
+  plane (east, north, up).
+{raw}- `01_Observations/IMU/Data/Pre_calibrated`: IMU samples; units are in the header, axes and
+  kind of sample in `flight.toml`.
 - `02_Processed/GPS-PPK`: antenna phase centre, all epochs and at the events{own}.
-- `truth`: exterior orientation, trajectory of the IMU (radians, NED) and biases in body axes, all without error{more}.
+- `truth`: exterior orientation, trajectory of the IMU (radians, NED) and biases in body axes, all
+  without error{more}.
 """
 _RAW = """\
-- `01_Observations/GPS/Data`: RINEX 2.11 of rover and master (GPS and GLONASS, two bands), navigation beside the rover; the rover's file
-  holds the exposures as events, in the time of its clock.
+- `01_Observations/GPS/Data`: RINEX 2.11 of rover and master (GPS and GLONASS, two bands),
+  navigation beside the rover; the rover's file holds the exposures as events, in the time of its
+  clock.
 """
 
 

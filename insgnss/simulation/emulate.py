@@ -1,5 +1,6 @@
-"""A flight from a trajectory that was flown: a spline through sampled poses, which then is the
-truth.
+"""A flight from a trajectory that was flown.
+
+A spline goes through the sampled poses, which then is the truth.
 
 Samples of position and attitude carry noise or rounding, and no accelerations. Their least-squares
 spline of `motion` (quintic, four times differentiable, knots every `knot_s`),
@@ -37,6 +38,8 @@ ENDS = 5
 class Emulation:
     """A motion along sampled poses.
 
+    Parameters
+    ----------
     position_rms_m, attitude_rms_rad : (3,) between spline and samples, in north, east, down and in
         roll, pitch, yaw.
     """
@@ -63,7 +66,9 @@ def emulate_motion(
 
     Parameters
     ----------
-    time : (n,) s of a GPS week.   lat, lon : (n,) rad.   height : (n,) m above the ellipsoid.
+    time : (n,) s of a GPS week.
+    lat, lon : (n,) rad.
+    height : (n,) m above the ellipsoid.
     rpy : (n, 3) rad, roll, pitch, yaw, body forward-right-down to north-east-down.
     knot_s : s, between knots.
 
@@ -125,7 +130,7 @@ def _control(elapsed: Array, poses: Array, knot_s: float, pieces: int) -> Array:
 
 
 def flight_along(motion: Motion, name: str, every_s: float) -> Flight:
-    """Any motion as a flight, with an exposure every `every_s`, one second and more from both ends."""
+    """Return any motion as a flight, exposed every `every_s` s, a second or more from both ends."""
     if not every_s > 0.0:
         raise UsageError(f"an exposure every {every_s} s; the interval must be positive")
     time = (
@@ -149,11 +154,16 @@ def flight_along(motion: Motion, name: str, every_s: float) -> Flight:
 def add_recorded_noise(samples: ImuSamples, noise: ArrayLike, first: int = 0) -> ImuSamples:
     """Samples plus a sensor's recorded errors, row by row.
 
+    Parameters
+    ----------
     noise : (m, 6) gyro rad/s and accelerometer m/s^2 of a sensor at rest, its constant part taken
-        off, sampled at the rate of `samples`
-    and in the sensor's axes.   first : row of it that goes to the first sample.
-    Raises UsageError where the recording is shorter than the samples, or `samples` hold
-    instantaneous rates.
+        off, sampled at the rate of `samples` and in the sensor's axes.
+    first : row of it that goes to the first sample.
+
+    Raises
+    ------
+    UsageError
+        Where the recording is shorter than the samples, or `samples` hold instantaneous rates.
     """
     noise = np.asarray(noise, dtype=np.float64)
     n = samples.time.size
@@ -166,5 +176,5 @@ def add_recorded_noise(samples: ImuSamples, noise: ArrayLike, first: int = 0) ->
             "recorded noise belongs to whole sample intervals; simulate mean rates or increments"
         )
     unit = float(np.median(np.diff(samples.time))) if samples.quantity == "increments" else 1.0
-    part = unit * noise[first : first + n]
-    return replace(samples, gyro=samples.gyro + part[:, :3], accel=samples.accel + part[:, 3:])
+    error = unit * noise[first : first + n]
+    return replace(samples, gyro=samples.gyro + error[:, :3], accel=samples.accel + error[:, 3:])

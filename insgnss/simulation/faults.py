@@ -1,5 +1,6 @@
-"""What goes wrong between a sensor and its file: gaps, stuck channels, clocks, signs, vibration,
-and rows in disorder.
+"""What goes wrong between a sensor and its file.
+
+Gaps, stuck channels, clocks, signs, vibration, and rows in disorder.
 
 `ImuFaults` act on the samples, `RowFaults` on the rows of a written text file, which no record of
 the package could hold (time that does not increase). Everything random comes from the generator
@@ -35,8 +36,9 @@ _WANDER = GaussMarkov.from_sigma(5.0, 0.02)
 
 @dataclass(frozen=True)
 class Stuck:
-    """A channel (of `CHANNELS`, sensor axes) that from `start_s` after the record's start on
-    repeats `value`; None: its last reading.
+    """A stuck channel (of `CHANNELS`, sensor axes), which repeats `value` from `start_s` on.
+
+    `start_s` counts from the record's start; without a `value` it is the channel's last reading.
     """
 
     channel: str
@@ -51,8 +53,9 @@ class Stuck:
 
 @dataclass(frozen=True)
 class Vibration:
-    """Engine vibration (V.1) from `start_s` after the record's start for `duration_s`; amplitudes
-    in m/s^2 and rad/s.
+    """Engine vibration (V.1) from `start_s` after the record's start for `duration_s`.
+
+    The amplitudes are in m/s^2 and rad/s.
     """
 
     accel_ms2: float = 2.0
@@ -66,9 +69,11 @@ class Vibration:
 class ImuFaults:
     """Faults of an IMU recording; times are s after the record's start.
 
+    Parameters
+    ----------
     gaps : (start, length) without samples.
     random_gaps : number of further gaps at random, each `random_gap_s` (shortest, longest).
-    stuck : channels that hang.
+    stuck : stuck channels.
     vibration : of an engine.
     reversed_accel : the file holds minus the specific force.
     clock_offset_s : stamp minus GPS time; -18 for a clock in UTC.
@@ -90,7 +95,7 @@ class ImuFaults:
         if self.vibration is not None:
             table += _shake(self.vibration, elapsed, ideal.quantity, shaken)
         for stuck in self.stuck:
-            _hold(table[:, CHANNELS.index(stuck.channel)], elapsed, stuck)
+            _freeze(table[:, CHANNELS.index(stuck.channel)], elapsed, stuck)
         if self.reversed_accel:
             table[:, 3:] *= -1.0
         keep = self._kept(elapsed, dropped)
@@ -129,7 +134,7 @@ def _shake(
     return np.where(on[:, None], line * (dt if quantity == "increments" else 1.0), 0.0)
 
 
-def _hold(column: Array, elapsed: Array, stuck: Stuck) -> None:
+def _freeze(column: Array, elapsed: Array, stuck: Stuck) -> None:
     on = (elapsed >= stuck.start_s) & (elapsed < stuck.start_s + stuck.duration_s)
     if on.any():
         column[on] = column[max(int(np.argmax(on)) - 1, 0)] if stuck.value is None else stuck.value
@@ -139,42 +144,46 @@ def _hold(column: Array, elapsed: Array, stuck: Stuck) -> None:
 class RowFaults:
     """Disorder of the rows of a text file, each as a share of the rows.
 
-    duplicated : rows written twice.   reordered : rows that come one to `reach` places late.
-    late : rows whose stamp is up to `late_s` later than it should be.
+    Parameters
+    ----------
+    duplicated : rows written twice.
+    reordered : rows that come one to `reach` rows later.
+    delayed : rows whose stamp is up to `delay_s` s later than it should be.
     """
 
     duplicated: float = 0.0
     reordered: float = 0.0
     reach: int = 3
-    late: float = 0.0
-    late_s: float = 0.02
+    delayed: float = 0.0
+    delay_s: float = 0.02
 
     def __post_init__(self) -> None:
-        for name in ("duplicated", "reordered", "late"):
+        for name in ("duplicated", "reordered", "delayed"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise UsageError(
                     f"{name} rows: a share of {getattr(self, name)}; it lies between 0 and 1"
                 )
-        if self.reach < 1 or self.late_s < 0.0:
+        if self.reach < 1 or self.delay_s < 0.0:
             raise UsageError(
-                f"rows {self.reach} places and {self.late_s} s late; use one place or more and no"
+                f"rows {self.reach} places and {self.delay_s} s late; use one place or more and no"
                 " negative time"
             )
 
     def disturb(self, path: Path, rng: np.random.Generator) -> None:
-        """Rewrite a text file whose rows begin with their time; its header (`#`, or letters) stays
-        in place.
+        """Rewrite a text file whose rows begin with their time.
+
+        Its header (`#`, or letters) stays in place.
         """
         lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
         head = next(k for k, line in enumerate(lines) if line[:1].isdigit())
         rows = np.array(lines[head:], dtype=object)
-        late = np.flatnonzero(rng.random(rows.size) < self.late)
-        for k, delay in zip(late, rng.uniform(0.0, self.late_s, late.size), strict=True):
+        delayed = np.flatnonzero(rng.random(rows.size) < self.delayed)
+        for k, delay in zip(delayed, rng.uniform(0.0, self.delay_s, delayed.size), strict=True):
             rows[k] = _stamped(rows[k], delay)
-        place = np.arange(rows.size) + (rng.random(rows.size) < self.reordered) * (
+        sort_key = np.arange(rows.size) + (rng.random(rows.size) < self.reordered) * (
             0.5 + rng.integers(1, self.reach + 1, rows.size)
         )
-        order = np.argsort(place, kind="stable")
+        order = np.argsort(sort_key, kind="stable")
         order = np.repeat(order, 1 + (rng.random(rows.size) < self.duplicated))
         path.write_text("".join([*lines[:head], *rows[order]]), encoding="utf-8", newline="\n")
 

@@ -1,5 +1,4 @@
-"""Survey flights of a small fixed wing: from a plan to an exact motion and the exposures along its
-lines.
+"""Survey flights of a small fixed wing, from a plan to an exact motion and its exposures.
 
 A flight is laid out over ground (`layout`) at a speed that wind and acceleration allow, sampled at
 the knots of a `Motion`, moved by gusts, and smoothed over 0.7 s, which gives turns and climbs their
@@ -10,7 +9,7 @@ is felt sideways,
     heading = direction of p' - wind,      roll = atan2(f_right, -f_down),   f = p'' - g       (F.1)
     pitch   = climb angle through the air + angle of attack, which grows with the load factor  (F.2)
 
-plus turbulence in all three angles. On the ground the aircraft stands still.
+plus turbulence in all three angles. On the ground the aircraft is stationary.
 """
 
 from dataclasses import dataclass
@@ -50,12 +49,15 @@ _ROLL, _PITCH, _YAW = (
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """An exact motion (of the IMU's navigation centre) and the exposures along it; `plan` is None
-    where it was not a survey.
+    """An exact motion (of the IMU's navigation centre) and the exposures along it.
 
+    `plan` is None where it was not a survey.
+
+    Parameters
+    ----------
     images : names; time : (n,) s, mid-exposure; line : (n,) number of the flight line, counted from
-        1; spacing_m : (n,) m between
-    exposures on that line as planned.   wind_l : (3,) m/s.
+        1; spacing_m : (n,) m between exposures on that line as planned.
+    wind_l : (3,) m/s.
     """
 
     name: str
@@ -70,15 +72,21 @@ class Flight:
 
 
 def block_flight(minutes: float | None = None, *, seed: int = 0, **changes: Any) -> Flight:
-    """Flight in the shape of ign8: two levels of perpendicular lines over a block. `changes` :
-    fields of `FlightPlan`.
+    """Flight in the shape of ign8: two levels of perpendicular lines over a block.
+
+    Parameters
+    ----------
+    changes : fields of `FlightPlan`.
     """
     return fly(BLOCK.changed(minutes=minutes, **changes), seed)
 
 
 def corridor_flight(minutes: float | None = None, *, seed: int = 0, **changes: Any) -> Flight:
-    """Flight in the shape of ign6x1: two levels of two lines along a corridor. `changes` : fields
-    of `FlightPlan`.
+    """Flight in the shape of ign6x1: two levels of two lines along a corridor.
+
+    Parameters
+    ----------
+    changes : fields of `FlightPlan`.
     """
     return fly(CORRIDOR.changed(minutes=minutes, **changes), seed)
 
@@ -94,7 +102,8 @@ def fly(
 
     Parameters
     ----------
-    plan : see `layout`.   seed : of gusts and trigger delays.
+    plan : see `layout`.
+    seed : of gusts and trigger delays.
     frame : local frame whose origin lies on the ground of the site; heights above ground are
         heights in it.
     start_tow : s, time of the first instant.
@@ -131,13 +140,13 @@ def _control_points(path: Path, s: Array, plan: FlightPlan, rng: np.random.Gener
     """(n, 6) control points of position and attitude at path lengths `s`, m, one a knot."""
     from scipy.ndimage import gaussian_filter1d
 
-    position, course = path.at(s)
+    position, course = path.pose_at(s)
     ahead = np.stack([np.cos(course), np.sin(course), np.zeros_like(course)], axis=-1)
-    carried = _smoothstep(np.gradient(s, KNOT_S) / _FLYING_MS) * _smoothstep(
+    airborne = _smoothstep(np.gradient(s, KNOT_S) / _FLYING_MS) * _smoothstep(
         -position[:, 2] / _FREE_M
     )
     gust = [
-        _gusts(bands, s.size, rng) * carried * plan.turbulence
+        _gusts(bands, s.size, rng) * airborne * plan.turbulence
         for bands in (_LATERAL_M, _HEIGHT_M, _ROLL, _PITCH, _YAW)
     ]
     position[:, 0] -= ahead[:, 1] * gust[0]
@@ -150,18 +159,21 @@ def _control_points(path: Path, s: Array, plan: FlightPlan, rng: np.random.Gener
 
 
 def _coordinated(position: Array, ahead: Array, wind: Array) -> Array:
-    """(n, 3) roll, pitch, unwrapped yaw (F.1, F.2) of positions a knot apart; `ahead` : unit
-    vectors along the path, for the stand.
+    """(n, 3) roll, pitch, unwrapped yaw (F.1, F.2) of positions a knot apart.
+
+    Parameters
+    ----------
+    ahead : unit vectors along the path, for the stand.
     """
     velocity = np.gradient(position, KNOT_S, axis=0)
     force = np.gradient(velocity, KNOT_S, axis=0) - [0.0, 0.0, _G]
-    carried = _smoothstep(np.hypot(velocity[:, 0], velocity[:, 1]) / _FLYING_MS)[:, None]
-    air = velocity + (1.0 - carried) * ahead - carried * wind
+    airborne = _smoothstep(np.hypot(velocity[:, 0], velocity[:, 1]) / _FLYING_MS)[:, None]
+    air = velocity + (1.0 - airborne) * ahead - airborne * wind
     level = np.hypot(air[:, 0], air[:, 1])
     right = (-air[:, 1] * force[:, 0] + air[:, 0] * force[:, 1]) / level
     roll = np.arctan2(right, -force[:, 2])
     pitch = np.arctan2(-air[:, 2], level) + _ATTACK * np.hypot(right, force[:, 2]) / _G
-    tilt = _STANDING + carried * (np.stack([roll, pitch], axis=-1) - _STANDING)
+    tilt = _STANDING + airborne * (np.stack([roll, pitch], axis=-1) - _STANDING)
     return np.column_stack([tilt, np.unwrap(np.arctan2(air[:, 1], air[:, 0]))])
 
 
@@ -185,9 +197,7 @@ def _smoothstep(x: Array) -> Array:
 def _exposures(
     path: Path, s: Array, clock: Array, plan: FlightPlan, duration: float, rng: np.random.Generator
 ) -> tuple[Array, NDArray[np.int64], Array]:
-    """Times (s from the start), line numbers and planned spacings (m) of the exposures within the
-    record.
-    """
+    """Times (s from the start), line numbers and planned spacings (m) of the record's exposures."""
     where, line, spacing = [], [], []
     for i in np.flatnonzero(path.line > 0):
         base = plan.camera.base(path.height0[i], plan.forward_overlap)
@@ -197,14 +207,14 @@ def _exposures(
         where.append(marks)
         line.append(np.full(marks.size, path.line[i]))
         spacing.append(np.full(marks.size, base))
-    at = np.interp(np.concatenate(where), s, clock)
-    at += rng.uniform(0.0, plan.trigger_delay_s, at.size)
-    keep = (at > 0.0) & (at < duration)
-    at, number, base_m = at[keep], np.concatenate(line)[keep], np.concatenate(spacing)[keep]
-    if at.size > 1 and np.diff(at).min() < plan.camera.min_interval_s:
-        k = int(np.argmin(np.diff(at)))
+    time = np.interp(np.concatenate(where), s, clock)
+    time += rng.uniform(0.0, plan.trigger_delay_s, time.size)
+    keep = (time > 0.0) & (time < duration)
+    time, number, base_m = time[keep], np.concatenate(line)[keep], np.concatenate(spacing)[keep]
+    if time.size > 1 and np.diff(time).min() < plan.camera.min_interval_s:
+        k = int(np.argmin(np.diff(time)))
         raise UsageError(
-            f"exposures {k + 1} and {k + 2} are {at[k + 1] - at[k]:.2f} s apart, the camera needs"
-            f" {plan.camera.min_interval_s} s; lower the overlap or the speed, or fly higher"
+            f"exposures {k + 1} and {k + 2} are {time[k + 1] - time[k]:.2f} s apart, the camera"
+            f" needs {plan.camera.min_interval_s} s; lower the overlap or the speed, or fly higher"
         )
-    return at, number, base_m
+    return time, number, base_m

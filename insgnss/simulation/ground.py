@@ -1,5 +1,6 @@
-"""Vehicles on the ground: a car that drives and stops without side slip, and a person who carries
-the rig.
+"""Vehicles on the ground.
+
+A car that drives and stops without side slip, and a person who carries the rig.
 
 The car's body point is the middle of its rear axle, which moves where the car points: yaw and pitch
 are those of the velocity,
@@ -38,9 +39,13 @@ _SHAKE_S, _SHAKE_ROLL, _SHAKE_M = (
 
 @dataclass(frozen=True)
 class Gait:
-    """How a vehicle goes: speed m/s, acceleration along and across m/s^2, straights and radius of
-    bends m (shortest, longest).
+    """How a vehicle goes.
 
+    Its speed is in m/s, accelerations along and across in m/s^2, straights and radius of bends in m
+    (shortest, longest).
+
+    Parameters
+    ----------
     stop_share : of the bends with a halt before them, of stop_s (shortest, longest) s.
     """
 
@@ -66,8 +71,11 @@ def drive(
     gait: Gait = CAR,
     start_tow: float = START_TOW,
 ) -> Flight:
-    """A car in a town, without side slip, with stops; it stands for `stand_s` first. rough : factor
-    on how the road shakes it.
+    """A car in a town, without side slip, with stops; it stands for `stand_s` first.
+
+    Parameters
+    ----------
+    rough : factor on how the road shakes it.
     """
     rng = np.random.default_rng(seed)
     path, s = _journey(gait, minutes, stand_s, rng)
@@ -92,8 +100,9 @@ def walk(
     gait: Gait = WALKER,
     start_tow: float = START_TOW,
 ) -> Flight:
-    """A person who carries the rig in the hand: steps, sway, and a heading that wanders about the
-    way; it stands for `stand_s` first.
+    """Return the motion of a person who carries the rig in the hand.
+
+    The person takes steps, sways, wanders in heading about the way, and stands for `stand_s` first.
     """
     rng = np.random.default_rng(seed)
     path, s = _journey(gait, minutes, stand_s, rng)
@@ -103,7 +112,7 @@ def walk(
     position[:, 1] += np.cos(course) * 0.03 * moving * np.sin(step)
     position[:, 2] += 0.025 * moving * np.sin(2.0 * step)
     swing = [0.06 * np.sin(step), 0.05 * np.sin(2.0 * step + 1.0), 0.04 * np.sin(step + 2.0)]
-    angles = [moving * (part + 0.05 * _swing(s.size, 1.5, rng)) for part in swing]
+    angles = [moving * (angle + 0.05 * _swing(s.size, 1.5, rng)) for angle in swing]
     return _flight(
         "walk", position, np.column_stack([angles[0], angles[1], course + angles[2]]), start_tow
     )
@@ -118,8 +127,9 @@ def _flight(name: str, position: Array, angles: Array, start_tow: float) -> Flig
 def _journey(
     gait: Gait, minutes: float, stand_s: float, rng: np.random.Generator
 ) -> tuple[Path, Array]:
-    """A path with bends of a quarter turn, about as many to the right as to the left, and the
-    length travelled at each knot.
+    """A path with bends of a quarter turn, and the length travelled at each knot.
+
+    About as many bends go to the right as to the left.
     """
     if not minutes > 0.5 or stand_s < 0.0:
         raise UsageError(
@@ -149,26 +159,26 @@ def _timetable(path: Path, gait: Gait, halts: list[tuple[float, float]]) -> tupl
         path.curvature[np.clip(np.searchsorted(path.s0, s, side="right") - 1, 0, path.s0.size - 1)]
     )
     square = np.minimum(gait.speed_ms**2, gait.across_ms2 / np.maximum(k, 1e-9))
-    at = np.array([round(place / _STEP_M) for place, _ in halts], dtype=np.int64)
-    square[[0, *at]] = 0.0
+    stops = np.array([round(distance / _STEP_M) for distance, _ in halts], dtype=np.int64)
+    square[[0, *stops]] = 0.0
     slope = 2.0 * gait.along_ms2 * s
     square = np.minimum.accumulate(square - slope) + slope
     square = np.minimum.accumulate((square + slope)[::-1])[::-1] - slope
     speed = np.sqrt(np.maximum(square, 0.0))
     time = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(s) / (speed[1:] + speed[:-1]))])
-    node = np.insert(np.arange(s.size), at + 1, at)  # a halt is reached and left at the same place
+    node = np.insert(
+        np.arange(s.size), stops + 1, stops
+    )  # a halt is reached and left at the same place
     wait = np.zeros(node.size)
-    wait[at + 1 + np.arange(at.size)] = [length for _, length in halts]
+    wait[stops + 1 + np.arange(stops.size)] = [length for _, length in halts]
     return time[node] + np.cumsum(wait), s[node]
 
 
 def _smoothed(path: Path, s: Array) -> tuple[Array, Array, Array]:
-    """Position (n, 3), course (n,), unwrapped, and (n,) between 0 at rest and 1 on the move, at the
-    knots.
-    """
+    """Position (n, 3), unwrapped course (n,), and (n,) 0 at rest to 1 on the move, at the knots."""
     from scipy.ndimage import gaussian_filter1d
 
-    position, course = path.at(s)
+    position, course = path.pose_at(s)
     base = position[0].copy()
     width = _ROUND_S / KNOT_S
     position = base + gaussian_filter1d(position - base, width, axis=0, mode="nearest")

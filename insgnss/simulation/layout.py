@@ -2,7 +2,7 @@
 
 Spacing of exposures and lines follows from the camera's footprint at height H above ground:
 
-    base = (1 - forward overlap) H n_x d / f,      line spacing = (1 - side overlap) H n_y d / f             (L.1)
+    base = (1 - forward overlap) H n_x d / f,   line spacing = (1 - side overlap) H n_y d / f  (L.1)
 
 with n_x pixels along and n_y across the flight, pixel d and focal length f. Lines are flown every
 other one first, so that most turns are half circles; the way between lines is the shortest of
@@ -70,13 +70,16 @@ class Level:
 class FlightPlan:
     """What is to be flown.
 
+    Parameters
+    ----------
     minutes : duration of the record, or None for the plan as it is. A longer record flies lines
         again; a shorter one flies fewer lines (never under four), then shorter ones; if even that
         does not fit, the record ends in the air. `start_in_air` : it begins shortly before the
         first line, has no landing, and is cut at `minutes`.
     ground_s, ground_after_s : standing before take-off and after landing.
     max_bank_deg : in a steady turn downwind.
-    lead_m : part of a line, at both ends, without exposures.   turbulence : factor on all gusts.
+    lead_m : part of a line, at both ends, without exposures.
+    turbulence : factor on all gusts.
     """
 
     name: str
@@ -120,15 +123,16 @@ class FlightPlan:
 
     def changed(self, **changes: Any) -> "FlightPlan":
         """The plan with other values of some fields; `line_length_m` sets that of all lines.
+
         UsageError for an unknown field.
         """
         length = changes.pop("line_length_m", None)
-        known = {f.name for f in fields(self)}
+        names = {f.name for f in fields(self)}
         for name in changes:
-            if name not in known:
+            if name not in names:
                 raise UsageError(
                     f"flight plan: {name!r} is unknown; use one of"
-                    f" {', '.join(sorted(known | {'line_length_m'}))}"
+                    f" {', '.join(sorted(names | {'line_length_m'}))}"
                 )
         levels = changes.get("levels", self.levels)
         if length is not None:
@@ -182,8 +186,9 @@ PLANS = {plan.name: plan for plan in (BLOCK, CORRIDOR)}
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """A path with its timetable: path length s (n,), m, at `time` (n,), s; the record begins at
-    `clock_offset_s` of that clock.
+    """A path with its timetable: path length s (n,), m, at `time` (n,), s.
+
+    The record begins at `clock_offset_s` of that clock.
     """
 
     path: Path
@@ -208,8 +213,9 @@ def lay_out(plan: FlightPlan) -> Layout:
 
 
 def _fitted(plan: FlightPlan, every: int, wanted: float) -> Layout:
-    """Take-off to landing in `wanted` s: as many lines as it takes, a little shortened; cut in the
-    air where nothing fits.
+    """Take-off to landing in `wanted` s: as many lines as it takes, a little shortened.
+
+    Cut in the air where nothing fits.
     """
     count = min(_FEWEST_LINES, every)
     while (full := _grounded(plan, count, 1.0)).duration_s < wanted:
@@ -298,8 +304,9 @@ def _shares(plan: FlightPlan, count: int) -> list[int]:
 def _level_lines(
     plan: FlightPlan, level: Level, count: int, scale: float, here: tuple[float, float]
 ) -> list[Line]:
-    """`count` lines about the block's centre: every other one first, then back; from the corner
-    nearest to `here`.
+    """`count` lines about the block's centre: every other one first, then back.
+
+    From the corner nearest to `here`.
     """
     course, length = float(np.radians(level.course_deg)), level.length_m * scale
     spacing = plan.camera.line_spacing(level.height_m, plan.side_overlap)
@@ -323,7 +330,7 @@ def _level_lines(
 def _timetable(path: Path, plan: FlightPlan, at_rest: bool) -> tuple[Array, Array]:
     """Path lengths and times; the path is left and reached at rest or at full speed."""
     s = np.linspace(0.0, path.total, int(np.ceil(path.total / _STEP_M)) + 1)
-    square = plan.ground_speed(path.at(s)[1]) ** 2
+    square = plan.ground_speed(path.pose_at(s)[1]) ** 2
     if at_rest:
         square[0] = square[-1] = 0.0
     slope = 2.0 * _ACCELERATION * s

@@ -1,5 +1,7 @@
-"""Exact motion: quintic B-splines of position and attitude, and everything an inertial sensor would
-feel, in closed form.
+"""Exact motion.
+
+Quintic B-splines of position and attitude, and everything an inertial sensor would feel, in closed
+form.
 
 Position p(t) of the body in the Earth-fixed local frame l and its roll, pitch and (unwrapped) yaw
 are quintic B-splines over knots of equal spacing h, four times continuously differentiable. Between
@@ -120,21 +122,22 @@ class Motion:
         return value
 
     def position(self, time: ArrayLike, derivative: int = 0) -> Array:
-        """(n, 3) m in l, or its derivative with respect to time (1 velocity, 2 acceleration, ...),
-        at `time` (n,) s.
+        """Return the position (n, 3) m in l at `time` (n,) s, or its derivative by time.
+
+        Derivative 1 is the velocity, 2 the acceleration, and so on.
         """
         return self._channels(time, derivative, slice(0, 3))
 
     def velocity(self, time: ArrayLike) -> Array:
-        """(n, 3) m/s in l, with respect to the Earth."""
+        """Return the velocity (n, 3) m/s in l, with respect to the Earth."""
         return self.position(time, 1)
 
     def acceleration(self, time: ArrayLike) -> Array:
-        """(n, 3) m/s^2 in l, with respect to the Earth."""
+        """Return the acceleration (n, 3) m/s^2 in l, with respect to the Earth."""
         return self.position(time, 2)
 
     def angles(self, time: ArrayLike, derivative: int = 0) -> Array:
-        """(n, 3) roll, pitch, unwrapped yaw of C_lb, rad, or their derivative with respect to time."""
+        """Return roll, pitch, unwrapped yaw (n, 3) of C_lb, rad, or their derivative by time."""
         return self._channels(time, derivative, slice(3, 6))
 
     def C_lb(self, time: ArrayLike) -> Array:
@@ -202,13 +205,17 @@ class Motion:
         lever_b: ArrayLike = (0.0, 0.0, 0.0),
         nodes: int = 4,
     ) -> ImuSamples:
-        """What an ideal inertial sensor in body axes, `lever_b` (3,) m from the body's point,
-        reports from start to end.
+        """Return what an ideal inertial sensor in body axes reports from start to end.
+
+        The sensor is at `lever_b` (3,) m from the body's point.
 
         The stamps are start + phase_s + k / rate_hz, k = 1, 2, ...; a mean rate or an increment
         covers the time since the stamp before (the first: since start + phase_s), between the very
         float64 numbers that the record holds.
-        `nodes` : Gauss-Legendre nodes on an interval. Raises UsageError for an unknown quantity or
+
+        Parameters
+        ----------
+        nodes : Gauss-Legendre nodes on an interval. Raises UsageError for an unknown quantity or
             a phase outside the first sample.
         """
         if quantity not in QUANTITIES:

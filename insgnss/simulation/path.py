@@ -1,5 +1,4 @@
-"""Paths over ground made of straight lines and circular arcs, and the shortest way between two
-directed points (Dubins).
+"""Paths over ground of straight lines and circular arcs, and the shortest way (Dubins).
 
 Horizontal coordinates are north x and east y, the course counts from north through east, and a
 positive curvature turns right. From (x0, y0, c0) with curvature k, after the length s,
@@ -41,16 +40,14 @@ def _angle(x: float) -> float:
 def _words(
     d: float, a: float, b: float
 ) -> list[tuple[tuple[int, int, int], tuple[float, float, float]]]:
-    """Turn signs and normalised lengths of the words that exist from (0, 0, a) to (d, 0, b), radius
-    1.
-    """
+    """Turn signs and normalised lengths of the words from (0, 0, a) to (d, 0, b), radius 1."""
     sa, sb, ca, cb, cab = sin(a), sin(b), cos(a), cos(b), cos(a - b)
-    found: list[tuple[tuple[int, int, int], tuple[float, float, float]]] = []
+    words: list[tuple[tuple[int, int, int], tuple[float, float, float]]] = []
     for s in (1, -1):  # RSR and LSL, one the mirror image of the other
         p2 = 2.0 + d * d - 2.0 * cab + 2.0 * d * s * (sa - sb)
         if p2 >= 0.0:
             way = s * atan2(s * (cb - ca), d + s * (sa - sb))
-            found.append(
+            words.append(
                 ((s, 0, s), (_angle(s * (way * s - a)), sqrt(p2), _angle(s * (b - way * s))))
             )
     for s in (1, -1):  # RSL and LSR
@@ -58,19 +55,20 @@ def _words(
         if p2 >= 0.0:
             p = sqrt(p2)
             way = atan2(-s * (ca + cb), d + s * (sa + sb)) - atan2(-2.0 * s, p)
-            found.append(((s, 0, -s), (_angle(s * (way - a)), p, _angle(s * (way - b)))))
+            words.append(((s, 0, -s), (_angle(s * (way - a)), p, _angle(s * (way - b)))))
     for s in (1, -1):  # RLR and LRL
         cosine = (6.0 - d * d + 2.0 * cab + 2.0 * d * s * (sb - sa)) / 8.0
         if abs(cosine) <= 1.0:
             p = 2.0 * pi - acos(cosine)
             t = _angle(s * (atan2(s * (cb - ca), d + s * (sa - sb)) - a) + 0.5 * p)
-            found.append(((s, -s, s), (t, p, _angle(s * (b - a) - t + p))))
-    return found
+            words.append(((s, -s, s), (t, p, _angle(s * (b - a) - t + p))))
+    return words
 
 
 def shortest_way(start: Pose, goal: Pose, radius: float) -> list[tuple[float, float]]:
-    """Curvature (1/m) and length (m) of the three segments of the shortest path from `start` to
-    `goal` with turns of `radius` m.
+    """Return curvature (1/m) and length (m) of the segments of the shortest path.
+
+    It has three segments from `start` to `goal`, with turns of `radius` m.
 
     No segment where start and goal are the same but for rounding, to which a word could answer with
     a full circle.
@@ -86,8 +84,9 @@ def shortest_way(start: Pose, goal: Pose, radius: float) -> list[tuple[float, fl
 
 @dataclass
 class Route:
-    """A path being laid, segment after segment, from `pose` at `height` m; `line` is the number of
-    a flight line, 0 elsewhere.
+    """A path being laid, segment after segment, from `pose` at `height` m.
+
+    `line` is the number of a flight line, 0 elsewhere.
     """
 
     pose: Pose
@@ -106,11 +105,12 @@ class Route:
             self.pose, self.height = advance(self.pose, curvature, length), height
 
     def connect(self, goal: Pose, height: float, radius: float, gradient: float) -> None:
-        """Go the shortest way to `goal`, changing height evenly; circles come first where the way
-        is too short for `gradient`.
+        """Go the shortest way to `goal`, changing height evenly.
+
+        Circles come first where the way is too short for `gradient`.
         """
         way = shortest_way(self.pose, goal, radius)
-        length = sum(part for _, part in way)
+        length = sum(piece_m for _, piece_m in way)
         if not way and height == self.height:
             return
         circle = 2.0 * pi * radius
@@ -121,9 +121,9 @@ class Route:
             length += circles * circle
         rise, start = (height - self.height) / length, self.height
         done = 0.0
-        for curvature, part in way:
-            done += part
-            self.add(curvature, part, start + rise * done)
+        for curvature, piece_m in way:
+            done += piece_m
+            self.add(curvature, piece_m, start + rise * done)
 
     def path(self) -> "Path":
         """The finished path."""
@@ -134,10 +134,14 @@ class Route:
 class Path:
     """Segments in order, every field (n,).
 
+    Parameters
+    ----------
     x, y, course : where a segment starts, m and rad.
     curvature : 1/m.
-    length : m.   height0, height1 : of its ends, m.
-    line : number of the flight line, 0 elsewhere.   s0 : length of the path before it, m.
+    length : m.
+    height0, height1 : of its ends, m.
+    line : number of the flight line, 0 elsewhere.
+    s0 : length of the path before it, m.
     """
 
     x: Array
@@ -166,9 +170,10 @@ class Path:
         """Length of the whole path, m."""
         return float(self.s0[-1] + self.length[-1])
 
-    def at(self, s: Array) -> tuple[Array, Array]:
-        """North, east, down (n, 3), m, and course (n,), rad, after the lengths s (n,), m, held at
-        the path's ends (P.1).
+    def pose_at(self, s: Array) -> tuple[Array, Array]:
+        """Return north, east, down (n, 3), m, and course (n,), rad, after the lengths s (n,), m.
+
+        Beyond the path's ends the pose is that of the end (P.1).
         """
         s = np.clip(s, 0.0, self.total)
         i = np.clip(np.searchsorted(self.s0, s, side="right") - 1, 0, self.s0.size - 1)

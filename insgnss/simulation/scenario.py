@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 class Truth:
     """The truth of a flight.
 
+    Parameters
+    ----------
     eo : exterior orientation of every exposure, those without an event too; covariances zero.
     trajectory : of the IMU's navigation centre, covariances zero.
     gyro_bias, accel_bias : (n, 3) rad/s, m/s^2, body axes, at the trajectory's times: all errors
@@ -42,9 +44,12 @@ class Truth:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SimulatedFlight:
-    """Observations of a flight, in SI units (IMUs in their own axes), with the options that made
-    them, and the truth.
+    """Observations of a flight, with the options that made them, and the truth.
 
+    They are in SI units, IMUs in their own axes.
+
+    Parameters
+    ----------
     second_imu : samples of a second IMU and its options, or None.
     raw_gnss : what the receivers of rover and base measured, or None.
     """
@@ -95,9 +100,11 @@ def simulate_flight(
 
     Parameters
     ----------
-    flight : "ign8", "ign6x1" or a plan.   minutes : of the record; None for the plan's own.
+    flight : "ign8", "ign6x1" or a plan.
+    minutes : of the record; None for the plan's own.
     seed : of everything random: gusts, trigger delays, errors of each sensor (independent streams).
-    imu, gnss, raw_gnss, rig, second_imu, missing_events, truth_hz : as in `observe`.   start_tow : s, of the first instant, GPS week 2008.
+    imu, gnss, raw_gnss, rig, second_imu, missing_events, truth_hz : as in `observe`.
+    start_tow : s, of the first instant, GPS week 2008.
     changes : fields of `FlightPlan`, such as start_in_air, wind_ms, turbulence, ground_s or
         line_length_m.
 
@@ -111,9 +118,9 @@ def simulate_flight(
     path_seed, sensor_seed = _seeds(seed)
     if minutes is not None:
         changes["minutes"] = minutes
-    flown = fly(plan.changed(**changes), path_seed, start_tow=start_tow)
+    path = fly(plan.changed(**changes), path_seed, start_tow=start_tow)
     return observe(
-        *(flown, sensor_seed),
+        *(path, sensor_seed),
         imu=imu,
         gnss=gnss,
         raw_gnss=raw_gnss,
@@ -125,7 +132,7 @@ def simulate_flight(
 
 
 def observe(
-    flown: Flight,
+    flight: Flight,
     seed: int | np.random.SeedSequence = 0,
     *,
     imu: ImuOptions | None = None,
@@ -138,31 +145,34 @@ def observe(
 ) -> SimulatedFlight:
     """What the sensors record of a flight, however its motion came about, and the truth.
 
+    Parameters
+    ----------
     seed : of the errors of each sensor (independent streams).
     imu, gnss, rig : options of the sensors and their mounting.
     second_imu : another IMU with errors of its own.
     raw_gnss : of rover and base, whose errors have nothing to do with those of the positions that
         `gnss` describes; None: none.
-    missing_events : share of exposures without event.   truth_hz : rate of the true trajectory.
+    missing_events : share of exposures without event.
+    truth_hz : rate of the true trajectory.
     """
     imu, gnss, rig = imu or ImuOptions(), gnss or GnssOptions(), rig or Rig()
     sensor_seed = _seeds(seed)[1] if isinstance(seed, int) else seed
     inertial, receiver, camera, other, raw = np.random.default_rng(sensor_seed).spawn(5)
-    recorded = simulate_imu(flown, imu, inertial)
-    fixes, outlier = simulate_gnss(flown, rig, gnss, receiver)
-    events = simulate_events(flown, missing_events, camera)
-    observed = None if raw_gnss is None else simulate_raw_gnss(flown, rig, events, raw_gnss, raw)
+    recorded = simulate_imu(flight, imu, inertial)
+    fixes, outlier = simulate_gnss(flight, rig, gnss, receiver)
+    events = simulate_events(flight, missing_events, camera)
+    observed = None if raw_gnss is None else simulate_raw_gnss(flight, rig, events, raw_gnss, raw)
     second = None
     if second_imu is not None:
         lever_b = rig.C_cb.T @ (np.array(second_imu.imu_m) - np.array(rig.imu_m))
-        second = simulate_imu(flown, second_imu.options, other, lever_b), second_imu
-    trajectory = true_trajectory(flown.motion, _times(flown.motion, truth_hz), flown.gps_week)
-    plane = TangentPlane(flown.motion.frame.lat, flown.motion.frame.lon, 0.0)
+        second = simulate_imu(flight, second_imu.options, other, lever_b), second_imu
+    trajectory = true_trajectory(flight.motion, _times(flight.motion, truth_hz), flight.gps_week)
+    plane = TangentPlane(flight.motion.frame.lat, flight.motion.frame.lon, 0.0)
     truth = Truth(
-        true_eo(flown, rig, plane), trajectory, *_biases(recorded, trajectory.time), outlier
+        true_eo(flight, rig, plane), trajectory, *_biases(recorded, trajectory.time), outlier
     )
     return SimulatedFlight(
-        flown, recorded.samples, fixes, events, rig, imu, gnss, plane, truth, second, observed
+        flight, recorded.samples, fixes, events, rig, imu, gnss, plane, truth, second, observed
     )
 
 
@@ -174,7 +184,7 @@ def _seeds(seed: int) -> list[np.random.SeedSequence]:
 
 
 def true_eo(flight: Flight, rig: Rig, plane: TangentPlane) -> ExteriorOrientation:
-    """Exterior orientation of every exposure of a flight, without error and with zero covariance."""
+    """Return the exterior orientation of every exposure, without error and with zero covariance."""
     motion, n = flight.motion, flight.time.size
     C_ml = plane.C_em.T @ motion.frame.C_el
     C_mb = C_ml @ motion.C_lb(flight.time)
@@ -198,7 +208,7 @@ def true_eo(flight: Flight, rig: Rig, plane: TangentPlane) -> ExteriorOrientatio
 
 
 def true_trajectory(motion: Motion, time: Array, gps_week: int) -> Trajectory:
-    """State of the IMU's navigation centre at `time` (n,), without error and with zero covariance."""
+    """Return the true state of the IMU's navigation centre at `time` (n,), zero covariance."""
     lat, lon, height = motion.geodetic(time)
     C_nl = motion.C_nl(time)
     velocity = np.einsum("nij,nj->ni", C_nl, motion.velocity(time))

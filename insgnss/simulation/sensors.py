@@ -1,5 +1,7 @@
-"""Sensors on an exact motion: IMU and camera, with their errors and their mounting, and the
-antenna's place (`receiver` measures it).
+"""Sensors on an exact motion.
+
+IMU and camera, with their errors and their mounting, and the antenna's place (`receiver` measures
+it).
 
 Body axes b are the IMU's, turned to forward-right-down; T and B of paper 000 (equation 1) take them
 to the camera's,
@@ -53,10 +55,14 @@ _DIRECTIONS = {
 
 @dataclass(frozen=True)
 class Rig:
-    """Mounting of IMU, antenna and camera; the paper's by default (Tables 1 and 2, B
-    re-orthonormalised).
+    """Mounting of IMU, antenna and camera.
 
-    antenna_m, imu_m : (3) m, from the camera in camera axes.   camera_from_body, boresight : 3 x 3, T and B.
+    The paper's by default (Tables 1 and 2, B re-orthonormalised).
+
+    Parameters
+    ----------
+    antenna_m, imu_m : (3) m, from the camera in camera axes.
+    camera_from_body, boresight : 3 x 3, T and B.
     """
 
     antenna_m: tuple[float, ...] = (0.462, -0.001, -0.065)
@@ -86,6 +92,8 @@ class Rig:
 class ImuOptions:
     """How the IMU samples and errs.
 
+    Parameters
+    ----------
     noise : shipped model, path, `NoiseModel`, or None for an ideal sensor; its x, y, z act on the
         body's forward, right, down.
     axes : body directions of the sensor's x, y, z.
@@ -118,6 +126,7 @@ class ImuOptions:
 @dataclass(frozen=True)
 class SecondImu:
     """Another IMU on the same body; imu_m : (3) m, from the camera in camera axes, as in `Rig`.
+
     `options.axes` turn it to the body.
     """
 
@@ -127,9 +136,12 @@ class SecondImu:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedImu:
-    """Samples in the sensor's own axes as recorded, and the slow errors (n, 3) in body axes, rad/s
-    and m/s^2.
+    """Samples in the sensor's own axes as recorded, and the slow errors of the sensor.
 
+    The slow errors (n, 3) are in body axes, rad/s and m/s^2.
+
+    Parameters
+    ----------
     time : (n,) s GPST, ends of the intervals that the slow errors are of; faults of the recording
         do not touch them.
     """
@@ -141,8 +153,12 @@ class SimulatedImu:
 
 
 def axes_matrix(words: str) -> Array:
-    """C_bs (3, 3), sensor into body, of the body directions of the sensor's x, y, z. Raises
-    UsageError unless they are right-handed.
+    """C_bs (3, 3), sensor into body, of the body directions of the sensor's x, y, z.
+
+    Raises
+    ------
+    UsageError
+        Unless they are right-handed.
     """
     C = np.zeros((3, 3))
     given = words.split()
@@ -164,8 +180,9 @@ def simulate_imu(
     rng: np.random.Generator,
     lever_b: ArrayLike = (0.0, 0.0, 0.0),
 ) -> SimulatedImu:
-    """Samples of an IMU over a whole flight (S.3), at `lever_b` (3,) m in body axes from the
-    motion's point.
+    """Simulate the samples of an IMU over a whole flight (S.3).
+
+    The IMU is at `lever_b` (3,) m in body axes from the motion's point.
     """
     C_bs = axes_matrix(options.axes)
     ideal = flight.motion.imu(
@@ -197,8 +214,9 @@ def simulate_imu(
 
 
 def _shaken(motion: Motion, time: Array, vibration: float) -> Array:
-    """(n,) what vibration adds to white noise, in units of the model's: independent, so that the
-    sum is `vibration` times as large.
+    """What vibration adds to white noise, (n,), in units of the model's.
+
+    It is independent, so that the sum is `vibration` times as large.
     """
     moving = (
         np.linalg.norm(motion.velocity(np.clip(time, motion.start, motion.end)), axis=1) > MOVES_MS
@@ -213,7 +231,7 @@ def _erroneous(
     quantity: Quantity,
     rng: np.random.Generator,
 ) -> tuple[Array, Array]:
-    """Reading in the quantity's unit, and slow error as a rate, both (n, 3), of three axes (S.3)."""
+    """Reading in the quantity's unit and slow error as a rate, (n, 3) each, of three axes (S.3)."""
     if not axes:
         return truth, np.zeros_like(truth)
     unit = dt if quantity == "increments" else 1.0
@@ -240,8 +258,9 @@ def _erroneous(
 
 
 def antenna_states(motion: Motion, lever_b: ArrayLike, time: Array) -> tuple[Array, Array]:
-    """Position (n, 3) m and velocity (n, 3) m/s in l of a point at `lever_b` (3,) m in body axes
-    (S.2).
+    """Return position (n, 3) m and velocity (n, 3) m/s in l of a point of the body (S.2).
+
+    The point is at `lever_b` (3,) m in body axes.
     """
     C_lb, lever = motion.C_lb(time), np.asarray(lever_b, dtype=np.float64)
     turn = np.cross(motion.omega_lb_b(time), lever)
@@ -253,8 +272,12 @@ def antenna_states(motion: Motion, lever_b: ArrayLike, time: Array) -> tuple[Arr
 def simulate_events(
     flight: Flight, missing_fraction: float, rng: np.random.Generator
 ) -> CameraEvents:
-    """Mid-exposure events of a flight; a share of them, drawn at random, is missing. Raises
-    UsageError when the share is not in [0, 1).
+    """Mid-exposure events of a flight; a share of them, drawn at random, is missing.
+
+    Raises
+    ------
+    UsageError
+        When the share is not in [0, 1).
     """
     if not 0.0 <= missing_fraction < 1.0:
         raise UsageError(f"a share of {missing_fraction} missing events; it lies between 0 and 1")

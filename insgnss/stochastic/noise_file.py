@@ -39,7 +39,7 @@ def model_of_text(path: Path, text: str) -> NoiseModel:
     try:
         tree = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError.at(path, None, f"not TOML: {error}") from None
+        raise InputError.at_line(path, None, f"not TOML: {error}") from None
     return _Reader(path, text).model(tree)
 
 
@@ -81,7 +81,7 @@ class _Reader:
         location = where
         while location and location not in self.lines:
             location = location.rpartition(".")[0]
-        return InputError.at(self.path, self.lines.get(location), f"{where}: {problem}")
+        return InputError.at_line(self.path, self.lines.get(location), f"{where}: {problem}")
 
     def checked_table(self, table: Any, where: str, keys: tuple[str, ...]) -> dict[str, Any]:
         """`table` when it is one and has no key but `keys`."""
@@ -137,7 +137,7 @@ class _Reader:
 
     def sensor(self, tree: dict[str, Any], sensor: str) -> tuple[AxisNoise, AxisNoise, AxisNoise]:
         if sensor not in tree:
-            raise InputError.at(
+            raise InputError.at_line(
                 self.path, None, f"table [{sensor}] is missing; it needs at least white_noise"
             )
         table = self.checked_table(

@@ -117,7 +117,7 @@ def holds_variances(path: Path) -> bool:
         with path.open("rb") as stream:
             head = stream.read(HEAD)
     except OSError as error:
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"cannot be read: {error.strerror or error}; check the path"
         ) from None
     start = head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1]

@@ -77,7 +77,7 @@ def test_exact_data_tell_a_lever_arm_from_a_height_shift(eo: Poses, up: float) -
     assert len(c.findings) == 2
     assert_allclose(lever_of(c), LEVER, atol=1e-5)
     assert c.findings[1].values["up_m"] == pytest.approx(up, abs=1e-5)
-    assert "cannot be told" not in c.findings[0].statement
+    assert "cannot be separated" not in c.findings[0].statement
 
 
 def test_noise_does_not_tell_a_lever_arm_from_a_height_shift(eo: Poses) -> None:
@@ -88,7 +88,7 @@ def test_noise_does_not_tell_a_lever_arm_from_a_height_shift(eo: Poses) -> None:
     b = without(b, b, 0.01 * np.random.default_rng(4).standard_normal((eo.n, 3)))
     c = compare_poses(eo, b)
     assert [f.name for f in c.findings] == ["lever arm"]
-    assert "its vertical part cannot be told from a height shift" in c.findings[0].statement
+    assert "its vertical part cannot be separated from a height shift" in c.findings[0].statement
     assert_allclose(lever_of(c), LEVER, atol=0.015)
 
 

@@ -70,7 +70,9 @@ def test_images_meet_the_interpolated_trajectory_but_for_the_lever_arm(flight: W
 def test_antenna_positions_show_their_lever_arm_and_the_statistics_of_the_fixes(
     flight: Written,
 ) -> None:
-    """Oracle: the rig's lever arm; errors of the fixes are as large as their standard deviations."""
+    """Oracle: the rig's lever arm; errors of the fixes are as large as their standard
+    deviations.
+    """
     c = compare_files(flight["trajectory.csv"], flight["antenna.txt"], gps_week=2008)
     assert [f.name for f in c.findings] == ["lever arm"]
     values = c.findings[0].values
@@ -201,7 +203,9 @@ def test_a_tangent_plane_without_origin_takes_that_of_the_other_file(
 
 
 def test_another_origin_is_no_difference(flight: Written, tmp_path: Path) -> None:
-    """Oracle: the same poses written about an origin 2 km away, whose axes lean by a minute of arc."""
+    """Oracle: the same poses written about an origin 2 km away, whose axes lean by a minute of
+    arc.
+    """
     plane, other = (
         TangentPlane(*flight.eo.origin),
         TangentPlane(flight.eo.origin[0] + 3e-4, flight.eo.origin[1], 100.0),

@@ -66,7 +66,7 @@ def test_options_are_those_that_hold(tmp_path):
     assert {name: float(lines[f"out-{name}"]) for name in expected} == expected
     assert (
         lines["misc-timeinterp"] == "0"
-    )  # the is on; tests/simulate/test_base_between_epochs.py shows its cost
+    )  # the is on; tests/simulation/test_base_between_epochs.py shows its cost
     assert lines["ant2-postype"] == "1"
     assert_allclose([float(lines[f"ant2-pos{k}"]) for k in (1, 2, 3)], BASE, atol=1e-4)
 

@@ -711,7 +711,7 @@ def test_a_wrong_covariance_file_is_refused_with_its_line(tmp_path, text, line, 
 def test_a_place_that_is_none_is_refused(text, word):
     """Oracle: the ranges of latitude, longitude and height."""
     with pytest.raises(UsageError, match=word):
-        verb.place(text, "gnss.base_position")
+        verb.geodetic_position(text, "gnss.base_position")
 
 
 FRAME = LocalFrame(np.radians(46.57), np.radians(6.54), 500.0)

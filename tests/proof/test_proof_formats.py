@@ -59,7 +59,8 @@ XYZ = ("x", "y", "z")
 class Case:
     """One way to read one format.
 
-    writer, product : module and function in `insgnss.formats`, file name.   read, poses : of the reader.
+    writer, product : module and function in `insgnss.formats`, file name.
+    read, poses : of the reader.
     frames : to be proven in.
     attitude : key of `mistakes.of_attitude`.
     place : columns of the coordinates.
@@ -544,7 +545,9 @@ def test_wrong_conventions_are_noticed(name: str, where: str, tmp_path: Path) ->
 
 @pytest.mark.parametrize("where", CASES["colmap_priors"].frames)
 def test_gravity_of_a_pose_prior_points_down(where: str, tmp_path: Path) -> None:
-    """Oracle: the true attitude and the vertical at the camera; the limit as an angle of the image."""
+    """Oracle: the true attitude and the vertical at the camera; the limit as an angle of the
+    image.
+    """
     case = CASES["colmap_priors"]
     table = written(case, where, tmp_path)
     place = scene.PLANE.geographic(scene.CAMERAS)

@@ -1,4 +1,6 @@
-"""The readers' own geometry against numbers of others, and what a tool makes of a projected frame."""
+"""The readers' own geometry against numbers of others, and what a tool makes of a projected
+frame.
+"""
 
 import numpy as np
 import pytest
@@ -56,14 +58,18 @@ def test_worked_example() -> None:
 
 
 def test_metashape_prints_this_matrix() -> None:
-    """Oracle: ypr2mat of (30, 91, 0) and (210, 89, 180) as the program prints it (formats.md B1.1)."""
+    """Oracle: ypr2mat of (30, 91, 0) and (210, 89, 180) as the program prints it (formats.md
+    B1.1).
+    """
     printed = [[0.866, -0.0087, -0.4999], [-0.5, -0.0151, -0.8659], [0.0, 0.99985, -0.01745]]
     assert_allclose(ypr(30.0, 91.0, 0.0), printed, atol=1e-4)
     assert_allclose(ypr(210.0, 89.0, 180.0), printed, atol=1e-4)
 
 
 def test_boresight_as_an_offset() -> None:
-    """Oracle: formats.md B1.4, yaw -0.5130, pitch 0.6621, roll 0.5681 of the published bore-sight."""
+    """Oracle: formats.md B1.4, yaw -0.5130, pitch 0.6621, roll 0.5681 of the published bore-
+    sight.
+    """
     G = D @ scene.T
     assert_allclose(
         np.concatenate(ypr_of((G @ scene.B @ G.T)[None])), [-0.5130, 0.6621, 0.5681], atol=1e-4

@@ -85,7 +85,9 @@ def _nav(motion, time: np.ndarray) -> np.ndarray:
 
 
 def _measured(problem: EstimationProblem, pose: Pose) -> Any:
-    """The epochs with every third velocity left out, fixes of two groups, and what the pose adds."""
+    """The epochs with every third velocity left out, fixes of two groups, and what the pose
+    adds.
+    """
     ep = problem.epochs
     m = ep.time.size
     has_velocity, motion, still = ep.has_velocity.copy(), np.zeros(m, dtype=np.int64), np.zeros(m)

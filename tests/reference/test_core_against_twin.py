@@ -172,7 +172,9 @@ def test_the_twin_decides_as_was_planted(name, expected):
 
 
 def test_a_second_pass_is_linearised_about_the_first():
-    """Oracle: the core's second pass (K.6), from a start that the first pass leaves 0.1 sigma off."""
+    """Oracle: the core's second pass (K.6), from a start that the first pass leaves 0.1 sigma
+    off.
+    """
     problem, start = posed(CASES["velocities"].pose)
     core, twin = solve(problem, start, "on", separations=0), solve_twin(problem, start, 2)
     assert core.passes == 2

@@ -94,7 +94,9 @@ def test_transition_is_the_derivative_of_the_strapdown():
 
 
 def test_transition_and_noise_of_one_sample_are_van_loans():
-    """Oracle: filterpy's van_loan_discretization of the continuous model, constant over the sample."""
+    """Oracle: filterpy's van_loan_discretization of the continuous model, constant over the
+    sample.
+    """
     problem, start = posed(EVERY)
     layout, inc = problem.layout, problem.inc
     one = replace(
@@ -118,13 +120,14 @@ def test_transition_and_noise_of_one_sample_are_van_loans():
     error = (
         np.abs(got.Q - Q) / np.outer(np.where(driven, sigma, 1.0), np.where(driven, sigma, 1.0))
     )[3:, 3:]
-    assert (
-        error.max() < 1e-3
-    )  # measured 3e-4; of position, which one sample moves by nanometres, the trapezoid keeps the size only
+    # measured 3e-4; of position, which one sample moves by nanometres, the trapezoid keeps the size
+    assert error.max() < 1e-3
 
 
 def test_smoothed_flight_is_batch_least_squares():
-    """Oracle: all epochs at once about the twin's own nominal, with every state of the error model."""
+    """Oracle: all epochs at once about the twin's own nominal, with every state of the error
+    model.
+    """
     problem, start = posed(EVERY)
     forward, smoothed = run_forward(problem, start), solve_twin(problem, start).smoothed
     expected = batch(forward.linear)

@@ -10,7 +10,7 @@ from PIL import Image
 from insgnss.report.figures.run import pictures
 from insgnss.report.figures.style import MOST_POINTS, thin
 from insgnss.report.figures.support import _normal_mixture
-from insgnss.report.marks import OUTAGE_SHADE, REST_SHADE, marks_of
+from insgnss.report.marks import OUTAGE_SHADE, STATIONARY_SHADE, marks_of
 
 START = 205200.0
 ALL = ["map", "motion", "sigmas", "innovations", "biases", "separation"]
@@ -89,7 +89,7 @@ def test_marks_are_where_they_belong(block) -> None:
     marks = marks_of(
         block(used=used, stationary=np.array([[START - 9, START + 6]]), segments=parts), None
     )
-    assert 60 * marks.rests == pytest.approx(np.array([[0.0, 6.0]]), abs=1e-6)
+    assert 60 * marks.stationary == pytest.approx(np.array([[0.0, 6.0]]), abs=1e-6)
     assert 60 * marks.outages == pytest.approx(np.array([[30.0, 50.0]]), abs=1e-6)
     assert 60 * marks.nothing == pytest.approx(np.array([[60.0, 90.0]]), abs=1e-6)
     assert len(marks.lines) == 4
@@ -97,13 +97,15 @@ def test_marks_are_where_they_belong(block) -> None:
     assert [part.stop for part in marks.parts_of(np.array([0.1, 0.9, 1.6]))] == [2, 3]
 
 
-def test_rests_and_outages_are_shaded_in_every_figure_over_time(diagnostics) -> None:
-    """Oracle: Pillow; pixels of the two shades are there where they were asked for, and only then."""
+def test_stationary_periods_and_outages_are_shaded_in_every_figure_over_time(diagnostics) -> None:
+    """Oracle: Pillow; pixels of the two shades are there where they were asked for, and only
+    then.
+    """
     d = diagnostics()
     used = (d.fix_time <= START + 60) | (d.fix_time >= START + 110)
     marked = pictures(diagnostics(used=used, stationary=np.array([[START, START + 30]])), None)
     for plain, shaded in zip(pictures(d, None), marked, strict=True):
-        for shade in (REST_SHADE, OUTAGE_SHADE):
+        for shade in (STATIONARY_SHADE, OUTAGE_SHADE):
             assert _pixels(plain.png, shade) == 0, plain.name
             assert plain.name == "map" or _pixels(shaded.png, shade) > 2000, plain.name
 

@@ -47,7 +47,9 @@ class Reader(HTMLParser):
 
 
 def test_page_is_whole_and_self_contained(tmp_path: Path, diagnostics, eo, summary) -> None:
-    """Oracle: html.parser; tags balance, nothing is loaded from elsewhere, every picture is inside."""
+    """Oracle: html.parser; tags balance, nothing is loaded from elsewhere, every picture is
+    inside.
+    """
     path = write_report(tmp_path, summary(diagnostics(), eo()), diagnostics(), eo())
     assert path == tmp_path / "report.html"
     text = path.read_text(encoding="utf-8")
@@ -65,7 +67,9 @@ def test_page_is_whole_and_self_contained(tmp_path: Path, diagnostics, eo, summa
 
 
 def test_every_run_has_a_page(odd_cases, summary) -> None:
-    """Oracle: html.parser; tags balance whatever is missing, and no number is shown as nan or None."""
+    """Oracle: html.parser; tags balance whatever is missing, and no number is shown as nan or
+    None.
+    """
     for name, (d, images) in odd_cases.items():
         reader = Reader("".join(page(summary(d, images), [PICTURE])))
         assert not re.search(r"\b(nan|None|inf)\b", reader.text), name
@@ -156,11 +160,11 @@ def test_lines_and_constants_have_their_tables(block, summary) -> None:
         "280 mm",
         "yes",
         "no",
-        "last for 15.0 s",
+        "correlation time 15.0 s",
     ):
         assert words in text
     assert "Solved by themselves, TOW: 205200.0 to 205240.0 s, 205270.0 to 205319.9 s." in text
-    assert "1 rest, 4 s in all" in text
+    assert "1 stationary period, 4 s in all" in text
 
 
 def test_page_of_a_standing_sensor_has_no_innovations(diagnostics, tmp_path: Path) -> None:
@@ -187,7 +191,9 @@ def test_mood_follows_the_innovations(diagnostics, eo, summary, scale: float, mo
 def test_nothing_is_left_of_a_page_that_failed(
     tmp_path: Path, monkeypatch, diagnostics, eo, summary
 ) -> None:
-    """Oracle: the directory; a failure in the middle of writing leaves the former page as it was."""
+    """Oracle: the directory; a failure in the middle of writing leaves the former page as it
+    was.
+    """
     (tmp_path / "report.html").write_text("former")
 
     def broken(*_: object) -> str:

@@ -94,4 +94,4 @@ def test_the_verdict_names_what_is_known_and_what_is_not():
     text = _verdict(FINDINGS)
     assert "x y z point right backward down" in text
     assert "95.0% or more" in text
-    assert "not told: axes" in _verdict((*FINDINGS[:3], finding("axes", "unknown", 0.0)))
+    assert "not determined: axes" in _verdict((*FINDINGS[:3], finding("axes", "unknown", 0.0)))

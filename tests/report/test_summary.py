@@ -91,7 +91,9 @@ def test_poor_heading_of_the_first_image_is_said_with_its_reason(diagnostics, eo
 
 
 def test_lasting_and_biased_innovations_are_said(diagnostics, eo, summary) -> None:
-    """Oracle: closed form; a sine of long period in the north, a constant in the down innovations."""
+    """Oracle: closed form; a sine of long period in the north, a constant in the down
+    innovations.
+    """
     d = diagnostics()
     innovation = d.innovation.copy()
     innovation[:, 0] += 0.03 * np.sin(np.arange(1200) / 50)

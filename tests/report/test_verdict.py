@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from insgnss.records import Check, StateVerdict, TimeCorrelatedError
-from insgnss.report.rules.verdict import MOST_SAID, NOTHING_STANDS_OUT
+from insgnss.report.rules.verdict import MOST_SENTENCES, NOTHING_STANDS_OUT
 from insgnss.report.summary import run_summary
 
 START = 205200.0
@@ -43,7 +43,7 @@ def test_limits_are_in_order_and_the_verdict_is_their_beginning(diagnostics, eo)
     )
     ranks = [limit["rank"] for limit in s["limits"]]
     assert ranks == sorted(ranks, reverse=True)
-    assert len(s["verdict"]) == MOST_SAID < len(s["limits"])
+    assert len(s["verdict"]) == MOST_SENTENCES < len(s["limits"])
     for sentence, limit in zip(s["verdict"], s["limits"], strict=False):
         assert sentence == (f"{limit['text']}; {limit['help']}" if limit["help"] else limit["text"])
 
@@ -111,7 +111,9 @@ def test_outage_names_its_images_and_sigmas(diagnostics, eo) -> None:
 
 
 def test_time_between_parts_is_no_outage(diagnostics) -> None:
-    """Oracle: by hand; between two parts, solved by themselves, there is neither fix nor solution."""
+    """Oracle: by hand; between two parts, solved by themselves, there is neither fix nor
+    solution.
+    """
     d = diagnostics()
     inside = (d.time > START + 40) & (d.time < START + 70)
     fields = {
@@ -146,8 +148,8 @@ def test_time_correlated_errors_say_what_neighbours_share(diagnostics, eo) -> No
     assert s["neighbours"]["position_mm"] == pytest.approx(np.sqrt(0.5) * np.array([2, 3, 4]))
     text = said(s, "time-correlated errors")["text"]
     assert (
-        "the receiver's errors last 15 s and are 0.90 of its sigmas (18.0 / 18.0 / 27.0 mm, N / E"
-        " / D)" in text
+        "the receiver's errors are time-correlated over 15 s, 0.90 of its sigmas (18.0 / 18.0 /"
+        " 27.0 mm, N / E / D)" in text
     )
     assert (
         "known to 1.4 / 2.1 / 2.8 mm relative to each other, to 2.0 / 3.0 / 4.0 mm absolutely"

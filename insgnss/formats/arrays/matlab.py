@@ -37,7 +37,7 @@ def load_matlab(path: Source) -> Content:
     try:
         variables = read_mat(data)
     except Damaged as error:
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"is no whole MATLAB file ({error}); copy it again from its source"
         ) from None
     return _labelled({name: _plain(node) for name, node in variables.items()})
@@ -72,7 +72,7 @@ def _hdf5(path: Source) -> dict[str, Any]:
         message = (
             "is a MATLAB 7.3 file (HDF5), which needs h5py: pip install h5py; or save it with -v7"
         )
-        raise InputError.at(path, None, message) from None
+        raise InputError.at_line(path, None, message) from None
 
     def plain(node: Any, depth: int = 0) -> Any:
         if isinstance(node, h5py.Group):
@@ -97,6 +97,6 @@ def _hdf5(path: Source) -> dict[str, Any]:
             return {printable(name): plain(file[name]) for name in file if not name.startswith("#")}
     except Exception as error:  # as above
         why = " ".join(str(error).split()) or type(error).__name__
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"is no whole MATLAB 7.3 file ({why[:120]}); copy it again from its source"
         ) from None

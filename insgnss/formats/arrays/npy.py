@@ -24,7 +24,7 @@ def load_numpy(path: Source) -> Content:
     The one array of a .npy has an empty name; the fields of a record array become a mapping.
     """
     if not Path(path).is_file():
-        raise InputError.at(path, None, "no such file; check the path in the flight file")
+        raise InputError.at_line(path, None, "no such file; check the path in the flight file")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -43,7 +43,7 @@ def load_numpy(path: Source) -> Content:
                 )
     except Exception as error:  # a damaged file makes the library fail in any way
         why = " ".join(str(error).split()) or type(error).__name__
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"is no whole numpy file ({why[:120]}); copy it again from its source"
         ) from None
     if array.dtype.names:

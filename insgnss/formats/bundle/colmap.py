@@ -177,14 +177,16 @@ def _copy(database: Source, work: Path) -> None:
     try:
         shutil.copyfile(database, work)
     except OSError as error:
-        raise InputError.at(database, None, f"cannot be read: {error.strerror or error}") from None
+        raise InputError.at_line(
+            database, None, f"cannot be read: {error.strerror or error}"
+        ) from None
 
 
 def _open(pycolmap: Any, work: Path, database: Source | None) -> Any:
     try:
         return pycolmap.Database.open(work)
     except Exception as error:  # pycolmap raises what its C++ does
-        raise InputError.at(
+        raise InputError.at_line(
             database,
             None,
             f"is no database of COLMAP: {' '.join(str(error).split())[:120]}; give its database.db",
@@ -215,7 +217,7 @@ def _known_images(db: Any, eo: FramedOrientation, database: Source | None) -> li
             f"has no image {missing[0]!r} ({len(missing)} of {len(eo.images)} are missing); extract"
             " features of all images first"
         )
-        raise InputError.at(database, None, message)
+        raise InputError.at_line(database, None, message)
     return [ids[name] for name in eo.images]
 
 

@@ -70,7 +70,7 @@ class MrkFile:
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at the line of `row`."""
-        return InputError.at(self.path, self.lines[row], message)
+        return InputError.at_line(self.path, self.lines[row], message)
 
 
 def is_mrk(head: bytes) -> bool:
@@ -104,19 +104,19 @@ def read_mrk(path: Source) -> MrkFile:
             rows.append(_values(path, line, text))
             lines.append(line)
     if not rows:
-        raise InputError.at(path, None, "holds no event; check that the file was copied whole")
+        raise InputError.at_line(path, None, "holds no event; check that the file was copied whole")
     for row, line in zip(rows, lines, strict=True):
         if row.keys() != rows[0].keys():
             differ = " ".join(sorted(row.keys() ^ rows[0].keys()))
             cut = "truncated: the file ends within this line; " if line == lines[-1] else ""
-            raise InputError.at(
+            raise InputError.at_line(
                 path,
                 line,
                 f"{cut}{len(row)} values, expected {len(rows[0])} as in line {lines[0]} (differing:"
                 f" {differ}); copy the file again",
             )
     if not complete and texts[-1].strip() and "q" not in rows[-1]:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             lines[-1],
             "truncated: the file ends within this line; copy it again or delete the line",
@@ -152,7 +152,7 @@ def _values(path: Source, line: int, text: str) -> dict[str, float]:
     Those without a name are number, time of week, and then three standard deviations.
     """
     if is_binary(text):
-        raise InputError.at(path, line, f"is no text; {BINARY}")
+        raise InputError.at_line(path, line, f"is no text; {BINARY}")
     row: dict[str, float] = {}
     if week := _WEEK.search(text):
         row["week"] = number(week[1], path, line)
@@ -160,7 +160,7 @@ def _values(path: Source, line: int, text: str) -> dict[str, float]:
     tokens, unnamed, i = _TOKEN.findall(text), [], 0
     while i < len(tokens):
         if not _NUMBER.fullmatch(tokens[i]):
-            raise InputError.at(
+            raise InputError.at_line(
                 path,
                 line,
                 f"{shown(tokens[i])} where a number must stand: {shown(text.strip())}; correct the"
@@ -170,7 +170,7 @@ def _values(path: Source, line: int, text: str) -> dict[str, float]:
         name = tokens[i + 1].lower() if i + 1 < len(tokens) else ""
         if name in NAMES:
             if name in row:
-                raise InputError.at(
+                raise InputError.at_line(
                     path, line, f"{tokens[i + 1]} stands twice; correct or delete the line"
                 )
             row[name] = value
@@ -182,14 +182,14 @@ def _values(path: Source, line: int, text: str) -> dict[str, float]:
             f"{len(unnamed)} values without a name, expected number, time of week and three"
             " standard deviations, or the first two"
         )
-        raise InputError.at(path, line, f"{message}: {shown(text.strip())}; copy the file again")
+        raise InputError.at_line(path, line, f"{message}: {shown(text.strip())}; copy the file again")
     row |= dict(zip(("number", "tow", *SIGMAS), unnamed, strict=False))
     if odd := [
         name
         for name in ("number", "week", "q")
         if name in row and not (row[name].is_integer() and 0.0 <= row[name] <= MOST)
     ]:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             line,
             f"{odd[0]} {row[odd[0]]:g} is no whole number from 0 to {MOST}; correct or delete the"

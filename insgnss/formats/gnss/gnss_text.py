@@ -266,7 +266,7 @@ def read_image_positions(path: Source, columns: Columns = None) -> ImagePosition
         ("geodetic", ("lat", "lon", "h")) if "lat" in index else ("tangent_plane", ("e", "n", "u"))
     )
     if missing := [name for name in names if name not in index]:
-        raise InputError.at(
+        raise InputError.at_line(
             table.path,
             table.layout.header_line,
             f"no column {' '.join(missing)}; set columns = [...] of {', '.join(IMAGE_ALIASES)}",

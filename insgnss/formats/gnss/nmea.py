@@ -97,7 +97,7 @@ def read_nmea(
     sentences = read_sentences(path)
     log = _collect(sentences, undulation_m)
     if not log.fixes:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             f"no GGA sentence with a fix ({len(log.void)} without); is it the rover's log?",
@@ -109,7 +109,7 @@ def read_nmea(
             f"{len(missing)} of {len(log.fixes)} fixes have no GST sentence of their time; set"
             " sigma_m = [north, east, down]"
         )
-        raise InputError.at(path, missing[0][1], message)
+        raise InputError.at_line(path, missing[0][1], message)
     stand_in = None if sigma_m is None else tuple(np.asarray(sigma_m, dtype=np.float64).tolist())
     fixes = [row for row in log.fixes if stand_in is not None or row[0] in log.sigma]
     lines = SentenceLines(str(path), [row[1] for row in fixes])
@@ -224,7 +224,7 @@ def _fix(
             "GGA without geoid separation; the height above the ellipsoid is not known; let the"
             " receiver write it, or set undulation_m"
         )
-        raise InputError.at(path, line, message)
+        raise InputError.at_line(path, line, message)
     lat, lon = (
         _degrees(fields[2], fields[3], "NS", path, line),
         _degrees(fields[4], fields[5], "EW", path, line),
@@ -243,12 +243,12 @@ def _degrees(field: str, side: str, sides: str, path: str, line: int) -> float:
     """Return the degrees of dddmm.mmmm and its hemisphere."""
     minutes = number(field, path, line)
     if side not in tuple(sides):
-        raise InputError.at(
+        raise InputError.at_line(
             path, line, f"hemisphere {shown(side)} is neither {sides[0]} nor {sides[1]}"
         )
     whole = minutes // 100.0
     if minutes < 0.0 or minutes - 100.0 * whole >= 60.0:
-        raise InputError.at(path, line, f"angle {shown(field)} is not dddmm.mmmm")
+        raise InputError.at_line(path, line, f"angle {shown(field)} is not dddmm.mmmm")
     value = whole + (minutes - 100.0 * whole) / 60.0
     return value if side == sides[0] else -value
 
@@ -260,7 +260,7 @@ def _time_of_day(field: str, path: str, line: int) -> float:
         else [np.inf]
     )
     if hms[0] > 23.0 or hms[1] > 59.0 or hms[2] >= 61.0 or min(hms) < 0.0:
-        raise InputError.at(path, line, f"time {shown(field)} is not hhmmss")
+        raise InputError.at_line(path, line, f"time {shown(field)} is not hhmmss")
     return hms[0] * 3600.0 + hms[1] * 60.0 + hms[2]
 
 
@@ -271,13 +271,13 @@ def _date(text: str, path: str, line: int) -> datetime:
         full = year if len(text) == 8 else year + (2000 if year < 80 else 1900)
         return datetime(full, int(text[2:4]), int(text[:2]), tzinfo=UTC)
     except (ValueError, OverflowError):
-        raise InputError.at(path, line, f"date {shown(text)} is not ddmmyy") from None
+        raise InputError.at_line(path, line, f"date {shown(text)} is not ddmmyy") from None
 
 
 def _first_day(path: Source, log: _Log) -> float:
     """Return the Unix time of the midnight before the first epoch; every date must agree on it."""
     if not log.dates:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             "no RMC or ZDA sentence, so the date is not known; let the receiver write RMC"
@@ -289,7 +289,7 @@ def _first_day(path: Source, log: _Log) -> float:
         if first is None:
             first = day
         elif day != first:
-            raise InputError.at(
+            raise InputError.at_line(
                 path,
                 line,
                 f"date {midnight:%d%m%y} does not follow from the dates before; split the log"

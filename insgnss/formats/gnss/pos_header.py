@@ -137,7 +137,7 @@ def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
     if not column_lines:
         return _without_header(path, first)
     if len({" ".join(line.split()) for line in column_lines}) > 1:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             f"holds {len(column_lines)} headers that differ; was it put together from two"
@@ -153,7 +153,7 @@ def read_header(path: Source, buf: NDArray[np.uint8]) -> Header:
     geodetic = any("WGS84/geodetic" in line for line in comments)
     dated = DATE.match(first.encode("utf-8", "replace")) is not None
     if tokens[0] not in SCALES:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             f"time scale {shown(tokens[0])} is none of {', '.join(SCALES)}; let RTKLIB write GPST",
@@ -176,7 +176,7 @@ def _without_header(path: Source, first: str) -> Header:
             "no RTKLIB header (% GPST latitude(deg) ...); write it (out-outhead = on), or rename"
             " the file to .txt"
         )
-        raise InputError.at(path, None, message)
+        raise InputError.at_line(path, None, message)
     fields = re.split(r"[\s,;]+", first.strip())
     kind = "x-ecef" if max(abs(float(v)) for v in fields[2:5]) > 1e5 else "latitude"
     names = [*POSITION[kind], "Q", "ns", *ROOTS[kind], "age", "ratio"]

@@ -220,7 +220,7 @@ def _columns(table: Table, header: Header) -> dict[str, Array]:
     if missing := [name for name in needed if name not in names] + [
         name for name in names if names.count(name) > 1
     ]:
-        raise InputError.at(
+        raise InputError.at_line(
             table.path,
             None,
             f"the header does not name {missing[0][:80]} once: {' '.join(names)[:400]}",
@@ -245,7 +245,7 @@ def _time(table: Table, cols: dict[str, Array], header: Header) -> tuple[Array, 
                 for day in days
             ]
         except ValueError as error:
-            raise InputError.at(table.path, None, f"a date is none: {error}") from None
+            raise InputError.at_line(table.path, None, f"a date is none: {error}") from None
         seconds = np.array([week * WEEK_S + tow for week, tow in starts])[back.reshape(-1)]
         tod = cols["hour"] * 3600.0 + cols["minute"] * 60.0 + cols["second"] - shift
         _refuse(
@@ -331,7 +331,7 @@ def _above_ellipsoid(
             " give the geoid's height above it"
         )
         message += ", gnss.undulation_m (compare: --undulation-a, --undulation-b)"
-        raise InputError.at(table.path, None, message)
+        raise InputError.at_line(table.path, None, message)
     return height + undulation_m
 
 
@@ -346,7 +346,7 @@ def _base_frame(table: Table, header: Header) -> tuple[Array, Array]:
             "holds baselines, and its header no base (% ref pos : latitude longitude height); let"
             " RTKLIB write out-solformat = llh"
         )
-        raise InputError.at(table.path, None, message)
+        raise InputError.at_line(table.path, None, message)
     if len(base) == 7:
         d = [
             np.copysign(abs(base[k]) + base[k + 1] / 60.0 + base[k + 2] / 3600.0, base[k])
@@ -354,7 +354,7 @@ def _base_frame(table: Table, header: Header) -> tuple[Array, Array]:
         ]
         base = (*d, base[6])
     if abs(base[0]) > 90.0 or abs(base[1]) > 360.0:
-        raise InputError.at(
+        raise InputError.at_line(
             table.path,
             None,
             f"the base at {base[0]:g} {base[1]:g} {base[2]:g} is no latitude, longitude, height;"
@@ -414,7 +414,7 @@ def _covariance(
     """
     missing = [name for name in names if name not in cols]
     if missing:
-        raise InputError.at(
+        raise InputError.at_line(
             table.path,
             None,
             f"the header does not name {' '.join(missing)}; let RTKLIB write standard deviations"

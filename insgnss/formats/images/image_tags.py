@@ -342,7 +342,9 @@ def _write(source: Path, target: Path, tags: Tags) -> None:
         with source.open("rb") as stream:
             atomic_write(target, _tagged(stream, os.fstat(stream.fileno()).st_size, source, tags))
     except OSError as error:
-        raise InputError.at(source, None, f"cannot be read: {error.strerror or error}") from None
+        raise InputError.at_line(
+            source, None, f"cannot be read: {error.strerror or error}"
+        ) from None
 
 
 def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[bytes]:
@@ -365,7 +367,7 @@ def _tagged(stream: BinaryIO, size: int, source: Path, tags: Tags) -> Iterator[b
         yield from _from(stream, rest)
         return
     if read(0, 2) not in (b"II", b"MM"):
-        raise InputError.at(
+        raise InputError.at_line(
             source, None, "is neither JPEG nor TIFF; convert it, or export a table instead"
         )
     tiff = Tiff(read, size, who)

@@ -44,7 +44,7 @@ def read_aimu(
             f"none of {len(table)} $AIMU samples has a locked clock (sync {LOCKED}); start moving"
             " only after the receiver's lock"
         )
-        raise InputError.at(path, None, message)
+        raise InputError.at_line(path, None, message)
     table = table[locked]
     kept = SentenceLines(str(path), np.array(lines)[locked].tolist())
     try:
@@ -88,7 +88,7 @@ def _numbers(path: Source, bodies: list[bytes], lines: list[int]) -> Array:
     from ..text import _kernels
 
     if not bodies:
-        raise InputError.at(path, None, "holds no $AIMU sentence; is it the IMU's log?")
+        raise InputError.at_line(path, None, "holds no $AIMU sentence; is it the IMU's log?")
     buf = np.frombuffer(b"\n".join(bodies) + b"\n", dtype=np.uint8).copy()
     table, counted = np.empty((len(bodies), N_FIELDS)), np.empty(len(bodies), dtype=np.int64)
     bad = np.full((N_FIELDS, 2), -1, dtype=np.int64)
@@ -98,7 +98,7 @@ def _numbers(path: Source, bodies: list[bytes], lines: list[int]) -> Array:
     if status != _kernels.OK:
         fields = bodies[row].decode("ascii", "replace").split(",")
         if len(fields) != N_FIELDS:
-            raise InputError.at(
+            raise InputError.at_line(
                 path,
                 lines[row],
                 f"{len(fields)} fields in $AIMU, expected {N_FIELDS}; is it another version of the"

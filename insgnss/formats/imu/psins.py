@@ -89,7 +89,7 @@ def read_psins(
     layout = Layout(None, ".", FIELDS, None, None, None, offset, line)
     table = parse(path, buf, complete, layout)
     if not len(table.values):
-        raise InputError.at(path, None, "ends behind its header; copy it again")
+        raise InputError.at_line(path, None, "ends behind its header; copy it again")
     if not complete:
         raise table.error_at(
             len(table.values) - 1,
@@ -121,10 +121,10 @@ def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int
             axes = axes or _axes(text)
         elif text.strip():
             if is_binary(text):
-                raise InputError.at(path, line, f"is no text; {BINARY}")
+                raise InputError.at_line(path, line, f"is no text; {BINARY}")
             fields = [number(field, path, line) for field in text.split()]
             if len(fields) != FIELDS:
-                raise InputError.at(
+                raise InputError.at_line(
                     path,
                     line,
                     f"{len(fields)} values in the header's line {len(rows) + 1}, expected {FIELDS};"
@@ -132,7 +132,7 @@ def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int
                 )
             rows.append((line, fields))
     if len(rows) < HEAD_LINES:
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"ends within its header, {len(rows)} of {HEAD_LINES} lines; copy it again"
         )
     (_, first), (site_line, site), (scale_at, scale) = rows
@@ -143,14 +143,14 @@ def _header(path: Source, buf: NDArray[np.uint8]) -> tuple[PsinsHeader, int, int
         or not 9.0 < site[5] < 10.0
         or not 0.0 <= site[3] < 1e6
     ):
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             site_line,
             "latitude, longitude, height, t0, interval (ms) and g do not stand here; is it a PSINS"
             " log?",
         )
     if not all(0.0 < abs(value) < 1e9 for value in scale):
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             scale_at,
             "the values of one count (arcsec, ug s) do not stand here; is it a PSINS log?",

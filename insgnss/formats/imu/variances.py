@@ -116,7 +116,7 @@ def _read_text(path: Source, stated: Mapping[str, tuple[int | None, str]]) -> Pu
     """Read a text table; `stated` holds line and value of each of `KEYS`, of comments or caller."""
     table = read_text_table(path)
     if table.layout.header_fields is None:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             table.layout.first_line,
             f"no header; the line before the numbers must name the columns, {_EXAMPLE}",
@@ -126,7 +126,7 @@ def _read_text(path: Source, stated: Mapping[str, tuple[int | None, str]]) -> Pu
     time, value = _meaning(path, line, index)
     for key in ("rate_hz", "samples"):
         if key not in stated:
-            raise InputError.at(
+            raise InputError.at_line(
                 path,
                 line,
                 f"{key} is not said; write it into a comment before the header, as in '# {key} ="
@@ -158,11 +158,11 @@ def _axis_names(
         ]
     if "axis" in stated:
         line, text = stated["axis"]
-        return [_axis_name(text, partial(InputError.at, table.path, line))] * len(table.rows)
+        return [_axis_name(text, partial(InputError.at_line, table.path, line))] * len(table.rows)
     message = (
         "axis is not said; write it into a comment, as in '# axis = gyro_x', or into a column axis"
     )
-    raise InputError.at(table.path, table.layout.header_line, message)
+    raise InputError.at_line(table.path, table.layout.header_line, message)
 
 
 def _text_curve(
@@ -202,7 +202,7 @@ def _meaning(path: Source, line: int | None, index: dict[str, int]) -> tuple[str
     if "variance" in index and time == ["scale_s"]:
         index["wavelet_variance"] = index.pop("variance")
     if "variance" in index:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             line,
             "'variance' over tau_s may be either; name the column wavelet_variance or"
@@ -210,14 +210,14 @@ def _meaning(path: Source, line: int | None, index: dict[str, int]) -> tuple[str
         )
     value = [name for name in _VALUES if name in index]
     if len(time) != 1 or len(value) != 1:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             line,
             f"one column of scale_s, tau_s and one of {', '.join(_VALUES)} must be named,"
             f" {_EXAMPLE}",
         )
     if ("low" in index) != ("high" in index):
-        raise InputError.at(
+        raise InputError.at_line(
             path, line, "of the interval only one end is there; give both, low and high, or none"
         )
     return time[0], value[0]
@@ -246,7 +246,7 @@ def _comments(text: str) -> dict[str, tuple[int | None, str]]:
 def _positive(path: Source, line: int | None, text: str, key: str) -> float:
     value = number(text, path, line or 0) if line else float(text)
     if not 0.0 < value < math.inf:
-        raise InputError.at(path, line, f"{key} {text}; it must be greater than zero")
+        raise InputError.at_line(path, line, f"{key} {text}; it must be greater than zero")
     return value
 
 
@@ -258,7 +258,9 @@ def _stated_factor(
     try:
         return unit_factor(unit, sensor) if unit else 1.0
     except UsageError as error:
-        raise (InputError.at(path, line, f"unit of {sensor}: {error}") if line else error) from None
+        raise (
+            InputError.at_line(path, line, f"unit of {sensor}: {error}") if line else error
+        ) from None
 
 
 def _axis_name(text: str, refuse: Refusal) -> str:
@@ -322,7 +324,7 @@ def _read_json(
     try:
         tree = json.loads(text)
     except ValueError as error:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             getattr(error, "lineno", None),
             f"not JSON: {getattr(error, 'msg', error)}; copy it again",
@@ -363,7 +365,7 @@ def _read_json(
 
 
 def _refusal(path: Source, prefix: str, message: str) -> InputError:
-    return InputError.at(path, None, prefix + message)
+    return InputError.at_line(path, None, prefix + message)
 
 
 def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any], str]:
@@ -382,7 +384,7 @@ def _member(path: Source, tree: Any, member: str | None) -> tuple[dict[str, Any]
             )
         content = content[name]
     if not isinstance(content, dict):
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             "an object with wvar or avar, freq, n, type and axis is expected, as wv::wvar and"

@@ -106,7 +106,7 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
     try:
         from pymavlink.DFReader import FORMAT_TO_STRUCT
     except ImportError:
-        raise InputError.at(path, None, MISSING) from None
+        raise InputError.at_line(path, None, MISSING) from None
     lengths = np.zeros(256, dtype=np.int64)
     lengths[FMT] = 89
     kinds, places = (
@@ -115,14 +115,14 @@ def _binary(path: Source, buf: NDArray[np.uint8]) -> Log:
     )
     n, n_lost, cut, wrong = _kernels.dataflash_messages(buf, lengths, kinds, places)
     if wrong >= 0 or n == 0:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             f"is no ArduPilot log: no right message at byte {max(wrong, 0)}; copy it again from the"
             " card",
         )
     if n_lost > LOST_LIMIT * buf.size:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             f"{n_lost} of {buf.size} bytes are no message (limit {LOST_LIMIT:.0%}); copy it again"
@@ -203,7 +203,7 @@ def _text(path: Source) -> Log:
             odd += 1
     whole = [line for line in lines if line.strip()]
     if odd > LOST_LIMIT * len(whole) or not rows:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             f"{odd} of {len(whole)} lines are no message (limit {LOST_LIMIT:.0%}); is it an"

@@ -76,7 +76,7 @@ def _load(path: Source) -> tuple[Tables, tuple[str, ...]]:
     try:
         from pyulog import ULog
     except ImportError:
-        raise InputError.at(path, None, MISSING) from None
+        raise InputError.at_line(path, None, MISSING) from None
     buf = load_bytes(path)
     end = int(_kernels.ulog_end(buf, HEADER_BYTES)) if buf.size > HEADER_BYTES else 0
     try:
@@ -85,7 +85,7 @@ def _load(path: Source) -> tuple[Tables, tuple[str, ...]]:
             log = ULog(_Stream(buf.tobytes()))
     except Exception as error:  # a damaged file makes the library fail in any way
         why = " ".join(str(error).split()) or type(error).__name__
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"is no whole ULog ({why[:120]}); copy it again from the card"
         ) from None
     tables: Tables = {}

@@ -156,20 +156,20 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
             history=tuple(content["history"]),
         )
     except KeyError as error:
-        raise InputError.at(path, None, f"no {error.args[0]}; export the file again") from None
+        raise InputError.at_line(path, None, f"no {error.args[0]}; export the file again") from None
     except (TypeError, ValueError) as error:
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"a value is not what the format asks for ({error}); export the file again"
         ) from None
     if unsound := _unsound(eo):
-        raise InputError.at(path, None, f"{unsound}; the file was edited; export it again")
+        raise InputError.at_line(path, None, f"{unsound}; the file was edited; export it again")
     off = (
         np.abs(rotation_from_quaternion(quaternion) - eo.C_mc).max(axis=(1, 2), initial=0.0)
         > AGREEMENT
     )
     if off.any() or not is_rotation(eo.C_mc):
         name = eo.images[int(np.argmax(off))]
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             f"image {name}: C_mc and quaternion disagree, or C_mc is no rotation; the file was"
@@ -219,19 +219,19 @@ def _content(path: Source) -> dict[str, Any]:
         text = Path(path).read_bytes()
         content = orjson.loads(text)
     except OSError as error:
-        raise InputError.at(path, None, f"cannot be read: {error.strerror or error}") from None
+        raise InputError.at_line(path, None, f"cannot be read: {error.strerror or error}") from None
     except orjson.JSONDecodeError as error:
         if "UTF-8" in error.msg:
-            raise InputError.at(path, None, "is no UTF-8 text; is it an eo.json?") from None
-        raise InputError.at(
+            raise InputError.at_line(path, None, "is no UTF-8 text; is it an eo.json?") from None
+        raise InputError.at_line(
             path, error.lineno, f"is no whole JSON: {error.msg}; export it again"
         ) from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, "is no master EO of insgnss; give the eo.json of an output directory"
         )
     if content.get("format_version") != FORMAT_VERSION:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             f"format_version {content.get('format_version')!r}, this version reads"

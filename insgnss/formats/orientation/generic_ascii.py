@@ -306,20 +306,20 @@ def read_generic_ascii(path: Source) -> AsciiOrientation:
             f"has no header line '# {missing.args[0]}: ...'; only tables of generic_ascii with a"
             " full header say their conventions"
         )
-        raise InputError.at(path, None, message) from None
+        raise InputError.at_line(path, None, message) from None
     if (
         how.unit not in ANGLE_UNITS
         or axes not in CAMERA_AXES
         or how.attitude not in DIRECTIONS
         or how.north not in NORTHS
     ):
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"the header's conventions {how} are unknown; export the table again"
         )
     names = [field.lstrip("# ") for field in table.layout.header_fields or ()]
     strange = [name for name in names if name != "image" and name not in GROUP_OF]
     if strange or names.count("image") != 1:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             table.layout.header_line,
             f"the header names {strange or names}; columns are image, {', '.join(GROUP_OF)}",

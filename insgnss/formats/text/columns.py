@@ -96,7 +96,7 @@ def columns_of(
         )
     elif columns is not None:
         if len(columns) != layout.n_fields:
-            raise InputError.at(
+            raise InputError.at_line(
                 table.path,
                 layout.first_line,
                 f"{layout.n_fields} fields, but columns names {len(columns)}: {list(columns)}",
@@ -114,7 +114,7 @@ def columns_of(
                 f"{layout.n_fields} fields and no header; without one the columns are {sizes}; name"
                 f" them by columns = [...] of {choices}"
             )
-            raise InputError.at(table.path, layout.first_line, message)
+            raise InputError.at_line(table.path, layout.first_line, message)
         assigned, source = [name if name in aliases else None for name in default], "the default"
     index = {name: i for i, name in enumerate(assigned) if name is not None}
     twice = next((name for name in index if assigned.count(name) > 1), None)
@@ -126,7 +126,7 @@ def columns_of(
             f"set columns = [...] of {choices}, with '-' for what is to be left out, or columns ="
             ' { tow = "its name in the file", ... }'
         )
-        raise InputError.at(table.path, line, f"{source} {why}; {how}")
+        raise InputError.at_line(table.path, line, f"{source} {why}; {how}")
     if isinstance(table, Table):
         table.refuse_text(index.values())
     return index
@@ -142,7 +142,7 @@ def _from_header(path: str, layout: Layout, aliases: Aliases, kinds: Kinds) -> l
             message += (
                 ", or, where these are decimal commas between commas, write the numbers with points"
             )
-        raise InputError.at(path, layout.header_line, message)
+        raise InputError.at_line(path, layout.header_line, message)
     canonical = {alias: name for name, names in aliases.items() for alias in names}
     return names_of(layout.header_fields, canonical, kinds)
 
@@ -158,7 +158,7 @@ def _from_mapping(
         if match := re.fullmatch(r"\[(\d+)\]", field):
             index = int(match[1]) - 1
             if not 0 <= index < layout.n_fields:
-                raise InputError.at(
+                raise InputError.at_line(
                     path,
                     layout.first_line,
                     f"columns: there is no field {field}; there are {layout.n_fields}, counted"
@@ -169,14 +169,14 @@ def _from_mapping(
                 f"columns names fields of the header, but there is none of {layout.n_fields}"
                 " fields; give their places, [1] for the first"
             )
-            raise InputError.at(path, layout.first_line, message)
+            raise InputError.at_line(path, layout.first_line, message)
         elif layout.header_fields.count(field) == 1:
             index = layout.header_fields.index(field)
         elif names.count(normalised(field)[0]) != 1:
             message = (
                 f"columns: {field!r} does not stand once in the header {shown(layout.header, 400)}"
             )
-            raise InputError.at(path, layout.header_line, message)
+            raise InputError.at_line(path, layout.header_line, message)
         else:
             index = names.index(normalised(field)[0])
         if assigned[index] is not None:

@@ -162,7 +162,7 @@ def agreed_unit(
             f"the header gives the unit {units} for {' '.join(names)}, which is none of"
             f" {', '.join(UNITS[kind])} for them all; set units"
         )
-        raise InputError.at(path, line, message)
+        raise InputError.at_line(path, line, message)
     return stated[0] if stated else None
 
 

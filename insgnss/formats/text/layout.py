@@ -169,9 +169,9 @@ def sniff(path: str | os.PathLike[str], buf: NDArray[np.uint8]) -> Layout:
     data, comments = _sample(buf)
     head = data.pop(0) if data and not _has_number(data[0][2]) else None
     if head is not None and is_binary(head[2]):
-        raise InputError.at(path, head[0], f"is no text; {BINARY}")
+        raise InputError.at_line(path, head[0], f"is no text; {BINARY}")
     if not data:
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, "holds no data line; check that the recording was copied whole"
         )
     texts = [text for _, _, text in data[:SAMPLE_LINES]]

@@ -64,7 +64,9 @@ def read_sentences(path: Source) -> Sentences:
     starts, stars, lines = (np.zeros(n, dtype=np.int64) for _ in range(3))
     n = _kernels.nmea_sentences(buf, starts, stars, lines)
     if n == 0:
-        raise InputError.at(path, None, "holds no line; check that the recording was copied whole")
+        raise InputError.at_line(
+            path, None, "holds no line; check that the recording was copied whole"
+        )
     good = stars[:n] > 0
     n_bad = int(n - good.sum())
     if n_bad > BAD_SHARE_LIMIT * n:
@@ -74,7 +76,7 @@ def read_sentences(path: Source) -> Sentences:
             f"no right checksum in {text!r}, as in {n_bad} of {n} lines (limit"
             f" {BAD_SHARE_LIMIT:.0%}); record or copy the log again"
         )
-        raise InputError.at(path, int(lines[first]), message)
+        raise InputError.at_line(path, int(lines[first]), message)
     return Sentences(str(path), buf, starts[:n][good], stars[:n][good], lines[:n][good], n_bad)
 
 
@@ -87,4 +89,4 @@ class SentenceLines:
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at the line of `row`."""
-        return InputError.at(self.path, self.lines[row], message)
+        return InputError.at_line(self.path, self.lines[row], message)

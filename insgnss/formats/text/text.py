@@ -68,7 +68,7 @@ class Table:
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at the line of `row`."""
-        return InputError.at(self.path, int(self.lines[row]), message)
+        return InputError.at_line(self.path, int(self.lines[row]), message)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class TextTable:
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at the line of `row`."""
-        return InputError.at(self.path, self.lines[row], message)
+        return InputError.at_line(self.path, self.lines[row], message)
 
     def strings(self, column: int) -> tuple[str, ...]:
         """Return a column as text, without quotation marks."""
@@ -104,7 +104,7 @@ def number(field: str, path: object, line: int, decimal: str = ".") -> float:
         text = text.replace(",", ".")
     if NUMBER.fullmatch(text) and "," not in text and math.isfinite(x := float(text)):
         return x
-    raise InputError.at(
+    raise InputError.at_line(
         path,
         line,
         f"{shown(field)} where a finite number must stand; correct the line or choose another"
@@ -122,7 +122,7 @@ def load(path: Source) -> tuple[NDArray[np.uint8], bool]:
         return mapped, True
     buf = load_bytes(path, 1)
     if bytes(buf[:2]) in (b"\xff\xfe", b"\xfe\xff"):
-        raise InputError.at(path, 1, "is UTF-16 text; save it as UTF-8")
+        raise InputError.at_line(path, 1, "is UTF-16 text; save it as UTF-8")
     if bytes(buf[:3]) == b"\xef\xbb\xbf":
         buf[:3] = ord(" ")
     buf[-1] = ord("\n")
@@ -156,11 +156,13 @@ def load_bytes(path: Source, room: int = 0) -> NDArray[np.uint8]:
             buf = np.empty(size + room, dtype=np.uint8)
             stream.readinto(buf.data[:size])
     except FileNotFoundError:
-        raise InputError.at(path, None, "no such file; check the path in the flight file") from None
+        raise InputError.at_line(
+            path, None, "no such file; check the path in the flight file"
+        ) from None
     except OSError as error:
-        raise InputError.at(path, None, f"cannot be read: {error.strerror or error}") from None
+        raise InputError.at_line(path, None, f"cannot be read: {error.strerror or error}") from None
     if size == 0:
-        raise InputError.at(path, None, "is empty; copy it again from its source")
+        raise InputError.at_line(path, None, "is empty; copy it again from its source")
     return buf
 
 
@@ -244,13 +246,13 @@ def _refusal(
         and len(fields) <= layout.n_fields
         and status != _kernels.TOO_MANY
     ):
-        return InputError.at(
+        return InputError.at_line(
             path,
             line,
             f"truncated: the file ends within this line, {seen}; copy it again or delete the line",
         )
     if status != _kernels.BAD_NUMBER or len(fields) != layout.n_fields:
-        return InputError.at(
+        return InputError.at_line(
             path, line, f"{len(fields)} fields, expected {layout.n_fields}: {seen}; {advice}"
         )
     prefix = decode(before)
@@ -260,7 +262,7 @@ def _refusal(
         if fields[column]
         else f"nothing in field {column + 1}"
     )
-    return InputError.at(
+    return InputError.at_line(
         path, line, f"{description} where a finite number must stand: {seen}; {advice}"
     )
 
@@ -286,7 +288,7 @@ def _refuse_short_end(path: Source, tail: list[str], layout: Layout, line: int) 
             f"truncated: the file ends within a number, {shown(last)} after {shown(earlier[-1])};"
             " copy it again or delete the line"
         )
-        raise InputError.at(path, line, message)
+        raise InputError.at_line(path, line, message)
 
 
 def read_text_table(path: Source) -> TextTable:
@@ -313,7 +315,7 @@ def read_text_table(path: Source) -> TextTable:
             seen, advice = shown(text.strip()), "correct or delete the line"
             if is_binary(text):
                 seen, advice = ascii(text[:10]) + "...", BINARY
-            raise InputError.at(path, line, f"{description} {seen}; {advice}")
+            raise InputError.at_line(path, line, f"{description} {seen}; {advice}")
         rows.append(fields)
         lines.append(line)
     if not complete:

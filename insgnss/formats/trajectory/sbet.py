@@ -247,7 +247,7 @@ def read_sbet_trajectory(path: Source, gps_week: int, smrmsg: Source | None = No
     sbet = read_sbet(path)
     beside = Path(smrmsg) if smrmsg is not None else smrmsg_beside(path)
     if beside is None:
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, "has no smrmsg beside it, so its accuracy is not known; name the file"
         )
     check_increasing(NumberedRows(str(path), "record"), sbet.time)
@@ -298,7 +298,7 @@ def _sigma_at(path: Path, time: Array) -> Array:
             f"accuracies from {span}, but the SBET's times exceed them by {beyond:.3f} s (limit"
             f" {OVERHANG_S} s); is it of another run?"
         )
-        raise InputError.at(path, None, message)
+        raise InputError.at_line(path, None, message)
     return np.column_stack([np.interp(time, smrmsg.time, column) for column in sigma.T])
 
 
@@ -310,16 +310,16 @@ def _records(path: Source, fields: int) -> Array:
             f"{buf.size} bytes are no whole number of records of {size} bytes; it is cut off, or of"
             " another format"
         )
-        raise InputError.at(path, None, message)
+        raise InputError.at_line(path, None, message)
     table = np.ascontiguousarray(buf.view("<f8").reshape(-1, fields), dtype=np.float64)
     if (bad := ~np.isfinite(table)).any():
         row, k = (int(i) for i in np.argwhere(bad)[0])
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"record {row + 1}, value {k + 1} is not finite; is it another format?"
         )
     if np.abs(table).max() > LARGEST:
         row, k = (int(i) for i in np.argwhere(np.abs(table) > LARGEST)[0])
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             f"record {row + 1}, value {k + 1} is {table[row, k]:g}; is it another format?",

@@ -66,7 +66,7 @@ def check_observations(
         For observations by which no ambiguity can be resolved.
     """
     if rover.header.path == base.header.path:
-        raise InputError.at(
+        raise InputError.at_line(
             rover.header.path, None, "is given as rover and as base; give the base's own file"
         )
     for observations in (rover, base):
@@ -91,13 +91,13 @@ def _check_base_times(
             f"{_span(base)}, but the rover {rover.header.path} {_span(rover)}: no common time; is"
             " it the base of another day?"
         )
-        raise InputError.at(base.header.path, None, message)
+        raise InputError.at_line(base.header.path, None, message)
     if not near.any():
         message = (
             f"no epoch within max_age_s = {max_age_s:g} s of any of the rover {rover.header.path};"
             f" {rare}"
         )
-        raise InputError.at(base.header.path, None, message)
+        raise InputError.at_line(base.header.path, None, message)
     if near.all():
         return ()
     finding = f"{near.mean():.1%} of {near.size} epochs; the base's file is {_span(base)}"
@@ -142,7 +142,7 @@ def _date(seconds: float) -> str:
 def _check_frequencies(observations: Observations, options: EngineOptions) -> None:
     path, n = observations.header.path, observations.time.size
     if n == 0:
-        raise InputError.at(path, None, "has no epochs; is the file truncated?")
+        raise InputError.at_line(path, None, "has no epochs; is the file truncated?")
     rows = satellites_with_phases(observations, options)
     count = np.bincount(observations.epoch[rows], minlength=n)
     share = float(np.mean(count >= FEWEST_SATELLITES))
@@ -356,7 +356,7 @@ def check_base_place(
     given = np.array(base_position(options, base.header)[0])
     off = float(np.linalg.norm(location.middle - given))
     if motion := location.motion():
-        raise InputError.at(
+        raise InputError.at_line(
             base.header.path, None, f"the base moves: {motion}; {_of_moving(rover, whereabouts)}"
         )
     if options.base_position_m is not None:
@@ -365,13 +365,13 @@ def check_base_place(
                 f"the base coordinates are those of the header of the rover {rover.header.path},"
                 " not of its own; are the two swapped?"
             )
-            raise InputError.at(base.header.path, None, message)
+            raise InputError.at_line(base.header.path, None, message)
         if off > NEAR_M and _stands_at(given, off, rover, whereabouts):
             message = (
                 f"stands {off:.0f} m from the base coordinates, and the rover {rover.header.path}"
                 " stands there: they are swapped"
             )
-            raise InputError.at(base.header.path, None, message)
+            raise InputError.at_line(base.header.path, None, message)
     if off > ELSEWHERE_M:
         whose = (
             "the base coordinates"
@@ -382,7 +382,7 @@ def check_base_place(
             f"stands {off:.0f} m from {whose} (limit {ELSEWHERE_M:.0f} m), by codes at"
             f" {in_degrees(location.middle)}"
         )
-        raise InputError.at(
+        raise InputError.at_line(
             base.header.path, None, f"{message}; {_mistaken(given, location.middle, options)}"
         )
     return _coordinate_notes(options, base.header, off)

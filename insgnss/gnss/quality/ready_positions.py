@@ -45,7 +45,7 @@ def with_calibrated(fixes: GnssFixes, path: Source, model: CovarianceModel = MOD
                 "gnss.covariance calibrates positions with quality, satellites and base (an"
                 " RTKLIB .pos with ref pos in its header)"
             )
-            raise InputError.at(
+            raise InputError.at_line(
                 path,
                 None,
                 f"{message}, and this file does not; leave it out, or set gnss.sigma_m or"

@@ -83,7 +83,7 @@ def read_solution(path: Source) -> Solution:
     rows = read_pos_rows(path)
     columns, roots = rows.columns, ROOTS[rows.header.kind]
     if missing := [name for name in (*roots, *BESIDE) if name not in columns]:
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, f"the header does not name {missing[0]}; is it a solution of an engine?"
         )
     odd = _without_covariance(np.column_stack([columns[name] for name in roots]))

@@ -37,7 +37,7 @@ class _Lines:
     records: Records
 
     def error_at(self, row: int, message: str) -> InputError:
-        return InputError.at(self.path, self.records[row].line, message)
+        return InputError.at_line(self.path, self.records[row].line, message)
 
 
 def camera_events(observations: Observations, wanted: RoverEvents = ALL_VALID) -> CameraEvents:
@@ -107,13 +107,13 @@ def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tu
             f"no external event has a record line with {shown(wanted.events_containing)}; read the"
             " lines of the events"
         )
-        raise InputError.at(path, None, message)
+        raise InputError.at_line(path, None, message)
     if not records:
         message = (
             "holds no external event (flag 5); convert the receiver's log with its events (time"
             " marks), or give a file of events"
         )
-        raise InputError.at(path, None, message)
+        raise InputError.at_line(path, None, message)
     if not invalid:
         return records, ()
     those = _those(records, invalid)
@@ -127,7 +127,7 @@ def _taken(observations: Observations, wanted: RoverEvents) -> tuple[Records, tu
             ),
         )
     if len(invalid) == len(records):
-        raise InputError.at(path, invalid[0].line, f"camera events: {those}; {_keep()}")
+        raise InputError.at_line(path, invalid[0].line, f"camera events: {those}; {_keep()}")
     advice = (
         f"{_keep()}; where they are exposures and their stamps are wrong, name their images in"
         f" {named('camera.skip_images')}"

@@ -169,7 +169,7 @@ def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
     try:
         import hatanaka
     except ImportError:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             "is packed; install the package hatanaka (extra [ppk]), or unpack the file first",
@@ -186,7 +186,7 @@ def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
             zlib.error,
             zipfile.BadZipFile,
         ) as error:
-            raise InputError.at(
+            raise InputError.at_line(
                 path, None, f"cannot be unpacked: {_one_line(error)}; copy it again from its source"
             ) from None
     complete = content.endswith(b"\n")
@@ -205,7 +205,7 @@ def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
     offset = 0
     while not records or records[-1][1] != "END OF HEADER":
         if offset >= buf.size:
-            raise InputError.at(
+            raise InputError.at_line(
                 path,
                 len(records),
                 "truncated: the file ends without END OF HEADER; copy it again from its source",
@@ -214,12 +214,12 @@ def header_of(path: Source, buf: NDArray[np.uint8]) -> tuple[RinexHeader, int]:
         records.append((len(records) + 1, text[LABEL:].strip(), text[:LABEL]))
         if records[-1][1] == "" and text.strip():
             if offset >= buf.size:
-                raise InputError.at(
+                raise InputError.at_line(
                     path,
                     len(records),
                     "truncated: the file ends within its header; copy it again from its source",
                 )
-            raise InputError.at(
+            raise InputError.at_line(
                 path,
                 len(records),
                 f"no header record: {shown(text.strip())}; complete the header, or copy the file"
@@ -245,7 +245,7 @@ def _first_line(path: Source, text: str) -> tuple[float, str]:
     """Version and system; InputError for what cannot be read here."""
     if "RINEX VERSION / TYPE" not in text[LABEL:]:
         content = "is not RINEX: line 1 has no RINEX VERSION / TYPE in columns 61 to 80"
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             1,
             f"{content}; give a RINEX 2 or 3 observation file (convert a receiver's own format"
@@ -253,11 +253,11 @@ def _first_line(path: Source, text: str) -> tuple[float, str]:
         )
     version, kind = text[:9].strip(), text[20:21].upper()
     if not re.fullmatch(r"\d(\.\d+)?", version):
-        raise InputError.at(
+        raise InputError.at_line(
             path, 1, f"RINEX version {shown(version)} is no number; copy the file again"
         )
     if version[0] not in "23":
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             1,
             f"RINEX {version}; versions 2 and 3 are read here; convert it to RINEX 3 (gfzrnx -vo 3,"
@@ -265,14 +265,14 @@ def _first_line(path: Source, text: str) -> tuple[float, str]:
         )
     if kind != "O":
         content = KINDS.get(kind, f"type {shown(kind)}")
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             1,
             f"holds {content} where observations must stand; give the observation file here",
         )
     letter = text[40:41].upper().strip() or "G"
     if letter not in SYSTEMS + "M":
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             1,
             f"satellite system {letter!r} is none of {', '.join(SYSTEMS)}, M; correct the header",
@@ -286,7 +286,7 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
         by_label.setdefault(label, []).append(text)
     types = types_of(path, version, records)
     if not types:
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             len(records),
             f"the header has no {TYPES_2 if version < 3 else TYPES_3}; copy the file again",
@@ -305,7 +305,7 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
     leap = numbers("LEAP SECONDS", 1)
     clock = text_of("TIME OF FIRST OBS", 48, 51) or CLOCKS.get(system)
     if clock is not None and clock not in CLOCKS.values():
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             None,
             f"the header's time system {clock!r} is none of {', '.join(CLOCKS.values())}; correct"
@@ -347,7 +347,7 @@ def _numbers(path: Source, records: Iterable[Record], label: str, count: int) ->
     if values.size == 0 and not text.strip():
         return np.zeros(count)
     if values.size != count or not np.isfinite(values).all():
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             line,
             f"{label}: {shown(text.strip())}, expected {count} number{'s' * (count > 1)}; correct"
@@ -370,12 +370,12 @@ def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[st
         count = text[:6] if version < 3 else text[1:6]
         if count.strip():
             if missing:
-                raise InputError.at(
+                raise InputError.at_line(
                     path, line, f"{label}: {missing} codes fewer than announced; correct the header"
                 )
             system = "" if version < 3 else text[0].upper()
             if not count.strip().isdigit() or (version >= 3 and system not in SYSTEMS):
-                raise InputError.at(
+                raise InputError.at_line(
                     path,
                     line,
                     f"{label}: {shown(text.rstrip())}, expected a system and a number of codes;"
@@ -386,7 +386,7 @@ def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[st
             text[6 + size * k : 6 + size * (k + 1)].strip() for k in range(min(width, missing))
         ]
         if not all(codes) or not types:
-            raise InputError.at(
+            raise InputError.at_line(
                 path,
                 line,
                 f"{label}: fewer codes than announced: {shown(text.rstrip())}; correct the header",
@@ -394,7 +394,7 @@ def types_of(path: Source, version: float, records: Iterable[Record]) -> dict[st
         types[system] += codes
         missing, last = missing - len(codes), line
     if missing:
-        raise InputError.at(
+        raise InputError.at_line(
             path, last, f"{label}: {missing} codes fewer than announced; correct the header"
         )
     return {name: tuple(codes) for name, codes in types.items()}

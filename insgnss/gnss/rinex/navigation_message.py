@@ -187,7 +187,7 @@ def _messages(path: Source) -> Iterator[_Message]:
             else f"{system}{line[:2].replace(' ', '0')}"
         )
         if satellite[0] not in (*LINES, *LEFT_OUT) or not satellite[1:].isdigit():
-            raise InputError.at(
+            raise InputError.at_line(
                 path,
                 begin + 1,
                 f"{line[:8]!r} begins no message of a known satellite; is the file damaged?",
@@ -202,7 +202,7 @@ def _messages(path: Source) -> Iterator[_Message]:
                 " short"
                 " or damaged, fetch it again"
             )
-            raise InputError.at(path, begin + 1, message)
+            raise InputError.at_line(path, begin + 1, message)
         width = 23 if version >= 3.0 else 22
         fields = [line[width + 19 * k : width + 19 * (k + 1)] for k in range(3)]
         for more in lines[begin + 1 : begin + needed]:
@@ -225,7 +225,7 @@ def _text(path: Source) -> str:
             data = bytes(load_rinex(path)[0])
         return data.decode("latin-1")
     except FileNotFoundError:
-        raise InputError.at(
+        raise InputError.at_line(
             path, None, "no such file; check the path of the navigation file"
         ) from None
     except (OSError, EOFError, zlib.error) as error:
@@ -236,7 +236,7 @@ def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:
     """Version, system of a RINEX 2 file, and the place of the first line after the header."""
     first = lines[0] if lines else ""
     if first[60:80].strip() != "RINEX VERSION / TYPE" or first[20:21] not in "NGH":
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             1,
             "no RINEX navigation file (RINEX VERSION / TYPE with N or G); are the files in the"
@@ -244,14 +244,16 @@ def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:
         )
     version = _number(path, 0, 19, 0, first[:9].strip())
     if not 2.0 <= version < 4.0:
-        raise InputError.at(path, 1, f"RINEX {version:.2f}; 2 and 3 are read, convert it to 3.04")
+        raise InputError.at_line(
+            path, 1, f"RINEX {version:.2f}; 2 and 3 are read, convert it to 3.04"
+        )
     if version < 3.0 and first[20] == "H":
-        raise InputError.at(
+        raise InputError.at_line(
             path, 1, "messages of SBAS satellites alone; give GPS or GLONASS messages"
         )
     end = next((i for i, line in enumerate(lines) if line[60:80].strip() == "END OF HEADER"), None)
     if end is None:
-        raise InputError.at(
+        raise InputError.at_line(
             path, len(lines), "the header has no end; the file is cut short, fetch it again"
         )
     return version, "R" if first[20] == "G" else "G", end + 1
@@ -267,7 +269,7 @@ def _number(path: Source, begin: int, width: int, k: int, field: str) -> float:
     try:
         return float(text.replace("D", "E").replace("d", "e"))
     except ValueError:
-        raise InputError.at(
+        raise InputError.at_line(
             path, begin + 1 + (k + 1) // 4, f"{field!r} is no number; is the file damaged?"
         ) from None
 
@@ -282,7 +284,7 @@ def _stamp(path: Source, line: int, field: str) -> datetime:
         year += 0 if year > 99 else 1900 if year >= 80 else 2000
         return datetime(year, month, day) + timedelta(hours=hour, minutes=minute, seconds=second)
     except (ValueError, IndexError):
-        raise InputError.at(
+        raise InputError.at_line(
             path, line, f"{field.strip()!r} is no date and time of a clock; is the file damaged?"
         ) from None
 
@@ -327,7 +329,7 @@ def _geostationary(satellite: str) -> bool:
 def _check(path: Source, message: _Message, row: Array) -> None:
     """Raise InputError where an element is missing or out of all bounds."""
     if not np.isfinite(row).all():
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             message.line,
             f"message of {message.satellite} lacks a number; the file is damaged, fetch it again",
@@ -347,7 +349,7 @@ def _check(path: Source, message: _Message, row: Array) -> None:
             "root of the semi-major axis, m^1/2",
         )
     if not low < size < high or (message.satellite[0] != "R" and not 0.0 <= row[ECC] < 0.5):
-        raise InputError.at(
+        raise InputError.at_line(
             path,
             message.line,
             f"message of {message.satellite}: {quantity}, {size:g} (eccentricity {row[ECC]:g}) is"

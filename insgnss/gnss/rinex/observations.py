@@ -153,7 +153,7 @@ class Observations:
     def column(self, signal: str) -> int:
         """Return the index of a signal among the columns."""
         if signal not in self.signals:
-            raise InputError.at(
+            raise InputError.at_line(
                 self.header.path, None, f"has no {signal}; there are {', '.join(self.signals)}"
             )
         return self.signals.index(signal)
@@ -333,7 +333,7 @@ class _Reading:
         lines: list[str] = []
         for number in range(line + 1, line + 1 + int(state[k.COUNT])):
             if offset >= self.buf.size:
-                raise InputError.at(
+                raise InputError.at_line(
                     self.path,
                     line,
                     f"truncated: {len(lines)} of {state[k.COUNT]} records of this event; copy it"
@@ -345,12 +345,12 @@ class _Reading:
                     f"{shown(text)} where record {len(lines) + 1} of {state[k.COUNT]} of the event"
                     f" in line {line} must stand"
                 )
-                raise InputError.at(
+                raise InputError.at_line(
                     self.path, number, f"{message}; correct the event's number of records"
                 )
             lines.append(text.rstrip())
         if flag == 5 and state[k.TICKS] < 0:
-            raise InputError.at(
+            raise InputError.at_line(
                 self.path, line, "an external event without a stamp; delete it or give it one"
             )
         state[k.OFFSET], state[k.LINE] = offset, line + 1 + len(lines)
@@ -405,36 +405,38 @@ class _Reading:
         if status == k.CUT or (behind >= self.buf.size and not self.complete):
             start, _ = line_at(self.buf, int(state[k.OFFSET]))
             epoch = f"the epoch of line {state[k.LINE]} ({start[:32].strip(' >')})"
-            return InputError.at(
+            return InputError.at_line(
                 self.path,
                 line,
                 f"truncated: the file ends within {epoch}; copy it again, or delete the lines from"
                 f" {state[k.LINE]} on",
             )
         if status == k.BAD_EPOCH and "RINEX VERSION" in text[LABEL:]:
-            return InputError.at(
+            return InputError.at_line(
                 self.path,
                 line,
                 "a second header: files were put together; give one of them, or join them with"
                 " gfzrnx or teqc",
             )
         if status == k.BAD_EPOCH:
-            return InputError.at(self.path, line, f"{seen} where an epoch must begin; {DAMAGED}")
+            return InputError.at_line(
+                self.path, line, f"{seen} where an epoch must begin; {DAMAGED}"
+            )
         if status == k.BAD_SATELLITE:
-            return InputError.at(
+            return InputError.at_line(
                 self.path,
                 line,
                 f"{seen} names no satellite of the epoch in line {state[k.LINE]}; {DAMAGED}",
             )
         if status == k.NEW_SYSTEM:
             name = SYSTEM_NAMES[SYSTEMS[int(state[k.SYSTEM])]]
-            return InputError.at(
+            return InputError.at_line(
                 self.path,
                 line,
                 f"{seen}: the header lists no types of observation of {name}; complete the header",
             )
         if status == k.TWICE:
-            return InputError.at(
+            return InputError.at_line(
                 self.path,
                 line,
                 f"{seen}: this satellite stands twice in the epoch of line {state[k.LINE]};"
@@ -444,7 +446,7 @@ class _Reading:
             "a field of 14 columns is no number with a decimal point, or something stands behind"
             " the last type"
         )
-        return InputError.at(self.path, line, f"{message}: {seen}; {DAMAGED}")
+        return InputError.at_line(self.path, line, f"{message}: {seen}; {DAMAGED}")
 
     def refuse_cut_line(self) -> None:
         """Refuse a last line without an end whose last number is cut, and note a whole one."""
@@ -454,7 +456,7 @@ class _Reading:
         width = len(tail.rstrip()) - (3 if self.header.version >= 3 else 0)
         if width > 0 and width % 16 not in (14, 15, 0):
             line = int(self.state[self.kernels.LINE]) - 1
-            raise InputError.at(
+            raise InputError.at_line(
                 self.path,
                 line,
                 f"truncated: the file ends within a number: {shown(tail.strip())}; copy it again",
@@ -475,7 +477,7 @@ class _Reading:
         ticks, flags = self.ticks[:n], self.flags[:n]
         real = flags < SLIPS
         if not real.any():
-            raise InputError.at(
+            raise InputError.at_line(
                 self.path, None, "holds no epoch; check that the recording was copied whole"
             )
         stamps = _gpst(
@@ -545,7 +547,7 @@ class _Reading:
                     f"time {time[again]:.7f} s follows {time[first]:.7f} s in line"
                     f" {self.lines[first]}; time must increase"
                 )
-                raise InputError.at(
+                raise InputError.at_line(
                     self.path, int(self.lines[again]), f"{message}; sort the file or split it here"
                 )
             taken[again] = False

@@ -1,5 +1,7 @@
-"""The picture of a comparison: differences of every component over time or images, with their
-standard deviations, and their distribution.
+"""The picture of a comparison.
+
+Differences of every component over time or images, with their standard deviations, and their
+distribution.
 
 Where a mismatch was recognised, the left column has the differences as they are and the right one
 what remains after it is taken off.
@@ -55,6 +57,8 @@ def draw_comparison(
 ) -> bytes:
     """PNG, a row a component.
 
+    Parameters
+    ----------
     times : (n,) s of the differences and of what remains, or None for their order.
     title : what was compared and recognised.
     files : names of a and b.
@@ -145,8 +149,10 @@ def _over_time(ax: Any, time: Array | None, curve: Curve, colour: str) -> None:
 
 
 def _distribution(ax: Any, curve: Curve) -> None:
-    """Histogram; of differences over their standard deviations where there are some, with the
-    density that they should follow.
+    """Histogram.
+
+    Of differences over their standard deviations where there are some, with the density that they
+    should follow.
     """
     if curve.sigma is None:
         ax.hist(curve.values, bins=40, color=LINE, alpha=0.75)

@@ -3,11 +3,14 @@
 `series` holds what `gnss.quality` found, arrays by name; those that are not known are absent, and
 their rows with them:
 
-    time (n,) s; kind (n,) place in CLASSES; satellites, ratio, distance_m, height_difference_m
-    (n,); believed (n,) separation_m, separation_sigma_m (n, 3) north, east, down, backward minus
-    forward
-    cn0 : {band: (k,) dB-Hz} over cn0_time (k,) s; slip_time (s,) s, slip_satellite (s,)
-        names; gaps (g, 2) s, begin and end
+    time : (n,) s.
+    kind : (n,) index in CLASSES.
+    satellites, ratio, distance_m, height_difference_m : (n,).
+    believed : (n,) whether the fix is validated.
+    separation_m, separation_sigma_m : (n, 3) north, east, down, backward minus forward.
+    cn0 : C/N0, {band: (k,) dB-Hz} over cn0_time (k,) s.
+    slip_time, slip_satellite : (s,) s and names.
+    gaps : (g, 2) s, begin and end.
 """
 
 from collections.abc import Callable, Mapping
@@ -63,15 +66,16 @@ MOST_RATIO, LEAST_RATIO, MOST_SATELLITES_NAMED = 1000.0, 0.9, 30
 _ROW = 1.25  # inches
 
 _SOLUTION = (
-    "Colours: the class of each epoch. The ratio compares the second best integers with the best:"
-    " above the dashed line a fix is accepted, which says little where few satellites are left."
+    "Colours: the class of each epoch. The ratio compares the second best integer ambiguities with"
+    " the best: above the dashed line a fix is accepted, which says little where few satellites are"
+    " left."
     " With them, the share of confirmed fixes within 30 s, and distance and height above the base,"
     " along which the atmosphere differs."
 )
 _SEPARATION = (
     "The run backward minus the run forward, within three standard deviations of their difference:"
-    " two runs that fixed the same integers agree far better than that, and a step of decimetres is"
-    " a wrong fix in one of them."
+    " two runs that fixed the same ambiguities agree far better than that, and a step of decimetres"
+    " is an incorrect ambiguity fix in one of them."
 )
 _SIGNALS = (
     "Median C/N0 of all satellites by band: a drop on one band is interference or a"
@@ -121,7 +125,7 @@ def _solution_panels(series: Series) -> list[Panel]:
 
 
 def _signal_panels(series: Series) -> list[Panel]:
-    rows: list[tuple[str, Panel]] = [("cn0", _cn0), ("slip_time", _slips)]
+    rows: list[tuple[str, Panel]] = [("cn0", _carrier_to_noise), ("slip_time", _slips)]
     return [draw for name, draw in rows if name in series and len(series[name])]
 
 
@@ -155,13 +159,13 @@ def _satellites(ax: Any, t: Array, series: Series) -> None:
 
 def _by_class(ax: Any, t: Array, y: Array, kind: NDArray[np.int64]) -> None:
     for k in np.unique(kind):
-        at = np.flatnonzero(kind == k)
-        at = at[:: -(-at.size // 4000)]
-        ax.plot(t[at], y[at], ".", ms=2, color=COLOURS[k], label=NAMES[k])
+        rows = np.flatnonzero(kind == k)
+        rows = rows[:: -(-rows.size // 4000)]
+        ax.plot(t[rows], y[rows], ".", ms=2, color=COLOURS[k], label=NAMES[k])
 
 
 def _rate(ax: Any, t: Array, series: Series) -> None:
-    """Share of believed fixes within `RATE_WINDOW_S`."""
+    """Share of validated fixes within `RATE_WINDOW_S`."""
     fixed = np.isin(series["kind"], VALIDATED)
     count = np.concatenate([[0.0], np.cumsum(fixed)])
     half = RATE_WINDOW_S / 120.0
@@ -184,18 +188,19 @@ def _ratio(ax: Any, t: Array, series: Series) -> None:
 
 def _separation(ax: Any, t: Array, series: Series) -> None:
     apart, sigma = np.asarray(series["separation_m"]), np.asarray(series["separation_sigma_m"])
-    known = np.isfinite(apart).all(axis=1)
-    typical = float(np.median(sigma[known])) if known.any() else 1.0
+    finite = np.isfinite(apart).all(axis=1)
+    typical = float(np.median(sigma[finite])) if finite.any() else 1.0
     reach = max(
-        4.0 * typical, 1.2 * float(np.quantile(np.abs(apart[known]), 0.99)) if known.any() else 0.0
+        4.0 * typical,
+        1.2 * float(np.quantile(np.abs(apart[finite]), 0.99)) if finite.any() else 0.0,
     )
     factor, unit = length_unit(reach / 4.0)
     for k, axis in enumerate(("north", "east", "down")):
         bounds(
             ax,
-            t[known],
-            np.zeros(int(known.sum())),
-            np.minimum(3.0 * sigma[known, k], reach) * factor,
+            t[finite],
+            np.zeros(int(finite.sum())),
+            np.minimum(3.0 * sigma[finite, k], reach) * factor,
             color=AXIS_COLOURS[k],
             alpha=0.1,
         )
@@ -225,7 +230,7 @@ def _distance(ax: Any, t: Array, series: Series) -> None:
             beside.spines[side].set_visible(False)
 
 
-def _cn0(ax: Any, t: Array, series: Series) -> None:
+def _carrier_to_noise(ax: Any, t: Array, series: Series) -> None:
     start = float(series["time"][0])
     for k, (band, level) in enumerate(series["cn0"].items()):
         line(
@@ -244,8 +249,8 @@ def _slips(ax: Any, t: Array, series: Series) -> None:
     """Cycle slips: a dot each, a row a satellite."""
     names = sorted(set(series["slip_satellite"]))
     row = {name: k for k, name in enumerate(names)}
-    at = _minutes(series["slip_time"], float(series["time"][0]))
-    ax.plot(at, [row[name] for name in series["slip_satellite"]], ".", color=WARN, ms=3)
+    minutes = _minutes(series["slip_time"], float(series["time"][0]))
+    ax.plot(minutes, [row[name] for name in series["slip_satellite"]], ".", color=WARN, ms=3)
     ax.set_ylim(-1.0, len(names))
     step = -(-len(names) // MOST_SATELLITES_NAMED) if len(names) > 8 else 1
     shown = list(range(0, len(names), max(step, -(-len(names) // 8))))

@@ -1,5 +1,6 @@
-"""The picture of one sensor's noise: deviation over averaging time with intervals, the fitted sum,
-and its processes one by one.
+"""The picture of one sensor's noise.
+
+Deviation over averaging time with intervals, the fitted sum, and its processes one by one.
 
 Drawn is the Allan deviation sqrt(2 nu) of the Haar wavelet variance nu, in deg/h or micro-g as data
 sheets have it. White noise falls with the root of time, quantization as time, random walk rises
@@ -48,13 +49,14 @@ _LEFT, _RIGHT = 0.075, 0.69
 
 @dataclass(frozen=True, eq=False)
 class NoisePanel:
-    """One panel: the curves of one axis, or of axes that share a model, and the model fitted to
-    them.
+    """One panel: the curves of one axis, or of axes that share a model, and the fitted model.
 
-    title : such as "x".   curves, labels : one a recording.
-    levels : those the fit used, all where None.
-    tau_s (k,), modelled (k,) : averaging times and wavelet variance, X^2, of the sum; empty where
-        nothing was fitted.
+    Parameters
+    ----------
+    title : such as "x".
+    curves, labels : one a recording.
+    levels : those the fit used, all where None. tau_s (k,), modelled (k,) : averaging times and
+        wavelet variance, X^2, of the sum; empty where nothing was fitted.
     parts : wavelet variance (k,) of each process by its name as
         `stochastic.theory.haar_variance_parts` has it.
     part_labels : words of each process, such as `process_label` writes.
@@ -74,10 +76,12 @@ class NoisePanel:
 
 @dataclass(frozen=True, eq=False)
 class SpectrumPanel:
-    """Root density of one channel, X/sqrt(Hz), as the noise model has it: white noise q is level at
-    q.
+    """Root density of one channel, X/sqrt(Hz), as the noise model has it.
 
-    frequency_hz, density (n,).
+    White noise q is level at q. `frequency_hz` and `density` are (n,).
+
+    Parameters
+    ----------
     models : words and density (n,) of each.
     lines_hz : where lines stand out.
     """
@@ -93,6 +97,8 @@ class SpectrumPanel:
 def process_label(sensor: Sensor, process: str, value: float, time_s: float | None = None) -> str:
     """Words of a process with its strength in the units of data sheets.
 
+    Parameters
+    ----------
     process : name of a part, "gauss_markov_1" and the like with their correlation time, s.
     value : SI; of a Gauss-Markov process its stationary standard deviation.
     """
@@ -119,6 +125,8 @@ def draw_noise(
 ) -> bytes:
     """PNG of all panels of a sensor, one under the other.
 
+    Parameters
+    ----------
     title : the verdict in a few words; subtitle : model, recordings, what was left out.
     """
     from matplotlib.figure import Figure
@@ -144,8 +152,9 @@ def draw_noise(
 
 
 def draw_psd(panels: Sequence[SpectrumPanel], title: str, subtitle: str = "") -> bytes:
-    """PNG of spectra beside the noise models they are to be compared with; a column a sensor, in
-    the order of the panels.
+    """PNG of spectra beside the noise models they are to be compared with.
+
+    A column a sensor, in the order of the panels.
     """
     from matplotlib.figure import Figure
 
@@ -177,7 +186,7 @@ def draw_psd(panels: Sequence[SpectrumPanel], title: str, subtitle: str = "") ->
         for ax in figure.axes
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
     }
-    place: dict[str, Any] = {
+    anchor: dict[str, Any] = {
         "loc": "upper right",
         "bbox_to_anchor": (0.985, 1.0 - (head - 0.41) / height),
         "borderaxespad": 0.0,
@@ -189,7 +198,7 @@ def draw_psd(panels: Sequence[SpectrumPanel], title: str, subtitle: str = "") ->
         frameon=False,
         fontsize=8.5,
         handlelength=1.6,
-        **place,
+        **anchor,
     )
     return png(figure)
 
@@ -210,19 +219,19 @@ def _panel(ax: Any, panel: NoisePanel, factor: float) -> None:
             zorder=4,
         )
     colours = iter(PART_COLOURS["gauss_markov"])
-    for name, part in panel.parts.items():
+    for name, variance in panel.parts.items():
         colour = next(colours, FAINT) if name.startswith("gauss_markov") else PART_COLOURS[name]
         ax.plot(
             panel.tau_s,
-            factor * _deviation(part),
+            factor * _deviation(variance),
             color=colour,
             lw=1.1,
             ls=(0, (5, 2)),
             label=panel.part_labels[name],
             zorder=3,
         )
-    place = {"loc": "upper left", "bbox_to_anchor": (1.015, 1.02), "borderaxespad": 0.0}
-    ax.legend(frameon=False, fontsize=8.5, handlelength=2.0, labelspacing=0.45, **place)
+    anchor = {"loc": "upper left", "bbox_to_anchor": (1.015, 1.02), "borderaxespad": 0.0}
+    ax.legend(frameon=False, fontsize=8.5, handlelength=2.0, labelspacing=0.45, **anchor)
     if panel.words:
         ax.text(
             1.022,
@@ -244,8 +253,9 @@ def _curve(
     label: str | None,
     light: bool,
 ) -> None:
-    """One recording: dots with their intervals; grey where the fit left them out, ringed where the
-    fit is clearly off.
+    """One recording: dots with their intervals.
+
+    Grey where the fit left them out, ringed where the fit is clearly off.
     """
     tau, deviation = curve.averaging_time_s, factor * _deviation(curve.variance)
     low, high = factor * _deviation(curve.low), factor * _deviation(curve.high)
@@ -307,22 +317,24 @@ def _spectrum(ax: Any, panel: SpectrumPanel, first: bool) -> None:
     top = 1.8 * float(shown.max())
     _log(ax, (float(f[0]), float(f[-1])), (0.6 * float(shown[shown > 0.0].min()), top))
     lines = sorted(panel.lines_hz)
-    for number, at in enumerate(lines):
+    for number, frequency in enumerate(lines):
         ax.axvline(
-            at,
+            frequency,
             color=WARN,
             lw=0.8,
             ls=":",
             zorder=1,
             label="lines (propellers)" if number == 0 else None,
         )
-    apart = [at for k, at in enumerate(lines) if k == 0 or at > 1.25 * lines[k - 1]]
+    apart = [
+        frequency for k, frequency in enumerate(lines) if k == 0 or frequency > 1.25 * lines[k - 1]
+    ]
     unit = _pretty(f"{UNIT[panel.sensor]}/sqrt(Hz)")
     ax.set_ylabel(f"{panel.title}: {unit}", size=9)
-    for at in apart:
+    for frequency in apart:
         ax.annotate(
-            f"{at:.3g} Hz",
-            (at, top),
+            f"{frequency:.3g} Hz",
+            (frequency, top),
             (0, 4),
             textcoords="offset points",
             size=7.5,
@@ -375,7 +387,7 @@ def _clock(ax: Any, tau: tuple[float, float]) -> None:
     from matplotlib.ticker import NullLocator
 
     top = ax.secondary_xaxis("top")
-    shown = {at: words for at, words in TIMES.items() if tau[0] < at < tau[1]}
+    shown = {seconds: words for seconds, words in TIMES.items() if tau[0] < seconds < tau[1]}
     top.set_xticks(list(shown), list(shown.values()), fontsize=8)
     top.xaxis.set_minor_locator(NullLocator())
     top.tick_params(length=3, color=FAINT)
@@ -383,8 +395,9 @@ def _clock(ax: Any, tau: tuple[float, float]) -> None:
 
 
 def _heights(panel: NoisePanel, factor: float) -> tuple[float, float]:
-    """Limits of the vertical axis: all deviations and the sum; intervals and processes may run out
-    of it.
+    """Limits of the vertical axis: all deviations and the sum.
+
+    Intervals and processes may run out of it.
     """
     shown = np.concatenate(
         [

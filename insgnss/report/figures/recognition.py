@@ -1,5 +1,6 @@
-"""The picture that convinces: what the IMU felt against what GNSS saw, once it was recognised what
-the IMU is.
+"""The picture that convinces: what the IMU felt against what GNSS saw.
+
+It is drawn once it was recognised what the IMU is.
 
 Left, turn rate and specific force of both over the liveliest minutes: they lie on each other only
 if units, axes, signs and clock are right. Right, how far the best of the 24 orientations is ahead
@@ -20,7 +21,7 @@ ROWS, SHORTEST_S, LONGEST_S = (
     130,
     20.0,
     150.0,
-)  # what the left-hand side shows: more could not be told apart
+)  # what the left-hand side shows: more could not be distinguished
 LAG_S = 4.0  # on either side of the offset found
 BODY = ("forward", "right", "down")
 GNSS_STYLE = {
@@ -38,7 +39,7 @@ class Finding(Protocol):
 
     @property
     def name(self) -> str:
-        """What was asked."""
+        """The question, such as "axes"."""
 
     @property
     def value(self) -> str:
@@ -55,8 +56,10 @@ def recognition_picture(
     orientations: Sequence[str],
     title: str,
 ) -> bytes:
-    """PNG of the curves that `recognise.recognition` lists; what is absent is said to be so.
+    """PNG of the curves that `recognise.recognition` lists; what is absent is noted.
 
+    Parameters
+    ----------
     orientations : words of the 24 orientations of curves["orientation"].
     """
     from matplotlib.figure import Figure
@@ -83,9 +86,9 @@ def recognition_picture(
     for k in range(3):
         _force(figure.add_subplot(grid[k + 1, 0], sharex=turn), curves, window, k)
     right = grid[:, 1].subgridspec(2, 1, height_ratios=(2.6, 1.0), hspace=0.3)
-    known = {f.name: f.value for f in findings if f.confidence}
-    _orientations(figure.add_subplot(right[0]), curves, orientations, "axes" in known)
-    _lag(figure.add_subplot(right[1]), curves, known.get("time offset", ""))
+    answers = {f.name: f.value for f in findings if f.confidence}
+    _orientations(figure.add_subplot(right[0]), curves, orientations, "axes" in answers)
+    _lag(figure.add_subplot(right[1]), curves, answers.get("time offset", ""))
     return png(figure)
 
 
@@ -98,12 +101,12 @@ def _verdict(findings: Sequence[Finding]) -> str:
         "axes": "x y z point {}",
         "time offset": "{} to add to the GNSS stamps",
     }
-    told = [(f, shown[f.name]) for f in findings if f.name in shown]
-    known = [text.format(f.value) for f, text in told if f.confidence]
-    unknown = [f.name for f, _ in told if not f.confidence]
-    least = min((f.confidence for f, _ in told if f.confidence), default=0.0)
-    parts = [", ".join(known) + f"   (each at {least:.1%} or more)"] if known else []
-    return "   ".join([*parts, *([f"not told: {', '.join(unknown)}"] if unknown else [])])
+    phrased = [(f, shown[f.name]) for f in findings if f.name in shown]
+    certain = [text.format(f.value) for f, text in phrased if f.confidence]
+    unknown = [f.name for f, _ in phrased if not f.confidence]
+    least = min((f.confidence for f, _ in phrased if f.confidence), default=0.0)
+    parts = [", ".join(certain) + f"   (each at {least:.1%} or more)"] if certain else []
+    return "   ".join([*parts, *([f"not determined: {', '.join(unknown)}"] if unknown else [])])
 
 
 def _window(curves: Mapping[str, Array]) -> NDArray[np.bool_]:
@@ -115,7 +118,7 @@ def _window(curves: Mapping[str, Array]) -> NDArray[np.bool_]:
     if time[-1] - time[0] <= length:
         return np.ones(time.size, dtype=bool)
     moved = np.linalg.norm(force - np.median(force, axis=0), axis=1)
-    odd = moved > 3.0 * np.percentile(moved, 90)  # no motion but a wrong fix
+    odd = moved > 3.0 * np.percentile(moved, 90)  # no motion but an outlier of GNSS
     lively = np.concatenate([[0.0], np.cumsum(np.where(odd, -10.0 * np.median(moved), moved))])
     end = np.searchsorted(time, time + length)
     first = int(np.argmax(lively[end] - lively[:-1]))
@@ -123,10 +126,10 @@ def _window(curves: Mapping[str, Array]) -> NDArray[np.bool_]:
 
 
 def _reach(ax: Any, *series: Array) -> None:
-    """Limits that a few wrong fixes do not stretch."""
-    known = np.concatenate([x[np.isfinite(x)] for x in series])
-    if known.size:
-        low, high = np.percentile(known, [1, 99])
+    """Set limits that a few outliers of GNSS do not widen."""
+    finite = np.concatenate([x[np.isfinite(x)] for x in series])
+    if finite.size:
+        low, high = np.percentile(finite, [1, 99])
         margin = 0.25 * max(float(high - low), 1.0)
         ax.set_ylim(low - margin, high + margin)
 
@@ -170,9 +173,9 @@ def _force(ax: Any, curves: Mapping[str, Array], window: NDArray[np.bool_], k: i
 
 
 def _orientations(
-    ax: Any, curves: Mapping[str, Array], orientations: Sequence[str], known: bool
+    ax: Any, curves: Mapping[str, Array], orientations: Sequence[str], certain: bool
 ) -> None:
-    """Bars of the 24 scores, the best on top, and marked where it is `known` to be right."""
+    """Bars of the 24 scores, the best on top, and marked where it is `certain` to be right."""
     dress(ax)
     ax.set_title("How well each orientation of the IMU's x y z fits", loc="left", size=9)
     if "orientation_score" not in curves:
@@ -180,10 +183,10 @@ def _orientations(
         return
     score = curves["orientation_score"]
     order = np.argsort(score)
-    colours = [FAINT] * (order.size - 1) + [ACCENT if known else FAINT]
+    colours = [FAINT] * (order.size - 1) + [ACCENT if certain else FAINT]
     ax.barh(np.arange(order.size), score[order], color=colours, height=0.72)
     ax.set_yticks(np.arange(order.size), [orientations[k] for k in order], size=7)
-    if known:
+    if certain:
         ax.get_yticklabels()[-1].set_weight("bold")
     else:
         ax.text(
@@ -202,9 +205,10 @@ def _orientations(
     ax.set_xlabel("score, 1 perfect, -1 the opposite")
 
 
-def _lag(ax: Any, curves: Mapping[str, Array], told: str) -> None:
-    """Share of what GNSS saw that the IMU explains, against the time offset; `told` is the offset
-    found, with its unit.
+def _lag(ax: Any, curves: Mapping[str, Array], offset: str) -> None:
+    """Share of what GNSS saw that the IMU explains, against the time offset.
+
+    `offset` is the offset found, with its unit.
     """
     dress(ax)
     ax.set_title("Agreement against the time offset", loc="left", size=9)
@@ -213,15 +217,15 @@ def _lag(ax: Any, curves: Mapping[str, Array], told: str) -> None:
         _absent(ax, "no time offset was found")
         return
     lag, score = curves["lag_s"], np.maximum(curves["lag_score"], -0.2)
-    middle = float(told.split()[0]) if told else 0.0
+    middle = float(offset.split()[0]) if offset else 0.0
     wide = np.abs(lag - middle) < LAG_S
     if not wide.any():
         wide[:] = True
     ax.plot(lag[wide], score[wide], color=LINE, lw=1.2)
-    if told:
+    if offset:
         ax.axvline(middle, color=ACCENT, lw=1.0)
         ax.annotate(
-            told,
+            offset,
             (middle, 0.06),
             xytext=(6, 0),
             textcoords="offset points",

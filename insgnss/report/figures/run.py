@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...records import Diagnostics, ExteriorOrientation
-from ..coverage import outages, rests
+from ..coverage import outages, stationary_periods
 from ..flightlines import FlightLine, flight_lines
 from ..marks import LINE_SHADE, MOST_NUMBERS, Marks, mark, marks_of
 from ..summary import image_sigmas
@@ -48,8 +48,11 @@ class Picture:
 def pictures(
     diagnostics: Diagnostics, eo: ExteriorOrientation | None, standing: bool = False
 ) -> tuple[Picture, ...]:
-    """All pictures for which there is something to show. standing : the sensor stood at a given
-    place, and there are no fixes.
+    """All pictures for which there is something to show.
+
+    Parameters
+    ----------
+    standing : the sensor stood at a given place, and there are no fixes.
     """
     d = diagnostics
     images = eo if eo is not None and len(eo.images) > 0 else None
@@ -96,7 +99,7 @@ def pictures(
 
 _MAP = (
     "The line is the flight seen from above, straight lines with their numbers; a cross marks where"
-    " a fix was rejected, red where no fix was used for a while, a green ring where it stood."
+    " a fix was rejected, red where no fix was used for a while, a green ring a stationary period."
 )
 _MAP_IMAGES = (
     " Dots are images, coloured by their horizontal standard deviation. Images that stand out in"
@@ -105,7 +108,7 @@ _MAP_IMAGES = (
 _MOTION = (
     "Height, horizontal speed and attitude. Heading that changes is what makes heading and biases"
     " observable; straight flight does not. Shades, in all figures over time: numbered lines,"
-    " rests, times without a used fix."
+    " stationary periods, times without a used fix."
 )
 _SIGMAS = (
     "Standard deviations on a logarithmic scale: pale, the forward filter; full, after smoothing,"
@@ -145,7 +148,7 @@ def _map(d: Diagnostics, eo: ExteriorOrientation | None) -> Any:
         factor, unit = length_unit(float(np.median(horizontal)))
         low, high = factor * horizontal.min(), factor * horizontal.max()
         dots = ax.scatter(
-            *_at(d, eo.time),
+            *_east_north(d, eo.time),
             c=factor * horizontal,
             s=14,
             cmap="viridis",
@@ -167,15 +170,15 @@ def _map(d: Diagnostics, eo: ExteriorOrientation | None) -> Any:
 
 
 def _map_marks(ax: Any, d: Diagnostics, lines: tuple[FlightLine, ...]) -> None:
-    """Lines with their numbers, times without fixes, rests, rejected fixes."""
+    """Draw numbered lines, times without fixes, stationary periods and rejected fixes."""
     north, east = d.position[:, 0], d.position[:, 1]
     step = max(1, -(-len(lines) // MOST_NUMBERS))
     for number, x in list(enumerate(lines, 1))[::step]:
-        at = x.first + (x.last - x.first) // 10
+        row = x.first + (x.last - x.first) // 10
         box = {"boxstyle": "round,pad=0.15", "fc": LINE_SHADE, "ec": "none"}
         ax.text(
-            east[at],
-            north[at],
+            east[row],
+            north[row],
             str(number),
             fontsize=8,
             ha="center",
@@ -194,20 +197,20 @@ def _map_marks(ax: Any, d: Diagnostics, lines: tuple[FlightLine, ...]) -> None:
             zorder=1.2,
             label=None if number else "no used fix",
         )
-    stood = rests(d)
+    stood = stationary_periods(d)
     if stood.size:
         ax.plot(
-            *_at(d, stood.mean(axis=1)),
+            *_east_north(d, stood.mean(axis=1)),
             "o",
             color="#009E73",
             mfc="none",
             ms=8,
             zorder=3,
-            label="at rest",
+            label="stationary",
         )
     if (~d.used).any():
         ax.plot(
-            *_at(d, d.fix_time[~d.used]),
+            *_east_north(d, d.fix_time[~d.used]),
             "x",
             color=WARN,
             ms=5,
@@ -217,17 +220,17 @@ def _map_marks(ax: Any, d: Diagnostics, lines: tuple[FlightLine, ...]) -> None:
         )
 
 
-def _look_at_all(ax: Any, place: Array) -> None:
-    """Limits of equal scale that hold all of `place` (2, n)."""
+def _look_at_all(ax: Any, positions: Array) -> None:
+    """Limits of equal scale that hold all of `positions` (2, n)."""
     box, (width, height) = ax.get_position(), ax.figure.get_size_inches()
     size = np.array([box.width * width, box.height * height])
-    middle, reach = 0.5 * (place.max(axis=1) + place.min(axis=1)), np.ptp(place, axis=1)
+    middle, reach = 0.5 * (positions.max(axis=1) + positions.min(axis=1)), np.ptp(positions, axis=1)
     half = 0.54 * size * max(float((reach / size).max()), 1e-3)
     ax.set_xlim(middle[0] - half[0], middle[0] + half[0])
     ax.set_ylim(middle[1] - half[1], middle[1] + half[1])
 
 
-def _at(d: Diagnostics, time: Array) -> tuple[Array, Array]:
+def _east_north(d: Diagnostics, time: Array) -> tuple[Array, Array]:
     """East and north at `time`, m."""
     return np.interp(time, d.time, d.position[:, 1]), np.interp(time, d.time, d.position[:, 0])
 
@@ -305,7 +308,7 @@ def _sigmas(d: Diagnostics, eo: ExteriorOrientation | None, marks: Marks) -> Any
 
 
 def _image_sigmas(axes: NDArray[Any], eo: ExteriorOrientation, factor: float) -> None:
-    """Sigmas of the images by their number; north keeps its colour, so east and up follow as 1, 2."""
+    """Draw the sigmas of the images by number; each axis keeps its colour, so north is column 1."""
     number = np.arange(1, len(eo.images) + 1)
     for ax, sigma, scale in zip(axes, image_sigmas(eo), (factor, math.degrees(1.0)), strict=True):
         for column, colour, name in ((1, 0, "N"), (0, 1, "E"), (2, 2, "U")):

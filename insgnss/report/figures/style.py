@@ -21,19 +21,19 @@ WHOLE = (slice(None),)
 
 
 def thin(y: Array, limit: int = MOST_POINTS) -> NDArray[np.int64]:
-    """Rows of `y` (n,) that a line needs to look as all of it: smallest and largest of each of
-    limit / 2 intervals, first and last.
+    """Return the rows of `y` (n,) that a line needs to look as all of it.
 
-    An interval without finite value keeps one, so that the line stays broken there.
+    They are the smallest and largest of each of limit / 2 intervals, and the first and last. An
+    interval without finite value keeps one, so that the line stays broken there.
     """
     if y.size <= limit:
         return np.arange(y.size)
     width = -(-y.size // (limit // 2))
     padded = np.pad(y, (0, -y.size % width), mode="edge").reshape(-1, width)
-    known = np.isfinite(padded)
+    finite = np.isfinite(padded)
     first = np.arange(len(padded)) * width
-    low = first + np.argmin(np.where(known, padded, np.inf), axis=1)
-    high = first + np.argmax(np.where(known, padded, -np.inf), axis=1)
+    low = first + np.argmin(np.where(finite, padded, np.inf), axis=1)
+    high = first + np.argmax(np.where(finite, padded, -np.inf), axis=1)
     return np.unique(np.clip(np.concatenate([[0, y.size - 1], low, high]), 0, y.size - 1))
 
 
@@ -46,11 +46,11 @@ def line(
     **style: Any,
 ) -> None:
     """Draw y over t, thinned, each of the `parts` by itself."""
-    for number, part in enumerate(parts):
-        keep = thin(y[part])
+    for number, piece in enumerate(parts):
+        keep = thin(y[piece])
         ax.plot(
-            t[part][keep],
-            y[part][keep],
+            t[piece][keep],
+            y[piece][keep],
             **({"lw": 1.0, "label": None if number else label} | style),
         )
 
@@ -64,11 +64,11 @@ def bounds(
     **style: Any,
 ) -> None:
     """Shade centre +- half_width over t, thinned, each of the `parts` by itself."""
-    for part in parts:
-        c, w = centre[part], half_width[part]
+    for piece in parts:
+        c, w = centre[piece], half_width[piece]
         keep = np.union1d(thin(c), thin(w))
         ax.fill_between(
-            t[part][keep], (c - w)[keep], (c + w)[keep], **({"alpha": 0.22, "lw": 0} | style)
+            t[piece][keep], (c - w)[keep], (c + w)[keep], **({"alpha": 0.22, "lw": 0} | style)
         )
 
 
@@ -78,8 +78,9 @@ def length_unit(typical: float) -> tuple[float, str]:
 
 
 def sheet(rows: int, columns: int, height: float, **options: Any) -> tuple[Any, NDArray[Any]]:
-    """Figure 10 inches wide with axes (rows, columns), a restrained grid in each; options go to
-    `Figure.subplots`.
+    """Figure 10 inches wide with axes (rows, columns), a restrained grid in each.
+
+    Options go to `Figure.subplots`.
     """
     from matplotlib.figure import Figure
 
@@ -95,7 +96,7 @@ def sheet(rows: int, columns: int, height: float, **options: Any) -> tuple[Any, 
 
 
 def dress(ax: Any) -> None:
-    """Thin spines, pale grid, small labels, few ticks: ticks are what drawing spends its time on."""
+    """Give axes thin spines, a pale grid, small labels and few ticks (ticks are slow to draw)."""
     from matplotlib.ticker import MaxNLocator
 
     ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
@@ -151,9 +152,7 @@ def png(figure: Any) -> bytes:
 
 
 def _place_labels(figure: Any) -> None:
-    """Put axis labels at one distance (inches) from their axes, instead of measuring all tick
-    labels for it.
-    """
+    """Put axis labels at one distance (inches) from their axes, without measuring tick labels."""
     width, height = figure.get_size_inches()
     for ax in figure.axes:
         box = ax.get_position()

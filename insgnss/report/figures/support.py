@@ -32,8 +32,8 @@ def innovations(d: Diagnostics, marks: Marks) -> Any:
     figure, axes = sheet(4, 2, 8.0, sharey="row", gridspec_kw={"width_ratios": [6, 1]})
     figure.subplots_adjust(wspace=0.03)
     t = marks.minutes(d.fix_time)
-    known = np.isfinite(d.innovation.sum(axis=1))
-    kept = known & d.used if (known & d.used).any() else known
+    finite = np.isfinite(d.innovation.sum(axis=1))
+    kept = finite & d.used if (finite & d.used).any() else finite
     reach = max(
         1.5 * float(np.quantile(np.abs(d.innovation[kept]), 0.98)),
         1.15 * float(np.quantile(3 * d.innovation_sigma[kept], 0.9)),
@@ -71,8 +71,10 @@ def _points(ax: Any, t: Array, y: Array, used: NDArray[np.bool_]) -> None:
 
 
 def _nis(ax: Any, beside: Any, t: Array, d: Diagnostics, kept: NDArray[np.bool_]) -> None:
-    """NIS over time on a logarithmic scale, and its distribution by ln NIS, where chi-square with 3
-    degrees of freedom has the density x^(3/2) exp(-x/2) / sqrt(2 pi)."""
+    """Draw NIS over time on a logarithmic scale, and its distribution by ln NIS.
+
+    Chi-square with 3 degrees of freedom has there the density x^(3/2) exp(-x/2) / sqrt(2 pi).
+    """
     low, high = 1e-2, 4.0 * max(d.nis_limit, NIS_95)
     shown = np.clip(d.nis, low, high)
     ax.axhline(d.nis_limit, color="black", lw=1.0)
@@ -107,8 +109,9 @@ def _bare(ax: Any) -> None:
 
 
 def _normal_mixture(x: Array, sigma: Array) -> Array:
-    """Mean density at `x` of zero-mean normal variables of the standard deviations `sigma`, of at
-    most 200 of them.
+    """Mean density at `x` of zero-mean normal variables of the standard deviations `sigma`.
+
+    At most 200 of them are taken.
     """
     s = sigma[:: -(-sigma.size // 200)]
     return np.mean(np.exp(-0.5 * (x[:, None] / s) ** 2) / (math.sqrt(2.0 * math.pi) * s), axis=1)
@@ -166,13 +169,14 @@ def separation(d: Diagnostics, marks: Marks) -> Any:
 
 
 def _typical(sigma: Array) -> float:
-    known = sigma[np.isfinite(sigma)]
-    return float(np.median(known)) if known.size else 0.0
+    finite = sigma[np.isfinite(sigma)]
+    return float(np.median(finite)) if finite.size else 0.0
 
 
 def _look_at_the_middle(ax: Any, x: Array, bound: Array) -> None:
-    """Scale to three times the median: where one of the two filters knows little, as at the ends,
-    the line may leave the axes.
+    """Scale to three times the median.
+
+    Where one of the two filters knows little, as at the ends, the line may leave the axes.
     """
     size = np.maximum(np.abs(x), bound)
     size = size[np.isfinite(size)]

@@ -21,7 +21,7 @@ EARTH_RATE_DEG_H = 15.041
 
 
 def standing(f: Figures) -> Iterator[Limit]:
-    """A sensor at a given place."""
+    """Yield the accuracy of a sensor at a given position."""
     if not f["standing"]:
         return
     attitude, bias = (
@@ -30,7 +30,7 @@ def standing(f: Figures) -> Iterator[Limit]:
     )
     level = EARTH_RATE_DEG_H * math.cos(math.radians(f["flight"]["gnss"]["stationary"][0]))
     rate = level * math.radians(attitude[2])
-    told = (
+    text = (
         "standing at a given place: attitude from the Earth's rotation and gravity; heading sigma"
         f" {degrees(attitude[2])}, a level rate known to {rate:.2g} of the Earth's {level:.1f}"
         f" deg/h, gyro biases to {bias:.2g} deg/h; tilt sigma {degrees(tilt(attitude))}"
@@ -39,24 +39,24 @@ def standing(f: Figures) -> Iterator[Limit]:
     yield Limit(
         "standing",
         20.0,
-        told,
+        text,
         turn if bias > 0.5 * rate else "stand for longer: the gyros' noise averages out",
     )
 
 
 def code(f: Figures) -> Iterator[Limit]:
-    """Absolute position where no ambiguities were fixed."""
+    """Yield the absolute position where no ambiguities were fixed (float ambiguities, code)."""
     north, east, down = f["trajectory"]["position_mm"]["median"]
     horizontal = math.hypot(north, east)
     if horizontal < CODE_MM:
         return
-    told = (
+    text = (
         f"absolute position is known to {millimetres(horizontal)} horizontally and"
         f" {millimetres(down)} in height only"
     )
     if f["time_correlated_errors"]:
         slowest = max(error["time_s"] for error in f["time_correlated_errors"])
-        told += (
+        text += (
             f": the receiver's slow errors stay for {slowest / MINUTE_S:.0f} minutes and no"
             " averaging removes them"
         )
@@ -65,18 +65,19 @@ def code(f: Figures) -> Iterator[Limit]:
             at_worst = (
                 f"{millimetres(math.hypot(*minute[:2]))} and {millimetres(minute[2])} at the worst"
             )
-            told += f"; from one minute to the next positions agree to {at_worst}"
+            text += f"; from one minute to the next positions agree to {at_worst}"
     yield Limit(
         "absolute position",
         horizontal / GOOD_HORIZONTAL_MM,
-        told,
+        text,
         "process the raw GNSS data with those of a base station (PPK), or fly with RTK",
     )
 
 
 def _relative_mm(f: Figures, axis: int) -> float:
-    """Sigma of the change in a minute of Gauss-Markov errors, 2 s^2 (1 - exp(-t / T)) each: a bound
-    for what uses the IMU as well.
+    """Sigma of the change in a minute of Gauss-Markov errors, 2 s^2 (1 - exp(-t / T)) each.
+
+    It is a bound for what uses the IMU as well.
     """
     changes = [
         2.0 * error["sigma_m"][axis] ** 2 * -math.expm1(-MINUTE_S / error["time_s"])
@@ -86,14 +87,14 @@ def _relative_mm(f: Figures, axis: int) -> float:
 
 
 def heights(f: Figures) -> Iterator[Limit]:
-    """Heights that are much weaker than the rest."""
+    """Yield heights that are much less accurate than the horizontal."""
     north, east, down = f["trajectory"]["position_mm"]["median"]
     ratio = down / max(north, east)
     if ratio < HEIGHT_RATIO or f["standing"]:
         return
     sigma = f["innovations"]["median_sigma_mm"]
     of_fixes = sigma is not None and sigma[2] > OF_FIXES * ratio * max(sigma[:2])
-    told = (
+    text = (
         f"heights: {ratio:.1f} x the horizontal sigmas ({millimetres(down)} against"
         f" {millimetres(max(north, east))})"
     )
@@ -103,11 +104,11 @@ def heights(f: Figures) -> Iterator[Limit]:
             "the fixes are that much weaker there, all satellites being above",
             "let a control point or two carry the heights",
         )
-    yield Limit("heights", ratio / HEIGHT_RATIO, f"{told}, because {why}", help_)
+    yield Limit("heights", ratio / HEIGHT_RATIO, f"{text}, because {why}", help_)
 
 
 def overall_attitude(f: Figures) -> Iterator[Limit]:
-    """Heading and tilt of the whole flight against what a good flight shows."""
+    """Yield heading and tilt of the whole flight against what a good flight shows."""
     if f["standing"]:
         return
     median = (f["exposures"] or f["trajectory"])["attitude_deg"]["median"]
@@ -117,58 +118,59 @@ def overall_attitude(f: Figures) -> Iterator[Limit]:
             if tilt(median) > 0.0
             else "tilt being known"
         )
-        told = (
+        text = (
             f"heading sigma {degrees(median[2])} in the median, {times}: only changes of horizontal"
             " velocity show it to this IMU"
         )
         help_ = "fly sharper and more frequent turns, or use a better gyro or two antennas"
-        yield Limit("heading", median[2] / GOOD_HEADING_DEG, told, help_)
+        yield Limit("heading", median[2] / GOOD_HEADING_DEG, text, help_)
     if tilt(median) > GOOD_TILT_DEG:
         same, accel = 1e3 * math.radians(tilt(median)), max(f["biases"]["accel_sigma_mg"][:2])
-        told = (
+        text = (
             f"tilt sigma {degrees(tilt(median))} in the median, as a level accelerometer's bias of"
             f" {same:.2g} mg makes it"
         )
-        told += f"; these biases are known to {accel:.2g} mg at the end"
+        text += f"; these biases are known to {accel:.2g} mg at the end"
         yield Limit(
             "tilt",
             tilt(median) / GOOD_TILT_DEG,
-            told,
+            text,
             "turn between all lines, or use better fixes or a better IMU",
         )
 
 
 def gyro_bias(f: Figures) -> Iterator[Limit]:
-    """Gyro biases that the flight left unknown."""
+    """Yield gyro biases that the flight left undetermined."""
     sigma = f["biases"]["gyro_sigma_deg_h"]
     worst = max(range(3), key=lambda k: sigma[k])
     if sigma[worst] < GOOD_GYRO_DEG_H:
         return
     of_minute = degrees(sigma[worst] * MINUTE_S / 3600.0)
-    told = (
+    text = (
         f"gyro bias {f['biases']['axes'][worst]} known to {sigma[worst]:.0f} deg/h only at the end,"
         f" {of_minute} a minute"
     )
     yield Limit(
         "gyro bias",
         sigma[worst] / GOOD_GYRO_DEG_H,
-        told,
+        text,
         "record a minute at rest before or after the flight, or fly longer",
     )
 
 
 def states(f: Figures) -> Iterator[Limit]:
-    """Constants that the flight was to estimate: those it does not determine, and what came out of
-    the others.
+    """Yield what became of the constants that the flight was to estimate.
+
+    Those that it does not determine come first, then the values of the others.
     """
     typical = max(f["trajectory"]["position_mm"]["median"])
-    of_imu, found = [], []
+    of_imu, estimated = [], []
     for state in f["states"]:
         factor, unit = state["per_unit"], state["unit"]
         if not state["observed"] and state["moves_m"] is None:
             of_imu.append(state["name"])
         elif not state["observed"]:
-            told = (
+            text = (
                 f"{state['name']} is not observed: sigma {state['sigma'] * factor:.2g} {unit} of"
                 f" {state['prior'] * factor:.2g} {unit} before the flight,"
                 f" {millimetres(1e3 * state['moves_m'])} of position"
@@ -178,17 +180,17 @@ def states(f: Figures) -> Iterator[Limit]:
                 if unit == "ms"
                 else "measure it, or turn on the spot and fly figures of eight"
             )
-            yield Limit("constants", max(1.0, 1e3 * state["moves_m"] / typical), told, help_)
+            yield Limit("constants", max(1.0, 1e3 * state["moves_m"] / typical), text, help_)
         elif abs(state["value"]) > SIGNIFICANT * state["sigma"]:
-            found.append(
+            estimated.append(
                 f"{state['name']} {state['value'] * factor:+.3g} +- {state['sigma'] * factor:.2g}"
                 f" {unit}"
             )
-    if found:
+    if estimated:
         yield Limit(
             "constants",
             REMARK,
-            f"estimated from the flight, beside what the flight file has: {_some(found)}",
+            f"estimated from the flight, beside what the flight file has: {_some(estimated)}",
         )
     if of_imu:
         yield Limit(

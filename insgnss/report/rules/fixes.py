@@ -1,7 +1,8 @@
-"""Rules on whether the result can be believed: fixes against prediction, forward against backward,
-the checks of the input.
+"""Rules on whether the result can be trusted.
 
-A sentence is said where a figure leaves what a good flight shows by enough to matter to its user,
+Fixes against prediction, forward against backward, the checks of the input.
+
+A sentence is given where a figure leaves what a good flight shows by enough to matter to its user,
 not where a test of a hundred thousand fixes can tell it from perfection; the limits stand below.
 What contradicts the sigmas weighs `TRUST` times what only enlarges them. None of it says anything
 where the fixes were made up for a sensor that stands at a given place.
@@ -22,7 +23,7 @@ STAYS_S, FEW_MATTER = (
     300.0,
     0.02,
 )  # an error that lasts longer is one of the absolute position; share of the fixes
-OVERRULED, REMARK, LOST = (
+OVERRULED, REMARK, UNSUPPORTED = (
     50.0,
     0.5,
     1000.0,
@@ -30,8 +31,9 @@ OVERRULED, REMARK, LOST = (
 
 
 def judged(consistency: Figures) -> str:
-    """Verdict where it matters: within NIS_MATTERS the sigmas agree for all that their user can
-    tell.
+    """Return the verdict where it matters.
+
+    Within NIS_MATTERS the sigmas agree for all that their user can tell.
     """
     ratio = consistency["mean_per_dof"]
     if ratio is not None and NIS_MATTERS[0] <= ratio <= NIS_MATTERS[1]:
@@ -40,26 +42,27 @@ def judged(consistency: Figures) -> str:
 
 
 def contradicted(f: Figures) -> bool:
-    """Whether parts of the flight contradict the sigmas: covariance resets, or forward and backward
-    disagree.
+    """Return whether parts of the flight contradict the sigmas.
+
+    They do where the covariance was reset, or where forward and backward disagree.
     """
     ratios = [r for of in f["separation"]["normalised_rms"].values() for r in of if r]
     return bool(f["covariance_resets_s"]) or any(r > SEPARATION_MATTERS for r in ratios)
 
 
 def rejected(f: Figures) -> Iterator[Limit]:
-    """Fixes and velocities that the gate left out."""
+    """Yield the fixes and velocities that the gate rejected."""
     some, most = [], 0.0
     for total, key in (("fixes", "fixes_rejected"), ("velocities", "velocities_rejected")):
         n, out = f["counts"].get(total, 0), f["counts"].get(key, 0)
         if n and out == n:
-            told = f"all {n} {total} were rejected: they contradict the inertial data"
-            yield Limit("rejected", LOST, told, "check clock, axes and lever arm")
+            text = f"all {n} {total} were rejected: they contradict the inertial data"
+            yield Limit("rejected", UNSUPPORTED, text, "check clock, axes and lever arm")
         elif n and out > REJECTED_MATTERS * n:
             some.append(f"{out} of {n} {total} ({100 * out / n:.1f} %)")
             most = max(most, out / n)
     if some:
-        told = (
+        text = (
             f"{' and '.join(some)} were rejected by the gate: their sigmas do not describe their"
             " errors"
         )
@@ -67,116 +70,120 @@ def rejected(f: Figures) -> Iterator[Limit]:
             "see the crosses in the figures; take the receiver's own sigma of each fix where it"
             " gives one"
         )
-        yield Limit("rejected", most / REJECTED_MATTERS, told, help_)
+        yield Limit("rejected", most / REJECTED_MATTERS, text, help_)
 
 
 def covariance_resets(f: Figures) -> Iterator[Limit]:
-    """Where the filter lost the fixes."""
+    """Yield the covariance resets after rejected fixes."""
     times = f["covariance_resets_s"]
     if times:
-        at = ", ".join(f"{time:.1f}" for time in times[:5]) + (" ..." if len(times) > 5 else "")
+        instants = ", ".join(f"{time:.1f}" for time in times[:5]) + (
+            " ..." if len(times) > 5 else ""
+        )
         count = "once" if len(times) == 1 else f"{len(times)} times"
-        told = (
-            f"the filter lost the fixes, its covariance was reset {count} (TOW {at} s): only later"
-            " fixes support it there"
+        text = (
+            f"the filter lost the fixes, its covariance was reset {count} (TOW {instants} s): only"
+            " later fixes support it there"
         )
         yield Limit(
             "covariance resets",
             TRUST * (1.0 + len(times)),
-            told,
+            text,
             "look at the fixes before these times: jumps are the receiver's",
         )
 
 
 def nis(f: Figures) -> Iterator[Limit]:
-    """Innovations against their sigmas."""
-    for what in ("position", "velocity"):
-        c = f["consistency"][what]
+    """Yield innovations that do not agree with their sigmas (NIS)."""
+    for quantity in ("position", "velocity"):
+        c = f["consistency"][quantity]
         if c is None or judged(c) in ("consistent", "unknown"):
             continue
         numbers = "NIS {:.2f} per degree of freedom, 99 % bounds {:.3f} to {:.3f}".format(
             c["mean_per_dof"], *c["bounds_99"]
         )
-        told = f"{what} innovations are {c['size']:.2f} times what their sigmas say ({numbers})"
+        text = f"{quantity} innovations are {c['size']:.2f} times what their sigmas say ({numbers})"
         if c["verdict"] == "overconfident":
             why = (
                 "the sigmas of GNSS or IMU, and so those of the images, are too small, or the lever"
                 " arm or a clock is wrong"
             )
             help_ = (
-                f"check lever arm and clock, then raise the sigmas of the {_plural(what)} or the"
-                " noise of the IMU"
+                f"check lever arm and clock, then raise the sigmas of the {_plural(quantity)} or"
+                " the noise of the IMU"
             )
             yield Limit(
                 "innovations",
                 TRUST * c["mean_per_dof"] / NIS_MATTERS[1],
-                f"overconfident: {told}; {why}",
+                f"overconfident: {text}; {why}",
                 help_,
             )
         else:
             rank = min(NIS_MATTERS[0] / max(c["mean_per_dof"], 1e-3), 3.0)
-            yield Limit("innovations", rank, *_why_conservative(f, what, f"conservative: {told}"))
+            yield Limit(
+                "innovations", rank, *_why_conservative(f, quantity, f"conservative: {text}")
+            )
 
 
-def _why_conservative(f: Figures, what: str, told: str) -> tuple[str, str]:
-    """Small innovations of fixes whose errors last say nothing of the size of these errors."""
-    if what == "position" and any(
+def _why_conservative(f: Figures, quantity: str, text: str) -> tuple[str, str]:
+    """Small innovations say nothing of the size of time-correlated errors."""
+    if quantity == "position" and any(
         lag is not None and lag > LAG_ONE_MATTERS for lag in f["innovations"]["lag1"] or ()
     ):
-        return f"{told}; errors that last from fix to fix do not show in them", ""
-    key = "sigma_m" if what == "position" else "sigma_velocity_mps"
-    help_ = f"set a smaller gnss.{key}, to make use of what the {_plural(what)} are worth"
-    return f"{told}; the sigmas of GNSS or IMU are too large", help_
+        return f"{text}; time-correlated errors do not show in them", ""
+    key = "sigma_m" if quantity == "position" else "sigma_velocity_mps"
+    help_ = f"set a smaller gnss.{key}, to make use of what the {_plural(quantity)} are worth"
+    return f"{text}; the sigmas of GNSS or IMU are too large", help_
 
 
-def _plural(what: str) -> str:
-    return "fixes" if what == "position" else "velocities"
+def _plural(quantity: str) -> str:
+    return "fixes" if quantity == "position" else "velocities"
 
 
 def whiteness(f: Figures) -> Iterator[Limit]:
-    """Innovations that are not of zero mean, or last from fix to fix."""
+    """Yield innovations that are not of zero mean, or time-correlated."""
     i = f["innovations"]
     if i["rms_mm"] is None:
         return
     for axis, mean, rms in zip(AXES, i["mean_mm"], i["rms_mm"], strict=True):
         if abs(mean) > max(MEAN_MATTERS, i["lag1_bound_99"]) * rms:
-            told = f"innovations {axis} have a mean of {millimetres(mean)} (rms {millimetres(rms)})"
+            text = f"innovations {axis} have a mean of {millimetres(mean)} (rms {millimetres(rms)})"
             yield Limit(
                 "mean",
                 TRUST * abs(mean) / rms / MEAN_MATTERS,
-                told,
+                text,
                 "look for an error of lever arm, clock or datum",
             )
     bound = max(LAG_ONE_MATTERS, i["lag1_bound_99"])
-    known = [(lag, axis) for lag, axis in zip(i["lag1"], AXES, strict=True) if lag is not None]
+    determined = [(lag, axis) for lag, axis in zip(i["lag1"], AXES, strict=True) if lag is not None]
     conservative = f["consistency"]["position"]["verdict"] == "conservative"
     for sign in (
         (1.0,) if conservative else (1.0, -1.0)
     ):  # too large sigmas alone make negative ones as well
-        beyond = [(lag, axis) for lag, axis in known if sign * lag > bound]
+        beyond = [(lag, axis) for lag, axis in determined if sign * lag > bound]
         if not beyond:
             continue
         axes, lags = (
             ", ".join(x)
             for x in ([axis for _, axis in beyond], [f"{lag:+.2f}" for lag, _ in beyond])
         )
-        told = (
+        text = (
             f"innovations {axes} correlate {lags} with those of the fix before (99 % bound"
             f" {i['lag1_bound_99']:.2f})"
         )
         yield Limit(
             "correlation",
             max(abs(lag) for lag, _ in beyond) / LAG_ONE_MATTERS,
-            *_why_correlated(f, told, sign),
+            *_why_correlated(f, text, sign),
         )
 
 
-def _why_correlated(f: Figures, told: str, sign: float) -> tuple[str, str]:
+def _why_correlated(f: Figures, text: str, sign: float) -> tuple[str, str]:
     if sign < 0:
-        return f"{told}: the GNSS sigmas are too small", "raise the sigmas of the fixes"
+        return f"{text}: the GNSS sigmas are too small", "raise the sigmas of the fixes"
     if f["time_correlated_errors"]:
         return (
-            f"{told}: errors of GNSS last from fix to fix by more than their estimate explains",
+            f"{text}: errors of GNSS are time-correlated by more than their estimate explains",
             "",
         )
     help_ = (
@@ -184,35 +191,33 @@ def _why_correlated(f: Figures, told: str, sign: float) -> tuple[str, str]:
         " relative ones"
     )
     return (
-        f"{told}: errors of GNSS last from fix to fix, which the smoothed sigmas do not know",
+        f"{text}: errors of GNSS are time-correlated, which the smoothed sigmas do not know",
         help_,
     )
 
 
 def separation(f: Figures) -> Iterator[Limit]:
-    """Forward against backward."""
+    """Yield the separation of forward and backward where it exceeds its sigmas."""
     axes, worst = f["separation"]["axes"], []
     for state, ratios in f["separation"]["normalised_rms"].items():
-        known = [(r, axis) for r, axis in zip(ratios, axes, strict=True) if r is not None]
-        if known and max(known)[0] > SEPARATION_MATTERS:
-            worst.append((*max(known), state))
+        determined = [(r, axis) for r, axis in zip(ratios, axes, strict=True) if r is not None]
+        if determined and max(determined)[0] > SEPARATION_MATTERS:
+            worst.append((*max(determined), state))
     if worst:
         worst.sort(reverse=True)
-        told = ", ".join(f"{ratio:.1f} in {state} {axis}" for ratio, axis, state in worst)
+        listed = ", ".join(f"{ratio:.1f} in {state} {axis}" for ratio, axis, state in worst)
         why = (
             "the IMU noise model or the GNSS sigmas are too small, or the lever arm or a clock is"
             " wrong"
         )
-        text = f"forward and backward disagree by, in sigmas (rms), {told}: {why}"
+        text = f"forward and backward disagree by, in sigmas (rms), {listed}: {why}"
         yield Limit(
             "separation", TRUST * worst[0][0] / SEPARATION_MATTERS, text, "see in its figure where"
         )
 
 
 def time_correlated(f: Figures) -> Iterator[Limit]:
-    """Errors of the fixes that were found to last, but for those that stay, which are told with the
-    absolute position.
-    """
+    """Yield time-correlated errors of the fixes; `accuracy.code` reports those that stay."""
     near, fixes = f["neighbours"], f["counts"]["fixes"]
     for error in f["time_correlated_errors"]:
         if error["time_s"] >= STAYS_S or error["fixes"] < FEW_MATTER * fixes:
@@ -228,30 +233,30 @@ def time_correlated(f: Figures) -> Iterator[Limit]:
             f"{max(error['share']):.2f} of {'its' if all_ else 'their'} sigmas"
             f" ({lengths([1e3 * s for s in error['sigma_m']])}, N / E / D)"
         )
-        told = f"{whose} last {seconds} s and are {size}"
+        text = f"{whose} are time-correlated over {seconds} s, {size}"
         if near is not None:
             own = f["exposures"]["position_mm"]["median"]
-            told += (
+            text += (
                 f": neighbouring images share them, and are known to {lengths(near['position_mm'])}"
                 f" relative to each other, to {lengths(own)} absolutely (E / N / U)"
             )
         yield Limit(
             "time-correlated errors",
             1.0 + max(error["share"]),
-            told,
+            text,
             "use the cross-covariances of eo.json in the adjustment" if near else "",
         )
 
 
 def checks(f: Figures) -> Iterator[Limit]:
-    """What the checks of the input found, but for what other rules tell with its effect."""
-    told = ["IMU rate"] * bool(f["imu_gaps"] or len(f["segments"]) > 1) + ["GNSS rate"] * bool(
+    """Yield what the checks of the input found, but for what other rules report with its effect."""
+    covered = ["IMU rate"] * bool(f["imu_gaps"] or len(f["segments"]) > 1) + ["GNSS rate"] * bool(
         f["outages"]
     )
     for check in f["checks"]:
         made_up = f["standing"] and "GNSS" in check["name"]
         if check["verdict"] == "ok" or (
-            check["verdict"] == "note" and (made_up or check["name"] in told)
+            check["verdict"] == "note" and (made_up or check["name"] in covered)
         ):
             continue
         rank = OVERRULED if check["verdict"] == "contradiction" else REMARK

@@ -1,5 +1,6 @@
-"""Rules on where the result is weakest: a line, an image, an outage, a gap; each against the rest
-of the same flight.
+"""Rules on where the result is least accurate: a line, an image, an outage, a gap.
+
+Each is judged against the rest of the same flight.
 """
 
 import itertools
@@ -20,8 +21,9 @@ REMARK = 0.5
 
 
 def attitude(f: Figures) -> Iterator[Limit]:
-    """The line, and else the first image, whose heading or tilt is weak, with what was flown before
-    it.
+    """Yield the line, and else the first image, whose heading or tilt is least accurate.
+
+    What was flown before it is the reason given.
     """
     for name in ("heading", "tilt"):
         line = _weakest(f, f"{name}_deg")
@@ -32,7 +34,7 @@ def attitude(f: Figures) -> Iterator[Limit]:
 
 
 def position(f: Figures) -> Iterator[Limit]:
-    """The line whose position is weak, but for an outage, which has a rule of its own."""
+    """Yield the line of the least accurate position, but for an outage, which has its own rule."""
     line = _weakest(f, "horizontal_mm")
     if line is not None and _ratio(f, line, "horizontal_mm") > 1.0 and _outage_on(f, line) is None:
         yield from _on_line(f, line, "horizontal", "horizontal_mm", millimetres)
@@ -51,13 +53,13 @@ def _ratio(f: Figures, line: Figures, key: str) -> float:
 
 
 def _on_line(
-    f: Figures, line: Figures, name: str, key: str, told: Callable[[float], str]
+    f: Figures, line: Figures, name: str, key: str, form: Callable[[float], str]
 ) -> Iterator[Limit]:
     median = _median([other[key] for other in f["lines"]])
     images = f", {image_range(line)}" if line["images"] else ""
     where = f"line {line['line']} ({span(line['start_s'], line['end_s'])}{images})"
     why, help_ = _why(f, line)
-    text = f"{name} sigma {told(line[key])} on {where}, {told(median)} in the median of the lines"
+    text = f"{name} sigma {form(line[key])} on {where}, {form(median)} in the median of the lines"
     rank = _ratio(f, line, key)
     yield (
         Limit(name, rank, f"{text}: {why}", help_)
@@ -84,12 +86,12 @@ def _why(f: Figures, line: Figures) -> tuple[str, str]:
 
 def _outage_on(f: Figures, line: Figures) -> Figures | None:
     """The longest outage that overlaps a line."""
-    at = [
+    overlapping = [
         o
         for o in f["outages"]
         if o["time_s"] < line["end_s"] and o["time_s"] + o["length_s"] > line["start_s"]
     ]
-    return max(at, key=lambda o: float(o["length_s"]), default=None)
+    return max(overlapping, key=lambda o: float(o["length_s"]), default=None)
 
 
 def _first_image(f: Figures, name: str) -> Iterator[Limit]:
@@ -97,8 +99,8 @@ def _first_image(f: Figures, name: str) -> Iterator[Limit]:
     if e is None:
         return
     first, median = e["attitude_deg"]["first"], e["attitude_deg"]["median"]
-    at, usual = (first[2], median[2]) if name == "heading" else (tilt(first), tilt(median))
-    if at <= FIRST_IMAGE_RATIO * usual:
+    sigma, usual = (first[2], median[2]) if name == "heading" else (tilt(first), tilt(median))
+    if sigma <= FIRST_IMAGE_RATIO * usual:
         return
     turn = e["heading_range_before_first_deg"]
     turned = f"although the heading turned over {turn:.0f} deg before it"
@@ -109,28 +111,30 @@ def _first_image(f: Figures, name: str) -> Iterator[Limit]:
         if turn < TURN_DEG
         else turned
     )
-    text = f"{name} sigma {degrees(at)} at the first image, {degrees(usual)} in the median: {why}"
+    text = (
+        f"{name} sigma {degrees(sigma)} at the first image, {degrees(usual)} in the median: {why}"
+    )
     yield Limit(
         name,
-        at / usual / FIRST_IMAGE_RATIO,
+        sigma / usual / FIRST_IMAGE_RATIO,
         text,
         "fly a turn or a figure of eight before the first line",
     )
 
 
 def worst_image(f: Figures) -> Iterator[Limit]:
-    """An image that is much weaker than the others, but for the first."""
+    """Yield an image that is much less accurate than the others, but for the first."""
     e = f["exposures"]
     if e is None:
         return
-    for name, told, key in (
+    for name, form, key in (
         ("position", millimetres, "position_mm"),
         ("attitude", degrees, "attitude_deg"),
     ):
         worst, median = e[key]["worst"], e[key]["median"]
         ratio = max(worst["sigma"]) / max(median)
         if ratio > WORST_IMAGE_RATIO and worst["image"] != e["first_image"]:
-            sigmas = f"{told(max(worst['sigma']))} against {told(max(median))} in the median"
+            sigmas = f"{form(max(worst['sigma']))} against {form(max(median))} in the median"
             text = (
                 f"worst {name} at image {worst['image']} (TOW {worst['time_s']:.1f} s): sigma"
                 f" {sigmas}"
@@ -144,7 +148,7 @@ def worst_image(f: Figures) -> Iterator[Limit]:
 
 
 def outage(f: Figures) -> Iterator[Limit]:
-    """Times without fixes: the one in which the sigmas grow most, and how many others there are."""
+    """Yield the outage in which the sigmas grow most, and the number of the others."""
     if not f["outages"] or f["standing"]:
         return
     worst = max(f["outages"], key=lambda o: (float(o["horizontal_mm"]), float(o["length_s"])))
@@ -153,41 +157,41 @@ def outage(f: Figures) -> Iterator[Limit]:
         f"smoothed sigmas reach {millimetres(worst['horizontal_mm'])} horizontally,"
         f" {millimetres(worst['down_mm'])} down there"
     )
-    told = f"no used fix for {worst['length_s']:.1f} s from TOW {worst['time_s']:.1f} s on"
+    text = f"no used fix for {worst['length_s']:.1f} s from TOW {worst['time_s']:.1f} s on"
     if worst["rejected"]:
-        told += f" ({worst['rejected']} were rejected)"
+        text += f" ({worst['rejected']} were rejected)"
     if worst["images"]:
-        told += f", {image_range(worst)} in it"
+        text += f", {image_range(worst)} in it"
     others = len(f["outages"]) - 1
     more = f"; {others} more such {'time' if others == 1 else 'times'}" if others else ""
     rank = max(1.0, worst["horizontal_mm"] / 2**0.5 / median / OUTAGE_RATIO)
     help_ = "turn on both sides of an outage" if worst["length_s"] > 10.0 else ""
-    yield Limit("outage", rank, f"{told}: {grown}{more}", help_)
+    yield Limit("outage", rank, f"{text}: {grown}{more}", help_)
 
 
 def segments(f: Figures) -> Iterator[Limit]:
-    """Segments that were solved by themselves."""
+    """Yield the segments that were solved by themselves."""
     spans = f["segments"]
     if len(spans) > 1:
-        lost = sum(after[0] - before[1] for before, after in itertools.pairwise(spans))
+        missing_s = sum(after[0] - before[1] for before, after in itertools.pairwise(spans))
         text = (
             f"the flight falls into {len(spans)} segments that know nothing of each other"
-            f" ({lost:.0f} s between them without solution)"
+            f" ({missing_s:.0f} s between them without solution)"
         )
         yield Limit("segments", float(len(spans)), text, "find why the IMU's recording breaks off")
 
 
 def gaps(f: Figures) -> Iterator[Limit]:
-    """Missing samples of the IMU."""
-    found = f["imu_gaps"]
-    if found:
-        longest = max(found, key=lambda gap: float(gap["length_s"]))
-        told = (
+    """Yield the missing samples of the IMU."""
+    bridged = f["imu_gaps"]
+    if bridged:
+        longest = max(bridged, key=lambda gap: float(gap["length_s"]))
+        counted = (
             "1 gap of the IMU was bridged,"
-            if len(found) == 1
-            else f"{len(found)} gaps of the IMU were bridged, the longest"
+            if len(bridged) == 1
+            else f"{len(bridged)} gaps of the IMU were bridged, the longest"
         )
-        text = f"{told} of {longest['length_s']:.3f} s at TOW {longest['time_s']:.1f} s"
+        text = f"{counted} of {longest['length_s']:.3f} s at TOW {longest['time_s']:.1f} s"
         yield Limit("IMU gaps", max(REMARK, longest["length_s"] / LONG_IMU_GAP_S), text, "")
 
 

@@ -1,5 +1,6 @@
-"""What limits a flight, in plain sentences with numbers, the most important first, from the figures
-of `summary`.
+"""What limits a flight, in plain sentences with numbers, the most important first.
+
+The numbers are those of `summary`.
 
 Every rule looks at the figures and yields what it has to say, with a rank: how many times a figure
 exceeds what a good flight shows. The rules and their limits are in `rules_fixes`, `rules_accuracy`
@@ -14,7 +15,7 @@ from . import places as rules_places
 from .fixes import contradicted, judged
 from .wording import Figures, Limit, degrees, lengths, tilt
 
-MOST_SAID = 8
+MOST_SENTENCES = 8
 NOTHING_STANDS_OUT = (
     "nothing stands out: innovations, forward/backward separation and the sigmas of all images are"
     " those of a good flight"
@@ -52,13 +53,13 @@ def headline(figures: Figures) -> str:
     images, fixes = figures["exposures"], figures["counts"]
     claim = figures["trajectory"] if images is None else images
     position, attitude = lengths(claim["position_mm"]["median"]), claim["attitude_deg"]["median"]
-    what = "trajectory" if images is None else f"{images['count']} images"
-    told = (
-        f"{what}: median sigmas {position} ({', '.join(claim['axes'])}), tilt"
+    subject = "trajectory" if images is None else f"{images['count']} images"
+    text = (
+        f"{subject}: median sigmas {position} ({', '.join(claim['axes'])}), tilt"
         f" {degrees(tilt(attitude))}, heading {degrees(attitude[2])}"
     )
     if figures["standing"]:
-        return f"{told}; the sensor stands at a given place, no fixes support them"
+        return f"{text}; the sensor stands at a given place, no fixes support them"
     support = {
         "consistent": "the innovations agree with them",
         "overconfident": "the innovations are larger than they say",
@@ -67,7 +68,7 @@ def headline(figures: Figures) -> str:
     }[judged(figures["consistency"]["position"])]
     if contradicted(figures):
         support = "but parts of the flight contradict them"
-    return f"{told}; {support} ({fixes['fixes_used']} of {fixes['fixes']} fixes used)"
+    return f"{text}; {support} ({fixes['fixes_used']} of {fixes['fixes']} fixes used)"
 
 
 def limits(figures: Figures) -> list[Limit]:
@@ -78,14 +79,15 @@ def limits(figures: Figures) -> list[Limit]:
     )
 
 
-def verdict(found: Sequence[Limit]) -> list[str]:
-    """The first sentences of `limits`; where none of them is more than a remark, one that says so
-    stands before them.
+def verdict(ranked: Sequence[Limit]) -> list[str]:
+    """The first sentences of `limits`.
+
+    Where none of them is more than a remark, one that says so stands before them.
     """
-    said = [limit.sentence for limit in found[:MOST_SAID]]
-    return said if stands_out(found) else [NOTHING_STANDS_OUT, *said]
+    sentences = [limit.sentence for limit in ranked[:MOST_SENTENCES]]
+    return sentences if stands_out(ranked) else [NOTHING_STANDS_OUT, *sentences]
 
 
-def stands_out(found: Sequence[Limit]) -> bool:
+def stands_out(ranked: Sequence[Limit]) -> bool:
     """Whether anything is more than a remark."""
-    return any(limit.rank >= 1.0 for limit in found)
+    return any(limit.rank >= 1.0 for limit in ranked)

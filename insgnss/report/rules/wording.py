@@ -1,4 +1,4 @@
-"""How limits are said: one sentence with its rank, and numbers as a surveyor reads them."""
+"""How limits are stated: one sentence with its rank, and numbers as a surveyor reads them."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,9 +17,12 @@ MG_PER_M_S2 = 1e3 / STANDARD_GRAVITY
 class Limit:
     """One thing that limits a flight.
 
+    Parameters
+    ----------
     topic : what it is about, one word or two.
     rank : how many times it exceeds what a good flight shows; below 1 it is a remark.
-    text : what, how much, where and why.   help : what would help, or nothing.
+    text : what, how much, where and why.
+    help : what would help, or nothing.
     """
 
     topic: str
@@ -34,7 +37,7 @@ class Limit:
 
 
 def millimetres(x: float, unit: bool = True) -> str:
-    """Length in mm with two significant digits at least, in m from 1 m on where the unit is told."""
+    """Return a length in mm with two significant digits or more; with `unit` in m from 1 m on."""
     if unit and abs(x) >= 1e3:
         return f"{x / 1e3:.2f} m" if abs(x) < 1e4 else f"{x / 1e3:.1f} m"
     return f"{x:z.1f}{' mm' if unit else ''}" if abs(x) < 100 else f"{x:.0f}{' mm' if unit else ''}"

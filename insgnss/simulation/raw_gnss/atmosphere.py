@@ -1,5 +1,6 @@
-"""What the air does to a signal of a satellite: the delay of the troposphere by a ray through its
-layers, and of the ionosphere by a shell.
+"""What the air does to a signal of a satellite.
+
+The delay of the troposphere by a ray through its layers, and of the ionosphere by a shell.
 
 Troposphere. Refractivity N of dry air and vapour (Rueger 2002, "best average") of temperature T,
 pressure P and vapour pressure e,
@@ -22,7 +23,8 @@ from the Earth's centre away from the receiver (IS-GPS-200 20.3.3.5.2.5, unabrid
 x, north and east of a site in its tangent plane:
 
     sin z' = (R + h) cos E / (R + H),   psi = pi / 2 - E - z'
-    sin phi' = sin phi cos psi + cos phi sin psi cos A,   lambda' = lambda + asin(sin psi sin A / cos phi')  (A.3)
+    sin phi' = sin phi cos psi + cos phi sin psi cos A,
+    lambda' = lambda + asin(sin psi sin A / cos phi')                                          (A.3)
 
     V(x, t) = V0 + V' t + G x + a sin(2 pi (k x / length - t / period) + phase)                (A.4)
 
@@ -61,8 +63,9 @@ LOWEST_DEG = 2.0
 
 @dataclass(frozen=True)
 class Weather:
-    """Air at the base's antenna: pressure there, not reduced to sea level; temperature; relative
-    humidity, 0 to 1.
+    """Air at the base's antenna: pressure, temperature and relative humidity.
+
+    The pressure is that there, not reduced to sea level; the humidity is 0 to 1.
     """
 
     pressure_hpa: float = 957.0
@@ -112,8 +115,9 @@ class Troposphere:
         return np.asarray(77.6890 * (P - e) / T + 71.2952 * e / T + 375463.0 * e / T**2)
 
     def slant_delay(self, height: ArrayLike, elevation: ArrayLike) -> Array:
-        """Delay, m, at heights, m, below the tropopause, and elevations, rad, above 2 degrees, that
-        broadcast with each other (A.2).
+        """Return the delay, m, at heights, m, and elevations, rad, that broadcast (A.2).
+
+        Heights are below the tropopause, elevations above 2 degrees.
         """
         height, elevation = np.broadcast_arrays(
             np.asarray(height, dtype=np.float64), np.asarray(elevation, dtype=np.float64)
@@ -132,8 +136,9 @@ class Troposphere:
         return 1e-6 * total
 
     def table(self, lowest: float, highest: float, lowest_elevation: float) -> Any:
-        """Spline over height, m, and elevation, rad, of the delay times the sine of the elevation;
-        called with `grid=False`.
+        """Spline over height, m, and elevation, rad, of the delay times the sine of the elevation.
+
+        Called with `grid=False`.
         """
         from scipy.interpolate import RectBivariateSpline
 
@@ -145,8 +150,11 @@ class Troposphere:
 
 @dataclass(frozen=True)
 class Ionosphere:
-    """The shell of (A.4): its site's latitude and longitude, rad, V0 m, V' m/s, G (north, east)
-    m/m, amplitude of the wave m, its direction (north, east), its phase rad."""
+    """The ionospheric shell of (A.4).
+
+    It has its site's latitude and longitude, rad, V0 m, V' m/s, G (north, east) m/m, amplitude of
+    the wave m, its direction (north, east), its phase rad.
+    """
 
     site: tuple[float, float]
     vertical_m: float
@@ -157,12 +165,13 @@ class Ionosphere:
     wave_phase: float
 
     def delay(
-        self, elapsed: Array, place: tuple[Array, Array, Array], azimuth: Array, elevation: Array
+        self, elapsed: Array, receiver: tuple[Array, Array, Array], azimuth: Array, elevation: Array
     ) -> Array:
-        """Delay of the code on L1, m, (n, s), at `elapsed` (n,) s, of receivers at `place`:
-        latitude, longitude, rad, height, m, (n,).
+        """Return the ionospheric delay of the code on L1, m, (n, s), at `elapsed` (n,) s.
+
+        `receiver` is latitude, longitude, rad, height, m, (n,).
         """
-        lat, lon, height = (x[:, None] for x in place)
+        lat, lon, height = (x[:, None] for x in receiver)
         low = (
             (RADIUS_M + height) * np.cos(elevation) / (RADIUS_M + SHELL_M)
         )  # sine of the zenith angle at the shell

@@ -1,10 +1,12 @@
-"""A made-up constellation of GPS and GLONASS satellites and what they broadcast: the messages of
-one smooth orbit and clock each.
+"""A made-up constellation of GPS and GLONASS satellites and what they broadcast.
+
+The messages of one smooth orbit and clock each.
 
 GPS: 31 satellites in six planes, 60 degrees apart. All messages of a satellite are the same motion,
 written for other times of ephemeris t_k = 7200 s k (symbols of `gnss.orbits`):
 
-    M0_k = M0 + (sqrt(mu / a^3) + dn)(t_k - t_0),   i0_k = i0 + i'(t_k - t_0),   af0_k = af0 + af1 (t_k - t_0)          (C.1)
+    M0_k = M0 + (sqrt(mu / a^3) + dn)(t_k - t_0),   i0_k = i0 + i'(t_k - t_0),
+    af0_k = af0 + af1 (t_k - t_0)                                                              (C.1)
     Omega0_k = Omega0 + Omega'(t_k - t_0) - w (t_k - sow_k)                                    (C.2)
 
 with the other elements unchanged; the last term of (C.2), zero within a week, takes the elements to
@@ -95,13 +97,20 @@ LONGEST_S = 86400.0
 def constellation(
     gps_week: int, start_tow: float, end_tow: float, systems: str = "GR", seed: int = 0
 ) -> Navigation:
-    """Messages of all satellites from `start_tow` to `end_tow`, s of `gps_week`, GPST, in order of
-    their time of ephemeris.
+    """Return the messages of all satellites in order of their time of ephemeris.
+
+    They are those from `start_tow` to `end_tow`, s of `gps_week`, GPST.
 
     Any instant between is within an hour (GLONASS: a quarter) of a message of each satellite.
+
+    Parameters
+    ----------
     systems : of G and R.
-    Raises UsageError for another system, for times that are none of a flight, and for a negative
-    seed.
+
+    Raises
+    ------
+    UsageError
+        For another system, for times that are none of a flight, and for a negative seed.
     """
     if not systems or set(systems) - set("GR") or seed < 0:
         raise UsageError(
@@ -178,8 +187,9 @@ def _gps_elements(toe: float, rng: np.random.Generator) -> Array:
 
 
 def _kepler_messages(elements: Array, toe: Array) -> Array:
-    """(k, COLUMNS) messages of `elements` (COLUMNS,) at toe (k,) s of the first one's week (C.1,
-    C.2).
+    """Messages (k, COLUMNS) of `elements` (COLUMNS,) at toe (k,) s (C.1, C.2).
+
+    toe is of the first one's week.
     """
     row = np.tile(elements, (toe.size, 1))
     since = toe - elements[TOE]
@@ -220,8 +230,9 @@ def _glonass_messages(toe: Array, rng: np.random.Generator) -> Array:
 
 
 def _glonass_start(rng: np.random.Generator) -> tuple[Array, Array]:
-    """Positions and velocities (24, 3), m and m/s, in the axes of the Earth, of nearly circular
-    orbits (planes by table 4.4 of the ICD).
+    """Positions and velocities (24, 3), m and m/s, in the axes of the Earth, of near circles.
+
+    The planes are those of table 4.4 of the ICD.
     """
     plane, slot = np.divmod(np.arange(24), 8)
     ecc, perigee = rng.uniform(1e-4, 2e-3, 24), rng.uniform(0.0, 2.0 * np.pi, 24)
@@ -259,9 +270,7 @@ def _in_plane(u: Array, incl: Array, node: Array) -> Array:
 
 
 def _integrated(start: Array, lunisolar: Array, elapsed: Array) -> Array:
-    """(n, k, 6) states at `elapsed` (k,) s from 0, in order, of satellites that start with `start`
-    (n, 6).
-    """
+    """States (n, k, 6) at `elapsed` (k,) s from 0, in order, of satellites from `start` (n, 6)."""
     from scipy.integrate import solve_ivp
 
     def rate(_: float, flat: Array) -> Array:

@@ -1,5 +1,6 @@
-"""A receiver's own part in what it measures: its clock, noise and reflections, and what it holds in
-lock.
+"""A receiver's own part in what it measures.
+
+Its clock, noise and reflections, and what it holds in lock.
 
 Clock. Offset dt of the receiver's clock from GPST at its epochs, of a start, a drift, and random
 walks of phase and of frequency. With jumps of J, what is written is dt - J round(dt / J): stamps,
@@ -37,10 +38,14 @@ LARGEST_RESTART = 100_000  # cycles by which an ambiguity differs when a satelli
 
 @dataclass(frozen=True)
 class Tracking:
-    """How often lock suffers: rates per satellite and hour, more often by `turn_factor` where the
-    bank exceeds `turn_bank_deg`.
+    """How often lock suffers: rates per satellite and hour.
 
-    reported_share : of the slips.   outage_s : shortest and longest loss of a satellite.
+    It suffers more often by `turn_factor` where the bank exceeds `turn_bank_deg`.
+
+    Parameters
+    ----------
+    reported_share : of the slips.
+    outage_s : shortest and longest loss of a satellite.
     """
 
     slips_per_hour: float = 4.0
@@ -63,9 +68,9 @@ class Tracking:
                     f"tracking: {name} {getattr(self, name):g}; it must be finite and not negative"
                 )
         if self.reported_share > 1.0 or not 0.0 < self.outage_s[0] <= self.outage_s[1] < np.inf:
-            what = f"reported_share {self.reported_share:g}, outage_s {self.outage_s}"
+            given = f"reported_share {self.reported_share:g}, outage_s {self.outage_s}"
             raise UsageError(
-                f"tracking: {what}; the share lies between 0 and 1, outages last from a shorter to"
+                f"tracking: {given}; the share lies between 0 and 1, outages last from a shorter to"
                 " a longer time"
             )
 
@@ -82,6 +87,8 @@ class Tracking:
 class Locks:
     """Locks of n epochs and s satellites on two bands.
 
+    Parameters
+    ----------
     held : (n, s, 2).
     cycles : (n, s, 2) integers to be added to the phase.
     report : (n, s, 2) loss of lock reported.
@@ -97,8 +104,9 @@ class Locks:
 def clock(
     n: int, interval: float, offset_s: float, drift: float, rng: np.random.Generator
 ) -> Array:
-    """(n,) s, clock minus GPST at epochs `interval` s apart; start and drift are drawn, evenly and
-    normally, of these sizes.
+    """Return the clock minus GPST (n,) s, at epochs `interval` s apart.
+
+    Start and drift are drawn, evenly and normally, of these sizes.
     """
     start, rate = rng.uniform(-offset_s, offset_s), drift * rng.standard_normal()
     frequency = rate + np.cumsum(FREQUENCY_WALK * np.sqrt(interval) * rng.standard_normal(n))
@@ -115,8 +123,9 @@ def noise(
     interval: float,
     rng: np.random.Generator,
 ) -> Array:
-    """(n, s) m, white and Gauss-Markov noise of s satellites over the `sine` (n, s) of their
-    elevation.
+    """Return white and Gauss-Markov noise (n, s), m, of s satellites.
+
+    It is over the `sine` (n, s) of their elevation.
     """
     out = white_m * rng.standard_normal(sine.shape)
     if correlated_m > 0.0:
@@ -129,10 +138,11 @@ def noise(
 def track(
     visible: Flags, bank: Array, interval: float, tracking: Tracking, rng: np.random.Generator
 ) -> Locks:
-    """Locks on satellites that could be `visible` (n, s), at a `bank` (n,), rad, of the antenna;
-    epochs `interval` s apart.
+    """Return the locks on satellites that could be `visible` (n, s), at a `bank` (n,), rad.
+
+    The epochs are `interval` s apart; the bank is that of the antenna.
     """
-    lost, slip = rng.spawn(2)
+    outage, slip = rng.spawn(2)
     n, s = visible.shape
     often = (
         np.where(np.abs(bank) > np.radians(tracking.turn_bank_deg), tracking.turn_factor, 1.0)[
@@ -142,9 +152,9 @@ def track(
         / 3600.0
     )
     held = np.repeat(visible[:, :, None], 2, axis=2)
-    for k, j in np.argwhere(visible & (lost.random((n, s)) < tracking.outages_per_hour * often)):
-        last = k + max(1, round(lost.uniform(*tracking.outage_s) / interval))
-        held[k:last, j, int(lost.random() < LOST_ON_L2_ALONE) :] = False
+    for k, j in np.argwhere(visible & (outage.random((n, s)) < tracking.outages_per_hour * often)):
+        last = k + max(1, round(outage.uniform(*tracking.outage_s) / interval))
+        held[k:last, j, int(outage.random() < LOST_ON_L2_ALONE) :] = False
     before = np.zeros_like(held)
     before[1:] = held[:-1]
     fresh = held & ~before

@@ -1,5 +1,6 @@
-"""Ways of satellites' signals to a moving antenna: ranges and their rates, and where in the sky,
-and over the antenna, they come from.
+"""Ways of satellites' signals to a moving antenna.
+
+Ranges and their rates, and where in the sky, and over the antenna, they come from.
 
 A signal received at r_a(t) was sent at t - tau of system time, in axes that have since turned with
 the Earth:
@@ -38,11 +39,15 @@ MARGIN_DEG = 1.0
 class Antenna:
     """A receiver's antenna at n epochs.
 
+    Parameters
+    ----------
     stamp : (n,) s by its clock.
     time : (n,) s, true.
     clock_s : (n,) stamp - time.
     clock_rate : (n,), jumps left out.
-    position, velocity : (n, 3) m, m/s, ECEF.   up : (n, 3) normal of its plane, ECEF.   bank : (n,) rad.
+    position, velocity : (n, 3) m, m/s, ECEF.
+    up : (n, 3) normal of its plane, ECEF.
+    bank : (n,) rad.
     """
 
     stamp: Array
@@ -57,8 +62,10 @@ class Antenna:
 
 @dataclass(frozen=True, eq=False)
 class Satellites:
-    """Satellites (s,) in view: row of the navigation, frequency number, and errors of orbit (s, 3)
-    m, ECEF, and clock (s,) m.
+    """Satellites (s,) in view.
+
+    They have a row of the navigation, frequency number, and errors of orbit (s, 3) m, ECEF, and
+    clock (s,) m.
     """
 
     navigation: Navigation
@@ -71,8 +78,11 @@ class Satellites:
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """Ways of signals, all (n, s): range m, its rate m/s, satellite clock m and its rate m/s,
-    azimuth and elevation rad, and the sine of the elevation above the antenna's plane."""
+    """Ways of signals, all (n, s).
+
+    They are range m, its rate m/s, satellite clock m and its rate m/s, azimuth and elevation rad,
+    and the sine of the elevation above the antenna's plane.
+    """
 
     distance: Array
     rate: Array
@@ -85,14 +95,17 @@ class Paths:
 
 def satellites_in_view(
     navigation: Navigation,
-    place: Array,
+    position: Array,
     span: tuple[float, float],
     mask_deg: float,
     error_m: float,
     rng: np.random.Generator,
 ) -> Satellites:
-    """Satellites that stand above the mask of a place (3,) m, ECEF, within `span`, s; error_m : sd
-    of each axis, and of the clock.
+    """Satellites that stand above the mask of a place (3,) m, ECEF, within `span`, s.
+
+    Parameters
+    ----------
+    error_m : sd of each axis, and of the clock.
     """
     codes = np.unique(navigation.satellite)
     apart = np.abs(navigation.table[:, TOE] - 0.5 * (span[0] + span[1]))
@@ -109,8 +122,8 @@ def satellites_in_view(
         np.repeat(grid, codes.size),
         np.tile(message, grid.size),
     )
-    lat, lon, _ = ecef_to_geodetic(place)
-    away = states.position.reshape(grid.size, codes.size, 3) - place
+    lat, lon, _ = ecef_to_geodetic(position)
+    away = states.position.reshape(grid.size, codes.size, 3) - position
     sine = -(away @ rotation_en(lat, lon)[:, 2]) / np.linalg.norm(away, axis=2)
     seen = sine.max(axis=0) > np.sin(np.radians(mask_deg - MARGIN_DEG))
     error = error_m * rng.standard_normal((int(seen.sum()), 4))

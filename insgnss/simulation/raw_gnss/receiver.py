@@ -1,5 +1,6 @@
-"""A GNSS receiver on an exact motion: positions and velocities of its antenna, with errors, claims,
-latency and bad stretches.
+"""A GNSS receiver on an exact motion.
+
+Positions and velocities of its antenna, with errors, claims, latency and degraded periods.
 
 The position of a fix is that of the antenna (S.2 of `sensors`) at the instant that the fix belongs
 to, its stamp less the latency.
@@ -25,12 +26,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FixEpisode:
-    """A stretch without fixed ambiguities; times are s after the record's start, directions north,
-    east, down.
+    """A period without fixed ambiguities.
 
-    quality : of `records.qualities`.   sigma_m : of the error, which replaces that of the other
-                                        fixes and has
-    this `correlation_time_s` (0: white).   claim_m : what the fixes say of it; None: the truth.
+    Times are s after the record's start, directions north, east, down.
+
+    Parameters
+    ----------
+    quality : of `records.qualities`.
+    sigma_m : of the error, which replaces that of the other fixes and has this `correlation_time_s`
+        (0: white).
+    claim_m : what the fixes say of it; None: the truth.
     """
 
     start_s: float
@@ -53,10 +58,14 @@ class FixEpisode:
 
 @dataclass(frozen=True)
 class GnssOptions:
-    """How the receiver measures and errs; directions are north, east, down, times s after the
-    record's start.
+    """How the receiver measures and errs.
 
-    sigma_m : white errors.   correlated_sigma_m, correlation_time_s : a Gauss-Markov error on top.
+    Directions are north, east, down, times s after the record's start.
+
+    Parameters
+    ----------
+    sigma_m : white errors.
+    correlated_sigma_m, correlation_time_s : a Gauss-Markov error on top.
     claim_correlated : whether the fixes claim the sum of both, or the white part alone.
     outlier_fraction, outlier_m : share of fixes displaced in a random direction, by a distance in
         this range, beyond their claim.
@@ -92,24 +101,32 @@ class GnssOptions:
 def simulate_gnss(
     flight: Flight, rig: Rig, options: GnssOptions, rng: np.random.Generator
 ) -> tuple[GnssFixes, NDArray[np.bool_]]:
-    """Fixes of the antenna, and which of them are outliers, (n,). Raises UsageError when outages
-    leave none.
+    """Fixes of the antenna, and which of them are outliers, (n,).
+
+    Raises
+    ------
+    UsageError
+        When outages leave none.
     """
     motion = flight.motion
-    white, coloured, gross, bad = rng.spawn(4)
+    white, correlated, gross, bad = rng.spawn(4)
     stamp = _stamps(motion, options)
-    at = np.clip(stamp - options.latency_s, motion.start, motion.end)
-    position, velocity = antenna_states(motion, rig.antenna_lever_b, at)
+    instant = np.clip(stamp - options.latency_s, motion.start, motion.end)
+    position, velocity = antenna_states(motion, rig.antenna_lever_b, instant)
     C_ln = motion.frame.C_ln_at(position)
-    error = white.standard_normal((at.size, 3)) * options.sigma_m + _correlated(
-        options.correlated_sigma_m, options.correlation_time_s, at.size, options.rate_hz, coloured
+    error = white.standard_normal((instant.size, 3)) * options.sigma_m + _correlated(
+        options.correlated_sigma_m,
+        options.correlation_time_s,
+        instant.size,
+        options.rate_hz,
+        correlated,
     )
     claim = (
         np.square(options.sigma_m)
         + np.square(options.correlated_sigma_m) * options.claim_correlated
     )
-    variance = np.broadcast_to(claim, (at.size, 3)).copy()
-    quality = np.full(at.size, Quality.FIXED, dtype=np.int64)
+    variance = np.broadcast_to(claim, (instant.size, 3)).copy()
+    quality = np.full(instant.size, Quality.FIXED, dtype=np.int64)
     for episode, stream in zip(options.episodes, bad.spawn(len(options.episodes)), strict=True):
         inside = _within(stamp - motion.start, (episode.start_s, episode.duration_s))
         error[inside] = _correlated(
@@ -119,13 +136,13 @@ def simulate_gnss(
             episode.sigma_m if episode.claim_m is None else episode.claim_m
         )
         quality[inside] = episode.quality
-    outlier = gross.random(at.size) < options.outlier_fraction
-    direction = gross.standard_normal((at.size, 3))
-    direction *= (gross.uniform(*options.outlier_m, at.size) / np.linalg.norm(direction, axis=1))[
-        :, None
-    ]
+    outlier = gross.random(instant.size) < options.outlier_fraction
+    direction = gross.standard_normal((instant.size, 3))
+    direction *= (
+        gross.uniform(*options.outlier_m, instant.size) / np.linalg.norm(direction, axis=1)
+    )[:, None]
     error += outlier[:, None] * direction
-    keep = np.ones(at.size, dtype=bool)
+    keep = np.ones(instant.size, dtype=bool)
     for outage in options.outages:
         keep &= ~_within(stamp - motion.start, outage)
     if not keep.any():
@@ -158,8 +175,8 @@ def _stamps(motion: Motion, options: GnssOptions) -> Array:
     return np.clip(stamps, motion.start + options.latency_s, motion.end + options.latency_s)
 
 
-def _within(elapsed: Array, stretch: tuple[float, float]) -> NDArray[np.bool_]:
-    start, duration = stretch
+def _within(elapsed: Array, period: tuple[float, float]) -> NDArray[np.bool_]:
+    start, duration = period
     return (elapsed >= start) & (elapsed < start + duration)
 
 

@@ -1,20 +1,21 @@
-"""Writing of RINEX 2.11: observations with external events, and the navigation of GPS (`.n`) and of
-GLONASS (`.g`).
+"""Writing of RINEX 2.11.
+
+Observations with external events, and the navigation of GPS (`.n`) and of GLONASS (`.g`).
 
 Columns are those of the format's tables A1 and A2 (observations), A3 and A4 (GPS), A10 and A11
 (GLONASS); RINEX 2.11 of 2012:
 
     epoch          1X,I2.2,4(1X,I2),F11.7,2X,I1,I3,12(A1,I2), continued in column 33 for each
                    further twelve satellites
-    observations   m(F14.3,I1,I1), five a line: number, loss of lock, signal strength; blank where
+    observations   m(F14.3,I1,I1), five a line: number, loss of lock, C/N0 indicator; blank where
                    missing
     GPS            I2,1X,I2.2,4(1X,I2),F5.1,3D19.12, and seven lines of 3X,4D19.12
     GLONASS        the same with the epoch in UTC, and three lines of 3X,4D19.12, in km
 
 An external event (flag 5) stands before the first epoch that is not earlier, in the time of the
-observations' stamps. The strength of a phase is that of its band's S, dB-Hz, in the steps of RINEX
-3: min(max(int(S / 6), 1), 9). A number of 0.000 reads as missing, by the format's own rule. Numbers
-become digits some epochs at a time, so that memory does not grow with the file.
+observations' stamps. The C/N0 indicator of a phase is that of its band's S, dB-Hz, in the steps of
+RINEX 3: min(max(int(S / 6), 1), 9). A number of 0.000 reads as missing, by the format's own rule.
+Numbers become digits some epochs at a time, so that memory does not grow with the file.
 """
 
 import os
@@ -48,13 +49,19 @@ _EPOCH_DAY = np.datetime64(GPS_EPOCH.date(), "D")
 
 @dataclass(frozen=True, eq=False)
 class ObservationTable:
-    """What a receiver observed in n epochs: m rows, one for each satellite of an epoch, of k
-    observations.
+    """What a receiver observed in n epochs.
 
+    It has m rows, one for each satellite of an epoch, of k observations.
+
+    Parameters
+    ----------
     time : (n,) s, GPST of `gps_week` by the receiver's clock, increasing.
     epoch : (m,) place in `time`, not decreasing.
-    satellite : (m,) such as "G05".   types : (k) names of RINEX 2, such as "L1".   values : (m, k) m, cycles, Hz, dB-Hz; NaN: missing.
-    loss_of_lock : (m, k) 0 to 7.   events : (e,) s as `time`, not decreasing, of external events.
+    satellite : (m,) such as "G05".
+    types : (k) names of RINEX 2, such as "L1".
+    values : (m, k) m, cycles, Hz, dB-Hz; NaN: missing.
+    loss_of_lock : (m, k) 0 to 7.
+    events : (e,) s as `time`, not decreasing, of external events.
     event_records : lines of at most 60 characters for each event, written as comments behind it; ()
         for none at all.
     """
@@ -103,8 +110,11 @@ class ObservationTable:
 
 @dataclass(frozen=True)
 class Station:
-    """What a header says of a receiver; position_m : (3) m ECEF of the antenna, approximate or
-    known; the antenna has no offsets.
+    """What a header says of a receiver.
+
+    Parameters
+    ----------
+    position_m : (3) m ECEF of the antenna, approximate or known; the antenna has no offsets.
     """
 
     marker: str
@@ -116,8 +126,11 @@ class Station:
 def write_observations(path: File, station: Station, table: ObservationTable) -> None:
     """Write a RINEX 2.11 observation file; whole or not at all.
 
-    Raises UsageError where it cannot be written, or a number is beyond its 14 columns (add or take
-    off whole cycles from a phase).
+    Raises
+    ------
+    UsageError
+        Where it cannot be written, or a number is beyond its 14 columns (add or take off whole
+        cycles from a phase).
     """
     atomic_write(path, _observation_lines(path, station, table))
 
@@ -131,19 +144,19 @@ def _observation_lines(path: File, station: Station, table: ObservationTable) ->
     behind = np.searchsorted(
         _ticks(table.time), _ticks(table.events)
     )  # the epoch that an event stands before
-    place = np.searchsorted(behind, np.arange(n + 2))
+    first_event = np.searchsorted(behind, np.arange(n + 2))
     for first in range(0, n, _CHUNK):
         last = min(first + _CHUNK, n)
-        part = slice(rows[first], rows[last])
-        body = _rows(path, table, part)
-        names = np.ascontiguousarray(table.satellite[part], dtype="S3")
+        chunk = slice(rows[first], rows[last])
+        body = _rows(path, table, chunk)
+        names = np.ascontiguousarray(table.satellite[chunk], dtype="S3")
         parts: list[bytes] = []
         for k in range(first, last):
-            parts += events[place[k] : place[k + 1]]
+            parts += events[first_event[k] : first_event[k + 1]]
             own = slice(rows[k] - rows[first], rows[k + 1] - rows[first])
             parts += [_epoch_lines(heads[k], names[own].tobytes()), body[own].tobytes()]
         yield b"".join(parts)
-    yield b"".join(events[place[n] :])
+    yield b"".join(events[first_event[n] :])
 
 
 def _observation_header(station: Station, table: ObservationTable) -> str:
@@ -175,7 +188,8 @@ def _observation_header(station: Station, table: ObservationTable) -> str:
             else [_record(f"{station.interval_s:10.3f}", "INTERVAL")]
         ),
         _record(
-            f"{first.year:6d}{first.month:6d}{first.day:6d}{first.hour:6d}{first.minute:6d}{seconds:13.7f}{'':5}GPS",
+            f"{first.year:6d}{first.month:6d}{first.day:6d}{first.hour:6d}{first.minute:6d}"
+            f"{seconds:13.7f}{'':5}GPS",
             "TIME OF FIRST OBS",
         ),
         _record(f"{_leap(first):6d}", "LEAP SECONDS"),
@@ -189,8 +203,9 @@ def _record(text: str, label: str) -> str:
 
 
 def _program(when: datetime) -> str:
-    """The record of the program; the file is dated by its content, so that the same content is the
-    same file.
+    """The record of the program.
+
+    The file is dated by its content, so that the same content is the same file.
     """
     month = ("JAN", "FEB", "MAR", "APR", "MAY", "JUN", "JUL", "AUG", "SEP", "OCT", "NOV", "DEC")[
         when.month - 1
@@ -242,25 +257,25 @@ def _event_records(table: ObservationTable) -> list[bytes]:
     ]
 
 
-def _rows(path: File, table: ObservationTable, part: slice) -> NDArray[np.uint8]:
+def _rows(path: File, table: ObservationTable, chunk: slice) -> NDArray[np.uint8]:
     """The lines of these rows: (m, size of a satellite's lines) letters."""
-    values, k = table.values[part], len(table.types)
+    values, k = table.values[chunk], len(table.types)
     there = np.isfinite(values)
     number = np.rint(np.where(there, values, 0.0) * 1e3)
     if (beyond := (number > LARGEST) | (number < SMALLEST)).any():
         row, column = np.argwhere(beyond)[0]
-        epoch, name = table.epoch[part][row], table.types[column]
-        what = (
-            f"{table.satellite[part][row]} {name} {values[row, column]:.3f} at"
+        epoch, name = table.epoch[chunk][row], table.types[column]
+        entry = (
+            f"{table.satellite[chunk][row]} {name} {values[row, column]:.3f} at"
             f" {table.time[epoch]:.3f} s"
         )
         raise UsageError(
-            f"{path}: {what} is beyond the 14 columns of RINEX 2.11; take whole cycles off the"
+            f"{path}: {entry} is beyond the 14 columns of RINEX 2.11; take whole cycles off the"
             " phases"
         )
     letters = np.full((len(values), k, COLUMNS), ord(" "), dtype=np.uint8)
     _put_numbers(letters, number.astype(np.int64))
-    lock = table.loss_of_lock[part]
+    lock = table.loss_of_lock[chunk]
     letters[:, :, 14] = np.where(lock > 0, ord("0") + lock, ord(" "))
     for column, name in enumerate(table.types):
         band = f"S{name[1:]}"
@@ -299,12 +314,18 @@ def _lines(letters: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def write_navigation(gps_path: File, glonass_path: File, navigation: Navigation) -> None:
-    """Write the messages of GPS and of GLONASS as RINEX 2.11 navigation files, each whole or not at
-    all.
+    """Write the messages of GPS and of GLONASS as RINEX 2.11 navigation files.
+
+    Each file is written whole or not at all.
 
     What the table of messages does not hold is nominal: a satellite is healthy, claims 2 m, has no
-    group delay and a fit interval of
-    four hours; its issue of data follows from the time of ephemeris.   Raises UsageError where a file cannot be written.
+    group delay and a fit interval of four hours; its issue of data follows from the time of
+    ephemeris.
+
+    Raises
+    ------
+    UsageError
+        Where a file cannot be written.
     """
     first = calendar_from_gps(navigation.gps_week, float(navigation.table[:, TOC].min()), "gpst")
     for path, letter, label, message in (
@@ -325,8 +346,8 @@ def _gps_message(navigation: Navigation, k: int) -> str:
     """Message `k` of the table, eight lines."""
     message = navigation.table[k]
     numbers = [0.0] * 28
-    for column, place in PLACES.items():
-        numbers[place] = float(message[column])
+    for column, position in PLACES.items():
+        numbers[position] = float(message[column])
     issue = float(int(message[SOW]) // 900 % 256)
     numbers[3] = issue
     numbers[21] = navigation.gps_week + message[TOE] // WEEK_S

@@ -1,5 +1,6 @@
-"""What two GNSS receivers measure: codes, phases, Doppler and signal strength of a rover on an
-exact motion and of a base beside it.
+"""What two GNSS receivers measure: codes, phases, Doppler and C/N0.
+
+They are a rover on an exact motion and a base beside it.
 
 A receiver with the clock offset dt writes at T = t + dt of its clock what it receives at t. With
 the range rho, and dts the offset of the satellite's clock when the signal was sent (`raw_paths`;
@@ -62,21 +63,24 @@ class RawGnssOptions:
     """How rover and base measure and err.
 
     rate_hz, base_rate_hz.
+
+    Parameters
+    ----------
     systems : of G and R.
-    base_offset_m : north, east, up of the base from the site's origin, up along the
-        ellipsoidal normal.   elevation_mask_deg; antenna_mask_deg : against the plane of the
-                              antenna, which banks.
+    base_offset_m : north, east, up of the base from the site's origin, up along the ellipsoidal
+        normal.   elevation_mask_deg; antenna_mask_deg : against the plane of the antenna, which
+        banks.
     code_sigma_m, phase_sigma_m : white; code_multipath_m, phase_multipath_m : Gauss-Markov of
-        multipath_s; all at zenith, and over the
-        sine of the elevation.   doppler_sigma_ms : white.
-    iono_vertical_m, iono_rate_ms, iono_gradient (m/m, of random direction), iono_wave_m : of the
-    delay on L1 (`raw_air`). The first alone
-        shortens a baseline, as the engine finds it from L1 and L2, by 0.6 mm/km for each metre; it
-        must outweigh the gradient over the 1500 km to where the lowest rays pierce the shell.
+        multipath_s; all at zenith, and over the sine of the elevation.
+    doppler_sigma_ms : white. iono_vertical_m, iono_rate_ms, iono_gradient (m/m, of random
+        direction), iono_wave_m : of the delay on L1 (`raw_air`). The first alone shortens a
+        baseline, as the engine finds it from L1 and L2, by 0.6 mm/km for each metre; it must
+        outweigh the gradient over the 1500 km to where the lowest rays pierce the shell.
     weather : at the base.
     clock_offset_s, clock_drift : of either receiver, the first drawn evenly up to this, the second
         a standard deviation.
-    clock_jump_s : 0.001 for millisecond jumps, 0 for none.   hardware_bias_m : sd of B.
+    clock_jump_s : 0.001 for millisecond jumps, 0 for none.
+    hardware_bias_m : sd of B.
     glonass_code_bias_m : sd for each frequency number.
     glonass_phase_bias_m : of the rover against the base, times the number.
     broadcast_error_m : sd of each axis of an orbit and of its clock.
@@ -128,11 +132,11 @@ class RawGnssOptions:
                 f"raw GNSS: systems {self.systems!r}; they are of G (GPS) and R (GLONASS)"
             )
         if abs(self.iono_gradient) * SHELL_REACH_M > self.iono_vertical_m:
-            what = (
+            excess = (
                 f"iono_gradient {self.iono_gradient:g} takes more than iono_vertical_m"
                 f" {self.iono_vertical_m:g} over {SHELL_REACH_M:g} m"
             )
-            raise UsageError(f"raw GNSS: {what}; no delay can be negative")
+            raise UsageError(f"raw GNSS: {excess}; no delay can be negative")
         if not 3.0 <= self.elevation_mask_deg < 60.0:
             raise UsageError(
                 f"raw GNSS: elevation_mask_deg {self.elevation_mask_deg:g}; it lies between 3"
@@ -144,9 +148,12 @@ class RawGnssOptions:
 
 @dataclass(frozen=True, eq=False)
 class RawObservations:
-    """What one receiver writes, n epochs and m rows (a satellite in an epoch), and the truth at its
-    epochs.
+    """What one receiver writes, and the truth at its epochs.
 
+    It has n epochs and m rows (a satellite in an epoch).
+
+    Parameters
+    ----------
     gps_week : of all times.
     stamp : (n,) s, by the receiver's clock, on its grid: the epoch's time in the file.
     epoch : (m,) place of the row's epoch, not decreasing.
@@ -173,8 +180,9 @@ class RawObservations:
 
 @dataclass(frozen=True, eq=False)
 class Slips:
-    """Cycle slips (k,): stamp s, satellite, cycles (k, 2) on L1 and L2, reported (k,) as loss of
-    lock or not.
+    """Cycle slips (k,) of a receiver.
+
+    They have stamp s, satellite, cycles (k, 2) on L1 and L2, reported (k,) as loss of lock or not.
     """
 
     stamp: Array
@@ -187,10 +195,13 @@ class Slips:
 class RawGnss:
     """Raw GNSS data of a flight.
 
+    Parameters
+    ----------
     rover, base : observations with their truth.
     navigation : the messages.
     events : (e,) s, camera events by the rover's clock.
-    base_position_m : (3,) m, ECEF, of the base's phase centre.   weather : true, at the base.
+    base_position_m : (3,) m, ECEF, of the base's phase centre.
+    weather : true, at the base.
     """
 
     rover: RawObservations
@@ -217,8 +228,10 @@ class _Scene:
 
 @dataclass(frozen=True)
 class _Receiver:
-    """What is a receiver's own: its rate, its share of the rates of slips and losses, its bias of
-    GLONASS phases for each number, m.
+    """What is a receiver's own.
+
+    It has a rate, a share of the rates of slips and losses, and a bias of GLONASS phases for each
+    number, m.
     """
 
     rate_hz: float
@@ -235,25 +248,31 @@ def simulate_raw_gnss(
 ) -> RawGnss:
     """Raw data of rover and base over a whole flight.
 
-    events : of the same flight, at their true times.   Raises UsageError where the masks leave a
-                                                        receiver fewer than five satellites.
+    Parameters
+    ----------
+    events : of the same flight, at their true times.
+
+    Raises
+    ------
+    UsageError
+        Where the masks leave a receiver fewer than five satellites.
     """
     common, moving, standing, clocks = rng.spawn(4)
     rover = _rover(flight, rig, options, clocks)
-    place, height = _base_place(flight, options)
-    base = _base(rover, place, options, clocks)
+    position, height = _base_place(flight, options)
+    base = _base(rover, position, options, clocks)
     span = (float(base.time[0]), float(base.time[-1]))
     navigation = constellation(
         flight.gps_week, *span, options.systems, int(common.integers(1 << 31))
     )
     view = satellites_in_view(
-        navigation, place, span, options.elevation_mask_deg, options.broadcast_error_m, common
+        navigation, position, span, options.elevation_mask_deg, options.broadcast_error_m, common
     )
     scene = _Scene(
         flight,
         view,
         Troposphere(options.weather, height),
-        _ionosphere(options, place, common),
+        _ionosphere(options, position, common),
         options,
     )
     rover_data, rover_slips = _observe(
@@ -268,7 +287,7 @@ def simulate_raw_gnss(
         base_data,
         navigation,
         by_rover,
-        place,
+        position,
         options.weather,
         rover_slips,
         base_slips,
@@ -321,15 +340,15 @@ def _base(
     stamp = np.arange(first, last + 1.0) / rate_hz
     offset, rate = _clock(stamp.size, 1.0 / rate_hz, options, rng)
     lat, lon, _ = ecef_to_geodetic(position)
-    still, up = np.zeros((stamp.size, 3)), -rotation_en(lat, lon)[:, 2]
+    zero, up = np.zeros((stamp.size, 3)), -rotation_en(lat, lon)[:, 2]
     return Antenna(
         stamp,
         stamp - offset,
         offset,
         rate,
-        still + position,
-        still,
-        still + up,
+        zero + position,
+        zero,
+        zero + up,
         np.zeros(stamp.size),
     )
 
@@ -348,8 +367,9 @@ def _clock(
 
 
 def _clock_at(time: Array, receiver: Antenna, jump_s: float) -> Array:
-    """Clock minus GPST (k,) s at instants (k,) of GPST: linear between epochs but for the jumps,
-    which come with the later epoch.
+    """Clock minus GPST (k,) s at instants (k,) of GPST.
+
+    It is linear between epochs but for the jumps, which come with the later epoch.
     """
     if jump_s == 0.0:
         return np.interp(time, receiver.time, receiver.clock_s)
@@ -362,11 +382,11 @@ def _clock_at(time: Array, receiver: Antenna, jump_s: float) -> Array:
     return np.interp(time, receiver.time, receiver.clock_s - jumps) + jumps[last]
 
 
-def _ionosphere(options: RawGnssOptions, place: Array, rng: np.random.Generator) -> Ionosphere:
+def _ionosphere(options: RawGnssOptions, position: Array, rng: np.random.Generator) -> Ionosphere:
     """The shell around the base's place, ECEF (3,) m."""
     slope, wave, phase = rng.uniform(0.0, 2.0 * np.pi, 3)
     gradient = (options.iono_gradient * np.cos(slope), options.iono_gradient * np.sin(slope))
-    lat, lon, _ = ecef_to_geodetic(place)
+    lat, lon, _ = ecef_to_geodetic(position)
     return Ionosphere(
         (float(lat), float(lon)),
         options.iono_vertical_m,
@@ -390,11 +410,11 @@ def _observe(
     count = visible.sum(axis=1)
     if (count < FEWEST).any():
         least = int(np.argmin(count))
-        what = (
+        shortage = (
             f"{count[least]} satellites above the masks at {antenna.time[least]:.1f} s (limit"
             f" {FEWEST})"
         )
-        raise UsageError(f"raw GNSS: {what}; lower a mask")
+        raise UsageError(f"raw GNSS: {shortage}; lower a mask")
     locks = track(
         visible,
         antenna.bank,
@@ -460,7 +480,7 @@ def _values(
             * options.glonass_code_bias_m
             * own.standard_normal(CHANNELS)[channel + CHANNELS // 2]
         )
-        part = (
+        fraction = (
             own.uniform(0.0, 1.0, 2)[glonass.astype(int)]
             + glonass * channel * receiver.phase_slope_m / wavelength
         )
@@ -483,7 +503,7 @@ def _values(
         )
         out[:, :, 0 + band] = common + dispersed + hardware + code
         out[:, :, 2 + band] = (
-            (common - dispersed + phase) / wavelength + locks.cycles[:, :, band] + part
+            (common - dispersed + phase) / wavelength + locks.cycles[:, :, band] + fraction
         )
         out[:, :, 4 + band] = -doppler / wavelength
         out[:, :, 6 + band] = (

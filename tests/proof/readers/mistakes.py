@@ -4,15 +4,24 @@ errs would make of it.
 What they cost at least, over all formats and frames, as the median of the residuals in the scene,
 px (5607 px, 140 m above ground):
 
-    image turned by 90 deg                         1274     omega and phi exchanged                              445
-    aircraft's heading for the image's yaw         1173     height above the geoid for that above the ellipsoid  420
-    image axes right-down-view for right-up-back   1280     pitch and roll exchanged                             224
-    kappa of the other sense                       1112     degrees taken for gon                                 96
-    yaw of the other sense                          924     bore-sight left out                                   89
-    matrix or quaternion of the other direction     677     lever arm applied twice                               18
-    pitch of the other sign                         515     grid north for true north: UTM 32N 26, LV95            9
-    quaternion's scalar first for last             4097     axes of the plane for those of the place, 3 km         3
-    coordinates exchanged                          5496     phi first for omega first                              1
+    image turned by 90 deg                                         1274
+    aircraft's heading for the image's yaw                         1173
+    image axes right-down-view for right-up-back                   1280
+    kappa of the other sense                                       1112
+    yaw of the other sense                                          924
+    matrix or quaternion of the other direction                     677
+    pitch of the other sign                                         515
+    quaternion's scalar first for last                             4097
+    coordinates exchanged                                          5496
+    omega and phi exchanged                                         445
+    height above the geoid for that above the ellipsoid             420
+    pitch and roll exchanged                                        224
+    degrees taken for gon                                            96
+    bore-sight left out                                              89
+    lever arm applied twice                                          18
+    grid north for true north: UTM 32N 26, LV95                       9
+    axes of the plane for those of the place, 3 km                    3
+    phi first for omega first                                         1
 """
 
 from collections.abc import Callable, Iterator

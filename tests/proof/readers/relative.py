@@ -1,7 +1,8 @@
 """relative.csv (paper 003, equations 3 and 4): pairs i, j with an offset and a rotation, quaternion
 w x y z.
 
-mapping   X_j - X_i in the frame's axes, C_j C_i^T;      camera   C_i^T (X_j - X_i), C_i^T C_j: the pose of j in the axes of i
+mapping   X_j - X_i in the frame's axes, C_j C_i^T
+camera    C_i^T (X_j - X_i), C_i^T C_j: the pose of j in the axes of i
 """
 
 from pathlib import Path

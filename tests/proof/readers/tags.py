@@ -70,7 +70,8 @@ def read(path: Path) -> Table:
         for name in ("Camera:Yaw", "Camera:Pitch", "Camera:Roll"):
             row.append(float(re.search(rf'{name}="([^"]*)"', xmp)[1]))  # type: ignore[index]
         for name in ("Yaw", "Pitch", "Roll"):
-            row.append(float(re.search(rf'drone-dji:Gimbal{name}Degree="([^"]*)"', xmp)[1]))  # type: ignore[index]
+            angle = re.search(rf'drone-dji:Gimbal{name}Degree="([^"]*)"', xmp)
+            row.append(float(angle[1]))  # type: ignore[index]
         rows.append(row)
     names = [
         "x",

@@ -152,7 +152,7 @@ def test_late_stamps_are_late_and_the_readings_as_they_were(tmp_path):
     differ.
     """
     plain = write_dataset(tmp_path / "a", **SHORT)
-    late = write_dataset(tmp_path / "b", **SHORT, gnss_rows=RowFaults(late=0.1, late_s=0.05))
+    late = write_dataset(tmp_path / "b", **SHORT, gnss_rows=RowFaults(delayed=0.1, delay_s=0.05))
     before, after = (table(d.directory / FIXES) for d in (plain, late))
     assert np.array_equal(before[:, 1:], after[:, 1:])
     delay = after[:, 0] - before[:, 0]

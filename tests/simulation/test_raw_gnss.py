@@ -225,9 +225,9 @@ def test_code_and_phase_part_by_the_ionosphere_alone(exact):
     for observed in (exact.rover, exact.base):
         f = frequencies(exact, observed)
         delay = (column(observed, "P2") - column(observed, "C1")) / ((f[:, 0] / f[:, 1]) ** 2 - 1.0)
-        assert (
-            delay.min() > 0.5
-        )  # 2.5 m in zenith, 1.5 m less at the farthest place of the shell that is seen, and three times at the mask
+        # 2.5 m in zenith, 1.5 m less at the farthest point of the shell that is seen, and three
+        # times that at the mask
+        assert delay.min() > 0.5
         assert delay.max() < 13.0
         for name, band in (("L1", 0), ("L2", 1)):
             phase = column(observed, name) * LIGHT / f[:, band]

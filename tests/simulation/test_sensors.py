@@ -78,7 +78,9 @@ def test_camera_and_antenna_are_one_lever_apart(simulated):
 
 
 def test_cameras_look_down(simulated):
-    """Oracle: the third axis of a nadir camera points down and its x axis backward along the track."""
+    """Oracle: the third axis of a nadir camera points down and its x axis backward along the
+    track.
+    """
     eo = simulated.truth.eo
     assert (eo.C_mc[:, 2, 2] < -0.97).all()
     velocity = S @ simulated.flight.motion.velocity(eo.time).T

@@ -67,7 +67,7 @@ def test_climb_takes_as_many_circles_as_the_gradient_needs():
     route.connect((300.0, 0.0, 0.0), 110.0, 50.0, 0.2)
     path = route.path()
     assert path.total == pytest.approx(300.0 + 100.0 * PI)
-    position, course = path.at(np.array([0.0, 100.0 * PI, path.total]))
+    position, course = path.pose_at(np.array([0.0, 100.0 * PI, path.total]))
     assert_allclose(
         position,
         [[0, 0, -10], [0, 0, -10 - 100 * 100 * PI / path.total], [300, 0, -110]],
@@ -85,7 +85,7 @@ def test_a_path_is_continuous():
         route.connect(goal, route.height + 5.0, 40.0, 0.2)
     path = route.path()
     s = np.linspace(0.0, path.total, 5000)
-    position, _ = path.at(s)
+    position, _ = path.pose_at(s)
     step = np.linalg.norm(np.diff(position[:, :2], axis=0), axis=1)
     ds = s[1]
     assert step.max() <= ds * (1 + 1e-9)

@@ -45,7 +45,9 @@ def test_a_car_moves_where_it_points(seed):
 
 
 def test_a_stop_is_a_stop(car):
-    """Oracle: velocity and rate; it stands for 15 s first, and at its halts for seconds, exactly."""
+    """Oracle: velocity and rate; it stands for 15 s first, and at its halts for seconds,
+    exactly.
+    """
     time, _, speed = state(car)
     rest = speed < 1e-9
     assert rest[time < car.motion.start + 12.0].all()
