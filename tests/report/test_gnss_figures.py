@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from insgnss.gnss.quality.covariance import VALIDATED, CLASSES
+from insgnss.gnss.quality.covariance import CLASSES, VALIDATED
 from insgnss.report.figures import gnss
 from insgnss.report.figures.gnss import draw_quality, pictures
 
