@@ -134,7 +134,7 @@ def test_changes_to_the_model_are_refused_where_the_file_does_not_tell_what_it_n
         with pytest.raises(
             InputError,
             match=(
-                rf"{file.name}: gnss\.covariance calibrates positions that tell quality, satellites"
+                rf"{file.name}: gnss\.covariance calibrates positions with quality, satellites"
                 r" and base"
             ),
         ):
