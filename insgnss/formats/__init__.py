@@ -263,7 +263,7 @@ def describe(path: str | Path) -> list[TableInfo]:
     InputError
         A file that cannot be read.
     """
-    from .describe import tables_in
+    from .tables import tables_in
 
     return tables_in(path)
 
