@@ -269,7 +269,7 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "no week anywhere": (
         _toml("gps_week = 2008\n", ""),
         INPUT,
-        ("no file says the GPS week", "give gps_week"),
+        ("no file gives the GPS week", "give gps_week"),
     ),
     "axes, no such word": (
         _toml("forward right", "forward rihgt"),

@@ -70,7 +70,7 @@ def test_the_given_week_rules():
 
 def test_no_week_anywhere_is_refused():
     """Oracle: nothing says the week."""
-    with pytest.raises(InputError, match=r"imu\.csv: no file says the GPS week; give gps_week"):
+    with pytest.raises(InputError, match=r"imu\.csv: no file gives the GPS week; give gps_week"):
         common_clock(imu(0.0, 20.0), gnss(0.0, 20.0), None, None)
 
 
