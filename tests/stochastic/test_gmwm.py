@@ -189,7 +189,7 @@ def test_curvature_is_the_derivative_of_the_minimum_over_the_variances():
     g, G = moments.curvature(moments.solution(np.exp(t)))
     for k in range(2):
         step = h * (np.arange(2) == k)
-        above, below = moments.solution(np.exp(t + step)), moments.at(np.exp(t - step))
+        above, below = moments.solution(np.exp(t + step)), moments.solution(np.exp(t - step))
         assert_allclose(g[k], (above.value - below.value) / (2.0 * h), rtol=1e-5)
         assert_allclose(
             G[k],
