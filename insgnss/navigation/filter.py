@@ -186,7 +186,7 @@ def make_epochs(inc: Increments, fix_place: np.ndarray, fixes: GnssFixes, event_
         event=event,
         sigma=_in_octaves(cov),
         group=group,
-        gap=np.zeros((m, 6)) if inc.bridged is None else inc.bridged,
+        gap=np.zeros((m, 6)) if inc.bridged is None else inc.bridged.copy(),  # writable: kernels are compiled once for all flights
         motion=np.zeros(m, dtype=np.int64),
         motion_cov=np.zeros((m, 3, 3)),
         still_rate=np.zeros((m, 3)),

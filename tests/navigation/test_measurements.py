@@ -1,16 +1,20 @@
 """Value and Jacobian of the antenna's position and velocity."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from flown import fly, moved, without_noise
+from numba import typeof
 from numpy.testing import assert_allclose
 
 from insgnss.geodesy.earth import EARTH_RATE
 from insgnss.geodesy.rotation import rotation_from_quaternion
 from insgnss.navigation._kernels import measured_triple
-from insgnss.navigation.filter import BLOCK_S, MOTION, POSITION, STILL, TURN, VELOCITY, WHEELS
+from insgnss.navigation.filter import BLOCK_S, MOTION, POSITION, STILL, TURN, VELOCITY, WHEELS, make_epochs
 from insgnss.navigation.layout import NAV, PSI, FixErrors, state_layout
 from insgnss.navigation.strapdown import kernel_earth
+from insgnss.prepare.clock import cut_fixes
 from insgnss.simulate.sensors import antenna_states
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel
 
@@ -27,6 +31,17 @@ OF_FIXES = np.array([9 + s for s, name in enumerate(LAYOUT.names) if "GNSS" in n
 @pytest.fixture(scope="module")
 def flown():
     return without_noise(fly(15.0, seed=2, layout=LAYOUT, velocity=True))
+
+
+def test_kernels_are_compiled_once_for_flights_with_and_without_gaps(flown):
+    """Oracle: numba's types of the epochs; a read-only array among them makes another type, which is half a minute of compiling."""
+    inc = flown.problem.inc
+    fixes = cut_fixes(flown.sim.gnss, inc.marks[0], inc.marks[-1])
+    at_fix = np.flatnonzero(flown.problem.epochs.has_position)
+    with_gap = replace(inc, bridged=np.full((inc.marks.size, 6), 1e-8))
+    assert not with_gap.bridged.flags.writeable
+    types = [typeof(make_epochs(one, at_fix, fixes, flown.event_epochs, flown.problem.frame)) for one in (inc, with_gap)]
+    assert types[0] == types[1]
 
 
 def rows(flown, nav, x, kind: int, elapsed: float = 7.0, rate=RATE, lever=LEVER, motion: int = STILL, accel=ACCEL):

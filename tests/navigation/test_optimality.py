@@ -62,7 +62,7 @@ def events_at(problem: Problem, at: np.ndarray) -> Problem:
     cov = np.broadcast_to(np.diag([25.0, 9.0, 4.0]), (m, 3, 3)).copy()
     group = (np.arange(m) // 40) % 2
     return replace(
-        problem, epochs=epochs._replace(motion=motion, motion_cov=cov, still_var=still, still_rate=problem.inc.rate, group=group)
+        problem, epochs=epochs._replace(motion=motion, motion_cov=cov, still_var=still, still_rate=problem.inc.rate.copy(), group=group)
     )
 
 
