@@ -100,6 +100,7 @@ def test_weeks_may_differ_and_other_flights_are_refused():
 CLOCKS = {"offset": {"clock_offset_s": 4e-4, "clock_drift": 2e-7}, "jumps": {"clock_drift": 1e-5, "clock_jump_s": 1e-3}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", CLOCKS)
 def test_events_of_a_simulated_flight_are_at_their_true_times(tmp_path, kind):
     """Oracle: the simulated instants of exposure. 0.5 us: stamps have 0.1 us, the receiver's code biases are metres (10 ns)."""

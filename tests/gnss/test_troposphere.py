@@ -349,6 +349,7 @@ def moved_by_the_air(place, systems):
     return fixes, error, common_sky(*observed, read_navigation(navigation), fixes, options), truth["base_position"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("systems", "tolerance"), [("G", 7e-4), ("GR", 2e-3)])
 def test_the_engine_moves_as_the_model_says(aloft, systems, tolerance):
     """Oracle: simulated truth under the real engine, with air by ray tracing that shares no formula with the model.
