@@ -390,7 +390,9 @@ def _turn_covariance(
     return np.asarray(np.diag(white) + A @ A.T + D @ accel.covariance @ D.T, dtype=np.float64)
 
 
-def _attitudes(periods: StationaryPeriods, turns: list[Turn], up: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _attitudes(
+    periods: StationaryPeriods, turns: list[Turn], up: Array
+) -> tuple[Array, NDArray[np.bool_]]:
     """Return C_i (k, 3, 3), and whether their headings are known (k,).
 
     They are levelled by the accelerometers, their headings propagated by the gyros as they are.

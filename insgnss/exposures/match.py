@@ -155,7 +155,9 @@ def _taken(
                 "names go by their order",
             ),
         )
-    raise InputError.at_line(path, None, f"{finding}; order them by exposure, in a list of their names")
+    raise InputError.at_line(
+        path, None, f"{finding}; order them by exposure, in a list of their names"
+    )
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,8 @@ def make_epochs(
         event=event,
         sigma=_in_octaves(cov),
         group=group,
-        gap=np.zeros((m, N_CHANNELS)) if inc.bridged is None else inc.bridged,
+        # writable: another type would have the kernels compiled anew
+        gap=np.zeros((m, N_CHANNELS)) if inc.bridged is None else inc.bridged.copy(),
         constraint=np.full(m, NO_CONSTRAINT, dtype=np.int64),
         constraint_cov=np.zeros((m, 3, 3)),
         zaru_rate=np.zeros((m, 3)),

@@ -175,6 +175,7 @@ def test_turned_bodies_are_recognised(
     assert [f.statement for f in c.findings] == [words]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late", [-18.0, 18.0, -1.0, 0.02, -0.0013])
 def test_clocks_that_disagree(flight: Written, late: float) -> None:
     """Oracle: the shift of the stamps."""

@@ -266,6 +266,7 @@ def test_times_that_fit_say_nothing(stamps):
     assert misfit(TOW + SHOTS, STAMPS[stamps](SHOTS * 1.00002 + 77.3)) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_a_camera_that_stamps_the_end_of_writing_is_not_refused(seed):
     """Oracle: nothing is missing. Lines of 30 exposures 1 to 2 s apart with turns between; writing

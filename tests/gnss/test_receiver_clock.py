@@ -144,6 +144,7 @@ CLOCKS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", CLOCKS)
 def test_events_of_a_simulated_flight_are_at_their_true_times(tmp_path, kind):
     """Oracle: the simulated instants of exposure. 0.5 us: stamps have 0.1 us, the receiver's code

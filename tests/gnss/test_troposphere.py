@@ -498,6 +498,7 @@ def moved_by_the_air(place, systems):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("systems", "tolerance"), [("G", 7e-4), ("GR", 2e-3)])
 def test_the_engine_moves_as_the_model_says(aloft, systems, tolerance):
     """Oracle: simulated truth under the real engine, with air by ray tracing that shares no formula

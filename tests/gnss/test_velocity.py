@@ -513,6 +513,7 @@ def test_loss_of_lock_in_turns_does_no_harm(navigation, survey):
 FLOAT_ERROR = {"sigma_m": (0.4, 0.4, 0.8), "correlation_time_s": 30.0}
 
 
+@pytest.mark.slow
 def test_velocity_of_float_positions_carries_a_flight_over_them(navigation, tmp_path):
     """Oracle: exact motion, through `process`. A minute of float positions in turns, off by
     decimetres: velocities from phase, found with these very positions, bring the trajectory from

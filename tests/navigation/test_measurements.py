@@ -1,8 +1,11 @@
 """Value and Jacobian of the antenna's position and velocity."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from flown import fly, moved, without_noise
+from numba import typeof
 from numpy.testing import assert_allclose
 
 from insgnss.geodesy.earth import EARTH_RATE
@@ -25,6 +28,7 @@ from insgnss.navigation.kernels.measurements import measured_triple
 from insgnss.navigation.kernels.records import make_triple
 from insgnss.navigation.layout import FixErrors, state_layout
 from insgnss.navigation.strapdown import kernel_earth
+from insgnss.prepare.clock import cut_fixes
 from insgnss.records import GnssFixes, Increments
 from insgnss.simulation.sensors import antenna_states
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel
@@ -331,3 +335,15 @@ def test_a_rest_measures_velocity_and_mean_rate_once_a_second():
         got.zaru_variance, [0.0, 0.0, 0.0, q / 1.6 + 25e-10, 0.0, q / 1.6 + 25e-10, 0.0], rtol=1e-9
     )
     assert_allclose(got.zaru_rate[3], rate, rtol=1e-9)
+
+
+def test_kernels_are_compiled_once_for_flights_with_and_without_gaps(flown):
+    """Oracle: numba's types of the epochs; a read-only array makes another type, to be compiled."""
+    inc = flown.problem.inc
+    fixes = cut_fixes(flown.sim.gnss, inc.marks[0], inc.marks[-1])
+    at_fix = np.flatnonzero(flown.problem.epochs.has_position)
+    with_gap = replace(inc, bridged=np.full((inc.marks.size, 6), 1e-8))
+    assert not with_gap.bridged.flags.writeable
+    frame, events = flown.problem.frame, flown.event_epochs
+    types = [typeof(make_epochs(one, at_fix, fixes, events, frame)) for one in (inc, with_gap)]
+    assert types[0] == types[1]

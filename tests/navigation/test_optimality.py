@@ -65,7 +65,7 @@ def events_at(problem: EstimationProblem, at: np.ndarray) -> EstimationProblem:
             constraint=motion,
             constraint_cov=cov,
             zaru_variance=still,
-            zaru_rate=problem.inc.rate,
+            zaru_rate=problem.inc.rate.copy(),
             group=group,
         ),
     )

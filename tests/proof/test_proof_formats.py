@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scene
+from oracles import oracle
 from readers import (
     bentley,
     colmap,
@@ -473,6 +474,8 @@ def tiny_jpeg() -> bytes:
 def written(case: Case, where: str, directory: Path) -> Table:
     """The case's file, written and read."""
     options = dict(case.options)
+    if case.writer == "colmap:write_colmap_priors":
+        oracle("pycolmap")
     if case.writer.startswith("image_tags"):
         images = directory / "images"
         images.mkdir()

@@ -97,6 +97,7 @@ def test_marks_are_where_they_belong(block) -> None:
     assert [part.stop for part in marks.parts_of(np.array([0.1, 0.9, 1.6]))] == [2, 3]
 
 
+@pytest.mark.slow
 def test_stationary_periods_and_outages_are_shaded_in_every_figure_over_time(diagnostics) -> None:
     """Oracle: Pillow; pixels of the two shades are there where they were asked for, and only
     then.

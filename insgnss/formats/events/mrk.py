@@ -182,7 +182,9 @@ def _values(path: Source, line: int, text: str) -> dict[str, float]:
             f"{len(unnamed)} values without a name, expected number, time of week and three"
             " standard deviations, or the first two"
         )
-        raise InputError.at_line(path, line, f"{message}: {shown(text.strip())}; copy the file again")
+        raise InputError.at_line(
+            path, line, f"{message}: {shown(text.strip())}; copy the file again"
+        )
     row |= dict(zip(("number", "tow", *SIGMAS), unnamed, strict=False))
     if odd := [
         name
