@@ -23,7 +23,7 @@ from insgnss.navigation.filter import gate_from_sigma
 from insgnss.navigation.layout import state_layout
 from insgnss.navigation.problem import EstimationProblem
 from insgnss.prepare.increments import body_increments, merge_marks
-from insgnss.records import GnssFixes, ImuSamples
+from insgnss.records import GnssFixes, ImuSamples, Increments
 from insgnss.stochastic.model import AxisNoise, NoiseModel
 
 LAT, LON, HEIGHT = np.radians(46.5), np.radians(6.5), 500.0
@@ -87,6 +87,30 @@ def test_good_gyros_find_north_at_rest(heading):
     assert abs(error[2]) < 4.0 * found.heading_sigma
     sigma = np.sqrt(np.diag(start.P)[6:9])
     assert (np.abs(error) < sigma).all()
+
+
+@pytest.mark.parametrize("heading", [0.0, 137.0, -60.0])
+def test_triad_of_exact_readings_is_exact(heading):
+    """Oracle: the attitude that was made, from gravity and the Earth's rate alone, before any filter; and the
+    heading's sigma, that of the gyros over the level part of the Earth's rate.
+    """
+    C_nb, n, h = rotation_from_rpy(np.radians([2.0, -3.0, heading])), 600, 0.1
+    rate = C_nb.T @ [EARTH_RATE * np.cos(LAT), 0.0, -EARTH_RATE * np.sin(LAT)]
+    force = -C_nb.T @ [0.0, 0.0, float(normal_gravity(LAT, HEIGHT))]
+    stop = np.arange(0, n + 1, 10)
+    turn, push = (np.tile(v * h, (n, 1)) for v in (rate, force))
+    inc = Increments(np.full(n, h), turn, push, 1000.0 + h * stop, stop, np.tile(rate, (stop.size, 1)), h)
+    one, model = np.ones(stop.size), noise(0.1)
+    cov = np.broadcast_to(0.01 * np.eye(3), (stop.size, 3, 3))
+    fixes = GnssFixes(inc.marks, LAT * one, LON * one, HEIGHT * one, cov)
+    frame, layout = LocalFrame(LAT, LON, HEIGHT), state_layout(model)
+    epochs = make_epochs(inc, np.arange(stop.size), fixes, np.zeros(0, dtype=np.int64), frame)
+    epochs = at_rest(epochs, inc, inc.marks[[0, -1]][None], layout)
+    found = standing_attitude(Problem(inc, epochs, frame, layout, np.zeros(3), gate_from_sigma(5.0), 1.0))
+    assert found is not None
+    assert_allclose(found.C_lb, C_nb, rtol=0, atol=1e-9)
+    unknown = np.hypot(0.1 * DEG_H, np.radians(0.01) / 60.0 / np.sqrt(60.0))
+    assert_allclose(found.heading_sigma, unknown / (EARTH_RATE * np.cos(LAT)), rtol=1e-6)
 
 
 def test_gyrocompassing_is_consistent():

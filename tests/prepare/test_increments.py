@@ -226,6 +226,27 @@ def test_a_short_gap_is_bridged_and_counted(motion, quantity):
     assert np.abs(turn).max() > 1.3e-3  # a bridge that held nothing would show
 
 
+@pytest.mark.parametrize("quantity", ["mean_rate", "increments", "instant_rate"])
+def test_a_gap_of_a_ramp_is_bridged_exactly(quantity):
+    """Oracle: the integral of a rate and a force that grow linearly, which the mean of both ends
+    has; the end alone is a tenth of a second times 0.1 rad/s^2 off, over 0.2 s 1 mrad.
+    """
+    h, slope = 0.01, np.array([0.1, -0.2, 0.3])
+    time = 100.0 + h * np.arange(101)
+    middle = 0.0 if quantity == "instant_rate" else 0.5 * h
+    factor = h if quantity == "increments" else 1.0
+    values = factor * (time - 100.0 - middle)[:, None] * slope
+    keep = np.ones(101, dtype=bool)
+    keep[41:60] = False
+    imu = ImuSamples(time[keep], values[keep], 10.0 * values[keep], quantity)
+    inc = body_increments(imu, BODY, time[[0, -1]])
+    assert_allclose(inc.dt[40], 0.2, rtol=0, atol=1e-9)
+    later = 0.0 if quantity == "instant_rate" else -middle  # means end with their interval
+    exact = slope * (0.5 + later) * 0.2
+    assert_allclose(inc.dtheta[40], exact, rtol=0, atol=1e-6)
+    assert_allclose(inc.dvel[40], 10.0 * exact, rtol=0, atol=2e-5)
+
+
 def test_a_long_gap_is_refused_with_time_and_limit(motion):
     """Oracle: the limit of a second that `gaps` states."""
     imu = motion.imu(RATE_HZ)
