@@ -986,6 +986,7 @@ def _processed(capsys: pytest.CaptureFixture[str], data: DataSet) -> dict[str, A
         pytest.param(
             lambda d: d.lines(IMU, lambda x: [s.replace(",", ";").replace(".", ",") for s in x]),
             id="decimal commas",
+            marks=pytest.mark.slow,
         ),
         pytest.param(
             lambda d: d.path(IMU).write_bytes(d.path(IMU).read_bytes().replace(b"\n", b"\r\n")),

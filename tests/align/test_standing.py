@@ -99,14 +99,18 @@ def test_triad_of_exact_readings_is_exact(heading):
     force = -C_nb.T @ [0.0, 0.0, float(normal_gravity(LAT, HEIGHT))]
     stop = np.arange(0, n + 1, 10)
     turn, push = (np.tile(v * h, (n, 1)) for v in (rate, force))
-    inc = Increments(np.full(n, h), turn, push, 1000.0 + h * stop, stop, np.tile(rate, (stop.size, 1)), h)
+    inc = Increments(
+        np.full(n, h), turn, push, 1000.0 + h * stop, stop, np.tile(rate, (stop.size, 1)), h
+    )
     one, model = np.ones(stop.size), noise(0.1)
     cov = np.broadcast_to(0.01 * np.eye(3), (stop.size, 3, 3))
     fixes = GnssFixes(inc.marks, LAT * one, LON * one, HEIGHT * one, cov)
     frame, layout = LocalFrame(LAT, LON, HEIGHT), state_layout(model)
     epochs = make_epochs(inc, np.arange(stop.size), fixes, np.zeros(0, dtype=np.int64), frame)
     epochs = at_rest(epochs, inc, inc.marks[[0, -1]][None], layout)
-    found = standing_attitude(Problem(inc, epochs, frame, layout, np.zeros(3), gate_from_sigma(5.0), 1.0))
+    found = standing_attitude(
+        Problem(inc, epochs, frame, layout, np.zeros(3), gate_from_sigma(5.0), 1.0)
+    )
     assert found is not None
     assert_allclose(found.C_lb, C_nb, rtol=0, atol=1e-9)
     unknown = np.hypot(0.1 * DEG_H, np.radians(0.01) / 60.0 / np.sqrt(60.0))

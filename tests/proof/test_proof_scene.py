@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scene
+from oracles import oracle
 from readers import bentley, master, relative
 from readers.geometry import Array, Frame, Geocentric, Poses, Projected, Tangent
 from readers.lines import comments, rows
