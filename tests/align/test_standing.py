@@ -107,9 +107,9 @@ def test_triad_of_exact_readings_is_exact(heading):
     fixes = GnssFixes(inc.marks, LAT * one, LON * one, HEIGHT * one, cov)
     frame, layout = LocalFrame(LAT, LON, HEIGHT), state_layout(model)
     epochs = make_epochs(inc, np.arange(stop.size), fixes, np.zeros(0, dtype=np.int64), frame)
-    epochs = at_rest(epochs, inc, inc.marks[[0, -1]][None], layout)
+    epochs = with_zupt(epochs, inc, inc.marks[[0, -1]][None], layout)
     found = standing_attitude(
-        Problem(inc, epochs, frame, layout, np.zeros(3), gate_from_sigma(5.0), 1.0)
+        EstimationProblem(inc, epochs, frame, layout, np.zeros(3), gate_from_sigma(5.0), 1.0)
     )
     assert found is not None
     assert_allclose(found.C_lb, C_nb, rtol=0, atol=1e-9)
