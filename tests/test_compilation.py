@@ -44,7 +44,7 @@ def house(tmp_path):
     for name, text in SOURCES.items():
         (folder / name).write_text(text.replace("\n        ", "\n"))
     (folder / "compilation.py").write_bytes(
-        (Path(insgnss.__file__).parent / "compilation.py").read_bytes()
+        (Path(insgnss.__file__).parent / "base" / "compilation.py").read_bytes()
     )
     return folder
 

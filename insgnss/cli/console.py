@@ -53,8 +53,11 @@ class Parser(argparse.ArgumentParser):
     an option.
 
     `later` adds arguments, and may set the epilog, when the parser is first used: what it imports
-    costs nothing where another verb runs.
+    costs nothing where another verb runs. A verb whose words may stand in an order that argparse
+    does not know sets `rearranged`, which is given the parsing, the words and the namespace.
     """
+
+    rearranged: "Callable[[Callable[..., Any], Any, Any], Any] | None" = None
 
     def __init__(
         self,
@@ -78,6 +81,8 @@ class Parser(argparse.ArgumentParser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         self.complete()
+        if self.rearranged is not None:
+            return self.rearranged(super().parse_known_args, args, namespace)
         return super().parse_known_args(args, namespace)
 
     def format_usage(self) -> str:

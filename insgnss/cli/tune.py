@@ -220,9 +220,8 @@ def _files_anywhere(parser: argparse.ArgumentParser) -> None:
 
     A list of columns may begin with the "-" that leaves one out.
     """
-    plain = parser.parse_known_args
 
-    def parse(args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+    def parse(plain: Callable[..., Any], args: Any, namespace: Any) -> tuple[Any, list[str]]:
         joined: list[str] = []
         for text in args or ():
             if joined and joined[-1] == "--columns" and re.match(r"-,", text):
@@ -234,7 +233,7 @@ def _files_anywhere(parser: argparse.ArgumentParser) -> None:
             parsed.static, left = [*parsed.static, *map(Path, left)], []
         return parsed, left
 
-    setattr(parser, "parse_known_args", parse)  # noqa: B010
+    setattr(parser, "rearranged", parse)  # noqa: B010
 
 
 def _columns(text: str | None) -> tuple[str, ...] | dict[str, str] | None:

@@ -167,7 +167,7 @@ def test_only_a_marker_has_the_delta_of_the_header(tmp_path):
         ),
         ({"rtklib_options": {"Arminfix": "10"}}, "'Arminfix' is no name of an option of RTKLIB"),
         ({"rtklib_options": {"pos2-arminfix": "10\nout-solformat=1"}}, "end of a line"),
-        ({"acceleration_mps2": (0.0, 1.0)}, "positive"),
+        ({"acceleration_mps2": (0.0, 1.0)}, "greater than zero"),
     ],
 )
 def test_options_that_cannot_be_are_refused(options, what):

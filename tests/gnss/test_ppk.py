@@ -630,7 +630,7 @@ def test_the_help_tells_the_defaults_of_the_engine():
         (["--max-age", -1], r"--max-age -1\.0: must be 0\.01 to 3600"),
         (["--timeout", 0.1], r"--timeout 0\.1: must be 1 to"),
         (["--systems", ""], "--systems '': must be letters of"),
-        (["--acceleration", 0, 1], "must be two positive numbers"),
+        (["--acceleration", 0, 1], "must be two numbers greater than zero"),
         (
             ["--events", "x.MRK", "--events-containing", "cam"],
             "--events-containing looks at .* --events is given as well",
