@@ -82,7 +82,7 @@ def _generic(columns: str, frames: tuple[str, ...], kind: str, **options: Any) -
     body = (scene.T @ scene.B).T  # camera (right, down, view) into the body
     place = ("lon", "lat", "h") if columns.startswith("image llh") else XYZ
     options |= {"columns": columns}
-    writer = "generic_ascii:write_generic_ascii"
+    writer = "orientation.generic_ascii:write_generic_ascii"
     return Case(
         writer,
         "table.txt",
@@ -106,7 +106,7 @@ OPF = {"camera": CAMERA, "pixel_size_um": 1.4}
 LEVER = {"lever_m": scene.LEVER_C}
 CASES: dict[str, Case] = {
     "eo_local_plane": Case(
-        "eo_local_plane:write_eo_local_plane",
+        "orientation.eo_local_plane:write_eo_local_plane",
         "eo.txt",
         local_plane.read,
         local_plane.poses,
@@ -114,7 +114,7 @@ CASES: dict[str, Case] = {
         "opk",
     ),
     "metashape": Case(
-        "metashape:write_metashape",
+        "bundle.metashape:write_metashape",
         "m.csv",
         metashape.read,
         metashape.poses,
@@ -122,7 +122,7 @@ CASES: dict[str, Case] = {
         "ypr",
     ),
     "metashape_opk": Case(
-        "metashape:write_metashape_opk",
+        "bundle.metashape:write_metashape_opk",
         "m.csv",
         metashape.read_opk,
         metashape.poses_opk,
@@ -130,7 +130,7 @@ CASES: dict[str, Case] = {
         "opk",
     ),
     "metashape_offset": Case(
-        "metashape:write_metashape_offset",
+        "bundle.metashape:write_metashape_offset",
         "m.csv",
         metashape.read_offset,
         metashape.poses_offset,
@@ -138,7 +138,7 @@ CASES: dict[str, Case] = {
         "ypr",
     ),
     "pix4d_matic": Case(
-        "pix4d:write_pix4d_matic",
+        "bundle.pix4d:write_pix4d_matic",
         "p.csv",
         pix4d.read,
         pix4d.poses,
@@ -147,7 +147,7 @@ CASES: dict[str, Case] = {
         ("first", "second", "z"),
     ),
     "pix4d_mapper": Case(
-        "pix4d:write_pix4d_mapper",
+        "bundle.pix4d:write_pix4d_mapper",
         "p.csv",
         pix4d.read_mapper,
         pix4d.poses_mapper,
@@ -170,9 +170,9 @@ CASES: dict[str, Case] = {
         (GLOBE,),
         "opk",
     ),
-    "odm": Case("odm:write_odm_geo", "geo.txt", odm.read, odm.poses, (GLOBE, *GRIDS)),
+    "odm": Case("bundle.odm:write_odm_geo", "geo.txt", odm.read, odm.poses, (GLOBE, *GRIDS)),
     "opensfm": Case(
-        "opensfm:write_opensfm",
+        "bundle.opensfm:write_opensfm",
         "exif_overrides.json",
         opensfm.read,
         opensfm.poses,
@@ -181,10 +181,10 @@ CASES: dict[str, Case] = {
         ("lon", "lat", "z"),
     ),
     "micmac": Case(
-        "micmac:write_micmac", "m.txt", micmac.read, micmac.poses, (LOCAL, SPACE), "opk"
+        "bundle.micmac:write_micmac", "m.txt", micmac.read, micmac.poses, (LOCAL, SPACE), "opk"
     ),
     "micmac_xml": Case(
-        "micmac:write_micmac_xml",
+        "bundle.micmac:write_micmac_xml",
         "Ori-Nav",
         micmac.read_xml,
         micmac.poses_xml,
@@ -192,7 +192,7 @@ CASES: dict[str, Case] = {
         "matrix",
     ),
     "realitycapture": Case(
-        "realitycapture:write_realitycapture",
+        "bundle.realitycapture:write_realitycapture",
         "r.csv",
         realitycapture.read,
         realitycapture.poses,
@@ -207,9 +207,11 @@ CASES: dict[str, Case] = {
         (LOCAL, GLOBE, *GRIDS),
         "ypr",
     ),
-    "bentley": Case("bentley:write_bentley", "b.xml", bentley.read, bentley.poses, EARTH, "matrix"),
+    "bentley": Case(
+        "bundle.bentley:write_bentley", "b.xml", bentley.read, bentley.poses, EARTH, "matrix"
+    ),
     "inpho_prj": Case(
-        "inpho:write_inpho_prj",
+        "bundle.inpho:write_inpho_prj",
         "i.prj",
         inpho.read_prj,
         inpho.poses_prj,
@@ -218,7 +220,7 @@ CASES: dict[str, Case] = {
         options={"focal_mm": 7.85, "ground_m": 518.0},
     ),
     "inpho_ascii": Case(
-        "inpho:write_inpho_ascii", "i.txt", inpho.read, inpho.poses, (LOCAL, *GRIDS), "opk"
+        "bundle.inpho:write_inpho_ascii", "i.txt", inpho.read, inpho.poses, (LOCAL, *GRIDS), "opk"
     ),
     "patb": Case(
         "experimental.patb:write_patb", "p.ori", patb.read, patb.poses, (LOCAL, *GRIDS), "matrix"
@@ -290,10 +292,15 @@ CASES: dict[str, Case] = {
         "ypr",
     ),
     "eo_json": Case(
-        "eo_json:write_eo_json", "eo.json", master.read, master.poses, ("master",), "matrix"
+        "orientation.eo_json:write_eo_json",
+        "eo.json",
+        master.read,
+        master.poses,
+        ("master",),
+        "matrix",
     ),
     "eo_json quaternion": Case(
-        "eo_json:write_eo_json",
+        "orientation.eo_json:write_eo_json",
         "eo.json",
         master.read,
         master.poses_quaternion,
@@ -301,10 +308,16 @@ CASES: dict[str, Case] = {
         "quaternion",
     ),
     "eo_json ecef": Case(
-        "eo_json:write_eo_json", "eo.json", master.read, master.poses_ecef, ("master",), "", ()
+        "orientation.eo_json:write_eo_json",
+        "eo.json",
+        master.read,
+        master.poses_ecef,
+        ("master",),
+        "",
+        (),
     ),  # type: ignore[arg-type]
     "colmap": Case(
-        "colmap:write_colmap",
+        "bundle.colmap:write_colmap",
         "model",
         colmap.read,
         colmap.poses,
@@ -313,7 +326,7 @@ CASES: dict[str, Case] = {
         options={"camera": CAMERA},
     ),
     "colmap_priors": Case(
-        "colmap:write_colmap_priors",
+        "bundle.colmap:write_colmap_priors",
         "database.db",
         colmap.read_priors,
         colmap.poses_priors,
@@ -321,13 +334,20 @@ CASES: dict[str, Case] = {
         options={"camera": CAMERA},
     ),
     "opf": Case(
-        "opf:write_opf", "opf", opf.read, opf.poses, GRIDS, "opk", ("lon", "lat", "h"), OPF
+        "bundle.opf:write_opf", "opf", opf.read, opf.poses, GRIDS, "opk", ("lon", "lat", "h"), OPF
     ),
     "opf projected": Case(
-        "opf:write_opf", "opf", opf.read_projected, opf.poses_projected, (UTM,), "opk", XYZ, OPF
+        "bundle.opf:write_opf",
+        "opf",
+        opf.read_projected,
+        opf.poses_projected,
+        (UTM,),
+        "opk",
+        XYZ,
+        OPF,
     ),
     "tum": Case(
-        "tum:write_tum",
+        "orientation.tum:write_tum",
         "t.tum",
         graphs.read_tum,
         graphs.poses,
@@ -335,7 +355,7 @@ CASES: dict[str, Case] = {
         "quaternion",
     ),
     "g2o": Case(
-        "g2o:write_g2o",
+        "orientation.g2o:write_g2o",
         "g.g2o",
         graphs.read_g2o,
         graphs.poses,
@@ -343,7 +363,7 @@ CASES: dict[str, Case] = {
         "quaternion",
     ),
     "g2o edges": Case(
-        "g2o:write_g2o",
+        "orientation.g2o:write_g2o",
         "g.g2o",
         graphs.read_g2o,
         graphs.poses_by_edges,
@@ -351,13 +371,18 @@ CASES: dict[str, Case] = {
         "quaternion",
     ),
     "geojson": Case(
-        "geojson:write_geojson", "g.geojson", gis.read_geojson, gis.poses_geojson, EVERY, "ypr"
+        "gis.geojson:write_geojson", "g.geojson", gis.read_geojson, gis.poses_geojson, EVERY, "ypr"
     ),
     "geojson opk": Case(
-        "geojson:write_geojson", "g.geojson", gis.read_geojson, gis.poses_geojson_opk, EVERY, "opk"
+        "gis.geojson:write_geojson",
+        "g.geojson",
+        gis.read_geojson,
+        gis.poses_geojson_opk,
+        EVERY,
+        "opk",
     ),
     "geojson orthority": Case(
-        "geojson:write_geojson",
+        "gis.geojson:write_geojson",
         "g.geojson",
         gis.read_orthority,
         gis.poses_orthority,
@@ -367,7 +392,7 @@ CASES: dict[str, Case] = {
         {"dialect": "orthority"},
     ),
     "kml": Case(
-        "kml:write_kml",
+        "gis.kml:write_kml",
         "k.kml",
         gis.read_kml,
         _at_sea(gis.poses_kml),
@@ -376,7 +401,7 @@ CASES: dict[str, Case] = {
         options=SEA,
     ),
     "geopackage": Case(
-        "geopackage:write_geopackage",
+        "gis.geopackage:write_geopackage",
         "g.gpkg",
         gis.read_geopackage,
         gis.poses_geopackage,
@@ -384,7 +409,7 @@ CASES: dict[str, Case] = {
         "quaternion",
     ),
     "geopackage opk": Case(
-        "geopackage:write_geopackage",
+        "gis.geopackage:write_geopackage",
         "g.gpkg",
         gis.read_geopackage,
         gis.poses_geopackage_opk,
@@ -392,7 +417,7 @@ CASES: dict[str, Case] = {
         "opk",
     ),
     "geopackage ypr": Case(
-        "geopackage:write_geopackage",
+        "gis.geopackage:write_geopackage",
         "g.gpkg",
         gis.read_geopackage,
         gis.poses_geopackage_ypr,
@@ -400,7 +425,7 @@ CASES: dict[str, Case] = {
         "ypr",
     ),
     "image_tags": Case(
-        "image_tags:write_image_tags",
+        "images.image_tags:write_image_tags",
         "tagged",
         tags.read,
         _at_sea(tags.poses),
@@ -408,7 +433,7 @@ CASES: dict[str, Case] = {
         "ypr",
     ),
     "image_tags sea level": Case(
-        "image_tags:write_image_tags",
+        "images.image_tags:write_image_tags",
         "tagged",
         tags.read,
         _at_sea(tags.poses),
@@ -417,7 +442,7 @@ CASES: dict[str, Case] = {
         options=SEA | {"heights": "sea level"},
     ),
     "image_tags gimbal": Case(
-        "image_tags:write_image_tags",
+        "images.image_tags:write_image_tags",
         "tagged",
         tags.read,
         _at_sea(tags.poses_gimbal),
@@ -425,7 +450,7 @@ CASES: dict[str, Case] = {
         options={"gimbal": "exact"},
     ),
     "rtklib_pos": Case(
-        "rtklib_pos_write:write_antenna_pos",
+        "gnss.rtklib_pos_write:write_antenna_pos",
         "a.pos",
         rtklib.read,
         rtklib.poses,
@@ -474,9 +499,9 @@ def tiny_jpeg() -> bytes:
 def written(case: Case, where: str, directory: Path) -> Table:
     """The case's file, written and read."""
     options = dict(case.options)
-    if case.writer == "colmap:write_colmap_priors":
+    if case.writer == "bundle.colmap:write_colmap_priors":
         oracle("pycolmap")
-    if case.writer.startswith("image_tags"):
+    if case.writer.startswith("images.image_tags"):
         images = directory / "images"
         images.mkdir()
         for k, name in enumerate(scene.NAMES):  # what they are is told by their first bytes
