@@ -1,4 +1,6 @@
-"""Options that are given in Python: what a flight file may not say is refused at construction, by the name of its field."""
+"""Options that are given in Python: what a flight file may not say is refused at construction, by
+the name of its field.
+"""
 
 from pathlib import Path
 
