@@ -1,4 +1,6 @@
-"""The field's terms, and not an idiom of our own, in the names of the code. Read from the sources."""
+"""The field's terms, and not an idiom of our own, in the names of the code. Read from the
+sources.
+"""
 
 import ast
 import re
