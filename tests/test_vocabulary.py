@@ -60,6 +60,7 @@ WHOLE = {  # only as a whole name: it says nothing of what it holds
     "store": "filter_history",
 }
 FIELDS = {"found", "what", "place"}  # of published records (Check.found, Export.what) they stay
+METHODS = {"at"}  # of published records (trajectory.at(t)) they stay as well
 
 
 def names(tree: ast.Module) -> Iterator[tuple[str, int]]:
@@ -73,8 +74,15 @@ def names(tree: ast.Module) -> Iterator[tuple[str, int]]:
         and isinstance(statement.target, ast.Name)
         and statement.target.id in FIELDS
     }
+    methods = {
+        id(statement)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef)
+        for statement in node.body
+        if isinstance(statement, ast.FunctionDef) and statement.name in METHODS
+    }
     for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and id(node) not in methods:
             yield node.name, node.lineno
         elif isinstance(node, ast.arg):
             yield node.arg, node.lineno

@@ -128,9 +128,9 @@ def estimate(
 
 
 def _no_week() -> Check:
-    found = f"none is given; {NO_WEEK} stands in for it"
+    given = f"none is given; {NO_WEEK} stands in for it"
     return Check(
-        "GPS week", found, "gps_week, or a week in the records", "note", "times stay as they are"
+        "GPS week", given, "gps_week, or a week in the records", "note", "times stay as they are"
     )
 
 
@@ -153,11 +153,11 @@ def _flight(
     from ..stochastic.model import load_noise_model, shipped_models
 
     parse_axes(axes)
-    known = noise if noise in shipped_models() else load_noise_model(noise)
+    noise_model = noise if noise in shipped_models() else load_noise_model(noise)
     return Flight(
         path=WHO,
         name="estimate",
-        imu=ImuInput(file=imu, quantity=imu.quantity, axes=axes, noise=known),
+        imu=ImuInput(file=imu, quantity=imu.quantity, axes=axes, noise=noise_model),
         gnss=GnssInput(file=gnss),
         camera=None if events is None else CameraInput(events=events),
         mounting=mounting or Mounting(),
@@ -176,11 +176,11 @@ def _with_options(
         flight = replace(flight, filter=options)
     if tangent_plane is None:
         return flight
-    place = np.asarray(tangent_plane, dtype=np.float64)
-    if place.shape != (3,) or not (
-        abs(place[0]) <= 90.0 and abs(place[1]) <= 180.0 and np.isfinite(place[2])
+    origin = np.asarray(tangent_plane, dtype=np.float64)
+    if origin.shape != (3,) or not (
+        abs(origin[0]) <= 90.0 and abs(origin[1]) <= 180.0 and np.isfinite(origin[2])
     ):
         raise UsageError(
-            f"tangent_plane {place.tolist()} is no latitude deg, longitude deg, height m"
+            f"tangent_plane {origin.tolist()} is no latitude deg, longitude deg, height m"
         )
-    return replace(flight, tangent_plane=TangentPlane(*place.tolist()))
+    return replace(flight, tangent_plane=TangentPlane(*origin.tolist()))

@@ -210,26 +210,26 @@ def ppk(
     from ..geodesy.frames import geodetic_to_ecef
     from ..gnss.options import EngineOptions
     from ..gnss.ppk import PpkInput, solve_ppk
-    from .verbs import _known
+    from .verbs import _checked_options
 
-    place: dict[str, Any] = {}
+    base_options: dict[str, Any] = {}
     if base_position is None and base_point is not None:
         raise UsageError("ppk: base_point belongs to base_position; give the coordinates")
     if base_position is not None:
         lat, lon, height = base_position
-        place["base_position_m"] = tuple(
+        base_options["base_position_m"] = tuple(
             geodetic_to_ecef(np.radians(lat), np.radians(lon), height).tolist()
         )
-        place["base_point"] = base_point or "apc"
-    known = _known(
-        "ppk", options, tuple(f.name for f in fields(EngineOptions) if f.name not in place)
+        base_options["base_point"] = base_point or "apc"
+    engine_options = _checked_options(
+        "ppk", options, tuple(f.name for f in fields(EngineOptions) if f.name not in base_options)
     )
     several = [navigation] if isinstance(navigation, str | os.PathLike) else navigation
     given = PpkInput(
         rover=Path(rover),
         base=Path(base),
         navigation=tuple(Path(file) for file in several),
-        options=EngineOptions(**place, **known),
+        options=EngineOptions(**base_options, **engine_options),
         wet_delay=wet_delay,
         ionosphere=ionosphere,
         velocity=velocity,

@@ -26,8 +26,8 @@ def read_eo(path: str | os.PathLike[str]) -> ExteriorOrientation:
     """
     from ..formats.orientation.eo_json import read_eo_json
 
-    place = Path(path)
-    return read_eo_json(place / "eo.json" if place.is_dir() else place)
+    file = Path(path)
+    return read_eo_json(file / "eo.json" if file.is_dir() else file)
 
 
 def read_trajectory(path: str | os.PathLike[str], gps_week: int | None = None) -> Trajectory:
@@ -50,18 +50,18 @@ def read_trajectory(path: str | os.PathLike[str], gps_week: int | None = None) -
     """
     from ..comparison.reading import sniff_poses
 
-    place = Path(path)
-    place = place / "trajectory.csv" if place.is_dir() else place
-    form = sniff_poses(place)
+    file = Path(path)
+    file = file / "trajectory.csv" if file.is_dir() else file
+    form = sniff_poses(file)
     if form == "trajectory_csv":
         from ..formats.trajectory.trajectory_csv import read_trajectory_csv
 
-        t = read_trajectory_csv(place)
+        t = read_trajectory_csv(file)
         cov = _covariance(t.rpy, t.sigma)
         return Trajectory(t.time, t.lat, t.lon, t.height, t.velocity_ned, t.C_nb, cov, t.gps_week)
     if form == "sbet":
-        return _read_sbet(place, gps_week)
-    raise InputError.at_line(place, None, "is no trajectory.csv and no SBET; give one of these")
+        return _read_sbet(file, gps_week)
+    raise InputError.at_line(file, None, "is no trajectory.csv and no SBET; give one of these")
 
 
 def _read_sbet(path: Path, gps_week: int | None) -> Trajectory:

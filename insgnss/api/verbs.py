@@ -66,8 +66,8 @@ def process(
     from ..config.load import load_flight
     from ..processing.pipeline import process as run
 
-    known = flight if isinstance(flight, Flight) else load_flight(Path(flight))
-    return run(known, None if out is None else Path(out), progress, write)
+    flight_file = flight if isinstance(flight, Flight) else load_flight(Path(flight))
+    return run(flight_file, None if out is None else Path(out), progress, write)
 
 
 def inspect(
@@ -167,7 +167,9 @@ def tune(
     from ..tuning.static import tune_static
 
     paths = [source] if isinstance(source, str | os.PathLike) else source
-    chosen = TuneOptions(**_known("tune", options, tuple(f.name for f in fields(TuneOptions))))
+    chosen = TuneOptions(
+        **_checked_options("tune", options, tuple(f.name for f in fields(TuneOptions)))
+    )
     return tune_static([Path(path) for path in paths], chosen, target, force, progress)
 
 
@@ -325,9 +327,9 @@ def simulate(
     gnss = GnssOptions(gnss_rate_hz, gnss_sigma_m, velocity_sigma_ms=gnss_sigma_velocity_mps)
     if flight in VEHICLES:
         journey = drive if flight == "car" else walk
-        known = _known("simulate", changes, ("stand_s", "start_tow"))
+        journey_options = _checked_options("simulate", changes, ("stand_s", "start_tow"))
         simulated = observe(
-            journey(5.0 if minutes is None else minutes, seed=seed, **known),
+            journey(5.0 if minutes is None else minutes, seed=seed, **journey_options),
             seed,
             imu=imu,
             gnss=gnss,
@@ -343,7 +345,7 @@ def _is_flight(path: Path) -> bool:
     return path.suffix.lower() == ".toml" or (path / FLIGHT_FILE).is_file()
 
 
-def _known(who: str, options: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
+def _checked_options(who: str, options: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
     """The options, or a UsageError with the nearest name of one that does not exist."""
     for name in options:
         if name not in names:

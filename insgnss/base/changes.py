@@ -30,11 +30,11 @@ def with_changes(record: Record, changes: dict[str, Any]) -> Record:
         )
     own: dict[str, Any] = {}
     inner: dict[str, dict[str, Any]] = {}
-    known = [f.name for f in fields(record)]
+    field_names = [f.name for f in fields(record)]
     for key, value in changes.items():
         name, _, rest = key.partition("__")
-        if name not in known:
-            raise UsageError(f"{type(record).__name__} has no {name!r}; {near(name, known)}")
+        if name not in field_names:
+            raise UsageError(f"{type(record).__name__} has no {name!r}; {near(name, field_names)}")
         if rest:
             inner.setdefault(name, {})[rest] = value
         else:

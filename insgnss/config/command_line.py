@@ -50,12 +50,12 @@ def add_options(
 
 def names_of(tables: Mapping[str, Iterable[type]] = TABLES) -> dict[str, str]:
     """The option of the command line for each key of the flight file that has one."""
-    found = {}
+    options = {}
     for table, classes in tables.items():
         for item in options_of(table, tuple(classes)):
             if item.option.cli:
-                found[".".join(filter(None, (table, item.name)))] = item.option.cli
-    return found
+                options[".".join(filter(None, (table, item.name)))] = item.option.cli
+    return options
 
 
 def given_of(parsed: argparse.Namespace, table: type) -> dict[str, Any]:
@@ -120,8 +120,8 @@ class _Retired(argparse.Action):
         option_string: str | None = None,
     ) -> None:
         now = self.present.option_strings[0]
-        what = f"{option_string} is called {now} now; the next release will refuse the old name"
-        warnings.warn(what, FutureWarning, stacklevel=2)
+        message = f"{option_string} is called {now} now; the next release will refuse the old name"
+        warnings.warn(message, FutureWarning, stacklevel=2)
         self.present(parser, namespace, values, option_string)
 
 

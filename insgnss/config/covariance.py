@@ -141,8 +141,10 @@ class CovarianceModel:
             value = getattr(self, name)
             if item.kind == "triples":
                 if odd := set(value) ^ set(CLASSES):
-                    what = f"has one line for each of {', '.join(CLASSES)}"
-                    raise OptionError(f"{TABLE}.{name}", f"{what}; {sorted(odd)[0]!r} does not fit")
+                    problem = f"has one line for each of {', '.join(CLASSES)}"
+                    raise OptionError(
+                        f"{TABLE}.{name}", f"{problem}; {sorted(odd)[0]!r} does not fit"
+                    )
                 table = {key: triple(item, value[key], key) for key in value}
                 object.__setattr__(self, name, table)
             elif item.kind == "triple":
@@ -164,10 +166,10 @@ class CovarianceModel:
         OptionError
             For a field or a value that cannot be.
         """
-        known = {f.name for f in fields(self)}
-        if odd := set(changes) - known:
-            what = f"{sorted(odd)[0]!r} is unknown; known are {', '.join(sorted(known))}"
-            raise OptionError(TABLE, what)
+        field_names = {f.name for f in fields(self)}
+        if odd := set(changes) - field_names:
+            problem = f"{sorted(odd)[0]!r} is unknown; known are {', '.join(sorted(field_names))}"
+            raise OptionError(TABLE, problem)
         tables = {
             key: {**getattr(self, key), **changes[key]}
             for key in ("scale", "floor_m")
@@ -188,8 +190,8 @@ def triple(item: Declared, value: Any, member: str = "") -> Triple:
     least, most = item.option.low, item.option.high
     if len(given) != 3 or not all(math.isfinite(x) and least <= x <= most for x in given):
         name = ".".join(filter(None, (item.name, member)))
-        what = f"three numbers (north, east, down) from {least:g} to {most:g}"
-        raise OptionError(f"{TABLE}.{name}", f"{name} = {value!r}, expected {what}")
+        expected = f"three numbers (north, east, down) from {least:g} to {most:g}"
+        raise OptionError(f"{TABLE}.{name}", f"{name} = {value!r}, expected {expected}")
     return (float(given[0]), float(given[1]), float(given[2]))
 
 

@@ -61,7 +61,7 @@ def rendered(page: str) -> str:
     str
         The same text with the parts between the comments replaced.
     """
-    return _BLOCK.sub(lambda found: f"{found[1]}{PARTS[found[2]]()}{found[3]}", page)
+    return _BLOCK.sub(lambda block: f"{block[1]}{PARTS[block[2]]()}{block[3]}", page)
 
 
 def _keys() -> str:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from .schema import Place, check, option
+from .schema import Triple, check, option
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class InitialAttitude:
     )
     pitch_deg: float = option(..., "initial pitch", unit="deg", low=-90.0, high=90.0)
     heading_deg: float = option(..., "initial heading", unit="deg", low=-180.0, high=360.0)
-    sigma_deg: Place = option(
+    sigma_deg: Triple = option(
         (2.0, 2.0, 5.0),
         "standard deviations of roll, pitch and heading",
         kind="sigmas",

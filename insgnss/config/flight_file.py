@@ -21,14 +21,14 @@ from .filter_options import FilterOptions, InitialAttitude
 from .gnss_options import GnssInput
 from .imu_options import ImuInput
 from .ppk_options import Air, RawGnss
-from .schema import Place, Words, check, is_place, option, swapped
+from .schema import Triple, Words, check, is_place, option, swapped
 
 if TYPE_CHECKING:
     from ..orient.mounting import Mounting
     from ..records import Array
 
 MAX_LEVER_M = 100.0
-Matrix = tuple[Place, Place, Place]
+Matrix = tuple[Triple, Triple, Triple]
 
 
 def _angle_sets() -> tuple[str, ...]:
@@ -47,13 +47,13 @@ def _checks() -> Words:
 class MountingTable:
     """Table [mounting], of which `orient.mounting.Mounting` is made."""
 
-    antenna_m: Place = option(
+    antenna_m: Triple = option(
         (0.0, 0.0, 0.0),
         "position of the antenna, from the camera, in camera axes",
         kind="lever",
         unit="m",
     )
-    imu_m: Place = option(
+    imu_m: Triple = option(
         (0.0, 0.0, 0.0),
         "position of the IMU, from the camera, in camera axes",
         kind="lever",
@@ -65,7 +65,7 @@ class MountingTable:
     boresight: Matrix | None = option(
         None, "B_b^b'", kind="matrix", form="3 rows of 3 numbers", usual="identity"
     )
-    boresight_deg: tuple[str, Place] | None = option(
+    boresight_deg: tuple[str, Triple] | None = option(
         None,
         "the same as angles, { opk = [..] }, { rpy = [..] } or { metashape_ypr = [..] }"
         " (`orient.mounting`)",
@@ -84,10 +84,10 @@ class TangentPlane:
     height_m: float
 
     def __post_init__(self) -> None:
-        place = (self.lat_deg, self.lon_deg, self.height_m)
-        if not is_place(*place):
-            what = f"is no latitude, longitude, ellipsoidal height; {swapped(*place[:2])}"
-            raise OptionError("tangent_plane.origin", what, list(place))
+        coordinates = (self.lat_deg, self.lon_deg, self.height_m)
+        if not is_place(*coordinates):
+            problem = f"is no latitude, longitude, ellipsoidal height; {swapped(*coordinates[:2])}"
+            raise OptionError("tangent_plane.origin", problem, list(coordinates))
 
     @property
     def origin(self) -> "Array":
@@ -101,7 +101,7 @@ class TangentPlane:
 class TangentPlaneTable:
     """Table [tangent_plane], of which `TangentPlane` is made."""
 
-    origin: Place = option(
+    origin: Triple = option(
         ...,
         "origin of the tangent plane; without the table by the first fix, at height 0",
         kind="origin",

@@ -12,7 +12,7 @@ from ..base.errors import InputError
 from .covariance import MODEL, CovarianceModel
 from .given import gnss_record, take_record
 from .ppk_options import RawGnss
-from .schema import Place, check, option
+from .schema import Triple, check, option
 
 if TYPE_CHECKING:
     from ..base.tables import Columns
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 QUALITIES = ("float", "sbas", "dgps", "single", "ppp")
 """Names, in small letters, of the qualities (`records.qualities.Quality`) that have floors."""
 
-QUALITY_SIGMA_M: dict[str, Place] = {
+QUALITY_SIGMA_M: dict[str, Triple] = {
     "float": (0.3, 0.3, 0.6),
     "sbas": (0.3, 0.3, 0.6),
     "dgps": (0.3, 0.3, 0.6),
@@ -56,7 +56,7 @@ class GnssInput:
         "antenna positions; or gnss.stationary, or gnss.rover, base and navigation",
         kind="file",
     )
-    stationary: Place | None = option(
+    stationary: Triple | None = option(
         None,
         "place of a sensor that stands there throughout, in the place of gnss.file; a fix a second,"
         " gnss.sigma_m 0.1 by default",
@@ -84,13 +84,13 @@ class GnssInput:
         low=-200.0,
         high=200.0,
     )
-    sigma_m: Place | None = option(
+    sigma_m: Triple | None = option(
         None,
         "standard deviations north, east, down, where the file has none",
         kind="sigmas",
         unit="m",
     )
-    sigma_velocity_mps: Place | None = option(
+    sigma_velocity_mps: Triple | None = option(
         None, "the same of velocities", kind="sigmas", unit="m/s"
     )
     time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
@@ -106,7 +106,7 @@ class GnssInput:
         low=2.0,
         high=30.0,
     )
-    quality_sigma_m: Mapping[str, Place] = option(
+    quality_sigma_m: Mapping[str, Triple] = option(
         lambda: dict(QUALITY_SIGMA_M),
         "least standard deviations north, east, down of fixes of a quality, where the file tells "
         "the quality and has smaller ones; none by default with gnss.rover, where gnss.covariance "
@@ -168,5 +168,5 @@ class GnssInput:
             return
         others = (name for name in ("raw", "stationary") if getattr(self, name) is not None)
         if other := next(others, ""):
-            what = f"gnss.{other} as well; set gnss__{other}=None"
-            raise InputError(f"gnss.file is given as an object, and {what}")
+            conflict = f"gnss.{other} as well; set gnss__{other}=None"
+            raise InputError(f"gnss.file is given as an object, and {conflict}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from .given import imu_record, take_record
 from .gnss_options import BY_HEADER
-from .schema import Place, Words, check, option
+from .schema import Triple, Words, check, option
 
 if TYPE_CHECKING:
     from ..base.tables import Columns
@@ -91,7 +91,7 @@ class ImuInput:
         "file of bias, scale and non-orthogonality in the IMU's axes (`insgnss calibrate`,"
         " imu_calibration.md)",
     )
-    lever_m: Place = option(
+    lever_m: Triple = option(
         (0.0, 0.0, 0.0),
         "from the first IMU to this one, in body axes",
         unit="m",

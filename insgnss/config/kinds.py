@@ -68,9 +68,9 @@ def choice(table: Table, item: Declared) -> str:
 def letters(table: Table, item: Declared) -> str:
     """A text of the option's letters."""
     letters: str = table.text(item.name)
-    known = "".join(map(str, item.choices))
-    if not set(letters) <= set(known):
-        raise table.error(item.name, f"{letters!r} is no text of the letters {known}")
+    allowed = "".join(map(str, item.choices))
+    if not set(letters) <= set(allowed):
+        raise table.error(item.name, f"{letters!r} is no text of the letters {allowed}")
     return letters
 
 
@@ -82,9 +82,9 @@ def texts(table: Table, item: Declared) -> tuple[str, ...]:
 
 def names(table: Table, item: Declared) -> tuple[str, ...]:
     """Names of checks."""
-    names, known = texts(table, item), tuple(map(str, item.choices))
-    if odd := [name for name in names if name not in known]:
-        raise table.error(item.name, f"{odd[0]!r} is no check; {near(odd[0], known)}")
+    names, check_names = texts(table, item), tuple(map(str, item.choices))
+    if odd := [name for name in names if name not in check_names]:
+        raise table.error(item.name, f"{odd[0]!r} is no check; {near(odd[0], check_names)}")
     return names
 
 
@@ -96,9 +96,9 @@ def file(table: Table, item: Declared) -> Path:
 def files(table: Table, item: Declared) -> tuple[Path, ...]:
     """The paths of files that are there."""
     files = tuple(table.resolve(name) for name in table.texts(item.name, ()))
-    if lost := [file for file in files if not file.is_file()]:
-        what = f"{lost[0]} does not exist; paths are relative to {table.path.name}"
-        raise table.error(item.name, what)
+    if missing := [file for file in files if not file.is_file()]:
+        problem = f"{missing[0]} does not exist; paths are relative to {table.path.name}"
+        raise table.error(item.name, problem)
     return files
 
 
@@ -111,8 +111,8 @@ def images(table: Table, item: Declared) -> Path:
     """A directory of images, or a list of their names."""
     images = table.resolve(table.text(item.name))
     if not images.exists():
-        what = "give the directory of the images or a list of their names in order"
-        raise table.error(item.name, f"{images} does not exist; {what}")
+        advice = "give the directory of the images or a list of their names in order"
+        raise table.error(item.name, f"{images} does not exist; {advice}")
     return images
 
 
@@ -128,33 +128,33 @@ def columns(table: Table, item: Declared) -> Any:
     return table.columns()
 
 
-def place(table: Table, item: Declared) -> tuple[float, ...]:
+def geodetic_position(table: Table, item: Declared) -> tuple[float, ...]:
     """Latitude (deg), longitude (deg) and ellipsoidal height (m)."""
-    place: tuple[float, ...] = table.numbers(item.name, 3)
-    if not is_place(*place):
-        what = "is no latitude, longitude (deg), ellipsoidal height (m)"
-        raise table.error(item.name, f"{list(place)} {what}")
-    return place
+    coordinates: tuple[float, ...] = table.numbers(item.name, 3)
+    if not is_place(*coordinates):
+        problem = "is no latitude, longitude (deg), ellipsoidal height (m)"
+        raise table.error(item.name, f"{list(coordinates)} {problem}")
+    return coordinates
 
 
 def origin(table: Table, item: Declared) -> tuple[float, ...]:
     """The same, of the tangent plane, with advice where it is missing."""
     if item.name not in table.data:
-        what = "is missing; give it, or leave the table out to have it from the first fix"
-        raise table.error(item.name, what)
-    place: tuple[float, ...] = table.numbers(item.name, 3)
-    if not is_place(*place):
-        what = f"{list(place)} is no latitude, longitude, ellipsoidal height"
-        raise table.error(item.name, f"{what}; {swapped(*place[:2])}")
-    return place
+        problem = "is missing; give it, or leave the table out to have it from the first fix"
+        raise table.error(item.name, problem)
+    coordinates: tuple[float, ...] = table.numbers(item.name, 3)
+    if not is_place(*coordinates):
+        problem = f"{list(coordinates)} is no latitude, longitude, ellipsoidal height"
+        raise table.error(item.name, f"{problem}; {swapped(*coordinates[:2])}")
+    return coordinates
 
 
 def event_numbers(table: Table, item: Declared) -> tuple[int, ...]:
     """Whole numbers from 1."""
     given = table.value(item.name, list, [])
     if not all(isinstance(k, int) and not isinstance(k, bool) and k > 0 for k in given):
-        what = "expected a list of whole numbers from 1, as the events are counted"
-        raise table.error(item.name, f"{given}, {what}")
+        expected = "expected a list of whole numbers from 1, as the events are counted"
+        raise table.error(item.name, f"{given}, {expected}")
     return tuple(given)
 
 
@@ -179,7 +179,7 @@ PLAIN: dict[str, Callable[[Table, Declared], Any]] = {
     "number": number,
     "numbers": numbers,
     "origin": origin,
-    "place": place,
+    "place": geodetic_position,
     "program": program,
     "sigmas": sigmas,
     "text": text,

@@ -95,8 +95,8 @@ def read_covariance(path: Path) -> CovarianceModel:
         With file and line.
     """
     if not path.is_file():
-        what = "does not exist; give a TOML file of the fields of the covariance model"
-        raise InputError.at_line(path, None, what)
+        problem = "does not exist; give a TOML file of the fields of the covariance model"
+        raise InputError.at_line(path, None, problem)
     start = "gnss.covariance"
     keys = {
         name.removeprefix(start).removeprefix("."): words
@@ -105,9 +105,11 @@ def read_covariance(path: Path) -> CovarianceModel:
     }
     root = renewed(read_toml(path, keys), start)
     if headed := next((key for key in root.lines if re.match(r"gnss\b|covariance\b", key)), None):
-        what = "this file is the table gnss.covariance itself; its keys stand at the top, and"
-        what = f"{headed}: {what} [scale] and [floor_m] below them"
-        raise InputError.at_line(path, root.lines[headed], what)
+        problem = (
+            f"{headed}: this file is the table gnss.covariance itself; its keys stand at the top, "
+            "and [scale] and [floor_m] below them"
+        )
+        raise InputError.at_line(path, root.lines[headed], problem)
     root.check_keys()
     return covariance_of(root)
 
@@ -126,37 +128,39 @@ def _gnss(table: Table) -> GnssInput:
     floors = values["quality_sigma_m"] if "quality_sigma_m" in table.data else {}
     values["quality_sigma_m"] = ({} if raw else QUALITY_SIGMA_M) | floors
     if "covariance" in table.data and stands:
-        what = "is of positions by PPK, but gnss.stationary is given"
-        what = f"{what}; leave it out, or give gnss.sigma_m"
-        raise table.error("covariance", what)
+        problem = (
+            "is of positions by PPK, but gnss.stationary is given; leave it out, or give "
+            "gnss.sigma_m"
+        )
+        raise table.error("covariance", problem)
     if "covariance" in table.data and not values["calibrate_covariance"]:
-        what = "is of the calibration that gnss.calibrate_covariance = false switches off"
-        raise table.error("covariance", f"{what}; keep one of them")
+        problem = "is of the calibration that gnss.calibrate_covariance = false switches off"
+        raise table.error("covariance", f"{problem}; keep one of them")
     return GnssInput(**({"file": None} | values), raw=raw)
 
 
 def _raw(table: Table) -> RawGnss | None:
     """The raw observations of a table [gnss], None where none are given."""
-    known, needed = declared(RawGnss), ("rover", "base", "navigation")
-    given = [name for name in known if name in table.data]
+    raw_options, needed = declared(RawGnss), ("rover", "base", "navigation")
+    given = [name for name in raw_options if name in table.data]
     if not given:
         return None
     for other in ("file", "stationary"):
         if other in table.data:
             raise table.error(given[0], f"gnss.{other} is given as well; keep one of them")
     if missing := [key for key in needed if key not in table.data]:
-        what = f"gnss.{missing[0]} is missing; RINEX of {', '.join(needed)} belong together"
-        raise table.error(given[0], what)
+        problem = f"gnss.{missing[0]} is missing; RINEX of {', '.join(needed)} belong together"
+        raise table.error(given[0], problem)
     if odd := [key for key in OF_POSITIONS if key in table.data]:
-        what = "is of ready positions (gnss.file), but gnss.rover is given; leave it out"
-        raise table.error(odd[0], what)
+        problem = "is of ready positions (gnss.file), but gnss.rover is given; leave it out"
+        raise table.error(odd[0], problem)
     values = take(table, [RawGnss])
     if values["base_position"] is not None and values["base_point"] is None:
-        what = 'say what stands there: base_point = "apc" (phase centre), "arp" or "marker"'
-        raise table.error("base_position", what)
+        problem = 'say what stands there: base_point = "apc" (phase centre), "arp" or "marker"'
+        raise table.error("base_position", problem)
     if values["atmosphere"] and not (values["wet_delay"] or values["ionosphere"]):
-        what = "is of the corrections that gnss.wet_delay and ionosphere = false leave out"
-        raise table.error("atmosphere", f"{what}; keep one of them")
+        problem = "is of the corrections that gnss.wet_delay and ionosphere = false leave out"
+        raise table.error("atmosphere", f"{problem}; keep one of them")
     return RawGnss(**values)
 
 
@@ -167,18 +171,20 @@ def _camera(table: Table, raw: bool) -> CameraInput:
         other = "gnss.rover is missing, give camera.events"
         if "events" in table.data:
             other = "camera.events is given as well, keep one"
-        what = f"looks at the record lines of the rover's RINEX; {other}"
-        raise table.error(of_rover[0], what)
+        problem = f"looks at the record lines of the rover's RINEX; {other}"
+        raise table.error(of_rover[0], problem)
     own = "events" in table.data or not raw
     if "columns" in table.data and not own:
-        what = "is of camera.events, which is missing; events of the rover's RINEX have no columns"
-        raise table.error("columns", what)
+        problem = (
+            "is of camera.events, which is missing; events of the rover's RINEX have no columns"
+        )
+        raise table.error("columns", problem)
     values = take(table, [CameraInput], without=[] if own else ["events"])
     match = ImageMatch(**take(table, [ImageMatch]))
     of_images = [key for key in ("image_ending", "skip_images") if key in table.data]
     if of_images and match.images is None:
-        what = "give the directory of the images or a list of their names"
-        raise table.error(of_images[0], f"is of camera.images, which is missing; {what}")
+        problem = "give the directory of the images or a list of their names"
+        raise table.error(of_images[0], f"is of camera.images, which is missing; {problem}")
     rover_events = RoverEvents(**take(table, [RoverEvents]))
     return CameraInput(**({"events": None} | values), match=match, rover_events=rover_events)
 
@@ -193,8 +199,8 @@ def _mounting(table: Table) -> Mounting:
             given["boresight"] = boresight_from_angles(angle_set, degrees, turn)
         return Mounting(**given)
     except InputError as refusal:
-        key, _, what = str(refusal).partition(": ")
-        raise table.error(key, what) from None
+        key, _, problem = str(refusal).partition(": ")
+        raise table.error(key, problem) from None
 
 
 def _tangent_plane(table: Table) -> TangentPlane:
@@ -209,10 +215,10 @@ def _output(table: Table) -> Output:
     output = Output(**(values | {"directory": directory}))
     if output.crs is None:
         if output.ground_m is not None:
-            what = (
+            problem = (
                 "scales heights in a projected CRS only; give output.crs as well, or leave it out"
             )
-            raise table.error("ground_m", what)
+            raise table.error("ground_m", problem)
         return output
     from ..geodesy.projection import MapProjection
 

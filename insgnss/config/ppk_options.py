@@ -12,7 +12,7 @@ from typing import Literal
 
 from ..base.errors import OptionError
 from ..base.wording import named
-from .schema import Place, check, option
+from .schema import Triple, check, option
 
 Point = Literal["apc", "arp", "marker"]
 
@@ -186,8 +186,14 @@ def rtklib_problem(name: str, value: object) -> str:
     if not _NAME.fullmatch(name):
         return f"{name[:60]!r} is no name of an option of RTKLIB, such as pos2-arminfix"
     if _OURS.match(name):
-        keys = (f"{named(key)} sets it" for at, key in _SET_BY_KEY.items() if name.startswith(at))
-        why = next(keys, "") or next(why for at, why in _SET_BY.items() if name.startswith(at))
+        keys = (
+            f"{named(key)} sets it"
+            for prefix, key in _SET_BY_KEY.items()
+            if name.startswith(prefix)
+        )
+        why = next(keys, "") or next(
+            why for prefix, why in _SET_BY.items() if name.startswith(prefix)
+        )
         return f"{name[:60]} is not to be set there: {why}"
     if re.search(r"[\r\n#]", str(value)):
         return f"the value of {name} holds a # or the end of a line"
@@ -221,7 +227,7 @@ class RawGnss(EngineSettings):
         cli="--navigation",
         metavar="FILE",
     )
-    base_position: Place | None = option(
+    base_position: Triple | None = option(
         None,
         "position of the base; held against the codes of the base, rinex.md",
         kind="place",

@@ -83,14 +83,14 @@ class _Renewal:
         """Warn of a retired key, and let its line be found by the present name."""
         old, new = _joined(name, key), _joined(name, present)
         if present in data:
-            what = f"is the retired name of {new}, which is given as well; keep that"
-            raise replace(self.root, name=name, data=data).error(key, what)
-        for place, line in list(self.lines.items()):
-            if place == old or place.startswith(f"{old}."):
-                self.lines.setdefault(new + place[len(old) :], line)
+            message = f"is the retired name of {new}, which is given as well; keep that"
+            raise replace(self.root, name=name, data=data).error(key, message)
+        for path, line in list(self.lines.items()):
+            if path == old or path.startswith(f"{old}."):
+                self.lines.setdefault(new + path[len(old) :], line)
         where = f"{self.root.path}:{self.lines[new]}" if new in self.lines else self.root.path
-        what = f"{where}: {old} is called {new} now; the next release will refuse the old name"
-        warnings.warn(what, FutureWarning, stacklevel=2)
+        message = f"{where}: {old} is called {new} now; the next release will refuse the old name"
+        warnings.warn(message, FutureWarning, stacklevel=2)
 
 
 def _joined(*names: str) -> str:

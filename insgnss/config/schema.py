@@ -27,7 +27,7 @@ from typing import Any, Literal, Union, get_args, get_origin
 from ..base.errors import OptionError, near
 
 Words = tuple[str, ...] | tuple[int, ...]
-Place = tuple[float, float, float]
+Triple = tuple[float, float, float]
 
 _KINDS: dict[type, str] = {
     bool: "flag",
@@ -135,10 +135,10 @@ class Declared:
     @property
     def choices(self) -> Words:
         """Values that it may have, empty where others may."""
-        known = self.option.choices
-        if callable(known):
-            return known()
-        return known or (get_args(_plain(self.type)) if self.kind == "choice" else ())
+        declared_choices = self.option.choices
+        if callable(declared_choices):
+            return declared_choices()
+        return declared_choices or (get_args(_plain(self.type)) if self.kind == "choice" else ())
 
     @property
     def count(self) -> int:
@@ -149,8 +149,8 @@ class Declared:
 def _plain(annotation: Any) -> Any:
     """The type without `| None`."""
     if get_origin(annotation) in (Union, UnionType):
-        parts = [part for part in get_args(annotation) if part is not NoneType]
-        return parts[0] if len(parts) == 1 else annotation
+        members = [member for member in get_args(annotation) if member is not NoneType]
+        return members[0] if len(members) == 1 else annotation
     return annotation
 
 
@@ -174,14 +174,14 @@ def _kind(annotation: Any) -> str:
 @cache
 def declared(table: type) -> Mapping[str, Declared]:
     """The options that a dataclass declares, by name; what must be given comes first."""
-    found = []
+    options = []
     for item in fields(table):
         if "option" not in item.metadata:
             continue
         default = item.default
         if item.default_factory is not MISSING:
             default = item.default_factory()
-        found.append(
+        options.append(
             Declared(
                 item.name,
                 item.type,
@@ -189,7 +189,7 @@ def declared(table: type) -> Mapping[str, Declared]:
                 item.metadata["option"],
             )
         )
-    return {item.name: item for item in sorted(found, key=lambda item: not item.required)}
+    return {item.name: item for item in sorted(options, key=lambda item: not item.required)}
 
 
 def check(instance: Any, table: str) -> None:
@@ -242,9 +242,9 @@ def _no_sign(item: Declared, value: Any) -> str:
 
 
 def _no_letters(item: Declared, value: Any) -> str:
-    known = "".join(map(str, item.choices))
-    right = isinstance(value, str) and value and set(value) <= set(known)
-    return "" if right else f"must be letters of {known}"
+    allowed = "".join(map(str, item.choices))
+    right = isinstance(value, str) and value and set(value) <= set(allowed)
+    return "" if right else f"must be letters of {allowed}"
 
 
 def _no_numbers(item: Declared, value: Any) -> str:
@@ -261,17 +261,17 @@ def _no_place(item: Declared, value: Any) -> str:
 
 
 def _no_quality_sigmas(item: Declared, value: Any) -> str:
-    known = item.option.members() if item.option.members else ()
-    if odd := [name for name in value if name not in known]:
-        return f"{odd[0]!r} is no quality; {near(str(odd[0]), known)}"
+    qualities = item.option.members() if item.option.members else ()
+    if odd := [name for name in value if name not in qualities]:
+        return f"{odd[0]!r} is no quality; {near(str(odd[0]), qualities)}"
     wrong = [name for name in value if not _are_numbers(value[name], 3) or min(value[name]) <= 0.0]
     return f"{wrong[0]}: must be three numbers greater than zero" if wrong else ""
 
 
 def _no_names(item: Declared, value: Any) -> str:
-    known = tuple(map(str, item.choices))
-    odd = [name for name in value if name not in known]
-    return f"{odd[0]!r} is no check; {near(str(odd[0]), known)}" if odd else ""
+    check_names = tuple(map(str, item.choices))
+    odd = [name for name in value if name not in check_names]
+    return f"{odd[0]!r} is no check; {near(str(odd[0]), check_names)}" if odd else ""
 
 
 _CHECKS: dict[str, Callable[[Declared, Any], str]] = {

@@ -55,8 +55,8 @@ def _noise(table: Table, item: Declared) -> str | Path:
     if noise in shipped:
         return noise
     if not table.resolve(noise).is_file():
-        what = f"{noise!r} is neither a shipped model ({', '.join(shipped)}) nor a file"
-        raise table.error(item.name, f"{what}; paths are relative to {table.path.name}")
+        problem = f"{noise!r} is neither a shipped model ({', '.join(shipped)}) nor a file"
+        raise table.error(item.name, f"{problem}; paths are relative to {table.path.name}")
     return table.file(item.name)
 
 
@@ -74,8 +74,8 @@ def _axes(table: Table, item: Declared) -> str:
 def _sign(table: Table, item: Declared) -> float:
     sign: float = table.number(item.name)
     if abs(sign) != 1.0:
-        what = f"{sign:g} is neither 1 (specific force) nor -1 (its reverse)"
-        raise table.error(item.name, what)
+        problem = f"{sign:g} is neither 1 (specific force) nor -1 (its reverse)"
+        raise table.error(item.name, problem)
     return sign
 
 
@@ -96,14 +96,14 @@ def _imu_units(table: Table, item: Declared) -> dict[str, str] | None:
         unit, kind = units.text(sensor), right.get(sensor, sensor)
         if is_unit(unit, kind):
             continue
-        known = ", ".join(UNITS[kind])
+        units_of_kind = ", ".join(UNITS[kind])
         count = "a number may stand before it (of one count: 0.05 deg/s)"
         advice = f"{near(unit, tuple(UNITS[kind]))}; {count}"
         homes = [name for name in UNITS if is_unit(unit, name)]
         if kind.partition(" ")[0] in [name.partition(" ")[0] for name in homes]:
-            advice = f'it does not belong to quantity = "{quantity}"; use {known}'
+            advice = f'it does not belong to quantity = "{quantity}"; use {units_of_kind}'
         elif homes:
-            advice = f"it belongs to the other sensor; use {known}"
+            advice = f"it belongs to the other sensor; use {units_of_kind}"
         raise units.error(sensor, f"{unit!r} is no unit for it: {advice}")
     return dict(units.data) or None
 
@@ -113,14 +113,14 @@ def _gnss_units(table: Table, item: Declared) -> dict[str, str] | None:
     from ..formats.gnss.fixes import QUALITY_CODES
 
     units = table.table(item.name)
-    for what in units.data:
-        if what == "quality":
-            units.choice(what, QUALITY_CODES, QUALITY_CODES[0])
+    for quantity in units.data:
+        if quantity == "quality":
+            units.choice(quantity, QUALITY_CODES, QUALITY_CODES[0])
             continue
-        unit, kind = units.text(what), "angle" if what == "course" else what
+        unit, kind = units.text(quantity), "angle" if quantity == "course" else quantity
         if not is_unit(unit, kind):
-            known = tuple(UNITS[kind])
-            raise units.error(what, f"{unit!r} is no unit for it: {near(unit, known)}")
+            units_of_kind = tuple(UNITS[kind])
+            raise units.error(quantity, f"{unit!r} is no unit for it: {near(unit, units_of_kind)}")
     return dict(units.data) or None
 
 
@@ -141,8 +141,8 @@ def _rtklib(table: Table, item: Declared) -> dict[str, str]:
     given = table.value(item.name, dict, {})
     for name, value in given.items():
         if isinstance(value, bool) or not isinstance(value, int | float | str):
-            what = "expected a number or a text, as in RTKLIB's option file"
-            raise table.error(item.name, f"{name} = {value!r}, {what}")
+            expected = "expected a number or a text, as in RTKLIB's option file"
+            raise table.error(item.name, f"{name} = {value!r}, {expected}")
         if problem := rtklib_problem(name, str(value)):
             raise table.error(item.name, problem)
     return {name: str(value) for name, value in given.items()}
@@ -158,8 +158,8 @@ def _lever(table: Table, item: Declared) -> tuple[float, ...]:
     lever = numbers(table, item)
     length = sum(x * x for x in lever) ** 0.5
     if length >= MAX_LEVER_M:
-        what = f"is {length:.0f} m long (limit {MAX_LEVER_M:.0f} m); the unit is m"
-        raise table.error(item.name, f"{list(lever)} {what}")
+        problem = f"is {length:.0f} m long (limit {MAX_LEVER_M:.0f} m); the unit is m"
+        raise table.error(item.name, f"{list(lever)} {problem}")
     return lever
 
 
@@ -168,13 +168,13 @@ def _angles(table: Table, item: Declared) -> tuple[str, tuple[float, ...]]:
     from ..orient.mounting import ANGLE_SETS
 
     if "boresight" in table.data:
-        what = f"{table.name}.boresight is given as well; keep one of them"
-        raise table.error(item.name, what)
+        problem = f"{table.name}.boresight is given as well; keep one of them"
+        raise table.error(item.name, problem)
     given = table.data[item.name]
     if not isinstance(given, dict) or len(given) != 1:
-        known = ", ".join(ANGLE_SETS)
-        what = f"name one angle set, such as {{ opk = [..] }}; known are {known}"
-        raise table.error(item.name, what)
+        angle_sets = ", ".join(ANGLE_SETS)
+        problem = f"name one angle set, such as {{ opk = [..] }}; known are {angle_sets}"
+        raise table.error(item.name, problem)
     named = table.table(item.name)
     return next((angle_set, named.numbers(angle_set, 3)) for angle_set in named.data)
 
@@ -195,8 +195,8 @@ def _formats(table: Table, item: Declared) -> tuple[str, ...]:
             why = "writes a directory" if form.several else f"needs {', '.join(needs)}"
             raise table.error(item.name, f"{name!r} {why}; leave it to insgnss export")
         if form.heights == "sea level" and "geoid" not in table.data:
-            what = "has heights above sea level; give output.geoid, a grid of geoid heights"
-            raise table.error(item.name, f"{name!r} {what}")
+            problem = "has heights above sea level; give output.geoid, a grid of geoid heights"
+            raise table.error(item.name, f"{name!r} {problem}")
     return formats
 
 
@@ -216,8 +216,10 @@ def _covariance(table: Table, item: Declared) -> CovarianceModel:
 
 def covariance_of(table: Table) -> CovarianceModel:
     """The covariance model with the changes of a table."""
-    known = declared(CovarianceModel)
-    return CovarianceModel().with_changes({key: value_of(table, known[key]) for key in table.data})
+    options = declared(CovarianceModel)
+    return CovarianceModel().with_changes(
+        {key: value_of(table, options[key]) for key in table.data}
+    )
 
 
 def _triple(table: Table, item: Declared) -> tuple[float, ...]:

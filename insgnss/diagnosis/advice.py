@@ -69,9 +69,9 @@ def message(errors: FixErrors) -> str:
 def _lever_arm(solution: Solution, mounting: Mounting, fix_sigma: float) -> Check | None:
     """Check the antenna lever arm; None where the flight agrees with the flight file."""
     first = solution.problem.layout.lever
-    at = slice(first, first + 3)
-    value = solution.x[-1, at]
-    sigma = np.sqrt(np.diag(solution.P[-1, NAV.stop :, NAV.stop :])[at])
+    lever = slice(first, first + 3)
+    value = solution.x[-1, lever]
+    sigma = np.sqrt(np.diag(solution.P[-1, NAV.stop :, NAV.stop :])[lever])
     off = np.abs(value) > np.maximum(SIGNIFICANT * sigma, MATTERS * fix_sigma)
     if not off.any():
         return None

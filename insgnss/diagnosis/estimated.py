@@ -84,13 +84,15 @@ def time_correlated_errors(solution: Solution) -> tuple[TimeCorrelatedError, ...
     )
     errors = []
     for first, white, least_group in both_groups:
-        at = epochs.has_position & (epochs.group >= least_group)
-        if first < 0 or not at.any():
+        rows = epochs.has_position & (epochs.group >= least_group)
+        if first < 0 or not rows.any():
             continue
         share = layout.sigma0[first : first + 3]
-        sigma_m = share * usual_sigma(epochs.position_cov[at])
+        sigma_m = share * usual_sigma(epochs.position_cov[rows])
         triples = (tuple(float(x) for x in values) for values in (sigma_m, share, white))
-        errors.append(TimeCorrelatedError(float(1.0 / layout.beta[first]), int(at.sum()), *triples))
+        errors.append(
+            TimeCorrelatedError(float(1.0 / layout.beta[first]), int(rows.sum()), *triples)
+        )
     return tuple(errors)
 
 

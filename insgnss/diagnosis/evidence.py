@@ -41,14 +41,14 @@ def liveliest_window(solution: Solution) -> tuple[EstimationProblem, InitialStat
         At most `WINDOW_FIXES` fixes as a problem of its own, and an initial state at what the
         solution knows there, with three times its sigma and a metre and a metre a second more.
     """
-    at = np.flatnonzero(solution.problem.epochs.has_position)
-    count = min(WINDOW_FIXES, at.size - 1)
-    v = solution.nav[at, VEL]
+    epochs = np.flatnonzero(solution.problem.epochs.has_position)
+    count = min(WINDOW_FIXES, epochs.size - 1)
+    v = solution.nav[epochs, VEL]
     sums = np.cumsum(np.concatenate([np.zeros((1, 6)), np.hstack([v, v**2])]), axis=0)
     moments = (sums[count:] - sums[:-count]) / count
     variance = np.sum(moments[:, 3:] - moments[:, :3] ** 2, axis=1)
-    k = int(np.argmax(variance[: at.size - count]))
-    first, last = at[k], at[k + count]
+    k = int(np.argmax(variance[: epochs.size - count]))
+    first, last = epochs[k], epochs[k + count]
     P = 9.0 * solution.P[first]
     P[:6, :6] += np.eye(6)
     nav, x = solution.nav[first], solution.x[first].copy()
@@ -67,12 +67,12 @@ def minus_two_log_likelihood(problem: EstimationProblem, start: InitialState) ->
         run_filter(problem, start, history)
     except DataError:
         return IMPOSSIBLE
-    at = np.flatnonzero(history.verdict[:, POSITION] != NOT_MEASURED)
-    rejected = history.verdict[at, POSITION] == REJECTED
-    log_R = np.linalg.slogdet(problem.epochs.position_cov[at])[1] + 2.0 * np.sum(
-        np.log(_white_share(problem)[at]), axis=1
+    measured = np.flatnonzero(history.verdict[:, POSITION] != NOT_MEASURED)
+    rejected = history.verdict[measured, POSITION] == REJECTED
+    log_R = np.linalg.slogdet(problem.epochs.position_cov[measured])[1] + 2.0 * np.sum(
+        np.log(_white_share(problem)[measured]), axis=1
     )
-    S, y = history.S[at, :3], history.y[at, :3]
+    S, y = history.S[measured, :3], history.y[measured, :3]
     S = np.where(rejected[:, None], 1.0, S)
     own = np.where(rejected, problem.gate, np.sum(np.log(S) + y**2 / S, axis=1))
     return float(np.sum(own + log_R))
@@ -83,11 +83,11 @@ def misfit(solution: Solution) -> float:
 
     The correlations between the components of an innovation are left out.
     """
-    at = np.flatnonzero(solution.verdict[:, POSITION] != NOT_MEASURED)
-    rejected = solution.verdict[at, POSITION] == REJECTED
+    measured = np.flatnonzero(solution.verdict[:, POSITION] != NOT_MEASURED)
+    rejected = solution.verdict[measured, POSITION] == REJECTED
     gate = solution.problem.gate
-    size = np.where(rejected, gate, np.minimum(solution.nis[at, 0], gate))
-    log_sigma = np.sum(np.log(solution.innovation_sigma[at, :3]), axis=1)
+    size = np.where(rejected, gate, np.minimum(solution.nis[measured, 0], gate))
+    log_sigma = np.sum(np.log(solution.innovation_sigma[measured, :3]), axis=1)
     return float(np.sum(size + 2.0 * log_sigma))
 
 

@@ -88,7 +88,7 @@ def sub_problem(problem: EstimationProblem, first: int, last: int) -> Estimation
     """
     index = np.arange(first, last + 1)
     inc, s0, s1 = problem.inc, problem.epochs.stop[first], problem.epochs.stop[last]
-    part = Increments(
+    increments = Increments(
         inc.dt[s0:s1],
         inc.dtheta[s0:s1],
         inc.dvel[s0:s1],
@@ -97,7 +97,7 @@ def sub_problem(problem: EstimationProblem, first: int, last: int) -> Estimation
         inc.rate[index],
         inc.nominal_s,
     )
-    return with_epochs(problem, index, part)
+    return with_epochs(problem, index, increments)
 
 
 def with_epochs(

@@ -105,10 +105,10 @@ def _separation(information: Array, adjoint: Array) -> tuple[Array, Array]:
     """Return backward minus forward of the navigation states (s, 9), its sigma; NaN if unknown."""
     scale = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), TINY))
     w, V = np.linalg.eigh(information / (scale[:, :, None] * scale[:, None, :]))
-    known = w > DETERMINED
-    inverse_w = np.where(known, 1.0 / np.where(known, w, 1.0), 0.0)
+    observable = w > DETERMINED
+    inverse_w = np.where(observable, 1.0 / np.where(observable, w, 1.0), 0.0)
     inverse = (V * inverse_w[:, None, :]) @ np.swapaxes(V, -1, -2)
     value = np.einsum("sij,sj->si", inverse, adjoint / scale) / scale
     sigma = np.sqrt(np.maximum(np.diagonal(inverse, axis1=1, axis2=2), 0.0)) / scale
-    determined = np.sum(np.where(known[:, None, :], 0.0, V**2), axis=2) < OUTSIDE
+    determined = np.sum(np.where(observable[:, None, :], 0.0, V**2), axis=2) < OUTSIDE
     return np.where(determined, value, np.nan)[:, NAV], np.where(determined, sigma, np.nan)[:, NAV]

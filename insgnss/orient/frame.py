@@ -98,12 +98,12 @@ def in_frame(
 def _axes(
     eo: ExteriorOrientation,
     plane: TangentPlane,
-    place: tuple[Array, Array, Array],
+    geodetic: tuple[Array, Array, Array],
     kind: str,
     projection: MapProjection | None,
 ) -> tuple[Array, Array, MapFrame]:
     """C_fm (n, 3, 3), coordinates (n, 3) and the frame (W.1)."""
-    lat, lon, h = place
+    lat, lon, h = geodetic
     n = len(eo.images)
     if kind == TANGENT:
         lat_d, lon_d = np.degrees(eo.origin[:2])

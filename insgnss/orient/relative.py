@@ -56,11 +56,11 @@ class GyroFigures:
 
     def __post_init__(self) -> None:
         if not (0.0 < self.noise < np.inf and 0.0 <= self.drift < np.inf):
-            what = (
+            message = (
                 f"gyro figures: noise {self.noise:g} rad/sqrt(s) must be positive, drift"
                 f" {self.drift:g} rad/s not negative, both finite"
             )
-            raise UsageError(f"{what}; take them from the noise model")
+            raise UsageError(f"{message}; take them from the noise model")
 
 
 def gyro_figures(white_noise: Array, wandering: Array) -> GyroFigures:
@@ -105,10 +105,10 @@ def line_pairs(
     on = np.zeros(n - 1, dtype=bool)
     on[:-1] |= straight
     on[1:] |= straight
-    lone = np.ones(n - 1, dtype=bool)
-    lone[:-1] &= ~joined
-    lone[1:] &= ~joined
-    on = (on | lone) & near & moved & (np.abs(_turn(C_fc, up)) < STRAIGHT_RAD)
+    isolated = np.ones(n - 1, dtype=bool)
+    isolated[:-1] &= ~joined
+    isolated[1:] &= ~joined
+    on = (on | isolated) & near & moved & (np.abs(_turn(C_fc, up)) < STRAIGHT_RAD)
     first = np.flatnonzero(on)
     goes_on = np.diff(first) == 1
     goes_on &= straight[first[:-1]] if first.size > 1 else goes_on

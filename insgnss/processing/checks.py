@@ -101,14 +101,14 @@ def check_mounting(flight: Flight) -> Check:
     )
 
 
-def check_stationary(imu: ImuSamples, rests: Array) -> Check:
+def check_stationary(imu: ImuSamples, periods: Array) -> Check:
     """Check whether the IMU that `gnss.stationary` says to stand does so.
 
     Parameters
     ----------
     imu : ImuSamples
         The samples.
-    rests : ndarray, shape (k, 2), s
+    periods : ndarray, shape (k, 2), s
         First and last instant of each stationary period.
 
     Returns
@@ -116,7 +116,7 @@ def check_stationary(imu: ImuSamples, rests: Array) -> Check:
     Check
         The check "standing".
     """
-    share = float(np.sum(rests[:, 1] - rests[:, 0]) / (imu.time[-1] - imu.time[0]))
+    share = float(np.sum(periods[:, 1] - periods[:, 0]) / (imu.time[-1] - imu.time[0]))
     bad = share < STATIONARY_SHARE
     return Check(
         "standing",

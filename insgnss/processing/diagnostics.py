@@ -29,13 +29,13 @@ class ReportRows:
 
     Parameters
     ----------
-    at : ndarray, shape (k,)
+    epochs : ndarray, shape (k,)
         The epochs of the solution.
     trajectory : Trajectory
         The poses at these epochs.
     """
 
-    at: np.ndarray
+    epochs: np.ndarray
     trajectory: Trajectory
 
 
@@ -58,8 +58,8 @@ def report_rows(segments: Sequence[Segment], gps_week: int) -> list[ReportRows]:
     for solution in (segment.solution for segment in segments):
         stride = max(1, solution.time.size // REPORT_ROWS)
         regular = np.arange(0, solution.time.size, stride)
-        at = np.unique(np.concatenate([regular, solution.event_epochs]))
-        rows.append(ReportRows(at, trajectory(solution, at, gps_week)))
+        epochs = np.unique(np.concatenate([regular, solution.event_epochs]))
+        rows.append(ReportRows(epochs, trajectory(solution, epochs, gps_week)))
     return rows
 
 
@@ -93,19 +93,19 @@ def run_diagnostics(
 
 def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagnostics:
     """Gather the diagnostics of one segment."""
-    solution, at = segment.solution, rows.at
-    bias, bias_sigma = solution.channel_bias(at)
+    solution, epochs = segment.solution, rows.epochs
+    bias, bias_sigma = solution.channel_bias(epochs)
     time, verdict = solution.time, solution.verdict
     fix = np.flatnonzero(verdict[:, POSITION] != NOT_MEASURED)
     velocity = np.flatnonzero(verdict[:, VELOCITY] != NOT_MEASURED)
     return Diagnostics(
-        time=time[at],
-        position=solution.nav[at, :3],
-        velocity=solution.nav[at, 3:6],
+        time=time[epochs],
+        position=solution.nav[epochs, :3],
+        velocity=solution.nav[epochs, 3:6],
         rpy=rpy_from_rotation(rows.trajectory.C_nb),
-        event=np.searchsorted(at, solution.event_epochs),
-        filter_sigma=solution.filter_sigma[at, NAV],
-        smoothed_sigma=np.sqrt(np.diagonal(solution.P[:, NAV, NAV][at], axis1=1, axis2=2)),
+        event=np.searchsorted(epochs, solution.event_epochs),
+        filter_sigma=solution.filter_sigma[epochs, NAV],
+        smoothed_sigma=np.sqrt(np.diagonal(solution.P[:, NAV, NAV][epochs], axis1=1, axis2=2)),
         bias=bias,
         bias_sigma=bias_sigma,
         fix_time=time[fix],

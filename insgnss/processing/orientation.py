@@ -74,8 +74,8 @@ def orient_images(
     events, week = recording.events, recording.gps_week
     if events is None:
         return None
-    at = np.concatenate([segment.at_event for segment in segments])
-    if not at.size:
+    oriented = np.concatenate([segment.at_event for segment in segments])
+    if not oriented.size:
         raise DataError(
             f"{events.source}: no image lies in a segment that could be solved; see the gaps of "
             "`insgnss inspect`"
@@ -89,7 +89,9 @@ def orient_images(
     )
     refuse_unobservable(flight, exposed)
     plane = TangentPlane(*_origin(flight, segments[0].fixes))
-    return exterior_orientation(exposed, take_events(events, at), flight.mounting, plane, history)
+    return exterior_orientation(
+        exposed, take_events(events, oriented), flight.mounting, plane, history
+    )
 
 
 def _origin(flight: Flight, fixes: GnssFixes) -> tuple[float, float, float]:
@@ -114,14 +116,14 @@ def _on_grid(segment: Segment, hz: float | None, gps_week: int) -> Trajectory:
     first, last = dense.time[0], dense.time[-1]
     wanted = first + np.arange(int((last - first) * hz) + 1) / hz
     nearest = np.searchsorted(dense.time, wanted - 1e-6)
-    at = np.unique(np.clip(nearest, 0, dense.time.size - 1))
+    nearest_rows = np.unique(np.clip(nearest, 0, dense.time.size - 1))
     return Trajectory(
-        dense.time[at],
-        dense.lat[at],
-        dense.lon[at],
-        dense.height[at],
-        dense.velocity_ned[at],
-        dense.C_nb[at],
-        dense.cov[at],
+        dense.time[nearest_rows],
+        dense.lat[nearest_rows],
+        dense.lon[nearest_rows],
+        dense.height[nearest_rows],
+        dense.velocity_ned[nearest_rows],
+        dense.C_nb[nearest_rows],
+        dense.cov[nearest_rows],
         gps_week,
     )

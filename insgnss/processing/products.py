@@ -94,11 +94,11 @@ def output_directory(flight: Flight, out: Path | None) -> Path:
     products: dict[Path, tuple[str, ...]] = {directory: (*PRODUCTS, *exports)}
     if flight.gnss.raw is not None:
         products[ppk_directory(directory)] = PPK_PRODUCTS
-    for place in products:
-        if reason := _not_writable(place):
+    for target in products:
+        if reason := _not_writable(target):
             raise refusal(f"{where}: {reason}")
     inputs = {file.resolve() for file in input_files(flight)}
-    for file in (place / name for place, names in products.items() for name in names):
+    for file in (target / name for target, names in products.items() for name in names):
         if file.resolve() in inputs:
             raise refusal(
                 f"{where}: the product {file.name} would overwrite the input {file}; give another "
@@ -171,16 +171,16 @@ def write_products(
         series = None if ppk is None else ppk.series
         write_report(directory / "report.html", report, result.diagnostics, eo, series)
         write_report_json(report, directory / "report.json")
-        moves = [move for place in staged for move in place.moves()]
+        moves = [move for staging in staged for move in staging.moves()]
         _refuse_overwriting(flight, (goal for _, goal in moves))
         for file, goal in moves:
             os.replace(file, goal)
     return tuple(goal for _, goal in moves)
 
 
-def _not_writable(place: Path) -> str | None:
+def _not_writable(directory: Path) -> str | None:
     """Say why a directory cannot be made or written to; None where it can."""
-    above = next(d for d in (place, *place.parents) if d.exists())
+    above = next(d for d in (directory, *directory.parents) if d.exists())
     if not above.is_dir():
         return f"{above} is a file, a directory is expected; give another one"
     try:

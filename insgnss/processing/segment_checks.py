@@ -76,15 +76,15 @@ def check_images(recording: Recording, segments: Sequence[Segment]) -> list[Chec
         return []
     images = recording.events.images
     oriented = np.concatenate([segment.at_event for segment in segments])
-    lost = np.setdiff1d(np.arange(len(images)), oriented)
-    if not lost.size:
+    missing = np.setdiff1d(np.arange(len(images)), oriented)
+    if not missing.size:
         return []
-    names = ", ".join(images[k] for k in lost[:MOST_NAMED])
-    names += ", ..." if lost.size > MOST_NAMED else ""
+    names = ", ".join(images[k] for k in missing[:MOST_NAMED])
+    names += ", ..." if missing.size > MOST_NAMED else ""
     return [
         Check(
             "images",
-            f"{lost.size} of {len(images)} have no orientation: {names}",
+            f"{missing.size} of {len(images)} have no orientation: {names}",
             "all images within the segments",
             "note",
             "they lie in a gap, before the first fix or in a segment left out",

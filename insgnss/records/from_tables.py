@@ -148,8 +148,8 @@ def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:
         names = tuple(str(name) for name in columns["image"])
         return CameraEvents(names, time, _week(given, gps_week), "events")
     names = tuple(str(k + 1) for k in range(time.size))
-    found = f"no image names; the {time.size} events are numbered from 1"
-    note = Check("event names", found, "a name for each event", "note", "give a column image")
+    numbering = f"no image names; the {time.size} events are numbered from 1"
+    note = Check("event names", numbering, "a name for each event", "note", "give a column image")
     return CameraEvents(names, time, _week(given, gps_week), "events", (note,))
 
 

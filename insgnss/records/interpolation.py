@@ -49,10 +49,10 @@ def interpolated(trajectory: Epochs, time: Array, tolerance_s: float) -> Epochs:
     h = np.where(last > first, trajectory.time[last] - trajectory.time[first], 1.0)
     u = np.clip((time - trajectory.time[first]) / h, 0.0, 1.0)
     _refuse_gaps(time, h, u)
-    place = (trajectory.lat, trajectory.lon, trajectory.height)
-    frame = LocalFrame(*(float(x[0]) for x in place))
+    geodetic = (trajectory.lat, trajectory.lon, trajectory.height)
+    frame = LocalFrame(*(float(x[0]) for x in geodetic))
     C_ln = frame.C_ln(trajectory.lat, trajectory.lon)
-    x = frame.position_from_geodetic(*place)
+    x = frame.position_from_geodetic(*geodetic)
     v = np.einsum("nij,nj->ni", C_ln, trajectory.velocity_ned)
     C_lb = C_ln @ trajectory.C_nb
     s, hs = u[:, None], h[:, None]
@@ -85,9 +85,9 @@ def _before(trajectory: Any, time: Array, tolerance_s: float) -> np.ndarray:
     begin, end = trajectory.time[[0, -1]]
     outside = (time < begin - tolerance_s) | (time > end + tolerance_s)
     if outside.any():
-        at = time[int(np.argmax(outside))]
+        instant = time[int(np.argmax(outside))]
         raise DataError(
-            f"Trajectory: {at:.6f} s is outside {begin:.6f} to {end:.6f} s; choose instants within"
+            f"Trajectory: {instant:.6f} s is outside {begin:.6f} to {end:.6f} s; choose instants within"
         )
     after = np.searchsorted(trajectory.time, time, side="right")
     return np.clip(after - 1, 0, max(len(trajectory) - 2, 0))

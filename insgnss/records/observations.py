@@ -283,13 +283,13 @@ class GnssFixes(Rows):
         return [_rate(self.time), *velocity]
 
     def _columns(self) -> dict[str, Any]:
-        place = {
+        position = {
             "lat_deg": np.degrees(self.lat),
             "lon_deg": np.degrees(self.lon),
             "h_m": self.height,
         }
         sigma = np.sqrt(np.diagonal(self.cov_ned, axis1=1, axis2=2))
-        columns = {"tow": self.time, **place}
+        columns = {"tow": self.time, **position}
         columns |= dict(zip(("sd_n_m", "sd_e_m", "sd_d_m"), sigma.T, strict=True))
         if self.velocity_ned is not None and self.velocity_cov_ned is not None:
             columns |= dict(zip(("vn", "ve", "vd"), self.velocity_ned.T, strict=True))
@@ -345,13 +345,13 @@ class CameraEvents(Rows):
         return {"image": list(self.images), "tow": self.time}
 
 
-def _table(source: str, table: ArrayLike, widths: Sequence[int], what: str) -> Array:
+def _table(source: str, table: ArrayLike, widths: Sequence[int], expected: str) -> Array:
     """The table as float64; InputError where its number of columns is none of `widths`."""
     values = np.asarray(table, dtype=np.float64)
     if values.ndim != 2 or values.shape[1] not in widths:
         columns = " or ".join(map(str, widths))
         raise InputError(
-            f"{source}: a table of shape {values.shape}, expected (n, {columns}): {what}"
+            f"{source}: a table of shape {values.shape}, expected (n, {columns}): {expected}"
         )
     return values
 

@@ -176,9 +176,9 @@ class Rows:
         if not len(self):
             return f"<{type(self).__name__} {count}>"
         week = getattr(self, "gps_week", None)
-        told = [count, f"TOW {self.time[0]:.1f} to {self.time[-1]:.1f} s"]
-        told += [] if week is None else [f"week {week}"]
-        return f"<{type(self).__name__} {', '.join([*told, *self._details()])}>"
+        facts = [count, f"TOW {self.time[0]:.1f} to {self.time[-1]:.1f} s"]
+        facts += [] if week is None else [f"week {week}"]
+        return f"<{type(self).__name__} {', '.join([*facts, *self._details()])}>"
 
     def _details(self) -> Sequence[str]:
         """What else the short form says."""
@@ -249,8 +249,8 @@ class Rows:
         for field in self._ROWS:
             value = getattr(self, field)
             if isinstance(value, tuple):
-                at = range(*rows.indices(len(self))) if isinstance(rows, slice) else rows
-                changes[field] = tuple(value[k] for k in at)
+                indices = range(*rows.indices(len(self))) if isinstance(rows, slice) else rows
+                changes[field] = tuple(value[k] for k in indices)
             elif value is not None:
                 changes[field] = value[rows]
         if self._CROSS is not None and (cross := getattr(self, self._CROSS)) is not None:
@@ -270,5 +270,7 @@ def _imported(library: str) -> Any:
     try:
         return import_module(library)
     except ImportError:
-        what = f"{library} is not installed; pip install {library}, or use the arrays of the record"
-        raise UsageError(what) from None
+        message = (
+            f"{library} is not installed; pip install {library}, or use the arrays of the record"
+        )
+        raise UsageError(message) from None

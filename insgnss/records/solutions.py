@@ -114,7 +114,7 @@ class Trajectory(Rows):
         return [f"{1.0 / float(np.median(np.diff(self.time))):.4g} Hz"] if len(self) > 1 else []
 
     def _columns(self) -> dict[str, Any]:
-        place = {
+        position = {
             "lat_deg": np.degrees(self.lat),
             "lon_deg": np.degrees(self.lon),
             "h_m": self.height,
@@ -125,7 +125,7 @@ class Trajectory(Rows):
             (heading := rpy[:, 2] % 360.0) < 360.0, heading, 0.0
         )  # -1e-15 % 360 is 360
         angles = zip(("roll_deg", "pitch_deg", "heading_deg"), rpy.T, strict=True)
-        return {"tow": self.time, **place, **dict(velocity), **dict(angles), **self._sigmas()}
+        return {"tow": self.time, **position, **dict(velocity), **dict(angles), **self._sigmas()}
 
     def _sigmas(self) -> dict[str, Any]:
         """Standard deviations, those of the angles by their Jacobian (a heading's is none at the
@@ -141,35 +141,39 @@ class Trajectory(Rows):
         return {**dict(first), **dict(last)}
 
     @classmethod
-    def joined(cls, parts: "Sequence[Trajectory]") -> "Trajectory":
+    def joined(cls, segments: "Sequence[Trajectory]") -> "Trajectory":
         """Return the parts as one; errors of different parts are independent.
 
         Parameters
         ----------
-        parts : trajectories in the order of time.
+        segments : trajectories in the order of time.
 
         Returns
         -------
         The whole.
         """
-        if len(parts) == 1:
-            return parts[0]
+        if len(segments) == 1:
+            return segments[0]
         rows = {
-            name: np.concatenate([getattr(part, name) for part in parts])
+            name: np.concatenate([getattr(segment, name) for segment in segments])
             for name in ("time", "lat", "lon", "height", "velocity_ned", "C_nb", "cov")
         }
         for name in ("acceleration_b", "rate_b"):
             given = [
-                x for part in parts if part.time.size and (x := getattr(part, name)) is not None
+                x
+                for segment in segments
+                if segment.time.size and (x := getattr(segment, name)) is not None
             ]
-            if len(given) == sum(part.time.size > 0 for part in parts):
+            if len(given) == sum(segment.time.size > 0 for segment in segments):
                 rows[name] = np.concatenate(given)
         cross = None
-        known = [part.cross for part in parts if part.time.size and part.cross is not None]
-        if len(known) == sum(part.time.size > 0 for part in parts):
-            between = [x for own in known for x in (own, np.zeros((1, 9, 9)))]
+        crosses = [
+            segment.cross for segment in segments if segment.time.size and segment.cross is not None
+        ]
+        if len(crosses) == sum(segment.time.size > 0 for segment in segments):
+            between = [x for own in crosses for x in (own, np.zeros((1, 9, 9)))]
             cross = np.concatenate(between[:-1]) if between else np.zeros((0, 9, 9))
-        return cls(gps_week=parts[0].gps_week, cross=cross, **rows)
+        return cls(gps_week=segments[0].gps_week, cross=cross, **rows)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -325,23 +329,23 @@ class Diagnostics:
         )
 
     @classmethod
-    def joined(cls, parts: "Sequence[Diagnostics]") -> "Diagnostics":
+    def joined(cls, segments: "Sequence[Diagnostics]") -> "Diagnostics":
         """The parts, in the order of time, as one; constants are those of the longest part."""
-        if len(parts) == 1:
-            return parts[0]
-        longest = max(parts, key=lambda part: part.time.size)
+        if len(segments) == 1:
+            return segments[0]
+        longest = max(segments, key=lambda segment: segment.time.size)
         values: dict[str, Any] = {}
         for f in fields(cls):
-            given = [getattr(part, f.name) for part in parts]
+            given = [getattr(segment, f.name) for segment in segments]
             if f.name in ("gaps", "checks", "segments"):
                 values[f.name] = tuple(dict.fromkeys(item for items in given for item in items))
             elif any(isinstance(x, np.ndarray) for x in given):
                 values[f.name] = np.concatenate([x for x in given if x is not None])
             else:
                 values[f.name] = getattr(longest, f.name)
-        offset = np.cumsum([0, *(part.time.size for part in parts[:-1])])
+        offset = np.cumsum([0, *(segment.time.size for segment in segments[:-1])])
         values["event"] = np.concatenate(
-            [part.event + at for part, at in zip(parts, offset, strict=True)]
+            [segment.event + first for segment, first in zip(segments, offset, strict=True)]
         )
-        values["passes"] = max(part.passes for part in parts)
+        values["passes"] = max(segment.passes for segment in segments)
         return cls(**values)
