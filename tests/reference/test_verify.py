@@ -89,7 +89,7 @@ def test_simulated_flights_pass_with_every_option(flight_file, changes):
     flight = load_flight(flight_file)
     found = verify(replace(flight, filter=replace(flight.filter, **changes)), 0.5)
     assert found.passed, found.summary()
-    assert found.in_sigmas < 0.03
+    assert found.in_sigmas < 0.02
 
 
 def test_a_defect_of_the_core_is_found(monkeypatch):

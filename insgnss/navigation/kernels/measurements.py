@@ -108,6 +108,17 @@ def position_rows(nav, x, elapsed, lever_b, model, acceleration, z, sigma, group
         l0 = omega[1] * lever[2] - omega[2] * lever[1]
         l1 = omega[2] * lever[0] - omega[0] * lever[2]
         l2 = omega[0] * lever[1] - omega[1] * lever[0]
+        # what the offset adds to the position, d C (omega x l), turns with psi and grows with l
+        b0 = d * (C[0, 0] * l0 + C[0, 1] * l1 + C[0, 2] * l2)
+        b1 = d * (C[1, 0] * l0 + C[1, 1] * l1 + C[1, 2] * l2)
+        b2 = d * (C[2, 0] * l0 + C[2, 1] * l1 + C[2, 2] * l2)
+        minus_skew(H, PSI0, a0 + b0, a1 + b1, a2 + b2)
+        if model.lever >= 0:
+            first = IMU0 + model.lever
+            for r in range(3):
+                H[r, first] += d * (C[r, 1] * omega[2] - C[r, 2] * omega[1])
+                H[r, first + 1] += d * (C[r, 2] * omega[0] - C[r, 0] * omega[2])
+                H[r, first + 2] += d * (C[r, 0] * omega[1] - C[r, 1] * omega[0])
         for r in range(3):
             v = nav[VEL0 + r] + C[r, 0] * l0 + C[r, 1] * l1 + C[r, 2] * l2
             nu[r, 0] -= v * d + 0.5 * acceleration[r] * d * d
