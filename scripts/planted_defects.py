@@ -211,7 +211,8 @@ def try_defect(defect: Defect, tree: Path, cache: Path) -> Outcome:
     before = file.read_text(encoding="utf-8")
     file.write_text(changed, encoding="utf-8")
     try:
-        code = run_tests(tree, defect.tests, defect.compiled, cache, "-x")
+        # in one process: where workers stop at the first failure, pytest ends as if interrupted
+        code = run_tests(tree, defect.tests, defect.compiled, cache, "-x", "-n0")
     finally:
         file.write_text(before, encoding="utf-8")
     verdicts = {PASSED: "survived", FAILED: "caught", -1: f"over {TIMEOUT_S:.0f} s"}
