@@ -1,4 +1,4 @@
-"""Tables [filter] and [initial] of the flight file: what the filter estimates, and where it starts."""
+"""Tables [filter] and [initial] of the flight file: what is estimated, and where it starts."""
 
 from dataclasses import dataclass
 from typing import Literal

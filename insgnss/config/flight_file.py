@@ -3,8 +3,8 @@ sensors are mounted.
 
 Each table is a dataclass whose fields are its keys (`schema`); most stand in `imu_options`,
 `gnss_options`, `ppk_options`, `camera_options` and `filter_options`, and `TABLES` has them all.
-Paths are relative to the file. Only `imu.file` and `gnss.file` (or what stands in its place) have no default.
-data_specs/flight_file.md is rendered from here.
+Paths are relative to the file. Only `imu.file` and `gnss.file` (or what replaces it) have no
+default. data_specs/flight_file.md is rendered from here.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Records in the place of files: what a caller of Python may give where a flight file names a file."""
+"""Records instead of files: what a caller may give where a flight file names a file."""
 
 from collections.abc import Callable
 from pathlib import Path

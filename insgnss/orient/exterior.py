@@ -12,7 +12,8 @@ axes of the origin: C_mn is the exact rotation between the local verticals and m
 points (34 arcsec a kilometre at mid latitudes). The error of the centre is that of the navigation
 point and what psi makes of the lever arm; the camera's psi is the body's, in m:
 
-    J = [ C_mn   -[C_mn C_nb c^b x] C_mn ;  0   C_mn ],     cov = J P J',   cross_k,k+1 = J_k P_k,k+1 J_k+1'   (O.2)
+    J = [ C_mn   -[C_mn C_nb c^b x] C_mn ;  0   C_mn ]
+    cov = J P J',   cross_k,k+1 = J_k P_k,k+1 J_k+1'                                           (O.2)
 """
 
 import numpy as np

@@ -4,10 +4,10 @@ geographic or a projected CRS.
 With m the tangent plane, n north-east-down at the projection centre (E its east-north-up, S between
 them), G of `geodesy.projection`:
 
-    tangent plane    coordinates E N U of m;                 axes of m
-    geocentric       X Y Z of ECEF;                          C_em
-    geographic       longitude, latitude, height;            east north up at the centre: C_Em = S C_mn^T
-    projected        easting, northing, height;              the axes of the grid at the centre: G C_Em                        (W.1)
+    tangent plane    coordinates E N U of m         axes of m
+    geocentric       X Y Z of ECEF                  C_em
+    geographic       longitude, latitude, height    east north up at the centre: C_Em = S C_mn^T
+    projected        easting, northing, height      grid axes at the centre: G C_Em            (W.1)
 
 The attitude is C_fm C_mc, and the 6x6 covariance moves with diag(C_fm, C_fm), the cross-covariance
 of neighbours with that of each. What a projected frame does to lengths (100 ppm) and to the horizon

@@ -20,7 +20,8 @@ Lever arms are applied, so equation 3's (R_j - R_i) a is in d. All this is J_i e
 
     smoothed      J_i P_ii J_i' + J_j P_jj J_j' + J_i P_ij J_j' + J_j P_ij' J_i'               (R.5)
     independent   the same with P_ij = 0: paper 003, equation 5, as a matrix                   (R.6)
-    gyro          position of (R.6), diagonal; attitude q^2 dt + (b dt)^2, about the vertical (1.5 b dt)^2      (R.7)
+    gyro          position of (R.6), diagonal; attitude q^2 dt + (b dt)^2, about the vertical
+                  (1.5 b dt)^2                                                                 (R.7)
 
 (R.7) is paper 003, equation 6, q and b the gyroscopes' white noise and the drift that in-flight
 calibration leaves.
@@ -84,8 +85,8 @@ def gyro_figures(white_noise: Array, wandering: Array) -> GyroFigures:
     white_noise : ndarray
         (3,) white noise of each axis, rad/s/sqrt(Hz).
     wandering : ndarray
-        (3, k) stationary standard deviations, rad/s, of the processes of each axis that change within
-        the flight; what is constant over it is estimated in flight.
+        (3, k) stationary standard deviations, rad/s, of the processes of each axis that change
+        within the flight; what is constant over it is estimated in flight.
 
     Returns
     -------
@@ -103,9 +104,9 @@ def line_pairs(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Find the pairs of consecutive images that lie in one flight line.
 
-    A pair lies in a line if not more than `gap_s` passes in it, if the way from one to the other goes
-    on in the direction of the way before or of the way after it within 20 deg (or has no neighbour
-    within the gap), and if the camera turns about the vertical by less.
+    A pair lies in a line if not more than `gap_s` passes in it, if the way from one to the other
+    goes on in the direction of the way before or of the way after it within 20 deg (or has no
+    neighbour within the gap), and if the camera turns about the vertical by less.
 
     Parameters
     ----------
@@ -213,8 +214,8 @@ def relative_control(
     Raises
     ------
     UsageError
-        For an unknown form, a gap that is not positive, and a geographic frame, in which no offset in
-        metres can be given.
+        For an unknown form, a gap that is not positive, and a geographic frame, in which no offset
+        in metres can be given.
     InputError
         Where the cross-covariances of neighbours are not known.
     """

@@ -62,18 +62,19 @@ class FramedOrientation:
     frame : MapFrame
         The frame.
     coordinates : ndarray
-        (n, 3) E N U m; X Y Z m; longitude rad, latitude rad, height m; or easting, northing, height m.
+        (n, 3) E N U m; X Y Z m; longitude rad, latitude rad, height m; or easting, northing,
+        height m.
     C_fc : ndarray
-        (n, 3, 3) camera (x image right, y image down, z viewing direction) to the frame's axes at the
-        image.
+        (n, 3, 3) camera (x image right, y image down, z viewing direction) to the frame's axes at
+        the image.
     C_fE : ndarray
         (n, 3, 3) east, north, up at the image to the frame's axes at the image.
     cov : ndarray
         (n, 6, 6) covariance of position (m) and psi (rad), both in the frame's axes at the image;
         R(true) = exp([psi x]) R.
     cross : ndarray or None
-        (max(n - 1, 0), 6, 6) covariance of the errors of image k with those of image k + 1; None where
-        it is not known.
+        (max(n - 1, 0), 6, 6) covariance of the errors of image k with those of image k + 1; None
+        where it is not known.
     geodetic : ndarray
         (n, 3) latitude rad, longitude rad, height m above the ellipsoid of WGS84.
     boresight, camera_from_body : ndarray

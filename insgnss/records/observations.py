@@ -127,7 +127,7 @@ class Increments:
     dvel : ndarray
         (s, 3) velocity increments, body axes, m/s.
     marks : ndarray
-        (m,) instants at which the filter stops, s, GPST, increasing.
+        (m,) instants of the epochs of the filter, s, GPST, increasing.
     stop : ndarray
         (m,) number of integration intervals before each mark.
     rate : ndarray

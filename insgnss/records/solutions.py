@@ -269,8 +269,8 @@ class ExteriorOrientation(Rows):
 class Diagnostics:
     """How a run went, for the report, at m epochs of the flight.
 
-    Axes are north, east, down of the flight's local frame; the nine navigation states are position (m),
-    velocity (m/s) and psi (rad).
+    Axes are north, east, down of the flight's local frame; the nine navigation states are position
+    (m), velocity (m/s) and psi (rad).
 
     Parameters
     ----------
@@ -287,8 +287,8 @@ class Diagnostics:
     filter_sigma, smoothed_sigma : ndarray
         (m, 9) standard deviations of the navigation states, of the filter and of the smoother.
     bias, bias_sigma : ndarray
-        (m, 6) biases and their standard deviations: gyro x y z rad/s, accelerometer x y z m/s^2, body
-        axes.
+        (m, 6) biases and their standard deviations: gyro x y z rad/s, accelerometer x y z m/s^2,
+        body axes.
     fix_time : ndarray
         (k,) times of the k position fixes, s.
     innovation, innovation_sigma : ndarray

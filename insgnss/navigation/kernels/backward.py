@@ -21,7 +21,8 @@ def run_backward(epochs, history, full, delta, event_cross, keep, keep_informati
     delta : ndarray
         (m, n) smoothed errors of the nominal, filled in place.
     event_cross : ndarray
-        (events, 9, 9) navigation errors of the event before with those of this one, filled if `full`.
+        (events, 9, 9) covariance of the navigation errors of the event before with those of this
+        one, filled in place with `full`.
     keep : ndarray
         (m,) the slot that takes Lambda and lambda of the epoch, or ABSENT.
     keep_information, keep_adjoint : ndarray

@@ -439,7 +439,7 @@ def propagate_mean(F, D, m, gap, scratch):
     m : ndarray
         (n,) estimate of the errors about the nominal, changed in place.
     gap : ndarray
-        (n,) what the nominal moved against its propagation.
+        (n,) propagated nominal minus the nominal at the next epoch, about which m then counts.
     scratch : ndarray
         (n,) scratch.
     """

@@ -37,12 +37,13 @@ from .update import (
 def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, options, history):
     """Run the extended Kalman filter over the whole flight.
 
-    In closed loop the error estimate is fed back after every update, once psi is known better than the
-    feedback threshold, and the nominal is what the strapdown makes of it. Else the nominal at every
-    epoch is the one that stands in `history` already (re-linearisation about an earlier result, K.6).
+    In closed loop the error estimate is fed back after every update, once psi is known better than
+    the feedback threshold, and the nominal is what the strapdown makes of it. Else the nominal at
+    every epoch is the one that stands in `history` already (re-linearisation about an earlier
+    result, K.6).
 
-    One function, not three: a record that is handed to a function costs two atomic operations for each
-    of its arrays, and with one call an epoch more the filter ran a tenth slower.
+    One function, not three: a record that is handed to a function costs two atomic operations for
+    each of its arrays, and with one call an epoch more the filter ran a tenth slower.
 
     Parameters
     ----------

@@ -315,8 +315,8 @@ def nhc_rows(nav, triple):
 def zaru_rows(model, earth, triple):
     """Fill the triple with a zero angular rate update, ZARU (K.10): the body does not turn.
 
-    The triple's omega and gain are those of the mean rate over the stationary period, as `body_rate`
-    leaves them.
+    The triple's omega and gain are those of the mean rate over the stationary period, as
+    `body_rate` leaves them.
 
     Parameters
     ----------

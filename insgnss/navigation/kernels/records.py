@@ -60,7 +60,7 @@ class StateModel(NamedTuple):
     white : ndarray
         (6,) PSD of the white noise of each channel.
     block : float
-        S, length over which the transition is built as one step.
+        Length over which the transition is built as one step, s.
     lever : int
         First of the three states of the antenna's lever arm, or ABSENT.
     offset : int
@@ -71,7 +71,7 @@ class StateModel(NamedTuple):
         (2,) first of the three states of the time-correlated (Gauss-Markov) error of all fixes, and
         of those of UNFIXED_GROUP besides, or ABSENT.
     white_scale : ndarray
-        (2, 3) of the standard deviations of each group's white error.
+        (2, 3) sigma of the white error of each group in the standard deviations of its fixes.
     """
 
     channel: np.ndarray
@@ -219,7 +219,7 @@ class FilterOptions(NamedTuple):
     closed_loop : bool
         Feed the error estimate back into the nominal state.
     feedback_threshold : float
-        Rad, psi must be known this well before anything is fed back.
+        Standard deviation of psi, rad, below which the error estimate is fed back.
     gate : float
         NIS above which a triple is rejected.
     huber_threshold : float

@@ -316,8 +316,8 @@ def run_between(intervals, stop, nav, bias, earth, out):
     earth : Earth
         The local frame l.
     out : ndarray
-        (stop[-1] - stop[0], 10) the state after each interval, filled in place; the last one before an
-        epoch is the propagated state, not that epoch's own.
+        (stop[-1] - stop[0], 10) the state after each interval, filled in place; the last one before
+        an epoch is the propagated state, not that epoch's own.
     """
     state = np.zeros(N_NOMINAL)
     integrals = make_integrals()
