@@ -47,7 +47,7 @@ origin = [46.57, 6.54, 0.0]          # latitude deg, longitude deg, ellipsoidal 
 directory = "02_Processed/GPS-INS"
 formats = ["eo_local_plane", "metashape"]
 trajectory_hz = 10                   # of trajectory.csv and the SBET; "imu" for every sample; events are exact in any case
-"""
+"""  # noqa: E501
 """The example of design.md section 4; its bore-sight, left open there, is Table 2 of paper 000."""
 
 MINIMAL = '[imu]\nfile = "imu.csv"\n[gnss]\nfile = "gnss.txt"\n'

@@ -81,7 +81,7 @@ def test_an_unknown_name_is_an_attribute_error_and_a_room_does_not_hide_a_verb()
     with pytest.raises(AttributeError, match="no attribute 'procces'"):
         insgnss.procces  # noqa: B018
     code = (
-        "import insgnss, importlib; importlib.import_module(insgnss.simulation.__module__); "
+        "import insgnss, importlib; importlib.import_module(insgnss.simulate.__module__); "
         "[importlib.import_module(f'insgnss.{name}') for name in {rooms}]; "
         "print(all(callable(getattr(insgnss, n)) for n in insgnss.__all__ if n != '__version__'))"
     )

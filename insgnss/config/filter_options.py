@@ -64,7 +64,7 @@ class FilterOptions:
     non_holonomic : bool
         Non-holonomic constraint of a wheeled vehicle: no velocity across its forward axis.
     robust : bool
-        Huber weights of suspicious fixes in the place of all or nothing.
+        Whether suspicious fixes get Huber weights instead of all or nothing.
 
     Raises
     ------

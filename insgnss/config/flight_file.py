@@ -165,7 +165,7 @@ class Flight:
     Parameters
     ----------
     path : Path
-        The file; names in its directory are told relative to it.
+        The file; names in its directory are shown relative to it.
     gps_week : int or None
         The GPS week, where the files carry only the time of week.
     start_tow, end_tow : float or None
@@ -248,7 +248,7 @@ class Flight:
         Raises
         ------
         UsageError
-            There is no such field (the nearest one is told), or a value cannot be.
+            There is no such field (the message names the nearest), or a value cannot be.
         InputError
             An array or a table is not what a record can be made of.
         """
