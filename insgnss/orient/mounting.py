@@ -19,10 +19,10 @@ by angle:
     rpy            roll pitch yaw    B = (Rz(yaw) Ry(pitch) Rx(roll))^T, of b' in b            (M.5)
     metashape_ypr  yaw pitch roll    B = G^T Rz(-yaw) Rx(pitch) Ry(roll) G                     (M.6)
 
-(M.6), with G = diag(1,-1,-1) T, is the GPS/INS offset of Metashape: the attitude of the reference body in the camera's
-right-up-back axes, to which G takes the body. The values printed in paper 000, [-0.513, 0.657,
-0.574], are the numbers of (M.4) carried over; the offset that means the same rotation as its Table
-2 is [-0.5130, 0.6621, 0.5681] (`formats.md` B1.4).
+(M.6), with G = diag(1,-1,-1) T, is the GPS/INS offset of Metashape: the attitude of the reference
+body in the camera's right-up-back axes, to which G takes the body. The values printed in paper 000,
+[-0.513, 0.657, 0.574], are the numbers of (M.4) carried over; the offset that means the same
+rotation as its Table 2 is [-0.5130, 0.6621, 0.5681] (`formats.md` B1.4).
 """
 
 from collections.abc import Callable

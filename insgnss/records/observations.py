@@ -265,8 +265,8 @@ class GnssFixes(Rows):
         --------
         >>> import insgnss
         >>> fixes = insgnss.GnssFixes.from_degrees(
-        ...     [10.0, 11.0], [46.57, 46.5701], [6.54, 6.54], [512.0, 512.1], sigma_m=(0.02, 0.02,
-                0.03)
+        ...     [10.0, 11.0], [46.57, 46.5701], [6.54, 6.54], [512.0, 512.1],
+        ...     sigma_m=(0.02, 0.02, 0.03),
         ... )
         >>> fixes
         <GnssFixes 2 fixes, TOW 10.0 to 11.0 s, 1 Hz>
@@ -336,8 +336,9 @@ class CameraEvents(Rows):
     Examples
     --------
     >>> import insgnss
-    >>> events = insgnss.CameraEvents(("a.jpg", "b.jpg", "c.jpg"), [10.0, 12.0, 14.0],
-        gps_week=2008)
+    >>> events = insgnss.CameraEvents(
+    ...     ("a.jpg", "b.jpg", "c.jpg"), [10.0, 12.0, 14.0], gps_week=2008
+    ... )
     >>> events["b.jpg"]
     <CameraEvents 1 images, TOW 12.0 to 12.0 s, week 2008>
     """
