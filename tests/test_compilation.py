@@ -38,9 +38,7 @@ RUN = "from house.outer import outer; print(outer(1.0), sum(outer.stats.cache_hi
 
 @pytest.fixture
 def house(tmp_path):
-    """A package of three files and the decorator: a kernel, its callee and the callee's
-    constant.
-    """
+    """Three files and the decorator: a kernel, its callee and the callee's constant."""
     folder = tmp_path / "house"
     folder.mkdir()
     for name, text in SOURCES.items():

@@ -1,4 +1,4 @@
-"""The flight file against the contract's example and the reasons for which a file must be refused."""
+"""The flight file against the contract's example and the reasons to refuse a file."""
 
 import json
 import re

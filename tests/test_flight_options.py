@@ -120,9 +120,7 @@ def _state(result: ProcessResult, name: str) -> StateVerdict:
 
 
 def test_reversed_force_is_turned_back(air):
-    """Oracle: the readings before their sign was changed; without the key the data
-    contradict it.
-    """
+    """Oracle: the readings before their sign was changed; without the key they contradict."""
     rows = air.imu
     rows[:, 4:] *= -1.0
     file = air.write_imu("reversed.csv", rows)
@@ -344,9 +342,7 @@ def test_lever_arm_is_held_by_its_sigma(air):
 
 
 def test_robust_gives_suspicious_fixes_less_weight(air):
-    """Oracle: the simulated truth; every tenth fix is four sigma too high, which passes
-    the gate.
-    """
+    """Oracle: every tenth fix is four sigma too high, which passes the gate."""
 
     def edit(fixes: np.ndarray) -> np.ndarray:
         fixes[::10, 3] += 4.0 * SIGMA[2]

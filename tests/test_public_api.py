@@ -8,7 +8,6 @@ import inspect
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -16,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpydoc_sections import documented, parameters, sections
 
 import insgnss
 
@@ -31,16 +31,6 @@ METHODS = [
     and callable(getattr(value, "__func__", value))
     and value.__class__ is not property
 ]
-HEADINGS = (
-    "Parameters",
-    "Returns",
-    "Raises",
-    "Warns",
-    "Examples",
-    "Notes",
-    "See Also",
-    "Attributes",
-)
 IMPORT_LIMIT_S = 0.1
 
 
@@ -98,29 +88,6 @@ def test_an_unknown_name_is_an_attribute_error_and_a_room_does_not_hide_a_verb()
     rooms = [path.name for path in (ROOT / "insgnss").iterdir() if (path / "__init__.py").is_file()]
     done = run_python(code.replace("{rooms}", repr(rooms)))
     assert done.stdout.strip() == "True", done.stderr
-
-
-def sections(documentation: str) -> dict[str, str]:
-    """Text of each numpydoc section by its heading, "" what stands before."""
-    lines = inspect.cleandoc(documentation).splitlines()
-    found, name = {"": []}, ""
-    for k, line in enumerate(lines):
-        if k + 1 < len(lines) and line in HEADINGS and set(lines[k + 1]) == {"-"}:
-            name = line
-            found[name] = []
-        elif not (line and set(line) == {"-"} and lines[k - 1] in HEADINGS):
-            found[name].append(line)
-    return {name: "\n".join(text) for name, text in found.items()}
-
-
-def documented(text: str) -> list[str]:
-    """Names that a section documents: `a, b : what`, or alone, at the margin."""
-    heads = re.findall(r"^([*\w][^:\n]*?)(?: : |$)", text, re.MULTILINE)
-    return [name.strip().lstrip("*") for head in heads for name in head.split(",")]
-
-
-def parameters(of: Callable[..., Any]) -> list[str]:
-    return [name for name in inspect.signature(of).parameters if name not in ("self", "cls")]
 
 
 @pytest.mark.parametrize("name", [*FUNCTIONS, *RECORDS])

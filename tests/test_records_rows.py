@@ -46,9 +46,7 @@ def orientation() -> insgnss.ExteriorOrientation:
 
 
 def path(step_s: float = 0.1, seconds: float = 4.0) -> insgnss.Trajectory:
-    """A bend of 20 m radius at 10 m/s, banked and climbing: exact position, velocity and
-    attitude.
-    """
+    """A bend of 20 m radius at 10 m/s, banked and climbing: exact pose and velocity."""
     time = np.arange(round(seconds / step_s) + 1) * step_s
     return bend(time)
 

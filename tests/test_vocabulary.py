@@ -1,6 +1,4 @@
-"""The field's terms, and not an idiom of our own, in the names of the code. Read from the
-sources.
-"""
+"""The field's terms in the names of the code, read from the sources."""
 
 import ast
 import re

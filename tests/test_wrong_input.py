@@ -102,9 +102,7 @@ def data(good, tmp_path):
 
 
 def _tree(root: Path) -> dict[str, str]:
-    """Every file below `root` with its content's hash, every directory with none; hidden
-    ones too.
-    """
+    """Every file below `root` and its content's hash, every directory with none."""
     return {
         str(p.relative_to(root)): hashlib.sha256(p.read_bytes()).hexdigest() if p.is_file() else ""
         for p in sorted(root.rglob("*"))
@@ -877,9 +875,7 @@ def test_files_that_contradict_each_other_are_refused_and_nothing_is_left(kind, 
 
 
 def test_an_output_directory_that_cannot_be_is_refused_before_anything_runs(data, capsys):
-    """Oracle: the contract; the command names it: wrong use; the flight file names it: bad
-    input.
-    """
+    """Oracle: the contract; named by the command: wrong use; by the flight file: bad input."""
     data.path("02_Processed/file").write_text("mine")
     for out in ("file", "file/below"):
         _refused(

@@ -143,7 +143,7 @@ def _flight(
     mounting: "Mounting | None",
     trajectory_hz: float | None,
 ) -> "Flight":
-    """The flight file that says so, with records in the place of files."""
+    """Return the flight file that says so, with records instead of files."""
     from ..config.camera_options import CameraInput
     from ..config.flight_file import Flight, Output
     from ..config.gnss_options import GnssInput

@@ -305,7 +305,7 @@ def simulate(
 
     Raises
     ------
-    UsageError : the flight or a field is unknown, the plan cannot be flown, or the directory is not
+    UsageError : the flight or a field is unknown, the plan is not feasible, or the directory is not
         empty.
 
     Examples

@@ -22,7 +22,7 @@ def with_changes(record: Record, changes: dict[str, Any]) -> Record:
 
     Raises
     ------
-    UsageError : there is no such field; the nearest one is told.
+    UsageError : there is no such field; the message names the nearest.
     """
     if not is_dataclass(record) or isinstance(record, type):
         raise UsageError(

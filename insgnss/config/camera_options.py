@@ -76,7 +76,7 @@ class RoverEvents:
 class CameraInput:
     """Table [camera]; `events` is None where the rover's file holds them (`rover_events`).
 
-    In Python `events` may be camera events, or an array or table of them, in the place of a file.
+    In Python `events` may be camera events, or an array or table of them, instead of a file.
 
     Raises
     ------
@@ -93,7 +93,7 @@ class CameraInput:
         kind="file",
         cli="--events",
         metavar="FILE",
-        cli_meaning="camera events (.MRK, text) in the place of those of the rover's file",
+        cli_meaning="camera events (.MRK, text) instead of those of the rover's file",
     )
     columns: "Columns" = option(None, "as imu.columns", kind="columns", usual=BY_HEADER)
     time_offset_s: float = option(

@@ -114,7 +114,7 @@ class CovarianceModel:
     )
     degraded_s: float = option(
         180.0,
-        "time to either side that tells a degraded epoch",
+        "time to either side in which a degraded epoch shows",
         unit="s",
         low=0.0,
         high=3600.0,

@@ -1,4 +1,4 @@
-"""Tables [filter] and [initial] of the flight file: what the filter estimates, and where it starts."""
+"""Tables [filter] and [initial] of the flight file: what is estimated, and where it starts."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -64,7 +64,7 @@ class FilterOptions:
     non_holonomic : bool
         Non-holonomic constraint of a wheeled vehicle: no velocity across its forward axis.
     robust : bool
-        Huber weights of suspicious fixes in the place of all or nothing.
+        Whether suspicious fixes get Huber weights instead of all or nothing.
 
     Raises
     ------

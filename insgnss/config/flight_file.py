@@ -3,8 +3,8 @@ sensors are mounted.
 
 Each table is a dataclass whose fields are its keys (`schema`); most stand in `imu_options`,
 `gnss_options`, `ppk_options`, `camera_options` and `filter_options`, and `TABLES` has them all.
-Paths are relative to the file. Only `imu.file` and `gnss.file` (or what stands in its place) have no default.
-data_specs/flight_file.md is rendered from here.
+Paths are relative to the file. Only `imu.file` and `gnss.file` (or what replaces it) have no
+default. data_specs/flight_file.md is rendered from here.
 """
 
 import math
@@ -165,7 +165,7 @@ class Flight:
     Parameters
     ----------
     path : Path
-        The file; names in its directory are told relative to it.
+        The file; names in its directory are shown relative to it.
     gps_week : int or None
         The GPS week, where the files carry only the time of week.
     start_tow, end_tow : float or None
@@ -248,7 +248,7 @@ class Flight:
         Raises
         ------
         UsageError
-            There is no such field (the nearest one is told), or a value cannot be.
+            There is no such field (the message names the nearest), or a value cannot be.
         InputError
             An array or a table is not what a record can be made of.
         """

@@ -1,4 +1,4 @@
-"""Records in the place of files: what a caller of Python may give where a flight file names a file."""
+"""Records instead of files: what a caller may give where a flight file names a file."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any
 
 
 def take_record(table: Any, name: str, record_of: Callable[[Any], Any]) -> None:
-    """Turn what stands in the place of a file into a record, and a text into a path.
+    """Turn what replaces a file into a record, and a text into a path.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Table [gnss] of the flight file: the positions of the antenna, how they are read and believed.
+"""Table [gnss] of the flight file: the positions of the antenna, how they are read and weighted.
 
 Raw observations in their place, and how they are solved, stand in `ppk_options`.
 """
@@ -58,7 +58,7 @@ class GnssInput:
     )
     stationary: Triple | None = option(
         None,
-        "place of a sensor that stands there throughout, in the place of gnss.file; a fix a second,"
+        "position of a sensor that stands there throughout, instead of gnss.file; a fix a second,"
         " gnss.sigma_m 0.1 by default",
         kind="place",
     )
@@ -108,7 +108,7 @@ class GnssInput:
     )
     quality_sigma_m: Mapping[str, Triple] = option(
         lambda: dict(QUALITY_SIGMA_M),
-        "least standard deviations north, east, down of fixes of a quality, where the file tells "
+        "least standard deviations north, east, down of fixes of a quality, where the file has "
         "the quality and has smaller ones; none by default with gnss.rover, where gnss.covariance "
         "has floors",
         kind="quality_sigmas",
@@ -118,7 +118,7 @@ class GnssInput:
     )
     calibrate_covariance: bool = option(
         True,
-        "of an RTKLIB `.pos` that tells quality, satellites and base (`ref pos` of its header): "
+        "of an RTKLIB `.pos` that holds quality, satellites and base (`ref pos` of its header): "
         "fixed epochs that others do not confirm are taken as float, and all get covariances that "
         "cover their errors, as those of PPK; false: as the file has them",
         retired=("calibrated",),
@@ -147,7 +147,7 @@ class GnssInput:
     covariance: CovarianceModel = option(
         lambda: MODEL,
         "changes to the numbers that calibrate covariances, of PPK and of a ready `.pos` with "
-        "gnss.calibrate_covariance; refused where the file does not tell what that needs",
+        "gnss.calibrate_covariance; refused where the file does not hold what that needs",
         kind="covariance",
         form="table, below",
         usual="as measured",

@@ -210,7 +210,7 @@ class RawGnss(EngineSettings):
     rover: Path = option(
         ...,
         "observations of the rover, RINEX 2 or 3 (plain, .gz, .Z, Hatanaka; rinex.md), solved by "
-        "PPK in the place of gnss.file: `pip install '.[ppk]'`",
+        "PPK instead of gnss.file: `pip install '.[ppk]'`",
         cli="ROVER",
         cli_meaning="observations of the rover, RINEX 2 or 3, plain or packed",
     )

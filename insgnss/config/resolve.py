@@ -19,7 +19,7 @@ def resolved(flight: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any, base: Path) -> Any:
-    """`value` in JSON types; what was given as an object in the place of a file is told as such."""
+    """Return `value` in JSON types; an object that replaces a file is described as such."""
     if isinstance(value, Rows | NoiseModel):
         return f"given as object: {value!r}"
     if is_dataclass(value):

@@ -1,4 +1,4 @@
-"""Names that options had: they work for one release more, with a warning that tells the new one."""
+"""Names that options had: they work for one release more, with a warning of the new one."""
 
 import warnings
 from collections.abc import Iterator, Mapping

@@ -22,7 +22,7 @@ from ..navigation.solution import Solution
 from ..records import Array
 
 WINDOW_FIXES = 900  # of the window over which candidates are compared
-GAIN = 20.0  # in -2 log L, from which a candidate is believed
+GAIN = 20.0  # in -2 log L, from which a candidate is accepted
 IMPOSSIBLE = 1e12  # -2 log L of a candidate with which the filter diverges
 MORE_LOST = 0.01  # of the fixes offered: so many more rejected ones count as lost
 

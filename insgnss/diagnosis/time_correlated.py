@@ -1,7 +1,7 @@
 """The search for the time-correlated (Gauss-Markov) GNSS error of the largest likelihood.
 
 The white share k, the time-correlated share c (both times a ratio in height) and the correlation
-time T are those that make (C.1) of `evidence` smallest over its window. The error is believed where
+time T are those that make (C.1) of `evidence` smallest over its window. The error is accepted where
 it gains more than `evidence.GAIN` in -2 log L. Over such a window the fixes tell how fast the error
 moves, c^2 / T, better than how far: along that ridge c and T go towards what the file claims, k^2 +
 c^2 = 1, as long as the likelihood allows it and k alone does not exhaust the claim. What lasts
@@ -27,7 +27,7 @@ from .candidates import (
 from .evidence import GAIN, IMPOSSIBLE, liveliest_window, minus_two_log_likelihood
 
 LONGEST_S = 600.0  # bound of T; longer errors leave no trace in the innovations of a window
-LEAST_WHITE = 0.2  # bound of k: a fix is not believed to less than a fifth of its sigma
+LEAST_WHITE = 0.2  # bound of k: a fix is not taken to be better than a fifth of its sigma
 LEAST_WHITE_CODE = 0.03  # the same for code solutions
 WHITE_CLAIM = 0.5  # k^2 beyond which the file's claim is of the white error alone
 FAR = np.log(6.0)  # of T, where the search begins again

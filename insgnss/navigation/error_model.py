@@ -51,7 +51,7 @@ from .kernels.records import Earth, IntegrationIntervals, StateModel, make_inter
 class Interval:
     """The interval between two epochs, linearised.
 
-    Attributes
+    Parameters
     ----------
     nav, x : Array
         (10,) and (ns,) the nominal at its end.

@@ -41,7 +41,7 @@ Row = tuple[str, int, int, float, float, float]  # name, channel, factor, beta, 
 class FixErrors:
     """Errors of the GNSS fixes that are estimated; None where they are taken as known, or as white.
 
-    Attributes
+    Parameters
     ----------
     lever_arm_m : float, optional
         A-priori sigma of each component of the antenna's lever arm, m.
@@ -80,7 +80,7 @@ class FixErrors:
 class StateLayout:
     """The error states behind those of navigation, in their order.
 
-    Attributes
+    Parameters
     ----------
     names : tuple of str
         (ns,) one name a state.

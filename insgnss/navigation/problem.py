@@ -15,7 +15,7 @@ from .layout import StateLayout
 class EstimationProblem:
     """Everything that one flight's estimation stands on.
 
-    Attributes
+    Parameters
     ----------
     inc : Increments
         Body increments between the marks; every mark is an epoch.
@@ -53,7 +53,7 @@ class EstimationProblem:
 class InitialState:
     """The state at the first epoch.
 
-    Attributes
+    Parameters
     ----------
     nav : Array
         (10,) nominal position (m) and velocity (m/s) in l, quaternion q_lb (w, x, y, z).

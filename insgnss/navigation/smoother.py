@@ -42,7 +42,7 @@ OUTSIDE = 1e-6  # squared share of a state in directions that are not, above whi
 class Smoothed:
     """What the backward pass gives at the m epochs.
 
-    Attributes
+    Parameters
     ----------
     delta : Array
         (m, n) smoothed error estimate about the nominal of the history.

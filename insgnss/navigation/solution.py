@@ -35,7 +35,7 @@ LARGE_RAD = np.radians(2.0)  # from starts 5 to 20 deg off one pass left 0.3 sig
 class Solution:
     """The smoothed flight at the m epochs of its problem, with n states as in its layout.
 
-    Attributes
+    Parameters
     ----------
     problem : EstimationProblem
         What was solved.
@@ -264,11 +264,12 @@ def rotate_blocks(C_left: Array, cov: Array, C_right: Array) -> Array:
 
     Parameters
     ----------
-    C_left, C_right : Array
-        (n, 3, 3) rotations from the axes of the errors into the wanted ones, of rows and of
-        columns.
+    C_left : Array
+        (n, 3, 3) rotations from the axes of the errors of the rows into the wanted ones.
     cov : Array
         (n, 3k, 3k) covariances in blocks of three.
+    C_right : Array
+        (n, 3, 3) rotations from the axes of the errors of the columns into the wanted ones.
 
     Returns
     -------

@@ -12,7 +12,8 @@ axes of the origin: C_mn is the exact rotation between the local verticals and m
 points (34 arcsec a kilometre at mid latitudes). The error of the centre is that of the navigation
 point and what psi makes of the lever arm; the camera's psi is the body's, in m:
 
-    J = [ C_mn   -[C_mn C_nb c^b x] C_mn ;  0   C_mn ],     cov = J P J',   cross_k,k+1 = J_k P_k,k+1 J_k+1'   (O.2)
+    J = [ C_mn   -[C_mn C_nb c^b x] C_mn ;  0   C_mn ]
+    cov = J P J',   cross_k,k+1 = J_k P_k,k+1 J_k+1'                                           (O.2)
 """
 
 import numpy as np
@@ -33,11 +34,31 @@ def exterior_orientation(
     plane: TangentPlane,
     history: tuple[str, ...] = (),
 ) -> ExteriorOrientation:
-    """Exterior orientation of every event, with covariance and cross-covariance of neighbours (O.1,
-    O.2).
+    """Compute the exterior orientation of every event with its covariances (O.1, O.2).
 
-    at_exposure : the trajectory at exactly the events' times, with `cross`.
-    Raises InputError where its times are not the events'.
+    Parameters
+    ----------
+    at_exposure : Trajectory
+        The trajectory at exactly the times of the n events, with `cross`.
+    events : CameraEvents
+        The n exposures.
+    mounting : Mounting
+        Lever arms and bore-sight.
+    plane : TangentPlane
+        The tangent plane in which the orientation is wanted.
+    history : tuple of str
+        What was done before, sentence by sentence; the result carries it.
+
+    Returns
+    -------
+    ExteriorOrientation
+        Position (m) and attitude of each image in the axes of the tangent plane, with (n, 6, 6)
+        covariances and (n - 1, 6, 6) cross-covariances of neighbours.
+
+    Raises
+    ------
+    InputError
+        Where the times of the trajectory are not those of the events.
     """
     if (
         at_exposure.time.shape != events.time.shape

@@ -4,10 +4,10 @@ geographic or a projected CRS.
 With m the tangent plane, n north-east-down at the projection centre (E its east-north-up, S between
 them), G of `geodesy.projection`:
 
-    tangent plane    coordinates E N U of m;                 axes of m
-    geocentric       X Y Z of ECEF;                          C_em
-    geographic       longitude, latitude, height;            east north up at the centre: C_Em = S C_mn^T
-    projected        easting, northing, height;              the axes of the grid at the centre: G C_Em                        (W.1)
+    tangent plane    coordinates E N U of m         axes of m
+    geocentric       X Y Z of ECEF                  C_em
+    geographic       longitude, latitude, height    east north up at the centre: C_Em = S C_mn^T
+    projected        easting, northing, height      grid axes at the centre: G C_Em            (W.1)
 
 The attitude is C_fm C_mc, and the 6x6 covariance moves with diag(C_fm, C_fm), the cross-covariance
 of neighbours with that of each. What a projected frame does to lengths (100 ppm) and to the horizon
@@ -37,12 +37,29 @@ def in_frame(
     projection: MapProjection | None = None,
     ground_m: float | None = None,
 ) -> FramedOrientation:
-    """`eo` in the frame `kind` (W.1).
+    """Move an exterior orientation into another frame (W.1).
 
-    projection : of a projected frame.
-    ground_m : height of the ground in that frame's heights, m, for centres that are to be scaled.
-    Raises UsageError for another kind, a projected frame without projection and a ground in a frame
-    that is not projected.
+    Parameters
+    ----------
+    eo : ExteriorOrientation
+        The orientation in its tangent plane.
+    kind : str
+        One of `records.framed.KINDS`.
+    projection : MapProjection, optional
+        The projection of a projected frame, and of no other.
+    ground_m : float, optional
+        Height of the ground in that frame's heights, m, for centres that are to be scaled.
+
+    Returns
+    -------
+    FramedOrientation
+        Coordinates, attitudes and covariances in the axes of the frame.
+
+    Raises
+    ------
+    UsageError
+        For another kind, a projected frame without projection, and a ground in a frame that is not
+        projected or not below the cameras.
     """
     if kind not in KINDS:
         raise UsageError(f"frame {kind!r} is unknown; it is one of {', '.join(KINDS)}")

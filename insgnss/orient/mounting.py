@@ -16,13 +16,13 @@ Bore-sight in three angle sets, degrees, each turned into its matrix at once and
 by angle:
 
     opk            omega phi kappa   B = Rx(omega) Ry(phi) Rz(kappa)                           (M.4)
-    rpy            roll pitch yaw    B = (Rz(yaw) Ry(pitch) Rx(roll))^T, the attitude of b' in b    (M.5)
-    metashape_ypr  yaw pitch roll    B = G^T Rz(-yaw) Rx(pitch) Ry(roll) G,  G = diag(1,-1,-1) T    (M.6)
+    rpy            roll pitch yaw    B = (Rz(yaw) Ry(pitch) Rx(roll))^T, of b' in b            (M.5)
+    metashape_ypr  yaw pitch roll    B = G^T Rz(-yaw) Rx(pitch) Ry(roll) G                     (M.6)
 
-(M.6) is the GPS/INS offset of Metashape: the attitude of the reference body in the camera's
-right-up-back axes, to which G takes the body. The values printed in paper 000, [-0.513, 0.657,
-0.574], are the numbers of (M.4) carried over; the offset that means the same rotation as its Table
-2 is [-0.5130, 0.6621, 0.5681] (`formats.md` B1.4).
+(M.6), with G = diag(1,-1,-1) T, is the GPS/INS offset of Metashape: the attitude of the reference
+body in the camera's right-up-back axes, to which G takes the body. The values printed in paper 000,
+[-0.513, 0.657, 0.574], are the numbers of (M.4) carried over; the offset that means the same
+rotation as its Table 2 is [-0.5130, 0.6621, 0.5681] (`formats.md` B1.4).
 """
 
 from collections.abc import Callable
@@ -206,7 +206,7 @@ def _as_vector(name: str, value: ArrayLike) -> Array:
 
 
 def _as_rotation(name: str, value: ArrayLike) -> Array:
-    """Rotation nearest to `value`, or InputError where that is farther away than rounding explains."""
+    """Return the rotation nearest to `value`; InputError where rounding does not explain it."""
     M = np.array(value, dtype=np.float64)
     if M.shape != (3, 3) or not np.isfinite(M).all():
         raise InputError(f"{name}: not a 3x3 matrix of finite numbers")

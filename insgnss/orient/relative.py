@@ -20,7 +20,8 @@ Lever arms are applied, so equation 3's (R_j - R_i) a is in d. All this is J_i e
 
     smoothed      J_i P_ii J_i' + J_j P_jj J_j' + J_i P_ij J_j' + J_j P_ij' J_i'               (R.5)
     independent   the same with P_ij = 0: paper 003, equation 5, as a matrix                   (R.6)
-    gyro          position of (R.6), diagonal; attitude q^2 dt + (b dt)^2, about the vertical (1.5 b dt)^2      (R.7)
+    gyro          position of (R.6), diagonal; attitude q^2 dt + (b dt)^2, about the vertical
+                  (1.5 b dt)^2                                                                 (R.7)
 
 (R.7) is paper 003, equation 6, q and b the gyroscopes' white noise and the drift that in-flight
 calibration leaves.
@@ -47,8 +48,19 @@ VERTICAL_DRIFT = 1.5  # paper 003, 2.3: factor on the drift about the vertical
 
 @dataclass(frozen=True)
 class GyroFigures:
-    """What equation 6 of paper 003 needs: white noise, rad/sqrt(s) = rad/s/sqrt(Hz), and drift,
-    rad/s, of the gyroscopes.
+    """Figures of the gyroscopes that equation 6 of paper 003 needs.
+
+    Parameters
+    ----------
+    noise : float
+        White noise, rad/sqrt(s) = rad/s/sqrt(Hz).
+    drift : float
+        Drift that in-flight calibration leaves, rad/s.
+
+    Raises
+    ------
+    UsageError
+        Where the noise is not positive, the drift is negative, or one is not finite.
     """
 
     noise: float
@@ -64,12 +76,22 @@ class GyroFigures:
 
 
 def gyro_figures(white_noise: Array, wandering: Array) -> GyroFigures:
-    """The figures of a noise model: the root mean square over the three axes, as equation 6 has one
-    for all.
+    """Return the figures of a noise model, one for all three axes as equation 6 has it.
 
-    white_noise : (3,) rad/s/sqrt(Hz).   wandering : (3, k) stationary standard deviations, rad/s,
-                                         of the processes of each axis that change
-    within the flight; what is constant over it is estimated in flight.
+    They are root mean squares over the axes.
+
+    Parameters
+    ----------
+    white_noise : ndarray
+        (3,) white noise of each axis, rad/s/sqrt(Hz).
+    wandering : ndarray
+        (3, k) stationary standard deviations, rad/s, of the processes of each axis that change
+        within the flight; what is constant over it is estimated in flight.
+
+    Returns
+    -------
+    GyroFigures
+        White noise and drift.
     """
     drift = np.asarray(wandering, dtype=np.float64).reshape(3, -1)
     return GyroFigures(
@@ -80,14 +102,29 @@ def gyro_figures(white_noise: Array, wandering: Array) -> GyroFigures:
 def line_pairs(
     time: Array, position: Array, up: Array, C_fc: Array, gap_s: float = GAP_S
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First image (k,) of each pair (i, i + 1) that lies in one flight line, and the number (k,) of
-    its line, from 1.
-
-    time (n,) s, position (n, 3) m and up (n, 3), unit vectors, of the images, C_fc (n, 3, 3).
+    """Find the pairs of consecutive images that lie in one flight line.
 
     A pair lies in a line if not more than `gap_s` passes in it, if the way from one to the other
     goes on in the direction of the way before or of the way after it within 20 deg (or has no
     neighbour within the gap), and if the camera turns about the vertical by less.
+
+    Parameters
+    ----------
+    time : ndarray
+        (n,) mid-exposures, s.
+    position : ndarray
+        (n, 3) projection centres in the frame's axes, m.
+    up : ndarray
+        (n, 3) unit vectors upwards at the images, in the frame's axes.
+    C_fc : ndarray
+        (n, 3, 3) camera to the frame's axes.
+    gap_s : float
+        Greatest time between the images of a pair, s.
+
+    Returns
+    -------
+    tuple of ndarray
+        First image i (k,) of each pair (i, i + 1), and the number (k,) of its line, from 1.
     """
     n = time.size
     if n < 2:
@@ -125,8 +162,21 @@ def _turn(C_fc: Array, up: Array) -> Array:
 
 
 def jacobians(form: Form, C_i: Array, C_j: Array, d: Array) -> tuple[Array, Array]:
-    """J_i, J_j (k, 6, 6) of the relative pose's error by those of the images (R.1 to R.4); d (k, 3)
-    m in the frame's axes.
+    """Return the derivatives of a relative pose's error by those of its images (R.1 to R.4).
+
+    Parameters
+    ----------
+    form : {"mapping", "camera"}
+        In whose axes the relative pose stands.
+    C_i, C_j : ndarray
+        (k, 3, 3) camera to the frame's axes, of the first and of the second image.
+    d : ndarray
+        (k, 3) offset from the first to the second in the frame's axes, m.
+
+    Returns
+    -------
+    tuple of ndarray
+        J_i and J_j, (k, 6, 6), of position (m) and psi (rad).
     """
     J_i, J_j = np.zeros((len(d), 6, 6)), np.zeros((len(d), 6, 6))
     if form == "mapping":
@@ -143,12 +193,31 @@ def jacobians(form: Form, C_i: Array, C_j: Array, d: Array) -> tuple[Array, Arra
 def relative_control(
     eo: FramedOrientation, gyro: GyroFigures, form: Form = "mapping", gap_s: float = GAP_S
 ) -> RelativeControl:
-    """Relative control of all neighbouring images of the same flight line.
+    """Compute the relative control of all neighbouring images of the same flight line.
 
-    eo : in a Cartesian frame (tangent plane, geocentric, projected).   gap_s : greatest time between the images of a pair.
+    Parameters
+    ----------
+    eo : FramedOrientation
+        The orientation in a Cartesian frame (tangent plane, geocentric, projected).
+    gyro : GyroFigures
+        White noise and drift of the gyroscopes, for (R.7).
+    form : {"mapping", "camera"}
+        In whose axes the relative poses stand.
+    gap_s : float
+        Greatest time between the images of a pair, s.
 
-    Raises UsageError for an unknown form, a gap that is not positive, and a geographic frame, in
-    which no offset in metres can be given.
+    Returns
+    -------
+    RelativeControl
+        Offset (m), rotation and the covariances (R.5) to (R.7) of each pair.
+
+    Raises
+    ------
+    UsageError
+        For an unknown form, a gap that is not positive, and a geographic frame, in which no offset
+        in metres can be given.
+    InputError
+        Where the cross-covariances of neighbours are not known.
     """
     if form not in FORMS:
         raise UsageError(f"form {form!r} is unknown; it is one of {', '.join(FORMS)}")

@@ -185,7 +185,7 @@ def combine_imus(
 
 
 def _read_fixes(options: GnssInput, gps_week: int | None, imu: ImuSamples) -> GnssFixes:
-    """Read ready positions, take those given as an object, or make those of a sensor that stands."""
+    """Read ready positions, take those of an object, or make those of a stationary sensor."""
     from ..formats import read_gnss
 
     if options.stationary is not None:

@@ -134,7 +134,7 @@ def write_products(
     out : Path
         The directory of the products.
     result : RunResult
-        What is to be written; its report is completed by what the writing tells.
+        What is to be written; its report is completed by the notes of the writers.
     recording : Recording
         The recording.
 
@@ -146,7 +146,7 @@ def write_products(
     Raises
     ------
     InputError
-        Where a product would take the place of an input, or cannot be what the flight file asks
+        Where a product would overwrite an input, or cannot be what the flight file asks
         for.
     """
     from ..formats.trajectory.sbet import write_sbet, write_smrmsg

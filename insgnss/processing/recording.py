@@ -179,7 +179,7 @@ def _images_left_out(events: CameraEvents, within: CameraEvents) -> list[Check]:
 def _turn_on_bias(
     stationary: "StationaryPeriods", C_b_imu: Array, noise: "NoiseModel", gnss: GnssFixes
 ) -> str:
-    """Say what the stationary periods tell of the bias, which the filter finds by itself."""
+    """Describe the bias in the stationary periods, which the filter finds by itself."""
     from ..calibrate.turn_on import turn_on_bias
 
     gyro, accel = (

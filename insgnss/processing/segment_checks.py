@@ -1,4 +1,4 @@
-"""The checks of the solved segments: whether the vehicle moves as it is said to, and what they leave out."""
+"""The checks of the solved segments: the vehicle's motion, and the images that they leave out."""
 
 from collections.abc import Sequence
 

@@ -15,16 +15,26 @@ KINDS = TANGENT, GEOCENTRIC, GEOGRAPHIC, PROJECTED = (
 
 @dataclass(frozen=True)
 class MapFrame:
-    """In which coordinates and axes an exterior orientation stands.
+    """Coordinates and axes in which an exterior orientation stands.
 
-    kind : one of `KINDS`.   name : for people, with code.
-    heights : what the third coordinate is; empty where it is none.
-    crs : authority code, "EPSG:2056", empty where there is none.
-    wkt : WKT2 of a projected CRS, vertical part included.
-    origin : latitude rad, longitude rad, height m of a tangent plane.
-    northing_first : whether the CRS itself names latitude or northing first; coordinates here never
-        do.
-    scaled_from_m : height of the ground if heights were scaled from there.
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    name : str
+        Name of the frame for people, with its code.
+    heights : str
+        What the third coordinate is; empty where it is no height.
+    crs : str
+        Authority code, "EPSG:2056"; empty where there is none.
+    wkt : str
+        WKT2 of a projected CRS, vertical part included.
+    origin : tuple of float
+        Latitude (rad), longitude (rad) and ellipsoidal height (m) of a tangent plane's origin.
+    northing_first : bool
+        Whether the CRS itself names latitude or northing first; coordinates here never do.
+    scaled_from_m : float, optional
+        Height of the ground, m, if heights were scaled from there.
     """
 
     kind: str
@@ -39,19 +49,43 @@ class MapFrame:
 
 @dataclass(frozen=True, eq=False)
 class FramedOrientation:
-    """Projection centre and attitude of n images in `frame`: what the writers of formats get.
+    """Projection centre and attitude of n images in a frame: what the writers of formats get.
 
-    coordinates : (n, 3) E N U m | X Y Z m | longitude rad, latitude rad, height m | easting,
-        northing, height m.
-    C_fc : (n, 3, 3), camera (x image right, y image down, z viewing direction) to the frame's axes
-        at the image.
-    C_fE : (n, 3, 3), east, north, up at the image to the frame's axes at the image.
-    cov : (n, 6, 6) of position error (m) and psi (rad), both in the frame's axes at the image;
+    Parameters
+    ----------
+    images : tuple of str
+        (n,) names of the images.
+    time : ndarray
+        (n,) mid-exposure, s, GPST of `gps_week`.
+    gps_week : int
+        GPS week of `time`.
+    frame : MapFrame
+        The frame.
+    coordinates : ndarray
+        (n, 3) E N U m; X Y Z m; longitude rad, latitude rad, height m; or easting, northing,
+        height m.
+    C_fc : ndarray
+        (n, 3, 3) camera (x image right, y image down, z viewing direction) to the frame's axes at
+        the image.
+    C_fE : ndarray
+        (n, 3, 3) east, north, up at the image to the frame's axes at the image.
+    cov : ndarray
+        (n, 6, 6) covariance of position (m) and psi (rad), both in the frame's axes at the image;
         R(true) = exp([psi x]) R.
-    cross : (max(n - 1, 0), 6, 6), covariance of the errors of image k with those of image k + 1;
-        None where it is not known.
-    geodetic : (n, 3) latitude rad, longitude rad, height m above the ellipsoid of WGS84.
-    The rest as in `ExteriorOrientation`.
+    cross : ndarray or None
+        (max(n - 1, 0), 6, 6) covariance of the errors of image k with those of image k + 1; None
+        where it is not known.
+    geodetic : ndarray
+        (n, 3) latitude rad, longitude rad, height m above the ellipsoid of WGS84.
+    boresight, camera_from_body : ndarray
+        (3, 3) matrices B and T of the mounting that were applied.
+    history : tuple of str
+        What was done to get it, sentence by sentence.
+
+    Raises
+    ------
+    InputError
+        Where a shape is wrong or a value is not finite.
     """
 
     images: tuple[str, ...]

@@ -208,7 +208,7 @@ def _angle(columns: Mapping[str, Any], name: str) -> Array:
 def _sigma(
     columns: Mapping[str, Any], names: Sequence[str], given: Sequence[float] | None, option: str
 ) -> Array | Sequence[float] | None:
-    """Standard deviations of the columns, or those given beside; InputError where there are both."""
+    """Return standard deviations of the columns or those given; InputError where both are."""
     present = [name for name in names if name in columns]
     if present and given is not None:
         raise InputError(

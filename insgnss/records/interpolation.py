@@ -3,7 +3,8 @@
 With epochs 0 and 1, h apart, and u from 0 to 1 between them, x position and v velocity in the local
 frame (axes north-east-down at epoch 0 of the trajectory), C attitude there,
 
-    x(u) = (1 - 3u^2 + 2u^3) x_0 + (3u^2 - 2u^3) x_1 + h (u - 2u^2 + u^3) v_0 + h (u^3 - u^2) v_1  (T.1)
+    x(u) = (1 - 3u^2 + 2u^3) x_0 + (3u^2 - 2u^3) x_1
+           + h (u - 2u^2 + u^3) v_0 + h (u^3 - u^2) v_1                                        (T.1)
     C(u) = exp(u log(C_1 C_0^T)) C_0                                                           (T.2)
 
 velocity and covariance are linear in u. (T.1) is off by h^4/384 times the fourth derivative of the
@@ -87,7 +88,8 @@ def _before(trajectory: Any, time: Array, tolerance_s: float) -> np.ndarray:
     if outside.any():
         instant = time[int(np.argmax(outside))]
         raise DataError(
-            f"Trajectory: {instant:.6f} s is outside {begin:.6f} to {end:.6f} s; choose instants within"
+            f"Trajectory: {instant:.6f} s is outside {begin:.6f} to {end:.6f} s; "
+            "choose instants within"
         )
     after = np.searchsorted(trajectory.time, time, side="right")
     return np.clip(after - 1, 0, max(len(trajectory) - 2, 0))

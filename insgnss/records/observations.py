@@ -116,12 +116,34 @@ class ImuSamples(Rows):
 class Increments:
     """Body increments between consecutive marks and samples: what the filter integrates.
 
-    dt (s,) s; dtheta (s, 3) rad; dvel (s, 3) m/s, body axes (`prepare.increments` says what they
-    contain). marks (m,) s, GPST; stop (m,) number of segments before each mark; rate (m, 3) rad/s,
-    gyro rate at each mark.
-    nominal_s : sample interval.   gaps : (time, length) of every gap that was bridged.
-    bridged : (m, 6) variance of the increments (rad^2, m^2/s^2) since the mark before where a gap
-        was bridged, else 0; None without gaps.
+    `prepare.increments` says what they contain.
+
+    Parameters
+    ----------
+    dt : ndarray
+        (s,) lengths of the integration intervals, s.
+    dtheta : ndarray
+        (s, 3) angle increments, body axes, rad.
+    dvel : ndarray
+        (s, 3) velocity increments, body axes, m/s.
+    marks : ndarray
+        (m,) instants of the epochs of the filter, s, GPST, increasing.
+    stop : ndarray
+        (m,) number of integration intervals before each mark.
+    rate : ndarray
+        (m, 3) gyro rate at each mark, body axes, rad/s.
+    nominal_s : float
+        Sample interval, s.
+    gaps : tuple of tuple of float
+        Time and length, s, of every gap that was bridged.
+    bridged : ndarray, optional
+        (m, 6) variance of the increments (rad^2, m^2/s^2) since the mark before where a gap was
+        bridged, else 0; None without gaps.
+
+    Raises
+    ------
+    InputError
+        Where a shape is wrong, a value is not finite, or the marks do not increase.
     """
 
     dt: Array
@@ -243,10 +265,7 @@ class GnssFixes(Rows):
         --------
         >>> import insgnss
         >>> fixes = insgnss.GnssFixes.from_degrees(
-        ...     [10.0, 11.0],
-        ...     [46.57, 46.5701],
-        ...     [6.54, 6.54],
-        ...     [512.0, 512.1],
+        ...     [10.0, 11.0], [46.57, 46.5701], [6.54, 6.54], [512.0, 512.1],
         ...     sigma_m=(0.02, 0.02, 0.03),
         ... )
         >>> fixes
@@ -317,8 +336,9 @@ class CameraEvents(Rows):
     Examples
     --------
     >>> import insgnss
-    >>> names = ("a.jpg", "b.jpg", "c.jpg")
-    >>> events = insgnss.CameraEvents(names, [10.0, 12.0, 14.0], gps_week=2008)
+    >>> events = insgnss.CameraEvents(
+    ...     ("a.jpg", "b.jpg", "c.jpg"), [10.0, 12.0, 14.0], gps_week=2008
+    ... )
     >>> events["b.jpg"]
     <CameraEvents 1 images, TOW 12.0 to 12.0 s, week 2008>
     """

@@ -74,7 +74,7 @@ class Rows:
 
         Raises
         ------
-        KeyError : there is no row of that name; the nearest names are told.
+        KeyError : there is no row of that name; the message names the nearest.
         IndexError : an index is beyond the rows, or a mask has another length.
         """
         return self._taken(self._chosen(key))
@@ -108,7 +108,7 @@ class Rows:
 
         Raises
         ------
-        DataError : no row is that near an instant; the nearest stamp is told.
+        DataError : no row is that near an instant; the message names the nearest stamp.
         """
         wanted = np.atleast_1d(np.asarray(time_s, dtype=np.float64))
         rows = self._nearest(wanted)

@@ -267,23 +267,63 @@ class ExteriorOrientation(Rows):
 
 @dataclass(frozen=True, eq=False)
 class Diagnostics:
-    """How a run went, for the report. Axes north, east, down of the flight's local frame; states
-    position, velocity, psi.
+    """How a run went, for the report, at m epochs of the flight.
 
-    time (m,) s; position (m, 3) m; velocity (m, 3) m/s; rpy (m, 3) rad; event (e,) rows of `time`
-    that are exposures.
-    filter_sigma, smoothed_sigma (m, 9).   bias, bias_sigma (m, 6): gyro x y z rad/s, accelerometer
-                                           x y z m/s^2, body axes.
-    fix_time (k,); innovation, innovation_sigma (k, 3) m; nis (k,) normalised innovation squared (3
-    degrees of freedom), nis_limit; used (k,) bool; the same of velocities or None.
-    separation_time (s,); separation, separation_sigma (s, 9): backward minus forward, NaN where not
-    determined.
-    gaps : (time, length) of bridged IMU gaps.   passes : filter passes.
-    covariance_resets : times of covariance resets, after a second of rejected fixes.
-    stationary : (k, 2) s, times in which the vehicle was taken to stand still.
-    states : constants estimated besides biases.
-    segments : first and last instant, s, of each segment that was solved by itself.
-    time_correlated : time-correlated GNSS errors.
+    Axes are north, east, down of the flight's local frame; the nine navigation states are position
+    (m), velocity (m/s) and psi (rad).
+
+    Parameters
+    ----------
+    time : ndarray
+        (m,) s, GPST.
+    position : ndarray
+        (m, 3) position, m.
+    velocity : ndarray
+        (m, 3) velocity, m/s.
+    rpy : ndarray
+        (m, 3) roll, pitch, heading, rad.
+    event : ndarray
+        (e,) rows of `time` that are exposures.
+    filter_sigma, smoothed_sigma : ndarray
+        (m, 9) standard deviations of the navigation states, of the filter and of the smoother.
+    bias, bias_sigma : ndarray
+        (m, 6) biases and their standard deviations: gyro x y z rad/s, accelerometer x y z m/s^2,
+        body axes.
+    fix_time : ndarray
+        (k,) times of the k position fixes, s.
+    innovation, innovation_sigma : ndarray
+        (k, 3) innovations of the position fixes and their standard deviations, m.
+    nis : ndarray
+        (k,) normalised innovation squared of the position fixes, with 3 degrees of freedom.
+    nis_limit : float
+        The value of it beyond which a fix is rejected.
+    used : ndarray
+        (k,) bool, whether the position fix was used.
+    separation_time : ndarray
+        (s,) epochs of the forward/backward separation, s.
+    separation, separation_sigma : ndarray
+        (s, 9) backward minus forward of the navigation states and its standard deviation; NaN where
+        the later data do not determine it.
+    gaps : tuple of tuple of float
+        Time and length, s, of each bridged IMU gap.
+    passes : int
+        Number of filter passes.
+    covariance_resets : ndarray, optional
+        Times of covariance resets after a second of rejected fixes, s.
+    velocity_nis : ndarray, optional
+        Normalised innovation squared of the velocity fixes; None without such.
+    velocity_used : ndarray, optional
+        Whether each velocity fix was used; None without such.
+    checks : tuple of Check
+        All checks of the run.
+    stationary : ndarray, optional
+        (k, 2) first and last instant of each stationary period, s.
+    states : tuple of StateVerdict
+        Constants estimated besides biases.
+    segments : tuple of tuple of float
+        First and last instant, s, of each segment that was solved by itself.
+    time_correlated : tuple of TimeCorrelatedError
+        Time-correlated (Gauss-Markov) GNSS errors that were estimated.
     """
 
     time: Array

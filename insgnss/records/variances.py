@@ -13,7 +13,20 @@ MAD_TO_SIGMA = 1.482602218505602  # of normal deviates: 1 / Phi^-1(3/4)
 
 
 def chi_square_interval(variance: Array, freedom: Array) -> tuple[Array, Array]:
-    """95 % interval of variances whose estimates have these (equivalent) degrees of freedom."""
+    """Return the 95 % interval of estimated variances.
+
+    Parameters
+    ----------
+    variance : ndarray
+        (J,) estimates.
+    freedom : ndarray
+        (J,) their equivalent degrees of freedom.
+
+    Returns
+    -------
+    tuple of ndarray
+        (J,) lower and upper limits, in the unit of `variance`.
+    """
     from scipy.special import chdtri
 
     return freedom * variance / chdtri(freedom, 0.025), freedom * variance / chdtri(freedom, 0.975)

@@ -33,9 +33,20 @@ class Check:
 
 @dataclass(frozen=True)
 class StateVerdict:
-    """A constant that the flight estimates besides biases: value, sigma and a-priori sigma in SI.
+    """A constant that the flight estimates besides biases; numbers are in SI units.
 
-    moves_m : how far its sigma moves the fixes, None for an error of the IMU.   observed : whether the flight determines it.
+    Parameters
+    ----------
+    name : str
+        The state.
+    value, sigma : float
+        Its estimate and standard deviation.
+    prior : float
+        Its a-priori standard deviation.
+    moves_m : float or None
+        How far its sigma moves the fixes, m; None for an error of the IMU.
+    observed : bool
+        Whether the flight determines it.
     """
 
     name: str
@@ -48,13 +59,20 @@ class StateVerdict:
 
 @dataclass(frozen=True)
 class TimeCorrelatedError:
-    """A time-correlated (Gauss-Markov) GNSS error that was estimated: (3,) are north, east, down.
+    """A time-correlated (Gauss-Markov) GNSS error that was estimated, in north, east and down.
 
-    time_s : how long it lasts.
-    fixes : how many fixes have it.
-    sigma_m : its sigma at the median fix.
-    share, white : itself and the uncorrelated error of these fixes in standard deviations of the
-        file.
+    Parameters
+    ----------
+    time_s : float
+        Its correlation time, s.
+    fixes : int
+        How many fixes have it.
+    sigma_m : tuple of float
+        (3,) its standard deviation at the median fix, m.
+    share : tuple of float
+        (3,) its standard deviation in standard deviations of the file.
+    white : tuple of float
+        (3,) standard deviation of the white error of these fixes in the same unit.
     """
 
     time_s: float

@@ -91,8 +91,8 @@ def test_good_gyros_find_north_at_rest(heading):
 
 @pytest.mark.parametrize("heading", [0.0, 137.0, -60.0])
 def test_triad_of_exact_readings_is_exact(heading):
-    """Oracle: the attitude that was made, from gravity and the Earth's rate alone, before any
-    filter; and the heading's sigma, that of the gyros over the level part of the Earth's rate.
+    """Oracle: the attitude that was made, from gravity and the Earth's rate alone, before
+    any filter; and the heading's sigma, that of the gyros over the level part of the Earth's rate.
     """
     C_nb, n, h = rotation_from_rpy(np.radians([2.0, -3.0, heading])), 600, 0.1
     rate = C_nb.T @ [EARTH_RATE * np.cos(LAT), 0.0, -EARTH_RATE * np.sin(LAT)]

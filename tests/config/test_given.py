@@ -1,6 +1,4 @@
-"""Options that are given in Python: what a flight file may not say is refused at construction, by
-the name of its field.
-"""
+"""Options given in Python: what a flight file may not say is refused by the name of its field."""
 
 from pathlib import Path
 

@@ -81,9 +81,7 @@ def test_a_latency_is_found_within_its_sigma(late):
 
 
 def test_a_lever_arm_is_found_within_its_sigma(clean):
-    """Oracle: the simulator's lever arm, of which the problem lacks 0.2 m forward and 0.15
-    m down.
-    """
+    """Oracle: the simulator's lever arm, the problem lacks 0.2 m forward and 0.15 m down."""
     lever = np.array([0.2, 0.0, 0.15])
     assert is_suspicious(solved(clean, lever=lever), layout_factory, FixErrors())
     told = solved(clean, EVERYTHING, lever)

@@ -32,9 +32,7 @@ def test_table_5_makes_thirty_states():
 
 
 def test_a_turn_on_bias_and_its_random_walk_are_one_state():
-    """Oracle: the sum of a constant and a random walk is a random walk that starts at the
-    constant.
-    """
+    """Oracle: the sum of a constant and a random walk is a random walk that starts there."""
     layout = state_layout(
         model(AxisNoise(turn_on_bias=2.0, random_walk=3.0), AxisNoise(random_walk=4.0))
     )

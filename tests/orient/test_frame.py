@@ -1,6 +1,4 @@
-"""The exterior orientation in other frames: against pyproj and against points seen from
-the camera.
-"""
+"""The orientation in other frames: against pyproj and against points seen from the camera."""
 
 import numpy as np
 import pytest

@@ -114,9 +114,7 @@ def test_levers_without_boresight_are_table_1_in_body_axes():
 
 
 def test_levers_with_boresight_close_the_triangle_in_the_camera():
-    """Oracle: vector addition, IMU to camera to antenna, with the chain T B multiplied out
-    by hand.
-    """
+    """Oracle: vector addition, IMU to camera to antenna, the chain T B multiplied out by hand."""
     mounting = Mounting(ANTENNA_C, IMU_C, T, TABLE_2)
     antenna_c = T @ TABLE_2 @ (mounting.antenna_lever_b - mounting.camera_lever_b)
     assert_allclose(antenna_c, ANTENNA_C, atol=0.5 * LAST_DIGIT)

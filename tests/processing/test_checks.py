@@ -137,9 +137,7 @@ def test_long_lever_arms_and_large_boresights_are_told(
 
 
 def test_origin_of_the_tangent_plane_is_the_first_fix_rounded() -> None:
-    """Oracle: a hundredth of a degree and the ellipsoid, by hand; else what the flight
-    file says.
-    """
+    """Oracle: a hundredth of a degree and the ellipsoid, by hand; else the flight file's."""
     fixes: Any = SimpleNamespace(lat=np.radians([46.5678, 1.0]), lon=np.radians([-6.5432, 2.0]))
     lat, lon, height = _origin(FLIGHT, fixes)
     assert np.allclose(np.degrees([lat, lon]), [46.57, -6.54], rtol=0, atol=1e-12)
@@ -149,9 +147,7 @@ def test_origin_of_the_tangent_plane_is_the_first_fix_rounded() -> None:
 
 
 def test_time_offsets_are_added_to_the_stamps_of_their_sensor(tmp_path: Path) -> None:
-    """Oracle: the stamps of the files, by hand; data_specs/flight_file.md, "added to the
-    stamps".
-    """
+    """Oracle: the stamps, by hand; data_specs/flight_file.md, "added to the stamps"."""
     time = 1000.0 + 0.02 * np.arange(1001)
     rows = "".join(f"{t:.2f},0,0,0,0,0,-9.8\n" for t in time)
     (tmp_path / "imu.csv").write_text("tow,gx,gy,gz,ax,ay,az\n" + rows)

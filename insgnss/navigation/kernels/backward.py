@@ -8,11 +8,25 @@ from ..codes import ABSENT, IMU0, N_NAV
 
 @njit(cache=True)
 def run_backward(epochs, history, full, delta, event_cross, keep, keep_information, keep_adjoint):
-    """Modified Bryson-Frazier smoother (B.1-B.5); delta (m, n): smoothed errors of the nominal.
+    """Run the modified Bryson-Frazier smoother (B.1-B.5) from the last epoch to the first.
 
-    full: also replace history.P by the smoothed covariance and fill event_cross (events, 9, 9).
-    keep (m,): slot of keep_information (slots, n, n) and keep_adjoint (slots, n) that takes Lambda
-    and lambda at the epoch, or ABSENT.
+    Parameters
+    ----------
+    epochs : Epochs
+        The m epochs of the filter.
+    history : FilterHistory
+        What the forward pass left; with `full` its P is replaced by the smoothed covariance.
+    full : bool
+        Whether covariances and cross-covariances of events are smoothed as well.
+    delta : ndarray
+        (m, n) smoothed errors of the nominal, filled in place.
+    event_cross : ndarray
+        (events, 9, 9) covariance of the navigation errors of the event before with those of this
+        one, filled in place with `full`.
+    keep : ndarray
+        (m,) the slot that takes Lambda and lambda of the epoch, or ABSENT.
+    keep_information, keep_adjoint : ndarray
+        (slots, n, n) Lambda and (slots, n) lambda, filled in place.
     """
     count = epochs.stop.size
     nz, n = history.H.shape[1], history.m.shape[1]

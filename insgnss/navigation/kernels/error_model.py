@@ -29,7 +29,23 @@ GRAVITY = 9.8  # m/s^2, for its gradient alone
 
 @njit(cache=True)
 def apply_nav_rows(A, columns, B, s1, s2, side, o):
-    """A[:, :columns] <- F_block A: the 9 x 9 block transition (E.4) on the rows of A."""
+    """Apply the block's 9 x 9 transition (E.4) to rows in place: A[:, :columns] <- F_block A.
+
+    Parameters
+    ----------
+    A : ndarray
+        (9, k) rows of the navigation errors, changed in place.
+    columns : int
+        Number of leading columns that are changed.
+    B : float
+        Length of the block, s.
+    s1, s2 : ndarray
+        (3,) integrals of the specific force in l: m/s, m.
+    side : float
+        Horizontal gravity gradient, -g/R, 1/s^2.
+    o : ndarray
+        (3,) rotation of the Earth in l, rad/s.
+    """
     down = -2.0 * side
     for j in range(columns):
         p0, p1, p2 = A[PX, j], A[PY, j], A[PZ, j]
@@ -48,7 +64,17 @@ def apply_nav_rows(A, columns, B, s1, s2, side, o):
 
 @njit(cache=True)
 def channel_columns(integrals, B, column):
-    """(E.5): effect of a unit constant error of each channel over the block."""
+    """Compute the effect of a unit constant error of each channel over the block (E.5).
+
+    Parameters
+    ----------
+    integrals : BlockIntegrals
+        The integrals of the block, from `strapdown_block`.
+    B : float
+        Length of the block, s.
+    column : ndarray
+        (9, 6) the effect, filled in place.
+    """
     s1, C = integrals.s1, integrals.C
     for a in range(3):
         e0, e1, e2 = C[0, a], C[1, a], C[2, a]
@@ -69,7 +95,21 @@ def channel_columns(integrals, B, column):
 
 @njit(cache=True)
 def add_white_noise(Q, integrals, B, white, v9):
-    """(E.7): white gyro and accelerometer noise of one block into Q[:9, :9]."""
+    """Add the white gyro and accelerometer noise of one block to Q[:9, :9] (E.7).
+
+    Parameters
+    ----------
+    Q : ndarray
+        (9, k) process noise, changed in place.
+    integrals : BlockIntegrals
+        The integrals of the block, from `strapdown_block`.
+    B : float
+        Length of the block, s.
+    white : ndarray
+        (6,) PSD of the channels' white noise, (rad/s)^2/Hz and (m/s^2)^2/Hz.
+    v9 : ndarray
+        (9,) scratch.
+    """
     s1, C = integrals.s1, integrals.C
     for a in range(3):
         e0, e1, e2 = -C[0, a] / B, -C[1, a] / B, -C[2, a] / B
@@ -109,7 +149,25 @@ def add_white_noise(Q, integrals, B, white, v9):
 
 @njit(cache=True)
 def step_covariance(W, Qbb, B, model, work, side, o):
-    """(E.6): W = [Q_nn | Q_nb] and the diagonal Q_bb over one more block."""
+    """Take the process noise W = [Q_nn Q_nb] and the diagonal Q_bb over one more block (E.6).
+
+    Parameters
+    ----------
+    W : ndarray
+        (9, n) process noise [Q_nn Q_nb], changed in place.
+    Qbb : ndarray
+        (ns,) variances of the states behind those of navigation, changed in place.
+    B : float
+        Length of the block, s.
+    model : StateModel
+        The error states behind those of navigation.
+    work : IntervalWork
+        Integrals, weights and columns of the block, and scratch.
+    side : float
+        Horizontal gravity gradient, -g/R, 1/s^2.
+    o : ndarray
+        (3,) rotation of the Earth in l, rad/s.
+    """
     ns = model.channel.size
     column, group, X, Y = work.column, work.group, work.X, work.Y
     weight, mean, decay, integrals = work.weight, work.mean, work.decay, work.integrals
@@ -174,9 +232,29 @@ def step_covariance(W, Qbb, B, model, work, side, o):
 
 @njit(cache=True)
 def block_states(intervals, i0, i1, B, elapsed, x, model, work):
-    """Decay, mean and weight of each state over the block, and the channel biases at its two ends.
+    """Compute decay, mean and weight of each state over the block, and the biases at its ends.
 
-    Returns whether scale factors or misalignments are among the states.
+    Parameters
+    ----------
+    intervals : IntegrationIntervals
+        The body increments.
+    i0, i1 : int
+        The integration intervals i0..i1 - 1 are passed.
+    B : float
+        Length of the block, s.
+    elapsed : float
+        Time since the start of the recording at the start of the block, s.
+    x : ndarray
+        (ns,) nominal values of the other states.
+    model : StateModel
+        The error states behind those of navigation.
+    work : IntervalWork
+        Takes decay, mean, weight, bias (2, 6) and scale (6, 6).
+
+    Returns
+    -------
+    bool
+        Whether scale factors or misalignments are among the states.
     """
     ns = model.channel.size
     if abs(B - work.last_block[0]) > 1e-10:
@@ -214,9 +292,34 @@ def block_states(intervals, i0, i1, B, elapsed, x, model, work):
 
 @njit(cache=True)
 def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, work):
-    """Propagate nav, x over intervals i0..i1-1; fill F (9, n), D (ns,), W (9, n), Qbb (ns,).
+    """Propagate the nominal over integration intervals, and fill transition and process noise.
 
-    elapsed : s since the start, at the first of the intervals.
+    Parameters
+    ----------
+    intervals : IntegrationIntervals
+        The body increments.
+    i0, i1 : int
+        The integration intervals i0..i1 - 1 are passed.
+    elapsed : float
+        Time since the start of the recording at the first of the intervals, s.
+    nav : ndarray
+        (10,) nominal position (m), velocity (m/s) and quaternion q_lb in l, propagated in place.
+    x : ndarray
+        (ns,) nominal values of the other states, propagated in place.
+    model : StateModel
+        The error states behind those of navigation.
+    earth : Earth
+        The local frame l.
+    F : ndarray
+        (9, n) navigation rows of the transition matrix, filled in place.
+    D : ndarray
+        (ns,) diagonal of the transition matrix behind them, filled in place.
+    W : ndarray
+        (9, n) process noise [Q_nn Q_nb], filled in place.
+    Qbb : ndarray
+        (ns,) diagonal of the process noise behind them, filled in place.
+    work : IntervalWork
+        Scratch.
     """
     ns = model.channel.size
     o = earth.rate_l
@@ -262,7 +365,19 @@ def linearise(intervals, i0, i1, elapsed, nav, x, model, earth, F, D, W, Qbb, wo
 
 @njit(cache=True)
 def add_gap_noise(W, column, B, variance):
-    """(E.8): the increments over a gap of length B were made up, with errors of `variance` (6,)."""
+    """Add the noise of increments that were made up over a gap of the IMU (E.8).
+
+    Parameters
+    ----------
+    W : ndarray
+        (9, n) process noise [Q_nn Q_nb], changed in place.
+    column : ndarray
+        (9, 6) effect of a unit error of each channel over the block.
+    B : float
+        Length of the gap, s.
+    variance : ndarray
+        (6,) variance of the made-up increments, rad^2 and m^2/s^2.
+    """
     for c in range(N_CHANNELS):
         q = variance[c] / (B * B)
         for r in range(N_NAV):
@@ -272,7 +387,25 @@ def add_gap_noise(W, column, B, variance):
 
 @njit(cache=True)
 def predict_covariance(P, F, D, W, Qbb, X, nine):
-    """P <- Phi P Phi' + Q with Phi = [F; 0 D] and Q = [W; Q_bb]."""
+    """Predict the covariance in place: P <- Phi P Phi' + Q, Phi = [F; 0 D] and Q = [W; Q_bb].
+
+    Parameters
+    ----------
+    P : ndarray
+        (n, n) covariance of the errors, changed in place.
+    F : ndarray
+        (9, n) navigation rows of the transition matrix.
+    D : ndarray
+        (ns,) diagonal of the transition matrix behind them.
+    W : ndarray
+        (9, n) process noise [Q_nn Q_nb].
+    Qbb : ndarray
+        (ns,) diagonal of the process noise of the states behind those of navigation.
+    X : ndarray
+        (9, n) scratch.
+    nine : ndarray
+        (9, 9) scratch.
+    """
     n = P.shape[0]
     np.dot(F, P, X)
     np.dot(X, F.T, nine)
@@ -295,7 +428,21 @@ def predict_covariance(P, F, D, W, Qbb, X, nine):
 
 @njit(cache=True)
 def propagate_mean(F, D, m, gap, scratch):
-    """m <- Phi m + gap with Phi = [F; 0 D]; scratch (n,)."""
+    """Predict the error estimate in place: m <- Phi m + gap, Phi = [F; 0 D].
+
+    Parameters
+    ----------
+    F : ndarray
+        (9, n) navigation rows of the transition matrix.
+    D : ndarray
+        (ns,) diagonal of the transition matrix behind them.
+    m : ndarray
+        (n,) estimate of the errors about the nominal, changed in place.
+    gap : ndarray
+        (n,) propagated nominal minus the nominal at the next epoch, about which m then counts.
+    scratch : ndarray
+        (n,) scratch.
+    """
     for r in range(N_NAV):
         t = gap[r]
         for c in range(m.size):

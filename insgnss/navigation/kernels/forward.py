@@ -35,7 +35,7 @@ from .update import (
 
 @njit(cache=True)
 def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, options, history):
-    """Extended Kalman filter over the whole flight; see `FilterOptions` and `FilterHistory`.
+    """Run the extended Kalman filter over the whole flight.
 
     In closed loop the error estimate is fed back after every update, once psi is known better than
     the feedback threshold, and the nominal is what the strapdown makes of it. Else the nominal at
@@ -44,6 +44,31 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
 
     One function, not three: a record that is handed to a function costs two atomic operations for
     each of its arrays, and with one call an epoch more the filter ran a tenth slower.
+
+    Parameters
+    ----------
+    intervals : IntegrationIntervals
+        The body increments.
+    epochs : Epochs
+        The m epochs of the filter.
+    model : StateModel
+        The error states behind those of navigation.
+    earth : Earth
+        The local frame l.
+    lever_b : ndarray
+        (3,) from the IMU to the antenna's phase centre, body axes, m.
+    nav0 : ndarray
+        (10,) nominal position (m) and velocity (m/s) in l, quaternion q_lb, at the first epoch.
+    x0 : ndarray
+        (ns,) nominal values of the other states there.
+    m0 : ndarray
+        (n,) a-priori mean of the errors about the nominal.
+    P0 : ndarray
+        (n, n) a-priori covariance of the errors.
+    options : FilterOptions
+        What the pass decides by.
+    history : FilterHistory
+        What the forward pass leaves, filled in place.
     """
     closed_loop, threshold, reset_after = (
         options.closed_loop,

@@ -30,7 +30,21 @@ from ..codes import (
 
 @njit(cache=True)
 def antenna(nav, x, lever_b, model, triple):
-    """Leave C_lb, and the lever arm with its error states, in the triple."""
+    """Leave C_lb, and the lever arm with its error states, in the triple.
+
+    Parameters
+    ----------
+    nav : ndarray
+        (10,) nominal position (m) and velocity (m/s) in l, quaternion q_lb (w, x, y, z).
+    x : ndarray
+        (ns,) nominal values of the other states.
+    lever_b : ndarray
+        (3,) from the IMU to the antenna's phase centre, body axes, m.
+    model : StateModel
+        The error states behind those of navigation.
+    triple : Triple
+        Takes `C_lb` and `lever`.
+    """
     quat_to_matrix(nav[QUAT], triple.C_lb)
     lever = triple.lever
     for i in range(3):
@@ -41,7 +55,22 @@ def antenna(nav, x, lever_b, model, triple):
 
 @njit(cache=True)
 def fix_delay(x, elapsed, model):
-    """By how much a fix was taken later than it is stamped, s."""
+    """Return by how much a fix was taken later than it is stamped (time offset).
+
+    Parameters
+    ----------
+    x : ndarray
+        (ns,) nominal values of the other states.
+    elapsed : float
+        Time since the start of the recording, s.
+    model : StateModel
+        The error states behind those of navigation.
+
+    Returns
+    -------
+    float
+        The delay, s.
+    """
     d = x[model.offset]
     if model.rate >= 0:
         d += elapsed * x[model.rate]
@@ -50,7 +79,17 @@ def fix_delay(x, elapsed, model):
 
 @njit(cache=True)
 def minus_skew(H, column, a0, a1, a2):
-    """H[:, column : column + 3] <- -[a x]."""
+    """Write a skew matrix into three columns: H[:, column : column + 3] <- -[a x].
+
+    Parameters
+    ----------
+    H : ndarray
+        (3, n) derivative, changed in place but for the zero diagonal.
+    column : int
+        The first of the columns.
+    a0, a1, a2 : float
+        The vector a.
+    """
     H[0, column + 1], H[0, column + 2] = a2, -a1
     H[1, column], H[1, column + 2] = -a2, a0
     H[2, column], H[2, column + 1] = a1, -a0
@@ -58,7 +97,25 @@ def minus_skew(H, column, a0, a1, a2):
 
 @njit(cache=True)
 def body_rate(nav, x, elapsed, rate, model, earth, triple):
-    """Leave the body's rate against the Earth, of a measured rate (3,), and its gains."""
+    """Leave the body's rate against the Earth and its derivatives in the triple.
+
+    Parameters
+    ----------
+    nav : ndarray
+        (10,) nominal position (m) and velocity (m/s) in l, quaternion q_lb (w, x, y, z).
+    x : ndarray
+        (ns,) nominal values of the other states.
+    elapsed : float
+        Time since the start of the recording, s.
+    rate : ndarray
+        (3,) measured angular rate, body axes, rad/s.
+    model : StateModel
+        The error states behind those of navigation.
+    earth : Earth
+        The local frame l.
+    triple : Triple
+        Takes `C_lb`, `omega` and `gain`.
+    """
     C, omega, gain = triple.C_lb, triple.omega, triple.gain
     quat_to_matrix(nav[QUAT], C)
     o = earth.rate_l
@@ -82,11 +139,31 @@ def body_rate(nav, x, elapsed, rate, model, earth, triple):
 
 @njit(cache=True)
 def position_rows(nav, x, elapsed, lever_b, model, acceleration, z, sigma, group, triple):
-    """(K.1): the antenna's position z (3,).
+    """Fill the triple with the measured position of the antenna (K.1).
 
-    acceleration (3,): of the IMU in l; with the rate in the triple, for the velocity at the fix's
-    own time.
-    sigma (3,): the unit of the fix's time-correlated errors.   group: of the fix.
+    Parameters
+    ----------
+    nav : ndarray
+        (10,) nominal position (m) and velocity (m/s) in l, quaternion q_lb (w, x, y, z).
+    x : ndarray
+        (ns,) nominal values of the other states.
+    elapsed : float
+        Time since the start of the recording, s.
+    lever_b : ndarray
+        (3,) from the IMU to the antenna's phase centre, body axes, m.
+    model : StateModel
+        The error states behind those of navigation.
+    acceleration : ndarray
+        (3,) of the IMU in l, m/s^2; with the rate in the triple, for the velocity at the fix's own
+        time.
+    z : ndarray
+        (3,) measured position of the antenna in l, m.
+    sigma : ndarray
+        (3,) unit of the fix's time-correlated errors, m.
+    group : int
+        FIXED_GROUP or UNFIXED_GROUP, of the fix.
+    triple : Triple
+        The measurement, filled in place.
     """
     antenna(nav, x, lever_b, model, triple)
     C, lever, omega, H, nu = triple.C_lb, triple.lever, triple.omega, triple.H, triple.nu
@@ -136,7 +213,29 @@ def position_rows(nav, x, elapsed, lever_b, model, acceleration, z, sigma, group
 
 @njit(cache=True)
 def velocity_rows(nav, x, elapsed, lever_b, model, acceleration, z, triple):
-    """(K.2): the antenna's velocity z (3,); omega and gain as `body_rate` leaves them."""
+    """Fill the triple with the measured velocity of the antenna (K.2).
+
+    The triple's omega and gain are those that `body_rate` leaves.
+
+    Parameters
+    ----------
+    nav : ndarray
+        (10,) nominal position (m) and velocity (m/s) in l, quaternion q_lb (w, x, y, z).
+    x : ndarray
+        (ns,) nominal values of the other states.
+    elapsed : float
+        Time since the start of the recording, s.
+    lever_b : ndarray
+        (3,) from the IMU to the antenna's phase centre, body axes, m.
+    model : StateModel
+        The error states behind those of navigation.
+    acceleration : ndarray
+        (3,) acceleration of the IMU in l, m/s^2.
+    z : ndarray
+        (3,) measured velocity of the antenna in l, m/s.
+    triple : Triple
+        The measurement, filled in place.
+    """
     antenna(nav, x, lever_b, model, triple)
     C, lever, omega, H, nu = triple.C_lb, triple.lever, triple.omega, triple.H, triple.nu
     H[:] = 0.0
@@ -180,7 +279,15 @@ def velocity_rows(nav, x, elapsed, lever_b, model, acceleration, z, triple):
 
 @njit(cache=True)
 def zupt_rows(nav, triple):
-    """(K.8), zero-velocity update: the velocity is zero."""
+    """Fill the triple with a zero-velocity update, ZUPT (K.8): the velocity is zero.
+
+    Parameters
+    ----------
+    nav : ndarray
+        (10,) nominal position (m) and velocity (m/s) in l, quaternion q_lb (w, x, y, z).
+    triple : Triple
+        The measurement, filled in place.
+    """
     H, nu = triple.H, triple.nu
     H[:] = 0.0
     for r in range(3):
@@ -190,7 +297,17 @@ def zupt_rows(nav, triple):
 
 @njit(cache=True)
 def nhc_rows(nav, triple):
-    """(K.9), non-holonomic constraint: no velocity across the forward axis. Row 0 is empty."""
+    """Fill the triple with the non-holonomic constraint, NHC (K.9); its row 0 stays empty.
+
+    There is no velocity across the forward axis.
+
+    Parameters
+    ----------
+    nav : ndarray
+        (10,) nominal position (m) and velocity (m/s) in l, quaternion q_lb (w, x, y, z).
+    triple : Triple
+        The measurement, filled in place.
+    """
     C, H, nu = triple.C_lb, triple.H, triple.nu
     quat_to_matrix(nav[QUAT], C)
     H[:] = 0.0
@@ -207,10 +324,19 @@ def nhc_rows(nav, triple):
 
 @njit(cache=True)
 def zaru_rows(model, earth, triple):
-    """(K.10), zero angular rate update: the body does not turn.
+    """Fill the triple with a zero angular rate update, ZARU (K.10): the body does not turn.
 
-    omega and gain of the triple are those of the mean rate over the stationary period, as
+    The triple's omega and gain are those of the mean rate over the stationary period, as
     `body_rate` leaves them.
+
+    Parameters
+    ----------
+    model : StateModel
+        The error states behind those of navigation.
+    earth : Earth
+        The local frame l.
+    triple : Triple
+        The measurement, filled in place.
     """
     C, H, nu = triple.C_lb, triple.H, triple.nu
     H[:] = 0.0
@@ -228,10 +354,35 @@ def zaru_rows(model, earth, triple):
 
 @njit(cache=True)
 def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth, triple):
-    """Fill the triple with what epoch e measures of one kind; False where it does not.
+    """Fill the triple with what an epoch measures of one kind.
 
-    kind: POSITION, VELOCITY, VELOCITY_CONSTRAINT or ZARU.   lever_b (3,) m: IMU to antenna.
-    acceleration (3,) m/s^2: of the IMU in l.
+    Parameters
+    ----------
+    kind : int
+        POSITION, VELOCITY, VELOCITY_CONSTRAINT or ZARU.
+    e : int
+        The epoch.
+    epochs : Epochs
+        The m epochs of the filter.
+    nav : ndarray
+        (10,) nominal position (m) and velocity (m/s) in l, quaternion q_lb (w, x, y, z).
+    x : ndarray
+        (ns,) nominal values of the other states.
+    lever_b : ndarray
+        (3,) from the IMU to the antenna's phase centre, body axes, m.
+    acceleration : ndarray
+        (3,) acceleration of the IMU in l, m/s^2.
+    model : StateModel
+        The error states behind those of navigation.
+    earth : Earth
+        The local frame l.
+    triple : Triple
+        The measurement, filled in place.
+
+    Returns
+    -------
+    bool
+        Whether the epoch measures this kind.
     """
     R = triple.R
     if kind == POSITION:

@@ -13,7 +13,15 @@ FREE_BLOCK_S = 0.02  # s, length of the blocks of a free-inertial run
 
 @njit(cache=True)
 def rotate_left(nav, a, b, c):
-    """q_lb <- exp([a b c]) q_lb, normalised."""
+    """Rotate the attitude from the left in place: q_lb <- exp([a b c]) q_lb, normalised.
+
+    Parameters
+    ----------
+    nav : ndarray
+        (10,) nominal, whose quaternion is changed.
+    a, b, c : float
+        Rotation vector in l, rad.
+    """
     s = 0.25 * (a * a + b * b + c * c)
     r = np.sqrt(s)
     cw = np.cos(r)
@@ -32,7 +40,19 @@ def rotate_left(nav, a, b, c):
 
 @njit(cache=True)
 def gravity_l(px, py, pz, earth, g_e, g_l):
-    """Gravity (3,) in the axes of l at a position in l; g_e: scratch."""
+    """Compute gravity in the axes of l.
+
+    Parameters
+    ----------
+    px, py, pz : float
+        Position in l, m.
+    earth : Earth
+        The local frame l.
+    g_e : ndarray
+        (3,) scratch, gravity in ECEF.
+    g_l : ndarray
+        (3,) gravity in l, m/s^2, filled in place.
+    """
     C = earth.C_el
     o = earth.origin_ecef
     gravity_ecef(
@@ -47,9 +67,28 @@ def gravity_l(px, py, pz, earth, g_e, g_l):
 
 @njit(cache=True)
 def strapdown_block(intervals, i0, i1, B, nav, earth, bias, scale, has_scale, integrals):
-    """Integrate `nav` over intervals i0..i1-1 (S.1-S.6), a block of length B; fill its integrals.
+    """Integrate the nominal over a block of integration intervals (S.1-S.6).
 
-    bias (2, 6) runs linearly over the block; scale (6, 6) is taken off where `has_scale`.
+    Parameters
+    ----------
+    intervals : IntegrationIntervals
+        The body increments.
+    i0, i1 : int
+        The integration intervals i0..i1 - 1 are passed.
+    B : float
+        Length of the block, s.
+    nav : ndarray
+        (10,) nominal position (m), velocity (m/s) and quaternion q_lb in l, propagated in place.
+    earth : Earth
+        The local frame l.
+    bias : ndarray
+        (2, 6) biases at the start and at the end of the block, linear between: rad/s, m/s^2.
+    scale : ndarray
+        (6, 6) scale factors and misalignments.
+    has_scale : bool
+        Whether `scale` is taken off.
+    integrals : BlockIntegrals
+        Filled in place.
     """
     px, py, pz = nav[PX], nav[PY], nav[PZ]
     vx, vy, vz = nav[VX], nav[VY], nav[VZ]
@@ -224,7 +263,23 @@ def strapdown_block(intervals, i0, i1, B, nav, earth, bias, scale, has_scale, in
 
 @njit(cache=True)
 def run_strapdown(intervals, stops, nav0, bias, earth, out):
-    """Free-inertial navigation with constant bias (6,); states after `stops` intervals to out."""
+    """Run free-inertial navigation with a constant bias.
+
+    Parameters
+    ----------
+    intervals : IntegrationIntervals
+        The body increments.
+    stops : ndarray
+        (k,) numbers of integration intervals after which the state is wanted.
+    nav0 : ndarray
+        (10,) nominal position (m), velocity (m/s) and quaternion q_lb in l at the start.
+    bias : ndarray
+        (6,) constant biases, rad/s and m/s^2, body axes.
+    earth : Earth
+        The local frame l.
+    out : ndarray
+        (k, 10) the states, filled in place.
+    """
     nav = nav0.copy()
     integrals = make_integrals()
     b2 = np.zeros((2, N_CHANNELS))
@@ -246,10 +301,23 @@ def run_strapdown(intervals, stops, nav0, bias, earth, out):
 
 @njit(cache=True)
 def run_between(intervals, stop, nav, bias, earth, out):
-    """From each epoch's state (m, 10) with bias (m, 6) to the next, interval by interval.
+    """Propagate each epoch's state to the next epoch, interval by interval.
 
-    out (stop[-1] - stop[0], 10): the state after each interval; the last one before an epoch is the
-    propagated state, not that epoch's own.
+    Parameters
+    ----------
+    intervals : IntegrationIntervals
+        The body increments.
+    stop : ndarray
+        (m,) number of integration intervals before each epoch.
+    nav : ndarray
+        (m, 10) states of the epochs.
+    bias : ndarray
+        (m, 6) biases from each epoch on, rad/s and m/s^2.
+    earth : Earth
+        The local frame l.
+    out : ndarray
+        (stop[-1] - stop[0], 10) the state after each interval, filled in place; the last one before
+        an epoch is the propagated state, not that epoch's own.
     """
     state = np.zeros(N_NOMINAL)
     integrals = make_integrals()

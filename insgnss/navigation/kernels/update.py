@@ -12,7 +12,20 @@ LARGEST_TILT_VARIANCE = 3e-4  # rad^2, a degree: what a covariance reset adds to
 
 @njit(cache=True)
 def cholesky3(R, L):
-    """Lower Cholesky factor of a 3 x 3; False where it is not positive definite."""
+    """Compute the lower Cholesky factor of a 3 x 3 matrix.
+
+    Parameters
+    ----------
+    R : ndarray
+        (3, 3) symmetric matrix.
+    L : ndarray
+        (3, 3) its factor, filled in place.
+
+    Returns
+    -------
+    bool
+        Whether the matrix is positive definite.
+    """
     for r in range(3):
         for c in range(r + 1):
             t = R[r, c]
@@ -29,7 +42,15 @@ def cholesky3(R, L):
 
 @njit(cache=True)
 def forward_solve3(L, A):
-    """A <- L^-1 A for A (3, m)."""
+    """Solve with a lower triangular matrix in place: A <- L^-1 A.
+
+    Parameters
+    ----------
+    L : ndarray
+        (3, 3) lower triangular matrix.
+    A : ndarray
+        (3, m) right-hand sides, changed in place.
+    """
     for j in range(A.shape[1]):
         for r in range(3):
             t = A[r, j]
@@ -40,7 +61,32 @@ def forward_solve3(L, A):
 
 @njit(cache=True)
 def innovation_test(P, H, nu, m, R, used, S, L, out):
-    """Normalised innovation squared of a triple; raw innovation and its sigma into out (2, 3)."""
+    """Compute the normalised innovation squared (NIS) of a triple.
+
+    Parameters
+    ----------
+    P : ndarray
+        (n, n) covariance of the errors.
+    H : ndarray
+        (3, n) derivative of the measurement.
+    nu : ndarray
+        (3, 1) innovation of the nominal.
+    m : ndarray
+        (n,) estimate of the errors about the nominal.
+    R : ndarray
+        (3, 3) covariance of the measurement.
+    used : int
+        Number of leading columns of H that may differ from zero.
+    S, L : ndarray
+        (3, 3) innovation covariance and its Cholesky factor, filled in place.
+    out : ndarray
+        (2, 3) innovation and its standard deviation, filled in place.
+
+    Returns
+    -------
+    float
+        The NIS; infinite where the innovation covariance is not positive definite.
+    """
     for r in range(3):
         t = nu[r, 0]
         for k in range(used):
@@ -69,7 +115,17 @@ def innovation_test(P, H, nu, m, R, used, S, L, out):
 
 @njit(cache=True)
 def reset_covariance(P, innovation, since_s):
-    """(K.7): open P by an innovation (3,), and by what makes it within `since_s`."""
+    """Reset the covariance of position, velocity and psi after rejected fixes (K.7), in place.
+
+    Parameters
+    ----------
+    P : ndarray
+        (n, n) covariance of the errors, changed in place.
+    innovation : ndarray
+        (3,) innovation of the position in l, m.
+    since_s : float
+        Time within which the errors must have made it, s.
+    """
     for i in range(3):
         d = innovation[i]
         P[i, i] += d * d
@@ -82,9 +138,33 @@ def reset_covariance(P, innovation, since_s):
 
 @njit(cache=True)
 def scalar_update(P, m, h, nu, used, K, cross, track_cross):
-    """(K.4) with one scalar of unit variance: gain into K; returns innovation variance, innovation.
+    """Update mean and covariance with one scalar measurement of unit variance (K.4), in place.
 
     K[r] K[c] is the same product either way round, so that P stays symmetric.
+
+    Parameters
+    ----------
+    P : ndarray
+        (n, n) covariance of the errors, changed in place.
+    m : ndarray
+        (n,) estimate of the errors about the nominal, changed in place.
+    h : ndarray
+        (n,) whitened derivative of the measurement.
+    nu : float
+        Whitened innovation of the nominal.
+    used : int
+        Number of leading columns of h that may differ from zero.
+    K : ndarray
+        (n,) the gain, filled in place.
+    cross : ndarray
+        (9, n) covariance of the latest event's navigation error with the errors now.
+    track_cross : bool
+        Whether `cross` is updated as well.
+
+    Returns
+    -------
+    tuple of float
+        Innovation variance and innovation of the scalar.
     """
     n = P.shape[0]
     S = 1.0
@@ -121,7 +201,17 @@ def scalar_update(P, m, h, nu, used, K, cross, track_cross):
 
 @njit(cache=True)
 def feed_back(nav, x, m):
-    """(K.5): move the error estimate into the nominal state."""
+    """Move the error estimate into the nominal state (K.5), and set it to zero.
+
+    Parameters
+    ----------
+    nav : ndarray
+        (10,) nominal position (m), velocity (m/s) and quaternion q_lb in l, changed in place.
+    x : ndarray
+        (ns,) nominal values of the other states, changed in place.
+    m : ndarray
+        (n,) estimate of the errors about the nominal, changed in place.
+    """
     for i in range(PSI0):
         nav[i] += m[i]
     rotate_left(nav, m[AX], m[AY], m[AZ])
@@ -132,7 +222,19 @@ def feed_back(nav, x, m):
 
 @njit(cache=True)
 def state_difference(nav_a, x_a, nav_b, x_b, out):
-    """out = a minus b as an error vector: a = b + out, for attitude q_a = exp(out) q_b."""
+    """Compute the difference a minus b of two states as an error vector.
+
+    It is such that a = b + out; for the attitude q_a = exp(out) q_b.
+
+    Parameters
+    ----------
+    nav_a, x_a : ndarray
+        (10,) and (ns,) the state a.
+    nav_b, x_b : ndarray
+        (10,) and (ns,) the state b.
+    out : ndarray
+        (n,) the difference, filled in place.
+    """
     for i in range(PSI0):
         out[i] = nav_a[i] - nav_b[i]
     w, x, y, z = nav_b[QW], -nav_b[QX], -nav_b[QY], -nav_b[QZ]

@@ -1,0 +1,108 @@
+"""The docstrings of the public API and of the rooms that hold its mathematics."""
+
+import inspect
+from collections.abc import Iterator
+from enum import Enum
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+from numpydoc_sections import documented, parameters, sections
+
+import insgnss
+
+ROOT = Path(insgnss.__file__).parent
+ROOMS = ("records", "geodesy", "orient", "navigation")
+FEWEST = 150
+"""Functions and classes there are at least; fewer mean that the search is broken."""
+
+
+def modules() -> Iterator[str]:
+    """Yield the names of the rooms' modules, without private ones."""
+    for room in ROOMS:
+        for path in sorted((ROOT / room).rglob("*.py")):
+            if not path.stem.startswith("_"):
+                yield ".".join(("insgnss", *path.relative_to(ROOT).with_suffix("").parts))
+
+
+def has_documentation(thing: Any) -> bool:
+    """Tell whether a value is a function, a compiled kernel or a class that takes arguments."""
+    if inspect.isclass(thing):
+        return not issubclass(thing, Enum | Exception)
+    return inspect.isfunction(getattr(thing, "py_func", thing))
+
+
+def public() -> dict[str, Any]:
+    """Return the functions and classes by where they are defined."""
+    things = [getattr(insgnss, name) for name in insgnss.__all__]
+    for name in modules():
+        own = vars(import_module(name))
+        things += [
+            value
+            for key, value in own.items()
+            if not key.startswith("_") and getattr(value, "__module__", "") == name
+        ]
+    return {
+        f"{thing.__module__}.{thing.__name__}": thing
+        for thing in things
+        if has_documentation(thing)
+    }
+
+
+PUBLIC = public()
+
+
+def difference(thing: Any) -> tuple[list[str], list[str]]:
+    """Return the parameters that the docstring documents, and those of the signature."""
+    text = sections(thing.__doc__ or "")
+    return documented(text.get("Parameters", "")), parameters(thing)
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_documented_parameters_are_those_of_the_signature(name: str) -> None:
+    """Oracle: the signature."""
+    stated, actual = difference(PUBLIC[name])
+    assert stated == actual
+
+
+@pytest.mark.parametrize("name", [name for name in PUBLIC if not inspect.isclass(PUBLIC[name])])
+def test_a_function_that_returns_something_says_what(name: str) -> None:
+    """Oracle: the annotation of what it returns."""
+    thing = PUBLIC[name]
+    function = getattr(thing, "py_func", thing)
+    if inspect.signature(function).return_annotation not in (None, "None", inspect._empty):
+        assert sections(thing.__doc__).get("Returns", "").strip()
+
+
+def test_the_search_finds_the_functions_and_classes() -> None:
+    """Oracle: names that are there, and a number that is not reached by a broken search."""
+    assert len(PUBLIC) > FEWEST
+    for name in ("records.solutions.Trajectory", "geodesy.rotation.skew", "api.verbs.process"):
+        assert f"insgnss.{name}" in PUBLIC
+
+
+def test_a_parameter_that_is_missing_in_the_docstring_is_seen() -> None:
+    """Oracle: examples by hand."""
+
+    def forgets(time_s: float, rate_hz: float) -> None:
+        """Do something.
+
+        Parameters
+        ----------
+        time_s : float
+            Seconds.
+        """
+
+    def invents() -> None:
+        """Do something.
+
+        Parameters
+        ----------
+        time_s : float
+            Seconds.
+        """
+
+    for wrong in (forgets, invents):
+        stated, actual = difference(wrong)
+        assert stated != actual
