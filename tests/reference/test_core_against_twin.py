@@ -112,7 +112,7 @@ CASES = {
         "rate",
         USUAL,
     ),
-    # the offset's part of the position, d C (omega x l), turns with psi and grows with the lever arm
+    # the part of the offset in the position, d C (omega x l), turns with psi and grows with l
     "lever arm and time offset": Case(
         Pose(fixes=FixErrors(0.3, 0.03), motion=("velocity",)), "lever"
     ),
