@@ -91,8 +91,8 @@ def test_good_gyros_find_north_at_rest(heading):
 
 @pytest.mark.parametrize("heading", [0.0, 137.0, -60.0])
 def test_triad_of_exact_readings_is_exact(heading):
-    """Oracle: the attitude that was made, from gravity and the Earth's rate alone, before any filter; and the
-    heading's sigma, that of the gyros over the level part of the Earth's rate.
+    """Oracle: the attitude that was made, from gravity and the Earth's rate alone, before any
+    filter; and the heading's sigma, that of the gyros over the level part of the Earth's rate.
     """
     C_nb, n, h = rotation_from_rpy(np.radians([2.0, -3.0, heading])), 600, 0.1
     rate = C_nb.T @ [EARTH_RATE * np.cos(LAT), 0.0, -EARTH_RATE * np.sin(LAT)]
@@ -107,9 +107,9 @@ def test_triad_of_exact_readings_is_exact(heading):
     fixes = GnssFixes(inc.marks, LAT * one, LON * one, HEIGHT * one, cov)
     frame, layout = LocalFrame(LAT, LON, HEIGHT), state_layout(model)
     epochs = make_epochs(inc, np.arange(stop.size), fixes, np.zeros(0, dtype=np.int64), frame)
-    epochs = at_rest(epochs, inc, inc.marks[[0, -1]][None], layout)
+    epochs = with_zupt(epochs, inc, inc.marks[[0, -1]][None], layout)
     found = standing_attitude(
-        Problem(inc, epochs, frame, layout, np.zeros(3), gate_from_sigma(5.0), 1.0)
+        EstimationProblem(inc, epochs, frame, layout, np.zeros(3), gate_from_sigma(5.0), 1.0)
     )
     assert found is not None
     assert_allclose(found.C_lb, C_nb, rtol=0, atol=1e-9)
