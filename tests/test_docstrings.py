@@ -53,16 +53,31 @@ def public() -> dict[str, Any]:
 PUBLIC = public()
 
 
+def methods() -> dict[str, Any]:
+    """Return the public methods of the classes by class and name, class methods included."""
+    return {
+        f"{name}.{key}": function
+        for name, thing in PUBLIC.items()
+        if inspect.isclass(thing)
+        for key, value in vars(thing).items()
+        if not key.startswith("_")
+        and inspect.isfunction(function := getattr(value, "__func__", value))
+    }
+
+
+METHODS = methods()
+
+
 def difference(thing: Any) -> tuple[list[str], list[str]]:
     """Return the parameters that the docstring documents, and those of the signature."""
     text = sections(thing.__doc__ or "")
     return documented(text.get("Parameters", "")), parameters(thing)
 
 
-@pytest.mark.parametrize("name", PUBLIC)
+@pytest.mark.parametrize("name", [*PUBLIC, *METHODS])
 def test_documented_parameters_are_those_of_the_signature(name: str) -> None:
     """Oracle: the signature."""
-    stated, actual = difference(PUBLIC[name])
+    stated, actual = difference((PUBLIC | METHODS)[name])
     assert stated == actual
 
 

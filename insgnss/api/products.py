@@ -116,8 +116,7 @@ def compare(
     gps_week: int | None = None,
     time_shift_s: float = 0.0,
 ) -> "Comparison":
-    """Compare two exterior orientations or trajectories, and say which convention explains a
-    difference.
+    """Compare two orientations or trajectories, and say which convention explains a difference.
 
     Parameters
     ----------

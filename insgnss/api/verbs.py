@@ -154,8 +154,8 @@ def tune(
     if isinstance(source, Flight):
         if options:
             raise UsageError(
-                f"tune: {next(iter(options))} belongs to static recordings; the flight says the"
-                " rest"
+                f"tune: {next(iter(options))} belongs to static recordings; "
+                "the flight says the rest"
             )
         from ..tuning.several import tune_each
 
@@ -181,8 +181,7 @@ def calibrate_imu(
     out: Source | None = None,
     **reading: Any,
 ) -> "MultiPosition":
-    """Estimate bias, scale factors and non-orthogonality of an IMU at rest in nine positions and
-    more.
+    """Estimate bias, scale factors and non-orthogonality of an IMU in nine or more positions.
 
     Parameters
     ----------

@@ -229,8 +229,9 @@ class Flight:
         check(self, "")
 
     def with_(self, **changes: Any) -> "Flight":
-        """Return the flight with other values: ``flight.with_(imu__noise=model,
-        filter__robust=True)``.
+        """Return the flight with other values.
+
+        An example is ``flight.with_(imu__noise=model, filter__robust=True)``.
 
         Parameters
         ----------

@@ -11,8 +11,9 @@ Array = NDArray[np.float64]
 
 
 def frozen(record: Any, name: str, shape: tuple[int | None, ...]) -> Array:
-    """Replace field `name` by a read-only contiguous float64 array after checking shape (None: any)
-    and finiteness.
+    """Replace a field by a read-only contiguous float64 array, checked for shape and finiteness.
+
+    `shape` holds None for a length that may be any.
     """
     a = np.ascontiguousarray(getattr(record, name), dtype=np.float64)
     kind = type(record).__name__

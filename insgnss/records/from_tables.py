@@ -154,9 +154,7 @@ def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:
 
 
 def _columns_of(given: Any) -> dict[str, Any] | None:
-    """Columns of a mapping or a table, the named index of a table among them; None of anything
-    else.
-    """
+    """Return the columns of a mapping or a table, its named index among them; None for others."""
     if isinstance(given, Mapping):
         return dict(given)
     if not (hasattr(given, "columns") and hasattr(given, "index")):

@@ -128,9 +128,7 @@ class Trajectory(Rows):
         return {"tow": self.time, **position, **dict(velocity), **dict(angles), **self._sigmas()}
 
     def _sigmas(self) -> dict[str, Any]:
-        """Standard deviations, those of the angles by their Jacobian (a heading's is none at the
-        zenith).
-        """
+        """Return standard deviations; a heading has none at the zenith, by its Jacobian."""
         from ..geodesy.rotation import rpy_jacobian
 
         sigma = np.sqrt(np.diagonal(self.cov, axis1=1, axis2=2)[:, :6])
@@ -142,7 +140,7 @@ class Trajectory(Rows):
 
     @classmethod
     def joined(cls, segments: "Sequence[Trajectory]") -> "Trajectory":
-        """Return the parts as one; errors of different parts are independent.
+        """Return the segments as one; errors of different segments are independent.
 
         Parameters
         ----------
@@ -236,8 +234,9 @@ class ExteriorOrientation(Rows):
 
     @property
     def opk(self) -> Array:
-        """(n, 3) omega, phi, kappa, rad: Rx Ry Rz takes the camera (right, up, back) to the tangent
-        plane.
+        """Angles omega, phi, kappa, (n, 3) rad.
+
+        Rx Ry Rz takes the camera (right, up, back) to the tangent plane.
         """
         from ..geodesy.rotation import CV_RUB, opk_from_rotation
 
@@ -370,7 +369,20 @@ class Diagnostics:
 
     @classmethod
     def joined(cls, segments: "Sequence[Diagnostics]") -> "Diagnostics":
-        """The parts, in the order of time, as one; constants are those of the longest part."""
+        """Return the diagnostics of several segments as one.
+
+        Constants are those of the longest segment.
+
+        Parameters
+        ----------
+        segments : sequence of Diagnostics
+            Those of the segments, in the order of time.
+
+        Returns
+        -------
+        Diagnostics
+            The whole.
+        """
         if len(segments) == 1:
             return segments[0]
         longest = max(segments, key=lambda segment: segment.time.size)

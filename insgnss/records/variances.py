@@ -78,8 +78,9 @@ class WaveletVariance:
 
     @property
     def averaging_time_s(self) -> Array:
-        """(J,) s, length of each of the two means that the filter compares: tau of the Allan
-        variance 2 nu.
+        """Length of each of the two means that the filter compares, (J,) s.
+
+        It is tau of the Allan variance 2 nu.
         """
         return 0.5 * self.scale_s
 
