@@ -289,7 +289,7 @@ def test_covariance_opens_by_the_size_of_the_innovation():
     tilt = 0.05 / (4.9 * 4.0) ** 2
     expected = [0.01, 0.04, 0.09, 0.0025, 0.01, 0.0225, tilt, tilt, tilt, 0.0, 0.0, 0.0]
     assert_allclose(np.diag(P), expected, rtol=1e-12)
-    reset_covariance(P := np.zeros((9, 9)), 100.0 * innovation, 2.0)
+    reset_covariance(P := np.zeros((9, 9)), 100.0 * out, 2.0)
     assert_allclose(np.diag(P)[6:], 3e-4, rtol=1e-12)  # a degree at most
 
 
