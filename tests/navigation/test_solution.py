@@ -284,12 +284,12 @@ def test_covariance_opens_by_the_size_of_the_innovation():
     """Oracle: (K.7) by hand: d^2 of position, (d / s)^2 of velocity, the tilt that makes d in that
     time of psi.
     """
-    P, out = np.zeros((12, 12)), np.array([0.1, -0.2, 0.3])
-    reset_covariance(P, out, 2.0)
+    P, innovation = np.zeros((12, 12)), np.array([0.1, -0.2, 0.3])
+    reset_covariance(P, innovation, 2.0)
     tilt = 0.05 / (4.9 * 4.0) ** 2
     expected = [0.01, 0.04, 0.09, 0.0025, 0.01, 0.0225, tilt, tilt, tilt, 0.0, 0.0, 0.0]
     assert_allclose(np.diag(P), expected, rtol=1e-12)
-    reset_covariance(P := np.zeros((9, 9)), 100.0 * out, 2.0)
+    reset_covariance(P := np.zeros((9, 9)), 100.0 * innovation, 2.0)
     assert_allclose(np.diag(P)[6:], 3e-4, rtol=1e-12)  # a degree at most
 
 
