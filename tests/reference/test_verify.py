@@ -77,7 +77,7 @@ def test_the_part_is_where_it_is_asked_for_and_the_headline_says_the_result(data
         {"scale_factor": True, "misalignment": True, "robust": True},
         {"lever_arm": True},
         {"time_offset": True},
-        {"wheels": True},
+        {"non_holonomic": True},
         {"second_pass": "on"},
     ],
     ids=str,
