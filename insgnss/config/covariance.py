@@ -10,9 +10,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from ..base.errors import OptionError
-from .schema import Declared, declared, in_range, option
-
-Triple = tuple[float, float, float]
+from .schema import Declared, Triple, declared, in_range, option
 
 CLASSES = ("fixed", "degraded", "float", "isolated", "unsupported", "sbas", "dgps", "single", "ppp")
 GATE_3_SIGMA = 14.16

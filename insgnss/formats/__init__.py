@@ -7,7 +7,6 @@ to.
 """
 
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from ..base.errors import UsageError
 from ..records import CameraEvents, GnssFixes, ImuSamples
 from .arrays.content import TableInfo
 from .detect import LOADERS, by_bytes, head_of, load_content
-from .exports import EXPORTS
+from .exports import EXPORTS, function_at
 from .text.units import UNITS, split_unit, unit_factor
 
 __all__ = [
@@ -166,7 +165,7 @@ def _read(kind: str, form: str, path: str | Path, options: dict[str, Any]) -> An
             "gnss": _mapped.gnss_of_content,
         }
         return of_content[kind](path, load_content(form, path), **options)
-    return _function(_READERS[kind][form])(path, **options)
+    return function_at(_READERS[kind][form])(path, **options)
 
 
 def read_imu(path: str | Path, **spec: Any) -> ImuSamples:
@@ -266,10 +265,3 @@ def describe(path: str | Path) -> list[TableInfo]:
     from .tables import tables_in
 
     return tables_in(path)
-
-
-def _function(location: str) -> Callable[..., Any]:
-    """Import what "module:name" names, when it is used."""
-    module, _, name = location.partition(":")
-    function: Callable[..., Any] = getattr(import_module(f".{module}", __name__), name)
-    return function

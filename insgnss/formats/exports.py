@@ -70,7 +70,7 @@ class Export:
     @property
     def write(self) -> Callable[..., Any]:
         """The writer."""
-        return _function(self.writer)
+        return function_at(self.writer)
 
     @property
     def page(self) -> str:
@@ -80,15 +80,16 @@ class Export:
 
     def in_own_frame(self, eo: FramedOrientation) -> FramedOrientation:
         """Return `eo` in the frame that the file is really in."""
-        return _function(self.frame)(eo) if self.frame else eo
+        return function_at(self.frame)(eo) if self.frame else eo
 
     @property
     def read(self) -> Callable[..., Any] | None:
         """The reader, None where there is none."""
-        return _function(self.reader) if self.reader else None
+        return function_at(self.reader) if self.reader else None
 
 
-def _function(location: str) -> Callable[..., Any]:
+def function_at(location: str) -> Callable[..., Any]:
+    """Import the function that "module:name" names inside this room, when it is used."""
     module, _, name = location.partition(":")
     function: Callable[..., Any] = getattr(import_module(f".{module}", __package__), name)
     return function

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 # a tenth of what the product calls uncertain, three percent of that; usual are 1e-3 and 1e-4
 LIMIT_SIGMAS, LIMIT_RATIO = 0.1, 0.03  # of (T.24) and (T.25)
-FASTEST_MPS = 50.0  # a fix that jumps further is not motion
 
 
 @dataclass(frozen=True)
@@ -295,7 +294,8 @@ def _cut_flight(
     flight: "Flight", recording: "Recording", length_s: float, start_tow: float | None
 ) -> "Flight":
     """The flight cut to the part that is verified."""
-    from ..prepare.clock import common_span
+    from ..prepare.clock import common_span, cut_fixes
+    from ..prepare.fix_path import liveliest
 
     lo, hi = common_span(recording.imu, recording.gnss, flight.start_tow, flight.end_tow)
     initial = flight.initial
@@ -304,20 +304,8 @@ def _cut_flight(
     elif initial is not None:
         begin = lo
     else:
-        begin = _begin_of_longest_path(recording, lo, hi, length_s)
+        begin, _ = liveliest(cut_fixes(recording.gnss, lo, hi), length_s)
     return replace(flight, start_tow=begin, end_tow=min(hi, begin + length_s), initial=initial)
-
-
-def _begin_of_longest_path(recording: "Recording", lo: float, hi: float, length_s: float) -> float:
-    """Begin of the `length_s` within lo..hi over which the fixes draw the longest path, s."""
-    from ..prepare.clock import cut_fixes
-    from ..prepare.fix_path import north_east
-
-    fixes = cut_fixes(recording.gnss, lo, hi)
-    step = np.linalg.norm(np.diff(north_east(fixes), axis=0), axis=1)
-    path = np.concatenate([[0.0], np.cumsum(np.minimum(step, FASTEST_MPS * np.diff(fixes.time)))])
-    end = np.searchsorted(fixes.time, fixes.time + length_s, side="right") - 1
-    return float(fixes.time[np.argmax(path[end] - path)])
 
 
 def _start(flight: "Flight", problem: "EstimationProblem") -> "InitialState":
