@@ -40,7 +40,7 @@ from readers import (
 )
 from readers.geometry import Frame, Poses, Table, turn, up_axes
 
-from insgnss.formats.exports import _function
+from insgnss.formats.exports import function_at
 
 LIMIT_PX, NOTICED_PX = 0.01, 1.0
 LOCAL, GLOBE, SPACE, LV95, UTM, NORTH_FIRST = (
@@ -508,7 +508,7 @@ def written(case: Case, where: str, directory: Path) -> Table:
             (images / name).write_bytes(tiny_jpeg() if k % 2 else tiny_tiff())
         options["images"] = images
     path = directory / case.product
-    _function(case.writer)(
+    function_at(case.writer)(
         scene.master() if where == "master" else scene.framed(where), path, **options
     )
     return case.read(path)
