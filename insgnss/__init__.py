@@ -13,11 +13,11 @@ Run
     `calibrate_imu`, `ppk`, `export`, `compare`, `simulate`; the result of the first two is a
     `ProcessResult`. `relative_control` between images.
 Read
-    `read_imu`, `read_gnss`, `read_events`, `read_eo`, `read_trajectory`, `load_flight`,
-    `load_noise_model`, `write_noise_model`.
+    `read_imu`, `read_gnss`, `read_events`, `read_barometer`, `read_eo`, `read_trajectory`,
+    `load_flight`, `load_noise_model`, `write_noise_model`.
 Records
-    `ImuSamples`, `GnssFixes`, `CameraEvents`, `Trajectory`, `ExteriorOrientation`, `ImuBiases`,
-    `Innovations`, `Check`, `RelativeControl`.
+    `ImuSamples`, `GnssFixes`, `CameraEvents`, `BarometerHeights`, `Trajectory`,
+    `ExteriorOrientation`, `ImuBiases`, `Innovations`, `Check`, `RelativeControl`.
 Say how
     `Flight`, `Mounting`, `boresight_from_angles`, `FilterOptions`, `InitialAttitude`, `NoiseModel`,
     `AxisNoise`, `GaussMarkov`, `TuneOptions`, `EngineOptions`.
@@ -68,11 +68,12 @@ if _TYPE_CHECKING:
     from .config.filter_options import FilterOptions, InitialAttitude
     from .config.flight_file import Flight
     from .config.load import load_flight
-    from .formats import read_events, read_gnss, read_imu
+    from .formats import read_barometer, read_events, read_gnss, read_imu
     from .gnss.options import EngineOptions
     from .orient.mounting import Mounting, boresight_from_angles
     from .processing.pipeline import ProcessResult
     from .records import (
+        BarometerHeights,
         CameraEvents,
         Check,
         ExteriorOrientation,
@@ -109,12 +110,12 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
     "config.flight_file": ("Flight",),
     "config.load": ("load_flight",),
     "base.errors": ("DataError", "InputError", "InsgnssError", "UsageError"),
-    "formats": ("read_events", "read_gnss", "read_imu"),
+    "formats": ("read_barometer", "read_events", "read_gnss", "read_imu"),
     "gnss.options": ("EngineOptions",),
     "orient.mounting": ("Mounting", "boresight_from_angles"),
     "processing.pipeline": ("ProcessResult",),
     "records": (
-        *("CameraEvents", "Check", "ExteriorOrientation", "GnssFixes"),
+        *("BarometerHeights", "CameraEvents", "Check", "ExteriorOrientation", "GnssFixes"),
         *("ImuBiases", "ImuSamples", "Innovations", "Trajectory", "WaveletVariance"),
     ),
     "records.relative": ("RelativeControl",),
@@ -134,6 +135,7 @@ _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
     "AxisNoise",
+    "BarometerHeights",
     "CameraEvents",
     "Check",
     "DataError",
@@ -169,6 +171,7 @@ __all__ = [
     "load_noise_model",
     "ppk",
     "process",
+    "read_barometer",
     "read_eo",
     "read_events",
     "read_gnss",

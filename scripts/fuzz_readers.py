@@ -157,7 +157,7 @@ def ulog(topics: list[tuple[str, str, list[tuple[float, ...]]]]) -> tuple[bytes,
 
 
 def ardupilot_log(n: int = ROWS) -> tuple[bytes, frozenset[int]]:
-    """A short log: IMU at 50 Hz, GPS and GPA at 5 Hz, CAM at 1 Hz; fixes 0.1 s before their
+    """A short log: IMU at 50 Hz, GPS, GPA and BARO at 5 Hz, CAM at 1 Hz; fixes 0.1 s before their
     messages.
     """
     micro = [1_000_000 + 20_000 * k for k in range(10 * n)]
@@ -181,6 +181,7 @@ def ardupilot_log(n: int = ROWS) -> tuple[bytes, frozenset[int]]:
         for k, t in enumerate(micro[::10])
     ]
     gpa = [(t, 0, 1.5, 0.9, 1.4, 0.2, -49.5) for t in micro[::10]]
+    baro = [(t, 0, 0.1 * k, 89874.6 - k, 25.0) for k, t in enumerate(micro[::10])]
     cam = [(t, k + 1) for k, t in enumerate(micro[::50])]
     return dataflash(
         [
@@ -192,14 +193,15 @@ def ardupilot_log(n: int = ROWS) -> tuple[bytes, frozenset[int]]:
                 gps,
             ),
             ("GPA", "QBCCCCf", "TimeUS,I,VDop,HAcc,VAcc,SAcc,Und", gpa),
+            ("BARO", "QBfff", "TimeUS,I,Alt,Press,Temp", baro),
             ("CAM", "QH", "TimeUS,Img", cam),
         ]
     )
 
 
 def px4_log(n: int = ROWS) -> tuple[bytes, frozenset[int]]:
-    """A short log: sensor_combined at 100 Hz, vehicle_gps_position at 5 Hz, camera_capture at 1 Hz;
-    fixes 0.1 s before their messages.
+    """A short log: sensor_combined at 100 Hz, vehicle_gps_position and vehicle_air_data at 5 Hz,
+    camera_capture at 1 Hz; fixes 0.1 s before their messages.
     """
     unix = 315964800.0 + 2008 * 604800.0 + START - 18.0
     micro = [1_000_000 + 10_000 * k for k in range(20 * n)]
@@ -234,6 +236,12 @@ def px4_log(n: int = ROWS) -> tuple[bytes, frozenset[int]]:
                 imu,
             ),
             ("vehicle_gps_position", fields, gps),
+            (
+                "vehicle_air_data",
+                "uint64_t timestamp; uint64_t timestamp_sample; float baro_alt_meter; float"
+                " baro_pressure_pa",
+                [(t, t - 8000, 600.0, 89874.6 - k) for k, t in enumerate(micro[::20])],
+            ),
             (
                 "camera_capture",
                 "uint64_t timestamp; uint32_t seq",

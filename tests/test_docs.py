@@ -11,7 +11,7 @@ import pytest
 
 import insgnss
 from insgnss.cli import build_parser
-from insgnss.formats import EVENT_OPTIONS, EXPORTS, GNSS_OPTIONS, IMU_OPTIONS
+from insgnss.formats import BAROMETER_OPTIONS, EVENT_OPTIONS, EXPORTS, GNSS_OPTIONS, IMU_OPTIONS
 
 ROOT = Path(__file__).parents[1]
 PUBLIC = [
@@ -114,7 +114,7 @@ def test_every_format_has_a_page() -> None:
         for name in (form.page, form.reader.partition(":")[0])
         if name
     }
-    formats = {*exports, *IMU_OPTIONS, *GNSS_OPTIONS, *EVENT_OPTIONS}
+    formats = {*exports, *IMU_OPTIONS, *GNSS_OPTIONS, *EVENT_OPTIONS, *BAROMETER_OPTIONS}
     assert formats <= pages
     # read by more than one verb, or by Python alone, and therefore in no list
     others = {"eo_json", "odyn", "trajectory_csv", "variances", "sbet", "rtklib_pos_write"}

@@ -290,7 +290,7 @@ WRONG = {
     "key of another table": (
         _in("imu", "sigma_m = [1, 1, 1]"),
         2,
-        "imu.sigma_m: unknown key; it belongs into [gnss]",
+        "imu.sigma_m: unknown key; it belongs into [gnss] or [barometer]",
     ),
     "key of the top": (
         _in("gnss", "gps_week = 2008"),

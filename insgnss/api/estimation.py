@@ -15,6 +15,7 @@ from ..records import (
     GnssFixes,
     ImuSamples,
     Quantity,
+    barometer_heights,
     camera_events,
     gnss_fixes,
     imu_samples,
@@ -37,6 +38,7 @@ def estimate(
     gnss: Any,
     events: Any = None,
     *,
+    barometer: Any = None,
     mounting: "Mounting | None" = None,
     noise: "str | os.PathLike[str] | NoiseModel" = "navchip",
     gps_week: int | None = None,
@@ -68,6 +70,9 @@ def estimate(
         and as far as known sd_n_m, sd_e_m, sd_d_m, vn, ve, vd, sd_vn, sd_ve, sd_vd, quality.
     events : mid-exposure instants: `CameraEvents`; (k,) times, s; or a mapping or pandas table with
         the columns image and tow. None: there is no camera.
+    barometer : heights of a barometer: `BarometerHeights`; (k, 2) array of time s and height m; or
+        a mapping or pandas table with the columns tow and h_m. Its weight is set by
+        ``barometer__sigma_m=1.0`` and the like. None: there is none.
     mounting : lever arms and bore-sight; None: antenna and camera at the IMU.
     noise : noise model, the name of a shipped one (navchip, tactical, consumer), or a file of one.
     gps_week : of all times; None: that of the records, else 0 stands in for it, with a note.
@@ -113,14 +118,23 @@ def estimate(
     samples = imu_samples(imu, imu_quantity, gps_week)
     fixes = gnss_fixes(gnss, gnss_sigma_m, gnss_sigma_velocity_mps, gps_week)
     exposures = None if events is None else camera_events(events, gps_week)
+    heights = None if barometer is None else barometer_heights(barometer, gps_week)
     if (
         all(r is None or r.gps_week is None for r in (samples, fixes, exposures))
         and gps_week is None
     ):
         gps_week = NO_WEEK
         samples = replace(samples, notes=(*samples.notes, _no_week()))
+    from ..config.barometer_options import BarometerInput
+
     flight = _flight(samples, fixes, exposures, noise, imu_axes, mounting, trajectory_hz)
-    flight = replace(flight, gps_week=gps_week, accept=tuple(accept), initial=initial_attitude)
+    flight = replace(
+        flight,
+        gps_week=gps_week,
+        accept=tuple(accept),
+        initial=initial_attitude,
+        barometer=None if heights is None else BarometerInput(file=heights),
+    )
     flight = _with_options(flight, filter_options, tangent_plane).with_(**changes)
     from ..processing.pipeline import process
 

@@ -63,9 +63,9 @@ class Table:
                     table for table, keys in self.keys.items() if key in keys and "." not in table
                 ]
                 advice = near(key, own_keys)
-                if len(homes) == 1:
+                if 0 < len(homes) < 3:
                     advice = (
-                        f"it belongs into [{homes[0]}]"
+                        f"it belongs into {' or '.join(f'[{home}]' for home in homes)}"
                         if homes[0]
                         else "it belongs to the top, before the first [table]"
                     )

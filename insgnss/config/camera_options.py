@@ -4,9 +4,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .given import event_record, take_record
 from .gnss_options import BY_HEADER
-from .schema import check, option
+from .schema import check, option, take_record
 
 if TYPE_CHECKING:
     from ..base.tables import Columns
@@ -108,4 +107,4 @@ class CameraInput:
 
     def __post_init__(self) -> None:
         check(self, "camera")
-        take_record(self, "events", event_record)
+        take_record(self, "events", "camera_events")

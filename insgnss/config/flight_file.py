@@ -2,9 +2,9 @@
 sensors are mounted.
 
 Each table is a dataclass whose fields are its keys (`schema`); most stand in `imu_options`,
-`gnss_options`, `ppk_options`, `camera_options` and `filter_options`, and `TABLES` has them all.
-Paths are relative to the file. Only `imu.file` and `gnss.file` (or what replaces it) have no
-default. data_specs/flight_file.md is rendered from here.
+`gnss_options`, `ppk_options`, `camera_options`, `barometer_options` and `filter_options`, and
+`TABLES` has them all. Paths are relative to the file. Only `imu.file` and `gnss.file` (or what
+replaces it) have no default. data_specs/flight_file.md is rendered from here.
 """
 
 import math
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.changes import with_changes
 from ..base.errors import OptionError
+from .barometer_options import BarometerInput
 from .camera_options import CameraInput, ImageMatch, RoverEvents
 from .covariance import CovarianceModel
 from .filter_options import FilterOptions, InitialAttitude
@@ -174,6 +175,8 @@ class Flight:
         Checks whose contradiction does not stop `process`.
     filter : FilterOptions
         States and constraints of the filter.
+    barometer : BarometerInput or None
+        Table of that name; None: there is none.
     name : str
         Of the data set, in titles and reports.
     imu, gnss, camera : ImuInput, GnssInput, CameraInput or None
@@ -224,6 +227,7 @@ class Flight:
     output: Output = field(kw_only=True)
     initial: InitialAttitude | None = field(kw_only=True)
     filter: FilterOptions = field(default_factory=FilterOptions)
+    barometer: BarometerInput | None = None
 
     def __post_init__(self) -> None:
         check(self, "")
@@ -274,6 +278,7 @@ TABLES: Mapping[str, tuple[type, ...]] = {
     "gnss.atmosphere": (Air,),
     "gnss.covariance": (CovarianceModel,),
     "camera": (CameraInput, ImageMatch, RoverEvents),
+    "barometer": (BarometerInput,),
     "mounting": (MountingTable,),
     "tangent_plane": (TangentPlaneTable,),
     "output": (Output,),

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Literal
 
 from ..base.errors import InputError
 from .covariance import MODEL, CovarianceModel
-from .given import gnss_record, take_record
 from .ppk_options import RawGnss
-from .schema import Triple, check, option
+from .schema import Triple, check, option, take_record
 
 if TYPE_CHECKING:
     from ..base.tables import Columns
@@ -162,8 +161,9 @@ class GnssInput:
 
     def __post_init__(self) -> None:
         check(self, "gnss")
-        sigma = (self.sigma_m, self.sigma_velocity_mps)
-        take_record(self, "file", lambda given: gnss_record(given, *sigma))
+        of_array = (self.sigma_m, self.sigma_velocity_mps)  # a record has its own
+        sigmas = () if hasattr(self.file, "cov_ned") else of_array
+        take_record(self, "file", "gnss_fixes", *sigmas)
         if self.file is None or isinstance(self.file, Path):
             return
         others = (name for name in ("raw", "stationary") if getattr(self, name) is not None)

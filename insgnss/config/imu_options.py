@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .given import imu_record, take_record
 from .gnss_options import BY_HEADER
-from .schema import Triple, Words, check, option
+from .schema import Triple, Words, check, option, take_record
 
 if TYPE_CHECKING:
     from ..base.tables import Columns
@@ -109,7 +108,7 @@ class ImuInput:
 
     def __post_init__(self) -> None:
         check(self, "imu")
-        take_record(self, "file", lambda given: imu_record(given, self.quantity))
+        take_record(self, "file", "imu_samples", self.quantity)
 
     @property
     def C_b_imu(self) -> "Array":

@@ -12,6 +12,7 @@ from pathlib import Path
 from ..base.errors import InputError, UsageError
 from ..base.tables import Table, read_toml
 from ..orient.mounting import PAPER_CAMERA_FROM_BODY, Mounting, boresight_from_angles
+from .barometer_options import BarometerInput
 from .camera_options import CameraInput, ImageMatch, RoverEvents
 from .covariance import CovarianceModel
 from .filter_options import FilterOptions, InitialAttitude
@@ -71,6 +72,7 @@ def load_flight(path: str | Path) -> Flight:
     present = {name: root.table(name) for name in TABLES if name in root.data}
     camera, plane = present.get("camera"), present.get("tangent_plane")
     initial = present.get("initial")
+    barometer = present.get("barometer")
     imu, gnss = _imu(root.table("imu")), _gnss(root.table("gnss"))
     return Flight(
         path=path,
@@ -83,6 +85,7 @@ def load_flight(path: str | Path) -> Flight:
         output=_output(root.table("output")),
         initial=InitialAttitude(**take(initial, [InitialAttitude])) if initial else None,
         filter=FilterOptions(**take(root.table("filter"), [FilterOptions])),
+        barometer=BarometerInput(**take(barometer, [BarometerInput])) if barometer else None,
     )
 
 

@@ -332,3 +332,26 @@ def options_of(table: str, classes: Sequence[type]) -> Iterator[Declared]:
         for item in declared(kind).values():
             if item.option.only in ("", table):
                 yield item
+
+
+def take_record(table: Any, name: str, maker: str, *more: Any) -> None:
+    """Turn what a caller gives where a flight file names a file into a record, a text into a path.
+
+    Parameters
+    ----------
+    table : dataclass
+        The frozen dataclass whose field it is, at its birth.
+    name : str
+        The field.
+    maker : str
+        The function of `insgnss.records` that makes the record of an array, a table or a record.
+    more
+        Further arguments of that function.
+    """
+    value = getattr(table, name)
+    if isinstance(value, str):
+        object.__setattr__(table, name, Path(value))
+    elif value is not None and not isinstance(value, Path):
+        from .. import records
+
+        object.__setattr__(table, name, getattr(records, maker)(value, *more))

@@ -60,6 +60,8 @@ def state_verdicts(solution: Solution, moved_s: float = 0.0) -> tuple[StateVerdi
         elif s == layout.offset:
             value, moves_m = value + moved_s, sigma * speed
         observed = sigma < OBSERVED * prior
+        if 0 <= layout.barometer == s - 1 and not observed:
+            continue  # at one height nobody asks for it
         verdicts.append(StateVerdict(name, value, sigma, prior, moves_m, observed))
     return tuple(verdicts)
 

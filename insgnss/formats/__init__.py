@@ -1,9 +1,9 @@
 """Files in and files out, one module per format, each the code twin of `data_specs/<format>.md`.
 
-`read_imu`, `read_gnss` and `read_events` find the format by the file's ending and first bytes and
-hand over to its reader; options that a format cannot use are refused, None is no option. `describe`
-says which tables and columns a file holds. `EXPORTS` lists what an exterior orientation is written
-to.
+`read_imu`, `read_gnss`, `read_events` and `read_barometer` find the format by the file's ending and
+first bytes and hand over to its reader; options that a format cannot use are refused, None is no
+option. `describe` says which tables and columns a file holds. `EXPORTS` lists what an exterior
+orientation is written to.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import UsageError
-from ..records import CameraEvents, GnssFixes, ImuSamples
+from ..records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples
 from .arrays.content import TableInfo
 from .detect import LOADERS, by_bytes, head_of, load_content
 from .exports import EXPORTS, function_at
@@ -23,6 +23,7 @@ __all__ = [
     "TableInfo",
     "describe",
     "load_content",
+    "read_barometer",
     "read_events",
     "read_gnss",
     "read_imu",
@@ -67,6 +68,11 @@ EVENT_OPTIONS = {
     "ulog": ("variable", "gps_week"),
     "events": ("columns", "gps_week", "units"),
 }
+BAROMETER_OPTIONS = {
+    "ardupilot": ("variable", "gps_week"),
+    "ulog": ("variable", "gps_week"),
+    "barometer": ("columns", "gps_week", "units"),
+}
 _READERS = {
     "imu": {
         "aimu": "imu.aimu:read_aimu",
@@ -88,6 +94,11 @@ _READERS = {
         "ardupilot": "logs.ardupilot:read_events_ardupilot",
         "ulog": "logs.ulog:read_events_ulog",
         "events": "events.events:read_events",
+    },
+    "barometer": {
+        "ardupilot": "logs.ardupilot:read_barometer_ardupilot",
+        "ulog": "logs.ulog:read_barometer_ulog",
+        "barometer": "barometer:read_barometer_text",
     },
 }
 
@@ -125,6 +136,12 @@ def sniff_events(path: str | Path) -> str:
     from .events.mrk import is_mrk
 
     return "mrk" if is_mrk(head) else "events"
+
+
+def sniff_barometer(path: str | Path) -> str:
+    """Return the name of the format of a barometer's file, a key of `BAROMETER_OPTIONS`."""
+    form = by_bytes(path, head_of(path))
+    return form if form in BAROMETER_OPTIONS else "barometer"
 
 
 def _options(
@@ -239,6 +256,31 @@ def read_events(path: str | Path, **spec: Any) -> CameraEvents:
         "events", form, path, _options(path, form, EVENT_OPTIONS[form], spec)
     )
     return events
+
+
+def read_barometer(path: str | Path, **spec: Any) -> BarometerHeights:
+    """Read heights of a barometer of a file of any readable format.
+
+    Parameters
+    ----------
+    path : text, ArduPilot or PX4 log; its bytes tell which.
+    **spec : what the file does not say, as far as its format takes it: `columns`, `units` (time,
+        length, pressure), `gps_week`, `variable`.
+
+    Returns
+    -------
+    The heights, above whatever level the barometer counts from.
+
+    Raises
+    ------
+    InputError : with file and line, for what cannot be read.
+    UsageError : the format does not take an option.
+    """
+    form = sniff_barometer(path)
+    heights: BarometerHeights = _read(
+        "barometer", form, path, _options(path, form, BAROMETER_OPTIONS[form], spec)
+    )
+    return heights
 
 
 def describe(path: str | Path) -> list[TableInfo]:

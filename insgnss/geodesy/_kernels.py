@@ -1,4 +1,4 @@
-"""Compiled scalar forms for loops over samples: the matrix of a quaternion, gravity in ECEF.
+"""Compiled scalar forms for loops over samples: a quaternion's matrix, height, gravity in ECEF.
 
 Each writes into `out` and allocates nothing. Conventions of `rotation` and `earth`.
 
@@ -43,6 +43,60 @@ def quat_to_matrix(q, out):
 
 
 @njit(cache=True)
+def latitude_height(x, y, z):
+    """Return geodetic latitude and ellipsoidal height of a position (K.1-K.3).
+
+    Parameters
+    ----------
+    x, y, z : float
+        Position in ECEF, m; not the Earth's centre.
+
+    Returns
+    -------
+    sl, cl : float
+        Sine and cosine of the latitude.
+    p : float
+        Distance from the Earth's axis, m.
+    w : float
+        sqrt(1 - e^2 sl^2), by which the ellipsoid is scaled there.
+    h : float
+        Height above the ellipsoid, m.
+    """
+    p = math.sqrt(x * x + y * y)
+    num = B * z * (1.0 + EP2 * B / math.sqrt(p * p + z * z))  # (K.1)
+    den = A * p
+    scale = 1.0 / math.sqrt(num * num + den * den)
+    sb, cb = num * scale, den * scale
+    num = z + EP2 * B * sb * sb * sb  # (K.2)
+    den = p - E2 * A * cb * cb * cb
+    scale = 1.0 / math.sqrt(num * num + den * den)
+    sl, cl = num * scale, den * scale
+    w = math.sqrt(1.0 - E2 * (sl * sl))
+    return sl, cl, p, w, p * cl + z * sl - A * w  # (K.3)
+
+
+@njit(cache=True)
+def height_ecef(x, y, z, out):
+    """Return the height above the ellipsoid at a position, and write its gradient.
+
+    Parameters
+    ----------
+    x, y, z : float
+        Position in ECEF, m; not on the Earth's axis.
+    out : ndarray, (3,)
+        Unit vector upwards along the ellipsoidal normal, in ECEF axes, written here.
+
+    Returns
+    -------
+    float
+        Height above the ellipsoid, m.
+    """
+    sl, cl, p, _, h = latitude_height(x, y, z)
+    out[0], out[1], out[2] = cl * x / p, cl * y / p, sl
+    return h
+
+
+@njit(cache=True)
 def gravity_ecef(x, y, z, out):
     """Write normal gravity at a position: `earth` (E.2) down the ellipsoidal normal.
 
@@ -55,18 +109,8 @@ def gravity_ecef(x, y, z, out):
     out : ndarray, (3,)
         Gravity in ECEF axes, m/s^2, written here.
     """
-    p = math.sqrt(x * x + y * y)
-    num = B * z * (1.0 + EP2 * B / math.sqrt(p * p + z * z))  # (K.1)
-    den = A * p
-    scale = 1.0 / math.sqrt(num * num + den * den)
-    sb, cb = num * scale, den * scale
-    num = z + EP2 * B * sb * sb * sb  # (K.2)
-    den = p - E2 * A * cb * cb * cb
-    scale = 1.0 / math.sqrt(num * num + den * den)
-    sl, cl = num * scale, den * scale
+    sl, cl, p, w, h = latitude_height(x, y, z)
     s2 = sl * sl
-    w = math.sqrt(1.0 - E2 * s2)
-    h = p * cl + z * sl - A * w  # (K.3)
     gamma = GRAVITY_EQUATOR * (1.0 + SOMIGLIANA_K * s2) / w
     gamma *= 1.0 - 2.0 / A * (1.0 + F + CENTRIFUGAL_M - 2.0 * F * s2) * h + 3.0 * h * h / (A * A)
     horizontal = -gamma * cl / p if p > 0.0 else 0.0

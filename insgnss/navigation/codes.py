@@ -4,7 +4,8 @@ One definition for both sides. Numba takes these names as constants, slices incl
 """
 
 # Error states. The navigation errors come first, in the axes of l; the other error states (of the
-# IMU, then of the GNSS fixes) follow from `IMU0` on in the order of `layout.StateLayout`.
+# IMU, then of the GNSS fixes and of a barometer) follow from `IMU0` on in the order of
+# `layout.StateLayout`.
 POS, VEL, PSI = slice(0, 3), slice(3, 6), slice(6, 9)  # m, m/s, rad
 NAV = slice(0, 9)
 IMU = slice(9, None)
@@ -24,7 +25,7 @@ N_CHANNELS = 6
 # What an error state is multiplied with before it adds to its channel; 0..5: that channel's rate.
 BIAS = -1  # one
 DRIFT = -2  # seconds since the start
-FIX_ERROR = -3  # nothing: an error of the GNSS fixes, which enters their measurement alone
+AIDING_ERROR = -3  # nothing: an error of the fixes or of a barometer, in their measurement alone
 ABSENT = -1  # instead of the number of a state (or of a row, an event) that there is not
 
 # Groups of fixes with error models of their own.
@@ -36,7 +37,8 @@ POSITION = 0  # of the GNSS antenna (K.1)
 VELOCITY = 1  # of the GNSS antenna (K.2)
 VELOCITY_CONSTRAINT = 2  # ZUPT (K.8) or NHC (K.9)
 ZARU = 3  # zero angular rate update (K.10)
-N_KINDS = 4
+BAROMETER = 4  # height (K.12)
+N_KINDS = 5
 
 # What is known of the velocity at an epoch without measuring it.
 NO_CONSTRAINT = 0

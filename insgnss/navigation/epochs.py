@@ -50,7 +50,7 @@ def make_epochs(
     Returns
     -------
     Epochs
-        m epochs, without velocity constraints and ZARU.
+        m epochs, without velocity constraints, ZARU and heights of a barometer.
     """
     m = inc.marks.size
     C_ln = frame.C_ln(fixes.lat, fixes.lon)
@@ -91,6 +91,8 @@ def make_epochs(
         constraint_cov=np.zeros((m, 3, 3)),
         zaru_rate=np.zeros((m, 3)),
         zaru_variance=np.zeros(m),
+        barometer_height=np.zeros(m),
+        barometer_variance=np.zeros(m),
     )
 
 
@@ -174,6 +176,30 @@ def with_zupt(epochs: Epochs, inc: Increments, stationary: Array, layout: StateL
     return epochs._replace(
         constraint=constraint, constraint_cov=cov, zaru_rate=rate, zaru_variance=variance
     )
+
+
+def with_barometer(epochs: Epochs, index: np.ndarray, height: Array, sigma_m: float) -> Epochs:
+    """Return the epochs with heights of a barometer (K.12).
+
+    Parameters
+    ----------
+    epochs : Epochs
+        The epochs so far.
+    index : ndarray
+        (k,) the epoch of each height.
+    height : Array
+        (k,) m above the origin of l.
+    sigma_m : float
+        Standard deviation of their white error, m.
+
+    Returns
+    -------
+    Epochs
+        The epochs with these measurements besides.
+    """
+    above, variance = epochs.barometer_height.copy(), epochs.barometer_variance.copy()
+    above[index], variance[index] = height, sigma_m**2
+    return epochs._replace(barometer_height=above, barometer_variance=variance)
 
 
 def with_nhc(epochs: Epochs) -> Epochs:

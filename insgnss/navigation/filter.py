@@ -45,6 +45,14 @@ C_bl (Omega x psi). These are tested like fixes, and left out where they fail. A
 exceeds `huber_threshold` is taken with its covariance enlarged by NIS / threshold (K.11, Huber's
 weight), so that what is suspicious, yet below the gate, pulls less.
 
+A barometer measures the height h of the IMU above the origin of l, but for a bias that walks and a
+scale factor of the air's temperature,
+
+    z = b + (1 + s) h(p) + v          dz = (1 + s) u' dp + db + h ds                  (K.12)
+
+with u, the ellipsoidal normal in l, as the gradient of h. The triple has this row alone, and its
+other two are empty.
+
 An interval that the IMU did not see (`Increments.bridged`) adds the covariance of what stands in
 for its increments (E.8).
 
@@ -158,15 +166,19 @@ def measured_kinds(epochs: Epochs, layout: StateLayout) -> tuple[np.ndarray, np.
     Returns
     -------
     present : ndarray
-        (4,) bool, position (always), velocity, velocity constraint, ZARU.
+        (5,) bool, position (always), velocity, velocity constraint, ZARU, barometer.
     columns : ndarray
-        (4,) int, columns of the derivative beyond which all are zero.
+        (5,) int, columns of the derivative beyond which all are zero.
     """
-    constrained = (epochs.constraint != NO_CONSTRAINT).any()
-    present = np.array(
-        [True, epochs.has_velocity.any(), constrained, (epochs.zaru_variance > 0.0).any()]
+    all_states = layout.size
+    present_and_columns = (
+        (True, all_states if layout.of_fixes else N_NAV),
+        (epochs.has_velocity.any(), all_states),
+        ((epochs.constraint != NO_CONSTRAINT).any(), N_NAV),
+        ((epochs.zaru_variance > 0.0).any(), all_states),
+        ((epochs.barometer_variance > 0.0).any(), all_states),
     )
-    columns = np.array([layout.size if layout.of_fixes else N_NAV, layout.size, N_NAV, layout.size])
+    present, columns = (np.array(of_kinds) for of_kinds in zip(*present_and_columns, strict=True))
     return present, columns
 
 

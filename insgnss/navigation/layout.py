@@ -18,7 +18,8 @@ bias that walks away from it (NEES 3 for the tilt).
 
 Behind them stand, where asked for, errors of the fixes that touch no channel (u_s = 0) and enter
 the measurement alone (`navigation.filter`): lever arm and time offset, constants with an a-priori
-sigma, and the time-correlated error of the fixes, a Gauss-Markov process.
+sigma, and the time-correlated error of the fixes, a Gauss-Markov process; and those of a barometer,
+its bias, a random walk, and its scale factor, a constant.
 """
 
 from collections.abc import Iterator
@@ -28,7 +29,7 @@ import numpy as np
 
 from ..records import Array
 from ..stochastic.model import AxisNoise, NoiseModel
-from .codes import ABSENT, BIAS, DRIFT, FIX_ERROR, N_CHANNELS, N_NAV
+from .codes import ABSENT, AIDING_ERROR, BIAS, DRIFT, N_CHANNELS, N_NAV
 from .kernels.records import StateModel
 
 DEFAULT_SCALE = 1e-3  # scale factor, and misalignment in rad, of an uncalibrated MEMS sensor
@@ -77,6 +78,26 @@ class FixErrors:
 
 
 @dataclass(frozen=True)
+class BarometerErrors:
+    """Errors of a barometer that are estimated.
+
+    Parameters
+    ----------
+    bias_m : float
+        A-priori sigma of the bias of its heights at the start, m.
+    bias_walk : float
+        Random walk of the bias, m/sqrt(s): weather, temperature of the sensor, wind.
+    scale_factor : float
+        A-priori sigma of the scale factor of its heights: air warmer or colder than the standard
+        atmosphere by 1 % of its absolute temperature makes 1 %.
+    """
+
+    bias_m: float
+    bias_walk: float
+    scale_factor: float
+
+
+@dataclass(frozen=True)
 class StateLayout:
     """The error states behind those of navigation, in their order.
 
@@ -86,7 +107,7 @@ class StateLayout:
         (ns,) one name a state.
     channel, factor : ndarray
         (ns,) the channel that the state adds to, and what it is multiplied with before: BIAS,
-        DRIFT, FIX_ERROR (`navigation.codes`) or the channel whose measured rate it is.
+        DRIFT, AIDING_ERROR (`navigation.codes`) or the channel whose measured rate it is.
     beta, drive : Array
         (ns,) inverse correlation time, 1/s, and PSD of the driving noise.
     sigma0 : Array
@@ -105,6 +126,8 @@ class StateLayout:
         (3,) sigma of the fixes' white error in their standard deviations, north, east, down.
     unfixed_white_scale : float
         That of float and code solutions.
+    barometer : int
+        The state of the barometer's bias, with that of its scale factor behind it; -1 without.
     """
 
     names: tuple[str, ...]
@@ -122,6 +145,7 @@ class StateLayout:
     unfixed_gm: int = ABSENT
     white_scale: tuple[float, ...] = (1.0, 1.0, 1.0)
     unfixed_white_scale: float = 1.0
+    barometer: int = ABSENT
 
     @property
     def size(self) -> int:
@@ -149,7 +173,9 @@ class StateLayout:
         white_scale = np.array([self.white_scale, (self.unfixed_white_scale,) * 3])
         of_fixes = self.lever, self.offset, self.rate, first_gm, white_scale
         return StateModel(
-            self.channel, self.factor, self.beta, self.drive, white, block_s, *of_fixes
+            *(self.channel, self.factor, self.beta, self.drive, white, block_s),
+            *of_fixes,
+            self.barometer,
         )
 
     @property
@@ -171,6 +197,7 @@ def state_layout(
     scale_factor: bool = False,
     misalignment: bool = False,
     fixes: FixErrors = FixErrors(),
+    barometer: BarometerErrors | None = None,
 ) -> StateLayout:
     """Return the states that a noise model asks for, and those that are asked for besides.
 
@@ -184,6 +211,8 @@ def state_layout(
         mrad.
     fixes : FixErrors
         Which errors of the GNSS fixes are states.
+    barometer : BarometerErrors, optional
+        The errors of a barometer, where there is one.
 
     Returns
     -------
@@ -211,6 +240,9 @@ def state_layout(
     for kind, states in _fix_states(fixes):
         first[kind] = len(rows)
         rows += states
+    if barometer is not None:
+        first["barometer"] = len(rows)
+        rows += _barometer_states(barometer)
     names, channel, factor, beta, drive, sigma0 = (
         zip(*rows, strict=True) if rows else ((), (), (), (), (), ())
     )
@@ -236,14 +268,14 @@ def _fix_states(fixes: FixErrors) -> Iterator[tuple[str, list[Row]]]:
         yield (
             "lever",
             [
-                (f"antenna lever arm {axis}", 0, FIX_ERROR, 0.0, 0.0, fixes.lever_arm_m)
+                (f"antenna lever arm {axis}", 0, AIDING_ERROR, 0.0, 0.0, fixes.lever_arm_m)
                 for axis in axes
             ],
         )
     if fixes.time_offset_s is not None:
-        yield "offset", [("GNSS time offset", 0, FIX_ERROR, 0.0, 0.0, fixes.time_offset_s)]
+        yield "offset", [("GNSS time offset", 0, AIDING_ERROR, 0.0, 0.0, fixes.time_offset_s)]
         if fixes.clock_rate is not None:
-            yield "rate", [("GNSS clock rate", 0, FIX_ERROR, 0.0, 0.0, fixes.clock_rate)]
+            yield "rate", [("GNSS clock rate", 0, AIDING_ERROR, 0.0, 0.0, fixes.clock_rate)]
     if fixes.gm_sigma is not None:
         yield "gm", _gauss_markov("GNSS", fixes.gm_sigma, fixes.correlation_time_s)
     if fixes.unfixed_gm_sigma is not None:
@@ -251,12 +283,21 @@ def _fix_states(fixes: FixErrors) -> Iterator[tuple[str, list[Row]]]:
         yield "unfixed_gm", _gauss_markov("GNSS unfixed", sigma, fixes.unfixed_correlation_time_s)
 
 
+def _barometer_states(errors: BarometerErrors) -> list[Row]:
+    """Return bias and scale factor of a barometer."""
+    walk2 = errors.bias_walk**2
+    return [
+        ("barometer bias", 0, AIDING_ERROR, 0.0, walk2, errors.bias_m),
+        ("barometer scale factor", 0, AIDING_ERROR, 0.0, 0.0, errors.scale_factor),
+    ]
+
+
 def _gauss_markov(of: str, sigma: tuple[float, ...], time_s: float) -> list[Row]:
     """Return a time-correlated error as three Gauss-Markov states."""
     beta = 1.0 / time_s
     named = zip(("north", "east", "down"), sigma, strict=True)
     return [
-        (f"{of} time-correlated error {axis}", 0, FIX_ERROR, beta, 2.0 * beta * s**2, s)
+        (f"{of} time-correlated error {axis}", 0, AIDING_ERROR, beta, 2.0 * beta * s**2, s)
         for axis, s in named
     ]
 

@@ -51,9 +51,9 @@ class Solution:
         (m, nz) of the triples that were measured, position first, in l; of NHC and ZARU in body
         axes.
     nis : Array
-        (m, 4) normalised innovation squared of each kind of triple (`codes.POSITION` and so on).
+        (m, 5) normalised innovation squared of each kind of triple (`codes.POSITION` and so on).
     verdict : ndarray
-        (m, 4) what became of it: `codes.NOT_MEASURED`, `USED`, `REJECTED`, `COVARIANCE_RESET`.
+        (m, 5) what became of it: `codes.NOT_MEASURED`, `USED`, `REJECTED`, `COVARIANCE_RESET`.
     event_cross : Array
         (events, 9, 9) navigation errors of the event before with those of this one.
     separation_epoch : ndarray

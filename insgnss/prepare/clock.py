@@ -7,9 +7,9 @@ import numpy as np
 
 from ..base.errors import DataError, InputError
 from ..geodesy.gpstime import WEEK_S
-from ..records import CameraEvents, GnssFixes, ImuSamples
+from ..records import BarometerHeights, CameraEvents, GnssFixes, ImuSamples
 
-Timed = TypeVar("Timed", ImuSamples, GnssFixes, CameraEvents)
+Timed = TypeVar("Timed", ImuSamples, GnssFixes, CameraEvents, BarometerHeights)
 SHORTEST_S = 10.0
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from ..diagnosis.estimated import state_verdicts, time_correlated_errors
 from ..geodesy.rotation import rpy_from_rotation
 from ..navigation.codes import (
+    BAROMETER,
     COVARIANCE_RESET,
     NAV,
     NOT_MEASURED,
@@ -97,7 +98,9 @@ def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagno
     bias, bias_sigma = solution.channel_bias(epochs)
     time, verdict = solution.time, solution.verdict
     fix = np.flatnonzero(verdict[:, POSITION] != NOT_MEASURED)
-    velocity = np.flatnonzero(verdict[:, VELOCITY] != NOT_MEASURED)
+    velocity, barometer = (
+        np.flatnonzero(verdict[:, kind] != NOT_MEASURED) for kind in (VELOCITY, BAROMETER)
+    )
     return Diagnostics(
         time=time[epochs],
         position=solution.nav[epochs, :3],
@@ -111,7 +114,7 @@ def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagno
         fix_time=time[fix],
         innovation=solution.innovation[fix, :3],
         innovation_sigma=solution.innovation_sigma[fix, :3],
-        nis=solution.nis[fix, 0],
+        nis=solution.nis[fix, POSITION],
         nis_limit=solution.problem.gate,
         used=verdict[fix, POSITION] != REJECTED,
         covariance_resets=time[verdict[:, POSITION] == COVARIANCE_RESET],
@@ -120,8 +123,10 @@ def _of_segment(segment: Segment, rows: ReportRows, stationary: Array) -> Diagno
         separation_sigma=solution.separation_sigma,
         gaps=solution.problem.inc.gaps,
         passes=solution.passes,
-        velocity_nis=solution.nis[velocity, 1] if velocity.size else None,
+        velocity_nis=solution.nis[velocity, VELOCITY] if velocity.size else None,
         velocity_used=verdict[velocity, VELOCITY] == USED if velocity.size else None,
+        barometer_nis=solution.nis[barometer, BAROMETER] if barometer.size else None,
+        barometer_used=verdict[barometer, BAROMETER] == USED if barometer.size else None,
         stationary=stationary[(stationary[:, 1] > time[0]) & (stationary[:, 0] < time[-1])],
         states=state_verdicts(solution, segment.time_offset_s),
         segments=((float(time[0]), float(time[-1])),),

@@ -7,10 +7,11 @@ import numpy as np
 from ..config.flight_file import Flight
 from ..diagnosis.candidates import CLOCK_RATE, LayoutFactory
 from ..geodesy.frames import LocalFrame
-from ..navigation.epochs import make_epochs, unfixed_solutions, with_nhc, with_zupt
+from ..navigation.epochs import make_epochs, unfixed_solutions, with_barometer, with_nhc, with_zupt
 from ..navigation.filter import gate_from_sigma
-from ..navigation.layout import FixErrors, state_layout
+from ..navigation.layout import BarometerErrors, FixErrors, state_layout
 from ..navigation.problem import EstimationProblem
+from ..prepare.barometer import levelled
 from ..prepare.clock import cut_fixes
 from ..prepare.gaps import edges
 from ..prepare.increments import body_increments, merge_marks
@@ -84,9 +85,13 @@ def prepare_segment(
     lo = float(fixes.time[0])
     exposure = np.zeros(0) if recording.events is None else recording.events.time
     at_event = np.flatnonzero((exposure >= lo) & (exposure <= hi))
-    marks, (at_fix, exposed, at_grid, _) = merge_marks(
+    heights = np.zeros((0, 2))
+    if recording.barometer is not None:
+        heights = levelled(recording.barometer, recording.gnss, lo, hi)
+    marks, (at_fix, exposed, at_height, at_grid, _) = merge_marks(
         fixes.time,
         exposure[at_event],
+        heights[:, 0],
         _grid(lo, hi, flight.output.trajectory_hz),
         edges(recording.imu.time, lo, hi),
     )
@@ -98,6 +103,9 @@ def prepare_segment(
         epochs = with_zupt(epochs, increments, recording.stationary.time, layout)
     if flight.filter.non_holonomic:
         epochs = with_nhc(epochs)
+    if flight.barometer is not None:
+        above = heights[:, 1] - frame.height
+        epochs = with_barometer(epochs, at_height, above, flight.barometer.sigma_m)
     problem = EstimationProblem(
         increments,
         epochs,
@@ -117,7 +125,8 @@ def layout_factory(flight: Flight, noise: NoiseModel) -> LayoutFactory:
     Parameters
     ----------
     flight : Flight
-        The flight file, which may ask for scale factors and misalignments.
+        The flight file, which may ask for scale factors and misalignments, and may have a
+        barometer.
     noise : NoiseModel
         The noise model of the samples.
 
@@ -126,8 +135,15 @@ def layout_factory(flight: Flight, noise: NoiseModel) -> LayoutFactory:
     LayoutFactory
         Makes a `StateLayout` of `FixErrors`.
     """
-    options = flight.filter
-    return lambda errors: state_layout(noise, options.scale_factor, options.misalignment, errors)
+    options, barometer = flight.filter, flight.barometer
+    of_barometer = (
+        None
+        if barometer is None
+        else BarometerErrors(barometer.bias_sigma_m, barometer.bias_walk, barometer.scale_sigma)
+    )
+    return lambda errors: state_layout(
+        noise, options.scale_factor, options.misalignment, errors, of_barometer
+    )
 
 
 def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:

@@ -7,10 +7,16 @@ import numpy as np
 from .. import __version__
 from ..config.flight_file import Flight
 from ..diagnosis.estimated import state_verdicts
-from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, USED, VELOCITY_CONSTRAINT
+from ..navigation.codes import BAROMETER, COVARIANCE_RESET, POSITION, USED, VELOCITY_CONSTRAINT
 from ..records import Check
 from .recording import Recording
 from .segment import Segment
+from .segment_checks import offered_and_rejected
+
+AIDS = {
+    VELOCITY_CONSTRAINT: "zero-velocity updates and non-holonomic constraints",
+    BAROMETER: "heights of the barometer",
+}
 
 
 def run_history(
@@ -47,7 +53,7 @@ def run_history(
         ),
         f"noise model {flight.imu.noise}; IMU axes {flight.imu.axes}; {'; '.join(first.history)}",
         *(f"segment from {s.solution.time[0]:.1f} s on: {'; '.join(s.history)}" for s in later),
-        *_motion(segments),
+        *_aids(segments),
         *([recording.turn_on] if recording.turn_on else []),
         *_estimates(segments),
         f"{gap_count} IMU gaps bridged; heights ellipsoidal (WGS84)",
@@ -75,13 +81,11 @@ def _fixes(flight: Flight, segments: Sequence[Segment]) -> str:
     )
 
 
-def _motion(segments: Sequence[Segment]) -> Iterator[str]:
-    verdict = np.concatenate(
-        [segment.solution.verdict[:, VELOCITY_CONSTRAINT] for segment in segments]
-    )
-    offered, used = int((verdict != NOT_MEASURED).sum()), int((verdict == USED).sum())
-    if offered:
-        yield f"zero-velocity updates and non-holonomic constraints: {offered} offered, {used} used"
+def _aids(segments: Sequence[Segment]) -> Iterator[str]:
+    for kind, name in AIDS.items():
+        offered, rejected = offered_and_rejected(segments, kind)
+        if offered:
+            yield f"{name}: {offered} offered, {offered - rejected} used"
 
 
 def _estimates(segments: Sequence[Segment]) -> Iterator[str]:

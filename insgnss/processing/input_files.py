@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..base.errors import InputError
+from ..config.barometer_options import BarometerInput
 from ..config.flight_file import Flight
 from ..config.gnss_options import GnssInput
 from ..config.imu_options import ImuInput
-from ..records import CameraEvents, Check, GnssFixes, ImuSamples
+from ..records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples
 
 if TYPE_CHECKING:
     from ..gnss.ppk import PpkResult
@@ -40,6 +41,8 @@ def input_files(flight: Flight) -> list[Path]:
     files = [file for file in given if isinstance(file, Path)]  # an object has no file
     if flight.gnss.raw is not None:
         files += flight.gnss.raw.files
+    if flight.barometer is not None and isinstance(flight.barometer.file, Path):
+        files.append(flight.barometer.file)
     if flight.camera is not None:
         if isinstance(flight.camera.events, Path):
             files.append(flight.camera.events)
@@ -210,6 +213,31 @@ def _read_fixes(options: GnssInput, gps_week: int | None, imu: ImuSamples) -> Gn
 
         fixes = with_calibrated(fixes, options.file, options.covariance)
     return fixes
+
+
+def read_barometer_file(options: BarometerInput, gps_week: int | None) -> BarometerHeights:
+    """Read the heights of a barometer, or take those that were given as an object.
+
+    Parameters
+    ----------
+    options : BarometerInput
+        What the flight file says of it.
+    gps_week : int or None
+        The GPS week of a file that carries the time of week alone.
+
+    Returns
+    -------
+    BarometerHeights
+        The heights, their stamps moved by the time offset of the flight file.
+    """
+    from ..formats import read_barometer
+
+    heights = options.file
+    if isinstance(heights, Path):
+        heights = read_barometer(
+            heights, columns=options.columns, variable=options.variable, gps_week=gps_week
+        )
+    return replace(heights, time=heights.time + options.time_offset_s)
 
 
 def stationary_fixes(

@@ -7,10 +7,10 @@ import numpy as np
 
 from ..base.errors import DataError, InputError, UsageError
 from ..config.flight_file import Flight
-from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
+from ..records import Array, BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples
 from ..records.qualities import Quality
 from .checks import check_mounting, check_stationary
-from .input_files import combine_imus, read_files
+from .input_files import combine_imus, read_barometer_file, read_files
 
 if TYPE_CHECKING:
     from ..gnss.ppk import PpkResult
@@ -46,6 +46,8 @@ class Recording:
         What the data say of themselves; None where a check had to stop before.
     ppk : PpkResult or None
         The PPK solution of raw observations.
+    barometer : BarometerHeights or None
+        The heights of a barometer, where there is one.
     """
 
     imu: ImuSamples
@@ -59,6 +61,7 @@ class Recording:
     turn_on: str = ""
     recognition: "Recognition | None" = None
     ppk: "PpkResult | None" = None
+    barometer: BarometerHeights | None = None
 
 
 def read_recording(flight: Flight) -> Recording:
@@ -79,17 +82,24 @@ def read_recording(flight: Flight) -> Recording:
     InputError, DataError
         Where a file is not what the flight file says, or does not support a check.
     """
-    from ..prepare.clock import common_clock, cut_events
+    from ..prepare.barometer import refuse_apart
+    from ..prepare.clock import common_clock, cut_events, in_week
     from ..prepare.fix_quality import with_floors
     from ..prepare.stationarity import stationary_periods
     from ..stochastic.model import load_noise_model
 
+    barometer = None
     try:
         imu, gnss, events, ppk = read_files(flight)
+        if flight.barometer is not None:
+            barometer = read_barometer_file(flight.barometer, flight.gps_week)
     except UsageError as error:  # an option that its file's format does not have
         raise InputError(f"{flight.path}: {error}") from None
     gnss, events = _with_time_offsets(flight, gnss, events)
     imu, gnss, events, week = common_clock(imu, gnss, events, flight.gps_week)
+    if barometer is not None:
+        barometer = in_week(barometer, week)
+        refuse_apart(barometer, imu)
     floors: dict[int, tuple[float, ...]] = {
         Quality[name.upper()]: sigma for name, sigma in flight.gnss.quality_sigma_m.items()
     }
@@ -100,7 +110,9 @@ def read_recording(flight: Flight) -> Recording:
         imu, noise, more = combine_imus(flight, imu, noise)
         C_b_imu = np.eye(3)
     more += ppk.checks if ppk else ()
+    records = [r for r in (imu, gnss, events, barometer) if r is not None]
     checks = _checks(flight, imu, gnss, events, C_b_imu, noise, more)
+    checks += [note for record in records for note in record.notes]
     if events is not None:
         all_events = events
         events = cut_events(events, flight.start_tow, flight.end_tow)
@@ -131,6 +143,7 @@ def read_recording(flight: Flight) -> Recording:
         turn_on,
         recognition,
         ppk,
+        barometer,
     )
 
 
@@ -163,8 +176,7 @@ def _checks(
     checks = [*check_recording(imu, C_b_imu, gnss, events, origin), *more, check_mounting(flight)]
     if without_turn_on(noise):
         checks.append(check_turn_on(noise))
-    records = (record for record in (imu, gnss, events) if record is not None)
-    return checks + [note for record in records for note in record.notes]
+    return checks
 
 
 def _images_left_out(events: CameraEvents, within: CameraEvents) -> list[Check]:

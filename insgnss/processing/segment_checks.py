@@ -1,16 +1,19 @@
-"""The checks of the solved segments: the vehicle's motion, and the images that they leave out."""
+"""The checks of the solved segments: the vehicle's motion, a barometer's heights, and the images
+that they leave out.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from ..config.flight_file import Flight
+from ..navigation.codes import BAROMETER, NOT_MEASURED, REJECTED, VELOCITY_CONSTRAINT
 from ..records import Check
 from .recording import Recording
 from .segment import Segment
 
-MOTION_REJECTED = 0.5
-"""Share of rejected measurements of the motion beyond which it moves otherwise."""
+MOST_REJECTED = 0.5
+"""Share of rejected measurements of the motion or of a barometer that contradicts what is said."""
 
 MOST_NAMED = 5
 """Images that a check names."""
@@ -32,15 +35,10 @@ def check_motion(flight: Flight, segments: Sequence[Segment]) -> list[Check]:
         The check "motion" where anything is measured of the motion itself: most of it must pass its
         test.
     """
-    from ..navigation.codes import NOT_MEASURED, REJECTED, VELOCITY_CONSTRAINT
-
-    verdict = np.concatenate(
-        [segment.solution.verdict[:, VELOCITY_CONSTRAINT] for segment in segments]
-    )
-    offered, rejected = int((verdict != NOT_MEASURED).sum()), int((verdict == REJECTED).sum())
+    offered, rejected = offered_and_rejected(segments, VELOCITY_CONSTRAINT)
     if offered == 0:
         return []
-    bad = rejected > MOTION_REJECTED * offered
+    bad = rejected > MOST_REJECTED * offered
     key = (
         "filter.non_holonomic = false"
         if flight.filter.non_holonomic
@@ -55,6 +53,56 @@ def check_motion(flight: Flight, segments: Sequence[Segment]) -> list[Check]:
             f"it does not move so: {key}" if bad else "",
         )
     ]
+
+
+def check_barometer(segments: Sequence[Segment]) -> list[Check]:
+    """Check whether the heights of a barometer follow the flight.
+
+    Parameters
+    ----------
+    segments : sequence of Segment
+        The solved segments.
+
+    Returns
+    -------
+    list of Check
+        The check "barometer" where there is one: most of its heights must pass their test.
+    """
+    offered, rejected = offered_and_rejected(segments, BAROMETER)
+    if offered == 0:
+        return []
+    bad = rejected > MOST_REJECTED * offered
+    return [
+        Check(
+            "barometer",
+            f"{rejected} of {offered} heights rejected",
+            "most of them used",
+            "contradiction" if bad else "ok",
+            "its heights do not follow the flight: check barometer.columns, time_offset_s (UTC is"
+            " 18 s behind GPS time) and sigma_m, or leave out [barometer]"
+            if bad
+            else "",
+        )
+    ]
+
+
+def offered_and_rejected(segments: Sequence[Segment], kind: int) -> tuple[int, int]:
+    """Return how many measurements of a kind of `navigation.codes` there were, and were rejected.
+
+    Parameters
+    ----------
+    segments : sequence of Segment
+        The solved segments.
+    kind : int
+        The kind.
+
+    Returns
+    -------
+    tuple of int
+        All of them, and the rejected ones.
+    """
+    verdict = np.concatenate([segment.solution.verdict[:, kind] for segment in segments])
+    return int((verdict != NOT_MEASURED).sum()), int((verdict == REJECTED).sum())
 
 
 def check_images(recording: Recording, segments: Sequence[Segment]) -> list[Check]:

@@ -8,8 +8,16 @@ before they build (`formats`).
 
 from ._checked import Array
 from .framed import FramedOrientation, MapFrame
-from .from_tables import camera_events, gnss_fixes, imu_samples
-from .observations import QUANTITIES, CameraEvents, GnssFixes, ImuSamples, Increments, Quantity
+from .from_tables import barometer_heights, camera_events, gnss_fixes, imu_samples
+from .observations import (
+    QUANTITIES,
+    BarometerHeights,
+    CameraEvents,
+    GnssFixes,
+    ImuSamples,
+    Increments,
+    Quantity,
+)
 from .rows import Rows
 from .series import ImuBiases, Innovations
 from .solutions import Diagnostics, ExteriorOrientation, Trajectory
@@ -19,6 +27,7 @@ from .verdicts import Check, StateVerdict, TimeCorrelatedError, Verdict
 __all__ = [
     "QUANTITIES",
     "Array",
+    "BarometerHeights",
     "CameraEvents",
     "Check",
     "Diagnostics",
@@ -37,6 +46,7 @@ __all__ = [
     "Trajectory",
     "Verdict",
     "WaveletVariance",
+    "barometer_heights",
     "camera_events",
     "chi_square_interval",
     "gnss_fixes",

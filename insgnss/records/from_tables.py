@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from ..base.errors import InputError
 from ._checked import Array
-from .observations import CameraEvents, GnssFixes, ImuSamples, Quantity
+from .observations import BarometerHeights, CameraEvents, GnssFixes, ImuSamples, Quantity
 from .verdicts import Check
 
 TIME = ("tow", "time", "time_s")
@@ -151,6 +151,38 @@ def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:
     numbering = f"no image names; the {time.size} events are numbered from 1"
     note = Check("event names", numbering, "a name for each event", "note", "give a column image")
     return CameraEvents(names, time, _week(given, gps_week), "events", (note,))
+
+
+def barometer_heights(given: Any, gps_week: int | None = None) -> BarometerHeights:
+    """Return heights of a barometer of what a caller has.
+
+    Parameters
+    ----------
+    given : `BarometerHeights`, which are taken as they are; (n, 2) array of time s and height m; or
+        a table with columns tow and h_m.
+    gps_week : of the times; of a record its own.
+
+    Returns
+    -------
+    The heights.
+
+    Raises
+    ------
+    InputError : a column is missing, the array has another shape, or `BarometerHeights` refuses the
+        values.
+    """
+    if isinstance(given, BarometerHeights):
+        return given
+    columns = _columns_of(given)
+    if columns is None:
+        values = np.asarray(given, dtype=np.float64)
+        if values.ndim != 2 or values.shape[1] != 2:
+            raise InputError(
+                f"barometer: a table of shape {values.shape}, expected (n, 2): time s, height m"
+            )
+        columns = {"tow": values[:, 0], "h_m": values[:, 1]}
+    time, height = (_one_of("barometer", columns, names) for names in (TIME, HEIGHT))
+    return BarometerHeights(time, height, _week(given, gps_week), "barometer")
 
 
 def _columns_of(given: Any) -> dict[str, Any] | None:

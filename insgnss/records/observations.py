@@ -365,6 +365,47 @@ class CameraEvents(Rows):
         return {"image": list(self.images), "tow": self.time}
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class BarometerHeights(Rows):
+    """Heights of a barometer, above whatever level and on whatever scale it counts them.
+
+    Parameters
+    ----------
+    time : (n,) s, GPST of `gps_week`, increasing.
+    height : (n,) m, upwards.
+    gps_week : GPS week of `time`, None where it is not known.
+    source : where the heights come from, for messages; the path of a file.
+    notes : what the reader found odd and did about it.
+
+    Raises
+    ------
+    InputError : a shape is wrong, a value is not finite, time does not increase, or there is no
+        height.
+    """
+
+    _ROWS: ClassVar[tuple[str, ...]] = ("time", "height")
+    _NOUN: ClassVar[str] = "heights"
+
+    time: Array
+    height: Array
+    gps_week: int | None = None
+    source: str = ""
+    notes: tuple[Check, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = frozen(self, "time", (None,)).size
+        frozen(self, "height", (n,))
+        if n < 1:
+            raise InputError(f"{self.source or 'BarometerHeights'}: no height")
+        increasing(self, self.time)
+
+    def _details(self) -> list[str]:
+        return [_rate(self.time)]
+
+    def _columns(self) -> dict[str, Any]:
+        return {"tow": self.time, "h_m": self.height}
+
+
 def _table(source: str, table: ArrayLike, widths: Sequence[int], expected: str) -> Array:
     """The table as float64; InputError where its number of columns is none of `widths`."""
     values = np.asarray(table, dtype=np.float64)

@@ -313,6 +313,11 @@ class Diagnostics:
         Normalised innovation squared of the velocity fixes; None without such.
     velocity_used : ndarray, optional
         Whether each velocity fix was used; None without such.
+    barometer_nis : ndarray, optional
+        Normalised innovation squared of a barometer's heights, with 1 degree of freedom; None
+        without such.
+    barometer_used : ndarray, optional
+        Whether each of its heights was used; None without such.
     checks : tuple of Check
         All checks of the run.
     stationary : ndarray, optional
@@ -348,6 +353,8 @@ class Diagnostics:
     covariance_resets: Array | None = None
     velocity_nis: Array | None = None
     velocity_used: NDArray[np.bool_] | None = None
+    barometer_nis: Array | None = None
+    barometer_used: NDArray[np.bool_] | None = None
     checks: tuple[Check, ...] = ()
     stationary: Array | None = None
     states: tuple[StateVerdict, ...] = ()

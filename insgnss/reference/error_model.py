@@ -36,7 +36,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geodesy.rotation import skew
-from ..navigation.codes import BIAS, DRIFT, FIX_ERROR, POS, PSI, VEL
+from ..navigation.codes import AIDING_ERROR, BIAS, DRIFT, POS, PSI, VEL
 from ..navigation.layout import StateLayout
 from ..navigation.problem import EstimationProblem
 from ..records import Array
@@ -76,7 +76,7 @@ def influence(layout: StateLayout, elapsed: float, rates: Array) -> Array:
     rates : (6,) measured rates of the channels, rad/s and m/s^2.
     """
     of_factor = np.zeros(9)
-    of_factor[:6], of_factor[BIAS], of_factor[DRIFT], of_factor[FIX_ERROR] = (
+    of_factor[:6], of_factor[BIAS], of_factor[DRIFT], of_factor[AIDING_ERROR] = (
         rates,
         1.0,
         elapsed,

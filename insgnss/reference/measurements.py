@@ -17,8 +17,10 @@ deviations sigma:
     zero velocity update (ZUPT)        0 = v                                               (T.17)
     non-holonomic constraint (NHC)     0 = right and down of C_bl v                        (T.18)
     zero angular rate update (ZARU)    0 = omega, of the mean gyro rate at rest            (T.19)
+    height of a barometer              b + (1 + s) h                                       (T.26)
 
 The errors of a fix's own group come in: those of group 1 (float, code) have both correlated errors.
+h is the height of the IMU above the origin of l, b and s bias and scale factor of the barometer.
 
 Groves (2013) 14.3 (lever arm), 15.3 (zero updates, non-holonomic constraint).
 """
@@ -27,7 +29,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..navigation.codes import NOT_MEASURED, POSITION, VELOCITY, VELOCITY_CONSTRAINT, ZARU, ZUPT
+from ..navigation.codes import (
+    BAROMETER,
+    NOT_MEASURED,
+    POSITION,
+    VELOCITY,
+    VELOCITY_CONSTRAINT,
+    ZARU,
+    ZUPT,
+)
 from ..navigation.problem import EstimationProblem
 from ..records import Array
 from .error_model import GYRO, earth_rate, influence
@@ -47,7 +57,7 @@ def measurement(
     ----------
     problem : the estimation problem.
     epoch : index of the epoch.
-    kind : `navigation.filter.POSITION`, `VELOCITY`, `VELOCITY_CONSTRAINT` or `ZARU`.
+    kind : POSITION, VELOCITY, VELOCITY_CONSTRAINT, ZARU or BAROMETER of `navigation.codes`.
     state : the nominal at the epoch.
     acceleration : (3,) of the IMU in l over the last interval, m/s^2.
     """
@@ -56,6 +66,7 @@ def measurement(
         VELOCITY: _velocity,
         VELOCITY_CONSTRAINT: _motion,
         ZARU: _angular_rate,
+        BAROMETER: _height,
     }[kind](problem, epoch, acceleration)
     if model is None:
         return None
@@ -135,6 +146,21 @@ def _angular_rate(problem: EstimationProblem, epoch: int, _: Array) -> ResidualM
     if variance == 0.0:
         return None
     return _body_rate(problem, epoch, rate), variance * np.eye(3)
+
+
+def _height(problem: EstimationProblem, epoch: int, _: Array) -> ResidualModel:
+    """(T.26)."""
+    ep, first, frame = problem.epochs, problem.layout.barometer, problem.frame
+    if ep.barometer_variance[epoch] == 0.0:
+        return None
+    origin = frame.geodetic_from_position(np.zeros(3))[2]
+
+    def residual(state: State) -> Array:
+        bias, scale = state.x[first : first + 2]
+        above = frame.geodetic_from_position(state.p)[2] - origin
+        return np.array([ep.barometer_height[epoch] - bias - (1.0 + scale) * above])
+
+    return residual, np.array([[ep.barometer_variance[epoch]]])
 
 
 def _body_rate(problem: EstimationProblem, epoch: int, measured: Array) -> Residual:

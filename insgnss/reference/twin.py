@@ -65,8 +65,8 @@ class Forward:
     states : the nominal of each epoch, after feedback.
     linear : the linear problem about these nominals, with the measurements that were used.
     filtered : the filter's error about these nominals (zero where it was fed back), and covariance.
-    nis : (m, 4) NIS of each kind of measurement, NaN where there was none.
-    decision : (m, 4) `NOT_MEASURED`, `USED`, `REJECTED` or `COVARIANCE_RESET` of
+    nis : (m, 5) NIS of each kind of measurement, NaN where there was none.
+    decision : (m, 5) `NOT_MEASURED`, `USED`, `REJECTED` or `COVARIANCE_RESET` of
         `navigation.codes`.
     """
 

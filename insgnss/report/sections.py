@@ -175,6 +175,11 @@ def key_numbers(s: Summary) -> str:
             f"; velocities {n['velocities']}, {n['velocities_used']} used,"
             f" {n['velocities_rejected']} rejected"
         )
+    if "barometer_heights" in n:
+        fixes += (
+            f"; heights of the barometer {n['barometer_heights']}, {n['barometer_heights_used']}"
+            f" used, {n['barometer_heights_rejected']} rejected"
+        )
     imu = [
         f"{n[key]} {noun}"
         for key, noun in (("imu_samples", "samples"), ("epochs", "epochs"))

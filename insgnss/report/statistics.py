@@ -26,6 +26,7 @@ Selection = NDArray[np.bool_]
 CONFIDENCE = 0.99
 Z_CONFIDENCE = 2.5758293035489  # standard normal quantile of 1 - (1 - CONFIDENCE) / 2
 NIS_95 = 7.814727903251179  # 95 % point of chi-square with 3 degrees of freedom
+NIS_95_OF_ONE = 3.841458820694124  # with one
 
 
 def mean_bounds(dof: int) -> tuple[float, float]:
@@ -36,8 +37,8 @@ def mean_bounds(dof: int) -> tuple[float, float]:
     return float(chdtri(dof, 1.0 - tail)) / dof, float(chdtri(dof, tail)) / dof
 
 
-def consistency(nis: Array, used: Selection) -> dict[str, Any]:
-    """Verdict (T.1) on the NIS (k,) of three components each, over the `used` (k,) ones.
+def consistency(nis: Array, used: Selection, dof: int = 3) -> dict[str, Any]:
+    """Verdict (T.1) on the NIS (k,) of `dof` components each (3 or 1), over the `used` (k,) ones.
 
     "overconfident": innovations are larger than the sigmas promised; "conservative": smaller;
     "unknown": none was used. `size` is the ratio sqrt(mean NIS / dof) of true to promised
@@ -53,8 +54,8 @@ def consistency(nis: Array, used: Selection) -> dict[str, Any]:
             "share_beyond_95": None,
             "expected_beyond_95": 0.05,
         }
-    ratio = float(kept.mean()) / 3.0
-    low, high = mean_bounds(3 * kept.size)
+    ratio = float(kept.mean()) / dof
+    low, high = mean_bounds(dof * kept.size)
     return {
         "verdict": (
             "overconfident" if ratio > high else "conservative" if ratio < low else "consistent"
@@ -62,7 +63,7 @@ def consistency(nis: Array, used: Selection) -> dict[str, Any]:
         "mean_per_dof": ratio,
         "bounds_99": [low, high],
         "size": math.sqrt(ratio),
-        "share_beyond_95": float((kept > NIS_95).mean()),
+        "share_beyond_95": float((kept > (NIS_95 if dof == 3 else NIS_95_OF_ONE)).mean()),
         "expected_beyond_95": 0.05,
     }
 

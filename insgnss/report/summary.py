@@ -100,7 +100,7 @@ def _judged(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, Any]:
         "innovations": innovation_figures(d.innovation, d.innovation_sigma, d.used),
         "consistency": {
             "position": consistency(d.nis, d.used),
-            "velocity": _velocity_consistency(d),
+            **_aided_consistency(d),
         },
         "separation": _separation(d),
         "biases": _biases(d),
@@ -133,11 +133,15 @@ def _counts(d: Diagnostics, eo: ExteriorOrientation | None) -> dict[str, int]:
         "fixes_rejected": int((~d.used).sum()),
         "covariance_resets": 0 if d.covariance_resets is None else d.covariance_resets.size,
     }
-    if d.velocity_nis is not None and d.velocity_used is not None:
-        offered = np.isfinite(d.velocity_nis)
-        counts["velocities"] = int(offered.sum())
-        counts["velocities_used"] = int((offered & d.velocity_used).sum())
-        counts["velocities_rejected"] = int((offered & ~d.velocity_used).sum())
+    for name, nis, used in (
+        ("velocities", d.velocity_nis, d.velocity_used),
+        ("barometer_heights", d.barometer_nis, d.barometer_used),
+    ):
+        if nis is not None and used is not None:
+            offered = np.isfinite(nis)
+            counts[name] = int(offered.sum())
+            counts[f"{name}_used"] = int((offered & used).sum())
+            counts[f"{name}_rejected"] = int((offered & ~used).sum())
     return counts
 
 
@@ -189,10 +193,14 @@ def _trajectory(d: Diagnostics) -> dict[str, Any]:
     }
 
 
-def _velocity_consistency(d: Diagnostics) -> dict[str, Any] | None:
-    if d.velocity_nis is None or d.velocity_used is None:
-        return None
-    return consistency(d.velocity_nis, d.velocity_used)
+def _aided_consistency(d: Diagnostics) -> dict[str, Any]:
+    """Consistency of what is measured besides positions; without a barometer it has no entry."""
+    out: dict[str, Any] = {"velocity": None}
+    if d.velocity_nis is not None and d.velocity_used is not None:
+        out["velocity"] = consistency(d.velocity_nis, d.velocity_used)
+    if d.barometer_nis is not None and d.barometer_used is not None:
+        out["barometer"] = consistency(d.barometer_nis, d.barometer_used, dof=1)
+    return out
 
 
 def _separation(d: Diagnostics) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from oracles import oracle
 
 from insgnss.base.errors import InputError, UsageError
-from insgnss.formats import describe, read_events, read_gnss, read_imu
+from insgnss.formats import describe, read_barometer, read_events, read_gnss, read_imu
 from insgnss.formats.logs.boot_clock import fit_clock
 
 
@@ -96,7 +96,7 @@ def test_ardupilot_log_as_pymavlink_reads_it(bin_log: Path) -> None:
     assert events.images == tuple(str(k) for k in raw["Img"])
     assert_allclose(events.time, START + 1e-6 * raw["TimeUS"] - LATE, rtol=0, atol=1e-3)
     assert {imu.gps_week, gnss.gps_week, events.gps_week} == {2008}
-    assert {table.name for table in describe(bin_log)} == {"IMU", "GPS", "GPA", "CAM"}
+    assert {table.name for table in describe(bin_log)} == {"IMU", "GPS", "GPA", "BARO", "CAM"}
 
 
 def test_px4_log_as_pyulog_reads_it(ulg_log: Path) -> None:
@@ -125,6 +125,40 @@ def test_px4_log_as_pyulog_reads_it(ulg_log: Path) -> None:
         events.time, START + 1e-6 * raw["camera_capture"]["timestamp"] - LATE, rtol=0, atol=2e-6
     )
     assert {imu.gps_week, gnss.gps_week, events.gps_week} == {2008}
+
+
+@pytest.mark.parametrize("kind", ["bin_log", "ulg_log"])
+def test_barometer_of_a_log(kind: str, request: pytest.FixtureRequest) -> None:
+    """Oracle: ISO 2533's table at 1000 m, 89874.6 Pa, which is the first pressure of the logs, and
+    1.1117 kg/m^3, so that 1 Pa less, as at each message, is 0.0917 m more; the stamps that the logs
+    are written with, of PX4 8 ms before those of the message.
+    """
+    path = request.getfixturevalue(kind)
+    heights = read_barometer(path)
+    begin = START + 1.0 - LATE - (0.008 if kind == "ulg_log" else 0.0)
+    assert_allclose(heights.time, begin + 0.2 * np.arange(24), rtol=0, atol=1e-3)
+    assert heights.height[0] == pytest.approx(1000.0, abs=0.05)
+    assert_allclose(np.diff(heights.height), 0.0917, rtol=0, atol=1e-3)
+    assert heights.gps_week == 2008
+    assert any("tie its clock to GPST" in note.found for note in heights.notes)
+    with pytest.raises(InputError, match="GPS week 2008"):
+        read_barometer(path, gps_week=2000)
+    with pytest.raises(InputError, match=r"no (message|topic) NONE"):
+        read_barometer(path, variable="NONE")
+
+
+def test_height_of_an_autopilot_where_it_logs_no_pressure(tmp_path: Path) -> None:
+    """Oracle: the heights of the log's BARO lines."""
+    log = (
+        "FMT, 130, 50, GPS, QBIH, TimeUS,Status,GMS,GWk,Lat,Lng,Alt\n"
+        "FMT, 131, 20, BARO, Qf, TimeUS,Alt\n"
+        "GPS, 1200000, 3, 200001000, 2008, 46.57, 6.54, 580.5\n"
+        "BARO, 1210000, 12.5\nBARO, 1310000, 12.75\n"
+    )
+    (tmp_path / "x.log").write_text(log)
+    heights = read_barometer(tmp_path / "x.log")
+    assert heights.height.tolist() == [12.5, 12.75]
+    assert heights.time.tolist() == pytest.approx([200001.01, 200001.11])
 
 
 @pytest.mark.parametrize("kind", ["bin_log", "ulg_log"])

@@ -11,7 +11,7 @@ import pytest
 from oracles import oracle
 
 from insgnss.base.errors import InputError
-from insgnss.formats import EXPORTS, read_events, read_gnss, read_imu
+from insgnss.formats import EXPORTS, read_barometer, read_events, read_gnss, read_imu
 from insgnss.formats.bundle.metashape import read_metashape
 from insgnss.formats.imu.variances import read_variances
 from insgnss.formats.orientation.eo_json import read_eo_json
@@ -34,6 +34,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "mrk": read_events,
     "psins": read_imu,
     "ardupilot": read_imu,
+    "barometer": read_barometer,
     "odyn": read_odyn_poses,
     "eo_local_plane": read_eo_local_plane,
     "metashape": read_metashape,

@@ -12,6 +12,7 @@ from insgnss.geodesy.earth import EARTH_RATE
 from insgnss.geodesy.frames import LocalFrame
 from insgnss.geodesy.rotation import rotation_from_quaternion
 from insgnss.navigation.codes import (
+    BAROMETER,
     N_NAV,
     NAV,
     NHC,
@@ -26,7 +27,7 @@ from insgnss.navigation.epochs import make_epochs, with_zupt
 from insgnss.navigation.filter import BLOCK_S
 from insgnss.navigation.kernels.measurements import measured_triple
 from insgnss.navigation.kernels.records import make_triple
-from insgnss.navigation.layout import FixErrors, state_layout
+from insgnss.navigation.layout import BarometerErrors, FixErrors, state_layout
 from insgnss.navigation.strapdown import kernel_earth
 from insgnss.prepare.clock import cut_fixes
 from insgnss.records import GnssFixes, Increments
@@ -41,6 +42,7 @@ LAYOUT = state_layout(
     scale_factor=True,
     misalignment=True,
     fixes=FIXES,
+    barometer=BarometerErrors(2.0, 0.1, 0.05),
 )
 RATE = np.array([0.4, -0.3, 0.6])
 ACCEL = np.array([1.5, -2.0, 0.5])
@@ -89,6 +91,8 @@ def rows(
         constraint_cov=np.ones((1, 3, 3)),
         zaru_rate=rate[None],
         zaru_variance=np.ones(1),
+        barometer_height=Z[2:],
+        barometer_variance=np.ones(1),
     )
     triple = make_triple(LAYOUT.size - N_NAV)
     imu, earth = LAYOUT.kernel_model(BLOCK_S, 0.1), kernel_earth(flown.problem.frame)
@@ -107,6 +111,7 @@ FIX_SIGMA = np.array([0.02, 0.03, 0.05])
         (VELOCITY_CONSTRAINT, ZUPT),
         (VELOCITY_CONSTRAINT, NHC),
         (ZARU, 0),
+        (BAROMETER, 0),
     ],
 )
 def test_jacobian_is_the_derivative_of_its_own_value(flown, kind, motion):
@@ -120,7 +125,8 @@ def test_jacobian_is_the_derivative_of_its_own_value(flown, kind, motion):
     x = 0.5 * LAYOUT.sigma0
     x[LAYOUT.offset] = 0.005
     _, H = rows(flown, nav[0], x, kind, motion=motion)
-    step = 1e-4
+    # a height is good to 1e-9 m, of 6400 km, and bilinear but for the Earth's curvature
+    step = 1.0 if kind == BAROMETER else 1e-4
     numeric = np.zeros_like(H)
     for s in range(LAYOUT.size):
         for sign in (1.0, -1.0):
@@ -174,6 +180,27 @@ def test_fix_errors_enter_as_the_simulators_own(flown):
             rtol=0.0,
             atol=1e-4,
         )
+
+
+def test_a_barometer_measures_the_height_over_the_ellipsoid(flown):
+    """Oracle: the geodetic heights of pyproj's ECEF positions, 5 km from the origin of l, where the
+    ellipsoid lies 2 m below the plane; 1.02 times them and 3 m more.
+    """
+    pyproj = pytest.importorskip("pyproj")
+    to_geodetic = pyproj.Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True)
+    frame, nav = flown.problem.frame, flown.true_nav([100])[0]
+    nav[:3] = [3000.0, -4000.0, -120.0]
+    above = [
+        to_geodetic.transform(*(frame.origin_ecef + frame.C_el @ p))[2]
+        for p in (np.zeros(3), nav[:3])
+    ]
+    x = np.zeros(LAYOUT.size - 9)
+    x[LAYOUT.barometer : LAYOUT.barometer + 2] = 3.0, 0.02
+    nu, H = rows(flown, nav, x, BAROMETER)
+    assert above[1] - above[0] == pytest.approx(122.0, abs=0.2)
+    assert Z[2] - nu[0] == pytest.approx(3.0 + 1.02 * (above[1] - above[0]), abs=1e-6)
+    assert (nu[1:] == 0.0).all()
+    assert (H[1:] == 0.0).all()
 
 
 def test_a_standing_vehicle_measures_its_gyro_bias_and_the_earth(flown):

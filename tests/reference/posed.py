@@ -11,7 +11,7 @@ from flown import NO_GATE, Flown, fly, moved
 
 from insgnss.navigation.codes import NHC, ZUPT
 from insgnss.navigation.epochs import make_epochs
-from insgnss.navigation.layout import FixErrors, state_layout
+from insgnss.navigation.layout import BarometerErrors, FixErrors, state_layout
 from insgnss.navigation.problem import EstimationProblem, InitialState, sub_problem
 from insgnss.prepare.clock import cut_fixes
 from insgnss.prepare.gaps import edges
@@ -44,6 +44,7 @@ class Pose:
     problem: dict[str, Any] = field(default_factory=dict)
     displaced: tuple[int, int, float] | None = None  # first and last epoch, m
     heading_deg: float = 0.8
+    barometer: BarometerErrors | None = None
 
 
 @cache
@@ -58,6 +59,7 @@ def posed(pose: Pose) -> tuple[EstimationProblem, InitialState]:
     layout = state_layout(
         NoiseModel("posed", "made up", (pose.gyro,) * 3, (pose.accel,) * 3),
         fixes=pose.fixes,
+        barometer=pose.barometer,
         **pose.layout,
     )
     problem = replace(_with_gap(flown()) if pose.gap else flown().problem, layout=layout)
@@ -109,6 +111,10 @@ def _measured(problem: EstimationProblem, pose: Pose) -> Any:
     cov[motion == NHC] = np.diag([1.0, 0.01, 0.02])
     rate = np.broadcast_to([1e-3, -2e-3, 1.5e-3], (m, 3)).copy()
     group = (np.arange(m) // 10) % 2
+    height, height_variance = ep.barometer_height.copy(), ep.barometer_variance.copy()
+    if pose.barometer is not None:
+        height[2::3] = 0.7 - 1.05 * position[2::3, 2] + 0.02 * np.cos(np.arange(m)[2::3])
+        height_variance[2::3] = 0.02**2
     return ep._replace(
         has_velocity=has_velocity,
         constraint=motion,
@@ -117,6 +123,8 @@ def _measured(problem: EstimationProblem, pose: Pose) -> Any:
         zaru_rate=rate,
         group=group,
         position=position,
+        barometer_height=height,
+        barometer_variance=height_variance,
     )
 
 

@@ -20,7 +20,7 @@ from insgnss.navigation.codes import (
     VELOCITY_CONSTRAINT,
 )
 from insgnss.navigation.filter import gate_from_sigma
-from insgnss.navigation.layout import FixErrors
+from insgnss.navigation.layout import BarometerErrors, FixErrors
 from insgnss.navigation.solution import solve
 from insgnss.reference.twin import solve_twin
 from insgnss.reference.verify import differences
@@ -116,10 +116,17 @@ CASES = {
     "lever arm and time offset": Case(
         Pose(fixes=FixErrors(0.3, 0.03), motion=("velocity",)), "lever"
     ),
+    "barometer": Case(Pose(barometer=BarometerErrors(2.0, 0.1, 0.1)), "barometer"),
     "time-correlated errors": Case(Pose(fixes=both("one")), ""),
     "two groups of fixes": Case(Pose(fixes=both("two")), "unfixed"),
     "everything but the clock": Case(
-        Pose(EVERY_G, EVERY_A, SCALE | MISALIGNMENT, EVERY_FIX, ALL, gap=True), "unfixed", COARSE
+        Pose(
+            *(EVERY_G, EVERY_A, SCALE | MISALIGNMENT, EVERY_FIX, ALL),
+            gap=True,
+            barometer=BarometerErrors(2.0, 0.1, 0.1),
+        ),
+        "unfixed",
+        COARSE,
     ),
     "gate": Case(Pose(problem={"gate": FIVE_SIGMA}, displaced=(12, 12, 3.0))),
     "robust weight": Case(

@@ -10,7 +10,7 @@ several sensors become tables of their own: IMU, IMU2, ... and GPS, GPS2, ...
 IMU: TimeUS (or TimeMS), GyrX.. rad/s, AccX.. m/s^2, forward right down. GPS: week and time of week,
 degrees, metres above the geoid, ground speed, course, velocity down; GPA of the same stamp:
 standard deviations, and Und, the geoid below the ellipsoid (Alt - Und is the height above the
-ellipsoid). CAM: shutter instants. All stamps are taken to GPST by `boot_clock`.
+ellipsoid). CAM: shutter instants. BARO: pressure. All stamps are taken to GPST by `boot_clock`.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...base.errors import InputError, UsageError
-from ...records import CameraEvents, Check, GnssFixes, ImuSamples, Quantity
+from ...records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples, Quantity
+from ..barometer import ROWS, barometer_heights
 from ..events.events import events_in_order
 from ..gnss.fixes import FixScales, fixes_from_columns
 from ..imu.imu_csv import ACCEL, GYRO, Scales, imu_from_columns
@@ -517,3 +518,27 @@ def read_events_ardupilot(
     )
     notes = (clock.note("event rows"), *log.notes("event rows"))
     return events_in_order(images, time, lines, str(path), clock.gps_week, notes)
+
+
+def read_barometer_ardupilot(
+    path: Source, variable: str | None = None, gps_week: int | None = None
+) -> BarometerHeights:
+    """Read the heights of a barometer on GPST: of Press, else Alt, of BARO or another message.
+
+    Alt counts from where the autopilot last calibrated it; the standard height of Press jumps
+    nowhere.
+    """
+    log = read_log(path)
+    name, table = log.table(("BARO", "BARO2", "BAR2"), variable, ())
+    clock = _clock(log)
+    _agree(str(path), clock.gps_week, gps_week)
+    lines = NumberedRows(str(path), name)
+    time = clock.gpst(lines, _boot(table, log.path, name))
+    cols = {
+        canonical: table[label]
+        for canonical, label in (("pressure", "Press"), ("h", "Alt"))
+        if label in table
+    }
+    _finite(log, name, cols)
+    notes = (clock.note(ROWS), *log.notes(ROWS))
+    return barometer_heights(cols, time, lines, str(path), clock.gps_week, notes)

@@ -4,8 +4,8 @@ IMU: sensor_combined (rates and specific forces of the selected sensor), else ve
 (increments over their own intervals, here divided by them). GNSS: sensor_gps or
 vehicle_gps_position, whose time_utc_usec is UTC; heights above the ellipsoid, eph, epv and
 s_variance_m_s as standard deviations. Camera: camera_capture (feedback of the camera), else
-camera_trigger. All stamps count from the start of the autopilot and are taken to GPST by
-`boot_clock`. Axes forward right down.
+camera_trigger. Barometer: vehicle_air_data. All stamps count from the start of the autopilot and
+are taken to GPST by `boot_clock`. Axes forward right down.
 """
 
 import contextlib
@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...base.errors import InputError, UsageError
 from ...geodesy.gpstime import gps_from_unix_utc
-from ...records import CameraEvents, Check, GnssFixes, ImuSamples, Quantity
+from ...records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples, Quantity
+from ..barometer import ROWS, barometer_heights
 from ..events.events import events_in_order
 from ..gnss.fixes import FixScales, fixes_from_columns
 from ..imu.imu_csv import ACCEL, GYRO, Scales, imu_from_columns
@@ -37,6 +38,7 @@ LEAST_FIX = 3
 READ_AGAIN = 8  # times the size of a file that may be read
 MICRO = 1e-6
 GNSS_TOPICS = ("vehicle_gps_position", "sensor_gps")
+BAROMETER_TOPICS = ("vehicle_air_data",)
 EVENT_TOPICS = ("camera_capture", "camera_trigger")
 _HEADS = {  # place: new names and the factor of the older integers
     "lat": (("latitude_deg", 1.0), ("lat", 1e-7)),
@@ -320,3 +322,21 @@ def read_events_ulog(
     return events_in_order(
         images, clock.gpst(lines, MICRO * stamp), lines, str(path), clock.gps_week, notes
     )
+
+
+def read_barometer_ulog(
+    path: Source, variable: str | None = None, gps_week: int | None = None
+) -> BarometerHeights:
+    """Read the heights of a barometer on GPST: of its pressure, else those of the topic."""
+    tables, odd = _load(path)
+    name, table = _topic(path, tables, BAROMETER_TOPICS, variable)
+    label = "timestamp_sample" if "timestamp_sample" in table else "timestamp"
+    canonical, quantity = (
+        ("pressure", "baro_pressure_pa") if "baro_pressure_pa" in table else ("h", "baro_alt_meter")
+    )
+    stamp, values = _fields(path, name, table, (label, quantity))
+    clock = _clock(path, tables, gps_week)
+    lines = NumberedRows(str(path), name)
+    time = clock.gpst(lines, MICRO * stamp)
+    notes = (clock.note(ROWS), *_notes(odd, ROWS))
+    return barometer_heights({canonical: values}, time, lines, str(path), clock.gps_week, notes)

@@ -5,12 +5,12 @@ import numpy as np
 from ...base.compilation import njit
 from ..codes import (
     ACCEL0,
+    AIDING_ERROR,
     AX,
     AY,
     AZ,
     BIAS,
     DRIFT,
-    FIX_ERROR,
     IMU0,
     N_CHANNELS,
     N_NAV,
@@ -276,7 +276,7 @@ def block_states(intervals, i0, i1, B, elapsed, x, model, work):
             work.weight[s] = elapsed + 0.5 * B
             work.bias[0, c] += x[s] * elapsed
             work.bias[1, c] += x[s] * (elapsed + B)
-        elif f == FIX_ERROR:
+        elif f == AIDING_ERROR:
             work.weight[s] = 0.0
         else:
             if not has_scale:

@@ -1,15 +1,15 @@
-"""The measurements (K.1, K.2, K.8-K.10): innovation and derivative of each kind of triple."""
+"""The measurements (K.1, K.2, K.8-K.10, K.12): innovation and derivative of each kind of triple."""
 
 from ...base.compilation import njit
-from ...geodesy._kernels import quat_to_matrix
+from ...geodesy._kernels import height_ecef, quat_to_matrix
 from ..codes import (
     ACCEL0,
+    AIDING_ERROR,
     AX,
     AY,
     AZ,
     BIAS,
     DRIFT,
-    FIX_ERROR,
     IMU0,
     NO_CONSTRAINT,
     POSITION,
@@ -24,6 +24,7 @@ from ..codes import (
     VX,
     VY,
     VZ,
+    ZARU,
     ZUPT,
 )
 
@@ -124,7 +125,7 @@ def body_rate(nav, x, elapsed, rate, model, earth, triple):
     for s in range(model.channel.size):
         c = model.channel[s]
         f = model.factor[s]
-        if c >= ACCEL0 or f == FIX_ERROR:
+        if c >= ACCEL0 or f == AIDING_ERROR:
             u = 0.0
         elif f == BIAS:
             u = 1.0
@@ -353,13 +354,52 @@ def zaru_rows(model, earth, triple):
 
 
 @njit(cache=True)
+def barometer_rows(nav, x, model, earth, z, triple):
+    """Fill the triple with a barometer's height (K.12); its rows 1 and 2 stay empty.
+
+    Parameters
+    ----------
+    nav : ndarray
+        (10,) nominal position (m) and velocity (m/s) in l, quaternion q_lb (w, x, y, z).
+    x : ndarray
+        (ns,) nominal values of the other states.
+    model : StateModel
+        The error states behind those of navigation.
+    earth : Earth
+        The local frame l.
+    z : float
+        Measured height above the origin of l, m.
+    triple : Triple
+        The measurement, filled in place.
+    """
+    H, nu, up = triple.H, triple.nu, triple.omega
+    C, o = earth.C_el, earth.origin_ecef
+    above = -height_ecef(o[0], o[1], o[2], up)
+    p0, p1, p2 = nav[PX], nav[PY], nav[PZ]
+    above += height_ecef(
+        o[0] + C[0, 0] * p0 + C[0, 1] * p1 + C[0, 2] * p2,
+        o[1] + C[1, 0] * p0 + C[1, 1] * p1 + C[1, 2] * p2,
+        o[2] + C[2, 0] * p0 + C[2, 1] * p1 + C[2, 2] * p2,
+        up,
+    )
+    gain = 1.0 + x[model.barometer + 1]
+    H[:] = 0.0
+    for i in range(3):
+        H[0, i] = gain * (C[0, i] * up[0] + C[1, i] * up[1] + C[2, i] * up[2])
+    H[0, IMU0 + model.barometer] = 1.0
+    H[0, IMU0 + model.barometer + 1] = above
+    nu[0, 0] = z - x[model.barometer] - gain * above
+    nu[1, 0] = nu[2, 0] = 0.0
+
+
+@njit(cache=True)
 def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth, triple):
     """Fill the triple with what an epoch measures of one kind.
 
     Parameters
     ----------
     kind : int
-        POSITION, VELOCITY, VELOCITY_CONSTRAINT or ZARU.
+        POSITION, VELOCITY, VELOCITY_CONSTRAINT, ZARU or BAROMETER.
     e : int
         The epoch.
     epochs : Epochs
@@ -413,7 +453,7 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
         else:
             nhc_rows(nav, triple)
         R[:] = epochs.constraint_cov[e]
-    else:
+    elif kind == ZARU:
         if epochs.zaru_variance[e] == 0.0:
             return False
         body_rate(nav, x, epochs.time[e], epochs.zaru_rate[e], model, earth, triple)
@@ -421,4 +461,11 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
         R[:] = 0.0
         for i in range(3):
             R[i, i] = epochs.zaru_variance[e]
+    else:
+        if epochs.barometer_variance[e] == 0.0:
+            return False
+        barometer_rows(nav, x, model, earth, epochs.barometer_height[e], triple)
+        R[:] = 0.0
+        R[0, 0] = epochs.barometer_variance[e]
+        R[1, 1] = R[2, 2] = 1.0
     return True

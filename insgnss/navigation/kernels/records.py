@@ -52,7 +52,7 @@ class StateModel(NamedTuple):
     channel : ndarray
         (ns,) 0..2 gyro x y z, 3..5 accelerometer x y z.
     factor : ndarray
-        (ns,) BIAS, DRIFT, FIX_ERROR or the channel whose measured value it is.
+        (ns,) BIAS, DRIFT, AIDING_ERROR or the channel whose measured value it is.
     beta : ndarray
         (ns,) 1/s, inverse correlation time, 0 for none.
     drive : ndarray
@@ -72,6 +72,8 @@ class StateModel(NamedTuple):
         of those of UNFIXED_GROUP besides, or ABSENT.
     white_scale : ndarray
         (2, 3) sigma of the white error of each group in the standard deviations of its fixes.
+    barometer : int
+        The state of the barometer's bias, with that of its scale factor behind it, or ABSENT.
     """
 
     channel: np.ndarray
@@ -85,6 +87,7 @@ class StateModel(NamedTuple):
     rate: int
     gm: np.ndarray
     white_scale: np.ndarray
+    barometer: int
 
 
 class BlockIntegrals(NamedTuple):
@@ -190,6 +193,10 @@ class Epochs(NamedTuple):
         (m, 3) rad/s, mean gyro rate of a stationary period that ends here.
     zaru_variance : ndarray
         (m,) its variance in each axis, 0 where there is none.
+    barometer_height : ndarray
+        (m,) m, of a barometer above the origin of l.
+    barometer_variance : ndarray
+        (m,) m^2, 0 where there is none.
     """
 
     stop: np.ndarray
@@ -209,6 +216,8 @@ class Epochs(NamedTuple):
     constraint_cov: np.ndarray
     zaru_rate: np.ndarray
     zaru_variance: np.ndarray
+    barometer_height: np.ndarray
+    barometer_variance: np.ndarray
 
 
 class FilterOptions(NamedTuple):
@@ -297,11 +306,11 @@ class FilterHistory(NamedTuple):
     innovation_sigma : ndarray
         (m, nz) their standard deviations.
     nis : ndarray
-        (m, 4) normalised innovation squared of each kind, NaN where there was none.
+        (m, 5) normalised innovation squared of each kind, NaN where there was none.
     verdict : ndarray
-        (m, 4) of each kind: NOT_MEASURED, USED, REJECTED or COVARIANCE_RESET.
+        (m, 5) of each kind: NOT_MEASURED, USED, REJECTED or COVARIANCE_RESET.
     slot : ndarray
-        (4,) first row of each kind in the arrays of nz rows, or ABSENT.
+        (5,) first row of each kind in the arrays of nz rows, or ABSENT.
     used : ndarray
         (nz,) number of leading columns of H that may differ from zero.
     cross : ndarray

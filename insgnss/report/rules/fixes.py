@@ -93,6 +93,15 @@ def covariance_resets(f: Figures) -> Iterator[Limit]:
         )
 
 
+def barometer(f: Figures) -> Iterator[Limit]:
+    """Yield heights of a barometer that do not agree with their sigmas."""
+    c = f["consistency"].get("barometer")
+    if c is not None and judged(c) == "overconfident":
+        text = f"heights of the barometer: innovations are {c['size']:.2f} times their sigmas"
+        help_ = "raise barometer.sigma_m, or barometer.bias_walk where they wander"
+        yield Limit("barometer", REMARK, text, help_)
+
+
 def nis(f: Figures) -> Iterator[Limit]:
     """Yield innovations that do not agree with their sigmas (NIS)."""
     for quantity in ("position", "velocity"):

@@ -30,6 +30,7 @@ ON_FIXES: tuple[Rule, ...] = (
     rules_fixes.whiteness,
     rules_fixes.separation,
     rules_fixes.time_correlated,
+    rules_fixes.barometer,
 )
 ON_THE_REST: tuple[Rule, ...] = (
     rules_accuracy.standing,
