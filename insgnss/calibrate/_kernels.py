@@ -168,6 +168,7 @@ def linearise_segment(intervals, ep, imu, white, drive, earth, lever, nav, x, ou
                     imu.rate,
                     imu.gm,
                     imu.white_scale,
+                    imu.barometer,
                 )
                 linearise(
                     intervals,
