@@ -459,7 +459,6 @@ class _Reading:
                 self.path, None, "holds no epoch; check that the recording was copied whole"
             )
         stamps = _gpst(
-            self.path,
             self.header,
             self.notes,
             ticks,
@@ -536,7 +535,6 @@ class _Reading:
 
 
 def _gpst(
-    path: Source,
     header: RinexHeader,
     notes: list[Check],
     ticks: NDArray[np.int64],
