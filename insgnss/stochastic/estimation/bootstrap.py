@@ -45,13 +45,11 @@ _FIRST = 4  # level, counted in blocks, from which the block means serve
 class Bootstrap:
     """Re-fits of drawn wavelet variances.
 
-    variances : (B, J_i) of each curve, X^2.
     parameters : (B, p), SI, in the order of the composition.
     objective : (B,).
     """
 
     fit: Fit
-    variances: tuple[Array, ...]
     parameters: Array
     objective: Array
 
@@ -222,7 +220,6 @@ def bootstrap(fitted: Fit, draws: int = 100, *, seed: int = 0) -> Bootstrap:
     fits = [refit(fitted, curves) for curves in redrawn(fitted, variances)]
     return Bootstrap(
         fitted,
-        variances,
         np.array([f.parameters for f in fits]),
         np.array([f.objective for f in fits]),
     )
