@@ -54,8 +54,6 @@ class CoarseAttitude:
         Velocity in l at the first epoch, m/s.
     cov : ndarray, (3, 3)
         Covariance of the attitude error psi, rad^2.
-    misfit : float
-        Typical residual over its sigma.
     """
 
     first: int
@@ -63,7 +61,6 @@ class CoarseAttitude:
     C_lb: Array
     velocity: Array
     cov: Array
-    misfit: float
 
     @property
     def heading_sigma(self) -> float:
@@ -165,7 +162,7 @@ def solve_window(problem: EstimationProblem, epochs: np.ndarray) -> CoarseAttitu
     design, z, a = np.vstack(rows), np.vstack(left), np.vstack(right)
     C, v0, seen, misfit = _robust_wahba(design, z, a)
     cov = _attitude_cov(problem, seen, misfit, tau[-1], weight)
-    return CoarseAttitude(int(epochs[0]), int(epochs[-1]), C, v0, cov, misfit)
+    return CoarseAttitude(int(epochs[0]), int(epochs[-1]), C, v0, cov)
 
 
 def _robust_wahba(design: Array, z: Array, a: Array) -> tuple[Array, Array, Array, float]:

@@ -38,8 +38,6 @@ class StandingAttitude:
         Attitude, body into the local frame l.
     tilt_sigma, heading_sigma : float
         Standard deviations (A.3), rad.
-    rate : ndarray, (3,)
-        Mean angular rate in body axes, rad/s.
     """
 
     first: int
@@ -47,7 +45,6 @@ class StandingAttitude:
     C_lb: Array
     tilt_sigma: float
     heading_sigma: float
-    rate: Array
 
     @property
     def knows_heading(self) -> bool:
@@ -133,4 +130,4 @@ def standing_attitude(problem: EstimationProblem) -> StandingAttitude | None:
     unknown = np.sqrt(np.abs(layout.channel_sum()) @ layout.sigma0**2 + layout.white / length)
     g = float(np.linalg.norm(force))
     heading = float(unknown[:3].max() / (EARTH_RATE * np.cos(lat)))
-    return StandingAttitude(first, last, C_ln @ C_nb, float(unknown[3:].max() / g), heading, rate)
+    return StandingAttitude(first, last, C_ln @ C_nb, float(unknown[3:].max() / g), heading)

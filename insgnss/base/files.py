@@ -1,12 +1,23 @@
-"""Files appear whole or not at all; and what JSON takes."""
+"""The beginning of a file; files that appear whole or not at all; and what JSON takes."""
 
 import math
 import os
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from .errors import UsageError
+from .errors import InputError, UsageError
+
+
+def first_bytes(path: str | os.PathLike[str], count: int, advice: str = "check the path") -> bytes:
+    """Return the first bytes of a file. Raises InputError where it cannot be read."""
+    try:
+        with Path(path).open("rb") as stream:
+            return stream.read(count)
+    except OSError as error:
+        message = f"cannot be read: {error.strerror or error}; {advice}"
+        raise InputError.at_line(path, None, message) from None
 
 
 def atomic_write(
@@ -26,7 +37,8 @@ def atomic_write(
     except OSError as error:
         raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # a path below a file has no temporary one, nor a directory
+            temporary.unlink()
 
 
 def json_ready(value: Any) -> Any:

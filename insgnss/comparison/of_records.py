@@ -8,7 +8,7 @@ from ..records import Array, ExteriorOrientation, Trajectory
 from .poses import CoordinateFrame, Poses
 
 
-def poses_of(record: ExteriorOrientation | Trajectory, source: str = "", form: str = "") -> Poses:
+def poses_of(record: ExteriorOrientation | Trajectory, source: str = "") -> Poses:
     """Return the poses of a record.
 
     Parameters
@@ -23,11 +23,11 @@ def poses_of(record: ExteriorOrientation | Trajectory, source: str = "", form: s
     """
     source = source or repr(record)
     if isinstance(record, ExteriorOrientation):
-        return _of_orientation(record, source, form or "eo_json")
+        return _of_orientation(record, source)
     cov = record.cov
     return Poses(
         source,
-        form or "trajectory",
+        "trajectory",
         "IMU",
         record.lat,
         record.lon,
@@ -37,18 +37,18 @@ def poses_of(record: ExteriorOrientation | Trajectory, source: str = "", form: s
         C_Ex=NED_ENU @ record.C_nb,
         x="body",
         velocity=record.velocity_ned @ NED_ENU,
-        cov_position=_given(_turned(NED_ENU, cov[:, :3, :3])),
-        cov_attitude=_given(_turned(NED_ENU, cov[:, 6:, 6:])),
+        cov_position=_turned(NED_ENU, cov[:, :3, :3]),
+        cov_attitude=_turned(NED_ENU, cov[:, 6:, 6:]),
     )
 
 
-def _of_orientation(eo: ExteriorOrientation, source: str, form: str) -> Poses:
+def _of_orientation(eo: ExteriorOrientation, source: str) -> Poses:
     plane = TangentPlane(*eo.origin)
     lat, lon, h, C_fE = CoordinateFrame("tangent plane", plane).resolved(eo.position_m, source)
     C_Ef = np.swapaxes(C_fE, 1, 2)
     return Poses(
         source,
-        form,
+        "eo_json",
         "projection centre",
         lat,
         lon,
@@ -58,19 +58,15 @@ def _of_orientation(eo: ExteriorOrientation, source: str, form: str) -> Poses:
         gps_week=eo.gps_week,
         C_Ex=C_Ef @ eo.C_mc,
         camera_from_body=eo.camera_from_body @ eo.boresight,
-        cov_position=_given(_turned(C_Ef, eo.cov[:, :3, :3])),
-        cov_attitude=_given(_turned(C_Ef, eo.cov[:, 3:, 3:])),
+        cov_position=_turned(C_Ef, eo.cov[:, :3, :3]),
+        cov_attitude=_turned(C_Ef, eo.cov[:, 3:, 3:]),
         C_fE=C_fE,
         local=eo.position_m,
         plane=plane,
     )
 
 
-def _turned(C: Array, P: Array) -> Array:
-    """C P C^T."""
-    return np.asarray(C @ P @ np.swapaxes(C, -1, -2))
-
-
-def _given(P: Array) -> Array | None:
-    """Covariances, None where they are zero."""
+def _turned(C: Array, P: Array) -> Array | None:
+    """C P C^T, None where the variances are zero."""
+    P = C @ P @ np.swapaxes(C, -1, -2)
     return P if (np.diagonal(P, axis1=1, axis2=2) > 0.0).all() else None

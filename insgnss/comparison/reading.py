@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError, UsageError
+from ..base.files import first_bytes
 from ..geodesy.projection import MapProjection
 from ..geodesy.rotation import (
     CV_RUB,
@@ -99,14 +100,7 @@ def read_poses(
 
 def sniff_poses(path: str | Path) -> str:
     """Name of a file's format, a key of `FORMS`; fixes of GNSS where it shows nothing else."""
-    try:
-        with Path(path).open("rb") as stream:
-            head = stream.read(HEAD)
-    except OSError as error:
-        raise InputError.at_line(
-            path, None, f"cannot be read: {error.strerror or error}; check the path"
-        ) from None
-    text = head.decode("latin-1").lower()
+    text = first_bytes(path, HEAD).decode("latin-1").lower()
     if text.lstrip().startswith("{") and "exterior orientation" in text:
         return "eo_json"
     name = Path(path).name.lower()

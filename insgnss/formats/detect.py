@@ -4,7 +4,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import InputError
+from ..base.files import first_bytes
 
 LOADERS = {"matlab": "load_matlab", "npy": "load_numpy"}  # of named arrays, read by a column map
 _BY_ENDING = {
@@ -40,15 +40,7 @@ def by_bytes(path: str | Path, head: bytes) -> str:
 
 def head_of(path: str | Path) -> bytes:
     """Return the first bytes of a file. Raises InputError where it cannot be read."""
-    try:
-        with Path(path).open("rb") as stream:
-            return stream.read(1 << 14)
-    except OSError as error:
-        raise InputError.at_line(
-            path,
-            None,
-            f"cannot be read: {error.strerror or error}; check the path in the flight file",
-        ) from None
+    return first_bytes(path, 1 << 14, "check the path in the flight file")
 
 
 def load_content(form: str, path: str | Path) -> Any:

@@ -5,7 +5,6 @@ which is written last, so that it never names a file that does not exist.
 """
 
 import os
-import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,9 +13,9 @@ from typing import Any
 from ..base.errors import UsageError
 from ..base.files import atomic_write
 from ..stochastic.model import NoiseModel, write_noise_model
+from ..stochastic.noise_file import comment_lines
 
 NOISE_FILE, PICTURE_FILE = "imu_noise.toml", "recognition.png"
-WIDTH = 118
 WRAPPED = 100  # a list longer than this takes a line an item
 
 
@@ -54,7 +53,7 @@ class Draft:
         """
         lines: list[str] = []
         for remark in self.remarks:
-            lines += _comment(remark)
+            lines += comment_lines(remark)
         for table, entries in self.tables.items():
             lines += [""] if lines else []
             lines += [f"[{table}]"] if table else []
@@ -107,23 +106,12 @@ def write_draft(draft: Draft, path: Path, force: bool = False) -> list[Path]:
 
 
 def _entry_lines(entry: Entry, folder: Path) -> Iterator[str]:
-    yield from _comment(entry.why)
+    yield from comment_lines(entry.why)
     value = entry.value
     if isinstance(value, Path):
         value = _relative(value, folder)
     text = f"{entry.key} = {toml(value)}"
     yield text if entry.sure else f"# {text}"
-
-
-def _comment(text: str) -> list[str]:
-    return textwrap.wrap(
-        text,
-        WIDTH,
-        initial_indent="# ",
-        subsequent_indent="#   ",
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
 
 
 def _relative(path: Path, folder: Path) -> str:

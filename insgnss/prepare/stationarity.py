@@ -101,10 +101,6 @@ class StationaryPeriods:
         k = np.searchsorted(self.time[:, 0], time, side="right") - 1
         return np.where((k >= 0) & (np.asarray(time) <= self.time[np.maximum(k, 0), 1]), k, -1)
 
-    def within(self, begin: float, end: float) -> "StationaryPeriods":
-        """Return the periods that lie wholly between two instants, s."""
-        return self.where((self.time[:, 0] >= begin) & (self.time[:, 1] <= end))
-
     def where(self, which: NDArray[np.bool_]) -> "StationaryPeriods":
         """Return the periods for which `which` (k,) is true."""
         return StationaryPeriods(

@@ -13,14 +13,13 @@ plus turbulence in all three angles. On the ground the aircraft is stationary.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UsageError
 from ..geodesy.frames import LocalFrame
-from .layout import BLOCK, CORRIDOR, FlightPlan, lay_out
+from .layout import FlightPlan, lay_out
 from .motion import Motion
 from .path import Path
 
@@ -69,26 +68,6 @@ class Flight:
     spacing_m: Array
     wind_l: Array
     gps_week: int = GPS_WEEK
-
-
-def block_flight(minutes: float | None = None, *, seed: int = 0, **changes: Any) -> Flight:
-    """Flight in the shape of ign8: two levels of perpendicular lines over a block.
-
-    Parameters
-    ----------
-    changes : fields of `FlightPlan`.
-    """
-    return fly(BLOCK.changed(minutes=minutes, **changes), seed)
-
-
-def corridor_flight(minutes: float | None = None, *, seed: int = 0, **changes: Any) -> Flight:
-    """Flight in the shape of ign6x1: two levels of two lines along a corridor.
-
-    Parameters
-    ----------
-    changes : fields of `FlightPlan`.
-    """
-    return fly(CORRIDOR.changed(minutes=minutes, **changes), seed)
 
 
 def fly(

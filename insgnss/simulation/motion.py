@@ -132,10 +132,6 @@ class Motion:
         """Return the velocity (n, 3) m/s in l, with respect to the Earth."""
         return self.position(time, 1)
 
-    def acceleration(self, time: ArrayLike) -> Array:
-        """Return the acceleration (n, 3) m/s^2 in l, with respect to the Earth."""
-        return self.position(time, 2)
-
     def angles(self, time: ArrayLike, derivative: int = 0) -> Array:
         """Return roll, pitch, unwrapped yaw (n, 3) of C_lb, rad, or their derivative by time."""
         return self._channels(time, derivative, slice(3, 6))

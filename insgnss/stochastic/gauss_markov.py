@@ -1,5 +1,5 @@
-r"""Variances of a sampled first-order Gauss-Markov process, free of cancellation for every
-correlation time.
+r"""Haar wavelet variance of a sampled first-order Gauss-Markov process, free of cancellation for
+every correlation time.
 
 The process has the autocovariance sigma^2 exp(-|tau|/T). With u = 1/(rate T) per sample, v = u/2,
 and S the cumulated samples, S has the generalised covariance (minus half the variance of S(t+h) -
@@ -10,33 +10,25 @@ S(t), up to a constant)
     means of the process over the intervals ("mean"):             P = 1/u^2,           c = 1/v
 
 since minus its second difference (by integration in the second case) is the autocovariance. A
-variance of the Allan family is a high even difference of K at spacing m, over a power of m, as (1,
--2, 1) is convolved with itself. With x = u m, a = 1 - exp(-x) and B = 2 c - 4 u P (which is (sinh u
-- u)/sinh^2 v, and 0 for means) the differences are sums of terms that are not negative:
+wavelet variance is the fourth difference of K at spacing m over 4 m^2, for (1, -2, 1) convolved
+with itself. With x = u m, a = 1 - exp(-x) and B = 2 c - 4 u P (which is (sinh u - u)/sinh^2 v, and
+0 for means) the difference is a sum of terms that are not negative:
 
     Haar (level j, m = 2^(j-1)), half the Allan variance:   sigma^2 (4 P f + m B) / (4 m^2)    (G.2)
-    Hadamard:                                               sigma^2 (2 P f3 + 3 m B) / (6 m^2) (G.3)
-    f  = x - a - a^2/2,   f' = a^2;         f3 = 6 f - a^3,   f3' = 3 a^2 (1 + a)              (G.4)
+    f = x - a - a^2/2,   f' = a^2                                                              (G.3)
 
 f is the tail of the series of x = -log(1 - a) and behaves as x^3/3: it is summed as a power series
 in x where the difference would cancel. The textbook form of (G.2) subtracts numbers of size 1/u^3
 there. The derivative is free of the trouble too:
 
     d(G.2)/d log T = sigma^2 (P/m^2) (2 (1 + L) f - x a^2 - 2 x L),    L = v coth v - 1;
-    means:           sigma^2 (2 f/x^2 - a^2/x)                                                 (G.5)
+    means:           sigma^2 (2 f/x^2 - a^2/x)                                                 (G.4)
 
 L comes from Lambert's continued fraction v^2/(3 + k), k = v^2/(5 + v^2/(7 + ...)); then P = ((1 +
-L)^2 - v^2)/u^2 and B = (2/v)(v^2 - L (1 + L)). The modified Allan variance needs K summed twice
-more; with r5 = x^3 - f3, y = 1 - v^2/sinh^2 v and z = (3/2)(v coth v - v^2/sinh^2 v)/v^2 - 1 it is
-sigma^2/(2 m^4) times
-
-    point:  m^3 (L + 2 y - y^2)/v + m (L + y - (1 - y) z)/v + 2 P^2 r5;
-    means:  m^3 y/v - m z/v + 2 P r5/u^2                                                       (G.6)
-
-with the P of point in both. T in samples is 1/u, and the functions give sigma = 1. For T from 0.1
-to 1e9 samples all of them keep 14 digits. The AR(1) case is Zhang's (2008), "Allan variance of time
-series models for measurement data", Metrologia 45, 549, written so that it does not cancel, and the
-case of means that of IEEE Std 952 annex C.
+L)^2 - v^2)/u^2 and B = (2/v)(v^2 - L (1 + L)). T in samples is 1/u, and the functions give sigma =
+1. For T from 0.1 to 1e9 samples they keep 14 digits. The AR(1) case is Zhang's (2008), "Allan
+variance of time series models for measurement data", Metrologia 45, 549, written so that it does
+not cancel, and the case of means that of IEEE Std 952 annex C.
 """
 
 import math
@@ -51,18 +43,12 @@ Array = NDArray[np.float64]
 
 SAMPLINGS = ("point", "mean")
 
-# power series of f (G.4) and of r5 (G.6) in x, from the lowest power, which is 3 and 5
+# power series of f (G.3) in x, from the lowest power, which is 3
 _F_SERIES = np.array(
     [(-1) ** (k - 1) * (2 ** (k - 1) - 2) / math.factorial(k) for k in range(3, 27)]
 )
-_R5_SERIES = np.array(
-    [
-        3 * (-1) ** (k - 1) * (5 - 4 * 2 ** (k - 1) + 3 ** (k - 1)) / math.factorial(k)
-        for k in range(5, 36)
-    ]
-)
-# of x; below, the series are exact to rounding, and above, the differences to some ten roundings
-_F_BELOW, _R5_BELOW = 0.75, 1.0
+# of x; below, the series is exact to rounding, and above, the difference to some ten roundings
+_F_BELOW = 0.75
 
 
 @njit(cache=True)
@@ -74,22 +60,22 @@ def _polynomial(coefficients: Array, x: float) -> float:
 
 
 @njit(cache=True)
-def _lambert(v: float) -> tuple[float, float]:
-    """L of (G.5) for v < 1, and k of its continued fraction."""
+def _lambert(v: float) -> float:
+    """L of (G.4) for v < 1."""
     v2, k = v * v, 0.0
     for odd in range(23, 3, -2):
         k = v2 / (odd + k)
-    return v2 / (3.0 + k), k
+    return v2 / (3.0 + k)
 
 
 @njit(cache=True)
 def _coefficients(u: float, point: bool) -> tuple[float, float, float, float]:
-    """P, B and c of (G.1, G.2), and L of (G.5), which means do not need."""
+    """P, B and c of (G.1, G.2), and L of (G.4), which means do not need."""
     v = 0.5 * u
     if not point:
         return 1.0 / (u * u), 0.0, 1.0 / v, 0.0
     if v < 1.0:
-        L, _ = _lambert(v)
+        L = _lambert(v)
         return (
             ((1.0 + L) ** 2 - v * v) / (u * u),
             2.0 / v * (v * v - L * (1.0 + L)),
@@ -103,14 +89,14 @@ def _coefficients(u: float, point: bool) -> tuple[float, float, float, float]:
 
 @njit(cache=True)
 def _f(x: float) -> tuple[float, float]:
-    """f of (G.4), and a."""
+    """f of (G.3), and a."""
     a = -math.expm1(-x)
     return (x**3 * _polynomial(_F_SERIES, x) if x < _F_BELOW else x - a - 0.5 * a * a), a
 
 
 @njit(cache=True)
 def _haar(u: float, m: float, point: bool) -> tuple[float, float]:
-    """(G.2) and its derivative by log T (G.5)."""
+    """(G.2) and its derivative by log T (G.4)."""
     x = u * m
     f, a = _f(x)
     if not point:
@@ -122,54 +108,9 @@ def _haar(u: float, m: float, point: bool) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def _hadamard(u: float, m: float, point: bool) -> float:
-    """(G.3)."""
-    f, a = _f(u * m)
-    P, B, _, _ = _coefficients(u, point)
-    return (2.0 * P * (6.0 * f - a**3) + 3.0 * m * B) / (6.0 * m * m)
-
-
-@njit(cache=True)
-def _modified(u: float, m: float, point: bool) -> float:
-    """(G.6)."""
-    x, v = u * m, 0.5 * u
-    a = -math.expm1(-x)
-    r5 = (
-        x**5 * _polynomial(_R5_SERIES, x)
-        if x < _R5_BELOW
-        else x**3 - 6.0 * x + 6.0 * a + 3.0 * a * a + a**3
-    )
-    P, _, c, L = _coefficients(u, True)
-    if v < 1.0:
-        _, k = _lambert(v)
-        y, z = v * v - 2.0 * L - L * L, 1.5 * (k / 3.0 - L) / (3.0 + k)
-    else:
-        y, z = 1.0 - u * u * P, 1.5 * (c / v - 4.0 * P) - 1.0
-    if point:
-        total = (
-            m**3 * (L + 2.0 * y - y * y) / v + m * (L + y - (1.0 - y) * z) / v + 2.0 * P * P * r5
-        )
-    else:
-        total = m**3 * y / v - m * z / v + 2.0 * P * r5 / (u * u)
-    return total / (2.0 * m**4)
-
-
-@njit(cache=True)
 def _haar_all(u: Array, m: Array, point: bool, value: Array, slope: Array) -> None:
     for i in range(u.size):
         value[i], slope[i] = _haar(u[i], m[i], point)
-
-
-@njit(cache=True)
-def _hadamard_all(u: Array, m: Array, point: bool, value: Array) -> None:
-    for i in range(u.size):
-        value[i] = _hadamard(u[i], m[i], point)
-
-
-@njit(cache=True)
-def _modified_all(u: Array, m: Array, point: bool, value: Array) -> None:
-    for i in range(u.size):
-        value[i] = _modified(u[i], m[i], point)
 
 
 def is_point(sampling: str) -> bool:
@@ -210,7 +151,7 @@ def gauss_markov_coefficients(
 def gauss_markov_haar(
     T_samples: ArrayLike, level: ArrayLike, sampling: str = "point"
 ) -> tuple[Array, Array]:
-    """Haar wavelet variance (G.2) of unit stationary variance, and its derivative by log T (G.5).
+    """Haar wavelet variance (G.2) of unit stationary variance, and its derivative by log T (G.4).
 
     T_samples : correlation time times sampling rate, any shape.
     level : whole numbers from 1, broadcast against it; m = 2^(level-1).
@@ -219,33 +160,3 @@ def gauss_markov_haar(
     value, slope = np.empty(u.size), np.empty(u.size)
     _haar_all(u, m, is_point(sampling), value, slope)
     return value.reshape(shape), slope.reshape(shape)
-
-
-def gauss_markov_allan(T_samples: ArrayLike, m: ArrayLike, sampling: str = "point") -> Array:
-    """Allan variance of unit stationary variance at averaging factors m >= 1, broadcast against
-    T_samples; twice (G.2).
-    """
-    shape, u, factor = _flat(T_samples, m)
-    value, slope = np.empty(u.size), np.empty(u.size)
-    _haar_all(u, factor, is_point(sampling), value, slope)
-    return 2.0 * value.reshape(shape)
-
-
-def gauss_markov_hadamard(T_samples: ArrayLike, m: ArrayLike, sampling: str = "point") -> Array:
-    """Hadamard variance (G.3) of unit stationary variance at averaging factors m >= 1, broadcast
-    against T_samples.
-    """
-    shape, u, factor = _flat(T_samples, m)
-    value = np.empty(u.size)
-    _hadamard_all(u, factor, is_point(sampling), value)
-    return value.reshape(shape)
-
-
-def gauss_markov_modified(T_samples: ArrayLike, m: ArrayLike, sampling: str = "point") -> Array:
-    """Modified Allan variance (G.6) of unit stationary variance at averaging factors m >= 1,
-    broadcast against T_samples.
-    """
-    shape, u, factor = _flat(T_samples, m)
-    value = np.empty(u.size)
-    _modified_all(u, factor, is_point(sampling), value)
-    return value.reshape(shape)

@@ -20,14 +20,14 @@ for that axis. A model that was estimated says of which recordings, and how well
 known.
 """
 
-import contextlib
 import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import InputError, UsageError
+from ..base.errors import InputError
+from ..base.files import atomic_write
 from .noise_file import model_of_text, text_of_model
 from .noise_model import (
     GAUSS_MARKOV,
@@ -166,16 +166,4 @@ def write_noise_model(
     UsageError
         Where the path cannot be written.
     """
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_text(text_of_model(model, remarks), encoding="utf-8", newline="\n")
-        os.replace(temporary, path)
-    except OSError as error:
-        raise UsageError(
-            f"{path}: cannot be written, {(error.strerror or str(error)).lower()}; give another"
-            " path"
-        ) from None
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
+    atomic_write(path, text_of_model(model, remarks))

@@ -47,7 +47,7 @@ def text_of_model(model: NoiseModel, remarks: Sequence[str] = ()) -> str:
     """Text of a file that `model_of_text` turns back into the same model; the remarks stand above
     as comments.
     """
-    lines = [line for remark in remarks for line in _comment(remark)]
+    lines = [line for remark in remarks for line in comment_lines(remark)]
     lines += [f"name = {_toml_text(model.name)}", f"source = {_toml_text(model.source)}"]
     for recording in model.recordings:
         lines += [
@@ -267,7 +267,8 @@ def _key_lines(text: str) -> Iterator[tuple[str, int]]:
             yield (f"{table}.{key[1]}" if table else key[1]), number
 
 
-def _comment(text: str) -> list[str]:
+def comment_lines(text: str) -> list[str]:
+    """A remark as comment lines of a TOML file."""
     return textwrap.wrap(
         text,
         _WIDTH,

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.errors import DataError, InputError, UsageError
+from ..base.files import first_bytes
 from ..formats.imu.variances import read_variances
 from ..prepare.static_recording import Disturbance, StaticSpan, static_span
 from ..processing.input_files import sha256
@@ -113,13 +114,7 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
 
 def holds_variances(path: Path) -> bool:
     """Tell whether a file holds variances, JSON or a table over scales, instead of samples."""
-    try:
-        with path.open("rb") as stream:
-            head = stream.read(HEAD)
-    except OSError as error:
-        raise InputError.at_line(
-            path, None, f"cannot be read: {error.strerror or error}; check the path"
-        ) from None
+    head = first_bytes(path, HEAD)
     start = head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
     return start in (b"{", b"[") or (
         start != b"\x93"

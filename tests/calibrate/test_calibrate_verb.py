@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from turned import ACCEL, FACES, GRAVITY, GYRO, positions, recorded, turned_by_hand
+from written import write_imu_csv
 
 from insgnss.cli import main
-from insgnss.formats.imu.imu_csv import write_imu_csv
 from insgnss.prepare.calibration import load_calibration
 from insgnss.records import ImuSamples
 

@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose
 
 from insgnss.base.errors import InputError
 from insgnss.formats import read_events, read_gnss, read_imu
-from insgnss.formats.gnss.gnss_text import read_image_positions
 from insgnss.formats.text.headers import kinds_like, unit_in
 
 G, DEG = 9.80665, np.pi / 180.0
@@ -388,8 +387,8 @@ def test_a_name_as_it_is_goes_before_one_with_a_unit_behind_it(tmp_path: Path) -
         read_gnss(path, sigma_m=[1, 1, 1])
 
 
-def test_units_of_events_and_of_image_positions(tmp_path: Path) -> None:
-    """Oracle: milliseconds and radians written, seconds and radians read."""
+def test_units_of_events(tmp_path: Path) -> None:
+    """Oracle: milliseconds written, seconds read."""
     path = tmp_path / "e.csv"
     path.write_text("image,time_ms\na.jpg,200000500\nb.jpg,200001500\n")
     events = read_events(path)
@@ -399,5 +398,3 @@ def test_units_of_events_and_of_image_positions(tmp_path: Path) -> None:
     assert [(note.name, note.found) for note in given.notes] == [
         ("event units", "the header says ms, and units time = us was taken")
     ]
-    path.write_text("image lat[rad] lon_rad h[cm]\na.jpg 0.8 0.1 50000\n")
-    assert_allclose(read_image_positions(path).position, [[0.8, 0.1, 500.0]], rtol=1e-15)

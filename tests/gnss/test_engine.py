@@ -26,7 +26,7 @@ from insgnss.gnss.options import (
     prediction_sd,
     single_point_file,
 )
-from insgnss.gnss.rinex.header import read_header
+from insgnss.gnss.rinex import header
 from insgnss.gnss.rinex.observations import read_observations
 
 
@@ -129,7 +129,7 @@ def test_rare_epochs_of_the_rover_reach_the_engine_without_dynamics(fake):
 def header_of(directory, text):
     path = directory / "header.18o"
     path.write_text(text)
-    return read_header(path)
+    return header.header_of(path, header.load_rinex(path)[0])[0]
 
 
 def test_only_a_marker_has_the_delta_of_the_header(tmp_path):

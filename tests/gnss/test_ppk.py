@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import written_rinex as w
+from written import image_positions
 
 from insgnss.base.errors import DataError, InputError, UsageError
 from insgnss.base.wording import spoken_as
 from insgnss.cli import ppk as verb
 from insgnss.config.command_line import names_of
 from insgnss.exposures.naming import ImageMatch
-from insgnss.formats.gnss.gnss_text import read_gnss_text, read_image_positions
+from insgnss.formats.gnss.gnss_text import read_gnss_text
 from insgnss.geodesy.frames import (
     LocalFrame,
     TangentPlane,
@@ -769,17 +770,12 @@ def test_the_three_antenna_files_agree(tmp_path):
     origin = np.array([np.radians(46.57), np.radians(6.54), 0.0])
     files, missing = write_antenna_files(fixes, events, tmp_path, origin)
     assert [path.name for path in files] == [ALL, IMAGES, PLANE]
-    geodetic, plane = (
-        read_image_positions(tmp_path / IMAGES),
-        read_image_positions(tmp_path / PLANE),
+    (images, geodetic), (plane_images, plane) = (
+        image_positions(tmp_path / IMAGES),
+        image_positions(tmp_path / PLANE),
     )
-    assert geodetic.images == plane.images == ("8001.tif", "8003.tif")
-    assert (
-        np.abs(
-            TangentPlane(*origin).position_from_geodetic(*geodetic.position.T) - plane.position
-        ).max()
-        < 2e-4
-    )
+    assert images == plane_images == ("8001.tif", "8003.tif")
+    assert np.abs(TangentPlane(*origin).position_from_geodetic(*geodetic.T) - plane).max() < 2e-4
     assert "1 of 3 images" in missing.found
     assert "8002.tif" in missing.found
 

@@ -369,7 +369,6 @@ def intervals(edges, position, sd, epoch=None):
         velocity,
         cov,
         np.full(n, 9),
-        np.ones(n),
         number,
         np.zeros(n),
         {},

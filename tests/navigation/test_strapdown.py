@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from flown import error_of, moved
 from numpy.testing import assert_allclose
+from surveys import block_flight
 
 from insgnss.geodesy.earth import EARTH_RATE, A, B, normal_gravity
 from insgnss.geodesy.frames import LocalFrame
@@ -22,7 +23,6 @@ from insgnss.geodesy.rotation import (
 from insgnss.navigation.strapdown import free_inertial
 from insgnss.prepare.increments import body_increments
 from insgnss.records import Increments
-from insgnss.simulation.flights import block_flight
 from insgnss.simulation.motion import Motion
 
 NANO_DEG = np.radians(1e-9)

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from surveys import block_flight
 
 from insgnss.base.errors import InputError
 from insgnss.geodesy.rotation import rotation_from_rpy
 from insgnss.prepare.axes import parse_axes
 from insgnss.prepare.several_imus.combine import combine
 from insgnss.records import ImuSamples
-from insgnss.simulation.flights import block_flight
 from insgnss.simulation.sensors import ImuOptions, simulate_imu
 
 GYRO_Q, ACCEL_Q = 5.2e-5, 5.1e-4  # rad/s/sqrt(Hz), m/s^2/sqrt(Hz), NavChip

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from surveys import block_flight
 
 from insgnss.base.errors import DataError
 from insgnss.geodesy.rotation import rotation_from_vector, vector_from_rotation
@@ -14,7 +15,6 @@ from insgnss.prepare.axes import parse_axes
 from insgnss.prepare.gaps import find_gaps, nominal_interval
 from insgnss.prepare.increments import body_increments, merge_marks
 from insgnss.records import ImuSamples, Increments
-from insgnss.simulation.flights import block_flight
 from insgnss.simulation.motion import Motion
 
 RATE_HZ = 200.0

@@ -14,11 +14,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from written import image_positions
 
 from insgnss.base.errors import InputError
 from insgnss.flight import load_flight
 from insgnss.formats import read_gnss
-from insgnss.formats.gnss.gnss_text import read_image_positions
 from insgnss.geodesy.frames import TangentPlane
 from insgnss.gnss import from_flight_file as flown
 from insgnss.gnss.ppk import PpkResult
@@ -117,16 +117,15 @@ def test_the_solution_stands_where_the_published_tree_has_it(flight):
         fixes = read_gnss(place / name, gps_week=2008)
         assert np.allclose(fixes.time, truth.time, rtol=0, atol=1e-6)
         assert np.allclose(fixes.height, truth.height, rtol=0, atol=1e-4)
-    geodetic, plane = (
-        read_image_positions(place / f"AntennaPos_Img_WGS84{end}.txt")
-        for end in ("", "_tangentplane")
+    (images, geodetic), (plane_images, plane) = (
+        image_positions(place / f"AntennaPos_Img_WGS84{end}.txt") for end in ("", "_tangentplane")
     )
-    assert geodetic.images == plane.images == result.eo.images
-    expected = TangentPlane(*result.eo.origin).position_from_geodetic(*geodetic.position.T)
-    assert np.abs(expected - plane.position).max() < 2e-4
+    assert images == plane_images == result.eo.images
+    expected = TangentPlane(*result.eo.origin).position_from_geodetic(*geodetic.T)
+    assert np.abs(expected - plane).max() < 2e-4
     assert (
         np.abs(
-            np.linalg.norm(plane.position - result.eo.position_m, axis=1)
+            np.linalg.norm(plane - result.eo.position_m, axis=1)
             - np.linalg.norm(flight.mounting.antenna_m)
         ).max()
         < 0.2
@@ -245,7 +244,7 @@ def test_positions_at_exposures_are_on_the_clock_of_the_fixes(flight, tmp_path):
     moved = replace(flight, gnss=replace(flight.gnss, time_offset_s=0.5))
     recorded = SimpleNamespace(events=CameraEvents(("a",), fixes.time[[100]] + 0.5, 2008))
     assert products._write_solution(moved, recorded, solved, None, tmp_path) == []
-    (place,) = read_image_positions(tmp_path / "AntennaPos_Img_WGS84.txt").position
+    (place,) = image_positions(tmp_path / "AntennaPos_Img_WGS84.txt")[1]
     assert np.allclose(
         place,
         [fixes.lat[100], fixes.lon[100], fixes.height[100]],

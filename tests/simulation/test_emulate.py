@@ -12,6 +12,7 @@ from flown import error_of
 from numpy.testing import assert_allclose
 from oracles import oracle
 from scipy.stats import chi2
+from surveys import block_flight
 
 from insgnss.base.errors import InputError, UsageError
 from insgnss.flight import load_flight
@@ -25,7 +26,6 @@ from insgnss.prepare.increments import body_increments
 from insgnss.processing.pipeline import process
 from insgnss.simulation.dataset import write_simulated
 from insgnss.simulation.emulate import Emulation, add_recorded_noise, emulate_motion
-from insgnss.simulation.flights import block_flight
 from insgnss.simulation.scenario import observe
 from insgnss.simulation.sensors import ImuOptions
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, NoiseModel

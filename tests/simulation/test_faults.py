@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import periodogram
+from surveys import block_flight
 
 from insgnss.base.errors import UsageError
 from insgnss.simulation.dataset import write_dataset
 from insgnss.simulation.description import FIXES
 from insgnss.simulation.faults import CHANNELS, ImuFaults, RowFaults, Stuck, Vibration
-from insgnss.simulation.flights import block_flight
 from insgnss.simulation.scenario import simulate_flight
 from insgnss.simulation.sensors import ImuOptions, SecondImu
 

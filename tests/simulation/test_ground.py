@@ -68,7 +68,7 @@ def test_the_dynamics_are_those_of_a_car(car):
     turns to both sides.
     """
     time, v_b, _ = state(car)
-    acceleration = np.einsum("nji,nj->ni", car.motion.C_lb(time), car.motion.acceleration(time))
+    acceleration = np.einsum("nji,nj->ni", car.motion.C_lb(time), car.motion.position(time, 2))
     assert np.abs(acceleration[:, 0]).max() < 1.6
     assert 1.0 < np.abs(acceleration[:, 1]).max() < 2.7
     yaw_rate = car.motion.omega_lb_b(time)[:, 2]
@@ -88,7 +88,7 @@ def test_a_walk_sways_and_steps():
     assert 1.0 < np.median(speed[speed > 0.3]) < 1.8
     moving = speed > 1.0
     assert 0.05 < np.abs(np.arctan2(v_b[moving, 1], v_b[moving, 0])).mean() < 0.5
-    height = flight.motion.acceleration(time)[:, 2]
+    height = flight.motion.position(time, 2)[:, 2]
     power = np.abs(np.fft.rfft(height * np.hanning(height.size))) ** 2
     assert np.fft.rfftfreq(height.size, 0.02)[np.argmax(power)] == pytest.approx(1.8, abs=0.15)
     assert (speed[time < flight.motion.start + 12.0] < 1e-9).all()

@@ -13,6 +13,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
 from scipy.stats import chi2, poisson
+from surveys import block_flight
 
 from insgnss.base.errors import UsageError
 from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_en
@@ -20,7 +21,6 @@ from insgnss.gnss.options import EngineOptions
 from insgnss.gnss.phase.troposphere import Atmosphere
 from insgnss.gnss.ppk import PpkInput, solve_ppk
 from insgnss.records import CameraEvents
-from insgnss.simulation.flights import block_flight
 from insgnss.simulation.raw_gnss.atmosphere import RADIUS_M, Ionosphere, Troposphere, Weather
 from insgnss.simulation.raw_gnss.errors import (
     LARGEST_RESTART,

@@ -8,9 +8,9 @@ import pyproj
 import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import chi2
+from surveys import block_flight
 
 from insgnss.base.errors import UsageError
-from insgnss.simulation.flights import block_flight
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.simulation.scenario import SimulatedFlight, simulate_flight, true_eo
 from insgnss.simulation.sensors import ImuOptions, Rig, antenna_states, axes_matrix, simulate_imu

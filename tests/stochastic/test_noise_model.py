@@ -135,8 +135,12 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
     target.mkdir()
     with pytest.raises(UsageError, match="cannot be written"):
         write_noise_model(model, target)
-    with pytest.raises(UsageError, match="cannot be written"):
+    with pytest.raises(UsageError, match="the directory does not exist"):
         write_noise_model(model, tmp_path / "nowhere" / "noise.toml")
+    (tmp_path / "file").touch()
+    with pytest.raises(UsageError, match="cannot be written"):
+        write_noise_model(model, tmp_path / "file" / "noise.toml")
+    (tmp_path / "file").unlink()
     assert [p.name for p in tmp_path.iterdir()] == ["noise.toml"]
 
 

@@ -8,8 +8,7 @@ the quality of the fix, each value with or without its name:
         170.415,Ellh  1.492559, 1.368525, 3.180128  16,Q
 
 The line is read as its numbers and names, whatever separates them. What the drone computed at the
-exposure is kept beside the events (`MrkFile`) and used by nothing here: positions come from
-`gnss.file`.
+exposure must be numbers and is used by nothing here: positions come from `gnss.file`.
 """
 
 import re
@@ -36,7 +35,7 @@ LEAST = 2  # number and time of week
 
 @dataclass(frozen=True, eq=False)
 class MrkFile:
-    """What the lines hold; NaN (quality -1) where a value is not given.
+    """What the lines hold of the exposures' times.
 
     Attributes
     ----------
@@ -48,14 +47,6 @@ class MrkFile:
         (n,) number and GPS week (-1 without a week).
     tow : ndarray
         (n,) time of week, s.
-    offset_ned : ndarray
-        (n, 3) m, north, east, down, of the camera from the antenna.
-    position : ndarray
-        (n, 3) latitude rad, longitude rad, height m.
-    sigma : ndarray
-        (n, 3) m.
-    quality : ndarray
-        (n,) quality of the fix.
     """
 
     path: str
@@ -63,10 +54,6 @@ class MrkFile:
     number: NDArray[np.int64]
     tow: Array
     week: NDArray[np.int64]
-    offset_ned: Array
-    position: Array
-    sigma: Array
-    quality: NDArray[np.int64]
 
     def error_at(self, row: int, message: str) -> InputError:
         """The error `message` at the line of `row`."""
@@ -121,29 +108,10 @@ def read_mrk(path: Source) -> MrkFile:
             lines[-1],
             "truncated: the file ends within this line; copy it again or delete the line",
         )
-    col = {
-        name: np.array([row.get(name, np.nan) for row in rows])
-        for name in ("number", "tow", "week", *NAMES, *SIGMAS)
-    }
-    whole = {
-        name: np.where(np.isnan(col[name]), -1, col[name]).astype(np.int64)
-        for name in ("number", "week", "q")
-    }
-    position = np.column_stack([np.radians(col["lat"]), np.radians(col["lon"]), col["ellh"]])
-    offset, sigma = (
-        np.column_stack([col[name] for name in names]) for names in (("n", "e", "v"), SIGMAS)
+    number, tow, week = (
+        np.array([row.get(name, -1.0) for row in rows]) for name in ("number", "tow", "week")
     )
-    return MrkFile(
-        str(path),
-        tuple(lines),
-        whole["number"],
-        col["tow"],
-        whole["week"],
-        1e-3 * offset,
-        position,
-        sigma,
-        whole["q"],
-    )
+    return MrkFile(str(path), tuple(lines), number.astype(np.int64), tow, week.astype(np.int64))
 
 
 def _values(path: Source, line: int, text: str) -> dict[str, float]:

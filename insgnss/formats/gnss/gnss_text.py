@@ -12,14 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...base.errors import InputError
 from ...base.files import atomic_write
 from ...records import Check, GnssFixes
 from ..orientation.exported import check_names
 from ..text.columns import FINE, TIME, Aliases, Columns, columns_of, fields_of, sigma_aliases
 from ..text.headers import Kinds, settled_units
 from ..text.order import open_end
-from ..text.text import Source, format_rows, read_table, read_text_table
+from ..text.text import Source, format_rows, read_table
 from ..text.units import check_units
 from .fixes import SIGMA, VELOCITY, VELOCITY_SIGMA, FixScales, fixes_from_columns
 
@@ -77,18 +76,6 @@ ALIASES: Aliases = {
     "sd_vd": sigma_aliases("vd", "v_d", "vel_d", "vu", "v_u", "vel_u"),
     "speed": ("speed", "spd", "ground_speed", "gndspd", "gnd_speed", "sog", "hspeed"),
     "course": ("course", "cog", "gcrs", "track", "course_over_ground", "ground_course"),
-}
-IMAGE_ALIASES: Aliases = {
-    "image": ("image", "img", "photo", "name", "label", "filename", "file", "event", "id"),
-    **{name: ALIASES[name] for name in ("lat", "lon", "h")},
-    "e": ("e", "east", "easting", "x"),
-    "n": ("n", "north", "northing", "y"),
-    "u": ("u", "up", "z", "height"),
-}
-IMAGE_KINDS: Kinds = {
-    name: ("angle",) if name in ("lat", "lon") else ("length",)
-    for name in IMAGE_ALIASES
-    if name != "image"
 }
 
 
@@ -252,36 +239,3 @@ def write_image_positions(positions: ImagePositions, path: Source) -> None:
             ),
         ],
     )
-
-
-def read_image_positions(path: Source, columns: Columns = None) -> ImagePositions:
-    """Read antenna positions at exposures.
-
-    A header or `columns` must say whether they are lat lon h or e n u; units are as in
-    `read_gnss_text`.
-    """
-    table = read_text_table(path)
-    index = columns_of(table, IMAGE_ALIASES, ("image",), (), columns, IMAGE_KINDS)
-    frame, names = (
-        ("geodetic", ("lat", "lon", "h")) if "lat" in index else ("tangent_plane", ("e", "n", "u"))
-    )
-    if missing := [name for name in names if name not in index]:
-        raise InputError.at_line(
-            table.path,
-            table.layout.header_line,
-            f"no column {' '.join(missing)}; set columns = [...] of {', '.join(IMAGE_ALIASES)}",
-        )
-    groups = {"angle": names[:2], "length": names[2:]} if frame == "geodetic" else {"length": names}
-    fields = {key: fields_of(table.layout, index, of_key) for key, of_key in groups.items()}
-    _, factors, _ = settled_units(
-        str(path),
-        table.layout.header_line,
-        groups,
-        {key: key for key in groups},
-        fields,
-        {},
-        "image",
-    )
-    scales = [factors[key] for key, of_key in groups.items() for _ in of_key]
-    position = np.column_stack([table.floats(index[name]) for name in names]) * scales
-    return ImagePositions(table.strings(index["image"]), position, frame)

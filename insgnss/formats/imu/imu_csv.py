@@ -5,14 +5,13 @@ name (`headers`), else SI; where both give one and they differ, a note says so. 
 column of time has the caller's rate, and its time starts at zero.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError, UsageError
-from ...base.files import atomic_write
 from ...records import Check, ImuSamples, Quantity
 from ..text.columns import (
     FINE,
@@ -28,7 +27,7 @@ from ..text.columns import (
 )
 from ..text.headers import Kinds, kinds_like, settled_units
 from ..text.order import Lines, note, open_end, put_in_order
-from ..text.text import Source, format_rows, read_table
+from ..text.text import Source, read_table
 from ..text.units import check_units, imu_kinds, usual_unit
 
 Array = NDArray[np.float64]
@@ -261,26 +260,3 @@ def _triad(cols: Mapping[str, Array], names: tuple[str, ...], factor: float) -> 
     for k, name in enumerate(names):
         np.multiply(cols[name], factor, out=out[:, k])
     return out
-
-
-def write_imu_csv(imu: ImuSamples, path: Source) -> None:
-    """Write IMU samples in SI: times with 7 decimals, rates with 9, specific forces with 8.
-
-    Half a unit of the last digit is below any sensor's.
-    """
-    units = ("rad", "m/s") if imu.quantity == "increments" else ("rad/s", "m/s^2")
-    gyro, accel = (12, 11) if imu.quantity == "increments" else (9, 8)
-    head = ",".join(
-        [
-            "tow[s]",
-            *(f"{name}[{units[0]}]" for name in GYRO),
-            *(f"{name}[{units[1]}]" for name in ACCEL),
-        ]
-    )
-    form = "%.7f" + f",%.{gyro}f" * 3 + f",%.{accel}f" * 3 + "\n"
-
-    def parts() -> Iterator[str]:
-        yield head + "\n"
-        yield from format_rows(form, np.column_stack([imu.time, imu.gyro, imu.accel]))
-
-    atomic_write(path, parts())

@@ -119,8 +119,6 @@ class AntennaVelocity:
         m^2/s^2.
     used : ndarray of int, shape (n,)
         Number of satellites.
-    consistency : ndarray, shape (n,)
-        Chi-square over redundancy.
     epoch : ndarray of int, shape (n,)
         Index of the interval's end among the epochs of the observations.
     clock_rate : ndarray, shape (n,)
@@ -140,7 +138,6 @@ class AntennaVelocity:
     velocity_ned: Array
     cov_ned: Array
     used: Index
-    consistency: Array
     epoch: Index
     clock_rate: Array
     noise_m: dict[str, float]
@@ -234,7 +231,6 @@ def _solve(
         velocity_ned=np.einsum("nij,ni->nj", C_en, displacement) / length[:, None],
         cov_ned=0.5 * (cov_ned + np.swapaxes(cov_ned, 1, 2)),
         used=sums[good, 0].astype(np.int64),
-        consistency=consistency[good],
         epoch=ends,
         clock_rate=solution[good, 3] / LIGHT / length,
         noise_m={

@@ -96,14 +96,8 @@ class RinexHeader:
         Codes by system, as the file has them; of RINEX 2 for the system "".
     glonass_slots : mapping
         Frequency number by satellite.
-    glonass_bias_m : mapping
-        m by code, subtracted or not as RINEX 3 says.
-    phase_shifts : mapping
-        Cycles by system and code, ("G", "L2W").
     scale : mapping
         Factor by system and code that numbers are to be divided by.
-    clock_offset_applied : bool
-        Whether the receiver's clock offset is applied.
     records : mapping
         Columns 1 to 60 of all records by label.
     lines : int
@@ -123,24 +117,9 @@ class RinexHeader:
     leap_seconds: int | None
     types: Mapping[str, tuple[str, ...]]
     glonass_slots: Mapping[str, int] = field(default_factory=dict)
-    glonass_bias_m: Mapping[str, float] = field(default_factory=dict)
-    phase_shifts: Mapping[tuple[str, str], float] = field(default_factory=dict)
     scale: Mapping[tuple[str, str], float] = field(default_factory=dict)
-    clock_offset_applied: bool = False
     records: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     lines: int = 0
-
-
-def read_header(path: Source) -> RinexHeader:
-    """Read the header of a RINEX observation file, plain or packed.
-
-    Raises
-    ------
-    InputError
-        For another kind of file, or another version than 2 and 3.
-    """
-    buf, _, _ = load_rinex(path)
-    return header_of(path, buf)[0]
 
 
 def load_rinex(path: Source) -> tuple[NDArray[np.uint8], bool, tuple[str, ...]]:
@@ -325,10 +304,7 @@ def _header(path: Source, version: float, system: str, records: Sequence[Record]
         int(leap[0]) if leap is not None else None,
         types,
         _slots(by_label.get("GLONASS SLOT / FRQ #", ())),
-        _biases(by_label.get("GLONASS COD/PHS/BIS", [*by_label.get("GLONASS COD/PHS/BIS#", ())])),
-        _shifts(by_label.get("SYS / PHASE SHIFT", by_label.get("SYS / PHASE SHIFTS", ()))),
         scale_of(by_label.get("SYS / SCALE FACTOR", ()), types),
-        text_of("RCV CLOCK OFFS APPL") == "1",
         {label: tuple(lines) for label, lines in by_label.items()},
         len(records),
     )
@@ -434,19 +410,6 @@ def _code(system: str, name: str, types: Sequence[str]) -> str:
 def _slots(lines: Iterable[str]) -> dict[str, int]:
     pairs = [pair for text in lines for pair in re.findall(r"R\s?(\d{1,2})\s+([+-]?\d+)", text[3:])]
     return {f"R{int(slot):02d}": int(number) for slot, number in pairs}
-
-
-def _biases(lines: Iterable[str]) -> dict[str, float]:
-    return {
-        code: float(value)
-        for text in lines
-        for code, value in re.findall(r"(C\d[A-Z])\s+([+-]?\d*\.\d+)", text)
-    }
-
-
-def _shifts(lines: Iterable[str]) -> dict[tuple[str, str], float]:
-    matches = (re.match(r"([A-Z]) (L\d[A-Z])\s+([+-]?\d*\.\d+)", text) for text in lines)
-    return {(hit[1], hit[2]): float(hit[3]) for hit in matches if hit}
 
 
 def scale_of(

@@ -207,7 +207,7 @@ def _messages(path: Source) -> Iterator[_Message]:
         fields = [line[width + 19 * k : width + 19 * (k + 1)] for k in range(3)]
         for more in lines[begin + 1 : begin + needed]:
             fields += [more[width - 19 + 19 * k : width + 19 * k] for k in range(4)]
-        values = [_number(path, begin, width, k, field) for k, field in enumerate(fields)]
+        values = [_number(path, begin, k, field) for k, field in enumerate(fields)]
         yield _Message(
             satellite,
             _stamp(path, begin + 1, line[3:width] if version >= 3.0 else line[2:width]),
@@ -242,7 +242,7 @@ def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:
             "no RINEX navigation file (RINEX VERSION / TYPE with N or G); are the files in the"
             " right places?",
         )
-    version = _number(path, 0, 19, 0, first[:9].strip())
+    version = _number(path, 0, 0, first[:9].strip())
     if not 2.0 <= version < 4.0:
         raise InputError.at_line(
             path, 1, f"RINEX {version:.2f}; 2 and 3 are read, convert it to 3.04"
@@ -259,7 +259,7 @@ def _header(path: Source, lines: list[str]) -> tuple[float, str, int]:
     return version, "R" if first[20] == "G" else "G", end + 1
 
 
-def _number(path: Source, begin: int, width: int, k: int, field: str) -> float:
+def _number(path: Source, begin: int, k: int, field: str) -> float:
     """Number k of the message that begins at line `begin` (from 0); a blank one, which only a spare
     field may be, is not-a-number.
     """

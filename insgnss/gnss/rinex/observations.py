@@ -74,25 +74,6 @@ class EventRecord:
 
 
 @dataclass(frozen=True, eq=False)
-class CycleSlips:
-    """Cycle slips that the receiver found and repaired.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        s.
-    satellite : ndarray of str, shape (n,)
-        Such as "G05".
-    slip : ndarray, shape (n, k)
-        Cycles, in the order of the signals.
-    """
-
-    time: Array
-    satellite: NDArray[np.str_]
-    slip: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Observations:
     """Observations of n epochs, m satellites in them, k signals.
 
@@ -124,8 +105,6 @@ class Observations:
         s, of the external events (flag 5), as they stand in the file.
     records : tuple of EventRecord
         All events.
-    slips : CycleSlips, optional
-        Cycle slips that the receiver repaired.
     notes : tuple of Check
         Of the reader.
     """
@@ -143,7 +122,6 @@ class Observations:
     strength: NDArray[np.int8]
     events: Array
     records: tuple[EventRecord, ...] = ()
-    slips: CycleSlips | None = None
     notes: tuple[Check, ...] = ()
 
     def of(self, signal: str) -> Array:
@@ -481,7 +459,6 @@ class _Reading:
                 self.path, None, "holds no epoch; check that the recording was copied whole"
             )
         stamps = _gpst(
-            self.path,
             self.header,
             self.notes,
             ticks,
@@ -493,10 +470,6 @@ class _Reading:
         epoch, rows = self.epoch[:m], slice(0, m)
         names = np.array([f"{s}{number:02d}" for s in SYSTEMS for number in range(100)])
         satellite = names[self.satellite[rows]]
-        slips = None
-        if not real.all():
-            slip = ~real[epoch]
-            slips = CycleSlips(time[epoch[slip]], satellite[slip], self.values[rows][slip])
         taken = self.increasing(time, real, epoch, satellite)
         values, lock, strength = self.values[rows], self.lock[rows], self.strength[rows]
         if not taken.all():
@@ -520,7 +493,7 @@ class _Reading:
                 satellite,
                 tuple(self.signals),
             ),
-            *(values, lock, strength, events, records, slips, tuple(self.notes)),
+            *(values, lock, strength, events, records, tuple(self.notes)),
         )
 
     def increasing(
@@ -562,7 +535,6 @@ class _Reading:
 
 
 def _gpst(
-    path: Source,
     header: RinexHeader,
     notes: list[Check],
     ticks: NDArray[np.int64],

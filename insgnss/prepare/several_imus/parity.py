@@ -157,9 +157,7 @@ def parity_of(
             "note",
         )
     if (contradicts.sum(axis=1) >= WINDOWS).any():
-        faulty, why = (
-            _vote(contradicts, pairs, m, names) if m > 2 else _self_evident(imus, sigma, names)
-        )
+        faulty, why = _vote(contradicts, pairs, m, names) if m > 2 else _self_evident(imus, sigma)
         check = _fault(contradicts, middle, faulty, why, names)
     return Parity(pairs, middle, ratio[:, 0], ratio[:, 1], contradicts, matrix, faulty, check)
 
@@ -292,9 +290,7 @@ def _vote(
     )
 
 
-def _self_evident(
-    imus: Sequence[ImuSamples], sigma: Array, names: Sequence[str]
-) -> tuple[int | None, str]:
+def _self_evident(imus: Sequence[ImuSamples], sigma: Array) -> tuple[int | None, str]:
     """Which of two shows a fault of its own in what it recorded."""
     steps = [nominal_interval(imu.time) for imu in imus]
     readings = [

@@ -17,9 +17,9 @@ Two ways to draw the wavelet variances of a recording of n samples:
 
             A few milliseconds instead of a tenth of a second per million samples.
 
-The interval of a bootstrapped fit is either "percentile", the quantiles of the re-fitted
-parameters, or "basic", these mirrored at the estimate on the logarithmic scale, which takes out the
-bias that the re-fits show (Davison and Hinkley 1997, chapter 5).
+The interval of a bootstrapped fit is the "basic" one, the quantiles of the re-fitted parameters
+mirrored at the estimate on the logarithmic scale, which takes out the bias that the re-fits show
+(Davison and Hinkley 1997, chapter 5).
 """
 
 from collections.abc import Iterator
@@ -37,7 +37,6 @@ from ..moments.wavelet import in_threads, wavelet_variance
 from ..processes import simulate_noise
 from .gmwm import Fit, fit, interval_weights
 
-METHODS = ("auto", "series", "reduced")
 _BLOCKS = 15  # binary logarithm of the least number of blocks of "reduced"
 _FIRST = 4  # level, counted in blocks, from which the block means serve
 
@@ -46,43 +45,22 @@ _FIRST = 4  # level, counted in blocks, from which the block means serve
 class Bootstrap:
     """Re-fits of drawn wavelet variances.
 
-    variances : (B, J_i) of each curve, X^2.
     parameters : (B, p), SI, in the order of the composition.
     objective : (B,).
     """
 
     fit: Fit
-    variances: tuple[Array, ...]
     parameters: Array
     objective: Array
 
-    def interval(self, kind: str = "basic", level: float = 0.95) -> tuple[Array, Array]:
-        """Lower and upper limits (p,), SI. Raises UsageError for a kind other than "basic" and
-        "percentile".
-        """
+    def interval(self, level: float = 0.95) -> tuple[Array, Array]:
+        """Lower and upper limits (p,), SI."""
         low, high = np.quantile(self.parameters, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
-        if kind == "percentile":
-            return low, high
-        if kind != "basic":
-            raise UsageError(f"interval {kind!r} is neither 'basic' nor 'percentile'")
         square = self.fit.parameters**2
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(high > 0.0, square / high, 0.0), np.where(
                 low > 0.0, square / low, np.inf
             )
-
-    @property
-    def log_error(self) -> Array:
-        """(p,) standard deviation of the logarithms of the re-fitted parameters, over those that
-        are positive.
-        """
-        logs = np.log(np.where(self.parameters > 0.0, self.parameters, np.nan))
-        return np.array(
-            [
-                np.nanstd(column, ddof=1) if np.isfinite(column).sum() > 1 else np.nan
-                for column in logs.T
-            ]
-        )
 
 
 def simulate_axis(
@@ -108,34 +86,18 @@ def simulate_axis(
     return out
 
 
-def draw_variances(
-    fitted: Fit, draws: int, *, method: str = "auto", seed: int = 0
-) -> tuple[Array, ...]:
+def draw_variances(fitted: Fit, draws: int, *, seed: int = 0) -> tuple[Array, ...]:
     """Wavelet variances (draws, J_i) of each curve, X^2, at the levels of the fit, from recordings
-    of the fitted processes.
+    of the fitted processes; "reduced" for plain maximal-overlap curves of more than 2^17 samples.
 
-    method : "series", "reduced", or "auto", which is "reduced" for plain maximal-overlap curves of
-        more than 2^17 samples.
-
-    Raises UsageError for fewer than one draw, another method, and "reduced" for robust or "dwt"
-    curves.
+    Raises UsageError for fewer than one draw.
     """
     if draws < 1:
         raise UsageError(f"{draws} draws; give at least 1")
-    if method not in METHODS:
-        raise UsageError(f"method {method!r} is none of {', '.join(METHODS)}")
     out = []
     for i, curve in enumerate(fitted.curves):
         plain = curve.decomposition == "modwt" and not curve.robust
-        if method == "reduced" and not plain:
-            raise UsageError(
-                "robust and 'dwt' wavelet variances cannot be drawn from block means; take method"
-                " 'series'"
-            )
-        reduced = plain and (
-            method == "reduced" or (method == "auto" and curve.samples > 2 ** (_BLOCKS + 2))
-        )
-        rows = _reduced if reduced and curve.samples >= 2 ** (_BLOCKS + 1) else _series
+        rows = _reduced if plain and curve.samples > 2 ** (_BLOCKS + 2) else _series
         out.append(rows(fitted, curve, draws, (seed, i)))
     return tuple(out)
 
@@ -248,17 +210,16 @@ def refit(fitted: Fit, curves: tuple[WaveletVariance, ...]) -> Fit:
     )
 
 
-def bootstrap(fitted: Fit, draws: int = 100, *, method: str = "auto", seed: int = 0) -> Bootstrap:
+def bootstrap(fitted: Fit, draws: int = 100, *, seed: int = 0) -> Bootstrap:
     """Draw wavelet variances of the fitted processes and re-fit each draw, in the manner of the
     fit.
 
-    method, seed : as in `draw_variances`, and the errors too.
+    seed : as in `draw_variances`, and the errors too.
     """
-    variances = draw_variances(fitted, draws, method=method, seed=seed)
+    variances = draw_variances(fitted, draws, seed=seed)
     fits = [refit(fitted, curves) for curves in redrawn(fitted, variances)]
     return Bootstrap(
         fitted,
-        variances,
         np.array([f.parameters for f in fits]),
         np.array([f.objective for f in fits]),
     )

@@ -124,7 +124,7 @@ def estimates(
     log_covariance = C * np.outer(factor, factor)
     log_error = np.sqrt(np.diag(log_covariance))
     if kind == "bootstrap" and resampled is not None:
-        ends = np.array([*resampled.interval("basic"), resampled.interval("basic", 0.99)[1]]).T
+        ends = np.array([*resampled.interval(), resampled.interval(0.99)[1]]).T
     elif kind == "profile":
         ends = np.array([linear.local.profile(fitted.parameters, i) for i in range(len(C))])
     else:

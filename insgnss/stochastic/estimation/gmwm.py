@@ -64,11 +64,6 @@ class Fit:
     times_s: tuple[float, float] | None = None
 
     @property
-    def levels(self) -> tuple[tuple[int, ...], ...]:
-        """Levels of each curve that the fit has seen."""
-        return tuple(tuple(int(j) for j in curve.level) for curve in self.curves)
-
-    @property
     def modelled(self) -> tuple[Array, ...]:
         """nu_i(theta) (J_i,) at the levels of each curve, X^2."""
         return tuple(

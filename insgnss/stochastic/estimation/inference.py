@@ -2,8 +2,7 @@ r"""How well a fit's parameters are determined, and whether the model fits: the 
 step, and all that is said of a fit.
 
 V, the covariance of nu_hat at the fitted processes, is exact for Gaussian noise
-(`haar_covariance`), times 1/efficiency for robust curves, or of a parametric bootstrap; recordings
-are independent of each other.
+(`haar_covariance`), times 1/efficiency for robust curves; recordings are independent of each other.
 
 Efficient weights are V^-1 at the fit itself, fit and weights in turn repeated until they agree: the
 estimate solves D' V^-1(theta) (nu_hat - nu(theta)) = 0, whose mean at the true theta is zero. In
@@ -28,7 +27,7 @@ from ...base.errors import DataError, UsageError
 from ...records import Array
 from ..moments.haar_covariance import haar_covariance
 from ._profile import polished
-from .bootstrap import bootstrap, draw_variances, robust_efficiency
+from .bootstrap import bootstrap, robust_efficiency
 from .estimates import Estimate, Linearised, estimates
 from .gmwm import Fit, fit
 from .goodness import GoodnessOfFit, goodness_of_fit
@@ -59,26 +58,11 @@ class Inference:
         return next(e for e in self.estimates if e.name == name)
 
 
-def covariances(
-    fitted: Fit, *, method: str = "exact", draws: int = 200, seed: int = 0
-) -> tuple[Array, ...]:
+def covariances(fitted: Fit) -> tuple[Array, ...]:
     """V (J_i, J_i), X^4, of the wavelet variances of each curve at the fitted processes.
 
-    method : "exact", or "bootstrap" from `draws` simulated recordings, which serves "dwt" curves
-        too.
-
-    Raises UsageError for another method, "exact" for a "dwt" curve, and fewer draws than twice the
-    levels.
+    Raises UsageError for a "dwt" curve.
     """
-    if method == "bootstrap":
-        if draws < 2 * max(c.level.size for c in fitted.curves):
-            raise UsageError(
-                f"{draws} draws for a covariance of {max(c.level.size for c in fitted.curves)}"
-                " scales; give twice as many at least"
-            )
-        return tuple(np.cov(rows.T) for rows in draw_variances(fitted, draws, seed=seed))
-    if method != "exact":
-        raise UsageError(f"covariance {method!r} is neither 'exact' nor 'bootstrap'")
     computed: dict[
         tuple[object, ...], Array
     ] = {}  # recordings of the same length and rate share it
@@ -86,8 +70,8 @@ def covariances(
     for curve in fitted.curves:
         if curve.decomposition != "modwt":
             raise UsageError(
-                "the exact covariance is that of 'modwt' wavelet variances, not of"
-                f" {curve.decomposition!r}; take 'bootstrap'"
+                "the covariance is that of 'modwt' wavelet variances, not of"
+                f" {curve.decomposition!r}; take those"
             )
         key = (curve.samples, curve.rate_hz, *curve.level.tolist())
         if key not in computed:
@@ -112,14 +96,11 @@ def inverse(V: Array) -> Array:
     return np.asarray(0.5 * (W + W.T))
 
 
-def second_step(
-    first: Fit, *, covariance: str = "exact", iterations: int = 6, draws: int = 200, seed: int = 0
-) -> tuple[Fit, str]:
+def second_step(first: Fit, *, iterations: int = 6) -> tuple[Fit, str]:
     """Fit with the weights V^-1 of the fit before, repeated until it moves by less than 0.03
     standard errors.
 
-    covariance, draws, seed : as in `covariances`.   iterations : at most so many; then the best by
-                                                     (I.1) goes on in its basin.
+    iterations : at most so many; then the best by (I.1) goes on in its basin.
 
     Returns the fit and how it went; where V cannot be inverted, the last fit that could be made,
     and why.
@@ -129,7 +110,7 @@ def second_step(
     for step in range(1, 2 * iterations + 1):
         if step == iterations + 1:
             fitted = min(seen, key=lambda scored: scored[0])[1]
-        V = covariances(fitted, method=covariance, draws=draws, seed=seed)
+        V = covariances(fitted)
         weights = [inverse(block) for block in V]
         singular = [i for i, W in enumerate(weights, start=1) if not np.isfinite(W).all()]
         if singular:
@@ -163,11 +144,11 @@ def _pseudo_likelihood(fitted: Fit, V: Sequence[Array], weights: Sequence[Array]
     return sum(float(np.linalg.slogdet(block)[1] + d @ W @ d) for d, block, W in rows)
 
 
-def efficient(first: Fit, *, covariance: str = "exact", iterations: int = 8) -> Fit:
+def efficient(first: Fit, *, iterations: int = 8) -> Fit:
     """The fit of `second_step`: weights are the inverse covariance of the wavelet variance at the
     fit; `first` where that is singular.
     """
-    return second_step(first, covariance=covariance, iterations=iterations)[0]
+    return second_step(first, iterations=iterations)[0]
 
 
 def _distance(before: Fit, after: Fit) -> float:
@@ -176,19 +157,11 @@ def _distance(before: Fit, after: Fit) -> float:
     return math.sqrt(max(sum(float((a - b) @ W @ (a - b)) for a, b, W in pairs), 0.0))
 
 
-def infer(
-    fitted: Fit,
-    *,
-    intervals: str = "auto",
-    covariance: str = "exact",
-    draws: int = 0,
-    seed: int = 0,
-) -> Inference:
+def infer(fitted: Fit, *, intervals: str = "auto", draws: int = 0, seed: int = 0) -> Inference:
     """Standard errors, 95 % intervals, J test and a verdict on each process.
 
     intervals : "sandwich" (E.1); "profile" of Q, for efficient weights; "bootstrap", basic, of
         `draws` re-fits; "auto" is profile for efficient weights and sandwich for others.
-    covariance : V, "exact" or "bootstrap".
     draws : of the bootstrapped J test, 0 for none.
     seed : of all draws.
 
@@ -199,7 +172,7 @@ def infer(
         raise UsageError(f"intervals {intervals!r} are none of {', '.join(INTERVALS)}")
     if intervals == "bootstrap" and draws < 20:
         raise UsageError(f"{draws} draws for bootstrapped intervals; give 100 or more")
-    V = covariances(fitted, method=covariance, draws=max(draws, 200), seed=seed)
+    V = covariances(fitted)
     if not all(np.diag(block).all() for block in V):
         raise DataError(
             f"{fitted.composition}: the fit is a drift without noise, which determines nothing; add"

@@ -1,3 +1,3 @@
-"""Allan and wavelet variances: of a record, with their degrees of freedom, and of a model, with
-their covariance.
+"""Wavelet variances: of a record, with their degrees of freedom, and of a model, with their
+covariance.
 """
