@@ -18,7 +18,7 @@ from insgnss.calibrate.innovation_noise import (
     whiteness,
     without_correlated,
 )
-from insgnss.navigation.layout import FixErrors, state_layout
+from insgnss.navigation.layout import BarometerErrors, FixErrors, state_layout
 from insgnss.navigation.solution import Solution, solve
 from insgnss.simulation.raw_gnss.receiver import GnssOptions
 from insgnss.stochastic.model import NoiseModel, load_noise_model
@@ -202,11 +202,13 @@ def test_a_solution_without_its_correlated_error_is_that_of_a_layout_without(qui
     errors = FixErrors(
         lever_arm_m=0.1, gm_sigma=(1.0, 1.0, 1.0), unfixed_gm_sigma=1.0, white_scale=(0.5, 0.5, 0.5)
     )
-    wide = state_layout(NAVCHIP, fixes=errors)
-    bare = state_layout(NAVCHIP, fixes=replace(errors, gm_sigma=None, white_scale=(1.0, 1.0, 1.0)))
+    baro = BarometerErrors(10.0, 0.1, 0.05)
+    wide = state_layout(NAVCHIP, fixes=errors, barometer=baro)
+    white = replace(errors, gm_sigma=None, white_scale=(1.0, 1.0, 1.0))
+    bare = state_layout(NAVCHIP, fixes=white, barometer=baro)
     flight = fly(30.0, 14, imu_hz=100.0, layout=wide)
     solution = without_correlated(solved(flight))
-    for name in ("names", "lever", "gm", "unfixed_gm", "white_scale"):
+    for name in ("names", "lever", "gm", "unfixed_gm", "barometer", "white_scale"):
         assert getattr(solution.problem.layout, name) == getattr(bare, name)
     for name in ("channel", "factor", "beta", "drive", "sigma0"):
         assert_allclose(getattr(solution.problem.layout, name), getattr(bare, name))
