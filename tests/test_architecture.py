@@ -37,7 +37,7 @@ STANDS_ON = {  # the table of the design, room by room; what is below all is not
     "gnss": BELOW_ALL | {"formats", "exposures", "config"},
     "calibrate": BELOW_ALL | {"navigation", "orient", "prepare"},
     # which error model explains the innovations
-    "diagnosis": BELOW_ALL | {"navigation", "orient", "stochastic"},
+    "diagnosis": BELOW_ALL | {"calibrate", "navigation", "orient", "stochastic"},
     "adjust": BELOW_ALL | {"orient"},
     # formats: a simulated flight is written as a data set;
     # gnss: a simulated receiver flies under broadcast orbits

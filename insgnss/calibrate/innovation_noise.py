@@ -248,11 +248,11 @@ def moving_parts(solution: Solution, stationary: Array) -> list[Solution]:
     for first, stop in edge.reshape(-1, 2):
         fixes = first + np.flatnonzero(fix[first:stop])
         if fixes.size >= FEWEST and time[fixes[-1]] - time[fixes[0]] >= SHORTEST_S:
-            parts.append(_sub_solution(solution, int(fixes[0]), int(fixes[-1])))
+            parts.append(sub_solution(solution, int(fixes[0]), int(fixes[-1])))
     return parts
 
 
-def _sub_solution(solution: Solution, first: int, last: int) -> Solution:
+def sub_solution(solution: Solution, first: int, last: int) -> Solution:
     """Return the epochs first..last as a solution of their own, its constants as they are there."""
     epochs = slice(first, last + 1)
     problem = sub_problem(solution.problem, first, last)
@@ -344,7 +344,7 @@ def in_flight_noise(
     )
     names = (*parameters, *(name for name in (*OF_FIXES, CORRELATED) if name in present))
     segments = [linear_segment(s, names) for s in solutions]
-    search = _Search(segments, names, progress)
+    search = Search(segments, names, progress)
     imu = np.array([name in IMU for name in names])
     static = search.maximum(~imu)
     held: dict[str, str] = {}
@@ -387,7 +387,17 @@ def in_flight_noise(
 
 
 @dataclass(frozen=True)
-class _Maximum:
+class Maximum:
+    """The likelihood at its maximum over some factors.
+
+    Parameters
+    ----------
+    theta : ndarray, (p,)
+        Logarithms of the factors.
+    evaluated : Evaluated
+        The likelihood there.
+    """
+
     theta: Array
     evaluated: Evaluated
 
@@ -407,21 +417,44 @@ class _Maximum:
 
 
 @dataclass
-class _Search:
-    """Maxima of the likelihood of `segments` over some of the parameters `names`."""
+class Search:
+    """Maxima of the likelihood of `segments` over some of the parameters `names`.
+
+    Parameters
+    ----------
+    segments : sequence of LinearSegment
+        The segments, with `names` as their parameters.
+    names : tuple of str
+        The parameters.
+    progress : callable
+        Receives the name of each step.
+    """
 
     segments: Sequence[LinearSegment]
     names: tuple[str, ...]
     progress: Callable[[str], None]
 
-    def maximum(self, free: np.ndarray) -> _Maximum:
-        """Maximise over the parameters `free` (p,) bool, the others at one, from the best start."""
+    def maximum(self, free: np.ndarray, starts: Sequence[float] = STARTS) -> Maximum:
+        """Maximise over some parameters, the others at one, from the best start.
+
+        Parameters
+        ----------
+        free : ndarray of bool, (p,)
+            The parameters that vary.
+        starts : sequence of float
+            Logarithms of the IMU's factors from which it is looked for.
+
+        Returns
+        -------
+        Maximum
+            The maximum.
+        """
         moved = np.array([name in IMU for name in self.names]) & free
-        starts = [np.where(moved, s, 0.0) for s in (STARTS if moved.any() else STARTS[:1])]
-        first = [_Maximum(theta, evaluate(self.segments, theta)) for theta in starts]
+        thetas = [np.where(moved, s, 0.0) for s in (starts if moved.any() else STARTS[:1])]
+        first = [Maximum(theta, evaluate(self.segments, theta)) for theta in thetas]
         return self._climb(min(first, key=lambda m: m.evaluated.cost), free)
 
-    def _climb(self, here: _Maximum, free: np.ndarray) -> _Maximum:
+    def _climb(self, here: Maximum, free: np.ndarray) -> Maximum:
         """Climb to the maximum by (N.1)."""
         low, high = np.log([RANGE if name in IMU else RANGE_OF_FIXES for name in self.names]).T
         damping = 0.0
@@ -436,7 +469,7 @@ class _Search:
             moved = theta.copy()
             moved[active] += np.clip(step, -LONGEST_STEP, LONGEST_STEP)
             moved = np.clip(moved, low, high)
-            there = _Maximum(moved, evaluate(self.segments, moved))
+            there = Maximum(moved, evaluate(self.segments, moved))
             if there.evaluated.cost <= here.evaluated.cost:
                 small = (
                     here.evaluated.cost - there.evaluated.cost < DONE
@@ -452,7 +485,7 @@ class _Search:
         return here
 
 
-def _minutes(static: _Maximum, minutes: float) -> Array:
+def _minutes(static: Maximum, minutes: float) -> Array:
     """Return the lengths (p,), min, of such a flight that determine factors to `KNOWN_SIGMA`.
 
     The factors are near one; a length is infinite where that is no question of length.

@@ -1,56 +1,117 @@
-"""The advice to the user: checks of the flight file against estimates, and a message of the model.
+"""The advice to the user: checks of the flight file against what the innovations say, in words.
 
-A lever arm or time offset that is taken as known, and comes out different by more than five sigma
-and by more than the fixes' own sigma, contradicts the flight file. A lever arm that the flight
-determines to no better than `DETERMINED_M`, or that is off by less than `NEGLIGIBLE_M`, does not,
-and makes a note only: slow errors of PPK fixes of some millimetres, which their sigmas do not hold,
-make such ones up.
+A lever arm, time offset or clock rate with strong evidence against the flight file
+(`constants.STRONG`) contradicts it where it moves positions by more than `NEGLIGIBLE_M`, and makes
+a note where it moves them by less: slow errors of PPK fixes of some millimetres, which their sigmas
+do not hold, make such ones up. Scale factors and misalignments are estimated, and said in a note,
+as are variances. Advice is given for the winner alone, which has been tried: the flight was solved
+with it.
 """
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..navigation.codes import NAV
 from ..navigation.layout import FixErrors
 from ..navigation.solution import Solution
 from ..orient.mounting import Mounting
-from ..records import Check
-from .estimated import constant, rms_speed, usual_sigma
+from ..records import Array, Check
+from .constants import STRONG, Hypothesis
+from .estimated import rms_speed
 
-SIGNIFICANT = 5.0  # sigmas of the estimate
-MATTERS = 1.0  # sigmas of the fixes
+if TYPE_CHECKING:
+    from .variances import VarianceHypothesis
+
+NEGLIGIBLE_M = 0.02  # a right lever arm came out 11 mm off on a simulated flight from RINEX
 DETERMINED_M = 0.05  # sigma of a lever arm: beyond it slow errors that nobody claims can make it up
-NEGLIGIBLE_M = (
-    0.02  # of a lever arm; a right one came out 11 mm off on a simulated flight from RINEX
-)
+AXES = ("forward", "right", "down")
+LEVER_ARM, OFFSET, RATE = "antenna lever arm", "GNSS time offset", "GNSS clock rate"
 
 
-def contradictions(
-    solution: Solution, mounting: Mounting, lever_known: bool, offset_known: bool
+def advice(
+    mounting: Mounting, solution: Solution, found: Hypothesis, rivals: Sequence[Hypothesis] = ()
 ) -> list[Check]:
-    """Compare the estimated lever arm and time offset with the flight file.
+    """Say which constants contradict the flight file, and what would put them right.
 
     Parameters
     ----------
-    solution : Solution
-        A solution that has these constants among its states.
     mounting : Mounting
         The mounting of the flight file, in whose axes the advice is given.
-    lever_known, offset_known : bool
-        Whether the flight file takes the lever arm and the time offset as known.
+    solution : Solution
+        The flight solved with these constants as states.
+    found : Hypothesis
+        The constants that are suspected.
+    rivals : sequence of Hypothesis
+        What the flight does not tell apart from it.
 
     Returns
     -------
     list of Check
-        "antenna lever arm" and "GNSS time offset", each where it differs.
+        One for each kind of constant, the most significant first.
     """
-    layout, epochs = solution.problem.layout, solution.problem.epochs
-    fix_sigma = float(usual_sigma(epochs.position_cov[epochs.has_position]).max())
-    checks = []
-    if lever_known and layout.lever >= 0:
-        checks.append(_lever_arm(solution, mounting, fix_sigma))
-    if offset_known and layout.offset >= 0:
-        checks.append(_time_offset(solution, fix_sigma))
-    return [check for check in checks if check is not None]
+    values = {
+        name: (float(value), float(sigma))
+        for name, value, sigma in zip(found.names, found.value, found.sigma, strict=True)
+    }
+    speed = rms_speed(solution)
+    minutes = float(solution.time[-1] - solution.time[0]) / 60.0
+    either = "; this flight does not tell it from " + " or ".join(
+        " and ".join(rival.groups) for rival in rivals
+    )
+    by = f", log evidence {found.evidence:.0f}{either if rivals else ''}"
+    strong = found.evidence >= STRONG
+    checks: list[tuple[float, Check]] = []
+    lever = [values.get(f"{LEVER_ARM} {axis}") for axis in AXES]
+    sizes = {name: abs(value) / sigma for name, (value, sigma) in values.items()}
+
+    def add(of: str, check: Check) -> None:
+        checks.append((max(size for name, size in sizes.items() if of in name), check))
+
+    if any(lever):
+        add(LEVER_ARM, _lever_arm(mounting, lever, by, strong))
+    if OFFSET in values:
+        add(OFFSET, _time_offset(*values[OFFSET], speed, by, strong))
+    if RATE in values:
+        add(RATE, _clock_rate(*values[RATE], minutes, speed, by, strong))
+    for kind, unit, factor, key in (
+        ("scale factor", "%", 1e2, "scale_factor"),
+        (" from ", "mrad", 1e3, "misalignment"),
+    ):
+        own = {name: value for name, value in values.items() if kind in name}
+        if own:
+            add(kind, _of_imu(own, unit, factor, key, by))
+    return [check for _, check in sorted(checks, key=lambda one: -one[0])]
+
+
+def variance_check(found: "VarianceHypothesis") -> Check:
+    """Say whose noise is larger than its model says.
+
+    Parameters
+    ----------
+    found : VarianceHypothesis
+        The family and its factors.
+
+    Returns
+    -------
+    Check
+        A note: the flight is solved with the larger noise.
+    """
+    factors = ", ".join(f"{name} {factor:.2f}" for name, factor in found.factors.items())
+    if found.family == "GNSS sigmas":
+        remedy = "raise gnss.sigma_m, or the receiver's or the engine's sigmas, by this factor"
+        name = "GNSS sigmas"
+    else:
+        remedy = "`insgnss tune --flight` measures it; or mount the IMU softer, away from motors"
+        name = "IMU noise"
+    return Check(
+        name,
+        f"{found.family} times {factors} explains the innovations, log evidence"
+        f" {found.evidence:.0f}; solved with it",
+        "factors of one",
+        "note",
+        remedy,
+    )
 
 
 def message(errors: FixErrors) -> str:
@@ -66,40 +127,71 @@ def message(errors: FixErrors) -> str:
     )
 
 
-def _lever_arm(solution: Solution, mounting: Mounting, fix_sigma: float) -> Check | None:
-    """Check the antenna lever arm; None where the flight agrees with the flight file."""
-    first = solution.problem.layout.lever
-    lever = slice(first, first + 3)
-    value = solution.x[-1, lever]
-    sigma = np.sqrt(np.diag(solution.P[-1, NAV.stop :, NAV.stop :])[lever])
-    off = np.abs(value) > np.maximum(SIGNIFICANT * sigma, MATTERS * fix_sigma)
-    if not off.any():
-        return None
-    certain = bool((off & (sigma < DETERMINED_M) & (np.abs(value) > NEGLIGIBLE_M)).any())
+def _lever_arm(
+    mounting: Mounting, lever: Sequence[tuple[float, float] | None], by: str, strong: bool
+) -> Check:
+    """Check the antenna lever arm."""
+    value: Array = np.array([0.0 if one is None else one[0] for one in lever])
+    sigma = max(one[1] for one in lever if one is not None)
     antenna = mounting.antenna_m + mounting.C_cb @ value
-    estimate = ", ".join(f"{v:+.3f} +- {s:.3f}" for v, s in zip(value, sigma, strict=True))
+    estimate = ", ".join(
+        f"{axis} {one[0]:+.3f} +- {one[1]:.3f}"
+        for axis, one in zip(AXES, lever, strict=True)
+        if one is not None
+    )
+    contradicts = strong and sigma < DETERMINED_M and float(np.abs(value).max()) > NEGLIGIBLE_M
     return Check(
-        "antenna lever arm",
-        f"from the IMU off by forward, right, down {estimate} m",
-        f"within {SIGNIFICANT:g} sigma or {MATTERS * fix_sigma:.3f} m of the flight file's",
-        "contradiction" if certain else "note",
+        LEVER_ARM,
+        f"from the IMU off by {estimate} m{by}",
+        f"the flight file's, or less than {NEGLIGIBLE_M:g} m off",
+        "contradiction" if contradicts else "note",
         f"mounting.antenna_m = [{', '.join(f'{v:.3f}' for v in antenna)}] would be it (if imu_m is "
         "right), or set filter.lever_arm = true to have it estimated",
     )
 
 
-def _time_offset(solution: Solution, fix_sigma: float) -> Check | None:
-    """Check the time offset of the fixes; None where the flight agrees with the flight file."""
-    offset, sigma = constant(solution, solution.problem.layout.offset)
-    speed = rms_speed(solution)
-    if abs(offset) <= SIGNIFICANT * sigma or abs(offset) * speed <= MATTERS * fix_sigma:
-        return None
+def _time_offset(offset: float, sigma: float, speed: float, by: str, strong: bool) -> Check:
+    """Check the time offset of the fixes."""
+    contradicts = strong and abs(offset) * speed > NEGLIGIBLE_M
     return Check(
-        "GNSS time offset",
+        OFFSET,
         f"the fixes' stamps lack {offset:+.4f} +- {sigma:.4f} s, {abs(offset) * speed:.2f} m at "
-        f"{speed:.1f} m/s",
-        f"within {SIGNIFICANT:g} sigma of none, or less than {MATTERS * fix_sigma:.3f} m",
-        "contradiction",
+        f"{speed:.1f} m/s{by}",
+        f"none, or less than {NEGLIGIBLE_M:g} m",
+        "contradiction" if contradicts else "note",
         f"add {offset:+.4f} to gnss.time_offset_s, or set filter.time_offset = true to have it "
         "estimated",
+    )
+
+
+def _clock_rate(
+    rate: float, sigma: float, minutes: float, speed: float, by: str, strong: bool
+) -> Check:
+    """Check the rate of the IMU's clock against that of the fixes."""
+    moves = 0.5 * abs(rate) * 60.0 * minutes * speed
+    return Check(
+        "clock rate",
+        f"the clock of the fixes gains {1e6 * rate:+.0f} +- {1e6 * sigma:.0f} ppm on that of the"
+        f" IMU, {moves:.2f} m of half the flight at {speed:.1f} m/s{by}",
+        f"one clock, or less than {NEGLIGIBLE_M:g} m",
+        "contradiction" if strong and moves > NEGLIGIBLE_M else "note",
+        "set filter.time_offset = true, which estimates offset and rate of the clocks",
+    )
+
+
+def _of_imu(
+    values: dict[str, tuple[float, float]], unit: str, factor: float, key: str, by: str
+) -> Check:
+    """Note scale factors or misalignments of the IMU, which are estimated."""
+    largest = sorted(values, key=lambda name: -abs(values[name][0] / values[name][1]))[:3]
+    numbers = ", ".join(
+        f"{name} {factor * values[name][0]:+.2f} +- {factor * values[name][1]:.2f} {unit}"
+        for name in largest
+    )
+    return Check(
+        "IMU scale factors" if key == "scale_factor" else "IMU misalignments",
+        f"{numbers}{by}; estimated",
+        "within what the noise model has",
+        "note",
+        f"calibrate the IMU (imu.calibration), or set filter.{key} = true",
     )

@@ -1,7 +1,8 @@
-"""The candidates of the search: the errors of the fixes that are tried as states of a problem.
+"""The candidates of the search: errors that are tried as states, and noise that is tried larger.
 
-All of them are states of `navigation.layout.FixErrors`. Estimated together on one flight they
-explain each other's share:
+Those of the fixes are states of `navigation.layout.FixErrors`, those of the IMU scale factors,
+misalignments and factors of its noise (`ImuErrors`). Estimated together on one flight they explain
+each other's share:
 
     lever arm dl and time offset d    moving the antenna by C_lb dl and v d: seen in turns and in
                                       changes of speed
@@ -9,17 +10,16 @@ explain each other's share:
                                       process, c times it, with correlation time T
 """
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..navigation.codes import NAV
 from ..navigation.layout import FixErrors, StateLayout
 from ..navigation.problem import EstimationProblem, InitialState
+from ..stochastic.model import AxisNoise, NoiseModel
 
-SUSPECT_LEVER_ARM_M = 1.0  # a-priori sigma of a component of the lever arm in the search
-SUSPECT_TIME_OFFSET_S = 0.3  # a-priori sigma of the time offset in the search
 CLOCK_RATE = 1e-4  # s/s, a-priori sigma of the rate of a quartz that nothing disciplines
 WHITER = 1.6  # factor of the white share, each time that the filter loses fixes with a candidate
 
@@ -35,29 +35,127 @@ CODE_GUESSES = (
     (0.1, 0.2, 10.0),
 )  # the same for code solutions, whose sigmas hold errors of minutes
 
-LayoutFactory = Callable[[FixErrors], StateLayout]
-"""Gives the error states of a flight for the errors of the fixes that are to be among them."""
+WIDE_LEVER_ARM_M, WIDE_TIME_OFFSET_S, WIDE_CLOCK_RATE = 0.2, 0.05, 2e-4
+WIDE_SCALE, WIDE_MISALIGNMENT_RAD = 0.01, 0.008
+"""A-priori sigmas under which constants are suspected (`diagnosis.constants`)."""
 
 
-def with_lever_arm_and_time_offset(errors: FixErrors) -> FixErrors:
-    """Add the lever arm, the time offset and its rate to the estimated errors.
+@dataclass(frozen=True)
+class ImuErrors:
+    """What a candidate changes in the model of the IMU.
 
     Parameters
     ----------
-    errors : FixErrors
-        The errors of the fixes that are estimated already; the a-priori sigmas that it has stay.
+    scale_factor, misalignment : float, optional
+        A-priori sigma of these states of every channel; None: as the flight file has it.
+    white_noise, driving_noise : tuple of float
+        (2,) factors of the root densities of white noise, and of what drives random walks and
+        Gauss-Markov processes, of gyros and of accelerometers.
+    """
+
+    scale_factor: float | None = None
+    misalignment: float | None = None
+    white_noise: tuple[float, float] = (1.0, 1.0)
+    driving_noise: tuple[float, float] = (1.0, 1.0)
+
+    def of(self, model: NoiseModel) -> NoiseModel:
+        """Return the noise model with these errors.
+
+        Parameters
+        ----------
+        model : NoiseModel
+            That of the flight file.
+
+        Returns
+        -------
+        NoiseModel
+            The model with its noise scaled, and with the a-priori sigmas of the states.
+        """
+        gyro, accel = (
+            (self._axis(x, k), self._axis(y, k), self._axis(z, k))
+            for k, (x, y, z) in enumerate((model.gyro, model.accel))
+        )
+        return replace(model, gyro=gyro, accel=accel)
+
+    def _axis(self, axis: AxisNoise, triad: int) -> AxisNoise:
+        driven = self.driving_noise[triad]
+        return replace(
+            axis,
+            white_noise=axis.white_noise * self.white_noise[triad],
+            random_walk=axis.random_walk * driven,
+            gauss_markov=tuple(
+                replace(gm, driving_noise=gm.driving_noise * driven) for gm in axis.gauss_markov
+            ),
+            scale_factor=self.scale_factor or axis.scale_factor,
+            misalignment=self.misalignment or axis.misalignment,
+        )
+
+
+AS_STATED = ImuErrors()
+LayoutFactory = Callable[..., StateLayout]
+"""Gives the error states of a flight for the errors of the fixes, a `FixErrors`, that are to be
+among them, and for what is changed in the model of the IMU, an `ImuErrors`; without it nothing.
+"""
+
+
+@dataclass(frozen=True)
+class ErrorModel:
+    """What is estimated of the errors of fixes and IMU.
+
+    Parameters
+    ----------
+    fixes : FixErrors
+        The errors of the fixes.
+    imu : ImuErrors
+        What is changed in the model of the IMU.
+    """
+
+    fixes: FixErrors
+    imu: ImuErrors = AS_STATED
+
+
+def with_constants(model: ErrorModel, groups: Sequence[str]) -> ErrorModel:
+    """Give constants a wide a-priori sigma.
+
+    Parameters
+    ----------
+    model : ErrorModel
+        What is estimated already.
+    groups : sequence of str
+        Groups of `constants.group_of`; a group brings those with it that are states together only.
 
     Returns
     -------
-    FixErrors
-        The same errors with these constants among them.
+    ErrorModel
+        The model with these constants among its states.
     """
-    return replace(
-        errors,
-        lever_arm_m=errors.lever_arm_m or SUSPECT_LEVER_ARM_M,
-        time_offset_s=errors.time_offset_s or SUSPECT_TIME_OFFSET_S,
-        clock_rate=errors.clock_rate or CLOCK_RATE,
-    )
+    fixes, imu = model.fixes, model.imu
+    if any(group.startswith("antenna lever arm") for group in groups):
+        fixes = replace(fixes, lever_arm_m=WIDE_LEVER_ARM_M)
+    if any(group.startswith(("GNSS time offset", "GNSS clock rate")) for group in groups):
+        fixes = replace(fixes, time_offset_s=WIDE_TIME_OFFSET_S, clock_rate=WIDE_CLOCK_RATE)
+    if any(group.endswith("scale factors") for group in groups):
+        imu = replace(imu, scale_factor=WIDE_SCALE)
+    if any(group.endswith("misalignments") for group in groups):
+        imu = replace(imu, misalignment=WIDE_MISALIGNMENT_RAD)
+    return ErrorModel(fixes, imu)
+
+
+def with_every_constant(model: ErrorModel) -> ErrorModel:
+    """Give every constant that may be wrong a wide a-priori sigma.
+
+    Parameters
+    ----------
+    model : ErrorModel
+        What is estimated already.
+
+    Returns
+    -------
+    ErrorModel
+        The model with lever arm, time offset, clock rate, scale factors and misalignments.
+    """
+    every = ("antenna lever arm", "GNSS time offset", "scale factors", "misalignments")
+    return with_constants(model, every)
 
 
 def with_time_correlated_error(

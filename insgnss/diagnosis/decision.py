@@ -11,27 +11,34 @@ import numpy as np
 
 from ..base.errors import DataError
 from ..navigation.codes import NOT_MEASURED, POSITION
-from ..navigation.layout import FixErrors
+from ..navigation.layout import FixErrors, StateLayout
 from ..navigation.problem import EstimationProblem, InitialState
 from ..navigation.solution import Solution, solve
 from ..orient.mounting import Mounting
 from ..records import Check
-from .advice import contradictions, message
+from .advice import advice, message, variance_check
 from .candidates import (
+    ErrorModel,
     LayoutFactory,
     guesses,
+    with_constants,
+    with_every_constant,
     with_larger_white_share,
     with_layout,
-    with_lever_arm_and_time_offset,
     with_time_correlated_error,
 )
+from .constants import STRONG, ConstantsEvidence, Hypothesis, constants_evidence
 from .evidence import GAIN, liveliest_window, loses_fixes, minus_two_log_likelihood, misfit
 from .time_correlated import time_correlated_error
+from .variances import VarianceSearch, with_variances
 
 FEWEST_FIXES = 60  # below which the innovations are not looked at
+ROUNDS = 3  # of winners that are adopted one after the other
+CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio of heights
 TRIES = 6  # of a time-correlated error, each with a larger white share than the one before
 
 SecondPass = Literal["auto", "on", "off"]
+Posed = tuple[EstimationProblem, InitialState]
 
 
 @dataclass(frozen=True)
@@ -61,11 +68,20 @@ class ErrorModelSearch:
     second_pass: SecondPass
     progress: Callable[[str], None]
 
-    def contradictions(self, solution: Solution) -> list[Check]:
-        """Compare lever arm and time offset of a solution with those that are taken as known."""
-        errors = self.requested_errors
-        lever_known, offset_known = errors.lever_arm_m is None, errors.time_offset_s is None
-        return contradictions(solution, self.mounting, lever_known, offset_known)
+    def layout(self, model: ErrorModel) -> StateLayout:
+        """Return the error states of an error model."""
+        return self.layout_factory(model.fixes, model.imu)
+
+    def constants(
+        self, problem: EstimationProblem, start: InitialState, model: ErrorModel
+    ) -> ConstantsEvidence | None:
+        """Return what a flight says of its constants under an error model."""
+        wide = self.layout(with_every_constant(model))
+        return constants_evidence(problem, start, self.layout(model), wide)
+
+    def of_fixes(self, model: ErrorModel) -> LayoutFactory:
+        """Return the error states as a function of those of the fixes, with the model's IMU."""
+        return lambda fixes: self.layout_factory(fixes, model.imu)
 
 
 @dataclass(frozen=True)
@@ -90,15 +106,15 @@ class Diagnosis:
 def diagnose(search: ErrorModelSearch, start: InitialState, solution: Solution) -> Diagnosis:
     """Look for the error model that explains the innovations of a solution.
 
-    Where they show a time-correlated GNSS error and nothing forbids it, the flight is solved again
-    with it. Where they show more, lever arm and time offset are estimated, and compared with the
-    flight file.
+    Constants (`constants`), variances (`variances`) and a time-correlated error of the fixes
+    (`time_correlated`) compete by the logarithm of their evidence. The winner is adopted, the
+    flight is solved again with it, and what is left is judged again, until nothing gains.
 
     Parameters
     ----------
     search : ErrorModelSearch
         What the search may vary.
-    start : Start
+    start : InitialState
         The initial state of the solution's problem.
     solution : Solution
         The solution with the requested errors.
@@ -108,38 +124,127 @@ def diagnose(search: ErrorModelSearch, start: InitialState, solution: Solution) 
     Diagnosis
         The solution itself where its innovations are as they should be.
     """
-    requested, layout_factory = search.requested_errors, search.layout_factory
-    if not is_suspicious(solution, layout_factory, requested):
+    if np.count_nonzero(solution.verdict[:, POSITION] != NOT_MEASURED) < FEWEST_FIXES:
         return Diagnosis(solution)
-    suspected, correlated = with_lever_arm_and_time_offset(requested), None
-    if search.time_correlated:
-        search.progress("the innovations are not white: errors of the fixes")
-        correlated = time_correlated_error(solution, layout_factory, suspected)
-    adopted = requested
-    if correlated is not None:
-        suspected = correlated
-        adopted = replace(
-            correlated,
-            lever_arm_m=requested.lever_arm_m,
-            time_offset_s=requested.time_offset_s,
-            clock_rate=requested.clock_rate,
-        )
-    checks: list[Check] = []
-    if suspected != adopted:
-        search.progress("lever arm and clock of the fixes")
-        layout = layout_factory(suspected)
-        try:
-            candidate = solve(*with_layout(solution.problem, start, layout), "off", separations=0)
-            checks = search.contradictions(candidate)
-        except DataError:
-            pass  # the search is not the result
-    if correlated is None:
-        return Diagnosis(solution, tuple(checks))
-    return replace(_adopted(search, start, solution, adopted), checks=tuple(checks))
+    posed = solution.problem, start
+    here = _State(solution, ErrorModel(search.requested_errors))
+    for _ in range(ROUNDS):
+        there = _next(search, posed, here)
+        if there is None:
+            break
+        here = there
+    return Diagnosis(here.solution, here.checks, here.history)
+
+
+@dataclass(frozen=True)
+class _State:
+    """Where the search stands: what is adopted, what it says, and what has been tried in vain."""
+
+    solution: Solution
+    model: ErrorModel
+    checks: tuple[Check, ...] = ()
+    history: tuple[str, ...] = ()
+    tried: frozenset[str] = frozenset()
+
+
+Candidate = tuple[float, Callable[[], _State | None]]
+"""Log evidence, and what adopts it; None where the flight has no solution with it."""
+
+
+def _next(search: ErrorModelSearch, posed: Posed, here: _State) -> _State | None:
+    """Return the state after the winner has been adopted; None where nothing gains."""
+    problem, start = posed
+    search.progress("what the innovations say of the constants")
+    constants = search.constants(problem, start, here.model)
+    suspected = None if constants is None else constants.strongest()
+    variances = VarianceSearch(here.solution, search.progress)
+    promising = bool(variances.promising())
+    with_constants = None
+    if constants is not None and suspected is not None and not here.tried & set(suspected.groups):
+        with_constants = _with_constants(search, posed, here, constants, suspected)
+        if with_constants is not None and not (
+            promising and VarianceSearch(with_constants.solution, search.progress).promising()
+        ):
+            return with_constants
+    candidates = [_variance(search, posed, here, variances)] if promising else []
+    if search.time_correlated and "time-correlated" not in here.tried:
+        candidates.append(_time_correlated(search, posed, here, variances))
+    if suspected is not None and with_constants is not None:
+        candidates.append((suspected.evidence, lambda: with_constants))
+    found = sorted(filter(None, candidates), key=lambda one: -one[0])
+    return next((state for _, adopt in found if (state := adopt()) is not None), None)
+
+
+def _with_constants(
+    search: ErrorModelSearch,
+    posed: Posed,
+    here: _State,
+    constants: ConstantsEvidence,
+    suspected: Hypothesis,
+) -> _State | None:
+    """Adopt suspected constants as states; None where the flight has no solution with them."""
+    search.progress(f"filter, with {', '.join(suspected.groups)} estimated")
+    model = with_constants(here.model, suspected.groups)
+    solution = _solved(search, posed, model)
+    if solution is None:
+        return None
+    checks = advice(search.mounting, solution, suspected, constants.rivals(suspected))
+    told = f"estimated, log evidence {suspected.evidence:.0f}: {', '.join(suspected.groups)}"
+    tried = here.tried | set(suspected.groups)
+    return _State(solution, model, (*here.checks, *checks), (*here.history, told), tried)
+
+
+def _variance(
+    search: ErrorModelSearch, posed: Posed, here: _State, variances: VarianceSearch
+) -> Candidate | None:
+    """Return the strongest family of variances; None where there is none."""
+    found = variances.strongest()
+    if found is None or found.family in here.tried:
+        return None
+    model = with_variances(here.model, found)
+    if model is None:
+        return None
+
+    def adopt() -> _State | None:
+        search.progress(f"filter, with larger {found.family}")
+        solution = _solved(search, posed, model)
+        if solution is None:
+            return None
+        check = variance_check(found)
+        history = (*here.history, f"{check.name}: {check.found}")
+        tried = here.tried | {found.family}
+        return _State(solution, model, (*here.checks, check), history, tried)
+
+    return found.evidence, adopt
+
+
+def _time_correlated(
+    search: ErrorModelSearch, posed: Posed, here: _State, variances: VarianceSearch
+) -> Candidate | None:
+    """Return the time-correlated GNSS error; None where the innovations show none."""
+    fixes = here.model.fixes
+    if not is_suspicious(here.solution, search.of_fixes(here.model), fixes):
+        return None
+    search.progress("the innovations are not white: errors of the fixes")
+    found = time_correlated_error(here.solution, search.of_fixes(here.model), fixes)
+    if found is None:
+        return None
+    model = replace(here.model, fixes=found)
+    evidence = variances.evidence_of(search.layout(model), CORRELATED_PARAMETERS)
+    return max(evidence, 0.0), lambda: _adopted(search, posed, here, model)
+
+
+def _solved(search: ErrorModelSearch, posed: Posed, model: ErrorModel) -> Solution | None:
+    """Solve again with another error model; None where there is no solution."""
+    again = with_layout(*posed, search.layout(model))
+    try:
+        return solve(*again, search.second_pass, search.progress)
+    except DataError:
+        return None
 
 
 def is_suspicious(solution: Solution, layout_factory: LayoutFactory, errors: FixErrors) -> bool:
-    """Tell whether another error model explains the innovations of the liveliest window better.
+    """Tell whether a time-correlated GNSS error explains the liveliest window better.
 
     Parameters
     ----------
@@ -153,15 +258,13 @@ def is_suspicious(solution: Solution, layout_factory: LayoutFactory, errors: Fix
     Returns
     -------
     bool
-        Whether lever arm and time offset, or a time-correlated GNSS error, gain `evidence.GAIN` in
-        (C.1).
+        Whether it gains `evidence.GAIN` in (C.1); never where one is estimated already.
     """
-    if np.count_nonzero(solution.verdict[:, POSITION] != NOT_MEASURED) < FEWEST_FIXES:
+    if errors.gm_sigma is not None:
         return False
     problem, start = liveliest_window(solution)
-    candidates = [errors, with_lever_arm_and_time_offset(errors)]
-    if errors.gm_sigma is None:
-        candidates += [with_time_correlated_error(errors, *guess) for guess in guesses(problem)]
+    candidates = [errors]
+    candidates += [with_time_correlated_error(errors, *guess) for guess in guesses(problem)]
     cost = [
         minus_two_log_likelihood(*with_layout(problem, start, layout_factory(candidate)))
         for candidate in candidates
@@ -190,41 +293,44 @@ def explain_failure(
     Check or None
         What contradicts the flight file; None where nothing explains the failure.
     """
-    suspected = with_lever_arm_and_time_offset(search.requested_errors)
-    if suspected == search.requested_errors:
-        return None
-    problem = replace(problem, layout=search.layout_factory(suspected))
+    search.progress("what the fixes say with an open gate")
+    open_gate = replace(problem, gate=np.inf)
     try:
-        candidate = solve(problem, align(problem), "off", separations=0)
+        start = align(open_gate)
     except DataError:
         return None
-    checks = search.contradictions(candidate)
-    return checks[0] if checks else None
+    model = ErrorModel(search.requested_errors)
+    constants = search.constants(open_gate, start, model)
+    suspected = None if constants is None else constants.strongest()
+    if constants is None or suspected is None or suspected.evidence < STRONG:
+        return None
+    layout = search.layout(with_constants(model, suspected.groups))
+    try:
+        candidate = solve(*with_layout(problem, start, layout), "off", separations=0)
+    except DataError:
+        return None
+    checks = advice(search.mounting, candidate, suspected, constants.rivals(suspected))
+    return next((check for check in checks if check.verdict == "contradiction"), None)
 
 
-def _adopted(
-    search: ErrorModelSearch, start: InitialState, solution: Solution, errors: FixErrors
-) -> Diagnosis:
+def _adopted(search: ErrorModelSearch, posed: Posed, here: _State, model: ErrorModel) -> _State:
     """Solve again with a time-correlated GNSS error.
 
     As long as that loses fixes, it is tried with a larger white share.
     """
+    solution, tried = here.solution, here.tried | {"time-correlated"}
     for _ in range(TRIES):
         search.progress("filter, with a time-correlated GNSS error")
-        layout = search.layout_factory(errors)
-        try:
-            again = solve(
-                *with_layout(solution.problem, start, layout), search.second_pass, search.progress
-            )
-        except DataError:
-            errors = with_larger_white_share(errors)
-            continue
-        if loses_fixes(again, solution):
-            errors = with_larger_white_share(errors)
+        again = _solved(search, posed, model)
+        if again is None or loses_fixes(again, solution):
+            model = replace(model, fixes=with_larger_white_share(model.fixes))
         elif misfit(again) > misfit(solution):
             reason = "given up, it explains the whole flight no better"
-            return Diagnosis(solution, (), (f"{message(errors)}; {reason}",))
+            break
         else:
-            return Diagnosis(again, (), (message(errors),))
-    reason = "given up, the filter loses fixes with it"
-    return Diagnosis(solution, (), (f"{message(errors)}; {reason}",))
+            told = message(model.fixes)
+            return _State(again, model, here.checks, (*here.history, told), tried)
+    else:
+        reason = "given up, the filter loses fixes with it"
+    told = f"{message(model.fixes)}; {reason}"
+    return replace(here, history=(*here.history, told), tried=tried)

@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..base.errors import DataError
+from ..calibrate.innovation_noise import sub_solution
 from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, VEL
 from ..navigation.filter import make_history, run_filter
 from ..navigation.problem import EstimationProblem, InitialState, sub_problem
@@ -41,14 +42,7 @@ def liveliest_window(solution: Solution) -> tuple[EstimationProblem, InitialStat
         At most `WINDOW_FIXES` fixes as a problem of its own, and an initial state at what the
         solution knows there, with three times its sigma and a metre and a metre a second more.
     """
-    epochs = np.flatnonzero(solution.problem.epochs.has_position)
-    count = min(WINDOW_FIXES, epochs.size - 1)
-    v = solution.nav[epochs, VEL]
-    sums = np.cumsum(np.concatenate([np.zeros((1, 6)), np.hstack([v, v**2])]), axis=0)
-    moments = (sums[count:] - sums[:-count]) / count
-    variance = np.sum(moments[:, 3:] - moments[:, :3] ** 2, axis=1)
-    k = int(np.argmax(variance[: epochs.size - count]))
-    first, last = epochs[k], epochs[k + count]
+    first, last = _liveliest(solution, WINDOW_FIXES)
     P = 9.0 * solution.P[first]
     P[:6, :6] += np.eye(6)
     nav, x = solution.nav[first], solution.x[first].copy()
@@ -56,8 +50,40 @@ def liveliest_window(solution: Solution) -> tuple[EstimationProblem, InitialStat
     if layout.rate >= 0:  # time begins anew in the window
         x[layout.offset] += x[layout.rate] * solution.problem.epochs.time[first]
     # (C.1) knows no robust weights
-    window = replace(sub_problem(solution.problem, int(first), int(last)), huber_threshold=np.inf)
+    window = replace(sub_problem(solution.problem, first, last), huber_threshold=np.inf)
     return window, InitialState(nav, x, np.zeros(P.shape[0]), P)
+
+
+def liveliest_part(solution: Solution, fixes: int) -> Solution:
+    """Return the part of a solved flight in which the velocity varies most.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+    fixes : int
+        The greatest number of fixes of the part.
+
+    Returns
+    -------
+    Solution
+        The part; the solution itself where it has no more.
+    """
+    if np.count_nonzero(solution.problem.epochs.has_position) <= fixes:
+        return solution
+    return sub_solution(solution, *_liveliest(solution, fixes))
+
+
+def _liveliest(solution: Solution, fixes: int) -> tuple[int, int]:
+    """Return first and last epoch of the window of fixes in which the velocity varies most."""
+    epochs = np.flatnonzero(solution.problem.epochs.has_position)
+    count = min(fixes, epochs.size - 1)
+    v = solution.nav[epochs, VEL]
+    sums = np.cumsum(np.concatenate([np.zeros((1, 6)), np.hstack([v, v**2])]), axis=0)
+    moments = (sums[count:] - sums[:-count]) / count
+    variance = np.sum(moments[:, 3:] - moments[:, :3] ** 2, axis=1)
+    k = int(np.argmax(variance[: epochs.size - count]))
+    return int(epochs[k]), int(epochs[k + count])
 
 
 def minus_two_log_likelihood(problem: EstimationProblem, start: InitialState) -> float:

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..config.flight_file import Flight
-from ..diagnosis.candidates import CLOCK_RATE, LayoutFactory
+from ..diagnosis.candidates import AS_STATED, CLOCK_RATE, ImuErrors, LayoutFactory
 from ..geodesy.frames import LocalFrame
 from ..navigation.epochs import make_epochs, unfixed_solutions, with_barometer, with_nhc, with_zupt
 from ..navigation.filter import gate_from_sigma
-from ..navigation.layout import BarometerErrors, FixErrors, state_layout
+from ..navigation.layout import BarometerErrors, FixErrors, StateLayout, state_layout
 from ..navigation.problem import EstimationProblem
 from ..prepare.barometer import levelled
 from ..prepare.clock import cut_fixes
@@ -133,7 +133,7 @@ def layout_factory(flight: Flight, noise: NoiseModel) -> LayoutFactory:
     Returns
     -------
     LayoutFactory
-        Makes a `StateLayout` of `FixErrors`.
+        Makes a `StateLayout` of `FixErrors`, and of `ImuErrors` where the IMU's model is changed.
     """
     options, barometer = flight.filter, flight.barometer
     of_barometer = (
@@ -141,9 +141,17 @@ def layout_factory(flight: Flight, noise: NoiseModel) -> LayoutFactory:
         if barometer is None
         else BarometerErrors(barometer.bias_sigma_m, barometer.bias_walk, barometer.scale_sigma)
     )
-    return lambda errors: state_layout(
-        noise, options.scale_factor, options.misalignment, errors, of_barometer
-    )
+
+    def layout(errors: FixErrors, imu: ImuErrors = AS_STATED) -> StateLayout:
+        return state_layout(
+            imu.of(noise),
+            options.scale_factor or imu.scale_factor is not None,
+            options.misalignment or imu.misalignment is not None,
+            errors,
+            of_barometer,
+        )
+
+    return layout
 
 
 def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:

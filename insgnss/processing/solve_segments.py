@@ -112,7 +112,8 @@ def solve_segment(
         Where the data contradict themselves or do not support the answer.
     """
     moved_s, solved = 0.0, _solve(flight, recording, span, frame, step)
-    for _ in range(ROUNDS):
+    # an offset that nobody asked for is a contradiction, and not taken in silence
+    for _ in range(ROUNDS if flight.filter.time_offset else 0):
         offset = offset_to_apply(solved.solution)
         if offset == 0.0:
             break

@@ -66,6 +66,11 @@ NAMES = (
     "GNSS quality",
     "antenna lever arm",
     "GNSS time offset",
+    "clock rate",
+    "IMU scale factors",
+    "IMU misalignments",
+    "IMU noise",
+    "GNSS sigmas",
     "turn-on bias",
 )
 """Of all checks; the flight file's `accept` takes them."""

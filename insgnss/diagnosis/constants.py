@@ -1,0 +1,255 @@
+"""The evidence that a constant of the flight file is wrong: which one, by how much, or none.
+
+One pass of the filter over the whole flight carries every candidate (`WIDE`) as a state with a wide
+a-priori sigma D: the antenna's lever arm, the time offset of the fixes and its rate, scale factors
+and misalignments of the IMU. At the last epoch filter and smoother agree; in units of D, let x and
+P be the candidates' estimate and covariance there, all other states marginalised. The data alone
+know of them
+
+    I = P^-1 - 1,     b = P^-1 x                                                               (D.1)
+
+A hypothesis gives them a priori the variances diag(V): a suspected one 1, one that the flight file
+states with a sigma s the variance (s / D)^2, one that it takes as known 0. With W = sqrt(V),
+
+    A = 1 + W I W,    e = W A^-1 W b,    cov e = W A^-1 W,
+    F(V) = b' e / 2 - log det A / 2                                                            (D.2)
+
+e is what the hypothesis estimates, and F(V) - F(V of the flight file) the logarithm of its evidence
+against the flight file's (the ratio of the likelihoods of all innovations, candidates
+marginalised). The determinant charges a hypothesis for what it leaves open, so the file wins where
+nothing is wrong: by some 3 over any single constant. All subsets of a few groups cost small
+matrices only.
+
+Errors that are no constants (a variance that is too small, a bias that drifts) show up as constants
+beyond what any sensor has; an estimate beyond `PLAUSIBLE` of its D is therefore no hypothesis. They
+compete as variances (`diagnosis.variances`), and constants are judged again under the winner.
+
+Jaynes (2003), ch. 20; MacKay (2003), ch. 28.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from ..base.errors import DataError
+from ..navigation.codes import NAV
+from ..navigation.filter import make_history, run_filter
+from ..navigation.layout import StateLayout
+from ..navigation.problem import EstimationProblem, InitialState
+from ..records import Array
+from .candidates import with_layout
+
+MOST_TOGETHER = 3  # groups of constants that are suspected at once
+PLAUSIBLE = 2.5  # a-priori sigmas of `candidates.WIDE`
+TAKEN = 2.0  # log evidence from which a hypothesis becomes states: a chance of a hundredth
+STRONG = 5.0  # log evidence from which a hypothesis is taken as shown
+OTHERS = 3.0  # log evidence below the winner's: within it two hypotheses are not told apart
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Constants that are suspected together.
+
+    Parameters
+    ----------
+    groups : tuple of str
+        Names of the groups.
+    evidence : float
+        Logarithm of its evidence against the flight file's.
+    names : tuple of str
+        (k,) names of the error states.
+    value, sigma : Array
+        (k,) what it estimates of them, and the standard deviations.
+    """
+
+    groups: tuple[str, ...]
+    evidence: float
+    names: tuple[str, ...]
+    value: Array
+    sigma: Array
+
+
+@dataclass(frozen=True)
+class ConstantsEvidence:
+    """What a flight says of its constants.
+
+    Parameters
+    ----------
+    names : tuple of str
+        (c,) names of the candidates.
+    group : tuple of str
+        (c,) the group of each.
+    wide : Array
+        (c,) the wide a-priori sigma of each.
+    stated : Array
+        (c,) the sigma that the flight file states, 0 where it takes it as known.
+    information : Array
+        (c, c) of the data alone (D.1), in units of `wide`.
+    vector : Array
+        (c,) b of (D.1).
+    """
+
+    names: tuple[str, ...]
+    group: tuple[str, ...]
+    wide: Array
+    stated: Array
+    information: Array
+    vector: Array
+
+    def hypotheses(self) -> list[Hypothesis]:
+        """Return all hypotheses of at most `MOST_TOGETHER` groups, the strongest first.
+
+        Returns
+        -------
+        list of Hypothesis
+            Those whose estimates a sensor or a mounting may have.
+        """
+        groups = tuple(dict.fromkeys(self.group))
+        nothing = self._evaluate(())[0]
+        found = []
+        for size in range(1, MOST_TOGETHER + 1):
+            for suspected in combinations(groups, size):
+                cost, estimate, cov = self._evaluate(suspected)
+                own = np.flatnonzero([g in suspected for g in self.group])
+                if np.abs(estimate[own]).max() > PLAUSIBLE:
+                    continue
+                names = tuple(self.names[k] for k in own)
+                sigma = np.sqrt(np.diag(cov))[own] * self.wide[own]
+                value = estimate[own] * self.wide[own]
+                found.append(Hypothesis(suspected, cost - nothing, names, value, sigma))
+        return sorted(found, key=lambda one: -one.evidence)
+
+    def strongest(self) -> Hypothesis | None:
+        """Return the strongest hypothesis beyond `TAKEN`, without groups that add little.
+
+        Returns
+        -------
+        Hypothesis or None
+            The one of fewest groups within `OTHERS` of the strongest; None where nothing is
+            suspected.
+        """
+        every = self.hypotheses()
+        if not every or every[0].evidence < TAKEN:
+            return None
+        close = [one for one in every if one.evidence > max(TAKEN, every[0].evidence - OTHERS)]
+        close = close or every[:1]
+        return min(close, key=lambda one: (len(one.groups), -one.evidence))
+
+    def rivals(self, of: Hypothesis) -> list[Hypothesis]:
+        """Return other hypotheses that the flight does not tell apart from one.
+
+        Parameters
+        ----------
+        of : Hypothesis
+            The one that is compared with.
+
+        Returns
+        -------
+        list of Hypothesis
+            Those of as few groups whose evidence is within `OTHERS` of it.
+        """
+        return [
+            one
+            for one in self.hypotheses()
+            if one.groups != of.groups
+            and len(one.groups) <= len(of.groups)
+            and one.evidence > of.evidence - OTHERS
+        ]
+
+    def known_to(self) -> dict[str, float]:
+        """Return to what sigma this flight alone knows each candidate, were it the only one.
+
+        Returns
+        -------
+        dict of str to float
+            Standard deviation by name, infinite where the flight does not tell.
+        """
+        own = np.sqrt(np.maximum(np.diag(self.information), 0.0))
+        with np.errstate(divide="ignore"):
+            return dict(zip(self.names, (self.wide / own).tolist(), strict=True))
+
+    def _evaluate(self, suspected: tuple[str, ...]) -> tuple[float, Array, Array]:
+        """Return F, e and cov e of (D.2), in units of `wide`."""
+        is_suspected = np.array([group in suspected for group in self.group])
+        W = np.where(is_suspected, 1.0, self.stated / self.wide)
+        A = np.eye(W.size) + W[:, None] * self.information * W
+        cov = W[:, None] * np.linalg.inv(A) * W
+        estimate = cov @ self.vector
+        return (
+            float(0.5 * self.vector @ estimate - 0.5 * np.linalg.slogdet(A)[1]),
+            estimate,
+            cov,
+        )
+
+
+def constants_evidence(
+    problem: EstimationProblem, start: InitialState, own: StateLayout, layout: StateLayout
+) -> ConstantsEvidence | None:
+    """Run the filter once with every candidate constant as a state.
+
+    Parameters
+    ----------
+    problem, start : EstimationProblem, InitialState
+        The problem and its initial state.
+    own : StateLayout
+        The states of the flight as it is taken to be.
+    layout : StateLayout
+        Its states and the candidates besides, with their wide a-priori sigmas.
+
+    Returns
+    -------
+    ConstantsEvidence or None
+        The evidence; None where the filter does not follow the fixes.
+    """
+    states = [s for s, name in enumerate(layout.names) if group_of(name)]
+    wide, wide_start = with_layout(_open(problem), start, layout)
+    # a state that the flight file has with a sigma of its own is a candidate with a wide one
+    wide_start = _widened(wide_start, layout, states)
+    history = make_history(wide.epochs, layout)
+    try:
+        run_filter(wide, wide_start, history)
+    except DataError:
+        return None
+    at = NAV.stop + np.array(states)
+    sigma = layout.sigma0[states]
+    P = history.P[-1][np.ix_(at, at)] / np.outer(sigma, sigma)
+    x = (history.x[-1][states] + history.m[-1][at]) / sigma
+    L = np.linalg.inv(P)
+    names = tuple(layout.names[s] for s in states)
+    known = dict(zip(own.names, own.sigma0.tolist(), strict=True))
+    return ConstantsEvidence(
+        names,
+        tuple(group_of(name) for name in names),
+        sigma,
+        np.array([known.get(name, 0.0) for name in names]),
+        L - np.eye(sigma.size),
+        L @ x,
+    )
+
+
+def group_of(name: str) -> str:
+    """Return the group of a candidate by the name of its error state, empty for another state."""
+    if name.startswith(("antenna lever arm", "GNSS time offset", "GNSS clock rate")):
+        return name
+    sensor = {"gyro": "gyro", "accel": "accelerometer"}.get(name.split()[0])
+    if sensor is None:
+        return ""
+    if name.endswith("scale factor"):
+        return f"{sensor} scale factors"
+    return f"{sensor} misalignments" if " from " in name else ""
+
+
+def _open(problem: EstimationProblem) -> EstimationProblem:
+    """Return the problem with its gate open; what lies beyond it is weighed down (K.11)."""
+    return replace(problem, gate=np.inf, huber_threshold=problem.gate)
+
+
+def _widened(start: InitialState, layout: StateLayout, states: list[int]) -> InitialState:
+    """Return the start with the candidates at zero and their wide sigmas, uncorrelated."""
+    P, x, mean = start.P.copy(), start.x.copy(), start.mean.copy()
+    at = NAV.stop + np.array(states)
+    P[at, :] = P[:, at] = 0.0
+    P[at, at] = layout.sigma0[states] ** 2
+    x[states], mean[at] = 0.0, 0.0
+    return InitialState(start.nav, x, mean, P)

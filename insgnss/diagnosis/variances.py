@@ -1,0 +1,190 @@
+"""The evidence that a variance of the flight is wrong: whose noise is larger than its model says.
+
+Errors that are no constants show in the size and the colour of the innovations. Each family below
+scales root densities or sigmas by factors f = exp(theta), of gyros and of accelerometers by
+themselves, and competes by the likelihood of all measured triples (L.4):
+
+    IMU white noise     vibration, and the noise of a flight beside that of a laboratory
+    IMU bias noise      what drives random walks and Gauss-Markov processes: temperature
+    IMU noise           both
+    GNSS sigmas         of positions and of velocities
+
+At theta = 0, with gradient g and expected second derivative A of -2 log L (L.5), a family promises
+the gain
+
+    g' A^-1 g / 2                                                                              (V.1)
+
+(Rao's score test); only where one promises more than `SEARCHED` its maximum is looked for. With p
+factors and n scalar innovations the logarithm of its evidence against the flight file is then
+
+    gain / 2 - p log(n) / 2                                                                    (V.2)
+
+(Schwarz 1978), on the one scale with constants (D.2) and with a time-correlated error of the fixes.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..calibrate.innovation_noise import Search
+from ..calibrate.likelihood import LinearSegment, available, evaluate, linear_segment
+from ..navigation.layout import StateLayout
+from ..navigation.solution import Solution
+from ..records import Array
+from .candidates import ErrorModel
+from .evidence import liveliest_part
+
+FAMILIES = {
+    "IMU white noise": ("gyro.white_noise", "accel.white_noise"),
+    "IMU bias noise": ("gyro.driving_noise", "accel.driving_noise"),
+    "GNSS sigmas": ("fixes.position", "fixes.velocity"),
+}
+SEARCHED = 30.0  # promised gain in -2 log L from which the maximum of a family is looked for
+MOST_FIXES = 3000  # of the part that is looked at: five minutes at 10 Hz
+STARTS = (0.0,)  # of the logarithms of the IMU's factors
+
+
+@dataclass(frozen=True)
+class VarianceHypothesis:
+    """A family of variances that is suspected.
+
+    Parameters
+    ----------
+    family : str
+        One of `FAMILIES`.
+    evidence : float
+        Logarithm of its evidence against the flight file's variances (V.2).
+    factors : dict of str to float
+        Factors of root densities and sigmas by parameter.
+    """
+
+    family: str
+    evidence: float
+    factors: dict[str, float]
+
+
+class VarianceSearch:
+    """The search for variances that explain the innovations of a solution better than its own.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight; of a long one the liveliest `MOST_FIXES` fixes are looked at.
+    progress : callable
+        Receives the name of each step.
+    """
+
+    def __init__(self, solution: Solution, progress: Callable[[str], None]) -> None:
+        self.part = liveliest_part(solution, MOST_FIXES)
+        problem = self.part.problem
+        names = available(problem.layout, bool(problem.epochs.has_velocity.any()))
+        self.families = {
+            family: own
+            for family, parameters in FAMILIES.items()
+            if (own := tuple(name for name in parameters if name in names))
+        }
+        self.names = tuple(dict.fromkeys(name for own in self.families.values() for name in own))
+        segment = linear_segment(self.part, self.names)
+        self.search = Search([segment], self.names, progress)
+        self.nothing = evaluate([segment], np.zeros(len(self.names)))
+
+    def promising(self) -> tuple[str, ...]:
+        """Return the families that promise more than `SEARCHED` (V.1)."""
+        g, A = self.nothing.gradient, self.nothing.information
+        return tuple(
+            family for family in self.families if _promise(g, A, self._free(family)) > SEARCHED
+        )
+
+    def strongest(self) -> VarianceHypothesis | None:
+        """Return the promising family of the largest positive evidence (V.2), or None."""
+        found = [self._hypothesis(family) for family in self.promising()]
+        best = max(found, key=lambda one: one.evidence, default=None)
+        return best if best is not None and best.evidence > 0.0 else None
+
+    def evidence_of(self, errors_layout: StateLayout, parameters: int) -> float:
+        """Return the log evidence (V.2) of the same flight with other states of its fixes.
+
+        Parameters
+        ----------
+        errors_layout : StateLayout
+            The states of the solution and others, which start at zero.
+        parameters : int
+            Number of variances and correlation times that were estimated for it.
+
+        Returns
+        -------
+        float
+            Against the layout of the solution.
+        """
+        other = evaluate([_linearised(self.part, errors_layout)], np.zeros(1))
+        return self._evidence(other.cost, parameters)
+
+    def _hypothesis(self, family: str) -> VarianceHypothesis:
+        free = self._free(family)
+        maximum = self.search.maximum(free, STARTS)
+        theta = dict(zip(self.names, np.exp(maximum.theta).tolist(), strict=True))
+        factors = {name: theta[name] for name in self.families[family]}
+        evidence = self._evidence(maximum.evaluated.cost, int(free.sum()))
+        return VarianceHypothesis(family, evidence, factors)
+
+    def _evidence(self, cost: float, parameters: int) -> float:
+        gain = self.nothing.cost - cost
+        return float(0.5 * gain - 0.5 * parameters * np.log(3.0 * self.nothing.offered))
+
+    def _free(self, family: str) -> np.ndarray:
+        return np.array([name in self.families[family] for name in self.names])
+
+
+def _linearised(solution: Solution, layout: StateLayout) -> LinearSegment:
+    """Linearise about the solution with the states of another layout at zero where they are new."""
+    own = solution.problem.layout.names
+    x = np.zeros((solution.x.shape[0], len(layout.names)))
+    for s, name in enumerate(layout.names):
+        if name in own:
+            x[:, s] = solution.x[:, own.index(name)]
+    other = replace(solution, problem=replace(solution.problem, layout=layout), x=x)
+    return linear_segment(other, ("fixes.position",))
+
+
+def _promise(gradient: Array, information: Array, free: np.ndarray) -> float:
+    """Return the gain that the free parameters promise (V.1)."""
+    A, g = information[np.ix_(free, free)], gradient[free]
+    scale = np.sqrt(np.maximum(np.diag(A), 1e-12))
+    b, M = g / scale, A / np.outer(scale, scale) + 1e-9 * np.eye(g.size)
+    return float(0.5 * b @ np.linalg.solve(M, b))
+
+
+def with_variances(model: ErrorModel, found: VarianceHypothesis) -> ErrorModel | None:
+    """Return an error model with variances as a hypothesis has them.
+
+    Parameters
+    ----------
+    model : ErrorModel
+        What is estimated already.
+    found : VarianceHypothesis
+        The factors.
+
+    Returns
+    -------
+    ErrorModel or None
+        The model; None where fixes are better than they claim, which their user may have reasons
+        for.
+    """
+    factors = found.factors
+    if found.family == "GNSS sigmas":
+        k = factors["fixes.position"]
+        if k <= 1.0:
+            return None
+        scale = tuple(k * x for x in model.fixes.white_scale)
+        unfixed = k * model.fixes.unfixed_white_scale
+        return replace(
+            model, fixes=replace(model.fixes, white_scale=scale, unfixed_white_scale=unfixed)
+        )
+    white = found.family == "IMU white noise"
+    kind = "white_noise" if white else "driving_noise"
+    own = model.imu.white_noise if white else model.imu.driving_noise
+    gyro, accel = (max(1.0, factors.get(f"{triad}.{kind}", 1.0)) for triad in ("gyro", "accel"))
+    pair = (gyro * own[0], accel * own[1])
+    imu = replace(model.imu, white_noise=pair) if white else replace(model.imu, driving_noise=pair)
+    return replace(model, imu=imu)
