@@ -30,7 +30,7 @@ LEVER_ARM, OFFSET, RATE = "antenna lever arm", "GNSS time offset", "GNSS clock r
 
 
 def advice(
-    mounting: Mounting, solution: Solution, found: Hypothesis, rivals: Sequence[Hypothesis] = ()
+    mounting: Mounting, solution: Solution, suspected: Hypothesis, rivals: Sequence[Hypothesis] = ()
 ) -> list[Check]:
     """Say which constants contradict the flight file, and what would put them right.
 
@@ -40,7 +40,7 @@ def advice(
         The mounting of the flight file, in whose axes the advice is given.
     solution : Solution
         The flight solved with these constants as states.
-    found : Hypothesis
+    suspected : Hypothesis
         The constants that are suspected.
     rivals : sequence of Hypothesis
         What the flight does not tell apart from it.
@@ -52,15 +52,17 @@ def advice(
     """
     values = {
         name: (float(value), float(sigma))
-        for name, value, sigma in zip(found.names, found.value, found.sigma, strict=True)
+        for name, value, sigma in zip(
+            suspected.names, suspected.value, suspected.sigma, strict=True
+        )
     }
     speed = rms_speed(solution)
     minutes = float(solution.time[-1] - solution.time[0]) / 60.0
     either = "; this flight does not tell it from " + " or ".join(
         " and ".join(rival.groups) for rival in rivals
     )
-    by = f", log evidence {found.evidence:.0f}{either if rivals else ''}"
-    strong = found.evidence >= STRONG
+    by = f", log evidence {suspected.evidence:.0f}{either if rivals else ''}"
+    strong = suspected.evidence >= STRONG
     checks: list[tuple[float, Check]] = []
     lever = [values.get(f"{LEVER_ARM} {axis}") for axis in AXES]
     sizes = {name: abs(value) / sigma for name, (value, sigma) in values.items()}
@@ -84,12 +86,12 @@ def advice(
     return [check for _, check in sorted(checks, key=lambda one: -one[0])]
 
 
-def variance_check(found: "VarianceHypothesis") -> Check:
+def variance_check(suspected: "VarianceHypothesis") -> Check:
     """Say whose noise is larger than its model says.
 
     Parameters
     ----------
-    found : VarianceHypothesis
+    suspected : VarianceHypothesis
         The family and its factors.
 
     Returns
@@ -97,8 +99,8 @@ def variance_check(found: "VarianceHypothesis") -> Check:
     Check
         A note: the flight is solved with the larger noise.
     """
-    factors = ", ".join(f"{name} {factor:.2f}" for name, factor in found.factors.items())
-    if found.family == "GNSS sigmas":
+    factors = ", ".join(f"{name} {factor:.2f}" for name, factor in suspected.factors.items())
+    if suspected.family == "GNSS sigmas":
         remedy = "raise gnss.sigma_m, or the receiver's or the engine's sigmas, by this factor"
         name = "GNSS sigmas"
     else:
@@ -106,8 +108,8 @@ def variance_check(found: "VarianceHypothesis") -> Check:
         name = "IMU noise"
     return Check(
         name,
-        f"{found.family} times {factors} explains the innovations, log evidence"
-        f" {found.evidence:.0f}; solved with it",
+        f"{suspected.family} times {factors} explains the innovations, log evidence"
+        f" {suspected.evidence:.0f}; solved with it",
         "factors of one",
         "note",
         remedy,

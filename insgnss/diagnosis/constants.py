@@ -100,14 +100,17 @@ class ConstantsEvidence:
     def hypotheses(self) -> list[Hypothesis]:
         """Return all hypotheses of at most `MOST_TOGETHER` groups, the strongest first.
 
+        A constant that is estimated already, under the flight file's own sigma, is not suspected.
+
         Returns
         -------
         list of Hypothesis
             Those whose estimates a sensor or a mounting may have.
         """
-        groups = tuple(dict.fromkeys(self.group))
+        fixed = [g for g, sigma in zip(self.group, self.stated, strict=True) if sigma == 0.0]
+        groups = tuple(dict.fromkeys(fixed))
         nothing = self._evaluate(())[0]
-        found = []
+        hypotheses = []
         for size in range(1, MOST_TOGETHER + 1):
             for suspected in combinations(groups, size):
                 cost, estimate, cov = self._evaluate(suspected)
@@ -117,8 +120,8 @@ class ConstantsEvidence:
                 names = tuple(self.names[k] for k in own)
                 sigma = np.sqrt(np.diag(cov))[own] * self.wide[own]
                 value = estimate[own] * self.wide[own]
-                found.append(Hypothesis(suspected, cost - nothing, names, value, sigma))
-        return sorted(found, key=lambda one: -one.evidence)
+                hypotheses.append(Hypothesis(suspected, cost - nothing, names, value, sigma))
+        return sorted(hypotheses, key=lambda one: -one.evidence)
 
     def strongest(self) -> Hypothesis | None:
         """Return the strongest hypothesis beyond `TAKEN`, without groups that add little.
@@ -211,18 +214,18 @@ def constants_evidence(
         run_filter(wide, wide_start, history)
     except DataError:
         return None
-    at = NAV.stop + np.array(states)
+    rows = NAV.stop + np.array(states)
     sigma = layout.sigma0[states]
-    P = history.P[-1][np.ix_(at, at)] / np.outer(sigma, sigma)
-    x = (history.x[-1][states] + history.m[-1][at]) / sigma
+    P = history.P[-1][np.ix_(rows, rows)] / np.outer(sigma, sigma)
+    x = (history.x[-1][states] + history.m[-1][rows]) / sigma
     L = np.linalg.inv(P)
     names = tuple(layout.names[s] for s in states)
-    known = dict(zip(own.names, own.sigma0.tolist(), strict=True))
+    own_sigma = dict(zip(own.names, own.sigma0.tolist(), strict=True))
     return ConstantsEvidence(
         names,
         tuple(group_of(name) for name in names),
         sigma,
-        np.array([known.get(name, 0.0) for name in names]),
+        np.array([own_sigma.get(name, 0.0) for name in names]),
         L - np.eye(sigma.size),
         L @ x,
     )
@@ -241,15 +244,20 @@ def group_of(name: str) -> str:
 
 
 def _open(problem: EstimationProblem) -> EstimationProblem:
-    """Return the problem with its gate open; what lies beyond it is weighed down (K.11)."""
-    return replace(problem, gate=np.inf, huber_threshold=problem.gate)
+    """Return the problem with its gate open; what lies beyond it is weighed down (K.11).
+
+    A barometer, whose own errors may be large, has no say.
+    """
+    silent = np.zeros_like(problem.epochs.barometer_variance)
+    epochs = problem.epochs._replace(barometer_variance=silent)
+    return replace(problem, epochs=epochs, gate=np.inf, huber_threshold=problem.gate)
 
 
 def _widened(start: InitialState, layout: StateLayout, states: list[int]) -> InitialState:
     """Return the start with the candidates at zero and their wide sigmas, uncorrelated."""
     P, x, mean = start.P.copy(), start.x.copy(), start.mean.copy()
-    at = NAV.stop + np.array(states)
-    P[at, :] = P[:, at] = 0.0
-    P[at, at] = layout.sigma0[states] ** 2
-    x[states], mean[at] = 0.0, 0.0
+    rows = NAV.stop + np.array(states)
+    P[rows, :] = P[:, rows] = 0.0
+    P[rows, rows] = layout.sigma0[states] ** 2
+    x[states], mean[rows] = 0.0, 0.0
     return InitialState(start.nav, x, mean, P)

@@ -144,7 +144,7 @@ class _State:
     model: ErrorModel
     checks: tuple[Check, ...] = ()
     history: tuple[str, ...] = ()
-    tried: frozenset[str] = frozenset()
+    attempted: frozenset[str] = frozenset()
 
 
 Candidate = tuple[float, Callable[[], _State | None]]
@@ -160,19 +160,23 @@ def _next(search: ErrorModelSearch, posed: Posed, here: _State) -> _State | None
     variances = VarianceSearch(here.solution, search.progress)
     promising = bool(variances.promising())
     with_constants = None
-    if constants is not None and suspected is not None and not here.tried & set(suspected.groups):
+    if (
+        constants is not None
+        and suspected is not None
+        and not here.attempted & set(suspected.groups)
+    ):
         with_constants = _with_constants(search, posed, here, constants, suspected)
         if with_constants is not None and not (
             promising and VarianceSearch(with_constants.solution, search.progress).promising()
         ):
             return with_constants
     candidates = [_variance(search, posed, here, variances)] if promising else []
-    if search.time_correlated and "time-correlated" not in here.tried:
+    if search.time_correlated and "time-correlated" not in here.attempted:
         candidates.append(_time_correlated(search, posed, here, variances))
     if suspected is not None and with_constants is not None:
         candidates.append((suspected.evidence, lambda: with_constants))
-    found = sorted(filter(None, candidates), key=lambda one: -one[0])
-    return next((state for _, adopt in found if (state := adopt()) is not None), None)
+    ranked = sorted(filter(None, candidates), key=lambda one: -one[0])
+    return next((state for _, adopt in ranked if (state := adopt()) is not None), None)
 
 
 def _with_constants(
@@ -189,33 +193,33 @@ def _with_constants(
     if solution is None:
         return None
     checks = advice(search.mounting, solution, suspected, constants.rivals(suspected))
-    told = f"estimated, log evidence {suspected.evidence:.0f}: {', '.join(suspected.groups)}"
-    tried = here.tried | set(suspected.groups)
-    return _State(solution, model, (*here.checks, *checks), (*here.history, told), tried)
+    sentence = f"estimated, log evidence {suspected.evidence:.0f}: {', '.join(suspected.groups)}"
+    attempted = here.attempted | set(suspected.groups)
+    return _State(solution, model, (*here.checks, *checks), (*here.history, sentence), attempted)
 
 
 def _variance(
     search: ErrorModelSearch, posed: Posed, here: _State, variances: VarianceSearch
 ) -> Candidate | None:
     """Return the strongest family of variances; None where there is none."""
-    found = variances.strongest()
-    if found is None or found.family in here.tried:
+    winner = variances.strongest()
+    if winner is None or winner.family in here.attempted:
         return None
-    model = with_variances(here.model, found)
+    model = with_variances(here.model, winner)
     if model is None:
         return None
 
     def adopt() -> _State | None:
-        search.progress(f"filter, with larger {found.family}")
+        search.progress(f"filter, with larger {winner.family}")
         solution = _solved(search, posed, model)
         if solution is None:
             return None
-        check = variance_check(found)
+        check = variance_check(winner)
         history = (*here.history, f"{check.name}: {check.found}")
-        tried = here.tried | {found.family}
-        return _State(solution, model, (*here.checks, check), history, tried)
+        attempted = here.attempted | {winner.family}
+        return _State(solution, model, (*here.checks, check), history, attempted)
 
-    return found.evidence, adopt
+    return winner.evidence, adopt
 
 
 def _time_correlated(
@@ -226,10 +230,10 @@ def _time_correlated(
     if not is_suspicious(here.solution, search.of_fixes(here.model), fixes):
         return None
     search.progress("the innovations are not white: errors of the fixes")
-    found = time_correlated_error(here.solution, search.of_fixes(here.model), fixes)
-    if found is None:
+    errors = time_correlated_error(here.solution, search.of_fixes(here.model), fixes)
+    if errors is None:
         return None
-    model = replace(here.model, fixes=found)
+    model = replace(here.model, fixes=errors)
     evidence = variances.evidence_of(search.layout(model), CORRELATED_PARAMETERS)
     return max(evidence, 0.0), lambda: _adopted(search, posed, here, model)
 
@@ -318,7 +322,7 @@ def _adopted(search: ErrorModelSearch, posed: Posed, here: _State, model: ErrorM
 
     As long as that loses fixes, it is tried with a larger white share.
     """
-    solution, tried = here.solution, here.tried | {"time-correlated"}
+    solution, attempted = here.solution, here.attempted | {"time-correlated"}
     for _ in range(TRIES):
         search.progress("filter, with a time-correlated GNSS error")
         again = _solved(search, posed, model)
@@ -328,9 +332,9 @@ def _adopted(search: ErrorModelSearch, posed: Posed, here: _State, model: ErrorM
             reason = "given up, it explains the whole flight no better"
             break
         else:
-            told = message(model.fixes)
-            return _State(again, model, here.checks, (*here.history, told), tried)
+            sentence = message(model.fixes)
+            return _State(again, model, here.checks, (*here.history, sentence), attempted)
     else:
         reason = "given up, the filter loses fixes with it"
-    told = f"{message(model.fixes)}; {reason}"
-    return replace(here, history=(*here.history, told), tried=tried)
+    sentence = f"{message(model.fixes)}; {reason}"
+    return replace(here, history=(*here.history, sentence), attempted=attempted)

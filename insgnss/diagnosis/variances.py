@@ -14,8 +14,9 @@ the gain
 
     g' A^-1 g / 2                                                                              (V.1)
 
-(Rao's score test); only where one promises more than `SEARCHED` its maximum is looked for. With p
-factors and n scalar innovations the logarithm of its evidence against the flight file is then
+(Rao's score test); only where one promises more than `LEAST_PROMISE` its maximum is looked for.
+With p factors and n scalar innovations the logarithm of its evidence against the flight file is
+then
 
     gain / 2 - p log(n) / 2                                                                    (V.2)
 
@@ -40,7 +41,7 @@ FAMILIES = {
     "IMU bias noise": ("gyro.driving_noise", "accel.driving_noise"),
     "GNSS sigmas": ("fixes.position", "fixes.velocity"),
 }
-SEARCHED = 30.0  # promised gain in -2 log L from which the maximum of a family is looked for
+LEAST_PROMISE = 30.0  # promised gain in -2 log L from which the maximum of a family is looked for
 MOST_FIXES = 3000  # of the part that is looked at: five minutes at 10 Hz
 STARTS = (0.0,)  # of the logarithms of the IMU's factors
 
@@ -90,16 +91,16 @@ class VarianceSearch:
         self.nothing = evaluate([segment], np.zeros(len(self.names)))
 
     def promising(self) -> tuple[str, ...]:
-        """Return the families that promise more than `SEARCHED` (V.1)."""
+        """Return the families that promise more than `LEAST_PROMISE` (V.1)."""
         g, A = self.nothing.gradient, self.nothing.information
         return tuple(
-            family for family in self.families if _promise(g, A, self._free(family)) > SEARCHED
+            family for family in self.families if _promise(g, A, self._free(family)) > LEAST_PROMISE
         )
 
     def strongest(self) -> VarianceHypothesis | None:
         """Return the promising family of the largest positive evidence (V.2), or None."""
-        found = [self._hypothesis(family) for family in self.promising()]
-        best = max(found, key=lambda one: one.evidence, default=None)
+        hypotheses = [self._hypothesis(family) for family in self.promising()]
+        best = max(hypotheses, key=lambda one: one.evidence, default=None)
         return best if best is not None and best.evidence > 0.0 else None
 
     def evidence_of(self, errors_layout: StateLayout, parameters: int) -> float:
@@ -155,14 +156,14 @@ def _promise(gradient: Array, information: Array, free: np.ndarray) -> float:
     return float(0.5 * b @ np.linalg.solve(M, b))
 
 
-def with_variances(model: ErrorModel, found: VarianceHypothesis) -> ErrorModel | None:
+def with_variances(model: ErrorModel, suspected: VarianceHypothesis) -> ErrorModel | None:
     """Return an error model with variances as a hypothesis has them.
 
     Parameters
     ----------
     model : ErrorModel
         What is estimated already.
-    found : VarianceHypothesis
+    suspected : VarianceHypothesis
         The factors.
 
     Returns
@@ -171,8 +172,8 @@ def with_variances(model: ErrorModel, found: VarianceHypothesis) -> ErrorModel |
         The model; None where fixes are better than they claim, which their user may have reasons
         for.
     """
-    factors = found.factors
-    if found.family == "GNSS sigmas":
+    factors = suspected.factors
+    if suspected.family == "GNSS sigmas":
         k = factors["fixes.position"]
         if k <= 1.0:
             return None
@@ -181,7 +182,7 @@ def with_variances(model: ErrorModel, found: VarianceHypothesis) -> ErrorModel |
         return replace(
             model, fixes=replace(model.fixes, white_scale=scale, unfixed_white_scale=unfixed)
         )
-    white = found.family == "IMU white noise"
+    white = suspected.family == "IMU white noise"
     kind = "white_noise" if white else "driving_noise"
     own = model.imu.white_noise if white else model.imu.driving_noise
     gyro, accel = (max(1.0, factors.get(f"{triad}.{kind}", 1.0)) for triad in ("gyro", "accel"))

@@ -1,0 +1,98 @@
+"""Whose noise is larger than its model says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flown import fly, start_near
+
+from insgnss.diagnosis.candidates import ErrorModel
+from insgnss.diagnosis.variances import VarianceSearch, with_variances
+from insgnss.navigation.layout import FixErrors, state_layout
+from insgnss.navigation.solution import Solution, solve
+from insgnss.stochastic.model import load_noise_model
+
+SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
+NAVCHIP = load_noise_model("navchip")
+
+
+def louder(white: float, driving: float):
+    """NavChip with its noise times these."""
+
+    def axis(a):
+        gm = tuple(replace(g, driving_noise=driving * g.driving_noise) for g in a.gauss_markov)
+        walk = driving * a.random_walk
+        return replace(a, white_noise=white * a.white_noise, random_walk=walk, gauss_markov=gm)
+
+    triads = {s: tuple(axis(a) for a in getattr(NAVCHIP, s)) for s in ("gyro", "accel")}
+    return replace(NAVCHIP, **triads)
+
+
+def solved(white: float = 1.0, driving: float = 1.0, sigmas: float = 1.0) -> Solution:
+    """A flight whose sensors have so many times the noise that its model says."""
+    flown = fly(
+        240.0, seed=41, imu_hz=100.0, noise=louder(white, driving), layout=state_layout(NAVCHIP)
+    )
+    ep = flown.problem.epochs
+    epochs = ep._replace(position_cov=ep.position_cov / sigmas**2)
+    problem = replace(flown.problem, epochs=epochs)
+    return solve(problem, start_near(replace(flown, problem=problem), SIGMA), separations=0)
+
+
+def search(solution: Solution) -> VarianceSearch:
+    return VarianceSearch(solution, lambda _: None)
+
+
+def test_nothing_promises_where_nothing_is_wrong():
+    """Oracle: the simulator."""
+    assert search(solved()).promising() == ()
+    assert search(solved()).strongest() is None
+
+
+@pytest.mark.parametrize(
+    ("planted", "families", "factor"),
+    [
+        ({"white": 6.0}, ("IMU white noise", "IMU bias noise"), None),
+        ({"driving": 8.0}, ("IMU bias noise",), None),
+        ({"sigmas": 2.0}, ("GNSS sigmas",), 2.0),
+        ({"sigmas": 0.5}, ("GNSS sigmas",), 0.5),
+    ],
+)
+def test_the_right_family_wins(planted, families, factor):
+    """Oracle: what was planted. White noise and fast Gauss-Markov processes of a NavChip are alike
+    to fixes a tenth of a second apart, so either may stand for the other. A factor of the fixes is
+    known to 1 % by 7000 innovations.
+    """
+    winner = search(solved(**planted)).strongest()
+    assert winner is not None
+    assert winner.family in families
+    assert winner.evidence > 20.0
+    if factor is not None:
+        assert winner.factors["fixes.position"] == pytest.approx(factor, rel=0.04)
+
+
+def test_what_a_hypothesis_changes_in_the_error_model():
+    """Oracle: hand calculation; fixes that are better than they claim are left as they are."""
+    model = ErrorModel(FixErrors(white_scale=(1.0, 1.0, 2.0), unfixed_white_scale=0.5))
+    winner = search(solved(sigmas=2.0)).strongest()
+    assert winner is not None
+    k = winner.factors["fixes.position"]
+    raised = with_variances(model, winner)
+    assert raised is not None
+    assert raised.fixes.white_scale == pytest.approx((k, k, 2.0 * k))
+    assert raised.fixes.unfixed_white_scale == pytest.approx(0.5 * k)
+    better = replace(winner, factors={"fixes.position": 0.5})
+    assert with_variances(model, better) is None
+    driven = replace(
+        winner,
+        family="IMU bias noise",
+        factors={"gyro.driving_noise": 3.0, "accel.driving_noise": 0.2},
+    )
+    imu = with_variances(model, driven)
+    assert imu is not None
+    assert imu.imu.driving_noise == (3.0, 1.0)
+    own = imu.imu.of(NAVCHIP)
+    assert own.gyro[0].gauss_markov[0].sigma == pytest.approx(
+        3.0 * NAVCHIP.gyro[0].gauss_markov[0].sigma
+    )
+    assert own.accel == NAVCHIP.accel

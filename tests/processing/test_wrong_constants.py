@@ -1,0 +1,125 @@
+"""Flights whose flight file is wrong: each is refused with the right culprit and number, or solved
+with errors within its covariance and a note that names the culprit.
+"""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import insgnss
+
+
+@pytest.fixture(scope="module")
+def sim():
+    return insgnss.simulate("ign8", 5.0, imu_rate_hz=100.0, seed=52)
+
+
+def run(sim, imu=None, gnss=None, lever=(0.0, 0.0, 0.0), **changes):
+    """The flight with other samples, fixes, or the antenna off by `lever` in the flight file."""
+    mounting = sim.mounting
+    off = mounting.C_cb @ np.array(lever)
+    return insgnss.estimate(
+        imu or sim.imu,
+        gnss or sim.gnss,
+        sim.events,
+        mounting=replace(mounting, antenna_m=mounting.antenna_m + off),
+        tangent_plane=(
+            *np.degrees([sim.tangent_plane.lat, sim.tangent_plane.lon]),
+            sim.tangent_plane.height,
+        ),
+        **changes,
+    )
+
+
+def normalised(sim, result) -> np.ndarray:
+    """Errors of the images' positions over their sigmas, (n, 3)."""
+    place = {name: k for k, name in enumerate(sim.truth.eo.images)}
+    true = sim.truth.eo.position_m[[place[name] for name in result.eo.images]]
+    sigma = np.sqrt(np.diagonal(result.eo.cov, axis1=1, axis2=2))[:, :3]
+    return (result.eo.position_m - true) / sigma
+
+
+def test_a_right_flight_file_is_left_alone(sim):
+    """Oracle: the simulator; the covariance."""
+    result = run(sim)
+    names = {check.name for check in result.checks}
+    assert not names & {"antenna lever arm", "GNSS time offset", "clock rate", "IMU noise"}
+    assert np.abs(normalised(sim, result)).max() < 4.0
+
+
+@pytest.mark.parametrize(
+    ("change", "name", "number", "within"),
+    [
+        ({"late": 0.006}, "GNSS time offset", r"lack (\S+) \+-", (-0.006, 0.0015)),
+        ({"lever": (0, 0, -0.07)}, "antenna lever arm", r"down (\S+) \+-", (0.07, 0.02)),
+        ({"lever": (0, 0.1, 0)}, "antenna lever arm", r"right (\S+) \+-", (-0.1, 0.02)),
+        ({"ppm": 60.0}, "clock rate", r"gains (\S+) \+-", (60.0, 15.0)),
+    ],
+)
+def test_a_wrong_constant_is_refused_with_its_number(sim, change, name, number, within):
+    """Oracle: what was planted."""
+    gnss, imu = sim.gnss, sim.imu
+    if "late" in change:
+        gnss = replace(gnss, time=gnss.time + change["late"])
+    if "ppm" in change:
+        begin = imu.time[0]
+        imu = replace(imu, time=begin + (imu.time - begin) * (1.0 + 1e-6 * change["ppm"]))
+    with pytest.raises(insgnss.InputError, match=name) as refusal:
+        run(sim, imu, gnss, change.get("lever", (0.0, 0.0, 0.0)))
+    value = re.search(number, str(refusal.value))
+    assert value is not None
+    assert float(value[1]) == pytest.approx(within[0], abs=within[1])
+
+
+def test_an_accepted_contradiction_is_estimated(sim):
+    """Oracle: the exact motion; 6 ms of latency that the flight file does not know."""
+    gnss = replace(sim.gnss, time=sim.gnss.time + 0.006)
+    result = run(sim, gnss=gnss, accept=["GNSS time offset"])
+    z = normalised(sim, result)
+    assert np.abs(z).max() < 4.5
+    assert np.mean(z**2) < 2.5
+
+
+@pytest.mark.parametrize(
+    ("culprit", "scale"), [("IMU scale factors", (1.01, 1.0)), ("IMU scale factors", (1.0, 1.01))]
+)
+def test_scale_factors_are_estimated_and_named(sim, culprit, scale):
+    """Oracle: what was planted; the exact motion."""
+    imu = replace(sim.imu, gyro=scale[0] * sim.imu.gyro, accel=scale[1] * sim.imu.accel)
+    result = run(sim, imu)
+    (check,) = [check for check in result.checks if check.name == culprit]
+    sensor = "gyro" if scale[0] > 1.0 else "accel"
+    assert check.found.startswith(sensor)
+    assert "filter.scale_factor = true" in check.advice
+    z = normalised(sim, result)
+    assert np.abs(z).max() < 4.5
+    assert np.mean(z**2) < 2.5
+
+
+def test_noise_of_flight_is_not_taken_for_an_error_of_the_fixes(sim):
+    """Oracle: the exact motion; ten times the accelerometers' white noise and three times that of
+    the gyros, which had been booked as correlated GNSS errors of 6 cm.
+    """
+    model = insgnss.load_noise_model("navchip")
+    draw = np.random.default_rng(7)
+    shape, rate = sim.imu.gyro.shape, 100.0
+    gyro = model.gyro[0].white_noise * np.sqrt(8.0 * rate) * draw.standard_normal(shape)
+    accel = model.accel[0].white_noise * np.sqrt(99.0 * rate) * draw.standard_normal(shape)
+    result = run(sim, replace(sim.imu, gyro=sim.imu.gyro + gyro, accel=sim.imu.accel + accel))
+    assert "IMU noise" in {check.name for check in result.checks}
+    assert "correlated" not in " ".join(result.report["history"])
+    z = normalised(sim, result)
+    assert np.abs(z).max() < 4.5
+    assert np.mean(z**2) < 2.5
+
+
+def test_sigmas_of_half_the_size_are_raised(sim):
+    """Oracle: fixes that claim half of what they are."""
+    result = run(sim, gnss=replace(sim.gnss, cov_ned=sim.gnss.cov_ned / 4.0))
+    (check,) = [check for check in result.checks if check.name == "GNSS sigmas"]
+    factor = re.search(r"fixes\.position (\S+)", check.found)
+    assert factor is not None
+    assert float(factor[1]) == pytest.approx(2.0, rel=0.04)
+    assert np.mean(normalised(sim, result) ** 2) < 2.5
