@@ -5,7 +5,7 @@ units of their file.
 import math
 from dataclasses import dataclass
 
-from ..base.errors import InputError
+from ..base.errors import InputError, UsageError
 
 GAUSS_MARKOV = "gauss_markov"
 
@@ -190,6 +190,7 @@ class NoiseModel:
     Raises
     ------
     InputError : there are not three axes.
+    UsageError : an axis is no `AxisNoise`.
 
     Examples
     --------
@@ -213,6 +214,11 @@ class NoiseModel:
             if len(axes) != 3:
                 raise InputError(
                     f"noise model {self.name!r}: {len(axes)} {sensor} axes, expected 3"
+                )
+            if odd := [axis for axis in axes if not isinstance(axis, AxisNoise)]:
+                raise UsageError(
+                    f"noise model {self.name!r}: {odd[0]!r} stands for {sensor} noise; give an"
+                    " AxisNoise, such as AxisNoise(white_noise=5e-5, turn_on_bias=5e-4)"
                 )
             object.__setattr__(self, sensor, axes)
 
