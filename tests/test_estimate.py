@@ -2,6 +2,8 @@
 flight that takes objects for files.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -324,6 +326,25 @@ def test_data_that_contradict_what_is_said_of_them_stop_it(records, flight):
     """
     with pytest.raises(insgnss.InputError, match=r"accept = \["):
         insgnss.estimate(*records, mounting=flight.mounting, imu_axes="backward left down")
+
+
+@pytest.mark.parametrize(
+    ("sensor", "factor", "advice"),
+    [
+        ("gyro", np.degrees(1.0), r"deg/s \(multiply gyro by np\.radians\(1\)\)"),
+        ("accel", 1.0 / 9.80665, r"g \(multiply accel by 9\.80665\)"),
+        ("gyro", np.radians(1.0), r"rad/s \(multiply gyro by np\.degrees\(1\)\)"),
+        ("accel", 77.0, "check the columns of the samples, the units of the samples and imu_quan"),
+    ],
+)
+def test_advice_for_arrays_says_by_what_to_multiply(records, flight, sensor, factor, advice):
+    """Oracle: the factor that was put in, by hand; nothing speaks of a flight file."""
+    imu, gnss, events = records
+    imu = replace(imu, **{sensor: factor * getattr(imu, sensor)})
+    with pytest.raises(insgnss.InputError, match=advice) as refused:
+        insgnss.estimate(imu, gnss, events, mounting=flight.mounting)
+    assert "flight file" not in str(refused.value)
+    assert "imu." not in str(refused.value)
 
 
 def test_a_car_keeps_its_way_by_the_non_holonomic_constraint():

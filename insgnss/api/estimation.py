@@ -35,6 +35,7 @@ SPOKEN = {
     "initial": "initial_attitude",
     "imu.axes": "imu_axes",
     "imu.noise": "noise",
+    "imu.quantity": "imu_quantity",
     "output.trajectory_hz": "trajectory_hz",
 }
 """What the keys of a flight file are called here."""
@@ -71,7 +72,9 @@ def estimate(
     ----------
     imu : `ImuSamples`; (n, 7) array of time s, angular rate x y z rad/s, specific force x y z
         m/s^2, in the sensor's own axes; or a mapping or pandas table with the columns tow, gx, gy,
-        gz, ax, ay, az.
+        gz, ax, ay, az, of which in a mapping `gyro` and `accel` (n, 3) may stand for three each.
+        Rows must be in the order of time, as those of all arrays (`read_imu` and the other readers
+        put those of a file in order).
     gnss : `GnssFixes`; (m, 4) array of time s, latitude deg, longitude deg, ellipsoidal height m of
         the antenna's phase centre, or (m, 7) with the standard deviations north, east, down, m; or
         a mapping or pandas table with the columns tow, lat_deg, lon_deg (or lat_rad, lon_rad), h_m,
@@ -83,6 +86,7 @@ def estimate(
         ``barometer__sigma_m=1.0`` and the like. None: there is none.
     mounting : lever arms and bore-sight; None: antenna and camera at the IMU.
     noise : noise model, the name of a shipped one (navchip, tactical, consumer), or a file of one.
+        Models are frozen dataclasses: ``dataclasses.replace(model, name="mine")`` changes one.
     gps_week : of all times; None: that of the records, else 0 stands in for it, with a note.
     imu_quantity : what a sample of an array or a table is, "mean_rate", "increments" (both over the
         interval that ends at the stamp) or "instant_rate".
@@ -150,9 +154,9 @@ def estimate(
         _refuse_ambiguous(flight, changes)
         keywords = [name for name in signature(estimate).parameters if name != "changes"]
         flight = changed(flight, changes, keywords)
-    from ..processing.pipeline import process
+        from ..processing.pipeline import process
 
-    return process(flight, progress=progress, write=False)
+        return process(flight, progress=progress, write=False)
 
 
 def _refuse_ambiguous(flight: "Flight", changes: Mapping[str, Any]) -> None:

@@ -29,7 +29,7 @@ from insgnss.records import Check, ImuSamples, Trajectory
 
 FLIGHT: Any = SimpleNamespace(
     path=Path("flight.toml"),
-    imu=SimpleNamespace(noise="navchip"),
+    imu=SimpleNamespace(file=Path("imu.csv"), noise="navchip"),
     filter=SimpleNamespace(non_holonomic=True),
     camera=SimpleNamespace(),
     accept=(),
