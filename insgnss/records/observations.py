@@ -25,8 +25,9 @@ class ImuSamples(Rows):
 
     Parameters
     ----------
-    time : (n,) s, GPST of `gps_week`, increasing. The stamp is the end of the sample's interval
-        (mean rate, increments) or the instant (instant rate).
+    time : (n,) s, GPST of `gps_week`, increasing: rows must be in order (`read_imu` puts those of a
+        file in order). The stamp is the end of the sample's interval (mean rate, increments) or the
+        instant (instant rate).
     gyro : (n, 3) angular rate with respect to inertial space, rad/s; rad for increments.
     accel : (n, 3) specific force, m/s^2; m/s for increments.
     quantity : what a sample is, "mean_rate", "increments" or "instant_rate".
