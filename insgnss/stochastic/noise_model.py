@@ -180,6 +180,8 @@ class RecordingSource:
 class NoiseModel:
     """Noise of three gyroscopes and three accelerometers, and what it was estimated from.
 
+    It is frozen: ``dataclasses.replace(model, name="mine")`` gives another one.
+
     Parameters
     ----------
     name : of the sensor, for reports.
