@@ -285,6 +285,11 @@ FIXES[:, 1:] += np.random.default_rng(2).standard_normal((20, 3)) * [1e-7, 1e-7,
         ({"imu_axes": "forward left down"}, insgnss.UsageError, "^imu_axes = .*left-handed"),
         ({"accept": "motion"}, insgnss.UsageError, r"^accept .*give \['motion'\]"),
         ({"mounting": {}}, insgnss.UsageError, "^mounting: is of type dict"),
+        (
+            {"mounting": insgnss.Mounting(antenna_m=[0.0, 300.0, 0.0])},
+            insgnss.InputError,
+            r"lever arms are in m: are these in mm or cm\?; accept = \[\"mounting\"\] overrules",
+        ),
         ({"filter_options": (True,)}, insgnss.UsageError, "^filter_options: is of type tuple"),
         ({"initial_attitude": (0.0, 0.0, 90.0)}, insgnss.UsageError, "^initial_attitude: is of"),
         ({"tangent_plane": {"lat": 46.5}}, insgnss.UsageError, "^tangent_plane: is of type dict"),
@@ -345,6 +350,22 @@ def test_advice_for_arrays_says_by_what_to_multiply(records, flight, sensor, fac
         insgnss.estimate(imu, gnss, events, mounting=flight.mounting)
     assert "flight file" not in str(refused.value)
     assert "imu." not in str(refused.value)
+
+
+def test_fixes_that_fit_no_motion_are_no_lack_of_manoeuvres():
+    """Oracle: a block flown from the ground, heights in feet; the note on a bore-sight of 15 deg,
+    which a result would show, is said as well.
+    """
+    sim = insgnss.simulate("ign8", 3.0, imu_rate_hz=50.0, ground_s=60.0, seed=5)
+    feet = replace(sim.gnss, height=sim.gnss.height / 0.3048)
+    mounting = replace(
+        sim.mounting, boresight=insgnss.boresight_from_angles("opk", (15.0, 0.0, 0.0))
+    )
+    told = (
+        r"^no initial attitude: in no part .*NIS of the fixes \d+ at best, limit 25\); check sign"
+    )
+    with pytest.raises(insgnss.DataError, match=rf"{told} and unit of the heights.*mounting: long"):
+        insgnss.estimate(sim.imu, feet, sim.events, mounting=mounting)
 
 
 def test_a_car_keeps_its_way_by_the_non_holonomic_constraint():

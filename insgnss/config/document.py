@@ -107,7 +107,7 @@ def _checks() -> str:
     from ..recognise.plausibility import NAMES
 
     whole = (f'"{name}",'.replace(" ", "\0") for name in NAMES)
-    lines = textwrap.wrap(" ".join(whole).rstrip(","), WIDTH)
+    lines = textwrap.wrap(" ".join(whole).rstrip(","), WIDTH, break_on_hyphens=False)
     return "\n".join(lines).replace("\0", " ") + "\n"
 
 

@@ -17,6 +17,7 @@ from ..formats import UNITS
 from ..records import Array, Check, ImuSamples, Trajectory
 
 LONG_LEVER_M = 3.0  # a lever arm that few drones have room for
+OTHER_UNIT_M = 30.0  # beyond it no vehicle of this kind has room: it is in mm or cm
 LARGE_BORESIGHT_DEG = 10.0  # bore-sights are residuals of the mounting, of some degrees
 STATIONARY_SHARE = 0.8  # of the time that a standing sensor must be seen at rest
 
@@ -95,7 +96,8 @@ _OF_OBJECTS: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
     (r"imu\.units (gyro|accel)\b", r"the unit of \1"),
     (r"imu\.(units|columns)\b", r"the \1 of the samples"),
     (r"\b(?:imu|gnss|camera|barometer|filter|output)\.[a-z]\w*", _keyword),
-    (r"as the flight file is\b", "as they are"),
+    (r"= (true|false)\b", lambda match: match.group().title()),
+    (r"as the flight file is\b", "with the values as they are"),
     (r" in the flight file\b", ""),
     (r", see `insgnss inspect`", ""),
 )
@@ -145,6 +147,14 @@ def check_mounting(flight: Flight) -> Check:
             "note",
             "measure the lever arms from the camera to antenna and IMU, calibrate the bore-sight, "
             "and give them in [mounting]",
+        )
+    if lever > OTHER_UNIT_M:
+        return Check(
+            "mounting",
+            f"longest lever arm {lever:.3f} m",
+            f"lever arms below {OTHER_UNIT_M:g} m",
+            "contradiction",
+            "lever arms are in m: are these in mm or cm?",
         )
     odd = lever > LONG_LEVER_M or angle > LARGE_BORESIGHT_DEG
     return Check(

@@ -4,7 +4,7 @@ A flight is one segment unless its IMU has gaps longer than `prepare.gaps` bridg
 segment is solved on its own.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -70,10 +70,24 @@ def solve_segments(
         except DataError as error:
             failures.append((span, error))
     if not solved:
-        raise max(failures, key=lambda failure: failure[0][1] - failure[0][0])[1]
+        longest = max(failures, key=lambda failure: failure[0][1] - failure[0][0])[1]
+        raise DataError(f"{longest}{_noted(recording.checks)}")
     return solved, [check_segments([s.solution.time for s in solved], failures)] if len(
         spans
     ) > 1 else []
+
+
+def _noted(checks: Iterable[Check]) -> str:
+    """What the checks of a recording found odd, to be said beside its failure.
+
+    What recognises units and axes by the motion says nothing more where there is none.
+    """
+    odd = [
+        f"{check.name}: {check.found}"
+        for check in checks
+        if check.verdict != "ok" and not check.name.startswith("recognised")
+    ]
+    return f"; noted before: {'; '.join(odd)}" if odd else ""
 
 
 def solve_segment(
