@@ -128,6 +128,8 @@ def estimate(
     (1, 3)
     """
     samples = imu_samples(imu, imu_quantity, gps_week)
+    if str(imu_quantity) not in ("mean_rate", samples.quantity):
+        raise UsageError(f"estimate: imu_quantity = {imu_quantity!r}, but imu is {samples!r}")
     fixes = gnss_fixes(gnss, gnss_sigma_m, gnss_sigma_velocity_mps, gps_week)
     exposures = None if events is None else camera_events(events, gps_week)
     heights = None if barometer is None else barometer_heights(barometer, gps_week)

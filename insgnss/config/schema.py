@@ -275,15 +275,16 @@ def _problem(item: Declared, value: Any) -> str:
     """What is wrong with a value, empty where nothing is."""
     if item.kind == "gm_sigma" and not isinstance(value, str):
         return _out_of_range(item, value)
-    if item.choices and item.kind in ("choice", "whole", "gm_sigma") and value not in item.choices:
-        return f"must be {listed(item.choices)}"
+    if item.choices and item.kind in ("choice", "whole", "gm_sigma"):
+        comparable = isinstance(value, str | Real)  # an array is not
+        return "" if comparable and value in item.choices else f"must be {listed(item.choices)}"
     return _CHECKS[item.kind](item, value) if item.kind in _CHECKS else ""
 
 
 def _out_of_range(item: Declared, value: Any) -> str:
     if not is_number(value):
         return "must be a number"
-    if item.kind == "whole" and value != int(value):
+    if item.kind == "whole" and value % 1 != 0:
         return "must be a whole number"
     low, high = item.option.low, item.option.high
     if in_range(item, value):
@@ -473,7 +474,9 @@ def are_numbers(value: Any, count: int) -> bool:
 
 def in_range(item: Declared, value: float) -> bool:
     """Whether a number is finite and lies within the option's range."""
-    return math.isfinite(value) and item.option.low <= value <= item.option.high
+    return (
+        is_number(value) and math.isfinite(value) and item.option.low <= value <= item.option.high
+    )
 
 
 def is_place(lat_deg: float, lon_deg: float, height_m: float) -> bool:

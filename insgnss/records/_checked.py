@@ -10,13 +10,25 @@ from ..base.errors import InputError
 Array = NDArray[np.float64]
 
 
+def float_array(who: str, value: Any) -> Array:
+    """Return `value` as an array of float64; InputError where it holds other things than numbers.
+
+    who : what the message calls it.
+    """
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        shown = f"{value!r}"[:60]
+        raise InputError(f"{who}: {shown} is no array of numbers") from None
+
+
 def frozen(record: Any, name: str, shape: tuple[int | None, ...]) -> Array:
     """Replace a field by a read-only contiguous float64 array, checked for shape and finiteness.
 
     `shape` holds None for a length that may be any.
     """
-    a = np.ascontiguousarray(getattr(record, name), dtype=np.float64)
     kind = type(record).__name__
+    a = np.ascontiguousarray(float_array(f"{kind}.{name}", getattr(record, name)))
     if a.ndim != len(shape) or any(
         want is not None and want != got for want, got in zip(shape, a.shape, strict=True)
     ):

@@ -117,8 +117,8 @@ def simulate_flight(
     ------
     UsageError : unknown flight or field, or a plan that cannot be flown.
     """
-    if isinstance(flight, str) and flight not in FLIGHTS:
-        raise UsageError(f"flight {flight!r} is unknown; {near(flight, FLIGHTS)}")
+    if not isinstance(flight, FlightPlan) and flight not in FLIGHTS:
+        raise UsageError(f"flight {flight!r} is unknown; {near(str(flight), FLIGHTS)}")
     sensor_seed: int | np.random.SeedSequence = seed
     if isinstance(flight, str) and flight in JOURNEYS:
         if odd := [name for name in changes if name != "stand_s"]:
