@@ -312,7 +312,11 @@ FIXES[:, 1:] += np.random.default_rng(2).standard_normal((20, 3)) * [1e-7, 1e-7,
         ),
         ({"filter_options": (True,)}, insgnss.UsageError, "^filter_options: is of type tuple"),
         ({"initial_attitude": (0.0, 0.0, 90.0)}, insgnss.UsageError, "^initial_attitude: is of"),
-        ({"tangent_plane": {"lat": 46.5}}, insgnss.UsageError, "^tangent_plane: is of type dict"),
+        (
+            {"tangent_plane": {"lat": 46.5}},
+            insgnss.UsageError,
+            "^tangent_plane = .*must be latitude",
+        ),
         ({"progress": None}, insgnss.UsageError, "^progress = None: is no function"),
         (
             {"noise": "tactical", "imu__noise": "consumer"},

@@ -190,7 +190,8 @@ class Flight:
     mounting : Mounting
         Lever arms and bore-sight.
     tangent_plane : TangentPlane or None
-        Table of that name; None: its origin is at the first fix.
+        Table of that name, of which Python may give latitude and longitude, deg, and ellipsoidal
+        height, m; None: its origin is at the first fix.
     output : Output
         Table of that name.
     initial : InitialAttitude or None
@@ -237,7 +238,10 @@ class Flight:
 
     def __post_init__(self) -> None:
         plane: Any = self.tangent_plane
-        if are_numbers(plane, 3):
+        if plane is not None and not isinstance(plane, TangentPlane):
+            if not are_numbers(plane, 3):
+                problem = "must be latitude (deg), longitude (deg), ellipsoidal height (m)"
+                raise OptionError("tangent_plane", problem, plane)
             object.__setattr__(self, "tangent_plane", TangentPlane(*map(float, plane)))
         check(self, "")
 

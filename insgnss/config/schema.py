@@ -277,7 +277,8 @@ def _problem(item: Declared, value: Any) -> str:
         return _out_of_range(item, value)
     if item.choices and item.kind in ("choice", "whole", "gm_sigma"):
         comparable = isinstance(value, str | Real)  # an array is not
-        return "" if comparable and value in item.choices else f"must be {listed(item.choices)}"
+        if not comparable or value not in item.choices:
+            return f"must be {listed(item.choices)}"
     return _CHECKS[item.kind](item, value) if item.kind in _CHECKS else ""
 
 

@@ -176,7 +176,7 @@ def test_a_value_that_cannot_be_is_refused_at_construction(table, values, messag
         ({"mounting": {"antenna_m": (0, 0, 1)}}, "^mounting: is of type dict; it must be Mounting"),
         ({"filter": (True,)}, "^filter: is of type tuple; it must be FilterOptions"),
         ({"initial": {}}, "^initial: is of type dict; it must be InitialAttitude or None"),
-        ({"tangent_plane": (46.5, 6.5)}, "^tangent_plane: is of type tuple"),
+        ({"tangent_plane": (46.5, 6.5)}, "^tangent_plane = .*must be latitude"),
     ],
 )
 def test_a_changed_flight_is_checked_as_well(flight, changes, message):
@@ -184,6 +184,8 @@ def test_a_changed_flight_is_checked_as_well(flight, changes, message):
     with pytest.raises(UsageError, match=message):
         flight.with_(**changes)
     assert flight.with_() is not flight
+    plane = TangentPlane(46.5, 6.5, 400.0)
+    assert flight.with_(tangent_plane=np.array([46.5, 6.5, 400.0])).tangent_plane == plane
 
 
 OF_A_FILE = [
