@@ -98,7 +98,7 @@ def diagnose(search: ErrorModelSearch, start: InitialState, solution: Solution) 
     ----------
     search : ErrorModelSearch
         What the search may vary.
-    start : Start
+    start : InitialState
         The initial state of the solution's problem.
     solution : Solution
         The solution with the requested errors.
@@ -180,7 +180,7 @@ def explain_failure(
     ----------
     search : ErrorModelSearch
         What the search may vary.
-    problem : Problem
+    problem : EstimationProblem
         The problem that has no solution with the requested errors.
     align : callable
         Gives the initial state of a problem, or raises DataError.
