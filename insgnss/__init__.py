@@ -20,11 +20,12 @@ Records
     `ExteriorOrientation`, `ImuBiases`, `Innovations`, `Check`, `RelativeControl`.
 Say how
     `Flight`, `Mounting`, `boresight_from_angles`, `FilterOptions`, `InitialAttitude`, `NoiseModel`,
-    `AxisNoise`, `GaussMarkov`, `TuneOptions`, `EngineOptions`.
+    `AxisNoise`, `GaussMarkov`, `TuneOptions`, `EngineOptions`, `ImuFaults`.
 Noise
     `simulate_noise`, `wavelet_variance` of samples, `haar_variance` of a model, `WaveletVariance`.
 Errors
-    `InsgnssError`, of it `UsageError`, `InputError` and `DataError`.
+    `InsgnssError`, of it `UsageError` (its kind `OptionError`: of a value), `InputError` and
+    `DataError`.
 
 Conventions, stated here once
 -----------------------------
@@ -85,6 +86,7 @@ if _TYPE_CHECKING:
         WaveletVariance,
     )
     from .records.relative import RelativeControl
+    from .simulation.faults import ImuFaults
     from .stochastic.model import (
         AxisNoise,
         GaussMarkov,
@@ -119,6 +121,7 @@ _ROOMS = {  # where each public name is defined; loaded when it is first used
         *("ImuBiases", "ImuSamples", "Innovations", "Trajectory", "WaveletVariance"),
     ),
     "records.relative": ("RelativeControl",),
+    "simulation.faults": ("ImuFaults",),
     "stochastic.model": (
         "AxisNoise",
         "GaussMarkov",
@@ -146,6 +149,7 @@ __all__ = [
     "GaussMarkov",
     "GnssFixes",
     "ImuBiases",
+    "ImuFaults",
     "ImuSamples",
     "InitialAttitude",
     "Innovations",

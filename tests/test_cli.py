@@ -252,7 +252,7 @@ def test_simulate_hands_over_its_options_and_names_the_next_step(monkeypatch, ca
     module.write_dataset = lambda directory, **options: seen.append((directory, options))
     monkeypatch.setitem(sys.modules, "insgnss.simulation.dataset", module)
     assert main(["simulate", "-q", "d"]) == 0
-    given = "--flight ign6x1 --minutes 3 --imu-rate 250 --vibration 3 --seed 9"
+    given = "--flight car --minutes 3 --imu-rate 250 --vibration 3 --seed 9"
     assert main(["simulate", "-q", "d", *given.split()]) == 0
     assert seen[0] == (
         Path("d"),
@@ -260,7 +260,7 @@ def test_simulate_hands_over_its_options_and_names_the_next_step(monkeypatch, ca
     )
     assert seen[1] == (
         Path("d"),
-        {"flight": "ign6x1", "minutes": 3.0, "imu_rate": 250.0, "vibration": 3.0, "seed": 9},
+        {"flight": "car", "minutes": 3.0, "imu_rate": 250.0, "vibration": 3.0, "seed": 9},
     )
     assert f"next: insgnss process {Path('d') / 'flight.toml'}" in capsys.readouterr().out
 
@@ -324,6 +324,7 @@ def test_export_writes_beside_the_master_or_where_asked(master, tmp_path, capsys
     result = json.loads(document)
     assert (result["format"], result["file"]) == ("generic_ascii", str(out))
     assert any("not above sea level" in note for note in result["notes"])
+    assert any("--ground (ground_m in Python)" in note for note in result["notes"])
     image, E, N, h = out.read_text().splitlines()[-1].split()
     lon, lat, _ = Transformer.from_crs("EPSG:2056", "EPSG:4326", always_xy=True).transform(
         float(E), float(N), float(h)

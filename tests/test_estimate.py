@@ -2,6 +2,8 @@
 flight that takes objects for files.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -274,16 +276,65 @@ FIXES[:, 1:] += np.random.default_rng(2).standard_normal((20, 3)) * [1e-7, 1e-7,
             insgnss.InputError,
             "sd_n_m and sigma_m are both given",
         ),
-        ({"noise": "navchop"}, insgnss.InputError, "navchop: .* shipped consumer, navchip"),
-        ({"imu_axes": "forward left down"}, insgnss.InputError, "left-handed"),
+        (
+            {"noise": "navchp"},
+            insgnss.UsageError,
+            "^noise = 'navchp': 'navchp' is neither .* nor a file; did you mean 'navchip'",
+        ),
+        ({"noise": 5}, insgnss.UsageError, "^noise = 5: is of type int; it must be str, Path or"),
+        ({"imu_axes": "forward left down"}, insgnss.UsageError, "^imu_axes = .*left-handed"),
+        ({"imu": "imu.csv"}, insgnss.InputError, "^imu: 'imu.csv' is no array of numbers"),
+        ({"gnss": object()}, insgnss.InputError, "^gnss: <object .* is no array of numbers"),
+        ({"events": "a"}, insgnss.InputError, "^events: 'a' is no array of numbers"),
+        ({"barometer": "a"}, insgnss.InputError, "^barometer: 'a' is no array of numbers"),
+        ({"gnss_sigma_m": {}}, insgnss.InputError, r"^gnss: \{\} is no array of numbers"),
+        (
+            {"imu": insgnss.ImuSamples.from_array(SAMPLES), "imu_quantity": "increments"},
+            insgnss.UsageError,
+            "imu_quantity = 'increments', but imu is <ImuSamples .* mean_rate>",
+        ),
+        (
+            {"mounting__antenna_m": "x"},
+            insgnss.InputError,
+            "^antenna_m: 'x' is no array of numbers",
+        ),
+        ({"gnss__covariance__gate": "x"}, insgnss.UsageError, "gate = 'x' is outside 1 to 10000"),
+        ({"gnss__covariance__ppm": "x"}, insgnss.UsageError, "ppm = 'x', expected three numbers"),
+        ({"gnss__covariance__scale": 5}, insgnss.UsageError, "scale = 5: must be a mapping"),
+        ({"filter__second_pass": np.ones(3)}, insgnss.UsageError, "second_pass = .*must be auto"),
+        ({"gps_week": float("nan")}, insgnss.UsageError, "gps_week = nan: must be a whole number"),
+        ({"accept": "motion"}, insgnss.UsageError, r"^accept .*give \['motion'\]"),
+        ({"mounting": {}}, insgnss.UsageError, "^mounting: is of type dict"),
+        (
+            {"mounting": insgnss.Mounting(antenna_m=[0.0, 300.0, 0.0])},
+            insgnss.InputError,
+            r"lever arms are in m: are these in mm or cm\?; accept = \[\"mounting\"\] overrules",
+        ),
+        ({"filter_options": (True,)}, insgnss.UsageError, "^filter_options: is of type tuple"),
+        ({"initial_attitude": (0.0, 0.0, 90.0)}, insgnss.UsageError, "^initial_attitude: is of"),
+        (
+            {"tangent_plane": {"lat": 46.5}},
+            insgnss.UsageError,
+            "^tangent_plane = .*must be latitude",
+        ),
+        ({"progress": None}, insgnss.UsageError, "^progress = None: is no function"),
+        (
+            {"noise": "tactical", "imu__noise": "consumer"},
+            insgnss.UsageError,
+            "noise and imu__noise are both given",
+        ),
+        ({"output__formats": ("tum",)}, insgnss.UsageError, "output__formats: no file is written"),
+        ({"imu__units": {"gyro": "deg/s"}}, insgnss.UsageError, "imu.units: says how a file"),
+        ({"gnss__sigma_m": (1, 1, 1)}, insgnss.UsageError, "gnss.sigma_m: says how a file is"),
+        ({"nois": "tactical"}, insgnss.UsageError, r"did you mean noise\?"),
         ({"trajectory_hz": -1.0}, insgnss.UsageError, "trajectory_hz = -1"),
         ({"tangent_plane": (130.0, 6.5, 0.0)}, insgnss.UsageError, "tangent_plane"),
         (
             {"gnss__gate_sigmas": 4.0},
             insgnss.UsageError,
-            "GnssInput has no 'gate_sigmas'; did you mean 'gate_sigma'",
+            r"gnss\.gate_sigmas: there is no such key; did you mean gnss__gate_sigma\?",
         ),
-        ({"wheels": True}, insgnss.UsageError, "Flight has no 'wheels'"),
+        ({"wheels": True}, insgnss.UsageError, "wheels: there is no such key; known are imu, "),
         ({"camera__time_offset_s": 0.1}, insgnss.UsageError, "not given; give the whole of it"),
         ({}, insgnss.DataError, "heading not observable"),
     ],
@@ -304,6 +355,41 @@ def test_data_that_contradict_what_is_said_of_them_stop_it(records, flight):
     """
     with pytest.raises(insgnss.InputError, match=r"accept = \["):
         insgnss.estimate(*records, mounting=flight.mounting, imu_axes="backward left down")
+
+
+@pytest.mark.parametrize(
+    ("sensor", "factor", "advice"),
+    [
+        ("gyro", np.degrees(1.0), r"deg/s \(multiply gyro by np\.radians\(1\)\)"),
+        ("accel", 1.0 / 9.80665, r"g \(multiply accel by 9\.80665\)"),
+        ("gyro", np.radians(1.0), r"rad/s \(multiply gyro by np\.degrees\(1\)\)"),
+        ("accel", 77.0, "check the columns of the samples, the units of the samples and imu_quan"),
+    ],
+)
+def test_advice_for_arrays_says_by_what_to_multiply(records, flight, sensor, factor, advice):
+    """Oracle: the factor that was put in, by hand; nothing speaks of a flight file."""
+    imu, gnss, events = records
+    imu = replace(imu, **{sensor: factor * getattr(imu, sensor)})
+    with pytest.raises(insgnss.InputError, match=advice) as refused:
+        insgnss.estimate(imu, gnss, events, mounting=flight.mounting)
+    assert "flight file" not in str(refused.value)
+    assert "imu." not in str(refused.value)
+
+
+def test_fixes_that_fit_no_motion_are_no_lack_of_manoeuvres():
+    """Oracle: a block flown from the ground, heights in feet; the note on a bore-sight of 15 deg,
+    which a result would show, is said as well.
+    """
+    sim = insgnss.simulate("ign8", 3.0, imu_rate_hz=50.0, ground_s=60.0, seed=5)
+    feet = replace(sim.gnss, height=sim.gnss.height / 0.3048)
+    mounting = replace(
+        sim.mounting, boresight=insgnss.boresight_from_angles("opk", (15.0, 0.0, 0.0))
+    )
+    told = (
+        r"^no initial attitude: in no part .*NIS of the fixes \d+ at best, limit 25\); check sign"
+    )
+    with pytest.raises(insgnss.DataError, match=rf"{told} and unit of the heights.*mounting: long"):
+        insgnss.estimate(sim.imu, feet, sim.events, mounting=mounting)
 
 
 def test_a_car_keeps_its_way_by_the_non_holonomic_constraint():

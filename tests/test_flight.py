@@ -321,7 +321,7 @@ WRONG = {
     "noise model": (
         _in("imu", 'noise = "nochip"'),
         2,
-        "'nochip' is neither a shipped model (consumer, navchip",
+        "'nochip' is neither a shipped model nor a file (paths are relative to flight.toml); did",
     ),
     # units and axes
     "unit": (

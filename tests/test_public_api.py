@@ -288,3 +288,13 @@ def test_the_programs_of_the_readme_run(program, recorded, monkeypatch):
 def test_there_are_five_programs():
     """Oracle: the number that the README promises."""
     assert len(programs()) == 5
+
+
+def test_what_a_stranger_looks_for_in_the_help_is_there():
+    """Oracle: words by hand; no public name is described by a module that a program cannot name."""
+    assert "`gyro` and `accel` (n, 3)" in insgnss.estimate.__doc__
+    assert 'eo["8001.tif"]' in insgnss.ExteriorOrientation.__doc__
+    assert "dataclasses.replace" in insgnss.NoiseModel.__doc__
+    for name in (*FUNCTIONS, *CLASSES):
+        inner = re.findall(r"`insgnss\.\w+\.\w+", getattr(insgnss, name).__doc__)
+        assert inner == [], name

@@ -88,6 +88,17 @@ def test_a_value_that_is_not_finite_is_refused_with_its_row(make, name):
             replace(make(), **{name: spoilt})
 
 
+def test_a_value_that_is_not_finite_is_told_with_column_time_and_advice():
+    """Oracle: a sentence written by hand; a constant has no row to leave out."""
+    gyro = np.array(imu().gyro)
+    gyro[1, 2] = np.nan
+    where = rf"gyro: value in row 1 is not finite, column 2 \(from 0\), time {TIME[1]:.6f} s; leave"
+    with pytest.raises(InputError, match=where + r" the row out .*a gap, which is bridged\)$"):
+        replace(imu(), gyro=gyro)
+    with pytest.raises(InputError, match=r"origin: value in row 0 is not finite$"):
+        replace(orientation(), origin=np.array([np.nan, 0.0, 0.0]))
+
+
 @pytest.mark.parametrize(("make", "name"), FIELDS, ids=lambda x: getattr(x, "__name__", x))
 def test_a_wrong_shape_is_refused_with_both_shapes(make, name):
     """Oracle: one dimension too many, which fits no field."""
@@ -117,7 +128,7 @@ def test_time_that_stands_still_or_steps_back_is_refused_with_row_and_values(mak
     time = TIME.copy()
     time[2] = third
     with pytest.raises(
-        InputError, match=rf"{third:.6f} s in row 2 follows 101\.000000 s; time must increase"
+        InputError, match=rf"{third:.6f} s in row 2 follows 101\.000000 s; time must increase: sort"
     ):
         replace(make(), time=time)
 

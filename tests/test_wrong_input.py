@@ -730,7 +730,7 @@ MEANING: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "gyro sign": (
         _columns(IMU, [1, 2, 3], np.negative),
         INPUT,
-        (TURNS, "turn the other way", "gyro sign"),
+        (TURNS, "turn the other way", "gyro sign", "sign of latitude or longitude is wrong"),
     ),
     "gyro channel dead": (
         _columns(IMU, 2, lambda x: 0.0 * x),

@@ -151,18 +151,28 @@ def _aligned_window(problem: EstimationProblem) -> tuple[int, Solution]:
     It is the earliest whose heading is known well enough, else the one that knows it best.
     """
     solved: list[tuple[int, Solution]] = []
+    misfits: list[float] = []  # median NIS of windows that did not converge to the data
     standing = standing_attitude(problem)
     for first, window, start in _candidates(problem, standing):
         solution = _estimated(window, start)
         if solution is None:
             continue
-        if np.nanmedian(solution.nis[:, POSITION]) < MISFIT_NIS and np.isfinite(solution.P).all():
+        nis = float(np.nanmedian(solution.nis[:, POSITION]))
+        if nis >= MISFIT_NIS:
+            misfits.append(nis)
+        elif nis < MISFIT_NIS and np.isfinite(solution.P).all():
             if solution.P[0, AZ, AZ] < GOOD_RAD**2:
                 return first, solution
             solved.append((first, solution))
-    if standing is not None and (
-        not solved or min(s.P[0, AZ, AZ] for _, s in solved) > HOPELESS_RAD**2
-    ):
+    hopeless = not solved or min(s.P[0, AZ, AZ] for _, s in solved) > HOPELESS_RAD**2
+    if misfits and hopeless:
+        raise DataError(
+            f"no initial attitude: in no part of the recording do GNSS and inertial motion agree"
+            f" (median NIS of the fixes {min(misfits):.0f} at best, limit {MISFIT_NIS:.0f}); check"
+            " sign and unit of the heights, lever arm (m), axes, sigmas, time scales and noise"
+            " model, or give [initial] attitude"
+        )
+    if standing is not None and hopeless:
         raise DataError(
             f"heading not observable: {standing.description()} at best (limit"
             f" {np.degrees(HOPELESS_RAD):.0f} deg), and no motion gives more; include a manoeuvre,"

@@ -1,14 +1,14 @@
 """The smoother on arrays: everything that `process` does with a flight file, without any file."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..base.errors import UsageError
+from ..base.wording import spoken_as
 from ..records import (
     CameraEvents,
     Check,
@@ -30,6 +30,15 @@ if TYPE_CHECKING:
 
 WHO = Path("insgnss.estimate")
 NO_WEEK = 0
+SPOKEN = {
+    "filter": "filter_options",
+    "initial": "initial_attitude",
+    "imu.axes": "imu_axes",
+    "imu.noise": "noise",
+    "imu.quantity": "imu_quantity",
+    "output.trajectory_hz": "trajectory_hz",
+}
+"""What the keys of a flight file are called here."""
 Timed = ImuSamples | GnssFixes | CameraEvents
 
 
@@ -63,7 +72,9 @@ def estimate(
     ----------
     imu : `ImuSamples`; (n, 7) array of time s, angular rate x y z rad/s, specific force x y z
         m/s^2, in the sensor's own axes; or a mapping or pandas table with the columns tow, gx, gy,
-        gz, ax, ay, az.
+        gz, ax, ay, az, of which in a mapping `gyro` and `accel` (n, 3) may stand for three each.
+        Rows must be in the order of time, as those of all arrays (`read_imu` and the other readers
+        put those of a file in order).
     gnss : `GnssFixes`; (m, 4) array of time s, latitude deg, longitude deg, ellipsoidal height m of
         the antenna's phase centre, or (m, 7) with the standard deviations north, east, down, m; or
         a mapping or pandas table with the columns tow, lat_deg, lon_deg (or lat_rad, lon_rad), h_m,
@@ -75,6 +86,7 @@ def estimate(
         ``barometer__sigma_m=1.0`` and the like. None: there is none.
     mounting : lever arms and bore-sight; None: antenna and camera at the IMU.
     noise : noise model, the name of a shipped one (navchip, tactical, consumer), or a file of one.
+        Models are frozen dataclasses: ``dataclasses.replace(model, name="mine")`` changes one.
     gps_week : of all times; None: that of the records, else 0 stands in for it, with a note.
     imu_quantity : what a sample of an array or a table is, "mean_rate", "increments" (both over the
         interval that ends at the stamp) or "instant_rate".
@@ -116,6 +128,8 @@ def estimate(
     (1, 3)
     """
     samples = imu_samples(imu, imu_quantity, gps_week)
+    if str(imu_quantity) not in ("mean_rate", samples.quantity):
+        raise UsageError(f"estimate: imu_quantity = {imu_quantity!r}, but imu is {samples!r}")
     fixes = gnss_fixes(gnss, gnss_sigma_m, gnss_sigma_velocity_mps, gps_week)
     exposures = None if events is None else camera_events(events, gps_week)
     heights = None if barometer is None else barometer_heights(barometer, gps_week)
@@ -126,19 +140,43 @@ def estimate(
         gps_week = NO_WEEK
         samples = replace(samples, notes=(*samples.notes, _no_week()))
     from ..config.barometer_options import BarometerInput
+    from ..config.flight_file import changed
 
-    flight = _flight(samples, fixes, exposures, noise, imu_axes, mounting, trajectory_hz)
-    flight = replace(
-        flight,
-        gps_week=gps_week,
-        accept=tuple(accept),
-        initial=initial_attitude,
-        barometer=None if heights is None else BarometerInput(file=heights),
-    )
-    flight = _with_options(flight, filter_options, tangent_plane).with_(**changes)
-    from ..processing.pipeline import process
+    with spoken_as(SPOKEN):
+        flight = _flight(samples, fixes, exposures, noise, imu_axes, mounting, trajectory_hz)
+        tables: dict[str, Any] = {
+            "gps_week": gps_week,
+            "accept": accept,
+            "initial": initial_attitude,
+            "barometer": None if heights is None else BarometerInput(file=heights),
+            "tangent_plane": tangent_plane,
+        }
+        tables |= {} if filter_options is None else {"filter": filter_options}
+        flight = flight.with_(**tables)
+        _refuse_ambiguous(flight, changes)
+        keywords = [name for name in signature(estimate).parameters if name != "changes"]
+        flight = changed(flight, changes, keywords)
+        from ..processing.pipeline import process
 
-    return process(flight, progress=progress, write=False)
+        return process(flight, progress=progress, write=False)
+
+
+def _refuse_ambiguous(flight: "Flight", changes: Mapping[str, Any]) -> None:
+    """Refuse changes that are given by a keyword as well, and those that nothing looks at."""
+    given = {
+        "noise": flight.imu.noise,
+        "imu_axes": flight.imu.axes,
+        "trajectory_hz": flight.output.trajectory_hz,
+    }
+    for name, value in given.items():
+        key = next(key for key, spoken in SPOKEN.items() if spoken == name).replace(".", "__")
+        if key in changes and value != signature(estimate).parameters[name].default:
+            raise UsageError(f"estimate: {name} and {key} are both given; keep one of them")
+    for key in changes:
+        if key.startswith("output__") and key != "output__trajectory_hz":
+            raise UsageError(
+                f"estimate: {key}: no file is written; give it to insgnss.export with the result"
+            )
 
 
 def _no_week() -> Check:
@@ -163,38 +201,16 @@ def _flight(
     from ..config.gnss_options import GnssInput
     from ..config.imu_options import ImuInput
     from ..orient.mounting import Mounting
-    from ..prepare.axes import parse_axes
-    from ..stochastic.model import load_noise_model, shipped_models
 
-    parse_axes(axes)
-    noise_model = noise if noise in shipped_models() else load_noise_model(noise)
+    model = Path(noise) if isinstance(noise, os.PathLike) else noise
     return Flight(
         path=WHO,
         name="estimate",
-        imu=ImuInput(file=imu, quantity=imu.quantity, axes=axes, noise=noise_model),
+        imu=ImuInput(file=imu, quantity=imu.quantity, axes=axes, noise=model),
         gnss=GnssInput(file=gnss),
         camera=None if events is None else CameraInput(events=events),
-        mounting=mounting or Mounting(),
+        mounting=Mounting() if mounting is None else mounting,
         tangent_plane=None,
         output=Output(Path(), (), trajectory_hz),
         initial=None,
     )
-
-
-def _with_options(
-    flight: "Flight", options: "FilterOptions | None", tangent_plane: Sequence[float] | None
-) -> "Flight":
-    from ..config.flight_file import TangentPlane
-
-    if options is not None:
-        flight = replace(flight, filter=options)
-    if tangent_plane is None:
-        return flight
-    origin = np.asarray(tangent_plane, dtype=np.float64)
-    if origin.shape != (3,) or not (
-        abs(origin[0]) <= 90.0 and abs(origin[1]) <= 180.0 and np.isfinite(origin[2])
-    ):
-        raise UsageError(
-            f"tangent_plane {origin.tolist()} is no latitude deg, longitude deg, height m"
-        )
-    return replace(flight, tangent_plane=TangentPlane(*origin.tolist()))

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 Source = str | os.PathLike[str]
 Progress = Callable[[str], None]
 FLIGHT_FILE = "flight.toml"
-VEHICLES = ("car", "walk")
 
 
 def _quiet(_: str) -> None:
@@ -291,8 +290,7 @@ def simulate(
     gnss_sigma_m : standard deviations of the fixes north, east, down, m.
     gnss_sigma_velocity_mps : the same of their velocities, m/s; None: no velocities.
     vibration : factor of the IMU's white noise in motion against the model.
-    imu_faults : of the IMU's recording, fields of `insgnss.simulation.faults.ImuFaults`; None:
-        none.
+    imu_faults : of the IMU's recording, `insgnss.ImuFaults`; None: none.
     seed : of everything random; the same arguments give the same numbers.
     **changes : of a flight fields of its plan, such as ``start_in_air=True`` or ``wind_ms=8.0``; of
         a drive ``stand_s``.
@@ -316,25 +314,14 @@ def simulate(
     """
     from ..simulation.dataset import write_simulated
     from ..simulation.faults import ImuFaults
-    from ..simulation.ground import drive, walk
     from ..simulation.raw_gnss.receiver import GnssOptions
-    from ..simulation.scenario import observe, simulate_flight
+    from ..simulation.scenario import simulate_flight
     from ..simulation.sensors import ImuOptions
 
     faults = imu_faults or ImuFaults()
     imu = ImuOptions(imu_rate_hz, noise, imu_axes, imu_quantity, vibration=vibration, faults=faults)
     gnss = GnssOptions(gnss_rate_hz, gnss_sigma_m, velocity_sigma_ms=gnss_sigma_velocity_mps)
-    if flight in VEHICLES:
-        journey = drive if flight == "car" else walk
-        journey_options = _checked_options("simulate", changes, ("stand_s", "start_tow"))
-        simulated = observe(
-            journey(5.0 if minutes is None else minutes, seed=seed, **journey_options),
-            seed,
-            imu=imu,
-            gnss=gnss,
-        )
-    else:
-        simulated = simulate_flight(flight, minutes, seed=seed, imu=imu, gnss=gnss, **changes)
+    simulated = simulate_flight(flight, minutes, seed=seed, imu=imu, gnss=gnss, **changes)
     if directory is None:
         return simulated
     return write_simulated(directory, simulated, seed=seed)

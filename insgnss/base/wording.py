@@ -11,12 +11,14 @@ command line has said otherwise:
         named("gnss.antex")                    --antex
         setting("camera.skip_events", [3, 5])  --skip-events 3 5
 
+An argument of a Python function, such as `imu_axes`, is written as a key is.
+
 The words belong to the current context (`contextvars`); a thread takes them over where it is
 started through `contextvars.copy_context`. Which key is which option stands in the schema
 (`config.command_line`).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from types import MappingProxyType
@@ -49,11 +51,17 @@ def named(key: str) -> str:
 def setting(key: str, value: Any) -> str:
     """The option `key` with a value, as the present caller writes it."""
     option = named(key)
-    if option == key:
-        return f"{key} = {str(value).lower() if isinstance(value, bool) else repr(value)}"
+    if option == key or (option.islower() and option.isidentifier()):  # of Python
+        return f"{option} = {str(value).lower() if isinstance(value, bool) else repr(value)}"
     if isinstance(value, bool):
         return option
     import shlex
 
     parts = value if isinstance(value, list | tuple) else [value]
     return " ".join([option, *(shlex.quote(str(word)) for word in parts)])
+
+
+def listed(words: Sequence[object]) -> str:
+    """The words in one phrase, "a, b or c"."""
+    *first, last = map(str, words)
+    return f"{', '.join(first)} or {last}" if first else last

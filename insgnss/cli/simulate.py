@@ -12,15 +12,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("directory", type=Path, metavar="DIR", help="the data set's root")
     parser.add_argument(
         "--flight",
-        choices=("ign8", "ign6x1"),
+        choices=("ign8", "ign6x1", "car", "walk"),
         default="ign8",
-        help="block (ign8) or corridor (ign6x1) (default: ign8)",
+        help="block (ign8), corridor (ign6x1), a drive in a town (car) or a walk (default: ign8)",
     )
     parser.add_argument(
         "--minutes",
         type=positive,
         metavar="M",
-        help="length of the flight (default: that of the flight's plan)",
+        help="length of the record (default: that of the flight's plan, of car and walk 5)",
     )
     parser.add_argument(
         "--imu-rate",

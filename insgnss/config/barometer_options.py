@@ -32,8 +32,12 @@ class BarometerInput:
         "scale do not matter",
         kind="file",
     )
-    columns: "Columns" = option(None, "as gnss.columns", kind="columns", usual=BY_HEADER)
-    variable: str | None = option(None, "message or topic of a log", usual="its first barometer")
+    columns: "Columns" = option(
+        None, "as gnss.columns", kind="columns", usual=BY_HEADER, of_file=True
+    )
+    variable: str | None = option(
+        None, "message or topic of a log", usual="its first barometer", of_file=True
+    )
     time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
     sigma_m: float = option(
         0.5,

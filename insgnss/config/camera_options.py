@@ -94,7 +94,9 @@ class CameraInput:
         metavar="FILE",
         cli_meaning="camera events (.MRK, text) instead of those of the rover's file",
     )
-    columns: "Columns" = option(None, "as imu.columns", kind="columns", usual=BY_HEADER)
+    columns: "Columns" = option(
+        None, "as imu.columns", kind="columns", usual=BY_HEADER, of_file=True
+    )
     time_offset_s: float = option(
         0.0,
         "added to the times of the events: the delay from event to mid-exposure",

@@ -4,7 +4,6 @@ sigma'^2 = (k sigma)^2 + floor^2 + (ppm distance)^2 on each axis, k and floor by
 classes are, and where the numbers come from, stands in `gnss.covariance`.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -138,10 +137,12 @@ class CovarianceModel:
         for name, item in declared(CovarianceModel).items():
             value = getattr(self, name)
             if item.kind == "triples":
+                if not isinstance(value, Mapping):
+                    raise OptionError(f"{TABLE}.{name}", "must be a mapping by class", value)
                 if odd := set(value) ^ set(CLASSES):
                     problem = f"has one line for each of {', '.join(CLASSES)}"
                     raise OptionError(
-                        f"{TABLE}.{name}", f"{problem}; {sorted(odd)[0]!r} does not fit"
+                        f"{TABLE}.{name}", f"{problem}; {sorted(map(str, odd))[0]!r} does not fit"
                     )
                 table = {key: triple(item, value[key], key) for key in value}
                 object.__setattr__(self, name, table)
@@ -184,9 +185,10 @@ def triple(item: Declared, value: Any, member: str = "") -> Triple:
 
     Raises OptionError for a number that is outside of the option's range.
     """
+    value = value.tolist() if hasattr(value, "tolist") else value
     given = tuple(value) if isinstance(value, list | tuple) else (value,) * 3
     least, most = item.option.low, item.option.high
-    if len(given) != 3 or not all(math.isfinite(x) and least <= x <= most for x in given):
+    if len(given) != 3 or not all(in_range(item, x) for x in given):
         name = ".".join(filter(None, (item.name, member)))
         expected = f"three numbers (north, east, down) from {least:g} to {most:g}"
         raise OptionError(f"{TABLE}.{name}", f"{name} = {value!r}, expected {expected}")

@@ -18,10 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from ..base.files import atomic_write
+from ..base.wording import listed
 from .covariance import MODEL, CovarianceModel
 from .flight_file import TABLES
 from .retired import retired_keys
-from .schema import Declared, declared, listed, options_of
+from .schema import Declared, declared, options_of
 
 PAGE = Path("data_specs/flight_file.md")
 WIDTH = 120
@@ -106,7 +107,7 @@ def _checks() -> str:
     from ..recognise.plausibility import NAMES
 
     whole = (f'"{name}",'.replace(" ", "\0") for name in NAMES)
-    lines = textwrap.wrap(" ".join(whole).rstrip(","), WIDTH)
+    lines = textwrap.wrap(" ".join(whole).rstrip(","), WIDTH, break_on_hyphens=False)
     return "\n".join(lines).replace("\0", " ") + "\n"
 
 

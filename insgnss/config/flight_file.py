@@ -8,7 +8,7 @@ replaces it) have no default. data_specs/flight_file.md is rendered from here.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,7 @@ from .filter_options import FilterOptions, InitialAttitude
 from .gnss_options import GnssInput
 from .imu_options import ImuInput
 from .ppk_options import Air, RawGnss
-from .schema import Triple, Words, check, is_place, option, swapped
+from .schema import Triple, Words, are_numbers, check, is_place, option, refuse_unread, swapped
 
 if TYPE_CHECKING:
     from ..orient.mounting import Mounting
@@ -156,7 +156,13 @@ class Output:
     )
 
     def __post_init__(self) -> None:
+        from ..formats import EXPORTS
+
         check(self, "output")
+        of_sea = [name for name in self.formats if EXPORTS[name].heights == "sea level"]
+        if of_sea and self.geoid is None:
+            problem = "has heights above sea level; give output.geoid, a grid of geoid heights"
+            raise OptionError("output.formats", f"{of_sea[0]!r} {problem}")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -184,7 +190,8 @@ class Flight:
     mounting : Mounting
         Lever arms and bore-sight.
     tangent_plane : TangentPlane or None
-        Table of that name; None: its origin is at the first fix.
+        Table of that name, of which Python may give latitude and longitude, deg, and ellipsoidal
+        height, m; None: its origin is at the first fix.
     output : Output
         Table of that name.
     initial : InitialAttitude or None
@@ -230,6 +237,12 @@ class Flight:
     barometer: BarometerInput | None = None
 
     def __post_init__(self) -> None:
+        plane: Any = self.tangent_plane
+        if plane is not None and not isinstance(plane, TangentPlane):
+            if not are_numbers(plane, 3):
+                problem = "must be latitude (deg), longitude (deg), ellipsoidal height (m)"
+                raise OptionError("tangent_plane", problem, plane)
+            object.__setattr__(self, "tangent_plane", TangentPlane(*map(float, plane)))
         check(self, "")
 
     def with_(self, **changes: Any) -> "Flight":
@@ -253,11 +266,12 @@ class Flight:
         Raises
         ------
         UsageError
-            There is no such field (the message names the nearest), or a value cannot be.
+            There is no such field (the message names the nearest), a value cannot be, or it says
+            how to read a file where a record stands in its place.
         InputError
             An array or a table is not what a record can be made of.
         """
-        return with_changes(self, changes)
+        return changed(self, changes)
 
     def __repr__(self) -> str:
         """Return name and file in one line."""
@@ -268,6 +282,31 @@ class Flight:
         from .resolve import resolved
 
         return resolved(self)
+
+
+def changed(flight: Flight, changes: dict[str, Any], keywords: Iterable[str] = ()) -> Flight:
+    """Return a flight with other values, as `Flight.with_` does.
+
+    Parameters
+    ----------
+    flight : Flight
+        It stays as it is.
+    changes : dict
+        Value by field; two underscores go into a table.
+    keywords : iterable of str
+        Words of the function that takes them, which the caller may have meant.
+
+    Returns
+    -------
+    Flight
+        The new flight.
+    """
+    new = with_changes(flight, changes, keywords)
+    for name in ("imu", "gnss", "camera", "barometer"):
+        inner = {key.split("__")[1]: changes[key] for key in changes if key.startswith(f"{name}__")}
+        if inner:
+            refuse_unread(getattr(new, name), name, inner)
+    return new
 
 
 TABLES: Mapping[str, tuple[type, ...]] = {

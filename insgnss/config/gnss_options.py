@@ -40,7 +40,7 @@ class GnssInput:
     """Table [gnss]; standard deviations are north, east, down; `raw` instead of a file for PPK.
 
     In Python `file` may be fixes, or an array or table of them, which takes sigma_m where it has
-    none; what else says how to read a file is not looked at.
+    none; what else says how to read a file is then not looked at, and `Flight.with_` refuses it.
 
     Raises
     ------
@@ -66,6 +66,7 @@ class GnssInput:
         'list of names, or table { canonical = "name in the file" }',
         kind="columns",
         usual=BY_HEADER,
+        of_file=True,
     )
     units: Mapping[str, str] | None = option(
         None,
@@ -75,6 +76,7 @@ class GnssInput:
         kind="gnss_units",
         members=_unit_keys,
         usual="by header, else SI and deg",
+        of_file=True,
     )
     undulation_m: float | None = option(
         None,
@@ -82,22 +84,25 @@ class GnssInput:
         unit="m",
         low=-200.0,
         high=200.0,
+        of_file=True,
     )
     sigma_m: Triple | None = option(
         None,
         "standard deviations north, east, down, where the file has none",
         kind="sigmas",
         unit="m",
+        of_file=True,
     )
     sigma_velocity_mps: Triple | None = option(
-        None, "the same of velocities", kind="sigmas", unit="m/s"
+        None, "the same of velocities", kind="sigmas", unit="m/s", of_file=True
     )
     time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
-    variable: str | None = option(None, "struct or table inside a MATLAB file")
+    variable: str | None = option(None, "struct or table inside a MATLAB file", of_file=True)
     repeat_column: str | None = option(
         None,
         "column whose change marks a new fix, where the file repeats the last one",
         retired=("new_when",),
+        of_file=True,
     )
     gate_sigma: float = option(
         5.0,
@@ -121,6 +126,7 @@ class GnssInput:
         "fixed epochs that others do not confirm are taken as float, and all get covariances that "
         "cover their errors, as those of PPK; false: as the file has them",
         retired=("calibrated",),
+        of_file=True,
     )
     gm_sigma: float | Literal["auto", "off"] = option(
         "auto",
@@ -156,6 +162,7 @@ class GnssInput:
             "TOML file of changes to the covariance model, the keys of gnss.covariance at its top"
             " (data_specs/flight_file.md)"
         ),
+        of_file=True,
     )
     raw: RawGnss | None = None
 

@@ -32,8 +32,8 @@ class ImuInput:
 
     `units` has the keys gyro, accel and time as far as they are given, and is None without any.
     In Python `file` may be samples, or an array or table of them (see `insgnss.estimate`), and
-    `noise` a noise model; then columns, units, variable and rate_hz, which say how to read a file,
-    are not looked at.
+    `noise` a noise model; columns, units, variable and rate_hz, which say how to read a file, are
+    then not looked at, and `Flight.with_` refuses them.
 
     Raises
     ------
@@ -49,6 +49,7 @@ class ImuInput:
         'list of names, or table { canonical = "name in the file" }',
         kind="columns",
         usual=BY_HEADER,
+        of_file=True,
     )
     units: Mapping[str, str] | None = option(
         None,
@@ -58,6 +59,7 @@ class ImuInput:
         kind="imu_units",
         members=_imu_unit_keys,
         usual="by header (imu_csv.md), else SI",
+        of_file=True,
     )
     quantity: "Quantity" = option(
         "mean_rate",
@@ -65,19 +67,21 @@ class ImuInput:
         " or the rate at the stamp",
         kind="choice",
         choices=_quantities,
+        of_file=True,
     )
     axes: str = option("forward right down", "body directions of the IMU's x, y and z", kind="axes")
     noise: "str | Path | NoiseModel" = option(
         "navchip", "a shipped noise model, or the path of a noise-model file", kind="noise"
     )
     time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
-    variable: str | None = option(None, "struct or table inside a MATLAB file")
+    variable: str | None = option(None, "struct or table inside a MATLAB file", of_file=True)
     rate_hz: float | None = option(
         None,
         "samples a second, counted from 0, where the file has no time",
         unit="Hz",
         low=1.0,
         high=1e5,
+        of_file=True,
     )
     accel_sign: float = option(
         1.0,

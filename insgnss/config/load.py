@@ -6,10 +6,12 @@ schema, how it is read in `values`; here stands what options have to do with eac
 """
 
 import re
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
+from typing import Any, TypeVar
 
-from ..base.errors import InputError, UsageError
+from ..base.errors import InputError, OptionError, UsageError
 from ..base.tables import Table, read_toml
 from ..orient.mounting import PAPER_CAMERA_FROM_BODY, Mounting, boresight_from_angles
 from .barometer_options import BarometerInput
@@ -23,6 +25,8 @@ from .ppk_options import OF_POSITIONS, RawGnss
 from .retired import renewed
 from .schema import declared, options_of
 from .values import covariance_of, take
+
+Made = TypeVar("Made")
 
 
 @cache
@@ -117,9 +121,20 @@ def read_covariance(path: Path) -> CovarianceModel:
     return covariance_of(root)
 
 
+def _made(table: Table, kind: Callable[..., Made], values: Mapping[str, Any]) -> Made:
+    """The dataclass of a table; what it refuses at construction is told at the line of the key."""
+    try:
+        return kind(**values)
+    except OptionError as refusal:
+        raise table.error(refusal.key.rpartition(".")[2], refusal.problem) from None
+
+
 def _imu(table: Table) -> ImuInput:
-    further = [ImuInput(**take(other, [ImuInput])) for other in table.tables("further")]
-    return ImuInput(**take(table, [ImuInput], without=["further"]), further=tuple(further))
+    further = tuple(
+        _made(other, ImuInput, take(other, [ImuInput])) for other in table.tables("further")
+    )
+    values = take(table, [ImuInput], without=["further"])
+    return _made(table, ImuInput, values | {"further": further})
 
 
 def _gnss(table: Table) -> GnssInput:
@@ -215,7 +230,7 @@ def _output(table: Table) -> Output:
     directory = table.resolve(values["directory"])
     if directory.exists() and not directory.is_dir():
         raise table.error("directory", f"{directory} is a file, a directory is expected")
-    output = Output(**(values | {"directory": directory}))
+    output = _made(table, Output, values | {"directory": directory})
     if output.crs is None:
         if output.ground_m is not None:
             problem = (

@@ -16,6 +16,8 @@ same; and importing them takes 15 and 33 ms more than `dataclasses`, where `insg
 """
 
 import math
+import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
@@ -24,7 +26,8 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
-from ..base.errors import OptionError, near
+from ..base.errors import InputError, OptionError, near
+from ..base.wording import listed
 
 Words = tuple[str, ...] | tuple[int, ...]
 Triple = tuple[float, float, float]
@@ -68,6 +71,8 @@ class Option:
         Names that it had; they are accepted with a warning for one release.
     retired_members : Mapping[str, str]
         The present names of members of a table by those that they had.
+    of_file : bool
+        Whether it says how the file of its table is read, and nothing of a record in its place.
     cli : str
         Its option of the command line, "--mask", or its positional argument, "ROVER"; empty: none.
     metavar, cli_meaning, cli_default : str
@@ -87,6 +92,7 @@ class Option:
     only: str = ""
     retired: tuple[str, ...] = ()
     retired_members: Mapping[str, str] = field(default_factory=dict)
+    of_file: bool = False
     cli: str = ""
     metavar: str = ""
     cli_meaning: str = ""
@@ -126,6 +132,11 @@ class Declared:
     def required(self) -> bool:
         """Whether there is no default."""
         return self.default is ...
+
+    @property
+    def optional(self) -> bool:
+        """Whether None is a value."""
+        return self.default is None or "None" in _class_names(self.type)
 
     @property
     def kind(self) -> str:
@@ -193,12 +204,14 @@ def declared(table: type) -> Mapping[str, Declared]:
 
 
 def check(instance: Any, table: str) -> None:
-    """Hold the numbers and words of a dataclass against what its options declare.
+    """Hold the values of a dataclass against what its options declare and its fields annotate.
+
+    A text where a path is expected becomes a path, a list of texts or an array a tuple.
 
     Parameters
     ----------
     instance : dataclass
-        Whose fields are looked at; None is no value.
+        Whose fields are looked at.
     table : str
         The table of the flight file that the fields are keys of.
 
@@ -207,25 +220,72 @@ def check(instance: Any, table: str) -> None:
     OptionError
         Naming the first value that cannot be.
     """
-    for name, item in declared(instance.__class__).items():
-        value = getattr(instance, name)
-        if value is not None and (problem := _problem(item, value)):
-            raise OptionError(f"{table}.{name}".removeprefix("."), problem, value)
+    options = declared(instance.__class__)
+    for name, annotation in ((f.name, f.type) for f in fields(instance)):
+        value, key = getattr(instance, name), f"{table}.{name}".removeprefix(".")
+        if name not in options:
+            if problem := _other_class(annotation, value):
+                raise OptionError(key, problem)
+            continue
+        item = options[name]
+        if value is None:
+            if not item.optional:
+                raise OptionError(key, "is None; give a value, or leave it out for the default")
+            continue
+        value = _usual_form(item, value)
+        object.__setattr__(instance, name, value)
+        if problem := _problem(item, value):
+            raise OptionError(key, problem, value)
+
+
+def _usual_form(item: Declared, value: Any) -> Any:
+    """A text as a path where one is expected, a list as a tuple, all else as it is."""
+    if _plain(item.type) is Path and isinstance(value, str | os.PathLike):
+        return Path(value)
+    if item.kind == "noise" and isinstance(value, str):
+        from ..stochastic.model import shipped_models
+
+        return Path(value) if value not in shipped_models() and Path(value).is_file() else value
+    if item.kind in ("numbers", "place", "sigmas") and hasattr(value, "tolist"):
+        value = value.tolist()
+        return tuple(value) if isinstance(value, list) else value
+    if item.kind in _LISTS and isinstance(value, list | tuple):
+        return tuple(map(Path, value)) if item.kind == "files" else tuple(value)
+    return value
+
+
+def _class_names(annotation: Any) -> tuple[str, ...]:
+    """Names of the classes of an annotation, which may be a text; "None" for that of None."""
+    if isinstance(annotation, str):
+        return tuple(re.findall(r"\w+", annotation))
+    if get_origin(annotation) in (Union, UnionType):
+        return tuple(name for member in get_args(annotation) for name in _class_names(member))
+    return ("None" if annotation is NoneType else getattr(annotation, "__name__", ""),)
+
+
+def _other_class(annotation: Any, value: Any) -> str:
+    """What is wrong with the class of a value, empty where it is one of the annotation."""
+    expected, own = _class_names(annotation), {base.__name__ for base in type(value).__mro__}
+    if (value is None and "None" in expected) or own & set(expected):
+        return ""
+    return f"is of type {type(value).__name__}; it must be {listed(expected)}"
 
 
 def _problem(item: Declared, value: Any) -> str:
     """What is wrong with a value, empty where nothing is."""
     if item.kind == "gm_sigma" and not isinstance(value, str):
         return _out_of_range(item, value)
-    if item.choices and item.kind in ("choice", "whole", "gm_sigma") and value not in item.choices:
-        return f"must be {listed(item.choices)}"
+    if item.choices and item.kind in ("choice", "whole", "gm_sigma"):
+        comparable = isinstance(value, str | Real)  # an array is not
+        if not comparable or value not in item.choices:
+            return f"must be {listed(item.choices)}"
     return _CHECKS[item.kind](item, value) if item.kind in _CHECKS else ""
 
 
 def _out_of_range(item: Declared, value: Any) -> str:
     if not is_number(value):
         return "must be a number"
-    if item.kind == "whole" and value != int(value):
+    if item.kind == "whole" and value % 1 != 0:
         return "must be a whole number"
     low, high = item.option.low, item.option.high
     if in_range(item, value):
@@ -250,41 +310,151 @@ def _no_letters(item: Declared, value: Any) -> str:
 def _no_numbers(item: Declared, value: Any) -> str:
     count = ("", "a number", "two numbers", "three numbers")[item.count]
     positive = item.option.positive or item.kind == "sigmas"
-    if not _are_numbers(value, item.count) or (positive and min(value) <= 0.0):
+    if not are_numbers(value, item.count) or (positive and min(value) <= 0.0):
         return f"must be {count} greater than zero" if positive else f"must be {count}"
     return ""
 
 
 def _no_place(item: Declared, value: Any) -> str:
-    right = _are_numbers(value, 3) and is_place(*value)
+    right = are_numbers(value, 3) and is_place(*value)
     return "" if right else "must be latitude, longitude (deg), ellipsoidal height (m)"
 
 
 def _no_quality_sigmas(item: Declared, value: Any) -> str:
+    if problem := _no_mapping(item, value):
+        return problem
     qualities = item.option.members() if item.option.members else ()
     if odd := [name for name in value if name not in qualities]:
         return f"{odd[0]!r} is no quality; {near(str(odd[0]), qualities)}"
-    wrong = [name for name in value if not _are_numbers(value[name], 3) or min(value[name]) <= 0.0]
+    wrong = [name for name in value if not are_numbers(value[name], 3) or min(value[name]) <= 0.0]
     return f"{wrong[0]}: must be three numbers greater than zero" if wrong else ""
 
 
+def _no_text(item: Declared, value: Any) -> str:
+    return "" if isinstance(value, str) else "must be a text"
+
+
+def _no_texts(item: Declared, value: Any) -> str:
+    if isinstance(value, str):
+        return f"must be a list; give [{value!r}]"
+    right = isinstance(value, tuple) and all(isinstance(word, str) for word in value)
+    return "" if right else "must be a list of texts"
+
+
+def _no_path(item: Declared, value: Any) -> str:
+    return _other_class(Path, value) if _plain(item.type) is Path else ""  # or it is a record
+
+
+def _no_paths(item: Declared, value: Any) -> str:
+    return "" if isinstance(value, tuple) else "must be a list of files"
+
+
+def _no_event_numbers(item: Declared, value: Any) -> str:
+    right = isinstance(value, tuple) and all(is_number(k) and k >= 1 and k % 1 == 0 for k in value)
+    return "" if right else "must be a list of whole numbers from 1, as the events are counted"
+
+
+def _no_mapping(item: Declared, value: Any) -> str:
+    return "" if isinstance(value, Mapping) else "must be a mapping by name"
+
+
+def _no_columns(item: Declared, value: Any) -> str:
+    right = isinstance(value, list | tuple | Mapping)
+    return "" if right else "must be a list of names, or a mapping of the names in the file"
+
+
 def _no_names(item: Declared, value: Any) -> str:
+    if problem := _no_texts(item, value):
+        return problem
     check_names = tuple(map(str, item.choices))
     odd = [name for name in value if name not in check_names]
-    return f"{odd[0]!r} is no check; {near(str(odd[0]), check_names)}" if odd else ""
+    return f"{odd[0]!r} is no check; {near(odd[0], check_names)}" if odd else ""
 
+
+def _no_axes(item: Declared, value: Any) -> str:
+    from ..prepare.axes import parse_axes
+
+    if problem := _no_text(item, value):
+        return problem
+    try:
+        parse_axes(value)
+    except InputError as refusal:
+        return str(refusal).partition(": ")[2]
+    return ""
+
+
+def neither_model_nor_file(noise: str, remark: str = "") -> str:
+    """What is wrong with a text that should name a noise model."""
+    from ..stochastic.model import shipped_models
+
+    advice = near(noise, shipped_models())
+    return f"{noise!r} is neither a shipped model nor a file{remark}; {advice}"
+
+
+def _no_tables(item: Declared, value: Any) -> str:
+    right = isinstance(value, tuple) and not any(_other_class(item.type, one) for one in value)
+    return "" if right else f"must be a list of {_class_names(item.type)[-1]}"
+
+
+def _no_noise(item: Declared, value: Any) -> str:
+    from ..stochastic.model import shipped_models
+
+    if not isinstance(value, str):
+        return _other_class(item.type, value)
+    return "" if value in shipped_models() else neither_model_nor_file(value)
+
+
+def _no_formats(item: Declared, value: Any) -> str:
+    """Exports that a flight file may ask for."""
+    from ..formats import EXPORTS
+
+    if problem := _no_texts(item, value):
+        return problem
+    for name in value:
+        if name not in EXPORTS:
+            return f"{name!r} is unknown; {near(name, tuple(EXPORTS))}"
+        if value.count(name) > 1:
+            return f"{name!r} occurs twice"
+        form = EXPORTS[name]
+        needs = [key for key in form.needs if key != "noise"]  # which the flight file has
+        if form.several or needs:
+            why = "writes a directory" if form.several else f"needs {', '.join(needs)}"
+            return f"{name!r} {why}; leave it to insgnss export"
+    return ""
+
+
+_LISTS = ("event_numbers", "files", "formats", "names", "tables", "texts")
 
 _CHECKS: dict[str, Callable[[Declared, Any], str]] = {
+    "air": _no_mapping,
+    "axes": _no_axes,
+    "columns": _no_columns,
+    "covariance": lambda item, value: _other_class(item.type, value),
+    "directory": _no_path,
+    "event_numbers": _no_event_numbers,
+    "file": _no_path,
+    "files": _no_paths,
     "flag": _no_flag,
+    "formats": _no_formats,
+    "gnss_units": _no_mapping,
+    "images": _no_path,
+    "imu_units": _no_mapping,
     "letters": _no_letters,
+    "name": _no_text,
     "names": _no_names,
+    "noise": _no_noise,
     "number": _out_of_range,
     "numbers": _no_numbers,
     "place": _no_place,
+    "program": _no_text,
     "quality_sigmas": _no_quality_sigmas,
     "rate": _out_of_range,
+    "rtklib": _no_mapping,
     "sigmas": _no_numbers,
     "sign": _no_sign,
+    "tables": _no_tables,
+    "text": _no_text,
+    "texts": _no_texts,
     "whole": _out_of_range,
 }
 
@@ -294,7 +464,7 @@ def is_number(value: Any) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def _are_numbers(value: Any, count: int) -> bool:
+def are_numbers(value: Any, count: int) -> bool:
     """Whether a value is so many finite numbers."""
     try:
         parts = tuple(value)
@@ -305,13 +475,9 @@ def _are_numbers(value: Any, count: int) -> bool:
 
 def in_range(item: Declared, value: float) -> bool:
     """Whether a number is finite and lies within the option's range."""
-    return math.isfinite(value) and item.option.low <= value <= item.option.high
-
-
-def listed(words: Sequence[object]) -> str:
-    """The words in one phrase, "a, b or c"."""
-    *first, last = map(str, words)
-    return f"{', '.join(first)} or {last}" if first else last
+    return (
+        is_number(value) and math.isfinite(value) and item.option.low <= value <= item.option.high
+    )
 
 
 def is_place(lat_deg: float, lon_deg: float, height_m: float) -> bool:
@@ -355,3 +521,39 @@ def take_record(table: Any, name: str, maker: str, *more: Any) -> None:
         from .. import records
 
         object.__setattr__(table, name, getattr(records, maker)(value, *more))
+
+
+def refuse_unread(table: Any, name: str, changes: Mapping[str, Any]) -> None:
+    """Refuse changes that say how a file is read where a record stands in its place.
+
+    Parameters
+    ----------
+    table : dataclass
+        The table with the changes; its first option is the file or the record.
+    name : str
+        Its name.
+    changes : mapping
+        Value by field of the table.
+
+    Raises
+    ------
+    OptionError
+        Naming the first of them that is not the default.
+    """
+    options = declared(table.__class__)
+    file = next(iter(options))
+    record = getattr(table, file)
+    if record is None or isinstance(record, Path):
+        return
+    made_now = file in changes and changes[file] is not record
+    for key in changes:
+        item = options.get(key)
+        if item is None or not item.option.of_file or (made_now and key in OF_ARRAYS):
+            continue
+        if getattr(table, key) not in (item.default, getattr(record, key, item.default)):
+            problem = f"says how a file is read, but {name}.{file} is given as an object"
+            raise OptionError(f"{name}.{key}", f"{problem}; leave it out and change the object")
+
+
+OF_ARRAYS = ("quantity", "sigma_m", "sigma_velocity_mps")
+"""Options that an array or a table takes as well, when a record is made of it."""

@@ -7,18 +7,17 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import InputError, OptionError, UsageError
+from ..base.errors import OptionError, UsageError
 from ..base.tables import Table, near
 from ..formats import UNITS, unit_factor
 from ..formats.text.units import imu_kinds
+from ..stochastic.model import shipped_models
 from .covariance import CovarianceModel, triple
 from .flight_file import MAX_LEVER_M
 from .imu_options import ImuInput
-from .kinds import PLAIN, choice, number, numbers, texts
+from .kinds import PLAIN, choice, number, numbers, text, texts
 from .ppk_options import Air, rtklib_problem
-from .schema import Declared, declared, options_of
-
-SHIPPED_MODELS = Path(__file__).parents[1] / "stochastic" / "models"
+from .schema import Declared, declared, neither_model_nor_file, options_of
 
 
 def take(table: Table, classes: Iterable[type], without: Iterable[str] = ()) -> dict[str, Any]:
@@ -51,24 +50,12 @@ def value_of(table: Table, item: Declared) -> Any:
 def _noise(table: Table, item: Declared) -> str | Path:
     """Name of a shipped noise model, or the path of an existing file."""
     noise: str = table.text(item.name)
-    shipped = sorted(path.stem for path in SHIPPED_MODELS.glob("*.toml"))
-    if noise in shipped:
+    if noise in shipped_models():
         return noise
     if not table.resolve(noise).is_file():
-        problem = f"{noise!r} is neither a shipped model ({', '.join(shipped)}) nor a file"
-        raise table.error(item.name, f"{problem}; paths are relative to {table.path.name}")
+        problem = neither_model_nor_file(noise, f" (paths are relative to {table.path.name})")
+        raise table.error(item.name, problem)
     return table.file(item.name)
-
-
-def _axes(table: Table, item: Declared) -> str:
-    from ..prepare.axes import parse_axes
-
-    axes: str = table.text(item.name)
-    try:
-        parse_axes(axes)
-    except InputError as refusal:
-        raise table.error(item.name, str(refusal).partition(": ")[2]) from None
-    return axes
 
 
 def _sign(table: Table, item: Declared) -> float:
@@ -179,27 +166,6 @@ def _angles(table: Table, item: Declared) -> tuple[str, tuple[float, ...]]:
     return next((angle_set, named.numbers(angle_set, 3)) for angle_set in named.data)
 
 
-def _formats(table: Table, item: Declared) -> tuple[str, ...]:
-    """Exports that a flight file may ask for."""
-    from ..formats import EXPORTS
-
-    formats = texts(table, item)
-    for name in formats:
-        if name not in EXPORTS:
-            raise table.error(item.name, f"{name!r} is unknown; {near(name, tuple(EXPORTS))}")
-        if formats.count(name) > 1:
-            raise table.error(item.name, f"{name!r} occurs twice")
-        form = EXPORTS[name]
-        needs = [key for key in form.needs if key != "noise"]  # which the flight file has
-        if form.several or needs:
-            why = "writes a directory" if form.several else f"needs {', '.join(needs)}"
-            raise table.error(item.name, f"{name!r} {why}; leave it to insgnss export")
-        if form.heights == "sea level" and "geoid" not in table.data:
-            problem = "has heights above sea level; give output.geoid, a grid of geoid heights"
-            raise table.error(item.name, f"{name!r} {problem}")
-    return formats
-
-
 def _rate(table: Table, item: Declared) -> float | None:
     """Hz, None for every sample."""
     rate = table.data[item.name]
@@ -244,9 +210,9 @@ READERS: dict[str, Callable[[Table, Declared], Any]] = {
     **PLAIN,
     "air": _air,
     "angles": _angles,
-    "axes": _axes,
+    "axes": text,  # it is checked at construction, as formats are
     "covariance": _covariance,
-    "formats": _formats,
+    "formats": texts,
     "gm_sigma": _gm_sigma,
     "gnss_units": _gnss_units,
     "imu_units": _imu_units,

@@ -214,14 +214,14 @@ def with_layout(
 
     Parameters
     ----------
-    problem, start : Problem, Start
+    problem, start : EstimationProblem, InitialState
         The problem and its initial state.
     layout : StateLayout
         The states that it is to have.
 
     Returns
     -------
-    tuple of Problem and Start
+    tuple of EstimationProblem and InitialState
         The problem with `layout`. States of the same name keep their value and their covariance,
         new ones start at zero with their a-priori sigma, uncorrelated with the others.
     """

@@ -287,7 +287,7 @@ def explain_failure(
     ----------
     search : ErrorModelSearch
         What the search may vary.
-    problem : Problem
+    problem : EstimationProblem
         The problem that has no solution with the requested errors.
     align : callable
         Gives the initial state of a problem, or raises DataError.

@@ -38,7 +38,7 @@ def liveliest_window(solution: Solution) -> tuple[EstimationProblem, InitialStat
 
     Returns
     -------
-    tuple of Problem and Start
+    tuple of EstimationProblem and InitialState
         At most `WINDOW_FIXES` fixes as a problem of its own, and an initial state at what the
         solution knows there, with three times its sigma and a metre and a metre a second more.
     """

@@ -215,6 +215,6 @@ def _notes(form: Export, projection: MapProjection | None, scaled: bool) -> tupl
     if not scaled:
         notes.append(
             "heights are not scaled by that of the projection, as tools with control points expect"
-            " it; --ground scales them"
+            " it; --ground (ground_m in Python) scales them"
         )
     return tuple(notes)

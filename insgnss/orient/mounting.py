@@ -40,6 +40,7 @@ from ..geodesy.rotation import (
     rotation_from_ypr,
 )
 from ..records import Array
+from ..records._checked import float_array
 
 ROTATION_TOLERANCE = 1e-4
 """Greatest entry by which a printed matrix may differ from a rotation: four decimals, as tables are
@@ -96,7 +97,7 @@ def boresight_from_angles(
         raise InputError(
             f"boresight: angle set {angle_set!r} is unknown; use one of {', '.join(ANGLE_SETS)}"
         )
-    angles = np.asarray(angles_deg, dtype=np.float64)
+    angles = float_array("boresight", angles_deg)
     if angles.shape != (3,) or not np.isfinite(angles).all():
         raise InputError(f"boresight: {angles_deg!r} are not three finite angles in degrees")
     return _ANGLE_SETS[angle_set](
@@ -199,7 +200,7 @@ class Mounting:
 
 def _as_vector(name: str, value: ArrayLike) -> Array:
     """Copy of `value` as (3,) finite numbers, or InputError."""
-    v = np.array(value, dtype=np.float64)
+    v = float_array(name, value).copy()
     if v.shape != (3,) or not np.isfinite(v).all():
         raise InputError(f"{name}: {v.tolist()} are not three finite numbers in m")
     return v
@@ -207,7 +208,7 @@ def _as_vector(name: str, value: ArrayLike) -> Array:
 
 def _as_rotation(name: str, value: ArrayLike) -> Array:
     """Return the rotation nearest to `value`; InputError where rounding does not explain it."""
-    M = np.array(value, dtype=np.float64)
+    M = float_array(name, value).copy()
     if M.shape != (3, 3) or not np.isfinite(M).all():
         raise InputError(f"{name}: not a 3x3 matrix of finite numbers")
     determinant = float(np.linalg.det(M))

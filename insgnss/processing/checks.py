@@ -3,15 +3,21 @@
 A check that finds a contradiction stops the run, unless the flight file accepts it by name.
 """
 
-from collections.abc import Iterable, Sequence
+import math
+import re
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from ..base.errors import DataError, InputError
+from ..base.wording import named
 from ..config.flight_file import Flight
+from ..formats import UNITS
 from ..records import Array, Check, ImuSamples, Trajectory
 
 LONG_LEVER_M = 3.0  # a lever arm that few drones have room for
+OTHER_UNIT_M = 30.0  # beyond it no vehicle of this kind has room: it is in mm or cm
 LARGE_BORESIGHT_DEG = 10.0  # bore-sights are residuals of the mounting, of some degrees
 STATIONARY_SHARE = 0.8  # of the time that a standing sensor must be seen at rest
 
@@ -41,10 +47,61 @@ def refuse_contradictions(flight: Flight, checks: Iterable[Check]) -> None:
         noun = "contradiction" if len(bad) == 2 else "contradictions"
         also = f"; {len(bad) - 1} more {noun}, see `insgnss inspect`" if bad[1:] else ""
         names = ", ".join(f'"{c.name}"' for c in bad)
-        raise InputError(
-            f"{flight.path}: {sentence(bad[0])}{also}; accept = [{names}] in the flight file "
-            "overrules"
-        )
+        raise refusal(flight, bad[0], f"{also}; accept = [{names}] in the flight file overrules")
+
+
+def refusal(flight: Flight, check: Check, remark: str = "") -> InputError:
+    """Return the error of a contradiction, in the words of whoever gave the data.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    check : Check
+        The contradiction, whose advice speaks of a flight file.
+    remark : str
+        What follows it.
+
+    Returns
+    -------
+    InputError
+        Of samples that were given as an object it says by what to multiply them, and calls options
+        as Python does.
+    """
+    text = sentence(check) + remark
+    if not isinstance(flight.imu.file, Path):
+        for pattern, words in _OF_OBJECTS:
+            text = re.sub(pattern, words, text)
+    return InputError(f"{flight.path}: {text}")
+
+
+def _factor(match: re.Match[str]) -> str:
+    """By what to multiply samples that have another unit than the one they are taken for."""
+    sensor, unit, other = match.groups()
+    units = UNITS[sensor] | UNITS[f"{sensor} increment"]
+    taken_for = units[other if other in UNITS[sensor] else f"{other}/s"] if other else 1.0
+    factor = units[unit] / taken_for
+    names = {math.radians(1.0): "np.radians(1)", math.degrees(1.0): "np.degrees(1)"}
+    close = (name for value, name in names.items() if math.isclose(factor, value))
+    return f"{unit} (multiply {sensor} by {next(close, f'{factor:.6g}')})"
+
+
+def _keyword(match: re.Match[str]) -> str:
+    key = match.group()
+    return named(key) if named(key) != key else key.replace(".", "__")
+
+
+_OF_OBJECTS: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
+    (r'imu\.units (gyro|accel) = "([^"]+)"(?: \(not in ([^)]+)\))?', _factor),
+    (r"imu\.units (gyro|accel)\b", r"the unit of \1"),
+    (r"imu\.(units|columns)\b", r"the \1 of the samples"),
+    (r"\b(?:imu|gnss|camera|barometer|filter|output)\.[a-z]\w*", _keyword),
+    (r"= (true|false)\b", lambda match: match.group().title()),
+    (r"as the flight file is\b", "with the values as they are"),
+    (r" in the flight file\b", ""),
+    (r", see `insgnss inspect`", ""),
+)
+"""What advice about a flight file says to whoever gave objects."""
 
 
 def refuse_unobservable(flight: Flight, trajectory: Trajectory) -> None:
@@ -90,6 +147,14 @@ def check_mounting(flight: Flight) -> Check:
             "note",
             "measure the lever arms from the camera to antenna and IMU, calibrate the bore-sight, "
             "and give them in [mounting]",
+        )
+    if lever > OTHER_UNIT_M:
+        return Check(
+            "mounting",
+            f"longest lever arm {lever:.3f} m",
+            f"lever arms below {OTHER_UNIT_M:g} m",
+            "contradiction",
+            "lever arms are in m: are these in mm or cm?",
         )
     odd = lever > LONG_LEVER_M or angle > LARGE_BORESIGHT_DEG
     return Check(

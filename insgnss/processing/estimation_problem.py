@@ -32,7 +32,7 @@ class PreparedSegment:
 
     Parameters
     ----------
-    problem : Problem
+    problem : EstimationProblem
         The estimation problem.
     requested_errors : FixErrors
         The errors of the fixes that are states at first.

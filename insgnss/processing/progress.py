@@ -4,6 +4,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from ..base.errors import OptionError
+
 Progress = Callable[[str], None]
 """Receives the name of each step as it begins."""
 
@@ -22,12 +24,22 @@ class StepClock:
         Receives the name of each step.
     seconds : dict of str to float
         Processor time by step, s; a step that comes again adds up.
+
+    Raises
+    ------
+    UsageError
+        Where `progress` is no function.
     """
 
     progress: Progress
     seconds: dict[str, float] = field(default_factory=dict)
     _step: str = ""
     _since: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not callable(self.progress):
+            problem = "is no function of one text; leave it out to hear nothing"
+            raise OptionError("progress", problem, self.progress)
 
     def step(self, name: str) -> None:
         """End the step that runs and begin another one; "" begins none."""

@@ -1,6 +1,7 @@
 """A recording: what the files of a flight hold, on one clock, and what the checks say of it."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -212,7 +213,8 @@ def _recognised(
 
     options = flight.imu
     recognition = recognise_liveliest(imu, gnss)
-    units = {f"{key}_unit": unit for key, unit in imu.units.items() if unit in UNIT_WORDS}
+    of_file = imu.units if isinstance(options.file, Path) else {}  # of an object it is in SI
+    units = {f"{key}_unit": unit for key, unit in of_file.items() if unit in UNIT_WORDS}
     disagreements = compare(
         recognition,
         C_b_imu,

@@ -4,13 +4,13 @@ A flight is one segment unless its IMU has gaps longer than `prepare.gaps` bridg
 segment is solved on its own.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
 
 from ..align.initial import given_attitude, initial_state
-from ..base.errors import DataError, InputError
+from ..base.errors import DataError
 from ..config.flight_file import Flight
 from ..diagnosis.decision import ErrorModelSearch, diagnose, explain_failure
 from ..diagnosis.time_offset import ROUNDS, offset_to_apply
@@ -22,7 +22,7 @@ from ..navigation.solution import Solution, solve
 from ..prepare import gaps
 from ..prepare.clock import SHORTEST_S, common_span
 from ..records import Check
-from .checks import check_segments, sentence
+from .checks import check_segments, refusal
 from .estimation_problem import PreparedSegment, layout_factory, prepare_segment
 from .progress import Progress
 from .recording import Recording
@@ -70,10 +70,24 @@ def solve_segments(
         except DataError as error:
             failures.append((span, error))
     if not solved:
-        raise max(failures, key=lambda failure: failure[0][1] - failure[0][0])[1]
+        longest = max(failures, key=lambda failure: failure[0][1] - failure[0][0])[1]
+        raise DataError(f"{longest}{_noted(recording.checks)}")
     return solved, [check_segments([s.solution.time for s in solved], failures)] if len(
         spans
     ) > 1 else []
+
+
+def _noted(checks: Iterable[Check]) -> str:
+    """What the checks of a recording found odd, to be said beside its failure.
+
+    What recognises units and axes by the motion says nothing more where there is none.
+    """
+    odd = [
+        f"{check.name}: {check.found}"
+        for check in checks
+        if check.verdict != "ok" and not check.name.startswith("recognised")
+    ]
+    return f"; noted before: {'; '.join(odd)}" if odd else ""
 
 
 def solve_segment(
@@ -156,10 +170,8 @@ def _solve(
         raise
     biases = _missing_biases(flight, recording, prepared, solution, step)
     if biases is not None and biases.name not in flight.accept:
-        raise InputError(
-            f'{flight.path}: {sentence(biases)}; accept = ["{biases.name}"] in the flight file '
-            "overrules"
-        )
+        remark = f'; accept = ["{biases.name}"] in the flight file overrules'
+        raise refusal(flight, biases, remark)
     checks = () if biases is None else (biases,)
     history: tuple[str, ...] = (how,)
     if flight.gnss.stationary is None:
@@ -212,12 +224,10 @@ def _refuse_what_explains(
     """Raise InputError with the cause of `error`, where the flight shows one."""
     biases = _missing_biases(flight, recording, prepared, None, search.progress)
     if biases is not None:
-        raise InputError(f"{flight.path}: {sentence(biases)}") from None
+        raise refusal(flight, biases) from None
     cause = explain_failure(search, prepared.problem, _aligned_by(flight))
     if cause is not None:
-        raise InputError(
-            f"{flight.path}: {sentence(cause)}; as the flight file is, {error}"
-        ) from None
+        raise refusal(flight, cause, f"; as the flight file is, {error}") from None
 
 
 def _missing_biases(

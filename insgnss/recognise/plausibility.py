@@ -62,6 +62,7 @@ NAMES = (
     "IMU gaps",
     "images",
     "motion",
+    "mounting",
     "barometer",
     "GNSS quality",
     "antenna lever arm",

@@ -212,7 +212,7 @@ def _judge_turns(
             "contradiction",
             (
                 "the gyros turn the other way: imu.axes or gyro sign is wrong, or latitude and"
-                " longitude are exchanged"
+                " longitude are exchanged, or the sign of latitude or longitude is wrong"
             ),
         )
     if here > ALIKE and not RATIO[0] < ratio < RATIO[1]:

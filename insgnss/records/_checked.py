@@ -10,13 +10,25 @@ from ..base.errors import InputError
 Array = NDArray[np.float64]
 
 
+def float_array(who: str, value: Any) -> Array:
+    """Return `value` as an array of float64; InputError where it holds other things than numbers.
+
+    who : what the message calls it.
+    """
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        shown = f"{value!r}"[:60]
+        raise InputError(f"{who}: {shown} is no array of numbers") from None
+
+
 def frozen(record: Any, name: str, shape: tuple[int | None, ...]) -> Array:
     """Replace a field by a read-only contiguous float64 array, checked for shape and finiteness.
 
     `shape` holds None for a length that may be any.
     """
-    a = np.ascontiguousarray(getattr(record, name), dtype=np.float64)
     kind = type(record).__name__
+    a = np.ascontiguousarray(float_array(f"{kind}.{name}", getattr(record, name)))
     if a.ndim != len(shape) or any(
         want is not None and want != got for want, got in zip(shape, a.shape, strict=True)
     ):
@@ -25,13 +37,25 @@ def frozen(record: Any, name: str, shape: tuple[int | None, ...]) -> Array:
             f" {tuple('n' if s is None else s for s in shape)}"
         )
     if not np.isfinite(a).all():
-        row = int(np.argwhere(~np.isfinite(a))[0][0])
-        raise InputError(f"{kind}.{name}: value in row {row} is not finite")
+        row, *column = (int(k) for k in np.argwhere(~np.isfinite(a))[0])
+        raise InputError(
+            f"{kind}.{name}: value in row {row} is not finite{_where(record, a, row, column)}"
+        )
     if a.flags.writeable:
         a = a.view()
         a.flags.writeable = False
     object.__setattr__(record, name, a)
     return a
+
+
+def _where(record: Any, values: Array, row: int, column: list[int]) -> str:
+    """Column and time of a value of a record, and what to do about it."""
+    time = np.asarray(getattr(record, "time", ()), dtype=np.float64)
+    of_rows = time.ndim == 1 and time.size == values.shape[0]
+    words = [f"column {', '.join(map(str, column))} (from 0)"] if column else []
+    words += [f"time {time[row]:.6f} s"] if of_rows and np.isfinite(time[row]) else []
+    advice = "leave the row out (of IMU samples a missing row is a gap, which is bridged)"
+    return "".join([*(f", {word}" for word in words), f"; {advice}" if of_rows else ""])
 
 
 def increasing(record: Any, time: Array) -> None:
@@ -40,5 +64,5 @@ def increasing(record: Any, time: Array) -> None:
         row = int(np.argmax(step <= 0)) + 1
         raise InputError(
             f"{type(record).__name__}.time: {time[row]:.6f} s in row {row} follows"
-            f" {time[row - 1]:.6f} s; time must increase"
+            f" {time[row - 1]:.6f} s; time must increase: sort by time, or leave the row out"
         )

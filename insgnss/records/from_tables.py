@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.errors import InputError
-from ._checked import Array
+from ._checked import Array, float_array
 from .observations import BarometerHeights, CameraEvents, GnssFixes, ImuSamples, Quantity
 from .verdicts import Check
 
@@ -141,9 +141,7 @@ def camera_events(given: Any, gps_week: int | None = None) -> CameraEvents:
     if isinstance(given, CameraEvents):
         return given
     columns = _columns_of(given)
-    time = (
-        np.asarray(given, dtype=np.float64) if columns is None else _one_of("events", columns, TIME)
-    )
+    time = float_array("events", given) if columns is None else _one_of("events", columns, TIME)
     if columns is not None and "image" in columns:
         names = tuple(str(name) for name in columns["image"])
         return CameraEvents(names, time, _week(given, gps_week), "events")
@@ -175,7 +173,7 @@ def barometer_heights(given: Any, gps_week: int | None = None) -> BarometerHeigh
         return given
     columns = _columns_of(given)
     if columns is None:
-        values = np.asarray(given, dtype=np.float64)
+        values = float_array("barometer", given)
         if values.ndim != 2 or values.shape[1] != 2:
             raise InputError(
                 f"barometer: a table of shape {values.shape}, expected (n, 2): time s, height m"
@@ -198,7 +196,7 @@ def _columns_of(given: Any) -> dict[str, Any] | None:
 
 def _columns_of_fixes(given: ArrayLike) -> dict[str, Any]:
     """Columns of a plain array of fixes, whose angles are degrees."""
-    values = np.asarray(given, dtype=np.float64)
+    values = float_array("gnss", given)
     if values.ndim != 2 or values.shape[1] not in GNSS_COLUMNS:
         raise InputError(
             f"gnss: an array of shape {values.shape}, expected (m, 4) or (m, 7): time s, latitude"
@@ -218,7 +216,7 @@ def _week(given: Any, gps_week: int | None) -> int | None:
 def _one_of(who: str, columns: Mapping[str, Any], names: Sequence[str]) -> Array:
     for name in names:
         if name in columns:
-            return np.asarray(columns[name], dtype=np.float64)
+            return float_array(f"{who}: column {name}", columns[name])
     raise InputError(f"{who}: no column {names[0]}; there are {', '.join(map(str, columns))}")
 
 
@@ -229,7 +227,7 @@ def _block(who: str, columns: Mapping[str, Any], names: Sequence[str]) -> Array:
 def _angle(columns: Mapping[str, Any], name: str) -> Array:
     """(n,) degrees."""
     if f"{name}_rad" in columns:
-        return np.degrees(np.asarray(columns[f"{name}_rad"], dtype=np.float64))
+        return np.degrees(_one_of("gnss", columns, (f"{name}_rad",)))
     if name in columns and f"{name}_deg" not in columns:
         raise InputError(f"gnss: column {name} without unit; call it {name}_deg or {name}_rad")
     return _one_of("gnss", columns, (f"{name}_deg",))

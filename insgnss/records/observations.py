@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
-from ._checked import Array, frozen, increasing
+from ._checked import Array, float_array, frozen, increasing
 from .rows import Rows
 from .verdicts import Check
 
@@ -25,8 +25,9 @@ class ImuSamples(Rows):
 
     Parameters
     ----------
-    time : (n,) s, GPST of `gps_week`, increasing. The stamp is the end of the sample's interval
-        (mean rate, increments) or the instant (instant rate).
+    time : (n,) s, GPST of `gps_week`, increasing: rows must be in order (`read_imu` puts those of a
+        file in order). The stamp is the end of the sample's interval (mean rate, increments) or the
+        instant (instant rate).
     gyro : (n, 3) angular rate with respect to inertial space, rad/s; rad for increments.
     accel : (n, 3) specific force, m/s^2; m/s for increments.
     quantity : what a sample is, "mean_rate", "increments" or "instant_rate".
@@ -271,7 +272,7 @@ class GnssFixes(Rows):
         >>> fixes
         <GnssFixes 2 fixes, TOW 10.0 to 11.0 s, 1 Hz>
         """
-        stamps, lat, lon = (np.asarray(x, dtype=np.float64) for x in (time, lat_deg, lon_deg))
+        stamps, lat, lon = (float_array(source, x) for x in (time, lat_deg, lon_deg))
         for name, angle, limit in (("lat_deg", lat, 90.0), ("lon_deg", lon, 360.0)):
             if (beyond := np.abs(angle) > limit).any():
                 row = int(np.argmax(beyond))
@@ -408,7 +409,7 @@ class BarometerHeights(Rows):
 
 def _table(source: str, table: ArrayLike, widths: Sequence[int], expected: str) -> Array:
     """The table as float64; InputError where its number of columns is none of `widths`."""
-    values = np.asarray(table, dtype=np.float64)
+    values = float_array(source, table)
     if values.ndim != 2 or values.shape[1] not in widths:
         columns = " or ".join(map(str, widths))
         raise InputError(
@@ -419,7 +420,7 @@ def _table(source: str, table: ArrayLike, widths: Sequence[int], expected: str) 
 
 def _diagonal(source: str, name: str, sigma: ArrayLike | None, count: int) -> Array:
     """(n, 3, 3) covariances of standard deviations (3,) or (n, 3)."""
-    given = np.asarray([] if sigma is None else sigma, dtype=np.float64)
+    given = float_array(source, [] if sigma is None else sigma)
     if given.shape not in ((3,), (count, 3)):
         raise InputError(
             f"{source}: {name} of shape {given.shape}; give (3,) or ({count}, 3), north east down"

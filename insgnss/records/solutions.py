@@ -178,7 +178,8 @@ class Trajectory(Rows):
 class ExteriorOrientation(Rows):
     """Projection centre and attitude of every image in the tangent plane.
 
-    It is the master from which every export is derived.
+    It is the master from which every export is derived. ``eo["8001.tif"]`` is a record of that one
+    image, and ``eo[["8001.tif", "8002.tif"]]`` one of two.
 
     Parameters
     ----------

@@ -71,12 +71,25 @@ class ImuFaults:
 
     Parameters
     ----------
-    gaps : (start, length) without samples.
-    random_gaps : number of further gaps at random, each `random_gap_s` (shortest, longest).
-    stuck : stuck channels.
-    vibration : of an engine.
-    reversed_accel : the file holds minus the specific force.
-    clock_offset_s : stamp minus GPS time; -18 for a clock in UTC.
+    gaps : (start, length) without samples, s, as often as there are.
+    random_gaps : number of further gaps at random.
+    random_gap_s : length of the shortest and of the longest of them, s.
+    stuck : stuck channels, each (channel such as "gyro x", start s, value or None for the last
+        reading, duration s), of which the last two may be left out.
+    vibration : of an engine, (accel m/s^2, gyro rad/s, frequency Hz, start s, duration s), of which
+        the last may be left out; None: none.
+    reversed_accel : whether the file holds minus the specific force.
+    clock_offset_s : stamp minus GPS time, s; -18 for a clock in UTC.
+
+    Raises
+    ------
+    UsageError : there is no such channel.
+
+    Examples
+    --------
+    >>> import insgnss
+    >>> faults = insgnss.ImuFaults(gaps=((60.0, 0.3),), stuck=(("gyro x", 90.0),))
+    >>> sim = insgnss.simulate("ign8", 1.0, imu_rate_hz=100.0, start_in_air=True, imu_faults=faults)
     """
 
     gaps: tuple[tuple[float, float], ...] = ()
@@ -87,8 +100,28 @@ class ImuFaults:
     reversed_accel: bool = False
     clock_offset_s: float = 0.0
 
+    def __post_init__(self) -> None:
+        stuck = (item if isinstance(item, Stuck) else Stuck(*item) for item in self.stuck)
+        object.__setattr__(self, "stuck", tuple(stuck))
+        if isinstance(self.vibration, tuple):
+            object.__setattr__(self, "vibration", Vibration(*self.vibration))
+
     def apply(self, ideal: ImuSamples, rng: np.random.Generator) -> ImuSamples:
-        """The samples as they are recorded. Raises UsageError where gaps leave fewer than two."""
+        """Return samples as they are recorded.
+
+        Parameters
+        ----------
+        ideal : samples without faults.
+        rng : of the gaps and the vibration.
+
+        Returns
+        -------
+        The samples with the faults.
+
+        Raises
+        ------
+        UsageError : gaps leave fewer than two.
+        """
         elapsed = ideal.time - ideal.time[0]
         table = np.hstack([ideal.gyro, ideal.accel])
         shaken, dropped = rng.spawn(2)

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import UsageError
+from ..base.errors import UsageError, near
 from ..geodesy.frames import TangentPlane
 from ..records import CameraEvents, ExteriorOrientation, GnssFixes, ImuSamples, Trajectory
 from .flights import START_TOW, Flight, fly
+from .ground import drive, walk
 from .layout import PLANS, FlightPlan
 from .motion import Motion
 from .raw_gnss.receiver import GnssOptions, simulate_gnss
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
     from ..orient.mounting import Mounting
 
 Array = NDArray[np.float64]
+
+JOURNEYS = {"car": drive, "walk": walk}
+JOURNEY_MIN = 5.0
+FLIGHTS = (*PLANS, *JOURNEYS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,25 +105,32 @@ def simulate_flight(
 
     Parameters
     ----------
-    flight : "ign8", "ign6x1" or a plan.
-    minutes : of the record; None for the plan's own.
+    flight : "ign8", "ign6x1", "car", "walk", or a plan.
+    minutes : of the record; None for the plan's own, of a journey 5.
     seed : of everything random: gusts, trigger delays, errors of each sensor (independent streams).
     imu, gnss, raw_gnss, rig, second_imu, missing_events, truth_hz : as in `observe`.
     start_tow : s, of the first instant, GPS week 2008.
     changes : fields of `FlightPlan`, such as start_in_air, wind_ms, turbulence, ground_s or
-        line_length_m.
+        line_length_m; of a journey stand_s.
 
     Raises
     ------
     UsageError : unknown flight or field, or a plan that cannot be flown.
     """
-    if isinstance(flight, str) and flight not in PLANS:
-        raise UsageError(f"flight {flight!r} is unknown; use one of {', '.join(PLANS)}")
-    plan = PLANS[flight] if isinstance(flight, str) else flight
-    path_seed, sensor_seed = _seeds(seed)
-    if minutes is not None:
-        changes["minutes"] = minutes
-    path = fly(plan.changed(**changes), path_seed, start_tow=start_tow)
+    if not isinstance(flight, FlightPlan) and flight not in FLIGHTS:
+        raise UsageError(f"flight {flight!r} is unknown; {near(str(flight), FLIGHTS)}")
+    sensor_seed: int | np.random.SeedSequence = seed
+    if isinstance(flight, str) and flight in JOURNEYS:
+        if odd := [name for name in changes if name != "stand_s"]:
+            raise UsageError(f"{flight}: there is no {odd[0]}; {near(odd[0], ['stand_s'])}")
+        length = JOURNEY_MIN if minutes is None else minutes
+        path = JOURNEYS[flight](length, seed=seed, start_tow=start_tow, **changes)
+    else:
+        path_seed, sensor_seed = _seeds(seed)
+        plan = PLANS[flight] if isinstance(flight, str) else flight
+        if minutes is not None:
+            changes["minutes"] = minutes
+        path = fly(plan.changed(**changes), path_seed, start_tow=start_tow)
     return observe(
         *(path, sensor_seed),
         imu=imu,

@@ -4,8 +4,9 @@ units of their file.
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 
-from ..base.errors import InputError
+from ..base.errors import InputError, UsageError
 
 GAUSS_MARKOV = "gauss_markov"
 
@@ -47,6 +48,14 @@ QUANTITIES = (
 GM_KEYS = ("correlation_time", "driving_noise")
 
 
+def _is_amount(value: object) -> bool:
+    return isinstance(value, Real) and 0.0 <= float(value) < math.inf
+
+
+def _shown(value: object) -> str:
+    return f"{value:g}" if isinstance(value, Real) else repr(value)
+
+
 @dataclass(frozen=True)
 class GaussMarkov:
     """First-order Gauss-Markov process de/dt = -e/T + xi; X is rad/s or m/s^2.
@@ -72,15 +81,15 @@ class GaussMarkov:
     driving_noise: float
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.correlation_time_s < math.inf):
+        if not (_is_amount(self.correlation_time_s) and self.correlation_time_s > 0.0):
             raise InputError(
-                f"correlation_time {self.correlation_time_s:g} s must be positive and finite; a"
-                " random_walk has none"
+                f"correlation_time {_shown(self.correlation_time_s)} s must be positive and finite;"
+                " a random_walk has none"
             )
-        if not (0.0 <= self.driving_noise < math.inf):
+        if not _is_amount(self.driving_noise):
             raise InputError(
-                f"driving_noise {self.driving_noise:g} of a Gauss-Markov process must be finite and"
-                " not negative"
+                f"driving_noise {_shown(self.driving_noise)} of a Gauss-Markov process must be"
+                " finite and not negative"
             )
 
     @classmethod
@@ -127,6 +136,7 @@ class AxisNoise:
     Raises
     ------
     InputError : a quantity is negative or not finite, or a standard error is of nothing here.
+    UsageError : `gauss_markov` holds something else.
     """
 
     white_noise: float = 0.0
@@ -140,7 +150,12 @@ class AxisNoise:
     standard_error: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, GAUSS_MARKOV, tuple(self.gauss_markov))
+        processes = self.gauss_markov
+        if not isinstance(processes, list | tuple) or not all(
+            isinstance(process, GaussMarkov) for process in processes
+        ):
+            raise UsageError(f"gauss_markov {processes!r}: give a tuple of GaussMarkov")
+        object.__setattr__(self, GAUSS_MARKOV, tuple(processes))
         object.__setattr__(
             self,
             "standard_error",
@@ -150,8 +165,8 @@ class AxisNoise:
         )
         for name in QUANTITIES:
             value = getattr(self, name)
-            if not (0.0 <= value < math.inf):
-                raise InputError(f"{name} {value:g} must be finite and not negative")
+            if not _is_amount(value):
+                raise InputError(f"{name} {_shown(value)} must be finite and not negative")
         quantities = {
             *QUANTITIES,
             *(f"{key}_{k}" for key in GM_KEYS for k in range(1, len(self.gauss_markov) + 1)),
@@ -180,6 +195,8 @@ class RecordingSource:
 class NoiseModel:
     """Noise of three gyroscopes and three accelerometers, and what it was estimated from.
 
+    It is frozen: ``dataclasses.replace(model, name="mine")`` gives another one.
+
     Parameters
     ----------
     name : of the sensor, for reports.
@@ -190,6 +207,7 @@ class NoiseModel:
     Raises
     ------
     InputError : there are not three axes.
+    UsageError : an axis is no `AxisNoise`.
 
     Examples
     --------
@@ -209,10 +227,16 @@ class NoiseModel:
     def __post_init__(self) -> None:
         object.__setattr__(self, "recordings", tuple(self.recordings))
         for sensor in ("gyro", "accel"):
-            axes = tuple(getattr(self, sensor))
+            given = getattr(self, sensor)
+            axes = tuple(given) if isinstance(given, list | tuple) else (given,)
             if len(axes) != 3:
                 raise InputError(
                     f"noise model {self.name!r}: {len(axes)} {sensor} axes, expected 3"
+                )
+            if odd := [axis for axis in axes if not isinstance(axis, AxisNoise)]:
+                raise UsageError(
+                    f"noise model {self.name!r}: {odd[0]!r} stands for {sensor} noise; give an"
+                    " AxisNoise, such as AxisNoise(white_noise=5e-5, turn_on_bias=5e-4)"
                 )
             object.__setattr__(self, sensor, axes)
 

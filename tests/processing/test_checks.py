@@ -29,7 +29,7 @@ from insgnss.records import Check, ImuSamples, Trajectory
 
 FLIGHT: Any = SimpleNamespace(
     path=Path("flight.toml"),
-    imu=SimpleNamespace(noise="navchip"),
+    imu=SimpleNamespace(file=Path("imu.csv"), noise="navchip"),
     filter=SimpleNamespace(non_holonomic=True),
     camera=SimpleNamespace(),
     accept=(),
@@ -118,12 +118,17 @@ def test_fixes_of_a_known_place() -> None:
 
 @pytest.mark.parametrize(
     ("imu_m", "turn_deg", "verdict"),
-    [(2.9, 9.9, "ok"), (3.1, 0.0, "note"), (0.1, 10.1, "note"), (0.0, 0.0, "note")],
+    [
+        *((2.9, 9.9, "ok"), (3.1, 0.0, "note"), (0.1, 10.1, "note"), (0.0, 0.0, "note")),
+        *((29.9, 0.0, "note"), (30.1, 0.0, "contradiction")),
+    ],
 )
 def test_long_lever_arms_and_large_boresights_are_told(
     imu_m: float, turn_deg: float, verdict: str
 ) -> None:
-    """Oracle: 3 m and 10 deg, the limits of the note; and none of either, which is told as well."""
+    """Oracle: 3 m and 10 deg, the limits of the note, 30 m, that of a contradiction; and none of
+    either, which is told as well.
+    """
     c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
     mounting = Mounting(
         antenna_m=[imu_m, 0.0, 0.0],
@@ -133,7 +138,7 @@ def test_long_lever_arms_and_large_boresights_are_told(
     flight: Any = SimpleNamespace(mounting=mounting, camera=FLIGHT.camera)
     check = check_mounting(flight)
     assert check.verdict == verdict
-    assert f"{turn_deg:.2f} deg" in check.found or imu_m == turn_deg == 0.0
+    assert f"{turn_deg:.2f} deg" in check.found or turn_deg == 0.0
 
 
 def test_origin_of_the_tangent_plane_is_the_first_fix_rounded() -> None:

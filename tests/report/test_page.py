@@ -119,7 +119,7 @@ def test_limits_stand_first_with_what_would_help(diagnostics, eo, summary) -> No
     places = [text.index(limit["text"][1:]) for limit in s["limits"]]
     assert places == sorted(places)
     assert text.index("of less weight") < text.index("one <i>")
-    assert "Fly a turn or a figure of eight before the first line." in text
+    assert "Make a turn or a figure of eight before the first line." in text
 
 
 def test_lines_and_constants_have_their_tables(block, summary) -> None:

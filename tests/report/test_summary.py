@@ -81,12 +81,12 @@ def test_poor_heading_of_the_first_image_is_said_with_its_reason(diagnostics, eo
     turned = summary(diagnostics(), eo(0.31))["verdict"]
     assert turned == [
         "heading sigma 0.31 deg at the first image, 0.02 deg in the median: although the heading"
-        " turned over 90 deg before it; fly a turn or a figure of eight before the first line"
+        " turned over 90 deg before it; make a turn or a figure of eight before the first line"
     ]
     straight = summary(diagnostics(rpy=np.zeros((1200, 3))), eo(0.31))["verdict"]
     assert straight == [
         "heading sigma 0.31 deg at the first image, 0.02 deg in the median: no turn before it; "
-        "fly a turn or a figure of eight before the first line"
+        "make a turn or a figure of eight before the first line"
     ]
 
 

@@ -80,7 +80,7 @@ def test_weak_line_in_an_outage_is_told_so(block) -> None:
     )
     assert "on line 2" in limit["text"]
     assert "no used fix for 20." in limit["text"]
-    assert limit["help"] == "fly the line again"
+    assert limit["help"] == "repeat the line"
 
 
 def test_weakest_line_of_a_good_flight_is_a_remark(block) -> None:
@@ -215,6 +215,18 @@ def test_standing_says_nothing_of_fixes_that_were_made_up(diagnostics) -> None:
     assert "a level rate known to 0.0026 of the Earth's 7.5 deg/h" in s["verdict"][0]
     assert s["headline"].endswith("the sensor stands at a given place, no fixes support them")
     assert "conservative" in " ".join(run(d)["verdict"])
+
+
+def test_sigmas_of_another_unit_are_asked_for_first(diagnostics) -> None:
+    """Oracle: by hand; positions known to 25 m would stand first, but for innovations of 0.04."""
+    limits = {}
+    for scale in (0.04, 1.0):
+        sigma = diagnostics().smoothed_sigma.copy()
+        sigma[:, :3] = 20.0
+        limits[scale] = run(diagnostics(scale, smoothed_sigma=sigma))["limits"]
+    assert limits[1.0][0]["topic"] == "absolute position"
+    assert limits[0.04][0]["text"].startswith("conservative: position innovations are 0.04 times")
+    assert limits[0.04][0]["text"].endswith("; are the sigmas in mm?")
 
 
 def test_weak_attitude_heights_and_gyros_are_said(diagnostics) -> None:

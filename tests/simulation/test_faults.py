@@ -250,3 +250,11 @@ def test_a_recording_that_is_all_gap_is_refused(ideal):
     """Oracle: the contract."""
     with pytest.raises(UsageError, match="leave"):
         applied(ideal, gaps=((0.0, 1e4),))
+
+
+def test_faults_may_be_given_as_plain_numbers():
+    """Oracle: the records of the same numbers."""
+    plain = ImuFaults(stuck=(("gyro x", 90.0),), vibration=(2.0, 0.02, 83.0))
+    assert plain == ImuFaults(stuck=(Stuck("gyro x", 90.0),), vibration=Vibration(2.0, 0.02, 83.0))
+    with pytest.raises(UsageError, match="stuck channel 'gyro'"):
+        ImuFaults(stuck=(("gyro", 90.0),))

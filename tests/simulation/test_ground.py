@@ -8,7 +8,7 @@ from insgnss.base.errors import UsageError
 from insgnss.simulation.dataset import write_simulated
 from insgnss.simulation.flights import Flight
 from insgnss.simulation.ground import CAR, drive, walk
-from insgnss.simulation.scenario import observe
+from insgnss.simulation.scenario import observe, simulate_flight
 from insgnss.simulation.sensors import ImuOptions
 
 
@@ -108,3 +108,14 @@ def test_a_drive_that_is_none_is_refused(arguments):
     """Oracle: the contract."""
     with pytest.raises(UsageError, match="more than half a minute"):
         drive(**arguments)
+
+
+def test_journeys_are_simulated_by_name_and_an_unknown_name_lists_them() -> None:
+    """Oracle: the motion itself; names by hand."""
+    drove = simulate_flight("car", 1.0, seed=1, imu=ImuOptions(50.0), stand_s=5.0)
+    expected = drive(1.0, seed=1, stand_s=5.0).motion.control
+    np.testing.assert_array_equal(drove.flight.motion.control, expected)
+    with pytest.raises(UsageError, match="known are ign8, ign6x1, car, walk"):
+        simulate_flight("boat")
+    with pytest.raises(UsageError, match="car: there is no wind_ms"):
+        simulate_flight("car", 1.0, wind_ms=3.0)

@@ -240,3 +240,23 @@ def test_impossible_parameters_are_refused_at_birth(build):
     """Oracle: by definition; variances are not negative, correlation times positive, axes three."""
     with pytest.raises(InputError):
         build()
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: AxisNoise(white_noise="a"), InputError, "white_noise 'a' must be finite and not"),
+        (lambda: AxisNoise(gauss_markov=5), UsageError, "gauss_markov 5: give a tuple of Gauss"),
+        (lambda: GaussMarkov("a", 1.0), InputError, "correlation_time 'a' s must be positive"),
+        (lambda: NoiseModel("m", "", 5, 5), InputError, "1 gyro axes, expected 3"),
+        (
+            lambda: NoiseModel.of_alike_axes("m", 5e-5, 6e-4),
+            UsageError,
+            r"'m': 5e-05 stands for gyro noise; give an AxisNoise, such as AxisNoise\(white_noise",
+        ),
+    ],
+)
+def test_what_is_no_noise_is_refused_at_construction(make, error, message):
+    """Oracle: a value of another kind in each."""
+    with pytest.raises(error, match=message):
+        make()

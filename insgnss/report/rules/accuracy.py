@@ -122,7 +122,7 @@ def overall_attitude(f: Figures) -> Iterator[Limit]:
             f"heading sigma {degrees(median[2])} in the median, {times}: only changes of horizontal"
             " velocity show it to this IMU"
         )
-        help_ = "fly sharper and more frequent turns, or use a better gyro or two antennas"
+        help_ = "make sharper and more frequent turns, or use a better gyro or two antennas"
         yield Limit("heading", median[2] / GOOD_HEADING_DEG, text, help_)
     if tilt(median) > GOOD_TILT_DEG:
         same, accel = 1e3 * math.radians(tilt(median)), max(f["biases"]["accel_sigma_mg"][:2])

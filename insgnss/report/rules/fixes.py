@@ -14,6 +14,7 @@ from .wording import Figures, Limit, lengths, millimetres
 
 TRUST = 2.0
 NIS_MATTERS = (0.64, 1.56)  # mean NIS per degree of freedom: sigmas off by more than a quarter
+OTHER_UNIT = 0.1  # innovations in sigmas: below it these have another unit than they should
 LAG_ONE_MATTERS = 0.3
 MEAN_MATTERS = 0.5  # of the rms
 REJECTED_MATTERS = 0.01  # share of the fixes
@@ -129,6 +130,7 @@ def nis(f: Figures) -> Iterator[Limit]:
             )
         else:
             rank = min(NIS_MATTERS[0] / max(c["mean_per_dof"], 1e-3), 3.0)
+            rank = UNSUPPORTED if c["size"] < OTHER_UNIT else rank
             yield Limit(
                 "innovations", rank, *_why_conservative(f, quantity, f"conservative: {text}")
             )
@@ -136,6 +138,9 @@ def nis(f: Figures) -> Iterator[Limit]:
 
 def _why_conservative(f: Figures, quantity: str, text: str) -> tuple[str, str]:
     """Small innovations say nothing of the size of time-correlated errors."""
+    if f["consistency"][quantity]["size"] < OTHER_UNIT:
+        units = ("mm", "m") if quantity == "position" else ("mm/s", "m/s")
+        return f"{text}; are the sigmas in {units[0]}?", f"give them in {units[1]}"
     if quantity == "position" and any(
         lag is not None and lag > LAG_ONE_MATTERS for lag in f["innovations"]["lag1"] or ()
     ):

@@ -74,14 +74,14 @@ def _why(f: Figures, line: Figures) -> tuple[str, str]:
     if outage is not None:
         return (
             f"no used fix for {outage['length_s']:.1f} s from TOW {outage['time_s']:.1f} s on",
-            "fly the line again",
+            "repeat the line",
         )
     if line["turned_before_deg"] < TURN_DEG:
-        return "no turn before it", f"fly a turn or a figure of eight before line {line['line']}"
+        return "no turn before it", f"make a turn or a figure of eight before line {line['line']}"
     if line["turned_after_deg"] < TURN_DEG:
-        return "no turn after it", f"fly a turn or a figure of eight after line {line['line']}"
+        return "no turn after it", f"make a turn or a figure of eight after line {line['line']}"
     before = f"although the heading turned over {line['turned_before_deg']:.0f} deg before it"
-    return before, "fly faster turns close to the line"
+    return before, "make faster turns close to the line"
 
 
 def _outage_on(f: Figures, line: Figures) -> Figures | None:
@@ -118,7 +118,7 @@ def _first_image(f: Figures, name: str) -> Iterator[Limit]:
         name,
         sigma / usual / FIRST_IMAGE_RATIO,
         text,
-        "fly a turn or a figure of eight before the first line",
+        "make a turn or a figure of eight before the first line",
     )
 
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from ...base.errors import InputError, InsgnssError, UsageError
 from ...config.flight_file import Flight
-from ...processing.checks import sentence
+from ...processing.checks import refusal
 from ...processing.progress import quiet
 from ...processing.recording import Recording, read_recording
 from .files import model_in_flight, planned, write
@@ -185,10 +185,8 @@ def _read(flight: Flight) -> Recording:
         if check.verdict == "contradiction" and check.name not in flight.accept
     ]
     if bad:
-        raise InputError(
-            f'{flight.path}: {sentence(bad[0])}; accept = ["{bad[0].name}"] in the flight file'
-            " overrules"
-        )
+        remark = f'; accept = ["{bad[0].name}"] in the flight file overrules'
+        raise refusal(flight, bad[0], remark)
     return replace(recording, events=None)
 
 
