@@ -268,5 +268,5 @@ def test_records_change_in_depth_and_name_what_they_do_not_have():
     noise = insgnss.load_noise_model("navchip")
     changed = with_changes(noise, {"name": "mine", "source": "me"})
     assert changed == replace(noise, name="mine", source="me")
-    with pytest.raises(insgnss.UsageError, match="NoiseModel has no 'nam'; did you mean 'name'"):
+    with pytest.raises(insgnss.UsageError, match="nam: there is no such key; did you mean name"):
         with_changes(noise, {"nam": "x"})
