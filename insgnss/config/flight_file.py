@@ -60,6 +60,14 @@ class MountingTable:
         kind="lever",
         unit="m",
     )
+    antenna_sigma_m: float = option(
+        0.005,
+        "standard deviation of each component of the lever arm from the IMU to the antenna, which "
+        "every covariance holds: a caliper's; 0 where it is exact",
+        unit="m",
+        low=0.0,
+        high=10.0,
+    )
     camera_from_body: Matrix | None = option(
         None, "T_b'^c", kind="matrix", form="3 rows of 3 numbers", usual="diag(-1, -1, 1)"
     )

@@ -97,6 +97,14 @@ class GnssInput:
         None, "the same of velocities", kind="sigmas", unit="m/s", of_file=True
     )
     time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
+    time_sigma_s: float = option(
+        2e-4,
+        "standard deviation of what the stamps of the fixes lack, which every covariance holds: "
+        "that of an IMU on the receiver's PPS; 0 where they are exact",
+        unit="s",
+        low=0.0,
+        high=1.0,
+    )
     variable: str | None = option(None, "struct or table inside a MATLAB file", of_file=True)
     repeat_column: str | None = option(
         None,

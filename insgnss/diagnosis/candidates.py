@@ -238,3 +238,56 @@ def with_layout(
     columns = np.concatenate([np.arange(n), n + source])
     P[np.ix_(rows, rows)] = start.P[np.ix_(columns, columns)]
     return replace(problem, layout=layout), InitialState(start.nav, x, mean, P)
+
+
+def widened(
+    problem: EstimationProblem, start: InitialState, before: StateLayout
+) -> tuple[EstimationProblem, InitialState]:
+    """Give states whose a-priori sigma has grown since another layout that sigma at the start.
+
+    Parameters
+    ----------
+    problem, start : EstimationProblem, InitialState
+        The problem and its initial state, in which such states still have their earlier sigma.
+    before : StateLayout
+        The layout in which the start was found.
+
+    Returns
+    -------
+    tuple of EstimationProblem and InitialState
+        The problem, and the start with these states as they are a priori.
+    """
+    sigma = dict(zip(before.names, before.sigma0.tolist(), strict=True))
+    layout = problem.layout
+    grown = [
+        s
+        for s, name in enumerate(layout.names)
+        if name in sigma and layout.beta[s] == 0.0 and layout.sigma0[s] > sigma[name]
+    ]
+    return problem, with_a_priori(start, layout, grown)
+
+
+def with_a_priori(start: InitialState, layout: StateLayout, states: Sequence[int]) -> InitialState:
+    """Return a start with some of its states at zero with their a-priori sigmas, uncorrelated.
+
+    Parameters
+    ----------
+    start : InitialState
+        The initial state.
+    layout : StateLayout
+        Its states.
+    states : sequence of int
+        Those that are set back.
+
+    Returns
+    -------
+    InitialState
+        The start without what was known of these states.
+    """
+    P, x, mean = start.P.copy(), start.x.copy(), start.mean.copy()
+    chosen = np.array(states, dtype=np.int64)
+    rows = NAV.stop + chosen
+    P[rows, :] = P[:, rows] = 0.0
+    P[rows, rows] = layout.sigma0[chosen] ** 2
+    x[chosen], mean[rows] = 0.0, 0.0
+    return InitialState(start.nav, x, mean, P)

@@ -38,7 +38,7 @@ from ..navigation.filter import make_history, run_filter
 from ..navigation.layout import StateLayout
 from ..navigation.problem import EstimationProblem, InitialState
 from ..records import Array
-from .candidates import with_layout
+from .candidates import with_a_priori, with_layout
 
 MOST_TOGETHER = 3  # groups of constants that are suspected at once
 PLAUSIBLE = 2.5  # a-priori sigmas of `candidates.WIDE`
@@ -88,6 +88,8 @@ class ConstantsEvidence:
         (c, c) of the data alone (D.1), in units of `wide`.
     vector : Array
         (c,) b of (D.1).
+    asked : tuple of str
+        Beginnings of the names of groups that are estimated in any case.
     """
 
     names: tuple[str, ...]
@@ -96,19 +98,21 @@ class ConstantsEvidence:
     stated: Array
     information: Array
     vector: Array
+    asked: tuple[str, ...] = ()
 
     def hypotheses(self) -> list[Hypothesis]:
         """Return all hypotheses of at most `MOST_TOGETHER` groups, the strongest first.
 
-        A constant that is estimated already, under the flight file's own sigma, is not suspected.
+        A constant that is asked for, or has been given its wide sigma already, is not suspected.
 
         Returns
         -------
         list of Hypothesis
             Those whose estimates a sensor or a mounting may have.
         """
-        fixed = [g for g, sigma in zip(self.group, self.stated, strict=True) if sigma == 0.0]
-        groups = tuple(dict.fromkeys(fixed))
+        known = self.stated < self.wide
+        groups = tuple(dict.fromkeys(g for g, k in zip(self.group, known, strict=True) if k))
+        groups = tuple(group for group in groups if not group.startswith(self.asked))
         nothing = self._evaluate(())[0]
         hypotheses = []
         for size in range(1, MOST_TOGETHER + 1):
@@ -187,7 +191,11 @@ class ConstantsEvidence:
 
 
 def constants_evidence(
-    problem: EstimationProblem, start: InitialState, own: StateLayout, layout: StateLayout
+    problem: EstimationProblem,
+    start: InitialState,
+    own: StateLayout,
+    layout: StateLayout,
+    asked: tuple[str, ...] = (),
 ) -> ConstantsEvidence | None:
     """Run the filter once with every candidate constant as a state.
 
@@ -199,6 +207,8 @@ def constants_evidence(
         The states of the flight as it is taken to be.
     layout : StateLayout
         Its states and the candidates besides, with their wide a-priori sigmas.
+    asked : tuple of str
+        Beginnings of the names of those that are estimated in any case and not suspected.
 
     Returns
     -------
@@ -208,7 +218,7 @@ def constants_evidence(
     states = [s for s, name in enumerate(layout.names) if group_of(name)]
     wide, wide_start = with_layout(_open(problem), start, layout)
     # a state that the flight file has with a sigma of its own is a candidate with a wide one
-    wide_start = _widened(wide_start, layout, states)
+    wide_start = with_a_priori(wide_start, layout, states)
     history = make_history(wide.epochs, layout)
     try:
         run_filter(wide, wide_start, history)
@@ -228,6 +238,7 @@ def constants_evidence(
         np.array([own_sigma.get(name, 0.0) for name in names]),
         L - np.eye(sigma.size),
         L @ x,
+        asked,
     )
 
 
@@ -251,13 +262,3 @@ def _open(problem: EstimationProblem) -> EstimationProblem:
     silent = np.zeros_like(problem.epochs.barometer_variance)
     epochs = problem.epochs._replace(barometer_variance=silent)
     return replace(problem, epochs=epochs, gate=np.inf, huber_threshold=problem.gate)
-
-
-def _widened(start: InitialState, layout: StateLayout, states: list[int]) -> InitialState:
-    """Return the start with the candidates at zero and their wide sigmas, uncorrelated."""
-    P, x, mean = start.P.copy(), start.x.copy(), start.mean.copy()
-    rows = NAV.stop + np.array(states)
-    P[rows, :] = P[:, rows] = 0.0
-    P[rows, rows] = layout.sigma0[states] ** 2
-    x[states], mean[rows] = 0.0, 0.0
-    return InitialState(start.nav, x, mean, P)

@@ -21,6 +21,7 @@ from .candidates import (
     ErrorModel,
     LayoutFactory,
     guesses,
+    widened,
     with_constants,
     with_every_constant,
     with_larger_white_share,
@@ -59,6 +60,9 @@ class ErrorModelSearch:
         Of the adopted solution, as `navigation.solution.solve` takes it.
     progress : callable
         Receives the name of each step.
+    asked : tuple of str
+        Beginnings of the names of constants that the flight file has estimated; they are not
+        suspected.
     """
 
     requested_errors: FixErrors
@@ -67,6 +71,7 @@ class ErrorModelSearch:
     time_correlated: bool
     second_pass: SecondPass
     progress: Callable[[str], None]
+    asked: tuple[str, ...] = ()
 
     def layout(self, model: ErrorModel) -> StateLayout:
         """Return the error states of an error model."""
@@ -77,7 +82,7 @@ class ErrorModelSearch:
     ) -> ConstantsEvidence | None:
         """Return what a flight says of its constants under an error model."""
         wide = self.layout(with_every_constant(model))
-        return constants_evidence(problem, start, self.layout(model), wide)
+        return constants_evidence(problem, start, self.layout(model), wide, self.asked)
 
     def of_fixes(self, model: ErrorModel) -> LayoutFactory:
         """Return the error states as a function of those of the fixes, with the model's IMU."""
@@ -240,7 +245,7 @@ def _time_correlated(
 
 def _solved(search: ErrorModelSearch, posed: Posed, model: ErrorModel) -> Solution | None:
     """Solve again with another error model; None where there is no solution."""
-    again = with_layout(*posed, search.layout(model))
+    again = widened(*with_layout(*posed, search.layout(model)), posed[0].layout)
     try:
         return solve(*again, search.second_pass, search.progress)
     except DataError:
@@ -308,10 +313,9 @@ def explain_failure(
     suspected = None if constants is None else constants.strongest()
     if constants is None or suspected is None or suspected.evidence < STRONG:
         return None
-    layout = search.layout(with_constants(model, suspected.groups))
-    try:
-        candidate = solve(*with_layout(problem, start, layout), "off", separations=0)
-    except DataError:
+    quiet = replace(search, second_pass="off", progress=lambda _: None)
+    candidate = _solved(quiet, (problem, start), with_constants(model, suspected.groups))
+    if candidate is None:
         return None
     checks = advice(search.mounting, candidate, suspected, constants.rivals(suspected))
     return next((check for check in checks if check.verdict == "contradiction"), None)

@@ -11,6 +11,11 @@ from ..navigation.solution import Solution
 from ..records import Array, StateVerdict, TimeCorrelatedError
 from ..records.verdicts import OBSERVED
 
+STATED = {"antenna lever arm": 0.02, "GNSS time": 2e-3}
+"""A-priori sigmas, m and s, below which a constant is stated by the flight file rather than asked
+for.
+"""
+
 
 def constant(solution: Solution, state: int) -> tuple[float, float]:
     """Return the smoothed value of a constant error state and its sigma, at the last epoch.
@@ -53,6 +58,8 @@ def state_verdicts(solution: Solution, moved_s: float = 0.0) -> tuple[StateVerdi
     for s, name in enumerate(layout.names):
         if layout.beta[s] > 0.0 or layout.drive[s] > 0.0 or layout.factor[s] in (BIAS, DRIFT):
             continue
+        if layout.sigma0[s] < STATED.get(name.rpartition(" ")[0], 0.0):
+            continue  # as the flight file states it, carried by every covariance
         (value, sigma), prior = constant(solution, s), float(layout.sigma0[s])
         moves_m = None
         if layout.lever >= 0 and layout.lever <= s < layout.lever + 3:

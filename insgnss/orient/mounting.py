@@ -70,6 +70,7 @@ _ANGLE_SETS: dict[str, Callable[[Array, Array], Array]] = {
     "metashape_ypr": _metashape_ypr,
 }
 
+ANTENNA_SIGMA_M = 0.005  # of a lever arm that was measured with a caliper or taken from a drawing
 ANGLE_SETS = tuple(_ANGLE_SETS)
 """Names that `boresight_from_angles` knows."""
 
@@ -120,11 +121,13 @@ class Mounting:
     camera_from_body : (3, 3) T_b'^c, nominal body axes to camera (x image right, y image down, z
         viewing direction).
     boresight : (3, 3) B_b^b', the IMU's body axes to those that the camera realises.
+    antenna_sigma_m : standard deviation of each component of the lever arm from the IMU to the
+        antenna, m; zero where it is exact.
 
     Raises
     ------
-    InputError : a vector is not three finite numbers, or a matrix is farther than 1e-4 from a
-        rotation.
+    InputError : a vector is not three finite numbers, a matrix is farther than 1e-4 from a
+        rotation, or the standard deviation is not between 0 and 10 m.
 
     """
 
@@ -132,8 +135,13 @@ class Mounting:
     imu_m: Array = field(default_factory=lambda: np.zeros(3))
     camera_from_body: Array = field(default_factory=lambda: np.array(PAPER_CAMERA_FROM_BODY))
     boresight: Array = field(default_factory=lambda: np.eye(3))
+    antenna_sigma_m: float = ANTENNA_SIGMA_M
 
     def __post_init__(self) -> None:
+        if not 0.0 <= self.antenna_sigma_m <= 10.0:
+            raise InputError(
+                f"antenna_sigma_m: {self.antenna_sigma_m!r} m; it must be between 0 and 10 m"
+            )
         for name in ("antenna_m", "imu_m"):
             self._freeze(name, _as_vector(name, getattr(self, name)))
         for name in ("camera_from_body", "boresight"):
@@ -146,6 +154,7 @@ class Mounting:
         camera_lever_b: ArrayLike = (0.0, 0.0, 0.0),
         camera_from_body: ArrayLike = PAPER_CAMERA_FROM_BODY,
         boresight: ArrayLike = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+        antenna_sigma_m: float = ANTENNA_SIGMA_M,
     ) -> "Mounting":
         """Return the mounting of lever arms that start at the IMU and stand in body axes.
 
@@ -154,6 +163,7 @@ class Mounting:
         antenna_lever_b : (3,) IMU to the antenna's phase centre, forward right down, m.
         camera_lever_b : (3,) IMU to the camera's projection centre, forward right down, m.
         camera_from_body, boresight : (3, 3) as in `Mounting`.
+        antenna_sigma_m : as in `Mounting`.
 
         Returns
         -------
@@ -176,7 +186,7 @@ class Mounting:
         )
         imu_m = T @ B @ -_as_vector("camera_lever_b", camera_lever_b)
         antenna_m = T @ B @ _as_vector("antenna_lever_b", antenna_lever_b) + imu_m
-        return cls(antenna_m, imu_m, T, B)
+        return cls(antenna_m, imu_m, T, B, antenna_sigma_m)
 
     def _freeze(self, name: str, value: Array) -> None:
         value.flags.writeable = False

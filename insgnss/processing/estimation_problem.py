@@ -167,14 +167,21 @@ def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
     Returns
     -------
     FixErrors
-        Those that the flight file asks for, and the time-correlated errors of code and float fixes.
+        Those that the flight file asks for, lever arm and time offset under the sigmas that it
+        states, and the time-correlated errors of code and float fixes.
     """
     options, gnss = flight.filter, flight.gnss
     correlated, time_s = unfixed_solutions(fixes)
     off = gnss.gm_sigma == "off"
     return FixErrors(
-        lever_arm_m=options.lever_arm_sigma_m if options.lever_arm else None,
-        time_offset_s=options.time_offset_sigma_s if options.time_offset else None,
+        lever_arm_m=(
+            options.lever_arm_sigma_m
+            if options.lever_arm
+            else flight.mounting.antenna_sigma_m or None
+        ),
+        time_offset_s=(
+            options.time_offset_sigma_s if options.time_offset else gnss.time_sigma_s or None
+        ),
         clock_rate=CLOCK_RATE if options.time_offset else None,
         gm_sigma=None if isinstance(gnss.gm_sigma, str) else (gnss.gm_sigma,) * 3,
         correlation_time_s=gnss.correlation_time_s,

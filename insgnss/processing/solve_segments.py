@@ -158,6 +158,7 @@ def _solve(
         flight.gnss.gm_sigma == "auto",
         flight.filter.second_pass,
         step,
+        _asked(flight),
     )
     step("align")
     try:
@@ -179,6 +180,13 @@ def _solve(
         solution = diagnosis.solution
         checks, history = (*checks, *diagnosis.checks), (*history, *diagnosis.history)
     return Segment(solution, prepared.fixes, prepared.grid, prepared.at_event, history, checks)
+
+
+def _asked(flight: Flight) -> tuple[str, ...]:
+    """Return the beginnings of the names of constants that the flight file has estimated."""
+    options = flight.filter
+    lever_arm = ("antenna lever arm",) if options.lever_arm else ()
+    return lever_arm + (("GNSS time offset", "GNSS clock rate") if options.time_offset else ())
 
 
 def _align(flight: Flight, problem: EstimationProblem) -> tuple[InitialState, str]:
