@@ -19,7 +19,7 @@ camera right-up-back, the angles are those of the nominal camera and
 
     C_Ec(nominal) = C_Ec T B T^T,        ypr2mat(offset) = G B G^T                             (M.2)
 
-; the offset stands in a text beside the csv. The format takes no
+The offset stands in a text beside the csv. The format takes no
 correlations.
 """
 
