@@ -1,7 +1,8 @@
-"""Table gnss.covariance: the numbers that calibrate covariances of PPK (`gnss.covariance`).
+"""Table gnss.covariance: the numbers that calibrate covariances of PPK.
 
 sigma'^2 = (k sigma)^2 + floor^2 + (ppm distance)^2 on each axis, k and floor by class. What the
-classes are, and where the numbers come from, stands in `gnss.covariance`.
+classes are, and where the numbers come from, stands in
+`gnss.quality.covariance`.
 """
 
 from collections.abc import Mapping
@@ -51,7 +52,7 @@ def _classes() -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class CovarianceModel:
-    """Numbers of (V.1) to (V.5) of `gnss.covariance`. Triples are north, east, down."""
+    """Numbers of (V.1) to (V.5) of `gnss.quality.covariance`. Triples are north, east, down."""
 
     scale: Mapping[str, Triple] = option(
         lambda: dict(_SCALE),

@@ -8,7 +8,7 @@ height,
 
 and what is east, north and up at the point has the axes G of the grid. Where the CRS counts east
 and north, G = Rz(gamma), gamma the meridian convergence, positive east of the central meridian;
-true north has the grid azimuth -gamma (formats.md C3, after Legat 2006). m = k R / (R + h), k the
+true north has the grid azimuth -gamma (Legat 2006). m = k R / (R + h), k the
 scale on the ellipsoid and R the Gaussian radius of curvature.
 
 G and m are central differences of the projection over `STEP_RAD` (6 m), exact to 1e-9: so they hold

@@ -31,7 +31,7 @@ angles is
                                                RealityCapture)
 
 Arrays of angles hold them in the order of the set's letters. Sources: Groves (2013) 2.2;
-`formats.md` B1.1, C1, C4.
+The pages of data_specs/ say which program has which angles.
 """
 
 import numpy as np

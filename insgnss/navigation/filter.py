@@ -37,9 +37,9 @@ tilt that makes d in that time (at most a degree) for psi, and the fix is used (
 smoother this is process noise like any other. It is counted and reported; more than three such
 resets and one every ten minutes are taken as contradiction of the data.
 
-Where the recording itself shows what the vehicle does (`prepare.still`), its velocity is measured
-as zero (zero-velocity update, ZUPT, K.8), that of a wheeled vehicle across its forward axis
-(non-holonomic constraint, NHC, K.9), dv_b = C_bl (dv + v x psi), and the mean gyro rate of a
+Where the recording itself shows what the vehicle does (`prepare.stationarity`), its velocity is
+measured as zero (zero-velocity update, ZUPT, K.8), that of a wheeled vehicle across its forward
+axis (non-holonomic constraint, NHC, K.9), dv_b = C_bl (dv + v x psi), and the mean gyro rate of a
 stationary period as bias plus Earth rate (zero angular rate update, ZARU, K.10), d(C_bl Omega) =
 C_bl (Omega x psi). These are tested like fixes, and left out where they fail. A triple whose NIS
 exceeds `huber_threshold` is taken with its covariance enlarged by NIS / threshold (K.11, Huber's

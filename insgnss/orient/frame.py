@@ -15,8 +15,7 @@ within an image is not in a covariance.
 
 A projected frame is a Cartesian one for the programs that read it, of another scale horizontally, m
 of (G.1), than vertically. Without control points, footprints come out 1/m too large. `ground_m`,
-the height of the ground, moves the centres to where they do not: H_g + (H - H_g) m (formats.md
-C3.2).
+the height of the ground, moves the centres to where they do not: H_g + (H - H_g) m.
 """
 
 from dataclasses import replace

@@ -9,8 +9,8 @@ and T = T_b'^c (equation 1 of paper 000)
 Vectors are measured from the camera's projection centre in its axes (Table 1 of paper 000), antenna
 a_c and IMU b_c. From the IMU, in body axes,
 
-    r_ab_b = C_cb^T (a_c - b_c)     to the antenna phase centre                                (M.2)
-    r_cb_b = C_cb^T (-b_c)          to the projection centre                                   (M.3)
+    r_ba_b = C_cb^T (a_c - b_c)     to the antenna phase centre                                (M.2)
+    r_bc_b = C_cb^T (-b_c)          to the projection centre                                   (M.3)
 
 Bore-sight in three angle sets, degrees, each turned into its matrix at once and never copied angle
 by angle:
@@ -22,7 +22,7 @@ by angle:
 (M.6), with G = diag(1,-1,-1) T, is the GPS/INS offset of Metashape: the attitude of the reference
 body in the camera's right-up-back axes, to which G takes the body. The values printed in paper 000,
 [-0.513, 0.657, 0.574], are the numbers of (M.4) carried over; the offset that means the same
-rotation as its Table 2 is [-0.5130, 0.6621, 0.5681] (`formats.md` B1.4).
+rotation as its Table 2 is [-0.5130, 0.6621, 0.5681] (data_specs/metashape.md).
 """
 
 from collections.abc import Callable

@@ -5,7 +5,7 @@ is easting or longitude.
 
 `write_metashape` gives yaw, pitch, roll of the camera with axes right, up, back in east, north, up
 *at the camera*: true north, also in a projected CRS; in a tangent plane (LOCAL_CS) the axes of the
-plane (formats.md B1.1):
+plane (data_specs/metashape.md):
 
     R = C_Ec CV_RUB = Rz(-yaw) Rx(pitch) Ry(roll)                                              (M.1)
 
@@ -19,7 +19,7 @@ camera right-up-back, the angles are those of the nominal camera and
 
     C_Ec(nominal) = C_Ec T B T^T,        ypr2mat(offset) = G B G^T                             (M.2)
 
-(formats.md B1.3, B1.4); the offset stands in a text beside the csv. The format takes no
+The offset stands in a text beside the csv. The format takes no
 correlations.
 """
 

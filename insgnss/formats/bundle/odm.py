@@ -6,7 +6,7 @@
 
 x is longitude or easting. The angles are left out (NaN NaN NaN) on purpose: OpenDroneMap turns yaw,
 pitch, roll into omega, phi, kappa with points in ECEF where the world's CRS is meant, which is
-right nowhere (formats.md B2.2), and zeros would be taken for real angles. The accuracies are the
+right nowhere (data_specs/odm.md), and zeros would be taken for real angles. The accuracies are the
 root mean square of the two horizontal standard deviations, and the vertical one, m.
 """
 

@@ -1,7 +1,7 @@
 r"""What the exports of attitude share: frames, names, attitudes, angles and their sigmas.
 
 With psi = E d(angles) the covariance of angles is E^-1 P E^-T, P the covariance of psi in the same
-axes (formats.md C4).
+axes.
 
 Angles that count from the frame's axes (omega phi kappa) come from C_fc and the P of the record.
 Angles that count from true north (yaw pitch roll) come from C_Ec and C_fE^T P C_fE; in a tangent

@@ -1,4 +1,4 @@
-"""The filter (K.1-K.11) over all epochs: predict, measure, update."""
+"""The filter (K.1-K.12) over all epochs: predict, measure, update."""
 
 import numpy as np
 

@@ -3,8 +3,8 @@
 The numbers are those of `summary`.
 
 Every rule looks at the figures and yields what it has to say, with a rank: how many times a figure
-exceeds what a good flight shows. The rules and their limits are in `rules_fixes`, `rules_accuracy`
-and `rules_places`.
+exceeds what a good flight shows. The rules and their limits are in `fixes`, `accuracy` and
+`places`.
 """
 
 from collections.abc import Callable, Iterator, Sequence
