@@ -6,8 +6,8 @@ with x, y for latitude, longitude in a tangent plane.
 
 R = Rz(-yaw) Rx(pitch) Ry(roll) takes the camera (right, up, back) to east, north, up at the image,
 as Metashape's. Lines that begin with `#` are skipped by the program. Its own omega, phi, kappa are
-another set of angles than everybody's (data_specs/realitycapture.md), so they are not written. With accuracies the
-log is unverified: `experimental.realitycapture_accuracy`.
+another set of angles than everybody's (data_specs/realitycapture.md), so they are not written.
+With accuracies the log is unverified: `experimental.realitycapture_accuracy`.
 """
 
 import numpy as np
