@@ -39,6 +39,11 @@ WIDE_LEVER_ARM_M, WIDE_TIME_OFFSET_S, WIDE_CLOCK_RATE = 0.2, 0.05, 2e-4
 WIDE_SCALE, WIDE_MISALIGNMENT_RAD = 0.01, 0.008
 """A-priori sigmas under which constants are suspected (`diagnosis.constants`)."""
 
+FAR = 10.0
+"""Factor of those of the fixes' constants under which a filter looks for any of them: a drawing
+that was read in the wrong unit is metres off, a clock half a second.
+"""
+
 
 @dataclass(frozen=True)
 class ImuErrors:
@@ -114,7 +119,7 @@ class ErrorModel:
     imu: ImuErrors = AS_STATED
 
 
-def with_constants(model: ErrorModel, groups: Sequence[str]) -> ErrorModel:
+def with_constants(model: ErrorModel, groups: Sequence[str], factor: float = 1.0) -> ErrorModel:
     """Give constants a wide a-priori sigma.
 
     Parameters
@@ -123,6 +128,8 @@ def with_constants(model: ErrorModel, groups: Sequence[str]) -> ErrorModel:
         What is estimated already.
     groups : sequence of str
         Groups of `constants.group_of`; a group brings those with it that are states together only.
+    factor : float
+        Of the a-priori sigmas of the fixes' constants.
 
     Returns
     -------
@@ -131,9 +138,10 @@ def with_constants(model: ErrorModel, groups: Sequence[str]) -> ErrorModel:
     """
     fixes, imu = model.fixes, model.imu
     if any(group.startswith("antenna lever arm") for group in groups):
-        fixes = replace(fixes, lever_arm_m=WIDE_LEVER_ARM_M)
+        fixes = replace(fixes, lever_arm_m=factor * WIDE_LEVER_ARM_M)
     if any(group.startswith(("GNSS time offset", "GNSS clock rate")) for group in groups):
-        fixes = replace(fixes, time_offset_s=WIDE_TIME_OFFSET_S, clock_rate=WIDE_CLOCK_RATE)
+        offset, rate = factor * WIDE_TIME_OFFSET_S, factor * WIDE_CLOCK_RATE
+        fixes = replace(fixes, time_offset_s=offset, clock_rate=rate)
     if any(group.endswith("scale factors") for group in groups):
         imu = replace(imu, scale_factor=WIDE_SCALE)
     if any(group.endswith("misalignments") for group in groups):
@@ -142,7 +150,7 @@ def with_constants(model: ErrorModel, groups: Sequence[str]) -> ErrorModel:
 
 
 def with_every_constant(model: ErrorModel) -> ErrorModel:
-    """Give every constant that may be wrong a wide a-priori sigma.
+    """Give every constant that may be wrong the a-priori sigma under which it is looked for.
 
     Parameters
     ----------
@@ -152,10 +160,11 @@ def with_every_constant(model: ErrorModel) -> ErrorModel:
     Returns
     -------
     ErrorModel
-        The model with lever arm, time offset, clock rate, scale factors and misalignments.
+        The model with lever arm, time offset and clock rate, `FAR` times wide, and scale factors
+        and misalignments.
     """
     every = ("antenna lever arm", "GNSS time offset", "scale factors", "misalignments")
-    return with_constants(model, every)
+    return with_constants(model, every, FAR)
 
 
 def with_time_correlated_error(

@@ -1,15 +1,16 @@
 """The evidence that a constant of the flight file is wrong: which one, by how much, or none.
 
-One pass of the filter over the whole flight carries every candidate (`WIDE`) as a state with a wide
-a-priori sigma D: the antenna's lever arm, the time offset of the fixes and its rate, scale factors
-and misalignments of the IMU. At the last epoch filter and smoother agree; in units of D, let x and
-P be the candidates' estimate and covariance there, all other states marginalised. The data alone
+One pass of the filter over the whole flight carries every candidate as a state with a wide a-priori
+sigma D (`candidates.with_every_constant`): the antenna's lever arm, the time offset of the fixes
+and its rate, scale factors and misalignments of the IMU. At the last epoch filter and smoother
+agree; in units of D, let x and P be the candidates' estimate and covariance there, all other states marginalised. The data alone
 know of them
 
     I = P^-1 - 1,     b = P^-1 x                                                               (D.1)
 
-A hypothesis gives them a priori the variances diag(V): a suspected one 1, one that the flight file
-states with a sigma s the variance (s / D)^2, one that it takes as known 0. With W = sqrt(V),
+A hypothesis gives them a priori the variances diag(V): a suspected one that of the `WIDE` sigmas of
+`candidates` or, where that explains more, of `FAR` times them; one that the flight file states with
+a sigma s the variance (s / D)^2, one that it takes as known 0. With W = sqrt(V),
 
     A = 1 + W I W,    e = W A^-1 W b,    cov e = W A^-1 W,
     F(V) = b' e / 2 - log det A / 2                                                            (D.2)
@@ -21,8 +22,8 @@ nothing is wrong: by some 3 over any single constant. All subsets of a few group
 matrices only.
 
 Errors that are no constants (a variance that is too small, a bias that drifts) show up as constants
-beyond what any sensor has; an estimate beyond `PLAUSIBLE` of its D is therefore no hypothesis. They
-compete as variances (`diagnosis.variances`), and constants are judged again under the winner.
+beyond what any sensor has; an estimate of the IMU beyond `PLAUSIBLE` of its D is therefore no
+hypothesis. They compete as variances (`diagnosis.variances`), and constants are judged again under the winner.
 
 Jaynes (2003), ch. 20; MacKay (2003), ch. 28.
 """
@@ -38,11 +39,12 @@ from ..navigation.filter import make_history, run_filter
 from ..navigation.layout import StateLayout
 from ..navigation.problem import EstimationProblem, InitialState
 from ..records import Array
-from .candidates import with_a_priori, with_layout
+from .candidates import FAR, with_a_priori, with_layout
 
 MOST_TOGETHER = 3  # groups of constants that are suspected at once
-PLAUSIBLE = 2.5  # a-priori sigmas of `candidates.WIDE`
+PLAUSIBLE = 2.5  # a-priori sigmas of scale factors and misalignments
 TAKEN = 2.0  # log evidence from which a hypothesis becomes states: a chance of a hundredth
+OF_FIXES = ("antenna lever arm", "GNSS time offset", "GNSS clock rate")
 STRONG = 5.0  # log evidence from which a hypothesis is taken as shown
 OTHERS = 3.0  # log evidence below the winner's: within it two hypotheses are not told apart
 
@@ -61,6 +63,8 @@ class Hypothesis:
         (k,) names of the error states.
     value, sigma : Array
         (k,) what it estimates of them, and the standard deviations.
+    factor : float
+        Of the a-priori sigmas of the fixes' constants, 1 or `candidates.FAR`.
     """
 
     groups: tuple[str, ...]
@@ -68,6 +72,7 @@ class Hypothesis:
     names: tuple[str, ...]
     value: Array
     sigma: Array
+    factor: float
 
 
 @dataclass(frozen=True)
@@ -88,7 +93,7 @@ class ConstantsEvidence:
         (c, c) of the data alone (D.1), in units of `wide`.
     vector : Array
         (c,) b of (D.1).
-    asked : tuple of str
+    requested : tuple of str
         Beginnings of the names of groups that are estimated in any case.
     """
 
@@ -98,33 +103,37 @@ class ConstantsEvidence:
     stated: Array
     information: Array
     vector: Array
-    asked: tuple[str, ...] = ()
+    requested: tuple[str, ...] = ()
 
     def hypotheses(self) -> list[Hypothesis]:
         """Return all hypotheses of at most `MOST_TOGETHER` groups, the strongest first.
 
-        A constant that is asked for, or has been given its wide sigma already, is not suspected.
+        A constant that is requested, or has been given its wide sigma already, is not suspected.
 
         Returns
         -------
         list of Hypothesis
             Those whose estimates a sensor or a mounting may have.
         """
-        known = self.stated < self.wide
-        groups = tuple(dict.fromkeys(g for g, k in zip(self.group, known, strict=True) if k))
-        groups = tuple(group for group in groups if not group.startswith(self.asked))
-        nothing = self._evaluate(())[0]
+        narrow = self.stated < np.where(self.of_fixes, self.wide / FAR, self.wide)
+        groups = tuple(dict.fromkeys(g for g, k in zip(self.group, narrow, strict=True) if k))
+        groups = tuple(group for group in groups if not group.startswith(self.requested))
+        nothing = self._evaluate((), 1.0)[0]
         hypotheses = []
         for size in range(1, MOST_TOGETHER + 1):
             for suspected in combinations(groups, size):
-                cost, estimate, cov = self._evaluate(suspected)
-                own = np.flatnonzero([g in suspected for g in self.group])
-                if np.abs(estimate[own]).max() > PLAUSIBLE:
+                own = np.flatnonzero([group in suspected for group in self.group])
+                evaluated = ((self._evaluate(suspected, f), f) for f in (1.0, FAR))
+                (cost, estimate, cov), factor = max(evaluated, key=lambda one: one[0][0])
+                of_imu = own[~self.of_fixes[own]]
+                if np.abs(estimate[of_imu]).max(initial=0.0) > PLAUSIBLE:
                     continue
                 names = tuple(self.names[k] for k in own)
                 sigma = np.sqrt(np.diag(cov))[own] * self.wide[own]
                 value = estimate[own] * self.wide[own]
-                hypotheses.append(Hypothesis(suspected, cost - nothing, names, value, sigma))
+                hypotheses.append(
+                    Hypothesis(suspected, cost - nothing, names, value, sigma, factor)
+                )
         return sorted(hypotheses, key=lambda one: -one.evidence)
 
     def strongest(self) -> Hypothesis | None:
@@ -176,10 +185,16 @@ class ConstantsEvidence:
         with np.errstate(divide="ignore"):
             return dict(zip(self.names, (self.wide / own).tolist(), strict=True))
 
-    def _evaluate(self, suspected: tuple[str, ...]) -> tuple[float, Array, Array]:
+    @property
+    def of_fixes(self) -> np.ndarray:
+        """(c,) bool, whether a candidate is of the fixes rather than of the IMU."""
+        return np.array([group.startswith(OF_FIXES) for group in self.group])
+
+    def _evaluate(self, suspected: tuple[str, ...], factor: float) -> tuple[float, Array, Array]:
         """Return F, e and cov e of (D.2), in units of `wide`."""
         is_suspected = np.array([group in suspected for group in self.group])
-        W = np.where(is_suspected, 1.0, self.stated / self.wide)
+        own = np.where(self.of_fixes, factor / FAR, 1.0)
+        W = np.where(is_suspected, own, self.stated / self.wide)
         A = np.eye(W.size) + W[:, None] * self.information * W
         cov = W[:, None] * np.linalg.inv(A) * W
         estimate = cov @ self.vector
@@ -195,7 +210,7 @@ def constants_evidence(
     start: InitialState,
     own: StateLayout,
     layout: StateLayout,
-    asked: tuple[str, ...] = (),
+    requested: tuple[str, ...] = (),
 ) -> ConstantsEvidence | None:
     """Run the filter once with every candidate constant as a state.
 
@@ -207,7 +222,7 @@ def constants_evidence(
         The states of the flight as it is taken to be.
     layout : StateLayout
         Its states and the candidates besides, with their wide a-priori sigmas.
-    asked : tuple of str
+    requested : tuple of str
         Beginnings of the names of those that are estimated in any case and not suspected.
 
     Returns
@@ -238,13 +253,13 @@ def constants_evidence(
         np.array([own_sigma.get(name, 0.0) for name in names]),
         L - np.eye(sigma.size),
         L @ x,
-        asked,
+        requested,
     )
 
 
 def group_of(name: str) -> str:
     """Return the group of a candidate by the name of its error state, empty for another state."""
-    if name.startswith(("antenna lever arm", "GNSS time offset", "GNSS clock rate")):
+    if name.startswith(OF_FIXES):
         return name
     sensor = {"gyro": "gyro", "accel": "accelerometer"}.get(name.split()[0])
     if sensor is None:

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..base.errors import DataError
-from ..navigation.codes import NOT_MEASURED, POSITION
+from ..navigation.codes import NOT_MEASURED, POSITION, REJECTED, USED
 from ..navigation.layout import FixErrors, StateLayout
 from ..navigation.problem import EstimationProblem, InitialState
 from ..navigation.solution import Solution, solve
@@ -36,6 +36,7 @@ from .variances import VarianceSearch, with_variances
 FEWEST_FIXES = 60  # below which the innovations are not looked at
 ROUNDS = 3  # of winners that are adopted one after the other
 CORRELATED_PARAMETERS = 4  # white and correlated share, correlation time, ratio of heights
+MOST_LOST, MOST_NIS = 0.05, 2.0  # share of the fixes and NIS that a remedy may leave
 TRIES = 6  # of a time-correlated error, each with a larger white share than the one before
 
 SecondPass = Literal["auto", "on", "off"]
@@ -60,7 +61,7 @@ class ErrorModelSearch:
         Of the adopted solution, as `navigation.solution.solve` takes it.
     progress : callable
         Receives the name of each step.
-    asked : tuple of str
+    requested : tuple of str
         Beginnings of the names of constants that the flight file has estimated; they are not
         suspected.
     """
@@ -71,7 +72,7 @@ class ErrorModelSearch:
     time_correlated: bool
     second_pass: SecondPass
     progress: Callable[[str], None]
-    asked: tuple[str, ...] = ()
+    requested: tuple[str, ...] = ()
 
     def layout(self, model: ErrorModel) -> StateLayout:
         """Return the error states of an error model."""
@@ -82,7 +83,7 @@ class ErrorModelSearch:
     ) -> ConstantsEvidence | None:
         """Return what a flight says of its constants under an error model."""
         wide = self.layout(with_every_constant(model))
-        return constants_evidence(problem, start, self.layout(model), wide, self.asked)
+        return constants_evidence(problem, start, self.layout(model), wide, self.requested)
 
     def of_fixes(self, model: ErrorModel) -> LayoutFactory:
         """Return the error states as a function of those of the fixes, with the model's IMU."""
@@ -193,7 +194,7 @@ def _with_constants(
 ) -> _State | None:
     """Adopt suspected constants as states; None where the flight has no solution with them."""
     search.progress(f"filter, with {', '.join(suspected.groups)} estimated")
-    model = with_constants(here.model, suspected.groups)
+    model = with_constants(here.model, suspected.groups, suspected.factor)
     solution = _solved(search, posed, model)
     if solution is None:
         return None
@@ -314,11 +315,21 @@ def explain_failure(
     if constants is None or suspected is None or suspected.evidence < STRONG:
         return None
     quiet = replace(search, second_pass="off", progress=lambda _: None)
-    candidate = _solved(quiet, (problem, start), with_constants(model, suspected.groups))
-    if candidate is None:
+    model = with_constants(model, suspected.groups, suspected.factor)
+    candidate = _solved(quiet, (problem, start), model)
+    if candidate is None or not _follows(candidate):
         return None
     checks = advice(search.mounting, candidate, suspected, constants.rivals(suspected))
     return next((check for check in checks if check.verdict == "contradiction"), None)
+
+
+def _follows(solution: Solution) -> bool:
+    """Tell whether a solution follows its fixes: a remedy that leaves the innovations is none."""
+    verdict = solution.verdict[:, POSITION]
+    rejected = np.count_nonzero(verdict == REJECTED)
+    used = solution.nis[verdict == USED, POSITION]
+    few = rejected <= MOST_LOST * np.count_nonzero(verdict != NOT_MEASURED)
+    return bool(few and np.mean(used) / 3.0 < MOST_NIS)
 
 
 def _adopted(search: ErrorModelSearch, posed: Posed, here: _State, model: ErrorModel) -> _State:

@@ -70,7 +70,6 @@ _ANGLE_SETS: dict[str, Callable[[Array, Array], Array]] = {
     "metashape_ypr": _metashape_ypr,
 }
 
-ANTENNA_SIGMA_M = 0.005  # of a lever arm that was measured with a caliper or taken from a drawing
 ANGLE_SETS = tuple(_ANGLE_SETS)
 """Names that `boresight_from_angles` knows."""
 
@@ -135,7 +134,7 @@ class Mounting:
     imu_m: Array = field(default_factory=lambda: np.zeros(3))
     camera_from_body: Array = field(default_factory=lambda: np.array(PAPER_CAMERA_FROM_BODY))
     boresight: Array = field(default_factory=lambda: np.eye(3))
-    antenna_sigma_m: float = ANTENNA_SIGMA_M
+    antenna_sigma_m: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.antenna_sigma_m <= 10.0:
@@ -154,7 +153,7 @@ class Mounting:
         camera_lever_b: ArrayLike = (0.0, 0.0, 0.0),
         camera_from_body: ArrayLike = PAPER_CAMERA_FROM_BODY,
         boresight: ArrayLike = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
-        antenna_sigma_m: float = ANTENNA_SIGMA_M,
+        antenna_sigma_m: float = 0.0,
     ) -> "Mounting":
         """Return the mounting of lever arms that start at the IMU and stand in body axes.
 

@@ -158,7 +158,7 @@ def _solve(
         flight.gnss.gm_sigma == "auto",
         flight.filter.second_pass,
         step,
-        _asked(flight),
+        _requested(flight),
     )
     step("align")
     try:
@@ -182,7 +182,7 @@ def _solve(
     return Segment(solution, prepared.fixes, prepared.grid, prepared.at_event, history, checks)
 
 
-def _asked(flight: Flight) -> tuple[str, ...]:
+def _requested(flight: Flight) -> tuple[str, ...]:
     """Return the beginnings of the names of constants that the flight file has estimated."""
     options = flight.filter
     lever_arm = ("antenna lever arm",) if options.lever_arm else ()

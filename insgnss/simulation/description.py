@@ -14,7 +14,7 @@ from ..base.units import parse_quantity
 from ..geodesy.frames import ecef_to_geodetic
 from ..geodesy.gpstime import calendar_from_gps
 from ..records import Quantity
-from .scenario import EXACT_M, EXACT_S, SimulatedFlight
+from .scenario import SimulatedFlight
 
 Tables = Mapping[str, Any]
 
@@ -97,7 +97,7 @@ def _gnss_table(simulated: SimulatedFlight) -> dict[str, Any]:
     Position and weather of the base come with the RINEX files.
     """
     if (raw := simulated.raw_gnss) is None:
-        return {"file": FIXES, "time_sigma_s": EXACT_S}
+        return {"file": FIXES}
     names = RinexNames.of(simulated)
     lat, lon, height = ecef_to_geodetic(raw.base_position_m)
     return {
@@ -106,7 +106,6 @@ def _gnss_table(simulated: SimulatedFlight) -> dict[str, Any]:
         "navigation": [names.gps, names.glonass],
         "base_position": [*np.degrees([lat, lon]).round(10).tolist(), round(float(height), 5)],
         "base_point": "apc",
-        "time_sigma_s": EXACT_S,
         "atmosphere": asdict(raw.weather),
     }
 
@@ -129,7 +128,6 @@ def true_tables(simulated: SimulatedFlight, units: Units, noise: str) -> dict[st
         "mounting": {
             "antenna_m": list(rig.antenna_m),
             "imu_m": list(rig.imu_m),
-            "antenna_sigma_m": EXACT_M,
             "camera_from_body": [list(row) for row in rig.camera_from_body],
             "boresight": [list(row) for row in rig.boresight],
         },

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-EXACT_M, EXACT_S = 1e-3, 5e-5  # what flight files of simulations state of lever arm and stamps
 JOURNEYS = {"car": drive, "walk": walk}
 JOURNEY_MIN = 5.0
 FLIGHTS = (*PLANS, *JOURNEYS)
@@ -78,9 +77,9 @@ class SimulatedFlight:
         from ..orient.mounting import Mounting
 
         rig = self.rig
-        vectors = (rig.antenna_m, rig.imu_m, rig.camera_from_body, rig.boresight)
-        antenna_m, imu_m, camera_from_body, boresight = (np.array(x) for x in vectors)
-        return Mounting(antenna_m, imu_m, camera_from_body, boresight, EXACT_M)
+        return Mounting(
+            *(np.array(x) for x in (rig.antenna_m, rig.imu_m, rig.camera_from_body, rig.boresight))
+        )
 
     def __repr__(self) -> str:
         """Return the recordings in one line."""

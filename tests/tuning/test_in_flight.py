@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from insgnss import cli
 from insgnss.base.errors import InputError, UsageError
-from insgnss.calibrate.innovation_noise import KNOWN_SIGMA, _Maximum, _minutes, _untold
+from insgnss.calibrate.innovation_noise import KNOWN_SIGMA, Maximum, _minutes, _untold
 from insgnss.calibrate.likelihood import Evaluated
 from insgnss.calibrate.straight_flight import SpectralLine
 from insgnss.flight import Flight, load_flight
@@ -211,11 +211,11 @@ def test_a_short_flight_says_what_length_would_do():
     at = Evaluated(
         0.0, np.zeros(1), np.array([[2.0 / sigma**2]]), np.zeros((0, 3)), np.zeros(0), 0, 0
     )
-    told = _minutes(_Maximum(np.zeros(1), at), 5.0)
+    told = _minutes(Maximum(np.zeros(1), at), 5.0)
     assert told == pytest.approx([20.0])
     assert "20 min of such a flight" in _untold(0.1, sigma, float(told[0]))
     assert np.isinf(
-        _minutes(_Maximum(np.zeros(1), replace(at, information=100.0 * at.information)), 5.0)
+        _minutes(Maximum(np.zeros(1), replace(at, information=100.0 * at.information)), 5.0)
     ).all()
 
 
