@@ -62,8 +62,8 @@ class MountingTable:
     )
     antenna_sigma_m: float = option(
         0.0,
-        "standard deviation of each component of the lever arm from the IMU to the antenna, such as "
-        "a caliper's 0.005: carried as states, so that every covariance holds it; 0: exact",
+        "standard deviation of each component of the lever arm from the IMU to the antenna, such "
+        "as a caliper's 0.005: carried as states, so that every covariance holds it; 0: exact",
         unit="m",
         low=0.0,
         high=10.0,

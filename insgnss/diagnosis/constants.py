@@ -3,8 +3,8 @@
 One pass of the filter over the whole flight carries every candidate as a state with a wide a-priori
 sigma D (`candidates.with_every_constant`): the antenna's lever arm, the time offset of the fixes
 and its rate, scale factors and misalignments of the IMU. At the last epoch filter and smoother
-agree; in units of D, let x and P be the candidates' estimate and covariance there, all other states marginalised. The data alone
-know of them
+agree; in units of D, let x and P be the candidates' estimate and covariance there, all other states
+marginalised. The data alone know of them
 
     I = P^-1 - 1,     b = P^-1 x                                                               (D.1)
 
@@ -23,7 +23,8 @@ matrices only.
 
 Errors that are no constants (a variance that is too small, a bias that drifts) show up as constants
 beyond what any sensor has; an estimate of the IMU beyond `PLAUSIBLE` of its D is therefore no
-hypothesis. They compete as variances (`diagnosis.variances`), and constants are judged again under the winner.
+hypothesis. They compete as variances (`diagnosis.variances`), and constants are judged again under
+the winner.
 
 Jaynes (2003), ch. 20; MacKay (2003), ch. 28.
 """

@@ -29,6 +29,7 @@ from .candidates import (
     with_time_correlated_error,
 )
 from .constants import STRONG, ConstantsEvidence, Hypothesis, constants_evidence
+from .estimated import constant
 from .evidence import GAIN, liveliest_window, loses_fixes, minus_two_log_likelihood, misfit
 from .time_correlated import time_correlated_error
 from .variances import VarianceSearch, with_variances
@@ -61,6 +62,8 @@ class ErrorModelSearch:
         Of the adopted solution, as `navigation.solution.solve` takes it.
     progress : callable
         Receives the name of each step.
+    variances : bool
+        Whether variances compete; `tune` estimates them by itself.
     requested : tuple of str
         Beginnings of the names of constants that the flight file has estimated; they are not
         suspected.
@@ -73,6 +76,7 @@ class ErrorModelSearch:
     second_pass: SecondPass
     progress: Callable[[str], None]
     requested: tuple[str, ...] = ()
+    variances: bool = True
 
     def layout(self, model: ErrorModel) -> StateLayout:
         """Return the error states of an error model."""
@@ -164,7 +168,7 @@ def _next(search: ErrorModelSearch, posed: Posed, here: _State) -> _State | None
     constants = search.constants(problem, start, here.model)
     suspected = None if constants is None else constants.strongest()
     variances = VarianceSearch(here.solution, search.progress)
-    promising = bool(variances.promising())
+    promising = search.variances and bool(variances.promising())
     with_constants = None
     if (
         constants is not None
@@ -198,7 +202,8 @@ def _with_constants(
     solution = _solved(search, posed, model)
     if solution is None:
         return None
-    checks = advice(search.mounting, solution, suspected, constants.rivals(suspected))
+    rivals = constants.rivals(suspected)
+    checks = advice(search.mounting, solution, _as_solved(suspected, solution), rivals)
     sentence = f"estimated, log evidence {suspected.evidence:.0f}: {', '.join(suspected.groups)}"
     attempted = here.attempted | set(suspected.groups)
     return _State(solution, model, (*here.checks, *checks), (*here.history, sentence), attempted)
@@ -319,8 +324,21 @@ def explain_failure(
     candidate = _solved(quiet, (problem, start), model)
     if candidate is None or not _follows(candidate):
         return None
-    checks = advice(search.mounting, candidate, suspected, constants.rivals(suspected))
+    rivals = constants.rivals(suspected)
+    checks = advice(search.mounting, candidate, _as_solved(suspected, candidate), rivals)
     return next((check for check in checks if check.verdict == "contradiction"), None)
+
+
+def _as_solved(suspected: Hypothesis, solution: Solution) -> Hypothesis:
+    """Return a hypothesis with the values of the solution where they are far from the flight file.
+
+    The evidence is linear in them, and an error of metres is not.
+    """
+    if suspected.factor == 1.0:
+        return suspected
+    names = solution.problem.layout.names
+    pairs = np.array([constant(solution, names.index(name)) for name in suspected.names])
+    return replace(suspected, value=pairs[:, 0], sigma=pairs[:, 1])
 
 
 def _follows(solution: Solution) -> bool:

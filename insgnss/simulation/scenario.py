@@ -77,9 +77,9 @@ class SimulatedFlight:
         from ..orient.mounting import Mounting
 
         rig = self.rig
-        return Mounting(
-            *(np.array(x) for x in (rig.antenna_m, rig.imu_m, rig.camera_from_body, rig.boresight))
-        )
+        vectors = (rig.antenna_m, rig.imu_m, rig.camera_from_body, rig.boresight)
+        antenna_m, imu_m, camera_from_body, boresight = (np.array(x) for x in vectors)
+        return Mounting(antenna_m, imu_m, camera_from_body, boresight)
 
     def __repr__(self) -> str:
         """Return the recordings in one line."""

@@ -140,7 +140,7 @@ def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> Fli
     progress("read")
     recording = _read(flight)
     light = replace(flight, output=replace(flight.output, trajectory_hz=EPOCH_HZ))
-    solved, gaps = solve_segments(light, recording, progress)
+    solved, gaps = solve_segments(light, recording, progress, variances=False)
     parts = [piece for segment in solved for piece in _moving(segment, recording)]
     noise, dropped = _estimated(flight, parts, chosen, progress)
     model = model_in_flight(flight, recording, noise)
@@ -240,7 +240,8 @@ def _rejections_again(
     from ...processing.solve_segments import solve_segments
 
     try:
-        again, rejections = _rejections(solve_segments(flight, recording, progress)[0])
+        solved, _ = solve_segments(flight, recording, progress, variances=False)
+        again, rejections = _rejections(solved)
     except InsgnssError:
         return offered
     return rejections + max(offered - again, 0)
