@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from flown import fly, start_near
 
+from insgnss.calibrate.likelihood import evaluate
 from insgnss.diagnosis.candidates import ErrorModel
 from insgnss.diagnosis.variances import VarianceSearch, with_variances
 from insgnss.navigation.layout import FixErrors, state_layout
@@ -69,6 +70,18 @@ def test_the_right_family_wins(planted, families, factor):
     assert winner.evidence > 20.0
     if factor is not None:
         assert winner.factors["fixes.position"] == pytest.approx(factor, rel=0.04)
+
+
+def test_evidence_is_the_gain_less_what_the_factors_cost():
+    """Oracle: (V.2) by hand, of the costs of (L.4) with and without the factor."""
+    looked = search(solved(sigmas=2.0))
+    winner = looked.strongest()
+    assert winner is not None
+    free = np.array([name in winner.factors for name in looked.names])
+    theta = np.where(free, np.log(winner.factors["fixes.position"]), 0.0)
+    gain = looked.nothing.cost - evaluate(looked.search.segments, theta).cost
+    assert looked.nothing.offered == 2400
+    assert winner.evidence == pytest.approx(0.5 * gain - 0.5 * np.log(7200.0), abs=1e-6)
 
 
 def test_what_a_hypothesis_changes_in_the_error_model():

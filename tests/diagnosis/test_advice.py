@@ -1,0 +1,110 @@
+"""What is said of a constant that the innovations contradict: numbers, signs, thresholds."""
+
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from insgnss.diagnosis.advice import advice, variance_check
+from insgnss.diagnosis.constants import Hypothesis
+from insgnss.diagnosis.variances import VarianceHypothesis
+from insgnss.orient.mounting import Mounting, boresight_from_angles
+
+ASKEW = Mounting(
+    antenna_m=[0.46, 0.1, -0.6],
+    imu_m=[0.113, 0.02, -0.05],
+    camera_from_body=[[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+    boresight=boresight_from_angles("opk", [4.0, -3.0, 30.0]),
+)
+LEVER = tuple(f"antenna lever arm {axis}" for axis in ("forward", "right", "down"))
+# ten minutes at 10 m/s
+SOLUTION: Any = SimpleNamespace(
+    nav=np.array([[0.0, 0.0, 0.0, 6.0, 8.0, 0.0, 1.0, 0.0, 0.0, 0.0]]), time=np.array([0.0, 600.0])
+)
+
+
+def hypothesis(values: dict[str, tuple[float, float]], evidence: float = 50.0) -> Hypothesis:
+    value, sigma = np.array(list(values.values())).T
+    return Hypothesis(tuple(values), evidence, tuple(values), value, sigma, 1.0)
+
+
+def told(values: dict[str, tuple[float, float]], evidence: float = 50.0):
+    return advice(ASKEW, SOLUTION, hypothesis(values, evidence))
+
+
+def test_advised_numbers_are_what_the_flight_file_lacks():
+    """Oracle: vector addition; the mounting with the advised antenna has the lever arm that was
+    estimated, to its last digit, whichever components are suspected.
+    """
+    for lever in ([0.2, -0.05, 0.15], [0.2, 0.0, 0.0]):
+        values = {name: (v, 0.004) for name, v in zip(LEVER, lever, strict=True) if v}
+        (arm,) = told(values)
+        numbers = re.search(r"mounting\.antenna_m = \[(.*?)\] would be it", arm.advice)
+        assert numbers is not None
+        advised = replace(ASKEW, antenna_m=[float(v) for v in numbers[1].split(",")])
+        wanted = ASKEW.antenna_lever_b + np.array(lever)
+        assert np.abs(advised.antenna_lever_b - wanted).max() < 1e-3
+    (clock,) = told({"GNSS time offset": (-0.02, 0.001)})
+    assert "add -0.0200 to gnss.time_offset_s" in clock.advice
+    assert "0.20 m at 10.0 m/s" in clock.found
+    (rate,) = told({"GNSS clock rate": (2e-5, 2e-6)})
+    assert "gains +20 +- 2 ppm" in rate.found
+    assert "0.06 m of half the flight" in rate.found
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sigma", "evidence", "verdict"),
+    [
+        (LEVER[0], 0.021, 0.004, 5.1, "contradiction"),
+        (LEVER[0], 0.021, 0.004, 4.9, "note"),  # not strong
+        (LEVER[0], -0.019, 0.001, 50.0, "note"),  # negligible
+        (LEVER[2], -0.3, 0.049, 50.0, "contradiction"),
+        (LEVER[2], -0.3, 0.051, 50.0, "note"),  # the flight determines it to no better than 5 cm
+        ("GNSS time offset", 0.0021, 1e-4, 5.1, "contradiction"),  # 21 mm at 10 m/s
+        ("GNSS time offset", -0.0019, 1e-4, 50.0, "note"),
+        ("GNSS clock rate", 7e-6, 1e-6, 50.0, "contradiction"),  # 21 mm after five minutes
+        ("GNSS clock rate", -6e-6, 1e-6, 50.0, "note"),
+        ("GNSS clock rate", 7e-6, 1e-6, 4.9, "note"),
+        ("gyro z scale factor", 0.01, 1e-4, 500.0, "note"),
+        ("accel x from y", 0.01, 1e-4, 500.0, "note"),
+    ],
+)
+def test_what_contradicts_the_flight_file(name, value, sigma, evidence, verdict):
+    """Oracle: the rule of `diagnosis.advice`: strong evidence (5), and 2 cm of position."""
+    (check,) = told({name: (value, sigma)}, evidence)
+    assert check.verdict == verdict
+
+
+def test_the_most_significant_comes_first_and_rivals_are_named():
+    """Oracle: sigmas by hand; the groups of the rivals."""
+    values = {LEVER[0]: (0.05, 0.015), "GNSS time offset": (-0.047, 0.001)}
+    assert [check.name for check in told(values)] == ["GNSS time offset", "antenna lever arm"]
+    rival = replace(hypothesis({LEVER[0]: (0.1, 0.01)}), groups=(LEVER[0], LEVER[2]))
+    (check,) = advice(ASKEW, SOLUTION, hypothesis({"GNSS time offset": (0.01, 0.001)}), [rival])
+    assert (
+        "does not tell it from antenna lever arm forward and antenna lever arm down" in check.found
+    )
+    assert "does not tell it" not in told({"GNSS time offset": (0.01, 0.001)})[0].found
+
+
+def test_scale_factors_in_percent_the_most_significant_first():
+    """Oracle: by hand."""
+    values = {f"gyro {axis} scale factor": (0.01 * k, 1e-3) for k, axis in enumerate("xyz", 1)}
+    (check,) = told(values)
+    assert check.name == "IMU scale factors"
+    assert check.found.startswith("gyro z scale factor +3.00 +- 0.10 %, gyro y scale factor +2.00")
+    assert "filter.scale_factor = true" in check.advice
+
+
+def test_whose_noise_is_named():
+    """Oracle: the family."""
+    fixes = VarianceHypothesis("GNSS sigmas", 100.0, {"fixes.position": 2.0})
+    assert variance_check(fixes).name == "GNSS sigmas"
+    imu = VarianceHypothesis("IMU white noise", 100.0, {"gyro.white_noise": 3.0})
+    check = variance_check(imu)
+    assert (check.name, check.verdict) == ("IMU noise", "note")
+    assert "gyro.white_noise 3.00" in check.found
+    assert "tune --flight" in check.advice
