@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..base.errors import DataError
-from ..navigation.codes import NOT_MEASURED, POSITION, REJECTED, USED
+from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POSITION, REJECTED, USED
 from ..navigation.layout import FixErrors, StateLayout
 from ..navigation.problem import EstimationProblem, InitialState
 from ..navigation.solution import Solution, solve
@@ -200,8 +200,8 @@ def _with_constants(
     search.progress(f"filter, with {', '.join(suspected.groups)} estimated")
     model = with_constants(here.model, suspected.groups, suspected.factor)
     solution = _solved(search, posed, model)
-    if solution is None:
-        return None
+    if solution is None or _resets(solution) >= _resets(here.solution) > 0:
+        return None  # what lost the fixes is no constant
     rivals = constants.rivals(suspected)
     checks = advice(search.mounting, solution, _as_solved(suspected, solution), rivals)
     sentence = f"estimated, log evidence {suspected.evidence:.0f}: {', '.join(suspected.groups)}"
@@ -327,6 +327,11 @@ def explain_failure(
     rivals = constants.rivals(suspected)
     checks = advice(search.mounting, candidate, _as_solved(suspected, candidate), rivals)
     return next((check for check in checks if check.verdict == "contradiction"), None)
+
+
+def _resets(solution: Solution) -> int:
+    """Return how often the covariance was reset after rejected fixes."""
+    return int(np.count_nonzero(solution.verdict[:, POSITION] == COVARIANCE_RESET))
 
 
 def _as_solved(suspected: Hypothesis, solution: Solution) -> Hypothesis:

@@ -123,3 +123,14 @@ def test_sigmas_of_half_the_size_are_raised(sim):
     assert factor is not None
     assert float(factor[1]) == pytest.approx(2.0, rel=0.04)
     assert np.mean(normalised(sim, result) ** 2) < 2.5
+
+
+def test_a_spell_of_wrong_fixes_is_no_constant(sim):
+    """Oracle: what was planted: an incorrect ambiguity, 30 cm in height for ten seconds."""
+    height = sim.gnss.height.copy()
+    height[1500:1600] += 0.3
+    result = run(sim, gnss=replace(sim.gnss, height=height))
+    names = {check.name for check in result.checks}
+    assert not names & {"antenna lever arm", "GNSS time offset", "clock rate"}
+    assert not names & {"IMU scale factors", "IMU misalignments"}
+    assert result.report["counts"]["covariance_resets"] > 0
