@@ -17,7 +17,7 @@ from ..navigation.layout import FixErrors
 from ..navigation.solution import Solution
 from ..orient.mounting import Mounting
 from ..records import Array, Check
-from .constants import STRONG, Hypothesis
+from .constants import OF_FIXES, STRONG, Hypothesis
 from .estimated import rms_speed
 
 if TYPE_CHECKING:
@@ -62,7 +62,9 @@ def advice(
         " and ".join(rival.groups) for rival in rivals
     )
     by = f", log evidence {suspected.evidence:.0f}{either if rivals else ''}"
-    strong = suspected.evidence >= STRONG
+    # what the flight does not tell from an error of the IMU is no contradiction of the mounting
+    certain = all(group.startswith(OF_FIXES) for rival in rivals for group in rival.groups)
+    strong = suspected.evidence >= STRONG and certain
     checks: list[tuple[float, Check]] = []
     lever = [values.get(f"{LEVER_ARM} {axis}") for axis in AXES]
     sizes = {name: abs(value) / sigma for name, (value, sigma) in values.items()}

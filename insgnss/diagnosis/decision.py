@@ -3,7 +3,7 @@
 `diagnose` looks at a solution, `explain_failure` at a problem that has none.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -32,7 +32,7 @@ from .constants import STRONG, ConstantsEvidence, Hypothesis, constants_evidence
 from .estimated import constant
 from .evidence import GAIN, liveliest_window, loses_fixes, minus_two_log_likelihood, misfit
 from .time_correlated import time_correlated_error
-from .variances import VarianceSearch, with_variances
+from .variances import FAMILIES, LEAST_PROMISE, OF_IMU, VarianceSearch, with_variances
 
 FEWEST_FIXES = 60  # below which the innovations are not looked at
 ROUNDS = 3  # of winners that are adopted one after the other
@@ -118,7 +118,8 @@ def diagnose(search: ErrorModelSearch, start: InitialState, solution: Solution) 
 
     Constants (`constants`), variances (`variances`) and a time-correlated error of the fixes
     (`time_correlated`) compete by the logarithm of their evidence. The winner is adopted, the
-    flight is solved again with it, and what is left is judged again, until nothing gains.
+    flight is solved again with it, and what is left is judged again, until nothing gains. A
+    constant or a variance that leaves more to be explained than it explains is not adopted.
 
     Parameters
     ----------
@@ -176,9 +177,11 @@ def _next(search: ErrorModelSearch, posed: Posed, here: _State) -> _State | None
         and not here.attempted & set(suspected.groups)
     ):
         with_constants = _with_constants(search, posed, here, constants, suspected)
-        if with_constants is not None and not (
-            promising and VarianceSearch(with_constants.solution, search.progress).promising()
-        ):
+        after = promising and with_constants is not None
+        left = _left(search, with_constants.solution, OF_IMU) if after and with_constants else 0.0
+        if left > suspected.evidence:
+            with_constants = None  # a remedy that leaves more than it explains is none
+        elif left < LEAST_PROMISE and with_constants is not None:
             return with_constants
     candidates = [_variance(search, posed, here, variances)] if promising else []
     if search.time_correlated and "time-correlated" not in here.attempted:
@@ -223,7 +226,7 @@ def _variance(
     def adopt() -> _State | None:
         search.progress(f"filter, with larger {winner.family}")
         solution = _solved(search, posed, model)
-        if solution is None:
+        if solution is None or _left(search, solution) > winner.evidence:
             return None
         check = variance_check(winner)
         history = (*here.history, f"{check.name}: {check.found}")
@@ -327,6 +330,13 @@ def explain_failure(
     rivals = constants.rivals(suspected)
     checks = advice(search.mounting, candidate, _as_solved(suspected, candidate), rivals)
     return next((check for check in checks if check.verdict == "contradiction"), None)
+
+
+def _left(
+    search: ErrorModelSearch, solution: Solution, families: Sequence[str] = tuple(FAMILIES)
+) -> float:
+    """Return what other variances still promise to explain of a solution's innovations."""
+    return VarianceSearch(solution, search.progress).left(families)
 
 
 def _resets(solution: Solution) -> int:

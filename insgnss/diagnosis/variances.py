@@ -23,7 +23,7 @@ then
 (Schwarz 1978), on the one scale with constants (D.2) and with a time-correlated error of the fixes.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,6 +41,7 @@ FAMILIES = {
     "IMU bias noise": ("gyro.driving_noise", "accel.driving_noise"),
     "GNSS sigmas": ("fixes.position", "fixes.velocity"),
 }
+OF_IMU = ("IMU white noise", "IMU bias noise")
 LEAST_PROMISE = 30.0  # promised gain in -2 log L from which the maximum of a family is looked for
 MOST_FIXES = 3000  # of the part that is looked at: five minutes at 10 Hz
 STARTS = (0.0,)  # of the logarithms of the IMU's factors
@@ -96,6 +97,23 @@ class VarianceSearch:
         return tuple(
             family for family in self.families if _promise(g, A, self._free(family)) > LEAST_PROMISE
         )
+
+    def left(self, families: Sequence[str] = tuple(FAMILIES)) -> float:
+        """Return the largest gain that some families still promise (V.1).
+
+        Parameters
+        ----------
+        families : sequence of str
+            Some of `FAMILIES`.
+
+        Returns
+        -------
+        float
+            The gain, zero without any.
+        """
+        g, A = self.nothing.gradient, self.nothing.information
+        own = [family for family in self.families if family in families]
+        return max((_promise(g, A, self._free(family)) for family in own), default=0.0)
 
     def strongest(self) -> VarianceHypothesis | None:
         """Return the promising family of the largest positive evidence (V.2), or None."""

@@ -87,6 +87,10 @@ def test_the_most_significant_comes_first_and_rivals_are_named():
     assert (
         "does not tell it from antenna lever arm forward and antenna lever arm down" in check.found
     )
+    assert check.verdict == "contradiction"
+    of_imu = replace(rival, groups=("accelerometer scale factors",))
+    (check,) = advice(ASKEW, SOLUTION, hypothesis({"GNSS time offset": (0.01, 0.001)}), [of_imu])
+    assert check.verdict == "note"
     assert "does not tell it" not in told({"GNSS time offset": (0.01, 0.001)})[0].found
 
 
