@@ -231,6 +231,9 @@ Cases: {len(judged)}. {totals(of_judged)}.
 {chr(10).join(by_motion)}
 
 - harmless: must not be refused; it may leave errors that are not covered, and is silent then.
+- silent though nothing is wrong: by chance a component in 16 000 is beyond {WORST_Z:g} sigmas, \
+and a run has 114, 261 or 720 of them;
+  the motions of one seed share the noise of their fixes, and so such chances.
 - refused: runs without a result; they count as culprit, told or refused wrongly.
 - of which culprit: share among the runs that are not covered.
 - mm: error of a position, median / worst over all runs with a result; sigmas: the same of its \
