@@ -121,3 +121,13 @@ def test_tune_on_a_flight(tmp_path: Path) -> None:
     pictures = list(tmp_path.glob("*.png"))
     assert pictures
     assert_is_picture(pictures[0])
+
+
+@pytest.mark.slow
+def test_wrong_reality() -> None:
+    """Oracle: what the campaign plants; a latency of 50 ms is refused by its name on any motion."""
+    script = str(SCRIPTS / "wrong_reality.py")
+    command = [sys.executable, script, "--only", "latency 50 ms", "--seeds", "1"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "3 runs: covered 0, culprit 3," in done.stdout

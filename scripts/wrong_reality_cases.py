@@ -1,0 +1,300 @@
+"""The cases of wrong_reality.py: what is planted in the records of a recording, and which messages
+name it.
+
+A plant takes the records of a right recording and the values of its flight file, a `Scene`, and
+returns a changed copy; everything random comes from the generator that is handed in.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+import insgnss
+
+RATE_HZ = 100.0  # of the IMU
+EARTH_A, EARTH_E2 = 6378137.0, 6.69437999014e-3
+DEG_H, MG = np.radians(1.0) / 3600.0, 9.80665e-3
+
+LEVER, OFFSET, RATE = "antenna lever arm", "GNSS time offset", "clock rate"
+NOISE, SIGMAS = "IMU noise:", "GNSS sigmas:|: the GNSS sigmas are too small"
+CORRELATED, LOST = "time-correlated", "rejected by the gate|lost the fixes|were rejected"
+SCALE = {"gyro": r"gyro( \w+)? scale factor", "accel": r"accel(erometer)?( \w+)? scale factor"}
+MISALIGNED = {"gyro": r"gyro (\w+ from|misal)", "accel": r"accel(erometer)? (\w+ from|misal)"}
+VELOCITY = r"velocity innovations|velocities \(|velocities were|fixes\.velocity"
+
+
+def radii(lat: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Metres of a radian of latitude and of one of longitude."""
+    w = np.sqrt(1.0 - EARTH_E2 * np.sin(lat) ** 2)
+    return EARTH_A * (1.0 - EARTH_E2) / w**3 + height, (EARTH_A / w + height) * np.cos(lat)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is handed to `estimate`: the records and the flight file's values."""
+
+    imu: insgnss.ImuSamples
+    gnss: insgnss.GnssFixes
+    events: insgnss.CameraEvents | None
+    mounting: insgnss.Mounting
+    noise: str = "navchip"
+
+    def of_imu(self, **changes: Any) -> "Scene":
+        """The scene with other samples."""
+        return replace(self, imu=replace(self.imu, **changes))
+
+    def of_gnss(self, **changes: Any) -> "Scene":
+        """The scene with other fixes."""
+        return replace(self, gnss=replace(self.gnss, **changes))
+
+
+Draw = np.random.Generator
+Plant = Callable[[Scene, Draw], Scene]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A fault: `plant` changes the records, `culprit` is the pattern of messages that name it.
+
+    `harmless` : it must not be refused. `simulated` : options of the simulator. `beyond` : why no
+    data can tell it; such a case is not judged.
+    """
+
+    name: str
+    plant: Plant = lambda scene, draw: scene
+    culprit: str = "(?!)"
+    harmless: bool = False
+    simulated: tuple[tuple[str, Any], ...] = ()
+    beyond: str = ""
+
+
+def lever(axis: int, size_m: float) -> Plant:
+    """The antenna is elsewhere than the flight file says."""
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        m, off = scene.mounting, size_m * np.eye(3)[axis]
+        return replace(scene, mounting=replace(m, antenna_m=m.antenna_m + m.C_cb @ off))
+
+    return plant
+
+
+def latency(late_s: float) -> Plant:
+    """The stamps of the fixes are late."""
+    return lambda scene, draw: scene.of_gnss(time=scene.gnss.time + late_s)
+
+
+def clock(ppm: float, camera: bool = False) -> Plant:
+    """The IMU's clock runs fast, and that of the camera with it where it is the same."""
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        begin, events = scene.imu.time[0], scene.events
+        if camera and events is not None:
+            stamps = events.time + 1e-6 * ppm * (events.time - begin)
+            scene = replace(scene, events=replace(events, time=stamps))
+        return scene.of_imu(time=scene.imu.time + 1e-6 * ppm * (scene.imu.time - begin))
+
+    return plant
+
+
+def linear(sensor: str, scale: float = 0.0, off_axis: float = 0.0) -> Plant:
+    """Scale factors, alike on all axes, and misalignments of random sign of a sensor."""
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        turn = off_axis * draw.choice([-1.0, 1.0], (3, 3)) * (1.0 - np.eye(3))
+        M = (1.0 + scale) * np.eye(3) + turn
+        return scene.of_imu(**{sensor: getattr(scene.imu, sensor) @ M.T})
+
+    return plant
+
+
+def noisy(gyro: float = 1.0, accel: float = 1.0) -> Plant:
+    """White noise of the IMU is that many times its model's."""
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        more = {}
+        for sensor, factor in (("gyro", gyro), ("accel", accel)):
+            density = getattr(insgnss.load_noise_model("navchip"), sensor)[0].white_noise
+            sigma = density * np.sqrt((factor**2 - 1.0) * RATE_HZ)
+            right = getattr(scene.imu, sensor)
+            more[sensor] = right + sigma * draw.standard_normal(right.shape)
+        return scene.of_imu(**more)
+
+    return plant
+
+
+def drifting(gyro: float, accel: float, jump_s: float | None = None) -> Plant:
+    """Biases grow over the record to these values, or jump to them; of random signs."""
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        since = scene.imu.time - scene.imu.time[0]
+        course = since / since[-1] if jump_s is None else (since > jump_s).astype(float)
+        of_gyro, of_accel = course[:, None] * draw.choice([-1.0, 1.0], (2, 1, 3))
+        return scene.of_imu(
+            gyro=scene.imu.gyro + gyro * of_gyro, accel=scene.imu.accel + accel * of_accel
+        )
+
+    return plant
+
+
+def claimed(factor: float) -> Plant:
+    """The fixes claim that many times their sigmas."""
+    return lambda scene, draw: scene.of_gnss(cov_ned=scene.gnss.cov_ned * factor**2)
+
+
+def moved(error: Callable[[np.ndarray, Draw], np.ndarray]) -> Plant:
+    """The fixes are off by a function of time since the beginning, (n, 3) north east down, m."""
+
+    def plant(scene: Scene, draw: Draw) -> Scene:
+        fixes = scene.gnss
+        north, east, down = error(fixes.time - scene.imu.time[0], draw).T
+        meridian, parallel = radii(fixes.lat, fixes.height)
+        lat, lon = fixes.lat + north / meridian, fixes.lon + east / parallel
+        return scene.of_gnss(lat=lat, lon=lon, height=fixes.height - down)
+
+    return plant
+
+
+def wandering(sigma_m: float, time_s: float) -> Plant:
+    """A Gauss-Markov error of the fixes that their sigmas do not hold."""
+
+    def error(since: np.ndarray, draw: Draw) -> np.ndarray:
+        e = sigma_m * draw.standard_normal((since.size, 3))
+        for k, phi in enumerate(np.exp(-np.diff(since) / time_s), 1):
+            e[k] = phi * e[k - 1] + np.sqrt(1.0 - phi**2) * e[k]
+        return e
+
+    return moved(error)
+
+
+def directions(n: int, draw: Draw) -> np.ndarray:
+    """Unit vectors, (n, 3)."""
+    way = draw.standard_normal((n, 3))
+    return way / np.linalg.norm(way, axis=1)[:, None]
+
+
+def ambiguity(size_m: float, *spans: tuple[float, float]) -> Plant:
+    """Wrong ambiguities: fixes off by a constant from a first to a last second."""
+
+    def error(since: np.ndarray, draw: Draw) -> np.ndarray:
+        return sum(
+            ((since >= first) & (since < last))[:, None] * size_m * directions(1, draw)
+            for first, last in spans
+        )
+
+    return moved(error)
+
+
+def outliers(share: float, size_m: float) -> Plant:
+    """Single fixes are off in random directions."""
+
+    def error(since: np.ndarray, draw: Draw) -> np.ndarray:
+        return size_m * directions(since.size, draw) * (draw.random((since.size, 1)) < share)
+
+    return moved(error)
+
+
+def outage(scene: Scene, draw: Draw) -> Scene:
+    """No fixes from second 150 to 180."""
+    since = scene.gnss.time - scene.imu.time[0]
+    return replace(scene, gnss=scene.gnss[(since < 150.0) | (since > 180.0)])
+
+
+def jitter(scene: Scene, draw: Draw) -> Scene:
+    """The stamps of the samples tremble by 1 ms, by 3 ms at the most."""
+    by = 1e-3 * np.clip(draw.standard_normal(scene.imu.time.size), -3.0, 3.0)
+    return scene.of_imu(time=scene.imu.time + by)
+
+
+def fast(scene: Scene, draw: Draw) -> Scene:
+    """Velocities of the fixes are 5 cm/s off to the north."""
+    return scene.of_gnss(velocity_ned=scene.gnss.velocity_ned + np.array([0.05, 0.0, 0.0]))
+
+
+def camera_late(scene: Scene, draw: Draw) -> Scene:
+    """The events of the camera are 10 ms late."""
+    late = np.minimum(scene.events.time + 0.01, scene.gnss.time[-1] - 1e-3)
+    return replace(scene, events=replace(scene.events, time=late))
+
+
+def crooked(scene: Scene, draw: Draw) -> Scene:
+    """The bore-sight is half a degree off about every axis."""
+    off = insgnss.boresight_from_angles("opk", [0.5, 0.5, 0.5])
+    m = scene.mounting
+    return replace(scene, mounting=replace(m, boresight=m.boresight @ off))
+
+
+def model(name: str) -> Plant:
+    """The noise model of another IMU."""
+    return lambda scene, draw: replace(scene, noise=name)
+
+
+VELOCITIES = (("gnss_sigma_velocity_mps", (0.03, 0.03, 0.05)),)
+NOTHING = Case("nothing wrong", harmless=True)
+CASES = (
+    NOTHING,
+    *(
+        Case(f"lever arm {way} {100 * size:g} cm off", lever(axis, size), LEVER, size < 0.015)
+        for axis, way in enumerate(("forward", "right", "down"))
+        for size in (0.01, 0.02, 0.05, 0.1, 0.3)
+    ),
+    *(
+        Case(f"latency {ms:g} ms", latency(1e-3 * ms), f"{OFFSET}|latency", abs(ms) <= 1.0)
+        for ms in (0.5, 1.0, 2.0, 5.0, 10.0, 50.0, -10.0)
+    ),
+    *(Case(f"IMU clock {ppm} ppm fast", clock(ppm), RATE, ppm <= 5) for ppm in (5, 20, 100)),
+    Case("clock of IMU and camera 20 ppm fast", clock(20.0, True), RATE),
+    *(
+        Case(f"{s} scale {100 * k:g} %", linear(s, k), SCALE[s], k < 0.005)
+        for s, sizes in (("gyro", (0.001, 0.01, 0.03)), ("accel", (0.001, 0.01)))
+        for k in sizes
+    ),
+    *(
+        Case(f"{s} misaligned {1e3 * a:g} mrad", linear(s, 0.0, a), MISALIGNED[s], a < 0.005)
+        for s in ("gyro", "accel")
+        for a in (0.002, 0.01)
+    ),
+    Case("gyro white noise x 3", noisy(gyro=3.0), NOISE, True),
+    Case("gyro white noise x 10", noisy(gyro=10.0), NOISE),
+    Case("accel white noise x 3", noisy(accel=3.0), NOISE, True),
+    Case("accel white noise x 10", noisy(accel=10.0), NOISE),
+    Case("IMU white noise x 30", noisy(30.0, 30.0), NOISE),
+    Case("vibration factor 5", culprit=NOISE, simulated=(("vibration", 5.0),)),
+    Case("biases drift by 50 deg/h, 0.5 mg", drifting(50.0 * DEG_H, 0.5 * MG), NOISE, True),
+    Case("biases drift by 1000 deg/h, 20 mg", drifting(1000.0 * DEG_H, 20.0 * MG), NOISE),
+    Case("gyro biases jump by 200 deg/h", drifting(200.0 * DEG_H, 0.0, 150.0), NOISE),
+    Case("gyro biases jump by 2000 deg/h", drifting(2000.0 * DEG_H, 0.0, 150.0), NOISE),
+    Case("IMU stamps tremble by 1 ms", jitter, f"{NOISE}|IMU rate|jitter"),
+    Case("noise model too good (tactical)", model("tactical"), f"{NOISE}|turn-on bias"),
+    Case("noise model too bad (consumer)", model("consumer"), NOISE, True),
+    Case("sigmas claimed a half", claimed(1 / 2), SIGMAS),
+    Case("sigmas claimed a third", claimed(1 / 3), SIGMAS),
+    Case("sigmas claimed double", claimed(2.0), SIGMAS, True),
+    Case("sigmas claimed five times", claimed(5.0), SIGMAS, True),
+    Case("GNSS errors of 1 cm, 20 s", wandering(0.01, 20.0), CORRELATED),
+    Case("GNSS errors of 3 cm, 20 s", wandering(0.03, 20.0), CORRELATED),
+    Case("GNSS errors of 3 cm, 120 s", wandering(0.03, 120.0), CORRELATED),
+    Case("wrong ambiguity, 30 cm for 10 s", ambiguity(0.3, (150.0, 160.0)), LOST),
+    Case("wrong ambiguity, 30 cm for 30 s", ambiguity(0.3, (140.0, 170.0)), LOST),
+    Case(
+        "wrong ambiguity, 30 cm for 10 s, twice",
+        ambiguity(0.3, (125.0, 135.0), (165.0, 175.0)),
+        LOST,
+    ),
+    Case("outliers of 1 m, 1 %", outliers(0.01, 1.0), LOST, True),
+    Case("outliers of 20 m, 5 %", outliers(0.05, 20.0), LOST, True),
+    Case("outage of 30 s", outage, "no used fix", True),
+    Case("fixes of 1.5 m", harmless=True, simulated=(("gnss_sigma_m", (1.5, 1.5, 3.0)),)),
+    Case("fixes at 1 Hz", harmless=True, simulated=(("gnss_rate_hz", 1.0),)),
+    Case("velocities as they should be", harmless=True, simulated=VELOCITIES),
+    Case("velocities 5 cm/s off", fast, VELOCITY, simulated=VELOCITIES),
+    Case("camera 10 ms late", camera_late, beyond="events alone have the camera's clock"),
+    Case("bore-sight 0.5 deg off", crooked, beyond="the images are not looked at"),
+    Case(
+        "all fixes 3 cm off",
+        moved(lambda since, draw: np.tile([0.03, 0.0, 0.0], (since.size, 1))),
+        beyond="a base station is where it is said to be",
+    ),
+    Case("GNSS errors of 3 cm, 1000 s", wandering(0.03, 1000.0), beyond="slower than the flight"),
+)
