@@ -134,3 +134,34 @@ def test_a_spell_of_wrong_fixes_is_no_constant(sim):
     assert not names & {"antenna lever arm", "GNSS time offset", "clock rate"}
     assert not names & {"IMU scale factors", "IMU misalignments"}
     assert result.report["counts"]["covariance_resets"] > 0
+
+
+def test_what_is_stated_not_to_be_known_exactly_is_in_every_covariance(sim):
+    """Oracle: the exact motion; a lever arm 1 cm and stamps 0.7 ms off, which six minutes cannot
+    tell, exceed exact ones by 4 sigma, and lie within stated 1 cm and 1 ms.
+    """
+    gnss, lever = replace(sim.gnss, time=sim.gnss.time + 7e-4), (0.0, 0.0, 0.01)
+    exact = run(sim, gnss=gnss, lever=lever)
+    mounting = sim.mounting
+    off = mounting.C_cb @ np.array(lever)
+    stated = insgnss.estimate(
+        sim.imu,
+        gnss,
+        sim.events,
+        mounting=replace(mounting, antenna_m=mounting.antenna_m + off, antenna_sigma_m=0.01),
+        tangent_plane=(
+            *np.degrees([sim.tangent_plane.lat, sim.tangent_plane.lon]),
+            sim.tangent_plane.height,
+        ),
+        gnss__time_sigma_s=1e-3,
+    )
+    assert np.abs(normalised(sim, exact)).max() > 4.0
+    assert np.abs(normalised(sim, stated)).max() < 4.0
+    # carried, not reported as something that was asked for
+    assert stated.states == ()
+
+
+def test_a_sigma_that_cannot_be_is_refused():
+    """Oracle: the range of the option."""
+    with pytest.raises(insgnss.InputError, match="between 0 and 10 m"):
+        insgnss.Mounting(antenna_sigma_m=-0.01)
