@@ -98,6 +98,7 @@ def test_scale_factors_are_estimated_and_named(sim, culprit, scale):
     assert np.mean(z**2) < 2.5
 
 
+@pytest.mark.slow
 def test_noise_of_flight_is_not_taken_for_an_error_of_the_fixes(sim):
     """Oracle: the exact motion; ten times the accelerometers' white noise and three times that of
     the gyros, which had been booked as correlated GNSS errors of 6 cm.
@@ -115,6 +116,7 @@ def test_noise_of_flight_is_not_taken_for_an_error_of_the_fixes(sim):
     assert np.mean(z**2) < 2.5
 
 
+@pytest.mark.slow
 def test_sigmas_of_half_the_size_are_raised(sim):
     """Oracle: fixes that claim half of what they are."""
     result = run(sim, gnss=replace(sim.gnss, cov_ned=sim.gnss.cov_ned / 4.0))
