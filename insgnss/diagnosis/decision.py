@@ -1,4 +1,4 @@
-"""The decision: which error model is adopted, and what contradicts the flight file.
+"""The decision: which error model is adopted; what it says of the flight file stands in `advice`.
 
 `diagnose` looks at a solution, `explain_failure` at a problem that has none.
 """
