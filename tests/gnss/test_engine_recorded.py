@@ -20,6 +20,8 @@ from insgnss.geodesy.frames import ecef_to_geodetic, geodetic_to_ecef, rotation_
 from insgnss.gnss.engine.rtklib import solve
 from insgnss.gnss.options import EngineOptions
 
+pytestmark = pytest.mark.slow
+
 DATA = Path(__file__).parents[3] / "shared" / "data"
 MILLIMETRE = 1e-3
 

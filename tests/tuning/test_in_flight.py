@@ -34,6 +34,8 @@ from insgnss.tuning.in_flight.estimation import (
 )
 from insgnss.tuning.in_flight.files import model_in_flight
 
+pytestmark = pytest.mark.slow
+
 GOOD = GnssOptions(sigma_m=(0.005, 0.005, 0.008))
 SIGMA = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3, *np.radians([1.0, 1.0, 5.0])])
 NAVCHIP = load_noise_model("navchip")
