@@ -35,7 +35,7 @@ from itertools import combinations
 import numpy as np
 
 from ..base.errors import DataError
-from ..navigation.codes import NAV
+from ..navigation.codes import NAV, NO_CONSTRAINT
 from ..navigation.filter import make_history, run_filter
 from ..navigation.layout import StateLayout
 from ..navigation.problem import EstimationProblem, InitialState
@@ -273,8 +273,11 @@ def group_of(name: str) -> str:
 def _open(problem: EstimationProblem) -> EstimationProblem:
     """Return the problem with its gate open; what lies beyond it is weighed down (K.11).
 
-    A barometer, whose own errors may be large, has no say.
+    A barometer, whose own errors may be large, and constraints of the motion, which may not hold,
+    have no say.
     """
-    silent = np.zeros_like(problem.epochs.barometer_variance)
-    epochs = problem.epochs._replace(barometer_variance=silent)
+    epochs = problem.epochs._replace(
+        barometer_variance=np.zeros_like(problem.epochs.barometer_variance),
+        constraint=np.full_like(problem.epochs.constraint, NO_CONSTRAINT),
+    )
     return replace(problem, epochs=epochs, gate=np.inf, huber_threshold=problem.gate)

@@ -205,6 +205,8 @@ def _with_constants(
     solution = _solved(search, posed, model)
     if solution is None or _resets(solution) >= _resets(here.solution) > 0:
         return None  # what lost the fixes is no constant
+    if misfit(here.solution) - misfit(solution) < suspected.evidence:
+        return None  # the wide pass lost its way, in an outage say: the remedy explains less
     rivals = constants.rivals(suspected)
     checks = advice(search.mounting, solution, _as_solved(suspected, solution), rivals)
     sentence = f"estimated, log evidence {suspected.evidence:.0f}: {', '.join(suspected.groups)}"
