@@ -53,7 +53,9 @@ def main() -> None:
     if eo_file.exists():
         models = [flight.imu.noise, *([str(tuning.file)] if tuning.file else [])]
         runs = [
-            insgnss.process(flight.with_(imu__noise=m), options.out / f"run{k}")
+            insgnss.process(
+                flight.with_(imu__noise=m, filter__adaptive_noise="off"), options.out / f"run{k}"
+            )
             for k, m in enumerate(models)
         ]
         nees = [errors_squared(run.eo, eo_file) for run in runs]

@@ -261,6 +261,7 @@ def test_resolved_flight_is_json_with_every_default(load):
         "lever_arm_sigma_m": 0.3,
         "zero_velocity": "auto",
         "non_holonomic": False,
+        "adaptive_noise": "auto",
         "robust": False,
     }
     assert set(resolved) >= {"name", "gps_week", "camera", "tangent_plane", "initial"}

@@ -63,6 +63,8 @@ class FilterOptions:
         "auto" or "off": zero-velocity and zero-angular-rate updates in stationary periods.
     non_holonomic : bool
         Non-holonomic constraint of a wheeled vehicle: no velocity across its forward axis.
+    adaptive_noise : str
+        "auto" or "off": larger noise of IMU or fixes adopted where the innovations show it.
     robust : bool
         Whether suspicious fixes get Huber weights instead of all or nothing.
 
@@ -99,6 +101,11 @@ class FilterOptions:
         "non-holonomic constraint (NHC) of a wheeled vehicle with the body's forward axis along its"
         " own: no velocity across it",
         retired=("wheels",),
+    )
+    adaptive_noise: Literal["auto", "off"] = option(
+        "auto",
+        "noise of the IMU and sigmas of the fixes raised where the likelihood of the whole flight"
+        " shows that they are larger than stated",
     )
     robust: bool = option(
         False, "take suspicious fixes with a larger covariance instead of all or nothing"

@@ -4,17 +4,15 @@ A state is observed where the flight reduces its standard deviation to less than
 a-priori one.
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import numpy as np
 
 from ..navigation.codes import BIAS, DRIFT, NAV, VEL
 from ..navigation.solution import Solution
 from ..records import Array, StateVerdict, TimeCorrelatedError
 from ..records.verdicts import OBSERVED
-
-STATED = {"antenna lever arm": 0.02, "GNSS time": 2e-3}
-"""A-priori sigmas, m and s, below which a constant is stated by the flight file rather than asked
-for.
-"""
 
 
 def constant(solution: Solution, state: int) -> tuple[float, float]:
@@ -37,7 +35,9 @@ def constant(solution: Solution, state: int) -> tuple[float, float]:
     return float(solution.x[-1, state]), float(np.sqrt(variance))
 
 
-def state_verdicts(solution: Solution, moved_s: float = 0.0) -> tuple[StateVerdict, ...]:
+def state_verdicts(
+    solution: Solution, moved_s: float = 0.0, stated: Mapping[str, float] = MappingProxyType({})
+) -> tuple[StateVerdict, ...]:
     """Judge all constants that the flight estimates besides biases.
 
     Parameters
@@ -46,6 +46,9 @@ def state_verdicts(solution: Solution, moved_s: float = 0.0) -> tuple[StateVerdi
         The solved flight.
     moved_s : float
         By how much the stamps of the fixes were moved before, s; a part of the time offset.
+    stated : mapping of str to float
+        A-priori sigma of groups of constants, by the beginning of their names, that are carried as
+        the flight file states them and were not asked for; they are left out.
 
     Returns
     -------
@@ -58,8 +61,8 @@ def state_verdicts(solution: Solution, moved_s: float = 0.0) -> tuple[StateVerdi
     for s, name in enumerate(layout.names):
         if layout.beta[s] > 0.0 or layout.drive[s] > 0.0 or layout.factor[s] in (BIAS, DRIFT):
             continue
-        if layout.sigma0[s] < STATED.get(name.rpartition(" ")[0], 0.0):
-            continue  # as the flight file states it, carried by every covariance
+        if any(name.startswith(of) and layout.sigma0[s] <= own for of, own in stated.items()):
+            continue
         (value, sigma), prior = constant(solution, s), float(layout.sigma0[s])
         moves_m = None
         if layout.lever >= 0 and layout.lever <= s < layout.lever + 3:

@@ -154,6 +154,28 @@ def layout_factory(flight: Flight, noise: NoiseModel) -> LayoutFactory:
     return layout
 
 
+def stated_constants(flight: Flight) -> dict[str, float]:
+    """Return the constants that are carried under the sigmas of the flight file.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+
+    Returns
+    -------
+    dict of str to float
+        A-priori sigma, m or s, by the beginning of the names of the error states; without those
+        that the flight file has estimated.
+    """
+    options = flight.filter
+    sigmas = {
+        "antenna lever arm": (options.lever_arm, flight.mounting.antenna_sigma_m),
+        "GNSS time offset": (options.time_offset, flight.gnss.time_sigma_s),
+    }
+    return {name: sigma for name, (asked, sigma) in sigmas.items() if sigma and not asked}
+
+
 def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
     """List the errors of the fixes that are states at first.
 
@@ -173,14 +195,13 @@ def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
     options, gnss = flight.filter, flight.gnss
     correlated, time_s = unfixed_solutions(fixes)
     off = gnss.gm_sigma == "off"
+    stated = stated_constants(flight)
     return FixErrors(
         lever_arm_m=(
-            options.lever_arm_sigma_m
-            if options.lever_arm
-            else flight.mounting.antenna_sigma_m or None
+            options.lever_arm_sigma_m if options.lever_arm else stated.get("antenna lever arm")
         ),
         time_offset_s=(
-            options.time_offset_sigma_s if options.time_offset else gnss.time_sigma_s or None
+            options.time_offset_sigma_s if options.time_offset else stated.get("GNSS time offset")
         ),
         clock_rate=CLOCK_RATE if options.time_offset else None,
         gm_sigma=None if isinstance(gnss.gm_sigma, str) else (gnss.gm_sigma,) * 3,

@@ -94,7 +94,7 @@ def _estimates(segments: Sequence[Segment]) -> Iterator[str]:
         if segment.time_offset_s:
             yield f"the stamps of the fixes moved by {segment.time_offset_s:+.4f} s"
     longest = max(segments, key=lambda segment: segment.solution.time.size)
-    for state in state_verdicts(longest.solution, longest.time_offset_s):
+    for state in state_verdicts(longest.solution, longest.time_offset_s, longest.stated):
         yield (
             f"estimated: {state.name} {state.value:.4g} +- {state.sigma:.2g}, "
             f"{'' if state.observed else 'not '}observed by this flight"

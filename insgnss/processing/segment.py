@@ -1,6 +1,8 @@
 """A segment of a flight between gaps that are not bridged, solved."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -28,6 +30,9 @@ class Segment:
         What the solution says of the flight file.
     time_offset_s : float
         By how much the stamps of the fixes were moved before the solution, s.
+    stated : mapping of str to float
+        A-priori sigma of constants, by the beginning of their names, that the flight file states
+        without asking for them.
     """
 
     solution: Solution
@@ -37,3 +42,4 @@ class Segment:
     history: tuple[str, ...]
     checks: tuple[Check, ...] = ()
     time_offset_s: float = 0.0
+    stated: Mapping[str, float] = MappingProxyType({})

@@ -23,14 +23,19 @@ from ..prepare import gaps
 from ..prepare.clock import SHORTEST_S, common_span
 from ..records import Check
 from .checks import check_segments, refusal
-from .estimation_problem import PreparedSegment, layout_factory, prepare_segment
+from .estimation_problem import (
+    PreparedSegment,
+    layout_factory,
+    prepare_segment,
+    stated_constants,
+)
 from .progress import Progress
 from .recording import Recording
 from .segment import Segment
 
 
 def solve_segments(
-    flight: Flight, recording: Recording, step: Progress, variances: bool = True
+    flight: Flight, recording: Recording, step: Progress
 ) -> tuple[list[Segment], list[Check]]:
     """Solve every segment of a flight that can be solved.
 
@@ -42,8 +47,6 @@ def solve_segments(
         The recording.
     step : Progress
         Receives the name of each step.
-    variances : bool
-        Whether larger noise of the IMU or the fixes is adopted where the innovations show it.
 
     Returns
     -------
@@ -68,7 +71,7 @@ def solve_segments(
         own = flight if span == spans[0] else replace(flight, initial=None)
         try:
             _refuse_short(recording, span)
-            solved.append(solve_segment(own, recording, span, frame, step, variances))
+            solved.append(solve_segment(own, recording, span, frame, step))
         except DataError as error:
             failures.append((span, error))
     if not solved:
@@ -98,7 +101,6 @@ def solve_segment(
     span: tuple[float, float],
     frame: LocalFrame,
     step: Progress,
-    variances: bool = True,
 ) -> Segment:
     """Solve one segment, from the recording to the smoothed states.
 
@@ -117,8 +119,6 @@ def solve_segment(
         The local frame of the flight.
     step : Progress
         Receives the name of each step.
-    variances : bool
-        As of `solve_segments`.
 
     Returns
     -------
@@ -130,7 +130,7 @@ def solve_segment(
     InputError, DataError
         Where the data contradict themselves or do not support the answer.
     """
-    moved_s, solved = 0.0, _solve(flight, recording, span, frame, step, variances)
+    moved_s, solved = 0.0, _solve(flight, recording, span, frame, step)
     # an offset that nobody asked for is a contradiction, and not taken in silence
     for _ in range(ROUNDS if flight.filter.time_offset else 0):
         offset = offset_to_apply(solved.solution)
@@ -140,7 +140,7 @@ def solve_segment(
         step(f"the fixes moved by {moved_s:+.4f} s")
         fixes = replace(recording.gnss, time=recording.gnss.time + moved_s)
         moved = replace(recording, gnss=fixes)
-        solved = _solve(flight, moved, span, frame, step, variances, -moved_s)
+        solved = _solve(flight, moved, span, frame, step, -moved_s)
         solved = replace(solved, time_offset_s=moved_s)
     return solved
 
@@ -151,7 +151,6 @@ def _solve(
     span: tuple[float, float],
     frame: LocalFrame,
     step: Progress,
-    variances: bool,
     expected_offset: float = 0.0,
 ) -> Segment:
     """Prepare, align, filter and smooth a segment, and look for its error model."""
@@ -165,7 +164,7 @@ def _solve(
         flight.filter.second_pass,
         step,
         _requested(flight),
-        variances,
+        flight.filter.adaptive_noise == "auto",
     )
     step("align")
     try:
@@ -186,7 +185,15 @@ def _solve(
         diagnosis = diagnose(search, start, solution)
         solution = diagnosis.solution
         checks, history = (*checks, *diagnosis.checks), (*history, *diagnosis.history)
-    return Segment(solution, prepared.fixes, prepared.grid, prepared.at_event, history, checks)
+    return Segment(
+        solution,
+        prepared.fixes,
+        prepared.grid,
+        prepared.at_event,
+        history,
+        checks,
+        stated=stated_constants(flight),
+    )
 
 
 def _requested(flight: Flight) -> tuple[str, ...]:

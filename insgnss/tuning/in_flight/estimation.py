@@ -139,8 +139,10 @@ def estimate(flight: Flight, chosen: tuple[str, ...], progress: Progress) -> Fli
 
     progress("read")
     recording = _read(flight)
+    # its noise is what is looked for: nothing else may take a share of it
+    flight = replace(flight, filter=replace(flight.filter, adaptive_noise="off"))
     light = replace(flight, output=replace(flight.output, trajectory_hz=EPOCH_HZ))
-    solved, gaps = solve_segments(light, recording, progress, variances=False)
+    solved, gaps = solve_segments(light, recording, progress)
     parts = [piece for segment in solved for piece in _moving(segment, recording)]
     noise, dropped = _estimated(flight, parts, chosen, progress)
     model = model_in_flight(flight, recording, noise)
@@ -240,7 +242,7 @@ def _rejections_again(
     from ...processing.solve_segments import solve_segments
 
     try:
-        solved, _ = solve_segments(flight, recording, progress, variances=False)
+        solved, _ = solve_segments(flight, recording, progress)
         again, rejections = _rejections(solved)
     except InsgnssError:
         return offered
