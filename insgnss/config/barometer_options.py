@@ -1,5 +1,6 @@
 """Table [barometer] of the flight file: heights of a barometer, and how they are weighted."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +11,12 @@ from .schema import check, option, take_record
 if TYPE_CHECKING:
     from ..base.tables import Columns
     from ..records import BarometerHeights
+
+
+def _unit_keys() -> tuple[str, ...]:
+    from ..formats.barometer import UNIT_COLUMNS
+
+    return tuple(UNIT_COLUMNS)
 
 
 @dataclass(frozen=True)
@@ -34,6 +41,14 @@ class BarometerInput:
     )
     columns: "Columns" = option(
         None, "as gnss.columns", kind="columns", usual=BY_HEADER, of_file=True
+    )
+    units: Mapping[str, str] | None = option(
+        None,
+        "pressure: Pa, hPa, mbar, kPa; length (of heights): m, cm, mm; time as imu.units",
+        kind="gnss_units",
+        members=_unit_keys,
+        usual="by header, else Pa, m and s",
+        of_file=True,
     )
     variable: str | None = option(
         None, "message or topic of a log", usual="its first barometer", of_file=True

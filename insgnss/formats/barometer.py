@@ -77,10 +77,10 @@ def read_barometer_text(
         if name in cols:
             cols[name] = cols[name] * factor
     notes = (*open_end(ROWS, table.complete), *notes)
-    return barometer_heights(cols, time, table, str(path), gps_week, notes)
+    return heights_from_columns(cols, time, table, str(path), gps_week, notes)
 
 
-def barometer_heights(
+def heights_from_columns(
     cols: Mapping[str, Array],
     time: Array,
     lines: Lines,

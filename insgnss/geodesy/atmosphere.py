@@ -14,13 +14,14 @@ ISO 2533:1975, equation 12 and tables 1 and 5.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..base.units import STANDARD_GRAVITY
+
 Array = NDArray[np.float64]
 
 T0 = 288.15  # K, at sea level
 P0 = 101325.0  # Pa, at sea level
 LAPSE = 6.5e-3  # K/m
 GAS_CONSTANT = 287.05287  # m^2/(s^2 K), of dry air
-G0 = 9.80665  # m/s^2
 LOWEST_PA = 22632.1  # at 11 km, where the troposphere ends
 
 
@@ -38,4 +39,4 @@ def standard_height(pressure_pa: ArrayLike) -> Array:
         Geopotential height above the level of 101325 Pa, m.
     """
     ratio = np.asarray(pressure_pa, dtype=np.float64) / P0
-    return np.asarray(T0 / LAPSE * (1.0 - ratio ** (GAS_CONSTANT * LAPSE / G0)))
+    return np.asarray(T0 / LAPSE * (1.0 - ratio ** (GAS_CONSTANT * LAPSE / STANDARD_GRAVITY)))

@@ -235,7 +235,11 @@ def read_barometer_file(options: BarometerInput, gps_week: int | None) -> Barome
     heights = options.file
     if isinstance(heights, Path):
         heights = read_barometer(
-            heights, columns=options.columns, variable=options.variable, gps_week=gps_week
+            heights,
+            columns=options.columns,
+            units=options.units,
+            variable=options.variable,
+            gps_week=gps_week,
         )
     return replace(heights, time=heights.time + options.time_offset_s)
 

@@ -107,17 +107,18 @@ def test_heights_that_do_not_follow_the_flight_are_a_contradiction():
 
 
 def test_a_flight_file_names_it(tmp_path):
-    """Oracle: the same heights as an array; half a second late, and taken back by the flight
-    file.
+    """Oracle: the same heights as an array; half a second late and in centimetres, which the
+    flight file says.
     """
     root = tmp_path / "flight"
     data = insgnss.simulate(
         "ign8", 1.5, directory=root, imu_rate_hz=100.0, seed=5, start_in_air=True
     )
     heights = barometer(data.simulated, 5)
-    late = heights + [0.5, 0.0]
+    late = (heights + [0.5, 0.0]) * [1.0, 100.0]
     np.savetxt(root / "barometer.txt", late, fmt="%.6f", header="tow height")
     table = '\n[barometer]\nfile = "barometer.txt"\ntime_offset_s = -0.5\nsigma_m = 0.4\n'
+    table += 'units = { length = "cm" }\n'
     data.flight_file.write_text(data.flight_file.read_text() + table)
     flight = insgnss.load_flight(data.flight_file)
     assert root / "barometer.txt" in input_files(flight)

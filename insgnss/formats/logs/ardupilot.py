@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...base.errors import InputError, UsageError
 from ...records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples, Quantity
-from ..barometer import ROWS, barometer_heights
+from ..barometer import ROWS, heights_from_columns
 from ..events.events import events_in_order
 from ..gnss.fixes import FixScales, fixes_from_columns
 from ..imu.imu_csv import ACCEL, GYRO, Scales, imu_from_columns
@@ -541,4 +541,4 @@ def read_barometer_ardupilot(
     }
     _finite(log, name, cols)
     notes = (clock.note(ROWS), *log.notes(ROWS))
-    return barometer_heights(cols, time, lines, str(path), clock.gps_week, notes)
+    return heights_from_columns(cols, time, lines, str(path), clock.gps_week, notes)

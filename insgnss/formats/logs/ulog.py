@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...base.errors import InputError, UsageError
 from ...geodesy.gpstime import gps_from_unix_utc
 from ...records import BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples, Quantity
-from ..barometer import ROWS, barometer_heights
+from ..barometer import ROWS, heights_from_columns
 from ..events.events import events_in_order
 from ..gnss.fixes import FixScales, fixes_from_columns
 from ..imu.imu_csv import ACCEL, GYRO, Scales, imu_from_columns
@@ -339,4 +339,4 @@ def read_barometer_ulog(
     lines = NumberedRows(str(path), name)
     time = clock.gpst(lines, MICRO * stamp)
     notes = (clock.note(ROWS), *_notes(odd, ROWS))
-    return barometer_heights({canonical: values}, time, lines, str(path), clock.gps_week, notes)
+    return heights_from_columns({canonical: values}, time, lines, str(path), clock.gps_week, notes)
