@@ -1,8 +1,7 @@
 """A segment of a flight between gaps that are not bridged, solved."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -42,4 +41,4 @@ class Segment:
     history: tuple[str, ...]
     checks: tuple[Check, ...] = ()
     time_offset_s: float = 0.0
-    stated: Mapping[str, float] = MappingProxyType({})
+    stated: Mapping[str, float] = field(default_factory=dict)
