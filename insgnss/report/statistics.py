@@ -10,6 +10,15 @@ with probability 1 - alpha, and the lag-1 autocorrelation of each normalised com
 
     +-z(1 - alpha / 2) / sqrt(K)                                                               (T.2)
 
+The forward/backward separation over its sigma is standard normal as well, but not independent from
+epoch to epoch: constants such as a lever arm separate the directions alike all over the flight.
+With its autocorrelations rho_j, K values have as many degrees of freedom as
+
+    K / (1 + 2 sum (1 - j / K) rho_j)                                                          (T.3)
+
+independent ones (Bayley, Hammersley 1946), down to a single one; the sum ends where rho first
+vanishes.
+
 Bar-Shalom, Li, Kirubarajan (2001) 5.4.2. Time-correlated errors of GNSS, which last for longer than
 the interval of the fixes, break (T.2) first.
 """
@@ -25,6 +34,7 @@ Selection = NDArray[np.bool_]
 
 CONFIDENCE = 0.99
 Z_CONFIDENCE = 2.5758293035489  # standard normal quantile of 1 - (1 - CONFIDENCE) / 2
+BEYOND_BOUND = 1e-4  # nine columns, and a flight a day: one false alarm in three years
 NIS_95 = 7.814727903251179  # 95 % point of chi-square with 3 degrees of freedom
 NIS_95_OF_ONE = 3.841458820694124  # with one
 
@@ -119,6 +129,36 @@ def normalised_rms(x: Array, sigma: Array) -> Array:
     squares = np.square(np.divide(x, sigma, out=np.zeros_like(x), where=determined)).sum(axis=0)
     count = determined.sum(axis=0)
     return np.sqrt(np.divide(squares, count, out=np.full(x.shape[1], np.nan), where=count > 0))
+
+
+def rms_bound(x: Array, sigma: Array) -> Array:
+    """Bound of `normalised_rms` by column that an honest one exceeds in one of ten thousand.
+
+    Parameters
+    ----------
+    x, sigma : Array
+        (k, c) values in the order of time, and their sigmas.
+
+    Returns
+    -------
+    Array
+        (c,) the bound, with the degrees of freedom of (T.3); NaN where nothing is determined.
+    """
+    from scipy.special import chdtri
+
+    bound = np.full(x.shape[1], np.nan)
+    for c in range(x.shape[1]):
+        determined = np.isfinite(x[:, c]) & np.isfinite(sigma[:, c]) & (sigma[:, c] > 0.0)
+        z = x[determined, c] / sigma[determined, c]
+        if z.size == 0:
+            continue
+        covered = np.correlate(z, z, "full")[z.size - 1 :]
+        power = max(float(covered[0]), 1e-300)
+        positive = covered[1:] > 0.0
+        last = positive.size if positive.all() else int(np.argmin(positive))
+        dof = max(z.size / (1.0 + 2.0 * float(covered[1 : last + 1].sum()) / power), 1.0)
+        bound[c] = np.sqrt(chdtri(dof, BEYOND_BOUND) / dof)
+    return bound
 
 
 def without_fix(spans: Array, fix_time: Array, used: Selection) -> Array:

@@ -17,7 +17,7 @@ from .coverage import longest_outage, outage_figures, segments, stationary_perio
 from .flightlines import line_figures
 from .rules.verdict import headline, limits, verdict
 from .rules.wording import DEG_H_PER_RAD_S, MG_PER_M_S2, state_unit
-from .statistics import consistency, innovation_figures, normalised_rms
+from .statistics import consistency, innovation_figures, normalised_rms, rms_bound
 
 Array = NDArray[np.float64]
 
@@ -210,6 +210,7 @@ def _separation(d: Diagnostics) -> dict[str, Any]:
     """
     x, one = d.separation, np.ones_like(d.separation)
     rms, ratio = normalised_rms(x, one), normalised_rms(x, d.separation_sigma)
+    bound = rms_bound(x, d.separation_sigma)
     return {
         "axes": NED,
         "epochs": int(np.isfinite(x).any(axis=1).sum()),
@@ -219,6 +220,7 @@ def _separation(d: Diagnostics) -> dict[str, Any]:
             "attitude_deg": np.degrees(rms[6:9]),
         },
         "normalised_rms": {"position": ratio[0:3], "velocity": ratio[3:6], "attitude": ratio[6:9]},
+        "bound": {"position": bound[0:3], "velocity": bound[3:6], "attitude": bound[6:9]},
     }
 
 

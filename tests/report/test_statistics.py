@@ -11,6 +11,7 @@ from insgnss.report.statistics import (
     lag_one,
     mean_bounds,
     normalised_rms,
+    rms_bound,
     without_fix,
 )
 
@@ -83,6 +84,22 @@ def test_normalised_rms_skips_what_is_undetermined() -> None:
     ratio = normalised_rms(x, np.array([[1.0, 1.0], [1.0, 1.0], [1.0, 0.0]]))
     assert ratio[0] == 2.0
     assert np.isnan(ratio[1])
+
+
+def test_the_bound_of_an_rms_knows_what_is_correlated() -> None:
+    """Oracle: chi-square with the degrees of freedom of a constant (1), white noise (K) and a
+    first-order autoregression, K (1 - a) / (1 + a) (its closed form).
+    """
+    K, a, rng = 4000, 0.95, np.random.default_rng(5)
+    white = rng.standard_normal(K)
+    x = np.column_stack([np.full(K, 0.3), white, np.zeros(K), np.full(K, np.nan)])
+    x[0, 2] = white[0]
+    for k in range(1, K):
+        x[k, 2] = a * x[k - 1, 2] + np.sqrt(1.0 - a**2) * white[k]
+    bound = rms_bound(x, np.ones_like(x))
+    dof = np.array([1.0, K, K * (1.0 - a) / (1.0 + a)])
+    np.testing.assert_allclose(bound[:3], np.sqrt(stats.chi2.isf(1e-4, dof) / dof), rtol=0.05)
+    assert np.isnan(bound[3])
 
 
 def test_time_without_fix_counts_both_ends_and_rejections() -> None:

@@ -18,7 +18,7 @@ OTHER_UNIT = 0.1  # innovations in sigmas: below it these have another unit than
 LAG_ONE_MATTERS = 0.3
 MEAN_MATTERS = 0.5  # of the rms
 REJECTED_MATTERS = 0.01  # share of the fixes
-SEPARATION_MATTERS = 1.5  # normalised rms
+SEPARATION_MATTERS = 1.5  # normalised rms, where its own bound is not larger
 AXES = ("north", "east", "down")
 STAYS_S, FEW_MATTER = (
     300.0,
@@ -47,8 +47,17 @@ def contradicted(f: Figures) -> bool:
 
     They do where the covariance was reset, or where forward and backward disagree.
     """
-    ratios = [r for of in f["separation"]["normalised_rms"].values() for r in of if r]
-    return bool(f["covariance_resets_s"]) or any(r > SEPARATION_MATTERS for r in ratios)
+    return bool(f["covariance_resets_s"]) or any(_apart(f))
+
+
+def _apart(f: Figures) -> Iterator[tuple[float, str, str]]:
+    """Yield the separations that exceed their sigmas: over its bound, text, state."""
+    separation = f["separation"]
+    for state, ratios in separation["normalised_rms"].items():
+        bounds = separation["bound"][state]
+        for ratio, bound, axis in zip(ratios, bounds, separation["axes"], strict=True):
+            if ratio is not None and ratio > (limit := max(SEPARATION_MATTERS, bound)):
+                yield float(ratio / limit), f"{ratio:.1f} in {state} {axis}", state
 
 
 def rejected(f: Figures) -> Iterator[Limit]:
@@ -212,22 +221,18 @@ def _why_correlated(f: Figures, text: str, sign: float) -> tuple[str, str]:
 
 def separation(f: Figures) -> Iterator[Limit]:
     """Yield the separation of forward and backward where it exceeds its sigmas."""
-    axes, worst = f["separation"]["axes"], []
-    for state, ratios in f["separation"]["normalised_rms"].items():
-        determined = [(r, axis) for r, axis in zip(ratios, axes, strict=True) if r is not None]
-        if determined and max(determined)[0] > SEPARATION_MATTERS:
-            worst.append((*max(determined), state))
+    worst = {}
+    for size, listed, state in sorted(_apart(f)):
+        worst[state] = size, listed  # the largest of each
     if worst:
-        worst.sort(reverse=True)
-        listed = ", ".join(f"{ratio:.1f} in {state} {axis}" for ratio, axis, state in worst)
+        ranked = sorted(worst.values(), reverse=True)
+        listed = ", ".join(text for _, text in ranked)
         why = (
             "the IMU noise model or the GNSS sigmas are too small, or the lever arm or a clock is"
             " wrong"
         )
         text = f"forward and backward disagree by, in sigmas (rms), {listed}: {why}"
-        yield Limit(
-            "separation", TRUST * worst[0][0] / SEPARATION_MATTERS, text, "see in its figure where"
-        )
+        yield Limit("separation", TRUST * ranked[0][0], text, "see in its figure where")
 
 
 def time_correlated(f: Figures) -> Iterator[Limit]:
