@@ -61,9 +61,9 @@ class MountingTable:
         unit="m",
     )
     antenna_sigma_m: float = option(
-        0.0,
-        "standard deviation of each component of the lever arm from the IMU to the antenna, such "
-        "as a caliper's 0.005: carried as states, so that every covariance holds it; 0: exact",
+        0.005,
+        "standard deviation of each component of the lever arm from the IMU to the antenna: what a "
+        "caliper gives, carried as states, so that every covariance holds it; 0: exact",
         unit="m",
         low=0.0,
         high=10.0,

@@ -98,9 +98,9 @@ class GnssInput:
     )
     time_offset_s: float = option(0.0, "added to the stamps of this sensor", unit="s")
     time_sigma_s: float = option(
-        0.0,
-        "standard deviation of what the stamps of the fixes lack, such as 0.0002 of an IMU on the "
-        "receiver's PPS: carried as a state, so that every covariance holds it; 0: exact",
+        2e-4,
+        "standard deviation of what the stamps of the fixes lack: what an IMU on the receiver's "
+        "PPS has, carried as a state, so that every covariance holds it; 0: exact",
         unit="s",
         low=0.0,
         high=1.0,

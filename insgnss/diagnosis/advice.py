@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..navigation.codes import POS
 from ..navigation.layout import FixErrors
 from ..navigation.solution import Solution
 from ..orient.mounting import Mounting
 from ..records import Array, Check
-from .constants import OF_FIXES, STRONG, Hypothesis
+from .constants import OF_FIXES, STRONG, ConstantsEvidence, Hypothesis
 from .estimated import rms_speed
 
 if TYPE_CHECKING:
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 NEGLIGIBLE_M = 0.02  # a right lever arm came out 11 mm off on a simulated flight from RINEX
 DETERMINED_M = 0.05  # sigma of a lever arm: beyond it slow errors that nobody claims can make it up
+SEEN = 4.0  # sigmas of what a flight tells: from there on its log evidence is strong
+UNSEEN_M = 0.05
+UNSEEN_SIGMA = 3.0
 AXES = ("forward", "right", "down")
 LEVER_ARM, OFFSET, RATE = "antenna lever arm", "GNSS time offset", "GNSS clock rate"
 
@@ -86,6 +90,67 @@ def advice(
         if own:
             add(kind, _of_imu(own, unit, factor, key, by))
     return [check for _, check in sorted(checks, key=lambda one: -one[0])]
+
+
+def unseen(solution: Solution, constants: ConstantsEvidence) -> Check | None:
+    """Say how well a flight by itself tells the constants of its fixes, and what it cannot see.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight.
+    constants : ConstantsEvidence
+        What its innovations say of the constants.
+
+    Returns
+    -------
+    Check or None
+        A note where an error could stay unseen (`SEEN` sigmas of what the flight tells) that moves
+        positions by more than `UNSEEN_M` and `UNSEEN_SIGMA` of their median sigma; None where all
+        of them are estimated in any case.
+    """
+    known = constants.known_to()
+    speed = rms_speed(solution)
+    of_position = np.sqrt(np.diagonal(solution.P[:, POS, POS], axis1=1, axis2=2)).max(axis=1)
+    limit = max(UNSEEN_M, UNSEEN_SIGMA * float(np.median(of_position)))
+    told, hidden = [], []
+    if not LEVER_ARM.startswith(constants.requested or ("?",)):
+        sigmas = [known.get(f"{LEVER_ARM} {axis}", np.inf) for axis in AXES]
+        each = " / ".join(_millimetres(sigma) for sigma in sigmas)
+        told.append(f"the {LEVER_ARM} to {each} mm ({', '.join(AXES)})")
+        hidden += [
+            f"{LEVER_ARM} {axis} below {_millimetres(SEEN * sigma)} mm"
+            for axis, sigma in zip(AXES, sigmas, strict=True)
+            if SEEN * sigma > limit
+        ]
+    if not OFFSET.startswith(constants.requested or ("?",)):
+        sigma = known.get(OFFSET, np.inf)
+        told.append(
+            f"the stamps of the fixes to {1e3 * sigma:.2g} ms ({_millimetres(sigma * speed)} mm "
+            "along track)"
+        )
+        if SEEN * sigma * speed > limit:
+            hidden.append(f"{OFFSET} below {1e3 * SEEN * sigma:.2g} ms")
+    if not told:
+        return None
+    found = f"this flight tells {' and '.join(told)}"
+    if hidden:
+        found += f"; it would not show errors of {', '.join(hidden)}"
+    return Check(
+        "unseen constants",
+        found,
+        f"errors of more than {1e3 * limit:.0f} mm seen",
+        "note" if hidden else "ok",
+        "measure them, and state how well: mounting.antenna_sigma_m, gnss.time_sigma_s; turns,"
+        " tilts and changes of speed show them"
+        if hidden
+        else "",
+    )
+
+
+def _millimetres(metres: float) -> str:
+    """Return a length in millimetres, three digits at most."""
+    return f"{1e3 * metres:.0f}" if metres < 10.0 else "many"
 
 
 def variance_check(suspected: "VarianceHypothesis") -> Check:

@@ -16,7 +16,7 @@ from ..navigation.problem import EstimationProblem, InitialState
 from ..navigation.solution import Solution, solve
 from ..orient.mounting import Mounting
 from ..records import Check
-from .advice import advice, message, variance_check
+from .advice import advice, message, unseen, variance_check
 from .candidates import (
     ErrorModel,
     LayoutFactory,
@@ -139,12 +139,16 @@ def diagnose(search: ErrorModelSearch, start: InitialState, solution: Solution) 
         return Diagnosis(solution)
     posed = solution.problem, start
     here = _State(solution, ErrorModel(search.requested_errors))
+    constants = None
     for _ in range(ROUNDS):
-        there = _next(search, posed, here)
+        search.progress("what the innovations say of the constants")
+        constants = search.constants(*posed, here.model) or constants
+        there = _next(search, posed, here, constants)
         if there is None:
             break
         here = there
-    return Diagnosis(here.solution, here.checks, here.history)
+    seen = None if constants is None else unseen(here.solution, constants)
+    return Diagnosis(here.solution, (*here.checks, *([seen] if seen else [])), here.history)
 
 
 @dataclass(frozen=True)
@@ -162,32 +166,31 @@ Candidate = tuple[float, Callable[[], _State | None]]
 """Log evidence, and what adopts it; None where the flight has no solution with it."""
 
 
-def _next(search: ErrorModelSearch, posed: Posed, here: _State) -> _State | None:
+def _next(
+    search: ErrorModelSearch, posed: Posed, here: _State, constants: ConstantsEvidence | None
+) -> _State | None:
     """Return the state after the winner has been adopted; None where nothing gains."""
-    problem, start = posed
-    search.progress("what the innovations say of the constants")
-    constants = search.constants(problem, start, here.model)
     suspected = None if constants is None else constants.strongest()
     variances = VarianceSearch(here.solution, search.progress)
     promising = search.variances and bool(variances.promising())
-    with_constants = None
+    remedied = None
     if (
         constants is not None
         and suspected is not None
         and not here.attempted & set(suspected.groups)
     ):
-        with_constants = _with_constants(search, posed, here, constants, suspected)
-        after = promising and with_constants is not None
-        left = _left(search, with_constants.solution, OF_IMU) if after and with_constants else 0.0
+        remedied = _with_constants(search, posed, here, constants, suspected)
+        after = promising and remedied is not None
+        left = _left(search, remedied.solution, OF_IMU) if after and remedied else 0.0
         if left > suspected.evidence:
-            with_constants = None  # a remedy that leaves more than it explains is none
-        elif left < LEAST_PROMISE and with_constants is not None:
-            return with_constants
+            remedied = None  # a remedy that leaves more than it explains is none
+        elif left < LEAST_PROMISE and remedied is not None:
+            return remedied
     candidates = [_variance(search, posed, here, variances)] if promising else []
     if search.time_correlated and "time-correlated" not in here.attempted:
         candidates.append(_time_correlated(search, posed, here, variances))
-    if suspected is not None and with_constants is not None:
-        candidates.append((suspected.evidence, lambda: with_constants))
+    if suspected is not None and remedied is not None:
+        candidates.append((suspected.evidence, lambda: remedied))
     ranked = sorted(filter(None, candidates), key=lambda one: -one[0])
     return next((state for _, adopt in ranked if (state := adopt()) is not None), None)
 

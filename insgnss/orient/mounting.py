@@ -43,6 +43,7 @@ from ..records import Array
 from ..records._checked import float_array
 
 ROTATION_TOLERANCE = 1e-4
+ANTENNA_SIGMA_M = 0.005  # of a component of a lever arm that a caliper measured
 """Greatest entry by which a printed matrix may differ from a rotation: four decimals, as tables are
 printed.
 """
@@ -134,7 +135,7 @@ class Mounting:
     imu_m: Array = field(default_factory=lambda: np.zeros(3))
     camera_from_body: Array = field(default_factory=lambda: np.array(PAPER_CAMERA_FROM_BODY))
     boresight: Array = field(default_factory=lambda: np.eye(3))
-    antenna_sigma_m: float = 0.0
+    antenna_sigma_m: float = ANTENNA_SIGMA_M
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.antenna_sigma_m <= 10.0:
@@ -153,7 +154,7 @@ class Mounting:
         camera_lever_b: ArrayLike = (0.0, 0.0, 0.0),
         camera_from_body: ArrayLike = PAPER_CAMERA_FROM_BODY,
         boresight: ArrayLike = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
-        antenna_sigma_m: float = 0.0,
+        antenna_sigma_m: float = ANTENNA_SIGMA_M,
     ) -> "Mounting":
         """Return the mounting of lever arms that start at the IMU and stand in body axes.
 

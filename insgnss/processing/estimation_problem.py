@@ -166,9 +166,11 @@ def stated_constants(flight: Flight) -> dict[str, float]:
     -------
     dict of str to float
         A-priori sigma, m or s, by the beginning of the names of the error states; without those
-        that the flight file has estimated.
+        that the flight file has estimated, and none of a sensor that stands.
     """
     options = flight.filter
+    if flight.gnss.stationary is not None:
+        return {}
     sigmas = {
         "antenna lever arm": (options.lever_arm, flight.mounting.antenna_sigma_m),
         "GNSS time offset": (options.time_offset, flight.gnss.time_sigma_s),

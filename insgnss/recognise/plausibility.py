@@ -72,6 +72,7 @@ NAMES = (
     "IMU misalignments",
     "IMU noise",
     "GNSS sigmas",
+    "unseen constants",
     "turn-on bias",
 )
 """Of all checks; the flight file's `accept` takes them."""

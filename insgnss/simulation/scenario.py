@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 JOURNEYS = {"car": drive, "walk": walk}
 JOURNEY_MIN = 5.0
+EXACT_M, EXACT_S = 1e-3, 5e-5  # what flight files state of a lever arm and stamps that are exact
 FLIGHTS = (*PLANS, *JOURNEYS)
 
 
@@ -79,7 +80,7 @@ class SimulatedFlight:
         rig = self.rig
         vectors = (rig.antenna_m, rig.imu_m, rig.camera_from_body, rig.boresight)
         antenna_m, imu_m, camera_from_body, boresight = (np.array(x) for x in vectors)
-        return Mounting(antenna_m, imu_m, camera_from_body, boresight)
+        return Mounting(antenna_m, imu_m, camera_from_body, boresight, EXACT_M)
 
     def __repr__(self) -> str:
         """Return the recordings in one line."""
