@@ -109,36 +109,36 @@ def unseen(solution: Solution, constants: ConstantsEvidence) -> Check | None:
         positions by more than `UNSEEN_M` and `UNSEEN_SIGMA` of their median sigma; None where all
         of them are estimated in any case.
     """
-    known = constants.known_to()
+    alone = constants.known_to()
     speed = rms_speed(solution)
     of_position = np.sqrt(np.diagonal(solution.P[:, POS, POS], axis1=1, axis2=2)).max(axis=1)
     limit = max(UNSEEN_M, UNSEEN_SIGMA * float(np.median(of_position)))
-    told, hidden = [], []
+    parts, hidden = [], []
     if not LEVER_ARM.startswith(constants.requested or ("?",)):
-        sigmas = [known.get(f"{LEVER_ARM} {axis}", np.inf) for axis in AXES]
+        sigmas = [alone.get(f"{LEVER_ARM} {axis}", np.inf) for axis in AXES]
         each = " / ".join(_millimetres(sigma) for sigma in sigmas)
-        told.append(f"the {LEVER_ARM} to {each} mm ({', '.join(AXES)})")
+        parts.append(f"the {LEVER_ARM} to {each} mm ({', '.join(AXES)})")
         hidden += [
             f"{LEVER_ARM} {axis} below {_millimetres(SEEN * sigma)} mm"
             for axis, sigma in zip(AXES, sigmas, strict=True)
             if SEEN * sigma > limit
         ]
     if not OFFSET.startswith(constants.requested or ("?",)):
-        sigma = known.get(OFFSET, np.inf)
-        told.append(
+        sigma = alone.get(OFFSET, np.inf)
+        parts.append(
             f"the stamps of the fixes to {1e3 * sigma:.2g} ms ({_millimetres(sigma * speed)} mm "
             "along track)"
         )
         if SEEN * sigma * speed > limit:
             hidden.append(f"{OFFSET} below {1e3 * SEEN * sigma:.2g} ms")
-    if not told:
+    if not parts:
         return None
-    found = f"this flight tells {' and '.join(told)}"
+    text = f"this flight tells {' and '.join(parts)}"
     if hidden:
-        found += f"; it would not show errors of {', '.join(hidden)}"
+        text += f"; it would not show errors of {', '.join(hidden)}"
     return Check(
         "unseen constants",
-        found,
+        text,
         f"errors of more than {1e3 * limit:.0f} mm seen",
         "note" if hidden else "ok",
         "measure them, and state how well: mounting.antenna_sigma_m, gnss.time_sigma_s; turns,"

@@ -78,6 +78,7 @@ def make_epochs(
         has_position=has,
         position=position,
         position_cov=cov,
+        withheld=np.zeros(m, dtype=np.bool_),
         has_velocity=has_velocity,
         velocity=velocity,
         velocity_cov=velocity_cov,

@@ -175,7 +175,7 @@ def stated_constants(flight: Flight) -> dict[str, float]:
         "antenna lever arm": (options.lever_arm, flight.mounting.antenna_sigma_m),
         "GNSS time offset": (options.time_offset, flight.gnss.time_sigma_s),
     }
-    return {name: sigma for name, (asked, sigma) in sigmas.items() if sigma and not asked}
+    return {name: sigma for name, (requested, sigma) in sigmas.items() if sigma and not requested}
 
 
 def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:

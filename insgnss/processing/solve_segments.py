@@ -13,10 +13,17 @@ from ..align.initial import given_attitude, initial_state
 from ..base.errors import DataError
 from ..config.flight_file import Flight
 from ..diagnosis.decision import ErrorModelSearch, diagnose, explain_failure
+from ..diagnosis.incorrect_fixes import (
+    Spell,
+    incorrect_check,
+    spells_apart,
+    with_steps,
+    withhold_incorrect_fixes,
+)
 from ..diagnosis.time_offset import ROUNDS, offset_to_apply
 from ..diagnosis.turn_on_bias import check_biases_in_innovations, with_turn_on, without_turn_on
 from ..geodesy.frames import LocalFrame
-from ..navigation.codes import NAV
+from ..navigation.codes import COVARIANCE_RESET, NAV, POSITION
 from ..navigation.problem import EstimationProblem, InitialState
 from ..navigation.solution import Solution, solve
 from ..prepare import gaps
@@ -167,10 +174,11 @@ def _solve(
         flight.filter.adaptive_noise == "auto",
     )
     step("align")
+    spells: tuple[Spell, ...] = ()
     try:
         start, how = _align(flight, prepared.problem)
         start = _expecting(start, prepared.problem.layout.offset, expected_offset)
-        solution = solve(prepared.problem, start, flight.filter.second_pass, step)
+        prepared, spells, solution = _filtered(flight, prepared, start, step)
     except DataError as error:
         step("what would explain it")
         _refuse_what_explains(flight, recording, prepared, search, error)
@@ -185,6 +193,11 @@ def _solve(
         diagnosis = diagnose(search, start, solution)
         solution = diagnosis.solution
         checks, history = (*checks, *diagnosis.checks), (*history, *diagnosis.history)
+    if spells:
+        checks = (*checks, incorrect_check(solution.problem, spells, True))
+    if priced := spells_apart(solution.problem, solution):
+        solution = with_steps(solution, priced)
+        checks = (*checks, incorrect_check(solution.problem, tuple(priced), False))
     return Segment(
         solution,
         prepared.fixes,
@@ -194,6 +207,30 @@ def _solve(
         checks,
         stated=stated_constants(flight),
     )
+
+
+def _filtered(
+    flight: Flight, prepared: PreparedSegment, start: InitialState, step: Progress
+) -> tuple[PreparedSegment, tuple[Spell, ...], Solution]:
+    """Filter and smooth a segment, without the fixes of spells that stand apart from the rest."""
+    failure = None
+    try:
+        solution = solve(prepared.problem, start, flight.filter.second_pass, step)
+        if not np.any(solution.verdict[:, POSITION] == COVARIANCE_RESET):
+            return prepared, (), solution
+    except DataError as error:
+        failure = error
+    step("which fixes stand apart")
+    problem, spells = withhold_incorrect_fixes(prepared.problem, start)
+    if spells:
+        try:
+            again = solve(problem, start, flight.filter.second_pass, step)
+            return replace(prepared, problem=problem), spells, again
+        except DataError:
+            pass
+    if failure is not None:
+        raise failure
+    return prepared, (), solution
 
 
 def _requested(flight: Flight) -> tuple[str, ...]:

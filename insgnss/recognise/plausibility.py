@@ -73,6 +73,7 @@ NAMES = (
     "IMU noise",
     "GNSS sigmas",
     "unseen constants",
+    "incorrect fixes",
     "turn-on bias",
 )
 """Of all checks; the flight file's `accept` takes them."""

@@ -208,6 +208,8 @@ class _Update:
     def _decide(self, epoch: int, kind: int, nis: float) -> int:
         """Return `USED`, `REJECTED`, or `COVARIANCE_RESET` for a position after rejected ones."""
         time = float(self.problem.epochs.time[epoch])
+        if kind == POSITION and self.problem.epochs.withheld[epoch]:
+            return REJECTED
         if nis <= self.problem.gate:
             decision = USED
         elif kind != POSITION:

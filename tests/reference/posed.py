@@ -43,6 +43,7 @@ class Pose:
     gap: bool = False
     problem: dict[str, Any] = field(default_factory=dict)
     displaced: tuple[int, int, float] | None = None  # first and last epoch, m
+    withheld: tuple[int, int] | None = None  # first and last epoch
     heading_deg: float = 0.8
     barometer: BarometerErrors | None = None
 
@@ -106,6 +107,9 @@ def _measured(problem: EstimationProblem, pose: Pose) -> Any:
     if pose.displaced is not None:
         first, last, by = pose.displaced
         position[first : last + 1] += [by, -0.5 * by, 0.3 * by]
+    withheld = ep.withheld.copy()
+    if pose.withheld is not None:
+        withheld[pose.withheld[0] : pose.withheld[1] + 1] = True
     cov = np.zeros((m, 3, 3))
     cov[motion == ZUPT] = np.diag([1.0, 0.4, 0.2])  # m^2/s^2: it does not stand still in fact
     cov[motion == NHC] = np.diag([1.0, 0.01, 0.02])
@@ -123,6 +127,7 @@ def _measured(problem: EstimationProblem, pose: Pose) -> Any:
         zaru_rate=rate,
         group=group,
         position=position,
+        withheld=withheld,
         barometer_height=height,
         barometer_variance=height_variance,
     )

@@ -128,6 +128,7 @@ CASES = {
         "unfixed",
         COARSE,
     ),
+    "withheld fixes": Case(Pose(withheld=(12, 20), displaced=(12, 20, 0.5))),
     "gate": Case(Pose(problem={"gate": FIVE_SIGMA}, displaced=(12, 12, 3.0))),
     "robust weight": Case(
         Pose(problem={"gate": FIVE_SIGMA, "huber_threshold": TWO_SIGMA}, displaced=(12, 14, 0.08))

@@ -144,9 +144,10 @@ def run_forward(intervals, epochs, model, earth, lever_b, nav0, x0, m0, P0, opti
             for i in range(3):
                 history.innovation[e, b + i] = innovation[0, i]
                 history.innovation_sigma[e, b + i] = innovation[1, i]
-            if nis > options.gate:
+            withheld = kind == POSITION and epochs.withheld[e]
+            if nis > options.gate or withheld:
                 history.verdict[e, kind] = REJECTED
-                if kind != POSITION:
+                if kind != POSITION or withheld:
                     continue
                 if rejected_since == ABSENT:
                     rejected_since = e

@@ -168,6 +168,8 @@ class Epochs(NamedTuple):
         (m, 3) m, antenna in l.
     position_cov : ndarray
         (m, 3, 3) m^2, in l.
+    withheld : ndarray
+        (m,) bool, whether the position is looked at and not used.
     has_velocity : ndarray
         (m,) bool.
     velocity : ndarray
@@ -204,6 +206,7 @@ class Epochs(NamedTuple):
     has_position: np.ndarray
     position: np.ndarray
     position_cov: np.ndarray
+    withheld: np.ndarray
     has_velocity: np.ndarray
     velocity: np.ndarray
     velocity_cov: np.ndarray

@@ -1,0 +1,212 @@
+"""Spells of incorrect fixes: an ambiguity resolved wrongly, which lasts for seconds or a minute.
+
+The IMU carries the position from one fix to the next to a fraction of its sigma, so that a step of
+the fixes shows at its onset and, with the opposite sign, at its end: fixes are rejected, and the
+covariance is reset (K.7). n steps divide the flight into n + 1 spells that stand alternately on the
+one level and on the other,
+
+    s_0 | s_1 | s_2 | ... | s_n
+
+and no fix tells which of the levels is right: the flight file's, by what lasts longer. The even or
+the odd ones, whichever are shorter in all, are withheld (looked at, and not used), and the flight
+is filtered again; this is a remedy where no reset is left, and where the step out of each spell
+takes back the step into it (noise does not). Spells that are too long to be carried
+by the IMU alone, `LONGEST_S`, are used as they are; in them the covariance of the position is
+enlarged by the step d itself,
+
+    P + d d'                                                                                   (S.1)
+
+since the error is one of the step or none.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..base.errors import DataError
+from ..navigation.codes import COVARIANCE_RESET, NOT_MEASURED, POS, POSITION, REJECTED
+from ..navigation.filter import make_history, run_filter
+from ..navigation.kernels.records import FilterHistory
+from ..navigation.problem import EstimationProblem, InitialState
+from ..navigation.solution import Solution
+from ..records import Array, Check
+
+LONGEST_S = 60.0  # of a spell whose fixes are withheld: a MEMS IMU alone is then a metre off
+MOST_WITHHELD = 0.2  # share of the fixes
+TAKEN_BACK = 0.5  # of the larger step, by which a spell's two steps may differ
+PASSES = 4  # of the filter, each of which may show further steps
+
+
+@dataclass(frozen=True)
+class Spell:
+    """Consecutive epochs whose fixes stand apart from the rest.
+
+    Parameters
+    ----------
+    first, last : int
+        Its first and last epoch.
+    step : Array
+        (3,) m, in l: by how much its fixes are off those before, or after the first of a flight.
+    misclosure : float
+        By what share of the larger one the steps into it and out of it differ; 0 at an end.
+    """
+
+    first: int
+    last: int
+    step: Array
+    misclosure: float = 0.0
+
+
+def withhold_incorrect_fixes(
+    problem: EstimationProblem, start: InitialState
+) -> tuple[EstimationProblem, tuple[Spell, ...]]:
+    """Withhold the fixes of spells that stand apart from the rest of a flight.
+
+    Parameters
+    ----------
+    problem, start : EstimationProblem, InitialState
+        The problem and its initial state.
+
+    Returns
+    -------
+    tuple of EstimationProblem and tuple of Spell
+        The problem with these fixes withheld, and the spells; the problem itself and none where
+        that is no remedy.
+    """
+    candidate = problem
+    spells: tuple[Spell, ...] = ()
+    for _ in range(PASSES):
+        history = _filtered(candidate, start)
+        if history is None:
+            return problem, ()
+        if not np.any(history.verdict[:, POSITION] == COVARIANCE_RESET):
+            return (candidate, spells) if spells else (problem, ())
+        apart = spells_apart(candidate, history)
+        fixes = np.count_nonzero(candidate.epochs.has_position)
+        withheld = candidate.epochs.withheld.copy()
+        for spell in apart:
+            withheld[spell.first : spell.last + 1] = True
+        seconds = [candidate.epochs.time[s.last] - candidate.epochs.time[s.first] for s in apart]
+        too_many = (
+            np.count_nonzero(withheld & candidate.epochs.has_position) > MOST_WITHHELD * fixes
+        )
+        closes = all(spell.misclosure < TAKEN_BACK for spell in apart)
+        if not apart or not closes or max(seconds) > LONGEST_S or too_many:
+            return problem, ()
+        spells = tuple(sorted((*spells, *apart), key=lambda spell: spell.first))
+        candidate = replace(candidate, epochs=candidate.epochs._replace(withheld=withheld))
+    return problem, ()
+
+
+def spells_apart(problem: EstimationProblem, history: FilterHistory | Solution) -> list[Spell]:
+    """Return the spells that stand apart from the greater part of a flight.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    history : FilterHistory or Solution
+        What a filter left of it: verdicts and innovations.
+
+    Returns
+    -------
+    list of Spell
+        Every other one of those between the steps, those that are shorter in all.
+    """
+    verdict = history.verdict[:, POSITION]
+    fixes = np.flatnonzero((verdict != NOT_MEASURED) & ~problem.epochs.withheld)
+    onsets: list[int] = []  # the first of the rejected fixes before a reset
+    steps: list[Array] = []  # the innovation there
+    for index in np.flatnonzero(verdict[fixes] == COVARIANCE_RESET):
+        onset = int(index)
+        while onset > 0 and verdict[fixes[onset - 1]] == REJECTED:
+            onset -= 1
+        onsets.append(onset)
+        steps.append(np.array(history.innovation[fixes[onset], :3]))
+    bounds = [0, *onsets, fixes.size]
+    parts = [(bounds[k], bounds[k + 1]) for k in range(len(bounds) - 1)]
+    shorter = min((0, 1), key=lambda parity: sum(last - first for first, last in parts[parity::2]))
+    spells = []
+    for k in range(shorter, len(parts), 2):
+        first, last = parts[k]
+        if last > first:
+            into = steps[k - 1] if k > 0 else -steps[0]
+            out = steps[k] if k < len(steps) else -into
+            largest = max(float(np.linalg.norm(step)) for step in (into, out))
+            closure = float(np.linalg.norm(into + out)) / largest
+            spells.append(Spell(int(fixes[first]), int(fixes[last - 1]), into, closure))
+    return spells
+
+
+def with_steps(solution: Solution, spells: list[Spell]) -> Solution:
+    """Enlarge the covariance of the positions of spells by the step itself (S.1).
+
+    Parameters
+    ----------
+    solution : Solution
+        The solved flight, whose covariances are changed in index.
+    spells : list of Spell
+        The spells.
+
+    Returns
+    -------
+    Solution
+        The same.
+    """
+    for spell in spells:
+        outer = np.outer(spell.step, spell.step)
+        solution.P[spell.first : spell.last + 1, POS, POS] += outer
+        inside = (solution.event_epochs >= spell.first) & (solution.event_epochs <= spell.last)
+        neighbours = np.flatnonzero(inside[1:] & inside[:-1]) + 1
+        solution.event_cross[neighbours, POS, POS] += outer
+    return solution
+
+
+def incorrect_check(problem: EstimationProblem, spells: tuple[Spell, ...], withheld: bool) -> Check:
+    """Say which fixes stand apart, and what was done.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    spells : tuple of Spell
+        The spells.
+    withheld : bool
+        Whether their fixes are withheld; else the covariance is enlarged.
+
+    Returns
+    -------
+    Check
+        A note.
+    """
+    time = problem.inc.marks
+    listed = "; ".join(
+        f"{time[s.first]:.1f} to {time[s.last]:.1f} s by"
+        f" {1e3 * float(np.linalg.norm(s.step)):.0f} mm"
+        for s in spells[:5]
+    )
+    more = f" and {len(spells) - 5} more" if len(spells) > 5 else ""
+    done = (
+        "they are left out"
+        if withheld
+        else "nothing tells which level is right: there the covariance is enlarged by the step"
+    )
+    return Check(
+        "incorrect fixes",
+        f"fixes stand apart from those before and after, as with an incorrect ambiguity: {listed}"
+        f"{more}; {done}",
+        "one level throughout",
+        "note",
+        "see the quality of the PPK solution there",
+    )
+
+
+def _filtered(problem: EstimationProblem, start: InitialState) -> FilterHistory | None:
+    """Filter a flight, however often its covariance is reset; None where the filter diverges."""
+    history = make_history(problem.epochs, problem.layout)
+    try:
+        run_filter(problem, start, history)
+    except DataError:
+        if not np.isfinite(history.nav[-1]).all():
+            return None
+    return history

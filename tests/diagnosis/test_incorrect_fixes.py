@@ -1,0 +1,96 @@
+"""Spells of incorrect fixes: which are withheld, and what they cost where nothing tells."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flown import fly, start_near
+
+from insgnss.diagnosis.incorrect_fixes import (
+    incorrect_check,
+    spells_apart,
+    with_steps,
+    withhold_incorrect_fixes,
+)
+from insgnss.navigation.codes import COVARIANCE_RESET, POSITION, REJECTED
+from insgnss.navigation.filter import gate_from_sigma
+from insgnss.navigation.solution import solve
+
+STEP = np.array([0.4, -0.3, 0.5])
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """Two minutes with fixes at 10 Hz."""
+    return fly(120.0, seed=3, imu_hz=100.0, gate=gate_from_sigma(5.0))
+
+
+def start(flown):
+    """The truth, within 10 cm, 5 cm/s, 0.5 deg and 1 deg of heading."""
+    return start_near(flown, np.array([0.1] * 3 + [0.05] * 3 + list(np.radians([0.5, 0.5, 1.0]))))
+
+
+def with_spells(flown, *spans):
+    """The problem with the fixes of some seconds off by STEP."""
+    epochs = flown.problem.epochs
+    position = epochs.position.copy()
+    for first, last in spans:
+        position[(epochs.time > first) & (epochs.time < last)] += STEP
+    return replace(flown.problem, epochs=epochs._replace(position=position))
+
+
+def bounds(problem, spells):
+    return [tuple(np.round(problem.epochs.time[[s.first, s.last]], 1)) for s in spells]
+
+
+@pytest.mark.parametrize("spans", [[(50, 65)], [(30, 35), (80, 90)], [(-1, 12)], [(105, 130)]])
+def test_spells_are_found_and_withheld(flown, spans):
+    """Oracle: what was planted, in the middle and at either end; the true motion."""
+    problem = with_spells(flown, *spans)
+    withheld, spells = withhold_incorrect_fixes(problem, start(flown))
+    found = bounds(problem, spells)
+    assert len(found) == len(spans)
+    for (first, last), span, spell in zip(found, spans, spells, strict=True):
+        assert first == pytest.approx(max(span[0], 0.0), abs=0.25)
+        assert last == pytest.approx(min(span[1], problem.epochs.time[-1]), abs=0.25)
+        assert np.abs(spell.step - STEP).max() < 0.15
+    solution = solve(withheld, start(flown))
+    assert not np.any(solution.verdict[:, POSITION] == COVARIANCE_RESET)
+    inside = withheld.epochs.withheld & withheld.epochs.has_position
+    assert (solution.verdict[inside, POSITION] == REJECTED).all()
+    check = incorrect_check(withheld, spells, True)
+    assert check.verdict == "note"
+    assert "they are left out" in check.found
+
+
+@pytest.mark.parametrize("spans", [[], [(40, 80)]])
+def test_what_is_right_or_too_long_is_left_alone(flown, spans):
+    """Oracle: nothing planted; a third of the fixes, of which nobody knows that they are wrong."""
+    problem = with_spells(flown, *spans)
+    same, spells = withhold_incorrect_fixes(problem, start(flown))
+    assert same is problem
+    assert spells == ()
+
+
+def test_a_step_that_is_not_taken_back_is_no_spell(flown):
+    """Oracle: fixes that step to and fro in different directions, as noise does."""
+    problem = with_spells(flown, (50, 60))
+    position = problem.epochs.position.copy()
+    position[problem.epochs.time > 60] += [-0.5, 0.4, 0.6]
+    problem = replace(problem, epochs=problem.epochs._replace(position=position))
+    assert withhold_incorrect_fixes(problem, start(flown))[1] == ()
+
+
+def test_what_cannot_be_decided_is_in_the_covariance(flown):
+    """Oracle: (S.1) by hand; a spell of 40 of 120 s that is used."""
+    problem = with_spells(flown, (40, 80))
+    solution = solve(problem, start(flown))
+    before = solution.P[:, :3, :3].copy()
+    spells = spells_apart(problem, solution)
+    assert bounds(problem, spells) == [pytest.approx((40.1, 79.9), abs=0.25)]
+    priced = with_steps(solution, spells)
+    added = priced.P[:, :3, :3] - before
+    inside = (problem.epochs.time > 41) & (problem.epochs.time < 79)
+    assert np.abs(added[inside] - np.outer(STEP, STEP)).max() < 0.15
+    assert np.abs(added[problem.epochs.time < 39]).max() == 0.0
+    assert "enlarged" in incorrect_check(problem, tuple(spells), False).found
