@@ -288,7 +288,7 @@ def without_correlated(solution: Solution) -> Solution:
     }
     first: dict[str, Any] = {
         k: getattr(layout, k) - 3 * (getattr(layout, k) > layout.gm)
-        for k in ("lever", "offset", "rate", "unfixed_gm", "barometer")
+        for k in ("lever", "offset", "rate", "unfixed_gm", "velocity_gm", "barometer")
     }
     names = tuple(name for s, name in enumerate(layout.names) if s not in gone)
     bare: StateLayout = replace(

@@ -246,6 +246,7 @@ def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
         solution.x,
         linear,
     )
+    linear.there[ep.withheld] &= linear.kind != POSITION
     index = {name: i for i, name in enumerate(names)}
     of_part = np.array([-1, *(index[name] for name in parts)], dtype=np.int64)
     kinds = {kind: index.get(name, -1) for name, kind in OF_FIXES.items()}

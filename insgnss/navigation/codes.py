@@ -31,6 +31,7 @@ ABSENT = -1  # instead of the number of a state (or of a row, an event) that the
 # Groups of fixes with error models of their own.
 FIXED_GROUP = 0  # the usual: ambiguities fixed, or a recording in which all fixes are of one kind
 UNFIXED_GROUP = 1  # float and code solutions, whose errors stay for a minute and more
+OF_VELOCITY = 2  # of the scales of white errors and of the time-correlated ones: the velocities
 
 # Kinds of measured triples, in the order in which an epoch takes them.
 POSITION = 0  # of the GNSS antenna (K.1)

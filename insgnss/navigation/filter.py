@@ -11,7 +11,8 @@ with omega_lb = gyro - bias - C_bl Omega. Where they are states (`layout.FixErro
 the lever arm, dl_b, adds C_lb dl_b to dp_a and C_lb (omega_lb x dl_b) to dv_a; the time offset d of
 the fixes (a fix stamped t was taken at t + d, d a constant or with a rate) makes them p_a + v_a d +
 a d^2 / 2 and v_a + a d, with derivatives v_a + a d and a; the time-correlated error of the fixes,
-counted in standard deviations of each (in steps of two), adds itself times these to the position.
+counted in standard deviations of each (in steps of two), adds itself times these to the position,
+that of the velocities itself to the velocity.
 Value and derivative leave one kernel together. A fix with covariance R = L L' is whitened, z <-
 L^-1 z, H <- L^-1 H, and its three components are taken one after the other:
 

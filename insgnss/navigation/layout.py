@@ -64,6 +64,12 @@ class FixErrors:
         Its correlation time.
     unfixed_white_scale : float
         Sigma of the white error of such fixes, of each axis, in the same unit.
+    velocity_gm_sigma_mps : float, optional
+        Sigma of the time-correlated error of measured velocities, of each axis, m/s.
+    velocity_correlation_time_s : float
+        Its correlation time.
+    velocity_white_scale : float
+        Sigma of the white error of velocities in their standard deviations.
     """
 
     lever_arm_m: float | None = None
@@ -75,6 +81,9 @@ class FixErrors:
     unfixed_gm_sigma: float | None = None
     unfixed_correlation_time_s: float = 60.0
     unfixed_white_scale: float = 1.0
+    velocity_gm_sigma_mps: float | None = None
+    velocity_correlation_time_s: float = 60.0
+    velocity_white_scale: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -119,13 +128,13 @@ class StateLayout:
     lever, offset, rate : int
         The first state of the lever arm's error, the state of the time offset, that of its rate; -1
         without.
-    gm, unfixed_gm : int
-        The first state of the time-correlated error of all fixes, and of that which float and code
-        solutions have besides; -1 without.
+    gm, unfixed_gm, velocity_gm : int
+        The first state of the time-correlated error of all fixes, of that which float and code
+        solutions have besides, and of that of the velocities; -1 without.
     white_scale : tuple of float
         (3,) sigma of the fixes' white error in their standard deviations, north, east, down.
-    unfixed_white_scale : float
-        That of float and code solutions.
+    unfixed_white_scale, velocity_white_scale : float
+        That of float and code solutions, and that of velocities.
     barometer : int
         The state of the barometer's bias, with that of its scale factor behind it; -1 without.
     """
@@ -143,8 +152,10 @@ class StateLayout:
     rate: int = ABSENT
     gm: int = ABSENT
     unfixed_gm: int = ABSENT
+    velocity_gm: int = ABSENT
     white_scale: tuple[float, ...] = (1.0, 1.0, 1.0)
     unfixed_white_scale: float = 1.0
+    velocity_white_scale: float = 1.0
     barometer: int = ABSENT
 
     @property
@@ -169,8 +180,9 @@ class StateLayout:
             The model of these states.
         """
         white = self.white + 2.0 * self.quantization**2 / aiding_interval_s
-        first_gm = np.array([self.gm, self.unfixed_gm])
-        white_scale = np.array([self.white_scale, (self.unfixed_white_scale,) * 3])
+        first_gm = np.array([self.gm, self.unfixed_gm, self.velocity_gm])
+        unfixed, velocity = (self.unfixed_white_scale,) * 3, (self.velocity_white_scale,) * 3
+        white_scale = np.array([self.white_scale, unfixed, velocity])
         of_fixes = self.lever, self.offset, self.rate, first_gm, white_scale
         return StateModel(
             *(self.channel, self.factor, self.beta, self.drive, white, block_s),
@@ -181,7 +193,7 @@ class StateLayout:
     @property
     def of_fixes(self) -> bool:
         """Whether errors of the fixes are among the states."""
-        return max(self.lever, self.offset, self.gm, self.unfixed_gm) != ABSENT
+        return max(self.lever, self.offset, self.gm, self.unfixed_gm, self.velocity_gm) != ABSENT
 
     def channel_sum(self) -> Array:
         """Return the (6, ns) matrix that adds bias-like states up to each channel's bias."""
@@ -258,6 +270,7 @@ def state_layout(
         **first,
         white_scale=fixes.white_scale,
         unfixed_white_scale=fixes.unfixed_white_scale,
+        velocity_white_scale=fixes.velocity_white_scale,
     )
 
 
@@ -281,6 +294,10 @@ def _fix_states(fixes: FixErrors) -> Iterator[tuple[str, list[Row]]]:
     if fixes.unfixed_gm_sigma is not None:
         sigma = (fixes.unfixed_gm_sigma,) * 3
         yield "unfixed_gm", _gauss_markov("GNSS unfixed", sigma, fixes.unfixed_correlation_time_s)
+    if fixes.velocity_gm_sigma_mps is not None:
+        sigma = (fixes.velocity_gm_sigma_mps,) * 3
+        time_s = fixes.velocity_correlation_time_s
+        yield "velocity_gm", _gauss_markov("GNSS velocity", sigma, time_s)
 
 
 def _barometer_states(errors: BarometerErrors) -> list[Row]:

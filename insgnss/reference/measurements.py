@@ -13,14 +13,15 @@ times the time since the start), e the time-correlated errors of a fix counted i
 deviations sigma:
 
     antenna position    p + C_lb l_b + (v + C_lb (omega x l_b)) d + a d^2 / 2 + sigma e      (T.15)
-    antenna velocity    v + C_lb (omega x l_b) + a d                                       (T.16)
+    antenna velocity    v + C_lb (omega x l_b) + a d + e_v                                 (T.16)
     zero velocity update (ZUPT)        0 = v                                               (T.17)
     non-holonomic constraint (NHC)     0 = right and down of C_bl v                        (T.18)
     zero angular rate update (ZARU)    0 = omega, of the mean gyro rate at rest            (T.19)
     height of a barometer              b + (1 + s) h                                       (T.26)
 
 The errors of a fix's own group come in: those of group 1 (float, code) have both correlated errors.
-h is the height of the IMU above the origin of l, b and s bias and scale factor of the barometer.
+e_v is that of the velocities. h is the height of the IMU above the origin of l, b and s bias and
+scale factor of the barometer.
 
 Groves (2013) 14.3 (lever arm), 15.3 (zero updates, non-holonomic constraint).
 """
@@ -117,7 +118,7 @@ def _position(problem: EstimationProblem, epoch: int, acceleration: Array) -> Re
 
 def _velocity(problem: EstimationProblem, epoch: int, acceleration: Array) -> ResidualModel:
     """(T.16)."""
-    ep = problem.epochs
+    ep, first = problem.epochs, problem.layout.velocity_gm
     if not ep.has_velocity[epoch]:
         return None
     body_rate = _body_rate(problem, epoch, ep.rate[epoch])
@@ -125,9 +126,10 @@ def _velocity(problem: EstimationProblem, epoch: int, acceleration: Array) -> Re
     def residual(state: State) -> Array:
         swing = state.C_lb @ cross(body_rate(state), _lever_arm(problem, state))
         delay = _delay(problem, epoch, state)
-        return ep.velocity[epoch] - state.v - swing - acceleration * delay
+        e = state.x[first : first + 3] if first >= 0 else np.zeros(3)
+        return ep.velocity[epoch] - state.v - swing - acceleration * delay - e
 
-    return residual, ep.velocity_cov[epoch]
+    return residual, ep.velocity_cov[epoch] * problem.layout.velocity_white_scale**2
 
 
 def _motion(problem: EstimationProblem, epoch: int, _: Array) -> ResidualModel:

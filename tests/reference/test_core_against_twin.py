@@ -118,6 +118,17 @@ CASES = {
     ),
     "barometer": Case(Pose(barometer=BarometerErrors(2.0, 0.1, 0.1)), "barometer"),
     "time-correlated errors": Case(Pose(fixes=both("one")), ""),
+    "errors of velocities": Case(
+        Pose(
+            fixes=FixErrors(
+                velocity_gm_sigma_mps=0.3,
+                velocity_correlation_time_s=2.0,
+                velocity_white_scale=1.7,
+            ),
+            motion=("velocity",),
+        ),
+        "velocity",
+    ),
     "two groups of fixes": Case(Pose(fixes=both("two")), "unfixed"),
     "everything but the clock": Case(
         Pose(

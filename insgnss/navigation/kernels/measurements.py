@@ -12,6 +12,7 @@ from ..codes import (
     DRIFT,
     IMU0,
     NO_CONSTRAINT,
+    OF_VELOCITY,
     POSITION,
     PSI0,
     PX,
@@ -276,6 +277,11 @@ def velocity_rows(nav, x, elapsed, lever_b, model, acceleration, z, triple):
             H[r, IMU0 + model.offset] = acceleration[r]
             if model.rate >= 0:
                 H[r, IMU0 + model.rate] = elapsed * acceleration[r]
+    first = model.gm[OF_VELOCITY]
+    if first >= 0:
+        for r in range(3):
+            nu[r, 0] -= x[first + r]
+            H[r, IMU0 + first + r] = 1.0
 
 
 @njit(cache=True)
@@ -393,6 +399,14 @@ def barometer_rows(nav, x, model, earth, z, triple):
 
 
 @njit(cache=True)
+def scale_of(R, factor):
+    """Multiply a covariance (3, 3) by factors of its standard deviations (3,), in place."""
+    for i in range(3):
+        for j in range(3):
+            R[i, j] *= factor[i] * factor[j]
+
+
+@njit(cache=True)
 def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth, triple):
     """Fill the triple with what an epoch measures of one kind.
 
@@ -434,9 +448,7 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
         group = epochs.group[e]
         z, sigma = epochs.position[e], epochs.sigma[e]
         position_rows(nav, x, epochs.time[e], lever_b, model, acceleration, z, sigma, group, triple)
-        for i in range(3):
-            for j in range(3):
-                R[i, j] *= model.white_scale[group, i] * model.white_scale[group, j]
+        scale_of(R, model.white_scale[group])
     elif kind == VELOCITY:
         if not epochs.has_velocity[e]:
             return False
@@ -445,6 +457,7 @@ def measured_triple(kind, e, epochs, nav, x, lever_b, acceleration, model, earth
             nav, x, epochs.time[e], lever_b, model, acceleration, epochs.velocity[e], triple
         )
         R[:] = epochs.velocity_cov[e]
+        scale_of(R, model.white_scale[OF_VELOCITY])
     elif kind == VELOCITY_CONSTRAINT:
         if epochs.constraint[e] == NO_CONSTRAINT:
             return False

@@ -68,10 +68,11 @@ class StateModel(NamedTuple):
     rate : int
         The state of its rate, or ABSENT.
     gm : ndarray
-        (2,) first of the three states of the time-correlated (Gauss-Markov) error of all fixes, and
-        of those of UNFIXED_GROUP besides, or ABSENT.
+        (3,) first of the three states of the time-correlated (Gauss-Markov) error of all fixes, of
+        those of UNFIXED_GROUP besides, and of the velocities, or ABSENT.
     white_scale : ndarray
-        (2, 3) sigma of the white error of each group in the standard deviations of its fixes.
+        (3, 3) sigma of the white error of each group, and of the velocities, in their standard
+        deviations.
     barometer : int
         The state of the barometer's bias, with that of its scale factor behind it, or ABSENT.
     """
