@@ -38,7 +38,7 @@ def processed(flight):
 
 @pytest.fixture(scope="module")
 def records(flight):
-    """What the files hold."""
+    """What the files hold; the simulator's stamps are exact, and its flight file says so."""
     imu = insgnss.read_imu(flight.imu.file, gps_week=2008)
     gnss = insgnss.read_gnss(flight.gnss.file, sigma_m=SIGMA_M, gps_week=2008)
     return imu, gnss, insgnss.read_events(flight.camera.events, gps_week=2008)
@@ -46,7 +46,10 @@ def records(flight):
 
 @pytest.fixture(scope="module")
 def estimated(records, flight):
-    return insgnss.estimate(*records, mounting=flight.mounting, tangent_plane=origin(flight))
+    stated = {"gnss__time_sigma_s": flight.gnss.time_sigma_s}
+    return insgnss.estimate(
+        *records, mounting=flight.mounting, tangent_plane=origin(flight), **stated
+    )
 
 
 def origin(flight):
@@ -141,6 +144,7 @@ def test_options_act_as_in_a_flight_file(records, flight):
         "filter_options": options,
         "trajectory_hz": None,
         "gnss__gate_sigma": 4.0,
+        "gnss__time_sigma_s": flight.gnss.time_sigma_s,
     }
     result = insgnss.estimate(*records, mounting=flight.mounting, tangent_plane=plane, **given)
     assert in_sigmas(result, expected) < SAME

@@ -259,7 +259,7 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "unknown table": (
         _toml("[camera]", "[kamera]"),
         INPUT,
-        ("flight.toml:14: kamera: unknown", "'camera'"),
+        ("flight.toml:15: kamera: unknown", "'camera'"),
     ),
     "wrong type": (
         _toml("= 2008", '= "2008"'),
@@ -304,7 +304,7 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "bore-sight, no rotation": (
         _toml("[[0.99990", "[[0.95990"),
         INPUT,
-        ("flight.toml:21: mounting.boresight: no rotation", "digits"),
+        ("flight.toml:23: mounting.boresight: no rotation", "digits"),
     ),
     "bore-sight, mirrored": (
         _toml("[[0.99990", "[[-0.99990"),
@@ -319,7 +319,7 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
             ],
         ),
         INPUT,
-        ("flight.toml:21: mounting.boresight", "expected 3 rows"),
+        ("flight.toml:23: mounting.boresight", "expected 3 rows"),
     ),
     "mounting, determinant 0": (
         _toml("[0.0, 0.0, 1.0]]", "[0.0, 0.0, 0.0]]"),
@@ -374,7 +374,7 @@ FLIGHT_FILE: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
     "unknown output format": (
         _toml('"metashape"]', '"metashap"]'),
         INPUT,
-        ("flight.toml:28: output.formats: 'metashap'", "'metashape'"),
+        ("flight.toml:30: output.formats: 'metashap'", "'metashape'"),
     ),
     "output rate zero": (
         _toml("[output]", "[output]\ntrajectory_hz = 0"),
@@ -608,7 +608,7 @@ FILES: dict[str, tuple[Edit, int, tuple[str, ...]]] = {
         INPUT,
         ("camera.events", "does not exist"),
     ),
-    "events empty": (_write(EVENTS, b""), INPUT, ("flight.toml:15: camera.events", "is empty")),
+    "events empty": (_write(EVENTS, b""), INPUT, ("flight.toml:16: camera.events", "is empty")),
     "events header only": (_events(lambda x: []), INPUT, (EVENTS, "holds no data line")),
     "events bytes": (_write(EVENTS, BINARY), INPUT, (EVENTS, "binary")),
     "events NaN": (
@@ -893,7 +893,7 @@ def test_an_output_directory_that_cannot_be_is_refused_before_anything_runs(data
         capsys,
         data.root,
         INPUT,
-        ("flight.toml:27: output.directory", "is a file, a directory is expected"),
+        ("flight.toml:29: output.directory", "is a file, a directory is expected"),
     )
 
 

@@ -428,11 +428,14 @@ class Search:
         The parameters.
     progress : callable
         Receives the name of each step.
+    range_of_fixes : tuple of float
+        Bounds of the factors of the fixes.
     """
 
     segments: Sequence[LinearSegment]
     names: tuple[str, ...]
     progress: Callable[[str], None]
+    range_of_fixes: tuple[float, float] = RANGE_OF_FIXES
 
     def maximum(self, free: np.ndarray, starts: Sequence[float] = STARTS) -> Maximum:
         """Maximise over some parameters, the others at one, from the best start.
@@ -456,7 +459,7 @@ class Search:
 
     def _climb(self, here: Maximum, free: np.ndarray) -> Maximum:
         """Climb to the maximum by (N.1)."""
-        low, high = np.log([RANGE if name in IMU else RANGE_OF_FIXES for name in self.names]).T
+        low, high = np.log([RANGE if name in IMU else self.range_of_fixes for name in self.names]).T
         damping = 0.0
         for k in range(STEPS):
             self.progress(f"likelihood of the innovations, step {k + 1}")

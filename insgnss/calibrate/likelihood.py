@@ -68,8 +68,13 @@ WHITE = {
 }  # the last: one factor for both
 DRIVEN = {"gyro.driving_noise": (0, 1, 2), "accel.driving_noise": (3, 4, 5)}
 CORRELATED = "fixes.correlated"
+CORRELATED_STATES = {
+    CORRELATED: "gm",
+    "fixes.unfixed_correlated": "unfixed_gm",
+    "fixes.velocity_correlated": "velocity_gm",
+}
 OF_FIXES = {"fixes.position": POSITION, "fixes.velocity": VELOCITY}
-PARAMETERS = (*WHITE, *DRIVEN, *OF_FIXES, CORRELATED)
+PARAMETERS = (*WHITE, *DRIVEN, *OF_FIXES, *CORRELATED_STATES)
 # of the start, as `align.initial` has it
 WIDEN, FLOOR_RAD, WIDE_M, WIDE_MS = 10.0, np.radians([0.5, 0.5, 1.0]), 10.0, 5.0
 
@@ -165,7 +170,7 @@ def available(layout: StateLayout, velocity: bool) -> tuple[str, ...]:
     tuple of str
         Those of `PARAMETERS` that act on it.
     """
-    driven = {name: _driven(layout, name).any() for name in (*DRIVEN, CORRELATED)}
+    driven = {name: _driven(layout, name).any() for name in (*DRIVEN, *CORRELATED_STATES)}
     white = {name: bool(layout.white[channels].any()) for name, channels in WHITE.items()}
     return tuple(
         name
@@ -176,10 +181,11 @@ def available(layout: StateLayout, velocity: bool) -> tuple[str, ...]:
 
 def _driven(layout: StateLayout, name: str) -> np.ndarray:
     """Return the states (ns,) bool whose driving noise parameter `name` scales."""
-    if name == CORRELATED:
+    if name in CORRELATED_STATES:
         states = np.zeros(len(layout.names), dtype=np.bool_)
-        if layout.gm >= 0:
-            states[layout.gm : layout.gm + 3] = True
+        first = getattr(layout, CORRELATED_STATES[name])
+        if first >= 0:
+            states[first : first + 3] = True
         return states
     return (layout.drive > 0.0) & (layout.factor == BIAS) & np.isin(layout.channel, DRIVEN[name])
 
@@ -214,7 +220,7 @@ def linear_segment(solution: Solution, names: Sequence[str]) -> LinearSegment:
                 f"noise parameter {name!r} is none that this flight's filter has; use"
                 f" {', '.join(possible)}"
             )
-    driven = [name for name in names if name in DRIVEN or name == CORRELATED]
+    driven = [name for name in names if name in DRIVEN or name in CORRELATED_STATES]
     parts = [*driven, *(name for name in names if name in WHITE)]
     imu = layout.kernel_model(BLOCK_S, problem.aiding_interval_s)
     white, drive = np.tile(imu.white, (1 + len(parts), 1)), np.tile(imu.drive, (1 + len(parts), 1))

@@ -211,7 +211,13 @@ def requested_errors(flight: Flight, fixes: GnssFixes) -> FixErrors:
         white_scale=(gnss.white_scale,) * 3,
         unfixed_gm_sigma=1.0 if not off and correlated.any() else None,
         unfixed_correlation_time_s=time_s,
-        unfixed_white_scale=gnss.white_scale if off else WHITE_OF_CORRELATED,
+        unfixed_white_scale=(
+            gnss.white_scale
+            if off
+            else WHITE_OF_CORRELATED
+            if gnss.gm_sigma != "auto" or not correlated.all()
+            else 1.0  # of code solutions alone the data tell (`diagnosis.code_errors`)
+        ),
     )
 
 

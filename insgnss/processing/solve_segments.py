@@ -12,6 +12,8 @@ import numpy as np
 from ..align.initial import given_attitude, initial_state
 from ..base.errors import DataError
 from ..config.flight_file import Flight
+from ..diagnosis.candidates import with_layout
+from ..diagnosis.code_errors import code_errors, code_message
 from ..diagnosis.decision import ErrorModelSearch, diagnose, explain_failure
 from ..diagnosis.incorrect_fixes import (
     Spell,
@@ -178,6 +180,14 @@ def _solve(
     try:
         start, how = _align(flight, prepared.problem)
         start = _expecting(start, prepared.problem.layout.offset, expected_offset)
+        if search.time_correlated:
+            prepared, start, of_code = _with_code_errors(prepared, start, step)
+            search = replace(
+                search,
+                requested_errors=prepared.requested_errors,
+                time_correlated=of_code is None,
+            )
+            how = how if of_code is None else f"{how}; {of_code}"
         prepared, spells, solution = _filtered(flight, prepared, start, step)
     except DataError as error:
         step("what would explain it")
@@ -207,6 +217,19 @@ def _solve(
         checks,
         stated=stated_constants(flight),
     )
+
+
+def _with_code_errors(
+    prepared: PreparedSegment, start: InitialState, step: Progress
+) -> tuple[PreparedSegment, InitialState, str | None]:
+    """Give code solutions the errors that the data show, and say which."""
+    factory, requested = prepared.layout_factory, prepared.requested_errors
+    errors = code_errors(prepared.problem, start, factory, requested, step)
+    if errors is None:
+        return prepared, start, None
+    problem, start = with_layout(prepared.problem, start, factory(errors))
+    prepared = replace(prepared, problem=problem, requested_errors=errors)
+    return prepared, start, code_message(errors)
 
 
 def _filtered(
