@@ -114,6 +114,7 @@ def solve(
     second_pass: Literal["auto", "on", "off"] = "auto",
     progress: Callable[[str], None] = lambda _: None,
     separations: int = 100,
+    about: Solution | None = None,
 ) -> Solution:
     """Filter and smooth a flight.
 
@@ -129,6 +130,8 @@ def solve(
         Called with the name of each step.
     separations : int
         Number of epochs at which the forward/backward separation is worked out.
+    about : Solution, optional
+        A solution of the same epochs and states about which the first pass is linearised already.
 
     Returns
     -------
@@ -142,7 +145,9 @@ def solve(
     """
     history = make_history(problem.epochs, problem.layout)
     progress("filter")
-    run_filter(problem, start, history)
+    if about is not None:
+        history.nav[:], history.x[:] = about.nav, about.x
+    run_filter(problem, start, history, closed_loop=about is None)
     passes = 1
     if second_pass != "off":
         estimate = run_smoother(problem.epochs, history, full=False)

@@ -26,6 +26,7 @@ from ..diagnosis.time_offset import ROUNDS, offset_to_apply
 from ..diagnosis.turn_on_bias import check_biases_in_innovations, with_turn_on, without_turn_on
 from ..geodesy.frames import LocalFrame
 from ..navigation.codes import COVARIANCE_RESET, NAV, POSITION
+from ..navigation.filter import gate_from_sigma
 from ..navigation.problem import EstimationProblem, InitialState
 from ..navigation.solution import Solution, solve
 from ..prepare import gaps
@@ -41,6 +42,9 @@ from .estimation_problem import (
 from .progress import Progress
 from .recording import Recording
 from .segment import Segment
+
+OPEN_GATE_SIGMA = 30.0  # where nothing else has a solution
+OPEN_CLOCK_RATE = 5e-4  # of a logger that counts its own milliseconds
 
 
 def solve_segments(
@@ -192,7 +196,11 @@ def _solve(
     except DataError as error:
         step("what would explain it")
         _refuse_what_explains(flight, recording, prepared, search, error)
-        raise
+        step("once more with an open gate")
+        opened = _with_open_gate(flight, prepared, step)
+        if opened is None:
+            raise
+        prepared, start, how, solution = opened
     biases = _missing_biases(flight, recording, prepared, solution, step)
     if biases is not None and biases.name not in flight.accept:
         remark = f'; accept = ["{biases.name}"] in the flight file overrules'
@@ -217,6 +225,32 @@ def _solve(
         checks,
         stated=stated_constants(flight),
     )
+
+
+def _with_open_gate(
+    flight: Flight, prepared: PreparedSegment, step: Progress
+) -> tuple[PreparedSegment, InitialState, str, Solution] | None:
+    """Solve with an open gate first, and close it about that solution.
+
+    A start that is far off, or an estimated offset of many times what a fix claims, has the gate
+    reject what would put it right. None where the closed gate rejects it still.
+    """
+    errors = prepared.requested_errors
+    if errors.clock_rate is not None:
+        errors = replace(errors, clock_rate=OPEN_CLOCK_RATE)
+    layout = prepared.layout_factory(errors)
+    gate = prepared.problem.gate
+    open_gate = replace(prepared.problem, layout=layout, gate=gate_from_sigma(OPEN_GATE_SIGMA))
+    try:
+        start, how = _align(flight, open_gate)
+        first = solve(open_gate, start, flight.filter.second_pass, step, separations=0)
+        closed = replace(open_gate, gate=gate)
+        solution = solve(closed, start, flight.filter.second_pass, step, about=first)
+    except DataError:
+        return None
+    prepared = replace(prepared, problem=closed, requested_errors=errors)
+    how = f"{how}; solved with an open gate first, which was closed about that solution"
+    return prepared, start, how, solution
 
 
 def _with_code_errors(
