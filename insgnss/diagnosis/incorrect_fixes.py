@@ -10,7 +10,8 @@ one level and on the other,
 and no fix tells which of the levels is right: the flight file's, by what lasts longer. The even or
 the odd ones, whichever are shorter in all, are withheld (looked at, and not used), and the flight
 is filtered again; this is a remedy where no reset is left, and where the step out of each spell
-takes back the step into it (noise does not). Spells that are too long to be carried
+takes back the step into it (noise does not). Where the fixes do not step but wander, what is
+rejected one after the other makes a spell, on the same terms. Spells that are too long to be carried
 by the IMU alone, `LONGEST_S`, are used as they are; in them the covariance of the position is
 enlarged by the step d itself,
 
@@ -34,6 +35,8 @@ from ..records import Array, Check
 LONGEST_S = 60.0  # of a spell whose fixes are withheld: a MEMS IMU alone is then a metre off
 MOST_WITHHELD = 0.2  # share of the fixes
 TAKEN_BACK = 0.5  # of the larger step, by which a spell's two steps may differ
+APART_S = 5.0  # between rejected fixes: from there on they make two spells
+MOST_REJECTED = 0.01  # share of the other fixes that may be rejected
 PASSES = 4  # of the filter, each of which may show further steps
 
 
@@ -73,29 +76,81 @@ def withhold_incorrect_fixes(
         The problem with these fixes withheld, and the spells; the problem itself and none where
         that is no remedy.
     """
-    candidate = problem
-    spells: tuple[Spell, ...] = ()
-    for _ in range(PASSES):
-        history = _filtered(candidate, start)
-        if history is None:
-            return problem, ()
-        if not np.any(history.verdict[:, POSITION] == COVARIANCE_RESET):
-            return (candidate, spells) if spells else (problem, ())
-        apart = spells_apart(candidate, history)
-        fixes = np.count_nonzero(candidate.epochs.has_position)
-        withheld = candidate.epochs.withheld.copy()
-        for spell in apart:
-            withheld[spell.first : spell.last + 1] = True
-        seconds = [candidate.epochs.time[s.last] - candidate.epochs.time[s.first] for s in apart]
-        too_many = (
-            np.count_nonzero(withheld & candidate.epochs.has_position) > MOST_WITHHELD * fixes
-        )
-        closes = all(spell.misclosure < TAKEN_BACK for spell in apart)
-        if not apart or not closes or max(seconds) > LONGEST_S or too_many:
-            return problem, ()
-        spells = tuple(sorted((*spells, *apart), key=lambda spell: spell.first))
-        candidate = replace(candidate, epochs=candidate.epochs._replace(withheld=withheld))
+    for spells_of in (_closing_spells, rejected_spells):
+        candidate, spells = problem, tuple[Spell, ...]()
+        for _ in range(PASSES):
+            history = _filtered(candidate, start)
+            if history is None:
+                break
+            if _follows(candidate, history):
+                if spells:
+                    return candidate, spells
+                break
+            apart = spells_of(candidate, history)
+            with_apart = _withheld(candidate, apart)
+            if not apart or with_apart is None:
+                break
+            spells = tuple(sorted((*spells, *apart), key=lambda spell: spell.first))
+            candidate = with_apart
     return problem, ()
+
+
+def _follows(problem: EstimationProblem, history: FilterHistory) -> bool:
+    """Tell whether a filter follows the fixes that are not withheld."""
+    verdict = history.verdict[~problem.epochs.withheld, POSITION]
+    rejected = np.count_nonzero(verdict == REJECTED)
+    few = rejected <= MOST_REJECTED * np.count_nonzero(verdict != NOT_MEASURED)
+    return bool(few and not np.any(verdict == COVARIANCE_RESET))
+
+
+def _withheld(problem: EstimationProblem, spells: list[Spell]) -> EstimationProblem | None:
+    """Withhold the fixes of spells; None where these are too long or too many."""
+    ep = problem.epochs
+    withheld = ep.withheld.copy()
+    for spell in spells:
+        if ep.time[spell.last] - ep.time[spell.first] > LONGEST_S:
+            return None
+        withheld[spell.first : spell.last + 1] = True
+    share = np.count_nonzero(withheld & ep.has_position) / np.count_nonzero(ep.has_position)
+    return (
+        replace(problem, epochs=ep._replace(withheld=withheld)) if share <= MOST_WITHHELD else None
+    )
+
+
+def _closing_spells(problem: EstimationProblem, history: FilterHistory) -> list[Spell]:
+    """Return the spells whose steps take each other back, none where one does not."""
+    spells = spells_apart(problem, history)
+    return spells if all(spell.misclosure < TAKEN_BACK for spell in spells) else []
+
+
+def rejected_spells(problem: EstimationProblem, history: FilterHistory | Solution) -> list[Spell]:
+    """Return the spells of fixes that are rejected one after the other, wherever they stand.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    history : FilterHistory or Solution
+        What a filter left of it: verdicts and innovations.
+
+    Returns
+    -------
+    list of Spell
+        From the first to the last of the rejected fixes and covariance resets that are less than
+        `APART_S` apart, with the largest innovation.
+    """
+    verdict = history.verdict[:, POSITION]
+    odd = np.isin(verdict, (REJECTED, COVARIANCE_RESET)) & ~problem.epochs.withheld
+    rejected = np.flatnonzero(odd)
+    if rejected.size == 0:
+        return []
+    breaks = np.flatnonzero(np.diff(problem.epochs.time[rejected]) > APART_S) + 1
+    spells = []
+    for rows in np.split(rejected, breaks):
+        size = np.linalg.norm(history.innovation[rows, :3], axis=1)
+        step = np.array(history.innovation[rows[int(np.argmax(size))], :3])
+        spells.append(Spell(int(rows[0]), int(rows[-1]), step))
+    return spells
 
 
 def spells_apart(problem: EstimationProblem, history: FilterHistory | Solution) -> list[Spell]:
@@ -193,7 +248,8 @@ def incorrect_check(problem: EstimationProblem, spells: tuple[Spell, ...], withh
     )
     return Check(
         "incorrect fixes",
-        f"fixes stand apart from those before and after, as with an incorrect ambiguity: {listed}"
+        f"fixes stand apart from those before and after, as with an incorrect ambiguity or a glitch:"
+        f" {listed}"
         f"{more}; {done}",
         "one level throughout",
         "note",

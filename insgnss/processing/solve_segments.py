@@ -244,11 +244,11 @@ def _with_open_gate(
     try:
         start, how = _align(flight, open_gate)
         first = solve(open_gate, start, flight.filter.second_pass, step, separations=0)
-        closed = replace(open_gate, gate=gate)
-        solution = solve(closed, start, flight.filter.second_pass, step, about=first)
+        gated = replace(open_gate, gate=gate)
+        solution = solve(gated, start, flight.filter.second_pass, step, about=first)
     except DataError:
         return None
-    prepared = replace(prepared, problem=closed, requested_errors=errors)
+    prepared = replace(prepared, problem=gated, requested_errors=errors)
     how = f"{how}; solved with an open gate first, which was closed about that solution"
     return prepared, start, how, solution
 

@@ -63,6 +63,21 @@ def test_spells_are_found_and_withheld(flown, spans):
     assert "they are left out" in check.found
 
 
+def test_fixes_that_wander_are_withheld(flown):
+    """Oracle: what was planted: 20 s of fixes that wander by hundreds of metres."""
+    epochs = flown.problem.epochs
+    position, since = epochs.position.copy(), epochs.time - 50.0
+    bad = (since > 0.0) & (since < 20.0)
+    position[bad] += np.sin(since[bad, None]) * [200.0, -300.0, 100.0]
+    problem = replace(flown.problem, epochs=epochs._replace(position=position))
+    withheld, spells = withhold_incorrect_fixes(problem, start(flown))
+    assert len(spells) >= 1
+    assert withheld.epochs.withheld[bad].mean() > 0.95
+    assert withheld.epochs.withheld[~bad].mean() < 0.05
+    solution = solve(withheld, start(flown))
+    assert not np.any(solution.verdict[:, POSITION] == COVARIANCE_RESET)
+
+
 @pytest.mark.parametrize("spans", [[], [(40, 80)]])
 def test_what_is_right_or_too_long_is_left_alone(flown, spans):
     """Oracle: nothing planted; a third of the fixes, of which nobody knows that they are wrong."""
