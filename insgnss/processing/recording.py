@@ -177,7 +177,31 @@ def _checks(
     checks = [*check_recording(imu, C_b_imu, gnss, events, origin), *more, check_mounting(flight)]
     if without_turn_on(noise):
         checks.append(check_turn_on(noise))
-    return checks
+    return [*checks, *noise_misfit(noise)]
+
+
+def noise_misfit(noise: "NoiseModel") -> list[Check]:
+    """Repeat where a noise model does not fit the recordings that it was estimated from.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        The model of the flight file.
+
+    Returns
+    -------
+    list of Check
+        A note, or nothing.
+    """
+    if not noise.misfit:
+        return []
+    more = len(noise.misfit) - 1
+    finding = noise.misfit[0] + (f"; and {more} more, in its file" if more else "")
+    advice = (
+        "sigmas of this flight are as good as this model; tune it again with one that fits (insgnss"
+        " tune, --model)"
+    )
+    return [Check("noise model", finding, "fits what it was estimated from", "note", advice)]
 
 
 def _images_left_out(events: CameraEvents, within: CameraEvents) -> list[Check]:
