@@ -15,6 +15,7 @@ from oracles import oracle
 from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import DataError, InputError
+from insgnss.comparison.compare import compare_files
 from insgnss.exporting.export import Target, export
 from insgnss.formats import EXPORTS
 from insgnss.formats.bundle.metashape import read_metashape, write_metashape
@@ -504,5 +505,7 @@ def test_the_datum_of_the_positions_goes_with_the_master(tmp_path: Path) -> None
         line = (tmp_path / f"{k}.csv").read_text().splitlines()[-1].replace(",", " ").split()
         rows.append([float(v) for v in line[1:3]])
     assert np.hypot(*np.subtract(*rows)) == pytest.approx(0.87, abs=0.03)
+    found = compare_files(tmp_path / "0.csv", tmp_path / "eo.json")  # the same places again
+    assert max(np.abs(c.difference).max() for c in found.components[:3]) < 2e-4
     (note, *_) = export(back, "eo_local_plane", tmp_path / "plane").notes
     assert note == "coordinates are of the datum of the positions, EPSG:7912, epoch 2024.5"
