@@ -10,7 +10,7 @@ from ..base.errors import DataError, InputError, UsageError
 from ..config.flight_file import Flight
 from ..records import Array, BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples
 from ..records.qualities import Quality
-from .checks import check_mounting, check_stationary
+from .checks import check_mounting, check_stationary, refuse_unreachable_crs
 from .input_files import combine_imus, read_barometer_file, read_files
 
 if TYPE_CHECKING:
@@ -98,6 +98,7 @@ def read_recording(flight: Flight) -> Recording:
         raise InputError(f"{flight.path}: {error}") from None
     gnss, events = _with_time_offsets(flight, gnss, events)
     imu, gnss, events, week = common_clock(imu, gnss, events, flight.gps_week)
+    refuse_unreachable_crs(flight, gnss)
     if barometer is not None:
         barometer = in_week(barometer, week)
         refuse_apart(barometer, imu)
