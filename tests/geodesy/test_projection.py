@@ -1,5 +1,8 @@
 """Projected CRS against PROJ's factors, published values and distances on the ellipsoid."""
 
+import struct
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -160,6 +163,59 @@ def test_no_british_grid_without_its_grid(datum: str | None) -> None:
         projection.forward(OS_LAT, OS_LON, h)
     with pytest.raises(InputError, match=rf"pyproj sync --file {OSTN15}`"):
         MapProjection("EPSG:27700+5701", None, datum).forward(OS_LAT, OS_LON, h)
+
+
+def _ntv2(path: Path, north_s: float, east_s: float) -> None:
+    """A grid of one shift over the British Isles, seconds of arc, in the format NTv2."""
+
+    def word(key: str, value: str | float) -> bytes:
+        data = value.ljust(8).encode() if isinstance(value, str) else struct.pack("<d", value)
+        return key.ljust(8).encode() + data
+
+    def count(key: str, n: int) -> bytes:
+        return key.ljust(8).encode() + struct.pack("<ii", n, 0)
+
+    head = count("NUM_OREC", 11) + count("NUM_SREC", 11) + count("NUM_FILE", 1)
+    for key in ("GS_TYPE", "VERSION", "SYSTEM_F", "SYSTEM_T"):
+        head += word(key, "SECONDS" if key == "GS_TYPE" else "1")
+    for key, axis in (("MAJOR_F", 6377563.396), ("MINOR_F", 6356256.909)):
+        head += word(key, axis)
+    for key, axis in (("MAJOR_T", 6378137.0), ("MINOR_T", 6356752.314)):
+        head += word(key, axis)
+    for key in ("SUB_NAME", "PARENT", "CREATED", "UPDATED"):
+        head += word(key, "NONE" if key == "PARENT" else "ALL")
+    limits = {"S_LAT": 49.0, "N_LAT": 61.0, "E_LONG": -3.0, "W_LONG": 9.0}
+    for key, degrees in (limits | {"LAT_INC": 1.0, "LONG_INC": 1.0}).items():
+        head += word(key, 3600.0 * degrees)
+    nodes = 13 * 13
+    shifts = struct.pack("<ffff", north_s, -east_s, 0.0, 0.0) * nodes
+    path.write_bytes(head + count("GS_COUNT", nodes) + shifts + word("END", 0.0))
+
+
+def test_a_grid_that_is_installed_is_taken(tmp_path: Path) -> None:
+    """Oracle: a grid of our own in the place of the British one, of one shift (1.5 and 5 seconds):
+    the projection of what it moves, by PROJ, to 0.1 mm. In a process of its own, since PROJ's
+    directories are those of a process.
+    """
+    from pyproj import Transformer
+
+    _ntv2(tmp_path / OSTN15, -1.5, 5.0)
+    run = """
+import sys, numpy as np, pyproj.datadir
+pyproj.datadir.append_data_dir(sys.argv[1])
+from insgnss.geodesy.projection import MapProjection
+place = np.radians([51.85]), np.radians([-4.31]), np.array([100.0])
+for datum in (None, "EPSG:4937"):
+    print(*MapProjection("EPSG:27700", None, datum).forward(*place)[0])
+"""
+    out = subprocess.run(
+        [sys.executable, "-c", run, str(tmp_path)], capture_output=True, text=True, check=True
+    )
+    own = Transformer.from_crs("EPSG:4277", "EPSG:27700", always_xy=True)
+    expected = own.transform(-4.31 - 5.0 / 3600.0, 51.85 + 1.5 / 3600.0)
+    for line in out.stdout.splitlines():
+        assert [float(v) for v in line.split()] == pytest.approx([*expected, 100.0], abs=1e-4)
+    assert len(out.stdout.splitlines()) == 2
 
 
 @pytest.mark.parametrize(
