@@ -148,6 +148,7 @@ def test_a_minimal_file_has_the_documented_defaults(load, tmp_path):
         gnss.repeat_column,
         gnss.gate_sigma,
     ) == (None, None, None, None, 5.0)
+    assert (gnss.datum, gnss.epoch) == (None, None)
     for vector in (flight.mounting.antenna_m, flight.mounting.imu_m):
         assert_array_equal(vector, np.zeros(3))
     assert_array_equal(flight.mounting.C_cb, np.diag([-1, -1, 1]))
@@ -597,6 +598,13 @@ WRONG = {
         _in("output", 'trajectory_hz = "all"'),
         6,
         "'all' is neither a number of Hz nor \"imu\"",
+    ),
+    "datum": (_in("gnss", 'datum = "EPSG:32632"'), 4, "gnss.datum: datum 'EPSG:32632' is WGS 84"),
+    "datum that moves": (_in("gnss", 'datum = "EPSG:9989"'), 4, "give the epoch of the positions"),
+    "epoch alone": (
+        _in("gnss", "epoch = 2024.5"),
+        4,
+        "gnss.epoch: epoch 2024.5 belongs to a datum",
     ),
     "gate": (_in("gnss", "gate_sigma = -5"), 4, "gnss.gate_sigma: -5 is outside"),
     "millimetres": (

@@ -120,8 +120,8 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
     )
     fit.add_argument(
         "--robust",
-        action="store_true",
-        help="wavelet variances that a few disturbances do not move",
+        action=argparse.BooleanOptionalAction,
+        help="wavelet variances that disturbances do not move (default: where there are some)",
     )
     fit.add_argument(
         "--sampling",

@@ -77,11 +77,16 @@ def _read_both(
 ) -> tuple[tuple[Poses, Poses], tuple[str, ...]]:
     """Both files, of path, format and hints.
 
-    A tangent plane without origin gets that of the other one.
+    A tangent plane without origin gets that of the other one, and a projected CRS is reached from
+    the datum of a master beside it, which is read first.
     """
     read: list[Poses | None] = [None, None]
     without_origin: list[tuple[int, NoOriginError]] = []
-    for k, (path, form) in enumerate(given):
+    hints = list(hints)
+    for k in sorted(range(2), key=lambda k: not _may_be_master(given[k][0])):
+        path, form = given[k]
+        if (other := read[1 - k]) is not None:
+            hints[k] = replace(hints[k], datum=other.datum, epoch=other.epoch)
         try:
             read[k] = read_poses(path, form, hints[k])
         except NoOriginError as refusal:
@@ -107,6 +112,13 @@ def _read_both(
     assert first is not None
     assert second is not None
     return (first, second), notes
+
+
+def _may_be_master(given: str | Path | ExteriorOrientation | Trajectory) -> bool:
+    """Tell whether what is given may name the datum of its positions."""
+    if isinstance(given, str | Path):
+        return Path(given).suffix.lower() == ".json"
+    return isinstance(given, ExteriorOrientation)
 
 
 def compare_poses(

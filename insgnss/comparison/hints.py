@@ -25,6 +25,7 @@ class Hints:
     Parameters
     ----------
     undulation_m : of the geoid, to be added to heights of positions of GNSS.
+    datum, epoch : of the positions from which a projected CRS was reached; None: WGS 84.
     """
 
     origin: Origin | None = None
@@ -32,6 +33,8 @@ class Hints:
     gps_week: int | None = None
     geoid: Path | None = None
     undulation_m: float | None = None
+    datum: str | None = None
+    epoch: float | None = None
 
     @property
     def plane(self) -> TangentPlane | None:
@@ -47,7 +50,11 @@ class Hints:
     @property
     def projection(self) -> MapProjection | None:
         """The projection, if a CRS is given."""
-        return None if self.crs is None else MapProjection(self.crs, self.geoid)
+        return None if self.crs is None else self.projected(self.crs)
+
+    def projected(self, code: str) -> MapProjection:
+        """Return the projection of a CRS that a file names."""
+        return MapProjection(code, self.geoid, self.datum, self.epoch)
 
 
 def diagonal(sigma: Array | None, E: Array | None = None) -> Array | None:

@@ -63,6 +63,8 @@ def _of_orientation(eo: ExteriorOrientation, source: str) -> Poses:
         C_fE=C_fE,
         local=eo.position_m,
         plane=plane,
+        datum=eo.datum,
+        epoch=eo.epoch,
     )
 
 

@@ -41,6 +41,7 @@ class Poses:
     C_fE : axes that they count in.
     local : (n, 3) coordinates in `plane` as the file has them, or None.
     notes : what a reader should know.
+    datum, epoch : of the positions, where the file names them; None: WGS 84.
     """
 
     source: str
@@ -64,6 +65,8 @@ class Poses:
     local: Array | None = None
     plane: TangentPlane | None = None
     notes: tuple[str, ...] = field(default_factory=tuple)
+    datum: str | None = None
+    epoch: float | None = None
 
     @property
     def n(self) -> int:

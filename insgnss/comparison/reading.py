@@ -223,7 +223,7 @@ def _crs_in(path: Path, kind: str, hints: Hints) -> MapProjection | None:
             ),
             None,
         )
-    return None if code is None else MapProjection(code[0], hints.geoid)
+    return None if code is None else hints.projected(code[0])
 
 
 def _trajectory_csv(path: Path, hints: Hints) -> Poses:

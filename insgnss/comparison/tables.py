@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..formats.text.text import TextTable, read_text_table
 from ..geodesy.gpstime import gps_from_unix_utc
-from ..geodesy.projection import MapProjection
 from ..geodesy.rotation import (
     CV_RUB,
     opk_jacobian,
@@ -218,9 +217,7 @@ def _frame(path: Path, form: str, first: str, x: Array, hints: Hints) -> Coordin
         return CoordinateFrame(
             "projected",
             projection=(
-                MapProjection(code[0], hints.geoid)
-                if hints.projection is None and code
-                else hints.projection
+                hints.projected(code[0]) if hints.projection is None and code else hints.projection
             ),
         )
     if plane is None and hints.plane is None and float(np.abs(x[:, :2]).max()) > PLANE_M:

@@ -52,7 +52,7 @@ def _classes() -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class CovarianceModel:
-    """Numbers of (V.1) to (V.5) of `gnss.quality.covariance`. Triples are north, east, down."""
+    """Numbers of (V.1) to (V.6) of `gnss.quality.covariance`. Triples are north, east, down."""
 
     scale: Mapping[str, Triple] = option(
         lambda: dict(_SCALE),
@@ -109,6 +109,20 @@ class CovarianceModel:
     )
     support_share: float = option(
         0.5, "share of the epochs within support_s that must be fixed as well", low=0.0, high=1.0
+    )
+    island_s: float = option(
+        60.0,
+        "time to either side in which island_share of the epochs must be fixed where forward and "
+        "backward do not both fix an island; 0 switches that off",
+        unit="s",
+        low=0.0,
+        high=3600.0,
+    )
+    island_share: float = option(
+        0.5,
+        "share of the epochs within island_s that must be fixed; half of it of a ready `.pos`",
+        low=0.0,
+        high=1.0,
     )
     degraded_s: float = option(
         180.0,

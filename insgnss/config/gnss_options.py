@@ -105,6 +105,18 @@ class GnssInput:
         low=0.0,
         high=1.0,
     )
+    datum: str | None = option(
+        None,
+        "geographic CRS of the positions, which is that of the base's coordinates: EPSG:4937"
+        " (ETRS89), EPSG:9989 (ITRF2020), ...; exports into output.crs start from it",
+        usual="WGS 84",
+    )
+    epoch: float | None = option(
+        None,
+        "epoch of the positions, decimal year, where gnss.datum moves (ITRF)",
+        low=1980.0,
+        high=2100.0,
+    )
     variable: str | None = option(None, "struct or table inside a MATLAB file", of_file=True)
     repeat_column: str | None = option(
         None,

@@ -154,6 +154,14 @@ def _gnss(table: Table) -> GnssInput:
     if "covariance" in table.data and not values["calibrate_covariance"]:
         problem = "is of the calibration that gnss.calibrate_covariance = false switches off"
         raise table.error("covariance", f"{problem}; keep one of them")
+    if values["datum"] is not None or values["epoch"] is not None:
+        from ..geodesy.projection import source_crs
+
+        try:
+            source_crs(values["datum"], values["epoch"])
+        except UsageError as error:
+            key = "epoch" if values["datum"] is None else "datum"
+            raise table.error(key, str(error)) from None
     return GnssInput(**({"file": None} | values), raw=raw)
 
 

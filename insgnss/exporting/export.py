@@ -23,6 +23,9 @@ from ..records.relative import RelativeControl
 from ..stochastic.model import NoiseModel, load_noise_model
 
 ACCURATE_M = 0.1  # of a datum transformation, beyond which an export says so
+# a transformation that moves nothing, of the accuracy to which PROJ takes a continent's datum for
+# WGS 84 (ETRS89, JGD2011): the base's coordinates are of that datum as a rule
+NULL_M, SAME_M = 1e-3, 1.0
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,11 @@ def export(
         form.write(eo, path, relative=control)
         return Exported(path, "tangent plane", ())
     kind = _kind(name, form, target)
-    projection = MapProjection(str(target.crs), target.geoid) if kind == PROJECTED else None
+    projection = (
+        MapProjection(str(target.crs), target.geoid, eo.datum, eo.epoch)
+        if kind == PROJECTED
+        else None
+    )
     if "sea level" in (form.heights, options.get("heights")):
         options = options | {"undulation_m": _undulation(eo, name, target)}
     elif projection is None and target.geoid is not None:
@@ -112,7 +119,10 @@ def export(
         form.write(_relative(name, framed, eo, options), path)
     else:
         form.write(framed, path, **options)
-    notes = _notes(form, projection, framed.frame.scaled_from_m is not None)
+    notes = _notes(form, projection, framed)
+    if projection is None and eo.datum is not None:
+        at = "" if eo.epoch is None else f", epoch {eo.epoch:g}"
+        notes = (f"coordinates are of the datum of the positions, {eo.datum}{at}", *notes)
     if projection is None and form.frames[0] == PROJECTED and target.frame is None:
         notes = (
             f"coordinates are those of the {framed.frame.name}, since no CRS is named (--crs)",
@@ -194,16 +204,19 @@ def _undulation(eo: ExteriorOrientation, name: str, target: Target) -> Any:
     return undulation(target.geoid, *in_frame(eo, GEOGRAPHIC).geodetic[:, :2].T)
 
 
-def _notes(form: Export, projection: MapProjection | None, scaled: bool) -> tuple[str, ...]:
+def _notes(
+    form: Export, projection: MapProjection | None, framed: FramedOrientation
+) -> tuple[str, ...]:
     notes = [f"experimental: {form.experimental}"] if form.experimental else []
     if projection is None:
         return tuple(notes)
     operation, accuracy = projection.operation()
-    if accuracy < 0.0 or accuracy > ACCURATE_M:
+    costs_nothing = 0.0 <= accuracy <= SAME_M and projection.shift_m(*framed.geodetic.T) < NULL_M
+    if (accuracy < 0.0 or accuracy > ACCURATE_M) and not costs_nothing:
         how = "unknown accuracy" if accuracy < 0.0 else f"an accuracy of {accuracy:g} m"
         notes.append(
             f"{projection.name}: its datum was reached by {operation}, of {how}; control points in"
-            " that CRS may be off by as much"
+            " that CRS may be off by as much; name the datum of the base's coordinates (gnss.datum)"
         )
     if projection.northing_first and not form.crs_order:
         notes.append(
@@ -212,7 +225,7 @@ def _notes(form: Export, projection: MapProjection | None, scaled: bool) -> tupl
         )
     if not projection.crs.is_compound and projection.geoid is None:
         notes.append(f"heights are {projection.heights}, not above sea level")
-    if not scaled:
+    if framed.frame.scaled_from_m is None:
         notes.append(
             "heights are not scaled by that of the projection, as tools with control points expect"
             " it; --ground (ground_m in Python) scales them"

@@ -18,8 +18,14 @@ for every projection, for axes that are not east and north, and with what the da
 Horizontal coordinates go through the datum of the CRS in three dimensions: the normals of two
 ellipsoids differ by seconds of arc. Heights do not: they stay those above WGS84's ellipsoid, as
 GNSS gives them, unless the CRS has a vertical part or a geoid is named.
+
+Positions are of WGS 84 unless their datum is named, and an epoch where that datum moves with the
+Earth's crust (ITRF). PROJ chooses among the transformations between two datums those whose grids
+are there. Where it knows a more accurate one at the flight whose grid is not installed, nothing is
+projected: a British grid would be off by 2 m.
 """
 
+import warnings
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -42,6 +48,13 @@ HOW = (
 )
 
 
+AROUND_DEG = 0.1  # of the area of the points, in which transformations are looked for
+DATUMS = (
+    "give the geographic CRS of the base's coordinates, such as EPSG:4937 (ETRS89), EPSG:9989"
+    " (ITRF2020), EPSG:6319 (NAD83(2011)), EPSG:7843 (GDA2020)"
+)
+
+
 class MapProjection:
     """A projected CRS: its coordinates, the axes of its grid and its scale (G.1).
 
@@ -53,15 +66,28 @@ class MapProjection:
     geoid : Path, optional
         Grid of geoid heights above the WGS84 ellipsoid (GeoTIFF, .gtx, ...), for a CRS without a
         vertical part.
+    datum : str, optional
+        Geographic CRS of the positions that are projected ("EPSG:4937"); None: WGS 84.
+    epoch : float, optional
+        Their epoch, decimal year, for a datum that moves.
 
     Raises
     ------
     UsageError
         For a CRS that is unknown, not projected or counts in other units than metres, for a geoid
-        beside a CRS with heights of its own, and for a geoid file that does not exist.
+        beside a CRS with heights of its own, for a geoid file that does not exist, and for what
+        `source_crs` refuses.
     """
 
-    def __init__(self, definition: str, geoid: Path | None = None) -> None:
+    def __init__(
+        self,
+        definition: str,
+        geoid: Path | None = None,
+        datum: str | None = None,
+        epoch: float | None = None,
+    ) -> None:
+        self._source, self._epoch = source_crs(datum, epoch), epoch
+        self._looked: set[tuple[float, ...]] = set()
         self.crs = _crs(definition)
         self.horizontal = self.crs.sub_crs_list[0] if self.crs.is_compound else self.crs
         if not self.horizontal.is_projected:
@@ -106,12 +132,12 @@ class MapProjection:
 
     @cached_property
     def _horizontal(self) -> Any:
-        return _transformer("EPSG:4979", self.horizontal.to_3d())
+        return _transformer(self._source, self.horizontal.to_3d())
 
     @cached_property
     def _heights(self) -> Any:
         if self.crs.is_compound:
-            return _transformer("EPSG:4979", self.crs)
+            return _transformer(self._source, self.crs)
         assert self.geoid is not None
         return _geoid_transformer(self.geoid)
 
@@ -138,7 +164,10 @@ class MapProjection:
         horizontal = self.forward_horizontal(lat, lon, h)
         if not self.crs.is_compound and self.geoid is None:
             return np.column_stack([horizontal, h])
-        _, _, z = _run(self._heights, self.heights, np.degrees(lon), np.degrees(lat), h)
+        epoch = self._epoch if self.crs.is_compound else None
+        _, _, z = _run(
+            self._heights, self.heights, np.degrees(lon), np.degrees(lat), h, epoch=epoch
+        )
         return np.column_stack([horizontal, z])
 
     def forward_horizontal(self, lat: Array, lon: Array, h: Array) -> Array:
@@ -161,8 +190,41 @@ class MapProjection:
         InputError
             Where the CRS or its grids do not reach the points, or a grid is not installed.
         """
-        x, y, _ = _run(self._horizontal, self.name, np.degrees(lon), np.degrees(lat), h)
+        self._refuse_missing_grid(lat, lon)
+        x, y, _ = _run(
+            self._horizontal, self.name, np.degrees(lon), np.degrees(lat), h, epoch=self._epoch
+        )
         return np.column_stack([x, y])
+
+    def _refuse_missing_grid(self, lat: Array, lon: Array) -> None:
+        """InputError where PROJ knows a better transformation here, whose grid is not there."""
+        from pyproj.aoi import AreaOfInterest
+        from pyproj.transformer import TransformerGroup
+
+        if lat.size == 0 or not (np.isfinite(lat).all() and np.isfinite(lon).all()):
+            return
+        ends = np.degrees([lon.min(), lat.min(), lon.max(), lat.max()])
+        box = tuple((np.floor(ends / AROUND_DEG) * AROUND_DEG).tolist())
+        if box in self._looked:
+            return
+        west, south, east, north = box
+        area: Any = AreaOfInterest(west, south, east + AROUND_DEG, min(north + AROUND_DEG, 90.0))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # pyproj's own words on what is refused here
+            group = TransformerGroup(
+                self._source,
+                self.horizontal.to_3d(),
+                always_xy=True,
+                area_of_interest=area,
+                allow_ballpark=False,
+            )
+        best = group.unavailable_operations[:1]
+        if not group.best_available and best and group.transformers:
+            used = group.transformers[0].accuracy
+            if 0.0 <= best[0].accuracy < used or used < 0.0:
+                grids = [grid.short_name for grid in best[0].grids if not grid.available]
+                raise InputError(_lacking(self.name, grids, best[0].accuracy, used))
+        self._looked.add(box)
 
     def inverse(self, coordinates: Array) -> tuple[Array, Array, Array]:
         """Convert coordinates of the CRS to geodetic ones.
@@ -188,7 +250,9 @@ class MapProjection:
             Where the CRS or its grids do not reach the points, or a grid is not installed.
         """
         x = np.asarray(coordinates, dtype=np.float64)
-        lon, lat, _ = _run(self._horizontal, self.name, x[:, 0], x[:, 1], x[:, 2], inverse=True)
+        lon, lat, _ = _run(
+            self._horizontal, self.name, x[:, 0], x[:, 1], x[:, 2], True, self._epoch
+        )
         lat, lon, h = np.radians(lat), np.radians(lon), x[:, 2].copy()
         M, N = curvature_radii(lat)
         for _ in range(3):
@@ -314,6 +378,76 @@ class MapProjection:
             return "", -1.0
         return str(used.description), float(used.accuracy)
 
+    def shift_m(self, lat: Array, lon: Array, h: Array) -> float:
+        """Return the most by which the datum transformation moves the points horizontally.
+
+        Parameters
+        ----------
+        lat, lon : ndarray, (n,)
+            Geodetic latitude and longitude, rad.
+        h : ndarray, (n,)
+            Height above the ellipsoid, m.
+
+        Returns
+        -------
+        float
+            m, against the projection of the same latitudes and longitudes in the CRS's own datum.
+        """
+        own = _transformer(self.horizontal.geodetic_crs.to_3d(), self.horizontal.to_3d())
+        x, y, _ = _run(own, self.name, np.degrees(lon), np.degrees(lat), h)
+        apart = np.column_stack([x, y]) - self.forward_horizontal(lat, lon, h)
+        return float(np.hypot(*apart.T).max(initial=0.0))
+
+
+def source_crs(datum: str | None, epoch: float | None) -> Any:
+    """Return the geographic CRS of GNSS positions, in three dimensions.
+
+    Parameters
+    ----------
+    datum : str, optional
+        Its EPSG code or name; None: WGS 84.
+    epoch : float, optional
+        Decimal year of the positions.
+
+    Returns
+    -------
+    pyproj.CRS
+        The CRS.
+
+    Raises
+    ------
+    UsageError
+        For one that is unknown or not geographic, one that moves without an epoch, and an epoch
+        without a datum.
+    """
+    if datum is None:
+        if epoch is not None:
+            raise UsageError(f"epoch {epoch:g} belongs to a datum; {DATUMS}")
+        return _crs("EPSG:4979")
+    try:
+        crs = _crs(datum)
+    except UsageError:
+        raise UsageError(f"datum {datum[:60]!r} is unknown; {DATUMS}") from None
+    if not crs.is_geographic:
+        raise UsageError(f"datum {datum!r} is {crs.name}, which is not geographic; {DATUMS}")
+    if crs.datum is not None and crs.datum.type_name.startswith("Dynamic") and epoch is None:
+        raise UsageError(
+            f"datum {datum!r} is {crs.name}, which moves by centimetres a year against the ground;"
+            " give the epoch of the positions too, such as 2024.5"
+        )
+    return crs.to_3d()
+
+
+def _lacking(name: str, grids: list[str], best_m: float, used_m: float) -> str:
+    """Why nothing is projected without a grid, and how to get it."""
+    used = f"{used_m:g} m" if used_m >= 0.0 else "an unknown accuracy"
+    files = " and ".join(grids)
+    commands = ", ".join(f"`pyproj sync --file {grid}`" for grid in grids)
+    return (
+        f"CRS {name}: its datum is reached to {best_m:g} m by the grid {files}, which is not"
+        f" installed, and to {used} without; get it by {commands}, or name another CRS"
+    )
+
 
 def _crs(definition: str) -> Any:
     from pyproj import CRS
@@ -388,7 +522,7 @@ def _geoid_transformer(geoid: Path) -> Any:
         ) from None
 
 
-def _transformer(source: str, target: Any) -> Any:
+def _transformer(source: Any, target: Any) -> Any:
     from pyproj import Transformer
     from pyproj.exceptions import ProjError
 
@@ -400,22 +534,30 @@ def _transformer(source: str, target: Any) -> Any:
         why = " ".join(str(error).split())
         if "not available" not in why:
             raise InputError(f"CRS {target.name}: {why[:200]}; give another CRS") from None
-        grid = why.partition("Grid ")[2].partition(" is not")[0]
+        grid = why.rpartition("Grid ")[2].partition(" is not")[0]
         advice = (
-            "name a geoid file and a horizontal CRS instead, or install the grid with `projsync`"
+            "name a geoid file and a horizontal CRS instead, or get the grid by"
+            f" `pyproj sync --file {grid}`"
         )
         raise InputError(f"CRS {target.name}: its grid {grid} is not installed; {advice}") from None
 
 
 def _run(
-    transformer: Any, name: str, x: Array, y: Array, z: Array, inverse: bool = False
+    transformer: Any,
+    name: str,
+    x: Array,
+    y: Array,
+    z: Array,
+    inverse: bool = False,
+    epoch: float | None = None,
 ) -> tuple[Array, Array, Array]:
     from pyproj.exceptions import ProjError
 
+    t = () if epoch is None else (np.full(np.shape(x), epoch),)
     try:
         out = transformer.transform(
-            x, y, z, errcheck=True, direction="INVERSE" if inverse else "FORWARD"
-        )
+            x, y, z, *t, errcheck=True, direction="INVERSE" if inverse else "FORWARD"
+        )[:3]
     except ProjError as error:
         raise InputError(
             f"{name} does not reach the flight: {' '.join(str(error).split())[:160]}; give another"

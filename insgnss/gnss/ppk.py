@@ -270,7 +270,8 @@ class _Solved:
         combined, forward, backward = (
             read_solution(path) for path in (run.combined, run.forward, run.backward)
         )
-        plain = replace(model, degraded_share=0.0)  # what degrades both runs does not part them
+        # what degrades both runs does not part them, and one confirms the islands of the other
+        plain = replace(model, degraded_share=0.0, island_s=0.0)
         alone = [
             calibrate(s.fixes, s.satellites, base_distance(s.fixes, base_ecef), None, plain)[0]
             for s in (forward, backward)

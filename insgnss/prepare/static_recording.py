@@ -394,7 +394,7 @@ def _at_rest(
     more = f" and {len(disturbances) - 3} more" if len(disturbances) > 3 else ""
     how = "disturbed" if disturbances[0].sigmas > STRONG else "slightly disturbed"
     advice = (
-        "leave the recording out, cut it with --skip and --keep, or fit with --robust"
+        "leave the recording out, or cut it with --skip and --keep"
         if disturbances[0].sigmas > STRONG
         else ""
     )

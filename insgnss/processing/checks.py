@@ -13,8 +13,9 @@ import numpy as np
 from ..base.errors import DataError, InputError
 from ..base.wording import named
 from ..config.flight_file import Flight
-from ..formats import UNITS
-from ..records import Array, Check, ImuSamples, Trajectory
+from ..formats import EXPORTS, UNITS
+from ..records import Array, Check, GnssFixes, ImuSamples, Trajectory
+from ..records.framed import PROJECTED
 
 LONG_LEVER_M = 3.0  # a lever arm that few drones have room for
 OTHER_UNIT_M = 30.0  # beyond it no vehicle of this kind has room: it is in mm or cm
@@ -102,6 +103,36 @@ _OF_OBJECTS: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
     (r", see `insgnss inspect`", ""),
 )
 """What advice about a flight file says to whoever gave objects."""
+
+
+def refuse_unreachable_crs(flight: Flight, gnss: GnssFixes) -> None:
+    """Refuse a CRS that cannot be reached from where the flight is, before the flight is solved.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight file.
+    gnss : GnssFixes
+        Its fixes.
+
+    Raises
+    ------
+    InputError
+        Where a grid of the CRS is missing or does not reach the first or the last fix, and a format
+        is to be written in it.
+    """
+    from ..geodesy.projection import MapProjection
+
+    output = flight.output
+    wanted = any(PROJECTED in EXPORTS[name].frames for name in output.formats)
+    if output.crs is None or not wanted or flight.camera is None:
+        return
+    ends = [0, -1]
+    projection = MapProjection(output.crs, output.geoid, flight.gnss.datum, flight.gnss.epoch)
+    try:
+        projection.forward(gnss.lat[ends], gnss.lon[ends], gnss.height[ends])
+    except InputError as error:
+        raise InputError(f"{flight.path}: output.crs: {error}") from None
 
 
 def refuse_unobservable(flight: Flight, trajectory: Trajectory) -> None:

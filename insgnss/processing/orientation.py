@@ -1,6 +1,7 @@
 """From solved segments to poses: the trajectory on the output grid, and the images."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -89,9 +90,10 @@ def orient_images(
     )
     refuse_unobservable(flight, exposed)
     plane = TangentPlane(*_origin(flight, segments[0].fixes))
-    return exterior_orientation(
+    eo = exterior_orientation(
         exposed, take_events(events, oriented), flight.mounting, plane, history
     )
+    return replace(eo, datum=flight.gnss.datum, epoch=flight.gnss.epoch)
 
 
 def _origin(flight: Flight, fixes: GnssFixes) -> tuple[float, float, float]:

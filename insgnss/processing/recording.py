@@ -10,7 +10,7 @@ from ..base.errors import DataError, InputError, UsageError
 from ..config.flight_file import Flight
 from ..records import Array, BarometerHeights, CameraEvents, Check, GnssFixes, ImuSamples
 from ..records.qualities import Quality
-from .checks import check_mounting, check_stationary
+from .checks import check_mounting, check_stationary, refuse_unreachable_crs
 from .input_files import combine_imus, read_barometer_file, read_files
 
 if TYPE_CHECKING:
@@ -98,6 +98,7 @@ def read_recording(flight: Flight) -> Recording:
         raise InputError(f"{flight.path}: {error}") from None
     gnss, events = _with_time_offsets(flight, gnss, events)
     imu, gnss, events, week = common_clock(imu, gnss, events, flight.gps_week)
+    refuse_unreachable_crs(flight, gnss)
     if barometer is not None:
         barometer = in_week(barometer, week)
         refuse_apart(barometer, imu)
@@ -177,7 +178,31 @@ def _checks(
     checks = [*check_recording(imu, C_b_imu, gnss, events, origin), *more, check_mounting(flight)]
     if without_turn_on(noise):
         checks.append(check_turn_on(noise))
-    return checks
+    return [*checks, *noise_misfit(noise)]
+
+
+def noise_misfit(noise: "NoiseModel") -> list[Check]:
+    """Repeat where a noise model does not fit the recordings that it was estimated from.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        The model of the flight file.
+
+    Returns
+    -------
+    list of Check
+        A note, or nothing.
+    """
+    if not noise.misfit:
+        return []
+    more = len(noise.misfit) - 1
+    finding = noise.misfit[0] + (f"; and {more} more, in its file" if more else "")
+    advice = (
+        "sigmas of this flight are as good as this model; tune it again with one that fits (insgnss"
+        " tune, --model)"
+    )
+    return [Check("noise model", finding, "fits what it was estimated from", "note", advice)]
 
 
 def _images_left_out(events: CameraEvents, within: CameraEvents) -> list[Check]:

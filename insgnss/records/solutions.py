@@ -195,6 +195,7 @@ class ExteriorOrientation(Rows):
         None where it is not known, as after a choice that leaves images out.
     boresight, camera_from_body : (3, 3) matrices B and T of the mounting that were applied.
     history : what was done to get it, sentence by sentence.
+    datum, epoch : geographic CRS of the positions and their decimal year; None: WGS 84.
 
     Raises
     ------
@@ -217,6 +218,8 @@ class ExteriorOrientation(Rows):
     boresight: Array
     camera_from_body: Array
     history: tuple[str, ...] = field(default_factory=tuple)
+    datum: str | None = None
+    epoch: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "images", tuple(self.images))

@@ -84,7 +84,10 @@ def weighted_model(
         " + ".join(dict.fromkeys(getattr(model, f) for model in models)) for f in ("name", "source")
     )
     recordings = dict.fromkeys(recording for model in models for recording in model.recordings)
-    return NoiseModel(name, source, triad("gyro", 0), triad("accel", 1), tuple(recordings))
+    misfit = dict.fromkeys(sentence for model in models for sentence in model.misfit)
+    return NoiseModel(
+        name, source, triad("gyro", 0), triad("accel", 1), tuple(recordings), tuple(misfit)
+    )
 
 
 def _weighted_axis(axes: list[AxisNoise], w: list[float]) -> AxisNoise:

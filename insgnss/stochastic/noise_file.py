@@ -49,6 +49,8 @@ def text_of_model(model: NoiseModel, remarks: Sequence[str] = ()) -> str:
     """
     lines = [line for remark in remarks for line in comment_lines(remark)]
     lines += [f"name = {_toml_text(model.name)}", f"source = {_toml_text(model.source)}"]
+    if model.misfit:
+        lines += ["misfit = [", *(f"  {_toml_text(sentence)}," for sentence in model.misfit), "]"]
     for recording in model.recordings:
         lines += [
             "",
@@ -95,7 +97,10 @@ class _Reader:
         return table
 
     def model(self, tree: dict[str, Any]) -> NoiseModel:
-        self.checked_table(tree, "", ("name", "source", "recording", "gyro", "accel"))
+        self.checked_table(tree, "", ("name", "source", "misfit", "recording", "gyro", "accel"))
+        misfit = tree.get("misfit", [])
+        if not isinstance(misfit, list) or not all(isinstance(text, str) for text in misfit):
+            raise self.error("misfit", f"{misfit!r} is no list of texts; put each in quotes")
         for key in ("name", "source"):
             if not isinstance(tree.get(key, ""), str):
                 raise self.error(key, f"{tree[key]!r} is not text; put it in quotes")
@@ -106,6 +111,7 @@ class _Reader:
             gyro,
             accel,
             self.recordings(tree),
+            tuple(misfit),
         )
 
     def recordings(self, tree: dict[str, Any]) -> tuple[RecordingSource, ...]:

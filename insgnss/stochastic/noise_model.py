@@ -203,6 +203,7 @@ class NoiseModel:
     source : where the numbers come from, in words.
     gyro, accel : noise of the x, y and z axis of the sensor, SI.
     recordings : what the model was estimated from, if it was.
+    misfit : sentences on where it does not fit them; a run that uses the model repeats them.
 
     Raises
     ------
@@ -223,9 +224,11 @@ class NoiseModel:
     gyro: tuple[AxisNoise, AxisNoise, AxisNoise]
     accel: tuple[AxisNoise, AxisNoise, AxisNoise]
     recordings: tuple[RecordingSource, ...] = ()
+    misfit: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "recordings", tuple(self.recordings))
+        object.__setattr__(self, "misfit", tuple(self.misfit))
         for sensor in ("gyro", "accel"):
             given = getattr(self, sensor)
             axes = tuple(given) if isinstance(given, list | tuple) else (given,)

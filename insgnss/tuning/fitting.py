@@ -19,6 +19,7 @@ from ..stochastic.estimation.estimates import Linearised
 from ..stochastic.estimation.gmwm import Fit, fit
 from ..stochastic.estimation.goodness import GoodnessOfFit, goodness_of_fit
 from ..stochastic.estimation.inference import covariances, infer, second_step
+from ..stochastic.moments.theory import haar_variance, haar_variance_parts
 from .options import FAMILY, TuneOptions, chosen_levels
 from .products.words import FITS
 from .recordings import AXES, StaticRecording
@@ -36,6 +37,7 @@ MISFIT = 0.001  # p-value below which the second step is not trusted
 DRAWS, DOUBTFUL = 40, 1e-6
 # of the deviation, where a recording holds as many filter lengths: it is known to a tenth there
 CLOSE, MANY = 0.05, 50.0
+WHITE_SCALES = 2  # at which white noise must be most of what remains
 LAST_START = 12  # level up to which fine scales may be left out on advice
 
 
@@ -201,10 +203,18 @@ def _ranking(
         else ()
     )
     try:
-        return rank(curves, candidates, recordings=groups, sampling=options.sampling), notes
+        ranking = rank(
+            curves, candidates, recordings=groups, sampling=options.sampling, below_a_sample=False
+        )
+        return ranking, notes
     except UsageError as error:  # a singular covariance, of scales that hardly differ
         ranking = rank(
-            curves, candidates, weights="interval", recordings=groups, sampling=options.sampling
+            curves,
+            candidates,
+            weights="interval",
+            recordings=groups,
+            sampling=options.sampling,
+            below_a_sample=False,
         )
         return ranking, (
             *notes,
@@ -250,7 +260,9 @@ def _finer_scales(
 ) -> tuple[str, ...]:
     """Advise from which level on the model fits, where fine scales keep it from fitting.
 
-    It fits by the test, or within `CLOSE`.
+    It fits by the test, or within `CLOSE`. Scales that determine the white noise are not advised
+    away: where those that remain no longer do, or where the model of those that remain has less
+    noise at the scales left out than was measured there, nothing is advised.
 
     misfits : curve and level of the scales that stand out; to start above none of them would be no
         remedy.
@@ -269,6 +281,8 @@ def _finer_scales(
         if misfits and start <= min(j for _, j in misfits):
             continue
         coarser = fit(first.curves, first.composition, sampling=first.sampling, levels=levels)
+        if not _white_is_seen(coarser, first.curves):
+            return (close or _fine_misfit(first.composition),)
         scale = f"{float(coarser.curves[0].scale_s[0]):.3g} s"
         option = f"--levels {start}-{model_option}"
         if not close and _farthest(coarser) < CLOSE:
@@ -284,6 +298,45 @@ def _finer_scales(
                 else (f"{fits} leaves the finer scales out",)
             )
     return (close or f"leaving out fine scales does not make {name} fit",)
+
+
+def _fine_misfit(composition: Composition) -> str:
+    """Advise what to try where the misfit is at scales that determine the white noise."""
+    more = (
+        [replace(composition, gauss_markov=composition.gauss_markov + 1)]
+        if composition.gauss_markov < MOST_GAUSS_MARKOV
+        else []
+    )
+    more += [] if composition.quantization else [replace(composition, quantization=True)]
+    advice = f"; add a short process: --model {' or '.join(map(str, more))}" if more else ""
+    return (
+        "fine scales that do not fit are among those that determine the white noise, and are not to"
+        f" be left out{advice}"
+    )
+
+
+def _white_is_seen(coarser: Fit, curves: Sequence[WaveletVariance]) -> bool:
+    """Tell whether a fit without its finest scales still knows the white noise.
+
+    That is so where white noise (and rounding) is most of the wavelet variance at `WHITE_SCALES` of
+    the scales that remain, and what the model then says of the scales left out is no less than was
+    measured there, within `CLOSE` of the deviation: a filter of the sensor takes from them, while
+    noise that the model lacks adds to them.
+    """
+    if not coarser.axis.white_noise:
+        return not coarser.composition.white_noise
+    for all_scales, kept in zip(curves, coarser.curves, strict=True):
+        parts = haar_variance_parts(coarser.axis, kept.level, kept.rate_hz, coarser.sampling)
+        white = parts["white_noise"] + parts.get("quantization", 0.0)
+        if np.count_nonzero(white > 0.5 * sum(parts.values())) < WHITE_SCALES:
+            return False
+        left = all_scales.level < kept.level[0]
+        modelled = haar_variance(
+            coarser.axis, all_scales.level[left], all_scales.rate_hz, coarser.sampling
+        )
+        if (np.sqrt(modelled / all_scales.variance[left]) < 1.0 - CLOSE).any():
+            return False
+    return True
 
 
 def _slow_misfit(fitted: Fit, misfits: Sequence[tuple[int, int]]) -> str:

@@ -13,8 +13,9 @@ Axes = Literal["separate", "joint"]
 Weights = Literal["auto", "full", "diagonal"]
 Sampling = Literal["point", "mean"]
 FAMILY = (
-    *("WN", "WN+RW", "WN+GM", "WN+GM+RW", "WN+2GM", "WN+2GM+RW", "WN+3GM"),
+    *("WN", "WN+RW", "WN+GM", "WN+GM+RW", "WN+2GM", "WN+2GM+RW", "WN+3GM", "WN+3GM+RW"),
     *("QN+WN", "QN+WN+RW", "QN+WN+GM", "QN+WN+GM+RW", "QN+WN+2GM", "QN+WN+2GM+RW", "QN+WN+3GM"),
+    "QN+WN+3GM+RW",
 )
 """The models that compete where none is named."""
 
@@ -36,7 +37,8 @@ class TuneOptions:
     levels : scales to fit, such as "3-" or "1,2,5-9"; None: all.
     weights : the efficient second step always ("full"), never ("diagonal"), or where the model
         fits.
-    robust : whether wavelet variances are taken that a few disturbances do not move.
+    robust : whether wavelet variances are taken that a few disturbances do not move; None: of the
+        recordings that hold some.
     sampling : what a sample is of the continuous process, "point" or "mean".
     bootstrap : replicates for the J test and, from 100, intervals; 0: none.
     seed : of the random numbers.
@@ -59,7 +61,7 @@ class TuneOptions:
     axes: Axes = "separate"
     levels: str | None = None
     weights: Weights = "auto"
-    robust: bool = False
+    robust: bool | None = None
     sampling: Sampling = "point"
     bootstrap: int = 0
     seed: int = 0

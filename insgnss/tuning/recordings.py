@@ -99,17 +99,47 @@ def read_static(path: Path, options: TuneOptions, progress: Progress) -> StaticR
     _refuse(path, span, options.accept)
     progress(f"wavelet variances of {path.name}")
     triads = {"gyro": span.gyro, "accel": span.accel}
-    curves: dict[tuple[str, int], WaveletVariance] = {}
-    for sensor, values in triads.items():
-        curves |= {
-            (sensor, k): c
-            for k, c in enumerate(wavelet_variances(values, span.rate_hz, robust=options.robust))
-        }
+    curves, told = _variances(triads, span, options.robust)
     blocks = {sensor: _block_means(values) for sensor, values in triads.items()}
     source = RecordingSource(path.name, sha256(path), len(span.gyro), round(span.rate_hz, 6))
     return StaticRecording(
-        source, curves, blocks, span.begin_s, span.length_s, span.checks, span.disturbances
+        source,
+        curves,
+        blocks,
+        span.begin_s,
+        span.length_s,
+        (*span.checks, *told),
+        span.disturbances,
     )
+
+
+def _variances(
+    triads: Mapping[str, Array], span: StaticSpan, robust: bool | None
+) -> tuple[dict[tuple[str, int], WaveletVariance], list[Check]]:
+    """Return the curves, and what is to be said of how they were taken.
+
+    robust : None: where the recording holds disturbances, and its rounding allows it.
+    """
+
+    def taken(robustly: bool) -> dict[tuple[str, int], WaveletVariance]:
+        return {
+            (sensor, k): c
+            for sensor, values in triads.items()
+            for k, c in enumerate(wavelet_variances(values, span.rate_hz, robust=robustly))
+        }
+
+    knocks = len(span.disturbances)
+    if robust is not None or not knocks:
+        return taken(bool(robust)), []
+    name, expected = "wavelet variances", "nothing but noise"
+    finding = f"{knocks} disturbance{'s' if knocks > 1 else ''}"
+    try:
+        curves = taken(True)
+    except DataError as error:
+        advice = f"they are in the variances, since robust ones cannot be had: {error}"
+        return taken(False), [Check(name, finding, expected, "note", advice)]
+    advice = "robust variances, which a few of them do not move; --no-robust takes plain ones"
+    return curves, [Check(name, finding, expected, "note", advice)]
 
 
 def holds_variances(path: Path) -> bool:

@@ -9,23 +9,34 @@ grows like that of white noise of root density
     q^2 = sigma^2 dt (1 + phi) / (1 - phi)    (samples of the process),
     q^2 = (q_GM T)^2                          (means over dt)                                  (U.1)
 
-A process without strength is left out.
+That holds of a process whose estimate is that short. One whose interval reaches down to a sample
+while its estimate does not stays as it was fitted: (U.1) of 71 s would be ten times the
+white noise.
+
+A process without strength is left out. What is written is compared with the fit scale by scale
+(`departures`): it may exceed it, which is said, and it may not fall short of it.
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..base.errors import DataError
 from ..base.units import rounded
+from ..stochastic.estimation.gmwm import Fit
 from ..stochastic.estimation.inference import Inference
 from ..stochastic.model import AxisNoise, GaussMarkov
+from ..stochastic.moments.theory import haar_variance
 
 Errors = dict[str, float]
 # of the shortest averaging time that was fitted: there the wavelet variance is within 10 % of that
 # of white noise
 WHITE_BELOW = 0.1
+# of the variance: six digits of the file, and a correlation time at the end of its range, of which
+# a random walk differs by a hundred thousandth
+ROUNDING = 1e-3
 
 
 def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
@@ -46,10 +57,10 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
     fit = inference.fit
     named = {e.name: e for e in inference.estimates}
     finest = min(float(curve.averaging_time_s[0]) for curve in fit.curves)
-    short = {v.process for v in inference.verdicts if v.reason == "short"}
+    unbounded = {v.process for v in inference.verdicts if v.reason == "short"}
     dt = 1.0 / max(curve.rate_hz for curve in fit.curves)
     least = max(WHITE_BELOW * finest, dt)
-    short |= {
+    short = {
         f"gauss_markov_{k}"
         for k, p in enumerate(fit.axis.gauss_markov, 1)
         if p.correlation_time_s < least
@@ -88,6 +99,11 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
         else:
             processes.append(process)
             number = len(processes)
+            if f"gauss_markov_{k}" in unbounded:
+                remarks.append(
+                    f"Gauss-Markov {k} may as well be white noise, and stands in the model as it"
+                    f" was fitted, with {process.correlation_time_s:.3g} s"
+                )
             errors |= {
                 f"{e.name.rpartition('_')[0]}_{number}": e.standard_error
                 for e in (time, strength)
@@ -102,7 +118,82 @@ def usable_axis(inference: Inference) -> tuple[AxisNoise, tuple[str, ...]]:
         gauss_markov=tuple(processes),
         standard_error=tuple(errors.items()),
     )
-    return axis, tuple(remarks)
+    return axis, (*remarks, *envelope(axis, fit))
+
+
+@dataclass(frozen=True)
+class Departure:
+    """A scale at which a noise model is not what was fitted.
+
+    Parameters
+    ----------
+    scale_s : float
+        The scale, s.
+    ratio : float
+        Deviation of the model over that of the fit.
+    """
+
+    scale_s: float
+    ratio: float
+
+
+def departures(axis: AxisNoise, fit: Fit) -> tuple[Departure, ...]:
+    """Return the scales at which the wavelet variance of a model leaves the fit's confidence.
+
+    That is the relative width of the 95 % interval of the wavelet variance at the scale, and never
+    less than `ROUNDING`.
+
+    Parameters
+    ----------
+    axis : AxisNoise
+        The model, as written.
+    fit : Fit
+        What was fitted.
+
+    Returns
+    -------
+    tuple of Departure
+        In the order of the scales, of curves of the same rate once.
+    """
+    out: dict[float, Departure] = {}
+    for curve in fit.curves:
+        fitted, written = (
+            haar_variance(a, curve.level, curve.rate_hz, fit.sampling) for a in (fit.axis, axis)
+        )
+        low = np.minimum(curve.low / curve.variance, 1.0 - ROUNDING)
+        high = np.maximum(curve.high / curve.variance, 1.0 + ROUNDING)
+        ratio = np.divide(written, fitted, out=np.ones_like(written), where=fitted > 0.0)
+        for k in np.flatnonzero((ratio < low) | (ratio > high)):
+            scale = float(curve.scale_s[k])
+            out[scale] = Departure(scale, math.sqrt(float(ratio[k])))
+    return tuple(out[scale] for scale in sorted(out))
+
+
+def envelope(axis: AxisNoise, fit: Fit) -> tuple[str, ...]:
+    """Return a sentence where a model is an upper envelope of what was fitted, else nothing.
+
+    Raises
+    ------
+    DataError
+        Where the model falls short of the fit at a scale: it would promise less noise than was
+        found.
+    """
+    found = departures(axis, fit)
+    if not found:
+        return ()
+    least = min(found, key=lambda d: d.ratio)
+    if least.ratio < 1.0:
+        raise DataError(
+            f"the noise model would have {least.ratio:.3g} times the deviation of the"
+            f" {fit.composition} that was fitted, at {least.scale_s:.3g} s, which is beyond its"
+            " confidence: it is not written; name a model with fewer processes (--model)"
+        )
+    most, scales = max(found, key=lambda d: d.ratio), [d.scale_s for d in found]
+    return (
+        f"the model is an upper envelope of the {fit.composition} that was fitted: its deviation is"
+        f" up to {most.ratio:.3g} times that of the fit, at {most.scale_s:.3g} s"
+        f" ({len(scales)} scales, {min(scales):.3g} to {max(scales):.3g} s)",
+    )
 
 
 def _undetermined(inference: Inference) -> list[str]:

@@ -15,6 +15,8 @@ from oracles import oracle
 from scipy.spatial.transform import Rotation
 
 from insgnss.base.errors import DataError, InputError
+from insgnss.comparison.compare import compare_files
+from insgnss.exporting.export import Target, export
 from insgnss.formats import EXPORTS
 from insgnss.formats.bundle.metashape import read_metashape, write_metashape
 from insgnss.formats.orientation.eo_json import read_eo_json, write_eo_json
@@ -459,3 +461,51 @@ def test_every_export_writes_in_every_frame_that_it_claims(name: str, tmp_path: 
         )
         content = (tmp_path / form.product).read_bytes()
         assert b"8002" in content or name in ("patb", "tum", "g2o", "rtklib_pos", "relative"), name
+
+
+@pytest.mark.parametrize(
+    ("code", "place", "datum", "told"),
+    [
+        ("EPSG:32632", (48.5, 9.0), None, ""),
+        ("EPSG:25832", (48.5, 9.0), None, ""),
+        ("EPSG:25832", (48.5, 9.0), "EPSG:4937", ""),
+        ("EPSG:2056", (46.5, 7.0), None, "an accuracy of 1 m"),
+        ("EPSG:28356", (-33.8, 151.2), None, "an accuracy of 3 m"),
+    ],
+)
+def test_a_datum_is_warned_of_where_it_costs_something(
+    tmp_path: Path, code: str, place: tuple[float, float], datum: str | None, told: str
+) -> None:
+    """Oracle: PROJ's figures of accuracy; UTM of WGS 84 is no transformation at all, and that of
+    ETRS89 moves nothing.
+    """
+    eo = exterior(near_nadir(3), np.zeros((3, 3)))
+    eo = replace(eo, origin=np.array([*np.radians(place), 100.0]), datum=datum)
+    notes = " ".join(export(eo, "metashape", tmp_path / "x", Target(code)).notes)
+    assert ("its datum was reached by" in notes) == bool(told)
+    assert told in notes
+    assert "gnss.datum" in notes or not told
+
+
+def test_the_datum_of_the_positions_goes_with_the_master(tmp_path: Path) -> None:
+    """Oracle: the record written; positions of ITRF2014 in 2024 lie 0.87 m from those of ETRS89
+    (24 mm a year since 1989.0).
+    """
+    eo = exterior(near_nadir(3), np.zeros((3, 3)))
+    eo = replace(
+        eo, origin=np.array([*np.radians([48.5, 9.0]), 100.0]), datum="EPSG:7912", epoch=2024.5
+    )
+    write_eo_json(eo, tmp_path / "eo.json")
+    back = read_eo_json(tmp_path / "eo.json")
+    assert (back.datum, back.epoch) == ("EPSG:7912", 2024.5)
+    assert (back[:1].datum, back[:1].epoch) == ("EPSG:7912", 2024.5)
+    rows = []
+    for k, one in enumerate((back, replace(back, datum=None, epoch=None))):
+        export(one, "metashape", tmp_path / f"{k}.csv", Target("EPSG:25832"))
+        line = (tmp_path / f"{k}.csv").read_text().splitlines()[-1].replace(",", " ").split()
+        rows.append([float(v) for v in line[1:3]])
+    assert np.hypot(*np.subtract(*rows)) == pytest.approx(0.87, abs=0.03)
+    found = compare_files(tmp_path / "0.csv", tmp_path / "eo.json")  # the same places again
+    assert max(np.abs(c.difference).max() for c in found.components[:3]) < 2e-4
+    (note, *_) = export(back, "eo_local_plane", tmp_path / "plane").notes
+    assert note == "coordinates are of the datum of the positions, EPSG:7912, epoch 2024.5"

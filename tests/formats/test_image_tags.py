@@ -279,7 +279,7 @@ def test_gimbal_nadir_and_none(photos: Path, tmp_path: Path) -> None:
     """Oracle: formats.md B10: the yaw of the image's top, -90, 0; a camera that looks 60 deg off
     the nadir has no such angles.
     """
-    write_image_tags(flight(), tmp_path / "out", images=photos)
+    write_image_tags(flight(), tmp_path / "out", images=photos, gimbal="nadir")
     for name in NAMES:
         _, _, xmp = tags(tmp_path / "out" / name)
         assert (float(xmp["dji:GimbalPitchDegree"]), float(xmp["dji:GimbalRollDegree"])) == (
@@ -298,11 +298,40 @@ def test_gimbal_nadir_and_none(photos: Path, tmp_path: Path) -> None:
     with pytest.raises(
         DataError, match=r"image 8002.jpg: looks 60\.0 deg off the nadir \(limit 45 deg"
     ):
-        write_image_tags(oblique, tmp_path / "x", images=photos, missing="skip")
+        write_image_tags(oblique, tmp_path / "x", images=photos, missing="skip", gimbal="nadir")
     write_image_tags(oblique, tmp_path / "none", images=photos, missing="skip", gimbal="none")
     assert not any(
         "Gimbal" in name for name in tags(tmp_path / "none" / NAMES[1])[2] if name.startswith("dji")
     )
+
+
+@pytest.mark.parametrize(
+    ("maker", "written"), [("DJI", True), ("Hasselblad", True), ("SONY", False), (None, False)]
+)
+@pytest.mark.parametrize("tilt", [0.0, 60.0])
+def test_angles_of_a_gimbal_where_their_reader_expects_them(
+    tmp_path: Path, maker: str | None, written: bool, tilt: float
+) -> None:
+    """Oracle: OpenDroneMap's rule (opendm/photo.py): pitch from the gimbal before that of Camera,
+    and 90 deg more of DJI and Hasselblad; it comes out as the angle from the nadir.
+    """
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    exif = Image.Exif()
+    if maker is not None:
+        exif[0x010F] = maker
+    Image.fromarray(pixels()).save(folder / "1.jpg", exif=exif, xmp=OLD_XMP)
+    Image.fromarray(pixels()).save(folder / "2.tif", exif=exif)
+    C = Rotation.from_euler("ZXY", [-47, tilt, 0], degrees=True).as_matrix() @ D
+    eo = framed(exterior(np.array([C, C]), np.array([[0.0, 0, 200], [5.0, 0, 200]])), "geographic")
+    eo = replace(eo, images=("1.jpg", "2.tif"))
+    write_image_tags(eo, tmp_path / "out", images=folder)
+    for name in eo.images:
+        _, _, xmp = tags(tmp_path / "out" / name)
+        assert ("dji:GimbalPitchDegree" in xmp) == ("dji:GimbalRollDegree" in xmp) == written
+        pitch = float(xmp.get("dji:GimbalPitchDegree", xmp["Camera:Pitch"]))
+        pitch += 90.0 if maker in ("DJI", "Hasselblad") else 0.0
+        assert pitch == pytest.approx(tilt, abs=1e-4)  # the vertical turns by 5e-5 in 5 m
 
 
 def test_as_exiv2_reads_it(photos: Path, tmp_path: Path) -> None:
@@ -444,7 +473,7 @@ def test_images_and_orientations_that_do_not_match(photos: Path, tmp_path: Path)
     [
         ({"images": None}, "give the directory where they are"),
         ({"missing": "guess"}, "missing 'guess' is none of refuse, skip"),
-        ({"gimbal": "yes"}, "gimbal 'yes' is none of nadir, exact, none"),
+        ({"gimbal": "yes"}, "gimbal 'yes' is none of auto, none, nadir, exact"),
         ({"rtk_flag": 3}, "rtk_flag 3 is none of 0"),
         ({"heights": "geoid"}, "heights 'geoid': give 'ellipsoid'"),
     ],

@@ -1,5 +1,8 @@
 """Projected CRS against PROJ's factors, published values and distances on the ellipsoid."""
 
+import struct
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -121,3 +124,163 @@ def test_heights_whose_grid_is_not_here() -> None:
         MapProjection("EPSG:2056+5728", __file__)  # type: ignore[arg-type]
     with pytest.raises(UsageError, match="does not exist"):
         MapProjection("EPSG:2056", "nowhere.gtx")  # type: ignore[arg-type]
+
+
+OSTN15 = "uk_os_OSTN15_NTv2_OSGBtoETRS.tif"
+# Ordnance Survey, OSTN15_OSGM15_TestInput and TestOutput_ETRStoOSGB: TP01 St Mary's, TP10, TP20
+OS_LAT = np.radians([49.92226393730, 51.8589089640, 53.8002151963])
+OS_LON = np.radians([-6.29977752014, -4.3085247696, -1.66379168242])
+OS_GRID = np.array([[91492.146, 11318.804], [241124.584, 220332.641], [422242.186, 433818.701]])
+
+
+def _is_there(grid: str) -> bool:
+    from pyproj.datadir import get_data_dir, get_user_data_dir
+
+    return any((Path(d) / grid).is_file() for d in (get_data_dir(), get_user_data_dir()))
+
+
+@pytest.mark.parametrize("datum", [None, "EPSG:4937"])
+def test_no_british_grid_without_its_grid(datum: str | None) -> None:
+    """Oracle: three control points published by Ordnance Survey, to 2 mm, where the grid is
+    installed. Without it a Helmert transformation misses them by 2 to 5 m, which nobody must
+    get; the grid is named and how to get it.
+    """
+    from pyproj import CRS, Transformer
+
+    h = np.full(3, 100.0)
+    projection = MapProjection("EPSG:27700", None, datum)
+    if _is_there(OSTN15):
+        x = MapProjection("EPSG:27700", None, "EPSG:4937").forward_horizontal(OS_LAT, OS_LON, h)
+        assert np.abs(x - OS_GRID).max() < 2e-3
+        return
+    helmert = Transformer.from_crs(
+        "EPSG:4979", CRS("EPSG:27700").to_3d(), always_xy=True, allow_ballpark=False
+    )
+    E, N, _ = helmert.transform(np.degrees(OS_LON), np.degrees(OS_LAT), h)
+    off = np.hypot(E - OS_GRID[:, 0], N - OS_GRID[:, 1])
+    assert off == pytest.approx([4.7, 1.9, 1.7], abs=0.1)
+    with pytest.raises(InputError, match=rf"{OSTN15}.* not installed.* sync --file {OSTN15}`"):
+        projection.forward(OS_LAT, OS_LON, h)
+    with pytest.raises(InputError, match=rf"pyproj sync --file {OSTN15}`"):
+        MapProjection("EPSG:27700+5701", None, datum).forward(OS_LAT, OS_LON, h)
+
+
+def _ntv2(path: Path, north_s: float, east_s: float) -> None:
+    """A grid of one shift over the British Isles, seconds of arc, in the format NTv2."""
+
+    def word(key: str, value: str | float) -> bytes:
+        data = value.ljust(8).encode() if isinstance(value, str) else struct.pack("<d", value)
+        return key.ljust(8).encode() + data
+
+    def count(key: str, n: int) -> bytes:
+        return key.ljust(8).encode() + struct.pack("<ii", n, 0)
+
+    head = count("NUM_OREC", 11) + count("NUM_SREC", 11) + count("NUM_FILE", 1)
+    for key in ("GS_TYPE", "VERSION", "SYSTEM_F", "SYSTEM_T"):
+        head += word(key, "SECONDS" if key == "GS_TYPE" else "1")
+    for key, axis in (("MAJOR_F", 6377563.396), ("MINOR_F", 6356256.909)):
+        head += word(key, axis)
+    for key, axis in (("MAJOR_T", 6378137.0), ("MINOR_T", 6356752.314)):
+        head += word(key, axis)
+    for key in ("SUB_NAME", "PARENT", "CREATED", "UPDATED"):
+        head += word(key, "NONE" if key == "PARENT" else "ALL")
+    limits = {"S_LAT": 49.0, "N_LAT": 61.0, "E_LONG": -3.0, "W_LONG": 9.0}
+    for key, degrees in (limits | {"LAT_INC": 1.0, "LONG_INC": 1.0}).items():
+        head += word(key, 3600.0 * degrees)
+    nodes = 13 * 13
+    shifts = struct.pack("<ffff", north_s, -east_s, 0.0, 0.0) * nodes
+    path.write_bytes(head + count("GS_COUNT", nodes) + shifts + word("END", 0.0))
+
+
+def test_a_grid_that_is_installed_is_taken(tmp_path: Path) -> None:
+    """Oracle: a grid of our own in the place of the British one, of one shift (1.5 and 5 seconds):
+    the projection of what it moves, by PROJ, to 0.1 mm. In a process of its own, since PROJ's
+    directories are those of a process.
+    """
+    from pyproj import Transformer
+
+    _ntv2(tmp_path / OSTN15, -1.5, 5.0)
+    run = """
+import sys, numpy as np, pyproj.datadir
+pyproj.datadir.append_data_dir(sys.argv[1])
+from insgnss.geodesy.projection import MapProjection
+place = np.radians([51.85]), np.radians([-4.31]), np.array([100.0])
+for datum in (None, "EPSG:4937"):
+    print(*MapProjection("EPSG:27700", None, datum).forward(*place)[0])
+"""
+    out = subprocess.run(
+        [sys.executable, "-c", run, str(tmp_path)], capture_output=True, text=True, check=True
+    )
+    own = Transformer.from_crs("EPSG:4277", "EPSG:27700", always_xy=True)
+    expected = own.transform(-4.31 - 5.0 / 3600.0, 51.85 + 1.5 / 3600.0)
+    for line in out.stdout.splitlines():
+        assert [float(v) for v in line.split()] == pytest.approx([*expected, 100.0], abs=1e-4)
+    assert len(out.stdout.splitlines()) == 2
+
+
+@pytest.mark.parametrize(
+    ("code", "lat", "lon"),
+    [
+        ("EPSG:32632", 48.5, 9.0),
+        ("EPSG:25832", 48.5, 9.0),
+        ("EPSG:2056", 46.5, 7.0),
+        ("EPSG:21781", 46.5, 7.0),
+        ("EPSG:2154", 48.0, 2.0),
+        ("EPSG:28992", 52.5, 5.0),
+        ("EPSG:31256", 48.0, 16.0),
+        ("EPSG:5514", 50.0, 15.0),
+        ("EPSG:28356", -33.8, 151.2),
+        ("EPSG:6339", 37.5, -122.0),
+        ("EPSG:6677", 35.7, 139.7),
+    ],
+)
+def test_what_no_missing_grid_would_better_is_not_refused(
+    code: str, lat: float, lon: float
+) -> None:
+    """Oracle: PROJ's own figures of accuracy, by which no grid that is missing is better here."""
+    x = MapProjection(code).forward(np.radians([lat]), np.radians([lon]), np.array([100.0]))
+    assert np.isfinite(x).all()
+
+
+def test_positions_of_a_moving_datum() -> None:
+    """Oracle: GDA2020 Technical Manual: ITRF2014 and GDA2020 are one at 2020.0, and part by the
+    rotation of 1.50379, 1.18346, 1.20716 mas a year. In Europe the plate's 24 mm a year (ITRF2014
+    plate motion model, to 1 mm a year).
+    """
+    place = np.radians([-33.8]), np.radians([151.2]), np.array([50.0])
+    at = {
+        epoch: MapProjection("EPSG:7856", None, "EPSG:7912", epoch).forward(*place)[0]
+        for epoch in (2020.0, 2024.5)
+    }
+    same = MapProjection("EPSG:7856").forward(*place)[0]
+    assert np.abs(at[2020.0] - same).max() < 1e-6
+    lat, lon = place[0][0], place[1][0]
+    up = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+    east = np.array([-np.sin(lon), np.cos(lon), 0.0])
+    omega = np.array([1.50379, 1.18346, 1.20716]) * 1e-3 / 3600.0 * np.pi / 180.0
+    moved = 4.5 * np.cross(omega, 6371e3 * up)
+    expected = -np.array([moved @ east, moved @ np.cross(up, east)])
+    turn = MapProjection("EPSG:7856").axes(*place)[0][:2, :2]
+    assert (at[2024.5] - at[2020.0])[:2] == pytest.approx(turn @ expected, abs=2e-3)
+    place = np.radians([48.5]), np.radians([9.0]), np.array([50.0])
+    x, y = (
+        MapProjection("EPSG:25832", None, "EPSG:7912", epoch).forward(*place)[0]
+        for epoch in (2010.0, 2020.0)
+    )
+    assert np.hypot(*(y - x)[:2]) == pytest.approx(0.247, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("datum", "epoch", "why"),
+    [
+        ("nonsense", None, "datum 'nonsense' is unknown; give the geographic CRS"),
+        ("EPSG:32632", None, "is not geographic"),
+        ("EPSG:4978", None, "is not geographic"),
+        ("EPSG:9989", None, "moves by centimetres a year against the ground; give the epoch"),
+        (None, 2024.5, "epoch 2024.5 belongs to a datum"),
+    ],
+)
+def test_datums_that_are_none(datum: str | None, epoch: float | None, why: str) -> None:
+    """Oracle: the registry's definitions."""
+    with pytest.raises(UsageError, match=why):
+        MapProjection("EPSG:25832", None, datum, epoch)

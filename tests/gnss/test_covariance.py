@@ -13,6 +13,7 @@ from insgnss.base.errors import UsageError
 from insgnss.geodesy.frames import LocalFrame, ecef_to_geodetic, geodetic_to_ecef, rotation_en
 from insgnss.gnss.engine.rtklib import solve
 from insgnss.gnss.options import EngineOptions
+from insgnss.gnss.ppk import PpkInput, solve_ppk
 from insgnss.gnss.quality.covariance import (
     CLASSES,
     DEGRADED,
@@ -28,6 +29,7 @@ from insgnss.gnss.quality.covariance import (
     base_distance,
     calibrate,
     classes,
+    confirmed,
     degraded,
     forward_backward,
     outliers,
@@ -160,6 +162,93 @@ def test_two_runs_that_contradict_each_other_are_covered_and_no_longer_fixed():
     )
     assert (within <= 1.0).all()
     assert "40 because forward and backward" in calibrated.notes[-1].found
+
+
+def _two_runs(both, ned):
+    """A separation with sigmas of metres, as of fixes beside a float run."""
+    n = len(both)
+    return Separation(
+        np.tile(np.asarray(ned, float), (n, 1)),
+        np.broadcast_to(np.diag([4.0, 8.0, 12.0]), (n, 3, 3)),
+        np.asarray(both),
+    )
+
+
+def test_an_island_of_fixes_that_one_run_alone_has_is_not_believed():
+    """Oracle: 11 fixes among 400 float epochs a second apart, 2.6 m off; the other run, float and
+    2.2 m away, is within its sigmas and confirms nothing. Its difference has to be covered.
+    """
+    quality = np.full(400, 2)
+    quality[170:181] = 1
+    fixes = fixes_of(quality, 1.0)
+    sep = _two_runs(np.zeros(400, bool), (0.12, 2.02, 0.94))
+    assert not sep.beyond(MODEL.gate).any()
+    trusted, kind = calibrate(fixes, np.full(400, 12), np.full(400, 2000.0), sep)
+    assert (kind == ISOLATED).all()
+    assert (trusted.quality == 2).all()
+    assert np.sqrt(trusted.cov_ned[175, 1, 1]) > 2.02
+    assert "11 as islands that one run alone has fixed" in trusted.notes[-1].found
+    alone, kind = calibrate(fixes, np.full(400, 12), np.full(400, 2000.0))
+    assert (kind == ISOLATED).all()
+    assert (alone.quality == 2).all()
+
+
+def test_an_island_that_both_runs_fix_or_that_minutes_surround_is_believed():
+    """Oracle: by hand; five epochs of both runs, or half of the minute to either side."""
+    time = np.arange(400.0)
+    island = np.zeros(400, bool)
+    island[170:181] = True
+    nowhere = np.zeros(400, bool)
+    for together, believed in ((5, True), (4, False)):
+        both = nowhere.copy()
+        both[170 : 170 + together] = True
+        sep = _two_runs(both, (0.0, 0.0, 0.0))
+        assert confirmed(time, island, sep, nowhere)[island].all() == believed
+        assert not confirmed(time, island, sep, both)[island].any()
+    one_alone = _two_runs(nowhere, (0.0, 0.0, 0.0))
+    for length, sep, believed in (
+        *((61, one_alone, True), (40, one_alone, False)),
+        *((31, None, True), (20, None, False)),  # of a ready solution half of it
+    ):
+        run = nowhere.copy()
+        run[170 : 170 + length] = True
+        assert confirmed(time, run, sep, nowhere)[run].all() == believed
+    beside = nowhere.copy()
+    beside[190:320] = True
+    assert confirmed(time, island | beside, None, nowhere)[island].all()
+    assert confirmed(time, island, None, nowhere, replace(MODEL, island_s=0.0))[island].all()
+    # ten fixes behind an outage are alone, however few floats are there
+    late = np.append(np.arange(100.0), 700.0 + np.arange(10.0))
+    fixed = late >= 700.0
+    assert not confirmed(late, fixed, None, np.zeros(110, bool)).any()
+    # a recording of half a minute that is fixed throughout, and one of 30 s an epoch
+    short = np.ones(30, bool)
+    assert confirmed(np.arange(30.0), short, None, ~short).all()
+    assert confirmed(30.0 * np.arange(30.0), short, None, ~short).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("base", ["rt.base-20181004-1452.obs", "glw1277p.18o"])
+def test_no_island_of_a_walking_single_frequency_receiver_is_believed(tmp_path, base):
+    """Oracle: the receiver's own RTK solution (NAV-SOL, where it claims 3 cm): every fix that was
+    validated before was 2.6 to 7 m off.
+    """
+    if find_spec("pyrtklib5") is None:
+        pytest.skip("pyrtklib5 is not installed")
+    place = DATA / "rinex_ublox_2018"
+    if not place.is_dir():
+        pytest.skip("the recording rinex_ublox_2018 is not here")
+    given = PpkInput(
+        place / "rover-20181004-1532.obs",
+        place / base,
+        (place / "glw1277p.18n", place / "glw1277p.18g"),
+        EngineOptions(frequencies=1),
+        events=False,
+    )
+    result = solve_ppk(given, tmp_path)
+    assert not np.isin(result.series["kind"], VALIDATED).any()
+    assert "poor: 0.0 % of 1180 epochs are fixed and confirmed" in result.verdict
+    assert np.sqrt(np.diagonal(result.fixes.cov_ned, axis1=1, axis2=2)).min() > 0.25
 
 
 def test_a_single_fix_beside_the_path_is_covered_and_its_neighbours_stay():

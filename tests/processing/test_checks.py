@@ -2,6 +2,7 @@
 stamps.
 """
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,8 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pyproj.transformer import TransformerGroup
 
 from insgnss.base.errors import DataError, InputError
+from insgnss.config.flight_file import Output
 from insgnss.diagnosis.time_offset import offset_to_apply
 from insgnss.flight import load_flight
 from insgnss.navigation.codes import REJECTED, USED, VELOCITY_CONSTRAINT
@@ -20,12 +23,13 @@ from insgnss.processing.checks import (
     check_stationary,
     refuse_contradictions,
     refuse_unobservable,
+    refuse_unreachable_crs,
 )
 from insgnss.processing.input_files import stationary_fixes
 from insgnss.processing.orientation import _origin
 from insgnss.processing.recording import read_recording
 from insgnss.processing.segment_checks import check_motion
-from insgnss.records import Check, ImuSamples, Trajectory
+from insgnss.records import Check, GnssFixes, ImuSamples, Trajectory
 
 FLIGHT: Any = SimpleNamespace(
     path=Path("flight.toml"),
@@ -35,6 +39,37 @@ FLIGHT: Any = SimpleNamespace(
     accept=(),
     tangent_plane=None,
 )
+
+
+def test_a_crs_whose_grid_is_missing_stops_before_the_flight_is_solved() -> None:
+    """Oracle: PROJ's own list of grids, of which none comes with it; the same flight in UTM goes
+    on, and so does one that writes nothing in a CRS.
+    """
+    fixes = GnssFixes(
+        np.array([0.0, 1.0]),
+        np.radians([51.5, 51.5]),
+        np.radians([-0.1, -0.1]),
+        np.array([50.0, 60.0]),
+        np.broadcast_to(np.eye(3), (2, 3, 3)),
+    )
+
+    def flight(crs: str | None, formats: tuple[str, ...]) -> Any:
+        output = Output(crs=crs, formats=formats)
+        given = SimpleNamespace(datum=None, epoch=None)
+        return SimpleNamespace(
+            path=Path("flight.toml"), output=output, gnss=given, camera=SimpleNamespace()
+        )
+
+    refuse_unreachable_crs(flight(None, ("metashape",)), fixes)
+    refuse_unreachable_crs(flight("EPSG:32630", ("metashape",)), fixes)
+    refuse_unreachable_crs(flight("EPSG:27700", ("eo_local_plane",)), fixes)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        there = TransformerGroup("EPSG:4937", "EPSG:27700", allow_ballpark=False).transformers
+    if there:
+        pytest.skip("the grid of the British datum is installed")
+    with pytest.raises(InputError, match=r"flight\.toml: output\.crs: CRS EPSG:27700.*pyproj sync"):
+        refuse_unreachable_crs(flight("EPSG:27700", ("metashape",)), fixes)
 
 
 def path_of(sigma_deg: list[float]) -> Trajectory:

@@ -36,7 +36,11 @@ def test_a_disturbed_recording_is_named(tmp_path, no_pictures):
     disturbed, quiet = result.recordings
     motion = next(check for check in disturbed.checks if check.name == "motion")
     assert motion.found.startswith("disturbed: shaken at 4045 s")
-    assert "--robust" in motion.advice
+    robust = next(check for check in disturbed.checks if check.name == "wavelet variances")
+    assert robust.advice.startswith("robust variances")
+    assert all(curve.robust for curve in disturbed.curves.values())
+    assert not any(curve.robust for curve in quiet.curves.values())
+    assert "leave the recording out" in motion.advice
     assert (
         next(check.found for check in quiet.checks if check.name == "motion")
         == "at rest throughout"

@@ -6,18 +6,23 @@ import hashlib
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from static_files import ACCEL, BIAS, DEG_H, GRAVITY, GYRO, RATE, samples, save
+from static_files import ACCEL, BIAS, DEG_H, GRAVITY, GYRO, RATE, UG, samples, save
 
 from insgnss import cli
+from insgnss.base.errors import DataError
+from insgnss.processing.recording import noise_misfit
+from insgnss.stochastic.estimation.selection import rank
 from insgnss.stochastic.model import AxisNoise, GaussMarkov, load_noise_model
 from insgnss.stochastic.moments.wavelet import wavelet_variance
 from insgnss.stochastic.processes import simulate_noise
-from insgnss.tuning.options import TuneOptions, chosen_levels
+from insgnss.tuning.options import FAMILY, TuneOptions, chosen_levels
 from insgnss.tuning.static import tune_static
+from insgnss.tuning.usable import rounded_axis
 
 UNITS = ["--gyro-unit", "rad/s", "--accel-unit", "m/s^2", "--rate", f"{RATE:g}"]
 OPTIONS = TuneOptions(rate_hz=RATE, gyro_unit="rad/s", accel_unit="m/s^2", model="WN+GM")
@@ -432,6 +437,87 @@ def test_a_filtered_sensor_is_told_from_which_scale_on_the_model_fits(
         e.low < truth(t.sensor)[e.name] < e.high for t in again.tuned for e in t.inference.estimates
     ]
     assert sum(held) >= 14
+
+
+def test_scales_that_determine_the_white_noise_are_not_advised_away(tmp_path, no_pictures):
+    """Oracle: rounding noise put in, which is most of the finest scales: a model without it that
+    leaves them out would have less noise there than was measured.
+    """
+    rng = np.random.default_rng(3)
+    n = int(12 * 60 * RATE)
+    axes = (replace(GYRO, quantization=30.0 * DEG_H / RATE),) * 3 + (
+        replace(ACCEL, quantization=150.0 * UG / RATE),
+    ) * 3
+    noise = [simulate_noise(axis, n, 1.0 / RATE, rng) for axis in axes]
+    save(tmp_path / "rounded.npy", np.column_stack(noise) + np.concatenate([BIAS, GRAVITY]))
+    result = tune_static([tmp_path / "rounded.npy"], OPTIONS, tmp_path / "x.toml")
+    for t in result.tuned:
+        assert t.goodness.p_value < 1e-9
+        assert "among those that determine the white noise" in t.remarks[-1]
+        assert "--model WN+2GM or QN+WN+GM" in t.remarks[-1]
+        assert "--levels" not in " ".join(t.remarks)
+    assert len(result.model.misfit) == 6
+
+
+def test_knocks_do_not_move_the_noise(folder, tmp_path, no_pictures):
+    """Oracle: the noise simulated, before three knocks of two seconds were put in; a knock is no
+    white noise of the sensor. Robust variances know it to 2 %, the others have four times as much.
+    """
+    values = np.load(folder / "rest1.npy")
+    rng = np.random.default_rng(0)
+    size = np.std(np.diff(values, axis=0), axis=0)
+    for at in (5000, 12000, 25000):
+        values[at : at + 100] += 30.0 * size * rng.standard_normal((100, 6))
+    save(tmp_path / "knocked.npy", values)
+    joint = TuneOptions(**{**OPTIONS.__dict__, "axes": "joint"})
+    result = tune_static([tmp_path / "knocked.npy"], joint, tmp_path / "x.toml")
+    for t in result.tuned:
+        assert all(curve.robust for curve in t.kept.curves)
+        assert_allclose(t.noise.white_noise, truth(t.sensor)["white_noise"], rtol=0.02)
+    assert "robust variances" in result.summary()
+    plain = TuneOptions(**{**joint.__dict__, "robust": False})
+    moved = tune_static([tmp_path / "knocked.npy"], plain, tmp_path / "y.toml")
+    assert all(t.noise.white_noise > 2.0 * truth(t.sensor)["white_noise"] for t in moved.tuned)
+    back = load_noise_model(tmp_path / "y.toml")
+    assert back.misfit == moved.model.misfit
+    assert [m.partition(": ")[0] for m in back.misfit] == ["gyro xyz", "accel xyz"]
+    (note,) = noise_misfit(back)
+    assert note.verdict == "note"
+    assert note.found.startswith("gyro xyz: WN+GM does not fit (J")
+    assert note.found.endswith("; and 1 more, in its file")
+    assert noise_misfit(replace(back, misfit=())) == []
+
+
+def test_nothing_is_written_where_the_file_falls_short_of_the_fit(
+    folder, tmp_path, no_pictures, monkeypatch
+):
+    """Oracle: a writer that halves the white noise, at the finest scale half of the deviation."""
+
+    def halved(axis, units):
+        return rounded_axis(replace(axis, white_noise=0.5 * axis.white_noise), units)
+
+    monkeypatch.setattr("insgnss.tuning.products.written.rounded_axis", halved)
+    with pytest.raises(DataError, match=r"x.toml: gyro x: the noise model .* 0\.5\d* times"):
+        tune_static([folder / "rest1.npy"], OPTIONS, tmp_path / "x.toml")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_process_below_a_sample_leaves_the_competition():
+    """Oracle: a process of 2 ms at 50 Hz, white noise to this recording: WN is taken for it."""
+    axis = AxisNoise(
+        white_noise=1e-4, gauss_markov=(GaussMarkov.from_sigma(0.002, 1e-3),), random_walk=1e-5
+    )
+    curve = wavelet_variance(
+        simulate_noise(axis, 60_000, 1.0 / RATE, np.random.default_rng(2)), RATE
+    )
+    names = ("WN+RW", "GM+RW", "WN+GM+RW", "WN+3GM+RW")
+    assert len(rank([curve], names).candidates) == len(names)
+    ranking = rank([curve], names, below_a_sample=False)
+    assert len(ranking.candidates) < len(names)
+    assert str(ranking.chosen.composition) == "WN+RW"
+    for candidate in ranking.candidates:
+        assert all(p.correlation_time_s >= 1.0 / RATE for p in candidate.fit.axis.gauss_markov)
+    assert "WN+3GM+RW" in FAMILY
 
 
 def test_a_slow_misfit_is_not_blamed_on_fine_scales(tmp_path, no_pictures):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from insgnss.base.errors import DataError
 from insgnss.records import WaveletVariance
 from insgnss.stochastic.estimation.estimates import Estimate
 from insgnss.stochastic.estimation.gmwm import fit
@@ -18,7 +19,7 @@ from insgnss.tuning.products.table import _interval, plus_minus, printed, unit_t
 from insgnss.tuning.products.words import with_names
 from insgnss.tuning.recordings import StaticRecording
 from insgnss.tuning.turn_on import turn_on_bias
-from insgnss.tuning.usable import rounded_axis, usable_axis
+from insgnss.tuning.usable import departures, envelope, rounded_axis, usable_axis
 
 RATE, SAMPLES = 100.0, 400_000
 DEG_H = np.pi / 180.0 / 3600.0
@@ -46,6 +47,7 @@ def test_a_process_shorter_than_a_sample_is_white_to_a_filter():
     noise, remarks = usable_axis(inference)
     assert noise.gauss_markov == ()
     assert "white noise, and stands in the model as such" in remarks[0]
+    assert "upper envelope" in remarks[-1]
     from scipy.signal import lfilter
 
     phi = np.exp(-1.0 / (RATE * T))
@@ -56,6 +58,42 @@ def test_a_process_shorter_than_a_sample_is_white_to_a_filter():
     )
     sums = x.reshape(2000, 1000).sum(axis=1) / RATE
     assert_allclose(noise.white_noise**2, np.var(sums) / (1000 / RATE), rtol=0.12)
+
+
+def test_a_process_whose_interval_reaches_a_sample_stays_as_it_was_fitted():
+    """Oracle: the wavelet variance of the process put in, 71 s of 20 deg/h under 10.8
+    deg/h/sqrt(Hz); as white noise it would be 239 deg/h/sqrt(Hz).
+    """
+    truth = AxisNoise(
+        white_noise=10.8 * DEG_H, gauss_markov=(GaussMarkov.from_sigma(71.0, 20.0 * DEG_H),)
+    )
+    inference = infer(fit(curve_of(truth), "WN+GM"))
+    unsure = replace(
+        inference,
+        verdicts=tuple(
+            replace(v, identifiable=False, reason="short") if "gauss" in v.process else v
+            for v in inference.verdicts
+        ),
+    )
+    noise, remarks = usable_axis(unsure)
+    level = np.arange(1, 17)
+    assert_allclose(haar_variance(noise, level, RATE), haar_variance(truth, level, RATE), rtol=1e-3)
+    assert_allclose(noise.white_noise, 10.8 * DEG_H, rtol=1e-3)
+    assert "stands in the model as it was fitted, with 71 s" in remarks[0]
+
+
+def test_what_falls_short_of_the_fit_is_refused_and_what_exceeds_it_told():
+    """Oracle: by hand: half the white noise is half the deviation at the finest scale, twice is
+    twice.
+    """
+    fitted = fit(curve_of(AxisNoise(white_noise=1e-4, random_walk=1e-6)), "WN+RW")
+    with pytest.raises(DataError, match=r"0\.5 times the deviation of the WN\+RW .* at 0\.02 s"):
+        envelope(replace(fitted.axis, white_noise=0.5e-4), fitted)
+    (told,) = envelope(replace(fitted.axis, white_noise=2e-4), fitted)
+    assert "an upper envelope of the WN+RW that was fitted" in told
+    assert "up to 2 times that of the fit, at 0.02 s" in told
+    assert envelope(rounded_axis(fitted.axis, NOISE_UNITS["gyro"]), fitted) == ()
+    assert departures(fitted.axis, fitted) == ()
 
 
 def test_a_process_without_end_is_a_random_walk():

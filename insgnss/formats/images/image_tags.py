@@ -21,6 +21,11 @@ angles of the definition, with (x view, y right, z down) of the camera in north,
 
     C_nE C_Ec [[0,1,0],[0,0,1],[1,0,0]] = Rz(yaw) Ry(pitch) Rx(roll)                           (I.1)
 
+OpenDroneMap takes a gimbal's pitch before that of `Camera:`, and counts it from the horizon only
+where the image says that DJI or Hasselblad made its camera, from the nadir elsewhere. So "auto"
+writes angles of a gimbal for those alone: a camera of others would be turned by 90 degrees by them,
+and one of DJI without them.
+
 Nothing is decoded: of a JPEG the segments of Exif and XMP are replaced, to a TIFF a directory is
 appended (`tiff_tags`).
 """
@@ -28,7 +33,7 @@ appended (`tiff_tags`).
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import BinaryIO, Literal
@@ -44,6 +49,7 @@ from ...records import Array, FramedOrientation
 from ..orientation.exported import check_only, frame_words
 from ..orientation.poses import local_sigma, sea_level, true_north_ypr
 from ..text.text import Source
+from .exif import camera_maker
 from .jpeg import with_tags
 from .tiff_tags import ASCII, BYTE, RATIONAL, SRATIONAL, UNDEFINED, XMP, Tiff, Value
 from .xmp import Properties, set_properties
@@ -83,6 +89,9 @@ STALE = {
 }
 FORWARD_FROM_CV = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 MOST_TILT_DEG = 45.0
+GIMBALS = ("auto", "none", "nadir", "exact")
+LEFT_OUT = "left out"
+OF_DJI = ("dji", "hasselblad")  # makers, in lower case, whose pitch readers count from the horizon
 RTK = {0: "none", 16: "single", 34: "float", 50: "fix"}
 CHUNK = 1 << 22
 
@@ -140,7 +149,7 @@ def write_image_tags(
     missing: Literal["refuse", "skip"] = "refuse",
     heights: Literal["ellipsoid", "sea level"] = "ellipsoid",
     undulation_m: float | Sequence[float] | Array | None = None,
-    gimbal: Literal["nadir", "exact", "none"] = "nadir",
+    gimbal: Literal["auto", "none", "nadir", "exact"] = "auto",
     rtk_flag: int | None = None,
 ) -> None:
     """Copy the images of the directory `images`, with their tags, into the directory `path`.
@@ -161,8 +170,8 @@ def write_image_tags(
         Heights of Exif and drone-dji.
     undulation_m : float or (n,), optional
         Geoid heights, m, for sea level.
-    gimbal : {"nadir", "exact", "none"}
-        See the module's description.
+    gimbal : {"auto", "none", "nadir", "exact"}
+        Angles of a DJI gimbal, see the module's description; by default for cameras of DJI alone.
     rtk_flag : {0, 16, 34, 50}, optional
         RtkFlag of drone-dji.
 
@@ -178,7 +187,7 @@ def write_image_tags(
     source, directory = _directories(images, path)
     for name, value, accepted in (
         ("missing", missing, ("refuse", "skip")),
-        ("gimbal", gimbal, ("nadir", "exact", "none")),
+        ("gimbal", gimbal, GIMBALS),
     ):
         if value not in accepted:
             raise UsageError(f"{name} {value!r} is none of {', '.join(accepted)}")
@@ -196,7 +205,7 @@ def write_image_tags(
     )
     directory.mkdir(parents=True, exist_ok=True)
     for k, file in pairs:
-        _write(file, directory / file.name, tags(k))
+        _write(file, directory / file.name, tags(k), gimbal == "auto")
 
 
 def _directories(images: Source | None, path: Source) -> tuple[Path, Path]:
@@ -311,12 +320,12 @@ def _gimbal(
 ) -> tuple[Array | None, str]:
     """Return yaw, pitch, roll (n, 3), deg, of DJI, and what they mean."""
     if gimbal == "none":
-        return None, "left out"
-    if gimbal == "exact":
-        turn = np.degrees(rpy_from_rotation(NED_ENU @ eo.C_Ec @ FORWARD_FROM_CV)[:, ::-1])
-        return turn, "exact: north east down, Z-Y-X, camera forward at zero"
+        return None, LEFT_OUT
     tilt = np.degrees(np.arccos(np.clip(-view[:, 2], -1.0, 1.0)))
     far = tilt > MOST_TILT_DEG
+    if gimbal == "exact" or (gimbal == "auto" and far.any()):
+        turn = np.degrees(rpy_from_rotation(NED_ENU @ eo.C_Ec @ FORWARD_FROM_CV)[:, ::-1])
+        return turn, "exact: north east down, Z-Y-X, camera forward at zero"
     if far.any():
         k = int(np.argmax(far))
         message = (
@@ -332,7 +341,7 @@ def _gimbal(
     )
 
 
-def _write(source: Path, target: Path, tags: Tags) -> None:
+def _write(source: Path, target: Path, tags: Tags, of_dji_only: bool) -> None:
     if target.exists() and target.samefile(source):
         raise UsageError(
             f"{target}: is the image itself, which is not touched; give another directory for the"
@@ -340,6 +349,8 @@ def _write(source: Path, target: Path, tags: Tags) -> None:
         )
     try:
         with source.open("rb") as stream:
+            if of_dji_only and camera_maker(stream, str(source)).lower() not in OF_DJI:
+                tags = replace(tags, gimbal=None, gimbal_words=LEFT_OUT)
             atomic_write(target, _tagged(stream, os.fstat(stream.fileno()).st_size, source, tags))
     except OSError as error:
         raise InputError.at_line(

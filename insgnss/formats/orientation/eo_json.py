@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 FORMAT = "insgnss exterior orientation"
 FORMAT_VERSION = 1
+WGS84 = "WGS84 (EPSG:4979)"
 AGREEMENT = 1e-9  # rad
 CONVENTIONS = {
     "position_m": "projection centre, m, east north up of the tangent plane",
@@ -69,7 +70,8 @@ def write_eo_json(
         "gps_week": eo.gps_week,
         "time_scale": "GPST",
         "tangent_plane": {
-            "datum": "WGS84 (EPSG:4979)",
+            "datum": eo.datum or WGS84,
+            **({} if eo.epoch is None else {"epoch": eo.epoch}),
             "origin_lat_lon_rad_height_m": eo.origin.tolist(),
             "origin_deg": np.degrees(eo.origin[:2]).tolist(),
         },
@@ -89,6 +91,17 @@ def write_eo_json(
     head = json.dumps(content, indent=1, allow_nan=False).removesuffix("\n}")
     images = ",\n  ".join(_images(eo))
     atomic_write(path, f'{head},\n "images": [\n  {images}\n ]\n}}\n')
+
+
+def _datum(plane: dict[str, Any]) -> str | None:
+    """Return the datum, None for WGS 84."""
+    name = str(plane.get("datum", WGS84))
+    return None if name == WGS84 else name
+
+
+def _epoch(plane: dict[str, Any]) -> float | None:
+    """Return the epoch, decimal year; None where there is none."""
+    return float(plane["epoch"]) if "epoch" in plane else None
 
 
 def _image_up(camera_from_body: Array) -> str:
@@ -154,6 +167,8 @@ def read_eo_json(path: Source) -> ExteriorOrientation:
             boresight=np.array(content["applied"]["boresight"], dtype=np.float64),
             camera_from_body=np.array(content["applied"]["camera_from_body"], dtype=np.float64),
             history=tuple(content["history"]),
+            datum=_datum(content["tangent_plane"]),
+            epoch=_epoch(content["tangent_plane"]),
         )
     except KeyError as error:
         raise InputError.at_line(path, None, f"no {error.args[0]}; export the file again") from None

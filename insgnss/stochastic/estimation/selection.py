@@ -29,7 +29,8 @@ By WIC, models within 2 of the least are equivalent to it, the usual measure for
 By CVWVIC those are that Wilcoxon's signed-rank test over the recordings does not tell from the best
 (5 %), as in mgmwm; six recordings are few for that test, and WIC uses them all at once. Of the
 equivalent models those go first whose parameters are all determined, none at an edge and each to a
-factor of e, and of these the smallest is chosen.
+factor of e, and of these the smallest is chosen. Where that is asked for, a model of which a
+Gauss-Markov process is shorter than a sample leaves the competition.
 
 Near-stationarity (Bakalli et al. 2018): do all recordings have the same parameters? With efficient
 weights the joint fit is worse than the single ones by
@@ -184,6 +185,7 @@ def rank(
     sampling: Sampling = "point",
     draws: int = 0,
     seed: int = 0,
+    below_a_sample: bool = True,
 ) -> Ranking:
     """Fit all models to the curves and rank them.
 
@@ -204,6 +206,8 @@ def rank(
         What a sample is of the continuous process.
     draws, seed : int
         Re-fits for the bootstrapped optimism, 0 for (S.2), and the seed of their draws.
+    below_a_sample : bool
+        Whether a model stays of which a Gauss-Markov process is shorter than a sample.
 
     Returns
     -------
@@ -242,7 +246,18 @@ def rank(
         )
     drawn = tuple(redrawn(reference, draw_variances(reference, draws, seed=seed))) if draws else ()
     candidates = [_candidate(curves, c, Omega, V, groups, sampling, drawn) for c in compositions]
+    if not below_a_sample:
+        candidates = [c for c in candidates if not _below_a_sample(c.fit)] or candidates
     return _ranked(candidates, criterion)
+
+
+def _below_a_sample(fitted: Fit) -> bool:
+    """Tell whether a Gauss-Markov process of the fit is shorter than a sampling interval.
+
+    It is white noise by another name, and the model without it competes by itself.
+    """
+    interval_s = 1.0 / max(curve.rate_hz for curve in fitted.curves)
+    return any(0.0 < p.correlation_time_s < interval_s for p in fitted.axis.gauss_markov)
 
 
 def _groups(curves: Sequence[WaveletVariance], recordings: Sequence[int] | None) -> np.ndarray:

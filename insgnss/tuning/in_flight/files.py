@@ -142,7 +142,12 @@ def model_in_flight(flight: Flight, recording: Recording, noise: "InFlightNoise"
     gx, gy, gz = (_scaled(axis, "gyro", noise) for axis in static.gyro)
     ax, ay, az = (_scaled(axis, "accel", noise) for axis in static.accel)
     return NoiseModel(
-        f"{static.name} in flight", source, (gx, gy, gz), (ax, ay, az), (*static.recordings, imu)
+        f"{static.name} in flight",
+        source,
+        (gx, gy, gz),
+        (ax, ay, az),
+        (*static.recordings, imu),
+        static.misfit,
     )
 
 

@@ -7,15 +7,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ...base.errors import DataError
 from ...base.files import atomic_write
 from ...stochastic.model import NOISE_UNITS, AxisNoise, NoiseModel, write_noise_model
-from ..recordings import SENSORS, StaticRecording
+from ...stochastic.noise_file import model_of_text, text_of_model
+from ..recordings import AXES, SENSORS, StaticRecording
 from ..result import Tuned, TuneResult
 from ..targets import check_target, refuse_present
-from ..usable import rounded_axis
-from .words import verdict
+from ..usable import envelope, rounded_axis
+from .words import FITS, goodness_p, misfit, verdict
 
 DEFAULT = Path("imu_noise.toml")
+CARRIED = FITS / 6.0  # p-value below which a misfit goes into the file: of six axes one by chance
 
 
 def planned(out: Path | None, force: bool) -> Path:
@@ -59,7 +62,12 @@ def noise_model(
     }
     source = f"insgnss tune: gyro {models['gyro']}; accel {models['accel']}"
     return NoiseModel(
-        name, source, triads["gyro"], triads["accel"], tuple(r.source for r in recordings)
+        name,
+        source,
+        triads["gyro"],
+        triads["accel"],
+        tuple(r.source for r in recordings),
+        tuple(f"{t.name}: {next(misfit(t, recordings))}" for t in tuned if goodness_p(t) < CARRIED),
     )
 
 
@@ -81,12 +89,26 @@ def write(result: TuneResult, target: Path) -> TuneResult:
             "no noise model was written: it needs three gyroscopes and three accelerometers",
         )
     result = replace(result, files=files, notes=notes)
+    if result.model is not None:
+        _read_back(result, target)
     for path, png in drawn.items():
         atomic_write(path, png)
     atomic_write(table, json.dumps(result.as_dict(), indent=1, allow_nan=False) + "\n")
     if result.model is not None:
         write_noise_model(result.model, target, _remarks(result))
     return result
+
+
+def _read_back(result: TuneResult, target: Path) -> None:
+    """DataError where the file, read back, would fall short of what was fitted at some scale."""
+    assert result.model is not None
+    back = model_of_text(target, text_of_model(result.model, _remarks(result)))
+    for t in result.tuned:
+        for k in t.axes:
+            try:
+                envelope(getattr(back, t.sensor)[k], t.kept)
+            except DataError as error:
+                raise DataError(f"{target}: {t.sensor} {AXES[k]}: {error}") from None
 
 
 def _remarks(result: TuneResult) -> tuple[str, ...]:

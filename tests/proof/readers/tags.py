@@ -71,7 +71,7 @@ def read(path: Path) -> Table:
             row.append(float(re.search(rf'{name}="([^"]*)"', xmp)[1]))  # type: ignore[index]
         for name in ("Yaw", "Pitch", "Roll"):
             angle = re.search(rf'drone-dji:Gimbal{name}Degree="([^"]*)"', xmp)
-            row.append(float(angle[1]))  # type: ignore[index]
+            row.append(float(angle[1]) if angle else float("nan"))
         rows.append(row)
     names = [
         "x",
