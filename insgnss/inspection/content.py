@@ -141,7 +141,7 @@ def _imu(
     units: dict[str, str],
 ) -> None:
     rate = f"{sensing.rate_hz:.4g} Hz, {raw.time.size} samples, {sensing.length_s:.0f} s"
-    draft.add("imu", "file", source.path, f"{source.what}: {rate}")
+    draft.add("imu", "file", source.path, f"{source.what}: {rate}{left_out(source)}")
     for key in ("variable", "rate_hz"):
         if key in source.keys:
             draft.add("imu", key, source.keys[key], source.why.get(key, ""), key != "rate_hz")
@@ -473,9 +473,8 @@ def _noise(draft: Draft, sensing: Sensing) -> None:
 
 def _gnss(draft: Draft, source: Source, gnss: GnssFixes, recognition: "Recognition | None") -> None:
     step = float(np.median(np.diff(gnss.time))) if gnss.time.size > 1 else np.nan
-    draft.add(
-        "gnss", "file", source.path, f"{source.what}: {gnss.time.size} fixes, {1.0 / step:.3g} Hz"
-    )
+    rate = f"{gnss.time.size} fixes, {1.0 / step:.3g} Hz"
+    draft.add("gnss", "file", source.path, f"{source.what}: {rate}{left_out(source)}")
     for key in ("variable", "columns", "units", "repeat_column", "sigma_m", "sigma_velocity_mps"):
         if key in source.keys:
             draft.add("gnss", key, source.keys[key], source.why.get(key, ""))
@@ -544,6 +543,12 @@ def _filter(draft: Draft, recognition: "Recognition | None") -> None:
     draft.add(
         "filter", "robust", True, "fixes of unknown quality: outliers get less weight (Huber)"
     )
+
+
+def left_out(source: Source) -> str:
+    """Name the columns of a source's table that nothing takes; empty where all are taken."""
+    columns = source.columns_left_out
+    return f"; columns left out: {', '.join(columns)}" if columns else ""
 
 
 def _evidence(finding: Any) -> str:
