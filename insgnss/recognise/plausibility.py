@@ -12,6 +12,7 @@ from ..prepare.fix_path import north_east
 from ..prepare.gaps import LACKING, find_gaps, nominal_interval
 from ..prepare.stuck_channels import constant_runs, dead_band
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
+from .positions import check_velocity
 from .turns import STEP_S, check_events, check_turns, quantity_guess
 
 STUCK_S = 5.0
@@ -42,6 +43,7 @@ NAMES = (
     "GNSS rate",
     "GNSS speed",
     "GNSS position",
+    "GNSS velocity",
     "tangent plane origin",
     "turn rate, gyro against GNSS course",
     "camera events",
@@ -102,7 +104,8 @@ def check_recording(
         In the order of `NAMES`.
     """
     dt = nominal_interval(imu.time)
-    checks = [_imu_rate(imu, dt), _silent(imu, dt), _readings(imu, dt)]
+    checks = [] if gnss.velocity_ned is None else [check_velocity(gnss)]
+    checks += [_imu_rate(imu, dt), _silent(imu, dt), _readings(imu, dt)]
     checks += [_gnss_rate(gnss), _gnss_speed(gnss), _gnss_position(gnss)]
     if imu.time.size * dt > 2.0 * STEP_S:
         time, rate, force = _thinned(imu, C_b_imu, dt)
@@ -367,15 +370,12 @@ def _gnss_position(gnss: GnssFixes) -> Check:
     )
     lat, lon, height = np.degrees(gnss.lat[0]), np.degrees(gnss.lon[0]), float(gnss.height[0])
     finding = f"first fix at {lat:.5f}, {lon:.5f} deg, {height:.1f} m"
-    if (
-        np.abs(np.degrees(gnss.lat)).max() <= 0.5 * np.pi
-        and np.abs(np.degrees(gnss.lon)).max() <= np.pi
-    ):
-        advice = (
-            'that is the Gulf of Guinea: the values look like gnss.units = { angle = "rad" }, or'
-            " are zeros"
-        )
-        return Check(name, finding, expected, "contradiction", advice)
+    largest = np.degrees([np.abs(gnss.lat).max(), np.abs(gnss.lon).max()])
+    if (largest <= np.pi).all():  # nothing but sea, in either order of radians read as degrees
+        advice = 'that is the Gulf of Guinea: the values look like gnss.units = { angle = "rad" }'
+        if largest[0] > 0.5 * np.pi:
+            advice += ", latitude and longitude exchanged,"
+        return Check(name, finding, expected, "contradiction", f"{advice} or are zeros")
     beyond = np.flatnonzero((gnss.height < LOWEST_M) | (gnss.height > HIGHEST_M))
     if beyond.size:
         outlying = (

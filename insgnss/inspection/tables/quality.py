@@ -48,11 +48,7 @@ def codes_of(quality: Array, sigma: Array) -> str | None:
 def _fits(size: dict[int, float]) -> bool:
     """Whether worse codes have larger standard deviations, and the worst telling ones."""
     ranked = [size[code] for code in sorted(size, key=lambda k: _ORDER.get(k, 9)) if code in _ORDER]
-    return (
-        len(ranked) > 1
-        and ranked == sorted(ranked)
-        and ranked[-1] > TELLING * ranked[0]
-    )
+    return len(ranked) > 1 and ranked == sorted(ranked) and ranked[-1] > TELLING * ranked[0]
 
 
 def quality_by_values(grid: Grid, taken: set[int], sigma: Array) -> tuple[int, str] | None:
