@@ -13,7 +13,7 @@ from ..prepare.gaps import LACKING, find_gaps, nominal_interval
 from ..prepare.stuck_channels import constant_runs, dead_band
 from ..records import Array, CameraEvents, Check, GnssFixes, ImuSamples
 from .positions import check_velocity
-from .turns import STEP_S, check_events, check_turns, quantity_guess
+from .turns import STEP_S, Forces, check_events, check_turns, quantity_guess
 
 STUCK_S = 5.0
 FAR_M = 50e3
@@ -85,6 +85,7 @@ def check_recording(
     gnss: GnssFixes,
     events: CameraEvents | None,
     origin: Array | None,
+    forces: Forces | None = None,
 ) -> list[Check]:
     """Make all checks that need no navigation solution.
 
@@ -97,6 +98,8 @@ def check_recording(
     events : CameraEvents or None
     origin : ndarray, shape (3,), rad, rad, m, or None
         Origin of the tangent plane.
+    forces : Forces, optional
+        What the forces show, where it is known already.
 
     Returns
     -------
@@ -110,7 +113,7 @@ def check_recording(
     if imu.time.size * dt > 2.0 * STEP_S:
         time, rate, force = _thinned(imu, C_b_imu, dt)
         checks += [_force_norm(rate, force, imu, dt), _down_axis(force, C_b_imu)]
-        checks.append(check_turns(time, rate, force, gnss, imu, dt))
+        checks.append(check_turns(time, rate, force, gnss, imu, dt, forces))
     if origin is not None:
         checks.append(_origin_distance(gnss, origin))
     if events is not None:
